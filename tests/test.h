@@ -1,0 +1,97 @@
+/* test.h - CHECK, CHECK_NEAR, CHECK_REL, RUN, SKIP. Include in one .c file per program.
+ *   int main(int argc, char **argv) { TEST_BEGIN(argc, argv); RUN(name); ... return TEST_END(); }
+ * argv[1]: run only the tests whose name contains it. Environment FULL=1: test_full() is true.
+ * The last line a program prints is 'program: N passed, N failed, N skipped'; a test counts once. */
+#ifndef CLOTH_TEST_H
+#define CLOTH_TEST_H
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+static const char *test_program, *test_filter, *test_name;
+static int test_passed, test_failed, test_skipped, test_bad, test_skip;
+
+#define CHECK(cond)                                                                              \
+    ((cond) ? 1 : (test_bad++, printf("%s:%d: %s: failed: %s\n", __FILE__, __LINE__, test_name,  \
+                                      #cond), 0))
+/* |a - b| <= tol; NaN fails */
+#define CHECK_NEAR(a, b, tol)                                                                    \
+    test_near((double)(a), (double)(b), (double)(tol), #a, __FILE__, __LINE__)
+/* |a - b| <= rel * max(|a|, |b|) */
+#define CHECK_REL(a, b, rel)                                                                     \
+    test_near((double)(a), (double)(b), (double)(rel) * fmax(fabs((double)(a)),                  \
+                                                             fabs((double)(b))),                 \
+              #a, __FILE__, __LINE__)
+#define RUN(name)                                                                                \
+    do {                                                                                         \
+        if (test_start(#name)) {                                                                 \
+            name();                                                                              \
+            test_stop();                                                                         \
+        }                                                                                        \
+    } while (0)
+#define SKIP(why)                                                                                \
+    do {                                                                                         \
+        test_skip = 1;                                                                           \
+        printf("  %s: skipped: %s\n", test_name, why);                                           \
+        return;                                                                                  \
+    } while (0)
+#define TEST_BEGIN(argc, argv) test_begin(argc, argv, __FILE__)
+#define TEST_END() test_end()
+
+static int test_near(double a, double b, double tol, const char *what, const char *file,
+                     int line) {
+    if (fabs(a - b) <= tol) return 1;
+    printf("%s:%d: %s: %s = %.17g, expected %.17g within %.3g\n", file, line, test_name, what, a,
+           b, tol);
+    test_bad++;
+    return 0;
+}
+
+static int test_start(const char *name) {
+    test_name = name;
+    test_bad = test_skip = 0;
+    return !test_filter || strstr(name, test_filter) != NULL;
+}
+
+static void test_stop(void) {
+    if (test_bad) test_failed++;
+    else if (test_skip) test_skipped++;
+    else test_passed++;
+    if (test_bad) printf("  %s: FAILED (%d checks)\n", test_name, test_bad);
+    fflush(stdout);
+}
+
+static void test_begin(int argc, char **argv, const char *file) {
+    test_program = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
+    test_filter = argc > 1 ? argv[1] : NULL;
+    (void)test_near;
+}
+
+static int test_end(void) {
+    printf("%s: %d passed, %d failed, %d skipped (%.2f s)\n", test_program, test_passed,
+           test_failed, test_skipped, (double)clock() / CLOCKS_PER_SEC);
+    return test_failed != 0;
+}
+
+/* true in the long tier: make -C tests full */
+static inline int test_full(void) {
+    const char *full = getenv("FULL");
+    return full && *full == '1';
+}
+
+/* A file of the shared data directory (beside the checkout, or $CLOTH_SHARED), "" when absent. */
+static inline const char *test_shared(const char *name) {
+    static char path[1024];
+    const char *root = getenv("CLOTH_SHARED");
+    FILE       *f;
+    snprintf(path, sizeof path, "%s/%s", root ? root : "../../shared", name);
+    f = fopen(path, "rb");
+    if (!f) return "";
+    fclose(f);
+    return path;
+}
+
+#endif

@@ -157,6 +157,34 @@ typedef struct cloth_hooks {
 
 /* ===== [2.3] TYPES =========================================================================== */
 
+/* Most vertices and most faces that a mesh may have: 12 times it still fits an int. */
+#define CLOTH_MAX_COUNT (0x7fffffff / 12)
+
+/* --- mesh: topology --- */
+
+/* Who is beside whom on a triangle mesh. Read only; made by cloth_topology_create, one block.
+ * Half-edge h = 3 f + k runs from corner k to corner k+1 (mod 3) of face f.                   */
+typedef struct cloth_topology {
+    int  nv, nf;        /* vertices, faces                                                     */
+    int  ne, nh;        /* edges, hinges (edges with two faces)                                */
+    int  nloop;         /* boundary loops                                                      */
+    int *edges;         /* [ne x 2] vertices a < b; sorted by a, then by b                     */
+    int *edge_faces;    /* [ne x 2] hinge: left (runs a -> b) and right face; boundary: its
+                           face whichever way it runs, then -1                                 */
+    int *face_edges;    /* [nf x 3] edge of half-edge 3 f + k                                  */
+    int *hinges;        /* [nh x 4] a, b, corner of the left face, corner of the right face:
+                           the vertices of cloth_bend and cloth_dihedral; in order of edges    */
+    int *hinge_edge;    /* [nh]     index into edges, increasing                               */
+    int *hinge_faces;   /* [nh x 2] left, right                                                */
+    int *loop_start;    /* [nloop + 1] ranges of loop_vertex                                   */
+    int *loop_vertex;   /* vertices along each loop with the surface on the left, from the
+                           loop's smallest vertex; loops in order of that vertex               */
+    int *vf_start;      /* [nv + 1] ranges of vf                                               */
+    int *vf;            /* [3 nf]   faces around each vertex, increasing                       */
+    int *vv_start;      /* [nv + 1] ranges of vv                                               */
+    int *vv;            /* [2 ne]   neighbours of each vertex, increasing                      */
+} cloth_topology;
+
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
 
 /* CLOTH_VERSION_NUM of the compiled implementation; compare with the macro of your header. */
@@ -165,6 +193,22 @@ CLOTH_API int cloth_version(void);
 /* ===== [2.5] CONTROL (tier 2) ================================================================ */
 
 /* ===== [2.6] BUILDING BLOCKS (tier 3) ======================================================== */
+
+/* --- mesh: topology --- */
+
+/* Edges, hinges, boundary loops and incidence of the faces.                            [4.2]
+ * in   hooks  NULL: malloc, silent
+ * in   faces  [nf x 3] vertices, counter-clockwise seen from the side the normals point to
+ * out  *out   owned: cloth_topology_destroy with the same hooks; NULL on failure
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, negative or more than CLOTH_MAX_COUNT vertices or
+ *   faces; CLOTH_ERR_MEMORY; CLOTH_ERR_MESH (the sentence names the first fault; cloth_mesh_check
+ *   names all): index out of range, repeated corner, edge with three faces, two faces that run
+ *   along an edge in one direction, the same three corners twice.
+ *   Isolated vertices and bow-ties are accepted.
+ * contract: alloc one block and scratch | cost O(nv + nf), counting sorts | deterministic */
+CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, int nf,
+                                             const int *faces, cloth_topology **out);
+CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *topology);
 
 #ifdef __cplusplus
 }
@@ -443,7 +487,297 @@ CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
 
 /* ===== [4.1] MESH CHECK ====================================================================== */
 
-/* ===== [4.2] TOPOLOGY ======================================================================== */
+static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
+
+/* out = the items of `in` (NULL: 0, 1, 2, ...) sorted by key[item] in [0, nkeys), equal keys in
+ * the order of `in`. count [nkeys + 1] is scratch. The sort of a whole record is one call per
+ * field, the least important first. */
+static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out,
+                           int *count) {
+    int i;
+    memset(count, 0, ((size_t)nkeys + 1u) * sizeof *count);
+    for (i = 0; i < n; i++) count[key[i] + 1]++;
+    for (i = 0; i < nkeys; i++) count[i + 1] += count[i];
+    for (i = 0; i < n; i++) {
+        int item = in ? in[i] : i;
+        out[count[key[item]]++] = item;
+    }
+}
+
+/* Half-edges sorted by their vertices (smaller, larger), then by number. */
+typedef struct clothi_edge_sort {
+    int *lo, *hi;       /* [3 nf] smaller and larger end of each half-edge                     */
+    int *order;         /* [3 nf] half-edges; those of one edge stand together                 */
+    int *work;          /* [3 nf] scratch                                                      */
+    int *count;         /* [nv + 1] scratch                                                    */
+} clothi_edge_sort;
+
+static void clothi_edge_sort_free(const cloth_hooks *hooks, clothi_edge_sort *s) {
+    clothi_free(hooks, s->lo);
+    clothi_free(hooks, s->count);
+    memset(s, 0, sizeof *s);
+}
+
+/* Every index of faces is in [0, nv). */
+static cloth_status clothi_edge_sort_make(const cloth_hooks *hooks, int nv, int nf,
+                                          const int *faces, clothi_edge_sort *s) {
+    const size_t n = 3 * (size_t)nf;
+    int h;
+    s->lo = (int *)clothi_alloc(hooks, 4 * n, sizeof(int));
+    s->count = (int *)clothi_alloc(hooks, (size_t)nv + 1u, sizeof(int));
+    if (!s->lo || !s->count) {
+        clothi_edge_sort_free(hooks, s);
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort the edges of %i faces", nf);
+    }
+    s->hi = s->lo + n;
+    s->order = s->hi + n;
+    s->work = s->order + n;
+    for (h = 0; h < 3 * nf; h++) {
+        int a = faces[h], b = faces[clothi_halfedge_next(h)];
+        s->lo[h] = a < b ? a : b;
+        s->hi[h] = a < b ? b : a;
+    }
+    clothi_sort_by(3 * nf, nv, s->hi, NULL, s->work, s->count);
+    clothi_sort_by(3 * nf, nv, s->lo, s->work, s->order, s->count);
+    return CLOTH_OK;
+}
+
+/* End of the run of half-edges order[i ..] that lie on one edge. */
+static int clothi_edge_run(const clothi_edge_sort *s, int n, int i) {
+    const int h = s->order[i];
+    do i++;
+    while (i < n && s->lo[s->order[i]] == s->lo[h] && s->hi[s->order[i]] == s->hi[h]);
+    return i;
+}
+
+static cloth_status clothi_check_counts(const cloth_hooks *hooks, int nv, int nf) {
+    if (nv < 0 || nv > CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nv = %i is outside 0 .. %i", nv,
+                           CLOTH_MAX_COUNT);
+    if (nf < 0 || nf > CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nf = %i is outside 0 .. %i", nf,
+                           CLOTH_MAX_COUNT);
+    return CLOTH_OK;
+}
+
+/* ===== [4.2] TOPOLOGY ==========================================================================
+ *            x2 = c             A hinge is an edge with two faces. Its four vertices stand in
+ *           /  \                the order that cloth_bend wants: the edge's ends as the LEFT
+ *    left  /    \               face runs along it, the left face's corner, the right one's:
+ *         / (n1) \                 left face  (x0, x1, x2)   n1 = e x (x2 - x0)
+ *  x0 = a ---e----> b = x1         right face (x1, x0, x3)   n2 = (x3 - x0) x e,  e = x1 - x0
+ *         \ (n2) /              so that n1 and n2 are the normals of the faces as wound.
+ *   right  \    /               We take a < b; of two faces that are wound alike exactly one
+ *           \  /                runs a -> b: the left one.
+ *            x3 = d
+ *
+ * Edges are found by sorting the 3 nf half-edges by (smaller, larger vertex): two counting
+ * sorts, O(nv + nf), the same answer on every machine, and no worse when a million faces share
+ * a vertex.
+ * Boundary loops: behind a boundary half-edge a -> b the boundary goes on from b along the last
+ * face of the same fan. Turning about b face by face finds it, and keeps two fans that touch in
+ * one vertex (a bow-tie) apart, which a table 'next boundary vertex' would not.
+ * checked: tests/test_mesh.c */
+
+/* The first face that cannot be used at all. */
+static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf,
+                                       const int *faces) {
+    int f, k;
+    for (f = 0; f < nf; f++) {
+        const int *t = faces + 3 * f;
+        for (k = 0; k < 3; k++)
+            if (t[k] < 0 || t[k] >= nv)
+                return clothi_fail(hooks, CLOTH_ERR_MESH, "faces[%i] corner %i = %i but nv = %i",
+                                   f, k, t[k], nv);
+        if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0])
+            return clothi_fail(hooks, CLOTH_ERR_MESH, "faces[%i] = %i %i %i repeats a corner", f,
+                               t[0], t[1], t[2]);
+    }
+    return CLOTH_OK;
+}
+
+/* Counts edges, hinges and boundary edges, or refuses the first edge that is none of them. */
+static cloth_status clothi_count_edges(const cloth_hooks *hooks, int nf, const int *faces,
+                                       const clothi_edge_sort *s, int *ne, int *nh) {
+    int i, end;
+    *ne = *nh = 0;
+    for (i = 0; i < 3 * nf; i = end) {
+        const int g = s->order[i], h = i + 1 < 3 * nf ? s->order[i + 1] : 0;
+        end = clothi_edge_run(s, 3 * nf, i);
+        if (end - i > 2)
+            return clothi_fail(hooks, CLOTH_ERR_MESH,
+                               "edge %i-%i has %i faces, among them %i, %i and %i: at most 2",
+                               s->lo[g], s->hi[g], end - i, g / 3, h / 3, s->order[i + 2] / 3);
+        ++*ne;
+        if (end - i == 1) continue;
+        ++*nh;
+        if (faces[g] == faces[h])
+            return clothi_fail(hooks, CLOTH_ERR_MESH, "faces %i and %i both run %i -> %i: reverse"
+                               " one of them", g / 3, h / 3, faces[g],
+                               faces[clothi_halfedge_next(g)]);
+        if (faces[clothi_halfedge_next(clothi_halfedge_next(g))] ==
+            faces[clothi_halfedge_next(clothi_halfedge_next(h))])
+            return clothi_fail(hooks, CLOTH_ERR_MESH, "faces %i and %i have the same corners:"
+                               " remove one of them", g / 3, h / 3);
+    }
+    return CLOTH_OK;
+}
+
+/* The struct and its arrays in one block. Loops: at most one vertex per boundary edge and at
+ * least three edges per loop. */
+static cloth_topology *clothi_topology_alloc(const cloth_hooks *hooks, int nv, int nf, int ne,
+                                             int nh) {
+    const size_t head = (sizeof(cloth_topology) + sizeof(int) - 1u) / sizeof(int);
+    const size_t v = (size_t)nv + 1u, f = (size_t)nf, e = (size_t)ne, h = (size_t)nh;
+    const size_t b = e - h;
+    cloth_topology *t;
+    int *next = (int *)clothi_alloc(hooks, head + 2 * v + 6 * f + 6 * e + 7 * h + b + b / 3 + 1u,
+                                    sizeof(int));
+    if (!next) return NULL;
+    t = (cloth_topology *)(void *)next;
+    t->nv = nv;
+    t->nf = nf;
+    t->ne = ne;
+    t->nh = nh;
+    next += head;
+    t->edges = next;       next += 2 * e;
+    t->edge_faces = next;  next += 2 * e;
+    t->face_edges = next;  next += 3 * f;
+    t->hinges = next;      next += 4 * h;
+    t->hinge_edge = next;  next += h;
+    t->hinge_faces = next; next += 2 * h;
+    t->loop_start = next;  next += b / 3 + 1u;
+    t->loop_vertex = next; next += b;
+    t->vf_start = next;    next += v;
+    t->vf = next;          next += 3 * f;
+    t->vv_start = next;    next += v;
+    t->vv = next;
+    return t;
+}
+
+static void clothi_topology_edges(const int *faces, const clothi_edge_sort *s,
+                                  cloth_topology *t) {
+    int i, end, e = 0, j = 0;
+    for (i = 0; i < 3 * t->nf; i = end, e++) {
+        int left = s->order[i], right;
+        end = clothi_edge_run(s, 3 * t->nf, i);
+        t->edges[2 * e] = s->lo[left];
+        t->edges[2 * e + 1] = s->hi[left];
+        t->edge_faces[2 * e] = left / 3;
+        t->edge_faces[2 * e + 1] = -1;
+        t->face_edges[left] = e;
+        if (end - i == 1) continue;
+        right = s->order[i + 1];
+        t->face_edges[right] = e;
+        if (faces[left] != t->edges[2 * e]) {
+            left = right;
+            right = s->order[i];
+        }
+        t->edge_faces[2 * e] = left / 3;
+        t->edge_faces[2 * e + 1] = right / 3;
+        t->hinges[4 * j] = t->edges[2 * e];
+        t->hinges[4 * j + 1] = t->edges[2 * e + 1];
+        t->hinges[4 * j + 2] = faces[clothi_halfedge_next(clothi_halfedge_next(left))];
+        t->hinges[4 * j + 3] = faces[clothi_halfedge_next(clothi_halfedge_next(right))];
+        t->hinge_edge[j] = e;
+        t->hinge_faces[2 * j] = left / 3;
+        t->hinge_faces[2 * j + 1] = right / 3;
+        j++;
+    }
+}
+
+/* The half-edge of face f on edge e. */
+static int clothi_halfedge_on(const cloth_topology *t, int f, int e) {
+    return t->face_edges[3 * f] == e ? 3 * f : t->face_edges[3 * f + 1] == e ? 3 * f + 1
+                                                                            : 3 * f + 2;
+}
+
+/* The boundary half-edge that goes on from the end of boundary half-edge h. */
+static int clothi_boundary_next(const cloth_topology *t, int h) {
+    for (h = clothi_halfedge_next(h);; h = clothi_halfedge_next(h)) {
+        const int e = t->face_edges[h], *ef = t->edge_faces + 2 * e;
+        if (ef[1] < 0) return h;
+        h = clothi_halfedge_on(t, ef[0] == h / 3 ? ef[1] : ef[0], e);
+    }
+}
+
+/* seen [ne] is scratch, zeroed. */
+static void clothi_topology_loops(const int *faces, cloth_topology *t, int *seen) {
+    int e, n = 0;
+    for (e = 0; e < t->ne; e++) {
+        int h, first;
+        if (t->edge_faces[2 * e + 1] >= 0 || seen[e]) continue;
+        first = clothi_halfedge_on(t, t->edge_faces[2 * e], e);
+        if (faces[first] != t->edges[2 * e]) first = clothi_boundary_next(t, first);
+        h = first;
+        do {
+            seen[t->face_edges[h]] = 1;
+            t->loop_vertex[n++] = faces[h];
+            h = clothi_boundary_next(t, h);
+        } while (h != first);
+        t->loop_start[++t->nloop] = n;
+    }
+}
+
+/* start [nv + 1] from the number of items that each vertex has, in start[vertex + 1]; and back
+ * to the starts after filling has advanced start[vertex] to its end. */
+static void clothi_csr_starts(int nv, int *start) {
+    int v;
+    for (v = 0; v < nv; v++) start[v + 1] += start[v];
+}
+
+static void clothi_csr_rewind(int nv, int *start) {
+    int v;
+    for (v = nv; v > 0; v--) start[v] = start[v - 1];
+    start[0] = 0;
+}
+
+static void clothi_topology_incidence(const int *faces, cloth_topology *t) {
+    int i;
+    for (i = 0; i < 3 * t->nf; i++) t->vf_start[faces[i] + 1]++;
+    clothi_csr_starts(t->nv, t->vf_start);
+    for (i = 0; i < 3 * t->nf; i++) t->vf[t->vf_start[faces[i]]++] = i / 3;
+    clothi_csr_rewind(t->nv, t->vf_start);
+    /* edges come sorted, so each vertex meets its smaller neighbours first, each kind in order */
+    for (i = 0; i < 2 * t->ne; i++) t->vv_start[t->edges[i] + 1]++;
+    clothi_csr_starts(t->nv, t->vv_start);
+    for (i = 0; i < 2 * t->ne; i++) t->vv[t->vv_start[t->edges[i]]++] = t->edges[i ^ 1];
+    clothi_csr_rewind(t->nv, t->vv_start);
+}
+
+CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, int nf,
+                                             const int *faces, cloth_topology **out) {
+    clothi_edge_sort sort;
+    cloth_status     status;
+    int              ne, nh;
+    if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_topology_create: out is NULL");
+    *out = NULL;
+    if (!faces && nf > 0)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_topology_create: faces is NULL");
+    status = clothi_check_counts(hooks, nv, nf);
+    if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
+    if (status != CLOTH_OK) return status;
+    status = clothi_edge_sort_make(hooks, nv, nf, faces, &sort);
+    if (status != CLOTH_OK) return status;
+    status = clothi_count_edges(hooks, nf, faces, &sort, &ne, &nh);
+    if (status != CLOTH_OK) goto done;
+    *out = clothi_topology_alloc(hooks, nv, nf, ne, nh);
+    if (!*out) {
+        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a topology of %i edges", ne);
+        goto done;
+    }
+    clothi_topology_edges(faces, &sort, *out);
+    memset(sort.work, 0, 3 * (size_t)nf * sizeof(int));             /* ne <= 3 nf */
+    clothi_topology_loops(faces, *out, sort.work);
+    clothi_topology_incidence(faces, *out);
+done:
+    clothi_edge_sort_free(hooks, &sort);
+    return status;
+}
+
+CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *topology) {
+    clothi_free(hooks, topology);
+}
 
 /* ===== [4.3] GENERATORS ====================================================================== */
 

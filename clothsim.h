@@ -160,6 +160,9 @@ typedef struct cloth_hooks {
 /* Most vertices and most faces that a mesh may have: 12 times it still fits an int. */
 #define CLOTH_MAX_COUNT (0x7fffffff / 12)
 
+/* Faults of one kind that cloth_mesh_check spells out before it only counts them. */
+#define CLOTH_MESH_FAULTS_LOGGED 10
+
 /* --- mesh: topology --- */
 
 /* Who is beside whom on a triangle mesh. Read only; made by cloth_topology_create, one block.
@@ -185,6 +188,40 @@ typedef struct cloth_topology {
     int *vv;            /* [2 ne]   neighbours of each vertex, increasing                      */
 } cloth_topology;
 
+/* --- mesh: check --- */
+
+/* Faults that cloth_mesh_check counts: name, value, 1 = cannot be simulated or 0 = warning,
+ * what one is called. */
+#define CLOTH_MESH_FAULT_LIST(X)                                                                 \
+    X(CLOTH_MESH_INDEX,        0, 1, "index out of range")                                       \
+    X(CLOTH_MESH_NONFINITE,    1, 1, "number NaN or infinite")                                   \
+    X(CLOTH_MESH_REPEATED,     2, 1, "repeated corner")                                          \
+    X(CLOTH_MESH_ZERO_AREA,    3, 1, "zero-area triangle")                                       \
+    X(CLOTH_MESH_DUPLICATE,    4, 1, "duplicate face")                                           \
+    X(CLOTH_MESH_THREE_FACES,  5, 1, "edge with three or more faces")                            \
+    X(CLOTH_MESH_ORIENTATION,  6, 1, "edge with faces of opposite orientation")                  \
+    X(CLOTH_MESH_PATTERN,      7, 1, "face with mirrored or zero-area pattern corners")          \
+    X(CLOTH_MESH_ISOLATED,     8, 0, "isolated vertex")                                          \
+    X(CLOTH_MESH_BOW_TIE,      9, 0, "vertex where separate fans touch")                         \
+    X(CLOTH_MESH_SLIVER,      10, 0, "sliver")
+
+typedef enum cloth_mesh_fault {
+#define CLOTH_X(name, value, error, text) name = value,
+    CLOTH_MESH_FAULT_LIST(CLOTH_X)
+#undef CLOTH_X
+    CLOTH_MESH_FAULT_COUNT = 11,
+    CLOTH_MESH_FAULT_FORCE_INT = 0x7fffffff
+} cloth_mesh_fault;
+
+/* What index means: the face for INDEX, REPEATED, ZERO_AREA, DUPLICATE (the later of the two),
+ * THREE_FACES and ORIENTATION (a face at that edge), PATTERN and SLIVER; the vertex for ISOLATED
+ * and BOW_TIE; for NONFINITE the number: i of x[i], or 3 nv + i of X[i].                      */
+typedef struct cloth_mesh_report {
+    int errors, warnings;                   /* sums over the kinds                             */
+    int count[CLOTH_MESH_FAULT_COUNT];      /* faults of each cloth_mesh_fault                 */
+    int first[CLOTH_MESH_FAULT_COUNT];      /* index of the first one, -1: none                */
+} cloth_mesh_report;
+
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
 
 /* CLOTH_VERSION_NUM of the compiled implementation; compare with the macro of your header. */
@@ -209,6 +246,37 @@ CLOTH_API int cloth_version(void);
 CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, int nf,
                                              const int *faces, cloth_topology **out);
 CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *topology);
+
+/* --- mesh: check --- */
+
+/* Names every fault of a mesh with its index and what to do, through the logger.       [4.1]
+ * in   x       [nv x 3] m
+ * in   faces   [nf x 3]
+ * in   X       [nf x 3 x 2] m pattern coordinates of the corners, or NULL
+ * out  report  counts per kind, may be NULL; all zero when the call itself is refused
+ * returns CLOTH_OK (warnings are counted); CLOTH_ERR_NONFINITE: a number is NaN or infinite;
+ *   CLOTH_ERR_MESH: any other error, or no faces; CLOTH_ERR_ARGUMENT; CLOTH_ERR_MEMORY.
+ * A face with a bad index or a repeated corner, and every copy of a face but the first, are
+ * named once and left out of the edges, so that one mistake is not reported three times.
+ * The first CLOTH_MESH_FAULTS_LOGGED of a kind are spelled out, the others counted.
+ * contract: alloc scratch | cost O(nv + nf) | deterministic */
+CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const double *x, int nf,
+                                        const int *faces, const double *X,
+                                        cloth_mesh_report *report);
+
+/* --- mesh: rest shape --- */
+
+/* Lays every triangle flat: first vertex at the origin, the edge to the second along +x, the
+ * third in the upper half plane.                                                       [4.4]
+ * in   x      [nv x 3] m
+ * in   faces  [nf x 3]
+ * out  X      [nf x 3 x 2] m; written only when every triangle can be: unchanged on failure
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL or a count out of range; CLOTH_ERR_NONFINITE: x;
+ *   CLOTH_ERR_MESH: index out of range or zero-area triangle (height at most 1e-12 of the longest
+ *   edge, or within the rounding of the coordinates). cloth_mesh_check finds the index.
+ * Edge lengths agree with x to 1e-15 relative, in a needle to 1.2e-16 long edge / short edge.
+ * contract: alloc none | cost O(nv + nf), 3 square roots a triangle | threads: distinct X */
+CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int *faces, double *X);
 
 #ifdef __cplusplus
 }
@@ -485,7 +553,85 @@ CLOTH_API const char *cloth_status_text(cloth_status status) {
 
 CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
 
-/* ===== [4.1] MESH CHECK ====================================================================== */
+/* ===== [4.1] MESH CHECK ========================================================================
+ *
+ * A mesh from outside is read by a person who must mend it: every fault is named with its index
+ * and a remedy, all in one call. Three passes: numbers and corners face by face; copies of a
+ * face by sorting faces; edges by sorting half-edges (the sort serves [4.2] too).
+ *
+ *      x2                       The shape of a triangle, seen from its edge e = x1 - x0:
+ *      /|\                         l = |e|,  p = e.(x2 - x0)/l,  q = |e x (x2 - x0)|/l
+ *     / |q\                     and X0 = (0,0), X1 = (l,0), X2 = (p,q) lays it flat [4.4].
+ *    /  |  \                    In a needle whose short side is x1-x2 the difference p - l
+ *  x0-p-+---x1                  would keep few digits; then p = l + e.(x2 - x1)/l and
+ *                               q = |e x (x2 - x1)|/l, from the short side itself, lose none
+ *                               beside the rounding of p.
+ *
+ * Zero area: height = l q / longest edge is at most CLOTHI_EPS_AREA of the longest edge, or
+ * within CLOTHI_EPS_COORD of the coordinates, where it is made of their rounding.
+ * Bow-ties: the corners at a vertex form one fan when the edges join them all. Union-find over
+ * the 3 nf corners: fans at v = corners at v - joins at v that were news.
+ * checked: tests/test_mesh.c, tests/test_rest.c */
+
+#define CLOTHI_EPS_AREA  1e-12              /* height over longest edge: zero area             */
+#define CLOTHI_EPS_COORD 8.9e-16            /* height over largest coordinate: 4 roundings     */
+#define CLOTHI_SLIVER    1e-4               /* height over longest edge: a warning             */
+
+typedef struct clothi_triangle {
+    double l, p, q;     /* m; all zero when the triangle is degenerate                         */
+    double shape;       /* height / longest edge; 0 when degenerate                            */
+} clothi_triangle;
+
+/* Largest magnitude of a [n]. */
+static double clothi_max_abs(const double *a, int n) {
+    double max = 0;
+    int    i;
+    for (i = 0; i < n; i++) max = fabs(a[i]) > max ? fabs(a[i]) : max;
+    return max;
+}
+
+/* Corners a, b, c, finite. Works on numbers scaled by a power of two, so that no square over- or
+ * underflows. Returns 0 when degenerate (or when its size overflows), else 1. */
+static int clothi_triangle_shape(const double *a, const double *b, const double *c,
+                                 clothi_triangle *t) {
+    double e[9], n[3], size, back, l, d2, d12, longest, coord, height;
+    double *d = e + 3, *g = e + 6;
+    int    k, exponent;
+    memset(t, 0, sizeof *t);
+    for (k = 0; k < 3; k++) {               /* quarters: the difference cannot overflow        */
+        e[k] = 0.25 * b[k] - 0.25 * a[k];
+        d[k] = 0.25 * c[k] - 0.25 * a[k];
+        g[k] = 0.25 * c[k] - 0.25 * b[k];
+    }
+    size = clothi_max_abs(e, 9);
+    if (!(size > 0)) return 0;
+    (void)frexp(size, &exponent);
+    if (exponent < -1000) exponent = -1000;
+    for (k = 0; k < 9; k++) e[k] = ldexp(e[k], -exponent);
+    coord = fmax(fmax(clothi_max_abs(a, 3), clothi_max_abs(b, 3)), clothi_max_abs(c, 3));
+    coord = ldexp(0.25 * coord, -exponent);
+    l = sqrt(clothi_dot3(e, e));
+    d2 = clothi_dot3(d, d);
+    d12 = clothi_dot3(g, g);
+    longest = fmax(l, sqrt(fmax(d2, d12)));
+    if (!(l > 0)) return 0;
+    clothi_cross3(e, d12 < d2 ? g : d, n);
+    t->q = sqrt(clothi_dot3(n, n)) / l;
+    t->p = d12 < d2 ? l + clothi_dot3(e, g) / l : clothi_dot3(e, d) / l;
+    height = l * t->q / longest;
+    if (!(height > CLOTHI_EPS_AREA * longest && height > CLOTHI_EPS_COORD * coord)) {
+        memset(t, 0, sizeof *t);
+        return 0;
+    }
+    back = ldexp(1.0, exponent) * 4.0;
+    t->shape = height / longest;
+    t->l = l * back;
+    t->p *= back;
+    t->q *= back;
+    if (clothi_finite(t->l) && clothi_finite(t->p) && clothi_finite(t->q)) return 1;
+    memset(t, 0, sizeof *t);
+    return 0;
+}
 
 static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 
@@ -558,6 +704,304 @@ static cloth_status clothi_check_counts(const cloth_hooks *hooks, int nv, int nf
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nf = %i is outside 0 .. %i", nf,
                            CLOTH_MAX_COUNT);
     return CLOTH_OK;
+}
+
+typedef struct clothi_checker {
+    const cloth_hooks *hooks;
+    cloth_mesh_report  report;
+    int     nv, nf;
+    const double *x, *X;
+    const int    *faces;
+    int    *kept;       /* [nf x 3] the faces whose edges can be looked at                     */
+    int    *id;         /* [nf] their numbers in faces                                         */
+    int     nk;
+    int    *corners;    /* [nv] corners at a vertex, of any face                               */
+} clothi_checker;
+
+static int clothi_fault_is_error(cloth_mesh_fault kind) {
+    switch (kind) {
+#define CLOTH_X(name, value, error, text) case name: return error;
+    CLOTH_MESH_FAULT_LIST(CLOTH_X)
+#undef CLOTH_X
+    case CLOTH_MESH_FAULT_COUNT: case CLOTH_MESH_FAULT_FORCE_INT: break;
+    }
+    return 1;
+}
+
+static const char *clothi_fault_text(cloth_mesh_fault kind) {
+    switch (kind) {
+#define CLOTH_X(name, value, error, text) case name: return text;
+    CLOTH_MESH_FAULT_LIST(CLOTH_X)
+#undef CLOTH_X
+    case CLOTH_MESH_FAULT_COUNT: case CLOTH_MESH_FAULT_FORCE_INT: break;
+    }
+    return "fault";
+}
+
+static cloth_status clothi_fault_status(cloth_mesh_fault kind) {
+    if (!clothi_fault_is_error(kind)) return CLOTH_OK;
+    return kind == CLOTH_MESH_NONFINITE ? CLOTH_ERR_NONFINITE : CLOTH_ERR_MESH;
+}
+
+/* Counts a fault; true when it is to be spelled out. */
+static int clothi_fault_count(clothi_checker *c, cloth_mesh_fault kind, int index) {
+    if (c->report.count[kind] == 0) c->report.first[kind] = index;
+    if (clothi_fault_is_error(kind)) c->report.errors++;
+    else c->report.warnings++;
+    return c->report.count[kind]++ < CLOTH_MESH_FAULTS_LOGGED;
+}
+
+#define CLOTHI_FAULT(c, kind, index, ...)                                                        \
+    do {                                                                                         \
+        if (clothi_fault_count(c, kind, index))                                                  \
+            clothi_say((c)->hooks,                                                               \
+                       clothi_fault_is_error(kind) ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,        \
+                       clothi_fault_status(kind), __VA_ARGS__);                                  \
+    } while (0)
+
+static void clothi_check_numbers(clothi_checker *c) {
+    static const char *const axis[] = {"x", "y", "z"};
+    int i;
+    for (i = 0; i < 3 * c->nv; i++)
+        if (!clothi_finite(c->x[i]))
+            CLOTHI_FAULT(c, CLOTH_MESH_NONFINITE, i, "vertex %i: %s is %g: give it a number",
+                         i / 3, axis[i % 3], c->x[i]);
+    for (i = 0; c->X && i < 6 * c->nf; i++)
+        if (!clothi_finite(c->X[i]))
+            CLOTHI_FAULT(c, CLOTH_MESH_NONFINITE, 3 * c->nv + i,
+                         "pattern: corner %i of face %i: %s is %g: give it a number", i / 2 % 3,
+                         i / 6, axis[i % 2], c->X[i]);
+}
+
+/* Pattern corners P [3 x 2], finite, of face f: a counter-clockwise triangle. */
+static void clothi_check_pattern(clothi_checker *c, int f, const double *P) {
+    double          P3[9];
+    clothi_triangle t;
+    int             k;
+    for (k = 0; k < 3; k++) {
+        P3[3 * k] = P[2 * k];
+        P3[3 * k + 1] = P[2 * k + 1];
+        P3[3 * k + 2] = 0;
+    }
+    if (!clothi_triangle_shape(P3, P3 + 3, P3 + 6, &t))
+        CLOTHI_FAULT(c, CLOTH_MESH_PATTERN, f, "pattern: face %i has no area: move its corners "
+                     "apart or leave the pattern out", f);
+    else if ((0.5 * P[2] - 0.5 * P[0]) * (0.5 * P[5] / t.q - 0.5 * P[1] / t.q) <
+             (0.5 * P[4] - 0.5 * P[0]) * (0.5 * P[3] / t.q - 0.5 * P[1] / t.q))
+        CLOTHI_FAULT(c, CLOTH_MESH_PATTERN, f, "pattern: face %i is mirrored (negative area): "
+                     "mirror its panel or reverse its corners", f);
+}
+
+/* One face: indices, corners, area, pattern. True when its edges can be looked at. */
+static int clothi_check_face(clothi_checker *c, int f) {
+    const int *t = c->faces + 3 * f;
+    int        k, bad = 0, finite = 1;
+    for (k = 0; k < 3; k++) {
+        if (t[k] < 0 || t[k] >= c->nv) {
+            bad = 1;
+            CLOTHI_FAULT(c, CLOTH_MESH_INDEX, f, "face %i: corner %i = %i but nv = %i: use 0 .. "
+                         "nv-1 or remove the face", f, k, t[k], c->nv);
+        } else {
+            c->corners[t[k]]++;
+            finite = finite && clothi_find_nonfinite(c->x + 3 * t[k], 3) < 0;
+        }
+    }
+    if (c->X && clothi_find_nonfinite(c->X + 6 * (size_t)f, 6) < 0)
+        clothi_check_pattern(c, f, c->X + 6 * (size_t)f);
+    if (bad) return 0;
+    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+        CLOTHI_FAULT(c, CLOTH_MESH_REPEATED, f, "face %i: corners %i %i %i repeat a vertex: "
+                     "remove the face", f, t[0], t[1], t[2]);
+        return 0;
+    }
+    if (finite) {
+        clothi_triangle s;
+        if (!clothi_triangle_shape(c->x + 3 * t[0], c->x + 3 * t[1], c->x + 3 * t[2], &s))
+            CLOTHI_FAULT(c, CLOTH_MESH_ZERO_AREA, f, "face %i: corners %i %i %i span no area: "
+                         "move one or merge vertices and remove the face", f, t[0], t[1], t[2]);
+        else if (s.shape < CLOTHI_SLIVER)
+            CLOTHI_FAULT(c, CLOTH_MESH_SLIVER, f, "face %i: a sliver, %g times longer than high:"
+                         " it will be stiff; remesh there", f, 1 / s.shape);
+    }
+    return 1;
+}
+
+/* Removes from kept every face whose three vertices an earlier face has. */
+static cloth_status clothi_check_duplicates(clothi_checker *c) {
+    const size_t n = (size_t)c->nk;
+    int *key = (int *)clothi_alloc(c->hooks, 6 * n + (size_t)c->nv + 1u, sizeof(int));
+    int *order, *work, *drop, *count, i, j, k;
+    if (!key) return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory to check %i faces", c->nf);
+    order = key + 3 * n;
+    work = order + n;
+    drop = work + n;
+    count = drop + n;
+    for (i = 0; i < c->nk; i++) {           /* key: lowest [nk], middle [nk], highest [nk]     */
+        const int *t = c->kept + 3 * i;
+        const int  lo = t[0] < t[1] ? (t[0] < t[2] ? t[0] : t[2]) : (t[1] < t[2] ? t[1] : t[2]);
+        const int  hi = t[0] > t[1] ? (t[0] > t[2] ? t[0] : t[2]) : (t[1] > t[2] ? t[1] : t[2]);
+        key[i] = lo;
+        key[n + (size_t)i] = (int)((long long)t[0] + t[1] + t[2] - lo - hi);
+        key[2 * n + (size_t)i] = hi;
+    }
+    clothi_sort_by(c->nk, c->nv, key + 2 * n, NULL, order, count);
+    clothi_sort_by(c->nk, c->nv, key + n, order, work, count);
+    clothi_sort_by(c->nk, c->nv, key, work, order, count);
+    for (i = 1, j = 0; i < c->nk; i++) {    /* j: first of the run of equal faces              */
+        const size_t a = (size_t)order[j], b = (size_t)order[i];
+        if (key[a] != key[b] || key[n + a] != key[n + b] || key[2 * n + a] != key[2 * n + b])
+            j = i;
+        else
+            drop[b] = 1 + order[j];
+    }
+    for (i = 0, j = 0; i < c->nk; i++) {
+        if (drop[i]) {
+            CLOTHI_FAULT(c, CLOTH_MESH_DUPLICATE, c->id[i], "face %i has the corners of face %i:"
+                         " remove one of them", c->id[i], work[drop[i] - 1]);
+            continue;
+        }
+        work[i] = c->id[i];                 /* id[] moves down; copies come after their first  */
+        for (k = 0; k < 3; k++) c->kept[3 * j + k] = c->kept[3 * i + k];
+        c->id[j++] = c->id[i];
+    }
+    c->nk = j;
+    clothi_free(c->hooks, key);
+    return CLOTH_OK;
+}
+
+static int clothi_find_root(int *parent, int i) {
+    while (parent[i] != i) {
+        parent[i] = parent[parent[i]];
+        i = parent[i];
+    }
+    return i;
+}
+
+/* Joins two corners of one vertex; 1 when they were apart. The smaller number is the root. */
+static int clothi_join(int *parent, int i, int j) {
+    i = clothi_find_root(parent, i);
+    j = clothi_find_root(parent, j);
+    if (i == j) return 0;
+    if (i < j) parent[j] = i;
+    else parent[i] = j;
+    return 1;
+}
+
+/* The half-edge g of face g/3 at vertex v: the corner of that face that is v; v is an end. */
+static int clothi_corner_at(const int *faces, int g, int v) {
+    return faces[g] == v ? g : clothi_halfedge_next(g);
+}
+
+/* Faults of edges; fans [nv] loses one for every pair of corners that an edge joins. */
+static void clothi_check_edges(clothi_checker *c, const clothi_edge_sort *s, int *fans) {
+    int *parent = s->work;
+    int  i, j, end, n = 3 * c->nk;
+    for (i = 0; i < n; i++) parent[i] = i;
+    for (i = 0; i < n; i = end) {
+        const int g = s->order[i], a = s->lo[g], b = s->hi[g];
+        end = clothi_edge_run(s, n, i);
+        for (j = i + 1; j < end; j++) {
+            const int h = s->order[j];
+            fans[a] -= clothi_join(parent, clothi_corner_at(c->kept, g, a),
+                                   clothi_corner_at(c->kept, h, a));
+            fans[b] -= clothi_join(parent, clothi_corner_at(c->kept, g, b),
+                                   clothi_corner_at(c->kept, h, b));
+        }
+        if (end - i > 2)
+            CLOTHI_FAULT(c, CLOTH_MESH_THREE_FACES, c->id[g / 3], "edge %i-%i has %i faces, among "
+                         "them %i, %i and %i: cut all but two off by doubling its vertices", a, b,
+                         end - i, c->id[g / 3], c->id[s->order[i + 1] / 3],
+                         c->id[s->order[i + 2] / 3]);
+        else if (end - i == 2 && c->kept[g] == c->kept[s->order[i + 1]])
+            CLOTHI_FAULT(c, CLOTH_MESH_ORIENTATION, c->id[g / 3], "faces %i and %i both run "
+                         "%i -> %i: reverse the corners of one (a one-sided surface must be cut)",
+                         c->id[g / 3], c->id[s->order[i + 1] / 3], c->kept[g],
+                         c->kept[clothi_halfedge_next(g)]);
+    }
+}
+
+static cloth_status clothi_check_surface(clothi_checker *c) {
+    clothi_edge_sort sort;
+    cloth_status     status;
+    int             *fans = NULL, i, v;
+    status = clothi_check_duplicates(c);
+    if (status != CLOTH_OK) return status;
+    status = clothi_edge_sort_make(c->hooks, c->nv, c->nk, c->kept, &sort);
+    if (status != CLOTH_OK) return status;
+    fans = (int *)clothi_alloc(c->hooks, (size_t)c->nv, sizeof(int));
+    if (!fans) {
+        status = clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory to check %i vertices", c->nv);
+        goto done;
+    }
+    for (i = 0; i < 3 * c->nk; i++) fans[c->kept[i]]++;
+    clothi_check_edges(c, &sort, fans);
+    for (v = 0; v < c->nv; v++) {
+        if (c->corners[v] == 0)
+            CLOTHI_FAULT(c, CLOTH_MESH_ISOLATED, v, "vertex %i has no face: it moves as a point"
+                         " without mass; remove it", v);
+        else if (fans[v] > 1)
+            CLOTHI_FAULT(c, CLOTH_MESH_BOW_TIE, v, "vertex %i joins %i surfaces in a point: "
+                         "double it, or accept a ball joint", v, fans[v]);
+    }
+done:
+    clothi_free(c->hooks, fans);
+    clothi_edge_sort_free(c->hooks, &sort);
+    return status;
+}
+
+static void clothi_check_summary(const clothi_checker *c) {
+    int kind;
+    for (kind = 0; kind < CLOTH_MESH_FAULT_COUNT; kind++) {
+        const cloth_mesh_fault fault = (cloth_mesh_fault)kind;
+        if (c->report.count[kind] > CLOTH_MESH_FAULTS_LOGGED)
+            clothi_say(c->hooks,
+                       clothi_fault_is_error(fault) ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,
+                       clothi_fault_status(fault), "%s: %i in all, %i not listed",
+                       clothi_fault_text(fault), c->report.count[kind],
+                       c->report.count[kind] - CLOTH_MESH_FAULTS_LOGGED);
+    }
+}
+
+CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const double *x, int nf,
+                                        const int *faces, const double *X,
+                                        cloth_mesh_report *report) {
+    clothi_checker c;
+    cloth_status   status;
+    int            f, k;
+    memset(&c, 0, sizeof c);
+    if (report) *report = c.report;
+    status = clothi_check_counts(hooks, nv, nf);
+    if (status != CLOTH_OK) return status;
+    if (nv == 0 || nf == 0)
+        return clothi_fail(hooks, CLOTH_ERR_MESH, "the mesh has %i vertices and %i faces", nv, nf);
+    if (!x || !faces)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_mesh_check: %s is NULL",
+                           x ? "faces" : "x");
+    c.hooks = hooks;
+    c.nv = nv;
+    c.nf = nf;
+    c.x = x;
+    c.X = X;
+    c.faces = faces;
+    for (k = 0; k < CLOTH_MESH_FAULT_COUNT; k++) c.report.first[k] = -1;
+    c.kept = (int *)clothi_alloc(hooks, 4 * (size_t)nf + (size_t)nv, sizeof(int));
+    if (!c.kept)
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to check %i faces", nf);
+    c.id = c.kept + 3 * (size_t)nf;
+    c.corners = c.id + nf;
+    clothi_check_numbers(&c);
+    for (f = 0; f < nf; f++) {
+        if (!clothi_check_face(&c, f)) continue;
+        for (k = 0; k < 3; k++) c.kept[3 * c.nk + k] = faces[3 * f + k];
+        c.id[c.nk++] = f;
+    }
+    status = clothi_check_surface(&c);
+    clothi_free(hooks, c.kept);
+    if (status != CLOTH_OK) return status;
+    clothi_check_summary(&c);
+    if (report) *report = c.report;
+    if (c.report.errors == 0) return CLOTH_OK;
+    return c.report.count[CLOTH_MESH_NONFINITE] ? CLOTH_ERR_NONFINITE : CLOTH_ERR_MESH;
 }
 
 /* ===== [4.2] TOPOLOGY ==========================================================================
@@ -781,7 +1225,41 @@ CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *
 
 /* ===== [4.3] GENERATORS ====================================================================== */
 
-/* ===== [4.4] REST SHAPE ====================================================================== */
+/* ===== [4.4] REST SHAPE ========================================================================
+ *
+ *       X2 = (p, q)             Each triangle is its own flat piece; nothing ties neighbours
+ *        /|\                    together, so any mesh, however curved, can be laid flat. l, p
+ *       / | \                   and q are those of [4.1]. A frame per triangle is all that
+ *      /  |  \                  the elements need: energies see lengths and angles only.
+ *   X0----+---X1 = (l, 0)
+ *
+ * Two sweeps, the first of which only looks: X is written when all can be written.
+ * checked: tests/test_rest.c */
+
+CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int *faces,
+                                     double *X) {
+    clothi_triangle t;
+    int             f, k, write;
+    if (clothi_check_counts(NULL, nv, nf) != CLOTH_OK) return CLOTH_ERR_ARGUMENT;
+    if ((nv > 0 && !x) || (nf > 0 && (!faces || !X))) return CLOTH_ERR_ARGUMENT;
+    if (clothi_find_nonfinite(x, 3 * (size_t)nv) >= 0) return CLOTH_ERR_NONFINITE;
+    for (write = 0; write < 2; write++) {
+        for (f = 0; f < nf; f++) {
+            const int *v = faces + 3 * f;
+            double    *P = X + 6 * (size_t)f;
+            for (k = 0; k < 3; k++)
+                if (v[k] < 0 || v[k] >= nv) return CLOTH_ERR_MESH;
+            if (!clothi_triangle_shape(x + 3 * v[0], x + 3 * v[1], x + 3 * v[2], &t))
+                return CLOTH_ERR_MESH;
+            if (!write) continue;
+            P[0] = P[1] = P[3] = 0;
+            P[2] = t.l;
+            P[4] = t.p;
+            P[5] = t.q;
+        }
+    }
+    return CLOTH_OK;
+}
 
 /* ===== [4.5] OBJ FILES ======================================================================= */
 

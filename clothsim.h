@@ -222,6 +222,32 @@ typedef struct cloth_mesh_report {
     int first[CLOTH_MESH_FAULT_COUNT];      /* index of the first one, -1: none                */
 } cloth_mesh_report;
 
+/* --- mesh: a mesh and its generators --- */
+
+/* A triangle mesh in one block, owned by the caller: cloth_mesh_destroy. The arrays may be
+ * written; the counts and pointers are to stay.                                               */
+typedef struct cloth_mesh {
+    int     nv, nf;
+    double *x;              /* [nv x 3] m                                                      */
+    int    *faces;          /* [nf x 3] counter-clockwise seen from where the normals point    */
+    double *X;              /* [nf x 3 x 2] m pattern coordinates of the corners, or NULL      */
+    int     npart;          /* parts; 0 when part is NULL                                      */
+    int    *part;           /* [nf] in [0, npart), or NULL                                     */
+    int     nr;             /* render corners: distinct pairs of vertex and texture point; 0:
+                               none, and the three arrays below are NULL                       */
+    int    *render_vertex;  /* [nr] vertex of each render corner, increasing                   */
+    int    *render_faces;   /* [nf x 3] faces in render corners                                */
+    double *vt;             /* [nr x 2] texture coordinates                                    */
+} cloth_mesh;
+
+typedef enum cloth_sheet_pattern {
+    CLOTH_SHEET_EQUILATERAL = 0,    /* rows shifted by half an edge: least mesh bias           */
+    CLOTH_SHEET_ALTERNATING = 1,    /* a grid, diagonals / and \ in turn                       */
+    CLOTH_SHEET_DIAGONAL    = 2,    /* a grid, all diagonals one way: up to 3 times too stiff
+                                       across them                                             */
+    CLOTH_SHEET_FORCE_INT = 0x7fffffff
+} cloth_sheet_pattern;
+
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
 
 /* CLOTH_VERSION_NUM of the compiled implementation; compare with the macro of your header. */
@@ -277,6 +303,53 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
  * Edge lengths agree with x to 1e-15 relative, in a needle to 1.2e-16 long edge / short edge.
  * contract: alloc none | cost O(nv + nf), 3 square roots a triangle | threads: distinct X */
 CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int *faces, double *X);
+
+/* --- mesh: generators --- */
+
+/* Every generator and reader: *out is owned (cloth_mesh_destroy with the same hooks) and NULL on
+ * failure; CLOTH_ERR_ARGUMENT names the argument; CLOTH_ERR_MEMORY; alloc one block; O(size).
+ * Generated meshes pass cloth_mesh_check without a warning as long as the sizes given make no
+ * slivers, and carry X, an exact unrolling: the edges in X are as long as those in x.  [4.3] */
+
+/* A flat sheet, width (along x) by height (along z), y = 0, normals +y; X = (x, -z).
+ * in   nx, ny  vertices along x and along z, at least 2 each
+ *   ALTERNATING, DIAGONAL: vertex j nx + i at (i width/(nx-1), 0, j height/(ny-1)); 2 (nx-1)(ny-1)
+ *     faces. Cell (i, j) has its diagonal from (i, j) to (i+1, j+1); ALTERNATING turns it where
+ *     i + j is odd.
+ *   EQUILATERAL: edge a = width/(nx-1). Even rows have nx vertices at i a; odd rows nx + 1, at 0,
+ *     a/2, 3a/2, .., width: half triangles at their ends keep the sides straight. Row j starts at
+ *     vertex j nx + j/2; (ny-1)(2 nx - 1) faces. The triangles are equilateral when height =
+ *     (ny-1) a sqrt(3)/2, else isosceles; ny = 0 takes the number of rows nearest to it.
+ * in   width, height  m, finite and > 0 */
+CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pattern pattern,
+                                        int nx, int ny, double width, double height,
+                                        cloth_mesh **out);
+
+/* An open tube around the y axis, y = 0 .. height, normals outward, of congruent isosceles
+ * triangles: odd rows are turned by half a step. Vertex j around + i of row j at the angle
+ * 2 pi (i + (j odd)/2)/around from +x towards -z; 2 around (along-1) faces. X: unrolled, the seam
+ * at i = 0, each corner on its face's side of it.
+ * in   around >= 3, along >= 2  vertices;  radius, height  m */
+CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, double height,
+                                       int around, int along, cloth_mesh **out);
+
+/* A flat disc, y = 0, normals +y: vertex 0 in the middle, ring k = 1 .. rings of 6 k vertices at
+ * radius k/rings from vertex 1 + 3 k (k-1), from +x towards -z; 6 rings^2 faces, no angle under 40
+ * degrees. X = (x, -z).
+ * in   radius m;  rings >= 1 */
+CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, int rings,
+                                       cloth_mesh **out);
+
+/* Several cloths as one mesh: vertices, faces and render corners one behind the other. part: the
+ * parts of each mesh follow those of the one before; a mesh without parts counts as one. X: when
+ * any mesh has it; the others are laid flat (cloth_flatten). Render corners likewise: a mesh
+ * without them gets its vertices, at (0, 0).
+ * in   meshes  [count] borrowed during the call
+ * returns also CLOTH_ERR_MESH, CLOTH_ERR_NONFINITE: from cloth_flatten; CLOTH_ERR_CAPACITY */
+CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *const *meshes,
+                                        int count, cloth_mesh **out);
+
+CLOTH_API void cloth_mesh_destroy(const cloth_hooks *hooks, cloth_mesh *mesh);
 
 #ifdef __cplusplus
 }
@@ -1223,7 +1296,338 @@ CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *
     clothi_free(hooks, topology);
 }
 
-/* ===== [4.3] GENERATORS ====================================================================== */
+/* ===== [4.3] GENERATORS ========================================================================
+ *
+ *   EQUILATERAL           ALTERNATING      DIAGONAL       disc, one of six sectors
+ *   +--+-----+-----+--+   +---+---+---+    +---+---+---+          +---+---+---+
+ *   |\/ \   / \   / \/|   |\  |  /|\  |    |\  |\  |\  |           \ / \ / \ /
+ *   | \  \ /   \ /  / |   | \ | / | \ |    | \ | \ | \ |            +---+---+
+ *   +--+--+-----+--+--+   |  \|/  |  \|    |  \|  \|  \|             \ / \ /
+ *    (rows of nx and      +---+---+---+    +---+---+---+              +---+
+ *     nx + 1 vertices)                                                 \ / middle
+ *
+ * A sheet lies in x and z, and y is up. Seen from above (from where its normals point) x is to
+ * the right and z comes towards the reader, so a counter-clockwise face is one in (x, -z): that is
+ * the pattern X.
+ * The tube's triangles, two kinds of one shape (base on the row below or above), unroll without
+ * stretch: base c = 2 r sin(pi/around), height H with H^2 = dy^2 + r^2 (1 - cos(pi/around))^2.
+ * checked: tests/test_mesh.c */
+
+static size_t clothi_round8(size_t bytes) { return (bytes + 7u) / 8u * 8u; }
+
+/* All arrays of a mesh in one block; nr < 0: no render corners. */
+static cloth_mesh *clothi_mesh_alloc(const cloth_hooks *hooks, int nv, int nf, int with_X,
+                                     int npart, int nr) {
+    const size_t v = (size_t)nv, f = (size_t)nf, r = nr > 0 ? (size_t)nr : 0;
+    const size_t head = clothi_round8(sizeof(cloth_mesh));
+    const size_t doubles = 3 * v + (with_X ? 6 * f : 0) + 2 * r;
+    const size_t ints = 3 * f + (npart > 0 ? f : 0) + r + (r ? 3 * f : 0);
+    cloth_mesh  *m = (cloth_mesh *)clothi_alloc(hooks, head + 8u * doubles + sizeof(int) * ints,
+                                                1);
+    double *d;
+    int    *i;
+    if (!m) {
+        clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a mesh of %i vertices and %i faces",
+                    nv, nf);
+        return NULL;
+    }
+    d = (double *)(void *)((char *)m + head);
+    i = (int *)(void *)(d + doubles);
+    m->nv = nv;
+    m->nf = nf;
+    m->npart = npart > 0 ? npart : 0;
+    m->nr = (int)r;
+    m->x = d;
+    d += 3 * v;
+    if (with_X) m->X = d;
+    d += with_X ? 6 * f : 0;
+    if (r) m->vt = d;
+    m->faces = i;
+    i += 3 * f;
+    if (npart > 0) m->part = i;
+    i += npart > 0 ? f : 0;
+    if (r) m->render_vertex = i;
+    i += r;
+    if (r) m->render_faces = i;
+    return m;
+}
+
+CLOTH_API void cloth_mesh_destroy(const cloth_hooks *hooks, cloth_mesh *mesh) {
+    clothi_free(hooks, mesh);
+}
+
+static cloth_status clothi_check_size(const cloth_hooks *hooks, const char *name, double a) {
+    if (clothi_finite(a) && a > 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s = %g must be finite and > 0", name, a);
+}
+
+static cloth_status clothi_check_least(const cloth_hooks *hooks, const char *name, int n,
+                                       int least) {
+    if (n >= least) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s = %i must be at least %i", name, n, least);
+}
+
+/* nv and nf as computed in double, so that no product overflows on the way. */
+static cloth_status clothi_check_total(const cloth_hooks *hooks, double nv, double nf) {
+    if (nv <= CLOTH_MAX_COUNT && nf <= CLOTH_MAX_COUNT) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%g vertices and %g faces: at most %i of each",
+                       nv, nf, CLOTH_MAX_COUNT);
+}
+
+/* Appends face a b c at *f. */
+static void clothi_add_face(cloth_mesh *m, int *f, int a, int b, int c) {
+    int *t = m->faces + 3 * (*f)++;
+    t[0] = a;
+    t[1] = b;
+    t[2] = c;
+}
+
+/* X of a sheet or disc in the x-z plane. */
+static void clothi_flat_pattern(cloth_mesh *m) {
+    int i;
+    for (i = 0; i < 3 * m->nf; i++) {
+        m->X[2 * (size_t)i] = m->x[3 * m->faces[i]];
+        m->X[2 * (size_t)i + 1] = -m->x[3 * m->faces[i] + 2];
+    }
+}
+
+static void clothi_sheet_grid(cloth_mesh *m, int nx, int ny, double width, double height,
+                              int alternating) {
+    int i, j, f = 0;
+    for (j = 0; j < ny; j++)
+        for (i = 0; i < nx; i++) {
+            m->x[3 * (j * nx + i)] = width * i / (nx - 1);
+            m->x[3 * (j * nx + i) + 2] = height * j / (ny - 1);
+        }
+    for (j = 0; j < ny - 1; j++)
+        for (i = 0; i < nx - 1; i++) {
+            const int a = j * nx + i, b = a + 1, c = a + nx, d = c + 1;
+            if (alternating && (i + j) % 2 == 1) {
+                clothi_add_face(m, &f, a, c, b);
+                clothi_add_face(m, &f, b, c, d);
+            } else {
+                clothi_add_face(m, &f, a, d, b);
+                clothi_add_face(m, &f, a, c, d);
+            }
+        }
+}
+
+static void clothi_sheet_shifted(cloth_mesh *m, int nx, int ny, double width, double height) {
+    int i, j, f = 0;
+    for (j = 0; j < ny; j++) {
+        const int row = j * nx + j / 2, odd = j % 2;
+        for (i = 0; i < nx + odd; i++) {
+            double *p = m->x + 3 * (row + i);
+            p[0] = odd ? width * (i == 0 ? 0.0 : i == nx ? 1.0 : (i - 0.5) / (nx - 1))
+                       : width * i / (nx - 1);
+            p[2] = height * j / (ny - 1);
+        }
+    }
+    for (j = 0; j < ny - 1; j++) {
+        const int row = j * nx + j / 2, next = (j + 1) * nx + (j + 1) / 2, odd = j % 2;
+        const int even_row = odd ? next : row, odd_row = odd ? row : next;
+        for (i = 0; i < nx; i++) {          /* base on the odd row, tip on the even one        */
+            const int a = odd_row + i, tip = even_row + i;
+            if (odd) clothi_add_face(m, &f, a, tip, a + 1);
+            else clothi_add_face(m, &f, a, a + 1, tip);
+            if (i == nx - 1) continue;      /* base on the even row, tip on the odd one        */
+            if (odd) clothi_add_face(m, &f, tip, tip + 1, a + 1);
+            else clothi_add_face(m, &f, tip, a + 1, tip + 1);
+        }
+    }
+}
+
+CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pattern pattern,
+                                        int nx, int ny, double width, double height,
+                                        cloth_mesh **out) {
+    const int    shifted = pattern == CLOTH_SHEET_EQUILATERAL;
+    cloth_status status;
+    double       nv, nf;
+    if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_mesh_sheet: out is NULL");
+    *out = NULL;
+    if (!shifted && pattern != CLOTH_SHEET_ALTERNATING && pattern != CLOTH_SHEET_DIAGONAL)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern = %i is none of CLOTH_SHEET_",
+                           (int)pattern);
+    status = clothi_check_size(hooks, "width", width);
+    if (status == CLOTH_OK) status = clothi_check_size(hooks, "height", height);
+    if (status == CLOTH_OK) status = clothi_check_least(hooks, "nx", nx, 2);
+    if (status == CLOTH_OK && shifted && ny == 0) {
+        const double rows = height / width * (nx - 1) / sqrt(0.75);
+        ny = rows < 1.5 ? 2 : rows < CLOTH_MAX_COUNT ? (int)(rows + 0.5) + 1 : CLOTH_MAX_COUNT;
+    }
+    if (status == CLOTH_OK) status = clothi_check_least(hooks, "ny", ny, 2);
+    if (status != CLOTH_OK) return status;
+    nv = (double)nx * ny + (shifted ? ny / 2 : 0);
+    nf = (ny - 1.0) * (shifted ? 2.0 * nx - 1 : 2.0 * (nx - 1));
+    status = clothi_check_total(hooks, nv, nf);
+    if (status != CLOTH_OK) return status;
+    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, 1, 0, -1);
+    if (!*out) return CLOTH_ERR_MEMORY;
+    if (shifted) clothi_sheet_shifted(*out, nx, ny, width, height);
+    else clothi_sheet_grid(*out, nx, ny, width, height, pattern == CLOTH_SHEET_ALTERNATING);
+    clothi_flat_pattern(*out);
+    return CLOTH_OK;
+}
+
+#define CLOTHI_PI 3.14159265358979323846
+
+/* Pattern corner k of face f of a tube: half is twice the steps around, row counts up. */
+static void clothi_tube_corner(cloth_mesh *m, int f, int k, int around, int half, int row,
+                               double base, double rise) {
+    double *P = m->X + 6 * (size_t)f + 2 * k;
+    m->faces[3 * f + k] = row * around + (half - row % 2) / 2 % around;
+    P[0] = 0.5 * base * half;
+    P[1] = rise * row;
+}
+
+CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, double height,
+                                       int around, int along, cloth_mesh **out) {
+    cloth_status status;
+    double       base, rise, bulge;
+    int          i, j, f = 0;
+    if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_mesh_tube: out is NULL");
+    *out = NULL;
+    status = clothi_check_size(hooks, "radius", radius);
+    if (status == CLOTH_OK) status = clothi_check_size(hooks, "height", height);
+    if (status == CLOTH_OK) status = clothi_check_least(hooks, "around", around, 3);
+    if (status == CLOTH_OK) status = clothi_check_least(hooks, "along", along, 2);
+    if (status == CLOTH_OK)
+        status = clothi_check_total(hooks, (double)around * along, 2.0 * around * (along - 1.0));
+    if (status != CLOTH_OK) return status;
+    *out = clothi_mesh_alloc(hooks, around * along, 2 * around * (along - 1), 1, 0, -1);
+    if (!*out) return CLOTH_ERR_MEMORY;
+    for (j = 0; j < along; j++)
+        for (i = 0; i < around; i++) {
+            const double angle = CLOTHI_PI * (2.0 * i + j % 2) / around;
+            double      *p = (*out)->x + 3 * (j * around + i);
+            p[0] = radius * cos(angle);
+            p[1] = height * j / (along - 1);
+            p[2] = -radius * sin(angle);
+        }
+    base = 2 * radius * sin(CLOTHI_PI / around);
+    bulge = 2 * radius * sin(0.5 * CLOTHI_PI / around) * sin(0.5 * CLOTHI_PI / around);
+    rise = hypot(height / (along - 1), bulge);
+    for (j = 0; j < along - 1; j++)
+        for (i = 0; i < around; i++, f += 2) {
+            const int h = 2 * i + j % 2;    /* half steps to this vertex of row j              */
+            clothi_tube_corner(*out, f, 0, around, h, j, base, rise);
+            clothi_tube_corner(*out, f, 1, around, h + 2, j, base, rise);
+            clothi_tube_corner(*out, f, 2, around, h + 1, j + 1, base, rise);
+            clothi_tube_corner(*out, f + 1, 0, around, h + 2, j, base, rise);
+            clothi_tube_corner(*out, f + 1, 1, around, h + 3, j + 1, base, rise);
+            clothi_tube_corner(*out, f + 1, 2, around, h + 1, j + 1, base, rise);
+        }
+    return CLOTH_OK;
+}
+
+/* Vertex i of ring k of a disc, i taken around. */
+static int clothi_ring_vertex(int k, int i) {
+    return k == 0 ? 0 : 1 + 3 * k * (k - 1) + i % (6 * k);
+}
+
+CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, int rings,
+                                       cloth_mesh **out) {
+    cloth_status status;
+    int          i, k, s, f = 0;
+    if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_mesh_disc: out is NULL");
+    *out = NULL;
+    status = clothi_check_size(hooks, "radius", radius);
+    if (status == CLOTH_OK) status = clothi_check_least(hooks, "rings", rings, 1);
+    if (status == CLOTH_OK)
+        status = clothi_check_total(hooks, 1 + 3.0 * rings * (rings + 1.0), 6.0 * rings * rings);
+    if (status != CLOTH_OK) return status;
+    *out = clothi_mesh_alloc(hooks, 1 + 3 * rings * (rings + 1), 6 * rings * rings, 1, 0, -1);
+    if (!*out) return CLOTH_ERR_MEMORY;
+    for (k = 1; k <= rings; k++)
+        for (i = 0; i < 6 * k; i++) {
+            const double r = radius * k / rings, angle = CLOTHI_PI * i / (3.0 * k);
+            double      *p = (*out)->x + 3 * clothi_ring_vertex(k, i);
+            p[0] = r * cos(angle);
+            p[2] = -r * sin(angle);
+        }
+    for (k = 1; k <= rings; k++)
+        for (s = 0; s < 6; s++)
+            for (i = 0; i < k; i++) {
+                const int in = clothi_ring_vertex(k - 1, s * (k - 1) + i);
+                const int end = clothi_ring_vertex(k, s * k + i + 1);
+                clothi_add_face(*out, &f, clothi_ring_vertex(k, s * k + i), end, in);
+                if (i == k - 1) continue;
+                clothi_add_face(*out, &f, in, end, clothi_ring_vertex(k - 1, s * (k - 1) + i + 1));
+            }
+    clothi_flat_pattern(*out);
+    return CLOTH_OK;
+}
+
+/* What the mesh `a` adds to `m` behind the vertices, faces, parts and render corners that the
+ * counts in `at` say are there. */
+static cloth_status clothi_mesh_append(const cloth_hooks *hooks, cloth_mesh *m,
+                                       const cloth_mesh *a, const cloth_mesh *at) {
+    const int *rf = a->nr > 0 ? a->render_faces : a->faces;
+    const int  nr = a->nr > 0 ? a->nr : a->nv;
+    int        i;
+    memcpy(m->x + 3 * at->nv, a->x, 3 * sizeof(double) * (size_t)a->nv);
+    for (i = 0; i < 3 * a->nf; i++) m->faces[3 * at->nf + i] = at->nv + a->faces[i];
+    for (i = 0; i < a->nf; i++) m->part[at->nf + i] = at->npart + (a->part ? a->part[i] : 0);
+    if (m->X && a->X)
+        memcpy(m->X + 6 * (size_t)at->nf, a->X, 6 * sizeof(double) * (size_t)a->nf);
+    else if (m->X) {
+        cloth_status status = cloth_flatten(a->nv, a->x, a->nf, a->faces,
+                                            m->X + 6 * (size_t)at->nf);
+        if (status != CLOTH_OK)
+            return clothi_fail(hooks, status, "cloth_mesh_merge: a mesh without pattern cannot be "
+                               "laid flat: cloth_mesh_check says where");
+    }
+    if (m->nr == 0) return CLOTH_OK;
+    for (i = 0; i < 3 * a->nf; i++) m->render_faces[3 * at->nf + i] = at->nr + rf[i];
+    for (i = 0; i < nr; i++)
+        m->render_vertex[at->nr + i] = at->nv + (a->nr > 0 ? a->render_vertex[i] : i);
+    if (a->nr > 0) memcpy(m->vt + 2 * at->nr, a->vt, 2 * sizeof(double) * (size_t)nr);
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *const *meshes,
+                                        int count, cloth_mesh **out) {
+    double       nv = 0, nf = 0, npart = 0, nr = 0;
+    int          i, with_X = 0, with_render = 0;
+    cloth_mesh   at;
+    cloth_status status = CLOTH_OK;
+    if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_mesh_merge: out is NULL");
+    *out = NULL;
+    if (!meshes || count < 1)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_mesh_merge: count = %i%s", count,
+                           meshes ? "" : " and meshes is NULL");
+    for (i = 0; i < count; i++) {
+        const cloth_mesh *a = meshes[i];
+        if (!a) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "meshes[%i] is NULL", i);
+        nv += a->nv;
+        nf += a->nf;
+        npart += a->part ? a->npart : 1;
+        nr += a->nr > 0 ? a->nr : a->nv;
+        with_X |= a->X != NULL;
+        with_render |= a->nr > 0;
+    }
+    if (nv > CLOTH_MAX_COUNT || nf > CLOTH_MAX_COUNT || npart > CLOTH_MAX_COUNT ||
+        nr > 3.0 * CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "merged: %g vertices, %g faces, %g parts: at"
+                           " most %i of each", nv, nf, npart, CLOTH_MAX_COUNT);
+    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, with_X, (int)npart,
+                             with_render ? (int)nr : -1);
+    if (!*out) return CLOTH_ERR_MEMORY;
+    memset(&at, 0, sizeof at);
+    for (i = 0; i < count && status == CLOTH_OK; i++) {
+        const cloth_mesh *a = meshes[i];
+        status = clothi_mesh_append(hooks, *out, a, &at);
+        at.nv += a->nv;
+        at.nf += a->nf;
+        at.npart += a->part ? a->npart : 1;
+        at.nr += a->nr > 0 ? a->nr : a->nv;
+    }
+    if (status != CLOTH_OK) {
+        cloth_mesh_destroy(hooks, *out);
+        *out = NULL;
+    }
+    return status;
+}
 
 /* ===== [4.4] REST SHAPE ========================================================================
  *

@@ -295,6 +295,434 @@ static void topology_million_faces_on_a_vertex(void) {
     free(faces);
 }
 
+/* --- generators --- */
+
+static double edge_x(const cloth_mesh *m, int f, int k) {
+    const double *a = m->x + 3 * m->faces[3 * f + k], *b = m->x + 3 * m->faces[3 * f + (k + 1) % 3];
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+static double edge_X(const cloth_mesh *m, int f, int k) {
+    const double *a = m->X + 6 * f + 2 * k, *b = m->X + 6 * f + 2 * ((k + 1) % 3);
+    return hypot(a[0] - b[0], a[1] - b[1]);
+}
+
+static void normal_of(const cloth_mesh *m, int f, double *n) {
+    const double *a = m->x + 3 * m->faces[3 * f], *b = m->x + 3 * m->faces[3 * f + 1];
+    const double *c = m->x + 3 * m->faces[3 * f + 2];
+    n[0] = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1]);
+    n[1] = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2]);
+    n[2] = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+static double area_x(const cloth_mesh *m) {
+    double sum = 0, n[3];
+    int    f;
+    for (f = 0; f < m->nf; f++) {
+        normal_of(m, f, n);
+        sum += 0.5 * sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    }
+    return sum;
+}
+
+/* signed area of the pattern */
+static double area_X(const cloth_mesh *m) {
+    double sum = 0;
+    int    f;
+    for (f = 0; f < m->nf; f++) {
+        const double *P = m->X + 6 * f;
+        sum += 0.5 * ((P[2] - P[0]) * (P[5] - P[1]) - (P[4] - P[0]) * (P[3] - P[1]));
+    }
+    return sum;
+}
+
+static double smallest_angle(const cloth_mesh *m) {
+    double least = 10;
+    int    f, k;
+    for (f = 0; f < m->nf; f++)
+        for (k = 0; k < 3; k++) {
+            const double a = edge_x(m, f, k), b = edge_x(m, f, (k + 1) % 3);
+            const double c = edge_x(m, f, (k + 2) % 3);
+            least = fmin(least, acos((b * b + c * c - a * a) / (2 * b * c)));
+        }
+    return least * 180 / 3.14159265358979;
+}
+
+/* passes the check without a word, the pattern is isometric, the topology has this Euler number
+ * and as many loops */
+static void check_mesh(const cloth_mesh *m, int euler, int loops) {
+    host              h;
+    cloth_hooks       hooks = host_hooks(&h);
+    cloth_mesh_report report;
+    cloth_topology   *t = NULL;
+    int               f, k, n = 0;
+    CHECK(cloth_mesh_check(&hooks, m->nv, m->x, m->nf, m->faces, m->X, &report) == CLOTH_OK);
+    if (!CHECK(h.lines == 0 && report.warnings == 0)) printf("%s", h.text);
+    CHECK(cloth_topology_create(&hooks, m->nv, m->nf, m->faces, &t) == CLOTH_OK);
+    if (t) {
+        CHECK(m->nv - t->ne + m->nf == euler && t->nloop == loops);
+        check_hinges(t, m->faces);
+        check_incidence(t, m->faces);
+    }
+    cloth_topology_destroy(&hooks, t);
+    CHECK(h.live == 0);
+    for (f = 0; f < m->nf; f++)
+        for (k = 0; k < 3; k++)
+            n += !(fabs(edge_x(m, f, k) - edge_X(m, f, k)) <= 1e-13 * edge_x(m, f, 0));
+    CHECK(n == 0);
+}
+
+static void generator_sheets(void) {
+    int pattern, nx, ny, f, k;
+    for (pattern = 0; pattern < 3; pattern++)
+        for (nx = 2; nx < 7; nx++)
+            for (ny = 2; ny < 7; ny++) {
+                cloth_mesh *m = NULL;
+                int         n = 0;
+                CHECK(cloth_mesh_sheet(NULL, (cloth_sheet_pattern)pattern, nx, ny, 2.0, 0.75,
+                                       &m) == CLOTH_OK);
+                if (!m) return;
+                CHECK(m->nv == nx * ny + (pattern == CLOTH_SHEET_EQUILATERAL ? ny / 2 : 0));
+                CHECK(m->nf == (ny - 1) * (pattern == CLOTH_SHEET_EQUILATERAL ? 2 * nx - 1
+                                                                              : 2 * nx - 2));
+                check_mesh(m, 1, 1);
+                CHECK_NEAR(area_x(m), 1.5, 1e-14);
+                CHECK_NEAR(area_X(m), 1.5, 1e-14);
+                for (f = 0; f < m->nf; f++) {
+                    double normal[3];
+                    normal_of(m, f, normal);
+                    n += !(normal[1] > 0);
+                }
+                for (k = 0; k < m->nv; k++) n += m->x[3 * k + 1] != 0;
+                CHECK(n == 0);
+                cloth_mesh_destroy(NULL, m);
+            }
+}
+
+/* vertices and diagonals of the alternating grid as the yardstick has them */
+static void generator_alternating_layout(void) {
+    static const int want[] = {0, 4, 1, 0, 3, 4, 1, 4, 2, 2, 4, 5};
+    cloth_mesh      *m = NULL;
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 3, 2, 1.0, 1.0, &m) == CLOTH_OK);
+    if (!m) return;
+    CHECK(memcmp(m->faces, want, sizeof want) == 0);
+    CHECK(m->x[3 * 4] == 0.5 && m->x[3 * 4 + 2] == 1.0);
+    cloth_mesh_destroy(NULL, m);
+}
+
+static void generator_equilateral_edges(void) {
+    cloth_mesh *m = NULL;
+    const int   nx = 9, ny = 7;
+    const double a = 1.0 / (nx - 1), height = (ny - 1) * a * sqrt(0.75);
+    int         f, k, full = 0;
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_EQUILATERAL, nx, ny, 1.0, height, &m) == CLOTH_OK);
+    if (!m) return;
+    for (f = 0; f < m->nf; f++) {
+        int equal = 0;
+        for (k = 0; k < 3; k++) equal += fabs(edge_x(m, f, k) - a) < 1e-15;
+        full += equal == 3;
+    }
+    CHECK(full == m->nf - 2 * (ny - 1));        /* all but the half triangles at the row ends  */
+    CHECK(m->x[3 * (m->nv - 1)] == 1.0);
+    cloth_mesh_destroy(NULL, m);
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_EQUILATERAL, nx, 0, 1.0, height * 1.01, &m) ==
+          CLOTH_OK);
+    if (m) CHECK(m->nv == nx * ny + ny / 2);
+    cloth_mesh_destroy(NULL, m);
+}
+
+static void generator_tube(void) {
+    int around, along, f;
+    for (around = 3; around < 9; around++)
+        for (along = 2; along < 6; along++) {
+            cloth_mesh *m = NULL;
+            int         n = 0;
+            CHECK(cloth_mesh_tube(NULL, 0.3, 1.1, around, along, &m) == CLOTH_OK);
+            if (!m) return;
+            CHECK(m->nv == around * along && m->nf == 2 * around * (along - 1));
+            check_mesh(m, 0, 2);
+            CHECK_REL(area_x(m), area_X(m), 1e-14);
+            for (f = 0; f < m->nf; f++) {
+                double        normal[3];
+                const double *p = m->x + 3 * m->faces[3 * f], *q = m->x + 3 * m->faces[3 * f + 1];
+                normal_of(m, f, normal);
+                n += !(normal[0] * (p[0] + q[0]) + normal[2] * (p[2] + q[2]) > 0);
+            }
+            CHECK(n == 0);
+            cloth_mesh_destroy(NULL, m);
+        }
+}
+
+static void generator_disc(void) {
+    int rings;
+    for (rings = 1; rings < 20; rings++) {
+        cloth_mesh  *m = NULL;
+        const int    n = 6 * rings;
+        const double polygon = 0.5 * n * sin(2 * 3.14159265358979323846 / n) * 0.25;
+        CHECK(cloth_mesh_disc(NULL, 0.5, rings, &m) == CLOTH_OK);
+        if (!m) return;
+        CHECK(m->nv == 1 + 3 * rings * (rings + 1) && m->nf == 6 * rings * rings);
+        check_mesh(m, 1, 1);
+        CHECK_REL(area_x(m), polygon, 1e-13);
+        CHECK_REL(area_X(m), polygon, 1e-13);
+        if (!CHECK(smallest_angle(m) > 40)) printf("%d rings: %g\n", rings, smallest_angle(m));
+        cloth_mesh_destroy(NULL, m);
+    }
+}
+
+static void generator_merge(void) {
+    cloth_mesh *one = NULL, *two = NULL, *all = NULL, *nested = NULL, *list[3];
+    int         f, bad = 0;
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_DIAGONAL, 3, 4, 1.0, 1.0, &one) == CLOTH_OK);
+    CHECK(cloth_mesh_tube(NULL, 0.3, 1.1, 5, 3, &two) == CLOTH_OK);
+    if (!one || !two) return;
+    two->X = NULL;                              /* so that it must be laid flat */
+    list[0] = one;
+    list[1] = two;
+    CHECK(cloth_mesh_merge(NULL, list, 2, &all) == CLOTH_OK);
+    if (!all) return;
+    CHECK(all->nv == 12 + 15 && all->nf == 12 + 20 && all->npart == 2 && all->nr == 0);
+    check_mesh(all, 1, 3);
+    for (f = 0; f < all->nf; f++) bad += all->part[f] != (f >= 12);
+    CHECK(bad == 0 && all->faces[3 * 12] == 12 + two->faces[0]);
+    list[0] = all;
+    list[1] = one;
+    CHECK(cloth_mesh_merge(NULL, list, 2, &nested) == CLOTH_OK);
+    if (nested) CHECK(nested->npart == 3 && nested->part[0] == 0 && nested->part[12] == 1 &&
+                      nested->part[nested->nf - 1] == 2);
+    cloth_mesh_destroy(NULL, nested);
+    two->x[0] = NAN;
+    list[1] = two;
+    CHECK(cloth_mesh_merge(NULL, list, 2, &nested) == CLOTH_ERR_NONFINITE && !nested);
+    list[1] = NULL;
+    CHECK(cloth_mesh_merge(NULL, list, 2, &nested) == CLOTH_ERR_ARGUMENT && !nested);
+    CHECK(cloth_mesh_merge(NULL, list, 0, &nested) == CLOTH_ERR_ARGUMENT && !nested);
+    CHECK(cloth_mesh_merge(NULL, NULL, 1, &nested) == CLOTH_ERR_ARGUMENT && !nested);
+    CHECK(cloth_mesh_merge(NULL, list, 1, NULL) == CLOTH_ERR_ARGUMENT);
+    cloth_mesh_destroy(NULL, all);
+    cloth_mesh_destroy(NULL, two);
+    cloth_mesh_destroy(NULL, one);
+    cloth_mesh_destroy(NULL, NULL);
+}
+
+static void generator_refusals(void) {
+    host        h;
+    cloth_hooks hooks = host_hooks(&h);
+    cloth_mesh *m = NULL;
+    const cloth_sheet_pattern g = CLOTH_SHEET_ALTERNATING;
+    CHECK(cloth_mesh_sheet(&hooks, g, 1, 2, 1.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(strstr(h.text, "nx = 1") != NULL);
+    CHECK(cloth_mesh_sheet(&hooks, g, 2, 0, 1.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(strstr(h.text, "ny = 0") != NULL);
+    CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 0.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(strstr(h.text, "width = 0") != NULL);
+    CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, NAN, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(strstr(h.text, "height = NaN") != NULL);
+    CHECK(cloth_mesh_sheet(&hooks, g, 50000, 50000, 1.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_sheet(&hooks, (cloth_sheet_pattern)7, 2, 2, 1.0, 1.0, &m) ==
+          CLOTH_ERR_ARGUMENT && !m);
+    CHECK(strstr(h.text, "pattern = 7") != NULL);
+    CHECK(cloth_mesh_sheet(&hooks, CLOTH_SHEET_EQUILATERAL, 9, 0, 1e-300, 1e300, &m) ==
+          CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_tube(&hooks, -1.0, 1.0, 3, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 2, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 3, 1, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 0x7fffffff, 0x7fffffff, &m) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_mesh_disc(&hooks, INFINITY, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_disc(&hooks, 1.0, 0, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_disc(&hooks, 1.0, 1 << 30, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, 1.0, NULL) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 3, 2, NULL) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_mesh_disc(&hooks, 1.0, 1, NULL) == CLOTH_ERR_ARGUMENT);
+    h.fail_at = h.calls + 1;
+    CHECK(cloth_mesh_disc(&hooks, 1.0, 3, &m) == CLOTH_ERR_MEMORY && !m);
+    CHECK(h.live == 0);
+}
+
+/* --- check --- */
+
+/* A 4 x 4 sheet to be spoilt. */
+static cloth_mesh *sheet4(void) {
+    cloth_mesh *m = NULL;
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_DIAGONAL, 4, 4, 1.0, 1.0, &m) != CLOTH_OK) abort();
+    return m;
+}
+
+/* The mesh has exactly n faults of the kind, the first at index, and says `text`. */
+static void expect_fault(const cloth_mesh *m, const double *X, cloth_mesh_fault kind, int n,
+                         int index, cloth_status status, const char *text) {
+    host              h;
+    cloth_hooks       hooks = host_hooks(&h);
+    cloth_mesh_report r;
+    int               k;
+    CHECK(cloth_mesh_check(&hooks, m->nv, m->x, m->nf, m->faces, X, &r) == status);
+    CHECK(h.live == 0);
+    if (!CHECK(strstr(h.text, text) != NULL)) printf("wanted: %s\n%s", text, h.text);
+    for (k = 0; k < CLOTH_MESH_FAULT_COUNT; k++) {
+        if (!CHECK(r.count[k] == (k == (int)kind ? n : 0))) printf("kind %d: %d\n", k, r.count[k]);
+        CHECK(r.first[k] == (k == (int)kind ? index : -1));
+    }
+    CHECK(r.errors + r.warnings == n && (status == CLOTH_OK) == (r.errors == 0));
+}
+
+static void check_every_fault(void) {
+    cloth_mesh *m = sheet4();
+    double      X[18 * 6];
+    int         f = 7, t[3];
+    memcpy(t, m->faces + 3 * f, sizeof t);
+    m->faces[3 * f + 1] = 16;
+    expect_fault(m, NULL, CLOTH_MESH_INDEX, 1, f, CLOTH_ERR_MESH,
+                 "face 7: corner 1 = 16 but nv = 16");
+    m->faces[3 * f + 1] = -5;
+    expect_fault(m, NULL, CLOTH_MESH_INDEX, 1, f, CLOTH_ERR_MESH, "face 7: corner 1 = -5");
+    m->faces[3 * f + 1] = t[0];
+    expect_fault(m, NULL, CLOTH_MESH_REPEATED, 1, f, CLOTH_ERR_MESH, "face 7: corners");
+    memcpy(m->faces + 3 * f, t, sizeof t);
+
+    m->x[3 * 5 + 2] = NAN;
+    expect_fault(m, NULL, CLOTH_MESH_NONFINITE, 1, 17, CLOTH_ERR_NONFINITE,
+                 "vertex 5: z is NaN");
+    m->x[3 * 5 + 2] = -INFINITY;
+    expect_fault(m, NULL, CLOTH_MESH_NONFINITE, 1, 17, CLOTH_ERR_NONFINITE,
+                 "vertex 5: z is -inf");
+    cloth_mesh_destroy(NULL, m);
+
+    m = sheet4();
+    m->x[0] = 0.5 * (m->x[3] + m->x[15]);       /* vertex 0 between vertices 1 and 5 */
+    m->x[2] = 0.5 * (m->x[5] + m->x[17]);
+    expect_fault(m, NULL, CLOTH_MESH_ZERO_AREA, 1, 0, CLOTH_ERR_MESH,
+                 "face 0: corners 0 5 1 span no area");
+    m->x[0] += 1e-5;
+    expect_fault(m, NULL, CLOTH_MESH_SLIVER, 1, 0, CLOTH_OK, "face 0: a sliver");
+    cloth_mesh_destroy(NULL, m);
+
+    m = sheet4();                               /* without vertex 15 and its two faces */
+    m->nv = 15;
+    m->nf = 17;
+    t[0] = m->faces[3 * 2 + 1];
+    t[1] = m->faces[3 * 2 + 2];
+    t[2] = m->faces[3 * 2];
+    memcpy(m->faces + 3 * (m->nf - 1), t, sizeof t);
+    expect_fault(m, NULL, CLOTH_MESH_DUPLICATE, 1, m->nf - 1, CLOTH_ERR_MESH,
+                 "face 16 has the corners of face 2");
+    t[0] = m->faces[3 * 2];
+    t[1] = m->faces[3 * 2 + 2];
+    t[2] = m->faces[3 * 2 + 1];
+    memcpy(m->faces + 3 * (m->nf - 1), t, sizeof t);
+    expect_fault(m, NULL, CLOTH_MESH_DUPLICATE, 1, m->nf - 1, CLOTH_ERR_MESH, "face 16 has");
+    m->nf--;
+    expect_fault(m, NULL, CLOTH_MESH_FAULT_COUNT, 0, 0, CLOTH_OK, "");
+    m->nv++;
+    expect_fault(m, NULL, CLOTH_MESH_ISOLATED, 1, 15, CLOTH_OK, "vertex 15 has no face");
+    cloth_mesh_destroy(NULL, m);
+
+    m = sheet4();                               /* a fin on the edge 0-5 */
+    memmove(m->x + 3 * 15, m->x, 3 * sizeof *m->x);
+    m->x[3 * 15 + 1] = 0.4;
+    m->faces[3 * 16] = 0;
+    m->faces[3 * 16 + 1] = 5;
+    m->faces[3 * 16 + 2] = 15;
+    m->nf = 17;
+    expect_fault(m, NULL, CLOTH_MESH_THREE_FACES, 1, 0, CLOTH_ERR_MESH,
+                 "edge 0-5 has 3 faces, among them 0, 1 and 16");
+    cloth_mesh_destroy(NULL, m);
+
+    m = sheet4();
+    t[0] = m->faces[3 * 17];
+    m->faces[3 * 17] = m->faces[3 * 17 + 1];
+    m->faces[3 * 17 + 1] = t[0];                /* a corner face: one edge with another face */
+    expect_fault(m, NULL, CLOTH_MESH_ORIENTATION, 2, 14, CLOTH_ERR_MESH, "both run");
+    cloth_mesh_destroy(NULL, m);
+
+    m = sheet4();                               /* all but two opposite cells of the middle */
+    memcpy(m->faces + 6, m->faces + 3 * 8, 6 * sizeof *m->faces);
+    m->nf = 4;
+    {
+        host              h;
+        cloth_hooks       hooks = host_hooks(&h);
+        cloth_mesh_report r;
+        CHECK(cloth_mesh_check(&hooks, m->nv, m->x, m->nf, m->faces, m->X, &r) == CLOTH_OK);
+        CHECK(r.count[CLOTH_MESH_BOW_TIE] == 1 && r.first[CLOTH_MESH_BOW_TIE] == 5);
+        CHECK(r.count[CLOTH_MESH_ISOLATED] == 9 && r.warnings == 10 && r.errors == 0);
+        CHECK(strstr(h.text, "vertex 5 joins 2 surfaces") != NULL);
+    }
+    cloth_mesh_destroy(NULL, m);
+
+    m = sheet4();
+    memcpy(X, m->X, sizeof X);
+    expect_fault(m, X, CLOTH_MESH_FAULT_COUNT, 0, 0, CLOTH_OK, "");
+    X[6 * 3 + 2] = X[6 * 3];
+    X[6 * 3 + 3] = X[6 * 3 + 1];
+    expect_fault(m, X, CLOTH_MESH_PATTERN, 1, 3, CLOTH_ERR_MESH, "face 3 has no area");
+    memcpy(X, m->X, sizeof X);
+    for (f = 0; f < 3; f++) X[6 * 4 + 2 * f] *= -1;
+    expect_fault(m, X, CLOTH_MESH_PATTERN, 1, 4, CLOTH_ERR_MESH, "face 4 is mirrored");
+    for (f = 0; f < 6; f++) X[6 * 4 + f] *= 1e-100;
+    expect_fault(m, X, CLOTH_MESH_PATTERN, 1, 4, CLOTH_ERR_MESH, "face 4 is mirrored");
+    memcpy(X, m->X, sizeof X);
+    X[6 * 4 + 3] = NAN;
+    expect_fault(m, X, CLOTH_MESH_NONFINITE, 1, 3 * 16 + 6 * 4 + 3, CLOTH_ERR_NONFINITE,
+                 "pattern: corner 1 of face 4: y is NaN");
+    cloth_mesh_destroy(NULL, m);
+}
+
+static void check_limits_the_log(void) {
+    host              h;
+    cloth_hooks       hooks = host_hooks(&h);
+    cloth_mesh_report r;
+    cloth_mesh       *m = NULL;
+    int               f;
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_DIAGONAL, 40, 40, 1.0, 1.0, &m) == CLOTH_OK);
+    for (f = 0; f < m->nf; f++) m->faces[3 * f] = 1000000 + f;
+    CHECK(cloth_mesh_check(&hooks, m->nv, m->x, m->nf, m->faces, NULL, &r) == CLOTH_ERR_MESH);
+    CHECK(r.count[CLOTH_MESH_INDEX] == m->nf && r.errors == m->nf);
+    CHECK(h.lines <= 2 * (CLOTH_MESH_FAULTS_LOGGED + 1));
+    CHECK(strstr(h.text, "index out of range: 3042 in all, 3032 not listed") != NULL);
+    cloth_mesh_destroy(NULL, m);
+}
+
+static void check_refusals(void) {
+    host              h;
+    cloth_hooks       hooks;
+    cloth_mesh_report r;
+    int               fail;
+    hooks = host_hooks(&h);
+    CHECK(cloth_mesh_check(&hooks, 4, NULL, 4, tetra, NULL, &r) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_mesh_check(&hooks, 4, tetra_x, 4, NULL, NULL, &r) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_mesh_check(&hooks, -4, tetra_x, 4, tetra, NULL, &r) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_mesh_check(&hooks, 4, tetra_x, 0x7fffffff, tetra, NULL, &r) ==
+          CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_mesh_check(&hooks, 0, tetra_x, 0, tetra, NULL, &r) == CLOTH_ERR_MESH);
+    CHECK(cloth_mesh_check(&hooks, 4, tetra_x, 0, tetra, NULL, &r) == CLOTH_ERR_MESH);
+    CHECK(h.live == 0 && h.errors == 6 && r.errors == 0);
+    CHECK(cloth_mesh_check(NULL, 4, tetra_x, 4, tetra, NULL, NULL) == CLOTH_OK);
+    for (fail = 1;; fail++) {
+        cloth_status status;
+        hooks = host_hooks(&h);
+        h.fail_at = fail;
+        status = cloth_mesh_check(&hooks, 4, tetra_x, 4, tetra, NULL, &r);
+        CHECK(h.live == 0);
+        if (status == CLOTH_OK) break;
+        CHECK(status == CLOTH_ERR_MEMORY && h.errors == 1);
+    }
+    CHECK(fail > 4);
+}
+
+/* coordinates near the largest double: no overflow inside, a defined answer */
+static void check_extreme_sizes(void) {
+    static const double scales[] = {1e-300, 1e-160, 1e-5, 1e5, 1e160, 5e307};
+    size_t              i;
+    int                 k;
+    for (i = 0; i < sizeof scales / sizeof *scales; i++) {
+        double x[12];
+        for (k = 0; k < 12; k++) x[k] = tetra_x[k] * scales[i];
+        CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_OK);
+        for (k = 0; k < 12; k++) x[k] = k % 3 ? 0 : (k - 4) * (scales[i] / 8);
+        CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_ERR_MESH);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(topology_tetrahedron);
@@ -304,5 +732,16 @@ int main(int argc, char **argv) {
     RUN(topology_refusals);
     RUN(topology_failing_allocator);
     RUN(topology_million_faces_on_a_vertex);
+    RUN(generator_sheets);
+    RUN(generator_alternating_layout);
+    RUN(generator_equilateral_edges);
+    RUN(generator_tube);
+    RUN(generator_disc);
+    RUN(generator_merge);
+    RUN(generator_refusals);
+    RUN(check_every_fault);
+    RUN(check_limits_the_log);
+    RUN(check_refusals);
+    RUN(check_extreme_sizes);
     return TEST_END();
 }

@@ -541,6 +541,280 @@ static void quadratic_is_the_flat_hinge(void) {
     }
 }
 
+/* ---- eight at a time ------------------------------------------------------------------------ */
+
+enum { LANES = CLOTHI_LANES };
+
+static void to_lane(const double *v, int n, int lane, double *batch) {
+    int i;
+    for (i = 0; i < n; i++) batch[i * LANES + lane] = v[i];
+}
+
+static void from_lane(const double *batch, int n, int lane, double *v) {
+    int i;
+    for (i = 0; i < n; i++) v[i] = batch[i * LANES + lane];
+}
+
+/* The full symmetric matrix of corners x corners blocks from one triangle of them. */
+static void full_hessian(const double *H, int corners, int lane, double *full) {
+    static const int row[10] = {0, 1, 2, 3, 1, 2, 2, 3, 3, 3};
+    static const int col[10] = {0, 1, 2, 3, 0, 0, 1, 0, 1, 2};
+    int              b, at, n = 3 * corners;
+    for (b = 0; b < corners * (corners + 1) / 2; b++)
+        for (at = 0; at < 9; at++) {
+            const int from_four = b >= corners ? b + 4 - corners : b;
+            const int i = 3 * row[from_four] + at / 3, j = 3 * col[from_four] + at % 3;
+            full[n * i + j] = full[n * j + i] = H[(9 * b + at) * LANES + lane];
+        }
+}
+
+static void lanes_stretch(void) {
+    unsigned long long seed = 10;
+    int                round, k, psd;
+    for (round = 0; round < 60; round++) {
+        double x[9 * LANES], rest[7 * LANES], E[LANES], f[9 * LANES], H[54 * LANES];
+        double X[LANES][6], y[LANES][9], mu[LANES], lambda[LANES];
+        for (k = 0; k < LANES; k++) {
+            double B[5];
+            random_rest(&seed, X[k]);
+            mu[k] = moduli(&seed, &lambda[k]);
+            make_triangle(&seed, k % 5, X[k], y[k]);
+            if (k == 7) memset(y[k], 0, sizeof y[k]);
+            B[4] = clothi_rest_inverse(X[k], B);
+            to_lane(y[k], 9, k, x);
+            to_lane(B, 5, k, rest);
+            rest[5 * LANES + k] = mu[k];
+            rest[6 * LANES + k] = lambda[k];
+        }
+        for (psd = 0; psd < 2; psd++) {
+            clothi_stretch_lanes(x, rest, NULL, NULL, E, NULL, f, H, psd);
+            for (k = 0; k < LANES; k++) {
+                double g[9], h[81], gl[9], hl[81];
+                CHECK_REL(E[k], cloth_stretch(y[k], X[k], mu[k], lambda[k], g, h, psd), 1e-12);
+                from_lane(f, 9, k, gl);
+                full_hessian(H, 3, k, hl);
+                CHECK(ref_difference(gl, g, 9) < 1e-12);
+                CHECK(ref_difference(hl, h, 81) < 1e-12);
+                if (psd) CHECK(ref_smallest_eigenvalue(hl, 9) > -1e-12);
+            }
+        }
+    }
+}
+
+/* kinds 0..7: random, folded, bent, flat, near degenerate, collapsed, no edge, one point */
+static void make_lane_hinge(unsigned long long *seed, int kind, double *x) {
+    double t[2], h[2], theta = ref_uniform(seed, -0.5, 0.5);
+    t[0] = ref_uniform(seed, -0.5, 1.5);
+    t[1] = ref_uniform(seed, -0.5, 1.5);
+    h[0] = kind == 4 ? 1e-4 : ref_uniform(seed, 0.5, 1.5);
+    h[1] = ref_uniform(seed, 0.5, 1.5);
+    if (kind == 1) theta = theta > 0 ? 3.1 : -3.1;
+    if (kind == 2) theta *= 5;
+    if (kind == 3) theta *= 1e-9;
+    make_hinge(kind == 3 ? NULL : seed, ref_uniform(seed, 0.5, 1.5), t, h, theta, x);
+    if (kind == 0) random_points(seed, 12, 1, x);
+    if (kind == 5) memcpy(x + 6, x, 3 * sizeof *x);
+    if (kind == 6) memcpy(x + 3, x, 3 * sizeof *x);
+    if (kind == 7) memset(x, 0, 12 * sizeof *x);
+}
+
+static void lanes_hinge(void) {
+    unsigned long long seed = 11;
+    int                round, k, psd;
+    for (round = 0; round < 100; round++) {
+        double x[12 * LANES], rest[2 * LANES], E[LANES], theta[LANES], f[12 * LANES];
+        double fast[12 * LANES], H[90 * LANES], y[LANES][12];
+        for (k = 0; k < LANES; k++) {
+            make_lane_hinge(&seed, k, y[k]);
+            to_lane(y[k], 12, k, x);
+            rest[k] = ref_uniform(&seed, 0.1, 2);
+            rest[LANES + k] = k == 3 ? 0.0 : ref_uniform(&seed, -1, 1);
+        }
+        clothi_hinge_forces(x, rest, fast);
+        for (psd = 0; psd < 2; psd++) {
+            clothi_hinge_lanes(x, rest, NULL, NULL, E, NULL, theta, f, H, psd);
+            CHECK(ref_difference(f, fast, 12 * LANES) < 1e-15);
+            for (k = 0; k < LANES; k++) {
+                double       g[12], h[144], gl[12], hl[144];
+                const double near = k == 4 ? 1e-10 : 1e-12;
+                CHECK_REL(theta[k], cloth_dihedral(y[k]), near);
+                CHECK_REL(E[k], cloth_bend(y[k], rest[k], rest[LANES + k], g, h, psd), near);
+                from_lane(f, 12, k, gl);
+                full_hessian(H, 4, k, hl);
+                CHECK(ref_difference(gl, g, 12) < near);
+                CHECK(ref_difference(hl, h, 144) < near);
+                if (psd) CHECK(ref_smallest_eigenvalue(hl, 12) > -1e-12);
+            }
+        }
+    }
+}
+
+static void lanes_quadratic(void) {
+    unsigned long long seed = 12;
+    int                round, k;
+    for (round = 0; round < 50; round++) {
+        double x[12 * LANES], rest[5 * LANES], E[LANES], f[12 * LANES], y[LANES][12];
+        double w[LANES][4];
+        for (k = 0; k < LANES; k++) {
+            double shape[12];
+            random_points(&seed, 12, 1, shape);
+            random_points(&seed, 12, 1, y[k]);
+            cloth_bend_quadratic_weights(shape, w[k]);
+            rest[k] = ref_uniform(&seed, 0.1, 2);
+            to_lane(w[k], 4, k, rest + LANES);
+            to_lane(y[k], 12, k, x);
+        }
+        clothi_quadratic_lanes(x, rest, E, f);
+        for (k = 0; k < LANES; k++) {
+            double g[12], gl[12];
+            CHECK_REL(E[k], cloth_bend_quadratic(y[k], w[k], rest[k], g, NULL), 1e-12);
+            from_lane(f, 12, k, gl);
+            CHECK(ref_difference(gl, g, 12) < 1e-12);
+        }
+    }
+}
+
+static void lanes_spring(void) {
+    unsigned long long seed = 13;
+    int                round, k, psd, i, j;
+    for (round = 0; round < 50; round++) {
+        double x[6 * LANES], rest[2 * LANES], E[LANES], f[6 * LANES], H[27 * LANES];
+        double y[LANES][6];
+        for (k = 0; k < LANES; k++) {
+            random_points(&seed, 6, 1, y[k]);
+            if (k == 6) memcpy(y[k] + 3, y[k], 3 * sizeof(double));
+            to_lane(y[k], 6, k, x);
+            rest[k] = ref_uniform(&seed, 0.1, 2);
+            rest[LANES + k] = k == 7 ? 0.0 : ref_uniform(&seed, 0.1, 2);
+        }
+        for (psd = 0; psd < 2; psd++) {
+            clothi_spring_lanes(x, rest, E, f, H, psd);
+            for (k = 0; k < LANES; k++) {
+                double g[6], h[36], gl[6], hl[36];
+                CHECK_REL(E[k], cloth_spring(y[k], rest[LANES + k], rest[k], g, h, psd), 1e-12);
+                from_lane(f, 6, k, gl);
+                for (i = 0; i < 3; i++)
+                    for (j = 0; j < 3; j++) {
+                        hl[6 * i + j] = H[(3 * i + j) * LANES + k];
+                        hl[6 * (3 + i) + 3 + j] = H[(9 + 3 * i + j) * LANES + k];
+                        hl[6 * (3 + i) + j] = hl[6 * j + 3 + i] = H[(18 + 3 * i + j) * LANES + k];
+                    }
+                CHECK(ref_difference(gl, g, 6) < 1e-12);
+                CHECK(ref_difference(hl, h, 36) < 1e-12);
+            }
+        }
+    }
+}
+
+/* Elastic plus dissipated energy of one element in a batch, for differences. */
+typedef struct damped { double rest[7], n[3], damp; int corners; } damped;
+
+static double damped_energy(const double *y, const damped *d, double *g, double *full, int psd) {
+    double x[12 * LANES], rest[7 * LANES], n[3 * LANES], damp[LANES], E[LANES], Ed[LANES];
+    double f[12 * LANES], H[90 * LANES];
+    int    k;
+    for (k = 0; k < LANES; k++) {
+        to_lane(y, 3 * d->corners, k, x);
+        to_lane(d->rest, d->corners == 3 ? 7 : 2, k, rest);
+        to_lane(d->n, 3, k, n);
+        damp[k] = d->damp;
+    }
+    if (d->corners == 3) clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
+    else clothi_hinge_lanes(x, rest, n, damp, E, Ed, NULL, f, H, psd);
+    if (g) from_lane(f, 3 * d->corners, 5, g);
+    if (full) full_hessian(H, d->corners, 5, full);
+    return E[5] + Ed[5];
+}
+
+static void lanes_damping(void) {
+    unsigned long long seed = 14;
+    int                round, i, j;
+    for (round = 0; round < 40; round++) {
+        damped d;
+        double x[12], y[12], g[12], H[144], up[12], down[12], gr[12], Hr[144], R[9], shift[3];
+        int    n;
+        d.corners = round % 2 ? 4 : 3;
+        n = 3 * d.corners;
+        d.damp = ref_uniform(&seed, 0.1, 3);
+        memset(d.n, 0, sizeof d.n);
+        if (d.corners == 3) {
+            double X[6], E[4];
+            random_rest(&seed, X);
+            make_triangle(&seed, round % 3, X, x);
+            d.rest[4] = clothi_rest_inverse(X, d.rest);
+            d.rest[5] = moduli(&seed, &d.rest[6]);
+            cloth_stretch_state(x, X, 1, 1, NULL, E, NULL, NULL);
+            d.n[0] = E[0];
+            d.n[1] = E[3];
+            d.n[2] = E[1];
+        } else {
+            make_lane_hinge(&seed, round % 3 ? 2 : 0, x);
+            d.rest[0] = 1.3;
+            d.rest[1] = 0.2;
+            d.n[0] = cloth_dihedral(x);
+        }
+        memcpy(y, x, sizeof y);             /* a rigid motion since the step's start: no loss */
+        ref_rotation(&seed, R);
+        random_points(&seed, 3, 1, shift);
+        ref_move(R, shift, d.corners, y);
+        damped_energy(y, &d, g, NULL, 0);
+        {
+            damped free = d;
+            free.damp = 0;
+            CHECK_REL(damped_energy(y, &d, NULL, NULL, 0), damped_energy(y, &free, gr, NULL, 0),
+                      1e-12);
+            CHECK(ref_difference(g, gr, n) < 1e-11);
+        }
+        for (i = 0; i < n; i++) y[i] += ref_uniform(&seed, -0.05, 0.05);
+        damped_energy(y, &d, g, H, 0);
+        for (i = 0; i < n; i++) {           /* Hessian against differences of the gradient */
+            const double h = 1e-5, at = y[i];
+            double       a, b;
+            y[i] = at + h;
+            a = damped_energy(y, &d, up, NULL, 0);
+            y[i] = at - h;
+            b = damped_energy(y, &d, down, NULL, 0);
+            y[i] = at;
+            gr[i] = (a - b) / (2 * h);
+            for (j = 0; j < n; j++) Hr[n * j + i] = (up[j] - down[j]) / (2 * h);
+        }
+        CHECK(ref_difference(g, gr, n) < 1e-6);
+        CHECK(ref_difference(H, Hr, n * n) < 1e-6);
+        damped_energy(y, &d, g, H, 1);
+        CHECK(ref_smallest_eigenvalue(H, n) > -1e-12);
+    }
+}
+
+static void lanes_gather(void) {
+    unsigned long long seed = 15;
+    double             x[3 * 20], out[12 * LANES], f[3 * 20], forces[12 * LANES];
+    int                index[4 * LANES], start[21], entry[4 * LANES], i, k, n = 0, v;
+    random_points(&seed, 60, 1, x);
+    for (i = 0; i < 4 * LANES; i++) index[i] = (int)(ref_next(&seed) % 20);
+    clothi_gather_lanes(x, index, 4, out);
+    for (i = 0; i < 4; i++)
+        for (k = 0; k < LANES; k++) {
+            const double *p = x + 3 * index[LANES * i + k], *q = out + 3 * LANES * i + k;
+            CHECK(!memcmp(p, q, sizeof *p) && !memcmp(p + 1, q + LANES, sizeof *p)
+                  && !memcmp(p + 2, q + 2 * LANES, sizeof *p));
+        }
+    random_points(&seed, 12 * LANES, 1, forces);
+    for (v = 0; v < 20; v++) {
+        start[v] = n;
+        for (i = 0; i < 4 * LANES; i++)
+            if (index[i] == v) entry[n++] = 3 * LANES * (i / LANES) + i % LANES;
+    }
+    start[20] = n;
+    clothi_sum_corners(forces, start, entry, 0, 20, -1.0, f);
+    for (v = 0; v < 20; v++)
+        for (k = 0; k < 3; k++) {
+            double sum = 0;
+            for (i = 0; i < 4 * LANES; i++)
+                if (index[i] == v) sum += forces[(3 * (i / LANES) + k) * LANES + i % LANES];
+            CHECK_NEAR(f[3 * v + k], -sum, 0.0);
+        }
+}
+
 /* ---- any finite bits ------------------------------------------------------------------------ */
 
 static double any_finite(unsigned long long *seed) {
@@ -610,6 +884,12 @@ int main(int argc, char **argv) {
     RUN(hinge_invariance);
     RUN(hinge_degenerate);
     RUN(quadratic_is_the_flat_hinge);
+    RUN(lanes_stretch);
+    RUN(lanes_hinge);
+    RUN(lanes_quadratic);
+    RUN(lanes_spring);
+    RUN(lanes_damping);
+    RUN(lanes_gather);
     RUN(finite_in_finite_out);
     return TEST_END();
 }

@@ -26,6 +26,7 @@ stage() {
 coverage() {
     find "$(pwd)/out/cov" -name '*.gcda' >out/cov/gcda
     mkdir -p out/cov/gcov
+    cp ../clothsim*.h out/cov               # gcov writes where it stands and looks for ../*.h
     while read -r data; do
         (cd out/cov/gcov && rm -f ./*.gcov && gcov "$data" >/dev/null 2>&1
          for h in clothsim*.h.gcov; do [ -f "$h" ] && cat "$h"; done)

@@ -5,7 +5,9 @@
 #   suite.sh select FILE...    those that belong to $TIER: quick, default or full
 #   suite.sh build SRC EXE     compile one program (environment: see the Makefile's exports)
 #   suite.sh run SRC EXE       run it, keep its output in EXE.log, print its last line
+#   suite.sh check NAME EXE    the same for one check of checks.sh
 #   suite.sh report NAME...    failures in full, skipped, the five slowest, 'N passed, N failed'
+#   suite.sh tag, built, shown, expected     for examples/Makefile, run from examples/
 # A program is out/<flavour>/<path without .c>; its output is that name with .log appended.
 LC_ALL=C
 export LC_ALL
@@ -69,7 +71,7 @@ build() {
     fi
     flags=$(extra_flags "$src")
     if [ -n "$flags" ] && ! echo 'int main(void) { return 0; }' |
-            $X_CC $X_FLAGS $flags -x c - -o "$exe.probe" -lm >"$exe.build" 2>&1; then
+            $X_CC $X_FLAGS $flags -x ${X_CXX:-c} - -o "$exe.probe" -lm >"$exe.build" 2>&1; then
         echo "the compiler lacks $flags" >"$exe.skip"
         return 0
     fi
@@ -82,6 +84,8 @@ build() {
 
 run() {
     src=$1 exe=$2
+    page=$(tag page "$src")
+    [ -n "$page" ] && rm -f "$page"         # an old page must not pass for a new one
     limit=
     command -v timeout >/dev/null 2>&1 && limit="timeout ${SECONDS_MAX:-900}"
     if [ -f "$exe.skip" ]; then
@@ -107,7 +111,8 @@ finish() {
     echo "$3" >"$2.rc"
     line=$(tail -n 1 "$2.log")
     if [ "$3" -eq 0 ] && [ -n "${SHOW:-}" ]; then cat "$2.log"
-    elif [ "$3" -eq 0 ]; then echo "$line"
+    elif [ "$3" -eq 0 ]; then
+        case $line in "${1##*/}":*) echo "$line" ;; *) echo "$1: $line" ;; esac
     else echo "$1: FAILED (exit status $3)"
     fi
 }
@@ -115,6 +120,7 @@ finish() {
 # One line of input a program: its log without the ending. The counts of a program come from its
 # last line; a program that crashes or prints no such line counts as one failed test.
 report() {
+    mkdir -p "$X_OUT"
     for name in "$@"; do echo "$X_OUT/$name"; done | awk -v total_file="$X_OUT/total" '
         function slurp(file,   line) {
             text = last = ""
@@ -168,13 +174,64 @@ report() {
         }'
 }
 
+# ---- for examples/Makefile
+
+# tag NAME FILE: what follows 'NAME:' in the first comment
+tag() { first_comment "$2" | sed -n "s/^[ *]*$1: *//p" | sed 's/ *\*\/$//' | head -n 1; }
+
+built() {
+    [ -x "$1" ] || [ -f "$1.skip" ] || { echo "$1 did not build:"; cat "$1.build"; return 1; }
+    [ ! -f "$1.skip" ] || echo "$1: skipped: $(cat "$1.skip")"
+}
+
+# shown SRC EXE: the example ran and its page is there
+shown() {
+    page=$(tag page "$1")
+    if [ "$(cat "$2.rc")" != 0 ] || [ ! -s "$page" ]; then
+        echo "$1: exit status $(cat "$2.rc"), its output:"
+        cat "$2.log"
+        [ -s "$page" ] || echo "$1 wrote no $page"
+        return 1
+    fi
+    echo "  $1 wrote $page"
+}
+
+# expected NAME...: the last line of each example is the one that its comment promises
+expected() {
+    passed=0 failed=0 skipped=0
+    for name in "$@"; do
+        if [ -f "$X_OUT/$name.skip" ]; then
+            echo "$name.c: skipped: $(cat "$X_OUT/$name.skip")"
+            skipped=$((skipped + 1))
+            continue
+        fi
+        want=$(tag expected "$name.c")
+        got=$(tail -n 1 "$X_OUT/$name.log")
+        page=$(tag page "$name.c")
+        if [ -z "$want" ]; then why="says no 'expected: ...' in its first comment"
+        elif [ "$(cat "$X_OUT/$name.rc")" != 0 ]; then why="exit status $(cat "$X_OUT/$name.rc")"
+        elif [ "$want" != "$got" ]; then why="last line is not '$want'"
+        elif [ -n "$page" ] && [ ! -s "$page" ]; then why="wrote no $page"
+        else passed=$((passed + 1)); continue
+        fi
+        failed=$((failed + 1))
+        echo "$name.c: $why; its output ends:"
+        tail -n 20 "$X_OUT/$name.log" | sed 's/^/    /'
+    done
+    line="$passed passed, $failed failed"
+    [ $skipped -gt 0 ] && line="$line, $skipped skipped"
+    mkdir -p "$X_OUT"
+    echo "$line" | tee "$X_OUT/total"
+    [ $failed -eq 0 ]
+}
+
 verb=$1
 shift
 case $verb in
 line) for file in "$@"; do compile_line "$file"; done ;;
 flags) extra_flags "$1" ;;
 select) select_programs "$@" ;;
-build|run|check|report) $verb "$@" ;;
+build|run|check|report|tag|built|shown|expected) $verb "$@" ;;
 has_implementation) has_implementation "$1" ;;
 *) echo "suite.sh: unknown verb $verb" >&2; exit 2 ;;
 esac

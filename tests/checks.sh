@@ -267,7 +267,7 @@ run_quickstart() {
     fi
 }
 
-# Its own header line says how it is built; benches find it as $YARDSTICK or out/bench/yardstick.
+# Its own header line says how it is built; benches find it as out/bench/yardstick.
 run_yardstick() {
     shared=${CLOTH_SHARED:-../../shared}
     src=$shared/yardstick/newton_proto.c

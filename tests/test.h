@@ -1,7 +1,8 @@
 /* test.h - CHECK, CHECK_NEAR, CHECK_REL, RUN, SKIP. Include in one .c file per program.
  *   int main(int argc, char **argv) { TEST_BEGIN(argc, argv); RUN(name); ... return TEST_END(); }
- * argv[1]: run only the tests whose name contains it. Environment FULL=1: test_full() is true.
- * The last line a program prints is 'program: N passed, N failed, N skipped'; a test counts once. */
+ * argv[1]: run only the tests whose name contains it. Environment: FULL=1, test_full() is true;
+ * QUICK=1, test_quick() is true. The last line that a program prints is
+ * 'file.c: N passed, N failed, N skipped (S s)', CPU seconds; a test counts once. */
 #ifndef CLOTH_TEST_H
 #define CLOTH_TEST_H
 
@@ -13,10 +14,9 @@
 
 static const char *test_program, *test_filter, *test_name;
 static int test_passed, test_failed, test_skipped, test_bad, test_skip;
+static clock_t test_clock;
 
-#define CHECK(cond)                                                                              \
-    ((cond) ? 1 : (test_bad++, printf("%s:%d: %s: failed: %s\n", __FILE__, __LINE__, test_name,  \
-                                      #cond), 0))
+#define CHECK(cond) test_true((cond) ? 1 : 0, #cond, __FILE__, __LINE__)
 /* |a - b| <= tol; NaN fails */
 #define CHECK_NEAR(a, b, tol)                                                                    \
     test_near((double)(a), (double)(b), (double)(tol), #a, __FILE__, __LINE__)
@@ -41,6 +41,13 @@ static int test_passed, test_failed, test_skipped, test_bad, test_skip;
 #define TEST_BEGIN(argc, argv) test_begin(argc, argv, __FILE__)
 #define TEST_END() test_end()
 
+static int test_true(int good, const char *what, const char *file, int line) {
+    if (good) return 1;
+    printf("%s:%d: %s: failed: %s\n", file, line, test_name, what);
+    test_bad++;
+    return 0;
+}
+
 static int test_near(double a, double b, double tol, const char *what, const char *file,
                      int line) {
     if (fabs(a - b) <= tol) return 1;
@@ -53,6 +60,7 @@ static int test_near(double a, double b, double tol, const char *what, const cha
 static int test_start(const char *name) {
     test_name = name;
     test_bad = test_skip = 0;
+    test_clock = clock();
     return !test_filter || strstr(name, test_filter) != NULL;
 }
 
@@ -61,18 +69,23 @@ static void test_stop(void) {
     else if (test_skip) test_skipped++;
     else test_passed++;
     if (test_bad) printf("  %s: FAILED (%d checks)\n", test_name, test_bad);
-    fflush(stdout);
+    else if (!test_skip)
+        printf("  %s: ok (%.2f s)\n", test_name,
+               (double)(clock() - test_clock) / CLOCKS_PER_SEC);
+    fflush(stdout);                         /* what was said survives a crash of the next test */
 }
 
 static void test_begin(int argc, char **argv, const char *file) {
     test_program = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
     test_filter = argc > 1 ? argv[1] : NULL;
     (void)test_near;
+    (void)test_true;
 }
 
 static int test_end(void) {
     printf("%s: %d passed, %d failed, %d skipped (%.2f s)\n", test_program, test_passed,
            test_failed, test_skipped, (double)clock() / CLOCKS_PER_SEC);
+    fflush(stdout);
     return test_failed != 0;
 }
 
@@ -80,6 +93,12 @@ static int test_end(void) {
 static inline int test_full(void) {
     const char *full = getenv("FULL");
     return full && *full == '1';
+}
+
+/* true in the short tier: make -C tests quick */
+static inline int test_quick(void) {
+    const char *quick = getenv("QUICK");
+    return quick && *quick == '1';
 }
 
 /* A file of the shared data directory (beside the checkout, or $CLOTH_SHARED), "" when absent. */

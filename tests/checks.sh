@@ -1,0 +1,318 @@
+#!/bin/sh
+# checks.sh - what is checked of the text and the object code rather than of the numbers.
+#   sh checks.sh text        contents and banners, width, ASCII, length of functions, cited tests
+#   sh checks.sh comments    every program starts with its compile line
+#   sh checks.sh commands    those lines, run as they stand
+#   sh checks.sh names       only cloth names leave the object, only CLOTH macros the header
+#   sh checks.sh units       declarations and implementation in two units, C and C++ mixed
+#   sh checks.sh size        the object's bytes; seconds to compile
+#   sh checks.sh compile     compile_only.c: compilers x standards x orders x configurations
+#   sh checks.sh programs    every test and example compiled as C99, nothing run
+#   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c = README, and it compiles
+#   sh checks.sh yardstick DIR          builds the prototype that speed is compared with
+#   sh checks.sh fuzz SECONDS FILES     runs each libFuzzer entry
+# Run from tests/. Each prints 'checks.sh NAME: N passed, N failed, N skipped (S s)' last.
+LC_ALL=C
+export LC_ALL
+
+check=$1
+shift
+out=out/checks/$check
+mkdir -p "$out"
+passed=0 failed=0 skipped=0
+
+ok() { passed=$((passed + 1)); }
+bad() { failed=$((failed + 1)); echo "  FAILED: $*"; }
+skip() { skipped=$((skipped + 1)); echo "  skipped: $*"; }
+# says what: must WHAT COMMAND... counts a test and shows the output of one that fails
+must() {
+    what=$1
+    shift
+    if "$@" >"$out/said" 2>&1; then ok; else bad "$what"; sed 's/^/    /' "$out/said"; fi
+}
+# a list of offenders must be empty
+none() { if [ -s "$2" ]; then bad "$1"; sed 's/^/    /' "$2"; else ok; fi; }
+have() { command -v "$1" >/dev/null 2>&1; }
+# CPU seconds of the children so far, in $now; a subshell would only see its own
+cpu() {
+    times >"$out/times"
+    now=$(awk 'NR == 2 { gsub(/[ms]/, " "); print $1 * 60 + $2 + $3 * 60 + $4 }' "$out/times")
+}
+
+cc=${X_CC:-cc}
+std=${X_STD:--std=c99}
+lang=
+[ -n "${X_CXX:-}" ] && lang='-x c++'
+base="-O2 -ffp-contract=off -I.."
+warn='-Wall -Wextra -pedantic -Wconversion -Wshadow -Wdouble-promotion -Wundef -Werror'
+warn_c='-Wstrict-prototypes -Wmissing-prototypes -Wc++-compat'
+headers=
+for h in clothsim.h clothsim_collide.h clothsim_grad.h; do
+    [ -f ../$h ] && headers="$headers $h"
+done
+programs=$(ls test_*.c validate/*.c stability/*.c bench/*.c 2>/dev/null)
+examples=$(ls ../examples/[0-9][0-9]_*.c ../examples/*/[0-9][0-9]_*.c 2>/dev/null)
+
+unit() {        # unit FILE: one .c file with every implementation
+    echo '#define CLOTHSIM_IMPLEMENTATION' >"$1"
+    for h in $headers; do echo "#include \"$h\"" >>"$1"; done
+}
+
+run_text() {
+    files=$(ls ../*.h *.[ch] */*.[ch] *.awk ../examples/*.[ch] ../examples/*/*.[ch] 2>/dev/null |
+            grep -v '^out/\|/out/')
+    for h in $headers; do
+        must "contents of $h" awk -v check=contents -f check_text.awk ../$h
+        most=4000
+        [ $h = clothsim.h ] && most=7000
+        must "$h has $(wc -l <../$h) lines" test "$(wc -l <../$h)" -le $most
+    done
+    must 'the lines' awk -v check=lines -f check_text.awk $files
+    must 'the length of functions' awk -v check=functions -f check_text.awk \
+        $(printf '%s\n' $files | grep '\.h$')
+    cited=
+    [ -f ../README.md ] && cited=../README.md
+    for h in $headers; do cited="$cited ../$h"; done
+    must 'cited tests' awk -v check=cites -f check_text.awk $cited
+    grep -nE 'cloth[i]?_[a-zA-Z0-9_]*(_t\b|__)' $files >"$out/names" /dev/null
+    none 'names that end in _t or hold __' "$out/names"
+}
+
+# The line must name its file, the standard and the library, and hold the implementation once.
+run_comments() {
+    for file in $programs $examples; do
+        line=$(sh suite.sh line "$file")
+        name=$file
+        case $file in ../examples/*) name=${file#../examples/} ;; esac
+        need='-std=c99 -ffp-contract=off -lm'
+        if grep -q 'clothsim.*\.h"' "$file" && ! sh suite.sh has_implementation "$file"; then
+            need="$need -DCLOTHSIM_IMPLEMENTATION"
+        fi
+        lacks=
+        for word in $name $need; do
+            case " $line " in *" $word "*) ;; *) lacks="$lacks $word" ;; esac
+        done
+        if [ -z "$lacks" ]; then ok
+        elif [ -z "$line" ]; then bad "$file: its first comment holds no line 'cc ... $name ... -lm'"
+        else bad "$file: its compile line lacks$lacks"
+        fi
+    done
+}
+
+run_commands() {
+    for file in $programs $examples; do
+        dir=.
+        case $file in ../examples/*) dir=../examples ;; esac
+        line=$(sh suite.sh line "$file" | sed 's/ -o  *[^ ]*//')
+        exe=$(pwd)/$out/program
+        must "$file: $line" sh -c "cd $dir && $line -o '$exe'"
+    done
+}
+
+run_names() {
+    if ! have nm || [ "$(uname -s)" != Linux ]; then
+        skip 'names of the object: needs nm and ELF'
+    else
+        unit "$out/kit.c"
+        # -fno-pic: tables of constants stay out of the writable .data.rel.ro; -O0: all functions stay
+        must 'the kit compiles' $cc $std -O0 -I.. -fno-pic $lang -c "$out/kit.c" -o "$out/kit.o"
+        # weak ones are what C++ makes of pow(double, int)
+        nm -g --defined-only "$out/kit.o" |
+            awk '$2 != "W" && $3 !~ /^cloth_/ { print $3 }' >"$out/global"
+        none 'global names that do not start with cloth_' "$out/global"
+        if [ -z "$lang" ]; then
+            nm --defined-only "$out/kit.o" |
+                awk '$3 !~ /^clothi?_|\.[0-9]+$/ { print $3 }' >"$out/local"    # x.0: inside a function
+            none 'private names that do not start with clothi_' "$out/local"
+        fi
+        nm "$out/kit.o" | awk '$2 ~ /^[bBdDcCgGsS]$/ { print $3 }' >"$out/writable"
+        none 'file-scope variables that can change' "$out/writable"
+        nm -u "$out/kit.o" | awk '{ print $NF }' | sed 's/^__isoc99_//' | grep -E \
+            '^(_*f?put[cs]|.*printf(_chk)?|.*scanf|strto.*|ato.*|_?exit|abort|longjmp|qsort|bsearch|rand|srand|time|clock|clock_gettime|getenv|setlocale|signal|__errno_location)$' \
+            >"$out/imports"
+        none 'library functions that the kit may not call' "$out/imports"
+    fi
+    if ! $cc -dM -E -x c /dev/null >/dev/null 2>&1; then
+        skip 'macros of the headers: the compiler has no -dM'
+        return
+    fi
+    for h in $headers; do sed -n '/immintrin\|arm_neon/d; s/^# *include *</#include </p' ../$h; done |
+        sort -u >"$out/sys.h"
+    for mode in '' -DCLOTHSIM_IMPLEMENTATION; do
+        $cc -std=c99 -dM -E -include "$out/sys.h" $mode -x c /dev/null | sort >"$out/m0"
+        for h in $headers; do
+            $cc -std=c99 -dM -E -include "$out/sys.h" $mode -I.. -x c ../$h | sort >"$out/m1"
+            comm -13 "$out/m0" "$out/m1" | awk '$2 !~ /^CLOTH(I|SIM)?_/ { print $2 }' >"$out/macros"
+            none "macros of $h that do not start with CLOTH $mode" "$out/macros"
+        done
+    done
+}
+
+run_units() {
+    languages=c
+    cxx=
+    for try in g++ clang++ c++; do have $try && { cxx=$try; break; }; done
+    if [ -n "$cxx" ]; then languages='c c++'; else skip 'two units in C++: no compiler'; fi
+    for a in $languages; do for b in $languages; do
+        link=$cc
+        for side in a b; do
+            [ $side = a ] && as=$a || as=$b
+            if [ "$as" = c ]; then set -- $cc -std=c99 $warn $warn_c
+            else set -- $cxx -std=c++11 $warn; link=$cxx
+            fi
+            must "unit $side as $as" "$@" $base -x "$as" -c two_units_$side.c -o "$out/$side.o"
+        done
+        must "unit a in $a linked to b in $b" $link "$out/a.o" "$out/b.o" -lm -o "$out/two_units"
+        must "unit a in $a with b in $b runs" "$out/two_units"
+    done; done
+}
+
+run_size() {
+    for h in $headers; do
+        printf '#define CLOTHSIM_IMPLEMENTATION\n#include "%s"\n' $h >"$out/one.c"
+        cpu; t0=$now
+        must "$h compiles" $cc $std $base $lang -c "$out/one.c" -o "$out/one.o"
+        cpu
+        size=$(($(wc -c <"$out/one.o" 2>/dev/null || echo 0)))
+        echo "  $h: $(wc -l <../$h) lines, object $size bytes," \
+             "compiled in $(awk "BEGIN { print $now - $t0 }") s at -O2"
+        case $h in clothsim.h) must "object of $h: $size bytes" test $size -lt 300000 ;; esac
+    done
+}
+
+# orders of up to three headers, as -D options for compile_only.c
+orders() {
+    for a in $headers; do for b in $headers; do for c in $headers; do
+        case $(printf '%s\n' $a $b $c | sort -u | wc -l):$(echo $headers | wc -w) in
+        *1:*1|*2:*2|*3:*3) echo "-DFIRST=\"$a\" -DSECOND=\"$b\" -DTHIRD=\"$c\"" ;;
+        esac
+    done; done; done
+}
+
+one_compile() { must "compile_only.c: $*" "$@" $kit_warn -I.. -c compile_only.c -o "$out/one.o"; }
+
+run_compile() {
+    for pair in gcc:g++ clang:clang++; do
+        c=${pair%:*} cxx=${pair#*:}
+        kit_warn=$warn
+        [ $c = clang ] && echo | clang -Werror -Wreserved-identifier -x c -c - -o "$out/one.o" \
+            2>/dev/null && kit_warn="$warn -Wreserved-identifier"
+        full=$(orders | head -n 1)
+        if have $c; then
+            kit_warn="$kit_warn $warn_c"
+            for s in c99 c11; do one_compile $c -std=$s $full; done
+            one_compile $c -std=c99 $full -DCLOTHSIM_STATIC
+            for option in -DNDEBUG -DCLOTH_NO_STDIO -DCLOTH_NO_SIMD -DCLOTH_ENABLE_VALIDATE; do
+                one_compile $c -std=c99 $full $option
+            done
+            [ "$(uname -m)" = x86_64 ] && one_compile $c -std=c99 $full -mavx2 -mfma
+            kit_warn=${kit_warn%"$warn_c"}
+        else skip "compile with $c: not installed"
+        fi
+        if have $cxx; then
+            for s in c++11 c++17; do one_compile $cxx -x c++ -std=$s $full; done
+            one_compile $cxx -x c++ -std=c++11 $full -DCLOTHSIM_STATIC
+        else skip "compile with $cxx: not installed"
+        fi
+    done
+    kit_warn="$warn $warn_c"
+    orders >"$out/orders"
+    while read -r order; do one_compile $cc -std=c99 $order; done <"$out/orders"
+}
+
+run_programs() {
+    for c in gcc clang; do
+        have $c || { skip "programs with $c: not installed"; continue; }
+        for file in $programs $examples; do
+            flags=$(sh suite.sh flags "$file")
+            if ! echo 'int x;' | $c $flags -x c -c - -o "$out/one.o" >/dev/null 2>&1; then
+                skip "$file: $c lacks $flags"
+                continue
+            fi
+            must "$c $file" $c -std=c99 $warn $warn_c $flags -I.. -I. -I../examples \
+                -c "$file" -o "$out/one.o"
+        done
+    done
+}
+
+# The program stands in the header between '---- 01_hang.c ----' and '---- end ----', each line
+# behind ' * ' and any indent; in the example without its comments that start in column 0; in
+# README in the first ```c block that holds the implementation macro. Blank ends do not count.
+squeeze() { awk '{ sub(/ +$/, "") } NF { if (gap && any) print ""; gap = 0; any = 1; print; next }
+                 { gap = 1 }'; }
+
+run_quickstart() {
+    awk '/---- 01_hang\.c ----/ { on = 1; next } /---- end ----/ { on = 0 }
+         on { if (!width && match($0, /^ \* +/)) width = RLENGTH
+              print substr($0, width + 1) }' ../clothsim.h | squeeze >"$out/header.c"
+    if [ ! -s "$out/header.c" ]; then
+        skip "[1.1] of clothsim.h has no lines between '---- 01_hang.c ----' and '---- end ----'"
+    else
+        must '[1.1] compiles' $cc -std=c99 $base $warn $warn_c -I../examples "$out/header.c" -lm \
+            -o "$out/quickstart"
+        must "[1.1] has $(wc -l <"$out/header.c") lines" test "$(wc -l <"$out/header.c")" -le 30
+        if [ -f ../examples/01_hang.c ]; then
+            awk '/^\/\*/ { skip = 1 } !skip { print } /\*\// { skip = 0 }' ../examples/01_hang.c |
+                squeeze >"$out/example.c"
+            must 'examples/01_hang.c is [1.1]' diff "$out/header.c" "$out/example.c"
+        else skip 'examples/01_hang.c: not there'
+        fi
+        if [ -f ../README.md ]; then
+            awk '/^```c$/ { on = 1; text = ""; next }
+                 /^```$/ { if (on && text ~ /CLOTHSIM_IMPLEMENTATION/) { printf "%s", text; exit }
+                           on = 0 }
+                 on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
+            must 'the quick start of README is [1.1]' diff "$out/header.c" "$out/readme.c"
+        else skip 'README.md: not there'
+        fi
+    fi
+}
+
+# Its own header line says how it is built; benches find it as out/bench/yardstick.
+run_yardstick() {
+    shared=${CLOTH_SHARED:-../../shared}
+    src=$shared/yardstick/newton_proto.c
+    if [ ! -f "$src" ]; then skip 'the yardstick is not beside the checkout'; return; fi
+    mkdir -p out/bench
+    line=$(sed -n 's/^ *\**  *\(g*cc .*newton_proto\.c.*\)$/\1/p' "$src" | head -n 1 |
+           sed "s|newton_proto\.c|$src|; s| -o  *[^ ]*| -o out/bench/yardstick|")
+    echo "  $line"
+    must 'the yardstick builds' sh -c "$line"
+}
+
+run_fuzz() {
+    seconds=$1
+    shift
+    if ! have clang; then skip 'fuzzers: no clang'; return; fi
+    [ $# -gt 0 ] || skip 'there is no fuzz_*.c'
+    for file in "$@"; do
+        name=${file%.c}
+        mkdir -p "$out/$name.corpus"
+        seeds=
+        [ -d "fuzz/$name" ] && seeds=fuzz/$name
+        flags=-DCLOTHSIM_IMPLEMENTATION
+        sh suite.sh has_implementation "$file" && flags=
+        if ! clang -std=c99 -O1 -g -ffp-contract=off -fsanitize=fuzzer,address,undefined \
+                -fno-sanitize-recover=all $flags -I.. -I. "$file" -lm -o "$out/$name" \
+                2>"$out/said"; then
+            bad "$file does not build"
+            cat "$out/said"
+            continue
+        fi
+        if "$out/$name" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 \
+                -artifact_prefix="$out/$name." "$out/$name.corpus" $seeds >"$out/$name.log" 2>&1
+        then ok; tail -n 1 "$out/$name.log"
+        else bad "$file: see $out/$name.log"; tail -n 40 "$out/$name.log"
+        fi
+    done
+}
+
+case $check in
+text|comments|commands|names|units|size|compile|programs|quickstart|yardstick|fuzz)
+    run_"$check" "$@" ;;
+*) echo "checks.sh: there is no check '$check'" >&2; exit 2 ;;
+esac
+cpu
+[ $((passed + failed + skipped)) -eq 0 ] && skip 'there is nothing to check yet'
+echo "checks.sh $check: $passed passed, $failed failed, $skipped skipped ($now s)"
+[ "$failed" -eq 0 ]

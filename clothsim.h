@@ -248,12 +248,413 @@ typedef enum cloth_sheet_pattern {
     CLOTH_SHEET_FORCE_INT = 0x7fffffff
 } cloth_sheet_pattern;
 
+/* TEMPORARY-BEGIN types */
+typedef enum cloth_linear { CLOTH_LINEAR_AUTO=0, CLOTH_LINEAR_JACOBI=1, CLOTH_LINEAR_SGS=2, CLOTH_LINEAR_CHOLESKY=3 } cloth_linear;
+typedef struct cloth_pattern cloth_pattern; typedef struct cloth_matrix cloth_matrix; typedef struct cloth_linear_solver cloth_linear_solver;
+typedef struct cloth_linear_options { cloth_linear method; double tolerance; int max_iterations; const unsigned char *fixed; } cloth_linear_options;
+typedef struct cloth_linear_report { int iterations, negative, factorizations; double residual; } cloth_linear_report;
+typedef enum cloth_plane { CLOTH_PLANE_STRESS=0, CLOTH_PLANE_STRAIN_3D=1 } cloth_plane;
+typedef struct cloth_material { double density, young, thickness, membrane, poisson, bending, damping; cloth_plane plane; } cloth_material;
+/* --- the ladder: a scene takes the lowest rung that meets its tolerance --- */
+typedef enum cloth_membrane {
+    CLOTH_MEMBRANE_SPRINGS = 1,             /* a spring on each edge                           */
+    CLOTH_MEMBRANE_STVK    = 2              /* constant strain triangles (default)             */
+} cloth_membrane;
+
+typedef enum cloth_bend_model {
+    CLOTH_BEND_NONE      = 1,               /* no hinge array at all                           */
+    CLOTH_BEND_QUADRATIC = 2,               /* flat rest shape, constant Hessian               */
+    CLOTH_BEND_HINGE     = 3,               /* dihedral angles (default)                       */
+    CLOTH_BEND_SHELL     = 4                /* not built: refused by name                      */
+} cloth_bend_model;
+
+typedef enum cloth_integrator {
+    CLOTH_INTEGRATOR_LEAPFROG = 1,          /* explicit, order 2, no matrix                    */
+    CLOTH_INTEGRATOR_EULER    = 2,          /* implicit, order 1, damps (default)              */
+    CLOTH_INTEGRATOR_BDF2     = 3           /* implicit, order 2                               */
+} cloth_integrator;
+
+typedef enum cloth_contact_rung {
+    CLOTH_CONTACT_NONE      = 1,            /* (default) 0 bytes, 0 calls                      */
+    CLOTH_CONTACT_OBSTACLES = 2,            /* clothsim_collide.h                              */
+    CLOTH_CONTACT_SELF      = 3             /* clothsim_collide.h                              */
+} cloth_contact_rung;
+
+typedef enum cloth_rest_angle {
+    CLOTH_REST_ANGLE_TEMPLATE = 1,          /* rest angles of x_rest                           */
+    CLOTH_REST_ANGLE_FLAT     = 2           /* zero                                            */
+} cloth_rest_angle;
+
+enum { CLOTH_AXIS_X = 1, CLOTH_AXIS_Y = 2, CLOTH_AXIS_Z = 4, CLOTH_AXIS_ALL = 7 };
+
+typedef struct cloth_pin {                  /* a vertex (or some of its axes) on a target      */
+    int      vertex;
+    unsigned axes;                          /* CLOTH_AXIS_... or'ed                            */
+} cloth_pin;
+
+/* The follower shares the leader's coordinate on the given axes: a row of a strip that bends as
+ * one. The offset at create is kept: x_follower = x_leader + (x0_follower - x0_leader). */
+typedef struct cloth_tie {
+    int      leader, follower;
+    unsigned axes;
+} cloth_tie;
+
+typedef struct cloth_model cloth_model;     /* constant after create; shared by threads        */
+typedef struct cloth_sim   cloth_sim;       /* one per thread                                  */
+
+#define CLOTH_DEFAULT_AIR_DENSITY  1.2          /* kg/m^3, 20 C at sea level           */
+#define CLOTH_DEFAULT_DRAG         1.0
+#define CLOTH_DEFAULT_LIFT         0.5
+#define CLOTH_DEFAULT_ATTACHMENTS  64
+#define CLOTH_DEFAULT_TOLERANCE    1e-4         /* m                                   */
+#define CLOTH_DEFAULT_CG_TOLERANCE 0.1
+
+/* Everything that a model is made from. Start from cloth_desc_default(). Arrays are copied. */
+typedef struct cloth_desc {
+    uint32_t    cookie;                     /* set by cloth_desc_default()                     */
+    cloth_hooks hooks;                      /* copied                                          */
+
+    /* the mesh: one or several cloths */
+    int           nv;                       /* vertices                                        */
+    const double *x_rest;                   /* [nv x 3] m, the template                        */
+    int           nf;                       /* triangles                                       */
+    const int    *faces;                    /* [nf x 3] counter-clockwise seen from outside    */
+    const int    *part;                     /* [nf] which cloth, NULL: all 0                   */
+    const int    *region;                   /* [nf] which material, NULL: all 0                */
+    const double *X;                        /* [nf x 3 x 2] m, flat corners; NULL: flatten     */
+    const double *x;                        /* [nv x 3] m, start; NULL: x_rest                 */
+    const double *v;                        /* [nv x 3] m/s, start; NULL: 0                    */
+    const double *vertex_mass;              /* [nv] kg; NULL: a third of each triangle         */
+    cloth_rest_angle rest_angle;            /* default TEMPLATE                                */
+
+    /* what it is made of */
+    int                   nregions;         /* 0: `material` everywhere                        */
+    const cloth_material *materials;        /* [nregions]                                      */
+    cloth_material        material;         /* when nregions == 0                              */
+
+    /* the ladder */
+    cloth_membrane     membrane;
+    cloth_bend_model   bend;
+    cloth_integrator   integrator;
+    cloth_contact_rung contact;
+    int                substeps;            /* of a step; 0: 1, or LEAPFROG's stability limit  */
+    int                max_newton;          /* per substep; 0: to `tolerance`                  */
+
+    /* the world */
+    double gravity[3];                      /* m/s^2, default 0 -9.81 0                        */
+    int    wind_on;                         /* 0 (default): the term is not walked             */
+    double wind[3];                         /* m/s, velocity of the air                        */
+    double air_density;                     /* kg/m^3, default 1.2                             */
+    double drag, lift;                      /* per face, defaults 1.0 and 0.5; >= 0            */
+
+    /* what holds it */
+    int              npins;                 /* pinned at their start position                  */
+    const cloth_pin *pins;                  /* [npins]                                         */
+    int              nties;
+    const cloth_tie *ties;                  /* [nties]; a follower has one leader an axis      */
+    int              max_attachments;       /* capacity, default 64                            */
+
+    /* how it is solved */
+    double       tolerance;                 /* m, largest last Newton update; default 1e-4     */
+    double       cg_tolerance;              /* of a linear solve, relative; default 0.1        */
+    cloth_linear linear;                    /* default CLOTH_LINEAR_AUTO                       */
+} cloth_desc;
+
+/* What a fit changes without a new analysis. Owned by the sim: write, then call
+ * cloth_sim_params_changed(). Counts are constant. */
+typedef struct cloth_params {
+    int             nregions, nh, nf, nv;
+    cloth_material *material;               /* [nregions]                                      */
+    double         *hinge_scale;            /* [nh] factor on c, default 1                     */
+    double         *theta0;                 /* [nh] rad, rest angles                           */
+    double         *X;                      /* [nf x 3 x 2] m, flat rest corners               */
+    double         *mass;                   /* [nv] kg                                         */
+    int             mass_given;             /* 0: mass is lumped anew from density and X       */
+} cloth_params;
+
+typedef struct cloth_state {
+    double *x;                              /* [nv x 3] m    position                          */
+    double *v;                              /* [nv x 3] m/s  velocity                          */
+    double  t;                              /* s             simulated time                    */
+} cloth_state;
+
+typedef enum cloth_outcome {
+    CLOTH_STEP_NONE             = 0,        /* nothing was accepted                            */
+    CLOTH_STEP_CONVERGED        = 1,
+    CLOTH_STEP_MAX_ITERATIONS   = 2,        /* the desc's cap; accepted                        */
+    CLOTH_STEP_STALLED          = 3,        /* no decrease found                               */
+    CLOTH_STEP_COLLISION_FAILED = 4
+} cloth_outcome;
+
+/* Energies in J. The balance of a step: kinetic + potential (stretch, bend, gravity, attach,
+ * other) changes by the work of wind, forces and pins, less damping, less numerical loss. */
+typedef struct cloth_ledger {
+    double kinetic, stretch, bend, gravity, attach, other;      /* at the end of the step      */
+    double wind_work, force_work, pin_work;                     /* done on the cloth in it     */
+    double damping_loss;                                        /* material damping            */
+    double numerical_loss;                                      /* what balances the rest      */
+    double total;                                               /* kinetic + potential         */
+} cloth_ledger;
+
+typedef struct cloth_times {                /* ms, 0 without a clock hook                      */
+    double total, assemble, linear, line_search, contact, other;
+} cloth_times;
+
+typedef struct cloth_counts {               /* of this step                                    */
+    long long triangles, springs, hinges;   /* elements evaluated, in any pass                 */
+    long long hessians;                     /* elements whose Hessian was evaluated            */
+    long long bend_assemblies;              /* times that bending entered a matrix anew        */
+    long long wind_faces;                   /* faces whose wind was evaluated                  */
+    long long contact_calls;
+    long long allocations;                  /* calls of the allocator                          */
+} cloth_counts;
+
+typedef struct cloth_bytes {                /* held by model and sim together                  */
+    size_t mesh, elements, matrix, factor, state, scratch, contact, total;
+} cloth_bytes;
+
+typedef struct cloth_report {
+    cloth_status  status;                   /* as returned                                     */
+    cloth_outcome outcome;
+    double h;                               /* s, the step asked for                           */
+    int    substeps;                        /* taken                                           */
+    int    newton;                          /* iterations, all substeps                        */
+    int    cg;                              /* CG iterations                                   */
+    int    linear_solves;
+    int    factorizations;                  /* sparse Cholesky                                 */
+    int    halvings;                        /* of the line search                              */
+    int    projected;                       /* iterations with the semidefinite Hessian        */
+    int    negative;                        /* linear solves that met negative curvature       */
+    int    restarts;                        /* BDF2: substeps taken as implicit Euler          */
+    double residual_m;                      /* m, largest last Newton update                   */
+    double residual_N;                      /* N, largest force imbalance at the result        */
+    double omega_max;                       /* rad/s, LEAPFROG's estimate                      */
+    double min_stretch;                     /* smallest principal stretch                      */
+    int    min_stretch_face;
+    int    collapsed;                       /* triangles below 1/sqrt(3), where StVK softens   */
+    int    folded;                          /* hinges beyond 3 rad                             */
+    int    vertex;                          /* at fault (non-finite, stalled), or -1           */
+    double momentum[3];                     /* kg m/s                                          */
+    double angular[3];                      /* kg m^2/s, about the origin                      */
+    cloth_ledger energy;
+    cloth_times  ms;
+    cloth_counts counts;
+    cloth_bytes  bytes;
+    int    contacts;                        /* filled by clothsim_collide.h                    */
+    int    exempt_pairs;
+    int    failed_pairs;
+    double smallest_gap;                    /* m                                               */
+} cloth_report;
+
+typedef struct cloth_attachment {           /* index + generation, 0 = none                    */
+    uint32_t id;
+} cloth_attachment;
+
+/* Callbacks that draw; any may be NULL. Colours 0xRRGGBB; positions in m. */
+typedef struct cloth_debug_draw {
+    void (*line)(const double a[3], const double b[3], unsigned rgb, void *user);
+    void (*triangle)(const double a[3], const double b[3], const double c[3], unsigned rgb,
+                     void *user);
+    void (*point)(const double a[3], double size_px, unsigned rgb, void *user);
+    void (*text)(const double a[3], const char *text, unsigned rgb, void *user);
+    void *user;
+} cloth_debug_draw;
+
+/* --- energy terms: the one extension point --- */
+
+/* What a term sees. Read only, but for grad and hess, which are added to. */
+typedef struct cloth_eval {
+    const cloth_model  *model;
+    const cloth_params *params;
+    int           nv;
+    double        h;                        /* s of the substep; 0 in statics                  */
+    double        t;                        /* s at its end                                    */
+    const double *x;                        /* [nv x 3] m, where to evaluate                   */
+    const double *x_n;                      /* [nv x 3] m, start of the substep                */
+    const double *v_n;                      /* [nv x 3] m/s                                    */
+    double       *grad;                     /* [nv x 3] N, add dE/dx; NULL: not wanted         */
+    cloth_matrix *hess;                     /* add d2E/dx2; NULL: not wanted                   */
+    int           psd;                      /* nonzero: a positive semidefinite Hessian        */
+} cloth_eval;
+
+/* Where vjp adds a' d(grad)/d{...}. A NULL member is not wanted. */
+typedef struct cloth_vjp {
+    double *x_n, *v_n;                      /* [nv x 3]                                        */
+    double *force;                          /* [nv x 3] external force                         */
+    double *mass;                           /* [nv]                                            */
+    double *gravity, *wind;                 /* [3]                                             */
+    double *mu, *lambda, *bending, *damping;/* [nregions]                                      */
+    double *theta0, *hinge_scale;           /* [nh]                                            */
+    double *X;                              /* [nf x 3 x 2]                                    */
+    double *attach;                         /* [max_attachments x 3] targets                   */
+    double *attach_k;                       /* [max_attachments]                               */
+    double *h;                              /* [1]                                             */
+} cloth_vjp;
+
+typedef struct cloth_term {
+    const char *name;
+    void       *user;
+    /* once at the start of a substep: lag what has no potential; may be NULL */
+    cloth_status (*begin)(void *user, const cloth_eval *e);
+    /* *energy = value at e->x in J; adds to e->grad and e->hess. Finite in, finite out */
+    cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
+    /* adds a' d(grad)/d{...}, a [nv x 3]; NULL: gradients of a sim with this term are refused */
+    cloth_status (*vjp)(void *user, const cloth_eval *e, const double *a, cloth_vjp *out);
+    /* bytes of the term's own state that the next step depends on; may be NULL */
+    size_t (*save_size)(void *user);
+    void   (*save)(void *user, void *buf);
+    void   (*load)(void *user, const void *buf);
+} cloth_term;
+
+/* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated.
+ * Order in a substep: begin, then per Newton iterate update, eval, max_step; then resolve, and
+ * commit when the step is accepted. */
+typedef struct cloth_contact {
+    void *user;
+    cloth_status (*begin)(void *user, const cloth_eval *e);
+    cloth_status (*update)(void *user, const double *x);
+    cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
+    double       (*max_step)(void *user, const double *x, const double *dx);
+    /* candidate x [nv x 3] in, collision-free x out; *active = rows that moved it */
+    cloth_status (*resolve)(void *user, const cloth_eval *e, double *x, double *v, int *active);
+    void         (*commit)(void *user, cloth_report *report);
+    void         (*rollback)(void *user);
+    size_t       (*save_size)(void *user);
+    void         (*save)(void *user, void *buf);
+    void         (*load)(void *user, const void *buf);
+    cloth_status (*vjp)(void *user, const cloth_eval *e, const double *a, cloth_vjp *out);
+    size_t       (*bytes)(void *user);
+} cloth_contact;
+
+/* What cloth_advise() found: the groups that decide which rung a scene needs. */
+typedef struct cloth_advice {
+    double gravity_bending;                 /* rho g L^3 / D: large, bending hardly matters    */
+    double step_bending;                    /* h omega of the stiffest bending mode            */
+    double step_membrane;                   /* h omega of the stiffest membrane mode           */
+    double self_reach;                      /* fastest travel a step over the mesh's edge      */
+    double euler_loss;                      /* relative energy lost a step at the slowest mode */
+    int    leapfrog_substeps;               /* that the stability limit asks for               */
+    cloth_membrane     membrane;
+    cloth_bend_model   bend;
+    cloth_integrator   integrator;
+    cloth_contact_rung contact;
+    double             h;                   /* s, substep that meets the tolerance             */
+} cloth_advice;
+
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
 
 /* CLOTH_VERSION_NUM of the compiled implementation; compare with the macro of your header. */
 CLOTH_API int cloth_version(void);
 
+/* Every field set to its default; nothing to free. */
+CLOTH_API cloth_desc cloth_desc_default(void);
+
+/* Makes a model: checks the desc, flattens, finds hinges, analyses the matrix.
+ * in    desc   copied; every refusal names field and value through desc->hooks.log
+ * out   *out   owned: cloth_model_destroy; NULL on failure
+ * returns CLOTH_OK; _UNINIT, _ARGUMENT, _NONFINITE, _MESH, _UNSUPPORTED, _MEMORY
+ * contract: alloc model | cost O(n log n) | threads: any, on distinct out */
+CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **out);
+CLOTH_API void         cloth_model_destroy(cloth_model *model);             /* NULL allowed   */
+
+/* Makes a sim at the model's start state. The model must outlive it.
+ * returns CLOTH_OK, _ARGUMENT, _MEMORY; *out owned: cloth_sim_destroy */
+CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **out);
+CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* NULL allowed   */
+
+/* Advances the state by h seconds (finite, > 0). report may be NULL.
+ *   status               outcome                        state
+ *   CLOTH_OK             CLOTH_STEP_CONVERGED           new
+ *   CLOTH_OK             CLOTH_STEP_MAX_ITERATIONS      new (the desc's max_newton)
+ *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before
+ *   CLOTH_ERR_STEP       CLOTH_STEP_COLLISION_FAILED    as before
+ *   CLOTH_ERR_NONFINITE  CLOTH_STEP_NONE                as before; report.vertex
+ *   CLOTH_ERR_MEMORY, CLOTH_ERR_CANCELLED   ..._NONE    as before
+ *   CLOTH_ERR_ARGUMENT   CLOTH_STEP_NONE                as before (h)
+ * "As before" means the same cloth_sim_hash().
+ * contract: alloc none after the first call | threads: one per sim */
+CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report);
+
+/* Equilibrium: moves x to a stationary point of the potential that has no direction of negative
+ * curvature, zeroes v, keeps t. Same table. */
+CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report);
+
+/* x, v, t: read and write directly; borrowed until cloth_sim_destroy. */
+CLOTH_API cloth_state *cloth_sim_state(cloth_sim *sim);
+/* After writing to the state: drops history, wakes. */
+CLOTH_API void         cloth_sim_state_changed(cloth_sim *sim);
+/* Back to the model's start: state, pins, attachments, forces, materials. */
+CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim);
+
 /* ===== [2.5] CONTROL (tier 2) ================================================================ */
+
+/* --- run-time control: between steps; no allocation after first use, no new analysis --- */
+
+/* Pins axes (CLOTH_AXIS_...) of a vertex; target [3] m (only the named axes are read; NULL: where
+ * it is) is reached at the end of the next step and held after it. */
+CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
+                                     const double target[3]);
+CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex);
+/* A spring of stiffness k (N/m) from a point of a face (bary sums to 1) to target (m).
+ * _CAPACITY when desc.max_attachments are in use. */
+CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double bary[3], double k,
+                                        const double target[3], cloth_attachment *id);
+CLOTH_API cloth_status cloth_sim_attach_move(cloth_sim *sim, cloth_attachment id,
+                                             const double target[3]);
+CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id);
+/* f [nv x 3] N, copied; NULL: none. Stays until changed. */
+CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f);
+CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]);
+/* Velocity of the air, m/s; NULL switches the wind off. */
+CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]);
+CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
+                                              const cloth_material *m);
+/* Borrowed, read and write; then _changed(), which checks, derives and drops BDF2's history.
+ * On refusal the derived numbers stay as they were, and so does the next step. */
+CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim);
+CLOTH_API cloth_status  cloth_sim_params_changed(cloth_sim *sim);
+/* A host's own term; copied; its user pointer must outlive the sim. */
+CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term);
+/* Called by clothsim_collide.h; NULL takes the contact away. */
+CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact);
+
+/* --- snapshot: everything that the next step depends on --- */
+CLOTH_API size_t       cloth_sim_save_size(const cloth_sim *sim);           /* bytes          */
+CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t size);
+/* size, magic, model hash and checksum are verified first: _FORMAT leaves the sim as it was */
+CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size);
+CLOTH_API uint64_t     cloth_sim_hash(const cloth_sim *sim);                /* of what save writes */
+CLOTH_API uint64_t     cloth_model_hash(const cloth_model *model);
+
+/* --- queries --- */
+
+/* For hosts that draw. pos, nrm: float [3] every `stride` bytes (0: 12), either may be NULL;
+ * normals area-weighted, unit; origin [3] (NULL: 0) is subtracted in double. */
+CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double origin[3],
+                                              float *pos, float *nrm, size_t stride);
+/* First face that the ray o + t d, t >= 0, meets. Returns 1 and t, face, bary; else 0. */
+CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const double d[3],
+                            double *t, int *face, double bary[3]);
+CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_draw *draw);
+/* Borrowed from the model. */
+CLOTH_API const cloth_topology *cloth_model_topology(const cloth_model *model);
+CLOTH_API const cloth_model    *cloth_sim_model(const cloth_sim *sim);
+/* Blocks of the Hessian per vertex row, full symmetric count, averaged; 0 for LEAPFROG. */
+CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model);
+/* Smallest and largest principal stretch of each face at the state; outputs [nf] may be NULL. */
+CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smallest,
+                                           double *largest);
+/* Energies and momenta of the state, without a step. */
+CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger);
+/* Potential and its derivatives at x [nv x 3] by all terms but inertia; grad [nv x 3] N may be
+ * NULL. For checkers and teachers. */
+CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
+                                           double *grad);
+
+/* The groups that decide and the rung that each implies, for `tolerance` (m) at frame step h. */
+CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
+                                    cloth_advice *advice);
+CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const int *v, const double *H);
 
 /* ===== [2.6] BUILDING BLOCKS (tier 3) ======================================================== */
 
@@ -2999,27 +3400,4076 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
 
 /* ===== [7.4] SPARSE CHOLESKY ================================================================= */
 
-/* ===== [8.1] MODEL =========================================================================== */
+static cloth_material cloth_material_default(void){cloth_material m;memset(&m,0,sizeof m);m.density=.2;m.membrane=1000;m.poisson=.3;m.bending=1e-5;return m;}
+static void cloth_material_lame(const cloth_material*m,double*mu,double*la){double Y=m->membrane>0?m->membrane:m->young*m->thickness,n=m->poisson;*mu=Y/(2*(1+n));*la=m->plane?Y*n/((1+n)*(1-2*n)):Y*n/(1-n*n);}
+static double clothi_bending(const cloth_material*m){return m->bending;}
+static cloth_status cloth_material_check(const cloth_hooks*h,const cloth_material*m,int r){(void)r;if(!(m->density>0))return clothi_fail(h,CLOTH_ERR_ARGUMENT,"density %g",m->density);return CLOTH_OK;}
+struct cloth_pattern { cloth_hooks hooks; int n; int nlow; int *row,*col; };
+struct cloth_matrix { cloth_hooks hooks; const cloth_pattern *p; double *diag,*low; };
+struct cloth_linear_solver { cloth_hooks hooks; const cloth_pattern*p; double *r,*z,*q,*d,*inv; };
+static cloth_status cloth_pattern_create(const cloth_hooks *hooks,int nv,int nelem,const int*start,const int*vertex,const double*x,cloth_pattern**out){
+  cloth_pattern*p=(cloth_pattern*)clothi_alloc(hooks,1,sizeof*p);int pass,e,a,b,k,i;(void)x;p->hooks=*hooks;p->n=nv;
+  p->row=(int*)clothi_alloc(hooks,nv+2,4);int *cnt=(int*)clothi_alloc(hooks,nv+2,4);int*tmp=NULL;
+  for(pass=0;pass<2;pass++){for(e=0;e<nelem;e++)for(a=start[e];a<start[e+1];a++)for(b=start[e];b<start[e+1];b++)if(vertex[b]<vertex[a]){if(pass==0)cnt[vertex[a]+1]++;else tmp[cnt[vertex[a]]++]=vertex[b];}
+   if(pass==0){for(i=0;i<nv;i++)cnt[i+1]+=cnt[i];tmp=(int*)clothi_alloc(hooks,cnt[nv]+1,4);}}
+  p->col=(int*)clothi_alloc(hooks,cnt[nv]+cnt[nv-1]+1,4);int z=0;
+  for(i=0;i<nv;i++){int s=i?cnt[i-1]:0,t=cnt[i];for(a=s+1;a<t;a++){int c=tmp[a];for(b=a-1;b>=s&&tmp[b]>c;b--)tmp[b+1]=tmp[b];tmp[b+1]=c;}p->row[i]=z;for(k=s;k<t;k++)if(k==s||tmp[k]!=tmp[k-1])p->col[z++]=tmp[k];}
+  p->row[nv]=z;p->nlow=z;clothi_free(hooks,tmp);clothi_free(hooks,cnt);*out=p;return CLOTH_OK;}
+static void cloth_pattern_destroy(cloth_pattern*p){if(!p)return;cloth_hooks h=p->hooks;clothi_free(&h,p->row);clothi_free(&h,p->col);clothi_free(&h,p);}
+static int cloth_pattern_domain(const cloth_pattern*p,int v){(void)p;(void)v;return 0;}
+static int cloth_pattern_domains(const cloth_pattern*p){(void)p;return 1;}
+static int cloth_pattern_slot(const cloth_pattern*p,int i,int j){int t=0,k;if(i<j){t=i;i=j;j=t;t=1;}for(k=p->row[i];k<p->row[i+1];k++)if(p->col[k]==j)return 2*k+t;return -1;}
+static double cloth_pattern_blocks_per_row(const cloth_pattern*p){return 1+2.0*p->nlow/p->n;}
+static size_t cloth_pattern_bytes(const cloth_pattern*p){return p?clothi_block_size(p->col):0;}
+static size_t cloth_matrix_bytes(const cloth_matrix*p){return p?clothi_block_size(p->low):0;}
+static size_t cloth_linear_solver_bytes(const cloth_linear_solver*p){return p?clothi_block_size(p->r)*5:0;}
+static cloth_status cloth_matrix_create(const cloth_hooks*h,const cloth_pattern*p,cloth_matrix**out){cloth_matrix*A=(cloth_matrix*)clothi_alloc(h,1,sizeof*A);A->hooks=*h;A->p=p;A->diag=(double*)clothi_alloc(h,p->n+p->nlow,72);A->low=A->diag+9*p->n;*out=A;return CLOTH_OK;}
+static void cloth_matrix_destroy(cloth_matrix*A){if(!A)return;cloth_hooks h=A->hooks;clothi_free(&h,A->diag);clothi_free(&h,A);}
+static void clothi_matrix_add_diag(cloth_matrix*A,int v,const double*H,int stride){int k;for(k=0;k<9;k++)A->diag[9*v+k]+=H[k*stride];}
+static void clothi_matrix_add_slot(cloth_matrix*A,int slot,const double*H,int stride){double*b=A->low+9*(slot>>1);int i,j;for(i=0;i<3;i++)for(j=0;j<3;j++)b[slot&1?3*j+i:3*i+j]+=H[(3*i+j)*stride];}
+CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const int *v, const double *H){int a,b,i,j;double B[9];for(a=0;a<n;a++)for(b=0;b<=a;b++){for(i=0;i<3;i++)for(j=0;j<3;j++)B[3*i+j]=H[(3*a+i)*3*n+3*b+j];if(a==b)clothi_matrix_add_diag(A,v[a],B,1);else clothi_matrix_add_slot(A,cloth_pattern_slot(A->p,v[a],v[b]),B,1);}return CLOTH_OK;}
+static void clothi_matrix_clear(cloth_matrix*A){memset(A->diag,0,72*(size_t)A->p->n);memset(A->low,0,72*(size_t)A->p->nlow);}
+static cloth_status cloth_linear_solver_create(const cloth_hooks*h,const cloth_pattern*p,cloth_linear_solver**out){cloth_linear_solver*s=(cloth_linear_solver*)clothi_alloc(h,1,sizeof*s);s->hooks=*h;s->p=p;s->r=(double*)clothi_alloc(h,p->n,24);s->z=(double*)clothi_alloc(h,p->n,24);s->q=(double*)clothi_alloc(h,p->n,24);s->d=(double*)clothi_alloc(h,p->n,24);s->inv=(double*)clothi_alloc(h,p->n,72);*out=s;return CLOTH_OK;}
+static void cloth_linear_solver_destroy(cloth_linear_solver*s){if(!s)return;cloth_hooks h=s->hooks;clothi_free(&h,s->r);clothi_free(&h,s->z);clothi_free(&h,s->q);clothi_free(&h,s->d);clothi_free(&h,s->inv);clothi_free(&h,s);}
+static cloth_linear_options cloth_linear_options_default(void){cloth_linear_options o;memset(&o,0,sizeof o);return o;}
+static void tmp_mul(const cloth_matrix*A,const unsigned char*fx,const double*x,double*y){int i,k,a,b;const cloth_pattern*p=A->p;for(i=0;i<p->n;i++)for(a=0;a<3;a++){y[3*i+a]=0;for(b=0;b<3;b++)y[3*i+a]+=A->diag[9*i+3*a+b]*x[3*i+b];}
+ for(i=0;i<p->n;i++)for(k=p->row[i];k<p->row[i+1];k++){int j=p->col[k];for(a=0;a<3;a++)for(b=0;b<3;b++){y[3*i+a]+=A->low[9*k+3*a+b]*x[3*j+b];y[3*j+b]+=A->low[9*k+3*a+b]*x[3*i+a];}}
+ for(i=0;i<3*p->n;i++)if(fx[i/3]>>(i%3)&1)y[i]=0;}
+static cloth_status cloth_linear_solve(cloth_linear_solver*s,const cloth_matrix*A,const double*b,double*x,const cloth_linear_options*o,cloth_linear_report*rep){int n=3*s->p->n,i,it;double rz=0,r0;memset(rep,0,sizeof*rep);
+ for(i=0;i<n;i++){x[i]=0;s->r[i]=b[i];double d=A->diag[9*(i/3)+4*(i%3)];s->inv[i]=d>0?1/d:1;s->z[i]=s->inv[i]*s->r[i];s->d[i]=s->z[i];rz+=s->r[i]*s->z[i];}r0=rz;
+ for(it=0;it<20000&&rz>o->tolerance*o->tolerance*r0&&rz>0;it++){double pq=0,nz=0;tmp_mul(A,o->fixed,s->d,s->q);for(i=0;i<n;i++)pq+=s->d[i]*s->q[i];if(pq<=0){rep->negative=1;if(it==0)memcpy(x,s->d,8*n);break;}double a=rz/pq;for(i=0;i<n;i++){x[i]+=a*s->d[i];s->r[i]-=a*s->q[i];s->z[i]=s->inv[i]*s->r[i];nz+=s->z[i]*s->r[i];}double be=nz/rz;rz=nz;for(i=0;i<n;i++)s->d[i]=s->z[i]+be*s->d[i];}
+ rep->iterations=it;return CLOTH_OK;}
+static cloth_status cloth_linear_negative_direction(cloth_linear_solver*s,const cloth_matrix*A,const unsigned char*f,double*x,int*saddle){(void)s;(void)A;(void)f;(void)x;*saddle=0;return CLOTH_OK;}
+static double*clothi_matrix_values(cloth_matrix*A){return A->diag;}
+static size_t clothi_matrix_doubles(const cloth_matrix*A){return 9*(size_t)(A->p->n+A->p->nlow);}
+static double*clothi_matrix_diag(cloth_matrix*A,int v){return A->diag+9*v;}
+static double*clothi_matrix_block(cloth_matrix*A,int slot){return A->low+9*(slot>>1);}
+static const cloth_pattern*clothi_matrix_pattern(const cloth_matrix*A){return A->p;}
+/* ===== [8.1] MODEL ===========================================================================
+ *
+ *      desc  --check-->  mesh  -->  topology  -->  rest shape X  -->  stencils  -->  pattern
+ *                                                                        |
+ *                             elements sorted by solver domain, eight to a batch
+ *
+ * Everything here is constant after create. A stencil is the list of vertices that one element
+ * couples: 2 of a spring, 3 of a triangle, 4 of a hinge. Batches hold eight elements of one
+ * kind; no batch mixes two domains of the solver's dissection, so that domains can be assembled
+ * side by side without touching the same block (elements across a separator come last).
+ * checked: tests/test_desc.c, tests/test_model.c
+ */
 
-/* ===== [8.2] SIM ============================================================================= */
+#define CLOTHI_COOKIE      0xC107u
+#define CLOTHI_CHUNK       16               /* batches that a range of the parallel loop takes */
+#define CLOTHI_VERTICES    512              /* vertices that a range takes                     */
+#define CLOTHI_MAX_SUBSTEPS 1000000
 
-/* ===== [9.1] ENERGY TERMS ==================================================================== */
+enum { CLOTHI_SPRING = 0, CLOTHI_TRIANGLE = 1, CLOTHI_HINGE = 2, CLOTHI_QUADRATIC = 3 };
 
-/* ===== [9.2] NEWTON ========================================================================== */
+/* Elements of one kind, eight to a batch. */
+typedef struct clothi_group {
+    int  kind, width, count, nbatch;        /* width: vertices of an element                   */
+    int  ndomain;                           /* domains of the solver, then the shared rest     */
+    int *domain;                            /* [ndomain+2] first batch of each; last = nbatch  */
+    int *id;                                /* [nbatch x 8] element, -1: an unused lane        */
+    int *vert;                              /* [nbatch x width x 8]                            */
+    int *slot;                              /* [nbatch x pairs x 8] off-diagonal matrix slots  */
+    int  force;                             /* offset of its forces in the sim's force buffer  */
+} clothi_group;
 
-/* ===== [9.3] IMPLICIT STEPS AND STATICS ====================================================== */
+struct cloth_model {
+    cloth_hooks hooks;
+    cloth_desc  desc;                       /* scalars only: its pointers are cleared          */
+    int nv, nf, nregions, nparts;
+    double *x_rest, *x, *v;                 /* [nv x 3]                                        */
+    int    *faces;                          /* [nf x 3]                                        */
+    int    *part, *region;                  /* [nf]                                            */
+    double *X;                              /* [nf x 3 x 2]                                    */
+    double *theta0;                         /* [nh]                                            */
+    double *vertex_mass;                    /* [nv] or NULL                                    */
+    cloth_material *material;               /* [nregions]                                      */
+    unsigned char  *pin;                    /* [nv] axes                                       */
+    int *tie;                               /* [nv x 3] leader of each axis, -1; or NULL       */
+    cloth_topology *topology;
+    cloth_pattern  *pattern;                /* NULL for LEAPFROG                               */
+    clothi_group    membrane, bend;         /* bend.count == 0 for CLOTH_BEND_NONE             */
+    int *gather_start;                      /* [nv+1]                                          */
+    int *gather;                            /* offsets of x components in the force buffer     */
+    int  force_size;                        /* doubles in the force buffer                     */
+    uint64_t hash;
+};
 
-/* ===== [9.4] LEAPFROG ======================================================================== */
+CLOTH_API cloth_desc cloth_desc_default(void) {
+    cloth_desc d;
+    memset(&d, 0, sizeof d);
+    d.cookie = CLOTHI_COOKIE;
+    d.rest_angle = CLOTH_REST_ANGLE_TEMPLATE;
+    d.material = cloth_material_default();
+    d.membrane = CLOTH_MEMBRANE_STVK;
+    d.bend = CLOTH_BEND_HINGE;
+    d.integrator = CLOTH_INTEGRATOR_EULER;
+    d.contact = CLOTH_CONTACT_NONE;
+    d.gravity[1] = -9.81;
+    d.air_density = CLOTH_DEFAULT_AIR_DENSITY;
+    d.drag = CLOTH_DEFAULT_DRAG;
+    d.lift = CLOTH_DEFAULT_LIFT;
+    d.max_attachments = CLOTH_DEFAULT_ATTACHMENTS;
+    d.tolerance = CLOTH_DEFAULT_TOLERANCE;
+    d.cg_tolerance = CLOTH_DEFAULT_CG_TOLERANCE;
+    d.linear = CLOTH_LINEAR_AUTO;
+    return d;
+}
 
-/* ===== [9.5] THE STEP ======================================================================== */
+/* --- what a desc may say --- */
+
+static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
+                                        double low, int open) {
+    if (!clothi_finite(a))
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
+    if (a < low || (open && !(a > low)))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.%s = %g must be %s %g", field, a,
+                           open ? "above" : "at least", low);
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
+                                       const double *a, int n, int width) {
+    ptrdiff_t at;
+    if (!a) return CLOTH_OK;
+    at = clothi_find_nonfinite(a, (size_t)n * (size_t)width);
+    if (at < 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s[%i] = %g is not finite", field,
+                       (int)at, a[at]);
+}
+
+static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_desc *d) {
+    if (d->membrane != CLOTH_MEMBRANE_SPRINGS && d->membrane != CLOTH_MEMBRANE_STVK)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.membrane = %i is no CLOTH_MEMBRANE_",
+                           (int)d->membrane);
+    if (d->bend == CLOTH_BEND_SHELL)
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                           "desc.bend = CLOTH_BEND_SHELL is not built in this version");
+    if (d->bend < CLOTH_BEND_NONE || d->bend > CLOTH_BEND_HINGE)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.bend = %i is no CLOTH_BEND_",
+                           (int)d->bend);
+    if (d->integrator < CLOTH_INTEGRATOR_LEAPFROG || d->integrator > CLOTH_INTEGRATOR_BDF2)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "desc.integrator = %i is no CLOTH_INTEGRATOR_", (int)d->integrator);
+    if (d->contact < CLOTH_CONTACT_NONE || d->contact > CLOTH_CONTACT_SELF)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.contact = %i is no CLOTH_CONTACT_",
+                           (int)d->contact);
+    if (d->rest_angle != CLOTH_REST_ANGLE_TEMPLATE && d->rest_angle != CLOTH_REST_ANGLE_FLAT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "desc.rest_angle = %i is no CLOTH_REST_ANGLE_", (int)d->rest_angle);
+    if (d->linear < CLOTH_LINEAR_AUTO || d->linear > CLOTH_LINEAR_CHOLESKY)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.linear = %i is no CLOTH_LINEAR_",
+                           (int)d->linear);
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_check_desc_numbers(const cloth_hooks *hooks, const cloth_desc *d) {
+    cloth_status status = CLOTH_OK;
+    int k;
+    for (k = 0; k < 3 && !status; k++) {
+        status = clothi_check_number(hooks, "gravity", d->gravity[k], -HUGE_VAL, 0);
+        if (!status) status = clothi_check_number(hooks, "wind", d->wind[k], -HUGE_VAL, 0);
+    }
+    if (!status) status = clothi_check_number(hooks, "air_density", d->air_density, 0, 0);
+    if (!status) status = clothi_check_number(hooks, "drag", d->drag, 0, 0);
+    if (!status) status = clothi_check_number(hooks, "lift", d->lift, 0, 0);
+    if (!status) status = clothi_check_number(hooks, "tolerance", d->tolerance, 0, 1);
+    if (!status) status = clothi_check_number(hooks, "cg_tolerance", d->cg_tolerance, 0, 1);
+    if (!status && !(d->cg_tolerance < 1))
+        status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.cg_tolerance = %g must be below 1",
+                             d->cg_tolerance);
+    if (!status && (d->substeps < 0 || d->substeps > CLOTHI_MAX_SUBSTEPS))
+        status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.substeps = %i must be 0 to %i",
+                             d->substeps, CLOTHI_MAX_SUBSTEPS);
+    if (!status && d->max_newton < 0)
+        status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.max_newton = %i must be at least 0",
+                             d->max_newton);
+    if (!status && (d->max_attachments < 0 || d->max_attachments > 0xffff))
+        status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                             "desc.max_attachments = %i must be 0 to 65535", d->max_attachments);
+    return status;
+}
+
+static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_desc *d) {
+    int i;
+    if (d->npins < 0 || (d->npins > 0 && !d->pins))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.npins = %i without desc.pins",
+                           d->npins);
+    if (d->nties < 0 || (d->nties > 0 && !d->ties))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nties = %i without desc.ties",
+                           d->nties);
+    for (i = 0; i < d->npins; i++) {
+        const cloth_pin *p = d->pins + i;
+        if (p->vertex < 0 || p->vertex >= d->nv)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                               "desc.pins[%i].vertex = %i but nv = %i", i, p->vertex, d->nv);
+        if (p->axes == 0 || p->axes > CLOTH_AXIS_ALL)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                               "desc.pins[%i].axes = %i must be 1 to 7", i, (int)p->axes);
+    }
+    for (i = 0; i < d->nties; i++) {
+        const cloth_tie *t = d->ties + i;
+        if (t->leader < 0 || t->leader >= d->nv || t->follower < 0 || t->follower >= d->nv ||
+            t->leader == t->follower)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                               "desc.ties[%i] = leader %i, follower %i but nv = %i", i, t->leader,
+                               t->follower, d->nv);
+        if (t->axes == 0 || t->axes > CLOTH_AXIS_ALL)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                               "desc.ties[%i].axes = %i must be 1 to 7", i, (int)t->axes);
+    }
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc *d) {
+    cloth_mesh_report faults;
+    cloth_status      status;
+    int               i, nregions = d->nregions > 0 ? d->nregions : 1;
+    if (d->nv < 3 || d->nv > CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nv = %i must be 3 to %i", d->nv,
+                           CLOTH_MAX_COUNT);
+    if (d->nf < 1 || d->nf > CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nf = %i must be 1 to %i", d->nf,
+                           CLOTH_MAX_COUNT);
+    if (!d->x_rest) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.x_rest is NULL");
+    if (!d->faces) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.faces is NULL");
+    status = cloth_mesh_check(hooks, d->nv, d->x_rest, d->nf, d->faces, d->X, &faults);
+    if (!status) status = clothi_check_array(hooks, "x", d->x, d->nv, 3);
+    if (!status) status = clothi_check_array(hooks, "v", d->v, d->nv, 3);
+    if (!status) status = clothi_check_array(hooks, "vertex_mass", d->vertex_mass, d->nv, 1);
+    if (status) return status;
+    for (i = 0; d->vertex_mass && i < d->nv; i++)
+        if (!(d->vertex_mass[i] > 0))
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.vertex_mass[%i] = %g must be > 0",
+                               i, d->vertex_mass[i]);
+    for (i = 0; i < d->nf; i++) {
+        if (d->part && (d->part[i] < 0 || d->part[i] >= d->nf))
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.part[%i] = %i is out of range", i,
+                               d->part[i]);
+        if (d->region && (d->region[i] < 0 || d->region[i] >= nregions))
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                               "desc.region[%i] = %i but there are %i materials", i, d->region[i],
+                               nregions);
+    }
+    return CLOTH_OK;
+}
+
+/* Every refusal that needs no allocation of the model's own. */
+static cloth_status clothi_check_desc(const cloth_desc *d) {
+    const cloth_hooks *hooks = &d->hooks;
+    cloth_status       status;
+    int                i;
+    if ((d->hooks.allocator.alloc == NULL) != (d->hooks.allocator.free == NULL))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "desc.hooks.allocator: set both alloc and free, or neither");
+    if (d->hooks.parallel.run && d->hooks.parallel.max_workers < 1)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "desc.hooks.parallel.max_workers = %i must be at least 1",
+                           d->hooks.parallel.max_workers);
+    status = clothi_check_ladder(hooks, d);
+    if (!status) status = clothi_check_desc_numbers(hooks, d);
+    if (!status) status = clothi_check_mesh(hooks, d);
+    if (!status) status = clothi_check_holds(hooks, d);
+    if (status) return status;
+    if (d->nregions < 0 || (d->nregions > 0 && !d->materials))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nregions = %i without desc.materials",
+                           d->nregions);
+    for (i = 0; i < d->nregions && !status; i++)
+        status = cloth_material_check(hooks, d->materials + i, i);
+    if (!status && d->nregions == 0) status = cloth_material_check(hooks, &d->material, 0);
+    return status;
+}
+
+/* --- copies --- */
+
+static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
+    void *to = clothi_alloc(hooks, count, size);
+    if (to && from) memcpy(to, from, count * size);
+    return to;
+}
+
+static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
+    const cloth_hooks *hooks = &m->hooks;
+    size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
+    int    i;
+    m->x_rest = (double *)clothi_copy(hooks, d->x_rest, 3 * nv, sizeof(double));
+    m->x = (double *)clothi_copy(hooks, d->x ? d->x : d->x_rest, 3 * nv, sizeof(double));
+    m->v = (double *)clothi_copy(hooks, d->v, 3 * nv, sizeof(double));
+    m->faces = (int *)clothi_copy(hooks, d->faces, 3 * nf, sizeof(int));
+    m->part = (int *)clothi_copy(hooks, d->part, nf, sizeof(int));
+    m->region = (int *)clothi_copy(hooks, d->region, nf, sizeof(int));
+    m->X = (double *)clothi_copy(hooks, d->X, 6 * nf, sizeof(double));
+    m->pin = (unsigned char *)clothi_alloc(hooks, nv, 1);
+    m->material = (cloth_material *)clothi_copy(
+        hooks, d->nregions > 0 ? d->materials : &d->material, (size_t)m->nregions,
+        sizeof(cloth_material));
+    if (!m->x_rest || !m->x || !m->v || !m->faces || !m->part || !m->region || !m->X || !m->pin ||
+        !m->material)
+        return CLOTH_ERR_MEMORY;
+    if (d->vertex_mass) {
+        m->vertex_mass = (double *)clothi_copy(hooks, d->vertex_mass, nv, sizeof(double));
+        if (!m->vertex_mass) return CLOTH_ERR_MEMORY;
+    }
+    for (i = 0; i < d->npins; i++)
+        m->pin[d->pins[i].vertex] =
+            (unsigned char)(m->pin[d->pins[i].vertex] | d->pins[i].axes);
+    for (i = 0; i < m->nf; i++)
+        if (m->part[i] + 1 > m->nparts) m->nparts = m->part[i] + 1;
+    if (!d->X) return cloth_flatten(m->nv, m->x_rest, m->nf, m->faces, m->X);
+    return CLOTH_OK;
+}
+
+/* Leaders are followed to their end, so that a leader never follows on the same axis. */
+static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
+    int i, k;
+    if (d->nties == 0) return CLOTH_OK;
+    m->tie = (int *)clothi_alloc(&m->hooks, 3 * (size_t)m->nv, sizeof(int));
+    if (!m->tie) return CLOTH_ERR_MEMORY;
+    for (i = 0; i < 3 * m->nv; i++) m->tie[i] = -1;
+    for (i = 0; i < d->nties; i++)
+        for (k = 0; k < 3; k++) {
+            int *lead = m->tie + 3 * d->ties[i].follower + k;
+            if (!(d->ties[i].axes & (1u << k))) continue;
+            if (*lead >= 0 && *lead != d->ties[i].leader)
+                return clothi_fail(&m->hooks, CLOTH_ERR_ARGUMENT,
+                                   "desc.ties[%i]: vertex %i already follows %i on that axis", i,
+                                   d->ties[i].follower, *lead);
+            *lead = d->ties[i].leader;
+        }
+    for (i = 0; i < 3 * m->nv; i++) {
+        int lead = m->tie[i], steps = 0;
+        while (lead >= 0 && m->tie[3 * lead + i % 3] >= 0 && steps++ <= m->nv)
+            lead = m->tie[3 * lead + i % 3];
+        if (steps > m->nv)
+            return clothi_fail(&m->hooks, CLOTH_ERR_ARGUMENT,
+                               "desc.ties: vertex %i follows itself", i / 3);
+        m->tie[i] = lead;
+    }
+    for (i = 0; i < 3 * m->nv; i++)         /* what is held moves with its leader */
+        if (m->tie[i] >= 0 && (m->pin[i / 3] >> (i % 3) & 1))
+            m->pin[m->tie[i]] = (unsigned char)(m->pin[m->tie[i]] | 1u << (i % 3));
+    return CLOTH_OK;
+}
+
+/* Rest angles of the template; quadratic bending knows only flat ones. */
+static cloth_status clothi_model_angles(cloth_model *m) {
+    const cloth_topology *t = m->topology;
+    int h, k;
+    m->theta0 = (double *)clothi_alloc(&m->hooks, (size_t)t->nh, sizeof(double));
+    if (!m->theta0) return CLOTH_ERR_MEMORY;
+    for (h = 0; h < t->nh && m->desc.rest_angle == CLOTH_REST_ANGLE_TEMPLATE; h++) {
+        double x[12];
+        for (k = 0; k < 4; k++)
+            memcpy(x + 3 * k, m->x_rest + 3 * t->hinges[4 * h + k], 3 * sizeof(double));
+        m->theta0[h] = cloth_dihedral(x);
+        if (m->desc.bend == CLOTH_BEND_QUADRATIC && fabs(m->theta0[h]) > 1e-9)
+            return clothi_fail(&m->hooks, CLOTH_ERR_UNSUPPORTED,
+                               "desc.bend = CLOTH_BEND_QUADRATIC needs a flat rest shape, but "
+                               "hinge %i rests at %g rad: use CLOTH_BEND_HINGE or "
+                               "CLOTH_REST_ANGLE_FLAT", h, m->theta0[h]);
+    }
+    return CLOTH_OK;
+}
+
+/* --- stencils, pattern, batches --- */
+
+/* Vertices of element i of a kind. */
+static const int *clothi_stencil(const cloth_model *m, int kind, int i) {
+    if (kind == CLOTHI_SPRING) return m->topology->edges + 2 * i;
+    if (kind == CLOTHI_TRIANGLE) return m->faces + 3 * i;
+    return m->topology->hinges + 4 * i;
+}
+
+/* The pattern of the Hessian: a block for each pair of vertices of a stencil; with ties, the
+ * leaders join the stencil, since their rows take the followers' entries. */
+static cloth_status clothi_model_pattern(cloth_model *m) {
+    const clothi_group *group[2];
+    cloth_status status = CLOTH_ERR_MEMORY;
+    int   g, i, k, a, n = 0, nelem = m->membrane.count + m->bend.count, per = m->tie ? 16 : 4;
+    int  *start = NULL, *vertex = NULL;
+    group[0] = &m->membrane;
+    group[1] = &m->bend;
+    start = (int *)clothi_alloc(&m->hooks, (size_t)nelem + 1, sizeof(int));
+    vertex = (int *)clothi_alloc(&m->hooks, (size_t)nelem * (size_t)per, sizeof(int));
+    if (!start || !vertex) goto done;
+    for (g = 0, nelem = 0; g < 2; g++)
+        for (i = 0; i < group[g]->count; i++) {
+            const int *v = clothi_stencil(m, group[g]->kind, i);
+            int        first = n;
+            start[nelem++] = n;
+            for (k = 0; k < group[g]->width; k++) vertex[n++] = v[k];
+            for (k = 0; m->tie && k < 3 * group[g]->width; k++) {
+                int lead = m->tie[3 * v[k / 3] + k % 3];
+                for (a = first; a < n && vertex[a] != lead; a++) {}
+                if (lead >= 0 && a == n) vertex[n++] = lead;
+            }
+        }
+    start[nelem] = n;
+    status = cloth_pattern_create(&m->hooks, m->nv, nelem, start, vertex, m->x_rest, &m->pattern);
+done:
+    clothi_free(&m->hooks, vertex);
+    clothi_free(&m->hooks, start);
+    return status;
+}
+
+/* Domain of an element: the one that holds any of its vertices; ndomain when it only touches
+ * separators or couples into one that others may write to. */
+static int clothi_element_domain(const cloth_model *m, const int *v, int width, int ndomain) {
+    int k, domain = -1;
+    if (!m->pattern) return 0;
+    for (k = 0; k < width; k++) {
+        int d = cloth_pattern_domain(m->pattern, v[k]);
+        if (d < 0) return ndomain;
+        if (domain >= 0 && d != domain) return ndomain;
+        domain = d;
+    }
+    return domain;
+}
+
+static const int clothi_pair[6][2] = {{1, 0}, {2, 0}, {2, 1}, {3, 0}, {3, 1}, {3, 2}};
+
+static void clothi_group_fill(const cloth_model *m, clothi_group *g, int at, int e) {
+    int        b = at / CLOTHI_LANES, lane = at % CLOTHI_LANES, k;
+    int        pairs = g->width * (g->width - 1) / 2;
+    const int *v = clothi_stencil(m, g->kind, e);
+    for (k = 0; k < g->width; k++) g->vert[(b * g->width + k) * CLOTHI_LANES + lane] = v[k];
+    for (k = 0; m->pattern && k < pairs; k++)
+        g->slot[(b * pairs + k) * CLOTHI_LANES + lane] =
+            cloth_pattern_slot(m->pattern, v[clothi_pair[k][0]], v[clothi_pair[k][1]]);
+}
+
+/* Sorts elements by domain (counting sort, in element order), pads each domain to whole batches
+ * by repeating its last element in lanes whose id is -1. */
+static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
+    const cloth_hooks *hooks = &m->hooks;
+    cloth_status status = CLOTH_ERR_MEMORY;
+    int  pairs = g->width * (g->width - 1) / 2, d, e, k, *next = NULL;
+    int *home = NULL;
+    g->ndomain = m->pattern ? cloth_pattern_domains(m->pattern) : 1;
+    home = (int *)clothi_alloc(hooks, (size_t)g->count, sizeof(int));
+    next = (int *)clothi_alloc(hooks, (size_t)g->ndomain + 2, sizeof(int));
+    g->domain = (int *)clothi_alloc(hooks, (size_t)g->ndomain + 2, sizeof(int));
+    if (!home || !next || !g->domain) goto done;
+    for (e = 0; e < g->count; e++) {
+        home[e] = clothi_element_domain(m, clothi_stencil(m, g->kind, e), g->width, g->ndomain);
+        next[home[e]]++;
+    }
+    for (d = 0; d <= g->ndomain; d++) {
+        g->domain[d + 1] = g->domain[d] + (next[d] + CLOTHI_LANES - 1) / CLOTHI_LANES;
+        next[d] = g->domain[d] * CLOTHI_LANES;
+    }
+    g->nbatch = g->domain[g->ndomain + 1];
+    k = g->nbatch * CLOTHI_LANES;
+    g->id = (int *)clothi_alloc(hooks, (size_t)k, sizeof(int));
+    g->vert = (int *)clothi_alloc(hooks, (size_t)k * (size_t)g->width, sizeof(int));
+    if (m->pattern) g->slot = (int *)clothi_alloc(hooks, (size_t)k * (size_t)pairs, sizeof(int));
+    if (!g->id || !g->vert || (m->pattern && !g->slot)) goto done;
+    for (e = 0; e < g->count; e++) {
+        g->id[next[home[e]]] = e;
+        clothi_group_fill(m, g, next[home[e]]++, e);
+    }
+    for (d = 0; d <= g->ndomain; d++)
+        for (; next[d] < g->domain[d + 1] * CLOTHI_LANES; next[d]++) {
+            g->id[next[d]] = -1;
+            for (e = next[d] - 1; g->id[e] < 0; e--) {}
+            clothi_group_fill(m, g, next[d], g->id[e]);
+        }
+    status = CLOTH_OK;
+done:
+    clothi_free(hooks, next);
+    clothi_free(hooks, home);
+    return status;
+}
+
+/* For each vertex the places of its element forces: forces are summed by gathering, in an order
+ * that no worker count changes. */
+static cloth_status clothi_model_gather(cloth_model *m) {
+    clothi_group *group[2];
+    int g, b, k, lane, pass;
+    group[0] = &m->membrane;
+    group[1] = &m->bend;
+    m->gather_start = (int *)clothi_alloc(&m->hooks, (size_t)m->nv + 2, sizeof(int));
+    if (!m->gather_start) return CLOTH_ERR_MEMORY;
+    for (pass = 0; pass < 2; pass++) {
+        int *fill = m->gather_start + (pass == 0 ? 2 : 1);
+        m->force_size = 0;
+        for (g = 0; g < 2; g++) {
+            int width = group[g]->width;
+            group[g]->force = m->force_size;
+            for (b = 0; b < group[g]->nbatch; b++)
+                for (k = 0; k < width; k++)
+                    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+                        int v = group[g]->vert[(b * width + k) * CLOTHI_LANES + lane];
+                        if (group[g]->id[b * CLOTHI_LANES + lane] < 0) continue;
+                        if (pass == 0) fill[v]++;
+                        else m->gather[fill[v]++] =
+                                 m->force_size + (b * width + k) * 3 * CLOTHI_LANES + lane;
+                    }
+            m->force_size += group[g]->nbatch * width * 3 * CLOTHI_LANES;
+        }
+        if (pass == 1) break;
+        for (k = 2; k <= m->nv + 1; k++) m->gather_start[k] += m->gather_start[k - 1];
+        m->gather = (int *)clothi_alloc(&m->hooks, (size_t)m->gather_start[m->nv + 1],
+                                        sizeof(int));
+        if (!m->gather) return CLOTH_ERR_MEMORY;
+    }
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_model_elements(cloth_model *m) {
+    const cloth_desc *d = &m->desc;
+    cloth_status      status = CLOTH_OK;
+    m->membrane.kind = d->membrane == CLOTH_MEMBRANE_STVK ? CLOTHI_TRIANGLE : CLOTHI_SPRING;
+    m->membrane.width = m->membrane.kind == CLOTHI_TRIANGLE ? 3 : 2;
+    m->membrane.count = m->membrane.kind == CLOTHI_TRIANGLE ? m->nf : m->topology->ne;
+    m->bend.kind = d->bend == CLOTH_BEND_QUADRATIC ? CLOTHI_QUADRATIC : CLOTHI_HINGE;
+    m->bend.width = 4;
+    m->bend.count = d->bend == CLOTH_BEND_NONE ? 0 : m->topology->nh;
+    if (m->bend.count) status = clothi_model_angles(m);
+    if (!status && d->integrator != CLOTH_INTEGRATOR_LEAPFROG) status = clothi_model_pattern(m);
+    if (!status) status = clothi_group_build(m, &m->membrane);
+    if (!status) status = clothi_group_build(m, &m->bend);
+    if (!status) status = clothi_model_gather(m);
+    return status;
+}
+
+/* --- hash, create, destroy --- */
+
+/* 64-bit FNV-1a over 8-byte words, then the tail byte by byte: equal bytes, equal hash. */
+static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
+    const unsigned char *p = (const unsigned char *)data;
+    for (; size >= 8; size -= 8, p += 8) {
+        uint64_t word;
+        memcpy(&word, p, 8);
+        hash = (hash ^ word) * 0x100000001b3u;
+        hash ^= hash >> 29;
+    }
+    for (; size > 0; size--, p++) hash = (hash ^ *p) * 0x100000001b3u;
+    return hash;
+}
+
+static uint64_t clothi_hash_double(uint64_t hash, double a) {
+    return clothi_hash(hash, &a, sizeof a);
+}
+
+/* Of what decides whether a snapshot fits: mesh, rest shape, ladder, holds. */
+static uint64_t clothi_model_hash(const cloth_model *m) {
+    uint64_t hash = 0xcbf29ce484222325u;
+    int32_t  head[12];
+    size_t   nv = (size_t)m->nv, nf = (size_t)m->nf;
+    head[0] = CLOTH_VERSION_NUM;
+    head[1] = m->nv;
+    head[2] = m->nf;
+    head[3] = m->nregions;
+    head[4] = (int32_t)m->desc.membrane;
+    head[5] = (int32_t)m->desc.bend;
+    head[6] = (int32_t)m->desc.integrator;
+    head[7] = m->desc.substeps;
+    head[8] = m->desc.max_newton;
+    head[9] = m->desc.max_attachments;
+    head[10] = (int32_t)m->desc.linear;
+    head[11] = m->topology->nh;
+    hash = clothi_hash(hash, head, sizeof head);
+    hash = clothi_hash(hash, m->x_rest, 3 * nv * sizeof(double));
+    hash = clothi_hash(hash, m->faces, 3 * nf * sizeof(int));
+    hash = clothi_hash(hash, m->region, nf * sizeof(int));
+    hash = clothi_hash(hash, m->X, 6 * nf * sizeof(double));
+    if (m->tie) hash = clothi_hash(hash, m->tie, 3 * nv * sizeof(int));
+    hash = clothi_hash_double(hash, m->desc.tolerance);
+    hash = clothi_hash_double(hash, m->desc.cg_tolerance);
+    hash = clothi_hash_double(hash, m->desc.air_density);
+    hash = clothi_hash_double(hash, m->desc.drag);
+    return clothi_hash_double(hash, m->desc.lift);
+}
+
+static void clothi_group_free(const cloth_hooks *hooks, clothi_group *g) {
+    clothi_free(hooks, g->domain);
+    clothi_free(hooks, g->id);
+    clothi_free(hooks, g->vert);
+    clothi_free(hooks, g->slot);
+}
+
+CLOTH_API void cloth_model_destroy(cloth_model *model) {
+    cloth_hooks hooks;
+    if (!model) return;
+    hooks = model->hooks;
+    clothi_group_free(&hooks, &model->membrane);
+    clothi_group_free(&hooks, &model->bend);
+    clothi_free(&hooks, model->gather);
+    clothi_free(&hooks, model->gather_start);
+    cloth_pattern_destroy(model->pattern);
+    cloth_topology_destroy(&hooks, model->topology);
+    clothi_free(&hooks, model->tie);
+    clothi_free(&hooks, model->pin);
+    clothi_free(&hooks, model->material);
+    clothi_free(&hooks, model->vertex_mass);
+    clothi_free(&hooks, model->theta0);
+    clothi_free(&hooks, model->X);
+    clothi_free(&hooks, model->region);
+    clothi_free(&hooks, model->part);
+    clothi_free(&hooks, model->faces);
+    clothi_free(&hooks, model->v);
+    clothi_free(&hooks, model->x);
+    clothi_free(&hooks, model->x_rest);
+    clothi_free(&hooks, model);
+}
+
+CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **out) {
+    cloth_model *m;
+    cloth_status status;
+    if (!out) return CLOTH_ERR_ARGUMENT;
+    *out = NULL;
+    if (!desc) return CLOTH_ERR_ARGUMENT;
+    if (desc->cookie != CLOTHI_COOKIE) return CLOTH_ERR_UNINIT;
+    status = clothi_check_desc(desc);
+    if (status) return status;
+    m = (cloth_model *)clothi_alloc(&desc->hooks, 1, sizeof *m);
+    if (!m) return clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY, "no memory for the model");
+    m->hooks = desc->hooks;
+    m->desc = *desc;
+    m->desc.x_rest = m->desc.X = m->desc.x = m->desc.v = m->desc.vertex_mass = NULL;
+    m->desc.faces = m->desc.part = m->desc.region = NULL;
+    m->desc.materials = NULL;
+    m->desc.pins = NULL;
+    m->desc.ties = NULL;
+    m->nv = desc->nv;
+    m->nf = desc->nf;
+    m->nregions = desc->nregions > 0 ? desc->nregions : 1;
+    status = clothi_model_copy(m, desc);
+    if (!status) status = clothi_model_ties(m, desc);
+    if (!status)
+        status = cloth_topology_create(&m->hooks, m->nv, m->nf, m->faces, &m->topology);
+    if (!status) status = clothi_model_elements(m);
+    if (status) {
+        if (status == CLOTH_ERR_MEMORY)
+            (void)clothi_fail(&desc->hooks, status, "no memory for a model of %i vertices",
+                              desc->nv);
+        cloth_model_destroy(m);
+        return status;
+    }
+    m->hash = clothi_model_hash(m);
+    *out = m;
+    return CLOTH_OK;
+}
+
+/* ===== [8.2] SIM =============================================================================
+ *
+ *   model (constant, shared)        sim (one per thread)
+ *   topology, stencils, pattern --> state x v t, history, pins, attachments, forces, params
+ *                                   derived: rest arrays of the batches      (from params)
+ *                                   scratch: force buffer, matrix, vectors   (never an influence)
+ *
+ * The bits of a step are a function of model, params, state and inputs. What survives a step
+ * and has influence is listed once, in clothi_snapshot_walk() [10.2]; all else is scratch.
+ * checked: tests/test_step.c, tests/test_determinism.c, tests/test_memory.c
+ */
+
+#define CLOTHI_MAX_TERMS 24
+
+typedef struct clothi_attach {              /* plain data: saved as bytes                      */
+    uint32_t generation;                    /* counts uses of this place                       */
+    int32_t  used, face;
+    int32_t  pad;
+    double   bary[3];
+    double   k;                             /* N/m                                             */
+    double   target[3];                     /* m, reached at the end of the next step          */
+    double   pose[3];                       /* m, at the last accepted state                   */
+} clothi_attach;
+
+typedef struct clothi_work {                /* vectors of a step, scratch                      */
+    double *x0, *v0, *x_prev0, *v_prev0;    /* as before the step                              */
+    double *x, *trial, *dx, *grad, *y;      /* [nv x 3]                                        */
+    double *goal;                           /* pin targets of this substep                     */
+    double *rhs;                            /* right-hand side of the Newton system            */
+    double *partial;                        /* partial sums of the parallel loops              */
+    double *energy_batch;                   /* [batches x 8] elastic energy                    */
+    double *loss_batch;                     /* [batches x 8] dissipation potential             */
+    double *force;                          /* element forces, model->force_size               */
+    double *wind;                           /* [nf x 4] lagged drag direction and coefficients */
+} clothi_work;
+
+typedef struct clothi_elements {            /* derived from params: what the lanes read        */
+    double *rest;                           /* [nbatch x nrest x 8]                            */
+    double *start;                          /* [nbatch x nstart x 8] strain or angle at x_n    */
+    double *tau;                            /* [nbatch x 8] damping s                          */
+    int     nrest, nstart, damped;
+} clothi_elements;
+
+struct cloth_sim {
+    const cloth_model *model;
+    cloth_hooks  hooks;                     /* the model's; allocations are counted            */
+    cloth_state  state;
+    cloth_params params;
+    /* history of BDF2 */
+    double *x_prev, *v_prev;
+    double  h_prev;
+    int     history;
+    /* inputs */
+    unsigned char *pin;                     /* [nv] axes                                       */
+    double        *target;                  /* [nv x 3] m                                      */
+    clothi_attach *attach;                  /* [max_attachments]                               */
+    int            nattach;                 /* in use                                          */
+    double        *force;                   /* [nv x 3] N                                      */
+    int            force_on;
+    double         gravity[3];
+    int            wind_on;
+    double         wind[3];
+    /* derived */
+    clothi_elements membrane, bend;
+    double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
+    int     quadratic_ready;
+    double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
+    /* terms */
+    cloth_term    term[CLOTHI_MAX_TERMS];
+    double        term_energy[CLOTHI_MAX_TERMS];
+    double        term_loss[CLOTHI_MAX_TERMS];
+    int           nterms, nbuiltin;
+    cloth_contact contact;
+    int           contact_on;
+    double        attach_alpha;             /* where in the step attachments are               */
+    double        attach_step;              /* share of the step that this substep is          */
+    int           balance;                  /* a report is wanted: keep the ledger             */
+    int           force_only;               /* energies are not wanted                         */
+    /* solver */
+    cloth_matrix *matrix;
+    cloth_linear_solver *solver;
+    unsigned char *fixed;                   /* [nv] axes that the solver must not move         */
+    clothi_work   w;
+    cloth_counts  counts;
+    cloth_times   ms;
+    long long     allocations;
+    size_t        bytes;                    /* held through the counted allocator              */
+};
+
+/* The built-in terms, in the order of the list. */
+enum { CLOTHI_TERM_MEMBRANE, CLOTHI_TERM_BEND, CLOTHI_TERM_GRAVITY, CLOTHI_TERM_FORCE,
+       CLOTHI_TERM_ATTACH, CLOTHI_TERM_WIND, CLOTHI_TERM_HOST };
+
+/* --- counted allocation --- */
+
+static void *clothi_counted_alloc(size_t size, void *user) {
+    cloth_sim         *s = (cloth_sim *)user;
+    const cloth_hooks *base = &s->model->hooks;
+    void *ptr = base->allocator.alloc ? base->allocator.alloc(size, base->allocator.user)
+                                      : CLOTH_MALLOC(size);
+    if (!ptr) return NULL;
+    s->allocations++;
+    s->bytes += size;
+    return ptr;
+}
+
+static void clothi_counted_free(void *ptr, size_t size, void *user) {
+    cloth_sim         *s = (cloth_sim *)user;
+    const cloth_hooks *base = &s->model->hooks;
+    s->bytes -= size;
+    if (base->allocator.free) base->allocator.free(ptr, size, base->allocator.user);
+    else CLOTH_FREE(ptr);
+}
+
+/* Allocates n doubles into *out unless it is there already. */
+static cloth_status clothi_need(cloth_sim *s, double **out, size_t n) {
+    if (*out) return CLOTH_OK;
+    *out = (double *)clothi_alloc(&s->hooks, n, sizeof(double));
+    return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
+}
+
+/* --- params to batches --- */
+
+/* Young's modulus of the membrane, N/m, from its Lame constants. */
+static double clothi_young(const cloth_material *mat) {
+    double mu, lambda;
+    cloth_material_lame(mat, &mu, &lambda);
+    return lambda + 2 * mu > 0 ? 4 * mu * (lambda + mu) / (lambda + 2 * mu) : 0;
+}
+
+/* Rest area of face f; sign as the corners turn. */
+static double clothi_rest_area(const double *X, int f) {
+    const double *c = X + 6 * (size_t)f;
+    return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
+}
+
+/* Squared rest length of the edge from vertex a to b as face f has it. */
+static double clothi_rest_edge2(const cloth_model *m, const double *X, int f, int a, int b) {
+    const int    *face = m->faces + 3 * (size_t)f;
+    const double *c = X + 6 * (size_t)f, *p = NULL, *q = NULL;
+    int           k;
+    for (k = 0; k < 3; k++) {
+        if (face[k] == a) p = c + 2 * k;
+        if (face[k] == b) q = c + 2 * k;
+    }
+    if (!p || !q) return 0;
+    return (q[0] - p[0]) * (q[0] - p[0]) + (q[1] - p[1]) * (q[1] - p[1]);
+}
+
+/* Rest geometry of a hinge: mean squared edge length of its two faces, and their areas. The two
+ * differ where pattern pieces of unequal edge are sewn. */
+typedef struct clothi_hinge_rest {
+    double e2, A1, A2, bending, damping;
+} clothi_hinge_rest;
+
+static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p, int h) {
+    const int *v = m->topology->hinges + 4 * (size_t)h;
+    const int *f = m->topology->hinge_faces + 2 * (size_t)h;
+    const cloth_material *a = p->material + m->region[f[0]], *b = p->material + m->region[f[1]];
+    clothi_hinge_rest     r;
+    r.e2 = 0.5 * (clothi_rest_edge2(m, p->X, f[0], v[0], v[1]) +
+                  clothi_rest_edge2(m, p->X, f[1], v[0], v[1]));
+    r.A1 = clothi_rest_area(p->X, f[0]);
+    r.A2 = clothi_rest_area(p->X, f[1]);
+    r.bending = 0.5 * (clothi_bending(a) + clothi_bending(b));
+    r.damping = 0.5 * (a->damping + b->damping);
+    return r;
+}
+
+static void clothi_derive_triangle(const cloth_model *m, const cloth_params *p, int f,
+                                   double *rest, double *tau) {
+    const cloth_material *mat = p->material + m->region[f];
+    const double         *c = p->X + 6 * (size_t)f;
+    double a = c[2] - c[0], b = c[4] - c[0], d = c[3] - c[1], e = c[5] - c[1];
+    double det = a * e - b * d;
+    rest[0 * CLOTHI_LANES] = e / det;
+    rest[1 * CLOTHI_LANES] = -b / det;
+    rest[2 * CLOTHI_LANES] = -d / det;
+    rest[3 * CLOTHI_LANES] = a / det;
+    rest[4 * CLOTHI_LANES] = 0.5 * det;
+    cloth_material_lame(mat, rest + 5 * CLOTHI_LANES, rest + 6 * CLOTHI_LANES);
+    *tau = mat->damping;
+}
+
+/* An edge's spring: k = Y (A1 + A2) / L^2 with Y the membrane stiffness, which gives Y exactly
+ * on an equilateral mesh (with Poisson's ratio 1/3, whatever the material says). */
+static void clothi_derive_spring(const cloth_model *m, const cloth_params *p, int e,
+                                 double *rest, double *tau) {
+    const int *v = m->topology->edges + 2 * (size_t)e;
+    const int *f = m->topology->edge_faces + 2 * (size_t)e;
+    double     L2 = 0, YA = 0, damping = 0;
+    int        k, n = 0;
+    for (k = 0; k < 2; k++) {
+        const cloth_material *mat;
+        if (f[k] < 0) continue;
+        mat = p->material + m->region[f[k]];
+        L2 += clothi_rest_edge2(m, p->X, f[k], v[0], v[1]);
+        YA += clothi_young(mat) * clothi_rest_area(p->X, f[k]);
+        damping += mat->damping;
+        n++;
+    }
+    rest[0] = YA / (L2 / n);
+    rest[CLOTHI_LANES] = sqrt(L2 / n);
+    *tau = damping / n;
+}
+
+/* Corners of face f's rest shape that belong to vertices a, b and to the third. */
+static void clothi_rest_corners(const cloth_model *m, const double *X, int f, int a, int b,
+                                const double **pa, const double **pb, const double **pc) {
+    const int *face = m->faces + 3 * (size_t)f;
+    int        k;
+    for (k = 0; k < 3; k++) {
+        const double *corner = X + 6 * (size_t)f + 2 * k;
+        if (face[k] == a) *pa = corner;
+        else if (face[k] == b) *pb = corner;
+        else *pc = corner;
+    }
+}
+
+/* A face's share of the flat hinge: q = |e|/(2 A), 1 over the height of the far corner, and t,
+ * the foot of that height along the edge. */
+static void clothi_quadratic_face(const cloth_model *m, const double *X, int f, int a, int b,
+                                  double *q, double *t) {
+    const double *pa = X, *pb = X, *pc = X;
+    double        e[2], d[2], e2;
+    clothi_rest_corners(m, X, f, a, b, &pa, &pb, &pc);
+    e[0] = pb[0] - pa[0];
+    e[1] = pb[1] - pa[1];
+    d[0] = pc[0] - pa[0];
+    d[1] = pc[1] - pa[1];
+    e2 = e[0] * e[0] + e[1] * e[1];
+    *q = sqrt(e2) / (2 * clothi_rest_area(X, f));
+    *t = (e[0] * d[0] + e[1] * d[1]) / e2;
+}
+
+/* Weights [4] 1/m of hinge h: what [6.4] makes of a flat stencil, each face in its own plane. */
+static void clothi_quadratic_rest(const cloth_model *m, const cloth_params *p, int h, double *w) {
+    const int *v = m->topology->hinges + 4 * (size_t)h;
+    const int *f = m->topology->hinge_faces + 2 * (size_t)h;
+    double     q, t;
+    int        k;
+    w[0] = w[1] = 0;
+    for (k = 0; k < 2; k++) {
+        clothi_quadratic_face(m, p->X, f[k], v[0], v[1], &q, &t);
+        w[2 + k] = q;
+        w[0] -= (1 - t) * q;
+        w[1] -= t * q;
+    }
+}
+
+static void clothi_derive_hinge(const cloth_model *m, const cloth_params *p, int h, int quadratic,
+                                double *rest, double *tau) {
+    clothi_hinge_rest r = clothi_hinge_of(m, p, h);
+    double            w[4];
+    int               k;
+    rest[0] = p->hinge_scale[h] * cloth_hinge_coefficient(r.bending, r.e2, r.A1, r.A2);
+    *tau = r.damping;
+    if (!quadratic) {
+        rest[CLOTHI_LANES] = p->theta0[h];
+        return;
+    }
+    clothi_quadratic_rest(m, p, h, w);
+    for (k = 0; k < 4; k++) rest[(k + 1) * CLOTHI_LANES] = w[k];
+}
+
+/* Fills the rest arrays of one group; a lane without an element gets zero stiffness. */
+static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, clothi_elements *el) {
+    const cloth_model *m = s->model;
+    int b, lane;
+    el->damped = 0;
+    for (b = 0; b < g->nbatch; b++)
+        for (lane = 0; lane < CLOTHI_LANES; lane++) {
+            double *rest = el->rest + (size_t)b * (size_t)el->nrest * CLOTHI_LANES + lane;
+            double *tau = el->tau + (size_t)b * CLOTHI_LANES + lane;
+            int     id = g->id[b * CLOTHI_LANES + lane], unused = id < 0, back = lane;
+            while (id < 0) id = g->id[b * CLOTHI_LANES + --back];
+            if (g->kind == CLOTHI_TRIANGLE) {
+                clothi_derive_triangle(m, &s->params, id, rest, tau);
+                if (unused) rest[5 * CLOTHI_LANES] = rest[6 * CLOTHI_LANES] = 0;
+            } else if (g->kind == CLOTHI_SPRING) {
+                clothi_derive_spring(m, &s->params, id, rest, tau);
+                if (unused) rest[0] = 0;
+            } else {
+                clothi_derive_hinge(m, &s->params, id, g->kind == CLOTHI_QUADRATIC, rest, tau);
+                if (unused) rest[0] = 0;
+            }
+            if (*tau > 0) el->damped = 1;
+        }
+}
+
+/* Lumped masses: a third of each triangle's to each corner. */
+static void clothi_derive_mass(cloth_sim *s) {
+    const cloth_model *m = s->model;
+    int f, k, i;
+    if (s->params.mass_given) return;
+    for (i = 0; i < m->nv; i++) s->params.mass[i] = 0;
+    for (f = 0; f < m->nf; f++) {
+        double third = s->params.material[m->region[f]].density *
+                       clothi_rest_area(s->params.X, f) / 3;
+        for (k = 0; k < 3; k++) s->params.mass[m->faces[3 * f + k]] += third;
+    }
+    for (i = 0; i < m->nv; i++)             /* a vertex of no triangle: the lightest of the rest */
+        if (!(s->params.mass[i] > 0)) s->params.mass[i] = s->params.mass[m->faces[0]];
+}
+
+static cloth_status clothi_check_params(const cloth_sim *s) {
+    const cloth_model  *m = s->model;
+    const cloth_params *p = &s->params;
+    const cloth_hooks  *hooks = &s->hooks;
+    cloth_status        status;
+    ptrdiff_t           at;
+    int                 i;
+    for (i = 0; i < p->nregions; i++) {
+        status = cloth_material_check(hooks, p->material + i, i);
+        if (status) return status;
+    }
+    for (i = 0; i < p->nh; i++) {
+        if (!clothi_finite(p->hinge_scale[i]) || !clothi_finite(p->theta0[i]))
+            return clothi_fail(hooks, CLOTH_ERR_NONFINITE,
+                               "params.hinge_scale[%i] = %g, theta0 = %g must be finite", i,
+                               p->hinge_scale[i], p->theta0[i]);
+        if (p->hinge_scale[i] < 0)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                               "params.hinge_scale[%i] = %g must be at least 0", i,
+                               p->hinge_scale[i]);
+        if (m->bend.kind == CLOTHI_QUADRATIC && fabs(p->theta0[i]) > 1e-9)
+            return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                               "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
+                               p->theta0[i]);
+    }
+    at = clothi_find_nonfinite(p->X, 6 * (size_t)m->nf);
+    if (at >= 0)
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "params.X[%i] = %g is not finite", (int)at,
+                           p->X[at]);
+    for (i = 0; i < m->nf; i++)
+        if (!(clothi_rest_area(p->X, i) > 0))
+            return clothi_fail(hooks, CLOTH_ERR_MESH,
+                               "params.X: triangle %i has rest area %g, not > 0", i,
+                               clothi_rest_area(p->X, i));
+    for (i = 0; p->mass_given && i < m->nv; i++)
+        if (!clothi_finite(p->mass[i]) || !(p->mass[i] > 0))
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "params.mass[%i] = %g must be > 0", i,
+                               p->mass[i]);
+    return CLOTH_OK;
+}
+
+static void clothi_derive(cloth_sim *s) {
+    clothi_derive_mass(s);
+    clothi_derive_group(s, &s->model->membrane, &s->membrane);
+    clothi_derive_group(s, &s->model->bend, &s->bend);
+    s->quadratic_ready = 0;
+    s->omega_rest = 0;
+}
+
+/* Arrays that only damping needs. */
+static cloth_status clothi_need_damping(cloth_sim *s) {
+    size_t       n = (size_t)s->model->membrane.nbatch * (size_t)s->membrane.nstart;
+    size_t       k = (size_t)s->model->bend.nbatch * (size_t)s->bend.nstart;
+    cloth_status status = CLOTH_OK;
+    if (s->membrane.damped) status = clothi_need(s, &s->membrane.start, n * CLOTHI_LANES);
+    if (!status && s->bend.damped) status = clothi_need(s, &s->bend.start, k * CLOTHI_LANES);
+    return status;
+}
+
+CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim) { return sim ? &sim->params : NULL; }
+
+CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
+    cloth_status status;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    status = clothi_check_params(sim);
+    if (status) return status;
+    clothi_derive(sim);
+    sim->history = 0;
+    return clothi_need_damping(sim);
+}
+
+/* --- create --- */
+
+static cloth_status clothi_sim_arrays(cloth_sim *s) {
+    const cloth_model *m = s->model;
+    const cloth_hooks *hooks = &s->hooks;
+    size_t nv = (size_t)m->nv, nh = (size_t)m->topology->nh, n3 = 3 * nv;
+    size_t nb = (size_t)m->membrane.nbatch, nd = (size_t)m->bend.nbatch;
+    s->membrane.nrest = m->membrane.kind == CLOTHI_TRIANGLE ? 7 : 2;
+    s->membrane.nstart = m->membrane.kind == CLOTHI_TRIANGLE ? 3 : 1;
+    s->bend.nrest = m->bend.kind == CLOTHI_QUADRATIC ? 5 : 2;
+    s->bend.nstart = m->bend.kind == CLOTHI_QUADRATIC ? 12 : 1;
+    s->state.x = (double *)clothi_alloc(hooks, n3, sizeof(double));
+    s->state.v = (double *)clothi_alloc(hooks, n3, sizeof(double));
+    s->pin = (unsigned char *)clothi_alloc(hooks, nv, 1);
+    s->fixed = (unsigned char *)clothi_alloc(hooks, nv, 1);
+    s->target = (double *)clothi_alloc(hooks, n3, sizeof(double));
+    s->attach = (clothi_attach *)clothi_alloc(hooks, (size_t)m->desc.max_attachments,
+                                              sizeof(clothi_attach));
+    s->params.material =
+        (cloth_material *)clothi_alloc(hooks, (size_t)m->nregions, sizeof(cloth_material));
+    s->params.hinge_scale = (double *)clothi_alloc(hooks, nh, sizeof(double));
+    s->params.theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
+    s->params.X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
+    s->params.mass = (double *)clothi_alloc(hooks, nv, sizeof(double));
+    s->membrane.rest =
+        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest * CLOTHI_LANES, sizeof(double));
+    s->membrane.tau = (double *)clothi_alloc(hooks, nb * CLOTHI_LANES, sizeof(double));
+    s->bend.rest =
+        (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest * CLOTHI_LANES, sizeof(double));
+    s->bend.tau = (double *)clothi_alloc(hooks, nd * CLOTHI_LANES, sizeof(double));
+    if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
+        !s->params.material || !s->params.hinge_scale || !s->params.theta0 || !s->params.X ||
+        !s->params.mass || !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
+        return CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
+}
+
+/* State, inputs and params as the model has them. */
+static void clothi_sim_start(cloth_sim *s) {
+    const cloth_model *m = s->model;
+    cloth_params      *p = &s->params;
+    size_t nv = (size_t)m->nv;
+    int    i;
+    memcpy(s->state.x, m->x, 3 * nv * sizeof(double));
+    memcpy(s->state.v, m->v, 3 * nv * sizeof(double));
+    s->state.t = 0;
+    s->history = 0;
+    s->h_prev = 0;
+    memcpy(s->pin, m->pin, nv);
+    memcpy(s->target, m->x, 3 * nv * sizeof(double));
+    for (i = 0; i < m->desc.max_attachments; i++) s->attach[i].used = 0;
+    s->nattach = 0;
+    s->force_on = 0;
+    memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
+    memcpy(s->wind, m->desc.wind, sizeof s->wind);
+    s->wind_on = m->desc.wind_on != 0;
+    p->nregions = m->nregions;
+    p->nh = m->bend.count ? m->topology->nh : 0;
+    p->nf = m->nf;
+    p->nv = m->nv;
+    memcpy(p->material, m->material, (size_t)m->nregions * sizeof(cloth_material));
+    memcpy(p->X, m->X, 6 * (size_t)m->nf * sizeof(double));
+    for (i = 0; i < p->nh; i++) {
+        p->hinge_scale[i] = 1;
+        p->theta0[i] = m->theta0[i];
+    }
+    p->mass_given = m->vertex_mass != NULL;
+    if (m->vertex_mass) memcpy(p->mass, m->vertex_mass, nv * sizeof(double));
+    clothi_derive(s);
+}
+
+static void clothi_terms_install(cloth_sim *s);          /* [9.1] */
+
+CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **out) {
+    cloth_sim   *s;
+    cloth_status status;
+    if (!out) return CLOTH_ERR_ARGUMENT;
+    *out = NULL;
+    if (!model) return CLOTH_ERR_ARGUMENT;
+    s = (cloth_sim *)clothi_alloc(&model->hooks, 1, sizeof *s);
+    if (!s) return clothi_fail(&model->hooks, CLOTH_ERR_MEMORY, "no memory for the sim");
+    s->model = model;
+    s->hooks = model->hooks;
+    s->hooks.allocator.alloc = clothi_counted_alloc;
+    s->hooks.allocator.free = clothi_counted_free;
+    s->hooks.allocator.user = s;
+    status = clothi_sim_arrays(s);
+    if (!status) {
+        clothi_sim_start(s);
+        clothi_terms_install(s);
+        status = clothi_need_damping(s);
+    }
+    if (status) {
+        cloth_sim_destroy(s);
+        return clothi_fail(&model->hooks, status, "no memory for a sim of %i vertices",
+                           model->nv);
+    }
+    *out = s;
+    return CLOTH_OK;
+}
+
+static void clothi_work_free(const cloth_hooks *hooks, clothi_work *w) {
+    clothi_free(hooks, w->x0);
+    clothi_free(hooks, w->v0);
+    clothi_free(hooks, w->x_prev0);
+    clothi_free(hooks, w->v_prev0);
+    clothi_free(hooks, w->x);
+    clothi_free(hooks, w->trial);
+    clothi_free(hooks, w->dx);
+    clothi_free(hooks, w->grad);
+    clothi_free(hooks, w->y);
+    clothi_free(hooks, w->goal);
+    clothi_free(hooks, w->rhs);
+    clothi_free(hooks, w->partial);
+    clothi_free(hooks, w->energy_batch);
+    clothi_free(hooks, w->loss_batch);
+    clothi_free(hooks, w->force);
+    clothi_free(hooks, w->wind);
+}
+
+static void clothi_elements_free(const cloth_hooks *hooks, clothi_elements *el) {
+    clothi_free(hooks, el->rest);
+    clothi_free(hooks, el->start);
+    clothi_free(hooks, el->tau);
+}
+
+CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
+    const cloth_hooks *hooks;
+    if (!sim) return;
+    hooks = &sim->hooks;
+    cloth_linear_solver_destroy(sim->solver);
+    cloth_matrix_destroy(sim->matrix);
+    clothi_work_free(hooks, &sim->w);
+    clothi_elements_free(hooks, &sim->membrane);
+    clothi_elements_free(hooks, &sim->bend);
+    clothi_free(hooks, sim->quadratic);
+    clothi_free(hooks, sim->fixed);
+    clothi_free(hooks, sim->force);
+    clothi_free(hooks, sim->attach);
+    clothi_free(hooks, sim->target);
+    clothi_free(hooks, sim->pin);
+    clothi_free(hooks, sim->params.mass);
+    clothi_free(hooks, sim->params.X);
+    clothi_free(hooks, sim->params.theta0);
+    clothi_free(hooks, sim->params.hinge_scale);
+    clothi_free(hooks, sim->params.material);
+    clothi_free(hooks, sim->v_prev);
+    clothi_free(hooks, sim->x_prev);
+    clothi_free(hooks, sim->state.v);
+    clothi_free(hooks, sim->state.x);
+    clothi_free(&sim->model->hooks, sim);
+}
+
+/* ===== [9.1] ENERGY TERMS ====================================================================
+ *
+ *   E_pot(x) = stretch + bend + gravity + external force + attachments + wind + host's terms
+ *
+ * One list; the minimiser knows no names. A term adds its value, gradient and Hessian blocks
+ * and can pull a vector back through its gradient (vjp), which is all that an adjoint needs:
+ *
+ *   gravity       E = -sum_i m_i g.x_i                                   grad_i = -m_i g
+ *   force         E = -sum_i f_i.x_i                                     grad_i = -f_i
+ *   attachment    E = 1/2 k |p - target|^2,  p = sum_k b_k x_k           3 vertices
+ *   wind          a dissipation potential, lagged: see clothi_wind_begin()
+ *   damping       inside stretch and bend: (tau/h) times the elastic energy of the CHANGE of
+ *                 strain (or angle) in the step. Strain does not see rigid motion, so free fall
+ *                 and rotation are not slowed. What is dissipated in a step is twice its value.
+ *
+ * checked: tests/test_terms.c (differences of every term and of every vjp), tests/test_step.c
+ */
+
+/* --- elements: gather positions, evaluate eight, keep or scatter --- */
+
+typedef struct clothi_pass {                /* one sweep over one group                        */
+    cloth_sim          *s;
+    const clothi_group *g;
+    clothi_elements    *el;
+    const double       *x;
+    double              inv_h;              /* 1/h for damping, 0: none                        */
+    int                 grad, hess, psd;
+    double             *energy, *loss;      /* [nbatch x 8]                                    */
+} clothi_pass;
+
+/* Adds the lanes' Hessian blocks to the matrix. H holds the diagonal blocks, then the
+ * off-diagonal ones in the order of clothi_pair. */
+static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
+    const clothi_group *g = p->g;
+    int pairs = g->width * (g->width - 1) / 2, lane, k;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+        if (g->id[b * CLOTHI_LANES + lane] < 0) continue;
+        for (k = 0; k < g->width; k++)
+            clothi_matrix_add_diag(p->s->matrix,
+                                   g->vert[(b * g->width + k) * CLOTHI_LANES + lane],
+                                   H + (size_t)k * 9 * CLOTHI_LANES + lane, CLOTHI_LANES);
+        for (k = 0; k < pairs; k++)
+            clothi_matrix_add_slot(p->s->matrix, g->slot[(b * pairs + k) * CLOTHI_LANES + lane],
+                                   H + (size_t)(g->width + k) * 9 * CLOTHI_LANES + lane,
+                                   CLOTHI_LANES);
+    }
+}
+
+/* A damped spring is a spring: k ((l - L) + s (l - l_n)) = k (1+s) (l - (L + s l_n)/(1+s)). */
+static void clothi_spring_damped(const double *x, const double *rest, const double *length_n,
+                                 const double *damp, double *E, double *loss, double *f,
+                                 double *H, int psd) {
+    double both[2 * CLOTHI_LANES], rate[2 * CLOTHI_LANES];
+    int    k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        both[k] = rest[k] * (1 + damp[k]);
+        both[CLOTHI_LANES + k] =
+            (rest[CLOTHI_LANES + k] + damp[k] * length_n[k]) / (1 + damp[k]);
+        rate[k] = rest[k] * damp[k];
+        rate[CLOTHI_LANES + k] = length_n[k];
+    }
+    clothi_spring_lanes(x, both, NULL, f, H, psd);
+    clothi_spring_lanes(x, rest, E, NULL, NULL, psd);
+    clothi_spring_lanes(x, rate, loss, NULL, NULL, psd);
+}
+
+/* Quadratic bending is linear in x: its damped force is that of (1+s) x - s x_n. */
+static void clothi_quadratic_damped(const double *x, const double *rest, const double *x_n,
+                                    const double *damp, double *E, double *loss, double *f) {
+    double shifted[12 * CLOTHI_LANES], change[12 * CLOTHI_LANES];
+    int    i;
+    for (i = 0; i < 12 * CLOTHI_LANES; i++) {
+        shifted[i] = x[i] + damp[i % CLOTHI_LANES] * (x[i] - x_n[i]);
+        change[i] = x[i] - x_n[i];
+    }
+    clothi_quadratic_lanes(shifted, rest, NULL, f);
+    clothi_quadratic_lanes(x, rest, E, NULL);
+    clothi_quadratic_lanes(change, rest, loss, NULL);
+    for (i = 0; i < CLOTHI_LANES; i++) loss[i] *= damp[i];
+}
+
+/* H of eight quadratic hinges: c w_i w_j (1+s) times the 3x3 identity, by blocks. */
+static void clothi_quadratic_blocks(const double *rest, const double *damp, double *H) {
+    int b, k, lane;
+    memset(H, 0, 90 * CLOTHI_LANES * sizeof(double));
+    for (b = 0; b < 10; b++) {
+        int i = b < 4 ? b : clothi_pair[b - 4][0], j = b < 4 ? b : clothi_pair[b - 4][1];
+        for (k = 0; k < 9; k += 4)
+            for (lane = 0; lane < CLOTHI_LANES; lane++)
+                H[(9 * b + k) * CLOTHI_LANES + lane] =
+                    rest[lane] * rest[(1 + i) * CLOTHI_LANES + lane] *
+                    rest[(1 + j) * CLOTHI_LANES + lane] * (damp ? 1 + damp[lane] : 1);
+    }
+}
+
+/* The lanes of one batch: E and loss [8], f [width*3][8], H by blocks; each may be NULL. */
+static void clothi_batch_lanes(const clothi_pass *p, const double *x, const double *rest,
+                               const double *start, const double *damp, double *E, double *loss,
+                               double *f, double *H) {
+    switch (p->g->kind) {
+    case CLOTHI_TRIANGLE:
+        clothi_stretch_lanes(x, rest, start, damp, E, loss, f, H, p->psd);
+        break;
+    case CLOTHI_HINGE:
+        clothi_hinge_lanes(x, rest, start, damp, E, loss, NULL, f, H, p->psd);
+        break;
+    case CLOTHI_SPRING:
+        if (damp) clothi_spring_damped(x, rest, start, damp, E, loss, f, H, p->psd);
+        else clothi_spring_lanes(x, rest, E, f, H, p->psd);
+        break;
+    default:
+        if (damp) clothi_quadratic_damped(x, rest, start, damp, E, loss, f);
+        else clothi_quadratic_lanes(x, rest, E, f);
+        if (H) clothi_quadratic_blocks(rest, damp, H);
+        break;
+    }
+}
+
+/* Batch b of a group: energy, element forces and Hessian as asked. */
+static void clothi_batch(const clothi_pass *p, int b) {
+    const clothi_group *g = p->g;
+    clothi_elements    *el = p->el;
+    const double       *start = NULL, *damp = NULL;
+    double  x[12 * CLOTHI_LANES], rate[CLOTHI_LANES], H[90 * CLOTHI_LANES];
+    double *loss = NULL;
+    int     lane;
+    if (el->damped && p->inv_h > 0) {
+        start = el->start + (size_t)b * (size_t)el->nstart * CLOTHI_LANES;
+        for (lane = 0; lane < CLOTHI_LANES; lane++)
+            rate[lane] = el->tau[(size_t)b * CLOTHI_LANES + lane] * p->inv_h;
+        damp = rate;
+        if (p->energy) loss = p->loss + (size_t)b * CLOTHI_LANES;
+    }
+    clothi_gather_lanes(p->x, g->vert + (size_t)b * (size_t)g->width * CLOTHI_LANES, g->width, x);
+    clothi_batch_lanes(p, x, el->rest + (size_t)b * (size_t)el->nrest * CLOTHI_LANES, start, damp,
+                       p->energy ? p->energy + (size_t)b * CLOTHI_LANES : NULL, loss,
+                       p->grad ? p->s->w.force + g->force +
+                                     (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES
+                               : NULL,
+                       p->hess ? H : NULL);
+    if (p->hess) clothi_scatter(p, b, H);
+}
+
+static void clothi_pass_chunks(int begin, int end, int worker, void *ctx) {
+    const clothi_pass *p = (const clothi_pass *)ctx;
+    int b, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+    (void)worker;
+    for (b = begin * CLOTHI_CHUNK; b < last; b++) clothi_batch(p, b);
+}
+
+static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
+    const clothi_pass *p = (const clothi_pass *)ctx;
+    int b;
+    (void)worker;
+    for (b = p->g->domain[begin]; b < p->g->domain[end]; b++) clothi_batch(p, b);
+}
+
+/* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
+static double clothi_sweep(clothi_pass *p, double *loss) {
+    const clothi_group *g = p->g;
+    cloth_counts       *counts = &p->s->counts;
+    double energy = 0, lost = 0;
+    int    i, n = g->nbatch * CLOTHI_LANES;
+    if (g->count == 0) return 0;
+    if (p->hess) {                          /* domains side by side, then what they share */
+        clothi_for(&p->s->hooks, g->ndomain, 1, clothi_pass_domains, p);
+        clothi_pass_domains(g->ndomain, g->ndomain + 1, 0, p);
+    } else {
+        clothi_for(&p->s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
+                   clothi_pass_chunks, p);
+    }
+    for (i = 0; p->energy && i < n; i++) energy += p->energy[i];
+    if (p->energy && p->el->damped && p->inv_h > 0)
+        for (i = 0; i < n; i++) lost += p->loss[i];
+    if (loss) *loss = lost;
+    if (g->kind == CLOTHI_TRIANGLE) counts->triangles += g->count;
+    else if (g->kind == CLOTHI_SPRING) counts->springs += g->count;
+    else counts->hinges += g->count;
+    if (p->hess) counts->hessians += g->count;
+    return energy + lost;
+}
+
+static double clothi_elements_eval(cloth_sim *s, const clothi_group *g, clothi_elements *el,
+                                   const cloth_eval *e, double *loss) {
+    clothi_pass p;
+    size_t      first = g == &s->model->bend ? (size_t)s->model->membrane.nbatch : 0;
+    p.s = s;
+    p.g = g;
+    p.el = el;
+    p.x = e->x;
+    p.inv_h = e->h > 0 ? 1 / e->h : 0;
+    p.grad = e->grad != NULL;
+    p.hess = e->hess != NULL;
+    p.psd = e->psd;
+    p.energy = s->force_only ? NULL : s->w.energy_batch + first * CLOTHI_LANES;
+    p.loss = s->w.loss_batch ? s->w.loss_batch + first * CLOTHI_LANES : NULL;
+    return clothi_sweep(&p, loss);
+}
+
+/* Strains and angles at the start of the substep, when something is damped. */
+static void clothi_start_range(int begin, int end, int worker, void *ctx) {
+    const clothi_pass *p = (const clothi_pass *)ctx;
+    double x[12 * CLOTHI_LANES];
+    int    b, k, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+    (void)worker;
+    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+        double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * CLOTHI_LANES;
+        double *start = p->el->start + (size_t)b * (size_t)p->el->nstart * CLOTHI_LANES;
+        clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
+                            p->g->width, x);
+        if (p->g->kind == CLOTHI_TRIANGLE) {
+            clothi_strain_lanes(x, rest, start);
+        } else if (p->g->kind == CLOTHI_HINGE) {
+            clothi_theta_lanes(x, start);
+        } else if (p->g->kind == CLOTHI_SPRING) {
+            for (k = 0; k < 3 * CLOTHI_LANES; k++) x[k] -= x[3 * CLOTHI_LANES + k];
+            for (k = 0; k < CLOTHI_LANES; k++)
+                start[k] = sqrt(x[k] * x[k] + x[CLOTHI_LANES + k] * x[CLOTHI_LANES + k] +
+                                x[2 * CLOTHI_LANES + k] * x[2 * CLOTHI_LANES + k]);
+        } else {
+            memcpy(start, x, sizeof x);
+        }
+    }
+}
+
+static cloth_status clothi_elements_begin(cloth_sim *s, const clothi_group *g,
+                                          clothi_elements *el, const double *x_n) {
+    clothi_pass p;
+    if (!el->damped) return CLOTH_OK;
+    memset(&p, 0, sizeof p);
+    p.s = s;
+    p.g = g;
+    p.el = el;
+    p.x = x_n;
+    clothi_for(&s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1, clothi_start_range, &p);
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_membrane_begin(void *user, const cloth_eval *e) {
+    cloth_sim *s = (cloth_sim *)user;
+    return clothi_elements_begin(s, &s->model->membrane, &s->membrane, e->x_n);
+}
+
+static cloth_status clothi_membrane_eval(void *user, const cloth_eval *e, double *energy) {
+    cloth_sim *s = (cloth_sim *)user;
+    *energy = clothi_elements_eval(s, &s->model->membrane, &s->membrane, e,
+                                   &s->term_loss[CLOTHI_TERM_MEMBRANE]);
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_bend_begin(void *user, const cloth_eval *e) {
+    cloth_sim *s = (cloth_sim *)user;
+    return clothi_elements_begin(s, &s->model->bend, &s->bend, e->x_n);
+}
+
+static cloth_status clothi_bend_eval(void *user, const cloth_eval *e, double *energy) {
+    cloth_sim *s = (cloth_sim *)user;
+    cloth_eval local = *e;
+    if (s->model->bend.kind == CLOTHI_QUADRATIC && !s->bend.damped)
+        local.hess = NULL;                  /* constant: in the matrix from the start */
+    else if (e->hess && s->model->bend.count)
+        s->counts.bend_assemblies++;
+    *energy = clothi_elements_eval(s, &s->model->bend, &s->bend, &local,
+                                   &s->term_loss[CLOTHI_TERM_BEND]);
+    return CLOTH_OK;
+}
+
+/* grad = gathered element forces. */
+static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
+    const clothi_pass *p = (const clothi_pass *)ctx;
+    const cloth_model *m = p->s->model;
+    double            *grad = p->energy;
+    int last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
+    (void)worker;
+    clothi_sum_corners(p->s->w.force, m->gather_start, m->gather, begin * CLOTHI_VERTICES, last,
+                       1.0, grad);
+}
+
+static void clothi_gather_forces(cloth_sim *s, double *grad) {
+    clothi_pass p;
+    memset(&p, 0, sizeof p);
+    p.s = s;
+    p.energy = grad;
+    clothi_for(&s->hooks, (s->model->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, 1,
+               clothi_gather_range, &p);
+}
+
+/* --- gravity and external force --- */
+
+static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double *energy) {
+    const cloth_sim *s = (const cloth_sim *)user;
+    const double    *m = e->params->mass, *g = s->gravity;
+    double           sum = 0;
+    int              i;
+    for (i = 0; i < e->nv; i++) sum -= m[i] * clothi_dot3(g, e->x + 3 * i);
+    for (i = 0; e->grad && i < 3 * e->nv; i++) e->grad[i] -= m[i / 3] * g[i % 3];
+    *energy = sum;
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_gravity_vjp(void *user, const cloth_eval *e, const double *a,
+                                       cloth_vjp *out) {
+    const cloth_sim *s = (const cloth_sim *)user;
+    int              i, k;
+    for (i = 0; i < e->nv; i++) {
+        if (out->mass) out->mass[i] -= clothi_dot3(a + 3 * i, s->gravity);
+        for (k = 0; out->gravity && k < 3; k++)
+            out->gravity[k] -= a[3 * i + k] * e->params->mass[i];
+    }
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_force_eval(void *user, const cloth_eval *e, double *energy) {
+    const cloth_sim *s = (const cloth_sim *)user;
+    double           sum = 0;
+    int              i;
+    for (i = 0; s->force_on && i < 3 * e->nv; i++) sum -= s->force[i] * e->x[i];
+    for (i = 0; s->force_on && e->grad && i < 3 * e->nv; i++) e->grad[i] -= s->force[i];
+    *energy = sum;
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_force_vjp(void *user, const cloth_eval *e, const double *a,
+                                     cloth_vjp *out) {
+    int i;
+    (void)user;
+    for (i = 0; out->force && i < 3 * e->nv; i++) out->force[i] -= a[i];
+    return CLOTH_OK;
+}
+
+/* --- attachments --- */
+
+/* Where attachment q pulls to at this substep: between its last pose and its target. */
+static void clothi_attach_goal(const cloth_sim *s, const clothi_attach *q, double *goal) {
+    int k;
+    for (k = 0; k < 3; k++)
+        goal[k] = q->pose[k] + s->attach_alpha * (q->target[k] - q->pose[k]);
+}
+
+/* r = p - goal at x. */
+static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q, const double *x,
+                              double *r) {
+    const int *v = s->model->faces + 3 * q->face;
+    double     goal[3];
+    int        k;
+    clothi_attach_goal(s, q, goal);
+    for (k = 0; k < 3; k++)
+        r[k] = q->bary[0] * x[3 * v[0] + k] + q->bary[1] * x[3 * v[1] + k] +
+               q->bary[2] * x[3 * v[2] + k] - goal[k];
+}
+
+static cloth_status clothi_attach_eval(void *user, const cloth_eval *e, double *energy) {
+    const cloth_sim *s = (const cloth_sim *)user;
+    cloth_status     status = CLOTH_OK;
+    double           sum = 0;
+    int              i, j, k;
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
+        const clothi_attach *q = s->attach + i;
+        const int           *v = s->model->faces + 3 * (q->used ? q->face : 0);
+        double               r[3], H[81];
+        if (!q->used) continue;
+        clothi_attach_gap(s, q, e->x, r);
+        sum += 0.5 * q->k * clothi_dot3(r, r);
+        for (j = 0; e->grad && j < 9; j++)
+            e->grad[3 * v[j / 3] + j % 3] += q->k * q->bary[j / 3] * r[j % 3];
+        if (!e->hess) continue;
+        memset(H, 0, sizeof H);
+        for (j = 0; j < 9; j++)
+            for (k = j % 3; k < 9; k += 3) H[9 * j + k] = q->k * q->bary[j / 3] * q->bary[k / 3];
+        status = cloth_matrix_add_element(e->hess, 3, v, H);
+        if (status) return status;
+    }
+    *energy = sum;
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const double *a,
+                                      cloth_vjp *out) {
+    const cloth_sim *s = (const cloth_sim *)user;
+    int              i, k;
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
+        const clothi_attach *q = s->attach + i;
+        const int           *v = s->model->faces + 3 * (q->used ? q->face : 0);
+        double               r[3], ap[3];
+        if (!q->used) continue;
+        clothi_attach_gap(s, q, e->x, r);
+        for (k = 0; k < 3; k++)
+            ap[k] = q->bary[0] * a[3 * v[0] + k] + q->bary[1] * a[3 * v[1] + k] +
+                    q->bary[2] * a[3 * v[2] + k];
+        for (k = 0; out->attach && k < 3; k++)
+            out->attach[3 * i + k] -= s->attach_alpha * q->k * ap[k];
+        if (out->attach_k) out->attach_k[i] += clothi_dot3(ap, r);
+    }
+    return CLOTH_OK;
+}
+
+/* --- wind ---
+ *
+ *      w  velocity of the air         n  unit normal of the face at x^n
+ *      u  = v_face - w at x^n, v^n    A  its area at x^n
+ *
+ *   drag  along the normal            c_n = 1/2 rho drag A |u|   [kg/s]
+ *   lift  across it (in-plane slip)   c_t = 1/2 rho lift A |u|   [kg/s]
+ *   potential  P(x) = h/2 ( c_n (n.r)^2 + c_t |r - (n.r) n|^2 ),   r = (p - p^n)/h - w,
+ *              p the centroid
+ *
+ * |u|, n and A are lagged to the start of the step, r is not: the force is linear in the new
+ * velocity and P is convex, so the lightest cloth in a storm is stable at any step. For drag and
+ * lift equal the force is the plain c |u| (w - v). The tangential coefficient is called lift as
+ * in the cloth literature's two-parameter models (normal and tangential drag); true aerofoil
+ * lift, perpendicular to the flow, results from c_n > c_t. In LEAPFROG r is taken at v^n. */
+
+static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
+    cloth_sim         *s = (cloth_sim *)user;
+    const cloth_model *m = s->model;
+    cloth_status       status;
+    int                f, k;
+    if (!s->wind_on) return CLOTH_OK;
+    status = clothi_need(s, &s->w.wind, 5 * (size_t)m->nf);
+    if (status) return status;
+    s->counts.wind_faces += m->nf;
+    for (f = 0; f < m->nf; f++) {
+        const int *v = m->faces + 3 * f;
+        double    *w = s->w.wind + 5 * (size_t)f, a[3], b[3], n[3], u[3], len, speed;
+        clothi_sub3(e->x_n + 3 * v[1], e->x_n + 3 * v[0], a);
+        clothi_sub3(e->x_n + 3 * v[2], e->x_n + 3 * v[0], b);
+        clothi_cross3(a, b, n);
+        len = sqrt(clothi_dot3(n, n));
+        for (k = 0; k < 3; k++)
+            u[k] = (e->v_n[3 * v[0] + k] + e->v_n[3 * v[1] + k] + e->v_n[3 * v[2] + k]) / 3 -
+                   s->wind[k];
+        speed = sqrt(clothi_dot3(u, u));
+        for (k = 0; k < 3; k++) w[k] = len > 0 ? n[k] / len : 0;
+        w[3] = 0.5 * m->desc.air_density * m->desc.drag * 0.5 * len * speed;
+        w[4] = 0.5 * m->desc.air_density * m->desc.lift * 0.5 * len * speed;
+    }
+    return CLOTH_OK;
+}
+
+/* Velocity of the centroid relative to the air at x, and its parts: along n and across. */
+static double clothi_wind_slip(const cloth_sim *s, const cloth_eval *e, int f, double *r) {
+    const int    *v = s->model->faces + 3 * f;
+    const double *n = s->w.wind + 5 * (size_t)f;
+    double        along;
+    int           k;
+    for (k = 0; k < 3; k++) {
+        double sum = 0;
+        int    j;
+        for (j = 0; j < 3; j++)
+            sum += e->h > 0 ? (e->x[3 * v[j] + k] - e->x_n[3 * v[j] + k]) / e->h
+                            : e->v_n[3 * v[j] + k];
+        r[k] = sum / 3 - s->wind[k];
+    }
+    along = clothi_dot3(n, r);
+    for (k = 0; k < 3; k++) r[k] -= along * n[k];
+    return along;
+}
+
+static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *energy) {
+    cloth_sim   *s = (cloth_sim *)user;
+    cloth_status status;
+    double       sum = 0;
+    int          f, j, k;
+    *energy = 0;
+    if (!s->wind_on || !s->w.wind) return CLOTH_OK;
+    for (f = 0; f < s->model->nf; f++) {
+        const double *n = s->w.wind + 5 * (size_t)f;
+        const int    *v = s->model->faces + 3 * f;
+        double        r[3], along = clothi_wind_slip(s, e, f, r), H[81];
+        sum += 0.5 * e->h * (n[3] * along * along + n[4] * clothi_dot3(r, r));
+        for (j = 0; e->grad && j < 9; j++)
+            e->grad[3 * v[j / 3] + j % 3] += (n[3] * along * n[j % 3] + n[4] * r[j % 3]) / 3;
+        if (!e->hess) continue;
+        for (j = 0; j < 9; j++)
+            for (k = 0; k < 9; k++)
+                H[9 * j + k] = ((n[3] - n[4]) * n[j % 3] * n[k % 3] +
+                                (j % 3 == k % 3 ? n[4] : 0)) / (9 * e->h);
+        status = cloth_matrix_add_element(e->hess, 3, v, H);
+        if (status) return status;
+    }
+    s->counts.wind_faces += s->model->nf;
+    *energy = sum;
+    return CLOTH_OK;
+}
+
+/* --- vjp of stretch ---
+ *
+ *   symbols   Dm = [X1-X0, X2-X0], Di = Dm^-1, F = Dx Di, E = 1/2 (F'F - I), A = det(Dm)/2
+ *             Ed = (1+s) E - s E_n, s = tau/h: elastic and damping strain in one; S = C Ed
+ *             Fa = Da Di with Da the edges of the vector a; Ea = sym(F' Fa), Q = C Ea
+ *   value     V = a . grad = A S:Ea
+ *   dV/dmu = 2 A Ed:Ea            dV/dlambda = A tr(Ed) tr(Ea)
+ *   dV/dtau = A/h C(E-E_n):Ea     dV/dh = -tau/h^2 A C(E-E_n):Ea
+ *   dV/dx_n = -s A F_n Q Di'      (rows of the edges, minus their sum for corner 0)
+ *   dV/dDm: with every F -> F - F dDm Di and dA = A tr(Di dDm),
+ *     G = A ( (S:Ea) I - F'((1+s) F Q + Fa S) - Fa' F S + s F_n' F_n Q ) Di'
+ */
+
+typedef struct clothi_tri_parts {                 /* one triangle's matrices, row-major              */
+    double Di[4], A, F[6], Fa[6], Fn[6];    /* F [3 x 2]                                       */
+    double E[4], En[4], Ea[4];
+} clothi_tri_parts;
+
+/* F [3 x 2] = edges of a at the corners v, times Di. */
+static void clothi_tri_gradient(const double *a, const int *v, const double *Di, double *F) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        double p = a[3 * v[1] + k] - a[3 * v[0] + k], q = a[3 * v[2] + k] - a[3 * v[0] + k];
+        F[2 * k] = p * Di[0] + q * Di[2];
+        F[2 * k + 1] = p * Di[1] + q * Di[3];
+    }
+}
+
+/* out [2 x 2] = F' G. */
+static void clothi_ftg(const double *F, const double *G, double *out) {
+    out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
+    out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
+    out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
+    out[3] = F[1] * G[1] + F[3] * G[3] + F[5] * G[5];
+}
+
+/* out [3 x 2] = F S, S [2 x 2]. */
+static void clothi_fs(const double *F, const double *S, double *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
+        out[2 * k + 1] = F[2 * k] * S[1] + F[2 * k + 1] * S[3];
+    }
+}
+
+static void clothi_green(const double *F, double *E) {
+    int k;
+    clothi_ftg(F, F, E);
+    for (k = 0; k < 4; k++) E[k] = 0.5 * (E[k] - (k % 3 == 0 ? 1 : 0));
+}
+
+static void clothi_hooke(double mu, double lambda, const double *E, double *S) {
+    int k;
+    for (k = 0; k < 4; k++) S[k] = 2 * mu * E[k] + (k % 3 == 0 ? lambda * (E[0] + E[3]) : 0);
+}
+
+static double clothi_double_dot(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
+}
+
+/* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
+static void clothi_tri_spread(const double *G, const double *Di, const int *v, double scale,
+                              double *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        double p = scale * (G[2 * k] * Di[0] + G[2 * k + 1] * Di[1]);
+        double q = scale * (G[2 * k] * Di[2] + G[2 * k + 1] * Di[3]);
+        out[3 * v[1] + k] += p;
+        out[3 * v[2] + k] += q;
+        out[3 * v[0] + k] -= p + q;
+    }
+}
+
+static void clothi_tri_rest(const cloth_params *p, int f, clothi_tri_parts *t) {
+    const double *c = p->X + 6 * (size_t)f;
+    double a = c[2] - c[0], b = c[4] - c[0], d = c[3] - c[1], e = c[5] - c[1], det = a * e - b * d;
+    t->A = 0.5 * det;
+    t->Di[0] = e / det;
+    t->Di[1] = -b / det;
+    t->Di[2] = -d / det;
+    t->Di[3] = a / det;
+}
+
+/* G of the banner for one triangle, into its rest corners. */
+static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q, double s,
+                                double *X) {
+    double FQ[6], FaS[6], FS[6], FnQ[6], a[4], b[4], c[4], G[4], H[4];
+    double SE = clothi_double_dot(S, t->Ea);
+    int    k;
+    clothi_fs(t->F, Q, FQ);
+    clothi_fs(t->Fa, S, FaS);
+    clothi_fs(t->F, S, FS);
+    clothi_fs(t->Fn, Q, FnQ);
+    for (k = 0; k < 6; k++) FQ[k] = (1 + s) * FQ[k] + FaS[k];
+    clothi_ftg(t->F, FQ, a);
+    clothi_ftg(t->Fa, FS, b);
+    clothi_ftg(t->Fn, FnQ, c);
+    for (k = 0; k < 4; k++)
+        G[k] = t->A * ((k % 3 == 0 ? SE : 0) - a[k] - b[k] + s * c[k]);
+    H[0] = G[0] * t->Di[0] + G[1] * t->Di[1];           /* H = G Di' */
+    H[1] = G[0] * t->Di[2] + G[1] * t->Di[3];
+    H[2] = G[2] * t->Di[0] + G[3] * t->Di[1];
+    H[3] = G[2] * t->Di[2] + G[3] * t->Di[3];
+    X[2] += H[0];
+    X[3] += H[2];
+    X[4] += H[1];
+    X[5] += H[3];
+    X[0] -= H[0] + H[1];
+    X[1] -= H[2] + H[3];
+}
+
+static void clothi_triangle_vjp(const cloth_sim *s, const cloth_eval *e, int f, const double *a,
+                                cloth_vjp *out) {
+    const int            *v = s->model->faces + 3 * f;
+    int                   region = s->model->region[f], k;
+    const cloth_material *mat = e->params->material + region;
+    double mu, lambda, rate = e->h > 0 ? mat->damping / e->h : 0, Ed[4], S[4], Q[4], D[4], V;
+    clothi_tri_parts t;
+    cloth_material_lame(mat, &mu, &lambda);
+    clothi_tri_rest(e->params, f, &t);
+    clothi_tri_gradient(e->x, v, t.Di, t.F);
+    clothi_tri_gradient(a, v, t.Di, t.Fa);
+    clothi_tri_gradient(e->x_n, v, t.Di, t.Fn);
+    clothi_green(t.F, t.E);
+    clothi_green(t.Fn, t.En);
+    clothi_ftg(t.F, t.Fa, t.Ea);
+    t.Ea[1] = t.Ea[2] = 0.5 * (t.Ea[1] + t.Ea[2]);
+    for (k = 0; k < 4; k++) {
+        Ed[k] = t.E[k] + rate * (t.E[k] - t.En[k]);
+        D[k] = t.E[k] - t.En[k];
+    }
+    clothi_hooke(mu, lambda, Ed, S);
+    clothi_hooke(mu, lambda, t.Ea, Q);
+    V = t.A * clothi_double_dot(Q, D);
+    if (out->mu) out->mu[region] += 2 * t.A * clothi_double_dot(Ed, t.Ea);
+    if (out->lambda) out->lambda[region] += t.A * (Ed[0] + Ed[3]) * (t.Ea[0] + t.Ea[3]);
+    if (out->damping && e->h > 0) out->damping[region] += V / e->h;
+    if (out->h && e->h > 0) *out->h -= rate * V / e->h;
+    if (out->x_n && rate > 0) {
+        double FnQ[6];
+        clothi_fs(t.Fn, Q, FnQ);
+        clothi_tri_spread(FnQ, t.Di, v, -rate * t.A, out->x_n);
+    }
+    if (out->X) clothi_tri_rest_vjp(&t, S, Q, rate, out->X + 6 * (size_t)f);
+}
+
+/* --- vjp of springs ---
+ *   V = k (1 + s) [ (l - L) u.da ] - k s (l_n - L) u.da ... with l the length, u the direction,
+ *   da = a1 - a0: the damped spring pulls with k ((l - L) + s (l - l_n)).
+ *   k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
+
+/* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
+static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f, int va, int vb,
+                            double de2, double dA, double *X) {
+    const int    *face = s->model->faces + 3 * (size_t)f;
+    const double *c = p->X + 6 * (size_t)f;
+    int           i = 0, j = 0, k;
+    for (k = 0; k < 3; k++) {
+        if (face[k] == va) i = k;
+        if (face[k] == vb) j = k;
+    }
+    for (k = 0; k < 2; k++) {
+        double d = 2 * de2 * (c[2 * j + k] - c[2 * i + k]);
+        X[2 * j + k] += d;
+        X[2 * i + k] -= d;
+    }
+    for (k = 0; k < 3; k++) {               /* 2 A = sum of cross products around */
+        const double *q = c + 2 * ((k + 1) % 3), *r = c + 2 * ((k + 2) % 3);
+        X[2 * k] += 0.5 * dA * (q[1] - r[1]);
+        X[2 * k + 1] += 0.5 * dA * (r[0] - q[0]);
+    }
+}
+
+static void clothi_spring_vjp(const cloth_sim *s, const cloth_eval *e, int i, const double *a,
+                              cloth_vjp *out) {
+    const cloth_model *m = s->model;
+    const int *v = m->topology->edges + 2 * (size_t)i, *f = m->topology->edge_faces + 2 * (size_t)i;
+    double rest[2 * CLOTHI_LANES], tau, d[3], dn[3], da[3], l, ln, u_da, rate, k, L, pull, V;
+    int    j, n = f[1] >= 0 ? 2 : 1;
+    clothi_derive_spring(m, e->params, i, rest, &tau);
+    k = rest[0];
+    L = rest[CLOTHI_LANES];
+    rate = e->h > 0 ? tau / e->h : 0;
+    clothi_sub3(e->x + 3 * v[1], e->x + 3 * v[0], d);
+    clothi_sub3(e->x_n + 3 * v[1], e->x_n + 3 * v[0], dn);
+    clothi_sub3(a + 3 * v[1], a + 3 * v[0], da);
+    l = sqrt(clothi_dot3(d, d));
+    ln = sqrt(clothi_dot3(dn, dn));
+    if (!(l > 0) || !(k > 0)) return;
+    u_da = clothi_dot3(d, da) / l;
+    pull = (l - L) + rate * (l - ln);
+    V = pull * u_da;                        /* dV/dk */
+    if (out->h && e->h > 0) *out->h -= rate / e->h * k * (l - ln) * u_da;
+    for (j = 0; out->x_n && rate > 0 && ln > 0 && j < 3; j++) {
+        double g = -k * rate * u_da * dn[j] / ln;
+        out->x_n[3 * v[1] + j] += g;
+        out->x_n[3 * v[0] + j] -= g;
+    }
+    for (j = 0; j < n; j++) {
+        int                   region = m->region[f[j]];
+        const cloth_material *mat = e->params->material + region;
+        double A = clothi_rest_area(e->params->X, f[j]), mu, la, q, Y;
+        cloth_material_lame(mat, &mu, &la);
+        Y = clothi_young(mat);
+        q = la + 2 * mu;
+        if (out->mu) out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) / (q * q);
+        if (out->lambda) out->lambda[region] += V * A / (L * L) * 4 * mu * mu / (q * q);
+        if (out->damping && e->h > 0) out->damping[region] += k * (l - ln) * u_da / (e->h * n);
+        if (out->X)
+            clothi_rest_vjp(s, e->params, f[j], v[0], v[1],
+                            (-V * k / (L * L) - 0.5 * k * u_da / L) / n, V * Y / (L * L),
+                            out->X + 6 * (size_t)f[j]);
+    }
+}
+
+static cloth_status clothi_membrane_vjp(void *user, const cloth_eval *e, const double *a,
+                                        cloth_vjp *out) {
+    const cloth_sim *s = (const cloth_sim *)user;
+    int              i;
+    for (i = 0; i < s->model->membrane.count; i++) {
+        if (s->model->membrane.kind == CLOTHI_TRIANGLE) clothi_triangle_vjp(s, e, i, a, out);
+        else clothi_spring_vjp(s, e, i, a, out);
+    }
+    return CLOTH_OK;
+}
+
+/* --- vjp of bending ---
+ *   hinge      V = c ((theta - theta0) + s (theta - theta_n)) (grad theta . a)
+ *   quadratic  V = c (r + s (r - r_n)).ra,   r = sum w_i x_i,  ra = sum w_i a_i
+ *   c = scale D e2/(A1 + A2), D and tau the means of the two faces' materials. */
+
+typedef struct clothi_hinge_vjp_parts {
+    double dc, dtheta0, dtau, drate;        /* derivatives of V by c, theta0, tau at fixed h    */
+} clothi_hinge_vjp_parts;
+
+static void clothi_hinge_spread(const cloth_sim *s, const cloth_eval *e, int h,
+                                const clothi_hinge_vjp_parts *d, cloth_vjp *out) {
+    const cloth_model *m = s->model;
+    const int         *v = m->topology->hinges + 4 * (size_t)h;
+    const int         *f = m->topology->hinge_faces + 2 * (size_t)h;
+    clothi_hinge_rest  r = clothi_hinge_of(m, e->params, h);
+    double             A = r.A1 + r.A2, unit = r.e2 / A, scale = e->params->hinge_scale[h];
+    int                k;
+    if (out->theta0) out->theta0[h] += d->dtheta0;
+    if (out->hinge_scale) out->hinge_scale[h] += d->dc * r.bending * unit;
+    for (k = 0; k < 2; k++) {
+        if (out->bending) out->bending[m->region[f[k]]] += 0.5 * d->dc * scale * unit;
+        if (out->damping) out->damping[m->region[f[k]]] += 0.5 * d->dtau;
+        if (out->X)
+            clothi_rest_vjp(s, e->params, f[k], v[0], v[1], 0.5 * d->dc * scale * r.bending / A,
+                            -d->dc * scale * r.bending * unit / A,
+                            out->X + 6 * (size_t)f[k]);
+    }
+}
+
+static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
+                             cloth_vjp *out) {
+    const int *v = s->model->topology->hinges + 4 * (size_t)h;
+    double     x[12], xn[12], g[12], gn[12], theta, theta_n, ga = 0, c, rate, rest[16], tau;
+    clothi_hinge_vjp_parts d;
+    int        k;
+    clothi_derive_hinge(s->model, e->params, h, 0, rest, &tau);
+    c = rest[0];
+    rate = e->h > 0 ? tau / e->h : 0;
+    for (k = 0; k < 12; k++) {
+        x[k] = e->x[3 * v[k / 3] + k % 3];
+        xn[k] = e->x_n[3 * v[k / 3] + k % 3];
+    }
+    theta = cloth_dihedral_grad(x, g);
+    theta_n = cloth_dihedral_grad(xn, gn);
+    for (k = 0; k < 12; k++) ga += g[k] * a[3 * v[k / 3] + k % 3];
+    d.dc = ((theta - e->params->theta0[h]) + rate * (theta - theta_n)) * ga;
+    d.dtheta0 = -c * ga;
+    d.dtau = e->h > 0 ? c / e->h * (theta - theta_n) * ga : 0;
+    if (out->h && e->h > 0) *out->h -= rate / e->h * c * (theta - theta_n) * ga;
+    for (k = 0; out->x_n && rate > 0 && k < 12; k++)
+        out->x_n[3 * v[k / 3] + k % 3] -= rate * c * ga * gn[k];
+    clothi_hinge_spread(s, e, h, &d, out);
+}
+
+/* dV/dw [4] through one face's share (q, t) of the weights into its rest corners. */
+static void clothi_quadratic_face_vjp(const cloth_sim *s, const cloth_params *p, int f, int va,
+                                      int vb, const double *dw, double dw_far, double *X) {
+    const cloth_model *m = s->model;
+    const double      *pa = p->X, *pb = p->X, *pc = p->X, *base = p->X + 6 * (size_t)f;
+    double q, t, dq, dt, e[2], d[2], e2, A = clothi_rest_area(p->X, f);
+    int    k;
+    clothi_quadratic_face(m, p->X, f, va, vb, &q, &t);
+    clothi_rest_corners(m, p->X, f, va, vb, &pa, &pb, &pc);
+    dq = dw_far - (1 - t) * dw[0] - t * dw[1];
+    dt = q * (dw[0] - dw[1]);
+    for (k = 0; k < 2; k++) {
+        e[k] = pb[k] - pa[k];
+        d[k] = pc[k] - pa[k];
+    }
+    e2 = e[0] * e[0] + e[1] * e[1];
+    clothi_rest_vjp(s, p, f, va, vb, dq * q / (2 * e2), -dq * q / A, X);
+    for (k = 0; k < 2; k++) {
+        double de = dt * (d[k] - 2 * t * e[k]) / e2, dd = dt * e[k] / e2;
+        X[pb - base + k] += de;
+        X[pc - base + k] += dd;
+        X[pa - base + k] -= de + dd;
+    }
+}
+
+static void clothi_quadratic_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
+                                 cloth_vjp *out) {
+    const cloth_model *m = s->model;
+    const int *v = m->topology->hinges + 4 * (size_t)h, *f = m->topology->hinge_faces + 2 * (size_t)h;
+    double     rest[5 * CLOTHI_LANES], tau, rate, c, r[3], rn[3], ra[3], now = 0, start = 0, dw[4];
+    clothi_hinge_vjp_parts d;
+    int        i, k;
+    clothi_derive_hinge(m, e->params, h, 1, rest, &tau);
+    c = rest[0];
+    rate = e->h > 0 ? tau / e->h : 0;
+    for (k = 0; k < 3; k++) {
+        r[k] = rn[k] = ra[k] = 0;
+        for (i = 0; i < 4; i++) {
+            double w = rest[(i + 1) * CLOTHI_LANES];
+            r[k] += w * e->x[3 * v[i] + k];
+            rn[k] += w * e->x_n[3 * v[i] + k];
+            ra[k] += w * a[3 * v[i] + k];
+        }
+        now += r[k] * ra[k];
+        start += rn[k] * ra[k];
+    }
+    d.dc = now + rate * (now - start);
+    d.dtheta0 = 0;
+    d.dtau = e->h > 0 ? c / e->h * (now - start) : 0;
+    if (out->h && e->h > 0) *out->h -= rate / e->h * c * (now - start);
+    for (i = 0; i < 4; i++) {
+        dw[i] = 0;
+        for (k = 0; k < 3; k++) {
+            double xt = (1 + rate) * e->x[3 * v[i] + k] - rate * e->x_n[3 * v[i] + k];
+            double rt = (1 + rate) * r[k] - rate * rn[k];
+            dw[i] += c * (xt * ra[k] + rt * a[3 * v[i] + k]);
+            if (out->x_n && rate > 0)
+                out->x_n[3 * v[i] + k] -= rate * c * rest[(i + 1) * CLOTHI_LANES] * ra[k];
+        }
+    }
+    clothi_hinge_spread(s, e, h, &d, out);
+    for (k = 0; out->X && k < 2; k++)
+        clothi_quadratic_face_vjp(s, e->params, f[k], v[0], v[1], dw, dw[2 + k],
+                                  out->X + 6 * (size_t)f[k]);
+}
+
+static cloth_status clothi_bend_vjp(void *user, const cloth_eval *e, const double *a,
+                                    cloth_vjp *out) {
+    const cloth_sim *s = (const cloth_sim *)user;
+    int              h;
+    for (h = 0; h < s->model->bend.count; h++) {
+        if (s->model->bend.kind == CLOTHI_HINGE) clothi_hinge_vjp(s, e, h, a, out);
+        else clothi_quadratic_vjp(s, e, h, a, out);
+    }
+    return CLOTH_OK;
+}
+
+/* --- vjp of wind --- */
+
+/* P depends on w, on x_n, v_n through |u|, n, A and r, and on h through r. Exact for w, for h
+ * and for the x_n of r; the lagged |u|, n and A are differentiated too: with c = 1/2 rho A |u|,
+ *   d(c) = c (d|u|/|u| + dA/A),  d|u| = u.du/|u|,  dA = n.dN/2,  dn = (I - n n') dN/(2A)
+ * where N = (x1 - x0) x (x2 - x0). */
+static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const double *a,
+                                    cloth_vjp *out) {
+    const cloth_sim   *s = (const cloth_sim *)user;
+    const cloth_model *m = s->model;
+    int                f, j, k;
+    if (!s->wind_on || !s->w.wind || !(e->h > 0)) return CLOTH_OK;
+    for (f = 0; f < m->nf; f++) {
+        const double *w = s->w.wind + 5 * (size_t)f;
+        const int    *v = m->faces + 3 * f;
+        double r[3], t[3], ap[3], u[3], along, speed2 = 0, an, work, gn[3], gN[3], len2, along_n;
+        double e1[3], e2[3], N[3], g1[3], g2[3], tangent_a;
+        along = clothi_wind_slip(s, e, f, t);
+        for (k = 0; k < 3; k++) {
+            r[k] = t[k] + along * w[k];
+            ap[k] = (a[3 * v[0] + k] + a[3 * v[1] + k] + a[3 * v[2] + k]) / 3;
+            u[k] = (e->v_n[3 * v[0] + k] + e->v_n[3 * v[1] + k] + e->v_n[3 * v[2] + k]) / 3 -
+                   s->wind[k];
+            speed2 += u[k] * u[k];
+        }
+        an = clothi_dot3(ap, w);
+        tangent_a = clothi_dot3(ap, r) - an * along;
+        work = w[3] * an * along + w[4] * tangent_a;       /* ap . force coefficient */
+        for (k = 0; k < 3; k++) {           /* r: at fixed coefficients */
+            double dr = w[3] * an * w[k] + w[4] * (ap[k] - an * w[k]);
+            if (out->wind) out->wind[k] -= dr;
+            for (j = 0; out->x_n && j < 3; j++) out->x_n[3 * v[j] + k] -= dr / (3 * e->h);
+            if (out->h) *out->h -= dr * (r[k] + s->wind[k]) / e->h;
+            if (speed2 > 0) {               /* |u| */
+                if (out->wind) out->wind[k] -= work * u[k] / speed2;
+                for (j = 0; out->v_n && j < 3; j++)
+                    out->v_n[3 * v[j] + k] += work * u[k] / speed2 / 3;
+            }
+            /* n: d(work)/dn at fixed coefficients */
+            gn[k] = (w[3] - w[4]) * (ap[k] * along + an * r[k]);
+        }
+        if (!out->x_n) continue;
+        clothi_sub3(e->x_n + 3 * v[1], e->x_n + 3 * v[0], e1);
+        clothi_sub3(e->x_n + 3 * v[2], e->x_n + 3 * v[0], e2);
+        clothi_cross3(e1, e2, N);
+        len2 = clothi_dot3(N, N);
+        if (!(len2 > 0)) continue;
+        along_n = clothi_dot3(gn, w);
+        for (k = 0; k < 3; k++)             /* n and A through N */
+            gN[k] = (gn[k] - along_n * w[k]) / sqrt(len2) + work * w[k] / sqrt(len2);
+        clothi_cross3(e2, gN, g1);
+        clothi_cross3(gN, e1, g2);
+        for (k = 0; k < 3; k++) {
+            out->x_n[3 * v[1] + k] += g1[k];
+            out->x_n[3 * v[2] + k] += g2[k];
+            out->x_n[3 * v[0] + k] -= g1[k] + g2[k];
+        }
+    }
+    return CLOTH_OK;
+}
+
+/* --- the list --- */
+
+static void clothi_term_set(cloth_sim *s, int at, const char *name,
+                            cloth_status (*begin)(void *, const cloth_eval *),
+                            cloth_status (*eval)(void *, const cloth_eval *, double *),
+                            cloth_status (*vjp)(void *, const cloth_eval *, const double *,
+                                                cloth_vjp *)) {
+    cloth_term *t = s->term + at;
+    t->name = name;
+    t->user = s;
+    t->begin = begin;
+    t->eval = eval;
+    t->vjp = vjp;
+}
+
+static void clothi_terms_install(cloth_sim *s) {
+    clothi_term_set(s, CLOTHI_TERM_MEMBRANE, "stretch", clothi_membrane_begin,
+                    clothi_membrane_eval, clothi_membrane_vjp);
+    clothi_term_set(s, CLOTHI_TERM_BEND, "bend", clothi_bend_begin, clothi_bend_eval,
+                    clothi_bend_vjp);
+    clothi_term_set(s, CLOTHI_TERM_GRAVITY, "gravity", NULL, clothi_gravity_eval,
+                    clothi_gravity_vjp);
+    clothi_term_set(s, CLOTHI_TERM_FORCE, "force", NULL, clothi_force_eval, clothi_force_vjp);
+    clothi_term_set(s, CLOTHI_TERM_ATTACH, "attachment", NULL, clothi_attach_eval,
+                    clothi_attach_vjp);
+    clothi_term_set(s, CLOTHI_TERM_WIND, "wind", clothi_wind_begin, clothi_wind_eval,
+                    clothi_wind_vjp);
+    s->nbuiltin = s->nterms = CLOTHI_TERM_HOST;
+}
+
+/* ===== [9.2] NEWTON ==========================================================================
+ *
+ *   minimise   phi(x) = 1/(2 eta^2) |x - y|^2_M + E_pot(x)         over the unpinned unknowns
+ *
+ *   gradient   g = M (x - y)/eta^2 + dE/dx                              N
+ *   Hessian    H = M/eta^2 + d2E/dx2                                    N/m
+ *   iterate    H dx = -g (inexactly: CG to a relative tolerance), x <- x + a dx
+ *
+ * Which Hessian. The exact one converges quadratically but may be indefinite where cloth is
+ * compressed; the semidefinite model always gives a descent direction but shrinks the steps. We
+ * take the exact one until CG meets negative curvature, and then the projected one for the rest
+ * of the step's iterations (examples/06_newton.c prints what each costs).
+ *
+ * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
+ * [NW06]). Near the minimum the decrease drowns in the rounding of phi, which is of the order
+ * eps * (|inertia| + sum |terms|); there a step is accepted when it does not raise phi by more
+ * than that rounding.
+ *
+ * When to stop. The last update, a max|dx|, is below desc.tolerance (m). A cloth at rest stops
+ * before the first linear solve: for a convex E_pot |dx|_M <= eta^2 |g|_(M^-1), so that
+ * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
+ * of one gradient.
+ *
+ * checked: tests/test_newton.c, tests/test_step.c
+ */
+
+#define CLOTHI_NEWTON_CAP   400             /* iterations of a substep before it has stalled   */
+#define CLOTHI_HALVINGS     40
+#define CLOTHI_ARMIJO       1e-4
+#define CLOTHI_REST         1e-3            /* of the tolerance                                */
+
+typedef struct clothi_goal {                /* what a substep minimises                        */
+    cloth_eval e;
+    double     eta;                         /* s; 0: no inertia (statics)                      */
+    double     sigma;                       /* 1/s^2, extra diagonal sigma m of the solve      */
+    double     magnitude;                   /* J, sum of absolute parts of the last value      */
+} clothi_goal;
+
+typedef struct clothi_inertia {
+    const cloth_sim   *s;
+    const clothi_goal *goal;
+    const double      *x;
+    double            *grad, *partial;
+} clothi_inertia;
+
+static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
+    const clothi_inertia *q = (const clothi_inertia *)ctx;
+    const cloth_sim      *s = q->s;
+    double w = q->goal->eta > 0 ? 1 / (q->goal->eta * q->goal->eta) : 0;
+    int    c, i, k;
+    (void)worker;
+    for (c = begin; c < end; c++) {
+        int    last = (c + 1) * CLOTHI_VERTICES < s->model->nv ? (c + 1) * CLOTHI_VERTICES
+                                                               : s->model->nv;
+        double sum = 0;
+        for (i = c * CLOTHI_VERTICES; i < last; i++)
+            for (k = 0; k < 3; k++) {
+                double m = w * s->params.mass[i], d = q->x[3 * i + k] - s->w.y[3 * i + k];
+                sum += 0.5 * m * d * d;
+                if (q->grad) q->grad[3 * i + k] += m * d;
+            }
+        q->partial[c] = sum;
+    }
+}
+
+/* The constant Hessian of quadratic bending, made once in the (cleared) matrix and kept. */
+static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
+    clothi_pass  p;
+    cloth_status status;
+    int          b;
+    if (s->quadratic_ready) return CLOTH_OK;
+    status = clothi_need(s, &s->quadratic, clothi_matrix_doubles(s->matrix));
+    if (status) return status;
+    memset(&p, 0, sizeof p);
+    p.s = s;
+    p.g = &s->model->bend;
+    for (b = 0; b < p.g->nbatch; b++) {
+        double H[90 * CLOTHI_LANES];
+        clothi_quadratic_blocks(s->bend.rest + (size_t)b * 5 * CLOTHI_LANES, NULL, H);
+        clothi_scatter(&p, b, H);
+    }
+    memcpy(s->quadratic, clothi_matrix_values(s->matrix),
+           clothi_matrix_doubles(s->matrix) * sizeof(double));
+    s->quadratic_ready = 1;
+    s->counts.bend_assemblies++;
+    return CLOTH_OK;
+}
+
+/* The matrix begins as inertia M (1/eta^2 + sigma), on top of the constant bending Hessian where
+ * there is one. */
+static cloth_status clothi_matrix_start(cloth_sim *s, const clothi_goal *goal) {
+    double w = (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma;
+    double block[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    int    i;
+    clothi_matrix_clear(s->matrix);
+    if (s->model->bend.kind == CLOTHI_QUADRATIC && s->model->bend.count && !s->bend.damped) {
+        cloth_status status = clothi_quadratic_hessian(s);
+        if (status) return status;
+        memcpy(clothi_matrix_values(s->matrix), s->quadratic,
+               clothi_matrix_doubles(s->matrix) * sizeof(double));
+    }
+    for (i = 0; i < s->model->nv; i++) {
+        block[0] = block[4] = block[8] = w * s->params.mass[i];
+        clothi_matrix_add_diag(s->matrix, i, block, 1);
+    }
+    return CLOTH_OK;
+}
+
+/* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
+
+/* Entry (i, j) of the matrix, scalar indices; NULL where the pattern has no block. Only the lower
+ * triangle is stored. */
+static double *clothi_matrix_entry(cloth_matrix *A, int i, int j) {
+    int slot;
+    if (i / 3 == j / 3) return clothi_matrix_diag(A, i / 3) + 3 * (i % 3) + j % 3;
+    slot = cloth_pattern_slot(clothi_matrix_pattern(A), i / 3, j / 3);
+    if (slot < 0) return NULL;
+    return clothi_matrix_block(A, slot) + (slot & 1 ? 3 * (j % 3) + i % 3 : 3 * (i % 3) + j % 3);
+}
+
+/* Moves row and column f onto row and column l: entries (f, j) to (l, j), (f, f) and twice (f, l)
+ * to (l, l). Diagonal blocks hold both triangles. */
+static void clothi_tie_fold(cloth_sim *s, int f, int l) {
+    const cloth_topology *t = s->model->topology;
+    double *from, *to;
+    int     j, n = 3 * s->model->nv;
+    (void)t;
+    for (j = 0; j < n; j++) {
+        if (j == f || j == l) continue;
+        from = clothi_matrix_entry(s->matrix, f, j);
+        if (!from || !(fabs(*from) > 0)) continue;
+        to = clothi_matrix_entry(s->matrix, l, j);
+        if (!to) continue;
+        *to += *from;
+        if (l / 3 == j / 3) *clothi_matrix_entry(s->matrix, j, l) += *from;
+        *from = 0;
+        if (f / 3 == j / 3) *clothi_matrix_entry(s->matrix, j, f) = 0;
+    }
+    from = clothi_matrix_entry(s->matrix, f, l);
+    to = clothi_matrix_entry(s->matrix, l, l);
+    *to += *clothi_matrix_entry(s->matrix, f, f) + (from ? 2 * *from : 0);
+    if (from) *from = 0;
+    if (f / 3 == l / 3) *clothi_matrix_entry(s->matrix, l, f) = 0;
+    *clothi_matrix_entry(s->matrix, f, f) = 0;
+}
+
+static void clothi_tie_matrix(cloth_sim *s) {
+    int f;
+    for (f = 0; f < 3 * s->model->nv; f++)
+        if (s->model->tie[f] >= 0) clothi_tie_fold(s, f, 3 * s->model->tie[f] + f % 3);
+}
+
+/* phi at x; *grad and the matrix as asked. */
+static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const double *x,
+                                     double *grad, int hess, int psd, double *value) {
+    const cloth_model *m = s->model;
+    int            chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
+    clothi_inertia q;
+    cloth_status   status = CLOTH_OK;
+    double         sum = 0;
+    q.s = s;
+    q.goal = goal;
+    q.x = x;
+    q.grad = grad;
+    q.partial = s->w.partial;
+    goal->e.x = x;
+    goal->e.grad = grad;
+    goal->e.hess = hess ? s->matrix : NULL;
+    goal->e.psd = psd;
+    goal->magnitude = 0;
+    if (hess) status = clothi_matrix_start(s, goal);
+    for (i = 0; i < s->nterms && !status; i++) {
+        if (i == CLOTHI_TERM_BEND + 1) {    /* element forces first: gathering sets, not adds */
+            if (grad) clothi_gather_forces(s, grad);
+            clothi_for(&s->hooks, chunks, 1, clothi_inertia_range, &q);
+        }
+        status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);
+        sum += s->term_energy[i];
+        goal->magnitude += fabs(s->term_energy[i]);
+    }
+    if (!status && s->contact_on) {
+        double energy = 0;
+        s->counts.contact_calls++;
+        status = s->contact.eval(s->contact.user, &goal->e, &energy);
+        sum += energy;
+        goal->magnitude += fabs(energy);
+    }
+    for (i = 0; i < chunks; i++) {
+        sum += s->w.partial[i];
+        goal->magnitude += s->w.partial[i];
+    }
+    *value = sum;
+    return status;
+}
+
+/* --- ties: T' g and T dx --- */
+
+static void clothi_tie_gradient(const cloth_model *m, double *g) {
+    int i;
+    for (i = 0; m->tie && i < 3 * m->nv; i++)
+        if (m->tie[i] >= 0) {
+            g[3 * m->tie[i] + i % 3] += g[i];
+            g[i] = 0;
+        }
+}
+
+static void clothi_tie_spread(const cloth_model *m, double *dx) {
+    int i;
+    for (i = 0; m->tie && i < 3 * m->nv; i++)
+        if (m->tie[i] >= 0) dx[i] = dx[3 * m->tie[i] + i % 3];
+}
+
+/* --- one iteration --- */
+
+typedef struct clothi_newton {              /* progress of one minimisation                    */
+    double value;                           /* phi(x)                                          */
+    double update;                          /* m, last accepted max |a dx|                     */
+    double slope;                           /* g.dx <= 0                                       */
+    int    psd;                             /* the projected Hessian is in use                 */
+    int    converged;
+} clothi_newton;
+
+/* Largest eta^2 |g| / m over the free unknowns. */
+static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
+    double big = 0;
+    int    i, k;
+    for (i = 0; i < s->model->nv; i++)
+        for (k = 0; k < 3; k++)
+            if (!(s->fixed[i] >> k & 1)) {
+                double d = fabs(s->w.rhs[3 * i + k]) / s->params.mass[i];
+                if (d > big) big = d;
+            }
+    return goal->eta * goal->eta * big;
+}
+
+/* rhs = -g over leaders and free unknowns. */
+static void clothi_newton_rhs(cloth_sim *s) {
+    int i, n = 3 * s->model->nv;
+    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
+    clothi_tie_gradient(s->model, s->w.rhs);
+    for (i = 0; i < n; i++) s->w.rhs[i] = s->fixed[i / 3] >> (i % 3) & 1 ? 0 : -s->w.rhs[i];
+}
+
+/* phi(x + a dx) for a = a0, a0/2, ...; leaves the accepted point in w.trial. */
+static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                       double *a, cloth_report *report) {
+    const double start = clothi_now(&s->hooks);
+    double       rounding = 4e-15 * goal->magnitude, value = 0;
+    cloth_status status = CLOTH_OK;
+    int          i, k, n = 3 * s->model->nv;
+    for (k = 0; k <= CLOTHI_HALVINGS; k++, *a *= 0.5) {
+        for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + *a * s->w.dx[i];
+        status = clothi_objective(s, goal, s->w.trial, NULL, 0, 0, &value);
+        if (status || value <= nt->value + CLOTHI_ARMIJO * *a * nt->slope + rounding) break;
+        report->halvings++;
+    }
+    s->ms.line_search += clothi_now(&s->hooks) - start;
+    if (status) return status;
+    if (k > CLOTHI_HALVINGS) return CLOTH_ERR_STEP;
+    nt->value = value;
+    return CLOTH_OK;
+}
+
+/* One linear solve for w.dx. *negative: CG met a direction of negative curvature. */
+static cloth_status clothi_newton_solve(cloth_sim *s, clothi_goal *goal, double tolerance,
+                                        int cholesky, cloth_report *report,
+                                        cloth_linear_report *lr) {
+    const double         start = clothi_now(&s->hooks);
+    cloth_linear_options opt = cloth_linear_options_default();
+    cloth_status         status;
+    (void)goal;
+    opt.method = s->model->desc.linear == CLOTH_LINEAR_AUTO
+                     ? cholesky ? CLOTH_LINEAR_CHOLESKY : CLOTH_LINEAR_SGS
+                     : s->model->desc.linear;
+    opt.tolerance = tolerance;
+    opt.fixed = s->fixed;
+    if (s->model->tie) clothi_tie_matrix(s);
+    status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
+    report->linear_solves++;
+    report->cg += lr->iterations;
+    report->factorizations += lr->factorizations;
+    report->negative += lr->negative;
+    clothi_tie_spread(s->model, s->w.dx);
+    s->ms.linear += clothi_now(&s->hooks) - start;
+    return status;
+}
+
+/* Gradient and Hessian at w.x, right-hand side in w.rhs. */
+static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                           cloth_report *report) {
+    const double start = clothi_now(&s->hooks);
+    cloth_status status =
+        clothi_objective(s, goal, s->w.x, s->w.grad, 1, nt->psd, &nt->value);
+    clothi_newton_rhs(s);
+    report->projected += nt->psd;
+    s->ms.assemble += clothi_now(&s->hooks) - start;
+    return status;
+}
+
+/* Assembles with the exact Hessian if it may, solves; where CG meets negative curvature the
+ * projected Hessian takes over for the rest of this minimisation. */
+static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                            cloth_report *report) {
+    cloth_linear_report lr;
+    cloth_status        status =
+        clothi_newton_solve(s, goal, s->model->desc.cg_tolerance, 0, report, &lr);
+    int i, n = 3 * s->model->nv;
+    if (!status && lr.negative && !nt->psd) {
+        nt->psd = 1;
+        status = clothi_newton_assemble(s, goal, nt, report);
+        if (!status)
+            status = clothi_newton_solve(s, goal, s->model->desc.cg_tolerance, 0, report, &lr);
+    }
+    if (status) return status;
+    nt->slope = 0;
+    for (i = 0; i < n; i++) nt->slope -= s->w.rhs[i] * s->w.dx[i];
+    if (!(nt->slope < 0)) {                 /* no descent: the preconditioned gradient is one */
+        nt->slope = 0;
+        for (i = 0; i < n; i++) {
+            s->w.dx[i] = goal->eta * goal->eta * s->w.rhs[i] / s->params.mass[i / 3];
+            nt->slope -= s->w.rhs[i] * s->w.dx[i];
+        }
+    }
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_cancelled(const cloth_sim *s) {
+    if (s->hooks.cancel.fn && s->hooks.cancel.fn(s->hooks.cancel.user))
+        return CLOTH_ERR_CANCELLED;
+    return CLOTH_OK;
+}
+
+/* Moves w.x to a minimum of phi. On CLOTH_OK report->outcome says how it ended. */
+static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
+    const cloth_desc *d = &s->model->desc;
+    clothi_newton     nt;
+    cloth_status      status;
+    int               it, n = 3 * s->model->nv;
+    memset(&nt, 0, sizeof nt);
+    if (s->contact_on) {
+        s->counts.contact_calls++;
+        status = s->contact.update(s->contact.user, s->w.x);
+        if (status) return status;
+    }
+    status = clothi_newton_assemble(s, goal, &nt, report);
+    if (!status && clothi_rest_measure(s, goal) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
+    for (it = 1; !status; it++) {
+        double a = 1;
+        status = clothi_cancelled(s);
+        if (!status) status = clothi_newton_direction(s, goal, &nt, report);
+        if (status) break;
+        report->newton++;
+        if (s->contact_on) a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
+        status = clothi_line_search(s, goal, &nt, &a, report);
+        if (status == CLOTH_ERR_STEP && !nt.psd) {  /* try the projected model once more */
+            nt.psd = 1;
+            status = clothi_newton_assemble(s, goal, &nt, report);
+            continue;
+        }
+        if (status) break;
+        memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+        nt.update = a * clothi_max_abs(s->w.dx, n);
+        if (nt.update > report->residual_m || it == 1) report->residual_m = nt.update;
+        report->residual_m = nt.update;
+        if (nt.update < d->tolerance) return CLOTH_OK;
+        if (d->max_newton > 0 && it >= d->max_newton) {
+            report->outcome = CLOTH_STEP_MAX_ITERATIONS;
+            return CLOTH_OK;
+        }
+        if (it >= CLOTHI_NEWTON_CAP) status = CLOTH_ERR_STEP;
+        if (!status && s->contact_on) status = s->contact.update(s->contact.user, s->w.x);
+        if (!status) status = clothi_newton_assemble(s, goal, &nt, report);
+    }
+    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_STALLED;
+    return status;
+}
+
+/* ===== [9.3] IMPLICIT STEPS AND STATICS ======================================================
+ *
+ *   Euler   y = x^n + h v^n                                    eta = h      v = (x - x^n)/h
+ *   BDF2    y = (4 x^n - x^(n-1))/3 + 2h/9 (4 v^n - v^(n-1))   eta = 2h/3
+ *           v = (3 x - 4 x^n + x^(n-1))/(2h)
+ *
+ * Both come from the same equation. With v' = M^-1 f(x), x' = v, BDF2 reads
+ *   3/2 x - 2 x^n + 1/2 x^(n-1) = h v,     3/2 v - 2 v^n + 1/2 v^(n-1) = h M^-1 f(x)
+ * and putting the first into the second gives M (x - y)/eta^2 = f(x) with the y and eta above:
+ * the gradient of 1/(2 eta^2) |x - y|_M^2 + E_pot. Gravity is a term of E_pot.
+ *
+ * BDF2 needs two equal steps behind it. Its history is dropped by create, a write to the state
+ * or the params, another h, a failed step, and any step with an active contact row (a position
+ * projection under BDF2 rebounds); the next substep is then one of implicit Euler.
+ *
+ * Starting guess x^n + h v^n: in free flight it is right but for gravity.
+ *
+ * Statics: eta infinite. H may be singular (a free cloth) or indefinite (compression), so the
+ * solve is (H + sigma M) dx = -g with sigma falling tenfold on success and rising on failure:
+ * for large sigma a small step down the gradient, for sigma = 0 Newton. What it ends on is
+ * checked: the exact H is factored, and a negative pivot gives a direction down the saddle,
+ * along which the search goes on.
+ * checked: tests/test_order.c (orders 1 and 2), tests/validate/
+ */
+
+/* Fills w.y and eta for a substep of h; returns whether BDF2's history was used. */
+static int clothi_predict(cloth_sim *s, double h, double *eta) {
+    const double *x = s->state.x, *v = s->state.v;
+    int i, n = 3 * s->model->nv;
+    int bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && s->history &&
+               fabs(h - s->h_prev) <= 1e-12 * h;
+    *eta = bdf2 ? 2 * h / 3 : h;
+    for (i = 0; i < n; i++)
+        s->w.y[i] = bdf2 ? (4 * x[i] - s->x_prev[i]) / 3 +
+                               2 * h / 9 * (4 * v[i] - s->v_prev[i])
+                         : x[i] + h * v[i];
+    return bdf2;
+}
+
+/* New velocity from w.x, then history and state move on. */
+static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
+    double *x = s->state.x, *v = s->state.v;
+    int     i, n = 3 * s->model->nv;
+    for (i = 0; i < n; i++) {
+        double x_new = s->w.x[i];
+        double v_new = bdf2 && keep_history
+                           ? (3 * x_new - 4 * x[i] + s->x_prev[i]) / (2 * h)
+                           : (x_new - x[i]) / h;
+        if (s->x_prev) {
+            s->x_prev[i] = x[i];
+            s->v_prev[i] = v[i];
+        }
+        x[i] = x_new;
+        v[i] = v_new;
+    }
+    s->history = s->x_prev != NULL && keep_history;
+    s->h_prev = h;
+    s->state.t += h;
+}
+
+/* Pin goals of this substep: alpha of the way from the step's start to the targets. */
+static void clothi_pin_goals(cloth_sim *s, double alpha) {
+    int i, n = 3 * s->model->nv;
+    s->attach_alpha = alpha;
+    for (i = 0; i < n; i++)
+        if (s->pin[i / 3] >> (i % 3) & 1)
+            s->w.goal[i] = s->w.x0[i] + alpha * (s->target[i] - s->w.x0[i]);
+}
+
+/* What the solver must not move: pins, and followers of ties. */
+static void clothi_fix(cloth_sim *s) {
+    const cloth_model *m = s->model;
+    int                i;
+    for (i = 0; i < m->nv; i++) s->fixed[i] = s->pin[i];
+    for (i = 0; m->tie && i < 3 * m->nv; i++)
+        if (m->tie[i] >= 0) s->fixed[i / 3] = (unsigned char)(s->fixed[i / 3] | 1u << (i % 3));
+}
+
+/* The starting guess obeys pins and ties. */
+static void clothi_guess(cloth_sim *s, double h) {
+    const cloth_model *m = s->model;
+    int                i, n = 3 * m->nv;
+    for (i = 0; i < n; i++) {
+        s->w.x[i] = s->state.x[i] + h * s->state.v[i];
+        if (s->pin[i / 3] >> (i % 3) & 1) s->w.x[i] = s->w.y[i] = s->w.goal[i];
+    }
+    for (i = 0; m->tie && i < n; i++)
+        if (m->tie[i] >= 0) {
+            int lead = 3 * m->tie[i] + i % 3;
+            s->w.x[i] = s->w.x[lead] + (m->x[i] - m->x[lead]);
+        }
+}
+
+static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
+    memset(goal, 0, sizeof *goal);
+    goal->e.model = s->model;
+    goal->e.params = &s->params;
+    goal->e.nv = s->model->nv;
+    goal->e.h = h;
+    goal->e.t = s->state.t + h;
+    goal->e.x_n = s->state.x;
+    goal->e.v_n = s->state.v;
+}
+
+static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
+    cloth_status status = CLOTH_OK;
+    int          i;
+    for (i = 0; i < s->nterms && !status; i++)
+        if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, &goal->e);
+    if (!status && s->contact_on) {
+        s->counts.contact_calls++;
+        status = s->contact.begin(s->contact.user, &goal->e);
+    }
+    return status;
+}
+
+static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report);
+
+static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha,
+                                            cloth_report *report) {
+    clothi_goal  goal;
+    cloth_status status;
+    int          bdf2, active = 0;
+    clothi_eval_start(s, &goal, h);
+    bdf2 = clothi_predict(s, h, &goal.eta);
+    if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) report->restarts++;
+    clothi_pin_goals(s, alpha);
+    clothi_fix(s);
+    clothi_guess(s, h);
+    status = clothi_terms_begin(s, &goal);
+    if (!status) status = clothi_minimise(s, &goal, report);
+    if (status) return status;
+    if (s->contact_on) {
+        const double start = clothi_now(&s->hooks);
+        s->counts.contact_calls++;
+        status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, NULL, &active);
+        s->ms.contact += clothi_now(&s->hooks) - start;
+        if (status) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+        if (status) return status;
+    }
+    if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) >= 0) {
+        report->vertex = (int)(clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) / 3);
+        report->outcome = CLOTH_STEP_NONE;
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
+                           report->vertex);
+    }
+    if (s->balance) status = clothi_balance(s, &goal, report);
+    clothi_advance(s, h, bdf2, active == 0);
+    report->substeps++;
+    return CLOTH_OK;
+}
+
+
+#define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+/* --- statics --- */
+
+/* Scale of sigma: the largest gravity mode of the model, g over its extent, 1/s^2. */
+static double clothi_static_sigma(const cloth_sim *s) {
+    double low[3], high[3], size = 0, g = sqrt(clothi_dot3(s->gravity, s->gravity));
+    int    i, k;
+    for (k = 0; k < 3; k++) low[k] = high[k] = s->state.x[k];
+    for (i = 0; i < s->model->nv; i++)
+        for (k = 0; k < 3; k++) {
+            double a = s->state.x[3 * i + k];
+            if (a < low[k]) low[k] = a;
+            if (a > high[k]) high[k] = a;
+        }
+    for (k = 0; k < 3; k++)
+        if (high[k] - low[k] > size) size = high[k] - low[k];
+    if (!(size > 0)) size = 1;
+    return (g > 0 ? g : 1) / size;
+}
+
+/* At a converged point: a direction of negative curvature of the exact Hessian into w.dx with
+ * length `tolerance`-scaled, or status CLOTH_OK and *saddle = 0 when there is none. */
+static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, cloth_report *report,
+                                            int *saddle) {
+    clothi_newton nt;
+    cloth_status  status;
+    int           i, n = 3 * s->model->nv;
+    double        big;
+    memset(&nt, 0, sizeof nt);
+    *saddle = 0;
+    goal->sigma = 0;
+    status = clothi_newton_assemble(s, goal, &nt, report);
+    if (!status && s->model->tie) clothi_tie_matrix(s);
+    if (!status)
+        status = cloth_linear_negative_direction(s->solver, s->matrix, s->fixed, s->w.dx, saddle);
+    report->factorizations++;
+    if (status || !*saddle) return status;
+    clothi_tie_spread(s->model, s->w.dx);
+    big = clothi_max_abs(s->w.dx, n);
+    if (!(big > 0)) *saddle = 0;
+    for (i = 0; i < n && big > 0; i++) s->w.dx[i] /= big;
+    report->negative++;
+    return CLOTH_OK;
+}
+
+/* Walks down the saddle along +-w.dx: the longest step of 1, 1/4, ... that lowers phi. */
+static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, double value) {
+    int i, k, side, n = 3 * s->model->nv;
+    for (k = 0; k < 30; k++, length *= 0.25)
+        for (side = -1; side <= 1; side += 2) {
+            double trial;
+            for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + side * length * s->w.dx[i];
+            if (clothi_objective(s, goal, s->w.trial, NULL, 0, 0, &trial)) return 0;
+            if (trial < value - 4e-15 * goal->magnitude) {
+                memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+                return 1;
+            }
+        }
+    return 0;
+}
+
+/* Newton with a falling diagonal sigma M. */
+static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
+    const cloth_desc *d = &s->model->desc;
+    double        sigma0 = clothi_static_sigma(s) * 10, sigma = sigma0;
+    clothi_newton nt;
+    cloth_status  status = CLOTH_OK;
+    int           it, n = 3 * s->model->nv, cap = d->max_newton > 0 ? d->max_newton : 4000;
+    memset(&nt, 0, sizeof nt);
+    for (it = 1; !status; it++) {
+        cloth_linear_report lr;
+        double              a = 1;
+        int                 i;
+        status = clothi_cancelled(s);
+        goal->sigma = sigma;
+        nt.psd = 0;
+        if (!status) status = clothi_newton_assemble(s, goal, &nt, report);
+        if (!status) status = clothi_newton_solve(s, goal, 1e-10, 1, report, &lr);
+        if (!status && lr.negative) {
+            nt.psd = 1;
+            status = clothi_newton_assemble(s, goal, &nt, report);
+            if (!status) status = clothi_newton_solve(s, goal, 1e-10, 1, report, &lr);
+        }
+        if (status) break;
+        report->newton++;
+        if (lr.negative) {                  /* semidefinite to rounding: more of the diagonal */
+            sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
+            if (sigma > 1e12 * sigma0) status = CLOTH_ERR_STEP;
+            continue;
+        }
+        for (i = 0, nt.slope = 0; i < n; i++) nt.slope -= s->w.rhs[i] * s->w.dx[i];
+        status = clothi_line_search(s, goal, &nt, &a, report);
+        if (status == CLOTH_ERR_STEP && sigma < 1e12 * sigma0) {
+            sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
+            status = CLOTH_OK;
+            continue;
+        }
+        if (status) break;
+        memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+        report->residual_m = a * clothi_max_abs(s->w.dx, n);
+        if (!(sigma > 0) && report->residual_m < d->tolerance) return CLOTH_OK;
+        if (a >= 1) sigma = sigma < 1e-7 * sigma0 ? 0 : 0.2 * sigma;
+        else if (a < 0.25) sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
+        if (it >= cap) {
+            report->outcome = CLOTH_STEP_MAX_ITERATIONS;
+            if (d->max_newton > 0) return CLOTH_OK;
+            status = CLOTH_ERR_STEP;
+        }
+    }
+    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_STALLED;
+    return status;
+}
+
+static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *report) {
+    clothi_goal  goal;
+    cloth_status status = CLOTH_OK;
+    double      *v = s->state.v, t = s->state.t;
+    int          i, round, n = 3 * s->model->nv, saddle = 1;
+    (void)h;
+    report->h = 0;
+    report->outcome = CLOTH_STEP_CONVERGED;
+    memset(v, 0, (size_t)n * sizeof(double));
+    clothi_eval_start(s, &goal, 0);
+    memcpy(s->w.y, s->state.x, (size_t)n * sizeof(double));
+    s->attach_step = 1;
+    clothi_pin_goals(s, 1);
+    clothi_fix(s);
+    clothi_guess(s, 0);
+    for (round = 0; round < CLOTHI_STATIC_ROUNDS && saddle && !status; round++) {
+        memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
+        status = clothi_terms_begin(s, &goal);          /* wind is lagged to where we are */
+        if (!status) status = clothi_static_newton(s, &goal, report);
+        if (status || report->outcome != CLOTH_STEP_CONVERGED) break;
+        status = clothi_static_curvature(s, &goal, report, &saddle);
+        if (!status && saddle) {
+            double value, length = 0.1 * sqrt(clothi_rest_area(s->params.X, 0));
+            status = clothi_objective(s, &goal, s->w.x, NULL, 0, 0, &value);
+            if (!status) saddle = clothi_static_escape(s, &goal, length, value);
+        }
+        if (!status && s->wind_on && !saddle) {
+            double moved = 0;
+            for (i = 0; i < n; i++)
+                if (fabs(s->w.x[i] - s->state.x[i]) > moved)
+                    moved = fabs(s->w.x[i] - s->state.x[i]);
+            saddle = moved > s->model->desc.tolerance;
+        }
+    }
+    memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
+    if (status) return status;
+    if (s->balance) status = clothi_balance(s, &goal, report);
+    memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
+    s->state.t = t;
+    s->history = 0;
+    return status;
+}
+
+/* ===== [9.4] LEAPFROG ========================================================================
+ *
+ *   kick   v <- v + h_s/2 a(x)        a(x) = M^-1 ( -dE/dx )
+ *   drift  x <- x + h_s v
+ *   kick   v <- v + h_s/2 a(x)        x and v at one time; order 2; time-reversible
+ *
+ * Two kicks in a row are one, so a substep costs one force evaluation and no matrix at all. It
+ * is stable for h_s < 2/omega_max, omega_max^2 the largest eigenvalue of M^-1 K. We find it by
+ * the power method on M^-1 K at the template, K u taken as a difference of gradients: a
+ * function of model and params alone, made once. Stretched StVK is stiffer: along a principal
+ * stretch s the tangent grows like (3 s^2 - 1)/2, so each step scales omega by the largest
+ * stretch at its start, keeps CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the
+ * substeps when the cloth stretched beyond that within it.
+ *
+ *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
+ *
+ * Cost: nf + nh element forces a substep; omega ~ sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
+ * checked: tests/test_leapfrog.c (stability limit of a chain 2 sqrt(k/m), order 2, energy drift)
+ */
+
+#define CLOTHI_LEAP_SAFETY  0.9             /* of the stability limit                          */
+#define CLOTHI_LEAP_MARGIN  1.02            /* for the power method's shortfall                 */
+#define CLOTHI_LEAP_POWER   60              /* power iterations, once per set of params        */
+#define CLOTHI_LEAP_RETRIES 6               /* doublings of the substeps within one step       */
+
+typedef struct clothi_leap {
+    cloth_sim    *s;
+    const double *extra;                    /* gradient of the other terms, or NULL            */
+    double        kick, drift;              /* s                                               */
+    double        alpha;                    /* where the pins are at the end of the drift      */
+} clothi_leap;
+
+/* Kick, and drift when drift > 0. Pinned axes ride on their straight path. */
+static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
+    const clothi_leap *p = (const clothi_leap *)ctx;
+    cloth_sim         *s = p->s;
+    const cloth_model *m = s->model;
+    const double      *force = s->w.force, *mass = s->params.mass;
+    double            *x = s->w.x, *v = s->w.trial;
+    int i, k, j, last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
+    (void)worker;
+    for (i = begin * CLOTHI_VERTICES; i < last; i++) {
+        double f[3] = {0, 0, 0}, w = p->kick / mass[i];
+        for (k = m->gather_start[i]; k < m->gather_start[i + 1]; k++) {
+            const double *q = force + m->gather[k];
+            f[0] += q[0];
+            f[1] += q[CLOTHI_LANES];
+            f[2] += q[2 * CLOTHI_LANES];
+        }
+        for (j = 0; j < 3; j++) {
+            if (p->extra) f[j] += p->extra[3 * i + j];
+            v[3 * i + j] += p->kick * s->gravity[j] - w * f[j];
+            x[3 * i + j] += p->drift * v[3 * i + j];
+        }
+        for (j = 0; s->pin[i] && j < 3; j++)
+            if (s->pin[i] >> j & 1) {
+                v[3 * i + j] = s->w.y[3 * i + j];
+                x[3 * i + j] = s->w.x0[3 * i + j] +
+                               p->alpha * (s->target[3 * i + j] - s->w.x0[3 * i + j]);
+            }
+    }
+}
+
+/* Element forces at w.x into the force buffer, and the other terms into w.grad when there are
+ * any; *extra is w.grad or NULL. */
+static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double **extra) {
+    clothi_elements *el[2];
+    cloth_status status = CLOTH_OK;
+    double energy;
+    int    i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin ||
+                    s->contact_on;
+    el[0] = &s->membrane;
+    el[1] = &s->bend;
+    e->x = s->w.x;
+    e->grad = s->w.grad;
+    e->hess = NULL;
+    *extra = NULL;
+    if (el[0]->damped || el[1]->damped) {   /* strain rates: against x - h v, the last substep */
+        for (i = 0; i < 3 * s->model->nv; i++)
+            s->w.dx[i] = s->w.x[i] - e->h * s->w.trial[i];
+        e->x_n = s->w.dx;
+        for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
+            if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
+    }
+    for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
+        status = s->term[i].eval(s->term[i].user, e, &energy);
+    if (!others || status) return status;
+    memset(s->w.grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
+    e->x_n = s->w.x;
+    e->v_n = s->w.trial;
+    e->h = 0;                               /* wind: at the velocity it has */
+    for (i = CLOTHI_TERM_FORCE; i < s->nterms && !status; i++) {
+        if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
+        if (!status) status = s->term[i].eval(s->term[i].user, e, &energy);
+    }
+    if (!status && s->contact_on) {
+        s->counts.contact_calls++;
+        status = s->contact.eval(s->contact.user, e, &energy);
+    }
+    *extra = s->w.grad;
+    return status;
+}
+
+/* grad [nv x 3] = elastic gradient at w.x, undamped. */
+static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
+    cloth_status status = CLOTH_OK;
+    double       energy;
+    int          i;
+    e->x = s->w.x;
+    e->grad = grad;
+    e->hess = NULL;
+    e->h = 0;                               /* no damping */
+    memset(grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
+    for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
+        status = s->term[i].eval(s->term[i].user, e, &energy);
+    clothi_gather_forces(s, grad);
+    return status;
+}
+
+/* One power iteration: w.y = M^-1 K u by central differences; returns the Rayleigh quotient. */
+static double clothi_leap_power(cloth_sim *s, cloth_eval *e, double *u, double length) {
+    const double *rest = s->model->x_rest, *mass = s->params.mass;
+    double norm = 0, rayleigh = 0, big = clothi_max_abs(u, 3 * s->model->nv);
+    double eps = 1e-6 * length / (big > 0 ? big : 1);
+    int    n = 3 * s->model->nv, i;
+    for (i = 0; i < n; i++) s->w.x[i] = rest[i] + eps * u[i];
+    (void)clothi_leap_elastic(s, e, s->w.rhs);
+    for (i = 0; i < n; i++) s->w.x[i] = rest[i] - eps * u[i];
+    (void)clothi_leap_elastic(s, e, s->w.grad);
+    for (i = 0; i < n; i++) {
+        double ku = (s->w.rhs[i] - s->w.grad[i]) / (2 * eps);
+        norm += mass[i / 3] * u[i] * u[i];
+        rayleigh += u[i] * ku;
+        s->w.y[i] = ku / mass[i / 3];
+    }
+    return norm > 0 ? rayleigh / norm : 0;
+}
+
+/* omega_max at the template. The start vector is fixed: the result is a function of model and
+ * params. The power method comes from below, so CLOTHI_LEAP_MARGIN is added. */
+static void clothi_leap_omega(cloth_sim *s) {
+    const cloth_model *m = s->model;
+    double     *u = s->w.dx, lambda = 0, length = 0, big;
+    int         n = 3 * m->nv, i, k;
+    uint64_t    seed = 0x9e3779b97f4a7c15u;
+    cloth_eval  e;
+    memset(&e, 0, sizeof e);
+    e.model = m;
+    e.params = &s->params;
+    e.nv = m->nv;
+    for (i = 0; i < m->nf; i++) length += sqrt(clothi_rest_area(s->params.X, i)) / m->nf;
+    for (i = 0; i < n; i++) {
+        seed = seed * 6364136223846793005u + 1442695040888963407u;
+        u[i] = (double)(seed >> 11) / 9007199254740992.0 - 0.5;
+    }
+    for (k = 0; k < CLOTHI_LEAP_POWER; k++) {
+        double quotient = clothi_leap_power(s, &e, u, length);
+        if (quotient > lambda) lambda = quotient;
+        big = clothi_max_abs(s->w.y, n);
+        if (!(big > 0)) break;
+        for (i = 0; i < n; i++) u[i] = s->w.y[i] / big;
+    }
+    s->omega_rest = sqrt(lambda) * CLOTHI_LEAP_MARGIN;
+}
+
+/* Largest factor by which stretch raises the tangent over the rest shape's; at least 1. */
+static double clothi_leap_tangent(const cloth_sim *s, const double *x) {
+    double big = 1;
+    int    f, k;
+    if (s->model->membrane.kind != CLOTHI_TRIANGLE) return 1;
+    for (f = 0; f < s->model->nf; f++) {
+        double corners[9], stretch[2];
+        for (k = 0; k < 9; k++) corners[k] = x[3 * s->model->faces[3 * f + k / 3] + k % 3];
+        cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
+        if (stretch[0] > big) big = stretch[0];
+    }
+    return 0.5 * (3 * big * big - 1);
+}
+
+/* omega^2 that attachments add: Gershgorin's row sum of M^-1 K, sum_j b_j = 1. */
+static double clothi_leap_attach(const cloth_sim *s) {
+    double big = 0;
+    int    i, k;
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++)
+        for (k = 0; s->attach[i].used && k < 3; k++) {
+            int    v = s->model->faces[3 * s->attach[i].face + k];
+            double w = s->attach[i].k * fabs(s->attach[i].bary[k]) / s->params.mass[v];
+            if (w > big) big = w;
+        }
+    return big * (s->nattach < 4 ? s->nattach : 4);
+}
+
+/* Largest stable substep, s, for a tangent factor. */
+static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omega_out) {
+    double omega = sqrt(s->omega_rest * s->omega_rest * tangent + clothi_leap_attach(s));
+    double tau = 0, z;
+    int    i;
+    for (i = 0; i < s->params.nregions; i++)
+        if (s->params.material[i].damping > tau) tau = s->params.material[i].damping;
+    z = 0.5 * tau * omega;
+    *omega_out = omega;
+    return omega > 0 ? 2 / omega * (sqrt(1 + z * z) - z) : HUGE_VAL;
+}
+
+/* m substeps from w.x0, w.v0 to w.x and w.trial (the velocity). */
+static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps) {
+    const cloth_model *m = s->model;
+    int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
+    double       hs = h / substeps;
+    clothi_leap  p;
+    cloth_eval   e;
+    cloth_status status = CLOTH_OK;
+    memset(&e, 0, sizeof e);
+    e.model = m;
+    e.params = &s->params;
+    e.nv = m->nv;
+    p.s = s;
+    memcpy(s->w.x, s->w.x0, (size_t)n * sizeof(double));
+    memcpy(s->w.trial, s->w.v0, (size_t)n * sizeof(double));
+    for (i = 0; i < n; i++)                 /* velocity of what is pinned */
+        s->w.y[i] = s->pin[i / 3] >> (i % 3) & 1 ? (s->target[i] - s->w.x0[i]) / h : 0;
+    for (k = 0; k <= substeps && !status; k++) {
+        e.t = s->state.t + k * hs;
+        e.h = hs;
+        s->attach_alpha = (double)k / substeps;
+        status = clothi_leap_force(s, &e, &p.extra);
+        p.kick = k == 0 || k == substeps ? 0.5 * hs : hs;
+        p.drift = k < substeps ? hs : 0;
+        p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
+        if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
+        if (!status && k < substeps && s->hooks.cancel.fn && k % 16 == 0 &&
+            s->hooks.cancel.fn(s->hooks.cancel.user))
+            status = CLOTH_ERR_CANCELLED;
+    }
+    return status;
+}
+
+static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
+    double       tangent, limit, after;
+    cloth_status status = CLOTH_OK;
+    int          m, tries;
+    if (!(s->omega_rest > 0)) clothi_leap_omega(s);
+    tangent = clothi_leap_tangent(s, s->w.x0);
+    limit = CLOTHI_LEAP_SAFETY * clothi_leap_limit(s, tangent, &report->omega_max);
+    if (!(h / limit < CLOTHI_MAX_SUBSTEPS))
+        return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
+                           "LEAPFROG needs more than %i substeps of %g s", CLOTHI_MAX_SUBSTEPS,
+                           limit);
+    m = s->model->desc.substeps > 0 ? s->model->desc.substeps : (int)ceil(h / limit);
+    if (m < 1) m = 1;
+    for (tries = 0; tries <= CLOTHI_LEAP_RETRIES; tries++, m *= 2) {
+        double omega;
+        status = clothi_leap_run(s, h, m);
+        report->substeps += m;
+        if (status) return status;
+        if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) < 0 &&
+            clothi_find_nonfinite(s->w.trial, 3 * (size_t)s->model->nv) < 0) {
+            after = clothi_leap_tangent(s, s->w.x);
+            if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
+                size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+                memcpy(s->state.x, s->w.x, bytes);
+                memcpy(s->state.v, s->w.trial, bytes);
+                s->state.t += h;
+                report->outcome = CLOTH_STEP_CONVERGED;
+                return CLOTH_OK;
+            }
+        }
+        if (s->model->desc.substeps > 0) break;
+    }
+    report->outcome = CLOTH_STEP_STALLED;
+    return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
+                       "LEAPFROG is unstable at %i substeps of %g s", m, h / m);
+}
+
+/* ===== [9.5] THE STEP ========================================================================
+ *
+ *   check x v targets h  ->  keep a copy  ->  substeps  ->  accept, or put the copy back
+ *
+ * Whatever goes wrong, the state afterwards has the hash it had before.
+ * checked: tests/test_step.c (one test per row of the table at cloth_step)
+ */
+
+static cloth_status clothi_need_work(cloth_sim *s) {
+    const cloth_model *m = s->model;
+    size_t n = 3 * (size_t)m->nv, lanes = CLOTHI_LANES;
+    size_t batches = ((size_t)m->membrane.nbatch + (size_t)m->bend.nbatch) * lanes;
+    int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
+    double **need[12];
+    cloth_status status = CLOTH_OK;
+    int    i, count = 0;
+    need[count++] = &s->w.x0;
+    need[count++] = &s->w.v0;
+    need[count++] = &s->w.x;
+    need[count++] = &s->w.trial;
+    need[count++] = &s->w.dx;
+    need[count++] = &s->w.grad;
+    need[count++] = &s->w.y;
+    need[count++] = &s->w.goal;
+    need[count++] = &s->w.rhs;
+    if (m->desc.integrator == CLOTH_INTEGRATOR_BDF2) {
+        need[count++] = &s->w.x_prev0;
+        need[count++] = &s->w.v_prev0;
+    }
+    for (i = 0; i < count && !status; i++) status = clothi_need(s, need[i], n);
+    if (!status) status = clothi_need(s, &s->w.partial, (n / 3) / CLOTHI_VERTICES + 1);
+    if (!status) status = clothi_need(s, &s->w.energy_batch, batches);
+    if (!status && (s->membrane.damped || s->bend.damped))
+        status = clothi_need(s, &s->w.loss_batch, batches);
+    if (!status) status = clothi_need(s, &s->w.force, (size_t)m->force_size);
+    if (!status && m->desc.integrator == CLOTH_INTEGRATOR_BDF2) {
+        status = clothi_need(s, &s->x_prev, n);
+        if (!status) status = clothi_need(s, &s->v_prev, n);
+    }
+    if (!status) status = clothi_need_damping(s);
+    if (!status && implicit && !s->matrix)
+        status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
+    if (!status && implicit && !s->solver)
+        status = cloth_linear_solver_create(&s->hooks, m->pattern, &s->solver);
+    return status;
+}
+
+static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *report) {
+    const struct { const char *name; const double *a; } array[3] = {
+        {"state.x", s->state.x}, {"state.v", s->state.v}, {"target", s->target}};
+    int k;
+    if (!clothi_finite(h) || !(h > 0))
+        return clothi_fail(&s->hooks, clothi_finite(h) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                           "cloth_step: h = %g must be finite and > 0", h);
+    for (k = 0; k < 3; k++) {
+        ptrdiff_t at = clothi_find_nonfinite(array[k].a, 3 * (size_t)s->model->nv);
+        if (at < 0) continue;
+        report->vertex = (int)(at / 3);
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g (vertex %i)",
+                           array[k].name, (int)at, array[k].a[at], (int)(at / 3));
+    }
+    return CLOTH_OK;
+}
+
+#define CLOTHI_COLLAPSED 0.57735026918962576 /* 1/sqrt(3), where StVK softens              */
+#define CLOTHI_FOLDED    3.0                /* rad                                             */
+
+/* --- ledger --- */
+
+/* Kinetic energy of velocities v [nv x 3]; what is pinned counts too. */
+static double clothi_kinetic(const cloth_sim *s, const double *v) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < s->model->nv; i++)
+        sum += 0.5 * s->params.mass[i] * clothi_dot3(v + 3 * i, v + 3 * i);
+    return sum;
+}
+
+/* Energies of the last evaluation into the ledger. */
+static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
+    int i;
+    l->stretch = s->term_energy[CLOTHI_TERM_MEMBRANE] - s->term_loss[CLOTHI_TERM_MEMBRANE];
+    l->bend = s->term_energy[CLOTHI_TERM_BEND] - s->term_loss[CLOTHI_TERM_BEND];
+    l->gravity = s->term_energy[CLOTHI_TERM_GRAVITY];
+    l->attach = s->term_energy[CLOTHI_TERM_ATTACH];
+    l->other = 0;
+    for (i = s->nbuiltin; i < s->nterms; i++) l->other += s->term_energy[i];
+}
+
+/* Energies at x, v without inertia; gradient into w.grad when asked. */
+static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
+                                     cloth_ledger *l) {
+    clothi_goal  goal;
+    cloth_status status;
+    double       value;
+    clothi_eval_start(s, &goal, 0);
+    goal.e.x_n = x;
+    goal.e.v_n = v;
+    status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
+    clothi_ledger_terms(s, l);
+    l->kinetic = clothi_kinetic(s, v);
+    l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
+    return status;
+}
+
+/* Work and losses of an implicit substep, from the gradient at its result w.x: what is left of
+ * it on a pinned axis is the force that the support gives. */
+static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
+    cloth_ledger *l = &report->energy;
+    double        value, big = 0;
+    cloth_status  status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
+    int           i, k, n = 3 * s->model->nv;
+    if (status) return status;
+    l->damping_loss +=
+        2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]);
+    for (i = 0; i < n; i++) {
+        double dx = s->w.x[i] - s->state.x[i];
+        if (s->force_on) l->force_work += s->force[i] * dx;
+        if (s->pin[i / 3] >> (i % 3) & 1) l->pin_work += s->w.grad[i] * dx;
+    }
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
+        const clothi_attach *q = s->attach + i;
+        double               r[3];
+        if (!q->used) continue;
+        clothi_attach_gap(s, q, s->w.x, r);
+        for (k = 0; k < 3; k++)
+            l->pin_work -= q->k * r[k] * s->attach_step * (q->target[k] - q->pose[k]);
+    }
+    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
+    clothi_tie_gradient(s->model, s->w.rhs);
+    for (i = 0; i < n; i++)
+        if (!(s->fixed[i / 3] >> (i % 3) & 1) && fabs(s->w.rhs[i]) > big) big = fabs(s->w.rhs[i]);
+    report->residual_N = big;
+    if (s->wind_on) {
+        double *wind = s->w.trial;
+        memset(wind, 0, (size_t)n * sizeof(double));
+        goal->e.grad = wind;
+        goal->e.hess = NULL;
+        status = s->term[CLOTHI_TERM_WIND].eval(s, &goal->e, &value);
+        for (i = 0; i < n; i++) l->wind_work -= wind[i] * (s->w.x[i] - s->state.x[i]);
+    }
+    return status;
+}
+
+static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
+    const cloth_model *m = s->model;
+    double corners[12], stretch[2];
+    int    f, k, h;
+    report->min_stretch = HUGE_VAL;
+    for (f = 0; f < m->nf; f++) {
+        for (k = 0; k < 9; k++) corners[k] = s->state.x[3 * m->faces[3 * f + k / 3] + k % 3];
+        cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL,
+                            stretch);
+        if (stretch[1] < report->min_stretch) {
+            report->min_stretch = stretch[1];
+            report->min_stretch_face = f;
+        }
+        report->collapsed += stretch[1] < CLOTHI_COLLAPSED;
+    }
+    for (h = 0; m->bend.count && h < m->topology->nh; h++) {
+        for (k = 0; k < 12; k++)
+            corners[k] = s->state.x[3 * m->topology->hinges[4 * h + k / 3] + k % 3];
+        report->folded += fabs(cloth_dihedral(corners)) > CLOTHI_FOLDED;
+    }
+}
+
+static void clothi_report_momentum(const cloth_sim *s, cloth_report *report) {
+    int i, k;
+    for (i = 0; i < s->model->nv; i++) {
+        double c[3], m = s->params.mass[i];
+        clothi_cross3(s->state.x + 3 * i, s->state.v + 3 * i, c);
+        for (k = 0; k < 3; k++) {
+            report->momentum[k] += m * s->state.v[3 * i + k];
+            report->angular[k] += m * c[k];
+        }
+    }
+}
+
+static void clothi_report_bytes(const cloth_sim *s, cloth_bytes *b) {
+    const cloth_model *m = s->model;
+    b->mesh = clothi_block_size(m->x_rest) + clothi_block_size(m->x) + clothi_block_size(m->v) +
+              clothi_block_size(m->faces) + clothi_block_size(m->part) +
+              clothi_block_size(m->region) + clothi_block_size(m->X) +
+              clothi_block_size(m->pin) + clothi_block_size(m->topology);
+    b->elements = clothi_block_size(m->membrane.vert) + clothi_block_size(m->membrane.slot) +
+                  clothi_block_size(m->membrane.id) + clothi_block_size(m->bend.vert) +
+                  clothi_block_size(m->bend.slot) + clothi_block_size(m->bend.id) +
+                  clothi_block_size(m->gather) + clothi_block_size(m->gather_start) +
+                  clothi_block_size(s->membrane.rest) + clothi_block_size(s->membrane.start) +
+                  clothi_block_size(s->membrane.tau) + clothi_block_size(s->bend.rest) +
+                  clothi_block_size(s->bend.start) + clothi_block_size(s->bend.tau) +
+                  clothi_block_size(s->w.force) + clothi_block_size(s->quadratic);
+    b->matrix = cloth_pattern_bytes(m->pattern) + cloth_matrix_bytes(s->matrix);
+    b->factor = cloth_linear_solver_bytes(s->solver);
+    b->state = clothi_block_size(s->state.x) + clothi_block_size(s->state.v) +
+               clothi_block_size(s->x_prev) + clothi_block_size(s->v_prev) +
+               clothi_block_size(s->pin) + clothi_block_size(s->target) +
+               clothi_block_size(s->attach) + clothi_block_size(s->force) +
+               clothi_block_size(s->params.X) + clothi_block_size(s->params.mass);
+    b->scratch = clothi_block_size(s->w.x0) * 9 + clothi_block_size(s->w.wind);
+    b->contact = s->contact_on && s->contact.bytes ? s->contact.bytes(s->contact.user) : 0;
+    b->total = b->mesh + b->elements + b->matrix + b->factor + b->state + b->scratch + b->contact;
+}
+
+/* --- the driver --- */
+
+static void clothi_keep(cloth_sim *s) {
+    size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    memcpy(s->w.x0, s->state.x, bytes);
+    memcpy(s->w.v0, s->state.v, bytes);
+    if (!s->x_prev) return;
+    memcpy(s->w.x_prev0, s->x_prev, bytes);
+    memcpy(s->w.v_prev0, s->v_prev, bytes);
+}
+
+static void clothi_put_back(cloth_sim *s, double t, int history, double h_prev) {
+    size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    memcpy(s->state.x, s->w.x0, bytes);
+    memcpy(s->state.v, s->w.v0, bytes);
+    s->state.t = t;
+    s->history = history;
+    s->h_prev = h_prev;
+    if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user);
+    if (!s->x_prev) return;
+    memcpy(s->x_prev, s->w.x_prev0, bytes);
+    memcpy(s->v_prev, s->w.v_prev0, bytes);
+}
+
+static cloth_status clothi_step_run(cloth_sim *s, double h, cloth_report *report) {
+    cloth_status status = CLOTH_OK;
+    int          k, m = s->model->desc.substeps > 0 ? s->model->desc.substeps : 1;
+    if (s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        return clothi_step_leapfrog(s, h, report);
+    report->outcome = CLOTH_STEP_CONVERGED;
+    for (k = 0; k < m && !status; k++) {
+        s->attach_step = 1.0 / m;
+        status = clothi_substep_implicit(s, h / m, (double)(k + 1) / m, report);
+    }
+    return status;
+}
+
+/* Accepted: attachments have arrived, contact anchors become state. */
+static void clothi_accept(cloth_sim *s, cloth_report *report) {
+    int i;
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++)
+        memcpy(s->attach[i].pose, s->attach[i].target, sizeof s->attach[i].pose);
+    if (s->contact_on) s->contact.commit(s->contact.user, report);
+}
+
+/* What only a caller who asked for a report pays for. */
+static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before,
+                                        cloth_report *report) {
+    cloth_ledger l = report->energy;
+    cloth_status status = clothi_energy_at(s, s->state.x, s->state.v, 0, &l);
+    l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work -
+                       l.damping_loss - l.total;
+    report->energy = l;
+    clothi_report_shape(s, report);
+    clothi_report_momentum(s, report);
+    clothi_report_bytes(s, &report->bytes);
+    return status;
+}
+
+static void clothi_report_end(cloth_sim *s, double start, long long allocations,
+                              cloth_report *report) {
+    double total = clothi_now(&s->hooks) - start;
+    s->counts.allocations = s->allocations - allocations;
+    report->counts = s->counts;
+    report->ms.total = 1e3 * total;
+    report->ms.assemble = 1e3 * s->ms.assemble;
+    report->ms.linear = 1e3 * s->ms.linear;
+    report->ms.line_search = 1e3 * s->ms.line_search;
+    report->ms.contact = 1e3 * s->ms.contact;
+    report->ms.other = 1e3 * (total - s->ms.assemble - s->ms.linear - s->ms.line_search -
+                              s->ms.contact);
+}
+
+typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report);
+
+/* Everything around a run that moves the state: checks, the copy, the ledger, roll-back. */
+static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
+                                   cloth_report *wanted) {
+    const double start = clothi_now(&s->hooks), t = s->state.t, h_prev = s->h_prev;
+    long long    allocations = s->allocations;
+    int          history = s->history;
+    cloth_report local, *report = wanted ? wanted : &local;
+    cloth_ledger before;
+    cloth_status status;
+    memset(report, 0, sizeof *report);
+    memset(&before, 0, sizeof before);
+    memset(&s->counts, 0, sizeof s->counts);
+    memset(&s->ms, 0, sizeof s->ms);
+    report->h = h;
+    report->vertex = report->min_stretch_face = -1;
+    status = clothi_check_step(s, h, report);
+    if (!status) status = clothi_need_work(s);
+    if (!status) {
+        clothi_keep(s);
+        s->balance = wanted != NULL;
+        if (wanted) status = clothi_energy_at(s, s->state.x, s->state.v, 0, &before);
+        if (!status) status = run(s, h, report);
+        if (status) {
+            clothi_put_back(s, t, history, h_prev);
+            if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;
+        } else {
+            clothi_accept(s, report);
+        }
+    }
+    if (!status && wanted) status = clothi_report_after(s, &before, report);
+    clothi_report_end(s, start, allocations, report);
+    report->status = status;
+    return status;
+}
+
+CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report) {
+    if (report) memset(report, 0, sizeof *report);
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    return clothi_guarded(sim, h, clothi_step_run, report);
+}
+
+CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report) {
+    if (report) memset(report, 0, sizeof *report);
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_UNSUPPORTED,
+                           "cloth_solve_static needs a matrix: LEAPFROG has none");
+    return clothi_guarded(sim, 1.0, clothi_static_run, report);
+}
+
+CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger) {
+    cloth_status status;
+    if (!sim || !ledger) return CLOTH_ERR_ARGUMENT;
+    memset(ledger, 0, sizeof *ledger);
+    status = clothi_need_work(sim);
+    if (status) return status;
+    sim->attach_alpha = 0;
+    return clothi_energy_at(sim, sim->state.x, sim->state.v, 0, ledger);
+}
+
+CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
+                                           double *grad) {
+    cloth_ledger l;
+    clothi_goal  goal;
+    cloth_status status;
+    double       value;
+    if (!sim || !x) return CLOTH_ERR_ARGUMENT;
+    status = clothi_need_work(sim);
+    if (status) return status;
+    memset(&l, 0, sizeof l);
+    sim->attach_alpha = 1;
+    clothi_eval_start(sim, &goal, 0);
+    status = clothi_objective(sim, &goal, x, grad, 0, 0, &value);
+    if (energy) *energy = value;
+    return status;
+}
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
-/* ===== [10.2] SNAPSHOT ======================================================================= */
+static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
+                                        const double *a, int n) {
+    ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
+    if (at < 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s: entry %i = %g is not finite", call,
+                       (int)at, a[at]);
+}
+
+CLOTH_API cloth_state *cloth_sim_state(cloth_sim *sim) { return sim ? &sim->state : NULL; }
+
+CLOTH_API const cloth_model *cloth_sim_model(const cloth_sim *sim) {
+    return sim ? sim->model : NULL;
+}
+
+CLOTH_API void cloth_sim_state_changed(cloth_sim *sim) {
+    if (sim) sim->history = 0;
+}
+
+CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    clothi_sim_start(sim);
+    if (sim->contact_on && sim->contact.rollback) sim->contact.rollback(sim->contact.user);
+    return clothi_need_damping(sim);
+}
+
+CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
+                                     const double target[3]) {
+    cloth_status status;
+    int          k;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (vertex < 0 || vertex >= sim->model->nv)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: vertex %i but nv = %i",
+                           vertex, sim->model->nv);
+    if (axes == 0 || axes > CLOTH_AXIS_ALL)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: axes %i must be 1 to 7",
+                           (int)axes);
+    for (k = 0; target && k < 3; k++)
+        if (axes >> k & 1) {
+            status = clothi_check_vector(&sim->hooks, "cloth_sim_pin: target", target + k, 1);
+            if (status) return status;
+        }
+    for (k = 0; k < 3; k++) {
+        int v = vertex;
+        if (!(axes >> k & 1)) continue;
+        if (sim->model->tie && sim->model->tie[3 * vertex + k] >= 0)
+            v = sim->model->tie[3 * vertex + k];
+        sim->target[3 * v + k] =
+            target ? target[k] + (sim->model->x[3 * v + k] - sim->model->x[3 * vertex + k])
+                   : sim->state.x[3 * v + k];
+        sim->pin[v] = (unsigned char)(sim->pin[v] | 1u << k);
+    }
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (vertex < 0 || vertex >= sim->model->nv)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_unpin: vertex %i but nv = %i", vertex, sim->model->nv);
+    sim->pin[vertex] = 0;
+    return CLOTH_OK;
+}
+
+/* id = index + 1 in the low half, generation in the high half; 0 is none. */
+static clothi_attach *clothi_attach_find(cloth_sim *s, cloth_attachment id) {
+    uint32_t       index = (id.id & 0xffffu) - 1u;
+    clothi_attach *q;
+    if (id.id == 0 || index >= (uint32_t)s->model->desc.max_attachments) return NULL;
+    q = s->attach + index;
+    return q->used && (q->generation & 0xffffu) == id.id >> 16 ? q : NULL;
+}
+
+CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double bary[3], double k,
+                                        const double target[3], cloth_attachment *id) {
+    clothi_attach *q;
+    cloth_status   status;
+    int            i, j;
+    if (id) id->id = 0;
+    if (!sim || !bary || !target || !id) return CLOTH_ERR_ARGUMENT;
+    if (face < 0 || face >= sim->model->nf)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_attach: face %i but nf = %i", face, sim->model->nf);
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: bary", bary, 3);
+    if (!status) status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: k", &k, 1);
+    if (!status) status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: target", target, 3);
+    if (status) return status;
+    if (!(k >= 0))
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_attach: k = %g must be at least 0", k);
+    if (fabs(bary[0] + bary[1] + bary[2] - 1) > 1e-6)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_attach: bary sums to %g, not 1", bary[0] + bary[1] + bary[2]);
+    for (i = 0; i < sim->model->desc.max_attachments && sim->attach[i].used; i++) {}
+    if (i == sim->model->desc.max_attachments)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
+                           "cloth_sim_attach: desc.max_attachments = %i are in use", i);
+    q = sim->attach + i;
+    q->generation++;
+    q->used = 1;
+    q->face = face;
+    q->k = k;
+    memcpy(q->bary, bary, sizeof q->bary);
+    memcpy(q->target, target, sizeof q->target);
+    memset(q->pose, 0, sizeof q->pose);
+    for (j = 0; j < 9; j++)                 /* it starts where the cloth is, without a jerk */
+        q->pose[j % 3] +=
+            bary[j / 3] * sim->state.x[3 * sim->model->faces[3 * face + j / 3] + j % 3];
+    sim->nattach++;
+    id->id = (q->generation & 0xffffu) << 16 | (uint32_t)(i + 1);
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_sim_attach_move(cloth_sim *sim, cloth_attachment id,
+                                             const double target[3]) {
+    clothi_attach *q;
+    cloth_status   status;
+    if (!sim || !target) return CLOTH_ERR_ARGUMENT;
+    q = clothi_attach_find(sim, id);
+    if (!q)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_HANDLE,
+                           "cloth_sim_attach_move: attachment %i is gone", (int)id.id);
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_attach_move: target", target, 3);
+    if (!status) memcpy(q->target, target, sizeof q->target);
+    return status;
+}
+
+CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
+    clothi_attach *q;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    q = clothi_attach_find(sim, id);
+    if (!q)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_HANDLE, "cloth_sim_detach: attachment %i is gone",
+                           (int)id.id);
+    q->used = 0;
+    sim->nattach--;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
+    cloth_status status;
+    size_t       n;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    n = 3 * (size_t)sim->model->nv;
+    if (!f) {
+        sim->force_on = 0;
+        return CLOTH_OK;
+    }
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force", f, (int)n);
+    if (!status) status = clothi_need(sim, &sim->force, n);
+    if (status) return status;
+    memcpy(sim->force, f, n * sizeof(double));
+    sim->force_on = 1;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) {
+    cloth_status status;
+    if (!sim || !g) return CLOTH_ERR_ARGUMENT;
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity", g, 3);
+    if (!status) memcpy(sim->gravity, g, sizeof sim->gravity);
+    return status;
+}
+
+CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]) {
+    cloth_status status;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!w) {
+        sim->wind_on = 0;
+        return CLOTH_OK;
+    }
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_wind", w, 3);
+    if (status) return status;
+    memcpy(sim->wind, w, sizeof sim->wind);
+    sim->wind_on = 1;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
+                                              const cloth_material *m) {
+    cloth_status status;
+    if (!sim || !m) return CLOTH_ERR_ARGUMENT;
+    if (region < 0 || region >= sim->model->nregions)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_set_material: region %i but there are %i", region,
+                           sim->model->nregions);
+    status = cloth_material_check(&sim->hooks, m, region);
+    if (status) return status;
+    sim->params.material[region] = *m;
+    return cloth_sim_params_changed(sim);
+}
+
+CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term) {
+    if (!sim || !term || !term->eval) return CLOTH_ERR_ARGUMENT;
+    if ((term->save || term->load || term->save_size) &&
+        !(term->save && term->load && term->save_size))
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_add_term: set save_size, save and load, or none");
+    if (sim->nterms == CLOTHI_MAX_TERMS)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY, "cloth_sim_add_term: %i terms at most",
+                           CLOTHI_MAX_TERMS - sim->nbuiltin);
+    sim->term[sim->nterms++] = *term;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact) {
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    sim->contact_on = contact != NULL;
+    if (!contact) return CLOTH_OK;
+    if (!contact->begin || !contact->update || !contact->eval || !contact->max_step ||
+        !contact->resolve || !contact->commit) {
+        sim->contact_on = 0;
+        return CLOTH_ERR_ARGUMENT;
+    }
+    sim->contact = *contact;
+    return CLOTH_OK;
+}
+
+
+/* ===== [10.2] SNAPSHOT =======================================================================
+ *
+ *   [ magic | version | bytes | model hash | checksum | state ... inputs ... params ... units ]
+ *
+ * One walk lists everything that the next step depends on; save, restore, size and hash are the
+ * same walk with another verb, so that they cannot disagree.
+ * checked: tests/test_snapshot.c
+ */
+
+#define CLOTHI_MAGIC 0x706e536874306c43u    /* "Cl0thSnp" */
+
+typedef struct clothi_walk {
+    unsigned char *buf;                     /* written to or read from; NULL: size or hash     */
+    size_t         at;
+    int            load;
+    int            hashing;
+    uint64_t       hash;
+} clothi_walk;
+
+static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
+    if (w->hashing) w->hash = clothi_hash(w->hash, data, size);
+    else if (w->buf && w->load) memcpy(data, w->buf + w->at, size);
+    else if (w->buf) memcpy(w->buf + w->at, data, size);
+    w->at += size;
+}
+
+/* Arrays that are there only after first use are saved as zeros until then. */
+static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
+    static const double zero[64] = {0};
+    size_t              k;
+    if (data) {
+        clothi_walk_bytes(w, data, n * sizeof(double));
+        return;
+    }
+    for (k = 0; k < n; k += 64) {
+        size_t part = n - k < 64 ? n - k : 64;
+        double spare[64];
+        memcpy(spare, zero, sizeof spare);
+        clothi_walk_bytes(w, spare, part * sizeof(double));
+    }
+}
+
+/* A host's part: its size, then its bytes. */
+static void clothi_walk_unit(clothi_walk *w, void *user, size_t (*size)(void *),
+                             void (*save)(void *, void *), void (*load)(void *, const void *),
+                             unsigned char *scratch) {
+    size_t bytes = size ? size(user) : 0;
+    if (!bytes || !save || !load) return;
+    if (w->hashing || (w->buf && !w->load)) {
+        unsigned char *out = w->hashing ? scratch : w->buf + w->at;
+        if (out) save(user, out);
+        if (out && w->hashing) w->hash = clothi_hash(w->hash, out, bytes);
+    } else if (w->buf) {
+        load(user, w->buf + w->at);
+    }
+    w->at += bytes;
+}
+
+static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *scratch) {
+    const cloth_model *m = s->model;
+    size_t nv = (size_t)m->nv, n3 = 3 * nv;
+    int    i;
+    clothi_walk_bytes(w, s->state.x, n3 * sizeof(double));
+    clothi_walk_bytes(w, s->state.v, n3 * sizeof(double));
+    clothi_walk_bytes(w, &s->state.t, sizeof s->state.t);
+    clothi_walk_bytes(w, &s->history, sizeof s->history);
+    clothi_walk_bytes(w, &s->h_prev, sizeof s->h_prev);
+    if (m->desc.integrator == CLOTH_INTEGRATOR_BDF2 && s->history) {
+        clothi_walk_optional(w, s->x_prev, n3);
+        clothi_walk_optional(w, s->v_prev, n3);
+    } else if (m->desc.integrator == CLOTH_INTEGRATOR_BDF2) {
+        clothi_walk_optional(w, NULL, n3);
+        clothi_walk_optional(w, NULL, n3);
+    }
+    clothi_walk_bytes(w, s->pin, nv);
+    clothi_walk_bytes(w, s->target, n3 * sizeof(double));
+    clothi_walk_bytes(w, s->attach, (size_t)m->desc.max_attachments * sizeof *s->attach);
+    clothi_walk_bytes(w, &s->nattach, sizeof s->nattach);
+    clothi_walk_bytes(w, &s->force_on, sizeof s->force_on);
+    clothi_walk_optional(w, s->force_on ? s->force : NULL, n3);
+    clothi_walk_bytes(w, s->gravity, sizeof s->gravity);
+    clothi_walk_bytes(w, &s->wind_on, sizeof s->wind_on);
+    clothi_walk_bytes(w, s->wind, sizeof s->wind);
+    clothi_walk_bytes(w, s->params.material, (size_t)m->nregions * sizeof(cloth_material));
+    clothi_walk_bytes(w, s->params.hinge_scale, (size_t)s->params.nh * sizeof(double));
+    clothi_walk_bytes(w, s->params.theta0, (size_t)s->params.nh * sizeof(double));
+    clothi_walk_bytes(w, s->params.X, 6 * (size_t)m->nf * sizeof(double));
+    clothi_walk_bytes(w, s->params.mass, nv * sizeof(double));
+    clothi_walk_bytes(w, &s->params.mass_given, sizeof s->params.mass_given);
+    for (i = s->nbuiltin; i < s->nterms; i++)
+        clothi_walk_unit(w, s->term[i].user, s->term[i].save_size, s->term[i].save,
+                         s->term[i].load, scratch);
+    if (s->contact_on)
+        clothi_walk_unit(w, s->contact.user, s->contact.save_size, s->contact.save,
+                         s->contact.load, scratch);
+}
+
+typedef struct clothi_snapshot_head {
+    uint64_t magic, version, bytes, model, checksum;
+} clothi_snapshot_head;
+
+/* The walk in a mode that changes nothing of the sim: the cast is for the shared signature. */
+static void clothi_walk_const(const cloth_sim *sim, clothi_walk *w, unsigned char *scratch) {
+    clothi_snapshot_walk((cloth_sim *)(uintptr_t)sim, w, scratch);
+}
+
+CLOTH_API size_t cloth_sim_save_size(const cloth_sim *sim) {
+    clothi_walk w;
+    if (!sim) return 0;
+    memset(&w, 0, sizeof w);
+    clothi_walk_const(sim, &w, NULL);
+    return w.at + sizeof(clothi_snapshot_head);
+}
+
+CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t size) {
+    clothi_snapshot_head head;
+    clothi_walk          w;
+    size_t               need;
+    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
+    need = cloth_sim_save_size(sim);
+    if (size < need)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
+                           "cloth_sim_save: %z bytes given, %z needed", size, need);
+    memset(&w, 0, sizeof w);
+    w.buf = (unsigned char *)buf + sizeof head;
+    clothi_walk_const(sim, &w, NULL);
+    head.magic = CLOTHI_MAGIC;
+    head.version = CLOTH_VERSION_NUM;
+    head.bytes = need;
+    head.model = sim->model->hash;
+    head.checksum = clothi_hash(0xcbf29ce484222325u, w.buf, need - sizeof head);
+    memcpy(buf, &head, sizeof head);
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size) {
+    clothi_snapshot_head head;
+    clothi_walk          w;
+    cloth_status         status = CLOTH_OK;
+    size_t               n, need;
+    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
+    need = cloth_sim_save_size(sim);
+    if (size < sizeof head || size < need)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: %z bytes given, %z needed", size, need);
+    memcpy(&head, buf, sizeof head);
+    if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM || head.bytes != need)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: not a snapshot of this version and size");
+    if (head.model != sim->model->hash)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: the snapshot is of another model");
+    memset(&w, 0, sizeof w);
+    w.buf = (unsigned char *)(uintptr_t)buf + sizeof head;
+    if (clothi_hash(0xcbf29ce484222325u, w.buf, need - sizeof head) != head.checksum)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: the checksum does not match");
+    n = 3 * (size_t)sim->model->nv;         /* what the walk may fill must be there first */
+    status = clothi_need(sim, &sim->force, n);
+    if (!status && sim->model->desc.integrator == CLOTH_INTEGRATOR_BDF2) {
+        status = clothi_need(sim, &sim->x_prev, n);
+        if (!status) status = clothi_need(sim, &sim->v_prev, n);
+    }
+    if (status) return status;
+    w.load = 1;
+    clothi_snapshot_walk(sim, &w, NULL);
+    clothi_derive(sim);
+    return clothi_need_damping(sim);
+}
+
+CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
+    clothi_walk    w;
+    unsigned char *scratch = NULL;
+    size_t         hosts = 0;
+    int            i;
+    if (!sim) return 0;
+    for (i = sim->nbuiltin; i < sim->nterms; i++)
+        if (sim->term[i].save_size) hosts += sim->term[i].save_size(sim->term[i].user);
+    if (sim->contact_on && sim->contact.save_size)
+        hosts += sim->contact.save_size(sim->contact.user);
+    if (hosts) scratch = (unsigned char *)clothi_alloc(&sim->model->hooks, hosts, 1);
+    if (hosts && !scratch) return 0;
+    memset(&w, 0, sizeof w);
+    w.hashing = 1;
+    w.hash = 0xcbf29ce484222325u ^ sim->model->hash;
+    clothi_walk_const(sim, &w, scratch);
+    clothi_free(&sim->model->hooks, scratch);
+    return w.hash;
+}
+
+CLOTH_API uint64_t cloth_model_hash(const cloth_model *model) { return model ? model->hash : 0; }
+
 
 /* ===== [10.3] QUERIES ======================================================================== */
 
-/* ===== [10.4] ADVICE ========================================================================= */
+CLOTH_API const cloth_topology *cloth_model_topology(const cloth_model *model) {
+    return model ? model->topology : NULL;
+}
+
+CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model) {
+    if (!model || !model->pattern) return 0;
+    return cloth_pattern_blocks_per_row(model->pattern);
+}
+
+/* Area-weighted normal of vertex i: the sum of its faces' cross products. */
+static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
+    const cloth_topology *t = s->model->topology;
+    double                a[3], b[3], c[3], len;
+    int                   k;
+    n[0] = n[1] = n[2] = 0;
+    for (k = t->vf_start[i]; k < t->vf_start[i + 1]; k++) {
+        const int *v = s->model->faces + 3 * t->vf[k];
+        clothi_sub3(s->state.x + 3 * v[1], s->state.x + 3 * v[0], a);
+        clothi_sub3(s->state.x + 3 * v[2], s->state.x + 3 * v[0], b);
+        clothi_cross3(a, b, c);
+        n[0] += c[0];
+        n[1] += c[1];
+        n[2] += c[2];
+    }
+    len = sqrt(clothi_dot3(n, n));
+    for (k = 0; k < 3; k++) n[k] = len > 0 ? n[k] / len : k == 1 ? 1.0 : 0.0;
+}
+
+CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double origin[3],
+                                              float *pos, float *nrm, size_t stride) {
+    int i, k;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (stride == 0) stride = 3 * sizeof(float);
+    if (stride < 3 * sizeof(float))
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_vertices_f32: stride = %z bytes is below 12", stride);
+    for (i = 0; i < sim->model->nv; i++) {
+        float  out[3];
+        double n[3];
+        for (k = 0; pos && k < 3; k++)
+            out[k] = (float)(sim->state.x[3 * i + k] - (origin ? origin[k] : 0.0));
+        if (pos) memcpy((char *)pos + (size_t)i * stride, out, sizeof out);
+        if (!nrm) continue;
+        clothi_vertex_normal(sim, i, n);
+        for (k = 0; k < 3; k++) out[k] = (float)n[k];
+        memcpy((char *)nrm + (size_t)i * stride, out, sizeof out);
+    }
+    return CLOTH_OK;
+}
+
+/* Moeller and Trumbore's ray against one triangle [MT97]: o + t d = sum b_k x_k. */
+static int clothi_ray_face(const double *o, const double *d, const double *x0, const double *x1,
+                           const double *x2, double *t, double *bary) {
+    double e1[3], e2[3], p[3], s[3], q[3], det;
+    clothi_sub3(x1, x0, e1);
+    clothi_sub3(x2, x0, e2);
+    clothi_cross3(d, e2, p);
+    det = clothi_dot3(e1, p);
+    if (!(fabs(det) > 0)) return 0;
+    clothi_sub3(o, x0, s);
+    bary[1] = clothi_dot3(s, p) / det;
+    clothi_cross3(s, e1, q);
+    bary[2] = clothi_dot3(d, q) / det;
+    bary[0] = 1 - bary[1] - bary[2];
+    *t = clothi_dot3(e2, q) / det;
+    return bary[0] >= 0 && bary[1] >= 0 && bary[2] >= 0 && *t >= 0;
+}
+
+CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const double d[3],
+                            double *t, int *face, double bary[3]) {
+    double best = HUGE_VAL, at, b[3];
+    int    f, hit = -1;
+    if (!sim || !o || !d) return 0;
+    if (clothi_find_nonfinite(o, 3) >= 0 || clothi_find_nonfinite(d, 3) >= 0) return 0;
+    for (f = 0; f < sim->model->nf; f++) {
+        const int *v = sim->model->faces + 3 * f;
+        if (!clothi_ray_face(o, d, sim->state.x + 3 * v[0], sim->state.x + 3 * v[1],
+                             sim->state.x + 3 * v[2], &at, b) || !(at < best))
+            continue;
+        best = at;
+        hit = f;
+        if (bary) memcpy(bary, b, sizeof b);
+    }
+    if (hit < 0) return 0;
+    if (t) *t = best;
+    if (face) *face = hit;
+    return 1;
+}
+
+CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smallest,
+                                           double *largest) {
+    int f, k;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    for (f = 0; f < sim->model->nf; f++) {
+        double corners[9], stretch[2];
+        for (k = 0; k < 9; k++)
+            corners[k] = sim->state.x[3 * sim->model->faces[3 * f + k / 3] + k % 3];
+        cloth_stretch_state(corners, sim->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL,
+                            stretch);
+        if (smallest) smallest[f] = stretch[1];
+        if (largest) largest[f] = stretch[0];
+    }
+    return CLOTH_OK;
+}
+
+/* Faces by stretch (blue: short, red: long), pins, attachments, normals. */
+CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_draw *draw) {
+    const cloth_model *m;
+    int                f, i, k;
+    if (!sim || !draw) return;
+    m = sim->model;
+    for (f = 0; draw->triangle && f < m->nf; f++) {
+        const int *v = m->faces + 3 * f;
+        double     corners[9], stretch[2];
+        unsigned   hot, cold;
+        for (k = 0; k < 9; k++) corners[k] = sim->state.x[3 * v[k / 3] + k % 3];
+        cloth_stretch_state(corners, sim->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL,
+                            stretch);
+        hot = (unsigned)(255 * fmin(fmax(stretch[0] - 1, 0) * 10, 1));
+        cold = (unsigned)(255 * fmin(fmax(1 - stretch[1], 0) * 10, 1));
+        draw->triangle(corners, corners + 3, corners + 6,
+                       (255u - cold) << 16 | (255u - (hot > cold ? hot : cold)) << 8 |
+                           (255u - hot), draw->user);
+    }
+    for (i = 0; i < m->nv; i++) {
+        const double *x = sim->state.x + 3 * i;
+        double        n[3], tip[3];
+        if (draw->point && sim->pin[i]) draw->point(x, 6, 0xff0000u, draw->user);
+        if (!draw->line) continue;
+        clothi_vertex_normal(sim, i, n);
+        for (k = 0; k < 3; k++) tip[k] = x[k] + 0.01 * n[k];
+        draw->line(x, tip, 0x00a000u, draw->user);
+    }
+    for (i = 0; sim->nattach > 0 && i < m->desc.max_attachments; i++) {
+        const clothi_attach *q = sim->attach + i;
+        double               p[3] = {0, 0, 0};
+        if (!q->used) continue;
+        for (k = 0; k < 9; k++)
+            p[k % 3] += q->bary[k / 3] * sim->state.x[3 * m->faces[3 * q->face + k / 3] + k % 3];
+        if (draw->line) draw->line(p, q->target, 0xff8000u, draw->user);
+        if (draw->text) draw->text(q->target, "attachment", 0xff8000u, draw->user);
+    }
+}
+
+
+/* ===== [10.4] ADVICE =========================================================================
+ *
+ *   symbols    rho kg/m^2, Y N/m (membrane), D N m, L extent m, e mean edge m, g m/s^2
+ *   groups     rho g L^3 / D        gravity against bending: above ~1000 a membrane alone is
+ *                                   within 5 % of L of the elastica; below ~1.5 all is linear
+ *              h omega_m            omega_m = 2 sqrt(2 Y/rho)/e, the stiffest membrane mode:
+ *                                   below 2 an explicit step is stable
+ *              h omega_b            omega_b = 4 sqrt(D/rho) pi/e^2 /pi: the stiffest bending mode
+ *              sqrt(2 g L) h / e    edges that a falling corner crosses in a step
+ *              (h omega_1)^2        energy that implicit Euler takes a step from the slowest
+ *                                   swing, omega_1 = sqrt(g/L)
+ *
+ * The rung that each implies is a rule of thumb from these groups alone, not a simulation.
+ * checked: tests/test_advise.c
+ */
+
+CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
+                                    cloth_advice *advice) {
+    const cloth_material *mat;
+    double       Y, D, rho, low[3], high[3], L = 0, area = 0, edge, g, period, *X = NULL;
+    cloth_status status;
+    int          i, k, nf;
+    if (!desc || !advice) return CLOTH_ERR_ARGUMENT;
+    memset(advice, 0, sizeof *advice);
+    if (desc->cookie != CLOTHI_COOKIE) return CLOTH_ERR_UNINIT;
+    if (!clothi_finite(h) || !(h > 0) || !clothi_finite(tolerance) || !(tolerance > 0))
+        return clothi_fail(&desc->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_advise: h = %g and tolerance = %g must be finite and > 0", h,
+                           tolerance);
+    status = clothi_check_desc(desc);
+    if (status) return status;
+    nf = desc->nf;
+    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
+    if (!X) return CLOTH_ERR_MEMORY;
+    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
+    if (status) goto done;
+    mat = desc->nregions > 0 ? desc->materials : &desc->material;
+    Y = clothi_young(mat);
+    D = clothi_bending(mat);
+    rho = mat->density;
+    g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
+    for (i = 0; i < nf; i++) area += clothi_rest_area(X, i);
+    edge = sqrt(4 / sqrt(3.0) * area / nf);     /* of the equilateral triangle of mean area */
+    for (k = 0; k < 3; k++) {
+        low[k] = high[k] = desc->x_rest[k];
+        for (i = 0; i < desc->nv; i++) {
+            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
+            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
+        }
+        L = fmax(L, high[k] - low[k]);
+    }
+    period = sqrt(g > 0 ? g / L : 1);
+    advice->gravity_bending = D > 0 ? rho * g * L * L * L / D : HUGE_VAL;
+    advice->step_membrane = h * 2 * sqrt(2 * Y / rho) / edge;
+    advice->step_bending = h * 4 * sqrt(D / rho) * 3.14159265358979 / (edge * edge);
+    advice->self_reach = sqrt(2 * g * L) * h / edge;
+    advice->euler_loss = h * period * (h * period);
+    advice->leapfrog_substeps =
+        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) / 0.9));
+    advice->membrane = tolerance > 0.02 * L ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK;
+    advice->bend = !(D > 0) || pow(advice->gravity_bending, -1.0 / 3) * L < 0.1 * tolerance
+                       ? CLOTH_BEND_NONE
+                       : tolerance > 0.01 * L && desc->rest_angle == CLOTH_REST_ANGLE_FLAT
+                             ? CLOTH_BEND_QUADRATIC
+                             : CLOTH_BEND_HINGE;
+    /* a force evaluation costs about a thirtieth of a CG solve's share of an implicit step */
+    advice->integrator = advice->leapfrog_substeps <= 100 ? CLOTH_INTEGRATOR_LEAPFROG
+                         : 0.5 * h * period * L > tolerance ? CLOTH_INTEGRATOR_BDF2
+                                                            : CLOTH_INTEGRATOR_EULER;
+    advice->contact = desc->contact;
+    advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
+                    ? fmin(h, 2 * tolerance / (period * L))
+                    : fmin(h, sqrt(tolerance / L) / period);
+done:
+    clothi_free(&desc->hooks, X);
+    return status;
+}
 
 #ifdef __cplusplus
 }

@@ -305,7 +305,8 @@ CLOTHI_UNUSED static void clothi_settle(double *a, size_t n) {
 }
 
 /* atan2 without a branch or a table, so that a loop over it becomes vector code; scalar and vector
- * callers get the same bits. (0, 0) gives 0; (-0, x < 0) gives +pi.
+ * callers get the same bits. (+-0, +-0) gives +-0; the sign is that of y. Digits are
+ * lost when both are below 1e-284.
  *
  *   z = min(|x|,|y|) / max(|x|,|y|) in [0, 1]; beyond tan(pi/8) the angle is measured from pi/4:
  *   atan z = pi/4 + atan((z-1)/(z+1)), so that one division yields w with |w| <= tan(pi/8), and
@@ -316,21 +317,21 @@ CLOTHI_UNUSED static void clothi_settle(double *a, size_t n) {
 CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double ax = fabs(x), ay = fabs(y);
     const double big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
-    const int    turned = small > 0.41421356237309503 * big;
-    const double num = turned ? small - big : small;
-    const double den = turned ? small + big : big;
-    const double w = num / (den > 0.0 ? den : 1.0), t = w * w, t2 = t * t;
+    /* 0 or 1 by copysign: a constant in one arm of a ?: makes gcc build a branch for it */
+    const double turned = 0.5 - copysign(0.5, 0.41421356237309503 * big - small);
+    const double steep = 0.5 - copysign(0.5, ax - ay), left = 0.5 - copysign(0.5, x + 0.0);
+    const double den = big + turned * small;
+    const double w = (small - turned * big) / (den + 1e-300), t = w * w, t2 = t * t;
     const double odd = -0.3333333333333333 + t2 * (-0.14285714284665682
         + t2 * (-0.0909090457530649 + t2 * (-0.06664510525508936
         + t2 * (-0.050854078345894844 + t2 * -0.019175404711104935))));
     const double even = 0.19999999999995516 + t2 * (0.11111111015187018
         + t2 * (0.07692183125376892 + t2 * (0.05858140904866328 + t2 * 0.03923044778479309)));
     const double a = w + w * (t * (odd + t * even));
-    const double k0 = turned ? 1.0 : 0.0;
-    const double k1 = ay > ax ? 2.0 - k0 : k0, a1 = ay > ax ? -a : a;
-    const double k2 = x < 0.0 ? 4.0 - k1 : k1, a2 = x < 0.0 ? -a1 : a1;
-    const double theta = k2 * 0.7853981633974483 + (a2 + k2 * 3.061616997868383e-17);
-    return y < 0.0 ? -theta : theta;
+    const double k1 = turned + steep * (2.0 - 2.0 * turned);        /* pi/2 - angle */
+    const double k2 = k1 + left * (4.0 - 2.0 * k1);                 /* pi - angle */
+    const double sign = (1.0 - 2.0 * steep) * (1.0 - 2.0 * left);
+    return copysign(k2 * 0.7853981633974483 + (sign * a + k2 * 3.061616997868383e-17), y);
 }
 
 /* ===== [3.2] MEMORY, TEXT, RANGES ============================================================ */
@@ -1057,11 +1058,14 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
 
 #define CLOTHI_LANES 8
 
-/* gcc leaves some of these loops scalar below -O3. */
-#if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
-#  define CLOTHI_HOT CLOTHI_UNUSED __attribute__((optimize("O3")))
+/* Never inlined: knowledge of the caller's arrays has led clang to load them a round ahead, which
+ * keeps a loop scalar. O3: gcc leaves some of these loops scalar below. */
+#if defined(__clang__)
+#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline))
+#elif defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
+#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline, optimize("O3")))
 #else
-#  define CLOTHI_HOT CLOTHI_UNUSED
+#  define CLOTHI_HOT static CLOTHI_UNUSED
 #endif
 #if defined(__GNUC__)
 #  define CLOTHI_LANE static inline __attribute__((always_inline, unused))
@@ -1070,7 +1074,7 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
 #endif
 
 /* sqrt may set errno, which keeps compilers from vectorising it. */
-CLOTHI_HOT static void clothi_sqrt_lanes(double *a) {
+CLOTHI_HOT void clothi_sqrt_lanes(double *a) {
 #if defined(CLOTHI_AVX)
     _mm256_storeu_pd(a, _mm256_sqrt_pd(_mm256_loadu_pd(a)));
     _mm256_storeu_pd(a + 4, _mm256_sqrt_pd(_mm256_loadu_pd(a + 4)));
@@ -1084,9 +1088,9 @@ CLOTHI_HOT static void clothi_sqrt_lanes(double *a) {
 }
 
 /* Positions of 8 elements into out [corners*3][8]: x [nv x 3], index [corners][8] vertices. */
-CLOTHI_HOT static void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
-                                           const int *CLOTHI_RESTRICT index, int corners,
-                                           double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
+                                    const int *CLOTHI_RESTRICT index, int corners,
+                                    double *CLOTHI_RESTRICT out) {
     int c, k;
 #if defined(CLOTHI_AVX)
     for (c = 0; c < corners; c++)
@@ -1133,10 +1137,10 @@ CLOTHI_HOT static void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
 /* f [nv x 3] of the vertices [begin, end) = scale times the sum of their corners' entries in the
  * batches' forces: entry[start[v] .. start[v+1]) are offsets of the axis x, y and z lie 8 and 16
  * further. */
-CLOTHI_HOT static void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
-                                          const int *CLOTHI_RESTRICT start,
-                                          const int *CLOTHI_RESTRICT entry, int begin, int end,
-                                          double scale, double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
+                                   const int *CLOTHI_RESTRICT start,
+                                   const int *CLOTHI_RESTRICT entry, int begin, int end,
+                                   double scale, double *CLOTHI_RESTRICT f) {
     int v, k;
     for (v = begin; v < end; v++) {
         double s0 = 0.0, s1 = 0.0, s2 = 0.0;
@@ -1154,10 +1158,10 @@ CLOTHI_HOT static void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
 
 /* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
 
-CLOTHI_HOT static void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           double *CLOTHI_RESTRICT E, double *CLOTHI_RESTRICT f,
-                                           double *CLOTHI_RESTRICT H, int psd) {
+CLOTHI_HOT void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
+                                    const double *CLOTHI_RESTRICT rest,
+                                    double *CLOTHI_RESTRICT E, double *CLOTHI_RESTRICT f,
+                                    double *CLOTHI_RESTRICT H, int psd) {
     enum { L = CLOTHI_LANES };
     double len[L], across[L], along[L], u[3][L];
     int    k, i, j;
@@ -1171,11 +1175,11 @@ CLOTHI_HOT static void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
         const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
         const double d2 = x[5 * L + k] - x[2 * L + k], s = rest[k], r = rest[L + k];
         const double floor_ = 1e-8 * r, lr = len[k] > floor_ ? len[k] : floor_;
-        const double inv = 1.0 / (lr > 0.0 ? lr : 1.0), stiff = s * (1.0 - r * inv);
+        const double inv = 1.0 / (lr + 1e-300), stiff = s * (1.0 - r * inv);
         u[0][k] = d0 * inv;
         u[1][k] = d1 * inv;
         u[2][k] = d2 * inv;
-        across[k] = psd && stiff < 0.0 ? 0.0 : stiff;
+        across[k] = psd ? 0.5 * (stiff + fabs(stiff)) : stiff;
         along[k] = s - across[k];
         if (E) E[k] = 0.5 * s * (len[k] - r) * (len[k] - r);
         if (f) {
@@ -1264,18 +1268,18 @@ CLOTHI_LANE double clothi_tri_energy(double e0, double e1, double e2, const doub
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT static void clothi_stretch_forces(const double *CLOTHI_RESTRICT x,
-                                             const double *CLOTHI_RESTRICT rest,
-                                             double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces(const double *CLOTHI_RESTRICT x,
+                                      const double *CLOTHI_RESTRICT rest,
+                                      double *CLOTHI_RESTRICT f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
 }
 
-CLOTHI_HOT static void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
-                                                    const double *CLOTHI_RESTRICT rest,
-                                                    const double *CLOTHI_RESTRICT strain_n,
-                                                    const double *CLOTHI_RESTRICT damp,
-                                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
+                                             const double *CLOTHI_RESTRICT rest,
+                                             const double *CLOTHI_RESTRICT strain_n,
+                                             const double *CLOTHI_RESTRICT damp,
+                                             double *CLOTHI_RESTRICT f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++)
         clothi_tri_force(clothi_tri_damped(clothi_tri_at(x, rest, k), strain_n, damp, k), rest, k,
@@ -1283,9 +1287,9 @@ CLOTHI_HOT static void clothi_stretch_forces_damped(const double *CLOTHI_RESTRIC
 }
 
 /* strain [3][8]: E11, E22, E12 of x. What a step hands on as strain_n. */
-CLOTHI_HOT static void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           double *CLOTHI_RESTRICT strain) {
+CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
+                                    const double *CLOTHI_RESTRICT rest,
+                                    double *CLOTHI_RESTRICT strain) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -1295,9 +1299,9 @@ CLOTHI_HOT static void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT static void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
-                                               const double *CLOTHI_RESTRICT rest,
-                                               double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
+                                        const double *CLOTHI_RESTRICT rest,
+                                        double *CLOTHI_RESTRICT E) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -1305,11 +1309,11 @@ CLOTHI_HOT static void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT static void clothi_stretch_losses(const double *CLOTHI_RESTRICT x,
-                                             const double *CLOTHI_RESTRICT rest,
-                                             const double *CLOTHI_RESTRICT strain_n,
-                                             const double *CLOTHI_RESTRICT damp,
-                                             double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_stretch_losses(const double *CLOTHI_RESTRICT x,
+                                      const double *CLOTHI_RESTRICT rest,
+                                      const double *CLOTHI_RESTRICT strain_n,
+                                      const double *CLOTHI_RESTRICT damp,
+                                      double *CLOTHI_RESTRICT Ed) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -1330,11 +1334,11 @@ typedef struct clothi_tri_batch {
 } clothi_tri_batch;
 
 /* mu' = (1 + damp) mu: the damping's material part. */
-CLOTHI_HOT static void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
-                                              const double *CLOTHI_RESTRICT rest,
-                                              const double *CLOTHI_RESTRICT strain_n,
-                                              const double *CLOTHI_RESTRICT damp,
-                                              clothi_tri_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
+                                       const double *CLOTHI_RESTRICT rest,
+                                       const double *CLOTHI_RESTRICT strain_n,
+                                       const double *CLOTHI_RESTRICT damp,
+                                       clothi_tri_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -1370,8 +1374,8 @@ CLOTHI_HOT static void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT static void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
-                                                  clothi_tri_batch *CLOTHI_RESTRICT w, int psd) {
+CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
+                                           clothi_tri_batch *CLOTHI_RESTRICT w, int psd) {
     enum { L = CLOTHI_LANES };
     int k;
     if (psd) {                              /* [6.2]: S+ = a S + b I */
@@ -1379,8 +1383,8 @@ CLOTHI_HOT static void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT 
         for (k = 0; k < L; k++) {
             const double mean = 0.5 * (w->stress[0][k] + w->stress[1][k]), r = w->radius[k];
             const double up = mean + r, down = mean - r;
-            const double hi = up > 0.0 ? up : 0.0, lo = down > 0.0 ? down : 0.0;
-            const double a = 0.5 * (hi - lo) / (r > 0.0 ? r : 1.0), b = 0.5 * (hi + lo) - a * mean;
+            const double hi = 0.5 * (up + fabs(up)), lo = 0.5 * (down + fabs(down));
+            const double a = 0.5 * (hi - lo) / (r + 1e-300), b = 0.5 * (hi + lo) - a * mean;
             w->stress[0][k] = a * w->stress[0][k] + b;
             w->stress[1][k] = a * w->stress[1][k] + b;
             w->stress[2][k] = a * w->stress[2][k];
@@ -1396,8 +1400,8 @@ CLOTHI_HOT static void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT 
 }
 
 /* Blocks 11, 22 and 21 by formula, those of corner 0 by the vanishing sums. */
-CLOTHI_HOT static void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
-                                             double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
+                                      double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     static const int packed[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
     int              k, r, c;
@@ -1489,16 +1493,16 @@ typedef struct clothi_fold_inverse {
     double q1r, q2r;                        /* |n|^2 times the inverse: 1 above the floor        */
 } clothi_fold_inverse;
 
-CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(clothi_fold h) {
-    const double s = h.l2 + (h.a0 * h.a0 + h.a1 * h.a1 + h.a2 * h.a2)
-                     + (h.b0 * h.b0 + h.b1 * h.b1 + h.b2 * h.b2);
+CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(const clothi_fold *h) {
+    const double s = h->l2 + (h->a0 * h->a0 + h->a1 * h->a1 + h->a2 * h->a2)
+                     + (h->b0 * h->b0 + h->b1 * h->b1 + h->b2 * h->b2);
     const double lf = CLOTHI_HINGE_FLOOR * s + CLOTHI_HINGE_TINY_L2;
     const double qf = CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q;
-    const double q1 = h.n0 * h.n0 + h.n1 * h.n1 + h.n2 * h.n2;
-    const double q2 = h.m0 * h.m0 + h.m1 * h.m1 + h.m2 * h.m2;
+    const double q1 = h->n0 * h->n0 + h->n1 * h->n1 + h->n2 * h->n2;
+    const double q2 = h->m0 * h->m0 + h->m1 * h->m1 + h->m2 * h->m2;
     clothi_fold_inverse v;
     double              q12, inv, invl;
-    v.l2c = h.l2 > lf ? h.l2 : lf;
+    v.l2c = h->l2 > lf ? h->l2 : lf;
     v.q1c = q1 > qf ? q1 : qf;
     v.q2c = q2 > qf ? q2 : qf;
     q12 = v.q1c * v.q2c;
@@ -1512,13 +1516,14 @@ CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(clothi_fold h) {
     return v;
 }
 
-CLOTHI_LANE void clothi_fold_force(clothi_fold h, double l, double moment, int k, double *f) {
+CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment, int k,
+                                   double *f) {
     enum { L = CLOTHI_LANES };
     const clothi_fold_inverse v = clothi_fold_invert(h);
-    const double t1 = h.ae * v.l2, t2 = h.be * v.l2, ml = moment * l;
+    const double t1 = h->ae * v.l2, t2 = h->be * v.l2, ml = moment * l;
     const double k1 = ml * v.q1, k2 = ml * v.q2;
-    const double p0 = k1 * h.n0, p1 = k1 * h.n1, p2 = k1 * h.n2;
-    const double r0 = k2 * h.m0, r1 = k2 * h.m1, r2 = k2 * h.m2;
+    const double p0 = k1 * h->n0, p1 = k1 * h->n1, p2 = k1 * h->n2;
+    const double r0 = k2 * h->m0, r1 = k2 * h->m1, r2 = k2 * h->m2;
     const double g0 = t1 * p0 + t2 * r0, g1 = t1 * p1 + t2 * r1, g2 = t1 * p2 + t2 * r2;
     f[k] = p0 + r0 - g0;
     f[L + k] = p1 + r1 - g1;
@@ -1534,8 +1539,8 @@ CLOTHI_LANE void clothi_fold_force(clothi_fold h, double l, double moment, int k
     f[11 * L + k] = -r2;
 }
 
-CLOTHI_HOT static void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
-                                           double *CLOTHI_RESTRICT l) {
+CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
+                                    double *CLOTHI_RESTRICT l) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -1546,8 +1551,8 @@ CLOTHI_HOT static void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
     clothi_sqrt_lanes(l);
 }
 
-CLOTHI_HOT static void clothi_theta_lanes(const double *CLOTHI_RESTRICT x,
-                                          double *CLOTHI_RESTRICT theta) {
+CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x,
+                                   double *CLOTHI_RESTRICT theta) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -1558,27 +1563,27 @@ CLOTHI_HOT static void clothi_theta_lanes(const double *CLOTHI_RESTRICT x,
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT static void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
+                                    const double *CLOTHI_RESTRICT rest,
+                                    double *CLOTHI_RESTRICT f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
         const double      bent = clothi_atan2(h.sine, h.cosine) - rest[CLOTHI_LANES + k];
-        clothi_fold_force(h, l[k], rest[k] * bent, k, f);
+        clothi_fold_force(&h, l[k], rest[k] * bent, k, f);
     }
 }
 
 /* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
-CLOTHI_HOT static void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
-                                            const double *CLOTHI_RESTRICT rest,
-                                            const double *CLOTHI_RESTRICT theta_n,
-                                            const double *CLOTHI_RESTRICT damp,
-                                            double *CLOTHI_RESTRICT moment,
-                                            double *CLOTHI_RESTRICT E,
-                                            double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
+                                     const double *CLOTHI_RESTRICT rest,
+                                     const double *CLOTHI_RESTRICT theta_n,
+                                     const double *CLOTHI_RESTRICT damp,
+                                     double *CLOTHI_RESTRICT moment,
+                                     double *CLOTHI_RESTRICT E,
+                                     double *CLOTHI_RESTRICT Ed) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double bent = theta[k] - rest[CLOTHI_LANES + k], turned = theta[k] - theta_n[k];
@@ -1588,14 +1593,16 @@ CLOTHI_HOT static void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
     }
 }
 
-CLOTHI_HOT static void clothi_hinge_turn(const double *CLOTHI_RESTRICT x,
-                                         const double *CLOTHI_RESTRICT moment,
-                                         double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_turn(const double *CLOTHI_RESTRICT x,
+                                  const double *CLOTHI_RESTRICT moment,
+                                  double *CLOTHI_RESTRICT f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
-    for (k = 0; k < CLOTHI_LANES; k++)
-        clothi_fold_force(clothi_fold_at(x, l, k), l[k], moment[k], k, f);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        clothi_fold_force(&h, l[k], moment[k], k, f);
+    }
 }
 
 /* Per wing and lane: p, z of corner 1 and of the wing's corner, (h/l)^2/2 M, foot. */
@@ -1604,15 +1611,15 @@ typedef struct clothi_fold_batch {
     double km[2][3][CLOTHI_LANES], t[2][CLOTHI_LANES], g[3][3][CLOTHI_LANES];
 } clothi_fold_batch;
 
-CLOTHI_HOT static void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
-                                            clothi_fold_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
+                                     clothi_fold_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     double l[L], e[3][L], il[L], c1[L], c2[L], k1[L], k2[L], m1[L], m2[L];
     int    k, r;
     clothi_edge_lengths(x, l);
     for (k = 0; k < L; k++) {
         const clothi_fold         h = clothi_fold_at(x, l, k);
-        const clothi_fold_inverse v = clothi_fold_invert(h);
+        const clothi_fold_inverse v = clothi_fold_invert(&h);
         e[0][k] = h.e0;
         e[1][k] = h.e1;
         e[2][k] = h.e2;
@@ -1649,10 +1656,26 @@ CLOTHI_HOT static void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
         }
 }
 
+CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w,
+                                    const double *CLOTHI_RESTRICT moment,
+                                    double *CLOTHI_RESTRICT f) {
+    enum { L = CLOTHI_LANES };
+    int r, k;
+    for (r = 0; r < 3; r++)
+        for (k = 0; k < L; k++) {
+            const double m = moment[k], g1 = w->g[0][r][k], g2 = w->g[1][r][k];
+            const double g3 = w->g[2][r][k];
+            f[r * L + k] = -m * (g1 + g2 + g3);
+            f[(3 + r) * L + k] = m * g1;
+            f[(6 + r) * L + k] = m * g2;
+            f[(9 + r) * L + k] = m * g3;
+        }
+}
+
 /* Blocks among the corners 1, 2, 3: square times g g', and moment times the second derivative. */
-CLOTHI_HOT static void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                           const double *CLOTHI_RESTRICT square,
-                                           double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
+                                    const double *CLOTHI_RESTRICT square,
+                                    double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     static const int block[6][3] = {            /* its number, row and column in g */
         {1, 0, 0}, {2, 1, 1}, {3, 2, 2}, {6, 1, 0}, {8, 2, 0}, {9, 2, 1}};
@@ -1660,26 +1683,29 @@ CLOTHI_HOT static void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTR
     for (b = 0; b < 6; b++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *g = w->g[block[b][1]][r], *q = w->g[block[b][2]][c];
-                double       *out = H + (9 * block[b][0] + 3 * r + c) * L;
+                const double *CLOTHI_RESTRICT g = w->g[block[b][1]][r];
+                const double *CLOTHI_RESTRICT q = w->g[block[b][2]][c];
+                double *CLOTHI_RESTRICT       out = H + (9 * block[b][0] + 3 * r + c) * L;
                 for (k = 0; k < L; k++) out[k] = square[k] * (g[k] * q[k]);
             }
 }
 
-CLOTHI_HOT static void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                          const double *CLOTHI_RESTRICT moment,
-                                          double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
+                                   const double *CLOTHI_RESTRICT moment,
+                                   double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     int s, r, c, k;
     for (s = 0; s < 2; s++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *p = w->p[s][r], *q = w->p[s][c], *zr = w->z1[s][r];
-                const double *zc = w->z1[s][c], *yr = w->z2[s][r], *yc = w->z2[s][c];
-                const double *kr = w->km[s][r], *kc = w->km[s][c], *t = w->t[s];
-                double       *h11 = H + (9 + 3 * r + c) * L;
-                double       *h22 = H + (9 * (2 + s) + 3 * r + c) * L;
-                double       *h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
+                const double *CLOTHI_RESTRICT p = w->p[s][r], *CLOTHI_RESTRICT q = w->p[s][c];
+                const double *CLOTHI_RESTRICT zr = w->z1[s][r], *CLOTHI_RESTRICT zc = w->z1[s][c];
+                const double *CLOTHI_RESTRICT yr = w->z2[s][r], *CLOTHI_RESTRICT yc = w->z2[s][c];
+                const double *CLOTHI_RESTRICT kr = w->km[s][r], *CLOTHI_RESTRICT kc = w->km[s][c];
+                const double *CLOTHI_RESTRICT t = w->t[s];
+                double *CLOTHI_RESTRICT       h11 = H + (9 + 3 * r + c) * L;
+                double *CLOTHI_RESTRICT       h22 = H + (9 * (2 + s) + 3 * r + c) * L;
+                double *CLOTHI_RESTRICT       h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
                 for (k = 0; k < L; k++) {
                     const double m = moment[k];
                     h22[k] += m * (p[k] * yc[k] + yr[k] * q[k]);
@@ -1690,7 +1716,7 @@ CLOTHI_HOT static void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRI
 }
 
 /* The blocks of corner 0 by the vanishing sums. */
-CLOTHI_HOT static void clothi_hinge_close(double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_close(double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
@@ -1723,11 +1749,12 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
     if (theta_out) memcpy(theta_out, theta, sizeof theta);
     if (E) memcpy(E, e, sizeof e);
     if (Ed) memcpy(Ed, ed, sizeof ed);
-    if (f) clothi_hinge_turn(x, moment, f);
+    if (f && !H) clothi_hinge_turn(x, moment, f);
     if (H) {
         clothi_fold_batch w;
         for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (damp ? 1.0 + damp[k] : 1.0);
         clothi_hinge_prepare(x, &w);
+        if (f) clothi_hinge_spread(&w, moment, f);
         clothi_hinge_square(&w, square, H);
         if (!psd) clothi_hinge_curve(&w, moment, H);
         clothi_hinge_close(H);
@@ -1736,9 +1763,9 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
 
 /* --- quadratic bending: x [12][8], rest [5][8] = c, w0 .. w3 --- */
 
-CLOTHI_HOT static void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
-                                               const double *CLOTHI_RESTRICT rest,
-                                               double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
+                                        const double *CLOTHI_RESTRICT rest,
+                                        double *CLOTHI_RESTRICT f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (r = 0; r < 3; r++)
@@ -1754,9 +1781,9 @@ CLOTHI_HOT static void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
         }
 }
 
-CLOTHI_HOT static void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
-                                                 const double *CLOTHI_RESTRICT rest,
-                                                 double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
+                                          const double *CLOTHI_RESTRICT rest,
+                                          double *CLOTHI_RESTRICT E) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (k = 0; k < L; k++) E[k] = 0.0;

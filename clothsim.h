@@ -43,6 +43,17 @@
 /* ===== [1.3] CONVENTIONS ===================================================================== */
 /* ===== [1.4] CONFIGURATION =================================================================== */
 /* ===== [1.5] REFERENCES ====================================================================== */
+/*
+ * [BERGOU]  Bergou, Wardetzky, Harmon, Zorin, Grinspun, A quadratic bending model for inextensible
+ *           surfaces, SGP 2006, 227-230.
+ * [DRAPE22] Learning-based bending stiffness parameter estimation by a drape tester, ACM Trans.
+ *           Graph. 41(6) 2022; its data set, repository DrapeTester/ClothDrapeTester.
+ * [DS]      Grinspun, Hirani, Desbrun, Schroeder, Discrete shells, SCA 2003, 62-67.
+ * [StVK]    Bonet, Wood, Nonlinear continuum mechanics for finite element analysis, Cambridge 2008,
+ *           section 6.4 (St.Venant-Kirchhoff material).
+ * [WOR11]   Wang, O'Brien, Ramamoorthi, Data-driven elastic models for cloth: modeling and
+ *           measurement, ACM Trans. Graph. 30(4) 2011, doi 10.1145/2010324.1964966.
+ */
 
 #ifndef CLOTHSIM_H
 #define CLOTHSIM_H
@@ -540,6 +551,29 @@ typedef struct cloth_advice {
     cloth_contact_rung contact;
     double             h;                   /* s, substep that meets the tolerance             */
 } cloth_advice;
+/* --- materials (section 5.1) --- */
+
+typedef enum cloth_plane {
+    CLOTH_PLANE_STRESS = 0,                 /* lambda = Y nu/(1-nu^2): a sheet with free faces   */
+    CLOTH_PLANE_STRAIN_3D = 1               /* lambda = Y nu/((1+nu)(1-2nu)): named, not default */
+} cloth_plane;
+
+/* SI units. cloth_material_default() sets every field. */
+typedef struct cloth_material {
+    double      density;                    /* kg/m^2, > 0                                       */
+    double      young;                      /* Pa, >= 0                                          */
+    double      thickness;                  /* m, >= 0                                           */
+    double      membrane;                   /* N/m, used instead of young*thickness when > 0     */
+    double      poisson;                    /* (-1, 0.5], below 0.5 for CLOTH_PLANE_STRAIN_3D    */
+    double      bending;                    /* N m, plate rigidity D; < 0: from Y, h and nu      */
+    double      damping;                    /* s, >= 0: stress of the strain rate over elastic   */
+    cloth_plane plane;
+} cloth_material;
+
+typedef enum cloth_fabric {
+    CLOTH_FABRIC_COTTON_KNIT = 0, CLOTH_FABRIC_DENIM = 1, CLOTH_FABRIC_POLYESTER = 2,
+    CLOTH_FABRIC_TWILL = 3, CLOTH_FABRIC_SILK = 4, CLOTH_FABRIC_WOOL = 5
+} cloth_fabric;
 
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
 
@@ -655,6 +689,29 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
                                     cloth_advice *advice);
 CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const int *v, const double *H);
+/* --- materials (section 5.1) ---
+ * contract: alloc none | cost O(1) | threads: any */
+
+CLOTH_API cloth_material cloth_material_default(void);
+
+/* A measured fabric, made isotropic; section 5.1 says where each number comes from. An unknown
+ * value gives the default. */
+CLOTH_API cloth_material cloth_material_fabric(cloth_fabric fabric);
+
+/* The convention of a published cloth simulator (strain F'F - I without the 1/2, the 3D lambda,
+ * Y = 1e5 taken as N/m, nu = 0.42, k_bend = 1e-6), in this kit's units. */
+CLOTH_API cloth_material cloth_material_li2021(void);
+
+/* mu and lambda of the triangle, N/m. */
+CLOTH_API void cloth_material_lame(const cloth_material *m, double *mu, double *lambda);
+
+/* The plate rigidity D, N m: m->bending, or Y h^3/(12 (1-nu^2)) when that is negative. */
+CLOTH_API double cloth_material_rigidity(const cloth_material *m);
+
+/* CLOTH_OK, CLOTH_ERR_NONFINITE or CLOTH_ERR_ARGUMENT, logged as 'material[region].field = value'.
+ * hooks may be NULL. */
+CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const cloth_material *m,
+                                            int region);
 
 /* ===== [2.6] BUILDING BLOCKS (tier 3) ======================================================== */
 
@@ -890,7 +947,8 @@ CLOTHI_UNUSED static void clothi_settle(double *a, size_t n) {
 }
 
 /* atan2 without a branch or a table, so that a loop over it becomes vector code; scalar and vector
- * callers get the same bits. (0, 0) gives 0; (-0, x < 0) gives +pi.
+ * callers get the same bits. (+-0, +-0) gives +-0; the sign is that of y. Digits are
+ * lost when both are below 1e-284.
  *
  *   z = min(|x|,|y|) / max(|x|,|y|) in [0, 1]; beyond tan(pi/8) the angle is measured from pi/4:
  *   atan z = pi/4 + atan((z-1)/(z+1)), so that one division yields w with |w| <= tan(pi/8), and
@@ -901,21 +959,21 @@ CLOTHI_UNUSED static void clothi_settle(double *a, size_t n) {
 CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double ax = fabs(x), ay = fabs(y);
     const double big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
-    const int    turned = small > 0.41421356237309503 * big;
-    const double num = turned ? small - big : small;
-    const double den = turned ? small + big : big;
-    const double w = num / (den > 0.0 ? den : 1.0), t = w * w, t2 = t * t;
+    /* 0 or 1 by copysign: a constant in one arm of a ?: makes gcc build a branch for it */
+    const double turned = 0.5 - copysign(0.5, 0.41421356237309503 * big - small);
+    const double steep = 0.5 - copysign(0.5, ax - ay), left = 0.5 - copysign(0.5, x + 0.0);
+    const double den = big + turned * small;
+    const double w = (small - turned * big) / (den + 1e-300), t = w * w, t2 = t * t;
     const double odd = -0.3333333333333333 + t2 * (-0.14285714284665682
         + t2 * (-0.0909090457530649 + t2 * (-0.06664510525508936
         + t2 * (-0.050854078345894844 + t2 * -0.019175404711104935))));
     const double even = 0.19999999999995516 + t2 * (0.11111111015187018
         + t2 * (0.07692183125376892 + t2 * (0.05858140904866328 + t2 * 0.03923044778479309)));
     const double a = w + w * (t * (odd + t * even));
-    const double k0 = turned ? 1.0 : 0.0;
-    const double k1 = ay > ax ? 2.0 - k0 : k0, a1 = ay > ax ? -a : a;
-    const double k2 = x < 0.0 ? 4.0 - k1 : k1, a2 = x < 0.0 ? -a1 : a1;
-    const double theta = k2 * 0.7853981633974483 + (a2 + k2 * 3.061616997868383e-17);
-    return y < 0.0 ? -theta : theta;
+    const double k1 = turned + steep * (2.0 - 2.0 * turned);        /* pi/2 - angle */
+    const double k2 = k1 + left * (4.0 - 2.0 * k1);                 /* pi - angle */
+    const double sign = (1.0 - 2.0 * steep) * (1.0 - 2.0 * left);
+    return copysign(k2 * 0.7853981633974483 + (sign * a + k2 * 3.061616997868383e-17), y);
 }
 
 /* ===== [3.2] MEMORY, TEXT, RANGES ============================================================ */
@@ -2165,6 +2223,130 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
 /* ===== [4.5] OBJ FILES ======================================================================= */
 
 /* ===== [5.1] MATERIALS ======================================================================= */
+/*
+ *   Y Pa, h m: a sheet that is pulled along one direction with free sides carries Y h (l^2-1)/2 l
+ *   per width and narrows by nu. Only plane stress gives that back in two dimensions:
+ *     mu = Y h/(2 (1+nu)),   lambda = Y h nu/(1-nu^2)                                        N/m
+ *   The lambda of a solid, Y h nu/((1+nu)(1-2nu)), is that of a sheet held between two plates:
+ *   it acts like Y/(1-nu^2) and nu/(1-nu), and grows without bound as nu goes to 1/2.
+ *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one, so that cloth
+ *   is no plate: give D where it was measured.
+ *   Units: KES-FB2 gives B in gf cm^2/cm: 1 of it is 9.81e-5 N m. A cantilever's bending length c
+ *   (m) means D = density * 9.81 m/s^2 * c^3.
+ *
+ *   cloth_material_li2021: as printed, W = mu |E|^2 + lambda/2 tr(E)^2 with E = F'F - I, which is
+ *   twice Green's strain: W is 4 times as large, hence Y h = 4e5 N/m here; the 3D lambda; and
+ *   E = 3/2 k |e|^2/(|n1|+|n2|) theta^2 with cross products n (|n| twice the area), D = 3/2 k =
+ *   1.5e-6 N m for k = 1e-6. (With |n| the area it would be 3 k.) The list's "mu = 0.42" is
+ *   Poisson's ratio. Density is not part of it: the default's.
+ *
+ *   Fabrics. [WOR11] measured ten; the numbers are those of its database as ARCSim ships it
+ *   (materials: density; stretching rows C11 C12 C22 G, N/m; bending 3 x 5 values ke). The kit is
+ *   isotropic, so: C = sqrt(C11 C22), nu = C12/C, Y h = C (1-nu^2); shear of real weaves is softer
+ *   than Y h/(2(1+nu)). D = (mean of ke)/4, which is what ARCSim's energy amounts to on an
+ *   equilateral mesh. [DRAPE22] lists linear bending coefficients of 618 unnamed fabrics with
+ *   density. Damping was not measured: 0.
+ *     cotton knit  gray-interlock, 60 % cotton 40 % polyester, t-shirt: density 0.187; row 4
+ *                  124, 105, 366: C 213; nu 0.49 taken as 0.4; ke 21.8e-6
+ *     denim        11oz-black-denim, 99 % cotton, jeans: 0.324; row 5 226, 41, 1058: C 489, nu 0.1
+ *                  (rounded); ke 72.3e-6
+ *     polyester    tango-red-jet-set, 100 % polyester, jacket: 0.113; row 4 107, 125, 365: C 198;
+ *                  C12/C = 0.63 is no isotropic material's, nu 0.3 is an assumption; ke 18.8e-6
+ *     twill        royal-target, 65 % cotton 35 % polyester, trousers: 0.220; row 5 2109, 72,
+ *                  2124: C 2117, nu 0.03; ke 171e-6
+ *     silk, wool   ORDER OF MAGNITUDE, no measured sheet was found. Densities 0.06 and 0.2 as
+ *                  usual for dress silk and suiting; D 3e-6 and 1.2e-5 as typical of [DRAPE22] at
+ *                  that density (rows from 1e-6 to 3e-5 and 3e-6 to 4e-5); membrane 500 N/m within
+ *                  the four above; nu 0.3 assumed
+ *   checked   tests/test_elements.c: material_values, material_refusals, material_uniaxial
+ */
+
+CLOTH_API cloth_material cloth_material_default(void) {
+    cloth_material m;
+    m.density = 0.2;
+    m.young = 1e6;
+    m.thickness = 5e-4;
+    m.membrane = 0.0;
+    m.poisson = 0.3;
+    m.bending = 1e-5;
+    m.damping = 0.0;
+    m.plane = CLOTH_PLANE_STRESS;
+    return m;
+}
+
+CLOTH_API cloth_material cloth_material_fabric(cloth_fabric fabric) {
+    static const double table[6][4] = {     /* density, Y h, nu, D */
+        {0.187, 180.0, 0.4, 5.4e-6},   {0.324, 484.0, 0.1, 1.8e-5}, {0.113, 180.0, 0.3, 4.7e-6},
+        {0.220, 2115.0, 0.03, 4.3e-5}, {0.060, 500.0, 0.3, 3e-6},   {0.200, 500.0, 0.3, 1.2e-5}};
+    cloth_material m = cloth_material_default();
+    const int      i = (int)fabric;
+    if (i < 0 || i > 5) return m;
+    m.density = table[i][0];
+    m.membrane = table[i][1];
+    m.poisson = table[i][2];
+    m.bending = table[i][3];
+    return m;
+}
+
+CLOTH_API cloth_material cloth_material_li2021(void) {
+    cloth_material m = cloth_material_default();
+    m.membrane = 4e5;
+    m.poisson = 0.42;
+    m.bending = 1.5e-6;
+    m.plane = CLOTH_PLANE_STRAIN_3D;
+    return m;
+}
+
+static double clothi_membrane_stiffness(const cloth_material *m) {
+    return m->membrane > 0.0 ? m->membrane : m->young * m->thickness;
+}
+
+CLOTH_API void cloth_material_lame(const cloth_material *m, double *mu, double *lambda) {
+    const double stiffness = clothi_membrane_stiffness(m), nu = m->poisson;
+    *mu = stiffness / (2.0 * (1.0 + nu));
+    *lambda = m->plane == CLOTH_PLANE_STRAIN_3D ? stiffness * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+                                                : stiffness * nu / (1.0 - nu * nu);
+}
+
+CLOTH_API double cloth_material_rigidity(const cloth_material *m) {
+    const double h = m->thickness, nu = m->poisson;
+    return m->bending >= 0.0 ? m->bending
+                             : clothi_membrane_stiffness(m) * h * h / (12.0 * (1.0 - nu * nu));
+}
+
+CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const cloth_material *m,
+                                            int region) {
+    static const char *const name[7] = {"density", "young",   "thickness", "membrane",
+                                        "poisson", "bending", "damping"};
+    const double value[7] = {m->density, m->young,   m->thickness, m->membrane,
+                             m->poisson, m->bending, m->damping};
+    const char  *rule = NULL;
+    double       mu, lambda;
+    int          i;
+    for (i = 0; i < 7; i++)
+        if (!clothi_finite(value[i]))
+            return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "material[%i].%s = %g", region, name[i],
+                               value[i]);
+    if (m->plane != CLOTH_PLANE_STRESS && m->plane != CLOTH_PLANE_STRAIN_3D)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "material[%i].plane = %i is no cloth_plane",
+                           region, (int)m->plane);
+    for (i = 0; i < 7 && !rule; i++) {
+        if (i == 0 && !(value[i] > 0.0)) rule = "must be above 0";
+        if ((i == 1 || i == 2 || i == 3 || i == 6) && value[i] < 0.0) rule = "must not be negative";
+        if (i == 4 && !(value[i] > -1.0 && value[i] <= 0.5)) rule = "must lie in (-1, 0.5]";
+        if (i == 4 && m->plane == CLOTH_PLANE_STRAIN_3D && !(value[i] < 0.5))
+            rule = "must be below 0.5 for CLOTH_PLANE_STRAIN_3D";
+    }
+    if (rule)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "material[%i].%s = %g %s", region,
+                           name[i - 1], value[i - 1], rule);
+    cloth_material_lame(m, &mu, &lambda);
+    if (!clothi_finite(mu) || !clothi_finite(lambda) || !clothi_finite(cloth_material_rigidity(m)))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "material[%i]: young = %g times thickness = %g is beyond any double",
+                           region, m->young, m->thickness);
+    return CLOTH_OK;
+}
 
 /* ===== [6.1] SPRING ========================================================================== */
 /*
@@ -2402,7 +2584,8 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
  *
  *   c         A surface with curvatures K_mm across an edge and K_tt along it, sampled at the
- *             corners of equilateral triangles (height h, edge l, l^2/(4 h^2) = 1/3), shows the hinge angle
+ *             corners of equilateral triangles (height h, edge l, l^2/(4 h^2) = 1/3), shows
+ *             the hinge angle
  *               theta = h K_mm - l^2/(4 h) K_tt = h (K_mm - K_tt/3).
  *             A cylinder of curvature k at the angle f to m: K_mm = k cos^2 f, K_tt = k sin^2 f, so
  *             theta = h k (1 + 2 cos 2f)/3; over the three edge directions f, f +- 60 degrees the
@@ -2630,9 +2813,9 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
         double a[3], n[3], t, h;
         clothi_sub3(x_rest + 6 + 3 * k, x_rest, a);
         clothi_cross3(e, a, n);
-        h = sqrt(clothi_dot3(n, n) / l2);
-        t = clothi_dot3(a, e) / l2;
-        if (!(l2 > 0.0 && h > 0.0)) {
+        t = l2 > 0.0 ? clothi_dot3(a, e) / l2 : 0.0;
+        h = l2 > 0.0 ? sqrt(clothi_dot3(n, n) / l2) : 0.0;
+        if (!(h > 0.0)) {
             memset(w, 0, 4 * sizeof *w);
             return;
         }
@@ -2673,11 +2856,14 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
 
 #define CLOTHI_LANES 8
 
-/* gcc leaves some of these loops scalar below -O3. */
-#if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
-#  define CLOTHI_HOT CLOTHI_UNUSED __attribute__((optimize("O3")))
+/* Never inlined: knowledge of the caller's arrays has led clang to load them a round ahead, which
+ * keeps a loop scalar. O3: gcc leaves some of these loops scalar below. */
+#if defined(__clang__)
+#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline))
+#elif defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
+#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline, optimize("O3")))
 #else
-#  define CLOTHI_HOT CLOTHI_UNUSED
+#  define CLOTHI_HOT static CLOTHI_UNUSED
 #endif
 #if defined(__GNUC__)
 #  define CLOTHI_LANE static inline __attribute__((always_inline, unused))
@@ -2686,7 +2872,7 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
 #endif
 
 /* sqrt may set errno, which keeps compilers from vectorising it. */
-CLOTHI_HOT static void clothi_sqrt_lanes(double *a) {
+CLOTHI_HOT void clothi_sqrt_lanes(double *a) {
 #if defined(CLOTHI_AVX)
     _mm256_storeu_pd(a, _mm256_sqrt_pd(_mm256_loadu_pd(a)));
     _mm256_storeu_pd(a + 4, _mm256_sqrt_pd(_mm256_loadu_pd(a + 4)));
@@ -2700,9 +2886,9 @@ CLOTHI_HOT static void clothi_sqrt_lanes(double *a) {
 }
 
 /* Positions of 8 elements into out [corners*3][8]: x [nv x 3], index [corners][8] vertices. */
-CLOTHI_HOT static void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
-                                           const int *CLOTHI_RESTRICT index, int corners,
-                                           double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
+                                    const int *CLOTHI_RESTRICT index, int corners,
+                                    double *CLOTHI_RESTRICT out) {
     int c, k;
 #if defined(CLOTHI_AVX)
     for (c = 0; c < corners; c++)
@@ -2749,10 +2935,10 @@ CLOTHI_HOT static void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
 /* f [nv x 3] of the vertices [begin, end) = scale times the sum of their corners' entries in the
  * batches' forces: entry[start[v] .. start[v+1]) are offsets of the axis x, y and z lie 8 and 16
  * further. */
-CLOTHI_HOT static void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
-                                          const int *CLOTHI_RESTRICT start,
-                                          const int *CLOTHI_RESTRICT entry, int begin, int end,
-                                          double scale, double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
+                                   const int *CLOTHI_RESTRICT start,
+                                   const int *CLOTHI_RESTRICT entry, int begin, int end,
+                                   double scale, double *CLOTHI_RESTRICT f) {
     int v, k;
     for (v = begin; v < end; v++) {
         double s0 = 0.0, s1 = 0.0, s2 = 0.0;
@@ -2770,10 +2956,10 @@ CLOTHI_HOT static void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
 
 /* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
 
-CLOTHI_HOT static void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           double *CLOTHI_RESTRICT E, double *CLOTHI_RESTRICT f,
-                                           double *CLOTHI_RESTRICT H, int psd) {
+CLOTHI_HOT void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
+                                    const double *CLOTHI_RESTRICT rest,
+                                    double *CLOTHI_RESTRICT E, double *CLOTHI_RESTRICT f,
+                                    double *CLOTHI_RESTRICT H, int psd) {
     enum { L = CLOTHI_LANES };
     double len[L], across[L], along[L], u[3][L];
     int    k, i, j;
@@ -2787,11 +2973,11 @@ CLOTHI_HOT static void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
         const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
         const double d2 = x[5 * L + k] - x[2 * L + k], s = rest[k], r = rest[L + k];
         const double floor_ = 1e-8 * r, lr = len[k] > floor_ ? len[k] : floor_;
-        const double inv = 1.0 / (lr > 0.0 ? lr : 1.0), stiff = s * (1.0 - r * inv);
+        const double inv = 1.0 / (lr + 1e-300), stiff = s * (1.0 - r * inv);
         u[0][k] = d0 * inv;
         u[1][k] = d1 * inv;
         u[2][k] = d2 * inv;
-        across[k] = psd && stiff < 0.0 ? 0.0 : stiff;
+        across[k] = psd ? 0.5 * (stiff + fabs(stiff)) : stiff;
         along[k] = s - across[k];
         if (E) E[k] = 0.5 * s * (len[k] - r) * (len[k] - r);
         if (f) {
@@ -2880,18 +3066,18 @@ CLOTHI_LANE double clothi_tri_energy(double e0, double e1, double e2, const doub
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT static void clothi_stretch_forces(const double *CLOTHI_RESTRICT x,
-                                             const double *CLOTHI_RESTRICT rest,
-                                             double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces(const double *CLOTHI_RESTRICT x,
+                                      const double *CLOTHI_RESTRICT rest,
+                                      double *CLOTHI_RESTRICT f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
 }
 
-CLOTHI_HOT static void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
-                                                    const double *CLOTHI_RESTRICT rest,
-                                                    const double *CLOTHI_RESTRICT strain_n,
-                                                    const double *CLOTHI_RESTRICT damp,
-                                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
+                                             const double *CLOTHI_RESTRICT rest,
+                                             const double *CLOTHI_RESTRICT strain_n,
+                                             const double *CLOTHI_RESTRICT damp,
+                                             double *CLOTHI_RESTRICT f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++)
         clothi_tri_force(clothi_tri_damped(clothi_tri_at(x, rest, k), strain_n, damp, k), rest, k,
@@ -2899,9 +3085,9 @@ CLOTHI_HOT static void clothi_stretch_forces_damped(const double *CLOTHI_RESTRIC
 }
 
 /* strain [3][8]: E11, E22, E12 of x. What a step hands on as strain_n. */
-CLOTHI_HOT static void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           double *CLOTHI_RESTRICT strain) {
+CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
+                                    const double *CLOTHI_RESTRICT rest,
+                                    double *CLOTHI_RESTRICT strain) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -2911,9 +3097,9 @@ CLOTHI_HOT static void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT static void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
-                                               const double *CLOTHI_RESTRICT rest,
-                                               double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
+                                        const double *CLOTHI_RESTRICT rest,
+                                        double *CLOTHI_RESTRICT E) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -2921,11 +3107,11 @@ CLOTHI_HOT static void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT static void clothi_stretch_losses(const double *CLOTHI_RESTRICT x,
-                                             const double *CLOTHI_RESTRICT rest,
-                                             const double *CLOTHI_RESTRICT strain_n,
-                                             const double *CLOTHI_RESTRICT damp,
-                                             double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_stretch_losses(const double *CLOTHI_RESTRICT x,
+                                      const double *CLOTHI_RESTRICT rest,
+                                      const double *CLOTHI_RESTRICT strain_n,
+                                      const double *CLOTHI_RESTRICT damp,
+                                      double *CLOTHI_RESTRICT Ed) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -2946,11 +3132,11 @@ typedef struct clothi_tri_batch {
 } clothi_tri_batch;
 
 /* mu' = (1 + damp) mu: the damping's material part. */
-CLOTHI_HOT static void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
-                                              const double *CLOTHI_RESTRICT rest,
-                                              const double *CLOTHI_RESTRICT strain_n,
-                                              const double *CLOTHI_RESTRICT damp,
-                                              clothi_tri_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
+                                       const double *CLOTHI_RESTRICT rest,
+                                       const double *CLOTHI_RESTRICT strain_n,
+                                       const double *CLOTHI_RESTRICT damp,
+                                       clothi_tri_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -2986,8 +3172,8 @@ CLOTHI_HOT static void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT static void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
-                                                  clothi_tri_batch *CLOTHI_RESTRICT w, int psd) {
+CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
+                                           clothi_tri_batch *CLOTHI_RESTRICT w, int psd) {
     enum { L = CLOTHI_LANES };
     int k;
     if (psd) {                              /* [6.2]: S+ = a S + b I */
@@ -2995,8 +3181,8 @@ CLOTHI_HOT static void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT 
         for (k = 0; k < L; k++) {
             const double mean = 0.5 * (w->stress[0][k] + w->stress[1][k]), r = w->radius[k];
             const double up = mean + r, down = mean - r;
-            const double hi = up > 0.0 ? up : 0.0, lo = down > 0.0 ? down : 0.0;
-            const double a = 0.5 * (hi - lo) / (r > 0.0 ? r : 1.0), b = 0.5 * (hi + lo) - a * mean;
+            const double hi = 0.5 * (up + fabs(up)), lo = 0.5 * (down + fabs(down));
+            const double a = 0.5 * (hi - lo) / (r + 1e-300), b = 0.5 * (hi + lo) - a * mean;
             w->stress[0][k] = a * w->stress[0][k] + b;
             w->stress[1][k] = a * w->stress[1][k] + b;
             w->stress[2][k] = a * w->stress[2][k];
@@ -3012,8 +3198,8 @@ CLOTHI_HOT static void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT 
 }
 
 /* Blocks 11, 22 and 21 by formula, those of corner 0 by the vanishing sums. */
-CLOTHI_HOT static void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
-                                             double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
+                                      double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     static const int packed[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
     int              k, r, c;
@@ -3105,16 +3291,16 @@ typedef struct clothi_fold_inverse {
     double q1r, q2r;                        /* |n|^2 times the inverse: 1 above the floor        */
 } clothi_fold_inverse;
 
-CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(clothi_fold h) {
-    const double s = h.l2 + (h.a0 * h.a0 + h.a1 * h.a1 + h.a2 * h.a2)
-                     + (h.b0 * h.b0 + h.b1 * h.b1 + h.b2 * h.b2);
+CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(const clothi_fold *h) {
+    const double s = h->l2 + (h->a0 * h->a0 + h->a1 * h->a1 + h->a2 * h->a2)
+                     + (h->b0 * h->b0 + h->b1 * h->b1 + h->b2 * h->b2);
     const double lf = CLOTHI_HINGE_FLOOR * s + CLOTHI_HINGE_TINY_L2;
     const double qf = CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q;
-    const double q1 = h.n0 * h.n0 + h.n1 * h.n1 + h.n2 * h.n2;
-    const double q2 = h.m0 * h.m0 + h.m1 * h.m1 + h.m2 * h.m2;
+    const double q1 = h->n0 * h->n0 + h->n1 * h->n1 + h->n2 * h->n2;
+    const double q2 = h->m0 * h->m0 + h->m1 * h->m1 + h->m2 * h->m2;
     clothi_fold_inverse v;
     double              q12, inv, invl;
-    v.l2c = h.l2 > lf ? h.l2 : lf;
+    v.l2c = h->l2 > lf ? h->l2 : lf;
     v.q1c = q1 > qf ? q1 : qf;
     v.q2c = q2 > qf ? q2 : qf;
     q12 = v.q1c * v.q2c;
@@ -3128,13 +3314,14 @@ CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(clothi_fold h) {
     return v;
 }
 
-CLOTHI_LANE void clothi_fold_force(clothi_fold h, double l, double moment, int k, double *f) {
+CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment, int k,
+                                   double *f) {
     enum { L = CLOTHI_LANES };
     const clothi_fold_inverse v = clothi_fold_invert(h);
-    const double t1 = h.ae * v.l2, t2 = h.be * v.l2, ml = moment * l;
+    const double t1 = h->ae * v.l2, t2 = h->be * v.l2, ml = moment * l;
     const double k1 = ml * v.q1, k2 = ml * v.q2;
-    const double p0 = k1 * h.n0, p1 = k1 * h.n1, p2 = k1 * h.n2;
-    const double r0 = k2 * h.m0, r1 = k2 * h.m1, r2 = k2 * h.m2;
+    const double p0 = k1 * h->n0, p1 = k1 * h->n1, p2 = k1 * h->n2;
+    const double r0 = k2 * h->m0, r1 = k2 * h->m1, r2 = k2 * h->m2;
     const double g0 = t1 * p0 + t2 * r0, g1 = t1 * p1 + t2 * r1, g2 = t1 * p2 + t2 * r2;
     f[k] = p0 + r0 - g0;
     f[L + k] = p1 + r1 - g1;
@@ -3150,8 +3337,8 @@ CLOTHI_LANE void clothi_fold_force(clothi_fold h, double l, double moment, int k
     f[11 * L + k] = -r2;
 }
 
-CLOTHI_HOT static void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
-                                           double *CLOTHI_RESTRICT l) {
+CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
+                                    double *CLOTHI_RESTRICT l) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -3162,8 +3349,8 @@ CLOTHI_HOT static void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
     clothi_sqrt_lanes(l);
 }
 
-CLOTHI_HOT static void clothi_theta_lanes(const double *CLOTHI_RESTRICT x,
-                                          double *CLOTHI_RESTRICT theta) {
+CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x,
+                                   double *CLOTHI_RESTRICT theta) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -3174,27 +3361,27 @@ CLOTHI_HOT static void clothi_theta_lanes(const double *CLOTHI_RESTRICT x,
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT static void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
+                                    const double *CLOTHI_RESTRICT rest,
+                                    double *CLOTHI_RESTRICT f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
         const double      bent = clothi_atan2(h.sine, h.cosine) - rest[CLOTHI_LANES + k];
-        clothi_fold_force(h, l[k], rest[k] * bent, k, f);
+        clothi_fold_force(&h, l[k], rest[k] * bent, k, f);
     }
 }
 
 /* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
-CLOTHI_HOT static void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
-                                            const double *CLOTHI_RESTRICT rest,
-                                            const double *CLOTHI_RESTRICT theta_n,
-                                            const double *CLOTHI_RESTRICT damp,
-                                            double *CLOTHI_RESTRICT moment,
-                                            double *CLOTHI_RESTRICT E,
-                                            double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
+                                     const double *CLOTHI_RESTRICT rest,
+                                     const double *CLOTHI_RESTRICT theta_n,
+                                     const double *CLOTHI_RESTRICT damp,
+                                     double *CLOTHI_RESTRICT moment,
+                                     double *CLOTHI_RESTRICT E,
+                                     double *CLOTHI_RESTRICT Ed) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double bent = theta[k] - rest[CLOTHI_LANES + k], turned = theta[k] - theta_n[k];
@@ -3204,14 +3391,16 @@ CLOTHI_HOT static void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
     }
 }
 
-CLOTHI_HOT static void clothi_hinge_turn(const double *CLOTHI_RESTRICT x,
-                                         const double *CLOTHI_RESTRICT moment,
-                                         double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_turn(const double *CLOTHI_RESTRICT x,
+                                  const double *CLOTHI_RESTRICT moment,
+                                  double *CLOTHI_RESTRICT f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
-    for (k = 0; k < CLOTHI_LANES; k++)
-        clothi_fold_force(clothi_fold_at(x, l, k), l[k], moment[k], k, f);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        clothi_fold_force(&h, l[k], moment[k], k, f);
+    }
 }
 
 /* Per wing and lane: p, z of corner 1 and of the wing's corner, (h/l)^2/2 M, foot. */
@@ -3220,15 +3409,15 @@ typedef struct clothi_fold_batch {
     double km[2][3][CLOTHI_LANES], t[2][CLOTHI_LANES], g[3][3][CLOTHI_LANES];
 } clothi_fold_batch;
 
-CLOTHI_HOT static void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
-                                            clothi_fold_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
+                                     clothi_fold_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     double l[L], e[3][L], il[L], c1[L], c2[L], k1[L], k2[L], m1[L], m2[L];
     int    k, r;
     clothi_edge_lengths(x, l);
     for (k = 0; k < L; k++) {
         const clothi_fold         h = clothi_fold_at(x, l, k);
-        const clothi_fold_inverse v = clothi_fold_invert(h);
+        const clothi_fold_inverse v = clothi_fold_invert(&h);
         e[0][k] = h.e0;
         e[1][k] = h.e1;
         e[2][k] = h.e2;
@@ -3265,10 +3454,26 @@ CLOTHI_HOT static void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
         }
 }
 
+CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w,
+                                    const double *CLOTHI_RESTRICT moment,
+                                    double *CLOTHI_RESTRICT f) {
+    enum { L = CLOTHI_LANES };
+    int r, k;
+    for (r = 0; r < 3; r++)
+        for (k = 0; k < L; k++) {
+            const double m = moment[k], g1 = w->g[0][r][k], g2 = w->g[1][r][k];
+            const double g3 = w->g[2][r][k];
+            f[r * L + k] = -m * (g1 + g2 + g3);
+            f[(3 + r) * L + k] = m * g1;
+            f[(6 + r) * L + k] = m * g2;
+            f[(9 + r) * L + k] = m * g3;
+        }
+}
+
 /* Blocks among the corners 1, 2, 3: square times g g', and moment times the second derivative. */
-CLOTHI_HOT static void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                           const double *CLOTHI_RESTRICT square,
-                                           double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
+                                    const double *CLOTHI_RESTRICT square,
+                                    double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     static const int block[6][3] = {            /* its number, row and column in g */
         {1, 0, 0}, {2, 1, 1}, {3, 2, 2}, {6, 1, 0}, {8, 2, 0}, {9, 2, 1}};
@@ -3276,26 +3481,29 @@ CLOTHI_HOT static void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTR
     for (b = 0; b < 6; b++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *g = w->g[block[b][1]][r], *q = w->g[block[b][2]][c];
-                double       *out = H + (9 * block[b][0] + 3 * r + c) * L;
+                const double *CLOTHI_RESTRICT g = w->g[block[b][1]][r];
+                const double *CLOTHI_RESTRICT q = w->g[block[b][2]][c];
+                double *CLOTHI_RESTRICT       out = H + (9 * block[b][0] + 3 * r + c) * L;
                 for (k = 0; k < L; k++) out[k] = square[k] * (g[k] * q[k]);
             }
 }
 
-CLOTHI_HOT static void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                          const double *CLOTHI_RESTRICT moment,
-                                          double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
+                                   const double *CLOTHI_RESTRICT moment,
+                                   double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     int s, r, c, k;
     for (s = 0; s < 2; s++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *p = w->p[s][r], *q = w->p[s][c], *zr = w->z1[s][r];
-                const double *zc = w->z1[s][c], *yr = w->z2[s][r], *yc = w->z2[s][c];
-                const double *kr = w->km[s][r], *kc = w->km[s][c], *t = w->t[s];
-                double       *h11 = H + (9 + 3 * r + c) * L;
-                double       *h22 = H + (9 * (2 + s) + 3 * r + c) * L;
-                double       *h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
+                const double *CLOTHI_RESTRICT p = w->p[s][r], *CLOTHI_RESTRICT q = w->p[s][c];
+                const double *CLOTHI_RESTRICT zr = w->z1[s][r], *CLOTHI_RESTRICT zc = w->z1[s][c];
+                const double *CLOTHI_RESTRICT yr = w->z2[s][r], *CLOTHI_RESTRICT yc = w->z2[s][c];
+                const double *CLOTHI_RESTRICT kr = w->km[s][r], *CLOTHI_RESTRICT kc = w->km[s][c];
+                const double *CLOTHI_RESTRICT t = w->t[s];
+                double *CLOTHI_RESTRICT       h11 = H + (9 + 3 * r + c) * L;
+                double *CLOTHI_RESTRICT       h22 = H + (9 * (2 + s) + 3 * r + c) * L;
+                double *CLOTHI_RESTRICT       h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
                 for (k = 0; k < L; k++) {
                     const double m = moment[k];
                     h22[k] += m * (p[k] * yc[k] + yr[k] * q[k]);
@@ -3306,7 +3514,7 @@ CLOTHI_HOT static void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRI
 }
 
 /* The blocks of corner 0 by the vanishing sums. */
-CLOTHI_HOT static void clothi_hinge_close(double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_close(double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
@@ -3339,11 +3547,12 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
     if (theta_out) memcpy(theta_out, theta, sizeof theta);
     if (E) memcpy(E, e, sizeof e);
     if (Ed) memcpy(Ed, ed, sizeof ed);
-    if (f) clothi_hinge_turn(x, moment, f);
+    if (f && !H) clothi_hinge_turn(x, moment, f);
     if (H) {
         clothi_fold_batch w;
         for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (damp ? 1.0 + damp[k] : 1.0);
         clothi_hinge_prepare(x, &w);
+        if (f) clothi_hinge_spread(&w, moment, f);
         clothi_hinge_square(&w, square, H);
         if (!psd) clothi_hinge_curve(&w, moment, H);
         clothi_hinge_close(H);
@@ -3352,9 +3561,9 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
 
 /* --- quadratic bending: x [12][8], rest [5][8] = c, w0 .. w3 --- */
 
-CLOTHI_HOT static void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
-                                               const double *CLOTHI_RESTRICT rest,
-                                               double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
+                                        const double *CLOTHI_RESTRICT rest,
+                                        double *CLOTHI_RESTRICT f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (r = 0; r < 3; r++)
@@ -3370,9 +3579,9 @@ CLOTHI_HOT static void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
         }
 }
 
-CLOTHI_HOT static void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
-                                                 const double *CLOTHI_RESTRICT rest,
-                                                 double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
+                                          const double *CLOTHI_RESTRICT rest,
+                                          double *CLOTHI_RESTRICT E) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (k = 0; k < L; k++) E[k] = 0.0;

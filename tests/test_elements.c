@@ -26,7 +26,7 @@ static double moduli(unsigned long long *seed, double *lambda) {
     return mu;
 }
 
-/* Hinge with feet t1 t2, heights h1 h2, angle theta (positive convex, normals towards +z), moved. */
+/* Hinge with feet t, heights h, angle theta (positive convex, normals towards +z), moved. */
 static void make_hinge(unsigned long long *seed, double l, const double *t, const double *h,
                        double theta, double *x) {
     double R[9], shift[3];
@@ -394,7 +394,7 @@ static void hinge_sign(void) {
     CHECK_REL(cloth_bend(x, 2.0, -3.0, NULL, NULL, 0), 36.0, 1e-14);
 }
 
-/* VALIDATION section 0: on an equilateral patch a cylinder of any direction costs D k^2/2 an area. */
+/* On an equilateral patch a cylinder of any direction costs D k^2/2 an area. */
 static void hinge_cylinder(void) {
     const double D = 1.5, L = 1.0, kappa = 1e-3, h = L * sqrt(3.0) / 2;
     const double area = sqrt(3.0) / 4 * L * L;
@@ -815,6 +815,105 @@ static void lanes_gather(void) {
         }
 }
 
+/* ---- materials ------------------------------------------------------------------------------ */
+
+static char logged[256];
+
+static void keep_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
+    (void)level;
+    (void)status;
+    (void)user;
+    strncpy(logged, text, sizeof logged - 1);
+}
+
+static void material_values(void) {
+    cloth_material m = cloth_material_default();
+    double         mu, lambda;
+    int            i;
+    m.young = 2e6;
+    m.thickness = 1e-3;
+    m.poisson = 0.25;
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(mu, 800.0, 1e-14);
+    CHECK_REL(lambda, 2000 * 0.25 / 0.9375, 1e-14);
+    m.plane = CLOTH_PLANE_STRAIN_3D;
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(lambda, 2000 * 0.25 / (1.25 * 0.5), 1e-14);
+    CHECK_REL(cloth_material_rigidity(&m), 1e-5, 0.0);
+    m.bending = -1;
+    CHECK_REL(cloth_material_rigidity(&m), 2e6 * 1e-9 / (12 * 0.9375), 1e-14);
+    m.membrane = 50;
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(mu, 20.0, 1e-14);
+    m = cloth_material_li2021();
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(mu, 4 * 1e5 / (2 * 1.42), 1e-14);
+    CHECK_REL(lambda, 4 * 1e5 * 0.42 / (1.42 * 0.16), 1e-14);
+    CHECK_REL(cloth_material_rigidity(&m), 1.5e-6, 0.0);
+    for (i = -1; i < 7; i++) {
+        m = cloth_material_fabric((cloth_fabric)(i < 0 || i > 5 ? 99 : i));
+        CHECK(cloth_material_check(NULL, &m, 0) == CLOTH_OK);
+        CHECK(m.density > 0.05 && m.density < 0.4 && m.bending > 1e-6 && m.bending < 1e-4);
+        cloth_material_lame(&m, &mu, &lambda);
+        CHECK(mu > 50 && mu < 2000);
+    }
+}
+
+static void material_refusals(void) {
+    static const char *const field[8] = {"density", "young",   "thickness", "membrane",
+                                         "poisson", "bending", "damping",   "plane"};
+    static const double      bad[8] = {0.0, -1.0, -1.0, -1.0, 0.51, (double)NAN, -1.0, 0.0};
+    cloth_hooks              hooks;
+    cloth_material           m;
+    int                      i, kind;
+    memset(&hooks, 0, sizeof hooks);
+    hooks.log.fn = keep_log;
+    for (i = 0; i < 8; i++)
+        for (kind = 0; kind < 3; kind++) {
+            double *const value[7] = {&m.density, &m.young,   &m.thickness, &m.membrane,
+                                      &m.poisson, &m.bending, &m.damping};
+            cloth_status  status, expect = CLOTH_ERR_NONFINITE;
+            m = cloth_material_default();
+            if (i == 7) m.plane = (cloth_plane)2;
+            else *value[i] = kind == 0 ? bad[i] : kind == 1 ? (double)NAN : -(double)INFINITY;
+            if (i == 7 || (kind == 0 && i != 5)) expect = CLOTH_ERR_ARGUMENT;
+            logged[0] = 0;
+            status = cloth_material_check(&hooks, &m, 3);
+            CHECK(status == expect);
+            CHECK(strstr(logged, "material[3].") == logged && strstr(logged, field[i]) != NULL);
+        }
+    m = cloth_material_default();
+    m.poisson = 0.5;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_OK);
+    m.plane = CLOTH_PLANE_STRAIN_3D;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_ERR_ARGUMENT);
+    m.poisson = -1;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_ERR_ARGUMENT);
+    CHECK(strstr(logged, "poisson = -1") != NULL);
+    m = cloth_material_default();
+    m.young = m.thickness = 1e200;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_ERR_ARGUMENT);
+}
+
+/* Pull a strip: the force gives Y back, the free sides nu. Only plane stress does. */
+static void material_uniaxial(void) {
+    static const double X[6] = {0, 0, 1, 0, 0, 1};
+    cloth_material      m = cloth_material_default();
+    double              mu, lambda, x[9] = {0}, g[9], l = 1.0 + 1e-4, side = 1.0;
+    int                 k;
+    m.membrane = 123;
+    m.poisson = 0.35;
+    cloth_material_lame(&m, &mu, &lambda);
+    for (k = 0; k < 60; k++) {              /* relax the side by its force */
+        x[3] = l;
+        x[7] = side;
+        cloth_stretch(x, X, mu, lambda, g, NULL, 0);
+        side -= g[7] / (0.5 * (2 * mu + lambda));
+    }
+    CHECK_REL(g[3] / 0.5 / (l - 1), 123, 1e-3);
+    CHECK_REL((1 - side) / (l - 1), 0.35, 1e-3);
+}
+
 /* ---- any finite bits ------------------------------------------------------------------------ */
 
 static double any_finite(unsigned long long *seed) {
@@ -890,6 +989,9 @@ int main(int argc, char **argv) {
     RUN(lanes_spring);
     RUN(lanes_damping);
     RUN(lanes_gather);
+    RUN(material_values);
+    RUN(material_refusals);
+    RUN(material_uniaxial);
     RUN(finite_in_finite_out);
     return TEST_END();
 }

@@ -259,13 +259,35 @@ typedef enum cloth_sheet_pattern {
     CLOTH_SHEET_FORCE_INT = 0x7fffffff
 } cloth_sheet_pattern;
 
+/* --- materials (section 5.1) --- */
+
+typedef enum cloth_plane {
+    CLOTH_PLANE_STRESS = 0,                 /* lambda = Y nu/(1-nu^2): a sheet with free faces   */
+    CLOTH_PLANE_STRAIN_3D = 1               /* lambda = Y nu/((1+nu)(1-2nu)): named, not default */
+} cloth_plane;
+
+/* SI units. cloth_material_default() sets every field. */
+typedef struct cloth_material {
+    double      density;                    /* kg/m^2, > 0                                       */
+    double      young;                      /* Pa, >= 0                                          */
+    double      thickness;                  /* m, >= 0                                           */
+    double      membrane;                   /* N/m, used instead of young*thickness when > 0     */
+    double      poisson;                    /* (-1, 0.5], below 0.5 for CLOTH_PLANE_STRAIN_3D    */
+    double      bending;                    /* N m, plate rigidity D; < 0: from Y, h and nu      */
+    double      damping;                    /* s, >= 0: stress of the strain rate over elastic   */
+    cloth_plane plane;
+} cloth_material;
+
+typedef enum cloth_fabric {
+    CLOTH_FABRIC_COTTON_KNIT = 0, CLOTH_FABRIC_DENIM = 1, CLOTH_FABRIC_POLYESTER = 2,
+    CLOTH_FABRIC_TWILL = 3, CLOTH_FABRIC_SILK = 4, CLOTH_FABRIC_WOOL = 5
+} cloth_fabric;
+
 /* TEMPORARY-BEGIN types */
 typedef enum cloth_linear { CLOTH_LINEAR_AUTO=0, CLOTH_LINEAR_JACOBI=1, CLOTH_LINEAR_SGS=2, CLOTH_LINEAR_CHOLESKY=3 } cloth_linear;
 typedef struct cloth_pattern cloth_pattern; typedef struct cloth_matrix cloth_matrix; typedef struct cloth_linear_solver cloth_linear_solver;
 typedef struct cloth_linear_options { cloth_linear method; double tolerance; int max_iterations; const unsigned char *fixed; } cloth_linear_options;
 typedef struct cloth_linear_report { int iterations, negative, factorizations; double residual; } cloth_linear_report;
-typedef enum cloth_plane { CLOTH_PLANE_STRESS=0, CLOTH_PLANE_STRAIN_3D=1 } cloth_plane;
-typedef struct cloth_material { double density, young, thickness, membrane, poisson, bending, damping; cloth_plane plane; } cloth_material;
 /* --- the ladder: a scene takes the lowest rung that meets its tolerance --- */
 typedef enum cloth_membrane {
     CLOTH_MEMBRANE_SPRINGS = 1,             /* a spring on each edge                           */
@@ -551,29 +573,6 @@ typedef struct cloth_advice {
     cloth_contact_rung contact;
     double             h;                   /* s, substep that meets the tolerance             */
 } cloth_advice;
-/* --- materials (section 5.1) --- */
-
-typedef enum cloth_plane {
-    CLOTH_PLANE_STRESS = 0,                 /* lambda = Y nu/(1-nu^2): a sheet with free faces   */
-    CLOTH_PLANE_STRAIN_3D = 1               /* lambda = Y nu/((1+nu)(1-2nu)): named, not default */
-} cloth_plane;
-
-/* SI units. cloth_material_default() sets every field. */
-typedef struct cloth_material {
-    double      density;                    /* kg/m^2, > 0                                       */
-    double      young;                      /* Pa, >= 0                                          */
-    double      thickness;                  /* m, >= 0                                           */
-    double      membrane;                   /* N/m, used instead of young*thickness when > 0     */
-    double      poisson;                    /* (-1, 0.5], below 0.5 for CLOTH_PLANE_STRAIN_3D    */
-    double      bending;                    /* N m, plate rigidity D; < 0: from Y, h and nu      */
-    double      damping;                    /* s, >= 0: stress of the strain rate over elastic   */
-    cloth_plane plane;
-} cloth_material;
-
-typedef enum cloth_fabric {
-    CLOTH_FABRIC_COTTON_KNIT = 0, CLOTH_FABRIC_DENIM = 1, CLOTH_FABRIC_POLYESTER = 2,
-    CLOTH_FABRIC_TWILL = 3, CLOTH_FABRIC_SILK = 4, CLOTH_FABRIC_WOOL = 5
-} cloth_fabric;
 
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
 
@@ -3609,10 +3608,6 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
 
 /* ===== [7.4] SPARSE CHOLESKY ================================================================= */
 
-static cloth_material cloth_material_default(void){cloth_material m;memset(&m,0,sizeof m);m.density=.2;m.membrane=1000;m.poisson=.3;m.bending=1e-5;return m;}
-static void cloth_material_lame(const cloth_material*m,double*mu,double*la){double Y=m->membrane>0?m->membrane:m->young*m->thickness,n=m->poisson;*mu=Y/(2*(1+n));*la=m->plane?Y*n/((1+n)*(1-2*n)):Y*n/(1-n*n);}
-static double clothi_bending(const cloth_material*m){return m->bending;}
-static cloth_status cloth_material_check(const cloth_hooks*h,const cloth_material*m,int r){(void)r;if(!(m->density>0))return clothi_fail(h,CLOTH_ERR_ARGUMENT,"density %g",m->density);return CLOTH_OK;}
 struct cloth_pattern { cloth_hooks hooks; int n; int nlow; int *row,*col; };
 struct cloth_matrix { cloth_hooks hooks; const cloth_pattern *p; double *diag,*low; };
 struct cloth_linear_solver { cloth_hooks hooks; const cloth_pattern*p; double *r,*z,*q,*d,*inv; };
@@ -4428,7 +4423,7 @@ static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_param
                   clothi_rest_edge2(m, p->X, f[1], v[0], v[1]));
     r.A1 = clothi_rest_area(p->X, f[0]);
     r.A2 = clothi_rest_area(p->X, f[1]);
-    r.bending = 0.5 * (clothi_bending(a) + clothi_bending(b));
+    r.bending = 0.5 * (cloth_material_rigidity(a) + cloth_material_rigidity(b));
     r.damping = 0.5 * (a->damping + b->damping);
     return r;
 }
@@ -5513,7 +5508,7 @@ typedef struct clothi_hinge_vjp_parts {
     double dc, dtheta0, dtau, drate;        /* derivatives of V by c, theta0, tau at fixed h    */
 } clothi_hinge_vjp_parts;
 
-static void clothi_hinge_spread(const cloth_sim *s, const cloth_eval *e, int h,
+static void clothi_hinge_vjp_rest(const cloth_sim *s, const cloth_eval *e, int h,
                                 const clothi_hinge_vjp_parts *d, cloth_vjp *out) {
     const cloth_model *m = s->model;
     const int         *v = m->topology->hinges + 4 * (size_t)h;
@@ -5555,7 +5550,7 @@ static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, con
     if (out->h && e->h > 0) *out->h -= rate / e->h * c * (theta - theta_n) * ga;
     for (k = 0; out->x_n && rate > 0 && k < 12; k++)
         out->x_n[3 * v[k / 3] + k % 3] -= rate * c * ga * gn[k];
-    clothi_hinge_spread(s, e, h, &d, out);
+    clothi_hinge_vjp_rest(s, e, h, &d, out);
 }
 
 /* dV/dw [4] through one face's share (q, t) of the weights into its rest corners. */
@@ -5618,7 +5613,7 @@ static void clothi_quadratic_vjp(const cloth_sim *s, const cloth_eval *e, int h,
                 out->x_n[3 * v[i] + k] -= rate * c * rest[(i + 1) * CLOTHI_LANES] * ra[k];
         }
     }
-    clothi_hinge_spread(s, e, h, &d, out);
+    clothi_hinge_vjp_rest(s, e, h, &d, out);
     for (k = 0; out->X && k < 2; k++)
         clothi_quadratic_face_vjp(s, e->params, f[k], v[0], v[1], dw, dw[2 + k],
                                   out->X + 6 * (size_t)f[k]);
@@ -7640,7 +7635,7 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
     if (status) goto done;
     mat = desc->nregions > 0 ? desc->materials : &desc->material;
     Y = clothi_young(mat);
-    D = clothi_bending(mat);
+    D = cloth_material_rigidity(mat);
     rho = mat->density;
     g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
     for (i = 0; i < nf; i++) area += clothi_rest_area(X, i);

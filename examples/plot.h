@@ -316,7 +316,7 @@ static inline double plot_clash(const plot *p, plot_box b) {
         double h = fmin(b.y1, p->box[i].y1) - fmax(b.y0, p->box[i].y0);
         if (w > 0 && h > 0) sum += w * h;
     }
-    sum += 40 * fmax(0, b.x1 - (PLOT_WIDTH - PLOT_RIGHT) - 12) + 40 * fmax(0, PLOT_LEFT + 2 - b.x0);
+    sum += 40 * fmax(0, b.x1 - (PLOT_WIDTH - PLOT_RIGHT) + 3) + 40 * fmax(0, PLOT_LEFT + 2 - b.x0);
     return sum + 40 * fmax(0, p->top + 2 - b.y0) + 40 * fmax(0, b.y1 - p->top - PLOT_INNER + 2);
 }
 
@@ -356,8 +356,9 @@ static inline void plot_label(plot *p, double x, double y, const char *text, int
 static inline void plot_marker(plot *p, int tone, double x, double y) {
     static const char *const shape[7] = {
         "M-4.5 0a4.5 4.5 0 1 0 9 0a4.5 4.5 0 1 0-9 0z", "M-4-4h8v8h-8z", "M0-5.4L5 3.6H-5z",
-        "M0-5.6L5.6 0L0 5.6L-5.6 0z", "M0 5.4L5-3.6H-5z", "M-1.7-5h3.4v3.3h3.3v3.4h-3.3v3.3h-3.4v"
-        "-3.3h-3.3v-3.4h3.3z", "M0-5.5L5.2-1.7L3.2 4.5H-3.2L-5.2-1.7z"};
+        "M0-5.6L5.6 0L0 5.6L-5.6 0z", "M0 5.4L5-3.6H-5z",
+        "M-1.7-5h3.4v3.3h3.3v3.4h-3.3v3.3h-3.4v-3.3h-3.3v-3.4h3.3z",
+        "M0-5.5L5.2-1.7L3.2 4.5H-3.2L-5.2-1.7z"};
     fprintf(p->file, "<path class='m%d' transform='translate(%.1f %.1f)' d='%s'/>\n", tone, x, y,
             shape[tone % 7]);
 }
@@ -487,7 +488,7 @@ static inline void plot_rules(plot *p) {
         plot_gridline(p, a, u, "rule");
         if (r->vertical) {
             int left = at + w + 8 > PLOT_WIDTH - PLOT_RIGHT;
-            double x = left ? at - 6 : at + 6, y = p->top + PLOT_INNER - 8;
+            double x = left ? at - 6 : at + 6, y = p->top + 15;
             plot_put(p, x, y, left ? "end" : "start", "soft", r->label);
             plot_take(p, left ? x - w : x, y - 12, left ? x : x + w, y + 3);
             plot_take_segment(p, at, p->top, at, p->top + PLOT_INNER);
@@ -538,10 +539,10 @@ static inline void plot_draw_line(plot *p, int i) {
 static inline void plot_draw_marks(plot *p, int i) {
     const plot_line *l = &p->line[i];
     double x, y;
-    int many = l->n > 60;
+    int every = 1 + l->n / 24;
     for (int j = 0; j < l->n; j++) {
         int spot = plot_spot(p, &l->p[j], &x, &y);
-        if (spot == 1 && !many) plot_marker(p, i % 7, x, y);
+        if (spot == 1 && j % every == every / 2) plot_marker(p, i % 7, x, y);
         else if (spot == 2)
             fprintf(p->file, "<path class='x s%d' d='M%.1f %.1fl10 10m0 -10l-10 10'/>\n", i % 7,
                     x - 5, y - 5);

@@ -647,7 +647,7 @@ static inline void plot_draw(plot *p) {
 }
 
 /* Writes the chart and frees the plot in every case. Returns NULL, or what went wrong as a
- * literal text; a file that could not be written whole is removed. */
+ * literal text; a file that was begun and could not be finished is left as it is. */
 static inline const char *plot_close(plot *p, const char *path) {
     if (p == NULL) return "out of memory";
     const char *error = p->error;
@@ -658,8 +658,7 @@ static inline const char *plot_close(plot *p, const char *path) {
             plot_draw(p);
             int bad = ferror(p->file);
             if (fclose(p->file) != 0) bad = 1;
-            error = bad ? "writing the file failed (disk full?)" : p->error;
-            if (error != NULL) remove(path);
+            error = bad ? "writing the file failed; what is there is incomplete" : p->error;
         }
     }
     plot_free(p);

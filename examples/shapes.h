@@ -5,7 +5,7 @@
  *
  *     shapes_body body;
  *     shapes_shirt shirt;
- *     const char *error = shapes_body_make(0.03, &body);          about 5000 triangles
+ *     const char *error = shapes_body_make(0.029, &body);         about 5000 triangles
  *     if (!error) error = shapes_shirt_make(0.02, &shirt);        about 4000 triangles
  *     ...
  *     shapes_body_walk(&body, t, 0.0, x);                         x [body.nv x 3] at time t
@@ -198,6 +198,66 @@ static inline void shapes_land(shapes_form form, double p[3], const double (*hol
     }
 }
 
+/* ===== meshes at work ==================================================================== */
+
+typedef struct shapes_sewing {      /* work in progress                                 */
+    int n, ks, kp;                  /* columns: all, of a shoulder, under an armhole    */
+    int na, nb, nc;                 /* rows: to the armpit, above it, of a sleeve       */
+    int nv, nf, cap;
+    double *x;                      /* [cap x 3]                                        */
+    double (*hold)[2][3];           /* [cap] unit normals of the planes that hold it    */
+    int    *holds;                  /* [cap] their number, 3: fixed                     */
+    int    *near;                   /* [cap x 4] neighbours that even it out, -1: none  */
+    int    *torso[2];               /* front, back: [(na + nb + 1) x (n + 1)], -1: none */
+    int    *sleeve[2];              /* left, right: [(nc + 1) x (2 (kp + nb) + 1)]      */
+    int    *faces, *panel;
+    int    *spot;                   /* each corner's place in its panel's grid [nf x 3]  */
+    int    *twin;                   /* the half-edge on an edge's other side [nf x 3]    */
+    int    *head, *link;            /* chains of half-edges by their lower vertex        */
+    double *len;                    /* [nf x 3]                                          */
+    double *flat;                   /* [cap x 2]                                        */
+} shapes_sewing;
+
+static inline double shapes_length(const double *x, int a, int b, int dim) {
+    double s = 0;
+    for (int c = 0; c < dim; c++) s += (x[dim * a + c] - x[dim * b + c]) *
+                                       (x[dim * a + c] - x[dim * b + c]);
+    return sqrt(s);
+}
+
+static inline int shapes_next(int h) {
+    return h % 3 == 2 ? h - 2 : h + 1;
+}
+
+/* the half-edge between vertices a and b in the chains, -1: none */
+static inline int shapes_find(const shapes_sewing *w, int a, int b) {
+    int h = w->head[a < b ? a : b];
+    for (; h >= 0; h = w->link[h]) {
+        int p = w->faces[h], q = w->faces[shapes_next(h)];
+        if ((p == a && q == b) || (p == b && q == a)) return h;
+    }
+    return -1;
+}
+
+/* pairs the half-edges; returns how many edges have more than two */
+static inline int shapes_twins(shapes_sewing *w) {
+    int bad = 0;
+    for (int v = 0; v < w->nv; v++) w->head[v] = -1;
+    for (int h = 0; h < 3 * w->nf; h++) {
+        int a = w->faces[h], b = w->faces[shapes_next(h)], low = a < b ? a : b;
+        int t = shapes_find(w, a, b);
+        w->twin[h] = t;
+        if (t >= 0) {
+            bad += w->twin[t] >= 0;
+            w->twin[t] = h;
+            continue;
+        }
+        w->link[h] = w->head[low];
+        w->head[low] = h;
+    }
+    return bad;
+}
+
 /* ===== the body ========================================================================== */
 
 static inline void shapes_body_free(shapes_body *b) {
@@ -324,16 +384,34 @@ static inline void shapes_skin(shapes_body *b) {
     }
 }
 
-/* The body with edges of about `edge` m (0.005 to 0.03: the hands need two cells).
- * One closed surface without handles. Returns NULL or what went wrong; then *b is all zero. */
-static inline const char *shapes_body_make(double edge, shapes_body *b) {
+/* whether no edge has more than two faces and no triangle is thinner than a fifth of `edge` */
+static inline int shapes_sound(const shapes_body *b, double edge, shapes_sewing *w) {
+    w->nv = b->nv;
+    w->nf = b->nf;
+    w->faces = b->faces;
+    if (shapes_twins(w) > 0) return 0;
+    for (int f = 0; f < b->nf; f++) {
+        const int *q = b->faces + 3 * f;
+        double l[3], s = 0;
+        for (int k = 0; k < 3; k++) {
+            l[k] = shapes_length(b->x, q[k], q[(k + 1) % 3], 3);
+            s += 0.5 * l[k];
+        }
+        double area = sqrt(fmax(0, s * (s - l[0]) * (s - l[1]) * (s - l[2])));
+        if (2 * area < 0.2 * edge * fmax(l[0], fmax(l[1], l[2]))) return 0;
+    }
+    return 1;
+}
+
+/* one attempt: 1 a sound body, 0 a bad mesh, -1 no memory */
+static inline int shapes_body_try(double edge, shapes_body *b) {
     static const double lo[3] = {-0.75, -0.06, -0.20}, hi[3] = {0.75, 1.80, 0.24};
-    const char *error = "out of memory";
     shapes_grid g;
+    shapes_sewing w;
+    int result = -1;
     double *sum = NULL;
-    memset(b, 0, sizeof *b);
     memset(&g, 0, sizeof g);
-    if (!(edge >= 0.005 && edge <= 0.03)) return "shapes_body_make: edge must be 0.005 to 0.03 m";
+    memset(&w, 0, sizeof w);
     g.h = edge;
     for (int i = 0; i < 3; i++) {
         /* a plane of samples at x = 0 keeps the legs apart and the mesh symmetric */
@@ -355,18 +433,39 @@ static inline const char *shapes_body_make(double edge, shapes_body *b) {
     b->bone = (int *)malloc(4 * (size_t)b->nv * sizeof *b->bone);
     b->weight = (double *)malloc(4 * (size_t)b->nv * sizeof *b->weight);
     sum = (double *)malloc(4 * (size_t)b->nv * sizeof *sum);
-    if (b->x == NULL || b->faces == NULL || b->bone == NULL || b->weight == NULL || sum == NULL)
+    w.twin = (int *)malloc(3 * (size_t)b->nf * sizeof *w.twin);
+    w.link = (int *)malloc(3 * (size_t)b->nf * sizeof *w.link);
+    w.head = (int *)malloc((size_t)b->nv * sizeof *w.head);
+    if (b->x == NULL || b->faces == NULL || b->bone == NULL || b->weight == NULL || sum == NULL ||
+        w.twin == NULL || w.link == NULL || w.head == NULL)
         goto done;
     shapes_net(&g, b);
     shapes_even(b, sum);
     shapes_skin(b);
-    error = NULL;
+    result = shapes_sound(b, edge, &w);
 done:
     free(g.phi);
     free(g.vertex);
     free(sum);
-    if (error != NULL) shapes_body_free(b);
-    return error;
+    free(w.twin);
+    free(w.link);
+    free(w.head);
+    if (result < 1) shapes_body_free(b);
+    return result;
+}
+
+/* The body with edges of about `edge` m (0.012 to 0.03: the hands need two cells): one closed
+ * surface without handles. A grid whose planes graze the surface can make a bad mesh; then edges
+ * 1 % shorter are tried, up to 20 times. Returns NULL or what went wrong; then *b is all zero. */
+static inline const char *shapes_body_make(double edge, shapes_body *b) {
+    int result = 0;
+    memset(b, 0, sizeof *b);
+    if (!(edge >= 0.012 && edge <= 0.03)) return "shapes_body_make: edge must be 0.012 to 0.03 m";
+    for (int k = 0; k < 20 && result == 0; k++) {
+        result = shapes_body_try(edge, b);
+        edge *= 0.99;
+    }
+    return result > 0 ? NULL : result < 0 ? "out of memory" : "shapes_body_make: no sound mesh";
 }
 
 /* Poses x [nv x 3] by linear blend skinning: each bone turns by turn[bone] = angles (rad) about
@@ -443,24 +542,6 @@ static inline void shapes_body_walk(const shapes_body *b, double t, double speed
 
 #define SHAPES_HEM  0.84            /* m, height of the hem                             */
 #define SHAPES_CUFF 0.24            /* m along the arm from its joint                   */
-
-typedef struct shapes_sewing {      /* work in progress                                 */
-    int n, ks, kp;                  /* columns: all, of a shoulder, under an armhole    */
-    int na, nb, nc;                 /* rows: to the armpit, above it, of a sleeve       */
-    int nv, nf, cap;
-    double *x;                      /* [cap x 3]                                        */
-    double (*hold)[2][3];           /* [cap] unit normals of the planes that hold it    */
-    int    *holds;                  /* [cap] their number, 3: fixed                     */
-    int    *near;                   /* [cap x 4] neighbours that even it out, -1: none  */
-    int    *torso[2];               /* front, back: [(na + nb + 1) x (n + 1)], -1: none */
-    int    *sleeve[2];              /* left, right: [(nc + 1) x (2 (kp + nb) + 1)]      */
-    int    *faces, *panel;
-    int    *spot;                   /* each corner's place in its panel's grid [nf x 3]  */
-    int    *twin;                   /* the half-edge on an edge's other side [nf x 3]    */
-    int    *head, *link;            /* chains of half-edges by their lower vertex        */
-    double *len;                    /* [nf x 3]                                          */
-    double *flat;                   /* [cap x 2]                                        */
-} shapes_sewing;
 
 static const double shapes_arm[3] = {0.76675, -0.64194, 0};             /* unit         */
 static const double shapes_hole[3] = {0.99846, -0.05547, 0};             /* armhole plane */
@@ -662,13 +743,6 @@ static inline void shapes_faces(shapes_sewing *w, const int *g, int rows, int co
     }
 }
 
-static inline double shapes_length(const double *x, int a, int b, int dim) {
-    double s = 0;
-    for (int c = 0; c < dim; c++) s += (x[dim * a + c] - x[dim * b + c]) *
-                                       (x[dim * a + c] - x[dim * b + c]);
-    return sqrt(s);
-}
-
 /* first guess of a panel in the plane: lengths along the rows from the middle column (row 0's for
  * all where `rigid`: a sleeve), and along the columns from row 0. flat: [rows x cols x 2] */
 static inline void shapes_unroll(const shapes_sewing *w, const int *g, int rows, int cols,
@@ -694,35 +768,6 @@ static inline void shapes_pull(double *flat, int a, int b, double want) {
         double d = k * (flat[2 * b + c] - flat[2 * a + c]);
         flat[2 * a + c] += d;
         flat[2 * b + c] -= d;
-    }
-}
-
-static inline int shapes_next(int h) {
-    return h % 3 == 2 ? h - 2 : h + 1;
-}
-
-/* the half-edge between vertices a and b in the chains, -1: none */
-static inline int shapes_find(const shapes_sewing *w, int a, int b) {
-    int h = w->head[a < b ? a : b];
-    for (; h >= 0; h = w->link[h]) {
-        int p = w->faces[h], q = w->faces[shapes_next(h)];
-        if ((p == a && q == b) || (p == b && q == a)) return h;
-    }
-    return -1;
-}
-
-static inline void shapes_twins(shapes_sewing *w) {
-    for (int v = 0; v < w->nv; v++) w->head[v] = -1;
-    for (int h = 0; h < 3 * w->nf; h++) {
-        int a = w->faces[h], b = w->faces[shapes_next(h)], low = a < b ? a : b;
-        int t = shapes_find(w, a, b);
-        w->twin[h] = t;
-        if (t >= 0) {
-            w->twin[t] = h;
-            continue;
-        }
-        w->link[h] = w->head[low];
-        w->head[low] = h;
     }
 }
 

@@ -29,7 +29,8 @@
  *
  * (x' and x'' are the same vertex one and two frames back), the one with the smallest sum of
  * |error| taken, and the errors are written as Rice codes: blocks of 32 share k, an error e is
- * u = 2e or -2e-1, stored as u >> k ones, a zero and the low k bits. The bytes are in base64.
+ * u = 2e or -2e-1, stored as u >> k ones, a zero and the low k bits. The bytes are in base64
+ * with two letters replaced.
  * A page never exceeds VIEW_MAX_BYTES: if need be positions get fewer bits, then every second,
  * third, ... frame is left out, and the page says so.
  *
@@ -196,7 +197,8 @@ static const char *const view_page_head[] = {
 static const char *const view_page_code[] = {
     "/* ---- decoding: bits, most significant first; rows of Rice codes in blocks of 32 ---- */\n",
     "function Bits(text) {\n",
-    "  const s = atob(text), n = s.length, u = new Uint8Array(n + 8);\n",
+    "  const s = atob(text.replace(/-/g, 'h').replace(/[.]/g, 'H')), n = s.length;\n",
+    "  const u = new Uint8Array(n + 8);\n",
     "  for (let i = 0; i < n; i++) u[i] = s.charCodeAt(i);\n",
     "  this.u = u;\n",
     "  this.p = 0;\n",
@@ -993,9 +995,10 @@ static inline void view_quote(view_buffer *b, const char *s) {
     view_text(b, "\"");
 }
 
+/* base64 with - and . for h and H, so that no data can spell an address */
 static inline void view_base64(view_buffer *b, unsigned byte) {
     static const char digit[] =
-        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+        "ABCDEFG.IJKLMNOPQRSTUVWXYZabcdefg-ijklmnopqrstuvwxyz0123456789+/";
     char four[4];
     b->group = b->group << 8 | byte;
     if (++b->waiting < 3) return;
@@ -1551,11 +1554,7 @@ static inline const char *view_save(const view_buffer *b, const char *path) {
     size_t n = fwrite(b->p, 1, b->n, file);
     int bad = n != b->n;
     if (fclose(file) != 0) bad = 1;
-    if (bad) {
-        remove(path);
-        return "writing the file failed (disk full?)";
-    }
-    return NULL;
+    return bad ? "writing the file failed; what is there is incomplete" : NULL;
 }
 
 /* finds the finest storage that fits, and writes it */
@@ -1591,7 +1590,7 @@ static inline const char *view_finish(view *v, const char *path) {
 }
 
 /* Writes the page and frees the view in every case. Returns NULL, or what went wrong as a
- * literal text; then there is no file at path, or the one that was there before. */
+ * literal text; a file that was begun and could not be finished is left as it is. */
 static inline const char *view_close(view *v, const char *path) {
     if (v == NULL) return "out of memory";
     const char *error = v->error;

@@ -26,7 +26,7 @@
  * grid patches on a larger form, evened out by swapping edges and centring vertices within the
  * panels; its pattern is each panel laid flat by relaxing the lengths of its edges in the plane.
  * Measured for edges 0.014 to 0.03 m: pattern lengths within 12 % of those in space (99 % of
- * them within 6 %), gap to the body at least 14 mm, no angle below 25 degrees, nothing crosses.
+ * them within 6 %), gap to the body at least 13 mm, no angle below 25 degrees, nothing crosses.
  *
  *           __/neck\__            front and back: rows from the hem up to the armpit, then on
  *          /  sh     \            between the armholes to the shoulder seams (sh) and the neck;

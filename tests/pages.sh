@@ -27,17 +27,23 @@ work=$(mktemp -d) || exit 1
 trap 'rm -rf "$work"' EXIT
 out=$(cd "$out" && pwd)
 
-# a new empty profile for each run; software WebGL; no network services
+# a new empty profile for each run; software WebGL; no network services. A browser that hangs or
+# dies is started once more, and that is printed.
 look() {
-    local profile
-    profile=$(mktemp -d "$work/profile.XXXXXX") || return 1
-    timeout 90 "$browser" --headless --no-sandbox --use-angle=swiftshader \
-        --enable-unsafe-swiftshader --disable-quic --no-first-run \
-        --disable-background-networking --disable-component-update --disable-sync \
-        --user-data-dir="$profile" --window-size=900,640 --virtual-time-budget=5000 \
-        "$@" 2>"$work/log"
-    local status=$?
-    rm -rf "$profile"
+    local profile status=1 try
+    for try in 1 2; do
+        profile=$(mktemp -d "$work/profile.XXXXXX") || return 1
+        timeout -k 5 60 "$browser" --headless --no-sandbox --use-angle=swiftshader \
+            --enable-unsafe-swiftshader --disable-quic --no-first-run \
+            --disable-background-networking --disable-component-update --disable-sync \
+            --user-data-dir="$profile" --window-size=900,640 --virtual-time-budget=5000 \
+            "$@" >"$work/stdout" 2>"$work/log"
+        status=$?
+        rm -rf "$profile"
+        [ $status -eq 0 ] && break
+        echo "pages: the browser ended with status $status (try $try): ${*: -1}" >&2
+    done
+    cat "$work/stdout"
     return $status
 }
 

@@ -38,21 +38,123 @@
  *     [11.1] CHANGES AND LICENCE
  */
 
-/* ===== [1.1] QUICK START ===================================================================== */
-/* ===== [1.2] WHAT IT DOES NOT DO ============================================================= */
-/* ===== [1.3] CONVENTIONS ===================================================================== */
-/* ===== [1.4] CONFIGURATION =================================================================== */
-/* ===== [1.5] REFERENCES ====================================================================== */
-/*
- * [BERGOU]  Bergou, Wardetzky, Harmon, Zorin, Grinspun, A quadratic bending model for inextensible
- *           surfaces, SGP 2006, 227-230.
- * [DRAPE22] Learning-based bending stiffness parameter estimation by a drape tester, ACM Trans.
- *           Graph. 41(6) 2022; its data set, repository DrapeTester/ClothDrapeTester.
- * [DS]      Grinspun, Hirani, Desbrun, Schroeder, Discrete shells, SCA 2003, 62-67.
- * [StVK]    Bonet, Wood, Nonlinear continuum mechanics for finite element analysis, Cambridge 2008,
- *           section 6.4 (St.Venant-Kirchhoff material).
- * [WOR11]   Wang, O'Brien, Ramamoorthi, Data-driven elastic models for cloth: modeling and
- *           measurement, ACM Trans. Graph. 30(4) 2011, doi 10.1145/2010324.1964966.
+/* ===== [1.1] QUICK START =====================================================================
+ *
+ * A sheet, pinned at two corners, falls and swings for a second (examples/01_hang.c).
+ *
+ * ---- 01_hang.c ----
+ *     #define CLOTHSIM_IMPLEMENTATION
+ *     #include "clothsim.h"
+ *     #include <stdio.h>
+ *
+ *     int main(void) {
+ *         cloth_mesh  *sheet = NULL;
+ *         cloth_model *model = NULL;
+ *         cloth_sim   *sim = NULL;
+ *         cloth_pin    pins[2] = {{0, CLOTH_AXIS_ALL}, {19, CLOTH_AXIS_ALL}};  // two corners
+ *         cloth_desc   desc = cloth_desc_default();                           // always start here
+ *         int          frame;
+ *
+ *         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 20, 20, 1.0, 1.0, &sheet)) return 1;
+ *         desc.nv = sheet->nv, desc.x_rest = sheet->x;                        // metres
+ *         desc.nf = sheet->nf, desc.faces = sheet->faces;
+ *         desc.npins = 2, desc.pins = pins;
+ *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
+ *         for (frame = 0; frame < 60; frame++)
+ *             if (cloth_step(sim, 1.0 / 60, NULL)) return 1;                  // seconds
+ *         printf("after %.3f s the far corner is at y = %.2f m\n", cloth_sim_state(sim)->t,
+ *                cloth_sim_state(sim)->x[3 * 399 + 1]);
+ *         cloth_sim_destroy(sim), cloth_model_destroy(model), cloth_mesh_destroy(NULL, sheet);
+ *         return 0;
+ *     }
+ * ---- end ----
+ */
+
+/* ===== [1.2] WHAT IT DOES NOT DO =============================================================
+ *
+ * No remeshing, tearing, fluids, GPU code, file formats beyond OBJ, no renderer. This header
+ * knows no collisions: clothsim_collide.h will. Before you rely on a result, know that
+ *   - StVK softens under compression: below a stretch of 1/sqrt(3) = 0.577 a triangle may
+ *     collapse. report.collapsed counts such triangles, every step.
+ *   - hinge bending depends on the mesh pattern. It is a plate of rigidity D only on equilateral
+ *     triangles (any direction) or along a mesh axis; a one-diagonal grid is up to 3 times too
+ *     stiff at 45 degrees, and refinement does not help. Its Poisson's ratio in bending is -1/3
+ *     whatever the material says (examples/09_mesh_bias.c).
+ *   - implicit Euler damps: a mode omega loses (h omega)^2 of its energy a step. Converging the
+ *     step does not change that. CLOTH_INTEGRATOR_BDF2 or a smaller h does; 08_dt_order.c.
+ *   - sheets that buckle diverge chaotically: two correct runs agree before buckling, and in
+ *     statistics after it.
+ */
+
+/* ===== [1.3] CONVENTIONS =====================================================================
+ *
+ * Units are SI: metres, kilograms, seconds, newtons, joules, radians. A shirt is 1 m, not 100.
+ * Arrays are row-major and dense; [nv x 3] is x y z of vertex 0, then of vertex 1. Doubles.
+ *
+ *   paper  code      meaning                        unit      shape
+ *   x      x         position                       m         [nv x 3]
+ *   v      v         velocity                       m/s       [nv x 3]
+ *   X      X         flat rest corners              m         [nf x 3 x 2]
+ *   m      mass      lumped vertex masses           kg        [nv]
+ *   h      h         time step                      s
+ *   F      F         deformation gradient dx/dX     1         [3 x 2]
+ *   E      E         Green strain 1/2 (F'F - I)     1         [2 x 2]
+ *   S      S         second Piola-Kirchhoff stress  N/m       [2 x 2]
+ *   mu lambda        Lame constants of the sheet    N/m       Pa times thickness
+ *   D      bending   plate rigidity                 N m
+ *   c      c         hinge coefficient              N m       D |e|^2/(A1 + A2)
+ *   theta  theta     hinge angle, convex positive   rad
+ *   rho    density   mass per area                  kg/m^2
+ *   eta    eta       step of the inertia term       s
+ *
+ * Faces turn counter-clockwise seen from the side that their normals point to; y is up where it
+ * matters (gravity's default). Stiffness of a sheet is per metre of width: N/m, not Pa.
+ *
+ * Ownership, three words. copied: read during the call, yours again after it (arrays of a desc).
+ * borrowed: a pointer into our object, with the call it lives until. owned: you destroy it.
+ * _destroy(NULL) is allowed; create writes *out = NULL first; on failure nothing leaks.
+ *
+ * Errors. A cloth_status says how the call went, report.outcome how the numbers did. A refusal
+ * names field and value through the log hook. No call prints, exits, aborts or sets errno.
+ *
+ * Threads. A model is constant and may be shared. A sim belongs to one thread at a time; its
+ * step uses the parallel hook if there is one. No global or static variable is ever written.
+ *
+ * Determinism. Same binary, same inputs: the same bits, for any worker count and scheduling.
+ * Not promised across compilers, flags, libm or our versions. Compile with -ffp-contract=off.
+ */
+
+/* ===== [1.4] CONFIGURATION ===================================================================
+ *
+ * @@ CLOTHSIM_IMPLEMENTATION   one .c file: compile the implementation here
+ * @@ CLOTHSIM_STATIC           all files: every function static, private to the file
+ * @@ CLOTH_API                 all files: linkage of public functions, e.g. dllexport
+ * @@ CLOTH_MALLOC CLOTH_FREE   implementation: instead of <stdlib.h>; both or none. The allocator
+ *                              hook is the better way
+ * @@ CLOTH_ASSERT              implementation: programmer errors in hot calls; assert()
+ * @@ CLOTH_NO_STDIO            implementation: no file wrappers; they return _UNSUPPORTED
+ * @@ CLOTH_NO_SIMD             implementation: plain C loops only, no intrinsics
+ * @@ CLOTH_ALLOW_FAST_MATH     implementation: do not refuse -ffast-math (results lose meaning)
+ * None changes a struct's layout or a function's signature.
+ */
+
+/* ===== [1.5] REFERENCES ======================================================================
+ *
+ * [BB08]   Bonet, Wood: Nonlinear Continuum Mechanics for Finite Element Analysis, 2008.
+ * [BMF03]  Bridson, Marino, Fedkiw: Simulation of Clothing with Folds and Wrinkles, SCA 2003.
+ * [BW98]   Baraff, Witkin: Large Steps in Cloth Simulation, SIGGRAPH 1998.
+ * [BWH06]  Bergou, Wardetzky, Harmon, Zorin, Grinspun: A Quadratic Bending Model for
+ *          Inextensible Surfaces, SGP 2006.
+ * [D06]    Davis: Direct Methods for Sparse Linear Systems, SIAM 2006.
+ * [E81]    Eisenstat: Efficient Implementation of a Class of Preconditioned Conjugate Gradient
+ *          Methods, SIAM J. Sci. Stat. Comput. 2, 1981.
+ * [GHDS03] Grinspun, Hirani, Desbrun, Schroeder: Discrete Shells, SCA 2003.
+ * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006.
+ * [L21]    Li et al.: Deep Physics-aware Inference of Cloth Deformation for Monocular Human
+ *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021().
+ * [MT97]   Moeller, Trumbore: Fast, Minimum Storage Ray/Triangle Intersection, JGT 2(1), 1997.
+ * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006.
+ * [TG13]   Tamstorf, Grinspun: Discrete Bending Forces and Their Jacobians, Graph. Models 2013.
  */
 
 #ifndef CLOTHSIM_H

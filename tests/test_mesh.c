@@ -506,6 +506,31 @@ static void generator_merge(void) {
     cloth_mesh_destroy(NULL, NULL);
 }
 
+/* render corners of one mesh, vertices standing in for those of the other */
+static void generator_merge_render_corners(void) {
+    static const char text[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 5 6\nvt 7 8\nf 1/2 2/1 3/2\n";
+    static const int  vertex[] = {0, 1, 2, 3, 4, 5, 6, 7, 8}, faces[] = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+    cloth_mesh       *a = NULL, *all = NULL, *list[3], huge;
+    CHECK(cloth_obj_parse(NULL, text, sizeof text - 1, NULL, &a) == CLOTH_OK);
+    if (!a) return;
+    huge = *a;                                  /* counts only: refused before a read */
+    huge.nf = CLOTH_MAX_COUNT;
+    list[0] = list[2] = a;
+    list[1] = &huge;
+    CHECK(cloth_mesh_merge(NULL, list, 2, &all) == CLOTH_ERR_CAPACITY && !all);
+    huge = *a;
+    huge.nr = 0;
+    CHECK(cloth_mesh_merge(NULL, list, 3, &all) == CLOTH_OK);
+    if (all) {
+        CHECK(all->nr == 9 && !all->X && all->npart == 3);
+        CHECK(memcmp(all->render_vertex, vertex, sizeof vertex) == 0);
+        CHECK(memcmp(all->render_faces, faces, sizeof faces) == 0);
+        CHECK(all->vt[0] == 7 && all->vt[3] == 6 && all->vt[6] == 0 && all->vt[12] == 7);
+    }
+    cloth_mesh_destroy(NULL, all);
+    cloth_mesh_destroy(NULL, a);
+}
+
 static void generator_refusals(void) {
     host        h;
     cloth_hooks hooks = host_hooks(&h);
@@ -720,6 +745,8 @@ static void check_extreme_sizes(void) {
         CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_OK);
         for (k = 0; k < 12; k++) x[k] = k % 3 ? 0 : (k - 4) * (scales[i] / 8);
         CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_ERR_MESH);
+        for (k = 0; k < 12; k++) x[k] = (2 * tetra_x[k] - 1) * 1.7e308;     /* edges overflow */
+        CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_ERR_MESH);
     }
 }
 
@@ -738,6 +765,7 @@ int main(int argc, char **argv) {
     RUN(generator_tube);
     RUN(generator_disc);
     RUN(generator_merge);
+    RUN(generator_merge_render_corners);
     RUN(generator_refusals);
     RUN(check_every_fault);
     RUN(check_limits_the_log);

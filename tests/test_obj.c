@@ -370,7 +370,7 @@ static void obj_refusals(void) {
     static const struct {
         const char  *text;
         const char  *sentence;
-        int          pattern;
+        int          pattern;       /* 1: vt are the pattern, 2: times 1e300; 3: v times 1e10 */
         cloth_status status;
     } bad[] = {
         {"", "no vertex", 0, CLOTH_ERR_PARSE},
@@ -405,6 +405,7 @@ static void obj_refusals(void) {
         {V4 "vt 0 0\nf 1/1 2/1 3\n", "line 6: '3' has no vt", 1, CLOTH_ERR_PARSE},
         {V4 "f 1 2 3\n", "line 5: '1' has no vt", 1, CLOTH_ERR_PARSE},
         {V4 "vt 1e300 0\nf 1/1 2/1 3/1\n", "face 0: vt times", 2, CLOTH_ERR_PARSE},
+        {V4 "v 1e300 0 0\n", "line 5: v times scale 1e10 is too large", 3, CLOTH_ERR_PARSE},
         {"OFF\n3 1 0\n0 0 0\n", "no vertex", 0, CLOTH_ERR_PARSE},
     };
     size_t i;
@@ -413,7 +414,8 @@ static void obj_refusals(void) {
         cloth_hooks       hooks = host_hooks(&h);
         cloth_obj_options opt = cloth_obj_options_default();
         cloth_mesh       *m = (cloth_mesh *)&h;
-        opt.pattern_scale = bad[i].pattern == 2 ? 1e300 : bad[i].pattern;
+        opt.pattern_scale = bad[i].pattern == 2 ? 1e300 : bad[i].pattern == 1;
+        if (bad[i].pattern == 3) opt.scale = 1e10;
         CHECK(cloth_obj_parse(&hooks, bad[i].text, strlen(bad[i].text), &opt, &m) ==
               bad[i].status);
         if (bad[i].status == CLOTH_OK) {
@@ -470,6 +472,15 @@ static void obj_bad_arguments(void) {
         m->faces[1] = 4;
         CHECK(cloth_obj_format(&hooks, m, NULL, 0, &n) == CLOTH_ERR_ARGUMENT);
         CHECK(strstr(h.text, "faces[0] corner 1 = 4") != NULL);
+        m->faces[1] = 1;
+        mesh = *m;
+        mesh.nr = -1;
+        CHECK(cloth_obj_format(&hooks, &mesh, NULL, 0, &n) == CLOTH_ERR_ARGUMENT);
+        mesh.nr = 2;
+        mesh.vt = m->x;
+        mesh.render_faces = m->faces;
+        CHECK(cloth_obj_format(&hooks, &mesh, NULL, 0, &n) == CLOTH_ERR_ARGUMENT);
+        CHECK(strstr(h.text, "render_faces[0] corner 2 = 2") != NULL);
     }
     cloth_mesh_destroy(NULL, m);
     CHECK(h.live == 0);

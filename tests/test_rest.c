@@ -125,6 +125,29 @@ static void flatten_slivers(void) {
     CHECK(worst_area < 3e-12);
 }
 
+/* a needle's area comes from its short side, wherever the face starts with a long one: to rounding,
+ * not to rounding times long over short (which gives 2e-10 here) */
+static void flatten_needle_area(void) {
+    double worst = 0;
+    int    i, k;
+    for (i = 0; i < 1000; i++) {
+        static const int faces[2][3] = {{0, 1, 2}, {2, 0, 1}};
+        const double     thin = pow(10, -6 * uniform());
+        double           x[9], X[6];
+        for (k = 0; k < 3; k++) {
+            x[k] = uniform();
+            x[3 + k] = 2 + uniform();
+            x[6 + k] = x[3 + k] + thin * (k == i % 3 ? 1.0 : -0.5);
+        }
+        for (k = 0; k < 2; k++) {
+            CHECK(cloth_flatten(3, x, 1, faces[k], X) == CLOTH_OK);
+            worst = fmax(worst, fabs((double)(X[2] * X[5] / area2_in_space(x, faces[k]) - 1)));
+        }
+    }
+    printf("  needles: worst area %.2g\n", worst);
+    CHECK(worst < 5e-13);
+}
+
 static void flatten_extreme_sizes(void) {
     static const double scale[] = {1e-305, 1e-200, 1e200, 1e307};
     static const double x[] = {0, 0, 0, 1, 0, 0, 0.25, 0.5, 0.125};
@@ -260,6 +283,7 @@ int main(int argc, char **argv) {
     RUN(flatten_convention);
     RUN(flatten_random);
     RUN(flatten_slivers);
+    RUN(flatten_needle_area);
     RUN(flatten_extreme_sizes);
     RUN(flatten_refusals);
     RUN(flatten_rounded_collinear);

@@ -738,7 +738,6 @@ static int clothi_triangle_shape(const double *a, const double *b, const double 
     size = clothi_max_abs(e, 9);
     if (!(size > 0)) return 0;
     (void)frexp(size, &exponent);
-    if (exponent < -1000) exponent = -1000;
     for (k = 0; k < 9; k++) e[k] = ldexp(e[k], -exponent);
     coord = fmax(fmax(clothi_max_abs(a, 3), clothi_max_abs(b, 3)), clothi_max_abs(c, 3));
     coord = ldexp(0.25 * coord, -exponent);

@@ -137,9 +137,10 @@ static size_t fuzz_below(size_t n) {
 /* Changes one thing: a byte, a stretch removed, repeated or taken from elsewhere, a word. */
 static size_t fuzz_mutate(uint8_t *b, size_t n) {
     static const char *const words[] = {
-        "v ", "vt ", "f ", "\n", "\r", "\\\n", "/", "//", "-1", "1", "2", "0", "4294967297", "g a\n",
-        "o b\n", "nan", "1e999", "1e-999", "0.", ".", "e", "#", "\xef\xbb\xbf", "v 0 0 0\n",
-        "f 1 2 3\n", "f -1 -2 -3 -4\n", "1.7976931348623157e308 ", "4.9e-324 ", "99999999999999999"};
+        "v ", "vt ", "f ", "\n", "\r", "\\\n", "/", "//", "-1", "1", "2", "0", "4294967297",
+        "g a\n", "o b\n", "nan", "1e999", "1e-999", "0.", ".", "e", "#", "\xef\xbb\xbf",
+        "v 0 0 0\n", "f 1 2 3\n", "f -1 -2 -3 -4\n", "1.7976931348623157e308 ", "4.9e-324 ",
+        "99999999999999999"};
     const size_t at = fuzz_below(n + 1), len = fuzz_below(n - at + 1) % 64;
     const char  *word = words[fuzz_below(sizeof words / sizeof *words)];
     const size_t w = strlen(word), from = fuzz_below(n - len + 1);

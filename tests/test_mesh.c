@@ -3,55 +3,7 @@
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include "test.h"
-
-/* --- an allocator that counts and fails on request, a logger that collects --- */
-
-typedef struct host {
-    int  live, calls, fail_at;
-    int  lines, errors;
-    char text[65536];
-    int  n;
-} host;
-
-static void *host_alloc(size_t size, void *user) {
-    host *h = (host *)user;
-    void *p;
-    if (++h->calls == h->fail_at) return NULL;
-    p = malloc(size);
-    h->live += p != NULL;
-    return p;
-}
-
-static void host_free(void *p, size_t size, void *user) {
-    (void)size;
-    ((host *)user)->live -= p != NULL;
-    free(p);
-}
-
-static void host_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    host *h = (host *)user;
-    int   n = (int)strlen(text);
-    (void)status;
-    h->lines++;
-    h->errors += level == CLOTH_LOG_ERROR;
-    if (h->n + n + 2 > (int)sizeof h->text) return;
-    memcpy(h->text + h->n, text, (size_t)n);
-    h->n += n;
-    h->text[h->n++] = '\n';
-    h->text[h->n] = '\0';
-}
-
-static cloth_hooks host_hooks(host *h) {
-    cloth_hooks hooks;
-    memset(h, 0, sizeof *h);
-    memset(&hooks, 0, sizeof hooks);
-    hooks.allocator.alloc = host_alloc;
-    hooks.allocator.free = host_free;
-    hooks.allocator.user = h;
-    hooks.log.fn = host_log;
-    hooks.log.user = h;
-    return hooks;
-}
+#include "host.h"
 
 /* --- the angle between two faces, without the kit: rotate the hinge so that its edge is +z and
  * measure both wings in the plane; convex seen from the normals' side is positive --- */
@@ -692,6 +644,18 @@ static void check_every_fault(void) {
     cloth_mesh_destroy(NULL, m);
 }
 
+/* faces left out before a copy do not shift the numbers that are named */
+static void check_names_the_first_copy(void) {
+    static const int  faces[] = {0, 0, 1, 0, 1, 2, 9, 1, 2, 1, 2, 0};
+    host              h;
+    cloth_hooks       hooks = host_hooks(&h);
+    cloth_mesh_report r;
+    CHECK(cloth_mesh_check(&hooks, 4, tetra_x, 4, faces, NULL, &r) == CLOTH_ERR_MESH);
+    CHECK(r.first[CLOTH_MESH_REPEATED] == 0 && r.first[CLOTH_MESH_INDEX] == 2);
+    CHECK(r.first[CLOTH_MESH_DUPLICATE] == 3 && r.errors == 3);
+    CHECK(strstr(h.text, "face 3 has the corners of face 1") != NULL);
+}
+
 static void check_limits_the_log(void) {
     host              h;
     cloth_hooks       hooks = host_hooks(&h);
@@ -768,6 +732,7 @@ int main(int argc, char **argv) {
     RUN(generator_merge_render_corners);
     RUN(generator_refusals);
     RUN(check_every_fault);
+    RUN(check_names_the_first_copy);
     RUN(check_limits_the_log);
     RUN(check_refusals);
     RUN(check_extreme_sizes);

@@ -3,47 +3,8 @@
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include "test.h"
+#include "host.h"
 #include <locale.h>
-
-typedef struct host {
-    int  live, calls, fail_at;
-    int  errors;
-    char text[4096];
-} host;
-
-static void *host_alloc(size_t size, void *user) {
-    host *h = (host *)user;
-    void *p;
-    if (++h->calls == h->fail_at) return NULL;
-    p = malloc(size);
-    h->live += p != NULL;
-    return p;
-}
-
-static void host_free(void *p, size_t size, void *user) {
-    (void)size;
-    ((host *)user)->live -= p != NULL;
-    free(p);
-}
-
-static void host_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    host *h = (host *)user;
-    (void)status;
-    h->errors += level == CLOTH_LOG_ERROR;
-    snprintf(h->text, sizeof h->text, "%s", text);
-}
-
-static cloth_hooks host_hooks(host *h) {
-    cloth_hooks hooks;
-    memset(h, 0, sizeof *h);
-    memset(&hooks, 0, sizeof hooks);
-    hooks.allocator.alloc = host_alloc;
-    hooks.allocator.free = host_free;
-    hooks.allocator.user = h;
-    hooks.log.fn = host_log;
-    hooks.log.user = h;
-    return hooks;
-}
 
 static uint64_t seed = 1;
 
@@ -81,7 +42,7 @@ static void number_hard_cases(void) {
         "5e-324", "4.9406564584124654e-324", "2.4703282292062327e-324",
         "2.4703282292062328e-324", "2.47032822920623272e-324", "1e-323", "7.4e-324", "1e-324",
         "2.2250738585072014e-308", "2.2250738585072011e-308", "2.2250738585072012e-308",
-        "2.225073858507201136057409796709131975934819546351645648023426109724822222021076945516e-308",
+        "2.22507385850720113605740979670913197593481954635164564802342610972482222202107e-308",
         "1.7976931348623157e308", "1.7976931348623158e308", "1.797693134862315807e308",
         "1.7976931348623159e308", "1e308", "8.98846567431158e307", "1e-400", "1e400", "-1e400",
         "1e-99999999999999999999", "1e99999999999999999999", "6.02214076e23", "1e22", "1e23",
@@ -221,7 +182,8 @@ static void number_written(void) {
         double      a;
         const char *text;
     } want[] = {{0.0, "0"}, {-0.0, "-0"}, {1.0, "1"}, {-0.5, "-0.5"}, {0.1, "0.1"},
-                {100.0, "100"}, {1e16, "10000000000000000"}, {1e17, "1e17"}, {123456.75, "123456.75"},
+                {100.0, "100"}, {1e16, "10000000000000000"}, {1e17, "1e17"},
+                {123456.75, "123456.75"},
                 {1e-5, "0.00001"}, {1.5e-7, "1.5e-7"}, {5e-324, "5e-324"},
                 {1.7976931348623157e308, "1.7976931348623157e308"},
                 {2.2250738585072014e-308, "2.2250738585072014e-308"},

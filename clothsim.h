@@ -224,8 +224,8 @@ typedef struct cloth_mesh_report {
 
 /* --- mesh: a mesh and its generators --- */
 
-/* A triangle mesh in one block, owned by the caller: cloth_mesh_destroy. The arrays may be
- * written; the counts and pointers are to stay.                                               */
+/* A triangle mesh in one block, owned by the caller: cloth_mesh_destroy frees it as one. The
+ * arrays may be written, and X, part or nr set to NULL or 0 to leave them out.                */
 typedef struct cloth_mesh {
     int     nv, nf;
     double *x;              /* [nv x 3] m                                                      */
@@ -235,7 +235,7 @@ typedef struct cloth_mesh {
     int    *part;           /* [nf] in [0, npart), or NULL                                     */
     int     nr;             /* render corners: distinct pairs of vertex and texture point; 0:
                                none, and the three arrays below are NULL                       */
-    int    *render_vertex;  /* [nr] vertex of each render corner, increasing                   */
+    int    *render_vertex;  /* [nr] vertex of each render corner, in order of vertices         */
     int    *render_faces;   /* [nf x 3] faces in render corners                                */
     double *vt;             /* [nr x 2] texture coordinates                                    */
 } cloth_mesh;
@@ -383,7 +383,8 @@ CLOTH_API cloth_obj_options cloth_obj_options_default(void);
  *   or corners; no number; NaN, infinite or too large; index 0 or out of range);
  *   CLOTH_ERR_ARGUMENT; CLOTH_ERR_UNINIT; CLOTH_ERR_CAPACITY: over CLOTH_MAX_COUNT of a kind;
  *   CLOTH_ERR_MEMORY. Whether the mesh can be simulated is for cloth_mesh_check.
- * contract: alloc the mesh and scratch | cost O(size), about 0.2 us a number */
+ * contract: alloc the mesh and scratch | cost O(size): 0.02 us a number of up to 15
+ *   digits, 0.5 us a longer one */
 CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *text, size_t size,
                                        const cloth_obj_options *options, cloth_mesh **out);
 
@@ -398,7 +399,7 @@ CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path
  * out  needed  bytes of the text, may be NULL
  * returns CLOTH_OK; CLOTH_ERR_CAPACITY: buf holds the first `capacity` bytes; CLOTH_ERR_ARGUMENT:
  *   NULL, an index of the mesh out of range; CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY
- * contract: alloc scratch [nv] | cost O(size), about 1 us a number */
+ * contract: alloc scratch [nv] | cost O(size), 0.15 to 0.5 us a number */
 CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_mesh *mesh,
                                         char *buf, size_t capacity, size_t *needed);
 
@@ -422,6 +423,8 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
 #include <math.h>
 #include <stdarg.h>
 #include <string.h>
+/* @@ CLOTH_NO_STDIO: no <stdio.h>; calls that take a path return CLOTH_ERR_UNSUPPORTED
+ *    (implementation file only). */
 #ifndef CLOTH_NO_STDIO
 #  include <stdio.h>
 #endif
@@ -1929,9 +1932,9 @@ static double clothi_decimal_exact(const clothi_decimal *d) {
 
 /* 1 and the nearest double (infinite when too large) when the n bytes are a decimal number. */
 static int clothi_parse_double(const char *s, size_t n, double *out) {
-    static const double pow10[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
-                                   1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
-                                   1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+    static const double tens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                  1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+                                  1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
     clothi_decimal d;
     if (!clothi_decimal_scan(s, n, &d)) return 0;
     if (d.n == 0 || d.point < -330) {
@@ -1947,12 +1950,12 @@ static int clothi_parse_double(const char *s, size_t n, double *out) {
         double a = 0;
         int    i, exponent = (int)d.point - d.n;
         for (i = 0; i < d.n; i++) a = 10 * a + d.d[i];
-        a = exponent < 0 ? a / pow10[-exponent] : a * pow10[exponent];
+        a = exponent < 0 ? a / tens[-exponent] : a * tens[exponent];
         *out = d.negative ? -a : a;
         return 1;
     }
 #else
-    (void)pow10;
+    (void)tens;
 #endif
     *out = clothi_decimal_exact(&d);
     return 1;

@@ -4,8 +4,12 @@
 #ifndef CLOTH_TEST_HOST_H
 #define CLOTH_TEST_HOST_H
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#define HOST_NAN      ((double)NAN)         /* the macros of math.h are floats                 */
+#define HOST_INFINITY ((double)INFINITY)
 
 typedef struct host {
     int  live;              /* blocks not yet freed                                            */
@@ -43,7 +47,7 @@ static void host_log(cloth_log_level level, cloth_status status, const char *tex
     h->text[h->n] = '\0';
 }
 
-static cloth_hooks host_hooks(host *h) {
+static inline cloth_hooks host_hooks(host *h) {
     cloth_hooks hooks;
     memset(h, 0, sizeof *h);
     memset(&hooks, 0, sizeof hooks);

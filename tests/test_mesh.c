@@ -382,6 +382,9 @@ static void generator_equilateral_edges(void) {
           CLOTH_OK);
     if (m) CHECK(m->nv == nx * ny + ny / 2);
     cloth_mesh_destroy(NULL, m);
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_EQUILATERAL, nx, 0, 1.0, 0.1 * a, &m) == CLOTH_OK);
+    if (m) CHECK(m->nv == nx * 2 + 1);
+    cloth_mesh_destroy(NULL, m);
 }
 
 static void generator_tube(void) {
@@ -444,7 +447,7 @@ static void generator_merge(void) {
     if (nested) CHECK(nested->npart == 3 && nested->part[0] == 0 && nested->part[12] == 1 &&
                       nested->part[nested->nf - 1] == 2);
     cloth_mesh_destroy(NULL, nested);
-    two->x[0] = NAN;
+    two->x[0] = HOST_NAN;
     list[1] = two;
     CHECK(cloth_mesh_merge(NULL, list, 2, &nested) == CLOTH_ERR_NONFINITE && !nested);
     list[1] = NULL;
@@ -494,7 +497,7 @@ static void generator_refusals(void) {
     CHECK(strstr(h.text, "ny = 0") != NULL);
     CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 0.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(strstr(h.text, "width = 0") != NULL);
-    CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, NAN, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, HOST_NAN, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(strstr(h.text, "height = NaN") != NULL);
     CHECK(cloth_mesh_sheet(&hooks, g, 50000, 50000, 1.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_sheet(&hooks, (cloth_sheet_pattern)7, 2, 2, 1.0, 1.0, &m) ==
@@ -506,7 +509,7 @@ static void generator_refusals(void) {
     CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 2, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 3, 1, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 0x7fffffff, 0x7fffffff, &m) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_mesh_disc(&hooks, INFINITY, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_disc(&hooks, HOST_INFINITY, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_disc(&hooks, 1.0, 0, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_disc(&hooks, 1.0, 1 << 30, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, 1.0, NULL) == CLOTH_ERR_ARGUMENT);
@@ -557,10 +560,10 @@ static void check_every_fault(void) {
     expect_fault(m, NULL, CLOTH_MESH_REPEATED, 1, f, CLOTH_ERR_MESH, "face 7: corners");
     memcpy(m->faces + 3 * f, t, sizeof t);
 
-    m->x[3 * 5 + 2] = NAN;
+    m->x[3 * 5 + 2] = HOST_NAN;
     expect_fault(m, NULL, CLOTH_MESH_NONFINITE, 1, 17, CLOTH_ERR_NONFINITE,
                  "vertex 5: z is NaN");
-    m->x[3 * 5 + 2] = -INFINITY;
+    m->x[3 * 5 + 2] = -HOST_INFINITY;
     expect_fault(m, NULL, CLOTH_MESH_NONFINITE, 1, 17, CLOTH_ERR_NONFINITE,
                  "vertex 5: z is -inf");
     cloth_mesh_destroy(NULL, m);
@@ -638,7 +641,7 @@ static void check_every_fault(void) {
     for (f = 0; f < 6; f++) X[6 * 4 + f] *= 1e-100;
     expect_fault(m, X, CLOTH_MESH_PATTERN, 1, 4, CLOTH_ERR_MESH, "face 4 is mirrored");
     memcpy(X, m->X, sizeof X);
-    X[6 * 4 + 3] = NAN;
+    X[6 * 4 + 3] = HOST_NAN;
     expect_fault(m, X, CLOTH_MESH_NONFINITE, 1, 3 * 16 + 6 * 4 + 3, CLOTH_ERR_NONFINITE,
                  "pattern: corner 1 of face 4: y is NaN");
     cloth_mesh_destroy(NULL, m);

@@ -110,7 +110,7 @@ static void number_midpoints(void) {
         const double   a = from_bits(bits), b = from_bits(bits + 1);
         long double    mid;
         if (!clothi_finite(a) || !clothi_finite(b)) continue;
-        mid = ((long double)a + b) / 2;                 /* exact: 64 bits of mantissa */
+        mid = ((long double)a + (long double)b) / 2;  /* exact: 64 bits of mantissa */
         n = snprintf(text, sizeof text, "%.*Le", 800, mid);
         if (n < 0 || n >= (int)sizeof text) continue;
         read_as_strtod(text);
@@ -272,10 +272,10 @@ static void obj_forms(void) {
     expect_faces("# c\r\nv 0 0 0\r\nv 1 0 0\r\nv 1 1 0\r\n\r\nf 1 2 3\r\n", 1, one);
     expect_faces("v 0 0 0\rv 1 0 0\rv 1 1 0\rf 1 2 3\r", 1, one);
     expect_faces("\t v\t0  0 0 # first\n v 1 0 0 1.0\nv 1 1 0 0.5 nan nan\nf 1 2 3#c\n", 1, one);
-    expect_faces("\xef\xbb\xbf" V4 "f 1 2 3\n", 1, one);
+    expect_faces("\xef\xbb\xbf" V4 "f -4 2 3\n", 1, one);
     expect_faces("v 0 \\\n0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\r\n3 \\\r4\n", 2, quad);
     expect_faces("mtllib a.mtl\no x\ng y z\ns off\nusemtl m\nl 1 2\np 1\nfoo \\\nf 9 9 9\n# \\\n" V4
-                 "vp 1 2\nf +1 +2 +3\n", 1, one);
+                 "vp 1 2\nf -4 +2 +3\n", 1, one);
 }
 
 static void obj_values(void) {
@@ -318,6 +318,8 @@ static void obj_parts(void) {
     static const int  objects[] = {0, 1, 1, 1, 2, 1}, groups[] = {0, 0, 1, 1, 1, 2};
     cloth_obj_options opt = cloth_obj_options_default();
     cloth_mesh       *m;
+    char              many[8192];
+    int               n, k;
     opt.parts = CLOTH_OBJ_PARTS_OBJECTS;
     m = parse(text, &opt);
     if (m) CHECK(m->nf == 6 && m->npart == 3 && memcmp(m->part, objects, sizeof objects) == 0);
@@ -325,6 +327,16 @@ static void obj_parts(void) {
     opt.parts = CLOTH_OBJ_PARTS_GROUPS;
     m = parse(text, &opt);
     if (m) CHECK(m->nf == 6 && m->npart == 3 && memcmp(m->part, groups, sizeof groups) == 0);
+    cloth_mesh_destroy(NULL, m);
+    n = snprintf(many, sizeof many, "%s", V4);          /* x, xx, xxx, .. and back             */
+    for (k = 1; k < 120; k++)
+        n += snprintf(many + n, sizeof many - (size_t)n, "g %.*s\nf 1 2 3\n", k < 60 ? k : 120 - k,
+                      "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx");
+    m = parse(many, &opt);
+    if (m) {
+        CHECK(m->nf == 119 && m->npart == 60);
+        for (k = 1; k < 120; k++) CHECK(m->part[k - 1] == (k <= 60 ? k : 120 - k) - 1);
+    }
     cloth_mesh_destroy(NULL, m);
 }
 
@@ -407,7 +419,7 @@ static void obj_bad_arguments(void) {
     CHECK(cloth_obj_parse(&hooks, text, n, &opt, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(strstr(h.text, "options.scale = 0") != NULL);
     opt = cloth_obj_options_default();
-    opt.pattern_scale = NAN;
+    opt.pattern_scale = HOST_NAN;
     CHECK(cloth_obj_parse(&hooks, text, n, &opt, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(strstr(h.text, "options.pattern_scale = NaN") != NULL);
     opt = cloth_obj_options_default();
@@ -428,7 +440,7 @@ static void obj_bad_arguments(void) {
     m = parse(text, NULL);
     if (m) {
         CHECK(cloth_obj_save(&hooks, "no/such/dir.obj", m) == CLOTH_ERR_IO);
-        m->x[3] = NAN;
+        m->x[3] = HOST_NAN;
         CHECK(cloth_obj_format(&hooks, m, NULL, 0, &n) == CLOTH_ERR_NONFINITE);
         m->x[3] = 0;
         m->faces[1] = 4;

@@ -3,6 +3,7 @@
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include "test.h"
+#include "host.h"
 
 static uint64_t seed = 1;
 
@@ -17,7 +18,7 @@ static long double edge_in_space(const double *x, const int *f, int k) {
     long double   sum = 0;
     int           i;
     for (i = 0; i < 3; i++) {
-        const long double d = (long double)b[i] - a[i];
+        const long double d = (long double)b[i] - (long double)a[i];
         sum += d * d;
     }
     return sqrtl(sum);
@@ -25,7 +26,8 @@ static long double edge_in_space(const double *x, const int *f, int k) {
 
 static long double edge_laid_flat(const double *X, int k) {
     const double     *a = X + 2 * k, *b = X + 2 * ((k + 1) % 3);
-    const long double u = (long double)b[0] - a[0], v = (long double)b[1] - a[1];
+    const long double u = (long double)b[0] - (long double)a[0];
+    const long double v = (long double)b[1] - (long double)a[1];
     return sqrtl(u * u + v * v);
 }
 
@@ -35,13 +37,17 @@ static long double area2_in_space(const double *x, const int *f) {
     long double   d[3], e[3], n[3];
     int           i;
     for (i = 0; i < 3; i++) {
-        d[i] = (long double)b[i] - a[i];
-        e[i] = (long double)c[i] - a[i];
+        d[i] = (long double)b[i] - (long double)a[i];
+        e[i] = (long double)c[i] - (long double)a[i];
     }
     n[0] = d[1] * e[2] - d[2] * e[1];
     n[1] = d[2] * e[0] - d[0] * e[2];
     n[2] = d[0] * e[1] - d[1] * e[0];
     return sqrtl(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+}
+
+static double area_error(const double *X, const double *x, const int *f) {
+    return (double)fabsl((long double)X[2] * (long double)X[5] / area2_in_space(x, f) - 1);
 }
 
 /* the largest relative error of an edge; the convention is checked too */
@@ -116,8 +122,7 @@ static void flatten_slivers(void) {
             worst = fmax(worst, error);
             over += !(error <= 1e-15 + 1.2e-16 * (double)(longest / shortest));
             CHECK(cloth_flatten(3, x, 1, faces[turn], X) == CLOTH_OK);
-            worst_area = fmax(worst_area, fabs((double)(X[2] * X[5] /
-                                                        area2_in_space(x, faces[turn]) - 1)));
+            worst_area = fmax(worst_area, area_error(X, x, faces[turn]));
         }
     }
     printf("  slivers: worst edge %.2g, worst area %.2g\n", worst, worst_area);
@@ -141,7 +146,7 @@ static void flatten_needle_area(void) {
         }
         for (k = 0; k < 2; k++) {
             CHECK(cloth_flatten(3, x, 1, faces[k], X) == CLOTH_OK);
-            worst = fmax(worst, fabs((double)(X[2] * X[5] / area2_in_space(x, faces[k]) - 1)));
+            worst = fmax(worst, area_error(X, x, faces[k]));
         }
     }
     printf("  needles: worst area %.2g\n", worst);
@@ -179,9 +184,9 @@ static void flatten_refusals(void) {
     CHECK(cloth_flatten(4, x, 2, negative, X) == CLOTH_ERR_MESH);
     CHECK(cloth_flatten(4, x, 2, repeated, X) == CLOTH_ERR_MESH);
     CHECK(cloth_flatten(4, x, 2, flat, X) == CLOTH_ERR_MESH);
-    x[10] = NAN;
+    x[10] = HOST_NAN;
     CHECK(cloth_flatten(4, x, 2, good, X) == CLOTH_ERR_NONFINITE);
-    x[10] = INFINITY;
+    x[10] = HOST_INFINITY;
     CHECK(cloth_flatten(4, x, 2, good, X) == CLOTH_ERR_NONFINITE);
     CHECK(memcmp(X, keep, sizeof X) == 0);      /* unchanged on every failure */
     CHECK(cloth_flatten(4, NULL, 0, NULL, NULL) == CLOTH_ERR_ARGUMENT);

@@ -615,8 +615,8 @@ CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
  *     mu = Y h/(2 (1+nu)),   lambda = Y h nu/(1-nu^2)                                        N/m
  *   The lambda of a solid, Y h nu/((1+nu)(1-2nu)), is that of a sheet held between two plates:
  *   it acts like Y/(1-nu^2) and nu/(1-nu), and grows without bound as nu goes to 1/2.
- *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one, so that cloth
- *   is no plate: give D where it was measured.
+ *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one: cloth is
+ *   no plate; give D where it was measured.
  *   Units: KES-FB2 gives B in gf cm^2/cm: 1 of it is 9.81e-5 N m. A cantilever's bending length c
  *   (m) means D = density * 9.81 m/s^2 * c^3.
  *
@@ -1212,6 +1212,37 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
     clothi_settle(w, 4);
 }
 
+/* The hinge x [4x3] of two flat rest triangles that share an edge, unfolded into the plane: P [3x2]
+ * is the left one with the corner p opposite the edge, Q the right one with the corner q. Both must
+ * be counterclockwise. The edge gets the mean of its two lengths (pattern pieces sewn together need
+ * not agree). area [2]; returns 0, and x unset, when the edge has no length. */
+CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const double *Q, int q,
+                                             double *x, double *area) {
+    const double *tri[2] = {P, Q};
+    const int     apex[2] = {p, q};
+    double        length[2], foot[2], height[2];
+    int           k;
+    for (k = 0; k < 2; k++) {
+        const double *c = tri[k] + 2 * apex[k];
+        const double *a = tri[k] + 2 * ((apex[k] + 1 + k) % 3);     /* x0 of the hinge */
+        const double *b = tri[k] + 2 * ((apex[k] + 2 - k) % 3);     /* x1 */
+        const double  e0 = b[0] - a[0], e1 = b[1] - a[1], c0 = c[0] - a[0], c1 = c[1] - a[1];
+        const double  l2 = e0 * e0 + e1 * e1, cross = fabs(e0 * c1 - e1 * c0);
+        if (!(l2 > 0.0)) return 0;
+        length[k] = sqrt(l2);
+        foot[k] = (c0 * e0 + c1 * e1) / length[k];
+        height[k] = cross / length[k];
+        area[k] = 0.5 * cross;
+    }
+    memset(x, 0, 12 * sizeof *x);
+    x[3] = 0.5 * (length[0] + length[1]);
+    x[6] = foot[0] / length[0] * x[3];
+    x[7] = height[0];
+    x[9] = foot[1] / length[1] * x[3];
+    x[10] = -height[1];
+    return 1;
+}
+
 /* ===== [6.5] EIGHT ELEMENTS AT A TIME ======================================================== */
 /*
  *   a batch: 8 elements, one array per number           x [9][8]: corner*3 + axis, then the lane
@@ -1236,6 +1267,11 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
  *             taken from it. damp [8] holds tau/h.
  *   forces    are stored per element and summed per vertex from a list in a fixed order: no
  *             colouring, no atomics, the same bits for any number of workers.
+ *   calls     clothi_gather_lanes, then one of
+ *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
+ *               clothi_hinge_forces | clothi_theta_lanes | clothi_hinge_lanes (everything),
+ *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
+ *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
  *   checked   tests/test_elements.c: lanes_stretch, lanes_hinge, lanes_quadratic, lanes_spring,
  *             lanes_damping, lanes_gather
  */
@@ -1480,6 +1516,25 @@ CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
         strain[k] = t.e0;
         strain[CLOTHI_LANES + k] = t.e1;
         strain[2 * CLOTHI_LANES + k] = t.e2;
+    }
+}
+
+/* The squares of the smaller principal stretches, for reports: the smaller eigenvalue of F'F, good
+ * to 1e-16 of the larger one. */
+CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
+                                         const double *CLOTHI_RESTRICT rest,
+                                         double *CLOTHI_RESTRICT out) {
+    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
+    int    k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k);
+        mean[k] = 1.0 + t.e0 + t.e1;
+        radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
+    }
+    clothi_sqrt_lanes(radius);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const double s = mean[k] - radius[k];
+        out[k] = 0.5 * (s + fabs(s));
     }
 }
 

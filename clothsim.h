@@ -1638,7 +1638,7 @@ CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
     }
 }
 
-/* Blocks 11, 22 and 21 by formula, those of corner 0 by the vanishing sums. */
+/* Blocks 11, 22 and 21. */
 CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
                                       double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
@@ -1660,15 +1660,23 @@ CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
                                        + w->lambda[k] * (p1[k] * q0[k]) + one * w->sg[2][k];
             }
         }
+}
+
+/* As clothi_hinge_close, for three corners. */
+CLOTHI_HOT void clothi_stretch_close(const double *CLOTHI_RESTRICT from,
+                                     double *CLOTHI_RESTRICT to) {
+    enum { L = CLOTHI_LANES };
+    int r, c, k;
     for (r = 0; r < 3; r++)
         for (c = 0; c < 3; c++) {
-            const int at = 3 * r + c, tr = 3 * c + r;
+            const int     at = 3 * r + c, tr = 3 * c + r;
+            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
+            const double *h21 = from + (36 + at) * L, *h12 = from + (36 + tr) * L;
+            double       *h00 = to + at * L, *h10 = to + (27 + at) * L, *h20 = to + (36 + at) * L;
             for (k = 0; k < L; k++) {
-                const double h11 = H[(9 + at) * L + k], h22 = H[(18 + at) * L + k];
-                const double h21 = H[(45 + at) * L + k], h12 = H[(45 + tr) * L + k];
-                H[at * L + k] = (h11 + h22) + (h21 + h12);
-                H[(27 + at) * L + k] = -(h11 + h12);
-                H[(36 + at) * L + k] = -(h22 + h21);
+                h00[k] = (h11[k] + h22[k]) + (h21[k] + h12[k]);
+                h10[k] = -(h11[k] + h12[k]);
+                h20[k] = -(h22[k] + h21[k]);
             }
         }
 }
@@ -1687,6 +1695,7 @@ CLOTHI_UNUSED static void clothi_stretch_lanes(const double *x, const double *re
         clothi_stretch_prepare(x, rest, damp ? strain_n : none, damp ? damp : none, &w);
         clothi_stretch_stress_part(rest, &w, psd);
         clothi_stretch_blocks(&w, H);
+        clothi_stretch_close(H + 9 * CLOTHI_LANES, H);
     }
 }
 
@@ -1954,23 +1963,27 @@ CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
             }
 }
 
-/* The blocks of corner 0 by the vanishing sums. */
-CLOTHI_HOT void clothi_hinge_close(double *CLOTHI_RESTRICT H) {
+/* The blocks of corner 0 by the vanishing sums: from = block 11 of the array that `to` begins. Two
+ * pointers, because what is read and what is written do not overlap. */
+CLOTHI_HOT void clothi_hinge_close(const double *CLOTHI_RESTRICT from, double *CLOTHI_RESTRICT to) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
         for (c = 0; c < 3; c++) {
-            const int at = 3 * r + c, tr = 3 * c + r;
+            const int     at = 3 * r + c, tr = 3 * c + r;
+            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
+            const double *h33 = from + (18 + at) * L, *h21 = from + (45 + at) * L;
+            const double *h12 = from + (45 + tr) * L, *h31 = from + (63 + at) * L;
+            const double *h13 = from + (63 + tr) * L, *h32 = from + (72 + at) * L;
+            const double *h23 = from + (72 + tr) * L;
+            double       *h00 = to + at * L, *h10 = to + (36 + at) * L;
+            double       *h20 = to + (45 + at) * L, *h30 = to + (63 + at) * L;
             for (k = 0; k < L; k++) {
-                const double h11 = H[(9 + at) * L + k], h22 = H[(18 + at) * L + k];
-                const double h33 = H[(27 + at) * L + k], h21 = H[(54 + at) * L + k];
-                const double h12 = H[(54 + tr) * L + k], h31 = H[(72 + at) * L + k];
-                const double h13 = H[(72 + tr) * L + k], h32 = H[(81 + at) * L + k];
-                const double h23 = H[(81 + tr) * L + k];
-                H[at * L + k] = (h11 + h22 + h33) + ((h21 + h12) + (h31 + h13) + (h32 + h23));
-                H[(36 + at) * L + k] = -(h11 + h12 + h13);
-                H[(45 + at) * L + k] = -(h22 + h21 + h23);
-                H[(63 + at) * L + k] = -(h33 + h31 + h32);
+                h00[k] = (h11[k] + h22[k] + h33[k])
+                         + ((h21[k] + h12[k]) + (h31[k] + h13[k]) + (h32[k] + h23[k]));
+                h10[k] = -(h11[k] + h12[k] + h13[k]);
+                h20[k] = -(h22[k] + h21[k] + h23[k]);
+                h30[k] = -(h33[k] + h31[k] + h32[k]);
             }
         }
 }
@@ -1996,7 +2009,7 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
         if (f) clothi_hinge_spread(&w, moment, f);
         clothi_hinge_square(&w, square, H);
         if (!psd) clothi_hinge_curve(&w, moment, H);
-        clothi_hinge_close(H);
+        clothi_hinge_close(H + 9 * CLOTHI_LANES, H);
     }
 }
 

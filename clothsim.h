@@ -3350,8 +3350,8 @@ done:
  *     mu = Y h/(2 (1+nu)),   lambda = Y h nu/(1-nu^2)                                        N/m
  *   The lambda of a solid, Y h nu/((1+nu)(1-2nu)), is that of a sheet held between two plates:
  *   it acts like Y/(1-nu^2) and nu/(1-nu), and grows without bound as nu goes to 1/2.
- *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one, so that cloth
- *   is no plate: give D where it was measured.
+ *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one: cloth is
+ *   no plate; give D where it was measured.
  *   Units: KES-FB2 gives B in gf cm^2/cm: 1 of it is 9.81e-5 N m. A cantilever's bending length c
  *   (m) means D = density * 9.81 m/s^2 * c^3.
  *
@@ -3947,6 +3947,37 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
     clothi_settle(w, 4);
 }
 
+/* The hinge x [4x3] of two flat rest triangles that share an edge, unfolded into the plane: P [3x2]
+ * is the left one with the corner p opposite the edge, Q the right one with the corner q. Both must
+ * be counterclockwise. The edge gets the mean of its two lengths (pattern pieces sewn together need
+ * not agree). area [2]; returns 0, and x unset, when the edge has no length. */
+CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const double *Q, int q,
+                                             double *x, double *area) {
+    const double *tri[2] = {P, Q};
+    const int     apex[2] = {p, q};
+    double        length[2], foot[2], height[2];
+    int           k;
+    for (k = 0; k < 2; k++) {
+        const double *c = tri[k] + 2 * apex[k];
+        const double *a = tri[k] + 2 * ((apex[k] + 1 + k) % 3);     /* x0 of the hinge */
+        const double *b = tri[k] + 2 * ((apex[k] + 2 - k) % 3);     /* x1 */
+        const double  e0 = b[0] - a[0], e1 = b[1] - a[1], c0 = c[0] - a[0], c1 = c[1] - a[1];
+        const double  l2 = e0 * e0 + e1 * e1, cross = fabs(e0 * c1 - e1 * c0);
+        if (!(l2 > 0.0)) return 0;
+        length[k] = sqrt(l2);
+        foot[k] = (c0 * e0 + c1 * e1) / length[k];
+        height[k] = cross / length[k];
+        area[k] = 0.5 * cross;
+    }
+    memset(x, 0, 12 * sizeof *x);
+    x[3] = 0.5 * (length[0] + length[1]);
+    x[6] = foot[0] / length[0] * x[3];
+    x[7] = height[0];
+    x[9] = foot[1] / length[1] * x[3];
+    x[10] = -height[1];
+    return 1;
+}
+
 /* ===== [6.5] EIGHT ELEMENTS AT A TIME ======================================================== */
 /*
  *   a batch: 8 elements, one array per number           x [9][8]: corner*3 + axis, then the lane
@@ -3971,6 +4002,11 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
  *             taken from it. damp [8] holds tau/h.
  *   forces    are stored per element and summed per vertex from a list in a fixed order: no
  *             colouring, no atomics, the same bits for any number of workers.
+ *   calls     clothi_gather_lanes, then one of
+ *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
+ *               clothi_hinge_forces | clothi_theta_lanes | clothi_hinge_lanes (everything),
+ *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
+ *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
  *   checked   tests/test_elements.c: lanes_stretch, lanes_hinge, lanes_quadratic, lanes_spring,
  *             lanes_damping, lanes_gather
  */
@@ -4223,6 +4259,25 @@ CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
     }
 }
 
+/* The squares of the smaller principal stretches, for reports: the smaller eigenvalue of F'F, good
+ * to 1e-16 of the larger one. */
+CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
+                                         const double *CLOTHI_RESTRICT rest,
+                                         double *CLOTHI_RESTRICT out) {
+    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
+    int    k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k);
+        mean[k] = 1.0 + t.e0 + t.e1;
+        radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
+    }
+    clothi_sqrt_lanes(radius);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const double s = mean[k] - radius[k];
+        out[k] = 0.5 * (s + fabs(s));
+    }
+}
+
 CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
                                         const double *CLOTHI_RESTRICT rest,
                                         double *CLOTHI_RESTRICT E) {
@@ -4325,7 +4380,7 @@ CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
     }
 }
 
-/* Blocks 11, 22 and 21 by formula, those of corner 0 by the vanishing sums. */
+/* Blocks 11, 22 and 21. */
 CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
                                       double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
@@ -4347,15 +4402,23 @@ CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
                                        + w->lambda[k] * (p1[k] * q0[k]) + one * w->sg[2][k];
             }
         }
+}
+
+/* As clothi_hinge_close, for three corners. */
+CLOTHI_HOT void clothi_stretch_close(const double *CLOTHI_RESTRICT from,
+                                     double *CLOTHI_RESTRICT to) {
+    enum { L = CLOTHI_LANES };
+    int r, c, k;
     for (r = 0; r < 3; r++)
         for (c = 0; c < 3; c++) {
-            const int at = 3 * r + c, tr = 3 * c + r;
+            const int     at = 3 * r + c, tr = 3 * c + r;
+            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
+            const double *h21 = from + (36 + at) * L, *h12 = from + (36 + tr) * L;
+            double       *h00 = to + at * L, *h10 = to + (27 + at) * L, *h20 = to + (36 + at) * L;
             for (k = 0; k < L; k++) {
-                const double h11 = H[(9 + at) * L + k], h22 = H[(18 + at) * L + k];
-                const double h21 = H[(45 + at) * L + k], h12 = H[(45 + tr) * L + k];
-                H[at * L + k] = (h11 + h22) + (h21 + h12);
-                H[(27 + at) * L + k] = -(h11 + h12);
-                H[(36 + at) * L + k] = -(h22 + h21);
+                h00[k] = (h11[k] + h22[k]) + (h21[k] + h12[k]);
+                h10[k] = -(h11[k] + h12[k]);
+                h20[k] = -(h22[k] + h21[k]);
             }
         }
 }
@@ -4374,6 +4437,7 @@ CLOTHI_UNUSED static void clothi_stretch_lanes(const double *x, const double *re
         clothi_stretch_prepare(x, rest, damp ? strain_n : none, damp ? damp : none, &w);
         clothi_stretch_stress_part(rest, &w, psd);
         clothi_stretch_blocks(&w, H);
+        clothi_stretch_close(H + 9 * CLOTHI_LANES, H);
     }
 }
 
@@ -4641,23 +4705,27 @@ CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
             }
 }
 
-/* The blocks of corner 0 by the vanishing sums. */
-CLOTHI_HOT void clothi_hinge_close(double *CLOTHI_RESTRICT H) {
+/* The blocks of corner 0 by the vanishing sums: from = block 11 of the array that `to` begins. Two
+ * pointers, because what is read and what is written do not overlap. */
+CLOTHI_HOT void clothi_hinge_close(const double *CLOTHI_RESTRICT from, double *CLOTHI_RESTRICT to) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
         for (c = 0; c < 3; c++) {
-            const int at = 3 * r + c, tr = 3 * c + r;
+            const int     at = 3 * r + c, tr = 3 * c + r;
+            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
+            const double *h33 = from + (18 + at) * L, *h21 = from + (45 + at) * L;
+            const double *h12 = from + (45 + tr) * L, *h31 = from + (63 + at) * L;
+            const double *h13 = from + (63 + tr) * L, *h32 = from + (72 + at) * L;
+            const double *h23 = from + (72 + tr) * L;
+            double       *h00 = to + at * L, *h10 = to + (36 + at) * L;
+            double       *h20 = to + (45 + at) * L, *h30 = to + (63 + at) * L;
             for (k = 0; k < L; k++) {
-                const double h11 = H[(9 + at) * L + k], h22 = H[(18 + at) * L + k];
-                const double h33 = H[(27 + at) * L + k], h21 = H[(54 + at) * L + k];
-                const double h12 = H[(54 + tr) * L + k], h31 = H[(72 + at) * L + k];
-                const double h13 = H[(72 + tr) * L + k], h32 = H[(81 + at) * L + k];
-                const double h23 = H[(81 + tr) * L + k];
-                H[at * L + k] = (h11 + h22 + h33) + ((h21 + h12) + (h31 + h13) + (h32 + h23));
-                H[(36 + at) * L + k] = -(h11 + h12 + h13);
-                H[(45 + at) * L + k] = -(h22 + h21 + h23);
-                H[(63 + at) * L + k] = -(h33 + h31 + h32);
+                h00[k] = (h11[k] + h22[k] + h33[k])
+                         + ((h21[k] + h12[k]) + (h31[k] + h13[k]) + (h32[k] + h23[k]));
+                h10[k] = -(h11[k] + h12[k] + h13[k]);
+                h20[k] = -(h22[k] + h21[k] + h23[k]);
+                h30[k] = -(h33[k] + h31[k] + h32[k]);
             }
         }
 }
@@ -4683,7 +4751,7 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
         if (f) clothi_hinge_spread(&w, moment, f);
         clothi_hinge_square(&w, square, H);
         if (!psd) clothi_hinge_curve(&w, moment, H);
-        clothi_hinge_close(H);
+        clothi_hinge_close(H + 9 * CLOTHI_LANES, H);
     }
 }
 

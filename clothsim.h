@@ -4842,6 +4842,7 @@ static cloth_status cloth_linear_solve(cloth_linear_solver*s,const cloth_matrix*
  rep->iterations=it;return CLOTH_OK;}
 static cloth_status cloth_linear_negative_direction(cloth_linear_solver*s,const cloth_matrix*A,const unsigned char*f,double*x,int*saddle){(void)s;(void)A;(void)f;(void)x;*saddle=0;return CLOTH_OK;}
 static double*clothi_matrix_values(cloth_matrix*A){return A->diag;}
+static void clothi_matrix_close(cloth_matrix*A){int i,k,q;const cloth_pattern*p=A->p;for(i=0;i<p->n;i++)for(k=p->row[i];k<p->row[i+1];k++){double*d=A->diag+9*i,*e=A->diag+9*p->col[k],*b=A->low+9*k;for(q=0;q<9;q++)d[q]-=b[q];for(q=0;q<9;q++)e[q]-=b[3*(q%3)+q/3];}}
 static size_t clothi_matrix_doubles(const cloth_matrix*A){return 9*(size_t)(A->p->n+A->p->nlow);}
 static double*clothi_matrix_diag(cloth_matrix*A,int v){return A->diag+9*v;}
 static double*clothi_matrix_block(cloth_matrix*A,int slot){return A->low+9*(slot>>1);}
@@ -6020,21 +6021,43 @@ typedef struct clothi_pass {                /* one sweep over one group         
     double             *energy, *loss;      /* [nbatch x 8]                                    */
 } clothi_pass;
 
-/* Adds the lanes' Hessian blocks to the matrix. H holds the diagonal blocks, then the
- * off-diagonal ones in the order of clothi_pair. */
+/* Adds the lanes' off-diagonal Hessian blocks to the matrix, H [pairs][9][8] in the order of
+ * clothi_pair. No element force changes when all its corners move together, so a row of blocks
+ * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close(). */
 static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
     const clothi_group *g = p->g;
-    int pairs = g->width * (g->width - 1) / 2, lane, k;
+    int pairs = g->width * (g->width - 1) / 2, lane, k, q;
+    for (k = 0; k < pairs; k++)
+        for (lane = 0; lane < CLOTHI_LANES; lane++) {
+            int           slot = g->slot[(b * pairs + k) * CLOTHI_LANES + lane];
+            double       *A = clothi_matrix_block(p->s->matrix, slot);
+            const double *from = H + (size_t)k * 9 * CLOTHI_LANES + lane;
+            if (g->id[b * CLOTHI_LANES + lane] < 0) continue;
+            if (slot & 1)
+                for (q = 0; q < 9; q++) A[q] += from[(3 * (q % 3) + q / 3) * CLOTHI_LANES];
+            else
+                for (q = 0; q < 9; q++) A[q] += from[q * CLOTHI_LANES];
+        }
+}
+
+/* The same for blocks w g_i g_j' of a rank-one Hessian: g [width*3][8], w [8]. */
+static void clothi_scatter_outer(const clothi_pass *p, int b, const double *w, const double *g) {
+    const clothi_group *group = p->g;
+    int pairs = group->width * (group->width - 1) / 2, lane, k, q;
     for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        if (g->id[b * CLOTHI_LANES + lane] < 0) continue;
-        for (k = 0; k < g->width; k++)
-            clothi_matrix_add_diag(p->s->matrix,
-                                   g->vert[(b * g->width + k) * CLOTHI_LANES + lane],
-                                   H + (size_t)k * 9 * CLOTHI_LANES + lane, CLOTHI_LANES);
-        for (k = 0; k < pairs; k++)
-            clothi_matrix_add_slot(p->s->matrix, g->slot[(b * pairs + k) * CLOTHI_LANES + lane],
-                                   H + (size_t)(g->width + k) * 9 * CLOTHI_LANES + lane,
-                                   CLOTHI_LANES);
+        double rows[4][9], cols[4][9];      /* w g_i and g_j, spread over the nine places */
+        if (group->id[b * CLOTHI_LANES + lane] < 0) continue;
+        for (k = 0; k < group->width; k++)
+            for (q = 0; q < 9; q++) {
+                rows[k][q] = w[lane] * g[(3 * k + q / 3) * CLOTHI_LANES + lane];
+                cols[k][q] = g[(3 * k + q % 3) * CLOTHI_LANES + lane];
+            }
+        for (k = 0; k < pairs; k++) {
+            int     slot = group->slot[(b * pairs + k) * CLOTHI_LANES + lane];
+            int     i = clothi_pair[k][slot & 1], j = clothi_pair[k][1 - (slot & 1)];
+            double *A = clothi_matrix_block(p->s->matrix, slot);
+            for (q = 0; q < 9; q++) A[q] += rows[i][q] * cols[j][q];
+        }
     }
 }
 
@@ -6071,12 +6094,12 @@ static void clothi_quadratic_damped(const double *x, const double *rest, const d
     for (i = 0; i < CLOTHI_LANES; i++) loss[i] *= damp[i];
 }
 
-/* H of eight quadratic hinges: c w_i w_j (1+s) times the 3x3 identity, by blocks. */
+/* H of eight quadratic hinges: c w_i w_j (1+s) times the 3x3 identity, off-diagonal blocks. */
 static void clothi_quadratic_blocks(const double *rest, const double *damp, double *H) {
     int b, k, lane;
-    memset(H, 0, 90 * CLOTHI_LANES * sizeof(double));
-    for (b = 0; b < 10; b++) {
-        int i = b < 4 ? b : clothi_pair[b - 4][0], j = b < 4 ? b : clothi_pair[b - 4][1];
+    memset(H, 0, 54 * CLOTHI_LANES * sizeof(double));
+    for (b = 0; b < 6; b++) {
+        int i = clothi_pair[b][0], j = clothi_pair[b][1];
         for (k = 0; k < 9; k += 4)
             for (lane = 0; lane < CLOTHI_LANES; lane++)
                 H[(9 * b + k) * CLOTHI_LANES + lane] =
@@ -6094,6 +6117,7 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
         clothi_stretch_lanes(x, rest, start, damp, E, loss, f, H, p->psd);
         break;
     case CLOTHI_HINGE:
+        if (!E && !loss && !f && !H) break;
         clothi_hinge_lanes(x, rest, start, damp, E, loss, NULL, f, H, p->psd);
         break;
     case CLOTHI_SPRING:
@@ -6103,9 +6127,22 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
     default:
         if (damp) clothi_quadratic_damped(x, rest, start, damp, E, loss, f);
         else clothi_quadratic_lanes(x, rest, E, f);
-        if (H) clothi_quadratic_blocks(rest, damp, H);
+        if (H) clothi_quadratic_blocks(rest, damp, H + 4 * 9 * CLOTHI_LANES);
         break;
     }
+}
+
+/* The definite Hessian of eight hinges, c (1+s) dtheta dtheta', without forming it. */
+static void clothi_batch_outer(const clothi_pass *p, int b, const double *x, const double *rest,
+                               const double *damp) {
+    double one[CLOTHI_LANES], w[CLOTHI_LANES], g[12 * CLOTHI_LANES];
+    int    lane;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+        one[lane] = 1;
+        w[lane] = rest[lane] * (damp ? 1 + damp[lane] : 1);
+    }
+    clothi_hinge_turn(x, one, g);
+    clothi_scatter_outer(p, b, w, g);
 }
 
 /* Batch b of a group: energy, element forces and Hessian as asked. */
@@ -6115,7 +6152,7 @@ static void clothi_batch(const clothi_pass *p, int b) {
     const double       *start = NULL, *damp = NULL;
     double  x[12 * CLOTHI_LANES], rate[CLOTHI_LANES], H[90 * CLOTHI_LANES];
     double *loss = NULL;
-    int     lane;
+    int     lane, outer = p->hess && p->psd && g->kind == CLOTHI_HINGE;
     if (el->damped && p->inv_h > 0) {
         start = el->start + (size_t)b * (size_t)el->nstart * CLOTHI_LANES;
         for (lane = 0; lane < CLOTHI_LANES; lane++)
@@ -6129,8 +6166,11 @@ static void clothi_batch(const clothi_pass *p, int b) {
                        p->grad ? p->s->w.force + g->force +
                                      (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES
                                : NULL,
-                       p->hess ? H : NULL);
-    if (p->hess) clothi_scatter(p, b, H);
+                       p->hess && !outer ? H : NULL);
+    if (p->hess && !outer)
+        clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
+    else if (p->hess)
+        clothi_batch_outer(p, b, x, el->rest + (size_t)b * 2 * CLOTHI_LANES, damp);
 }
 
 static void clothi_pass_chunks(int begin, int end, int worker, void *ctx) {
@@ -7026,12 +7066,8 @@ static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
     return CLOTH_OK;
 }
 
-/* The matrix begins as inertia M (1/eta^2 + sigma), on top of the constant bending Hessian where
- * there is one. */
-static cloth_status clothi_matrix_start(cloth_sim *s, const clothi_goal *goal) {
-    double w = (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma;
-    double block[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    int    i;
+/* The matrix begins empty, or as the constant bending Hessian. */
+static cloth_status clothi_matrix_start(cloth_sim *s) {
     clothi_matrix_clear(s->matrix);
     if (s->model->bend.kind == CLOTHI_QUADRATIC && s->model->bend.count && !s->bend.damped) {
         cloth_status status = clothi_quadratic_hessian(s);
@@ -7039,11 +7075,19 @@ static cloth_status clothi_matrix_start(cloth_sim *s, const clothi_goal *goal) {
         memcpy(clothi_matrix_values(s->matrix), s->quadratic,
                clothi_matrix_doubles(s->matrix) * sizeof(double));
     }
+    return CLOTH_OK;
+}
+
+/* After the elements: the diagonal from the rows' sums, then inertia M (1/eta^2 + sigma). */
+static void clothi_matrix_inertia(cloth_sim *s, const clothi_goal *goal) {
+    double w = (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma;
+    double block[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    int    i;
+    clothi_matrix_close(s->matrix);
     for (i = 0; i < s->model->nv; i++) {
         block[0] = block[4] = block[8] = w * s->params.mass[i];
         clothi_matrix_add_diag(s->matrix, i, block, 1);
     }
-    return CLOTH_OK;
 }
 
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
@@ -7109,10 +7153,11 @@ static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const doub
     goal->e.psd = psd;
     goal->magnitude = 0;
     s->force_only = value == NULL;
-    if (hess) status = clothi_matrix_start(s, goal);
+    if (hess) status = clothi_matrix_start(s);
     for (i = 0; i < s->nterms && !status; i++) {
         if (i == CLOTHI_TERM_BEND + 1) {    /* element forces first: gathering sets, not adds */
             if (grad) clothi_gather_forces(s, grad);
+            if (hess) clothi_matrix_inertia(s, goal);
             if (grad || value) clothi_for(&s->hooks, chunks, 1, clothi_inertia_range, &q);
         }
         status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);

@@ -807,7 +807,7 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *               v' H v = A [ 2 mu |dE|^2 + lambda tr(dE)^2 + sum over axes of z' S+ z ],
  *             z = sum_i (v_i)_axis g_i. With dE = dev dE + tr(dE)/2 I the first two terms are
  *             2 mu |dev dE|^2 + (mu + lambda) tr(dE)^2 >= 0, and the third is >= 0 by choice.
- *             What is lost: negative S acting inside the plane, where the material part may outweigh
+ *             What is lost: negative S acting inside the plane, where the material may outweigh
  *             it. Cost: slower Newton steps in strong compression.
  *   limits    in pure compression the force falls again below the stretch 1/sqrt(3) and vanishes at
  *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.

@@ -3542,7 +3542,7 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *               v' H v = A [ 2 mu |dE|^2 + lambda tr(dE)^2 + sum over axes of z' S+ z ],
  *             z = sum_i (v_i)_axis g_i. With dE = dev dE + tr(dE)/2 I the first two terms are
  *             2 mu |dev dE|^2 + (mu + lambda) tr(dE)^2 >= 0, and the third is >= 0 by choice.
- *             What is lost: negative S+ inside the plane, where the material part could outweigh
+ *             What is lost: negative S acting inside the plane, where the material may outweigh
  *             it. Cost: slower Newton steps in strong compression.
  *   limits    in pure compression the force falls again below the stretch 1/sqrt(3) and vanishes at
  *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.
@@ -4004,7 +4004,8 @@ CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const doubl
  *             colouring, no atomics, the same bits for any number of workers.
  *   calls     clothi_gather_lanes, then one of
  *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
- *               clothi_hinge_forces | clothi_theta_lanes | clothi_hinge_lanes (everything),
+ *               clothi_hinge_forces | _forces_damped | _lanes (everything), clothi_theta_lanes,
+ *               clothi_strain_lanes, clothi_smallest_stretch2,
  *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
  *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
  *   checked   tests/test_elements.c: lanes_stretch, lanes_hinge, lanes_quadratic, lanes_spring,
@@ -4563,6 +4564,25 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
         const clothi_fold h = clothi_fold_at(x, l, k);
         const double      bent = clothi_atan2(h.sine, h.cosine) - rest[CLOTHI_LANES + k];
         clothi_fold_force(&h, l[k], rest[k] * bent, k, f);
+    }
+}
+
+/* With damping; theta [8] of x is handed out for the next step's theta_n. */
+CLOTHI_HOT void clothi_hinge_forces_damped(const double *CLOTHI_RESTRICT x,
+                                           const double *CLOTHI_RESTRICT rest,
+                                           const double *CLOTHI_RESTRICT theta_n,
+                                           const double *CLOTHI_RESTRICT damp,
+                                           double *CLOTHI_RESTRICT theta,
+                                           double *CLOTHI_RESTRICT f) {
+    double l[CLOTHI_LANES];
+    int    k;
+    clothi_edge_lengths(x, l);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        const double      angle = clothi_atan2(h.sine, h.cosine);
+        const double      bent = angle - rest[CLOTHI_LANES + k];
+        theta[k] = angle;
+        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * (angle - theta_n[k])), k, f);
     }
 }
 

@@ -6043,41 +6043,69 @@ typedef struct clothi_pass {                /* one sweep over one group         
 
 /* Adds the lanes' off-diagonal Hessian blocks to the matrix, H [pairs][9][8] in the order of
  * clothi_pair. No element force changes when all its corners move together, so a row of blocks
- * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close(). */
-static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
-    const clothi_group *g = p->g;
-    int pairs = g->width * (g->width - 1) / 2, lane, k, q;
-    for (k = 0; k < pairs; k++)
-        for (lane = 0; lane < CLOTHI_LANES; lane++) {
-            int           slot = g->slot[(b * pairs + k) * CLOTHI_LANES + lane];
-            double       *A = clothi_matrix_block(p->s->matrix, slot);
-            const double *from = H + (size_t)k * 9 * CLOTHI_LANES + lane;
-            if (g->id[b * CLOTHI_LANES + lane] < 0) continue;
-            if (slot & 1)
-                for (q = 0; q < 9; q++) A[q] += from[(3 * (q % 3) + q / 3) * CLOTHI_LANES];
-            else
-                for (q = 0; q < 9; q++) A[q] += from[q * CLOTHI_LANES];
-        }
+ * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close().
+ * A slot's lowest bit says that the matrix holds the transpose. Turning lanes into blocks is a
+ * transposition of 4x4 numbers; by single numbers it costs twice as much. */
+CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot,
+                                                const int *id, const double *H) {
+    int lane, q;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+        double *A = clothi_matrix_block(p->s->matrix, slot[lane]);
+        if (id[lane] < 0) continue;
+        if (slot[lane] & 1)
+            for (q = 0; q < 9; q++) A[q] += H[(3 * (q % 3) + q / 3) * CLOTHI_LANES + lane];
+        else
+            for (q = 0; q < 9; q++) A[q] += H[q * CLOTHI_LANES + lane];
+    }
 }
 
-/* The same for blocks w g_i g_j' of a rank-one Hessian: g [width*3][8], w [8]. */
-static void clothi_scatter_outer(const clothi_pass *p, int b, const double *w, const double *g) {
-    const clothi_group *group = p->g;
-    int pairs = group->width * (group->width - 1) / 2, lane, k, q;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        double rows[4][9], cols[4][9];      /* w g_i and g_j, spread over the nine places */
-        if (group->id[b * CLOTHI_LANES + lane] < 0) continue;
-        for (k = 0; k < group->width; k++)
-            for (q = 0; q < 9; q++) {
-                rows[k][q] = w[lane] * g[(3 * k + q / 3) * CLOTHI_LANES + lane];
-                cols[k][q] = g[(3 * k + q % 3) * CLOTHI_LANES + lane];
-            }
-        for (k = 0; k < pairs; k++) {
-            int     slot = group->slot[(b * pairs + k) * CLOTHI_LANES + lane];
-            int     i = clothi_pair[k][slot & 1], j = clothi_pair[k][1 - (slot & 1)];
-            double *A = clothi_matrix_block(p->s->matrix, slot);
-            for (q = 0; q < 9; q++) A[q] += rows[i][q] * cols[j][q];
+#if defined(CLOTHI_AVX)
+/* out[lane] = numbers r0 r1 r2 r3 of four lanes. */
+CLOTHI_LANE void clothi_turn4(const double *H, int r0, int r1, int r2, int r3, __m256d *out) {
+    const __m256d a = _mm256_loadu_pd(H + r0 * CLOTHI_LANES);
+    const __m256d b = _mm256_loadu_pd(H + r1 * CLOTHI_LANES);
+    const __m256d c = _mm256_loadu_pd(H + r2 * CLOTHI_LANES);
+    const __m256d d = _mm256_loadu_pd(H + r3 * CLOTHI_LANES);
+    const __m256d ab0 = _mm256_unpacklo_pd(a, b), ab1 = _mm256_unpackhi_pd(a, b);
+    const __m256d cd0 = _mm256_unpacklo_pd(c, d), cd1 = _mm256_unpackhi_pd(c, d);
+    out[0] = _mm256_permute2f128_pd(ab0, cd0, 0x20);
+    out[1] = _mm256_permute2f128_pd(ab1, cd1, 0x20);
+    out[2] = _mm256_permute2f128_pd(ab0, cd0, 0x31);
+    out[3] = _mm256_permute2f128_pd(ab1, cd1, 0x31);
+}
+
+static void clothi_scatter_turned(const clothi_pass *p, const int *slot, const int *id,
+                                  const double *H) {
+    int half, k;
+    for (half = 0; half < CLOTHI_LANES; half += 4) {
+        __m256d head[2][4], tail[2][4];     /* as it is, and transposed */
+        clothi_turn4(H + half, 0, 1, 2, 3, head[0]);
+        clothi_turn4(H + half, 4, 5, 6, 7, tail[0]);
+        clothi_turn4(H + half, 0, 3, 6, 1, head[1]);
+        clothi_turn4(H + half, 4, 7, 2, 5, tail[1]);
+        for (k = 0; k < 4; k++) {
+            int     at = slot[half + k];
+            double *A = clothi_matrix_block(p->s->matrix, at);
+            if (id[half + k] < 0) continue;
+            _mm256_storeu_pd(A, _mm256_add_pd(_mm256_loadu_pd(A), head[at & 1][k]));
+            _mm256_storeu_pd(A + 4, _mm256_add_pd(_mm256_loadu_pd(A + 4), tail[at & 1][k]));
+            A[8] += H[8 * CLOTHI_LANES + half + k];
         }
+    }
+}
+#endif
+
+static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
+    const clothi_group *g = p->g;
+    int        pairs = g->width * (g->width - 1) / 2, k;
+    const int *id = g->id + (size_t)b * CLOTHI_LANES;
+    for (k = 0; k < pairs; k++) {
+        const int *slot = g->slot + (size_t)(b * pairs + k) * CLOTHI_LANES;
+#if defined(CLOTHI_AVX)
+        clothi_scatter_turned(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
+#else
+        clothi_scatter_plain(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
+#endif
     }
 }
 
@@ -6152,17 +6180,25 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
     }
 }
 
-/* The definite Hessian of eight hinges, c (1+s) dtheta dtheta', without forming it. */
-static void clothi_batch_outer(const clothi_pass *p, int b, const double *x, const double *rest,
-                               const double *damp) {
-    double one[CLOTHI_LANES], w[CLOTHI_LANES], g[12 * CLOTHI_LANES];
-    int    lane;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        one[lane] = 1;
-        w[lane] = rest[lane] * (damp ? 1 + damp[lane] : 1);
-    }
+/* The definite Hessian of eight hinges, c (1+s) dtheta dtheta': its off-diagonal blocks. */
+CLOTHI_HOT void clothi_hinge_definite(const double *CLOTHI_RESTRICT x,
+                                      const double *CLOTHI_RESTRICT rest, const double *damp,
+                                      double *CLOTHI_RESTRICT H) {
+    double one[CLOTHI_LANES], g[12 * CLOTHI_LANES], w[12 * CLOTHI_LANES];
+    int    lane, k, q;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) one[lane] = 1;
     clothi_hinge_turn(x, one, g);
-    clothi_scatter_outer(p, b, w, g);
+    for (k = 0; k < 12; k++)
+        for (lane = 0; lane < CLOTHI_LANES; lane++)
+            w[k * CLOTHI_LANES + lane] =
+                rest[lane] * (damp ? 1 + damp[lane] : 1) * g[k * CLOTHI_LANES + lane];
+    for (k = 0; k < 6; k++)
+        for (q = 0; q < 9; q++) {
+            const double *a = w + (3 * clothi_pair[k][0] + q / 3) * CLOTHI_LANES;
+            const double *b = g + (3 * clothi_pair[k][1] + q % 3) * CLOTHI_LANES;
+            for (lane = 0; lane < CLOTHI_LANES; lane++)
+                H[(9 * k + q) * CLOTHI_LANES + lane] = a[lane] * b[lane];
+        }
 }
 
 /* Batch b of a group: energy, element forces and Hessian as asked. */
@@ -6187,10 +6223,10 @@ static void clothi_batch(const clothi_pass *p, int b) {
                                      (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES
                                : NULL,
                        p->hess && !outer ? H : NULL);
-    if (p->hess && !outer)
-        clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
-    else if (p->hess)
-        clothi_batch_outer(p, b, x, el->rest + (size_t)b * 2 * CLOTHI_LANES, damp);
+    if (outer)
+        clothi_hinge_definite(x, el->rest + (size_t)b * 2 * CLOTHI_LANES, damp,
+                              H + 36 * CLOTHI_LANES);
+    if (p->hess) clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
 }
 
 static void clothi_pass_chunks(int begin, int end, int worker, void *ctx) {

@@ -4877,7 +4877,7 @@ static const cloth_pattern*clothi_matrix_pattern(const cloth_matrix*A){return A-
  * couples: 2 of a spring, 3 of a triangle, 4 of a hinge. Batches hold eight elements of one
  * kind; no batch mixes two domains of the solver's dissection, so that domains can be assembled
  * side by side without touching the same block (elements across a separator come last).
- * checked: tests/test_desc.c, tests/test_model.c
+ * checked: tests/test_desc.c, tests/test_ladder.c
  */
 
 #define CLOTHI_COOKIE      0xC107u
@@ -5882,12 +5882,13 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     s->params.theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
     s->params.X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
     s->params.mass = (double *)clothi_alloc(hooks, nv, sizeof(double));
+    nb *= CLOTHI_LANES;
+    nd *= CLOTHI_LANES;
     s->membrane.rest =
-        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest * CLOTHI_LANES, sizeof(double));
-    s->membrane.tau = (double *)clothi_alloc(hooks, nb * CLOTHI_LANES, sizeof(double));
-    s->bend.rest =
-        (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest * CLOTHI_LANES, sizeof(double));
-    s->bend.tau = (double *)clothi_alloc(hooks, nd * CLOTHI_LANES, sizeof(double));
+        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest, sizeof(double));
+    s->membrane.tau = (double *)clothi_alloc(hooks, nb, sizeof(double));
+    s->bend.rest = (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest, sizeof(double));
+    s->bend.tau = (double *)clothi_alloc(hooks, nd, sizeof(double));
     if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
         !s->params.material || !s->params.hinge_scale || !s->params.theta0 || !s->params.X ||
         !s->params.mass || !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
@@ -6584,7 +6585,7 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
  *     G = A ( (S:Ea) I - F'((1+s) F Q + Fa S) - Fa' F S + s F_n' F_n Q ) Di'
  */
 
-typedef struct clothi_tri_parts {                 /* one triangle's matrices, row-major              */
+typedef struct clothi_tri_parts {           /* one triangle's matrices, row-major              */
     double Di[4], A, F[6], Fa[6], Fn[6];    /* F [3 x 2]                                       */
     double E[4], En[4], Ea[4];
 } clothi_tri_parts;
@@ -6655,8 +6656,8 @@ static void clothi_tri_rest(const cloth_params *p, int f, clothi_tri_parts *t) {
 }
 
 /* G of the banner for one triangle, into its rest corners. */
-static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q, double s,
-                                double *X) {
+static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q,
+                                double s, double *X) {
     double FQ[6], FaS[6], FS[6], FnQ[6], a[4], b[4], c[4], G[4], H[4];
     double SE = clothi_double_dot(S, t->Ea);
     int    k;
@@ -6776,7 +6777,9 @@ static void clothi_spring_vjp(const cloth_sim *s, const cloth_eval *e, int i, co
         cloth_material_lame(mat, &mu, &la);
         Y = clothi_young(mat);
         q = la + 2 * mu;
-        if (out->mu) out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) / (q * q);
+        if (out->mu)
+            out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) /
+                               (q * q);
         if (out->lambda) out->lambda[region] += V * A / (L * L) * 4 * mu * mu / (q * q);
         if (out->damping && e->h > 0) out->damping[region] += k * (l - ln) * u_da / (e->h * n);
         if (out->X)
@@ -6879,7 +6882,8 @@ static void clothi_quadratic_face_vjp(const cloth_sim *s, const cloth_params *p,
 static void clothi_quadratic_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
                                  cloth_vjp *out) {
     const cloth_model *m = s->model;
-    const int *v = m->topology->hinges + 4 * (size_t)h, *f = m->topology->hinge_faces + 2 * (size_t)h;
+    const int *v = m->topology->hinges + 4 * (size_t)h;
+    const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     double     rest[5 * CLOTHI_LANES], tau, rate, c, r[3], rn[3], ra[3], now = 0, start = 0, dw[4];
     clothi_hinge_vjp_parts d;
     int        i, k;
@@ -8937,7 +8941,7 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  *                                   within 5 % of L of the elastica; below ~1.5 all is linear
  *              h omega_m            omega_m = 2 sqrt(2 Y/rho)/e, the stiffest membrane mode:
  *                                   below 2 an explicit step is stable
- *              h omega_b            omega_b = 4 sqrt(D/rho) pi/e^2 /pi: the stiffest bending mode
+ *              h omega_b            omega_b = 16 sqrt(D/rho)/e^2, the stiffest bending mode
  *              sqrt(2 g L) h / e    edges that a falling corner crosses in a step
  *              (h omega_1)^2        energy that implicit Euler takes a step from the slowest
  *                                   swing, omega_1 = sqrt(g/L)
@@ -8946,12 +8950,66 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  * checked: tests/test_advise.c
  */
 
+typedef struct clothi_scene {               /* what the groups are made of                     */
+    double Y, D, rho, L, edge, g;
+} clothi_scene;
+
+static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene) {
+    const cloth_material *mat = desc->nregions > 0 ? desc->materials : &desc->material;
+    double       low[3], high[3], area = 0, *X;
+    cloth_status status;
+    int          i, k, nf = desc->nf;
+    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
+    if (!X) return CLOTH_ERR_MEMORY;
+    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
+    for (i = 0; i < nf && !status; i++) area += clothi_rest_area(X, i);
+    clothi_free(&desc->hooks, X);
+    scene->Y = clothi_young(mat);
+    scene->D = cloth_material_rigidity(mat);
+    scene->rho = mat->density;
+    scene->g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
+    scene->edge = sqrt(4 / sqrt(3.0) * area / nf);
+    scene->L = 0;
+    for (k = 0; k < 3; k++) {
+        low[k] = high[k] = desc->x_rest[k];
+        for (i = 0; i < desc->nv; i++) {
+            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
+            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
+        }
+        scene->L = fmax(scene->L, high[k] - low[k]);
+    }
+    return status;
+}
+
+/* The rungs that the groups imply; swing = sqrt(g/L), 1/s. */
+static void clothi_advise_rungs(const cloth_desc *desc, const clothi_scene *sc, double swing,
+                                double h, double tolerance, cloth_advice *advice) {
+    advice->membrane = tolerance > 0.02 * sc->L ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK;
+    /* what bending moves at the edge of a fold is about L (rho g L^3/D)^(-1/3) long */
+    if (!(sc->D > 0) || pow(advice->gravity_bending, -1.0 / 3) * sc->L < 0.1 * tolerance)
+        advice->bend = CLOTH_BEND_NONE;
+    else if (tolerance > 0.01 * sc->L && desc->rest_angle == CLOTH_REST_ANGLE_FLAT)
+        advice->bend = CLOTH_BEND_QUADRATIC;
+    else
+        advice->bend = CLOTH_BEND_HINGE;
+    /* a hundred force evaluations cost about what a converged implicit step does */
+    if (advice->leapfrog_substeps <= 100)
+        advice->integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    else if (0.5 * h * swing * sc->L > tolerance)
+        advice->integrator = CLOTH_INTEGRATOR_BDF2;
+    else
+        advice->integrator = CLOTH_INTEGRATOR_EULER;
+    advice->contact = desc->contact;
+    advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
+                    ? fmin(h, 2 * tolerance / (swing * sc->L))
+                    : fmin(h, sqrt(tolerance / sc->L) / swing);
+}
+
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
                                     cloth_advice *advice) {
-    const cloth_material *mat;
-    double       Y, D, rho, low[3], high[3], L = 0, area = 0, edge, g, period, *X = NULL;
+    clothi_scene sc;
+    double       swing;
     cloth_status status;
-    int          i, k, nf;
     if (!desc || !advice) return CLOTH_ERR_ARGUMENT;
     memset(advice, 0, sizeof *advice);
     if (desc->cookie != CLOTHI_COOKIE) return CLOTH_ERR_UNINIT;
@@ -8960,52 +9018,19 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
                            "cloth_advise: h = %g and tolerance = %g must be finite and > 0", h,
                            tolerance);
     status = clothi_check_desc(desc);
+    if (!status) status = clothi_scene_of(desc, &sc);
     if (status) return status;
-    nf = desc->nf;
-    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
-    if (!X) return CLOTH_ERR_MEMORY;
-    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
-    if (status) goto done;
-    mat = desc->nregions > 0 ? desc->materials : &desc->material;
-    Y = clothi_young(mat);
-    D = cloth_material_rigidity(mat);
-    rho = mat->density;
-    g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
-    for (i = 0; i < nf; i++) area += clothi_rest_area(X, i);
-    edge = sqrt(4 / sqrt(3.0) * area / nf);     /* of the equilateral triangle of mean area */
-    for (k = 0; k < 3; k++) {
-        low[k] = high[k] = desc->x_rest[k];
-        for (i = 0; i < desc->nv; i++) {
-            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
-            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
-        }
-        L = fmax(L, high[k] - low[k]);
-    }
-    period = sqrt(g > 0 ? g / L : 1);
-    advice->gravity_bending = D > 0 ? rho * g * L * L * L / D : HUGE_VAL;
-    advice->step_membrane = h * 2 * sqrt(2 * Y / rho) / edge;
-    advice->step_bending = h * 4 * sqrt(D / rho) * 3.14159265358979 / (edge * edge);
-    advice->self_reach = sqrt(2 * g * L) * h / edge;
-    advice->euler_loss = h * period * (h * period);
+    swing = sqrt(sc.g > 0 ? sc.g / sc.L : 1);
+    advice->gravity_bending = sc.D > 0 ? sc.rho * sc.g * sc.L * sc.L * sc.L / sc.D : HUGE_VAL;
+    advice->step_membrane = h * 2 * sqrt(2 * sc.Y / sc.rho) / sc.edge;
+    advice->step_bending = h * 16 * sqrt(sc.D / sc.rho) / (sc.edge * sc.edge);
+    advice->self_reach = sqrt(2 * sc.g * sc.L) * h / sc.edge;
+    advice->euler_loss = h * swing * (h * swing);
     advice->leapfrog_substeps =
-        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) / 0.9));
-    advice->membrane = tolerance > 0.02 * L ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK;
-    advice->bend = !(D > 0) || pow(advice->gravity_bending, -1.0 / 3) * L < 0.1 * tolerance
-                       ? CLOTH_BEND_NONE
-                       : tolerance > 0.01 * L && desc->rest_angle == CLOTH_REST_ANGLE_FLAT
-                             ? CLOTH_BEND_QUADRATIC
-                             : CLOTH_BEND_HINGE;
-    /* a force evaluation costs about a thirtieth of a CG solve's share of an implicit step */
-    advice->integrator = advice->leapfrog_substeps <= 100 ? CLOTH_INTEGRATOR_LEAPFROG
-                         : 0.5 * h * period * L > tolerance ? CLOTH_INTEGRATOR_BDF2
-                                                            : CLOTH_INTEGRATOR_EULER;
-    advice->contact = desc->contact;
-    advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
-                    ? fmin(h, 2 * tolerance / (period * L))
-                    : fmin(h, sqrt(tolerance / L) / period);
-done:
-    clothi_free(&desc->hooks, X);
-    return status;
+        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) /
+                            CLOTHI_LEAP_SAFETY));
+    clothi_advise_rungs(desc, &sc, swing, h, tolerance, advice);
+    return CLOTH_OK;
 }
 
 #ifdef __cplusplus

@@ -8941,7 +8941,8 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  *                                   within 5 % of L of the elastica; below ~1.5 all is linear
  *              h omega_m            omega_m = 2 sqrt(2 Y/rho)/e, the stiffest membrane mode:
  *                                   below 2 an explicit step is stable
- *              h omega_b            omega_b = 16 sqrt(D/rho)/e^2, the stiffest bending mode
+ *              h omega_b            omega_b = 8 sqrt(D/rho)/(sqrt(3/4) e^2), the stiffest bending
+ *                                   mode of a grid of squares of the same area
  *              sqrt(2 g L) h / e    edges that a falling corner crosses in a step
  *              (h omega_1)^2        energy that implicit Euler takes a step from the slowest
  *                                   swing, omega_1 = sqrt(g/L)
@@ -9023,7 +9024,7 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
     swing = sqrt(sc.g > 0 ? sc.g / sc.L : 1);
     advice->gravity_bending = sc.D > 0 ? sc.rho * sc.g * sc.L * sc.L * sc.L / sc.D : HUGE_VAL;
     advice->step_membrane = h * 2 * sqrt(2 * sc.Y / sc.rho) / sc.edge;
-    advice->step_bending = h * 16 * sqrt(sc.D / sc.rho) / (sc.edge * sc.edge);
+    advice->step_bending = h * 8 * sqrt(sc.D / sc.rho) / (sqrt(0.75) * sc.edge * sc.edge);
     advice->self_reach = sqrt(2 * sc.g * sc.L) * h / sc.edge;
     advice->euler_loss = h * swing * (h * swing);
     advice->leapfrog_substeps =

@@ -8715,7 +8715,7 @@ static void clothi_batch(const clothi_pass *p, int b) {
     if (el->damped && p->inv_h > 0) {
         start = el->start + (size_t)b * (size_t)el->nstart * CLOTHI_LANES;
         for (lane = 0; lane < CLOTHI_LANES; lane++)
-            rate[lane] = el->tau[(size_t)b * CLOTHI_LANES + lane] * p->inv_h;
+            rate[lane] = el->tau[b * CLOTHI_LANES + lane] * p->inv_h;
         damp = rate;
         if (p->energy) loss = p->loss + (size_t)b * CLOTHI_LANES;
     }

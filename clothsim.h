@@ -1180,9 +1180,11 @@ extern "C" {
 #if defined(__GNUC__)
 #  define CLOTHI_RESTRICT __restrict
 #  define CLOTHI_UNUSED   __attribute__((unused))
+#  define CLOTHI_OUTLINE  __attribute__((unused, noinline))   /* called often, never hot */
 #else
 #  define CLOTHI_RESTRICT
 #  define CLOTHI_UNUSED
+#  define CLOTHI_OUTLINE
 #endif
 
 /* ===== [3.1] SMALL MATHS ===================================================================== */
@@ -1195,7 +1197,7 @@ CLOTHI_UNUSED static int clothi_finite(double a) {
 }
 
 /* Index of the first entry of a [n] that is NaN or infinite, -1 when there is none. */
-CLOTHI_UNUSED static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
+CLOTHI_OUTLINE static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
     size_t i;
     for (i = 0; i < n; i++)
         if (!clothi_finite(a[i])) return (ptrdiff_t)i;
@@ -1272,7 +1274,7 @@ typedef struct clothi_block_header {
 
 /* count * size bytes, zeroed; NULL when the hook fails or the product overflows. hooks may be
  * NULL. count 0 gives a valid block. */
-CLOTHI_UNUSED static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
     const size_t extra = CLOTHI_ALIGN + sizeof(clothi_block_header);
     clothi_block_header header;
     unsigned char *base, *data;
@@ -1291,7 +1293,7 @@ CLOTHI_UNUSED static void *clothi_alloc(const cloth_hooks *hooks, size_t count, 
 }
 
 /* Frees what clothi_alloc returned; NULL is allowed. */
-CLOTHI_UNUSED static void clothi_free(const cloth_hooks *hooks, const void *ptr) {
+CLOTHI_OUTLINE static void clothi_free(const cloth_hooks *hooks, const void *ptr) {
     clothi_block_header header;
     if (!ptr) return;
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
@@ -1302,7 +1304,7 @@ CLOTHI_UNUSED static void clothi_free(const cloth_hooks *hooks, const void *ptr)
 }
 
 /* Bytes that the block of clothi_alloc holds from the hook; 0 for NULL. */
-CLOTHI_UNUSED static size_t clothi_block_size(const void *ptr) {
+CLOTHI_OUTLINE static size_t clothi_block_size(const void *ptr) {
     clothi_block_header header;
     if (!ptr) return 0;
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
@@ -1392,7 +1394,7 @@ static void clothi_text_double(clothi_text *t, double a) {
 }
 
 /* A small format: %s text, %i int, %z size_t, %g double. */
-static void clothi_text_format(clothi_text *t, const char *format, va_list args) {
+CLOTHI_OUTLINE static void clothi_text_format(clothi_text *t, const char *format, va_list args) {
     t->n = 0;
     t->buf[0] = '\0';
     for (; *format; format++) {
@@ -1411,7 +1413,7 @@ static void clothi_text_format(clothi_text *t, const char *format, va_list args)
 }
 
 /* Sends one sentence to the logger. */
-CLOTHI_UNUSED static void clothi_say(const cloth_hooks *hooks, cloth_log_level level,
+CLOTHI_OUTLINE static void clothi_say(const cloth_hooks *hooks, cloth_log_level level,
                                      cloth_status status, const char *format, ...) {
     clothi_text text;
     va_list     args;
@@ -1423,7 +1425,7 @@ CLOTHI_UNUSED static void clothi_say(const cloth_hooks *hooks, cloth_log_level l
 }
 
 /* Logs an error sentence and returns its status: `return clothi_fail(hooks, CLOTH_ERR_..., ...)` */
-CLOTHI_UNUSED static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
+CLOTHI_OUTLINE static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
                                               const char *format, ...) {
     clothi_text text;
     va_list     args;
@@ -1437,7 +1439,7 @@ CLOTHI_UNUSED static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_st
 }
 
 /* fn over [0, count) in ranges of about `grain` items; serial without a parallel hook. */
-CLOTHI_UNUSED static void clothi_for(const cloth_hooks *hooks, int count, int grain,
+CLOTHI_OUTLINE static void clothi_for(const cloth_hooks *hooks, int count, int grain,
                                      cloth_range_fn *fn, void *ctx) {
     if (count <= 0) return;
     if (grain < 1) grain = 1;
@@ -7445,7 +7447,7 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
+CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
                                         double low, int open) {
     if (!clothi_finite(a))
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
@@ -7455,7 +7457,7 @@ static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *fi
     return CLOTH_OK;
 }
 
-static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
+CLOTHI_OUTLINE static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
                                        const double *a, int n, int width) {
     ptrdiff_t at;
     if (!a) return CLOTH_OK;
@@ -7609,7 +7611,7 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
 
 /* --- copies --- */
 
-static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
     void *to = clothi_alloc(hooks, count, size);
     if (to && from) memcpy(to, from, count * size);
     return to;
@@ -8095,7 +8097,7 @@ static void clothi_counted_free(void *ptr, size_t size, void *user) {
 }
 
 /* Allocates n doubles into *out unless it is there already. */
-static cloth_status clothi_need(cloth_sim *s, double **out, size_t n) {
+CLOTHI_OUTLINE static cloth_status clothi_need(cloth_sim *s, double **out, size_t n) {
     if (*out) return CLOTH_OK;
     *out = (double *)clothi_alloc(&s->hooks, n, sizeof(double));
     return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
@@ -10885,7 +10887,7 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
-static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
                                         const double *a, int n) {
     ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
     if (at < 0) return CLOTH_OK;
@@ -11122,7 +11124,7 @@ typedef struct clothi_walk {
     uint64_t       hash;
 } clothi_walk;
 
-static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
+CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
     if (w->hashing) w->hash = clothi_hash(w->hash, data, size);
     else if (w->buf && w->load) memcpy(data, w->buf + w->at, size);
     else if (w->buf) memcpy(w->buf + w->at, data, size);

@@ -113,6 +113,63 @@ static inline double dyn_worst(const double *a, const double *b, int n) {
     return big;
 }
 
+/* Solves K u = omega^2 M u for the `modes` lowest: K [n x n] definite (becomes its factor), M [n]
+ * diagonal. omega [modes]; u [modes x n] with u'Mu = 1, or NULL. Cholesky, then inverse iteration
+ * in the complement of what was found. */
+static inline void dyn_factor(double *K, int n) {
+    int i, j, k;
+    for (j = 0; j < n; j++)
+        for (i = j; i < n; i++) {
+            double s = K[i * n + j];
+            for (k = 0; k < j; k++) s -= K[i * n + k] * K[j * n + k];
+            K[i * n + j] = i == j ? sqrt(s) : s / K[j * n + j];
+        }
+}
+
+static inline void dyn_solve(const double *L, int n, double *b) {
+    int i, k;
+    for (i = 0; i < n; i++) {
+        for (k = 0; k < i; k++) b[i] -= L[i * n + k] * b[k];
+        b[i] /= L[i * n + i];
+    }
+    for (i = n - 1; i >= 0; i--) {
+        for (k = i + 1; k < n; k++) b[i] -= L[k * n + i] * b[k];
+        b[i] /= L[i * n + i];
+    }
+}
+
+static inline void dyn_modes(double *K, const double *M, int n, int modes, double *omega,
+                             double *out) {
+    double *u = (double *)malloc((size_t)(n * (modes + 1)) * sizeof *u), *v = u + n * modes;
+    int     m, k, i, it;
+    dyn_factor(K, n);
+    for (m = 0; m < modes; m++) {
+        double *a = u + m * n, lambda = 0;
+        for (i = 0; i < n; i++) a[i] = sin(1.0 + 0.7 * i * (m + 1)) + (m == 0);
+        for (it = 0; it < 400; it++) {
+            double dot, norm = 0;
+            for (k = 0; k < m; k++) {
+                dot = 0;
+                for (i = 0; i < n; i++) dot += u[k * n + i] * M[i] * a[i];
+                for (i = 0; i < n; i++) a[i] -= dot * u[k * n + i];
+            }
+            for (i = 0; i < n; i++) norm += a[i] * M[i] * a[i];
+            for (i = 0; i < n; i++) {
+                a[i] /= sqrt(norm);
+                v[i] = M[i] * a[i];
+            }
+            if (it > 5 && fabs(1 / sqrt(norm) - lambda) < 1e-13 * lambda) break;
+            lambda = 1 / sqrt(norm);
+            if (it == 399) break;
+            dyn_solve(K, n, v);
+            memcpy(a, v, (size_t)n * sizeof *a);
+        }
+        omega[m] = sqrt(lambda);
+    }
+    if (out) memcpy(out, u, (size_t)(n * modes) * sizeof *u);
+    free(u);
+}
+
 /* Next row of numbers of a CSV file, into row [n]; words read as NaN. 0 at the end. The first
  * word of a row, when it is one, goes to word [32], which may be NULL. */
 static inline int dyn_csv(FILE *f, double *row, int n, char *word) {

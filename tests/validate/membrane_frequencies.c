@@ -160,60 +160,7 @@ static void square_motion(void) {
 
 /* ---- drum ----------------------------------------------------------------------------------- */
 
-/* In place LDL' of K [n x n], lower triangle, then solves; no pivoting: K is definite. */
-static void factor(double *K, int n) {
-    int i, j, k;
-    for (j = 0; j < n; j++)
-        for (i = j; i < n; i++) {
-            double s = K[i * n + j];
-            for (k = 0; k < j; k++) s -= K[i * n + k] * K[j * n + k];
-            K[i * n + j] = i == j ? sqrt(s) : s / K[j * n + j];
-        }
-}
-
-static void solve(const double *L, int n, double *b) {
-    int i, k;
-    for (i = 0; i < n; i++) {
-        for (k = 0; k < i; k++) b[i] -= L[i * n + k] * b[k];
-        b[i] /= L[i * n + i];
-    }
-    for (i = n - 1; i >= 0; i--) {
-        for (k = i + 1; k < n; k++) b[i] -= L[k * n + i] * b[k];
-        b[i] /= L[i * n + i];
-    }
-}
-
 #define MODES 6                             /* j01, j11 twice, j21 twice, j02 */
-
-/* The lowest omegas of K u = omega^2 M u by inverse iteration, each M-orthogonal to those found. */
-static void lowest(const double *L, const double *M, int n, double *omega) {
-    double *u = (double *)malloc((size_t)(n * (MODES + 1)) * sizeof *u), *v = u + n * MODES;
-    int     m, k, i, it;
-    for (m = 0; m < MODES; m++) {
-        double *a = u + m * n, lambda = 0;
-        for (i = 0; i < n; i++) a[i] = sin(1.0 + 0.7 * i * (m + 1)) + (m == 0);
-        for (it = 0; it < 400; it++) {
-            double dot, norm = 0;
-            for (k = 0; k < m; k++) {
-                dot = 0;
-                for (i = 0; i < n; i++) dot += u[k * n + i] * M[i] * a[i];
-                for (i = 0; i < n; i++) a[i] -= dot * u[k * n + i];
-            }
-            for (i = 0; i < n; i++) norm += a[i] * M[i] * a[i];
-            for (i = 0; i < n; i++) {
-                a[i] /= sqrt(norm);
-                v[i] = M[i] * a[i];
-            }
-            if (it > 5 && fabs(1 / sqrt(norm) - lambda) < 1e-13 * lambda) break;
-            lambda = 1 / sqrt(norm);
-            if (it == 399) break;
-            solve(L, n, v);
-            memcpy(a, v, (size_t)n * sizeof *a);
-        }
-        omega[m] = sqrt(lambda);
-    }
-    free(u);
-}
 
 static void drum_modes(int rings, double *omega) {
     const double l = 1.05, a = 1e-3;
@@ -250,8 +197,7 @@ static void drum_modes(int rings, double *omega) {
         }
         x[3 * j + 1] = 0;
     }
-    factor(K, n);
-    lowest(K, cloth_sim_params(sim)->mass, n, omega);
+    dyn_modes(K, cloth_sim_params(sim)->mass, n, MODES, omega, NULL);
     for (i = 0; i < MODES; i++) omega[i] *= sqrt(0.2 / S);
     free(x);
     free(g);

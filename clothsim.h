@@ -9550,6 +9550,9 @@ static void clothi_terms_install(cloth_sim *s) {
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
  * pass, and the next iteration needs the Hessian only. Near the minimum the decrease drowns in
  * the rounding of phi, of the order eps * (|inertia| + sum |terms|): that much is forgiven.
+ * Where stiff and hardly strained, phi is rougher than that (strain is known to eps, so phi to eps
+ * times force times position): an update below CLOTHI_TINY edges may show its decrease by the
+ * slopes at its two ends instead, which have no such cancellation.
  * Secant steps beyond a = 1, second-order corrections and chord steps with the old matrix were
  * tried and lost.
  *
@@ -9568,6 +9571,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_HALVINGS     40
 #define CLOTHI_ARMIJO       1e-4
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
+#define CLOTHI_TINY         1e-6            /* mean edges: updates judged by slopes too        */
 #define CLOTHI_EXACT        6e-3            /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
 #define CLOTHI_LATE         12
@@ -9803,6 +9807,11 @@ static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_n
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + *a * s->w.dx[i];
         status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
         if (status || value <= nt->value + CLOTHI_ARMIJO * *a * nt->slope + rounding) break;
+        if (*a * nt->size < CLOTHI_TINY * s->edge) {    /* the trapezoid of the slopes instead */
+            double slope = 0;
+            for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
+            if (slope <= (2 * CLOTHI_ARMIJO - 1) * nt->slope) break;
+        }
         report->halvings++;
     }
     s->ms.line_search += clothi_now(&s->hooks) - start;
@@ -9910,6 +9919,13 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     report->newton++;
     if (s->contact_on) a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
     status = clothi_line_search(s, goal, nt, &a, report);
+    if (status == CLOTH_ERR_STEP && nt->size < s->model->desc.tolerance &&
+        !(nt->exact && lr.hit)) {           /* the whole update is below the tolerance, and too
+                                               small for the value to show it: arrived */
+        report->residual_m = nt->size;
+        *done = 1;
+        return CLOTH_OK;
+    }
     if (status) return status;
     clothi_newton_radius(nt, before, a, s->edge, &lr);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));

@@ -6048,6 +6048,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+#define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
 /* Scale of sigma: the largest gravity mode of the model, g over its extent, 1/s^2. */
@@ -6108,10 +6109,40 @@ static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, 
     return 0;
 }
 
-/* Newton with a falling diagonal sigma M. */
+/* Near the minimum of a hardly strained sheet the decrease of phi drowns in its rounding, which
+ * is of order eps |force| |x|, not eps phi: there the slope at the end of the step decides. */
+static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, const clothi_newton *nt) {
+    double value, slope = 0;
+    int    i, n = 3 * s->model->nv;
+    if (-nt->slope > CLOTHI_DROWNED * goal->magnitude) return 0;
+    for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
+    if (clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value)) return 0;
+    for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
+    return fabs(slope) <= -0.5 * nt->slope;
+}
+
+/* One solve of (H + sigma M) dx = -g with the exact H, or the semidefinite one where that is
+ * indefinite; lr->negative: singular to rounding even so. */
+static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                            cloth_report *report, cloth_linear_report *lr) {
+    cloth_status status = CLOTH_OK;
+    int          i, n = 3 * s->model->nv;
+    for (nt->psd = 0; nt->psd < 2; nt->psd++) {
+        status = clothi_newton_assemble(s, goal, nt, report);
+        if (!status) status = clothi_newton_solve(s, goal, 1e-10, 1, report, lr);
+        if (status || !lr->negative) break;
+    }
+    report->newton++;
+    for (i = 0, nt->slope = 0; i < n; i++) nt->slope -= s->w.rhs[i] * s->w.dx[i];
+    return status;
+}
+
+/* Newton with a falling diagonal sigma M. It falls to zero, or to the floor below which H is
+ * singular to rounding (a free cloth), and there the last update counts. */
 static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     const cloth_desc *d = &s->model->desc;
-    double        sigma0 = clothi_static_sigma(s) * 10, sigma = sigma0;
+    const double  sigma0 = clothi_static_sigma(s) * 10;
+    double        sigma = sigma0, least = 0;
     clothi_newton nt;
     cloth_status  status = CLOTH_OK;
     int           it, n = 3 * s->model->nv, cap = d->max_newton > 0 ? d->max_newton : 4000;
@@ -6119,36 +6150,31 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
     for (it = 1; !status; it++) {
         cloth_linear_report lr;
         double              a = 1;
-        int                 i;
+        int                 i, small;
         status = clothi_cancelled(s);
         goal->sigma = sigma;
-        nt.psd = 0;
-        if (!status) status = clothi_newton_assemble(s, goal, &nt, report);
-        if (!status) status = clothi_newton_solve(s, goal, 1e-10, 1, report, &lr);
-        if (!status && lr.negative) {
-            nt.psd = 1;
-            status = clothi_newton_assemble(s, goal, &nt, report);
-            if (!status) status = clothi_newton_solve(s, goal, 1e-10, 1, report, &lr);
-        }
+        if (!status) status = clothi_static_direction(s, goal, &nt, report, &lr);
         if (status) break;
-        report->newton++;
-        if (lr.negative) {                  /* semidefinite to rounding: more of the diagonal */
-            sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
+        if (lr.negative) {
+            if (sigma <= least) least = least > 0 ? 10 * least : 1e-6 * sigma0;
+            sigma = 10 * sigma > least ? 10 * sigma : least;
             if (sigma > 1e12 * sigma0) status = CLOTH_ERR_STEP;
             continue;
         }
-        for (i = 0, nt.slope = 0; i < n; i++) nt.slope -= s->w.rhs[i] * s->w.dx[i];
-        status = clothi_line_search(s, goal, &nt, &a, report);
+        small = clothi_max_abs(s->w.dx, n) < d->tolerance;
+        if (!small && !clothi_static_drowned(s, goal, &nt))
+            status = clothi_line_search(s, goal, &nt, &a, report);
         if (status == CLOTH_ERR_STEP && sigma < 1e12 * sigma0) {
             sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
             status = CLOTH_OK;
             continue;
         }
         if (status) break;
-        memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+        for (i = 0; i < n; i++) s->w.x[i] += a * s->w.dx[i];
         report->residual_m = a * clothi_max_abs(s->w.dx, n);
-        if (!(sigma > 0) && report->residual_m < d->tolerance) return CLOTH_OK;
-        if (a >= 1) sigma = sigma < 1e-7 * sigma0 ? 0 : 0.2 * sigma;
+        if (small && !(sigma > least)) return CLOTH_OK;
+        if (small) sigma = least;
+        else if (a >= 1) sigma = 0.2 * sigma > least && sigma > 1e-7 * sigma0 ? 0.2 * sigma : least;
         else if (a < 0.25) sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
         if (it >= cap) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;

@@ -18,7 +18,7 @@ static const row rows[] = {                 /* continuum; chain of n = 4, 8, 16 
 };
 
 /* The strip hangs along +z from its row z = 0. Yh = 1, L = 1, rho = 1. No bending: nothing but
- * tension holds it straight. Length of the middle of its last row; *spread: how bent that row is. */
+ * tension holds it straight. Length of the middle of its last row; *spread: its own height. */
 static double hang(cloth_sheet_pattern pattern, int nx, int n, double q, int given,
                    double *spread) {
     const int    ny = n + 1;

@@ -79,8 +79,8 @@ static inline ref_real ref_stretch_energy(const ref_real *x, const void *ctx) {
     int                i, c;
     for (i = 0; i < 3; i++) {
         const int j = (i + 1) % 3;
-        ref_real  zx = (ref_real)s->X[2 * j] - s->X[2 * i];
-        ref_real  zy = (ref_real)s->X[2 * j + 1] - s->X[2 * i + 1];
+        ref_real  zx = (ref_real)s->X[2 * j] - (ref_real)s->X[2 * i];
+        ref_real  zy = (ref_real)s->X[2 * j + 1] - (ref_real)s->X[2 * i + 1];
         m[i][0] = zx * zx;
         m[i][1] = zy * zy;
         m[i][2] = 2 * zx * zy;
@@ -107,7 +107,7 @@ static inline ref_real ref_stretch_energy(const ref_real *x, const void *ctx) {
 }
 
 /* The unit vectors from the edge to the two corners, across the edge, are opposite when the hinge
- * is flat: with sum s and difference d, tan(|theta|/2) = |s|/|d|. The sign is that of the volume. */
+ * is flat: with sum s and difference d, tan(|theta|/2) = |s|/|d|. The volume gives the sign. */
 static inline ref_real ref_dihedral(const ref_real *x) {
     ref_real e[3], l2 = ref_dist2(x, x + 3), m[2][3], s2 = 0, d2 = 0, vol = 0;
     int      k, i;
@@ -224,7 +224,7 @@ static inline double ref_difference(const double *a, const double *b, int n) {
     return big > 0 ? worst / big : worst;
 }
 
-/* Smallest eigenvalue of a symmetric [n x n], n <= 12, over its largest magnitude: cyclic Jacobi. */
+/* Smallest eigenvalue of a symmetric [n x n], n <= 12, over its largest magnitude (Jacobi). */
 static inline double ref_smallest_eigenvalue(const double *matrix, int n) {
     double a[144], lo = 0, big = 0;
     int    sweep, p, q, k;

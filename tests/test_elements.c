@@ -26,7 +26,7 @@ static double moduli(unsigned long long *seed, double *lambda) {
     return mu;
 }
 
-/* Hinge with feet t1 t2, heights h1 h2, angle theta (positive convex, normals towards +z), moved. */
+/* Hinge with feet t, heights h, angle theta (positive convex, normals towards +z), moved. */
 static void make_hinge(unsigned long long *seed, double l, const double *t, const double *h,
                        double theta, double *x) {
     double R[9], shift[3];
@@ -394,7 +394,7 @@ static void hinge_sign(void) {
     CHECK_REL(cloth_bend(x, 2.0, -3.0, NULL, NULL, 0), 36.0, 1e-14);
 }
 
-/* VALIDATION section 0: on an equilateral patch a cylinder of any direction costs D k^2/2 an area. */
+/* On an equilateral patch a cylinder of any direction costs D k^2/2 an area. */
 static void hinge_cylinder(void) {
     const double D = 1.5, L = 1.0, kappa = 1e-3, h = L * sqrt(3.0) / 2;
     const double area = sqrt(3.0) / 4 * L * L;
@@ -541,6 +541,39 @@ static void quadratic_is_the_flat_hinge(void) {
     }
 }
 
+/* Two rest triangles, each laid flat on its own and turned, give back the hinge they came from. */
+static void hinge_unfolding(void) {
+    static const double one[6] = {0, 0, 0, 0, 1, 1};
+    unsigned long long  seed = 16;
+    int                 k, i, side;
+    for (k = 0; k < 50; k++) {
+        const double foot[2] = {ref_uniform(&seed, -1, 2), ref_uniform(&seed, -1, 2)};
+        const double height[2] = {ref_uniform(&seed, 0.2, 1.5), ref_uniform(&seed, 0.2, 1.5)};
+        double       rest[12], x[12], area[2], T[2][6];
+        int          apex[2];
+        make_hinge(NULL, 1.3, foot, height, 0, rest);
+        for (side = 0; side < 2; side++) {
+            const int    corner[2][3] = {{0, 1, 2}, {1, 0, 3}};     /* counterclockwise */
+            const double a = ref_uniform(&seed, 0, 6);
+            const int    first = (int)(ref_next(&seed) % 3);
+            for (i = 0; i < 3; i++) {
+                const double *p = rest + 3 * corner[side][(i + first) % 3];
+                T[side][2 * i] = cos(a) * p[0] - sin(a) * p[1] + 3;
+                T[side][2 * i + 1] = sin(a) * p[0] + cos(a) * p[1] - 2;
+            }
+            apex[side] = (2 - first + 3) % 3;
+        }
+        CHECK(clothi_hinge_unfold(T[0], apex[0], T[1], apex[1], x, area));
+        CHECK(ref_difference(x, rest, 12) < 1e-13);
+        CHECK_REL(area[0], 0.5 * 1.3 * height[0], 1e-13);
+        CHECK_REL(area[1], 0.5 * 1.3 * height[1], 1e-13);
+    }
+    {
+        double x[12], area[2];
+        CHECK(!clothi_hinge_unfold(one, 2, one, 2, x, area));
+    }
+}
+
 /* ---- eight at a time ------------------------------------------------------------------------ */
 
 enum { LANES = CLOTHI_LANES };
@@ -585,6 +618,12 @@ static void lanes_stretch(void) {
             to_lane(B, 5, k, rest);
             rest[5 * LANES + k] = mu[k];
             rest[6 * LANES + k] = lambda[k];
+        }
+        clothi_smallest_stretch2(x, rest, E);
+        for (k = 0; k < LANES; k++) {
+            double s[2];
+            cloth_stretch_state(y[k], X[k], 1, 1, NULL, NULL, NULL, s);
+            CHECK_NEAR(E[k], s[1] * s[1], 1e-14 * (1 + s[0] * s[0]));
         }
         for (psd = 0; psd < 2; psd++) {
             clothi_stretch_lanes(x, rest, NULL, NULL, E, NULL, f, H, psd);
@@ -719,8 +758,15 @@ static double damped_energy(const double *y, const damped *d, double *g, double 
         to_lane(d->n, 3, k, n);
         damp[k] = d->damp;
     }
-    if (d->corners == 3) clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
-    else clothi_hinge_lanes(x, rest, n, damp, E, Ed, NULL, f, H, psd);
+    if (d->corners == 3) {
+        clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
+    } else {
+        double theta[LANES], angle[LANES], fast[12 * LANES];
+        clothi_hinge_lanes(x, rest, n, damp, E, Ed, theta, f, H, psd);
+        clothi_hinge_forces_damped(x, rest, n, damp, angle, fast);
+        CHECK(ref_difference(fast, f, 12 * LANES) < 1e-13);
+        CHECK(ref_difference(angle, theta, LANES) <= 0.0);
+    }
     if (g) from_lane(f, 3 * d->corners, 5, g);
     if (full) full_hessian(H, d->corners, 5, full);
     return E[5] + Ed[5];
@@ -815,6 +861,105 @@ static void lanes_gather(void) {
         }
 }
 
+/* ---- materials ------------------------------------------------------------------------------ */
+
+static char logged[256];
+
+static void keep_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
+    (void)level;
+    (void)status;
+    (void)user;
+    strncpy(logged, text, sizeof logged - 1);
+}
+
+static void material_values(void) {
+    cloth_material m = cloth_material_default();
+    double         mu, lambda;
+    int            i;
+    m.young = 2e6;
+    m.thickness = 1e-3;
+    m.poisson = 0.25;
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(mu, 800.0, 1e-14);
+    CHECK_REL(lambda, 2000 * 0.25 / 0.9375, 1e-14);
+    m.plane = CLOTH_PLANE_STRAIN_3D;
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(lambda, 2000 * 0.25 / (1.25 * 0.5), 1e-14);
+    CHECK_REL(cloth_material_rigidity(&m), 1e-5, 0.0);
+    m.bending = -1;
+    CHECK_REL(cloth_material_rigidity(&m), 2e6 * 1e-9 / (12 * 0.9375), 1e-14);
+    m.membrane = 50;
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(mu, 20.0, 1e-14);
+    m = cloth_material_li2021();
+    cloth_material_lame(&m, &mu, &lambda);
+    CHECK_REL(mu, 4 * 1e5 / (2 * 1.42), 1e-14);
+    CHECK_REL(lambda, 4 * 1e5 * 0.42 / (1.42 * 0.16), 1e-14);
+    CHECK_REL(cloth_material_rigidity(&m), 1.5e-6, 0.0);
+    for (i = -1; i < 7; i++) {
+        m = cloth_material_fabric((cloth_fabric)(i < 0 || i > 5 ? 99 : i));
+        CHECK(cloth_material_check(NULL, &m, 0) == CLOTH_OK);
+        CHECK(m.density > 0.05 && m.density < 0.4 && m.bending > 1e-6 && m.bending < 1e-4);
+        cloth_material_lame(&m, &mu, &lambda);
+        CHECK(mu > 50 && mu < 2000);
+    }
+}
+
+static void material_refusals(void) {
+    static const char *const field[8] = {"density", "young",   "thickness", "membrane",
+                                         "poisson", "bending", "damping",   "plane"};
+    static const double      bad[8] = {0.0, -1.0, -1.0, -1.0, 0.51, (double)NAN, -1.0, 0.0};
+    cloth_hooks              hooks;
+    cloth_material           m;
+    int                      i, kind;
+    memset(&hooks, 0, sizeof hooks);
+    hooks.log.fn = keep_log;
+    for (i = 0; i < 8; i++)
+        for (kind = 0; kind < 3; kind++) {
+            double *const value[7] = {&m.density, &m.young,   &m.thickness, &m.membrane,
+                                      &m.poisson, &m.bending, &m.damping};
+            cloth_status  status, expect = CLOTH_ERR_NONFINITE;
+            m = cloth_material_default();
+            if (i == 7) m.plane = (cloth_plane)2;
+            else *value[i] = kind == 0 ? bad[i] : kind == 1 ? (double)NAN : -(double)INFINITY;
+            if (i == 7 || (kind == 0 && i != 5)) expect = CLOTH_ERR_ARGUMENT;
+            logged[0] = 0;
+            status = cloth_material_check(&hooks, &m, 3);
+            CHECK(status == expect);
+            CHECK(strstr(logged, "material[3].") == logged && strstr(logged, field[i]) != NULL);
+        }
+    m = cloth_material_default();
+    m.poisson = 0.5;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_OK);
+    m.plane = CLOTH_PLANE_STRAIN_3D;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_ERR_ARGUMENT);
+    m.poisson = -1;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_ERR_ARGUMENT);
+    CHECK(strstr(logged, "poisson = -1") != NULL);
+    m = cloth_material_default();
+    m.young = m.thickness = 1e200;
+    CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_ERR_ARGUMENT);
+}
+
+/* Pull a strip: the force gives Y back, the free sides nu. Only plane stress does. */
+static void material_uniaxial(void) {
+    static const double X[6] = {0, 0, 1, 0, 0, 1};
+    cloth_material      m = cloth_material_default();
+    double              mu, lambda, x[9] = {0}, g[9], l = 1.0 + 1e-4, side = 1.0;
+    int                 k;
+    m.membrane = 123;
+    m.poisson = 0.35;
+    cloth_material_lame(&m, &mu, &lambda);
+    for (k = 0; k < 60; k++) {              /* relax the side by its force */
+        x[3] = l;
+        x[7] = side;
+        cloth_stretch(x, X, mu, lambda, g, NULL, 0);
+        side -= g[7] / (0.5 * (2 * mu + lambda));
+    }
+    CHECK_REL(g[3] / 0.5 / (l - 1), 123, 1e-3);
+    CHECK_REL((1 - side) / (l - 1), 0.35, 1e-3);
+}
+
 /* ---- any finite bits ------------------------------------------------------------------------ */
 
 static double any_finite(unsigned long long *seed) {
@@ -884,12 +1029,16 @@ int main(int argc, char **argv) {
     RUN(hinge_invariance);
     RUN(hinge_degenerate);
     RUN(quadratic_is_the_flat_hinge);
+    RUN(hinge_unfolding);
     RUN(lanes_stretch);
     RUN(lanes_hinge);
     RUN(lanes_quadratic);
     RUN(lanes_spring);
     RUN(lanes_damping);
     RUN(lanes_gather);
+    RUN(material_values);
+    RUN(material_refusals);
+    RUN(material_uniaxial);
     RUN(finite_in_finite_out);
     return TEST_END();
 }

@@ -10121,6 +10121,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+#define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
 /* Scale of sigma: the largest gravity mode of the model, g over its extent, 1/s^2. */
@@ -10178,49 +10179,89 @@ static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, 
     return 0;
 }
 
-/* Newton with a falling diagonal sigma M. */
+/* Near the minimum of a hardly strained sheet the decrease of phi drowns in its rounding, which
+ * is of order eps |force| |x|, not eps phi: there the slope at the end of the step decides. */
+static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    double value, slope = 0;
+    int    i, n = 3 * s->model->nv;
+    if (-nt->slope > CLOTHI_DROWNED * goal->magnitude) return 0;
+    for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
+    if (clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value)) return 0;
+    for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
+    if (!(fabs(slope) <= -0.5 * nt->slope)) return 0;
+    nt->value = value;
+    return 1;
+}
+
+/* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
+ * negative curvature; lr->negative: singular to rounding even so. */
+static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                            cloth_report *report, cloth_linear_report *lr) {
+    cloth_status status = CLOTH_OK;
+    int          i, exact, n = 3 * s->model->nv;
+    for (exact = 1; exact >= 0; exact--) {
+        status = clothi_newton_assemble(s, goal, exact, report);
+        if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, lr);
+        if (status || !lr->negative) break;
+    }
+    report->newton++;
+    for (i = 0, nt->slope = 0; i < n; i++) nt->slope -= s->w.rhs[i] * s->w.dx[i];
+    nt->size = clothi_max_abs(s->w.dx, n);
+    return status;
+}
+
+/* Moves by dx, shortened where phi says so, and evaluates there. An update below the tolerance is
+ * taken as it is: phi cannot tell. */
+static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                       cloth_report *report, double *a) {
+    cloth_status status = CLOTH_OK;
+    int          i, n = 3 * s->model->nv;
+    *a = 1;
+    if (nt->size < s->model->desc.tolerance) {
+        for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
+        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &nt->value);
+    } else if (!clothi_static_drowned(s, goal, nt))
+        status = clothi_line_search(s, goal, nt, a, report);
+    if (status) return status;
+    memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+    clothi_newton_rhs(s);
+    report->residual_m = *a * nt->size;
+    return CLOTH_OK;
+}
+
+/* Newton with a falling diagonal sigma M. It falls to zero, or to the least value at which H is
+ * not singular to rounding (a free cloth), and there the last update counts. */
 static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     const cloth_desc *d = &s->model->desc;
-    double        sigma0 = clothi_static_sigma(s) * 10, sigma = sigma0;
+    const double  sigma0 = clothi_static_sigma(s) * 10;
+    double        sigma = sigma0, least = 0, a;
     clothi_newton nt;
-    cloth_status  status = CLOTH_OK;
-    int           it, n = 3 * s->model->nv, cap = d->max_newton > 0 ? d->max_newton : 4000;
+    cloth_status  status;
+    int           it, cap = d->max_newton > 0 ? d->max_newton : 4000;
     memset(&nt, 0, sizeof nt);
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     clothi_newton_rhs(s);
     for (it = 1; !status; it++) {
         cloth_linear_report lr;
-        double              a = 1;
-        int                 i;
         status = clothi_cancelled(s);
         goal->sigma = sigma;
-        if (!status) status = clothi_newton_assemble(s, goal, 1, report);
-        if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, &lr);
-        if (!status && lr.negative) {
-            status = clothi_newton_assemble(s, goal, 0, report);
-            if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, &lr);
-        }
+        if (!status) status = clothi_static_direction(s, goal, &nt, report, &lr);
         if (status) break;
-        report->newton++;
-        if (lr.negative) {                  /* semidefinite to rounding: more of the diagonal */
+        if (!lr.negative) status = clothi_static_move(s, goal, &nt, report, &a);
+        if (lr.negative || status == CLOTH_ERR_STEP) {
+            if (lr.negative && sigma <= least) least = least > 0 ? 10 * least : 1e-6 * sigma0;
             sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
-            if (sigma > 1e12 * sigma0) status = CLOTH_ERR_STEP;
-            continue;
-        }
-        for (i = 0, nt.slope = 0; i < n; i++) nt.slope -= s->w.rhs[i] * s->w.dx[i];
-        status = clothi_line_search(s, goal, &nt, &a, report);
-        if (status == CLOTH_ERR_STEP && sigma < 1e12 * sigma0) {
-            sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
-            status = CLOTH_OK;
+            status = sigma > 1e12 * sigma0 ? CLOTH_ERR_STEP : CLOTH_OK;
             continue;
         }
         if (status) break;
-        memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
-        clothi_newton_rhs(s);
-        report->residual_m = a * clothi_max_abs(s->w.dx, n);
-        if (!(sigma > 0) && report->residual_m < d->tolerance) return CLOTH_OK;
-        if (a >= 1) sigma = sigma < 1e-7 * sigma0 ? 0 : 0.2 * sigma;
-        else if (a < 0.25) sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
+        if (nt.size < d->tolerance) {
+            if (sigma <= least) return CLOTH_OK;
+            sigma = least;
+        } else if (a >= 1)
+            sigma = 0.2 * sigma > least && sigma > 1e-7 * sigma0 ? 0.2 * sigma : least;
+        else if (a < 0.25)
+            sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
         if (it >= cap) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;
             if (d->max_newton > 0) return CLOTH_OK;

@@ -152,7 +152,6 @@
  * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006.
  * [L21]    Li et al.: Deep Physics-aware Inference of Cloth Deformation for Monocular Human
  *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021().
- * [MT97]   Moeller, Trumbore: Fast, Minimum Storage Ray/Triangle Intersection, JGT 2(1), 1997.
  * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006.
  * [TG13]   Tamstorf, Grinspun: Discrete Bending Forces and Their Jacobians, Graph. Models 2013.
  */
@@ -9062,22 +9061,31 @@ CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double
     return CLOTH_OK;
 }
 
-/* Moeller and Trumbore's ray against one triangle [MT97]: o + t d = sum b_k x_k. */
+/* Ray o + t d against one triangle by the volumes that the ray spans with its edges:
+ *   w_2 = d . ((x0 - o) x (x1 - o)), and so on around; bary = w / sum w.
+ * All of one sign: hit. An edge's volume is exactly the negative of what the face beyond it gets,
+ * so that no ray slips through between two faces. */
 static int clothi_ray_face(const double *o, const double *d, const double *x0, const double *x1,
                            const double *x2, double *t, double *bary) {
-    double e1[3], e2[3], p[3], s[3], q[3], det;
-    clothi_sub3(x1, x0, e1);
-    clothi_sub3(x2, x0, e2);
-    clothi_cross3(d, e2, p);
-    det = clothi_dot3(e1, p);
-    if (!(fabs(det) > 0)) return 0;
-    clothi_sub3(o, x0, s);
-    bary[1] = clothi_dot3(s, p) / det;
-    clothi_cross3(s, e1, q);
-    bary[2] = clothi_dot3(d, q) / det;
-    bary[0] = 1 - bary[1] - bary[2];
-    *t = clothi_dot3(e2, q) / det;
-    return bary[0] >= 0 && bary[1] >= 0 && bary[2] >= 0 && *t >= 0;
+    double r[9], c[3], sum, at = 0;
+    int    k;
+    clothi_sub3(x0, o, r);
+    clothi_sub3(x1, o, r + 3);
+    clothi_sub3(x2, o, r + 6);
+    for (k = 0; k < 3; k++) {
+        clothi_cross3(r + 3 * ((k + 1) % 3), r + 3 * ((k + 2) % 3), c);
+        bary[k] = clothi_dot3(d, c);
+    }
+    if ((bary[0] < 0 || bary[1] < 0 || bary[2] < 0) && (bary[0] > 0 || bary[1] > 0 || bary[2] > 0))
+        return 0;
+    sum = bary[0] + bary[1] + bary[2];
+    if (!(fabs(sum) > 0)) return 0;
+    for (k = 0; k < 3; k++) {
+        bary[k] /= sum;
+        at += bary[k] * clothi_dot3(r + 3 * k, d);
+    }
+    *t = at / clothi_dot3(d, d);
+    return *t >= 0;
 }
 
 CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const double d[3],

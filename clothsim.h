@@ -3542,7 +3542,7 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *               v' H v = A [ 2 mu |dE|^2 + lambda tr(dE)^2 + sum over axes of z' S+ z ],
  *             z = sum_i (v_i)_axis g_i. With dE = dev dE + tr(dE)/2 I the first two terms are
  *             2 mu |dev dE|^2 + (mu + lambda) tr(dE)^2 >= 0, and the third is >= 0 by choice.
- *             What is lost: negative S+ inside the plane, where the material part could outweigh
+ *             What is lost: negative S acting inside the plane, where the material may outweigh
  *             it. Cost: slower Newton steps in strong compression.
  *   limits    in pure compression the force falls again below the stretch 1/sqrt(3) and vanishes at
  *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.
@@ -4004,7 +4004,8 @@ CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const doubl
  *             colouring, no atomics, the same bits for any number of workers.
  *   calls     clothi_gather_lanes, then one of
  *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
- *               clothi_hinge_forces | clothi_theta_lanes | clothi_hinge_lanes (everything),
+ *               clothi_hinge_forces | _forces_damped | _lanes (everything), clothi_theta_lanes,
+ *               clothi_strain_lanes, clothi_smallest_stretch2,
  *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
  *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
  *   checked   tests/test_elements.c: lanes_stretch, lanes_hinge, lanes_quadratic, lanes_spring,
@@ -4566,6 +4567,25 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
     }
 }
 
+/* With damping; theta [8] of x is handed out for the next step's theta_n. */
+CLOTHI_HOT void clothi_hinge_forces_damped(const double *CLOTHI_RESTRICT x,
+                                           const double *CLOTHI_RESTRICT rest,
+                                           const double *CLOTHI_RESTRICT theta_n,
+                                           const double *CLOTHI_RESTRICT damp,
+                                           double *CLOTHI_RESTRICT theta,
+                                           double *CLOTHI_RESTRICT f) {
+    double l[CLOTHI_LANES];
+    int    k;
+    clothi_edge_lengths(x, l);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        const double      angle = clothi_atan2(h.sine, h.cosine);
+        const double      bent = angle - rest[CLOTHI_LANES + k];
+        theta[k] = angle;
+        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * (angle - theta_n[k])), k, f);
+    }
+}
+
 /* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
 CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
                                      const double *CLOTHI_RESTRICT rest,
@@ -4857,7 +4877,7 @@ static const cloth_pattern*clothi_matrix_pattern(const cloth_matrix*A){return A-
  * couples: 2 of a spring, 3 of a triangle, 4 of a hinge. Batches hold eight elements of one
  * kind; no batch mixes two domains of the solver's dissection, so that domains can be assembled
  * side by side without touching the same block (elements across a separator come last).
- * checked: tests/test_desc.c, tests/test_model.c
+ * checked: tests/test_desc.c, tests/test_ladder.c
  */
 
 #define CLOTHI_COOKIE      0xC107u
@@ -5862,12 +5882,13 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     s->params.theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
     s->params.X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
     s->params.mass = (double *)clothi_alloc(hooks, nv, sizeof(double));
+    nb *= CLOTHI_LANES;
+    nd *= CLOTHI_LANES;
     s->membrane.rest =
-        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest * CLOTHI_LANES, sizeof(double));
-    s->membrane.tau = (double *)clothi_alloc(hooks, nb * CLOTHI_LANES, sizeof(double));
-    s->bend.rest =
-        (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest * CLOTHI_LANES, sizeof(double));
-    s->bend.tau = (double *)clothi_alloc(hooks, nd * CLOTHI_LANES, sizeof(double));
+        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest, sizeof(double));
+    s->membrane.tau = (double *)clothi_alloc(hooks, nb, sizeof(double));
+    s->bend.rest = (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest, sizeof(double));
+    s->bend.tau = (double *)clothi_alloc(hooks, nd, sizeof(double));
     if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
         !s->params.material || !s->params.hinge_scale || !s->params.theta0 || !s->params.X ||
         !s->params.mass || !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
@@ -6023,41 +6044,69 @@ typedef struct clothi_pass {                /* one sweep over one group         
 
 /* Adds the lanes' off-diagonal Hessian blocks to the matrix, H [pairs][9][8] in the order of
  * clothi_pair. No element force changes when all its corners move together, so a row of blocks
- * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close(). */
-static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
-    const clothi_group *g = p->g;
-    int pairs = g->width * (g->width - 1) / 2, lane, k, q;
-    for (k = 0; k < pairs; k++)
-        for (lane = 0; lane < CLOTHI_LANES; lane++) {
-            int           slot = g->slot[(b * pairs + k) * CLOTHI_LANES + lane];
-            double       *A = clothi_matrix_block(p->s->matrix, slot);
-            const double *from = H + (size_t)k * 9 * CLOTHI_LANES + lane;
-            if (g->id[b * CLOTHI_LANES + lane] < 0) continue;
-            if (slot & 1)
-                for (q = 0; q < 9; q++) A[q] += from[(3 * (q % 3) + q / 3) * CLOTHI_LANES];
-            else
-                for (q = 0; q < 9; q++) A[q] += from[q * CLOTHI_LANES];
-        }
+ * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close().
+ * A slot's lowest bit says that the matrix holds the transpose. Turning lanes into blocks is a
+ * transposition of 4x4 numbers; by single numbers it costs twice as much. */
+CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot,
+                                                const int *id, const double *H) {
+    int lane, q;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+        double *A = clothi_matrix_block(p->s->matrix, slot[lane]);
+        if (id[lane] < 0) continue;
+        if (slot[lane] & 1)
+            for (q = 0; q < 9; q++) A[q] += H[(3 * (q % 3) + q / 3) * CLOTHI_LANES + lane];
+        else
+            for (q = 0; q < 9; q++) A[q] += H[q * CLOTHI_LANES + lane];
+    }
 }
 
-/* The same for blocks w g_i g_j' of a rank-one Hessian: g [width*3][8], w [8]. */
-static void clothi_scatter_outer(const clothi_pass *p, int b, const double *w, const double *g) {
-    const clothi_group *group = p->g;
-    int pairs = group->width * (group->width - 1) / 2, lane, k, q;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        double rows[4][9], cols[4][9];      /* w g_i and g_j, spread over the nine places */
-        if (group->id[b * CLOTHI_LANES + lane] < 0) continue;
-        for (k = 0; k < group->width; k++)
-            for (q = 0; q < 9; q++) {
-                rows[k][q] = w[lane] * g[(3 * k + q / 3) * CLOTHI_LANES + lane];
-                cols[k][q] = g[(3 * k + q % 3) * CLOTHI_LANES + lane];
-            }
-        for (k = 0; k < pairs; k++) {
-            int     slot = group->slot[(b * pairs + k) * CLOTHI_LANES + lane];
-            int     i = clothi_pair[k][slot & 1], j = clothi_pair[k][1 - (slot & 1)];
-            double *A = clothi_matrix_block(p->s->matrix, slot);
-            for (q = 0; q < 9; q++) A[q] += rows[i][q] * cols[j][q];
+#if defined(CLOTHI_AVX)
+/* out[lane] = numbers r0 r1 r2 r3 of four lanes. */
+CLOTHI_LANE void clothi_turn4(const double *H, int r0, int r1, int r2, int r3, __m256d *out) {
+    const __m256d a = _mm256_loadu_pd(H + r0 * CLOTHI_LANES);
+    const __m256d b = _mm256_loadu_pd(H + r1 * CLOTHI_LANES);
+    const __m256d c = _mm256_loadu_pd(H + r2 * CLOTHI_LANES);
+    const __m256d d = _mm256_loadu_pd(H + r3 * CLOTHI_LANES);
+    const __m256d ab0 = _mm256_unpacklo_pd(a, b), ab1 = _mm256_unpackhi_pd(a, b);
+    const __m256d cd0 = _mm256_unpacklo_pd(c, d), cd1 = _mm256_unpackhi_pd(c, d);
+    out[0] = _mm256_permute2f128_pd(ab0, cd0, 0x20);
+    out[1] = _mm256_permute2f128_pd(ab1, cd1, 0x20);
+    out[2] = _mm256_permute2f128_pd(ab0, cd0, 0x31);
+    out[3] = _mm256_permute2f128_pd(ab1, cd1, 0x31);
+}
+
+static void clothi_scatter_turned(const clothi_pass *p, const int *slot, const int *id,
+                                  const double *H) {
+    int half, k;
+    for (half = 0; half < CLOTHI_LANES; half += 4) {
+        __m256d head[2][4], tail[2][4];     /* as it is, and transposed */
+        clothi_turn4(H + half, 0, 1, 2, 3, head[0]);
+        clothi_turn4(H + half, 4, 5, 6, 7, tail[0]);
+        clothi_turn4(H + half, 0, 3, 6, 1, head[1]);
+        clothi_turn4(H + half, 4, 7, 2, 5, tail[1]);
+        for (k = 0; k < 4; k++) {
+            int     at = slot[half + k];
+            double *A = clothi_matrix_block(p->s->matrix, at);
+            if (id[half + k] < 0) continue;
+            _mm256_storeu_pd(A, _mm256_add_pd(_mm256_loadu_pd(A), head[at & 1][k]));
+            _mm256_storeu_pd(A + 4, _mm256_add_pd(_mm256_loadu_pd(A + 4), tail[at & 1][k]));
+            A[8] += H[8 * CLOTHI_LANES + half + k];
         }
+    }
+}
+#endif
+
+static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
+    const clothi_group *g = p->g;
+    int        pairs = g->width * (g->width - 1) / 2, k;
+    const int *id = g->id + (size_t)b * CLOTHI_LANES;
+    for (k = 0; k < pairs; k++) {
+        const int *slot = g->slot + (size_t)(b * pairs + k) * CLOTHI_LANES;
+#if defined(CLOTHI_AVX)
+        clothi_scatter_turned(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
+#else
+        clothi_scatter_plain(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
+#endif
     }
 }
 
@@ -6132,17 +6181,25 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
     }
 }
 
-/* The definite Hessian of eight hinges, c (1+s) dtheta dtheta', without forming it. */
-static void clothi_batch_outer(const clothi_pass *p, int b, const double *x, const double *rest,
-                               const double *damp) {
-    double one[CLOTHI_LANES], w[CLOTHI_LANES], g[12 * CLOTHI_LANES];
-    int    lane;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        one[lane] = 1;
-        w[lane] = rest[lane] * (damp ? 1 + damp[lane] : 1);
-    }
+/* The definite Hessian of eight hinges, c (1+s) dtheta dtheta': its off-diagonal blocks. */
+CLOTHI_HOT void clothi_hinge_definite(const double *CLOTHI_RESTRICT x,
+                                      const double *CLOTHI_RESTRICT rest, const double *damp,
+                                      double *CLOTHI_RESTRICT H) {
+    double one[CLOTHI_LANES], g[12 * CLOTHI_LANES], w[12 * CLOTHI_LANES];
+    int    lane, k, q;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) one[lane] = 1;
     clothi_hinge_turn(x, one, g);
-    clothi_scatter_outer(p, b, w, g);
+    for (k = 0; k < 12; k++)
+        for (lane = 0; lane < CLOTHI_LANES; lane++)
+            w[k * CLOTHI_LANES + lane] =
+                rest[lane] * (damp ? 1 + damp[lane] : 1) * g[k * CLOTHI_LANES + lane];
+    for (k = 0; k < 6; k++)
+        for (q = 0; q < 9; q++) {
+            const double *a = w + (3 * clothi_pair[k][0] + q / 3) * CLOTHI_LANES;
+            const double *b = g + (3 * clothi_pair[k][1] + q % 3) * CLOTHI_LANES;
+            for (lane = 0; lane < CLOTHI_LANES; lane++)
+                H[(9 * k + q) * CLOTHI_LANES + lane] = a[lane] * b[lane];
+        }
 }
 
 /* Batch b of a group: energy, element forces and Hessian as asked. */
@@ -6167,10 +6224,10 @@ static void clothi_batch(const clothi_pass *p, int b) {
                                      (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES
                                : NULL,
                        p->hess && !outer ? H : NULL);
-    if (p->hess && !outer)
-        clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
-    else if (p->hess)
-        clothi_batch_outer(p, b, x, el->rest + (size_t)b * 2 * CLOTHI_LANES, damp);
+    if (outer)
+        clothi_hinge_definite(x, el->rest + (size_t)b * 2 * CLOTHI_LANES, damp,
+                              H + 36 * CLOTHI_LANES);
+    if (p->hess) clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
 }
 
 static void clothi_pass_chunks(int begin, int end, int worker, void *ctx) {
@@ -6528,7 +6585,7 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
  *     G = A ( (S:Ea) I - F'((1+s) F Q + Fa S) - Fa' F S + s F_n' F_n Q ) Di'
  */
 
-typedef struct clothi_tri_parts {                 /* one triangle's matrices, row-major              */
+typedef struct clothi_tri_parts {           /* one triangle's matrices, row-major              */
     double Di[4], A, F[6], Fa[6], Fn[6];    /* F [3 x 2]                                       */
     double E[4], En[4], Ea[4];
 } clothi_tri_parts;
@@ -6599,8 +6656,8 @@ static void clothi_tri_rest(const cloth_params *p, int f, clothi_tri_parts *t) {
 }
 
 /* G of the banner for one triangle, into its rest corners. */
-static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q, double s,
-                                double *X) {
+static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q,
+                                double s, double *X) {
     double FQ[6], FaS[6], FS[6], FnQ[6], a[4], b[4], c[4], G[4], H[4];
     double SE = clothi_double_dot(S, t->Ea);
     int    k;
@@ -6720,7 +6777,9 @@ static void clothi_spring_vjp(const cloth_sim *s, const cloth_eval *e, int i, co
         cloth_material_lame(mat, &mu, &la);
         Y = clothi_young(mat);
         q = la + 2 * mu;
-        if (out->mu) out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) / (q * q);
+        if (out->mu)
+            out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) /
+                               (q * q);
         if (out->lambda) out->lambda[region] += V * A / (L * L) * 4 * mu * mu / (q * q);
         if (out->damping && e->h > 0) out->damping[region] += k * (l - ln) * u_da / (e->h * n);
         if (out->X)
@@ -6823,7 +6882,8 @@ static void clothi_quadratic_face_vjp(const cloth_sim *s, const cloth_params *p,
 static void clothi_quadratic_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
                                  cloth_vjp *out) {
     const cloth_model *m = s->model;
-    const int *v = m->topology->hinges + 4 * (size_t)h, *f = m->topology->hinge_faces + 2 * (size_t)h;
+    const int *v = m->topology->hinges + 4 * (size_t)h;
+    const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     double     rest[5 * CLOTHI_LANES], tau, rate, c, r[3], rn[3], ra[3], now = 0, start = 0, dw[4];
     clothi_hinge_vjp_parts d;
     int        i, k;
@@ -8881,7 +8941,8 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  *                                   within 5 % of L of the elastica; below ~1.5 all is linear
  *              h omega_m            omega_m = 2 sqrt(2 Y/rho)/e, the stiffest membrane mode:
  *                                   below 2 an explicit step is stable
- *              h omega_b            omega_b = 4 sqrt(D/rho) pi/e^2 /pi: the stiffest bending mode
+ *              h omega_b            omega_b = 8 sqrt(D/rho)/(sqrt(3/4) e^2), the stiffest bending
+ *                                   mode of a grid of squares of the same area
  *              sqrt(2 g L) h / e    edges that a falling corner crosses in a step
  *              (h omega_1)^2        energy that implicit Euler takes a step from the slowest
  *                                   swing, omega_1 = sqrt(g/L)
@@ -8890,12 +8951,66 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  * checked: tests/test_advise.c
  */
 
+typedef struct clothi_scene {               /* what the groups are made of                     */
+    double Y, D, rho, L, edge, g;
+} clothi_scene;
+
+static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene) {
+    const cloth_material *mat = desc->nregions > 0 ? desc->materials : &desc->material;
+    double       low[3], high[3], area = 0, *X;
+    cloth_status status;
+    int          i, k, nf = desc->nf;
+    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
+    if (!X) return CLOTH_ERR_MEMORY;
+    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
+    for (i = 0; i < nf && !status; i++) area += clothi_rest_area(X, i);
+    clothi_free(&desc->hooks, X);
+    scene->Y = clothi_young(mat);
+    scene->D = cloth_material_rigidity(mat);
+    scene->rho = mat->density;
+    scene->g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
+    scene->edge = sqrt(4 / sqrt(3.0) * area / nf);
+    scene->L = 0;
+    for (k = 0; k < 3; k++) {
+        low[k] = high[k] = desc->x_rest[k];
+        for (i = 0; i < desc->nv; i++) {
+            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
+            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
+        }
+        scene->L = fmax(scene->L, high[k] - low[k]);
+    }
+    return status;
+}
+
+/* The rungs that the groups imply; swing = sqrt(g/L), 1/s. */
+static void clothi_advise_rungs(const cloth_desc *desc, const clothi_scene *sc, double swing,
+                                double h, double tolerance, cloth_advice *advice) {
+    advice->membrane = tolerance > 0.02 * sc->L ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK;
+    /* what bending moves at the edge of a fold is about L (rho g L^3/D)^(-1/3) long */
+    if (!(sc->D > 0) || pow(advice->gravity_bending, -1.0 / 3) * sc->L < 0.1 * tolerance)
+        advice->bend = CLOTH_BEND_NONE;
+    else if (tolerance > 0.01 * sc->L && desc->rest_angle == CLOTH_REST_ANGLE_FLAT)
+        advice->bend = CLOTH_BEND_QUADRATIC;
+    else
+        advice->bend = CLOTH_BEND_HINGE;
+    /* a hundred force evaluations cost about what a converged implicit step does */
+    if (advice->leapfrog_substeps <= 100)
+        advice->integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    else if (0.5 * h * swing * sc->L > tolerance)
+        advice->integrator = CLOTH_INTEGRATOR_BDF2;
+    else
+        advice->integrator = CLOTH_INTEGRATOR_EULER;
+    advice->contact = desc->contact;
+    advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
+                    ? fmin(h, 2 * tolerance / (swing * sc->L))
+                    : fmin(h, sqrt(tolerance / sc->L) / swing);
+}
+
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
                                     cloth_advice *advice) {
-    const cloth_material *mat;
-    double       Y, D, rho, low[3], high[3], L = 0, area = 0, edge, g, period, *X = NULL;
+    clothi_scene sc;
+    double       swing;
     cloth_status status;
-    int          i, k, nf;
     if (!desc || !advice) return CLOTH_ERR_ARGUMENT;
     memset(advice, 0, sizeof *advice);
     if (desc->cookie != CLOTHI_COOKIE) return CLOTH_ERR_UNINIT;
@@ -8904,52 +9019,19 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
                            "cloth_advise: h = %g and tolerance = %g must be finite and > 0", h,
                            tolerance);
     status = clothi_check_desc(desc);
+    if (!status) status = clothi_scene_of(desc, &sc);
     if (status) return status;
-    nf = desc->nf;
-    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
-    if (!X) return CLOTH_ERR_MEMORY;
-    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
-    if (status) goto done;
-    mat = desc->nregions > 0 ? desc->materials : &desc->material;
-    Y = clothi_young(mat);
-    D = cloth_material_rigidity(mat);
-    rho = mat->density;
-    g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
-    for (i = 0; i < nf; i++) area += clothi_rest_area(X, i);
-    edge = sqrt(4 / sqrt(3.0) * area / nf);     /* of the equilateral triangle of mean area */
-    for (k = 0; k < 3; k++) {
-        low[k] = high[k] = desc->x_rest[k];
-        for (i = 0; i < desc->nv; i++) {
-            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
-            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
-        }
-        L = fmax(L, high[k] - low[k]);
-    }
-    period = sqrt(g > 0 ? g / L : 1);
-    advice->gravity_bending = D > 0 ? rho * g * L * L * L / D : HUGE_VAL;
-    advice->step_membrane = h * 2 * sqrt(2 * Y / rho) / edge;
-    advice->step_bending = h * 4 * sqrt(D / rho) * 3.14159265358979 / (edge * edge);
-    advice->self_reach = sqrt(2 * g * L) * h / edge;
-    advice->euler_loss = h * period * (h * period);
+    swing = sqrt(sc.g > 0 ? sc.g / sc.L : 1);
+    advice->gravity_bending = sc.D > 0 ? sc.rho * sc.g * sc.L * sc.L * sc.L / sc.D : HUGE_VAL;
+    advice->step_membrane = h * 2 * sqrt(2 * sc.Y / sc.rho) / sc.edge;
+    advice->step_bending = h * 8 * sqrt(sc.D / sc.rho) / (sqrt(0.75) * sc.edge * sc.edge);
+    advice->self_reach = sqrt(2 * sc.g * sc.L) * h / sc.edge;
+    advice->euler_loss = h * swing * (h * swing);
     advice->leapfrog_substeps =
-        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) / 0.9));
-    advice->membrane = tolerance > 0.02 * L ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK;
-    advice->bend = !(D > 0) || pow(advice->gravity_bending, -1.0 / 3) * L < 0.1 * tolerance
-                       ? CLOTH_BEND_NONE
-                       : tolerance > 0.01 * L && desc->rest_angle == CLOTH_REST_ANGLE_FLAT
-                             ? CLOTH_BEND_QUADRATIC
-                             : CLOTH_BEND_HINGE;
-    /* a force evaluation costs about a thirtieth of a CG solve's share of an implicit step */
-    advice->integrator = advice->leapfrog_substeps <= 100 ? CLOTH_INTEGRATOR_LEAPFROG
-                         : 0.5 * h * period * L > tolerance ? CLOTH_INTEGRATOR_BDF2
-                                                            : CLOTH_INTEGRATOR_EULER;
-    advice->contact = desc->contact;
-    advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
-                    ? fmin(h, 2 * tolerance / (period * L))
-                    : fmin(h, sqrt(tolerance / L) / period);
-done:
-    clothi_free(&desc->hooks, X);
-    return status;
+        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) /
+                            CLOTHI_LEAP_SAFETY));
+    clothi_advise_rungs(desc, &sc, swing, h, tolerance, advice);
+    return CLOTH_OK;
 }
 
 #ifdef __cplusplus
@@ -8958,5 +9040,29 @@ done:
 #endif /* CLOTHSIM_IMPLEMENTATION */
 
 /* ===== [11.1] CHANGES AND LICENCE ============================================================
- * 0.1.0  first version.
+ * Newest first. [api] a call or struct changed, [numbers] results change, [fix] a fault mended.
+ *
+ * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
+ *
+ * MIT License
+ *
+ * Copyright (c) 2026 the clothsim authors
+ *
+ * Permission is hereby granted, free of charge, to any person obtaining a copy
+ * of this software and associated documentation files (the "Software"), to deal
+ * in the Software without restriction, including without limitation the rights
+ * to use, copy, modify, merge, publish, distribute, sublicense, and/or sell
+ * copies of the Software, and to permit persons to whom the Software is
+ * furnished to do so, subject to the following conditions:
+ *
+ * The above copyright notice and this permission notice shall be included in all
+ * copies or substantial portions of the Software.
+ *
+ * THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR
+ * IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY,
+ * FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE
+ * AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
+ * LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM,
+ * OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE
+ * SOFTWARE.
  */

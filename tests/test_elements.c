@@ -758,8 +758,15 @@ static double damped_energy(const double *y, const damped *d, double *g, double 
         to_lane(d->n, 3, k, n);
         damp[k] = d->damp;
     }
-    if (d->corners == 3) clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
-    else clothi_hinge_lanes(x, rest, n, damp, E, Ed, NULL, f, H, psd);
+    if (d->corners == 3) {
+        clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
+    } else {
+        double theta[LANES], angle[LANES], fast[12 * LANES];
+        clothi_hinge_lanes(x, rest, n, damp, E, Ed, theta, f, H, psd);
+        clothi_hinge_forces_damped(x, rest, n, damp, angle, fast);
+        CHECK(ref_difference(fast, f, 12 * LANES) < 1e-13);
+        CHECK(ref_difference(angle, theta, LANES) <= 0.0);
+    }
     if (g) from_lane(f, 3 * d->corners, 5, g);
     if (full) full_hessian(H, d->corners, 5, full);
     return E[5] + Ed[5];

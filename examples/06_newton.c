@@ -95,8 +95,7 @@ static int solve(const double *g, double *dx) {
     return negative;
 }
 
-/* Returns what sort of point the minimiser ended on. */
-static const char *minimise(const char *name, int way) {
+static const char *minimise(const char *name, int way) {    /* returns what it ended on */
     static double x[N], trial[N], g[N], dx[N];
     cloth_report  report;
     double value, slope, big = 1, a = 1;

@@ -5682,7 +5682,8 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
     for (i = 0; i < p->n; i++) {
         const double *D = A->diag + 9 * (size_t)p->row_of[i], *u = x + 3 * (size_t)i;
         for (a = 0; a < 3; a++)
-            y[3 * (size_t)i + (size_t)a] = D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
+            y[3 * (size_t)i + (size_t)a] =
+                D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
     }
     for (i = 0; i < p->n; i++)
         for (k = p->row[i]; k < p->row[i + 1]; k++) {
@@ -6292,8 +6293,8 @@ CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const 
 }
 
 /* Blocks [k0, k1) of row i: into Z of the row, and into V of the columns with scaling. */
-CLOTHI_LANE void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
-                                     clothi_tally *y, const int w) {
+CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+                                  clothi_tally *y, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const int mi = clothi_mask(s, i);
@@ -6322,6 +6323,13 @@ CLOTHI_LANE void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int 
         clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
     }
     y->trace += 2 * trace;
+}
+
+/* One copy of the code for each precision: it is called from three places. */
+CLOTHI_HOT void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+                                    clothi_tally *y, int w) {
+    if (w) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
+    else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
 }
 
 /* Z and V of rows [begin, end) to zero, then D into V. */
@@ -7460,8 +7468,9 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
-                                        double low, int open) {
+CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks,
+                                                       const char *field, double a, double low,
+                                                       int open) {
     if (!clothi_finite(a))
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
     if (a < low || (open && !(a > low)))
@@ -7627,7 +7636,8 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
 
 /* --- copies --- */
 
-CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count,
+                                         size_t size) {
     void *to = clothi_alloc(hooks, count, size);
     if (to && from) memcpy(to, from, count * size);
     return to;

@@ -1,6 +1,5 @@
 /* elastica.c - a strip that is clamped level and bends under its weight: the heavy elastica.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/elastica.c -lm -o elastica && ./elastica
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. validate/elastica.c -lm
  *
  *   theta'' = -Gamma (1 - s) cos theta,  theta(0) = 0,  theta'(1) = 0,  Gamma = rho g L^3/D
  *

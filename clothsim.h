@@ -1330,12 +1330,12 @@ typedef struct clothi_text {
     int  n;
 } clothi_text;
 
-static void clothi_text_char(clothi_text *t, char c) {
+CLOTHI_OUTLINE static void clothi_text_char(clothi_text *t, char c) {
     if (t->n < (int)sizeof t->buf - 1) t->buf[t->n++] = c;
     t->buf[t->n] = '\0';
 }
 
-static void clothi_text_string(clothi_text *t, const char *s) {
+CLOTHI_OUTLINE static void clothi_text_string(clothi_text *t, const char *s) {
     while (s && *s) clothi_text_char(t, *s++);
 }
 
@@ -1349,7 +1349,7 @@ static void clothi_text_uint(clothi_text *t, uint64_t u) {
     while (n) clothi_text_char(t, digits[--n]);
 }
 
-static void clothi_text_int(clothi_text *t, long long i) {
+CLOTHI_OUTLINE static void clothi_text_int(clothi_text *t, long long i) {
     if (i < 0) clothi_text_char(t, '-');
     clothi_text_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
 }
@@ -1509,7 +1509,7 @@ typedef struct clothi_triangle {
 } clothi_triangle;
 
 /* Largest magnitude of a [n]. */
-static double clothi_max_abs(const double *a, int n) {
+CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
     double max = 0;
     int    i;
     for (i = 0; i < n; i++) max = fabs(a[i]) > max ? fabs(a[i]) : max;
@@ -7675,7 +7675,7 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
 }
 
 /* Rest area of face f; sign as the corners turn. */
-static double clothi_rest_area(const double *X, int f) {
+CLOTHI_OUTLINE static double clothi_rest_area(const double *X, int f) {
     const double *c = X + 6 * (size_t)f;
     return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
 }
@@ -7916,7 +7916,7 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 /* --- hash, create, destroy --- */
 
 /* 64-bit FNV-1a over 8-byte words, then the tail byte by byte: equal bytes, equal hash. */
-static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
+CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
     const unsigned char *p = (const unsigned char *)data;
     for (; size >= 8; size -= 8, p += 8) {
         uint64_t word;
@@ -8184,7 +8184,7 @@ typedef struct clothi_hinge_rest {
     double e2, A1, A2, bending, damping;
 } clothi_hinge_rest;
 
-static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p, int h) {
+CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p, int h) {
     const int *v = m->topology->hinges + 4 * (size_t)h;
     const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     const cloth_material *a = p->material + m->region[f[0]], *b = p->material + m->region[f[1]];
@@ -9022,7 +9022,7 @@ static void clothi_attach_goal(const cloth_sim *s, const clothi_attach *q, doubl
 }
 
 /* r = p - goal at x. */
-static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q, const double *x,
+CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q, const double *x,
                               double *r) {
     const int *v = s->model->faces + 3 * q->face;
     double     goal[3];
@@ -9191,7 +9191,7 @@ typedef struct clothi_tri_parts {           /* one triangle's matrices, row-majo
 } clothi_tri_parts;
 
 /* F [3 x 2] = edges of a at the corners v, times Di. */
-static void clothi_tri_gradient(const double *a, const int *v, const double *Di, double *F) {
+CLOTHI_OUTLINE static void clothi_tri_gradient(const double *a, const int *v, const double *Di, double *F) {
     int k;
     for (k = 0; k < 3; k++) {
         double p = a[3 * v[1] + k] - a[3 * v[0] + k], q = a[3 * v[2] + k] - a[3 * v[0] + k];
@@ -9201,7 +9201,7 @@ static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
 }
 
 /* out [2 x 2] = F' G. */
-static void clothi_ftg(const double *F, const double *G, double *out) {
+CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
     out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
     out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
     out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
@@ -9209,7 +9209,7 @@ static void clothi_ftg(const double *F, const double *G, double *out) {
 }
 
 /* out [3 x 2] = F S, S [2 x 2]. */
-static void clothi_fs(const double *F, const double *S, double *out) {
+CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
     int k;
     for (k = 0; k < 3; k++) {
         out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
@@ -9233,7 +9233,7 @@ static double clothi_double_dot(const double *a, const double *b) {
 }
 
 /* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
-static void clothi_tri_spread(const double *G, const double *Di, const int *v, double scale,
+CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v, double scale,
                               double *out) {
     int k;
     for (k = 0; k < 3; k++) {
@@ -9324,7 +9324,7 @@ static void clothi_triangle_vjp(const cloth_sim *s, const cloth_eval *e, int f, 
  *   k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
 
 /* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
-static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f, int va, int vb,
+CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f, int va, int vb,
                             double de2, double dA, double *X) {
     const int    *face = s->model->faces + 3 * (size_t)f;
     const double *c = p->X + 6 * (size_t)f;
@@ -9799,7 +9799,7 @@ static void clothi_tie_matrix(cloth_sim *s) {
 }
 
 /* phi at x; value, gradient [nv x 3] and the matrix as asked (NULL, 0: not). */
-static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const double *x,
+CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const double *x,
                                      double *grad, int hess, int psd, double *value) {
     const cloth_model *m = s->model;
     int            chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
@@ -9885,7 +9885,7 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
 }
 
 /* rhs = -g over leaders and free unknowns. */
-static void clothi_newton_rhs(cloth_sim *s) {
+CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
     int i, n = 3 * s->model->nv;
     memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
     clothi_tie_gradient(s->model, s->w.rhs);
@@ -9893,7 +9893,7 @@ static void clothi_newton_rhs(cloth_sim *s) {
 }
 
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
-static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                        double *a, cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       rounding = 4e-15 * goal->magnitude, value = 0;
@@ -9918,7 +9918,7 @@ static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_n
 }
 
 /* Hessian at w.x: exact, or the definite model. */
-static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int exact,
+CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int exact,
                                            cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       magnitude = goal->magnitude;           /* of the value, not asked here */
@@ -9931,7 +9931,7 @@ static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int 
 }
 
 /* One linear solve, w.dx = H^-1 w.rhs. radius > 0 (m): inside a trust region. */
-static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance, double radius,
+CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance, double radius,
                                         int cholesky, cloth_report *report,
                                         cloth_linear_report *lr) {
     const double         start = clothi_now(&s->hooks);
@@ -10123,7 +10123,7 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
 }
 
 /* Pin goals of this substep: alpha of the way from the step's start to the targets. */
-static void clothi_pin_goals(cloth_sim *s, double alpha) {
+CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s, double alpha) {
     int i, n = 3 * s->model->nv;
     s->attach_alpha = alpha;
     for (i = 0; i < n; i++)
@@ -10156,7 +10156,7 @@ static void clothi_guess(cloth_sim *s, double h) {
         }
 }
 
-static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
+CLOTHI_OUTLINE static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
     memset(goal, 0, sizeof *goal);
     goal->e.model = s->model;
     goal->e.params = &s->params;
@@ -10786,7 +10786,7 @@ static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
 }
 
 /* Energies at x, v without inertia; gradient into w.grad when asked. */
-static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
+CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
                                      cloth_ledger *l) {
     clothi_goal  goal;
     cloth_status status = CLOTH_OK;
@@ -11314,7 +11314,7 @@ CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, void *data, size_t 
 }
 
 /* Arrays that are there only after first use are saved as zeros until then. */
-static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
+CLOTHI_OUTLINE static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
     static const double zero[64] = {0};
     size_t              k;
     if (data) {
@@ -11596,7 +11596,7 @@ CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model) {
 }
 
 /* Area-weighted normal of vertex i: the sum of its faces' cross products. */
-static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
+CLOTHI_OUTLINE static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
     const cloth_topology *t = s->model->topology;
     double                a[3], b[3], c[3], len;
     int                   k;

@@ -88,6 +88,7 @@ static void thresholds(void) {
     const int count = (int)(sizeof mesh / sizeof *mesh);
     double    coarse = 0;
     int       k;
+    if (!scene_can_factor()) SKIP("needs the sparse Cholesky");
     printf("  width/L    mesh    Gamma     last step  over nu = 0.3  (lattice)  over nu = 0\n");
     for (k = 0; k < count; k++) {
         double w, change, g;

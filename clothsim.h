@@ -6216,8 +6216,8 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
 }
 
 /* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
-CLOTHI_LANE void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
-                                    const int w) {
+CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                   const int w) {
     const clothi_store *st = &s->store[w];
     const double        least = w ? 1e-13 : 1e-7;
     int i, c;
@@ -6259,6 +6259,12 @@ CLOTHI_LANE void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, 
         if (r > y->top) y->top = r;
     }
     if (i < end && y->bad < 0) y->bad = i;
+}
+
+CLOTHI_HOT void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                   int w) {
+    if (w) clothi_factor_any(s, begin, end, y, 1);
+    else clothi_factor_any(s, begin, end, y, 0);
 }
 
 /* The record (u lane 0) a + (lane 1) b + (lane 2) c. */

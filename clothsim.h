@@ -8190,7 +8190,8 @@ typedef struct clothi_hinge_rest {
     double e2, A1, A2, bending, damping;
 } clothi_hinge_rest;
 
-CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p, int h) {
+CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m,
+                                                        const cloth_params *p, int h) {
     const int *v = m->topology->hinges + 4 * (size_t)h;
     const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     const cloth_material *a = p->material + m->region[f[0]], *b = p->material + m->region[f[1]];
@@ -9028,7 +9029,8 @@ static void clothi_attach_goal(const cloth_sim *s, const clothi_attach *q, doubl
 }
 
 /* r = p - goal at x. */
-CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q, const double *x,
+CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q,
+                                             const double *x,
                               double *r) {
     const int *v = s->model->faces + 3 * q->face;
     double     goal[3];
@@ -9197,7 +9199,8 @@ typedef struct clothi_tri_parts {           /* one triangle's matrices, row-majo
 } clothi_tri_parts;
 
 /* F [3 x 2] = edges of a at the corners v, times Di. */
-CLOTHI_OUTLINE static void clothi_tri_gradient(const double *a, const int *v, const double *Di, double *F) {
+CLOTHI_OUTLINE static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
+                                               double *F) {
     int k;
     for (k = 0; k < 3; k++) {
         double p = a[3 * v[1] + k] - a[3 * v[0] + k], q = a[3 * v[2] + k] - a[3 * v[0] + k];
@@ -9239,7 +9242,8 @@ static double clothi_double_dot(const double *a, const double *b) {
 }
 
 /* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
-CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v, double scale,
+CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v,
+                                             double scale,
                               double *out) {
     int k;
     for (k = 0; k < 3; k++) {
@@ -9330,7 +9334,8 @@ static void clothi_triangle_vjp(const cloth_sim *s, const cloth_eval *e, int f, 
  *   k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
 
 /* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
-CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f, int va, int vb,
+CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f,
+                                           int va, int vb,
                             double de2, double dA, double *X) {
     const int    *face = s->model->faces + 3 * (size_t)f;
     const double *c = p->X + 6 * (size_t)f;
@@ -9805,7 +9810,8 @@ static void clothi_tie_matrix(cloth_sim *s) {
 }
 
 /* phi at x; value, gradient [nv x 3] and the matrix as asked (NULL, 0: not). */
-CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const double *x,
+CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal,
+                                                    const double *x,
                                      double *grad, int hess, int psd, double *value) {
     const cloth_model *m = s->model;
     int            chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
@@ -9899,7 +9905,8 @@ CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
 }
 
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
-CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal,
+                                                      clothi_newton *nt,
                                        double *a, cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       rounding = 4e-15 * goal->magnitude, value = 0;
@@ -9924,7 +9931,8 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
 }
 
 /* Hessian at w.x: exact, or the definite model. */
-CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int exact,
+CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
+                                                          int exact,
                                            cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       magnitude = goal->magnitude;           /* of the value, not asked here */
@@ -9937,7 +9945,8 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
 }
 
 /* One linear solve, w.dx = H^-1 w.rhs. radius > 0 (m): inside a trust region. */
-CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance, double radius,
+CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
+                                                       double radius,
                                         int cholesky, cloth_report *report,
                                         cloth_linear_report *lr) {
     const double         start = clothi_now(&s->hooks);
@@ -10792,7 +10801,8 @@ static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
 }
 
 /* Energies at x, v without inertia; gradient into w.grad when asked. */
-CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
+CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v,
+                                                    int grad,
                                      cloth_ledger *l) {
     clothi_goal  goal;
     cloth_status status = CLOTH_OK;

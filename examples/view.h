@@ -1123,6 +1123,18 @@ static inline view *view_open(const char *title, const char *caption) {
     return v;
 }
 
+/* Another caption, for figures that are known only after the run. */
+static inline void view_caption(view *v, const char *caption) {
+    char *copy = v != NULL ? view_copy(caption) : NULL;
+    if (v == NULL) return;
+    if (copy == NULL) {
+        view_fail(v, "out of memory");
+        return;
+    }
+    free(v->caption);
+    v->caption = copy;
+}
+
 /* The axis that points up: 1 for y (the default), 2 for z. */
 static inline void view_up(view *v, int axis) {
     if (v != NULL) v->up = axis == 2 ? 2 : 1;

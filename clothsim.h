@@ -7029,12 +7029,12 @@ static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) 
         clothi_metres(&s->store[s->wide], z, i, x + 3 * (size_t)s->p->vertex_of[i], s->wide);
 }
 
-/* r = G^-1 b and P'b (into cd, its parts by leaf first). */
-static void clothi_start_rows(cloth_linear_solver *s, int begin, int end) {
+/* r = G^-1 b, cd = P'b. */
+CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, const int w) {
     const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[s->wide];
+    const clothi_store  *st = &s->store[w];
     int i, k, c;
-    for (i = begin; i < end; i++) {
+    for (i = 0; i < p->n; i++) {
         const double *b = s->b + 3 * (size_t)p->vertex_of[i];
         const int     m = clothi_mask(s, i);
         double        u[3], r;
@@ -7044,34 +7044,32 @@ static void clothi_start_rows(cloth_linear_solver *s, int begin, int end) {
         }
         for (k = 0; k < 3; k++) {
             for (c = 0, r = 0; c <= k; c++)
-                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), s->wide) * u[c];
-            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, s->wide);
+                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), w) * u[c];
+            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, w);
         }
-        clothi_put(st->r, 4 * (size_t)i + 3, 0, s->wide);
+        clothi_put(st->r, 4 * (size_t)i + 3, 0, w);
     }
 }
 
 /* The coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
-static void clothi_start_coarse(cloth_linear_solver *s) {
+CLOTHI_LANE void clothi_start_coarse(cloth_linear_solver *s, const int w) {
     const cloth_pattern *p = s->p;
-    clothi_store        *st = &s->store[s->wide];
-    int i, k, a, c, w = s->wide;
+    const clothi_store  *st = &s->store[w];
+    int i, k;
     for (i = 0; i < p->n; i++) {
-        const size_t at = 4 * (size_t)i;
-        for (a = 0; a < 4; a++) {
-            double x = 0, r = clothi_get(st->r, at + (size_t)a, w);
-            for (k = p->zp[i]; k < p->zp[i + 1]; k++)
-                for (c = 0; c < 3 && a < 3; c++)
-                    r -= clothi_get(st->Z, 12 * (size_t)k + (size_t)(4 * a + c), w) *
-                         clothi_get(st->m, 4 * (size_t)p->zj[k] + (size_t)c, w);
-            for (c = 0; c < 3 && p->agg[i] >= 0; c++)
-                x += clothi_get(st->P, 12 * (size_t)i + (size_t)(4 * c + a), w) *
-                     clothi_get(st->m, 4 * (size_t)p->agg[i] + (size_t)c, w);
-            clothi_put(st->r, at + (size_t)a, r, w);
-            clothi_put(st->x, at + (size_t)a, x, w);
+        const size_t at = (size_t)i;
+        clothi_v4    a = clothi_zero4(), b = a, c = a, x = a;
+        for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
+            const clothi_v4 u = clothi_load4(st->m, (size_t)p->zj[k], w);
+            a = clothi_madd4(a, clothi_load4(st->Z, 3 * (size_t)k, w), u, w);
+            b = clothi_madd4(b, clothi_load4(st->Z, 3 * (size_t)k + 1, w), u, w);
+            c = clothi_madd4(c, clothi_load4(st->Z, 3 * (size_t)k + 2, w), u, w);
         }
+        if (p->agg[i] >= 0) x = clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w);
+        clothi_store4(st->x, at, x, w);
+        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
+                                             clothi_rows4(a, b, c, w), w), w);
     }
-    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
 }
 
 typedef struct clothi_cg {                  /* a run's numbers                                 */
@@ -7094,19 +7092,22 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 
 /* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
  * then shortened to it. */
-static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
+CLOTHI_HOT int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
     clothi_store *st = &s->store[s->wide];
     const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
     const int     n3 = 3 * s->p->nc;
     double        cs = 0, big = 0, u[3];
     int           i, k;
     memset(s->cd, 0, (size_t)n3 * sizeof(double));
-    clothi_start_rows(s, 0, s->p->n);
+    if (s->wide) clothi_start_rows(s, 1);
+    else clothi_start_rows(s, 0);
     for (i = 0; i < n3; i++) s->cd[n3 + i] = s->cd[i];  /* a pattern has a leaf: room for two */
     clothi_coarse_apply(s);
     for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
     memcpy(st->w, st->r, n * record);
-    clothi_start_coarse(s);
+    if (s->wide) clothi_start_coarse(s, 1);
+    else clothi_start_coarse(s, 0);
+    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
     g->c0 = clothi_forward(s, st->w) + cs;
     g->Q = 0.5 * cs;
     for (i = 0; i < s->p->n && s->radius_on; i++) {

@@ -6485,6 +6485,10 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
  * stretch at its start, keeps CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the
  * substeps when the cloth stretched beyond that within it.
  *
+ * Leapfrog keeps its energy while its substep stays the same; a substep that changes with every
+ * frame heats the cloth (a swinging sheet gained 16 % in 30 s). So the number of substeps is
+ * rounded up to 1, 2, 3, 4, 6, 8, 12, .., which it leaves seldom (3 %).
+ *
  *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
  *
  * Cost: nf + nh element forces a substep; omega ~ sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
@@ -6494,6 +6498,7 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
 #define CLOTHI_LEAP_SAFETY  0.9             /* of the stability limit                          */
 #define CLOTHI_LEAP_MARGIN  1.02            /* for the power method's shortfall                 */
 #define CLOTHI_LEAP_POWER   60              /* power iterations, once per set of params        */
+#define CLOTHI_LEAP_WATCH   4               /* substeps between looks at the stretch           */
 #define CLOTHI_LEAP_RETRIES 6               /* doublings of the substeps within one step       */
 
 typedef struct clothi_leap {
@@ -6677,8 +6682,8 @@ static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omeg
     return omega > 0 ? 2 / omega * (sqrt(1 + z * z) - z) : HUGE_VAL;
 }
 
-/* m substeps from w.x0, w.v0 to w.x and w.trial (the velocity). */
-static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps) {
+/* m substeps from w.x0, w.v0 to w.x and w.trial (the velocity). *tangent: the largest factor met. */
+static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent) {
     const cloth_model *m = s->model;
     int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
     double       hs = h / substeps;
@@ -6702,12 +6707,21 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps) {
         p.kick = k == 0 || k == substeps ? 0.5 * hs : hs;
         p.drift = k < substeps ? hs : 0;
         p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
+        if (k == substeps || k % CLOTHI_LEAP_WATCH == 1)
+            *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x));
         if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
         if (!status && k < substeps && s->hooks.cancel.fn && k % 16 == 0 &&
             s->hooks.cancel.fn(s->hooks.cancel.user))
             status = CLOTH_ERR_CANCELLED;
     }
     return status;
+}
+
+/* The next of 1, 2, 3, 4, 6, 8, 12, .. that is at least m. */
+static int clothi_leap_substeps(int m) {
+    int power = 1;
+    while (2 * power <= m) power *= 2;
+    return m <= power ? power : 2 * m <= 3 * power ? 3 * power / 2 : 2 * power;
 }
 
 static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
@@ -6721,16 +6735,16 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
         return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
                            "LEAPFROG needs more than %i substeps of %g s", CLOTHI_MAX_SUBSTEPS,
                            limit);
-    m = s->model->desc.substeps > 0 ? s->model->desc.substeps : (int)ceil(h / limit);
-    if (m < 1) m = 1;
+    m = s->model->desc.substeps > 0 ? s->model->desc.substeps
+                                    : clothi_leap_substeps((int)ceil(h / limit));
     for (tries = 0; tries <= CLOTHI_LEAP_RETRIES; tries++, m *= 2) {
         double omega;
-        status = clothi_leap_run(s, h, m);
+        after = 0;
+        status = clothi_leap_run(s, h, m, &after);
         report->substeps += m;
         if (status) return status;
         if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) < 0 &&
             clothi_find_nonfinite(s->w.trial, 3 * (size_t)s->model->nv) < 0) {
-            after = clothi_leap_tangent(s, s->w.x);
             if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
                 size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
                 memcpy(s->state.x, s->w.x, bytes);

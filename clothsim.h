@@ -5757,7 +5757,7 @@ static void clothi_terms_install(cloth_sim *s) {
  * pass, and the next iteration needs the Hessian only. Near the minimum the decrease drowns in
  * the rounding of phi, of the order eps * (|inertia| + sum |terms|): that much is forgiven.
  * Where stiff and hardly strained, phi is rougher than that (strain is known to eps, so phi to eps
- * times force times position): an update below CLOTHI_TINY edges may show its decrease by the
+ * times force times position): a whole update below CLOTHI_TINY edges may show its decrease by the
  * slopes at its two ends instead, which have no such cancellation.
  * Secant steps beyond a = 1, second-order corrections and chord steps with the old matrix were
  * tried and lost.
@@ -5997,6 +5997,14 @@ static void clothi_newton_rhs(cloth_sim *s) {
     for (i = 0; i < n; i++) s->w.rhs[i] = s->fixed[i / 3] >> (i % 3) & 1 ? 0 : -s->w.rhs[i];
 }
 
+/* The elements are finite by promise: a host's term or contact is not. */
+static cloth_status clothi_nonfinite_terms(const cloth_sim *s, double value) {
+    ptrdiff_t at = clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv);
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE,
+                       "step: a term gave the energy %g, or a gradient that is not finite (vertex "
+                       "%i)", value, at < 0 ? -1 : (int)(at / 3));
+}
+
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
 static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                        double *a, cloth_report *report) {
@@ -6008,7 +6016,7 @@ static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_n
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + *a * s->w.dx[i];
         status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
         if (status || value <= nt->value + CLOTHI_ARMIJO * *a * nt->slope + rounding) break;
-        if (*a * nt->size < CLOTHI_TINY * s->edge) {    /* the trapezoid of the slopes instead */
+        if (k == 0 && nt->size < CLOTHI_TINY * s->edge) {   /* the trapezoid of the slopes */
             double slope = 0;
             for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
             if (slope <= (2 * CLOTHI_ARMIJO - 1) * nt->slope) break;
@@ -6017,7 +6025,9 @@ static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_n
     }
     s->ms.line_search += clothi_now(&s->hooks) - start;
     if (status) return status;
-    if (k > CLOTHI_HALVINGS) return CLOTH_ERR_STEP;
+    if (k > CLOTHI_HALVINGS)
+        return clothi_finite(value) ? CLOTH_ERR_STEP : clothi_nonfinite_terms(s, value);
+    if (clothi_find_nonfinite(s->w.grad, (size_t)n) >= 0) return clothi_nonfinite_terms(s, value);
     nt->value = value;
     return CLOTH_OK;
 }
@@ -6143,6 +6153,9 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     nt.size = HUGE_VAL;
     if (s->contact_on) status = s->contact.update(s->contact.user, s->w.x);
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
+    if (!status && (!clothi_finite(nt.value) ||
+                    clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))
+        status = clothi_nonfinite_terms(s, nt.value);
     if (status) return status;
     clothi_newton_rhs(s);
     if (clothi_rest_measure(s, goal) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
@@ -6190,17 +6203,20 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
  * checked: tests/test_order.c (orders 1 and 2), tests/validate/
  */
 
+/* Where unknown i would go without forces. */
+static double clothi_predicted(const cloth_sim *s, double h, int bdf2, int i) {
+    const double *x = s->state.x, *v = s->state.v;
+    return bdf2 ? (4 * x[i] - s->x_prev[i]) / 3 + 2 * h / 9 * (4 * v[i] - s->v_prev[i])
+                : x[i] + h * v[i];
+}
+
 /* Fills w.y and eta for a substep of h; returns whether BDF2's history was used. */
 static int clothi_predict(cloth_sim *s, double h, double *eta) {
-    const double *x = s->state.x, *v = s->state.v;
     int i, n = 3 * s->model->nv;
     int bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && s->history &&
                fabs(h - s->h_prev) <= 1e-12 * h;
     *eta = bdf2 ? 2 * h / 3 : h;
-    for (i = 0; i < n; i++)
-        s->w.y[i] = bdf2 ? (4 * x[i] - s->x_prev[i]) / 3 +
-                               2 * h / 9 * (4 * v[i] - s->v_prev[i])
-                         : x[i] + h * v[i];
+    for (i = 0; i < n; i++) s->w.y[i] = clothi_predicted(s, h, bdf2, i);
     return bdf2;
 }
 
@@ -6747,6 +6763,9 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
             clothi_find_nonfinite(s->w.trial, 3 * (size_t)s->model->nv) < 0) {
             if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
                 size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+                int    i;
+                for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
+                    report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
                 memcpy(s->state.x, s->w.x, bytes);
                 memcpy(s->state.v, s->w.trial, bytes);
                 s->state.t += h;
@@ -6755,6 +6774,11 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
             }
         }
         if (s->model->desc.substeps > 0) break;
+    }
+    if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) >= 0) {
+        report->vertex = (int)(clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) / 3);
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
+                           report->vertex);
     }
     report->outcome = CLOTH_STEP_STALLED;
     return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
@@ -6864,7 +6888,7 @@ static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double
 }
 
 /* Work and losses of an implicit substep, from the gradient at its result w.x: what is left of
- * it on a pinned axis is the force that the support gives. */
+ * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives. */
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     cloth_ledger *l = &report->energy;
     double        value, big = 0;
@@ -6876,7 +6900,11 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     for (i = 0; i < n; i++) {
         double dx = s->w.x[i] - s->state.x[i];
         if (s->force_on) l->force_work += s->force[i] * dx;
-        if (s->pin[i / 3] >> (i % 3) & 1) l->pin_work += s->w.grad[i] * dx;
+        if (s->pin[i / 3] >> (i % 3) & 1) {
+            double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i), f = s->w.grad[i];
+            if (goal->eta > 0) f += s->params.mass[i / 3] * (s->w.x[i] - y) / (goal->eta * goal->eta);
+            l->pin_work += f * dx;
+        }
     }
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
         const clothi_attach *q = s->attach + i;

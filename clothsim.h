@@ -5768,7 +5768,8 @@ static void clothi_terms_install(cloth_sim *s) {
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m). A cloth at rest stops
  * before the first linear solve: for a convex E_pot |dx|_M <= eta^2 |g|_(M^-1), so that
  * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
- * of one gradient.
+ * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
+ * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
  *
  * checked: tests/test_newton.c, tests/test_step.c
  */
@@ -5777,6 +5778,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_HALVINGS     40
 #define CLOTHI_ARMIJO       1e-4
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
+#define CLOTHI_REST_TIME    (1.0 / 60)      /* s: see 'When to stop'                           */
 #define CLOTHI_TINY         1e-6            /* mean edges: updates judged by slopes too        */
 #define CLOTHI_EXACT        6e-3            /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
@@ -5976,7 +5978,7 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     int    exact;                           /* the exact Hessian is in use                     */
 } clothi_newton;
 
-/* Largest eta^2 |g| / m over the free unknowns, m. */
+/* Largest eta^2 |g| / m over the free unknowns, m; eta at least CLOTHI_REST_TIME. */
 static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
     double big = 0;
     int    i, k;
@@ -5986,7 +5988,7 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
                 double d = fabs(s->w.rhs[3 * i + k]) / s->params.mass[i];
                 if (d > big) big = d;
             }
-    return goal->eta * goal->eta * big;
+    return pow(clothi_max(goal->eta, CLOTHI_REST_TIME), 2) * big;
 }
 
 /* rhs = -g over leaders and free unknowns. */

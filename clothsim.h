@@ -38,21 +38,122 @@
  *     [11.1] CHANGES AND LICENCE
  */
 
-/* ===== [1.1] QUICK START ===================================================================== */
-/* ===== [1.2] WHAT IT DOES NOT DO ============================================================= */
-/* ===== [1.3] CONVENTIONS ===================================================================== */
-/* ===== [1.4] CONFIGURATION =================================================================== */
-/* ===== [1.5] REFERENCES ====================================================================== */
-/*
- * [BERGOU]  Bergou, Wardetzky, Harmon, Zorin, Grinspun, A quadratic bending model for inextensible
- *           surfaces, SGP 2006, 227-230.
- * [DRAPE22] Learning-based bending stiffness parameter estimation by a drape tester, ACM Trans.
- *           Graph. 41(6) 2022; its data set, repository DrapeTester/ClothDrapeTester.
- * [DS]      Grinspun, Hirani, Desbrun, Schroeder, Discrete shells, SCA 2003, 62-67.
- * [StVK]    Bonet, Wood, Nonlinear continuum mechanics for finite element analysis, Cambridge 2008,
- *           section 6.4 (St.Venant-Kirchhoff material).
- * [WOR11]   Wang, O'Brien, Ramamoorthi, Data-driven elastic models for cloth: modeling and
- *           measurement, ACM Trans. Graph. 30(4) 2011, doi 10.1145/2010324.1964966.
+/* ===== [1.1] QUICK START =====================================================================
+ *
+ * A sheet, pinned at two corners, falls and swings for a second (examples/01_hang.c).
+ *
+ * ---- 01_hang.c ----
+ *     #define CLOTHSIM_IMPLEMENTATION
+ *     #include "clothsim.h"
+ *     #include <stdio.h>
+ *
+ *     int main(void) {
+ *         cloth_mesh  *sheet = NULL;
+ *         cloth_model *model = NULL;
+ *         cloth_sim   *sim = NULL;
+ *         cloth_pin    pins[2] = {{0, CLOTH_AXIS_ALL}, {19, CLOTH_AXIS_ALL}};  // two corners
+ *         cloth_desc   desc = cloth_desc_default();                           // always start here
+ *         int          frame;
+ *
+ *         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 20, 20, 1.0, 1.0, &sheet)) return 1;
+ *         desc.nv = sheet->nv, desc.x_rest = sheet->x;                        // metres
+ *         desc.nf = sheet->nf, desc.faces = sheet->faces;
+ *         desc.npins = 2, desc.pins = pins;
+ *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
+ *         for (frame = 0; frame < 60; frame++)
+ *             if (cloth_step(sim, 1.0 / 60, NULL)) return 1;                  // seconds
+ *         printf("after %.3f s the far corner is at y = %.2f m\n", cloth_sim_state(sim)->t,
+ *                cloth_sim_state(sim)->x[3 * 399 + 1]);
+ *         cloth_sim_destroy(sim), cloth_model_destroy(model), cloth_mesh_destroy(NULL, sheet);
+ *         return 0;
+ *     }
+ * ---- end ----
+ */
+
+/* ===== [1.2] WHAT IT DOES NOT DO =============================================================
+ *
+ * No remeshing, tearing, fluids, GPU code, file formats beyond OBJ, no renderer. This header
+ * knows no collisions: clothsim_collide.h will. Before you rely on a result, know that
+ *   - StVK softens under compression: below a stretch of 1/sqrt(3) = 0.577 a triangle may
+ *     collapse. report.collapsed counts such triangles, every step.
+ *   - hinge bending depends on the mesh pattern. It is a plate of rigidity D only on equilateral
+ *     triangles (any direction) or along a mesh axis; a one-diagonal grid is up to 3 times too
+ *     stiff at 45 degrees, and refinement does not help. Its Poisson's ratio in bending is -1/3
+ *     whatever the material says (examples/09_mesh_bias.c).
+ *   - implicit Euler damps: a mode omega loses (h omega)^2 of its energy a step. Converging the
+ *     step does not change that. CLOTH_INTEGRATOR_BDF2 or a smaller h does; 08_dt_order.c.
+ *   - sheets that buckle diverge chaotically: two correct runs agree before buckling, and in
+ *     statistics after it.
+ */
+
+/* ===== [1.3] CONVENTIONS =====================================================================
+ *
+ * Units are SI: metres, kilograms, seconds, newtons, joules, radians. A shirt is 1 m, not 100.
+ * Arrays are row-major and dense; [nv x 3] is x y z of vertex 0, then of vertex 1. Doubles.
+ *
+ *   paper  code      meaning                        unit      shape
+ *   x      x         position                       m         [nv x 3]
+ *   v      v         velocity                       m/s       [nv x 3]
+ *   X      X         flat rest corners              m         [nf x 3 x 2]
+ *   m      mass      lumped vertex masses           kg        [nv]
+ *   h      h         time step                      s
+ *   F      F         deformation gradient dx/dX     1         [3 x 2]
+ *   E      E         Green strain 1/2 (F'F - I)     1         [2 x 2]
+ *   S      S         second Piola-Kirchhoff stress  N/m       [2 x 2]
+ *   mu lambda        Lame constants of the sheet    N/m       Pa times thickness
+ *   D      bending   plate rigidity                 N m
+ *   c      c         hinge coefficient              N m       D |e|^2/(A1 + A2)
+ *   theta  theta     hinge angle, convex positive   rad
+ *   rho    density   mass per area                  kg/m^2
+ *   eta    eta       step of the inertia term       s
+ *
+ * Faces turn counter-clockwise seen from the side that their normals point to; y is up where it
+ * matters (gravity's default). Stiffness of a sheet is per metre of width: N/m, not Pa.
+ *
+ * Ownership, three words. copied: read during the call, yours again after it (arrays of a desc).
+ * borrowed: a pointer into our object, with the call it lives until. owned: you destroy it.
+ * _destroy(NULL) is allowed; create writes *out = NULL first; on failure nothing leaks.
+ *
+ * Errors. A cloth_status says how the call went, report.outcome how the numbers did. A refusal
+ * names field and value through the log hook. No call prints, exits, aborts or sets errno.
+ *
+ * Threads. A model is constant and may be shared. A sim belongs to one thread at a time; its
+ * step uses the parallel hook if there is one. No global or static variable is ever written.
+ *
+ * Determinism. Same binary, same inputs: the same bits, for any worker count and scheduling.
+ * Not promised across compilers, flags, libm or our versions. Compile with -ffp-contract=off.
+ */
+
+/* ===== [1.4] CONFIGURATION ===================================================================
+ *
+ * @@ CLOTHSIM_IMPLEMENTATION   one .c file: compile the implementation here
+ * @@ CLOTHSIM_STATIC           all files: every function static, private to the file
+ * @@ CLOTH_API                 all files: linkage of public functions, e.g. dllexport
+ * @@ CLOTH_MALLOC CLOTH_FREE   implementation: instead of <stdlib.h>; both or none. The allocator
+ *                              hook is the better way
+ * @@ CLOTH_ASSERT              implementation: programmer errors in hot calls; assert()
+ * @@ CLOTH_NO_STDIO            implementation: no file wrappers; they return _UNSUPPORTED
+ * @@ CLOTH_NO_SIMD             implementation: plain C loops only, no intrinsics
+ * @@ CLOTH_ALLOW_FAST_MATH     implementation: do not refuse -ffast-math (results lose meaning)
+ * None changes a struct's layout or a function's signature.
+ */
+
+/* ===== [1.5] REFERENCES ======================================================================
+ *
+ * [BB08]   Bonet, Wood: Nonlinear Continuum Mechanics for Finite Element Analysis, 2008.
+ * [BMF03]  Bridson, Marino, Fedkiw: Simulation of Clothing with Folds and Wrinkles, SCA 2003.
+ * [BW98]   Baraff, Witkin: Large Steps in Cloth Simulation, SIGGRAPH 1998.
+ * [BWH06]  Bergou, Wardetzky, Harmon, Zorin, Grinspun: A Quadratic Bending Model for
+ *          Inextensible Surfaces, SGP 2006.
+ * [D06]    Davis: Direct Methods for Sparse Linear Systems, SIAM 2006.
+ * [E81]    Eisenstat: Efficient Implementation of a Class of Preconditioned Conjugate Gradient
+ *          Methods, SIAM J. Sci. Stat. Comput. 2, 1981.
+ * [GHDS03] Grinspun, Hirani, Desbrun, Schroeder: Discrete Shells, SCA 2003.
+ * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006.
+ * [L21]    Li et al.: Deep Physics-aware Inference of Cloth Deformation for Monocular Human
+ *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021().
+ * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006.
+ * [TG13]   Tamstorf, Grinspun: Discrete Bending Forces and Their Jacobians, Graph. Models 2013.
  */
 
 #ifndef CLOTHSIM_H
@@ -235,8 +336,8 @@ typedef struct cloth_mesh_report {
 
 /* --- mesh: a mesh and its generators --- */
 
-/* A triangle mesh in one block, owned by the caller: cloth_mesh_destroy. The arrays may be
- * written; the counts and pointers are to stay.                                               */
+/* A triangle mesh in one block, owned by the caller: cloth_mesh_destroy frees it as one. The
+ * arrays may be written, and X, part or nr set to NULL or 0 to leave them out.                */
 typedef struct cloth_mesh {
     int     nv, nf;
     double *x;              /* [nv x 3] m                                                      */
@@ -246,7 +347,7 @@ typedef struct cloth_mesh {
     int    *part;           /* [nf] in [0, npart), or NULL                                     */
     int     nr;             /* render corners: distinct pairs of vertex and texture point; 0:
                                none, and the three arrays below are NULL                       */
-    int    *render_vertex;  /* [nr] vertex of each render corner, increasing                   */
+    int    *render_vertex;  /* [nr] vertex of each render corner, in order of vertices         */
     int    *render_faces;   /* [nf x 3] faces in render corners                                */
     double *vt;             /* [nr x 2] texture coordinates                                    */
 } cloth_mesh;
@@ -283,11 +384,48 @@ typedef enum cloth_fabric {
     CLOTH_FABRIC_TWILL = 3, CLOTH_FABRIC_SILK = 4, CLOTH_FABRIC_WOOL = 5
 } cloth_fabric;
 
+/* --- linear algebra --- */
+
+typedef struct cloth_pattern       cloth_pattern;        /* which blocks a matrix has          */
+typedef struct cloth_matrix        cloth_matrix;         /* symmetric, 3x3 blocks              */
+typedef struct cloth_linear_solver cloth_linear_solver;  /* scratch and factors of A x = b     */
+
+typedef enum cloth_linear {
+    CLOTH_LINEAR_AUTO     = 0,      /* SGS; where a factor pays, CHOLESKY (default)            */
+    CLOTH_LINEAR_JACOBI   = 1,      /* CG, blocks of the diagonal; doubles: the textbook       */
+    CLOTH_LINEAR_SGS      = 2,      /* CG, symmetric Gauss-Seidel with a coarse space          */
+    CLOTH_LINEAR_CHOLESKY = 3,      /* a sparse factor                                         */
+    CLOTH_LINEAR_FORCE_INT = 0x7fffffff
+} cloth_linear;
+
+typedef enum cloth_precision {      /* of the arrays inside SGS; sums are always doubles       */
+    CLOTH_PRECISION_AUTO   = 0,     /* float; double where the matrix is too stiff for it, the
+                                       tolerance below 1e-4, or float got stuck (default)      */
+    CLOTH_PRECISION_FLOAT  = 1,     /* double only where float met no answer at all            */
+    CLOTH_PRECISION_DOUBLE = 2,
+    CLOTH_PRECISION_FORCE_INT = 0x7fffffff
+} cloth_precision;
+
+typedef struct cloth_linear_options {
+    cloth_linear         method;            /* default AUTO                                    */
+    cloth_precision      precision;         /* default AUTO                                    */
+    double               tolerance;         /* of the residual, relative; default 0.05         */
+    double               radius;            /* m, trust radius on max |x|; default 0: none     */
+    int                  max_iterations;    /* default 0: 20000                                */
+    const unsigned char *fixed;             /* [nv] bits 1 2 4: x y z are 0; NULL: none        */
+} cloth_linear_options;
+
+typedef struct cloth_linear_report {
+    int             iterations;
+    int             negative;               /* met a direction of no positive curvature        */
+    int             hit;                    /* x ends at the radius                            */
+    int             factorizations;
+    cloth_precision precision;              /* of the last run                                 */
+    double          residual;               /* relative, in the norm of the preconditioner     */
+    double          decrease;               /* J, b.x - x.A x / 2 of the answer                */
+} cloth_linear_report;
+
 /* TEMPORARY-BEGIN types */
-typedef enum cloth_linear { CLOTH_LINEAR_AUTO=0, CLOTH_LINEAR_JACOBI=1, CLOTH_LINEAR_SGS=2, CLOTH_LINEAR_CHOLESKY=3 } cloth_linear;
-typedef struct cloth_pattern cloth_pattern; typedef struct cloth_matrix cloth_matrix; typedef struct cloth_linear_solver cloth_linear_solver;
-typedef struct cloth_linear_options { cloth_linear method; double tolerance; int max_iterations; const unsigned char *fixed; double radius; } cloth_linear_options;
-typedef struct cloth_linear_report { int iterations, negative, factorizations, hit; double residual, decrease; } cloth_linear_report;
 /* --- the ladder: a scene takes the lowest rung that meets its tolerance --- */
 typedef enum cloth_membrane {
     CLOTH_MEMBRANE_SPRINGS = 1,             /* a spring on each edge                           */
@@ -527,16 +665,18 @@ typedef struct cloth_vjp {
 typedef struct cloth_term {
     const char *name;
     void       *user;
-    /* once at the start of a substep: lag what has no potential; may be NULL */
+    /* at the start of a substep, and at h = 0 before energies are asked for: lag what has no
+     * potential; may be NULL */
     cloth_status (*begin)(void *user, const cloth_eval *e);
     /* *energy = value at e->x in J; adds to e->grad and e->hess. Finite in, finite out */
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
     /* adds a' d(grad)/d{...}, a [nv x 3]; NULL: gradients of a sim with this term are refused */
     cloth_status (*vjp)(void *user, const cloth_eval *e, const double *a, cloth_vjp *out);
     /* bytes of the term's own state that the next step depends on; may be NULL */
-    size_t (*save_size)(void *user);
-    void   (*save)(void *user, void *buf);
-    void   (*load)(void *user, const void *buf);
+    size_t (*save_size)(void *user);        /* may change from step to step                    */
+    void   (*save)(void *user, void *buf);  /* every byte of it; buf is a multiple of 8 bytes
+                                               behind the start of the snapshot                */
+    void   (*load)(void *user, const void *buf);        /* as many bytes as were saved         */
 } cloth_term;
 
 /* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated.
@@ -573,6 +713,22 @@ typedef struct cloth_advice {
     cloth_contact_rung contact;
     double             h;                   /* s, substep that meets the tolerance             */
 } cloth_advice;
+/* --- mesh: OBJ --- */
+
+typedef enum cloth_obj_parts {
+    CLOTH_OBJ_PARTS_NONE    = 0,    /* no part array                                           */
+    CLOTH_OBJ_PARTS_OBJECTS = 1,    /* faces under one `o` name are a part                     */
+    CLOTH_OBJ_PARTS_GROUPS  = 2,    /* faces under one `g` name are a part                     */
+    CLOTH_OBJ_PARTS_FORCE_INT = 0x7fffffff
+} cloth_obj_parts;
+
+typedef struct cloth_obj_options {
+    uint32_t        cookie;         /* set by cloth_obj_options_default                        */
+    double          scale;          /* m per unit of v, > 0; default 1                         */
+    double          pattern_scale;  /* m per unit of vt: > 0: vt become the pattern X, and every
+                                       corner must have one; default 0: X stays NULL           */
+    cloth_obj_parts parts;          /* default CLOTH_OBJ_PARTS_NONE                            */
+} cloth_obj_options;
 
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
 
@@ -604,6 +760,7 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   CLOTH_ERR_NONFINITE  CLOTH_STEP_NONE                as before; report.vertex
  *   CLOTH_ERR_MEMORY, CLOTH_ERR_CANCELLED   ..._NONE    as before
  *   CLOTH_ERR_ARGUMENT   CLOTH_STEP_NONE                as before (h)
+ *   CLOTH_ERR_UNSUPPORTED   CLOTH_STEP_NONE             as before (desc.contact without contact)
  * "As before" means the same cloth_sim_hash().
  * contract: alloc none after the first call | threads: one per sim */
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report);
@@ -627,6 +784,7 @@ CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim);
  * it is) is reached at the end of the next step and held after it. */
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
                                      const double target[3]);
+/* All axes. Where a vertex follows another by a tie, pin and unpin act on its leader. */
 CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex);
 /* A spring of stiffness k (N/m) from a point of a face (bary sums to 1) to target (m).
  * _CAPACITY when desc.max_attachments are in use. */
@@ -642,8 +800,12 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]);
 CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]);
 CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
                                               const cloth_material *m);
-/* Borrowed, read and write; then _changed(), which checks, derives and drops BDF2's history.
- * On refusal the derived numbers stay as they were, and so does the next step. */
+/* Borrowed, read and write: a copy, made at the first call, that steps do not see until _changed()
+ * has checked it; that call derives what follows (lumped masses, if mass_given is 0) and drops
+ * BDF2's history. Refused: steps go on with what was accepted last, and what was written stays to
+ * be mended. set_material, reset and restore write it anew. Counts and pointers are to stay.
+ * _params: NULL when sim is or memory is out. _changed: _ARGUMENT, _NONFINITE, _MESH (a rest area
+ * that is not > 0), _UNSUPPORTED, with field and value logged. */
 CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim);
 CLOTH_API cloth_status  cloth_sim_params_changed(cloth_sim *sim);
 /* A host's own term; copied; its user pointer must outlive the sim. */
@@ -653,10 +815,15 @@ CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact
 
 /* --- snapshot: everything that the next step depends on --- */
 CLOTH_API size_t       cloth_sim_save_size(const cloth_sim *sim);           /* bytes          */
+/* _CAPACITY: size is below cloth_sim_save_size(). */
 CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t size);
-/* size, magic, model hash and checksum are verified first: _FORMAT leaves the sim as it was */
+/* Of this model, and with the host's terms added in the order that they had at the save. Size,
+ * magic, model hash, checksum and the terms' names are verified first: _FORMAT and _MEMORY leave
+ * the sim as it was. Handles of attachments become those of the snapshot. */
 CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size);
-CLOTH_API uint64_t     cloth_sim_hash(const cloth_sim *sim);                /* of what save writes */
+/* Of what save writes, but for the numbers that tell handles of attachments apart. 0: no memory
+ * for the state of a host's term (nothing is allocated when there is none). */
+CLOTH_API uint64_t     cloth_sim_hash(const cloth_sim *sim);
 CLOTH_API uint64_t     cloth_model_hash(const cloth_model *model);
 
 /* --- queries --- */
@@ -679,15 +846,15 @@ CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smalles
                                            double *largest);
 /* Energies and momenta of the state, without a step. */
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger);
-/* Potential and its derivatives at x [nv x 3] by all terms but inertia; grad [nv x 3] N may be
- * NULL. For checkers and teachers. */
+/* Potential and its gradient at x [nv x 3] by all terms but inertia, as statics sees it: h = 0, no
+ * damping, wind a constant force lagged to the state, attachments at their targets. energy and
+ * grad [nv x 3] N may be NULL; both untouched unless CLOTH_OK. For checkers and teachers. */
 CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
                                            double *grad);
 
 /* The groups that decide and the rung that each implies, for `tolerance` (m) at frame step h. */
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
                                     cloth_advice *advice);
-CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const int *v, const double *H);
 /* --- materials (section 5.1) ---
  * contract: alloc none | cost O(1) | threads: any */
 
@@ -856,6 +1023,131 @@ CLOTH_API double cloth_bend_quadratic(const double *x, const double *w, double c
  * triangle has no area.                                                                    [6.4] */
 CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w);
 
+/* --- mesh: OBJ --- */
+
+CLOTH_API cloth_obj_options cloth_obj_options_default(void);
+
+/* Reads Wavefront OBJ text: v, vt, f (also o or g when asked); other keywords are skipped. [4.5]
+ * Polygons are cut into fans about their first corner. Indices from 1, or negative: back from
+ * the last one so far; 1, 1/2, 1//3, 1/2/3. LF, CRLF or CR; # comments; \ at a line's end goes on.
+ * Numbers are rounded correctly whatever their length; the locale plays no part.
+ * in   text     [size] bytes, need not end in 0
+ * in   options  NULL: cloth_obj_options_default()
+ * out  *out     owned: cloth_mesh_destroy; NULL on failure
+ * returns CLOTH_OK; CLOTH_ERR_PARSE: the sentence names the line (no faces; fewer than 3 numbers
+ *   or corners; no number; NaN, infinite or too large; index 0 or out of range);
+ *   CLOTH_ERR_ARGUMENT; CLOTH_ERR_UNINIT; CLOTH_ERR_CAPACITY: over CLOTH_MAX_COUNT of a kind;
+ *   CLOTH_ERR_MEMORY. Whether the mesh can be simulated is for cloth_mesh_check.
+ * contract: alloc the mesh and scratch | cost O(size): 0.02 us a number of up to 15
+ *   digits, 0.5 us a longer one */
+CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *text, size_t size,
+                                       const cloth_obj_options *options, cloth_mesh **out);
+
+/* cloth_obj_parse of a file. Also CLOTH_ERR_IO; CLOTH_ERR_UNSUPPORTED under CLOTH_NO_STDIO. */
+CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
+                                      const cloth_obj_options *options, cloth_mesh **out);
+
+/* Writes a mesh as OBJ text, each number in the fewest digits that read back as the same double.
+ * vt: the render corners; without them the pattern X, if any (read it with pattern_scale 1).
+ * Parts become `g part0`, `g part1`, ... Call once with buf NULL for the size, then again.
+ * out  buf     [capacity], no 0 at the end; NULL: only *needed
+ * out  needed  bytes of the text, may be NULL
+ * returns CLOTH_OK; CLOTH_ERR_CAPACITY: buf holds the first `capacity` bytes; CLOTH_ERR_ARGUMENT:
+ *   NULL, an index of the mesh out of range; CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY
+ * contract: alloc scratch [nv] | cost O(size), 0.15 to 0.5 us a number */
+CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_mesh *mesh,
+                                        char *buf, size_t capacity, size_t *needed);
+
+/* cloth_obj_format into a file. Also CLOTH_ERR_IO (what was written so far may be left);
+ * CLOTH_ERR_UNSUPPORTED under CLOTH_NO_STDIO. */
+CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path,
+                                      const cloth_mesh *mesh);
+
+/* --- linear algebra --- */
+
+/* Which blocks a matrix has, and the order of its rows.                                    [7.1]
+ * in   nv       vertices, >= 1
+ * in   start    [nelem+1], vertex [start[nelem]]: element e joins every pair of its vertices
+ * in   x        [nv x 3] m, or NULL; positions are not needed by the orders in use
+ * out  *out     owned: cloth_pattern_destroy; const afterwards; NULL on failure
+ * returns CLOTH_OK, CLOTH_ERR_ARGUMENT (a sentence names the index), CLOTH_ERR_MEMORY
+ * contract: alloc yes | cost O(sum of squares of element sizes + aggregates x nv) */
+CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, int nelem,
+                                            const int *start, const int *vertex, const double *x,
+                                            cloth_pattern **out);
+CLOTH_API void   cloth_pattern_destroy(cloth_pattern *pattern);
+CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern);
+/* Leaves of the dissection; rows of two leaves never couple. 1, 4 or 8, by nv. */
+CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern);
+/* The leaf of a vertex, or -1 for one of a separator. */
+CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex);
+/* Block (i, j), i != j: 2 k + t, block k below the diagonal, t = 1: it is the transposed that is
+ * stored; -1: not in the pattern. O(log of the row). */
+CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j);
+/* Blocks per row, both triangles, averaged. */
+CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern);
+
+/* A symmetric matrix of zeros over a pattern, which must outlive it.                       [7.2]
+ * out  *out     owned: cloth_matrix_destroy; NULL on failure
+ * returns CLOTH_OK, CLOTH_ERR_ARGUMENT, CLOTH_ERR_MEMORY */
+CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth_pattern *pattern,
+                                           cloth_matrix **out);
+CLOTH_API void   cloth_matrix_destroy(cloth_matrix *A);
+CLOTH_API size_t cloth_matrix_bytes(const cloth_matrix *A);
+CLOTH_API void   cloth_matrix_clear(cloth_matrix *A);
+
+/* Adds an element's matrix.                                                                [7.2]
+ * in   v        [n] vertices; one may be named twice
+ * in   H        [3n x 3n] symmetric; the blocks on and below the diagonal are read
+ * Pairs outside the pattern are kept in a list until cloth_matrix_clear. One thread at a time.
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: a vertex out of range; CLOTH_ERR_MEMORY,
+ *   CLOTH_ERR_CAPACITY: the list cannot grow. The matrix is as before on failure. */
+CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const int *v,
+                                                const double *H);
+
+/* y = A x in doubles, rows of fixed axes 0 (fixed [nv] bits 1 2 4, or NULL).               [7.2]
+ * in   x        [nv x 3]       out  y [nv x 3], not x      contract: alloc none | serial */
+CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixed, const double *x,
+                                double *y);
+
+/* Scratch for solving with matrices over a pattern, which must outlive it.                 [7.3]
+ * out  *out     owned: cloth_linear_solver_destroy; NULL on failure
+ * returns CLOTH_OK, CLOTH_ERR_ARGUMENT, CLOTH_ERR_MEMORY */
+CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
+                                                  const cloth_pattern *pattern,
+                                                  cloth_linear_solver **out);
+CLOTH_API void   cloth_linear_solver_destroy(cloth_linear_solver *solver);
+CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *solver);
+CLOTH_API cloth_linear_options cloth_linear_options_default(void);
+
+/* A x = b over the free axes, from zero.                                                   [7.3]
+ * in   b        [nv x 3]; entries of fixed axes are not read
+ * out  x        [nv x 3]; fixed axes 0; all 0 when the call fails
+ * out  report   may be NULL
+ * Where A is not positive on a direction that CG meets: report->negative; with a radius, x goes on
+ * along it to the radius (hit); without, x is what was reached, or the preconditioned b where that
+ * is nothing. Where a diagonal block or the coarse matrix already is not positive: negative, not
+ * hit, and x = 0; cloth_linear_negative_direction knows the direction.
+ * b.x >= 0 always: x goes downhill. Stopping at max_iterations is no failure: see the residual.
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option;
+ *   CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY; CLOTH_ERR_UNSUPPORTED.
+ * contract: alloc at the first call in a precision and where the list of extra pairs outgrew the
+ *   last one | cost per iteration ~ 2 passes over the lower triangle | same bits for any worker
+ *   count | one call at a time per solver */
+CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *solver, const cloth_matrix *A,
+                                          const double *b, double *x,
+                                          const cloth_linear_options *options,
+                                          cloth_linear_report *report);
+
+/* A direction d with d.A d < 0 over the free axes, of any length.                          [7.3]
+ * out  x        [nv x 3] d; *found 0: CG with a right-hand side without symmetry met none before
+ *               it converged; then x is 0
+ * returns as cloth_linear_solve */
+CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *solver,
+                                                       const cloth_matrix *A,
+                                                       const unsigned char *fixed, double *x,
+                                                       int *found);
+
 #ifdef __cplusplus
 }
 #endif
@@ -871,6 +1163,11 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w);
 #include <math.h>
 #include <stdarg.h>
 #include <string.h>
+/* @@ CLOTH_NO_STDIO: no <stdio.h>; calls that take a path return CLOTH_ERR_UNSUPPORTED
+ *    (implementation file only). */
+#ifndef CLOTH_NO_STDIO
+#  include <stdio.h>
+#endif
 #ifndef CLOTH_MALLOC
 #  include <stdlib.h>
 #  define CLOTH_MALLOC(size) malloc(size)
@@ -896,9 +1193,11 @@ extern "C" {
 #if defined(__GNUC__)
 #  define CLOTHI_RESTRICT __restrict
 #  define CLOTHI_UNUSED   __attribute__((unused))
+#  define CLOTHI_OUTLINE  __attribute__((unused, noinline))   /* called often, never hot */
 #else
 #  define CLOTHI_RESTRICT
 #  define CLOTHI_UNUSED
+#  define CLOTHI_OUTLINE
 #endif
 
 /* ===== [3.1] SMALL MATHS ===================================================================== */
@@ -911,7 +1210,7 @@ CLOTHI_UNUSED static int clothi_finite(double a) {
 }
 
 /* Index of the first entry of a [n] that is NaN or infinite, -1 when there is none. */
-CLOTHI_UNUSED static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
+CLOTHI_OUTLINE static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
     size_t i;
     for (i = 0; i < n; i++)
         if (!clothi_finite(a[i])) return (ptrdiff_t)i;
@@ -988,7 +1287,7 @@ typedef struct clothi_block_header {
 
 /* count * size bytes, zeroed; NULL when the hook fails or the product overflows. hooks may be
  * NULL. count 0 gives a valid block. */
-CLOTHI_UNUSED static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
     const size_t extra = CLOTHI_ALIGN + sizeof(clothi_block_header);
     clothi_block_header header;
     unsigned char *base, *data;
@@ -1007,7 +1306,7 @@ CLOTHI_UNUSED static void *clothi_alloc(const cloth_hooks *hooks, size_t count, 
 }
 
 /* Frees what clothi_alloc returned; NULL is allowed. */
-CLOTHI_UNUSED static void clothi_free(const cloth_hooks *hooks, const void *ptr) {
+CLOTHI_OUTLINE static void clothi_free(const cloth_hooks *hooks, const void *ptr) {
     clothi_block_header header;
     if (!ptr) return;
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
@@ -1018,7 +1317,7 @@ CLOTHI_UNUSED static void clothi_free(const cloth_hooks *hooks, const void *ptr)
 }
 
 /* Bytes that the block of clothi_alloc holds from the hook; 0 for NULL. */
-CLOTHI_UNUSED static size_t clothi_block_size(const void *ptr) {
+CLOTHI_OUTLINE static size_t clothi_block_size(const void *ptr) {
     clothi_block_header header;
     if (!ptr) return 0;
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
@@ -1108,7 +1407,7 @@ static void clothi_text_double(clothi_text *t, double a) {
 }
 
 /* A small format: %s text, %i int, %z size_t, %g double. */
-static void clothi_text_format(clothi_text *t, const char *format, va_list args) {
+CLOTHI_OUTLINE static void clothi_text_format(clothi_text *t, const char *format, va_list args) {
     t->n = 0;
     t->buf[0] = '\0';
     for (; *format; format++) {
@@ -1127,7 +1426,7 @@ static void clothi_text_format(clothi_text *t, const char *format, va_list args)
 }
 
 /* Sends one sentence to the logger. */
-CLOTHI_UNUSED static void clothi_say(const cloth_hooks *hooks, cloth_log_level level,
+CLOTHI_OUTLINE static void clothi_say(const cloth_hooks *hooks, cloth_log_level level,
                                      cloth_status status, const char *format, ...) {
     clothi_text text;
     va_list     args;
@@ -1139,7 +1438,7 @@ CLOTHI_UNUSED static void clothi_say(const cloth_hooks *hooks, cloth_log_level l
 }
 
 /* Logs an error sentence and returns its status: `return clothi_fail(hooks, CLOTH_ERR_..., ...)` */
-CLOTHI_UNUSED static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
+CLOTHI_OUTLINE static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
                                               const char *format, ...) {
     clothi_text text;
     va_list     args;
@@ -1153,7 +1452,7 @@ CLOTHI_UNUSED static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_st
 }
 
 /* fn over [0, count) in ranges of about `grain` items; serial without a parallel hook. */
-CLOTHI_UNUSED static void clothi_for(const cloth_hooks *hooks, int count, int grain,
+CLOTHI_OUTLINE static void clothi_for(const cloth_hooks *hooks, int count, int grain,
                                      cloth_range_fn *fn, void *ctx) {
     if (count <= 0) return;
     if (grain < 1) grain = 1;
@@ -1233,7 +1532,6 @@ static int clothi_triangle_shape(const double *a, const double *b, const double 
     size = clothi_max_abs(e, 9);
     if (!(size > 0)) return 0;
     (void)frexp(size, &exponent);
-    if (exponent < -1000) exponent = -1000;
     for (k = 0; k < 9; k++) e[k] = ldexp(e[k], -exponent);
     coord = fmax(fmax(clothi_max_abs(a, 3), clothi_max_abs(b, 3)), clothi_max_abs(c, 3));
     coord = ldexp(0.25 * coord, -exponent);
@@ -2219,7 +2517,967 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
     return CLOTH_OK;
 }
 
-/* ===== [4.5] OBJ FILES ======================================================================= */
+/* ===== [4.5] OBJ FILES =========================================================================
+ *
+ *   text --- lines, tokens ---> statements --- twice ---> counts, then arrays ---> cloth_mesh
+ *   decimal digits  <--- big integers --->  double
+ *
+ * Numbers. libc's strtod and printf follow the locale (a German one reads 0,5), so the two
+ * conversions are our own. Both are exact arithmetic on integers.
+ *   Reading: the text is D 10^e. Up to 15 digits and |e| <= 22 both factors are doubles, and one
+ *   multiplication or division rounds once: done [Cli90]. Otherwise N/M = D 10^e as integers,
+ *   shifted by 2^b until N/M is in (1/2, 2); 64 steps of long division give 64 bits and a
+ *   remainder; one rounding, half to even, also for subnormals. 800 digits decide every case (a
+ *   midpoint between doubles has at most 768); what follows them only counts as 'not zero'.
+ *   Writing: digits of v = R/S are generated until what is left is below half the distance to a
+ *   neighbour; then any reader that rounds correctly returns to v: the fewest digits that do,
+ *   at most 17 [SW90].
+ * Reading runs over the text twice, first to count: one allocation of the right size, and an
+ * index is checked where it stands, so that the sentence can name its line.
+ * Render corners: distinct (vertex, vt) pairs by two counting sorts of the corners.
+ * [Cli90] Clinger, How to read floating point numbers accurately, PLDI 1990,
+ * doi:10.1145/93542.93557. [SW90] Steele and White, How to print floating-point numbers
+ * accurately, PLDI 1990, doi:10.1145/93542.93559.
+ * checked: tests/test_obj.c, tests/fuzz_mesh.c */
+
+/* A natural number: n words, least first, no zero at the top. Reading needs 10^1131 2^2, that is
+ * 3760 bits; writing 2^1130. */
+#define CLOTHI_BIG_WORDS 128
+
+typedef struct clothi_big {
+    int      n;
+    uint32_t w[CLOTHI_BIG_WORDS];
+} clothi_big;
+
+static void clothi_big_set(clothi_big *a, uint64_t u) {
+    a->w[0] = (uint32_t)(u & 0xffffffffu);
+    a->w[1] = (uint32_t)(u >> 32);
+    a->n = a->w[1] ? 2 : a->w[0] ? 1 : 0;
+}
+
+/* a = a m + c */
+static void clothi_big_mul(clothi_big *a, uint32_t m, uint32_t c) {
+    uint64_t carry = c;
+    int      i;
+    for (i = 0; i < a->n; i++) {
+        carry += (uint64_t)a->w[i] * m;
+        a->w[i] = (uint32_t)(carry & 0xffffffffu);
+        carry >>= 32;
+    }
+    if (carry) a->w[a->n++] = (uint32_t)carry;
+    CLOTH_ASSERT(a->n < CLOTHI_BIG_WORDS);
+}
+
+static void clothi_big_mul_pow10(clothi_big *a, int e) {
+    for (; e >= 9; e -= 9) clothi_big_mul(a, 1000000000u, 0);
+    for (; e > 0; e--) clothi_big_mul(a, 10u, 0);
+}
+
+static void clothi_big_shift(clothi_big *a, int bits) {
+    const int words = bits / 32, rest = bits % 32;
+    int       i;
+    if (a->n == 0) return;
+    CLOTH_ASSERT(a->n + words + 1 < CLOTHI_BIG_WORDS);
+    for (i = a->n - 1; i >= 0; i--) a->w[i + words] = a->w[i];
+    for (i = 0; i < words; i++) a->w[i] = 0;
+    a->n += words;
+    if (rest) clothi_big_mul(a, (uint32_t)1 << rest, 0);
+}
+
+static int clothi_big_bits(const clothi_big *a) {
+    uint32_t top = a->n ? a->w[a->n - 1] : 0;
+    int      bits = 32 * (a->n ? a->n - 1 : 0);
+    for (; top; top >>= 1) bits++;
+    return bits;
+}
+
+static int clothi_big_compare(const clothi_big *a, const clothi_big *b) {
+    int i;
+    if (a->n != b->n) return a->n < b->n ? -1 : 1;
+    for (i = a->n - 1; i >= 0; i--)
+        if (a->w[i] != b->w[i]) return a->w[i] < b->w[i] ? -1 : 1;
+    return 0;
+}
+
+/* a -= b, b <= a */
+static void clothi_big_sub(clothi_big *a, const clothi_big *b) {
+    uint64_t borrow = 0;
+    int      i;
+    for (i = 0; i < a->n; i++) {
+        const uint64_t s = borrow + (i < b->n ? b->w[i] : 0u);
+        borrow = a->w[i] < s;
+        a->w[i] = (uint32_t)((a->w[i] + (borrow << 32) - s) & 0xffffffffu);
+    }
+    while (a->n > 0 && a->w[a->n - 1] == 0) a->n--;
+}
+
+/* a + b compared with c */
+static int clothi_big_compare_sum(const clothi_big *a, const clothi_big *b, const clothi_big *c) {
+    clothi_big sum;
+    uint64_t   carry = 0;
+    const int  n = a->n > b->n ? a->n : b->n;
+    int        i;
+    for (i = 0; i < n; i++) {
+        carry += (uint64_t)(i < a->n ? a->w[i] : 0u) + (i < b->n ? b->w[i] : 0u);
+        sum.w[i] = (uint32_t)(carry & 0xffffffffu);
+        carry >>= 32;
+    }
+    sum.n = n;
+    if (carry) sum.w[sum.n++] = (uint32_t)carry;
+    return clothi_big_compare(&sum, c);
+}
+
+/* --- reading a number --- */
+
+#define CLOTHI_DIGITS 800
+
+/* 0.d0 d1 d2 ... times 10^point; d0 != 0; n = 0: zero. */
+typedef struct clothi_decimal {
+    int           negative, n;
+    int64_t       point;
+    unsigned char d[CLOTHI_DIGITS + 1];
+} clothi_decimal;
+
+static int clothi_is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/* Reads [+-] digits [. digits] [e [+-] digits]; 1 when the n bytes are that and no more. */
+static int clothi_decimal_scan(const char *s, size_t n, clothi_decimal *d) {
+    const char *end = s + n;
+    int64_t     exponent = 0;
+    int         any = 0, after_point = 0, minus = 0, more = 0;
+    d->negative = d->n = 0;
+    d->point = 0;
+    if (s < end && (*s == '+' || *s == '-')) d->negative = *s++ == '-';
+    for (; s < end; s++) {
+        if (*s == '.' && !after_point) {
+            after_point = 1;
+            continue;
+        }
+        if (!clothi_is_digit(*s)) break;
+        any = 1;
+        if (d->n > 0 || *s != '0') {
+            if (d->n < CLOTHI_DIGITS) d->d[d->n++] = (unsigned char)(*s - '0');
+            else more |= *s != '0';
+            d->point += !after_point;
+        } else {
+            d->point -= after_point;
+        }
+    }
+    if (more) d->d[d->n++] = 1;
+    if (!any) return 0;
+    if (s < end && (*s == 'e' || *s == 'E')) {
+        s++;
+        if (s < end && (*s == '+' || *s == '-')) minus = *s++ == '-';
+        if (s == end) return 0;
+        for (; s < end && clothi_is_digit(*s); s++)
+            if (exponent < 1000000000000000) exponent = 10 * exponent + (*s - '0');
+        d->point += minus ? -exponent : exponent;
+    }
+    return s == end;
+}
+
+/* The double nearest to q 2^e (plus less than one unit of q when more != 0); q has 63 or 64 bits.
+ * Bits are put together by hand: rounding up may carry into the exponent, as it should. */
+static double clothi_round_to_double(uint64_t q, int e, int more, int negative) {
+    const int top = (q >> 63) ? 64 : 63, lead = e + top - 1;        /* 2^lead <= value */
+    const int bits = lead >= -1022 ? 53 : lead + 1075;
+    uint64_t  kept, rest, half, out;
+    double    a;
+    if (lead > 1023) {
+        out = (uint64_t)0x7ff << 52;
+    } else if (bits < 0) {
+        out = 0;
+    } else {
+        const int drop = top - bits;                                /* 10 .. 64 */
+        half = (uint64_t)1 << (drop - 1);
+        kept = drop == 64 ? 0 : q >> drop;
+        rest = drop == 64 ? q : q & (((uint64_t)1 << drop) - 1u);
+        kept += rest > half || (rest == half && (more || (kept & 1u)));
+        out = lead >= -1022 ? ((uint64_t)(lead + 1022) << 52) + kept : kept;
+    }
+    out |= (uint64_t)(negative != 0) << 63;
+    memcpy(&a, &out, sizeof a);
+    return a;
+}
+
+static double clothi_decimal_exact(const clothi_decimal *d) {
+    clothi_big num, den;
+    uint64_t   q = 0;
+    int        i, b, exponent = (int)d->point - d->n;
+    clothi_big_set(&num, 0);
+    clothi_big_set(&den, 1);
+    for (i = 0; i < d->n; i++) clothi_big_mul(&num, 10u, d->d[i]);
+    clothi_big_mul_pow10(exponent >= 0 ? &num : &den, exponent >= 0 ? exponent : -exponent);
+    b = clothi_big_bits(&num) - clothi_big_bits(&den);
+    clothi_big_shift(b < 0 ? &num : &den, b < 0 ? -b : b);          /* now in (1/2, 2) */
+    for (i = 0; i < 64; i++) {
+        q <<= 1;
+        if (clothi_big_compare(&num, &den) >= 0) {
+            clothi_big_sub(&num, &den);
+            q |= 1u;
+        }
+        clothi_big_shift(&num, 1);
+    }
+    return clothi_round_to_double(q, b - 63, num.n > 0, d->negative);
+}
+
+/* 1 and the nearest double (infinite when too large) when the n bytes are a decimal number. */
+static int clothi_parse_double(const char *s, size_t n, double *out) {
+    static const double tens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                  1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+                                  1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+    clothi_decimal d;
+    if (!clothi_decimal_scan(s, n, &d)) return 0;
+    if (d.n == 0 || d.point < -330) {
+        *out = clothi_round_to_double((uint64_t)1 << 63, -2000, 0, d.negative);
+        return 1;
+    }
+    if (d.point > 310) {
+        *out = clothi_round_to_double((uint64_t)1 << 63, 2000, 0, d.negative);
+        return 1;
+    }
+#if !defined(__FLT_EVAL_METHOD__) || __FLT_EVAL_METHOD__ == 0
+    if (d.n <= 15 && d.point - d.n >= -22 && d.point - d.n <= 22) {
+        double a = 0;
+        int    i, exponent = (int)d.point - d.n;
+        for (i = 0; i < d.n; i++) a = 10 * a + d.d[i];
+        a = exponent < 0 ? a / tens[-exponent] : a * tens[exponent];
+        *out = d.negative ? -a : a;
+        return 1;
+    }
+#else
+    (void)tens;
+#endif
+    *out = clothi_decimal_exact(&d);
+    return 1;
+}
+
+/* --- writing a number --- */
+
+/* Where text goes: counted beyond the capacity, kept within. */
+typedef struct clothi_sink {
+    char  *buf;
+    size_t capacity, n;
+} clothi_sink;
+
+static void clothi_sink_char(clothi_sink *s, char c) {
+    if (s->n < s->capacity) s->buf[s->n] = c;
+    s->n++;
+}
+
+static void clothi_sink_string(clothi_sink *s, const char *text) {
+    while (*text) clothi_sink_char(s, *text++);
+}
+
+static void clothi_sink_int(clothi_sink *s, int i) {
+    char digits[12];
+    int  n = 0;
+    if (i < 0) clothi_sink_char(s, '-');
+    do {
+        digits[n++] = (char)('0' + (i < 0 ? -(i % 10) : i % 10));
+        i /= 10;
+    } while (i);
+    while (n) clothi_sink_char(s, digits[--n]);
+}
+
+/* The fewest digits (at most 17) of a > 0, finite, that read back as a: a = 0.d0 d1 .. 10^point. */
+static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
+    clothi_big r, s, below, above;          /* a = r/s; distances to the neighbours' midpoints */
+    uint64_t   bits, f;
+    int        e, k, n = 0, edge, even, low, high;
+    memcpy(&bits, &a, sizeof bits);
+    f = bits & (((uint64_t)1 << 52) - 1u);
+    e = (int)(bits >> 52 & 0x7ffu);
+    edge = f == 0 && e > 1;                 /* a power of two: its lower neighbour is nearer   */
+    f |= (uint64_t)(e > 0) << 52;
+    e = (e > 0 ? e : 1) - 1075;             /* a = f 2^e                                       */
+    even = (f & 1u) == 0;                   /* a midpoint itself reads back as an even f       */
+    clothi_big_set(&r, f);
+    clothi_big_set(&s, 1);
+    clothi_big_set(&below, 1);
+    clothi_big_set(&above, 1);
+    clothi_big_shift(&r, (e > 0 ? e : 0) + 1 + edge);
+    clothi_big_shift(&s, (e < 0 ? -e : 0) + 1 + edge);
+    clothi_big_shift(&below, e > 0 ? e : 0);
+    clothi_big_shift(&above, (e > 0 ? e : 0) + edge);
+    k = (int)ceil(log10(a) - 1e-10);        /* right or one too small                          */
+    clothi_big_mul_pow10(&s, k > 0 ? k : 0);
+    clothi_big_mul_pow10(&r, k < 0 ? -k : 0);
+    clothi_big_mul_pow10(&below, k < 0 ? -k : 0);
+    clothi_big_mul_pow10(&above, k < 0 ? -k : 0);
+    if (clothi_big_compare_sum(&r, &above, &s) >= !even) {
+        clothi_big_mul(&s, 10u, 0);
+        k++;
+    }
+    do {
+        int d = 0;
+        clothi_big_mul(&r, 10u, 0);
+        clothi_big_mul(&below, 10u, 0);
+        clothi_big_mul(&above, 10u, 0);
+        for (; clothi_big_compare(&r, &s) >= 0; d++) clothi_big_sub(&r, &s);
+        low = clothi_big_compare(&r, &below) < even;
+        high = clothi_big_compare_sum(&r, &above, &s) >= !even;
+        if (high && (!low || clothi_big_compare_sum(&r, &r, &s) >= 0)) d++;
+        digits[n++] = (unsigned char)d;
+    } while (!low && !high);
+    *point = k;
+    return n;
+}
+
+/* A finite double, plain between 1e-5 and 1e17, else d.dde-7. */
+static void clothi_sink_double(clothi_sink *s, double a) {
+    unsigned char d[24];
+    int           i, n, point;
+    uint64_t      bits;
+    memcpy(&bits, &a, sizeof bits);
+    if (bits >> 63) clothi_sink_char(s, '-');
+    if (!(fabs(a) > 0)) {
+        clothi_sink_char(s, '0');
+        return;
+    }
+    n = clothi_shortest_digits(fabs(a), d, &point);
+    if (point > -5 && point <= 17) {
+        if (point <= 0) clothi_sink_string(s, "0.");
+        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
+        for (i = 0; i < n || i < point; i++) {
+            if (i > 0 && i == point) clothi_sink_char(s, '.');
+            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
+        }
+        return;
+    }
+    clothi_sink_char(s, (char)('0' + d[0]));
+    if (n > 1) clothi_sink_char(s, '.');
+    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
+    clothi_sink_char(s, 'e');
+    clothi_sink_int(s, point - 1);
+}
+
+/* --- reading the text --- */
+
+#define CLOTHI_OBJ_COOKIE 0x0b1c10f7u
+
+typedef struct clothi_obj_name {
+    const char *s;
+    size_t      n;
+} clothi_obj_name;
+
+typedef struct clothi_obj {
+    const cloth_hooks *hooks;
+    cloth_obj_options  opt;
+    const char *p, *end;    /* the rest of the text                                            */
+    int     line;           /* of p, from 1                                                    */
+    int     nv, nvt, nf, nname;                     /* totals, from the first run              */
+    int     v, t, f;                                /* so far, in the second run               */
+    double *x;              /* [nv x 3]                                                        */
+    double *vt;             /* [nvt x 2]                                                       */
+    int    *faces;          /* [nf x 3]                                                        */
+    int    *corner_vt;      /* [nf x 3] -1: none                                               */
+    int    *part;           /* [nf]                                                            */
+    clothi_obj_name *names; /* [nname + 1] of the parts                                        */
+    int    *table;          /* [table_size] open hash: part + 1, 0 empty                       */
+    size_t  table_size;
+    clothi_obj_name name;   /* in force                                                        */
+    int     npart, current; /* parts so far; part of `name`, -1: not yet looked up             */
+} clothi_obj;
+
+CLOTH_API cloth_obj_options cloth_obj_options_default(void) {
+    cloth_obj_options o;
+    memset(&o, 0, sizeof o);
+    o.cookie = CLOTHI_OBJ_COOKIE;
+    o.scale = 1.0;
+    o.parts = CLOTH_OBJ_PARTS_NONE;
+    return o;
+}
+
+/* Bytes of the line end at p: 0, 1 or 2. */
+static int clothi_obj_eol(const clothi_obj *o, const char *p) {
+    if (p == o->end) return 0;
+    if (*p == '\r') return p + 1 < o->end && p[1] == '\n' ? 2 : 1;
+    return *p == '\n';
+}
+
+/* Bytes of a continuation at p, a backslash and a line end: 0, 2 or 3. */
+static int clothi_obj_goes_on(const clothi_obj *o, const char *p) {
+    const int eol = p < o->end && *p == '\\' ? clothi_obj_eol(o, p + 1) : 0;
+    return eol ? 1 + eol : 0;
+}
+
+static void clothi_obj_count_line(clothi_obj *o) { o->line += o->line < 0x7fffffff; }
+
+static int clothi_obj_is_blank(char c) {
+    return c == ' ' || c == '\t' || c == '\v' || c == '\f';
+}
+
+/* The next token of this line; 0 at its end or at a comment. */
+static int clothi_obj_token(clothi_obj *o, clothi_obj_name *token) {
+    while (o->p < o->end) {
+        const int n = clothi_obj_goes_on(o, o->p);
+        if (n) clothi_obj_count_line(o);
+        else if (!clothi_obj_is_blank(*o->p)) break;
+        o->p += n ? n : 1;
+    }
+    token->s = o->p;
+    while (o->p < o->end && !clothi_obj_is_blank(*o->p) && *o->p != '#' &&
+           !clothi_obj_eol(o, o->p) && !clothi_obj_goes_on(o, o->p))
+        o->p++;
+    token->n = (size_t)(o->p - token->s);
+    return token->n > 0;
+}
+
+static void clothi_obj_skip_line(clothi_obj *o) {
+    int comment = 0;
+    while (o->p < o->end) {
+        int n = clothi_obj_eol(o, o->p);
+        if (n) {
+            o->p += n;
+            clothi_obj_count_line(o);
+            return;
+        }
+        if (*o->p == '#') comment = 1;
+        n = comment ? 0 : clothi_obj_goes_on(o, o->p);
+        if (n) clothi_obj_count_line(o);
+        o->p += n ? n : 1;
+    }
+}
+
+static int clothi_obj_is(const clothi_obj_name *token, const char *word) {
+    return token->n == strlen(word) && memcmp(token->s, word, token->n) == 0;
+}
+
+/* A piece of the text for a sentence: at most 31 bytes, printable. */
+static const char *clothi_obj_quote(const clothi_obj_name *token, char *out) {
+    size_t i;
+    for (i = 0; i < 31 && i < token->n; i++)
+        out[i] = token->s[i] >= ' ' && token->s[i] <= '~' ? token->s[i] : '?';
+    out[i] = '\0';
+    return out;
+}
+
+/* Up to n numbers of this line into out, of which `least` must be there. */
+static cloth_status clothi_obj_numbers(clothi_obj *o, const char *keyword, int n, int least,
+                                       double *out) {
+    char quote[32];
+    int  i;
+    for (i = 0; i < n; i++) {
+        clothi_obj_name token;
+        if (!clothi_obj_token(o, &token)) {
+            if (i >= least) return CLOTH_OK;
+            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: %s has %i numbers but needs "
+                               "%i", o->line, keyword, i, least);
+        }
+        if (!clothi_parse_double(token.s, token.n, out + i))
+            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: %s: '%s' is not a number",
+                               o->line, keyword, clothi_obj_quote(&token, quote));
+        if (!clothi_finite(out[i]))
+            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: %s: '%s' is too large",
+                               o->line, keyword, clothi_obj_quote(&token, quote));
+    }
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_obj_vertex(clothi_obj *o) {
+    double      *p = o->x + 3 * o->v;
+    int          k;
+    cloth_status status = clothi_obj_numbers(o, "v", 3, 3, p);
+    if (status != CLOTH_OK) return status;
+    for (k = 0; k < 3; k++) {
+        p[k] *= o->opt.scale;
+        if (!clothi_finite(p[k]))
+            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: v times scale %g is too large",
+                               o->line, o->opt.scale);
+    }
+    o->v++;
+    return CLOTH_OK;
+}
+
+/* An index of a corner at *s: 1 and *out (0: empty, up to the next slash) or 0: no integer. */
+static int clothi_obj_index(const char **s, const char *end, long long *out) {
+    int minus = 0;
+    *out = 0;
+    if (*s == end || **s == '/') return 1;
+    if (**s == '+' || **s == '-') minus = *(*s)++ == '-';
+    if (*s == end || !clothi_is_digit(**s)) return 0;
+    for (; *s < end && clothi_is_digit(**s); ++*s)
+        if (*out < 1000000000000) *out = 10 * *out + (**s - '0');
+    if (*out == 0) *out = 1000000000000;    /* index 0 is out of range, not empty              */
+    if (minus) *out = -*out;
+    return *s == end || **s == '/';
+}
+
+/* An OBJ index to ours, -1 when out of range: from 1, or from the last of `so_far`. */
+static int clothi_obj_resolve(long long i, int so_far, int total) {
+    if (i > 0) return i <= total ? (int)(i - 1) : -1;
+    return i < 0 && -i <= so_far ? (int)(so_far + i) : -1;
+}
+
+/* v, v/vt, v//vn or v/vt/vn; any of vt and vn may be empty. */
+static cloth_status clothi_obj_corner(clothi_obj *o, const clothi_obj_name *token, int *vertex,
+                                      int *texture) {
+    const char *s = token->s, *end = s + token->n;
+    long long   index[3] = {0, 0, 0};
+    char        quote[32];
+    int         n = 0, ok;
+    do {
+        ok = clothi_obj_index(&s, end, &index[n++]);
+    } while (ok && n < 3 && s < end && *s++ == '/');
+    if (!ok || s != end || index[0] == 0)
+        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s' is not a face corner "
+                           "v/vt/vn", o->line, clothi_obj_quote(token, quote));
+    *vertex = clothi_obj_resolve(index[0], o->v, o->nv);
+    if (*vertex < 0)
+        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s': no such vertex; %i of %i "
+                           "have been given", o->line, clothi_obj_quote(token, quote), o->v,
+                           o->nv);
+    *texture = -1;
+    if (index[1] == 0 && o->opt.pattern_scale > 0)
+        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s' has no vt, but pattern_scale "
+                           "= %g asks for a pattern", o->line, clothi_obj_quote(token, quote),
+                           o->opt.pattern_scale);
+    if (index[1] == 0) return CLOTH_OK;
+    *texture = clothi_obj_resolve(index[1], o->t, o->nvt);
+    if (*texture < 0)
+        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s': no such vt; %i of %i have "
+                           "been given", o->line, clothi_obj_quote(token, quote), o->t, o->nvt);
+    return CLOTH_OK;
+}
+
+/* The part of the name in force; a new one gets the next number. */
+static int clothi_obj_find_part(clothi_obj *o) {
+    uint64_t hash = 0xcbf29ce484222325u;                            /* FNV-1a */
+    size_t   i;
+    for (i = 0; i < o->name.n; i++)
+        hash = (hash ^ (unsigned char)o->name.s[i]) * 0x100000001b3u;
+    for (i = (size_t)(hash ^ hash >> 32) % o->table_size; o->table[i];
+         i = (i + 1u) % o->table_size) {
+        const clothi_obj_name *n = o->names + (o->table[i] - 1);
+        if (n->n == o->name.n && (n->n == 0 || memcmp(n->s, o->name.s, n->n) == 0))
+            return o->table[i] - 1;
+    }
+    o->names[o->npart] = o->name;
+    o->table[i] = ++o->npart;
+    return o->npart - 1;
+}
+
+static cloth_status clothi_obj_face(clothi_obj *o) {
+    int             first[2] = {0, 0}, last[2] = {0, 0}, now[2], n = 0;
+    clothi_obj_name token;
+    for (; clothi_obj_token(o, &token); n++) {
+        cloth_status status = clothi_obj_corner(o, &token, &now[0], &now[1]);
+        if (status != CLOTH_OK) return status;
+        if (n == 0) memcpy(first, now, sizeof now);
+        if (n >= 2) {
+            int *v = o->faces + 3 * o->f, *t = o->corner_vt + 3 * o->f;
+            v[0] = first[0];
+            v[1] = last[0];
+            v[2] = now[0];
+            t[0] = first[1];
+            t[1] = last[1];
+            t[2] = now[1];
+            if (o->current < 0) o->current = clothi_obj_find_part(o);
+            o->part[o->f++] = o->current;
+        }
+        memcpy(last, now, sizeof now);
+    }
+    if (n < 3)
+        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: f has %i corners but needs 3",
+                           o->line, n);
+    return CLOTH_OK;
+}
+
+/* The rest of the line, blanks at its ends left out, is the name of the faces that follow. */
+static void clothi_obj_set_name(clothi_obj *o) {
+    clothi_obj_name token;
+    o->current = -1;
+    o->name.n = 0;
+    if (!clothi_obj_token(o, &token)) return;
+    o->name.s = token.s;
+    do o->name.n = (size_t)(token.s + token.n - o->name.s);
+    while (clothi_obj_token(o, &token));
+}
+
+static int clothi_obj_names_part(const clothi_obj *o, const clothi_obj_name *keyword) {
+    return (o->opt.parts == CLOTH_OBJ_PARTS_OBJECTS && clothi_obj_is(keyword, "o")) ||
+           (o->opt.parts == CLOTH_OBJ_PARTS_GROUPS && clothi_obj_is(keyword, "g"));
+}
+
+static void clothi_obj_rewind(clothi_obj *o, const char *text, size_t size) {
+    o->p = text;
+    o->end = text + size;
+    o->line = 1;
+    if (size >= 3 && memcmp(text, "\xef\xbb\xbf", 3) == 0) o->p += 3;        /* byte order mark */
+}
+
+/* First run: totals. */
+static cloth_status clothi_obj_count(clothi_obj *o) {
+    for (; o->p < o->end; clothi_obj_skip_line(o)) {
+        clothi_obj_name keyword, token;
+        if (!clothi_obj_token(o, &keyword)) continue;
+        if (clothi_obj_is(&keyword, "v")) o->nv++;
+        else if (clothi_obj_is(&keyword, "vt")) o->nvt++;
+        else if (clothi_obj_names_part(o, &keyword)) o->nname++;
+        else if (clothi_obj_is(&keyword, "f")) {
+            int n = 0;
+            while (o->nf <= CLOTH_MAX_COUNT && clothi_obj_token(o, &token)) o->nf += ++n >= 3;
+        }
+        if (o->nv > CLOTH_MAX_COUNT || o->nvt > CLOTH_MAX_COUNT || o->nf > CLOTH_MAX_COUNT ||
+            o->nname >= CLOTH_MAX_COUNT)
+            return clothi_fail(o->hooks, CLOTH_ERR_CAPACITY, "line %i: more than %i of a kind",
+                               o->line, CLOTH_MAX_COUNT);
+    }
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_obj_read(clothi_obj *o) {
+    cloth_status status = CLOTH_OK;
+    for (; o->p < o->end && status == CLOTH_OK; clothi_obj_skip_line(o)) {
+        clothi_obj_name keyword;
+        if (!clothi_obj_token(o, &keyword)) continue;
+        if (clothi_obj_is(&keyword, "v")) {
+            status = clothi_obj_vertex(o);
+        } else if (clothi_obj_is(&keyword, "vt")) {
+            o->vt[2 * o->t + 1] = 0;
+            status = clothi_obj_numbers(o, "vt", 2, 1, o->vt + 2 * o->t);
+            o->t++;
+        } else if (clothi_obj_is(&keyword, "f")) {
+            status = clothi_obj_face(o);
+        } else if (clothi_obj_names_part(o, &keyword)) {
+            clothi_obj_set_name(o);
+        }
+    }
+    return status;
+}
+
+/* Arrays for the second run, in two blocks: doubles, ints. */
+static cloth_status clothi_obj_alloc(clothi_obj *o) {
+    const size_t v = (size_t)o->nv, t = (size_t)o->nvt, f = (size_t)o->nf;
+    o->table_size = 2 * (size_t)o->nname + 3u;
+    o->x = (double *)clothi_alloc(o->hooks, 3 * v + 2 * t, sizeof(double));
+    o->faces = (int *)clothi_alloc(o->hooks, 7 * f + o->table_size, sizeof(int));
+    o->names = (clothi_obj_name *)clothi_alloc(o->hooks, (size_t)o->nname + 1u,
+                                               sizeof(clothi_obj_name));
+    if (!o->x || !o->faces || !o->names)
+        return clothi_fail(o->hooks, CLOTH_ERR_MEMORY, "no memory to read %i vertices and %i "
+                           "faces", o->nv, o->nf);
+    o->vt = o->x + 3 * v;
+    o->corner_vt = o->faces + 3 * f;
+    o->part = o->corner_vt + 3 * f;
+    o->table = o->part + f;
+    return CLOTH_OK;
+}
+
+/* Fills the render corners of a mesh whose order [3 nf] lists corners by (vertex, vt). mesh NULL:
+ * only the number of them. */
+static int clothi_obj_render(const clothi_obj *o, const int *order, cloth_mesh *mesh) {
+    int i, nr = 0;
+    for (i = 0; i < 3 * o->nf; i++) {
+        const int c = order[i], v = o->faces[c], t = o->corner_vt[c];
+        if (i == 0 || v != o->faces[order[i - 1]] || t != o->corner_vt[order[i - 1]]) {
+            if (mesh) mesh->render_vertex[nr] = v;
+            if (mesh && t >= 0) memcpy(mesh->vt + 2 * nr, o->vt + 2 * t, 2 * sizeof(double));
+            nr++;
+        }
+        if (mesh) mesh->render_faces[c] = nr - 1;
+    }
+    return nr;
+}
+
+static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
+    const int    n = 3 * o->nf, keys = (o->nv > o->nvt ? o->nv : o->nvt) + 1;
+    const int    with_X = o->opt.pattern_scale > 0;
+    int          i, nr = -1, *order = NULL, *work, *count;
+    cloth_mesh  *m;
+    cloth_status status = CLOTH_OK;
+    if (o->nvt > 0) {
+        order = (int *)clothi_alloc(o->hooks, 2 * (size_t)n + (size_t)keys + 1u, sizeof(int));
+        if (!order)
+            return clothi_fail(o->hooks, CLOTH_ERR_MEMORY, "no memory for render corners");
+        work = order + n;
+        count = work + n;
+        for (i = 0; i < n; i++) o->corner_vt[i]++;                  /* keys from 0 */
+        clothi_sort_by(n, keys, o->corner_vt, NULL, work, count);
+        clothi_sort_by(n, keys, o->faces, work, order, count);
+        for (i = 0; i < n; i++) o->corner_vt[i]--;
+        nr = clothi_obj_render(o, order, NULL);
+    }
+    m = clothi_mesh_alloc(o->hooks, o->nv, o->nf, with_X,
+                          o->opt.parts == CLOTH_OBJ_PARTS_NONE ? 0 : o->npart, nr);
+    if (!m) {
+        status = CLOTH_ERR_MEMORY;
+        goto done;
+    }
+    memcpy(m->x, o->x, 3 * sizeof(double) * (size_t)o->nv);
+    memcpy(m->faces, o->faces, sizeof(int) * (size_t)n);
+    if (m->part) memcpy(m->part, o->part, sizeof(int) * (size_t)o->nf);
+    if (nr > 0) clothi_obj_render(o, order, m);
+    for (i = 0; with_X && i < 2 * n; i++) {
+        m->X[i] = o->opt.pattern_scale * o->vt[2 * o->corner_vt[i / 2] + i % 2];
+        if (!clothi_finite(m->X[i])) {
+            status = clothi_fail(o->hooks, CLOTH_ERR_PARSE, "face %i: vt times pattern_scale %g is"
+                                 " too large", i / 6, o->opt.pattern_scale);
+            goto done;
+        }
+    }
+    *out = m;
+    m = NULL;
+done:
+    cloth_mesh_destroy(o->hooks, m);
+    clothi_free(o->hooks, order);
+    return status;
+}
+
+static cloth_status clothi_obj_check_options(const cloth_hooks *hooks,
+                                             const cloth_obj_options *o) {
+    if (o->cookie != CLOTHI_OBJ_COOKIE)
+        return clothi_fail(hooks, CLOTH_ERR_UNINIT, "options are not from "
+                           "cloth_obj_options_default()");
+    if (o->parts != CLOTH_OBJ_PARTS_NONE && o->parts != CLOTH_OBJ_PARTS_OBJECTS &&
+        o->parts != CLOTH_OBJ_PARTS_GROUPS)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.parts = %i is none of "
+                           "CLOTH_OBJ_PARTS_", (int)o->parts);
+    if (!clothi_finite(o->pattern_scale) || o->pattern_scale < 0)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.pattern_scale = %g must be finite "
+                           "and >= 0", o->pattern_scale);
+    return clothi_check_size(hooks, "options.scale", o->scale);
+}
+
+CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *text, size_t size,
+                                       const cloth_obj_options *options, cloth_mesh **out) {
+    clothi_obj   o;
+    cloth_status status;
+    if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_parse: out is NULL");
+    *out = NULL;
+    if (!text) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_parse: text is NULL");
+    memset(&o, 0, sizeof o);
+    o.hooks = hooks;
+    o.opt = options ? *options : cloth_obj_options_default();
+    o.current = -1;
+    status = clothi_obj_check_options(hooks, &o.opt);
+    if (status != CLOTH_OK) return status;
+    clothi_obj_rewind(&o, text, size);
+    status = clothi_obj_count(&o);
+    if (status != CLOTH_OK) return status;
+    if (o.nv == 0)
+        return clothi_fail(hooks, CLOTH_ERR_PARSE, "%i lines, %z bytes: no vertex (v)", o.line,
+                           size);
+    status = clothi_obj_alloc(&o);
+    if (status != CLOTH_OK) goto done;
+    clothi_obj_rewind(&o, text, size);
+    status = clothi_obj_read(&o);
+    if (status != CLOTH_OK) goto done;
+    if (o.nf == 0)
+        status = clothi_fail(hooks, CLOTH_ERR_PARSE, "%i lines, %i vertices: no face (f)", o.line,
+                             o.nv);
+    else
+        status = clothi_obj_finish(&o, out);
+done:
+    clothi_free(hooks, o.x);
+    clothi_free(hooks, o.faces);
+    clothi_free(hooks, o.names);
+    return status;
+}
+
+/* --- writing the text --- */
+
+static void clothi_obj_write_numbers(clothi_sink *s, const char *keyword, const double *a,
+                                     int n) {
+    int k;
+    clothi_sink_string(s, keyword);
+    for (k = 0; k < n; k++) {
+        clothi_sink_char(s, ' ');
+        clothi_sink_double(s, a[k]);
+    }
+    clothi_sink_char(s, '\n');
+}
+
+/* The pattern as vt: a corner with the same numbers as the last vt of its vertex shares it. True
+ * when corner starts a vt of its own, number ++*n. last, last_corner [nv] are kept in between. */
+static int clothi_obj_new_pattern_vt(const cloth_mesh *m, int *last, int *last_corner, int corner,
+                                     int *n) {
+    const int v = m->faces[corner];
+    if (last[v] > 0 && memcmp(m->X + 2 * (size_t)last_corner[v], m->X + 2 * (size_t)corner,
+                              2 * sizeof(double)) == 0)
+        return 0;
+    last[v] = ++*n;
+    last_corner[v] = corner;
+    return 1;
+}
+
+static void clothi_obj_write(const cloth_mesh *m, int *last, clothi_sink *s) {
+    const int pattern = m->nr == 0 && m->X != NULL;
+    int      *corner = last ? last + m->nv : NULL;
+    int       i, n = 0;
+    for (i = 0; i < m->nv; i++) clothi_obj_write_numbers(s, "v", m->x + 3 * i, 3);
+    for (i = 0; i < m->nr; i++) clothi_obj_write_numbers(s, "vt", m->vt + 2 * i, 2);
+    for (i = 0; pattern && i < 3 * m->nf; i++)
+        if (clothi_obj_new_pattern_vt(m, last, corner, i, &n))
+            clothi_obj_write_numbers(s, "vt", m->X + 2 * (size_t)i, 2);
+    if (pattern) memset(last, 0, 2 * sizeof *last * (size_t)m->nv);
+    for (n = 0, i = 0; i < 3 * m->nf; i++) {
+        if (i % 3 == 0 && m->part && (i == 0 || m->part[i / 3] != m->part[i / 3 - 1])) {
+            clothi_sink_string(s, "g part");
+            clothi_sink_int(s, m->part[i / 3]);
+            clothi_sink_char(s, '\n');
+        }
+        clothi_sink_string(s, i % 3 ? " " : "f ");
+        clothi_sink_int(s, m->faces[i] + 1);
+        if (pattern) (void)clothi_obj_new_pattern_vt(m, last, corner, i, &n);
+        if (pattern || m->nr > 0) {
+            clothi_sink_char(s, '/');
+            clothi_sink_int(s, pattern ? last[m->faces[i]] : m->render_faces[i] + 1);
+        }
+        if (i % 3 == 2) clothi_sink_char(s, '\n');
+    }
+}
+
+/* Finite numbers, indices in range: a mesh that the caller wrote into may have neither. */
+static cloth_status clothi_obj_check_mesh(const cloth_hooks *hooks, const cloth_mesh *m) {
+    cloth_status status = clothi_check_counts(hooks, m->nv, m->nf);
+    int          i;
+    if (status != CLOTH_OK) return status;
+    if (m->nr < 0 || m->nr > 3 * CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nr = %i is out of range", m->nr);
+    if ((m->nv > 0 && !m->x) || (m->nf > 0 && !m->faces) ||
+        (m->nr > 0 && (!m->vt || !m->render_faces)))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_format: the mesh lacks an array");
+    for (i = 0; i < 3 * m->nf; i++) {
+        if (m->faces[i] < 0 || m->faces[i] >= m->nv)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "faces[%i] corner %i = %i but nv = %i",
+                               i / 3, i % 3, m->faces[i], m->nv);
+        if (m->nr > 0 && (m->render_faces[i] < 0 || m->render_faces[i] >= m->nr))
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "render_faces[%i] corner %i = %i but nr "
+                               "= %i", i / 3, i % 3, m->render_faces[i], m->nr);
+    }
+    if (clothi_find_nonfinite(m->x, 3 * (size_t)m->nv) >= 0 ||
+        (m->nr > 0 && clothi_find_nonfinite(m->vt, 2 * (size_t)m->nr) >= 0) ||
+        (m->X && clothi_find_nonfinite(m->X, 6 * (size_t)m->nf) >= 0))
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_obj_format: a number of the mesh is "
+                           "NaN or infinite: OBJ cannot hold it");
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_mesh *mesh,
+                                        char *buf, size_t capacity, size_t *needed) {
+    clothi_sink  sink;
+    cloth_status status;
+    int         *last = NULL;
+    if (!mesh) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_format: mesh is NULL");
+    status = clothi_obj_check_mesh(hooks, mesh);
+    if (status != CLOTH_OK) return status;
+    if (mesh->nr == 0 && mesh->X) {
+        last = (int *)clothi_alloc(hooks, 2 * (size_t)mesh->nv, sizeof(int));
+        if (!last)
+            return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to write %i vertices",
+                               mesh->nv);
+    }
+    sink.buf = buf;
+    sink.capacity = buf ? capacity : 0;
+    sink.n = 0;
+    clothi_obj_write(mesh, last, &sink);
+    clothi_free(hooks, last);
+    if (needed) *needed = sink.n;
+    if (!buf || sink.n <= capacity) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "the OBJ text has %z bytes but capacity = %z",
+                       sink.n, capacity);
+}
+
+/* --- files --- */
+
+#ifdef CLOTH_NO_STDIO
+
+CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
+                                      const cloth_obj_options *options, cloth_mesh **out) {
+    (void)options;
+    if (out) *out = NULL;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+}
+
+CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path,
+                                      const cloth_mesh *mesh) {
+    (void)mesh;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+}
+
+#else
+
+/* The whole of a file, owned by the caller; pipes too, so its size is found by reading. */
+static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path, char **out,
+                                     size_t *size) {
+    FILE        *file = fopen(path, "rb");
+    char        *buf = NULL;
+    size_t       n = 0, capacity = 0;
+    cloth_status status = CLOTH_OK;
+    *out = NULL;
+    if (!file) return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened", path);
+    do {
+        if (n == capacity) {
+            char *larger = (char *)clothi_alloc(hooks, capacity ? 2 * capacity : 65536u, 1);
+            if (!larger) {
+                status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
+                                     2 * capacity);
+                goto done;
+            }
+            if (n) memcpy(larger, buf, n);
+            clothi_free(hooks, buf);
+            buf = larger;
+            capacity = capacity ? 2 * capacity : 65536u;
+        }
+        n += fread(buf + n, 1, capacity - n, file);
+    } while (n == capacity);
+    if (ferror(file)) {
+        status = clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be read", path);
+        goto done;
+    }
+    *out = buf;
+    *size = n;
+    buf = NULL;
+done:
+    clothi_free(hooks, buf);
+    fclose(file);
+    return status;
+}
+
+CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
+                                      const cloth_obj_options *options, cloth_mesh **out) {
+    char        *text = NULL;
+    size_t       size = 0;
+    cloth_status status;
+    if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_load: out is NULL");
+    *out = NULL;
+    if (!path) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_load: path is NULL");
+    status = clothi_read_file(hooks, path, &text, &size);
+    if (status == CLOTH_OK) status = cloth_obj_parse(hooks, text, size, options, out);
+    clothi_free(hooks, text);
+    return status;
+}
+
+CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path,
+                                      const cloth_mesh *mesh) {
+    FILE        *file = NULL;
+    char        *text = NULL;
+    size_t       size = 0;
+    cloth_status status;
+    if (!path) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_save: path is NULL");
+    status = cloth_obj_format(hooks, mesh, NULL, 0, &size);
+    if (status != CLOTH_OK) return status;
+    text = (char *)clothi_alloc(hooks, size, 1);
+    if (!text) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
+                                  size);
+    status = cloth_obj_format(hooks, mesh, text, size, NULL);
+    if (status != CLOTH_OK) goto done;
+    file = fopen(path, "wb");
+    if (!file) {
+        status = clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened for writing", path);
+        goto done;
+    }
+    if (fwrite(text, 1, size, file) != size) status = CLOTH_ERR_IO;
+    if (fclose(file) != 0) status = CLOTH_ERR_IO;
+    if (status != CLOTH_OK) clothi_fail(hooks, status, "%s: cannot be written", path);
+done:
+    clothi_free(hooks, text);
+    return status;
+}
+
+#endif
 
 /* ===== [5.1] MATERIALS ======================================================================= */
 /*
@@ -2228,8 +3486,8 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
  *     mu = Y h/(2 (1+nu)),   lambda = Y h nu/(1-nu^2)                                        N/m
  *   The lambda of a solid, Y h nu/((1+nu)(1-2nu)), is that of a sheet held between two plates:
  *   it acts like Y/(1-nu^2) and nu/(1-nu), and grows without bound as nu goes to 1/2.
- *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one, so that cloth
- *   is no plate: give D where it was measured.
+ *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one: cloth is
+ *   no plate; give D where it was measured.
  *   Units: KES-FB2 gives B in gf cm^2/cm: 1 of it is 9.81e-5 N m. A cantilever's bending length c
  *   (m) means D = density * 9.81 m/s^2 * c^3.
  *
@@ -2420,7 +3678,7 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *               v' H v = A [ 2 mu |dE|^2 + lambda tr(dE)^2 + sum over axes of z' S+ z ],
  *             z = sum_i (v_i)_axis g_i. With dE = dev dE + tr(dE)/2 I the first two terms are
  *             2 mu |dev dE|^2 + (mu + lambda) tr(dE)^2 >= 0, and the third is >= 0 by choice.
- *             What is lost: negative S+ inside the plane, where the material part could outweigh
+ *             What is lost: negative S acting inside the plane, where the material may outweigh
  *             it. Cost: slower Newton steps in strong compression.
  *   limits    in pure compression the force falls again below the stretch 1/sqrt(3) and vanishes at
  *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.
@@ -2825,6 +4083,37 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
     clothi_settle(w, 4);
 }
 
+/* The hinge x [4x3] of two flat rest triangles that share an edge, unfolded into the plane: P [3x2]
+ * is the left one with the corner p opposite the edge, Q the right one with the corner q. Both must
+ * be counterclockwise. The edge gets the mean of its two lengths (pattern pieces sewn together need
+ * not agree). area [2]; returns 0, and x unset, when the edge has no length. */
+CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const double *Q, int q,
+                                             double *x, double *area) {
+    const double *tri[2] = {P, Q};
+    const int     apex[2] = {p, q};
+    double        length[2], foot[2], height[2];
+    int           k;
+    for (k = 0; k < 2; k++) {
+        const double *c = tri[k] + 2 * apex[k];
+        const double *a = tri[k] + 2 * ((apex[k] + 1 + k) % 3);     /* x0 of the hinge */
+        const double *b = tri[k] + 2 * ((apex[k] + 2 - k) % 3);     /* x1 */
+        const double  e0 = b[0] - a[0], e1 = b[1] - a[1], c0 = c[0] - a[0], c1 = c[1] - a[1];
+        const double  l2 = e0 * e0 + e1 * e1, cross = fabs(e0 * c1 - e1 * c0);
+        if (!(l2 > 0.0)) return 0;
+        length[k] = sqrt(l2);
+        foot[k] = (c0 * e0 + c1 * e1) / length[k];
+        height[k] = cross / length[k];
+        area[k] = 0.5 * cross;
+    }
+    memset(x, 0, 12 * sizeof *x);
+    x[3] = 0.5 * (length[0] + length[1]);
+    x[6] = foot[0] / length[0] * x[3];
+    x[7] = height[0];
+    x[9] = foot[1] / length[1] * x[3];
+    x[10] = -height[1];
+    return 1;
+}
+
 /* ===== [6.5] EIGHT ELEMENTS AT A TIME ======================================================== */
 /*
  *   a batch: 8 elements, one array per number           x [9][8]: corner*3 + axis, then the lane
@@ -2849,6 +4138,12 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
  *             taken from it. damp [8] holds tau/h.
  *   forces    are stored per element and summed per vertex from a list in a fixed order: no
  *             colouring, no atomics, the same bits for any number of workers.
+ *   calls     clothi_gather_lanes, then one of
+ *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
+ *               clothi_hinge_forces | _forces_damped | _lanes (everything), clothi_theta_lanes,
+ *               clothi_strain_lanes, clothi_smallest_stretch2,
+ *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
+ *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
  *   checked   tests/test_elements.c: lanes_stretch, lanes_hinge, lanes_quadratic, lanes_spring,
  *             lanes_damping, lanes_gather
  */
@@ -3101,6 +4396,25 @@ CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
     }
 }
 
+/* The squares of the smaller principal stretches, for reports: the smaller eigenvalue of F'F, good
+ * to 1e-16 of the larger one. */
+CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
+                                         const double *CLOTHI_RESTRICT rest,
+                                         double *CLOTHI_RESTRICT out) {
+    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
+    int    k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k);
+        mean[k] = 1.0 + t.e0 + t.e1;
+        radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
+    }
+    clothi_sqrt_lanes(radius);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const double s = mean[k] - radius[k];
+        out[k] = 0.5 * (s + fabs(s));
+    }
+}
+
 CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
                                         const double *CLOTHI_RESTRICT rest,
                                         double *CLOTHI_RESTRICT E) {
@@ -3203,7 +4517,7 @@ CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
     }
 }
 
-/* Blocks 11, 22 and 21 by formula, those of corner 0 by the vanishing sums. */
+/* Blocks 11, 22 and 21. */
 CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
                                       double *CLOTHI_RESTRICT H) {
     enum { L = CLOTHI_LANES };
@@ -3225,15 +4539,23 @@ CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
                                        + w->lambda[k] * (p1[k] * q0[k]) + one * w->sg[2][k];
             }
         }
+}
+
+/* As clothi_hinge_close, for three corners. */
+CLOTHI_HOT void clothi_stretch_close(const double *CLOTHI_RESTRICT from,
+                                     double *CLOTHI_RESTRICT to) {
+    enum { L = CLOTHI_LANES };
+    int r, c, k;
     for (r = 0; r < 3; r++)
         for (c = 0; c < 3; c++) {
-            const int at = 3 * r + c, tr = 3 * c + r;
+            const int     at = 3 * r + c, tr = 3 * c + r;
+            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
+            const double *h21 = from + (36 + at) * L, *h12 = from + (36 + tr) * L;
+            double       *h00 = to + at * L, *h10 = to + (27 + at) * L, *h20 = to + (36 + at) * L;
             for (k = 0; k < L; k++) {
-                const double h11 = H[(9 + at) * L + k], h22 = H[(18 + at) * L + k];
-                const double h21 = H[(45 + at) * L + k], h12 = H[(45 + tr) * L + k];
-                H[at * L + k] = (h11 + h22) + (h21 + h12);
-                H[(27 + at) * L + k] = -(h11 + h12);
-                H[(36 + at) * L + k] = -(h22 + h21);
+                h00[k] = (h11[k] + h22[k]) + (h21[k] + h12[k]);
+                h10[k] = -(h11[k] + h12[k]);
+                h20[k] = -(h22[k] + h21[k]);
             }
         }
 }
@@ -3252,6 +4574,7 @@ CLOTHI_UNUSED static void clothi_stretch_lanes(const double *x, const double *re
         clothi_stretch_prepare(x, rest, damp ? strain_n : none, damp ? damp : none, &w);
         clothi_stretch_stress_part(rest, &w, psd);
         clothi_stretch_blocks(&w, H);
+        clothi_stretch_close(H + 9 * CLOTHI_LANES, H);
     }
 }
 
@@ -3377,6 +4700,25 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
         const clothi_fold h = clothi_fold_at(x, l, k);
         const double      bent = clothi_atan2(h.sine, h.cosine) - rest[CLOTHI_LANES + k];
         clothi_fold_force(&h, l[k], rest[k] * bent, k, f);
+    }
+}
+
+/* With damping; theta [8] of x is handed out for the next step's theta_n. */
+CLOTHI_HOT void clothi_hinge_forces_damped(const double *CLOTHI_RESTRICT x,
+                                           const double *CLOTHI_RESTRICT rest,
+                                           const double *CLOTHI_RESTRICT theta_n,
+                                           const double *CLOTHI_RESTRICT damp,
+                                           double *CLOTHI_RESTRICT theta,
+                                           double *CLOTHI_RESTRICT f) {
+    double l[CLOTHI_LANES];
+    int    k;
+    clothi_edge_lengths(x, l);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        const double      angle = clothi_atan2(h.sine, h.cosine);
+        const double      bent = angle - rest[CLOTHI_LANES + k];
+        theta[k] = angle;
+        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * (angle - theta_n[k])), k, f);
     }
 }
 
@@ -3519,23 +4861,27 @@ CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
             }
 }
 
-/* The blocks of corner 0 by the vanishing sums. */
-CLOTHI_HOT void clothi_hinge_close(double *CLOTHI_RESTRICT H) {
+/* The blocks of corner 0 by the vanishing sums: from = block 11 of the array that `to` begins. Two
+ * pointers, because what is read and what is written do not overlap. */
+CLOTHI_HOT void clothi_hinge_close(const double *CLOTHI_RESTRICT from, double *CLOTHI_RESTRICT to) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
         for (c = 0; c < 3; c++) {
-            const int at = 3 * r + c, tr = 3 * c + r;
+            const int     at = 3 * r + c, tr = 3 * c + r;
+            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
+            const double *h33 = from + (18 + at) * L, *h21 = from + (45 + at) * L;
+            const double *h12 = from + (45 + tr) * L, *h31 = from + (63 + at) * L;
+            const double *h13 = from + (63 + tr) * L, *h32 = from + (72 + at) * L;
+            const double *h23 = from + (72 + tr) * L;
+            double       *h00 = to + at * L, *h10 = to + (36 + at) * L;
+            double       *h20 = to + (45 + at) * L, *h30 = to + (63 + at) * L;
             for (k = 0; k < L; k++) {
-                const double h11 = H[(9 + at) * L + k], h22 = H[(18 + at) * L + k];
-                const double h33 = H[(27 + at) * L + k], h21 = H[(54 + at) * L + k];
-                const double h12 = H[(54 + tr) * L + k], h31 = H[(72 + at) * L + k];
-                const double h13 = H[(72 + tr) * L + k], h32 = H[(81 + at) * L + k];
-                const double h23 = H[(81 + tr) * L + k];
-                H[at * L + k] = (h11 + h22 + h33) + ((h21 + h12) + (h31 + h13) + (h32 + h23));
-                H[(36 + at) * L + k] = -(h11 + h12 + h13);
-                H[(45 + at) * L + k] = -(h22 + h21 + h23);
-                H[(63 + at) * L + k] = -(h33 + h31 + h32);
+                h00[k] = (h11[k] + h22[k] + h33[k])
+                         + ((h21[k] + h12[k]) + (h31[k] + h13[k]) + (h32[k] + h23[k]));
+                h10[k] = -(h11[k] + h12[k] + h13[k]);
+                h20[k] = -(h22[k] + h21[k] + h23[k]);
+                h30[k] = -(h33[k] + h31[k] + h32[k]);
             }
         }
 }
@@ -3561,7 +4907,7 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
         if (f) clothi_hinge_spread(&w, moment, f);
         clothi_hinge_square(&w, square, H);
         if (!psd) clothi_hinge_curve(&w, moment, H);
-        clothi_hinge_close(H);
+        clothi_hinge_close(H + 9 * CLOTHI_LANES, H);
     }
 }
 
@@ -3607,55 +4953,2437 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
     if (f) clothi_quadratic_forces(x, rest, f);
 }
 
-/* ===== [7.1] ORDERING ======================================================================== */
+/* ===== [7.1] ORDERING ==========================================================================
+ *
+ *   vertices of the mesh ---> rows of the matrix           leaves 0..3        separators S
+ *
+ *        +-----+--+-----+           leaf 0 |X          x|   A row of a leaf only couples with
+ *        |  0  |  |  1  |                1 |   X       x|   rows of its leaf and of S, so that
+ *        |     |S1|     |                2 |      X    x|   Gauss-Seidel sweeps, products and the
+ *        +--S2-+  +-S3--+                3 |         X x|   assembly run leaf by leaf, side by
+ *        |  2  |  |  3  |                S |x  x  x   X |   side, with the same numbers for any
+ *        +-----+--+-----+                  +------------+   count of workers.
+ *
+ *   dissection  a part is walked breadth first from an end of it and cut in the middle of the
+ *               walk; of the two sides of the cut the one with fewer vertices at it gives them
+ *               to the separator. Parts that do not hang together are walked one after the other.
+ *               Leaves: 1 below CLOTHI_ONE_LEAF vertices, 4, 8 from CLOTHI_EIGHT_LEAVES on: a
+ *               function of the mesh only.
+ *   levels      inside a leaf, rows are sorted by level = 1 + highest level of an earlier
+ *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
+ *               just before it: 69 us -> 60 us an iteration for a sheet of 64 x 64.
+ *   aggregates  nv/85 (4 to 128) seeds, each the farthest from those before it in graph distance;
+ *               a vertex joins its nearest seed. They carry the coarse space of [7.3]. Vertices
+ *               that no seed reaches (more than 128 pieces) have none.
+ *   lost        natural order, reverse Cuthill-McKee, 8 and 16 leaves differ by less than 10 %
+ *               once long waves are deflated [7.3]; random numbering costs 25 %.
+ *
+ * checked: tests/test_sparse.c (order, domains, star, pieces)
+ */
 
-/* ===== [7.2] BLOCK SPARSE MATRIX ============================================================= */
+#define CLOTHI_ONE_LEAF      500            /* vertices; below: one leaf, no parallel calls    */
+#define CLOTHI_EIGHT_LEAVES  16384
+#define CLOTHI_LEAVES        8              /* at most                                         */
+#define CLOTHI_AGG_VERTICES  85             /* per aggregate                                   */
+#define CLOTHI_AGG_MIN       4
+#define CLOTHI_AGG_MAX       128
+
+struct cloth_pattern {
+    cloth_hooks hooks;
+    int   n, nlow;                          /* rows; blocks strictly below the diagonal        */
+    int   nd;                               /* leaves                                          */
+    int   dom[CLOTHI_LEAVES + 2];           /* rows of leaf d: [dom[d], dom[d+1]); last: S     */
+    int  *row_of, *vertex_of;               /* [n]                                             */
+    int  *row, *col;                        /* [n+1], [nlow] increasing in a row               */
+    int  *seg;                              /* [ns x (nd+1)] where in a row of S leaf d begins */
+    int   nc;                               /* aggregates                                      */
+    int  *agg;                              /* [n] of a row, or -1                             */
+    int  *zp, *zj, *vp, *vj;                /* aggregates coupled to a row; those from the
+                                               diagonal on (V) have their place in Z in vz     */
+    int  *vz, *zown, *vown;                 /* place of the row's own aggregate, -1: none      */
+    int  *kz, *kv;                          /* [nlow] place of a block in Z of its row, V of
+                                               its column, -1: none                            */
+    int  *member_start, *member;            /* [nc+2], [n] rows by aggregate, last: of none    */
+};
+
+typedef struct clothi_graph {               /* neighbours of each vertex, increasing           */
+    int *start, *to;
+} clothi_graph;
+
+static void clothi_graph_free(const cloth_hooks *hooks, clothi_graph *g) {
+    clothi_free(hooks, g->start);
+    clothi_free(hooks, g->to);
+    g->start = g->to = NULL;
+}
+
+/* Neighbours by elements: listed per vertex, transposed (which sorts), repeats dropped. */
+static cloth_status clothi_graph_build(const cloth_hooks *hooks, int nv, int nelem,
+                                       const int *start, const int *vertex, clothi_graph *g) {
+    cloth_status status = CLOTH_ERR_MEMORY;
+    int    e, a, b, i, k, z, *raw = NULL, *at = NULL;
+    size_t total = 0;
+    g->start = g->to = NULL;
+    for (e = 0; e < nelem; e++)
+        total += (size_t)(start[e + 1] - start[e]) * (size_t)(start[e + 1] - start[e]);
+    if (total > 2000000000u) return CLOTH_ERR_ARGUMENT;
+    g->start = (int *)clothi_alloc(hooks, (size_t)nv + 2, sizeof(int));
+    at = (int *)clothi_alloc(hooks, (size_t)nv + 2, sizeof(int));
+    raw = (int *)clothi_alloc(hooks, total, sizeof(int));
+    g->to = (int *)clothi_alloc(hooks, total, sizeof(int));
+    if (!g->start || !at || !raw || !g->to) goto done;
+    for (e = 0; e < nelem; e++)
+        for (a = start[e]; a < start[e + 1]; a++)
+            g->start[vertex[a] + 1] += start[e + 1] - start[e];
+    for (i = 0; i < nv; i++) g->start[i + 1] += g->start[i];
+    memcpy(at, g->start, (size_t)nv * sizeof(int));
+    for (e = 0; e < nelem; e++)
+        for (a = start[e]; a < start[e + 1]; a++)
+            for (b = start[e]; b < start[e + 1]; b++) raw[at[vertex[a]]++] = vertex[b];
+    memcpy(at, g->start, (size_t)nv * sizeof(int));
+    for (i = 0; i < nv; i++)
+        for (k = g->start[i]; k < g->start[i + 1]; k++) g->to[at[raw[k]]++] = i;
+    for (i = 0, z = 0; i < nv; i++) {
+        int first = z, from = g->start[i];
+        g->start[i] = first;
+        for (k = from; k < at[i]; k++)
+            if (g->to[k] != i && (z == first || g->to[z - 1] != g->to[k])) g->to[z++] = g->to[k];
+    }
+    g->start[nv] = z;
+    status = CLOTH_OK;
+done:
+    clothi_free(hooks, raw);
+    clothi_free(hooks, at);
+    if (status) clothi_graph_free(hooks, g);
+    return status;
+}
+
+/* Vertices of a part (label[v] == part) breadth first from `first`, later pieces by index, into
+ * queue; mark[v] becomes stamp. from [count]: the part's vertices. Returns the last one. */
+static int clothi_bfs(const clothi_graph *g, const int *label, int part, const int *from,
+                       int count, int first, int *mark, int stamp, int *queue) {
+    int head = 0, tail = 0, next = 0, k;
+    queue[tail++] = first;
+    mark[first] = stamp;
+    while (tail < count || head < tail) {
+        if (head == tail) {
+            while (mark[from[next]] == stamp) next++;
+            queue[tail++] = from[next];
+            mark[from[next]] = stamp;
+        }
+        for (k = g->start[queue[head]]; k < g->start[queue[head] + 1]; k++)
+            if (label[g->to[k]] == part && mark[g->to[k]] != stamp) {
+                mark[g->to[k]] = stamp;
+                queue[tail++] = g->to[k];
+            }
+        head++;
+    }
+    return queue[count - 1];
+}
+
+typedef struct clothi_cut {                 /* scratch of the dissection, each [nv]            */
+    int *order;                             /* vertices, part after part                       */
+    int *label, *mark, *queue, *level;
+    int  stamp;
+} clothi_cut;
+
+/* Cuts the `count` vertices order[begin..] into halves and a separator: order becomes first half,
+ * second half, separator, each as walked; size [2] of the halves. label: part, part+1, -1. */
+static void clothi_bisect(const clothi_graph *g, clothi_cut *c, int begin, int count, int part,
+                          int *size) {
+    int *list = c->order + begin, *place = c->level;
+    int  i, k, pass, seed = list[0], half = count / 2, touch[2] = {0, 0}, side, at[3];
+    for (pass = 0; pass < 3; pass++)
+        seed = clothi_bfs(g, c->label, part, list, count, seed, c->mark, ++c->stamp, c->queue);
+    for (i = 0; i < count; i++) place[c->queue[i]] = i >= half;
+    for (pass = 0; pass < 2; pass++)        /* count those at the cut, then label them         */
+        for (i = 0; i < count; i++) {
+            int v = c->queue[i], other = 0;
+            for (k = g->start[v]; k < g->start[v + 1] && !other; k++)
+                other = c->label[g->to[k]] == part && place[g->to[k]] != place[v];
+            if (!pass) touch[place[v]] += other;
+            side = touch[1] > touch[0] ? 0 : 1;
+            if (pass) c->mark[v] = other && place[v] == side ? 2 : place[v];
+        }
+    size[0] = size[1] = 0;
+    for (i = 0; i < count; i++)
+        if (c->mark[c->queue[i]] < 2) size[c->mark[c->queue[i]]]++;
+    at[0] = 0;
+    at[1] = size[0];
+    at[2] = size[0] + size[1];
+    for (i = 0; i < count; i++) {
+        int v = c->queue[i], m = c->mark[v];
+        list[at[m]++] = v;
+        c->label[v] = m == 2 ? -1 : part + m;
+        c->mark[v] = 0;
+    }
+}
+
+/* Rows [begin, end) sorted by level, stable. */
+static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int end, int *row_of,
+                              int *level, int *count, int *sorted) {
+    int i, k, highest = 0, sum = 0;
+    for (i = begin; i < end; i++) row_of[order[i]] = i;
+    for (i = begin; i < end; i++) {
+        level[i] = 0;
+        for (k = g->start[order[i]]; k < g->start[order[i] + 1]; k++) {
+            int r = row_of[g->to[k]];
+            if (r >= begin && r < i && level[r] + 1 > level[i]) level[i] = level[r] + 1;
+        }
+        if (level[i] > highest) highest = level[i];
+    }
+    memset(count, 0, ((size_t)highest + 1) * sizeof(int));
+    for (i = begin; i < end; i++) count[level[i]]++;
+    for (i = 0; i <= highest; i++) {
+        k = count[i];
+        count[i] = sum;
+        sum += k;
+    }
+    for (i = begin; i < end; i++) sorted[count[level[i]]++] = order[i];
+    memcpy(order + begin, sorted, (size_t)(end - begin) * sizeof(int));
+    for (i = begin; i < end; i++) row_of[order[i]] = i;
+}
+
+/* Leaves first, separators last, the earliest cut at the very end. Every round halves each part;
+ * a part's vertices stay together at its begin [], separators move behind all parts. */
+static cloth_status clothi_pattern_order(cloth_pattern *p, const clothi_graph *g) {
+    const cloth_hooks *hooks = &p->hooks;
+    const size_t n = (size_t)p->n;
+    clothi_cut c;
+    int begin[2 * CLOTHI_LEAVES], size[2 * CLOTHI_LEAVES];
+    int parts = 1, leaves = p->n < CLOTHI_ONE_LEAF ? 1 : p->n < CLOTHI_EIGHT_LEAVES ? 4 : 8;
+    int i, a, end = p->n, *scratch = (int *)clothi_alloc(hooks, 5 * n + 5, sizeof(int)), *next;
+    if (!scratch) return CLOTH_ERR_MEMORY;
+    c.order = p->vertex_of;
+    c.label = scratch;
+    c.mark = c.label + n;
+    c.queue = c.mark + n;
+    c.level = c.queue + n;
+    next = c.level + n;
+    c.stamp = 2;
+    begin[0] = 0;
+    size[0] = p->n;
+    for (i = 0; i < p->n; i++) c.order[i] = i;
+    if (leaves == 1 && p->n > 0)            /* the walk's order, for locality                  */
+        for (a = 0, i = 0; a < 3; a++)
+            i = clothi_bfs(g, c.label, 0, c.order, p->n, i, c.mark, ++c.stamp, c.queue);
+    if (leaves == 1) memcpy(c.order, c.queue, n * sizeof(int));
+    while (parts < leaves) {
+        int tail = end, at = 0, halves[2 * CLOTHI_LEAVES];
+        for (a = parts - 1; a >= 0; a--)    /* labels of halves must not meet: from the top    */
+            for (i = begin[a]; i < begin[a] + size[a]; i++) c.label[c.order[i]] = 2 * a;
+        for (a = 0; a < parts; a++) {
+            halves[2 * a] = halves[2 * a + 1] = 0;
+            if (size[a] > 0) clothi_bisect(g, &c, begin[a], size[a], 2 * a, halves + 2 * a);
+        }
+        for (a = parts - 1; a >= 0; a--)    /* separators to the end, parts closed up          */
+            for (i = begin[a] + size[a] - 1; i >= begin[a] + halves[2 * a] + halves[2 * a + 1];
+                 i--) next[--tail] = c.order[i];
+        for (a = 0; a < 2 * parts; a++) {
+            int from = begin[a / 2] + (a & 1 ? halves[a - 1] : 0);
+            memmove(c.order + at, c.order + from, (size_t)halves[a] * sizeof(int));
+            c.level[a] = at;
+            at += halves[a];
+        }
+        memcpy(c.order + tail, next + tail, (size_t)(end - tail) * sizeof(int));
+        parts *= 2;
+        for (a = 0; a < parts; a++) {
+            begin[a] = c.level[a];
+            size[a] = halves[a];
+        }
+        end = tail;
+    }
+    p->nd = leaves;
+    for (a = 0; a < leaves; a++) p->dom[a] = begin[a];
+    p->dom[leaves] = end;
+    p->dom[leaves + 1] = p->n;
+    for (i = 0; i < p->n; i++) p->row_of[i] = -1;
+    for (a = 0; a <= leaves; a++)
+        clothi_level_sort(g, c.order, p->dom[a], p->dom[a + 1], p->row_of, c.label, c.mark,
+                          c.queue);
+    clothi_free(hooks, scratch);
+    return CLOTH_OK;
+}
+
+/* Lower rows in the new order (written column by column, hence increasing), and where in a row of
+ * S each leaf begins. */
+static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g) {
+    int i, j, k, d, first = p->dom[p->nd], ns = p->n - first;
+    int *at = (int *)clothi_alloc(&p->hooks, (size_t)p->n + 1, sizeof(int));
+    p->nlow = g->start[p->n] / 2;
+    p->col = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
+    p->seg = (int *)clothi_alloc(&p->hooks, (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
+    if (at && p->col && p->seg) {
+        for (i = 0; i < p->n; i++) {
+            int v = p->vertex_of[i];
+            p->row[i + 1] = p->row[i];
+            for (k = g->start[v]; k < g->start[v + 1]; k++)
+                p->row[i + 1] += p->row_of[g->to[k]] < i;
+        }
+        memcpy(at, p->row, (size_t)p->n * sizeof(int));
+        for (j = 0; j < p->n; j++) {
+            int v = p->vertex_of[j];
+            for (k = g->start[v]; k < g->start[v + 1]; k++) {
+                i = p->row_of[g->to[k]];
+                if (i > j) p->col[at[i]++] = j;
+            }
+        }
+        for (i = first; i < p->n; i++)
+            for (d = 0, k = p->row[i]; d <= p->nd; d++) {
+                while (k < p->row[i + 1] && p->col[k] < p->dom[d]) k++;
+                p->seg[(i - first) * (p->nd + 1) + d] = k;
+            }
+    }
+    clothi_free(&p->hooks, at);
+    return at && p->col && p->seg ? CLOTH_OK : CLOTH_ERR_MEMORY;
+}
+
+/* Aggregates: seeds by farthest point (ties: lowest row), members by distance. */
+static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_graph *g) {
+    const int far = 0x3fffffff;
+    int  i, k, a, seed = 0, want = p->n / CLOTHI_AGG_VERTICES;
+    int *dist = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
+    int *queue = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
+    p->nc = 0;
+    if (!dist || !queue) goto done;
+    if (want < CLOTHI_AGG_MIN) want = CLOTHI_AGG_MIN;
+    if (want > CLOTHI_AGG_MAX) want = CLOTHI_AGG_MAX;
+    for (i = 0; i < p->n; i++) {
+        dist[i] = far;
+        p->agg[i] = -1;
+    }
+    for (a = 0; a < want && p->n > 0 && dist[seed] > 0; a++) {
+        int head = 0, tail = 0;
+        dist[seed] = 0;
+        p->agg[seed] = a;
+        queue[tail++] = seed;
+        while (head < tail) {
+            int r = queue[head++], v = p->vertex_of[r];
+            for (k = g->start[v]; k < g->start[v + 1]; k++) {
+                int s = p->row_of[g->to[k]];
+                if (dist[s] <= dist[r] + 1) continue;
+                dist[s] = dist[r] + 1;
+                p->agg[s] = a;
+                queue[tail++] = s;
+            }
+        }
+        for (i = 0; i < p->n; i++)
+            if (dist[i] > dist[seed]) seed = i;
+        p->nc = a + 1;
+    }
+done:
+    i = dist && queue;
+    clothi_free(&p->hooks, dist);
+    clothi_free(&p->hooks, queue);
+    return i ? CLOTH_OK : CLOTH_ERR_MEMORY;
+}
+
+/* Place of aggregate a in list [begin, *end), added at the end when new; -1 for a < 0. */
+static int clothi_place(int *list, int begin, int *end, int a) {
+    int k;
+    if (a < 0) return -1;
+    for (k = begin; k < *end; k++)
+        if (list[k] == a) return k;
+    list[(*end)++] = a;
+    return k;
+}
+
+/* Aggregates coupled to each row: Z over all neighbours, V over those from the diagonal on. A row
+ * touches few, so that linear searches do; where it touches many (a hub), at most nc. */
+static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *g) {
+    const size_t most = (size_t)g->start[p->n] + (size_t)p->n;
+    int i, j, k, m, z = 0, v = 0;
+    p->zj = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
+    p->vj = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
+    p->vz = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
+    p->kz = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
+    p->kv = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
+    if (!p->zj || !p->vj || !p->vz || !p->kz || !p->kv) return CLOTH_ERR_MEMORY;
+    for (i = 0; i < p->n; i++) {
+        int u = p->vertex_of[i];
+        p->zp[i] = z;
+        p->vp[i] = v;
+        p->zown[i] = clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
+        p->vown[i] = clothi_place(p->vj, p->vp[i], &v, p->agg[i]);
+        for (k = g->start[u]; k < g->start[u + 1]; k++) {
+            j = p->row_of[g->to[k]];
+            clothi_place(p->zj, p->zp[i], &z, p->agg[j]);
+            if (j > i) clothi_place(p->vj, p->vp[i], &v, p->agg[j]);
+        }
+        for (m = p->vp[i]; m < v; m++) p->vz[m] = clothi_place(p->zj, p->zp[i], &z, p->vj[m]);
+    }
+    p->zp[p->n] = z;
+    p->vp[p->n] = v;
+    for (i = 0; i < p->n; i++)
+        for (k = p->row[i]; k < p->row[i + 1]; k++) {
+            j = p->col[k];
+            z = p->zp[i + 1];
+            v = p->vp[j + 1];
+            p->kz[k] = clothi_place(p->zj, p->zp[i], &z, p->agg[j]);
+            p->kv[k] = clothi_place(p->vj, p->vp[j], &v, p->agg[i]);
+        }
+    p->member_start = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 3, sizeof(int));
+    if (!p->member_start) return CLOTH_ERR_MEMORY;
+    for (i = 0; i < p->n; i++) p->member_start[(p->agg[i] < 0 ? p->nc : p->agg[i]) + 2]++;
+    for (k = 0; k <= p->nc; k++) p->member_start[k + 2] += p->member_start[k + 1];
+    for (i = 0; i < p->n; i++)
+        p->member[p->member_start[(p->agg[i] < 0 ? p->nc : p->agg[i]) + 1]++] = i;
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int nelem,
+                                         const int *start, const int *vertex) {
+    int e, a;
+    if (nv < 1 || nelem < 0 || (nelem > 0 && (!start || !vertex)))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "pattern: nv = %i, nelem = %i, or a list is NULL", nv, nelem);
+    for (e = 0; e < nelem; e++) {
+        if (start[e + 1] < start[e])
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[%i] decreases", e + 1);
+        for (a = start[e]; a < start[e + 1]; a++)
+            if (vertex[a] < 0 || vertex[a] >= nv)
+                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                                   "pattern: vertex[%i] = %i but nv = %i", a, vertex[a], nv);
+    }
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, int nelem,
+                                            const int *start, const int *vertex, const double *x,
+                                            cloth_pattern **out) {
+    cloth_pattern *p = NULL;
+    cloth_status   status;
+    clothi_graph   g;
+    const size_t   n = (size_t)nv;
+    (void)x;
+    g.start = g.to = NULL;
+    if (!out) return CLOTH_ERR_ARGUMENT;
+    *out = NULL;
+    status = clothi_pattern_check(hooks, nv, nelem, start, vertex);
+    if (!status) status = clothi_graph_build(hooks, nv, nelem, start, vertex, &g);
+    if (status) return status;
+    status = CLOTH_ERR_MEMORY;
+    p = (cloth_pattern *)clothi_alloc(hooks, 1, sizeof *p);
+    if (!p) goto done;
+    if (hooks) p->hooks = *hooks;
+    p->n = nv;
+    p->row_of = (int *)clothi_alloc(hooks, n, sizeof(int));
+    p->vertex_of = (int *)clothi_alloc(hooks, n, sizeof(int));
+    p->row = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
+    p->agg = (int *)clothi_alloc(hooks, n, sizeof(int));
+    p->zp = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
+    p->vp = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
+    p->zown = (int *)clothi_alloc(hooks, n, sizeof(int));
+    p->vown = (int *)clothi_alloc(hooks, n, sizeof(int));
+    p->member = (int *)clothi_alloc(hooks, n, sizeof(int));
+    if (!p->row_of || !p->vertex_of || !p->row || !p->agg || !p->zp || !p->vp || !p->zown ||
+        !p->vown || !p->member) goto done;
+    status = clothi_pattern_order(p, &g);
+    if (!status) status = clothi_pattern_rows(p, &g);
+    if (!status) status = clothi_pattern_aggregates(p, &g);
+    if (!status) status = clothi_pattern_coarse(p, &g);
+done:
+    clothi_graph_free(hooks, &g);
+    if (status) cloth_pattern_destroy(p);
+    else *out = p;
+    return status;
+}
+
+/* The blocks that a pattern owns. */
+static int clothi_pattern_parts(const cloth_pattern *p, const void **part) {
+    int n = 0;
+    part[n++] = p->row_of;
+    part[n++] = p->vertex_of;
+    part[n++] = p->row;
+    part[n++] = p->col;
+    part[n++] = p->seg;
+    part[n++] = p->agg;
+    part[n++] = p->zp;
+    part[n++] = p->zj;
+    part[n++] = p->vp;
+    part[n++] = p->vj;
+    part[n++] = p->vz;
+    part[n++] = p->zown;
+    part[n++] = p->vown;
+    part[n++] = p->kz;
+    part[n++] = p->kv;
+    part[n++] = p->member_start;
+    part[n++] = p->member;
+    return n;
+}
+
+CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
+    const void *part[20];
+    cloth_hooks hooks;
+    int         k;
+    if (!pattern) return;
+    hooks = pattern->hooks;
+    for (k = clothi_pattern_parts(pattern, part) - 1; k >= 0; k--) clothi_free(&hooks, part[k]);
+    clothi_free(&hooks, pattern);
+}
+
+CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern) {
+    const void *part[20];
+    size_t      sum = clothi_block_size(pattern);
+    int         k;
+    if (!pattern) return 0;
+    for (k = clothi_pattern_parts(pattern, part) - 1; k >= 0; k--)
+        sum += clothi_block_size(part[k]);
+    return sum;
+}
+
+CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) { return pattern->nd; }
+
+CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex) {
+    int d, r = pattern->row_of[vertex];
+    for (d = 0; d < pattern->nd; d++)
+        if (r < pattern->dom[d + 1]) return d;
+    return -1;
+}
+
+CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
+    int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b, low, high;
+    if (turned) {
+        a = b;
+        b = pattern->row_of[i];
+    }
+    low = pattern->row[a];
+    high = pattern->row[a + 1];
+    while (low < high) {
+        int mid = low + (high - low) / 2;
+        if (pattern->col[mid] < b) low = mid + 1;
+        else high = mid;
+    }
+    return low < pattern->row[a + 1] && pattern->col[low] == b ? 2 * low + turned : -1;
+}
+
+CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
+    return 1 + 2.0 * pattern->nlow / pattern->n;
+}
+
+/* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
+ *
+ *   A = | D0        sym |     values    D0 D1 ... D(n-1)  then the blocks below the diagonal, row
+ *       | A10 D1        |               by row in the order of [7.1], each [3x3] doubles: one
+ *       |     A21 D2    |               array, so that assembly walks it nearly in order
+ *       | A30     A32 D3|     slot      2 k + t of a pair (i, j): block k, t = 1 when it is stored
+ *                                       transposed, because row(i) < row(j)
+ *   extras  pairs outside the pattern (a host's term, a contact) go to a list that lives until the
+ *           matrix is cleared: (row, column, block), in the order of adding, repeats kept. The
+ *           operator, the coarse space and the curvature tests of [7.3] see them; only the
+ *           Gauss-Seidel sweeps do not. The list grows through the allocator and keeps its size.
+ *
+ * checked: tests/test_sparse.c (mul, extras, memory)
+ */
+
+struct cloth_matrix {
+    cloth_hooks hooks;
+    const cloth_pattern *p;
+    double *diag, *low;                     /* one block: [n x 9], [nlow x 9], one spare       */
+    int     ne, capacity;
+    int    *pair;                           /* [ne x 2] rows, the first the larger             */
+    double *extra;                          /* [ne x 9]                                        */
+};
+
+CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth_pattern *pattern,
+                                           cloth_matrix **out) {
+    cloth_matrix *A;
+    if (!out) return CLOTH_ERR_ARGUMENT;
+    *out = NULL;
+    if (!pattern) return CLOTH_ERR_ARGUMENT;
+    A = (cloth_matrix *)clothi_alloc(hooks, 1, sizeof *A);
+    if (!A) return CLOTH_ERR_MEMORY;
+    if (hooks) A->hooks = *hooks;
+    A->p = pattern;
+    A->diag = (double *)clothi_alloc(hooks, (size_t)pattern->n + (size_t)pattern->nlow + 1,
+                                     9 * sizeof(double));
+    if (!A->diag) {
+        clothi_free(hooks, A);
+        return CLOTH_ERR_MEMORY;
+    }
+    A->low = A->diag + 9 * (size_t)pattern->n;
+    *out = A;
+    return CLOTH_OK;
+}
+
+CLOTH_API void cloth_matrix_destroy(cloth_matrix *A) {
+    cloth_hooks hooks;
+    if (!A) return;
+    hooks = A->hooks;
+    clothi_free(&hooks, A->pair);
+    clothi_free(&hooks, A->extra);
+    clothi_free(&hooks, A->diag);
+    clothi_free(&hooks, A);
+}
+
+CLOTH_API size_t cloth_matrix_bytes(const cloth_matrix *A) {
+    return A ? clothi_block_size(A) + clothi_block_size(A->diag) + clothi_block_size(A->pair) +
+                   clothi_block_size(A->extra)
+             : 0;
+}
+
+/* What the assembly of [9.1] uses: H[k * stride], k = 0..8; distinct leaves side by side. */
+static void clothi_matrix_add_diag(cloth_matrix *A, int v, const double *H, int stride) {
+    double *block = A->diag + 9 * (size_t)A->p->row_of[v];
+    int     k;
+    for (k = 0; k < 9; k++) block[k] += H[k * stride];
+}
+
+static void clothi_matrix_add_slot(cloth_matrix *A, int slot, const double *H, int stride) {
+    double *b = A->low + 9 * (size_t)(slot >> 1);
+    int     i, j;
+    if (slot & 1)
+        for (i = 0; i < 3; i++)
+            for (j = 0; j < 3; j++) b[3 * j + i] += H[(3 * i + j) * stride];
+    else
+        for (i = 0; i < 9; i++) b[i] += H[i * stride];
+}
+
+static void clothi_matrix_clear(cloth_matrix *A) {
+    memset(A->diag, 0, ((size_t)A->p->n + (size_t)A->p->nlow) * 9 * sizeof(double));
+    A->ne = 0;
+}
+
+/* All values but the extras, as one array. */
+static double *clothi_matrix_values(cloth_matrix *A) { return A->diag; }
+static size_t  clothi_matrix_doubles(const cloth_matrix *A) {
+    return 9 * ((size_t)A->p->n + (size_t)A->p->nlow);
+}
+static double *clothi_matrix_diag(cloth_matrix *A, int v) {
+    return A->diag + 9 * (size_t)A->p->row_of[v];
+}
+static double *clothi_matrix_block(cloth_matrix *A, int slot) {
+    return A->low + 9 * (size_t)(slot >> 1);
+}
+static const cloth_pattern *clothi_matrix_pattern(const cloth_matrix *A) { return A->p; }
+
+/* Blocks [k0, k1) of row i taken from the diagonals of their row and of their columns. */
+static void clothi_close_blocks(cloth_matrix *A, int i, int k0, int k1, int own, int other) {
+    double *d = A->diag + 9 * (size_t)i;
+    int     k, q;
+    for (k = k0; k < k1; k++) {
+        const double *b = A->low + 9 * (size_t)k;
+        double       *e = A->diag + 9 * (size_t)A->p->col[k];
+        for (q = 0; own && q < 9; q++) d[q] -= b[q];
+        for (q = 0; other && q < 9; q++) e[q] -= b[3 * (q % 3) + q / 3];
+    }
+}
+
+CLOTHI_HOT void clothi_close_range(int begin, int end, int worker, void *ctx) {
+    cloth_matrix        *A = (cloth_matrix *)ctx;
+    const cloth_pattern *p = A->p;
+    int d, i, first = p->dom[p->nd];
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        for (i = p->dom[d]; i < p->dom[d + 1]; i++)
+            clothi_close_blocks(A, i, p->row[i], p->row[i + 1], 1, 1);
+        for (i = first; i < p->n; i++) {
+            const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+            clothi_close_blocks(A, i, seg[0], seg[1], 0, 1);
+        }
+    }
+}
+
+/* D_i -= sum of the blocks of row i: what elements that do not feel translations leave to the
+ * diagonal. Extras bring their own diagonals. */
+static void clothi_matrix_close(cloth_matrix *A) {
+    const cloth_pattern *p = A->p;
+    int i, first = p->dom[p->nd];
+    clothi_for(&A->hooks, p->nd, 1, clothi_close_range, A);
+    for (i = first; i < p->n; i++) {
+        const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
+        clothi_close_blocks(A, i, p->row[i], at, 1, 0);
+        clothi_close_blocks(A, i, at, p->row[i + 1], 1, 1);
+    }
+}
+
+CLOTH_API void cloth_matrix_clear(cloth_matrix *A) { clothi_matrix_clear(A); }
+
+/* Room for `more` extras. */
+static cloth_status clothi_matrix_reserve(cloth_matrix *A, int more) {
+    int     capacity, *pair;
+    double *extra;
+    if (more > 100000000 - A->ne) return CLOTH_ERR_CAPACITY;
+    if (A->ne + more <= A->capacity) return CLOTH_OK;
+    capacity = 2 * (A->ne + more);
+    pair = (int *)clothi_alloc(&A->hooks, (size_t)capacity, 2 * sizeof(int));
+    extra = (double *)clothi_alloc(&A->hooks, (size_t)capacity + 1, 9 * sizeof(double));
+    if (!pair || !extra) {
+        clothi_free(&A->hooks, pair);
+        clothi_free(&A->hooks, extra);
+        return CLOTH_ERR_MEMORY;
+    }
+    if (A->ne) {
+        memcpy(pair, A->pair, (size_t)A->ne * 2 * sizeof(int));
+        memcpy(extra, A->extra, (size_t)A->ne * 9 * sizeof(double));
+    }
+    clothi_free(&A->hooks, A->pair);
+    clothi_free(&A->hooks, A->extra);
+    A->pair = pair;
+    A->extra = extra;
+    A->capacity = capacity;
+    return CLOTH_OK;
+}
+
+static void clothi_matrix_add_extra(cloth_matrix *A, int i, int j, const double *B) {
+    const int a = A->p->row_of[i], b = A->p->row_of[j];
+    double   *to = A->extra + 9 * (size_t)A->ne;
+    int       k;
+    for (k = 0; k < 9; k++) to[k] = B[a < b ? 3 * (k % 3) + k / 3 : k];
+    A->pair[2 * A->ne] = a < b ? b : a;
+    A->pair[2 * A->ne + 1] = a < b ? a : b;
+    A->ne++;
+}
+
+CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const int *v,
+                                                const double *H) {
+    cloth_status status;
+    int          a, b, k, more = 0;
+    double       B[9], T[9];
+    if (!A || n < 0 || (n > 0 && (!v || !H))) return CLOTH_ERR_ARGUMENT;
+    for (a = 0; a < n; a++)
+        if (v[a] < 0 || v[a] >= A->p->n) return CLOTH_ERR_ARGUMENT;
+    for (a = 0; a < n; a++)
+        for (b = 0; b < a; b++)
+            more += v[a] != v[b] && cloth_pattern_slot(A->p, v[a], v[b]) < 0;
+    status = more ? clothi_matrix_reserve(A, more) : CLOTH_OK;
+    if (status) return status;
+    for (a = 0; a < n; a++)
+        for (b = 0; b <= a; b++) {
+            for (k = 0; k < 9; k++) {
+                B[k] = H[(size_t)(3 * a + k / 3) * (size_t)(3 * n) + (size_t)(3 * b + k % 3)];
+                T[3 * (k % 3) + k / 3] = B[k];
+            }
+            if (v[a] == v[b]) {             /* a corner named twice meets itself: B + B'       */
+                clothi_matrix_add_diag(A, v[a], B, 1);
+                if (a != b) clothi_matrix_add_diag(A, v[a], T, 1);
+                continue;
+            }
+            k = cloth_pattern_slot(A->p, v[a], v[b]);
+            if (k < 0) clothi_matrix_add_extra(A, v[a], v[b], B);
+            else clothi_matrix_add_slot(A, k, B, 1);
+        }
+    return CLOTH_OK;
+}
+
+/* y_i += B x_j, y_j += B' x_i */
+static void clothi_block_mul(const double *B, const double *xi, const double *xj, double *yi,
+                             double *yj) {
+    int a;
+    for (a = 0; a < 3; a++) {
+        yi[a] += B[3 * a] * xj[0] + B[3 * a + 1] * xj[1] + B[3 * a + 2] * xj[2];
+        yj[a] += B[a] * xi[0] + B[3 + a] * xi[1] + B[6 + a] * xi[2];
+    }
+}
+
+CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixed, const double *x,
+                                double *y) {
+    const cloth_pattern *p = A->p;
+    int i, j, k, a;
+    for (i = 0; i < p->n; i++) {
+        const double *D = A->diag + 9 * (size_t)p->row_of[i], *u = x + 3 * (size_t)i;
+        for (a = 0; a < 3; a++)
+            y[3 * (size_t)i + (size_t)a] = D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
+    }
+    for (i = 0; i < p->n; i++)
+        for (k = p->row[i]; k < p->row[i + 1]; k++) {
+            size_t u = 3 * (size_t)p->vertex_of[i], v = 3 * (size_t)p->vertex_of[p->col[k]];
+            clothi_block_mul(A->low + 9 * (size_t)k, x + u, x + v, y + u, y + v);
+        }
+    for (k = 0; k < A->ne; k++) {
+        size_t u = 3 * (size_t)p->vertex_of[A->pair[2 * k]];
+        size_t v = 3 * (size_t)p->vertex_of[A->pair[2 * k + 1]];
+        clothi_block_mul(A->extra + 9 * (size_t)k, x + u, x + v, y + u, y + v);
+    }
+    for (i = 0; fixed && i < p->n; i++)
+        for (j = 0; j < 3; j++)
+            if (fixed[i] >> j & 1) y[3 * (size_t)i + (size_t)j] = 0;
+}
 
 /* ===== [7.3] CONJUGATE GRADIENTS ============================================================= */
 
+#define CLOTHI_LINEAR_TOLERANCE    0.05
+#define CLOTHI_FLOAT_TOLERANCE     1e-4     /* AUTO: tighter ones are solved in doubles        */
+#define CLOTHI_FLOAT_STIFFNESS     4e6      /* AUTO: stiffness over inertia, see the banner    */
+#define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
+#define CLOTHI_CG_CAP              20000
+#define CLOTHI_CURVATURE_TOLERANCE 1e-10
+
+/* --- four numbers at a time, floats or doubles --- */
+
+/* A vertex has a record of four numbers (three and a zero), a block three records. The code of
+ * this section is written once: `w` is a constant in every call, 0 for float and 1 for double, and
+ * the compiler drops the other half. Without SSE2 or with CLOTH_NO_SIMD: plain loops. */
+typedef struct clothi_v4 {
+#if defined(CLOTHI_AVX)
+    __m128  f;
+    __m256d d;
+#elif defined(CLOTHI_SSE2)
+    __m128  f;
+    __m128d d, e;
+#else
+    float  f[4];
+    double d[4];
+#endif
+} clothi_v4;
+
+#if defined(CLOTHI_AVX) && defined(__FMA__)
+#  define CLOTHI_MADDF(a, b, c)  _mm_fmadd_ps(b, c, a)
+#  define CLOTHI_NMADDF(a, b, c) _mm_fnmadd_ps(b, c, a)
+#  define CLOTHI_MADDD(a, b, c)  _mm256_fmadd_pd(b, c, a)
+#  define CLOTHI_NMADDD(a, b, c) _mm256_fnmadd_pd(b, c, a)
+#  define CLOTHI_MADD8(a, b, c)  _mm256_fmadd_ps(b, c, a)
+#elif defined(CLOTHI_AVX)
+#  define CLOTHI_MADDF(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
+#  define CLOTHI_NMADDF(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
+#  define CLOTHI_MADDD(a, b, c)  _mm256_add_pd(a, _mm256_mul_pd(b, c))
+#  define CLOTHI_NMADDD(a, b, c) _mm256_sub_pd(a, _mm256_mul_pd(b, c))
+#  define CLOTHI_MADD8(a, b, c)  _mm256_add_ps(a, _mm256_mul_ps(b, c))
+#endif
+
+CLOTHI_LANE clothi_v4 clothi_zero4(void) {
+    clothi_v4 r;
+#if defined(CLOTHI_AVX)
+    r.f = _mm_setzero_ps();
+    r.d = _mm256_setzero_pd();
+#elif defined(CLOTHI_SSE2)
+    r.f = _mm_setzero_ps();
+    r.d = r.e = _mm_setzero_pd();
+#else
+    memset(&r, 0, sizeof r);
+#endif
+    return r;
+}
+
+/* Record i of an array of floats or doubles. */
+CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
+    clothi_v4 r = clothi_zero4();
+#if defined(CLOTHI_AVX)
+    if (w) r.d = _mm256_load_pd((const double *)a + 4 * i);
+    else r.f = _mm_load_ps((const float *)a + 4 * i);
+#elif defined(CLOTHI_SSE2)
+    if (w) {
+        r.d = _mm_load_pd((const double *)a + 4 * i);
+        r.e = _mm_load_pd((const double *)a + 4 * i + 2);
+    } else r.f = _mm_load_ps((const float *)a + 4 * i);
+#else
+    if (w) memcpy(r.d, (const double *)a + 4 * i, sizeof r.d);
+    else memcpy(r.f, (const float *)a + 4 * i, sizeof r.f);
+#endif
+    return r;
+}
+
+CLOTHI_LANE void clothi_store4(void *a, size_t i, clothi_v4 r, const int w) {
+#if defined(CLOTHI_AVX)
+    if (w) _mm256_store_pd((double *)a + 4 * i, r.d);
+    else _mm_store_ps((float *)a + 4 * i, r.f);
+#elif defined(CLOTHI_SSE2)
+    if (w) {
+        _mm_store_pd((double *)a + 4 * i, r.d);
+        _mm_store_pd((double *)a + 4 * i + 2, r.e);
+    } else _mm_store_ps((float *)a + 4 * i, r.f);
+#else
+    if (w) memcpy((double *)a + 4 * i, r.d, sizeof r.d);
+    else memcpy((float *)a + 4 * i, r.f, sizeof r.f);
+#endif
+}
+
+/* (B[0], B[1], B[2], 0) from doubles. */
+CLOTHI_LANE clothi_v4 clothi_cut4(const double *B, const int w) {
+    clothi_v4 r = clothi_zero4();
+#if defined(CLOTHI_AVX)
+    const __m256d q = _mm256_insertf128_pd(_mm256_castpd128_pd256(_mm_loadu_pd(B)),
+                                           _mm_load_sd(B + 2), 1);
+    if (w) r.d = q;
+    else r.f = _mm256_cvtpd_ps(q);
+#elif defined(CLOTHI_SSE2)
+    r.d = _mm_loadu_pd(B);
+    r.e = _mm_load_sd(B + 2);
+    if (!w) r.f = _mm_movelh_ps(_mm_cvtpd_ps(r.d), _mm_cvtpd_ps(r.e));
+#else
+    int k;
+    for (k = 0; k < 3; k++) {
+        r.d[k] = B[k];
+        if (!w) r.f[k] = (float)B[k];
+    }
+#endif
+    return r;
+}
+
+CLOTHI_LANE clothi_v4 clothi_add4(clothi_v4 a, clothi_v4 b, const int w) {
+#if defined(CLOTHI_AVX)
+    if (w) a.d = _mm256_add_pd(a.d, b.d);
+    else a.f = _mm_add_ps(a.f, b.f);
+#elif defined(CLOTHI_SSE2)
+    if (w) {
+        a.d = _mm_add_pd(a.d, b.d);
+        a.e = _mm_add_pd(a.e, b.e);
+    } else a.f = _mm_add_ps(a.f, b.f);
+#else
+    int k;
+    for (k = 0; k < 4; k++) {
+        if (w) a.d[k] += b.d[k];
+        else a.f[k] += b.f[k];
+    }
+#endif
+    return a;
+}
+
+CLOTHI_LANE clothi_v4 clothi_sub4(clothi_v4 a, clothi_v4 b, const int w) {
+#if defined(CLOTHI_AVX)
+    if (w) a.d = _mm256_sub_pd(a.d, b.d);
+    else a.f = _mm_sub_ps(a.f, b.f);
+#elif defined(CLOTHI_SSE2)
+    if (w) {
+        a.d = _mm_sub_pd(a.d, b.d);
+        a.e = _mm_sub_pd(a.e, b.e);
+    } else a.f = _mm_sub_ps(a.f, b.f);
+#else
+    int k;
+    for (k = 0; k < 4; k++) {
+        if (w) a.d[k] -= b.d[k];
+        else a.f[k] -= b.f[k];
+    }
+#endif
+    return a;
+}
+
+/* a + b c */
+CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
+#if defined(CLOTHI_AVX)
+    if (w) a.d = CLOTHI_MADDD(a.d, b.d, c.d);
+    else a.f = CLOTHI_MADDF(a.f, b.f, c.f);
+#elif defined(CLOTHI_SSE2)
+    if (w) {
+        a.d = _mm_add_pd(a.d, _mm_mul_pd(b.d, c.d));
+        a.e = _mm_add_pd(a.e, _mm_mul_pd(b.e, c.e));
+    } else a.f = _mm_add_ps(a.f, _mm_mul_ps(b.f, c.f));
+#else
+    int k;
+    for (k = 0; k < 4; k++) {
+        if (w) a.d[k] += b.d[k] * c.d[k];
+        else a.f[k] += b.f[k] * c.f[k];
+    }
+#endif
+    return a;
+}
+
+/* a - b c */
+CLOTHI_LANE clothi_v4 clothi_nmadd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
+#if defined(CLOTHI_AVX)
+    if (w) a.d = CLOTHI_NMADDD(a.d, b.d, c.d);
+    else a.f = CLOTHI_NMADDF(a.f, b.f, c.f);
+#elif defined(CLOTHI_SSE2)
+    if (w) {
+        a.d = _mm_sub_pd(a.d, _mm_mul_pd(b.d, c.d));
+        a.e = _mm_sub_pd(a.e, _mm_mul_pd(b.e, c.e));
+    } else a.f = _mm_sub_ps(a.f, _mm_mul_ps(b.f, c.f));
+#else
+    int k;
+    for (k = 0; k < 4; k++) {
+        if (w) a.d[k] -= b.d[k] * c.d[k];
+        else a.f[k] -= b.f[k] * c.f[k];
+    }
+#endif
+    return a;
+}
+
+/* u in all four. */
+CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
+    clothi_v4 r = clothi_zero4();
+#if defined(CLOTHI_AVX)
+    if (w) r.d = _mm256_set1_pd(u);
+    else r.f = _mm_set1_ps((float)u);
+#elif defined(CLOTHI_SSE2)
+    if (w) r.d = r.e = _mm_set1_pd(u);
+    else r.f = _mm_set1_ps((float)u);
+#else
+    int k;
+    for (k = 0; k < 4; k++) {
+        if (w) r.d[k] = u;
+        else r.f[k] = (float)u;
+    }
+#endif
+    return r;
+}
+
+/* Number j of record i in all four. */
+CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int w) {
+    clothi_v4 r = clothi_zero4();
+#if defined(CLOTHI_AVX)
+    if (w) r.d = _mm256_broadcast_sd((const double *)a + 4 * i + j);
+    else r.f = _mm_broadcast_ss((const float *)a + 4 * i + j);
+#elif defined(CLOTHI_SSE2)
+    if (w) r.d = r.e = _mm_load1_pd((const double *)a + 4 * i + j);
+    else r.f = _mm_load1_ps((const float *)a + 4 * i + j);
+#else
+    r = clothi_all4(w ? ((const double *)a)[4 * i + j] : (double)((const float *)a)[4 * i + j], w);
+#endif
+    return r;
+}
+
+/* (sum of a, sum of b, sum of c, 0): the rows of a block times a record. */
+CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
+#if defined(CLOTHI_AVX)
+    if (w) {
+        const __m256d ab = _mm256_hadd_pd(a.d, b.d);                /* a01 b01 a23 b23 */
+        const __m256d cz = _mm256_hadd_pd(c.d, _mm256_setzero_pd());
+        a.d = _mm256_add_pd(_mm256_permute2f128_pd(ab, cz, 0x20),
+                            _mm256_permute2f128_pd(ab, cz, 0x31));
+    } else
+        a.f = _mm_hadd_ps(_mm_hadd_ps(a.f, b.f), _mm_hadd_ps(c.f, _mm_setzero_ps()));
+#elif defined(CLOTHI_SSE2)
+    if (w) {
+        a.d = _mm_add_pd(a.d, a.e);
+        b.d = _mm_add_pd(b.d, b.e);
+        c.d = _mm_add_pd(c.d, c.e);
+        a.d = _mm_add_pd(_mm_unpacklo_pd(a.d, b.d), _mm_unpackhi_pd(a.d, b.d));
+        a.e = _mm_add_pd(_mm_unpacklo_pd(c.d, _mm_setzero_pd()),
+                         _mm_unpackhi_pd(c.d, _mm_setzero_pd()));
+    } else {
+        __m128 z = _mm_setzero_ps();
+        _MM_TRANSPOSE4_PS(a.f, b.f, c.f, z);
+        a.f = _mm_add_ps(_mm_add_ps(a.f, b.f), _mm_add_ps(c.f, z));
+    }
+#else
+    clothi_v4 r = clothi_zero4();
+    if (w) {
+        r.d[0] = (a.d[0] + a.d[1]) + (a.d[2] + a.d[3]);
+        r.d[1] = (b.d[0] + b.d[1]) + (b.d[2] + b.d[3]);
+        r.d[2] = (c.d[0] + c.d[1]) + (c.d[2] + c.d[3]);
+    } else {
+        r.f[0] = (a.f[0] + a.f[1]) + (a.f[2] + a.f[3]);
+        r.f[1] = (b.f[0] + b.f[1]) + (b.f[2] + b.f[3]);
+        r.f[2] = (c.f[0] + c.f[1]) + (c.f[2] + c.f[3]);
+    }
+    a = r;
+#endif
+    return a;
+}
+
+/* Products of a and b added to four sums, always doubles. */
+CLOTHI_LANE clothi_v4 clothi_dot4(clothi_v4 sum, clothi_v4 a, clothi_v4 b, const int w) {
+#if defined(CLOTHI_AVX)
+    if (w) sum.d = CLOTHI_MADDD(sum.d, a.d, b.d);
+    else sum.d = _mm256_add_pd(sum.d, _mm256_cvtps_pd(_mm_mul_ps(a.f, b.f)));
+#elif defined(CLOTHI_SSE2)
+    if (w) sum = clothi_madd4(sum, a, b, 1);
+    else {
+        const __m128 q = _mm_mul_ps(a.f, b.f);
+        sum.d = _mm_add_pd(sum.d, _mm_cvtps_pd(q));
+        sum.e = _mm_add_pd(sum.e, _mm_cvtps_pd(_mm_movehl_ps(q, q)));
+    }
+#else
+    int k;
+    for (k = 0; k < 4; k++) sum.d[k] += w ? a.d[k] * b.d[k] : (double)(a.f[k] * b.f[k]);
+#endif
+    return sum;
+}
+
+CLOTHI_LANE double clothi_sum4(clothi_v4 sum) {
+    double q[4];
+#if defined(CLOTHI_AVX)
+    _mm256_storeu_pd(q, sum.d);
+#elif defined(CLOTHI_SSE2)
+    _mm_storeu_pd(q, sum.d);
+    _mm_storeu_pd(q + 2, sum.e);
+#else
+    memcpy(q, sum.d, sizeof q);
+#endif
+    return (q[0] + q[1]) + (q[2] + q[3]);
+}
+
+CLOTHI_LANE double clothi_get(const void *a, size_t i, const int w) {
+    return w ? ((const double *)a)[i] : (double)((const float *)a)[i];
+}
+CLOTHI_LANE void clothi_put(void *a, size_t i, double u, const int w) {
+    if (w) ((double *)a)[i] = u;
+    else ((float *)a)[i] = (float)u;
+}
+
+/* M u of record i, M in the records 3k, 3k+1, 3k+2 by columns; its transpose times u when M is
+ * there by rows. */
+CLOTHI_LANE clothi_v4 clothi_columns4(const void *M, size_t k, const void *u, size_t i,
+                                      const int w) {
+    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_load4(M, 3 * k, w),
+                               clothi_lane4(u, i, 0, w), w);
+    r = clothi_madd4(r, clothi_load4(M, 3 * k + 1, w), clothi_lane4(u, i, 1, w), w);
+    return clothi_madd4(r, clothi_load4(M, 3 * k + 2, w), clothi_lane4(u, i, 2, w), w);
+}
+
+/* Sum of blocks L[k], by rows, times records z[col[k]], k0 <= k < k1. */
+CLOTHI_LANE clothi_v4 clothi_gather4(const void *L, const int *col, int k0, int k1, const void *z,
+                                     const int w) {
+    clothi_v4 a = clothi_zero4(), b = a, c = a;
+    int       k;
+#if defined(CLOTHI_AVX)
+    if (!w) {                               /* rows 0 and 1 together, z twice                  */
+        __m256 ab = _mm256_setzero_ps();
+        __m128 cc = _mm_setzero_ps();
+        for (k = k0; k < k1; k++) {
+            const float *B = (const float *)L + 12 * (size_t)k;
+            const float *u = (const float *)z + 4 * (size_t)col[k];
+            ab = CLOTHI_MADD8(ab, _mm256_loadu_ps(B),
+                              _mm256_broadcast_ps((const __m128 *)(const void *)u));
+            cc = CLOTHI_MADDF(cc, _mm_load_ps(B + 8), _mm_load_ps(u));
+        }
+        a.f = _mm256_castps256_ps128(ab);
+        b.f = _mm256_extractf128_ps(ab, 1);
+        c.f = cc;
+        return clothi_rows4(a, b, c, 0);
+    }
+#endif
+    for (k = k0; k < k1; k++) {
+        const clothi_v4 u = clothi_load4(z, (size_t)col[k], w);
+        a = clothi_madd4(a, clothi_load4(L, 3 * (size_t)k, w), u, w);
+        b = clothi_madd4(b, clothi_load4(L, 3 * (size_t)k + 1, w), u, w);
+        c = clothi_madd4(c, clothi_load4(L, 3 * (size_t)k + 2, w), u, w);
+    }
+    return clothi_rows4(a, b, c, w);
+}
+
+/* z[col[k]] -= L[k]' u, u record i of z, k0 <= k < k1. */
+CLOTHI_LANE void clothi_scatter4(const void *L, const int *col, int k0, int k1, void *z, size_t i,
+                                 const int w) {
+    const clothi_v4 u0 = clothi_lane4(z, i, 0, w), u1 = clothi_lane4(z, i, 1, w);
+    const clothi_v4 u2 = clothi_lane4(z, i, 2, w);
+    int k;
+    for (k = k0; k < k1; k++) {
+        const size_t j = (size_t)col[k], b = 3 * (size_t)k;
+        clothi_v4 v = clothi_nmadd4(clothi_load4(z, j, w), clothi_load4(L, b, w), u0, w);
+        clothi_v4 q = clothi_madd4(clothi_zero4(), clothi_load4(L, b + 1, w), u1, w);
+        q = clothi_madd4(q, clothi_load4(L, b + 2, w), u2, w);
+        clothi_store4(z, j, clothi_sub4(v, q, w), w);
+    }
+}
+
+/* --- the solver's arrays --- */
+
+typedef struct clothi_store {               /* of floats or of doubles                         */
+    void *block;                            /* owns all but E                                  */
+    void *L, *G, *P, *Z, *V;                /* A' below the diagonal by rows; G^-1, G'P, V by
+                                               columns; Z by rows                              */
+    void *r, *p, *t, *w, *x, *s;            /* [n] records                                     */
+    void *sep;                              /* [nd x ns] what leaves give rows of S            */
+    void *zpart, *m;                        /* [(nd+1) x 4 x nc] sums of Z's; [nc]             */
+    void *U, *Ut, *c;                       /* [3nc x 3nc] factor by rows, by columns; [3nc]   */
+    void *E;                                /* extras, scaled, by rows                         */
+    int   extras;                           /* room in E                                       */
+} clothi_store;
+
+typedef struct clothi_tally {               /* one leaf's share of the sums                    */
+    double rr, pq, trace, top, big;
+    int    bad;                             /* first row whose diagonal block is not positive  */
+    int    pad;
+} clothi_tally;
+
+struct cloth_linear_solver {
+    cloth_hooks hooks;
+    const cloth_pattern *p;
+    clothi_store store[2];
+    double *Ac, *cd;                        /* [3nc x 3nc], [(nd+1) x 3nc]                     */
+    double *jacobi;                         /* [6n x 3], made when first asked for             */
+    /* the solve in hand */
+    const cloth_matrix  *A;
+    const unsigned char *fixed;
+    const double        *b;
+    void   *vec;                            /* of a forward sweep                              */
+    int     wide, step, radius_on;
+    double  alpha, beta;
+    int     bad_row, bad_pivot;             /* where the set-up met no positive curvature, -1  */
+    double  bad_value;
+    clothi_tally tally[CLOTHI_LEAVES + 1];
+};
+
+#define CLOTHI_COPIES 4                     /* sums of Z's in turn: no store waits for a load  */
+
+/* Lays the arrays of one precision into one block; with base NULL only counts its bytes. */
+static size_t clothi_store_lay(const cloth_pattern *p, size_t real, clothi_store *st, char *base) {
+    const size_t n = (size_t)p->n, nc = (size_t)p->nc, nd = (size_t)p->nd;
+    const size_t ns = n - (size_t)p->dom[p->nd];
+    size_t at = 0, k, records[17];
+    void **field[17];
+    records[0] = 3 * (size_t)p->nlow;       field[0] = &st->L;
+    records[1] = 3 * n;                     field[1] = &st->G;
+    records[2] = 3 * n;                     field[2] = &st->P;
+    records[3] = 3 * (size_t)p->zp[p->n];   field[3] = &st->Z;
+    records[4] = 3 * (size_t)p->vp[p->n];   field[4] = &st->V;
+    records[5] = n;                         field[5] = &st->r;
+    records[6] = n;                         field[6] = &st->p;
+    records[7] = n;                         field[7] = &st->t;
+    records[8] = n;                         field[8] = &st->w;
+    records[9] = n;                         field[9] = &st->x;
+    records[10] = n;                        field[10] = &st->s;
+    records[11] = nd * ns;                  field[11] = &st->sep;
+    records[12] = (nd + 1) * CLOTHI_COPIES * nc; field[12] = &st->zpart;
+    records[13] = nc;                       field[13] = &st->m;
+    records[14] = (9 * nc * nc + 3) / 4;    field[14] = &st->U;
+    records[15] = (9 * nc * nc + 3) / 4;    field[15] = &st->Ut;
+    records[16] = (3 * nc + 3) / 4;         field[16] = &st->c;
+    for (k = 0; k < 17; k++) {
+        if (base) *field[k] = base + at;
+        at += (4 * real * records[k] + CLOTHI_ALIGN - 1) / CLOTHI_ALIGN * CLOTHI_ALIGN;
+    }
+    return at;
+}
+
+static cloth_status clothi_store_make(cloth_linear_solver *s, int wide) {
+    clothi_store *st = &s->store[wide];
+    const size_t  real = wide ? sizeof(double) : sizeof(float);
+    if (!st->block) {
+        st->block = clothi_alloc(&s->hooks, clothi_store_lay(s->p, real, st, NULL), 1);
+        if (!st->block) return CLOTH_ERR_MEMORY;
+        clothi_store_lay(s->p, real, st, (char *)st->block);
+    }
+    if (st->extras < s->A->ne) {
+        void *more = clothi_alloc(&s->hooks, (size_t)s->A->capacity, 12 * real);
+        if (!more) return CLOTH_ERR_MEMORY;
+        clothi_free(&s->hooks, st->E);
+        st->E = more;
+        st->extras = s->A->capacity;
+    }
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
+                                                  const cloth_pattern *pattern,
+                                                  cloth_linear_solver **out) {
+    cloth_linear_solver *s;
+    size_t               nc3;
+    if (!out) return CLOTH_ERR_ARGUMENT;
+    *out = NULL;
+    if (!pattern) return CLOTH_ERR_ARGUMENT;
+    nc3 = 3 * (size_t)pattern->nc;
+    s = (cloth_linear_solver *)clothi_alloc(hooks, 1, sizeof *s);
+    if (!s) return CLOTH_ERR_MEMORY;
+    if (hooks) s->hooks = *hooks;
+    s->p = pattern;
+    s->Ac = (double *)clothi_alloc(hooks, nc3 * nc3 + 4, sizeof(double));
+    s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 1), sizeof(double));
+    if (!s->Ac || !s->cd) {
+        cloth_linear_solver_destroy(s);
+        return CLOTH_ERR_MEMORY;
+    }
+    *out = s;
+    return CLOTH_OK;
+}
+
+CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
+    cloth_hooks hooks;
+    int         k;
+    if (!s) return;
+    hooks = s->hooks;
+    for (k = 0; k < 2; k++) {
+        clothi_free(&hooks, s->store[k].block);
+        clothi_free(&hooks, s->store[k].E);
+    }
+    clothi_free(&hooks, s->Ac);
+    clothi_free(&hooks, s->cd);
+    clothi_free(&hooks, s->jacobi);
+    clothi_free(&hooks, s);
+}
+
+CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
+    size_t sum = 0;
+    int    k;
+    if (!s) return 0;
+    for (k = 0; k < 2; k++)
+        sum += clothi_block_size(s->store[k].block) + clothi_block_size(s->store[k].E);
+    return sum + clothi_block_size(s) + clothi_block_size(s->Ac) + clothi_block_size(s->cd) +
+           clothi_block_size(s->jacobi);
+}
+
+CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
+    cloth_linear_options o;
+    memset(&o, 0, sizeof o);
+    o.tolerance = CLOTHI_LINEAR_TOLERANCE;
+    return o;
+}
+
+/* --- set-up: scaling, Z, V, the coarse matrix --- */
+
+/* Bits of the fixed axes of a row. */
+CLOTHI_LANE int clothi_mask(const cloth_linear_solver *s, int row) {
+    return s->fixed ? s->fixed[s->p->vertex_of[row]] & 7 : 0;
+}
+
+/* B without the rows of mi and the columns of mj: B itself when there are none, else in out. */
+CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double *out) {
+    int k;
+    if (!(mi | mj)) return B;
+    for (k = 0; k < 9; k++) out[k] = (mi >> (k / 3) & 1) || (mj >> (k % 3) & 1) ? 0 : B[k];
+    return out;
+}
+
+/* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
+CLOTHI_LANE void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                    const int w) {
+    const clothi_store *st = &s->store[w];
+    const double        least = w ? 1e-13 : 1e-7;
+    int i, c;
+    for (i = begin; i < end; i++) {
+        const double *D = s->A->diag + 9 * (size_t)i;
+        const int     m = clothi_mask(s, i);
+        const size_t  at = 12 * (size_t)i;
+        double d[9], l00, l10, l11, l20, l21, l22, q, r, i10, i20, i21;
+        clothi_masked(D, m | 8, m, d);
+        for (c = 0; c < 3; c++)
+            if (m >> c & 1) d[4 * c] = 1;
+        q = d[4] - d[3] * (d[3] / d[0]);
+        if (!(d[0] > 0) || !(q > least * d[4])) break;
+        l00 = sqrt(d[0]);
+        l10 = d[3] / l00;
+        l20 = d[6] / l00;
+        l11 = sqrt(q);
+        l21 = (d[7] - l20 * l10) / l11;
+        r = d[8] - l20 * l20 - l21 * l21;
+        if (!(r > least * d[8])) break;
+        l22 = sqrt(r);
+        i10 = -l10 / (l00 * l11);
+        i21 = -l21 / (l11 * l22);
+        i20 = -(l20 / l00 + l21 * i10) / l22;
+        clothi_put(st->G, at, 1 / l00, w);
+        clothi_put(st->G, at + 1, i10, w);
+        clothi_put(st->G, at + 2, i20, w);
+        clothi_put(st->G, at + 5, 1 / l11, w);
+        clothi_put(st->G, at + 6, i21, w);
+        clothi_put(st->G, at + 10, 1 / l22, w);
+        clothi_put(st->P, at, m & 1 ? 0 : l00, w);
+        clothi_put(st->P, at + 4, m & 2 ? 0 : l10, w);
+        clothi_put(st->P, at + 5, m & 2 ? 0 : l11, w);
+        clothi_put(st->P, at + 8, m & 4 ? 0 : l20, w);
+        clothi_put(st->P, at + 9, m & 4 ? 0 : l21, w);
+        clothi_put(st->P, at + 10, m & 4 ? 0 : l22, w);
+        r = D[0] + D[4] + D[8];
+        y->trace += r;
+        if (r > y->top) y->top = r;
+    }
+    if (i < end && y->bad < 0) y->bad = i;
+}
+
+/* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
+CLOTHI_LANE clothi_v4 clothi_mix4(const double *B, clothi_v4 a, clothi_v4 b, clothi_v4 c,
+                                  const int w) {
+    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_all4(B[0], w), a, w);
+    r = clothi_madd4(r, clothi_all4(B[1], w), b, w);
+    return clothi_madd4(r, clothi_all4(B[2], w), c, w);
+}
+
+CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) {
+    clothi_store4(a, i, clothi_add4(clothi_load4(a, i, w), v, w), w);
+}
+
+/* out <- G_i^-1 B G_j^-T, three records by rows. */
+CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const double *B,
+                                    void *out, size_t k, const int w) {
+    const size_t gi = 3 * (size_t)i, gj = 3 * (size_t)j;
+    const clothi_v4 q0 = clothi_load4(st->G, gj, w), q1 = clothi_load4(st->G, gj + 1, w);
+    const clothi_v4 q2 = clothi_load4(st->G, gj + 2, w);
+    const clothi_v4 b0 = clothi_mix4(B, q0, q1, q2, w), b1 = clothi_mix4(B + 3, q0, q1, q2, w);
+    const clothi_v4 b2 = clothi_mix4(B + 6, q0, q1, q2, w), z = clothi_zero4();
+    clothi_v4 r;
+    clothi_store4(out, 3 * k, clothi_madd4(z, clothi_lane4(st->G, gi, 0, w), b0, w), w);
+    r = clothi_madd4(z, clothi_lane4(st->G, gi, 1, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, gi + 1, 1, w), b1, w);
+    clothi_store4(out, 3 * k + 1, r, w);
+    r = clothi_madd4(z, clothi_lane4(st->G, gi, 2, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, gi + 1, 2, w), b1, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, gi + 2, 2, w), b2, w);
+    clothi_store4(out, 3 * k + 2, r, w);
+}
+
+/* Blocks [k0, k1) of row i: into Z of the row, and into V of the columns with scaling. */
+CLOTHI_LANE void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+                                     clothi_tally *y, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const int mi = clothi_mask(s, i);
+    double    cut[9], trace = 0;
+    int       k;
+    for (k = k0; k < k1; k++) {
+        const int     j = p->col[k];
+        const double *raw = s->A->low + 9 * (size_t)k;
+        const double *B = clothi_masked(raw, mi, clothi_mask(s, j), cut);
+        const clothi_v4 b0 = clothi_cut4(B, w), b1 = clothi_cut4(B + 3, w);
+        const clothi_v4 b2 = clothi_cut4(B + 6, w);
+        if (z && p->kz[k] >= 0) {
+            const size_t at = 3 * (size_t)p->kz[k];
+            clothi_add_record(st->Z, at, b0, w);
+            clothi_add_record(st->Z, at + 1, b1, w);
+            clothi_add_record(st->Z, at + 2, b2, w);
+        }
+        if (!v) continue;
+        if (p->kv[k] >= 0) {                /* columns of B' are the rows of B                 */
+            const size_t at = 3 * (size_t)p->kv[k];
+            clothi_add_record(st->V, at, b0, w);
+            clothi_add_record(st->V, at + 1, b1, w);
+            clothi_add_record(st->V, at + 2, b2, w);
+        }
+        trace += raw[0] + raw[4] + raw[8];
+        clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
+    }
+    y->trace += 2 * trace;
+}
+
+/* Z and V of rows [begin, end) to zero, then D into V. */
+CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int begin, int end, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const size_t record = 4 * (w ? sizeof(double) : sizeof(float));
+    double       cut[9];
+    int          i, c;
+    memset((char *)st->Z + 3 * record * (size_t)p->zp[begin], 0,
+           3 * record * (size_t)(p->zp[end] - p->zp[begin]));
+    memset((char *)st->V + 3 * record * (size_t)p->vp[begin], 0,
+           3 * record * (size_t)(p->vp[end] - p->vp[begin]));
+    for (i = begin; i < end; i++) {
+        const int     m = clothi_mask(s, i);
+        const double *B = clothi_masked(s->A->diag + 9 * (size_t)i, m, m, cut);
+        for (c = 0; c < 3 && p->vown[i] >= 0; c++)
+            clothi_store4(st->V, 3 * (size_t)p->vown[i] + (size_t)c, clothi_cut4(B + 3 * c, w), w);
+    }
+}
+
+CLOTHI_LANE void clothi_setup_leaf(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    clothi_tally *y = s->tally + d;
+    int           i, first = p->dom[p->nd];
+    clothi_factor_rows(s, p->dom[d], p->dom[d + 1], y, w);
+    if (y->bad >= 0) return;
+    clothi_setup_own(s, p->dom[d], p->dom[d + 1], w);
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++)
+        clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], 1, 1, y, w);
+    for (i = first; i < p->n; i++) {
+        const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+        clothi_setup_blocks(s, i, seg[0], seg[1], 0, 1, y, w);
+    }
+}
+
+CLOTHI_HOT void clothi_setup_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (s->wide) clothi_setup_leaf(s, d, 1);
+        else clothi_setup_leaf(s, d, 0);
+    }
+}
+
+/* Rows of S after the leaves: their Z, and the blocks within S. */
+CLOTHI_LANE void clothi_setup_rest(cloth_linear_solver *s, const int w) {
+    const cloth_pattern *p = s->p;
+    int i, first = p->dom[p->nd];
+    for (i = first; i < p->n; i++) {
+        const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
+        clothi_setup_blocks(s, i, p->row[i], at, 1, 0, s->tally + p->nd, w);
+        clothi_setup_blocks(s, i, at, p->row[i + 1], 1, 1, s->tally + p->nd, w);
+    }
+}
+
+/* Row i: the upper part V' added to Z, Z into the rows of the coarse matrix, both scaled. */
+CLOTHI_LANE void clothi_coarse_row(cloth_linear_solver *s, int i, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const size_t n3 = 3 * (size_t)p->nc;
+    int          m, a, c;
+    for (m = p->vp[i]; m < p->vp[i + 1]; m++)
+        for (a = 0; a < 3; a++)
+            for (c = 0; c < 3; c++) {
+                const size_t to = 12 * (size_t)p->vz[m] + (size_t)(4 * a + c);
+                clothi_put(st->Z, to, clothi_get(st->Z, to, w) +
+                           clothi_get(st->V, 12 * (size_t)m + (size_t)(4 * c + a), w), w);
+            }
+    for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
+        const size_t z = 3 * (size_t)m, g = 3 * (size_t)i;
+        clothi_v4    z0, z1, z2, r;
+        if (p->agg[i] >= 0 && p->zj[m] >= p->agg[i])
+            for (a = 0; a < 3; a++)
+                for (c = 0; c < 3; c++)
+                    s->Ac[(size_t)(3 * p->agg[i] + a) * n3 + (size_t)(3 * p->zj[m] + c)] +=
+                        clothi_get(st->Z, 12 * (size_t)m + (size_t)(4 * a + c), w);
+        z0 = clothi_load4(st->Z, z, w);
+        z1 = clothi_load4(st->Z, z + 1, w);
+        z2 = clothi_load4(st->Z, z + 2, w);
+        r = clothi_zero4();
+        clothi_store4(st->Z, z, clothi_madd4(r, clothi_lane4(st->G, g, 0, w), z0, w), w);
+        r = clothi_madd4(clothi_zero4(), clothi_lane4(st->G, g, 1, w), z0, w);
+        r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), z1, w);
+        clothi_store4(st->Z, z + 1, r, w);
+        r = clothi_madd4(clothi_zero4(), clothi_lane4(st->G, g, 2, w), z0, w);
+        r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), z1, w);
+        r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), z2, w);
+        clothi_store4(st->Z, z + 2, r, w);
+    }
+    for (m = 3 * p->vp[i]; m < 3 * p->vp[i + 1]; m++)
+        clothi_store4(st->V, (size_t)m,
+                      clothi_columns4(st->G, (size_t)i, st->V, (size_t)m, w), w);
+}
+
+/* Aggregates, and last the rows without one. */
+CLOTHI_HOT void clothi_coarse_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    const cloth_pattern *p = s->p;
+    const size_t         n3 = 3 * (size_t)p->nc;
+    int                  a, k;
+    (void)worker;
+    for (a = begin; a < end; a++) {
+        if (a < p->nc) memset(s->Ac + 3 * (size_t)a * n3, 0, 3 * n3 * sizeof(double));
+        for (k = p->member_start[a]; k < p->member_start[a + 1]; k++) {
+            if (s->wide) clothi_coarse_row(s, p->member[k], 1);
+            else clothi_coarse_row(s, p->member[k], 0);
+        }
+    }
+}
+
+/* Extras: scaled into E; P'CP into the coarse matrix. */
+static void clothi_setup_extras(cloth_linear_solver *s) {
+    const cloth_pattern *p = s->p;
+    const size_t n3 = 3 * (size_t)p->nc;
+    int          e, a, c;
+    for (e = 0; e < s->A->ne; e++) {
+        const int i = s->A->pair[2 * e], j = s->A->pair[2 * e + 1];
+        double    cut[9];
+        const double *B = clothi_masked(s->A->extra + 9 * (size_t)e, clothi_mask(s, i),
+                                        clothi_mask(s, j), cut);
+        if (s->wide) clothi_scale_block(&s->store[1], i, j, B, s->store[1].E, (size_t)e, 1);
+        else clothi_scale_block(&s->store[0], i, j, B, s->store[0].E, (size_t)e, 0);
+        if (p->agg[i] < 0 || p->agg[j] < 0) continue;
+        for (a = 0; a < 3; a++)
+            for (c = 0; c < 3; c++) {
+                const size_t u = (size_t)(3 * p->agg[i] + a), v = (size_t)(3 * p->agg[j] + c);
+                s->Ac[u * n3 + v] += B[3 * a + c];
+                s->Ac[v * n3 + u] += B[3 * a + c];
+            }
+    }
+}
+
+/* Row R of the coarse matrix minus f[q] times rows q0 + q, q < 6, from column i on. */
+CLOTHI_HOT void clothi_coarse_eliminate(double *CLOTHI_RESTRICT R,
+                                               const double *CLOTHI_RESTRICT q0, size_t n,
+                                               size_t i) {
+    const double *q1 = q0 + n, *q2 = q1 + n, *q3 = q2 + n, *q4 = q3 + n, *q5 = q4 + n;
+    const double  f0 = q0[i], f1 = q1[i], f2 = q2[i], f3 = q3[i], f4 = q4[i], f5 = q5[i];
+    size_t        j;
+    for (j = i; j < n; j++)
+        R[j] -= ((f0 * q0[j] + f1 * q1[j]) + (f2 * q2[j] + f3 * q3[j])) +
+                (f4 * q4[j] + f5 * q5[j]);
+}
+
+/* Ac = U'U in place, upper. A translation that nothing holds (all its axes fixed, or a piece
+ * without mass) gives a zero pivot: it is left out, its row and 1/pivot being zero. Returns the
+ * first pivot that is negative beyond rounding, or -1. */
+CLOTHI_HOT int clothi_coarse_factor(cloth_linear_solver *s) {
+    const size_t n = 3 * (size_t)s->p->nc;
+    const double small = s->wide ? 1e-12 : 1e-6;
+    clothi_store *st = &s->store[s->wide];
+    double       *A = s->Ac;
+    size_t        k0, k, q, i, j;
+    for (k = 0; k < n; k++) s->cd[k] = A[k * n + k];
+    for (k0 = 0; k0 < n; k0 += 6) {
+        const size_t k1 = k0 + 6 < n ? k0 + 6 : n;
+        for (k = k0; k < k1; k++) {
+            double *R = A + k * n, f;
+            for (q = k0; q < k; q++)
+                for (j = k, f = A[q * n + k]; j < n; j++) R[j] -= f * A[q * n + j];
+            if (!(R[k] > small * s->cd[k])) {
+                s->bad_value = R[k];
+                if (!(fabs(R[k]) <= small * fabs(s->cd[k]))) return (int)k;
+                memset(R + k, 0, (n - k) * sizeof(double));
+                continue;
+            }
+            for (j = k, f = 1 / sqrt(R[k]); j < n; j++) R[j] *= f;
+        }
+        for (i = k1; i < n && k1 - k0 == 6; i++)
+            clothi_coarse_eliminate(A + i * n, A + k0 * n, n, i);
+    }
+    for (i = 0; i < n; i++)
+        for (j = i; j < n; j++) {
+            const double u = A[i * n + j], v = i < j ? u : u > 0 ? 1 / u : 0;
+            clothi_put(st->U, i * n + j, v, s->wide);
+            clothi_put(st->Ut, j * n + i, v, s->wide);
+        }
+    return -1;
+}
+
+/* c <- (U'U)^-1 c, both substitutions as sums of rows; the diagonals hold reciprocals. */
+CLOTHI_HOT void clothi_coarse_solve_f(const float *U, const float *Ut, float *c, int n) {
+    int j, k;
+    for (k = 0; k < n; k++) {
+        const float *R = U + (size_t)k * (size_t)n, f = c[k] *= R[k];
+        for (j = k + 1; j < n; j++) c[j] -= f * R[j];
+    }
+    for (k = n - 1; k >= 0; k--) {
+        const float *R = Ut + (size_t)k * (size_t)n, f = c[k] *= R[k];
+        for (j = 0; j < k; j++) c[j] -= f * R[j];
+    }
+}
+
+CLOTHI_HOT void clothi_coarse_solve_d(const double *U, const double *Ut, double *c,
+                                             int n) {
+    int j, k;
+    for (k = 0; k < n; k++) {
+        const double *R = U + (size_t)k * (size_t)n, f = c[k] *= R[k];
+        for (j = k + 1; j < n; j++) c[j] -= f * R[j];
+    }
+    for (k = n - 1; k >= 0; k--) {
+        const double *R = Ut + (size_t)k * (size_t)n, f = c[k] *= R[k];
+        for (j = 0; j < k; j++) c[j] -= f * R[j];
+    }
+}
+
+/* cd [3nc] -> records m = Ac^-1 cd. */
+static void clothi_coarse_apply(cloth_linear_solver *s) {
+    const clothi_store *st = &s->store[s->wide];
+    int a, k, n = 3 * s->p->nc;
+    for (a = 0; a < n; a++) clothi_put(st->c, (size_t)a, s->cd[a], s->wide);
+    if (s->wide)
+        clothi_coarse_solve_d((const double *)st->U, (const double *)st->Ut, (double *)st->c, n);
+    else
+        clothi_coarse_solve_f((const float *)st->U, (const float *)st->Ut, (float *)st->c, n);
+    for (a = 0; a < s->p->nc; a++)
+        for (k = 0; k < 3; k++)
+            clothi_put(st->m, (size_t)(4 * a + k),
+                       clothi_get(st->c, (size_t)(3 * a + k), s->wide), s->wide);
+}
+
+typedef enum clothi_run {                   /* how a run in one precision ended                */
+    CLOTHI_RUN_DONE, CLOTHI_RUN_WIDE, CLOTHI_RUN_INDEFINITE, CLOTHI_RUN_NONFINITE
+} clothi_run;
+
+/* All of the set-up. Three parallel regions. */
+static clothi_run clothi_setup(cloth_linear_solver *s) {
+    const cloth_pattern *p = s->p;
+    const int first = p->dom[p->nd];
+    double    trace = 0, top = 0;
+    int       d;
+    s->bad_row = s->bad_pivot = -1;
+    memset(s->tally, 0, sizeof s->tally);
+    for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
+    if (s->wide) clothi_factor_rows(s, first, p->n, s->tally + p->nd, 1);
+    else clothi_factor_rows(s, first, p->n, s->tally + p->nd, 0);
+    if (s->wide) clothi_setup_own(s, first, p->n, 1);
+    else clothi_setup_own(s, first, p->n, 0);
+    clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
+    for (d = 0; d <= p->nd; d++) {
+        if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
+        trace += s->tally[d].trace;
+        if (s->tally[d].top > top) top = s->tally[d].top;
+    }
+    if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
+    if (s->wide) clothi_setup_rest(s, 1);
+    else clothi_setup_rest(s, 0);
+    trace += s->tally[p->nd].trace;
+    for (d = 0; d < s->A->ne; d++)
+        trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
+                      s->A->extra[9 * (size_t)d + 8]);
+    /* stiffness against inertia per vertex: beyond this, floats lose the mass */
+    if (!s->wide && !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)) return CLOTHI_RUN_WIDE;
+    clothi_for(&s->hooks, p->nc + 1, p->nd > 1 ? p->nc / 8 + 1 : p->nc + 1, clothi_coarse_range,
+               s);
+    clothi_setup_extras(s);
+    s->bad_pivot = clothi_coarse_factor(s);
+    return s->bad_pivot >= 0 ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_DONE;
+}
+
+/* --- sweeps --- */
+
+/* What leaf d gives the rows of S in a forward sweep of z. */
+CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const int first = p->dom[p->nd], ns = p->n - first;
+    int       i;
+    for (i = 0; i < ns; i++) {
+        const int *seg = p->seg + i * (p->nd + 1) + d;
+        clothi_store4(st->sep, (size_t)d * (size_t)ns + (size_t)i,
+                      clothi_gather4(st->L, p->col, seg[0], seg[1], z, w), w);
+    }
+}
+
+/* Row i of S, forward: z_i minus what the leaves gave minus the blocks within S. */
+CLOTHI_LANE clothi_v4 clothi_forward_rest(const cloth_linear_solver *s, int i, clothi_v4 zi,
+                                          const void *z, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const int first = p->dom[p->nd], ns = p->n - first, row = i - first;
+    int       d;
+    for (d = 0; d < p->nd; d++)
+        zi = clothi_sub4(zi, clothi_load4(st->sep, (size_t)d * (size_t)ns + (size_t)row, w), w);
+    return clothi_sub4(zi, clothi_gather4(st->L, p->col, p->seg[row * (p->nd + 1) + p->nd],
+                                          p->row[i + 1], z, w), w);
+}
+
+/* z <- K^-1 z of leaf d, with |z|^2 in tally.rr. */
+CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    void     *z = s->vec;
+    clothi_v4 sum = clothi_zero4();
+    int       i;
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+        const clothi_v4 v = clothi_sub4(clothi_load4(z, (size_t)i, w),
+            clothi_gather4(s->store[w].L, p->col, p->row[i], p->row[i + 1], z, w), w);
+        clothi_store4(z, (size_t)i, v, w);
+        sum = clothi_dot4(sum, v, v, w);
+    }
+    s->tally[d].rr = clothi_sum4(sum);
+    clothi_give_rest(s, d, z, w);
+}
+
+CLOTHI_HOT void clothi_forward_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (s->wide) clothi_forward_leaf(s, d, 1);
+        else clothi_forward_leaf(s, d, 0);
+    }
+}
+
+/* z <- K^-1 z; returns |z|^2. */
+static double clothi_forward(cloth_linear_solver *s, void *z) {
+    const cloth_pattern *p = s->p;
+    const int w = s->wide;
+    clothi_v4 sum = clothi_zero4();
+    double    total = 0;
+    int       i;
+    s->vec = z;
+    clothi_for(&s->hooks, p->nd, 1, clothi_forward_range, s);
+    for (i = 0; i < p->nd; i++) total += s->tally[i].rr;
+    for (i = p->dom[p->nd]; i < p->n; i++) {
+        clothi_v4 v;
+        if (w) {
+            v = clothi_forward_rest(s, i, clothi_load4(z, (size_t)i, 1), z, 1);
+            clothi_store4(z, (size_t)i, v, 1);
+            sum = clothi_dot4(sum, v, v, 1);
+        } else {
+            v = clothi_forward_rest(s, i, clothi_load4(z, (size_t)i, 0), z, 0);
+            clothi_store4(z, (size_t)i, v, 0);
+            sum = clothi_dot4(sum, v, v, 0);
+        }
+    }
+    return total + clothi_sum4(sum);
+}
+
+/* Rows [begin, end): x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a
+ * radius is set. */
+CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                     const int w) {
+    const clothi_store *st = &s->store[w];
+    const clothi_v4     alpha = clothi_all4(s->alpha, w);
+    clothi_v4           sum = clothi_zero4();
+    double              big = 0;
+    int                 i, k;
+    for (i = begin; i < end; i++) {
+        const size_t at = (size_t)i;
+        clothi_v4    r = clothi_load4(st->r, at, w);
+        if (s->step) {
+            const clothi_v4 t = clothi_load4(st->t, at, w);
+            clothi_store4(st->x, at, clothi_madd4(clothi_load4(st->x, at, w), alpha, t, w), w);
+            r = clothi_nmadd4(r, alpha, clothi_add4(t, clothi_load4(st->w, at, w), w), w);
+            clothi_store4(st->r, at, r, w);
+        }
+        clothi_store4(st->s, at, r, w);
+        sum = clothi_dot4(sum, r, r, w);
+    }
+    for (i = begin; i < end && s->radius_on; i++) {
+        for (k = 0; k < 3; k++) {
+            const size_t g = 12 * (size_t)i + (size_t)(4 * k), at = 4 * (size_t)i;
+            const double u = clothi_get(st->G, g, w) * clothi_get(st->x, at, w) +
+                             clothi_get(st->G, g + 1, w) * clothi_get(st->x, at + 1, w) +
+                             clothi_get(st->G, g + 2, w) * clothi_get(st->x, at + 2, w);
+            if (fabs(u) > big) big = fabs(u);
+        }
+    }
+    y->rr = clothi_sum4(sum);
+    y->big = big;
+}
+
+/* Z's of rows [begin, end) into the sums of leaf d. */
+CLOTHI_LANE void clothi_project_rows(cloth_linear_solver *s, int d, int begin, int end,
+                                     const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const size_t first = (size_t)d * CLOTHI_COPIES * (size_t)p->nc;
+    size_t       c;
+    int          i, k;
+    for (c = 0; c < CLOTHI_COPIES * (size_t)p->nc; c++)
+        clothi_store4(st->zpart, first + c, clothi_zero4(), w);
+    for (i = begin; i < end; i++)
+        for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
+            const size_t at = first + (size_t)(i % CLOTHI_COPIES) * (size_t)p->nc;
+            clothi_add_record(st->zpart, at + (size_t)p->zj[k],
+                              clothi_columns4(st->Z, (size_t)k, st->s, (size_t)i, w), w);
+        }
+}
+
+/* First half of an iteration in leaf d: advance, s = K^-T r (S has been done), Z's. */
+CLOTHI_LANE void clothi_back_leaf(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const int first = p->dom[p->nd];
+    int       i;
+    clothi_advance_rows(s, p->dom[d], p->dom[d + 1], s->tally + d, w);
+    for (i = p->n - 1; i >= first; i--) {
+        const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+        clothi_scatter4(st->L, p->col, seg[0], seg[1], st->s, (size_t)i, w);
+    }
+    for (i = p->dom[d + 1] - 1; i >= p->dom[d]; i--)
+        clothi_scatter4(st->L, p->col, p->row[i], p->row[i + 1], st->s, (size_t)i, w);
+    clothi_project_rows(s, d, p->dom[d], p->dom[d + 1], w);
+}
+
+/* The same for the rows of S, before the leaves. */
+CLOTHI_LANE void clothi_back_rest(cloth_linear_solver *s, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const int first = p->dom[p->nd];
+    int       i;
+    clothi_advance_rows(s, first, p->n, s->tally + p->nd, w);
+    for (i = p->n - 1; i >= first; i--)
+        clothi_scatter4(st->L, p->col, p->seg[(i - first) * (p->nd + 1) + p->nd], p->row[i + 1],
+                        st->s, (size_t)i, w);
+    clothi_project_rows(s, p->nd, first, p->n, w);
+}
+
+CLOTHI_HOT void clothi_back_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (s->wide) clothi_back_leaf(s, d, 1);
+        else clothi_back_leaf(s, d, 0);
+    }
+}
+
+CLOTHI_HOT void clothi_back(cloth_linear_solver *s) {
+    if (s->wide) clothi_back_rest(s, 1);
+    else clothi_back_rest(s, 0);
+    clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
+}
+
+/* y = r + u B v: what an extra block does, in doubles. u: the block transposed. */
+static void clothi_extra_mul(const clothi_store *st, int e, int turned, const void *v, size_t j,
+                             double *out, int w) {
+    int a, c;
+    for (a = 0; a < 3; a++)
+        for (c = 0, out[a] = 0; c < 3; c++)
+            out[a] += clothi_get(st->E, 12 * (size_t)e + (size_t)(turned ? 4 * c + a : 4 * a + c),
+                                 w) * clothi_get(v, 4 * j + (size_t)c, w);
+}
+
+/* y += f C v, or with y NULL: cd += P^' C v. */
+static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v, void *y) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[s->wide];
+    int e, side, k, c, w = s->wide;
+    for (e = 0; e < s->A->ne; e++)
+        for (side = 0; side < 2; side++) {
+            const size_t i = (size_t)s->A->pair[2 * e + side];
+            const size_t j = (size_t)s->A->pair[2 * e + 1 - side];
+            double       u[3];
+            clothi_extra_mul(st, e, side, v, j, u, w);
+            for (k = 0; k < 3 && y; k++)
+                clothi_put(y, 4 * i + (size_t)k,
+                           clothi_get(y, 4 * i + (size_t)k, w) + f * u[k], w);
+            for (k = 0; k < 3 && !y && p->agg[i] >= 0; k++)
+                for (c = 0; c < 3; c++)
+                    s->cd[3 * p->agg[i] + k] +=
+                        clothi_get(st->P, 12 * i + (size_t)(4 * k + c), w) * u[c];
+        }
+}
+
+/* m = Ac^-1 (Z's + P^' C s) */
+static void clothi_project(cloth_linear_solver *s) {
+    const cloth_pattern *p = s->p;
+    const void *part = s->store[s->wide].zpart;
+    size_t      a, k, d, nc = (size_t)p->nc, parts = (size_t)(p->nd + 1) * CLOTHI_COPIES;
+    for (a = 0; a < nc; a++)
+        for (k = 0; k < 3; k++) {
+            double sum = 0;
+            for (d = 0; d < parts; d++) sum += clothi_get(part, 4 * (d * nc + a) + k, s->wide);
+            s->cd[3 * a + k] = sum;
+        }
+    if (s->A->ne) clothi_extras_apply(s, 1, s->store[s->wide].s, NULL);
+    clothi_coarse_apply(s);
+}
+
+/* Row i: p = r + beta p - V m, t = s + beta t - P^ m; returns p - t. */
+CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, clothi_v4 beta,
+                                      const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const size_t at = (size_t)i;
+    clothi_v4    u = clothi_madd4(clothi_load4(st->r, at, w), beta, clothi_load4(st->p, at, w), w);
+    clothi_v4    v = clothi_madd4(clothi_load4(st->s, at, w), beta, clothi_load4(st->t, at, w), w);
+    int          k;
+    for (k = p->vp[i]; k < p->vp[i + 1]; k++)
+        u = clothi_sub4(u, clothi_columns4(st->V, (size_t)k, st->m, (size_t)p->vj[k], w), w);
+    if (p->agg[i] >= 0)
+        v = clothi_sub4(v, clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w), w);
+    clothi_store4(st->p, at, u, w);
+    clothi_store4(st->t, at, v, w);
+    return clothi_sub4(u, v, w);
+}
+
+/* Second half of an iteration in leaf d: p, t, w = K^-1 (p - t), p.(t + w). With extras, w = p -
+ * t + C t is there already (turn == 0). */
+CLOTHI_LANE void clothi_turn_leaf(cloth_linear_solver *s, int d, int turn, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const clothi_v4      beta = clothi_all4(s->beta, w);
+    clothi_v4            sum = clothi_zero4();
+    int                  i;
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+        const size_t at = (size_t)i;
+        clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
+        v = clothi_sub4(v, clothi_gather4(st->L, p->col, p->row[i], p->row[i + 1], st->w, w), w);
+        clothi_store4(st->w, at, v, w);
+        sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
+                          clothi_add4(v, clothi_load4(st->t, at, w), w), w);
+    }
+    s->tally[d].pq = clothi_sum4(sum);
+    clothi_give_rest(s, d, st->w, w);
+}
+
+CLOTHI_LANE void clothi_turn_rest(cloth_linear_solver *s, int turn, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const clothi_v4      beta = clothi_all4(s->beta, w);
+    clothi_v4            sum = clothi_zero4();
+    int                  i;
+    for (i = p->dom[p->nd]; i < p->n; i++) {
+        const size_t at = (size_t)i;
+        clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
+        v = clothi_forward_rest(s, i, v, st->w, w);
+        clothi_store4(st->w, at, v, w);
+        sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
+                          clothi_add4(v, clothi_load4(st->t, at, w), w), w);
+    }
+    s->tally[p->nd].pq = clothi_sum4(sum);
+}
+
+CLOTHI_HOT void clothi_turn_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    const int            turn = s->A->ne == 0;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (s->wide) clothi_turn_leaf(s, d, turn, 1);
+        else clothi_turn_leaf(s, d, turn, 0);
+    }
+}
+
+/* The same split in two, for extras: C t needs all of t. */
+CLOTHI_HOT void clothi_turn_extras(cloth_linear_solver *s) {
+    clothi_store   *st = &s->store[s->wide];
+    const clothi_v4 beta0 = clothi_all4(s->beta, 0), beta1 = clothi_all4(s->beta, 1);
+    int             i;
+    for (i = 0; i < s->p->n; i++) {
+        if (s->wide) clothi_store4(st->w, (size_t)i, clothi_turn_row(s, i, beta1, 1), 1);
+        else clothi_store4(st->w, (size_t)i, clothi_turn_row(s, i, beta0, 0), 0);
+    }
+    clothi_extras_apply(s, 1, st->t, st->w);
+}
+
+/* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
+CLOTHI_HOT double clothi_turn(cloth_linear_solver *s) {
+    const int turn = s->A->ne == 0;
+    double    pq = 0;
+    int       d;
+    if (!turn) clothi_turn_extras(s);
+    clothi_for(&s->hooks, s->p->nd, 1, clothi_turn_range, s);
+    if (s->wide) clothi_turn_rest(s, turn, 1);
+    else clothi_turn_rest(s, turn, 0);
+    for (d = 0; d <= s->p->nd; d++) pq += s->tally[d].pq;
+    return pq;
+}
+
+/* --- one solve --- */
+
+/* G^-T of record i of z: metres again. */
+static void clothi_metres(const clothi_store *st, const void *z, int i, double *out, int w) {
+    int k, c;
+    for (k = 0; k < 3; k++)
+        for (c = 0, out[k] = 0; c < 3; c++)
+            out[k] += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * k + c), w) *
+                      clothi_get(z, 4 * (size_t)i + (size_t)c, w);
+}
+
+/* z += f y */
+static void clothi_axpy(cloth_linear_solver *s, void *z, double f, const void *y) {
+    size_t k, n = 4 * (size_t)s->p->n;
+    for (k = 0; k < n; k++)
+        clothi_put(z, k, clothi_get(z, k, s->wide) + f * clothi_get(y, k, s->wide), s->wide);
+}
+
+/* The step tau >= 0 along t from x that reaches |x + tau t| = radius (largest component, m); 0
+ * where x is outside already or t is nothing. */
+static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
+    const clothi_store *st = &s->store[s->wide];
+    double tau = -1, x[3], t[3];
+    int    i, k;
+    for (i = 0; i < s->p->n; i++) {
+        clothi_metres(st, st->x, i, x, s->wide);
+        clothi_metres(st, st->t, i, t, s->wide);
+        for (k = 0; k < 3; k++)
+            if (fabs(t[k]) > 0) {
+                const double u = (radius - (t[k] > 0 ? x[k] : -x[k])) / fabs(t[k]);
+                if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
+            }
+    }
+    return tau > 0 ? tau : 0;
+}
+
+/* Vector z in metres and in the order of the vertices. */
+static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) {
+    int i;
+    for (i = 0; i < s->p->n; i++)
+        clothi_metres(&s->store[s->wide], z, i, x + 3 * (size_t)s->p->vertex_of[i], s->wide);
+}
+
+/* r = G^-1 b and P'b (into cd, its parts by leaf first). */
+static void clothi_start_rows(cloth_linear_solver *s, int begin, int end) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[s->wide];
+    int i, k, c;
+    for (i = begin; i < end; i++) {
+        const double *b = s->b + 3 * (size_t)p->vertex_of[i];
+        const int     m = clothi_mask(s, i);
+        double        u[3], r;
+        for (k = 0; k < 3; k++) {
+            u[k] = m >> k & 1 ? 0 : b[k];
+            if (p->agg[i] >= 0) s->cd[3 * p->agg[i] + k] += u[k];
+        }
+        for (k = 0; k < 3; k++) {
+            for (c = 0, r = 0; c <= k; c++)
+                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), s->wide) * u[c];
+            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, s->wide);
+        }
+        clothi_put(st->r, 4 * (size_t)i + 3, 0, s->wide);
+    }
+}
+
+/* The coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
+static void clothi_start_coarse(cloth_linear_solver *s) {
+    const cloth_pattern *p = s->p;
+    clothi_store        *st = &s->store[s->wide];
+    int i, k, a, c, w = s->wide;
+    for (i = 0; i < p->n; i++) {
+        const size_t at = 4 * (size_t)i;
+        for (a = 0; a < 4; a++) {
+            double x = 0, r = clothi_get(st->r, at + (size_t)a, w);
+            for (k = p->zp[i]; k < p->zp[i + 1]; k++)
+                for (c = 0; c < 3 && a < 3; c++)
+                    r -= clothi_get(st->Z, 12 * (size_t)k + (size_t)(4 * a + c), w) *
+                         clothi_get(st->m, 4 * (size_t)p->zj[k] + (size_t)c, w);
+            for (c = 0; c < 3 && p->agg[i] >= 0; c++)
+                x += clothi_get(st->P, 12 * (size_t)i + (size_t)(4 * c + a), w) *
+                     clothi_get(st->m, 4 * (size_t)p->agg[i] + (size_t)c, w);
+            clothi_put(st->r, at + (size_t)a, r, w);
+            clothi_put(st->x, at + (size_t)a, x, w);
+        }
+    }
+    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
+}
+
+typedef struct clothi_cg {                  /* a run's numbers                                 */
+    double tolerance, radius;
+    double c0, rr, pq, Q;
+    int    it, most, patient;               /* patient: no second run to turn to               */
+    int    negative, hit;
+    double best;                            /* smallest rr, and since when                     */
+    int    best_at;
+} clothi_cg;
+
+/* Goes along t to the radius and ends there. */
+static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
+    const double tau = clothi_to_radius(s, g->radius);
+    clothi_axpy(s, s->store[s->wide].x, tau, s->store[s->wide].t);
+    g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
+    g->hit = 1;
+    g->it++;
+}
+
+/* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
+ * then shortened to it. */
+static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
+    clothi_store *st = &s->store[s->wide];
+    const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
+    const int     n3 = 3 * s->p->nc;
+    double        cs = 0, big = 0, u[3];
+    int           i, k;
+    memset(s->cd, 0, (size_t)n3 * sizeof(double));
+    clothi_start_rows(s, 0, s->p->n);
+    for (i = 0; i < n3; i++) s->cd[n3 + i] = s->cd[i];  /* a pattern has a leaf: room for two */
+    clothi_coarse_apply(s);
+    for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
+    memcpy(st->w, st->r, n * record);
+    clothi_start_coarse(s);
+    g->c0 = clothi_forward(s, st->w) + cs;
+    g->Q = 0.5 * cs;
+    for (i = 0; i < s->p->n && s->radius_on; i++) {
+        clothi_metres(st, st->x, i, u, s->wide);
+        for (k = 0; k < 3; k++)
+            if (fabs(u[k]) > big) big = fabs(u[k]);
+    }
+    if (s->radius_on && big > g->radius) {
+        const double f = g->radius / big;
+        clothi_axpy(s, st->x, f - 1, st->x);
+        g->Q = f * cs - 0.5 * f * f * cs;
+        g->hit = 1;
+        g->rr = g->c0;
+        return 1;
+    }
+    g->rr = clothi_forward(s, st->r);
+    memset(st->p, 0, n * record);
+    memset(st->t, 0, n * record);
+    return 0;
+}
+
+/* After a step: 1 when the run is over. */
+static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, clothi_run *run) {
+    double rr = 0, big = 0;
+    int    d;
+    for (d = 0; d <= s->p->nd; d++) {
+        rr += s->tally[d].rr;
+        if (s->tally[d].big > big) big = s->tally[d].big;
+    }
+    if (s->step && s->radius_on && !(big <= g->radius)) {
+        clothi_axpy(s, s->store[s->wide].x, -s->alpha, s->store[s->wide].t);
+        clothi_boundary(s, g);
+        return 1;
+    }
+    if (s->step) {
+        g->Q += 0.5 * s->alpha * g->rr;
+        s->beta = rr / g->rr;
+        g->it++;
+    } else s->beta = 0;
+    g->rr = rr;
+    if (!clothi_finite(rr)) {
+        *run = s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+        return 1;
+    }
+    if (!(rr > g->tolerance * g->tolerance * g->c0) || g->it >= g->most) return 1;
+    if (!s->step || rr < 0.5 * g->best) {
+        g->best = rr;
+        g->best_at = g->it;
+    } else if (!s->wide && g->it - g->best_at > CLOTHI_STAGNATION) {
+        if (!g->patient) *run = CLOTHI_RUN_WIDE;
+        return 1;
+    }
+    return 0;
+}
+
+/* Deflated Eisenstat CG in one precision, to the end of the banner's pseudo-code. */
+static clothi_run clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
+    clothi_run run = clothi_setup(s);
+    if (run != CLOTHI_RUN_DONE) return run;
+    s->step = 0;
+    if (clothi_start(s, g)) return CLOTHI_RUN_DONE;
+    if (!clothi_finite(g->c0)) return s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+    for (;;) {
+        clothi_back(s);
+        if (clothi_judge(s, g, &run)) return run;
+        clothi_project(s);
+        g->pq = clothi_turn(s);
+        if (!(g->pq > 0)) break;
+        s->alpha = g->rr / g->pq;
+        s->step = 1;
+    }
+    if (!clothi_finite(g->pq)) return s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+    g->negative = 1;
+    if (s->radius_on) clothi_boundary(s, g);
+    else if (g->it == 0 && !(g->Q > 0))     /* nothing yet: the preconditioned gradient        */
+        clothi_axpy(s, s->store[s->wide].x, 1, s->store[s->wide].t);
+    return CLOTHI_RUN_DONE;
+}
+
+/* Where the set-up met a pivot <= 0, d = (-D11^-1 d1, 1) has that pivot as its curvature: of a
+ * diagonal block, or of the coarse matrix. d into x [3n]; returns its curvature. */
+static double clothi_pivot_direction(cloth_linear_solver *s, double *x) {
+    const cloth_pattern *p = s->p;
+    const size_t n3 = 3 * (size_t)p->nc;
+    int i, k, l, row = s->bad_row;
+    memset(x, 0, 3 * (size_t)p->n * sizeof(double));
+    if (row >= 0) {
+        const double *D = s->A->diag + 9 * (size_t)row;
+        const int     m = clothi_mask(s, row);
+        double       *out = x + 3 * (size_t)p->vertex_of[row], d[9], u;
+        clothi_masked(D, m | 8, m, d);
+        for (k = 0; k < 3; k++)
+            if (m >> k & 1) d[4 * k] = 1;
+        out[0] = out[1] = out[2] = 0;
+        if (!(d[0] > 0)) out[0] = 1;
+        else if (!(d[4] - d[3] * d[3] / d[0] > 1e-13 * d[4])) {
+            out[0] = -d[3] / d[0];
+            out[1] = 1;
+        } else {
+            u = d[0] * d[4] - d[3] * d[3];
+            out[0] = -(d[4] * d[6] - d[3] * d[7]) / u;
+            out[1] = -(d[0] * d[7] - d[3] * d[6]) / u;
+            out[2] = 1;
+        }
+        for (k = 0, u = 0; k < 3; k++)
+            for (l = 0; l < 3; l++) u += out[k] * d[3 * k + l] * out[l];
+        return u;
+    }
+    memset(s->cd, 0, n3 * sizeof(double));
+    s->cd[s->bad_pivot] = 1;
+    for (k = s->bad_pivot - 1; k >= 0; k--) {
+        const double *U = s->Ac + (size_t)k * n3;
+        for (l = k + 1; l <= s->bad_pivot; l++) s->cd[k] -= U[l] * s->cd[l];
+        s->cd[k] = U[k] > 0 ? s->cd[k] / U[k] : 0;
+    }
+    for (i = 0; i < p->n; i++)
+        for (k = 0; k < 3; k++)
+            if (p->agg[i] >= 0 && !(clothi_mask(s, i) >> k & 1))
+                x[3 * (size_t)p->vertex_of[i] + (size_t)k] = s->cd[3 * p->agg[i] + k];
+    return s->bad_value;
+}
+
+/* Both precisions in turn. */
+static cloth_status clothi_sgs_solve(cloth_linear_solver *s, const cloth_linear_options *o,
+                                     double *x, clothi_cg *g) {
+    cloth_status status;
+    clothi_run   run = CLOTHI_RUN_WIDE;
+    const clothi_cg clean = *g;
+    s->wide = o->precision == CLOTH_PRECISION_DOUBLE ||
+              (o->precision == CLOTH_PRECISION_AUTO && o->tolerance < CLOTHI_FLOAT_TOLERANCE);
+    for (;;) {
+        status = clothi_store_make(s, s->wide);
+        if (status) return status;
+        *g = clean;
+        g->patient = o->precision == CLOTH_PRECISION_FLOAT;
+        run = clothi_run_cg(s, g);
+        if (s->wide || run == CLOTHI_RUN_DONE) break;
+        s->wide = 1;                        /* too stiff, stuck, or a pivot lost in rounding   */
+    }
+    if (run == CLOTHI_RUN_NONFINITE ||
+        (run == CLOTHI_RUN_INDEFINITE &&
+         (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0 ||
+          clothi_find_nonfinite(s->A->extra, 9 * (size_t)s->A->ne) >= 0)))
+        return CLOTH_ERR_NONFINITE;
+    if (run == CLOTHI_RUN_INDEFINITE) {     /* the caller's matrix is not worth a search       */
+        g->negative = 1;
+        g->rr = g->c0 = 1;
+    } else clothi_give(s, s->store[s->wide].x, x);
+    return CLOTH_OK;
+}
+
+/* --- block Jacobi: the textbook, in doubles, to read and to compare with --- */
+
+/* z = D^-1 r by blocks, fixed axes 0; 1 when a block is not positive. */
+static int clothi_jacobi_apply(cloth_linear_solver *s, const double *r, double *z) {
+    int i, k, m;
+    for (i = 0; i < s->p->n; i++) {
+        const int     v = s->p->vertex_of[i];
+        const double *q = r + 3 * (size_t)v;
+        double        d[9], c[3], det, *out = z + 3 * (size_t)v;
+        m = clothi_mask(s, i);
+        clothi_masked(s->A->diag + 9 * (size_t)i, m | 8, m, d);
+        for (k = 0; k < 3; k++)
+            if (m >> k & 1) d[4 * k] = 1;
+        clothi_cross3(d + 3, d + 6, c);
+        det = clothi_dot3(d, c);
+        if (!(d[0] > 0) || !(d[0] * d[4] - d[1] * d[3] > 0) || !(det > 0)) {
+            s->bad_row = i;
+            return 1;
+        }
+        for (k = 0; k < 3; k++) {           /* D^-1 q by Cramer's rule                         */
+            double e[9];
+            memcpy(e, d, sizeof e);
+            e[k] = q[0];
+            e[3 + k] = q[1];
+            e[6 + k] = q[2];
+            clothi_cross3(e + 3, e + 6, c);
+            out[k] = m >> k & 1 ? 0 : clothi_dot3(e, c) / det;
+        }
+    }
+    return 0;
+}
+
+static double clothi_dot(const double *a, const double *b, size_t n) {
+    double sum = 0;
+    size_t i;
+    for (i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* tau with |x + tau d| = radius, x inside. */
+static double clothi_reach(const double *x, const double *d, size_t n, double radius) {
+    double tau = -1;
+    size_t i;
+    for (i = 0; i < n; i++)
+        if (fabs(d[i]) > 0) {
+            const double u = (radius - (d[i] > 0 ? x[i] : -x[i])) / fabs(d[i]);
+            if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
+        }
+    return tau > 0 ? tau : 0;
+}
+
+static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
+    const size_t n = 3 * (size_t)s->p->n;
+    double      *r, *z, *d, *q, big;
+    size_t       i;
+    s->wide = 1;
+    s->bad_row = s->bad_pivot = -1;
+    if (!s->jacobi) s->jacobi = (double *)clothi_alloc(&s->hooks, 4 * n, sizeof(double));
+    if (!s->jacobi) return CLOTH_ERR_MEMORY;
+    r = s->jacobi;
+    z = r + n;
+    d = z + n;
+    q = d + n;
+    for (i = 0; i < n; i++) r[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : s->b[i];
+    if (clothi_jacobi_apply(s, r, z)) {
+        if (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0)
+            return CLOTH_ERR_NONFINITE;
+        g->negative = 1;
+        g->rr = g->c0 = 1;
+        return CLOTH_OK;
+    }
+    memcpy(d, z, n * sizeof(double));
+    g->rr = g->c0 = clothi_dot(r, z, n);
+    if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
+    while (g->rr > g->tolerance * g->tolerance * g->c0 && g->it < g->most) {
+        double alpha, tau, rr;
+        cloth_matrix_mul(s->A, s->fixed, d, q);
+        g->pq = clothi_dot(d, q, n);
+        if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
+        g->negative = !(g->pq > 0);
+        alpha = g->negative ? 0 : g->rr / g->pq;
+        for (i = 0, big = 0; i < n; i++)
+            if (fabs(x[i] + alpha * d[i]) > big) big = fabs(x[i] + alpha * d[i]);
+        if (g->radius > 0 && (g->negative || !(big <= g->radius))) {
+            tau = clothi_reach(x, d, n, g->radius);
+            for (i = 0; i < n; i++) x[i] += tau * d[i];
+            g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
+            g->hit = 1;
+            g->it++;
+            break;
+        }
+        if (g->negative) {
+            if (g->it == 0) memcpy(x, d, n * sizeof(double));
+            break;
+        }
+        for (i = 0; i < n; i++) {
+            x[i] += alpha * d[i];
+            r[i] -= alpha * q[i];
+        }
+        clothi_jacobi_apply(s, r, z);
+        rr = clothi_dot(r, z, n);
+        for (i = 0; i < n; i++) d[i] = z[i] + rr / g->rr * d[i];
+        g->Q += 0.5 * alpha * g->rr;
+        g->rr = rr;
+        g->it++;
+    }
+    return clothi_finite(g->rr) ? CLOTH_OK : CLOTH_ERR_NONFINITE;
+}
+
+/* --- the call --- */
+
+/* Hook of [7.4]. */
+static cloth_status clothi_cholesky_solve(cloth_linear_solver *s, const cloth_linear_options *o,
+                                          double *x, clothi_cg *g) {
+    (void)s;
+    (void)o;
+    (void)x;
+    (void)g;
+    return CLOTH_ERR_UNSUPPORTED;
+}
+
+static void clothi_linear_begin(cloth_linear_solver *s, const cloth_matrix *A, const double *b,
+                                const cloth_linear_options *o, clothi_cg *g) {
+    s->A = A;
+    s->b = b;
+    s->fixed = o->fixed;
+    s->radius_on = o->radius > 0;
+    memset(g, 0, sizeof *g);
+    g->tolerance = o->tolerance;
+    g->radius = o->radius;
+    g->most = o->max_iterations > 0 ? o->max_iterations : CLOTHI_CG_CAP;
+}
+
+CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_matrix *A,
+                                          const double *b, double *x,
+                                          const cloth_linear_options *options,
+                                          cloth_linear_report *report) {
+    cloth_linear_options o = cloth_linear_options_default();
+    cloth_linear_report  r;
+    clothi_cg            g;
+    cloth_status         status;
+    memset(&r, 0, sizeof r);
+    if (report) *report = r;
+    if (options) o = *options;
+    if (!s || !A || !b || !x || A->p != s->p || !(o.tolerance >= 0) || !(o.radius >= 0))
+        return CLOTH_ERR_ARGUMENT;
+    clothi_linear_begin(s, A, b, &o, &g);
+    memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
+    if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_jacobi_solve(s, x, &g);
+    else if (o.method == CLOTH_LINEAR_CHOLESKY) status = clothi_cholesky_solve(s, &o, x, &g);
+    else status = clothi_sgs_solve(s, &o, x, &g);
+    if (!status && clothi_find_nonfinite(x, 3 * (size_t)s->p->n) >= 0)
+        status = CLOTH_ERR_NONFINITE;
+    if (status) {
+        memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
+        return status;
+    }
+    r.iterations = g.it;
+    r.negative = g.negative;
+    r.hit = g.hit;
+    r.residual = g.c0 > 0 ? sqrt(g.rr / g.c0) : 0;
+    r.decrease = g.Q;
+    r.precision = s->wide ? CLOTH_PRECISION_DOUBLE : CLOTH_PRECISION_FLOAT;
+    if (report) *report = r;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
+                                                       const cloth_matrix *A,
+                                                       const unsigned char *fixed, double *x,
+                                                       int *found) {
+    cloth_linear_options o = cloth_linear_options_default();
+    clothi_cg            g;
+    clothi_run           run;
+    cloth_status         status;
+    double              *b;
+    size_t               i, n;
+    uint64_t             seed = 1;
+    if (found) *found = 0;
+    if (!s || !A || !x || !found || A->p != s->p) return CLOTH_ERR_ARGUMENT;
+    n = 3 * (size_t)s->p->n;
+    if (!s->jacobi) s->jacobi = (double *)clothi_alloc(&s->hooks, 4 * n, sizeof(double));
+    if (!s->jacobi) return CLOTH_ERR_MEMORY;
+    b = s->jacobi;
+    for (i = 0; i < n; i++) {               /* a right-hand side without symmetry or pattern   */
+        seed = seed * 6364136223846793005u + 1442695040888963407u;
+        b[i] = ((double)(seed >> 40) / 16777216.0 - 0.5) *
+               sqrt(fabs(A->diag[9 * (size_t)s->p->row_of[i / 3] + 4 * (i % 3)]));
+    }
+    memset(x, 0, n * sizeof(double));
+    o.fixed = fixed;
+    o.tolerance = CLOTHI_CURVATURE_TOLERANCE;
+    clothi_linear_begin(s, A, b, &o, &g);
+    s->wide = 1;
+    status = clothi_store_make(s, 1);
+    if (status) return status;
+    run = clothi_run_cg(s, &g);
+    if (run == CLOTHI_RUN_NONFINITE) return CLOTH_ERR_NONFINITE;
+    if (run == CLOTHI_RUN_INDEFINITE) clothi_pivot_direction(s, x);
+    else if (g.negative) clothi_give(s, s->store[1].t, x);
+    else return CLOTH_OK;
+    if (clothi_find_nonfinite(x, n) >= 0) {
+        memset(x, 0, n * sizeof(double));
+        return CLOTH_ERR_NONFINITE;
+    }
+    cloth_matrix_mul(A, fixed, x, b);       /* rounding of a semidefinite matrix is no saddle  */
+    g.pq = clothi_dot(x, b, n);
+    for (i = 0, g.rr = 0; i < n; i++)
+        g.rr += x[i] * x[i] * fabs(A->diag[9 * (size_t)s->p->row_of[i / 3] + 4 * (i % 3)]);
+    *found = g.pq < -1e-12 * g.rr || (run == CLOTHI_RUN_INDEFINITE && g.pq < 0 && !(g.rr > 0));
+    return CLOTH_OK;
+}
+
 /* ===== [7.4] SPARSE CHOLESKY ================================================================= */
 
-struct cloth_pattern { cloth_hooks hooks; int n; int nlow; int *row,*col; };
-struct cloth_matrix { cloth_hooks hooks; const cloth_pattern *p; double *diag,*low; };
-struct cloth_linear_solver { cloth_hooks hooks; const cloth_pattern*p; double *r,*z,*q,*d,*inv; };
-static cloth_status cloth_pattern_create(const cloth_hooks *hooks,int nv,int nelem,const int*start,const int*vertex,const double*x,cloth_pattern**out){
-  cloth_pattern*p=(cloth_pattern*)clothi_alloc(hooks,1,sizeof*p);int pass,e,a,b,k,i;(void)x;p->hooks=*hooks;p->n=nv;
-  p->row=(int*)clothi_alloc(hooks,nv+2,4);int *cnt=(int*)clothi_alloc(hooks,nv+2,4);int*tmp=NULL;
-  for(pass=0;pass<2;pass++){for(e=0;e<nelem;e++)for(a=start[e];a<start[e+1];a++)for(b=start[e];b<start[e+1];b++)if(vertex[b]<vertex[a]){if(pass==0)cnt[vertex[a]+1]++;else tmp[cnt[vertex[a]]++]=vertex[b];}
-   if(pass==0){for(i=0;i<nv;i++)cnt[i+1]+=cnt[i];tmp=(int*)clothi_alloc(hooks,cnt[nv]+1,4);}}
-  p->col=(int*)clothi_alloc(hooks,cnt[nv]+cnt[nv-1]+1,4);int z=0;
-  for(i=0;i<nv;i++){int s=i?cnt[i-1]:0,t=cnt[i];for(a=s+1;a<t;a++){int c=tmp[a];for(b=a-1;b>=s&&tmp[b]>c;b--)tmp[b+1]=tmp[b];tmp[b+1]=c;}p->row[i]=z;for(k=s;k<t;k++)if(k==s||tmp[k]!=tmp[k-1])p->col[z++]=tmp[k];}
-  p->row[nv]=z;p->nlow=z;clothi_free(hooks,tmp);clothi_free(hooks,cnt);*out=p;return CLOTH_OK;}
-static void cloth_pattern_destroy(cloth_pattern*p){if(!p)return;cloth_hooks h=p->hooks;clothi_free(&h,p->row);clothi_free(&h,p->col);clothi_free(&h,p);}
-static int cloth_pattern_domain(const cloth_pattern*p,int v){(void)p;(void)v;return 0;}
-static int cloth_pattern_domains(const cloth_pattern*p){(void)p;return 1;}
-static int cloth_pattern_slot(const cloth_pattern*p,int i,int j){int t=0,k;if(i<j){t=i;i=j;j=t;t=1;}for(k=p->row[i];k<p->row[i+1];k++)if(p->col[k]==j)return 2*k+t;return -1;}
-static double cloth_pattern_blocks_per_row(const cloth_pattern*p){return 1+2.0*p->nlow/p->n;}
-static size_t cloth_pattern_bytes(const cloth_pattern*p){return p?clothi_block_size(p->col):0;}
-static size_t cloth_matrix_bytes(const cloth_matrix*p){return p?clothi_block_size(p->low):0;}
-static size_t cloth_linear_solver_bytes(const cloth_linear_solver*p){return p?clothi_block_size(p->r)*5:0;}
-static cloth_status cloth_matrix_create(const cloth_hooks*h,const cloth_pattern*p,cloth_matrix**out){cloth_matrix*A=(cloth_matrix*)clothi_alloc(h,1,sizeof*A);A->hooks=*h;A->p=p;A->diag=(double*)clothi_alloc(h,p->n+p->nlow,72);A->low=A->diag+9*p->n;*out=A;return CLOTH_OK;}
-static void cloth_matrix_destroy(cloth_matrix*A){if(!A)return;cloth_hooks h=A->hooks;clothi_free(&h,A->diag);clothi_free(&h,A);}
-static void clothi_matrix_add_diag(cloth_matrix*A,int v,const double*H,int stride){int k;for(k=0;k<9;k++)A->diag[9*v+k]+=H[k*stride];}
-static void clothi_matrix_add_slot(cloth_matrix*A,int slot,const double*H,int stride){double*b=A->low+9*(slot>>1);int i,j;for(i=0;i<3;i++)for(j=0;j<3;j++)b[slot&1?3*j+i:3*i+j]+=H[(3*i+j)*stride];}
-CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const int *v, const double *H){int a,b,i,j;double B[9];for(a=0;a<n;a++)for(b=0;b<=a;b++){for(i=0;i<3;i++)for(j=0;j<3;j++)B[3*i+j]=H[(3*a+i)*3*n+3*b+j];if(a==b)clothi_matrix_add_diag(A,v[a],B,1);else clothi_matrix_add_slot(A,cloth_pattern_slot(A->p,v[a],v[b]),B,1);}return CLOTH_OK;}
-static void clothi_matrix_clear(cloth_matrix*A){memset(A->diag,0,72*(size_t)A->p->n);memset(A->low,0,72*(size_t)A->p->nlow);}
-static cloth_status cloth_linear_solver_create(const cloth_hooks*h,const cloth_pattern*p,cloth_linear_solver**out){cloth_linear_solver*s=(cloth_linear_solver*)clothi_alloc(h,1,sizeof*s);s->hooks=*h;s->p=p;s->r=(double*)clothi_alloc(h,p->n,24);s->z=(double*)clothi_alloc(h,p->n,24);s->q=(double*)clothi_alloc(h,p->n,24);s->d=(double*)clothi_alloc(h,p->n,24);s->inv=(double*)clothi_alloc(h,p->n,72);*out=s;return CLOTH_OK;}
-static void cloth_linear_solver_destroy(cloth_linear_solver*s){if(!s)return;cloth_hooks h=s->hooks;clothi_free(&h,s->r);clothi_free(&h,s->z);clothi_free(&h,s->q);clothi_free(&h,s->d);clothi_free(&h,s->inv);clothi_free(&h,s);}
-static cloth_linear_options cloth_linear_options_default(void){cloth_linear_options o;memset(&o,0,sizeof o);return o;}
-static void tmp_mul(const cloth_matrix*A,const unsigned char*fx,const double*x,double*y){int i,k,a,b;const cloth_pattern*p=A->p;for(i=0;i<p->n;i++)for(a=0;a<3;a++){y[3*i+a]=0;for(b=0;b<3;b++)y[3*i+a]+=A->diag[9*i+3*a+b]*x[3*i+b];}
- for(i=0;i<p->n;i++)for(k=p->row[i];k<p->row[i+1];k++){int j=p->col[k];for(a=0;a<3;a++)for(b=0;b<3;b++){y[3*i+a]+=A->low[9*k+3*a+b]*x[3*j+b];y[3*j+b]+=A->low[9*k+3*a+b]*x[3*i+a];}}
- for(i=0;i<3*p->n;i++)if(fx[i/3]>>(i%3)&1)y[i]=0;}
-static cloth_status cloth_linear_solve(cloth_linear_solver*s,const cloth_matrix*A,const double*b,double*x,const cloth_linear_options*o,cloth_linear_report*rep){int n=3*s->p->n,i,it;double rz=0,r0;memset(rep,0,sizeof*rep);
- for(i=0;i<n;i++){x[i]=0;s->r[i]=b[i];double d=A->diag[9*(i/3)+4*(i%3)];s->inv[i]=d>0?1/d:1;s->z[i]=s->inv[i]*s->r[i];s->d[i]=s->z[i];rz+=s->r[i]*s->z[i];}r0=rz;
- for(it=0;it<20000&&rz>o->tolerance*o->tolerance*r0&&rz>0;it++){double pq=0,nz=0;tmp_mul(A,o->fixed,s->d,s->q);for(i=0;i<n;i++)pq+=s->d[i]*s->q[i];if(pq<=0){rep->negative=1;if(it==0)memcpy(x,s->d,8*n);break;}double a=rz/pq;for(i=0;i<n;i++){x[i]+=a*s->d[i];s->r[i]-=a*s->q[i];s->z[i]=s->inv[i]*s->r[i];nz+=s->z[i]*s->r[i];}double be=nz/rz;rz=nz;for(i=0;i<n;i++)s->d[i]=s->z[i]+be*s->d[i];}
- rep->iterations=it;return CLOTH_OK;}
-static cloth_status cloth_linear_negative_direction(cloth_linear_solver*s,const cloth_matrix*A,const unsigned char*f,double*x,int*saddle){(void)s;(void)A;(void)f;(void)x;*saddle=0;return CLOTH_OK;}
-static double*clothi_matrix_values(cloth_matrix*A){return A->diag;}
-static size_t clothi_matrix_doubles(const cloth_matrix*A){return 9*(size_t)(A->p->n+A->p->nlow);}
-static double*clothi_matrix_diag(cloth_matrix*A,int v){return A->diag+9*v;}
-static double*clothi_matrix_block(cloth_matrix*A,int slot){return A->low+9*(slot>>1);}
-static const cloth_pattern*clothi_matrix_pattern(const cloth_matrix*A){return A->p;}
 /* ===== [8.1] MODEL ===========================================================================
  *
  *      desc  --check-->  mesh  -->  topology  -->  rest shape X  -->  stencils  -->  pattern
@@ -3666,7 +7394,7 @@ static const cloth_pattern*clothi_matrix_pattern(const cloth_matrix*A){return A-
  * couples: 2 of a spring, 3 of a triangle, 4 of a hinge. Batches hold eight elements of one
  * kind; no batch mixes two domains of the solver's dissection, so that domains can be assembled
  * side by side without touching the same block (elements across a separator come last).
- * checked: tests/test_desc.c, tests/test_model.c
+ * checked: tests/test_desc.c, tests/test_ladder.c
  */
 
 #define CLOTHI_COOKIE      0xC107u
@@ -3732,7 +7460,7 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
+CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
                                         double low, int open) {
     if (!clothi_finite(a))
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
@@ -3742,7 +7470,7 @@ static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *fi
     return CLOTH_OK;
 }
 
-static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
+CLOTHI_OUTLINE static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
                                        const double *a, int n, int width) {
     ptrdiff_t at;
     if (!a) return CLOTH_OK;
@@ -3812,6 +7540,9 @@ static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_des
     if (d->nties < 0 || (d->nties > 0 && !d->ties))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nties = %i without desc.ties",
                            d->nties);
+    if (d->nties > 0 && d->integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                           "desc.nties = %i: CLOTH_INTEGRATOR_LEAPFROG has no ties", d->nties);
     for (i = 0; i < d->npins; i++) {
         const cloth_pin *p = d->pins + i;
         if (p->vertex < 0 || p->vertex >= d->nv)
@@ -3896,7 +7627,7 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
 
 /* --- copies --- */
 
-static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
     void *to = clothi_alloc(hooks, count, size);
     if (to && from) memcpy(to, from, count * size);
     return to;
@@ -3933,6 +7664,26 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
     return CLOTH_OK;
 }
 
+/* Rest area of face f; sign as the corners turn. */
+static double clothi_rest_area(const double *X, int f) {
+    const double *c = X + 6 * (size_t)f;
+    return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
+}
+
+/* Positive, and neither it nor its reciprocal beyond the range of doubles. */
+static int clothi_normal(double a) { return a > 1e-300 && a < 1e300; }
+
+/* A mesh may pass every check and still be too small or large for its areas. */
+static cloth_status clothi_model_areas(const cloth_model *m) {
+    int f;
+    for (f = 0; f < m->nf; f++)
+        if (!clothi_normal(clothi_rest_area(m->X, f)))
+            return clothi_fail(&m->hooks, CLOTH_ERR_MESH, "desc.%s: triangle %i has rest area %g: "
+                               "choose other units", m->desc.X ? "X" : "x_rest", f,
+                               clothi_rest_area(m->X, f));
+    return CLOTH_OK;
+}
+
 /* Leaders are followed to their end, so that a leader never follows on the same axis. */
 static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
     int i, k;
@@ -3959,9 +7710,11 @@ static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
                                "desc.ties: vertex %i follows itself", i / 3);
         m->tie[i] = lead;
     }
-    for (i = 0; i < 3 * m->nv; i++)         /* what is held moves with its leader */
-        if (m->tie[i] >= 0 && (m->pin[i / 3] >> (i % 3) & 1))
+    for (i = 0; i < 3 * m->nv; i++)         /* a pin on a follower is one on its leader */
+        if (m->tie[i] >= 0 && (m->pin[i / 3] >> (i % 3) & 1)) {
+            m->pin[i / 3] = (unsigned char)(m->pin[i / 3] & ~(1u << (i % 3)));
             m->pin[m->tie[i]] = (unsigned char)(m->pin[m->tie[i]] | 1u << (i % 3));
+        }
     return CLOTH_OK;
 }
 
@@ -4139,6 +7892,9 @@ static cloth_status clothi_model_elements(cloth_model *m) {
     m->bend.kind = d->bend == CLOTH_BEND_QUADRATIC ? CLOTHI_QUADRATIC : CLOTHI_HINGE;
     m->bend.width = 4;
     m->bend.count = d->bend == CLOTH_BEND_NONE ? 0 : m->topology->nh;
+    if (9 * (double)m->nf + 6 * (double)m->topology->ne + 12 * (double)m->bend.count > 2e9)
+        return clothi_fail(&m->hooks, CLOTH_ERR_CAPACITY, "desc.nf = %i: the force buffer of a "
+                           "model holds at most 2e9 numbers", m->nf);
     if (m->bend.count) status = clothi_model_angles(m);
     if (!status && d->integrator != CLOTH_INTEGRATOR_LEAPFROG) status = clothi_model_pattern(m);
     if (!status) status = clothi_group_build(m, &m->membrane);
@@ -4241,15 +7997,16 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
     if (!m) return clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY, "no memory for the model");
     m->hooks = desc->hooks;
     m->desc = *desc;
+    m->nv = desc->nv;
+    m->nf = desc->nf;
+    m->nregions = desc->nregions > 0 ? desc->nregions : 1;
+    status = clothi_model_copy(m, desc);
+    if (!status) status = clothi_model_areas(m);
     m->desc.x_rest = m->desc.X = m->desc.x = m->desc.v = m->desc.vertex_mass = NULL;
     m->desc.faces = m->desc.part = m->desc.region = NULL;
     m->desc.materials = NULL;
     m->desc.pins = NULL;
     m->desc.ties = NULL;
-    m->nv = desc->nv;
-    m->nf = desc->nf;
-    m->nregions = desc->nregions > 0 ? desc->nregions : 1;
-    status = clothi_model_copy(m, desc);
     if (!status) status = clothi_model_ties(m, desc);
     if (!status)
         status = cloth_topology_create(&m->hooks, m->nv, m->nf, m->faces, &m->topology);
@@ -4280,10 +8037,9 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
 
 #define CLOTHI_MAX_TERMS 24
 
-typedef struct clothi_attach {              /* plain data: saved as bytes                      */
-    uint32_t generation;                    /* counts uses of this place                       */
+typedef struct clothi_attach {              /* all zero when not used                          */
+    uint32_t generation;                    /* when it was made: no part of the hash           */
     int32_t  used, face;
-    int32_t  pad;
     double   bary[3];
     double   k;                             /* N/m                                             */
     double   target[3];                     /* m, reached at the end of the next step          */
@@ -4313,7 +8069,8 @@ struct cloth_sim {
     const cloth_model *model;
     cloth_hooks  hooks;                     /* the model's; allocations are counted            */
     cloth_state  state;
-    cloth_params params;
+    cloth_params params;                    /* accepted: what steps read                       */
+    cloth_params edit;                      /* the host's copy; its pointers NULL until asked  */
     /* history of BDF2 */
     double *x_prev, *v_prev;
     double  h_prev;
@@ -4323,6 +8080,7 @@ struct cloth_sim {
     double        *target;                  /* [nv x 3] m                                      */
     clothi_attach *attach;                  /* [max_attachments]                               */
     int            nattach;                 /* in use                                          */
+    uint32_t       generation;              /* attachments ever made: no handle comes twice    */
     double        *force;                   /* [nv x 3] N                                      */
     int            force_on;
     double         gravity[3];
@@ -4382,7 +8140,7 @@ static void clothi_counted_free(void *ptr, size_t size, void *user) {
 }
 
 /* Allocates n doubles into *out unless it is there already. */
-static cloth_status clothi_need(cloth_sim *s, double **out, size_t n) {
+CLOTHI_OUTLINE static cloth_status clothi_need(cloth_sim *s, double **out, size_t n) {
     if (*out) return CLOTH_OK;
     *out = (double *)clothi_alloc(&s->hooks, n, sizeof(double));
     return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
@@ -4395,12 +8153,6 @@ static double clothi_young(const cloth_material *mat) {
     double mu, lambda;
     cloth_material_lame(mat, &mu, &lambda);
     return lambda + 2 * mu > 0 ? 4 * mu * (lambda + mu) / (lambda + 2 * mu) : 0;
-}
-
-/* Rest area of face f; sign as the corners turn. */
-static double clothi_rest_area(const double *X, int f) {
-    const double *c = X + 6 * (size_t)f;
-    return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
 }
 
 /* Squared rest length of the edge from vertex a to b as face f has it. */
@@ -4572,18 +8324,18 @@ static void clothi_derive_mass(cloth_sim *s) {
         if (!(s->params.mass[i] > 0)) s->params.mass[i] = s->params.mass[m->faces[0]];
 }
 
-static cloth_status clothi_check_params(const cloth_sim *s) {
+/* Everything that a host may have written, p in place of the accepted params. */
+static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *p) {
     const cloth_model  *m = s->model;
-    const cloth_params *p = &s->params;
     const cloth_hooks  *hooks = &s->hooks;
     cloth_status        status;
     ptrdiff_t           at;
     int                 i;
-    for (i = 0; i < p->nregions; i++) {
+    for (i = 0; i < m->nregions; i++) {
         status = cloth_material_check(hooks, p->material + i, i);
         if (status) return status;
     }
-    for (i = 0; i < p->nh; i++) {
+    for (i = 0; i < s->params.nh; i++) {
         if (!clothi_finite(p->hinge_scale[i]) || !clothi_finite(p->theta0[i]))
             return clothi_fail(hooks, CLOTH_ERR_NONFINITE,
                                "params.hinge_scale[%i] = %g, theta0 = %g must be finite", i,
@@ -4602,10 +8354,10 @@ static cloth_status clothi_check_params(const cloth_sim *s) {
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "params.X[%i] = %g is not finite", (int)at,
                            p->X[at]);
     for (i = 0; i < m->nf; i++)
-        if (!(clothi_rest_area(p->X, i) > 0))
+        if (!clothi_normal(clothi_rest_area(p->X, i)))
             return clothi_fail(hooks, CLOTH_ERR_MESH,
-                               "params.X: triangle %i has rest area %g, not > 0", i,
-                               clothi_rest_area(p->X, i));
+                               "params.X: triangle %i has rest area %g, not > 0 and in the range "
+                               "of doubles", i, clothi_rest_area(p->X, i));
     for (i = 0; p->mass_given && i < m->nv; i++)
         if (!clothi_finite(p->mass[i]) || !(p->mass[i] > 0))
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "params.mass[%i] = %g must be > 0", i,
@@ -4635,16 +8387,69 @@ static cloth_status clothi_need_damping(cloth_sim *s) {
     return status;
 }
 
-CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim) { return sim ? &sim->params : NULL; }
+/* Copies values, not pointers. */
+static void clothi_params_copy(const cloth_model *m, const cloth_params *from, int nh,
+                               cloth_params *to) {
+    const size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
+    to->nregions = m->nregions;
+    to->nh = nh;
+    to->nf = m->nf;
+    to->nv = m->nv;
+    to->mass_given = from->mass_given != 0;
+    memcpy(to->material, from->material, (size_t)m->nregions * sizeof *to->material);
+    memcpy(to->hinge_scale, from->hinge_scale, (size_t)nh * sizeof(double));
+    memcpy(to->theta0, from->theta0, (size_t)nh * sizeof(double));
+    memcpy(to->X, from->X, 6 * nf * sizeof(double));
+    memcpy(to->mass, from->mass, nv * sizeof(double));
+}
+
+/* The host's copy follows what was accepted. */
+static void clothi_params_publish(cloth_sim *s) {
+    if (s->edit.mass) clothi_params_copy(s->model, &s->params, s->params.nh, &s->edit);
+}
+
+static void clothi_params_free(const cloth_hooks *hooks, cloth_params *p) {
+    clothi_free(hooks, p->mass);
+    clothi_free(hooks, p->X);
+    clothi_free(hooks, p->theta0);
+    clothi_free(hooks, p->hinge_scale);
+    clothi_free(hooks, p->material);
+    memset(p, 0, sizeof *p);
+}
+
+static cloth_status clothi_params_alloc(const cloth_model *m, const cloth_hooks *hooks,
+                                        cloth_params *p) {
+    const size_t nh = m->bend.count ? (size_t)m->topology->nh : 0;
+    p->material =
+        (cloth_material *)clothi_alloc(hooks, (size_t)m->nregions, sizeof(cloth_material));
+    p->hinge_scale = (double *)clothi_alloc(hooks, nh, sizeof(double));
+    p->theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
+    p->X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
+    p->mass = (double *)clothi_alloc(hooks, (size_t)m->nv, sizeof(double));
+    if (p->material && p->hinge_scale && p->theta0 && p->X && p->mass) return CLOTH_OK;
+    clothi_params_free(hooks, p);
+    return CLOTH_ERR_MEMORY;
+}
+
+CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim) {
+    if (!sim) return NULL;
+    if (sim->edit.mass) return &sim->edit;
+    if (clothi_params_alloc(sim->model, &sim->hooks, &sim->edit)) return NULL;
+    clothi_params_publish(sim);
+    return &sim->edit;
+}
 
 CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    status = clothi_check_params(sim);
+    if (!sim->edit.mass) return CLOTH_OK;   /* nobody asked for them: nothing was written */
+    status = clothi_check_params(sim, &sim->edit);
     if (status) return status;
+    clothi_params_copy(sim->model, &sim->edit, sim->params.nh, &sim->params);
     clothi_derive(sim);
+    clothi_params_publish(sim);             /* masses that were lumped anew */
     sim->history = 0;
-    return clothi_need_damping(sim);
+    return CLOTH_OK;
 }
 
 /* --- create --- */
@@ -4652,7 +8457,7 @@ CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
 static cloth_status clothi_sim_arrays(cloth_sim *s) {
     const cloth_model *m = s->model;
     const cloth_hooks *hooks = &s->hooks;
-    size_t nv = (size_t)m->nv, nh = (size_t)m->topology->nh, n3 = 3 * nv;
+    size_t nv = (size_t)m->nv, n3 = 3 * nv;
     size_t nb = (size_t)m->membrane.nbatch, nd = (size_t)m->bend.nbatch;
     s->membrane.nrest = m->membrane.kind == CLOTHI_TRIANGLE ? 7 : 2;
     s->membrane.nstart = m->membrane.kind == CLOTHI_TRIANGLE ? 3 : 1;
@@ -4665,23 +8470,17 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     s->target = (double *)clothi_alloc(hooks, n3, sizeof(double));
     s->attach = (clothi_attach *)clothi_alloc(hooks, (size_t)m->desc.max_attachments,
                                               sizeof(clothi_attach));
-    s->params.material =
-        (cloth_material *)clothi_alloc(hooks, (size_t)m->nregions, sizeof(cloth_material));
-    s->params.hinge_scale = (double *)clothi_alloc(hooks, nh, sizeof(double));
-    s->params.theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
-    s->params.X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
-    s->params.mass = (double *)clothi_alloc(hooks, nv, sizeof(double));
+    nb *= CLOTHI_LANES;
+    nd *= CLOTHI_LANES;
     s->membrane.rest =
-        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest * CLOTHI_LANES, sizeof(double));
-    s->membrane.tau = (double *)clothi_alloc(hooks, nb * CLOTHI_LANES, sizeof(double));
-    s->bend.rest =
-        (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest * CLOTHI_LANES, sizeof(double));
-    s->bend.tau = (double *)clothi_alloc(hooks, nd * CLOTHI_LANES, sizeof(double));
+        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest, sizeof(double));
+    s->membrane.tau = (double *)clothi_alloc(hooks, nb, sizeof(double));
+    s->bend.rest = (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest, sizeof(double));
+    s->bend.tau = (double *)clothi_alloc(hooks, nd, sizeof(double));
     if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
-        !s->params.material || !s->params.hinge_scale || !s->params.theta0 || !s->params.X ||
-        !s->params.mass || !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
+        !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
         return CLOTH_ERR_MEMORY;
-    return CLOTH_OK;
+    return clothi_params_alloc(m, hooks, &s->params);
 }
 
 /* State, inputs and params as the model has them. */
@@ -4697,7 +8496,7 @@ static void clothi_sim_start(cloth_sim *s) {
     s->h_prev = 0;
     memcpy(s->pin, m->pin, nv);
     memcpy(s->target, m->x, 3 * nv * sizeof(double));
-    for (i = 0; i < m->desc.max_attachments; i++) s->attach[i].used = 0;
+    memset(s->attach, 0, (size_t)m->desc.max_attachments * sizeof *s->attach);
     s->nattach = 0;
     s->force_on = 0;
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
@@ -4716,6 +8515,7 @@ static void clothi_sim_start(cloth_sim *s) {
     p->mass_given = m->vertex_mass != NULL;
     if (m->vertex_mass) memcpy(p->mass, m->vertex_mass, nv * sizeof(double));
     clothi_derive(s);
+    clothi_params_publish(s);
 }
 
 static void clothi_terms_install(cloth_sim *s);          /* [9.1] */
@@ -4737,7 +8537,6 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     if (!status) {
         clothi_sim_start(s);
         clothi_terms_install(s);
-        status = clothi_need_damping(s);
     }
     if (status) {
         cloth_sim_destroy(s);
@@ -4788,11 +8587,8 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     clothi_free(hooks, sim->attach);
     clothi_free(hooks, sim->target);
     clothi_free(hooks, sim->pin);
-    clothi_free(hooks, sim->params.mass);
-    clothi_free(hooks, sim->params.X);
-    clothi_free(hooks, sim->params.theta0);
-    clothi_free(hooks, sim->params.hinge_scale);
-    clothi_free(hooks, sim->params.material);
+    clothi_params_free(hooks, &sim->params);
+    clothi_params_free(hooks, &sim->edit);
     clothi_free(hooks, sim->v_prev);
     clothi_free(hooks, sim->x_prev);
     clothi_free(hooks, sim->state.v);
@@ -4830,21 +8626,71 @@ typedef struct clothi_pass {                /* one sweep over one group         
     double             *energy, *loss;      /* [nbatch x 8]                                    */
 } clothi_pass;
 
-/* Adds the lanes' Hessian blocks to the matrix. H holds the diagonal blocks, then the
- * off-diagonal ones in the order of clothi_pair. */
+/* Adds the lanes' off-diagonal Hessian blocks to the matrix, H [pairs][9][8] in the order of
+ * clothi_pair. No element force changes when all its corners move together, so a row of blocks
+ * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close().
+ * A slot's lowest bit says that the matrix holds the transpose. Turning lanes into blocks is a
+ * transposition of 4x4 numbers; by single numbers it costs twice as much. */
+CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot,
+                                                const int *id, const double *H) {
+    int lane, q;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+        double *A = clothi_matrix_block(p->s->matrix, slot[lane]);
+        if (id[lane] < 0) continue;
+        if (slot[lane] & 1)
+            for (q = 0; q < 9; q++) A[q] += H[(3 * (q % 3) + q / 3) * CLOTHI_LANES + lane];
+        else
+            for (q = 0; q < 9; q++) A[q] += H[q * CLOTHI_LANES + lane];
+    }
+}
+
+#if defined(CLOTHI_AVX)
+/* out[lane] = numbers r0 r1 r2 r3 of four lanes. */
+CLOTHI_LANE void clothi_turn4(const double *H, int r0, int r1, int r2, int r3, __m256d *out) {
+    const __m256d a = _mm256_loadu_pd(H + r0 * CLOTHI_LANES);
+    const __m256d b = _mm256_loadu_pd(H + r1 * CLOTHI_LANES);
+    const __m256d c = _mm256_loadu_pd(H + r2 * CLOTHI_LANES);
+    const __m256d d = _mm256_loadu_pd(H + r3 * CLOTHI_LANES);
+    const __m256d ab0 = _mm256_unpacklo_pd(a, b), ab1 = _mm256_unpackhi_pd(a, b);
+    const __m256d cd0 = _mm256_unpacklo_pd(c, d), cd1 = _mm256_unpackhi_pd(c, d);
+    out[0] = _mm256_permute2f128_pd(ab0, cd0, 0x20);
+    out[1] = _mm256_permute2f128_pd(ab1, cd1, 0x20);
+    out[2] = _mm256_permute2f128_pd(ab0, cd0, 0x31);
+    out[3] = _mm256_permute2f128_pd(ab1, cd1, 0x31);
+}
+
+static void clothi_scatter_turned(const clothi_pass *p, const int *slot, const int *id,
+                                  const double *H) {
+    int half, k;
+    for (half = 0; half < CLOTHI_LANES; half += 4) {
+        __m256d head[2][4], tail[2][4];     /* as it is, and transposed */
+        clothi_turn4(H + half, 0, 1, 2, 3, head[0]);
+        clothi_turn4(H + half, 4, 5, 6, 7, tail[0]);
+        clothi_turn4(H + half, 0, 3, 6, 1, head[1]);
+        clothi_turn4(H + half, 4, 7, 2, 5, tail[1]);
+        for (k = 0; k < 4; k++) {
+            int     at = slot[half + k];
+            double *A = clothi_matrix_block(p->s->matrix, at);
+            if (id[half + k] < 0) continue;
+            _mm256_storeu_pd(A, _mm256_add_pd(_mm256_loadu_pd(A), head[at & 1][k]));
+            _mm256_storeu_pd(A + 4, _mm256_add_pd(_mm256_loadu_pd(A + 4), tail[at & 1][k]));
+            A[8] += H[8 * CLOTHI_LANES + half + k];
+        }
+    }
+}
+#endif
+
 static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
     const clothi_group *g = p->g;
-    int pairs = g->width * (g->width - 1) / 2, lane, k;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        if (g->id[b * CLOTHI_LANES + lane] < 0) continue;
-        for (k = 0; k < g->width; k++)
-            clothi_matrix_add_diag(p->s->matrix,
-                                   g->vert[(b * g->width + k) * CLOTHI_LANES + lane],
-                                   H + (size_t)k * 9 * CLOTHI_LANES + lane, CLOTHI_LANES);
-        for (k = 0; k < pairs; k++)
-            clothi_matrix_add_slot(p->s->matrix, g->slot[(b * pairs + k) * CLOTHI_LANES + lane],
-                                   H + (size_t)(g->width + k) * 9 * CLOTHI_LANES + lane,
-                                   CLOTHI_LANES);
+    int        pairs = g->width * (g->width - 1) / 2, k;
+    const int *id = g->id + (size_t)b * CLOTHI_LANES;
+    for (k = 0; k < pairs; k++) {
+        const int *slot = g->slot + (size_t)(b * pairs + k) * CLOTHI_LANES;
+#if defined(CLOTHI_AVX)
+        clothi_scatter_turned(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
+#else
+        clothi_scatter_plain(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
+#endif
     }
 }
 
@@ -4875,18 +8721,19 @@ static void clothi_quadratic_damped(const double *x, const double *rest, const d
         shifted[i] = x[i] + damp[i % CLOTHI_LANES] * (x[i] - x_n[i]);
         change[i] = x[i] - x_n[i];
     }
-    clothi_quadratic_lanes(shifted, rest, NULL, f);
-    clothi_quadratic_lanes(x, rest, E, NULL);
+    if (f) clothi_quadratic_lanes(shifted, rest, NULL, f);
+    if (E) clothi_quadratic_lanes(x, rest, E, NULL);
+    if (!loss) return;
     clothi_quadratic_lanes(change, rest, loss, NULL);
     for (i = 0; i < CLOTHI_LANES; i++) loss[i] *= damp[i];
 }
 
-/* H of eight quadratic hinges: c w_i w_j (1+s) times the 3x3 identity, by blocks. */
+/* H of eight quadratic hinges: c w_i w_j (1+s) times the 3x3 identity, off-diagonal blocks. */
 static void clothi_quadratic_blocks(const double *rest, const double *damp, double *H) {
     int b, k, lane;
-    memset(H, 0, 90 * CLOTHI_LANES * sizeof(double));
-    for (b = 0; b < 10; b++) {
-        int i = b < 4 ? b : clothi_pair[b - 4][0], j = b < 4 ? b : clothi_pair[b - 4][1];
+    memset(H, 0, 54 * CLOTHI_LANES * sizeof(double));
+    for (b = 0; b < 6; b++) {
+        int i = clothi_pair[b][0], j = clothi_pair[b][1];
         for (k = 0; k < 9; k += 4)
             for (lane = 0; lane < CLOTHI_LANES; lane++)
                 H[(9 * b + k) * CLOTHI_LANES + lane] =
@@ -4904,6 +8751,7 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
         clothi_stretch_lanes(x, rest, start, damp, E, loss, f, H, p->psd);
         break;
     case CLOTHI_HINGE:
+        if (!E && !loss && !f && !H) break;
         clothi_hinge_lanes(x, rest, start, damp, E, loss, NULL, f, H, p->psd);
         break;
     case CLOTHI_SPRING:
@@ -4913,9 +8761,30 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
     default:
         if (damp) clothi_quadratic_damped(x, rest, start, damp, E, loss, f);
         else clothi_quadratic_lanes(x, rest, E, f);
-        if (H) clothi_quadratic_blocks(rest, damp, H);
+        if (H) clothi_quadratic_blocks(rest, damp, H + 4 * 9 * CLOTHI_LANES);
         break;
     }
+}
+
+/* The definite Hessian of eight hinges, c (1+s) dtheta dtheta': its off-diagonal blocks. */
+CLOTHI_HOT void clothi_hinge_definite(const double *CLOTHI_RESTRICT x,
+                                      const double *CLOTHI_RESTRICT rest, const double *damp,
+                                      double *CLOTHI_RESTRICT H) {
+    double one[CLOTHI_LANES], g[12 * CLOTHI_LANES], w[12 * CLOTHI_LANES];
+    int    lane, k, q;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) one[lane] = 1;
+    clothi_hinge_turn(x, one, g);
+    for (k = 0; k < 12; k++)
+        for (lane = 0; lane < CLOTHI_LANES; lane++)
+            w[k * CLOTHI_LANES + lane] =
+                rest[lane] * (damp ? 1 + damp[lane] : 1) * g[k * CLOTHI_LANES + lane];
+    for (k = 0; k < 6; k++)
+        for (q = 0; q < 9; q++) {
+            const double *a = w + (3 * clothi_pair[k][0] + q / 3) * CLOTHI_LANES;
+            const double *b = g + (3 * clothi_pair[k][1] + q % 3) * CLOTHI_LANES;
+            for (lane = 0; lane < CLOTHI_LANES; lane++)
+                H[(9 * k + q) * CLOTHI_LANES + lane] = a[lane] * b[lane];
+        }
 }
 
 /* Batch b of a group: energy, element forces and Hessian as asked. */
@@ -4925,11 +8794,11 @@ static void clothi_batch(const clothi_pass *p, int b) {
     const double       *start = NULL, *damp = NULL;
     double  x[12 * CLOTHI_LANES], rate[CLOTHI_LANES], H[90 * CLOTHI_LANES];
     double *loss = NULL;
-    int     lane;
+    int     lane, outer = p->hess && p->psd && g->kind == CLOTHI_HINGE;
     if (el->damped && p->inv_h > 0) {
         start = el->start + (size_t)b * (size_t)el->nstart * CLOTHI_LANES;
         for (lane = 0; lane < CLOTHI_LANES; lane++)
-            rate[lane] = el->tau[(size_t)b * CLOTHI_LANES + lane] * p->inv_h;
+            rate[lane] = el->tau[b * CLOTHI_LANES + lane] * p->inv_h;
         damp = rate;
         if (p->energy) loss = p->loss + (size_t)b * CLOTHI_LANES;
     }
@@ -4939,8 +8808,11 @@ static void clothi_batch(const clothi_pass *p, int b) {
                        p->grad ? p->s->w.force + g->force +
                                      (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES
                                : NULL,
-                       p->hess ? H : NULL);
-    if (p->hess) clothi_scatter(p, b, H);
+                       p->hess && !outer ? H : NULL);
+    if (outer)
+        clothi_hinge_definite(x, el->rest + (size_t)b * 2 * CLOTHI_LANES, damp,
+                              H + 36 * CLOTHI_LANES);
+    if (p->hess) clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
 }
 
 static void clothi_pass_chunks(int begin, int end, int worker, void *ctx) {
@@ -5210,7 +9082,8 @@ static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const dou
  * velocity and P is convex, so the lightest cloth in a storm is stable at any step. For drag and
  * lift equal the force is the plain c |u| (w - v). The tangential coefficient is called lift as
  * in the cloth literature's two-parameter models (normal and tangential drag); true aerofoil
- * lift, perpendicular to the flow, results from c_n > c_t. In LEAPFROG r is taken at v^n. */
+ * lift, perpendicular to the flow, results from c_n > c_t. Where there is no h (statics, LEAPFROG,
+ * cloth_sim_potential) r is taken at v^n: a constant force f, P = -f.(p - p^n), no Hessian. */
 
 static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
     cloth_sim         *s = (cloth_sim *)user;
@@ -5269,10 +9142,14 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
         const double *n = s->w.wind + 5 * (size_t)f;
         const int    *v = s->model->faces + 3 * f;
         double        r[3], along = clothi_wind_slip(s, e, f, r), H[81];
-        sum += 0.5 * e->h * (n[3] * along * along + n[4] * clothi_dot3(r, r));
-        for (j = 0; e->grad && j < 9; j++)
-            e->grad[3 * v[j / 3] + j % 3] += (n[3] * along * n[j % 3] + n[4] * r[j % 3]) / 3;
-        if (!e->hess) continue;
+        if (e->h > 0) sum += 0.5 * e->h * (n[3] * along * along + n[4] * clothi_dot3(r, r));
+        for (j = 0; j < 9; j++) {
+            int    i = 3 * v[j / 3] + j % 3;
+            double g = (n[3] * along * n[j % 3] + n[4] * r[j % 3]) / 3;
+            if (!(e->h > 0)) sum += g * (e->x[i] - e->x_n[i]);
+            if (e->grad) e->grad[i] += g;
+        }
+        if (!e->hess || !(e->h > 0)) continue;
         for (j = 0; j < 9; j++)
             for (k = 0; k < 9; k++)
                 H[9 * j + k] = ((n[3] - n[4]) * n[j % 3] * n[k % 3] +
@@ -5298,7 +9175,7 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
  *     G = A ( (S:Ea) I - F'((1+s) F Q + Fa S) - Fa' F S + s F_n' F_n Q ) Di'
  */
 
-typedef struct clothi_tri_parts {                 /* one triangle's matrices, row-major              */
+typedef struct clothi_tri_parts {           /* one triangle's matrices, row-major              */
     double Di[4], A, F[6], Fa[6], Fn[6];    /* F [3 x 2]                                       */
     double E[4], En[4], Ea[4];
 } clothi_tri_parts;
@@ -5369,8 +9246,8 @@ static void clothi_tri_rest(const cloth_params *p, int f, clothi_tri_parts *t) {
 }
 
 /* G of the banner for one triangle, into its rest corners. */
-static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q, double s,
-                                double *X) {
+static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q,
+                                double s, double *X) {
     double FQ[6], FaS[6], FS[6], FnQ[6], a[4], b[4], c[4], G[4], H[4];
     double SE = clothi_double_dot(S, t->Ea);
     int    k;
@@ -5490,7 +9367,9 @@ static void clothi_spring_vjp(const cloth_sim *s, const cloth_eval *e, int i, co
         cloth_material_lame(mat, &mu, &la);
         Y = clothi_young(mat);
         q = la + 2 * mu;
-        if (out->mu) out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) / (q * q);
+        if (out->mu)
+            out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) /
+                               (q * q);
         if (out->lambda) out->lambda[region] += V * A / (L * L) * 4 * mu * mu / (q * q);
         if (out->damping && e->h > 0) out->damping[region] += k * (l - ln) * u_da / (e->h * n);
         if (out->X)
@@ -5593,7 +9472,8 @@ static void clothi_quadratic_face_vjp(const cloth_sim *s, const cloth_params *p,
 static void clothi_quadratic_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
                                  cloth_vjp *out) {
     const cloth_model *m = s->model;
-    const int *v = m->topology->hinges + 4 * (size_t)h, *f = m->topology->hinge_faces + 2 * (size_t)h;
+    const int *v = m->topology->hinges + 4 * (size_t)h;
+    const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     double     rest[5 * CLOTHI_LANES], tau, rate, c, r[3], rn[3], ra[3], now = 0, start = 0, dw[4];
     clothi_hinge_vjp_parts d;
     int        i, k;
@@ -5842,12 +9722,8 @@ static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
     return CLOTH_OK;
 }
 
-/* The matrix begins as inertia M (1/eta^2 + sigma), on top of the constant bending Hessian where
- * there is one. */
-static cloth_status clothi_matrix_start(cloth_sim *s, const clothi_goal *goal) {
-    double w = (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma;
-    double block[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    int    i;
+/* The matrix begins empty, or as the constant bending Hessian. */
+static cloth_status clothi_matrix_start(cloth_sim *s) {
     clothi_matrix_clear(s->matrix);
     if (s->model->bend.kind == CLOTHI_QUADRATIC && s->model->bend.count && !s->bend.damped) {
         cloth_status status = clothi_quadratic_hessian(s);
@@ -5855,11 +9731,19 @@ static cloth_status clothi_matrix_start(cloth_sim *s, const clothi_goal *goal) {
         memcpy(clothi_matrix_values(s->matrix), s->quadratic,
                clothi_matrix_doubles(s->matrix) * sizeof(double));
     }
+    return CLOTH_OK;
+}
+
+/* After the elements: the diagonal from the rows' sums, then inertia M (1/eta^2 + sigma). */
+static void clothi_matrix_inertia(cloth_sim *s, const clothi_goal *goal) {
+    double w = (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma;
+    double block[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    int    i;
+    clothi_matrix_close(s->matrix);
     for (i = 0; i < s->model->nv; i++) {
         block[0] = block[4] = block[8] = w * s->params.mass[i];
         clothi_matrix_add_diag(s->matrix, i, block, 1);
     }
-    return CLOTH_OK;
 }
 
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
@@ -5925,10 +9809,11 @@ static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const doub
     goal->e.psd = psd;
     goal->magnitude = 0;
     s->force_only = value == NULL;
-    if (hess) status = clothi_matrix_start(s, goal);
+    if (hess) status = clothi_matrix_start(s);
     for (i = 0; i < s->nterms && !status; i++) {
         if (i == CLOTHI_TERM_BEND + 1) {    /* element forces first: gathering sets, not adds */
             if (grad) clothi_gather_forces(s, grad);
+            if (hess) clothi_matrix_inertia(s, goal);
             if (grad || value) clothi_for(&s->hooks, chunks, 1, clothi_inertia_range, &q);
         }
         status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);
@@ -6061,6 +9946,10 @@ static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance, double r
     opt.radius = radius;
     opt.fixed = s->fixed;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
+    if (status == CLOTH_ERR_UNSUPPORTED && s->model->desc.linear == CLOTH_LINEAR_AUTO) {
+        opt.method = CLOTH_LINEAR_SGS;      /* no factor built in: CG to the same tolerance    */
+        status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
+    }
     report->linear_solves++;
     report->cg += lr->iterations;
     report->factorizations += lr->factorizations;
@@ -6336,6 +10225,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+#define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
 /* Scale of sigma: the largest gravity mode of the model, g over its extent, 1/s^2. */
@@ -6393,49 +10283,89 @@ static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, 
     return 0;
 }
 
-/* Newton with a falling diagonal sigma M. */
+/* Near the minimum of a hardly strained sheet the decrease of phi drowns in its rounding, which
+ * is of order eps |force| |x|, not eps phi: there the slope at the end of the step decides. */
+static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    double value, slope = 0;
+    int    i, n = 3 * s->model->nv;
+    if (-nt->slope > CLOTHI_DROWNED * goal->magnitude) return 0;
+    for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
+    if (clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value)) return 0;
+    for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
+    if (!(fabs(slope) <= -0.5 * nt->slope)) return 0;
+    nt->value = value;
+    return 1;
+}
+
+/* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
+ * negative curvature; lr->negative: singular to rounding even so. */
+static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                            cloth_report *report, cloth_linear_report *lr) {
+    cloth_status status = CLOTH_OK;
+    int          i, exact, n = 3 * s->model->nv;
+    for (exact = 1; exact >= 0; exact--) {
+        status = clothi_newton_assemble(s, goal, exact, report);
+        if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, lr);
+        if (status || !lr->negative) break;
+    }
+    report->newton++;
+    for (i = 0, nt->slope = 0; i < n; i++) nt->slope -= s->w.rhs[i] * s->w.dx[i];
+    nt->size = clothi_max_abs(s->w.dx, n);
+    return status;
+}
+
+/* Moves by dx, shortened where phi says so, and evaluates there. An update below the tolerance is
+ * taken as it is: phi cannot tell. */
+static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                       cloth_report *report, double *a) {
+    cloth_status status = CLOTH_OK;
+    int          i, n = 3 * s->model->nv;
+    *a = 1;
+    if (nt->size < s->model->desc.tolerance) {
+        for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
+        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &nt->value);
+    } else if (!clothi_static_drowned(s, goal, nt))
+        status = clothi_line_search(s, goal, nt, a, report);
+    if (status) return status;
+    memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+    clothi_newton_rhs(s);
+    report->residual_m = *a * nt->size;
+    return CLOTH_OK;
+}
+
+/* Newton with a falling diagonal sigma M. It falls to zero, or to the least value at which H is
+ * not singular to rounding (a free cloth), and there the last update counts. */
 static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     const cloth_desc *d = &s->model->desc;
-    double        sigma0 = clothi_static_sigma(s) * 10, sigma = sigma0;
+    const double  sigma0 = clothi_static_sigma(s) * 10;
+    double        sigma = sigma0, least = 0, a;
     clothi_newton nt;
-    cloth_status  status = CLOTH_OK;
-    int           it, n = 3 * s->model->nv, cap = d->max_newton > 0 ? d->max_newton : 4000;
+    cloth_status  status;
+    int           it, cap = d->max_newton > 0 ? d->max_newton : 4000;
     memset(&nt, 0, sizeof nt);
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     clothi_newton_rhs(s);
     for (it = 1; !status; it++) {
         cloth_linear_report lr;
-        double              a = 1;
-        int                 i;
         status = clothi_cancelled(s);
         goal->sigma = sigma;
-        if (!status) status = clothi_newton_assemble(s, goal, 1, report);
-        if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, &lr);
-        if (!status && lr.negative) {
-            status = clothi_newton_assemble(s, goal, 0, report);
-            if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, &lr);
-        }
+        if (!status) status = clothi_static_direction(s, goal, &nt, report, &lr);
         if (status) break;
-        report->newton++;
-        if (lr.negative) {                  /* semidefinite to rounding: more of the diagonal */
+        if (!lr.negative) status = clothi_static_move(s, goal, &nt, report, &a);
+        if (lr.negative || status == CLOTH_ERR_STEP) {
+            if (lr.negative && sigma <= least) least = least > 0 ? 10 * least : 1e-6 * sigma0;
             sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
-            if (sigma > 1e12 * sigma0) status = CLOTH_ERR_STEP;
-            continue;
-        }
-        for (i = 0, nt.slope = 0; i < n; i++) nt.slope -= s->w.rhs[i] * s->w.dx[i];
-        status = clothi_line_search(s, goal, &nt, &a, report);
-        if (status == CLOTH_ERR_STEP && sigma < 1e12 * sigma0) {
-            sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
-            status = CLOTH_OK;
+            status = sigma > 1e12 * sigma0 ? CLOTH_ERR_STEP : CLOTH_OK;
             continue;
         }
         if (status) break;
-        memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
-        clothi_newton_rhs(s);
-        report->residual_m = a * clothi_max_abs(s->w.dx, n);
-        if (!(sigma > 0) && report->residual_m < d->tolerance) return CLOTH_OK;
-        if (a >= 1) sigma = sigma < 1e-7 * sigma0 ? 0 : 0.2 * sigma;
-        else if (a < 0.25) sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
+        if (nt.size < d->tolerance) {
+            if (sigma <= least) return CLOTH_OK;
+            sigma = least;
+        } else if (a >= 1)
+            sigma = 0.2 * sigma > least && sigma > 1e-7 * sigma0 ? 0.2 * sigma : least;
+        else if (a < 0.25)
+            sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
         if (it >= cap) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;
             if (d->max_newton > 0) return CLOTH_OK;
@@ -6462,7 +10392,8 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
     clothi_fix(s);
     clothi_guess(s, 0);
     for (round = 0; round < CLOTHI_STATIC_ROUNDS && saddle && !status; round++) {
-        memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
+        double relax = s->wind_on && round > 1 ? 0.5 : 1;   /* or the cloth flaps for ever */
+        for (i = 0; i < n; i++) s->state.x[i] += relax * (s->w.x[i] - s->state.x[i]);
         status = clothi_terms_begin(s, &goal);          /* wind is lagged to where we are */
         if (!status) status = clothi_static_newton(s, &goal, report);
         if (status || report->outcome != CLOTH_STEP_CONVERGED) break;
@@ -6481,6 +10412,10 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
         }
     }
     memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
+    if (!status && saddle && report->outcome == CLOTH_STEP_CONVERGED) {
+        report->outcome = CLOTH_STEP_STALLED;           /* wind and shape do not agree */
+        status = CLOTH_ERR_STEP;
+    }
     if (status) return status;
     if (s->balance) status = clothi_balance(s, &goal, report);
     memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
@@ -6838,6 +10773,13 @@ static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *repo
     if (!clothi_finite(h) || !(h > 0))
         return clothi_fail(&s->hooks, clothi_finite(h) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
                            "cloth_step: h = %g must be finite and > 0", h);
+    if (s->model->desc.contact != CLOTH_CONTACT_NONE && !s->contact_on)
+        return clothi_fail(&s->hooks, CLOTH_ERR_UNSUPPORTED, "desc.contact = %s needs "
+                           "clothsim_collide.h: this sim has no contact",
+                           s->model->desc.contact == CLOTH_CONTACT_SELF
+                               ? "CLOTH_CONTACT_SELF" : "CLOTH_CONTACT_OBSTACLES");
+    if (!clothi_finite(s->state.t))
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "state.t = %g", s->state.t);
     for (k = 0; k < 3; k++) {
         ptrdiff_t at = clothi_find_nonfinite(array[k].a, 3 * (size_t)s->model->nv);
         if (at < 0) continue;
@@ -6877,12 +10819,16 @@ static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
 static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
                                      cloth_ledger *l) {
     clothi_goal  goal;
-    cloth_status status;
+    cloth_status status = CLOTH_OK;
     double       value;
+    int          i;
     clothi_eval_start(s, &goal, 0);
     goal.e.x_n = x;
     goal.e.v_n = v;
-    status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
+    for (i = s->nbuiltin; i < s->nterms && !status; i++)
+        if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, &goal.e);
+    if (!status) status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
+    if (status) return status;
     clothi_ledger_terms(s, l);
     l->kinetic = clothi_kinetic(s, v);
     l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
@@ -6899,6 +10845,8 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     if (status) return status;
     l->damping_loss +=
         2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]);
+    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
+    clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++) {
         double dx = s->w.x[i] - s->state.x[i];
         if (s->force_on) l->force_work += s->force[i] * dx;
@@ -6907,6 +10855,7 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
             if (goal->eta > 0) f += s->params.mass[i / 3] * (s->w.x[i] - y) / (goal->eta * goal->eta);
             l->pin_work += f * dx;
         }
+        if (s->pin[i / 3] >> (i % 3) & 1) l->pin_work += s->w.rhs[i] * dx;
     }
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
         const clothi_attach *q = s->attach + i;
@@ -6916,8 +10865,6 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
         for (k = 0; k < 3; k++)
             l->pin_work -= q->k * r[k] * s->attach_step * (q->target[k] - q->pose[k]);
     }
-    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
-    clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++)
         if (!(s->fixed[i / 3] >> (i % 3) & 1) && fabs(s->w.rhs[i]) > big) big = fabs(s->w.rhs[i]);
     report->residual_N = big;
@@ -7127,24 +11074,26 @@ CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger) {
 
 CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
                                            double *grad) {
-    cloth_ledger l;
     clothi_goal  goal;
     cloth_status status;
     double       value;
+    int          i;
     if (!sim || !x) return CLOTH_ERR_ARGUMENT;
     status = clothi_need_work(sim);
     if (status) return status;
-    memset(&l, 0, sizeof l);
     sim->attach_alpha = 1;
     clothi_eval_start(sim, &goal, 0);
-    status = clothi_objective(sim, &goal, x, grad, 0, 0, &value);
+    for (i = 0; i < sim->nterms && !status; i++)
+        if (sim->term[i].begin) status = sim->term[i].begin(sim->term[i].user, &goal.e);
+    if (!status) status = clothi_objective(sim, &goal, x, grad, 0, 0, &value);
+    if (status) return status;
     if (energy) *energy = value;
     return status;
 }
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
-static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
                                         const double *a, int n) {
     ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
     if (at < 0) return CLOTH_OK;
@@ -7166,7 +11115,7 @@ CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
     clothi_sim_start(sim);
     if (sim->contact_on && sim->contact.rollback) sim->contact.rollback(sim->contact.user);
-    return clothi_need_damping(sim);
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
@@ -7199,11 +11148,16 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
 }
 
 CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
+    int k;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (vertex < 0 || vertex >= sim->model->nv)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_unpin: vertex %i but nv = %i", vertex, sim->model->nv);
-    sim->pin[vertex] = 0;
+    for (k = 0; k < 3; k++) {               /* a follower's pin is its leader's */
+        const int *lead = sim->model->tie ? sim->model->tie + 3 * vertex + k : NULL;
+        int        v = lead && *lead >= 0 ? *lead : vertex;
+        sim->pin[v] = (unsigned char)(sim->pin[v] & ~(1u << k));
+    }
     return CLOTH_OK;
 }
 
@@ -7220,6 +11174,7 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
                                         const double target[3], cloth_attachment *id) {
     clothi_attach *q;
     cloth_status   status;
+    double         pose[3] = {0, 0, 0};
     int            i, j;
     if (id) id->id = 0;
     if (!sim || !bary || !target || !id) return CLOTH_ERR_ARGUMENT;
@@ -7240,17 +11195,19 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
     if (i == sim->model->desc.max_attachments)
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
                            "cloth_sim_attach: desc.max_attachments = %i are in use", i);
+    for (j = 0; j < 9; j++)                 /* it starts where the cloth is, without a jerk */
+        pose[j % 3] +=
+            bary[j / 3] * sim->state.x[3 * sim->model->faces[3 * face + j / 3] + j % 3];
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: state.x at the face", pose, 3);
+    if (status) return status;
     q = sim->attach + i;
-    q->generation++;
+    q->generation = ++sim->generation;
     q->used = 1;
     q->face = face;
     q->k = k;
     memcpy(q->bary, bary, sizeof q->bary);
     memcpy(q->target, target, sizeof q->target);
-    memset(q->pose, 0, sizeof q->pose);
-    for (j = 0; j < 9; j++)                 /* it starts where the cloth is, without a jerk */
-        q->pose[j % 3] +=
-            bary[j / 3] * sim->state.x[3 * sim->model->faces[3 * face + j / 3] + j % 3];
+    memcpy(q->pose, pose, sizeof q->pose);
     sim->nattach++;
     id->id = (q->generation & 0xffffu) << 16 | (uint32_t)(i + 1);
     return CLOTH_OK;
@@ -7277,7 +11234,7 @@ CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
     if (!q)
         return clothi_fail(&sim->hooks, CLOTH_ERR_HANDLE, "cloth_sim_detach: attachment %i is gone",
                            (int)id.id);
-    q->used = 0;
+    memset(q, 0, sizeof *q);
     sim->nattach--;
     return CLOTH_OK;
 }
@@ -7332,7 +11289,10 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
     status = cloth_material_check(&sim->hooks, m, region);
     if (status) return status;
     sim->params.material[region] = *m;
-    return cloth_sim_params_changed(sim);
+    clothi_derive(sim);
+    clothi_params_publish(sim);
+    sim->history = 0;
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term) {
@@ -7381,7 +11341,7 @@ typedef struct clothi_walk {
     uint64_t       hash;
 } clothi_walk;
 
-static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
+CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
     if (w->hashing) w->hash = clothi_hash(w->hash, data, size);
     else if (w->buf && w->load) memcpy(data, w->buf + w->at, size);
     else if (w->buf) memcpy(w->buf + w->at, data, size);
@@ -7404,23 +11364,91 @@ static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
     }
 }
 
-/* A host's part: its size, then its bytes. */
-static void clothi_walk_unit(clothi_walk *w, void *user, size_t (*size)(void *),
-                             void (*save)(void *, void *), void (*load)(void *, const void *),
-                             unsigned char *scratch) {
-    size_t bytes = size ? size(user) : 0;
-    if (!bytes || !save || !load) return;
-    if (w->hashing || (w->buf && !w->load)) {
-        unsigned char *out = w->hashing ? scratch : w->buf + w->at;
-        if (out) save(user, out);
-        if (out && w->hashing) w->hash = clothi_hash(w->hash, out, bytes);
-    } else if (w->buf) {
-        load(user, w->buf + w->at);
-    }
-    w->at += bytes;
+/* Field by field: what a host leaves in the padding of its structs is no part of a state. */
+static void clothi_walk_material(clothi_walk *w, cloth_material *m) {
+    double field[8];
+    field[0] = m->density;
+    field[1] = m->young;
+    field[2] = m->thickness;
+    field[3] = m->membrane;
+    field[4] = m->poisson;
+    field[5] = m->bending;
+    field[6] = m->damping;
+    field[7] = (double)m->plane;
+    clothi_walk_bytes(w, field, sizeof field);
+    if (!w->load) return;
+    m->density = field[0];
+    m->young = field[1];
+    m->thickness = field[2];
+    m->membrane = field[3];
+    m->poisson = field[4];
+    m->bending = field[5];
+    m->damping = field[6];
+    m->plane = field[7] > 0 ? CLOTH_PLANE_STRAIN_3D : CLOTH_PLANE_STRESS;
 }
 
-static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *scratch) {
+/* When an attachment was made tells handles apart, not motions: saved, not hashed. */
+static void clothi_walk_attach(clothi_walk *w, clothi_attach *q) {
+    if (!w->hashing) clothi_walk_bytes(w, &q->generation, sizeof q->generation);
+    clothi_walk_bytes(w, &q->used, sizeof q->used);
+    clothi_walk_bytes(w, &q->face, sizeof q->face);
+    clothi_walk_bytes(w, q->bary, sizeof q->bary);
+    clothi_walk_bytes(w, &q->k, sizeof q->k);
+    clothi_walk_bytes(w, q->target, sizeof q->target);
+    clothi_walk_bytes(w, q->pose, sizeof q->pose);
+}
+
+/* --- units: what hosts' terms and the contact keep of their own --- */
+
+typedef struct clothi_unit {
+    uint64_t id;                            /* of the term's name                              */
+    void    *user;
+    size_t (*size)(void *user);
+    void   (*save)(void *user, void *buf);
+    void   (*load)(void *user, const void *buf);
+} clothi_unit;
+
+/* Unit i of a sim, in the order of the list, contact last; 0 when there is none. */
+static int clothi_unit_at(const cloth_sim *s, int i, clothi_unit *u) {
+    const int   at = s->nbuiltin + i;
+    const char *name = at < s->nterms ? s->term[at].name : "contact";
+    memset(u, 0, sizeof *u);
+    if (at > s->nterms || (at == s->nterms && !s->contact_on)) return 0;
+    u->id = clothi_hash(0xcbf29ce484222325u, name ? name : "", name ? strlen(name) : 0);
+    u->user = at < s->nterms ? s->term[at].user : s->contact.user;
+    u->size = at < s->nterms ? s->term[at].save_size : s->contact.save_size;
+    u->save = at < s->nterms ? s->term[at].save : s->contact.save;
+    u->load = at < s->nterms ? s->term[at].load : s->contact.load;
+    return 1;
+}
+
+#define CLOTHI_PAD8(at) ((8u - (at) % 8u) % 8u)
+
+static size_t clothi_unit_size(const clothi_unit *u) {
+    return u->size && u->save && u->load ? u->size(u->user) : 0;
+}
+
+/* id, bytes, then the unit's own bytes: it may hold more or fewer than it did at the snapshot. */
+static void clothi_walk_unit(clothi_walk *w, clothi_unit *u, unsigned char *scratch) {
+    unsigned char zero[8] = {0, 0, 0, 0, 0, 0, 0, 0};
+    uint64_t      bytes = clothi_unit_size(u);
+    clothi_walk_bytes(w, zero, CLOTHI_PAD8(w->at));
+    clothi_walk_bytes(w, &u->id, sizeof u->id);
+    clothi_walk_bytes(w, &bytes, sizeof bytes);     /* loading: as many as were saved */
+    if (bytes && w->hashing && scratch) {
+        memset(scratch, 0, (size_t)bytes);
+        u->save(u->user, scratch);
+        w->hash = clothi_hash(w->hash, scratch, (size_t)bytes);
+    } else if (bytes && w->buf && !w->load) {
+        u->save(u->user, w->buf + w->at);
+    } else if (bytes && w->buf) {
+        u->load(u->user, w->buf + w->at);
+    }
+    w->at += (size_t)bytes;
+}
+
+/* All but the units. */
+static void clothi_walk_core(cloth_sim *s, clothi_walk *w) {
     const cloth_model *m = s->model;
     size_t nv = (size_t)m->nv, n3 = 3 * nv;
     int    i;
@@ -7435,25 +11463,26 @@ static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *sc
         clothi_walk_optional(w, s->history ? s->x_prev : NULL, n3);
     clothi_walk_bytes(w, s->pin, nv);
     clothi_walk_bytes(w, s->target, n3 * sizeof(double));
-    clothi_walk_bytes(w, s->attach, (size_t)m->desc.max_attachments * sizeof *s->attach);
+    for (i = 0; i < m->desc.max_attachments; i++) clothi_walk_attach(w, s->attach + i);
     clothi_walk_bytes(w, &s->nattach, sizeof s->nattach);
     clothi_walk_bytes(w, &s->force_on, sizeof s->force_on);
     clothi_walk_optional(w, s->force_on ? s->force : NULL, n3);
     clothi_walk_bytes(w, s->gravity, sizeof s->gravity);
     clothi_walk_bytes(w, &s->wind_on, sizeof s->wind_on);
     clothi_walk_bytes(w, s->wind, sizeof s->wind);
-    clothi_walk_bytes(w, s->params.material, (size_t)m->nregions * sizeof(cloth_material));
+    for (i = 0; i < m->nregions; i++) clothi_walk_material(w, s->params.material + i);
     clothi_walk_bytes(w, s->params.hinge_scale, (size_t)s->params.nh * sizeof(double));
     clothi_walk_bytes(w, s->params.theta0, (size_t)s->params.nh * sizeof(double));
     clothi_walk_bytes(w, s->params.X, 6 * (size_t)m->nf * sizeof(double));
     clothi_walk_bytes(w, s->params.mass, nv * sizeof(double));
     clothi_walk_bytes(w, &s->params.mass_given, sizeof s->params.mass_given);
-    for (i = s->nbuiltin; i < s->nterms; i++)
-        clothi_walk_unit(w, s->term[i].user, s->term[i].save_size, s->term[i].save,
-                         s->term[i].load, scratch);
-    if (s->contact_on)
-        clothi_walk_unit(w, s->contact.user, s->contact.save_size, s->contact.save,
-                         s->contact.load, scratch);
+}
+
+static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *scratch) {
+    clothi_unit u;
+    int         i;
+    clothi_walk_core(s, w);
+    for (i = 0; clothi_unit_at(s, i, &u); i++) clothi_walk_unit(w, &u, scratch);
 }
 
 typedef struct clothi_snapshot_head {
@@ -7494,51 +11523,89 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
     return CLOTH_OK;
 }
 
-CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size) {
+/* The units of a snapshot, from byte `at` of the walk on, are this sim's, and end with it. */
+static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char *buf, size_t at,
+                                       size_t end) {
+    clothi_unit u;
+    uint64_t    head[2];
+    int         i;
+    for (i = 0; clothi_unit_at(sim, i, &u); i++) {
+        at += CLOTHI_PAD8(at);
+        if (at > end || end - at < sizeof head) break;
+        memcpy(head, buf + at, sizeof head);
+        at += sizeof head;
+        if (head[0] != u.id || head[1] > end - at || (head[1] > 0 && !u.load))
+            return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the state of "
+                               "the host's term %i is not in the snapshot", i);
+        at += (size_t)head[1];
+    }
+    if (at == end && !clothi_unit_at(sim, i, &u)) return CLOTH_OK;
+    return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                       "cloth_sim_restore: the snapshot has other host's terms than this sim");
+}
+
+static cloth_status clothi_check_snapshot(const cloth_sim *sim, const unsigned char *buf,
+                                          size_t size) {
     clothi_snapshot_head head;
     clothi_walk          w;
-    cloth_status         status = CLOTH_OK;
-    size_t               n, need;
-    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
-    need = cloth_sim_save_size(sim);
-    if (size < sizeof head || size < need)
+    memset(&w, 0, sizeof w);
+    clothi_walk_core((cloth_sim *)(uintptr_t)sim, &w);  /* only counts bytes */
+    if (size < sizeof head + w.at)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: %z bytes given, %z needed", size, need);
+                           "cloth_sim_restore: %z bytes given, at least %z needed", size,
+                           sizeof head + w.at);
     memcpy(&head, buf, sizeof head);
-    if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM || head.bytes != need)
+    if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: not a snapshot of this version and size");
+                           "cloth_sim_restore: not a snapshot of this version");
     if (head.model != sim->model->hash)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot is of another model");
-    memset(&w, 0, sizeof w);
-    w.buf = (unsigned char *)(uintptr_t)buf + sizeof head;
-    if (clothi_hash(0xcbf29ce484222325u, w.buf, need - sizeof head) != head.checksum)
+    if (head.bytes > size || head.bytes < sizeof head + w.at)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: %z bytes given, not those of the snapshot", size);
+    if (clothi_hash(0xcbf29ce484222325u, buf + sizeof head, (size_t)head.bytes - sizeof head) !=
+        head.checksum)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the checksum does not match");
+    return clothi_check_units(sim, buf, sizeof head + w.at, (size_t)head.bytes);
+}
+
+CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size) {
+    clothi_walk  w;
+    cloth_status status;
+    size_t       n;
+    int          i;
+    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
+    status = clothi_check_snapshot(sim, (const unsigned char *)buf, size);
     n = 3 * (size_t)sim->model->nv;         /* what the walk may fill must be there first */
-    status = clothi_need(sim, &sim->force, n);
+    if (!status) status = clothi_need(sim, &sim->force, n);
     if (!status && sim->model->desc.integrator == CLOTH_INTEGRATOR_BDF2)
         status = clothi_need(sim, &sim->x_prev, n);
     if (!status && sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG)
         status = clothi_need(sim, &sim->v_prev, n);
     if (status) return status;
+    memset(&w, 0, sizeof w);
+    w.buf = (unsigned char *)(uintptr_t)buf + sizeof(clothi_snapshot_head);
     w.load = 1;
     clothi_snapshot_walk(sim, &w, NULL);
+    for (i = 0; i < sim->model->desc.max_attachments; i++)
+        if (sim->attach[i].generation > sim->generation)
+            sim->generation = sim->attach[i].generation;
     clothi_derive(sim);
-    return clothi_need_damping(sim);
+    clothi_params_publish(sim);
+    return CLOTH_OK;
 }
 
 CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
     clothi_walk    w;
     unsigned char *scratch = NULL;
     size_t         hosts = 0;
+    clothi_unit    u;
     int            i;
     if (!sim) return 0;
-    for (i = sim->nbuiltin; i < sim->nterms; i++)
-        if (sim->term[i].save_size) hosts += sim->term[i].save_size(sim->term[i].user);
-    if (sim->contact_on && sim->contact.save_size)
-        hosts += sim->contact.save_size(sim->contact.user);
+    for (i = 0; clothi_unit_at(sim, i, &u); i++)
+        if (clothi_unit_size(&u) > hosts) hosts = clothi_unit_size(&u);
     if (hosts) scratch = (unsigned char *)clothi_alloc(&sim->model->hooks, hosts, 1);
     if (hosts && !scratch) return 0;
     memset(&w, 0, sizeof w);
@@ -7604,22 +11671,31 @@ CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double
     return CLOTH_OK;
 }
 
-/* Moeller and Trumbore's ray against one triangle [MT97]: o + t d = sum b_k x_k. */
+/* Ray o + t d against one triangle by the volumes that the ray spans with its edges:
+ *   w_2 = d . ((x0 - o) x (x1 - o)), and so on around; bary = w / sum w.
+ * All of one sign: hit. An edge's volume is exactly the negative of what the face beyond it gets,
+ * so that no ray slips through between two faces. */
 static int clothi_ray_face(const double *o, const double *d, const double *x0, const double *x1,
                            const double *x2, double *t, double *bary) {
-    double e1[3], e2[3], p[3], s[3], q[3], det;
-    clothi_sub3(x1, x0, e1);
-    clothi_sub3(x2, x0, e2);
-    clothi_cross3(d, e2, p);
-    det = clothi_dot3(e1, p);
-    if (!(fabs(det) > 0)) return 0;
-    clothi_sub3(o, x0, s);
-    bary[1] = clothi_dot3(s, p) / det;
-    clothi_cross3(s, e1, q);
-    bary[2] = clothi_dot3(d, q) / det;
-    bary[0] = 1 - bary[1] - bary[2];
-    *t = clothi_dot3(e2, q) / det;
-    return bary[0] >= 0 && bary[1] >= 0 && bary[2] >= 0 && *t >= 0;
+    double r[9], c[3], sum, at = 0;
+    int    k;
+    clothi_sub3(x0, o, r);
+    clothi_sub3(x1, o, r + 3);
+    clothi_sub3(x2, o, r + 6);
+    for (k = 0; k < 3; k++) {
+        clothi_cross3(r + 3 * ((k + 1) % 3), r + 3 * ((k + 2) % 3), c);
+        bary[k] = clothi_dot3(d, c);
+    }
+    if ((bary[0] < 0 || bary[1] < 0 || bary[2] < 0) && (bary[0] > 0 || bary[1] > 0 || bary[2] > 0))
+        return 0;
+    sum = bary[0] + bary[1] + bary[2];
+    if (!(fabs(sum) > 0)) return 0;
+    for (k = 0; k < 3; k++) {
+        bary[k] /= sum;
+        at += bary[k] * clothi_dot3(r + 3 * k, d);
+    }
+    *t = at / clothi_dot3(d, d);
+    return *t >= 0;
 }
 
 CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const double d[3],
@@ -7706,7 +11782,8 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  *                                   within 5 % of L of the elastica; below ~1.5 all is linear
  *              h omega_m            omega_m = 2 sqrt(2 Y/rho)/e, the stiffest membrane mode:
  *                                   below 2 an explicit step is stable
- *              h omega_b            omega_b = 4 sqrt(D/rho) pi/e^2 /pi: the stiffest bending mode
+ *              h omega_b            omega_b = 8 sqrt(D/rho)/(sqrt(3/4) e^2), the stiffest bending
+ *                                   mode of a grid of squares of the same area
  *              sqrt(2 g L) h / e    edges that a falling corner crosses in a step
  *              (h omega_1)^2        energy that implicit Euler takes a step from the slowest
  *                                   swing, omega_1 = sqrt(g/L)
@@ -7715,12 +11792,66 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  * checked: tests/test_advise.c
  */
 
+typedef struct clothi_scene {               /* what the groups are made of                     */
+    double Y, D, rho, L, edge, g;
+} clothi_scene;
+
+static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene) {
+    const cloth_material *mat = desc->nregions > 0 ? desc->materials : &desc->material;
+    double       low[3], high[3], area = 0, *X;
+    cloth_status status;
+    int          i, k, nf = desc->nf;
+    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
+    if (!X) return CLOTH_ERR_MEMORY;
+    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
+    for (i = 0; i < nf && !status; i++) area += clothi_rest_area(X, i);
+    clothi_free(&desc->hooks, X);
+    scene->Y = clothi_young(mat);
+    scene->D = cloth_material_rigidity(mat);
+    scene->rho = mat->density;
+    scene->g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
+    scene->edge = sqrt(4 / sqrt(3.0) * area / nf);
+    scene->L = 0;
+    for (k = 0; k < 3; k++) {
+        low[k] = high[k] = desc->x_rest[k];
+        for (i = 0; i < desc->nv; i++) {
+            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
+            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
+        }
+        scene->L = fmax(scene->L, high[k] - low[k]);
+    }
+    return status;
+}
+
+/* The rungs that the groups imply; swing = sqrt(g/L), 1/s. */
+static void clothi_advise_rungs(const cloth_desc *desc, const clothi_scene *sc, double swing,
+                                double h, double tolerance, cloth_advice *advice) {
+    advice->membrane = tolerance > 0.02 * sc->L ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK;
+    /* what bending moves at the edge of a fold is about L (rho g L^3/D)^(-1/3) long */
+    if (!(sc->D > 0) || pow(advice->gravity_bending, -1.0 / 3) * sc->L < 0.1 * tolerance)
+        advice->bend = CLOTH_BEND_NONE;
+    else if (tolerance > 0.01 * sc->L && desc->rest_angle == CLOTH_REST_ANGLE_FLAT)
+        advice->bend = CLOTH_BEND_QUADRATIC;
+    else
+        advice->bend = CLOTH_BEND_HINGE;
+    /* a hundred force evaluations cost about what a converged implicit step does */
+    if (advice->leapfrog_substeps <= 100)
+        advice->integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    else if (0.5 * h * swing * sc->L > tolerance)
+        advice->integrator = CLOTH_INTEGRATOR_BDF2;
+    else
+        advice->integrator = CLOTH_INTEGRATOR_EULER;
+    advice->contact = desc->contact;
+    advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
+                    ? fmin(h, 2 * tolerance / (swing * sc->L))
+                    : fmin(h, sqrt(tolerance / sc->L) / swing);
+}
+
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
                                     cloth_advice *advice) {
-    const cloth_material *mat;
-    double       Y, D, rho, low[3], high[3], L = 0, area = 0, edge, g, period, *X = NULL;
+    clothi_scene sc;
+    double       swing;
     cloth_status status;
-    int          i, k, nf;
     if (!desc || !advice) return CLOTH_ERR_ARGUMENT;
     memset(advice, 0, sizeof *advice);
     if (desc->cookie != CLOTHI_COOKIE) return CLOTH_ERR_UNINIT;
@@ -7729,52 +11860,19 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
                            "cloth_advise: h = %g and tolerance = %g must be finite and > 0", h,
                            tolerance);
     status = clothi_check_desc(desc);
+    if (!status) status = clothi_scene_of(desc, &sc);
     if (status) return status;
-    nf = desc->nf;
-    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
-    if (!X) return CLOTH_ERR_MEMORY;
-    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
-    if (status) goto done;
-    mat = desc->nregions > 0 ? desc->materials : &desc->material;
-    Y = clothi_young(mat);
-    D = cloth_material_rigidity(mat);
-    rho = mat->density;
-    g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
-    for (i = 0; i < nf; i++) area += clothi_rest_area(X, i);
-    edge = sqrt(4 / sqrt(3.0) * area / nf);     /* of the equilateral triangle of mean area */
-    for (k = 0; k < 3; k++) {
-        low[k] = high[k] = desc->x_rest[k];
-        for (i = 0; i < desc->nv; i++) {
-            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
-            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
-        }
-        L = fmax(L, high[k] - low[k]);
-    }
-    period = sqrt(g > 0 ? g / L : 1);
-    advice->gravity_bending = D > 0 ? rho * g * L * L * L / D : HUGE_VAL;
-    advice->step_membrane = h * 2 * sqrt(2 * Y / rho) / edge;
-    advice->step_bending = h * 4 * sqrt(D / rho) * 3.14159265358979 / (edge * edge);
-    advice->self_reach = sqrt(2 * g * L) * h / edge;
-    advice->euler_loss = h * period * (h * period);
+    swing = sqrt(sc.g > 0 ? sc.g / sc.L : 1);
+    advice->gravity_bending = sc.D > 0 ? sc.rho * sc.g * sc.L * sc.L * sc.L / sc.D : HUGE_VAL;
+    advice->step_membrane = h * 2 * sqrt(2 * sc.Y / sc.rho) / sc.edge;
+    advice->step_bending = h * 8 * sqrt(sc.D / sc.rho) / (sqrt(0.75) * sc.edge * sc.edge);
+    advice->self_reach = sqrt(2 * sc.g * sc.L) * h / sc.edge;
+    advice->euler_loss = h * swing * (h * swing);
     advice->leapfrog_substeps =
-        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) / 0.9));
-    advice->membrane = tolerance > 0.02 * L ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK;
-    advice->bend = !(D > 0) || pow(advice->gravity_bending, -1.0 / 3) * L < 0.1 * tolerance
-                       ? CLOTH_BEND_NONE
-                       : tolerance > 0.01 * L && desc->rest_angle == CLOTH_REST_ANGLE_FLAT
-                             ? CLOTH_BEND_QUADRATIC
-                             : CLOTH_BEND_HINGE;
-    /* a force evaluation costs about a thirtieth of a CG solve's share of an implicit step */
-    advice->integrator = advice->leapfrog_substeps <= 100 ? CLOTH_INTEGRATOR_LEAPFROG
-                         : 0.5 * h * period * L > tolerance ? CLOTH_INTEGRATOR_BDF2
-                                                            : CLOTH_INTEGRATOR_EULER;
-    advice->contact = desc->contact;
-    advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
-                    ? fmin(h, 2 * tolerance / (period * L))
-                    : fmin(h, sqrt(tolerance / L) / period);
-done:
-    clothi_free(&desc->hooks, X);
-    return status;
+        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) /
+                            CLOTHI_LEAP_SAFETY));
+    clothi_advise_rungs(desc, &sc, swing, h, tolerance, advice);
+    return CLOTH_OK;
 }
 
 #ifdef __cplusplus
@@ -7783,5 +11881,29 @@ done:
 #endif /* CLOTHSIM_IMPLEMENTATION */
 
 /* ===== [11.1] CHANGES AND LICENCE ============================================================
- * 0.1.0  first version.
+ * Newest first. [api] a call or struct changed, [numbers] results change, [fix] a fault mended.
+ *
+ * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
+ *
+ * MIT License
+ *
+ * Copyright (c) 2026 the clothsim authors
+ *
+ * Permission is hereby granted, free of charge, to any person obtaining a copy
+ * of this software and associated documentation files (the "Software"), to deal
+ * in the Software without restriction, including without limitation the rights
+ * to use, copy, modify, merge, publish, distribute, sublicense, and/or sell
+ * copies of the Software, and to permit persons to whom the Software is
+ * furnished to do so, subject to the following conditions:
+ *
+ * The above copyright notice and this permission notice shall be included in all
+ * copies or substantial portions of the Software.
+ *
+ * THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR
+ * IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY,
+ * FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE
+ * AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
+ * LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM,
+ * OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE
+ * SOFTWARE.
  */

@@ -541,6 +541,39 @@ static void quadratic_is_the_flat_hinge(void) {
     }
 }
 
+/* Two rest triangles, each laid flat on its own and turned, give back the hinge they came from. */
+static void hinge_unfolding(void) {
+    static const double one[6] = {0, 0, 0, 0, 1, 1};
+    unsigned long long  seed = 16;
+    int                 k, i, side;
+    for (k = 0; k < 50; k++) {
+        const double foot[2] = {ref_uniform(&seed, -1, 2), ref_uniform(&seed, -1, 2)};
+        const double height[2] = {ref_uniform(&seed, 0.2, 1.5), ref_uniform(&seed, 0.2, 1.5)};
+        double       rest[12], x[12], area[2], T[2][6];
+        int          apex[2];
+        make_hinge(NULL, 1.3, foot, height, 0, rest);
+        for (side = 0; side < 2; side++) {
+            const int    corner[2][3] = {{0, 1, 2}, {1, 0, 3}};     /* counterclockwise */
+            const double a = ref_uniform(&seed, 0, 6);
+            const int    first = (int)(ref_next(&seed) % 3);
+            for (i = 0; i < 3; i++) {
+                const double *p = rest + 3 * corner[side][(i + first) % 3];
+                T[side][2 * i] = cos(a) * p[0] - sin(a) * p[1] + 3;
+                T[side][2 * i + 1] = sin(a) * p[0] + cos(a) * p[1] - 2;
+            }
+            apex[side] = (2 - first + 3) % 3;
+        }
+        CHECK(clothi_hinge_unfold(T[0], apex[0], T[1], apex[1], x, area));
+        CHECK(ref_difference(x, rest, 12) < 1e-13);
+        CHECK_REL(area[0], 0.5 * 1.3 * height[0], 1e-13);
+        CHECK_REL(area[1], 0.5 * 1.3 * height[1], 1e-13);
+    }
+    {
+        double x[12], area[2];
+        CHECK(!clothi_hinge_unfold(one, 2, one, 2, x, area));
+    }
+}
+
 /* ---- eight at a time ------------------------------------------------------------------------ */
 
 enum { LANES = CLOTHI_LANES };
@@ -585,6 +618,12 @@ static void lanes_stretch(void) {
             to_lane(B, 5, k, rest);
             rest[5 * LANES + k] = mu[k];
             rest[6 * LANES + k] = lambda[k];
+        }
+        clothi_smallest_stretch2(x, rest, E);
+        for (k = 0; k < LANES; k++) {
+            double s[2];
+            cloth_stretch_state(y[k], X[k], 1, 1, NULL, NULL, NULL, s);
+            CHECK_NEAR(E[k], s[1] * s[1], 1e-14 * (1 + s[0] * s[0]));
         }
         for (psd = 0; psd < 2; psd++) {
             clothi_stretch_lanes(x, rest, NULL, NULL, E, NULL, f, H, psd);
@@ -719,8 +758,15 @@ static double damped_energy(const double *y, const damped *d, double *g, double 
         to_lane(d->n, 3, k, n);
         damp[k] = d->damp;
     }
-    if (d->corners == 3) clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
-    else clothi_hinge_lanes(x, rest, n, damp, E, Ed, NULL, f, H, psd);
+    if (d->corners == 3) {
+        clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
+    } else {
+        double theta[LANES], angle[LANES], fast[12 * LANES];
+        clothi_hinge_lanes(x, rest, n, damp, E, Ed, theta, f, H, psd);
+        clothi_hinge_forces_damped(x, rest, n, damp, angle, fast);
+        CHECK(ref_difference(fast, f, 12 * LANES) < 1e-13);
+        CHECK(ref_difference(angle, theta, LANES) <= 0.0);
+    }
     if (g) from_lane(f, 3 * d->corners, 5, g);
     if (full) full_hessian(H, d->corners, 5, full);
     return E[5] + Ed[5];
@@ -983,6 +1029,7 @@ int main(int argc, char **argv) {
     RUN(hinge_invariance);
     RUN(hinge_degenerate);
     RUN(quadratic_is_the_flat_hinge);
+    RUN(hinge_unfolding);
     RUN(lanes_stretch);
     RUN(lanes_hinge);
     RUN(lanes_quadratic);

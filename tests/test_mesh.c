@@ -3,55 +3,7 @@
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include "test.h"
-
-/* --- an allocator that counts and fails on request, a logger that collects --- */
-
-typedef struct host {
-    int  live, calls, fail_at;
-    int  lines, errors;
-    char text[65536];
-    int  n;
-} host;
-
-static void *host_alloc(size_t size, void *user) {
-    host *h = (host *)user;
-    void *p;
-    if (++h->calls == h->fail_at) return NULL;
-    p = malloc(size);
-    h->live += p != NULL;
-    return p;
-}
-
-static void host_free(void *p, size_t size, void *user) {
-    (void)size;
-    ((host *)user)->live -= p != NULL;
-    free(p);
-}
-
-static void host_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    host *h = (host *)user;
-    int   n = (int)strlen(text);
-    (void)status;
-    h->lines++;
-    h->errors += level == CLOTH_LOG_ERROR;
-    if (h->n + n + 2 > (int)sizeof h->text) return;
-    memcpy(h->text + h->n, text, (size_t)n);
-    h->n += n;
-    h->text[h->n++] = '\n';
-    h->text[h->n] = '\0';
-}
-
-static cloth_hooks host_hooks(host *h) {
-    cloth_hooks hooks;
-    memset(h, 0, sizeof *h);
-    memset(&hooks, 0, sizeof hooks);
-    hooks.allocator.alloc = host_alloc;
-    hooks.allocator.free = host_free;
-    hooks.allocator.user = h;
-    hooks.log.fn = host_log;
-    hooks.log.user = h;
-    return hooks;
-}
+#include "host.h"
 
 /* --- the angle between two faces, without the kit: rotate the hinge so that its edge is +z and
  * measure both wings in the plane; convex seen from the normals' side is positive --- */
@@ -430,6 +382,9 @@ static void generator_equilateral_edges(void) {
           CLOTH_OK);
     if (m) CHECK(m->nv == nx * ny + ny / 2);
     cloth_mesh_destroy(NULL, m);
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_EQUILATERAL, nx, 0, 1.0, 0.1 * a, &m) == CLOTH_OK);
+    if (m) CHECK(m->nv == nx * 2 + 1);
+    cloth_mesh_destroy(NULL, m);
 }
 
 static void generator_tube(void) {
@@ -492,7 +447,7 @@ static void generator_merge(void) {
     if (nested) CHECK(nested->npart == 3 && nested->part[0] == 0 && nested->part[12] == 1 &&
                       nested->part[nested->nf - 1] == 2);
     cloth_mesh_destroy(NULL, nested);
-    two->x[0] = NAN;
+    two->x[0] = HOST_NAN;
     list[1] = two;
     CHECK(cloth_mesh_merge(NULL, list, 2, &nested) == CLOTH_ERR_NONFINITE && !nested);
     list[1] = NULL;
@@ -506,6 +461,31 @@ static void generator_merge(void) {
     cloth_mesh_destroy(NULL, NULL);
 }
 
+/* render corners of one mesh, vertices standing in for those of the other */
+static void generator_merge_render_corners(void) {
+    static const char text[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 5 6\nvt 7 8\nf 1/2 2/1 3/2\n";
+    static const int  vertex[] = {0, 1, 2, 3, 4, 5, 6, 7, 8}, faces[] = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+    cloth_mesh       *a = NULL, *all = NULL, *list[3], huge;
+    CHECK(cloth_obj_parse(NULL, text, sizeof text - 1, NULL, &a) == CLOTH_OK);
+    if (!a) return;
+    huge = *a;                                  /* counts only: refused before a read */
+    huge.nf = CLOTH_MAX_COUNT;
+    list[0] = list[2] = a;
+    list[1] = &huge;
+    CHECK(cloth_mesh_merge(NULL, list, 2, &all) == CLOTH_ERR_CAPACITY && !all);
+    huge = *a;
+    huge.nr = 0;
+    CHECK(cloth_mesh_merge(NULL, list, 3, &all) == CLOTH_OK);
+    if (all) {
+        CHECK(all->nr == 9 && !all->X && all->npart == 3);
+        CHECK(memcmp(all->render_vertex, vertex, sizeof vertex) == 0);
+        CHECK(memcmp(all->render_faces, faces, sizeof faces) == 0);
+        CHECK(all->vt[0] == 7 && all->vt[3] == 6 && all->vt[6] == 0 && all->vt[12] == 7);
+    }
+    cloth_mesh_destroy(NULL, all);
+    cloth_mesh_destroy(NULL, a);
+}
+
 static void generator_refusals(void) {
     host        h;
     cloth_hooks hooks = host_hooks(&h);
@@ -517,7 +497,7 @@ static void generator_refusals(void) {
     CHECK(strstr(h.text, "ny = 0") != NULL);
     CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 0.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(strstr(h.text, "width = 0") != NULL);
-    CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, NAN, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, HOST_NAN, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(strstr(h.text, "height = NaN") != NULL);
     CHECK(cloth_mesh_sheet(&hooks, g, 50000, 50000, 1.0, 1.0, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_sheet(&hooks, (cloth_sheet_pattern)7, 2, 2, 1.0, 1.0, &m) ==
@@ -529,7 +509,7 @@ static void generator_refusals(void) {
     CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 2, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 3, 1, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_tube(&hooks, 1.0, 1.0, 0x7fffffff, 0x7fffffff, &m) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_mesh_disc(&hooks, INFINITY, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
+    CHECK(cloth_mesh_disc(&hooks, HOST_INFINITY, 2, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_disc(&hooks, 1.0, 0, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_disc(&hooks, 1.0, 1 << 30, &m) == CLOTH_ERR_ARGUMENT && !m);
     CHECK(cloth_mesh_sheet(&hooks, g, 2, 2, 1.0, 1.0, NULL) == CLOTH_ERR_ARGUMENT);
@@ -580,10 +560,10 @@ static void check_every_fault(void) {
     expect_fault(m, NULL, CLOTH_MESH_REPEATED, 1, f, CLOTH_ERR_MESH, "face 7: corners");
     memcpy(m->faces + 3 * f, t, sizeof t);
 
-    m->x[3 * 5 + 2] = NAN;
+    m->x[3 * 5 + 2] = HOST_NAN;
     expect_fault(m, NULL, CLOTH_MESH_NONFINITE, 1, 17, CLOTH_ERR_NONFINITE,
                  "vertex 5: z is NaN");
-    m->x[3 * 5 + 2] = -INFINITY;
+    m->x[3 * 5 + 2] = -HOST_INFINITY;
     expect_fault(m, NULL, CLOTH_MESH_NONFINITE, 1, 17, CLOTH_ERR_NONFINITE,
                  "vertex 5: z is -inf");
     cloth_mesh_destroy(NULL, m);
@@ -661,10 +641,22 @@ static void check_every_fault(void) {
     for (f = 0; f < 6; f++) X[6 * 4 + f] *= 1e-100;
     expect_fault(m, X, CLOTH_MESH_PATTERN, 1, 4, CLOTH_ERR_MESH, "face 4 is mirrored");
     memcpy(X, m->X, sizeof X);
-    X[6 * 4 + 3] = NAN;
+    X[6 * 4 + 3] = HOST_NAN;
     expect_fault(m, X, CLOTH_MESH_NONFINITE, 1, 3 * 16 + 6 * 4 + 3, CLOTH_ERR_NONFINITE,
                  "pattern: corner 1 of face 4: y is NaN");
     cloth_mesh_destroy(NULL, m);
+}
+
+/* faces left out before a copy do not shift the numbers that are named */
+static void check_names_the_first_copy(void) {
+    static const int  faces[] = {0, 0, 1, 0, 1, 2, 9, 1, 2, 1, 2, 0};
+    host              h;
+    cloth_hooks       hooks = host_hooks(&h);
+    cloth_mesh_report r;
+    CHECK(cloth_mesh_check(&hooks, 4, tetra_x, 4, faces, NULL, &r) == CLOTH_ERR_MESH);
+    CHECK(r.first[CLOTH_MESH_REPEATED] == 0 && r.first[CLOTH_MESH_INDEX] == 2);
+    CHECK(r.first[CLOTH_MESH_DUPLICATE] == 3 && r.errors == 3);
+    CHECK(strstr(h.text, "face 3 has the corners of face 1") != NULL);
 }
 
 static void check_limits_the_log(void) {
@@ -720,6 +712,8 @@ static void check_extreme_sizes(void) {
         CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_OK);
         for (k = 0; k < 12; k++) x[k] = k % 3 ? 0 : (k - 4) * (scales[i] / 8);
         CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_ERR_MESH);
+        for (k = 0; k < 12; k++) x[k] = (2 * tetra_x[k] - 1) * 1.7e308;     /* edges overflow */
+        CHECK(cloth_mesh_check(NULL, 4, x, 4, tetra, NULL, NULL) == CLOTH_ERR_MESH);
     }
 }
 
@@ -738,8 +732,10 @@ int main(int argc, char **argv) {
     RUN(generator_tube);
     RUN(generator_disc);
     RUN(generator_merge);
+    RUN(generator_merge_render_corners);
     RUN(generator_refusals);
     RUN(check_every_fault);
+    RUN(check_names_the_first_copy);
     RUN(check_limits_the_log);
     RUN(check_refusals);
     RUN(check_extreme_sizes);

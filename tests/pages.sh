@@ -1,0 +1,139 @@
+#!/bin/bash
+# pages.sh - opens every page of examples/out in a headless Chromium and looks at it.
+#   make -C tests pages          or: tests/pages.sh [directory]
+# Per page: the title becomes 'ready N frames'; pictures at three times (#t=SECONDS) differ
+# pairwise (one picture where N is 1) and none is of one colour; the 2D canvas draws (#2d); no
+# http in the file; at most 4 MB. Prints a line for each failure and 'pages: N passed, N failed'
+# last. Skipped, with a printed line, where there is no Chromium.
+here=$(cd "$(dirname "$0")" && pwd)
+out=${1:-$here/../examples/out}
+browser=
+for name in chromium chromium-browser google-chrome; do
+    if command -v "$name" >/dev/null 2>&1; then browser=$name; break; fi
+done
+shopt -s nullglob
+pages=("$out"/*.html)
+if [ -z "$browser" ]; then
+    echo "pages: skipped, no chromium installed"
+    echo "pages: 0 passed, 0 failed"
+    exit 0
+fi
+if [ ${#pages[@]} -eq 0 ]; then
+    echo "pages: skipped, no pages in $out (run: make -C examples show)"
+    echo "pages: 0 passed, 0 failed"
+    exit 0
+fi
+work=$(mktemp -d) || exit 1
+trap 'rm -rf "$work"' EXIT
+out=$(cd "$out" && pwd)
+
+# a new empty profile for each run; software WebGL; no network services. A browser that hangs or
+# dies is started once more, and that is printed.
+look() {
+    local profile status=1 try
+    for try in 1 2; do
+        profile=$(mktemp -d "$work/profile.XXXXXX") || return 1
+        timeout -k 5 60 "$browser" --headless --no-sandbox --use-angle=swiftshader \
+            --enable-unsafe-swiftshader --disable-quic --no-first-run \
+            --disable-background-networking --disable-component-update --disable-sync \
+            --user-data-dir="$profile" --window-size=900,640 --virtual-time-budget=5000 \
+            "$@" >"$work/stdout" 2>"$work/log"
+        status=$?
+        rm -rf "$profile"
+        [ $status -eq 0 ] && break
+        echo "pages: the browser ended with status $status (try $try): ${*: -1}" >&2
+    done
+    cat "$work/stdout"
+    return $status
+}
+
+# succeeds when the picture's middle holds more than 32 colours (the page's frame aside)
+coloured() {
+    python3 - "$1" <<'PY'
+import struct, sys, zlib
+data = open(sys.argv[1], 'rb').read()
+at, idat = 8, b''
+while at < len(data):
+    size, kind = struct.unpack('>I4s', data[at:at + 8])
+    body = data[at + 8:at + 8 + size]
+    if kind == b'IHDR':
+        w, h, depth, colour, _, _, lace = struct.unpack('>IIBBBBB', body)
+    elif kind == b'IDAT':
+        idat += body
+    at += 12 + size
+if depth != 8 or colour not in (2, 6) or lace:
+    sys.exit('unexpected kind of PNG')
+n = 3 if colour == 2 else 4
+raw, row, seen = zlib.decompress(idat), bytearray(w * n), set()
+for y in range(h):
+    kind = raw[y * (w * n + 1)]
+    line = bytearray(raw[y * (w * n + 1) + 1:(y + 1) * (w * n + 1)])
+    for i in range(w * n):
+        a = line[i - n] if i >= n else 0
+        b = row[i]
+        c = row[i - n] if i >= n else 0
+        if kind == 1: p = a
+        elif kind == 2: p = b
+        elif kind == 3: p = (a + b) // 2
+        elif kind == 4:
+            q = a + b - c
+            d = (abs(q - a), abs(q - b), abs(q - c))
+            p = a if d[0] <= d[1] and d[0] <= d[2] else b if d[1] <= d[2] else c
+        else: p = 0
+        line[i] = (line[i] + p) & 255
+    row = line
+    if h // 4 < y < h // 2:
+        seen.update(bytes(row[n * x:n * x + 3]) for x in range(w // 3, 2 * w // 3))
+sys.exit(0 if len(seen) > 32 else 1)
+PY
+}
+
+passed=0
+failed=0
+check() {                       # check STATUS TEXT
+    if [ "$1" -eq 0 ]; then passed=$((passed + 1))
+    else failed=$((failed + 1)); echo "pages: FAILED $name: $2"; fi
+}
+have_python=0
+python3 -c 'import zlib' >/dev/null 2>&1 && have_python=1
+[ $have_python -eq 1 ] || echo "pages: skipped the one-colour check, no python3"
+
+for page in "${pages[@]}"; do
+    name=${page##*/}
+    url=file://$page
+    look --dump-dom "$url" >"$work/dom"
+    title=$(sed -n 's/.*<title>\([^<]*\)<\/title>.*/\1/p' "$work/dom" | head -n 1)
+    echo "$title" | grep -Eq '^ready [0-9]+ frames$'
+    check $? "the title is '$title', not 'ready N frames'"
+    count=$(echo "$title" | sed -n 's/^ready \([0-9]*\) frames$/\1/p')
+    look --dump-dom "$url#2d" | grep -Eq '<title>ready [0-9]+ frames</title>'
+    check $? "no 'ready N frames' on the 2D canvas"
+    ! grep -qi http "$page"
+    check $? "the page contains 'http'"
+    [ "$(wc -c <"$page")" -le 4000000 ]
+    check $? "the page is larger than 4 MB"
+    span=$(sed -n 's/.* s of \([0-9.]*\) s .*/\1/p' "$work/dom" | head -n 1)
+    span=${span:-1}
+    shots=()
+    for part in 0.03 0.4 0.83; do
+        t=$(LC_ALL=C awk -v s="$span" -v p="$part" 'BEGIN { printf "%.4f", s * p }')
+        shot=$work/shot$part.png
+        rm -f "$shot"
+        look --screenshot="$shot" "$url#t=$t" >/dev/null
+        [ -s "$shot" ]
+        check $? "no picture at $t s"
+        if [ -s "$shot" ] && [ $have_python -eq 1 ]; then
+            coloured "$shot"
+            check $? "the picture at $t s is of one colour"
+        fi
+        shots+=("$shot")
+        [ "${count:-2}" -gt 1 ] || break
+    done
+    if [ ${#shots[@]} -eq 3 ]; then
+        ! cmp -s "${shots[0]}" "${shots[1]}" && ! cmp -s "${shots[1]}" "${shots[2]}" &&
+            ! cmp -s "${shots[0]}" "${shots[2]}"
+        check $? "two of the three pictures are the same"
+    fi
+done
+echo "pages: $passed passed, $failed failed"
+[ $failed -eq 0 ]

@@ -10635,7 +10635,7 @@ static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omeg
     return omega > 0 ? 2 / omega * (sqrt(1 + z * z) - z) : HUGE_VAL;
 }
 
-/* m substeps from w.x0, w.v0 to w.x and w.trial (the velocity). *tangent: the largest factor met. */
+/* m substeps from w.x0, w.v0 to w.x and w.trial (the velocity); *tangent: the largest factor met */
 static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent) {
     const cloth_model *m = s->model;
     int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
@@ -10851,11 +10851,10 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
         double dx = s->w.x[i] - s->state.x[i];
         if (s->force_on) l->force_work += s->force[i] * dx;
         if (s->pin[i / 3] >> (i % 3) & 1) {
-            double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i), f = s->w.grad[i];
-            if (goal->eta > 0) f += s->params.mass[i / 3] * (s->w.x[i] - y) / (goal->eta * goal->eta);
-            l->pin_work += f * dx;
+            double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i), f = s->w.rhs[i];
+            double w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
+            l->pin_work += (f + w * s->params.mass[i / 3] * (s->w.x[i] - y)) * dx;
         }
-        if (s->pin[i / 3] >> (i % 3) & 1) l->pin_work += s->w.rhs[i] * dx;
     }
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
         const clothi_attach *q = s->attach + i;

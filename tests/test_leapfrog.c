@@ -10,7 +10,8 @@
 #define CHAIN 24                            /* edges */
 
 /* A strip that moves along x only, 100 edges wide so that its rows hardly shear: a chain with
- * k = Y b/e between masses m = rho b e, half at the ends, omega_max = 2 sqrt(k/m) = 2/e sqrt(Y/rho). */
+ * k = Y b/e between masses m = rho b e, half at the ends. Returns omega_max = 2 sqrt(k/m) = 2/e
+ * sqrt(Y/rho). */
 static double chain(dyn *d, double damping, int substeps) {
     const int    nx = CHAIN + 1;
     const double e = 0.01, b = 100 * e;
@@ -143,8 +144,9 @@ static void energy_bounded(void) {
         }
         CHECK_NEAR(r.energy.numerical_loss, 0, 0.06 * (swing + 0.1));
     }
-    printf("  %ld substeps in %d steps: total energy within %+.1e .. %+.1e J of the start, late mean "
-           "%+.1e J, kinetic up to %.2e J\n", substeps, n, low, high, late / steps, swing);
+    printf("  %ld substeps in %d steps: total energy within %+.1e .. %+.1e J of the start, "
+           "late mean %+.1e J, kinetic up to %.2e J\n", substeps, n, low, high, late / steps,
+           swing);
     CHECK(low > -0.05 * swing && high < 0.05 * swing);
     CHECK(fabs(late / steps) < 0.02 * swing);
     CHECK(r.bytes.matrix == 0 && r.bytes.factor == 0);
@@ -173,7 +175,7 @@ static void reversible(void) {
     dyn_end(&d);
 }
 
-/* Damped: stable, each step loses energy but for the exchange within a substep, and comes to rest. */
+/* Damped: stable, and no step gains energy but for the exchange within a substep. */
 static void damped(void) {
     dyn          d;
     cloth_report r, first;
@@ -188,8 +190,8 @@ static void damped(void) {
         before = r.energy.total;
     }
     for (i = 0; i < 3 * d.nv; i++) speed = fmax(speed, fabs(d.state->v[i]));
-    printf("  tau = 0.02: %d substeps a step, energy %.4f -> %.4f J, fastest %.2e m/s\n", r.substeps,
-           first.energy.total, r.energy.total, speed);
+    printf("  tau = 0.02: %d substeps a step, energy %.4f -> %.4f J, fastest %.2e m/s\n",
+           r.substeps, first.energy.total, r.energy.total, speed);
     CHECK(r.energy.total < first.energy.total);
     CHECK(r.energy.kinetic < 0.3);
     dyn_end(&d);

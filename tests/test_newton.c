@@ -364,7 +364,8 @@ static void scrambled(void) {
         }
         dyn_end(&d);
     }
-    printf("  scrambled: %d of %d steps stalled, at most %d iterations\n", stalls, 10 * seeds, most);
+    printf("  scrambled: %d of %d steps stalled, at most %d iterations\n", stalls, 10 * seeds,
+           most);
     CHECK(stalls == 0);
     CHECK(most <= 400);
 }

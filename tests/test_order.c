@@ -1,5 +1,5 @@
-/* test_order.c - observed orders in time: implicit Euler 1, BDF2 2 (with a restart too), leapfrog 2,
- * all towards one reference.
+/* test_order.c - observed orders in time: implicit Euler 1, BDF2 2 (with a restart too), leapfrog
+ * 2, all towards one reference.
  *   tier: default
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION test_order.c -lm */
 #include "../clothsim.h"

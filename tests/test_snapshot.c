@@ -208,7 +208,7 @@ static void damage_is_refused(void) {
     }
     CHECK(bad == 0);
     CHECK(cloth_sim_restore(S.sim, buf, size) == CLOTH_OK);
-    CHECK(cloth_sim_restore(S.sim, buf, sizeof buf) == CLOTH_OK);       /* a larger buffer is fine */
+    CHECK(cloth_sim_restore(S.sim, buf, sizeof buf) == CLOTH_OK);   /* larger: fine */
     scene_close(&S);
     CHECK(told.live == 0);
 }

@@ -672,7 +672,8 @@ typedef struct cloth_term {
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
     /* adds a' d(grad)/d{...}, a [nv x 3]; NULL: gradients of a sim with this term are refused */
     cloth_status (*vjp)(void *user, const cloth_eval *e, const double *a, cloth_vjp *out);
-    /* bytes of the term's own state that the next step depends on; may be NULL */
+    /* bytes of the term's own state that the next step depends on; may be NULL. A step that
+     * fails loads what was saved at its start */
     size_t (*save_size)(void *user);        /* may change from step to step                    */
     void   (*save)(void *user, void *buf);  /* every byte of it; buf is a multiple of 8 bytes
                                                behind the start of the snapshot                */
@@ -9282,6 +9283,8 @@ struct cloth_sim {
     double        term_energy[CLOTHI_MAX_TERMS];
     double        term_loss[CLOTHI_MAX_TERMS];
     int           nterms, nbuiltin;
+    unsigned char *kept;                    /* state of hosts' terms as before the step        */
+    size_t        kept_size, kept_at[CLOTHI_MAX_TERMS + 1];
     cloth_contact contact;
     int           contact_on;
     double        attach_alpha;             /* where in the step attachments are               */
@@ -9768,6 +9771,7 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     clothi_elements_free(hooks, &sim->membrane);
     clothi_elements_free(hooks, &sim->bend);
     clothi_free(hooks, sim->quadratic);
+    clothi_free(hooks, sim->kept);
     clothi_free(hooks, sim->fixed);
     clothi_free(hooks, sim->force);
     clothi_free(hooks, sim->attach);
@@ -12127,8 +12131,10 @@ static void clothi_report_bytes(const cloth_sim *s, cloth_bytes *b) {
                clothi_block_size(s->x_prev) + clothi_block_size(s->v_prev) +
                clothi_block_size(s->pin) + clothi_block_size(s->target) +
                clothi_block_size(s->attach) + clothi_block_size(s->force) +
-               clothi_block_size(s->params.X) + clothi_block_size(s->params.mass);
-    b->scratch = clothi_block_size(s->w.x0) * 9 + clothi_block_size(s->w.wind);
+               clothi_block_size(s->params.X) + clothi_block_size(s->params.mass) +
+               clothi_block_size(s->edit.X) + clothi_block_size(s->edit.mass);
+    b->scratch = clothi_block_size(s->w.x0) * 9 + clothi_block_size(s->w.wind) +
+                 clothi_block_size(s->kept);
     b->contact = s->contact_on && s->contact.bytes ? s->contact.bytes(s->contact.user) : 0;
     b->total = b->mesh + b->elements + b->matrix + b->factor + b->state + b->scratch + b->contact;
 }
@@ -12153,6 +12159,39 @@ static void clothi_put_back(cloth_sim *s, double t, int history, double h_prev) 
     if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user);
     if (s->v_prev) memcpy(s->v_prev, s->w.v_prev0, bytes);
     if (s->x_prev) memcpy(s->x_prev, s->w.x_prev0, bytes);
+}
+
+/* Bytes of the state of host's term i, in whole doubles; 0: none of its own. */
+static size_t clothi_kept_bytes(const cloth_sim *s, int i) {
+    const cloth_term *t = s->term + i;
+    return t->save_size ? (t->save_size(t->user) + 7u) / 8u * 8u : 0;
+}
+
+/* The states of hosts' terms as before the step; the contact has a rollback of its own. */
+static cloth_status clothi_keep_units(cloth_sim *s) {
+    size_t need = 0, at = 0;
+    int    i;
+    for (i = s->nbuiltin; i < s->nterms; i++) need += clothi_kept_bytes(s, i);
+    if (need > s->kept_size) {
+        clothi_free(&s->hooks, s->kept);
+        s->kept = (unsigned char *)clothi_alloc(&s->hooks, 2, need);
+        s->kept_size = s->kept ? 2 * need : 0;
+        if (!s->kept) return CLOTH_ERR_MEMORY;
+    }
+    for (i = s->nbuiltin; i < s->nterms; i++) {
+        s->kept_at[i] = at;
+        if (clothi_kept_bytes(s, i)) s->term[i].save(s->term[i].user, s->kept + at);
+        at += clothi_kept_bytes(s, i);
+    }
+    s->kept_at[s->nterms] = at;
+    return CLOTH_OK;
+}
+
+static void clothi_put_back_units(cloth_sim *s) {
+    int i;
+    for (i = s->nbuiltin; i < s->nterms; i++)
+        if (s->kept_at[i + 1] > s->kept_at[i])
+            s->term[i].load(s->term[i].user, s->kept + s->kept_at[i]);
 }
 
 static cloth_status clothi_step_run(cloth_sim *s, double h, cloth_report *report) {
@@ -12225,17 +12264,21 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     if (!status) status = clothi_need_work(s);
     if (!status) {
         clothi_keep(s);
+        status = clothi_keep_units(s);
+    }
+    if (!status) {
         s->balance = wanted != NULL;
         if (wanted) status = clothi_energy_at(s, s->state.x, s->state.v, 0, &before);
         if (!status) status = run(s, h, report);
+        if (!status && wanted) status = clothi_report_after(s, &before, report);
         if (status) {
             clothi_put_back(s, t, history, h_prev);
+            clothi_put_back_units(s);
             if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;
         } else {
             clothi_accept(s, report);
         }
     }
-    if (!status && wanted) status = clothi_report_after(s, &before, report);
     clothi_report_end(s, start, allocations, report);
     report->status = status;
     return status;

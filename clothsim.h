@@ -152,7 +152,6 @@
  * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006.
  * [L21]    Li et al.: Deep Physics-aware Inference of Cloth Deformation for Monocular Human
  *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021().
- * [MT97]   Moeller, Trumbore: Fast, Minimum Storage Ray/Triangle Intersection, JGT 2(1), 1997.
  * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006.
  * [TG13]   Tamstorf, Grinspun: Discrete Bending Forces and Their Jacobians, Graph. Models 2013.
  */
@@ -666,16 +665,18 @@ typedef struct cloth_vjp {
 typedef struct cloth_term {
     const char *name;
     void       *user;
-    /* once at the start of a substep: lag what has no potential; may be NULL */
+    /* at the start of a substep, and at h = 0 before energies are asked for: lag what has no
+     * potential; may be NULL */
     cloth_status (*begin)(void *user, const cloth_eval *e);
     /* *energy = value at e->x in J; adds to e->grad and e->hess. Finite in, finite out */
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
     /* adds a' d(grad)/d{...}, a [nv x 3]; NULL: gradients of a sim with this term are refused */
     cloth_status (*vjp)(void *user, const cloth_eval *e, const double *a, cloth_vjp *out);
     /* bytes of the term's own state that the next step depends on; may be NULL */
-    size_t (*save_size)(void *user);
-    void   (*save)(void *user, void *buf);
-    void   (*load)(void *user, const void *buf);
+    size_t (*save_size)(void *user);        /* may change from step to step                    */
+    void   (*save)(void *user, void *buf);  /* every byte of it; buf is a multiple of 8 bytes
+                                               behind the start of the snapshot                */
+    void   (*load)(void *user, const void *buf);        /* as many bytes as were saved         */
 } cloth_term;
 
 /* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated.
@@ -759,6 +760,7 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   CLOTH_ERR_NONFINITE  CLOTH_STEP_NONE                as before; report.vertex
  *   CLOTH_ERR_MEMORY, CLOTH_ERR_CANCELLED   ..._NONE    as before
  *   CLOTH_ERR_ARGUMENT   CLOTH_STEP_NONE                as before (h)
+ *   CLOTH_ERR_UNSUPPORTED   CLOTH_STEP_NONE             as before (desc.contact without contact)
  * "As before" means the same cloth_sim_hash().
  * contract: alloc none after the first call | threads: one per sim */
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report);
@@ -782,6 +784,7 @@ CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim);
  * it is) is reached at the end of the next step and held after it. */
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
                                      const double target[3]);
+/* All axes. Where a vertex follows another by a tie, pin and unpin act on its leader. */
 CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex);
 /* A spring of stiffness k (N/m) from a point of a face (bary sums to 1) to target (m).
  * _CAPACITY when desc.max_attachments are in use. */
@@ -797,8 +800,12 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]);
 CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]);
 CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
                                               const cloth_material *m);
-/* Borrowed, read and write; then _changed(), which checks, derives and drops BDF2's history.
- * On refusal the derived numbers stay as they were, and so does the next step. */
+/* Borrowed, read and write: a copy, made at the first call, that steps do not see until _changed()
+ * has checked it; that call derives what follows (lumped masses, if mass_given is 0) and drops
+ * BDF2's history. Refused: steps go on with what was accepted last, and what was written stays to
+ * be mended. set_material, reset and restore write it anew. Counts and pointers are to stay.
+ * _params: NULL when sim is or memory is out. _changed: _ARGUMENT, _NONFINITE, _MESH (a rest area
+ * that is not > 0), _UNSUPPORTED, with field and value logged. */
 CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim);
 CLOTH_API cloth_status  cloth_sim_params_changed(cloth_sim *sim);
 /* A host's own term; copied; its user pointer must outlive the sim. */
@@ -808,10 +815,15 @@ CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact
 
 /* --- snapshot: everything that the next step depends on --- */
 CLOTH_API size_t       cloth_sim_save_size(const cloth_sim *sim);           /* bytes          */
+/* _CAPACITY: size is below cloth_sim_save_size(). */
 CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t size);
-/* size, magic, model hash and checksum are verified first: _FORMAT leaves the sim as it was */
+/* Of this model, and with the host's terms added in the order that they had at the save. Size,
+ * magic, model hash, checksum and the terms' names are verified first: _FORMAT and _MEMORY leave
+ * the sim as it was. Handles of attachments become those of the snapshot. */
 CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size);
-CLOTH_API uint64_t     cloth_sim_hash(const cloth_sim *sim);                /* of what save writes */
+/* Of what save writes, but for the numbers that tell handles of attachments apart. 0: no memory
+ * for the state of a host's term (nothing is allocated when there is none). */
+CLOTH_API uint64_t     cloth_sim_hash(const cloth_sim *sim);
 CLOTH_API uint64_t     cloth_model_hash(const cloth_model *model);
 
 /* --- queries --- */
@@ -834,8 +846,9 @@ CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smalles
                                            double *largest);
 /* Energies and momenta of the state, without a step. */
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger);
-/* Potential and its derivatives at x [nv x 3] by all terms but inertia; grad [nv x 3] N may be
- * NULL. For checkers and teachers. */
+/* Potential and its gradient at x [nv x 3] by all terms but inertia, as statics sees it: h = 0, no
+ * damping, wind a constant force lagged to the state, attachments at their targets. energy and
+ * grad [nv x 3] N may be NULL; both untouched unless CLOTH_OK. For checkers and teachers. */
 CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
                                            double *grad);
 
@@ -1180,9 +1193,11 @@ extern "C" {
 #if defined(__GNUC__)
 #  define CLOTHI_RESTRICT __restrict
 #  define CLOTHI_UNUSED   __attribute__((unused))
+#  define CLOTHI_OUTLINE  __attribute__((unused, noinline))   /* called often, never hot */
 #else
 #  define CLOTHI_RESTRICT
 #  define CLOTHI_UNUSED
+#  define CLOTHI_OUTLINE
 #endif
 
 /* ===== [3.1] SMALL MATHS ===================================================================== */
@@ -1195,7 +1210,7 @@ CLOTHI_UNUSED static int clothi_finite(double a) {
 }
 
 /* Index of the first entry of a [n] that is NaN or infinite, -1 when there is none. */
-CLOTHI_UNUSED static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
+CLOTHI_OUTLINE static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
     size_t i;
     for (i = 0; i < n; i++)
         if (!clothi_finite(a[i])) return (ptrdiff_t)i;
@@ -1272,7 +1287,7 @@ typedef struct clothi_block_header {
 
 /* count * size bytes, zeroed; NULL when the hook fails or the product overflows. hooks may be
  * NULL. count 0 gives a valid block. */
-CLOTHI_UNUSED static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
     const size_t extra = CLOTHI_ALIGN + sizeof(clothi_block_header);
     clothi_block_header header;
     unsigned char *base, *data;
@@ -1291,7 +1306,7 @@ CLOTHI_UNUSED static void *clothi_alloc(const cloth_hooks *hooks, size_t count, 
 }
 
 /* Frees what clothi_alloc returned; NULL is allowed. */
-CLOTHI_UNUSED static void clothi_free(const cloth_hooks *hooks, const void *ptr) {
+CLOTHI_OUTLINE static void clothi_free(const cloth_hooks *hooks, const void *ptr) {
     clothi_block_header header;
     if (!ptr) return;
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
@@ -1302,7 +1317,7 @@ CLOTHI_UNUSED static void clothi_free(const cloth_hooks *hooks, const void *ptr)
 }
 
 /* Bytes that the block of clothi_alloc holds from the hook; 0 for NULL. */
-CLOTHI_UNUSED static size_t clothi_block_size(const void *ptr) {
+CLOTHI_OUTLINE static size_t clothi_block_size(const void *ptr) {
     clothi_block_header header;
     if (!ptr) return 0;
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
@@ -1315,12 +1330,12 @@ typedef struct clothi_text {
     int  n;
 } clothi_text;
 
-static void clothi_text_char(clothi_text *t, char c) {
+CLOTHI_OUTLINE static void clothi_text_char(clothi_text *t, char c) {
     if (t->n < (int)sizeof t->buf - 1) t->buf[t->n++] = c;
     t->buf[t->n] = '\0';
 }
 
-static void clothi_text_string(clothi_text *t, const char *s) {
+CLOTHI_OUTLINE static void clothi_text_string(clothi_text *t, const char *s) {
     while (s && *s) clothi_text_char(t, *s++);
 }
 
@@ -1334,7 +1349,7 @@ static void clothi_text_uint(clothi_text *t, uint64_t u) {
     while (n) clothi_text_char(t, digits[--n]);
 }
 
-static void clothi_text_int(clothi_text *t, long long i) {
+CLOTHI_OUTLINE static void clothi_text_int(clothi_text *t, long long i) {
     if (i < 0) clothi_text_char(t, '-');
     clothi_text_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
 }
@@ -1392,7 +1407,7 @@ static void clothi_text_double(clothi_text *t, double a) {
 }
 
 /* A small format: %s text, %i int, %z size_t, %g double. */
-static void clothi_text_format(clothi_text *t, const char *format, va_list args) {
+CLOTHI_OUTLINE static void clothi_text_format(clothi_text *t, const char *format, va_list args) {
     t->n = 0;
     t->buf[0] = '\0';
     for (; *format; format++) {
@@ -1411,7 +1426,7 @@ static void clothi_text_format(clothi_text *t, const char *format, va_list args)
 }
 
 /* Sends one sentence to the logger. */
-CLOTHI_UNUSED static void clothi_say(const cloth_hooks *hooks, cloth_log_level level,
+CLOTHI_OUTLINE static void clothi_say(const cloth_hooks *hooks, cloth_log_level level,
                                      cloth_status status, const char *format, ...) {
     clothi_text text;
     va_list     args;
@@ -1423,7 +1438,7 @@ CLOTHI_UNUSED static void clothi_say(const cloth_hooks *hooks, cloth_log_level l
 }
 
 /* Logs an error sentence and returns its status: `return clothi_fail(hooks, CLOTH_ERR_..., ...)` */
-CLOTHI_UNUSED static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
+CLOTHI_OUTLINE static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
                                               const char *format, ...) {
     clothi_text text;
     va_list     args;
@@ -1437,7 +1452,7 @@ CLOTHI_UNUSED static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_st
 }
 
 /* fn over [0, count) in ranges of about `grain` items; serial without a parallel hook. */
-CLOTHI_UNUSED static void clothi_for(const cloth_hooks *hooks, int count, int grain,
+CLOTHI_OUTLINE static void clothi_for(const cloth_hooks *hooks, int count, int grain,
                                      cloth_range_fn *fn, void *ctx) {
     if (count <= 0) return;
     if (grain < 1) grain = 1;
@@ -1494,7 +1509,7 @@ typedef struct clothi_triangle {
 } clothi_triangle;
 
 /* Largest magnitude of a [n]. */
-static double clothi_max_abs(const double *a, int n) {
+CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
     double max = 0;
     int    i;
     for (i = 0; i < n; i++) max = fabs(a[i]) > max ? fabs(a[i]) : max;
@@ -5667,7 +5682,8 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
     for (i = 0; i < p->n; i++) {
         const double *D = A->diag + 9 * (size_t)p->row_of[i], *u = x + 3 * (size_t)i;
         for (a = 0; a < 3; a++)
-            y[3 * (size_t)i + (size_t)a] = D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
+            y[3 * (size_t)i + (size_t)a] =
+                D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
     }
     for (i = 0; i < p->n; i++)
         for (k = p->row[i]; k < p->row[i + 1]; k++) {
@@ -5684,7 +5700,88 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
             if (fixed[i] >> j & 1) y[3 * (size_t)i + (size_t)j] = 0;
 }
 
-/* ===== [7.3] CONJUGATE GRADIENTS ============================================================= */
+/* ===== [7.3] CONJUGATE GRADIENTS ===============================================================
+ *
+ *   A x = b, A symmetric, as few and as cheap iterations as we know how. Five ideas, in turn.
+ *
+ *   1 CG [HS52] minimises q(x) = x.A x/2 - b.x over growing spaces. With a preconditioner
+ *   P ~ A, z = P^-1 r:    alpha = r.z / d.A d     x += alpha d     r -= alpha A d
+ *                         beta = (r.z)new/(r.z)   d = z + beta d
+ *   Every step lowers q by alpha r.z / 2: their sum is report->decrease. One product with A and
+ *   one solve with P an iteration; clothi_jacobi_solve() below is just that, with P = D.
+ *
+ *   2 Scaling. D_i = G_i G_i' (3x3 Cholesky factors of the diagonal blocks), A' = G^-1 A G^-T,
+ *   x = G^-T x', b' = G^-1 b. A' has unit diagonal blocks: no product with D is left, numbers are
+ *   near 1 whatever the units, which suits floats. A D_i that is not positive is the first and
+ *   cheapest test for negative curvature. 123 us a matrix of a 64 x 64 sheet.
+ *
+ *   3 Symmetric Gauss-Seidel: with A' = I + L + L', K = I + L, take P = K K'. One sweep forward,
+ *   one back; information crosses the leaf in the order of the rows. 34 iterations where block
+ *   Jacobi needs 130. Lost: SSOR with omega 1.2 to 1.4 (10 to 20 % fewer iterations alone, nothing
+ *   on top of 5), block IC(0) (not fewer, and 4 does not apply).
+ *
+ *   4 Eisenstat's trick [E81]. In the variables p = K' t the system is K^-1 A' K^-T, and
+ *           A' = K + K' - I     so     K^-1 A' t = t + K^-1 (K' t - t) = t + K^-1 (p - t):
+ *   one back sweep (s = K^-T r) and one forward sweep do the work of product and preconditioner,
+ *   2 passes over the triangle instead of 4. No product with P is needed on top.
+ *
+ *                z_i -= B z_j   gather:  rows of B times z_j     <-- K^-1, rows upward
+ *                z_j -= B' z_i  scatter: rows of B times z_i[r]  <-- K^-T, rows downward
+ *   One copy of B, three rows of four floats, serves both. 245 us an iteration in the plain form
+ *   with doubles, 56 to 65 us in this one.
+ *
+ *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves: 100 to 460 iterations whenever one
+ *   is left. Aggregates [7.1] give them a coarse space, the three translations of each: P one
+ *   identity block per vertex (0 on fixed axes), P^ = G' P, and
+ *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (dense, 3 nc <= 384; Ac = U'U)
+ *   CG starts at the coarse solution and keeps every direction conjugate to the coarse space:
+ *   t <- t - P^ Ac^-1 Z' t. In Eisenstat's variables that is two thin products an iteration (Z
+ *   1.6, V 1.4 blocks a vertex against 4.9 of L) and K' t = p still holds:
+ *
+ *     y = Ac^-1 P'b    x = P^ y    r = b' - Z y    c0 = |K^-1 b'|^2 + P'b.y    r <- K^-1 r
+ *     p = t = 0    beta = 0    rr = r.r    Q = P'b.y/2
+ *     while rr > tolerance^2 c0:
+ *       s = K^-T r      m = Ac^-1 Z's     p = r + beta p - V m     t = s + beta t - P^ m
+ *       w = t + K^-1 (p - t)      alpha = rr / p.w
+ *       x += alpha t    r -= alpha w    Q += alpha rr/2    beta = r.r/rr    rr = r.r
+ *     answer G^-T x
+ *
+ *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
+ *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. Iterations per solve of a
+ *   hanging sheet at tolerance 0.1: 35 (worst 150) without, 8 (worst 19) with; because long waves
+ *   are then right, Newton needs fewer solves too and the steps are ten times as exact. Lost:
+ *   adding the coarse correction instead (12 to 18 iterations), weights smoothed over the graph
+ *   (fewer iterations, dearer matrices), affine modes (6.6, but 576 unknowns), 24 or 256
+ *   aggregates (10 % more; the factor too dear), keeping the coarse factor of another matrix
+ *   (Z, V, Ac must belong to A).
+ *
+ *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
+ *   replaced by the point where its segment crosses it, and a direction with t.A t <= 0 is
+ *   followed to there: a step that still lowers q, more than the coarse solution alone. A coarse
+ *   solution that is outside itself is shortened.
+ *
+ *   Extra pairs C [7.2] are outside K: w = t + K^-1 (p - t + C't), Z's gains P^'C's, Ac gains
+ *   P'CP and r at the start loses C'P^ y. The sweeps stay as they are.
+ *
+ *   Floats, and when not. Rounding of D competes with the mass once stiffness over inertia,
+ *   q = max_i tr D_i / mean row sum of traces, times 6e-8 is near 1. (Membranes and hinges do not
+ *   feel translations: the rows' sums are the inertia.) q is 1.7e5 at Y = 1e4 N/m, N = 64, 60 Hz,
+ *   and 1.6e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles, beyond, and
+ *   where the residual got stuck, AUTO takes doubles: the same code, about twice the time.
+ *   A decision is made afresh for every matrix, so that a restored snapshot goes the same way.
+ *
+ *   Workers. Leaves run side by side, S alone; two parallel regions an iteration:
+ *       S: advance, back        | leaves: advance x r, back sweep, their Z's
+ *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
+ *       S: forward
+ *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
+ *
+ *   [HS52] Hestenes, Stiefel 1952. [E81] Eisenstat, SIAM J. Sci. Stat. Comput. 2 (1981) 1-4.
+ *   [N87] Nicolaides, SIAM J. Numer. Anal. 24 (1987) 355-365. [S83] Steihaug, SIAM J. Numer. Anal.
+ *   20 (1983) 626-637.
+ *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
+ *   plain loops), tests/bench/bench_linear.c (times)
+ */
 
 #define CLOTHI_LINEAR_TOLERANCE    0.05
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* AUTO: tighter ones are solved in doubles        */
@@ -6200,8 +6297,8 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
 }
 
 /* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
-CLOTHI_LANE void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
-                                    const int w) {
+CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                   const int w) {
     const clothi_store *st = &s->store[w];
     const double        least = w ? 1e-13 : 1e-7;
     int i, c;
@@ -6245,6 +6342,12 @@ CLOTHI_LANE void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, 
     if (i < end && y->bad < 0) y->bad = i;
 }
 
+CLOTHI_HOT void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                   int w) {
+    if (w) clothi_factor_any(s, begin, end, y, 1);
+    else clothi_factor_any(s, begin, end, y, 0);
+}
+
 /* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
 CLOTHI_LANE clothi_v4 clothi_mix4(const double *B, clothi_v4 a, clothi_v4 b, clothi_v4 c,
                                   const int w) {
@@ -6277,8 +6380,8 @@ CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const 
 }
 
 /* Blocks [k0, k1) of row i: into Z of the row, and into V of the columns with scaling. */
-CLOTHI_LANE void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
-                                     clothi_tally *y, const int w) {
+CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+                                  clothi_tally *y, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const int mi = clothi_mask(s, i);
@@ -6307,6 +6410,13 @@ CLOTHI_LANE void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int 
         clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
     }
     y->trace += 2 * trace;
+}
+
+/* One copy of the code for each precision: it is called from three places. */
+CLOTHI_HOT void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+                                    clothi_tally *y, int w) {
+    if (w) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
+    else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
 }
 
 /* Z and V of rows [begin, end) to zero, then D into V. */
@@ -6925,12 +7035,12 @@ static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) 
         clothi_metres(&s->store[s->wide], z, i, x + 3 * (size_t)s->p->vertex_of[i], s->wide);
 }
 
-/* r = G^-1 b and P'b (into cd, its parts by leaf first). */
-static void clothi_start_rows(cloth_linear_solver *s, int begin, int end) {
+/* r = G^-1 b, cd = P'b. */
+CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, const int w) {
     const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[s->wide];
+    const clothi_store  *st = &s->store[w];
     int i, k, c;
-    for (i = begin; i < end; i++) {
+    for (i = 0; i < p->n; i++) {
         const double *b = s->b + 3 * (size_t)p->vertex_of[i];
         const int     m = clothi_mask(s, i);
         double        u[3], r;
@@ -6940,34 +7050,32 @@ static void clothi_start_rows(cloth_linear_solver *s, int begin, int end) {
         }
         for (k = 0; k < 3; k++) {
             for (c = 0, r = 0; c <= k; c++)
-                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), s->wide) * u[c];
-            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, s->wide);
+                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), w) * u[c];
+            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, w);
         }
-        clothi_put(st->r, 4 * (size_t)i + 3, 0, s->wide);
+        clothi_put(st->r, 4 * (size_t)i + 3, 0, w);
     }
 }
 
 /* The coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
-static void clothi_start_coarse(cloth_linear_solver *s) {
+CLOTHI_LANE void clothi_start_coarse(cloth_linear_solver *s, const int w) {
     const cloth_pattern *p = s->p;
-    clothi_store        *st = &s->store[s->wide];
-    int i, k, a, c, w = s->wide;
+    const clothi_store  *st = &s->store[w];
+    int i, k;
     for (i = 0; i < p->n; i++) {
-        const size_t at = 4 * (size_t)i;
-        for (a = 0; a < 4; a++) {
-            double x = 0, r = clothi_get(st->r, at + (size_t)a, w);
-            for (k = p->zp[i]; k < p->zp[i + 1]; k++)
-                for (c = 0; c < 3 && a < 3; c++)
-                    r -= clothi_get(st->Z, 12 * (size_t)k + (size_t)(4 * a + c), w) *
-                         clothi_get(st->m, 4 * (size_t)p->zj[k] + (size_t)c, w);
-            for (c = 0; c < 3 && p->agg[i] >= 0; c++)
-                x += clothi_get(st->P, 12 * (size_t)i + (size_t)(4 * c + a), w) *
-                     clothi_get(st->m, 4 * (size_t)p->agg[i] + (size_t)c, w);
-            clothi_put(st->r, at + (size_t)a, r, w);
-            clothi_put(st->x, at + (size_t)a, x, w);
+        const size_t at = (size_t)i;
+        clothi_v4    a = clothi_zero4(), b = a, c = a, x = a;
+        for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
+            const clothi_v4 u = clothi_load4(st->m, (size_t)p->zj[k], w);
+            a = clothi_madd4(a, clothi_load4(st->Z, 3 * (size_t)k, w), u, w);
+            b = clothi_madd4(b, clothi_load4(st->Z, 3 * (size_t)k + 1, w), u, w);
+            c = clothi_madd4(c, clothi_load4(st->Z, 3 * (size_t)k + 2, w), u, w);
         }
+        if (p->agg[i] >= 0) x = clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w);
+        clothi_store4(st->x, at, x, w);
+        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
+                                             clothi_rows4(a, b, c, w), w), w);
     }
-    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
 }
 
 typedef struct clothi_cg {                  /* a run's numbers                                 */
@@ -6990,19 +7098,22 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 
 /* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
  * then shortened to it. */
-static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
+CLOTHI_HOT int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
     clothi_store *st = &s->store[s->wide];
     const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
     const int     n3 = 3 * s->p->nc;
     double        cs = 0, big = 0, u[3];
     int           i, k;
     memset(s->cd, 0, (size_t)n3 * sizeof(double));
-    clothi_start_rows(s, 0, s->p->n);
+    if (s->wide) clothi_start_rows(s, 1);
+    else clothi_start_rows(s, 0);
     for (i = 0; i < n3; i++) s->cd[n3 + i] = s->cd[i];  /* a pattern has a leaf: room for two */
     clothi_coarse_apply(s);
     for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
     memcpy(st->w, st->r, n * record);
-    clothi_start_coarse(s);
+    if (s->wide) clothi_start_coarse(s, 1);
+    else clothi_start_coarse(s, 0);
+    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
     g->c0 = clothi_forward(s, st->w) + cs;
     g->Q = 0.5 * cs;
     for (i = 0; i < s->p->n && s->radius_on; i++) {
@@ -7445,8 +7556,9 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
-                                        double low, int open) {
+CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks,
+                                                       const char *field, double a, double low,
+                                                       int open) {
     if (!clothi_finite(a))
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
     if (a < low || (open && !(a > low)))
@@ -7455,7 +7567,7 @@ static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *fi
     return CLOTH_OK;
 }
 
-static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
+CLOTHI_OUTLINE static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
                                        const double *a, int n, int width) {
     ptrdiff_t at;
     if (!a) return CLOTH_OK;
@@ -7525,6 +7637,9 @@ static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_des
     if (d->nties < 0 || (d->nties > 0 && !d->ties))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nties = %i without desc.ties",
                            d->nties);
+    if (d->nties > 0 && d->integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                           "desc.nties = %i: CLOTH_INTEGRATOR_LEAPFROG has no ties", d->nties);
     for (i = 0; i < d->npins; i++) {
         const cloth_pin *p = d->pins + i;
         if (p->vertex < 0 || p->vertex >= d->nv)
@@ -7609,7 +7724,8 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
 
 /* --- copies --- */
 
-static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count,
+                                         size_t size) {
     void *to = clothi_alloc(hooks, count, size);
     if (to && from) memcpy(to, from, count * size);
     return to;
@@ -7646,6 +7762,26 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
     return CLOTH_OK;
 }
 
+/* Rest area of face f; sign as the corners turn. */
+CLOTHI_OUTLINE static double clothi_rest_area(const double *X, int f) {
+    const double *c = X + 6 * (size_t)f;
+    return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
+}
+
+/* Positive, and neither it nor its reciprocal beyond the range of doubles. */
+static int clothi_normal(double a) { return a > 1e-300 && a < 1e300; }
+
+/* A mesh may pass every check and still be too small or large for its areas. */
+static cloth_status clothi_model_areas(const cloth_model *m) {
+    int f;
+    for (f = 0; f < m->nf; f++)
+        if (!clothi_normal(clothi_rest_area(m->X, f)))
+            return clothi_fail(&m->hooks, CLOTH_ERR_MESH, "desc.%s: triangle %i has rest area %g: "
+                               "choose other units", m->desc.X ? "X" : "x_rest", f,
+                               clothi_rest_area(m->X, f));
+    return CLOTH_OK;
+}
+
 /* Leaders are followed to their end, so that a leader never follows on the same axis. */
 static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
     int i, k;
@@ -7672,9 +7808,11 @@ static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
                                "desc.ties: vertex %i follows itself", i / 3);
         m->tie[i] = lead;
     }
-    for (i = 0; i < 3 * m->nv; i++)         /* what is held moves with its leader */
-        if (m->tie[i] >= 0 && (m->pin[i / 3] >> (i % 3) & 1))
+    for (i = 0; i < 3 * m->nv; i++)         /* a pin on a follower is one on its leader */
+        if (m->tie[i] >= 0 && (m->pin[i / 3] >> (i % 3) & 1)) {
+            m->pin[i / 3] = (unsigned char)(m->pin[i / 3] & ~(1u << (i % 3)));
             m->pin[m->tie[i]] = (unsigned char)(m->pin[m->tie[i]] | 1u << (i % 3));
+        }
     return CLOTH_OK;
 }
 
@@ -7852,6 +7990,9 @@ static cloth_status clothi_model_elements(cloth_model *m) {
     m->bend.kind = d->bend == CLOTH_BEND_QUADRATIC ? CLOTHI_QUADRATIC : CLOTHI_HINGE;
     m->bend.width = 4;
     m->bend.count = d->bend == CLOTH_BEND_NONE ? 0 : m->topology->nh;
+    if (9 * (double)m->nf + 6 * (double)m->topology->ne + 12 * (double)m->bend.count > 2e9)
+        return clothi_fail(&m->hooks, CLOTH_ERR_CAPACITY, "desc.nf = %i: the force buffer of a "
+                           "model holds at most 2e9 numbers", m->nf);
     if (m->bend.count) status = clothi_model_angles(m);
     if (!status && d->integrator != CLOTH_INTEGRATOR_LEAPFROG) status = clothi_model_pattern(m);
     if (!status) status = clothi_group_build(m, &m->membrane);
@@ -7863,7 +8004,7 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 /* --- hash, create, destroy --- */
 
 /* 64-bit FNV-1a over 8-byte words, then the tail byte by byte: equal bytes, equal hash. */
-static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
+CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
     const unsigned char *p = (const unsigned char *)data;
     for (; size >= 8; size -= 8, p += 8) {
         uint64_t word;
@@ -7954,15 +8095,16 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
     if (!m) return clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY, "no memory for the model");
     m->hooks = desc->hooks;
     m->desc = *desc;
+    m->nv = desc->nv;
+    m->nf = desc->nf;
+    m->nregions = desc->nregions > 0 ? desc->nregions : 1;
+    status = clothi_model_copy(m, desc);
+    if (!status) status = clothi_model_areas(m);
     m->desc.x_rest = m->desc.X = m->desc.x = m->desc.v = m->desc.vertex_mass = NULL;
     m->desc.faces = m->desc.part = m->desc.region = NULL;
     m->desc.materials = NULL;
     m->desc.pins = NULL;
     m->desc.ties = NULL;
-    m->nv = desc->nv;
-    m->nf = desc->nf;
-    m->nregions = desc->nregions > 0 ? desc->nregions : 1;
-    status = clothi_model_copy(m, desc);
     if (!status) status = clothi_model_ties(m, desc);
     if (!status)
         status = cloth_topology_create(&m->hooks, m->nv, m->nf, m->faces, &m->topology);
@@ -7993,10 +8135,9 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
 
 #define CLOTHI_MAX_TERMS 24
 
-typedef struct clothi_attach {              /* plain data: saved as bytes                      */
-    uint32_t generation;                    /* counts uses of this place                       */
+typedef struct clothi_attach {              /* all zero when not used                          */
+    uint32_t generation;                    /* when it was made: no part of the hash           */
     int32_t  used, face;
-    int32_t  pad;
     double   bary[3];
     double   k;                             /* N/m                                             */
     double   target[3];                     /* m, reached at the end of the next step          */
@@ -8026,7 +8167,8 @@ struct cloth_sim {
     const cloth_model *model;
     cloth_hooks  hooks;                     /* the model's; allocations are counted            */
     cloth_state  state;
-    cloth_params params;
+    cloth_params params;                    /* accepted: what steps read                       */
+    cloth_params edit;                      /* the host's copy; its pointers NULL until asked  */
     /* history of BDF2 */
     double *x_prev, *v_prev;
     double  h_prev;
@@ -8036,6 +8178,7 @@ struct cloth_sim {
     double        *target;                  /* [nv x 3] m                                      */
     clothi_attach *attach;                  /* [max_attachments]                               */
     int            nattach;                 /* in use                                          */
+    uint32_t       generation;              /* attachments ever made: no handle comes twice    */
     double        *force;                   /* [nv x 3] N                                      */
     int            force_on;
     double         gravity[3];
@@ -8095,7 +8238,7 @@ static void clothi_counted_free(void *ptr, size_t size, void *user) {
 }
 
 /* Allocates n doubles into *out unless it is there already. */
-static cloth_status clothi_need(cloth_sim *s, double **out, size_t n) {
+CLOTHI_OUTLINE static cloth_status clothi_need(cloth_sim *s, double **out, size_t n) {
     if (*out) return CLOTH_OK;
     *out = (double *)clothi_alloc(&s->hooks, n, sizeof(double));
     return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
@@ -8108,12 +8251,6 @@ static double clothi_young(const cloth_material *mat) {
     double mu, lambda;
     cloth_material_lame(mat, &mu, &lambda);
     return lambda + 2 * mu > 0 ? 4 * mu * (lambda + mu) / (lambda + 2 * mu) : 0;
-}
-
-/* Rest area of face f; sign as the corners turn. */
-static double clothi_rest_area(const double *X, int f) {
-    const double *c = X + 6 * (size_t)f;
-    return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
 }
 
 /* Squared rest length of the edge from vertex a to b as face f has it. */
@@ -8135,7 +8272,8 @@ typedef struct clothi_hinge_rest {
     double e2, A1, A2, bending, damping;
 } clothi_hinge_rest;
 
-static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p, int h) {
+CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m,
+                                                        const cloth_params *p, int h) {
     const int *v = m->topology->hinges + 4 * (size_t)h;
     const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     const cloth_material *a = p->material + m->region[f[0]], *b = p->material + m->region[f[1]];
@@ -8285,18 +8423,18 @@ static void clothi_derive_mass(cloth_sim *s) {
         if (!(s->params.mass[i] > 0)) s->params.mass[i] = s->params.mass[m->faces[0]];
 }
 
-static cloth_status clothi_check_params(const cloth_sim *s) {
+/* Everything that a host may have written, p in place of the accepted params. */
+static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *p) {
     const cloth_model  *m = s->model;
-    const cloth_params *p = &s->params;
     const cloth_hooks  *hooks = &s->hooks;
     cloth_status        status;
     ptrdiff_t           at;
     int                 i;
-    for (i = 0; i < p->nregions; i++) {
+    for (i = 0; i < m->nregions; i++) {
         status = cloth_material_check(hooks, p->material + i, i);
         if (status) return status;
     }
-    for (i = 0; i < p->nh; i++) {
+    for (i = 0; i < s->params.nh; i++) {
         if (!clothi_finite(p->hinge_scale[i]) || !clothi_finite(p->theta0[i]))
             return clothi_fail(hooks, CLOTH_ERR_NONFINITE,
                                "params.hinge_scale[%i] = %g, theta0 = %g must be finite", i,
@@ -8315,10 +8453,10 @@ static cloth_status clothi_check_params(const cloth_sim *s) {
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "params.X[%i] = %g is not finite", (int)at,
                            p->X[at]);
     for (i = 0; i < m->nf; i++)
-        if (!(clothi_rest_area(p->X, i) > 0))
+        if (!clothi_normal(clothi_rest_area(p->X, i)))
             return clothi_fail(hooks, CLOTH_ERR_MESH,
-                               "params.X: triangle %i has rest area %g, not > 0", i,
-                               clothi_rest_area(p->X, i));
+                               "params.X: triangle %i has rest area %g, not > 0 and in the range "
+                               "of doubles", i, clothi_rest_area(p->X, i));
     for (i = 0; p->mass_given && i < m->nv; i++)
         if (!clothi_finite(p->mass[i]) || !(p->mass[i] > 0))
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "params.mass[%i] = %g must be > 0", i,
@@ -8348,16 +8486,69 @@ static cloth_status clothi_need_damping(cloth_sim *s) {
     return status;
 }
 
-CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim) { return sim ? &sim->params : NULL; }
+/* Copies values, not pointers. */
+static void clothi_params_copy(const cloth_model *m, const cloth_params *from, int nh,
+                               cloth_params *to) {
+    const size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
+    to->nregions = m->nregions;
+    to->nh = nh;
+    to->nf = m->nf;
+    to->nv = m->nv;
+    to->mass_given = from->mass_given != 0;
+    memcpy(to->material, from->material, (size_t)m->nregions * sizeof *to->material);
+    memcpy(to->hinge_scale, from->hinge_scale, (size_t)nh * sizeof(double));
+    memcpy(to->theta0, from->theta0, (size_t)nh * sizeof(double));
+    memcpy(to->X, from->X, 6 * nf * sizeof(double));
+    memcpy(to->mass, from->mass, nv * sizeof(double));
+}
+
+/* The host's copy follows what was accepted. */
+static void clothi_params_publish(cloth_sim *s) {
+    if (s->edit.mass) clothi_params_copy(s->model, &s->params, s->params.nh, &s->edit);
+}
+
+static void clothi_params_free(const cloth_hooks *hooks, cloth_params *p) {
+    clothi_free(hooks, p->mass);
+    clothi_free(hooks, p->X);
+    clothi_free(hooks, p->theta0);
+    clothi_free(hooks, p->hinge_scale);
+    clothi_free(hooks, p->material);
+    memset(p, 0, sizeof *p);
+}
+
+static cloth_status clothi_params_alloc(const cloth_model *m, const cloth_hooks *hooks,
+                                        cloth_params *p) {
+    const size_t nh = m->bend.count ? (size_t)m->topology->nh : 0;
+    p->material =
+        (cloth_material *)clothi_alloc(hooks, (size_t)m->nregions, sizeof(cloth_material));
+    p->hinge_scale = (double *)clothi_alloc(hooks, nh, sizeof(double));
+    p->theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
+    p->X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
+    p->mass = (double *)clothi_alloc(hooks, (size_t)m->nv, sizeof(double));
+    if (p->material && p->hinge_scale && p->theta0 && p->X && p->mass) return CLOTH_OK;
+    clothi_params_free(hooks, p);
+    return CLOTH_ERR_MEMORY;
+}
+
+CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim) {
+    if (!sim) return NULL;
+    if (sim->edit.mass) return &sim->edit;
+    if (clothi_params_alloc(sim->model, &sim->hooks, &sim->edit)) return NULL;
+    clothi_params_publish(sim);
+    return &sim->edit;
+}
 
 CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    status = clothi_check_params(sim);
+    if (!sim->edit.mass) return CLOTH_OK;   /* nobody asked for them: nothing was written */
+    status = clothi_check_params(sim, &sim->edit);
     if (status) return status;
+    clothi_params_copy(sim->model, &sim->edit, sim->params.nh, &sim->params);
     clothi_derive(sim);
+    clothi_params_publish(sim);             /* masses that were lumped anew */
     sim->history = 0;
-    return clothi_need_damping(sim);
+    return CLOTH_OK;
 }
 
 /* --- create --- */
@@ -8365,7 +8556,7 @@ CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
 static cloth_status clothi_sim_arrays(cloth_sim *s) {
     const cloth_model *m = s->model;
     const cloth_hooks *hooks = &s->hooks;
-    size_t nv = (size_t)m->nv, nh = (size_t)m->topology->nh, n3 = 3 * nv;
+    size_t nv = (size_t)m->nv, n3 = 3 * nv;
     size_t nb = (size_t)m->membrane.nbatch, nd = (size_t)m->bend.nbatch;
     s->membrane.nrest = m->membrane.kind == CLOTHI_TRIANGLE ? 7 : 2;
     s->membrane.nstart = m->membrane.kind == CLOTHI_TRIANGLE ? 3 : 1;
@@ -8378,12 +8569,6 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     s->target = (double *)clothi_alloc(hooks, n3, sizeof(double));
     s->attach = (clothi_attach *)clothi_alloc(hooks, (size_t)m->desc.max_attachments,
                                               sizeof(clothi_attach));
-    s->params.material =
-        (cloth_material *)clothi_alloc(hooks, (size_t)m->nregions, sizeof(cloth_material));
-    s->params.hinge_scale = (double *)clothi_alloc(hooks, nh, sizeof(double));
-    s->params.theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
-    s->params.X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
-    s->params.mass = (double *)clothi_alloc(hooks, nv, sizeof(double));
     nb *= CLOTHI_LANES;
     nd *= CLOTHI_LANES;
     s->membrane.rest =
@@ -8392,10 +8577,9 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     s->bend.rest = (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest, sizeof(double));
     s->bend.tau = (double *)clothi_alloc(hooks, nd, sizeof(double));
     if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
-        !s->params.material || !s->params.hinge_scale || !s->params.theta0 || !s->params.X ||
-        !s->params.mass || !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
+        !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
         return CLOTH_ERR_MEMORY;
-    return CLOTH_OK;
+    return clothi_params_alloc(m, hooks, &s->params);
 }
 
 /* State, inputs and params as the model has them. */
@@ -8411,7 +8595,7 @@ static void clothi_sim_start(cloth_sim *s) {
     s->h_prev = 0;
     memcpy(s->pin, m->pin, nv);
     memcpy(s->target, m->x, 3 * nv * sizeof(double));
-    for (i = 0; i < m->desc.max_attachments; i++) s->attach[i].used = 0;
+    memset(s->attach, 0, (size_t)m->desc.max_attachments * sizeof *s->attach);
     s->nattach = 0;
     s->force_on = 0;
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
@@ -8430,6 +8614,7 @@ static void clothi_sim_start(cloth_sim *s) {
     p->mass_given = m->vertex_mass != NULL;
     if (m->vertex_mass) memcpy(p->mass, m->vertex_mass, nv * sizeof(double));
     clothi_derive(s);
+    clothi_params_publish(s);
 }
 
 static void clothi_terms_install(cloth_sim *s);          /* [9.1] */
@@ -8451,7 +8636,6 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     if (!status) {
         clothi_sim_start(s);
         clothi_terms_install(s);
-        status = clothi_need_damping(s);
     }
     if (status) {
         cloth_sim_destroy(s);
@@ -8502,11 +8686,8 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     clothi_free(hooks, sim->attach);
     clothi_free(hooks, sim->target);
     clothi_free(hooks, sim->pin);
-    clothi_free(hooks, sim->params.mass);
-    clothi_free(hooks, sim->params.X);
-    clothi_free(hooks, sim->params.theta0);
-    clothi_free(hooks, sim->params.hinge_scale);
-    clothi_free(hooks, sim->params.material);
+    clothi_params_free(hooks, &sim->params);
+    clothi_params_free(hooks, &sim->edit);
     clothi_free(hooks, sim->v_prev);
     clothi_free(hooks, sim->x_prev);
     clothi_free(hooks, sim->state.v);
@@ -8639,8 +8820,9 @@ static void clothi_quadratic_damped(const double *x, const double *rest, const d
         shifted[i] = x[i] + damp[i % CLOTHI_LANES] * (x[i] - x_n[i]);
         change[i] = x[i] - x_n[i];
     }
-    clothi_quadratic_lanes(shifted, rest, NULL, f);
-    clothi_quadratic_lanes(x, rest, E, NULL);
+    if (f) clothi_quadratic_lanes(shifted, rest, NULL, f);
+    if (E) clothi_quadratic_lanes(x, rest, E, NULL);
+    if (!loss) return;
     clothi_quadratic_lanes(change, rest, loss, NULL);
     for (i = 0; i < CLOTHI_LANES; i++) loss[i] *= damp[i];
 }
@@ -8715,7 +8897,7 @@ static void clothi_batch(const clothi_pass *p, int b) {
     if (el->damped && p->inv_h > 0) {
         start = el->start + (size_t)b * (size_t)el->nstart * CLOTHI_LANES;
         for (lane = 0; lane < CLOTHI_LANES; lane++)
-            rate[lane] = el->tau[(size_t)b * CLOTHI_LANES + lane] * p->inv_h;
+            rate[lane] = el->tau[b * CLOTHI_LANES + lane] * p->inv_h;
         damp = rate;
         if (p->energy) loss = p->loss + (size_t)b * CLOTHI_LANES;
     }
@@ -8929,7 +9111,8 @@ static void clothi_attach_goal(const cloth_sim *s, const clothi_attach *q, doubl
 }
 
 /* r = p - goal at x. */
-static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q, const double *x,
+CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q,
+                                             const double *x,
                               double *r) {
     const int *v = s->model->faces + 3 * q->face;
     double     goal[3];
@@ -8999,7 +9182,8 @@ static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const dou
  * velocity and P is convex, so the lightest cloth in a storm is stable at any step. For drag and
  * lift equal the force is the plain c |u| (w - v). The tangential coefficient is called lift as
  * in the cloth literature's two-parameter models (normal and tangential drag); true aerofoil
- * lift, perpendicular to the flow, results from c_n > c_t. In LEAPFROG r is taken at v^n. */
+ * lift, perpendicular to the flow, results from c_n > c_t. Where there is no h (statics, LEAPFROG,
+ * cloth_sim_potential) r is taken at v^n: a constant force f, P = -f.(p - p^n), no Hessian. */
 
 static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
     cloth_sim         *s = (cloth_sim *)user;
@@ -9058,10 +9242,14 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
         const double *n = s->w.wind + 5 * (size_t)f;
         const int    *v = s->model->faces + 3 * f;
         double        r[3], along = clothi_wind_slip(s, e, f, r), H[81];
-        sum += 0.5 * e->h * (n[3] * along * along + n[4] * clothi_dot3(r, r));
-        for (j = 0; e->grad && j < 9; j++)
-            e->grad[3 * v[j / 3] + j % 3] += (n[3] * along * n[j % 3] + n[4] * r[j % 3]) / 3;
-        if (!e->hess) continue;
+        if (e->h > 0) sum += 0.5 * e->h * (n[3] * along * along + n[4] * clothi_dot3(r, r));
+        for (j = 0; j < 9; j++) {
+            int    i = 3 * v[j / 3] + j % 3;
+            double g = (n[3] * along * n[j % 3] + n[4] * r[j % 3]) / 3;
+            if (!(e->h > 0)) sum += g * (e->x[i] - e->x_n[i]);
+            if (e->grad) e->grad[i] += g;
+        }
+        if (!e->hess || !(e->h > 0)) continue;
         for (j = 0; j < 9; j++)
             for (k = 0; k < 9; k++)
                 H[9 * j + k] = ((n[3] - n[4]) * n[j % 3] * n[k % 3] +
@@ -9093,7 +9281,8 @@ typedef struct clothi_tri_parts {           /* one triangle's matrices, row-majo
 } clothi_tri_parts;
 
 /* F [3 x 2] = edges of a at the corners v, times Di. */
-static void clothi_tri_gradient(const double *a, const int *v, const double *Di, double *F) {
+CLOTHI_OUTLINE static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
+                                               double *F) {
     int k;
     for (k = 0; k < 3; k++) {
         double p = a[3 * v[1] + k] - a[3 * v[0] + k], q = a[3 * v[2] + k] - a[3 * v[0] + k];
@@ -9103,7 +9292,7 @@ static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
 }
 
 /* out [2 x 2] = F' G. */
-static void clothi_ftg(const double *F, const double *G, double *out) {
+CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
     out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
     out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
     out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
@@ -9111,7 +9300,7 @@ static void clothi_ftg(const double *F, const double *G, double *out) {
 }
 
 /* out [3 x 2] = F S, S [2 x 2]. */
-static void clothi_fs(const double *F, const double *S, double *out) {
+CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
     int k;
     for (k = 0; k < 3; k++) {
         out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
@@ -9135,7 +9324,8 @@ static double clothi_double_dot(const double *a, const double *b) {
 }
 
 /* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
-static void clothi_tri_spread(const double *G, const double *Di, const int *v, double scale,
+CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v,
+                                             double scale,
                               double *out) {
     int k;
     for (k = 0; k < 3; k++) {
@@ -9226,7 +9416,8 @@ static void clothi_triangle_vjp(const cloth_sim *s, const cloth_eval *e, int f, 
  *   k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
 
 /* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
-static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f, int va, int vb,
+CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f,
+                                           int va, int vb,
                             double de2, double dA, double *X) {
     const int    *face = s->model->faces + 3 * (size_t)f;
     const double *c = p->X + 6 * (size_t)f;
@@ -9548,6 +9739,9 @@ static void clothi_terms_install(cloth_sim *s) {
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
  * pass, and the next iteration needs the Hessian only. Near the minimum the decrease drowns in
  * the rounding of phi, of the order eps * (|inertia| + sum |terms|): that much is forgiven.
+ * Where stiff and hardly strained, phi is rougher than that (strain is known to eps, so phi to eps
+ * times force times position): an update below CLOTHI_TINY edges may show its decrease by the
+ * slopes at its two ends instead, which have no such cancellation.
  * Secant steps beyond a = 1, second-order corrections and chord steps with the old matrix were
  * tried and lost.
  *
@@ -9566,6 +9760,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_HALVINGS     40
 #define CLOTHI_ARMIJO       1e-4
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
+#define CLOTHI_TINY         1e-6            /* mean edges: updates judged by slopes too        */
 #define CLOTHI_EXACT        6e-3            /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
 #define CLOTHI_LATE         12
@@ -9697,7 +9892,8 @@ static void clothi_tie_matrix(cloth_sim *s) {
 }
 
 /* phi at x; value, gradient [nv x 3] and the matrix as asked (NULL, 0: not). */
-static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const double *x,
+CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal,
+                                                    const double *x,
                                      double *grad, int hess, int psd, double *value) {
     const cloth_model *m = s->model;
     int            chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
@@ -9783,7 +9979,7 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
 }
 
 /* rhs = -g over leaders and free unknowns. */
-static void clothi_newton_rhs(cloth_sim *s) {
+CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
     int i, n = 3 * s->model->nv;
     memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
     clothi_tie_gradient(s->model, s->w.rhs);
@@ -9791,7 +9987,8 @@ static void clothi_newton_rhs(cloth_sim *s) {
 }
 
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
-static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal,
+                                                      clothi_newton *nt,
                                        double *a, cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       rounding = 4e-15 * goal->magnitude, value = 0;
@@ -9801,6 +9998,11 @@ static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_n
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + *a * s->w.dx[i];
         status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
         if (status || value <= nt->value + CLOTHI_ARMIJO * *a * nt->slope + rounding) break;
+        if (*a * nt->size < CLOTHI_TINY * s->edge) {    /* the trapezoid of the slopes instead */
+            double slope = 0;
+            for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
+            if (slope <= (2 * CLOTHI_ARMIJO - 1) * nt->slope) break;
+        }
         report->halvings++;
     }
     s->ms.line_search += clothi_now(&s->hooks) - start;
@@ -9811,7 +10013,8 @@ static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_n
 }
 
 /* Hessian at w.x: exact, or the definite model. */
-static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int exact,
+CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
+                                                          int exact,
                                            cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       magnitude = goal->magnitude;           /* of the value, not asked here */
@@ -9824,7 +10027,8 @@ static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int 
 }
 
 /* One linear solve, w.dx = H^-1 w.rhs. radius > 0 (m): inside a trust region. */
-static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance, double radius,
+CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
+                                                       double radius,
                                         int cholesky, cloth_report *report,
                                         cloth_linear_report *lr) {
     const double         start = clothi_now(&s->hooks);
@@ -9908,6 +10112,13 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     report->newton++;
     if (s->contact_on) a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
     status = clothi_line_search(s, goal, nt, &a, report);
+    if (status == CLOTH_ERR_STEP && nt->size < s->model->desc.tolerance &&
+        !(nt->exact && lr.hit)) {           /* the whole update is below the tolerance, and too
+                                               small for the value to show it: arrived */
+        report->residual_m = nt->size;
+        *done = 1;
+        return CLOTH_OK;
+    }
     if (status) return status;
     clothi_newton_radius(nt, before, a, s->edge, &lr);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
@@ -10009,7 +10220,7 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
 }
 
 /* Pin goals of this substep: alpha of the way from the step's start to the targets. */
-static void clothi_pin_goals(cloth_sim *s, double alpha) {
+CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s, double alpha) {
     int i, n = 3 * s->model->nv;
     s->attach_alpha = alpha;
     for (i = 0; i < n; i++)
@@ -10042,7 +10253,7 @@ static void clothi_guess(cloth_sim *s, double h) {
         }
 }
 
-static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
+CLOTHI_OUTLINE static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
     memset(goal, 0, sizeof *goal);
     goal->e.model = s->model;
     goal->e.params = &s->params;
@@ -10103,6 +10314,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+#define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
 /* Scale of sigma: the largest gravity mode of the model, g over its extent, 1/s^2. */
@@ -10160,49 +10372,89 @@ static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, 
     return 0;
 }
 
-/* Newton with a falling diagonal sigma M. */
+/* Near the minimum of a hardly strained sheet the decrease of phi drowns in its rounding, which
+ * is of order eps |force| |x|, not eps phi: there the slope at the end of the step decides. */
+static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    double value, slope = 0;
+    int    i, n = 3 * s->model->nv;
+    if (-nt->slope > CLOTHI_DROWNED * goal->magnitude) return 0;
+    for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
+    if (clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value)) return 0;
+    for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
+    if (!(fabs(slope) <= -0.5 * nt->slope)) return 0;
+    nt->value = value;
+    return 1;
+}
+
+/* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
+ * negative curvature; lr->negative: singular to rounding even so. */
+static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                            cloth_report *report, cloth_linear_report *lr) {
+    cloth_status status = CLOTH_OK;
+    int          i, exact, n = 3 * s->model->nv;
+    for (exact = 1; exact >= 0; exact--) {
+        status = clothi_newton_assemble(s, goal, exact, report);
+        if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, lr);
+        if (status || !lr->negative) break;
+    }
+    report->newton++;
+    for (i = 0, nt->slope = 0; i < n; i++) nt->slope -= s->w.rhs[i] * s->w.dx[i];
+    nt->size = clothi_max_abs(s->w.dx, n);
+    return status;
+}
+
+/* Moves by dx, shortened where phi says so, and evaluates there. An update below the tolerance is
+ * taken as it is: phi cannot tell. */
+static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                       cloth_report *report, double *a) {
+    cloth_status status = CLOTH_OK;
+    int          i, n = 3 * s->model->nv;
+    *a = 1;
+    if (nt->size < s->model->desc.tolerance) {
+        for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
+        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &nt->value);
+    } else if (!clothi_static_drowned(s, goal, nt))
+        status = clothi_line_search(s, goal, nt, a, report);
+    if (status) return status;
+    memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+    clothi_newton_rhs(s);
+    report->residual_m = *a * nt->size;
+    return CLOTH_OK;
+}
+
+/* Newton with a falling diagonal sigma M. It falls to zero, or to the least value at which H is
+ * not singular to rounding (a free cloth), and there the last update counts. */
 static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     const cloth_desc *d = &s->model->desc;
-    double        sigma0 = clothi_static_sigma(s) * 10, sigma = sigma0;
+    const double  sigma0 = clothi_static_sigma(s) * 10;
+    double        sigma = sigma0, least = 0, a;
     clothi_newton nt;
-    cloth_status  status = CLOTH_OK;
-    int           it, n = 3 * s->model->nv, cap = d->max_newton > 0 ? d->max_newton : 4000;
+    cloth_status  status;
+    int           it, cap = d->max_newton > 0 ? d->max_newton : 4000;
     memset(&nt, 0, sizeof nt);
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     clothi_newton_rhs(s);
     for (it = 1; !status; it++) {
         cloth_linear_report lr;
-        double              a = 1;
-        int                 i;
         status = clothi_cancelled(s);
         goal->sigma = sigma;
-        if (!status) status = clothi_newton_assemble(s, goal, 1, report);
-        if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, &lr);
-        if (!status && lr.negative) {
-            status = clothi_newton_assemble(s, goal, 0, report);
-            if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, &lr);
-        }
+        if (!status) status = clothi_static_direction(s, goal, &nt, report, &lr);
         if (status) break;
-        report->newton++;
-        if (lr.negative) {                  /* semidefinite to rounding: more of the diagonal */
+        if (!lr.negative) status = clothi_static_move(s, goal, &nt, report, &a);
+        if (lr.negative || status == CLOTH_ERR_STEP) {
+            if (lr.negative && sigma <= least) least = least > 0 ? 10 * least : 1e-6 * sigma0;
             sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
-            if (sigma > 1e12 * sigma0) status = CLOTH_ERR_STEP;
-            continue;
-        }
-        for (i = 0, nt.slope = 0; i < n; i++) nt.slope -= s->w.rhs[i] * s->w.dx[i];
-        status = clothi_line_search(s, goal, &nt, &a, report);
-        if (status == CLOTH_ERR_STEP && sigma < 1e12 * sigma0) {
-            sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
-            status = CLOTH_OK;
+            status = sigma > 1e12 * sigma0 ? CLOTH_ERR_STEP : CLOTH_OK;
             continue;
         }
         if (status) break;
-        memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
-        clothi_newton_rhs(s);
-        report->residual_m = a * clothi_max_abs(s->w.dx, n);
-        if (!(sigma > 0) && report->residual_m < d->tolerance) return CLOTH_OK;
-        if (a >= 1) sigma = sigma < 1e-7 * sigma0 ? 0 : 0.2 * sigma;
-        else if (a < 0.25) sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
+        if (nt.size < d->tolerance) {
+            if (sigma <= least) return CLOTH_OK;
+            sigma = least;
+        } else if (a >= 1)
+            sigma = 0.2 * sigma > least && sigma > 1e-7 * sigma0 ? 0.2 * sigma : least;
+        else if (a < 0.25)
+            sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
         if (it >= cap) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;
             if (d->max_newton > 0) return CLOTH_OK;
@@ -10229,7 +10481,8 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
     clothi_fix(s);
     clothi_guess(s, 0);
     for (round = 0; round < CLOTHI_STATIC_ROUNDS && saddle && !status; round++) {
-        memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
+        double relax = s->wind_on && round > 1 ? 0.5 : 1;   /* or the cloth flaps for ever */
+        for (i = 0; i < n; i++) s->state.x[i] += relax * (s->w.x[i] - s->state.x[i]);
         status = clothi_terms_begin(s, &goal);          /* wind is lagged to where we are */
         if (!status) status = clothi_static_newton(s, &goal, report);
         if (status || report->outcome != CLOTH_STEP_CONVERGED) break;
@@ -10248,6 +10501,10 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
         }
     }
     memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
+    if (!status && saddle && report->outcome == CLOTH_STEP_CONVERGED) {
+        report->outcome = CLOTH_STEP_STALLED;           /* wind and shape do not agree */
+        status = CLOTH_ERR_STEP;
+    }
     if (status) return status;
     if (s->balance) status = clothi_balance(s, &goal, report);
     memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
@@ -10583,6 +10840,13 @@ static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *repo
     if (!clothi_finite(h) || !(h > 0))
         return clothi_fail(&s->hooks, clothi_finite(h) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
                            "cloth_step: h = %g must be finite and > 0", h);
+    if (s->model->desc.contact != CLOTH_CONTACT_NONE && !s->contact_on)
+        return clothi_fail(&s->hooks, CLOTH_ERR_UNSUPPORTED, "desc.contact = %s needs "
+                           "clothsim_collide.h: this sim has no contact",
+                           s->model->desc.contact == CLOTH_CONTACT_SELF
+                               ? "CLOTH_CONTACT_SELF" : "CLOTH_CONTACT_OBSTACLES");
+    if (!clothi_finite(s->state.t))
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "state.t = %g", s->state.t);
     for (k = 0; k < 3; k++) {
         ptrdiff_t at = clothi_find_nonfinite(array[k].a, 3 * (size_t)s->model->nv);
         if (at < 0) continue;
@@ -10619,15 +10883,20 @@ static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
 }
 
 /* Energies at x, v without inertia; gradient into w.grad when asked. */
-static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
+CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v,
+                                                    int grad,
                                      cloth_ledger *l) {
     clothi_goal  goal;
-    cloth_status status;
+    cloth_status status = CLOTH_OK;
     double       value;
+    int          i;
     clothi_eval_start(s, &goal, 0);
     goal.e.x_n = x;
     goal.e.v_n = v;
-    status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
+    for (i = s->nbuiltin; i < s->nterms && !status; i++)
+        if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, &goal.e);
+    if (!status) status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
+    if (status) return status;
     clothi_ledger_terms(s, l);
     l->kinetic = clothi_kinetic(s, v);
     l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
@@ -10644,10 +10913,12 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     if (status) return status;
     l->damping_loss +=
         2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]);
+    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
+    clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++) {
         double dx = s->w.x[i] - s->state.x[i];
         if (s->force_on) l->force_work += s->force[i] * dx;
-        if (s->pin[i / 3] >> (i % 3) & 1) l->pin_work += s->w.grad[i] * dx;
+        if (s->pin[i / 3] >> (i % 3) & 1) l->pin_work += s->w.rhs[i] * dx;
     }
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
         const clothi_attach *q = s->attach + i;
@@ -10657,8 +10928,6 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
         for (k = 0; k < 3; k++)
             l->pin_work -= q->k * r[k] * s->attach_step * (q->target[k] - q->pose[k]);
     }
-    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
-    clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++)
         if (!(s->fixed[i / 3] >> (i % 3) & 1) && fabs(s->w.rhs[i]) > big) big = fabs(s->w.rhs[i]);
     report->residual_N = big;
@@ -10868,24 +11137,26 @@ CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger) {
 
 CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
                                            double *grad) {
-    cloth_ledger l;
     clothi_goal  goal;
     cloth_status status;
     double       value;
+    int          i;
     if (!sim || !x) return CLOTH_ERR_ARGUMENT;
     status = clothi_need_work(sim);
     if (status) return status;
-    memset(&l, 0, sizeof l);
     sim->attach_alpha = 1;
     clothi_eval_start(sim, &goal, 0);
-    status = clothi_objective(sim, &goal, x, grad, 0, 0, &value);
+    for (i = 0; i < sim->nterms && !status; i++)
+        if (sim->term[i].begin) status = sim->term[i].begin(sim->term[i].user, &goal.e);
+    if (!status) status = clothi_objective(sim, &goal, x, grad, 0, 0, &value);
+    if (status) return status;
     if (energy) *energy = value;
     return status;
 }
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
-static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
                                         const double *a, int n) {
     ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
     if (at < 0) return CLOTH_OK;
@@ -10907,7 +11178,7 @@ CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
     clothi_sim_start(sim);
     if (sim->contact_on && sim->contact.rollback) sim->contact.rollback(sim->contact.user);
-    return clothi_need_damping(sim);
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
@@ -10940,11 +11211,16 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
 }
 
 CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
+    int k;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (vertex < 0 || vertex >= sim->model->nv)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_unpin: vertex %i but nv = %i", vertex, sim->model->nv);
-    sim->pin[vertex] = 0;
+    for (k = 0; k < 3; k++) {               /* a follower's pin is its leader's */
+        const int *lead = sim->model->tie ? sim->model->tie + 3 * vertex + k : NULL;
+        int        v = lead && *lead >= 0 ? *lead : vertex;
+        sim->pin[v] = (unsigned char)(sim->pin[v] & ~(1u << k));
+    }
     return CLOTH_OK;
 }
 
@@ -10961,6 +11237,7 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
                                         const double target[3], cloth_attachment *id) {
     clothi_attach *q;
     cloth_status   status;
+    double         pose[3] = {0, 0, 0};
     int            i, j;
     if (id) id->id = 0;
     if (!sim || !bary || !target || !id) return CLOTH_ERR_ARGUMENT;
@@ -10981,17 +11258,19 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
     if (i == sim->model->desc.max_attachments)
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
                            "cloth_sim_attach: desc.max_attachments = %i are in use", i);
+    for (j = 0; j < 9; j++)                 /* it starts where the cloth is, without a jerk */
+        pose[j % 3] +=
+            bary[j / 3] * sim->state.x[3 * sim->model->faces[3 * face + j / 3] + j % 3];
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: state.x at the face", pose, 3);
+    if (status) return status;
     q = sim->attach + i;
-    q->generation++;
+    q->generation = ++sim->generation;
     q->used = 1;
     q->face = face;
     q->k = k;
     memcpy(q->bary, bary, sizeof q->bary);
     memcpy(q->target, target, sizeof q->target);
-    memset(q->pose, 0, sizeof q->pose);
-    for (j = 0; j < 9; j++)                 /* it starts where the cloth is, without a jerk */
-        q->pose[j % 3] +=
-            bary[j / 3] * sim->state.x[3 * sim->model->faces[3 * face + j / 3] + j % 3];
+    memcpy(q->pose, pose, sizeof q->pose);
     sim->nattach++;
     id->id = (q->generation & 0xffffu) << 16 | (uint32_t)(i + 1);
     return CLOTH_OK;
@@ -11018,7 +11297,7 @@ CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
     if (!q)
         return clothi_fail(&sim->hooks, CLOTH_ERR_HANDLE, "cloth_sim_detach: attachment %i is gone",
                            (int)id.id);
-    q->used = 0;
+    memset(q, 0, sizeof *q);
     sim->nattach--;
     return CLOTH_OK;
 }
@@ -11073,7 +11352,10 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
     status = cloth_material_check(&sim->hooks, m, region);
     if (status) return status;
     sim->params.material[region] = *m;
-    return cloth_sim_params_changed(sim);
+    clothi_derive(sim);
+    clothi_params_publish(sim);
+    sim->history = 0;
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term) {
@@ -11122,7 +11404,7 @@ typedef struct clothi_walk {
     uint64_t       hash;
 } clothi_walk;
 
-static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
+CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
     if (w->hashing) w->hash = clothi_hash(w->hash, data, size);
     else if (w->buf && w->load) memcpy(data, w->buf + w->at, size);
     else if (w->buf) memcpy(w->buf + w->at, data, size);
@@ -11130,7 +11412,7 @@ static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
 }
 
 /* Arrays that are there only after first use are saved as zeros until then. */
-static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
+CLOTHI_OUTLINE static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
     static const double zero[64] = {0};
     size_t              k;
     if (data) {
@@ -11145,23 +11427,91 @@ static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
     }
 }
 
-/* A host's part: its size, then its bytes. */
-static void clothi_walk_unit(clothi_walk *w, void *user, size_t (*size)(void *),
-                             void (*save)(void *, void *), void (*load)(void *, const void *),
-                             unsigned char *scratch) {
-    size_t bytes = size ? size(user) : 0;
-    if (!bytes || !save || !load) return;
-    if (w->hashing || (w->buf && !w->load)) {
-        unsigned char *out = w->hashing ? scratch : w->buf + w->at;
-        if (out) save(user, out);
-        if (out && w->hashing) w->hash = clothi_hash(w->hash, out, bytes);
-    } else if (w->buf) {
-        load(user, w->buf + w->at);
-    }
-    w->at += bytes;
+/* Field by field: what a host leaves in the padding of its structs is no part of a state. */
+static void clothi_walk_material(clothi_walk *w, cloth_material *m) {
+    double field[8];
+    field[0] = m->density;
+    field[1] = m->young;
+    field[2] = m->thickness;
+    field[3] = m->membrane;
+    field[4] = m->poisson;
+    field[5] = m->bending;
+    field[6] = m->damping;
+    field[7] = (double)m->plane;
+    clothi_walk_bytes(w, field, sizeof field);
+    if (!w->load) return;
+    m->density = field[0];
+    m->young = field[1];
+    m->thickness = field[2];
+    m->membrane = field[3];
+    m->poisson = field[4];
+    m->bending = field[5];
+    m->damping = field[6];
+    m->plane = field[7] > 0 ? CLOTH_PLANE_STRAIN_3D : CLOTH_PLANE_STRESS;
 }
 
-static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *scratch) {
+/* When an attachment was made tells handles apart, not motions: saved, not hashed. */
+static void clothi_walk_attach(clothi_walk *w, clothi_attach *q) {
+    if (!w->hashing) clothi_walk_bytes(w, &q->generation, sizeof q->generation);
+    clothi_walk_bytes(w, &q->used, sizeof q->used);
+    clothi_walk_bytes(w, &q->face, sizeof q->face);
+    clothi_walk_bytes(w, q->bary, sizeof q->bary);
+    clothi_walk_bytes(w, &q->k, sizeof q->k);
+    clothi_walk_bytes(w, q->target, sizeof q->target);
+    clothi_walk_bytes(w, q->pose, sizeof q->pose);
+}
+
+/* --- units: what hosts' terms and the contact keep of their own --- */
+
+typedef struct clothi_unit {
+    uint64_t id;                            /* of the term's name                              */
+    void    *user;
+    size_t (*size)(void *user);
+    void   (*save)(void *user, void *buf);
+    void   (*load)(void *user, const void *buf);
+} clothi_unit;
+
+/* Unit i of a sim, in the order of the list, contact last; 0 when there is none. */
+static int clothi_unit_at(const cloth_sim *s, int i, clothi_unit *u) {
+    const int   at = s->nbuiltin + i;
+    const char *name = at < s->nterms ? s->term[at].name : "contact";
+    memset(u, 0, sizeof *u);
+    if (at > s->nterms || (at == s->nterms && !s->contact_on)) return 0;
+    u->id = clothi_hash(0xcbf29ce484222325u, name ? name : "", name ? strlen(name) : 0);
+    u->user = at < s->nterms ? s->term[at].user : s->contact.user;
+    u->size = at < s->nterms ? s->term[at].save_size : s->contact.save_size;
+    u->save = at < s->nterms ? s->term[at].save : s->contact.save;
+    u->load = at < s->nterms ? s->term[at].load : s->contact.load;
+    return 1;
+}
+
+#define CLOTHI_PAD8(at) ((8u - (at) % 8u) % 8u)
+
+static size_t clothi_unit_size(const clothi_unit *u) {
+    return u->size && u->save && u->load ? u->size(u->user) : 0;
+}
+
+/* id, bytes, then the unit's own bytes: it may hold more or fewer than it did at the snapshot. */
+static void clothi_walk_unit(clothi_walk *w, clothi_unit *u, unsigned char *scratch) {
+    unsigned char zero[8] = {0, 0, 0, 0, 0, 0, 0, 0};
+    uint64_t      bytes = clothi_unit_size(u);
+    clothi_walk_bytes(w, zero, CLOTHI_PAD8(w->at));
+    clothi_walk_bytes(w, &u->id, sizeof u->id);
+    clothi_walk_bytes(w, &bytes, sizeof bytes);     /* loading: as many as were saved */
+    if (bytes && w->hashing && scratch) {
+        memset(scratch, 0, (size_t)bytes);
+        u->save(u->user, scratch);
+        w->hash = clothi_hash(w->hash, scratch, (size_t)bytes);
+    } else if (bytes && w->buf && !w->load) {
+        u->save(u->user, w->buf + w->at);
+    } else if (bytes && w->buf) {
+        u->load(u->user, w->buf + w->at);
+    }
+    w->at += (size_t)bytes;
+}
+
+/* All but the units. */
+static void clothi_walk_core(cloth_sim *s, clothi_walk *w) {
     const cloth_model *m = s->model;
     size_t nv = (size_t)m->nv, n3 = 3 * nv;
     int    i;
@@ -11176,25 +11526,26 @@ static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *sc
         clothi_walk_optional(w, s->history ? s->x_prev : NULL, n3);
     clothi_walk_bytes(w, s->pin, nv);
     clothi_walk_bytes(w, s->target, n3 * sizeof(double));
-    clothi_walk_bytes(w, s->attach, (size_t)m->desc.max_attachments * sizeof *s->attach);
+    for (i = 0; i < m->desc.max_attachments; i++) clothi_walk_attach(w, s->attach + i);
     clothi_walk_bytes(w, &s->nattach, sizeof s->nattach);
     clothi_walk_bytes(w, &s->force_on, sizeof s->force_on);
     clothi_walk_optional(w, s->force_on ? s->force : NULL, n3);
     clothi_walk_bytes(w, s->gravity, sizeof s->gravity);
     clothi_walk_bytes(w, &s->wind_on, sizeof s->wind_on);
     clothi_walk_bytes(w, s->wind, sizeof s->wind);
-    clothi_walk_bytes(w, s->params.material, (size_t)m->nregions * sizeof(cloth_material));
+    for (i = 0; i < m->nregions; i++) clothi_walk_material(w, s->params.material + i);
     clothi_walk_bytes(w, s->params.hinge_scale, (size_t)s->params.nh * sizeof(double));
     clothi_walk_bytes(w, s->params.theta0, (size_t)s->params.nh * sizeof(double));
     clothi_walk_bytes(w, s->params.X, 6 * (size_t)m->nf * sizeof(double));
     clothi_walk_bytes(w, s->params.mass, nv * sizeof(double));
     clothi_walk_bytes(w, &s->params.mass_given, sizeof s->params.mass_given);
-    for (i = s->nbuiltin; i < s->nterms; i++)
-        clothi_walk_unit(w, s->term[i].user, s->term[i].save_size, s->term[i].save,
-                         s->term[i].load, scratch);
-    if (s->contact_on)
-        clothi_walk_unit(w, s->contact.user, s->contact.save_size, s->contact.save,
-                         s->contact.load, scratch);
+}
+
+static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *scratch) {
+    clothi_unit u;
+    int         i;
+    clothi_walk_core(s, w);
+    for (i = 0; clothi_unit_at(s, i, &u); i++) clothi_walk_unit(w, &u, scratch);
 }
 
 typedef struct clothi_snapshot_head {
@@ -11235,51 +11586,89 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
     return CLOTH_OK;
 }
 
-CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size) {
+/* The units of a snapshot, from byte `at` of the walk on, are this sim's, and end with it. */
+static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char *buf, size_t at,
+                                       size_t end) {
+    clothi_unit u;
+    uint64_t    head[2];
+    int         i;
+    for (i = 0; clothi_unit_at(sim, i, &u); i++) {
+        at += CLOTHI_PAD8(at);
+        if (at > end || end - at < sizeof head) break;
+        memcpy(head, buf + at, sizeof head);
+        at += sizeof head;
+        if (head[0] != u.id || head[1] > end - at || (head[1] > 0 && !u.load))
+            return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the state of "
+                               "the host's term %i is not in the snapshot", i);
+        at += (size_t)head[1];
+    }
+    if (at == end && !clothi_unit_at(sim, i, &u)) return CLOTH_OK;
+    return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                       "cloth_sim_restore: the snapshot has other host's terms than this sim");
+}
+
+static cloth_status clothi_check_snapshot(const cloth_sim *sim, const unsigned char *buf,
+                                          size_t size) {
     clothi_snapshot_head head;
     clothi_walk          w;
-    cloth_status         status = CLOTH_OK;
-    size_t               n, need;
-    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
-    need = cloth_sim_save_size(sim);
-    if (size < sizeof head || size < need)
+    memset(&w, 0, sizeof w);
+    clothi_walk_core((cloth_sim *)(uintptr_t)sim, &w);  /* only counts bytes */
+    if (size < sizeof head + w.at)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: %z bytes given, %z needed", size, need);
+                           "cloth_sim_restore: %z bytes given, at least %z needed", size,
+                           sizeof head + w.at);
     memcpy(&head, buf, sizeof head);
-    if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM || head.bytes != need)
+    if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: not a snapshot of this version and size");
+                           "cloth_sim_restore: not a snapshot of this version");
     if (head.model != sim->model->hash)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot is of another model");
-    memset(&w, 0, sizeof w);
-    w.buf = (unsigned char *)(uintptr_t)buf + sizeof head;
-    if (clothi_hash(0xcbf29ce484222325u, w.buf, need - sizeof head) != head.checksum)
+    if (head.bytes > size || head.bytes < sizeof head + w.at)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: %z bytes given, not those of the snapshot", size);
+    if (clothi_hash(0xcbf29ce484222325u, buf + sizeof head, (size_t)head.bytes - sizeof head) !=
+        head.checksum)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the checksum does not match");
+    return clothi_check_units(sim, buf, sizeof head + w.at, (size_t)head.bytes);
+}
+
+CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size) {
+    clothi_walk  w;
+    cloth_status status;
+    size_t       n;
+    int          i;
+    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
+    status = clothi_check_snapshot(sim, (const unsigned char *)buf, size);
     n = 3 * (size_t)sim->model->nv;         /* what the walk may fill must be there first */
-    status = clothi_need(sim, &sim->force, n);
+    if (!status) status = clothi_need(sim, &sim->force, n);
     if (!status && sim->model->desc.integrator == CLOTH_INTEGRATOR_BDF2)
         status = clothi_need(sim, &sim->x_prev, n);
     if (!status && sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG)
         status = clothi_need(sim, &sim->v_prev, n);
     if (status) return status;
+    memset(&w, 0, sizeof w);
+    w.buf = (unsigned char *)(uintptr_t)buf + sizeof(clothi_snapshot_head);
     w.load = 1;
     clothi_snapshot_walk(sim, &w, NULL);
+    for (i = 0; i < sim->model->desc.max_attachments; i++)
+        if (sim->attach[i].generation > sim->generation)
+            sim->generation = sim->attach[i].generation;
     clothi_derive(sim);
-    return clothi_need_damping(sim);
+    clothi_params_publish(sim);
+    return CLOTH_OK;
 }
 
 CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
     clothi_walk    w;
     unsigned char *scratch = NULL;
     size_t         hosts = 0;
+    clothi_unit    u;
     int            i;
     if (!sim) return 0;
-    for (i = sim->nbuiltin; i < sim->nterms; i++)
-        if (sim->term[i].save_size) hosts += sim->term[i].save_size(sim->term[i].user);
-    if (sim->contact_on && sim->contact.save_size)
-        hosts += sim->contact.save_size(sim->contact.user);
+    for (i = 0; clothi_unit_at(sim, i, &u); i++)
+        if (clothi_unit_size(&u) > hosts) hosts = clothi_unit_size(&u);
     if (hosts) scratch = (unsigned char *)clothi_alloc(&sim->model->hooks, hosts, 1);
     if (hosts && !scratch) return 0;
     memset(&w, 0, sizeof w);
@@ -11305,7 +11694,7 @@ CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model) {
 }
 
 /* Area-weighted normal of vertex i: the sum of its faces' cross products. */
-static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
+CLOTHI_OUTLINE static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
     const cloth_topology *t = s->model->topology;
     double                a[3], b[3], c[3], len;
     int                   k;
@@ -11345,22 +11734,31 @@ CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double
     return CLOTH_OK;
 }
 
-/* Moeller and Trumbore's ray against one triangle [MT97]: o + t d = sum b_k x_k. */
+/* Ray o + t d against one triangle by the volumes that the ray spans with its edges:
+ *   w_2 = d . ((x0 - o) x (x1 - o)), and so on around; bary = w / sum w.
+ * All of one sign: hit. An edge's volume is exactly the negative of what the face beyond it gets,
+ * so that no ray slips through between two faces. */
 static int clothi_ray_face(const double *o, const double *d, const double *x0, const double *x1,
                            const double *x2, double *t, double *bary) {
-    double e1[3], e2[3], p[3], s[3], q[3], det;
-    clothi_sub3(x1, x0, e1);
-    clothi_sub3(x2, x0, e2);
-    clothi_cross3(d, e2, p);
-    det = clothi_dot3(e1, p);
-    if (!(fabs(det) > 0)) return 0;
-    clothi_sub3(o, x0, s);
-    bary[1] = clothi_dot3(s, p) / det;
-    clothi_cross3(s, e1, q);
-    bary[2] = clothi_dot3(d, q) / det;
-    bary[0] = 1 - bary[1] - bary[2];
-    *t = clothi_dot3(e2, q) / det;
-    return bary[0] >= 0 && bary[1] >= 0 && bary[2] >= 0 && *t >= 0;
+    double r[9], c[3], sum, at = 0;
+    int    k;
+    clothi_sub3(x0, o, r);
+    clothi_sub3(x1, o, r + 3);
+    clothi_sub3(x2, o, r + 6);
+    for (k = 0; k < 3; k++) {
+        clothi_cross3(r + 3 * ((k + 1) % 3), r + 3 * ((k + 2) % 3), c);
+        bary[k] = clothi_dot3(d, c);
+    }
+    if ((bary[0] < 0 || bary[1] < 0 || bary[2] < 0) && (bary[0] > 0 || bary[1] > 0 || bary[2] > 0))
+        return 0;
+    sum = bary[0] + bary[1] + bary[2];
+    if (!(fabs(sum) > 0)) return 0;
+    for (k = 0; k < 3; k++) {
+        bary[k] /= sum;
+        at += bary[k] * clothi_dot3(r + 3 * k, d);
+    }
+    *t = at / clothi_dot3(d, d);
+    return *t >= 0;
 }
 
 CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const double d[3],

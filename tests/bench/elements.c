@@ -1,5 +1,5 @@
 /* elements.c - nanoseconds per element of the kernels on an N x N sheet; median of repeated runs.
- *   cc -std=c99 -O3 -march=x86-64-v3 -ffp-contract=off elements.c -lm -o elements && ./elements 64
+ *   cc -std=c99 -O3 -march=x86-64-v3 -ffp-contract=off bench/elements.c -lm
  * 'forces': gather positions, evaluate, store; 'with sums' adds the sum per vertex. */
 #define _POSIX_C_SOURCE 199309L
 #define CLOTHSIM_IMPLEMENTATION

@@ -2525,6 +2525,13 @@ CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *co
  *      /  |  \                  the elements need: energies see lengths and angles only.
  *   X0----+---X1 = (l, 0)
  *
+ * Why those numbers. With e = x1 - x0 and a = x2 - x0 the edges ask for
+ *     l = |e|,     p^2 + q^2 = |a|^2,     (p - l)^2 + q^2 = |a - e|^2.
+ * The second less the third: 2 l p = |a|^2 + l^2 - |a - e|^2 = 2 e.a + l^2 - l^2, so p = e.a/l.
+ * Then q^2 = |a|^2 - (e.a)^2/l^2 = |e x a|^2/l^2 (Lagrange's identity), so q = |e x a|/l. The
+ * cross product keeps its digits where |a|^2 - p^2, a difference of near equals, loses half of
+ * them. The area is l q/2 = |e x a|/2: that of the triangle in space. Nothing is lost.
+ *
  * Two sweeps, the first of which only looks: X is written when all can be written.
  * checked: tests/test_rest.c */
 
@@ -3520,10 +3527,19 @@ done:
  *   Y Pa, h m: a sheet that is pulled along one direction with free sides carries Y h (l^2-1)/2 l
  *   per width and narrows by nu. Only plane stress gives that back in two dimensions:
  *     mu = Y h/(2 (1+nu)),   lambda = Y h nu/(1-nu^2)                                        N/m
- *   The lambda of a solid, Y h nu/((1+nu)(1-2nu)), is that of a sheet held between two plates:
- *   it acts like Y/(1-nu^2) and nu/(1-nu), and grows without bound as nu goes to 1/2.
- *   Rigidity of a plate: D = Y h^3/(12 (1-nu^2)), N m. Yarns slide and bend one by one: cloth is
- *   no plate; give D where it was measured.
+ *   Derivation. A solid has S_ij = L tr(E) d_ij + 2 m E_ij, tr over three axes, m = Y/(2(1+nu)),
+ *   L = Y nu/((1+nu)(1-2nu)). The faces of a sheet are free: S_33 = 0, so that
+ *     E_33 = -L (E_11 + E_22)/(L + 2 m),   L tr(E) = 2 m L/(L + 2 m) (E_11 + E_22):
+ *   the same law in two dimensions, with lambda/h = 2 m L/(L + 2 m). L + 2 m is Y(1-nu)/((1+nu)
+ *   (1-2nu)), L/(L + 2 m) = nu/(1-nu), hence lambda/h = 2 m nu/(1-nu) = Y nu/(1-nu^2). Pulled with
+ *   free sides, S_22 = 0: E_22 = -lambda/(lambda + 2 mu) E_11 = -nu E_11, and S_11 = (2 mu + lambda
+ *   (1-nu)) E_11 = Y h E_11, as it should be.
+ *   The lambda of a solid, L h, is that of a sheet held between two plates (E_33 = 0): it acts
+ *   like Y/(1-nu^2) and nu/(1-nu), and grows without bound as nu goes to 1/2.
+ *   Rigidity of a plate: rolled to a curvature k, the layer at height z is strained by z k along
+ *   the roll and not at all across, E_22 = 0: its stress is Y/(1-nu^2) z k. The moment per width,
+ *   integral of z times that from -h/2 to h/2, is D k with D = Y h^3/(12 (1-nu^2)), N m. Yarns
+ *   slide and bend one by one: cloth is no plate; give D where it was measured.
  *   Units: KES-FB2 gives B in gf cm^2/cm: 1 of it is 9.81e-5 N m. A cantilever's bending length c
  *   (m) means D = density * 9.81 m/s^2 * c^3.
  *
@@ -9801,6 +9817,14 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
  *                 strain (or angle) in the step. Strain does not see rigid motion, so free fall
  *                 and rotation are not slowed. What is dissipated in a step is twice its value.
  *
+ * Why damping has that form. Write a triangle's energy as A/2 E:C:E. Its damping term is
+ *     Ed = (tau/h) A/2 dE:C:dE,  dE = E - E^n,   so  grad Ed = A Sd:(dE/dx),  Sd = (tau/h) C:dE
+ * and Sd is tau C:(rate of strain): the stress of a dashpot tau C beside the spring C (Kelvin and
+ * Voigt). In the step Sd does the work A Sd:dE = (tau/h) A dE:C:dE = 2 Ed >= 0 against the motion:
+ * that much is dissipated, in the ledger exactly. A rigid motion x -> R x + b turns F into R F and
+ * leaves E = 1/2 (F'R'R F - I) alone: dE = 0, no force. (A drag on velocities would slow a fall.)
+ * A mode omega is then damped by zeta = tau omega/2: stiff modes first.
+ *
  * checked: tests/test_terms.c (differences of every term and of every vjp), tests/test_step.c
  */
 
@@ -10815,6 +10839,18 @@ static void clothi_terms_install(cloth_sim *s) {
  *   Hessian    H = M/eta^2 + d2E/dx2                                    N/m
  *   iterate    H dx = -g (inexactly: CG to a relative tolerance), x <- x + a dx
  *
+ * Why a step is a minimum. grad phi = 0 reads M (x - y)/eta^2 = -dE/dx: for implicit Euler, y =
+ * x^n + h v^n and eta = h, this is M (v - v^n)/h = f(x) with v = (x - x^n)/h. Energies compare
+ * where equations do not: of two trial points the lower one is the better.
+ *
+ * Why Newton is fast, and when not. Near the solution x* put e = x - x*. Taylor at x: 0 = grad
+ * phi(x*) = g - H e + O(|e|^2), so the full step leaves e + dx = e - H^-1 g = O(|e|^2): the digits
+ * double. With another matrix B it leaves (I - B^-1 H) e + O(|e|^2): digits only add up. Far away
+ * nothing holds. A bar with E = Y (l^2 - 1)^2/8 has g = Y (l^3 - l)/2, H = Y (3 l^2 - 1)/2: its
+ * step -(l^3 - l)/(3 l^2 - 1) leads from 0.60 to 5.40, and below 1/sqrt(3), where H < 0, away from
+ * 1 altogether. What helps: g.dx = -g'H^-1 g < 0, downhill, is sure only when H is definite; then
+ * a short enough step lowers phi (examples/06_newton.c).
+ *
  * Which Hessian. The exact one converges quadratically but is indefinite where cloth is
  * compressed; far from the minimum its directions are wasted. So the iterations begin with a
  * definite model (hinges Gauss-Newton, negative principal stresses reflected, [6.5]) and turn
@@ -10840,7 +10876,8 @@ static void clothi_terms_install(cloth_sim *s) {
  * of the work. The older velocity is part of the state for that reason.
  *
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m). A cloth at rest stops
- * before the first linear solve: for a convex E_pot |dx|_M <= eta^2 |g|_(M^-1), so that
+ * before the first linear solve: for a convex E_pot the way e to the minimum has |e|_M^2/eta^2 <=
+ * -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia; so that
  * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
  * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
  * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
@@ -11275,14 +11312,22 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
  *
  * Both come from the same equation. With v' = M^-1 f(x), x' = v, BDF2 reads
  *   3/2 x - 2 x^n + 1/2 x^(n-1) = h v,     3/2 v - 2 v^n + 1/2 v^(n-1) = h M^-1 f(x)
- * and putting the first into the second gives M (x - y)/eta^2 = f(x) with the y and eta above:
- * the gradient of 1/(2 eta^2) |x - y|_M^2 + E_pot. Gravity is a term of E_pot.
+ * and putting v of the first, v = (3 x - 4 x^n + x^(n-1))/(2h), into the second, times 2h/3:
+ *   (3 x - 4 x^n + x^(n-1))/2 - 2h/3 (2 v^n - 1/2 v^(n-1)) = 2h^2/3 M^-1 f(x)
+ *   x - (4 x^n - x^(n-1))/3 - 2h/9 (4 v^n - v^(n-1))       = (2h/3)^2 M^-1 f(x)
+ * that is M (x - y)/eta^2 = f(x) with the y and eta above: the gradient of 1/(2 eta^2) |x - y|_M^2
+ * + E_pot. Gravity is a term of E_pot.
+ *
+ * What a step does to a mode. x'' = -omega^2 x turns z = omega x + i v: z' = -i omega z. With w =
+ * h omega implicit Euler takes z to z/(1 + i w): the energy |z|^2/2 falls by 1/(1 + w^2), the phase
+ * moves by atan w instead of w: order 1. BDF2: z_n = e^(n s) needs 3/2 - 2 e^-s + 1/2 e^-2s = -i w.
+ * The left side is s - s^3/3 + s^4/4 - ..., so s = -i w + i w^3/3 - w^4/4 + ...: the phase is wrong
+ * by w^2/3 of itself, order 2, and the energy falls by w^4/2. At w = 0.1: 1 % a step against
+ * 0.005 %; fast modes (w >> 1) are gone at once under both, which is why any h is stable.
  *
  * BDF2 needs two equal steps behind it. Its history is dropped by create, a write to the state
  * or the params, another h, a failed step, and any step with an active contact row (a position
  * projection under BDF2 rebounds); the next substep is then one of implicit Euler.
- *
- * Starting guess x^n + h v^n: in free flight it is right but for gravity.
  *
  * Statics: eta infinite. H may be singular (a free cloth) or indefinite (compression), so the
  * solve is (H + sigma M) dx = -g with sigma falling tenfold on success and rising on failure:
@@ -11628,8 +11673,16 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
  *   drift  x <- x + h_s v
  *   kick   v <- v + h_s/2 a(x)        x and v at one time; order 2; time-reversible
  *
- * Two kicks in a row are one, so a substep costs one force evaluation and no matrix at all. It
- * is stable for h_s < 2/omega_max, omega_max^2 the largest eigenvalue of M^-1 K. We find it by
+ * Two kicks in a row are one, so a substep costs one force evaluation and no matrix at all.
+ *
+ * Why there is a limit. Two drifts with the kick between them give x(n+1) - 2 x(n) + x(n-1) =
+ * h_s^2 a(x(n)). For a mode, a = -omega^2 x, try x(n) = e^(i n p): 2 cos p - 2 = -w^2, w = h_s
+ * omega, that is sin(p/2) = w/2. Up to w = 2 the phase p is real: the mode swings for ever, no
+ * energy lost, with p = 2 asin(w/2) = w + w^3/24 + ... instead of w: order 2. Beyond w = 2 no
+ * real p exists, and of the two solutions, whose product is 1, one grows without bound. M^-1 K
+ * has real modes only, so the fastest decides: h_s < 2/omega_max, omega_max^2 the largest
+ * eigenvalue of M^-1 K. A chain of springs k and masses m has omega_max = 2 sqrt(k/m), neighbours in
+ * opposition: k is then stretched by twice the amplitude on both sides. We find omega_max by
  * the power method on M^-1 K at the template, K u taken as a difference of gradients: a
  * function of model and params alone, made once. Stretched StVK is stiffer: along a principal
  * stretch s the tangent grows like (3 s^2 - 1)/2, so each step scales omega by the largest

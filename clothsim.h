@@ -1330,12 +1330,12 @@ typedef struct clothi_text {
     int  n;
 } clothi_text;
 
-static void clothi_text_char(clothi_text *t, char c) {
+CLOTHI_OUTLINE static void clothi_text_char(clothi_text *t, char c) {
     if (t->n < (int)sizeof t->buf - 1) t->buf[t->n++] = c;
     t->buf[t->n] = '\0';
 }
 
-static void clothi_text_string(clothi_text *t, const char *s) {
+CLOTHI_OUTLINE static void clothi_text_string(clothi_text *t, const char *s) {
     while (s && *s) clothi_text_char(t, *s++);
 }
 
@@ -1349,7 +1349,7 @@ static void clothi_text_uint(clothi_text *t, uint64_t u) {
     while (n) clothi_text_char(t, digits[--n]);
 }
 
-static void clothi_text_int(clothi_text *t, long long i) {
+CLOTHI_OUTLINE static void clothi_text_int(clothi_text *t, long long i) {
     if (i < 0) clothi_text_char(t, '-');
     clothi_text_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
 }
@@ -1509,7 +1509,7 @@ typedef struct clothi_triangle {
 } clothi_triangle;
 
 /* Largest magnitude of a [n]. */
-static double clothi_max_abs(const double *a, int n) {
+CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
     double max = 0;
     int    i;
     for (i = 0; i < n; i++) max = fabs(a[i]) > max ? fabs(a[i]) : max;
@@ -5682,7 +5682,8 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
     for (i = 0; i < p->n; i++) {
         const double *D = A->diag + 9 * (size_t)p->row_of[i], *u = x + 3 * (size_t)i;
         for (a = 0; a < 3; a++)
-            y[3 * (size_t)i + (size_t)a] = D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
+            y[3 * (size_t)i + (size_t)a] =
+                D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
     }
     for (i = 0; i < p->n; i++)
         for (k = p->row[i]; k < p->row[i + 1]; k++) {
@@ -5699,7 +5700,88 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
             if (fixed[i] >> j & 1) y[3 * (size_t)i + (size_t)j] = 0;
 }
 
-/* ===== [7.3] CONJUGATE GRADIENTS ============================================================= */
+/* ===== [7.3] CONJUGATE GRADIENTS ===============================================================
+ *
+ *   A x = b, A symmetric, as few and as cheap iterations as we know how. Five ideas, in turn.
+ *
+ *   1 CG [HS52] minimises q(x) = x.A x/2 - b.x over growing spaces. With a preconditioner
+ *   P ~ A, z = P^-1 r:    alpha = r.z / d.A d     x += alpha d     r -= alpha A d
+ *                         beta = (r.z)new/(r.z)   d = z + beta d
+ *   Every step lowers q by alpha r.z / 2: their sum is report->decrease. One product with A and
+ *   one solve with P an iteration; clothi_jacobi_solve() below is just that, with P = D.
+ *
+ *   2 Scaling. D_i = G_i G_i' (3x3 Cholesky factors of the diagonal blocks), A' = G^-1 A G^-T,
+ *   x = G^-T x', b' = G^-1 b. A' has unit diagonal blocks: no product with D is left, numbers are
+ *   near 1 whatever the units, which suits floats. A D_i that is not positive is the first and
+ *   cheapest test for negative curvature. 123 us a matrix of a 64 x 64 sheet.
+ *
+ *   3 Symmetric Gauss-Seidel: with A' = I + L + L', K = I + L, take P = K K'. One sweep forward,
+ *   one back; information crosses the leaf in the order of the rows. 34 iterations where block
+ *   Jacobi needs 130. Lost: SSOR with omega 1.2 to 1.4 (10 to 20 % fewer iterations alone, nothing
+ *   on top of 5), block IC(0) (not fewer, and 4 does not apply).
+ *
+ *   4 Eisenstat's trick [E81]. In the variables p = K' t the system is K^-1 A' K^-T, and
+ *           A' = K + K' - I     so     K^-1 A' t = t + K^-1 (K' t - t) = t + K^-1 (p - t):
+ *   one back sweep (s = K^-T r) and one forward sweep do the work of product and preconditioner,
+ *   2 passes over the triangle instead of 4. No product with P is needed on top.
+ *
+ *                z_i -= B z_j   gather:  rows of B times z_j     <-- K^-1, rows upward
+ *                z_j -= B' z_i  scatter: rows of B times z_i[r]  <-- K^-T, rows downward
+ *   One copy of B, three rows of four floats, serves both. 245 us an iteration in the plain form
+ *   with doubles, 56 to 65 us in this one.
+ *
+ *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves: 100 to 460 iterations whenever one
+ *   is left. Aggregates [7.1] give them a coarse space, the three translations of each: P one
+ *   identity block per vertex (0 on fixed axes), P^ = G' P, and
+ *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (dense, 3 nc <= 384; Ac = U'U)
+ *   CG starts at the coarse solution and keeps every direction conjugate to the coarse space:
+ *   t <- t - P^ Ac^-1 Z' t. In Eisenstat's variables that is two thin products an iteration (Z
+ *   1.6, V 1.4 blocks a vertex against 4.9 of L) and K' t = p still holds:
+ *
+ *     y = Ac^-1 P'b    x = P^ y    r = b' - Z y    c0 = |K^-1 b'|^2 + P'b.y    r <- K^-1 r
+ *     p = t = 0    beta = 0    rr = r.r    Q = P'b.y/2
+ *     while rr > tolerance^2 c0:
+ *       s = K^-T r      m = Ac^-1 Z's     p = r + beta p - V m     t = s + beta t - P^ m
+ *       w = t + K^-1 (p - t)      alpha = rr / p.w
+ *       x += alpha t    r -= alpha w    Q += alpha rr/2    beta = r.r/rr    rr = r.r
+ *     answer G^-T x
+ *
+ *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
+ *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. Iterations per solve of a
+ *   hanging sheet at tolerance 0.1: 35 (worst 150) without, 8 (worst 19) with; because long waves
+ *   are then right, Newton needs fewer solves too and the steps are ten times as exact. Lost:
+ *   adding the coarse correction instead (12 to 18 iterations), weights smoothed over the graph
+ *   (fewer iterations, dearer matrices), affine modes (6.6, but 576 unknowns), 24 or 256
+ *   aggregates (10 % more; the factor too dear), keeping the coarse factor of another matrix
+ *   (Z, V, Ac must belong to A).
+ *
+ *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
+ *   replaced by the point where its segment crosses it, and a direction with t.A t <= 0 is
+ *   followed to there: a step that still lowers q, more than the coarse solution alone. A coarse
+ *   solution that is outside itself is shortened.
+ *
+ *   Extra pairs C [7.2] are outside K: w = t + K^-1 (p - t + C't), Z's gains P^'C's, Ac gains
+ *   P'CP and r at the start loses C'P^ y. The sweeps stay as they are.
+ *
+ *   Floats, and when not. Rounding of D competes with the mass once stiffness over inertia,
+ *   q = max_i tr D_i / mean row sum of traces, times 6e-8 is near 1. (Membranes and hinges do not
+ *   feel translations: the rows' sums are the inertia.) q is 1.7e5 at Y = 1e4 N/m, N = 64, 60 Hz,
+ *   and 1.6e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles, beyond, and
+ *   where the residual got stuck, AUTO takes doubles: the same code, about twice the time.
+ *   A decision is made afresh for every matrix, so that a restored snapshot goes the same way.
+ *
+ *   Workers. Leaves run side by side, S alone; two parallel regions an iteration:
+ *       S: advance, back        | leaves: advance x r, back sweep, their Z's
+ *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
+ *       S: forward
+ *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
+ *
+ *   [HS52] Hestenes, Stiefel 1952. [E81] Eisenstat, SIAM J. Sci. Stat. Comput. 2 (1981) 1-4.
+ *   [N87] Nicolaides, SIAM J. Numer. Anal. 24 (1987) 355-365. [S83] Steihaug, SIAM J. Numer. Anal.
+ *   20 (1983) 626-637.
+ *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
+ *   plain loops), tests/bench/bench_linear.c (times)
+ */
 
 #define CLOTHI_LINEAR_TOLERANCE    0.05
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* AUTO: tighter ones are solved in doubles        */
@@ -6215,8 +6297,8 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
 }
 
 /* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
-CLOTHI_LANE void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
-                                    const int w) {
+CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                   const int w) {
     const clothi_store *st = &s->store[w];
     const double        least = w ? 1e-13 : 1e-7;
     int i, c;
@@ -6260,6 +6342,12 @@ CLOTHI_LANE void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, 
     if (i < end && y->bad < 0) y->bad = i;
 }
 
+CLOTHI_HOT void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+                                   int w) {
+    if (w) clothi_factor_any(s, begin, end, y, 1);
+    else clothi_factor_any(s, begin, end, y, 0);
+}
+
 /* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
 CLOTHI_LANE clothi_v4 clothi_mix4(const double *B, clothi_v4 a, clothi_v4 b, clothi_v4 c,
                                   const int w) {
@@ -6292,8 +6380,8 @@ CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const 
 }
 
 /* Blocks [k0, k1) of row i: into Z of the row, and into V of the columns with scaling. */
-CLOTHI_LANE void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
-                                     clothi_tally *y, const int w) {
+CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+                                  clothi_tally *y, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const int mi = clothi_mask(s, i);
@@ -6322,6 +6410,13 @@ CLOTHI_LANE void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int 
         clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
     }
     y->trace += 2 * trace;
+}
+
+/* One copy of the code for each precision: it is called from three places. */
+CLOTHI_HOT void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+                                    clothi_tally *y, int w) {
+    if (w) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
+    else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
 }
 
 /* Z and V of rows [begin, end) to zero, then D into V. */
@@ -6940,12 +7035,12 @@ static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) 
         clothi_metres(&s->store[s->wide], z, i, x + 3 * (size_t)s->p->vertex_of[i], s->wide);
 }
 
-/* r = G^-1 b and P'b (into cd, its parts by leaf first). */
-static void clothi_start_rows(cloth_linear_solver *s, int begin, int end) {
+/* r = G^-1 b, cd = P'b. */
+CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, const int w) {
     const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[s->wide];
+    const clothi_store  *st = &s->store[w];
     int i, k, c;
-    for (i = begin; i < end; i++) {
+    for (i = 0; i < p->n; i++) {
         const double *b = s->b + 3 * (size_t)p->vertex_of[i];
         const int     m = clothi_mask(s, i);
         double        u[3], r;
@@ -6955,34 +7050,32 @@ static void clothi_start_rows(cloth_linear_solver *s, int begin, int end) {
         }
         for (k = 0; k < 3; k++) {
             for (c = 0, r = 0; c <= k; c++)
-                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), s->wide) * u[c];
-            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, s->wide);
+                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), w) * u[c];
+            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, w);
         }
-        clothi_put(st->r, 4 * (size_t)i + 3, 0, s->wide);
+        clothi_put(st->r, 4 * (size_t)i + 3, 0, w);
     }
 }
 
 /* The coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
-static void clothi_start_coarse(cloth_linear_solver *s) {
+CLOTHI_LANE void clothi_start_coarse(cloth_linear_solver *s, const int w) {
     const cloth_pattern *p = s->p;
-    clothi_store        *st = &s->store[s->wide];
-    int i, k, a, c, w = s->wide;
+    const clothi_store  *st = &s->store[w];
+    int i, k;
     for (i = 0; i < p->n; i++) {
-        const size_t at = 4 * (size_t)i;
-        for (a = 0; a < 4; a++) {
-            double x = 0, r = clothi_get(st->r, at + (size_t)a, w);
-            for (k = p->zp[i]; k < p->zp[i + 1]; k++)
-                for (c = 0; c < 3 && a < 3; c++)
-                    r -= clothi_get(st->Z, 12 * (size_t)k + (size_t)(4 * a + c), w) *
-                         clothi_get(st->m, 4 * (size_t)p->zj[k] + (size_t)c, w);
-            for (c = 0; c < 3 && p->agg[i] >= 0; c++)
-                x += clothi_get(st->P, 12 * (size_t)i + (size_t)(4 * c + a), w) *
-                     clothi_get(st->m, 4 * (size_t)p->agg[i] + (size_t)c, w);
-            clothi_put(st->r, at + (size_t)a, r, w);
-            clothi_put(st->x, at + (size_t)a, x, w);
+        const size_t at = (size_t)i;
+        clothi_v4    a = clothi_zero4(), b = a, c = a, x = a;
+        for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
+            const clothi_v4 u = clothi_load4(st->m, (size_t)p->zj[k], w);
+            a = clothi_madd4(a, clothi_load4(st->Z, 3 * (size_t)k, w), u, w);
+            b = clothi_madd4(b, clothi_load4(st->Z, 3 * (size_t)k + 1, w), u, w);
+            c = clothi_madd4(c, clothi_load4(st->Z, 3 * (size_t)k + 2, w), u, w);
         }
+        if (p->agg[i] >= 0) x = clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w);
+        clothi_store4(st->x, at, x, w);
+        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
+                                             clothi_rows4(a, b, c, w), w), w);
     }
-    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
 }
 
 typedef struct clothi_cg {                  /* a run's numbers                                 */
@@ -7005,19 +7098,22 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 
 /* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
  * then shortened to it. */
-static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
+CLOTHI_HOT int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
     clothi_store *st = &s->store[s->wide];
     const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
     const int     n3 = 3 * s->p->nc;
     double        cs = 0, big = 0, u[3];
     int           i, k;
     memset(s->cd, 0, (size_t)n3 * sizeof(double));
-    clothi_start_rows(s, 0, s->p->n);
+    if (s->wide) clothi_start_rows(s, 1);
+    else clothi_start_rows(s, 0);
     for (i = 0; i < n3; i++) s->cd[n3 + i] = s->cd[i];  /* a pattern has a leaf: room for two */
     clothi_coarse_apply(s);
     for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
     memcpy(st->w, st->r, n * record);
-    clothi_start_coarse(s);
+    if (s->wide) clothi_start_coarse(s, 1);
+    else clothi_start_coarse(s, 0);
+    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
     g->c0 = clothi_forward(s, st->w) + cs;
     g->Q = 0.5 * cs;
     for (i = 0; i < s->p->n && s->radius_on; i++) {
@@ -7460,8 +7556,9 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field, double a,
-                                        double low, int open) {
+CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks,
+                                                       const char *field, double a, double low,
+                                                       int open) {
     if (!clothi_finite(a))
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
     if (a < low || (open && !(a > low)))
@@ -7627,7 +7724,8 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
 
 /* --- copies --- */
 
-CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count, size_t size) {
+CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *from, size_t count,
+                                         size_t size) {
     void *to = clothi_alloc(hooks, count, size);
     if (to && from) memcpy(to, from, count * size);
     return to;
@@ -7665,7 +7763,7 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
 }
 
 /* Rest area of face f; sign as the corners turn. */
-static double clothi_rest_area(const double *X, int f) {
+CLOTHI_OUTLINE static double clothi_rest_area(const double *X, int f) {
     const double *c = X + 6 * (size_t)f;
     return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
 }
@@ -7906,7 +8004,7 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 /* --- hash, create, destroy --- */
 
 /* 64-bit FNV-1a over 8-byte words, then the tail byte by byte: equal bytes, equal hash. */
-static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
+CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
     const unsigned char *p = (const unsigned char *)data;
     for (; size >= 8; size -= 8, p += 8) {
         uint64_t word;
@@ -8174,7 +8272,8 @@ typedef struct clothi_hinge_rest {
     double e2, A1, A2, bending, damping;
 } clothi_hinge_rest;
 
-static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p, int h) {
+CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m,
+                                                        const cloth_params *p, int h) {
     const int *v = m->topology->hinges + 4 * (size_t)h;
     const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     const cloth_material *a = p->material + m->region[f[0]], *b = p->material + m->region[f[1]];
@@ -9012,7 +9111,8 @@ static void clothi_attach_goal(const cloth_sim *s, const clothi_attach *q, doubl
 }
 
 /* r = p - goal at x. */
-static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q, const double *x,
+CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q,
+                                             const double *x,
                               double *r) {
     const int *v = s->model->faces + 3 * q->face;
     double     goal[3];
@@ -9181,7 +9281,8 @@ typedef struct clothi_tri_parts {           /* one triangle's matrices, row-majo
 } clothi_tri_parts;
 
 /* F [3 x 2] = edges of a at the corners v, times Di. */
-static void clothi_tri_gradient(const double *a, const int *v, const double *Di, double *F) {
+CLOTHI_OUTLINE static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
+                                               double *F) {
     int k;
     for (k = 0; k < 3; k++) {
         double p = a[3 * v[1] + k] - a[3 * v[0] + k], q = a[3 * v[2] + k] - a[3 * v[0] + k];
@@ -9191,7 +9292,7 @@ static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
 }
 
 /* out [2 x 2] = F' G. */
-static void clothi_ftg(const double *F, const double *G, double *out) {
+CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
     out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
     out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
     out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
@@ -9199,7 +9300,7 @@ static void clothi_ftg(const double *F, const double *G, double *out) {
 }
 
 /* out [3 x 2] = F S, S [2 x 2]. */
-static void clothi_fs(const double *F, const double *S, double *out) {
+CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
     int k;
     for (k = 0; k < 3; k++) {
         out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
@@ -9223,7 +9324,8 @@ static double clothi_double_dot(const double *a, const double *b) {
 }
 
 /* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
-static void clothi_tri_spread(const double *G, const double *Di, const int *v, double scale,
+CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v,
+                                             double scale,
                               double *out) {
     int k;
     for (k = 0; k < 3; k++) {
@@ -9314,7 +9416,8 @@ static void clothi_triangle_vjp(const cloth_sim *s, const cloth_eval *e, int f, 
  *   k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
 
 /* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
-static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f, int va, int vb,
+CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f,
+                                           int va, int vb,
                             double de2, double dA, double *X) {
     const int    *face = s->model->faces + 3 * (size_t)f;
     const double *c = p->X + 6 * (size_t)f;
@@ -9789,7 +9892,8 @@ static void clothi_tie_matrix(cloth_sim *s) {
 }
 
 /* phi at x; value, gradient [nv x 3] and the matrix as asked (NULL, 0: not). */
-static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal, const double *x,
+CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal,
+                                                    const double *x,
                                      double *grad, int hess, int psd, double *value) {
     const cloth_model *m = s->model;
     int            chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
@@ -9875,7 +9979,7 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
 }
 
 /* rhs = -g over leaders and free unknowns. */
-static void clothi_newton_rhs(cloth_sim *s) {
+CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
     int i, n = 3 * s->model->nv;
     memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
     clothi_tie_gradient(s->model, s->w.rhs);
@@ -9883,7 +9987,8 @@ static void clothi_newton_rhs(cloth_sim *s) {
 }
 
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
-static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal,
+                                                      clothi_newton *nt,
                                        double *a, cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       rounding = 4e-15 * goal->magnitude, value = 0;
@@ -9908,7 +10013,8 @@ static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal, clothi_n
 }
 
 /* Hessian at w.x: exact, or the definite model. */
-static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int exact,
+CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
+                                                          int exact,
                                            cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     double       magnitude = goal->magnitude;           /* of the value, not asked here */
@@ -9921,7 +10027,8 @@ static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal, int 
 }
 
 /* One linear solve, w.dx = H^-1 w.rhs. radius > 0 (m): inside a trust region. */
-static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance, double radius,
+CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
+                                                       double radius,
                                         int cholesky, cloth_report *report,
                                         cloth_linear_report *lr) {
     const double         start = clothi_now(&s->hooks);
@@ -10113,7 +10220,7 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
 }
 
 /* Pin goals of this substep: alpha of the way from the step's start to the targets. */
-static void clothi_pin_goals(cloth_sim *s, double alpha) {
+CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s, double alpha) {
     int i, n = 3 * s->model->nv;
     s->attach_alpha = alpha;
     for (i = 0; i < n; i++)
@@ -10146,7 +10253,7 @@ static void clothi_guess(cloth_sim *s, double h) {
         }
 }
 
-static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
+CLOTHI_OUTLINE static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
     memset(goal, 0, sizeof *goal);
     goal->e.model = s->model;
     goal->e.params = &s->params;
@@ -10776,7 +10883,8 @@ static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
 }
 
 /* Energies at x, v without inertia; gradient into w.grad when asked. */
-static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
+CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v,
+                                                    int grad,
                                      cloth_ledger *l) {
     clothi_goal  goal;
     cloth_status status = CLOTH_OK;
@@ -11304,7 +11412,7 @@ CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, void *data, size_t 
 }
 
 /* Arrays that are there only after first use are saved as zeros until then. */
-static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
+CLOTHI_OUTLINE static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
     static const double zero[64] = {0};
     size_t              k;
     if (data) {
@@ -11586,7 +11694,7 @@ CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model) {
 }
 
 /* Area-weighted normal of vertex i: the sum of its faces' cross products. */
-static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
+CLOTHI_OUTLINE static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
     const cloth_topology *t = s->model->topology;
     double                a[3], b[3], c[3], len;
     int                   k;

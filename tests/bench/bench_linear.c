@@ -1,6 +1,5 @@
 /* bench_linear.c - the linear solver on sheets of N x N: microseconds per set-up and per iteration.
- *   cc -std=c99 -O3 -march=native -ffp-contract=off bench_linear.c -lm -pthread -o bench_linear
- *   ./bench_linear
+ *   cc -std=c99 -O3 -march=native -ffp-contract=off -pthread bench/bench_linear.c -lm && ./a.out
  * Matrices as a hanging sheet has them: Y = 1e4 N/m, 60 Hz, taut along one axis and slack across.
  * Minimum of repeated runs; 'plain' is block Jacobi, the textbook CG in doubles. */
 #define _POSIX_C_SOURCE 200112L

@@ -4212,7 +4212,7 @@ CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const doubl
 #if defined(__clang__)
 #  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline))
 #elif defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
-#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline, optimize("O3")))
+#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline, optimize("tree-vectorize")))
 #else
 #  define CLOTHI_HOT static CLOTHI_UNUSED
 #endif
@@ -6109,7 +6109,7 @@ static void clothi_close_blocks(cloth_matrix *A, int i, int k0, int k1, int own,
     }
 }
 
-CLOTHI_HOT void clothi_close_range(int begin, int end, int worker, void *ctx) {
+CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, void *ctx) {
     cloth_matrix        *A = (cloth_matrix *)ctx;
     const cloth_pattern *p = A->p;
     int d, i, first = p->dom[p->nd];
@@ -6886,7 +6886,7 @@ CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, c
     if (i < end && y->bad < 0) y->bad = i;
 }
 
-CLOTHI_HOT void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
+CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
                                    int w) {
     if (w) clothi_factor_any(s, begin, end, y, 1);
     else clothi_factor_any(s, begin, end, y, 0);
@@ -6957,7 +6957,7 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1,
 }
 
 /* One copy of the code for each precision: it is called from three places. */
-CLOTHI_HOT void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
+CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
                                     clothi_tally *y, int w) {
     if (w) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
     else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
@@ -6997,7 +6997,7 @@ CLOTHI_LANE void clothi_setup_leaf(cloth_linear_solver *s, int d, const int w) {
     }
 }
 
-CLOTHI_HOT void clothi_setup_range(int begin, int end, int worker, void *ctx) {
+CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
@@ -7058,7 +7058,7 @@ CLOTHI_LANE void clothi_coarse_row(cloth_linear_solver *s, int i, const int w) {
 }
 
 /* Aggregates, and last the rows without one. */
-CLOTHI_HOT void clothi_coarse_range(int begin, int end, int worker, void *ctx) {
+CLOTHI_OUTLINE static void clothi_coarse_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     const cloth_pattern *p = s->p;
     const size_t         n3 = 3 * (size_t)p->nc;
@@ -7096,7 +7096,7 @@ static void clothi_setup_extras(cloth_linear_solver *s) {
 }
 
 /* Row R of the coarse matrix minus f[q] times rows q0 + q, q < 6, from column i on. */
-CLOTHI_HOT void clothi_coarse_eliminate(double *CLOTHI_RESTRICT R,
+CLOTHI_OUTLINE static void clothi_coarse_eliminate(double *CLOTHI_RESTRICT R,
                                                const double *CLOTHI_RESTRICT q0, size_t n,
                                                size_t i) {
     const double *q1 = q0 + n, *q2 = q1 + n, *q3 = q2 + n, *q4 = q3 + n, *q5 = q4 + n;
@@ -7110,7 +7110,7 @@ CLOTHI_HOT void clothi_coarse_eliminate(double *CLOTHI_RESTRICT R,
 /* Ac = U'U in place, upper. A translation that nothing holds (all its axes fixed, or a piece
  * without mass) gives a zero pivot: it is left out, its row and 1/pivot being zero. Returns the
  * first pivot that is negative beyond rounding, or -1. */
-CLOTHI_HOT int clothi_coarse_factor(cloth_linear_solver *s) {
+CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
     const size_t n = 3 * (size_t)s->p->nc;
     const double small = s->wide ? 1e-12 : 1e-6;
     clothi_store *st = &s->store[s->wide];
@@ -7144,7 +7144,7 @@ CLOTHI_HOT int clothi_coarse_factor(cloth_linear_solver *s) {
 }
 
 /* c <- (U'U)^-1 c, both substitutions as sums of rows; the diagonals hold reciprocals. */
-CLOTHI_HOT void clothi_coarse_solve_f(const float *U, const float *Ut, float *c, int n) {
+CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *U, const float *Ut, float *c, int n) {
     int j, k;
     for (k = 0; k < n; k++) {
         const float *R = U + (size_t)k * (size_t)n, f = c[k] *= R[k];
@@ -7156,7 +7156,7 @@ CLOTHI_HOT void clothi_coarse_solve_f(const float *U, const float *Ut, float *c,
     }
 }
 
-CLOTHI_HOT void clothi_coarse_solve_d(const double *U, const double *Ut, double *c,
+CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *U, const double *Ut, double *c,
                                              int n) {
     int j, k;
     for (k = 0; k < n; k++) {
@@ -7267,7 +7267,7 @@ CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, const int w)
     clothi_give_rest(s, d, z, w);
 }
 
-CLOTHI_HOT void clothi_forward_range(int begin, int end, int worker, void *ctx) {
+CLOTHI_OUTLINE static void clothi_forward_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
@@ -7383,7 +7383,7 @@ CLOTHI_LANE void clothi_back_rest(cloth_linear_solver *s, const int w) {
     clothi_project_rows(s, p->nd, first, p->n, w);
 }
 
-CLOTHI_HOT void clothi_back_range(int begin, int end, int worker, void *ctx) {
+CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
@@ -7393,7 +7393,7 @@ CLOTHI_HOT void clothi_back_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
-CLOTHI_HOT void clothi_back(cloth_linear_solver *s) {
+CLOTHI_OUTLINE static void clothi_back(cloth_linear_solver *s) {
     if (s->wide) clothi_back_rest(s, 1);
     else clothi_back_rest(s, 0);
     clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
@@ -7500,7 +7500,7 @@ CLOTHI_LANE void clothi_turn_rest(cloth_linear_solver *s, int turn, const int w)
     s->tally[p->nd].pq = clothi_sum4(sum);
 }
 
-CLOTHI_HOT void clothi_turn_range(int begin, int end, int worker, void *ctx) {
+CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     const int            turn = s->A->ne == 0;
     int                  d;
@@ -7512,7 +7512,7 @@ CLOTHI_HOT void clothi_turn_range(int begin, int end, int worker, void *ctx) {
 }
 
 /* The same split in two, for extras: C t needs all of t. */
-CLOTHI_HOT void clothi_turn_extras(cloth_linear_solver *s) {
+CLOTHI_OUTLINE static void clothi_turn_extras(cloth_linear_solver *s) {
     clothi_store   *st = &s->store[s->wide];
     const clothi_v4 beta0 = clothi_all4(s->beta, 0), beta1 = clothi_all4(s->beta, 1);
     int             i;
@@ -7524,7 +7524,7 @@ CLOTHI_HOT void clothi_turn_extras(cloth_linear_solver *s) {
 }
 
 /* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
-CLOTHI_HOT double clothi_turn(cloth_linear_solver *s) {
+CLOTHI_OUTLINE static double clothi_turn(cloth_linear_solver *s) {
     const int turn = s->A->ne == 0;
     double    pq = 0;
     int       d;
@@ -7643,7 +7643,7 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 
 /* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
  * then shortened to it. */
-CLOTHI_HOT int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
+CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
     clothi_store *st = &s->store[s->wide];
     const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
     const int     n3 = 3 * s->p->nc;

@@ -177,6 +177,37 @@ static void cancelled(void) {
     }
 }
 
+/* Given up in the second of three substeps: the first is taken back too. */
+static void cancelled_half_way(void) {
+    int k, taken = 0;
+    for (k = 1; k < 3; k++) {
+        dyn         d;
+        cloth_hooks hooks;
+        int         left = 1 << 30, n;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.cancel.fn = cancel_after;
+        hooks.cancel.user = &left;
+        scene(&d, integrators[k], &hooks);
+        d.desc.substeps = 3;
+        dyn_restart(&d);
+        d.state->v[3 * 35 + 2] = 0.5;
+        cloth_sim_state_changed(d.sim);
+        steps(&d, 2);
+        for (n = 0; n < 20; n++) {
+            const uint64_t before = cloth_sim_hash(d.sim);
+            cloth_report   r;
+            cloth_status   status;
+            left = n;
+            status = cloth_step(d.sim, 1.0 / 60, &r);
+            if (status == CLOTH_OK) break;
+            CHECK(status == CLOTH_ERR_CANCELLED && cloth_sim_hash(d.sim) == before);
+            taken += r.substeps > 0;
+        }
+        dyn_end(&d);
+    }
+    CHECK(taken > 0);
+}
+
 typedef struct heap {
     long left, live;
 } heap;
@@ -607,6 +638,7 @@ int main(int argc, char **argv) {
     RUN(nonfinite_target);
     RUN(bad_h);
     RUN(cancelled);
+    RUN(cancelled_half_way);
     RUN(out_of_memory);
     RUN(stalled);
     RUN(term_nonfinite);

@@ -163,7 +163,7 @@ static void far_coupling(void) {
         if (scene_solve(&s)) {
             printf("  far spring on tied rows: %d iterations, last update %.1e m\n",
                    s.report.newton, s.report.residual_m);
-            CHECK(s.report.newton <= 30);
+            CHECK(s.report.newton <= 20);     /* 29 where the coupling stays with the followers  */
         }
     }
     scene_end(&s);

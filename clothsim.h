@@ -6095,7 +6095,6 @@ static double *clothi_matrix_diag(cloth_matrix *A, int v) {
 static double *clothi_matrix_block(cloth_matrix *A, int slot) {
     return A->low + 9 * (size_t)(slot >> 1);
 }
-static const cloth_pattern *clothi_matrix_pattern(const cloth_matrix *A) { return A->p; }
 
 /* Blocks [k0, k1) of row i taken from the diagonals of their row and of their columns. */
 static void clothi_close_blocks(cloth_matrix *A, int i, int k0, int k1, int own, int other) {
@@ -10979,46 +10978,60 @@ static void clothi_matrix_inertia(cloth_sim *s, const clothi_goal *goal) {
 
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
 
-/* Entry (i, j) of the matrix, scalar indices; NULL where the pattern has no block. Only the lower
- * triangle is stored. */
-static double *clothi_matrix_entry(cloth_matrix *A, int i, int j) {
-    int slot;
-    if (i / 3 == j / 3) return clothi_matrix_diag(A, i / 3) + 3 * (i % 3) + j % 3;
-    slot = cloth_pattern_slot(clothi_matrix_pattern(A), i / 3, j / 3);
-    if (slot < 0) return NULL;
-    return clothi_matrix_block(A, slot) + (slot & 1 ? 3 * (j % 3) + i % 3 : 3 * (i % 3) + j % 3);
+/* Adds h to entries (i, j) and (j, i) of two vertices; scalar indices. */
+static cloth_status clothi_tie_add(cloth_matrix *A, int i, int j, double h) {
+    double H[36];
+    int    v[2];
+    memset(H, 0, sizeof H);
+    v[0] = j / 3;
+    v[1] = i / 3;
+    H[6 * (3 + i % 3) + j % 3] = h;
+    return cloth_matrix_add_element(A, 2, v, H);
 }
 
-/* Moves row and column f onto row and column l: entries (f, j) to (l, j), (f, f) and twice (f, l)
- * to (l, l). Diagonal blocks hold both triangles. */
-static void clothi_tie_fold(cloth_sim *s, int f, int l) {
-    const cloth_topology *t = s->model->topology;
-    double *from, *to;
-    int     j, n = 3 * s->model->nv;
-    (void)t;
-    for (j = 0; j < n; j++) {
-        if (j == f || j == l) continue;
-        from = clothi_matrix_entry(s->matrix, f, j);
-        if (!from || !(fabs(*from) > 0)) continue;
-        to = clothi_matrix_entry(s->matrix, l, j);
-        if (!to) continue;
-        *to += *from;
-        if (l / 3 == j / 3) *clothi_matrix_entry(s->matrix, j, l) += *from;
-        *from = 0;
-        if (f / 3 == j / 3) *clothi_matrix_entry(s->matrix, j, f) = 0;
+/* Moves entries (i, j) of the block of vertices u, v that name a follower to those of the leaders.
+ * A block off the diagonal stands for its mirror image too; diagonal blocks hold both triangles. */
+static cloth_status clothi_tie_block(cloth_sim *s, double *block, int u, int v) {
+    const int   *tie = s->model->tie;
+    cloth_status status = CLOTH_OK;
+    int          a, b;
+    for (a = 0; a < 3; a++)
+        for (b = 0; b < 3 && !status; b++) {
+            const int    i = tie[3 * u + a] >= 0 ? 3 * tie[3 * u + a] + a : 3 * u + a;
+            const int    j = tie[3 * v + b] >= 0 ? 3 * tie[3 * v + b] + b : 3 * v + b;
+            const double h = block[3 * a + b];
+            if ((i == 3 * u + a && j == 3 * v + b) || !(fabs(h) > 0)) continue;
+            block[3 * a + b] = 0;
+            if (i / 3 == j / 3) {
+                double *to = clothi_matrix_diag(s->matrix, i / 3);
+                to[3 * a + b] += h;
+                if (u != v) to[3 * b + a] += h;
+            } else
+                status = clothi_tie_add(s->matrix, i, j, u == v ? 0.5 * h : h);
+        }
+    return status;
+}
+
+static cloth_status clothi_tie_matrix(cloth_sim *s) {
+    cloth_matrix        *A = s->matrix;
+    const cloth_pattern *p = A->p;
+    const int            ne = A->ne;
+    cloth_status         status = CLOTH_OK;
+    int                  i, k;
+    for (i = 0; i < p->n && !status; i++) {
+        const int u = p->vertex_of[i];
+        status = clothi_tie_block(s, clothi_matrix_diag(A, u), u, u);
+        for (k = p->row[i]; k < p->row[i + 1] && !status; k++)
+            status = clothi_tie_block(s, A->low + 9 * (size_t)k, u, p->vertex_of[p->col[k]]);
     }
-    from = clothi_matrix_entry(s->matrix, f, l);
-    to = clothi_matrix_entry(s->matrix, l, l);
-    *to += *clothi_matrix_entry(s->matrix, f, f) + (from ? 2 * *from : 0);
-    if (from) *from = 0;
-    if (f / 3 == l / 3) *clothi_matrix_entry(s->matrix, l, f) = 0;
-    *clothi_matrix_entry(s->matrix, f, f) = 0;
-}
-
-static void clothi_tie_matrix(cloth_sim *s) {
-    int f;
-    for (f = 0; f < 3 * s->model->nv; f++)
-        if (s->model->tie[f] >= 0) clothi_tie_fold(s, f, 3 * s->model->tie[f] + f % 3);
+    for (k = 0; k < ne && !status; k++) {   /* pairs outside the pattern; the list may grow    */
+        double block[9];
+        memcpy(block, A->extra + 9 * (size_t)k, sizeof block);
+        status = clothi_tie_block(s, block, p->vertex_of[A->pair[2 * k]],
+                                  p->vertex_of[A->pair[2 * k + 1]]);
+        memcpy(A->extra + 9 * (size_t)k, block, sizeof block);
+    }
+    return status;
 }
 
 /* phi at x; value, gradient [nv x 3] and the matrix as asked (NULL, 0: not). */
@@ -11161,7 +11174,7 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
     cloth_status status = clothi_objective(s, goal, s->w.x, NULL, 1, exact ? 0 : 2, NULL);
     goal->magnitude = magnitude;
     report->projected += !exact;
-    if (!status && s->model->tie) clothi_tie_matrix(s);
+    if (!status && s->model->tie) status = clothi_tie_matrix(s);
     s->ms.assemble += clothi_now(&s->hooks) - start;
     return status;
 }

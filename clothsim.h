@@ -5851,8 +5851,8 @@ static cloth_status clothi_tree_create(const cloth_pattern *p, const int *ptr, c
     clothi_tree *P = (clothi_tree *)clothi_alloc(hooks, 1, sizeof *P);
     memset(&d, 0, sizeof d);
     *out = NULL;
+    if (P) P->hooks = *hooks;               /* first: what frees it must be its own            */
     if (!number || !P) goto done;
-    P->hooks = *hooks;
     P->nv = d.nv = p->n;
     P->nlow = p->nlow;
     P->start = p->row;

@@ -79,7 +79,7 @@ int main(int argc, char **argv) {
     cloth_model      *model = NULL;
     cloth_sim        *sim = NULL;
     cloth_pin        *pins = NULL;
-    cloth_report      r;
+    cloth_report      r = {0};
     shapes_shirt      shirt;
     view             *page = NULL;
     const char       *error = NULL, *name = argc > 1 ? argv[1] : "a T-shirt";
@@ -126,6 +126,7 @@ int main(int argc, char **argv) {
     for (int i = 0; i < desc.npins; i++) for (int k = 0; k < 3; k++)
         c[k] += desc.x_rest[3 * pins[i].vertex + k] / desc.npins;
     desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
+    desc.rest_angle = CLOTH_REST_ANGLE_FLAT;                /* cut from flat cloth */
     desc.wind_on = 1;                                       /* still air, which drags */
     if ((status = cloth_model_create(&desc, &model)) != CLOTH_OK) goto end;
     if ((status = cloth_sim_create(model, &sim)) != CLOTH_OK) goto end;
@@ -141,6 +142,9 @@ int main(int argc, char **argv) {
             status = cloth_sim_pin(sim, pins[i].vertex, CLOTH_AXIS_ALL, target);
         }
         if (!status) status = cloth_step(sim, 1.0 / 60, &r);
+        if (status)
+            fprintf(stderr, "step %d: outcome %d after %d iterations, last update %g m, vertex %d\n",
+                    step, (int)r.outcome, r.newton, r.residual_m, r.vertex);
         if (!status) status = cloth_sim_stretches(sim, NULL, stretch);
         if (status) break;
         ms += r.ms.total, newton += r.newton;

@@ -1,7 +1,8 @@
 #!/bin/sh
 # suite.sh - what tests/Makefile asks of a shell. Run from tests/.
 #   suite.sh line FILE...      the compile line that the first comment of each file holds
-#   suite.sh flags FILE        flags of that line beyond the standard ones (-pthread, -mavx2, -DX)
+#   suite.sh flags FILE        flags of that line beyond the standard ones (-pthread, -mavx2, -DX);
+#                              -O and -march are the Makefile's to say
 #   suite.sh select FILE...    those that belong to $TIER: quick, default or full
 #   suite.sh build SRC EXE     compile one program (environment: see the Makefile's exports)
 #   suite.sh run SRC EXE       run it, keep its output in EXE.log, print its last line
@@ -31,7 +32,7 @@ has_implementation() {
 extra_flags() {
     for word in $(compile_line "$1"); do
         case $word in
-        -std=*|-O2|-ffp-contract=off|-I..|-I.|-lm|-o|-DCLOTHSIM_IMPLEMENTATION) ;;
+        -std=*|-O?|-march=*|-ffp-contract=off|-I..|-I.|-lm|-o|-DCLOTHSIM_IMPLEMENTATION) ;;
         -*) printf '%s ' "$word" ;;
         esac
     done

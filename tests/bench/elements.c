@@ -1,13 +1,10 @@
 /* elements.c - nanoseconds per element of the kernels on an N x N sheet; median of repeated runs.
- *   cc -std=c99 -O3 -march=x86-64-v3 -ffp-contract=off elements.c -lm -o elements && ./elements 64
+ *   cc -std=c99 -O3 -march=x86-64-v3 -ffp-contract=off bench/elements.c -lm && ./a.out 64
  * 'forces': gather positions, evaluate, store; 'with sums' adds the sum per vertex. */
 #define _POSIX_C_SOURCE 199309L
 #define CLOTHSIM_IMPLEMENTATION
 #include "../../clothsim.h"
-
-#include <stdio.h>
-#include <stdlib.h>
-#include <time.h>
+#include "../test.h"
 
 enum { LANES = CLOTHI_LANES, REPEATS = 31 };
 
@@ -173,9 +170,11 @@ static double measure(sheet *s, int tri, int hinge, int sums) {
     return t[REPEATS / 2];
 }
 
-int main(int argc, char **argv) {
+static int side = 64;
+
+static void table(void) {
     static const char *name[5] = {"forces", "exact Hessian", "psd Hessian", "energy", "quadratic"};
-    const int          n = argc > 1 ? atoi(argv[1]) : 64;
+    const int          n = side;
     sheet              s;
     double             both, quadratic;
     int                i;
@@ -194,5 +193,11 @@ int main(int argc, char **argv) {
     quadratic = measure(&s, 0, 4, 0) / (s.nt + s.nh);
     printf("  quadratic      forces %6.2f, with sums %6.2f\n", quadratic,
            measure(&s, 0, 4, 1) / (s.nt + s.nh));
-    return 0;
+}
+
+int main(int argc, char **argv) {
+    if (argc > 1) side = atoi(argv[1]);
+    TEST_BEGIN(1, argv);
+    RUN(table);
+    return TEST_END();
 }

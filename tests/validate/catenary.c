@@ -1,6 +1,5 @@
 /* catenary.c - a heavy stretchable strip that hangs between two level supports.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/catenary.c -lm -o catenary && ./catenary
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. validate/catenary.c -lm
  *
  *   T(s)^2 = H^2 + q^2 (s - 1/2)^2,   l (l^2 - 1)/2 = T,   span = int l H/T ds,
  *   sag = int_0^(1/2) l q (1/2 - s)/T ds        (rho, g, L = 1; T, H over Y h; no bending)

@@ -1,6 +1,5 @@
 /* cylinder.c - the rigidity that hinges give a sheet rolled about any axis, by mesh pattern.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/cylinder.c -lm -o cylinder && ./cylinder
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. validate/cylinder.c -lm
  *
  * The vertices of a flat sheet are put on a cylinder of curvature kappa whose generators are
  * square to the direction phi: D_eff = 2 E/(kappa^2 area) with E the hinges' energy and D the

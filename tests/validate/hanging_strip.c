@@ -1,6 +1,6 @@
 /* hanging_strip.c - a strip hangs from its top edge and stretches under its own weight.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/hanging_strip.c -lm -o hanging_strip && ./hanging_strip
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. \
+ *      validate/hanging_strip.c -lm
  *
  *   l (l^2 - 1)/2 = q (1 - s)      stretch l at s, q = rho g L/(Y h), Poisson's ratio 0
  *

@@ -1,6 +1,6 @@
 /* manufactured.c - a membrane under the body force that makes a chosen shape its equilibrium.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/manufactured.c -lm -o manufactured && ./manufactured
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. \
+ *      validate/manufactured.c -lm
  *
  *   x = s (X, Y, 0) + (a sin pi X sin pi Y, b sin pi X sin 2 pi Y, c sin pi X sin pi Y)
  *   f = -Div P,  P = F S,  S = lambda tr(E) I + 2 mu E      (StVK, plane stress, Y h = 1)

@@ -1,7 +1,7 @@
 /* membrane_frequencies.c - a stretched membrane rings as refdata/membrane_frequencies.csv says for
  * its mesh (1e-8) and, a drum, as the zeros of Bessel functions say in the limit (order 2).
- *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I. validate/membrane_frequencies.c \
- *      -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I. \
+ *      validate/membrane_frequencies.c -lm
  *
  *   rho w'' = S lap_X w,  S = Y h/(1 - nu) (l^2 - 1)/2, X rest coordinates, l the prestretch.
  *   Square of side a0 at rest, right triangles, lumped masses, edge e = a0/N, exactly:

@@ -1,6 +1,5 @@
 /* patch.c - irregular meshes must hold every uniform deformation exactly.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/patch.c -lm -o patch && ./patch
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. validate/patch.c -lm
  *
  * A jittered unit square with slivers of 2 degrees; its boundary is held at x = F X for ten F
  * [3 x 2], its interior starts displaced: the static solution is x = F X. Bending makes the flat

@@ -1,6 +1,5 @@
 /* plate.c - square plates under an even load: what hinges make of Kirchhoff's plate.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/plate.c -lm -o plate && ./plate
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. validate/plate.c -lm
  *
  *   simply supported  w = 0.00406235266 q a^4/D,   clamped  w = 0.00126531909 q a^4/D
  *

@@ -1,6 +1,5 @@
 /* stvk_states.c - uniform states of the St.Venant-Kirchhoff membrane, by element and by statics.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. -DCLOTHSIM_IMPLEMENTATION \
- *      -x c validate/stvk_states.c -lm -o stvk_states && ./stvk_states
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. validate/stvk_states.c -lm
  *
  *   W = lambda/2 tr(E)^2 + mu E:E,  E = (F'F - I)/2,  P = F (lambda tr(E) I + 2 mu E)
  * Rows marked 'full' leave the 1/2 out of E: four times the moduli here.

@@ -1,0 +1,154 @@
+/* bench_hard.c - steps that are hard for Newton: a thin stiff sheet that buckles at the scale of
+ * the grid, and a T-shirt in the stiffest published material.
+ *   cc -std=c99 -O3 -march=native -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION \
+ *      bench/bench_hard.c -lm && ./a.out
+ * Sheet: N = 32, Y = 5000 N/m, D = 2e-6 N m, h = 1/60 s, tolerance 1e-5 m, 30 frames.
+ * T-shirt: about 4000 triangles with their pattern, shoulders held, cloth_material_li2021(),
+ * h = 1/30 s, 2 s. A step that fails is taken again as two halves, down to 1/64. */
+#define _XOPEN_SOURCE 600
+#include "../../examples/shapes.h"
+#include "bench.h"
+
+enum { SHEET_FRAMES = 30, SHIRT_FRAMES = 60, DEEPEST = 6 };
+
+static void hard_sheet_as(FILE *csv, cloth_integrator integrator, const char *name) {
+    cloth_desc   d = bench_desc(5e3, 2e-6, 1e-5);
+    cloth_model *model;
+    cloth_sim   *sim;
+    double       solves[SHEET_FRAMES], cpu = bench_cpu(), mid;
+    long         cg = 0, halvings = 0, negative = 0, newton = 0;
+    int          i, failed = 0;
+    d.integrator = integrator;
+    CHECK(!bench_sheet(&d, 32, &model, &sim));
+    for (i = 0; i < SHEET_FRAMES; i++) {
+        cloth_report report;
+        if (cloth_step(sim, 1.0 / 60, &report)) failed++;
+        solves[i] = report.linear_solves;
+        newton += report.newton;
+        cg += report.cg;
+        halvings += report.halvings;
+        negative += report.negative;
+        fprintf(csv, "sheet %s,%d,%d,%d,%d,%d\n", name, i, (int)report.outcome,
+                report.linear_solves, report.newton, report.cg);
+    }
+    cpu = bench_cpu() - cpu;
+    mid = bench_median(solves, SHEET_FRAMES);
+    printf("  sheet, %-5s linear solves a step: median %.1f, mean %.1f, maximum %.0f; failed %d; "
+           "CG %ld, halvings %ld, negative %ld; %.1f ms a frame\n", name, mid,
+           (double)newton / SHEET_FRAMES, solves[SHEET_FRAMES - 1], failed, cg, halvings, negative,
+           1e3 * cpu / SHEET_FRAMES);
+    if (integrator == CLOTH_INTEGRATOR_EULER) {
+        printf("  ratio linear solves of the hard step, median: %.1f (aim at most 25), "
+               "failed %d (aim 0)\n", mid, failed);
+        CHECK(failed == 0);
+    }
+    bench_free(&model, &sim);
+}
+
+static void hard_sheet(void) {
+    FILE *csv = bench_csv("hard_sheet", "scene,frame,outcome,linear_solves,newton,cg");
+    hard_sheet_as(csv, CLOTH_INTEGRATOR_EULER, "EULER");
+    hard_sheet_as(csv, CLOTH_INTEGRATOR_BDF2, "BDF2");
+    fclose(csv);
+}
+
+typedef struct tally {
+    int    outcome[5], halved, lost;        /* steps by cloth_outcome; intervals split; given up */
+    int    collapsed, folded;               /* most in a step                                   */
+    double smallest;                        /* principal stretch                                */
+} tally;
+
+/* Takes h in one step, or in halves when that fails. */
+static void advance(cloth_sim *sim, double h, int depth, cloth_report *sum, tally *t) {
+    cloth_report       report;
+    const cloth_status status = cloth_step(sim, h, &report);
+    t->outcome[report.outcome]++;
+    sum->newton += report.newton;
+    sum->linear_solves += report.linear_solves;
+    sum->cg += report.cg;
+    sum->halvings += report.halvings;
+    sum->factorizations += report.factorizations;
+    if (status == CLOTH_OK) {
+        if (report.collapsed > t->collapsed) t->collapsed = report.collapsed;
+        if (report.folded > t->folded) t->folded = report.folded;
+        if (report.min_stretch < t->smallest) t->smallest = report.min_stretch;
+    } else if (depth < DEEPEST) {
+        t->halved++;
+        advance(sim, 0.5 * h, depth + 1, sum, t);
+        advance(sim, 0.5 * h, depth + 1, sum, t);
+    } else t->lost++;
+}
+
+static cloth_status shirt_sim(const shapes_shirt *shirt, cloth_model **model, cloth_sim **sim) {
+    cloth_desc   d = cloth_desc_default();
+    cloth_pin   *pins = (cloth_pin *)bench_get((size_t)shirt->npins, sizeof *pins);
+    cloth_status status;
+    int          i;
+    for (i = 0; i < shirt->npins; i++) {
+        pins[i].vertex = shirt->pins[i];
+        pins[i].axes = CLOTH_AXIS_ALL;
+    }
+    d.nv = shirt->nv, d.x_rest = shirt->x;
+    d.nf = shirt->nf, d.faces = shirt->faces;
+    d.X = shirt->X;
+    d.npins = shirt->npins, d.pins = pins;
+    d.material = cloth_material_li2021();
+    *sim = NULL;
+    status = cloth_model_create(&d, model);
+    if (!status) status = cloth_sim_create(*model, sim);
+    free(pins);
+    return status;
+}
+
+static void t_shirt(void) {
+    FILE        *csv = bench_csv("hard_shirt", "frame,newton,linear_solves,cg,halvings,cpu_ms");
+    shapes_shirt shirt;
+    cloth_model *model = NULL;
+    cloth_sim   *sim = NULL;
+    double       solves[SHIRT_FRAMES], total = bench_cpu(), mid;
+    long         cg = 0, halvings = 0;
+    tally        t;
+    int          i;
+    memset(&t, 0, sizeof t);
+    t.smallest = 1;
+    CHECK(shapes_shirt_make(0.02, &shirt) == NULL);
+    CHECK(!shirt_sim(&shirt, &model, &sim));
+    for (i = 0; i < SHIRT_FRAMES && sim; i++) {
+        cloth_report sum;
+        const double cpu = bench_cpu();
+        memset(&sum, 0, sizeof sum);
+        advance(sim, 1.0 / 30, 0, &sum, &t);
+        solves[i] = sum.linear_solves;
+        cg += sum.cg;
+        halvings += sum.halvings;
+        fprintf(csv, "%d,%d,%d,%d,%d,%.3f\n", i, sum.newton, sum.linear_solves, sum.cg,
+                sum.halvings, 1e3 * (bench_cpu() - cpu));
+        fflush(csv);
+    }
+    total = bench_cpu() - total;
+    mid = bench_median(solves, SHIRT_FRAMES);
+    printf("  T-shirt, %d vertices, %d triangles: converged %d, at the cap %d, stalled %d, other "
+           "%d; intervals halved %d, given up %d\n", shirt.nv, shirt.nf,
+           t.outcome[CLOTH_STEP_CONVERGED], t.outcome[CLOTH_STEP_MAX_ITERATIONS],
+           t.outcome[CLOTH_STEP_STALLED],
+           t.outcome[CLOTH_STEP_NONE] + t.outcome[CLOTH_STEP_COLLISION_FAILED], t.halved, t.lost);
+    printf("  T-shirt: linear solves a frame: median %.1f, maximum %.0f; CG a frame %.0f; "
+           "halvings %ld; %.1f ms a frame\n", mid, solves[SHIRT_FRAMES - 1],
+           (double)cg / SHIRT_FRAMES, halvings, 1e3 * total / SHIRT_FRAMES);
+    printf("  T-shirt: smallest stretch %.3f, at most %d collapsed triangles, %d hinges beyond "
+           "3 rad\n", t.smallest, t.collapsed, t.folded);
+    printf("  ratio T-shirt steps not converged: %d of %d (aim: none, or honestly reported)\n",
+           t.outcome[CLOTH_STEP_STALLED] + t.outcome[CLOTH_STEP_NONE] + t.lost, SHIRT_FRAMES);
+    CHECK(t.lost == 0);
+    bench_free(&model, &sim);
+    shapes_shirt_free(&shirt);
+    fclose(csv);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    bench_machine(argv[0]);
+    RUN(hard_sheet);
+    RUN(t_shirt);
+    return TEST_END();
+}

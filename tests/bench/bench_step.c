@@ -1,0 +1,319 @@
+/* bench_step.c - implicit Euler on the hanging sheet beside the yardstick, interleaved in one
+ * run: CPU time a frame and error of a frame; plain -O2; two workers.
+ *   cc -std=c99 -O3 -march=native -ffp-contract=off -pthread -DCLOTHSIM_IMPLEMENTATION \
+ *      bench/bench_step.c -lm && ./a.out
+ * The yardstick, and the twin built with -O2, are there when 'make -C tests bench' ran; without
+ * them those rows are skipped. REPEATS=n: runs of each (default 5).
+ *
+ * N = 64, alternating, 0.2 kg/m^2, nu 0.3, D = 3e-5 N m (the yardstick's hinge constant is
+ * 3 * 1e-5), h = 1/60 s, 30 frames from the horizontal start, tolerance 1e-4 m, no damping.
+ * Error of a frame: one step from the state before it, solved to 1e-10 m, against the frame. */
+#define _XOPEN_SOURCE 600
+#include "bench.h"
+#include "pool.h"
+
+enum { SIDE = 64, NV = SIDE * SIDE, FRAMES = 30, MODES = 3, REPEATS_MAX = 31 };
+
+static const double H = 1.0 / 60, TOLERANCE = 1e-4, TIGHT = 1e-10, RIGIDITY = 3e-5;
+static const int    SAMPLES[] = {6, 12, 18, 24, 29};
+
+static const char *self, *out_csv = "step";
+static FILE       *csv;
+
+typedef struct run {                        /* what a child says about itself                  */
+    double cpu, wall;                       /* s                                               */
+    int    newton, cg, solves, halvings, negative, failed;
+} run;
+
+/* ---- the child: 'bench_step child STIFFNESS FRAMES WORKERS' */
+
+static int child(char **argv) {
+    const double stiffness = atof(argv[2]);
+    const int    frames = atoi(argv[3]), workers = atoi(argv[4]);
+    cloth_desc   d = bench_desc(stiffness, RIGIDITY, TOLERANCE);
+    cloth_model *model;
+    cloth_sim   *sim;
+    bench_pool   pool;
+    run          r;
+    double       t0;
+    int          i;
+    memset(&r, 0, sizeof r);
+    if (workers > 1 && !bench_pool_start(&pool, &d.hooks.parallel)) return 1;
+    if (bench_sheet(&d, SIDE, &model, &sim)) return 1;
+    t0 = bench_wall(NULL);
+    for (i = 0; i < frames; i++) {
+        cloth_report report;
+        if (cloth_step(sim, H, &report)) r.failed++;
+        r.newton += report.newton;
+        r.cg += report.cg;
+        r.solves += report.linear_solves;
+        r.halvings += report.halvings;
+        r.negative += report.negative;
+    }
+    r.wall = bench_wall(NULL) - t0;
+    if (workers > 1) bench_pool_stop(&pool);
+    printf("%.9g %d %d %d %d %d %d %llx\n", r.wall, r.newton, r.cg, r.solves, r.halvings,
+           r.negative, r.failed, (unsigned long long)cloth_sim_hash(sim));
+    bench_free(&model, &sim);
+    return 0;
+}
+
+/* ---- the parent */
+
+static double spawn_kit(const char *program, double stiffness, int frames, int workers,
+                        char *out, size_t size) {
+    char        text[3][32];
+    const char *argv[6] = {NULL, "child", NULL, NULL, NULL, NULL};
+    argv[0] = program;
+    snprintf(text[0], sizeof text[0], "%g", stiffness);
+    snprintf(text[1], sizeof text[1], "%d", frames);
+    snprintf(text[2], sizeof text[2], "%d", workers);
+    argv[2] = text[0], argv[3] = text[1], argv[4] = text[2];
+    return bench_spawn(argv, out, size);
+}
+
+/* One run of the kit without its start-up. hash may be NULL. */
+static int kit(const char *program, double stiffness, int workers, run *r,
+               unsigned long long *hash) {
+    char   out[512], empty[512];
+    double cpu = spawn_kit(program, stiffness, FRAMES, workers, out, sizeof out);
+    double set_up = spawn_kit(program, stiffness, 0, workers, empty, sizeof empty);
+    unsigned long long bits;
+    memset(r, 0, sizeof *r);
+    if (cpu < 0 || set_up < 0) return 0;
+    if (sscanf(out, "%lf %d %d %d %d %d %d %llx", &r->wall, &r->newton, &r->cg, &r->solves,
+               &r->halvings, &r->negative, &r->failed, &bits) != 8)
+        return 0;
+    r->cpu = cpu - set_up;
+    if (hash) *hash = bits;
+    return 1;
+}
+
+/* One run of the yardstick without its start-up. */
+static int yardstick(double stiffness, int mode, run *r) {
+    char   args[256], out[1024], empty[1024];
+    double cpu, set_up, newton, cg;
+    const char *at;
+    memset(r, 0, sizeof *r);
+    snprintf(args, sizeof args, "%d %d %g %d %g 0.1 60 16 3 0", SIDE, mode, stiffness, FRAMES,
+             TOLERANCE);
+    cpu = bench_yardstick(args, out, sizeof out);
+    snprintf(args, sizeof args, "%d %d %g 0 %g 0.1 60 16 3 0", SIDE, mode, stiffness, TOLERANCE);
+    set_up = bench_yardstick(args, empty, sizeof empty);
+    if (cpu < 0 || set_up < 0) return 0;
+    at = strstr(out, "newton/frame");
+    if (!at || sscanf(at, "newton/frame %lf, cg/newton %lf", &newton, &cg) != 2) return 0;
+    r->cpu = cpu - set_up;
+    r->newton = (int)floor(newton * FRAMES + 0.5);
+    r->cg = (int)floor(cg * newton * FRAMES + 0.5);
+    r->solves = r->newton;
+    return 1;
+}
+
+static void row(const char *who, double stiffness, const run *r, double *cpu, double *wall,
+                int repeats) {
+    double mid, mid_wall = 0;
+    int    i;
+    for (i = 0; i < repeats; i++)
+        fprintf(csv, "%g,%s,%d,%.4f,%.4f,%d,%d\n", stiffness, who, i, 1e3 * cpu[i] / FRAMES,
+                wall ? 1e3 * wall[i] / FRAMES : 0.0, r->newton, r->cg);
+    mid = bench_median(cpu, repeats);       /* sorted from here on */
+    if (wall) mid_wall = bench_median(wall, repeats);
+    printf("  %-16s %9.2f  %8.2f-%-8.2f", who, 1e3 * mid / FRAMES, 1e3 * cpu[0] / FRAMES,
+           1e3 * cpu[repeats - 1] / FRAMES);
+    if (wall) printf(" %9.2f", 1e3 * mid_wall / FRAMES);
+    else printf("         -");
+    printf("  %6.2f %8.1f", (double)r->newton / FRAMES, (double)r->cg / FRAMES);
+    if (r->solves != r->newton || r->failed)
+        printf("   linear solves %.2f, halvings %d, failed %d", (double)r->solves / FRAMES,
+               r->halvings, r->failed);
+    printf("\n");
+}
+
+/* The mode that took the least CPU time in one run each, -1 without a yardstick. */
+static int best_mode(double stiffness) {
+    double least = HUGE_VAL;
+    int    best = -1, mode;
+    printf("  yardstick's modes, ms a frame:");
+    for (mode = 0; mode < MODES; mode++) {
+        run r;
+        if (!yardstick(stiffness, mode, &r)) continue;
+        printf("  %d: %.1f", mode, 1e3 * r.cpu / FRAMES);
+        if (r.cpu < least) least = r.cpu, best = mode;
+    }
+    printf(best < 0 ? "  skipped: no out/bench/yardstick\n" : "\n");
+    return best;
+}
+
+static void speed(double stiffness) {
+    enum { KIT, YARD, O2, TWO, WHO };
+    static double cpu[WHO][REPEATS_MAX], wall[WHO][REPEATS_MAX];
+    const char  *twin = bench_twin("bench_o2", "bench_step"), *text = getenv("REPEATS");
+    int          repeats = text ? atoi(text) : 5, good[WHO] = {0}, i, k;
+    unsigned long long one = 0, two = 0;
+    run          r[WHO];
+    int          mode = best_mode(stiffness);
+    char         name[32];
+    if (repeats < 1 || repeats > REPEATS_MAX) repeats = 5;
+    for (i = 0; i < repeats; i++) {
+        good[KIT] += kit(self, stiffness, 1, &r[KIT], &one);
+        if (mode >= 0) good[YARD] += yardstick(stiffness, mode, &r[YARD]);
+        if (*twin) good[O2] += kit(twin, stiffness, 1, &r[O2], NULL);
+        good[TWO] += kit(self, stiffness, 2, &r[TWO], &two);
+        for (k = 0; k < WHO; k++) cpu[k][i] = r[k].cpu, wall[k][i] = r[k].wall;
+    }
+    printf("  %-16s %9s  %17s %9s  %6s %8s   (a frame; median of %d)\n", "", "CPU ms", "min-max",
+           "wall ms", "Newton", "CG", repeats);
+    snprintf(name, sizeof name, "yardstick mode %d", mode);
+    if (good[KIT] == repeats) row("kit", stiffness, &r[KIT], cpu[KIT], wall[KIT], repeats);
+    if (good[YARD] == repeats) row(name, stiffness, &r[YARD], cpu[YARD], NULL, repeats);
+    if (good[O2] == repeats) row("kit -O2", stiffness, &r[O2], cpu[O2], wall[O2], repeats);
+    if (good[TWO] == repeats) row("kit 2 workers", stiffness, &r[TWO], cpu[TWO], wall[TWO], repeats);
+    CHECK(good[KIT] == repeats && r[KIT].failed == 0);
+    CHECK(good[TWO] == repeats && one == two);      /* the same bits */
+    if (good[YARD] == repeats)
+        printf("  ratio yardstick / kit at Y = %g: %.2f (aim 2.5)\n", stiffness,
+               bench_median(cpu[YARD], repeats) / bench_median(cpu[KIT], repeats));
+    if (good[YARD] == repeats && good[O2] == repeats)
+        printf("  ratio yardstick / kit at plain -O2: %.2f (aim 1.25)\n",
+               bench_median(cpu[YARD], repeats) / bench_median(cpu[O2], repeats));
+    if (!*twin) printf("  skipped: plain -O2, no out/bench_o2/bench/bench_step\n");
+    if (good[TWO] == repeats)
+        printf("  ratio one / two workers, wall: medians %.2f, minima %.2f (aim 1.6)\n",
+               bench_median(wall[KIT], repeats) / bench_median(wall[TWO], repeats),
+               wall[KIT][0] / wall[TWO][0]);
+}
+
+/* ---- errors */
+
+static double tight_error(cloth_sim *tight, const double *x, const double *v,
+                          const double *after) {
+    cloth_report report;
+    bench_put(tight, NV, x, v);
+    if (cloth_step(tight, H, &report)) return HUGE_VAL;
+    return bench_distance(cloth_sim_state(tight)->x, after, NV, NULL);
+}
+
+static int load_positions(const char *path, double *x) {
+    FILE  *f = fopen(path, "rb");
+    size_t got;
+    if (!f) return 0;
+    got = fread(x, sizeof *x, (size_t)3 * NV, f);
+    fclose(f);
+    return got == (size_t)3 * NV;
+}
+
+/* Where the yardstick is after so many frames; its last arguments make it write a file. */
+static int yardstick_positions(double stiffness, int frames, double tolerance, const char *cg,
+                               double *x) {
+    char args[256], out[1024];
+    const char *path = "out/bench/yardstick.bin";
+    snprintf(args, sizeof args, "%d 1 %g %d %g %s 60 16 3 %d 400 0 %s w", SIDE, stiffness, frames,
+             tolerance, cg, tolerance < TOLERANCE, path);
+    return bench_yardstick(args, out, sizeof out) >= 0 && load_positions(path, x);
+}
+
+/* Largest error of the sampled frames, over all and each one printed. */
+static double sampled(const char *who, const double *error) {
+    double big = 0;
+    int    k;
+    printf("  error of a frame, %-10s", who);
+    for (k = 0; k < (int)(sizeof SAMPLES / sizeof *SAMPLES); k++) {
+        printf("  %d: %.1e", SAMPLES[k] + 1, error[k]);
+        if (!(error[k] <= big)) big = error[k];
+    }
+    printf("  largest %.2e m\n", big);
+    return big;
+}
+
+static void errors(double stiffness) {
+    enum { COUNT = sizeof SAMPLES / sizeof *SAMPLES };
+    const size_t n = 3 * (size_t)NV;
+    double      *x[3], *v = (double *)bench_get(n, sizeof *v), error[COUNT], kit_error, rms;
+    cloth_desc   d = bench_desc(stiffness, RIGIDITY, TOLERANCE);
+    cloth_model *model[2];
+    cloth_sim   *sim[2];
+    cloth_times  ms;
+    int          i, k = 0, have = 1;
+    memset(&ms, 0, sizeof ms);
+    for (i = 0; i < 3; i++) x[i] = (double *)bench_get(n, sizeof **x);
+    d.hooks.clock.fn = bench_wall;
+    CHECK(!bench_sheet(&d, SIDE, &model[0], &sim[0]));
+    d.tolerance = TIGHT;
+    CHECK(!bench_sheet(&d, SIDE, &model[1], &sim[1]));
+    for (i = 0; i < FRAMES; i++) {
+        const cloth_state *s = cloth_sim_state(sim[0]);
+        cloth_report       report;
+        memcpy(x[0], s->x, n * sizeof *v);
+        memcpy(v, s->v, n * sizeof *v);
+        CHECK(!cloth_step(sim[0], H, &report));
+        ms.assemble += report.ms.assemble / FRAMES;
+        ms.linear += report.ms.linear / FRAMES;
+        ms.line_search += report.ms.line_search / FRAMES;
+        ms.total += report.ms.total / FRAMES;
+        if (i == SAMPLES[k]) error[k++] = tight_error(sim[1], x[0], v, s->x);
+    }
+    printf("  kit's stages, wall ms a frame: assemble %.2f, linear %.2f, line search %.2f, "
+           "total %.2f\n", ms.assemble, ms.linear, ms.line_search, ms.total);
+    kit_error = sampled("kit", error);
+    CHECK(kit_error <= 1e-3);
+
+    cloth_sim_reset(sim[1]);                /* the trajectory of exact steps */
+    for (i = 0; i < FRAMES; i++) CHECK(!cloth_step(sim[1], H, NULL));
+    memcpy(x[0], cloth_sim_state(sim[1])->x, n * sizeof *v);
+    printf("  frame %d against steps solved to %g m: kit %.2e m", FRAMES, TIGHT,
+           bench_distance(cloth_sim_state(sim[0])->x, x[0], NV, &rms));
+    printf(" (rms %.2e)", rms);
+    have = yardstick_positions(stiffness, FRAMES, TIGHT, "1e-3", x[2]) &&
+           yardstick_positions(stiffness, FRAMES, TOLERANCE, "0.1", x[1]);
+    if (have) {
+        printf(", yardstick %.2e m against its own", bench_distance(x[1], x[2], NV, &rms));
+        printf(" (rms %.2e);\n  the two exact trajectories differ by %.2e m", rms,
+               bench_distance(x[0], x[2], NV, NULL));
+    }
+    printf("\n");
+    for (k = 0; have && k < COUNT; k++) {   /* the same question to the yardstick */
+        const int f = SAMPLES[k];
+        have = yardstick_positions(stiffness, f - 1, TOLERANCE, "0.1", x[0]) &&
+               yardstick_positions(stiffness, f, TOLERANCE, "0.1", x[1]) &&
+               yardstick_positions(stiffness, f + 1, TOLERANCE, "0.1", x[2]);
+        for (i = 0; i < 3 * NV; i++) v[i] = (x[1][i] - x[0][i]) / H;
+        if (have) error[k] = tight_error(sim[1], x[1], v, x[2]);
+    }
+    if (have) {
+        const double theirs = sampled("yardstick", error);
+        printf("  ratio error of a frame, kit / yardstick: %.2f (aim at most 1)\n",
+               kit_error / theirs);
+        fprintf(csv, "%g,error_kit,0,%.6g,0,0,0\n%g,error_yardstick,0,%.6g,0,0,0\n", stiffness,
+                kit_error, stiffness, theirs);
+    }
+    for (i = 0; i < 2; i++) bench_free(&model[i], &sim[i]);
+    for (i = 0; i < 3; i++) free(x[i]);
+    free(v);
+}
+
+static void one_e4(void) {
+    printf("Y = 1e4 N/m\n");
+    speed(1e4);
+    errors(1e4);
+}
+
+static void one_e5(void) {
+    printf("Y = 1e5 N/m\n");
+    speed(1e5);
+    errors(1e5);
+}
+
+int main(int argc, char **argv) {
+    if (argc == 5 && !strcmp(argv[1], "child")) return child(argv);
+    self = argv[0];
+    TEST_BEGIN(argc, argv);
+    bench_machine(argv[0]);
+    printf("hanging sheet, N = %d, implicit Euler, h = 1/60 s, tolerance %g m, %d frames\n", SIDE,
+           TOLERANCE, FRAMES);
+    csv = bench_csv(out_csv, "stiffness,who,repeat,cpu_ms_per_frame,wall_ms_per_frame,newton,cg");
+    RUN(one_e4);
+    RUN(one_e5);
+    fclose(csv);
+    return TEST_END();
+}

@@ -11694,8 +11694,8 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
  * energy lost, with p = 2 asin(w/2) = w + w^3/24 + ... instead of w: order 2. Beyond w = 2 no
  * real p exists, and of the two solutions, whose product is 1, one grows without bound. M^-1 K
  * has real modes only, so the fastest decides: h_s < 2/omega_max, omega_max^2 the largest
- * eigenvalue of M^-1 K. A chain of springs k and masses m has omega_max = 2 sqrt(k/m), neighbours in
- * opposition: k is then stretched by twice the amplitude on both sides. We find omega_max by
+ * eigenvalue of M^-1 K. A chain of springs k and masses m has omega_max = 2 sqrt(k/m), its
+ * neighbours in opposition: each k is stretched by twice the amplitude. We find omega_max by
  * the power method on M^-1 K at the template, K u taken as a difference of gradients: a
  * function of model and params alone, made once. Stretched StVK is stiffer: along a principal
  * stretch s the tangent grows like (3 s^2 - 1)/2, so each step scales omega by the largest

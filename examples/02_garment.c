@@ -12,8 +12,8 @@
  *   page:     out/02_garment.html
  *   expected: 240 of 240 steps solved
  *
- * Pins: of the shirt all above 4 cm below its shoulder seams. Of a file: left and right of the middle the
- * vertex with the largest y + |x - middle| / 4 (of two alike the one in front), and all within
+ * Pins: of the shirt all above 4 cm below its shoulder seams. Of a file: left and right of the
+ * middle the vertex with the largest y + |x - middle| / 4 (of two alike the one in front), and all within
  * 6 % of the mesh's diagonal of either: shoulders of a shirt, hips of a skirt, corners of a sheet.
  *
  * Exercises: (1) material = cloth_material_fabric(CLOTH_FABRIC_DENIM): fewer, larger folds;

@@ -128,7 +128,7 @@ static void inertia_of_a_grid(void) {
     cloth_pattern_destroy(P);
 }
 
-/* The free grid itself: exactly three zero eigenvalues, one an axis. Pinning one vertex cures it. */
+/* The free grid itself: three zero eigenvalues, one an axis. Pinning one vertex cures it. */
 static void singular_is_said(void) {
     int w = 12, h = 9, i, N = 3 * w * h;
     cloth_pattern *P = NULL;

@@ -168,7 +168,8 @@ static void speed(double stiffness) {
     if (good[KIT] == repeats) row("kit", stiffness, &r[KIT], cpu[KIT], wall[KIT], repeats);
     if (good[YARD] == repeats) row(name, stiffness, &r[YARD], cpu[YARD], NULL, repeats);
     if (good[O2] == repeats) row("kit -O2", stiffness, &r[O2], cpu[O2], wall[O2], repeats);
-    if (good[TWO] == repeats) row("kit 2 workers", stiffness, &r[TWO], cpu[TWO], wall[TWO], repeats);
+    if (good[TWO] == repeats)
+        row("kit 2 workers", stiffness, &r[TWO], cpu[TWO], wall[TWO], repeats);
     CHECK(good[KIT] == repeats && r[KIT].failed == 0);
     CHECK(good[TWO] == repeats && one == two);      /* the same bits */
     if (good[YARD] == repeats)

@@ -15,7 +15,7 @@
  *   expected: raw: saddle, searched: saddle, projected: minimum, mixed: minimum, kit: minimum
  *
  * Exercises: (1) NOISE 0: nothing pushes a sheet that is exactly flat out of its plane, and all end
- * on the saddle. (2) SMALL 0: mixed needs as many iterations as projected, three times its own. (3)
+ * on a saddle. (2) SMALL 0: mixed needs as many iterations as projected, three times its own. (3)
  * NOISE 1e-3: raw now stumbles into a minimum, after 46 steps, some of them uphill.
  */
 #include "clothsim.h"

@@ -98,22 +98,6 @@ static inline void scene_end(scene *s) {
     memset(s, 0, sizeof *s);
 }
 
-/* 1: the kit can factor matrices. Sheets of which the membrane is 1e5 times stiffer than the
- * bending, in units of their length, are beyond conjugate gradients. */
-static inline int scene_can_factor(void) {
-    scene        s;
-    cloth_status status;
-    int          i;
-    scene_sheet(&s, CLOTH_SHEET_DIAGONAL, 3, 3, 1, 1);
-    s.desc.linear = CLOTH_LINEAR_CHOLESKY;
-    s.desc.gravity[2] = 1;
-    for (i = 0; i < 3; i++) scene_pin(&s, i, CLOTH_AXIS_ALL);
-    if (!scene_start(&s)) return 0;
-    status = cloth_solve_static(s.sim, &s.report);
-    scene_end(&s);
-    return status != CLOTH_ERR_UNSUPPORTED;
-}
-
 /* --- tables: a file of numbers separated by commas; a field that is text is read as 0 --- */
 
 typedef struct table {

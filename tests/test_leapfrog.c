@@ -1,0 +1,295 @@
+/* test_leapfrog.c - the explicit integrator: stability limit, automatic substeps, energy, time
+ * reversal, damping, moving pins, and no matrix.
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION test_leapfrog.c -lm */
+#include "../clothsim.h"
+
+#include "test.h"
+#include "reference.h"
+#include "dynamics.h"
+
+#define CHAIN 24                            /* edges */
+
+/* A strip that moves along x only, 100 edges wide so that its rows hardly shear: a chain with
+ * k = Y b/e between masses m = rho b e, half at the ends. Returns omega_max = 2 sqrt(k/m) = 2/e
+ * sqrt(Y/rho). */
+static double chain(dyn *d, double damping, int substeps) {
+    const int    nx = CHAIN + 1;
+    const double e = 0.01, b = 100 * e;
+    cloth_pin    pins[2 * (CHAIN + 1)];
+    double       mass[2 * (CHAIN + 1)];
+    int          i;
+    dyn_sheet(d, CLOTH_SHEET_DIAGONAL, nx, 2, e * CHAIN, b);
+    for (i = 0; i < 2 * nx; i++) {
+        pins[i].vertex = i;
+        pins[i].axes = CLOTH_AXIS_Y | CLOTH_AXIS_Z;
+        mass[i] = 0.2 * b * e * (i % nx == 0 || i % nx == nx - 1 ? 0.25 : 0.5);
+    }
+    d->desc.npins = 2 * nx;
+    d->desc.pins = pins;
+    d->desc.vertex_mass = mass;
+    d->desc.material.poisson = 0;
+    d->desc.material.damping = damping;
+    d->desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    d->desc.substeps = substeps;
+    dyn_start(d);
+    return 2 / e * sqrt(100 / 0.2);
+}
+
+/* Growth of a tiny disturbance over 400 steps of h. */
+static double growth(double h) {
+    dyn                d;
+    unsigned long long seed = 7;
+    double             first = 0, big = 0;
+    int                i, n;
+    chain(&d, 0, 1);
+    for (i = 0; i <= CHAIN; i++) {
+        const double u = ref_uniform(&seed, -1e-9, 1e-9);
+        d.state->x[3 * i] += u;
+        d.state->x[3 * (i + CHAIN + 1)] += u;
+        first = fmax(first, fabs(u));
+    }
+    for (n = 0; n < 400; n++)
+        if (cloth_step(d.sim, h, NULL)) break;
+    for (i = 0; i < d.nv; i++) big = fmax(big, fabs(d.state->x[3 * i] - d.mesh->x[3 * i]));
+    if (n < 400) big = 1e9;
+    dyn_end(&d);
+    return big / first;
+}
+
+/* Bisection between stable and not, against 2/omega_max, and the report's own estimate. */
+static void stability_limit(void) {
+    dyn          d;
+    cloth_report r;
+    double       omega = chain(&d, 0, 0), low = 1 / omega, high = 4 / omega;
+    int          k;
+    CHECK(cloth_step(d.sim, 10 / omega, &r) == CLOTH_OK);
+    dyn_end(&d);
+    for (k = 0; k < 12; k++) {
+        const double h = 0.5 * (low + high);
+        if (growth(h) < 100) low = h;
+        else high = h;
+    }
+    printf("  2/omega: chain %.4e s, found %.4e s, report %.4e s (%d substeps for 10/omega)\n",
+           2 / omega, low, 2 / r.omega_max, r.substeps);
+    CHECK_REL(low, 2 / omega, 0.02);
+    CHECK_REL(r.omega_max, omega, 0.04);
+    CHECK(r.omega_max > 0.995 * omega);     /* never on the unsafe side by much */
+    CHECK(r.substeps >= 5 && r.substeps <= 7);
+}
+
+/* A chain mode under damping tau decays like exp(-tau omega^2 t/2). */
+static void damping_rate(void) {
+    const double tau = 2e-5, pi = 3.14159265358979323846;
+    dyn          d;
+    cloth_report r;
+    double       omega, top, a = 1e-6, t, before, rate;
+    int          i, n;
+    top = chain(&d, tau, 0);
+    omega = top * sin(0.5 * pi * 6 / CHAIN);            /* free ends: cos(6 pi i / n) */
+    for (i = 0; i < d.nv; i++)
+        d.state->v[3 * i] = a * omega * cos(pi * 6 * (i % (CHAIN + 1)) / CHAIN);
+    cloth_sim_state_changed(d.sim);
+    before = dyn_kinetic(&d, d.state->v);
+    for (n = 0; n < 400; n++) CHECK(cloth_step(d.sim, 0.05 / omega, &r) == CLOTH_OK);
+    t = 20 / omega;
+    rate = -log(r.energy.total / before) / t;
+    printf("  damping rate %.4e 1/s, expected %.4e\n", rate, tau * omega * omega);
+    CHECK_REL(rate, tau * omega * omega, 0.02);
+    dyn_end(&d);
+}
+
+/* A sheet pinned at two corners, with hinges; flat: laid out level, to swing down. */
+static void hanging(dyn *d, int n, double damping, int substeps, int flat) {
+    cloth_pin pins[2];
+    int       i;
+    dyn_sheet(d, CLOTH_SHEET_ALTERNATING, n, n, 1, 1);
+    memset(pins, 0, sizeof pins);
+    pins[1].vertex = n - 1;
+    pins[0].axes = pins[1].axes = CLOTH_AXIS_ALL;
+    d->desc.npins = 2;
+    d->desc.pins = pins;
+    d->desc.gravity[1] = -9.81;
+    d->desc.bend = CLOTH_BEND_HINGE;
+    d->desc.material.bending = 1e-5;
+    d->desc.material.damping = damping;
+    d->desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    d->desc.substeps = substeps;
+    if (dyn_start(d))
+        for (i = 0; flat && i < d->nv; i++) {
+            d->state->x[3 * i + 2] = d->state->x[3 * i + 1];
+            d->state->x[3 * i + 1] = 0;
+        }
+    cloth_sim_state_changed(d->sim);
+}
+
+/* Swinging, stretching and buckling for 10^4 substeps and more: the energy stays. */
+static void energy_bounded(void) {
+    dyn          d;
+    cloth_ledger start;
+    cloth_report r;
+    long         substeps = 0;
+    double       low = 1e300, high = -1e300, swing = 0, late = 0;
+    int          n, steps = 0;
+    hanging(&d, 8, 0, 0, 1);
+    CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+    for (n = 0; substeps < 10000; n++) {
+        if (!CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK)) break;
+        substeps += r.substeps;
+        low = fmin(low, r.energy.total - start.total);
+        high = fmax(high, r.energy.total - start.total);
+        swing = fmax(swing, r.energy.kinetic);
+        if (substeps > 8000) {
+            late += r.energy.total - start.total;
+            steps++;
+        }
+        CHECK_NEAR(r.energy.numerical_loss, 0, 0.06 * (swing + 0.1));
+    }
+    printf("  %ld substeps in %d steps: total energy within %+.1e .. %+.1e J of the start, "
+           "late mean %+.1e J, kinetic up to %.2e J\n", substeps, n, low, high, late / steps,
+           swing);
+    CHECK(low > -0.05 * swing && high < 0.05 * swing);
+    CHECK(fabs(late / steps) < 0.02 * swing);
+    CHECK(r.bytes.matrix == 0 && r.bytes.factor == 0);
+    CHECK(r.cg == 0 && r.linear_solves == 0 && r.newton == 0 && r.counts.hessians == 0);
+    dyn_end(&d);
+}
+
+/* Forth and, with v reversed, back: the start again but for rounding. */
+static void reversible(void) {
+    dyn     d;
+    double *x;
+    double  moved, back;
+    int     i, n;
+    hanging(&d, 6, 0, 40, 1);
+    x = dyn_copy(d.state->x, 3 * (size_t)d.nv);
+    for (n = 0; n < 10; n++) CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+    moved = dyn_worst(d.state->x, x, 3 * d.nv);
+    for (i = 0; i < 3 * d.nv; i++) d.state->v[i] = -d.state->v[i];
+    cloth_sim_state_changed(d.sim);
+    for (n = 0; n < 10; n++) CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+    back = dyn_worst(d.state->x, x, 3 * d.nv);
+    printf("  moved %.2f m forth, %.1e m off when back\n", moved, back);
+    CHECK(moved > 0.05);
+    CHECK(back < 1e-10);
+    free(x);
+    dyn_end(&d);
+}
+
+/* Damped: stable, and no step gains energy but for the exchange within a substep. */
+static void damped(void) {
+    dyn          d;
+    cloth_report r, first;
+    double       before, speed = 0;
+    int          n, i;
+    hanging(&d, 8, 0.02, 0, 1);
+    CHECK(cloth_step(d.sim, 1.0 / 60, &first) == CLOTH_OK);
+    before = first.energy.total;
+    for (n = 0; n < 120; n++) {
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        CHECK(r.energy.total <= before + 1e-3 * fabs(before));
+        before = r.energy.total;
+    }
+    for (i = 0; i < 3 * d.nv; i++) speed = fmax(speed, fabs(d.state->v[i]));
+    printf("  tau = 0.02: %d substeps a step, energy %.4f -> %.4f J, fastest %.2e m/s\n",
+           r.substeps, first.energy.total, r.energy.total, speed);
+    CHECK(r.energy.total < first.energy.total);
+    CHECK(r.energy.kinetic < 0.3);
+    dyn_end(&d);
+}
+
+/* Two pins pull a sheet to twice its length: substeps follow the stiffening (3 s^2 - 1)/2. */
+static void stretched(void) {
+    dyn          d;
+    cloth_report r;
+    double       slack = 0, taut = 0, target[3] = {0, 0, 0};
+    int          n, i;
+    dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 7, 7, 1, 1);
+    d.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    d.desc.material.damping = 1e-3;
+    dyn_start(&d);
+    for (n = 0; n < 60; n++) {
+        const double s = n < 30 ? 1 + n / 29.0 : 2;
+        for (i = 0; i < 7; i++) {           /* the left edge stays, the right one goes to 2 */
+            target[0] = s;
+            target[1] = d.mesh->x[3 * (7 * i + 6) + 1];
+            CHECK(cloth_sim_pin(d.sim, 7 * i, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+            CHECK(cloth_sim_pin(d.sim, 7 * i + 6, CLOTH_AXIS_ALL, target) == CLOTH_OK);
+        }
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        for (i = 0; i < 7; i++) {
+            CHECK_NEAR(d.state->x[3 * (7 * i + 6)], s, 1e-14);
+            CHECK_NEAR(d.state->v[3 * (7 * i + 6)], n > 0 && n < 30 ? 60 / 29.0 : 0, 1e-9);
+        }
+        if (n == 0) slack = r.substeps;
+        taut = r.substeps;
+    }
+    printf("  substeps %g at rest, %g at stretch 2 (predicted ratio %.2f, damping aside)\n", slack,
+           taut, sqrt(5.5));
+    CHECK(taut > 1.8 * slack && taut < 4.5 * slack);
+    CHECK(r.energy.total < 1.3 * 100 / 8 * 9 && r.energy.kinetic < 0.1 * r.energy.total);
+    dyn_end(&d);
+}
+
+/* Released from stretch 2 the sheet snaps together, triangles turn over: automatic substeps keep it
+ * bounded, four times as many keep its energy to 1 %. */
+static void snap(void) {
+    int fixed;
+    for (fixed = 0; fixed < 2; fixed++) {
+        dyn          d;
+        cloth_report r;
+        cloth_ledger start;
+        double       worst = 0;
+        int          n, i, most = 0;
+        dyn_sheet(&d, CLOTH_SHEET_EQUILATERAL, 6, 6, 1, 0.9);
+        d.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+        d.desc.substeps = fixed ? 60 : 0;
+        dyn_start(&d);
+        for (i = 0; i < d.nv; i++) d.state->x[3 * i] *= 2;
+        cloth_sim_state_changed(d.sim);
+        CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+        for (n = 0; n < 60; n++) {
+            CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+            worst = fmax(worst, fabs(r.energy.total / start.total - 1));
+            if (r.substeps > most) most = r.substeps;
+        }
+        printf("  from stretch 2, up to %d substeps: energy within %.1e\n", most, worst);
+        CHECK(worst < (fixed ? 0.01 : 0.3));
+        dyn_end(&d);
+    }
+}
+
+/* Moving both pins alike carries the sheet along: their motion is exact and straight. */
+static void moving_pins(void) {
+    dyn          d;
+    cloth_report r;
+    double       a[3] = {0, 0, 0}, b[3] = {1, 0, 0};
+    int          n, k;
+    hanging(&d, 6, 0.01, 0, 0);
+    for (n = 1; n <= 60; n++) {
+        a[2] = 0.02 * n;
+        b[2] = 0.02 * n;
+        CHECK(cloth_sim_pin(d.sim, 0, CLOTH_AXIS_ALL, a) == CLOTH_OK);
+        CHECK(cloth_sim_pin(d.sim, 5, CLOTH_AXIS_ALL, b) == CLOTH_OK);
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        for (k = 0; k < 3; k++) {
+            CHECK_NEAR(d.state->x[k], a[k], 1e-15);
+            CHECK_NEAR(d.state->x[15 + k], b[k], 1e-15);
+        }
+        CHECK_NEAR(d.state->v[2], 1.2, 1e-12);
+    }
+    CHECK(fabs(d.state->x[3 * (d.nv - 1) + 2] - 1.2) < 0.7);    /* it came along */
+    dyn_end(&d);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(stability_limit);
+    RUN(damping_rate);
+    RUN(energy_bounded);
+    RUN(reversible);
+    RUN(damped);
+    RUN(stretched);
+    RUN(snap);
+    RUN(moving_pins);
+    return TEST_END();
+}

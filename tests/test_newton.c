@@ -1,0 +1,450 @@
+/* test_newton.c - the minimiser of a step: how fast it converges, what its tolerance means, and
+ * the hard cases of a catalogue of failures: no crash, no NaN, bounded time, energy not rising.
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION test_newton.c -lm */
+#include "../clothsim.h"
+
+#include "test.h"
+#include "reference.h"
+#include "dynamics.h"
+
+/* Cotton-like, n x n vertices, hung by its upper corners unless pins == 0. */
+static void cotton(dyn *d, int n, int pins) {
+    static cloth_pin corner[2];
+    dyn_sheet(d, CLOTH_SHEET_DIAGONAL, n, n, 1, 1);
+    corner[1].vertex = n - 1;
+    corner[0].axes = corner[1].axes = CLOTH_AXIS_ALL;
+    d->desc.npins = pins;
+    d->desc.pins = pins ? corner : NULL;
+    d->desc.gravity[1] = -9.81;
+    d->desc.material.density = 0.15;
+    d->desc.material.membrane = 300;
+    d->desc.material.bending = 1e-5;
+    d->desc.bend = CLOTH_BEND_HINGE;
+}
+
+static void noise(dyn *d, double size, unsigned long long seed) {
+    int i;
+    for (i = 0; i < d->nv; i++) d->state->x[3 * i + 2] += ref_uniform(&seed, -size, size);
+    cloth_sim_state_changed(d->sim);
+}
+
+/* phi(x) = 1/(2 h^2) |x - x_n - h v_n|_M^2 + E(x), what an implicit Euler step minimises. */
+static double merit(dyn *d, const double *x, const double *x_n, const double *v_n, double h) {
+    double value = 0, sum = 0;
+    int    i;
+    CHECK(cloth_sim_potential(d->sim, x, &value, NULL) == CLOTH_OK);
+    for (i = 0; i < 3 * d->nv; i++) {
+        const double q = x[i] - x_n[i] - h * v_n[i];
+        sum += d->mass[i / 3] * q * q / (2 * h * h);
+    }
+    return value + sum;
+}
+
+static double v_older[3 * 256];             /* v before the last checked step                  */
+
+/* One step: status as in the table, finite, and phi at the result at most phi where the search may
+ * have started: at x_n, x_n + h v_n or x_n + h (3/2 v_n - 1/2 v_(n-1)). */
+static cloth_status checked_step(dyn *d, double h, cloth_report *r) {
+    const size_t n = 3 * (size_t)d->nv;
+    double      *x = dyn_copy(d->state->x, n), *v = dyn_copy(d->state->v, n), before, after;
+    double      *guess = dyn_copy(x, n);
+    cloth_status status = cloth_step(d->sim, h, r);
+    size_t       i;
+    int          bad = 0;
+    CHECK(status == CLOTH_OK || status == CLOTH_ERR_STEP);
+    CHECK(r->outcome == CLOTH_STEP_CONVERGED || r->outcome == CLOTH_STEP_MAX_ITERATIONS ||
+          r->outcome == CLOTH_STEP_STALLED);
+    for (i = 0; i < n; i++) bad += !isfinite(d->state->x[i]) + !isfinite(d->state->v[i]);
+    CHECK(bad == 0);
+    if (status == CLOTH_OK) {
+        before = merit(d, x, x, v, h);
+        for (i = 0; i < n; i++) guess[i] = x[i] + h * v[i];
+        before = fmax(before, merit(d, guess, x, v, h));
+        for (i = 0; i < n; i++) guess[i] = x[i] + h * (1.5 * v[i] - 0.5 * v_older[i]);
+        before = fmax(before, merit(d, guess, x, v, h));
+        after = merit(d, d->state->x, x, v, h);
+        CHECK(after <= before + 1e-9 * (fabs(before) + fabs(after)));
+    }
+    memcpy(v_older, v, n * sizeof *v);
+    free(x);
+    free(v);
+    free(guess);
+    return status;
+}
+
+/* ---- convergence ----------------------------------------------------------------------------- */
+
+/* The step is solved with max_newton = 1, 2, .. from one state; the distance to the solution at
+ * last squares from iteration to iteration. */
+static void quadratic(void) {
+    dyn    d;
+    double error[32], order = 0, *x0, *v0, *exact = NULL;
+    int    k, n, last = 0;
+    cotton(&d, 8, 2);
+    d.desc.cg_tolerance = 1e-12;
+    d.desc.tolerance = 1e-13;
+    dyn_start(&d);
+    for (n = 0; n < 12; n++) CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+    x0 = dyn_copy(d.state->x, 3 * (size_t)d.nv);
+    v0 = dyn_copy(d.state->v, 3 * (size_t)d.nv);
+    for (k = 0; k < 31; k++) {              /* first to the end, then to 1, 2, .. */
+        cloth_report r;
+        d.desc.max_newton = k;
+        dyn_restart(&d);
+        memcpy(d.state->x, x0, 3 * (size_t)d.nv * sizeof *x0);
+        memcpy(d.state->v, v0, 3 * (size_t)d.nv * sizeof *v0);
+        for (n = 0; n < 3 * d.nv; n++) d.state->v[n] += 0.05 * sin(n);
+        cloth_sim_state_changed(d.sim);
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        if (k == 0) {
+            exact = dyn_copy(d.state->x, 3 * (size_t)d.nv);
+            printf("  converged in %d iterations:", r.newton);
+            continue;
+        }
+        error[k] = dyn_worst(d.state->x, exact, 3 * d.nv);
+        printf(" %.1e", error[k]);
+        last = k;
+        if (r.outcome == CLOTH_STEP_CONVERGED || error[k] < 1e-14) break;
+    }
+    for (k = 3; k <= last; k++)
+        if (error[k - 1] < 1e-4 && error[k - 1] > 1e-9)
+            order = fmax(order, log(error[k] + 1e-15) / log(error[k - 1]));
+    printf(", order %.2f\n", order);
+    CHECK(order > 1.5);
+    free(x0);
+    free(v0);
+    free(exact);
+    dyn_end(&d);
+}
+
+/* desc.tolerance is metres: the result is that near the exact minimum, give or take a few. */
+static void tolerance_in_metres(void) {
+    static const double tol[4] = {1e-3, 1e-4, 1e-6, 1e-8};
+    int    k, n;
+    double newton[4];
+    for (k = 0; k < 4; k++) {
+        dyn          d;
+        cloth_report r;
+        double      *x0, *v0, *ours, error;
+        cotton(&d, 8, 2);
+        dyn_start(&d);
+        for (n = 0; n < 15; n++) CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+        x0 = dyn_copy(d.state->x, 3 * (size_t)d.nv);
+        v0 = dyn_copy(d.state->v, 3 * (size_t)d.nv);
+        d.desc.tolerance = tol[k];
+        dyn_restart(&d);
+        memcpy(d.state->x, x0, 3 * (size_t)d.nv * sizeof *x0);
+        memcpy(d.state->v, v0, 3 * (size_t)d.nv * sizeof *v0);
+        cloth_sim_state_changed(d.sim);
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        CHECK(r.residual_m < tol[k]);
+        newton[k] = r.newton;
+        ours = dyn_copy(d.state->x, 3 * (size_t)d.nv);
+        d.desc.tolerance = 1e-12;
+        d.desc.cg_tolerance = 1e-10;
+        dyn_restart(&d);
+        memcpy(d.state->x, x0, 3 * (size_t)d.nv * sizeof *x0);
+        memcpy(d.state->v, v0, 3 * (size_t)d.nv * sizeof *v0);
+        cloth_sim_state_changed(d.sim);
+        CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+        error = dyn_worst(d.state->x, ours, 3 * d.nv);
+        printf("  tolerance %.0e m: %d iterations, last update %.1e, error %.1e m\n", tol[k],
+               r.newton, r.residual_m, error);
+        CHECK(error < 10 * tol[k]);
+        free(x0);
+        free(v0);
+        free(ours);
+        dyn_end(&d);
+    }
+    CHECK(newton[0] <= newton[3]);
+}
+
+/* ---- the catalogue --------------------------------------------------------------------------- */
+
+/* Flat, compressed 5 %: a saddle. Noise of 1e-9 m grows into wrinkles; without noise it may stay,
+ * but nothing breaks. */
+static void compressed_flat(void) {
+    int noisy;
+    for (noisy = 0; noisy < 2; noisy++) {
+        dyn          d;
+        cloth_report r;
+        cloth_ledger start;
+        double       before, out = 0;
+        int          i, n;
+        cotton(&d, 9, 0);
+        d.desc.gravity[1] = 0;
+        dyn_start(&d);
+        for (i = 0; i < d.nv; i++) {
+            d.state->x[3 * i] *= 0.95;
+            if (i % 9 == 0 || i % 9 == 8)
+                CHECK(cloth_sim_pin(d.sim, i, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+        }
+        cloth_sim_state_changed(d.sim);
+        if (noisy) noise(&d, 1e-9, 3);
+        CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+        before = start.total;
+        for (n = 0; n < 60; n++) {
+            CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK);
+            CHECK(r.energy.total <= before + 1e-6 * start.total);
+            before = r.energy.total;
+        }
+        for (i = 0; i < d.nv; i++) out = fmax(out, fabs(d.state->x[3 * i + 2]));
+        printf("  compressed 5 %%, noise %s: energy %.4f -> %.5f J, out of plane %.2e m\n",
+               noisy ? "1e-9 m" : "0", start.total, r.energy.total, out);
+        if (noisy) CHECK(out > 0.01 && r.energy.total < 0.1 * start.total);
+        dyn_end(&d);
+    }
+}
+
+/* A strip released at stretch s along x, where one raw Newton step overshoots to 5.4 or inverts:
+ * the step reaches a point of lower phi, the run ends at rest near 1 or at another minimum. */
+static void released(void) {
+    static const double s[7] = {3, 2, 0.6, 0.58, 0.57735, 0.3, 0.01};
+    int k, n;
+    for (k = 0; k < 7; k++) {
+        dyn          d;
+        cloth_report r;
+        int          i, most = 0;
+        cotton(&d, 6, 0);
+        d.desc.gravity[1] = 0;
+        dyn_start(&d);
+        for (i = 0; i < d.nv; i++) d.state->x[3 * i] *= s[k];
+        noise(&d, 1e-9, 5);
+        for (n = 0; n < 40; n++) {
+            CHECK(checked_step(&d, 0.1, &r) == CLOTH_OK);
+            if (r.newton > most) most = r.newton;
+        }
+        printf("  released at %.5f: at most %d iterations a step; energy %.1e J, stretch >= %.3f, "
+               "%d collapsed\n", s[k], most, r.energy.total, r.min_stretch, r.collapsed);
+        CHECK(r.collapsed >= 0 && r.min_stretch > -1e-12);
+        if (s[k] > 1) CHECK(r.min_stretch > 0.9);
+        dyn_end(&d);
+    }
+}
+
+/* Scaled by a half and by 3: at most 50 iterations. Crushed to a tenth: done, or a status. */
+static void scaled_sheet(void) {
+    static const double s[3] = {0.5, 0.1, 3};
+    int k;
+    for (k = 0; k < 3; k++) {
+        dyn          d;
+        cloth_report r;
+        int          i;
+        cotton(&d, 12, 0);
+        dyn_start(&d);
+        for (i = 0; i < 3 * d.nv; i++) d.state->x[i] *= s[k];
+        noise(&d, 1e-9, 11);
+        CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK || s[k] < 0.2);
+        printf("  scaled by %.1f: %d iterations, %d halvings%s\n", s[k], r.newton, r.halvings,
+               r.outcome == CLOTH_STEP_STALLED ? ", stalled" : "");
+        CHECK(r.newton <= (s[k] < 0.2 ? 400 : 50));
+        dyn_end(&d);
+    }
+}
+
+/* A vertex pushed through the opposite edge comes back when noise lets it turn over. */
+static void inverted(void) {
+    static const double rest[9] = {0, 0, 0, 1, 0, 0, 0.5, 0.9, 0};
+    static const int    face[3] = {0, 1, 2};
+    cloth_desc   desc = cloth_desc_default();
+    dyn          d;
+    cloth_report r;
+    int          n;
+    memset(&d, 0, sizeof d);
+    desc.nv = d.nv = 3;
+    desc.nf = 1;
+    desc.x_rest = rest;
+    desc.faces = face;
+    desc.gravity[1] = 0;
+    d.desc = desc;
+    dyn_start(&d);
+    d.state->x[7] = -0.5;
+    noise(&d, 1e-9, 2);
+    for (n = 0; n < 100; n++) CHECK(checked_step(&d, 0.05, &r) == CLOTH_OK);
+    printf("  inverted triangle: stretch %.6f, energy %.1e J\n", r.min_stretch, r.energy.stretch);
+    CHECK_NEAR(r.min_stretch, 1, 1e-3);     /* its mirror is the rest shape in space */
+    dyn_end(&d);
+}
+
+/* Two materials, stiffness ratio 1e6 in stripes, and bending over stretch from nothing to huge. */
+static void stiffness_ratios(void) {
+    static const double D[4] = {1e-13, 1e-7, 1e-2, 10};
+    cloth_material m[2];
+    int            region[200], k, n, f;
+    dyn            d;
+    cloth_report   r;
+    cotton(&d, 8, 2);
+    m[0] = m[1] = d.desc.material;
+    m[0].membrane = 1;
+    m[1].membrane = 1e6;
+    for (f = 0; f < d.desc.nf; f++) region[f] = f / 14 % 2;
+    d.desc.nregions = 2;
+    d.desc.materials = m;
+    d.desc.region = region;
+    dyn_start(&d);
+    for (n = 0; n < 5; n++) CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK);
+    printf("  stripes 1 and 1e6 N/m: %d iterations, %d CG, residual %.1e N\n", r.newton, r.cg,
+           r.residual_N);
+    dyn_end(&d);
+    for (k = 0; k < 4; k++) {
+        cotton(&d, 8, 2);
+        d.desc.material.bending = D[k];
+        dyn_start(&d);
+        noise(&d, 1e-3, 4);
+        for (n = 0; n < 5; n++) CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK);
+        printf("  D/(Yh l^2) = %.0e: %d iterations, %d CG, residual %.1e N\n", D[k] / 300 * 49,
+               r.newton, r.cg, r.residual_N);
+        dyn_end(&d);
+    }
+}
+
+/* Poisson's ratio up to the border, both Lame conventions. */
+static void poisson(void) {
+    static const double nu[5] = {-0.9, 0, 0.49, 0.4999, 0.5};
+    int k, n, plane;
+    for (plane = 0; plane < 2; plane++)
+        for (k = 0; k < 5; k++) {
+            dyn          d;
+            cloth_report r;
+            cotton(&d, 8, 2);
+            d.desc.material.poisson = nu[k];
+            d.desc.material.plane = plane ? CLOTH_PLANE_STRAIN_3D : CLOTH_PLANE_STRESS;
+            if (plane && nu[k] > 0.49999) { /* refused: lambda is infinite */
+                cloth_model *model;
+                CHECK(cloth_model_create(&d.desc, &model) == CLOTH_ERR_ARGUMENT && !model);
+                dyn_end(&d);
+                continue;
+            }
+            dyn_start(&d);
+            for (n = 0; n < 5; n++) CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK);
+            dyn_end(&d);
+        }
+}
+
+/* h from 1e-5 to 1: every step converges; at h = 1 the sheet is within reach of equilibrium. */
+static void any_step(void) {
+    static const double h[6] = {1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1};
+    int k, n;
+    for (k = 0; k < 6; k++) {
+        dyn          d;
+        cloth_report r;
+        int          newton = 0;
+        cotton(&d, 10, 2);
+        dyn_start(&d);
+        for (n = 0; n < 5; n++) {
+            CHECK(checked_step(&d, h[k], &r) == CLOTH_OK);
+            newton += r.newton;
+        }
+        printf("  h = %.0e s: %.1f iterations a step, residual %.1e m %.1e N\n", h[k], newton / 5.0,
+               r.residual_m, r.residual_N);
+        if (k == 0) {                       /* 5 steps: y = -g h^2 15, for a free corner */
+            CHECK_NEAR(d.state->x[3 * 99 + 1] - d.mesh->x[3 * 99 + 1], -9.81 * 15e-10, 1e-11);
+        }
+        dyn_end(&d);
+    }
+}
+
+/* All vertices uniform in the unit cube: phi falls, nothing is NaN, time is bounded. */
+static void scrambled(void) {
+    unsigned long long seed;
+    const int          seeds = test_quick() ? 3 : 10;
+    int                stalls = 0, most = 0;
+    for (seed = 1; seed <= (unsigned long long)seeds; seed++) {
+        dyn                d;
+        cloth_report       r;
+        unsigned long long s = seed;
+        int                i, n;
+        cotton(&d, 8, 0);
+        dyn_start(&d);
+        for (i = 0; i < 3 * d.nv; i++) d.state->x[i] = ref_uniform(&s, 0, 1);
+        cloth_sim_state_changed(d.sim);
+        for (n = 0; n < 10; n++) {
+            stalls += checked_step(&d, 1.0 / 60, &r) != CLOTH_OK;
+            if (r.newton > most) most = r.newton;
+        }
+        dyn_end(&d);
+    }
+    printf("  scrambled: %d of %d steps stalled, at most %d iterations\n", stalls, 10 * seeds,
+           most);
+    CHECK(stalls == 0);
+    CHECK(most <= 400);
+}
+
+/* All vertices at one point: the gradient of the membrane is exactly 0 there. */
+static void coincident(void) {
+    dyn          d;
+    cloth_report r;
+    int          i, n, stalls = 0;
+    cotton(&d, 6, 0);
+    dyn_start(&d);
+    for (i = 0; i < 3 * d.nv; i++) d.state->x[i] = 0;
+    cloth_sim_state_changed(d.sim);
+    for (n = 0; n < 10; n++) stalls += checked_step(&d, 1.0 / 60, &r) != CLOTH_OK;
+    printf("  one point: %d of 10 steps stalled, %d collapsed\n", stalls, r.collapsed);
+    CHECK(stalls == 0);
+    noise(&d, 1e-6, 9);                     /* a little noise: it unfolds */
+    for (i = 0; i < d.nv; i++) {
+        d.state->x[3 * i] += 1e-6 * sin(i);
+        d.state->x[3 * i + 1] += 1e-6 * cos(3 * i);
+    }
+    cloth_sim_state_changed(d.sim);
+    for (n = 0; n < 60; n++) stalls += checked_step(&d, 1.0 / 60, &r) != CLOTH_OK;
+    printf("  then noise of 1e-6 m, 60 steps: %d stalled, %d of 50 collapsed, energy %.2e J\n",
+           stalls, r.collapsed, r.energy.stretch);
+    CHECK(stalls == 0);
+    CHECK(r.collapsed < 50);
+    dyn_end(&d);
+}
+
+/* A pin jumps 1 m in one step. */
+static void teleported_pin(void) {
+    const double to[3] = {1, 1, 1};
+    dyn          d;
+    cloth_report r;
+    int          n;
+    cotton(&d, 10, 2);
+    dyn_start(&d);
+    for (n = 0; n < 3; n++) CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+    CHECK(cloth_sim_pin(d.sim, 0, CLOTH_AXIS_ALL, to) == CLOTH_OK);
+    for (n = 0; n < 10; n++) {
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        CHECK_NEAR(dyn_worst(d.state->x, to, 3), 0, 0);
+        CHECK(isfinite(r.energy.total));
+        if (n == 0) printf("  pin 1 m away: %d iterations, %d halvings", r.newton, r.halvings);
+    }
+    printf(", then %d\n", r.newton);
+    dyn_end(&d);
+}
+
+/* One vertex of 1 kg among 1e-6 kg. */
+static void mass_ratio(void) {
+    double       mass[64];
+    dyn          d;
+    cloth_report r;
+    int          i, n;
+    cotton(&d, 8, 2);
+    for (i = 0; i < 64; i++) mass[i] = i == 36 ? 1 : 1e-6;
+    d.desc.vertex_mass = mass;
+    dyn_start(&d);
+    for (n = 0; n < 10; n++) CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK);
+    printf("  mass ratio 1e6: %d iterations, %d CG\n", r.newton, r.cg);
+    dyn_end(&d);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(quadratic);
+    RUN(tolerance_in_metres);
+    RUN(compressed_flat);
+    RUN(released);
+    RUN(scaled_sheet);
+    RUN(inverted);
+    RUN(stiffness_ratios);
+    RUN(poisson);
+    RUN(any_step);
+    RUN(scrambled);
+    RUN(coincident);
+    RUN(teleported_pin);
+    RUN(mass_ratio);
+    return TEST_END();
+}

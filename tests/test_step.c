@@ -1,0 +1,653 @@
+/* test_step.c - the table at cloth_step row by row, the ledger, momentum and shape counts of the
+ * report, and what a cloth at rest costs.
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION test_step.c -lm */
+#include "../clothsim.h"
+
+#include "test.h"
+#include "reference.h"
+#include "dynamics.h"
+
+/* A sheet hung by two corners, thrown; hooks from the caller. */
+static void scene(dyn *d, cloth_integrator integrator, const cloth_hooks *hooks) {
+    static const cloth_pin pins[2] = {{0, CLOTH_AXIS_ALL}, {5, CLOTH_AXIS_ALL}};
+    int                    i;
+    dyn_sheet(d, CLOTH_SHEET_ALTERNATING, 6, 6, 1, 1);
+    d->desc.npins = 2;
+    d->desc.pins = pins;
+    d->desc.gravity[1] = -9.81;
+    d->desc.bend = CLOTH_BEND_HINGE;
+    d->desc.material.bending = 1e-4;
+    d->desc.integrator = integrator;
+    if (hooks) d->desc.hooks = *hooks;
+    if (!dyn_start(d)) return;
+    for (i = 0; i < d->nv; i++) d->state->v[3 * i + 2] = 0.3 * d->state->x[3 * i + 1];
+    cloth_sim_state_changed(d->sim);
+}
+
+static const cloth_integrator integrators[3] = {CLOTH_INTEGRATOR_LEAPFROG, CLOTH_INTEGRATOR_EULER,
+                                                CLOTH_INTEGRATOR_BDF2};
+
+/* One step that must fail with this status and outcome and leave the hash; then, put right by
+ * `mend`, the run goes on as one that never failed. */
+static void must_fail(dyn *d, double h, cloth_status status, cloth_outcome outcome, int vertex) {
+    const uint64_t before = cloth_sim_hash(d->sim);
+    cloth_report   r;
+    CHECK(cloth_step(d->sim, h, &r) == status);
+    CHECK(r.status == status);
+    CHECK(r.outcome == outcome);
+    CHECK(cloth_sim_hash(d->sim) == before);
+    if (vertex >= 0) CHECK(r.vertex == vertex);
+    CHECK(cloth_step(d->sim, h, NULL) == status);       /* the same without a report */
+    CHECK(cloth_sim_hash(d->sim) == before);
+}
+
+static void steps(dyn *d, int n) {
+    while (n-- > 0) CHECK(cloth_step(d->sim, 1.0 / 60, NULL) == CLOTH_OK);
+}
+
+/* Hash after 3 steps, and after 2 more when nothing went wrong between. */
+static uint64_t undisturbed(cloth_integrator integrator) {
+    dyn      d;
+    uint64_t hash;
+    scene(&d, integrator, NULL);
+    steps(&d, 5);
+    hash = cloth_sim_hash(d.sim);
+    dyn_end(&d);
+    return hash;
+}
+
+static void converged(void) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        dyn            d;
+        cloth_report   r;
+        uint64_t       before;
+        double         t;
+        scene(&d, integrators[k], NULL);
+        before = cloth_sim_hash(d.sim);
+        t = d.state->t;
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        CHECK(r.status == CLOTH_OK && r.outcome == CLOTH_STEP_CONVERGED && r.vertex == -1);
+        CHECK(cloth_sim_hash(d.sim) != before);
+        CHECK_NEAR(d.state->t, t + 1.0 / 60, 1e-15);
+        CHECK_NEAR(r.h, 1.0 / 60, 0);
+        if (k > 0) CHECK(r.residual_m < CLOTH_DEFAULT_TOLERANCE && r.newton > 0);
+        dyn_end(&d);
+    }
+}
+
+static void max_newton(void) {
+    dyn            d;
+    cloth_report   r;
+    uint64_t       before;
+    int            n;
+    scene(&d, CLOTH_INTEGRATOR_EULER, NULL);
+    d.desc.max_newton = 1;
+    d.desc.npins = 0;
+    d.desc.tolerance = 1e-12;
+    dyn_restart(&d);
+    for (n = 0; n < d.nv; n++) d.state->x[3 * n] *= 1.2 + 0.1 * sin(n);
+    cloth_sim_state_changed(d.sim);
+    before = cloth_sim_hash(d.sim);
+    CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+    CHECK(r.outcome == CLOTH_STEP_MAX_ITERATIONS && r.newton == 1 && r.residual_m > 1e-12);
+    CHECK(cloth_sim_hash(d.sim) != before);
+    dyn_end(&d);
+}
+
+static void nonfinite_state(void) {
+    const double bad[3] = {NAN, INFINITY, -INFINITY};
+    int          k, b;
+    for (k = 0; k < 3; k++)
+        for (b = 0; b < 3; b++) {
+            dyn    d;
+            double good;
+            scene(&d, integrators[k], NULL);
+            steps(&d, 3);
+            good = d.state->x[3 * 17 + 1];
+            d.state->x[3 * 17 + 1] = bad[b];
+            must_fail(&d, 1.0 / 60, CLOTH_ERR_NONFINITE, CLOTH_STEP_NONE, 17);
+            d.state->x[3 * 17 + 1] = good;
+            good = d.state->v[3 * 35 + 2];
+            d.state->v[3 * 35 + 2] = bad[b];
+            must_fail(&d, 1.0 / 60, CLOTH_ERR_NONFINITE, CLOTH_STEP_NONE, 35);
+            d.state->v[3 * 35 + 2] = good;
+            steps(&d, 2);
+            CHECK(cloth_sim_hash(d.sim) == undisturbed(integrators[k]));
+            dyn_end(&d);
+        }
+}
+
+static void nonfinite_target(void) {
+    dyn          d;
+    const double target[3] = {0, NAN, 0};
+    uint64_t     before;
+    scene(&d, CLOTH_INTEGRATOR_EULER, NULL);
+    steps(&d, 3);
+    before = cloth_sim_hash(d.sim);         /* refused where it is given */
+    CHECK(cloth_sim_pin(d.sim, 0, CLOTH_AXIS_ALL, target) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_sim_hash(d.sim) == before);
+    CHECK(cloth_sim_pin(d.sim, 0, CLOTH_AXIS_X, target) == CLOTH_OK);   /* only x is read */
+    steps(&d, 1);
+    dyn_end(&d);
+}
+
+static void bad_h(void) {
+    const double h[6] = {0, -1.0 / 60, -INFINITY, INFINITY, NAN, -0.0};
+    int          k, i;
+    for (k = 0; k < 3; k++) {
+        dyn d;
+        scene(&d, integrators[k], NULL);
+        steps(&d, 3);
+        for (i = 0; i < 6; i++)
+            must_fail(&d, h[i], isfinite(h[i]) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                      CLOTH_STEP_NONE, -1);
+        steps(&d, 2);
+        CHECK(cloth_sim_hash(d.sim) == undisturbed(integrators[k]));
+        dyn_end(&d);
+    }
+    CHECK(cloth_step(NULL, 1, NULL) == CLOTH_ERR_ARGUMENT);
+}
+
+static int cancel_after(void *user) { return --*(int *)user < 0; }
+
+static void cancelled(void) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        dyn         d;
+        cloth_hooks hooks;
+        int         left = 1 << 30, n;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.cancel.fn = cancel_after;
+        hooks.cancel.user = &left;
+        scene(&d, integrators[k], &hooks);
+        steps(&d, 3);
+        for (n = 0; n < (k ? 2 : 1); n++) { /* at the first question, and at the second */
+            const uint64_t before = cloth_sim_hash(d.sim);
+            cloth_report   r;
+            left = n;
+            CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_ERR_CANCELLED);
+            CHECK(r.status == CLOTH_ERR_CANCELLED && r.outcome == CLOTH_STEP_NONE);
+            CHECK(cloth_sim_hash(d.sim) == before);
+        }
+        left = 1 << 30;
+        steps(&d, 2);
+        CHECK(cloth_sim_hash(d.sim) == undisturbed(integrators[k]));
+        dyn_end(&d);
+    }
+}
+
+/* Given up in the second of three substeps: the first is taken back too. */
+static void cancelled_half_way(void) {
+    int k, taken = 0;
+    for (k = 1; k < 3; k++) {
+        dyn         d;
+        cloth_hooks hooks;
+        int         left = 1 << 30, n;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.cancel.fn = cancel_after;
+        hooks.cancel.user = &left;
+        scene(&d, integrators[k], &hooks);
+        d.desc.substeps = 3;
+        dyn_restart(&d);
+        d.state->v[3 * 35 + 2] = 0.5;
+        cloth_sim_state_changed(d.sim);
+        steps(&d, 2);
+        for (n = 0; n < 20; n++) {
+            const uint64_t before = cloth_sim_hash(d.sim);
+            cloth_report   r;
+            cloth_status   status;
+            left = n;
+            status = cloth_step(d.sim, 1.0 / 60, &r);
+            if (status == CLOTH_OK) break;
+            CHECK(status == CLOTH_ERR_CANCELLED && cloth_sim_hash(d.sim) == before);
+            taken += r.substeps > 0;
+        }
+        dyn_end(&d);
+    }
+    CHECK(taken > 0);
+}
+
+typedef struct heap {
+    long left, live;
+} heap;
+
+static void *heap_alloc(size_t size, void *user) {
+    heap *p = (heap *)user;
+    void *q = p->left-- > 0 ? malloc(size) : NULL;
+    p->live += q != NULL;
+    return q;
+}
+
+static void heap_free(void *ptr, size_t size, void *user) {
+    (void)size;
+    ((heap *)user)->live -= ptr != NULL;
+    free(ptr);
+}
+
+/* The first step allocates: its n-th allocation fails for n = 0, 1, .. until it succeeds. */
+static void out_of_memory(void) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        dyn          d;
+        heap         mem = {1 << 30, 0};
+        cloth_hooks  hooks;
+        cloth_report r;
+        int          n, refused = 0;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.allocator.alloc = heap_alloc;
+        hooks.allocator.free = heap_free;
+        hooks.allocator.user = &mem;
+        scene(&d, integrators[k], &hooks);
+        for (n = 0; n < 1000; n++) {
+            const uint64_t before = cloth_sim_hash(d.sim);
+            cloth_status   status;
+            mem.left = n;
+            status = cloth_step(d.sim, 1.0 / 60, &r);
+            if (status == CLOTH_OK) break;
+            refused++;
+            CHECK(status == CLOTH_ERR_MEMORY && r.outcome == CLOTH_STEP_NONE);
+            CHECK(cloth_sim_hash(d.sim) == before);
+        }
+        CHECK(refused > 0 && n < 1000);
+        mem.left = 0;                       /* steady state: nothing is allocated */
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK && r.counts.allocations == 0);
+        CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+        mem.left = 1 << 30;
+        steps(&d, 2);
+        CHECK(cloth_sim_hash(d.sim) == undisturbed(integrators[k]));
+        dyn_end(&d);
+        CHECK(mem.live == 0);
+    }
+}
+
+/* ---- host terms ------------------------------------------------------------------------------ */
+
+typedef struct hostile {
+    int    kind, armed;                     /* 1: uphill gradient, 2: NaN value, 3: NaN gradient,
+                                               4: refuses, 5: infinite value */
+} hostile;
+
+static cloth_status hostile_eval(void *user, const cloth_eval *e, double *energy) {
+    const hostile *p = (const hostile *)user;
+    int            i;
+    *energy = 0;
+    if (!p->armed) return CLOTH_OK;
+    switch (p->kind) {
+    case 1:                                 /* says down where it is up: a wall of |x - x_n| */
+        for (i = 0; i < 3 * e->nv; i++) {
+            const double d = e->x[i] - e->x_n[i];
+            *energy += 1e6 * fabs(d);
+            if (e->grad) e->grad[i] += 1e3 * (d < 0 ? 1 : -1);
+        }
+        break;
+    case 2: *energy = NAN; break;
+    case 3: if (e->grad) e->grad[3 * 20] = NAN; break;
+    case 4: return CLOTH_ERR_NUMERIC;
+    default: *energy = INFINITY; break;
+    }
+    return CLOTH_OK;
+}
+
+static void arm(dyn *d, hostile *p) {
+    cloth_term term;
+    memset(&term, 0, sizeof term);
+    term.name = "hostile";
+    term.user = p;
+    term.eval = hostile_eval;
+    CHECK(cloth_sim_add_term(d->sim, &term) == CLOTH_OK);
+}
+
+/* Gradient and value contradict each other: no step down is found. */
+static void stalled(void) {
+    int k;
+    for (k = 1; k < 3; k++) {
+        dyn      d;
+        hostile  p = {1, 0};
+        uint64_t hash[2];
+        int      fail;
+        for (fail = 0; fail < 2; fail++) {  /* the hash of a sim with a term of the host's own */
+            scene(&d, integrators[k], NULL);
+            arm(&d, &p);
+            steps(&d, 3);
+            p.armed = fail;
+            if (fail) must_fail(&d, 1.0 / 60, CLOTH_ERR_STEP, CLOTH_STEP_STALLED, -1);
+            p.armed = 0;
+            steps(&d, 2);
+            hash[fail] = cloth_sim_hash(d.sim);
+            dyn_end(&d);
+        }
+        CHECK(hash[0] == hash[1]);
+    }
+}
+
+/* A term that answers NaN or infinity: the step ends with a status, never with a NaN in x. */
+static void term_nonfinite(void) {
+    int k, kind;
+    for (k = 0; k < 3; k++)
+        for (kind = 2; kind <= 5; kind++) {
+            dyn          d;
+            hostile      p = {0, 0};
+            cloth_report r;
+            uint64_t     before;
+            cloth_status status;
+            int          report, i;
+            p.kind = kind;
+            scene(&d, integrators[k], NULL);
+            arm(&d, &p);
+            steps(&d, 3);
+            before = cloth_sim_hash(d.sim);
+            p.armed = 1;
+            for (report = 1; report >= 0; report--) {
+                status = cloth_step(d.sim, 1.0 / 60, report ? &r : NULL);
+                if (k == 0 && (kind == 2 || kind == 5)) {   /* LEAPFROG asks for no value */
+                    CHECK(status == CLOTH_OK);
+                    for (i = 0; i < 3 * d.nv; i++) CHECK(isfinite(d.state->x[i]));
+                    continue;
+                }
+                CHECK(status == (kind == 4 ? CLOTH_ERR_NUMERIC : CLOTH_ERR_NONFINITE));
+                if (report) CHECK(r.status == status && r.outcome == CLOTH_STEP_NONE);
+                CHECK(cloth_sim_hash(d.sim) == before);
+            }
+            dyn_end(&d);
+        }
+}
+
+/* ---- ledger ---------------------------------------------------------------------------------- */
+
+/* Sum of the ledger's parts, and the balance of the step, from the state before and after. */
+static void balance(const cloth_report *r, double before, double scale) {
+    const cloth_ledger *l = &r->energy;
+    CHECK_NEAR(l->total, l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other,
+               1e-12 * scale);
+    CHECK_NEAR(l->total - before, l->wind_work + l->force_work + l->pin_work - l->damping_loss
+                                      - l->numerical_loss, 1e-12 * scale);
+}
+
+/* What implicit Euler loses, from its definition: with F = M (v - v_n)/h the force that acted,
+ *   loss = 1/2 |v - v_n|_M^2 + E(x_n) - E(x) + grad E(x).(x - x_n)
+ * where E is what is conservative. Compared with the report's, which is what balances. */
+static void euler_loss(void) {
+    dyn          d;
+    cloth_report r;
+    cloth_ledger start;
+    double      *x, *v, *g, e0, e1, target[3], worst = 0, pin_work = 0;
+    int          n, i;
+    scene(&d, CLOTH_INTEGRATOR_EULER, NULL);
+    d.desc.tolerance = 1e-12;
+    d.desc.cg_tolerance = 1e-10;
+    dyn_restart(&d);
+    x = dyn_copy(d.state->x, 3 * (size_t)d.nv);
+    v = dyn_copy(x, 3 * (size_t)d.nv);
+    g = dyn_copy(x, 3 * (size_t)d.nv);
+    CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+    for (n = 1; n <= 40; n++) {
+        double loss;
+        memcpy(x, d.state->x, 3 * (size_t)d.nv * sizeof *x);
+        memcpy(v, d.state->v, 3 * (size_t)d.nv * sizeof *v);
+        target[0] = 0.05 * sin(0.2 * n);
+        target[1] = 0.03 * sin(0.3 * n);
+        target[2] = 0.05 * (1 - cos(0.2 * n));
+        CHECK(cloth_sim_pin(d.sim, 0, CLOTH_AXIS_ALL, target) == CLOTH_OK);
+        CHECK(cloth_sim_potential(d.sim, x, &e0, NULL) == CLOTH_OK);
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        CHECK(cloth_sim_potential(d.sim, d.state->x, &e1, g) == CLOTH_OK);
+        balance(&r, start.total, 1);
+        loss = e0 - e1;
+        for (i = 0; i < 3 * d.nv; i++) {
+            const double dv = d.state->v[i] - v[i];
+            loss += 0.5 * d.mass[i / 3] * dv * dv + g[i] * (d.state->x[i] - x[i]);
+        }
+        worst = fmax(worst, fabs(loss - r.energy.numerical_loss));
+        pin_work += r.energy.pin_work;
+        CHECK_NEAR(r.energy.kinetic, dyn_kinetic(&d, d.state->v), 1e-14);
+        start = r.energy;
+    }
+    printf("  loss by its formula and by the balance: worst difference %.1e J (pins worked %.3f "
+           "J)\n", worst, pin_work);
+    CHECK(worst <= 1e-10);
+    CHECK(fabs(pin_work) > 1e-3);
+    free(x);
+    free(v);
+    free(g);
+    dyn_end(&d);
+}
+
+/* A drum in tension, struck: nothing is compressed and implicit Euler never gains; BDF2 and
+ * leapfrog lose much less. */
+static void loss_has_a_sign(void) {
+    double lost[3];
+    int    k, i, n;
+    for (k = 0; k < 3; k++) {
+        dyn          d;
+        cloth_report r;
+        cloth_pin    pins[36];
+        double       x[108], before = 0;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 6, 6, 1, 1);
+        d.desc.pins = pins;
+        for (i = 0; i < 36; i++) {
+            if (i % 6 == 0 || i % 6 == 5 || i < 6 || i >= 30) {
+                pins[d.desc.npins].vertex = i;
+                pins[d.desc.npins++].axes = CLOTH_AXIS_ALL;
+            }
+            x[3 * i] = 1.2 * d.mesh->x[3 * i];
+            x[3 * i + 1] = 1.2 * d.mesh->x[3 * i + 1];
+            x[3 * i + 2] = 0;
+        }
+        d.desc.x = x;
+        d.desc.integrator = integrators[k];
+        d.desc.tolerance = 1e-10;
+        d.desc.cg_tolerance = 1e-8;
+        dyn_start(&d);
+        d.state->v[3 * 14 + 2] = d.state->v[3 * 21 + 2] = 0.5;
+        cloth_sim_state_changed(d.sim);
+        lost[k] = 0;
+        for (n = 0; n < 60; n++) {
+            CHECK(cloth_step(d.sim, 1.0 / 480, &r) == CLOTH_OK);
+            CHECK(r.min_stretch > 1 && r.collapsed == 0);
+            if (k == 1) CHECK(r.energy.numerical_loss >= -1e-12);
+            if (k == 1 && n > 0) CHECK(r.energy.total <= before + 1e-12);
+            before = r.energy.total;
+            lost[k] += r.energy.numerical_loss;
+        }
+        dyn_end(&d);
+    }
+    printf("  lost in 60 steps: leapfrog %+.1e, implicit Euler %.1e, BDF2 %+.1e J\n", lost[0],
+           lost[1], lost[2]);
+    CHECK(fabs(lost[2]) < 0.5 * lost[1] && fabs(lost[0]) < 0.1 * lost[1]);
+}
+
+/* A free sheet in a force field and wind: work is force times path. (LEAPFROG keeps no account of
+ * wind and damping: they are in what its balance leaves.) */
+static void works(void) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        dyn          d;
+        cloth_report r;
+        cloth_ledger start;
+        const double wind[3] = {0, 0, 4};
+        double       f[108], x[108];
+        int          i, n;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 6, 6, 1, 1);
+        d.desc.integrator = integrators[k];
+        d.desc.material.damping = 0.01;
+        d.desc.tolerance = 1e-9;
+        d.desc.cg_tolerance = 1e-8;
+        dyn_start(&d);
+        for (i = 0; i < 108; i++) f[i] = 0.01 * sin(i);
+        CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+        for (n = 0; n < 30; n++) {
+            double work = 0;
+            CHECK(cloth_sim_set_force(d.sim, f) == CLOTH_OK);
+            if (n == 10) CHECK(cloth_sim_set_wind(d.sim, wind) == CLOTH_OK);
+            memcpy(x, d.state->x, sizeof x);
+            CHECK(cloth_step(d.sim, 1.0 / 240, &r) == CLOTH_OK);
+            for (i = 0; i < 108; i++) work += f[i] * (d.state->x[i] - x[i]);
+            CHECK_NEAR(r.energy.force_work, work, 1e-12);
+            CHECK(r.energy.damping_loss >= 0);
+            if (n < 10) CHECK_NEAR(r.energy.wind_work, 0, 0);
+            else if (k > 0) CHECK(r.energy.wind_work > 0);  /* from rest it can only push */
+            balance(&r, start.total, 1);
+            start = r.energy;
+        }
+        if (k > 0) CHECK(r.energy.damping_loss > 0);
+        dyn_end(&d);
+    }
+}
+
+/* A point of a face on a spring that is carried: the hand's work appears as pin work. */
+static void attachment_work(void) {
+    dyn              d;
+    cloth_report     r;
+    cloth_attachment id;
+    const double     bary[3] = {0.2, 0.3, 0.5};
+    double           to[3] = {0, 0, 0}, work = 0, gain;
+    int              n, k, i;
+    dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 5, 5, 0.5, 0.5);
+    d.desc.tolerance = 1e-10;
+    d.desc.cg_tolerance = 1e-8;
+    dyn_start(&d);
+    for (i = 0; i < 9; i++)
+        to[i % 3] += bary[i / 3] * d.mesh->x[3 * d.mesh->faces[36 + i / 3] + i % 3];
+    CHECK(cloth_sim_attach(d.sim, 12, bary, 5, to, &id) == CLOTH_OK);
+    for (n = 0; n < 60; n++) {
+        to[2] += 0.005;
+        CHECK(cloth_sim_attach_move(d.sim, id, to) == CLOTH_OK);
+        CHECK(cloth_step(d.sim, 1.0 / 240, &r) == CLOTH_OK);
+        work += r.energy.pin_work;
+        CHECK(r.energy.numerical_loss >= -1e-9);
+    }
+    gain = r.energy.total;
+    for (k = 0; k < 3; k++) CHECK(isfinite(r.momentum[k]));
+    printf("  the hand worked %.4e J, the cloth holds %.4e J\n", work, gain);
+    CHECK(work > gain && gain > 0.3 * work);
+    dyn_end(&d);
+}
+
+/* ---- what the report counts ------------------------------------------------------------------ */
+
+static void momentum_in_report(void) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        dyn          d;
+        cloth_report r;
+        double       p[3], L[3];
+        int          i;
+        scene(&d, integrators[k], NULL);
+        steps(&d, 4);
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        dyn_momentum(&d, p, L);
+        for (i = 0; i < 3; i++) {
+            CHECK_NEAR(r.momentum[i], p[i], 1e-13);
+            CHECK_NEAR(r.angular[i], L[i], 1e-13);
+        }
+        CHECK(fabs(p[1]) + fabs(p[2]) > 1e-3);
+        dyn_end(&d);
+    }
+}
+
+/* Built states, all vertices pinned so that the step leaves them: uniform compression, a collapsed
+ * row, a fold. */
+static void shape_counts(void) {
+    cloth_pin    pins[36];
+    double       x[108];
+    cloth_report r;
+    dyn          d;
+    int          state, i;
+    memset(pins, 0, sizeof pins);
+    for (i = 0; i < 36; i++) {
+        pins[i].vertex = i;
+        pins[i].axes = CLOTH_AXIS_ALL;
+    }
+    for (state = 0; state < 4; state++) {
+        dyn_sheet(&d, CLOTH_SHEET_DIAGONAL, 6, 6, 1, 1);
+        d.desc.npins = 36;
+        d.desc.pins = pins;
+        d.desc.bend = CLOTH_BEND_HINGE;
+        d.desc.material.bending = 1e-4;
+        memcpy(x, d.mesh->x, sizeof x);
+        for (i = 0; i < 36; i++) {
+            if (state == 1) x[3 * i] *= 0.8;
+            if (state == 2 && i / 6 == 5) x[3 * i + 1] = -0.8 - 0.2 * 0.5;  /* last row at half */
+            if (state == 3 && i / 6 >= 3) {             /* folded along row 2, but for 0.1 rad */
+                const double s = -x[3 * i + 1] - 0.4;
+                x[3 * i + 1] = -0.4 + s * cos(0.1);
+                x[3 * i + 2] = s * sin(0.1);
+            }
+        }
+        d.desc.x = x;
+        dyn_start(&d);
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        CHECK_NEAR(dyn_worst(d.state->x, x, 108), 0, 1e-15);
+        CHECK_NEAR(r.min_stretch, state == 1 ? 0.8 : state == 2 ? 0.5 : 1, 1e-12);
+        CHECK(r.collapsed == (state == 2 ? 10 : 0));
+        CHECK(r.folded == (state == 3 ? 5 : 0));
+        if (state == 2) CHECK(r.min_stretch_face >= 40 && r.min_stretch_face < 50);
+        dyn_end(&d);
+    }
+}
+
+static long long work(const cloth_report *r) {
+    return r->counts.triangles + r->counts.hinges + r->counts.hessians;
+}
+
+/* At rest a step costs less than a tenth of one in motion, by every counter. */
+static void rest(void) {
+    int k;
+    for (k = 1; k < 3; k++) {
+        dyn          d;
+        cloth_report r;
+        long long    newton = 0, cg = 0, elements = 0;
+        int          n;
+        scene(&d, integrators[k], NULL);
+        for (n = 0; n < 30; n++) {
+            CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+            newton += r.newton;
+            cg += r.cg;
+            elements += work(&r);
+        }
+        dyn_end(&d);
+        scene(&d, CLOTH_INTEGRATOR_EULER, NULL);
+        d.desc.tolerance = 1e-10;
+        dyn_restart(&d);
+        CHECK(cloth_solve_static(d.sim, &r) == CLOTH_OK);
+        d.desc.x = dyn_copy(d.state->x, 3 * (size_t)d.nv);
+        d.desc.tolerance = CLOTH_DEFAULT_TOLERANCE;
+        d.desc.integrator = integrators[k];
+        dyn_restart(&d);
+        for (n = 0; n < 10; n++) {
+            CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+            CHECK(r.newton == 0 && r.cg == 0 && r.linear_solves == 0 && r.counts.hessians == 0);
+        }
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+        printf("  %s: moving %lld newton, %lld cg, %lld elements a frame; at rest %d, %d, %lld\n",
+               k == 1 ? "implicit Euler" : "BDF2", newton / 30, cg / 30, elements / 30, r.newton,
+               r.cg, work(&r));
+        CHECK(10 * r.newton < newton / 30 && 10 * r.cg < cg / 30);
+        CHECK(dyn_worst(d.state->x, d.desc.x, 3 * d.nv) < 1e-6);
+        free((void *)(size_t)d.desc.x);
+        dyn_end(&d);
+    }
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(converged);
+    RUN(max_newton);
+    RUN(nonfinite_state);
+    RUN(nonfinite_target);
+    RUN(bad_h);
+    RUN(cancelled);
+    RUN(cancelled_half_way);
+    RUN(out_of_memory);
+    RUN(stalled);
+    RUN(term_nonfinite);
+    RUN(euler_loss);
+    RUN(loss_has_a_sign);
+    RUN(works);
+    RUN(attachment_work);
+    RUN(momentum_in_report);
+    RUN(shape_counts);
+    RUN(rest);
+    return TEST_END();
+}

@@ -18,7 +18,7 @@ static const cloth_linear METHOD[METHODS] = {CLOTH_LINEAR_SGS, CLOTH_LINEAR_CHOL
 static const char *const  NAME[METHODS] = {"CG, Gauss-Seidel", "Cholesky", "AUTO"};
 
 typedef struct point {
-    double       cpu, wall_linear;          /* s a frame                                       */
+    double       cpu, linear;               /* s a frame                                       */
     double       newton, cg, factors;       /* a frame                                         */
     long long    allocations;               /* after the first step                            */
     cloth_bytes  bytes;
@@ -34,7 +34,7 @@ static point measure(int side, cloth_linear linear) {
     int          i;
     memset(&p, 0, sizeof p);
     d.linear = linear;
-    d.hooks.clock.fn = bench_wall;
+    d.hooks.clock.fn = bench_stage;
     p.status = bench_sheet(&d, side, &model, &sim);
     for (i = 0; i < LAST && !p.status; i++) {
         const double t0 = bench_cpu();
@@ -42,7 +42,7 @@ static point measure(int side, cloth_linear linear) {
         if (i > 0) p.allocations += report.counts.allocations;
         if (i < FIRST) continue;
         p.cpu += (bench_cpu() - t0) / (LAST - FIRST);
-        p.wall_linear += 1e-3 * report.ms.linear / (LAST - FIRST);
+        p.linear += 1e-3 * report.ms.linear / (LAST - FIRST);
         p.newton += (double)report.newton / (LAST - FIRST);
         p.cg += (double)report.cg / (LAST - FIRST);
         p.factors += (double)report.factorizations / (LAST - FIRST);
@@ -79,13 +79,13 @@ static double method(FILE *csv, int which, double limit) {
         }
         n[k] = nv, t[k++] = p.cpu;
         printf("    %8.0f %11.2f %8.2f %8.2f %9.1f %8.1f", nv, 1e3 * p.cpu,
-               1e3 * p.wall_linear, p.newton, p.cg, p.factors);
+               1e3 * p.linear, p.newton, p.cg, p.factors);
         if (k > 1) printf(" %9.2f", log(t[k - 1] / t[k - 2]) / log(n[k - 1] / n[k - 2]));
         else printf("         -");
         printf("  %.0f (%.0f, %.0f)\n", (double)p.bytes.total / nv, (double)p.bytes.matrix / nv,
                (double)p.bytes.factor / nv);
         fflush(stdout);
-        fprintf(csv, "%s,%.0f,%.4f,%.3f,%.1f,%.1f,%.0f,%.0f\n", NAME[which] + 0, nv, 1e3 * p.cpu,
+        fprintf(csv, "%s,%.0f,%.4f,%.3f,%.1f,%.1f,%.0f,%.0f\n", NAME[which], nv, 1e3 * p.cpu,
                 p.newton, p.cg, p.factors, (double)p.bytes.total / nv,
                 (double)p.bytes.factor / nv);
         fflush(csv);

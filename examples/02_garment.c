@@ -13,8 +13,8 @@
  *   expected: 240 of 240 steps solved
  *
  * Pins: of the shirt all above 4 cm below its shoulder seams. Of a file: left and right of the
- * middle the vertex with the largest y + |x - middle| / 4 (of two alike the one in front), and all within
- * 6 % of the mesh's diagonal of either: shoulders of a shirt, hips of a skirt, corners of a sheet.
+ * middle the vertex with the largest y + |x - middle| / 4 (of two alike the one in front), and all
+ * within 6 % of the mesh's diagonal: shoulders of a shirt, hips of a skirt, corners of a sheet.
  *
  * Exercises: (1) material = cloth_material_fabric(CLOTH_FABRIC_DENIM): fewer, larger folds;
  * (2) leave out desc.rest_angle: the shirt remembers its round start in every fold;

@@ -128,7 +128,8 @@ int main(void) {
     if ((status = cloth_sim_create(model, &g.sim)) != CLOTH_OK) goto end;
     if ((status = restart(&g)) != CLOTH_OK) goto end;
     page = view_open("A cloth in a game's loop",
-        "Uneven frames drawn between fixed steps of 1/60 s; grabbed at 1.2 s, let go at 2.4 s, paused from 3.2 s to 3.6 s, reset at 3.9 s.");
+        "Uneven frames drawn between fixed steps of 1/60 s; grabbed at 1.2 s, let go at 2.4 s, "
+        "paused from 3.2 s to 3.6 s, reset at 3.9 s.");
     view_camera(page, 30, 10), view_floor(page, 0.4);
     mesh[0] = view_mesh(page, "cloth", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
     mesh[1] = view_mesh(page, "hand", VIEW_OBSTACLE, 6, 8, ball);

@@ -105,8 +105,15 @@ static void dense(double *H) {
     int i, j, n = 3 * S.nv;
     for (i = 0; i < n; i++)
         for (j = 0; j < n; j++) {
-            const double *e = clothi_matrix_entry(S.sim->matrix, i, j);
-            H[i * n + j] = e ? *e : 0;
+            const cloth_matrix *A = S.sim->matrix;
+            int slot = cloth_pattern_slot(A->p, i / 3, j / 3);
+            if (i / 3 == j / 3)
+                H[i * n + j] = A->diag[9 * A->p->row_of[i / 3] + 3 * (i % 3) + j % 3];
+            else if (slot >= 0)
+                H[i * n + j] = A->low[9 * (slot >> 1) + (slot & 1 ? 3 * (j % 3) + i % 3
+                                                                  : 3 * (i % 3) + j % 3)];
+            else
+                H[i * n + j] = 0;
         }
 }
 

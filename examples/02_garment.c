@@ -98,9 +98,8 @@ int main(int argc, char **argv) {
             lo[k] = fmin(lo[k], desc.x_rest[i]), hi[k] = fmax(hi[k], desc.x_rest[i]);
     }
     scale = argc > 2 ? atof(argv[2]) / fmax(hi[0] - lo[0], fmax(hi[1] - lo[1], hi[2] - lo[2])) : 0;
-    if (!(scale > 0)) scale = 1;
-    for (int i = 0; mesh && i < 3 * mesh->nv; i++) mesh->x[i] *= scale;
-    for (int k = 0; k < 3; k++) lo[k] *= scale, hi[k] *= scale;
+    for (int i = 0; mesh && scale > 0 && i < 3 * mesh->nv; i++) mesh->x[i] *= scale;
+    for (int k = 0; k < 3 && scale > 0; k++) lo[k] *= scale, hi[k] *= scale;
     if (mesh) desc.npins = find_pins(&desc, lo, hi, pins);
     else {
         double low = HUGE_VAL;

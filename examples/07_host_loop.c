@@ -24,7 +24,6 @@
 #define H      (1.0 / 60)       /* s, the fixed step                */
 #define GRAB_K 30.0             /* N/m, of the hand                 */
 #define STRIDE 8                /* floats: position, normal, uv     */
-
 typedef struct game {
     cloth_sim       *sim;
     double           origin[3];             /* m, where the camera's floats begin    */
@@ -114,7 +113,6 @@ int main(void) {
     const char  *error = NULL;
     double       t = 0, dt;
     int          frames = 1, mesh[2];
-
     desc.hooks.log.fn = print_log;
     desc.hooks.cancel.fn = over_budget, desc.hooks.cancel.user = &g;
     g.origin[0] = 4000, g.origin[2] = -1000, g.depth = 2.9;
@@ -127,9 +125,8 @@ int main(void) {
     if ((status = cloth_model_create(&desc, &model)) != CLOTH_OK) goto end;
     if ((status = cloth_sim_create(model, &g.sim)) != CLOTH_OK) goto end;
     if ((status = restart(&g)) != CLOTH_OK) goto end;
-    page = view_open("A cloth in a game's loop",
-        "Uneven frames drawn between fixed steps of 1/60 s; grabbed at 1.2 s, let go at 2.4 s, "
-        "paused from 3.2 s to 3.6 s, reset at 3.9 s.");
+    page = view_open("A cloth in a game's loop", "Uneven frames drawn between steps of 1/60 s; "
+        "grabbed at 1.2 s, let go at 2.4 s, paused from 3.2 s to 3.6 s, reset at 3.9 s.");
     view_camera(page, 30, 10), view_floor(page, 0.4);
     mesh[0] = view_mesh(page, "cloth", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
     mesh[1] = view_mesh(page, "hand", VIEW_OBSTACLE, 6, 8, ball);

@@ -9,8 +9,7 @@
  *
  * Exercises: (1) parallel_pool_create(8): on any machine the hash stays the same;
  * (2) OMP instead: #include "parallel_openmp.h", desc.hooks.parallel = parallel_openmp(), compile
- * with -fopenmp; (3) 60, 60 to 12, 12 vertices (and pin 11): the gain shrinks, as starting a loop
- * costs about 1 us. */
+ * with -fopenmp; (3) 60 vertices to 12, pin 11: less gain, a loop costs 1 us. */
 #define _POSIX_C_SOURCE 200112L             /* clock_gettime: wall time, not CPU time */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"

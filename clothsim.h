@@ -10042,7 +10042,10 @@ static void clothi_batch(const clothi_pass *p, int b) {
         damp = rate;
         if (p->energy) loss = p->loss + (size_t)b * CLOTHI_LANES;
     }
-    clothi_gather_lanes(p->x, g->vert + (size_t)b * (size_t)g->width * CLOTHI_LANES, g->width, x);
+    /* a constant number of corners lets compilers unroll */
+    if (g->width == 4) clothi_gather_lanes(p->x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
+    else if (g->width == 3) clothi_gather_lanes(p->x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
+    else clothi_gather_lanes(p->x, g->vert + (size_t)b * 2 * CLOTHI_LANES, 2, x);
     clothi_batch_lanes(p, x, el->rest + (size_t)b * (size_t)el->nrest * CLOTHI_LANES, start, damp,
                        p->energy ? p->energy + (size_t)b * CLOTHI_LANES : NULL, loss,
                        p->grad ? p->s->w.force + g->force +
@@ -11717,9 +11720,10 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
  * neighbours in opposition: each k is stretched by twice the amplitude. We find omega_max by
  * the power method on M^-1 K at the template, K u taken as a difference of gradients: a
  * function of model and params alone, made once. Stretched StVK is stiffer: along a principal
- * stretch s the tangent grows like (3 s^2 - 1)/2, so each step scales omega by the largest
- * stretch at its start, keeps CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the
- * substeps when the cloth stretched beyond that within it.
+ * stretch s the tangent grows like (3 s^2 - 1)/2, so each step scales omega^2 by that at its start,
+ * the largest mean around a vertex (a mode at the grid's scale lives on a ring of triangles), keeps
+ * CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the substeps when the cloth stretched
+ * beyond that within it.
  *
  * Leapfrog keeps its energy while its substep stays the same; a substep that changes with every
  * frame heats the cloth (a swinging sheet gained 16 % in 30 s). So a step keeps the substep of the
@@ -11728,7 +11732,13 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
  *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
  *
  * Cost: nf + nh element forces a substep; omega ~ sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
- * checked: tests/test_leapfrog.c (stability limit of a chain 2 sqrt(k/m), order 2, energy drift)
+ *
+ * Ledger, when a report is wanted: a kick by a force F does the work kick F.(v + v')/2 on the
+ * velocities before and after it, exactly; wind and pins are counted so, attachments by how far
+ * their targets move, damping by twice its potential in each substep (order 1).
+ *
+ * checked: tests/test_leapfrog.c (stability limit of a chain 2 sqrt(k/m), order 2, energy drift,
+ *          ledger_closes)
  */
 
 #define CLOTHI_LEAP_SAFETY  0.95            /* of the stability limit                          */
@@ -11742,6 +11752,8 @@ typedef struct clothi_leap {
     const double *extra;                    /* gradient of the other terms, or NULL            */
     double        kick, drift;              /* s                                               */
     double        alpha;                    /* where the pins are at the end of the drift      */
+    cloth_ledger *ledger;                   /* of a report that is wanted, or NULL             */
+    double        wind;                     /* W, minus the wind's power before the kick       */
 } clothi_leap;
 
 /* Sums the element forces of the vertices [begin, end), kicks them, and drifts when drift > 0.
@@ -11832,7 +11844,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
         for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
             if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
     }
-    s->force_only = 1;
+    s->force_only = !(s->balance && (el[0]->damped || el[1]->damped));
     for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
         status = s->term[i].eval(s->term[i].user, e, &energy);
     s->force_only = 0;
@@ -11998,8 +12010,67 @@ static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omeg
     return omega > 0 ? 2 / omega * (sqrt(1 + z * z) - z) : HUGE_VAL;
 }
 
-/* m substeps from w.x0, w.v0 to w.x and w.trial (the velocity); *tangent: the largest factor met */
-static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent) {
+/* Velocity of what is pinned, from the first kick on; the hand that speeds it up works. */
+static void clothi_leap_pins(clothi_leap *p, double h) {
+    cloth_sim *s = p->s;
+    int        i;
+    for (i = 0; i < 3 * s->model->nv; i++) {
+        double *v = s->w.trial + i;
+        s->w.y[i] = 0;
+        if (!(s->pin[i / 3] >> (i % 3) & 1)) continue;
+        s->w.y[i] = (s->target[i] - s->w.x0[i]) / h;
+        if (p->ledger)
+            p->ledger->pin_work += 0.5 * s->params.mass[i / 3] * (s->w.y[i] * s->w.y[i] - *v * *v);
+        *v = s->w.y[i];
+    }
+}
+
+static double clothi_leap_dot(const double *a, const double *b, int n) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* Before a kick with the forces of clothi_leap_force(). A kick by F does the work kick F.(v + v')/2
+ * on the velocities v before and v' after it, exactly. h: of the step, hs: of the substep. */
+static cloth_status clothi_leap_works(clothi_leap *p, cloth_eval *e, double h, double hs) {
+    cloth_sim         *s = p->s;
+    const cloth_model *m = s->model;
+    cloth_ledger      *l = p->ledger;
+    cloth_status       status;
+    double             f[3], value;
+    int                i, j, k;
+    l->damping_loss += 2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]) *
+                       p->kick / hs;
+    for (i = 0; i < m->nv; i++) {
+        if (!s->pin[i]) continue;
+        f[0] = f[1] = f[2] = 0;
+        for (k = m->gather_start[i]; k < m->gather_start[i + 1]; k++)
+            for (j = 0; j < 3; j++) f[j] += s->w.force[m->gather[k] + j * CLOTHI_LANES];
+        for (j = 0; j < 3; j++) {
+            if (p->extra) f[j] += p->extra[3 * i + j];
+            l->pin_work += p->kick * (f[j] - s->params.mass[i] * s->gravity[j]) * s->w.y[3 * i + j];
+        }
+    }
+    for (i = 0; s->nattach > 0 && i < m->desc.max_attachments; i++) {
+        const clothi_attach *q = s->attach + i;
+        if (!q->used) continue;
+        clothi_attach_gap(s, q, s->w.x, f);
+        for (k = 0; k < 3; k++)
+            l->pin_work -= p->kick / h * q->k * f[k] * (q->target[k] - q->pose[k]);
+    }
+    if (!s->wind_on) return CLOTH_OK;
+    memset(s->w.rhs, 0, 3 * (size_t)m->nv * sizeof(double));
+    e->grad = s->w.rhs;
+    status = s->term[CLOTHI_TERM_WIND].eval(s->term[CLOTHI_TERM_WIND].user, e, &value);
+    p->wind = clothi_leap_dot(s->w.rhs, s->w.trial, 3 * m->nv);
+    return status;
+}
+
+/* Substeps from w.x0, w.v0 to w.x and w.trial (the velocity); *tangent: the largest factor met */
+static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent,
+                                    cloth_ledger *ledger) {
     const cloth_model *m = s->model;
     int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
     double       hs = h / substeps, bears = clothi_leap_bears(s, hs);
@@ -12011,11 +12082,11 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     e.params = &s->params;
     e.nv = m->nv;
     p.s = s;
+    p.ledger = ledger;
     memcpy(s->w.x, s->w.x0, (size_t)n * sizeof(double));
     memcpy(s->w.trial, s->w.v0, (size_t)n * sizeof(double));
     for (i = 0; i < m->nv; i++) s->w.goal[i] = 1 / s->params.mass[i];
-    for (i = 0; i < n; i++)                 /* velocity of what is pinned */
-        s->w.y[i] = s->pin[i / 3] >> (i % 3) & 1 ? (s->target[i] - s->w.x0[i]) / h : 0;
+    clothi_leap_pins(&p, h);
     for (k = 0; k <= substeps && !status; k++) {
         e.t = s->state.t + k * hs;
         e.h = hs;
@@ -12026,7 +12097,11 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
         if (k == substeps || k % CLOTHI_LEAP_WATCH == 1)
             *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
+        if (!status && ledger) status = clothi_leap_works(&p, &e, h, hs);
         if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
+        if (!status && ledger && s->wind_on)
+            ledger->wind_work -=
+                0.5 * p.kick * (p.wind + clothi_leap_dot(s->w.rhs, s->w.trial, n));
         if (!status && k < substeps && s->hooks.cancel.fn && k % 16 == 0 &&
             s->hooks.cancel.fn(s->hooks.cancel.user))
             status = CLOTH_ERR_CANCELLED;
@@ -12044,6 +12119,7 @@ static int clothi_leap_substeps(const cloth_sim *s, double h, int m) {
 static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
     double       tangent, limit, after;
     cloth_status status = CLOTH_OK;
+    cloth_ledger ledger;
     int          m, tries;
     if (!(s->omega_rest > 0)) clothi_leap_omega(s);
     tangent = clothi_leap_tangent(s, s->w.x0, 1);
@@ -12057,7 +12133,8 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
     for (tries = 0; tries <= CLOTHI_LEAP_RETRIES; tries++, m *= 2) {
         double omega;
         after = 0;
-        status = clothi_leap_run(s, h, m, &after);
+        memset(&ledger, 0, sizeof ledger);
+        status = clothi_leap_run(s, h, m, &after, s->balance ? &ledger : NULL);
         report->substeps += m;
         if (status) return status;
         if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) < 0 &&
@@ -12065,6 +12142,7 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
             if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
                 size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
                 int    i;
+                report->energy = ledger;
                 for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
                     report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
                 memcpy(s->state.x, s->w.x, bytes);
@@ -12461,6 +12539,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     }
     if (!status) {
         s->balance = wanted != NULL;
+        s->attach_alpha = 0;                /* at the step's start */
         if (wanted) status = clothi_energy_at(s, s->state.x, s->state.v, 0, &before);
         if (!status) status = run(s, h, report);
         if (!status && wanted) status = clothi_report_after(s, &before, report);

@@ -281,6 +281,45 @@ static void moving_pins(void) {
     dyn_end(&d);
 }
 
+/* A damped sheet in the wind, dragged by pins that stop and start and by a spring, for half a second:
+ * works and losses balance the energy, the better the shorter the substep. */
+static void ledger_closes(void) {
+    double loss[2], damping = 0, wind = 0, pins = 0;
+    int    run, n;
+    for (run = 0; run < 2; run++) {
+        dyn              d;
+        cloth_report     r;
+        cloth_ledger     start;
+        cloth_attachment id;
+        const double     air[3] = {1, 0, 5}, bary[3] = {0.2, 0.3, 0.5};
+        double           a[3] = {0, 0, 0}, b[3] = {1, 0, 0}, goal[3] = {0.5, -1, 0};
+        hanging(&d, 6, 2e-3, run ? 320 : 20, 0);
+        CHECK(cloth_sim_set_wind(d.sim, air) == CLOTH_OK);
+        CHECK(cloth_sim_attach(d.sim, 40, bary, 3, goal, &id) == CLOTH_OK);
+        CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+        loss[run] = damping = wind = pins = 0;
+        for (n = 1; n <= 30; n++) {
+            a[2] = b[2] = n % 10 < 5 ? a[2] + 0.02 : a[2];
+            goal[2] = 0.02 * n;
+            CHECK(cloth_sim_pin(d.sim, 0, CLOTH_AXIS_ALL, a) == CLOTH_OK);
+            CHECK(cloth_sim_pin(d.sim, 5, CLOTH_AXIS_ALL, b) == CLOTH_OK);
+            CHECK(cloth_sim_attach_move(d.sim, id, goal) == CLOTH_OK);
+            CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+            CHECK(r.energy.damping_loss >= 0);
+            damping += r.energy.damping_loss;
+            wind += r.energy.wind_work;
+            pins += r.energy.pin_work;
+            loss[run] += r.energy.numerical_loss;
+        }
+        CHECK_NEAR(r.energy.total - start.total, wind + pins - damping - loss[run], 1e-12);
+        dyn_end(&d);
+    }
+    printf("  wind %+.3e, pins %+.3e, damping %.3e J; left over %+.1e J, %+.1e at 16 times as many "
+           "substeps\n", wind, pins, -damping, loss[0], loss[1]);
+    CHECK(fabs(loss[1]) < 0.01 * fmin(damping, fmin(fabs(wind), fabs(pins))));
+    CHECK(fabs(loss[1]) < fabs(loss[0]) / 8);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(stability_limit);
@@ -291,5 +330,6 @@ int main(int argc, char **argv) {
     RUN(stretched);
     RUN(snap);
     RUN(moving_pins);
+    RUN(ledger_closes);
     return TEST_END();
 }

@@ -1230,6 +1230,9 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #  include <emmintrin.h>
 #  define CLOTHI_SSE2 1
 #endif
+#if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__)
+#  define CLOTHI_SMALL 1
+#endif
 #ifndef CLOTH_ASSERT
 #  include <assert.h>
 #  define CLOTH_ASSERT(cond) assert(cond)
@@ -1534,6 +1537,12 @@ CLOTH_API const char *cloth_status_text(cloth_status status) {
 }
 
 CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
+
+/* Sections that run once are compiled for size: an object of 300 KB is a promise. */
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os")
+#endif
 
 /* ===== [4.1] MESH CHECK ========================================================================
  *
@@ -3537,6 +3546,10 @@ done:
     return status;
 }
 
+#endif
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
 #endif
 
 /* ===== [5.1] MATERIALS ======================================================================= */
@@ -12527,6 +12540,11 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     return status;
 }
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os")
+#endif
+
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
 CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
@@ -13310,6 +13328,10 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
     clothi_advise_rungs(desc, &sc, swing, h, tolerance, advice);
     return CLOTH_OK;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 #ifdef __cplusplus
 }

@@ -140,20 +140,33 @@
 
 /* ===== [1.5] REFERENCES ======================================================================
  *
- * [BB08]   Bonet, Wood: Nonlinear Continuum Mechanics for Finite Element Analysis, 2008.
+ * [BB08]   Bonet, Wood: Nonlinear Continuum Mechanics for Finite Element Analysis, 2008. [6.2]
  * [BMF03]  Bridson, Marino, Fedkiw: Simulation of Clothing with Folds and Wrinkles, SCA 2003.
- * [BW98]   Baraff, Witkin: Large Steps in Cloth Simulation, SIGGRAPH 1998.
+ *          The hinge's weight |e|^2/(|n1|+|n2|). [6.3]
+ * [BW98]   Baraff, Witkin: Large Steps in Cloth Simulation, SIGGRAPH 1998. [9.3]
  * [BWH06]  Bergou, Wardetzky, Harmon, Zorin, Grinspun: A Quadratic Bending Model for
- *          Inextensible Surfaces, SGP 2006.
- * [D06]    Davis: Direct Methods for Sparse Linear Systems, SIAM 2006.
+ *          Inextensible Surfaces, SGP 2006. [6.4]
+ * [Cli90]  Clinger: How to Read Floating Point Numbers Accurately, PLDI 1990. [4.5]
+ * [D06]    Davis: Direct Methods for Sparse Linear Systems, SIAM 2006. [7.4]
+ * [DR83]   Duff, Reid: The Multifrontal Solution of Indefinite Sparse Symmetric Linear Equations,
+ *          ACM Trans. Math. Softw. 9, 1983. [7.4]
+ * [DRAPE22] a public list of 618 fabrics with linear bending coefficients, 2022. [5.1]
  * [E81]    Eisenstat: Efficient Implementation of a Class of Preconditioned Conjugate Gradient
- *          Methods, SIAM J. Sci. Stat. Comput. 2, 1981.
- * [GHDS03] Grinspun, Hirani, Desbrun, Schroeder: Discrete Shells, SCA 2003.
- * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006.
+ *          Methods, SIAM J. Sci. Stat. Comput. 2, 1981. [7.3]
+ * [GHDS03] Grinspun, Hirani, Desbrun, Schroeder: Discrete Shells, SCA 2003. [6.3]
+ * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006. [9.4]
+ * [HS52]   Hestenes, Stiefel: Methods of Conjugate Gradients for Solving Linear Systems, 1952.
  * [L21]    Li et al.: Deep Physics-aware Inference of Cloth Deformation for Monocular Human
- *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021().
- * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006.
+ *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021(). [5.1]
+ * [N87]    Nicolaides: Deflation of Conjugate Gradients with Applications to Boundary Value
+ *          Problems, SIAM J. Numer. Anal. 24, 1987. [7.3]
+ * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006. [9.2]
+ * [S83]    Steihaug: The Conjugate Gradient Method and Trust Regions in Large Scale Optimization,
+ *          SIAM J. Numer. Anal. 20, 1983. [7.3]
+ * [SW90]   Steele, White: How to Print Floating-Point Numbers Accurately, PLDI 1990. [4.5]
  * [TG13]   Tamstorf, Grinspun: Discrete Bending Forces and Their Jacobians, Graph. Models 2013.
+ *          [6.3]
+ * [WOR11]  Wang, O'Brien, Ramamoorthi: Data-Driven Elastic Models for Cloth, SIGGRAPH 2011. [5.1]
  */
 
 #ifndef CLOTHSIM_H
@@ -475,7 +488,7 @@ typedef struct cloth_sim   cloth_sim;       /* one per thread                   
 
 #define CLOTH_DEFAULT_AIR_DENSITY  1.2          /* kg/m^3, 20 C at sea level           */
 #define CLOTH_DEFAULT_DRAG         1.0
-#define CLOTH_DEFAULT_LIFT         0.5
+#define CLOTH_DEFAULT_LIFT         0.05         /* of the drag along a face      */
 #define CLOTH_DEFAULT_ATTACHMENTS  64
 #define CLOTH_DEFAULT_TOLERANCE    1e-4         /* m                                   */
 #define CLOTH_DEFAULT_CG_TOLERANCE 0.1
@@ -516,7 +529,7 @@ typedef struct cloth_desc {
     int    wind_on;                         /* 0 (default): the term is not walked             */
     double wind[3];                         /* m/s, velocity of the air                        */
     double air_density;                     /* kg/m^3, default 1.2                             */
-    double drag, lift;                      /* per face, defaults 1.0 and 0.5; >= 0            */
+    double drag, lift;                      /* across and along a face, 1.0 and 0.05; >= 0     */
 
     /* what holds it */
     int              npins;                 /* pinned at their start position                  */
@@ -1217,6 +1230,9 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #  include <emmintrin.h>
 #  define CLOTHI_SSE2 1
 #endif
+#if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__)
+#  define CLOTHI_SMALL 1
+#endif
 #ifndef CLOTH_ASSERT
 #  include <assert.h>
 #  define CLOTH_ASSERT(cond) assert(cond)
@@ -1521,6 +1537,12 @@ CLOTH_API const char *cloth_status_text(cloth_status status) {
 }
 
 CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
+
+/* Sections that run once are compiled for size: an object of 300 KB is a promise. */
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os")
+#endif
 
 /* ===== [4.1] MESH CHECK ========================================================================
  *
@@ -2585,9 +2607,6 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
  * Reading runs over the text twice, first to count: one allocation of the right size, and an
  * index is checked where it stands, so that the sentence can name its line.
  * Render corners: distinct (vertex, vt) pairs by two counting sorts of the corners.
- * [Cli90] Clinger, How to read floating point numbers accurately, PLDI 1990,
- * doi:10.1145/93542.93557. [SW90] Steele and White, How to print floating-point numbers
- * accurately, PLDI 1990, doi:10.1145/93542.93559.
  * checked: tests/test_obj.c, tests/fuzz_mesh.c */
 
 /* A natural number: n words, least first, no zero at the top. Reading needs 10^1131 2^2, that is
@@ -3529,6 +3548,10 @@ done:
 
 #endif
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
+
 /* ===== [5.1] MATERIALS ======================================================================= */
 /*
  *   Y Pa, h m: a sheet that is pulled along one direction with free sides carries Y h (l^2-1)/2 l
@@ -3720,7 +3743,7 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *     F = Ds B (3x2)                     deformation gradient: edges now = F edges at rest
  *     E = 1/2 (F'F - I) (2x2)            Green strain: dX' E dX = (|dx|^2 - |dX|^2)/2
  *     S = 2 mu E + lambda tr(E) I        stress that is conjugate to E
- *     J = A ( mu |E|^2 + lambda/2 tr(E)^2 ),  dJ = A S:dE                        [StVK]
+ *     J = A ( mu |E|^2 + lambda/2 tr(E)^2 ),  dJ = A S:dE                        [BB08]
  *
  *   Write F = sum_i x_i g_i' with the gradients g_i of the corner functions: g_1, g_2 are the rows
  *   of B, and g_0 = -g_1 - g_2 since the three functions sum to one. A change v of corner i gives
@@ -3894,7 +3917,7 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *       x0 --e--> x1                      m the unit vector in its plane from edge to corner
  *         \      /             theta    = atan2( (n1 x n2).u, n1.n2 ) = atan2( -l n1.b, n1.n2 )
  *     n2   \    /                       in [-pi, pi]: 0 flat, > 0 convex on the normals' side
- *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped            [DS]
+ *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped        [GHDS03]
  *            x3                c        = D l^2/(A1 + A2) with rest length and areas, N m
  *
  *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
@@ -4084,7 +4107,7 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
 /* ===== [6.4] QUADRATIC BENDING =============================================================== */
 /*
  *   near the flat state   theta = |sum_i w_i x_i| for small angles, so the angle need not be
- *                         computed at all: one weighted sum of the four corners            [BERGOU]
+ *                         computed at all: one weighted sum of the four corners             [BWH06]
  *   symbols   corners, t and h as in [6.3], from the REST shape; c the hinge's, N m
  *   weights   w2 = -1/h1, w3 = -1/h2, w0 = (1-t1)/h1 + (1-t2)/h2, w1 = t1/h1 + t2/h2       1/m
  *             They sum to zero and reproduce the flat rest shape: sum_i w_i X_i = 0, for the foot
@@ -6342,9 +6365,6 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *       S: forward
  *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
  *
- *   [HS52] Hestenes, Stiefel 1952. [E81] Eisenstat, SIAM J. Sci. Stat. Comput. 2 (1981) 1-4.
- *   [N87] Nicolaides, SIAM J. Numer. Anal. 24 (1987) 355-365. [S83] Steihaug, SIAM J. Numer. Anal.
- *   20 (1983) 626-637.
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)
  */
@@ -12600,6 +12620,11 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     return status;
 }
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os")
+#endif
+
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
 CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
@@ -13383,6 +13408,10 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
     clothi_advise_rungs(desc, &sc, swing, h, tolerance, advice);
     return CLOTH_OK;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 #ifdef __cplusplus
 }

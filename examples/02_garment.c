@@ -6,8 +6,7 @@
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 02_garment.c -lm
  *   run:      02_garment [FILE.obj [SIZE [PATTERN]]]
- *             SIZE: longest side in m, 0: the file is in metres; PATTERN: m per unit of vt when
- *             vt is the cut, 0: the mesh is its own cut. Both 0 by default.
+ *             SIZE: longest side in m, PATTERN: m per unit of vt when vt is the cut (both: 0)
  *   page:     out/02_garment.html
  *   expected: 240 of 240 steps solved
  *
@@ -73,7 +72,7 @@ int main(int argc, char **argv) {
     cloth_report      r = {0};
     shapes_shirt      shirt = {0};
     view             *page;
-    const char       *error = NULL, *name = argc > 1 ? argv[1] : "a T-shirt";
+    const char       *error = NULL, *name = "a T-shirt", *slash;
     double           *stretch = NULL, lo[3], hi[3], c[3] = {0, 0, 0}, scale, ms = 0;
     int               done = 0, newton = 0;
     cloth_status      status = CLOTH_OK;
@@ -82,6 +81,7 @@ int main(int argc, char **argv) {
     if (argc > 1) {
         read.pattern_scale = argc > 3 ? atof(argv[3]) : 0;
         if ((status = cloth_obj_load(&desc.hooks, argv[1], &read, &mesh)) != CLOTH_OK) goto end;
+        name = (slash = strrchr(argv[1], '/')) != NULL ? slash + 1 : argv[1];
         desc.nv = mesh->nv, desc.nf = mesh->nf, desc.faces = mesh->faces;
         desc.X = mesh->X, desc.x_rest = mesh->x;
     } else {

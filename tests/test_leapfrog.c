@@ -281,8 +281,8 @@ static void moving_pins(void) {
     dyn_end(&d);
 }
 
-/* A damped sheet in the wind, dragged by pins that stop and start and by a spring, for half a second:
- * works and losses balance the energy, the better the shorter the substep. */
+/* A damped sheet in the wind, dragged by pins that stop and start and by a spring, for half a
+ * second: works and losses balance the energy, the better the shorter the substep. */
 static void ledger_closes(void) {
     double loss[2], damping = 0, wind = 0, pins = 0;
     int    run, n;

@@ -999,7 +999,8 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
 
 /* Hinge, x [4x3] m: edge ends x0 x1, then the corner left and right of the directed edge x0->x1 as
  * seen from the side that the normals point to; c N m, angles rad. Returns c/2 (theta-theta0)^2 J,
- * the difference not wrapped. grad [12] N, hess [12x12] N/m; psd: Gauss-Newton.            [6.3] */
+ * the difference taken into [-pi, pi] (for |theta0| <= 2 pi): the energy is continuous where theta
+ * leaps from pi to -pi. grad [12] N, hess [12x12] N/m; psd: Gauss-Newton.                  [6.3] */
 CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
                             int psd);
 
@@ -1308,6 +1309,12 @@ CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double k2 = k1 + left * (4.0 - 2.0 * k1);                 /* pi - angle */
     const double sign = (1.0 - 2.0 * steep) * (1.0 - 2.0 * left);
     return copysign(k2 * 0.7853981633974483 + (sign * a + k2 * 3.061616997868383e-17), y);
+}
+
+/* A difference of angles by at most one whole turn nearer to 0: into [-pi, pi] from 3 pi around. */
+CLOTHI_UNUSED static inline double clothi_wrap(double angle) {
+    const double far = 0.5 - copysign(0.5, 3.141592653589793 - fabs(angle));
+    return angle - far * copysign(6.283185307179586, angle);
 }
 
 /* ===== [3.2] MEMORY, TEXT, RANGES ============================================================ */
@@ -3887,8 +3894,15 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *       x0 --e--> x1                      m the unit vector in its plane from edge to corner
  *         \      /             theta    = atan2( (n1 x n2).u, n1.n2 ) = atan2( -l n1.b, n1.n2 )
  *     n2   \    /                       in [-pi, pi]: 0 flat, > 0 convex on the normals' side
- *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped            [DS]
+ *           \  /               energy   J = c/2 bent^2, bent = wrap(theta - theta0)        [DS]
  *            x3                c        = D l^2/(A1 + A2) with rest length and areas, N m
+ *
+ *   wrap      into [-pi, pi] by a whole turn. theta leaps from pi to -pi where a fold closes; a
+ *             sharp rest fold, theta0 = 2.5, closes 0.64 beyond its rest. Unwrapped its energy
+ *             would leap there from c/2 0.64^2 to c/2 5.64^2, a wall with no minimum at its foot:
+ *             no search comes to an end on it. Wrapped, J is continuous in x alone, without
+ *             memory; it has a ridge half a turn from rest, which no minimum rests on. With
+ *             theta0 = 0 nothing changes. The turn since t^n of the damping is wrapped alike.
  *
  *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
  *
@@ -4059,8 +4073,8 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
                             int psd) {
     double       dtheta[12];
     int          i, j;
-    const double bent = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess)
-                        - theta0;
+    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
+    const double bent = clothi_wrap(theta - theta0);
     const double energy = 0.5 * c * bent * bent;
     if (hess)
         for (i = 0; i < 12; i++)
@@ -4751,7 +4765,8 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
     clothi_edge_lengths(x, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
-        const double      bent = clothi_atan2(h.sine, h.cosine) - rest[CLOTHI_LANES + k];
+        const double      angle = clothi_atan2(h.sine, h.cosine);
+        const double      bent = clothi_wrap(angle - rest[CLOTHI_LANES + k]);
         clothi_fold_force(&h, l[k], rest[k] * bent, k, f);
     }
 }
@@ -4769,9 +4784,10 @@ CLOTHI_HOT void clothi_hinge_forces_damped(const double *CLOTHI_RESTRICT x,
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
         const double      angle = clothi_atan2(h.sine, h.cosine);
-        const double      bent = angle - rest[CLOTHI_LANES + k];
+        const double      bent = clothi_wrap(angle - rest[CLOTHI_LANES + k]);
+        const double      turned = clothi_wrap(angle - theta_n[k]);
         theta[k] = angle;
-        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * (angle - theta_n[k])), k, f);
+        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * turned), k, f);
     }
 }
 
@@ -4785,7 +4801,8 @@ CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
                                      double *CLOTHI_RESTRICT Ed) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
-        const double bent = theta[k] - rest[CLOTHI_LANES + k], turned = theta[k] - theta_n[k];
+        const double bent = clothi_wrap(theta[k] - rest[CLOTHI_LANES + k]);
+        const double turned = clothi_wrap(theta[k] - theta_n[k]);
         moment[k] = rest[k] * (bent + damp[k] * turned);
         E[k] = 0.5 * rest[k] * bent * bent;
         Ed[k] = 0.5 * rest[k] * damp[k] * turned * turned;
@@ -10638,7 +10655,7 @@ static void clothi_hinge_vjp_rest(const cloth_sim *s, const cloth_eval *e, int h
 static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
                              cloth_vjp *out) {
     const int *v = s->model->topology->hinges + 4 * (size_t)h;
-    double     x[12], xn[12], g[12], gn[12], theta, theta_n, ga = 0, c, rate, rest[16], tau;
+    double     x[12], xn[12], g[12], gn[12], bent, turned, ga = 0, c, rate, rest[16], tau;
     clothi_hinge_vjp_parts d;
     int        k;
     clothi_derive_hinge(s->model, e->params, h, 0, rest, &tau);
@@ -10648,13 +10665,14 @@ static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, con
         x[k] = e->x[3 * v[k / 3] + k % 3];
         xn[k] = e->x_n[3 * v[k / 3] + k % 3];
     }
-    theta = cloth_dihedral_grad(x, g);
-    theta_n = cloth_dihedral_grad(xn, gn);
+    bent = cloth_dihedral_grad(x, g);
+    turned = clothi_wrap(bent - cloth_dihedral_grad(xn, gn));
+    bent = clothi_wrap(bent - e->params->theta0[h]);
     for (k = 0; k < 12; k++) ga += g[k] * a[3 * v[k / 3] + k % 3];
-    d.dc = ((theta - e->params->theta0[h]) + rate * (theta - theta_n)) * ga;
+    d.dc = (bent + rate * turned) * ga;
     d.dtheta0 = -c * ga;
-    d.dtau = e->h > 0 ? c / e->h * (theta - theta_n) * ga : 0;
-    if (out->h && e->h > 0) *out->h -= rate / e->h * c * (theta - theta_n) * ga;
+    d.dtau = e->h > 0 ? c / e->h * turned * ga : 0;
+    if (out->h && e->h > 0) *out->h -= rate / e->h * c * turned * ga;
     for (k = 0; out->x_n && rate > 0 && k < 12; k++)
         out->x_n[3 * v[k / 3] + k % 3] -= rate * c * ga * gn[k];
     clothi_hinge_vjp_rest(s, e, h, &d, out);

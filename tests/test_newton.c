@@ -431,6 +431,35 @@ static void mass_ratio(void) {
     dyn_end(&d);
 }
 
+/* Rest folds of 2.9 rad close a quarter of a radian beyond their rest, where theta leaps from pi to
+ * -pi: the energy a step minimises must not leap with it, nor must that of the damping. */
+static void sharp_folds(void) {
+    int damped;
+    for (damped = 0; damped < 2; damped++) {
+        dyn           d;
+        cloth_params *p;
+        cloth_report  r;
+        int           i, n, most = 0, folded = 0;
+        cotton(&d, 12, 2);
+        d.desc.material.bending = 3e-3;
+        d.desc.material.damping = 0.02 * damped;
+        dyn_start(&d);
+        p = cloth_sim_params(d.sim);
+        for (i = 0; i < p->nh; i++) p->theta0[i] = i % 3 ? 0 : 2.9;
+        CHECK(cloth_sim_params_changed(d.sim) == CLOTH_OK);
+        noise(&d, 0.1, 5);
+        for (n = 0; n < 40; n++) {
+            CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK);
+            if (r.newton > most) most = r.newton;
+            if (r.folded > folded) folded = r.folded;
+        }
+        printf("  damping %g s: %d hinges beyond 3 rad, at most %d iterations\n",
+               0.02 * damped, folded, most);
+        CHECK(folded > 1 && most <= 32);
+        dyn_end(&d);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(quadratic);
@@ -446,5 +475,6 @@ int main(int argc, char **argv) {
     RUN(coincident);
     RUN(teleported_pin);
     RUN(mass_ratio);
+    RUN(sharp_folds);
     return TEST_END();
 }

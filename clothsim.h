@@ -478,7 +478,7 @@ typedef struct cloth_sim   cloth_sim;       /* one per thread                   
 #define CLOTH_DEFAULT_LIFT         0.5
 #define CLOTH_DEFAULT_ATTACHMENTS  64
 #define CLOTH_DEFAULT_TOLERANCE    1e-4         /* m                                   */
-#define CLOTH_DEFAULT_CG_TOLERANCE 0.1
+#define CLOTH_DEFAULT_CG_TOLERANCE 0.05
 
 /* Everything that a model is made from. Start from cloth_desc_default(). Arrays are copied. */
 typedef struct cloth_desc {
@@ -527,7 +527,7 @@ typedef struct cloth_desc {
 
     /* how it is solved */
     double       tolerance;                 /* m, largest last Newton update; default 1e-4     */
-    double       cg_tolerance;              /* of a linear solve, relative; default 0.1        */
+    double       cg_tolerance;              /* of a linear solve, relative; default 0.05       */
     cloth_linear linear;                    /* default CLOTH_LINEAR_AUTO                       */
 } cloth_desc;
 
@@ -10891,7 +10891,14 @@ static void clothi_terms_install(cloth_sim *s) {
  * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n: saves 15 to 20 %
  * of the work. The older velocity is part of the state for that reason.
  *
- * When to stop. The last update, a max|dx|, is below desc.tolerance (m). A cloth at rest stops
+ * When to stop. The last update, a max|dx|, is below desc.tolerance (m); of the definite model also
+ * the sum of those to follow, were they to shrink on as this one did, and if not, the exact Hessian
+ * has its say. A search at negative curvature must not stop, however small its radius, unless phi
+ * falls nowhere within a tenth of the tolerance. So the way left to the minimum ahead is near the
+ * tolerance. Crumpling cloth has several: on the hanging sheet (N = 64, tolerance 1e-4 m) one step
+ * in ten finds another than the step solved to 1e-10 m does, 3e-4 to 8e-4 m away, at any price
+ * (each convergence confirmed by the exact Hessian: a third more work, the same 7e-4 m).
+ * A cloth at rest stops
  * before the first linear solve: for a convex E_pot the way e to the minimum has |e|_M^2/eta^2 <=
  * -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia; so that
  * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
@@ -10907,6 +10914,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
 #define CLOTHI_REST_TIME    (1.0 / 60)      /* s: see 'When to stop'                           */
 #define CLOTHI_TINY         1e-6            /* mean edges: updates judged by slopes too        */
+#define CLOTHI_HIDDEN       1e-12           /* of phi: a decrease that its rounding hides      */
 #define CLOTHI_EXACT        6e-3            /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
 #define CLOTHI_LATE         12
@@ -11121,6 +11129,7 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     double value;                           /* J, phi(x)                                       */
     double slope;                           /* J, g.dx < 0                                     */
     double size;                            /* m, max|dx| of the last solve                    */
+    double older;                           /* m, max|a dx| of the iteration before            */
     double radius;                          /* m, trust radius of the exact phase              */
     int    exact;                           /* the exact Hessian is in use                     */
 } clothi_newton;
@@ -11247,17 +11256,28 @@ static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clo
     return CLOTH_OK;
 }
 
-/* The radius after a step of length a: how well the quadratic model foretold the decrease. */
-static void clothi_newton_radius(clothi_newton *nt, double before, double a, double edge,
-                                 const cloth_linear_report *lr) {
-    double foretold = lr->decrease, got = before - nt->value;
+/* The radius after a step of length a: how well the quadratic model foretold the decrease. Where
+ * rounding hides it, the trapezoid of the slopes at both ends tells it. Never below a tenth of the
+ * tolerance: what lowers phi nowhere within that has arrived, and *poor says so. */
+static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, clothi_newton *nt,
+                                 double before, double a, const cloth_linear_report *lr,
+                                 int *poor) {
+    const double least = 0.1 * s->model->desc.tolerance, most = CLOTHI_TRUST_MAX * s->edge;
+    double       foretold = lr->decrease, got = before - nt->value;
+    int          i;
+    if (foretold < CLOTHI_HIDDEN * goal->magnitude) {
+        double slope = 0;
+        for (i = 0; i < 3 * s->model->nv; i++) slope += s->w.grad[i] * s->w.dx[i];
+        got = -0.5 * (nt->slope + slope);
+    }
+    *poor = nt->exact && (a < 1 || got < 0.25 * foretold) && nt->size <= 2 * least;
     if (!nt->exact || a < 1)
         nt->radius = a * nt->size;
     else if (got < 0.25 * foretold)
         nt->radius = 0.5 * nt->size;
     else if (got > 0.75 * foretold && lr->hit && nt->radius < 2 * nt->size)
         nt->radius = 2 * nt->size;
-    if (nt->radius > CLOTHI_TRUST_MAX * edge) nt->radius = CLOTHI_TRUST_MAX * edge;
+    nt->radius = clothi_max(clothi_min(nt->radius, most), least);
 }
 
 static cloth_status clothi_cancelled(const cloth_sim *s) {
@@ -11266,12 +11286,38 @@ static cloth_status clothi_cancelled(const cloth_sim *s) {
     return CLOTH_OK;
 }
 
+/* What an update of size s leaves. The definite model errs towards short updates: were the next
+ * ones to shrink as this one did, r = s/older, their sum is s r/(1 - r). At least s, at most 10 s. */
+static double clothi_newton_left(const clothi_newton *nt, double s) {
+    double rest = nt->older > s ? s * s / (nt->older - s) : 10 * s;
+    return nt->exact || !(nt->older > 0) ? s : clothi_max(s, clothi_min(rest, 10 * s));
+}
+
+/* The sentence about a search that came to no end, and the vertex farthest from balance. */
+static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, const char *what) {
+    double big = -1;
+    int    i;
+    for (i = 0; i < s->model->nv; i++) {
+        double f = clothi_dot3(s->w.rhs + 3 * i, s->w.rhs + 3 * i);
+        if (f > big) {
+            big = f;
+            report->vertex = i;
+        }
+    }
+    report->outcome = CLOTH_STEP_STALLED;
+    return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
+                       "%s: stalled after %i iterations at t = %g s; last update %g m, largest "
+                       "force left %g N at vertex %i", what, report->newton, s->state.t,
+                       report->residual_m, sqrt(clothi_max(big, 0)), report->vertex);
+}
+
 /* One Newton iteration: w.x moves; *done when its update is below the tolerance. */
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                           cloth_report *report, int *done) {
     cloth_linear_report lr;
     double              a = 1, before = nt->value;
     cloth_status        status = clothi_cancelled(s);
+    int                 poor;
     if (!status) status = clothi_newton_direction(s, goal, nt, report, &lr);
     if (status) return status;
     report->newton++;
@@ -11285,11 +11331,13 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
         return CLOTH_OK;
     }
     if (status) return status;
-    clothi_newton_radius(nt, before, a, s->edge, &lr);
+    clothi_newton_radius(s, goal, nt, before, a, &lr, &poor);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
     clothi_newton_rhs(s);
     report->residual_m = a * nt->size;
-    *done = report->residual_m < s->model->desc.tolerance && !(nt->exact && lr.hit);
+    *done = clothi_newton_left(nt, report->residual_m) < s->model->desc.tolerance &&
+            !(nt->exact && lr.hit && !poor);
+    nt->older = report->residual_m;
     if (!*done && s->contact_on) status = s->contact.update(s->contact.user, s->w.x);
     return status;
 }
@@ -11311,7 +11359,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     clothi_newton_rhs(s);
     if (clothi_rest_measure(s, goal) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
     for (it = 1; !done; it++) {
-        nt.exact = nt.size <= CLOTHI_EXACT * s->edge ||
+        nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
                    (it > CLOTHI_LATE && nt.size <= CLOTHI_EXACT_LATE * s->edge);
         status = clothi_newton_iterate(s, goal, &nt, report, &done);
         if (status == CLOTH_ERR_STEP && nt.exact) {     /* no decrease: once more, definite */
@@ -11319,7 +11367,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
             status = CLOTH_OK;
         }
         if (!status && !done && it >= CLOTHI_NEWTON_CAP) status = CLOTH_ERR_STEP;
-        if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_STALLED;
+        if (status == CLOTH_ERR_STEP) return clothi_stalled(s, report, "step");
         if (status) return status;
         if (!done && d->max_newton > 0 && it >= d->max_newton) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;
@@ -11640,8 +11688,7 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
             status = CLOTH_ERR_STEP;
         }
     }
-    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_STALLED;
-    return status;
+    return status == CLOTH_ERR_STEP ? clothi_stalled(s, report, "static") : status;
 }
 
 static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *report) {

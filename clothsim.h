@@ -11132,6 +11132,7 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     double older;                           /* m, max|a dx| of the iteration before            */
     double radius;                          /* m, trust radius of the exact phase              */
     int    exact;                           /* the exact Hessian is in use                     */
+    int    nudged;                          /* clothi_nudge() has looked                       */
 } clothi_newton;
 
 /* Largest eta^2 |g| / m over the free unknowns, m; eta at least CLOTHI_REST_TIME. */
@@ -11287,7 +11288,7 @@ static cloth_status clothi_cancelled(const cloth_sim *s) {
 }
 
 /* What an update of size s leaves. The definite model errs towards short updates: were the next
- * ones to shrink as this one did, r = s/older, their sum is s r/(1 - r). At least s, at most 10 s. */
+ * ones to shrink as this one, r = s/older, their sum is s r/(1 - r). At least s, at most 10 s. */
 static double clothi_newton_left(const clothi_newton *nt, double s) {
     double rest = nt->older > s ? s * s / (nt->older - s) : 10 * s;
     return nt->exact || !(nt->older > 0) ? s : clothi_max(s, clothi_min(rest, 10 * s));
@@ -11342,6 +11343,65 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     return status;
 }
 
+/* The axis along which the last update moved no free unknown at all, or -1. */
+static int clothi_still_axis(const cloth_sim *s) {
+    int i, k, n = s->model->nv;
+    for (k = 0; k < 3; k++) {
+        int unknowns = 0;
+        for (i = 0; i < n && !(fabs(s->w.dx[3 * i + k]) > 0); i++)
+            unknowns += !(s->fixed[i] >> k & 1);
+        if (i == n && unknowns) return k;
+    }
+    return -1;
+}
+
+static int clothi_compressed(const cloth_sim *s) {
+    const cloth_model *m = s->model;
+    int                f, k, found = 0;
+    for (f = 0; f < m->nf && !found; f++) {
+        double x[9], stretch[2];
+        for (k = 0; k < 9; k++) x[k] = s->w.x[3 * m->faces[3 * f + k / 3] + k % 3];
+        cloth_stretch_state(x, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
+        found = stretch[1] < 1 - 1e-9;
+    }
+    return found;
+}
+
+/* A compressed sheet exactly in a plane across an axis feels no force along it: CG cannot see that
+ * it stands on a saddle. A force of noise, a thousandth of what inertia needs to move by the
+ * radius, finds negative curvature; w.x moves along it by the radius, once a substep. */
+static cloth_status clothi_nudge(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                 cloth_report *report, int *done) {
+    const double        radius = 0.1 * s->model->desc.tolerance;
+    const int           axis = clothi_still_axis(s);
+    cloth_linear_report lr;
+    cloth_status        status;
+    uint32_t            noise = 1;
+    int                 i, n = 3 * s->model->nv;
+    if (axis < 0 || nt->nudged || !(goal->eta > 0) || !clothi_compressed(s)) return CLOTH_OK;
+    nt->nudged = 1;
+    memset(s->w.rhs, 0, (size_t)n * sizeof(double));
+    for (i = axis; i < n; i += 3) {
+        noise = noise * 1664525u + 1013904223u;
+        if (!(s->fixed[i / 3] >> axis & 1))
+            s->w.rhs[i] = 1e-3 * radius * s->params.mass[i / 3] / (goal->eta * goal->eta) *
+                          ((double)(noise >> 8) / 8388608 - 1);
+    }
+    status = clothi_newton_assemble(s, goal, 1, report);
+    if (!status)
+        status = clothi_newton_solve(s, 1e-4, radius, 0, report, &lr);
+    if (status || !(lr.hit || lr.negative)) return status;
+    for (i = 0; i < n; i++)                 /* no definite diagonal, no CG: the noise itself */
+        s->w.x[i] += lr.hit ? s->w.dx[i]
+                            : 1e3 * s->w.rhs[i] * goal->eta * goal->eta / s->params.mass[i / 3];
+    status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt->value);
+    clothi_newton_rhs(s);
+    nt->size = nt->radius = radius;
+    nt->older = 0;
+    *done = 0;
+    return status;
+}
+
 /* Moves w.x to a minimum of phi. On CLOTH_OK report->outcome says how it ended. */
 static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     const cloth_desc *d = &s->model->desc;
@@ -11366,6 +11426,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
             nt.size = HUGE_VAL;
             status = CLOTH_OK;
         }
+        if (!status && done) status = clothi_nudge(s, goal, &nt, report, &done);
         if (!status && !done && it >= CLOTHI_NEWTON_CAP) status = CLOTH_ERR_STEP;
         if (status == CLOTH_ERR_STEP) return clothi_stalled(s, report, "step");
         if (status) return status;

@@ -191,7 +191,7 @@ static void compressed_flat(void) {
         for (i = 0; i < d.nv; i++) out = fmax(out, fabs(d.state->x[3 * i + 2]));
         printf("  compressed 5 %%, noise %s: energy %.4f -> %.5f J, out of plane %.2e m\n",
                noisy ? "1e-9 m" : "0", start.total, r.energy.total, out);
-        if (noisy) CHECK(out > 0.01 && r.energy.total < 0.1 * start.total);
+        CHECK(out > 0.01 && r.energy.total < 0.1 * start.total);
         dyn_end(&d);
     }
 }

@@ -140,20 +140,33 @@
 
 /* ===== [1.5] REFERENCES ======================================================================
  *
- * [BB08]   Bonet, Wood: Nonlinear Continuum Mechanics for Finite Element Analysis, 2008.
+ * [BB08]   Bonet, Wood: Nonlinear Continuum Mechanics for Finite Element Analysis, 2008. [6.2]
  * [BMF03]  Bridson, Marino, Fedkiw: Simulation of Clothing with Folds and Wrinkles, SCA 2003.
- * [BW98]   Baraff, Witkin: Large Steps in Cloth Simulation, SIGGRAPH 1998.
+ *          The hinge's weight |e|^2/(|n1|+|n2|). [6.3]
+ * [BW98]   Baraff, Witkin: Large Steps in Cloth Simulation, SIGGRAPH 1998. [9.3]
  * [BWH06]  Bergou, Wardetzky, Harmon, Zorin, Grinspun: A Quadratic Bending Model for
- *          Inextensible Surfaces, SGP 2006.
- * [D06]    Davis: Direct Methods for Sparse Linear Systems, SIAM 2006.
+ *          Inextensible Surfaces, SGP 2006. [6.4]
+ * [Cli90]  Clinger: How to Read Floating Point Numbers Accurately, PLDI 1990. [4.5]
+ * [D06]    Davis: Direct Methods for Sparse Linear Systems, SIAM 2006. [7.4]
+ * [DR83]   Duff, Reid: The Multifrontal Solution of Indefinite Sparse Symmetric Linear Equations,
+ *          ACM Trans. Math. Softw. 9, 1983. [7.4]
+ * [DRAPE22] a public list of 618 fabrics with linear bending coefficients, 2022. [5.1]
  * [E81]    Eisenstat: Efficient Implementation of a Class of Preconditioned Conjugate Gradient
- *          Methods, SIAM J. Sci. Stat. Comput. 2, 1981.
- * [GHDS03] Grinspun, Hirani, Desbrun, Schroeder: Discrete Shells, SCA 2003.
- * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006.
+ *          Methods, SIAM J. Sci. Stat. Comput. 2, 1981. [7.3]
+ * [GHDS03] Grinspun, Hirani, Desbrun, Schroeder: Discrete Shells, SCA 2003. [6.3]
+ * [HLW06]  Hairer, Lubich, Wanner: Geometric Numerical Integration, 2nd ed. 2006. [9.4]
+ * [HS52]   Hestenes, Stiefel: Methods of Conjugate Gradients for Solving Linear Systems, 1952.
  * [L21]    Li et al.: Deep Physics-aware Inference of Cloth Deformation for Monocular Human
- *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021().
- * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006.
+ *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021(). [5.1]
+ * [N87]    Nicolaides: Deflation of Conjugate Gradients with Applications to Boundary Value
+ *          Problems, SIAM J. Numer. Anal. 24, 1987. [7.3]
+ * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006. [9.2]
+ * [S83]    Steihaug: The Conjugate Gradient Method and Trust Regions in Large Scale Optimization,
+ *          SIAM J. Numer. Anal. 20, 1983. [7.3]
+ * [SW90]   Steele, White: How to Print Floating-Point Numbers Accurately, PLDI 1990. [4.5]
  * [TG13]   Tamstorf, Grinspun: Discrete Bending Forces and Their Jacobians, Graph. Models 2013.
+ *          [6.3]
+ * [WOR11]  Wang, O'Brien, Ramamoorthi: Data-Driven Elastic Models for Cloth, SIGGRAPH 2011. [5.1]
  */
 
 #ifndef CLOTHSIM_H
@@ -475,7 +488,7 @@ typedef struct cloth_sim   cloth_sim;       /* one per thread                   
 
 #define CLOTH_DEFAULT_AIR_DENSITY  1.2          /* kg/m^3, 20 C at sea level           */
 #define CLOTH_DEFAULT_DRAG         1.0
-#define CLOTH_DEFAULT_LIFT         0.5
+#define CLOTH_DEFAULT_LIFT         0.05         /* of the drag along a face      */
 #define CLOTH_DEFAULT_ATTACHMENTS  64
 #define CLOTH_DEFAULT_TOLERANCE    1e-4         /* m                                   */
 #define CLOTH_DEFAULT_CG_TOLERANCE 0.05
@@ -516,7 +529,7 @@ typedef struct cloth_desc {
     int    wind_on;                         /* 0 (default): the term is not walked             */
     double wind[3];                         /* m/s, velocity of the air                        */
     double air_density;                     /* kg/m^3, default 1.2                             */
-    double drag, lift;                      /* per face, defaults 1.0 and 0.5; >= 0            */
+    double drag, lift;                      /* across and along a face, 1.0 and 0.05; >= 0     */
 
     /* what holds it */
     int              npins;                 /* pinned at their start position                  */
@@ -1218,6 +1231,9 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #  include <emmintrin.h>
 #  define CLOTHI_SSE2 1
 #endif
+#if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__)
+#  define CLOTHI_SMALL 1
+#endif
 #ifndef CLOTH_ASSERT
 #  include <assert.h>
 #  define CLOTH_ASSERT(cond) assert(cond)
@@ -1248,8 +1264,15 @@ CLOTHI_UNUSED static int clothi_finite(double a) {
 
 /* Index of the first entry of a [n] that is NaN or infinite, -1 when there is none. */
 CLOTHI_OUTLINE static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
-    size_t i;
-    for (i = 0; i < n; i++)
+    size_t i, k;
+    for (i = 0; i + 32 <= n; i += 32) {     /* an exponent of ones carries into the sign */
+        uint64_t bits[32], bad = 0;
+        memcpy(bits, a + i, sizeof bits);
+        for (k = 0; k < 32; k++)
+            bad |= (bits[k] & 0x7ff0000000000000u) + 0x0010000000000000u;
+        if (bad >> 63) break;
+    }
+    for (; i < n; i++)
         if (!clothi_finite(a[i])) return (ptrdiff_t)i;
     return -1;
 }
@@ -1521,6 +1544,12 @@ CLOTH_API const char *cloth_status_text(cloth_status status) {
 }
 
 CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
+
+/* Sections that run once are compiled for size: an object of 300 KB is a promise. */
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os")
+#endif
 
 /* ===== [4.1] MESH CHECK ========================================================================
  *
@@ -2585,9 +2614,6 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
  * Reading runs over the text twice, first to count: one allocation of the right size, and an
  * index is checked where it stands, so that the sentence can name its line.
  * Render corners: distinct (vertex, vt) pairs by two counting sorts of the corners.
- * [Cli90] Clinger, How to read floating point numbers accurately, PLDI 1990,
- * doi:10.1145/93542.93557. [SW90] Steele and White, How to print floating-point numbers
- * accurately, PLDI 1990, doi:10.1145/93542.93559.
  * checked: tests/test_obj.c, tests/fuzz_mesh.c */
 
 /* A natural number: n words, least first, no zero at the top. Reading needs 10^1131 2^2, that is
@@ -3529,6 +3555,10 @@ done:
 
 #endif
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
+
 /* ===== [5.1] MATERIALS ======================================================================= */
 /*
  *   Y Pa, h m: a sheet that is pulled along one direction with free sides carries Y h (l^2-1)/2 l
@@ -3720,7 +3750,7 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *     F = Ds B (3x2)                     deformation gradient: edges now = F edges at rest
  *     E = 1/2 (F'F - I) (2x2)            Green strain: dX' E dX = (|dx|^2 - |dX|^2)/2
  *     S = 2 mu E + lambda tr(E) I        stress that is conjugate to E
- *     J = A ( mu |E|^2 + lambda/2 tr(E)^2 ),  dJ = A S:dE                        [StVK]
+ *     J = A ( mu |E|^2 + lambda/2 tr(E)^2 ),  dJ = A S:dE                        [BB08]
  *
  *   Write F = sum_i x_i g_i' with the gradients g_i of the corner functions: g_1, g_2 are the rows
  *   of B, and g_0 = -g_1 - g_2 since the three functions sum to one. A change v of corner i gives
@@ -3895,6 +3925,7 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *         \      /             theta    = atan2( (n1 x n2).u, n1.n2 ) = atan2( -l n1.b, n1.n2 )
  *     n2   \    /                       in [-pi, pi]: 0 flat, > 0 convex on the normals' side
  *           \  /               energy   J = c/2 bent^2, bent = wrap(theta - theta0)        [DS]
+ *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped        [GHDS03]
  *            x3                c        = D l^2/(A1 + A2) with rest length and areas, N m
  *
  *   wrap      into [-pi, pi] by a whole turn. theta leaps from pi to -pi where a fold closes; a
@@ -4091,7 +4122,7 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
 /* ===== [6.4] QUADRATIC BENDING =============================================================== */
 /*
  *   near the flat state   theta = |sum_i w_i x_i| for small angles, so the angle need not be
- *                         computed at all: one weighted sum of the four corners            [BERGOU]
+ *                         computed at all: one weighted sum of the four corners             [BWH06]
  *   symbols   corners, t and h as in [6.3], from the REST shape; c the hinge's, N m
  *   weights   w2 = -1/h1, w3 = -1/h2, w0 = (1-t1)/h1 + (1-t2)/h2, w1 = t1/h1 + t2/h2       1/m
  *             They sum to zero and reproduce the flat rest shape: sum_i w_i X_i = 0, for the foot
@@ -4207,7 +4238,7 @@ CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const doubl
  *   calls     clothi_gather_lanes, then one of
  *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
  *               clothi_hinge_forces | _forces_damped | _lanes (everything), clothi_theta_lanes,
- *               clothi_strain_lanes, clothi_smallest_stretch2,
+ *               clothi_strain_lanes, clothi_smallest_stretch2, clothi_largest_stretch2,
  *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
  *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
  *   checked   tests/test_elements.c: lanes_stretch, lanes_hinge, lanes_quadratic, lanes_spring,
@@ -4480,6 +4511,23 @@ CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
         const double s = mean[k] - radius[k];
         out[k] = 0.5 * (s + fabs(s));
     }
+}
+
+/* The largest of eight principal stretches, squared. */
+CLOTHI_HOT double clothi_largest_stretch2(const double *CLOTHI_RESTRICT x,
+                                          const double *CLOTHI_RESTRICT rest,
+                                          double *CLOTHI_RESTRICT out) {
+    double mean[CLOTHI_LANES], radius[CLOTHI_LANES], big = 0;
+    int    k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k);
+        mean[k] = 1.0 + t.e0 + t.e1;
+        radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
+    }
+    clothi_sqrt_lanes(radius);
+    for (k = 0; k < CLOTHI_LANES; k++) out[k] = mean[k] + radius[k];
+    for (k = 0; k < CLOTHI_LANES; k++) big = out[k] > big ? out[k] : big;
+    return big;
 }
 
 CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
@@ -6335,9 +6383,6 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *       S: forward
  *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
  *
- *   [HS52] Hestenes, Stiefel 1952. [E81] Eisenstat, SIAM J. Sci. Stat. Comput. 2 (1981) 1-4.
- *   [N87] Nicolaides, SIAM J. Numer. Anal. 24 (1987) 355-365. [S83] Steihaug, SIAM J. Numer. Anal.
- *   20 (1983) 626-637.
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)
  */
@@ -9984,7 +10029,8 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
         break;
     case CLOTHI_HINGE:
         if (!E && !loss && !f && !H) break;
-        clothi_hinge_lanes(x, rest, start, damp, E, loss, NULL, f, H, p->psd);
+        if (!E && !loss && !H && !damp) clothi_hinge_forces(x, rest, f);
+        else clothi_hinge_lanes(x, rest, start, damp, E, loss, NULL, f, H, p->psd);
         break;
     case CLOTHI_SPRING:
         if (damp) clothi_spring_damped(x, rest, start, damp, E, loss, f, H, p->psd);
@@ -11845,35 +11891,71 @@ typedef struct clothi_leap {
     double        alpha;                    /* where the pins are at the end of the drift      */
 } clothi_leap;
 
-/* Kick, and drift when drift > 0. Pinned axes ride on their straight path. */
+/* Sums the element forces of the vertices [begin, end), kicks them, and drifts when drift > 0.
+ * Two sums of every other entry: additions wait for each other. extra [nv x 3] or NULL. */
+CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, const double *CLOTHI_RESTRICT force,
+                                 const int *CLOTHI_RESTRICT start,
+                                 const int *CLOTHI_RESTRICT entry,
+                                 const double *CLOTHI_RESTRICT inverse_mass, int begin, int end,
+                                 double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT v) {
+    enum { L = CLOTHI_LANES };
+    const double kick = p->kick, drift = p->drift, *extra = p->extra;
+    const double g0 = kick * p->s->gravity[0], g1 = kick * p->s->gravity[1];
+    const double g2 = kick * p->s->gravity[2];
+    int i, k;
+    for (i = begin; i < end; i++) {
+        const int    last = start[i + 1];
+        const double w = kick * inverse_mass[i];
+        double a0 = 0, a1 = 0, a2 = 0, b0 = 0, b1 = 0, b2 = 0, v0, v1, v2;
+        for (k = start[i]; k + 1 < last; k += 2) {
+            const double *q = force + entry[k], *r = force + entry[k + 1];
+            a0 += q[0];
+            a1 += q[L];
+            a2 += q[2 * L];
+            b0 += r[0];
+            b1 += r[L];
+            b2 += r[2 * L];
+        }
+        if (k < last) {
+            const double *q = force + entry[k];
+            a0 += q[0];
+            a1 += q[L];
+            a2 += q[2 * L];
+        }
+        if (extra) {
+            b0 += extra[3 * i];
+            b1 += extra[3 * i + 1];
+            b2 += extra[3 * i + 2];
+        }
+        v0 = v[3 * i] + (g0 - w * (a0 + b0));
+        v1 = v[3 * i + 1] + (g1 - w * (a1 + b1));
+        v2 = v[3 * i + 2] + (g2 - w * (a2 + b2));
+        v[3 * i] = v0;
+        v[3 * i + 1] = v1;
+        v[3 * i + 2] = v2;
+        x[3 * i] += drift * v0;
+        x[3 * i + 1] += drift * v1;
+        x[3 * i + 2] += drift * v2;
+    }
+}
+
+/* A chunk of vertices as if all were free; then pinned axes, on their straight path. */
 static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     const clothi_leap *p = (const clothi_leap *)ctx;
     cloth_sim         *s = p->s;
     const cloth_model *m = s->model;
-    const double      *force = s->w.force, *mass = s->params.mass;
     double            *x = s->w.x, *v = s->w.trial;
-    int i, k, j, last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
+    int i, j, last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    for (i = begin * CLOTHI_VERTICES; i < last; i++) {
-        double f[3] = {0, 0, 0}, w = p->kick / mass[i];
-        for (k = m->gather_start[i]; k < m->gather_start[i + 1]; k++) {
-            const double *q = force + m->gather[k];
-            f[0] += q[0];
-            f[1] += q[CLOTHI_LANES];
-            f[2] += q[2 * CLOTHI_LANES];
-        }
-        for (j = 0; j < 3; j++) {
-            if (p->extra) f[j] += p->extra[3 * i + j];
-            v[3 * i + j] += p->kick * s->gravity[j] - w * f[j];
-            x[3 * i + j] += p->drift * v[3 * i + j];
-        }
+    clothi_leap_kick(p, s->w.force, m->gather_start, m->gather, s->w.goal,
+                     begin * CLOTHI_VERTICES, last, x, v);
+    for (i = begin * CLOTHI_VERTICES; i < last; i++)
         for (j = 0; s->pin[i] && j < 3; j++)
             if (s->pin[i] >> j & 1) {
                 v[3 * i + j] = s->w.y[3 * i + j];
                 x[3 * i + j] = s->w.x0[3 * i + j] +
                                p->alpha * (s->target[3 * i + j] - s->w.x0[3 * i + j]);
             }
-    }
 }
 
 /* Element forces at w.x into the force buffer, and the other terms into w.grad when there are
@@ -11980,18 +12062,52 @@ static void clothi_leap_omega(cloth_sim *s) {
     s->omega_rest = sqrt(lambda) * CLOTHI_LEAP_MARGIN;
 }
 
-/* Largest factor by which stretch raises the tangent over the rest shape's; at least 1. */
-static double clothi_leap_tangent(const cloth_sim *s, const double *x) {
-    double big = 1;
-    int    f, k;
-    if (s->model->membrane.kind != CLOTHI_TRIANGLE) return 1;
-    for (f = 0; f < s->model->nf; f++) {
-        double corners[9], stretch[2];
-        for (k = 0; k < 9; k++) corners[k] = x[3 * s->model->faces[3 * f + k / 3] + k % 3];
-        cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
-        if (stretch[0] > big) big = stretch[0];
+/* The mean of the triangles' factors around each free vertex, weighted by what they add to its
+ * diagonal entry of K, area (2 mu + lambda) |g|^2; their largest. factor [batches x 8]. */
+static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
+    const clothi_group *g = &s->model->membrane;
+    const int nv = s->model->nv;
+    double   *sum = s->w.goal + nv, *weight = s->w.goal + 2 * (size_t)nv, big = 1;
+    int       b, lane, k, i;
+    memset(sum, 0, 2 * (size_t)nv * sizeof(double));
+    for (b = 0; b < g->nbatch; b++)
+        for (lane = 0; lane < CLOTHI_LANES; lane++) {
+            const double *r = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
+            const double  stiff = r[4 * CLOTHI_LANES] *
+                                 (2 * r[5 * CLOTHI_LANES] + r[6 * CLOTHI_LANES]);
+            const double  gx[3] = {-r[0] - r[2 * CLOTHI_LANES], r[0], r[2 * CLOTHI_LANES]};
+            const double  gy[3] = {-r[CLOTHI_LANES] - r[3 * CLOTHI_LANES], r[CLOTHI_LANES],
+                                   r[3 * CLOTHI_LANES]};
+            for (k = 0; k < 3; k++) {
+                const int    v = g->vert[(b * 3 + k) * CLOTHI_LANES + lane];
+                const double w = stiff * (gx[k] * gx[k] + gy[k] * gy[k]);
+                sum[v] += w * factor[b * CLOTHI_LANES + lane];
+                weight[v] += w;
+            }
+        }
+    for (i = 0; i < nv; i++)
+        if (s->pin[i] != CLOTH_AXIS_ALL && sum[i] > big * weight[i]) big = sum[i] / weight[i];
+    return big;
+}
+
+/* The factor by which stretch raises the largest eigenvalue over the rest shape's, at least 1:
+ * the triangles' largest when that is below `enough`, else the largest of the vertices' means. */
+static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
+    const clothi_group *g = &s->model->membrane;
+    double *factor = s->w.energy_batch, corners[9 * CLOTHI_LANES], big = 1;
+    int     b, i;
+    if (g->kind != CLOTHI_TRIANGLE) return 1;
+    for (b = 0; b < g->nbatch; b++) {
+        double square;
+        clothi_gather_lanes(x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, corners);
+        square = clothi_largest_stretch2(corners, s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
+                                         factor + (size_t)b * CLOTHI_LANES);
+        big = clothi_max(big, square);
     }
-    return 0.5 * (3 * big * big - 1);
+    if (0.5 * (3 * big - 1) <= enough) return 0.5 * (3 * big - 1);
+    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++)
+        factor[i] = clothi_max(0.5 * (3 * factor[i] - 1), 1);
+    return clothi_leap_rings(s, factor);
 }
 
 /* omega^2 that attachments add: Gershgorin's row sum of M^-1 K, sum_j b_j = 1. */
@@ -12007,14 +12123,24 @@ static double clothi_leap_attach(const cloth_sim *s) {
     return big * (s->nattach < 4 ? s->nattach : 4);
 }
 
+static double clothi_leap_tau(const cloth_sim *s) {
+    double tau = 0;
+    int    i;
+    for (i = 0; i < s->params.nregions; i++) tau = clothi_max(tau, s->params.material[i].damping);
+    return tau;
+}
+
+/* The tangent factor up to which a substep of hs is stable: clothi_leap_limit() turned round,
+ * omega^2 = 1 / (hs^2/4 + tau hs/2). */
+static double clothi_leap_bears(const cloth_sim *s, double hs) {
+    double omega2 = 1 / (0.25 * hs * hs + 0.5 * clothi_leap_tau(s) * hs);
+    return (omega2 - clothi_leap_attach(s)) / (s->omega_rest * s->omega_rest);
+}
+
 /* Largest stable substep, s, for a tangent factor. */
 static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omega_out) {
     double omega = sqrt(s->omega_rest * s->omega_rest * tangent + clothi_leap_attach(s));
-    double tau = 0, z;
-    int    i;
-    for (i = 0; i < s->params.nregions; i++)
-        if (s->params.material[i].damping > tau) tau = s->params.material[i].damping;
-    z = 0.5 * tau * omega;
+    double z = 0.5 * clothi_leap_tau(s) * omega;
     *omega_out = omega;
     return omega > 0 ? 2 / omega * (sqrt(1 + z * z) - z) : HUGE_VAL;
 }
@@ -12023,7 +12149,7 @@ static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omeg
 static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent) {
     const cloth_model *m = s->model;
     int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
-    double       hs = h / substeps;
+    double       hs = h / substeps, bears = clothi_leap_bears(s, hs);
     clothi_leap  p;
     cloth_eval   e;
     cloth_status status = CLOTH_OK;
@@ -12034,6 +12160,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     p.s = s;
     memcpy(s->w.x, s->w.x0, (size_t)n * sizeof(double));
     memcpy(s->w.trial, s->w.v0, (size_t)n * sizeof(double));
+    for (i = 0; i < m->nv; i++) s->w.goal[i] = 1 / s->params.mass[i];
     for (i = 0; i < n; i++)                 /* velocity of what is pinned */
         s->w.y[i] = s->pin[i / 3] >> (i % 3) & 1 ? (s->target[i] - s->w.x0[i]) / h : 0;
     for (k = 0; k <= substeps && !status; k++) {
@@ -12045,7 +12172,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         p.drift = k < substeps ? hs : 0;
         p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
         if (k == substeps || k % CLOTHI_LEAP_WATCH == 1)
-            *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x));
+            *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
         if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
         if (!status && k < substeps && s->hooks.cancel.fn && k % 16 == 0 &&
             s->hooks.cancel.fn(s->hooks.cancel.user))
@@ -12066,7 +12193,7 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
     cloth_status status = CLOTH_OK;
     int          m, tries;
     if (!(s->omega_rest > 0)) clothi_leap_omega(s);
-    tangent = clothi_leap_tangent(s, s->w.x0);
+    tangent = clothi_leap_tangent(s, s->w.x0, 1);
     limit = CLOTHI_LEAP_SAFETY * clothi_leap_limit(s, tangent, &report->omega_max);
     if (!(h / limit < CLOTHI_MAX_SUBSTEPS))
         return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
@@ -12262,25 +12389,52 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     return status;
 }
 
-static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
-    const cloth_model *m = s->model;
-    double corners[12], stretch[2];
-    int    f, k, h;
+/* The smaller principal stretch of face f. */
+static double clothi_face_stretch(const cloth_sim *s, int f) {
+    double corners[9], stretch[2];
+    int    k;
+    for (k = 0; k < 9; k++) corners[k] = s->state.x[3 * s->model->faces[3 * f + k / 3] + k % 3];
+    cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
+    return stretch[1];
+}
+
+/* Smallest stretch; eight triangles at a time, and the smallest one once more, exactly. */
+static void clothi_report_stretch(const cloth_sim *s, cloth_report *report) {
+    const clothi_group *g = &s->model->membrane;
+    double x[9 * CLOTHI_LANES], square[CLOTHI_LANES], low = HUGE_VAL, stretch;
+    int    b, k, f;
     report->min_stretch = HUGE_VAL;
-    for (f = 0; f < m->nf; f++) {
-        for (k = 0; k < 9; k++) corners[k] = s->state.x[3 * m->faces[3 * f + k / 3] + k % 3];
-        cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL,
-                            stretch);
-        if (stretch[1] < report->min_stretch) {
-            report->min_stretch = stretch[1];
-            report->min_stretch_face = f;
-        }
-        report->collapsed += stretch[1] < CLOTHI_COLLAPSED;
+    for (f = 0; g->kind != CLOTHI_TRIANGLE && f < s->model->nf; f++) {
+        stretch = clothi_face_stretch(s, f);
+        if (stretch < report->min_stretch) report->min_stretch_face = f;
+        report->min_stretch = clothi_min(stretch, report->min_stretch);
+        report->collapsed += stretch < CLOTHI_COLLAPSED;
     }
-    for (h = 0; m->bend.count && h < m->topology->nh; h++) {
-        for (k = 0; k < 12; k++)
-            corners[k] = s->state.x[3 * m->topology->hinges[4 * h + k / 3] + k % 3];
-        report->folded += fabs(cloth_dihedral(corners)) > CLOTHI_FOLDED;
+    if (g->kind != CLOTHI_TRIANGLE) return;
+    for (b = 0; b < g->nbatch; b++) {
+        clothi_gather_lanes(s->state.x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
+        clothi_smallest_stretch2(x, s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES, square);
+        for (k = 0; k < CLOTHI_LANES; k++) {
+            if ((f = g->id[b * CLOTHI_LANES + k]) < 0) continue;
+            report->collapsed += square[k] < CLOTHI_COLLAPSED * CLOTHI_COLLAPSED;
+            if (square[k] < low || (square[k] <= low && f < report->min_stretch_face))
+                low = square[k], report->min_stretch_face = f;
+        }
+    }
+    if (report->min_stretch_face >= 0)
+        report->min_stretch = clothi_face_stretch(s, report->min_stretch_face);
+}
+
+static void clothi_report_shape(const cloth_sim *s, cloth_report *report) {
+    const clothi_group *g = &s->model->bend;
+    double x[12 * CLOTHI_LANES], theta[CLOTHI_LANES];
+    int    b, k;
+    clothi_report_stretch(s, report);
+    for (b = 0; b < g->nbatch; b++) {
+        clothi_gather_lanes(s->state.x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
+        clothi_theta_lanes(x, theta);
+        for (k = 0; k < CLOTHI_LANES; k++)
+            report->folded += g->id[b * CLOTHI_LANES + k] >= 0 && fabs(theta[k]) > CLOTHI_FOLDED;
     }
 }
 
@@ -12512,6 +12666,11 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     if (energy) *energy = value;
     return status;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os")
+#endif
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
@@ -13296,6 +13455,10 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
     clothi_advise_rungs(desc, &sc, swing, h, tolerance, advice);
     return CLOTH_OK;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 #ifdef __cplusplus
 }

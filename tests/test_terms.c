@@ -456,6 +456,7 @@ static void wind_in_statics(void) {
     scene_close(&S);
     scene_desc(&S, 4, NULL, WITH_WIND);
     S.desc.tolerance = 1e-8;
+    S.desc.lift = 0.5;
     S.desc.wind[0] = 0.5;
     S.desc.wind[1] = 2.0;
     CHECK(scene_open(&S, WITH_PINS) == CLOTH_OK);

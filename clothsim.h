@@ -9355,6 +9355,7 @@ struct cloth_sim {
     clothi_elements membrane, bend;
     double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
     int     quadratic_ready;
+    int     fresh;                  /* w.grad and the terms' energies are those of w.x   */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
     /* terms */
@@ -11125,6 +11126,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
     goal->e.psd = psd;
     goal->magnitude = 0;
     s->force_only = value == NULL;
+    s->fresh = 0;
     if (hess) status = clothi_matrix_start(s);
     for (i = 0; i < s->nterms && !status; i++) {
         if (i == CLOTHI_TERM_BEND + 1) {    /* element forces first: gathering sets, not adds */
@@ -11380,6 +11382,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     if (status) return status;
     clothi_newton_radius(s, goal, nt, before, a, &lr, &poor);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
+    s->fresh = 1;
     clothi_newton_rhs(s);
     report->residual_m = a * nt->size;
     *done = clothi_newton_left(nt, report->residual_m) < s->model->desc.tolerance &&
@@ -11463,6 +11466,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
         status = clothi_nonfinite_terms(s, nt.value);
     if (status) return status;
     clothi_newton_rhs(s);
+    s->fresh = 1;
     if (clothi_rest_measure(s, goal) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
     for (it = 1; !done; it++) {
         nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
@@ -12351,9 +12355,12 @@ CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     cloth_ledger *l = &report->energy;
     double        value, big = 0;
-    cloth_status  status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
+    cloth_status  status = CLOTH_OK;
     int           i, k, n = 3 * s->model->nv;
+    if (!s->fresh || s->contact_on)
+        status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
     if (status) return status;
+    goal->e.x = s->w.x;
     l->damping_loss +=
         2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]);
     memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));

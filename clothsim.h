@@ -491,7 +491,7 @@ typedef struct cloth_sim   cloth_sim;       /* one per thread                   
 #define CLOTH_DEFAULT_LIFT         0.05         /* of the drag along a face      */
 #define CLOTH_DEFAULT_ATTACHMENTS  64
 #define CLOTH_DEFAULT_TOLERANCE    1e-4         /* m                                   */
-#define CLOTH_DEFAULT_CG_TOLERANCE 0.1
+#define CLOTH_DEFAULT_CG_TOLERANCE 0.05
 
 /* Everything that a model is made from. Start from cloth_desc_default(). Arrays are copied. */
 typedef struct cloth_desc {
@@ -540,7 +540,7 @@ typedef struct cloth_desc {
 
     /* how it is solved */
     double       tolerance;                 /* m, largest last Newton update; default 1e-4     */
-    double       cg_tolerance;              /* of a linear solve, relative; default 0.1        */
+    double       cg_tolerance;              /* of a linear solve, relative; default 0.05       */
     cloth_linear linear;                    /* default CLOTH_LINEAR_AUTO                       */
 } cloth_desc;
 
@@ -1012,7 +1012,8 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
 
 /* Hinge, x [4x3] m: edge ends x0 x1, then the corner left and right of the directed edge x0->x1 as
  * seen from the side that the normals point to; c N m, angles rad. Returns c/2 (theta-theta0)^2 J,
- * the difference not wrapped. grad [12] N, hess [12x12] N/m; psd: Gauss-Newton.            [6.3] */
+ * the difference taken into [-pi, pi] (for |theta0| <= 2 pi): the energy is continuous where theta
+ * leaps from pi to -pi. grad [12] N, hess [12x12] N/m; psd: Gauss-Newton.                  [6.3] */
 CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
                             int psd);
 
@@ -1331,6 +1332,12 @@ CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double k2 = k1 + left * (4.0 - 2.0 * k1);                 /* pi - angle */
     const double sign = (1.0 - 2.0 * steep) * (1.0 - 2.0 * left);
     return copysign(k2 * 0.7853981633974483 + (sign * a + k2 * 3.061616997868383e-17), y);
+}
+
+/* A difference of angles by at most one whole turn nearer to 0: into [-pi, pi] from 3 pi around. */
+CLOTHI_UNUSED static inline double clothi_wrap(double angle) {
+    const double far = 0.5 - copysign(0.5, 3.141592653589793 - fabs(angle));
+    return angle - far * copysign(6.283185307179586, angle);
 }
 
 /* ===== [3.2] MEMORY, TEXT, RANGES ============================================================ */
@@ -3917,8 +3924,16 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *       x0 --e--> x1                      m the unit vector in its plane from edge to corner
  *         \      /             theta    = atan2( (n1 x n2).u, n1.n2 ) = atan2( -l n1.b, n1.n2 )
  *     n2   \    /                       in [-pi, pi]: 0 flat, > 0 convex on the normals' side
+ *           \  /               energy   J = c/2 bent^2, bent = wrap(theta - theta0)        [DS]
  *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped        [GHDS03]
  *            x3                c        = D l^2/(A1 + A2) with rest length and areas, N m
+ *
+ *   wrap      into [-pi, pi] by a whole turn. theta leaps from pi to -pi where a fold closes; a
+ *             sharp rest fold, theta0 = 2.5, closes 0.64 beyond its rest. Unwrapped its energy
+ *             would leap there from c/2 0.64^2 to c/2 5.64^2, a wall with no minimum at its foot:
+ *             no search comes to an end on it. Wrapped, J is continuous in x alone, without
+ *             memory; it has a ridge half a turn from rest, which no minimum rests on. With
+ *             theta0 = 0 nothing changes. The turn since t^n of the damping is wrapped alike.
  *
  *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
  *
@@ -4089,8 +4104,8 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
                             int psd) {
     double       dtheta[12];
     int          i, j;
-    const double bent = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess)
-                        - theta0;
+    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
+    const double bent = clothi_wrap(theta - theta0);
     const double energy = 0.5 * c * bent * bent;
     if (hess)
         for (i = 0; i < 12; i++)
@@ -4798,7 +4813,8 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
     clothi_edge_lengths(x, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
-        const double      bent = clothi_atan2(h.sine, h.cosine) - rest[CLOTHI_LANES + k];
+        const double      angle = clothi_atan2(h.sine, h.cosine);
+        const double      bent = clothi_wrap(angle - rest[CLOTHI_LANES + k]);
         clothi_fold_force(&h, l[k], rest[k] * bent, k, f);
     }
 }
@@ -4816,9 +4832,10 @@ CLOTHI_HOT void clothi_hinge_forces_damped(const double *CLOTHI_RESTRICT x,
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
         const double      angle = clothi_atan2(h.sine, h.cosine);
-        const double      bent = angle - rest[CLOTHI_LANES + k];
+        const double      bent = clothi_wrap(angle - rest[CLOTHI_LANES + k]);
+        const double      turned = clothi_wrap(angle - theta_n[k]);
         theta[k] = angle;
-        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * (angle - theta_n[k])), k, f);
+        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * turned), k, f);
     }
 }
 
@@ -4832,7 +4849,8 @@ CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
                                      double *CLOTHI_RESTRICT Ed) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
-        const double bent = theta[k] - rest[CLOTHI_LANES + k], turned = theta[k] - theta_n[k];
+        const double bent = clothi_wrap(theta[k] - rest[CLOTHI_LANES + k]);
+        const double turned = clothi_wrap(theta[k] - theta_n[k]);
         moment[k] = rest[k] * (bent + damp[k] * turned);
         E[k] = 0.5 * rest[k] * bent * bent;
         Ed[k] = 0.5 * rest[k] * damp[k] * turned * turned;
@@ -9337,6 +9355,7 @@ struct cloth_sim {
     clothi_elements membrane, bend;
     double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
     int     quadratic_ready;
+    int     fresh;                  /* w.grad and the terms' energies are those of w.x   */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
     /* terms */
@@ -10686,7 +10705,7 @@ static void clothi_hinge_vjp_rest(const cloth_sim *s, const cloth_eval *e, int h
 static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
                              cloth_vjp *out) {
     const int *v = s->model->topology->hinges + 4 * (size_t)h;
-    double     x[12], xn[12], g[12], gn[12], theta, theta_n, ga = 0, c, rate, rest[16], tau;
+    double     x[12], xn[12], g[12], gn[12], bent, turned, ga = 0, c, rate, rest[16], tau;
     clothi_hinge_vjp_parts d;
     int        k;
     clothi_derive_hinge(s->model, e->params, h, 0, rest, &tau);
@@ -10696,13 +10715,14 @@ static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, con
         x[k] = e->x[3 * v[k / 3] + k % 3];
         xn[k] = e->x_n[3 * v[k / 3] + k % 3];
     }
-    theta = cloth_dihedral_grad(x, g);
-    theta_n = cloth_dihedral_grad(xn, gn);
+    bent = cloth_dihedral_grad(x, g);
+    turned = clothi_wrap(bent - cloth_dihedral_grad(xn, gn));
+    bent = clothi_wrap(bent - e->params->theta0[h]);
     for (k = 0; k < 12; k++) ga += g[k] * a[3 * v[k / 3] + k % 3];
-    d.dc = ((theta - e->params->theta0[h]) + rate * (theta - theta_n)) * ga;
+    d.dc = (bent + rate * turned) * ga;
     d.dtheta0 = -c * ga;
-    d.dtau = e->h > 0 ? c / e->h * (theta - theta_n) * ga : 0;
-    if (out->h && e->h > 0) *out->h -= rate / e->h * c * (theta - theta_n) * ga;
+    d.dtau = e->h > 0 ? c / e->h * turned * ga : 0;
+    if (out->h && e->h > 0) *out->h -= rate / e->h * c * turned * ga;
     for (k = 0; out->x_n && rate > 0 && k < 12; k++)
         out->x_n[3 * v[k / 3] + k % 3] -= rate * c * ga * gn[k];
     clothi_hinge_vjp_rest(s, e, h, &d, out);
@@ -10921,7 +10941,14 @@ static void clothi_terms_install(cloth_sim *s) {
  * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n: saves 15 to 20 %
  * of the work. The older velocity is part of the state for that reason.
  *
- * When to stop. The last update, a max|dx|, is below desc.tolerance (m). A cloth at rest stops
+ * When to stop. The last update, a max|dx|, is below desc.tolerance (m); of the definite model also
+ * the sum of those to follow, were they to shrink on as this one did, and if not, the exact Hessian
+ * has its say. A search at negative curvature must not stop, however small its radius, unless phi
+ * falls nowhere within a tenth of the tolerance. So the way left to the minimum ahead is near the
+ * tolerance. Crumpling cloth has several: on the hanging sheet (N = 64, tolerance 1e-4 m) one step
+ * in ten finds another than the step solved to 1e-10 m does, 3e-4 to 8e-4 m away, at any price
+ * (each convergence confirmed by the exact Hessian: a third more work, the same 7e-4 m).
+ * A cloth at rest stops
  * before the first linear solve: for a convex E_pot the way e to the minimum has |e|_M^2/eta^2 <=
  * -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia; so that
  * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
@@ -10937,6 +10964,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
 #define CLOTHI_REST_TIME    (1.0 / 60)      /* s: see 'When to stop'                           */
 #define CLOTHI_TINY         1e-6            /* mean edges: updates judged by slopes too        */
+#define CLOTHI_HIDDEN       1e-12           /* of phi: a decrease that its rounding hides      */
 #define CLOTHI_EXACT        6e-3            /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
 #define CLOTHI_LATE         12
@@ -11101,6 +11129,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
     goal->e.psd = psd;
     goal->magnitude = 0;
     s->force_only = value == NULL;
+    s->fresh = 0;
     if (hess) status = clothi_matrix_start(s);
     for (i = 0; i < s->nterms && !status; i++) {
         if (i == CLOTHI_TERM_BEND + 1) {    /* element forces first: gathering sets, not adds */
@@ -11151,8 +11180,10 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     double value;                           /* J, phi(x)                                       */
     double slope;                           /* J, g.dx < 0                                     */
     double size;                            /* m, max|dx| of the last solve                    */
+    double older;                           /* m, max|a dx| of the iteration before            */
     double radius;                          /* m, trust radius of the exact phase              */
     int    exact;                           /* the exact Hessian is in use                     */
+    int    nudged;                          /* clothi_nudge() has looked                       */
 } clothi_newton;
 
 /* Largest eta^2 |g| / m over the free unknowns, m; eta at least CLOTHI_REST_TIME. */
@@ -11277,17 +11308,28 @@ static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clo
     return CLOTH_OK;
 }
 
-/* The radius after a step of length a: how well the quadratic model foretold the decrease. */
-static void clothi_newton_radius(clothi_newton *nt, double before, double a, double edge,
-                                 const cloth_linear_report *lr) {
-    double foretold = lr->decrease, got = before - nt->value;
+/* The radius after a step of length a: how well the quadratic model foretold the decrease. Where
+ * rounding hides it, the trapezoid of the slopes at both ends tells it. Never below a tenth of the
+ * tolerance: what lowers phi nowhere within that has arrived, and *poor says so. */
+static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, clothi_newton *nt,
+                                 double before, double a, const cloth_linear_report *lr,
+                                 int *poor) {
+    const double least = 0.1 * s->model->desc.tolerance, most = CLOTHI_TRUST_MAX * s->edge;
+    double       foretold = lr->decrease, got = before - nt->value;
+    int          i;
+    if (foretold < CLOTHI_HIDDEN * goal->magnitude) {
+        double slope = 0;
+        for (i = 0; i < 3 * s->model->nv; i++) slope += s->w.grad[i] * s->w.dx[i];
+        got = -0.5 * (nt->slope + slope);
+    }
+    *poor = nt->exact && (a < 1 || got < 0.25 * foretold) && nt->size <= 2 * least;
     if (!nt->exact || a < 1)
         nt->radius = a * nt->size;
     else if (got < 0.25 * foretold)
         nt->radius = 0.5 * nt->size;
     else if (got > 0.75 * foretold && lr->hit && nt->radius < 2 * nt->size)
         nt->radius = 2 * nt->size;
-    if (nt->radius > CLOTHI_TRUST_MAX * edge) nt->radius = CLOTHI_TRUST_MAX * edge;
+    nt->radius = clothi_max(clothi_min(nt->radius, most), least);
 }
 
 static cloth_status clothi_cancelled(const cloth_sim *s) {
@@ -11296,12 +11338,38 @@ static cloth_status clothi_cancelled(const cloth_sim *s) {
     return CLOTH_OK;
 }
 
+/* What an update of size s leaves. The definite model errs towards short updates: were the next
+ * ones to shrink as this one, r = s/older, their sum is s r/(1 - r). At least s, at most 10 s. */
+static double clothi_newton_left(const clothi_newton *nt, double s) {
+    double rest = nt->older > s ? s * s / (nt->older - s) : 10 * s;
+    return nt->exact || !(nt->older > 0) ? s : clothi_max(s, clothi_min(rest, 10 * s));
+}
+
+/* The sentence about a search that came to no end, and the vertex farthest from balance. */
+static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, const char *what) {
+    double big = -1;
+    int    i;
+    for (i = 0; i < s->model->nv; i++) {
+        double f = clothi_dot3(s->w.rhs + 3 * i, s->w.rhs + 3 * i);
+        if (f > big) {
+            big = f;
+            report->vertex = i;
+        }
+    }
+    report->outcome = CLOTH_STEP_STALLED;
+    return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
+                       "%s: stalled after %i iterations at t = %g s; last update %g m, largest "
+                       "force left %g N at vertex %i", what, report->newton, s->state.t,
+                       report->residual_m, sqrt(clothi_max(big, 0)), report->vertex);
+}
+
 /* One Newton iteration: w.x moves; *done when its update is below the tolerance. */
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                           cloth_report *report, int *done) {
     cloth_linear_report lr;
     double              a = 1, before = nt->value;
     cloth_status        status = clothi_cancelled(s);
+    int                 poor;
     if (!status) status = clothi_newton_direction(s, goal, nt, report, &lr);
     if (status) return status;
     report->newton++;
@@ -11315,12 +11383,74 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
         return CLOTH_OK;
     }
     if (status) return status;
-    clothi_newton_radius(nt, before, a, s->edge, &lr);
+    clothi_newton_radius(s, goal, nt, before, a, &lr, &poor);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
+    s->fresh = 1;
     clothi_newton_rhs(s);
     report->residual_m = a * nt->size;
-    *done = report->residual_m < s->model->desc.tolerance && !(nt->exact && lr.hit);
+    *done = clothi_newton_left(nt, report->residual_m) < s->model->desc.tolerance &&
+            !(nt->exact && lr.hit && !poor);
+    nt->older = report->residual_m;
     if (!*done && s->contact_on) status = s->contact.update(s->contact.user, s->w.x);
+    return status;
+}
+
+/* The axis along which the last update moved no free unknown at all, or -1. */
+static int clothi_still_axis(const cloth_sim *s) {
+    int i, k, n = s->model->nv;
+    for (k = 0; k < 3; k++) {
+        int unknowns = 0;
+        for (i = 0; i < n && !(fabs(s->w.dx[3 * i + k]) > 0); i++)
+            unknowns += !(s->fixed[i] >> k & 1);
+        if (i == n && unknowns) return k;
+    }
+    return -1;
+}
+
+static int clothi_compressed(const cloth_sim *s) {
+    const cloth_model *m = s->model;
+    int                f, k, found = 0;
+    for (f = 0; f < m->nf && !found; f++) {
+        double x[9], stretch[2];
+        for (k = 0; k < 9; k++) x[k] = s->w.x[3 * m->faces[3 * f + k / 3] + k % 3];
+        cloth_stretch_state(x, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
+        found = stretch[1] < 1 - 1e-9;
+    }
+    return found;
+}
+
+/* A compressed sheet exactly in a plane across an axis feels no force along it: CG cannot see that
+ * it stands on a saddle. A force of noise, a thousandth of what inertia needs to move by the
+ * radius, finds negative curvature; w.x moves along it by the radius, once a substep. */
+static cloth_status clothi_nudge(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                 cloth_report *report, int *done) {
+    const double        radius = 0.1 * s->model->desc.tolerance;
+    const int           axis = clothi_still_axis(s);
+    cloth_linear_report lr;
+    cloth_status        status;
+    uint32_t            noise = 1;
+    int                 i, n = 3 * s->model->nv;
+    if (axis < 0 || nt->nudged || !(goal->eta > 0) || !clothi_compressed(s)) return CLOTH_OK;
+    nt->nudged = 1;
+    memset(s->w.rhs, 0, (size_t)n * sizeof(double));
+    for (i = axis; i < n; i += 3) {
+        noise = noise * 1664525u + 1013904223u;
+        if (!(s->fixed[i / 3] >> axis & 1))
+            s->w.rhs[i] = 1e-3 * radius * s->params.mass[i / 3] / (goal->eta * goal->eta) *
+                          ((double)(noise >> 8) / 8388608 - 1);
+    }
+    status = clothi_newton_assemble(s, goal, 1, report);
+    if (!status)
+        status = clothi_newton_solve(s, 1e-4, radius, 0, report, &lr);
+    if (status || !(lr.hit || lr.negative)) return status;
+    for (i = 0; i < n; i++)                 /* no definite diagonal, no CG: the noise itself */
+        s->w.x[i] += lr.hit ? s->w.dx[i]
+                            : 1e3 * s->w.rhs[i] * goal->eta * goal->eta / s->params.mass[i / 3];
+    status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt->value);
+    clothi_newton_rhs(s);
+    nt->size = nt->radius = radius;
+    nt->older = 0;
+    *done = 0;
     return status;
 }
 
@@ -11339,17 +11469,19 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
         status = clothi_nonfinite_terms(s, nt.value);
     if (status) return status;
     clothi_newton_rhs(s);
+    s->fresh = 1;
     if (clothi_rest_measure(s, goal) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
     for (it = 1; !done; it++) {
-        nt.exact = nt.size <= CLOTHI_EXACT * s->edge ||
+        nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
                    (it > CLOTHI_LATE && nt.size <= CLOTHI_EXACT_LATE * s->edge);
         status = clothi_newton_iterate(s, goal, &nt, report, &done);
         if (status == CLOTH_ERR_STEP && nt.exact) {     /* no decrease: once more, definite */
             nt.size = HUGE_VAL;
             status = CLOTH_OK;
         }
+        if (!status && done) status = clothi_nudge(s, goal, &nt, report, &done);
         if (!status && !done && it >= CLOTHI_NEWTON_CAP) status = CLOTH_ERR_STEP;
-        if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_STALLED;
+        if (status == CLOTH_ERR_STEP) return clothi_stalled(s, report, "step");
         if (status) return status;
         if (!done && d->max_newton > 0 && it >= d->max_newton) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;
@@ -11670,8 +11802,7 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
             status = CLOTH_ERR_STEP;
         }
     }
-    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_STALLED;
-    return status;
+    return status == CLOTH_ERR_STEP ? clothi_stalled(s, report, "static") : status;
 }
 
 static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *report) {
@@ -12303,9 +12434,12 @@ CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     cloth_ledger *l = &report->energy;
     double        value, big = 0;
-    cloth_status  status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
+    cloth_status  status = CLOTH_OK;
     int           i, k, n = 3 * s->model->nv;
+    if (!s->fresh || s->contact_on)
+        status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
     if (status) return status;
+    goal->e.x = s->w.x;
     l->damping_loss +=
         2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]);
     memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));

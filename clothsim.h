@@ -12357,6 +12357,10 @@ static cloth_status clothi_need_work(cloth_sim *s) {
         status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
     if (!status && implicit && !s->solver)
         status = cloth_linear_solver_create(&s->hooks, m->pattern, &s->solver);
+    /* both precisions now: a later step that needs the other must not allocate */
+    if (!status && implicit) s->solver->A = s->matrix;
+    if (!status && implicit) status = clothi_store_make(s->solver, 0);
+    if (!status && implicit) status = clothi_store_make(s->solver, 1);
     return status;
 }
 

@@ -438,7 +438,6 @@ typedef struct cloth_linear_report {
     double          decrease;               /* J, b.x - x.A x / 2 of the answer                */
 } cloth_linear_report;
 
-/* TEMPORARY-BEGIN types */
 /* --- the ladder: a scene takes the lowest rung that meets its tolerance --- */
 typedef enum cloth_membrane {
     CLOTH_MEMBRANE_SPRINGS = 1,             /* a spring on each edge                           */

@@ -65,7 +65,836 @@ extern "C" {
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================ */
 
-/* ===== [5.1] HIERARCHY ======================================================================= */
+/* ===== [5.1] HIERARCHY ========================================================================
+ *
+ *            1                 Boxes around boxes, as a complete binary tree in one array: the
+ *         /     \              children of node i are 2i and 2i+1, its depth d is chosen so that
+ *        2       3             the 2^d leaves hold at most CLOTHI_BVH_LEAF items each. With the
+ *       / \     / \            items in leaf order, node j of level l holds the items
+ *      4   5   6   7               [ floor(j n / 2^l), floor((j+1) n / 2^l) ):
+ *     ...             items    no pointers, no counts, no recursion. n items, d < 29.
+ *
+ *   build     Each node is split at its median along the axis on which the centres of its boxes
+ *             reach furthest. The items are sorted once along each axis; a split keeps the three
+ *             orders by stable partition: O(n log n), whatever the boxes are.
+ *   refit     Bottom-up in one sweep over the array; the splits stay. A mesh that deforms keeps
+ *             its neighbours, so that the tree stays good.
+ *   rounding  Nodes are floats rounded outward: r = fl(x) - d with d >= ulp(fl(x)) is, rounding
+ *             being monotone, at most fl(x) - ulp < x. They only prune; an item pair is decided by
+ *             the given doubles, touching counts as overlapping: the answer is that of brute
+ *             force. NaN is unbounded: it overlaps everything.
+ *   descent   Of two overlapping nodes the larger one is opened (the sum of a box's extents is kept
+ *             in its fourth lane). A stack of pairs: opening one puts two on it and goes one level
+ *             down, so at most (levels of A) + (levels of B) + 1 <= 57 wait; the self query opens
+ *             (a, a) into three and goes two levels down: the same bound.
+ *   order     The pairs of nodes at a fixed level are the tasks of a parallel loop. Each writes
+ *             into its own segment of the list, sized by what it found last time; a task that
+ *             needs more counts on, and when all are done the segments are laid out anew and the
+ *             loop runs again. Hence no allocation beside the loop or in the steady state, and
+ *             one order of pairs for any number of workers.
+ *   features  A vertex belongs to many faces, and its collision with a face would be found once
+ *             for each. One face owns each vertex and each edge, and only the owner reports it
+ *             [CTM08]. Nothing is lost: a box around the owner is around what it owns.
+ *
+ * [CTM08] Curtis, Tamstorf, Manocha: Fast collision detection for deformable models using
+ *         representative-triangles, I3D 2008.
+ * checked: tests/test_tree.c */
+
+#define CLOTHI_BVH_LEAF   4
+#define CLOTHI_BVH_STACK  64
+#define CLOTHI_BVH_TASKS  4                 /* level whose nodes are the tasks, pairwise       */
+
+typedef struct clothi_box {
+    float lo[4], hi[4];                     /* x y z; lo[3]: sum of the extents, hi[3]: 0      */
+} clothi_box;
+
+/* A tree over n boxes. memset to 0 before the first build. Item i is reported as first + i. */
+typedef struct clothi_bvh {
+    int         n, depth;
+    int         first;                      /* 0 after build; the caller's to set              */
+    int        *item;                       /* [n] items in leaf order                         */
+    double     *exact;                      /* [n x 6] their boxes                             */
+    clothi_box *bound;                      /* [n] the same, rounded outward                   */
+    clothi_box *node;                       /* [2^(depth+1)] from 1                            */
+} clothi_bvh;
+
+/* A growing list of pairs. memset to 0 before the first use; the memory is kept from one query to
+ * the next, so that its size is a high-water mark. */
+typedef struct clothi_pairs {
+    int     count;
+    int    *pair;                           /* [count x 2]                                     */
+    size_t  room;                           /* pairs that the memory holds                     */
+    int     tasks;                          /* entries of the arrays below                     */
+    size_t *start;                          /* [tasks + 1] segment of each task                */
+    size_t *found;                          /* [tasks] pairs that it has, also beyond its room */
+    int     grown;                          /* times that memory was asked for                 */
+} clothi_pairs;
+
+/* --- the list of pairs --- */
+
+CLOTHI_UNUSED static void clothi_pairs_free(const cloth_hooks *hooks, clothi_pairs *p) {
+    clothi_free(hooks, p->pair);
+    clothi_free(hooks, p->start);
+    memset(p, 0, sizeof *p);
+}
+
+/* Where a task writes. */
+typedef struct clothi_segment {
+    int   *pair;
+    size_t room, found;
+} clothi_segment;
+
+static clothi_segment clothi_segment_open(const clothi_pairs *p, int task) {
+    clothi_segment s;
+    s.pair = p->pair + 2 * p->start[task];
+    s.room = p->start[task + 1] - p->start[task];
+    s.found = 0;
+    return s;
+}
+
+static inline void clothi_segment_put(clothi_segment *s, int a, int b) {
+    if (s->found < s->room) {
+        s->pair[2 * s->found] = a;
+        s->pair[2 * s->found + 1] = b;
+    }
+    s->found++;
+}
+
+/* Segments for more tasks; new ones get room for `least` pairs. */
+static cloth_status clothi_pairs_tasks(const cloth_hooks *hooks, clothi_pairs *p, int tasks,
+                                       size_t least) {
+    const size_t n = (size_t)tasks + (size_t)tasks / 2u;
+    size_t      *start, i;
+    if (tasks <= p->tasks) return CLOTH_OK;
+    start = (size_t *)clothi_alloc(hooks, 2 * n + 1u, sizeof *start);
+    if (!start) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i tasks", tasks);
+    p->grown++;
+    for (i = 0; i < n; i++)
+        start[i + 1] = start[i] + (i < (size_t)p->tasks ? p->start[i + 1] - p->start[i] : least);
+    clothi_free(hooks, p->start);
+    p->start = start;
+    p->found = start + n + 1u;
+    p->tasks = (int)n;
+    return CLOTH_OK;
+}
+
+/* Memory for all segments, what they hold is lost. */
+static cloth_status clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p) {
+    const size_t need = p->start[p->tasks];
+    int         *pair;
+    if (need <= p->room) return CLOTH_OK;
+    pair = (int *)clothi_alloc(hooks, need, 2 * sizeof *pair);
+    if (!pair) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", need);
+    p->grown++;
+    clothi_free(hooks, p->pair);
+    p->pair = pair;
+    p->room = need;
+    return CLOTH_OK;
+}
+
+/* 1 when every task had room; else gives room to those that had not. */
+static int clothi_pairs_fit(clothi_pairs *p, int tasks) {
+    size_t end = p->start[0];
+    int    i, fit = 1;
+    for (i = 0; i < p->tasks; i++) {
+        size_t room = p->start[i + 1] - end;
+        if (i < tasks && p->found[i] > room) {
+            room = p->found[i] + p->found[i] / 4u + 16u;
+            fit = 0;
+        }
+        end = p->start[i + 1];
+        p->start[i + 1] = p->start[i] + room;
+    }
+    return fit;
+}
+
+/* The segments one behind the other. */
+static cloth_status clothi_pairs_close(const cloth_hooks *hooks, clothi_pairs *p, int tasks) {
+    size_t at = 0;
+    int    i;
+    for (i = 0; i < tasks; i++) {
+        memmove(p->pair + 2 * at, p->pair + 2 * p->start[i], 2 * p->found[i] * sizeof(int));
+        at += p->found[i];
+    }
+    if (at > (size_t)(0x7fffffff / 2))
+        return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
+    p->count = (int)at;
+    return CLOTH_OK;
+}
+
+/* Runs fn over `tasks` tasks, which fill the segments of nlists lists, until all have room.
+ * least: first guess of a segment's room. On failure every list is empty. */
+static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *const *list,
+                                     int nlists, int tasks, size_t least, cloth_range_fn *fn,
+                                     void *ctx) {
+    cloth_status status = CLOTH_OK;
+    int          k, fit = 0;
+    for (k = 0; k < nlists; k++) list[k]->count = 0;
+    for (k = 0; k < nlists && status == CLOTH_OK; k++)
+        status = clothi_pairs_tasks(hooks, list[k], tasks, least);
+    while (!fit && status == CLOTH_OK) {
+        for (k = 0; k < nlists && status == CLOTH_OK; k++)
+            status = clothi_pairs_lay(hooks, list[k]);
+        if (status != CLOTH_OK) break;
+        clothi_for(hooks, tasks, 1, fn, ctx);
+        for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(list[k], tasks);
+    }
+    for (k = 0; k < nlists && status == CLOTH_OK; k++)
+        status = clothi_pairs_close(hooks, list[k], tasks);
+    for (k = 0; k < nlists && status != CLOTH_OK; k++) list[k]->count = 0;
+    return status;
+}
+
+/* --- boxes --- */
+
+/* The box over x moving linearly from xa to xb, and `pad` on every side: [n x 6] min xyz, max xyz.
+ * in   xa, xb  [n x 3] m; xb NULL: at rest
+ * in   pad     m, >= 0. Two points come within D of each other only if their boxes with pads that
+ *              add up to D overlap */
+CLOTHI_UNUSED static void clothi_swept_boxes(int n, const double *xa, const double *xb,
+                                             double pad, double *box) {
+    int i, k;
+    if (!xb) xb = xa;
+    pad *= 1 + 1e-15;
+    for (i = 0; i < n; i++)
+        for (k = 0; k < 3; k++) {
+            const double a = xa[3 * i + k], b = xb[3 * i + k];
+            double       lo = a < b ? a : b, hi = a < b ? b : a;
+            if (pad > 0) {                  /* a unit in the last place covers the rounding    */
+                lo -= pad;
+                hi += pad;
+                lo -= fabs(lo) * 2.3e-16;
+                hi += fabs(hi) * 2.3e-16;
+            }
+            box[6 * i + k] = lo;
+            box[6 * i + 3 + k] = hi;
+        }
+}
+
+static inline void clothi_box_join(const double *a, const double *b, double *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        out[k] = a[k] < b[k] ? a[k] : b[k];
+        out[3 + k] = a[3 + k] > b[3 + k] ? a[3 + k] : b[3 + k];
+    }
+}
+
+/* The boxes [nf x 6] of faces from those of their vertices, vertex_box [nv x 6]. */
+CLOTHI_UNUSED static void clothi_face_boxes(int nf, const int *faces, const double *vertex_box,
+                                            double *box) {
+    int f;
+    for (f = 0; f < nf; f++) {
+        clothi_box_join(vertex_box + 6 * faces[3 * f], vertex_box + 6 * faces[3 * f + 1],
+                        box + 6 * f);
+        clothi_box_join(box + 6 * f, vertex_box + 6 * faces[3 * f + 2], box + 6 * f);
+    }
+}
+
+/* [6] against [6], touching included; NaN overlaps. */
+static inline int clothi_boxes_meet(const double *a, const double *b) {
+    return !((a[0] > b[3]) | (b[0] > a[3]) | (a[1] > b[4]) | (b[1] > a[4]) | (a[2] > b[5]) |
+             (b[2] > a[5]));
+}
+
+static inline int clothi_nodes_meet(const clothi_box *a, const clothi_box *b) {
+#if defined(CLOTHI_AVX) || defined(CLOTHI_SSE2)
+    const __m128 below = _mm_cmple_ps(_mm_load_ps(a->lo), _mm_load_ps(b->hi));
+    const __m128 above = _mm_cmple_ps(_mm_load_ps(b->lo), _mm_load_ps(a->hi));
+    return (_mm_movemask_ps(_mm_and_ps(below, above)) & 7) == 7;
+#else
+    return (a->lo[0] <= b->hi[0]) & (b->lo[0] <= a->hi[0]) & (a->lo[1] <= b->hi[1]) &
+           (b->lo[1] <= a->hi[1]) & (a->lo[2] <= b->hi[2]) & (b->lo[2] <= a->hi[2]);
+#endif
+}
+
+#define CLOTHI_BVH_FAR  3.4e38              /* within the range of floats                      */
+#define CLOTHI_BVH_STEP 1.2e-7f             /* more than 2^-23                                 */
+#define CLOTHI_BVH_TINY 1.2e-38f            /* a step below the normal floats                  */
+
+/* Floats that are not above, not below a double. */
+static inline float clothi_float_below(double x) {
+    float r;
+    if (!(x >= -CLOTHI_BVH_FAR)) return -HUGE_VALF;
+    r = (float)(x < CLOTHI_BVH_FAR ? x : CLOTHI_BVH_FAR);
+    return r - (fabsf(r) * CLOTHI_BVH_STEP + CLOTHI_BVH_TINY);
+}
+
+static inline float clothi_float_above(double x) {
+    float r;
+    if (!(x <= CLOTHI_BVH_FAR)) return HUGE_VALF;
+    r = (float)(x > -CLOTHI_BVH_FAR ? x : -CLOTHI_BVH_FAR);
+    return r + (fabsf(r) * CLOTHI_BVH_STEP + CLOTHI_BVH_TINY);
+}
+
+static void clothi_node_empty(clothi_box *b) {
+    int k;
+    for (k = 0; k < 4; k++) {
+        b->lo[k] = HUGE_VALF;
+        b->hi[k] = -HUGE_VALF;
+    }
+}
+
+static inline void clothi_node_join(const clothi_box *a, const clothi_box *b, clothi_box *out) {
+    int k;
+    for (k = 0; k < 4; k++) {
+        out->lo[k] = a->lo[k] < b->lo[k] ? a->lo[k] : b->lo[k];
+        out->hi[k] = a->hi[k] > b->hi[k] ? a->hi[k] : b->hi[k];
+    }
+}
+
+static inline void clothi_node_measure(clothi_box *b) {
+    b->lo[3] = (b->hi[0] - b->lo[0]) + (b->hi[1] - b->lo[1]) + (b->hi[2] - b->lo[2]);
+    b->hi[3] = 0;
+}
+
+/* --- build and refit --- */
+
+/* First item of node j of a level; of node j + 1: the end of node j. */
+static inline int clothi_bvh_item(const clothi_bvh *t, int j, int level) {
+    return (int)(((uint64_t)(unsigned)j * (unsigned)t->n) >> level);
+}
+
+CLOTHI_UNUSED static void clothi_bvh_free(const cloth_hooks *hooks, clothi_bvh *t) {
+    clothi_free(hooks, t->node);
+    memset(t, 0, sizeof *t);
+}
+
+typedef struct clothi_bvh_job {
+    clothi_bvh   *tree;
+    const double *box;
+    int           level;                    /* of the subtrees                                 */
+} clothi_bvh_job;
+
+static void clothi_bvh_refit_leaf(clothi_bvh *t, const double *box, int leaf) {
+    const int   end = clothi_bvh_item(t, leaf + 1, t->depth);
+    clothi_box *node = t->node + ((size_t)1 << t->depth) + leaf;
+    int         i = clothi_bvh_item(t, leaf, t->depth), k;
+    clothi_node_empty(node);
+    for (; i < end; i++) {
+        const double *b = box + 6 * (size_t)t->item[i];
+        clothi_box   *r = t->bound + i;
+        memcpy(t->exact + 6 * (size_t)i, b, 6 * sizeof *b);
+        for (k = 0; k < 3; k++) {
+            r->lo[k] = clothi_float_below(b[k]);
+            r->hi[k] = clothi_float_above(b[3 + k]);
+        }
+        clothi_node_join(node, r, node);
+    }
+    clothi_node_measure(node);
+}
+
+/* Whole subtrees: leaves first, then level by level up to their roots. */
+static void clothi_bvh_refit_range(int begin, int end, int worker, void *ctx) {
+    const clothi_bvh_job *job = (const clothi_bvh_job *)ctx;
+    clothi_bvh           *t = job->tree;
+    int                   level, j;
+    (void)worker;
+    for (j = begin << (t->depth - job->level); j < end << (t->depth - job->level); j++)
+        clothi_bvh_refit_leaf(t, job->box, j);
+    for (level = t->depth - 1; level >= job->level; level--)
+        for (j = begin << (level - job->level); j < end << (level - job->level); j++) {
+            clothi_box *node = t->node + ((size_t)1 << level) + j;
+            const clothi_box *child = t->node + ((size_t)2 << level) + 2 * (size_t)j;
+            clothi_node_join(child, child + 1, node);
+            clothi_node_measure(node);
+        }
+}
+
+/* Takes other boxes, box [n x 6], for the same items.
+ * contract: alloc none | cost O(n), ~15 ns an item | same bits for any worker count */
+CLOTHI_UNUSED static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t,
+                                           const double *box) {
+    clothi_bvh_job job;
+    int            i;
+    job.tree = t;
+    job.box = box;
+    job.level = t->depth < CLOTHI_BVH_TASKS ? t->depth : CLOTHI_BVH_TASKS;
+    clothi_for(hooks, 1 << job.level, 1, clothi_bvh_refit_range, &job);
+    for (i = (1 << job.level) - 1; i > 0; i--) {
+        clothi_node_join(t->node + 2 * i, t->node + 2 * i + 1, t->node + i);
+        clothi_node_measure(t->node + i);
+    }
+}
+
+/* One block: nodes, item bounds, item boxes, order. */
+static cloth_status clothi_bvh_alloc(const cloth_hooks *hooks, int n, clothi_bvh *t) {
+    size_t nodes, size;
+    t->n = n;
+    while (n > CLOTHI_BVH_LEAF && ((n - 1) >> t->depth) + 1 > CLOTHI_BVH_LEAF) t->depth++;
+    nodes = (size_t)2 << t->depth;
+    size = nodes * sizeof *t->node +
+           (size_t)n * (sizeof *t->bound + 6 * sizeof *t->exact + sizeof *t->item);
+    t->node = (clothi_box *)clothi_alloc(hooks, size, 1);
+    if (!t->node)
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a tree of %i boxes", t->n);
+    t->bound = t->node + nodes;
+    t->exact = (double *)(void *)(t->bound + n);
+    t->item = (int *)(void *)(t->exact + 6 * (size_t)n);
+    return CLOTH_OK;
+}
+
+/* Items [lo, hi) of the three sorted orders, halved at mid along the widest axis. side [n] and
+ * tmp [n] are scratch. */
+static void clothi_bvh_split(int n, const double *key, int *order, int lo, int mid, int hi,
+                             unsigned char *side, int *tmp) {
+    double widest = -1;
+    int    axis = 0, k, i;
+    for (k = 0; k < 3; k++) {
+        const int    *o = order + (size_t)k * (size_t)n;
+        const double *c = key + (size_t)k * (size_t)n;
+        const double  extent = c[o[hi - 1]] - c[o[lo]];
+        if (extent > widest) {
+            widest = extent;
+            axis = k;
+        }
+    }
+    for (i = lo; i < hi; i++) side[order[(size_t)axis * (size_t)n + (size_t)i]] = i >= mid;
+    for (k = 0; k < 3; k++) {
+        int *o = order + (size_t)k * (size_t)n, left = lo, right = 0;
+        if (k == axis) continue;
+        for (i = lo; i < hi; i++) {
+            if (side[o[i]]) tmp[right++] = o[i];
+            else o[left++] = o[i];
+        }
+        memcpy(o + mid, tmp, (size_t)right * sizeof *tmp);
+    }
+}
+
+/* A tree over box [n x 6] (min xyz, max xyz), n in [0, CLOTH_MAX_COUNT]; the boxes are copied.
+ * out  *t      owned: clothi_bvh_free; empty on failure
+ * returns CLOTH_OK, CLOTH_ERR_MEMORY
+ * contract: alloc one block of ~110 n bytes and scratch | cost O(n log n) | serial build */
+CLOTHI_UNUSED static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n,
+                                                   const double *box, clothi_bvh *t) {
+    const size_t   m = (size_t)n;
+    cloth_status   status;
+    double        *key = NULL;
+    int           *order = NULL, *tmp, i, k, level;
+    unsigned char *side;
+    memset(t, 0, sizeof *t);
+    status = clothi_bvh_alloc(hooks, n, t);
+    key = (double *)clothi_alloc(hooks, 3 * m, sizeof *key);
+    order = (int *)clothi_alloc(hooks, 4 * m * sizeof *order + m, 1);
+    if (status != CLOTH_OK || !key || !order) {
+        if (status == CLOTH_OK)
+            status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i boxes", n);
+        clothi_bvh_free(hooks, t);
+        goto done;
+    }
+    tmp = order + 3 * m;
+    side = (unsigned char *)(tmp + m);
+    for (k = 0; k < 3; k++) {
+        for (i = 0; i < n; i++) {
+            const double centre = 0.5 * box[6 * (size_t)i + (size_t)k] +
+                                  0.5 * box[6 * (size_t)i + (size_t)k + 3];
+            key[(size_t)k * m + (size_t)i] = clothi_finite(centre) ? centre : 0;
+            order[(size_t)k * m + (size_t)i] = i;
+        }
+        clothi_sort(order + (size_t)k * m, tmp, n, key + (size_t)k * m);
+    }
+    for (level = 0; level < t->depth; level++)
+        for (i = 0; i < 1 << level; i++)
+            clothi_bvh_split(n, key, order, clothi_bvh_item(t, i, level),
+                             clothi_bvh_item(t, 2 * i + 1, level + 1),
+                             clothi_bvh_item(t, i + 1, level), side, tmp);
+    memcpy(t->item, order, m * sizeof *order);
+    clothi_bvh_refit(hooks, t, box);
+done:
+    clothi_free(hooks, order);
+    clothi_free(hooks, key);
+    return status;
+}
+
+/* --- queries --- */
+
+typedef struct clothi_bvh_query {
+    const clothi_bvh *a, *b;                /* b NULL: a against itself                        */
+    clothi_pairs     *pairs;
+    int               level_a, level_b;     /* of the tasks                                    */
+} clothi_bvh_query;
+
+/* Items i of a against the items [j, end) of b. */
+static inline void clothi_bvh_row(const clothi_bvh *a, int i, const clothi_bvh *b, int j, int end,
+                                  int ordered, clothi_segment *out) {
+    const clothi_box *bound = a->bound + i;
+    for (; j < end; j++) {
+        int p, q;
+        if (!clothi_nodes_meet(bound, b->bound + j) ||
+            !clothi_boxes_meet(a->exact + 6 * (size_t)i, b->exact + 6 * (size_t)j))
+            continue;
+        p = a->first + a->item[i];
+        q = b->first + b->item[j];
+        if (ordered && p > q) clothi_segment_put(out, q, p);
+        else clothi_segment_put(out, p, q);
+    }
+}
+
+/* Leaf na of a against leaf nb of b (node numbers); of the same tree when self. */
+static void clothi_bvh_leaves(const clothi_bvh *a, int na, const clothi_bvh *b, int nb, int self,
+                              clothi_segment *out) {
+    const int la = na - (1 << a->depth), lb = nb - (1 << b->depth);
+    const int end_a = clothi_bvh_item(a, la + 1, a->depth);
+    const int begin_b = clothi_bvh_item(b, lb, b->depth);
+    const int end_b = clothi_bvh_item(b, lb + 1, b->depth);
+    const clothi_box *box = b->node + nb;
+    int i;
+    for (i = clothi_bvh_item(a, la, a->depth); i < end_a; i++) {
+        if (self && na == nb) clothi_bvh_row(a, i, b, i + 1, end_b, 1, out);
+        else if (clothi_nodes_meet(a->bound + i, box))
+            clothi_bvh_row(a, i, b, begin_b, end_b, self, out);
+    }
+}
+
+/* All item pairs below the nodes na of a and nb of b, which meet. */
+static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b, int nb, int self,
+                               clothi_segment *out) {
+    const int leaf_a = 1 << a->depth, leaf_b = 1 << b->depth;
+    int       stack[CLOTHI_BVH_STACK][2], n = 0;
+    for (;;) {
+        if (na >= leaf_a && nb >= leaf_b) {
+            clothi_bvh_leaves(a, na, b, nb, self, out);
+        } else if (self && na == nb) {
+            const int left = 2 * na;
+            stack[n][0] = stack[n][1] = left;
+            n++;
+            stack[n][0] = stack[n][1] = left + 1;
+            n++;
+            stack[n][0] = left;
+            stack[n][1] = left + 1;
+            n += clothi_nodes_meet(a->node + left, a->node + left + 1);
+        } else if (nb >= leaf_b || (na < leaf_a && a->node[na].lo[3] >= b->node[nb].lo[3])) {
+            const clothi_box *other = b->node + nb;
+            stack[n][0] = 2 * na;
+            stack[n][1] = nb;
+            n += clothi_nodes_meet(a->node + 2 * na, other);
+            stack[n][0] = 2 * na + 1;
+            stack[n][1] = nb;
+            n += clothi_nodes_meet(a->node + 2 * na + 1, other);
+        } else {
+            const clothi_box *other = a->node + na;
+            stack[n][0] = na;
+            stack[n][1] = 2 * nb;
+            n += clothi_nodes_meet(other, b->node + 2 * nb);
+            stack[n][0] = na;
+            stack[n][1] = 2 * nb + 1;
+            n += clothi_nodes_meet(other, b->node + 2 * nb + 1);
+        }
+        if (n == 0) return;
+        n--;
+        na = stack[n][0];
+        nb = stack[n][1];
+    }
+}
+
+/* Task i of a cross query: a pair of nodes; of a self query: a pair with the first not after the
+ * second, row by row of the triangle. */
+static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
+    const clothi_bvh_query *q = (const clothi_bvh_query *)ctx;
+    const clothi_bvh       *b = q->b ? q->b : q->a;
+    const int               width = 1 << q->level_b;
+    int                     task, row = 0, at;
+    (void)worker;
+    for (task = begin; task < end; task++) {
+        clothi_segment out = clothi_segment_open(q->pairs, task);
+        int            na, nb;
+        if (q->b) {
+            na = (1 << q->level_a) + task / width;
+            nb = width + task % width;
+        } else {
+            for (row = 0, at = task; at >= width - row; row++) at -= width - row;
+            na = width + row;
+            nb = na + at;
+        }
+        if (clothi_nodes_meet(q->a->node + na, b->node + nb))
+            clothi_bvh_descend(q->a, na, b, nb, !q->b, &out);
+        q->pairs->found[task] = out.found;
+    }
+}
+
+/* Every pair i < j of items whose boxes overlap (touching included), once each.
+ * out  pairs   count and pair [count x 2], in an order that the tree alone decides
+ * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY (more than an int counts); the list is
+ *   empty then
+ * contract: alloc when the list outgrows its memory | cost ~ O(n log n + pairs) for surfaces |
+ *   same list for any worker count */
+CLOTHI_UNUSED static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks,
+                                                        const clothi_bvh *t, clothi_pairs *pairs) {
+    clothi_bvh_query q;
+    int              width;
+    q.a = t;
+    q.b = NULL;
+    q.pairs = pairs;
+    q.level_a = q.level_b = t->depth < CLOTHI_BVH_TASKS ? t->depth : CLOTHI_BVH_TASKS;
+    width = 1 << q.level_a;
+    return clothi_pairs_run(hooks, &pairs, 1, width * (width + 1) / 2, 64, clothi_bvh_query_range,
+                            &q);
+}
+
+/* Every pair (item of a, item of b) whose boxes overlap; otherwise as clothi_bvh_self_pairs. */
+CLOTHI_UNUSED static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks,
+                                                         const clothi_bvh *a, const clothi_bvh *b,
+                                                         clothi_pairs *pairs) {
+    clothi_bvh_query q;
+    q.a = a;
+    q.b = b;
+    q.pairs = pairs;
+    q.level_a = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
+    q.level_b = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
+    return clothi_pairs_run(hooks, &pairs, 1, 1 << (q.level_a + q.level_b), 64,
+                            clothi_bvh_query_range, &q);
+}
+
+/* The items (first + i) whose boxes overlap box [6]: returns their number, writes the first max.
+ * contract: alloc none | cost O(log n + found) */
+CLOTHI_UNUSED static int clothi_bvh_box_query(const clothi_bvh *t, const double *box, int max,
+                                              int *items) {
+    clothi_box b;
+    int        stack[CLOTHI_BVH_STACK], n = 0, count = 0, i, k;
+    for (k = 0; k < 3; k++) {
+        b.lo[k] = clothi_float_below(box[k]);
+        b.hi[k] = clothi_float_above(box[3 + k]);
+    }
+    clothi_node_measure(&b);
+    stack[n++] = 1;
+    while (n) {
+        const int node = stack[--n], leaf = node - (1 << t->depth);
+        if (!clothi_nodes_meet(t->node + node, &b)) continue;
+        if (leaf < 0) {
+            stack[n++] = 2 * node + 1;
+            stack[n++] = 2 * node;
+            continue;
+        }
+        for (i = clothi_bvh_item(t, leaf, t->depth); i < clothi_bvh_item(t, leaf + 1, t->depth);
+             i++) {
+            if (!clothi_boxes_meet(t->exact + 6 * (size_t)i, box)) continue;
+            if (count < max) items[count] = t->first + t->item[i];
+            count++;
+        }
+    }
+    return count;
+}
+
+/* Squared distance m^2 of a point [3] from an item (first + i). */
+typedef double clothi_distance_fn(int item, const double *point, void *ctx);
+
+static double clothi_node_distance2(const clothi_box *b, const double *p) {
+    double d2 = 0;
+    int    k;
+    for (k = 0; k < 3; k++) {
+        const double below = (double)b->lo[k] - p[k], above = p[k] - (double)b->hi[k];
+        const double d = below > above ? below : above;
+        if (d > 0) d2 += d * d;
+    }
+    return d2;
+}
+
+/* The item nearest to a point [3] by fn, if its squared distance is at most *d2; of several the
+ * smallest. Returns it and sets *d2; returns -1 and leaves *d2 when there is none. fn must not be
+ * less than the distance from the item's box by more than a relative 1e-9.
+ * contract: alloc none | cost O(log n) for a point not far away as against the items' size */
+CLOTHI_UNUSED static int clothi_bvh_nearest(const clothi_bvh *t, const double *point,
+                                            clothi_distance_fn *fn, void *ctx, double *d2) {
+    const double slack = 1 - 1e-9;
+    int          stack[CLOTHI_BVH_STACK], n = 0, best = -1, i;
+    double       reach[CLOTHI_BVH_STACK];
+    stack[0] = 1;
+    reach[n++] = slack * clothi_node_distance2(t->node + 1, point);
+    while (n) {
+        const int node = stack[--n], leaf = node - (1 << t->depth);
+        if (reach[n] > *d2) continue;
+        if (leaf < 0) {                     /* the nearer child on top */
+            const double l = slack * clothi_node_distance2(t->node + 2 * node, point);
+            const double r = slack * clothi_node_distance2(t->node + 2 * node + 1, point);
+            const int    right_last = r < l;
+            stack[n] = 2 * node + !right_last;
+            reach[n++] = right_last ? l : r;
+            stack[n] = 2 * node + right_last;
+            reach[n++] = right_last ? r : l;
+            continue;
+        }
+        for (i = clothi_bvh_item(t, leaf, t->depth); i < clothi_bvh_item(t, leaf + 1, t->depth);
+             i++) {
+            const int    item = t->first + t->item[i];
+            const double d = fn(item, point, ctx);
+            if (d < *d2 || (d <= *d2 && (best < 0 || item < best))) {
+                *d2 = d;
+                best = item;
+            }
+        }
+    }
+    return best;
+}
+
+/* --- features --- */
+
+/* Vertices, edges and faces of any set of triangles, also one that is no surface. memset to 0
+ * before the first build. A vertex without a face has no owner and is in no pair. */
+typedef struct clothi_features {
+    int            nv, ne, nf;
+    const int     *faces;                   /* [nf x 3] borrowed                               */
+    int           *edges;                   /* [ne x 2] a < b; sorted by a, then by b          */
+    int           *face_edges;              /* [nf x 3] edge of corners k and k+1              */
+    unsigned char *owned;                   /* [nf] bit k: corner k, bit 3+k: edge k is owned  */
+} clothi_features;
+
+CLOTHI_UNUSED static void clothi_features_free(const cloth_hooks *hooks, clothi_features *s) {
+    clothi_free(hooks, s->edges);
+    memset(s, 0, sizeof *s);
+}
+
+/* faces [nf x 3] are borrowed as long as *s lives; the smallest face owns.
+ * returns CLOTH_OK; CLOTH_ERR_MESH: an index out of range, a corner twice; CLOTH_ERR_MEMORY;
+ *   *s is empty then.   cost O(nv + nf) */
+CLOTHI_UNUSED static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
+                                                        const int *faces, clothi_features *s) {
+    clothi_edge_sort sort;
+    cloth_status     status;
+    int              i, end, h, ne = 0;
+    memset(s, 0, sizeof *s);
+    memset(&sort, 0, sizeof sort);
+    status = clothi_check_counts(hooks, nv, nf);
+    if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
+    if (status == CLOTH_OK) status = clothi_edge_sort_make(hooks, nv, nf, faces, &sort);
+    if (status != CLOTH_OK) return status;
+    for (i = 0; i < 3 * nf; i = clothi_edge_run(&sort, 3 * nf, i)) ne++;
+    s->edges = (int *)clothi_alloc(hooks, (2 * (size_t)ne + 3 * (size_t)nf) * sizeof(int) +
+                                              (size_t)nf, 1);
+    if (!s->edges) {
+        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i edges", ne);
+        goto done;
+    }
+    s->nv = nv;
+    s->nf = nf;
+    s->faces = faces;
+    s->face_edges = s->edges + 2 * (size_t)ne;
+    s->owned = (unsigned char *)(s->face_edges + 3 * (size_t)nf);
+    for (i = 0; i < 3 * nf; i = end, s->ne++) {
+        end = clothi_edge_run(&sort, 3 * nf, i);
+        h = sort.order[i];
+        s->edges[2 * s->ne] = sort.lo[h];
+        s->edges[2 * s->ne + 1] = sort.hi[h];
+        s->owned[h / 3] = (unsigned char)(s->owned[h / 3] | 8 << h % 3);
+        for (; i < end; i++) s->face_edges[sort.order[i]] = s->ne;
+    }
+    memset(sort.count, 0, (size_t)nv * sizeof(int));
+    for (h = 0; h < 3 * nf; h++) {
+        if (sort.count[faces[h]]++) continue;
+        s->owned[h / 3] = (unsigned char)(s->owned[h / 3] | 1 << h % 3);
+    }
+done:
+    clothi_edge_sort_free(hooks, &sort);
+    return status;
+}
+
+#define CLOTHI_FEATURE_CHUNK 1024           /* face pairs that a task takes                    */
+
+typedef struct clothi_features_job {
+    const clothi_features *s;
+    const clothi_pairs    *faces;
+    const double          *box;             /* [nv x 6]                                        */
+    clothi_pairs          *vf, *ee;
+} clothi_features_job;
+
+/* A face with its boxes. */
+typedef struct clothi_face_view {
+    const int *v, *e;
+    int        face, owned;
+    double     box[6], edge[3][6];
+} clothi_face_view;
+
+static void clothi_face_look(const clothi_features_job *job, int face, clothi_face_view *w) {
+    int k;
+    w->face = face;
+    w->v = job->s->faces + 3 * (size_t)face;
+    w->e = job->s->face_edges + 3 * (size_t)face;
+    w->owned = job->s->owned[face];
+    for (k = 0; k < 3; k++)
+        clothi_box_join(job->box + 6 * (size_t)w->v[k], job->box + 6 * (size_t)w->v[(k + 1) % 3],
+                        w->edge[k]);
+    clothi_box_join(w->edge[0], w->edge[1], w->box);
+}
+
+/* The vertices that f owns against face g. */
+static void clothi_feature_vf(const clothi_features_job *job, const clothi_face_view *f,
+                              const clothi_face_view *g, clothi_segment *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        const int v = f->v[k];
+        if (!(f->owned >> k & 1) || v == g->v[0] || v == g->v[1] || v == g->v[2]) continue;
+        if (clothi_boxes_meet(job->box + 6 * (size_t)v, g->box))
+            clothi_segment_put(out, v, g->face);
+    }
+}
+
+/* The edges that f owns against those that g owns. */
+static void clothi_feature_ee(const clothi_face_view *f, const clothi_face_view *g,
+                              clothi_segment *out) {
+    int k, l;
+    for (k = 0; k < 3; k++) {
+        const int a = f->v[k], b = f->v[(k + 1) % 3];
+        if (!(f->owned >> (3 + k) & 1) || !clothi_boxes_meet(f->edge[k], g->box)) continue;
+        for (l = 0; l < 3; l++) {
+            const int c = g->v[l], d = g->v[(l + 1) % 3];
+            if (!(g->owned >> (3 + l) & 1) || a == c || a == d || b == c || b == d) continue;
+            if (clothi_boxes_meet(f->edge[k], g->edge[l]))
+                clothi_segment_put(out, f->e[k] < g->e[l] ? f->e[k] : g->e[l],
+                                   f->e[k] < g->e[l] ? g->e[l] : f->e[k]);
+        }
+    }
+}
+
+static void clothi_features_range(int begin, int end, int worker, void *ctx) {
+    const clothi_features_job *job = (const clothi_features_job *)ctx;
+    int task;
+    (void)worker;
+    for (task = begin; task < end; task++) {
+        const int n = job->faces->count;
+        const int last = n - task * CLOTHI_FEATURE_CHUNK < CLOTHI_FEATURE_CHUNK
+                             ? n : (task + 1) * CLOTHI_FEATURE_CHUNK;
+        clothi_segment   vf = clothi_segment_open(job->vf, task);
+        clothi_segment   ee = clothi_segment_open(job->ee, task);
+        clothi_face_view f, g;
+        int              i;
+        f.face = -1;
+        for (i = task * CLOTHI_FEATURE_CHUNK; i < last; i++) {
+            const int *pair = job->faces->pair + 2 * (size_t)i;
+            if (pair[0] != f.face) clothi_face_look(job, pair[0], &f);
+            clothi_face_look(job, pair[1], &g);
+            clothi_feature_vf(job, &f, &g, &vf);
+            clothi_feature_vf(job, &g, &f, &vf);
+            clothi_feature_ee(&f, &g, &ee);
+        }
+        job->vf->found[task] = vf.found;
+        job->ee->found[task] = ee.found;
+    }
+}
+
+/* From pairs of faces to the pairs (vertex, face) and (edge, edge), smaller edge first, whose boxes
+ * overlap and that share no vertex; each once if each pair of faces is there once.
+ * in   faces       pairs of faces of s, in its numbering. All those that the boxes allow between
+ *                  two groups of faces: leaving single ones out loses features of their neighbours
+ * in   vertex_box  [nv x 6] the boxes that the pairs of faces were made from (clothi_swept_boxes)
+ * out  vf, ee      count and pair [count x 2]
+ * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; both lists empty then
+ * contract: alloc when a list outgrows its memory | cost O(pairs) | same lists for any worker
+ *   count */
+CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks,
+                                                        const clothi_features *s,
+                                                        const clothi_pairs *faces,
+                                                        const double *vertex_box, clothi_pairs *vf,
+                                                        clothi_pairs *ee) {
+    clothi_features_job job;
+    clothi_pairs       *list[2];
+    job.s = s;
+    job.faces = faces;
+    job.box = vertex_box;
+    job.vf = list[0] = vf;
+    job.ee = list[1] = ee;
+    return clothi_pairs_run(hooks, list, 2,
+                            faces->count / CLOTHI_FEATURE_CHUNK +
+                                (faces->count % CLOTHI_FEATURE_CHUNK != 0),
+                            2 * CLOTHI_FEATURE_CHUNK, clothi_features_range, &job);
+}
 
 /* ===== [5.2] TRIANGLES THAT INTERSECT ======================================================== */
 

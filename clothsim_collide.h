@@ -43,6 +43,152 @@ extern "C" {
 
 /* ===== [2.5] CONTACT ========================================================================= */
 
+typedef enum cloth_initial {                /* pairs that intersect before the first step      */
+    CLOTH_INITIAL_REFUSE = 1,               /* (default) named and refused                     */
+    CLOTH_INITIAL_EXEMPT = 2,               /* listed, counted, and free to pass until they part */
+    CLOTH_INITIAL_FORCE_INT = 0x7fffffff
+} cloth_initial;
+
+/* Whom a part may touch: two things collide when each one's category is in the other's mask. */
+typedef struct cloth_collide_part {
+    int      self;                          /* collides with itself and with other parts that
+                                               do; read only under CLOTH_CONTACT_SELF          */
+    uint32_t category, mask;                /* bits                                            */
+} cloth_collide_part;
+
+/* Distances nest: separation t/4 < gap t/2 < range t. Start from cloth_collide_desc_default(). */
+typedef struct cloth_collide_desc {
+    uint32_t      cookie;
+    double        thickness;                /* m, t > 0; default 2e-3. Not the material's      */
+    double        stiffness;                /* Pa/m of the proximity potential; 0 (default): a
+                                               sheet under 30 times its weight rests at t/2    */
+    double        relaxation;               /* s, of its damping; default 0.1                  */
+    double        friction;                 /* cloth on cloth, default 0.3                     */
+    double        slip;                     /* m, give of an anchor before it slips; 2e-5      */
+    double        max_push;                 /* m, root mean square of a zone's correction over
+                                               which the step fails; default 0.1               */
+    int           max_passes;               /* rounds of detection, default 40                 */
+    cloth_initial initial;
+    int           nparts;                   /* 0: every part collides with everything          */
+    const cloth_collide_part *parts;        /* [nparts], one for each part of the model; copied */
+} cloth_collide_desc;
+
+typedef enum cloth_obstacle_kind {
+    CLOTH_OBSTACLE_MESH    = 1,             /* triangles, open or closed                       */
+    CLOTH_OBSTACLE_SPHERE  = 2,             /* x [3] centre                                    */
+    CLOTH_OBSTACLE_CAPSULE = 3,             /* x [2 x 3] ends of the axis                      */
+    CLOTH_OBSTACLE_PLANE   = 4,             /* x [3] a point of it; all behind it is solid     */
+    CLOTH_OBSTACLE_BOX     = 5,             /* x [8 x 3] corners, cloth_obstacle_box()         */
+    CLOTH_OBSTACLE_FORCE_INT = 0x7fffffff
+} cloth_obstacle_kind;
+
+typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()                   */
+    uint32_t            cookie;
+    cloth_obstacle_kind kind;
+    int                 nv, nf;             /* MESH only                                       */
+    const double       *x;                  /* [nv x 3] m, or as the kind says; copied         */
+    const int          *faces;              /* [nf x 3], MESH only; copied                     */
+    double              radius;             /* m, SPHERE and CAPSULE > 0                       */
+    double              normal[3];          /* PLANE: out of the solid; any length but 0       */
+    double              friction;           /* default 0.3                                     */
+    uint32_t            category, mask;     /* default 1 and all                               */
+    int                 self_penetrating;   /* MESH, closed: faces inside itself are found at
+                                               each step and exempt in it                      */
+} cloth_obstacle_desc;
+
+typedef struct cloth_collide cloth_collide; /* belongs to one sim                              */
+
+typedef struct cloth_obstacle {             /* slot and generation, 0: none                    */
+    uint32_t id;
+} cloth_obstacle;
+
+typedef struct cloth_touch {                /* one contact of the last accepted step           */
+    int            edge_edge;               /* else a vertex and a face                        */
+    int            n;                       /* cloth vertices of it, 1 to 4                    */
+    int            vertex[4];
+    double         weight[4];               /* of each                                         */
+    cloth_obstacle obstacle;                /* 0: cloth on cloth                               */
+    double         normal[3];               /* towards the weights > 0                         */
+    double         gap;                     /* m, at the start of the last substep             */
+    double         force;                   /* N, along the normal: potential and impulses     */
+    double         impulse;                 /* N s, of the impact zones alone                  */
+    int            sliding;                 /* friction is at its limit                        */
+} cloth_touch;
+
+typedef struct cloth_collide_report {       /* of the last step                                */
+    int    candidates;                      /* pairs that detection looked at                  */
+    int    impacts;                         /* pairs that it found                             */
+    int    passes, zones, rigid_zones;
+    int    rows, largest_zone;              /* rows of the largest zone                        */
+    int    qp_iterations;
+    int    touches;                         /* pairs in the proximity potential                */
+    int    exempt_faces;                    /* of obstacles inside themselves                  */
+    int    exempt_pairs;                    /* of faces that intersected and have not parted   */
+    double push;                            /* m, root mean square of the worst zone           */
+    double fraction;                        /* of the step that was taken: cloth_collide_step  */
+    double ms_begin, ms_detect, ms_zones;   /* 0 without a clock                               */
+} cloth_collide_report;
+
+typedef struct cloth_collide_pair {
+    int            faces;                   /* faces a and b, which intersect; else            */
+    int            edge_edge, a, b;         /* edges a and b, or vertex a and face b; what is of
+                                               a mesh obstacle counts in that mesh             */
+    cloth_obstacle obstacle;
+    int            reversed;                /* vertex or edge a is the obstacle's, b the cloth's */
+} cloth_collide_pair;
+
+CLOTH_API cloth_collide_desc  cloth_collide_desc_default(void);
+CLOTH_API cloth_obstacle_desc cloth_obstacle_desc_default(void);
+
+/* Corners x [8 x 3] of a box: center and half edges m; R [3 x 3] turns it (NULL: not). */
+CLOTH_API void cloth_obstacle_box(const double center[3], const double half[3], const double *R,
+                                  double *x);
+
+/* Gives a sim its contact; needs desc.contact CLOTH_CONTACT_OBSTACLES or _SELF in its model.
+ * in   desc   NULL: the defaults; copied
+ * out  *out   owned: cloth_collide_destroy, before the sim
+ * returns CLOTH_OK; _UNINIT; _ARGUMENT, _NONFINITE: field and value logged; _UNSUPPORTED: the
+ *   model's rung is CLOTH_CONTACT_NONE, or it has ties; _MESH: the cloth intersects itself under
+ *   CLOTH_INITIAL_REFUSE (the first pair is logged); _MEMORY */
+CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_desc *desc,
+                                            cloth_collide **out);
+CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* NULL allowed    */
+
+/* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. */
+CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
+                                         cloth_obstacle *id);
+CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
+/* x_end, shaped as desc->x: reached at the end of the next accepted step, swept on straight paths
+ * from the pose of the last accepted state. */
+CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
+                                          const double *x_end);
+/* There at once; what intersects cloth then is refused or exempt as at create. */
+CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
+                                              const double *x);
+
+/* cloth_step, and where contact cannot be resolved a shorter one: h/2, h/4, .. h/2^halvings, pins
+ * and obstacles going that part of their way. cloth_collide_last() tells the fraction reached. */
+CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
+                                          cloth_report *report);
+
+/* --- queries, of the last accepted step unless said --- */
+
+CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c);
+/* The first `max` touches; *count: all of them. */
+CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cloth_touch *touch,
+                                             int *count);
+/* f [nv x 3] N: what contact did to each vertex, normal forces and impulses over h. */
+CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f);
+/* Smallest distance now, m, of pairs nearer than `range`; range when there is none. */
+CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap);
+/* Pairs of faces that intersect now: cloth with cloth (SELF) and with obstacles, exempt ones
+ * included. Faces of obstacles count on from nf in the order of their slots. pairs [max x 2] */
+CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, int *pairs,
+                                                   int *count);
+/* What could not be resolved in the last step that failed. */
+CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
+                                            cloth_collide_pair *pair, int *count);
+
 #ifdef __cplusplus
 }
 #endif
@@ -904,15 +1050,2403 @@ CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks
 
 /* ===== [7.2] OBSTACLES THAT PENETRATE THEMSELVES ============================================= */
 
-/* ===== [8.1] SCENE =========================================================================== */
+/* ===== [8.1] SCENE ===========================================================================
+ *
+ *   world = cloth, then every obstacle in the order of its slot:
+ *
+ *     vertices  0 .. nv-1 cloth | nv .. nw-1 obstacles          edges, faces likewise
+ *
+ *   sphere   a vertex with a radius          capsule   an edge with a radius and its two ends
+ *   plane    a vertex and a normal           box       its 8 corners and 12 triangles
+ *
+ * so that a sphere, a capsule and a mesh go through one and the same detection: the radius is
+ * added to every distance that is asked for. A sphere meets cloth as a point near faces, a capsule
+ * as a segment near edges and its ends as points near faces. A plane needs vertices only: a
+ * triangle is on its side when its corners are.
+ *
+ * Two poses: `pose`, of the last accepted state, and `target`, where the next step ends. Both are
+ * state; a substep goes from alpha0 to alpha1 of the way between them.
+ */
 
-/* ===== [8.2] PROXIMITY AND FRICTION ========================================================== */
+enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2, CLOTHI_VS = 3 };   /* P plane, S sphere/segment */
 
-/* ===== [8.3] IMPACT ZONES ==================================================================== */
+/* Who touches: pairs with one key share one anchor of friction.
+ *   side 0  cloth vertex a, obstacle slot b            side 1, 2  cloth vertex a, cloth of part b
+ *   side 3  vertex a of an obstacle, cloth face b                 on the side of its normal or not
+ *   side 4  edges a and b                                                                         */
+typedef struct clothi_key {
+    int side, a, b;
+} clothi_key;
 
-/* ===== [8.4] THE CONTACT IN THE STEP ========================================================= */
+/* What a contact remembers from step to step: state. */
+typedef struct clothi_anchor {
+    clothi_key key;
+    int        sliding;
+    double     force;                       /* N, normal                                       */
+    double     slip[3];                     /* m, elastic part of the tangential motion        */
+} clothi_anchor;
+
+typedef struct clothi_touch {               /* an active pair of the proximity potential       */
+    clothi_key key;
+    int        kind, a, b;
+    int        n, v[4];                     /* world vertices                                  */
+    double     w[4], normal[3];             /* sum w = 0 (PLANE: 1); towards w > 0             */
+    double     gap;                         /* m at x^n, radius taken off                      */
+    double     range;                       /* m                                               */
+    double     stiffness;                   /* N/m: k area                                     */
+    double     rest;                        /* m, gap at which the force vanishes              */
+    double     drift[3];                    /* m, sum of w dx over the obstacle's vertices     */
+    double     friction, limit;             /* mu; N, mu times last normal force; 0: none      */
+    double     slip[3];
+    int        leader;                      /* carries the anchor of its key                   */
+    double     force;                       /* N at the end of the substep                     */
+} clothi_touch;
+
+typedef struct clothi_row {                 /* n . sum w x >= bound over the cloth's vertices  */
+    clothi_key key;
+    int        kind, a, b;
+    int        n, v[4];                     /* world vertices                                  */
+    double     w[4], normal[3];
+    double     bound, multiplier;
+    double     speed;                       /* m/s, -n . sum w v of the obstacle's vertices    */
+    int        zone;
+} clothi_row;
+
+typedef struct clothi_obstacle {
+    int                 used;
+    uint32_t            generation;
+    cloth_obstacle_kind kind;
+    int                 nv, nf;
+    int                 v0, f0;             /* first of each in the world                      */
+    double             *x;                  /* [3 x nv x 3] pose, target, start                */
+    int                *faces;              /* own numbering                                   */
+    double              radius, friction, normal[3];
+    uint32_t            category, mask;
+    int                 inside;             /* self_penetrating                                */
+} clothi_obstacle;
+
+typedef struct clothi_pair {
+    int kind, a, b;
+} clothi_pair;
+
+struct cloth_collide {
+    cloth_sim         *sim;
+    const cloth_hooks *hooks;
+    cloth_collide_desc desc;
+    cloth_collide_part *part;               /* [nparts]                                        */
+    int                self;                /* CLOTH_CONTACT_SELF                              */
+    double             stiffness;           /* Pa/m                                            */
+
+    /* world */
+    clothi_obstacle *obstacle;
+    int     nobstacle, obstacle_cap;
+    int     nv, nf;                         /* cloth's                                         */
+    int     nw, mf, me;                     /* world's; edges of capsules come last            */
+    int    *faces, *edges;                  /* [mf x 3], [me x 2]                              */
+    int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
+    int    *vertex_part;                    /* [nv]                                            */
+    double *area;                           /* [nw] m^2, a third of the faces around           */
+    double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
+    double *x_ie;                           /* [nv x 3] the candidate                          */
+    unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
+    unsigned char *off;                     /* [mf] faces exempt in this step                  */
+    unsigned char *off_v;                   /* [nw] all faces around are                       */
+    clothi_features features;
+    clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
+    double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
+    clothi_pairs    meet, vf, ee;
+    int            *near_f;                 /* [nf] scratch of box queries                     */
+    int             solid_known;            /* the obstacles' boxes are those of this substep  */
+
+    /* the substep */
+    clothi_touch *touch;
+    int           ntouch, touch_cap;
+    clothi_row   *row;
+    int           nrow, row_cap;
+    clothi_pair  *pair;                     /* candidates                                      */
+    int           npair, pair_cap;
+    double        h;
+    int           begun;                    /* a step is under way                             */
+    /* zones */
+    int    *zone_of, *zone_number;          /* [nv]                                            */
+    int    *local, *member;                 /* [nv] number in a zone, -1; its vertices         */
+    int    *zone_start, *zone_cursor, *zone_order;      /* [zone_cap + 1]                      */
+    int     zone_cap;
+    int    *qp_row, *qp_col;
+    double *qp_val, *qp_h, *qp_lambda;
+    double *qp_minv, *qp_x0, *qp_x;         /* [3 nv]                                          */
+    double  mean_mass;                      /* kg, unit of the multipliers of the last QP      */
+    cloth_qp_options qp_options;
+
+    /* state */
+    clothi_anchor *anchor, *next;           /* accepted; of the step under way                 */
+    int            nanchor, nnext, anchor_cap, next_cap;
+    clothi_pair   *exempt, *now;            /* sorted; accepted, of the step under way         */
+    int            nexempt, nnow, exempt_cap, now_cap;
+    uint64_t       seen;                    /* hash of the accepted x                          */
+
+    cloth_collide_pair *failed;
+    int                 nfailed, failed_cap;
+    cloth_collide_report report;
+};
+
+/* Room for one more of what *array holds `size` bytes each; doubles. */
+static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int count, int *cap,
+                                size_t size) {
+    void *bigger;
+    int   want = *cap < 64 ? 64 : *cap > 0x3fffffff ? 0x7fffffff : 2 * *cap;
+    if (count < *cap) return CLOTH_OK;
+    bigger = clothi_alloc(hooks, (size_t)want, size);
+    if (!bigger) return CLOTH_ERR_MEMORY;
+    if (*array) memcpy(bigger, *array, (size_t)*cap * size);
+    clothi_free(hooks, *array);
+    *array = bigger;
+    *cap = want;
+    return CLOTH_OK;
+}
+
+static int clothi_key_compare(const clothi_key *p, const clothi_key *q) {
+    if (p->side != q->side) return p->side < q->side ? -1 : 1;
+    if (p->a != q->a) return p->a < q->a ? -1 : 1;
+    return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
+}
+
+/* --- obstacles --- */
+
+#define CLOTHI_COLLIDE_COOKIE  0xC0111DEu
+#define CLOTHI_OBSTACLE_COOKIE 0x0B57AC1Eu
+
+CLOTH_API cloth_collide_desc cloth_collide_desc_default(void) {
+    cloth_collide_desc d;
+    memset(&d, 0, sizeof d);
+    d.cookie = CLOTHI_COLLIDE_COOKIE;
+    d.thickness = 2e-3;
+    d.relaxation = 0.1;
+    d.friction = 0.3;
+    d.slip = 2e-5;
+    d.max_push = 0.1;
+    d.max_passes = 40;
+    d.initial = CLOTH_INITIAL_REFUSE;
+    return d;
+}
+
+CLOTH_API cloth_obstacle_desc cloth_obstacle_desc_default(void) {
+    cloth_obstacle_desc d;
+    memset(&d, 0, sizeof d);
+    d.cookie = CLOTHI_OBSTACLE_COOKIE;
+    d.kind = CLOTH_OBSTACLE_MESH;
+    d.friction = 0.3;
+    d.category = 1;
+    d.mask = 0xffffffffu;
+    d.normal[1] = 1;
+    return d;
+}
+
+/* Corner c has bit 0, 1, 2 for the upper side of x, y, z. */
+CLOTH_API void cloth_obstacle_box(const double center[3], const double half[3], const double *R,
+                                  double *x) {
+    int c, i, j;
+    for (c = 0; c < 8; c++)
+        for (i = 0; i < 3; i++) {
+            double *out = x + 3 * c + i;
+            *out = center[i];
+            for (j = 0; j < 3; j++) {
+                double side = (c >> j & 1) ? half[j] : -half[j];
+                *out += R ? R[3 * i + j] * side : i == j ? side : 0;
+            }
+        }
+}
+
+static const int clothi_box_faces[36] = {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4,
+                                         2, 6, 7, 2, 7, 3, 0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6};
+
+static int clothi_is_mesh(const clothi_obstacle *o) {
+    return o->kind == CLOTH_OBSTACLE_MESH || o->kind == CLOTH_OBSTACLE_BOX;
+}
+
+static void clothi_obstacle_free(const cloth_hooks *hooks, clothi_obstacle *o) {
+    const uint32_t generation = o->generation;
+    clothi_free(hooks, o->faces);
+    clothi_free(hooks, o->x);
+    memset(o, 0, sizeof *o);
+    o->generation = generation;
+}
+
+/* 0: pose of the last accepted state, 1: target, 2: where it was added */
+static double *clothi_pose(const clothi_obstacle *o, int which) {
+    return o->x + 3 * (size_t)o->nv * (size_t)which;
+}
+
+static clothi_obstacle *clothi_obstacle_of(const cloth_collide *c, cloth_obstacle id) {
+    const uint32_t slot = id.id & 0xffffu;
+    if (!c || slot == 0 || (int)slot > c->nobstacle) return NULL;
+    if (!c->obstacle[slot - 1].used || c->obstacle[slot - 1].generation != id.id >> 16)
+        return NULL;
+    return c->obstacle + slot - 1;
+}
+
+static cloth_obstacle clothi_obstacle_id(const cloth_collide *c, int slot) {
+    cloth_obstacle id;
+    id.id = slot < 0 ? 0 : (c->obstacle[slot].generation << 16 | (uint32_t)(slot + 1));
+    return id;
+}
+
+
+/* --- the world's arrays --- */
+
+static void clothi_world_free(cloth_collide *c) {
+    const cloth_hooks *k = c->hooks;
+    clothi_features_free(k, &c->features);
+    clothi_bvh_free(k, &c->tree);
+    clothi_bvh_free(k, &c->solid);
+    clothi_free(k, c->faces);
+    clothi_free(k, c->edges);
+    clothi_free(k, c->slot);
+    clothi_free(k, c->area);
+    clothi_free(k, c->xa);
+    clothi_free(k, c->xb);
+    clothi_free(k, c->box_v);
+    clothi_free(k, c->box_f);
+    clothi_free(k, c->off);
+    clothi_free(k, c->off_v);
+    c->faces = c->edges = c->slot = NULL;
+    c->area = c->xa = c->xb = c->box_v = c->box_f = NULL;
+    c->off = c->off_v = NULL;
+}
+
+static void clothi_world_area(cloth_collide *c) {
+    int f, k;
+    memset(c->area, 0, (size_t)c->nw * sizeof(double));
+    for (f = 0; f < c->mf; f++) {
+        const int *v = c->faces + 3 * f;
+        double     p[3], q[3], n[3];
+        clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], p);
+        clothi_sub3(c->xa + 3 * v[2], c->xa + 3 * v[0], q);
+        clothi_cross3(p, q, n);
+        for (k = 0; k < 3; k++) c->area[v[k]] += sqrt(clothi_dot3(n, n)) / 6;
+    }
+}
+
+/* Where everything of the obstacles begins; capsules bring an edge that is no triangle's. */
+static int clothi_world_count(cloth_collide *c) {
+    int o, capsules = 0;
+    c->nw = c->nv, c->mf = c->nf;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        b->v0 = c->nw, b->f0 = c->mf;
+        c->nw += b->nv, c->mf += b->nf;
+        capsules += b->kind == CLOTH_OBSTACLE_CAPSULE;
+    }
+    return capsules;
+}
+
+static cloth_status clothi_world_trees(cloth_collide *c) {
+    cloth_status status;
+    clothi_swept_boxes(c->nw, c->xa, NULL, 0, c->box_v);
+    clothi_face_boxes(c->mf, c->faces, c->box_v, c->box_f);
+    status = clothi_bvh_build(c->hooks, c->nf, c->box_f, &c->tree);
+    if (!status)
+        status = clothi_bvh_build(c->hooks, c->mf - c->nf, c->box_f + 6 * (size_t)c->nf,
+                                  &c->solid);
+    c->solid.first = c->nf;
+    c->solid_known = 0;
+    return status;
+}
+
+/* Vertices, faces and edges of cloth and obstacles one behind the other. */
+static void clothi_world_fill(cloth_collide *c) {
+    int o, i, at = c->features.ne;
+    for (o = 0; o < c->nobstacle; o++) {
+        const clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
+        memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
+        if (b->kind != CLOTH_OBSTACLE_CAPSULE) continue;
+        c->edges[2 * at] = b->v0;
+        c->edges[2 * at++ + 1] = b->v0 + 1;
+    }
+}
+
+/* Called when obstacles come or go. On failure the world is empty: call again or destroy. */
+static cloth_status clothi_world_build(cloth_collide *c) {
+    const cloth_model *m = c->sim->model;
+    const int    capsules = clothi_world_count(c);
+    cloth_status status = CLOTH_OK;
+    int          o, i;
+    clothi_world_free(c);
+    c->faces = (int *)clothi_alloc(c->hooks, 3 * (size_t)c->mf, sizeof(int));
+    c->slot = (int *)clothi_alloc(c->hooks, (size_t)c->nw, sizeof(int));
+    c->area = (double *)clothi_alloc(c->hooks, (size_t)c->nw, sizeof(double));
+    c->xa = (double *)clothi_alloc(c->hooks, 3 * (size_t)c->nw, sizeof(double));
+    c->xb = (double *)clothi_alloc(c->hooks, 3 * (size_t)c->nw, sizeof(double));
+    c->box_v = (double *)clothi_alloc(c->hooks, 6 * (size_t)c->nw, sizeof(double));
+    c->box_f = (double *)clothi_alloc(c->hooks, 6 * (size_t)c->mf, sizeof(double));
+    c->off = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->mf, 1);
+    c->off_v = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->nw, 1);
+    if (!c->faces || !c->slot || !c->area || !c->xa || !c->xb || !c->box_v || !c->box_f ||
+        !c->off || !c->off_v)
+        return CLOTH_ERR_MEMORY;
+    memcpy(c->faces, m->faces, 3 * (size_t)c->nf * sizeof(int));
+    memcpy(c->xa, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
+    for (i = 0; i < c->nv; i++) c->slot[i] = -1;
+    for (o = 0; o < c->nobstacle; o++)
+        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nf; i++)
+            c->faces[3 * c->obstacle[o].f0 + i] = c->obstacle[o].faces[i] + c->obstacle[o].v0;
+    status = clothi_features_build(c->hooks, c->nw, c->mf, c->faces, &c->features);
+    if (status) return status;
+    c->me = c->features.ne + capsules;
+    c->edges = (int *)clothi_alloc(c->hooks, 2 * (size_t)c->me, sizeof(int));
+    if (!c->edges) return CLOTH_ERR_MEMORY;
+    memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
+    clothi_world_fill(c);
+    clothi_world_area(c);
+    return clothi_world_trees(c);
+}
+
+/* World vertices at the poses alpha0 (xa) and alpha1 (xb) of the step; cloth at x in both. */
+static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, double alpha1) {
+    int o, i;
+    memcpy(c->xa, x, 3 * (size_t)c->nv * sizeof(double));
+    memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
+    for (o = 0; o < c->nobstacle; o++) {
+        const clothi_obstacle *b = c->obstacle + o;
+        const double *p = b->used ? clothi_pose(b, 0) : NULL, *q = b->used ? clothi_pose(b, 1) : p;
+        for (i = 0; b->used && i < 3 * b->nv; i++) {
+            c->xa[3 * b->v0 + i] = alpha0 > 0 ? p[i] + alpha0 * (q[i] - p[i]) : p[i];
+            c->xb[3 * b->v0 + i] = alpha1 < 1 ? p[i] + alpha1 * (q[i] - p[i]) : q[i];
+        }
+    }
+}
+
+/* --- who may touch whom --- */
+
+static uint32_t clothi_category(const cloth_collide *c, int part, int slot, uint32_t *mask) {
+    if (slot >= 0) {
+        *mask = c->obstacle[slot].mask;
+        return c->obstacle[slot].category;
+    }
+    *mask = c->part ? c->part[part].mask : 0xffffffffu;
+    return c->part ? c->part[part].category : 1u;
+}
+
+/* Slots -1: cloth, of the parts p and q. */
+static int clothi_may_touch(const cloth_collide *c, int slot_p, int p, int slot_q, int q) {
+    uint32_t mask_p, mask_q, cat_p, cat_q;
+    if (slot_p >= 0 && slot_q >= 0) return 0;
+    if (slot_p < 0 && slot_q < 0) {
+        if (!c->self) return 0;
+        if (c->part && !(c->part[p].self && c->part[q].self)) return 0;
+    }
+    cat_p = clothi_category(c, p, slot_p, &mask_p);
+    cat_q = clothi_category(c, q, slot_q, &mask_q);
+    return (cat_p & mask_q) != 0 && (cat_q & mask_p) != 0;
+}
+
+static int clothi_part_of(const cloth_collide *c, int v) {
+    return v < c->nv ? c->vertex_part[v] : 0;
+}
+
+/* World vertices of a pair and how many they are. VS: a near the one or two of b's obstacle. */
+static int clothi_pair_vertices(const cloth_collide *c, int kind, int a, int b, int *v) {
+    if (kind == CLOTHI_EE) {
+        v[0] = c->edges[2 * a], v[1] = c->edges[2 * a + 1];
+        v[2] = c->edges[2 * b], v[3] = c->edges[2 * b + 1];
+        return 4;
+    }
+    v[0] = a;
+    if (kind == CLOTHI_VF) {
+        v[1] = c->faces[3 * b], v[2] = c->faces[3 * b + 1], v[3] = c->faces[3 * b + 2];
+        return 4;
+    }
+    v[1] = c->obstacle[b].v0;               /* VP, VS: b is the slot */
+    v[2] = v[1] + 1;
+    return c->obstacle[b].kind == CLOTH_OBSTACLE_CAPSULE ? 3 : 2;
+}
+
+static int clothi_pair_slot(const cloth_collide *c, int kind, int a, int b) {
+    if (kind == CLOTHI_VP || kind == CLOTHI_VS) return b;
+    a = kind == CLOTHI_EE ? c->edges[2 * a] : a;
+    b = kind == CLOTHI_EE ? c->edges[2 * b] : c->faces[3 * b];
+    return c->slot[a] >= 0 ? c->slot[a] : c->slot[b];
+}
+
+/* What is added to every distance of a pair, m. */
+static double clothi_pair_radius(const cloth_collide *c, int kind, int a, int b) {
+    const int slot = clothi_pair_slot(c, kind, a, b);
+    return slot < 0 || clothi_is_mesh(c->obstacle + slot) ? 0 : c->obstacle[slot].radius;
+}
+
+static void clothi_gather_points(const double *x, const int *v, int n, double *out) {
+    int k;
+    for (k = 0; k < n; k++) memcpy(out + 3 * k, x + 3 * v[k], 3 * sizeof(double));
+}
+
+static double clothi_pair_distance(int kind, const double *x, double *w) {
+    return kind == CLOTHI_EE ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
+}
+
+/* The contact thickness of a pair: t; for two places of one cloth that are nearer than 2 t in the
+ * template, half their distance there: a fine mesh is not in contact with itself at rest. */
+static double clothi_pair_thickness(const cloth_collide *c, int kind, const int *v) {
+    double x[12], w[4], d;
+    int    k;
+    for (k = 0; k < 4; k++)
+        if (v[k] >= c->nv) return c->desc.thickness;
+    if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return c->desc.thickness;
+    clothi_gather_points(c->sim->model->x_rest, v, 4, x);
+    d = clothi_pair_distance(kind, x, w);
+    return clothi_min(c->desc.thickness, 0.5 * d);
+}
+
+/* --- candidates --- */
+
+static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
+    const int    p = kind == CLOTHI_EE ? c->edges[2 * a] : a;
+    const int    q = kind == CLOTHI_EE ? c->edges[2 * b] : c->faces[3 * b];
+    cloth_status status;
+    if (!clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q], clothi_part_of(c, q)))
+        return CLOTH_OK;
+    if (kind == CLOTHI_VF ? c->off[b] || c->off_v[a]
+                          : c->off_v[p] || c->off_v[q] || c->off_v[c->edges[2 * a + 1]] ||
+                                c->off_v[c->edges[2 * b + 1]])
+        return CLOTH_OK;
+    status = clothi_grow(c->hooks, (void **)&c->pair, c->npair, &c->pair_cap, sizeof *c->pair);
+    if (status) return status;
+    c->pair[c->npair].kind = kind, c->pair[c->npair].a = a, c->pair[c->npair].b = b;
+    c->npair++;
+    return CLOTH_OK;
+}
+
+/* The features of the faces in c->meet. */
+static cloth_status clothi_pairs_collect(cloth_collide *c) {
+    cloth_status status = clothi_pairs_features(c->hooks, &c->features, &c->meet, c->box_v,
+                                                &c->vf, &c->ee);
+    int          i;
+    for (i = 0; i < c->vf.count && !status; i++)
+        status = clothi_pair_add(c, CLOTHI_VF, c->vf.pair[2 * i], c->vf.pair[2 * i + 1]);
+    for (i = 0; i < c->ee.count && !status; i++)
+        status = clothi_pair_add(c, CLOTHI_EE, c->ee.pair[2 * i], c->ee.pair[2 * i + 1]);
+    return status;
+}
+
+/* A sphere's centre, a capsule's ends against faces; its axis against edges. */
+static cloth_status clothi_pairs_lone(cloth_collide *c, int slot, int edge) {
+    const clothi_obstacle *o = c->obstacle + slot;
+    cloth_status status = CLOTH_OK;
+    double       box[6];
+    int          i, k, n;
+    memcpy(box, c->box_v + 6 * o->v0, sizeof box);
+    if (o->nv == 2) clothi_box_join(box, c->box_v + 6 * (o->v0 + 1), box);
+    for (k = 0; k < 3; k++) box[k] -= o->radius, box[3 + k] += o->radius;
+    n = clothi_bvh_box_query(&c->tree, box, c->nf, c->near_f);
+    for (i = 0; i < n && !status; i++) {
+        const int f = c->near_f[i];
+        for (k = 0; k < o->nv && !status; k++) status = clothi_pair_add(c, CLOTHI_VF, o->v0 + k, f);
+        for (k = 0; k < 3 && o->nv == 2 && !status; k++)
+            if (c->features.owned[f] >> (3 + k) & 1)
+                status = clothi_pair_add(c, CLOTHI_EE, c->features.face_edges[3 * f + k], edge);
+    }
+    return status;
+}
+
+/* Pairs that come within `reach` (m) of each other on the way from xa to xb; swept 0: at xa, where
+ * obstacles count with their whole way. */
+static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach) {
+    const double pad = 0.5 * clothi_max(reach, c->desc.thickness);
+    cloth_status status;
+    int          o, edge = c->features.ne;
+    c->npair = 0;
+    if (!c->solid_known) {
+        const size_t skip = (size_t)c->nv;
+        clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * skip, c->xb + 3 * skip, pad,
+                           c->box_v + 6 * skip);
+        clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
+                          c->box_f + 6 * (size_t)c->nf);
+        clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
+        c->solid_known = 1;
+    }
+    clothi_swept_boxes(c->nv, c->xa, swept ? c->xb : NULL, pad, c->box_v);
+    clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
+    clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+    status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
+    if (!status) status = clothi_pairs_collect(c);
+    if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
+    if (!status && c->self) status = clothi_pairs_collect(c);
+    for (o = 0; o < c->nobstacle && !status; o++) {
+        if (!c->obstacle[o].used || clothi_is_mesh(c->obstacle + o) ||
+            c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE)
+            continue;
+        status = clothi_pairs_lone(c, o, edge);
+        edge += c->obstacle[o].kind == CLOTH_OBSTACLE_CAPSULE;
+    }
+    return status;
+}
+
+/* --- what intersects from the start --- */
+
+/* By kind (-1: faces), a, b. */
+static int clothi_pair_compare(const clothi_pair *p, const clothi_pair *q) {
+    if (p->kind != q->kind) return p->kind < q->kind ? -1 : 1;
+    if (p->a != q->a) return p->a < q->a ? -1 : 1;
+    return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
+}
+
+/* Into the sorted list, once. */
+static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) {
+    clothi_pair  p;
+    cloth_status status;
+    int          low = 0, high = c->nnow;
+    p.kind = kind, p.a = a, p.b = b;
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        if (clothi_pair_compare(c->now + mid, &p) < 0)
+            low = mid + 1;
+        else
+            high = mid;
+    }
+    if (low < c->nnow && clothi_pair_compare(c->now + low, &p) == 0) return CLOTH_OK;
+    status = clothi_grow(c->hooks, (void **)&c->now, c->nnow, &c->now_cap, sizeof p);
+    if (status) return status;
+    memmove(c->now + low + 1, c->now + low, (size_t)(c->nnow - low) * sizeof p);
+    c->now[low] = p;
+    c->nnow++;
+    return CLOTH_OK;
+}
+
+static int clothi_faces_cross(const cloth_collide *c, int f, int g) {
+    return clothi_triangles_intersect(c->xa, c->faces + 3 * f, c->faces + 3 * g);
+}
+
+/* Pairs of faces in c->meet that cross at xa. inside: only with obstacles that penetrate
+ * themselves. */
+static cloth_status clothi_crossings_of(cloth_collide *c, int inside) {
+    cloth_status status = CLOTH_OK;
+    int          i;
+    for (i = 0; i < c->meet.count && !status; i++) {
+        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
+        const int p = c->faces[3 * f], q = c->faces[3 * g], slot = c->slot[q];
+        if (inside && (slot < 0 || !c->obstacle[slot].inside)) continue;
+        if (c->off[f] || c->off[g] || !clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), slot,
+                                                        clothi_part_of(c, q)))
+            continue;
+        if (clothi_faces_cross(c, f, g)) status = clothi_exempt_add(c, -1, f, g);
+    }
+    return status;
+}
+
+/* Distance left between a cloth feature and a sphere, capsule or plane at xa, m. */
+static double clothi_lone_gap(const cloth_collide *c, int kind, int a, int b) {
+    double x[12], w[4];
+    int    v[4];
+    (void)clothi_pair_vertices(c, kind, a, b, v);
+    if (kind == CLOTHI_VP) {
+        clothi_sub3(c->xa + 3 * v[0], c->xa + 3 * v[1], x);
+        return clothi_dot3(x, c->obstacle[b].normal);
+    }
+    clothi_gather_points(c->xa, v, 4, x);
+    return clothi_pair_distance(kind, x, w) - clothi_pair_radius(c, kind, a, b);
+}
+
+/* Everything that intersects at xa into the list of this step; inside as above. */
+static cloth_status clothi_crossings(cloth_collide *c, int inside) {
+    cloth_status status;
+    int          i, o;
+    c->solid_known = 0;
+    status = clothi_candidates(c, 0, 0);    /* also for the boxes */
+    if (!status) status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
+    if (!status) status = clothi_crossings_of(c, inside);
+    if (status || inside) return status;
+    for (i = 0; i < c->npair && !status; i++) {
+        const clothi_pair p = c->pair[i];
+        if (clothi_pair_radius(c, p.kind, p.a, p.b) > 0 &&
+            !(clothi_lone_gap(c, p.kind, p.a, p.b) > 0))
+            status = clothi_exempt_add(c, p.kind, p.a, p.b);
+    }
+    for (o = 0; o < c->nobstacle && !status; o++)
+        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
+                    i < c->nv && !status; i++)
+            if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0) &&
+                !(clothi_lone_gap(c, CLOTHI_VP, i, o) > 0))
+                status = clothi_exempt_add(c, CLOTHI_VP, i, o);
+    if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
+    if (!status && c->self) status = clothi_crossings_of(c, 0);
+    return status;
+}
+
+/* Names of a pair outside: faces and edges of an obstacle count in its own mesh. */
+static cloth_collide_pair clothi_public_pair(const cloth_collide *c, int kind, int a, int b) {
+    cloth_collide_pair p;
+    const int          slot = clothi_pair_slot(c, kind, a, b);
+    memset(&p, 0, sizeof p);
+    p.edge_edge = kind == CLOTHI_EE;
+    p.a = a, p.b = b;
+    p.obstacle = clothi_obstacle_id(c, slot);
+    if (slot < 0) return p;
+    if (kind == CLOTHI_VF && a >= c->nv) {
+        p.reversed = 1;
+        p.a = a - c->obstacle[slot].v0;
+    } else if (kind == CLOTHI_VF)
+        p.b = b - c->obstacle[slot].f0;
+    return p;
+}
+
+/* Looks for intersections at xa; refuses or exempts them as the desc says. */
+static cloth_status clothi_contact_check(cloth_collide *c) {
+    cloth_status status;
+    int          i;
+    c->nnow = 0;
+    status = clothi_crossings(c, 0);
+    if (status || c->nnow == 0 || c->desc.initial == CLOTH_INITIAL_EXEMPT) return status;
+    c->nfailed = 0;
+    for (i = 0; i < c->nnow; i++) {
+        status = clothi_grow(c->hooks, (void **)&c->failed, c->nfailed, &c->failed_cap,
+                             sizeof *c->failed);
+        if (status) return status;
+        if (c->now[i].kind >= 0) {
+            c->failed[c->nfailed++] = clothi_public_pair(c, c->now[i].kind, c->now[i].a,
+                                                         c->now[i].b);
+        } else {
+            cloth_collide_pair *p = c->failed + c->nfailed++;
+            const int           slot = c->slot[c->faces[3 * c->now[i].b]];
+            memset(p, 0, sizeof *p);
+            p->faces = 1;
+            p->a = c->now[i].a;
+            p->b = c->now[i].b - (slot < 0 ? 0 : c->obstacle[slot].f0);
+            p->obstacle = clothi_obstacle_id(c, slot);
+        }
+    }
+    return clothi_fail(c->hooks, CLOTH_ERR_STEP,
+                       "%i pairs intersect before the step; the first: cloth's %s %i and %s %i of "
+                       "%s. CLOTH_INITIAL_EXEMPT lets them pass until they part", c->nfailed,
+                       c->failed[0].faces ? "face" : "vertex or edge", c->failed[0].a,
+                       c->failed[0].faces ? "face" : "face, edge or slot", c->failed[0].b,
+                       c->failed[0].obstacle.id ? "an obstacle" : "cloth");
+}
+
+/* Drops what has parted, at the end of an accepted step. */
+static void clothi_exempt_part(cloth_collide *c) {
+    double *keep = c->xa;
+    int     i, n = 0;
+    c->xa = c->xb;                          /* where everything is now */
+    for (i = 0; i < c->nnow; i++) {
+        const clothi_pair p = c->now[i];
+        const int         still = p.kind < 0 ? clothi_faces_cross(c, p.a, p.b)
+                                             : !(clothi_lone_gap(c, p.kind, p.a, p.b) > 0);
+        if (still) c->now[n++] = p;
+    }
+    c->nnow = n;
+    c->xa = keep;
+}
+
+/* --- obstacles that penetrate themselves --- */
+
+/* Faces inside their own obstacle at the start or the end of the substep are exempt in it, and the
+ * vertices that have no other.                                                            [7.2] */
+static cloth_status clothi_inside_faces(cloth_collide *c) {
+    memset(c->off, 0, (size_t)c->mf);
+    memset(c->off_v, 0, (size_t)c->nw);
+    c->report.exempt_faces = 0;
+    return CLOTH_OK;
+}
+
+/* ===== [8.2] PROXIMITY AND FRICTION ==========================================================
+ *
+ *        g = n . sum w_i x_i - radius          gap, n and w of the closest points at x^n
+ *        |
+ *    t --+- - - - - - - - - - -  range: from here in the cloth feels the obstacle
+ *   t/2 -+- - - - - - - - - - -  gap that the impact zones keep                          [8.3]
+ *   t/4 -+- - - - - - - - - - -  separation that detection guards
+ *     0 =========================
+ *
+ * E_col, a sum over the pairs of a vertex and a face (sphere, segment, plane) that are nearer than
+ * t at the start of the substep, with k = stiffness x area:
+ *
+ *     force(g) = max( 0, k (t - g)^2 / t  -  c (g - g^n) / h ),       c = k tau,   g < t
+ *
+ * an elastic part and a damping, which together never pull. force falls with g, so E = -integral
+ * of force dg is convex; with P(g) = k (t-g)^3/(3t) + c (g-g^n)^2/(2h) and g0 where the force ends,
+ * E = P(min(g, g0)); E'' = 2k (t-g)/t + c/h below g0. With n and w of x^n g is linear in x: the
+ * Hessian E'' (w n)(w n)' is exact and positive semidefinite. What is dropped: how n and w turn
+ * within a substep; detection [8.3] looks at the true motion afterwards. What was not in range at
+ * x^n is not felt: an impact is the zones' work, not a spring's, and does not rebound.
+ *
+ * The damping makes what was pushed in come out at (t/2)^2/(t tau) = t/(4 tau), 5 mm/s by default:
+ * a micrometre of rebound. A dropped cloth rests where its weight is carried.
+ *
+ * Friction, with the normal force N of the last accepted substep, u = s + (I - n n') sum w dx the
+ * tangential motion since the anchor was set and eps = desc.slip:
+ *
+ *     E = mu N ( |u|^2 / (2 eps)   |u| <= eps: sticks;      |u| - eps/2   beyond: slides )
+ *
+ * a potential in x, convex. When the step is accepted s becomes u, cut to length eps: what sticks
+ * remembers where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
+ * N = force(g) at the end + what the zones added, multiplier / h^2: Coulomb's law with N one
+ * substep late, right in sum over an impact.
+ *
+ * One cloth vertex near many faces of one obstacle is one anchor (clothi_key): a fold of the
+ * obstacle's mesh under it changes the pair, not the memory.
+ * checked: tests/test_contact.c (differences), tests/validate/incline.c, capstan.c
+ */
+
+/* gap, normal and weights of a pair at xa; 0: on top of each other. */
+static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
+    double x[12], r[3] = {0, 0, 0}, d, radius = clothi_pair_radius(c, q->kind, q->a, q->b);
+    int    i, k;
+    clothi_gather_points(c->xa, q->v, q->n, x);
+    if (q->kind == CLOTHI_VP) {
+        memcpy(q->normal, c->obstacle[q->b].normal, sizeof q->normal);
+        q->w[0] = 1, q->w[1] = -1;
+        for (k = 0; k < 3; k++) r[k] = x[k] - x[3 + k];
+        q->gap = clothi_dot3(q->normal, r);
+        return q->gap > 0;
+    }
+    if (q->kind == CLOTHI_VS) {             /* a point or a segment: a triangle of no width */
+        memcpy(x + 9, x + (q->n == 3 ? 6 : 3), 3 * sizeof(double));
+        if (q->n == 2) memcpy(x + 6, x + 3, 3 * sizeof(double));
+        (void)clothi_point_triangle(x, q->w);
+        q->w[1] += q->n == 2 ? q->w[2] + q->w[3] : 0;
+        q->w[2] += q->n == 3 ? q->w[3] : 0;
+    } else
+        (void)clothi_pair_distance(q->kind, x, q->w);
+    for (i = 0; i < q->n; i++)
+        for (k = 0; k < 3; k++) r[k] += q->w[i] * x[3 * i + k];
+    d = sqrt(clothi_dot3(r, r));
+    q->gap = d - radius;
+    for (k = 0; k < 3; k++) q->normal[k] = d > 0 ? r[k] / d : 0;
+    return q->gap > 0 && d > 0;
+}
+
+/* Which side of the cloth around vertex v a normal lies on: 1 or 2. */
+static int clothi_vertex_side(const cloth_collide *c, int v, const double *normal) {
+    const cloth_topology *t = c->sim->model->topology;
+    double sum = 0;
+    int    i;
+    for (i = t->vf_start[v]; i < t->vf_start[v + 1]; i++) {
+        const int *f = c->faces + 3 * t->vf[i];
+        double     p[3], q[3], n[3];
+        clothi_sub3(c->xa + 3 * f[1], c->xa + 3 * f[0], p);
+        clothi_sub3(c->xa + 3 * f[2], c->xa + 3 * f[0], q);
+        clothi_cross3(p, q, n);
+        sum += clothi_dot3(n, normal);
+    }
+    return sum >= 0 ? 1 : 2;
+}
+
+static clothi_key clothi_key_of(const cloth_collide *c, int kind, int a, int b,
+                                const double *normal) {
+    clothi_key key;
+    const int  slot = clothi_pair_slot(c, kind, a, b);
+    key.a = a, key.b = b;
+    if (kind == CLOTHI_EE)
+        key.side = 4;
+    else if (a >= c->nv)
+        key.side = 3;
+    else if (slot >= 0)
+        key.side = 0, key.b = slot;
+    else {
+        key.side = clothi_vertex_side(c, a, normal);
+        key.b = clothi_part_of(c, c->faces[3 * b]);
+    }
+    return key;
+}
+
+static double clothi_pair_friction(const cloth_collide *c, int kind, int a, int b) {
+    const int slot = clothi_pair_slot(c, kind, a, b);
+    return slot < 0 ? c->desc.friction : c->obstacle[slot].friction;
+}
+
+/* The area that a pair stands for, m^2. */
+static double clothi_pair_area(const cloth_collide *c, int kind, int a, int b) {
+    double area = 0;
+    int    k;
+    if (kind == CLOTHI_EE) return 0;
+    if (kind != CLOTHI_VF || a < c->nv) return c->area[a] * (b < c->nf && kind == CLOTHI_VF
+                                                                 ? 0.5 : 1);
+    for (k = 0; k < 3; k++) area += c->area[c->faces[3 * b + k]] / 3;
+    return clothi_min(area, c->area[a]);
+}
+
+/* force(g) and its slope, N and N/m. */
+static double clothi_touch_force(const cloth_collide *c, const clothi_touch *q, double g,
+                                 double *slope) {
+    const double damp = q->stiffness * c->desc.relaxation / c->h;
+    const double in = g < q->range ? q->range - g : 0;
+    if (slope) *slope = 0;
+    if (!(g < q->rest)) return 0;
+    if (slope) *slope = 2 * q->stiffness * in / q->range + damp;
+    return q->stiffness * in * in / q->range - damp * (g - q->gap);
+}
+
+/* P(min(g, g0)). */
+static double clothi_touch_energy(const cloth_collide *c, const clothi_touch *q, double g) {
+    const double damp = q->stiffness * c->desc.relaxation / c->h;
+    double in, out;
+    g = clothi_min(g, q->rest);
+    in = g < q->range ? q->range - g : 0;
+    out = g - q->gap;
+    return q->stiffness * in * in * in / (3 * q->range) + 0.5 * damp * out * out;
+}
+
+/* Where the force ends: k u^2/t + c u/h = c (t - g^n)/h, u = t - g0. */
+static double clothi_touch_rest(const cloth_collide *c, const clothi_touch *q) {
+    const double damp = q->stiffness * c->desc.relaxation / c->h, a = q->stiffness / q->range;
+    const double in = q->range - q->gap;
+    if (!(q->stiffness > 0) || !(damp > 0)) return q->range;
+    return q->range - 2 * damp * in / (damp + sqrt(damp * damp + 4 * a * damp * in));
+}
+
+/* Adds the pair to the list when it is in range. */
+static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
+    clothi_touch *q;
+    int           i, k;
+    cloth_status  status = clothi_grow(c->hooks, (void **)&c->touch, c->ntouch, &c->touch_cap,
+                                       sizeof *q);
+    if (status) return status;
+    q = c->touch + c->ntouch;
+    memset(q, 0, sizeof *q);
+    q->kind = kind, q->a = a, q->b = b;
+    q->n = clothi_pair_vertices(c, kind, a, b, q->v);
+    if (!clothi_touch_frame(c, q) || q->gap >= c->desc.thickness) return CLOTH_OK;
+    q->range = q->n == 4 ? clothi_pair_thickness(c, kind, q->v) : c->desc.thickness;
+    if (q->gap >= q->range) return CLOTH_OK;
+    q->stiffness = c->stiffness * clothi_pair_area(c, kind, a, b);
+    q->rest = clothi_touch_rest(c, q);
+    q->friction = clothi_pair_friction(c, kind, a, b);
+    q->key = clothi_key_of(c, kind, a, b, q->normal);
+    for (i = 0; i < q->n; i++)
+        for (k = 0; q->v[i] >= c->nv && k < 3; k++)
+            q->drift[k] += q->w[i] * (c->xb[3 * q->v[i] + k] - c->xa[3 * q->v[i] + k]);
+    c->ntouch++;
+    return CLOTH_OK;
+}
+
+static int clothi_touch_before(const clothi_touch *p, const clothi_touch *q) {
+    const int order = clothi_key_compare(&p->key, &q->key);
+    if (order) return order < 0;
+    if (p->gap < q->gap || q->gap < p->gap) return p->gap < q->gap;
+    if (p->kind != q->kind) return p->kind < q->kind;
+    return p->a != q->a ? p->a < q->a : p->b < q->b;
+}
+
+/* Heap sort by key, then gap: the nearest pair of a key leads. */
+static void clothi_touch_sort(clothi_touch *t, int n) {
+    int start = n / 2, end = n, root, child;
+    clothi_touch swap;
+    while (end > 1) {
+        if (start > 0)
+            start--;
+        else {
+            end--;
+            swap = t[0], t[0] = t[end], t[end] = swap;
+        }
+        for (root = start; (child = 2 * root + 1) < end; root = child) {
+            if (child + 1 < end && clothi_touch_before(t + child, t + child + 1)) child++;
+            if (!clothi_touch_before(t + root, t + child)) break;
+            swap = t[root], t[root] = t[child], t[child] = swap;
+        }
+    }
+}
+
+/* Gives every key's leader what its anchor remembers; edge pairs that only an anchor knows have
+ * been added before. Both lists are sorted. */
+static void clothi_touch_remember(cloth_collide *c) {
+    int i, j = 0, k;
+    for (i = 0; i < c->ntouch; i++) {
+        clothi_touch *q = c->touch + i;
+        double        along;
+        q->leader = i == 0 || clothi_key_compare(&q[-1].key, &q->key) != 0;
+        if (!q->leader) continue;
+        while (j < c->nnext && clothi_key_compare(&c->next[j].key, &q->key) < 0) j++;
+        if (j == c->nnext || clothi_key_compare(&c->next[j].key, &q->key) != 0) continue;
+        q->limit = q->friction * c->next[j].force;
+        along = clothi_dot3(c->next[j].slip, q->normal);
+        for (k = 0; k < 3; k++) q->slip[k] = c->next[j].slip[k] - along * q->normal[k];
+    }
+}
+
+/* sum w dx over a touch, m; x [nv x 3]. */
+static void clothi_touch_motion(const cloth_collide *c, const clothi_touch *q, const double *x,
+                                double *u) {
+    int i, k;
+    memcpy(u, q->drift, 3 * sizeof(double));
+    for (i = 0; i < q->n; i++)
+        for (k = 0; q->v[i] < c->nv && k < 3; k++)
+            u[k] += q->w[i] * (x[3 * q->v[i] + k] - c->xa[3 * q->v[i] + k]);
+}
+
+/* Energy of a touch with force [3] on sum w x (minus the gradient) and the 3x3 Hessian K. */
+static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, const double *x,
+                                double *pull, double *K) {
+    double u[3], g, slope, force, energy, size, along;
+    int    i, j;
+    clothi_touch_motion(c, q, x, u);
+    along = clothi_dot3(u, q->normal);
+    g = q->gap + along;
+    force = clothi_touch_force(c, q, g, &slope);
+    energy = clothi_touch_energy(c, q, g);
+    for (i = 0; i < 3; i++) {
+        pull[i] = -force * q->normal[i];
+        for (j = 0; j < 3; j++) K[3 * i + j] = slope * q->normal[i] * q->normal[j];
+        u[i] += q->slip[i] - along * q->normal[i];
+    }
+    if (!(q->limit > 0)) return energy;
+    size = sqrt(clothi_dot3(u, u));
+    {
+        const double eps = c->desc.slip, k = q->limit / clothi_max(size, eps);
+        const int    stick = size <= eps;
+        energy += stick ? 0.5 * k * size * size : q->limit * (size - 0.5 * eps);
+        for (i = 0; i < 3; i++) {
+            pull[i] += k * u[i];
+            for (j = 0; j < 3; j++)
+                K[3 * i + j] += k * ((i == j) - q->normal[i] * q->normal[j] -
+                                     (stick ? 0 : u[i] * u[j] / (size * size)));
+        }
+    }
+    return energy;
+}
+
+static cloth_status clothi_touch_hessian(const cloth_collide *c, const clothi_touch *q,
+                                         const double *K, cloth_matrix *A) {
+    double H[144];
+    int    v[4], at[4], n = 0, i, j, k, l;
+    for (i = 0; i < q->n; i++)
+        if (q->v[i] < c->nv) {
+            v[n] = q->v[i];
+            at[n++] = i;
+        }
+    for (i = 0; i < n; i++)
+        for (j = 0; j < n; j++)
+            for (k = 0; k < 3; k++)
+                for (l = 0; l < 3; l++)
+                    H[(3 * i + k) * 3 * n + 3 * j + l] = q->w[at[i]] * q->w[at[j]] * K[3 * k + l];
+    return cloth_matrix_add_element(A, n, v, H);
+}
+
+/* cloth_contact.eval: outside a step there is nothing, E_col belongs to the motion from x^n. */
+static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double *energy) {
+    cloth_collide *c = (cloth_collide *)user;
+    cloth_status   status = CLOTH_OK;
+    int            i, j, k;
+    *energy = 0;
+    if (!c->begun || !(e->h > 0)) return CLOTH_OK;
+    for (i = 0; i < c->ntouch && !status; i++) {
+        const clothi_touch *q = c->touch + i;
+        double              pull[3], K[9];
+        *energy += clothi_touch_eval(c, q, e->x, pull, K);
+        for (j = 0; e->grad && j < q->n; j++)
+            for (k = 0; q->v[j] < c->nv && k < 3; k++)
+                e->grad[3 * q->v[j] + k] += q->w[j] * pull[k];
+        if (e->hess) status = clothi_touch_hessian(c, q, K, e->hess);
+    }
+    return status;
+}
+
+/* ===== [8.3] IMPACT ZONES ====================================================================
+ *
+ *   candidate x_IE of the Newton solve
+ *     -> detection over x^n -> x: every pair that comes nearer than its separation is an impact
+ *     -> a row each, from the frame (w, n) at the time of impact, n on the side held at x^n:
+ *              n . sum w_i x_i >= bound                 obstacles and pins are in the bound
+ *     -> rows that share a movable vertex are one zone; in each zone
+ *              min sum m_i |x_i - x_IE,i|^2 / 2     s.t. all its rows so far              [6.1]
+ *     -> detection again, for pairs of what moved; until there is no impact
+ *
+ * The objective is always measured from x_IE: rows accumulate, motions do not. Rows push along n
+ * with w that sum to 0, so free cloth keeps its linear momentum to rounding; its angular momentum
+ * as far as sum w_i x_i is along n when the row is made.
+ *
+ * Bound: t/2, but no more than the pair had at x^n: contact stops, it does not throw. Separation:
+ * t/4, but no more than 0.8 of the distance at x^n: what began too near may not come nearer.
+ *
+ * A zone whose QP is infeasible, or that does not end, becomes rigid: free of obstacles it moves
+ * as one body with its momentum, else with its obstacle, or not at all. What still collides fails
+ * the step with the pairs listed.
+ */
+
+#define CLOTHI_SEPARATION 0.25              /* of t                                            */
+#define CLOTHI_GAP        0.5
+#define CLOTHI_APPROACH   0.8               /* of the distance at x^n                          */
+
+static int clothi_face_has(const cloth_collide *c, int f, int v) {
+    return c->faces[3 * f] == v || c->faces[3 * f + 1] == v || c->faces[3 * f + 2] == v;
+}
+
+/* A vertex-face or edge-edge pair is exempt when it belongs to an exempt pair of faces. */
+static int clothi_is_exempt(const cloth_collide *c, int kind, int a, int b) {
+    int i, flip;
+    for (i = 0; i < c->nnow; i++)
+        for (flip = 0; flip < 2 && c->now[i].kind < 0; flip++) {
+            const int f = flip ? c->now[i].b : c->now[i].a;
+            const int g = flip ? c->now[i].a : c->now[i].b;
+            if (kind == CLOTHI_VF && g == b && clothi_face_has(c, f, a)) return 1;
+            if (kind == CLOTHI_EE && clothi_face_has(c, f, c->edges[2 * a]) &&
+                clothi_face_has(c, f, c->edges[2 * a + 1]) &&
+                clothi_face_has(c, g, c->edges[2 * b]) &&
+                clothi_face_has(c, g, c->edges[2 * b + 1]))
+                return 1;
+        }
+    return 0;
+}
+
+/* The distances of one pair at the start of the substep. */
+typedef struct clothi_guard {
+    double radius, separation, gap;         /* m; separation and gap without the radius        */
+    double start;                           /* m, distance at x^n, radius taken off            */
+} clothi_guard;
+
+static clothi_guard clothi_guard_of(const cloth_collide *c, int kind, int a, int b, const int *v,
+                                    const double *xa) {
+    clothi_guard g;
+    double       w[4], t = clothi_pair_thickness(c, kind, v);
+    g.radius = clothi_pair_radius(c, kind, a, b);
+    g.start = clothi_pair_distance(kind, xa, w) - g.radius;
+    g.separation = clothi_min(CLOTHI_SEPARATION * t, CLOTHI_APPROACH * g.start);
+    g.gap = CLOTHI_GAP * t;
+    return g;
+}
+
+static cloth_status clothi_row_add(cloth_collide *c, const clothi_row *row) {
+    cloth_status status = clothi_grow(c->hooks, (void **)&c->row, c->nrow, &c->row_cap,
+                                      sizeof *c->row);
+    if (!status) c->row[c->nrow++] = *row;
+    return status;
+}
+
+/* bound and speed of a row whose frame is known; `held` m: gap along n at x^n, radius off */
+static void clothi_row_bound(const cloth_collide *c, const clothi_guard *g, double held,
+                             clothi_row *row) {
+    int i, k;
+    row->bound = g->radius + clothi_min(g->gap, clothi_max(held, 1.1 * g->separation));
+    for (i = 0; i < row->n; i++)
+        for (k = 0; row->v[i] >= c->nv && k < 3; k++) {
+            const double a = c->xa[3 * row->v[i] + k], b = c->xb[3 * row->v[i] + k];
+            row->bound -= row->w[i] * row->normal[k] * b;
+            row->speed -= row->w[i] * row->normal[k] * (b - a) / c->h;
+        }
+    row->key = clothi_key_of(c, row->kind, row->a, row->b, row->normal);
+    row->zone = -1;
+}
+
+/* Looks at one pair over the substep; *hit counts, a row is added. */
+static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair *p, int *hit) {
+    clothi_row   row;
+    clothi_guard g;
+    double       xa[12], xb[12], toi, held, r = clothi_pair_radius(c, p->kind, p->a, p->b);
+    int        (*ccd)(const double *, const double *, double, double *) =
+        p->kind == CLOTHI_EE ? cloth_ccd_ee : cloth_ccd_vf;
+    memset(&row, 0, sizeof row);
+    row.kind = p->kind, row.a = p->a, row.b = p->b;
+    row.n = clothi_pair_vertices(c, p->kind, p->a, p->b, row.v);
+    clothi_gather_points(c->xa, row.v, 4, xa);
+    clothi_gather_points(c->xb, row.v, 4, xb);
+    if (!ccd(xa, xb, r + CLOTHI_SEPARATION * c->desc.thickness, &toi)) return CLOTH_OK;
+    g = clothi_guard_of(c, p->kind, p->a, p->b, row.v, xa);
+    if (!(g.start > 0) || clothi_is_exempt(c, p->kind, p->a, p->b)) return CLOTH_OK;
+    if (g.separation < CLOTHI_SEPARATION * c->desc.thickness &&
+        !ccd(xa, xb, r + g.separation, &toi))
+        return CLOTH_OK;
+    held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
+    clothi_row_bound(c, &g, held - r, &row);
+    ++*hit;
+    return clothi_row_add(c, &row);
+}
+
+/* Cloth vertices that have moved against a plane: its distance is linear in time. */
+static cloth_status clothi_detect_plane(cloth_collide *c, int slot, int *hit) {
+    const clothi_obstacle *o = c->obstacle + slot;
+    cloth_status status = CLOTH_OK;
+    int          i, k;
+    for (i = 0; i < c->nv && !status; i++) {
+        clothi_row   row;
+        clothi_guard g;
+        double       end = 0;
+        if (!c->moved[i] || !clothi_may_touch(c, -1, c->vertex_part[i], slot, 0)) continue;
+        memset(&row, 0, sizeof row);
+        g.radius = g.start = 0;
+        g.gap = CLOTHI_GAP * c->desc.thickness;
+        for (k = 0; k < 3; k++) {
+            g.start += o->normal[k] * (c->xa[3 * i + k] - c->xa[3 * o->v0 + k]);
+            end += o->normal[k] * (c->xb[3 * i + k] - c->xb[3 * o->v0 + k]);
+        }
+        g.separation = clothi_min(CLOTHI_SEPARATION * c->desc.thickness,
+                                  CLOTHI_APPROACH * g.start);
+        if (!(g.start > 0) || end >= g.separation) continue;
+        row.kind = CLOTHI_VP, row.a = i, row.b = slot;
+        row.n = 2, row.v[0] = i, row.v[1] = o->v0;
+        row.w[0] = 1, row.w[1] = -1;
+        memcpy(row.normal, o->normal, sizeof row.normal);
+        clothi_row_bound(c, &g, g.start, &row);
+        ++*hit;
+        status = clothi_row_add(c, &row);
+    }
+    return status;
+}
+
+static int clothi_pair_moved(const cloth_collide *c, const clothi_pair *p) {
+    int v[4], i, n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+    for (i = 0; i < n; i++)
+        if (v[i] < c->nv && c->moved[v[i]]) return 1;
+    return 0;
+}
+
+/* All impacts of what moved since the last pass. */
+static cloth_status clothi_detect(cloth_collide *c, int *hit) {
+    cloth_status status = clothi_candidates(c, 1, CLOTHI_SEPARATION * c->desc.thickness);
+    int          i;
+    *hit = 0;
+    for (i = 0; i < c->npair && !status; i++) {
+        if (!clothi_pair_moved(c, c->pair + i)) continue;
+        c->report.candidates++;
+        status = clothi_detect_pair(c, c->pair + i, hit);
+    }
+    for (i = 0; i < c->nobstacle && !status; i++)
+        if (c->obstacle[i].used && c->obstacle[i].kind == CLOTH_OBSTACLE_PLANE)
+            status = clothi_detect_plane(c, i, hit);
+    c->report.impacts += *hit;
+    return status;
+}
+
+/* --- zones --- */
+
+static int clothi_movable(const cloth_collide *c, int v) {
+    return v < c->nv && !c->frozen[v] && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL;
+}
+
+static int clothi_zone_root(int *parent, int v) {
+    while (parent[v] != v) v = parent[v] = parent[parent[v]];
+    return v;
+}
+
+/* Numbers the zones 0 .. *nzone-1 in the order of their first row; zone[v] of every vertex. Rows
+ * without a movable vertex get zone -1. */
+static void clothi_zone_number(cloth_collide *c, int *nzone) {
+    int *parent = c->zone_of, *number = c->zone_number, i, k, root;
+    for (i = 0; i < c->nv; i++) parent[i] = i, number[i] = -1;
+    for (i = 0; i < c->nrow; i++) {
+        int first = -1;
+        for (k = 0; k < c->row[i].n; k++) {
+            const int v = c->row[i].v[k];
+            if (!clothi_movable(c, v)) continue;
+            root = clothi_zone_root(parent, v);
+            if (first < 0) first = root;
+            if (root < first) parent[first] = root, first = root;
+            if (root > first) parent[root] = first;
+        }
+    }
+    *nzone = 0;
+    for (i = 0; i < c->nrow; i++) {
+        c->row[i].zone = -1;
+        for (k = 0; k < c->row[i].n && c->row[i].zone < 0; k++) {
+            if (!clothi_movable(c, c->row[i].v[k])) continue;
+            root = clothi_zone_root(parent, c->row[i].v[k]);
+            if (number[root] < 0) number[root] = (*nzone)++;
+            c->row[i].zone = number[root];
+        }
+    }
+}
+
+#define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
+
+static void clothi_zone_free(cloth_collide *c) {
+    const cloth_hooks *k = c->hooks;
+    clothi_free(k, c->zone_start);
+    clothi_free(k, c->zone_cursor);
+    clothi_free(k, c->zone_order);
+    clothi_free(k, c->qp_row);
+    clothi_free(k, c->qp_col);
+    clothi_free(k, c->qp_val);
+    clothi_free(k, c->qp_h);
+    clothi_free(k, c->qp_lambda);
+    c->zone_start = c->zone_cursor = c->zone_order = c->qp_row = c->qp_col = NULL;
+    c->qp_val = c->qp_h = c->qp_lambda = NULL;
+    c->zone_cap = 0;
+}
+
+/* Room for what zones need: one entry a row, twelve numbers a row. */
+static cloth_status clothi_zone_reserve(cloth_collide *c) {
+    const size_t n = (size_t)c->row_cap;
+    if (c->zone_cap >= c->row_cap) return CLOTH_OK;
+    clothi_zone_free(c);
+    c->zone_start = (int *)clothi_alloc(c->hooks, n + 1, sizeof(int));
+    c->zone_cursor = (int *)clothi_alloc(c->hooks, n + 1, sizeof(int));
+    c->zone_order = (int *)clothi_alloc(c->hooks, n, sizeof(int));
+    c->qp_row = (int *)clothi_alloc(c->hooks, n + 1, sizeof(int));
+    c->qp_col = (int *)clothi_alloc(c->hooks, 12 * n, sizeof(int));
+    c->qp_val = (double *)clothi_alloc(c->hooks, 12 * n, sizeof(double));
+    c->qp_h = (double *)clothi_alloc(c->hooks, n, sizeof(double));
+    c->qp_lambda = (double *)clothi_alloc(c->hooks, n, sizeof(double));
+    if (!c->zone_start || !c->zone_cursor || !c->zone_order || !c->qp_row || !c->qp_col ||
+        !c->qp_val || !c->qp_h || !c->qp_lambda) {
+        clothi_zone_free(c);
+        return CLOTH_ERR_MEMORY;
+    }
+    c->zone_cap = c->row_cap;
+    return CLOTH_OK;
+}
+
+/* Rows of each zone, in their order: zone_order[zone_start[z] .. zone_start[z+1]). */
+static void clothi_zone_rows(cloth_collide *c, int nzone) {
+    int i;
+    for (i = 0; i <= nzone; i++) c->zone_start[i] = 0;
+    for (i = 0; i < c->nrow; i++)
+        if (c->row[i].zone >= 0) c->zone_start[c->row[i].zone + 1]++;
+    for (i = 0; i < nzone; i++) c->zone_start[i + 1] += c->zone_start[i];
+    for (i = 0; i < nzone; i++) c->zone_cursor[i] = c->zone_start[i];
+    for (i = 0; i < c->nrow; i++)
+        if (c->row[i].zone >= 0) c->zone_order[c->zone_cursor[c->row[i].zone]++] = i;
+}
+
+/* The zone's QP: unknowns are the movable vertices of its rows, 3 each; what is pinned on an axis
+ * has minv 0 there. `from` [nv x 3] is x0; speeds: rows on velocities. Returns the unknowns. */
+static int clothi_zone_qp(cloth_collide *c, int z, const double *from, int speeds, cloth_qp *qp) {
+    const double *mass = c->sim->params.mass;
+    int    begin = c->zone_start[z], end = c->zone_start[z + 1], m = 0, nnz = 0, n = 0, r, i, k;
+    double mean = 0;
+    for (r = begin; r < end; r++) {
+        const clothi_row *row = c->row + c->zone_order[r];
+        if (speeds && !(row->multiplier > 0)) continue;
+        c->qp_row[m] = nnz;
+        c->qp_h[m] = speeds ? -row->speed : -row->bound;
+        for (i = 0; i < row->n; i++) {
+            const int v = row->v[i];
+            if (v >= c->nv) continue;
+            if (!clothi_movable(c, v)) {
+                for (k = 0; k < 3; k++) {
+                    double at = from[3 * v + k];
+                    if (c->frozen[v])
+                        at = speeds ? (c->xb[3 * v + k] - c->xa[3 * v + k]) / c->h
+                                    : c->xb[3 * v + k];
+                    c->qp_h[m] += row->w[i] * row->normal[k] * at;
+                }
+                continue;
+            }
+            if (c->local[v] < 0) {
+                c->local[v] = n;
+                c->member[n++] = v;
+            }
+            for (k = 0; k < 3; k++) {
+                c->qp_col[nnz] = 3 * c->local[v] + k;
+                c->qp_val[nnz++] = -row->w[i] * row->normal[k];
+            }
+        }
+        c->qp_lambda[m++] = 0;
+    }
+    c->qp_row[m] = nnz;
+    for (i = 0; i < n; i++) mean += mass[c->member[i]] / n;
+    for (i = 0; i < n; i++) {
+        const int v = c->member[i];
+        for (k = 0; k < 3; k++) {
+            c->qp_minv[3 * i + k] = c->sim->pin[v] >> k & 1 ? 0 : mean / mass[v];
+            c->qp_x0[3 * i + k] = from[3 * v + k];
+        }
+        c->local[v] = -1;
+    }
+    memset(qp, 0, sizeof *qp);
+    qp->n = 3 * n, qp->m = m;
+    qp->minv = c->qp_minv, qp->x0 = c->qp_x0;
+    qp->row = c->qp_row, qp->col = c->qp_col, qp->val = c->qp_val, qp->h = c->qp_h;
+    c->mean_mass = mean;
+    return n;
+}
+
+/* Solves zone z from x_IE into xb; *solved 0: infeasible or too hard. */
+static cloth_status clothi_zone_solve(cloth_collide *c, int z, int *solved) {
+    cloth_qp        qp;
+    cloth_qp_report rep;
+    cloth_status    status;
+    double          push = 0, mass = 0;
+    int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r;
+    memset(&rep, 0, sizeof rep);
+    status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+    c->report.qp_iterations += rep.iterations;
+    c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
+    *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
+    if (status || !*solved) return status;
+    for (i = 0; i < n; i++) {
+        const int    v = c->member[i];
+        const double m = c->sim->params.mass[v];
+        for (k = 0; k < 3; k++) {
+            const double x = c->qp_x[3 * i + k], d = x - c->x_ie[3 * v + k];
+            if (x < c->xb[3 * v + k] || x > c->xb[3 * v + k]) c->moved[v] = 1;
+            c->xb[3 * v + k] = x;
+            push += m * d * d;
+        }
+        mass += m;
+    }
+    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++)
+        c->row[c->zone_order[r]].multiplier = c->qp_lambda[r - c->zone_start[z]] * c->mean_mass;
+    push = sqrt(push / mass);
+    c->report.push = clothi_max(c->report.push, push);
+    *solved = push <= c->desc.max_push;
+    return CLOTH_OK;
+}
+
+/* Mean motion of the obstacles that a zone touches; 0: it touches none and nothing is pinned. */
+static int clothi_zone_carrier(const cloth_collide *c, int z, double *motion) {
+    double weight = 0;
+    int    r, i, k, held = 0;
+    motion[0] = motion[1] = motion[2] = 0;
+    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
+        const clothi_row *row = c->row + c->zone_order[r];
+        for (i = 0; i < row->n; i++) {
+            const int v = row->v[i];
+            if (v < c->nv && !c->sim->pin[v] && !c->frozen[v]) continue;
+            held = 1;
+            weight += fabs(row->w[i]);
+            for (k = 0; k < 3; k++)
+                motion[k] += fabs(row->w[i]) * (c->xb[3 * v + k] - c->xa[3 * v + k]);
+        }
+    }
+    for (k = 0; k < 3 && weight > 0; k++) motion[k] /= weight;
+    return held;
+}
+
+/* Inverse of the symmetric A [3x3] times b; 0: singular. */
+static int clothi_solve3(const double *A, const double *b, double *x) {
+    double c[3][3], det;
+    int    k;
+    clothi_cross3(A + 3, A + 6, c[0]);
+    clothi_cross3(A + 6, A, c[1]);
+    clothi_cross3(A, A + 3, c[2]);
+    det = clothi_dot3(A, c[0]);
+    if (!(fabs(det) > 1e-12 * pow(fabs(A[0]) + fabs(A[4]) + fabs(A[8]), 3))) return 0;
+    for (k = 0; k < 3; k++) x[k] = (c[0][k] * b[0] + c[1][k] * b[1] + c[2][k] * b[2]) / det;
+    return 1;
+}
+
+/* member [n]: as one rigid body from xa with the momentum and the angular momentum of x_IE. */
+static void clothi_zone_rotate(cloth_collide *c, int n) {
+    const double *mass = c->sim->params.mass;
+    double center[3] = {0, 0, 0}, move[3] = {0, 0, 0}, total = 0, L[3] = {0, 0, 0};
+    double I[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, turn[3] = {0, 0, 0}, angle, s, t;
+    int    i, j, k;
+    for (i = 0; i < n; i++) {
+        const int v = c->member[i];
+        total += mass[v];
+        for (k = 0; k < 3; k++) {
+            center[k] += mass[v] * c->xa[3 * v + k];
+            move[k] += mass[v] * (c->x_ie[3 * v + k] - c->xa[3 * v + k]);
+        }
+    }
+    for (k = 0; k < 3; k++) center[k] /= total, move[k] /= total;
+    for (i = 0; i < n; i++) {
+        const int    v = c->member[i];
+        const double m = mass[v];
+        double       r[3], d[3], l[3];
+        for (k = 0; k < 3; k++) {
+            r[k] = c->xa[3 * v + k] - center[k];
+            d[k] = c->x_ie[3 * v + k] - c->xa[3 * v + k];
+        }
+        clothi_cross3(r, d, l);
+        for (k = 0; k < 3; k++) {
+            L[k] += m * l[k];
+            for (j = 0; j < 3; j++)
+                I[3 * k + j] += m * ((k == j ? clothi_dot3(r, r) : 0) - r[k] * r[j]);
+        }
+    }
+    if (!clothi_solve3(I, L, turn)) turn[0] = turn[1] = turn[2] = 0;
+    angle = sqrt(clothi_dot3(turn, turn));
+    s = angle > 1e-9 ? sin(angle) / angle : 1;
+    t = angle > 1e-9 ? (1 - cos(angle)) / (angle * angle) : 0.5;
+    for (i = 0; i < n; i++) {               /* Rodrigues */
+        const int v = c->member[i];
+        double    r[3], p[3], q[3];
+        for (k = 0; k < 3; k++) r[k] = c->xa[3 * v + k] - center[k];
+        clothi_cross3(turn, r, p);
+        clothi_cross3(turn, p, q);
+        for (k = 0; k < 3; k++)
+            c->xb[3 * v + k] = center[k] + move[k] + r[k] + s * p[k] + t * q[k];
+    }
+}
+
+/* A zone becomes rigid, frozen 1: with its momentum or its carrier; 2: where it was. */
+static void clothi_zone_freeze(cloth_collide *c, int z, int level) {
+    double motion[3];
+    int    held = clothi_zone_carrier(c, z, motion), n = 0, r, i, k;
+    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
+        clothi_row *row = c->row + c->zone_order[r];
+        row->multiplier = 0;
+        for (i = 0; i < row->n; i++) {
+            if (!clothi_movable(c, row->v[i]) || c->local[row->v[i]] >= 0) continue;
+            c->local[row->v[i]] = n;
+            c->member[n++] = row->v[i];
+        }
+    }
+    if (!held && level == 1) clothi_zone_rotate(c, n);
+    for (i = 0; i < n; i++) {
+        const int v = c->member[i];
+        for (k = 0; held && k < 3; k++)
+            if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k] + motion[k];
+        for (k = 0; level == 2 && k < 3; k++)
+            if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k];
+        c->local[v] = -1;
+        c->moved[v] = 1;
+        c->frozen[v] = (unsigned char)level;
+    }
+    c->report.rigid_zones++;
+}
+
+/* A hit among rigid zones alone: they stay where they were. 0: nothing is left to try. */
+static int clothi_still(cloth_collide *c, const clothi_row *row) {
+    int i, k, v, found = 0;
+    for (i = 0; i < row->n; i++) {
+        v = row->v[i];
+        if (v >= c->nv || c->frozen[v] != 1) continue;
+        found = 1;
+        for (k = 0; k < 3; k++)
+            if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k];
+        c->frozen[v] = 2;
+        c->moved[v] = 1;
+    }
+    return found;
+}
+
+/* Lists the impacts from row `first` on as what could not be resolved. */
+static cloth_status clothi_failed_pairs(cloth_collide *c, int first) {
+    int i;
+    c->nfailed = 0;
+    for (i = first; i < c->nrow; i++) {
+        cloth_status status = clothi_grow(c->hooks, (void **)&c->failed, c->nfailed,
+                                          &c->failed_cap, sizeof *c->failed);
+        if (status) return status;
+        c->failed[c->nfailed++] = clothi_public_pair(c, c->row[i].kind, c->row[i].a, c->row[i].b);
+    }
+    return clothi_fail(c->hooks, CLOTH_ERR_STEP,
+                       "contact: %i pairs could not be resolved in %i passes at t = %g s; the "
+                       "first: %s %i and %s %i", c->nfailed, c->report.passes,
+                       c->sim->state.t, c->failed[0].edge_edge ? "edge" : "vertex",
+                       c->failed[0].a, c->failed[0].edge_edge ? "edge" : "face",
+                       c->failed[0].b);
+}
+
+/* One round over the rows from `first` on, which are new. */
+static cloth_status clothi_zones(cloth_collide *c, int first) {
+    cloth_status status = clothi_zone_reserve(c);
+    int          nzone, z, r, solved;
+    if (status) return status;
+    clothi_zone_number(c, &nzone);
+    clothi_zone_rows(c, nzone);
+    if (nzone > c->report.zones) c->report.zones = nzone;
+    memset(c->moved, 0, (size_t)c->nv);
+    for (r = first; r < c->nrow; r++)
+        if (c->row[r].zone < 0 && !clothi_still(c, c->row + r))
+            return clothi_failed_pairs(c, first);
+    for (z = 0; z < nzone && !status; z++) {
+        if (c->zone_order[c->zone_start[z + 1] - 1] < first) continue;   /* nothing new in it */
+        solved = 0;
+        if (c->report.passes <= c->desc.max_passes) status = clothi_zone_solve(c, z, &solved);
+        if (!status && !solved) clothi_zone_freeze(c, z, 1);
+    }
+    return status;
+}
+
+/* Velocities of an explicit step: min 1/2 |v - v*|^2_M with no approach on the active rows. */
+static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
+    cloth_status status = CLOTH_OK;
+    int          nzone, z, i, k;
+    clothi_zone_number(c, &nzone);
+    clothi_zone_rows(c, nzone);
+    for (z = 0; z < nzone && !status; z++) {
+        cloth_qp        qp;
+        cloth_qp_report rep;
+        int             n = clothi_zone_qp(c, z, v, 1, &qp);
+        memset(&rep, 0, sizeof rep);
+        if (qp.m == 0) continue;
+        status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        if (status || rep.outcome != CLOTH_QP_SOLVED) continue;
+        for (i = 0; i < n; i++)
+            for (k = 0; k < 3; k++) v[3 * c->member[i] + k] = c->qp_x[3 * i + k];
+    }
+    for (i = 0; i < c->nv; i++)             /* what became rigid moves as it moved */
+        for (k = 0; c->frozen[i] && k < 3; k++)
+            v[3 * i + k] = (c->xb[3 * i + k] - c->xa[3 * i + k]) / c->h;
+    return status;
+}
+
+/* ===== [8.4] THE CONTACT IN THE STEP =========================================================
+ *
+ *   begin    poses of the substep; pairs in range at x^n -> touches, with what anchors remember
+ *   eval     E_col and friction of the touches, in every Newton iterate                    [8.2]
+ *   resolve  detection and zones from x^n to the candidate; the anchors move on            [8.3]
+ *   commit   the step is accepted: poses and anchors become state; what has parted is exempt no
+ *            more                                   rollback  nothing has happened
+ *
+ * State that hashes, snapshots and the next step see: poses and targets of obstacles, anchors,
+ * exempt pairs, and a hash of x, by which a host's write to the state is noticed: then anchors
+ * are dropped and intersections looked for anew.
+ */
+
+static void clothi_anchor_sort(clothi_anchor *t, int n) {
+    int start = n / 2, end = n, root, child;
+    clothi_anchor swap;
+    while (end > 1) {
+        if (start > 0)
+            start--;
+        else {
+            end--;
+            swap = t[0], t[0] = t[end], t[end] = swap;
+        }
+        for (root = start; (child = 2 * root + 1) < end; root = child) {
+            if (child + 1 < end && clothi_key_compare(&t[child].key, &t[child + 1].key) < 0)
+                child++;
+            if (clothi_key_compare(&t[root].key, &t[child].key) >= 0) break;
+            swap = t[root], t[root] = t[child], t[child] = swap;
+        }
+    }
+}
+
+static cloth_status clothi_anchor_add(cloth_collide *c, const clothi_anchor *a) {
+    cloth_status status = clothi_grow(c->hooks, (void **)&c->next, c->nnext, &c->next_cap,
+                                      sizeof *c->next);
+    if (!status) c->next[c->nnext++] = *a;
+    return status;
+}
+
+/* Where friction left a leader's anchor at x: u cut to the slip length. */
+static void clothi_anchor_slip(const cloth_collide *c, const clothi_touch *q, const double *x,
+                               clothi_anchor *a) {
+    double u[3], along, size;
+    int    k;
+    clothi_touch_motion(c, q, x, u);
+    along = clothi_dot3(u, q->normal);
+    for (k = 0; k < 3; k++) u[k] += q->slip[k] - along * q->normal[k];
+    size = sqrt(clothi_dot3(u, u));
+    a->sliding = size > c->desc.slip;
+    for (k = 0; k < 3; k++) a->slip[k] = u[k] * (a->sliding ? c->desc.slip / size : 1);
+}
+
+/* What the substep leaves to the next one: an anchor for each key with a normal force. */
+static cloth_status clothi_anchors_move(cloth_collide *c, const double *x) {
+    cloth_status  status = CLOTH_OK;
+    clothi_anchor a;
+    int           i, n = 0;
+    c->nnext = 0;
+    for (i = 0; i < c->ntouch && !status; i++) {
+        clothi_touch *q = c->touch + i;
+        double        u[3];
+        clothi_touch_motion(c, q, x, u);
+        q->force = clothi_touch_force(c, q, q->gap + clothi_dot3(u, q->normal), NULL);
+        memset(&a, 0, sizeof a);
+        a.key = q->key;
+        a.force = q->force;
+        a.sliding = -1;                     /* not a leader */
+        if (q->leader) clothi_anchor_slip(c, q, x, &a);
+        if (q->leader || a.force > 0) status = clothi_anchor_add(c, &a);
+    }
+    for (i = 0; i < c->nrow && !status; i++) {
+        memset(&a, 0, sizeof a);
+        a.key = c->row[i].key;
+        a.force = c->row[i].multiplier / (c->h * c->h);
+        a.sliding = -1;
+        if (a.force > 0) status = clothi_anchor_add(c, &a);
+    }
+    if (status) return status;
+    clothi_anchor_sort(c->next, c->nnext);
+    for (i = 0; i < c->nnext; i++) {        /* one a key */
+        if (n == 0 || clothi_key_compare(&c->next[n - 1].key, &c->next[i].key) != 0) {
+            c->next[n++] = c->next[i];
+            continue;
+        }
+        c->next[n - 1].force += c->next[i].force;
+        if (c->next[i].sliding < 0) continue;
+        memcpy(c->next[n - 1].slip, c->next[i].slip, sizeof a.slip);
+        c->next[n - 1].sliding = c->next[i].sliding;
+    }
+    for (i = 0, c->nnext = 0; i < n; i++)
+        if (c->next[i].force > 0) c->next[c->nnext++] = c->next[i];
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_touches_find(cloth_collide *c) {
+    cloth_status status = clothi_candidates(c, 0, c->desc.thickness);
+    int          i, o;
+    c->ntouch = 0;
+    for (i = 0; i < c->npair && !status; i++) {
+        const clothi_pair *p = c->pair + i;
+        if (p->kind != CLOTHI_VF || clothi_pair_radius(c, p->kind, p->a, p->b) > 0 ||
+            clothi_is_exempt(c, p->kind, p->a, p->b))
+            continue;
+        status = clothi_touch_add(c, p->kind, p->a, p->b);
+    }
+    for (o = 0; o < c->nobstacle && !status; o++) {
+        const clothi_obstacle *b = c->obstacle + o;
+        const int kind = b->kind == CLOTH_OBSTACLE_PLANE ? CLOTHI_VP : CLOTHI_VS;
+        if (!b->used || clothi_is_mesh(b)) continue;
+        for (i = 0; i < c->nv && !status; i++)
+            if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
+                status = clothi_touch_add(c, kind, i, o);
+    }
+    for (i = 0; i < c->nnext && !status; i++)           /* crossing edges keep their anchor */
+        if (c->next[i].key.side == 4)
+            status = clothi_touch_add(c, CLOTHI_EE, c->next[i].key.a, c->next[i].key.b);
+    if (status) return status;
+    clothi_touch_sort(c->touch, c->ntouch);
+    clothi_touch_remember(c);
+    return CLOTH_OK;
+}
+
+static uint64_t clothi_contact_seen(const cloth_collide *c) {
+    return clothi_hash(0xcbf29ce484222325u, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
+}
+
+/* The first substep of a step works on copies of what is state. */
+static cloth_status clothi_contact_open(cloth_collide *c) {
+    cloth_status status = CLOTH_OK;
+    int          i, inside = 0;
+    c->begun = 1;
+    c->nfailed = 0;
+    memset(&c->report, 0, sizeof c->report);
+    c->report.fraction = 1;
+    c->nnext = c->nnow = 0;
+    if (c->seen != clothi_contact_seen(c))  /* a host wrote x: anchors are dropped */
+        return clothi_contact_check(c);
+    for (i = 0; i < c->nexempt && !status; i++)
+        status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
+    for (i = 0; i < c->nobstacle && !inside; i++)
+        inside = c->obstacle[i].used && c->obstacle[i].inside;
+    if (!status && inside) status = clothi_crossings(c, 1);     /* faces that came out again */
+    for (i = 0; i < c->nanchor && !status; i++) status = clothi_anchor_add(c, c->anchor + i);
+    return status;
+}
+
+static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
+    cloth_collide *c = (cloth_collide *)user;
+    cloth_sim     *s = c->sim;
+    const double   start = clothi_now(c->hooks);
+    const int      explicit_step = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
+    cloth_status   status = CLOTH_OK;
+    if (!(e->h > 0))
+        return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
+                           "cloth_solve_static: a sim with contact comes to rest by steps");
+    c->h = e->h;
+    clothi_world_pose(c, e->x_n, explicit_step ? 0 : s->attach_alpha - s->attach_step,
+                      explicit_step ? 1 : s->attach_alpha);
+    c->solid_known = 0;
+    status = clothi_inside_faces(c);
+    if (!status && !c->begun) status = clothi_contact_open(c);
+    c->ntouch = 0;
+    if (!status && !explicit_step) status = clothi_touches_find(c);
+    c->report.touches = c->ntouch;
+    c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
+    return status;
+}
+
+static cloth_status clothi_contact_update(void *user, const double *x) {
+    (void)user;                             /* touches are those of x^n */
+    (void)x;
+    return CLOTH_OK;
+}
+
+static double clothi_contact_max_step(void *user, const double *x, const double *dx) {
+    (void)user;                             /* detection looks at the whole path afterwards */
+    (void)x;
+    (void)dx;
+    return 1;
+}
+
+static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, double *x, double *v,
+                                           int *active) {
+    cloth_collide *c = (cloth_collide *)user;
+    const size_t   bytes = 3 * (size_t)c->nv * sizeof(double);
+    cloth_status   status = CLOTH_OK;
+    double         start = clothi_now(c->hooks), then;
+    int            i, hit = 0, first;
+    (void)e;
+    *active = 0;
+    if (clothi_find_nonfinite(x, 3 * (size_t)c->nv) >= 0) return CLOTH_OK;  /* the core says so */
+    memcpy(c->xb, x, bytes);
+    memcpy(c->x_ie, x, bytes);
+    memset(c->moved, 1, (size_t)c->nv);
+    memset(c->frozen, 0, (size_t)c->nv);
+    c->nrow = 0;
+    c->report.passes = 0;
+    for (; !status; start = clothi_now(c->hooks)) {
+        first = c->nrow;
+        status = clothi_detect(c, &hit);
+        then = clothi_now(c->hooks);
+        c->report.ms_detect += 1e3 * (then - start);
+        if (status || hit == 0) break;
+        if (c->hooks->cancel.fn && c->hooks->cancel.fn(c->hooks->cancel.user))
+            return CLOTH_ERR_CANCELLED;
+        if (++c->report.passes > c->desc.max_passes + CLOTHI_RIGID_PASSES)
+            return clothi_failed_pairs(c, first);
+        status = clothi_zones(c, first);
+        c->report.ms_zones += 1e3 * (clothi_now(c->hooks) - then);
+    }
+    if (!status && v && c->nrow > 0) status = clothi_zone_speeds(c, v);
+    if (status) return status;
+    memcpy(x, c->xb, bytes);
+    for (i = 0; i < c->nrow; i++) *active += c->row[i].multiplier > 0;
+    for (i = 0; i < c->nv; i++) *active += c->frozen[i] != 0;
+    c->report.rows = c->nrow;
+    return clothi_anchors_move(c, x);
+}
+
+static void clothi_contact_rollback(void *user, cloth_report *report) {
+    cloth_collide *c = (cloth_collide *)user;
+    c->begun = 0;
+    if (report) report->failed_pairs = c->nfailed;
+}
+
+static void clothi_contact_commit(void *user, cloth_report *report) {
+    cloth_collide *c = (cloth_collide *)user;
+    clothi_anchor *swap = c->anchor;
+    clothi_pair   *pair = c->exempt;
+    double         least = c->desc.thickness;
+    int            o, i, cap = c->anchor_cap;
+    for (o = 0; o < c->nobstacle; o++)
+        if (c->obstacle[o].used)
+            memcpy(clothi_pose(c->obstacle + o, 0), clothi_pose(c->obstacle + o, 1),
+                   3 * (size_t)c->obstacle[o].nv * sizeof(double));
+    c->anchor = c->next, c->nanchor = c->nnext, c->anchor_cap = c->next_cap;
+    c->next = swap, c->nnext = 0, c->next_cap = cap;
+    clothi_exempt_part(c);
+    cap = c->exempt_cap;
+    c->exempt = c->now, c->nexempt = c->nnow, c->exempt_cap = c->now_cap;
+    c->now = pair, c->nnow = 0, c->now_cap = cap;
+    c->seen = clothi_contact_seen(c);
+    c->begun = 0;
+    for (i = 0; i < c->ntouch; i++) {
+        double u[3];
+        clothi_touch_motion(c, c->touch + i, c->xb, u);
+        least = clothi_min(least, c->touch[i].gap + clothi_dot3(u, c->touch[i].normal));
+    }
+    c->report.exempt_pairs = c->nexempt;
+    if (!report) return;
+    report->contacts = c->ntouch > c->nanchor ? c->ntouch : c->nanchor;
+    report->exempt_pairs = c->nexempt;
+    report->failed_pairs = 0;
+    report->smallest_gap = least;
+}
+
+/* --- snapshot --- */
+
+typedef struct clothi_contact_head {
+    uint64_t seen;
+    int32_t  nanchor, nexempt, nobstacle, npose;
+} clothi_contact_head;
+
+static int clothi_contact_poses(const cloth_collide *c) {
+    int o, n = 0;
+    for (o = 0; o < c->nobstacle; o++) n += c->obstacle[o].used ? 6 * c->obstacle[o].nv : 0;
+    return n;
+}
+
+static size_t clothi_contact_save_size(void *user) {
+    const cloth_collide *c = (const cloth_collide *)user;
+    return sizeof(clothi_contact_head) + (size_t)clothi_contact_poses(c) * sizeof(double) +
+           (size_t)c->nanchor * sizeof(clothi_anchor) +
+           ((size_t)c->nexempt + 1) / 2 * 2 * sizeof(clothi_pair);
+}
+
+static void clothi_contact_save(void *user, void *buf) {
+    const cloth_collide *c = (const cloth_collide *)user;
+    unsigned char       *out = (unsigned char *)buf;
+    clothi_contact_head  head;
+    int                  o;
+    memset(&head, 0, sizeof head);
+    memset(buf, 0, clothi_contact_save_size(user));
+    head.seen = c->seen;
+    head.nanchor = c->nanchor, head.nexempt = c->nexempt;
+    head.nobstacle = c->nobstacle, head.npose = clothi_contact_poses(c);
+    memcpy(out, &head, sizeof head);
+    out += sizeof head;
+    for (o = 0; o < c->nobstacle; o++) {
+        const size_t n = 6 * (size_t)c->obstacle[o].nv * sizeof(double);
+        if (!c->obstacle[o].used) continue;
+        memcpy(out, c->obstacle[o].x, n);
+        out += n;
+    }
+    if (c->nanchor) memcpy(out, c->anchor, (size_t)c->nanchor * sizeof *c->anchor);
+    out += (size_t)c->nanchor * sizeof *c->anchor;
+    if (c->nexempt) memcpy(out, c->exempt, (size_t)c->nexempt * sizeof *c->exempt);
+}
+
+/* A snapshot with other obstacles than there are now loads what it can: nothing but x's hash. */
+static void clothi_contact_load(void *user, const void *buf) {
+    cloth_collide       *c = (cloth_collide *)user;
+    const unsigned char *in = (const unsigned char *)buf;
+    clothi_contact_head  head;
+    clothi_anchor        a;
+    int                  o, i;
+    memcpy(&head, in, sizeof head);
+    in += sizeof head;
+    c->begun = 0;
+    c->nanchor = c->nexempt = 0;
+    c->seen = 0;                            /* looked at anew, should anything go wrong below */
+    if (head.nobstacle != c->nobstacle || head.npose != clothi_contact_poses(c)) return;
+    for (o = 0; o < c->nobstacle; o++) {
+        const size_t n = 6 * (size_t)c->obstacle[o].nv * sizeof(double);
+        if (!c->obstacle[o].used) continue;
+        memcpy(c->obstacle[o].x, in, n);
+        in += n;
+    }
+    for (i = 0; i < head.nanchor; i++, in += sizeof a) {
+        if (clothi_grow(c->hooks, (void **)&c->anchor, c->nanchor, &c->anchor_cap, sizeof a))
+            return;
+        memcpy(&a, in, sizeof a);
+        c->anchor[c->nanchor++] = a;
+    }
+    for (i = 0; i < head.nexempt; i++, in += sizeof(clothi_pair)) {
+        if (clothi_grow(c->hooks, (void **)&c->exempt, c->nexempt, &c->exempt_cap,
+                        sizeof(clothi_pair)))
+            return;
+        memcpy(c->exempt + c->nexempt++, in, sizeof(clothi_pair));
+    }
+    c->seen = head.seen;
+}
+
+/* Obstacles go back to where they were added. */
+static void clothi_contact_reset(void *user) {
+    cloth_collide *c = (cloth_collide *)user;
+    int            o;
+    c->begun = 0;
+    c->nanchor = c->nexempt = 0;
+    c->seen = 0;
+    for (o = 0; o < c->nobstacle; o++) {
+        const size_t bytes = 3 * (size_t)c->obstacle[o].nv * sizeof(double);
+        if (!c->obstacle[o].used) continue;
+        memcpy(clothi_pose(c->obstacle + o, 0), clothi_pose(c->obstacle + o, 2), bytes);
+        memcpy(clothi_pose(c->obstacle + o, 1), clothi_pose(c->obstacle + o, 2), bytes);
+    }
+}
+
+static size_t clothi_contact_bytes(void *user) {
+    const cloth_collide *c = (const cloth_collide *)user;
+    size_t               sum = 0;
+    const void          *block[32];
+    int                  i, n = 0;
+    block[n++] = c, block[n++] = c->obstacle, block[n++] = c->faces, block[n++] = c->edges;
+    block[n++] = c->features.edges, block[n++] = c->tree.node, block[n++] = c->solid.node;
+    block[n++] = c->xa, block[n++] = c->xb, block[n++] = c->box_v, block[n++] = c->box_f;
+    block[n++] = c->x_ie, block[n++] = c->touch, block[n++] = c->row, block[n++] = c->pair;
+    block[n++] = c->anchor, block[n++] = c->next, block[n++] = c->qp_col, block[n++] = c->qp_val;
+    block[n++] = c->qp_minv, block[n++] = c->qp_x0, block[n++] = c->qp_x, block[n++] = c->slot;
+    block[n++] = c->area, block[n++] = c->meet.pair, block[n++] = c->vf.pair;
+    block[n++] = c->ee.pair, block[n++] = c->near_f, block[n++] = c->zone_of;
+    for (i = 0; i < n; i++) sum += clothi_block_size(block[i]);
+    for (i = 0; i < c->nobstacle; i++)
+        sum += clothi_block_size(c->obstacle[i].x) + clothi_block_size(c->obstacle[i].faces);
+    return sum;
+}
+
+/* --- create --- */
+
+static cloth_status clothi_desc_number(const cloth_hooks *hooks, const char *name, double a,
+                                       int above) {
+    if (clothi_finite(a) && (above ? a > 0 : a >= 0)) return CLOTH_OK;
+    return clothi_fail(hooks, clothi_finite(a) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                       "%s = %g must be finite and %s 0", name, a, above ? ">" : ">=");
+}
+
+static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
+    const cloth_hooks *hooks = &sim->hooks;
+    cloth_status       status;
+    if (d->cookie != CLOTHI_COLLIDE_COOKIE) return CLOTH_ERR_UNINIT;
+    status = clothi_desc_number(hooks, "collide.thickness", d->thickness, 1);
+    if (!status) status = clothi_desc_number(hooks, "collide.stiffness", d->stiffness, 0);
+    if (!status) status = clothi_desc_number(hooks, "collide.relaxation", d->relaxation, 0);
+    if (!status) status = clothi_desc_number(hooks, "collide.friction", d->friction, 0);
+    if (!status) status = clothi_desc_number(hooks, "collide.slip", d->slip, 1);
+    if (!status) status = clothi_desc_number(hooks, "collide.max_push", d->max_push, 1);
+    if (status) return status;
+    if (d->max_passes < 1)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.max_passes = %i must be at least 1",
+                           d->max_passes);
+    if (d->initial != CLOTH_INITIAL_REFUSE && d->initial != CLOTH_INITIAL_EXEMPT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.initial = %i is no CLOTH_INITIAL_",
+                           (int)d->initial);
+    if (d->nparts != 0 && (d->nparts != sim->model->nparts || !d->parts))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.nparts = %i, the model has %i%s",
+                           d->nparts, sim->model->nparts, d->parts ? "" : "; parts is NULL");
+    if (sim->model->desc.contact == CLOTH_CONTACT_NONE)
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                           "cloth_collide_create: the model's desc.contact is CLOTH_CONTACT_NONE");
+    if (sim->model->tie)
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                           "cloth_collide_create: a model with ties has no contact");
+    if (sim->contact_on)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_collide_create: the sim has a contact already");
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_collide_arrays(cloth_collide *c) {
+    const cloth_hooks *k = c->hooks;
+    const size_t       nv = (size_t)c->nv;
+    c->vertex_part = (int *)clothi_alloc(k, nv, sizeof(int));
+    c->x_ie = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
+    c->moved = (unsigned char *)clothi_alloc(k, nv, 1);
+    c->frozen = (unsigned char *)clothi_alloc(k, nv, 1);
+    c->near_f = (int *)clothi_alloc(k, (size_t)c->nf, sizeof(int));
+    c->zone_of = (int *)clothi_alloc(k, nv, sizeof(int));
+    c->zone_number = (int *)clothi_alloc(k, nv, sizeof(int));
+    c->local = (int *)clothi_alloc(k, nv, sizeof(int));
+    c->member = (int *)clothi_alloc(k, nv, sizeof(int));
+    c->qp_minv = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
+    c->qp_x0 = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
+    c->qp_x = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
+    if (c->desc.nparts)
+        c->part = (cloth_collide_part *)clothi_alloc(k, (size_t)c->desc.nparts, sizeof *c->part);
+    return c->vertex_part && c->x_ie && c->moved && c->frozen && c->near_f && c->zone_of &&
+                   c->zone_number && c->local && c->member && c->qp_minv && c->qp_x0 && c->qp_x &&
+                   (c->part || !c->desc.nparts)
+               ? CLOTH_OK
+               : CLOTH_ERR_MEMORY;
+}
+
+/* Pa/m: a sheet under 30 times its weight rests where the force is k t/4, at t/2. */
+static double clothi_collide_stiffness(const cloth_sim *s, double thickness) {
+    double mass = 0, area = 0;
+    int    i;
+    for (i = 0; i < s->model->nv; i++) mass += s->params.mass[i];
+    for (i = 0; i < s->model->nf; i++) area += clothi_rest_area(s->params.X, i);
+    return 30 * 9.81 * mass / area / (0.25 * thickness);
+}
+
+static void clothi_collide_connect(cloth_collide *c) {
+    cloth_contact k;
+    memset(&k, 0, sizeof k);
+    k.user = c;
+    k.begin = clothi_contact_begin;
+    k.update = clothi_contact_update;
+    k.eval = clothi_contact_eval;
+    k.max_step = clothi_contact_max_step;
+    k.resolve = clothi_contact_resolve;
+    k.commit = clothi_contact_commit;
+    k.rollback = clothi_contact_rollback;
+    k.reset = clothi_contact_reset;
+    k.save_size = clothi_contact_save_size;
+    k.save = clothi_contact_save;
+    k.load = clothi_contact_load;
+    k.bytes = clothi_contact_bytes;
+    (void)cloth_sim_set_contact(c->sim, &k);
+}
+
+/* Checks where everything is now, outside a step: what it finds becomes state. */
+static cloth_status clothi_collide_look(cloth_collide *c) {
+    cloth_status status;
+    clothi_pair *swap = c->exempt;
+    int          cap = c->exempt_cap;
+    clothi_world_pose(c, c->sim->state.x, 0, 0);
+    status = clothi_inside_faces(c);
+    if (!status) status = clothi_contact_check(c);
+    if (status) return status == CLOTH_ERR_STEP ? CLOTH_ERR_MESH : status;
+    c->exempt = c->now, c->nexempt = c->nnow, c->exempt_cap = c->now_cap;
+    c->now = swap, c->nnow = 0, c->now_cap = cap;
+    c->seen = clothi_contact_seen(c);
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_desc *desc,
+                                            cloth_collide **out) {
+    cloth_collide_desc d;
+    cloth_collide     *c;
+    cloth_status       status;
+    int                i;
+    if (!out) return CLOTH_ERR_ARGUMENT;
+    *out = NULL;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    d = desc ? *desc : cloth_collide_desc_default();
+    status = clothi_collide_check(sim, &d);
+    if (status) return status;
+    c = (cloth_collide *)clothi_alloc(&sim->hooks, 1, sizeof *c);
+    if (!c) return clothi_fail(&sim->hooks, CLOTH_ERR_MEMORY, "no memory for the contact");
+    c->sim = sim;
+    c->hooks = &sim->hooks;
+    c->desc = d;
+    c->desc.parts = NULL;
+    c->self = sim->model->desc.contact == CLOTH_CONTACT_SELF;
+    c->nv = sim->model->nv, c->nf = sim->model->nf;
+    c->stiffness = d.stiffness > 0 ? d.stiffness : clothi_collide_stiffness(sim, d.thickness);
+    c->qp_options = cloth_qp_options_default();
+    c->qp_options.hooks.allocator = sim->hooks.allocator;
+    status = clothi_collide_arrays(c);
+    if (!status) {
+        if (d.nparts) memcpy(c->part, d.parts, (size_t)d.nparts * sizeof *d.parts);
+        for (i = 0; i < c->nv; i++) c->local[i] = -1;
+        for (i = 0; i < 3 * c->nf; i++)
+            c->vertex_part[sim->model->faces[i]] = sim->model->part[i / 3];
+        status = clothi_world_build(c);
+    }
+    if (!status) status = clothi_collide_look(c);
+    if (status) {
+        cloth_collide_destroy(c);
+        return status;
+    }
+    clothi_collide_connect(c);
+    *out = c;
+    return CLOTH_OK;
+}
+
+CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
+    const cloth_hooks *k;
+    int                o;
+    if (!c) return;
+    k = c->hooks;
+    if (c->sim->contact_on && c->sim->contact.user == c) (void)cloth_sim_set_contact(c->sim, NULL);
+    for (o = 0; o < c->nobstacle; o++) clothi_obstacle_free(k, c->obstacle + o);
+    clothi_world_free(c);
+    clothi_zone_free(c);
+    clothi_pairs_free(k, &c->meet);
+    clothi_pairs_free(k, &c->vf);
+    clothi_pairs_free(k, &c->ee);
+    clothi_free(k, c->obstacle);
+    clothi_free(k, c->part);
+    clothi_free(k, c->vertex_part);
+    clothi_free(k, c->x_ie);
+    clothi_free(k, c->moved);
+    clothi_free(k, c->frozen);
+    clothi_free(k, c->near_f);
+    clothi_free(k, c->zone_of);
+    clothi_free(k, c->zone_number);
+    clothi_free(k, c->local);
+    clothi_free(k, c->member);
+    clothi_free(k, c->qp_minv);
+    clothi_free(k, c->qp_x0);
+    clothi_free(k, c->qp_x);
+    clothi_free(k, c->touch);
+    clothi_free(k, c->row);
+    clothi_free(k, c->pair);
+    clothi_free(k, c->anchor);
+    clothi_free(k, c->next);
+    clothi_free(k, c->exempt);
+    clothi_free(k, c->now);
+    clothi_free(k, c->failed);
+    clothi_free(k, c);
+}
+
+/* --- obstacles: add, remove, move --- */
+
+/* Numbers of vertices and faces that a desc of its kind has; 0 vertices: no such kind. */
+static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
+    *nf = d->kind == CLOTH_OBSTACLE_MESH ? d->nf : d->kind == CLOTH_OBSTACLE_BOX ? 12 : 0;
+    switch (d->kind) {
+    case CLOTH_OBSTACLE_MESH: return d->nv;
+    case CLOTH_OBSTACLE_SPHERE: return 1;
+    case CLOTH_OBSTACLE_CAPSULE: return 2;
+    case CLOTH_OBSTACLE_PLANE: return 1;
+    case CLOTH_OBSTACLE_BOX: return 8;
+    case CLOTH_OBSTACLE_FORCE_INT: break;
+    }
+    return 0;
+}
+
+static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
+    cloth_status status;
+    ptrdiff_t    at;
+    int          nf, nv;
+    if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
+    if (d->kind < CLOTH_OBSTACLE_MESH || d->kind > CLOTH_OBSTACLE_BOX)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.kind = %i is no CLOTH_OBSTACLE_",
+                           (int)d->kind);
+    nv = clothi_obstacle_shape(d, &nf);
+    if (!d->x || nv < 1 || nv > CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.nv = %i, x %s", nv,
+                           d->x ? "given" : "NULL");
+    at = clothi_find_nonfinite(d->x, 3 * (size_t)nv);
+    if (at >= 0)
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "obstacle.x[%i] = %g", (int)at, d->x[at]);
+    status = clothi_desc_number(hooks, "obstacle.friction", d->friction, 0);
+    if (!status && (d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE))
+        status = clothi_desc_number(hooks, "obstacle.radius", d->radius, 1);
+    if (status) return status;
+    if (d->kind == CLOTH_OBSTACLE_PLANE &&
+        (clothi_find_nonfinite(d->normal, 3) >= 0 || !(clothi_dot3(d->normal, d->normal) > 0)))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.normal = (%g, %g, %g)",
+                           d->normal[0], d->normal[1], d->normal[2]);
+    if (d->kind != CLOTH_OBSTACLE_MESH) return CLOTH_OK;
+    if (!d->faces || nf < 1 || nf > CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.nf = %i, faces %s", nf,
+                           d->faces ? "given" : "NULL");
+    return clothi_check_faces(hooks, nv, nf, d->faces);
+}
+
+static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
+                                         const cloth_obstacle_desc *d) {
+    double size = sqrt(clothi_dot3(d->normal, d->normal));
+    int    k;
+    o->kind = d->kind;
+    o->nv = clothi_obstacle_shape(d, &o->nf);
+    o->x = (double *)clothi_alloc(c->hooks, 9 * (size_t)o->nv, sizeof(double));
+    o->faces = (int *)clothi_alloc(c->hooks, 3 * (size_t)o->nf, sizeof(int));
+    if (!o->x || !o->faces) return CLOTH_ERR_MEMORY;
+    for (k = 0; k < 3; k++) {
+        memcpy(clothi_pose(o, k), d->x, 3 * (size_t)o->nv * sizeof(double));
+        o->normal[k] = d->kind == CLOTH_OBSTACLE_PLANE ? d->normal[k] / size : 0;
+    }
+    if (o->nf)
+        memcpy(o->faces, d->kind == CLOTH_OBSTACLE_BOX ? clothi_box_faces : d->faces,
+               3 * (size_t)o->nf * sizeof(int));
+    o->radius = d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE ? d->radius
+                                                                                      : 0;
+    o->friction = d->friction;
+    o->category = d->category, o->mask = d->mask;
+    o->inside = d->kind == CLOTH_OBSTACLE_MESH && d->self_penetrating;
+    o->used = 1;
+    o->generation = (o->generation + 1) & 0xffffu;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
+                                         cloth_obstacle *id) {
+    clothi_obstacle *o;
+    cloth_status     status, rebuilt;
+    int              slot = 0;
+    if (id) id->id = 0;
+    if (!c || !desc) return CLOTH_ERR_ARGUMENT;
+    status = clothi_obstacle_check(c->hooks, desc);
+    if (status) return status;
+    while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
+    if (slot >= 0xffff)
+        return clothi_fail(c->hooks, CLOTH_ERR_CAPACITY, "more than %i obstacles", 0xffff);
+    status = clothi_grow(c->hooks, (void **)&c->obstacle, slot, &c->obstacle_cap, sizeof *o);
+    if (status) return status;
+    if (slot == c->nobstacle) c->nobstacle++;
+    o = c->obstacle + slot;
+    status = clothi_obstacle_fill(c, o, desc);
+    if (!status) status = clothi_world_build(c);
+    if (!status) status = clothi_collide_look(c);
+    if (status) {                           /* as before */
+        clothi_obstacle_free(c->hooks, o);
+        rebuilt = clothi_world_build(c);
+        return rebuilt ? rebuilt : status;
+    }
+    if (id) *id = clothi_obstacle_id(c, slot);
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id) {
+    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    cloth_status     status;
+    if (!o) return CLOTH_ERR_HANDLE;
+    clothi_obstacle_free(c->hooks, o);
+    c->nanchor = 0;
+    status = clothi_world_build(c);
+    return status ? status : clothi_collide_look(c);
+}
+
+static cloth_status clothi_pose_check(const cloth_collide *c, const clothi_obstacle *o,
+                                      const char *call, const double *x) {
+    ptrdiff_t at;
+    if (!o) return CLOTH_ERR_HANDLE;
+    if (!x) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: x is NULL", call);
+    at = clothi_find_nonfinite(x, 3 * (size_t)o->nv);
+    if (at < 0) return CLOTH_OK;
+    return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "%s: x[%i] = %g", call, (int)at, x[at]);
+}
+
+CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
+                                          const double *x_end) {
+    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    cloth_status     status = clothi_pose_check(c, o, "cloth_collide_move", x_end);
+    if (!status) memcpy(clothi_pose(o, 1), x_end, 3 * (size_t)o->nv * sizeof(double));
+    return status;
+}
+
+CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
+                                              const double *x) {
+    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    cloth_status     status = clothi_pose_check(c, o, "cloth_collide_teleport", x);
+    double          *spare, *pose;
+    size_t           bytes;
+    if (status) return status;
+    bytes = 3 * (size_t)o->nv * sizeof(double);
+    pose = clothi_pose(o, 0);
+    spare = (double *)clothi_alloc(c->hooks, 6 * (size_t)o->nv, sizeof(double));
+    if (!spare) return CLOTH_ERR_MEMORY;
+    memcpy(spare, pose, 2 * bytes);
+    memcpy(pose, x, bytes);
+    memcpy(clothi_pose(o, 1), x, bytes);
+    status = clothi_collide_look(c);
+    if (status)
+        memcpy(pose, spare, 2 * bytes);
+    else
+        c->nanchor = 0;
+    clothi_free(c->hooks, spare);
+    return status;
+}
+
+/* --- a step that may be shorter --- */
+
+/* Pins, attachments and obstacles: targets at `part` of their way; back again at part 1. */
+static void clothi_shorten(cloth_collide *c, const double *targets, double part) {
+    cloth_sim *s = c->sim;
+    int        o, i, k;
+    for (i = 0; i < 3 * c->nv; i++, targets++)
+        s->target[i] = part < 1 ? s->state.x[i] + part * (*targets - s->state.x[i]) : *targets;
+    for (i = 0; i < s->model->desc.max_attachments; i++)
+        for (k = 0; k < 3; k++, targets++) {
+            clothi_attach *q = s->attach + i;
+            q->target[k] = part < 1 ? q->pose[k] + part * (*targets - q->pose[k]) : *targets;
+        }
+    for (o = 0; o < c->nobstacle; o++)
+        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv; i++, targets++) {
+            double pose = clothi_pose(c->obstacle + o, 0)[i];
+            clothi_pose(c->obstacle + o, 1)[i] = part < 1 ? pose + part * (*targets - pose)
+                                                          : *targets;
+        }
+}
+
+static size_t clothi_targets(const cloth_collide *c, double *out) {
+    const cloth_sim *s = c->sim;
+    size_t           n = 0;
+    int              o, i, k;
+    for (i = 0; i < 3 * c->nv; i++, n++)
+        if (out) out[n] = s->target[i];
+    for (i = 0; i < s->model->desc.max_attachments; i++)
+        for (k = 0; k < 3; k++, n++)
+            if (out) out[n] = s->attach[i].target[k];
+    for (o = 0; o < c->nobstacle; o++)
+        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv; i++, n++)
+            if (out) out[n] = clothi_pose(c->obstacle + o, 1)[i];
+    return n;
+}
+
+CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
+                                          cloth_report *report) {
+    cloth_report local, *r = report ? report : &local;
+    cloth_status status;
+    double      *targets, part = 1;
+    int          k;
+    if (!c) return CLOTH_ERR_ARGUMENT;
+    if (halvings < 0 || halvings > 30)
+        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings);
+    status = cloth_step(c->sim, h, r);
+    if (r->outcome != CLOTH_STEP_COLLISION_FAILED || halvings == 0) return status;
+    targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL), sizeof(double));
+    if (!targets) return CLOTH_ERR_MEMORY;
+    (void)clothi_targets(c, targets);
+    for (k = 0; k < halvings && r->outcome == CLOTH_STEP_COLLISION_FAILED; k++) {
+        part *= 0.5;
+        clothi_shorten(c, targets, part);
+        status = cloth_step(c->sim, h * part, r);
+    }
+    clothi_shorten(c, targets, 1);
+    if (!status) c->report.fraction = part;
+    clothi_free(c->hooks, targets);
+    return status;
+}
 
 /* ===== [8.5] QUERIES ========================================================================= */
+
+CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c) {
+    cloth_collide_report none;
+    memset(&none, 0, sizeof none);
+    return c ? c->report : none;
+}
+
+static void clothi_touch_public(const cloth_collide *c, int kind, int a, int b, const int *v,
+                                const double *w, int n, const double *normal, cloth_touch *out) {
+    int i;
+    memset(out, 0, sizeof *out);
+    out->edge_edge = kind == CLOTHI_EE;
+    out->obstacle = clothi_obstacle_id(c, clothi_pair_slot(c, kind, a, b));
+    for (i = 0; i < n; i++)
+        if (v[i] < c->nv) {
+            out->vertex[out->n] = v[i];
+            out->weight[out->n++] = w[i];
+        }
+    memcpy(out->normal, normal, sizeof out->normal);
+}
+
+/* Touches with a force, then rows with a multiplier. */
+CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cloth_touch *touch,
+                                             int *count) {
+    int i, j, n = 0;
+    if (!c || max < 0 || (max > 0 && !touch)) return CLOTH_ERR_ARGUMENT;
+    for (i = 0; i < c->ntouch; i++) {
+        const clothi_touch *q = c->touch + i;
+        if (!(q->force > 0)) continue;
+        if (n < max) {
+            clothi_touch_public(c, q->kind, q->a, q->b, q->v, q->w, q->n, q->normal, touch + n);
+            touch[n].gap = q->gap;
+            touch[n].force = q->force;
+            for (j = 0; j < c->nanchor; j++)
+                if (clothi_key_compare(&c->anchor[j].key, &q->key) == 0)
+                    touch[n].sliding = c->anchor[j].sliding > 0;
+        }
+        n++;
+    }
+    for (i = 0; i < c->nrow; i++) {
+        const clothi_row *q = c->row + i;
+        if (!(q->multiplier > 0)) continue;
+        if (n < max) {
+            clothi_touch_public(c, q->kind, q->a, q->b, q->v, q->w, q->n, q->normal, touch + n);
+            touch[n].gap = q->bound;
+            touch[n].force = q->multiplier / (c->h * c->h);
+            touch[n].impulse = q->multiplier / c->h;
+        }
+        n++;
+    }
+    if (count) *count = n;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
+    int i, j, k;
+    if (!c || !f) return CLOTH_ERR_ARGUMENT;
+    memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
+    for (i = 0; i < c->ntouch; i++)
+        for (j = 0; j < c->touch[i].n; j++)
+            for (k = 0; c->touch[i].v[j] < c->nv && k < 3; k++)
+                f[3 * c->touch[i].v[j] + k] +=
+                    c->touch[i].force * c->touch[i].w[j] * c->touch[i].normal[k];
+    for (i = 0; i < c->nrow; i++)
+        for (j = 0; j < c->row[i].n; j++)
+            for (k = 0; c->row[i].v[j] < c->nv && k < 3; k++)
+                f[3 * c->row[i].v[j] + k] += c->row[i].multiplier / (c->h * c->h) *
+                                             c->row[i].w[j] * c->row[i].normal[k];
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap) {
+    cloth_status status;
+    int          i, o;
+    if (!c || !gap || !clothi_finite(range) || !(range > 0)) return CLOTH_ERR_ARGUMENT;
+    *gap = range;
+    clothi_world_pose(c, c->sim->state.x, 0, 0);
+    c->solid_known = 0;
+    status = clothi_candidates(c, 0, range);
+    c->solid_known = 0;
+    for (i = 0; i < c->npair && !status; i++)
+        *gap = clothi_min(*gap, clothi_lone_gap(c, c->pair[i].kind, c->pair[i].a, c->pair[i].b));
+    for (o = 0; o < c->nobstacle && !status; o++)
+        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
+                    i < c->nv; i++)
+            *gap = clothi_min(*gap, clothi_lone_gap(c, CLOTHI_VP, i, o));
+    return status;
+}
+
+CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, int *pairs,
+                                                   int *count) {
+    cloth_status status;
+    int          i, n = 0;
+    if (!c || max < 0 || (max > 0 && !pairs)) return CLOTH_ERR_ARGUMENT;
+    clothi_world_pose(c, c->sim->state.x, 0, 0);
+    c->nnow = 0;
+    status = clothi_crossings(c, 0);
+    c->solid_known = 0;
+    for (i = 0; i < c->nnow && !status; i++) {
+        if (c->now[i].kind >= 0) continue;
+        if (n < max) pairs[2 * n] = c->now[i].a, pairs[2 * n + 1] = c->now[i].b;
+        n++;
+    }
+    c->nnow = 0;
+    if (count) *count = n;
+    return status;
+}
+
+CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
+                                            cloth_collide_pair *pair, int *count) {
+    if (!c || max < 0 || (max > 0 && !pair)) return CLOTH_ERR_ARGUMENT;
+    if (max > 0)
+        memcpy(pair, c->failed, (size_t)(max < c->nfailed ? max : c->nfailed) * sizeof *pair);
+    if (count) *count = c->nfailed;
+    return CLOTH_OK;
+}
 
 /* ===== [9.1] CHANGES =========================================================================
  *

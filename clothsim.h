@@ -704,7 +704,8 @@ typedef struct cloth_contact {
     /* candidate x [nv x 3] in, collision-free x out; *active = rows that moved it */
     cloth_status (*resolve)(void *user, const cloth_eval *e, double *x, double *v, int *active);
     void         (*commit)(void *user, cloth_report *report);
-    void         (*rollback)(void *user);
+    void         (*rollback)(void *user, cloth_report *report); /* report: may be NULL         */
+    void         (*reset)(void *user);      /* back to the start, with cloth_sim_reset         */
     size_t       (*save_size)(void *user);
     void         (*save)(void *user, void *buf);
     void         (*load)(void *user, const void *buf);
@@ -11630,6 +11631,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
     clothi_fix(s);
     clothi_guess(s, h);
     status = clothi_terms_begin(s, &goal);
+    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
     if (!status) status = clothi_minimise(s, &goal, report);
     if (status) return status;
     if (s->contact_on) {
@@ -11637,7 +11639,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
         s->counts.contact_calls++;
         status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, NULL, &active);
         s->ms.contact += clothi_now(&s->hooks) - start;
-        if (status) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+        if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
         if (status) return status;
     }
     if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) >= 0) {
@@ -11979,8 +11981,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     clothi_elements *el[2];
     cloth_status status = CLOTH_OK;
     double energy;
-    int    i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin ||
-                    s->contact_on;
+    int    i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin;
     el[0] = &s->membrane;
     el[1] = &s->bend;
     e->x = s->w.x;
@@ -12006,10 +12007,6 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     for (i = CLOTHI_TERM_FORCE; i < s->nterms && !status; i++) {
         if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
         if (!status) status = s->term[i].eval(s->term[i].user, e, &energy);
-    }
-    if (!status && s->contact_on) {
-        s->counts.contact_calls++;
-        status = s->contact.eval(s->contact.user, e, &energy);
     }
     *extra = s->w.grad;
     return status;
@@ -12266,6 +12263,24 @@ static int clothi_leap_substeps(const cloth_sim *s, double h, int m) {
     return last >= m && last <= 2 * m ? (int)last : m > 4 ? m + (m + 15) / 16 : m;
 }
 
+/* Contact once over the straight path from x0 to w.x; the velocity w.trial no longer approaches
+ * what the active rows hold off. */
+static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *report) {
+    const double start = clothi_now(&s->hooks);
+    clothi_goal  goal;
+    cloth_status status;
+    int          active;
+    if (!s->contact_on) return CLOTH_OK;
+    clothi_eval_start(s, &goal, h);
+    s->counts.contact_calls += 2;
+    status = s->contact.begin(s->contact.user, &goal.e);
+    if (!status)
+        status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial, &active);
+    s->ms.contact += clothi_now(&s->hooks) - start;
+    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+    return status;
+}
+
 static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
     double       tangent, limit, after;
     cloth_status status = CLOTH_OK;
@@ -12292,6 +12307,8 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
             if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
                 size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
                 int    i;
+                status = clothi_leap_contact(s, h, report);
+                if (status) return status;
                 report->energy = ledger;
                 for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
                     report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
@@ -12577,14 +12594,15 @@ static void clothi_keep(cloth_sim *s) {
     if (s->x_prev) memcpy(s->w.x_prev0, s->x_prev, bytes);
 }
 
-static void clothi_put_back(cloth_sim *s, double t, int history, double h_prev) {
+static void clothi_put_back(cloth_sim *s, double t, int history, double h_prev,
+                            cloth_report *report) {
     size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
     memcpy(s->state.x, s->w.x0, bytes);
     memcpy(s->state.v, s->w.v0, bytes);
     s->state.t = t;
     s->history = history;
     s->h_prev = h_prev;
-    if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user);
+    if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user, report);
     if (s->v_prev) memcpy(s->v_prev, s->w.v_prev0, bytes);
     if (s->x_prev) memcpy(s->x_prev, s->w.x_prev0, bytes);
 }
@@ -12701,7 +12719,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
         if (!status) status = run(s, h, report);
         if (!status && wanted) status = clothi_report_after(s, &before, report);
         if (status) {
-            clothi_put_back(s, t, history, h_prev);
+            clothi_put_back(s, t, history, h_prev, report);
             clothi_put_back_units(s);
             if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;
         } else {
@@ -12785,7 +12803,7 @@ CLOTH_API void cloth_sim_state_changed(cloth_sim *sim) {
 CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
     clothi_sim_start(sim);
-    if (sim->contact_on && sim->contact.rollback) sim->contact.rollback(sim->contact.user);
+    if (sim->contact_on && sim->contact.reset) sim->contact.reset(sim->contact.user);
     return CLOTH_OK;
 }
 

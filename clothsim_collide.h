@@ -34,6 +34,10 @@ extern "C" {
 #endif
 
 /* ===== [2.1] CONTINUOUS DETECTION ============================================================ */
+/* PROVISIONAL-BEGIN */
+CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi);
+CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, double *toi);
+/* PROVISIONAL-END */
 
 /* ===== [2.2] QUADRATIC PROGRAM =============================================================== */
 
@@ -291,6 +295,80 @@ extern "C" {
 /* ===== [3.2] DISTANCES ======================================================================= */
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================ */
+/* PROVISIONAL-BEGIN */
+static double clothi_point_triangle(const double *x, double *w) {
+    const double *p = x, *a = x + 3, *b = x + 6, *c = x + 9;
+    double ab[3], ac[3], ap[3], bp[3], cp[3], d1, d2, d3, d4, d5, d6, va, vb, vc, u = 0, v = 0, r[3];
+    int k;
+    clothi_sub3(b, a, ab); clothi_sub3(c, a, ac); clothi_sub3(p, a, ap);
+    clothi_sub3(p, b, bp); clothi_sub3(p, c, cp);
+    d1 = clothi_dot3(ab, ap); d2 = clothi_dot3(ac, ap);
+    d3 = clothi_dot3(ab, bp); d4 = clothi_dot3(ac, bp);
+    d5 = clothi_dot3(ab, cp); d6 = clothi_dot3(ac, cp);
+    vc = d1 * d4 - d3 * d2; vb = d5 * d2 - d1 * d6; va = d3 * d6 - d5 * d4;
+    if (d1 <= 0 && d2 <= 0) { u = v = 0; }
+    else if (d3 >= 0 && d4 <= d3) { u = 1; v = 0; }
+    else if (vc <= 0 && d1 >= 0 && d3 <= 0) { u = d1 / (d1 - d3); v = 0; }
+    else if (d6 >= 0 && d5 <= d6) { u = 0; v = 1; }
+    else if (vb <= 0 && d2 >= 0 && d6 <= 0) { u = 0; v = d2 / (d2 - d6); }
+    else if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) { v = (d4 - d3) / (d4 - d3 + d5 - d6); u = 1 - v; }
+    else { u = vb / (va + vb + vc); v = vc / (va + vb + vc); }
+    w[0] = 1; w[2] = -u; w[3] = -v; w[1] = -(1 - u - v);
+    for (k = 0; k < 3; k++) r[k] = p[k] + w[1] * a[k] + w[2] * b[k] + w[3] * c[k];
+    return sqrt(clothi_dot3(r, r));
+}
+static double clothi_edge_edge(const double *x, double *w) {
+    double d1[3], d2[3], r[3], a, e, f, c, b, den, s, t;
+    int k;
+    clothi_sub3(x + 3, x, d1); clothi_sub3(x + 9, x + 6, d2); clothi_sub3(x, x + 6, r);
+    a = clothi_dot3(d1, d1); e = clothi_dot3(d2, d2); f = clothi_dot3(d2, r);
+    c = clothi_dot3(d1, r); b = clothi_dot3(d1, d2); den = a * e - b * b;
+    s = den > 1e-14 * a * e ? (b * f - c * e) / den : 0;
+    s = s < 0 ? 0 : s > 1 ? 1 : s;
+    t = e > 0 ? (b * s + f) / e : 0;
+    if (t < 0) { t = 0; s = a > 0 ? -c / a : 0; }
+    else if (t > 1) { t = 1; s = a > 0 ? (b - c) / a : 0; }
+    s = s < 0 ? 0 : s > 1 ? 1 : s;
+    w[0] = 1 - s; w[1] = s; w[2] = -(1 - t); w[3] = -t;
+    for (k = 0; k < 3; k++) r[k] = w[0] * x[k] + w[1] * x[3 + k] + w[2] * x[6 + k] + w[3] * x[9 + k];
+    return sqrt(clothi_dot3(r, r));
+}
+static int clothi_accd(int ee, const double *xa, const double *xb, double sep, double *toi) {
+    double p[12], mean[3] = {0, 0, 0}, x[12], w[4], t = 0, l[4], lp, d;
+    int i, k, it;
+    for (i = 0; i < 12; i++) { p[i] = xb[i] - xa[i]; mean[i % 3] += p[i] / 4; }
+    for (i = 0; i < 4; i++) { l[i] = 0; for (k = 0; k < 3; k++) { p[3*i+k] -= mean[k]; l[i] += p[3*i+k]*p[3*i+k]; } l[i] = sqrt(l[i]); }
+    lp = ee ? clothi_max(l[0], l[1]) + clothi_max(l[2], l[3]) : l[0] + clothi_max(l[1], clothi_max(l[2], l[3]));
+    for (it = 0; it < 10000; it++) {
+        for (i = 0; i < 12; i++) x[i] = xa[i] + t * p[i];
+        d = ee ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
+        if (d <= sep * (1 + 1e-6) + 1e-15) { *toi = t; return 1; }
+        if (!(lp > 0)) return 0;
+        t += (d - sep) / lp;
+        if (t > 1) return 0;
+    }
+    *toi = t;
+    return 1;
+}
+CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi) {
+    return clothi_accd(0, xa, xb, min_sep, toi);
+}
+CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, double *toi) {
+    return clothi_accd(1, xa, xb, min_sep, toi);
+}
+static double clothi_contact_frame(int ee, const double *xa, const double *xb, double toi, double *w, double *n) {
+    double x[12], r[3] = {0,0,0}, s = 0, size;
+    int i, k;
+    for (i = 0; i < 12; i++) x[i] = xa[i] + toi * (xb[i] - xa[i]);
+    size = ee ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
+    for (i = 0; i < 4; i++) for (k = 0; k < 3; k++) r[k] += w[i] * x[3*i+k];
+    for (k = 0; k < 3; k++) n[k] = r[k] / size;
+    for (i = 0; i < 4; i++) for (k = 0; k < 3; k++) s += w[i] * n[k] * xa[3*i+k];
+    if (s < 0) { s = -s; for (k = 0; k < 3; k++) n[k] = -n[k]; }
+    return s;
+}
+static int clothi_triangles_intersect(const double *x, const int *f, const int *g) { (void)x;(void)f;(void)g; return 0; }
+/* PROVISIONAL-END */
 
 /* ===== [5.1] HIERARCHY ========================================================================
  *
@@ -2365,14 +2443,13 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
  * state; a substep goes from alpha0 to alpha1 of the way between them.
  */
 
-enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2, CLOTHI_VS = 3 };   /* P plane, S sphere/segment */
+enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2 };   /* vertex-face, edge-edge, vertex-plane */
 
-/* Who touches: pairs with one key share one anchor of friction.
- *   side 0  cloth vertex a, obstacle slot b            side 1, 2  cloth vertex a, cloth of part b
- *   side 3  vertex a of an obstacle, cloth face b                 on the side of its normal or not
- *   side 4  edges a and b                                                                         */
+/* Who touches: pairs with one key share one anchor of friction: a feature of the cloth with one
+ * obstacle (b its slot), or with one side of one part of cloth (b = 2 part + side).
+ *   feature 0 vertex, 1 edge, 2 face                                                           */
 typedef struct clothi_key {
-    int side, a, b;
+    int feature, cloth, a, b;               /* cloth 1: b is a part and its side               */
 } clothi_key;
 
 /* What a contact remembers from step to step: state. */
@@ -2422,9 +2499,9 @@ typedef struct clothi_obstacle {
     int                 inside;             /* self_penetrating                                */
 } clothi_obstacle;
 
-typedef struct clothi_pair {
+typedef struct clothi_couple {
     int kind, a, b;
-} clothi_pair;
+} clothi_couple;
 
 struct cloth_collide {
     cloth_sim         *sim;
@@ -2460,7 +2537,7 @@ struct cloth_collide {
     int           ntouch, touch_cap;
     clothi_row   *row;
     int           nrow, row_cap;
-    clothi_pair  *pair;                     /* candidates                                      */
+    clothi_couple  *pair;                     /* candidates                                      */
     int           npair, pair_cap;
     double        h;
     int           begun;                    /* a step is under way                             */
@@ -2478,7 +2555,7 @@ struct cloth_collide {
     /* state */
     clothi_anchor *anchor, *next;           /* accepted; of the step under way                 */
     int            nanchor, nnext, anchor_cap, next_cap;
-    clothi_pair   *exempt, *now;            /* sorted; accepted, of the step under way         */
+    clothi_couple   *exempt, *now;            /* sorted; accepted, of the step under way         */
     int            nexempt, nnow, exempt_cap, now_cap;
     uint64_t       seen;                    /* hash of the accepted x                          */
 
@@ -2503,7 +2580,8 @@ static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int coun
 }
 
 static int clothi_key_compare(const clothi_key *p, const clothi_key *q) {
-    if (p->side != q->side) return p->side < q->side ? -1 : 1;
+    if (p->feature != q->feature) return p->feature < q->feature ? -1 : 1;
+    if (p->cloth != q->cloth) return p->cloth < q->cloth ? -1 : 1;
     if (p->a != q->a) return p->a < q->a ? -1 : 1;
     return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
 }
@@ -2744,7 +2822,7 @@ static int clothi_part_of(const cloth_collide *c, int v) {
     return v < c->nv ? c->vertex_part[v] : 0;
 }
 
-/* World vertices of a pair and how many they are. VS: a near the one or two of b's obstacle. */
+/* World vertices of a pair and how many they are. */
 static int clothi_pair_vertices(const cloth_collide *c, int kind, int a, int b, int *v) {
     if (kind == CLOTHI_EE) {
         v[0] = c->edges[2 * a], v[1] = c->edges[2 * a + 1];
@@ -2756,13 +2834,12 @@ static int clothi_pair_vertices(const cloth_collide *c, int kind, int a, int b, 
         v[1] = c->faces[3 * b], v[2] = c->faces[3 * b + 1], v[3] = c->faces[3 * b + 2];
         return 4;
     }
-    v[1] = c->obstacle[b].v0;               /* VP, VS: b is the slot */
-    v[2] = v[1] + 1;
-    return c->obstacle[b].kind == CLOTH_OBSTACLE_CAPSULE ? 3 : 2;
+    v[1] = c->obstacle[b].v0;               /* VP: b is the slot */
+    return 2;
 }
 
 static int clothi_pair_slot(const cloth_collide *c, int kind, int a, int b) {
-    if (kind == CLOTHI_VP || kind == CLOTHI_VS) return b;
+    if (kind == CLOTHI_VP) return b;
     a = kind == CLOTHI_EE ? c->edges[2 * a] : a;
     b = kind == CLOTHI_EE ? c->edges[2 * b] : c->faces[3 * b];
     return c->slot[a] >= 0 ? c->slot[a] : c->slot[b];
@@ -2817,9 +2894,10 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
 
 /* The features of the faces in c->meet. */
 static cloth_status clothi_pairs_collect(cloth_collide *c) {
-    cloth_status status = clothi_pairs_features(c->hooks, &c->features, &c->meet, c->box_v,
-                                                &c->vf, &c->ee);
+    cloth_status status;
     int          i;
+    if (c->meet.count == 0) return CLOTH_OK;
+    status = clothi_pairs_features(c->hooks, &c->features, &c->meet, c->box_v, &c->vf, &c->ee);
     for (i = 0; i < c->vf.count && !status; i++)
         status = clothi_pair_add(c, CLOTHI_VF, c->vf.pair[2 * i], c->vf.pair[2 * i + 1]);
     for (i = 0; i < c->ee.count && !status; i++)
@@ -2883,7 +2961,7 @@ static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach)
 /* --- what intersects from the start --- */
 
 /* By kind (-1: faces), a, b. */
-static int clothi_pair_compare(const clothi_pair *p, const clothi_pair *q) {
+static int clothi_pair_compare(const clothi_couple *p, const clothi_couple *q) {
     if (p->kind != q->kind) return p->kind < q->kind ? -1 : 1;
     if (p->a != q->a) return p->a < q->a ? -1 : 1;
     return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
@@ -2891,7 +2969,7 @@ static int clothi_pair_compare(const clothi_pair *p, const clothi_pair *q) {
 
 /* Into the sorted list, once. */
 static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) {
-    clothi_pair  p;
+    clothi_couple  p;
     cloth_status status;
     int          low = 0, high = c->nnow;
     p.kind = kind, p.a = a, p.b = b;
@@ -2955,7 +3033,7 @@ static cloth_status clothi_crossings(cloth_collide *c, int inside) {
     if (!status) status = clothi_crossings_of(c, inside);
     if (status || inside) return status;
     for (i = 0; i < c->npair && !status; i++) {
-        const clothi_pair p = c->pair[i];
+        const clothi_couple p = c->pair[i];
         if (clothi_pair_radius(c, p.kind, p.a, p.b) > 0 &&
             !(clothi_lone_gap(c, p.kind, p.a, p.b) > 0))
             status = clothi_exempt_add(c, p.kind, p.a, p.b);
@@ -3027,7 +3105,7 @@ static void clothi_exempt_part(cloth_collide *c) {
     int     i, n = 0;
     c->xa = c->xb;                          /* where everything is now */
     for (i = 0; i < c->nnow; i++) {
-        const clothi_pair p = c->now[i];
+        const clothi_couple p = c->now[i];
         const int         still = p.kind < 0 ? clothi_faces_cross(c, p.a, p.b)
                                              : !(clothi_lone_gap(c, p.kind, p.a, p.b) > 0);
         if (still) c->now[n++] = p;
@@ -3056,8 +3134,8 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *   t/4 -+- - - - - - - - - - -  separation that detection guards
  *     0 =========================
  *
- * E_col, a sum over the pairs of a vertex and a face (sphere, segment, plane) that are nearer than
- * t at the start of the substep, with k = stiffness x area:
+ * E_col, a sum over the pairs (vertex-face, edge-edge, sphere, ...) that are nearer than t at the
+ * start of the substep, with k = stiffness x area:
  *
  *     force(g) = max( 0, k (t - g)^2 / t  -  c (g - g^n) / h ),       c = k tau,   g < t
  *
@@ -3098,14 +3176,7 @@ static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
         q->gap = clothi_dot3(q->normal, r);
         return q->gap > 0;
     }
-    if (q->kind == CLOTHI_VS) {             /* a point or a segment: a triangle of no width */
-        memcpy(x + 9, x + (q->n == 3 ? 6 : 3), 3 * sizeof(double));
-        if (q->n == 2) memcpy(x + 6, x + 3, 3 * sizeof(double));
-        (void)clothi_point_triangle(x, q->w);
-        q->w[1] += q->n == 2 ? q->w[2] + q->w[3] : 0;
-        q->w[2] += q->n == 3 ? q->w[3] : 0;
-    } else
-        (void)clothi_pair_distance(q->kind, x, q->w);
+    (void)clothi_pair_distance(q->kind, x, q->w);
     for (i = 0; i < q->n; i++)
         for (k = 0; k < 3; k++) r[k] += q->w[i] * x[3 * i + k];
     d = sqrt(clothi_dot3(r, r));
@@ -3114,7 +3185,7 @@ static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
     return q->gap > 0 && d > 0;
 }
 
-/* Which side of the cloth around vertex v a normal lies on: 1 or 2. */
+/* Which side of the cloth around vertex v a normal lies on. */
 static int clothi_vertex_side(const cloth_collide *c, int v, const double *normal) {
     const cloth_topology *t = c->sim->model->topology;
     double sum = 0;
@@ -3127,24 +3198,25 @@ static int clothi_vertex_side(const cloth_collide *c, int v, const double *norma
         clothi_cross3(p, q, n);
         sum += clothi_dot3(n, normal);
     }
-    return sum >= 0 ? 1 : 2;
+    return sum < 0;
 }
 
 static clothi_key clothi_key_of(const cloth_collide *c, int kind, int a, int b,
                                 const double *normal) {
     clothi_key key;
     const int  slot = clothi_pair_slot(c, kind, a, b);
-    key.a = a, key.b = b;
-    if (kind == CLOTHI_EE)
-        key.side = 4;
-    else if (a >= c->nv)
-        key.side = 3;
-    else if (slot >= 0)
-        key.side = 0, key.b = slot;
-    else {
-        key.side = clothi_vertex_side(c, a, normal);
-        key.b = clothi_part_of(c, c->faces[3 * b]);
-    }
+    memset(&key, 0, sizeof key);
+    key.feature = kind == CLOTHI_EE;
+    key.a = a, key.b = slot;
+    if (kind == CLOTHI_VF && a >= c->nv)    /* of the obstacle: the cloth has the face */
+        key.feature = 2, key.a = b;
+    else if (kind == CLOTHI_EE && c->edges[2 * a] >= c->nv)
+        key.a = b;
+    if (slot >= 0) return key;
+    key.cloth = 1;
+    a = kind == CLOTHI_EE ? c->edges[2 * a] : a;
+    b = kind == CLOTHI_EE ? c->edges[2 * b] : c->faces[3 * b];
+    key.b = 2 * clothi_part_of(c, b) + clothi_vertex_side(c, a, normal);
     return key;
 }
 
@@ -3153,15 +3225,20 @@ static double clothi_pair_friction(const cloth_collide *c, int kind, int a, int 
     return slot < 0 ? c->desc.friction : c->obstacle[slot].friction;
 }
 
-/* The area that a pair stands for, m^2. */
+/* The area that a pair stands for, m^2: that of its smaller half, vertex, edge or face; spheres and
+ * capsules have none. Cloth meets cloth from both sides: half. */
 static double clothi_pair_area(const cloth_collide *c, int kind, int a, int b) {
-    double area = 0;
-    int    k;
-    if (kind == CLOTHI_EE) return 0;
-    if (kind != CLOTHI_VF || a < c->nv) return c->area[a] * (b < c->nf && kind == CLOTHI_VF
-                                                                 ? 0.5 : 1);
-    for (k = 0; k < 3; k++) area += c->area[c->faces[3 * b + k]] / 3;
-    return clothi_min(area, c->area[a]);
+    double p, q, share = clothi_pair_slot(c, kind, a, b) < 0 ? 0.5 : 1;
+    if (kind == CLOTHI_VP) return c->area[a];
+    if (kind == CLOTHI_VF) {
+        const int *f = c->faces + 3 * b;
+        p = c->area[a];
+        q = (c->area[f[0]] + c->area[f[1]] + c->area[f[2]]) / 6;
+    } else {                                /* 3 edges a vertex */
+        p = (c->area[c->edges[2 * a]] + c->area[c->edges[2 * a + 1]]) / 6;
+        q = (c->area[c->edges[2 * b]] + c->area[c->edges[2 * b + 1]]) / 6;
+    }
+    return share * (p > 0 && (p < q || !(q > 0)) ? p : q);
 }
 
 /* force(g) and its slope, N and N/m. */
@@ -3245,8 +3322,7 @@ static void clothi_touch_sort(clothi_touch *t, int n) {
     }
 }
 
-/* Gives every key's leader what its anchor remembers; edge pairs that only an anchor knows have
- * been added before. Both lists are sorted. */
+/* Gives every key's leader what its anchor remembers. Both lists are sorted. */
 static void clothi_touch_remember(cloth_collide *c) {
     int i, j = 0, k;
     for (i = 0; i < c->ntouch; i++) {
@@ -3426,7 +3502,7 @@ static void clothi_row_bound(const cloth_collide *c, const clothi_guard *g, doub
 }
 
 /* Looks at one pair over the substep; *hit counts, a row is added. */
-static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair *p, int *hit) {
+static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_couple *p, int *hit) {
     clothi_row   row;
     clothi_guard g;
     double       xa[12], xb[12], toi, held, r = clothi_pair_radius(c, p->kind, p->a, p->b);
@@ -3480,7 +3556,7 @@ static cloth_status clothi_detect_plane(cloth_collide *c, int slot, int *hit) {
     return status;
 }
 
-static int clothi_pair_moved(const cloth_collide *c, const clothi_pair *p) {
+static int clothi_pair_moved(const cloth_collide *c, const clothi_couple *p) {
     int v[4], i, n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
     for (i = 0; i < n; i++)
         if (v[i] < c->nv && c->moved[v[i]]) return 1;
@@ -3960,23 +4036,15 @@ static cloth_status clothi_touches_find(cloth_collide *c) {
     int          i, o;
     c->ntouch = 0;
     for (i = 0; i < c->npair && !status; i++) {
-        const clothi_pair *p = c->pair + i;
-        if (p->kind != CLOTHI_VF || clothi_pair_radius(c, p->kind, p->a, p->b) > 0 ||
-            clothi_is_exempt(c, p->kind, p->a, p->b))
-            continue;
-        status = clothi_touch_add(c, p->kind, p->a, p->b);
+        const clothi_couple *p = c->pair + i;
+        if (!clothi_is_exempt(c, p->kind, p->a, p->b))
+            status = clothi_touch_add(c, p->kind, p->a, p->b);
     }
-    for (o = 0; o < c->nobstacle && !status; o++) {
-        const clothi_obstacle *b = c->obstacle + o;
-        const int kind = b->kind == CLOTH_OBSTACLE_PLANE ? CLOTHI_VP : CLOTHI_VS;
-        if (!b->used || clothi_is_mesh(b)) continue;
-        for (i = 0; i < c->nv && !status; i++)
+    for (o = 0; o < c->nobstacle && !status; o++)
+        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
+                    i < c->nv && !status; i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
-                status = clothi_touch_add(c, kind, i, o);
-    }
-    for (i = 0; i < c->nnext && !status; i++)           /* crossing edges keep their anchor */
-        if (c->next[i].key.side == 4)
-            status = clothi_touch_add(c, CLOTHI_EE, c->next[i].key.a, c->next[i].key.b);
+                status = clothi_touch_add(c, CLOTHI_VP, i, o);
     if (status) return status;
     clothi_touch_sort(c->touch, c->ntouch);
     clothi_touch_remember(c);
@@ -4089,7 +4157,7 @@ static void clothi_contact_rollback(void *user, cloth_report *report) {
 static void clothi_contact_commit(void *user, cloth_report *report) {
     cloth_collide *c = (cloth_collide *)user;
     clothi_anchor *swap = c->anchor;
-    clothi_pair   *pair = c->exempt;
+    clothi_couple   *pair = c->exempt;
     double         least = c->desc.thickness;
     int            o, i, cap = c->anchor_cap;
     for (o = 0; o < c->nobstacle; o++)
@@ -4134,7 +4202,7 @@ static size_t clothi_contact_save_size(void *user) {
     const cloth_collide *c = (const cloth_collide *)user;
     return sizeof(clothi_contact_head) + (size_t)clothi_contact_poses(c) * sizeof(double) +
            (size_t)c->nanchor * sizeof(clothi_anchor) +
-           ((size_t)c->nexempt + 1) / 2 * 2 * sizeof(clothi_pair);
+           ((size_t)c->nexempt + 1) / 2 * 2 * sizeof(clothi_couple);
 }
 
 static void clothi_contact_save(void *user, void *buf) {
@@ -4185,11 +4253,11 @@ static void clothi_contact_load(void *user, const void *buf) {
         memcpy(&a, in, sizeof a);
         c->anchor[c->nanchor++] = a;
     }
-    for (i = 0; i < head.nexempt; i++, in += sizeof(clothi_pair)) {
+    for (i = 0; i < head.nexempt; i++, in += sizeof(clothi_couple)) {
         if (clothi_grow(c->hooks, (void **)&c->exempt, c->nexempt, &c->exempt_cap,
-                        sizeof(clothi_pair)))
+                        sizeof(clothi_couple)))
             return;
-        memcpy(c->exempt + c->nexempt++, in, sizeof(clothi_pair));
+        memcpy(c->exempt + c->nexempt++, in, sizeof(clothi_couple));
     }
     c->seen = head.seen;
 }
@@ -4223,6 +4291,7 @@ static size_t clothi_contact_bytes(void *user) {
     block[n++] = c->area, block[n++] = c->meet.pair, block[n++] = c->vf.pair;
     block[n++] = c->ee.pair, block[n++] = c->near_f, block[n++] = c->zone_of;
     for (i = 0; i < n; i++) sum += clothi_block_size(block[i]);
+    sum += cloth_qp_work_bytes(c->qp_options.work);
     for (i = 0; i < c->nobstacle; i++)
         sum += clothi_block_size(c->obstacle[i].x) + clothi_block_size(c->obstacle[i].faces);
     return sum;
@@ -4324,7 +4393,7 @@ static void clothi_collide_connect(cloth_collide *c) {
 /* Checks where everything is now, outside a step: what it finds becomes state. */
 static cloth_status clothi_collide_look(cloth_collide *c) {
     cloth_status status;
-    clothi_pair *swap = c->exempt;
+    clothi_couple *swap = c->exempt;
     int          cap = c->exempt_cap;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     status = clothi_inside_faces(c);
@@ -4359,6 +4428,7 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     c->stiffness = d.stiffness > 0 ? d.stiffness : clothi_collide_stiffness(sim, d.thickness);
     c->qp_options = cloth_qp_options_default();
     c->qp_options.hooks.allocator = sim->hooks.allocator;
+    c->qp_options.hooks.cancel = sim->hooks.cancel;
     status = clothi_collide_arrays(c);
     if (!status) {
         if (d.nparts) memcpy(c->part, d.parts, (size_t)d.nparts * sizeof *d.parts);
@@ -4367,6 +4437,7 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
             c->vertex_part[sim->model->faces[i]] = sim->model->part[i / 3];
         status = clothi_world_build(c);
     }
+    if (!status) status = cloth_qp_work_create(c->hooks, &c->qp_options.work);
     if (!status) status = clothi_collide_look(c);
     if (status) {
         cloth_collide_destroy(c);
@@ -4389,6 +4460,7 @@ CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
     clothi_pairs_free(k, &c->meet);
     clothi_pairs_free(k, &c->vf);
     clothi_pairs_free(k, &c->ee);
+    cloth_qp_work_destroy(c->qp_options.work);
     clothi_free(k, c->obstacle);
     clothi_free(k, c->part);
     clothi_free(k, c->vertex_part);

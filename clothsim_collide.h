@@ -163,6 +163,7 @@ extern "C" {
 #define CLOTHI_QP_CANCELLED  1e-24          /* square of the length of a row that is none      */
 #define CLOTHI_QP_TINY       1e-290
 #define CLOTHI_QP_PATIENCE   3
+#define CLOTHI_QP_PARALLEL   0.25           /* cosine squared: rows that stand for each other  */
 
 /* ----- arithmetic with twice the digits ---------------------------------------------------- */
 
@@ -710,18 +711,16 @@ static int clothi_qp_equations(clothi_qp *s) {
 }
 
 typedef struct clothi_qp_wrong {            /* rows on the wrong side of complementarity       */
-    int count, last;                        /* and the last of them in the order               */
+    int count;
     int stuck;                              /* violated rows that depend on the factored ones  */
 } clothi_qp_wrong;
 
 static clothi_qp_wrong clothi_qp_judge(clothi_qp *s) {
-    clothi_qp_wrong bad = {0, -1, 0};
+    clothi_qp_wrong bad = {0, 0};
     double          big = 0;
-    int             p;
-    for (p = 0; p < s->m; p++) big = clothi_max(big, fabs(s->lambda[p]));
-    for (p = 0; p < s->m; p++) {
-        const int i = s->order[p];
-        int       wrong;
+    int             i, wrong;
+    for (i = 0; i < s->m; i++) big = clothi_max(big, fabs(s->lambda[i]));
+    for (i = 0; i < s->m; i++) {
         s->mark[i] = 0;
         if (!s->keep[i]) continue;
         wrong = s->at[i] >= 0 ? s->lambda[i] < -CLOTHI_QP_SMALL * big
@@ -729,7 +728,6 @@ static clothi_qp_wrong clothi_qp_judge(clothi_qp *s) {
         if (wrong && s->at[i] == -2) bad.stuck++;
         else if (wrong) {
             s->mark[i] = 1;
-            bad.last = i;
             bad.count++;
         }
     }
@@ -774,12 +772,28 @@ static void clothi_qp_clamp(clothi_qp *s) {
     if (any) clothi_qp_slacks(s);
 }
 
-/* Exchanges all rows on the wrong side at once while that lowers their number, else, after a few
- * tries, only the last one in a fixed order. done: the optimum is in x and lambda. */
+/* Is a row that points much the same way violated more? w: slacks. */
+static int clothi_qp_shadowed(const clothi_qp *s, int i, const double *w) {
+    const double mine = w[i] * fabs(w[i]) / s->adiag[i];
+    int          e;
+    for (e = s->astart[i]; e < s->astart[i + 1]; e++) {
+        const int    j = s->acol[e];
+        const double a = s->aval[e];
+        double       other;
+        if (!(a > 0) || j == i || !s->keep[j] || !(w[j] < 0)) continue;
+        if (a * a < CLOTHI_QP_PARALLEL * s->adiag[i] * s->adiag[j]) continue;
+        other = w[j] * fabs(w[j]) / s->adiag[j];
+        if (other < mine || (j < i && !(other > mine))) return 1;
+    }
+    return 0;
+}
+
+/* Exchanges all rows on the wrong side at once as long as that lowers their number, or has done so
+ * within the last few tries. done: the optimum is in x and lambda; else act is where to go on. */
 static cloth_status clothi_qp_pivot(clothi_qp *s, int *done) {
-    int best = s->m + 1, patience = CLOTHI_QP_PATIENCE, limit = 30 + s->m / 4, i;
+    int best = s->m + 1, patience = CLOTHI_QP_PATIENCE, i;
     *done = 0;
-    while (limit-- && s->iterations < s->most) {
+    while (s->iterations < s->most) {
         clothi_qp_wrong bad;
         int             exact;
         if (s->hooks->cancel.fn && s->hooks->cancel.fn(s->hooks->cancel.user))
@@ -791,16 +805,13 @@ static cloth_status clothi_qp_pivot(clothi_qp *s, int *done) {
         if (bad.count == 0) {
             *done = !bad.stuck && exact && !clothi_qp_doubtful(s);
             if (*done) clothi_qp_clamp(s);
-            return CLOTH_OK;
+            break;
         }
-        if (bad.count < best) {
-            best = bad.count;
-            patience = CLOTHI_QP_PATIENCE;
-        } else patience--;
-        if (patience >= 0) {
-            for (i = 0; i < s->m; i++)
-                if (s->mark[i]) s->act[i] = s->at[i] < 0;
-        } else s->act[bad.last] = s->at[bad.last] < 0;
+        patience = bad.count < best ? CLOTHI_QP_PATIENCE : patience - 1;
+        if (bad.count < best) best = bad.count;
+        if (patience < 0) break;
+        for (i = 0; i < s->m; i++)
+            if (s->mark[i]) s->act[i] = s->at[i] < 0 && !clothi_qp_shadowed(s, i, s->w);
     }
     return CLOTH_OK;
 }
@@ -1261,7 +1272,10 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o, cloth
     }
     clothi_qp_drop_copies(s);
     clothi_qp_order(s);
-    for (i = 0; i < s->m; i++) s->act[i] = s->keep[i] && (o->guess ? o->guess[i] : s->b[i]) > 0;
+    for (i = 0; i < s->m; i++) s->w[i] = -s->b[i];
+    for (i = 0; i < s->m; i++)
+        s->act[i] = s->keep[i] && (o->guess ? o->guess[i] > 0
+                                            : s->b[i] > 0 && !clothi_qp_shadowed(s, i, s->w));
     status = clothi_qp_pivot(s, &done);
     if (done) clothi_qp_finish(s, CLOTH_QP_SOLVED, rep);
     if (status == CLOTH_OK && !(done && rep->residual <= o->tolerance)) {

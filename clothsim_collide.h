@@ -1016,6 +1016,17 @@ static int clothi_qp_worst2(const clothi_qp *s) {
     return worst;
 }
 
+/* The largest a_ii y_i^2 of the ray y: what the length of G' y is measured by. */
+static double clothi_qp_ray_size(const clothi_qp *s, int p) {
+    double big = s->adiag[p];
+    int    i;
+    for (i = 0; i < s->k; i++) {
+        const double y = s->ray2[i].hi;
+        big = clothi_max(big, y * y * s->adiag[s->list[i]]);
+    }
+    return big;
+}
+
 /* Brings row p in: along the direction in which the factored rows stay equations, lambda_p grows
  * until p holds, or until a multiplier is 0 and its row leaves. CLOTH_OK; *ray: no end to it, ray2
  * (factored rows) and 1 for p are the certificate. */
@@ -1042,7 +1053,7 @@ static cloth_status clothi_qp_bring2(clothi_qp *s, int p, int *ray) {
             q = clothi_qp_div(s->lambda2[s->list[i]], r[i]);
             if (q.hi < t.hi) t = q, leave = i;
         }
-        if (leave < 0 && !free_step) {
+        if (leave < 0 && !(pivot.hi > CLOTHI_QP_DEPENDENT2 * clothi_qp_ray_size(s, p))) {
             *ray = 1;
             return CLOTH_OK;
         }
@@ -1078,6 +1089,23 @@ static void clothi_qp_certificate(clothi_qp *s, int p) {
     for (i = 0; i < s->m; i++) s->lambda[i] /= big;
 }
 
+/* Once more in the common order, so that the bits depend on the set and not on the way to it;
+ * unless the rows are too dependent for another order. */
+static cloth_status clothi_qp_settle2(clothi_qp *s) {
+    int i, kept = 1;
+    memcpy(s->ray2, s->lambda2, (size_t)s->m * sizeof *s->ray2);
+    for (i = 0; i < s->m; i++) s->act[i] = s->lambda2[i].hi > 0;
+    if (!clothi_qp_factor2(s)) return CLOTH_ERR_MEMORY;
+    clothi_qp_equations2(s);
+    for (i = 0; i < s->m; i++)
+        if (s->act[i] && (s->at[i] < 0 || s->lambda2[i].hi < 0)) kept = 0;
+    if (!kept) memcpy(s->lambda2, s->ray2, (size_t)s->m * sizeof *s->ray2);
+    clothi_qp_slacks2(s);
+    for (i = 0; i < s->m; i++) s->lambda[i] = s->lambda2[i].hi;
+    for (i = 0; i < s->n; i++) s->x[i] = s->x2[i].hi;
+    return CLOTH_OK;
+}
+
 /* Goldfarb and Idnani's method from the rows with act. */
 static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome) {
     cloth_status status;
@@ -1101,14 +1129,7 @@ static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome
             return CLOTH_OK;
         }
     }
-    /* once more in the common order: the bits depend on the set, not on the way to it */
-    for (i = 0; i < s->m; i++) s->act[i] = s->at[i] >= 0 && s->lambda2[i].hi > 0;
-    if (!clothi_qp_factor2(s)) return CLOTH_ERR_MEMORY;
-    clothi_qp_equations2(s);
-    clothi_qp_slacks2(s);
-    for (i = 0; i < s->m; i++) s->lambda[i] = clothi_max(0, s->lambda2[i].hi);
-    for (i = 0; i < s->n; i++) s->x[i] = s->x2[i].hi;
-    return CLOTH_OK;
+    return clothi_qp_settle2(s);
 }
 
 /* ----- the call ------------------------------------------------------------------------------ */

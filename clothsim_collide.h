@@ -1211,11 +1211,14 @@ CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks
 #define CLOTHI_QP_SMALL      1e-14          /* slack or multiplier, relative: as good as 0     */
 #define CLOTHI_QP_DEPENDENT  1e-10          /* square of a row's distance from other rows      */
 #define CLOTHI_QP_DEPENDENT2 1e-26          /* the same with twice the digits                  */
-#define CLOTHI_QP_SMALL2     1e-19
+#define CLOTHI_QP_SMALL2     1e-19          /* slack with twice the digits: as good as 0       */
+#define CLOTHI_QP_DRIFT2     1e-28          /* rounding of a slack, to the largest multiplier  */
+#define CLOTHI_QP_START2     1e-18          /* rows nearer to others do not start the set      */
 #define CLOTHI_QP_COPY       1e-13          /* distance of two rows that are one               */
 #define CLOTHI_QP_CANCELLED  1e-24          /* square of the length of a row that is none      */
 #define CLOTHI_QP_TINY       1e-290
 #define CLOTHI_QP_PATIENCE   3
+#define CLOTHI_QP_PARALLEL   0.25           /* cosine squared: rows that stand for each other  */
 
 /* ----- arithmetic with twice the digits ---------------------------------------------------- */
 
@@ -1496,7 +1499,7 @@ static int clothi_qp_scale_row(clothi_qp *s, int i) {
     s->b[i] = free_x - h;
     s->size[i] = size;
     if (s->keep[i]) return clothi_finite(size) ? 0 : 3;
-    return h < -CLOTHI_QP_ROUNDING * (end - begin + 2) * size ? 2 : 1;
+    return h < -CLOTHI_QP_SMALL * size ? 2 : 1;
 }
 
 /* Entries by column: free ones of the rows that are kept. */
@@ -1714,23 +1717,39 @@ static void clothi_qp_back(const clothi_qp *s, double *y) {
     }
 }
 
+/* v [n], minv |G'| lambda before: the sizes of the numbers that each x was made of, at most the
+ * largest |x| or |x0|. */
+static void clothi_qp_sizes(const cloth_qp *q, const double *x, double *v) {
+    double big = 0;
+    int    i;
+    for (i = 0; i < q->n; i++) big = clothi_max(big, clothi_max(fabs(x[i]), fabs(q->x0[i])));
+    for (i = 0; i < q->n; i++)
+        v[i] = clothi_max(clothi_min(v[i], big), clothi_max(fabs(x[i]), fabs(q->x0[i])));
+}
+
 /* x = x0 - minv G' lambda, slack w = h - G x, and what their rounding is measured by. */
 static void clothi_qp_slacks(clothi_qp *s) {
     const cloth_qp *q = s->q;
     int             i, p;
-    memset(s->u, 0, (size_t)s->n * sizeof *s->u);
+    memset(s->u, 0, 2 * (size_t)s->n * sizeof *s->u);           /* and v */
     for (i = 0; i < s->m; i++) {
         const double l = s->lambda[i];
         if (!(l < 0 || l > 0)) continue;
-        for (p = q->row[i]; p < q->row[i + 1]; p++) s->u[q->col[p]] += l * s->g[p];
+        for (p = q->row[i]; p < q->row[i + 1]; p++) {
+            s->u[q->col[p]] += l * s->g[p];
+            s->v[q->col[p]] += fabs(l * s->g[p]);
+        }
     }
-    for (i = 0; i < s->n; i++) s->x[i] = q->x0[i] - q->minv[i] * s->u[i];
+    for (i = 0; i < s->n; i++) {
+        s->x[i] = q->x0[i] - q->minv[i] * s->u[i];
+        s->v[i] *= q->minv[i];
+    }
+    clothi_qp_sizes(q, s->x, s->v);
     for (i = 0; i < s->m; i++) {
         double sum = s->h[i], size = fabs(sum) + CLOTHI_QP_TINY;
         for (p = q->row[i]; p < q->row[i + 1]; p++) {
-            const double x = s->x[q->col[p]], x0 = q->x0[q->col[p]];
-            sum -= s->g[p] * x;
-            size += fabs(s->g[p]) * clothi_max(fabs(x), fabs(x0));
+            sum -= s->g[p] * s->x[q->col[p]];
+            size += fabs(s->g[p]) * s->v[q->col[p]];
         }
         s->w[i] = sum;
         s->size[i] = size;
@@ -1763,18 +1782,16 @@ static int clothi_qp_equations(clothi_qp *s) {
 }
 
 typedef struct clothi_qp_wrong {            /* rows on the wrong side of complementarity       */
-    int count, last;                        /* and the last of them in the order               */
+    int count;
     int stuck;                              /* violated rows that depend on the factored ones  */
 } clothi_qp_wrong;
 
 static clothi_qp_wrong clothi_qp_judge(clothi_qp *s) {
-    clothi_qp_wrong bad = {0, -1, 0};
+    clothi_qp_wrong bad = {0, 0};
     double          big = 0;
-    int             p;
-    for (p = 0; p < s->m; p++) big = clothi_max(big, fabs(s->lambda[p]));
-    for (p = 0; p < s->m; p++) {
-        const int i = s->order[p];
-        int       wrong;
+    int             i, wrong;
+    for (i = 0; i < s->m; i++) big = clothi_max(big, fabs(s->lambda[i]));
+    for (i = 0; i < s->m; i++) {
         s->mark[i] = 0;
         if (!s->keep[i]) continue;
         wrong = s->at[i] >= 0 ? s->lambda[i] < -CLOTHI_QP_SMALL * big
@@ -1782,7 +1799,6 @@ static clothi_qp_wrong clothi_qp_judge(clothi_qp *s) {
         if (wrong && s->at[i] == -2) bad.stuck++;
         else if (wrong) {
             s->mark[i] = 1;
-            bad.last = i;
             bad.count++;
         }
     }
@@ -1827,12 +1843,28 @@ static void clothi_qp_clamp(clothi_qp *s) {
     if (any) clothi_qp_slacks(s);
 }
 
-/* Exchanges all rows on the wrong side at once while that lowers their number, else, after a few
- * tries, only the last one in a fixed order. done: the optimum is in x and lambda. */
+/* Is a row that points much the same way violated more? w: slacks. */
+static int clothi_qp_shadowed(const clothi_qp *s, int i, const double *w) {
+    const double mine = w[i] * fabs(w[i]) / s->adiag[i];
+    int          e;
+    for (e = s->astart[i]; e < s->astart[i + 1]; e++) {
+        const int    j = s->acol[e];
+        const double a = s->aval[e];
+        double       other;
+        if (!(a > 0) || j == i || !s->keep[j] || !(w[j] < 0)) continue;
+        if (a * a < CLOTHI_QP_PARALLEL * s->adiag[i] * s->adiag[j]) continue;
+        other = w[j] * fabs(w[j]) / s->adiag[j];
+        if (other < mine || (j < i && !(other > mine))) return 1;
+    }
+    return 0;
+}
+
+/* Exchanges all rows on the wrong side at once as long as that lowers their number, or has done so
+ * within the last few tries. done: the optimum is in x and lambda; else act is where to go on. */
 static cloth_status clothi_qp_pivot(clothi_qp *s, int *done) {
-    int best = s->m + 1, patience = CLOTHI_QP_PATIENCE, limit = 30 + s->m / 4, i;
+    int best = s->m + 1, patience = CLOTHI_QP_PATIENCE, i;
     *done = 0;
-    while (limit-- && s->iterations < s->most) {
+    while (s->iterations < s->most) {
         clothi_qp_wrong bad;
         int             exact;
         if (s->hooks->cancel.fn && s->hooks->cancel.fn(s->hooks->cancel.user))
@@ -1844,16 +1876,13 @@ static cloth_status clothi_qp_pivot(clothi_qp *s, int *done) {
         if (bad.count == 0) {
             *done = !bad.stuck && exact && !clothi_qp_doubtful(s);
             if (*done) clothi_qp_clamp(s);
-            return CLOTH_OK;
+            break;
         }
-        if (bad.count < best) {
-            best = bad.count;
-            patience = CLOTHI_QP_PATIENCE;
-        } else patience--;
-        if (patience >= 0) {
-            for (i = 0; i < s->m; i++)
-                if (s->mark[i]) s->act[i] = s->at[i] < 0;
-        } else s->act[bad.last] = s->at[bad.last] < 0;
+        patience = bad.count < best ? CLOTHI_QP_PATIENCE : patience - 1;
+        if (bad.count < best) best = bad.count;
+        if (patience < 0) break;
+        for (i = 0; i < s->m; i++)
+            if (s->mark[i]) s->act[i] = s->at[i] < 0 && !clothi_qp_shadowed(s, i, s->w);
     }
     return CLOTH_OK;
 }
@@ -1926,14 +1955,15 @@ static clothi_qp_two clothi_qp_reduce2(clothi_qp *s, int r, clothi_qp_two *y, in
     return clothi_qp_minus_dot2(pivot, y + *low, y + *low, k - *low);
 }
 
-/* Row r becomes the last of the factor unless it depends on the others: 0. -1: no memory. */
-static int clothi_qp_append2(clothi_qp *s, int r) {
+/* Row r becomes the last of the factor, unless the square of its distance from the others is at
+ * most `least` of its length: 0. -1: no memory. */
+static int clothi_qp_append2(clothi_qp *s, int r, double least) {
     const size_t  used = s->lstart[s->k];
     clothi_qp_two pivot;
     int           low;
     s->at[r] = -1;
     pivot = clothi_qp_reduce2(s, r, s->rhs2, &low);
-    if (!(pivot.hi > CLOTHI_QP_DEPENDENT2 * s->adiag[r])) {
+    if (!(pivot.hi > least * s->adiag[r])) {
         s->at[r] = -2;
         return 0;
     }
@@ -1985,19 +2015,19 @@ static int clothi_qp_remove2(clothi_qp *s, int p) {
     s->k = p;
     s->refactorizations++;
     for (i = p + 1; i < end; i++)
-        if (clothi_qp_append2(s, s->list[i]) < 0) return 0;
+        if (clothi_qp_append2(s, s->list[i], CLOTHI_QP_DEPENDENT2) < 0) return 0;
     return 1;
 }
 
 /* Factors the rows with act in order. 0: no memory. */
-static int clothi_qp_factor2(clothi_qp *s) {
+static int clothi_qp_factor2(clothi_qp *s, double least) {
     int i, p;
     for (i = 0; i < s->m; i++) s->at[i] = -1;
     s->k = 0;
     s->lstart[0] = 0;
     s->factorizations++;
     for (p = 0; p < s->m; p++)
-        if (s->act[s->order[p]] && clothi_qp_append2(s, s->order[p]) < 0) return 0;
+        if (s->act[s->order[p]] && clothi_qp_append2(s, s->order[p], least) < 0) return 0;
     return 1;
 }
 
@@ -2005,7 +2035,7 @@ static int clothi_qp_factor2(clothi_qp *s) {
 static int clothi_qp_thin2(clothi_qp *s) {
     int i, again = 1;
     while (again) {
-        if (!clothi_qp_factor2(s)) return 0;
+        if (!clothi_qp_factor2(s, CLOTHI_QP_START2)) return 0;
         clothi_qp_equations2(s);
         for (i = 0, again = 0; i < s->m; i++) {
             if (s->at[i] >= 0 && s->lambda2[i].hi < 0) again = 1;
@@ -2050,12 +2080,24 @@ static int clothi_qp_worst2(const clothi_qp *s) {
     for (i = 0; i < s->m; i++) {
         const double v = -s->w2[i].hi;
         if (!s->keep[i] || s->at[i] >= 0 || s->mark[i] == -3) continue;
-        if (v > CLOTHI_QP_SMALL2 * (s->size[i] + big) && v > most * sqrt(s->adiag[i])) {
+        if (!(v > CLOTHI_QP_SMALL2 * s->size[i] + CLOTHI_QP_DRIFT2 * big)) continue;
+        if (v > most * sqrt(s->adiag[i])) {
             most = v / sqrt(s->adiag[i]);
             worst = i;
         }
     }
     return worst;
+}
+
+/* The largest a_ii y_i^2 of the ray y: what the length of G' y is measured by. */
+static double clothi_qp_ray_size(const clothi_qp *s, int p) {
+    double big = s->adiag[p];
+    int    i;
+    for (i = 0; i < s->k; i++) {
+        const double y = s->ray2[i].hi;
+        big = clothi_max(big, y * y * s->adiag[s->list[i]]);
+    }
+    return big;
 }
 
 /* Brings row p in: along the direction in which the factored rows stay equations, lambda_p grows
@@ -2084,7 +2126,7 @@ static cloth_status clothi_qp_bring2(clothi_qp *s, int p, int *ray) {
             q = clothi_qp_div(s->lambda2[s->list[i]], r[i]);
             if (q.hi < t.hi) t = q, leave = i;
         }
-        if (leave < 0 && !free_step) {
+        if (leave < 0 && !(pivot.hi > CLOTHI_QP_DEPENDENT2 * clothi_qp_ray_size(s, p))) {
             *ray = 1;
             return CLOTH_OK;
         }
@@ -2099,7 +2141,7 @@ static cloth_status clothi_qp_bring2(clothi_qp *s, int p, int *ray) {
         s->lambda2[s->list[leave]] = clothi_qp_make(0, 0);
         if (!clothi_qp_remove2(s, leave)) return CLOTH_ERR_MEMORY;
     }
-    if (clothi_qp_append2(s, p) < 0) return CLOTH_ERR_MEMORY;
+    if (clothi_qp_append2(s, p, CLOTHI_QP_DEPENDENT2) < 0) return CLOTH_ERR_MEMORY;
     clothi_qp_equations2(s);                /* from the equations: no drift over the steps */
     for (i = 0; i < s->k; i++)
         if (s->lambda2[s->list[i]].hi < 0) s->lambda2[s->list[i]] = clothi_qp_make(0, 0);
@@ -2120,74 +2162,7 @@ static void clothi_qp_certificate(clothi_qp *s, int p) {
     for (i = 0; i < s->m; i++) s->lambda[i] /= big;
 }
 
-/* Goldfarb and Idnani's method from the rows with act. */
-static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome) {
-    cloth_status status;
-    int          i, p, ray;
-    *outcome = CLOTH_QP_MAX_ITERATIONS;
-    if (!clothi_qp_start2(s) || !clothi_qp_thin2(s)) return CLOTH_ERR_MEMORY;
-    for (i = 0; i < s->m; i++) s->mark[i] = 0;
-    for (;;) {
-        if (s->hooks->cancel.fn && s->hooks->cancel.fn(s->hooks->cancel.user))
-            return CLOTH_ERR_CANCELLED;
-        clothi_qp_slacks2(s);
-        p = clothi_qp_worst2(s);
-        if (p < 0) *outcome = CLOTH_QP_SOLVED;
-        if (p < 0 || s->iterations >= s->most) break;
-        s->iterations++;
-        status = clothi_qp_bring2(s, p, &ray);
-        if (status) return status;
-        if (ray) {
-            *outcome = CLOTH_QP_INFEASIBLE;
-            clothi_qp_certificate(s, p);
-            return CLOTH_OK;
-        }
-    }
-    /* once more in the common order: the bits depend on the set, not on the way to it */
-    for (i = 0; i < s->m; i++) s->act[i] = s->at[i] >= 0 && s->lambda2[i].hi > 0;
-    if (!clothi_qp_factor2(s)) return CLOTH_ERR_MEMORY;
-    clothi_qp_equations2(s);
-    clothi_qp_slacks2(s);
-    for (i = 0; i < s->m; i++) s->lambda[i] = clothi_max(0, s->lambda2[i].hi);
-    for (i = 0; i < s->n; i++) s->x[i] = s->x2[i].hi;
-    return CLOTH_OK;
-}
-
-/* ----- the call ------------------------------------------------------------------------------ */
-
-/* Residuals of x and lambda as returned, from the rows as given. u [n] and v [n] are scratch. */
-static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double *lambda,
-                                double *u, double *v, cloth_qp_report *rep) {
-    int i, p;
-    memset(u, 0, (size_t)q->n * sizeof *u);
-    memset(v, 0, (size_t)q->n * sizeof *v);
-    for (i = 0; i < q->m; i++) {
-        double sum = q->h[i], size = fabs(sum);
-        for (p = q->row[i]; p < q->row[i + 1]; p++) {
-            const int    c = q->col[p];
-            const double f = q->val[p] * lambda[i];
-            sum -= q->val[p] * x[c];
-            size += fabs(q->val[p]) * clothi_max(fabs(x[c]), fabs(q->x0[c]));
-            u[c] += f;
-            v[c] += fabs(f);
-        }
-        if (!(size > 0)) size = 1;
-        rep->primal = clothi_max(rep->primal, -sum / size);
-        if (lambda[i] > 0) {
-            rep->complementarity = clothi_max(rep->complementarity, fabs(sum) / size);
-            rep->active++;
-        }
-    }
-    for (i = 0; i < q->n; i++) {
-        const double d = x[i] - q->x0[i], m = q->minv[i];
-        const double size = clothi_max(m * v[i], clothi_max(fabs(x[i]), fabs(q->x0[i])));
-        if (size > 0) rep->dual = clothi_max(rep->dual, fabs(d + m * u[i]) / size);
-        if (m > 0) rep->objective += 0.5 * d * d / m;
-    }
-    rep->residual = clothi_max(rep->primal, clothi_max(rep->dual, rep->complementarity));
-}
-
-/* Is lambda a proof? u [n] and v [n] are scratch. */
+/* Is lambda a proof? u [n] is scratch. */
 static int clothi_qp_is_certificate(const cloth_qp *q, const double *lambda, double *u,
                                     cloth_qp_report *rep) {
     double big = 0, sum = 0, size = 0, off = 0;
@@ -2210,6 +2185,91 @@ static int clothi_qp_is_certificate(const cloth_qp *q, const double *lambda, dou
     for (i = 0; i < q->n; i++) off = clothi_max(off, fabs(u[i]));
     rep->certificate = sum;
     return off <= 1e-10 * big && sum < -CLOTHI_QP_SMALL * size;
+}
+
+/* Once more in the common order, so that the bits depend on the set and not on the way to it;
+ * unless the rows are too dependent for another order. */
+static cloth_status clothi_qp_settle2(clothi_qp *s) {
+    int i, kept = 1;
+    memcpy(s->ray2, s->lambda2, (size_t)s->m * sizeof *s->ray2);
+    for (i = 0; i < s->m; i++) s->act[i] = s->lambda2[i].hi > 0;
+    if (!clothi_qp_factor2(s, CLOTHI_QP_DEPENDENT2)) return CLOTH_ERR_MEMORY;
+    clothi_qp_equations2(s);
+    for (i = 0; i < s->m; i++)
+        if (s->act[i] && (s->at[i] < 0 || s->lambda2[i].hi < 0)) kept = 0;
+    if (!kept) memcpy(s->lambda2, s->ray2, (size_t)s->m * sizeof *s->ray2);
+    clothi_qp_slacks2(s);
+    for (i = 0; i < s->m; i++) s->lambda[i] = s->lambda2[i].hi;
+    for (i = 0; i < s->n; i++) s->x[i] = s->x2[i].hi;
+    return CLOTH_OK;
+}
+
+/* Goldfarb and Idnani's method from the rows with act. */
+static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome,
+                                         cloth_qp_report *rep) {
+    cloth_status status;
+    int          i, p, ray;
+    *outcome = CLOTH_QP_MAX_ITERATIONS;
+    if (!clothi_qp_start2(s) || !clothi_qp_thin2(s)) return CLOTH_ERR_MEMORY;
+    for (i = 0; i < s->m; i++) s->mark[i] = 0;
+    for (;;) {
+        if (s->hooks->cancel.fn && s->hooks->cancel.fn(s->hooks->cancel.user))
+            return CLOTH_ERR_CANCELLED;
+        clothi_qp_slacks2(s);
+        p = clothi_qp_worst2(s);
+        if (p < 0) *outcome = CLOTH_QP_SOLVED;
+        if (p < 0 || s->iterations >= s->most) break;
+        s->iterations++;
+        status = clothi_qp_bring2(s, p, &ray);
+        if (status) return status;
+        if (!ray) continue;
+        *outcome = CLOTH_QP_INFEASIBLE;
+        clothi_qp_certificate(s, p);
+        if (clothi_qp_is_certificate(s->q, s->lambda, s->u, rep)) return CLOTH_OK;
+        /* violated by no more than the rounding of rows that almost contradict it: left out; what
+         * that does to the solution, the residual tells */
+        *outcome = CLOTH_QP_MAX_ITERATIONS;
+        s->mark[p] = -3;
+        for (i = 0; i < s->m; i++) s->act[i] = s->at[i] >= 0;
+        if (!clothi_qp_thin2(s)) return CLOTH_ERR_MEMORY;
+    }
+    return clothi_qp_settle2(s);
+}
+
+/* ----- the call ------------------------------------------------------------------------------ */
+
+/* Residuals of x and lambda as returned, from the rows as given. u [n] and v [n] are scratch. */
+static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double *lambda,
+                                double *u, double *v, cloth_qp_report *rep) {
+    int i, p;
+    memset(u, 0, (size_t)q->n * sizeof *u);
+    memset(v, 0, (size_t)q->n * sizeof *v);
+    for (i = 0; i < q->m; i++)
+        for (p = q->row[i]; p < q->row[i + 1] && lambda[i] > 0; p++) {
+            u[q->col[p]] += q->val[p] * lambda[i];
+            v[q->col[p]] += fabs(q->val[p] * lambda[i]);
+        }
+    for (i = 0; i < q->n; i++) {
+        const double d = x[i] - q->x0[i], m = q->minv[i];
+        const double size = clothi_max(m * v[i], clothi_max(fabs(x[i]), fabs(q->x0[i])));
+        v[i] *= m;
+        if (size > 0) rep->dual = clothi_max(rep->dual, fabs(d + m * u[i]) / size);
+        if (m > 0) rep->objective += 0.5 * d * d / m;
+    }
+    clothi_qp_sizes(q, x, v);
+    for (i = 0; i < q->m; i++) {
+        double sum = q->h[i], size = fabs(sum) + CLOTHI_QP_TINY;
+        for (p = q->row[i]; p < q->row[i + 1]; p++) {
+            sum -= q->val[p] * x[q->col[p]];
+            size += fabs(q->val[p]) * v[q->col[p]];
+        }
+        rep->primal = clothi_max(rep->primal, -sum / size);
+        if (lambda[i] > 0) {
+            rep->complementarity = clothi_max(rep->complementarity, fabs(sum) / size);
+            rep->active++;
+        }
+    }
+    rep->residual = clothi_max(rep->primal, clothi_max(rep->dual, rep->complementarity));
 }
 
 static cloth_status clothi_qp_check_numbers(const cloth_hooks *hooks, const char *name,
@@ -2277,6 +2337,7 @@ static void clothi_qp_finish(clothi_qp *s, cloth_qp_outcome outcome, cloth_qp_re
     int i;
     rep->outcome = outcome;
     rep->primal = rep->dual = rep->complementarity = rep->residual = rep->objective = 0;
+    rep->certificate = 0;
     rep->active = 0;
     if (outcome == CLOTH_QP_INFEASIBLE) {
         if (!clothi_qp_is_certificate(s->q, s->lambda, s->u, rep))
@@ -2314,13 +2375,16 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o, cloth
     }
     clothi_qp_drop_copies(s);
     clothi_qp_order(s);
-    for (i = 0; i < s->m; i++) s->act[i] = s->keep[i] && (o->guess ? o->guess[i] : s->b[i]) > 0;
+    for (i = 0; i < s->m; i++) s->w[i] = -s->b[i];
+    for (i = 0; i < s->m; i++)
+        s->act[i] = s->keep[i] && (o->guess ? o->guess[i] > 0
+                                            : s->b[i] > 0 && !clothi_qp_shadowed(s, i, s->w));
     status = clothi_qp_pivot(s, &done);
     if (done) clothi_qp_finish(s, CLOTH_QP_SOLVED, rep);
     if (status == CLOTH_OK && !(done && rep->residual <= o->tolerance)) {
         cloth_qp_outcome outcome;
         rep->precise = 1;
-        status = clothi_qp_active_set(s, &outcome);
+        status = clothi_qp_active_set(s, &outcome, rep);
         if (status == CLOTH_OK) clothi_qp_finish(s, outcome, rep);
         if (rep->outcome == CLOTH_QP_SOLVED && !(rep->residual <= o->tolerance))
             rep->outcome = CLOTH_QP_MAX_ITERATIONS;

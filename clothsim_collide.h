@@ -444,6 +444,7 @@ static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *con
     cloth_status status = CLOTH_OK;
     int          k, fit = 0;
     for (k = 0; k < nlists; k++) list[k]->count = 0;
+    if (tasks == 0) return CLOTH_OK;
     for (k = 0; k < nlists && status == CLOTH_OK; k++)
         status = clothi_pairs_tasks(hooks, list[k], tasks, least);
     while (!fit && status == CLOTH_OK) {

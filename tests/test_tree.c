@@ -454,6 +454,20 @@ static void features_refuse(void) {
     CHECK(f.edges == NULL);
 }
 
+/* Nothing near anything: no pair of faces, no task. */
+static void nothing_to_find(void) {
+    scene s;
+    scene_alloc(&s, 0, 0);
+    CHECK(scene_find(&s, NULL, 0.1) == CLOTH_OK);
+    CHECK(s.pairs.count == 0 && s.vf.count == 0 && s.ee.count == 0);
+    scene_free(&s);
+    scene_alloc(&s, 3, 1);
+    s.faces[1] = 1, s.faces[2] = 2;
+    CHECK(scene_find(&s, NULL, 0.1) == CLOTH_OK);
+    CHECK(s.pairs.count == 0 && s.vf.count == 0 && s.ee.count == 0);
+    scene_free(&s);
+}
+
 /* --- the public steps with known collisions --- */
 
 static int read_step(const char *name, scene *s, int **pairs, unsigned *nvf, unsigned *nee) {
@@ -647,6 +661,7 @@ int main(int argc, char **argv) {
     RUN(pads_are_outward);
     RUN(features_equal_brute_force);
     RUN(features_refuse);
+    RUN(nothing_to_find);
     RUN(public_steps);
     RUN(workers_do_not_matter);
     RUN(allocator_fails);

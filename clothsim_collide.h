@@ -34,10 +34,6 @@ extern "C" {
 #endif
 
 /* ===== [2.1] CONTINUOUS DETECTION ============================================================ */
-/* PROVISIONAL-BEGIN */
-CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi);
-CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, double *toi);
-/* PROVISIONAL-END */
 
 /* ===== [2.2] QUADRATIC PROGRAM =============================================================== */
 
@@ -509,80 +505,6 @@ CLOTHI_UNUSED static int clothi_orient3d(const double *a, const double *b, const
 /* ===== [3.2] DISTANCES ======================================================================= */
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================ */
-/* PROVISIONAL-BEGIN */
-static double clothi_point_triangle(const double *x, double *w) {
-    const double *p = x, *a = x + 3, *b = x + 6, *c = x + 9;
-    double ab[3], ac[3], ap[3], bp[3], cp[3], d1, d2, d3, d4, d5, d6, va, vb, vc, u = 0, v = 0, r[3];
-    int k;
-    clothi_sub3(b, a, ab); clothi_sub3(c, a, ac); clothi_sub3(p, a, ap);
-    clothi_sub3(p, b, bp); clothi_sub3(p, c, cp);
-    d1 = clothi_dot3(ab, ap); d2 = clothi_dot3(ac, ap);
-    d3 = clothi_dot3(ab, bp); d4 = clothi_dot3(ac, bp);
-    d5 = clothi_dot3(ab, cp); d6 = clothi_dot3(ac, cp);
-    vc = d1 * d4 - d3 * d2; vb = d5 * d2 - d1 * d6; va = d3 * d6 - d5 * d4;
-    if (d1 <= 0 && d2 <= 0) { u = v = 0; }
-    else if (d3 >= 0 && d4 <= d3) { u = 1; v = 0; }
-    else if (vc <= 0 && d1 >= 0 && d3 <= 0) { u = d1 / (d1 - d3); v = 0; }
-    else if (d6 >= 0 && d5 <= d6) { u = 0; v = 1; }
-    else if (vb <= 0 && d2 >= 0 && d6 <= 0) { u = 0; v = d2 / (d2 - d6); }
-    else if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) { v = (d4 - d3) / (d4 - d3 + d5 - d6); u = 1 - v; }
-    else { u = vb / (va + vb + vc); v = vc / (va + vb + vc); }
-    w[0] = 1; w[2] = -u; w[3] = -v; w[1] = -(1 - u - v);
-    for (k = 0; k < 3; k++) r[k] = p[k] + w[1] * a[k] + w[2] * b[k] + w[3] * c[k];
-    return sqrt(clothi_dot3(r, r));
-}
-static double clothi_edge_edge(const double *x, double *w) {
-    double d1[3], d2[3], r[3], a, e, f, c, b, den, s, t;
-    int k;
-    clothi_sub3(x + 3, x, d1); clothi_sub3(x + 9, x + 6, d2); clothi_sub3(x, x + 6, r);
-    a = clothi_dot3(d1, d1); e = clothi_dot3(d2, d2); f = clothi_dot3(d2, r);
-    c = clothi_dot3(d1, r); b = clothi_dot3(d1, d2); den = a * e - b * b;
-    s = den > 1e-14 * a * e ? (b * f - c * e) / den : 0;
-    s = s < 0 ? 0 : s > 1 ? 1 : s;
-    t = e > 0 ? (b * s + f) / e : 0;
-    if (t < 0) { t = 0; s = a > 0 ? -c / a : 0; }
-    else if (t > 1) { t = 1; s = a > 0 ? (b - c) / a : 0; }
-    s = s < 0 ? 0 : s > 1 ? 1 : s;
-    w[0] = 1 - s; w[1] = s; w[2] = -(1 - t); w[3] = -t;
-    for (k = 0; k < 3; k++) r[k] = w[0] * x[k] + w[1] * x[3 + k] + w[2] * x[6 + k] + w[3] * x[9 + k];
-    return sqrt(clothi_dot3(r, r));
-}
-static int clothi_accd(int ee, const double *xa, const double *xb, double sep, double *toi) {
-    double p[12], mean[3] = {0, 0, 0}, x[12], w[4], t = 0, l[4], lp, d;
-    int i, k, it;
-    for (i = 0; i < 12; i++) { p[i] = xb[i] - xa[i]; mean[i % 3] += p[i] / 4; }
-    for (i = 0; i < 4; i++) { l[i] = 0; for (k = 0; k < 3; k++) { p[3*i+k] -= mean[k]; l[i] += p[3*i+k]*p[3*i+k]; } l[i] = sqrt(l[i]); }
-    lp = ee ? clothi_max(l[0], l[1]) + clothi_max(l[2], l[3]) : l[0] + clothi_max(l[1], clothi_max(l[2], l[3]));
-    for (it = 0; it < 10000; it++) {
-        for (i = 0; i < 12; i++) x[i] = xa[i] + t * p[i];
-        d = ee ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
-        if (d <= sep * (1 + 1e-6) + 1e-15) { *toi = t; return 1; }
-        if (!(lp > 0)) return 0;
-        t += (d - sep) / lp;
-        if (t > 1) return 0;
-    }
-    *toi = t;
-    return 1;
-}
-CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi) {
-    return clothi_accd(0, xa, xb, min_sep, toi);
-}
-CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, double *toi) {
-    return clothi_accd(1, xa, xb, min_sep, toi);
-}
-static double clothi_contact_frame(int ee, const double *xa, const double *xb, double toi, double *w, double *n) {
-    double x[12], r[3] = {0,0,0}, s = 0, size;
-    int i, k;
-    for (i = 0; i < 12; i++) x[i] = xa[i] + toi * (xb[i] - xa[i]);
-    size = ee ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
-    for (i = 0; i < 4; i++) for (k = 0; k < 3; k++) r[k] += w[i] * x[3*i+k];
-    for (k = 0; k < 3; k++) n[k] = r[k] / size;
-    for (i = 0; i < 4; i++) for (k = 0; k < 3; k++) s += w[i] * n[k] * xa[3*i+k];
-    if (s < 0) { s = -s; for (k = 0; k < 3; k++) n[k] = -n[k]; }
-    return s;
-}
-static int clothi_triangles_intersect(const double *x, const int *f, const int *g) { (void)x;(void)f;(void)g; return 0; }
-/* PROVISIONAL-END */
 
 /* ===== [5.1] HIERARCHY ========================================================================
  *
@@ -1417,6 +1339,7 @@ CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks
 }
 
 /* ===== [5.2] TRIANGLES THAT INTERSECT ======================================================== */
+static int clothi_triangles_intersect(const double *x, const int *f, const int *g) { (void)x;(void)f;(void)g; return 0; }
 
 /* ===== [6.1] QUADRATIC PROGRAM ===============================================================
  */

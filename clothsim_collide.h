@@ -4462,10 +4462,6 @@ static void clothi_gather_points(const double *x, const int *v, int n, double *o
     for (k = 0; k < n; k++) memcpy(out + 3 * k, x + 3 * v[k], 3 * sizeof(double));
 }
 
-static double clothi_pair_distance(int kind, const double *x, double *w) {
-    return kind == CLOTHI_EE ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
-}
-
 /* The contact thickness of a pair: t; for two places of one cloth that are nearer than 2 t in the
  * template, half their distance there: a fine mesh is not in contact with itself at rest. */
 static double clothi_pair_thickness(const cloth_collide *c, int kind, const int *v) {

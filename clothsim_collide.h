@@ -4102,7 +4102,7 @@ typedef struct clothi_obstacle {
     int                *faces;              /* own numbering                                   */
     double              radius, friction, normal[3];
     uint32_t            category, mask;
-    int                 inside;             /* self_penetrating                                */
+    clothi_inside      *inside;             /* self_penetrating, else NULL              [7.2] */
 } clothi_obstacle;
 
 typedef struct clothi_couple {
@@ -4247,6 +4247,7 @@ static int clothi_is_mesh(const clothi_obstacle *o) {
 
 static void clothi_obstacle_free(const cloth_hooks *hooks, clothi_obstacle *o) {
     const uint32_t generation = o->generation;
+    clothi_inside_free(o->inside);
     clothi_free(hooks, o->faces);
     clothi_free(hooks, o->x);
     memset(o, 0, sizeof *o);
@@ -4721,10 +4722,22 @@ static void clothi_exempt_part(cloth_collide *c) {
 /* Faces inside their own obstacle at the start or the end of the substep are exempt in it, and the
  * vertices that have no other.                                                            [7.2] */
 static cloth_status clothi_inside_faces(cloth_collide *c) {
+    cloth_status status = CLOTH_OK;
+    int          o;
     memset(c->off, 0, (size_t)c->mf);
     memset(c->off_v, 0, (size_t)c->nw);
     c->report.exempt_faces = 0;
-    return CLOTH_OK;
+    for (o = 0; o < c->nobstacle && !status; o++) {
+        const clothi_obstacle *b = c->obstacle + o;
+        int                    count = 0;
+        if (!b->used || !b->inside) continue;
+        status = clothi_inside_sweep(b->inside, c->xa + 3 * b->v0, c->xb + 3 * b->v0,
+                                     c->off + b->f0, &count);
+        if (!status)
+            clothi_inside_spread(b->nf, b->faces, c->off + b->f0, b->nv, c->off_v + b->v0);
+        c->report.exempt_faces += count;
+    }
+    return status;
 }
 
 /* ===== [8.2] PROXIMITY AND FRICTION ==========================================================
@@ -6154,10 +6167,11 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
                                                                                       : 0;
     o->friction = d->friction;
     o->category = d->category, o->mask = d->mask;
-    o->inside = d->kind == CLOTH_OBSTACLE_MESH && d->self_penetrating;
     o->used = 1;
     o->generation = (o->generation + 1) & 0xffffu;
-    return CLOTH_OK;
+    return d->kind == CLOTH_OBSTACLE_MESH && d->self_penetrating
+               ? clothi_inside_create(c->hooks, o->nv, o->nf, o->faces, &o->inside)
+               : CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,

@@ -4783,6 +4783,7 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
 static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
     double x[12], r[3] = {0, 0, 0}, d, radius = clothi_pair_radius(c, q->kind, q->a, q->b);
     int    i, k;
+    memset(x, 0, sizeof x);
     clothi_gather_points(c->xa, q->v, q->n, x);
     if (q->kind == CLOTHI_VP) {
         memcpy(q->normal, c->obstacle[q->b].normal, sizeof q->normal);

@@ -680,11 +680,11 @@ CLOTHI_UNUSED static double clothi_edge_edge(const double *x, double *w) {
 typedef struct clothi_ccd {
     int    n;                               /* corners                                          */
     double r0[12], r1[12];                  /* [n x 3] at t = 0 and 1                           */
-    double s, m, E;
+    double s, m, E, scale;
     double floor;                           /* n.r above this is certainly above s              */
     int    has_cubic;
     double c[4], N[4];                      /* Bernstein on [0,1]: cubic, bound of its normal   */
-    double E_c;
+    double e, E_c;                          /* largest |side|                                   */
 } clothi_ccd;
 
 /* Longest certified time from t with the fixed direction n, |n| = 1: t when there is none, 2 when
@@ -724,7 +724,8 @@ CLOTHI_UNUSED static void clothi_ccd_cubic(clothi_ccd *q) {
     q->N[1] = (N[0] + 2 * N[1]) / 3;
     q->N[2] = (N[2] + 2 * N[1]) / 3;
     q->N[3] = N[2];
-    q->E_c = 2.842170943040401e-14 * q->m * e * e;      /* 2^-45 */
+    q->e = e;                               /* 2^-45; no plane where products underflow         */
+    q->E_c = q->m * e * e > 1e-200 ? 2.842170943040401e-14 * q->m * e * e : HUGE_VAL;
     q->has_cubic = 1;
 }
 
@@ -796,7 +797,7 @@ CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, 
     return 1;
 }
 
-/* The whole search, m in range. */
+/* The whole search in doubles, m in range. */
 CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
     const double near = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
     double       t = 0;
@@ -824,6 +825,233 @@ CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
     return 1;
 }
 
+/* ---- twice the digits: for min_sep = 0, where the search above ends in its own rounding. The
+ * same two advances in numbers h + l of 106 bits, from the time reached so far. A sum is good to
+ * 3 u^2, a product to 7 u^2 [Joldes, Muller, Popescu 2017, Tight and rigorous error bounds for
+ * basic building blocks of double-word arithmetic, ACM TOMS 44, doi 10.1145/3121432]: 8 times the
+ * counts above with u^2 for u, kept four times over. Steps are fractions of what is left of
+ * [0,1], so that doubles do for them. */
+
+typedef struct clothi_dd {
+    double h, l;
+} clothi_dd;
+
+CLOTHI_UNUSED static clothi_dd clothi_dd_of(double h, double l) {
+    clothi_dd c;
+    clothi_two_sum(h, l, &c.h, &c.l);
+    return c;
+}
+
+CLOTHI_UNUSED static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
+    double s, r, v, w;
+    clothi_two_sum(a.h, b.h, &s, &r);
+    clothi_two_sum(a.l, b.l, &v, &w);
+    a = clothi_dd_of(s, r + v);
+    return clothi_dd_of(a.h, w + a.l);
+}
+
+CLOTHI_UNUSED static clothi_dd clothi_dd_neg(clothi_dd a) {
+    a.h = -a.h;
+    a.l = -a.l;
+    return a;
+}
+
+CLOTHI_UNUSED static clothi_dd clothi_dd_mul(clothi_dd a, clothi_dd b) {
+    double p, r;
+    clothi_two_product(a.h, b.h, &p, &r);
+    return clothi_dd_of(p, r + (a.h * b.l + a.l * b.h));
+}
+
+CLOTHI_UNUSED static clothi_dd clothi_dd_dot(const clothi_dd *a, const clothi_dd *b) {
+    return clothi_dd_add(clothi_dd_add(clothi_dd_mul(a[0], b[0]), clothi_dd_mul(a[1], b[1])),
+                         clothi_dd_mul(a[2], b[2]));
+}
+
+CLOTHI_UNUSED static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b,
+                                          clothi_dd *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        out[k] = clothi_dd_add(clothi_dd_mul(a[i], b[j]),
+                               clothi_dd_neg(clothi_dd_mul(a[j], b[i])));
+    }
+}
+
+/* out [n] = a + t (b - a) */
+CLOTHI_UNUSED static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, clothi_dd t,
+                                        int n, clothi_dd *out) {
+    const clothi_dd s = clothi_dd_add(clothi_dd_of(1, 0), clothi_dd_neg(t));
+    int             k;
+    for (k = 0; k < n; k++)
+        out[k] = clothi_dd_add(clothi_dd_mul(s, a[k]), clothi_dd_mul(t, b[k]));
+}
+
+CLOTHI_UNUSED static void clothi_dd_sub(const clothi_dd *a, const clothi_dd *b, clothi_dd *out) {
+    int k;
+    for (k = 0; k < 3; k++) out[k] = clothi_dd_add(a[k], clothi_dd_neg(b[k]));
+}
+
+/* The foot p [3] of the perpendicular on the side from a to b, or the nearer end. */
+CLOTHI_UNUSED static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b, clothi_dd *p) {
+    clothi_dd e[3], ee, ae, rest;
+    int       k, pass;
+    clothi_dd_sub(b, a, e);
+    ee = clothi_dd_dot(e, e);
+    ae = clothi_dd_neg(clothi_dd_dot(a, e));
+    rest = clothi_dd_add(ee, clothi_dd_neg(ae));
+    memcpy(p, rest.h > 0 ? a : b, 3 * sizeof *p);
+    if (!(ae.h > 0) || !(rest.h > 0)) return;
+    for (pass = 0; pass < 3; pass++) {      /* each pass adds 52 bits */
+        const clothi_dd dt = clothi_dd_of(-clothi_dd_dot(p, e).h / ee.h, 0);
+        for (k = 0; k < 3; k++) p[k] = clothi_dd_add(p[k], clothi_dd_mul(dt, e[k]));
+    }
+}
+
+/* Direction n [3] to the nearest point of the polygon r; returns the distance, 0: no direction. */
+CLOTHI_UNUSED static double clothi_dd_direction(const clothi_dd *r, int n, clothi_dd *out) {
+    clothi_dd e1[3], e2[3], normal[3], c[3], nn, s, t, g;
+    double    best = HUGE_VAL, d, len;
+    int       i;
+    clothi_dd_sub(r + 3, r, e1);
+    clothi_dd_sub(r + 3 * (n - 1), r, e2);
+    clothi_dd_cross(e1, e2, normal);
+    nn = clothi_dd_dot(normal, normal);
+    clothi_dd_cross(e2, r, c);
+    s = clothi_dd_dot(c, normal);
+    clothi_dd_cross(r, e1, c);
+    t = clothi_dd_dot(c, normal);
+    g = clothi_dd_add(nn, clothi_dd_neg(n == 3 ? clothi_dd_add(s, t) : s.h > t.h ? s : t));
+    if (nn.h > 0 && s.h >= 0 && t.h >= 0 && g.h >= 0) {
+        g = clothi_dd_dot(normal, r);
+        len = sqrt(nn.h) * (g.h < 0 ? -1 : 1);
+        d = g.h / len;
+        memcpy(out, normal, 3 * sizeof *out);
+    } else {
+        for (i = 0; i < n; i++) {
+            clothi_dd p[3];
+            clothi_dd_foot(r + 3 * i, r + 3 * (i + 1 < n ? i + 1 : 0), p);
+            d = clothi_dd_dot(p, p).h;
+            if (d < best) {
+                best = d;
+                memcpy(out, p, sizeof p);
+            }
+        }
+        d = len = sqrt(best);
+    }
+    if (!(fabs(len) > 1e-150)) return 0;
+    for (i = 0; i < 3; i++) out[i] = clothi_dd_mul(out[i], clothi_dd_of(1 / len, 0));
+    return d;
+}
+
+/* Certified fraction of [t,1] with the direction n; 2: all of it. */
+CLOTHI_UNUSED static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd *r1, int corners,
+                                           const clothi_dd *n, clothi_dd t, double floor) {
+    double until = 2;
+    int    k;
+    for (k = 0; k < corners; k++) {
+        clothi_dd h0 = clothi_dd_dot(n, r0 + 3 * k), h1 = clothi_dd_dot(n, r1 + 3 * k), g;
+        clothi_dd_mix(&h0, &h1, t, 1, &g);
+        if (!(g.h > 2 * floor)) return 0;
+        if (!(h1.h > floor)) until = clothi_min(until, (g.h - floor) / (g.h - h1.h));
+    }
+    return until > 1 ? 2 : until * (1 - 1e-15);
+}
+
+/* The same with the polygon's own plane; c [4] Bernstein on [0,1], good to E. */
+CLOTHI_UNUSED static double clothi_dd_plane(const clothi_dd *c, clothi_dd t, double E) {
+    clothi_dd f[4];
+    double    g[4], x;
+    int       i, k;
+    memcpy(f, c, sizeof f);
+    for (k = 3; k > 0; k--) clothi_dd_mix(f, f + 1, t, k, f);
+    for (i = 0; i < 4; i++) g[i] = (f[0].h < 0 ? -f[i].h : f[i].h) - E;
+    if (!(g[0] > E)) return 0;
+    x = clothi_bernstein_first(g);
+    return x > 1 ? 2 : x * (1 - 1e-15);
+}
+
+CLOTHI_UNUSED static void clothi_dd_cubic(const clothi_dd *r0, const clothi_dd *r1, int n,
+                                          clothi_dd *c) {
+    const clothi_dd third = clothi_dd_of(1.0 / 3, 1.850371707708594e-17);
+    clothi_dd       a[2][3], b[2][3], m[4][3];
+    int             i;
+    for (i = 0; i < 2; i++) {
+        const clothi_dd *r = i ? r1 : r0;
+        clothi_dd_sub(r + 3, r, a[i]);
+        clothi_dd_sub(r + 3 * (n - 1), r, b[i]);
+    }
+    clothi_dd_cross(a[0], b[0], m[0]);
+    clothi_dd_cross(a[0], b[1], m[1]);
+    clothi_dd_cross(a[1], b[0], m[2]);
+    clothi_dd_cross(a[1], b[1], m[3]);
+    for (i = 0; i < 3; i++) m[1][i] = clothi_dd_add(m[1][i], m[2][i]);
+    c[0] = clothi_dd_dot(m[0], r0);
+    c[1] = clothi_dd_add(clothi_dd_dot(m[0], r1), clothi_dd_dot(m[1], r0));
+    c[2] = clothi_dd_add(clothi_dd_dot(m[3], r0), clothi_dd_dot(m[1], r1));
+    c[3] = clothi_dd_dot(m[3], r1);
+    c[1] = clothi_dd_mul(c[1], third);
+    c[2] = clothi_dd_mul(c[2], third);
+}
+
+/* From *toi on for min_sep = 0: 0 when the rest of the motion is free, else 1 and the time. */
+CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m,
+                                       double e, double *toi) {
+    const double E = 1.262177448353619e-29 * m;                    /* 2^-96 */
+    const double E_c = e * e * m > 1e-200 ? 2.019483917365790e-28 * m * e * e : HUGE_VAL;
+    clothi_dd    c[4], t = clothi_dd_of(*toi, 0), x[2];
+    int          step;
+    clothi_dd_cubic(r0, r1, n, c);
+    for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
+        clothi_dd    r[12], dir[3];
+        double       next;
+        clothi_dd_mix(r0, r1, t, 3 * n, r);
+        next = clothi_dd_direction(r, n, dir) > 0 ? clothi_dd_axis(r0, r1, n, dir, t, E) : 0;
+        if (next < 2) next = clothi_max(next, clothi_dd_plane(c, t, E_c));
+        if (next > 1) return 0;
+        if (!(next > 1e-31)) break;
+        x[0] = clothi_dd_of(1, 0);
+        clothi_dd_mix(&t, x, clothi_dd_of(next, 0), 1, x + 1);
+        t = x[1];
+    }
+    *toi = clothi_max(*toi, clothi_min(1, t.h * (1 - 4.5e-16)));
+    return 1;
+}
+
+/* Differences of the pair x [4x3] times a power of two, without error. */
+CLOTHI_UNUSED static void clothi_dd_polygon(int edge_edge, const double *x, double scale,
+                                            clothi_dd *r) {
+    static const unsigned char of[2][8] = {{0, 1, 0, 2, 0, 3, 0, 3}, {0, 2, 1, 2, 1, 3, 0, 3}};
+    int                        i, k;
+    for (i = 0; i < 4; i++)
+        for (k = 0; k < 3; k++) {
+            const double a = x[3 * of[edge_edge][2 * i] + k];
+            const double b = x[3 * of[edge_edge][2 * i + 1] + k];
+            clothi_dd    c = clothi_dd_of(a, -b);
+            c.h *= scale;
+            c.l *= scale;
+            r[3 * i + k] = c;
+        }
+}
+
+/* A contact beyond doubt, which needs no more digits: around t the plane passes through the
+ * origin, which is well inside of the polygon. */
+CLOTHI_UNUSED static int clothi_ccd_plain(const clothi_ccd *q, double t) {
+    const double dt = CLOTHI_CCD_NEAR;
+    double       r[12], lambda[4], v[3], before[4], after[4];
+    int          i;
+    if (t < dt || t > 1 - dt) return 0;
+    for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
+    if (clothi_nearest(r, q->n, lambda, v) >= 0) return 0;
+    for (i = 0; i < q->n; i++)
+        if (!(lambda[i] > 1e-4)) return 0;
+    memcpy(before, q->c, sizeof before);
+    memcpy(after, q->c, sizeof after);
+    clothi_bernstein_right(before, t - dt);
+    clothi_bernstein_right(after, t + dt);
+    return (before[0] > q->E_c && after[0] < -q->E_c) ||
+           (before[0] < -q->E_c && after[0] > q->E_c);
+}
+
 /* One of the three axes keeps the polygon away all the time. */
 CLOTHI_UNUSED static int clothi_ccd_boxes(const clothi_ccd *q) {
     int i, k;
@@ -838,51 +1066,71 @@ CLOTHI_UNUSED static int clothi_ccd_boxes(const clothi_ccd *q) {
     return 0;
 }
 
+/* The differences, their size and the bounds; 0 when the largest is 0 or too large. */
+CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa,
+                                         const double *xb, double min_sep) {
+    int i;
+    q->n = clothi_pair_polygon(edge_edge, xa, q->r0);
+    clothi_pair_polygon(edge_edge, xb, q->r1);
+    q->s = min_sep > 0 ? min_sep : 0;
+    q->scale = 1;
+    q->has_cubic = 0;
+    for (q->m = 0, i = 0; i < 3 * q->n; i++)
+        q->m = clothi_max(q->m, clothi_max(fabs(q->r0[i]), fabs(q->r1[i])));
+    if (!(q->m > 0 && q->m < 1e307)) return 0;
+    if (!(q->m > 1e-60 && q->m < 1e60)) {
+        q->scale = clothi_unit_scale(q->m);
+        q->m *= q->scale;
+        q->s *= q->scale;
+        for (i = 0; i < 3 * q->n; i++) {
+            q->r0[i] *= q->scale;
+            q->r1[i] *= q->scale;
+        }
+    }
+    q->E = 1.7763568394002505e-15 * q->m;   /* 2^-49 */
+    q->floor = q->s * (1 + 1e-15) + 2 * q->E;
+    return 1;
+}
+
 CLOTHI_UNUSED static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb,
-                                           double min_sep, double *toi) {
+                                         double min_sep, double *toi) {
     clothi_ccd q;
-    double       when = 1, scale = 1;
-    int          i, hit;
+    *toi = 0;
     if (clothi_find_nonfinite(xa, 12) >= 0 || clothi_find_nonfinite(xb, 12) >= 0 ||
-        !clothi_finite(min_sep)) {
-        if (toi) *toi = 0;
+        !clothi_finite(min_sep))
         return 1;
+    if (!clothi_ccd_load(&q, edge_edge, xa, xb, min_sep)) {
+        double small[24];
+        int    i;
+        if (q.m <= 0) return 1;
+        for (i = 0; i < 24; i++)            /* a difference may be beyond the doubles           */
+            small[i] = (1.0 / 256) * (i < 12 ? xa[i] : xb[i - 12]);
+        return clothi_ccd_pair(edge_edge, small, small + 12, (1.0 / 256) * min_sep, toi);
     }
-    q.n = clothi_pair_polygon(edge_edge, xa, q.r0);
-    clothi_pair_polygon(edge_edge, xb, q.r1);
-    q.s = min_sep > 0 ? min_sep : 0;
-    q.has_cubic = 0;
-    for (q.m = 0, i = 0; i < 3 * q.n; i++)
-        q.m = clothi_max(q.m, clothi_max(fabs(q.r0[i]), fabs(q.r1[i])));
-    if (!(q.m > 1e-60 && q.m < 1e60)) {
-        double half[24];
-        if (q.m <= 0) {
-            if (toi) *toi = 0;
-            return 1;
-        }
-        if (q.m > 1e307) {                  /* a difference may be beyond the doubles */
-            for (i = 0; i < 24; i++) half[i] = ldexp(i < 12 ? xa[i] : xb[i - 12], -8);
-            return clothi_ccd_pair(edge_edge, half, half + 12, ldexp(min_sep, -8), toi);
-        }
-        scale = clothi_unit_scale(q.m);
-        q.m *= scale;
-        q.s *= scale;
-        for (i = 0; i < 3 * q.n; i++) q.r0[i] *= scale, q.r1[i] *= scale;
+    if (!(q.s < 4 * q.m)) return 1;         /* all of it is within min_sep                      */
+    *toi = 1;
+    if (clothi_ccd_boxes(&q) || !clothi_ccd_run(&q, toi)) return 0;
+    if (q.s <= 0 && !clothi_ccd_plain(&q, *toi)) {
+        clothi_dd r0[12], r1[12];
+        clothi_dd_polygon(edge_edge, xa, q.scale, r0);
+        clothi_dd_polygon(edge_edge, xb, q.scale, r1);
+        return clothi_dd_run(q.n, r0, r1, q.m, q.e, toi);
     }
-    q.E = 1.7763568394002505e-15 * q.m;     /* 2^-49 */
-    q.floor = q.s * (1 + 1e-15) + 2 * q.E;
-    hit = !(q.s < 4 * q.m) || (!clothi_ccd_boxes(&q) && clothi_ccd_run(&q, &when));
-    if (!(q.s < 4 * q.m)) when = 0;
-    if (toi) *toi = when;
-    return hit;
+    return 1;
 }
 
 CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi) {
-    return clothi_ccd_pair(0, xa, xb, min_sep, toi);
+    double    when;
+    const int hit = clothi_ccd_pair(0, xa, xb, min_sep, &when);
+    if (toi) *toi = hit ? when : 1;
+    return hit;
 }
 
 CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, double *toi) {
-    return clothi_ccd_pair(1, xa, xb, min_sep, toi);
+    double    when;
+    const int hit = clothi_ccd_pair(1, xa, xb, min_sep, &when);
+    if (toi) *toi = hit ? when : 1;
+    return hit;
 }
 
 /* Weights w [4] (clothi_pair_weights) and unit normal n [3] of a contact found at toi, such that

@@ -1135,11 +1135,18 @@ static int clothi_qp_is_certificate(const cloth_qp *q, const double *lambda, dou
 }
 
 /* Once more in the common order, so that the bits depend on the set and not on the way to it;
- * unless the rows are too dependent for another order. */
-static cloth_status clothi_qp_settle2(clothi_qp *s) {
+ * unless the rows are too dependent for another order. In doubles where these are enough: so it
+ * would have ended, had block pivoting found the set. */
+static cloth_status clothi_qp_settle2(clothi_qp *s, int solved) {
     int i, kept = 1;
     memcpy(s->ray2, s->lambda2, (size_t)s->m * sizeof *s->ray2);
     for (i = 0; i < s->m; i++) s->act[i] = s->lambda2[i].hi > 0;
+    if (!clothi_qp_factor(s)) return CLOTH_ERR_MEMORY;
+    if (solved && clothi_qp_equations(s) && clothi_qp_judge(s).count == 0 &&
+        !clothi_qp_doubtful(s)) {
+        clothi_qp_clamp(s);
+        return CLOTH_OK;
+    }
     if (!clothi_qp_factor2(s, CLOTHI_QP_DEPENDENT2)) return CLOTH_ERR_MEMORY;
     clothi_qp_equations2(s);
     for (i = 0; i < s->m; i++)
@@ -1180,7 +1187,7 @@ static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome
         for (i = 0; i < s->m; i++) s->act[i] = s->at[i] >= 0;
         if (!clothi_qp_thin2(s)) return CLOTH_ERR_MEMORY;
     }
-    return clothi_qp_settle2(s);
+    return clothi_qp_settle2(s, *outcome == CLOTH_QP_SOLVED);
 }
 
 /* ----- the call ------------------------------------------------------------------------------ */

@@ -1195,7 +1195,7 @@ static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome
 /* Residuals of x and lambda as returned, from the rows as given. u [n] and v [n] are scratch. */
 static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double *lambda,
                                 double *u, double *v, cloth_qp_report *rep) {
-    int i, p;
+    int i, p, overflow = 0;
     memset(u, 0, (size_t)q->n * sizeof *u);
     memset(v, 0, (size_t)q->n * sizeof *v);
     for (i = 0; i < q->m; i++)
@@ -1209,6 +1209,7 @@ static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double
         v[i] *= m;
         if (size > 0) rep->dual = clothi_max(rep->dual, fabs(d + m * u[i]) / size);
         if (m > 0) rep->objective += 0.5 * d * d / m;
+        if (!clothi_finite(d + m * u[i]) || !clothi_finite(size)) overflow = 1;
     }
     clothi_qp_sizes(q, x, v);
     for (i = 0; i < q->m; i++) {
@@ -1218,12 +1219,14 @@ static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double
             size += fabs(q->val[p]) * v[q->col[p]];
         }
         rep->primal = clothi_max(rep->primal, -sum / size);
+        if (!clothi_finite(sum) || !clothi_finite(size)) overflow = 1;
         if (lambda[i] > 0) {
             rep->complementarity = clothi_max(rep->complementarity, fabs(sum) / size);
             rep->active++;
         }
     }
     rep->residual = clothi_max(rep->primal, clothi_max(rep->dual, rep->complementarity));
+    if (overflow) rep->primal = rep->residual = CLOTHI_HUGE;
 }
 
 static cloth_status clothi_qp_check_numbers(const cloth_hooks *hooks, const char *name,
@@ -1353,6 +1356,7 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o, cloth
 static int clothi_qp_one_row(const cloth_qp *q, double *x, double *lambda, cloth_qp_report *rep) {
     double a = 0, b = -q->h[0], l, slack = q->h[0], size = fabs(slack) + CLOTHI_QP_TINY;
     int    p, i;
+    if (q->row[1] > 64) return 0;
     for (p = 0; p < q->row[1]; p++) {
         const double g = q->val[p];
         a += g * g * q->minv[q->col[p]];
@@ -1361,7 +1365,7 @@ static int clothi_qp_one_row(const cloth_qp *q, double *x, double *lambda, cloth
             if (q->col[i] == q->col[p]) return 0;
     }
     l = b > 0 ? b / a : 0;
-    if (q->row[1] > 64 || !(a > 1e-200 && a < 1e200) || !clothi_finite(b)) return 0;
+    if (!(a > 1e-100 && a < 1e100) || !(l < 1e100)) return 0;
     if (x) memcpy(x, q->x0, (size_t)q->n * sizeof *x);
     for (p = 0; p < q->row[1]; p++) {
         const int    c = q->col[p];
@@ -1430,6 +1434,14 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
         report.factorizations = s.factorizations;
         report.refactorizations = s.refactorizations;
         report.dropped = s.dropped;
+        if (!status) {
+            const ptrdiff_t i = clothi_find_nonfinite(s.x, (size_t)s.n);
+            const ptrdiff_t j = clothi_find_nonfinite(s.lambda, (size_t)s.m);
+            if (i >= 0 || j >= 0)
+                status = clothi_fail(&o.hooks, CLOTH_ERR_NONFINITE, "qp: %s[%i] would be %g: the "
+                                     "numbers are out of range", i >= 0 ? "x" : "lambda",
+                                     (int)(i >= 0 ? i : j), i >= 0 ? s.x[i] : s.lambda[j]);
+        }
         if (status) memset(&report, 0, sizeof report);
         if (!status && x) memcpy(x, s.x, (size_t)s.n * sizeof *x);
         if (!status && lambda) memcpy(lambda, s.lambda, (size_t)s.m * sizeof *lambda);

@@ -2999,11 +2999,18 @@ static int clothi_qp_is_certificate(const cloth_qp *q, const double *lambda, dou
 }
 
 /* Once more in the common order, so that the bits depend on the set and not on the way to it;
- * unless the rows are too dependent for another order. */
-static cloth_status clothi_qp_settle2(clothi_qp *s) {
+ * unless the rows are too dependent for another order. In doubles where these are enough: so it
+ * would have ended, had block pivoting found the set. */
+static cloth_status clothi_qp_settle2(clothi_qp *s, int solved) {
     int i, kept = 1;
     memcpy(s->ray2, s->lambda2, (size_t)s->m * sizeof *s->ray2);
     for (i = 0; i < s->m; i++) s->act[i] = s->lambda2[i].hi > 0;
+    if (!clothi_qp_factor(s)) return CLOTH_ERR_MEMORY;
+    if (solved && clothi_qp_equations(s) && clothi_qp_judge(s).count == 0 &&
+        !clothi_qp_doubtful(s)) {
+        clothi_qp_clamp(s);
+        return CLOTH_OK;
+    }
     if (!clothi_qp_factor2(s, CLOTHI_QP_DEPENDENT2)) return CLOTH_ERR_MEMORY;
     clothi_qp_equations2(s);
     for (i = 0; i < s->m; i++)
@@ -3044,7 +3051,7 @@ static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome
         for (i = 0; i < s->m; i++) s->act[i] = s->at[i] >= 0;
         if (!clothi_qp_thin2(s)) return CLOTH_ERR_MEMORY;
     }
-    return clothi_qp_settle2(s);
+    return clothi_qp_settle2(s, *outcome == CLOTH_QP_SOLVED);
 }
 
 /* ----- the call ------------------------------------------------------------------------------ */
@@ -3052,7 +3059,7 @@ static cloth_status clothi_qp_active_set(clothi_qp *s, cloth_qp_outcome *outcome
 /* Residuals of x and lambda as returned, from the rows as given. u [n] and v [n] are scratch. */
 static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double *lambda,
                                 double *u, double *v, cloth_qp_report *rep) {
-    int i, p;
+    int i, p, overflow = 0;
     memset(u, 0, (size_t)q->n * sizeof *u);
     memset(v, 0, (size_t)q->n * sizeof *v);
     for (i = 0; i < q->m; i++)
@@ -3066,6 +3073,7 @@ static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double
         v[i] *= m;
         if (size > 0) rep->dual = clothi_max(rep->dual, fabs(d + m * u[i]) / size);
         if (m > 0) rep->objective += 0.5 * d * d / m;
+        if (!clothi_finite(d + m * u[i]) || !clothi_finite(size)) overflow = 1;
     }
     clothi_qp_sizes(q, x, v);
     for (i = 0; i < q->m; i++) {
@@ -3075,12 +3083,14 @@ static void clothi_qp_residuals(const cloth_qp *q, const double *x, const double
             size += fabs(q->val[p]) * v[q->col[p]];
         }
         rep->primal = clothi_max(rep->primal, -sum / size);
+        if (!clothi_finite(sum) || !clothi_finite(size)) overflow = 1;
         if (lambda[i] > 0) {
             rep->complementarity = clothi_max(rep->complementarity, fabs(sum) / size);
             rep->active++;
         }
     }
     rep->residual = clothi_max(rep->primal, clothi_max(rep->dual, rep->complementarity));
+    if (overflow) rep->primal = rep->residual = CLOTHI_HUGE;
 }
 
 static cloth_status clothi_qp_check_numbers(const cloth_hooks *hooks, const char *name,
@@ -3210,6 +3220,7 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o, cloth
 static int clothi_qp_one_row(const cloth_qp *q, double *x, double *lambda, cloth_qp_report *rep) {
     double a = 0, b = -q->h[0], l, slack = q->h[0], size = fabs(slack) + CLOTHI_QP_TINY;
     int    p, i;
+    if (q->row[1] > 64) return 0;
     for (p = 0; p < q->row[1]; p++) {
         const double g = q->val[p];
         a += g * g * q->minv[q->col[p]];
@@ -3218,7 +3229,7 @@ static int clothi_qp_one_row(const cloth_qp *q, double *x, double *lambda, cloth
             if (q->col[i] == q->col[p]) return 0;
     }
     l = b > 0 ? b / a : 0;
-    if (q->row[1] > 64 || !(a > 1e-200 && a < 1e200) || !clothi_finite(b)) return 0;
+    if (!(a > 1e-100 && a < 1e100) || !(l < 1e100)) return 0;
     if (x) memcpy(x, q->x0, (size_t)q->n * sizeof *x);
     for (p = 0; p < q->row[1]; p++) {
         const int    c = q->col[p];
@@ -3287,6 +3298,14 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
         report.factorizations = s.factorizations;
         report.refactorizations = s.refactorizations;
         report.dropped = s.dropped;
+        if (!status) {
+            const ptrdiff_t i = clothi_find_nonfinite(s.x, (size_t)s.n);
+            const ptrdiff_t j = clothi_find_nonfinite(s.lambda, (size_t)s.m);
+            if (i >= 0 || j >= 0)
+                status = clothi_fail(&o.hooks, CLOTH_ERR_NONFINITE, "qp: %s[%i] would be %g: the "
+                                     "numbers are out of range", i >= 0 ? "x" : "lambda",
+                                     (int)(i >= 0 ? i : j), i >= 0 ? s.x[i] : s.lambda[j]);
+        }
         if (status) memset(&report, 0, sizeof report);
         if (!status && x) memcpy(x, s.x, (size_t)s.n * sizeof *x);
         if (!status && lambda) memcpy(lambda, s.lambda, (size_t)s.m * sizeof *lambda);

@@ -99,22 +99,22 @@ typedef struct qp_kkt {
     double worst;           /* of the first three                                              */
 } qp_kkt;
 
-/* Residuals in long double, each relative to the sizes of the numbers that it is made of; dual: to
- * the largest of these over all unknowns; complementarity: sum lambda_i |slack_i| to the sum of
- * lambda_i times the size of row i. */
+/* Residuals in long double. With X the largest |x| or |x0|: primal: (g x - h)+ relative to
+ * |h| + |g| X, the largest; dual: |x - x0 + minv G'lambda| to X; complementarity:
+ * sum lambda |slack| to sum lambda (|h| + |g| X). */
 static inline qp_kkt qp_check(const cloth_qp *q, const double *x, const double *lambda) {
     long double *u = (long double *)qp_get((size_t)q->n, sizeof *u), primal = 0, dual = 0;
     long double  big = 0, gap = 0, weight = 0, energy = 0;
     qp_kkt       r = {0, 0, 0, 0, 0, 0};
     int          i, p;
+    for (i = 0; i < q->n; i++) big = fmaxl(big, fmaxl(fabsl((long double)x[i]),
+                                                      fabsl((long double)q->x0[i])));
     for (i = 0; i < q->m; i++) {
         long double s = q->h[i], size = fabsl(s);
         for (p = q->row[i]; p < q->row[i + 1]; p++) {
-            const int c = q->col[p];
-            s -= (long double)q->val[p] * x[c];
-            size += fabsl((long double)q->val[p]) * fmaxl(fabsl((long double)x[c]),
-                                                          fabsl((long double)q->x0[c]));
-            u[c] += (long double)q->val[p] * lambda[i];
+            s -= (long double)q->val[p] * x[q->col[p]];
+            size += fabsl((long double)q->val[p]) * big;
+            u[q->col[p]] += (long double)q->val[p] * lambda[i];
         }
         if (-s > primal * size) primal = -s / size;
         gap += lambda[i] * fabsl(s);
@@ -124,7 +124,6 @@ static inline qp_kkt qp_check(const cloth_qp *q, const double *x, const double *
     for (i = 0; i < q->n; i++) {
         const long double d = (long double)x[i] - q->x0[i], push = q->minv[i] * u[i];
         dual = fmaxl(dual, fabsl(d + push));
-        big = fmaxl(big, fmaxl(fabsl((long double)x[i]), fabsl((long double)q->x0[i])));
         if (q->minv[i] > 0) energy += 0.5L * d * d / q->minv[i];
     }
     r.primal = (double)primal;

@@ -1501,29 +1501,35 @@ CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks
  *                             2          in one plane, on the same side of the edge.
  *
  *   Every answer is a combination of signs of determinants, and those are exact [3.1]: of four
- *   points in space, or of three in a projection along an axis (the fourth point then lies above
- *   the third). An edge pq meets a triangle whose plane it crosses iff the volumes pq t0t1,
- *   pq t1t2, pq t2t0 do not have both signs; in the plane, plane geometry in a projection that does
- *   not flatten it. On one line the order is that of coordinates, x first, then y, then z.
- *   No rounding decides; there is no epsilon.
+ *   points in space, or of three in a projection along an axis. An edge pq meets a triangle
+ *   whose plane it crosses iff the volumes pq t0t1, pq t1t2, pq t2t0 do not have both signs; in
+ *   the plane, plane geometry in a projection that does not flatten it. On one line the order is
+ *   that of coordinates, x first, then y, then z. No rounding decides; there is no epsilon.
  * checked: tests/test_intersect.c, against rational arithmetic (tests/exact.h) */
 
+/* Sign of the volume a b c d; at once when all are at one height, as in a sheet before it falls. */
+static int clothi_volume(const double *a, const double *b, const double *c, const double *d) {
+    int k;
+    for (k = 0; k < 3; k++)
+        if (a[k] == b[k] && a[k] == c[k] && a[k] == d[k]) return 0;
+    return clothi_orient3d(a, b, c, d);
+}
+
 /* Turn of the projection of a, b, c along an axis: 0 when on a line. */
-static int clothi_turn2(const double *a, const double *b, const double *c, int axis) {
+static int clothi_turn_of(const double *a, const double *b, const double *c, int axis) {
     const int i = (axis + 1) % 3, j = (axis + 2) % 3;
-    double    p[4][3];
-    p[0][0] = a[i]; p[0][1] = a[j]; p[0][2] = 0;
-    p[1][0] = b[i]; p[1][1] = b[j]; p[1][2] = 0;
-    p[2][0] = c[i]; p[2][1] = c[j]; p[2][2] = 0;
-    p[3][0] = c[i]; p[3][1] = c[j]; p[3][2] = 1;
-    return clothi_orient3d(p[0], p[1], p[2], p[3]);
+    double    p[3][2];
+    p[0][0] = a[i]; p[0][1] = a[j];
+    p[1][0] = b[i]; p[1][1] = b[j];
+    p[2][0] = c[i]; p[2][1] = c[j];
+    return clothi_orient2d(p[0], p[1], p[2]);
 }
 
 /* An axis along which the triangle keeps an area, -1 when it has none. */
 static int clothi_open_axis(const double *a, const double *b, const double *c) {
     int axis;
     for (axis = 2; axis >= 0; axis--)
-        if (clothi_turn2(a, b, c, axis)) return axis;
+        if (clothi_turn_of(a, b, c, axis)) return axis;
     return -1;
 }
 
@@ -1544,8 +1550,8 @@ static int clothi_beside(const double *p, const double *a, const double *b) {
 /* Closed segments pq and rs in one plane, which keeps its area along the axis. */
 static int clothi_segments_in_plane(const double *p, const double *q, const double *r,
                                     const double *s, int axis) {
-    const int sr = clothi_turn2(p, q, r, axis), ss = clothi_turn2(p, q, s, axis);
-    const int sp = clothi_turn2(r, s, p, axis), sq = clothi_turn2(r, s, q, axis);
+    const int sr = clothi_turn_of(p, q, r, axis), ss = clothi_turn_of(p, q, s, axis);
+    const int sp = clothi_turn_of(r, s, p, axis), sq = clothi_turn_of(r, s, q, axis);
     if (sr * ss < 0 && sp * sq < 0) return 1;
     return (sr == 0 && clothi_beside(r, p, q) == 0) || (ss == 0 && clothi_beside(s, p, q) == 0) ||
            (sp == 0 && clothi_beside(p, r, s) == 0) || (sq == 0 && clothi_beside(q, r, s) == 0);
@@ -1555,7 +1561,7 @@ static int clothi_segments_in_plane(const double *p, const double *q, const doub
 static int clothi_segments_meet(const double *p, const double *q, const double *r,
                                 const double *s) {
     int axis;
-    if (clothi_orient3d(p, q, r, s)) return 0;
+    if (clothi_volume(p, q, r, s)) return 0;
     axis = clothi_open_axis(p, q, r);
     if (axis < 0) axis = clothi_open_axis(p, q, s);
     if (axis < 0) axis = clothi_open_axis(r, s, p);
@@ -1577,12 +1583,13 @@ static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
     int k, axis;
     if (sp * sq > 0) return 0;
     if (sp || sq)
-        return clothi_one_sign(clothi_orient3d(p, q, t[0], t[1]),
-                               clothi_orient3d(p, q, t[1], t[2]),
-                               clothi_orient3d(p, q, t[2], t[0]));
+        return clothi_one_sign(clothi_volume(p, q, t[0], t[1]),
+                               clothi_volume(p, q, t[1], t[2]),
+                               clothi_volume(p, q, t[2], t[0]));
     axis = clothi_open_axis(t[0], t[1], t[2]);
-    if (clothi_one_sign(clothi_turn2(t[0], t[1], p, axis), clothi_turn2(t[1], t[2], p, axis),
-                        clothi_turn2(t[2], t[0], p, axis)))
+    if (clothi_one_sign(clothi_turn_of(t[0], t[1], p, axis),
+                        clothi_turn_of(t[1], t[2], p, axis),
+                        clothi_turn_of(t[2], t[0], p, axis)))
         return 1;
     for (k = 0; k < 3; k++)
         if (clothi_segments_in_plane(p, q, t[k], t[(k + 1) % 3], axis)) return 1;
@@ -1592,7 +1599,7 @@ static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
 /* Signs of the corners of g against the plane of f; 1 when all are on one side. */
 static int clothi_plane_signs(const double *const *f, const double *const *g, int *sign) {
     int k;
-    for (k = 0; k < 3; k++) sign[k] = clothi_orient3d(f[0], f[1], f[2], g[k]);
+    for (k = 0; k < 3; k++) sign[k] = clothi_volume(f[0], f[1], f[2], g[k]);
     return sign[0] && sign[0] == sign[1] && sign[1] == sign[2];
 }
 
@@ -1618,9 +1625,9 @@ static int clothi_triangles_meet(const double *const *f, const double *const *g)
 static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p) {
     const int axis = clothi_open_axis(v, c, d);
     int       turn;
-    if (clothi_point_order(p, v) == 0 || clothi_orient3d(v, c, d, p)) return 0;
-    turn = clothi_turn2(v, c, d, axis);
-    return clothi_turn2(v, c, p, axis) * turn >= 0 && clothi_turn2(v, p, d, axis) * turn >= 0;
+    if (clothi_point_order(p, v) == 0 || clothi_volume(v, c, d, p)) return 0;
+    turn = clothi_turn_of(v, c, d, axis);
+    return clothi_turn_of(v, c, p, axis) * turn >= 0 && clothi_turn_of(v, p, d, axis) * turn >= 0;
 }
 
 /* a and c, neither of them v, in one direction from v. */
@@ -1632,12 +1639,12 @@ static int clothi_one_way(const double *v, const double *a, const double *c) {
 /* Triangles f = v a b and g = v c d. One without area is two segments from v. */
 static int clothi_meet_beyond_vertex(const double *const *f, const double *const *g) {
     const double *v = f[0];
-    const int     c = clothi_orient3d(v, f[1], f[2], g[1]);
-    const int     d = clothi_orient3d(v, f[1], f[2], g[2]);
+    const int     c = clothi_volume(v, f[1], f[2], g[1]);
+    const int     d = clothi_volume(v, f[1], f[2], g[2]);
     int           a, b, f_area, g_area;
     if (c * d > 0) return 0;
-    a = clothi_orient3d(v, g[1], g[2], f[1]);
-    b = clothi_orient3d(v, g[1], g[2], f[2]);
+    a = clothi_volume(v, g[1], g[2], f[1]);
+    b = clothi_volume(v, g[1], g[2], f[2]);
     if (a * b > 0) return 0;
     f_area = c || d || clothi_open_axis(v, f[1], f[2]) >= 0;
     g_area = a || b || clothi_open_axis(v, g[1], g[2]) >= 0;
@@ -1655,9 +1662,9 @@ static int clothi_meet_beyond_vertex(const double *const *f, const double *const
 static int clothi_meet_beyond_edge(const double *u, const double *w, const double *a,
                                    const double *b) {
     int axis, side;
-    if (clothi_orient3d(u, w, a, b)) return 0;
+    if (clothi_volume(u, w, a, b)) return 0;
     axis = clothi_open_axis(u, w, a);
-    if (axis >= 0) return clothi_turn2(u, w, a, axis) * clothi_turn2(u, w, b, axis) > 0;
+    if (axis >= 0) return clothi_turn_of(u, w, a, axis) * clothi_turn_of(u, w, b, axis) > 0;
     if (clothi_open_axis(u, w, b) >= 0 || clothi_open_axis(u, a, b) >= 0) return 0;
     side = clothi_beside(a, u, w);
     return side && clothi_beside(b, u, w) == side;

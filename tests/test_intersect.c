@@ -206,8 +206,8 @@ static void random_pairs(void) {
 
 typedef struct known {
     const char *name;
-    int         pierce;                     /* published: pairs that name no common vertex and of
-                                               which an edge passes through the other's inside; -1 */
+    int         pierce;                     /* published: pairs that name no common vertex, an edge
+                                               of one through the inside of the other          */
     int         all;                        /* by the kit's definition                         */
 } known;
 

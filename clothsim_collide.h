@@ -887,8 +887,8 @@ static inline int clothi_boxes_meet(const double *a, const double *b) {
 
 static inline int clothi_nodes_meet(const clothi_box *a, const clothi_box *b) {
 #if defined(CLOTHI_AVX) || defined(CLOTHI_SSE2)
-    const __m128 below = _mm_cmple_ps(_mm_load_ps(a->lo), _mm_load_ps(b->hi));
-    const __m128 above = _mm_cmple_ps(_mm_load_ps(b->lo), _mm_load_ps(a->hi));
+    const __m128 below = _mm_cmple_ps(_mm_loadu_ps(a->lo), _mm_loadu_ps(b->hi));
+    const __m128 above = _mm_cmple_ps(_mm_loadu_ps(b->lo), _mm_loadu_ps(a->hi));
     return (_mm_movemask_ps(_mm_and_ps(below, above)) & 7) == 7;
 #else
     return (a->lo[0] <= b->hi[0]) & (b->lo[0] <= a->hi[0]) & (a->lo[1] <= b->hi[1]) &
@@ -924,16 +924,31 @@ static void clothi_node_empty(clothi_box *b) {
 }
 
 static inline void clothi_node_join(const clothi_box *a, const clothi_box *b, clothi_box *out) {
+#if defined(CLOTHI_AVX) || defined(CLOTHI_SSE2)
+    _mm_storeu_ps(out->lo, _mm_min_ps(_mm_loadu_ps(a->lo), _mm_loadu_ps(b->lo)));
+    _mm_storeu_ps(out->hi, _mm_max_ps(_mm_loadu_ps(a->hi), _mm_loadu_ps(b->hi)));
+#else
     int k;
     for (k = 0; k < 4; k++) {
         out->lo[k] = a->lo[k] < b->lo[k] ? a->lo[k] : b->lo[k];
         out->hi[k] = a->hi[k] > b->hi[k] ? a->hi[k] : b->hi[k];
     }
+#endif
 }
 
 static inline void clothi_node_measure(clothi_box *b) {
     b->lo[3] = (b->hi[0] - b->lo[0]) + (b->hi[1] - b->lo[1]) + (b->hi[2] - b->lo[2]);
     b->hi[3] = 0;
+}
+
+/* A box [6] rounded outward. */
+static inline void clothi_node_around(const double *box, clothi_box *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        out->lo[k] = clothi_float_below(box[k]);
+        out->hi[k] = clothi_float_above(box[3 + k]);
+    }
+    out->lo[3] = out->hi[3] = 0;
 }
 
 /* --- build and refit --- */
@@ -957,16 +972,13 @@ typedef struct clothi_bvh_job {
 static void clothi_bvh_refit_leaf(clothi_bvh *t, const double *box, int leaf) {
     const int   end = clothi_bvh_item(t, leaf + 1, t->depth);
     clothi_box *node = t->node + ((size_t)1 << t->depth) + leaf;
-    int         i = clothi_bvh_item(t, leaf, t->depth), k;
+    int         i = clothi_bvh_item(t, leaf, t->depth);
     clothi_node_empty(node);
     for (; i < end; i++) {
         const double *b = box + 6 * (size_t)t->item[i];
         clothi_box   *r = t->bound + i;
         memcpy(t->exact + 6 * (size_t)i, b, 6 * sizeof *b);
-        for (k = 0; k < 3; k++) {
-            r->lo[k] = clothi_float_below(b[k]);
-            r->hi[k] = clothi_float_above(b[3 + k]);
-        }
+        clothi_node_around(b, r);
         clothi_node_join(node, r, node);
     }
     clothi_node_measure(node);
@@ -1238,12 +1250,8 @@ CLOTHI_UNUSED static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hook
 CLOTHI_UNUSED static int clothi_bvh_box_query(const clothi_bvh *t, const double *box, int max,
                                               int *items) {
     clothi_box b;
-    int        stack[CLOTHI_BVH_STACK], n = 0, count = 0, i, k;
-    for (k = 0; k < 3; k++) {
-        b.lo[k] = clothi_float_below(box[k]);
-        b.hi[k] = clothi_float_above(box[3 + k]);
-    }
-    clothi_node_measure(&b);
+    int        stack[CLOTHI_BVH_STACK], n = 0, count = 0, i;
+    clothi_node_around(box, &b);
     stack[n++] = 1;
     while (n) {
         const int node = stack[--n], leaf = node - (1 << t->depth);

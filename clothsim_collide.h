@@ -200,6 +200,26 @@ CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);
  * contract: alloc none | cost O(1), 8 loads | threads: any */
 CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[3],
                                          double *distance, double gradient[3]);
+/* Which faces of a mesh intersect each other at given positions, decided exactly.          [5.2]
+ * Two faces intersect when, as closed triangles, they have a point in common that is not on a
+ * vertex or an edge that both name: touching counts, neighbours along an edge count only when
+ * folded onto each other in one plane, faces with the same three vertices never. Vertices at one
+ * place with two numbers are two: a mesh that is not welded touches itself all along its seams.
+ * in   x          [nv x 3] m, finite
+ * in   faces      [nf x 3], no corner twice; any set of triangles, also without area
+ * in   max_pairs  that pairs has room for; 0 with pairs NULL: count only
+ * out  pairs      [max_pairs x 2] faces i < j in increasing order: the first min(*count, max_pairs)
+ * out  count      how many there are in all, may be NULL; 0 on failure
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT; CLOTH_ERR_MESH: an index out of range or a corner twice;
+ *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs. pairs is as
+ *   before on failure.
+ * contract: alloc scratch | cost O(nf log nf + pairs near each other), 2 us a face | uses the
+ *   parallel hook | same answer for any worker count */
+CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
+                                           int nf, const int *faces, int max_pairs, int *pairs,
+                                           int *count);
+
+/* ===== [2.4] DISTANCE GRID =================================================================== */
 
 /* ===== [2.5] CONTACT ========================================================================= */
 
@@ -1364,25 +1384,19 @@ static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *con
 
 /* The box over x moving linearly from xa to xb, and `pad` on every side: [n x 6] min xyz, max xyz.
  * in   xa, xb  [n x 3] m; xb NULL: at rest
- * in   pad     m, >= 0. Two points come within D of each other only if their boxes with pads that
- *              add up to D overlap */
+ * in   pad     m, >= 0. Points come within D of each other only if their boxes with pads p, q that
+ *              add up to D (but for rounding) overlap: from a + p >= b - q follows, rounding being
+ *              monotone, fl(a + p) >= fl(b - q) */
 CLOTHI_UNUSED static void clothi_swept_boxes(int n, const double *xa, const double *xb,
                                              double pad, double *box) {
     int i, k;
     if (!xb) xb = xa;
-    pad *= 1 + 1e-15;
+    pad *= 1 + 1e-15;                       /* the rounding of the pads' own sum               */
     for (i = 0; i < n; i++)
         for (k = 0; k < 3; k++) {
             const double a = xa[3 * i + k], b = xb[3 * i + k];
-            double       lo = a < b ? a : b, hi = a < b ? b : a;
-            if (pad > 0) {                  /* a unit in the last place covers the rounding    */
-                lo -= pad;
-                hi += pad;
-                lo -= fabs(lo) * 2.3e-16;
-                hi += fabs(hi) * 2.3e-16;
-            }
-            box[6 * i + k] = lo;
-            box[6 * i + 3 + k] = hi;
+            box[6 * i + k] = (a < b ? a : b) - pad;
+            box[6 * i + 3 + k] = (a < b ? b : a) + pad;
         }
 }
 
@@ -1413,8 +1427,8 @@ static inline int clothi_boxes_meet(const double *a, const double *b) {
 
 static inline int clothi_nodes_meet(const clothi_box *a, const clothi_box *b) {
 #if defined(CLOTHI_AVX) || defined(CLOTHI_SSE2)
-    const __m128 below = _mm_cmple_ps(_mm_load_ps(a->lo), _mm_load_ps(b->hi));
-    const __m128 above = _mm_cmple_ps(_mm_load_ps(b->lo), _mm_load_ps(a->hi));
+    const __m128 below = _mm_cmple_ps(_mm_loadu_ps(a->lo), _mm_loadu_ps(b->hi));
+    const __m128 above = _mm_cmple_ps(_mm_loadu_ps(b->lo), _mm_loadu_ps(a->hi));
     return (_mm_movemask_ps(_mm_and_ps(below, above)) & 7) == 7;
 #else
     return (a->lo[0] <= b->hi[0]) & (b->lo[0] <= a->hi[0]) & (a->lo[1] <= b->hi[1]) &
@@ -1450,16 +1464,31 @@ static void clothi_node_empty(clothi_box *b) {
 }
 
 static inline void clothi_node_join(const clothi_box *a, const clothi_box *b, clothi_box *out) {
+#if defined(CLOTHI_AVX) || defined(CLOTHI_SSE2)
+    _mm_storeu_ps(out->lo, _mm_min_ps(_mm_loadu_ps(a->lo), _mm_loadu_ps(b->lo)));
+    _mm_storeu_ps(out->hi, _mm_max_ps(_mm_loadu_ps(a->hi), _mm_loadu_ps(b->hi)));
+#else
     int k;
     for (k = 0; k < 4; k++) {
         out->lo[k] = a->lo[k] < b->lo[k] ? a->lo[k] : b->lo[k];
         out->hi[k] = a->hi[k] > b->hi[k] ? a->hi[k] : b->hi[k];
     }
+#endif
 }
 
 static inline void clothi_node_measure(clothi_box *b) {
     b->lo[3] = (b->hi[0] - b->lo[0]) + (b->hi[1] - b->lo[1]) + (b->hi[2] - b->lo[2]);
     b->hi[3] = 0;
+}
+
+/* A box [6] rounded outward. */
+static inline void clothi_node_around(const double *box, clothi_box *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        out->lo[k] = clothi_float_below(box[k]);
+        out->hi[k] = clothi_float_above(box[3 + k]);
+    }
+    out->lo[3] = out->hi[3] = 0;
 }
 
 /* --- build and refit --- */
@@ -1483,16 +1512,13 @@ typedef struct clothi_bvh_job {
 static void clothi_bvh_refit_leaf(clothi_bvh *t, const double *box, int leaf) {
     const int   end = clothi_bvh_item(t, leaf + 1, t->depth);
     clothi_box *node = t->node + ((size_t)1 << t->depth) + leaf;
-    int         i = clothi_bvh_item(t, leaf, t->depth), k;
+    int         i = clothi_bvh_item(t, leaf, t->depth);
     clothi_node_empty(node);
     for (; i < end; i++) {
         const double *b = box + 6 * (size_t)t->item[i];
         clothi_box   *r = t->bound + i;
         memcpy(t->exact + 6 * (size_t)i, b, 6 * sizeof *b);
-        for (k = 0; k < 3; k++) {
-            r->lo[k] = clothi_float_below(b[k]);
-            r->hi[k] = clothi_float_above(b[3 + k]);
-        }
+        clothi_node_around(b, r);
         clothi_node_join(node, r, node);
     }
     clothi_node_measure(node);
@@ -1764,12 +1790,8 @@ CLOTHI_UNUSED static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hook
 CLOTHI_UNUSED static int clothi_bvh_box_query(const clothi_bvh *t, const double *box, int max,
                                               int *items) {
     clothi_box b;
-    int        stack[CLOTHI_BVH_STACK], n = 0, count = 0, i, k;
-    for (k = 0; k < 3; k++) {
-        b.lo[k] = clothi_float_below(box[k]);
-        b.hi[k] = clothi_float_above(box[3 + k]);
-    }
-    clothi_node_measure(&b);
+    int        stack[CLOTHI_BVH_STACK], n = 0, count = 0, i;
+    clothi_node_around(box, &b);
     stack[n++] = 1;
     while (n) {
         const int node = stack[--n], leaf = node - (1 << t->depth);
@@ -2013,6 +2035,331 @@ CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks
 
 /* ===== [5.2] TRIANGLES THAT INTERSECT ======================================================== */
 static int clothi_triangles_intersect(const double *x, const int *f, const int *g) { (void)x;(void)f;(void)g; return 0; }
+/* ===== [5.2] TRIANGLES THAT INTERSECT =========================================================
+ *
+ *        a                  Two faces intersect when the closed triangles have a point in common
+ *       /|\                 that does not lie on what they share by vertex number: nothing, a
+ *      / |.\.....d          vertex, an edge. Touching counts; a face on top of its twin (three
+ *     /  X  \   /           shared vertices) does not. A triangle without area is the segment or
+ *    v---|---b /            the point that its corners span.
+ *     \  |    /
+ *      ..|.../                0 shared   they meet iff an edge of one meets the other: a corner
+ *        c                               of the common part lies on an edge of one of them.
+ *                             1, v       a ray from v through a common point leaves one of the
+ *                                        triangles first, on its side opposite v: they meet
+ *                                        beyond v iff ab meets vcd or cd meets vab.
+ *                             2          in one plane, on the same side of the edge.
+ *
+ *   Every answer is a combination of signs of determinants, and those are exact [3.1]: of four
+ *   points in space, or of three in a projection along an axis. An edge pq meets a triangle
+ *   whose plane it crosses iff the volumes pq t0t1, pq t1t2, pq t2t0 do not have both signs; in
+ *   the plane, plane geometry in a projection that does not flatten it. On one line the order is
+ *   that of coordinates, x first, then y, then z. No rounding decides; there is no epsilon.
+ * checked: tests/test_intersect.c, against rational arithmetic (tests/exact.h) */
+
+/* Sign of the volume a b c d; at once when all are at one height, as in a sheet before it falls. */
+static int clothi_volume(const double *a, const double *b, const double *c, const double *d) {
+    int k;
+    for (k = 0; k < 3; k++)
+        if (a[k] == b[k] && a[k] == c[k] && a[k] == d[k]) return 0;
+    return clothi_orient3d(a, b, c, d);
+}
+
+/* Turn of the projection of a, b, c along an axis: 0 when on a line. */
+static int clothi_turn_of(const double *a, const double *b, const double *c, int axis) {
+    const int i = (axis + 1) % 3, j = (axis + 2) % 3;
+    double    p[3][2];
+    p[0][0] = a[i]; p[0][1] = a[j];
+    p[1][0] = b[i]; p[1][1] = b[j];
+    p[2][0] = c[i]; p[2][1] = c[j];
+    return clothi_orient2d(p[0], p[1], p[2]);
+}
+
+/* An axis along which the triangle keeps an area, -1 when it has none. */
+static int clothi_open_axis(const double *a, const double *b, const double *c) {
+    int axis;
+    for (axis = 2; axis >= 0; axis--)
+        if (clothi_turn_of(a, b, c, axis)) return axis;
+    return -1;
+}
+
+/* Order of points, x first: along any line it is that of the line. */
+static int clothi_point_order(const double *a, const double *b) {
+    int k;
+    for (k = 0; k < 3; k++)
+        if (a[k] < b[k] || a[k] > b[k]) return a[k] < b[k] ? -1 : 1;
+    return 0;
+}
+
+/* -1, 0, 1: p before, on, behind the segment ab, all three on one line. */
+static int clothi_beside(const double *p, const double *a, const double *b) {
+    const int from_a = clothi_point_order(p, a), from_b = clothi_point_order(p, b);
+    return from_a * from_b > 0 ? from_a : 0;
+}
+
+/* Closed segments pq and rs in one plane, which keeps its area along the axis. */
+static int clothi_segments_in_plane(const double *p, const double *q, const double *r,
+                                    const double *s, int axis) {
+    const int sr = clothi_turn_of(p, q, r, axis), ss = clothi_turn_of(p, q, s, axis);
+    const int sp = clothi_turn_of(r, s, p, axis), sq = clothi_turn_of(r, s, q, axis);
+    if (sr * ss < 0 && sp * sq < 0) return 1;
+    return (sr == 0 && clothi_beside(r, p, q) == 0) || (ss == 0 && clothi_beside(s, p, q) == 0) ||
+           (sp == 0 && clothi_beside(p, r, s) == 0) || (sq == 0 && clothi_beside(q, r, s) == 0);
+}
+
+/* Closed segments anywhere. */
+static int clothi_segments_meet(const double *p, const double *q, const double *r,
+                                const double *s) {
+    int axis;
+    if (clothi_volume(p, q, r, s)) return 0;
+    axis = clothi_open_axis(p, q, r);
+    if (axis < 0) axis = clothi_open_axis(p, q, s);
+    if (axis < 0) axis = clothi_open_axis(r, s, p);
+    if (axis < 0) axis = clothi_open_axis(r, s, q);
+    if (axis >= 0) return clothi_segments_in_plane(p, q, r, s, axis);
+    return clothi_beside(p, r, s) == 0 || clothi_beside(q, r, s) == 0 ||
+           clothi_beside(r, p, q) == 0;
+}
+
+/* 1 when the signs do not have both -1 and 1. */
+static int clothi_one_sign(int a, int b, int c) {
+    return !((a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0));
+}
+
+/* Segment pq, whose ends have the signs sp and sq against the plane of t, and the closed triangle
+ * t, which has an area. */
+static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
+                             const double *const *t) {
+    int k, axis;
+    if (sp * sq > 0) return 0;
+    if (sp || sq)
+        return clothi_one_sign(clothi_volume(p, q, t[0], t[1]),
+                               clothi_volume(p, q, t[1], t[2]),
+                               clothi_volume(p, q, t[2], t[0]));
+    axis = clothi_open_axis(t[0], t[1], t[2]);
+    if (clothi_one_sign(clothi_turn_of(t[0], t[1], p, axis),
+                        clothi_turn_of(t[1], t[2], p, axis),
+                        clothi_turn_of(t[2], t[0], p, axis)))
+        return 1;
+    for (k = 0; k < 3; k++)
+        if (clothi_segments_in_plane(p, q, t[k], t[(k + 1) % 3], axis)) return 1;
+    return 0;
+}
+
+/* Signs of the corners of g against the plane of f; 1 when all are on one side. */
+static int clothi_plane_signs(const double *const *f, const double *const *g, int *sign) {
+    int k;
+    for (k = 0; k < 3; k++) sign[k] = clothi_volume(f[0], f[1], f[2], g[k]);
+    return sign[0] && sign[0] == sign[1] && sign[1] == sign[2];
+}
+
+/* Closed triangles without a shared vertex. */
+static int clothi_triangles_meet(const double *const *f, const double *const *g) {
+    int of_f[3], of_g[3], f_area, g_area, k, l;
+    if (clothi_plane_signs(f, g, of_g) || clothi_plane_signs(g, f, of_f)) return 0;
+    f_area = of_g[0] || of_g[1] || of_g[2] || clothi_open_axis(f[0], f[1], f[2]) >= 0;
+    g_area = of_f[0] || of_f[1] || of_f[2] || clothi_open_axis(g[0], g[1], g[2]) >= 0;
+    for (k = 0; k < 3; k++) {
+        l = (k + 1) % 3;
+        if (f_area && clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
+        if (g_area && clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g)) return 1;
+    }
+    if (f_area || g_area) return 0;
+    for (k = 0; k < 9; k++)
+        if (clothi_segments_meet(f[k / 3], f[(k / 3 + 1) % 3], g[k % 3], g[(k % 3 + 1) % 3]))
+            return 1;
+    return 0;
+}
+
+/* p, not v, in the closed angle c v d of a triangle with area. */
+static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p) {
+    const int axis = clothi_open_axis(v, c, d);
+    int       turn;
+    if (clothi_point_order(p, v) == 0 || clothi_volume(v, c, d, p)) return 0;
+    turn = clothi_turn_of(v, c, d, axis);
+    return clothi_turn_of(v, c, p, axis) * turn >= 0 && clothi_turn_of(v, p, d, axis) * turn >= 0;
+}
+
+/* a and c, neither of them v, in one direction from v. */
+static int clothi_one_way(const double *v, const double *a, const double *c) {
+    const int order = clothi_point_order(a, v);
+    return order && clothi_point_order(c, v) == order && clothi_open_axis(v, a, c) < 0;
+}
+
+/* Triangles f = v a b and g = v c d. One without area is two segments from v. */
+static int clothi_meet_beyond_vertex(const double *const *f, const double *const *g) {
+    const double *v = f[0];
+    const int     c = clothi_volume(v, f[1], f[2], g[1]);
+    const int     d = clothi_volume(v, f[1], f[2], g[2]);
+    int           a, b, f_area, g_area;
+    if (c * d > 0) return 0;
+    a = clothi_volume(v, g[1], g[2], f[1]);
+    b = clothi_volume(v, g[1], g[2], f[2]);
+    if (a * b > 0) return 0;
+    f_area = c || d || clothi_open_axis(v, f[1], f[2]) >= 0;
+    g_area = a || b || clothi_open_axis(v, g[1], g[2]) >= 0;
+    if (f_area && g_area)
+        return clothi_edge_meets(f[1], f[2], a, b, g) || clothi_edge_meets(g[1], g[2], c, d, f);
+    if (g_area)
+        return clothi_in_angle(v, g[1], g[2], f[1]) || clothi_in_angle(v, g[1], g[2], f[2]);
+    if (f_area)
+        return clothi_in_angle(v, f[1], f[2], g[1]) || clothi_in_angle(v, f[1], f[2], g[2]);
+    return clothi_one_way(v, f[1], g[1]) || clothi_one_way(v, f[1], g[2]) ||
+           clothi_one_way(v, f[2], g[1]) || clothi_one_way(v, f[2], g[2]);
+}
+
+/* Triangles u w a and u w b. Without area: segments along the line of the edge, or from u = w. */
+static int clothi_meet_beyond_edge(const double *u, const double *w, const double *a,
+                                   const double *b) {
+    int axis, side;
+    if (clothi_volume(u, w, a, b)) return 0;
+    axis = clothi_open_axis(u, w, a);
+    if (axis >= 0) return clothi_turn_of(u, w, a, axis) * clothi_turn_of(u, w, b, axis) > 0;
+    if (clothi_open_axis(u, w, b) >= 0 || clothi_open_axis(u, a, b) >= 0) return 0;
+    side = clothi_beside(a, u, w);
+    return side && clothi_beside(b, u, w) == side;
+}
+
+/* Faces f [3] and g [3], no corner named twice, of finite positions x: 1 when they intersect as
+ * the banner says.   cost: 6 signs when apart or beside each other, up to ~100 in one plane */
+CLOTHI_UNUSED static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
+    const double *p[3], *q[3];
+    int           shared = 0, at_f[3], at_g[3], i, j;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++)
+            if (f[i] == g[j]) {
+                at_f[shared] = i;
+                at_g[shared++] = j;
+            }
+    if (shared == 3) return 0;
+    if (shared == 2)
+        return clothi_meet_beyond_edge(x + 3 * (size_t)f[at_f[0]], x + 3 * (size_t)f[at_f[1]],
+                                       x + 3 * (size_t)f[3 - at_f[0] - at_f[1]],
+                                       x + 3 * (size_t)g[3 - at_g[0] - at_g[1]]);
+    for (i = 0; i < 3; i++) {               /* a shared vertex comes first */
+        p[i] = x + 3 * (size_t)f[(i + (shared ? at_f[0] : 0)) % 3];
+        q[i] = x + 3 * (size_t)g[(i + (shared ? at_g[0] : 0)) % 3];
+    }
+    return shared ? clothi_meet_beyond_vertex(p, q) : clothi_triangles_meet(p, q);
+}
+
+#define CLOTHI_CROSSING_CHUNK 1024          /* pairs of faces that a task takes                */
+
+typedef struct clothi_crossing_job {
+    const double       *x;
+    const int          *faces;
+    const clothi_pairs *candidates;
+    clothi_pairs       *out;
+} clothi_crossing_job;
+
+static void clothi_crossing_range(int begin, int end, int worker, void *ctx) {
+    const clothi_crossing_job *job = (const clothi_crossing_job *)ctx;
+    int task, i;
+    (void)worker;
+    for (task = begin; task < end; task++) {
+        const int n = job->candidates->count, from = task * CLOTHI_CROSSING_CHUNK;
+        const int to = n - from < CLOTHI_CROSSING_CHUNK ? n : from + CLOTHI_CROSSING_CHUNK;
+        clothi_segment out = clothi_segment_open(job->out, task);
+        for (i = from; i < to; i++) {
+            const int *pair = job->candidates->pair + 2 * (size_t)i;
+            if (clothi_faces_intersect(job->x, job->faces + 3 * (size_t)pair[0],
+                                       job->faces + 3 * (size_t)pair[1]))
+                clothi_segment_put(&out, pair[0], pair[1]);
+        }
+        job->out->found[task] = out.found;
+    }
+}
+
+/* Those of the candidates, pairs of faces [nf x 3] whose boxes at x [nv x 3] overlap, that
+ * intersect; in their order.
+ * out  out     count and pair [count x 2], not the same list as candidates
+ * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; out empty then
+ * contract: alloc when out outgrows its memory | ~0.1 us a candidate | same list for any worker
+ *   count */
+CLOTHI_UNUSED static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
+                                                        const int *faces,
+                                                        const clothi_pairs *candidates,
+                                                        clothi_pairs *out) {
+    clothi_crossing_job job;
+    job.x = x;
+    job.faces = faces;
+    job.candidates = candidates;
+    job.out = out;
+    return clothi_pairs_run(hooks, &out, 1,
+                            candidates->count / CLOTHI_CROSSING_CHUNK +
+                                (candidates->count % CLOTHI_CROSSING_CHUNK != 0),
+                            4, clothi_crossing_range, &job);
+}
+
+/* The list in increasing order of (first, second), all in [0, n). */
+CLOTHI_UNUSED static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n,
+                                                    clothi_pairs *p) {
+    const size_t m = (size_t)p->count;
+    int         *work, *key, *in, *out, *count, i, k;
+    if (p->count < 2) return CLOTH_OK;
+    work = (int *)clothi_alloc(hooks, 5 * m + (size_t)n + 1u, sizeof *work);
+    if (!work)
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i pairs", p->count);
+    key = work + 2 * m;
+    in = key + m;
+    out = in + m;
+    count = out + m;
+    for (k = 1; k >= 0; k--) {
+        for (i = 0; i < p->count; i++) key[i] = p->pair[2 * i + k];
+        clothi_sort_by(p->count, n, key, k ? NULL : in, k ? in : out, count);
+    }
+    for (i = 0; i < p->count; i++) memcpy(work + 2 * i, p->pair + 2 * out[i], 2 * sizeof *work);
+    memcpy(p->pair, work, 2 * m * sizeof *work);
+    clothi_free(hooks, work);
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
+                                           int nf, const int *faces, int max_pairs, int *pairs,
+                                           int *count) {
+    cloth_status status;
+    double      *box = NULL;
+    ptrdiff_t    bad;
+    clothi_bvh   tree;
+    clothi_pairs near_by, found;
+    memset(&tree, 0, sizeof tree);
+    memset(&near_by, 0, sizeof near_by);
+    memset(&found, 0, sizeof found);
+    if (count) *count = 0;
+    if ((!x && nv > 0) || (!faces && nf > 0) || (!pairs && max_pairs > 0) || max_pairs < 0)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_intersections: %s", max_pairs < 0 ? "max_pairs < 0"
+                           : !x && nv > 0 ? "x is NULL" : !faces && nf > 0 ? "faces is NULL"
+                           : "pairs is NULL");
+    status = clothi_check_counts(hooks, nv, nf);
+    if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
+    if (status != CLOTH_OK) return status;
+    bad = clothi_find_nonfinite(x, 3 * (size_t)nv);
+    if (bad >= 0)
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_intersections: x[%z] = %g",
+                           (size_t)bad, x[bad]);
+    box = (double *)clothi_alloc(hooks, 6 * ((size_t)nv + (size_t)nf), sizeof *box);
+    if (!box) {
+        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the boxes of %i faces", nf);
+        goto done;
+    }
+    clothi_swept_boxes(nv, x, NULL, 0, box);
+    clothi_face_boxes(nf, faces, box, box + 6 * (size_t)nv);
+    status = clothi_bvh_build(hooks, nf, box + 6 * (size_t)nv, &tree);
+    if (status == CLOTH_OK) status = clothi_bvh_self_pairs(hooks, &tree, &near_by);
+    if (status == CLOTH_OK) status = clothi_crossing_pairs(hooks, x, faces, &near_by, &found);
+    if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
+    if (status != CLOTH_OK) goto done;
+    if (count) *count = found.count;
+    if (found.count < max_pairs) max_pairs = found.count;
+    if (max_pairs > 0) memcpy(pairs, found.pair, 2 * (size_t)max_pairs * sizeof *pairs);
+done:
+    clothi_pairs_free(hooks, &found);
+    clothi_pairs_free(hooks, &near_by);
+    clothi_bvh_free(hooks, &tree);
+    clothi_free(hooks, box);
+    return status;
+}
 
 /* ===== [6.1] QUADRATIC PROGRAM ===============================================================
  */

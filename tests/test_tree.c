@@ -429,17 +429,17 @@ static void features_equal_brute_force(void) {
     }
 }
 
-/* Pads cover the rounding of their own sum: points at D from each other, pads D/2. */
+/* Points at D from each other, pads that add up to D but for rounding: the boxes touch. */
 static void pads_are_outward(void) {
     int i, missed = 0;
-    for (i = 0; i < 20000; i++) {
-        const double d = ldexp(uniform(), below(40) - 40), at = ldexp(uniform() - 0.5, below(20));
+    for (i = 0; i < 40000; i++) {
+        const double d = ldexp(uniform(), below(40) - 40), pad = uniform() * d;
         double       a[3] = {0}, b[3] = {0}, box_a[6], box_b[6];
-        a[0] = at;
-        b[0] = at + d;
-        if (b[0] - a[0] > d) b[0] = nextafter(b[0], -HUGE_VAL);
-        clothi_swept_boxes(1, a, NULL, 0.5 * d, box_a);
-        clothi_swept_boxes(1, b, NULL, 0.5 * d, box_b);
+        a[i % 3] = i % 2 ? ldexp(uniform() - 0.5, below(20)) : 0;
+        b[i % 3] = a[i % 3] + d;
+        if (b[i % 3] - a[i % 3] > d) b[i % 3] = nextafter(b[i % 3], -HUGE_VAL);
+        clothi_swept_boxes(1, a, NULL, pad, box_a);
+        clothi_swept_boxes(1, b, NULL, d - pad, box_b);
         missed += !clothi_boxes_meet(box_a, box_b);
     }
     CHECK(missed == 0);

@@ -3687,7 +3687,7 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
  * meshes with holes, which are refused here.
  *
  * Distance. Blocks of 4 x 4 x 4 nodes: one nearest-face query from the centre tells a block that is
- * beyond the band; else one query a node, which starts from the face nearest to the last. Faces that lie
+ * beyond the band; else one query a node, which starts from the face nearest to the last. Faces
  * inside another part [7.2] are left out: the nearest point is on the boundary of the union, but
  * for nodes inside the overlap that are nearer to the inner half of a face at its border.
  *
@@ -4209,8 +4209,8 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
  *                 \_______/            for the step and counted in its report.
  *
  * Rule. A face is exempt in a pose when
- *   it cuts another face: an edge of one, away from the vertex they may share, passes through the
- *   other from side to side (touching is no cut);
+ *   it cuts another face: they meet away from the vertex they may share, and each has corners on
+ *   both sides of the other (exact signs [3.1]; touching is no cut);
  *   or the winding number just outside of it is 1 or more [7.1].
  * An edge or a vertex is exempt when all its faces are.
  *
@@ -4219,10 +4219,11 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
  * the face is behind whatever rounding does. The number cannot change along the surface but where
  * it meets a cut: faces joined by edges, cut faces left out, form regions of one number. Faces
  * that share a vertex are tested too: a cut may run through such a pair, and left out it would be
- * a hole in the border of a region. At least 16 rays a region, spread over its faces, must agree;
- * if they do not (parts that lie flat on each other, faces within rounding of none) each face of
- * the region gets its own. Rays for all faces say the same; they cost 25 ms instead of 0.3 for a
- * body of 27 000 faces, whose pairs of boxes cost 5.
+ * a hole in the border of a region. So would be a pair that only touches, edge on edge, as in a
+ * body and its mirror image: touched faces are left out as well and get rays of their own. At
+ * least 16 rays a region, spread over its faces, must agree; if they do not (parts that lie flat
+ * on each other) each face of the region gets its own. Rays for all faces say the same; they cost
+ * 25 ms instead of 0.3 for a body of 27 000 faces, whose pairs of boxes cost 5.
  *
  * A step that sweeps from pose A to pose B exempts what is exempt in A or in B: a face that dives
  * under during the step must let go at once, and one that comes up may not catch what it met down
@@ -4243,7 +4244,7 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
 #define CLOTHI_INSIDE_UNKNOWN (-CLOTH_MAX_COUNT)
 #define CLOTHI_INSIDE_MIXED   CLOTH_MAX_COUNT
 
-enum { CLOTHI_INSIDE_CUT = 1, CLOTHI_INSIDE_COVERED = 2 };
+enum { CLOTHI_INSIDE_CUT = 1, CLOTHI_INSIDE_COVERED = 2, CLOTHI_INSIDE_TOUCHED = 4 };
 
 typedef struct clothi_inside {
     cloth_hooks    hooks;
@@ -4260,7 +4261,7 @@ typedef struct clothi_inside {
     unsigned char *closed;                  /* [nf] of a closed component                      */
     unsigned char *flags;                   /* [nf] CLOTHI_INSIDE_ bits of pose x              */
     unsigned char *before;                  /* [nf] those of the step's first pose             */
-    unsigned char *hit;                     /* [hits] 1: this pair of faces is cut             */
+    unsigned char *hit;                     /* [hits] how this pair of faces meets             */
     size_t         hits;
     double         reach;                   /* m, largest coordinate                           */
     int            known;                   /* flags are those of x                            */
@@ -4379,18 +4380,23 @@ static int clothi_inside_apart(const clothi_inside *k, int f, int g, int shared)
     return lo > margin || hi < -margin;
 }
 
-/* Sign of the volume of vertices a b c d: the side of d, 1 behind the normal of a b c. */
+/* Exact sign of the volume of four vertices. */
 static int clothi_inside_side(const clothi_inside *k, int a, int b, int c, int d) {
-    double u[3], v[3], w[3], n[3], s;
-    clothi_sub3(k->x + 3 * b, k->x + 3 * a, u);
-    clothi_sub3(k->x + 3 * c, k->x + 3 * a, v);
-    clothi_sub3(k->x + 3 * d, k->x + 3 * a, w);
-    clothi_cross3(u, v, n);
-    s = clothi_dot3(n, w);
-    return (s > 0) - (s < 0);
+    return clothi_orient3d(k->x + 3 * a, k->x + 3 * b, k->x + 3 * c, k->x + 3 * d);
 }
 
-/* 1 when an edge of b that does not end in `shared` passes through the face a. */
+/* 1 when b has corners on both sides of the plane of a. */
+static int clothi_inside_astride(const clothi_inside *k, const int *a, const int *b) {
+    int i, lo = 1, hi = -1;
+    for (i = 0; i < 3; i++) {
+        const int side = clothi_inside_side(k, a[0], a[1], a[2], b[i]);
+        lo = side < lo ? side : lo;
+        hi = side > hi ? side : hi;
+    }
+    return lo < 0 && hi > 0;
+}
+
+/* 1 when an edge of b that does not end in `shared` meets the face a without lying in its plane. */
 static int clothi_inside_pierced(const clothi_inside *k, const int *a, const int *b, int shared) {
     int i, j;
     for (i = 0; i < 3; i++) {
@@ -4399,20 +4405,21 @@ static int clothi_inside_pierced(const clothi_inside *k, const int *a, const int
         if (p == shared || q == shared) continue;
         s = clothi_inside_side(k, a[0], a[1], a[2], p);
         t = clothi_inside_side(k, a[0], a[1], a[2], q);
-        if (s * t >= 0) continue;
+        if (s * t > 0 || (s == 0 && t == 0)) continue;
         for (j = 0; j < 3; j++) {
-            const int side = clothi_inside_side(k, p, q, a[j], a[j == 2 ? 0 : j + 1]);
-            lo = side < lo ? side : lo;
-            hi = side > hi ? side : hi;
+            const int turn = clothi_inside_side(k, p, q, a[j], a[j == 2 ? 0 : j + 1]);
+            lo = turn < lo ? turn : lo;
+            hi = turn > hi ? turn : hi;
         }
-        if (lo > 0 || hi < 0) return 1;
+        if (lo >= 0 || hi <= 0) return 1;
     }
     return 0;
 }
 
-/* 1 when the faces cut each other beyond the vertices that they share. Two that share an edge do
- * only when they lie on each other, flat: not counted. */
-static int clothi_inside_cuts(const clothi_inside *k, int f, int g) {
+/* _CUT when the faces meet beyond the vertices that they share and each has corners on both sides
+ * of the other, _TOUCHED when they meet otherwise, else 0. Two that share an edge meet only when
+ * they lie on each other, flat: not counted. */
+static int clothi_inside_meet(const clothi_inside *k, int f, int g) {
     const int *a = k->faces + 3 * f, *b = k->faces + 3 * g;
     int        i, j, n = 0, shared = -1;
     for (i = 0; i < 3; i++)
@@ -4423,7 +4430,10 @@ static int clothi_inside_cuts(const clothi_inside *k, int f, int g) {
             }
     if (n > 1 || clothi_inside_apart(k, f, g, shared) || clothi_inside_apart(k, g, f, shared))
         return 0;
-    return clothi_inside_pierced(k, a, b, shared) || clothi_inside_pierced(k, b, a, shared);
+    if (!clothi_inside_pierced(k, a, b, shared) && !clothi_inside_pierced(k, b, a, shared))
+        return 0;
+    return clothi_inside_astride(k, a, b) && clothi_inside_astride(k, b, a)
+               ? CLOTHI_INSIDE_CUT : CLOTHI_INSIDE_TOUCHED;
 }
 
 static void clothi_inside_pairs(int begin, int end, int worker, void *ctx) {
@@ -4431,11 +4441,11 @@ static void clothi_inside_pairs(int begin, int end, int worker, void *ctx) {
     int            i;
     (void)worker;
     for (i = begin; i < end; i++)
-        k->hit[i] = (unsigned char)clothi_inside_cuts(k, k->pairs.pair[2 * i],
+        k->hit[i] = (unsigned char)clothi_inside_meet(k, k->pairs.pair[2 * i],
                                                       k->pairs.pair[2 * i + 1]);
 }
 
-/* Marks the faces that are cut. */
+/* Marks the faces that are cut or touched. */
 static cloth_status clothi_inside_cut(clothi_inside *k) {
     cloth_status status;
     int          i;
@@ -4458,9 +4468,10 @@ static cloth_status clothi_inside_cut(clothi_inside *k) {
     }
     clothi_for(&k->hooks, k->pairs.count, CLOTHI_INSIDE_GRAIN, clothi_inside_pairs, k);
     for (i = 0; i < k->pairs.count; i++)
-        if (k->hit[i])
-            k->flags[k->pairs.pair[2 * i]] = k->flags[k->pairs.pair[2 * i + 1]]
-                = CLOTHI_INSIDE_CUT;
+        if (k->hit[i]) {
+            k->flags[k->pairs.pair[2 * i]] |= k->hit[i];
+            k->flags[k->pairs.pair[2 * i + 1]] |= k->hit[i];
+        }
     return CLOTH_OK;
 }
 
@@ -4508,7 +4519,7 @@ static int clothi_inside_outer(clothi_inside *k, int f) {
     return sum;
 }
 
-/* Regions of faces that are not cut: up[] leads to the first face of each. */
+/* Regions of faces that meet no others: up[] leads to the first face of each. */
 static void clothi_inside_flood(clothi_inside *k) {
     int e, f, i;
     for (f = 0; f < k->nf; f++) k->up[f] = f;
@@ -4526,21 +4537,22 @@ static void clothi_inside_flood(clothi_inside *k) {
     }
 }
 
-/* Marks the faces of regions that lie inside. */
+/* Marks the faces of regions that lie inside; touched faces are regions of one. Leaves _CUT or
+ * _COVERED or 0 in flags. */
 static void clothi_inside_regions(clothi_inside *k) {
     int f, r;
     k->rays = k->regions = 0;
     memset(k->size, 0, (size_t)k->nf * sizeof(int));
     memset(k->asked, 0, (size_t)k->nf * sizeof(int));
     for (f = 0; f < k->nf; f++) {
-        if (k->flags[f]) continue;
         r = k->up[f] = clothi_root(k->up, f);
+        if (k->flags[f] & CLOTHI_INSIDE_CUT) continue;
         k->regions += k->size[r]++ == 0;
         k->wind[r] = CLOTHI_INSIDE_UNKNOWN;
     }
     for (f = 0; f < k->nf; f++) {
         int w;
-        if (k->flags[f]) continue;
+        if (k->flags[f] & CLOTHI_INSIDE_CUT) continue;
         r = k->up[f];
         if (k->asked[r]++ % (k->size[r] / CLOTHI_INSIDE_RAYS + 1)) continue;
         w = clothi_inside_outer(k, f);
@@ -4549,11 +4561,13 @@ static void clothi_inside_regions(clothi_inside *k) {
         if (k->wind[r] != w) k->wind[r] = CLOTHI_INSIDE_MIXED;
     }
     for (f = 0; f < k->nf; f++) {
-        int w;
-        if (k->flags[f]) continue;
-        w = k->wind[k->up[f]];
+        int w = k->wind[k->up[f]];
+        if (k->flags[f] & CLOTHI_INSIDE_CUT) {
+            k->flags[f] = CLOTHI_INSIDE_CUT;
+            continue;
+        }
         if (w == CLOTHI_INSIDE_MIXED) w = clothi_inside_outer(k, f);
-        if (w >= 1) k->flags[f] = CLOTHI_INSIDE_COVERED;
+        k->flags[f] = w >= 1 ? CLOTHI_INSIDE_COVERED : 0;
     }
 }
 

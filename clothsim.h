@@ -10922,10 +10922,10 @@ static void clothi_terms_install(cloth_sim *s) {
  * to the exact Hessian when the updates have become small: below CLOTHI_EXACT edges, or from
  * iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a trust region
  * (Steihaug [NW06]): where it meets negative curvature it follows it to the radius, which is
- * also how saddles are left. Measured on the hanging sheet (N = 64, h = 1/60): reflection saves
- * a fifth of the iterations at Y = 1e5; the exact Hessian from the first iteration loses (a redo
- * for each negative curvature); without the exact phase a tolerance of 1e-8 m takes 85 to 95
- * iterations instead of 13 to 22.
+ * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it. Measured on
+ * the hanging sheet (N = 64, h = 1/60): reflection saves a fifth of the iterations at Y = 1e5; the
+ * exact Hessian from the first iteration loses (a redo for each negative curvature); without the
+ * exact phase a tolerance of 1e-8 m takes 85 to 95 iterations instead of 13 to 22.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -10944,12 +10944,12 @@ static void clothi_terms_install(cloth_sim *s) {
  * the sum of those to follow, were they to shrink on as this one did, and if not, the exact Hessian
  * has its say. A search at negative curvature must not stop, however small its radius, unless phi
  * falls nowhere within a tenth of the tolerance. So the way left to the minimum ahead is near the
- * tolerance. Crumpling cloth has several: on the hanging sheet (N = 64, tolerance 1e-4 m) one step
- * in ten finds another than the step solved to 1e-10 m does, 3e-4 to 8e-4 m away, at any price
- * (each convergence confirmed by the exact Hessian: a third more work, the same 7e-4 m).
- * A cloth at rest stops
- * before the first linear solve: for a convex E_pot the way e to the minimum has |e|_M^2/eta^2 <=
- * -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia; so that
+ * tolerance. Crumpling cloth has several: on the hanging sheet (N = 64, tolerance 1e-4 m) some
+ * steps find another than the step solved to 1e-10 m does, 3e-4 to 8e-4 m away, at any price (each
+ * convergence confirmed by the exact Hessian: 50 to 70 % more work, the same 7e-4 m).
+ * A cloth at rest stops before the first linear solve: for a convex E_pot the way e to the minimum
+ * has |e|_M^2/eta^2 <= -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia;
+ * so that
  * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
  * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
  * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
@@ -11270,10 +11270,14 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     opt.radius = radius;
     opt.fixed = s->fixed;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
-    report->linear_solves++;
-    report->cg += lr->iterations;
     report->factorizations += lr->factorizations;
     report->negative += lr->negative;
+    if (!status && opt.method == CLOTH_LINEAR_CHOLESKY && radius > 0 && lr->negative) {
+        opt.method = CLOTH_LINEAR_SGS;      /* a factor follows no negative curvature: CG does */
+        status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
+    }
+    report->linear_solves++;
+    report->cg += lr->iterations;
     clothi_tie_spread(s->model, s->w.dx);
     s->ms.linear += clothi_now(&s->hooks) - start;
     return status;

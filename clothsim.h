@@ -1581,6 +1581,20 @@ typedef struct clothi_triangle {
 } clothi_triangle;
 
 /* Largest magnitude of a [n]. */
+/* Four sums side by side: no addition waits for the one before it. */
+CLOTHI_OUTLINE static double clothi_dot(const double *a, const double *b, size_t n) {
+    double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    size_t i;
+    for (i = 0; i + 4 <= n; i += 4) {
+        s0 += a[i] * b[i];
+        s1 += a[i + 1] * b[i + 1];
+        s2 += a[i + 2] * b[i + 2];
+        s3 += a[i + 3] * b[i + 3];
+    }
+    for (; i < n; i++) s0 += a[i] * b[i];
+    return (s0 + s1) + (s2 + s3);
+}
+
 CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
     double max = 0;
     int    i;
@@ -6146,8 +6160,18 @@ static void clothi_matrix_add_slot(cloth_matrix *A, int slot, const double *H, i
         for (i = 0; i < 9; i++) b[i] += H[i * stride];
 }
 
+static void clothi_clear_range(int begin, int end, int worker, void *ctx) {
+    cloth_matrix        *A = (cloth_matrix *)ctx;
+    const cloth_pattern *p = A->p;
+    const int            i = p->dom[begin], j = p->dom[end];
+    (void)worker;
+    memset(A->diag + 9 * (size_t)i, 0, 9 * (size_t)(j - i) * sizeof(double));
+    memset(A->low + 9 * (size_t)p->row[i], 0,
+           9 * (size_t)(p->row[j] - p->row[i]) * sizeof(double));
+}
+
 static void clothi_matrix_clear(cloth_matrix *A) {
-    memset(A->diag, 0, ((size_t)A->p->n + (size_t)A->p->nlow) * 9 * sizeof(double));
+    clothi_for(&A->hooks, A->p->nd + 1, A->p->nd > 1 ? 1 : 2, clothi_clear_range, A);
     A->ne = 0;
 }
 
@@ -6665,16 +6689,21 @@ CLOTHI_LANE clothi_v4 clothi_dot4(clothi_v4 sum, clothi_v4 a, clothi_v4 b, const
     return sum;
 }
 
-CLOTHI_LANE double clothi_sum4(clothi_v4 sum) {
-    double q[4];
+/* Doubles of such sums. */
+CLOTHI_LANE void clothi_spill4(clothi_v4 sum, double *q) {
 #if defined(CLOTHI_AVX)
     _mm256_storeu_pd(q, sum.d);
 #elif defined(CLOTHI_SSE2)
     _mm_storeu_pd(q, sum.d);
     _mm_storeu_pd(q + 2, sum.e);
 #else
-    memcpy(q, sum.d, sizeof q);
+    memcpy(q, sum.d, sizeof sum.d);
 #endif
+}
+
+CLOTHI_LANE double clothi_sum4(clothi_v4 sum) {
+    double q[4];
+    clothi_spill4(sum, q);
     return (q[0] + q[1]) + (q[2] + q[3]);
 }
 
@@ -6766,7 +6795,7 @@ struct cloth_linear_solver {
     cloth_hooks hooks;
     const cloth_pattern *p;
     clothi_store store[2];
-    double *Ac, *cd;                        /* [3nc x 3nc], [(nd+1) x 3nc]                     */
+    double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+1) x 3nc]     */
     double *jacobi;                         /* [4n x 3], made when first asked for             */
     struct cloth_factor *factor;            /* [7.4], made when first asked for                */
     int     use_factor;
@@ -6782,6 +6811,7 @@ struct cloth_linear_solver {
     clothi_tally tally[CLOTHI_LEAVES + 1];
 };
 
+#define CLOTHI_COARSE_BLOCK 24              /* columns of the coarse factor at a time          */
 #define CLOTHI_COPIES 4                     /* sums of Z's in turn: no store waits for a load  */
 
 /* Lays the arrays of one precision into one block; with base NULL only counts its bytes. */
@@ -6845,7 +6875,8 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
     if (!s) return CLOTH_ERR_MEMORY;
     if (hooks) s->hooks = *hooks;
     s->p = pattern;
-    s->Ac = (double *)clothi_alloc(hooks, nc3 * nc3 + 4, sizeof(double));
+    s->Ac = (double *)clothi_alloc(hooks, nc3 * nc3 + 2 * (nc3 + CLOTHI_FRONT_PAD) *
+                                              CLOTHI_COARSE_BLOCK, sizeof(double));
     s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 1), sizeof(double));
     if (!s->Ac || !s->cd) {
         cloth_linear_solver_destroy(s);
@@ -7159,50 +7190,41 @@ static void clothi_setup_extras(cloth_linear_solver *s) {
     }
 }
 
-/* Row R of the coarse matrix minus f[q] times rows q0 + q, q < 6, from column i on. */
-CLOTHI_OUTLINE static void clothi_coarse_eliminate(double *CLOTHI_RESTRICT R,
-                                                   const double *CLOTHI_RESTRICT q0, size_t n,
-                                                   size_t i) {
-    const double *q1 = q0 + n, *q2 = q1 + n, *q3 = q2 + n, *q4 = q3 + n, *q5 = q4 + n;
-    const double  f0 = q0[i], f1 = q1[i], f2 = q2[i], f3 = q3[i], f4 = q4[i], f5 = q5[i];
-    size_t        j;
-    for (j = i; j < n; j++)
-        R[j] -= ((f0 * q0[j] + f1 * q1[j]) + (f2 * q2[j] + f3 * q3[j])) +
-                (f4 * q4[j] + f5 * q5[j]);
-}
+/* Dense kernels of [7.4]. */
+static void clothi_front_columns(double *panel, size_t m, int k0, int k1, double *sign,
+                                 signed char *pivot, const double *small);
+static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t m, int row0,
+                                int cols, int k0, int k1, const double *sign, double *c, size_t ldc,
+                                double *pack, int par);
 
-/* Ac = U'U in place, upper. A translation that nothing holds (all its axes fixed, or a piece
- * without mass) gives a zero pivot: it is left out, its row and 1/pivot being zero. Returns the
- * first pivot that is negative beyond rounding, or -1. */
+/* Ac = U'U in place, upper by rows, which is U' lower by columns. A translation that nothing holds
+ * (all its axes fixed, or a piece without mass) gives a zero pivot: it is left out, its row and
+ * 1/pivot being zero. Returns the first pivot that is negative beyond rounding, or -1. */
 CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
-    const size_t n = 3 * (size_t)s->p->nc;
-    const double small = s->wide ? 1e-12 : 1e-6;
+    const int     n = 3 * s->p->nc;
     clothi_store *st = &s->store[s->wide];
-    double       *A = s->Ac;
-    size_t        k0, k, q, i, j;
-    for (k = 0; k < n; k++) s->cd[k] = A[k * n + k];
-    for (k0 = 0; k0 < n; k0 += 6) {
-        const size_t k1 = k0 + 6 < n ? k0 + 6 : n;
-        for (k = k0; k < k1; k++) {
-            double *R = A + k * n, f;
-            for (q = k0; q < k; q++)
-                for (j = k, f = A[q * n + k]; j < n; j++) R[j] -= f * A[q * n + j];
-            if (!(R[k] > small * s->cd[k])) {
-                s->bad_value = R[k];
-                if (!(fabs(R[k]) <= small * fabs(s->cd[k]))) return (int)k;
-                memset(R + k, 0, (n - k) * sizeof(double));
-                continue;
-            }
-            for (j = k, f = 1 / sqrt(R[k]); j < n; j++) R[j] *= f;
-        }
-        for (i = k1; i < n && k1 - k0 == 6; i++)
-            clothi_coarse_eliminate(A + i * n, A + k0 * n, n, i);
+    double       *A = s->Ac, *sign = s->cd + n;         /* a pattern has a leaf: room for two */
+    signed char   pivot[3 * CLOTHI_AGG_MAX];
+    size_t        i, j, ld = (size_t)n;
+    int           k, k1;
+    for (k = 0; k < n; k++)
+        s->cd[k] = (s->wide ? 1e-12 : 1e-6) * fabs(A[(size_t)k * (ld + 1)]);
+    for (k = 0; k < n; k = k1) {
+        k1 = k + CLOTHI_COARSE_BLOCK < n ? k + CLOTHI_COARSE_BLOCK : n;
+        clothi_front_columns(A, ld, k, k1, sign, pivot, s->cd);
+        if (k1 < n)
+            clothi_front_update(&s->hooks, A, ld, k1, n - k1, k, k1, sign,
+                                A + (size_t)k1 * (ld + 1), ld, A + ld * ld, 0);
     }
-    for (i = 0; i < n; i++)
-        for (j = i; j < n; j++) {
-            const double u = A[i * n + j], v = i < j ? u : u > 0 ? 1 / u : 0;
-            clothi_put(st->U, i * n + j, v, s->wide);
-            clothi_put(st->Ut, j * n + i, v, s->wide);
+    for (k = 0; k < n; k++) {
+        s->bad_value = pivot[k] * A[(size_t)k * (ld + 1)] * A[(size_t)k * (ld + 1)];
+        if (pivot[k] < 0 || !clothi_finite(s->bad_value)) return k;
+    }
+    for (i = 0; i < ld; i++)
+        for (j = i; j < ld; j++) {
+            const double u = i < j ? A[i * ld + j] : pivot[i] / A[i * ld + i];
+            clothi_put(st->U, i * ld + j, u, s->wide);
+            clothi_put(st->Ut, j * ld + i, u, s->wide);
         }
     return -1;
 }
@@ -7366,6 +7388,34 @@ static double clothi_forward(cloth_linear_solver *s, void *z) {
     return total + clothi_sum4(sum);
 }
 
+/* G^-T of record i of z, metres again: q [4]. */
+CLOTHI_LANE void clothi_metres_any(const clothi_store *st, const void *z, int i, double *q,
+                                   const int w) {
+    const clothi_v4 u = clothi_load4(z, (size_t)i, w), o = clothi_zero4();
+    const size_t    g = 3 * (size_t)i;
+    const clothi_v4 v = clothi_rows4(clothi_madd4(o, clothi_load4(st->G, g, w), u, w),
+                                     clothi_madd4(o, clothi_load4(st->G, g + 1, w), u, w),
+                                     clothi_madd4(o, clothi_load4(st->G, g + 2, w), u, w), w);
+    clothi_spill4(clothi_dot4(o, v, clothi_all4(1, w), w), q);
+}
+
+CLOTHI_OUTLINE static void clothi_metres(const clothi_store *st, const void *z, int i, double *q,
+                                         int w) {
+    if (w) clothi_metres_any(st, z, i, q, 1);
+    else clothi_metres_any(st, z, i, q, 0);
+}
+
+/* max |G^-T x| of rows [begin, end) */
+CLOTHI_LANE double clothi_biggest(const clothi_store *st, int begin, int end, const int w) {
+    double big = 0, q[4];
+    int    i, k;
+    for (i = begin; i < end; i++) {
+        clothi_metres_any(st, st->x, i, q, w);
+        for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
+    }
+    return big;
+}
+
 /* Rows [begin, end): x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a
  * radius is set. */
 CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
@@ -7373,8 +7423,7 @@ CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int begin, int end,
     const clothi_store *st = &s->store[w];
     const clothi_v4     alpha = clothi_all4(s->alpha, w);
     clothi_v4           sum = clothi_zero4();
-    double              big = 0;
-    int                 i, k;
+    int                 i;
     for (i = begin; i < end; i++) {
         const size_t at = (size_t)i;
         clothi_v4    r = clothi_load4(st->r, at, w);
@@ -7387,17 +7436,8 @@ CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int begin, int end,
         clothi_store4(st->s, at, r, w);
         sum = clothi_dot4(sum, r, r, w);
     }
-    for (i = begin; i < end && s->radius_on; i++) {
-        for (k = 0; k < 3; k++) {
-            const size_t g = 12 * (size_t)i + (size_t)(4 * k), at = 4 * (size_t)i;
-            const double u = clothi_get(st->G, g, w) * clothi_get(st->x, at, w) +
-                             clothi_get(st->G, g + 1, w) * clothi_get(st->x, at + 1, w) +
-                             clothi_get(st->G, g + 2, w) * clothi_get(st->x, at + 2, w);
-            if (fabs(u) > big) big = fabs(u);
-        }
-    }
     y->rr = clothi_sum4(sum);
-    y->big = big;
+    y->big = s->radius_on ? clothi_biggest(st, begin, end, w) : 0;
 }
 
 /* Z's of rows [begin, end) into the sums of leaf d. */
@@ -7602,15 +7642,6 @@ CLOTHI_OUTLINE static double clothi_turn(cloth_linear_solver *s) {
 
 /* --- one solve --- */
 
-/* G^-T of record i of z: metres again. */
-static void clothi_metres(const clothi_store *st, const void *z, int i, double *out, int w) {
-    int k, c;
-    for (k = 0; k < 3; k++)
-        for (c = 0, out[k] = 0; c < 3; c++)
-            out[k] += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * k + c), w) *
-                      clothi_get(z, 4 * (size_t)i + (size_t)c, w);
-}
-
 /* z += f y */
 static void clothi_axpy(cloth_linear_solver *s, void *z, double f, const void *y) {
     size_t k, n = 4 * (size_t)s->p->n;
@@ -7622,7 +7653,7 @@ static void clothi_axpy(cloth_linear_solver *s, void *z, double f, const void *y
  * where x is outside already or t is nothing. */
 static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
     const clothi_store *st = &s->store[s->wide];
-    double tau = -1, x[3], t[3];
+    double tau = -1, x[4], t[4];
     int    i, k;
     for (i = 0; i < s->p->n; i++) {
         clothi_metres(st, st->x, i, x, s->wide);
@@ -7638,9 +7669,12 @@ static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
 
 /* Vector z in metres and in the order of the vertices. */
 static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) {
-    int i;
-    for (i = 0; i < s->p->n; i++)
-        clothi_metres(&s->store[s->wide], z, i, x + 3 * (size_t)s->p->vertex_of[i], s->wide);
+    double q[4];
+    int    i;
+    for (i = 0; i < s->p->n; i++) {
+        clothi_metres(&s->store[s->wide], z, i, q, s->wide);
+        memcpy(x + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
+    }
 }
 
 /* r = G^-1 b, cd = P'b. */
@@ -7711,8 +7745,8 @@ CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
     clothi_store *st = &s->store[s->wide];
     const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
     const int     n3 = 3 * s->p->nc;
-    double        cs = 0, big = 0, u[3];
-    int           i, k;
+    double        cs = 0, big = 0;
+    int           i;
     memset(s->cd, 0, (size_t)n3 * sizeof(double));
     if (s->wide) clothi_start_rows(s, 1);
     else clothi_start_rows(s, 0);
@@ -7725,11 +7759,8 @@ CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
     if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
     g->c0 = clothi_forward(s, st->w) + cs;
     g->Q = 0.5 * cs;
-    for (i = 0; i < s->p->n && s->radius_on; i++) {
-        clothi_metres(st, st->x, i, u, s->wide);
-        for (k = 0; k < 3; k++)
-            if (fabs(u[k]) > big) big = fabs(u[k]);
-    }
+    if (s->radius_on)
+        big = s->wide ? clothi_biggest(st, 0, s->p->n, 1) : clothi_biggest(st, 0, s->p->n, 0);
     if (s->radius_on && big > g->radius) {
         const double f = g->radius / big;
         clothi_axpy(s, st->x, f - 1, st->x);
@@ -7905,13 +7936,6 @@ static int clothi_jacobi_apply(cloth_linear_solver *s, const double *r, double *
         }
     }
     return 0;
-}
-
-static double clothi_dot(const double *a, const double *b, size_t n) {
-    double sum = 0;
-    size_t i;
-    for (i = 0; i < n; i++) sum += a[i] * b[i];
-    return sum;
 }
 
 /* tau with |x + tau d| = radius, x inside. */
@@ -8151,7 +8175,7 @@ struct cloth_factor {
 };
 
 /* A S A' of panel columns [k0, k1), rows from row0 on, taken off C. par: the rows in parallel. */
-static void clothi_front_update(const cloth_factor *f, const double *panel, size_t m, int row0,
+static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t m, int row0,
                                 int cols, int k0, int k1, const double *sign, double *c, size_t ldc,
                                 double *pack, int par) {
     clothi_front_job g;
@@ -8166,7 +8190,7 @@ static void clothi_front_update(const cloth_factor *f, const double *panel, size
     clothi_front_pack(panel, m, row0, (int)m, k0, k1, CLOTHI_TILE, NULL, pack);
     clothi_front_pack(panel, m, row0, row0 + cols, k0, k1, 4, sign,
                 pack + (size_t)(g.rows + CLOTHI_FRONT_PAD) * (size_t)g.k);
-    if (par) clothi_for(&f->hooks, tiles, 4, clothi_front_tiles, &g);
+    if (par) clothi_for(hooks, tiles, 4, clothi_front_tiles, &g);
     else clothi_front_tiles(0, tiles, 0, &g);
 }
 
@@ -8214,13 +8238,13 @@ static void clothi_front_factor(cloth_factor *f, int q, double *U, double *pack,
         k1 = k0 + CLOTHI_FRONT_BLOCK < n ? k0 + CLOTHI_FRONT_BLOCK : n;
         clothi_front_columns(L, m, k0, k1, sign, f->pivot + 3 * (size_t)p->mid, small);
         if (k1 < n)
-            clothi_front_update(f, L, m, k1, n - k1, k0, k1, sign, L + (size_t)k1 * m + k1, m,
-                                pack, par);
+            clothi_front_update(&f->hooks, L, m, k1, n - k1, k0, k1, sign,
+                                L + (size_t)k1 * m + k1, m, pack, par);
     }
     if (!nb) return;
     for (k0 = 0; k0 < n; k0 = k1) {
         k1 = k0 + CLOTHI_FRONT_K < n ? k0 + CLOTHI_FRONT_K : n;
-        clothi_front_update(f, L, m, n, nb, k0, k1, sign, U, (size_t)nb, pack, par);
+        clothi_front_update(&f->hooks, L, m, n, nb, k0, k1, sign, U, (size_t)nb, pack, par);
     }
 }
 
@@ -9044,18 +9068,17 @@ done:
     return status;
 }
 
-/* Domain of an element: the one that holds any of its vertices; ndomain when it only touches
- * separators or couples into one that others may write to. */
+/* Domain of an element: the one that holds its vertices, but for one on a separator; with two
+ * there it writes to a block that others may write to: ndomain. */
 static int clothi_element_domain(const cloth_model *m, const int *v, int width, int ndomain) {
-    int k, domain = -1;
+    int k, domain = -1, outside = 0;
     if (!m->pattern) return 0;
     for (k = 0; k < width; k++) {
         int d = cloth_pattern_domain(m->pattern, v[k]);
-        if (d < 0) return ndomain;
-        if (domain >= 0 && d != domain) return ndomain;
-        domain = d;
+        if (d < 0 ? outside++ > 0 : domain >= 0 && d != domain) return ndomain;
+        if (d >= 0) domain = d;
     }
-    return domain;
+    return domain < 0 ? ndomain : domain;
 }
 
 static const int clothi_pair[6][2] = {{1, 0}, {2, 0}, {2, 1}, {3, 0}, {3, 1}, {3, 2}};
@@ -10111,12 +10134,25 @@ static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
     for (b = p->g->domain[begin]; b < p->g->domain[end]; b++) clothi_batch(p, b);
 }
 
+/* n a multiple of CLOTHI_LANES. */
+static double clothi_lane_sum(const double *a, int n) {
+    double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    int    i;
+    for (i = 0; i < n; i += 4) {
+        s0 += a[i];
+        s1 += a[i + 1];
+        s2 += a[i + 2];
+        s3 += a[i + 3];
+    }
+    return (s0 + s1) + (s2 + s3);
+}
+
 /* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
 static double clothi_sweep(clothi_pass *p, double *loss) {
     const clothi_group *g = p->g;
     cloth_counts       *counts = &p->s->counts;
     double energy = 0, lost = 0;
-    int    i, n = g->nbatch * CLOTHI_LANES;
+    int    n = g->nbatch * CLOTHI_LANES;
     if (g->count == 0) return 0;
     if (p->hess) {                          /* domains side by side, then what they share */
         clothi_for(&p->s->hooks, g->ndomain, 1, clothi_pass_domains, p);
@@ -10125,9 +10161,8 @@ static double clothi_sweep(clothi_pass *p, double *loss) {
         clothi_for(&p->s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
                    clothi_pass_chunks, p);
     }
-    for (i = 0; p->energy && i < n; i++) energy += p->energy[i];
-    if (p->energy && p->el->damped && p->inv_h > 0)
-        for (i = 0; i < n; i++) lost += p->loss[i];
+    if (p->energy) energy = clothi_lane_sum(p->energy, n);
+    if (p->energy && p->el->damped && p->inv_h > 0) lost = clothi_lane_sum(p->loss, n);
     if (loss) *loss = lost;
     if (g->kind == CLOTHI_TRIANGLE) counts->triangles += g->count;
     else if (g->kind == CLOTHI_SPRING) counts->springs += g->count;
@@ -10923,10 +10958,10 @@ static void clothi_terms_install(cloth_sim *s) {
  * to the exact Hessian when the updates have become small: below CLOTHI_EXACT edges, or from
  * iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a trust region
  * (Steihaug [NW06]): where it meets negative curvature it follows it to the radius, which is
- * also how saddles are left. Measured on the hanging sheet (N = 64, h = 1/60): reflection saves
- * a fifth of the iterations at Y = 1e5; the exact Hessian from the first iteration loses (a redo
- * for each negative curvature); without the exact phase a tolerance of 1e-8 m takes 85 to 95
- * iterations instead of 13 to 22.
+ * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it. Measured on
+ * the hanging sheet (N = 64, h = 1/60): reflection saves a fifth of the iterations at Y = 1e5; the
+ * exact Hessian from the first iteration loses (a redo for each negative curvature); without the
+ * exact phase a tolerance of 1e-8 m takes 85 to 95 iterations instead of 13 to 22.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -10945,12 +10980,12 @@ static void clothi_terms_install(cloth_sim *s) {
  * the sum of those to follow, were they to shrink on as this one did, and if not, the exact Hessian
  * has its say. A search at negative curvature must not stop, however small its radius, unless phi
  * falls nowhere within a tenth of the tolerance. So the way left to the minimum ahead is near the
- * tolerance. Crumpling cloth has several: on the hanging sheet (N = 64, tolerance 1e-4 m) one step
- * in ten finds another than the step solved to 1e-10 m does, 3e-4 to 8e-4 m away, at any price
- * (each convergence confirmed by the exact Hessian: a third more work, the same 7e-4 m).
- * A cloth at rest stops
- * before the first linear solve: for a convex E_pot the way e to the minimum has |e|_M^2/eta^2 <=
- * -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia; so that
+ * tolerance. Crumpling cloth has several: on the hanging sheet (N = 64, tolerance 1e-4 m) some
+ * steps find another than the step solved to 1e-10 m does, 3e-4 to 8e-4 m away, at any price (each
+ * convergence confirmed by the exact Hessian: 50 to 70 % more work, the same 7e-4 m).
+ * A cloth at rest stops before the first linear solve: for a convex E_pot the way e to the minimum
+ * has |e|_M^2/eta^2 <= -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia;
+ * so that
  * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
  * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
  * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
@@ -11228,8 +11263,7 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
         status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
         if (status || value <= nt->value + CLOTHI_ARMIJO * *a * nt->slope + rounding) break;
         if (k == 0 && nt->size < CLOTHI_TINY * s->edge) {   /* the trapezoid of the slopes */
-            double slope = 0;
-            for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
+            double slope = clothi_dot(s->w.grad, s->w.dx, (size_t)n);
             if (slope <= (2 * CLOTHI_ARMIJO - 1) * nt->slope) break;
         }
         report->halvings++;
@@ -11271,10 +11305,14 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     opt.radius = radius;
     opt.fixed = s->fixed;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
-    report->linear_solves++;
-    report->cg += lr->iterations;
     report->factorizations += lr->factorizations;
     report->negative += lr->negative;
+    if (!status && opt.method == CLOTH_LINEAR_CHOLESKY && radius > 0 && lr->negative) {
+        opt.method = CLOTH_LINEAR_SGS;      /* a factor follows no negative curvature: CG does */
+        status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
+    }
+    report->linear_solves++;
+    report->cg += lr->iterations;
     clothi_tie_spread(s->model, s->w.dx);
     s->ms.linear += clothi_now(&s->hooks) - start;
     return status;
@@ -11295,8 +11333,7 @@ static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clo
         if (!status) status = clothi_newton_solve(s, tolerance, 0, 0, report, lr);
     }
     if (status) return status;
-    nt->slope = 0;
-    for (i = 0; i < n; i++) nt->slope -= s->w.rhs[i] * s->w.dx[i];
+    nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
     if (!(nt->slope < 0)) {                 /* no descent: the preconditioned gradient is one */
         nt->slope = 0;
         for (i = 0; i < n; i++) {
@@ -11316,12 +11353,8 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
                                  int *poor) {
     const double least = 0.1 * s->model->desc.tolerance, most = CLOTHI_TRUST_MAX * s->edge;
     double       foretold = lr->decrease, got = before - nt->value;
-    int          i;
-    if (foretold < CLOTHI_HIDDEN * goal->magnitude) {
-        double slope = 0;
-        for (i = 0; i < 3 * s->model->nv; i++) slope += s->w.grad[i] * s->w.dx[i];
-        got = -0.5 * (nt->slope + slope);
-    }
+    if (foretold < CLOTHI_HIDDEN * goal->magnitude)
+        got = -0.5 * (nt->slope + clothi_dot(s->w.grad, s->w.dx, 3 * (size_t)s->model->nv));
     *poor = nt->exact && (a < 1 || got < 0.25 * foretold) && nt->size <= 2 * least;
     if (!nt->exact || a < 1)
         nt->radius = a * nt->size;
@@ -11429,6 +11462,7 @@ static cloth_status clothi_nudge(cloth_sim *s, clothi_goal *goal, clothi_newton 
     cloth_linear_report lr;
     cloth_status        status;
     uint32_t            noise = 1;
+    double              value;
     int                 i, n = 3 * s->model->nv;
     if (axis < 0 || nt->nudged || !(goal->eta > 0) || !clothi_compressed(s)) return CLOTH_OK;
     nt->nudged = 1;
@@ -11444,9 +11478,13 @@ static cloth_status clothi_nudge(cloth_sim *s, clothi_goal *goal, clothi_newton 
         status = clothi_newton_solve(s, 1e-4, radius, 0, report, &lr);
     if (status || !(lr.hit || lr.negative)) return status;
     for (i = 0; i < n; i++)                 /* no definite diagonal, no CG: the noise itself */
-        s->w.x[i] += lr.hit ? s->w.dx[i]
-                            : 1e3 * s->w.rhs[i] * goal->eta * goal->eta / s->params.mass[i / 3];
-    status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt->value);
+        s->w.trial[i] = s->w.x[i] + (lr.hit ? s->w.dx[i]
+                                            : 1e3 * s->w.rhs[i] * goal->eta * goal->eta /
+                                                  s->params.mass[i / 3]);
+    status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
+    if (status || value > nt->value) return status;     /* noise may well lead uphill */
+    memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+    nt->value = value;
     clothi_newton_rhs(s);
     nt->size = nt->radius = radius;
     nt->older = 0;
@@ -11717,13 +11755,12 @@ static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, 
 /* Near the minimum of a hardly strained sheet the decrease of phi drowns in its rounding, which
  * is of order eps |force| |x|, not eps phi: there the slope at the end of the step decides. */
 static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
-    double value, slope = 0;
+    double value;
     int    i, n = 3 * s->model->nv;
     if (-nt->slope > CLOTHI_DROWNED * goal->magnitude) return 0;
     for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
     if (clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value)) return 0;
-    for (i = 0; i < n; i++) slope += s->w.grad[i] * s->w.dx[i];
-    if (!(fabs(slope) <= -0.5 * nt->slope)) return 0;
+    if (!(fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope)) return 0;
     nt->value = value;
     return 1;
 }
@@ -11733,14 +11770,14 @@ static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, clothi_newton 
 static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                             cloth_report *report, cloth_linear_report *lr) {
     cloth_status status = CLOTH_OK;
-    int          i, exact, n = 3 * s->model->nv;
+    int          exact, n = 3 * s->model->nv;
     for (exact = 1; exact >= 0; exact--) {
         status = clothi_newton_assemble(s, goal, exact, report);
         if (!status) status = clothi_newton_solve(s, 1e-10, 0, 1, report, lr);
         if (status || !lr->negative) break;
     }
     report->newton++;
-    for (i = 0, nt->slope = 0; i < n; i++) nt->slope -= s->w.rhs[i] * s->w.dx[i];
+    nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
     nt->size = clothi_max_abs(s->w.dx, n);
     return status;
 }

@@ -1314,6 +1314,16 @@ CLOTHI_UNUSED static void clothi_settle(double *a, size_t n) {
  *   Chebyshev nodes of [0, tan^2(pi/8)]: 7e-18 from it, a fifteenth of half an ulp.
  *   The octants put the pieces together: theta = k pi/4 +- atan w, k = 0..4, with pi/4 in two
  *   parts. Error below 3 ulp (tests/test_math.c: atan2_ulp), relative also for tiny angles. */
+CLOTHI_UNUSED static inline double clothi_atan_tail(double t) {
+    const double t2 = t * t;
+    const double odd = -0.3333333333333333 + t2 * (-0.14285714284665682
+        + t2 * (-0.0909090457530649 + t2 * (-0.06664510525508936
+        + t2 * (-0.050854078345894844 + t2 * -0.019175404711104935))));
+    const double even = 0.19999999999995516 + t2 * (0.11111111015187018
+        + t2 * (0.07692183125376892 + t2 * (0.05858140904866328 + t2 * 0.03923044778479309)));
+    return t * (odd + t * even);
+}
+
 CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double ax = fabs(x), ay = fabs(y);
     const double big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
@@ -1321,13 +1331,8 @@ CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double turned = 0.5 - copysign(0.5, 0.41421356237309503 * big - small);
     const double steep = 0.5 - copysign(0.5, ax - ay), left = 0.5 - copysign(0.5, x + 0.0);
     const double den = big + turned * small;
-    const double w = (small - turned * big) / (den + 1e-300), t = w * w, t2 = t * t;
-    const double odd = -0.3333333333333333 + t2 * (-0.14285714284665682
-        + t2 * (-0.0909090457530649 + t2 * (-0.06664510525508936
-        + t2 * (-0.050854078345894844 + t2 * -0.019175404711104935))));
-    const double even = 0.19999999999995516 + t2 * (0.11111111015187018
-        + t2 * (0.07692183125376892 + t2 * (0.05858140904866328 + t2 * 0.03923044778479309)));
-    const double a = w + w * (t * (odd + t * even));
+    const double w = (small - turned * big) / (den + 1e-300);
+    const double a = w + w * clothi_atan_tail(w * w);
     const double k1 = turned + steep * (2.0 - 2.0 * turned);        /* pi/2 - angle */
     const double k2 = k1 + left * (4.0 - 2.0 * k1);                 /* pi - angle */
     const double sign = (1.0 - 2.0 * steep) * (1.0 - 2.0 * left);
@@ -5085,6 +5090,159 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
     if (f) clothi_quadratic_forces(x, rest, f);
 }
 
+/* --- stretch and bending of a triangle in one: the explicit step's path ---
+ * First the pulls of all hinges, then, from the pulls of its three edges, a triangle's force.
+ * pull: of hinges [8], of quadratic ones [8][3]. A triangle's pull k is that of the edge opposite
+ * its corner k, zero at a boundary: [3][8], quadratic [9][8]. side [6][8]: u of its edges. */
+
+/* M/l where all eight hinges are flat at rest and below 22 degrees: with w = tan(theta) = l y/x,
+ * atan(w)/l = (y/x) (atan(w)/w), an even function of w, so neither a root nor octants. */
+CLOTHI_HOT void clothi_shallow_pulls(const double *CLOTHI_RESTRICT rest,
+                                     const double *CLOTHI_RESTRICT l2,
+                                     const double *CLOTHI_RESTRICT y,
+                                     const double *CLOTHI_RESTRICT x,
+                                     double *CLOTHI_RESTRICT pull) {
+    int k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const double slope = y[k] / x[k];
+        pull[k] = rest[k] * (slope + slope * clothi_atan_tail(l2[k] * slope * slope));
+    }
+}
+
+CLOTHI_HOT void clothi_steep_pulls(const double *CLOTHI_RESTRICT rest,
+                                   const double *CLOTHI_RESTRICT l,
+                                   const double *CLOTHI_RESTRICT y,
+                                   const double *CLOTHI_RESTRICT x,
+                                   double *CLOTHI_RESTRICT pull) {
+    int k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const double angle = clothi_atan2(l[k] * y[k], x[k]);
+        pull[k] = rest[k] * clothi_wrap(angle - rest[CLOTHI_LANES + k]) / (l[k] + 1e-30);
+    }
+}
+
+/* theta = atan2(l y, x) and l^2. */
+CLOTHI_HOT void clothi_hinge_folds(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT l2,
+                                   double *CLOTHI_RESTRICT sine,
+                                   double *CLOTHI_RESTRICT cosine) {
+    static const double one[CLOTHI_LANES] = {1, 1, 1, 1, 1, 1, 1, 1};
+    int                 k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_fold h = clothi_fold_at(x, one, k);
+        l2[k] = h.l2;
+        sine[k] = h.sine;
+        cosine[k] = h.cosine;
+    }
+}
+
+CLOTHI_UNUSED static void clothi_hinge_pulls(const double *x, const double *rest, double *pull) {
+    double l[CLOTHI_LANES], sine[CLOTHI_LANES], cosine[CLOTHI_LANES];
+    int    k, shallow = 1;
+    clothi_hinge_folds(x, l, sine, cosine);
+    for (k = 0; k < CLOTHI_LANES; k++)
+        shallow &= l[k] * sine[k] * sine[k] <= 0.17 * cosine[k] * cosine[k] && cosine[k] > 1e-150 &&
+                   !(fabs(rest[CLOTHI_LANES + k]) > 0);
+    if (shallow) {
+        clothi_shallow_pulls(rest, l, sine, cosine, pull);
+        return;
+    }
+    clothi_sqrt_lanes(l);
+    clothi_steep_pulls(rest, l, sine, cosine, pull);
+}
+
+CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
+                                       const double *CLOTHI_RESTRICT rest,
+                                       double *CLOTHI_RESTRICT pull) {
+    enum { L = CLOTHI_LANES };
+    double s[3][L];
+    int    r, k;
+    for (r = 0; r < 3; r++)
+        for (k = 0; k < L; k++) {
+            const double x0 = x[r * L + k];
+            s[r][k] = rest[k] * (rest[2 * L + k] * (x[(3 + r) * L + k] - x0)
+                                 + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
+                                 + rest[4 * L + k] * (x[(9 + r) * L + k] - x0));
+        }
+    for (k = 0; k < L; k++) {
+        pull[3 * k] = s[0][k];
+        pull[3 * k + 1] = s[1][k];
+        pull[3 * k + 2] = s[2][k];
+    }
+}
+
+CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
+                                    const double *CLOTHI_RESTRICT rest,
+                                    const double *CLOTHI_RESTRICT pull,
+                                    double *CLOTHI_RESTRICT f) {
+    enum { L = CLOTHI_LANES };
+    int k;
+    for (k = 0; k < L; k++) {
+        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
+        const double d2 = x[5 * L + k] - x[2 * L + k], h0 = x[6 * L + k] - x[k];
+        const double h1 = x[7 * L + k] - x[L + k], h2 = x[8 * L + k] - x[2 * L + k];
+        const double g0 = h0 - d0, g1 = h1 - d1, g2 = h2 - d2;
+        const double n0 = d1 * h2 - d2 * h1, n1 = d2 * h0 - d0 * h2, n2 = d0 * h1 - d1 * h0;
+        const double a0 = d0 * h0 + d1 * h1 + d2 * h2, a1 = -(d0 * g0 + d1 * g1 + d2 * g2);
+        const double a2 = g0 * h0 + g1 * h1 + g2 * h2, s = a0 + a1 + a2;
+        const double q = n0 * n0 + n1 * n1 + n2 * n2;
+        const double qf = CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q;
+        const double inv = 1.0 / (q > qf ? q : qf);
+        const double m01 = pull[k] - pull[L + k], m12 = pull[L + k] - pull[2 * L + k];
+        const double m02 = pull[k] - pull[2 * L + k];
+        const double c1 = inv * (a2 * m01 - a0 * m12), c2 = inv * (a0 * m12 + a1 * m02);
+        clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
+        f[3 * L + k] += c1 * n0;
+        f[4 * L + k] += c1 * n1;
+        f[5 * L + k] += c1 * n2;
+        f[6 * L + k] += c2 * n0;
+        f[7 * L + k] += c2 * n1;
+        f[8 * L + k] += c2 * n2;
+        f[k] = -f[3 * L + k] - f[6 * L + k];
+        f[L + k] = -f[4 * L + k] - f[7 * L + k];
+        f[2 * L + k] = -f[5 * L + k] - f[8 * L + k];
+    }
+}
+
+CLOTHI_HOT void clothi_winged_quadratic(const double *CLOTHI_RESTRICT x,
+                                        const double *CLOTHI_RESTRICT rest,
+                                        const double *CLOTHI_RESTRICT pull,
+                                        const double *CLOTHI_RESTRICT side,
+                                        double *CLOTHI_RESTRICT f) {
+    enum { L = CLOTHI_LANES };
+    int r, k;
+    double stress[3][L], F[6][L];
+    for (k = 0; k < L; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k);
+        const double     area = rest[4 * L + k], mu2 = 2.0 * rest[5 * L + k];
+        const double     tr = rest[6 * L + k] * (t.e0 + t.e1);
+        stress[0][k] = area * (mu2 * t.e0 + tr);
+        stress[1][k] = area * (mu2 * t.e1 + tr);
+        stress[2][k] = area * (mu2 * t.e2);
+        F[0][k] = t.f0;
+        F[1][k] = t.f1;
+        F[2][k] = t.f2;
+        F[3][k] = t.f3;
+        F[4][k] = t.f4;
+        F[5][k] = t.f5;
+    }
+    for (r = 0; r < 3; r++)
+        for (k = 0; k < L; k++) {
+            const double s0 = stress[0][k], s1 = stress[1][k], s2 = stress[2][k];
+            const double F0 = F[2 * r][k], F1 = F[2 * r + 1][k];
+            const double m0 = pull[r * L + k], m1 = pull[(3 + r) * L + k];
+            const double m2 = pull[(6 + r) * L + k];
+            const double p0 = F0 * s0 + F1 * s2 +
+                              (side[k] * m0 + side[2 * L + k] * m1 + side[4 * L + k] * m2);
+            const double p1 = F0 * s2 + F1 * s1 +
+                              (side[L + k] * m0 + side[3 * L + k] * m1 + side[5 * L + k] * m2);
+            const double f1 = rest[k] * p0 + rest[L + k] * p1;
+            const double f2 = rest[2 * L + k] * p0 + rest[3 * L + k] * p1;
+            f[r * L + k] = -f1 - f2;
+            f[(3 + r) * L + k] = f1;
+            f[(6 + r) * L + k] = f2;
+        }
+}
+
 /* ===== [7.1] ORDERING ==========================================================================
  *
  *   vertices of the mesh ---> rows of the matrix           leaves 0..3        separators S
@@ -8720,6 +8878,8 @@ struct cloth_model {
     cloth_pattern  *pattern;                /* NULL for LEAPFROG                               */
     clothi_group    membrane, bend;         /* bend.count == 0 for CLOTH_BEND_NONE             */
     int *gather_start;                      /* [nv+1]                                          */
+    int *gather_mid;                        /* [nv] where the membrane's entries end           */
+    int *wing;                              /* [membrane batches x 3 x 8] hinges, or NULL      */
     int *gather;                            /* offsets of x components in the force buffer     */
     int  force_size;                        /* doubles in the force buffer                     */
     uint64_t hash;
@@ -9144,7 +9304,8 @@ static cloth_status clothi_model_gather(cloth_model *m) {
     group[0] = &m->membrane;
     group[1] = &m->bend;
     m->gather_start = (int *)clothi_alloc(&m->hooks, (size_t)m->nv + 2, sizeof(int));
-    if (!m->gather_start) return CLOTH_ERR_MEMORY;
+    m->gather_mid = (int *)clothi_alloc(&m->hooks, (size_t)m->nv, sizeof(int));
+    if (!m->gather_start || !m->gather_mid) return CLOTH_ERR_MEMORY;
     for (pass = 0; pass < 2; pass++) {
         int *fill = m->gather_start + (pass == 0 ? 2 : 1);
         m->force_size = 0;
@@ -9161,6 +9322,7 @@ static cloth_status clothi_model_gather(cloth_model *m) {
                                  m->force_size + (b * width + k) * 3 * CLOTHI_LANES + lane;
                     }
             m->force_size += group[g]->nbatch * width * 3 * CLOTHI_LANES;
+            for (k = 0; pass == 1 && g == 0 && k < m->nv; k++) m->gather_mid[k] = fill[k];
         }
         if (pass == 1) break;
         for (k = 2; k <= m->nv + 1; k++) m->gather_start[k] += m->gather_start[k - 1];
@@ -9169,6 +9331,27 @@ static cloth_status clothi_model_gather(cloth_model *m) {
         if (!m->gather) return CLOTH_ERR_MEMORY;
     }
     return CLOTH_OK;
+}
+
+/* For each triangle lane and corner the bend group's lane of the hinge opposite; at a boundary the
+ * number behind them all. */
+static cloth_status clothi_model_wings(cloth_model *m) {
+    const clothi_group   *g = &m->membrane, *b = &m->bend;
+    const cloth_topology *t = m->topology;
+    int      *place, i, k;
+    place = (int *)clothi_alloc(&m->hooks, (size_t)t->ne, sizeof(int));
+    m->wing = (int *)clothi_alloc(&m->hooks, (size_t)g->nbatch * 3 * CLOTHI_LANES, sizeof(int));
+    if (place && m->wing) {
+        for (i = 0; i < t->ne; i++) place[i] = b->nbatch * CLOTHI_LANES;
+        for (i = 0; i < b->nbatch * CLOTHI_LANES; i++)
+            if (b->id[i] >= 0) place[t->hinge_edge[b->id[i]]] = i;
+        for (i = 0; i < g->nbatch * CLOTHI_LANES; i++)
+            for (k = 0; k < 3 && g->id[i] >= 0; k++)
+                m->wing[(i / CLOTHI_LANES * 3 + k) * CLOTHI_LANES + i % CLOTHI_LANES] =
+                    place[t->face_edges[3 * g->id[i] + (k + 1) % 3]];
+    }
+    clothi_free(&m->hooks, place);
+    return place && m->wing ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 static cloth_status clothi_model_elements(cloth_model *m) {
@@ -9188,6 +9371,9 @@ static cloth_status clothi_model_elements(cloth_model *m) {
     if (!status) status = clothi_group_build(m, &m->membrane);
     if (!status) status = clothi_group_build(m, &m->bend);
     if (!status) status = clothi_model_gather(m);
+    if (!status && d->integrator == CLOTH_INTEGRATOR_LEAPFROG && m->bend.count &&
+        m->membrane.kind == CLOTHI_TRIANGLE)
+        status = clothi_model_wings(m);
     return status;
 }
 
@@ -9255,6 +9441,8 @@ CLOTH_API void cloth_model_destroy(cloth_model *model) {
     clothi_group_free(&hooks, &model->bend);
     clothi_free(&hooks, model->gather);
     clothi_free(&hooks, model->gather_start);
+    clothi_free(&hooks, model->gather_mid);
+    clothi_free(&hooks, model->wing);
     cloth_pattern_destroy(model->pattern);
     cloth_topology_destroy(&hooks, model->topology);
     clothi_free(&hooks, model->tie);
@@ -9376,6 +9564,7 @@ struct cloth_sim {
     double         wind[3];
     /* derived */
     clothi_elements membrane, bend;
+    double *side;                           /* [membrane batches x 6 x 8] of [6.5], or NULL    */
     double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
     int     quadratic_ready;
     int     fresh;                  /* w.grad and the terms' energies are those of w.x   */
@@ -9601,6 +9790,24 @@ static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, cloth
         }
 }
 
+/* The unit vectors across the edges of each rest triangle, g_k/|g_k| with the gradients of [6.2]. */
+static void clothi_derive_sides(cloth_sim *s) {
+    int i, k;
+    for (i = 0; i < s->model->membrane.nbatch * CLOTHI_LANES; i++) {
+        const int     b = i / CLOTHI_LANES, lane = i % CLOTHI_LANES;
+        const double *B = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
+        double       *side = s->side + (size_t)b * 6 * CLOTHI_LANES + lane;
+        double        g[6], size;
+        for (k = 0; k < 4; k++) g[2 + k] = B[k * CLOTHI_LANES];
+        g[0] = -g[2] - g[4];
+        g[1] = -g[3] - g[5];
+        for (k = 0; k < 6; k++) {
+            size = sqrt(g[k / 2 * 2] * g[k / 2 * 2] + g[k / 2 * 2 + 1] * g[k / 2 * 2 + 1]);
+            side[k * CLOTHI_LANES] = g[k] / size;
+        }
+    }
+}
+
 /* Lumped masses: a third of each triangle's to each corner. */
 static void clothi_derive_mass(cloth_sim *s) {
     const cloth_model *m = s->model;
@@ -9665,6 +9872,7 @@ static void clothi_derive(cloth_sim *s) {
     clothi_derive_mass(s);
     clothi_derive_group(s, &s->model->membrane, &s->membrane);
     clothi_derive_group(s, &s->model->bend, &s->bend);
+    if (s->side) clothi_derive_sides(s);
     s->quadratic_ready = 0;
     s->omega_rest = 0;
 }
@@ -9772,6 +9980,9 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
         !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
         return CLOTH_ERR_MEMORY;
+    if (m->wing && m->bend.kind == CLOTHI_QUADRATIC &&
+        !(s->side = (double *)clothi_alloc(hooks, nb * 6, sizeof(double))))
+        return CLOTH_ERR_MEMORY;
     return clothi_params_alloc(m, hooks, &s->params);
 }
 
@@ -9873,6 +10084,7 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     clothi_work_free(hooks, &sim->w);
     clothi_elements_free(hooks, &sim->membrane);
     clothi_elements_free(hooks, &sim->bend);
+    clothi_free(hooks, sim->side);
     clothi_free(hooks, sim->quadratic);
     clothi_free(hooks, sim->kept);
     clothi_free(hooks, sim->fixed);
@@ -11939,6 +12151,7 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
 typedef struct clothi_leap {
     cloth_sim    *s;
     const double *extra;                    /* gradient of the other terms, or NULL            */
+    const int    *stop;                     /* [nv] where a vertex's gather entries end        */
     double        kick, drift;              /* s                                               */
     double        alpha;                    /* where the pins are at the end of the drift      */
     cloth_ledger *ledger;                   /* of a report that is wanted, or NULL             */
@@ -11948,7 +12161,7 @@ typedef struct clothi_leap {
 /* Sums the element forces of the vertices [begin, end), kicks them, and drifts when drift > 0.
  * Two sums of every other entry: additions wait for each other. extra [nv x 3] or NULL. */
 CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, const double *CLOTHI_RESTRICT force,
-                                 const int *CLOTHI_RESTRICT start,
+                                 const int *CLOTHI_RESTRICT start, const int *stop,
                                  const int *CLOTHI_RESTRICT entry,
                                  const double *CLOTHI_RESTRICT inverse_mass, int begin, int end,
                                  double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT v) {
@@ -11958,7 +12171,7 @@ CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, const double *CLOTHI_REST
     const double g2 = kick * p->s->gravity[2];
     int i, k;
     for (i = begin; i < end; i++) {
-        const int    last = start[i + 1];
+        const int    last = stop[i];
         const double w = kick * inverse_mass[i];
         double a0 = 0, a1 = 0, a2 = 0, b0 = 0, b1 = 0, b2 = 0, v0, v1, v2;
         for (k = start[i]; k + 1 < last; k += 2) {
@@ -12001,7 +12214,7 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     double            *x = s->w.x, *v = s->w.trial;
     int i, j, last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    clothi_leap_kick(p, s->w.force, m->gather_start, m->gather, s->w.goal,
+    clothi_leap_kick(p, s->w.force, m->gather_start, p->stop, m->gather, s->w.goal,
                      begin * CLOTHI_VERTICES, last, x, v);
     for (i = begin * CLOTHI_VERTICES; i < last; i++)
         for (j = 0; s->pin[i] && j < 3; j++)
@@ -12010,6 +12223,65 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
                 x[3 * i + j] = s->w.x0[3 * i + j] +
                                p->alpha * (s->target[3 * i + j] - s->w.x0[3 * i + j]);
             }
+}
+
+/* Bending by triangles: see [6.5]. With damping, elements keep their own forces. */
+static int clothi_leap_winged(const cloth_sim *s) {
+    return s->model->wing && !s->membrane.damped && !s->bend.damped;
+}
+
+static void clothi_leap_pulls(int begin, int end, int worker, void *ctx) {
+    cloth_sim          *s = (cloth_sim *)ctx;
+    const clothi_group *g = &s->model->bend;
+    double              x[12 * CLOTHI_LANES], *pull = s->w.force + g->force;
+    int b, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    (void)worker;
+    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+        clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
+        if (g->kind == CLOTHI_HINGE)
+            clothi_hinge_pulls(x, s->bend.rest + (size_t)b * 2 * CLOTHI_LANES,
+                               pull + (size_t)b * CLOTHI_LANES);
+        else
+            clothi_quadratic_pulls(x, s->bend.rest + (size_t)b * 5 * CLOTHI_LANES,
+                                   pull + (size_t)b * 3 * CLOTHI_LANES);
+    }
+}
+
+static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
+    cloth_sim          *s = (cloth_sim *)ctx;
+    const clothi_group *g = &s->model->membrane;
+    const double       *all = s->w.force + s->model->bend.force;
+    double              x[9 * CLOTHI_LANES], pull[9 * CLOTHI_LANES];
+    int b, i, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    (void)worker;
+    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+        const double *rest = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES;
+        const int    *wing = s->model->wing + (size_t)b * 3 * CLOTHI_LANES;
+        double       *f = s->w.force + g->force + (size_t)b * 9 * CLOTHI_LANES;
+        clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
+        if (s->side) {
+            clothi_gather_lanes(all, wing, 3, pull);
+            clothi_winged_quadratic(x, rest, pull, s->side + (size_t)b * 6 * CLOTHI_LANES, f);
+        } else {
+            for (i = 0; i < 3 * CLOTHI_LANES; i++) pull[i] = all[wing[i]];
+            clothi_winged_hinge(x, rest, pull, f);
+        }
+    }
+}
+
+/* All elastic forces at w.x, as forces of triangles. */
+static void clothi_leap_wings(cloth_sim *s) {
+    const cloth_model *m = s->model;
+    const int width = m->bend.kind == CLOTHI_QUADRATIC ? 3 : 1;
+    int       k;
+    for (k = 0; k < width; k++)             /* of a boundary */
+        s->w.force[m->bend.force + m->bend.nbatch * CLOTHI_LANES * width + k] = 0;
+    clothi_for(&s->hooks, (m->bend.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
+               clothi_leap_pulls, s);
+    clothi_for(&s->hooks, (m->membrane.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
+               clothi_leap_triangles, s);
+    s->counts.triangles += m->membrane.count;
+    s->counts.hinges += m->bend.count;
 }
 
 /* Element forces at w.x into the force buffer, and the other terms into w.grad when there are
@@ -12033,7 +12305,8 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
             if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
     }
     s->force_only = !(s->balance && (el[0]->damped || el[1]->damped));
-    for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
+    if (clothi_leap_winged(s)) clothi_leap_wings(s);
+    else for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
         status = s->term[i].eval(s->term[i].user, e, &energy);
     s->force_only = 0;
     if (!others || status) return status;
@@ -12230,7 +12503,7 @@ static cloth_status clothi_leap_works(clothi_leap *p, cloth_eval *e, double h, d
     for (i = 0; i < m->nv; i++) {
         if (!s->pin[i]) continue;
         f[0] = f[1] = f[2] = 0;
-        for (k = m->gather_start[i]; k < m->gather_start[i + 1]; k++)
+        for (k = m->gather_start[i]; k < p->stop[i]; k++)
             for (j = 0; j < 3; j++) f[j] += s->w.force[m->gather[k] + j * CLOTHI_LANES];
         for (j = 0; j < 3; j++) {
             if (p->extra) f[j] += p->extra[3 * i + j];
@@ -12266,6 +12539,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     e.params = &s->params;
     e.nv = m->nv;
     p.s = s;
+    p.stop = clothi_leap_winged(s) ? m->gather_mid : m->gather_start + 1;
     p.ledger = ledger;
     memcpy(s->w.x, s->w.x0, (size_t)n * sizeof(double));
     memcpy(s->w.trial, s->w.v0, (size_t)n * sizeof(double));
@@ -12603,6 +12877,8 @@ static void clothi_report_bytes(const cloth_sim *s, cloth_bytes *b) {
                   clothi_block_size(m->membrane.id) + clothi_block_size(m->bend.vert) +
                   clothi_block_size(m->bend.slot) + clothi_block_size(m->bend.id) +
                   clothi_block_size(m->gather) + clothi_block_size(m->gather_start) +
+                  clothi_block_size(m->gather_mid) + clothi_block_size(m->wing) +
+                  clothi_block_size(s->side) +
                   clothi_block_size(s->membrane.rest) + clothi_block_size(s->membrane.start) +
                   clothi_block_size(s->membrane.tau) + clothi_block_size(s->bend.rest) +
                   clothi_block_size(s->bend.start) + clothi_block_size(s->bend.tau) +

@@ -2033,8 +2033,6 @@ CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks
                             2 * CLOTHI_FEATURE_CHUNK, clothi_features_range, &job);
 }
 
-/* ===== [5.2] TRIANGLES THAT INTERSECT ======================================================== */
-static int clothi_triangles_intersect(const double *x, const int *f, const int *g) { (void)x;(void)f;(void)g; return 0; }
 /* ===== [5.2] TRIANGLES THAT INTERSECT =========================================================
  *
  *        a                  Two faces intersect when the closed triangles have a point in common
@@ -5221,7 +5219,7 @@ static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) 
 }
 
 static int clothi_faces_cross(const cloth_collide *c, int f, int g) {
-    return clothi_triangles_intersect(c->xa, c->faces + 3 * f, c->faces + 3 * g);
+    return clothi_faces_intersect(c->xa, c->faces + 3 * f, c->faces + 3 * g);
 }
 
 /* Pairs of faces in c->meet that cross at xa. inside: only with obstacles that penetrate

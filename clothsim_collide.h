@@ -198,7 +198,7 @@ extern "C" {
  * [JP94] Judice, Pires, Computers Ops Res. 21 (1994) 587-596. doi:10.1016/0305-0548(94)90106-6
  * [CM69] Cuthill, McKee, Proc. 24th ACM Conf. (1969) 157-172. doi:10.1145/800195.805928
  * [D71]  Dekker, Numer. Math. 18 (1971) 224-242. doi:10.1007/BF01397083
- * code     lambda l, w slack, act the set F, at a row's place in L, list its inverse; ..2: 32 digits
+ * code   lambda l, w slack, act the set F, at a row's place in L, list its inverse; ..2: 32 digits
  * checked  tests/test_qp.c (closed forms, enumeration, public problems), tests/fuzz_qp.c;
  *          time: tests/bench/bench_qp.c
  */

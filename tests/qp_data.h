@@ -110,21 +110,22 @@ static inline qp_kkt qp_check(const cloth_qp *q, const double *x, const double *
     for (i = 0; i < q->n; i++) big = fmaxl(big, fmaxl(fabsl((long double)x[i]),
                                                       fabsl((long double)q->x0[i])));
     for (i = 0; i < q->m; i++) {
-        long double s = q->h[i], size = fabsl(s);
+        long double s = (long double)q->h[i], size = fabsl(s);
         for (p = q->row[i]; p < q->row[i + 1]; p++) {
-            s -= (long double)q->val[p] * x[q->col[p]];
+            s -= (long double)q->val[p] * (long double)x[q->col[p]];
             size += fabsl((long double)q->val[p]) * big;
-            u[q->col[p]] += (long double)q->val[p] * lambda[i];
+            u[q->col[p]] += (long double)q->val[p] * (long double)lambda[i];
         }
         if (-s > primal * size) primal = -s / size;
-        gap += lambda[i] * fabsl(s);
-        weight += lambda[i] * size;
+        gap += (long double)lambda[i] * fabsl(s);
+        weight += (long double)lambda[i] * size;
         if (!(lambda[i] >= r.smallest)) r.smallest = lambda[i];
     }
     for (i = 0; i < q->n; i++) {
-        const long double d = (long double)x[i] - q->x0[i], push = q->minv[i] * u[i];
+        const long double d = (long double)x[i] - (long double)q->x0[i];
+        const long double push = (long double)q->minv[i] * u[i];
         dual = fmaxl(dual, fabsl(d + push));
-        if (q->minv[i] > 0) energy += 0.5L * d * d / q->minv[i];
+        if (q->minv[i] > 0) energy += 0.5L * d * d / (long double)q->minv[i];
     }
     r.primal = (double)primal;
     r.dual = (double)(big > 0 ? dual / big : dual);
@@ -143,22 +144,23 @@ static inline int qp_is_farkas(const cloth_qp *q, const double *y) {
     for (i = 0; i < q->m; i++) {
         most = fmax(most, y[i]);
         least = fmin(least, y[i]);
-        sum += (long double)y[i] * q->h[i];
-        size += fabsl((long double)y[i] * q->h[i]);
+        sum += (long double)y[i] * (long double)q->h[i];
+        size += fabsl((long double)y[i] * (long double)q->h[i]);
         for (p = q->row[i]; p < q->row[i + 1]; p++) {
             const int         c = q->col[p];
-            const long double t = (long double)y[i] * q->val[p];
+            const long double t = (long double)y[i] * (long double)q->val[p];
             big = fmax(big, fabs(q->val[p]));
             if (q->minv[c] > 0) u[c] += t;
             else {
-                sum -= t * q->x0[c];
-                size += fabsl(t * q->x0[c]);
+                sum -= t * (long double)q->x0[c];
+                size += fabsl(t * (long double)q->x0[c]);
             }
         }
     }
     for (i = 0; i < q->n; i++) off = fmaxl(off, fabsl(u[i]));
     free(u);
-    return most <= 1 && most >= 1 && least >= 0 && off <= 1e-10L * big && sum < -1e-14L * size;
+    return most <= 1 && most >= 1 && least >= 0 && off <= 1e-10L * (long double)big &&
+           sum < -1e-14L * size;
 }
 
 #endif

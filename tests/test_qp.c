@@ -294,25 +294,27 @@ static int enumerate(const qp_problem *p, double *x) {
         for (i = 0; i < m; i++)
             if (set >> i & 1u && size < 6) list[size++] = i;
         for (i = 0; i < size; i++) {
-            a[i][size] = -p->h[list[i]];
-            for (k = 0; k < n; k++) a[i][size] += (long double)p->val[list[i] * n + k] * p->x0[k];
+            a[i][size] = -(long double)p->h[list[i]];
+            for (k = 0; k < n; k++)
+                a[i][size] += (long double)p->val[list[i] * n + k] * (long double)p->x0[k];
             for (j = 0; j < size; j++)
                 for (a[i][j] = 0, k = 0; k < n; k++)
-                    a[i][j] += (long double)p->val[list[i] * n + k] * p->val[list[j] * n + k] *
-                               p->minv[k];
+                    a[i][j] += (long double)p->val[list[i] * n + k] *
+                               (long double)p->val[list[j] * n + k] * (long double)p->minv[k];
         }
         if (!eliminate(size, a)) continue;
         for (i = 0; i < size; i++) good &= a[i][size] >= 0;
         for (k = 0; k < n; k++) {
-            for (y[k] = p->x0[k], i = 0; i < size; i++)
-                y[k] -= p->minv[k] * p->val[list[i] * n + k] * a[i][size];
-            if (p->minv[k] > 0) cost += (y[k] - p->x0[k]) * (y[k] - p->x0[k]) / p->minv[k];
+            const long double x0 = (long double)p->x0[k], minv = (long double)p->minv[k];
+            for (y[k] = x0, i = 0; i < size; i++)
+                y[k] -= minv * (long double)p->val[list[i] * n + k] * a[i][size];
+            if (p->minv[k] > 0) cost += (y[k] - x0) * (y[k] - x0) / minv;
         }
         for (i = 0; i < m && good; i++) {
-            long double s = p->h[i], scale = 1 + fabsl(s);
+            long double s = (long double)p->h[i], scale = 1 + fabsl(s);
             for (k = 0; k < n; k++) {
-                s -= p->val[i * n + k] * y[k];
-                scale += fabsl(p->val[i * n + k] * y[k]);
+                s -= (long double)p->val[i * n + k] * y[k];
+                scale += fabsl((long double)p->val[i * n + k] * y[k]);
             }
             good &= s >= -1e-12L * scale;
         }

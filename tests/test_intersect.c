@@ -1,5 +1,5 @@
 /* test_intersect.c - intersecting triangles, decided by exact signs, against rational arithmetic:
- * cases made by hand, random ones that touch, lie in one plane or have no area, every shared mesh;
+ * cases made by hand, random ones that touch, lie in one plane or have no area, shared meshes;
  * workers and range orders; refusals; a failing allocator.                          tier: quick
  *   cc -std=c99 -O2 -ffp-contract=off -I.. test_intersect.c -o test_intersect -lm \
  *      && ./test_intersect */
@@ -279,6 +279,55 @@ static void shared_meshes(void) {
     if (!seen) SKIP("no ../../shared/data");
 }
 
+/* --- the walking body, which cuts through itself at armpits and crotch --- */
+
+/* Positions x [nv x 3] of a frame: the weighted sum of the joints' matrices times the rest. */
+static int pose(const cloth_mesh *m, int frame, double *x) {
+    FILE    *f = fopen(test_shared("data/motion/walk_02_01.skin"), "rb");
+    unsigned head[6];                       /* magic 8 bytes, frames, joints, fps, lead-in */
+    float   *joint = NULL;
+    char     line[256];
+    int      v, j, k, good = f && fread(head, 4, 6, f) == 6 && head[3] < 1000;
+    if (good) joint = (float *)malloc(48u * (size_t)head[3]);
+    good = joint && fseek(f, 24 + 48L * frame * (long)head[3], SEEK_SET) == 0 &&
+           fread(joint, 48, head[3], f) == head[3];
+    if (f) fclose(f);
+    f = good ? fopen(test_shared("data/body/weights_cmu.txt"), "r") : NULL;
+    good = f != NULL;
+    memset(x, 0, 3 * (size_t)m->nv * sizeof *x);
+    while (good && fgets(line, sizeof line, f)) {
+        double w;
+        if (sscanf(line, "%d %d %lf", &v, &j, &w) != 3) continue;
+        for (k = 0; k < 3; k++) {
+            const float  *A = joint + 12 * j + 4 * k;
+            const double *r = m->x + 3 * v;
+            x[3 * v + k] += w * ((double)A[0] * r[0] + (double)A[1] * r[1] + (double)A[2] * r[2] +
+                                 (double)A[3]);
+        }
+    }
+    if (f) fclose(f);
+    free(joint);
+    return good;
+}
+
+static void walking_body(void) {
+    static const int frames[5] = {0, 60, 174, 288, 402}, published[5] = {28, 192, 257, 660, 291};
+    cloth_mesh *m = NULL;
+    const char *path = test_shared("data/body/body.obj");
+    double     *x;
+    int         i, pierce;
+    if (!*path || cloth_obj_load(NULL, path, NULL, &m) != CLOTH_OK) SKIP("no ../../shared/data");
+    x = (double *)malloc(3 * (size_t)m->nv * sizeof *x);
+    if (!x) exit(1);
+    for (i = 0; i < (test_quick() ? 2 : 5) && CHECK(pose(m, frames[i], x)); i++) {
+        const int n = compare(m->nv, x, m->nf, m->faces, &pierce);
+        printf("  frame %d: %d, of them %d pierce widely\n", frames[i], n, pierce);
+        CHECK(pierce == published[i]);
+    }
+    free(x);
+    cloth_mesh_destroy(NULL, m);
+}
+
 /* A sheet crumpled at random: many intersections of every sort, also between neighbours. */
 static void crumpled_sheets(void) {
     int round, total = 0, wide = 0;
@@ -390,6 +439,7 @@ int main(int argc, char **argv) {
     RUN(random_pairs);
     RUN(crumpled_sheets);
     RUN(shared_meshes);
+    RUN(walking_body);
     RUN(workers_do_not_matter);
     RUN(allocator_fails);
     RUN(refusals);

@@ -243,7 +243,7 @@ typedef struct cloth_collide_desc {
     double        thickness;                /* m, t > 0; default 2e-3. Not the material's      */
     double        stiffness;                /* Pa/m of the proximity potential; 0 (default): a
                                                sheet under 30 times its weight rests at t/2    */
-    double        relaxation;               /* s, of its damping; default 0.1                  */
+    double        relaxation;               /* s, of its damping; default 0.02                 */
     double        friction;                 /* cloth on cloth, default 0.3                     */
     double        slip;                     /* m, give of an anchor before it slips; 2e-5      */
     double        max_push;                 /* m, root mean square of a zone's correction over
@@ -4878,7 +4878,7 @@ CLOTH_API cloth_collide_desc cloth_collide_desc_default(void) {
     memset(&d, 0, sizeof d);
     d.cookie = CLOTHI_COLLIDE_COOKIE;
     d.thickness = 2e-3;
-    d.relaxation = 0.1;
+    d.relaxation = 0.02;
     d.friction = 0.3;
     d.slip = 2e-5;
     d.max_push = 0.1;
@@ -5437,15 +5437,16 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * within a substep; detection [8.3] looks at the true motion afterwards. What was not in range at
  * x^n is not felt: an impact is the zones' work, not a spring's, and does not rebound.
  *
- * The damping makes what was pushed in come out at (t/2)^2/(t tau) = t/(4 tau), 5 mm/s by default:
- * a micrometre of rebound. A dropped cloth rests where its weight is carried.
+ * The damping makes what was pushed in come out at (t/2)^2/(t tau) = t/(4 tau), 25 mm/s by
+ * default: 0.03 mm of rebound. A dropped cloth rests where its weight is carried.
  *
  * Friction, with the normal force N of the last accepted substep, u = s + (I - n n') sum w dx the
  * tangential motion since the anchor was set and eps = desc.slip:
  *
- *     E = mu N ( |u|^2 / (2 eps)   |u| <= eps: sticks;      |u| - eps/2   beyond: slides )
+ *     E = mu N ( u^2/eps - u^3/(3 eps^2)   |u| <= eps: sticks;      |u| - eps/3   beyond: slides )
  *
- * a potential in x, convex. When the step is accepted s becomes u, cut to length eps: what sticks
+ * a potential in x, convex, its Hessian continuous (a plain parabola has a leap at eps, at which
+ * Newton's trust region crawled). When the step is accepted s becomes u, cut to length eps: what sticks
  * remembers where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
  * N = force(g) at the end + what the zones added, multiplier / h^2: Coulomb's law with N one
  * substep late, right in sum over an impact.
@@ -5643,8 +5644,9 @@ static void clothi_touch_motion(const cloth_collide *c, const clothi_touch *q, c
 /* Energy of a touch with force [3] on sum w x (minus the gradient) and the 3x3 Hessian K. */
 static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, const double *x,
                                 double *pull, double *K) {
-    double u[3], g, slope, force, energy, size, along;
-    int    i, j;
+    const double eps = c->desc.slip;
+    double       u[3], g, slope, force, energy, size, along, bend, curve;
+    int          i, j;
     clothi_touch_motion(c, q, x, u);
     along = clothi_dot3(u, q->normal);
     g = q->gap + along;
@@ -5657,16 +5659,15 @@ static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, c
     }
     if (!(q->limit > 0)) return energy;
     size = sqrt(clothi_dot3(u, u));
-    {
-        const double eps = c->desc.slip, k = q->limit / clothi_max(size, eps);
-        const int    stick = size <= eps;
-        energy += stick ? 0.5 * k * size * size : q->limit * (size - 0.5 * eps);
-        for (i = 0; i < 3; i++) {
-            pull[i] += k * u[i];
-            for (j = 0; j < 3; j++)
-                K[3 * i + j] += k * ((i == j) - q->normal[i] * q->normal[j] -
-                                     (stick ? 0 : u[i] * u[j] / (size * size)));
-        }
+    bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;        /* force / (limit size) */
+    curve = size < eps ? -1 / (eps * eps) : -1 / (size * size);         /* its derivative */
+    energy += q->limit * (size < eps ? size * size * (1 / eps - size / (3 * eps * eps))
+                                     : size - eps / 3);
+    for (i = 0; i < 3; i++) {
+        pull[i] += q->limit * bend * u[i];
+        for (j = 0; j < 3; j++)
+            K[3 * i + j] += q->limit * (bend * ((i == j) - q->normal[i] * q->normal[j]) +
+                                        (size > 0 ? curve * u[i] * u[j] / size : 0));
     }
     return energy;
 }

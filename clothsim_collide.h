@@ -220,8 +220,6 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
                                            int nf, const int *faces, int max_pairs, int *pairs,
                                            int *count);
 
-/* ===== [2.4] DISTANCE GRID =================================================================== */
-
 /* ===== [2.5] CONTACT ========================================================================= */
 
 typedef enum cloth_initial {                /* pairs that intersect before the first step      */
@@ -6354,8 +6352,6 @@ static cloth_status clothi_contact_open(cloth_collide *c) {
     int          i, inside = 0;
     c->begun = 1;
     c->nfailed = 0;
-    memset(&c->report, 0, sizeof c->report);
-    c->report.fraction = 1;
     c->nnext = c->nnow = 0;
     if (c->seen != clothi_contact_seen(c))  /* a host wrote x: anchors are dropped */
         return clothi_contact_check(c);
@@ -6381,6 +6377,10 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     clothi_world_pose(c, e->x_n, explicit_step ? 0 : s->attach_alpha - s->attach_step,
                       explicit_step ? 1 : s->attach_alpha);
     c->solid_known = 0;
+    if (!c->begun) {
+        memset(&c->report, 0, sizeof c->report);
+        c->report.fraction = 1;
+    }
     status = clothi_inside_faces(c);
     if (!status && !c->begun) status = clothi_contact_open(c);
     c->ntouch = 0;

@@ -434,9 +434,13 @@ static void outside(void) {
     const double o[3] = {0, 0, 0};
     shape        s = {0, 0, NULL, NULL};
     cloth_grid  *g;
+    cloth_grid_desc wall;
     int          i, a, checked = 0;
     shape_sphere(&s, o, 1, 60);
-    g = make(&s, 0.1, 0.3);
+    wall = desc_of(&s, 0.1);                    /* phi has a slope where the grid ends */
+    wall.band = 1;
+    wall.margin = 0.3;
+    CHECK(cloth_grid_create(&wall, &g) == CLOTH_OK);
     for (i = 0; i < 2000; i++) {
         double p[3], q[3], d, e, grad[3], slope[3];
         int    axis = i % 3, out = 0;

@@ -221,7 +221,9 @@ static void many_shells(void) {
 /* Boxes with sides in common planes: nothing is in general position, nothing is cut through, and
  * the rays of a box disagree. Only the two ends lie inside. */
 static void flat_on_flat(void) {
-    const double lo[2][3] = {{0, 0, 0}, {1, 0, 0}}, hi[2][3] = {{2, 2, 2}, {3, 2, 2}};
+    /* thirds of these coordinates are rounded: a centroid is off its plane by an ulp or two */
+    const double lo[2][3] = {{0, 0.1, 0.3}, {1, 0.1, 0.3}};
+    const double hi[2][3] = {{2, 0.7, 1.7}, {3, 0.7, 1.7}};
     shape        s = {0, 0, NULL, NULL};
     answer       a;
     int          f, i, wrong = 0;

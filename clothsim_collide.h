@@ -445,15 +445,64 @@ CLOTHI_UNUSED static void clothi_bernstein_right(double *f, double t) {
         for (i = 0; i < k; i++) f[i] = (1 - t) * f[i] + t * f[i + 1];
 }
 
-/* Where the hull of f [4] on [0,1], f[0] > 0, first meets 0; 2 when it does not. */
-CLOTHI_UNUSED static double clothi_bernstein_first(const double *f) {
+/* Where the hull of f [n + 1] on [0,1], f[0] > 0, first meets 0; 2 when it does not. */
+CLOTHI_UNUSED static double clothi_bernstein_first(const double *f, int n) {
     double first = 2;
     int    i, k;
-    for (i = 1; i < 4; i++)
+    for (i = 1; i <= n; i++)
         for (k = 0; !(f[i] > 0) && k < i; k++)
             if (f[k] > 0)
-                first = clothi_min(first, (k + (i - k) * (f[k] / (f[k] - f[i]))) / 3);
+                first = clothi_min(first, (k + (i - k) * (f[k] / (f[k] - f[i]))) / n);
     return first;
+}
+
+/* How fast n [3] must turn, W [3] from t to the end, to stay at right angles to the side or, for
+ * -1, to the plane of the polygon, which is r now: W.e = -n.(change of e). 0: it has none. */
+CLOTHI_UNUSED static int clothi_ccd_turn(const clothi_ccd *q, const double *r, int side,
+                                         const double *n, double *W) {
+    double e[2][3], to[2], c[2][3], normal[3], size;
+    int    i, k;
+    for (i = 0; i < (side < 0 ? 2 : 1); i++) {
+        const int a = side < 0 ? 0 : 3 * side, last = 3 * (q->n - 1);
+        const int b = side < 0 ? (i ? last : 3) : a < last ? a + 3 : 0;
+        clothi_sub3(r + b, r + a, e[i]);
+        for (to[i] = 0, k = 0; k < 3; k++)
+            to[i] += n[k] * (e[i][k] - (q->r1[b + k] - q->r1[a + k]));
+    }
+    if (side < 0) {
+        clothi_cross3(e[0], e[1], normal);
+        clothi_cross3(e[1], normal, c[0]);
+        clothi_cross3(normal, e[0], c[1]);
+        size = clothi_dot3(normal, normal);
+        for (k = 0; k < 3; k++) W[k] = (to[0] * c[0][k] + to[1] * c[1][k]) / size;
+    } else {
+        size = clothi_dot3(e[0], e[0]);
+        for (k = 0; k < 3; k++) W[k] = to[0] * e[0][k] / size;
+    }
+    return size > 0;
+}
+
+/* Longest certified time from t with a direction that turns with the polygon, n + x W for x from
+ * 0 to 1 between t and the end. A corner's distance is quadratic in x; |n + x W| is at most
+ * 1 + x^2 W^2/2, as W is at right angles to n but for rounding. */
+CLOTHI_UNUSED static double clothi_ccd_turning(const clothi_ccd *q, const double *r, int side,
+                                               const double *n, double t) {
+    double W[3], f[3], ww, len, first = 2, floor;
+    int    i;
+    if (!clothi_ccd_turn(q, r, side, n, W)) return t;
+    ww = clothi_dot3(W, W);
+    if (!(ww < 1e12)) return t;
+    len = 1 + fabs(W[0]) + fabs(W[1]) + fabs(W[2]);
+    floor = q->s * (1 + 1e-15 * len + fabs(clothi_dot3(n, W))) + 4 * q->E * len;
+    for (i = 0; i < 3 * q->n; i += 3) {
+        const double a = clothi_dot3(n, r + i), b = clothi_dot3(n, q->r1 + i);
+        f[0] = a - floor;
+        f[1] = 0.5 * (a + b + clothi_dot3(W, r + i)) - floor;
+        f[2] = b + clothi_dot3(W, q->r1 + i) - floor * (1 + 0.5 * ww);
+        if (!(f[0] > 0)) return t;
+        first = clothi_min(first, clothi_bernstein_first(f, 2));
+    }
+    return first > 1 ? 2 : t + (1 - t) * first;
 }
 
 /* Longest certified time from t with the polygon's own plane, as clothi_ccd_axis. */
@@ -470,7 +519,7 @@ CLOTHI_UNUSED static double clothi_ccd_plane(clothi_ccd *q, double t) {
             f[i] = sign * q->c[i] - q->s * (1 + 1e-14) * q->N[i] - q->E_c;
         clothi_bernstein_right(f, t);
         if (!(f[0] > 0)) return t;
-        x = clothi_bernstein_first(f);
+        x = clothi_bernstein_first(f, 3);
         if (x > 1) return 2;
         x *= 1 - t;
         t = t + x;
@@ -513,13 +562,17 @@ CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
     int          step, i;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
         double r[12], lambda[4], v[3], n[3], next = t, d;
-        int    side;
+        int    side, turned;
         for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
         side = clothi_nearest(r, q->n, lambda, v);
         d = sqrt(clothi_dot3(v, v));
-        if (clothi_ccd_direction(r, q->n, side, v, n)) next = clothi_ccd_axis(q, n, t);
+        turned = clothi_ccd_direction(r, q->n, side, v, n);
+        if (turned) next = clothi_ccd_axis(q, n, t);
         if (next > 1) return 0;
         next = clothi_max(next, clothi_ccd_plane(q, t));
+        if (next > 1) return 0;
+        if (turned)
+            next = clothi_max(next, clothi_ccd_turning(q, r, side, n, t));
         if (next > 1) return 0;
         if (!(next > t) && side >= 0 && clothi_ccd_direction(r, q->n, -1, v, n))
             next = clothi_ccd_axis(q, n, t);
@@ -675,7 +728,7 @@ CLOTHI_UNUSED static double clothi_dd_plane(const clothi_dd *c, clothi_dd t, dou
     for (k = 3; k > 0; k--) clothi_dd_mix(f, f + 1, t, k, f);
     for (i = 0; i < 4; i++) g[i] = (f[0].h < 0 ? -f[i].h : f[i].h) - E;
     if (!(g[0] > E)) return 0;
-    x = clothi_bernstein_first(g);
+    x = clothi_bernstein_first(g, 3);
     return x > 1 ? 2 : x * (1 - 1e-15);
 }
 

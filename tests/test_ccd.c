@@ -381,7 +381,7 @@ static void against_samples(void) {
         size = ccd_size(x);
         hit = ccd_call(ee, x, s, &toi);
         hits += hit;
-        slack = 1.01e-6 * s + 1e-14 * size;
+        slack = 1.01e-6 * s + 3e-14 * size;
         least = ccd_least(ee, x, 1, 100, &at);
         missed += least <= (ref_real)s && (!hit || (ref_real)toi > at);
         if (!hit) continue;

@@ -139,6 +139,25 @@ CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work);
 
 /* ===== [2.3] INTERSECTIONS =================================================================== */
 
+/* Which faces of a mesh intersect each other at given positions, decided exactly.          [5.2]
+ * Two faces intersect when, as closed triangles, they have a point in common that is not on a
+ * vertex or an edge that both name: touching counts, neighbours along an edge count only when
+ * folded onto each other in one plane, faces with the same three vertices never. Vertices at one
+ * place with two numbers are two: a mesh that is not welded touches itself all along its seams.
+ * in   x          [nv x 3] m, finite
+ * in   faces      [nf x 3], no corner twice; any set of triangles, also without area
+ * in   max_pairs  that pairs has room for; 0 with pairs NULL: count only
+ * out  pairs      [max_pairs x 2] faces i < j in increasing order: the first min(*count, max_pairs)
+ * out  count      how many there are in all, may be NULL; 0 on failure
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT; CLOTH_ERR_MESH: an index out of range or a corner twice;
+ *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs. pairs is as
+ *   before on failure.
+ * contract: alloc scratch | cost O(nf log nf + pairs near each other), 2 us a face | uses the
+ *   parallel hook | same answer for any worker count */
+CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
+                                           int nf, const int *faces, int max_pairs, int *pairs,
+                                           int *count);
+
 /* ===== [2.4] DISTANCE GRID ===================================================================
  *
  * Signed distance to a closed mesh, sampled on a regular grid, for queries and for soft contact:
@@ -204,24 +223,6 @@ CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);
  * contract: alloc none | cost O(1), 8 loads | threads: any */
 CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[3],
                                          double *distance, double gradient[3]);
-/* Which faces of a mesh intersect each other at given positions, decided exactly.          [5.2]
- * Two faces intersect when, as closed triangles, they have a point in common that is not on a
- * vertex or an edge that both name: touching counts, neighbours along an edge count only when
- * folded onto each other in one plane, faces with the same three vertices never. Vertices at one
- * place with two numbers are two: a mesh that is not welded touches itself all along its seams.
- * in   x          [nv x 3] m, finite
- * in   faces      [nf x 3], no corner twice; any set of triangles, also without area
- * in   max_pairs  that pairs has room for; 0 with pairs NULL: count only
- * out  pairs      [max_pairs x 2] faces i < j in increasing order: the first min(*count, max_pairs)
- * out  count      how many there are in all, may be NULL; 0 on failure
- * returns CLOTH_OK; CLOTH_ERR_ARGUMENT; CLOTH_ERR_MESH: an index out of range or a corner twice;
- *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs. pairs is as
- *   before on failure.
- * contract: alloc scratch | cost O(nf log nf + pairs near each other), 2 us a face | uses the
- *   parallel hook | same answer for any worker count */
-CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
-                                           int nf, const int *faces, int max_pairs, int *pairs,
-                                           int *count);
 
 /* ===== [2.5] CONTACT ========================================================================= */
 

@@ -4334,16 +4334,16 @@ CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
 }
 
 /* f [nv x 3] of the vertices [begin, end) = scale times the sum of their corners' entries in the
- * batches' forces: entry[start[v] .. start[v+1]) are offsets of the axis x, y and z lie 8 and 16
+ * batches' forces: entry[start[v] .. stop[v]) are offsets of the axis x, y and z lie 8 and 16
  * further. */
 CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
-                                   const int *CLOTHI_RESTRICT start,
+                                   const int *start, const int *stop,
                                    const int *CLOTHI_RESTRICT entry, int begin, int end,
                                    double scale, double *CLOTHI_RESTRICT f) {
     int v, k;
     for (v = begin; v < end; v++) {
         double s0 = 0.0, s1 = 0.0, s2 = 0.0;
-        for (k = start[v]; k < start[v + 1]; k++) {
+        for (k = start[v]; k < stop[v]; k++) {
             const double *e = forces + entry[k];
             s0 += e[0];
             s1 += e[CLOTHI_LANES];
@@ -10439,8 +10439,8 @@ static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
     double            *grad = p->energy;
     int last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    clothi_sum_corners(p->s->w.force, m->gather_start, m->gather, begin * CLOTHI_VERTICES, last,
-                       1.0, grad);
+    clothi_sum_corners(p->s->w.force, m->gather_start, m->gather_start + 1, m->gather,
+                       begin * CLOTHI_VERTICES, last, 1.0, grad);
 }
 
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
@@ -12297,6 +12297,12 @@ static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *gra
     e->grad = grad;
     e->hess = NULL;
     e->h = 0;                               /* no damping */
+    if (s->model->wing) {
+        clothi_leap_wings(s);
+        clothi_sum_corners(s->w.force, s->model->gather_start, s->model->gather_mid,
+                           s->model->gather, 0, s->model->nv, 1.0, grad);
+        return CLOTH_OK;
+    }
     memset(grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
     for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
         status = s->term[i].eval(s->term[i].user, e, &energy);

@@ -858,7 +858,7 @@ static void lanes_gather(void) {
             if (index[i] == v) entry[n++] = 3 * LANES * (i / LANES) + i % LANES;
     }
     start[20] = n;
-    clothi_sum_corners(forces, start, entry, 0, 20, -1.0, f);
+    clothi_sum_corners(forces, start, start + 1, entry, 0, 20, -1.0, f);
     for (v = 0; v < 20; v++)
         for (k = 0; k < 3; k++) {
             double sum = 0;

@@ -5156,7 +5156,7 @@ CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
 }
 
 CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
+                                    const double *CLOTHI_RESTRICT side,
                                     const double *CLOTHI_RESTRICT pull,
                                     double *CLOTHI_RESTRICT f) {
     enum { L = CLOTHI_LANES };
@@ -5175,16 +5175,23 @@ CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
         const double m01 = pull[k] - pull[L + k], m12 = pull[L + k] - pull[2 * L + k];
         const double m02 = pull[k] - pull[2 * L + k];
         const double c1 = inv * (a2 * m01 - a0 * m12), c2 = inv * (a0 * m12 + a1 * m02);
-        clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
-        f[3 * L + k] += c1 * n0;
-        f[4 * L + k] += c1 * n1;
-        f[5 * L + k] += c1 * n2;
-        f[6 * L + k] += c2 * n0;
-        f[7 * L + k] += c2 * n1;
-        f[8 * L + k] += c2 * n2;
-        f[k] = -f[3 * L + k] - f[6 * L + k];
-        f[L + k] = -f[4 * L + k] - f[7 * L + k];
-        f[2 * L + k] = -f[5 * L + k] - f[8 * L + k];
+        const double u = a0 + a1 - side[k], v = a0 + a2 - side[L + k], w = a0 - side[2 * L + k];
+        const double p = side[6 * L + k], r = side[7 * L + k], z = side[8 * L + k];
+        const double s1 = side[3 * L + k] * u + side[4 * L + k] * v + p * (w + w);
+        const double s2 = side[4 * L + k] * u + side[5 * L + k] * v + r * (w + w);
+        const double s12 = p * u + r * v + z * w;
+        const double p0 = d0 * s1 + h0 * s12 + c1 * n0, q0 = d0 * s12 + h0 * s2 + c2 * n0;
+        const double p1 = d1 * s1 + h1 * s12 + c1 * n1, q1 = d1 * s12 + h1 * s2 + c2 * n1;
+        const double p2 = d2 * s1 + h2 * s12 + c1 * n2, q2 = d2 * s12 + h2 * s2 + c2 * n2;
+        f[k] = -p0 - q0;
+        f[L + k] = -p1 - q1;
+        f[2 * L + k] = -p2 - q2;
+        f[3 * L + k] = p0;
+        f[4 * L + k] = p1;
+        f[5 * L + k] = p2;
+        f[6 * L + k] = q0;
+        f[7 * L + k] = q1;
+        f[8 * L + k] = q2;
     }
 }
 
@@ -9540,7 +9547,7 @@ struct cloth_sim {
     double         wind[3];
     /* derived */
     clothi_elements membrane, bend;
-    double *side;                           /* [membrane batches x 6 x 8] of [6.5], or NULL    */
+    double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
     double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
     int     quadratic_ready;
     int     fresh;                  /* w.grad and the terms' energies are those of w.x   */
@@ -9766,21 +9773,36 @@ static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, cloth
         }
 }
 
-/* The unit vectors across the edges of each rest triangle, g_k/|g_k| with the gradients of [6.2]. */
+/* What triangles with hinges read, of [6.5]: QUADRATIC the unit vectors across the edges, else the
+ * stretch in terms of edges. */
 static void clothi_derive_sides(cloth_sim *s) {
+    enum { L = CLOTHI_LANES };
     int i, k;
-    for (i = 0; i < s->model->membrane.nbatch * CLOTHI_LANES; i++) {
-        const int     b = i / CLOTHI_LANES, lane = i % CLOTHI_LANES;
-        const double *B = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
-        double       *side = s->side + (size_t)b * 6 * CLOTHI_LANES + lane;
-        double        g[6], size;
-        for (k = 0; k < 4; k++) g[2 + k] = B[k * CLOTHI_LANES];
-        g[0] = -g[2] - g[4];
-        g[1] = -g[3] - g[5];
-        for (k = 0; k < 6; k++) {
-            size = sqrt(g[k / 2 * 2] * g[k / 2 * 2] + g[k / 2 * 2 + 1] * g[k / 2 * 2 + 1]);
-            side[k * CLOTHI_LANES] = g[k] / size;
+    for (i = 0; i < s->model->membrane.nbatch * L; i++) {
+        const double *B = s->membrane.rest + (size_t)(i / L) * 7 * L + i % L;
+        const double  area = B[4 * L], mu = B[5 * L], lambda = B[6 * L];
+        const double  g1 = B[0] * B[0] + B[L] * B[L], g12 = B[0] * B[2 * L] + B[L] * B[3 * L];
+        const double  g2 = B[2 * L] * B[2 * L] + B[3 * L] * B[3 * L];
+        const double  det = g1 * g2 - g12 * g12, both = area * (mu + 0.5 * lambda);
+        double       *side = s->side + (size_t)(i / L) * 9 * L + i % L;
+        if (s->model->bend.kind == CLOTHI_QUADRATIC) {
+            const double g0 = g1 + g2 + 2 * g12;
+            for (k = 0; k < 2; k++) {
+                side[k * L] = -(B[k * L] + B[(k + 2) * L]) / sqrt(g0);
+                side[(2 + k) * L] = B[k * L] / sqrt(g1);
+                side[(4 + k) * L] = B[(k + 2) * L] / sqrt(g2);
+            }
+            continue;
         }
+        side[0] = g2 / det;
+        side[L] = g1 / det;
+        side[2 * L] = -g12 / det;
+        side[3 * L] = both * g1 * g1;
+        side[4 * L] = area * (mu * g12 * g12 + 0.5 * lambda * g1 * g2);
+        side[5 * L] = both * g2 * g2;
+        side[6 * L] = both * g1 * g12;
+        side[7 * L] = both * g2 * g12;
+        side[8 * L] = area * (mu * (g1 * g2 + g12 * g12) + lambda * g12 * g12);
     }
 }
 
@@ -9956,8 +9978,7 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
         !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
         return CLOTH_ERR_MEMORY;
-    if (m->wing && m->bend.kind == CLOTHI_QUADRATIC &&
-        !(s->side = (double *)clothi_alloc(hooks, nb * 6, sizeof(double))))
+    if (m->wing && !(s->side = (double *)clothi_alloc(hooks, nb * 9, sizeof(double))))
         return CLOTH_ERR_MEMORY;
     return clothi_params_alloc(m, hooks, &s->params);
 }
@@ -12217,15 +12238,16 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (b = begin * CLOTHI_CHUNK; b < last; b++) {
         const double *rest = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES;
+        const double *side = s->side + (size_t)b * 9 * CLOTHI_LANES;
         const int    *wing = s->model->wing + (size_t)b * 3 * CLOTHI_LANES;
         double       *f = s->w.force + g->force + (size_t)b * 9 * CLOTHI_LANES;
         clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
-        if (s->side) {
+        if (s->model->bend.kind == CLOTHI_QUADRATIC) {
             clothi_gather_lanes(all, wing, 3, pull);
-            clothi_winged_quadratic(x, rest, pull, s->side + (size_t)b * 6 * CLOTHI_LANES, f);
+            clothi_winged_quadratic(x, rest, pull, side, f);
         } else {
             for (i = 0; i < 3 * CLOTHI_LANES; i++) pull[i] = all[wing[i]];
-            clothi_winged_hinge(x, rest, pull, f);
+            clothi_winged_hinge(x, side, pull, f);
         }
     }
 }

@@ -1303,16 +1303,7 @@ CLOTHI_UNUSED static void clothi_settle(double *a, size_t n) {
     if (a && clothi_find_nonfinite(a, n) >= 0) memset(a, 0, n * sizeof *a);
 }
 
-/* atan2 without a branch or a table, so that a loop over it becomes vector code; scalar and vector
- * callers get the same bits. (+-0, +-0) gives +-0; the sign is that of y. Digits are
- * lost when both are below 1e-284.
- *
- *   z = min(|x|,|y|) / max(|x|,|y|) in [0, 1]; beyond tan(pi/8) the angle is measured from pi/4:
- *   atan z = pi/4 + atan((z-1)/(z+1)), so that one division yields w with |w| <= tan(pi/8), and
- *   atan w = w + w t P(t), t = w^2, P of degree 10 interpolating (atan(w)/w - 1)/t at the
- *   Chebyshev nodes of [0, tan^2(pi/8)]: 7e-18 from it, a fifteenth of half an ulp.
- *   The octants put the pieces together: theta = k pi/4 +- atan w, k = 0..4, with pi/4 in two
- *   parts. Error below 3 ulp (tests/test_math.c: atan2_ulp), relative also for tiny angles. */
+/* atan(w)/w - 1 from t = w^2, |w| <= tan(pi/8): t P(t) below. */
 CLOTHI_UNUSED static inline double clothi_atan_tail(double t) {
     const double t2 = t * t;
     const double odd = -0.3333333333333333 + t2 * (-0.14285714284665682
@@ -1323,6 +1314,16 @@ CLOTHI_UNUSED static inline double clothi_atan_tail(double t) {
     return t * (odd + t * even);
 }
 
+/* atan2 without a branch or a table, so that a loop over it becomes vector code; scalar and vector
+ * callers get the same bits. (+-0, +-0) gives +-0; the sign is that of y. Digits are
+ * lost when both are below 1e-284.
+ *
+ *   z = min(|x|,|y|) / max(|x|,|y|) in [0, 1]; beyond tan(pi/8) the angle is measured from pi/4:
+ *   atan z = pi/4 + atan((z-1)/(z+1)), so that one division yields w with |w| <= tan(pi/8), and
+ *   atan w = w + w t P(t), t = w^2, P of degree 10 interpolating (atan(w)/w - 1)/t at the
+ *   Chebyshev nodes of [0, tan^2(pi/8)]: 7e-18 from it, a fifteenth of half an ulp.
+ *   The octants put the pieces together: theta = k pi/4 +- atan w, k = 0..4, with pi/4 in two
+ *   parts. Error below 3 ulp (tests/test_math.c: atan2_ulp), relative also for tiny angles. */
 CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double ax = fabs(x), ay = fabs(y);
     const double big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
@@ -4241,7 +4242,7 @@ CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const doubl
  *             colouring, no atomics, the same bits for any number of workers.
  *   calls     clothi_gather_lanes, then one of
  *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
- *               clothi_hinge_forces | _forces_damped | _lanes (everything), clothi_theta_lanes,
+ *               clothi_hinge_forces | _lanes (everything), clothi_theta_lanes,
  *               clothi_strain_lanes, clothi_smallest_stretch2, clothi_largest_stretch2,
  *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
  *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
@@ -4823,26 +4824,6 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
     }
 }
 
-/* With damping; theta [8] of x is handed out for the next step's theta_n. */
-CLOTHI_HOT void clothi_hinge_forces_damped(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           const double *CLOTHI_RESTRICT theta_n,
-                                           const double *CLOTHI_RESTRICT damp,
-                                           double *CLOTHI_RESTRICT theta,
-                                           double *CLOTHI_RESTRICT f) {
-    double l[CLOTHI_LANES];
-    int    k;
-    clothi_edge_lengths(x, l);
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_fold h = clothi_fold_at(x, l, k);
-        const double      angle = clothi_atan2(h.sine, h.cosine);
-        const double      bent = clothi_wrap(angle - rest[CLOTHI_LANES + k]);
-        const double      turned = clothi_wrap(angle - theta_n[k]);
-        theta[k] = angle;
-        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * turned), k, f);
-    }
-}
-
 /* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
 CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
                                      const double *CLOTHI_RESTRICT rest,
@@ -5076,9 +5057,26 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
 }
 
 /* --- stretch and bending of a triangle in one: the explicit step's path ---
- * First the pulls of all hinges, then, from the pulls of its three edges, a triangle's force.
- * pull: of hinges [8], of quadratic ones [8][3]. A triangle's pull k is that of the edge opposite
- * its corner k, zero at a boundary: [3][8], quadratic [9][8]. side [6][8]: u of its edges. */
+ *
+ * A hinge's gradient has a part in each of its two triangles, along that triangle's normal n. With
+ * the pull m = (dJ/dtheta)/l of each edge (m_k: of the one opposite corner k, 0 at a boundary) and
+ * a_k the dot product of the two edges at corner k, so that a foot is t = a/l^2, l_i^2 = a_j + a_k,
+ * [6.3] reads   G_i = n/|n|^2 [ a_k (m_j - m_i) + a_j (m_k - m_i) ],   i, j, k the three corners.
+ * Quadratic bending has the pull M = c sum_i w_i x_i, a vector, and G_i = P g_i with the 3x2
+ * matrix P = sum_k M_k u_k', u_k = g_k/|g_k| across edge k (g: [6.2]): one more stress.
+ * Hence a number (or vector) per hinge and 9 numbers per triangle instead of 12 more per hinge, and
+ * a vertex sums 6 corners, not 18.
+ * The edges' dot products give the stretch as well: C = Ds'Ds, at rest C0 = (BB')^-1, S' =
+ * A B S B' is linear in C - C0, and the gradients are those of [6.2], (A F S g_1, A F S g_2) =
+ * Ds S'. Rounding grows with the square of a sliver's aspect, in [6.2] with the aspect.
+ *
+ *   pull      of hinges [8], of quadratic ones [8][3]; a triangle's [3][8], quadratic [9][8]
+ *   side      of hinges [9][8]: C0 (11, 22, 12), then S' = (K0 K1 2 K3; K1 K2 2 K4; K3 K4 K5)(C-C0)
+ *             on (11, 22, 12); quadratic [6][8]: u_0, u_1, u_2
+ *   collapse  |n| is not taken smaller than 1e-6 of the triangle's own sum of a_k (in [6.3]: of the
+ *             hinge's sum of squares)
+ *   checked   tests/test_leapfrog.c: triangle_forces
+ */
 
 /* M/l where all eight hinges are flat at rest and below 22 degrees: with w = tan(theta) = l y/x,
  * atan(w)/l = (y/x) (atan(w)/w), an even function of w, so neither a root nor octants. */
@@ -12114,6 +12112,19 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
  *
  *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
  *
+ * Forces: undamped triangles with bending take the path of [6.5] "stretch and bending in one".
+ * Tried, ns per element and substep at N = 32, -O3 -march=x86-64-v3, hinge / quadratic:
+ *     12 numbers stored per hinge, 18 summed corners at a vertex                      13.1 / 8.3
+ *     forces per triangle from pulls per hinge, scalar loads of the pulls             10.4 / 8.0
+ *     no root and no octants where eight hinges are flat at rest and below 22 degrees;
+ *       quadratic pulls as points, loaded like positions                               8.0 / 6.7
+ *     stretch from the edges' dot products (hinge only)                                7.65
+ * A reserve of m/32 substeps instead of m/16 costs no energy and saves 3 %. Lost: safety 0.97 or
+ * 0.96, and looking at the stretch every 8 substeps: 3 %, 1.5 % faster, but a sheet that snaps from
+ * stretch 2 gained 35 to 60 % energy, or a swinging one 9 %. The scene of bench_explicit.c turns
+ * unstable below 52 substeps, 62 are taken: the largest stretch sits at held corners, where the
+ * fastest mode does not.
+ *
  * Cost: nf + nh element forces a substep; omega ~ sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
  *
  * Ledger, when a report is wanted: a kick by a force F does the work kick F.(v + v')/2 on the
@@ -12565,7 +12576,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
  * and not twice as many; else m and a little. */
 static int clothi_leap_substeps(const cloth_sim *s, double h, int m) {
     const double last = s->h_prev > 0 ? ceil(h / s->h_prev - 1e-6) : 0;
-    return last >= m && last <= 2 * m ? (int)last : m > 4 ? m + (m + 15) / 16 : m;
+    return last >= m && last <= 2 * m ? (int)last : m > 4 ? m + (m + 31) / 32 : m;
 }
 
 static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {

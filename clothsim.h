@@ -1304,16 +1304,7 @@ CLOTHI_UNUSED static void clothi_settle(double *a, size_t n) {
     if (a && clothi_find_nonfinite(a, n) >= 0) memset(a, 0, n * sizeof *a);
 }
 
-/* atan2 without a branch or a table, so that a loop over it becomes vector code; scalar and vector
- * callers get the same bits. (+-0, +-0) gives +-0; the sign is that of y. Digits are
- * lost when both are below 1e-284.
- *
- *   z = min(|x|,|y|) / max(|x|,|y|) in [0, 1]; beyond tan(pi/8) the angle is measured from pi/4:
- *   atan z = pi/4 + atan((z-1)/(z+1)), so that one division yields w with |w| <= tan(pi/8), and
- *   atan w = w + w t P(t), t = w^2, P of degree 10 interpolating (atan(w)/w - 1)/t at the
- *   Chebyshev nodes of [0, tan^2(pi/8)]: 7e-18 from it, a fifteenth of half an ulp.
- *   The octants put the pieces together: theta = k pi/4 +- atan w, k = 0..4, with pi/4 in two
- *   parts. Error below 3 ulp (tests/test_math.c: atan2_ulp), relative also for tiny angles. */
+/* atan(w)/w - 1 from t = w^2, |w| <= tan(pi/8): t P(t) below. */
 CLOTHI_UNUSED static inline double clothi_atan_tail(double t) {
     const double t2 = t * t;
     const double odd = -0.3333333333333333 + t2 * (-0.14285714284665682
@@ -1324,6 +1315,16 @@ CLOTHI_UNUSED static inline double clothi_atan_tail(double t) {
     return t * (odd + t * even);
 }
 
+/* atan2 without a branch or a table, so that a loop over it becomes vector code; scalar and vector
+ * callers get the same bits. (+-0, +-0) gives +-0; the sign is that of y. Digits are
+ * lost when both are below 1e-284.
+ *
+ *   z = min(|x|,|y|) / max(|x|,|y|) in [0, 1]; beyond tan(pi/8) the angle is measured from pi/4:
+ *   atan z = pi/4 + atan((z-1)/(z+1)), so that one division yields w with |w| <= tan(pi/8), and
+ *   atan w = w + w t P(t), t = w^2, P of degree 10 interpolating (atan(w)/w - 1)/t at the
+ *   Chebyshev nodes of [0, tan^2(pi/8)]: 7e-18 from it, a fifteenth of half an ulp.
+ *   The octants put the pieces together: theta = k pi/4 +- atan w, k = 0..4, with pi/4 in two
+ *   parts. Error below 3 ulp (tests/test_math.c: atan2_ulp), relative also for tiny angles. */
 CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double ax = fabs(x), ay = fabs(y);
     const double big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
@@ -4256,7 +4257,7 @@ CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const doubl
  *             colouring, no atomics, the same bits for any number of workers.
  *   calls     clothi_gather_lanes, then one of
  *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
- *               clothi_hinge_forces | _forces_damped | _lanes (everything), clothi_theta_lanes,
+ *               clothi_hinge_forces | _lanes (everything), clothi_theta_lanes,
  *               clothi_strain_lanes, clothi_smallest_stretch2, clothi_largest_stretch2,
  *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
  *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
@@ -4349,16 +4350,16 @@ CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
 }
 
 /* f [nv x 3] of the vertices [begin, end) = scale times the sum of their corners' entries in the
- * batches' forces: entry[start[v] .. start[v+1]) are offsets of the axis x, y and z lie 8 and 16
+ * batches' forces: entry[start[v] .. stop[v]) are offsets of the axis x, y and z lie 8 and 16
  * further. */
 CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
-                                   const int *CLOTHI_RESTRICT start,
+                                   const int *start, const int *stop,
                                    const int *CLOTHI_RESTRICT entry, int begin, int end,
                                    double scale, double *CLOTHI_RESTRICT f) {
     int v, k;
     for (v = begin; v < end; v++) {
         double s0 = 0.0, s1 = 0.0, s2 = 0.0;
-        for (k = start[v]; k < start[v + 1]; k++) {
+        for (k = start[v]; k < stop[v]; k++) {
             const double *e = forces + entry[k];
             s0 += e[0];
             s1 += e[CLOTHI_LANES];
@@ -4838,26 +4839,6 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
     }
 }
 
-/* With damping; theta [8] of x is handed out for the next step's theta_n. */
-CLOTHI_HOT void clothi_hinge_forces_damped(const double *CLOTHI_RESTRICT x,
-                                           const double *CLOTHI_RESTRICT rest,
-                                           const double *CLOTHI_RESTRICT theta_n,
-                                           const double *CLOTHI_RESTRICT damp,
-                                           double *CLOTHI_RESTRICT theta,
-                                           double *CLOTHI_RESTRICT f) {
-    double l[CLOTHI_LANES];
-    int    k;
-    clothi_edge_lengths(x, l);
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_fold h = clothi_fold_at(x, l, k);
-        const double      angle = clothi_atan2(h.sine, h.cosine);
-        const double      bent = clothi_wrap(angle - rest[CLOTHI_LANES + k]);
-        const double      turned = clothi_wrap(angle - theta_n[k]);
-        theta[k] = angle;
-        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * turned), k, f);
-    }
-}
-
 /* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
 CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
                                      const double *CLOTHI_RESTRICT rest,
@@ -5091,9 +5072,26 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
 }
 
 /* --- stretch and bending of a triangle in one: the explicit step's path ---
- * First the pulls of all hinges, then, from the pulls of its three edges, a triangle's force.
- * pull: of hinges [8], of quadratic ones [8][3]. A triangle's pull k is that of the edge opposite
- * its corner k, zero at a boundary: [3][8], quadratic [9][8]. side [6][8]: u of its edges. */
+ *
+ * A hinge's gradient has a part in each of its two triangles, along that triangle's normal n. With
+ * the pull m = (dJ/dtheta)/l of each edge (m_k: of the one opposite corner k, 0 at a boundary) and
+ * a_k the dot product of the two edges at corner k, so that a foot is t = a/l^2, l_i^2 = a_j + a_k,
+ * [6.3] reads   G_i = n/|n|^2 [ a_k (m_j - m_i) + a_j (m_k - m_i) ],   i, j, k the three corners.
+ * Quadratic bending has the pull M = c sum_i w_i x_i, a vector, and G_i = P g_i with the 3x2
+ * matrix P = sum_k M_k u_k', u_k = g_k/|g_k| across edge k (g: [6.2]): one more stress.
+ * Hence a number (or vector) per hinge and 9 numbers per triangle instead of 12 more per hinge, and
+ * a vertex sums 6 corners, not 18.
+ * The edges' dot products give the stretch as well: C = Ds'Ds, at rest C0 = (BB')^-1, S' =
+ * A B S B' is linear in C - C0, and the gradients are those of [6.2], (A F S g_1, A F S g_2) =
+ * Ds S'. Rounding grows with the square of a sliver's aspect, in [6.2] with the aspect.
+ *
+ *   pull      of hinges [8], of quadratic ones [8][3]; a triangle's [3][8], quadratic [9][8]
+ *   side      of hinges [9][8]: C0 (11, 22, 12), then S' = (K0 K1 2 K3; K1 K2 2 K4; K3 K4 K5)(C-C0)
+ *             on (11, 22, 12); quadratic [6][8]: u_0, u_1, u_2
+ *   collapse  |n| is not taken smaller than 1e-6 of the triangle's own sum of a_k (in [6.3]: of the
+ *             hinge's sum of squares)
+ *   checked   tests/test_leapfrog.c: triangle_forces
+ */
 
 /* M/l where all eight hinges are flat at rest and below 22 degrees: with w = tan(theta) = l y/x,
  * atan(w)/l = (y/x) (atan(w)/w), an even function of w, so neither a root nor octants. */
@@ -5171,7 +5169,7 @@ CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
 }
 
 CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
+                                    const double *CLOTHI_RESTRICT side,
                                     const double *CLOTHI_RESTRICT pull,
                                     double *CLOTHI_RESTRICT f) {
     enum { L = CLOTHI_LANES };
@@ -5190,16 +5188,23 @@ CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
         const double m01 = pull[k] - pull[L + k], m12 = pull[L + k] - pull[2 * L + k];
         const double m02 = pull[k] - pull[2 * L + k];
         const double c1 = inv * (a2 * m01 - a0 * m12), c2 = inv * (a0 * m12 + a1 * m02);
-        clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
-        f[3 * L + k] += c1 * n0;
-        f[4 * L + k] += c1 * n1;
-        f[5 * L + k] += c1 * n2;
-        f[6 * L + k] += c2 * n0;
-        f[7 * L + k] += c2 * n1;
-        f[8 * L + k] += c2 * n2;
-        f[k] = -f[3 * L + k] - f[6 * L + k];
-        f[L + k] = -f[4 * L + k] - f[7 * L + k];
-        f[2 * L + k] = -f[5 * L + k] - f[8 * L + k];
+        const double u = a0 + a1 - side[k], v = a0 + a2 - side[L + k], w = a0 - side[2 * L + k];
+        const double p = side[6 * L + k], r = side[7 * L + k], z = side[8 * L + k];
+        const double s1 = side[3 * L + k] * u + side[4 * L + k] * v + p * (w + w);
+        const double s2 = side[4 * L + k] * u + side[5 * L + k] * v + r * (w + w);
+        const double s12 = p * u + r * v + z * w;
+        const double p0 = d0 * s1 + h0 * s12 + c1 * n0, q0 = d0 * s12 + h0 * s2 + c2 * n0;
+        const double p1 = d1 * s1 + h1 * s12 + c1 * n1, q1 = d1 * s12 + h1 * s2 + c2 * n1;
+        const double p2 = d2 * s1 + h2 * s12 + c1 * n2, q2 = d2 * s12 + h2 * s2 + c2 * n2;
+        f[k] = -p0 - q0;
+        f[L + k] = -p1 - q1;
+        f[2 * L + k] = -p2 - q2;
+        f[3 * L + k] = p0;
+        f[4 * L + k] = p1;
+        f[5 * L + k] = p2;
+        f[6 * L + k] = q0;
+        f[7 * L + k] = q1;
+        f[8 * L + k] = q2;
     }
 }
 
@@ -9564,7 +9569,7 @@ struct cloth_sim {
     double         wind[3];
     /* derived */
     clothi_elements membrane, bend;
-    double *side;                           /* [membrane batches x 6 x 8] of [6.5], or NULL    */
+    double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
     double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
     int     quadratic_ready;
     int     fresh;                  /* w.grad and the terms' energies are those of w.x   */
@@ -9790,21 +9795,36 @@ static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, cloth
         }
 }
 
-/* The unit vectors across the edges of each rest triangle, g_k/|g_k| with the gradients of [6.2]. */
+/* What triangles with hinges read, of [6.5]: QUADRATIC the unit vectors across the edges, else the
+ * stretch in terms of edges. */
 static void clothi_derive_sides(cloth_sim *s) {
+    enum { L = CLOTHI_LANES };
     int i, k;
-    for (i = 0; i < s->model->membrane.nbatch * CLOTHI_LANES; i++) {
-        const int     b = i / CLOTHI_LANES, lane = i % CLOTHI_LANES;
-        const double *B = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
-        double       *side = s->side + (size_t)b * 6 * CLOTHI_LANES + lane;
-        double        g[6], size;
-        for (k = 0; k < 4; k++) g[2 + k] = B[k * CLOTHI_LANES];
-        g[0] = -g[2] - g[4];
-        g[1] = -g[3] - g[5];
-        for (k = 0; k < 6; k++) {
-            size = sqrt(g[k / 2 * 2] * g[k / 2 * 2] + g[k / 2 * 2 + 1] * g[k / 2 * 2 + 1]);
-            side[k * CLOTHI_LANES] = g[k] / size;
+    for (i = 0; i < s->model->membrane.nbatch * L; i++) {
+        const double *B = s->membrane.rest + (size_t)(i / L) * 7 * L + i % L;
+        const double  area = B[4 * L], mu = B[5 * L], lambda = B[6 * L];
+        const double  g1 = B[0] * B[0] + B[L] * B[L], g12 = B[0] * B[2 * L] + B[L] * B[3 * L];
+        const double  g2 = B[2 * L] * B[2 * L] + B[3 * L] * B[3 * L];
+        const double  det = g1 * g2 - g12 * g12, both = area * (mu + 0.5 * lambda);
+        double       *side = s->side + (size_t)(i / L) * 9 * L + i % L;
+        if (s->model->bend.kind == CLOTHI_QUADRATIC) {
+            const double g0 = g1 + g2 + 2 * g12;
+            for (k = 0; k < 2; k++) {
+                side[k * L] = -(B[k * L] + B[(k + 2) * L]) / sqrt(g0);
+                side[(2 + k) * L] = B[k * L] / sqrt(g1);
+                side[(4 + k) * L] = B[(k + 2) * L] / sqrt(g2);
+            }
+            continue;
         }
+        side[0] = g2 / det;
+        side[L] = g1 / det;
+        side[2 * L] = -g12 / det;
+        side[3 * L] = both * g1 * g1;
+        side[4 * L] = area * (mu * g12 * g12 + 0.5 * lambda * g1 * g2);
+        side[5 * L] = both * g2 * g2;
+        side[6 * L] = both * g1 * g12;
+        side[7 * L] = both * g2 * g12;
+        side[8 * L] = area * (mu * (g1 * g2 + g12 * g12) + lambda * g12 * g12);
     }
 }
 
@@ -9980,8 +10000,7 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
         !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
         return CLOTH_ERR_MEMORY;
-    if (m->wing && m->bend.kind == CLOTHI_QUADRATIC &&
-        !(s->side = (double *)clothi_alloc(hooks, nb * 6, sizeof(double))))
+    if (m->wing && !(s->side = (double *)clothi_alloc(hooks, nb * 9, sizeof(double))))
         return CLOTH_ERR_MEMORY;
     return clothi_params_alloc(m, hooks, &s->params);
 }
@@ -10475,8 +10494,8 @@ static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
     double            *grad = p->energy;
     int last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    clothi_sum_corners(p->s->w.force, m->gather_start, m->gather, begin * CLOTHI_VERTICES, last,
-                       1.0, grad);
+    clothi_sum_corners(p->s->w.force, m->gather_start, m->gather_start + 1, m->gather,
+                       begin * CLOTHI_VERTICES, last, 1.0, grad);
 }
 
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
@@ -12132,6 +12151,19 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
  *
  *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
  *
+ * Forces: undamped triangles with bending take the path of [6.5] "stretch and bending in one".
+ * Tried, ns per element and substep at N = 32, -O3 -march=x86-64-v3, hinge / quadratic:
+ *     12 numbers stored per hinge, 18 summed corners at a vertex                      13.1 / 8.3
+ *     forces per triangle from pulls per hinge, scalar loads of the pulls             10.4 / 8.0
+ *     no root and no octants where eight hinges are flat at rest and below 22 degrees;
+ *       quadratic pulls as points, loaded like positions                               8.0 / 6.7
+ *     stretch from the edges' dot products (hinge only)                                7.65
+ * A reserve of m/32 substeps instead of m/16 costs no energy and saves 3 %. Lost: safety 0.97 or
+ * 0.96, and looking at the stretch every 8 substeps: 3 %, 1.5 % faster, but a sheet that snaps from
+ * stretch 2 gained 35 to 60 % energy, or a swinging one 9 %. The scene of bench_explicit.c turns
+ * unstable below 52 substeps, 62 are taken: the largest stretch sits at held corners, where the
+ * fastest mode does not.
+ *
  * Cost: nf + nh element forces a substep; omega ~ sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
  *
  * Ledger, when a report is wanted: a kick by a force F does the work kick F.(v + v')/2 on the
@@ -12256,15 +12288,16 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (b = begin * CLOTHI_CHUNK; b < last; b++) {
         const double *rest = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES;
+        const double *side = s->side + (size_t)b * 9 * CLOTHI_LANES;
         const int    *wing = s->model->wing + (size_t)b * 3 * CLOTHI_LANES;
         double       *f = s->w.force + g->force + (size_t)b * 9 * CLOTHI_LANES;
         clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
-        if (s->side) {
+        if (s->model->bend.kind == CLOTHI_QUADRATIC) {
             clothi_gather_lanes(all, wing, 3, pull);
-            clothi_winged_quadratic(x, rest, pull, s->side + (size_t)b * 6 * CLOTHI_LANES, f);
+            clothi_winged_quadratic(x, rest, pull, side, f);
         } else {
             for (i = 0; i < 3 * CLOTHI_LANES; i++) pull[i] = all[wing[i]];
-            clothi_winged_hinge(x, rest, pull, f);
+            clothi_winged_hinge(x, side, pull, f);
         }
     }
 }
@@ -12331,6 +12364,12 @@ static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *gra
     e->grad = grad;
     e->hess = NULL;
     e->h = 0;                               /* no damping */
+    if (s->model->wing) {
+        clothi_leap_wings(s);
+        clothi_sum_corners(s->w.force, s->model->gather_start, s->model->gather_mid,
+                           s->model->gather, 0, s->model->nv, 1.0, grad);
+        return CLOTH_OK;
+    }
     memset(grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
     for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
         status = s->term[i].eval(s->term[i].user, e, &energy);
@@ -12571,7 +12610,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
  * and not twice as many; else m and a little. */
 static int clothi_leap_substeps(const cloth_sim *s, double h, int m) {
     const double last = s->h_prev > 0 ? ceil(h / s->h_prev - 1e-6) : 0;
-    return last >= m && last <= 2 * m ? (int)last : m > 4 ? m + (m + 15) / 16 : m;
+    return last >= m && last <= 2 * m ? (int)last : m > 4 ? m + (m + 31) / 32 : m;
 }
 
 /* Contact once over the straight path from x0 to w.x; the velocity w.trial no longer approaches

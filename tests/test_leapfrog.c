@@ -1,6 +1,7 @@
 /* test_leapfrog.c - the explicit integrator: stability limit, automatic substeps, energy, time
- * reversal, damping, moving pins, and no matrix.
- *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION test_leapfrog.c -lm */
+ * reversal, damping, moving pins, no matrix, forces by triangles.
+ *   cc -std=c99 -O2 -ffp-contract=off test_leapfrog.c -lm */
+#define CLOTHSIM_IMPLEMENTATION
 #include "../clothsim.h"
 
 #include "test.h"
@@ -320,6 +321,82 @@ static void ledger_closes(void) {
     CHECK(fabs(loss[1]) < fabs(loss[0]) / 8);
 }
 
+/* The gradient at x from the public element functions, one by one. */
+static void reference_gradient(const dyn *d, const double *x, double *sum) {
+    const cloth_params   *p = cloth_sim_params(d->sim);
+    const cloth_topology *t = cloth_model_topology(d->model);
+    double                mu, lambda, y[12], X[12], w[4], g[12], e2, A[2];
+    int                   i, k, r;
+    cloth_material_lame(p->material, &mu, &lambda);
+    memset(sum, 0, 3 * (size_t)d->nv * sizeof *sum);
+    for (i = 0; i < t->nf; i++) {
+        const int *v = d->desc.faces + 3 * i;
+        for (k = 0; k < 9; k++) y[k] = x[3 * v[k / 3] + k % 3];
+        (void)cloth_stretch(y, p->X + 6 * i, mu, lambda, g, NULL, 0);
+        for (k = 0; k < 9; k++) sum[3 * v[k / 3] + k % 3] += g[k];
+    }
+    for (i = 0; i < t->nh; i++) {
+        const int *v = t->hinges + 4 * i;
+        double     c;
+        for (k = 0; k < 12; k++) y[k] = x[3 * v[k / 3] + k % 3];
+        for (k = 0; k < 12; k++) X[k] = d->mesh->x[3 * v[k / 3] + k % 3];
+        for (k = 0, e2 = 0; k < 3; k++) e2 += (X[3 + k] - X[k]) * (X[3 + k] - X[k]);
+        for (k = 0; k < 2; k++) {
+            const double *q = p->X + 6 * t->hinge_faces[2 * i + k];
+            A[k] = 0.5 * ((q[2] - q[0]) * (q[5] - q[1]) - (q[4] - q[0]) * (q[3] - q[1]));
+        }
+        c = cloth_hinge_coefficient(p->material->bending, e2, A[0], A[1]);
+        cloth_bend_quadratic_weights(X, w);
+        if (d->desc.bend == CLOTH_BEND_QUADRATIC) (void)cloth_bend_quadratic(y, w, c, g, NULL);
+        else (void)cloth_bend(y, c, p->theta0[i], g, NULL, 0);
+        for (k = 0; k < 4; k++)
+            for (r = 0; r < 3; r++) sum[3 * v[k] + r] += g[3 * k + r];
+    }
+}
+
+/* Bending by triangles against the public element functions: shallow and folded, flat and bent at
+ * rest, and finite where triangles have collapsed. Unequal cells and boundaries on all sides. */
+static void triangle_forces(void) {
+    static const double rough[5] = {1e-3, 1e-2, 0.05, 1, 0};
+    unsigned long long  seed = 31;
+    double              worst = 0;
+    int                 round, i, k;
+    for (round = 0; round < 20; round++) {
+        const double  size = rough[round % 5];
+        dyn           d;
+        double        want[3 * 63], got[3 * 63];
+        cloth_eval    e;
+        const double *extra;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 9, 7, 1, 1);
+        for (i = 0; i < d.nv; i++)
+            for (k = 0; k < 2; k++) d.mesh->x[3 * i + k] += ref_uniform(&seed, -0.03, 0.03);
+        d.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+        d.desc.bend = round % 2 ? CLOTH_BEND_QUADRATIC : CLOTH_BEND_HINGE;
+        d.desc.material.bending = 10;       /* no less than the membrane does */
+        if (!dyn_start(&d)) return;
+        if (round >= 10 && round % 2 == 0)
+            for (i = 0; i < cloth_model_topology(d.model)->nh; i++)
+                cloth_sim_params(d.sim)->theta0[i] = ref_uniform(&seed, -3, 3);
+        cloth_sim_params_changed(d.sim);
+        CHECK(cloth_step(d.sim, 1e-6, NULL) == CLOTH_OK);
+        for (i = 0; i < 3 * d.nv; i++)
+            d.sim->w.x[i] = size > 0 ? d.mesh->x[i] + ref_uniform(&seed, -size, size) : 0;
+        memset(&e, 0, sizeof e);
+        e.model = d.model;
+        e.params = cloth_sim_params(d.sim);
+        e.nv = d.nv;
+        CHECK(clothi_leap_force(d.sim, &e, &extra) == CLOTH_OK);
+        clothi_sum_corners(d.sim->w.force, d.model->gather_start, d.model->gather_mid,
+                           d.model->gather, 0, d.nv, 1, got);
+        reference_gradient(&d, d.sim->w.x, want);
+        CHECK(clothi_find_nonfinite(got, 3 * (size_t)d.nv) < 0);
+        if (size > 0) worst = fmax(worst, ref_difference(got, want, 3 * d.nv));
+        dyn_end(&d);
+    }
+    printf("  largest difference from the element functions: %.1e\n", worst);
+    CHECK(worst < 1e-12);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(stability_limit);
@@ -331,5 +408,6 @@ int main(int argc, char **argv) {
     RUN(snap);
     RUN(moving_pins);
     RUN(ledger_closes);
+    RUN(triangle_forces);
     return TEST_END();
 }

@@ -1544,10 +1544,11 @@ CLOTH_API const char *cloth_status_text(cloth_status status) {
 
 CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
 
-/* Sections that run once are compiled for size: an object of 300 KB is a promise. */
+/* Sections that run once are compiled for size, without the passes that take gcc longest: an
+ * object of 300 KB is a promise. */
 #if defined(CLOTHI_SMALL)
 #  pragma GCC push_options
-#  pragma GCC optimize("Os")
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
 #endif
 
 /* ===== [4.1] MESH CHECK ========================================================================
@@ -5084,6 +5085,11 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
     if (f) clothi_quadratic_forces(x, rest, f);
 }
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
+#endif
+
 /* ===== [7.1] ORDERING ==========================================================================
  *
  *   vertices of the mesh ---> rows of the matrix           leaves 0..3        separators S
@@ -6080,6 +6086,10 @@ CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
     return 1 + 2.0 * pattern->nlow / pattern->n;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 /* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
  *
@@ -8671,6 +8681,11 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
     return CLOTH_OK;
 }
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
+#endif
+
 /* ===== [8.1] MODEL ===========================================================================
  *
  *      desc  --check-->  mesh  -->  topology  -->  rest shape X  -->  stencils  -->  pattern
@@ -9890,6 +9905,10 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     clothi_free(hooks, sim->state.x);
     clothi_free(&sim->model->hooks, sim);
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 /* ===== [9.1] ENERGY TERMS ====================================================================
  *
@@ -11694,6 +11713,11 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 }
 
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
+#endif
+
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
 #define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
@@ -11891,6 +11915,10 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
     s->history = 0;
     return status;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 /* ===== [9.4] LEAPFROG ========================================================================
  *
@@ -12848,7 +12876,7 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
 
 #if defined(CLOTHI_SMALL)
 #  pragma GCC push_options
-#  pragma GCC optimize("Os")
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
 #endif
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */

@@ -1551,10 +1551,11 @@ CLOTH_API const char *cloth_status_text(cloth_status status) {
 
 CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
 
-/* Sections that run once are compiled for size: an object of 300 KB is a promise. */
+/* Sections that run once are compiled for size, without the passes that take gcc longest: an
+ * object of 300 KB is a promise. */
 #if defined(CLOTHI_SMALL)
 #  pragma GCC push_options
-#  pragma GCC optimize("Os")
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
 #endif
 
 /* ===== [4.1] MESH CHECK ========================================================================
@@ -5247,6 +5248,10 @@ CLOTHI_HOT void clothi_winged_quadratic(const double *CLOTHI_RESTRICT x,
             f[(6 + r) * L + k] = f2;
         }
 }
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
+#endif
 
 /* ===== [7.1] ORDERING ==========================================================================
  *
@@ -6244,6 +6249,10 @@ CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
     return 1 + 2.0 * pattern->nlow / pattern->n;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 /* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
  *
@@ -8835,6 +8844,11 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
     return CLOTH_OK;
 }
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
+#endif
+
 /* ===== [8.1] MODEL ===========================================================================
  *
  *      desc  --check-->  mesh  -->  topology  -->  rest shape X  -->  stencils  -->  pattern
@@ -9572,7 +9586,9 @@ struct cloth_sim {
     double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
     double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
     int     quadratic_ready;
-    int     fresh;                  /* w.grad and the terms' energies are those of w.x   */
+    int     fresh;                          /* w.grad and the terms' energies are of w.x       */
+    cloth_ledger ledger;                    /* energies of the last step's result, which w.x   */
+    int     known;                          /* still holds; known: if it is the state yet      */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
     /* terms */
@@ -9894,6 +9910,7 @@ static void clothi_derive(cloth_sim *s) {
     clothi_derive_group(s, &s->model->bend, &s->bend);
     if (s->side) clothi_derive_sides(s);
     s->quadratic_ready = 0;
+    s->quadratic_ready = s->known = 0;
     s->omega_rest = 0;
 }
 
@@ -10022,6 +10039,7 @@ static void clothi_sim_start(cloth_sim *s) {
     s->nattach = 0;
     s->force_on = 0;
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
+    s->known = 0;
     memcpy(s->wind, m->desc.wind, sizeof s->wind);
     s->wind_on = m->desc.wind_on != 0;
     p->nregions = m->nregions;
@@ -10119,6 +10137,10 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     clothi_free(hooks, sim->state.x);
     clothi_free(&sim->model->hooks, sim);
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 /* ===== [9.1] ENERGY TERMS ====================================================================
  *
@@ -11924,6 +11946,11 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 }
 
 
+#if defined(CLOTHI_SMALL)
+#  pragma GCC push_options
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
+#endif
+
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
 #define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
@@ -12121,6 +12148,10 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
     s->history = 0;
     return status;
 }
+
+#if defined(CLOTHI_SMALL)
+#  pragma GCC pop_options
+#endif
 
 /* ===== [9.4] LEAPFROG ========================================================================
  *
@@ -12779,6 +12810,11 @@ static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
     for (i = s->nbuiltin; i < s->nterms; i++) l->other += s->term_energy[i];
 }
 
+static void clothi_ledger_total(const cloth_sim *s, const double *v, cloth_ledger *l) {
+    l->kinetic = clothi_kinetic(s, v);
+    l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
+}
+
 /* Energies at x, v without inertia; gradient into w.grad when asked. */
 CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v,
                                                     int grad, cloth_ledger *l) {
@@ -12794,9 +12830,18 @@ CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *
     if (!status) status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
     if (status) return status;
     clothi_ledger_terms(s, l);
-    l->kinetic = clothi_kinetic(s, v);
-    l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
+    clothi_ledger_total(s, v, l);
     return status;
+}
+
+/* The energies at the start of a step are those at the end of the last one, bit for bit, while
+ * nothing that they depend on has changed: x is compared, what else could change clears `known`. */
+static cloth_status clothi_energy_before(cloth_sim *s, int known, cloth_ledger *l) {
+    if (!known || memcmp(s->state.x, s->w.x, 3 * (size_t)s->model->nv * sizeof(double)))
+        return clothi_energy_at(s, s->state.x, s->state.v, 0, l);
+    *l = s->ledger;                         /* only its total is read */
+    clothi_ledger_total(s, s->state.v, l);
+    return CLOTH_OK;
 }
 
 /* Work and losses of an implicit substep, from the gradient at its result w.x: what is left of
@@ -12809,6 +12854,7 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     if (!s->fresh || s->contact_on)
         status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
     if (status) return status;
+    s->fresh = 1;
     goal->e.x = s->w.x;
     l->damping_loss +=
         2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]);
@@ -12854,11 +12900,41 @@ static double clothi_face_stretch(const cloth_sim *s, int f) {
     return stretch[1];
 }
 
+/* Squares of the smaller stretches of triangles, angles of hinges: one per lane. */
+static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
+    const clothi_pass *p = (const clothi_pass *)ctx;
+    double x[12 * CLOTHI_LANES];
+    int    b, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+    (void)worker;
+    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+        clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
+                            p->g->width, x);
+        if (p->g->kind == CLOTHI_TRIANGLE)
+            clothi_smallest_stretch2(x, p->s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
+                                     p->energy + (size_t)b * CLOTHI_LANES);
+        else
+            clothi_theta_lanes(x, p->energy + (size_t)b * CLOTHI_LANES);
+    }
+}
+
+/* The same for a group, in the scratch of its energies: its first batch there is `first`. */
+static const double *clothi_shapes(cloth_sim *s, const clothi_group *g, int first) {
+    clothi_pass p;
+    memset(&p, 0, sizeof p);
+    p.s = s;
+    p.g = g;
+    p.x = s->state.x;
+    p.energy = s->w.energy_batch + (size_t)first * CLOTHI_LANES;
+    clothi_for(&s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1, clothi_shape_range, &p);
+    return p.energy;
+}
+
 /* Smallest stretch; eight triangles at a time, and the smallest one once more, exactly. */
-static void clothi_report_stretch(const cloth_sim *s, cloth_report *report) {
+static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
     const clothi_group *g = &s->model->membrane;
-    double x[9 * CLOTHI_LANES], square[CLOTHI_LANES], low = HUGE_VAL, stretch;
-    int    b, k, f;
+    const double *square;
+    double low = HUGE_VAL, stretch;
+    int    k, f;
     report->min_stretch = HUGE_VAL;
     for (f = 0; g->kind != CLOTHI_TRIANGLE && f < s->model->nf; f++) {
         stretch = clothi_face_stretch(s, f);
@@ -12867,31 +12943,25 @@ static void clothi_report_stretch(const cloth_sim *s, cloth_report *report) {
         report->collapsed += stretch < CLOTHI_COLLAPSED;
     }
     if (g->kind != CLOTHI_TRIANGLE) return;
-    for (b = 0; b < g->nbatch; b++) {
-        clothi_gather_lanes(s->state.x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
-        clothi_smallest_stretch2(x, s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES, square);
-        for (k = 0; k < CLOTHI_LANES; k++) {
-            if ((f = g->id[b * CLOTHI_LANES + k]) < 0) continue;
-            report->collapsed += square[k] < CLOTHI_COLLAPSED * CLOTHI_COLLAPSED;
-            if (square[k] < low || (square[k] <= low && f < report->min_stretch_face))
-                low = square[k], report->min_stretch_face = f;
-        }
+    square = clothi_shapes(s, g, 0);
+    for (k = 0; k < g->nbatch * CLOTHI_LANES; k++) {
+        if ((f = g->id[k]) < 0) continue;
+        report->collapsed += square[k] < CLOTHI_COLLAPSED * CLOTHI_COLLAPSED;
+        if (square[k] < low || (square[k] <= low && f < report->min_stretch_face))
+            low = square[k], report->min_stretch_face = f;
     }
     if (report->min_stretch_face >= 0)
         report->min_stretch = clothi_face_stretch(s, report->min_stretch_face);
 }
 
-static void clothi_report_shape(const cloth_sim *s, cloth_report *report) {
+static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
     const clothi_group *g = &s->model->bend;
-    double x[12 * CLOTHI_LANES], theta[CLOTHI_LANES];
-    int    b, k;
+    const double *theta;
+    int k;
     clothi_report_stretch(s, report);
-    for (b = 0; b < g->nbatch; b++) {
-        clothi_gather_lanes(s->state.x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
-        clothi_theta_lanes(x, theta);
-        for (k = 0; k < CLOTHI_LANES; k++)
-            report->folded += g->id[b * CLOTHI_LANES + k] >= 0 && fabs(theta[k]) > CLOTHI_FOLDED;
-    }
+    theta = clothi_shapes(s, g, s->model->membrane.nbatch);
+    for (k = 0; k < g->nbatch * CLOTHI_LANES; k++)
+        report->folded += g->id[k] >= 0 && fabs(theta[k]) > CLOTHI_FOLDED;
 }
 
 static void clothi_report_momentum(const cloth_sim *s, cloth_report *report) {
@@ -13017,7 +13087,16 @@ static void clothi_accept(cloth_sim *s, cloth_report *report) {
 static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before,
                                         cloth_report *report) {
     cloth_ledger l = report->energy;
-    cloth_status status = clothi_energy_at(s, s->state.x, s->state.v, 0, &l);
+    cloth_status status = CLOTH_OK;
+    const int    builtin = s->nterms == s->nbuiltin;    /* a host's energy may depend on h */
+    if (s->fresh && builtin) {
+        clothi_ledger_terms(s, &l);
+        clothi_ledger_total(s, s->state.v, &l);
+    } else
+        status = clothi_energy_at(s, s->state.x, s->state.v, 0, &l);
+    s->ledger = l;
+    s->known = s->fresh && builtin && !s->contact_on && !s->nattach && !s->membrane.damped &&
+               !s->bend.damped;
     l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work -
                        l.damping_loss - l.total;
     report->energy = l;
@@ -13048,7 +13127,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
                                    cloth_report *wanted) {
     const double start = clothi_now(&s->hooks), t = s->state.t, h_prev = s->h_prev;
     long long    allocations = s->allocations;
-    int          history = s->history;
+    int          history = s->history, known = s->known && !s->nattach;
     cloth_report local, *report = wanted ? wanted : &local;
     cloth_ledger before;
     cloth_status status;
@@ -13056,6 +13135,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     memset(&before, 0, sizeof before);
     memset(&s->counts, 0, sizeof s->counts);
     memset(&s->ms, 0, sizeof s->ms);
+    s->known = s->fresh = 0;
     report->h = h;
     report->vertex = report->min_stretch_face = -1;
     status = clothi_check_step(s, h, report);
@@ -13067,7 +13147,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     if (!status) {
         s->balance = wanted != NULL;
         s->attach_alpha = 0;                /* at the step's start */
-        if (wanted) status = clothi_energy_at(s, s->state.x, s->state.v, 0, &before);
+        if (wanted) status = clothi_energy_before(s, known, &before);
         if (!status) status = run(s, h, report);
         if (!status && wanted) status = clothi_report_after(s, &before, report);
         if (status) {
@@ -13129,7 +13209,7 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
 
 #if defined(CLOTHI_SMALL)
 #  pragma GCC push_options
-#  pragma GCC optimize("Os")
+#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
 #endif
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
@@ -13302,6 +13382,7 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) 
     if (!sim || !g) return CLOTH_ERR_ARGUMENT;
     status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity", g, 3);
     if (!status) memcpy(sim->gravity, g, sizeof sim->gravity);
+    sim->known = 0;
     return status;
 }
 

@@ -11256,6 +11256,10 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
     return status;
 }
 
+/* But for rounding CG ends after as many iterations as there are unknowns. Where twenty times as
+ * many were not enough, rounding never meets the tolerance; the general cap would only cost. */
+#define CLOTHI_CG_SMALL 300                 /* vertices                                        */
+
 /* One linear solve, w.dx = H^-1 w.rhs. radius > 0 (m): inside a trust region. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
                                                        double radius, int cholesky,
@@ -11270,6 +11274,8 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     opt.tolerance = tolerance;
     opt.radius = radius;
     opt.fixed = s->fixed;
+    if (s->model->nv < CLOTHI_CG_SMALL)
+        opt.max_iterations = 60 * s->model->nv + 200;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
     report->linear_solves++;
     report->cg += lr->iterations;
@@ -12714,18 +12720,25 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     return status;
 }
 
+/* The answer to a call that was refused before anything was looked at. */
+static cloth_status clothi_refused(cloth_report *report, cloth_status status) {
+    if (!report) return status;
+    memset(report, 0, sizeof *report);
+    report->status = status;
+    report->vertex = report->min_stretch_face = -1;
+    return status;
+}
+
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report) {
-    if (report) memset(report, 0, sizeof *report);
-    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
     return clothi_guarded(sim, h, clothi_step_run, report);
 }
 
 CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report) {
-    if (report) memset(report, 0, sizeof *report);
-    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
     if (sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_UNSUPPORTED,
-                           "cloth_solve_static needs a matrix: LEAPFROG has none");
+        return clothi_refused(report, clothi_fail(&sim->hooks, CLOTH_ERR_UNSUPPORTED,
+                                  "cloth_solve_static needs a matrix: LEAPFROG has none"));
     return clothi_guarded(sim, 1.0, clothi_static_run, report);
 }
 

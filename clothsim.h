@@ -1012,8 +1012,8 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
 
 /* Hinge, x [4x3] m: edge ends x0 x1, then the corner left and right of the directed edge x0->x1 as
  * seen from the side that the normals point to; c N m, angles rad. Returns c/2 (theta-theta0)^2 J,
- * the difference taken into [-pi, pi] (for |theta0| <= 2 pi): the energy is continuous where theta
- * leaps from pi to -pi. grad [12] N, hess [12x12] N/m; psd: Gauss-Newton.                  [6.3] */
+ * the difference not wrapped; a sim's own hinges wrap it, where theta leaps from pi to -pi. grad
+ * [12] N, hess [12x12] N/m; psd: Gauss-Newton.                                             [6.3] */
 CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
                             int psd);
 
@@ -3945,16 +3945,17 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *       x0 --e--> x1                      m the unit vector in its plane from edge to corner
  *         \      /             theta    = atan2( (n1 x n2).u, n1.n2 ) = atan2( -l n1.b, n1.n2 )
  *     n2   \    /                       in [-pi, pi]: 0 flat, > 0 convex on the normals' side
- *           \  /               energy   J = c/2 bent^2, bent = wrap(theta - theta0)        [DS]
  *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped        [GHDS03]
  *            x3                c        = D l^2/(A1 + A2) with rest length and areas, N m
  *
- *   wrap      into [-pi, pi] by a whole turn. theta leaps from pi to -pi where a fold closes; a
- *             sharp rest fold, theta0 = 2.5, closes 0.64 beyond its rest. Unwrapped its energy
- *             would leap there from c/2 0.64^2 to c/2 5.64^2, a wall with no minimum at its foot:
- *             no search comes to an end on it. Wrapped, J is continuous in x alone, without
- *             memory; it has a ridge half a turn from rest, which no minimum rests on. With
- *             theta0 = 0 nothing changes. The turn since t^n of the damping is wrapped alike.
+ *   wrap      cloth_bend is the formula as it stands. A sim ([6.5], [9.1]) takes the difference
+ *             into [-pi, pi] by a whole turn first: theta leaps from pi to -pi where a fold closes,
+ *             and a sharp rest fold, theta0 = 2.5, closes 0.64 beyond it. Unwrapped the energy
+ *             leaps there from c/2 0.64^2 to c/2 5.64^2, a wall with no minimum at its foot: no
+ *             line search comes to an end on it. Wrapped, J is continuous in x alone, without
+ *             memory; its ridge is half a turn from rest, and no minimum rests on a ridge. Both
+ *             agree while |theta - theta0| <= pi: always when theta0 = 0. The turn since t^n, of
+ *             the damping, is wrapped alike.
  *
  *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
  *
@@ -4126,7 +4127,7 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
     double       dtheta[12];
     int          i, j;
     const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
-    const double bent = clothi_wrap(theta - theta0);
+    const double bent = theta - theta0;
     const double energy = 0.5 * c * bent * bent;
     if (hess)
         for (i = 0; i < 12; i++)
@@ -11543,6 +11544,10 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
     return status;
 }
 
+/* But for rounding CG ends after as many iterations as there are unknowns. Where twenty times as
+ * many were not enough, rounding never meets the tolerance; the general cap would only cost. */
+#define CLOTHI_CG_SMALL 300                 /* vertices                                        */
+
 /* One linear solve, w.dx = H^-1 w.rhs. radius > 0 (m): inside a trust region. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
                                                        double radius, int cholesky,
@@ -11557,6 +11562,8 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     opt.tolerance = tolerance;
     opt.radius = radius;
     opt.fixed = s->fixed;
+    if (s->model->nv < CLOTHI_CG_SMALL)
+        opt.max_iterations = 60 * s->model->nv + 200;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
     report->factorizations += lr->factorizations;
     report->negative += lr->negative;
@@ -13163,18 +13170,25 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     return status;
 }
 
+/* The answer to a call that was refused before anything was looked at. */
+static cloth_status clothi_refused(cloth_report *report, cloth_status status) {
+    if (!report) return status;
+    memset(report, 0, sizeof *report);
+    report->status = status;
+    report->vertex = report->min_stretch_face = -1;
+    return status;
+}
+
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report) {
-    if (report) memset(report, 0, sizeof *report);
-    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
     return clothi_guarded(sim, h, clothi_step_run, report);
 }
 
 CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report) {
-    if (report) memset(report, 0, sizeof *report);
-    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
     if (sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_UNSUPPORTED,
-                           "cloth_solve_static needs a matrix: LEAPFROG has none");
+        return clothi_refused(report, clothi_fail(&sim->hooks, CLOTH_ERR_UNSUPPORTED,
+                                  "cloth_solve_static needs a matrix: LEAPFROG has none"));
     return clothi_guarded(sim, 1.0, clothi_static_run, report);
 }
 

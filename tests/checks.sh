@@ -299,8 +299,9 @@ run_fuzz() {
             cat "$out/said"
             continue
         fi
-        if "$out/$name" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 \
-                -artifact_prefix="$out/$name." "$out/$name.corpus" $seeds >"$out/$name.log" 2>&1
+        if "$out/$name" -max_total_time="$seconds" -timeout=60 -len_control=0 -max_len=1024 \
+                -rss_limit_mb=2048 -artifact_prefix="$out/$name." \
+                "$out/$name.corpus" $seeds >"$out/$name.log" 2>&1
         then ok; tail -n 1 "$out/$name.log"
         else bad "$file: see $out/$name.log"; tail -n 40 "$out/$name.log"
         fi

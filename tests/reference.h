@@ -134,6 +134,12 @@ static inline ref_real ref_dihedral(const ref_real *x) {
 typedef struct ref_hinge { double c, theta0; } ref_hinge;
 static inline ref_real ref_hinge_energy(const ref_real *x, const void *ctx) {
     const ref_hinge *h = (const ref_hinge *)ctx;
+    ref_real         d = ref_dihedral(x) - (ref_real)h->theta0;
+    return (ref_real)h->c / 2 * d * d;
+}
+/* The same with the difference taken into [-pi, pi], as a sim's hinges do. */
+static inline ref_real ref_hinge_wrapped(const ref_real *x, const void *ctx) {
+    const ref_hinge *h = (const ref_hinge *)ctx;
     const ref_real   turn = 8 * (ref_real)0.78539816339744830961566084581987572L;
     ref_real         d = ref_dihedral(x) - (ref_real)h->theta0;
     while (d > turn / 2) d -= turn;

@@ -149,6 +149,52 @@ static void bad_h(void) {
     CHECK(cloth_step(NULL, 1, NULL) == CLOTH_ERR_ARGUMENT);
 }
 
+/* What is refused before anything was looked at fills the report as well. */
+static void refused_early(void) {
+    cloth_report r;
+    dyn          d;
+    scene(&d, CLOTH_INTEGRATOR_LEAPFROG, NULL);
+    memset(&r, 1, sizeof r);
+    CHECK(cloth_step(NULL, 1, &r) == CLOTH_ERR_ARGUMENT);
+    CHECK(r.status == CLOTH_ERR_ARGUMENT && r.outcome == CLOTH_STEP_NONE && r.vertex == -1);
+    memset(&r, 1, sizeof r);
+    CHECK(cloth_solve_static(NULL, &r) == CLOTH_ERR_ARGUMENT);
+    CHECK(r.status == CLOTH_ERR_ARGUMENT && r.outcome == CLOTH_STEP_NONE && r.vertex == -1);
+    memset(&r, 1, sizeof r);
+    CHECK(cloth_solve_static(d.sim, &r) == CLOTH_ERR_UNSUPPORTED);
+    CHECK(r.status == CLOTH_ERR_UNSUPPORTED && r.outcome == CLOTH_STEP_NONE && r.newton == 0);
+    dyn_end(&d);
+}
+
+/* A CG tolerance that rounding never meets, found by fuzz_desc.c: four vertices must not cost the
+ * general cap of 20000 iterations for each linear solve. */
+static void hopeless_cg(void) {
+    static const double x[12] = {0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0.1, 1};
+    static const int    faces[6] = {0, 1, 2, 0, 2, 3};
+    static const cloth_pin pin = {0, CLOTH_AXIS_ALL};
+    cloth_desc   desc = cloth_desc_default();
+    cloth_model *model = NULL;
+    cloth_sim   *sim = NULL;
+    cloth_report r;
+    desc.nv = 4;
+    desc.x_rest = x;
+    desc.nf = 2;
+    desc.faces = faces;
+    desc.cg_tolerance = desc.tolerance = 1e-30;
+    desc.npins = 1;
+    desc.pins = &pin;
+    desc.material.young = desc.material.thickness = 0.5;
+    desc.material.bending = desc.material.damping = desc.material.density = 0.5;
+    desc.material.poisson = 0.49999;
+    CHECK(cloth_model_create(&desc, &model) == CLOTH_OK);
+    CHECK(cloth_sim_create(model, &sim) == CLOTH_OK);
+    (void)cloth_step(sim, 0.5, &r);
+    printf("  %d linear solves, %d CG iterations\n", r.linear_solves, r.cg);
+    CHECK(r.linear_solves > 0 && r.cg <= (60 * 4 + 200) * r.linear_solves);
+    cloth_sim_destroy(sim);
+    cloth_model_destroy(model);
+}
+
 static int cancel_after(void *user) { return --*(int *)user < 0; }
 
 static void cancelled(void) {
@@ -703,6 +749,8 @@ int main(int argc, char **argv) {
     RUN(nonfinite_state);
     RUN(nonfinite_target);
     RUN(bad_h);
+    RUN(refused_early);
+    RUN(hopeless_cg);
     RUN(cancelled);
     RUN(cancelled_half_way);
     RUN(out_of_memory);

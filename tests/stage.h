@@ -1,0 +1,334 @@
+/* stage.h - scenes with contact, each of their steps examined by exact arithmetic.
+ *   stage s; stage_sheet(&s, ...); stage_start(&s); stage_mesh(&s, ...); stage_step(&s, h); ...
+ * Include after clothsim_collide.h, test.h, shapes.h and exact.h.
+ *
+ * After every accepted step no two triangles of the cloth and of mesh obstacles may intersect that
+ * did not before (exact.h: no rounding), and the cloth must be outside of spheres, capsules and
+ * planes (long double). */
+#ifndef CLOTH_TEST_STAGE_H
+#define CLOTH_TEST_STAGE_H
+
+#define STAGE_THINGS 4
+
+typedef struct stage_thing {                /* an obstacle as this file knows it               */
+    cloth_obstacle      id;
+    cloth_obstacle_kind kind;
+    int                 nv, nf, first;      /* first: of its faces, in the list                */
+    double             *x;                  /* [nv x 3] where it is                            */
+    double             *next;               /* [nv x 3] where the next step ends               */
+    double              radius, normal[3];
+} stage_thing;
+
+typedef struct stage {
+    cloth_mesh         *mesh;
+    cloth_desc          desc;
+    cloth_collide_desc  contact;
+    cloth_model        *model;
+    cloth_sim          *sim;
+    cloth_collide      *c;
+    cloth_state        *state;
+    stage_thing         thing[STAGE_THINGS];
+    int                 nthing;
+    int                 nv, nf;             /* cloth and meshes                                */
+    double             *x;                  /* [nv x 3]                                        */
+    int                *faces;              /* [nf x 3]                                        */
+    int                *pair, npair, pair_room;     /* that intersect now                      */
+
+    /* what came of it */
+    int         steps, whole, shorter, failed;
+    int         new_pairs, inside, first_bad;
+    int         newton, passes, rows, zone, rigid, touches;     /* the most in a step          */
+    double      push, ms, ms_begin, ms_detect, ms_zones, ms_worst;
+    long double least;                      /* m, to spheres, capsules and planes              */
+} stage;
+
+static inline double stage_clock(void *user) {
+    (void)user;
+    return (double)clock() / CLOCKS_PER_SEC;
+}
+
+static inline void stage_log(cloth_log_level level, cloth_status status, const char *text,
+                             void *user) {
+    (void)user;
+    (void)status;
+    if (level == CLOTH_LOG_ERROR) printf("    %s\n", text);
+}
+
+/* The mesh becomes the stage's. 1000 N/m, 1e-5 N m, 0.2 kg/m^2. */
+static inline void stage_cloth(stage *s, cloth_mesh *mesh) {
+    memset(s, 0, sizeof *s);
+    s->mesh = mesh;
+    s->desc = cloth_desc_default();
+    s->contact = cloth_collide_desc_default();
+    s->desc.hooks.clock.fn = stage_clock;
+    s->desc.hooks.log.fn = stage_log;
+    s->desc.nv = mesh->nv, s->desc.x_rest = mesh->x;
+    s->desc.nf = mesh->nf, s->desc.faces = mesh->faces;
+    s->desc.X = mesh->X;
+    s->desc.material.membrane = 1000;
+    s->desc.material.bending = 1e-5;
+    s->desc.material.density = 0.2;
+    s->desc.contact = CLOTH_CONTACT_SELF;
+    s->nv = mesh->nv, s->nf = mesh->nf;
+    s->least = 1;
+    s->first_bad = -1;
+    s->x = (double *)malloc(3 * (size_t)s->nv * sizeof(double));
+    s->faces = (int *)malloc(3 * (size_t)s->nf * sizeof(int));
+    if (!s->x || !s->faces) exit(2);
+    memcpy(s->faces, mesh->faces, 3 * (size_t)s->nf * sizeof(int));
+}
+
+static inline void stage_sheet(stage *s, int n, double size) {
+    cloth_mesh *mesh = NULL;
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, n, n, size, size, &mesh)) exit(2);
+    stage_cloth(s, mesh);
+}
+
+/* Call when desc and contact are as wanted. */
+static inline int stage_start(stage *s) {
+    CHECK(cloth_model_create(&s->desc, &s->model) == CLOTH_OK);
+    if (s->model) CHECK(cloth_sim_create(s->model, &s->sim) == CLOTH_OK);
+    if (s->sim) CHECK(cloth_collide_create(s->sim, &s->contact, &s->c) == CLOTH_OK);
+    if (!s->c) return 0;
+    s->state = cloth_sim_state(s->sim);
+    return 1;
+}
+
+/* Takes desc->x's numbers over; the meshes' faces join the list. Returns the thing's number. */
+static inline int stage_add(stage *s, const cloth_obstacle_desc *d) {
+    stage_thing *t = s->thing + s->nthing;
+    int          i;
+    t->kind = d->kind;
+    t->nv = d->kind == CLOTH_OBSTACLE_MESH ? d->nv : d->kind == CLOTH_OBSTACLE_CAPSULE ? 2 : 1;
+    t->nf = d->kind == CLOTH_OBSTACLE_MESH ? d->nf : 0;
+    t->first = s->nv;
+    t->radius = d->radius;
+    memcpy(t->normal, d->normal, sizeof t->normal);
+    t->x = (double *)malloc(3 * (size_t)t->nv * sizeof(double));
+    t->next = (double *)malloc(3 * (size_t)t->nv * sizeof(double));
+    if (!t->x || !t->next) exit(2);
+    memcpy(t->x, d->x, 3 * (size_t)t->nv * sizeof(double));
+    memcpy(t->next, d->x, 3 * (size_t)t->nv * sizeof(double));
+    if (t->nf) {
+        s->x = (double *)realloc(s->x, 3 * (size_t)(s->nv + t->nv) * sizeof(double));
+        s->faces = (int *)realloc(s->faces, 3 * (size_t)(s->nf + t->nf) * sizeof(int));
+        if (!s->x || !s->faces) exit(2);
+        for (i = 0; i < 3 * t->nf; i++) s->faces[3 * s->nf + i] = s->nv + d->faces[i];
+        s->nv += t->nv;
+        s->nf += t->nf;
+    }
+    CHECK(cloth_collide_add(s->c, d, &t->id) == CLOTH_OK);
+    return s->nthing++;
+}
+
+static inline int stage_plane(stage *s, double height, double friction) {
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    double              x[3] = {0, 0, 0};
+    x[1] = height;
+    d.kind = CLOTH_OBSTACLE_PLANE;
+    d.x = x;
+    d.friction = friction;
+    return stage_add(s, &d);
+}
+
+static inline int stage_sphere(stage *s, double x, double y, double z, double radius) {
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    double              at[3];
+    at[0] = x, at[1] = y, at[2] = z;
+    d.kind = CLOTH_OBSTACLE_SPHERE;
+    d.x = at;
+    d.radius = radius;
+    return stage_add(s, &d);
+}
+
+static inline int stage_mesh(stage *s, const shape *m, double friction) {
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    d.nv = m->nv, d.x = m->x;
+    d.nf = m->nf, d.faces = m->faces;
+    d.friction = friction;
+    return stage_add(s, &d);
+}
+
+/* --- the examination --- */
+
+static inline void stage_list(stage *s, const int *pair, int n) {
+    if (n > s->pair_room) {
+        s->pair = (int *)realloc(s->pair, 2 * (size_t)n * sizeof(int));
+        if (!s->pair) exit(2);
+        s->pair_room = n;
+    }
+    if (n) memcpy(s->pair, pair, 2 * (size_t)n * sizeof(int));
+    s->npair = n;
+}
+
+/* Distance of p from the triangle abc, m (Ericson 2005, 5.1.5, in long double). */
+static inline long double stage_distance(const double *p, const double *a, const double *b,
+                                         const double *c) {
+    const double *v[3];
+    long double   n[3], e[3][3], r[3][3], len = 0, best = HUGE_VALL, above = 0;
+    int           i, k, outside = 0;
+    v[0] = a, v[1] = b, v[2] = c;
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++) {
+            e[i][k] = (long double)v[(i + 1) % 3][k] - (long double)v[i][k];
+            r[i][k] = (long double)p[k] - (long double)v[i][k];
+        }
+    for (k = 0; k < 3; k++)
+        n[k] = e[0][(k + 1) % 3] * e[1][(k + 2) % 3] - e[0][(k + 2) % 3] * e[1][(k + 1) % 3];
+    for (k = 0; k < 3; k++) len += n[k] * n[k], above += n[k] * r[0][k];
+    for (i = 0; i < 3; i++) {
+        long double side = 0, t = 0, ee = 0, d = 0;
+        for (k = 0; k < 3; k++) {
+            side += n[k] * (e[i][(k + 1) % 3] * r[i][(k + 2) % 3] -
+                            e[i][(k + 2) % 3] * r[i][(k + 1) % 3]);
+            t += e[i][k] * r[i][k];
+            ee += e[i][k] * e[i][k];
+        }
+        if (side < 0) outside = 1;
+        t = ee > 0 ? t / ee : 0;
+        t = t < 0 ? 0 : t > 1 ? 1 : t;
+        for (k = 0; k < 3; k++) d += (r[i][k] - t * e[i][k]) * (r[i][k] - t * e[i][k]);
+        if (d < best) best = d;
+    }
+    return !outside && len > 0 ? fabsl(above) / sqrtl(len) : sqrtl(best);
+}
+
+/* Smallest distance of the cloth from thing t, less its radius; meshes: none. */
+static inline long double stage_clearance(const stage *s, const stage_thing *t) {
+    const double *x = s->state->x;
+    long double   least = HUGE_VALL, d;
+    int           i, k;
+    if (t->kind == CLOTH_OBSTACLE_PLANE)
+        for (i = 0; i < s->mesh->nv; i++) {
+            for (d = 0, k = 0; k < 3; k++)
+                d += (long double)t->normal[k] * ((long double)x[3 * i + k] - (long double)t->x[k]);
+            if (d < least) least = d;
+        }
+    if (t->kind == CLOTH_OBSTACLE_SPHERE)
+        for (i = 0; i < s->mesh->nf; i++) {
+            const int *f = s->mesh->faces + 3 * i;
+            d = stage_distance(t->x, x + 3 * f[0], x + 3 * f[1], x + 3 * f[2]) -
+                (long double)t->radius;
+            if (d < least) least = d;
+        }
+    return least;
+}
+
+static inline int stage_has(const stage *s, int a, int b) {
+    int low = 0, high = s->npair;
+    while (low < high) {
+        const int mid = low + (high - low) / 2, *p = s->pair + 2 * mid;
+        if (p[0] < a || (p[0] == a && p[1] < b))
+            low = mid + 1;
+        else
+            high = mid;
+    }
+    return low < s->npair && s->pair[2 * low] == a && s->pair[2 * low + 1] == b;
+}
+
+/* Pairs that intersect now and did not in the examination before: 0 is what is promised. */
+static inline int stage_examine(stage *s) {
+    static int found[2 * 4096];
+    int        i, n, fresh = 0;
+    memcpy(s->x, s->state->x, 3 * (size_t)s->mesh->nv * sizeof(double));
+    for (i = 0; i < s->nthing; i++) {
+        const stage_thing *t = s->thing + i;
+        const long double  d = stage_clearance(s, t);
+        if (t->nf) memcpy(s->x + 3 * t->first, t->x, 3 * (size_t)t->nv * sizeof(double));
+        if (d < s->least) s->least = d;
+        if (!(d >= 0)) s->inside++;
+    }
+    n = exact_intersections(s->nv, s->x, s->nf, s->faces, found, 4096);
+    n = n < 4096 ? n : 4096;
+    for (i = 0; i < n; i++) fresh += !stage_has(s, found[2 * i], found[2 * i + 1]);
+    stage_list(s, found, n);
+    return fresh;
+}
+
+/* One step, the things on their way to `next`; 1: accepted whole. */
+static inline int stage_step(stage *s, double h) {
+    cloth_report         r;
+    cloth_collide_report k;
+    cloth_status         status;
+    int                  i, j, bad;
+    for (i = 0; i < s->nthing; i++)
+        (void)cloth_collide_move(s->c, s->thing[i].id, s->thing[i].next);
+    status = cloth_collide_step(s->c, h, 6, &r);
+    k = cloth_collide_last(s->c);
+    s->steps++;
+    s->whole += status == CLOTH_OK && k.fraction >= 1;
+    s->shorter += status == CLOTH_OK && k.fraction < 1;
+    s->failed += status != CLOTH_OK;
+    for (i = 0; status == CLOTH_OK && i < s->nthing; i++)
+        for (j = 0; j < 3 * s->thing[i].nv; j++) {
+            double *x = s->thing[i].x + j, to = s->thing[i].next[j];
+            *x = k.fraction < 1 ? *x + k.fraction * (to - *x) : to;
+        }
+    s->ms += r.ms.total;
+    s->ms_begin += k.ms_begin;
+    s->ms_detect += k.ms_detect;
+    s->ms_zones += k.ms_zones;
+    s->ms_worst = fmax(s->ms_worst, r.ms.total);
+    s->newton = r.newton > s->newton ? r.newton : s->newton;
+    s->passes = k.passes > s->passes ? k.passes : s->passes;
+    s->rows = k.rows > s->rows ? k.rows : s->rows;
+    s->zone = k.largest_zone > s->zone ? k.largest_zone : s->zone;
+    s->rigid += k.rigid_zones;
+    s->touches = k.touches > s->touches ? k.touches : s->touches;
+    s->push = fmax(s->push, k.push);
+    if (status == CLOTH_OK) {
+        bad = stage_examine(s);
+        s->new_pairs += bad;
+        if (bad && s->first_bad < 0) s->first_bad = s->steps;
+    }
+    if (getenv("SHOW_STEPS"))
+        printf("   %4d st %d fr %g newton %d halv %d proj %d res %.1e imp %d pass %d zones %d rows "
+               "%d big %d rigid %d touch %d push %.1e qp %d bad %d ms %.1f begin %.1f det %.1f zone "
+               "%.1f\n",
+               s->steps, (int)status, k.fraction, r.newton, r.halvings, r.projected, r.residual_m,
+               k.impacts, k.passes, k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches,
+               k.push, k.qp_iterations, s->npair, r.ms.total, k.ms_begin, k.ms_detect, k.ms_zones);
+    return status == CLOTH_OK && k.fraction >= 1;
+}
+
+static inline void stage_title(void) {
+    printf("  %-22s %5s %7s %5s %4s %5s %6s %6s %6s %6s %5s %8s %9s %7s %6s\n", "scene", "steps",
+           "whole %", "short", "fail", "pairs", "newton", "passes", "rows", "zone", "rigid",
+           "push m", "gap m", "ms/step", "share");
+}
+
+static inline void stage_print(const stage *s, const char *name) {
+    const double n = s->steps > 0 ? s->steps : 1, contact = s->ms_begin + s->ms_detect + s->ms_zones;
+    printf("  %-22s %5d %7.2f %5d %4d %5d %6d %6d %6d %6d %5d %8.1e %9.2Le %7.1f %6.2f\n", name,
+           s->steps, 100 * s->whole / n, s->shorter, s->failed, s->new_pairs, s->newton, s->passes,
+           s->rows, s->zone, s->rigid, s->push, s->least, s->ms / n,
+           s->ms > 0 ? contact / s->ms : 0);
+    fflush(stdout);
+}
+
+/* What issue 3 asks of every scene. */
+static inline void stage_judge(const stage *s, const char *name) {
+    stage_print(s, name);
+    CHECK(s->new_pairs == 0);
+    CHECK(s->inside == 0);
+    CHECK(s->failed == 0);
+    CHECK(s->whole >= 0.99 * s->steps);
+}
+
+static inline void stage_end(stage *s) {
+    int i;
+    cloth_collide_destroy(s->c);
+    cloth_sim_destroy(s->sim);
+    cloth_model_destroy(s->model);
+    cloth_mesh_destroy(NULL, s->mesh);
+    for (i = 0; i < s->nthing; i++) {
+        free(s->thing[i].x);
+        free(s->thing[i].next);
+    }
+    free(s->x);
+    free(s->faces);
+    free(s->pair);
+    memset(s, 0, sizeof *s);
+}
+
+#endif

@@ -5528,7 +5528,7 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *     E = mu N ( u^2/eps - u^3/(3 eps^2)   |u| <= eps: sticks;      |u| - eps/3   beyond: slides )
  *
  * a potential in x, convex, its Hessian continuous (a plain parabola has a leap at eps, at which
- * Newton's trust region crawled). When the step is accepted s becomes u, cut to length eps: what sticks
+ * Newton's trust region crawled). When the step is accepted s becomes u, cut to eps: what sticks
  * remembers where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
  * N = force(g) at the end + what the zones added, multiplier / h^2: Coulomb's law with N one
  * substep late, right in sum over an impact.

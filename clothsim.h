@@ -8206,6 +8206,7 @@ static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, cloth
  *             also refines: without extras one or two iterations reach the tolerance.
  *   lost      as preconditioner kept over Newton iterations it loses to [7.3] in motion: the
  *             matrix changes too much.
+ *   shared    the dense kernels factor the coarse matrix of [7.3] too.
  *
  * checked: tests/test_cholesky.c
  */

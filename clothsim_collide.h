@@ -698,7 +698,8 @@ CLOTHI_UNUSED static double clothi_edge_edge(const double *x, double *w) {
  * as free, twice as much where a root of the linear function is taken, and four times as much,
  * times 1 + |W|, for the quadratic. The coefficients of c are off by at most 64 u m e^2, e the
  * largest |side|, splitting by 108 u m e^2, the root by 72 u m e^2: 256 u m e^2 is kept. m is
- * brought to about 1 by a power of two when it is beyond 1e-60 .. 1e60.
+ * brought to about 1 by a power of two when it is beyond 1e-30 .. 1e30; sides below 1e-60 then
+ * have no plane, as products of them underflow.
  *
  * checked: tests/test_ccd.c, tests/fuzz_ccd.c */
 
@@ -753,7 +754,7 @@ CLOTHI_UNUSED static void clothi_ccd_cubic(clothi_ccd *q) {
     q->N[2] = (N[2] + 2 * N[1]) / 3;
     q->N[3] = N[2];
     q->e = e;                               /* 2^-45; no plane where products underflow         */
-    q->E_c = q->m * e * e > 1e-200 ? 2.842170943040401e-14 * q->m * e * e : HUGE_VAL;
+    q->E_c = e > 1e-60 ? 2.842170943040401e-14 * q->m * e * e : HUGE_VAL;
     q->has_cubic = 1;
 }
 
@@ -869,18 +870,16 @@ CLOTHI_UNUSED static double clothi_ccd_plane(clothi_ccd *q, double t) {
     return t;
 }
 
-/* Direction n [3], |n| = 1, to the nearest point v of the polygon r on its side, -1 its inside. */
+/* Direction out [3], |out| = 1, to the nearest point v of the polygon r on its side, -1 its
+ * inside; 0 when there is none. */
 CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, const double *v,
-                                                double *out) {
+                                              double *out) {
     double e1[3], e2[3], len;
     int    k;
     clothi_sub3(r + 3, r, e1);
     clothi_sub3(r + 3 * (n - 1), r, e2);
-    if (side < 0) {
-        clothi_cross3(e1, e2, out);
-        len = sqrt(clothi_dot3(out, out));
-        if (clothi_dot3(out, r) < 0) len = -len;
-    } else {
+    if (side < 0) clothi_cross3(e1, e2, out);
+    else {
         const double *a = r + 3 * side, *b = r + 3 * (side + 1 < n ? side + 1 : 0);
         double        ee, ve;
         clothi_sub3(b, a, e1);
@@ -889,9 +888,16 @@ CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, 
         memcpy(out, v, 3 * sizeof *v);
         if (ve * ve < 1e-8 * ee * clothi_dot3(v, v))    /* at right angles, but for rounding */
             for (k = 0; k < 3; k++) out[k] -= ve / ee * e1[k];
-        len = sqrt(clothi_dot3(out, out));
     }
-    if (!(fabs(len) > 0)) return 0;
+    len = sqrt(clothi_dot3(out, out));
+    if (!(len > 1e-120)) {                  /* squares underflow                                */
+        const double m = clothi_max(fabs(out[0]), clothi_max(fabs(out[1]), fabs(out[2])));
+        const double scale = m > 0 ? clothi_unit_scale(m) : 0;
+        for (k = 0; k < 3; k++) out[k] *= scale;
+        len = sqrt(clothi_dot3(out, out));
+        if (!(len > 0.1)) return 0;
+    }
+    if (side < 0 && clothi_dot3(out, r) < 0) len = -len;
     for (k = 0; k < 3; k++) out[k] /= len;
     return 1;
 }
@@ -1100,7 +1106,7 @@ CLOTHI_UNUSED static void clothi_dd_cubic(const clothi_dd *r0, const clothi_dd *
 CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m,
                                        double e, double *toi) {
     const double E = 1.262177448353619e-29 * m;                    /* 2^-96 */
-    const double E_c = e * e * m > 1e-200 ? 2.019483917365790e-28 * m * e * e : HUGE_VAL;
+    const double E_c = e > 1e-60 ? 2.019483917365790e-28 * m * e * e : HUGE_VAL;
     clothi_dd    c[4], t = clothi_dd_of(*toi, 0), x[2];
     int          step;
     clothi_dd_cubic(r0, r1, n, c);
@@ -1181,7 +1187,7 @@ CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const dou
     for (q->m = 0, i = 0; i < 3 * q->n; i++)
         q->m = clothi_max(q->m, clothi_max(fabs(q->r0[i]), fabs(q->r1[i])));
     if (!(q->m > 0 && q->m < 1e307)) return 0;
-    if (!(q->m > 1e-60 && q->m < 1e60)) {
+    if (!(q->m > 1e-30 && q->m < 1e30)) {
         q->scale = clothi_unit_scale(q->m);
         q->m *= q->scale;
         q->s *= q->scale;
@@ -1244,16 +1250,19 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
 CLOTHI_UNUSED static double clothi_contact_frame(int edge_edge, const double *xa,
                                                  const double *xb, double toi, double *w,
                                                  double *n) {
-    double    r0[12], r[12], lambda[4], start[3] = {0, 0, 0}, v[3], m = 0, scale, g = 0;
+    double    r0[12], r[12], lambda[4], start[3] = {0, 0, 0}, v[3], m = 0, m0 = 0, scale, g = 0;
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
     int       i, k, way;
     clothi_pair_polygon(edge_edge, xb, r);
-    for (i = 0; i < 3 * corners; i++) m = clothi_max(m, clothi_max(fabs(r0[i]), fabs(r[i])));
-    scale = m > 0 ? clothi_unit_scale(m) : 1;
     for (i = 0; i < 3 * corners; i++) {
-        r0[i] *= scale;
-        r[i] = (1 - toi) * r0[i] + toi * (r[i] * scale);
+        m0 = clothi_max(m0, fabs(r0[i]));
+        m = clothi_max(m, fabs(r[i]));
     }
+    scale = m > 0 || m0 > 0 ? clothi_unit_scale(clothi_max(m, m0)) : 1;
+    for (i = 0; i < 3 * corners; i++)
+        r[i] = (1 - toi) * (r0[i] * scale) + toi * (r[i] * scale);
+    scale = m0 > 0 ? clothi_unit_scale(m0) : 1;
+    for (i = 0; i < 3 * corners; i++) r0[i] *= scale;
     way = clothi_nearest(r, corners, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
     for (i = 0; i < corners; i++)

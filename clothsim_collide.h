@@ -384,6 +384,8 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
 #if defined(CLOTHSIM_IMPLEMENTATION) && !defined(CLOTHSIM_COLLIDE_IMPLEMENTED)
 #define CLOTHSIM_COLLIDE_IMPLEMENTED
 
+#include "clothsim.h"       /* its implementation, where only the interface has been seen so far */
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -5544,7 +5546,7 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *
  * One cloth vertex near many faces of one obstacle is one anchor (clothi_key): a fold of the
  * obstacle's mesh under it changes the pair, not the memory.
- * checked: tests/test_contact.c (differences), tests/validate/incline.c, capstan.c
+ * checked: tests/test_contact.c
  */
 
 /* gap, normal and weights of a pair at xa; 0: on top of each other. */

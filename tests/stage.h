@@ -298,7 +298,8 @@ static inline void stage_title(void) {
 }
 
 static inline void stage_print(const stage *s, const char *name) {
-    const double n = s->steps > 0 ? s->steps : 1, contact = s->ms_begin + s->ms_detect + s->ms_zones;
+    const double n = s->steps > 0 ? s->steps : 1;
+    const double contact = s->ms_begin + s->ms_detect + s->ms_zones;
     printf("  %-22s %5d %7.2f %5d %4d %5d %6d %6d %6d %6d %5d %8.1e %9.2Le %7.1f %6.2f\n", name,
            s->steps, 100 * s->whole / n, s->shorter, s->failed, s->new_pairs, s->newton, s->passes,
            s->rows, s->zone, s->rigid, s->push, s->least, s->ms / n,

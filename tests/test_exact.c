@@ -92,6 +92,8 @@ static void grid(void) {
             r[0] = 0.5 + 2 * i * u;
             r[1] = 0.5 + 2 * k * u;
             wrong += clothi_orient2d(r, p, q) != (k > i) - (k < i);
+            wrong += clothi_orient2d(p, q, r) != (k > i) - (k < i);
+            wrong += clothi_orient2d(q, r, p) != (k > i) - (k < i);
         }
     CHECK(wrong == 0);
 }

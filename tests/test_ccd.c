@@ -443,6 +443,9 @@ static void arguments(void) {
     }
     for (i = 0; i < 24; i++) x[i] = i % 2 ? 1.7e308 : -1.7e308;     /* differences overflow */
     CHECK(cloth_ccd_vf(x, x + 12, 0, &toi) == 1 && toi == 0);
+    for (i = 0; i < 24; i++)                /* the same, and far apart */
+        x[i] = i % 12 < 3 ? 1.7e308 : -1.7e308 + 1e306 * (i % 5);
+    CHECK(cloth_ccd_vf(x, x + 12, 1e300, &toi) == 0 && toi == 1);
     for (i = 0; i < 24; i++) x[i] = 4.9e-324 * (i % 5);
     CHECK(cloth_ccd_ee(x, x + 12, 1e-300, &toi) == 1 && toi == 0);
 }

@@ -4846,6 +4846,7 @@ typedef struct clothi_row {                 /* n . sum w x >= bound over the clo
     int        n, v[4];                     /* world vertices                                  */
     double     w[4], normal[3];
     double     bound, multiplier;
+    double     slack;                       /* m, of bound over what detection asks for        */
     double     speed;                       /* m/s, -n . sum w v of the obstacle's vertices    */
     int        zone;
 } clothi_row;
@@ -4911,7 +4912,7 @@ struct cloth_collide {
     int    *zone_start, *zone_cursor, *zone_order;      /* [zone_cap + 1]                      */
     int     zone_cap;
     int    *qp_row, *qp_col;
-    double *qp_val, *qp_h, *qp_lambda;
+    double *qp_val, *qp_h, *qp_lambda, *qp_guess;
     double *qp_minv, *qp_x0, *qp_x;         /* [3 nv]                                          */
     double  mean_mass;                      /* kg, unit of the multipliers of the last QP      */
     cloth_qp_options qp_options;
@@ -5708,6 +5709,10 @@ static void clothi_touch_remember(cloth_collide *c) {
         while (j < c->nnext && clothi_key_compare(&c->next[j].key, &q->key) < 0) j++;
         if (j == c->nnext || clothi_key_compare(&c->next[j].key, &q->key) != 0) continue;
         q->limit = q->friction * c->next[j].force;
+        if (q->stiffness < 4 * c->next[j].force / q->range) {
+            q->stiffness = 4 * c->next[j].force / q->range;
+            q->rest = clothi_touch_rest(c, q);
+        }
         along = clothi_dot3(c->next[j].slip, q->normal);
         for (k = 0; k < 3; k++) q->slip[k] = c->next[j].slip[k] - along * q->normal[k];
     }
@@ -5864,8 +5869,10 @@ static cloth_status clothi_row_add(cloth_collide *c, const clothi_row *row) {
 /* bound and speed of a row whose frame is known; `held` m: gap along n at x^n, radius off */
 static void clothi_row_bound(const cloth_collide *c, const clothi_guard *g, double held,
                              clothi_row *row) {
-    int i, k;
-    row->bound = g->radius + clothi_min(g->gap, clothi_max(held, 1.1 * g->separation));
+    const double gap = clothi_min(g->gap, clothi_max(held, 1.1 * g->separation));
+    int          i, k;
+    row->bound = g->radius + gap;
+    row->slack = gap - g->separation;
     for (i = 0; i < row->n; i++)
         for (k = 0; row->v[i] >= c->nv && k < 3; k++) {
             const double a = c->xa[3 * row->v[i] + k], b = c->xb[3 * row->v[i] + k];
@@ -5995,6 +6002,9 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
 }
 
 #define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
+#define CLOTHI_EXACT_ROWS   200             /* larger zones are swept                          */
+#define CLOTHI_SWEEPS       1000
+#define CLOTHI_EXACT_SETS   400             /* tried before a zone becomes rigid               */
 
 static void clothi_zone_free(cloth_collide *c) {
     const cloth_hooks *k = c->hooks;
@@ -6006,8 +6016,9 @@ static void clothi_zone_free(cloth_collide *c) {
     clothi_free(k, c->qp_val);
     clothi_free(k, c->qp_h);
     clothi_free(k, c->qp_lambda);
+    clothi_free(k, c->qp_guess);
     c->zone_start = c->zone_cursor = c->zone_order = c->qp_row = c->qp_col = NULL;
-    c->qp_val = c->qp_h = c->qp_lambda = NULL;
+    c->qp_val = c->qp_h = c->qp_lambda = c->qp_guess = NULL;
     c->zone_cap = 0;
 }
 
@@ -6024,8 +6035,9 @@ static cloth_status clothi_zone_reserve(cloth_collide *c) {
     c->qp_val = (double *)clothi_alloc(c->hooks, 12 * n, sizeof(double));
     c->qp_h = (double *)clothi_alloc(c->hooks, n, sizeof(double));
     c->qp_lambda = (double *)clothi_alloc(c->hooks, n, sizeof(double));
+    c->qp_guess = (double *)clothi_alloc(c->hooks, n, sizeof(double));
     if (!c->zone_start || !c->zone_cursor || !c->zone_order || !c->qp_row || !c->qp_col ||
-        !c->qp_val || !c->qp_h || !c->qp_lambda) {
+        !c->qp_val || !c->qp_h || !c->qp_lambda || !c->qp_guess) {
         clothi_zone_free(c);
         return CLOTH_ERR_MEMORY;
     }
@@ -6098,18 +6110,71 @@ static int clothi_zone_qp(cloth_collide *c, int z, const double *from, int speed
     return n;
 }
 
+/* Lets row r of the QP have its way: lambda, and x with it. Returns how far it moved, m. */
+static double clothi_sweep_row(cloth_collide *c, const cloth_qp *qp, int r) {
+    double w = qp->h[r], a = 0, d;
+    int    i;
+    for (i = qp->row[r]; i < qp->row[r + 1]; i++) {
+        const double g = qp->val[i];
+        w -= g * c->qp_x[qp->col[i]];
+        a += g * g * qp->minv[qp->col[i]];
+    }
+    if (!(a > 0)) return w < 0 ? HUGE_VAL : 0;
+    d = clothi_max(-w / a, -c->qp_lambda[r]);
+    if (d < 0 || d > 0) {
+        c->qp_lambda[r] += d;
+        for (i = qp->row[r]; i < qp->row[r + 1]; i++)
+            c->qp_x[qp->col[i]] -= d * qp->minv[qp->col[i]] * qp->val[i];
+    }
+    return fabs(d) * a;
+}
+
+/* The QP of zone z by sweeps over its rows, there and back, from the multipliers in qp_lambda, until
+ * none moves by a tenth of its slack, m (unit 1) or m/s (unit 1/h). Returns 1 when that came. */
+static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, double unit) {
+    const int *order = c->zone_order + c->zone_start[z];
+    int        sweep, i, j, r;
+    for (i = 0; i < qp->n; i++) c->qp_x[i] = qp->x0[i];
+    for (r = 0; r < qp->m; r++)
+        for (i = qp->row[r]; i < qp->row[r + 1]; i++)
+            c->qp_x[qp->col[i]] -= c->qp_lambda[r] * qp->minv[qp->col[i]] * qp->val[i];
+    for (sweep = 0; sweep < CLOTHI_SWEEPS; sweep++) {
+        int late = 0;
+        for (j = 0; j < qp->m; j++) {
+            r = sweep & 1 ? qp->m - 1 - j : j;
+            late += clothi_sweep_row(c, qp, r) > 0.1 * unit * c->row[order[r]].slack;
+        }
+        c->report.qp_iterations++;
+        if (!late) return 1;
+    }
+    return 0;
+}
+
 /* Solves zone z from x_IE into xb; *solved 0: infeasible or too hard. */
-static cloth_status clothi_zone_solve(cloth_collide *c, int z, int *solved) {
+static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *solved) {
     cloth_qp        qp;
     cloth_qp_report rep;
-    cloth_status    status;
+    cloth_status    status = CLOTH_OK;
     double          push = 0, mass = 0;
-    int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r;
+    int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r, swept;
     memset(&rep, 0, sizeof rep);
-    status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
-    c->report.qp_iterations += rep.iterations;
+    for (r = 0; r < qp.m; r++) {            /* what the last pass found; the new rows may hold */
+        const int row = c->zone_order[c->zone_start[z] + r];
+        c->qp_guess[r] = row >= first ? 1 : c->row[row].multiplier;
+        c->qp_lambda[r] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
+    }
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
-    *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
+    swept = qp.m > CLOTHI_EXACT_ROWS;
+    *solved = swept && clothi_zone_sweeps(c, z, &qp, 1);
+    if (!*solved) {                         /* also what sweeps could not end */
+        if (swept) memcpy(c->qp_guess, c->qp_lambda, (size_t)qp.m * sizeof(double));
+        c->qp_options.guess = first > 0 || swept ? c->qp_guess : NULL;
+        c->qp_options.max_iterations = CLOTHI_EXACT_SETS;
+        status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        c->qp_options.guess = NULL;
+        c->report.qp_iterations += rep.iterations;
+        *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
+    }
     if (status || !*solved) return status;
     for (i = 0; i < n; i++) {
         const int    v = c->member[i];
@@ -6283,7 +6348,7 @@ static cloth_status clothi_zones(cloth_collide *c, int first) {
     for (z = 0; z < nzone && !status; z++) {
         if (c->zone_order[c->zone_start[z + 1] - 1] < first) continue;   /* nothing new in it */
         solved = 0;
-        if (c->report.passes <= c->desc.max_passes) status = clothi_zone_solve(c, z, &solved);
+        if (c->report.passes <= c->desc.max_passes) status = clothi_zone_solve(c, z, first, &solved);
         if (!status && !solved) clothi_zone_freeze(c, z, 1);
     }
     return status;

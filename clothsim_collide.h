@@ -6003,7 +6003,8 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
 
 #define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
 #define CLOTHI_EXACT_ROWS   200             /* larger zones are swept                          */
-#define CLOTHI_SWEEPS       1000
+#define CLOTHI_SWEEPS       300
+#define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
 #define CLOTHI_EXACT_SETS   400             /* tried before a zone becomes rigid               */
 
 static void clothi_zone_free(cloth_collide *c) {
@@ -6165,8 +6166,9 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
     }
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
     swept = qp.m > CLOTHI_EXACT_ROWS;
-    *solved = swept && clothi_zone_sweeps(c, z, &qp, 1);
-    if (!*solved) {                         /* also what sweeps could not end */
+    *solved = swept && (clothi_zone_sweeps(c, z, &qp, 1) ||
+                        c->report.passes <= CLOTHI_SWEPT_PASSES);
+    if (!*solved) {                         /* also what sweeps cannot end */
         if (swept) memcpy(c->qp_guess, c->qp_lambda, (size_t)qp.m * sizeof(double));
         c->qp_options.guess = first > 0 || swept ? c->qp_guess : NULL;
         c->qp_options.max_iterations = CLOTHI_EXACT_SETS;

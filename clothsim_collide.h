@@ -5523,14 +5523,20 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * The damping makes what was pushed in come out at (t/2)^2/(t tau) = t/(4 tau), 25 mm/s by
  * default: 0.03 mm of rebound. A dropped cloth rests where its weight is carried.
  *
+ * k follows the load: with the normal force N that an anchor remembers, k >= 4 N/t holds N at t/2.
+ * Damping grows with it: what an impact left does not rebound.
+ *
  * Friction, with the normal force N of the last accepted substep, u = s + (I - n n') sum w dx the
  * tangential motion since the anchor was set and eps = desc.slip:
  *
  *     E = mu N ( u^2/eps - u^3/(3 eps^2)   |u| <= eps: sticks;      |u| - eps/3   beyond: slides )
  *
- * a potential in x, convex, its Hessian continuous (a plain parabola has a leap at eps, at which
- * Newton's trust region crawled). When the step is accepted s becomes u, cut to length eps: what sticks
- * remembers where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
+ * a potential in x, convex. Its Hessian along u is 0 beyond eps: Newton's step leaps across the
+ * kink to the other side, and line searches of 2^-10 passed for convergence. In its place stands
+ * mu N (force/|u|) (I - n n'): the gradient stays, E is bounded from above (it is concave in u^2),
+ * nothing overshoots, and at u = 0 it is exact; 3667 halvings in 120 steps of cloth pulled through
+ * a ring became 42. When the step is accepted s becomes u, cut to length eps: what sticks remembers
+ * where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
  * N = force(g) at the end + what the zones added, multiplier / h^2: Coulomb's law with N one
  * substep late, right in sum over an impact.
  *
@@ -5732,7 +5738,7 @@ static void clothi_touch_motion(const cloth_collide *c, const clothi_touch *q, c
 static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, const double *x,
                                 double *pull, double *K) {
     const double eps = c->desc.slip;
-    double       u[3], g, slope, force, energy, size, along, bend, curve;
+    double       u[3], g, slope, force, energy, size, along, bend;
     int          i, j;
     clothi_touch_motion(c, q, x, u);
     along = clothi_dot3(u, q->normal);
@@ -5747,14 +5753,12 @@ static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, c
     if (!(q->limit > 0)) return energy;
     size = sqrt(clothi_dot3(u, u));
     bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;        /* force / (limit size) */
-    curve = size < eps ? -1 / (eps * eps) : -1 / (size * size);         /* its derivative */
     energy += q->limit * (size < eps ? size * size * (1 / eps - size / (3 * eps * eps))
                                      : size - eps / 3);
     for (i = 0; i < 3; i++) {
         pull[i] += q->limit * bend * u[i];
         for (j = 0; j < 3; j++)
-            K[3 * i + j] += q->limit * (bend * ((i == j) - q->normal[i] * q->normal[j]) +
-                                        (size > 0 ? curve * u[i] * u[j] / size : 0));
+            K[3 * i + j] += q->limit * bend * ((i == j) - q->normal[i] * q->normal[j]);
     }
     return energy;
 }
@@ -5811,6 +5815,12 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
  *
  * Bound: t/2, but no more than the pair had at x^n: contact stops, it does not throw. Separation:
  * t/4, but no more than 0.8 of the distance at x^n: what began too near may not come nearer.
+ *
+ * Up to 200 rows the QP is exact. Larger zones are swept: row after row gets the multiplier that
+ * makes it hold (coordinate ascent in the dual, Hildreth 1957), there and back, until none moves by
+ * a tenth of its slack, what its bound asks for over what detection guards. 24000 rows take 0.1 s a
+ * pass. Momentum is kept to rounding, like the rows; where sweeps do not end in time the next pass
+ * goes on from their multipliers, and after some passes the exact QP decides.
  *
  * A zone whose QP is infeasible, or that does not end, becomes rigid: free of obstacles it moves
  * as one body with its momentum, else with its obstacle, or not at all. What still collides fails
@@ -6130,8 +6140,8 @@ static double clothi_sweep_row(cloth_collide *c, const cloth_qp *qp, int r) {
     return fabs(d) * a;
 }
 
-/* The QP of zone z by sweeps over its rows, there and back, from the multipliers in qp_lambda, until
- * none moves by a tenth of its slack, m (unit 1) or m/s (unit 1/h). Returns 1 when that came. */
+/* The QP of zone z by sweeps over its rows, there and back, from the multipliers in qp_lambda,
+ * until none moves by a tenth of its slack, m (unit 1) or m/s (unit 1/h). 1 when that came. */
 static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, double unit) {
     const int *order = c->zone_order + c->zone_start[z];
     int        sweep, i, j, r;

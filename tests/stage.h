@@ -283,8 +283,8 @@ static inline int stage_step(stage *s, double h) {
     }
     if (getenv("SHOW_STEPS"))
         printf("   %4d st %d fr %g newton %d halv %d proj %d res %.1e imp %d pass %d zones %d rows "
-               "%d big %d rigid %d touch %d push %.1e qp %d bad %d ms %.1f begin %.1f det %.1f zone "
-               "%.1f\n",
+               "%d big %d rigid %d touch %d push %.1e qp %d bad %d ms %.1f begin %.1f det %.1f "
+               "zone %.1f\n",
                s->steps, (int)status, k.fraction, r.newton, r.halvings, r.projected, r.residual_m,
                k.impacts, k.passes, k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches,
                k.push, k.qp_iterations, s->npair, r.ms.total, k.ms_begin, k.ms_detect, k.ms_zones);
@@ -298,7 +298,8 @@ static inline void stage_title(void) {
 }
 
 static inline void stage_print(const stage *s, const char *name) {
-    const double n = s->steps > 0 ? s->steps : 1, contact = s->ms_begin + s->ms_detect + s->ms_zones;
+    const double n = s->steps > 0 ? s->steps : 1;
+    const double contact = s->ms_begin + s->ms_detect + s->ms_zones;
     printf("  %-22s %5d %7.2f %5d %4d %5d %6d %6d %6d %6d %5d %8.1e %9.2Le %7.1f %6.2f\n", name,
            s->steps, 100 * s->whole / n, s->shorter, s->failed, s->new_pairs, s->newton, s->passes,
            s->rows, s->zone, s->rigid, s->push, s->least, s->ms / n,

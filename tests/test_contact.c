@@ -47,7 +47,8 @@ static void zone_momenta(const cloth_collide *c, const double *mass, double *lin
             size += d[k] * d[k];
             arm += r[k] * r[k];
         }
-        for (k = 0; k < 3; k++) l[k] += r[(k + 1) % 3] * d[(k + 2) % 3] - r[(k + 2) % 3] * d[(k + 1) % 3];
+        for (k = 0; k < 3; k++)
+            l[k] += r[(k + 1) % 3] * d[(k + 2) % 3] - r[(k + 2) % 3] * d[(k + 1) % 3];
         sum += sqrt(size);
         turn += sqrt(size * arm);
     }
@@ -59,7 +60,8 @@ static void zone_momenta(const cloth_collide *c, const double *mass, double *lin
 static int collide_free(int n, double h, int steps, cloth_integrator integrator) {
     cloth_mesh *half[2] = {NULL, NULL}, *both = NULL;
     stage       s;
-    double      p0[3] = {0, 0, 0}, p1[3] = {0, 0, 0}, size = 0, linear, angular, worst = 0, turn = 0;
+    double      p0[3] = {0, 0, 0}, p1[3] = {0, 0, 0}, size = 0, linear, angular;
+    double      worst = 0, turn = 0;
     int         i, k, rows = 0;
     for (k = 0; k < 2; k++)
         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, n, n, 0.3, 0.3, half + k)) exit(2);
@@ -91,8 +93,8 @@ static int collide_free(int n, double h, int steps, cloth_integrator integrator)
         }
         for (i = 0; i < 3 * s.mesh->nv; i++) p1[i % 3] += mass[i / 3] * s.state->v[i];
         for (i = 0; i < 3; i++) p1[i] = fabs(p1[i] - p0[i]) / size;
-        printf("  %2d x %2d: %5d rows, largest zone %d; zones change linear momentum by %.1e, angular "
-               "by %.1e; the run %.1e\n", n, n, rows, s.zone, worst, turn,
+        printf("  %2d x %2d: %5d rows, largest zone %d; zones change linear momentum by %.1e, "
+               "angular by %.1e; the run %.1e\n", n, n, rows, s.zone, worst, turn,
                fmax(p1[0], fmax(p1[1], p1[2])));
         CHECK(worst < 1e-12);
         CHECK(turn < 0.05);

@@ -6141,8 +6141,8 @@ static double clothi_sweep_row(cloth_collide *c, const cloth_qp *qp, int r) {
 }
 
 /* The QP of zone z by sweeps over its rows, there and back, from the multipliers in qp_lambda,
- * until none moves by a tenth of its slack, m (unit 1) or m/s (unit 1/h). 1 when that came. */
-static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, double unit) {
+ * until none moves by `enough` (0: by a tenth of its slack). 1 when that came. */
+static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, double enough) {
     const int *order = c->zone_order + c->zone_start[z];
     int        sweep, i, j, r;
     for (i = 0; i < qp->n; i++) c->qp_x[i] = qp->x0[i];
@@ -6153,7 +6153,8 @@ static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, doubl
         int late = 0;
         for (j = 0; j < qp->m; j++) {
             r = sweep & 1 ? qp->m - 1 - j : j;
-            late += clothi_sweep_row(c, qp, r) > 0.1 * unit * c->row[order[r]].slack;
+            late += clothi_sweep_row(c, qp, r) >
+                    (enough > 0 ? enough : 0.1 * c->row[order[r]].slack);
         }
         c->report.qp_iterations++;
         if (!late) return 1;
@@ -6176,7 +6177,7 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
     }
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
     swept = qp.m > CLOTHI_EXACT_ROWS;
-    *solved = swept && (clothi_zone_sweeps(c, z, &qp, 1) ||
+    *solved = swept && (clothi_zone_sweeps(c, z, &qp, 0) ||
                         c->report.passes <= CLOTHI_SWEPT_PASSES);
     if (!*solved) {                         /* also what sweeps cannot end */
         if (swept) memcpy(c->qp_guess, c->qp_lambda, (size_t)qp.m * sizeof(double));
@@ -6360,7 +6361,8 @@ static cloth_status clothi_zones(cloth_collide *c, int first) {
     for (z = 0; z < nzone && !status; z++) {
         if (c->zone_order[c->zone_start[z + 1] - 1] < first) continue;   /* nothing new in it */
         solved = 0;
-        if (c->report.passes <= c->desc.max_passes) status = clothi_zone_solve(c, z, first, &solved);
+        if (c->report.passes <= c->desc.max_passes)
+            status = clothi_zone_solve(c, z, first, &solved);
         if (!status && !solved) clothi_zone_freeze(c, z, 1);
     }
     return status;
@@ -6378,8 +6380,11 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
         int             n = clothi_zone_qp(c, z, v, 1, &qp);
         memset(&rep, 0, sizeof rep);
         if (qp.m == 0) continue;
-        status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
-        if (status || rep.outcome != CLOTH_QP_SOLVED) continue;
+        if (qp.m > CLOTHI_EXACT_ROWS)
+            (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
+        else
+            status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        if (status || (qp.m <= CLOTHI_EXACT_ROWS && rep.outcome != CLOTH_QP_SOLVED)) continue;
         for (i = 0; i < n; i++)
             for (k = 0; k < 3; k++) v[3 * c->member[i] + k] = c->qp_x[3 * i + k];
     }

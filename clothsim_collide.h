@@ -4912,6 +4912,7 @@ typedef struct clothi_row {                 /* n . sum w x >= bound over the clo
     int        n, v[4];                     /* world vertices                                  */
     double     w[4], normal[3];
     double     bound, multiplier;
+    double     slack;                       /* m, of bound over what detection asks for        */
     double     speed;                       /* m/s, -n . sum w v of the obstacle's vertices    */
     int        zone;
     int        gone;                        /* its obstacle has let go                         */
@@ -4978,7 +4979,7 @@ struct cloth_collide {
     int    *zone_start, *zone_cursor, *zone_order;      /* [zone_cap + 1]                      */
     int     zone_cap;
     int    *qp_row, *qp_col;
-    double *qp_val, *qp_h, *qp_lambda;
+    double *qp_val, *qp_h, *qp_lambda, *qp_guess;
     double *qp_minv, *qp_x0, *qp_x;         /* [3 nv]                                          */
     double  mean_mass;                      /* kg, unit of the multipliers of the last QP      */
     cloth_qp_options qp_options;
@@ -5589,6 +5590,9 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * The damping makes what was pushed in come out at (t/2)^2/(t tau) = t/(4 tau), 25 mm/s by
  * default: 0.03 mm of rebound. A dropped cloth rests where its weight is carried.
  *
+ * k follows the load: with the normal force N that an anchor remembers, k >= 4 N/t holds N at t/2.
+ * Damping grows with it: what an impact left does not rebound.
+ *
  * Friction, with the normal force N of the last accepted substep, u = s + (I - n n') sum w dx the
  * tangential motion since the anchor was set and eps = desc.slip:
  *
@@ -5597,6 +5601,12 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * a potential in x, convex, its Hessian continuous (a plain parabola has a leap at eps, at which
  * Newton's trust region crawled). When the step is accepted s becomes u, cut to eps: what sticks
  * remembers where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
+ * a potential in x, convex. Its Hessian along u is 0 beyond eps: Newton's step leaps across the
+ * kink to the other side, and line searches of 2^-10 passed for convergence. In its place stands
+ * mu N (force/|u|) (I - n n'): the gradient stays, E is bounded from above (it is concave in u^2),
+ * nothing overshoots, and at u = 0 it is exact; 3667 halvings in 120 steps of cloth pulled through
+ * a ring became 42. When the step is accepted s becomes u, cut to length eps: what sticks remembers
+ * where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
  * N = force(g) at the end + what the zones added, multiplier / h^2: Coulomb's law with N one
  * substep late, right in sum over an impact.
  *
@@ -5775,6 +5785,10 @@ static void clothi_touch_remember(cloth_collide *c) {
         while (j < c->nnext && clothi_key_compare(&c->next[j].key, &q->key) < 0) j++;
         if (j == c->nnext || clothi_key_compare(&c->next[j].key, &q->key) != 0) continue;
         q->limit = q->friction * c->next[j].force;
+        if (q->stiffness < 4 * c->next[j].force / q->range) {
+            q->stiffness = 4 * c->next[j].force / q->range;
+            q->rest = clothi_touch_rest(c, q);
+        }
         along = clothi_dot3(c->next[j].slip, q->normal);
         for (k = 0; k < 3; k++) q->slip[k] = c->next[j].slip[k] - along * q->normal[k];
     }
@@ -5794,7 +5808,7 @@ static void clothi_touch_motion(const cloth_collide *c, const clothi_touch *q, c
 static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, const double *x,
                                 double *pull, double *K) {
     const double eps = c->desc.slip;
-    double       u[3], g, slope, force, energy, size, along, bend, curve;
+    double       u[3], g, slope, force, energy, size, along, bend;
     int          i, j;
     clothi_touch_motion(c, q, x, u);
     along = clothi_dot3(u, q->normal);
@@ -5809,14 +5823,12 @@ static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, c
     if (!(q->limit > 0)) return energy;
     size = sqrt(clothi_dot3(u, u));
     bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;        /* force / (limit size) */
-    curve = size < eps ? -1 / (eps * eps) : -1 / (size * size);         /* its derivative */
     energy += q->limit * (size < eps ? size * size * (1 / eps - size / (3 * eps * eps))
                                      : size - eps / 3);
     for (i = 0; i < 3; i++) {
         pull[i] += q->limit * bend * u[i];
         for (j = 0; j < 3; j++)
-            K[3 * i + j] += q->limit * (bend * ((i == j) - q->normal[i] * q->normal[j]) +
-                                        (size > 0 ? curve * u[i] * u[j] / size : 0));
+            K[3 * i + j] += q->limit * bend * ((i == j) - q->normal[i] * q->normal[j]);
     }
     return energy;
 }
@@ -5873,6 +5885,12 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
  *
  * Bound: t/2, but no more than the pair had at x^n: contact stops, it does not throw. Separation:
  * t/4, but no more than 0.8 of the distance at x^n: what began too near may not come nearer.
+ *
+ * Up to 200 rows the QP is exact. Larger zones are swept: row after row gets the multiplier that
+ * makes it hold (coordinate ascent in the dual, Hildreth 1957), there and back, until none moves by
+ * a tenth of its slack, what its bound asks for over what detection guards. 24000 rows take 0.1 s a
+ * pass. Momentum is kept to rounding, like the rows; where sweeps do not end in time the next pass
+ * goes on from their multipliers, and after some passes the exact QP decides.
  *
  * A zone whose QP is infeasible, or that does not end, becomes rigid: free of obstacles it moves
  * as one body with its momentum, else with its obstacle, or not at all. What still collides fails
@@ -5932,8 +5950,10 @@ static cloth_status clothi_row_add(cloth_collide *c, const clothi_row *row) {
 /* bound and speed of a row whose frame is known; `held` m: gap along n at x^n, radius off */
 static void clothi_row_bound(const cloth_collide *c, const clothi_guard *g, double held,
                              clothi_row *row) {
-    int i, k;
-    row->bound = g->radius + clothi_min(g->gap, clothi_max(held, 1.1 * g->separation));
+    const double gap = clothi_min(g->gap, clothi_max(held, 1.1 * g->separation));
+    int          i, k;
+    row->bound = g->radius + gap;
+    row->slack = gap - g->separation;
     for (i = 0; i < row->n; i++)
         for (k = 0; row->v[i] >= c->nv && k < 3; k++) {
             const double a = c->xa[3 * row->v[i] + k], b = c->xb[3 * row->v[i] + k];
@@ -6063,6 +6083,10 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
 }
 
 #define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
+#define CLOTHI_EXACT_ROWS   200             /* larger zones are swept                          */
+#define CLOTHI_SWEEPS       300
+#define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
+#define CLOTHI_EXACT_SETS   400             /* tried before a zone becomes rigid               */
 
 static void clothi_zone_free(cloth_collide *c) {
     const cloth_hooks *k = c->hooks;
@@ -6074,8 +6098,9 @@ static void clothi_zone_free(cloth_collide *c) {
     clothi_free(k, c->qp_val);
     clothi_free(k, c->qp_h);
     clothi_free(k, c->qp_lambda);
+    clothi_free(k, c->qp_guess);
     c->zone_start = c->zone_cursor = c->zone_order = c->qp_row = c->qp_col = NULL;
-    c->qp_val = c->qp_h = c->qp_lambda = NULL;
+    c->qp_val = c->qp_h = c->qp_lambda = c->qp_guess = NULL;
     c->zone_cap = 0;
 }
 
@@ -6092,8 +6117,9 @@ static cloth_status clothi_zone_reserve(cloth_collide *c) {
     c->qp_val = (double *)clothi_alloc(c->hooks, 12 * n, sizeof(double));
     c->qp_h = (double *)clothi_alloc(c->hooks, n, sizeof(double));
     c->qp_lambda = (double *)clothi_alloc(c->hooks, n, sizeof(double));
+    c->qp_guess = (double *)clothi_alloc(c->hooks, n, sizeof(double));
     if (!c->zone_start || !c->zone_cursor || !c->zone_order || !c->qp_row || !c->qp_col ||
-        !c->qp_val || !c->qp_h || !c->qp_lambda) {
+        !c->qp_val || !c->qp_h || !c->qp_lambda || !c->qp_guess) {
         clothi_zone_free(c);
         return CLOTH_ERR_MEMORY;
     }
@@ -6166,18 +6192,73 @@ static int clothi_zone_qp(cloth_collide *c, int z, const double *from, int speed
     return n;
 }
 
+/* Lets row r of the QP have its way: lambda, and x with it. Returns how far it moved, m. */
+static double clothi_sweep_row(cloth_collide *c, const cloth_qp *qp, int r) {
+    double w = qp->h[r], a = 0, d;
+    int    i;
+    for (i = qp->row[r]; i < qp->row[r + 1]; i++) {
+        const double g = qp->val[i];
+        w -= g * c->qp_x[qp->col[i]];
+        a += g * g * qp->minv[qp->col[i]];
+    }
+    if (!(a > 0)) return w < 0 ? HUGE_VAL : 0;
+    d = clothi_max(-w / a, -c->qp_lambda[r]);
+    if (d < 0 || d > 0) {
+        c->qp_lambda[r] += d;
+        for (i = qp->row[r]; i < qp->row[r + 1]; i++)
+            c->qp_x[qp->col[i]] -= d * qp->minv[qp->col[i]] * qp->val[i];
+    }
+    return fabs(d) * a;
+}
+
+/* The QP of zone z by sweeps over its rows, there and back, from the multipliers in qp_lambda,
+ * until none moves by `enough` (0: by a tenth of its slack). 1 when that came. */
+static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, double enough) {
+    const int *order = c->zone_order + c->zone_start[z];
+    int        sweep, i, j, r;
+    for (i = 0; i < qp->n; i++) c->qp_x[i] = qp->x0[i];
+    for (r = 0; r < qp->m; r++)
+        for (i = qp->row[r]; i < qp->row[r + 1]; i++)
+            c->qp_x[qp->col[i]] -= c->qp_lambda[r] * qp->minv[qp->col[i]] * qp->val[i];
+    for (sweep = 0; sweep < CLOTHI_SWEEPS; sweep++) {
+        int late = 0;
+        for (j = 0; j < qp->m; j++) {
+            r = sweep & 1 ? qp->m - 1 - j : j;
+            late += clothi_sweep_row(c, qp, r) >
+                    (enough > 0 ? enough : 0.1 * c->row[order[r]].slack);
+        }
+        c->report.qp_iterations++;
+        if (!late) return 1;
+    }
+    return 0;
+}
+
 /* Solves zone z from x_IE into xb; *solved 0: infeasible or too hard. */
-static cloth_status clothi_zone_solve(cloth_collide *c, int z, int *solved) {
+static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *solved) {
     cloth_qp        qp;
     cloth_qp_report rep;
-    cloth_status    status;
+    cloth_status    status = CLOTH_OK;
     double          push = 0, mass = 0;
-    int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r;
+    int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r, swept;
     memset(&rep, 0, sizeof rep);
-    status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
-    c->report.qp_iterations += rep.iterations;
+    for (r = 0; r < qp.m; r++) {            /* what the last pass found; the new rows may hold */
+        const int row = c->zone_order[c->zone_start[z] + r];
+        c->qp_guess[r] = row >= first ? 1 : c->row[row].multiplier;
+        c->qp_lambda[r] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
+    }
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
-    *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
+    swept = qp.m > CLOTHI_EXACT_ROWS;
+    *solved = swept && (clothi_zone_sweeps(c, z, &qp, 0) ||
+                        c->report.passes <= CLOTHI_SWEPT_PASSES);
+    if (!*solved) {                         /* also what sweeps cannot end */
+        if (swept) memcpy(c->qp_guess, c->qp_lambda, (size_t)qp.m * sizeof(double));
+        c->qp_options.guess = first > 0 || swept ? c->qp_guess : NULL;
+        c->qp_options.max_iterations = CLOTHI_EXACT_SETS;
+        status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        c->qp_options.guess = NULL;
+        c->report.qp_iterations += rep.iterations;
+        *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
+    }
     if (status || !*solved) return status;
     for (i = 0; i < n; i++) {
         const int    v = c->member[i];
@@ -6393,6 +6474,8 @@ static cloth_status clothi_zones(cloth_collide *c, int first) {
             status = clothi_zone_solve(c, z, &solved);
             if (status || solved || !clothi_zone_release(c, z)) break;
         }
+        if (c->report.passes <= c->desc.max_passes)
+            status = clothi_zone_solve(c, z, first, &solved);
         if (!status && !solved) clothi_zone_freeze(c, z, 1);
     }
     return status;
@@ -6410,8 +6493,11 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
         int             n = clothi_zone_qp(c, z, v, 1, &qp);
         memset(&rep, 0, sizeof rep);
         if (qp.m == 0) continue;
-        status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
-        if (status || rep.outcome != CLOTH_QP_SOLVED) continue;
+        if (qp.m > CLOTHI_EXACT_ROWS)
+            (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
+        else
+            status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        if (status || (qp.m <= CLOTHI_EXACT_ROWS && rep.outcome != CLOTH_QP_SOLVED)) continue;
         for (i = 0; i < n; i++)
             for (k = 0; k < 3; k++) v[3 * c->member[i] + k] = c->qp_x[3 * i + k];
     }

@@ -28,6 +28,108 @@ static void twist(void) { scene_twist(16, 1, 60, 1.0 / 120); }
 static void spin(void) { scene_spin(14, 60, 1.0 / 60); }
 static void ball(void) { scene_ball(12, 20); }
 
+/* --- momentum --- */
+
+/* Changes that the zones made to the candidate's momenta, to the sum of the sizes: linear, angular
+ * about the centre of mass. */
+static void zone_momenta(const cloth_collide *c, const double *mass, double *linear,
+                         double *angular) {
+    double p[3] = {0, 0, 0}, l[3] = {0, 0, 0}, centre[3] = {0, 0, 0}, total = 0, sum = 0, turn = 0;
+    int    i, k;
+    for (i = 0; i < c->nv; i++)
+        for (total += mass[i], k = 0; k < 3; k++) centre[k] += mass[i] * c->xb[3 * i + k];
+    for (i = 0; i < c->nv; i++) {
+        double d[3], r[3], size = 0, arm = 0;
+        for (k = 0; k < 3; k++) {
+            d[k] = mass[i] * (c->xb[3 * i + k] - c->x_ie[3 * i + k]);
+            r[k] = c->xb[3 * i + k] - centre[k] / total;
+            p[k] += d[k];
+            size += d[k] * d[k];
+            arm += r[k] * r[k];
+        }
+        for (k = 0; k < 3; k++)
+            l[k] += r[(k + 1) % 3] * d[(k + 2) % 3] - r[(k + 2) % 3] * d[(k + 1) % 3];
+        sum += sqrt(size);
+        turn += sqrt(size * arm);
+    }
+    *linear = sum > 0 ? sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / sum : 0;
+    *angular = turn > 0 ? sqrt(l[0] * l[0] + l[1] * l[1] + l[2] * l[2]) / turn : 0;
+}
+
+/* Two free sheets of n x n meet at 4 m/s, without gravity. Returns the rows that pushed. */
+static int collide_free(int n, double h, int steps, cloth_integrator integrator) {
+    cloth_mesh *half[2] = {NULL, NULL}, *both = NULL;
+    stage       s;
+    double      p0[3] = {0, 0, 0}, p1[3] = {0, 0, 0}, size = 0, linear, angular;
+    double      worst = 0, turn = 0;
+    int         i, k, rows = 0;
+    for (k = 0; k < 2; k++)
+        if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, n, n, 0.3, 0.3, half + k)) exit(2);
+    for (i = 0; i < half[1]->nv; i++) {
+        half[1]->x[3 * i] += 0.07;
+        half[1]->x[3 * i + 1] = 0.03 + 0.1 * half[1]->x[3 * i + 2];
+    }
+    if (cloth_mesh_merge(NULL, half, 2, &both)) exit(2);
+    cloth_mesh_destroy(NULL, half[0]);
+    cloth_mesh_destroy(NULL, half[1]);
+    stage_cloth(&s, both);
+    s.desc.gravity[1] = 0;
+    s.desc.integrator = integrator;
+    if (stage_start(&s)) {
+        const double *mass = cloth_sim_params(s.sim)->mass;
+        for (i = 0; i < s.mesh->nv; i++) s.state->v[3 * i + 1] = i < s.mesh->nv / 2 ? 2 : -1.5;
+        cloth_sim_state_changed(s.sim);
+        for (i = 0; i < 3 * s.mesh->nv; i++) {
+            p0[i % 3] += mass[i / 3] * s.state->v[i];
+            size += mass[i / 3] * fabs(s.state->v[i]);
+        }
+        for (i = 0; i < steps; i++) {
+            (void)stage_step(&s, h);
+            rows += s.c->nrow;
+            if (s.c->nrow == 0) continue;
+            zone_momenta(s.c, mass, &linear, &angular);
+            worst = fmax(worst, linear);
+            turn = fmax(turn, angular);
+        }
+        for (i = 0; i < 3 * s.mesh->nv; i++) p1[i % 3] += mass[i / 3] * s.state->v[i];
+        for (i = 0; i < 3; i++) p1[i] = fabs(p1[i] - p0[i]) / size;
+        printf("  %2d x %2d: %5d rows, largest zone %d; zones change linear momentum by %.1e, "
+               "angular by %.1e; the run %.1e\n", n, n, rows, s.zone, worst, turn,
+               fmax(p1[0], fmax(p1[1], p1[2])));
+        CHECK(worst < 1e-12);
+        CHECK(turn < 0.05);
+        if (integrator == CLOTH_INTEGRATOR_LEAPFROG) CHECK(fmax(p1[0], fmax(p1[1], p1[2])) < 1e-12);
+        CHECK(s.rigid == 0);
+        CHECK(s.new_pairs == 0 && s.failed == 0);
+    }
+    stage_end(&s);
+    return rows;
+}
+
+static void momentum(void) {
+    CHECK(collide_free(8, 1.0 / 120, 12, CLOTH_INTEGRATOR_EULER) > 0);
+    CHECK(collide_free(24, 1.0 / 120, 12, CLOTH_INTEGRATOR_EULER) > 200);
+    CHECK(collide_free(8, 1.0 / 120, 12, CLOTH_INTEGRATOR_LEAPFROG) > 0);
+}
+
+/* --- not asked for --- */
+
+static void no_cost(void) {
+    cloth_report r;
+    stage        s;
+    stage_sheet(&s, 8, 1);
+    s.desc.contact = CLOTH_CONTACT_NONE;
+    CHECK(cloth_model_create(&s.desc, &s.model) == CLOTH_OK);
+    CHECK(cloth_sim_create(s.model, &s.sim) == CLOTH_OK);
+    CHECK(cloth_collide_create(s.sim, NULL, &s.c) == CLOTH_ERR_UNSUPPORTED && !s.c);
+    CHECK(cloth_step(s.sim, 0.01, &r) == CLOTH_OK);
+    CHECK(r.bytes.contact == 0);
+    CHECK(r.counts.contact_calls == 0);
+    CHECK(!(r.ms.contact > 0));
+    CHECK(r.contacts == 0);
+    stage_end(&s);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     stage_title();
@@ -41,5 +143,7 @@ int main(int argc, char **argv) {
     RUN(twist);
     RUN(spin);
     RUN(ball);
+    RUN(momentum);
+    RUN(no_cost);
     return TEST_END();
 }

@@ -23,7 +23,7 @@ static void fold(void) { scene_fold(32, 300, 1.0 / 120); }
 static void crumple(void) { scene_crumple(32, 240, 1.0 / 120); }
 static void stack(void) { scene_stack(20, 240, 1.0 / 60); }
 static void ring(void) { scene_ring(20, 480, 1.0 / 120); }
-static void twist(void) { scene_twist(32, 3, 480, 1.0 / 120); }
+static void twist(void) { scene_twist(24, 3, 480, 1.0 / 120); }
 static void spin(void) { scene_spin(32, 300, 1.0 / 60); }
 static void ball(void) { scene_ball(24, 60); }
 

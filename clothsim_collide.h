@@ -6241,10 +6241,11 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
     double          push = 0, mass = 0;
     int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r, swept;
     memset(&rep, 0, sizeof rep);
-    for (r = 0; r < qp.m; r++) {            /* what the last pass found; the new rows may hold */
-        const int row = c->zone_order[c->zone_start[z] + r];
-        c->qp_guess[r] = row >= first ? 1 : c->row[row].multiplier;
-        c->qp_lambda[r] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
+    for (r = c->zone_start[z], i = 0; r < c->zone_start[z + 1]; r++) {
+        const int row = c->zone_order[r];   /* what the last pass found; the new rows may hold */
+        if (c->row[row].gone) continue;
+        c->qp_guess[i] = row >= first ? 1 : c->row[row].multiplier;
+        c->qp_lambda[i++] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
     }
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
     swept = qp.m > CLOTHI_EXACT_ROWS;
@@ -6471,11 +6472,9 @@ static cloth_status clothi_zones(cloth_collide *c, int first) {
         if (c->zone_order[c->zone_start[z + 1] - 1] < first) continue;   /* nothing new in it */
         solved = 0;
         for (r = 0; r < CLOTHI_RELEASES && c->report.passes <= c->desc.max_passes; r++) {
-            status = clothi_zone_solve(c, z, &solved);
+            status = clothi_zone_solve(c, z, first, &solved);
             if (status || solved || !clothi_zone_release(c, z)) break;
         }
-        if (c->report.passes <= c->desc.max_passes)
-            status = clothi_zone_solve(c, z, first, &solved);
         if (!status && !solved) clothi_zone_freeze(c, z, 1);
     }
     return status;

@@ -57,7 +57,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         const ref_real t = (ref_real)i / 64, d = ccd_distance(ee, x, t);
         const ref_real noise = 1e-15L * (ref_real)m;        /* of d in long double, thin shapes */
         /* a zero is one where the reference holds every number beside every other */
-        if ((d == 0 && least > 1e-15 * m) || d + noise < (ref_real)sep) require(hit && (ref_real)toi <= t);
+        if ((d == 0 && least > 1e-15 * m) || d + noise < (ref_real)sep)
+            require(hit && (ref_real)toi <= t);
         if (hit && t < (ref_real)toi) require(d + noise > (ref_real)sep);
     }
     if (m < 1e300) {

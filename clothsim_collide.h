@@ -4585,9 +4585,15 @@ static void clothi_inside_pairs(int begin, int end, int worker, void *ctx) {
     clothi_inside *k = (clothi_inside *)ctx;
     int            i;
     (void)worker;
-    for (i = begin; i < end; i++)
-        k->hit[i] = (unsigned char)clothi_inside_meet(k, k->pairs.pair[2 * i],
-                                                      k->pairs.pair[2 * i + 1]);
+    for (i = begin; i < end; i++) {
+        const int     f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
+        const double *p = k->box + 6 * f, *q = k->box + 6 * g;
+        int           a, apart = 0;         /* without the room around them */
+        for (a = 0; k->room > 0 && a < 3; a++)
+            apart |= p[a] + k->room > q[3 + a] + 4e-15 * k->reach ||
+                     q[a] + k->room > p[3 + a] + 4e-15 * k->reach;
+        k->hit[i] = (unsigned char)(apart ? 0 : clothi_inside_meet(k, f, g));
+    }
 }
 
 /* Marks the faces that are cut or touched. */
@@ -4719,10 +4725,10 @@ static void clothi_inside_regions(clothi_inside *k) {
 /* --- a pose --- */
 
 /* k->flags of pose x [nv x 3]; nothing is done again for the pose of the last call. */
-/* Smallest distance of two faces, m. */
-static double clothi_inside_distance(const clothi_inside *k, int f, int g) {
+/* 1 when two faces are nearer to each other than `room`. */
+static int clothi_inside_close(const clothi_inside *k, int f, int g) {
     const int *v[2];
-    double     x[12], w[4], least = HUGE_VAL;
+    double     x[12], w[4];
     int        i, j, side;
     v[0] = k->faces + 3 * f, v[1] = k->faces + 3 * g;
     for (side = 0; side < 2; side++)
@@ -4730,16 +4736,16 @@ static double clothi_inside_distance(const clothi_inside *k, int f, int g) {
             memcpy(x, k->x + 3 * v[side][i], 3 * sizeof(double));
             for (j = 0; j < 3; j++)
                 memcpy(x + 3 + 3 * j, k->x + 3 * v[1 - side][j], 3 * sizeof(double));
-            least = clothi_min(least, clothi_point_triangle(x, w));
+            if (clothi_point_triangle(x, w) < k->room) return 1;
         }
     for (i = 0; i < 9; i++) {
         for (side = 0; side < 2; side++)
             for (j = 0; j < 2; j++)
                 memcpy(x + 6 * side + 3 * j,
                        k->x + 3 * v[side][((side ? i / 3 : i % 3) + j) % 3], 3 * sizeof(double));
-        least = clothi_min(least, clothi_edge_edge(x, w));
+        if (clothi_edge_edge(x, w) < k->room) return 1;
     }
-    return least;
+    return 0;
 }
 
 /* Two faces that look at each other with less room between them than cloth needs. */
@@ -4756,14 +4762,14 @@ static int clothi_inside_facing(const clothi_inside *k, int f, int g) {
             d[j] += k->x[3 * u[i] + j] - k->x[3 * v[i] + j];
         }
     return clothi_dot3(d, n) > 0 && clothi_dot3(d, m) < 0 &&
-           clothi_inside_distance(k, f, g) < k->room;
+           clothi_inside_close(k, f, g);
 }
 
 static void clothi_inside_narrow(clothi_inside *k) {
     int i;
     for (i = 0; k->room > 0 && i < k->pairs.count; i++) {
         const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
-        if (!clothi_inside_facing(k, f, g)) continue;
+        if ((k->flags[f] && k->flags[g]) || !clothi_inside_facing(k, f, g)) continue;
         k->flags[f] |= CLOTHI_INSIDE_NARROW;
         k->flags[g] |= CLOTHI_INSIDE_NARROW;
     }
@@ -5892,7 +5898,10 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
  * pass. Momentum is kept to rounding, like the rows; where sweeps do not end in time the next pass
  * goes on from their multipliers, and after some passes the exact QP decides.
  *
- * A zone whose QP is infeasible, or that does not end, becomes rigid: free of obstacles it moves
+ * A zone whose rows contradict each other, or push by more than max_push, first lets go of what its
+ * multipliers name of an obstacle that penetrates itself (an arm that pinches a sleeve): those faces
+ * are exempt for the rest of the step and counted in exempt_faces.
+ * A zone whose QP is still infeasible, or that does not end, becomes rigid: free of obstacles it moves
  * as one body with its momentum, else with its obstacle, or not at all. What still collides fails
  * the step with the pairs listed.
  */

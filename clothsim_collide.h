@@ -5652,6 +5652,16 @@ static double clothi_touch_rest(const cloth_collide *c, const clothi_touch *q) {
     return q->range - 2 * damp * in / (damp + sqrt(damp * damp + 4 * a * damp * in));
 }
 
+/* Edges nearest at the end of one: that vertex and the other edge's faces are a pair already. Two
+ * vertices on top of each other would bring 64 edge pairs. A capsule has no faces. */
+static int clothi_touch_twice(const cloth_collide *c, const clothi_touch *q) {
+    int i;
+    if (q->kind != CLOTHI_EE || clothi_pair_radius(c, q->kind, q->a, q->b) > 0) return 0;
+    for (i = 0; i < 4; i++)
+        if (fabs(q->w[i]) < 1e-9) return 1;
+    return 0;
+}
+
 /* Adds the pair to the list when it is in range. */
 static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
     clothi_touch *q;
@@ -5664,6 +5674,7 @@ static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
     q->kind = kind, q->a = a, q->b = b;
     q->n = clothi_pair_vertices(c, kind, a, b, q->v);
     if (!clothi_touch_frame(c, q) || q->gap >= c->desc.thickness) return CLOTH_OK;
+    if (clothi_touch_twice(c, q)) return CLOTH_OK;
     q->range = q->n == 4 ? clothi_pair_thickness(c, kind, q->v) : c->desc.thickness;
     if (q->gap >= q->range) return CLOTH_OK;
     q->stiffness = c->stiffness * clothi_pair_area(c, kind, a, b);

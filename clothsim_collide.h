@@ -349,7 +349,7 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x);
 
-/* cloth_step, and where contact cannot be resolved a shorter one: h/2, h/4, .. h/2^halvings, pins
+/* cloth_step, and where contact cannot be resolved or Newton stalls a shorter one: h/2, h/4, .. h/2^halvings, pins
  * and obstacles going that part of their way. cloth_collide_last() tells the fraction reached. */
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report);
@@ -5523,8 +5523,9 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * The damping makes what was pushed in come out at (t/2)^2/(t tau) = t/(4 tau), 25 mm/s by
  * default: 0.03 mm of rebound. A dropped cloth rests where its weight is carried.
  *
- * k follows the load: with the normal force N that an anchor remembers, k >= 4 N/t holds N at t/2.
- * Damping grows with it: what an impact left does not rebound.
+ * k follows the load: with the normal force N that an anchor remembers, k >= 4 N/t holds N at t/2;
+ * at most 100 times, for N holds the damping too, and that grows with k (a twisted tube ran away to
+ * 1e15 N without a bound). What an impact left does not rebound.
  *
  * Friction, with the normal force N of the last accepted substep, u = s + (I - n n') sum w dx the
  * tangential motion since the anchor was set and eps = desc.slip:
@@ -5544,6 +5545,8 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * obstacle's mesh under it changes the pair, not the memory.
  * checked: tests/test_contact.c (differences), tests/validate/incline.c, capstan.c
  */
+
+#define CLOTHI_STIFFER 100                  /* times, under load                               */
 
 /* gap, normal and weights of a pair at xa; 0: on top of each other. */
 static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
@@ -5727,7 +5730,8 @@ static void clothi_touch_remember(cloth_collide *c) {
         if (j == c->nnext || clothi_key_compare(&c->next[j].key, &q->key) != 0) continue;
         q->limit = q->friction * c->next[j].force;
         if (q->stiffness < 4 * c->next[j].force / q->range) {
-            q->stiffness = 4 * c->next[j].force / q->range;
+            q->stiffness = clothi_min(4 * c->next[j].force / q->range,
+                                      CLOTHI_STIFFER * q->stiffness);
             q->rest = clothi_touch_rest(c, q);
         }
         along = clothi_dot3(c->next[j].slip, q->normal);
@@ -7144,6 +7148,11 @@ static size_t clothi_targets(const cloth_collide *c, double *out) {
     return n;
 }
 
+/* Failed in a way that a shorter step may not. */
+static int clothi_shortens(const cloth_report *r) {
+    return r->outcome == CLOTH_STEP_COLLISION_FAILED || r->outcome == CLOTH_STEP_STALLED;
+}
+
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report) {
     cloth_report local, *r = report ? report : &local;
@@ -7155,11 +7164,11 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings);
     status = cloth_step(c->sim, h, r);
-    if (r->outcome != CLOTH_STEP_COLLISION_FAILED || halvings == 0) return status;
+    if (!clothi_shortens(r) || halvings == 0) return status;
     targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL), sizeof(double));
     if (!targets) return CLOTH_ERR_MEMORY;
     (void)clothi_targets(c, targets);
-    for (k = 0; k < halvings && r->outcome == CLOTH_STEP_COLLISION_FAILED; k++) {
+    for (k = 0; k < halvings && clothi_shortens(r); k++) {
         part *= 0.5;
         clothi_shorten(c, targets, part);
         status = cloth_step(c->sim, h * part, r);

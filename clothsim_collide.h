@@ -349,8 +349,9 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x);
 
-/* cloth_step, and where contact cannot be resolved or Newton stalls a shorter one: h/2, h/4, .. h/2^halvings, pins
- * and obstacles going that part of their way. cloth_collide_last() tells the fraction reached. */
+/* cloth_step, and where contact cannot be resolved or Newton stalls a shorter one: h/2, h/4, ..
+ * h/2^halvings, pins and obstacles going that part of their way. cloth_collide_last() tells the
+ * fraction reached. */
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report);
 

@@ -349,8 +349,9 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x);
 
-/* cloth_step, and where contact cannot be resolved a shorter one: h/2, h/4, .. h/2^halvings, pins
- * and obstacles going that part of their way. cloth_collide_last() tells the fraction reached. */
+/* cloth_step, and where contact cannot be resolved or Newton stalls a shorter one: h/2, h/4, ..
+ * h/2^halvings, pins and obstacles going that part of their way. cloth_collide_last() tells the
+ * fraction reached. */
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report);
 
@@ -5596,8 +5597,9 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * The damping makes what was pushed in come out at (t/2)^2/(t tau) = t/(4 tau), 25 mm/s by
  * default: 0.03 mm of rebound. A dropped cloth rests where its weight is carried.
  *
- * k follows the load: with the normal force N that an anchor remembers, k >= 4 N/t holds N at t/2.
- * Damping grows with it: what an impact left does not rebound.
+ * k follows the load: with the normal force N that an anchor remembers, k >= 4 N/t holds N at t/2;
+ * at most 100 times, for N holds the damping too, and that grows with k (a twisted tube ran away to
+ * 1e15 N without a bound). What an impact left does not rebound.
  *
  * Friction, with the normal force N of the last accepted substep, u = s + (I - n n') sum w dx the
  * tangential motion since the anchor was set and eps = desc.slip:
@@ -5620,6 +5622,8 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  * obstacle's mesh under it changes the pair, not the memory.
  * checked: tests/test_contact.c
  */
+
+#define CLOTHI_STIFFER 100                  /* times, under load                               */
 
 /* gap, normal and weights of a pair at xa; 0: on top of each other. */
 static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
@@ -5728,6 +5732,16 @@ static double clothi_touch_rest(const cloth_collide *c, const clothi_touch *q) {
     return q->range - 2 * damp * in / (damp + sqrt(damp * damp + 4 * a * damp * in));
 }
 
+/* Edges nearest at the end of one: that vertex and the other edge's faces are a pair already. Two
+ * vertices on top of each other would bring 64 edge pairs. A capsule has no faces. */
+static int clothi_touch_twice(const cloth_collide *c, const clothi_touch *q) {
+    int i;
+    if (q->kind != CLOTHI_EE || clothi_pair_radius(c, q->kind, q->a, q->b) > 0) return 0;
+    for (i = 0; i < 4; i++)
+        if (fabs(q->w[i]) < 1e-9) return 1;
+    return 0;
+}
+
 /* Adds the pair to the list when it is in range. */
 static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
     clothi_touch *q;
@@ -5740,6 +5754,7 @@ static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
     q->kind = kind, q->a = a, q->b = b;
     q->n = clothi_pair_vertices(c, kind, a, b, q->v);
     if (!clothi_touch_frame(c, q) || q->gap >= c->desc.thickness) return CLOTH_OK;
+    if (clothi_touch_twice(c, q)) return CLOTH_OK;
     q->range = q->n == 4 ? clothi_pair_thickness(c, kind, q->v) : c->desc.thickness;
     if (q->gap >= q->range) return CLOTH_OK;
     q->stiffness = c->stiffness * clothi_pair_area(c, kind, a, b);
@@ -5792,7 +5807,8 @@ static void clothi_touch_remember(cloth_collide *c) {
         if (j == c->nnext || clothi_key_compare(&c->next[j].key, &q->key) != 0) continue;
         q->limit = q->friction * c->next[j].force;
         if (q->stiffness < 4 * c->next[j].force / q->range) {
-            q->stiffness = 4 * c->next[j].force / q->range;
+            q->stiffness = clothi_min(4 * c->next[j].force / q->range,
+                                      CLOTHI_STIFFER * q->stiffness);
             q->rest = clothi_touch_rest(c, q);
         }
         along = clothi_dot3(c->next[j].slip, q->normal);
@@ -7256,6 +7272,11 @@ static size_t clothi_targets(const cloth_collide *c, double *out) {
     return n;
 }
 
+/* Failed in a way that a shorter step may not. */
+static int clothi_shortens(const cloth_report *r) {
+    return r->outcome == CLOTH_STEP_COLLISION_FAILED || r->outcome == CLOTH_STEP_STALLED;
+}
+
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report) {
     cloth_report local, *r = report ? report : &local;
@@ -7267,11 +7288,11 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings);
     status = cloth_step(c->sim, h, r);
-    if (r->outcome != CLOTH_STEP_COLLISION_FAILED || halvings == 0) return status;
+    if (!clothi_shortens(r) || halvings == 0) return status;
     targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL), sizeof(double));
     if (!targets) return CLOTH_ERR_MEMORY;
     (void)clothi_targets(c, targets);
-    for (k = 0; k < halvings && r->outcome == CLOTH_STEP_COLLISION_FAILED; k++) {
+    for (k = 0; k < halvings && clothi_shortens(r); k++) {
         part *= 0.5;
         clothi_shorten(c, targets, part);
         status = cloth_step(c->sim, h * part, r);

@@ -5917,9 +5917,9 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
  * A zone whose rows contradict each other, or push by more than max_push, first lets go of what its
  * multipliers name of an obstacle that penetrates itself (an arm that pinches a sleeve): those
  * faces are exempt for the rest of the step and counted in exempt_faces.
- * A zone whose QP is still infeasible, or that does not end, becomes rigid: free of obstacles it moves
- * as one body with its momentum, else with its obstacle, or not at all. What still collides fails
- * the step with the pairs listed.
+ * A zone whose QP is still infeasible, or that does not end, becomes rigid: free of obstacles it
+ * moves as one body with its momentum, else with its obstacle, or not at all. What still collides
+ * fails the step with the pairs listed.
  */
 
 #define CLOTHI_SEPARATION 0.25              /* of t                                            */

@@ -8206,6 +8206,7 @@ static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, cloth
  *             also refines: without extras one or two iterations reach the tolerance.
  *   lost      as preconditioner kept over Newton iterations it loses to [7.3] in motion: the
  *             matrix changes too much.
+ *   shared    the dense kernels factor the coarse matrix of [7.3] too.
  *
  * checked: tests/test_cholesky.c
  */
@@ -11818,7 +11819,10 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
  * solve is (H + sigma M) dx = -g with sigma falling tenfold on success and rising on failure:
  * for large sigma a small step down the gradient, for sigma = 0 Newton. What it ends on is
  * checked: the exact H is factored, and a negative pivot gives a direction down the saddle,
- * along which the search goes on.
+ * along which the search goes on. Wind follows the faces, so it has no potential: it is taken at
+ * the last equilibrium, and solve and wind are repeated until both agree. Where they do not, as
+ * with little friction along the faces (the default lift), there is no calm state to be found: a
+ * run in time flaps there for ever, and the call says CLOTH_STEP_STALLED.
  * checked: tests/test_order.c (orders 1 and 2), tests/validate/
  */
 

@@ -385,6 +385,8 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
 #if defined(CLOTHSIM_IMPLEMENTATION) && !defined(CLOTHSIM_COLLIDE_IMPLEMENTED)
 #define CLOTHSIM_COLLIDE_IMPLEMENTED
 
+#include "clothsim.h"       /* its implementation, where only the interface has been seen so far */
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -699,7 +701,8 @@ CLOTHI_UNUSED static double clothi_edge_edge(const double *x, double *w) {
  * as free, twice as much where a root of the linear function is taken, and four times as much,
  * times 1 + |W|, for the quadratic. The coefficients of c are off by at most 64 u m e^2, e the
  * largest |side|, splitting by 108 u m e^2, the root by 72 u m e^2: 256 u m e^2 is kept. m is
- * brought to about 1 by a power of two when it is beyond 1e-60 .. 1e60.
+ * brought to about 1 by a power of two when it is beyond 1e-30 .. 1e30; sides below 1e-60 then
+ * have no plane, as products of them underflow.
  *
  * checked: tests/test_ccd.c, tests/fuzz_ccd.c */
 
@@ -754,7 +757,7 @@ CLOTHI_UNUSED static void clothi_ccd_cubic(clothi_ccd *q) {
     q->N[2] = (N[2] + 2 * N[1]) / 3;
     q->N[3] = N[2];
     q->e = e;                               /* 2^-45; no plane where products underflow         */
-    q->E_c = q->m * e * e > 1e-200 ? 2.842170943040401e-14 * q->m * e * e : HUGE_VAL;
+    q->E_c = e > 1e-60 ? 2.842170943040401e-14 * q->m * e * e : HUGE_VAL;
     q->has_cubic = 1;
 }
 
@@ -870,18 +873,16 @@ CLOTHI_UNUSED static double clothi_ccd_plane(clothi_ccd *q, double t) {
     return t;
 }
 
-/* Direction n [3], |n| = 1, to the nearest point v of the polygon r on its side, -1 its inside. */
+/* Direction out [3], |out| = 1, to the nearest point v of the polygon r on its side, -1 its
+ * inside; 0 when there is none. */
 CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, const double *v,
-                                                double *out) {
+                                              double *out) {
     double e1[3], e2[3], len;
     int    k;
     clothi_sub3(r + 3, r, e1);
     clothi_sub3(r + 3 * (n - 1), r, e2);
-    if (side < 0) {
-        clothi_cross3(e1, e2, out);
-        len = sqrt(clothi_dot3(out, out));
-        if (clothi_dot3(out, r) < 0) len = -len;
-    } else {
+    if (side < 0) clothi_cross3(e1, e2, out);
+    else {
         const double *a = r + 3 * side, *b = r + 3 * (side + 1 < n ? side + 1 : 0);
         double        ee, ve;
         clothi_sub3(b, a, e1);
@@ -890,9 +891,16 @@ CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, 
         memcpy(out, v, 3 * sizeof *v);
         if (ve * ve < 1e-8 * ee * clothi_dot3(v, v))    /* at right angles, but for rounding */
             for (k = 0; k < 3; k++) out[k] -= ve / ee * e1[k];
-        len = sqrt(clothi_dot3(out, out));
     }
-    if (!(fabs(len) > 0)) return 0;
+    len = sqrt(clothi_dot3(out, out));
+    if (!(len > 1e-120)) {                  /* squares underflow                                */
+        const double m = clothi_max(fabs(out[0]), clothi_max(fabs(out[1]), fabs(out[2])));
+        const double scale = m > 0 ? clothi_unit_scale(m) : 0;
+        for (k = 0; k < 3; k++) out[k] *= scale;
+        len = sqrt(clothi_dot3(out, out));
+        if (!(len > 0.1)) return 0;
+    }
+    if (side < 0 && clothi_dot3(out, r) < 0) len = -len;
     for (k = 0; k < 3; k++) out[k] /= len;
     return 1;
 }
@@ -1101,7 +1109,7 @@ CLOTHI_UNUSED static void clothi_dd_cubic(const clothi_dd *r0, const clothi_dd *
 CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m,
                                        double e, double *toi) {
     const double E = 1.262177448353619e-29 * m;                    /* 2^-96 */
-    const double E_c = e * e * m > 1e-200 ? 2.019483917365790e-28 * m * e * e : HUGE_VAL;
+    const double E_c = e > 1e-60 ? 2.019483917365790e-28 * m * e * e : HUGE_VAL;
     clothi_dd    c[4], t = clothi_dd_of(*toi, 0), x[2];
     int          step;
     clothi_dd_cubic(r0, r1, n, c);
@@ -1182,7 +1190,7 @@ CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const dou
     for (q->m = 0, i = 0; i < 3 * q->n; i++)
         q->m = clothi_max(q->m, clothi_max(fabs(q->r0[i]), fabs(q->r1[i])));
     if (!(q->m > 0 && q->m < 1e307)) return 0;
-    if (!(q->m > 1e-60 && q->m < 1e60)) {
+    if (!(q->m > 1e-30 && q->m < 1e30)) {
         q->scale = clothi_unit_scale(q->m);
         q->m *= q->scale;
         q->s *= q->scale;
@@ -1245,16 +1253,19 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
 CLOTHI_UNUSED static double clothi_contact_frame(int edge_edge, const double *xa,
                                                  const double *xb, double toi, double *w,
                                                  double *n) {
-    double    r0[12], r[12], lambda[4], start[3] = {0, 0, 0}, v[3], m = 0, scale, g = 0;
+    double    r0[12], r[12], lambda[4], start[3] = {0, 0, 0}, v[3], m = 0, m0 = 0, scale, g = 0;
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
     int       i, k, way;
     clothi_pair_polygon(edge_edge, xb, r);
-    for (i = 0; i < 3 * corners; i++) m = clothi_max(m, clothi_max(fabs(r0[i]), fabs(r[i])));
-    scale = m > 0 ? clothi_unit_scale(m) : 1;
     for (i = 0; i < 3 * corners; i++) {
-        r0[i] *= scale;
-        r[i] = (1 - toi) * r0[i] + toi * (r[i] * scale);
+        m0 = clothi_max(m0, fabs(r0[i]));
+        m = clothi_max(m, fabs(r[i]));
     }
+    scale = m > 0 || m0 > 0 ? clothi_unit_scale(clothi_max(m, m0)) : 1;
+    for (i = 0; i < 3 * corners; i++)
+        r[i] = (1 - toi) * (r0[i] * scale) + toi * (r[i] * scale);
+    scale = m0 > 0 ? clothi_unit_scale(m0) : 1;
+    for (i = 0; i < 3 * corners; i++) r0[i] *= scale;
     way = clothi_nearest(r, corners, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
     for (i = 0; i < corners; i++)
@@ -4342,7 +4353,9 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
  * Rule. A face is exempt in a pose when
  *   it cuts another face: they meet away from the vertex they may share, and each has corners on
  *   both sides of the other (exact signs [3.1]; touching is no cut);
- *   or the winding number just outside of it is 1 or more [7.1].
+ *   or the winding number just outside of it is 1 or more [7.1];
+ *   or another face looks at it from nearer than `room`, in which no cloth fits: where a hand comes
+ *   to the hip both let go before they meet, or they would pinch what hangs between them.
  * An edge or a vertex is exempt when all its faces are.
  *
  * Just outside: along the normal from the face, whose own jump from 1 to 0 lies behind. A ray from
@@ -4375,7 +4388,8 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
 #define CLOTHI_INSIDE_UNKNOWN (-CLOTH_MAX_COUNT)
 #define CLOTHI_INSIDE_MIXED   CLOTH_MAX_COUNT
 
-enum { CLOTHI_INSIDE_CUT = 1, CLOTHI_INSIDE_COVERED = 2, CLOTHI_INSIDE_TOUCHED = 4 };
+enum { CLOTHI_INSIDE_CUT = 1, CLOTHI_INSIDE_COVERED = 2, CLOTHI_INSIDE_TOUCHED = 4,
+       CLOTHI_INSIDE_NARROW = 8 };
 
 typedef struct clothi_inside {
     cloth_hooks    hooks;
@@ -4395,6 +4409,7 @@ typedef struct clothi_inside {
     unsigned char *hit;                     /* [hits] how this pair of faces meets             */
     size_t         hits;
     double         reach;                   /* m, largest coordinate                           */
+    double         room;                    /* m that cloth needs between two faces; 0: none   */
     int            known;                   /* flags are those of x                            */
     int            rays, regions;           /* of the last pose                                */
     clothi_bvh     tree;
@@ -4481,8 +4496,8 @@ static void clothi_inside_shape(int begin, int end, int worker, void *ctx) {
         double        d[3], e[3];
         for (a = 0; a < 3; a++) {
             const double lo = p[a] < q[a] ? p[a] : q[a], hi = p[a] < q[a] ? q[a] : p[a];
-            k->box[6 * f + a] = r[a] < lo ? r[a] : lo;
-            k->box[6 * f + 3 + a] = r[a] > hi ? r[a] : hi;
+            k->box[6 * f + a] = (r[a] < lo ? r[a] : lo) - 0.5 * k->room;
+            k->box[6 * f + 3 + a] = (r[a] > hi ? r[a] : hi) + 0.5 * k->room;
         }
         clothi_sub3(q, p, d);
         clothi_sub3(r, p, e);
@@ -4705,6 +4720,56 @@ static void clothi_inside_regions(clothi_inside *k) {
 /* --- a pose --- */
 
 /* k->flags of pose x [nv x 3]; nothing is done again for the pose of the last call. */
+/* Smallest distance of two faces, m. */
+static double clothi_inside_distance(const clothi_inside *k, int f, int g) {
+    const int *v[2];
+    double     x[12], w[4], least = HUGE_VAL;
+    int        i, j, side;
+    v[0] = k->faces + 3 * f, v[1] = k->faces + 3 * g;
+    for (side = 0; side < 2; side++)
+        for (i = 0; i < 3; i++) {
+            memcpy(x, k->x + 3 * v[side][i], 3 * sizeof(double));
+            for (j = 0; j < 3; j++)
+                memcpy(x + 3 + 3 * j, k->x + 3 * v[1 - side][j], 3 * sizeof(double));
+            least = clothi_min(least, clothi_point_triangle(x, w));
+        }
+    for (i = 0; i < 9; i++) {
+        for (side = 0; side < 2; side++)
+            for (j = 0; j < 2; j++)
+                memcpy(x + 6 * side + 3 * j,
+                       k->x + 3 * v[side][((side ? i / 3 : i % 3) + j) % 3], 3 * sizeof(double));
+        least = clothi_min(least, clothi_edge_edge(x, w));
+    }
+    return least;
+}
+
+/* Two faces that look at each other with less room between them than cloth needs. */
+static int clothi_inside_facing(const clothi_inside *k, int f, int g) {
+    const int    *v = k->faces + 3 * f, *u = k->faces + 3 * g;
+    const double *n = k->normal + 3 * f, *m = k->normal + 3 * g;
+    const double  turn = clothi_dot3(n, m);
+    double        d[3] = {0, 0, 0};
+    int           i, j;
+    if (!(turn < 0) || turn * turn < 0.04 * clothi_dot3(n, n) * clothi_dot3(m, m)) return 0;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++) {
+            if (v[i] == u[j]) return 0;
+            d[j] += k->x[3 * u[i] + j] - k->x[3 * v[i] + j];
+        }
+    return clothi_dot3(d, n) > 0 && clothi_dot3(d, m) < 0 &&
+           clothi_inside_distance(k, f, g) < k->room;
+}
+
+static void clothi_inside_narrow(clothi_inside *k) {
+    int i;
+    for (i = 0; k->room > 0 && i < k->pairs.count; i++) {
+        const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
+        if (!clothi_inside_facing(k, f, g)) continue;
+        k->flags[f] |= CLOTHI_INSIDE_NARROW;
+        k->flags[g] |= CLOTHI_INSIDE_NARROW;
+    }
+}
+
 static cloth_status clothi_inside_flags(clothi_inside *k, const double *x) {
     const size_t n = 3 * (size_t)k->nv;
     cloth_status status;
@@ -4723,6 +4788,7 @@ static cloth_status clothi_inside_flags(clothi_inside *k, const double *x) {
     if (status != CLOTH_OK) return status;
     clothi_inside_flood(k);
     clothi_inside_regions(k);
+    clothi_inside_narrow(k);
     k->known = 1;
     return CLOTH_OK;
 }
@@ -4850,6 +4916,7 @@ typedef struct clothi_row {                 /* n . sum w x >= bound over the clo
     double     slack;                       /* m, of bound over what detection asks for        */
     double     speed;                       /* m/s, -n . sum w v of the obstacle's vertices    */
     int        zone;
+    int        gone;                        /* its obstacle has let go                         */
 } clothi_row;
 
 typedef struct clothi_obstacle {
@@ -5533,6 +5600,9 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *
  *     E = mu N ( u^2/eps - u^3/(3 eps^2)   |u| <= eps: sticks;      |u| - eps/3   beyond: slides )
  *
+ * a potential in x, convex, its Hessian continuous (a plain parabola has a leap at eps, at which
+ * Newton's trust region crawled). When the step is accepted s becomes u, cut to eps: what sticks
+ * remembers where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
  * a potential in x, convex. Its Hessian along u is 0 beyond eps: Newton's step leaps across the
  * kink to the other side, and line searches of 2^-10 passed for convergence. In its place stands
  * mu N (force/|u|) (I - n n'): the gradient stays, E is bounded from above (it is concave in u^2),
@@ -5544,7 +5614,7 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *
  * One cloth vertex near many faces of one obstacle is one anchor (clothi_key): a fold of the
  * obstacle's mesh under it changes the pair, not the memory.
- * checked: tests/test_contact.c (differences), tests/validate/incline.c, capstan.c
+ * checked: tests/test_contact.c
  */
 
 #define CLOTHI_STIFFER 100                  /* times, under load                               */
@@ -5846,6 +5916,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
 #define CLOTHI_SEPARATION 0.25              /* of t                                            */
 #define CLOTHI_GAP        0.5
 #define CLOTHI_APPROACH   0.8               /* of the distance at x^n                          */
+#define CLOTHI_ROOM       1.5               /* t: less between an obstacle's own faces is none */
 
 static int clothi_face_has(const cloth_collide *c, int f, int v) {
     return c->faces[3 * f] == v || c->faces[3 * f + 1] == v || c->faces[3 * f + 2] == v;
@@ -6006,7 +6077,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
     for (i = 0; i < c->nv; i++) parent[i] = i, number[i] = -1;
     for (i = 0; i < c->nrow; i++) {
         int first = -1;
-        for (k = 0; k < c->row[i].n; k++) {
+        for (k = 0; k < c->row[i].n && !c->row[i].gone; k++) {
             const int v = c->row[i].v[k];
             if (!clothi_movable(c, v)) continue;
             root = clothi_zone_root(parent, v);
@@ -6018,7 +6089,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
     *nzone = 0;
     for (i = 0; i < c->nrow; i++) {
         c->row[i].zone = -1;
-        for (k = 0; k < c->row[i].n && c->row[i].zone < 0; k++) {
+        for (k = 0; k < c->row[i].n && c->row[i].zone < 0 && !c->row[i].gone; k++) {
             if (!clothi_movable(c, c->row[i].v[k])) continue;
             root = clothi_zone_root(parent, c->row[i].v[k]);
             if (number[root] < 0) number[root] = (*nzone)++;
@@ -6093,7 +6164,7 @@ static int clothi_zone_qp(cloth_collide *c, int z, const double *from, int speed
     double mean = 0;
     for (r = begin; r < end; r++) {
         const clothi_row *row = c->row + c->zone_order[r];
-        if (speeds && !(row->multiplier > 0)) continue;
+        if (row->gone || (speeds && !(row->multiplier > 0))) continue;
         c->qp_row[m] = nnz;
         c->qp_h[m] = speeds ? -row->speed : -row->bound;
         for (i = 0; i < row->n; i++) {
@@ -6187,10 +6258,11 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
     double          push = 0, mass = 0;
     int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r, swept;
     memset(&rep, 0, sizeof rep);
-    for (r = 0; r < qp.m; r++) {            /* what the last pass found; the new rows may hold */
-        const int row = c->zone_order[c->zone_start[z] + r];
-        c->qp_guess[r] = row >= first ? 1 : c->row[row].multiplier;
-        c->qp_lambda[r] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
+    for (r = c->zone_start[z], i = 0; r < c->zone_start[z + 1]; r++) {
+        const int row = c->zone_order[r];   /* what the last pass found; the new rows may hold */
+        if (c->row[row].gone) continue;
+        c->qp_guess[i] = row >= first ? 1 : c->row[row].multiplier;
+        c->qp_lambda[i++] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
     }
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
     swept = qp.m > CLOTHI_EXACT_ROWS;
@@ -6210,19 +6282,57 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
         const int    v = c->member[i];
         const double m = c->sim->params.mass[v];
         for (k = 0; k < 3; k++) {
-            const double x = c->qp_x[3 * i + k], d = x - c->x_ie[3 * v + k];
-            if (x < c->xb[3 * v + k] || x > c->xb[3 * v + k]) c->moved[v] = 1;
-            c->xb[3 * v + k] = x;
+            const double d = c->qp_x[3 * i + k] - c->x_ie[3 * v + k];
             push += m * d * d;
         }
         mass += m;
     }
-    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++)
-        c->row[c->zone_order[r]].multiplier = c->qp_lambda[r - c->zone_start[z]] * c->mean_mass;
+    for (r = c->zone_start[z], i = 0; r < c->zone_start[z + 1]; r++)
+        if (!c->row[c->zone_order[r]].gone)
+            c->row[c->zone_order[r]].multiplier = c->qp_lambda[i++] * c->mean_mass;
     push = sqrt(push / mass);
-    c->report.push = clothi_max(c->report.push, push);
     *solved = push <= c->desc.max_push;
+    if (!*solved) return CLOTH_OK;
+    c->report.push = clothi_max(c->report.push, push);
+    for (i = 0; i < 3 * n; i++) {
+        double *x = c->xb + 3 * c->member[i / 3] + i % 3;
+        if (c->qp_x[i] < *x || c->qp_x[i] > *x) c->moved[c->member[i / 3]] = 1;
+        *x = c->qp_x[i];
+    }
     return CLOTH_OK;
+}
+
+#define CLOTHI_RELEASES 12                  /* of one zone in a pass                           */
+
+#define CLOTHI_NAMED    1e-3                /* of the largest multiplier                       */
+
+/* The rows of zone z contradict each other, and c->qp_lambda is the certificate, or they push too
+ * hard. What the multipliers name of an obstacle that penetrates itself lets go for this step,
+ * with the faces around it: there cloth is pinched between parts of one body. Returns 0 when there
+ * is nothing of the kind. */
+static int clothi_zone_release(cloth_collide *c, int z) {
+    double most = 0;
+    int    r, i, k, at = 0, found = 0;
+    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++)
+        if (!c->row[c->zone_order[r]].gone) most = clothi_max(most, c->qp_lambda[at++]);
+    for (r = c->zone_start[z], at = 0; r < c->zone_start[z + 1]; r++) {
+        const clothi_row *row = c->row + c->zone_order[r];
+        const int         slot = clothi_pair_slot(c, row->kind, row->a, row->b);
+        if (row->gone || !(c->qp_lambda[at++] > CLOTHI_NAMED * most)) continue;
+        for (k = 0; slot >= 0 && c->obstacle[slot].inside && k < row->n; k++)
+            if (row->v[k] >= c->nv && !c->off_v[row->v[k]]) c->off_v[row->v[k]] = 2, found = 1;
+    }
+    for (i = c->nf; found && i < c->mf; i++)
+        for (k = 0; k < 3 && !c->off[i]; k++)
+            if (c->off_v[c->faces[3 * i + k]] == 2) c->off[i] = 1, c->report.exempt_faces++;
+    for (r = 0; found && r < c->nrow; r++) {
+        clothi_row *row = c->row + r;
+        if (row->kind == CLOTHI_VF && row->b >= c->nf) row->gone |= c->off[row->b];
+        else
+            for (k = 0; k < row->n; k++) row->gone |= c->off_v[row->v[k]] != 0;
+        if (row->gone) row->multiplier = 0;
+    }
+    return found;
 }
 
 /* Mean motion of the obstacles that a zone touches; 0: it touches none and nothing is pinned. */
@@ -6310,7 +6420,7 @@ static void clothi_zone_freeze(cloth_collide *c, int z, int level) {
     for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
         clothi_row *row = c->row + c->zone_order[r];
         row->multiplier = 0;
-        for (i = 0; i < row->n; i++) {
+        for (i = 0; i < row->n && !row->gone; i++) {
             if (!clothi_movable(c, row->v[i]) || c->local[row->v[i]] >= 0) continue;
             c->local[row->v[i]] = n;
             c->member[n++] = row->v[i];
@@ -6373,13 +6483,15 @@ static cloth_status clothi_zones(cloth_collide *c, int first) {
     if (nzone > c->report.zones) c->report.zones = nzone;
     memset(c->moved, 0, (size_t)c->nv);
     for (r = first; r < c->nrow; r++)
-        if (c->row[r].zone < 0 && !clothi_still(c, c->row + r))
+        if (c->row[r].zone < 0 && !c->row[r].gone && !clothi_still(c, c->row + r))
             return clothi_failed_pairs(c, first);
     for (z = 0; z < nzone && !status; z++) {
         if (c->zone_order[c->zone_start[z + 1] - 1] < first) continue;   /* nothing new in it */
         solved = 0;
-        if (c->report.passes <= c->desc.max_passes)
+        for (r = 0; r < CLOTHI_RELEASES && c->report.passes <= c->desc.max_passes; r++) {
             status = clothi_zone_solve(c, z, first, &solved);
+            if (status || solved || !clothi_zone_release(c, z)) break;
+        }
         if (!status && !solved) clothi_zone_freeze(c, z, 1);
     }
     return status;
@@ -7010,8 +7122,9 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
 
 static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
                                          const cloth_obstacle_desc *d) {
-    double size = sqrt(clothi_dot3(d->normal, d->normal));
-    int    k;
+    double       size = sqrt(clothi_dot3(d->normal, d->normal));
+    cloth_status status;
+    int          k;
     o->kind = d->kind;
     o->nv = clothi_obstacle_shape(d, &o->nf);
     o->x = (double *)clothi_alloc(c->hooks, 9 * (size_t)o->nv, sizeof(double));
@@ -7030,9 +7143,10 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     o->category = d->category, o->mask = d->mask;
     o->used = 1;
     o->generation = (o->generation + 1) & 0xffffu;
-    return d->kind == CLOTH_OBSTACLE_MESH && d->self_penetrating
-               ? clothi_inside_create(c->hooks, o->nv, o->nf, o->faces, &o->inside)
-               : CLOTH_OK;
+    if (d->kind != CLOTH_OBSTACLE_MESH || !d->self_penetrating) return CLOTH_OK;
+    status = clothi_inside_create(c->hooks, o->nv, o->nf, o->faces, &o->inside);
+    if (!status) o->inside->room = CLOTHI_ROOM * c->desc.thickness;
+    return status;
 }
 
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,

@@ -400,6 +400,21 @@ static void against_samples(void) {
     CHECK(alarms <= rounds / 5000 && loose <= rounds / 5000);
 }
 
+/* A face whose sides are 1e-80 of the motion: the bound of its normal underflows. */
+static void tiny_face(void) {
+    double x[24] = {0, 4, 0, 0, 0, 0, 1e-80, 0, 0, 0, 0, 1e-80,
+                    0, 0, 0, 0, 0, 0, 1e-80, 0, 0, 0, 0, 1e-80};
+    double toi = -1;
+    int    i, k;
+    for (k = -300; k <= 200; k += 50) {
+        double y[24];
+        for (i = 0; i < 24; i++) y[i] = ldexp(x[i], k);
+        CHECK(cloth_ccd_vf(y, y + 12, ldexp(1, k), &toi));
+        CHECK(toi <= 0.75 && toi >= 0.7499);
+        CHECK(cloth_ccd_vf(y, y + 12, 0, &toi) && toi <= 1);
+    }
+}
+
 /* ---- arguments */
 
 static void arguments(void) {
@@ -428,6 +443,9 @@ static void arguments(void) {
     }
     for (i = 0; i < 24; i++) x[i] = i % 2 ? 1.7e308 : -1.7e308;     /* differences overflow */
     CHECK(cloth_ccd_vf(x, x + 12, 0, &toi) == 1 && toi == 0);
+    for (i = 0; i < 24; i++)                /* the same, and far apart */
+        x[i] = i % 12 < 3 ? 1.7e308 : -1.7e308 + 1e306 * (i % 5);
+    CHECK(cloth_ccd_vf(x, x + 12, 1e300, &toi) == 0 && toi == 1);
     for (i = 0; i < 24; i++) x[i] = 4.9e-324 * (i % 5);
     CHECK(cloth_ccd_ee(x, x + 12, 1e-300, &toi) == 1 && toi == 0);
 }
@@ -526,6 +544,7 @@ int main(int argc, char **argv) {
     RUN(exact_contacts);
     RUN(closed_forms);
     RUN(against_samples);
+    RUN(tiny_face);
     RUN(arguments);
     RUN(distances);
     RUN(frames);

@@ -82,6 +82,22 @@ static void one_ulp(void) {
     CHECK(clothi_orient2d(a, d, a) == 0);
 }
 
+/* Points on a grid of one ulp around (1/2, 1/2) against the line through (12, 12), (24, 24). */
+static void grid(void) {
+    const double u = ldexp(1, -53), p[2] = {12, 12}, q[2] = {24, 24};
+    int          i, k, wrong = 0;
+    for (i = 0; i < 64; i++)
+        for (k = 0; k < 64; k++) {
+            double r[2];
+            r[0] = 0.5 + 2 * i * u;
+            r[1] = 0.5 + 2 * k * u;
+            wrong += clothi_orient2d(r, p, q) != (k > i) - (k < i);
+            wrong += clothi_orient2d(p, q, r) != (k > i) - (k < i);
+            wrong += clothi_orient2d(q, r, p) != (k > i) - (k < i);
+        }
+    CHECK(wrong == 0);
+}
+
 /* (a + b) c - a c - b c = 0 and s, r of random sums and products. */
 static void expansions(void) {
     unsigned long long seed = 7;
@@ -111,6 +127,7 @@ int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(against_integers);
     RUN(one_ulp);
+    RUN(grid);
     RUN(expansions);
     return TEST_END();
 }

@@ -348,7 +348,12 @@ static void reference_gradient(const dyn *d, const double *x, double *sum) {
         c = cloth_hinge_coefficient(p->material->bending, e2, A[0], A[1]);
         cloth_bend_quadratic_weights(X, w);
         if (d->desc.bend == CLOTH_BEND_QUADRATIC) (void)cloth_bend_quadratic(y, w, c, g, NULL);
-        else (void)cloth_bend(y, c, p->theta0[i], g, NULL, 0);
+        else {                              /* a sim takes the difference into [-pi, pi] */
+            const double turn = cloth_dihedral(y) - p->theta0[i];
+            (void)cloth_bend(y, c, p->theta0[i] + (turn > 3.141592653589793 ? 6.283185307179586
+                                     : turn < -3.141592653589793 ? -6.283185307179586 : 0),
+                             g, NULL, 0);
+        }
         for (k = 0; k < 4; k++)
             for (r = 0; r < 3; r++) sum[3 * v[k] + r] += g[3 * k + r];
     }

@@ -5912,7 +5912,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
  * makes it hold (coordinate ascent in the dual, Hildreth 1957), there and back, until none moves by
  * a tenth of its slack, what its bound asks for over what detection guards. 24000 rows take 0.1 s a
  * pass. Momentum is kept to rounding, like the rows; where sweeps do not end in time the next pass
- * goes on from their multipliers, and after some passes the exact QP decides.
+ * goes on from their multipliers, and after some passes the exact QP decides, up to 1000 rows.
  *
  * A zone whose rows contradict each other, or push by more than max_push, first lets go of what its
  * multipliers name of an obstacle that penetrates itself (an arm that pinches a sleeve): those
@@ -6111,6 +6111,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
 #define CLOTHI_EXACT_ROWS   200             /* larger zones are swept                          */
 #define CLOTHI_SWEEPS       300
 #define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
+#define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
 #define CLOTHI_EXACT_SETS   400             /* tried before a zone becomes rigid               */
 
 static void clothi_zone_free(cloth_collide *c) {
@@ -6275,7 +6276,7 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
     swept = qp.m > CLOTHI_EXACT_ROWS;
     *solved = swept && (clothi_zone_sweeps(c, z, &qp, 0) ||
-                        c->report.passes <= CLOTHI_SWEPT_PASSES);
+                        c->report.passes <= CLOTHI_SWEPT_PASSES || qp.m > CLOTHI_EXACT_MOST);
     if (!*solved) {                         /* also what sweeps cannot end */
         if (swept) memcpy(c->qp_guess, c->qp_lambda, (size_t)qp.m * sizeof(double));
         c->qp_options.guess = first > 0 || swept ? c->qp_guess : NULL;

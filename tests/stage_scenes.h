@@ -210,7 +210,7 @@ static inline void scene_ball(int n, int steps) {
     s.contact.max_push = 10;
     if (stage_start(&s)) {
         for (i = 0; i < n; i++) (void)cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, NULL);
-        id = stage_sphere(&s, 0.52, -0.85, -1, 0.1);
+        id = stage_sphere(&s, 0.52, -0.94, -1, 0.1);
         for (i = 0; i < steps; i++) {
             s.thing[id].next[2] = s.thing[id].x[2] + 20 * h;
             (void)stage_step(&s, h);

@@ -1315,6 +1315,42 @@ static inline void view_put(view *v, int m, const double *x, const double *s0, c
     view_put_scalar(v, b, 1, s1);
 }
 
+/* --- a ball: an obstacle of 24 x 12 patches, for spheres --- */
+
+#define VIEW_BALL_NV 266            /* two poles and 11 rings of 24 */
+#define VIEW_BALL_NF 528
+
+/* Adds a ball before the first frame; returns its number, -1 on error. */
+static inline int view_ball(view *v, const char *name) {
+    int faces[3 * VIEW_BALL_NF], n = 0;
+    for (int j = 0; j < 12; j++) for (int i = 0; i < 24; i++) {
+        int a = 24 * (j - 1) + i, b = 24 * (j - 1) + (i + 1) % 24;  /* of the ring above */
+        if (j > 0) {
+            faces[n++] = a;
+            faces[n++] = j < 11 ? a + 24 : 265;
+            faces[n++] = b;
+        }
+        if (j < 11) {
+            faces[n++] = j > 0 ? b : 264;
+            faces[n++] = a + 24;
+            faces[n++] = b + 24;
+        }
+    }
+    return view_mesh(v, name, VIEW_OBSTACLE, VIEW_BALL_NV, VIEW_BALL_NF, faces);
+}
+
+/* Puts ball m around c, radius r, m. */
+static inline void view_put_ball(view *v, int m, const double c[3], double r) {
+    double x[3 * VIEW_BALL_NV];
+    for (int i = 0; i < VIEW_BALL_NV; i++) {
+        double up = i < 264 ? (i / 24 + 1) / 12.0 : i - 264, around = i % 24 / 12.0;
+        x[3 * i] = c[0] + r * sin(3.14159265358979 * up) * cos(3.14159265358979 * around);
+        x[3 * i + 1] = c[1] + r * cos(3.14159265358979 * up);
+        x[3 * i + 2] = c[2] - r * sin(3.14159265358979 * up) * sin(3.14159265358979 * around);
+    }
+    view_put(v, m, x, NULL, NULL);
+}
+
 /* The short form for one mesh (number 0): a frame at t with x [nv x 3] and scalar 0 or NULL. */
 static inline void view_frame(view *v, double t, const double *x, const double *s) {
     view_time(v, t);

@@ -4989,6 +4989,7 @@ struct cloth_collide {
     double *qp_val, *qp_h, *qp_lambda, *qp_guess;
     double *qp_minv, *qp_x0, *qp_x;         /* [3 nv]                                          */
     double  mean_mass;                      /* kg, unit of the multipliers of the last QP      */
+    int     lets_go;                        /* an obstacle penetrates itself                   */
     cloth_qp_options qp_options;
 
     /* state */
@@ -5560,10 +5561,12 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
     memset(c->off, 0, (size_t)c->mf);
     memset(c->off_v, 0, (size_t)c->nw);
     c->report.exempt_faces = 0;
+    c->lets_go = 0;
     for (o = 0; o < c->nobstacle && !status; o++) {
         const clothi_obstacle *b = c->obstacle + o;
         int                    count = 0;
         if (!b->used || !b->inside) continue;
+        c->lets_go = 1;
         status = clothi_inside_sweep(b->inside, c->xa + 3 * b->v0, c->xb + 3 * b->v0,
                                      c->off + b->f0, &count);
         if (!status)
@@ -6111,6 +6114,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
 #define CLOTHI_EXACT_ROWS   200             /* larger zones are swept                          */
 #define CLOTHI_SWEEPS       300
 #define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
+#define CLOTHI_LET_GO       3               /* the same where an obstacle may let go           */
 #define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
 #define CLOTHI_EXACT_SETS   400             /* tried before a zone becomes rigid               */
 
@@ -6153,7 +6157,7 @@ static cloth_status clothi_zone_reserve(cloth_collide *c) {
     return CLOTH_OK;
 }
 
-/* Rows of each zone, in their order: zone_order[zone_start[z] .. zone_start[z+1]). */
+/* Rows of each zone, in their order: zone_order[zone_start[z] .. zone_cursor[z]). */
 static void clothi_zone_rows(cloth_collide *c, int nzone) {
     int i;
     for (i = 0; i <= nzone; i++) c->zone_start[i] = 0;
@@ -6169,11 +6173,11 @@ static void clothi_zone_rows(cloth_collide *c, int nzone) {
  * has minv 0 there. `from` [nv x 3] is x0; speeds: rows on velocities. Returns the unknowns. */
 static int clothi_zone_qp(cloth_collide *c, int z, const double *from, int speeds, cloth_qp *qp) {
     const double *mass = c->sim->params.mass;
-    int    begin = c->zone_start[z], end = c->zone_start[z + 1], m = 0, nnz = 0, n = 0, r, i, k;
+    int    begin = c->zone_start[z], end = c->zone_cursor[z], m = 0, nnz = 0, n = 0, r, i, k;
     double mean = 0;
     for (r = begin; r < end; r++) {
         const clothi_row *row = c->row + c->zone_order[r];
-        if (row->gone || (speeds && !(row->multiplier > 0))) continue;
+        if (speeds && !(row->multiplier > 0)) continue;
         c->qp_row[m] = nnz;
         c->qp_h[m] = speeds ? -row->speed : -row->bound;
         for (i = 0; i < row->n; i++) {
@@ -6267,17 +6271,16 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
     double          push = 0, mass = 0;
     int             n = clothi_zone_qp(c, z, c->x_ie, 0, &qp), i, k, r, swept;
     memset(&rep, 0, sizeof rep);
-    for (r = c->zone_start[z], i = 0; r < c->zone_start[z + 1]; r++) {
-        const int row = c->zone_order[r];   /* what the last pass found; the new rows may hold */
-        if (c->row[row].gone) continue;
-        c->qp_guess[i] = row >= first ? 1 : c->row[row].multiplier;
-        c->qp_lambda[i++] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
+    for (r = 0; r < qp.m; r++) {            /* what the last pass found; the new rows may hold */
+        const int row = c->zone_order[c->zone_start[z] + r];
+        c->qp_guess[r] = row >= first ? 1 : c->row[row].multiplier;
+        c->qp_lambda[r] = row >= first ? 0 : c->row[row].multiplier / c->mean_mass;
     }
     c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
     swept = qp.m > CLOTHI_EXACT_ROWS;
     *solved = swept && (clothi_zone_sweeps(c, z, &qp, 0) ||
-                        c->report.passes <= CLOTHI_SWEPT_PASSES || qp.m > CLOTHI_EXACT_MOST);
-    if (!*solved) {                         /* also what sweeps cannot end */
+                        c->report.passes <= (c->lets_go ? CLOTHI_LET_GO : CLOTHI_SWEPT_PASSES));
+    if (!*solved && qp.m <= CLOTHI_EXACT_MOST) {        /* also what sweeps cannot end */
         if (swept) memcpy(c->qp_guess, c->qp_lambda, (size_t)qp.m * sizeof(double));
         c->qp_options.guess = first > 0 || swept ? c->qp_guess : NULL;
         c->qp_options.max_iterations = CLOTHI_EXACT_SETS;
@@ -6296,9 +6299,8 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
         }
         mass += m;
     }
-    for (r = c->zone_start[z], i = 0; r < c->zone_start[z + 1]; r++)
-        if (!c->row[c->zone_order[r]].gone)
-            c->row[c->zone_order[r]].multiplier = c->qp_lambda[i++] * c->mean_mass;
+    for (r = 0; r < qp.m; r++)
+        c->row[c->zone_order[c->zone_start[z] + r]].multiplier = c->qp_lambda[r] * c->mean_mass;
     push = sqrt(push / mass);
     *solved = push <= c->desc.max_push;
     if (!*solved) return CLOTH_OK;
@@ -6320,14 +6322,14 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
  * with the faces around it: there cloth is pinched between parts of one body. Returns 0 when there
  * is nothing of the kind. */
 static int clothi_zone_release(cloth_collide *c, int z) {
-    double most = 0;
-    int    r, i, k, at = 0, found = 0;
-    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++)
-        if (!c->row[c->zone_order[r]].gone) most = clothi_max(most, c->qp_lambda[at++]);
-    for (r = c->zone_start[z], at = 0; r < c->zone_start[z + 1]; r++) {
-        const clothi_row *row = c->row + c->zone_order[r];
+    const int m = c->zone_cursor[z] - c->zone_start[z];
+    double    most = 0;
+    int       r, i, k, found = 0;
+    for (r = 0; r < m; r++) most = clothi_max(most, c->qp_lambda[r]);
+    for (r = 0; r < m; r++) {
+        const clothi_row *row = c->row + c->zone_order[c->zone_start[z] + r];
         const int         slot = clothi_pair_slot(c, row->kind, row->a, row->b);
-        if (row->gone || !(c->qp_lambda[at++] > CLOTHI_NAMED * most)) continue;
+        if (!(c->qp_lambda[r] > CLOTHI_NAMED * most)) continue;
         for (k = 0; slot >= 0 && c->obstacle[slot].inside && k < row->n; k++)
             if (row->v[k] >= c->nv && !c->off_v[row->v[k]]) c->off_v[row->v[k]] = 2, found = 1;
     }
@@ -6341,6 +6343,9 @@ static int clothi_zone_release(cloth_collide *c, int z) {
             for (k = 0; k < row->n; k++) row->gone |= c->off_v[row->v[k]] != 0;
         if (row->gone) row->multiplier = 0;
     }
+    for (r = i = c->zone_start[z]; found && r < c->zone_cursor[z]; r++)
+        if (!c->row[c->zone_order[r]].gone) c->zone_order[i++] = c->zone_order[r];
+    if (found) c->zone_cursor[z] = i;
     return found;
 }
 
@@ -6349,7 +6354,7 @@ static int clothi_zone_carrier(const cloth_collide *c, int z, double *motion) {
     double weight = 0;
     int    r, i, k, held = 0;
     motion[0] = motion[1] = motion[2] = 0;
-    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
+    for (r = c->zone_start[z]; r < c->zone_cursor[z]; r++) {
         const clothi_row *row = c->row + c->zone_order[r];
         for (i = 0; i < row->n; i++) {
             const int v = row->v[i];
@@ -6426,10 +6431,10 @@ static void clothi_zone_rotate(cloth_collide *c, int n) {
 static void clothi_zone_freeze(cloth_collide *c, int z, int level) {
     double motion[3];
     int    held = clothi_zone_carrier(c, z, motion), n = 0, r, i, k;
-    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
+    for (r = c->zone_start[z]; r < c->zone_cursor[z]; r++) {
         clothi_row *row = c->row + c->zone_order[r];
         row->multiplier = 0;
-        for (i = 0; i < row->n && !row->gone; i++) {
+        for (i = 0; i < row->n; i++) {
             if (!clothi_movable(c, row->v[i]) || c->local[row->v[i]] >= 0) continue;
             c->local[row->v[i]] = n;
             c->member[n++] = row->v[i];
@@ -6495,7 +6500,7 @@ static cloth_status clothi_zones(cloth_collide *c, int first) {
         if (c->row[r].zone < 0 && !c->row[r].gone && !clothi_still(c, c->row + r))
             return clothi_failed_pairs(c, first);
     for (z = 0; z < nzone && !status; z++) {
-        if (c->zone_order[c->zone_start[z + 1] - 1] < first) continue;   /* nothing new in it */
+        if (c->zone_order[c->zone_cursor[z] - 1] < first) continue;   /* nothing new in it */
         solved = 0;
         for (r = 0; r < CLOTHI_RELEASES && c->report.passes <= c->desc.max_passes; r++) {
             status = clothi_zone_solve(c, z, first, &solved);

@@ -6587,7 +6587,9 @@ static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, doub
     for (i = 0; i < c->nrow; i++) *active += c->row[i].multiplier > 0;
     for (i = 0; i < c->nv; i++) *active += c->frozen[i] != 0;
     c->report.rows = c->nrow;
-    return clothi_anchors_move(c, x);
+    status = clothi_anchors_move(c, x);     /* whom E_col pushes: BDF2 must not extrapolate */
+    for (i = 0; i < c->ntouch && !status; i++) *active += c->touch[i].force > 0;
+    return status;
 }
 
 static void clothi_contact_rollback(void *user, cloth_report *report) {

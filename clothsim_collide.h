@@ -5536,7 +5536,8 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *
  * One cloth vertex near many faces of one obstacle is one anchor (clothi_key): a fold of the
  * obstacle's mesh under it changes the pair, not the memory.
- * checked: tests/test_contact.c (differences), tests/validate/incline.c, capstan.c
+ * checked: tests/test_friction.c (differences), tests/validate/incline.c, stopping.c, resting.c,
+ *   drop.c
  */
 
 /* gap, normal and weights of a pair at xa; 0: on top of each other. */

@@ -50,10 +50,11 @@ static void dropped(void) {
     for (shape = 0; shape < 3; shape++)
         for (i = 0; i < 3; i++)
             for (k = 0; k < 2; k++) {
-                double low, settle, part = rebound(shape, integrator[i], i == 2 ? 1.0 / 480 : 1.0 / 60,
-                                           drops[k], &low, &settle);
-                printf("  %-9s %-9s %8.2f   %12.2e    0.01  %.3f       %.3f\n", shape_name[shape], name[i],
-                       drops[k], part, low / FRIC_T, settle / FRIC_T);
+                const double h = i == 2 ? 1.0 / 480 : 1.0 / 60;
+                double       low, settle;
+                const double part = rebound(shape, integrator[i], h, drops[k], &low, &settle);
+                printf("  %-9s %-9s %8.2f   %12.2e    0.01  %.3f       %.3f\n", shape_name[shape],
+                       name[i], drops[k], part, low / FRIC_T, settle / FRIC_T);
                 CHECK(part < 0.01);
                 CHECK(low > 0);
             }

@@ -52,7 +52,7 @@ int main(void) {
     cloth_pin           pins[4] = {{0, 7}, {N - 1, 7}, {N * (N - 1), 7}, {N * N - 1, 7}};
     cloth_status        status = CLOTH_OK;
     double              x[2][24];
-    int                 failed = 0, first = 0, last = 0, pairs = 0, said = 0;
+    int                 failed = 0, none = 0, first = 0, last = 0, pairs = 0, said = 0;
     const char         *error = NULL;
     view               *page = NULL;
     desc.hooks.log.fn = print_log, desc.hooks.log.user = &said;
@@ -65,8 +65,8 @@ int main(void) {
     if ((status = cloth_model_create(&desc, &model)) != CLOTH_OK) goto end;
     if ((status = cloth_sim_create(model, &sim)) != CLOTH_OK) goto end;
     if ((status = cloth_collide_create(sim, NULL, &contact)) != CLOTH_OK) goto end;
-    page = view_open("A pinch that fails and recovers", "Two plates close to 0.4 mm on a sheet that "
-        "needs 1 mm, wait, and open. Where no step succeeds the sheet stays as it was.");
+    page = view_open("A pinch that fails and recovers", "Two plates close to 0.4 mm on a sheet "
+        "that needs 1 mm, wait, and open. Where no step succeeds the sheet stays as it was.");
     view_camera(page, 25, 6);
     view_mesh(page, "sheet", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
     for (int side = 0; side < 2; side++) {
@@ -90,16 +90,18 @@ int main(void) {
         if (status && r.outcome == CLOTH_STEP_NONE) goto end;   /* misuse, not contact */
         if (status || c.fraction < 0.999) {
             if (++failed == 1) first = i;
-            last = i;
+            last = i, none += status != CLOTH_OK;
             cloth_collide_failed(contact, 1, &pair, &pairs);
-            if (failed == 1) printf("frame %d, plates to %.2f mm: outcome %d, %.4f of the step, "
-                                    "%d pairs\n", i, 1e3 * distance(i), (int)r.outcome, c.fraction,
-                                    pairs);
+            if (none == 1 && status)
+                printf("frame %d, plates asked to %.2f mm: outcome %d, %d pairs, the first: vertex "
+                       "or edge %d of the sheet\n", i, 1e3 * distance(i), (int)r.outcome, pairs,
+                       pair.reversed ? pair.b : pair.a);
         }
         view_frame(page, i / 60.0, cloth_sim_state(sim)->x, NULL);
         view_put(page, 1, x[0], NULL, NULL), view_put(page, 2, x[1], NULL, NULL);
     }
-    if (failed) printf("%d steps cut short or failed, frames %d to %d\n", failed, first, last);
+    printf("%d steps went part of their way, %d failed: frames %d to %d\n", failed - none, none,
+           first, last);
     error = view_close(page, "out/15_pinch.html");
     status = cloth_collide_intersections(contact, 0, NULL, &pairs);
     printf("some steps failed: %s; solved again at the end: %s; pairs that intersect: %d\n",

@@ -124,7 +124,7 @@
  *   slip         give before a contact that sticks holds fully | smaller: stiffer, more iterations;
  *                larger: visible give, though no creep
  *   max_push     how far, root mean square, a zone may be moved from where the step wanted it
- *                before the step fails instead | smaller: earlier failures, shorter steps, finer answers;
+ *                before the step fails instead | smaller: earlier failures, shorter steps;
  *                larger: leaps are let through, still without intersections
  *   max_passes   rounds of detection and zones | fewer: hard steps fail sooner and cheaper
  *   initial      REFUSE names what intersects before the first step, EXEMPT counts it and lets it

@@ -2,15 +2,16 @@
  *
  * Notice: one model may hold several cloths (cloth_mesh_merge(), each a part); under
  * CLOTH_CONTACT_SELF parts collide with each other and with themselves. Pins that move lead the
- * edge over and are let go by cloth_sim_unpin(). A layer rests t/2 above
- * the one below it: the stack's height says so.
+ * edge over and are let go by cloth_sim_unpin(). A layer rests about
+ * t/2 above the one below it.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 13_fold.c -lm
  *   page:     out/13_fold.html
  *   expected: 80 of 80 steps solved; pairs that intersect: 0
  *
  * Exercises: (1) BENDING = 1e-3: the fold springs open when it is let go; (2) desc.contact =
- * CLOTH_CONTACT_OBSTACLES: the layers sink into each other; (3) contact.friction = 0: the turned stack slides apart.
+ * CLOTH_CONTACT_OBSTACLES: the layers sink into each other; (3) contact.friction = 0: what
+ * lies on what slides.
  */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"

@@ -9,6 +9,7 @@
 /* A touch of 4 cloth vertices with weights w, moved u m across and `in` m along its normal. */
 static void compare(const double *w, int n, double across, double in) {
     static const double normal[3] = {0.6, 0, 0.8}, side[3] = {0.8, 0, -0.6};
+    double        size, eps, u[3];
     double        xa[12] = {0}, x[12], pull[3], K[9], grad[12], hess[144], e0, e1, d, scale = 0;
     const double  step = 1e-9;
     cloth_collide c;
@@ -26,6 +27,11 @@ static void compare(const double *w, int n, double across, double in) {
     memset(x, 0, sizeof x);
     for (k = 0; k < 3; k++) x[k] = (across * side[k] + in * normal[k]) / w[0];
     (void)clothi_touch_eval(&c, &q, x, pull, K);
+    for (k = 0; k < 3; k++) u[k] = across * side[k] + q.slip[k];
+    size = sqrt(clothi_dot3(u, u)), eps = c.desc.slip;
+    for (k = 0; k < 9; k++)                 /* K bounds friction's Hessian: what it leaves out */
+        K[k] -= q.limit * (size < eps ? 1 / (eps * eps) : 1 / (size * size)) * u[k / 3] *
+                u[k % 3] / size;
     for (i = 0; i < n; i++)
         for (k = 0; k < 3; k++) {
             grad[3 * i + k] = w[i] * pull[k];

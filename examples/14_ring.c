@@ -16,7 +16,7 @@
 #include "view.h"
 #include <stdio.h>
 
-#define STEPS  90 
+#define STEPS  90
 #define RINGS  10                   /* of the disc: 6 x 10^2 faces                      */
 #define RADIUS 0.30                 /* m, of the cloth                                  */
 #define HOLE   0.08                 /* m, free radius of the ring                       */

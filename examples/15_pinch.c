@@ -10,7 +10,7 @@
  *   expected: some steps failed: yes; solved again at the end: yes; pairs that intersect: 0
  *
  * Exercises: (1) CLOSED = 0.006: no step fails; (2) HALVINGS = 0: 16 steps fail whole,
- * none goes part of its way; (3) contact.thickness = 4e-3: fails earlier, by as much as it is wider.
+ * none goes part of its way; (3) contact.thickness = 4e-3: fails earlier, being wider.
  */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"

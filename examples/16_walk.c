@@ -2,8 +2,8 @@
  *
  * Notice: cloth_collide_move() says where the body shall be at the END of the step;
  * self_penetrating exempts the body's faces that lie inside the body (armpits) for that step;
- * cloth_collide_step() takes h/2, h/4, .. where contact cannot be resolved and says what fraction it
- * reached; what fails leaves the state as before: the next step tries again.
+ * cloth_collide_step() takes h/2, h/4, .. where contact cannot be resolved and says what fraction
+ * it reached; what fails leaves the state as before: the next step tries again.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 16_walk.c -lm
  *   run:      16_walk [GARMENT.obj BODY.obj WEIGHTS.txt MOTION.skin]

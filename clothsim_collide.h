@@ -5718,9 +5718,6 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *
  *     E = mu N ( u^2/eps - u^3/(3 eps^2)   |u| <= eps: sticks;      |u| - eps/3   beyond: slides )
  *
- * a potential in x, convex, its Hessian continuous (a plain parabola has a leap at eps, at which
- * Newton's trust region crawled). When the step is accepted s becomes u, cut to eps: what sticks
- * remembers where and does not creep (the elastic-plastic anchor of Cundall and Strack 1979).
  * a potential in x, convex. Its Hessian along u is 0 beyond eps: Newton's step leaps across the
  * kink to the other side, and line searches of 2^-10 passed for convergence. In its place stands
  * mu N (force/|u|) (I - n n'): the gradient stays, E is bounded from above (it is concave in u^2),
@@ -5732,7 +5729,8 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
  *
  * One cloth vertex near many faces of one obstacle is one anchor (clothi_key): a fold of the
  * obstacle's mesh under it changes the pair, not the memory.
- * checked: tests/test_contact.c
+ * checked: tests/test_friction.c, tests/test_contact.c, tests/validate/incline.c, stopping.c,
+ * resting.c, drop.c
  * checked: tests/test_friction.c (differences), tests/validate/incline.c, stopping.c, resting.c,
  *   drop.c
  */

@@ -5219,6 +5219,22 @@ static cloth_obstacle clothi_obstacle_id(const cloth_collide *c, int slot) {
 
 /* --- the world's arrays --- */
 
+/* c gets the arrays of another collide; NULL: none. Nothing is freed. */
+static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
+    cloth_collide none;
+    if (!from) {
+        memset(&none, 0, sizeof none);
+        from = &none;
+    }
+    c->features = from->features, c->tree = from->tree, c->solid = from->solid;
+    c->faces = from->faces, c->edges = from->edges, c->slot = from->slot;
+    c->area = from->area, c->xa = from->xa, c->xb = from->xb;
+    c->box_v = from->box_v, c->box_f = from->box_f;
+    c->off = from->off, c->off_v = from->off_v;
+    c->me = from->me;
+    c->solid_known = 0;
+}
+
 static void clothi_world_free(cloth_collide *c) {
     const cloth_hooks *k = c->hooks;
     clothi_features_free(k, &c->features);
@@ -5234,9 +5250,7 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->box_f);
     clothi_free(k, c->off);
     clothi_free(k, c->off_v);
-    c->faces = c->edges = c->slot = NULL;
-    c->area = c->xa = c->xb = c->box_v = c->box_f = NULL;
-    c->off = c->off_v = NULL;
+    clothi_world_take(c, NULL);
 }
 
 static void clothi_world_area(cloth_collide *c) {
@@ -5293,13 +5307,12 @@ static void clothi_world_fill(cloth_collide *c) {
     }
 }
 
-/* Called when obstacles come or go. On failure the world is empty: call again or destroy. */
+/* Into a collide without a world; what a failure leaves is for clothi_world_free. */
 static cloth_status clothi_world_build(cloth_collide *c) {
     const cloth_model *m = c->sim->model;
     const int    capsules = clothi_world_count(c);
     cloth_status status = CLOTH_OK;
     int          o, i;
-    clothi_world_free(c);
     c->faces = (int *)clothi_alloc(c->hooks, 3 * (size_t)c->mf, sizeof(int));
     c->slot = (int *)clothi_alloc(c->hooks, (size_t)c->nw, sizeof(int));
     c->area = (double *)clothi_alloc(c->hooks, (size_t)c->nw, sizeof(double));
@@ -7201,6 +7214,25 @@ CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
 
 /* --- obstacles: add, remove, move --- */
 
+/* Obstacles have come or gone: a new world, looked at. What was found at the last step names the
+ * old one and goes with it. On failure the old world stays; the caller then puts its obstacles back
+ * and counts [clothi_world_count]. */
+static cloth_status clothi_world_change(cloth_collide *c) {
+    cloth_collide old = *c;
+    cloth_status  status;
+    clothi_world_take(c, NULL);
+    status = clothi_world_build(c);
+    if (!status) status = clothi_collide_look(c);
+    if (status) {
+        clothi_world_free(c);
+        clothi_world_take(c, &old);
+        return status;
+    }
+    clothi_world_free(&old);
+    c->ntouch = c->nrow = c->nfailed = 0;
+    return CLOTH_OK;
+}
+
 /* Numbers of vertices and faces that a desc of its kind has; 0 vertices: no such kind. */
 static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
     *nf = d->kind == CLOTH_OBSTACLE_MESH ? d->nf : d->kind == CLOTH_OBSTACLE_BOX ? 12 : 0;
@@ -7277,10 +7309,11 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id) {
     clothi_obstacle *o;
-    cloth_status     status, rebuilt;
-    int              slot = 0;
+    cloth_status     status;
+    int              slot = 0, known;
     if (id) id->id = 0;
     if (!c || !desc) return CLOTH_ERR_ARGUMENT;
+    known = c->nobstacle;
     status = clothi_obstacle_check(c->hooks, desc);
     if (status) return status;
     while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
@@ -7291,12 +7324,12 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     if (slot == c->nobstacle) c->nobstacle++;
     o = c->obstacle + slot;
     status = clothi_obstacle_fill(c, o, desc);
-    if (!status) status = clothi_world_build(c);
-    if (!status) status = clothi_collide_look(c);
+    if (!status) status = clothi_world_change(c);
     if (status) {                           /* as before */
         clothi_obstacle_free(c->hooks, o);
-        rebuilt = clothi_world_build(c);
-        return rebuilt ? rebuilt : status;
+        c->nobstacle = known;
+        (void)clothi_world_count(c);
+        return status;
     }
     if (id) *id = clothi_obstacle_id(c, slot);
     return CLOTH_OK;
@@ -7306,10 +7339,16 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
     clothi_obstacle *o = clothi_obstacle_of(c, id);
     cloth_status     status;
     if (!o) return CLOTH_ERR_HANDLE;
+    o->used = 0;
+    status = clothi_world_change(c);
+    if (status) {                           /* as before */
+        o->used = 1;
+        (void)clothi_world_count(c);
+        return status;
+    }
     clothi_obstacle_free(c->hooks, o);
     c->nanchor = 0;
-    status = clothi_world_build(c);
-    return status ? status : clothi_collide_look(c);
+    return CLOTH_OK;
 }
 
 static cloth_status clothi_pose_check(const cloth_collide *c, const clothi_obstacle *o,

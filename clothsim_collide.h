@@ -7616,8 +7616,8 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  * pairs within a ring of faces of the cuts. The line of cuts wanders over the faces between, so
  * that a pair may be new; afterwards exact signs [5.2] look at all of them: only within a ring of a
  * pair that was. And the whole must be less tangled:
- *       measure = sum over wrong vertices (distance to their surface + t)
- *                 + the same of what is in spheres, capsules, planes + length of the lines
+ *       measure = sum over wrong vertices of area (distance to their surface + t)
+ *                 + the same of what is in spheres, capsules, planes + t^2 length of the lines
  * has to fall by a thousandth, else half of the motion is tried, a quarter, .. 1/32, else nothing.
  * As it falls in each call that succeeds there is no going round in circles.
  *
@@ -7637,21 +7637,24 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
 #define CLOTHI_UNTANGLE_SPREAD 12           /* rounds                                          */
 #define CLOTHI_UNTANGLE_RING   2.0          /* mean edges: nearer in the template is itself    */
 
-typedef struct clothi_crossing {                 /* edge of face `of` through face g                */
+typedef struct clothi_crossing {            /* edge of face `of` through face g                */
     int    edge, face, of;
     int    end;                             /* 0, 1: the wrong end of the edge; -1: neither    */
-    double b[3], at[3];                     /* the point c: barycentric in g; m                */
+    double s;                               /* the point c: part of the edge, from its first   */
+    double b[3], at[3];                     /* end; barycentric in g; m                        */
 } clothi_crossing;
 
 struct clothi_untangle {
     clothi_couple *before;                  /* pairs that intersect, sorted                    */
     int            nbefore;
-    clothi_crossing    *cut;
+    clothi_crossing *cut;
     int            ncut, cut_cap;
     double        *d, *g;                   /* [nw x 3] m, motion; shortening                  */
     int           *nd, *ng;                 /* [nw] how many each is the sum of                */
     double        *spread;                  /* [nw x 3]                                        */
     double        *size;                    /* [nw] m^2 of areas, by their root                */
+    double        *edge;                    /* [me x 3] m^2 around; parts before the first cut
+                                               and behind the last                             */
     double        *depth;                   /* [nw] m of wrong vertices                        */
     int           *area, *piece;            /* [nw] root of its area, of its surface           */
     int           *best;                    /* [nw] largest area, by root of the surface       */
@@ -7661,7 +7664,7 @@ struct clothi_untangle {
     unsigned char *wrong, *near_by;         /* [nw]                                            */
     unsigned char *through;                 /* [me] edges that are cut                         */
     unsigned char *closed;                  /* [mf] faces of closed obstacles                  */
-    double         measure;                 /* m                                               */
+    double         measure;                 /* m^3                                             */
     int            slot;                    /* of the query under way                          */
     const cloth_collide *c;
 };
@@ -7681,12 +7684,12 @@ static cloth_status clothi_untangle_make(cloth_collide *c, clothi_untangle *u) {
     int          o, i, open;
     if (u->d) return CLOTH_OK;
     u->c = c;
-    u->d = (double *)clothi_alloc(c->hooks, 11 * nw, sizeof(double));
+    u->d = (double *)clothi_alloc(c->hooks, 11 * nw + 3 * (size_t)c->me, sizeof(double));
     u->nd = (int *)clothi_alloc(c->hooks, 7 * nw + mf, sizeof(int));
     u->wrong = (unsigned char *)clothi_alloc(c->hooks, 2 * nw + (size_t)c->me + mf, 1);
     if (!u->d || !u->nd || !u->wrong) return CLOTH_ERR_MEMORY;
     u->g = u->d + 3 * nw, u->spread = u->g + 3 * nw;
-    u->size = u->spread + 3 * nw, u->depth = u->size + nw;
+    u->size = u->spread + 3 * nw, u->depth = u->size + nw, u->edge = u->depth + nw;
     u->ng = u->nd + nw, u->area = u->ng + nw, u->piece = u->area + nw;
     u->best = u->piece + nw, u->in = u->best + nw, u->out = u->in + nw, u->hit = u->out + nw;
     u->near_by = u->wrong + nw;
@@ -7731,6 +7734,7 @@ static int clothi_crossing_at(const cloth_collide *c, int f, int k, int g, cloth
     a = clothi_dot3(n, e1), b = clothi_dot3(n, e2);
     s = fabs(a) + fabs(b) > 0 ? fabs(a) / (fabs(a) + fabs(b)) : 0.5;
     cut->face = g, cut->of = f, cut->end = -1;
+    cut->s = s;
     for (i = 0; i < 3; i++) cut->at[i] = x[i] = p[i] + s * (q[i] - p[i]);
     clothi_gather_points(c->xa, v, 3, x + 3);
     (void)clothi_pair_distance(0, x, w);
@@ -7761,7 +7765,7 @@ static cloth_status clothi_untangle_cuts(cloth_collide *c, clothi_untangle *u) {
                 length2 = clothi_max(length2, clothi_dot3(d, d));
             }
         }
-        u->measure += sqrt(length2);
+        u->measure += sqrt(length2) * c->desc.thickness * c->desc.thickness;
     }
     return CLOTH_OK;
 }
@@ -7796,20 +7800,36 @@ static double clothi_untangle_face2(int f, const double *p, void *ctx) {
     return d * d;
 }
 
-/* Nearest point of the obstacle that vertex v is inside of; returns the face, -1: none. */
-static int clothi_untangle_nearest(clothi_untangle *u, int v, double *q) {
+/* Point q of the obstacle nearest to p, m away; returns the face, -1: none. */
+static int clothi_untangle_nearest(clothi_untangle *u, int slot, const double *p, double *q,
+                                   double *away) {
     const cloth_collide *c = u->c;
     double               x[12], w[4], d2 = HUGE_VAL;
     int                  f, i, k;
-    u->slot = u->in[v];
-    f = clothi_bvh_nearest(&c->solid, c->xa + 3 * v, clothi_untangle_face2, u, &d2);
+    *away = 0;
+    u->slot = slot;
+    f = clothi_bvh_nearest(&c->solid, p, clothi_untangle_face2, u, &d2);
     if (f < 0 || !(d2 < HUGE_VAL)) return -1;
-    memcpy(x, c->xa + 3 * v, 3 * sizeof(double));
+    memcpy(x, p, 3 * sizeof(double));
     clothi_gather_points(c->xa, c->faces + 3 * f, 3, x + 3);
-    (void)clothi_pair_distance(0, x, w);
+    *away = clothi_pair_distance(0, x, w);
     for (k = 0; k < 3; k++)
         for (q[k] = 0, i = 1; i < 4; i++) q[k] -= w[i] * x[3 * i + k];
     return f;
+}
+
+/* A cut where an edge of the cloth enters a closed obstacle that it leaves again, both ends outside:
+ * 1, p [3] midway and its part s of the edge; 2: where it leaves; 0: no such cut. */
+static int clothi_untangle_midway(const cloth_collide *c, clothi_untangle *u,
+                                  const clothi_crossing *cut, double *p, double *s) {
+    const int    *v = c->edges + 2 * cut->edge;
+    const double *e = u->edge + 3 * cut->edge;
+    int           k;
+    if (cut->end >= 0 || !u->closed[cut->face] || !(e[1] < 1 - e[2])) return 0;
+    *s = 0.5 * (e[1] + 1 - e[2]);
+    for (k = 0; k < 3; k++) p[k] = c->xa[3 * v[0] + k] * (1 - *s) + c->xa[3 * v[1] + k] * *s;
+    if (!clothi_untangle_inside(c, u, c->slot[c->faces[3 * cut->face]], p)) return 0;
+    return cut->s > e[1] ? 2 : 1;
 }
 
 /* Asks for the corners of a cloth face whether they are inside of the obstacle; 1: one more is. */
@@ -7841,23 +7861,50 @@ static void clothi_untangle_insides(const cloth_collide *c, clothi_untangle *u) 
             }
 }
 
+/* What each area holds: a third of a face for each of its edges, of a cut edge what is before the
+ * first cut and behind the last. Vertices would not do: a box has no more above than below. */
+static void clothi_untangle_sizes(const cloth_collide *c, clothi_untangle *u) {
+    int i, k;
+    memset(u->size, 0, (size_t)c->nw * sizeof(double));
+    for (i = 0; i < c->me; i++) u->edge[3 * i] = 0, u->edge[3 * i + 1] = u->edge[3 * i + 2] = 1;
+    for (i = 0; i < c->mf; i++) {
+        const int *v = c->faces + 3 * i;
+        double     p[3], q[3], n[3];
+        clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], p);
+        clothi_sub3(c->xa + 3 * v[2], c->xa + 3 * v[0], q);
+        clothi_cross3(p, q, n);
+        for (k = 0; k < 3; k++)
+            u->edge[3 * c->features.face_edges[3 * i + k]] += sqrt(clothi_dot3(n, n)) / 6;
+    }
+    for (i = 0; i < u->ncut; i++) {
+        double *e = u->edge + 3 * u->cut[i].edge;
+        e[1] = clothi_min(e[1], u->cut[i].s);
+        e[2] = clothi_min(e[2], 1 - u->cut[i].s);
+    }
+    for (i = 0; i < c->features.ne; i++) {
+        const double *e = u->edge + 3 * i;
+        if (u->through[i]) {
+            u->size[u->area[c->edges[2 * i]]] += e[0] * e[1];
+            u->size[u->area[c->edges[2 * i + 1]]] += e[0] * e[2];
+        } else
+            u->size[u->area[c->edges[2 * i]]] += e[0];
+    }
+}
+
 /* The areas that cuts leave of each surface; all but the largest are wrong. */
 static void clothi_untangle_areas(const cloth_collide *c, clothi_untangle *u) {
     int i;
     memset(u->through, 0, (size_t)c->me);
-    memset(u->wrong, 0, (size_t)c->nw);
     for (i = 0; i < u->ncut; i++)           /* a closed obstacle knows what is inside */
         if (!u->closed[u->cut[i].face]) u->through[u->cut[i].edge] = 1;
-    for (i = 0; i < c->nw; i++) u->area[i] = i, u->best[i] = -1, u->size[i] = 0;
+    for (i = 0; i < c->nw; i++) u->area[i] = i, u->best[i] = -1;
     for (i = 0; i < c->features.ne; i++) {
         const int a = clothi_root(u->area, c->edges[2 * i]);
         const int b = clothi_root(u->area, c->edges[2 * i + 1]);
         if (!u->through[i]) u->area[a > b ? a : b] = a > b ? b : a;
     }
-    for (i = 0; i < c->nw; i++) {
-        u->area[i] = clothi_root(u->area, i);
-        u->size[u->area[i]] += c->area[i];
-    }
+    for (i = 0; i < c->nw; i++) u->area[i] = clothi_root(u->area, i);
+    clothi_untangle_sizes(c, u);
     for (i = 0; i < c->nw; i++) {
         int *best = u->best + u->piece[i];
         if (u->area[i] == i && (*best < 0 || u->size[i] > u->size[*best])) *best = i;
@@ -7879,16 +7926,13 @@ static void clothi_untangle_areas(const cloth_collide *c, clothi_untangle *u) {
  * deepest, m; *count: of cloth vertices. */
 static double clothi_untangle_depths(const cloth_collide *c, clothi_untangle *u, int *count) {
     const double t = c->desc.thickness;
-    double       deepest = 0, q[3], d[3];
+    double       deepest = 0, p[3], q[3], d[3], s, away;
     int          i, j;
     *count = 0;
     for (i = 0; i < c->nw; i++) {
         u->depth[i] = 0;
         if (u->in[i] >= 0) {
-            if (clothi_untangle_nearest(u, i, q) >= 0) {
-                clothi_sub3(q, c->xa + 3 * i, d);
-                u->depth[i] = sqrt(clothi_dot3(d, d));
-            }
+            (void)clothi_untangle_nearest(u, u->in[i], c->xa + 3 * i, q, u->depth + i);
         } else if (u->wrong[i]) {
             double least = HUGE_VAL;
             for (j = 0; j < u->ncut; j++) {
@@ -7899,15 +7943,22 @@ static double clothi_untangle_depths(const cloth_collide *c, clothi_untangle *u,
         } else
             continue;
         *count += i < c->nv;
-        u->measure += u->depth[i] + t;
+        u->measure += c->area[i] * (u->depth[i] + t);
         deepest = clothi_max(deepest, u->depth[i]);
     }
+    for (i = 0; i < u->ncut; i++) {
+        const int slot = c->slot[c->faces[3 * u->cut[i].face]];
+        if (clothi_untangle_midway(c, u, u->cut + i, p, &s) != 1) continue;
+        (void)clothi_untangle_nearest(u, slot, p, q, &away);
+        u->measure += u->edge[3 * u->cut[i].edge] * (away + t);
+        deepest = clothi_max(deepest, away);
+    }
     for (i = 0; i < u->nbefore; i++) {
-        const clothi_couple p = u->before[i];
-        double              gap;
-        if (p.kind < 0) continue;
-        gap = clothi_lone_gap(c, p.kind, p.a, p.b);
-        u->measure += t - gap;
+        const clothi_couple *k = u->before + i;
+        double               gap;
+        if (k->kind < 0) continue;
+        gap = clothi_lone_gap(c, k->kind, k->a, k->b);
+        u->measure += c->sim->edge * c->sim->edge * (t - gap);
         deepest = clothi_max(deepest, -gap);
     }
     return deepest;
@@ -7958,6 +8009,22 @@ static void clothi_untangle_normal(const cloth_collide *c, int f, double *n) {
     clothi_cross3(p, q, n);
     size = sqrt(clothi_dot3(n, n));
     for (k = 0; k < 3; k++) n[k] = size > 0 ? n[k] / size : 0;
+}
+
+/* Kind 1: the point at part s from vertex a to vertex b leaves obstacle `slot`. */
+static void clothi_untangle_leave(const cloth_collide *c, clothi_untangle *u, int slot, int a,
+                                  int b, double s) {
+    const double gap = CLOTHI_GAP * c->desc.thickness;
+    double       p[3], q[3], n[3], w[2], away;
+    int          v[2], k, f;
+    for (k = 0; k < 3; k++) p[k] = c->xa[3 * a + k] * (1 - s) + c->xa[3 * b + k] * s;
+    f = clothi_untangle_nearest(u, slot, p, q, &away);
+    if (f < 0) return;
+    clothi_untangle_normal(c, f, n);
+    for (k = 0; k < 3 && away > 1e-3 * gap; k++) n[k] = (q[k] - p[k]) / away;
+    v[0] = a, v[1] = b;
+    w[0] = 1 - s, w[1] = s;
+    clothi_untangle_push(c, u, v, w, a == b ? 1 : 2, n, away + gap);
 }
 
 /* Kind 2: the wrong end of a cut edge goes back through the face. */
@@ -8086,23 +8153,21 @@ static void clothi_untangle_spread(const cloth_collide *c, clothi_untangle *u, d
 
 /* The motion of this call into u->d. */
 static void clothi_untangle_motion(const cloth_collide *c, clothi_untangle *u, double most) {
-    const double gap = CLOTHI_GAP * c->desc.thickness;
-    int          i, k, f;
+    int i;
     memset(u->d, 0, 6 * (size_t)c->nw * sizeof(double));
     memset(u->nd, 0, 2 * (size_t)c->nw * sizeof(int));
-    for (i = 0; i < c->nv; i++) {
-        double q[3], d[3], size;
-        if (u->in[i] < 0 || (f = clothi_untangle_nearest(u, i, q)) < 0) continue;
-        clothi_sub3(q, c->xa + 3 * i, d);
-        size = sqrt(clothi_dot3(d, d));
-        clothi_untangle_normal(c, f, q);
-        for (k = 0; k < 3; k++)
-            u->d[3 * i + k] = d[k] + gap * (size > 1e-3 * gap ? d[k] / size : q[k]);
-        u->nd[i] = 1;
+    for (i = 0; i < c->nv; i++)
+        if (u->in[i] >= 0) clothi_untangle_leave(c, u, u->in[i], i, i, 0);
+    for (i = 0; i < u->ncut; i++) {
+        const clothi_crossing *cut = u->cut + i;
+        double                 p[3], s;
+        const int              way = clothi_untangle_midway(c, u, cut, p, &s);
+        if (way == 1)
+            clothi_untangle_leave(c, u, c->slot[c->faces[3 * cut->face]], c->edges[2 * cut->edge],
+                                  c->edges[2 * cut->edge + 1], s);
+        else if (!way && cut->end >= 0) clothi_untangle_back(c, u, cut);
+        else if (!way) clothi_untangle_shorten(c, u, cut);
     }
-    for (i = 0; i < u->ncut; i++)
-        if (u->cut[i].end >= 0) clothi_untangle_back(c, u, u->cut + i);
-        else clothi_untangle_shorten(c, u, u->cut + i);
     for (i = 0; i < u->nbefore; i++)
         if (u->before[i].kind >= 0) clothi_untangle_lone(c, u, u->before + i);
     clothi_untangle_spread(c, u, most);

@@ -5110,7 +5110,7 @@ struct cloth_collide {
     double *x_ie;                           /* [nv x 3] the candidate                          */
     unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
     unsigned char *off;                     /* [mf] faces exempt in this step                  */
-    unsigned char *off_v;                   /* [nw] all faces around are                       */
+    unsigned char *off_v, *off_e;           /* [nw], [me] all faces around are                 */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
@@ -5273,9 +5273,10 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->box_f);
     clothi_free(k, c->off);
     clothi_free(k, c->off_v);
+    clothi_free(k, c->off_e);
     c->faces = c->edges = c->slot = NULL;
     c->area = c->xa = c->xb = c->box_v = c->box_f = NULL;
-    c->off = c->off_v = NULL;
+    c->off = c->off_v = c->off_e = NULL;
 }
 
 static void clothi_world_area(cloth_collide *c) {
@@ -5361,7 +5362,8 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     if (status) return status;
     c->me = c->features.ne + capsules;
     c->edges = (int *)clothi_alloc(c->hooks, 2 * (size_t)c->me, sizeof(int));
-    if (!c->edges) return CLOTH_ERR_MEMORY;
+    c->off_e = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->me, 1);
+    if (!c->edges || !c->off_e) return CLOTH_ERR_MEMORY;
     memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
     clothi_world_fill(c);
     clothi_world_area(c);
@@ -5466,9 +5468,7 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
     cloth_status status;
     if (!clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q], clothi_part_of(c, q)))
         return CLOTH_OK;
-    if (kind == CLOTHI_VF ? c->off[b] || c->off_v[a]
-                          : c->off_v[p] || c->off_v[q] || c->off_v[c->edges[2 * a + 1]] ||
-                                c->off_v[c->edges[2 * b + 1]])
+    if (kind == CLOTHI_VF ? c->off[b] || c->off_v[a] : c->off_e[a] || c->off_e[b])
         return CLOTH_OK;
     status = clothi_grow(c->hooks, (void **)&c->pair, c->npair, &c->pair_cap, sizeof *c->pair);
     if (status) return status;
@@ -5691,6 +5691,69 @@ static cloth_status clothi_contact_check(cloth_collide *c) {
                        c->failed[0].obstacle.id ? "an obstacle" : "cloth");
 }
 
+static int clothi_face_has(const cloth_collide *c, int f, int v) {
+    return c->faces[3 * f] == v || c->faces[3 * f + 1] == v || c->faces[3 * f + 2] == v;
+}
+
+static int clothi_faces_share(const cloth_collide *c, int f, int g) {
+    const int *v = c->faces + 3 * f;
+    return clothi_face_has(c, g, v[0]) || clothi_face_has(c, g, v[1]) ||
+           clothi_face_has(c, g, v[2]);
+}
+
+/* Faces f and g each share a vertex with a face of one pair of the list, or are one of it. */
+static int clothi_couples_beside(const cloth_collide *c, const clothi_couple *list, int n, int f,
+                                 int g) {
+    int i;
+    for (i = 0; i < n; i++)
+        if (list[i].kind < 0 &&
+            ((clothi_faces_share(c, f, list[i].a) && clothi_faces_share(c, g, list[i].b)) ||
+             (clothi_faces_share(c, f, list[i].b) && clothi_faces_share(c, g, list[i].a))))
+            return 1;
+    return 0;
+}
+
+/* Pairs in c->meet that cross at xa and are beside what is exempt, until there are no more. */
+static cloth_status clothi_exempt_beside(cloth_collide *c) {
+    cloth_status status = CLOTH_OK;
+    int          i, n;
+    do
+        for (n = c->nnow, i = 0; i < c->meet.count && !status; i++) {
+            const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
+            const int p = c->faces[3 * f], q = c->faces[3 * g];
+            if (!c->off[f] && !c->off[g] &&
+                clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q],
+                                 clothi_part_of(c, q)) &&
+                clothi_faces_cross(c, f, g) && clothi_couples_beside(c, c->now, c->nnow, f, g))
+                status = clothi_exempt_add(c, -1, f, g);
+        }
+    while (c->nnow > n && !status);
+    return status;
+}
+
+/* Where a vertex has gone through the face of an exempt pair, its other faces intersect that face
+ * now: the line of intersection wanders, and the exemption with it. Unlisted, such a pair would be
+ * held where it is, for good. At xb, the end of the substep. */
+static cloth_status clothi_exempt_wander(cloth_collide *c) {
+    double      *keep = c->xa;
+    cloth_status status;
+    int          i, any = 0;
+    for (i = 0; i < c->nnow && !any; i++) any = c->now[i].kind < 0;
+    if (!any) return CLOTH_OK;
+    c->xa = c->xb;
+    clothi_swept_boxes(c->nw, c->xa, NULL, 0, c->box_v);
+    clothi_face_boxes(c->mf, c->faces, c->box_v, c->box_f);
+    clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+    clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
+    c->solid_known = 0;
+    status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
+    if (!status) status = clothi_exempt_beside(c);
+    if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
+    if (!status && c->self) status = clothi_exempt_beside(c);
+    c->xa = keep;
+    return status;
+}
+
 /* Drops what has parted, at the end of an accepted step. */
 static void clothi_exempt_part(cloth_collide *c) {
     double *keep = c->xa;
@@ -5708,8 +5771,14 @@ static void clothi_exempt_part(cloth_collide *c) {
 
 /* --- obstacles that penetrate themselves --- */
 
+/* Edges of which all faces are exempt. */
+static void clothi_inside_edges_off(cloth_collide *c) {
+    memset(c->off_e, 0, (size_t)c->me);
+    clothi_inside_spread(c->mf, c->features.face_edges, c->off, c->features.ne, c->off_e);
+}
+
 /* Faces inside their own obstacle at the start or the end of the substep are exempt in it, and the
- * vertices that have no other.                                                            [7.2] */
+ * vertices and edges that have no other.                                                  [7.2] */
 static cloth_status clothi_inside_faces(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
     int          o;
@@ -5728,6 +5797,8 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
             clothi_inside_spread(b->nf, b->faces, c->off + b->f0, b->nv, c->off_v + b->v0);
         c->report.exempt_faces += count;
     }
+    if (c->lets_go) clothi_inside_edges_off(c);
+    else memset(c->off_e, 0, (size_t)c->me);
     return status;
 }
 
@@ -6084,10 +6155,6 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
 #define CLOTHI_GAP        0.5
 #define CLOTHI_APPROACH   0.8               /* of the distance at x^n                          */
 #define CLOTHI_ROOM       1.5               /* t: less between an obstacle's own faces is none */
-
-static int clothi_face_has(const cloth_collide *c, int f, int v) {
-    return c->faces[3 * f] == v || c->faces[3 * f + 1] == v || c->faces[3 * f + 2] == v;
-}
 
 static int clothi_untangle_lets(const cloth_collide *c, int kind, int a, int b);
 
@@ -6494,9 +6561,11 @@ static int clothi_zone_release(cloth_collide *c, int z) {
     for (i = c->nf; found && i < c->mf; i++)
         for (k = 0; k < 3 && !c->off[i]; k++)
             if (c->off_v[c->faces[3 * i + k]] == 2) c->off[i] = 1, c->report.exempt_faces++;
+    if (found) clothi_inside_edges_off(c);
     for (r = 0; found && r < c->nrow; r++) {
         clothi_row *row = c->row + r;
         if (row->kind == CLOTHI_VF && row->b >= c->nf) row->gone |= c->off[row->b];
+        else if (row->kind == CLOTHI_EE) row->gone |= c->off_e[row->a] || c->off_e[row->b];
         else
             for (k = 0; k < row->n; k++) row->gone |= c->off_v[row->v[k]] != 0;
         if (row->gone) row->multiplier = 0;
@@ -6905,7 +6974,9 @@ static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, doub
     for (i = 0; i < c->nrow; i++) *active += c->row[i].multiplier > 0;
     for (i = 0; i < c->nv; i++) *active += c->frozen[i] != 0;
     c->report.rows = c->nrow;
-    status = clothi_anchors_move(c, x);     /* whom E_col pushes: BDF2 must not extrapolate */
+    status = clothi_exempt_wander(c);
+    if (!status) status = clothi_anchors_move(c, x);
+    /* whom E_col pushes: BDF2 must not extrapolate */
     for (i = 0; i < c->ntouch && !status; i++) *active += c->touch[i].force > 0;
     return status;
 }
@@ -8191,12 +8262,6 @@ static int clothi_untangle_lets(const cloth_collide *c, int kind, int a, int b) 
     return clothi_pair_distance(kind, x, w) > CLOTHI_UNTANGLE_RING * c->sim->edge;
 }
 
-static int clothi_faces_share(const cloth_collide *c, int f, int g) {
-    const int *v = c->faces + 3 * f;
-    return clothi_face_has(c, g, v[0]) || clothi_face_has(c, g, v[1]) ||
-           clothi_face_has(c, g, v[2]);
-}
-
 /* Whether p, which intersects now, did before: 1; or is a ring away from one that did: 2. */
 static int clothi_untangle_knew(const cloth_collide *c, const clothi_untangle *u,
                                 const clothi_couple *p) {
@@ -8206,14 +8271,7 @@ static int clothi_untangle_knew(const cloth_collide *c, const clothi_untangle *u
     if (p->kind >= 0) return 0;
     for (k = 0; k < 3 && p->b >= c->nf; k++)
         if (u->in[c->faces[3 * p->a + k]] == c->slot[c->faces[3 * p->b]]) return 2;
-    for (i = 0; i < u->nbefore; i++) {
-        const clothi_couple *q = u->before + i;
-        if (q->kind >= 0) continue;
-        if ((clothi_faces_share(c, p->a, q->a) && clothi_faces_share(c, p->b, q->b)) ||
-            (clothi_faces_share(c, p->a, q->b) && clothi_faces_share(c, p->b, q->a)))
-            return 2;
-    }
-    return 0;
+    return clothi_couples_beside(c, u->before, u->nbefore, p->a, p->b) ? 2 : 0;
 }
 
 /* --- a call --- */

@@ -255,6 +255,37 @@ static void pinned(void) {
     shape_free(&b);
 }
 
+/* Steps of a tangle that is left alone: what comes to intersect is beside what did, and in the list
+ * of what is exempt; parted pairs are not. */
+static void wanders(void) {
+    static int  old[2 * 4096];
+    cloth_mesh *a = sheet_of(12, 0.6, 0, 0, 0), *b = sheet_of(10, 0.4, 0.11, 0.01, 0.13);
+    stage       s;
+    int         i, k, n, fresh = 0, parted = 0;
+    for (i = 0; i < b->nv; i++) {
+        double *x = b->x + 3 * i, far = hypot(x[0] - 0.11, x[2] - 0.13);
+        x[1] -= 0.03 * exp(-far * far / 0.005);
+    }
+    begin(&s, both(a, b));
+    if (stage_start(&s)) {
+        for (i = 0; i < 12 * 12; i++) s.state->v[3 * i + 1] = 0.3 * sin(20 * s.state->x[3 * i]);
+        (void)stage_examine(&s);
+        for (k = 0; k < 30; k++) {
+            n = s.npair;
+            memcpy(old, s.pair, 2 * (size_t)n * sizeof(int));
+            CHECK(cloth_step(s.sim, 1.0 / 120, NULL) == CLOTH_OK);
+            fresh += stage_examine(&s);
+            for (i = 0; i < n; i++) parted += !stage_has(&s, old[2 * i], old[2 * i + 1]);
+            for (i = 0; i < s.npair; i++)
+                CHECK(beside(&s, old, n, s.pair[2 * i], s.pair[2 * i + 1]));
+            CHECK(cloth_collide_last(s.c).exempt_pairs == s.npair);
+        }
+        printf("  a tangle left alone: %d came, %d parted, %d left\n", fresh, parted, s.npair);
+        CHECK(fresh > 0 && parted > 0);
+    }
+    stage_end(&s);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(sphere_mesh);
@@ -265,5 +296,6 @@ int main(int argc, char **argv) {
     RUN(corner);
     RUN(bump);
     RUN(pinned);
+    RUN(wanders);
     return TEST_END();
 }

@@ -7673,10 +7673,12 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  *   2   another surface         d = ((c - p).n + t/2) n, n of g, towards the end that is right,
  *                               shared between p and the corners of g as impulses would be:
  *                               dx_i = w_i/m_i / (sum w_k^2/m_k) d, w = 1 and -barycentric (c)
- *   3   shorten the line: in g's plane it leaves c along R_f in each face f at the edge, e the
- *       edge's direction. Moving the edge by d moves c by d - e (d.n)/(e.n), and the line's length
- *       by -R_f . that:  G = sum over f of R_f - n (R_f.e)/(e.n),  dL = -G.d: the edge goes along
- *       G, g against it.                                                         [VM06] sec. 3
+ *   3   shorten the line. In g's plane it leaves c along the unit vector R_f in each face f at the
+ *       edge, whose direction is e. A surface that moves by d takes c along by d - e (d.n)/(e.n) as
+ *       seen from the other, by -e (d.n)/(e.n) as seen from itself; the length is the same, so the
+ *       mean of both will do:    dL = -G.d,   G = sum over f of R_f/2 - n (R_f.e)/(e.n)
+ *       for cuts of its edges, +G.d for those of the other's. Edges go along G, g against it; G is
+ *       a direction here, the motion of an edge alone is not a surface's.                 [VM06]
  *   4   sphere, capsule, plane  along the normal by depth + t/2, weights as in 2
  *
  *   vertices between: each takes the mean of its neighbours, on the right side damped: the areas
@@ -8139,7 +8141,7 @@ static void clothi_untangle_shorten(const cloth_collide *c, clothi_untangle *u,
     along = clothi_dot3(e, n);
     along = fabs(along) > 0.05 ? along : along < 0 ? -0.05 : 0.05;
     along = clothi_dot3(r, e) / along;
-    for (k = 0; k < 3; k++) r[k] = part * (r[k] - along * n[k]);
+    for (k = 0; k < 3; k++) r[k] = part * (0.5 * r[k] - along * n[k]);
     for (i = 0; i < 5; i++) moves |= clothi_untangle_give(c, i < 2 ? ends[i]
                                      : c->faces[3 * cut->face + i - 2]) > 0 ? i < 2 ? 1 : 2 : 0;
     part = moves == 3 ? 0.5 : 1;

@@ -70,7 +70,7 @@
  * ---- end ----
  *
  * More: 13_fold.c several cloths, 14_ring.c a mesh obstacle, 15_pinch.c what to do when a step
- * fails, 16_walk.c a garment on a body that moves.
+ * fails and when cloth begins inside of something, 16_walk.c a garment on a body that moves.
  */
 
 /* ===== [1.2] WHAT IS GUARANTEED, WHAT IT COSTS, WHAT EACH PARAMETER DOES =====================
@@ -85,7 +85,8 @@
  *
  * EXEMPT FROM IT
  *   - pairs that intersect at the start, where they are let in (CLOTH_INITIAL_EXEMPT), until they
- *     have parted: report.exempt_pairs
+ *     have parted, and those beside them that their lines of intersection wander over meanwhile:
+ *     report.exempt_pairs. cloth_collide_untangle() pushes them apart
  *   - faces of a self_penetrating obstacle that lie inside that obstacle, or look at each other
  *     nearer than cloth has room for, for the step: report.exempt_faces [7.2]. Cloth that is caught
  *     there may be passed by them; the rest of the obstacle holds it
@@ -129,7 +130,8 @@
  *                larger: leaps are let through, still without intersections
  *   max_passes   rounds of detection and zones | fewer: hard steps fail sooner and cheaper
  *   initial      REFUSE names what intersects before the first step, EXEMPT counts it and lets it
- *                part | exempt pairs are outside of the promise until they do
+ *                part, of itself or by cloth_collide_untangle | exempt pairs are outside of the
+ *                promise until they do
  *   halvings     of cloth_collide_step: what fails is tried over h/2, h/4, .. ; the fraction
  *                reached is reported and time has moved by it | each try costs a step
  */
@@ -501,10 +503,12 @@ typedef struct cloth_untangle_report {
  * back.                                                                                    [8.6]
  * Cloth leaves closed obstacles by the nearest point and goes back through other surfaces towards
  * its larger part; where neither says what is wrong, the line of intersection is made shorter.
- *   - only x of vertices that are not pinned changes, v stays; at most max_move m a vertex; 0: 5 t
+ *   - only x of vertices that are not pinned changes, v stays; max_move m at most a vertex (0: 5 t)
+ *     and what it takes to keep others clear
  *   - pairs that are clear of the tangle stay clear, on their whole path, as in a step. Where a
- *     line of intersection crosses several faces it wanders over them: a pair may be new that is
- *     beside one that was (report.wandered), none elsewhere
+ *     line of intersection has faces to cross it wanders over them: a pair may be new that is
+ *     beside one that was, a vertex shared on either side, or had a vertex inside of the closed
+ *     obstacle (report.wandered); none elsewhere
  *   - pairs that have parted are exempt no more; those left are
  *   - anchors of friction, touches and BDF2's history are forgotten
  * out  report   may be NULL
@@ -7669,7 +7673,8 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  *                                     all but its largest are on the wrong side     [BWK03]
  *                                 3   neither: the line of cuts has ends inside both [VM06]
  *
- *   1   inside an obstacle      d = q - p + (t/2) (q - p)/|q - p|, q its nearest point of it
+ *   1   inside an obstacle      d = q - p + (t/2) (q - p)/|q - p|, q its point nearest to p; where
+ *                               an edge passes through with both ends outside, p is midway inside
  *   2   another surface         d = ((c - p).n + t/2) n, n of g, towards the end that is right,
  *                               shared between p and the corners of g as impulses would be:
  *                               dx_i = w_i/m_i / (sum w_k^2/m_k) d, w = 1 and -barycentric (c)
@@ -7688,7 +7693,7 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  * whole path. Let through is what has to pass: pairs of which a vertex is inside the obstacle, and
  * pairs within a ring of faces of the cuts. The line of cuts wanders over the faces between, so
  * that a pair may be new; afterwards exact signs [5.2] look at all of them: only within a ring of a
- * pair that was. And the whole must be less tangled:
+ * pair that was, or of a face that came from inside. And the whole must be less tangled:
  *       measure = sum over wrong vertices of area (distance to their surface + t)
  *                 + the same of what is in spheres, capsules, planes + t^2 length of the lines
  * has to fall by a thousandth, else half of the motion is tried, a quarter, .. 1/32, else nothing.

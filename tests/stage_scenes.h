@@ -195,11 +195,13 @@ static inline void scene_spin(int n, int steps, double h) {
     stage_end(&s);
 }
 
-/* A ball of 0.1 m flies at 20 m/s, 2/3 m a step, through the lower part of a curtain of 1 m that
- * hangs by its upper side, and away; the curtain swings back. */
+/* A ball of 0.1 m flies at 20 m/s, 2/3 m a step, through the middle of a curtain of 1 m that hangs
+ * from hooks along its upper side. A hook lets go where the cloth under it is stretched by 0.3,
+ * about 15 N: the ball goes on with the curtain around it. max_push: a zone must be able to go as
+ * far as the ball goes in a step. */
 static inline void scene_ball(int n, int steps) {
     stage  s;
-    int    i, id;
+    int    i, k, id;
     double h = 1.0 / 30;
     stage_sheet(&s, n, 1);
     for (i = 0; i < s.mesh->nv; i++) {
@@ -207,13 +209,18 @@ static inline void scene_ball(int n, int steps) {
         x[1] = -x[2];
         x[2] = 0.002 * sin(9 * x[0]);
     }
-    s.contact.max_push = 10;
+    s.contact.max_push = 1;
     if (stage_start(&s)) {
         for (i = 0; i < n; i++) (void)cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, NULL);
-        id = stage_sphere(&s, 0.52, -0.94, -1, 0.1);
+        id = stage_sphere(&s, 0.52, -0.5, -1, 0.1);
         for (i = 0; i < steps; i++) {
             s.thing[id].next[2] = s.thing[id].x[2] + 20 * h;
             (void)stage_step(&s, h);
+            for (k = 0; k < n; k++) {
+                const double *p = s.state->x + 3 * k, *q = s.state->x + 3 * (k + n);
+                const double  a = p[0] - q[0], b = p[1] - q[1], c = p[2] - q[2];
+                if (sqrt(a * a + b * b + c * c) * (n - 1) > 1.3) (void)cloth_sim_unpin(s.sim, k);
+            }
         }
         stage_judge(&s, "ball");
     }

@@ -5276,7 +5276,7 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
     c->faces = from->faces, c->edges = from->edges, c->slot = from->slot;
     c->area = from->area, c->xa = from->xa, c->xb = from->xb;
     c->box_v = from->box_v, c->box_f = from->box_f;
-    c->off = from->off, c->off_v = from->off_v;
+    c->off = from->off, c->off_v = from->off_v, c->off_e = from->off_e;
     c->me = from->me;
     c->solid_known = 0;
 }
@@ -5296,11 +5296,8 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->box_f);
     clothi_free(k, c->off);
     clothi_free(k, c->off_v);
-    clothi_world_take(c, NULL);
     clothi_free(k, c->off_e);
-    c->faces = c->edges = c->slot = NULL;
-    c->area = c->xa = c->xb = c->box_v = c->box_f = NULL;
-    c->off = c->off_v = c->off_e = NULL;
+    clothi_world_take(c, NULL);
 }
 
 static void clothi_world_area(cloth_collide *c) {

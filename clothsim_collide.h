@@ -6385,6 +6385,12 @@ static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, doubl
     return 0;
 }
 
+/* Numbers so large that the program refuses them: the zone is not solved, nothing else is wrong. */
+static int clothi_qp_absurd(cloth_status status) {
+    return status == CLOTH_ERR_ARGUMENT || status == CLOTH_ERR_NONFINITE ||
+           status == CLOTH_ERR_CAPACITY;
+}
+
 /* Solves zone z from x_IE into xb; *solved 0: infeasible or too hard. */
 static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *solved) {
     cloth_qp        qp;
@@ -6409,6 +6415,7 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
         status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
         c->qp_options.guess = NULL;
         c->report.qp_iterations += rep.iterations;
+        if (clothi_qp_absurd(status)) status = CLOTH_OK;
         *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
     }
     if (status || !*solved) return status;
@@ -6649,6 +6656,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
             (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
         else
             status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        if (clothi_qp_absurd(status)) status = CLOTH_OK;
         if (status || (qp.m <= CLOTHI_EXACT_ROWS && rep.outcome != CLOTH_QP_SOLVED)) continue;
         for (i = 0; i < n; i++)
             for (k = 0; k < 3; k++) v[3 * c->member[i] + k] = c->qp_x[3 * i + k];
@@ -7570,9 +7578,9 @@ CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, in
 
 CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count) {
+    int i;
     if (!c || max < 0 || (max > 0 && !pair)) return CLOTH_ERR_ARGUMENT;
-    if (max > 0)
-        memcpy(pair, c->failed, (size_t)(max < c->nfailed ? max : c->nfailed) * sizeof *pair);
+    for (i = 0; i < max && i < c->nfailed; i++) pair[i] = c->failed[i];
     if (count) *count = c->nfailed;
     return CLOTH_OK;
 }

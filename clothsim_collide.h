@@ -450,7 +450,9 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
                                             cloth_collide **out);
 CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* NULL allowed    */
 
-/* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. */
+/* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
+ * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
+ * with these obstacles, else _FORMAT. On failure, also of the next three, everything is as before. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -6529,6 +6531,12 @@ static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, doubl
     return 0;
 }
 
+/* Numbers so large that the program refuses them: the zone is not solved, nothing else is wrong. */
+static int clothi_qp_absurd(cloth_status status) {
+    return status == CLOTH_ERR_ARGUMENT || status == CLOTH_ERR_NONFINITE ||
+           status == CLOTH_ERR_CAPACITY;
+}
+
 /* Solves zone z from x_IE into xb; *solved 0: infeasible or too hard. */
 static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *solved) {
     cloth_qp        qp;
@@ -6554,6 +6562,7 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
         status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
         c->qp_options.guess = NULL;
         c->report.qp_iterations += rep.iterations;
+        if (clothi_qp_absurd(status)) status = CLOTH_OK;
         *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
     }
     if (status || !*solved) return status;
@@ -6846,6 +6855,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
             (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
         else
             status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        if (clothi_qp_absurd(status)) status = CLOTH_OK;
         if (status || (qp.m <= CLOTHI_EXACT_ROWS && rep.outcome != CLOTH_QP_SOLVED)) continue;
         for (i = 0; i < n; i++)
             for (k = 0; k < 3; k++) v[3 * c->member[i] + k] = c->qp_x[3 * i + k];
@@ -7157,37 +7167,47 @@ static void clothi_contact_save(void *user, void *buf) {
     if (c->nexempt) memcpy(out, c->exempt, (size_t)c->nexempt * sizeof *c->exempt);
 }
 
-/* A snapshot with other obstacles than there are now loads what it can: nothing but x's hash. */
+/* A snapshot of these obstacles, whole; then there is room for it. */
+static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t size) {
+    cloth_collide      *c = (cloth_collide *)user;
+    clothi_contact_head head;
+    const size_t        poses = (size_t)clothi_contact_poses(c) * sizeof(double);
+    cloth_status        status = CLOTH_OK;
+    memset(&head, 0, sizeof head);
+    if (size >= sizeof head) memcpy(&head, buf, sizeof head);
+    if (size < sizeof head || head.nobstacle != c->nobstacle ||
+        head.npose != clothi_contact_poses(c) || head.nanchor < 0 || head.nexempt < 0 ||
+        size != sizeof head + poses + (size_t)head.nanchor * sizeof(clothi_anchor) +
+                    ((size_t)head.nexempt + 1) / 2 * 2 * sizeof(clothi_couple))
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: the snapshot has other obstacles than this sim");
+    while (!status && c->anchor_cap < head.nanchor)
+        status = clothi_grow(c->hooks, (void **)&c->anchor, c->anchor_cap, &c->anchor_cap,
+                             sizeof *c->anchor);
+    while (!status && c->exempt_cap < head.nexempt)
+        status = clothi_grow(c->hooks, (void **)&c->exempt, c->exempt_cap, &c->exempt_cap,
+                             sizeof *c->exempt);
+    return status;
+}
+
 static void clothi_contact_load(void *user, const void *buf) {
     cloth_collide       *c = (cloth_collide *)user;
     const unsigned char *in = (const unsigned char *)buf;
     clothi_contact_head  head;
-    clothi_anchor        a;
-    int                  o, i;
+    int                  o;
     memcpy(&head, in, sizeof head);
     in += sizeof head;
     c->begun = 0;
-    c->nanchor = c->nexempt = 0;
-    c->seen = 0;                            /* looked at anew, should anything go wrong below */
-    if (head.nobstacle != c->nobstacle || head.npose != clothi_contact_poses(c)) return;
     for (o = 0; o < c->nobstacle; o++) {
         const size_t n = 6 * (size_t)c->obstacle[o].nv * sizeof(double);
         if (!c->obstacle[o].used) continue;
         memcpy(c->obstacle[o].x, in, n);
         in += n;
     }
-    for (i = 0; i < head.nanchor; i++, in += sizeof a) {
-        if (clothi_grow(c->hooks, (void **)&c->anchor, c->nanchor, &c->anchor_cap, sizeof a))
-            return;
-        memcpy(&a, in, sizeof a);
-        c->anchor[c->nanchor++] = a;
-    }
-    for (i = 0; i < head.nexempt; i++, in += sizeof(clothi_couple)) {
-        if (clothi_grow(c->hooks, (void **)&c->exempt, c->nexempt, &c->exempt_cap,
-                        sizeof(clothi_couple)))
-            return;
-        memcpy(c->exempt + c->nexempt++, in, sizeof(clothi_couple));
-    }
+    c->nanchor = head.nanchor, c->nexempt = head.nexempt;
+    if (c->nanchor) memcpy(c->anchor, in, (size_t)c->nanchor * sizeof *c->anchor);
+    in += (size_t)c->nanchor * sizeof *c->anchor;
+    if (c->nexempt) memcpy(c->exempt, in, (size_t)c->nexempt * sizeof *c->exempt);
     c->seen = head.seen;
 }
 
@@ -7316,6 +7336,7 @@ static void clothi_collide_connect(cloth_collide *c) {
     k.save = clothi_contact_save;
     k.load = clothi_contact_load;
     k.bytes = clothi_contact_bytes;
+    k.check = clothi_contact_unsaved;
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -7649,7 +7670,7 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
     status = cloth_step(c->sim, h, r);
     if (!clothi_shortens(r) || halvings == 0) return status;
     targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL), sizeof(double));
-    if (!targets) return CLOTH_ERR_MEMORY;
+    if (!targets) return r->status;         /* as the whole step said */
     (void)clothi_targets(c, targets);
     for (k = 0; k < halvings && clothi_shortens(r); k++) {
         part *= 0.5;
@@ -7773,9 +7794,9 @@ CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, in
 
 CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count) {
+    int i;
     if (!c || max < 0 || (max > 0 && !pair)) return CLOTH_ERR_ARGUMENT;
-    if (max > 0)
-        memcpy(pair, c->failed, (size_t)(max < c->nfailed ? max : c->nfailed) * sizeof *pair);
+    for (i = 0; i < max && i < c->nfailed; i++) pair[i] = c->failed[i];
     if (count) *count = c->nfailed;
     return CLOTH_OK;
 }

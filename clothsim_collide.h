@@ -7838,10 +7838,15 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  * has to fall by a thousandth, else half of the motion is tried, a quarter, .. 1/32, else nothing.
  * As it falls in each call that succeeds there is no going round in circles.
  *
- * Dropped: the mass of elements and their stiffness (steps between calls bring these back), which
- * way out is the shorter one of a region as a whole (each vertex decides: a wall thinner than twice
- * the depth may be left on its other side, and edges through it are cuts of kind 3), edges that
- * pass two surfaces (areas count one cut), the longer way round.
+ * Let through is not looked at on its path: with max_move well above an edge's length a vertex may
+ * be carried past more than it should, which the measure alone judges.
+ *
+ * Dropped: the material (the motion is geometry; steps between calls give the cloth its shape back
+ * and often the room that a deep tangle needs). The way out of a region as a whole: each vertex
+ * takes its own, so that a wall thinner than twice the depth may have cloth on both sides. Edges
+ * that pass several surfaces: areas know one cut. Two halves of one size, as of sheets that cross
+ * in the middle, are told apart by rounding, and what has no edge to be pulled back over (a closed
+ * line around a body) may stall.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003, doi 10.1145/882262.882357.
  * [VM06]  Volino, Magnenat-Thalmann: Resolving Surface Collisions through Intersection Contour
@@ -8035,8 +8040,8 @@ static int clothi_untangle_nearest(clothi_untangle *u, int slot, const double *p
     return f;
 }
 
-/* A cut where an edge of the cloth enters a closed obstacle that it leaves again, both ends outside:
- * 1, p [3] midway and its part s of the edge; 2: where it leaves; 0: no such cut. */
+/* Of an edge of the cloth that passes through a closed obstacle, both ends outside, the cut where
+ * it enters: 1, p [3] midway and its part s of the edge; the one where it leaves: 2; 0: no such. */
 static int clothi_untangle_midway(const cloth_collide *c, clothi_untangle *u,
                                   const clothi_crossing *cut, double *p, double *s) {
     const int    *v = c->edges + 2 * cut->edge;

@@ -11,7 +11,7 @@
  *
  * Exercises: (1) CLOSED = 0.006: no step fails; (2) HALVINGS = 0: 16 steps fail whole,
  * none goes part of its way; (3) how.thickness = 4e-3: fails earlier, by as much as it is wider;
- * (4) RAISE = 0.035: the lower plate begins in the sheet, which cloth_collide_untangle() pushes out.
+ * (4) RAISE = 0.035: the lower plate begins in the sheet; cloth_collide_untangle() pushes it out.
  */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"

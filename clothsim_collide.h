@@ -6028,7 +6028,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
  * Up to 200 rows the QP is exact. Larger zones are swept: row after row gets the multiplier that
  * makes it hold (coordinate ascent in the dual, Hildreth 1957), there and back, until none moves by
  * a tenth of its slack, what its bound asks for over what detection guards. Three of four sweeps
- * take only the rows that push: 24000 rows take 0.05 s a pass. Over-relaxation took more passes.
+ * take only the rows that push: 24000 rows take 0.03 s a pass. Over-relaxation took more passes.
  * Momentum is kept to rounding, like the rows; where sweeps do not end in time the next pass goes
  * on from their multipliers, and after some passes the exact QP decides, up to 1000 rows.
  *

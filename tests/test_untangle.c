@@ -318,7 +318,7 @@ static void itself(void) {
         x[1] = t < UNTANGLE_PI ? 0.05 - 0.05 * cos(t) : 0.1;
         if (t > UNTANGLE_PI) {
             const double far = hypot(x[0] - 0.2, x[2] - 0.3);
-            x[1] -= 0.13 * exp(-far * far / 0.004);
+            x[1] -= 0.17 * exp(-far * far / 0.004);
         }
     }
     CHECK(cloth_collide_create(s.sim, &s.contact, &s.c) == CLOTH_OK);

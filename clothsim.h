@@ -7678,35 +7678,40 @@ CLOTHI_OUTLINE static void clothi_back(cloth_linear_solver *s) {
     clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
 }
 
-/* y = r + u B v: what an extra block does, in doubles. u: the block transposed. */
-static void clothi_extra_mul(const clothi_store *st, int e, int turned, const void *v, size_t j,
-                             double *out, int w) {
-    int a, c;
-    for (a = 0; a < 3; a++)
-        for (c = 0, out[a] = 0; c < 3; c++)
-            out[a] += clothi_get(st->E, 12 * (size_t)e + (size_t)(turned ? 4 * c + a : 4 * a + c),
-                                 w) * clothi_get(v, 4 * j + (size_t)c, w);
+/* cd += P^' u for a record u of row i. */
+CLOTHI_LANE void clothi_extra_coarse(cloth_linear_solver *s, size_t i, clothi_v4 u, const int w) {
+    const void *P = s->store[w].P;
+    double     *to = s->cd + 3 * s->p->agg[i];
+    size_t      k;
+    for (k = 0; k < 3; k++)
+        to[k] += clothi_sum4(clothi_dot4(clothi_zero4(), clothi_load4(P, 3 * i + k, w), u, w));
 }
 
-/* y += f C v, or with y NULL: cd += P^' C v. */
-static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v, void *y) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[s->wide];
-    int e, side, k, c, w = s->wide;
-    for (e = 0; e < s->A->ne; e++)
-        for (side = 0; side < 2; side++) {
-            const size_t i = (size_t)s->A->pair[2 * e + side];
-            const size_t j = (size_t)s->A->pair[2 * e + 1 - side];
-            double       u[3];
-            clothi_extra_mul(st, e, side, v, j, u, w);
-            for (k = 0; k < 3 && y; k++)
-                clothi_put(y, 4 * i + (size_t)k,
-                           clothi_get(y, 4 * i + (size_t)k, w) + f * u[k], w);
-            for (k = 0; k < 3 && !y && p->agg[i] >= 0; k++)
-                for (c = 0; c < 3; c++)
-                    s->cd[3 * p->agg[i] + k] +=
-                        clothi_get(st->P, 12 * i + (size_t)(4 * k + c), w) * u[c];
+/* y += f C v, or with y NULL: cd += P^' C v. A block acts on its row and, turned, on its column. */
+CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, double f, const void *v, void *y,
+                                   const int w) {
+    const void     *E = s->store[w].E;
+    const int      *pair = s->A->pair, *agg = s->p->agg;
+    const clothi_v4 by = clothi_all4(f, w);
+    int             e;
+    for (e = 0; e < s->A->ne; e++) {
+        const size_t    i = (size_t)pair[2 * e], j = (size_t)pair[2 * e + 1];
+        const clothi_v4 a = clothi_gather4(E, pair + 1 + e, e, e + 1, v, w);
+        const clothi_v4 b = clothi_columns4(E, (size_t)e, v, i, w);
+        if (y) {
+            clothi_store4(y, i, clothi_madd4(clothi_load4(y, i, w), by, a, w), w);
+            clothi_store4(y, j, clothi_madd4(clothi_load4(y, j, w), by, b, w), w);
+            continue;
         }
+        if (agg[i] >= 0) clothi_extra_coarse(s, i, a, w);
+        if (agg[j] >= 0) clothi_extra_coarse(s, j, b, w);
+    }
+}
+
+CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v,
+                                               void *y) {
+    if (s->wide) clothi_extras_any(s, f, v, y, 1);
+    else clothi_extras_any(s, f, v, y, 0);
 }
 
 /* m = Ac^-1 (Z's + P^' C s) */

@@ -85,6 +85,8 @@
  *
  * EXEMPT FROM IT
  *   - pairs that intersect at the start, where they are let in (CLOTH_INITIAL_EXEMPT), until they
+ *     have parted: report.exempt_pairs. Their corners and edges pass each other, which are those of
+ *     the faces around them too: beside an exempt pair a new one can arise
  *     have parted, and those beside them that their lines of intersection wander over meanwhile:
  *     report.exempt_pairs. cloth_collide_untangle() pushes them apart
  *   - faces of a self_penetrating obstacle that lie inside that obstacle, or look at each other
@@ -452,7 +454,8 @@ CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* N
 
 /* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
  * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
- * with these obstacles, else _FORMAT. On failure, also of the next three, everything is as before. */
+ * with these obstacles, else _FORMAT. After a failure, also of the next three, everything is as
+ * before. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -6878,7 +6881,8 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
  * State that hashes, snapshots and the next step see: poses and targets of obstacles, anchors,
  * exempt pairs, and a hash of x, by which a host's write to the state is noticed: then anchors
  * are dropped and intersections looked for anew.
- */
+ *
+ * checked: tests/test_collide.c, tests/test_collide_state.c, tests/fuzz_obstacle.c */
 
 static void clothi_anchor_sort(clothi_anchor *t, int n) {
     int start = n / 2, end = n, root, child;

@@ -8,7 +8,8 @@
 #   sh checks.sh size        the object's bytes; seconds to compile
 #   sh checks.sh compile     compile_only.c: compilers x standards x orders x configurations
 #   sh checks.sh programs    every test and example compiled as C99, nothing run
-#   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c = README, and it compiles
+#   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c = README, [1.1] of
+#                            clothsim_collide.h = examples/12_drape.c; they compile
 #   sh checks.sh yardstick DIR          builds the prototype that speed is compared with
 #   sh checks.sh fuzz SECONDS FILES     runs each libFuzzer entry
 # Run from tests/. Each prints 'checks.sh NAME: N passed, N failed, N skipped (S s)' last.
@@ -242,30 +243,42 @@ run_programs() {
 squeeze() { awk '{ sub(/ +$/, "") } NF { if (gap && any) print ""; gap = 0; any = 1; print; next }
                  { gap = 1 }'; }
 
-run_quickstart() {
-    awk '/---- 01_hang\.c ----/ { on = 1; next } /---- end ----/ { on = 0 }
+# quick_start HEADER EXAMPLE LINES: [1.1] of the header, at most so long, compiles and is the example
+# without its lines that say view; the header's lines are left in $out/header.c.
+quick_start() {
+    header=$1 example=$2 lines=$3
+    awk -v name="$example" 'index($0, "---- " name " ----") { on = 1; next }
+         /---- end ----/ { on = 0 }
          on { if (!width && match($0, /^ \* +/)) width = RLENGTH
-              print substr($0, width + 1) }' ../clothsim.h | squeeze >"$out/header.c"
+              print substr($0, width + 1) }' "../$header" | squeeze >"$out/header.c"
     if [ ! -s "$out/header.c" ]; then
-        skip "[1.1] of clothsim.h has no lines between '---- 01_hang.c ----' and '---- end ----'"
-    else
-        must '[1.1] compiles' $cc -std=c99 $base $warn $warn_c -I../examples "$out/header.c" -lm \
-            -o "$out/quickstart"
-        must "[1.1] has $(wc -l <"$out/header.c") lines" test "$(wc -l <"$out/header.c")" -le 30
-        if [ -f ../examples/01_hang.c ]; then
-            awk '/^\/\*/ { skip = 1 } !skip { print } /\*\// { skip = 0 }' ../examples/01_hang.c |
-                squeeze >"$out/example.c"
-            must 'examples/01_hang.c is [1.1]' diff "$out/header.c" "$out/example.c"
-        else skip 'examples/01_hang.c: not there'
-        fi
-        if [ -f ../README.md ]; then
-            awk '/^```c$/ { on = 1; text = ""; next }
-                 /^```$/ { if (on && text ~ /CLOTHSIM_IMPLEMENTATION/) { printf "%s", text; exit }
-                           on = 0 }
-                 on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
-            must 'the quick start of README is [1.1]' diff "$out/header.c" "$out/readme.c"
-        else skip 'README.md: not there'
-        fi
+        skip "[1.1] of $header has no lines between '---- $example ----' and '---- end ----'"
+        return
+    fi
+    must "[1.1] of $header compiles" $cc -std=c99 $base $warn $warn_c -I../examples \
+        "$out/header.c" -lm -o "$out/quickstart"
+    must "[1.1] of $header has $(wc -l <"$out/header.c") lines" \
+        test "$(wc -l <"$out/header.c")" -le "$lines"
+    if [ -f "../examples/$example" ]; then
+        awk '/^\/\*/ { skip = 1 } !skip { print } /\*\// { skip = 0 }' "../examples/$example" |
+            grep -v view | squeeze >"$out/example.c"
+        must "examples/$example is [1.1] of $header" diff "$out/header.c" "$out/example.c"
+    else skip "examples/$example: not there"
+    fi
+}
+
+run_quickstart() {
+    quick_start clothsim_collide.h 12_drape.c 40
+    quick_start clothsim.h 01_hang.c 30
+    [ -s "$out/header.c" ] || return
+    if [ -f ../README.md ]; then
+        awk '/^```c$/ { on = 1; text = ""; next }
+             /^```$/ { if (on && text ~ /CLOTHSIM_IMPLEMENTATION/) { printf "%s", text; exit }
+                       on = 0 }
+             on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
+        must 'the quick start of README is [1.1] of clothsim.h' \
+            diff "$out/header.c" "$out/readme.c"
+    else skip 'README.md: not there'
     fi
 }
 

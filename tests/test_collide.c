@@ -46,13 +46,61 @@ static void refusals(void) {
     REFUSE(max_push, 0, CLOTH_ERR_ARGUMENT, "collide.max_push = 0");
     REFUSE(max_passes, 0, CLOTH_ERR_ARGUMENT, "collide.max_passes = 0");
     REFUSE(initial, (cloth_initial)7, CLOTH_ERR_ARGUMENT, "collide.initial = 7");
+    REFUSE(thickness, INFINITY, CLOTH_ERR_NONFINITE, "collide.thickness = inf");
+    REFUSE(stiffness, NAN, CLOTH_ERR_NONFINITE, "collide.stiffness = NaN");
+    REFUSE(relaxation, NAN, CLOTH_ERR_NONFINITE, "collide.relaxation = NaN");
+    REFUSE(friction, -0.5, CLOTH_ERR_ARGUMENT, "collide.friction = -0.5");
+    REFUSE(slip, NAN, CLOTH_ERR_NONFINITE, "collide.slip = NaN");
+    REFUSE(max_push, INFINITY, CLOTH_ERR_NONFINITE, "collide.max_push = inf");
+    REFUSE(max_passes, -3, CLOTH_ERR_ARGUMENT, "collide.max_passes = -3");
     REFUSE(nparts, 3, CLOTH_ERR_ARGUMENT, "collide.nparts = 3");
+    REFUSE(nparts, 1, CLOTH_ERR_ARGUMENT, "parts is NULL");
     d.cookie = 0;
     CHECK(cloth_collide_create(W.sim, &d, &c) == CLOTH_ERR_UNINIT && !c);
     CHECK(cloth_collide_create(NULL, NULL, &c) == CLOTH_ERR_ARGUMENT && !c);
     CHECK(cloth_collide_create(W.sim, NULL, NULL) == CLOTH_ERR_ARGUMENT);
     world_close(&W);
     CHECK(H.live == 0);
+}
+
+/* No contact for this model, for ties, for cloth that intersects itself. */
+static void models(void) {
+    cloth_hooks    hooks = host_hooks(&H);
+    cloth_desc     d = cloth_desc_default();
+    cloth_tie      tie;
+    cloth_collide *c = NULL;
+    const double   x[18] = {0, 0, 0, 1, 0, 0, 0, 0, 1,
+                            0.2, -0.5, 0.2, 0.3, 0.5, 0.2, 0.2, 0.5, 0.3};
+    const int      faces[6] = {0, 2, 1, 3, 4, 5};
+    int            k;
+    memset(&tie, 0, sizeof tie);
+    tie.leader = 0, tie.follower = 1, tie.axes = CLOTH_AXIS_Y;
+    for (k = 0; k < 3; k++) {
+        memset(&W, 0, sizeof W);
+        d = cloth_desc_default();
+        d.hooks = hooks;
+        d.nv = 6, d.x_rest = x, d.nf = 2, d.faces = faces;
+        d.contact = k == 0 ? CLOTH_CONTACT_NONE : CLOTH_CONTACT_SELF;
+        d.ties = &tie, d.nties = k == 1;
+        CHECK(cloth_model_create(&d, &W.model) == CLOTH_OK);
+        CHECK(cloth_sim_create(W.model, &W.sim) == CLOTH_OK);
+        host_forget(&H);
+        if (k == 0) CHECK(desc_refused(NULL, CLOTH_ERR_UNSUPPORTED, "CLOTH_CONTACT_NONE"));
+        if (k == 1) CHECK(desc_refused(NULL, CLOTH_ERR_UNSUPPORTED, "ties"));
+        if (k == 2) {
+            cloth_collide_desc exempt = cloth_collide_desc_default();
+            int                pair[4] = {-1, -1, -1, -1}, count = 0;
+            CHECK(desc_refused(NULL, CLOTH_ERR_MESH, "1 pairs intersect before the step; the "
+                                                     "first: cloth's face 0 and face"));
+            exempt.initial = CLOTH_INITIAL_EXEMPT;
+            CHECK(cloth_collide_create(W.sim, &exempt, &c) == CLOTH_OK);
+            CHECK(cloth_collide_intersections(c, 2, pair, &count) == CLOTH_OK && count == 1);
+            CHECK(pair[0] == 0 && pair[1] == 1 && pair[2] == -1);
+            cloth_collide_destroy(c);
+        }
+        world_close(&W);
+        CHECK(H.live == 0);
+    }
 }
 
 static int add_refused(const cloth_obstacle_desc *o, cloth_status want, const char *what) {
@@ -80,20 +128,36 @@ static void obstacles(void) {
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "faces NULL"));
     o.faces = faces, o.nf = 0;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.nf = 0"));
-    o.nf = 1, o.friction = -1;
+    o.nf = 1, o.nv = 0;
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.nv = 0"));
+    o.nv = 0x7fffffff;
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.nv = 2147483647"));
+    o.nv = 3, o.x = NULL;
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "x NULL"));
+    o.x = x, o.friction = NAN;
+    CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.friction = NaN"));
+    o.faces = faces, o.friction = -1;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.friction = -1"));
     o.friction = 0.3, o.kind = (cloth_obstacle_kind)9;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.kind = 9"));
     o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.radius = 0"));
-    o.radius = 0.1, o.x = bad;
+    o.radius = NAN;
+    CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.radius = NaN"));
+    o.kind = CLOTH_OBSTACLE_CAPSULE, o.radius = -1;
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.radius = -1"));
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.1, o.x = bad;
     CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.x[1] = NaN"));
     o.x = inside;                           /* the sheet runs through it */
     CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect before the step"));
     o.kind = CLOTH_OBSTACLE_PLANE, o.x = x, o.normal[1] = 0;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.normal"));
+    o.normal[1] = NAN;
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.normal = (0, NaN, 0)"));
     o.cookie = 0;
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_ERR_UNINIT);
+    CHECK(cloth_collide_add(NULL, &o, &id) == CLOTH_ERR_ARGUMENT && id.id == 0);
+    CHECK(cloth_collide_add(W.c, NULL, &id) == CLOTH_ERR_ARGUMENT);
     CHECK(said(cloth_collide_move(W.c, W.ball, bad), CLOTH_ERR_NONFINITE, "x[1] = NaN"));
     CHECK(said(cloth_collide_move(W.c, W.ball, NULL), CLOTH_ERR_ARGUMENT, "NULL"));
     CHECK(said(cloth_collide_teleport(W.c, W.ball, inside), CLOTH_ERR_MESH, "intersect"));
@@ -104,12 +168,47 @@ static void obstacles(void) {
     stale = id;
     CHECK(cloth_collide_remove(W.c, id) == CLOTH_OK);
     CHECK(cloth_collide_remove(W.c, stale) == CLOTH_ERR_HANDLE);
+    o.self_penetrating = 1;                 /* an open mesh: nothing is inside it */
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK && id.id != stale.id);
     CHECK(cloth_collide_move(W.c, stale, x) == CLOTH_ERR_HANDLE);
     CHECK(cloth_collide_teleport(W.c, stale, x) == CLOTH_ERR_HANDLE);
+    CHECK(cloth_collide_move(NULL, id, x) == CLOTH_ERR_HANDLE);
+    CHECK(cloth_collide_step(NULL, 0.01, 0, NULL) == CLOTH_ERR_ARGUMENT);
+    host_forget(&H);
+    CHECK(said(cloth_solve_static(W.sim, NULL), CLOTH_ERR_UNSUPPORTED, "cloth_solve_static"));
     CHECK(world_run(&W, 3, 1.0 / 60));
     world_close(&W);
     CHECK(H.live == 0);
+}
+
+/* What asks: NULL, sizes below 0, and lists of a world whose obstacles have just gone. */
+static void queries(void) {
+    cloth_touch        touch[8];
+    cloth_collide_pair pair[8];
+    double             gap = 7;
+    int                count = 7, pairs[8];
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 20, 1.0 / 60));
+    CHECK(cloth_collide_touches(NULL, 8, touch, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_touches(W.c, -1, touch, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_touches(W.c, 8, NULL, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_forces(W.c, NULL) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_gap(W.c, 0, &gap) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_gap(W.c, NAN, &gap) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_gap(W.c, 0.01, NULL) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_intersections(W.c, -1, pairs, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_intersections(W.c, 4, NULL, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_failed(W.c, 8, NULL, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(count == 7 && gap >= 7);
+    CHECK(cloth_collide_last(NULL).touches == 0);
+    CHECK(cloth_collide_failed(W.c, 8, pair, &count) == CLOTH_OK && count == 0);
+    CHECK(cloth_collide_touches(W.c, 8, touch, &count) == CLOTH_OK && count > 0);
+    CHECK(cloth_collide_remove(W.c, W.ball) == CLOTH_OK);
+    CHECK(cloth_collide_touches(W.c, 8, touch, &count) == CLOTH_OK && count == 0);
+    CHECK(cloth_step(W.sim, 1.0 / 60, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_remove(W.c, W.ground) == CLOTH_OK);
+    CHECK(cloth_step(W.sim, 1.0 / 60, NULL) == CLOTH_OK);
+    world_close(&W);
 }
 
 /* Every allocation of create, add and the first steps fails in turn; nothing is lost. */
@@ -140,6 +239,76 @@ static void failing_allocator(void) {
     CHECK(refused > 20);
 }
 
+/* Each allocation of one call fails in turn: hash, pairs and the steps after it are as if it had
+ * not been made. what: 0 add, 1 remove, 2 teleport, 3 gap, 4 intersections, 5 step, 6 shorter step
+ */
+static cloth_status one_call(int what) {
+    static const double away[3] = {0.3, -0.1, 0.3}, x[12] = {0, -0.15, 0,    0.2, -0.15, 0,
+                                                             0, -0.15, 0.2, 0.1, -0.18, 0.1};
+    static const int    faces[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    double              gap;
+    int                 count;
+    switch (what) {
+    case 0:
+        o.nv = 4, o.nf = 4, o.x = x, o.faces = faces, o.self_penetrating = 1;
+        return cloth_collide_add(W.c, &o, NULL);
+    case 1: return cloth_collide_remove(W.c, W.ball);
+    case 2: return cloth_collide_teleport(W.c, W.ball, away);
+    case 3: return cloth_collide_gap(W.c, 0.2, &gap);
+    case 4: return cloth_collide_intersections(W.c, 0, NULL, &count);
+    case 5: return cloth_step(W.sim, 1.0 / 60, NULL);
+    default: return cloth_collide_step(W.c, 1.0 / 60, 3, NULL);
+    }
+}
+
+static void failing_calls(void) {
+    int what, most = 0;
+    for (what = 0; what <= 6; what++) {
+        cloth_hooks    hooks = host_hooks(&H);
+        uint64_t       before, after;
+        cloth_status   status = CLOTH_ERR_MEMORY;
+        int            at;
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+        CHECK(world_run(&W, 11, 1.0 / 60));
+        after = cloth_sim_hash(W.sim);
+        world_close(&W);
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+        CHECK(world_run(&W, 8, 1.0 / 60));
+        before = cloth_sim_hash(W.sim);
+        for (at = 1; status == CLOTH_ERR_MEMORY && at < 500; at++) {
+            H.calls = 0, H.fail_at = at;
+            status = one_call(what);
+            H.fail_at = 0;
+            if (status == CLOTH_OK) break;
+            CHECK(status == CLOTH_ERR_MEMORY && cloth_sim_hash(W.sim) == before);
+            if (at == 3 || what > 4) continue;
+            CHECK(cloth_collide_touches(W.c, 0, NULL, NULL) == CLOTH_OK);
+        }
+        CHECK(status == CLOTH_OK);
+        most = at > most ? at : most;
+        world_close(&W);
+        CHECK(H.live == 0);
+        if (what > 2) continue;
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+        CHECK(world_run(&W, 8, 1.0 / 60));
+        for (at = 1; at < 40; at++) {       /* refused by memory, then gone on with */
+            H.calls = 0, H.fail_at = at;
+            status = one_call(what);
+            H.fail_at = 0;
+            if (status == CLOTH_OK) break;
+            if (at == 6 || at == 17) break;
+        }
+        if (status) {
+            CHECK(world_run(&W, 3, 1.0 / 60));
+            CHECK(cloth_sim_hash(W.sim) == after);
+        }
+        world_close(&W);
+        CHECK(H.live == 0);
+    }
+    CHECK(most > 15);
+}
+
 /* At rest on the ground the touches carry the sheet. */
 static void weight(void) {
     cloth_touch touch[400];
@@ -168,8 +337,11 @@ static void weight(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(refusals);
+    RUN(models);
     RUN(obstacles);
+    RUN(queries);
     RUN(failing_allocator);
+    RUN(failing_calls);
     RUN(weight);
     return TEST_END();
 }

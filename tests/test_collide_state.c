@@ -21,10 +21,11 @@ static void snapshots(void) {
         const double h = world_h(kind[k]);
         int          n = kind[k] == CLOTH_INTEGRATOR_LEAPFROG ? 120 : 20;
         uint64_t     middle, end;
-        size_t       size;
+        size_t       size, fresh;
         void        *buf;
         int          touches = 0;
         CHECK(world_open(&W, kind[k], NULL, NULL) == CLOTH_OK);
+        fresh = cloth_sim_save_size(W.sim);
         CHECK(world_run(&W, n, h));
         CHECK(cloth_collide_touches(W.c, 0, NULL, &touches) == CLOTH_OK);
         while (touches == 0 && n < 240) {   /* there is contact to be kept */
@@ -34,6 +35,7 @@ static void snapshots(void) {
         }
         CHECK(touches > 0);
         size = cloth_sim_save_size(W.sim);
+        CHECK(size >= fresh + 40);          /* an anchor at least */
         buf = malloc(size);
         CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
         middle = cloth_sim_hash(W.sim);
@@ -61,6 +63,7 @@ static int give_up(void *user) {
 /* Wherever the hook asks to stop, the state is as before. */
 static void cancel(void) {
     cloth_hooks hooks = host_hooks(&H);
+    cloth_report r;
     uint64_t    before;
     int         asked, stopped = 0;
     hooks.cancel.fn = give_up;
@@ -77,8 +80,117 @@ static void cancel(void) {
         stopped++;
     }
     CHECK(stopped > 0 && asked < 200);
+    stop_after = 0;
+    before = cloth_sim_hash(W.sim);
+    CHECK(cloth_collide_step(W.c, 1.0 / 60, 3, &r) == CLOTH_ERR_CANCELLED);
+    CHECK(r.outcome == CLOTH_STEP_NONE && cloth_sim_hash(W.sim) == before);
     stop_after = 1 << 30;
     world_close(&W);
+}
+
+/* A snapshot goes to a sim that has not moved; one with other obstacles refuses it, as do all
+ * allocations that fail, and is as before. */
+static void transplant(void) {
+    cloth_hooks    hooks = host_hooks(&H);
+    world          other;
+    uint64_t       middle, end, before;
+    size_t         size;
+    void          *buf;
+    cloth_status   status = CLOTH_ERR_MEMORY;
+    int            at;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 20, 1.0 / 60));
+    size = cloth_sim_save_size(W.sim);
+    buf = malloc(size);
+    CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
+    middle = cloth_sim_hash(W.sim);
+    CHECK(world_run(&W, 6, 1.0 / 60));
+    end = cloth_sim_hash(W.sim);
+    world_close(&W);
+    CHECK(world_open(&other, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    before = cloth_sim_hash(other.sim);
+    for (at = 1; status == CLOTH_ERR_MEMORY && at < 20; at++) {
+        H.calls = 0, H.fail_at = at;
+        status = cloth_sim_restore(other.sim, buf, size);
+        H.fail_at = 0;
+        if (status) CHECK(status == CLOTH_ERR_MEMORY && cloth_sim_hash(other.sim) == before);
+    }
+    CHECK(status == CLOTH_OK && at > 2 && cloth_sim_hash(other.sim) == middle);
+    CHECK(world_run(&other, 6, 1.0 / 60));
+    CHECK(cloth_sim_hash(other.sim) == end);
+    CHECK(cloth_collide_remove(other.c, other.ball) == CLOTH_OK);
+    before = cloth_sim_hash(other.sim);
+    host_forget(&H);
+    CHECK(cloth_sim_restore(other.sim, buf, size) == CLOTH_ERR_FORMAT);
+    CHECK(strstr(H.text, "other obstacles") && cloth_sim_hash(other.sim) == before);
+    free(buf);
+    world_close(&other);
+    CHECK(H.live == 0);
+}
+
+/* --- 1, 2 and 3 workers --- */
+
+typedef struct lot {
+    int             worker, workers, count, grain;
+    cloth_range_fn *fn;
+    void           *ctx;
+} lot;
+
+static void *thread_main(void *arg) {
+    const lot *l = (const lot *)arg;
+    int        b;
+    for (b = l->worker * l->grain; b < l->count; b += l->workers * l->grain)
+        l->fn(b, l->count - b < l->grain ? l->count : b + l->grain, l->worker, l->ctx);
+    return NULL;
+}
+
+/* Threads made and joined for every loop, ranges dealt in turn. */
+static void run_threads(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
+    const int workers = *(const int *)user;
+    pthread_t thread[3];
+    lot       l[3];
+    int       i, made[3];
+    for (i = 0; i < workers; i++) {
+        l[i].worker = i, l[i].workers = workers;
+        l[i].count = count, l[i].grain = grain;
+        l[i].fn = fn, l[i].ctx = ctx;
+        made[i] = i > 0 && pthread_create(&thread[i], NULL, thread_main, &l[i]) == 0;
+    }
+    for (i = 0; i < workers; i++)
+        if (!made[i]) (void)thread_main(&l[i]);
+    for (i = 0; i < workers; i++)
+        if (made[i]) (void)pthread_join(thread[i], NULL);
+}
+
+/* Backwards, in one thread. */
+static void run_backwards(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
+    int b;
+    for (b = (count - 1) / grain * grain; b >= 0; b -= grain)
+        fn(b, count - b < grain ? count : b + grain, b / grain % *(const int *)user, ctx);
+}
+
+static void workers(void) {
+    const cloth_integrator kind[3] = {CLOTH_INTEGRATOR_EULER, CLOTH_INTEGRATOR_BDF2,
+                                      CLOTH_INTEGRATOR_LEAPFROG};
+    int k, n;
+    for (k = 0; k < 3; k++) {
+        const double h = world_h(kind[k]);
+        const int    steps = (kind[k] == CLOTH_INTEGRATOR_LEAPFROG ? 120 : 20) / (k + 1);
+        uint64_t     alone = 0;
+        for (n = 0; n <= 4; n++) {
+            cloth_hooks hooks;
+            int         many = n < 1 ? 1 : n < 4 ? n : 3;
+            memset(&hooks, 0, sizeof hooks);
+            if (n) hooks.parallel.run = n < 4 ? run_threads : run_backwards;
+            hooks.parallel.user = &many;
+            hooks.parallel.max_workers = many;
+            CHECK(world_open(&W, kind[k], &hooks, NULL) == CLOTH_OK);
+            CHECK(world_run(&W, steps, h));
+            if (n == 0) alone = cloth_sim_hash(W.sim);
+            CHECK(cloth_sim_hash(W.sim) == alone);
+            world_close(&W);
+        }
+    }
 }
 
 /* Two plates close to less than the cloth needs, and open again. */
@@ -151,11 +263,139 @@ static void exempt(void) {
     world_close(&W);
 }
 
+/* The plates of the pinch in one leap: the whole step fails, half of it has room. */
+static void shorter(void) {
+    cloth_hooks         hooks = host_hooks(&H);
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    double              x[24], there[24], center[3] = {0.1, -0.055, 0.1};
+    double              half[3] = {0.3, 0.05, 0.3}, gap = 0;
+    cloth_obstacle      high;
+    cloth_report        r;
+    uint64_t            before;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_remove(W.c, W.ball) == CLOTH_OK);
+    o.kind = CLOTH_OBSTACLE_BOX;
+    o.x = x;
+    cloth_obstacle_box(center, half, NULL, x);
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_OK);
+    center[1] = 0.06;
+    cloth_obstacle_box(center, half, NULL, x);
+    CHECK(cloth_collide_add(W.c, &o, &high) == CLOTH_OK);
+    center[1] = 0.035;                      /* 0.01 below the upper face of the lower one */
+    cloth_obstacle_box(center, half, NULL, there);
+    CHECK(cloth_collide_move(W.c, high, there) == CLOTH_OK);
+    before = cloth_sim_hash(W.sim);
+    CHECK(cloth_step(W.sim, 1.0 / 60, &r) == CLOTH_ERR_STEP && r.failed_pairs > 0);
+    CHECK(cloth_collide_step(W.c, 1.0 / 60, 0, &r) == CLOTH_ERR_STEP);
+    CHECK(cloth_sim_hash(W.sim) == before);
+    CHECK(cloth_collide_step(W.c, 1.0 / 60, 6, &r) == CLOTH_OK && r.status == CLOTH_OK);
+    CHECK_NEAR(cloth_collide_last(W.c).fraction, 0.5, 0);
+    CHECK_REL(cloth_sim_state(W.sim)->t, 0.5 / 60, 1e-14);
+    CHECK(cloth_collide_gap(W.c, 0.1, &gap) == CLOTH_OK && gap > 0);
+    before = cloth_sim_hash(W.sim);         /* the target is still where it was asked for */
+    CHECK(cloth_collide_move(W.c, high, there) == CLOTH_OK);
+    CHECK(cloth_sim_hash(W.sim) == before);
+    CHECK(cloth_collide_step(W.c, 1.0 / 60, 1, &r) == CLOTH_ERR_STEP && r.failed_pairs > 0);
+    CHECK(cloth_sim_hash(W.sim) == before);
+    CHECK(cloth_collide_move(W.c, high, x) == CLOTH_OK);
+    CHECK(cloth_collide_step(W.c, 1.0 / 60, 1, &r) == CLOTH_OK);
+    CHECK_NEAR(cloth_collide_last(W.c).fraction, 1, 0);
+    world_close(&W);
+    CHECK(H.live == 0);
+}
+
+/* Two sheets of 5 x 5, one 0.02 m above the other and falling on it at 3 m/s; the lower one is
+ * pinned. Returns the pairs of faces that intersect on the way, -1 after a failure. */
+static int two_sheets(cloth_contact_rung rung, const cloth_collide_part *part, double *end) {
+    cloth_desc         d = cloth_desc_default();
+    cloth_collide_desc k = cloth_collide_desc_default();
+    double             x[150];
+    int                faces[192], of[64], i, n = 0, most = 0, nv, nf;
+    cloth_pin          pins[25];
+    memset(&W, 0, sizeof W);
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 5, 5, 0.2, 0.2, &W.mesh)) exit(2);
+    nv = W.mesh->nv, nf = W.mesh->nf;
+    CHECK(nv == 25 && nf == 32);
+    memset(pins, 0, sizeof pins);
+    for (i = 0; i < 3 * nv; i++) {
+        x[i] = W.mesh->x[i];
+        x[75 + i] = W.mesh->x[i] + (i % 3 == 1 ? 0.02 : 0.011);
+        if (i % 3 == 0) pins[i / 3].vertex = i / 3, pins[i / 3].axes = CLOTH_AXIS_ALL;
+    }
+    for (i = 0; i < 3 * nf; i++) {
+        faces[i] = W.mesh->faces[i], faces[96 + i] = W.mesh->faces[i] + nv;
+        of[i / 3] = 0, of[32 + i / 3] = 1;
+    }
+    d.nv = 2 * nv, d.x_rest = x, d.nf = 2 * nf, d.faces = faces, d.part = of;
+    d.npins = nv, d.pins = pins;
+    d.contact = rung;
+    k.parts = part, k.nparts = part ? 2 : 0;
+    CHECK(cloth_model_create(&d, &W.model) == CLOTH_OK);
+    CHECK(cloth_sim_create(W.model, &W.sim) == CLOTH_OK);
+    CHECK(cloth_collide_create(W.sim, &k, &W.c) == CLOTH_OK);
+    for (i = nv; i < 2 * nv; i++) cloth_sim_state(W.sim)->v[3 * i + 1] = -3;
+    cloth_sim_state_changed(W.sim);
+    for (i = 0; i < 6 && n >= 0; i++) {
+        int pairs = 0, all[2 * 64];
+        n = cloth_step(W.sim, 1.0 / 240, NULL) ? -1 : 0;
+        if (cloth_intersections(NULL, 2 * nv, cloth_sim_state(W.sim)->x, 2 * nf, faces, 64, all,
+                                &pairs)) n = -1;
+        most = pairs > most ? pairs : most;
+    }
+    *end = cloth_sim_state(W.sim)->x[3 * (nv + 12) + 1];
+    world_close(&W);
+    return n < 0 ? n : most;
+}
+
+static void groups(void) {
+    cloth_collide_part part[2];
+    double             end;
+    memset(part, 0, sizeof part);
+    part[0].self = part[1].self = 1;
+    part[0].category = part[1].category = 1;
+    part[0].mask = part[1].mask = 1;
+    CHECK(two_sheets(CLOTH_CONTACT_SELF, NULL, &end) == 0 && end > 0);
+    CHECK(two_sheets(CLOTH_CONTACT_SELF, part, &end) == 0 && end > 0);
+    part[1].self = 0;                       /* collides with no cloth */
+    CHECK(two_sheets(CLOTH_CONTACT_SELF, part, &end) >= 0 && end < -0.01);
+    part[1].self = 1, part[1].category = 2; /* not in the other's mask, though that is in its */
+    CHECK(two_sheets(CLOTH_CONTACT_SELF, part, &end) >= 0 && end < -0.01);
+    part[0].mask = 3;
+    CHECK(two_sheets(CLOTH_CONTACT_SELF, part, &end) == 0 && end > 0);
+    CHECK(two_sheets(CLOTH_CONTACT_OBSTACLES, NULL, &end) >= 0 && end < -0.01);
+}
+
+/* The ball is nobody's business while its category is in no mask. */
+static void ignored(void) {
+    cloth_collide_desc  d = cloth_collide_desc_default();
+    cloth_collide_part  part;
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    double              center[3] = {0.1, 0, 0.1}, gap;
+    memset(&part, 0, sizeof part);
+    part.self = 1, part.category = 4, part.mask = 1;
+    d.nparts = 1, d.parts = &part;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, &d) == CLOTH_OK);
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.x = center, o.radius = 0.05;
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_ERR_MESH);
+    o.category = 2;
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_OK);
+    o.category = 1, o.mask = 3;
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 4, 1.0 / 60));
+    CHECK(cloth_collide_gap(W.c, 1, &gap) == CLOTH_OK && gap > 0);
+    world_close(&W);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(snapshots);
+    RUN(transplant);
+    RUN(workers);
     RUN(cancel);
     RUN(pinch);
+    RUN(shorter);
     RUN(exempt);
+    RUN(groups);
+    RUN(ignored);
     return TEST_END();
 }

@@ -4,7 +4,7 @@
  * Word for word the program of section [1.1] in clothsim.h and of the README.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. 01_hang.c -lm
- *   expected: after 1.000 s the far corner is at y = -0.30 m
+ *   expected: after 1.000 s the far corner is at y = -0.31 m
  *
  * Exercises: (1) pin one corner only; (2) take CLOTH_INTEGRATOR_BDF2: the corner swings higher;
  * (3) material.damping = 0.1: which part of the motion dies, which does not?

@@ -10,7 +10,7 @@
  * Error of a frame: one step from the state before it, solved to 1e-10 m, against the frame. */
 #define _XOPEN_SOURCE 600
 #include "bench.h"
-#include "pool.h"
+#include "../../examples/parallel_pthreads.h"
 
 enum { SIDE = 64, NV = SIDE * SIDE, FRAMES = 30, MODES = 3, REPEATS_MAX = 31 };
 
@@ -32,12 +32,16 @@ static int child(char **argv) {
     cloth_desc   d = bench_desc(stiffness, RIGIDITY, TOLERANCE);
     cloth_model *model;
     cloth_sim   *sim;
-    bench_pool   pool;
+    parallel_pool *pool = NULL;
     run          r;
     double       t0;
     int          i;
     memset(&r, 0, sizeof r);
-    if (workers > 1 && !bench_pool_start(&pool, &d.hooks.parallel)) return 1;
+    if (workers > 1) {
+        pool = parallel_pool_create(workers);
+        if (!pool) return 1;
+        d.hooks.parallel = parallel_pool_hook(pool);
+    }
     if (bench_sheet(&d, SIDE, &model, &sim)) return 1;
     t0 = bench_wall();
     for (i = 0; i < frames; i++) {
@@ -50,10 +54,10 @@ static int child(char **argv) {
         r.negative += report.negative;
     }
     r.wall = bench_wall() - t0;
-    if (workers > 1) bench_pool_stop(&pool);
     printf("%.9g %d %d %d %d %d %d %llx\n", r.wall, r.newton, r.cg, r.solves, r.halvings,
            r.negative, r.failed, (unsigned long long)cloth_sim_hash(sim));
     bench_free(&model, &sim);
+    parallel_pool_destroy(pool);
     return 0;
 }
 

@@ -186,8 +186,8 @@ static void walk_step(walk *w) {
     w->let_in += let_in;
     if (getenv("SHOW_STEPS"))
         printf("  %3d st %d fr %g newton %d halv %d imp %d pass %d zones %d rows %d big %d "
-               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d ms %.0f begin %.0f "
-               "det %.0f zone %.0f\n",
+               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d ms %.0f "
+               "begin %.0f "det %.0f zone %.0f\n",
                w->steps, (int)status, k.fraction, r.newton, r.halvings, k.impacts, k.passes,
                k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches, k.exempt_faces, k.push,
                w->npair, w->inner, fresh, let_in, r.ms.total, k.ms_begin, k.ms_detect,
@@ -220,9 +220,11 @@ static void walk_judge(walk *w, const char *name, double whole, int fails) {
     qsort(w->ms, (size_t)n, sizeof w->ms[0], order_doubles);
     qsort(w->newton, (size_t)n, sizeof w->newton[0], order_ints);
     printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %6d %5d %5d %4d(%3d) %6d %5.0f/%5.0f %6.2f "
-           "%6.2f\n", name, w->desc.nv, n, w->whole, w->shorter, w->failed, w->exempt, w->fresh, w->let_in,
+           "%6.2f\n",
+           name, w->desc.nv, n, w->whole, w->shorter, w->failed, w->exempt, w->fresh, w->let_in,
            w->spread, w->start, w->most, w->npair, w->inner, w->newton[n / 2], w->ms[n / 2],
-           w->ms[n - 1], w->total > 0 ? w->contact / w->total : 0, w->total > 0 ? w->zones / w->total : 0);
+           w->ms[n - 1], w->total > 0 ? w->contact / w->total : 0,
+           w->total > 0 ? w->zones / w->total : 0);
     CHECK(w->fresh == 0);
     CHECK(w->whole >= whole * n);
     CHECK(w->failed <= fails);

@@ -6971,8 +6971,9 @@ static cloth_status clothi_touches_find(cloth_collide *c) {
     c->ntouch = 0;
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_couple *p = c->pair + i;
-        if (!clothi_is_exempt(c, p->kind, p->a, p->b))
-            status = clothi_touch_add(c, p->kind, p->a, p->b);
+        const int            n = c->ntouch; /* few are in range: those are looked up */
+        status = clothi_touch_add(c, p->kind, p->a, p->b);
+        if (c->ntouch > n && clothi_is_exempt(c, p->kind, p->a, p->b)) c->ntouch = n;
     }
     for (o = 0; o < c->nobstacle && !status; o++)
         for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&

@@ -7,7 +7,9 @@
  *
  * After each accepted step, by exact arithmetic, no two faces of the garment and no face of the
  * garment and one of the body may intersect that did not before. Faces of the body that were exempt
- * in the step are counted apart ('let in'): cloth that the body pinches may be passed by them. */
+ * in the step are counted apart ('let in'): cloth that the body pinches may be passed by them; and
+ * so are pairs beside one that intersected before ('spread'): where cloth was let in its crossing
+ * wanders from face to face until it parts. 'most' is the largest number of pairs at any time. */
 #define CLOTHSIM_IMPLEMENTATION
 #include "../../clothsim_collide.h"
 
@@ -33,7 +35,7 @@ typedef struct walk {
 
     /* what came of it */
     int    steps, whole, shorter, failed, run, longest;     /* steps that failed in a row      */
-    int    start, fresh, let_in, inner, exempt;
+    int    start, fresh, let_in, spread, inner, exempt;
     int    newton[STEPS_MOST], most;
     double ms[STEPS_MOST], total, contact, zones;
 } walk;
@@ -51,6 +53,24 @@ static void print_error(cloth_log_level level, cloth_status status, const char *
 }
 
 static int same_pair(const void *a, const void *b) { return exact_order_pairs(a, b); }
+
+static int share_corner(const int *f, const int *g) {
+    int i;
+    for (i = 0; i < 9; i++)
+        if (f[i / 3] == g[i % 3]) return 1;
+    return 0;
+}
+
+/* A pair that intersected before has both faces beside those of p: its crossing moved on. */
+static int spreads(const walk *w, const int *p) {
+    const int *f = w->all + 3 * p[0], *g = w->all + 3 * p[1];
+    int        i;
+    for (i = 0; i < w->npair; i++)
+        if (share_corner(f, w->all + 3 * w->pair[2 * i]) &&
+            share_corner(g, w->all + 3 * w->pair[2 * i + 1]))
+            return 1;
+    return 0;
+}
 
 /* Pairs that intersect now, two faces of the body left out; *fresh, *let_in: those that did not
  * before, with faces of the body that are an obstacle, that were exempt. */
@@ -85,10 +105,12 @@ static void examine(walk *w, int *fresh, int *let_in) {
         const int *p = found + 2 * i;
         if (w->npair && bsearch(p, w->pair, (size_t)w->npair, 2 * sizeof *p, same_pair)) continue;
         if (p[1] >= cloth && w->c->off[p[1]]) ++*let_in;
+        else if (spreads(w, p)) w->spread++;
         else ++*fresh;
     }
     free(w->pair);
     w->pair = found, w->npair = n;
+    w->most = n > w->most ? n : w->most;
 }
 
 /* desc: nv, nf, faces, x_rest and X are set; x: pose of the body at the start. */
@@ -163,9 +185,9 @@ static void walk_step(walk *w) {
     w->fresh += fresh;
     w->let_in += let_in;
     if (getenv("SHOW_STEPS"))
-        printf("  %3d st %d fr %g newton %d halv %d imp %d pass %d zones %d rows %d big %d rigid %d "
-               "touch %d exempt %d push %.1e pairs %d self %d new %d let in %d ms %.0f begin %.0f "
-               "det %.0f zone %.0f\n",
+        printf("  %3d st %d fr %g newton %d halv %d imp %d pass %d zones %d rows %d big %d "
+               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d ms %.0f "
+               "begin %.0f "det %.0f zone %.0f\n",
                w->steps, (int)status, k.fraction, r.newton, r.halvings, k.impacts, k.passes,
                k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches, k.exempt_faces, k.push,
                w->npair, w->inner, fresh, let_in, r.ms.total, k.ms_begin, k.ms_detect,
@@ -184,22 +206,25 @@ static int order_ints(const void *a, const void *b) {
 }
 
 static void walk_title(void) {
-    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %5s %9s %6s %11s %6s %6s\n", "garment", "nv",
-           "steps", "whole", "short", "fail", "exempt", "new", "let in", "start", "end(self)",
-           "newton", "ms a step", "share", "zones");
-    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %5s %9s %6s %11s %6s %6s\n", "", "", "", "", "",
-           "", "faces", "", "", "pairs", "pairs", "median", "median/max", "cont.", "share");
+    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %5s %5s %9s %6s %11s %6s %6s\n", "garment",
+           "nv", "steps", "whole", "short", "fail", "exempt", "new", "let in", "spread", "start",
+           "most", "end(self)", "newton", "ms a step", "share", "zones");
+    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %5s %5s %9s %6s %11s %6s %6s\n", "", "", "",
+           "", "", "", "faces", "pairs", "pairs", "pairs", "pairs", "pairs", "pairs", "median",
+           "median/max", "cont.", "share");
 }
 
-/* whole: the least share of whole steps; fails: steps that may fail, one after the other at most. */
+/* whole: the least share of whole steps; fails: steps that may fail, no two in a row. */
 static void walk_judge(walk *w, const char *name, double whole, int fails) {
     const int n = w->steps;
     qsort(w->ms, (size_t)n, sizeof w->ms[0], order_doubles);
     qsort(w->newton, (size_t)n, sizeof w->newton[0], order_ints);
-    printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %5d %4d(%3d) %6d %5.0f/%5.0f %6.2f %6.2f\n",
+    printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %6d %5d %5d %4d(%3d) %6d %5.0f/%5.0f %6.2f "
+           "%6.2f\n",
            name, w->desc.nv, n, w->whole, w->shorter, w->failed, w->exempt, w->fresh, w->let_in,
-           w->start, w->npair, w->inner, w->newton[n / 2], w->ms[n / 2], w->ms[n - 1],
-           w->total > 0 ? w->contact / w->total : 0, w->total > 0 ? w->zones / w->total : 0);
+           w->spread, w->start, w->most, w->npair, w->inner, w->newton[n / 2], w->ms[n / 2],
+           w->ms[n - 1], w->total > 0 ? w->contact / w->total : 0,
+           w->total > 0 ? w->zones / w->total : 0);
     CHECK(w->fresh == 0);
     CHECK(w->whole >= whole * n);
     CHECK(w->failed <= fails);

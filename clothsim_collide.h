@@ -2177,23 +2177,30 @@ typedef struct clothi_features_job {
     clothi_pairs          *vf, *ee;
 } clothi_features_job;
 
-/* A face with its boxes. */
+/* A face with its boxes; those of its edges only when they are asked for. */
 typedef struct clothi_face_view {
     const int *v, *e;
-    int        face, owned;
+    int        face, owned, edges;
     double     box[6], edge[3][6];
 } clothi_face_view;
 
 static void clothi_face_look(const clothi_features_job *job, int face, clothi_face_view *w) {
-    int k;
     w->face = face;
+    w->edges = 0;
     w->v = job->s->faces + 3 * (size_t)face;
     w->e = job->s->face_edges + 3 * (size_t)face;
     w->owned = job->s->owned[face];
+    clothi_box_join(job->box + 6 * (size_t)w->v[0], job->box + 6 * (size_t)w->v[1], w->box);
+    clothi_box_join(w->box, job->box + 6 * (size_t)w->v[2], w->box);
+}
+
+static void clothi_face_edges(const clothi_features_job *job, clothi_face_view *w) {
+    int k;
+    if (w->edges) return;
     for (k = 0; k < 3; k++)
-        clothi_box_join(job->box + 6 * (size_t)w->v[k], job->box + 6 * (size_t)w->v[(k + 1) % 3],
-                        w->edge[k]);
-    clothi_box_join(w->edge[0], w->edge[1], w->box);
+        clothi_box_join(job->box + 6 * (size_t)w->v[k],
+                        job->box + 6 * (size_t)w->v[k == 2 ? 0 : k + 1], w->edge[k]);
+    w->edges = 1;
 }
 
 /* The vertices that f owns against face g. */
@@ -2209,14 +2216,17 @@ static void clothi_feature_vf(const clothi_features_job *job, const clothi_face_
 }
 
 /* The edges that f owns against those that g owns. */
-static void clothi_feature_ee(const clothi_face_view *f, const clothi_face_view *g,
-                              clothi_segment *out) {
+static void clothi_feature_ee(const clothi_features_job *job, clothi_face_view *f,
+                              clothi_face_view *g, clothi_segment *out) {
     int k, l;
+    if (f->owned < 8 || g->owned < 8) return;
+    clothi_face_edges(job, f);
     for (k = 0; k < 3; k++) {
-        const int a = f->v[k], b = f->v[(k + 1) % 3];
+        const int a = f->v[k], b = f->v[k == 2 ? 0 : k + 1];
         if (!(f->owned >> (3 + k) & 1) || !clothi_boxes_meet(f->edge[k], g->box)) continue;
+        clothi_face_edges(job, g);
         for (l = 0; l < 3; l++) {
-            const int c = g->v[l], d = g->v[(l + 1) % 3];
+            const int c = g->v[l], d = g->v[l == 2 ? 0 : l + 1];
             if (!(g->owned >> (3 + l) & 1) || a == c || a == d || b == c || b == d) continue;
             if (clothi_boxes_meet(f->edge[k], g->edge[l]))
                 clothi_segment_put(out, f->e[k] < g->e[l] ? f->e[k] : g->e[l],
@@ -2244,7 +2254,7 @@ static void clothi_features_range(int begin, int end, int worker, void *ctx) {
             clothi_face_look(job, pair[1], &g);
             clothi_feature_vf(job, &f, &g, &vf);
             clothi_feature_vf(job, &g, &f, &vf);
-            clothi_feature_ee(&f, &g, &ee);
+            clothi_feature_ee(job, &f, &g, &ee);
         }
         job->vf->found[task] = vf.found;
         job->ee->found[task] = ee.found;
@@ -5130,6 +5140,8 @@ struct cloth_collide {
     int           nrow, row_cap;
     clothi_couple  *pair;                     /* candidates                                      */
     int           npair, pair_cap;
+    unsigned char *struck;                  /* [struck_cap] CLOTHI_STRUCK_ bits of the pairs   */
+    int           struck_cap;
     double        h;
     int           begun;                    /* a step is under way                             */
     /* zones */
@@ -5533,13 +5545,10 @@ static cloth_status clothi_pairs_lone(cloth_collide *c, int slot, int edge) {
     return status;
 }
 
-/* Pairs that come within `reach` (m) of each other on the way from xa to xb; swept 0: at xa, where
+/* The boxes of everything and its trees, for pairs within `reach` (m); swept 0: cloth at xa, where
  * obstacles count with their whole way. */
-static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach) {
+static void clothi_world_boxes(cloth_collide *c, int swept, double reach) {
     const double pad = 0.5 * clothi_max(reach, c->desc.thickness);
-    cloth_status status;
-    int          o, edge = c->features.ne;
-    c->npair = 0;
     if (!c->solid_known) {
         const size_t skip = (size_t)c->nv;
         clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * skip, c->xb + 3 * skip, pad,
@@ -5552,9 +5561,38 @@ static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach)
     clothi_swept_boxes(c->nv, c->xa, swept ? c->xb : NULL, pad, c->box_v);
     clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
     clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+}
+
+static int clothi_face_moved(const cloth_collide *c, int f) {
+    const int *v = c->faces + 3 * (size_t)f;
+    return f < c->nf && (c->moved[v[0]] || c->moved[v[1]] || c->moved[v[2]]);
+}
+
+/* Later passes look at what moved in the last one: other pairs of faces have no such feature. */
+static void clothi_meet_moved(cloth_collide *c) {
+    int i, n = 0;
+    for (i = 0; i < c->meet.count; i++) {
+        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
+        if (!clothi_face_moved(c, f) && !clothi_face_moved(c, g)) continue;
+        c->meet.pair[2 * n] = f;
+        c->meet.pair[2 * n++ + 1] = g;
+    }
+    c->meet.count = n;
+}
+
+/* Pairs that come within `reach` (m) of each other on the way from xa to xb; swept 0: at xa, where
+ * obstacles count with their whole way. */
+static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach) {
+    const int    later = swept && c->report.passes > 0;
+    cloth_status status;
+    int          o, edge = c->features.ne;
+    c->npair = 0;
+    clothi_world_boxes(c, swept, reach);
     status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
+    if (!status && later) clothi_meet_moved(c);
     if (!status) status = clothi_pairs_collect(c);
     if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
+    if (!status && c->self && later) clothi_meet_moved(c);
     if (!status && c->self) status = clothi_pairs_collect(c);
     for (o = 0; o < c->nobstacle && !status; o++) {
         if (!c->obstacle[o].used || clothi_is_mesh(c->obstacle + o) ||
@@ -5636,7 +5674,11 @@ static cloth_status clothi_crossings(cloth_collide *c, int inside) {
     cloth_status status;
     int          i, o;
     c->solid_known = 0;
-    status = clothi_candidates(c, 0, 0);    /* also for the boxes */
+    if (inside) {                           /* faces alone */
+        clothi_world_boxes(c, 0, 0);
+        status = CLOTH_OK;
+    } else
+        status = clothi_candidates(c, 0, 0);
     if (!status) status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
     if (!status) status = clothi_crossings_of(c, inside);
     if (status || inside) return status;
@@ -6317,15 +6359,54 @@ static int clothi_pair_moved(const cloth_collide *c, const clothi_couple *p) {
     return 0;
 }
 
-/* All impacts of what moved since the last pass. */
+#define CLOTHI_STRUCK_GRAIN 512             /* pairs a range                                   */
+enum { CLOTHI_STRUCK_MOVED = 1, CLOTHI_STRUCK_NEAR = 2 };
+
+/* Which pairs moved, and which of them come within t/4: nearly all of detection's work. */
+static void clothi_struck_range(int begin, int end, int worker, void *ctx) {
+    cloth_collide *c = (cloth_collide *)ctx;
+    int            i;
+    (void)worker;
+    for (i = begin; i < end; i++) {
+        const clothi_couple *p = c->pair + i;
+        double xa[12], xb[12], toi, reach = clothi_pair_radius(c, p->kind, p->a, p->b);
+        int    v[4];
+        c->struck[i] = 0;
+        if (!clothi_pair_moved(c, p)) continue;
+        c->struck[i] = CLOTHI_STRUCK_MOVED;
+        (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+        clothi_gather_points(c->xa, v, 4, xa);
+        clothi_gather_points(c->xb, v, 4, xb);
+        reach += CLOTHI_SEPARATION * c->desc.thickness;
+        if (p->kind == CLOTHI_EE ? cloth_ccd_ee(xa, xb, reach, &toi)
+                                 : cloth_ccd_vf(xa, xb, reach, &toi))
+            c->struck[i] |= CLOTHI_STRUCK_NEAR;
+    }
+}
+
+static cloth_status clothi_struck_pairs(cloth_collide *c) {
+    if (c->npair > c->struck_cap) {
+        clothi_free(c->hooks, c->struck);
+        c->struck_cap = 0;
+        c->struck = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 1);
+        if (!c->struck)
+            return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair);
+        c->struck_cap = c->pair_cap;
+    }
+    clothi_for(c->hooks, c->npair, CLOTHI_STRUCK_GRAIN, clothi_struck_range, c);
+    return CLOTH_OK;
+}
+
+/* All impacts of what moved since the last pass, in the order of the pairs. */
 static cloth_status clothi_detect(cloth_collide *c, int *hit) {
     cloth_status status = clothi_candidates(c, 1, CLOTHI_SEPARATION * c->desc.thickness);
     int          i;
     *hit = 0;
+    if (!status) status = clothi_struck_pairs(c);
     for (i = 0; i < c->npair && !status; i++) {
-        if (!clothi_pair_moved(c, c->pair + i)) continue;
-        c->report.candidates++;
-        status = clothi_detect_pair(c, c->pair + i, hit);
+        c->report.candidates += c->struck[i] & CLOTHI_STRUCK_MOVED;
+        if (c->struck[i] & CLOTHI_STRUCK_NEAR)
+            status = clothi_detect_pair(c, c->pair + i, hit);
     }
     for (i = 0; i < c->nobstacle && !status; i++)
         if (c->obstacle[i].used && c->obstacle[i].kind == CLOTH_OBSTACLE_PLANE)
@@ -7222,6 +7303,7 @@ static size_t clothi_contact_bytes(void *user) {
     block[n++] = c->qp_minv, block[n++] = c->qp_x0, block[n++] = c->qp_x, block[n++] = c->slot;
     block[n++] = c->area, block[n++] = c->meet.pair, block[n++] = c->vf.pair;
     block[n++] = c->ee.pair, block[n++] = c->near_f, block[n++] = c->zone_of;
+    block[n++] = c->struck;
     for (i = 0; i < n; i++) sum += clothi_block_size(block[i]);
     sum += cloth_qp_work_bytes(c->qp_options.work);
     for (i = 0; i < c->nobstacle; i++)
@@ -7410,6 +7492,7 @@ CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
     clothi_free(k, c->touch);
     clothi_free(k, c->row);
     clothi_free(k, c->pair);
+    clothi_free(k, c->struck);
     clothi_free(k, c->anchor);
     clothi_free(k, c->next);
     clothi_free(k, c->exempt);

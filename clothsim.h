@@ -711,6 +711,8 @@ typedef struct cloth_contact {
     void         (*load)(void *user, const void *buf);
     cloth_status (*vjp)(void *user, const cloth_eval *e, const double *a, cloth_vjp *out);
     size_t       (*bytes)(void *user);
+    /* before load, of the same bytes: makes room for them, or refuses them; NULL: not asked */
+    cloth_status (*check)(void *user, const void *buf, size_t size);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */
@@ -13551,6 +13553,7 @@ typedef struct clothi_unit {
     size_t (*size)(void *user);
     void   (*save)(void *user, void *buf);
     void   (*load)(void *user, const void *buf);
+    cloth_status (*check)(void *user, const void *buf, size_t size);
 } clothi_unit;
 
 /* Unit i of a sim, in the order of the list, contact last; 0 when there is none. */
@@ -13564,6 +13567,7 @@ static int clothi_unit_at(const cloth_sim *s, int i, clothi_unit *u) {
     u->size = at < s->nterms ? s->term[at].save_size : s->contact.save_size;
     u->save = at < s->nterms ? s->term[at].save : s->contact.save;
     u->load = at < s->nterms ? s->term[at].load : s->contact.load;
+    u->check = at < s->nterms ? NULL : s->contact.check;
     return 1;
 }
 
@@ -13671,9 +13675,10 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
 /* The units of a snapshot, from byte `at` of the walk on, are this sim's, and end with it. */
 static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char *buf, size_t at,
                                        size_t end) {
-    clothi_unit u;
-    uint64_t    head[2];
-    int         i;
+    clothi_unit  u;
+    cloth_status status;
+    uint64_t     head[2];
+    int          i;
     for (i = 0; clothi_unit_at(sim, i, &u); i++) {
         at += CLOTHI_PAD8(at);
         if (at > end || end - at < sizeof head) break;
@@ -13682,6 +13687,8 @@ static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char
         if (head[0] != u.id || head[1] > end - at || (head[1] > 0 && !u.load))
             return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the state of "
                                "the host's term %i is not in the snapshot", i);
+        status = u.check ? u.check(u.user, buf + at, (size_t)head[1]) : CLOTH_OK;
+        if (status) return status;
         at += (size_t)head[1];
     }
     if (at == end && !clothi_unit_at(sim, i, &u)) return CLOTH_OK;

@@ -450,7 +450,9 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
                                             cloth_collide **out);
 CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* NULL allowed    */
 
-/* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. */
+/* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
+ * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
+ * with these obstacles, else _FORMAT. On failure, also of the next three, everything is as before. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -5128,6 +5130,7 @@ static cloth_status clothi_inside_covered(const cloth_hooks *hooks, int nv, cons
  *
  * Two poses: `pose`, of the last accepted state, and `target`, where the next step ends. Both are
  * state; a substep goes from alpha0 to alpha1 of the way between them.
+ * checked: tests/test_obstacles.c
  */
 
 enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2 };   /* vertex-face, edge-edge, vertex-plane */
@@ -5382,6 +5385,8 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
     c->box_v = from->box_v, c->box_f = from->box_f;
     c->off = from->off, c->off_v = from->off_v;
     c->gone = from->gone, c->me = from->me;
+    c->off = from->off, c->off_v = from->off_v, c->off_e = from->off_e;
+    c->me = from->me;
     c->solid_known = 0;
 }
 
@@ -5400,11 +5405,8 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->box_f);
     clothi_free(k, c->off);
     clothi_free(k, c->off_v);
-    clothi_world_take(c, NULL);
     clothi_free(k, c->off_e);
-    c->faces = c->edges = c->slot = NULL;
-    c->area = c->xa = c->xb = c->box_v = c->box_f = NULL;
-    c->off = c->off_v = c->off_e = NULL;
+    clothi_world_take(c, NULL);
 }
 
 static void clothi_world_area(cloth_collide *c) {
@@ -6339,7 +6341,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
  * Up to 200 rows the QP is exact. Larger zones are swept: row after row gets the multiplier that
  * makes it hold (coordinate ascent in the dual, Hildreth 1957), there and back, until none moves by
  * a tenth of its slack, what its bound asks for over what detection guards. Three of four sweeps
- * take only the rows that push: 24000 rows take 0.05 s a pass. Over-relaxation took more passes.
+ * take only the rows that push: 24000 rows take 0.03 s a pass. Over-relaxation took more passes.
  * Momentum is kept to rounding, like the rows; where sweeps do not end in time the next pass goes
  * on from their multipliers, and after some passes the exact QP decides, up to 1000 rows.
  *
@@ -6747,6 +6749,12 @@ static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, doubl
     return 0;
 }
 
+/* Numbers so large that the program refuses them: the zone is not solved, nothing else is wrong. */
+static int clothi_qp_absurd(cloth_status status) {
+    return status == CLOTH_ERR_ARGUMENT || status == CLOTH_ERR_NONFINITE ||
+           status == CLOTH_ERR_CAPACITY;
+}
+
 /* Solves zone z from x_IE into xb; *solved 0: infeasible or too hard. */
 static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *solved) {
     cloth_qp        qp;
@@ -6772,6 +6780,7 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
         status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
         c->qp_options.guess = NULL;
         c->report.qp_iterations += rep.iterations;
+        if (clothi_qp_absurd(status)) status = CLOTH_OK;
         *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
     }
     if (status || !*solved) return status;
@@ -7026,7 +7035,7 @@ static cloth_status clothi_zones(cloth_collide *c, int first) {
     return status;
 }
 
-/* member [n], of zone z: the mean velocity of the step; free of obstacles with the momentum of v. */
+/* member [n], of zone z: the mean velocity of the step; free of obstacles with v's momentum. */
 static void clothi_zone_mean(cloth_collide *c, int z, int n, double *v) {
     const double *mass = c->sim->params.mass;
     double        shift[3] = {0, 0, 0}, total = 0, motion[3];
@@ -7064,6 +7073,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
             (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
         else
             status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
+        if (clothi_qp_absurd(status)) status = CLOTH_OK;
         if (status || (qp.m <= CLOTHI_EXACT_ROWS && rep.outcome != CLOTH_QP_SOLVED)) continue;
         for (i = 0; i < n; i++)
             for (k = 0; k < 3; k++) v[3 * c->member[i] + k] = c->qp_x[3 * i + k];
@@ -7375,37 +7385,47 @@ static void clothi_contact_save(void *user, void *buf) {
     if (c->nexempt) memcpy(out, c->exempt, (size_t)c->nexempt * sizeof *c->exempt);
 }
 
-/* A snapshot with other obstacles than there are now loads what it can: nothing but x's hash. */
+/* A snapshot of these obstacles, whole; then there is room for it. */
+static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t size) {
+    cloth_collide      *c = (cloth_collide *)user;
+    clothi_contact_head head;
+    const size_t        poses = (size_t)clothi_contact_poses(c) * sizeof(double);
+    cloth_status        status = CLOTH_OK;
+    memset(&head, 0, sizeof head);
+    if (size >= sizeof head) memcpy(&head, buf, sizeof head);
+    if (size < sizeof head || head.nobstacle != c->nobstacle ||
+        head.npose != clothi_contact_poses(c) || head.nanchor < 0 || head.nexempt < 0 ||
+        size != sizeof head + poses + (size_t)head.nanchor * sizeof(clothi_anchor) +
+                    ((size_t)head.nexempt + 1) / 2 * 2 * sizeof(clothi_couple))
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: the snapshot has other obstacles than this sim");
+    while (!status && c->anchor_cap < head.nanchor)
+        status = clothi_grow(c->hooks, (void **)&c->anchor, c->anchor_cap, &c->anchor_cap,
+                             sizeof *c->anchor);
+    while (!status && c->exempt_cap < head.nexempt)
+        status = clothi_grow(c->hooks, (void **)&c->exempt, c->exempt_cap, &c->exempt_cap,
+                             sizeof *c->exempt);
+    return status;
+}
+
 static void clothi_contact_load(void *user, const void *buf) {
     cloth_collide       *c = (cloth_collide *)user;
     const unsigned char *in = (const unsigned char *)buf;
     clothi_contact_head  head;
-    clothi_anchor        a;
-    int                  o, i;
+    int                  o;
     memcpy(&head, in, sizeof head);
     in += sizeof head;
     c->begun = 0;
-    c->nanchor = c->nexempt = 0;
-    c->seen = 0;                            /* looked at anew, should anything go wrong below */
-    if (head.nobstacle != c->nobstacle || head.npose != clothi_contact_poses(c)) return;
     for (o = 0; o < c->nobstacle; o++) {
         const size_t n = 6 * (size_t)c->obstacle[o].nv * sizeof(double);
         if (!c->obstacle[o].used) continue;
         memcpy(c->obstacle[o].x, in, n);
         in += n;
     }
-    for (i = 0; i < head.nanchor; i++, in += sizeof a) {
-        if (clothi_grow(c->hooks, (void **)&c->anchor, c->nanchor, &c->anchor_cap, sizeof a))
-            return;
-        memcpy(&a, in, sizeof a);
-        c->anchor[c->nanchor++] = a;
-    }
-    for (i = 0; i < head.nexempt; i++, in += sizeof(clothi_couple)) {
-        if (clothi_grow(c->hooks, (void **)&c->exempt, c->nexempt, &c->exempt_cap,
-                        sizeof(clothi_couple)))
-            return;
-        memcpy(c->exempt + c->nexempt++, in, sizeof(clothi_couple));
-    }
+    c->nanchor = head.nanchor, c->nexempt = head.nexempt;
+    if (c->nanchor) memcpy(c->anchor, in, (size_t)c->nanchor * sizeof *c->anchor);
+    in += (size_t)c->nanchor * sizeof *c->anchor;
+    if (c->nexempt) memcpy(c->exempt, in, (size_t)c->nexempt * sizeof *c->exempt);
     c->seen = head.seen;
 }
 
@@ -7535,6 +7555,7 @@ static void clothi_collide_connect(cloth_collide *c) {
     k.save = clothi_contact_save;
     k.load = clothi_contact_load;
     k.bytes = clothi_contact_bytes;
+    k.check = clothi_contact_unsaved;
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -7869,7 +7890,7 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
     status = cloth_step(c->sim, h, r);
     if (!clothi_shortens(r) || halvings == 0) return status;
     targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL), sizeof(double));
-    if (!targets) return CLOTH_ERR_MEMORY;
+    if (!targets) return r->status;         /* as the whole step said */
     (void)clothi_targets(c, targets);
     for (k = 0; k < halvings && clothi_shortens(r); k++) {
         part *= 0.5;
@@ -7968,7 +7989,8 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
     for (o = 0; o < c->nobstacle && !status; o++)
         for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
                     i < c->nv; i++)
-            *gap = clothi_min(*gap, clothi_lone_gap(c, CLOTHI_VP, i, o));
+            if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
+                *gap = clothi_min(*gap, clothi_lone_gap(c, CLOTHI_VP, i, o));
     return status;
 }
 
@@ -7993,9 +8015,9 @@ CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, in
 
 CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count) {
+    int i;
     if (!c || max < 0 || (max > 0 && !pair)) return CLOTH_ERR_ARGUMENT;
-    if (max > 0)
-        memcpy(pair, c->failed, (size_t)(max < c->nfailed ? max : c->nfailed) * sizeof *pair);
+    for (i = 0; i < max && i < c->nfailed; i++) pair[i] = c->failed[i];
     if (count) *count = c->nfailed;
     return CLOTH_OK;
 }
@@ -8037,10 +8059,15 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  * has to fall by a thousandth, else half of the motion is tried, a quarter, .. 1/32, else nothing.
  * As it falls in each call that succeeds there is no going round in circles.
  *
- * Dropped: the mass of elements and their stiffness (steps between calls bring these back), which
- * way out is the shorter one of a region as a whole (each vertex decides: a wall thinner than twice
- * the depth may be left on its other side, and edges through it are cuts of kind 3), edges that
- * pass two surfaces (areas count one cut), the longer way round.
+ * Let through is not looked at on its path: with max_move well above an edge's length a vertex may
+ * be carried past more than it should, which the measure alone judges.
+ *
+ * Dropped: the material (the motion is geometry; steps between calls give the cloth its shape back
+ * and often the room that a deep tangle needs). The way out of a region as a whole: each vertex
+ * takes its own, so that a wall thinner than twice the depth may have cloth on both sides. Edges
+ * that pass several surfaces: areas know one cut. Two halves of one size, as of sheets that cross
+ * in the middle, are told apart by rounding, and what has no edge to be pulled back over (a closed
+ * line around a body) may stall.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003, doi 10.1145/882262.882357.
  * [VM06]  Volino, Magnenat-Thalmann: Resolving Surface Collisions through Intersection Contour
@@ -8234,8 +8261,8 @@ static int clothi_untangle_nearest(clothi_untangle *u, int slot, const double *p
     return f;
 }
 
-/* A cut where an edge of the cloth enters a closed obstacle that it leaves again, both ends outside:
- * 1, p [3] midway and its part s of the edge; 2: where it leaves; 0: no such cut. */
+/* Of an edge of the cloth that passes through a closed obstacle, both ends outside, the cut where
+ * it enters: 1, p [3] midway and its part s of the edge; the one where it leaves: 2; 0: no such. */
 static int clothi_untangle_midway(const cloth_collide *c, clothi_untangle *u,
                                   const clothi_crossing *cut, double *p, double *s) {
     const int    *v = c->edges + 2 * cut->edge;

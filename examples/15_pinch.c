@@ -5,15 +5,14 @@
  * why and where; cloth_collide_last() tells what part of the way a shorter step went. The host goes
  * on: it moves the plates as it likes, and when they have opened the cloth comes along.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 15_pinch.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 15_pinch.c -lm
  *   page:     out/15_pinch.html
  *   expected: some steps failed: yes; solved again at the end: yes; pairs that intersect: 0
  *
  * Exercises: (1) CLOSED = 0.006: no step fails; (2) HALVINGS = 0: 16 steps fail whole,
  * none goes part of its way; (3) how.thickness = 4e-3: fails earlier, by as much as it is wider;
- * (4) RAISE = 0.035: the lower plate begins in the sheet, which cloth_collide_untangle() pushes out.
+ * (4) RAISE = 0.035: the lower plate begins in the sheet; cloth_collide_untangle() pushes it out.
  */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include "view.h"
 #include <stdio.h>

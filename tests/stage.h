@@ -3,8 +3,8 @@
  * Include after clothsim_collide.h, test.h, shapes.h and exact.h.
  *
  * After every accepted step no two triangles of the cloth and of mesh obstacles may intersect that
- * did not before (exact.h: no rounding), and the cloth must be outside of spheres, capsules and
- * planes (long double). */
+ * did not before (exact.h: no rounding), and the cloth must be outside of spheres and planes
+ * (long double; capsules: test_obstacles.c). */
 #ifndef CLOTH_TEST_STAGE_H
 #define CLOTH_TEST_STAGE_H
 
@@ -42,7 +42,7 @@ typedef struct stage {
     int         newton[STAGE_STEPS], newtons;       /* of each step                            */
     double      push, ms, ms_begin, ms_detect, ms_zones, ms_worst;
     double      gap;                        /* m, least of cloth_collide_gap() after a step    */
-    long double least;                      /* m, to spheres, capsules and planes              */
+    long double least;                      /* m, to spheres and planes                        */
 } stage;
 
 static inline double stage_clock(void *user) {

@@ -3,7 +3,8 @@
  * tier: default
  * After every call exact arithmetic (exact.h) lists the pairs of faces that intersect. A pair that
  * was not there before must be beside one that was (a vertex shared on either side) or have had a
- * vertex inside of the obstacle, and be counted in report.wandered. SHOW_STEPS=1 prints each call. */
+ * vertex inside of the obstacle, and be counted in report.wandered.
+ * SHOW_STEPS=1 in the environment prints every call. */
 #define CLOTHSIM_IMPLEMENTATION
 #include "../clothsim_collide.h"
 
@@ -341,7 +342,7 @@ static void deep(void) {
 }
 
 /* A box through a sheet, another sheet half a millimetre above the box: it has to stay clear, so it
- * is pushed up. What is pinned, the box and the velocities stay; steps afterwards make nothing new. */
+ * is pushed up. What is pinned, the box and the velocities stay; steps after that make no pair. */
 static void sandwich(void) {
     static const double   lo[3] = {0.31, -0.3, 0.33}, hi[3] = {0.72, 0.014, 0.69};
     cloth_mesh           *a = sheet_of(12, 0.6, 0.2, 0, 0.2);
@@ -522,7 +523,7 @@ done:
     stage_end(&s);
 }
 
-/* Kind 2's push: n . sum w x grows by what was asked, the sum of m dx is 0; what is pinned stays. */
+/* Kind 2's push: n . sum w x grows by what was asked, sum m dx is 0; what is pinned stays. */
 static void shares_push(void) {
     static const double w[4] = {1, -0.2, -0.5, -0.3}, n[3] = {0.6, 0, 0.8};
     const cloth_pin     pin = {7, CLOTH_AXIS_ALL};
@@ -649,10 +650,10 @@ static void memory(void) {
 static int backwards_ranges;
 
 static void backwards(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
-    int begin_at = count > 0 ? (count - 1) / grain * grain : -1;
+    int at = count > 0 ? (count - 1) / grain * grain : -1;
     (void)user;
-    for (; begin_at >= 0; begin_at -= grain, backwards_ranges++)
-        fn(begin_at, count - begin_at < grain ? count : begin_at + grain, begin_at / grain % 5, ctx);
+    for (; at >= 0; at -= grain, backwards_ranges++)
+        fn(at, count - at < grain ? count : at + grain, at / grain % 5, ctx);
 }
 
 /* The same bits: again, from a snapshot taken on the way, and for ranges run backwards. */
@@ -693,8 +694,8 @@ static void same_bits(void) {
     CHECK(hash[0] == hash[2]);
 }
 
-/* An edge whose faces are all exempt holds nothing, whatever else its ends belong to: a post through
- * the top of a box cuts both faces of it, and their diagonal lets go with them. */
+/* An edge whose faces are all exempt holds nothing, whatever else its ends belong to: a post
+ * through the top of a box cuts both faces of it, and their diagonal lets go with them. */
 static void edges_let_go(void) {
     static const double lo[3] = {0.2, -0.4, 0.2}, hi[3] = {0.8, -0.003, 0.8};
     static const double from[3] = {0.48, -0.2, 0.47}, to[3] = {0.53, -0.0025, 0.55};

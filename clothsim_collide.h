@@ -2182,23 +2182,30 @@ typedef struct clothi_features_job {
     clothi_pairs          *vf, *ee;
 } clothi_features_job;
 
-/* A face with its boxes. */
+/* A face with its boxes; those of its edges only when they are asked for. */
 typedef struct clothi_face_view {
     const int *v, *e;
-    int        face, owned;
+    int        face, owned, edges;
     double     box[6], edge[3][6];
 } clothi_face_view;
 
 static void clothi_face_look(const clothi_features_job *job, int face, clothi_face_view *w) {
-    int k;
     w->face = face;
+    w->edges = 0;
     w->v = job->s->faces + 3 * (size_t)face;
     w->e = job->s->face_edges + 3 * (size_t)face;
     w->owned = job->s->owned[face];
+    clothi_box_join(job->box + 6 * (size_t)w->v[0], job->box + 6 * (size_t)w->v[1], w->box);
+    clothi_box_join(w->box, job->box + 6 * (size_t)w->v[2], w->box);
+}
+
+static void clothi_face_edges(const clothi_features_job *job, clothi_face_view *w) {
+    int k;
+    if (w->edges) return;
     for (k = 0; k < 3; k++)
-        clothi_box_join(job->box + 6 * (size_t)w->v[k], job->box + 6 * (size_t)w->v[(k + 1) % 3],
-                        w->edge[k]);
-    clothi_box_join(w->edge[0], w->edge[1], w->box);
+        clothi_box_join(job->box + 6 * (size_t)w->v[k],
+                        job->box + 6 * (size_t)w->v[k == 2 ? 0 : k + 1], w->edge[k]);
+    w->edges = 1;
 }
 
 /* The vertices that f owns against face g. */
@@ -2214,14 +2221,17 @@ static void clothi_feature_vf(const clothi_features_job *job, const clothi_face_
 }
 
 /* The edges that f owns against those that g owns. */
-static void clothi_feature_ee(const clothi_face_view *f, const clothi_face_view *g,
-                              clothi_segment *out) {
+static void clothi_feature_ee(const clothi_features_job *job, clothi_face_view *f,
+                              clothi_face_view *g, clothi_segment *out) {
     int k, l;
+    if (f->owned < 8 || g->owned < 8) return;
+    clothi_face_edges(job, f);
     for (k = 0; k < 3; k++) {
-        const int a = f->v[k], b = f->v[(k + 1) % 3];
+        const int a = f->v[k], b = f->v[k == 2 ? 0 : k + 1];
         if (!(f->owned >> (3 + k) & 1) || !clothi_boxes_meet(f->edge[k], g->box)) continue;
+        clothi_face_edges(job, g);
         for (l = 0; l < 3; l++) {
-            const int c = g->v[l], d = g->v[(l + 1) % 3];
+            const int c = g->v[l], d = g->v[l == 2 ? 0 : l + 1];
             if (!(g->owned >> (3 + l) & 1) || a == c || a == d || b == c || b == d) continue;
             if (clothi_boxes_meet(f->edge[k], g->edge[l]))
                 clothi_segment_put(out, f->e[k] < g->e[l] ? f->e[k] : g->e[l],
@@ -2249,7 +2259,7 @@ static void clothi_features_range(int begin, int end, int worker, void *ctx) {
             clothi_face_look(job, pair[1], &g);
             clothi_feature_vf(job, &f, &g, &vf);
             clothi_feature_vf(job, &g, &f, &vf);
-            clothi_feature_ee(&f, &g, &ee);
+            clothi_feature_ee(job, &f, &g, &ee);
         }
         job->vf->found[task] = vf.found;
         job->ee->found[task] = ee.found;
@@ -4539,6 +4549,8 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
 #define CLOTHI_INSIDE_HITS  256             /* boxes on one ray; more: all faces are asked     */
 
 #define CLOTHI_INSIDE_RAYS    16            /* of a region, at least: all when it has fewer    */
+#define CLOTHI_INSIDE_NEAR    0.05          /* of the cloth's extent: motion in one step       */
+#define CLOTHI_INSIDE_FAR     0.1           /* beyond that: motion in several                  */
 #define CLOTHI_INSIDE_OFF     1e-12         /* of the largest coordinate                       */
 #define CLOTHI_INSIDE_UNKNOWN (-CLOTH_MAX_COUNT)
 #define CLOTHI_INSIDE_MIXED   CLOTH_MAX_COUNT
@@ -4561,13 +4573,17 @@ typedef struct clothi_inside {
     unsigned char *closed;                  /* [nf] of a closed component                      */
     unsigned char *flags;                   /* [nf] CLOTHI_INSIDE_ bits of pose x              */
     unsigned char *before;                  /* [nf] those of the step's first pose             */
+    unsigned char *need;                    /* [nf] 1: what cloth can reach; all at first      */
+    unsigned char *want;                    /* [nf] faces that flags are for, need included    */
     unsigned char *hit;                     /* [hits] how this pair of faces meets             */
     size_t         hits;
     double         reach;                   /* m, largest coordinate                           */
     double         room;                    /* m that cloth needs between two faces; 0: none   */
     int            known;                   /* flags are those of x                            */
     int            rays, regions;           /* of the last pose                                */
-    clothi_bvh     tree;
+    int            some;                    /* want is less than all                           */
+    double        *want_box;                /* [nf x 6] as box, empty for what is not wanted   */
+    clothi_bvh     tree, part;              /* of all; the same with want_box                  */
     clothi_pairs   pairs;
 } clothi_inside;
 
@@ -4576,6 +4592,8 @@ CLOTHI_UNUSED static void clothi_inside_free(clothi_inside *work) {
     if (!work) return;
     hooks = work->hooks;
     clothi_bvh_free(&hooks, &work->tree);
+    clothi_bvh_free(&hooks, &work->part);
+    clothi_free(&hooks, work->want_box);
     clothi_pairs_free(&hooks, &work->pairs);
     clothi_free(&hooks, work->faces);
     clothi_free(&hooks, work->x);
@@ -4614,7 +4632,7 @@ CLOTHI_UNUSED static cloth_status clothi_inside_create(const cloth_hooks *hooks,
     k->nf = nf;
     k->faces = (int *)clothi_alloc(hooks, 13 * n + 1u, sizeof(int));
     k->x = (double *)clothi_alloc(hooks, 9 * n + 3 * (size_t)nv, sizeof(double));
-    k->closed = (unsigned char *)clothi_alloc(hooks, n, 3);
+    k->closed = (unsigned char *)clothi_alloc(hooks, n, 5);
     if (!k->faces || !k->x || !k->closed) goto done;
     k->edge_face = k->faces + 3 * n;
     k->up = k->edge_face + 3 * n;
@@ -4626,6 +4644,9 @@ CLOTHI_UNUSED static cloth_status clothi_inside_create(const cloth_hooks *hooks,
     k->normal = k->box + 6 * n;
     k->flags = k->closed + n;
     k->before = k->flags + n;
+    k->need = k->before + n;
+    k->want = k->need + n;
+    memset(k->need, 1, 2 * n);
     memcpy(k->faces, faces, 3 * n * sizeof(int));
     status = clothi_closed_faces(hooks, nv, nf, faces, k->closed, &open);
     if (status == CLOTH_OK) status = clothi_inside_edges(k);
@@ -4752,6 +4773,42 @@ static void clothi_inside_pairs(int begin, int end, int worker, void *ctx) {
     }
 }
 
+/* The second tree: items and levels of the first, whose boxes are wanted or empty. */
+static cloth_status clothi_inside_part(clothi_inside *k) {
+    const size_t n = (size_t)k->nf;
+    cloth_status status;
+    if (k->part.n) return CLOTH_OK;
+    if (!k->want_box)
+        k->want_box = (double *)clothi_alloc(&k->hooks, 6 * n, sizeof(double));
+    if (!k->want_box)
+        return clothi_fail(&k->hooks, CLOTH_ERR_MEMORY, "no memory for %i boxes", k->nf);
+    status = clothi_bvh_alloc(&k->hooks, k->nf, &k->part);
+    if (status == CLOTH_OK) memcpy(k->part.item, k->tree.item, n * sizeof(int));
+    else memset(&k->part, 0, sizeof k->part);
+    return status;
+}
+
+/* Pairs of faces of which one is wanted, each once. */
+static cloth_status clothi_inside_wanted(clothi_inside *k) {
+    cloth_status status = clothi_inside_part(k);
+    int          i, a, n = 0;
+    if (status != CLOTH_OK) return status;
+    for (i = 0; i < k->nf; i++)
+        for (a = 0; a < 6; a++)
+            k->want_box[6 * i + a] = k->want[i] ? k->box[6 * i + a]
+                                                : (a < 3 ? CLOTHI_HUGE : -CLOTHI_HUGE);
+    clothi_bvh_refit(&k->hooks, &k->part, k->want_box);
+    status = clothi_bvh_cross_pairs(&k->hooks, &k->part, &k->tree, &k->pairs);
+    for (i = 0; i < k->pairs.count; i++) {
+        const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
+        if (f == g || (k->want[g] && g < f)) continue;
+        k->pairs.pair[2 * n] = f;
+        k->pairs.pair[2 * n++ + 1] = g;
+    }
+    k->pairs.count = n;
+    return status;
+}
+
 /* Marks the faces that are cut or touched. */
 static cloth_status clothi_inside_cut(clothi_inside *k) {
     cloth_status status;
@@ -4761,7 +4818,9 @@ static cloth_status clothi_inside_cut(clothi_inside *k) {
         clothi_bvh_refit(&k->hooks, &k->tree, k->box);
         status = CLOTH_OK;
     }
-    if (status == CLOTH_OK) status = clothi_bvh_self_pairs(&k->hooks, &k->tree, &k->pairs);
+    if (status == CLOTH_OK)
+        status = k->some ? clothi_inside_wanted(k)
+                         : clothi_bvh_self_pairs(&k->hooks, &k->tree, &k->pairs);
     if (status != CLOTH_OK) return status;
     if ((size_t)k->pairs.count > k->hits) {
         clothi_free(&k->hooks, k->hit);
@@ -4834,7 +4893,7 @@ static void clothi_inside_flood(clothi_inside *k) {
         int a = -1;
         for (i = k->edge_start[e]; i < k->edge_start[e + 1]; i++) {
             int b = k->edge_face[i];
-            if (k->flags[b]) continue;
+            if (k->flags[b] || !k->want[b]) continue;
             b = clothi_root(k->up, b);
             if (a >= 0 && a != b) {
                 k->up[a > b ? a : b] = a > b ? b : a;
@@ -4853,6 +4912,7 @@ static void clothi_inside_regions(clothi_inside *k) {
     memset(k->asked, 0, (size_t)k->nf * sizeof(int));
     for (f = 0; f < k->nf; f++) {
         r = k->up[f] = clothi_root(k->up, f);
+        if (!k->want[f]) k->flags[f] = CLOTHI_INSIDE_CUT;   /* not asked */
         if (k->flags[f] & CLOTHI_INSIDE_CUT) continue;
         k->regions += k->size[r]++ == 0;
         k->wind[r] = CLOTHI_INSIDE_UNKNOWN;
@@ -4880,7 +4940,6 @@ static void clothi_inside_regions(clothi_inside *k) {
 
 /* --- a pose --- */
 
-/* k->flags of pose x [nv x 3]; nothing is done again for the pose of the last call. */
 /* 1 when two faces are nearer to each other than `room`. */
 static int clothi_inside_close(const clothi_inside *k, int f, int g) {
     const int *v[2];
@@ -4931,6 +4990,8 @@ static void clothi_inside_narrow(clothi_inside *k) {
     }
 }
 
+/* k->flags of pose x [nv x 3] for the wanted faces, those of others mean nothing; nothing is done
+ * again for the pose of the last call. */
 static cloth_status clothi_inside_flags(clothi_inside *k, const double *x) {
     const size_t n = 3 * (size_t)k->nv;
     cloth_status status;
@@ -4954,6 +5015,45 @@ static cloth_status clothi_inside_flags(clothi_inside *k, const double *x) {
     return CLOTH_OK;
 }
 
+/* Which faces are asked for: those that meet `box` [6] on the way from xa to xb, and those that
+ * share a vertex with them. More are looked at, out to `far` around, so that a mesh that moves
+ * with the cloth keeps its list, and with it the flags of the pose that it came from. The caller
+ * has spread [nv], scratch. */
+CLOTHI_UNUSED static void clothi_inside_near(clothi_inside *k, const double *xa, const double *xb,
+                                             const double *box, double far,
+                                             unsigned char *spread) {
+    int f, a, pass, all = 1, known = 1;
+    for (pass = 0; pass < 2; pass++) {      /* what is needed; what is wanted, if that grows */
+        const double   more = pass ? far : 0;
+        unsigned char *out = pass ? k->want : k->need;
+        memset(spread, 0, (size_t)k->nv);
+        for (f = 0; f < k->nf; f++) {
+            const int *v = k->faces + 3 * f;
+            int        apart = 0;
+            for (a = 0; a < 3; a++) {
+                const double *p = xa + a, *q = xb + a;
+                const double  lo = clothi_min(clothi_min(p[3 * v[0]], q[3 * v[0]]),
+                                              clothi_min(clothi_min(p[3 * v[1]], q[3 * v[1]]),
+                                                         clothi_min(p[3 * v[2]], q[3 * v[2]])));
+                const double  hi = clothi_max(clothi_max(p[3 * v[0]], q[3 * v[0]]),
+                                              clothi_max(clothi_max(p[3 * v[1]], q[3 * v[1]]),
+                                                         clothi_max(p[3 * v[2]], q[3 * v[2]])));
+                apart |= lo > box[3 + a] + more || hi < box[a] - more;
+            }
+            if (!apart) spread[v[0]] = spread[v[1]] = spread[v[2]] = 1;
+        }
+        for (f = 0; f < k->nf; f++) {
+            const int *v = k->faces + 3 * f;
+            out[f] = spread[v[0]] || spread[v[1]] || spread[v[2]];
+            known &= pass || !out[f] || k->want[f];
+        }
+        if (pass == 0 && known && k->known) return;
+    }
+    for (f = 0; f < k->nf; f++) all &= k->want[f];
+    k->some = !all;
+    k->known = 0;
+}
+
 /* exempt [nf] = 1 for the faces that are no obstacle in pose x [nv x 3], else 0; *count of them,
  * may be NULL. CLOTH_OK, CLOTH_ERR_NONFINITE: x, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; exempt is
  * as before then.
@@ -4965,7 +5065,7 @@ CLOTHI_UNUSED static cloth_status clothi_inside_find(clothi_inside *k, const dou
     int          f, n = 0;
     if (status != CLOTH_OK) return status;
     for (f = 0; f < k->nf; f++) {
-        exempt[f] = k->flags[f] != 0;
+        exempt[f] = k->need[f] && k->flags[f] != 0;
         n += exempt[f];
     }
     if (count) *count = n;
@@ -4984,7 +5084,7 @@ CLOTHI_UNUSED static cloth_status clothi_inside_sweep(clothi_inside *k, const do
     status = clothi_inside_flags(k, xb);
     if (status != CLOTH_OK) return status;
     for (f = 0; f < k->nf; f++) {
-        exempt[f] = k->flags[f] != 0 || k->before[f] != 0;
+        exempt[f] = k->need[f] && (k->flags[f] != 0 || k->before[f] != 0);
         n += exempt[f];
     }
     if (count) *count = n;
@@ -5120,6 +5220,8 @@ struct cloth_collide {
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
     double *x_ie;                           /* [nv x 3] the candidate                          */
     unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
+    double         reach[6];                /* m, where exempt faces are looked for            */
+    unsigned char *gone;                    /* [mf] scratch                                    */
     unsigned char *off;                     /* [mf] faces exempt in this step                  */
     unsigned char *off_v, *off_e;           /* [nw], [me] all faces around are                 */
     clothi_features features;
@@ -5136,6 +5238,8 @@ struct cloth_collide {
     int           nrow, row_cap;
     clothi_couple  *pair;                     /* candidates                                      */
     int           npair, pair_cap;
+    unsigned char *struck;                  /* [struck_cap] CLOTHI_STRUCK_ bits of the pairs   */
+    int           struck_cap;
     double        h;
     int           begun;                    /* a step is under way                             */
     /* zones */
@@ -5282,6 +5386,8 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
     c->faces = from->faces, c->edges = from->edges, c->slot = from->slot;
     c->area = from->area, c->xa = from->xa, c->xb = from->xb;
     c->box_v = from->box_v, c->box_f = from->box_f;
+    c->off = from->off, c->off_v = from->off_v;
+    c->gone = from->gone, c->me = from->me;
     c->off = from->off, c->off_v = from->off_v, c->off_e = from->off_e;
     c->me = from->me;
     c->solid_known = 0;
@@ -5373,11 +5479,12 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     c->xb = (double *)clothi_alloc(c->hooks, 3 * (size_t)c->nw, sizeof(double));
     c->box_v = (double *)clothi_alloc(c->hooks, 6 * (size_t)c->nw, sizeof(double));
     c->box_f = (double *)clothi_alloc(c->hooks, 6 * (size_t)c->mf, sizeof(double));
-    c->off = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->mf, 1);
+    c->off = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->mf, 2);
     c->off_v = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->nw, 1);
     if (!c->faces || !c->slot || !c->area || !c->xa || !c->xb || !c->box_v || !c->box_f ||
         !c->off || !c->off_v)
         return CLOTH_ERR_MEMORY;
+    c->gone = c->off + c->mf;
     memcpy(c->faces, m->faces, 3 * (size_t)c->nf * sizeof(int));
     memcpy(c->xa, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->nv; i++) c->slot[i] = -1;
@@ -5536,13 +5643,10 @@ static cloth_status clothi_pairs_lone(cloth_collide *c, int slot, int edge) {
     return status;
 }
 
-/* Pairs that come within `reach` (m) of each other on the way from xa to xb; swept 0: at xa, where
+/* The boxes of everything and its trees, for pairs within `reach` (m); swept 0: cloth at xa, where
  * obstacles count with their whole way. */
-static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach) {
+static void clothi_world_boxes(cloth_collide *c, int swept, double reach) {
     const double pad = 0.5 * clothi_max(reach, c->desc.thickness);
-    cloth_status status;
-    int          o, edge = c->features.ne;
-    c->npair = 0;
     if (!c->solid_known) {
         const size_t skip = (size_t)c->nv;
         clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * skip, c->xb + 3 * skip, pad,
@@ -5555,9 +5659,38 @@ static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach)
     clothi_swept_boxes(c->nv, c->xa, swept ? c->xb : NULL, pad, c->box_v);
     clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
     clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+}
+
+static int clothi_face_moved(const cloth_collide *c, int f) {
+    const int *v = c->faces + 3 * (size_t)f;
+    return f < c->nf && (c->moved[v[0]] || c->moved[v[1]] || c->moved[v[2]]);
+}
+
+/* Later passes look at what moved in the last one: other pairs of faces have no such feature. */
+static void clothi_meet_moved(cloth_collide *c) {
+    int i, n = 0;
+    for (i = 0; i < c->meet.count; i++) {
+        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
+        if (!clothi_face_moved(c, f) && !clothi_face_moved(c, g)) continue;
+        c->meet.pair[2 * n] = f;
+        c->meet.pair[2 * n++ + 1] = g;
+    }
+    c->meet.count = n;
+}
+
+/* Pairs that come within `reach` (m) of each other on the way from xa to xb; swept 0: at xa, where
+ * obstacles count with their whole way. */
+static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach) {
+    const int    later = swept && c->report.passes > 0;
+    cloth_status status;
+    int          o, edge = c->features.ne;
+    c->npair = 0;
+    clothi_world_boxes(c, swept, reach);
     status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
+    if (!status && later) clothi_meet_moved(c);
     if (!status) status = clothi_pairs_collect(c);
     if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
+    if (!status && c->self && later) clothi_meet_moved(c);
     if (!status && c->self) status = clothi_pairs_collect(c);
     for (o = 0; o < c->nobstacle && !status; o++) {
         if (!c->obstacle[o].used || clothi_is_mesh(c->obstacle + o) ||
@@ -5639,7 +5772,11 @@ static cloth_status clothi_crossings(cloth_collide *c, int inside) {
     cloth_status status;
     int          i, o;
     c->solid_known = 0;
-    status = clothi_candidates(c, 0, 0);    /* also for the boxes */
+    if (inside) {                           /* faces alone */
+        clothi_world_boxes(c, 0, 0);
+        status = CLOTH_OK;
+    } else
+        status = clothi_candidates(c, 0, 0);
     if (!status) status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
     if (!status) status = clothi_crossings_of(c, inside);
     if (status || inside) return status;
@@ -5803,22 +5940,44 @@ static void clothi_inside_edges_off(cloth_collide *c) {
     clothi_inside_spread(c->mf, c->features.face_edges, c->off, c->features.ne, c->off_e);
 }
 
+/* The cloth's box from xa to x (may be xa), and the pads of pairs around it: [6]. */
+static void clothi_cloth_box(const cloth_collide *c, const double *x, double *box) {
+    int i, a;
+    for (a = 0; a < 3; a++) box[a] = HUGE_VAL, box[3 + a] = -HUGE_VAL;
+    for (i = 0; i < c->nv; i++)
+        for (a = 0; a < 3; a++) {
+            box[a] = clothi_min(box[a], clothi_min(c->xa[3 * i + a], x[3 * i + a]));
+            box[3 + a] = clothi_max(box[3 + a], clothi_max(c->xa[3 * i + a], x[3 * i + a]));
+        }
+    for (a = 0; a < 3; a++) {
+        box[a] -= 1.01 * c->desc.thickness;
+        box[3 + a] += 1.01 * c->desc.thickness;
+    }
+}
+
 /* Faces inside their own obstacle at the start or the end of the substep are exempt in it, and the
- * vertices and edges that have no other.                                                  [7.2] */
-static cloth_status clothi_inside_faces(cloth_collide *c) {
+ * vertices and edges that have no other: among those that the cloth can reach [7.2]. x [nv x 3]: where the cloth
+ * may go from xa; what is exempt stays so. */
+static cloth_status clothi_inside_reach(cloth_collide *c, const double *x) {
     cloth_status status = CLOTH_OK;
-    int          o;
-    memset(c->off, 0, (size_t)c->mf);
-    memset(c->off_v, 0, (size_t)c->nw);
-    c->report.exempt_faces = 0;
-    c->lets_go = 0;
+    double       size = 0, box[6];
+    int          o, i;
+    clothi_cloth_box(c, x, box);
+    for (i = 0; i < 3; i++) size = clothi_max(size, box[3 + i] - box[i]);
+    for (i = 0; i < 6; i++) c->reach[i] = box[i] + (i < 3 ? -1 : 1) * CLOTHI_INSIDE_NEAR * size;
     for (o = 0; o < c->nobstacle && !status; o++) {
         const clothi_obstacle *b = c->obstacle + o;
-        int                    count = 0;
+        const double *pa = c->xa + 3 * b->v0, *pb = c->xb + 3 * b->v0;
+        int           count = 0;
         if (!b->used || !b->inside) continue;
         c->lets_go = 1;
-        status = clothi_inside_sweep(b->inside, c->xa + 3 * b->v0, c->xb + 3 * b->v0,
-                                     c->off + b->f0, &count);
+        clothi_inside_near(b->inside, pa, pb, c->reach, CLOTHI_INSIDE_FAR * size,
+                           c->off_v + b->v0);
+        status = clothi_inside_sweep(b->inside, pa, pb, c->gone + b->f0, &count);
+        for (i = b->f0, count = 0; i < b->f0 + b->nf && !status; i++) {
+            count += c->gone[i] && !c->off[i];
+            c->off[i] |= c->gone[i];
+        }
         if (!status)
             clothi_inside_spread(b->nf, b->faces, c->off + b->f0, b->nv, c->off_v + b->v0);
         c->report.exempt_faces += count;
@@ -5826,6 +5985,24 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
     if (c->lets_go) clothi_inside_edges_off(c);
     else memset(c->off_e, 0, (size_t)c->me);
     return status;
+}
+
+static cloth_status clothi_inside_faces(cloth_collide *c) {
+    memset(c->off, 0, (size_t)c->mf);
+    memset(c->off_v, 0, (size_t)c->nw);
+    c->report.exempt_faces = 0;
+    c->lets_go = 0;
+    return clothi_inside_reach(c, c->xa);
+}
+
+/* Before detection: has cloth left the box that exempt faces were looked for in? */
+static cloth_status clothi_inside_again(cloth_collide *c) {
+    double box[6];
+    int    a, out = 0;
+    if (!c->lets_go) return CLOTH_OK;
+    clothi_cloth_box(c, c->xb, box);
+    for (a = 0; a < 3; a++) out |= !(box[a] >= c->reach[a] && box[3 + a] <= c->reach[3 + a]);
+    return out ? clothi_inside_reach(c, c->xb) : CLOTH_OK;
 }
 
 /* ===== [8.2] PROXIMITY AND FRICTION ==========================================================
@@ -6320,15 +6497,55 @@ static int clothi_pair_moved(const cloth_collide *c, const clothi_couple *p) {
     return 0;
 }
 
-/* All impacts of what moved since the last pass. */
+#define CLOTHI_STRUCK_GRAIN 512             /* pairs a range                                   */
+enum { CLOTHI_STRUCK_MOVED = 1, CLOTHI_STRUCK_NEAR = 2 };
+
+/* Which pairs moved, and which of them come within t/4: nearly all of detection's work. */
+static void clothi_struck_range(int begin, int end, int worker, void *ctx) {
+    cloth_collide *c = (cloth_collide *)ctx;
+    int            i;
+    (void)worker;
+    for (i = begin; i < end; i++) {
+        const clothi_couple *p = c->pair + i;
+        double xa[12], xb[12], toi, reach = clothi_pair_radius(c, p->kind, p->a, p->b);
+        int    v[4];
+        c->struck[i] = 0;
+        if (!clothi_pair_moved(c, p)) continue;
+        c->struck[i] = CLOTHI_STRUCK_MOVED;
+        (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+        clothi_gather_points(c->xa, v, 4, xa);
+        clothi_gather_points(c->xb, v, 4, xb);
+        reach += CLOTHI_SEPARATION * c->desc.thickness;
+        if (p->kind == CLOTHI_EE ? cloth_ccd_ee(xa, xb, reach, &toi)
+                                 : cloth_ccd_vf(xa, xb, reach, &toi))
+            c->struck[i] |= CLOTHI_STRUCK_NEAR;
+    }
+}
+
+static cloth_status clothi_struck_pairs(cloth_collide *c) {
+    if (c->npair > c->struck_cap) {
+        clothi_free(c->hooks, c->struck);
+        c->struck_cap = 0;
+        c->struck = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 1);
+        if (!c->struck)
+            return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair);
+        c->struck_cap = c->pair_cap;
+    }
+    clothi_for(c->hooks, c->npair, CLOTHI_STRUCK_GRAIN, clothi_struck_range, c);
+    return CLOTH_OK;
+}
+
+/* All impacts of what moved since the last pass, in the order of the pairs. */
 static cloth_status clothi_detect(cloth_collide *c, int *hit) {
-    cloth_status status = clothi_candidates(c, 1, CLOTHI_SEPARATION * c->desc.thickness);
+    cloth_status status = clothi_inside_again(c);
     int          i;
     *hit = 0;
+    if (!status) status = clothi_candidates(c, 1, CLOTHI_SEPARATION * c->desc.thickness);
+    if (!status) status = clothi_struck_pairs(c);
     for (i = 0; i < c->npair && !status; i++) {
-        if (!clothi_pair_moved(c, c->pair + i)) continue;
-        c->report.candidates++;
-        status = clothi_detect_pair(c, c->pair + i, hit);
+        c->report.candidates += c->struck[i] & CLOTHI_STRUCK_MOVED;
+        if (c->struck[i] & CLOTHI_STRUCK_NEAR)
+            status = clothi_detect_pair(c, c->pair + i, hit);
     }
     for (i = 0; i < c->nobstacle && !status; i++)
         if (c->obstacle[i].used && c->obstacle[i].kind == CLOTH_OBSTACLE_PLANE)
@@ -7245,6 +7462,7 @@ static size_t clothi_contact_bytes(void *user) {
     block[n++] = c->qp_minv, block[n++] = c->qp_x0, block[n++] = c->qp_x, block[n++] = c->slot;
     block[n++] = c->area, block[n++] = c->meet.pair, block[n++] = c->vf.pair;
     block[n++] = c->ee.pair, block[n++] = c->near_f, block[n++] = c->zone_of;
+    block[n++] = c->struck;
     for (i = 0; i < n; i++) sum += clothi_block_size(block[i]);
     sum += cloth_qp_work_bytes(c->qp_options.work);
     for (i = 0; i < c->nobstacle; i++)
@@ -7434,6 +7652,7 @@ CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
     clothi_free(k, c->touch);
     clothi_free(k, c->row);
     clothi_free(k, c->pair);
+    clothi_free(k, c->struck);
     clothi_free(k, c->anchor);
     clothi_free(k, c->next);
     clothi_free(k, c->exempt);

@@ -11275,7 +11275,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_REST_TIME    (1.0 / 60)      /* s: see 'When to stop'                           */
 #define CLOTHI_TINY         1e-6            /* mean edges: updates judged by slopes too        */
 #define CLOTHI_HIDDEN       1e-12           /* of phi: a decrease that its rounding hides      */
-#define CLOTHI_EXACT        1.2e-2           /* mean edges: updates below it take the exact H   */
+#define CLOTHI_EXACT        1.2e-2          /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
 #define CLOTHI_LATE         12
 #define CLOTHI_STUCK        4               /* see 'Which Hessian'                             */
@@ -11707,8 +11707,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     clothi_newton_rhs(s);
     report->residual_m = a * nt->size;
     *done = clothi_newton_left(nt, report->residual_m) < s->model->desc.tolerance &&
-            (nt->exact ? !lr.hit || poor : nt->refused);
-            !(nt->exact && lr.hit && !poor) && nt->stuck >= 0;
+            (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0;
     nt->stuck = s->contact_on && nt->exact && (lr.hit || a < 1) ? nt->stuck + 1 : 0;
     nt->older = report->residual_m;
     if (!*done && s->contact_on) status = s->contact.update(s->contact.user, s->w.x);

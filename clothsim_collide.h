@@ -5956,8 +5956,8 @@ static void clothi_cloth_box(const cloth_collide *c, const double *x, double *bo
 }
 
 /* Faces inside their own obstacle at the start or the end of the substep are exempt in it, and the
- * vertices and edges that have no other: among those that the cloth can reach [7.2]. x [nv x 3]: where the cloth
- * may go from xa; what is exempt stays so. */
+ * vertices and edges that have no other: among those that the cloth can reach [7.2]. x [nv x 3]:
+ * where the cloth may go from xa; what is exempt stays so. */
 static cloth_status clothi_inside_reach(cloth_collide *c, const double *x) {
     cloth_status status = CLOTH_OK;
     double       size = 0, box[6];

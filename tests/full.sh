@@ -78,6 +78,15 @@ if have gcc && have gcov; then
     coverage
 else echo 'coverage: skipped: needs gcc and gcov'
 fi
+if have clang; then
+    printf '\n==== fuzzers, 30 s each\n\n'
+    mkdir -p out/fuzz
+    sh checks.sh fuzz 30 fuzz_*.c | tee out/fuzz/log
+    sed -n 's/^checks.sh fuzz: /fuzzers: /p' out/fuzz/log >out/fuzz/stage
+    [ -s out/fuzz/stage ] || echo 'fuzzers: 0 passed, 1 failed' >out/fuzz/stage
+    totals="$totals out/fuzz/stage"
+else echo 'fuzzers: skipped: no clang'
+fi
 
 printf '\n==== all stages\n\n'
 cat $totals

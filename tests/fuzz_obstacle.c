@@ -163,6 +163,18 @@ static void fuzz_step(world *w, bytes *b, int halvings) {
     if (m == 0 && !w->blind) require(pairs_now(w) == 0);
 }
 
+static void fuzz_untangle(world *w, bytes *b) {
+    const uint64_t before = cloth_sim_hash(w->sim);
+    const double   max_move = next(b) < 200 ? 0 : number(b);
+    cloth_status   status;
+    w->asked = 0;
+    if (next(b) > 220) w->h.fail_at = w->h.calls + 1 + (int)(next(b) % 16u);
+    status = cloth_collide_untangle(w->c, max_move, NULL);
+    judge(w, status, before);
+    if (!status)
+        require(clothi_find_nonfinite(cloth_sim_state(w->sim)->x, 3 * FUZZ_SIDE * FUZZ_SIDE) < 0);
+}
+
 /* Whatever the last call left, queries answer. */
 static void fuzz_ask(world *w, bytes *b) {
     cloth_touch        touch[8];
@@ -203,7 +215,8 @@ static void fuzz_call(world *w, bytes *b) {
     if (what < 4) fuzz_add(w, b);
     else if (what < 7) fuzz_pose(w, b, 0);
     else if (what == 7) fuzz_pose(w, b, 1);
-    else if (what < 12) fuzz_step(w, b, 0);
+    else if (what < 11) fuzz_step(w, b, 0);
+    else if (what == 11) fuzz_untangle(w, b);
     else if (what == 12) fuzz_step(w, b, 1 + (int)(next(b) % 3u));
     else if (what == 13) fuzz_ask(w, b);
     else if (what == 14) fuzz_state(w, b);

@@ -104,7 +104,7 @@
  *
  * COSTS, on one core of an AMD EPYC at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                          about 50, mean of 90 steps
- *   T-shirt of 2832 faces on a walking body of 5344 (16_walk.c)     about 60, mean of 90 steps
+ *   T-shirt of 2832 faces on a walking body of 5344 (16_walk.c)     about 60, mean of 60 steps
  * It grows with pairs in range rather than with faces: layers that lie on each other are dear, and
  * a cloth folded many times can cost ten times the same cloth spread out. Without desc.contact
  * nothing is called and nothing allocated.

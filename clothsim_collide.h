@@ -87,7 +87,10 @@
  *     have parted: report.exempt_pairs
  *   - faces of a self_penetrating obstacle that lie inside that obstacle, or look at each other
  *     nearer than cloth has room for, for the step: report.exempt_faces [7.2]. Cloth that is caught
- *     there may be passed by them; the rest of the obstacle holds it
+ *     there may be passed by them; the rest of the obstacle holds it. What was let in crosses those
+ *     faces when they are an obstacle again; its crossings are exempt, wander to the faces beside
+ *     them and are not pushed out. A body whose hands and thighs sink far into it lets in hundreds
+ *     of pairs (tests/stability/garments.c); one that barely touches itself none
  *   - parts and obstacles whose category and mask exclude each other
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns

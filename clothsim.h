@@ -711,6 +711,8 @@ typedef struct cloth_contact {
     void         (*load)(void *user, const void *buf);
     cloth_status (*vjp)(void *user, const cloth_eval *e, const double *a, cloth_vjp *out);
     size_t       (*bytes)(void *user);
+    /* before load, of the same bytes: makes room for them, or refuses them; NULL: not asked */
+    cloth_status (*check)(void *user, const void *buf, size_t size);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */
@@ -7676,35 +7678,40 @@ CLOTHI_OUTLINE static void clothi_back(cloth_linear_solver *s) {
     clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
 }
 
-/* y = r + u B v: what an extra block does, in doubles. u: the block transposed. */
-static void clothi_extra_mul(const clothi_store *st, int e, int turned, const void *v, size_t j,
-                             double *out, int w) {
-    int a, c;
-    for (a = 0; a < 3; a++)
-        for (c = 0, out[a] = 0; c < 3; c++)
-            out[a] += clothi_get(st->E, 12 * (size_t)e + (size_t)(turned ? 4 * c + a : 4 * a + c),
-                                 w) * clothi_get(v, 4 * j + (size_t)c, w);
+/* cd += P^' u for a record u of row i. */
+CLOTHI_LANE void clothi_extra_coarse(cloth_linear_solver *s, size_t i, clothi_v4 u, const int w) {
+    const void *P = s->store[w].P;
+    double     *to = s->cd + 3 * s->p->agg[i];
+    size_t      k;
+    for (k = 0; k < 3; k++)
+        to[k] += clothi_sum4(clothi_dot4(clothi_zero4(), clothi_load4(P, 3 * i + k, w), u, w));
 }
 
-/* y += f C v, or with y NULL: cd += P^' C v. */
-static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v, void *y) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[s->wide];
-    int e, side, k, c, w = s->wide;
-    for (e = 0; e < s->A->ne; e++)
-        for (side = 0; side < 2; side++) {
-            const size_t i = (size_t)s->A->pair[2 * e + side];
-            const size_t j = (size_t)s->A->pair[2 * e + 1 - side];
-            double       u[3];
-            clothi_extra_mul(st, e, side, v, j, u, w);
-            for (k = 0; k < 3 && y; k++)
-                clothi_put(y, 4 * i + (size_t)k,
-                           clothi_get(y, 4 * i + (size_t)k, w) + f * u[k], w);
-            for (k = 0; k < 3 && !y && p->agg[i] >= 0; k++)
-                for (c = 0; c < 3; c++)
-                    s->cd[3 * p->agg[i] + k] +=
-                        clothi_get(st->P, 12 * i + (size_t)(4 * k + c), w) * u[c];
+/* y += f C v, or with y NULL: cd += P^' C v. A block acts on its row and, turned, on its column. */
+CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, double f, const void *v, void *y,
+                                   const int w) {
+    const void     *E = s->store[w].E;
+    const int      *pair = s->A->pair, *agg = s->p->agg;
+    const clothi_v4 by = clothi_all4(f, w);
+    int             e;
+    for (e = 0; e < s->A->ne; e++) {
+        const size_t    i = (size_t)pair[2 * e], j = (size_t)pair[2 * e + 1];
+        const clothi_v4 a = clothi_gather4(E, pair + 1 + e, e, e + 1, v, w);
+        const clothi_v4 b = clothi_columns4(E, (size_t)e, v, i, w);
+        if (y) {
+            clothi_store4(y, i, clothi_madd4(clothi_load4(y, i, w), by, a, w), w);
+            clothi_store4(y, j, clothi_madd4(clothi_load4(y, j, w), by, b, w), w);
+            continue;
         }
+        if (agg[i] >= 0) clothi_extra_coarse(s, i, a, w);
+        if (agg[j] >= 0) clothi_extra_coarse(s, j, b, w);
+    }
+}
+
+CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v,
+                                               void *y) {
+    if (s->wide) clothi_extras_any(s, f, v, y, 1);
+    else clothi_extras_any(s, f, v, y, 0);
 }
 
 /* m = Ac^-1 (Z's + P^' C s) */
@@ -13546,6 +13553,7 @@ typedef struct clothi_unit {
     size_t (*size)(void *user);
     void   (*save)(void *user, void *buf);
     void   (*load)(void *user, const void *buf);
+    cloth_status (*check)(void *user, const void *buf, size_t size);
 } clothi_unit;
 
 /* Unit i of a sim, in the order of the list, contact last; 0 when there is none. */
@@ -13559,6 +13567,7 @@ static int clothi_unit_at(const cloth_sim *s, int i, clothi_unit *u) {
     u->size = at < s->nterms ? s->term[at].save_size : s->contact.save_size;
     u->save = at < s->nterms ? s->term[at].save : s->contact.save;
     u->load = at < s->nterms ? s->term[at].load : s->contact.load;
+    u->check = at < s->nterms ? NULL : s->contact.check;
     return 1;
 }
 
@@ -13666,9 +13675,10 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
 /* The units of a snapshot, from byte `at` of the walk on, are this sim's, and end with it. */
 static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char *buf, size_t at,
                                        size_t end) {
-    clothi_unit u;
-    uint64_t    head[2];
-    int         i;
+    clothi_unit  u;
+    cloth_status status;
+    uint64_t     head[2];
+    int          i;
     for (i = 0; clothi_unit_at(sim, i, &u); i++) {
         at += CLOTHI_PAD8(at);
         if (at > end || end - at < sizeof head) break;
@@ -13677,6 +13687,8 @@ static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char
         if (head[0] != u.id || head[1] > end - at || (head[1] > 0 && !u.load))
             return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the state of "
                                "the host's term %i is not in the snapshot", i);
+        status = u.check ? u.check(u.user, buf + at, (size_t)head[1]) : CLOTH_OK;
+        if (status) return status;
         at += (size_t)head[1];
     }
     if (at == end && !clothi_unit_at(sim, i, &u)) return CLOTH_OK;

@@ -4,7 +4,7 @@
  * says where a pin shall be at the END of the step; cloth_sim_stretches() colours the page;
  * hooks.log names field and value of each refusal. No contact: front and back may cross.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 02_garment.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 02_garment.c -lm
  *   run:      02_garment [FILE.obj [SIZE [PATTERN]]]
  *             SIZE: longest side in m, PATTERN: m per unit of vt when vt is the cut (both: 0)
  *   page:     out/02_garment.html
@@ -17,7 +17,6 @@
  * Exercises: (1) material = cloth_material_fabric(CLOTH_FABRIC_DENIM): fewer, larger folds;
  * (2) leave out desc.rest_angle: the shirt remembers its round start in every fold;
  * (3) desc.integrator = CLOTH_INTEGRATOR_BDF2: it swings on for longer after the stop. */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include "shapes.h"
 #include "view.h"

@@ -5,14 +5,13 @@
  * the equilateral sheet has the least mesh bias; cloth_sim_potential() gives dE/dx, and at a
  * pinned vertex, which does not accelerate, that is the force with which the pole holds it.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 03_flag.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 03_flag.c -lm
  *   page:     out/03_flag.html
  *   expected: 240 steps; the flag pulls downwind
  *
  * Exercises: (1) wind_at(): 8 instead of 5 m/s: about twice the drag;
  * (2) desc.lift = 0: pressure only, no sideways force: the flag waves less;
  * (3) h = 1.0 / 240 and 960 steps: less numerical damping, livelier ripples. */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include "view.h"
 

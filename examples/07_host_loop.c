@@ -9,13 +9,12 @@
  * Script: grab at 1.2 s, let go at 2.4 s, pause from 3.2 to 3.6 s, no budget in frame 150 (once:
  * its time is made up for), reset in frame 210.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 07_host_loop.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 07_host_loop.c -lm
  *   page:     out/07_host_loop.html
  *   expected: 225 frames, 228 steps, 1 grab, 1 step given up and made up for
  *
  * Exercises: (1) H = 1.0 / 30: half the steps and still no jerks, until alpha = 1 in draw();
  * (2) GRAB_K = 300: the hand pulls a spike out of one triangle. */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include "view.h"
 #include <time.h>

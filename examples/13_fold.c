@@ -5,7 +5,7 @@
  * edge over and are let go by cloth_sim_unpin(). A layer rests about
  * t/2 above the one below it.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 13_fold.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 13_fold.c -lm
  *   page:     out/13_fold.html
  *   expected: 80 of 80 steps solved; pairs that intersect: 0
  *
@@ -13,7 +13,6 @@
  * CLOTH_CONTACT_OBSTACLES: the layers sink into each other; (3) contact.friction = 0: what
  * lies on what slides.
  */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include "view.h"
 #include <stdio.h>

@@ -4,14 +4,13 @@
  * other and nothing asks what is inside. The pin is led by cloth_sim_pin(); friction is what the
  * hand feels: cloth_collide_forces() sums it.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 14_ring.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 14_ring.c -lm
  *   page:     out/14_ring.html
  *   expected: 90 of 90 steps solved; through the ring: yes; pairs that intersect: 0
  *
  * Exercises: (1) ring.friction = 0 and contact.friction = 0: the ring holds with 4.7 N, not 10.4;
  * (2) HOLE = 0.06, RINGS 16: more folds, more pairs, and a pull that needs shorter steps.
  */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include "view.h"
 #include <stdio.h>

@@ -5,15 +5,14 @@
  * why and where; cloth_collide_last() tells what part of the way a shorter step went. The host goes
  * on: it moves the plates as it likes, and when they have opened the cloth comes along.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 15_pinch.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 15_pinch.c -lm
  *   page:     out/15_pinch.html
  *   expected: some steps failed: yes; solved again at the end: yes; pairs that intersect: 0
  *
  * Exercises: (1) CLOSED = 0.006: no step fails; (2) HALVINGS = 0: 16 steps fail whole,
- * none goes part of its way; (3) contact.thickness = 4e-3: fails earlier, by as much as it is
- * wider.
+ * none goes part of its way; (3) how.thickness = 4e-3: fails earlier, by as much as it is wider;
+ * (4) RAISE = 0.035: the lower plate begins in the sheet; cloth_collide_untangle() pushes it out.
  */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include "view.h"
 #include <stdio.h>
@@ -23,6 +22,7 @@
 #define OPEN     0.06               /* m, between the plates                            */
 #define CLOSED   0.0004             /* less than twice the separation t/4 of detection  */
 #define HALVINGS 4
+#define RAISE    0.0                /* m, both plates; over 0.03 they begin in the sheet */
 
 static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
     if (level < CLOTH_LOG_INFO && !(*(int *)user)++)    /* the first of many alike */
@@ -38,7 +38,7 @@ static double distance(int i) {
 /* Corners of the lower (side -1) or upper (1) plate, 2 cm thick. */
 static void plate(int side, double gap, double *x) {
     double center[3] = {0.5, 0, 0.5}, half[3] = {0.2, 0.01, 0.2};
-    center[1] = side * (0.5 * gap + half[1]);
+    center[1] = RAISE + side * (0.5 * gap + half[1]);
     cloth_obstacle_box(center, half, NULL, x);
 }
 
@@ -49,6 +49,8 @@ int main(void) {
     cloth_model        *model = NULL;
     cloth_sim          *sim = NULL;
     cloth_collide      *contact = NULL;
+    cloth_collide_desc  how = cloth_collide_desc_default();
+    cloth_untangle_report tangle;
     cloth_obstacle      id[2];
     cloth_pin           pins[4] = {{0, 7}, {N - 1, 7}, {N * (N - 1), 7}, {N * N - 1, 7}};
     cloth_status        status = CLOTH_OK;
@@ -63,9 +65,10 @@ int main(void) {
     desc.nf = sheet->nf, desc.faces = sheet->faces;
     desc.npins = 4, desc.pins = pins;
     desc.contact = CLOTH_CONTACT_SELF;
+    how.initial = CLOTH_INITIAL_EXEMPT;     /* what begins in the sheet is pushed out of it */
     if ((status = cloth_model_create(&desc, &model)) != CLOTH_OK) goto end;
     if ((status = cloth_sim_create(model, &sim)) != CLOTH_OK) goto end;
-    if ((status = cloth_collide_create(sim, NULL, &contact)) != CLOTH_OK) goto end;
+    if ((status = cloth_collide_create(sim, &how, &contact)) != CLOTH_OK) goto end;
     page = view_open("A pinch that fails and recovers", "Two plates close to 0.4 mm on a sheet "
         "that needs 1 mm, wait, and open. Where no step succeeds the sheet stays as it was.");
     view_camera(page, 25, 6);
@@ -77,6 +80,12 @@ int main(void) {
         plate(2 * side - 1, OPEN, x[side]);
         if ((status = cloth_collide_add(contact, &box, id + side)) != CLOTH_OK) goto end;
         view_mesh(page, side ? "upper plate" : "lower plate", VIEW_OBSTACLE, 8, 12, faces);
+    }
+    for (int calls = 1; ; calls++) {
+        if ((status = cloth_collide_untangle(contact, 0, &tangle)) != CLOTH_OK) goto end;
+        if (tangle.before)
+            printf("call %d: %d pairs intersect, then %d\n", calls, tangle.before, tangle.after);
+        if (tangle.after == 0) break;
     }
     for (int i = 1; i <= FRAMES; i++) {
         cloth_report         r;

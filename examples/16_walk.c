@@ -5,7 +5,7 @@
  * cloth_collide_step() takes h/2, h/4, .. where contact cannot be resolved and says what fraction
  * it reached; what fails leaves the state as before: the next step tries again.
  *
- *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 16_walk.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 16_walk.c -lm
  *   run:      16_walk [GARMENT.obj BODY.obj WEIGHTS.txt MOTION.skin]
  *             weights: a line 'vertex bone weight' each, # comments; motion: 8 bytes, then uint32
  *             frames, bones and two more, then frames x bones x 12 floats, rows of [R | t], 120 Hz
@@ -17,7 +17,6 @@
  *
  * Exercises: (1) body.friction = 0: the shirt turns about the body; (2) self_penetrating = 0: count
  * the steps that fail; (3) contact.thickness = 4e-3: fuller folds, more pairs, more ms a step. */
-#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include "shapes.h"
 #include "view.h"

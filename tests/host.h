@@ -19,22 +19,24 @@ typedef struct host {
     char text[65536];       /* the sentences, a line each                                      */
 } host;
 
-static void *host_alloc(size_t size, void *user) {
+static inline void *host_alloc(size_t size, void *user) {
     host *h = (host *)user;
     void *p;
     if (++h->calls == h->fail_at) return NULL;
     p = malloc(size);
+    if (p) memset(p, 0xa5, size);           /* what is not set shows */
     h->live += p != NULL;
     return p;
 }
 
-static void host_free(void *p, size_t size, void *user) {
+static inline void host_free(void *p, size_t size, void *user) {
     (void)size;
     ((host *)user)->live -= p != NULL;
     free(p);
 }
 
-static void host_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
+static inline void host_log(cloth_log_level level, cloth_status status, const char *text,
+                            void *user) {
     host *h = (host *)user;
     int   n = (int)strlen(text);
     (void)status;
@@ -57,6 +59,11 @@ static inline cloth_hooks host_hooks(host *h) {
     hooks.log.fn = host_log;
     hooks.log.user = h;
     return hooks;
+}
+
+static inline void host_forget(host *h) {
+    h->text[0] = '\0';
+    h->lines = h->errors = h->n = 0;
 }
 
 #endif

@@ -3,59 +3,7 @@
 #ifndef CLOTH_SCENE_H
 #define CLOTH_SCENE_H
 
-/* --- the host: allocator that counts and fails on request, logger that keeps the text --- */
-
-typedef struct host {
-    long long live, calls;                  /* blocks held; calls so far                       */
-    long long fail_at;                      /* the call that fails, 0: none                    */
-    int       errors;
-    char      text[4096];                   /* sentences so far, one a line                    */
-} host;
-
-static inline void *host_alloc(size_t size, void *user) {
-    host *h = (host *)user;
-    void *p;
-    if (++h->calls == h->fail_at) return NULL;
-    p = malloc(size);
-    if (p) memset(p, 0xa5, size);           /* what is not set shows */
-    h->live += p != NULL;
-    return p;
-}
-
-static inline void host_free(void *p, size_t size, void *user) {
-    (void)size;
-    ((host *)user)->live -= p != NULL;
-    free(p);
-}
-
-static inline void host_log(cloth_log_level level, cloth_status status, const char *text,
-                            void *user) {
-    host  *h = (host *)user;
-    size_t n = strlen(h->text), more = strlen(text);
-    (void)status;
-    h->errors += level == CLOTH_LOG_ERROR;
-    if (n + more + 2 > sizeof h->text) return;
-    memcpy(h->text + n, text, more);
-    h->text[n + more] = '\n';
-    h->text[n + more + 1] = '\0';
-}
-
-static inline cloth_hooks host_hooks(host *h) {
-    cloth_hooks hooks;
-    memset(h, 0, sizeof *h);
-    memset(&hooks, 0, sizeof hooks);
-    hooks.allocator.alloc = host_alloc;
-    hooks.allocator.free = host_free;
-    hooks.allocator.user = h;
-    hooks.log.fn = host_log;
-    hooks.log.user = h;
-    return hooks;
-}
-
-static inline void host_forget(host *h) {
-    h->text[0] = '\0';
-    h->errors = 0;
-}
+#include "host.h"
 
 /* --- numbers in [-1, 1) from a counter --- */
 

@@ -3,12 +3,13 @@
  * Include after clothsim_collide.h, test.h, shapes.h and exact.h.
  *
  * After every accepted step no two triangles of the cloth and of mesh obstacles may intersect that
- * did not before (exact.h: no rounding), and the cloth must be outside of spheres, capsules and
- * planes (long double). */
+ * did not before (exact.h: no rounding), and the cloth must be outside of spheres and planes
+ * (long double; capsules: test_obstacles.c). */
 #ifndef CLOTH_TEST_STAGE_H
 #define CLOTH_TEST_STAGE_H
 
 #define STAGE_THINGS 4
+#define STAGE_STEPS  1024       /* whose Newton counts are kept                                */
 
 typedef struct stage_thing {                /* an obstacle as this file knows it               */
     cloth_obstacle      id;
@@ -37,9 +38,11 @@ typedef struct stage {
     /* what came of it */
     int         steps, whole, shorter, failed;
     int         new_pairs, inside, first_bad;
-    int         newton, passes, rows, zone, rigid, touches;     /* the most in a step          */
+    int         passes, zones, rows, zone, rigid;   /* the most in a step; rigid: all          */
+    int         newton[STAGE_STEPS], newtons;       /* of each step                            */
     double      push, ms, ms_begin, ms_detect, ms_zones, ms_worst;
-    long double least;                      /* m, to spheres, capsules and planes              */
+    double      gap;                        /* m, least of cloth_collide_gap() after a step    */
+    long double least;                      /* m, to spheres and planes                        */
 } stage;
 
 static inline double stage_clock(void *user) {
@@ -71,6 +74,7 @@ static inline void stage_cloth(stage *s, cloth_mesh *mesh) {
     s->desc.contact = CLOTH_CONTACT_SELF;
     s->nv = mesh->nv, s->nf = mesh->nf;
     s->least = 1;
+    s->gap = 1;
     s->first_bad = -1;
     s->x = (double *)malloc(3 * (size_t)s->nv * sizeof(double));
     s->faces = (int *)malloc(3 * (size_t)s->nf * sizeof(int));
@@ -269,14 +273,16 @@ static inline int stage_step(stage *s, double h) {
     s->ms_detect += k.ms_detect;
     s->ms_zones += k.ms_zones;
     s->ms_worst = fmax(s->ms_worst, r.ms.total);
-    s->newton = r.newton > s->newton ? r.newton : s->newton;
+    if (s->newtons < STAGE_STEPS) s->newton[s->newtons++] = r.newton;
     s->passes = k.passes > s->passes ? k.passes : s->passes;
+    s->zones = k.zones > s->zones ? k.zones : s->zones;
     s->rows = k.rows > s->rows ? k.rows : s->rows;
     s->zone = k.largest_zone > s->zone ? k.largest_zone : s->zone;
     s->rigid += k.rigid_zones;
-    s->touches = k.touches > s->touches ? k.touches : s->touches;
     s->push = fmax(s->push, k.push);
     if (status == CLOTH_OK) {
+        double gap = 1;
+        if (!cloth_collide_gap(s->c, 0.5 * s->contact.thickness, &gap)) s->gap = fmin(s->gap, gap);
         bad = stage_examine(s);
         s->new_pairs += bad;
         if (bad && s->first_bad < 0) s->first_bad = s->steps;
@@ -292,23 +298,53 @@ static inline int stage_step(stage *s, double h) {
 }
 
 static inline void stage_title(void) {
-    printf("  %-22s %5s %7s %5s %4s %5s %6s %6s %6s %6s %5s %8s %9s %7s %6s\n", "scene", "steps",
-           "whole %", "short", "fail", "pairs", "newton", "passes", "rows", "zone", "rigid",
-           "push m", "gap m", "ms/step", "share");
+    printf("  whole: accepted at full length; gap/t: smallest distance after any step; clear: from "
+           "spheres and\n  planes; share: begin, detection and zones in the time of the step\n");
+    printf("  %-17s %5s %6s %5s %4s %5s %6s %8s %10s %6s %5s %6s %6s %5s %7s %7s %7s %5s\n",
+           "scene", "steps", "whole%", "short", "fail", "pairs", "gap/t", "clear m", "newton",
+           "passes", "zones", "rows", "zone", "rigid", "push m", "ms/step", "worst", "share");
 }
 
-static inline void stage_print(const stage *s, const char *name) {
+/* The middle and the largest of n counts, which become sorted. */
+static inline int stage_median(int *count, int n, int *most) {
+    int i, j;
+    for (i = 1; i < n; i++)
+        for (j = i; j > 0 && count[j] < count[j - 1]; j--) {
+            const int swap = count[j];
+            count[j] = count[j - 1];
+            count[j - 1] = swap;
+        }
+    *most = n ? count[n - 1] : 0;
+    return n ? count[n / 2] : 0;
+}
+
+static inline void stage_print(stage *s, const char *name) {
     const double n = s->steps > 0 ? s->steps : 1;
     const double contact = s->ms_begin + s->ms_detect + s->ms_zones;
-    printf("  %-22s %5d %7.2f %5d %4d %5d %6d %6d %6d %6d %5d %8.1e %9.2Le %7.1f %6.2f\n", name,
-           s->steps, 100 * s->whole / n, s->shorter, s->failed, s->new_pairs, s->newton, s->passes,
-           s->rows, s->zone, s->rigid, s->push, s->least, s->ms / n,
-           s->ms > 0 ? contact / s->ms : 0);
+    char         newton[32];
+    int          most, median = stage_median(s->newton, s->newtons, &most);
+    (void)sprintf(newton, "%d/%d", median, most);
+    printf("  %-17s %5d %6.2f %5d %4d %5d %6.3f %8.1Le %10s %6d %5d %6d %6d %5d %7.1e %7.1f %7.0f "
+           "%5.2f\n", name, s->steps, 100 * s->whole / n, s->shorter, s->failed, s->new_pairs,
+           s->gap / s->contact.thickness, s->least, newton, s->passes, s->zones, s->rows, s->zone,
+           s->rigid, s->push, s->ms / n, s->ms_worst, s->ms > 0 ? contact / s->ms : 0);
     fflush(stdout);
 }
 
-/* What issue 3 asks of every scene. */
-static inline void stage_judge(const stage *s, const char *name) {
+/* Kinetic energy and height, J; strain is left out. */
+static inline double stage_energy(const stage *s) {
+    const double *mass = cloth_sim_params(s->sim)->mass, *x = s->state->x, *v = s->state->v;
+    double        sum = 0;
+    int           i, k;
+    for (i = 0; i < s->mesh->nv; i++)
+        for (k = 0; k < 3; k++)
+            sum += mass[i] * (0.5 * v[3 * i + k] * v[3 * i + k] -
+                              s->desc.gravity[k] * x[3 * i + k]);
+    return sum;
+}
+
+/* What is asked of every scene. */
+static inline void stage_judge(stage *s, const char *name) {
     stage_print(s, name);
     CHECK(s->new_pairs == 0);
     CHECK(s->inside == 0);

@@ -8,15 +8,18 @@
 /* A sheet of 1 m falls on a sphere of 0.3 m, its corners on a plane. */
 static inline void scene_drape(int n, int steps, double h, cloth_integrator integrator,
                                const char *name) {
-    stage s;
-    int   i;
+    stage  s;
+    double start;
+    int    i;
     stage_sheet(&s, n, 1);
     s.desc.integrator = integrator;
     if (stage_start(&s)) {
         stage_sphere(&s, 0.5, -0.31, 0.5, 0.3);
         stage_plane(&s, -0.7, 0.3);
+        start = stage_energy(&s);
         for (i = 0; i < steps; i++) (void)stage_step(&s, h);
         stage_judge(&s, name);
+        CHECK(stage_energy(&s) < start);
     }
     stage_end(&s);
 }
@@ -132,7 +135,9 @@ static inline void scene_ring(int rings, int steps, double h) {
 }
 
 /* A tube of radius 0.1 m and height 0.4 m, its ends held: one turns by `turns`, and they approach
- * by 0.12 m. */
+ * by 0.12 m. After the second turn it is a rope under a tension of some 200 N/m, and buckles in
+ * every step by more than contact lets it: Newton takes 100 iterations to find, to 0.1 mm, a
+ * candidate that the zones then move by 10 mm. 20 leave it 2 mm off; the promise is the same. */
 static inline void scene_twist(int around, double turns, int steps, double h) {
     const int   along = (int)(1.3 * around) | 1;
     cloth_mesh *mesh = NULL;
@@ -141,6 +146,7 @@ static inline void scene_twist(int around, double turns, int steps, double h) {
     if (cloth_mesh_tube(NULL, 0.1, 0.4, around, along, &mesh)) exit(2);
     stage_cloth(&s, mesh);
     s.desc.gravity[1] = 0;
+    s.desc.max_newton = 20;
     if (stage_start(&s)) {
         for (i = 0; i < steps; i++) {
             const double t = (double)(i + 1) / steps, a = 2 * STAGE_PI * turns * t;
@@ -157,6 +163,7 @@ static inline void scene_twist(int around, double turns, int steps, double h) {
             (void)stage_step(&s, h);
         }
         stage_judge(&s, "twist");
+        CHECK(s.rigid <= steps / 20);       /* else the ends turn and the rope does not */
     }
     stage_end(&s);
 }
@@ -195,11 +202,13 @@ static inline void scene_spin(int n, int steps, double h) {
     stage_end(&s);
 }
 
-/* A ball of 0.1 m flies at 20 m/s, 2/3 m a step, through the lower part of a curtain of 1 m that
- * hangs by its upper side, and away; the curtain swings back. */
+/* A ball of 0.1 m flies at 20 m/s, 2/3 m a step, through the middle of a curtain of 1 m that hangs
+ * from hooks along its upper side. A hook lets go where the cloth under it is stretched by 0.3,
+ * about 15 N: the ball goes on with the curtain around it. max_push: a zone must be able to go as
+ * far as the ball goes in a step. */
 static inline void scene_ball(int n, int steps) {
     stage  s;
-    int    i, id;
+    int    i, k, id;
     double h = 1.0 / 30;
     stage_sheet(&s, n, 1);
     for (i = 0; i < s.mesh->nv; i++) {
@@ -207,13 +216,18 @@ static inline void scene_ball(int n, int steps) {
         x[1] = -x[2];
         x[2] = 0.002 * sin(9 * x[0]);
     }
-    s.contact.max_push = 10;
+    s.contact.max_push = 1;
     if (stage_start(&s)) {
         for (i = 0; i < n; i++) (void)cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, NULL);
-        id = stage_sphere(&s, 0.52, -0.94, -1, 0.1);
+        id = stage_sphere(&s, 0.52, -0.5, -1, 0.1);
         for (i = 0; i < steps; i++) {
             s.thing[id].next[2] = s.thing[id].x[2] + 20 * h;
             (void)stage_step(&s, h);
+            for (k = 0; k < n; k++) {
+                const double *p = s.state->x + 3 * k, *q = s.state->x + 3 * (k + n);
+                const double  a = p[0] - q[0], b = p[1] - q[1], c = p[2] - q[2];
+                if (sqrt(a * a + b * b + c * c) * (n - 1) > 1.3) (void)cloth_sim_unpin(s.sim, k);
+            }
         }
         stage_judge(&s, "ball");
     }

@@ -18,7 +18,7 @@ static void drape_bdf2(void) {
     scene_drape(16, 60, 1.0 / 60, CLOTH_INTEGRATOR_BDF2, "drape, BDF2");
 }
 static void drape_leapfrog(void) {
-    scene_drape(12, 120, 1.0 / 240, CLOTH_INTEGRATOR_LEAPFROG, "drape, leapfrog");
+    scene_drape(12, 480, 1.0 / 960, CLOTH_INTEGRATOR_LEAPFROG, "drape, leapfrog");
 }
 static void fold(void) { scene_fold(14, 90, 1.0 / 120); }
 static void crumple(void) { scene_crumple(14, 60, 1.0 / 120); }

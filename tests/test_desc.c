@@ -27,7 +27,7 @@ static int refused(const cloth_desc *d, cloth_status want, const char *word, con
     if (got == want && !m && told.live == 0 && strstr(told.text, word) &&
         strstr(told.text, value) && (told.errors > 0) == (*word != '\0'))
         return 1;
-    printf("  got %d (%s), out %p, live %lld, said: %s\n", (int)got, cloth_status_text(got),
+    printf("  got %d (%s), out %p, live %d, said: %s\n", (int)got, cloth_status_text(got),
            (void *)m, told.live, told.text);
     if (m && got == CLOTH_OK) cloth_model_destroy(m);
     return 0;

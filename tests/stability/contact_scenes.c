@@ -17,7 +17,7 @@ static void drape_bdf2(void) {
     scene_drape(40, 240, 1.0 / 60, CLOTH_INTEGRATOR_BDF2, "drape, BDF2");
 }
 static void drape_leapfrog(void) {
-    scene_drape(24, 480, 1.0 / 240, CLOTH_INTEGRATOR_LEAPFROG, "drape, leapfrog");
+    scene_drape(24, 1920, 1.0 / 1920, CLOTH_INTEGRATOR_LEAPFROG, "drape, leapfrog");
 }
 static void fold(void) { scene_fold(32, 300, 1.0 / 120); }
 static void crumple(void) { scene_crumple(32, 240, 1.0 / 120); }

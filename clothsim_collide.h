@@ -455,7 +455,8 @@ CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* N
 
 /* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
  * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
- * with these obstacles, else _FORMAT. On failure, also of the next three, everything is as before. */
+ * with these obstacles, else _FORMAT. On failure, also of the next three, everything is as
+ * before. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);

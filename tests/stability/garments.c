@@ -187,7 +187,7 @@ static void walk_step(walk *w) {
     if (getenv("SHOW_STEPS"))
         printf("  %3d st %d fr %g newton %d halv %d imp %d pass %d zones %d rows %d big %d "
                "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d ms %.0f "
-               "begin %.0f "det %.0f zone %.0f\n",
+               "begin %.0f det %.0f zone %.0f\n",
                w->steps, (int)status, k.fraction, r.newton, r.halvings, k.impacts, k.passes,
                k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches, k.exempt_faces, k.push,
                w->npair, w->inner, fresh, let_in, r.ms.total, k.ms_begin, k.ms_detect,

@@ -1,0 +1,233 @@
+/* bench_contact.c - what contact costs: its share of a step, and a drape against Bullet.
+ *   cc -std=c99 -O3 -march=native -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION \
+ *      bench/bench_contact.c -lm && ./a.out
+ * Drape: a sheet of 1 m, 0.2 kg, falls on a sphere of 0.3 m, 90 steps of 1/60 s, N x N vertices;
+ * at N = 64 also in Bullet's soft body (bullet_drape.cc), both by turns, in one run; afterwards
+ * pairs of faces that intersect (exact.h), vertices inside the sphere, and stretch. Skipped with a
+ * printed line where Bullet's package is not there. All times are CPU time, medians of steps.
+ * Walk: the skirt of ../shared/data on its walking body, 30 steps. */
+#define _XOPEN_SOURCE 600
+#include "../../clothsim_collide.h"
+#include "../../examples/shapes.h"
+#include "bench.h"
+#include "../exact.h"
+#include "../body.h"
+
+enum { STEPS = 90, RUNS = 3, WALK = 30, N_PEER = 64 };
+
+#define DRAPE_COLUMNS "scene,n,median ms,mean ms,contact's share,pairs,inside,stretch,most"
+
+static const double drape_center[3] = {0.5, -0.4, 0.5};
+static const double drape_radius = 0.3;
+
+typedef struct drape {
+    double median, mean, share;             /* ms a step; contact of all                       */
+} drape;
+
+/* Positions at the end into x [n n x 3]. */
+static drape drape_ours(int n, double *x, int **faces, int *nf) {
+    cloth_desc          d = cloth_desc_default();
+    cloth_obstacle_desc ball = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    cloth_mesh         *sheet = NULL;
+    cloth_model        *model = NULL;
+    cloth_sim          *sim = NULL;
+    cloth_collide      *c = NULL;
+    double              ms[STEPS], total = 0, contact = 0;
+    drape               out;
+    int                 i;
+    CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, n, n, 1.0, 1.0, &sheet));
+    d.hooks.clock.fn = bench_stage;
+    d.nv = sheet->nv, d.x_rest = sheet->x;
+    d.nf = sheet->nf, d.faces = sheet->faces;
+    d.material.density = 0.2;
+    d.contact = CLOTH_CONTACT_SELF;
+    CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
+    CHECK(!cloth_collide_create(sim, NULL, &c));
+    ball.kind = CLOTH_OBSTACLE_SPHERE, ball.x = drape_center, ball.radius = drape_radius;
+    CHECK(!cloth_collide_add(c, &ball, &id));
+    for (i = 0; i < STEPS; i++) {
+        cloth_report         r;
+        cloth_collide_report k;
+        const double         start = bench_cpu();
+        CHECK(!cloth_step(sim, 1.0 / 60, &r));
+        ms[i] = 1e3 * (bench_cpu() - start);
+        k = cloth_collide_last(c);
+        total += ms[i];
+        contact += k.ms_begin + k.ms_detect + k.ms_zones;
+    }
+    memcpy(x, cloth_sim_state(sim)->x, 3 * (size_t)sheet->nv * sizeof *x);
+    *nf = sheet->nf;
+    *faces = (int *)bench_get(3 * (size_t)sheet->nf, sizeof(int));
+    memcpy(*faces, sheet->faces, 3 * (size_t)sheet->nf * sizeof(int));
+    out.mean = total / STEPS, out.share = contact / total, out.median = bench_median(ms, STEPS);
+    cloth_collide_destroy(c);
+    bench_free(&model, &sim);
+    cloth_mesh_destroy(NULL, sheet);
+    return out;
+}
+
+/* Pairs that intersect, vertices inside the sphere, ratio of area to that at rest. */
+static void drape_judge(FILE *csv, const char *name, int n, const double *x, const int *faces,
+                        int nf, const drape *t) {
+    double area = 0, longest = 0;
+    int    i, k, inside = 0, pairs = exact_intersections(n * n, x, nf, faces, NULL, 0);
+    for (i = 0; i < n * n; i++) {
+        double r2 = 0;
+        for (k = 0; k < 3; k++) r2 += pow(x[3 * i + k] - drape_center[k], 2);
+        inside += r2 < drape_radius * drape_radius;
+    }
+    for (i = 0; i < n * n; i++) {           /* along the two directions of the net */
+        double a, b;
+        if (i % n == n - 1 || i / n == n - 1) continue;
+        a = bench_distance(x + 3 * i, x + 3 * (i + 1), 1, NULL) * (n - 1);
+        b = bench_distance(x + 3 * i, x + 3 * (i + n), 1, NULL) * (n - 1);
+        longest = fmax(longest, fmax(a, b));
+        area += (a + b) / 2;
+    }
+    area /= (n - 1) * (n - 1);
+    printf("  drape %d x %d, %-7s %6.1f ms a step (median), %6.1f (mean); pairs that intersect %d, "
+           "vertices inside %d; stretch mean %+.2f %%, most %+.2f %%\n", n, n, name, t->median,
+           t->mean, pairs, inside, 100 * (area - 1), 100 * (longest - 1));
+    fprintf(csv, "drape %s,%d,%g,%g,%g,%d,%d,%g,%g\n", name, n, t->median, t->mean, t->share, pairs,
+            inside, area - 1, longest - 1);
+    if (name[0] == 'c') CHECK(pairs == 0 && inside == 0);
+}
+
+/* Builds the other side; 0 where there is no package or no compiler. */
+static int peer_build(void) {
+    const char *shell[4] = {"/bin/sh", "-c",
+                            "pkg-config --exists bullet && c++ -O3 -march=native "
+                            "bench/bullet_drape.cc $(pkg-config --cflags --libs bullet) "
+                            "-o out/bench/bullet_drape 2>/dev/null", NULL};
+    char        text[256];
+    return bench_spawn(shell, text, sizeof text) >= 0;
+}
+
+static int peer_run(double *x, drape *t) {
+    const char *const argv[] = {"out/bench/bullet_drape", "64", "90", "out/bench/bullet.bin", NULL};
+    char        text[256], *end;
+    FILE       *f;
+    size_t      n = 0;
+    if (bench_spawn(argv, text, sizeof text) < 0) return 0;
+    t->median = strtod(text, &end);
+    t->mean = strtod(end, NULL);
+    t->share = 0;
+    f = fopen(argv[3], "rb");
+    if (!f) return 0;
+    n = fread(x, 3 * sizeof *x, N_PEER * N_PEER, f);
+    fclose(f);
+    return n == N_PEER * N_PEER;
+}
+
+static void against_bullet(void) {
+    FILE   *csv = bench_csv("contact_bullet", DRAPE_COLUMNS);
+    double *x = (double *)bench_get(3 * N_PEER * N_PEER, sizeof *x);
+    double *y = (double *)bench_get(3 * N_PEER * N_PEER, sizeof *y);
+    double  a[RUNS], b[RUNS], means[2][RUNS];
+    drape   ours, peer = {0, 0, 0};
+    int    *faces = NULL, nf = 0, i, there = peer_build();
+    for (i = 0; i < RUNS; i++) {
+        free(faces);
+        ours = drape_ours(N_PEER, x, &faces, &nf);
+        a[i] = ours.median, means[0][i] = ours.mean;
+        if (there) there = peer_run(y, &peer);
+        b[i] = peer.median, means[1][i] = peer.mean;
+    }
+    ours.median = bench_median(a, RUNS), ours.mean = bench_median(means[0], RUNS);
+    peer.median = bench_median(b, RUNS), peer.mean = bench_median(means[1], RUNS);
+    drape_judge(csv, "clothsim", N_PEER, x, faces, nf, &ours);
+    printf("  contact's share of that: %.2f\n", ours.share);
+    CHECK(ours.share <= 0.5);
+    if (there) {
+        drape_judge(csv, "Bullet", N_PEER, y, faces, nf, &peer);
+        printf("  ratio clothsim / Bullet: %.1f\n", ours.median / peer.median);
+    } else
+        printf("  Bullet skipped: no package libbullet-dev, pkg-config or C++ compiler here\n");
+    free(faces);
+    free(x);
+    free(y);
+    fclose(csv);
+}
+
+/* The walk of a garment, two frames of motion a step of 1/60 s. */
+static void walk_share(FILE *csv, const char *name) {
+    cloth_desc          d = cloth_desc_default();
+    cloth_collide_desc  k = cloth_collide_desc_default();
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    cloth_mesh         *mesh = NULL;
+    cloth_model        *model = NULL;
+    cloth_sim          *sim = NULL;
+    cloth_collide      *c = NULL;
+    double             *x, ms[WALK], share[WALK];
+    char                path[256];
+    body                b;
+    int                 i;
+    snprintf(path, sizeof path, "data/garments/%s.obj", name);
+    if (!body_load(&b) || cloth_obj_load(NULL, test_shared(path), NULL, &mesh)) {
+        printf("  walk skipped: the shared data is not there\n");
+        return;
+    }
+    x = (double *)bench_get(3 * (size_t)b.mesh->nv, sizeof *x);
+    body_pose(&b, 0, x);
+    d.hooks.clock.fn = bench_stage;
+    d.nv = mesh->nv, d.x_rest = mesh->x;
+    d.nf = mesh->nf, d.faces = mesh->faces;
+    d.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
+    d.contact = CLOTH_CONTACT_SELF;
+    k.thickness = 2e-3;
+    k.initial = CLOTH_INITIAL_EXEMPT;
+    CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
+    CHECK(!cloth_collide_create(sim, &k, &c));
+    o.nv = b.mesh->nv, o.nf = b.mesh->nf, o.x = x, o.faces = b.mesh->faces;
+    o.self_penetrating = 1;
+    CHECK(!cloth_collide_add(c, &o, &id));
+    for (i = 0; i < WALK; i++) {
+        cloth_report         r;
+        cloth_collide_report now;
+        body_pose(&b, 2 * i + 2, x);
+        CHECK(!cloth_collide_move(c, id, x));
+        CHECK(!cloth_collide_step(c, 1.0 / 60, 4, &r));
+        now = cloth_collide_last(c);
+        ms[i] = r.ms.total;
+        share[i] = (now.ms_begin + now.ms_detect + now.ms_zones) / r.ms.total;
+        fprintf(csv, "walk %s,%d,%g,%g,%g,,,,\n", name, i, ms[i], ms[i], share[i]);
+    }
+    printf("  walk, %s: %.1f ms a step, contact's share %.2f (medians of %d)\n", name,
+           bench_median(ms, WALK), bench_median(share, WALK), WALK);
+    CHECK(share[WALK / 2] <= 0.5);
+    cloth_collide_destroy(c);
+    bench_free(&model, &sim);
+    cloth_mesh_destroy(NULL, mesh);
+    free(x);
+    body_free(&b);
+}
+
+static void shares(void) {
+    static const int sizes[] = {16, 32};
+    FILE *csv = bench_csv("contact_share", DRAPE_COLUMNS);
+    int   i;
+    for (i = 0; i < 2; i++) {
+        const int n = sizes[i];
+        double   *x = (double *)bench_get(3 * (size_t)(n * n), sizeof *x);
+        int      *faces, nf;
+        drape     t = drape_ours(n, x, &faces, &nf);
+        drape_judge(csv, "clothsim", n, x, faces, nf, &t);
+        printf("  contact's share of that: %.2f\n", t.share);
+        CHECK(t.share <= 0.5);
+        free(faces);
+        free(x);
+    }
+    walk_share(csv, "skirt_f_clean");
+    walk_share(csv, "tshirt_f_clean");
+    fclose(csv);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    bench_machine(argv[0]);
+    RUN(shares);
+    RUN(against_bullet);
+    return TEST_END();
+}

@@ -15,10 +15,10 @@
 #include "../test.h"
 #include "friction.h"
 
-#define CAPSTAN_R    0.05                   /* m, of the cylinder and half of the thickness        */
-#define CAPSTAN_TAIL 0.06                   /* m, free at either end                               */
-#define CAPSTAN_HOLD 1.0                    /* N                                                   */
-#define CAPSTAN_EDGE 4e-3                   /* m                                                   */
+#define CAPSTAN_R    0.05                   /* m, of the cylinder and half of the thickness */
+#define CAPSTAN_TAIL 0.06                   /* m, free at either end */
+#define CAPSTAN_HOLD 1.0                    /* N */
+#define CAPSTAN_EDGE 4e-3                   /* m */
 #define PI           3.14159265358979323846
 
 /* A point of the strip's middle line at arc length s from where it leaves the ground of T1: up
@@ -121,8 +121,8 @@ static void threshold(void) {
                 if (capstan_way(wraps[w], mus[m], middle) > 0.01) high = middle;
                 else low = middle;
             }
-            printf("  %8.4f %5.2f %12.4f %12.4f  %+.2e\n", wraps[w], mus[m], 0.5 * (low + high), ref,
-                   0.5 * (low + high) / ref - 1);
+            printf("  %8.4f %5.2f %12.4f %12.4f  %+.2e\n", wraps[w], mus[m],
+                   0.5 * (low + high), ref, 0.5 * (low + high) / ref - 1);
             CHECK(fabs(0.5 * (low + high) / ref - 1) < 0.03);
         }
 }

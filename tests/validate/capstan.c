@@ -8,8 +8,9 @@
  *      T1      T2       dT = mu T dphi along the arc: T2/T1 = exp(mu phi) (Euler, Eytelwein)
  *
  * A pull above the threshold takes the strip away within a second (0.1 N on 2 g), one below leaves
- * the held end where it is. The threshold is found by bisection. No gravity. The strip's bending is 1e-7 N m: its moment is
- * D w/R, against T1 R 1e-5 of it. A polygon of n edges in the arc differs by (mu phi)^3/(12 n^2). */
+ * the held end where it is. The threshold is found by bisection. No gravity. The strip's bending
+ * is 1e-7 N m: its moment is D w/R, against T1 R 1e-5 of it. A polygon of n edges in the arc
+ * differs by (mu phi)^3/(12 n^2). */
 #include "../../clothsim_collide.h"
 
 #include "../test.h"

@@ -425,6 +425,55 @@ static void workers(void) {
     shape_free(&s);
 }
 
+/* A box that wanders along a chain of balls and back, as cloth would: of the faces that meet it the
+ * answer is the one of all faces, and no face is exempt that is not among those. */
+static void near_cloth(void) {
+    shape          s = chain();
+    answer         all = ask(&s);
+    clothi_inside *k;
+    unsigned char *got = (unsigned char *)calloc((size_t)s.nf, 1);
+    unsigned char *room = (unsigned char *)calloc((size_t)s.nv, 1);
+    int            i, f, a, j, missed = 0, wrong = 0, exempt = 0, fewer = 0, fresh = 0;
+    if (!got || !room) exit(2);
+    CHECK(clothi_inside_create(NULL, s.nv, s.nf, s.faces, &k) == CLOTH_OK);
+    for (i = 0; i < 24; i++) {
+        const double t = (i < 16 ? i : 31 - i) / 15.0;          /* there and half back */
+        double       box[6];
+        for (a = 0; a < 3; a++) {
+            const double middle = (1 - t) * s.x[a] + t * s.x[3 * (s.nv - 1) + a];
+            box[a] = middle - 0.6;
+            box[3 + a] = middle + 0.6;
+        }
+        clothi_inside_near(k, s.x, s.x, box, 0.5, room);
+        fresh += !k->known;
+        CHECK(clothi_inside_find(k, s.x, got, NULL) == CLOTH_OK);
+        for (f = 0; f < s.nf; f++) {
+            int meets = 1;
+            for (a = 0; a < 3; a++) {
+                double lo = HUGE_VAL, hi = -HUGE_VAL;
+                for (j = 0; j < 3; j++) {
+                    lo = fmin(lo, s.x[3 * s.faces[3 * f + j] + a]);
+                    hi = fmax(hi, s.x[3 * s.faces[3 * f + j] + a]);
+                }
+                meets &= lo <= box[3 + a] && hi >= box[a];
+            }
+            missed += meets && got[f] != all.exempt[f];
+            wrong += got[f] && !all.exempt[f];
+            exempt += got[f];
+            fewer += all.exempt[f] && !got[f];
+        }
+    }
+    CHECK(missed == 0);
+    CHECK(wrong == 0);
+    CHECK(exempt > 1000 && fewer > 1000);
+    CHECK(fresh > 4 && fresh < 24);             /* the list is kept, and renewed */
+    clothi_inside_free(k);
+    free(got);
+    free(room);
+    drop(&all);
+    shape_free(&s);
+}
+
 static void failures(void) {
     static host    h;
     cloth_hooks    hooks = host_hooks(&h);
@@ -486,6 +535,7 @@ int main(int argc, char **argv) {
     RUN(step);
     RUN(spread);
     RUN(workers);
+    RUN(near_cloth);
     RUN(failures);
     return TEST_END();
 }

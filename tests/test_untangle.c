@@ -91,7 +91,7 @@ static cloth_status call(stage *s, double most, cloth_untangle_report *r) {
     if (n) memcpy(old, s->pair, 2 * (size_t)n * sizeof(int));
     for (i = 0; i < s->mesh->nv; i++)
         for (deep[i] = 0, k = 0; k < s->nthing; k++)
-            if (s->thing[k].nf && !s->thing[k].radius)
+            if (s->thing[k].nf && s->thing[k].radius <= 0)
                 deep[i] |= shape_winding(s->x, s->nf - s->mesh->nf, s->faces + 3 * s->mesh->nf,
                                          x + 3 * i, -1) > 0.5L;
     status = cloth_collide_untangle(s->c, most, r);

@@ -86,9 +86,8 @@
  * EXEMPT FROM IT
  *   - pairs that intersect at the start, where they are let in (CLOTH_INITIAL_EXEMPT), until they
  *     have parted: report.exempt_pairs. Their corners and edges pass each other, which are those of
- *     the faces around them too: beside an exempt pair a new one can arise
- *     have parted, and those beside them that their lines of intersection wander over meanwhile:
- *     report.exempt_pairs. cloth_collide_untangle() pushes them apart
+ *     the faces around them too: the line of intersection wanders to pairs beside them, which are
+ *     exempt then as well. cloth_collide_untangle() pushes them apart
  *   - faces of a self_penetrating obstacle that lie inside that obstacle, or look at each other
  *     nearer than cloth has room for, for the step: report.exempt_faces [7.2]. Cloth that is caught
  *     there may be passed by them; the rest of the obstacle holds it. What was let in crosses those
@@ -113,7 +112,6 @@
  * COSTS, on one core of an AMD EPYC at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                          about 50, mean of 90 steps
  *   T-shirt of 2832 faces on a walking body of 5344 (16_walk.c)     about 60, mean of 60 steps
- *   T-shirt of 2832 faces on a walking body of 5344 (16_walk.c)     about 60, mean of 90 steps
  *   skirt on a walking body of 27 000 faces (tests/bench/bench_contact.c, -march=native): 57,
  *   of which contact 45 %; T-shirt there 480, 26 %; sheet 32 x 32 on a sphere 15 %. Contact here is
  *   pairs, detection and zones; the potential's part of Newton's iterations is Newton's

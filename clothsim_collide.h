@@ -104,6 +104,15 @@
  *   - statics: refused for a sim that has contact
  *
  * NOT PROMISED. That a step succeeds: cloth that is pinched below its separation has no answer.
+ * That a slide begins at desc.tolerance's default: a contact that sticks is some 100 times stiffer
+ * than inertia, so that Newton's first update of a sheet that ought to slip is shorter than 1e-4 m
+ * and ends the search. Way of a sheet on a plane of 30 degrees in 1 s over what it should be:
+ *     tolerance, slip m    mu = 0.99 tan a    0.95    0.90    0.80    0.50
+ *     1e-4, 2e-5                      0.05    0.07    0.17    0.51    0.87
+ *     1e-6, 2e-5                      0.06    0.91    0.96    0.98    1.00
+ *     1e-6, 2e-4                      1.02    1.01    0.99    0.99    1.00
+ *     1e-7, 2e-5                      0.93    0.97    0.97    0.98    1.00
+ * What sticks stays at any tolerance. Where the beginning of a slide matters, take 1e-6.
  * E_col and friction are in the frame (normal, weights, range) of the START of the substep: normals
  * that turn within it, and what came into range during it, are felt one substep late; the normal
  * force in Coulomb's law is that of the substep before [8.2]. Energy: the zones remove the speed of
@@ -485,7 +494,8 @@ CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c);
 /* The first `max` touches; *count: all of them. */
 CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cloth_touch *touch,
                                              int *count);
-/* f [nv x 3] N: what contact did to each vertex, normal forces and impulses over h. */
+/* f [nv x 3] N: what contact did to each vertex along its normals: forces, and impulses over h.
+ * Friction is not in it. */
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f);
 /* Smallest distance now, m, of pairs nearer than `range`; range when there is none. */
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap);
@@ -6064,10 +6074,8 @@ static cloth_status clothi_inside_again(cloth_collide *c) {
  *
  * One cloth vertex near many faces of one obstacle is one anchor (clothi_key): a fold of the
  * obstacle's mesh under it changes the pair, not the memory.
- * checked: tests/test_friction.c, tests/test_contact.c, tests/validate/incline.c, stopping.c,
- * resting.c, drop.c
- * checked: tests/test_friction.c (differences), tests/validate/incline.c, stopping.c, resting.c,
- *   drop.c
+ * checked: tests/test_friction.c (differences), tests/test_contact.c, tests/validate/incline.c,
+ *   stopping.c, resting.c, drop.c, capstan.c
  */
 
 #define CLOTHI_STIFFER 100                  /* times, under load                               */

@@ -5181,6 +5181,8 @@ typedef struct clothi_touch {               /* an active pair of the proximity p
     double     drift[3];                    /* m, sum of w dx over the obstacle's vertices     */
     double     friction, limit;             /* mu; N, mu times last normal force; 0: none      */
     double     slip[3];
+    double     size, trend;                 /* m, |u| of the last iterate and its last change  */
+    double     ease;                        /* of the majorizer's excess along u, 0 to 1       */
     int        leader;                      /* carries the anchor of its key                   */
     double     force;                       /* N at the end of the substep                     */
 } clothi_touch;
@@ -6073,6 +6075,7 @@ static cloth_status clothi_inside_again(cloth_collide *c) {
  */
 
 #define CLOTHI_STIFFER 100                  /* times, under load                               */
+#define CLOTHI_EASE    0.25                 /* see 'Friction'                                  */
 
 /* gap, normal and weights of a pair at xa; 0: on top of each other. */
 static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
@@ -6208,6 +6211,7 @@ static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
     if (q->gap >= q->range) return CLOTH_OK;
     q->stiffness = c->stiffness * clothi_pair_area(c, kind, a, b);
     q->rest = clothi_touch_rest(c, q);
+    q->size = -1, q->ease = 1;
     q->friction = clothi_pair_friction(c, kind, a, b);
     q->key = clothi_key_of(c, kind, a, b, q->normal);
     for (i = 0; i < q->n; i++)
@@ -6275,11 +6279,28 @@ static void clothi_touch_motion(const cloth_collide *c, const clothi_touch *q, c
             u[k] += q->w[i] * (x[3 * q->v[i] + k] - c->xa[3 * q->v[i] + k]);
 }
 
+/* Sets q->ease for the iteration at x. */
+static void clothi_touch_ease(const cloth_collide *c, clothi_touch *q, const double *x) {
+    double u[3], along, size, change;
+    int    k;
+    clothi_touch_motion(c, q, x, u);
+    along = clothi_dot3(u, q->normal);
+    for (k = 0; k < 3; k++) u[k] += q->slip[k] - along * q->normal[k];
+    size = sqrt(clothi_dot3(u, u));
+    change = q->size < 0 ? 0 : size - q->size;
+    if (change * q->trend < 0)
+        q->ease = 1;
+    else if (change * q->trend > 0 && fabs(change) < CLOTHI_EASE * clothi_max(size, c->desc.slip))
+        q->ease *= CLOTHI_EASE;
+    q->trend = change;
+    q->size = size;
+}
+
 /* Energy of a touch with force [3] on sum w x (minus the gradient) and the 3x3 Hessian K. */
 static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, const double *x,
                                 double *pull, double *K) {
     const double eps = c->desc.slip;
-    double       u[3], g, slope, force, energy, size, along, bend;
+    double       u[3], g, slope, force, energy, size, along, bend, less;
     int          i, j;
     clothi_touch_motion(c, q, x, u);
     along = clothi_dot3(u, q->normal);
@@ -6296,10 +6317,12 @@ static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, c
     bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;        /* force / (limit size) */
     energy += q->limit * (size < eps ? size * size * (1 / eps - size / (3 * eps * eps))
                                      : size - eps / 3);
+    less = size > 0 ? (1 - q->ease) / (size * pow(clothi_max(size, eps), 2)) : 0;
     for (i = 0; i < 3; i++) {
         pull[i] += q->limit * bend * u[i];
         for (j = 0; j < 3; j++)
-            K[3 * i + j] += q->limit * bend * ((i == j) - q->normal[i] * q->normal[j]);
+            K[3 * i + j] += q->limit * (bend * ((i == j) - q->normal[i] * q->normal[j]) -
+                                        less * u[i] * u[j]);
     }
     return energy;
 }
@@ -7272,8 +7295,10 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
 }
 
 static cloth_status clothi_contact_update(void *user, const double *x) {
-    (void)user;                             /* touches are those of x^n */
-    (void)x;
+    cloth_collide *c = (cloth_collide *)user;
+    int            i;
+    for (i = 0; i < c->ntouch; i++)         /* touches are those of x^n */
+        if (c->touch[i].limit > 0) clothi_touch_ease(c, c->touch + i, x);
     return CLOTH_OK;
 }
 

@@ -222,7 +222,8 @@ static void released(void) {
     }
 }
 
-/* Scaled by a half and by 3: at most 50 iterations. Crushed to a tenth: done, or a status. */
+/* Scaled by 3: few iterations. By a half: pressed below 0.577 of its length the sheet is on a
+ * saddle of 9.6 J, which it must leave. Crushed to a tenth: done, or a status. */
 static void scaled_sheet(void) {
     static const double s[3] = {0.5, 0.1, 3};
     int k;
@@ -235,9 +236,10 @@ static void scaled_sheet(void) {
         for (i = 0; i < 3 * d.nv; i++) d.state->x[i] *= s[k];
         noise(&d, 1e-9, 11);
         CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK || s[k] < 0.2);
-        printf("  scaled by %.1f: %d iterations, %d halvings%s\n", s[k], r.newton, r.halvings,
-               r.outcome == CLOTH_STEP_STALLED ? ", stalled" : "");
-        CHECK(r.newton <= (s[k] < 0.2 ? 400 : 50));
+        printf("  scaled by %.1f: %d iterations, %d halvings, energy %.2f J%s\n", s[k], r.newton,
+               r.halvings, r.energy.total, r.outcome == CLOTH_STEP_STALLED ? ", stalled" : "");
+        CHECK(r.newton <= (s[k] > 1 ? 50 : 400));
+        if (k == 0) CHECK(r.energy.total < 2);
         dyn_end(&d);
     }
 }

@@ -468,9 +468,8 @@ CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* N
 
 /* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
  * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
- * with these obstacles, else _FORMAT. After a failure, also of the next three, everything is as
- * with these obstacles, else _FORMAT. On failure, also of the next three, everything is as
- * before. */
+ * with these obstacles, else _FORMAT. What sticks to others goes on to stick. On failure, also of
+ * the next three, everything is as before; a stale or unknown id: CLOTH_ERR_HANDLE. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -5443,14 +5442,21 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_world_take(c, NULL);
 }
 
+/* Areas of the template and of obstacles as they were added: not of now, which is no state. */
 static void clothi_world_area(cloth_collide *c) {
-    int f, k;
+    double *x = c->xb;                      /* scratch until a pose is asked for */
+    int     f, k, o;
     memset(c->area, 0, (size_t)c->nw * sizeof(double));
+    memcpy(x, c->sim->model->x_rest, 3 * (size_t)c->nv * sizeof(double));
+    for (o = 0; o < c->nobstacle; o++)
+        if (c->obstacle[o].used)
+            memcpy(x + 3 * c->obstacle[o].v0, clothi_pose(c->obstacle + o, 2),
+                   3 * (size_t)c->obstacle[o].nv * sizeof(double));
     for (f = 0; f < c->mf; f++) {
         const int *v = c->faces + 3 * f;
         double     p[3], q[3], n[3];
-        clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], p);
-        clothi_sub3(c->xa + 3 * v[2], c->xa + 3 * v[0], q);
+        clothi_sub3(x + 3 * v[1], x + 3 * v[0], p);
+        clothi_sub3(x + 3 * v[2], x + 3 * v[0], q);
         clothi_cross3(p, q, n);
         for (k = 0; k < 3; k++) c->area[v[k]] += sqrt(clothi_dot3(n, n)) / 6;
     }
@@ -7695,6 +7701,7 @@ static cloth_status clothi_collide_look(cloth_collide *c) {
     if (status) return status == CLOTH_ERR_STEP ? CLOTH_ERR_MESH : status;
     c->exempt = c->now, c->nexempt = c->nnow, c->exempt_cap = c->now_cap;
     c->now = swap, c->nnow = 0, c->now_cap = cap;
+    if (c->seen != clothi_contact_seen(c)) c->nanchor = 0;  /* a host wrote x meanwhile */
     c->seen = clothi_contact_seen(c);
     return CLOTH_OK;
 }
@@ -7904,6 +7911,14 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     return CLOTH_OK;
 }
 
+/* What friction remembers of one obstacle; keys name features of the cloth, whose numbers stay. */
+static void clothi_anchors_drop(cloth_collide *c, int slot) {
+    int i, n = 0;
+    for (i = 0; i < c->nanchor; i++)
+        if (c->anchor[i].key.cloth || c->anchor[i].key.b != slot) c->anchor[n++] = c->anchor[i];
+    c->nanchor = n;
+}
+
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
     cloth_status     status;
@@ -7916,7 +7931,7 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
         return status;
     }
     clothi_obstacle_free(c->hooks, o);
-    c->nanchor = 0;
+    clothi_anchors_drop(c, (int)(o - c->obstacle));
     return CLOTH_OK;
 }
 
@@ -7956,7 +7971,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     if (status)
         memcpy(pose, spare, 2 * bytes);
     else
-        c->nanchor = 0;
+        clothi_anchors_drop(c, (int)(o - c->obstacle));
     clothi_free(c->hooks, spare);
     return status;
 }

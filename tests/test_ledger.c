@@ -156,6 +156,50 @@ static void incline(void) {
     incline_of(0.6, 0);
 }
 
+/* A far mesh is taken away (1), teleported (2) or left (0) while a sheet sticks on an incline: what
+ * it sticks to is remembered. Fills x [nv x 3], returns friction over m g sin a after it. */
+static double bystander(int what, int mesh, int wrote, double *x) {
+    const double a = 0.5, c = cos(a), z = sin(a), weight = 0.2 * 0.1 * 0.1 * FRIC_G;
+    double       far[9] = {9, 9, 9, 9.5, 9, 9, 9, 9, 9.5}, rubbed, left;
+    const int    faces[3] = {0, 2, 1};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle id;
+    int            i;
+    scene          q;
+    memset(&q, 0, sizeof q);
+    fric_sheet(&q.s, 5, 5, 0.1, 0.1);
+    fric_place(&q.s, a, 0.6 * c - z * FRIC_T / 2, 0.6 * z + c * FRIC_T / 2, 0.45);
+    if (!scene_start(&q)) exit(2);
+    o.nv = 3, o.x = far, o.nf = 1, o.faces = faces;
+    CHECK(cloth_collide_add(q.s.contact, &o, &id) == CLOTH_OK);
+    CHECK(fric_ground(&q.s, a, 1.2 * tan(a), mesh, 0.17) == CLOTH_OK);
+    for (i = 0; i < 60; i++) CHECK(cloth_step(q.s.sim, H, &q.r) == CLOTH_OK);
+    memcpy(q.x, q.state->x, 3 * (size_t)q.s.nv * sizeof(double));
+    if (wrote) q.state->x[0] += 1e-9, cloth_sim_state_changed(q.s.sim);
+    if (what == 1) CHECK(cloth_collide_remove(q.s.contact, id) == CLOTH_OK);
+    for (i = 0; i < 9; i++) far[i] += 1;
+    if (what == 2) CHECK(cloth_collide_teleport(q.s.contact, id, far) == CLOTH_OK);
+    scene_step(&q, 1e-3);
+    rubbed = along(&q, q.friction, c, z, &left) / (weight * z);
+    for (i = 0; i < 20 && !wrote; i++) scene_step(&q, 1e-3);
+    if (!wrote) CHECK(fric_moved(&q.s, q.state->x, q.x) < 2e-7);
+    memcpy(x, q.state->x, 3 * (size_t)q.s.nv * sizeof(double));
+    scene_end(&q);
+    return rubbed;
+}
+
+static void bystanders(void) {
+    double x[3][75];
+    int    what, mesh;
+    for (mesh = 0; mesh <= 6; mesh += 6)
+        for (what = 0; what < 3; what++) {
+            CHECK_REL(bystander(what, mesh, 0, x[what]), 1, 2e-3);
+            CHECK(memcmp(x[what], x[0], sizeof x[0]) == 0);
+        }
+    CHECK_NEAR(bystander(1, 0, 1, x[0]), 0, 1e-15); /* a write to x has anchors dropped, as ever */
+    CHECK_NEAR(bystander(0, 0, 1, x[0]), 0, 1e-15);
+}
+
 /* A sheet lies on another that is pinned, pressed on it by F and sheared by S: each carries what
  * the other does. */
 static void pressed(void) {
@@ -419,6 +463,7 @@ static void drape(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(incline);
+    RUN(bystanders);
     RUN(pressed);
     RUN(drop);
     RUN(drop_leapfrog);

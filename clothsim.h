@@ -570,13 +570,19 @@ typedef enum cloth_outcome {
 } cloth_outcome;
 
 /* Energies in J. The balance of a step: kinetic + potential (stretch, bend, gravity, attach,
- * other) changes by the work of wind, forces and pins, less damping, less numerical loss. */
+ * other) changes by the work of wind, forces, pins and contact, less the four losses. What contact
+ * books: clothsim_collide.h [8.4]; 0 without it. */
 typedef struct cloth_ledger {
     double kinetic, stretch, bend, gravity, attach, other;      /* at the end of the step      */
     double wind_work, force_work, pin_work;                     /* done on the cloth in it     */
+    double contact_work;                    /* the same by E_col and by obstacles that move    */
     double damping_loss;                                        /* material damping            */
+    double friction_loss;                   /* of contact: friction's force times the slip     */
+    double zone_loss;                       /* of contact: speed that the impact zones take,
+                                               less the strain that their push brings in       */
     double numerical_loss;                                      /* what balances the rest      */
     double total;                                               /* kinetic + potential         */
+    double contact;                         /* held by E_col at the end; no part of the total  */
 } cloth_ledger;
 
 typedef struct cloth_times {                /* ms, 0 without a clock hook                      */
@@ -610,7 +616,8 @@ typedef struct cloth_report {
     int    negative;                        /* linear solves that met negative curvature       */
     int    restarts;                        /* BDF2: substeps taken as implicit Euler          */
     double residual_m;                      /* m, largest last Newton update                   */
-    double residual_N;                      /* N, largest force imbalance at the result        */
+    double residual_N;                      /* N, largest force imbalance at the result, before
+                                               impact zones                                    */
     double omega_max;                       /* rad/s, LEAPFROG's estimate                      */
     double min_stretch;                     /* smallest principal stretch                      */
     int    min_stretch_face;
@@ -713,6 +720,9 @@ typedef struct cloth_contact {
     size_t       (*bytes)(void *user);
     /* before load, of the same bytes: makes room for them, or refuses them; NULL: not asked */
     cloth_status (*check)(void *user, const void *buf, size_t size);
+    /* after resolve, where a report is wanted: adds the substep's work and losses to the ledger;
+     * zone_loss: what comes from outside through the zones. NULL: not asked */
+    void         (*balance)(void *user, cloth_ledger *ledger);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */
@@ -11970,6 +11980,16 @@ static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
 }
 
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report);
+static cloth_status clothi_balance_contact(cloth_sim *s, clothi_goal *goal, cloth_ledger *l);
+
+static cloth_status clothi_finite_result(const cloth_sim *s, cloth_report *report) {
+    const ptrdiff_t at = clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv);
+    if (at < 0) return CLOTH_OK;
+    report->vertex = (int)(at / 3);
+    report->outcome = CLOTH_STEP_NONE;
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
+                       report->vertex);
+}
 
 static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha,
                                             cloth_report *report) {
@@ -11985,22 +12005,20 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
     status = clothi_terms_begin(s, &goal);
     if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
     if (!status) status = clothi_minimise(s, &goal, report);
+    if (!status) status = clothi_finite_result(s, report);
+    if (!status && s->balance) status = clothi_balance(s, &goal, report);
     if (status) return status;
     if (s->contact_on) {
         const double start = clothi_now(&s->hooks);
         s->counts.contact_calls++;
+        memcpy(s->w.trial, s->w.x, 3 * (size_t)s->model->nv * sizeof(double));
         status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, NULL, &active);
         s->ms.contact += clothi_now(&s->hooks) - start;
         if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+        if (!status) status = clothi_finite_result(s, report);
+        if (!status && s->balance) status = clothi_balance_contact(s, &goal, &report->energy);
         if (status) return status;
     }
-    if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) >= 0) {
-        report->vertex = (int)(clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) / 3);
-        report->outcome = CLOTH_STEP_NONE;
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
-                           report->vertex);
-    }
-    if (s->balance) status = clothi_balance(s, &goal, report);
     clothi_advance(s, h, bdf2, active == 0);
     report->substeps++;
     return CLOTH_OK;
@@ -12706,22 +12724,48 @@ static int clothi_leap_substeps(const cloth_sim *s, double h, int m) {
     return last >= m && last <= 2 * m ? (int)last : m > 4 ? m + (m + 31) / 32 : m;
 }
 
+static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
+                                     cloth_ledger *l);
+
+/* The ledger of what contact did to the candidate, which is in w.y with its velocity in w.rhs. */
+static cloth_status clothi_leap_balance(cloth_sim *s, cloth_ledger *l) {
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    cloth_ledger a, b;
+    cloth_status status;
+    int          i;
+    if (s->contact.balance) s->contact.balance(s->contact.user, l);
+    if (memcmp(s->w.x, s->w.y, bytes) == 0 && memcmp(s->w.trial, s->w.rhs, bytes) == 0)
+        return CLOTH_OK;
+    status = clothi_energy_at(s, s->w.y, s->w.rhs, 0, &a);
+    if (!status) status = clothi_energy_at(s, s->w.x, s->w.trial, 0, &b);
+    if (status) return status;
+    s->fresh = 1;                           /* of the energies, which the report asks for */
+    l->zone_loss += a.total - b.total;
+    for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
+        l->zone_loss += s->force[i] * (s->w.x[i] - s->w.y[i]);
+    return status;
+}
+
 /* Contact once over the straight path from x0 to w.x; the velocity w.trial no longer approaches
- * what the active rows hold off. */
-static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *report) {
+ * what the active rows hold off. l: NULL where no report is wanted. */
+static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *report,
+                                        cloth_ledger *l) {
     const double start = clothi_now(&s->hooks);
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
     clothi_goal  goal;
     cloth_status status;
     int          active;
     if (!s->contact_on) return CLOTH_OK;
     clothi_eval_start(s, &goal, h);
     s->counts.contact_calls += 2;
+    memcpy(s->w.y, s->w.x, bytes);
+    memcpy(s->w.rhs, s->w.trial, bytes);
     status = s->contact.begin(s->contact.user, &goal.e);
     if (!status)
         status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial, &active);
     s->ms.contact += clothi_now(&s->hooks) - start;
     if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-    return status;
+    return status || !l ? status : clothi_leap_balance(s, l);
 }
 
 static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
@@ -12750,7 +12794,7 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
             if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
                 size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
                 int    i;
-                status = clothi_leap_contact(s, h, report);
+                status = clothi_leap_contact(s, h, report, s->balance ? &ledger : NULL);
                 if (status) return status;
                 report->energy = ledger;
                 for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
@@ -12906,15 +12950,15 @@ static cloth_status clothi_energy_before(cloth_sim *s, int known, cloth_ledger *
     return CLOTH_OK;
 }
 
-/* Work and losses of an implicit substep, from the gradient at its result w.x: what is left of
- * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives. */
+/* Work and losses of an implicit substep, from the gradient at its minimiser w.x: what is left of
+ * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives.
+ * What contact does to w.x afterwards is balanced by clothi_balance_contact(). */
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     cloth_ledger *l = &report->energy;
     double        value, big = 0;
     cloth_status  status = CLOTH_OK;
     int           i, k, n = 3 * s->model->nv;
-    if (!s->fresh || s->contact_on)
-        status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
+    if (!s->fresh) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
     if (status) return status;
     s->fresh = 1;
     goal->e.x = s->w.x;
@@ -12950,6 +12994,32 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
         status = s->term[CLOTHI_TERM_WIND].eval(s, &goal->e, &value);
         for (i = 0; i < n; i++) l->wind_work -= wind[i] * (s->w.x[i] - s->state.x[i]);
     }
+    return status;
+}
+
+/* What contact did to an implicit substep, from the minimiser w.trial, where the terms were
+ * evaluated last, to w.x. Works count on the way to w.trial; in the zones' push only gravity and
+ * the like, which are potentials, and the external force. */
+static cloth_status clothi_balance_contact(cloth_sim *s, clothi_goal *goal, cloth_ledger *l) {
+    const double *from = s->w.trial, *to = s->w.x, *x = s->state.x;
+    cloth_ledger  a, b;
+    cloth_status  status;
+    double        value, more = 0, work = 0;
+    int           i, n = 3 * s->model->nv;
+    if (s->contact.balance) s->contact.balance(s->contact.user, l);
+    if (memcmp(from, to, (size_t)n * sizeof(double)) == 0) return CLOTH_OK;
+    clothi_ledger_terms(s, &a);
+    status = clothi_objective(s, goal, to, NULL, 0, 0, &value);
+    clothi_ledger_terms(s, &b);
+    s->fresh = 1;                           /* of the energies, which the report asks for */
+    for (i = 0; i < n; i++) {
+        const double was = (from[i] - x[i]) / goal->e.h, is = (to[i] - x[i]) / goal->e.h;
+        more += 0.5 * s->params.mass[i / 3] * (was - is) * (was + is);
+        if (s->force_on) work += s->force[i] * (to[i] - from[i]);
+    }
+    l->force_work += work;
+    l->zone_loss += more + work + (a.stretch - b.stretch) + (a.bend - b.bend) +
+                    (a.gravity - b.gravity) + (a.attach - b.attach) + (a.other - b.other);
     return status;
 }
 
@@ -13159,8 +13229,8 @@ static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before
     s->ledger = l;
     s->known = s->fresh && builtin && !s->contact_on && !s->nattach && !s->membrane.damped &&
                !s->bend.damped;
-    l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work -
-                       l.damping_loss - l.total;
+    l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work + l.contact_work -
+                       l.damping_loss - l.friction_loss - l.zone_loss - l.total;
     report->energy = l;
     clothi_report_shape(s, report);
     clothi_report_momentum(s, report);

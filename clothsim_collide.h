@@ -422,7 +422,7 @@ typedef struct cloth_touch {                /* one contact of the last accepted 
     cloth_obstacle obstacle;                /* 0: cloth on cloth                               */
     double         normal[3];               /* towards the weights > 0                         */
     double         gap;                     /* m, at the start of the last substep             */
-    double         force;                   /* N, along the normal: potential and impulses     */
+    double         force;                   /* N, along the normal: of E_col, or impulse / h   */
     double         impulse;                 /* N s, of the impact zones alone                  */
     int            sliding;                 /* friction is at its limit                        */
 } cloth_touch;
@@ -468,9 +468,8 @@ CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* N
 
 /* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
  * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
- * with these obstacles, else _FORMAT. After a failure, also of the next three, everything is as
- * with these obstacles, else _FORMAT. On failure, also of the next three, everything is as
- * before. */
+ * with these obstacles, else _FORMAT. What sticks to others goes on to stick. On failure, also of
+ * the next three, everything is as before; a stale or unknown id: CLOTH_ERR_HANDLE. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -494,9 +493,12 @@ CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c);
 /* The first `max` touches; *count: all of them. */
 CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cloth_touch *touch,
                                              int *count);
-/* f [nv x 3] N: what contact did to each vertex along its normals: forces, and impulses over h.
- * Friction is not in it. */
+/* f [nv x 3] N: all that contact did to each vertex in the last substep: E_col and friction as the
+ * minimiser felt them, and the impulses of the zones over h. Over an implicit substep the sum is
+ * M (v - v^n)/h less the other forces [8.4]. */
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f);
+/* f [nv x 3] N: the part of it that is friction; the rest is along the normals. */
+CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f);
 /* Smallest distance now, m, of pairs nearer than `range`; range when there is none. */
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap);
 /* Pairs of faces that intersect now: cloth with cloth (SELF) and with obstacles, exempt ones
@@ -5193,6 +5195,7 @@ typedef struct clothi_touch {               /* an active pair of the proximity p
     double     ease;                        /* of the majorizer's excess along u, 0 to 1       */
     int        leader;                      /* carries the anchor of its key                   */
     double     force;                       /* N at the end of the substep                     */
+    double     pull[3];                     /* N, dE/d(sum w x) at the minimiser               */
 } clothi_touch;
 
 typedef struct clothi_row {                 /* n . sum w x >= bound over the cloth's vertices  */
@@ -5269,6 +5272,7 @@ struct cloth_collide {
     int           struck_cap;
     double        h;
     int           begun;                    /* a step is under way                             */
+    cloth_ledger  books;                    /* of the substep, for the core's  [8.4]           */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
     int    *local, *member;                 /* [nv] number in a zone, -1; its vertices         */
@@ -5438,14 +5442,21 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_world_take(c, NULL);
 }
 
+/* Areas of the template and of obstacles as they were added: not of now, which is no state. */
 static void clothi_world_area(cloth_collide *c) {
-    int f, k;
+    double *x = c->xb;                      /* scratch until a pose is asked for */
+    int     f, k, o;
     memset(c->area, 0, (size_t)c->nw * sizeof(double));
+    memcpy(x, c->sim->model->x_rest, 3 * (size_t)c->nv * sizeof(double));
+    for (o = 0; o < c->nobstacle; o++)
+        if (c->obstacle[o].used)
+            memcpy(x + 3 * c->obstacle[o].v0, clothi_pose(c->obstacle + o, 2),
+                   3 * (size_t)c->obstacle[o].nv * sizeof(double));
     for (f = 0; f < c->mf; f++) {
         const int *v = c->faces + 3 * f;
         double     p[3], q[3], n[3];
-        clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], p);
-        clothi_sub3(c->xa + 3 * v[2], c->xa + 3 * v[0], q);
+        clothi_sub3(x + 3 * v[1], x + 3 * v[0], p);
+        clothi_sub3(x + 3 * v[2], x + 3 * v[0], q);
         clothi_cross3(p, q, n);
         for (k = 0; k < 3; k++) c->area[v[k]] += sqrt(clothi_dot3(n, n)) / 6;
     }
@@ -7153,11 +7164,24 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
  *   commit   the step is accepted: poses and anchors become state; what has parted is exempt no
  *            more                                   rollback  nothing has happened
  *
+ * What the ledger gets: with p the pull of a touch on sum w x (normal and tangential part p_n, p_t)
+ * at the minimiser, du the motion of sum w x, b its obstacle's part, and l/h^2 the force of a row,
+ *     contact        sum k (t - g)^3/(3 t): no part of the total, for a pair comes into range with
+ *                    it; what the damping leaves of it does contact_work later
+ *     contact_work   sum -p_n.du + p.b, and what obstacles that move give through the rows: -l/h^2
+ *                    n.b; pins in a row are booked as pin_work
+ *     friction_loss  sum p_t.du, the anchors' give with it: 2/3 mu N slip at most, may return
+ *     zone_loss      energy at the minimiser with v = (x - x^n)/h less that after the zones, and
+ *                    the work through the rows: the speed of approach, less the strain that their
+ *                    push brings in, which outweighs it where cloth is stiff
+ * What is left as numerical_loss is what the integrator loses without contact.
+ *
  * State that hashes, snapshots and the next step see: poses and targets of obstacles, anchors,
  * exempt pairs, and a hash of x, by which a host's write to the state is noticed: then anchors
  * are dropped and intersections looked for anew.
  *
- * checked: tests/test_collide.c, tests/test_collide_state.c, tests/fuzz_obstacle.c */
+ * checked: tests/test_collide.c, tests/test_collide_state.c, tests/test_ledger.c (forces and
+ *   ledger), tests/fuzz_obstacle.c */
 
 static void clothi_anchor_sort(clothi_anchor *t, int n) {
     int start = n / 2, end = n, root, child;
@@ -7305,6 +7329,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     }
     status = clothi_inside_faces(c);
     if (!status && !c->begun) status = clothi_contact_open(c);
+    memset(&c->books, 0, sizeof c->books);
     c->ntouch = 0;
     if (!status && !explicit_step) status = clothi_touches_find(c);
     c->report.touches = c->ntouch;
@@ -7327,6 +7352,44 @@ static double clothi_contact_max_step(void *user, const double *x, const double 
     return 1;
 }
 
+/* Pulls and books of the touches at the minimiser x. */
+static void clothi_touches_book(cloth_collide *c, const double *x) {
+    cloth_ledger *l = &c->books;
+    int           i;
+    for (i = 0; i < c->ntouch; i++) {
+        clothi_touch *q = c->touch + i;
+        double        du[3], K[9], push, in;
+        (void)clothi_touch_eval(c, q, x, q->pull, K);
+        clothi_touch_motion(c, q, x, du);
+        push = clothi_dot3(q->pull, q->normal) * clothi_dot3(du, q->normal);
+        l->contact_work += clothi_dot3(q->pull, q->drift) - push;
+        l->friction_loss += clothi_dot3(q->pull, du) - push;
+        in = clothi_max(q->range - q->gap - clothi_dot3(du, q->normal), 0);
+        l->contact += q->stiffness * in * in * in / (3 * q->range);
+    }
+}
+
+/* cloth_contact.balance: the touches' books, and what obstacles and pins gave through the rows. */
+static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
+    const cloth_collide *c = (const cloth_collide *)user;
+    int                  i, j, k;
+    ledger->contact = c->books.contact;
+    ledger->contact_work += c->books.contact_work;
+    ledger->friction_loss += c->books.friction_loss;
+    for (i = 0; i < c->nrow; i++)
+        for (j = 0; j < c->row[i].n; j++)
+            for (k = 0; k < 3 && c->row[i].multiplier > 0; k++) {
+                const clothi_row *q = c->row + i;
+                const int         at = 3 * q->v[j] + k;
+                const double      gave = -q->multiplier / (c->h * c->h) * q->w[j] * q->normal[k] *
+                                         (c->xb[at] - c->xa[at]);
+                if (q->v[j] >= c->nv) ledger->contact_work += gave;
+                else if (c->sim->pin[q->v[j]] >> k & 1) ledger->pin_work += gave;
+                else continue;
+                ledger->zone_loss += gave;
+            }
+}
+
 static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, double *x, double *v,
                                            int *active) {
     cloth_collide *c = (cloth_collide *)user;
@@ -7344,6 +7407,7 @@ static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, doub
     c->nrow = 0;
     c->calms = c->calm_pass = 0;
     c->report.passes = 0;
+    clothi_touches_book(c, x);
     for (; !status; start = clothi_now(c->hooks)) {
         first = c->nrow;
         status = clothi_detect(c, &hit);
@@ -7373,6 +7437,7 @@ static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, doub
 static void clothi_contact_rollback(void *user, cloth_report *report) {
     cloth_collide *c = (cloth_collide *)user;
     c->begun = 0;
+    c->ntouch = c->nrow = 0;                /* the queries know of no last step */
     if (report) report->failed_pairs = c->nfailed;
 }
 
@@ -7621,6 +7686,7 @@ static void clothi_collide_connect(cloth_collide *c) {
     k.load = clothi_contact_load;
     k.bytes = clothi_contact_bytes;
     k.check = clothi_contact_unsaved;
+    k.balance = clothi_contact_balance;
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -7635,6 +7701,7 @@ static cloth_status clothi_collide_look(cloth_collide *c) {
     if (status) return status == CLOTH_ERR_STEP ? CLOTH_ERR_MESH : status;
     c->exempt = c->now, c->nexempt = c->nnow, c->exempt_cap = c->now_cap;
     c->now = swap, c->nnow = 0, c->now_cap = cap;
+    if (c->seen != clothi_contact_seen(c)) c->nanchor = 0;  /* a host wrote x meanwhile */
     c->seen = clothi_contact_seen(c);
     return CLOTH_OK;
 }
@@ -7844,6 +7911,14 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     return CLOTH_OK;
 }
 
+/* What friction remembers of one obstacle; keys name features of the cloth, whose numbers stay. */
+static void clothi_anchors_drop(cloth_collide *c, int slot) {
+    int i, n = 0;
+    for (i = 0; i < c->nanchor; i++)
+        if (c->anchor[i].key.cloth || c->anchor[i].key.b != slot) c->anchor[n++] = c->anchor[i];
+    c->nanchor = n;
+}
+
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
     cloth_status     status;
@@ -7856,7 +7931,7 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
         return status;
     }
     clothi_obstacle_free(c->hooks, o);
-    c->nanchor = 0;
+    clothi_anchors_drop(c, (int)(o - c->obstacle));
     return CLOTH_OK;
 }
 
@@ -7896,7 +7971,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     if (status)
         memcpy(pose, spare, 2 * bytes);
     else
-        c->nanchor = 0;
+        clothi_anchors_drop(c, (int)(o - c->obstacle));
     clothi_free(c->hooks, spare);
     return status;
 }
@@ -7997,11 +8072,12 @@ CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cl
     if (!c || max < 0 || (max > 0 && !touch)) return CLOTH_ERR_ARGUMENT;
     for (i = 0; i < c->ntouch; i++) {
         const clothi_touch *q = c->touch + i;
-        if (!(q->force > 0)) continue;
+        const double        force = -clothi_dot3(q->pull, q->normal);
+        if (!(force > 0)) continue;
         if (n < max) {
             clothi_touch_public(c, q->kind, q->a, q->b, q->v, q->w, q->n, q->normal, touch + n);
             touch[n].gap = q->gap;
-            touch[n].force = q->force;
+            touch[n].force = force;
             for (j = 0; j < c->nanchor; j++)
                 if (clothi_key_compare(&c->anchor[j].key, &q->key) == 0)
                     touch[n].sliding = c->anchor[j].sliding > 0;
@@ -8023,15 +8099,29 @@ CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cl
     return CLOTH_OK;
 }
 
+/* The touches' part of the forces, or friction alone. */
+static void clothi_touch_forces(const cloth_collide *c, int friction, double *f) {
+    int i, j, k;
+    memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
+    for (i = 0; i < c->ntouch; i++) {
+        const clothi_touch *q = c->touch + i;
+        const double        push = friction ? clothi_dot3(q->pull, q->normal) : 0;
+        for (j = 0; j < q->n; j++)
+            for (k = 0; q->v[j] < c->nv && k < 3; k++)
+                f[3 * q->v[j] + k] -= q->w[j] * (q->pull[k] - push * q->normal[k]);
+    }
+}
+
+CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f) {
+    if (!c || !f) return CLOTH_ERR_ARGUMENT;
+    clothi_touch_forces(c, 1, f);
+    return CLOTH_OK;
+}
+
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
     int i, j, k;
     if (!c || !f) return CLOTH_ERR_ARGUMENT;
-    memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
-    for (i = 0; i < c->ntouch; i++)
-        for (j = 0; j < c->touch[i].n; j++)
-            for (k = 0; c->touch[i].v[j] < c->nv && k < 3; k++)
-                f[3 * c->touch[i].v[j] + k] +=
-                    c->touch[i].force * c->touch[i].w[j] * c->touch[i].normal[k];
+    clothi_touch_forces(c, 0, f);
     for (i = 0; i < c->nrow; i++)
         for (j = 0; j < c->row[i].n; j++)
             for (k = 0; c->row[i].v[j] < c->nv && k < 3; k++)

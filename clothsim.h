@@ -12111,7 +12111,8 @@ static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clo
     for (exact = 1; exact >= 0; exact--) {
         status = clothi_newton_assemble(s, goal, exact, report);
         if (!status)
-            status = clothi_newton_solve(s, 1e-10, 0, clothi_newton_method(s, CLOTH_LINEAR_CHOLESKY), report, lr);
+            status = clothi_newton_solve(
+                s, 1e-10, 0, clothi_newton_method(s, CLOTH_LINEAR_CHOLESKY), report, lr);
         if (status || !lr->negative) break;
     }
     report->newton++;

@@ -357,6 +357,7 @@ static void indefinite(void) {
                 CHECK_NEAR(r.decrease, Q, 1e-3 * Q);
             } else {                        /* the set-up gave up: only -3 on a free axis does */
                 CHECK(r.negative == 1 && !(largest(q.x, 3 * q.n) > 0));
+                CHECK(methods[k] != CLOTH_LINEAR_JACOBI);
             }
         }
         CHECK(cloth_linear_negative_direction(q.solver, q.A, q.fixed, q.x, &found) == CLOTH_OK);
@@ -365,6 +366,32 @@ static void indefinite(void) {
         CHECK(dot(q.x, q.y, 3 * q.n) < 0);
         end_problem(&q);
     }
+}
+
+/* Diagonal blocks that are not positive: within a radius JACOBI goes on, the others say so. */
+static void no_diagonal(void) {
+    problem q;
+    double  H[9] = {-200, 3, 0, 3, -100, 0, 0, 0, -1};
+    int     k, i;
+    start_grid(&q, 24, 23, 2, 10, NULL, 1);
+    for (i = 0; i < q.n; i += 7) add_both(&q, 1, &i, H);
+    for (k = 0; k < 4; k++) {
+        cloth_linear_options o = cloth_linear_options_default();
+        cloth_linear_report  r;
+        o.method = methods[k];
+        o.precision = precisions[k];
+        o.tolerance = 1e-6;
+        o.radius = 0.25;
+        CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
+        CHECK(r.negative == 1 && r.hit == (o.method == CLOTH_LINEAR_JACOBI));
+        if (r.hit) {
+            const double Q = model(&q, NULL);
+            CHECK_NEAR(largest(q.x, 3 * q.n), 0.25, 1e-12);
+            CHECK(Q > 0 && dot(q.b, q.x, 3 * q.n) >= 0);
+            CHECK_NEAR(r.decrease, Q, 1e-9 * Q);
+        } else CHECK(!(largest(q.x, 3 * q.n) > 0));
+    }
+    end_problem(&q);
 }
 
 /* The trust region of a definite matrix; then one that only CG finds to be indefinite. */
@@ -759,6 +786,7 @@ int main(int argc, char **argv) {
     RUN(order);
     RUN(solve_all);
     RUN(indefinite);
+    RUN(no_diagonal);
     RUN(radius);
     RUN(singular);
     RUN(not_finite);

@@ -1,10 +1,9 @@
-/* bench_contact.c - what contact costs: its share of a step, and a drape against Bullet.
+/* bench_contact.c - what contact costs: its share of a step (bench_drape.c: against Bullet).
  *   cc -std=c99 -O3 -march=native -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION \
  *      bench/bench_contact.c -lm && ./a.out
  * Drape: a sheet of 1 m, 0.2 kg, falls on a sphere of 0.3 m, 90 steps of 1/60 s, N x N vertices;
- * at N = 64 also in Bullet's soft body (bullet_drape.cc), both by turns, in one run; afterwards
- * pairs of faces that intersect (exact.h), vertices inside the sphere, and stretch. Skipped with a
- * printed line where Bullet's package is not there. All times are CPU time, medians of steps.
+ * afterwards pairs of faces that intersect (exact.h), vertices inside the sphere, and stretch. All
+ * times are CPU time, medians of steps.
  * Walk: the skirt of ../shared/data on its walking body, 30 steps. */
 #define _XOPEN_SOURCE 600
 #include "../../clothsim_collide.h"
@@ -13,7 +12,7 @@
 #include "../exact.h"
 #include "../body.h"
 
-enum { STEPS = 90, RUNS = 3, WALK = 30, N_PEER = 64 };
+enum { STEPS = 90, WALK = 30 };
 
 #define DRAPE_COLUMNS "scene,n,median ms,mean ms,contact's share,pairs,inside,stretch,most"
 
@@ -94,62 +93,6 @@ static void drape_judge(FILE *csv, const char *name, int n, const double *x, con
     if (name[0] == 'c') CHECK(pairs == 0 && inside == 0);
 }
 
-/* Builds the other side; 0 where there is no package or no compiler. */
-static int peer_build(void) {
-    const char *shell[4] = {"/bin/sh", "-c",
-                            "pkg-config --exists bullet && c++ -O3 -march=native "
-                            "bench/bullet_drape.cc $(pkg-config --cflags --libs bullet) "
-                            "-o out/bench/bullet_drape 2>/dev/null", NULL};
-    char        text[256];
-    return bench_spawn(shell, text, sizeof text) >= 0;
-}
-
-static int peer_run(double *x, drape *t) {
-    const char *const argv[] = {"out/bench/bullet_drape", "64", "90", "out/bench/bullet.bin", NULL};
-    char        text[256], *end;
-    FILE       *f;
-    size_t      n = 0;
-    if (bench_spawn(argv, text, sizeof text) < 0) return 0;
-    t->median = strtod(text, &end);
-    t->mean = strtod(end, NULL);
-    t->share = 0;
-    f = fopen(argv[3], "rb");
-    if (!f) return 0;
-    n = fread(x, 3 * sizeof *x, N_PEER * N_PEER, f);
-    fclose(f);
-    return n == N_PEER * N_PEER;
-}
-
-static void against_bullet(void) {
-    FILE   *csv = bench_csv("contact_bullet", DRAPE_COLUMNS);
-    double *x = (double *)bench_get(3 * N_PEER * N_PEER, sizeof *x);
-    double *y = (double *)bench_get(3 * N_PEER * N_PEER, sizeof *y);
-    double  a[RUNS], b[RUNS], means[2][RUNS];
-    drape   ours, peer = {0, 0, 0};
-    int    *faces = NULL, nf = 0, i, there = peer_build();
-    for (i = 0; i < RUNS; i++) {
-        free(faces);
-        ours = drape_ours(N_PEER, x, &faces, &nf);
-        a[i] = ours.median, means[0][i] = ours.mean;
-        if (there) there = peer_run(y, &peer);
-        b[i] = peer.median, means[1][i] = peer.mean;
-    }
-    ours.median = bench_median(a, RUNS), ours.mean = bench_median(means[0], RUNS);
-    peer.median = bench_median(b, RUNS), peer.mean = bench_median(means[1], RUNS);
-    drape_judge(csv, "clothsim", N_PEER, x, faces, nf, &ours);
-    printf("  contact's share of that: %.2f\n", ours.share);
-    CHECK(ours.share <= 0.5);
-    if (there) {
-        drape_judge(csv, "Bullet", N_PEER, y, faces, nf, &peer);
-        printf("  ratio clothsim / Bullet: %.1f\n", ours.median / peer.median);
-    } else
-        printf("  Bullet skipped: no package libbullet-dev, pkg-config or C++ compiler here\n");
-    free(faces);
-    free(x);
-    free(y);
-    fclose(csv);
-}
-
 /* The walk of a garment, two frames of motion a step of 1/60 s. */
 static void walk_share(FILE *csv, const char *name) {
     cloth_desc          d = cloth_desc_default();
@@ -205,10 +148,10 @@ static void walk_share(FILE *csv, const char *name) {
 }
 
 static void shares(void) {
-    static const int sizes[] = {16, 32};
+    static const int sizes[] = {16, 32, 64};
     FILE *csv = bench_csv("contact_share", DRAPE_COLUMNS);
     int   i;
-    for (i = 0; i < 2; i++) {
+    for (i = 0; i < 3; i++) {
         const int n = sizes[i];
         double   *x = (double *)bench_get(3 * (size_t)(n * n), sizeof *x);
         int      *faces, nf;
@@ -228,6 +171,5 @@ int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     bench_machine(argv[0]);
     RUN(shares);
-    RUN(against_bullet);
     return TEST_END();
 }

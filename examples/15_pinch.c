@@ -9,8 +9,8 @@
  *   page:     out/15_pinch.html
  *   expected: some steps failed: yes; solved again at the end: yes; pairs that intersect: 0
  *
- * Exercises: (1) CLOSED = 0.006: no step fails; (2) HALVINGS = 0: 16 steps fail whole,
- * none goes part of its way; (3) how.thickness = 4e-3: fails earlier, by as much as it is wider;
+ * Exercises: (1) CLOSED = 0.006: no step fails; (2) HALVINGS = 0: 16 steps fail, none
+ * goes part of its way; (3) how.thickness = 4e-3: fails earlier, by as much as it is wider;
  * (4) RAISE = 0.035: the lower plate begins in the sheet; cloth_collide_untangle() pushes it out.
  */
 #include "clothsim_collide.h"
@@ -54,7 +54,7 @@ int main(void) {
     cloth_obstacle      id[2];
     cloth_pin           pins[4] = {{0, 7}, {N - 1, 7}, {N * (N - 1), 7}, {N * N - 1, 7}};
     cloth_status        status = CLOTH_OK;
-    double              x[2][24];
+    double              x[2][24], f[3 * N * N], size[N * N];
     int                 failed = 0, none = 0, first = 0, last = 0, pairs = 0, said = 0;
     const char         *error = NULL;
     view               *page = NULL;
@@ -73,6 +73,7 @@ int main(void) {
         "that needs 1 mm, wait, and open. Where no step succeeds the sheet stays as it was.");
     view_camera(page, 25, 6);
     view_mesh(page, "sheet", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
+    view_scalar(page, 0, "contact force", "N", VIEW_VERTEX, 0, 0, 0.2);
     for (int side = 0; side < 2; side++) {
         static const int faces[36] = {0,4,6, 0,6,2, 1,3,7, 1,7,5, 0,1,5, 0,5,4,
                                       2,6,7, 2,7,3, 0,2,3, 0,3,1, 4,5,7, 4,7,6};
@@ -107,7 +108,10 @@ int main(void) {
                        "vertex, edge or face %d of the sheet\n", i, 1e3 * distance(i),
                        (int)r.outcome, pairs, pair.reversed ? pair.b : pair.a);
         }
-        view_frame(page, i / 60.0, cloth_sim_state(sim)->x, NULL);
+        if ((status = cloth_collide_forces(contact, f)) != CLOTH_OK) goto end;
+        for (int v = 0; v < N * N; v++)
+            size[v] = sqrt(pow(f[3 * v], 2) + pow(f[3 * v + 1], 2) + pow(f[3 * v + 2], 2));
+        view_frame(page, i / 60.0, cloth_sim_state(sim)->x, size);
         view_put(page, 1, x[0], NULL, NULL), view_put(page, 2, x[1], NULL, NULL);
     }
     printf("%d steps went part of their way, %d failed: frames %d to %d\n", failed - none, none,

@@ -15,8 +15,10 @@
  * A captured walk puts hands into hips and thighs into each other: faces in there are exempt and
  * let cloth in, which counts as new here until it has come out.
  *
- * Exercises: (1) body.friction = 0: the shirt turns about the body; (2) self_penetrating = 0: count
- * the steps that fail; (3) contact.thickness = 4e-3: fuller folds, more pairs, more ms a step. */
+ * Exercises: (1) body.friction = 0: the shirt slides on its shoulders; (2) self_penetrating = 0:
+ * no step fails, for this body hardly enters itself; try it with a captured one; (3)
+ * contact.thickness = 4e-3: fuller folds, more pairs.
+ */
 #include "clothsim_collide.h"
 #include "shapes.h"
 #include "view.h"

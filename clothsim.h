@@ -6970,7 +6970,8 @@ struct cloth_linear_solver {
     cloth_hooks hooks;
     const cloth_pattern *p;
     clothi_store store[2];
-    double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+1) x 3nc]     */
+    double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+3) x 3nc]:
+                                               two to work in, then P'b of each leaf and S     */
     double *jacobi;                         /* [4n x 3], made when first asked for             */
     struct cloth_factor *factor;            /* [7.4], made when first asked for                */
     int     use_factor;
@@ -6978,8 +6979,7 @@ struct cloth_linear_solver {
     const cloth_matrix  *A;
     const unsigned char *fixed;
     const double        *b;
-    void   *vec;                            /* of a forward sweep                              */
-    int     wide, step, radius_on;
+    int     wide, step, radius_on, part;
     double  alpha, beta;
     int     bad_row, bad_pivot;             /* where the set-up met no positive curvature, -1  */
     double  bad_value;
@@ -7052,7 +7052,7 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
     s->p = pattern;
     s->Ac = (double *)clothi_alloc(hooks, nc3 * nc3 + 2 * (nc3 + CLOTHI_FRONT_PAD) *
                                               CLOTHI_COARSE_BLOCK, sizeof(double));
-    s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 1), sizeof(double));
+    s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 3), sizeof(double));
     if (!s->Ac || !s->cd) {
         cloth_linear_solver_destroy(s);
         return CLOTH_ERR_MEMORY;
@@ -7288,7 +7288,7 @@ CLOTHI_LANE void clothi_setup_rest(cloth_linear_solver *s, const int w) {
     }
 }
 
-/* Row i: the upper part V' added to Z, Z into the rows of the coarse matrix, both scaled. */
+/* Row i: the upper part V' added to Z, Z into the rows of the coarse matrix. */
 CLOTHI_LANE void clothi_coarse_row(cloth_linear_solver *s, int i, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
@@ -7301,14 +7301,22 @@ CLOTHI_LANE void clothi_coarse_row(cloth_linear_solver *s, int i, const int w) {
                 clothi_put(st->Z, to, clothi_get(st->Z, to, w) +
                            clothi_get(st->V, 12 * (size_t)m + (size_t)(4 * c + a), w), w);
             }
-    for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
-        const size_t z = 3 * (size_t)m, g = 3 * (size_t)i;
-        clothi_v4    z0, z1, z2, r;
-        if (p->agg[i] >= 0 && p->zj[m] >= p->agg[i])
+    for (m = p->zp[i]; m < p->zp[i + 1] && p->agg[i] >= 0; m++)
+        if (p->zj[m] >= p->agg[i])
             for (a = 0; a < 3; a++)
                 for (c = 0; c < 3; c++)
                     s->Ac[(size_t)(3 * p->agg[i] + a) * n3 + (size_t)(3 * p->zj[m] + c)] +=
                         clothi_get(st->Z, 12 * (size_t)m + (size_t)(4 * a + c), w);
+}
+
+/* Z and V of row i scaled. */
+CLOTHI_LANE void clothi_scale_row(const cloth_linear_solver *s, int i, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    int m;
+    for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
+        const size_t z = 3 * (size_t)m, g = 3 * (size_t)i;
+        clothi_v4    z0, z1, z2, r;
         z0 = clothi_load4(st->Z, z, w);
         z1 = clothi_load4(st->Z, z + 1, w);
         z2 = clothi_load4(st->Z, z + 2, w);
@@ -7378,7 +7386,7 @@ static void clothi_front_update(const cloth_hooks *hooks, const double *panel, s
 CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
     const int     n = 3 * s->p->nc;
     clothi_store *st = &s->store[s->wide];
-    double       *A = s->Ac, *sign = s->cd + n;         /* a pattern has a leaf: room for two */
+    double       *A = s->Ac, *sign = s->cd + n;
     signed char   pivot[3 * CLOTHI_AGG_MAX];
     size_t        i, j, ld = (size_t)n;
     int           k, k1;
@@ -7449,41 +7457,6 @@ typedef enum clothi_run {                   /* how a run in one precision ended 
     CLOTHI_RUN_DONE, CLOTHI_RUN_WIDE, CLOTHI_RUN_INDEFINITE, CLOTHI_RUN_NONFINITE
 } clothi_run;
 
-/* All of the set-up. Three parallel regions. */
-static clothi_run clothi_setup(cloth_linear_solver *s) {
-    const cloth_pattern *p = s->p;
-    const int first = p->dom[p->nd];
-    double    trace = 0, top = 0;
-    int       d;
-    s->bad_row = s->bad_pivot = -1;
-    memset(s->tally, 0, sizeof s->tally);
-    for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
-    if (s->wide) clothi_factor_rows(s, first, p->n, s->tally + p->nd, 1);
-    else clothi_factor_rows(s, first, p->n, s->tally + p->nd, 0);
-    if (s->wide) clothi_setup_own(s, first, p->n, 1);
-    else clothi_setup_own(s, first, p->n, 0);
-    clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
-    for (d = 0; d <= p->nd; d++) {
-        if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
-        trace += s->tally[d].trace;
-        if (s->tally[d].top > top) top = s->tally[d].top;
-    }
-    if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
-    if (s->wide) clothi_setup_rest(s, 1);
-    else clothi_setup_rest(s, 0);
-    trace += s->tally[p->nd].trace;
-    for (d = 0; d < s->A->ne; d++)
-        trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
-                      s->A->extra[9 * (size_t)d + 8]);
-    /* stiffness against inertia per vertex: beyond this, floats lose the mass */
-    if (!s->wide && !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)) return CLOTHI_RUN_WIDE;
-    clothi_for(&s->hooks, p->nc + 1, p->nd > 1 ? p->nc / 8 + 1 : p->nc + 1, clothi_coarse_range,
-               s);
-    clothi_setup_extras(s);
-    s->bad_pivot = clothi_coarse_factor(s);
-    return s->bad_pivot >= 0 ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_DONE;
-}
-
 /* --- sweeps --- */
 
 /* What leaf d gives the rows of S in a forward sweep of z. */
@@ -7513,9 +7486,8 @@ CLOTHI_LANE clothi_v4 clothi_forward_rest(const cloth_linear_solver *s, int i, c
 }
 
 /* z <- K^-1 z of leaf d, with |z|^2 in tally.rr. */
-CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, const int w) {
+CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, void *z, const int w) {
     const cloth_pattern *p = s->p;
-    void     *z = s->vec;
     clothi_v4 sum = clothi_zero4();
     int       i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
@@ -7528,25 +7500,13 @@ CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, const int w)
     clothi_give_rest(s, d, z, w);
 }
 
-CLOTHI_OUTLINE static void clothi_forward_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) {
-        if (s->wide) clothi_forward_leaf(s, d, 1);
-        else clothi_forward_leaf(s, d, 0);
-    }
-}
-
-/* z <- K^-1 z; returns |z|^2. */
-static double clothi_forward(cloth_linear_solver *s, void *z) {
+/* The same for the rows of S, after the leaves; returns |z|^2 of all rows. */
+static double clothi_forward_last(cloth_linear_solver *s, void *z) {
     const cloth_pattern *p = s->p;
     const int w = s->wide;
     clothi_v4 sum = clothi_zero4();
     double    total = 0;
     int       i;
-    s->vec = z;
-    clothi_for(&s->hooks, p->nd, 1, clothi_forward_range, s);
     for (i = 0; i < p->nd; i++) total += s->tally[i].rr;
     for (i = p->dom[p->nd]; i < p->n; i++) {
         clothi_v4 v;
@@ -7857,34 +7817,91 @@ static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) 
     }
 }
 
-/* r = G^-1 b, cd = P'b. */
-CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, const int w) {
+/* Rows of leaf d (nd: of S): Z and V scaled, r = w = G^-1 b, p = t = 0, their share of P'b. */
+CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
-    int i, k, c;
-    for (i = 0; i < p->n; i++) {
+    double   *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
+    clothi_v4 o = clothi_zero4();
+    int       i, k;
+    memset(cd, 0, 3 * (size_t)p->nc * sizeof(double));
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const double *b = s->b + 3 * (size_t)p->vertex_of[i];
         const int     m = clothi_mask(s, i);
-        double        u[3], r;
+        const size_t  at = (size_t)i;
+        double        u[3];
+        clothi_scale_row(s, i, w);
         for (k = 0; k < 3; k++) {
             u[k] = m >> k & 1 ? 0 : b[k];
-            if (p->agg[i] >= 0) s->cd[3 * p->agg[i] + k] += u[k];
+            if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
+            clothi_put(st->w, 4 * at + (size_t)k, u[k], w);
         }
-        for (k = 0; k < 3; k++) {
-            for (c = 0, r = 0; c <= k; c++)
-                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), w) * u[c];
-            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, w);
-        }
-        clothi_put(st->r, 4 * (size_t)i + 3, 0, w);
+        clothi_put(st->w, 4 * at + 3, 0, w);
+        clothi_store4(st->w, at, clothi_columns4(st->G, at, st->w, at, w), w);
+        clothi_store4(st->r, at, clothi_load4(st->w, at, w), w);
+        clothi_store4(st->p, at, o, w);
+        clothi_store4(st->t, at, o, w);
     }
 }
 
-/* The coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
-CLOTHI_LANE void clothi_start_coarse(cloth_linear_solver *s, const int w) {
+CLOTHI_LANE void clothi_enter_leaf(cloth_linear_solver *s, int d, const int w) {
+    clothi_enter_rows(s, d, w);
+    if (d < s->p->nd) clothi_forward_leaf(s, d, s->store[w].w, w);
+}
+
+/* The coarse factor, which takes longest, beside the rest: 0, 1 + d. */
+CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (d == 0) s->bad_pivot = clothi_coarse_factor(s);
+        else if (s->wide) clothi_enter_leaf(s, d - 1, 1);
+        else clothi_enter_leaf(s, d - 1, 0);
+    }
+}
+
+/* All of the set-up, and what needs no more of a solve. Three parallel regions. */
+static clothi_run clothi_setup(cloth_linear_solver *s) {
+    const cloth_pattern *p = s->p;
+    const int first = p->dom[p->nd];
+    double    trace = 0, top = 0;
+    int       d;
+    s->bad_row = s->bad_pivot = -1;
+    memset(s->tally, 0, sizeof s->tally);
+    for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
+    if (s->wide) clothi_factor_rows(s, first, p->n, s->tally + p->nd, 1);
+    else clothi_factor_rows(s, first, p->n, s->tally + p->nd, 0);
+    if (s->wide) clothi_setup_own(s, first, p->n, 1);
+    else clothi_setup_own(s, first, p->n, 0);
+    clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
+    for (d = 0; d <= p->nd; d++) {
+        if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
+        trace += s->tally[d].trace;
+        if (s->tally[d].top > top) top = s->tally[d].top;
+    }
+    if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
+    if (s->wide) clothi_setup_rest(s, 1);
+    else clothi_setup_rest(s, 0);
+    trace += s->tally[p->nd].trace;
+    for (d = 0; d < s->A->ne; d++)
+        trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
+                      s->A->extra[9 * (size_t)d + 8]);
+    /* stiffness against inertia per vertex: beyond this, floats lose the mass */
+    if (!s->wide && !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)) return CLOTHI_RUN_WIDE;
+    clothi_for(&s->hooks, p->nc + 1, p->nd > 1 ? p->nc / 8 + 1 : p->nc + 1, clothi_coarse_range,
+               s);
+    clothi_setup_extras(s);
+    clothi_for(&s->hooks, p->nd + 2, p->nd > 1 ? 1 : 3, clothi_enter_range, s);
+    return s->bad_pivot >= 0 ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_DONE;
+}
+
+/* Rows of leaf d (nd: of S), of the coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
+CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     int i, k;
-    for (i = 0; i < p->n; i++) {
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const size_t at = (size_t)i;
         clothi_v4    a = clothi_zero4(), b = a, c = a, x = a;
         for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
@@ -7897,6 +7914,23 @@ CLOTHI_LANE void clothi_start_coarse(cloth_linear_solver *s, const int w) {
         clothi_store4(st->x, at, x, w);
         clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
                                              clothi_rows4(a, b, c, w), w), w);
+    }
+    s->tally[d].big = s->radius_on ? clothi_biggest(st, p->dom[d], p->dom[d + 1], w) : 0;
+}
+
+/* part 1 or 2 of it alone with extras: they change r before it is swept. */
+CLOTHI_LANE void clothi_start_leaf(cloth_linear_solver *s, int d, const int w) {
+    if (s->part != 2) clothi_start_rows(s, d, w);
+    if (s->part != 1) clothi_forward_leaf(s, d, s->store[w].r, w);
+}
+
+CLOTHI_OUTLINE static void clothi_start_leaves(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (s->wide) clothi_start_leaf(s, d, 1);
+        else clothi_start_leaf(s, d, 0);
     }
 }
 
@@ -7922,25 +7956,27 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 /* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
  * then shortened to it. */
 CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
+    const cloth_pattern *p = s->p;
     clothi_store *st = &s->store[s->wide];
-    const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
-    const int     n3 = 3 * s->p->nc;
+    const int     n3 = 3 * p->nc;
     double        cs = 0, big = 0;
-    int           i;
+    int           i, d;
     memset(s->cd, 0, (size_t)n3 * sizeof(double));
-    if (s->wide) clothi_start_rows(s, 1);
-    else clothi_start_rows(s, 0);
-    for (i = 0; i < n3; i++) s->cd[n3 + i] = s->cd[i];  /* a pattern has a leaf: room for two */
+    for (d = 0; d <= p->nd; d++)
+        for (i = 0; i < n3; i++) s->cd[i] += s->cd[(d + 2) * n3 + i];
+    memcpy(s->cd + n3, s->cd, (size_t)n3 * sizeof(double));
     clothi_coarse_apply(s);
     for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
-    memcpy(st->w, st->r, n * record);
-    if (s->wide) clothi_start_coarse(s, 1);
-    else clothi_start_coarse(s, 0);
-    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
-    g->c0 = clothi_forward(s, st->w) + cs;
+    g->c0 = clothi_forward_last(s, st->w) + cs;
     g->Q = 0.5 * cs;
-    if (s->radius_on)
-        big = s->wide ? clothi_biggest(st, 0, s->p->n, 1) : clothi_biggest(st, 0, s->p->n, 0);
+    if (s->wide) clothi_start_rows(s, p->nd, 1);
+    else clothi_start_rows(s, p->nd, 0);
+    for (s->part = s->A->ne ? 1 : 0;; s->part = 2) {
+        clothi_for(&s->hooks, p->nd, 1, clothi_start_leaves, s);
+        if (s->part != 1) break;
+        clothi_extras_apply(s, -1, st->x, st->r);
+    }
+    for (d = 0; d <= p->nd; d++) big = clothi_max(s->tally[d].big, big);
     if (s->radius_on && big > g->radius) {
         const double f = g->radius / big;
         clothi_axpy(s, st->x, f - 1, st->x);
@@ -7949,9 +7985,7 @@ CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
         g->rr = g->c0;
         return 1;
     }
-    g->rr = clothi_forward(s, st->r);
-    memset(st->p, 0, n * record);
-    memset(st->t, 0, n * record);
+    g->rr = clothi_forward_last(s, st->r);
     return 0;
 }
 

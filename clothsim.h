@@ -1589,7 +1589,6 @@ typedef struct clothi_triangle {
     double shape;       /* height / longest edge; 0 when degenerate                            */
 } clothi_triangle;
 
-/* Largest magnitude of a [n]. */
 /* Four sums side by side: no addition waits for the one before it. */
 CLOTHI_OUTLINE static double clothi_dot(const double *a, const double *b, size_t n) {
     double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
@@ -1604,11 +1603,20 @@ CLOTHI_OUTLINE static double clothi_dot(const double *a, const double *b, size_t
     return (s0 + s1) + (s2 + s3);
 }
 
+/* Largest magnitude of a [n], by four likewise. */
 CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
-    double max = 0;
+    double m0 = 0, m1 = 0, m2 = 0, m3 = 0;
     int    i;
-    for (i = 0; i < n; i++) max = fabs(a[i]) > max ? fabs(a[i]) : max;
-    return max;
+    for (i = 0; i + 4 <= n; i += 4) {
+        m0 = fabs(a[i]) > m0 ? fabs(a[i]) : m0;
+        m1 = fabs(a[i + 1]) > m1 ? fabs(a[i + 1]) : m1;
+        m2 = fabs(a[i + 2]) > m2 ? fabs(a[i + 2]) : m2;
+        m3 = fabs(a[i + 3]) > m3 ? fabs(a[i + 3]) : m3;
+    }
+    for (; i < n; i++) m0 = fabs(a[i]) > m0 ? fabs(a[i]) : m0;
+    m0 = m1 > m0 ? m1 : m0;
+    m2 = m3 > m2 ? m3 : m2;
+    return m2 > m0 ? m2 : m0;
 }
 
 /* Corners a, b, c, finite. Works on numbers scaled by a power of two, so that no square over- or
@@ -6374,12 +6382,27 @@ static void clothi_close_blocks(cloth_matrix *A, int i, int k0, int k1, int own,
     }
 }
 
+typedef struct clothi_closing {
+    cloth_matrix *A;
+    const double *m;
+    double        f;
+} clothi_closing;
+
+static void clothi_close_mass(const clothi_closing *c, int begin, int end) {
+    int i, k;
+    for (i = begin; i < end; i++)
+        for (k = 0; k < 9; k += 4)
+            c->A->diag[9 * (size_t)i + (size_t)k] += c->f * c->m[c->A->p->vertex_of[i]];
+}
+
 CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, void *ctx) {
-    cloth_matrix        *A = (cloth_matrix *)ctx;
-    const cloth_pattern *p = A->p;
+    const clothi_closing *c = (const clothi_closing *)ctx;
+    cloth_matrix         *A = c->A;
+    const cloth_pattern  *p = A->p;
     int d, i, first = p->dom[p->nd];
     (void)worker;
     for (d = begin; d < end; d++) {
+        clothi_close_mass(c, p->dom[d], p->dom[d + 1]);
         for (i = p->dom[d]; i < p->dom[d + 1]; i++)
             clothi_close_blocks(A, i, p->row[i], p->row[i + 1], 1, 1);
         for (i = first; i < p->n; i++) {
@@ -6389,12 +6412,17 @@ CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, vo
     }
 }
 
-/* D_i -= sum of the blocks of row i: what elements that do not feel translations leave to the
- * diagonal. Extras bring their own diagonals. */
-static void clothi_matrix_close(cloth_matrix *A) {
+/* D_i += f m_i - sum of the blocks of row i: inertia (m [n] of the vertices) and what elements
+ * that do not feel translations leave to the diagonal. Extras bring their own diagonals. */
+static void clothi_matrix_close(cloth_matrix *A, const double *m, double f) {
     const cloth_pattern *p = A->p;
-    int i, first = p->dom[p->nd];
-    clothi_for(&A->hooks, p->nd, 1, clothi_close_range, A);
+    clothi_closing       c;
+    int                  i, first = p->dom[p->nd];
+    c.A = A;
+    c.m = m;
+    c.f = f;
+    clothi_for(&A->hooks, p->nd, 1, clothi_close_range, &c);
+    clothi_close_mass(&c, first, p->n);
     for (i = first; i < p->n; i++) {
         const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
         clothi_close_blocks(A, i, p->row[i], at, 1, 0);
@@ -7412,29 +7440,41 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
     return -1;
 }
 
-/* c <- (U'U)^-1 c, both substitutions as sums of rows; the diagonals hold reciprocals. */
-CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *U, const float *Ut, float *c, int n) {
+/* c <- (U'U)^-1 c, both substitutions as sums of rows, those of one aggregate together; the
+ * diagonals hold reciprocals. */
+CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *CLOTHI_RESTRICT U,
+                                                const float *CLOTHI_RESTRICT Ut,
+                                                float *CLOTHI_RESTRICT c, int n) {
     int j, k;
-    for (k = 0; k < n; k++) {
-        const float *R = U + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = k + 1; j < n; j++) c[j] -= f * R[j];
+    for (k = 0; k < n; k += 3) {
+        const float *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const float f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
+        const float h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
+        for (j = k + 3; j < n; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
-    for (k = n - 1; k >= 0; k--) {
-        const float *R = Ut + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = 0; j < k; j++) c[j] -= f * R[j];
+    for (k = n - 3; k >= 0; k -= 3) {
+        const float *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const float h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
+        const float f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
+        for (j = 0; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
 }
 
-CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *U, const double *Ut, double *c,
-                                                 int n) {
+CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *CLOTHI_RESTRICT U,
+                                                const double *CLOTHI_RESTRICT Ut,
+                                                double *CLOTHI_RESTRICT c, int n) {
     int j, k;
-    for (k = 0; k < n; k++) {
-        const double *R = U + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = k + 1; j < n; j++) c[j] -= f * R[j];
+    for (k = 0; k < n; k += 3) {
+        const double *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const double f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
+        const double h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
+        for (j = k + 3; j < n; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
-    for (k = n - 1; k >= 0; k--) {
-        const double *R = Ut + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = 0; j < k; j++) c[j] -= f * R[j];
+    for (k = n - 3; k >= 0; k -= 3) {
+        const double *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const double h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
+        const double f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
+        for (j = 0; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
 }
 
@@ -7591,6 +7631,13 @@ CLOTHI_LANE void clothi_project_rows(cloth_linear_solver *s, int d, int begin, i
             clothi_add_record(st->zpart, at + (size_t)p->zj[k],
                               clothi_columns4(st->Z, (size_t)k, st->s, (size_t)i, w), w);
         }
+    for (k = 0; k < p->nc; k++) {           /* the copies into the first                       */
+        const size_t at = first + (size_t)k, nc = (size_t)p->nc;
+        clothi_v4    sum = clothi_load4(st->zpart, at, w);
+        for (c = 1; c < CLOTHI_COPIES; c++)
+            sum = clothi_add4(sum, clothi_load4(st->zpart, at + c * nc, w), w);
+        clothi_store4(st->zpart, at, sum, w);
+    }
 }
 
 /* First half of an iteration in leaf d: advance, s = K^-T r (S has been done), Z's. */
@@ -7678,11 +7725,12 @@ CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, double f,
 static void clothi_project(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
     const void *part = s->store[s->wide].zpart;
-    size_t      a, k, d, nc = (size_t)p->nc, parts = (size_t)(p->nd + 1) * CLOTHI_COPIES;
+    size_t      a, k, d, nc = (size_t)p->nc;
     for (a = 0; a < nc; a++)
         for (k = 0; k < 3; k++) {
             double sum = 0;
-            for (d = 0; d < parts; d++) sum += clothi_get(part, 4 * (d * nc + a) + k, s->wide);
+            for (d = 0; d <= (size_t)p->nd; d++)
+                sum += clothi_get(part, 4 * (d * CLOTHI_COPIES * nc + a) + k, s->wide);
             s->cd[3 * a + k] = sum;
         }
     if (s->A->ne) clothi_extras_apply(s, 1, s->store[s->wide].s, NULL);
@@ -7807,14 +7855,32 @@ static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
     return tau > 0 ? tau : 0;
 }
 
-/* Vector z in metres and in the order of the vertices. */
-static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) {
+typedef struct clothi_gift {
+    const cloth_linear_solver *s;
+    const void *z;
+    double     *x;
+} clothi_gift;
+
+CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
+    const clothi_gift         *g = (const clothi_gift *)ctx;
+    const cloth_linear_solver *s = g->s;
     double q[4];
     int    i;
-    for (i = 0; i < s->p->n; i++) {
-        clothi_metres(&s->store[s->wide], z, i, q, s->wide);
-        memcpy(x + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
+    (void)worker;
+    for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
+        if (s->wide) clothi_metres_any(&s->store[1], g->z, i, q, 1);
+        else clothi_metres_any(&s->store[0], g->z, i, q, 0);
+        memcpy(g->x + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
     }
+}
+
+/* Vector z in metres and in the order of the vertices. */
+static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) {
+    clothi_gift g;
+    g.s = s;
+    g.z = z;
+    g.x = x;
+    clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, &g);
 }
 
 /* Rows of leaf d (nd: of S): Z and V scaled, r = w = G^-1 b, p = t = 0, their share of P'b. */
@@ -10432,15 +10498,19 @@ static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
 
 /* n a multiple of CLOTHI_LANES. */
 static double clothi_lane_sum(const double *a, int n) {
-    double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    double s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0, s6 = 0, s7 = 0;
     int    i;
-    for (i = 0; i < n; i += 4) {
+    for (i = 0; i < n; i += 8) {
         s0 += a[i];
         s1 += a[i + 1];
         s2 += a[i + 2];
         s3 += a[i + 3];
+        s4 += a[i + 4];
+        s5 += a[i + 5];
+        s6 += a[i + 6];
+        s7 += a[i + 7];
     }
-    return (s0 + s1) + (s2 + s3);
+    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7));
 }
 
 /* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
@@ -10577,11 +10647,18 @@ static void clothi_gather_forces(cloth_sim *s, double *grad) {
 static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double *energy) {
     const cloth_sim *s = (const cloth_sim *)user;
     const double    *m = e->params->mass, *g = s->gravity;
-    double           sum = 0;
-    int              i;
-    for (i = 0; i < e->nv; i++) sum -= m[i] * clothi_dot3(g, e->x + 3 * i);
-    for (i = 0; e->grad && i < 3 * e->nv; i++) e->grad[i] -= m[i / 3] * g[i % 3];
-    *energy = sum;
+    double           sum = 0, s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    int              i, k;
+    for (i = 0; i + 4 <= e->nv; i += 4) {   /* no addition waits for the one before it         */
+        s0 += m[i] * clothi_dot3(g, e->x + 3 * i);
+        s1 += m[i + 1] * clothi_dot3(g, e->x + 3 * i + 3);
+        s2 += m[i + 2] * clothi_dot3(g, e->x + 3 * i + 6);
+        s3 += m[i + 3] * clothi_dot3(g, e->x + 3 * i + 9);
+    }
+    for (; i < e->nv; i++) sum += m[i] * clothi_dot3(g, e->x + 3 * i);
+    for (i = 0; e->grad && i < e->nv; i++)
+        for (k = 0; k < 3; k++) e->grad[3 * i + k] -= m[i] * g[k];
+    *energy = -(((s0 + s1) + (s2 + s3)) + sum);
     return CLOTH_OK;
 }
 
@@ -11383,14 +11460,8 @@ static cloth_status clothi_matrix_start(cloth_sim *s) {
 
 /* After the elements: the diagonal from the rows' sums, then inertia M (1/eta^2 + sigma). */
 static void clothi_matrix_inertia(cloth_sim *s, const clothi_goal *goal) {
-    double w = (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma;
-    double block[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    int    i;
-    clothi_matrix_close(s->matrix);
-    for (i = 0; i < s->model->nv; i++) {
-        block[0] = block[4] = block[8] = w * s->params.mass[i];
-        clothi_matrix_add_diag(s->matrix, i, block, 1);
-    }
+    clothi_matrix_close(s->matrix, s->params.mass,
+                        (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma);
 }
 
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
@@ -11545,10 +11616,15 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
 
 /* rhs = -g over leaders and free unknowns. */
 CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
-    int i, n = 3 * s->model->nv;
-    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
-    clothi_tie_gradient(s->model, s->w.rhs);
-    for (i = 0; i < n; i++) s->w.rhs[i] = s->fixed[i / 3] >> (i % 3) & 1 ? 0 : -s->w.rhs[i];
+    double *r = s->w.rhs;
+    int     i;
+    memcpy(r, s->w.grad, 3 * (size_t)s->model->nv * sizeof(double));
+    clothi_tie_gradient(s->model, r);
+    for (i = 0; i < s->model->nv; i++, r += 3) {
+        r[0] = s->fixed[i] & 1 ? 0 : -r[0];
+        r[1] = s->fixed[i] & 2 ? 0 : -r[1];
+        r[2] = s->fixed[i] & 4 ? 0 : -r[2];
+    }
 }
 
 /* The elements are finite by promise: a host's term or contact is not. */

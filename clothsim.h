@@ -1600,7 +1600,6 @@ typedef struct clothi_triangle {
     double shape;       /* height / longest edge; 0 when degenerate                            */
 } clothi_triangle;
 
-/* Largest magnitude of a [n]. */
 /* Four sums side by side: no addition waits for the one before it. */
 CLOTHI_OUTLINE static double clothi_dot(const double *a, const double *b, size_t n) {
     double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
@@ -1615,11 +1614,20 @@ CLOTHI_OUTLINE static double clothi_dot(const double *a, const double *b, size_t
     return (s0 + s1) + (s2 + s3);
 }
 
+/* Largest magnitude of a [n], by four likewise. */
 CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
-    double max = 0;
+    double m0 = 0, m1 = 0, m2 = 0, m3 = 0;
     int    i;
-    for (i = 0; i < n; i++) max = fabs(a[i]) > max ? fabs(a[i]) : max;
-    return max;
+    for (i = 0; i + 4 <= n; i += 4) {
+        m0 = fabs(a[i]) > m0 ? fabs(a[i]) : m0;
+        m1 = fabs(a[i + 1]) > m1 ? fabs(a[i + 1]) : m1;
+        m2 = fabs(a[i + 2]) > m2 ? fabs(a[i + 2]) : m2;
+        m3 = fabs(a[i + 3]) > m3 ? fabs(a[i + 3]) : m3;
+    }
+    for (; i < n; i++) m0 = fabs(a[i]) > m0 ? fabs(a[i]) : m0;
+    m0 = m1 > m0 ? m1 : m0;
+    m2 = m3 > m2 ? m3 : m2;
+    return m2 > m0 ? m2 : m0;
 }
 
 /* Corners a, b, c, finite. Works on numbers scaled by a power of two, so that no square over- or
@@ -6385,12 +6393,27 @@ static void clothi_close_blocks(cloth_matrix *A, int i, int k0, int k1, int own,
     }
 }
 
+typedef struct clothi_closing {
+    cloth_matrix *A;
+    const double *m;
+    double        f;
+} clothi_closing;
+
+static void clothi_close_mass(const clothi_closing *c, int begin, int end) {
+    int i, k;
+    for (i = begin; i < end; i++)
+        for (k = 0; k < 9; k += 4)
+            c->A->diag[9 * (size_t)i + (size_t)k] += c->f * c->m[c->A->p->vertex_of[i]];
+}
+
 CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, void *ctx) {
-    cloth_matrix        *A = (cloth_matrix *)ctx;
-    const cloth_pattern *p = A->p;
+    const clothi_closing *c = (const clothi_closing *)ctx;
+    cloth_matrix         *A = c->A;
+    const cloth_pattern  *p = A->p;
     int d, i, first = p->dom[p->nd];
     (void)worker;
     for (d = begin; d < end; d++) {
+        clothi_close_mass(c, p->dom[d], p->dom[d + 1]);
         for (i = p->dom[d]; i < p->dom[d + 1]; i++)
             clothi_close_blocks(A, i, p->row[i], p->row[i + 1], 1, 1);
         for (i = first; i < p->n; i++) {
@@ -6400,12 +6423,17 @@ CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, vo
     }
 }
 
-/* D_i -= sum of the blocks of row i: what elements that do not feel translations leave to the
- * diagonal. Extras bring their own diagonals. */
-static void clothi_matrix_close(cloth_matrix *A) {
+/* D_i += f m_i - sum of the blocks of row i: inertia (m [n] of the vertices) and what elements
+ * that do not feel translations leave to the diagonal. Extras bring their own diagonals. */
+static void clothi_matrix_close(cloth_matrix *A, const double *m, double f) {
     const cloth_pattern *p = A->p;
-    int i, first = p->dom[p->nd];
-    clothi_for(&A->hooks, p->nd, 1, clothi_close_range, A);
+    clothi_closing       c;
+    int                  i, first = p->dom[p->nd];
+    c.A = A;
+    c.m = m;
+    c.f = f;
+    clothi_for(&A->hooks, p->nd, 1, clothi_close_range, &c);
+    clothi_close_mass(&c, first, p->n);
     for (i = first; i < p->n; i++) {
         const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
         clothi_close_blocks(A, i, p->row[i], at, 1, 0);
@@ -6981,7 +7009,8 @@ struct cloth_linear_solver {
     cloth_hooks hooks;
     const cloth_pattern *p;
     clothi_store store[2];
-    double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+1) x 3nc]     */
+    double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+3) x 3nc]:
+                                               two to work in, then P'b of each leaf and S     */
     double *jacobi;                         /* [4n x 3], made when first asked for             */
     struct cloth_factor *factor;            /* [7.4], made when first asked for                */
     int     use_factor;
@@ -6989,8 +7018,7 @@ struct cloth_linear_solver {
     const cloth_matrix  *A;
     const unsigned char *fixed;
     const double        *b;
-    void   *vec;                            /* of a forward sweep                              */
-    int     wide, step, radius_on;
+    int     wide, step, radius_on, part;
     double  alpha, beta;
     int     bad_row, bad_pivot;             /* where the set-up met no positive curvature, -1  */
     double  bad_value;
@@ -7063,7 +7091,7 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
     s->p = pattern;
     s->Ac = (double *)clothi_alloc(hooks, nc3 * nc3 + 2 * (nc3 + CLOTHI_FRONT_PAD) *
                                               CLOTHI_COARSE_BLOCK, sizeof(double));
-    s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 1), sizeof(double));
+    s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 3), sizeof(double));
     if (!s->Ac || !s->cd) {
         cloth_linear_solver_destroy(s);
         return CLOTH_ERR_MEMORY;
@@ -7299,7 +7327,7 @@ CLOTHI_LANE void clothi_setup_rest(cloth_linear_solver *s, const int w) {
     }
 }
 
-/* Row i: the upper part V' added to Z, Z into the rows of the coarse matrix, both scaled. */
+/* Row i: the upper part V' added to Z, Z into the rows of the coarse matrix. */
 CLOTHI_LANE void clothi_coarse_row(cloth_linear_solver *s, int i, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
@@ -7312,14 +7340,22 @@ CLOTHI_LANE void clothi_coarse_row(cloth_linear_solver *s, int i, const int w) {
                 clothi_put(st->Z, to, clothi_get(st->Z, to, w) +
                            clothi_get(st->V, 12 * (size_t)m + (size_t)(4 * c + a), w), w);
             }
-    for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
-        const size_t z = 3 * (size_t)m, g = 3 * (size_t)i;
-        clothi_v4    z0, z1, z2, r;
-        if (p->agg[i] >= 0 && p->zj[m] >= p->agg[i])
+    for (m = p->zp[i]; m < p->zp[i + 1] && p->agg[i] >= 0; m++)
+        if (p->zj[m] >= p->agg[i])
             for (a = 0; a < 3; a++)
                 for (c = 0; c < 3; c++)
                     s->Ac[(size_t)(3 * p->agg[i] + a) * n3 + (size_t)(3 * p->zj[m] + c)] +=
                         clothi_get(st->Z, 12 * (size_t)m + (size_t)(4 * a + c), w);
+}
+
+/* Z and V of row i scaled. */
+CLOTHI_LANE void clothi_scale_row(const cloth_linear_solver *s, int i, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    int m;
+    for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
+        const size_t z = 3 * (size_t)m, g = 3 * (size_t)i;
+        clothi_v4    z0, z1, z2, r;
         z0 = clothi_load4(st->Z, z, w);
         z1 = clothi_load4(st->Z, z + 1, w);
         z2 = clothi_load4(st->Z, z + 2, w);
@@ -7389,7 +7425,7 @@ static void clothi_front_update(const cloth_hooks *hooks, const double *panel, s
 CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
     const int     n = 3 * s->p->nc;
     clothi_store *st = &s->store[s->wide];
-    double       *A = s->Ac, *sign = s->cd + n;         /* a pattern has a leaf: room for two */
+    double       *A = s->Ac, *sign = s->cd + n;
     signed char   pivot[3 * CLOTHI_AGG_MAX];
     size_t        i, j, ld = (size_t)n;
     int           k, k1;
@@ -7415,29 +7451,41 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
     return -1;
 }
 
-/* c <- (U'U)^-1 c, both substitutions as sums of rows; the diagonals hold reciprocals. */
-CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *U, const float *Ut, float *c, int n) {
+/* c <- (U'U)^-1 c, both substitutions as sums of rows, those of one aggregate together; the
+ * diagonals hold reciprocals. */
+CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *CLOTHI_RESTRICT U,
+                                                const float *CLOTHI_RESTRICT Ut,
+                                                float *CLOTHI_RESTRICT c, int n) {
     int j, k;
-    for (k = 0; k < n; k++) {
-        const float *R = U + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = k + 1; j < n; j++) c[j] -= f * R[j];
+    for (k = 0; k < n; k += 3) {
+        const float *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const float f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
+        const float h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
+        for (j = k + 3; j < n; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
-    for (k = n - 1; k >= 0; k--) {
-        const float *R = Ut + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = 0; j < k; j++) c[j] -= f * R[j];
+    for (k = n - 3; k >= 0; k -= 3) {
+        const float *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const float h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
+        const float f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
+        for (j = 0; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
 }
 
-CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *U, const double *Ut, double *c,
-                                                 int n) {
+CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *CLOTHI_RESTRICT U,
+                                                const double *CLOTHI_RESTRICT Ut,
+                                                double *CLOTHI_RESTRICT c, int n) {
     int j, k;
-    for (k = 0; k < n; k++) {
-        const double *R = U + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = k + 1; j < n; j++) c[j] -= f * R[j];
+    for (k = 0; k < n; k += 3) {
+        const double *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const double f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
+        const double h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
+        for (j = k + 3; j < n; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
-    for (k = n - 1; k >= 0; k--) {
-        const double *R = Ut + (size_t)k * (size_t)n, f = c[k] *= R[k];
-        for (j = 0; j < k; j++) c[j] -= f * R[j];
+    for (k = n - 3; k >= 0; k -= 3) {
+        const double *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
+        const double h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
+        const double f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
+        for (j = 0; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
 }
 
@@ -7459,41 +7507,6 @@ static void clothi_coarse_apply(cloth_linear_solver *s) {
 typedef enum clothi_run {                   /* how a run in one precision ended                */
     CLOTHI_RUN_DONE, CLOTHI_RUN_WIDE, CLOTHI_RUN_INDEFINITE, CLOTHI_RUN_NONFINITE
 } clothi_run;
-
-/* All of the set-up. Three parallel regions. */
-static clothi_run clothi_setup(cloth_linear_solver *s) {
-    const cloth_pattern *p = s->p;
-    const int first = p->dom[p->nd];
-    double    trace = 0, top = 0;
-    int       d;
-    s->bad_row = s->bad_pivot = -1;
-    memset(s->tally, 0, sizeof s->tally);
-    for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
-    if (s->wide) clothi_factor_rows(s, first, p->n, s->tally + p->nd, 1);
-    else clothi_factor_rows(s, first, p->n, s->tally + p->nd, 0);
-    if (s->wide) clothi_setup_own(s, first, p->n, 1);
-    else clothi_setup_own(s, first, p->n, 0);
-    clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
-    for (d = 0; d <= p->nd; d++) {
-        if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
-        trace += s->tally[d].trace;
-        if (s->tally[d].top > top) top = s->tally[d].top;
-    }
-    if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
-    if (s->wide) clothi_setup_rest(s, 1);
-    else clothi_setup_rest(s, 0);
-    trace += s->tally[p->nd].trace;
-    for (d = 0; d < s->A->ne; d++)
-        trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
-                      s->A->extra[9 * (size_t)d + 8]);
-    /* stiffness against inertia per vertex: beyond this, floats lose the mass */
-    if (!s->wide && !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)) return CLOTHI_RUN_WIDE;
-    clothi_for(&s->hooks, p->nc + 1, p->nd > 1 ? p->nc / 8 + 1 : p->nc + 1, clothi_coarse_range,
-               s);
-    clothi_setup_extras(s);
-    s->bad_pivot = clothi_coarse_factor(s);
-    return s->bad_pivot >= 0 ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_DONE;
-}
 
 /* --- sweeps --- */
 
@@ -7524,9 +7537,8 @@ CLOTHI_LANE clothi_v4 clothi_forward_rest(const cloth_linear_solver *s, int i, c
 }
 
 /* z <- K^-1 z of leaf d, with |z|^2 in tally.rr. */
-CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, const int w) {
+CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, void *z, const int w) {
     const cloth_pattern *p = s->p;
-    void     *z = s->vec;
     clothi_v4 sum = clothi_zero4();
     int       i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
@@ -7539,25 +7551,13 @@ CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, const int w)
     clothi_give_rest(s, d, z, w);
 }
 
-CLOTHI_OUTLINE static void clothi_forward_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) {
-        if (s->wide) clothi_forward_leaf(s, d, 1);
-        else clothi_forward_leaf(s, d, 0);
-    }
-}
-
-/* z <- K^-1 z; returns |z|^2. */
-static double clothi_forward(cloth_linear_solver *s, void *z) {
+/* The same for the rows of S, after the leaves; returns |z|^2 of all rows. */
+static double clothi_forward_last(cloth_linear_solver *s, void *z) {
     const cloth_pattern *p = s->p;
     const int w = s->wide;
     clothi_v4 sum = clothi_zero4();
     double    total = 0;
     int       i;
-    s->vec = z;
-    clothi_for(&s->hooks, p->nd, 1, clothi_forward_range, s);
     for (i = 0; i < p->nd; i++) total += s->tally[i].rr;
     for (i = p->dom[p->nd]; i < p->n; i++) {
         clothi_v4 v;
@@ -7642,6 +7642,13 @@ CLOTHI_LANE void clothi_project_rows(cloth_linear_solver *s, int d, int begin, i
             clothi_add_record(st->zpart, at + (size_t)p->zj[k],
                               clothi_columns4(st->Z, (size_t)k, st->s, (size_t)i, w), w);
         }
+    for (k = 0; k < p->nc; k++) {           /* the copies into the first                       */
+        const size_t at = first + (size_t)k, nc = (size_t)p->nc;
+        clothi_v4    sum = clothi_load4(st->zpart, at, w);
+        for (c = 1; c < CLOTHI_COPIES; c++)
+            sum = clothi_add4(sum, clothi_load4(st->zpart, at + c * nc, w), w);
+        clothi_store4(st->zpart, at, sum, w);
+    }
 }
 
 /* First half of an iteration in leaf d: advance, s = K^-T r (S has been done), Z's. */
@@ -7729,11 +7736,12 @@ CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, double f,
 static void clothi_project(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
     const void *part = s->store[s->wide].zpart;
-    size_t      a, k, d, nc = (size_t)p->nc, parts = (size_t)(p->nd + 1) * CLOTHI_COPIES;
+    size_t      a, k, d, nc = (size_t)p->nc;
     for (a = 0; a < nc; a++)
         for (k = 0; k < 3; k++) {
             double sum = 0;
-            for (d = 0; d < parts; d++) sum += clothi_get(part, 4 * (d * nc + a) + k, s->wide);
+            for (d = 0; d <= (size_t)p->nd; d++)
+                sum += clothi_get(part, 4 * (d * CLOTHI_COPIES * nc + a) + k, s->wide);
             s->cd[3 * a + k] = sum;
         }
     if (s->A->ne) clothi_extras_apply(s, 1, s->store[s->wide].s, NULL);
@@ -7858,44 +7866,119 @@ static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
     return tau > 0 ? tau : 0;
 }
 
-/* Vector z in metres and in the order of the vertices. */
-static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) {
+typedef struct clothi_gift {
+    const cloth_linear_solver *s;
+    const void *z;
+    double     *x;
+} clothi_gift;
+
+CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
+    const clothi_gift         *g = (const clothi_gift *)ctx;
+    const cloth_linear_solver *s = g->s;
     double q[4];
     int    i;
-    for (i = 0; i < s->p->n; i++) {
-        clothi_metres(&s->store[s->wide], z, i, q, s->wide);
-        memcpy(x + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
+    (void)worker;
+    for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
+        if (s->wide) clothi_metres_any(&s->store[1], g->z, i, q, 1);
+        else clothi_metres_any(&s->store[0], g->z, i, q, 0);
+        memcpy(g->x + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
     }
 }
 
-/* r = G^-1 b, cd = P'b. */
-CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, const int w) {
+/* Vector z in metres and in the order of the vertices. */
+static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) {
+    clothi_gift g;
+    g.s = s;
+    g.z = z;
+    g.x = x;
+    clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, &g);
+}
+
+/* Rows of leaf d (nd: of S): Z and V scaled, r = w = G^-1 b, p = t = 0, their share of P'b. */
+CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
-    int i, k, c;
-    for (i = 0; i < p->n; i++) {
+    double   *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
+    clothi_v4 o = clothi_zero4();
+    int       i, k;
+    memset(cd, 0, 3 * (size_t)p->nc * sizeof(double));
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const double *b = s->b + 3 * (size_t)p->vertex_of[i];
         const int     m = clothi_mask(s, i);
-        double        u[3], r;
+        const size_t  at = (size_t)i;
+        double        u[3];
+        clothi_scale_row(s, i, w);
         for (k = 0; k < 3; k++) {
             u[k] = m >> k & 1 ? 0 : b[k];
-            if (p->agg[i] >= 0) s->cd[3 * p->agg[i] + k] += u[k];
+            if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
+            clothi_put(st->w, 4 * at + (size_t)k, u[k], w);
         }
-        for (k = 0; k < 3; k++) {
-            for (c = 0, r = 0; c <= k; c++)
-                r += clothi_get(st->G, 12 * (size_t)i + (size_t)(4 * c + k), w) * u[c];
-            clothi_put(st->r, 4 * (size_t)i + (size_t)k, r, w);
-        }
-        clothi_put(st->r, 4 * (size_t)i + 3, 0, w);
+        clothi_put(st->w, 4 * at + 3, 0, w);
+        clothi_store4(st->w, at, clothi_columns4(st->G, at, st->w, at, w), w);
+        clothi_store4(st->r, at, clothi_load4(st->w, at, w), w);
+        clothi_store4(st->p, at, o, w);
+        clothi_store4(st->t, at, o, w);
     }
 }
 
-/* The coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
-CLOTHI_LANE void clothi_start_coarse(cloth_linear_solver *s, const int w) {
+CLOTHI_LANE void clothi_enter_leaf(cloth_linear_solver *s, int d, const int w) {
+    clothi_enter_rows(s, d, w);
+    if (d < s->p->nd) clothi_forward_leaf(s, d, s->store[w].w, w);
+}
+
+/* The coarse factor, which takes longest, beside the rest: 0, 1 + d. */
+CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (d == 0) s->bad_pivot = clothi_coarse_factor(s);
+        else if (s->wide) clothi_enter_leaf(s, d - 1, 1);
+        else clothi_enter_leaf(s, d - 1, 0);
+    }
+}
+
+/* All of the set-up, and what needs no more of a solve. Three parallel regions. */
+static clothi_run clothi_setup(cloth_linear_solver *s) {
+    const cloth_pattern *p = s->p;
+    const int first = p->dom[p->nd];
+    double    trace = 0, top = 0;
+    int       d;
+    s->bad_row = s->bad_pivot = -1;
+    memset(s->tally, 0, sizeof s->tally);
+    for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
+    if (s->wide) clothi_factor_rows(s, first, p->n, s->tally + p->nd, 1);
+    else clothi_factor_rows(s, first, p->n, s->tally + p->nd, 0);
+    if (s->wide) clothi_setup_own(s, first, p->n, 1);
+    else clothi_setup_own(s, first, p->n, 0);
+    clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
+    for (d = 0; d <= p->nd; d++) {
+        if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
+        trace += s->tally[d].trace;
+        if (s->tally[d].top > top) top = s->tally[d].top;
+    }
+    if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
+    if (s->wide) clothi_setup_rest(s, 1);
+    else clothi_setup_rest(s, 0);
+    trace += s->tally[p->nd].trace;
+    for (d = 0; d < s->A->ne; d++)
+        trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
+                      s->A->extra[9 * (size_t)d + 8]);
+    /* stiffness against inertia per vertex: beyond this, floats lose the mass */
+    if (!s->wide && !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)) return CLOTHI_RUN_WIDE;
+    clothi_for(&s->hooks, p->nc + 1, p->nd > 1 ? p->nc / 8 + 1 : p->nc + 1, clothi_coarse_range,
+               s);
+    clothi_setup_extras(s);
+    clothi_for(&s->hooks, p->nd + 2, p->nd > 1 ? 1 : 3, clothi_enter_range, s);
+    return s->bad_pivot >= 0 ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_DONE;
+}
+
+/* Rows of leaf d (nd: of S), of the coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
+CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     int i, k;
-    for (i = 0; i < p->n; i++) {
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const size_t at = (size_t)i;
         clothi_v4    a = clothi_zero4(), b = a, c = a, x = a;
         for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
@@ -7908,6 +7991,23 @@ CLOTHI_LANE void clothi_start_coarse(cloth_linear_solver *s, const int w) {
         clothi_store4(st->x, at, x, w);
         clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
                                              clothi_rows4(a, b, c, w), w), w);
+    }
+    s->tally[d].big = s->radius_on ? clothi_biggest(st, p->dom[d], p->dom[d + 1], w) : 0;
+}
+
+/* part 1 or 2 of it alone with extras: they change r before it is swept. */
+CLOTHI_LANE void clothi_start_leaf(cloth_linear_solver *s, int d, const int w) {
+    if (s->part != 2) clothi_start_rows(s, d, w);
+    if (s->part != 1) clothi_forward_leaf(s, d, s->store[w].r, w);
+}
+
+CLOTHI_OUTLINE static void clothi_start_leaves(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (s->wide) clothi_start_leaf(s, d, 1);
+        else clothi_start_leaf(s, d, 0);
     }
 }
 
@@ -7933,25 +8033,27 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 /* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
  * then shortened to it. */
 CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
+    const cloth_pattern *p = s->p;
     clothi_store *st = &s->store[s->wide];
-    const size_t  record = 4 * (s->wide ? sizeof(double) : sizeof(float)), n = (size_t)s->p->n;
-    const int     n3 = 3 * s->p->nc;
+    const int     n3 = 3 * p->nc;
     double        cs = 0, big = 0;
-    int           i;
+    int           i, d;
     memset(s->cd, 0, (size_t)n3 * sizeof(double));
-    if (s->wide) clothi_start_rows(s, 1);
-    else clothi_start_rows(s, 0);
-    for (i = 0; i < n3; i++) s->cd[n3 + i] = s->cd[i];  /* a pattern has a leaf: room for two */
+    for (d = 0; d <= p->nd; d++)
+        for (i = 0; i < n3; i++) s->cd[i] += s->cd[(d + 2) * n3 + i];
+    memcpy(s->cd + n3, s->cd, (size_t)n3 * sizeof(double));
     clothi_coarse_apply(s);
     for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
-    memcpy(st->w, st->r, n * record);
-    if (s->wide) clothi_start_coarse(s, 1);
-    else clothi_start_coarse(s, 0);
-    if (s->A->ne) clothi_extras_apply(s, -1, st->x, st->r);
-    g->c0 = clothi_forward(s, st->w) + cs;
+    g->c0 = clothi_forward_last(s, st->w) + cs;
     g->Q = 0.5 * cs;
-    if (s->radius_on)
-        big = s->wide ? clothi_biggest(st, 0, s->p->n, 1) : clothi_biggest(st, 0, s->p->n, 0);
+    if (s->wide) clothi_start_rows(s, p->nd, 1);
+    else clothi_start_rows(s, p->nd, 0);
+    for (s->part = s->A->ne ? 1 : 0;; s->part = 2) {
+        clothi_for(&s->hooks, p->nd, 1, clothi_start_leaves, s);
+        if (s->part != 1) break;
+        clothi_extras_apply(s, -1, st->x, st->r);
+    }
+    for (d = 0; d <= p->nd; d++) big = clothi_max(s->tally[d].big, big);
     if (s->radius_on && big > g->radius) {
         const double f = g->radius / big;
         clothi_axpy(s, st->x, f - 1, st->x);
@@ -7960,9 +8062,7 @@ CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
         g->rr = g->c0;
         return 1;
     }
-    g->rr = clothi_forward(s, st->r);
-    memset(st->p, 0, n * record);
-    memset(st->t, 0, n * record);
+    g->rr = clothi_forward_last(s, st->r);
     return 0;
 }
 
@@ -10414,15 +10514,19 @@ static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
 
 /* n a multiple of CLOTHI_LANES. */
 static double clothi_lane_sum(const double *a, int n) {
-    double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    double s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0, s6 = 0, s7 = 0;
     int    i;
-    for (i = 0; i < n; i += 4) {
+    for (i = 0; i < n; i += 8) {
         s0 += a[i];
         s1 += a[i + 1];
         s2 += a[i + 2];
         s3 += a[i + 3];
+        s4 += a[i + 4];
+        s5 += a[i + 5];
+        s6 += a[i + 6];
+        s7 += a[i + 7];
     }
-    return (s0 + s1) + (s2 + s3);
+    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7));
 }
 
 /* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
@@ -10559,11 +10663,18 @@ static void clothi_gather_forces(cloth_sim *s, double *grad) {
 static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double *energy) {
     const cloth_sim *s = (const cloth_sim *)user;
     const double    *m = e->params->mass, *g = s->gravity;
-    double           sum = 0;
-    int              i;
-    for (i = 0; i < e->nv; i++) sum -= m[i] * clothi_dot3(g, e->x + 3 * i);
-    for (i = 0; e->grad && i < 3 * e->nv; i++) e->grad[i] -= m[i / 3] * g[i % 3];
-    *energy = sum;
+    double           sum = 0, s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    int              i, k;
+    for (i = 0; i + 4 <= e->nv; i += 4) {   /* no addition waits for the one before it         */
+        s0 += m[i] * clothi_dot3(g, e->x + 3 * i);
+        s1 += m[i + 1] * clothi_dot3(g, e->x + 3 * i + 3);
+        s2 += m[i + 2] * clothi_dot3(g, e->x + 3 * i + 6);
+        s3 += m[i + 3] * clothi_dot3(g, e->x + 3 * i + 9);
+    }
+    for (; i < e->nv; i++) sum += m[i] * clothi_dot3(g, e->x + 3 * i);
+    for (i = 0; e->grad && i < e->nv; i++)
+        for (k = 0; k < 3; k++) e->grad[3 * i + k] -= m[i] * g[k];
+    *energy = -(((s0 + s1) + (s2 + s3)) + sum);
     return CLOTH_OK;
 }
 
@@ -11374,14 +11485,8 @@ static cloth_status clothi_matrix_start(cloth_sim *s) {
 
 /* After the elements: the diagonal from the rows' sums, then inertia M (1/eta^2 + sigma). */
 static void clothi_matrix_inertia(cloth_sim *s, const clothi_goal *goal) {
-    double w = (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma;
-    double block[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    int    i;
-    clothi_matrix_close(s->matrix);
-    for (i = 0; i < s->model->nv; i++) {
-        block[0] = block[4] = block[8] = w * s->params.mass[i];
-        clothi_matrix_add_diag(s->matrix, i, block, 1);
-    }
+    clothi_matrix_close(s->matrix, s->params.mass,
+                        (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma);
 }
 
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
@@ -11537,10 +11642,15 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
 
 /* rhs = -g over leaders and free unknowns. */
 CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
-    int i, n = 3 * s->model->nv;
-    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
-    clothi_tie_gradient(s->model, s->w.rhs);
-    for (i = 0; i < n; i++) s->w.rhs[i] = s->fixed[i / 3] >> (i % 3) & 1 ? 0 : -s->w.rhs[i];
+    double *r = s->w.rhs;
+    int     i;
+    memcpy(r, s->w.grad, 3 * (size_t)s->model->nv * sizeof(double));
+    clothi_tie_gradient(s->model, r);
+    for (i = 0; i < s->model->nv; i++, r += 3) {
+        r[0] = s->fixed[i] & 1 ? 0 : -r[0];
+        r[1] = s->fixed[i] & 2 ? 0 : -r[1];
+        r[2] = s->fixed[i] & 4 ? 0 : -r[2];
+    }
 }
 
 /* The elements are finite by promise: a host's term or contact is not. */

@@ -348,7 +348,7 @@ CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);
  * point of the grid: continuous, and never above the distance that |x - q| and phi(q) allow.
  * in   grid   from cloth_grid_create, or filled in by hand
  * out  distance, gradient [3]; either may be NULL; untouched unless CLOTH_OK
- * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL; CLOTH_ERR_NONFINITE: x
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, n below 2, cell not above 0; CLOTH_ERR_NONFINITE: x
  * contract: alloc none | cost O(1), 8 loads | threads: any */
 CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[3],
                                          double *distance, double gradient[3]);
@@ -487,7 +487,8 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report);
 
-/* --- queries, of the last accepted step unless said --- */
+/* --- queries, of the last accepted step unless said; after a step that failed they know of none.
+ * CLOTH_ERR_ARGUMENT: NULL, max below 0, range not above 0; _NONFINITE: range, x; logged --- */
 
 CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c);
 /* The first `max` touches; *count: all of them. */
@@ -4497,9 +4498,11 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
                                          double *distance, double gradient[3]) {
     double f[3], out[3], grad[3], phi, size = 0, far;
     int    i[3], a;
-    if (!grid || !x) return CLOTH_ERR_ARGUMENT;
-    for (a = 0; a < 3; a++)
+    if (!grid || !x || !grid->phi || !(grid->cell > 0)) return CLOTH_ERR_ARGUMENT;
+    for (a = 0; a < 3; a++) {
+        if (grid->n[a] < 2) return CLOTH_ERR_ARGUMENT;
         if (!clothi_finite(x[a])) return CLOTH_ERR_NONFINITE;
+    }
     for (a = 0; a < 3; a++) {
         const double s = x[a] - grid->origin[a], top = grid->cell * (grid->n[a] - 1);
         const double q = s < 0 ? 0 : s > top ? top : s, t = q / grid->cell;
@@ -7690,13 +7693,21 @@ static void clothi_collide_connect(cloth_collide *c) {
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
+/* Outside a step: what a host wrote into x is a number. */
+static cloth_status clothi_look_check(const cloth_collide *c) {
+    const double   *x = c->sim->state.x;
+    const ptrdiff_t at = clothi_find_nonfinite(x, 3 * (size_t)c->nv);
+    if (at < 0) return CLOTH_OK;
+    return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "the state's x[%i] = %g", (int)at, x[at]);
+}
+
 /* Checks where everything is now, outside a step: what it finds becomes state. */
 static cloth_status clothi_collide_look(cloth_collide *c) {
-    cloth_status status;
+    cloth_status status = clothi_look_check(c);
     clothi_couple *swap = c->exempt;
     int          cap = c->exempt_cap;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
-    status = clothi_inside_faces(c);
+    if (!status) status = clothi_inside_faces(c);
     if (!status) status = clothi_contact_check(c);
     if (status) return status == CLOTH_ERR_STEP ? CLOTH_ERR_MESH : status;
     c->exempt = c->now, c->nexempt = c->nnow, c->exempt_cap = c->now_cap;
@@ -7888,7 +7899,8 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     cloth_status     status;
     int              slot = 0, known;
     if (id) id->id = 0;
-    if (!c || !desc) return CLOTH_ERR_ARGUMENT;
+    if (!c) return CLOTH_ERR_ARGUMENT;
+    if (!desc) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_add: desc is NULL");
     known = c->nobstacle;
     status = clothi_obstacle_check(c->hooks, desc);
     if (status) return status;
@@ -7911,6 +7923,13 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     return CLOTH_OK;
 }
 
+static cloth_status clothi_obstacle_gone(const cloth_collide *c, cloth_obstacle id,
+                                         const char *call) {
+    if (!c) return CLOTH_ERR_HANDLE;
+    return clothi_fail(c->hooks, CLOTH_ERR_HANDLE, "%s: obstacle %i is not there, or no more", call,
+                       (int)(id.id & 0xffffu));
+}
+
 /* What friction remembers of one obstacle; keys name features of the cloth, whose numbers stay. */
 static void clothi_anchors_drop(cloth_collide *c, int slot) {
     int i, n = 0;
@@ -7922,7 +7941,7 @@ static void clothi_anchors_drop(cloth_collide *c, int slot) {
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
     cloth_status     status;
-    if (!o) return CLOTH_ERR_HANDLE;
+    if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_remove");
     o->used = 0;
     status = clothi_world_change(c);
     if (status) {                           /* as before */
@@ -7935,10 +7954,11 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
     return CLOTH_OK;
 }
 
-static cloth_status clothi_pose_check(const cloth_collide *c, const clothi_obstacle *o,
-                                      const char *call, const double *x) {
-    ptrdiff_t at;
-    if (!o) return CLOTH_ERR_HANDLE;
+static cloth_status clothi_pose_check(const cloth_collide *c, cloth_obstacle id, const char *call,
+                                      const double *x) {
+    const clothi_obstacle *o = clothi_obstacle_of(c, id);
+    ptrdiff_t              at;
+    if (!o) return clothi_obstacle_gone(c, id, call);
     if (!x) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: x is NULL", call);
     at = clothi_find_nonfinite(x, 3 * (size_t)o->nv);
     if (at < 0) return CLOTH_OK;
@@ -7948,7 +7968,7 @@ static cloth_status clothi_pose_check(const cloth_collide *c, const clothi_obsta
 CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
                                           const double *x_end) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
-    cloth_status     status = clothi_pose_check(c, o, "cloth_collide_move", x_end);
+    cloth_status     status = clothi_pose_check(c, id, "cloth_collide_move", x_end);
     if (!status) memcpy(clothi_pose(o, 1), x_end, 3 * (size_t)o->nv * sizeof(double));
     return status;
 }
@@ -7956,7 +7976,7 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
-    cloth_status     status = clothi_pose_check(c, o, "cloth_collide_teleport", x);
+    cloth_status     status = clothi_pose_check(c, id, "cloth_collide_teleport", x);
     double          *spare, *pose;
     size_t           bytes;
     if (status) return status;
@@ -8065,11 +8085,21 @@ static void clothi_touch_public(const cloth_collide *c, int kind, int a, int b, 
     memcpy(out->normal, normal, sizeof out->normal);
 }
 
+/* An output with room for `max` entries, which is given or not. */
+static cloth_status clothi_query_check(const cloth_collide *c, const char *call, int max,
+                                       int given) {
+    if (!c) return CLOTH_ERR_ARGUMENT;
+    if (max < 0) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: max = %i", call, max);
+    if (max == 0 || given) return CLOTH_OK;
+    return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: its output is NULL", call);
+}
+
 /* Touches with a force, then rows with a multiplier. */
 CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cloth_touch *touch,
                                              int *count) {
-    int i, j, n = 0;
-    if (!c || max < 0 || (max > 0 && !touch)) return CLOTH_ERR_ARGUMENT;
+    cloth_status status = clothi_query_check(c, "cloth_collide_touches", max, touch != NULL);
+    int          i, j, n = 0;
+    if (status) return status;
     for (i = 0; i < c->ntouch; i++) {
         const clothi_touch *q = c->touch + i;
         const double        force = -clothi_dot3(q->pull, q->normal);
@@ -8113,14 +8143,15 @@ static void clothi_touch_forces(const cloth_collide *c, int friction, double *f)
 }
 
 CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f) {
-    if (!c || !f) return CLOTH_ERR_ARGUMENT;
-    clothi_touch_forces(c, 1, f);
-    return CLOTH_OK;
+    cloth_status status = clothi_query_check(c, "cloth_collide_friction", 1, f != NULL);
+    if (!status) clothi_touch_forces(c, 1, f);
+    return status;
 }
 
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
-    int i, j, k;
-    if (!c || !f) return CLOTH_ERR_ARGUMENT;
+    cloth_status status = clothi_query_check(c, "cloth_collide_forces", 1, f != NULL);
+    int          i, j, k;
+    if (status) return status;
     clothi_touch_forces(c, 0, f);
     for (i = 0; i < c->nrow; i++)
         for (j = 0; j < c->row[i].n; j++)
@@ -8133,7 +8164,10 @@ CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap) {
     cloth_status status;
     int          i, o, asked;
-    if (!c || !gap || !clothi_finite(range) || !(range > 0)) return CLOTH_ERR_ARGUMENT;
+    status = clothi_query_check(c, "cloth_collide_gap", 1, gap != NULL);
+    if (!status) status = clothi_desc_number(c->hooks, "cloth_collide_gap: range", range, 1);
+    if (!status) status = clothi_look_check(c);
+    if (status) return status;
     *gap = range;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     c->solid_known = 0;
@@ -8156,9 +8190,10 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
 
 CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, int *pairs,
                                                    int *count) {
-    cloth_status status;
+    cloth_status status = clothi_query_check(c, "cloth_collide_intersections", max, pairs != NULL);
     int          i, n = 0;
-    if (!c || max < 0 || (max > 0 && !pairs)) return CLOTH_ERR_ARGUMENT;
+    if (!status) status = clothi_look_check(c);
+    if (status) return status;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     c->nnow = 0;
     status = clothi_crossings(c, 0);
@@ -8175,8 +8210,9 @@ CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, in
 
 CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count) {
-    int i;
-    if (!c || max < 0 || (max > 0 && !pair)) return CLOTH_ERR_ARGUMENT;
+    cloth_status status = clothi_query_check(c, "cloth_collide_failed", max, pair != NULL);
+    int          i;
+    if (status) return status;
     for (i = 0; i < max && i < c->nfailed; i++) pair[i] = c->failed[i];
     if (count) *count = c->nfailed;
     return CLOTH_OK;

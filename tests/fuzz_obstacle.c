@@ -185,6 +185,7 @@ static void fuzz_ask(world *w, bytes *b) {
     require(cloth_collide_touches(w->c, (int)(next(b) % 9u), touch, &count) == CLOTH_OK);
     require(cloth_collide_failed(w->c, (int)(next(b) % 9u), pair, &count) == CLOTH_OK);
     require(cloth_collide_forces(w->c, f) == CLOTH_OK);
+    require(cloth_collide_friction(w->c, f) == CLOTH_OK);
     (void)cloth_collide_gap(w->c, number(b), &gap);
     require(cloth_collide_intersections(w->c, (int)(next(b) % 3u), pairs, &count) == CLOTH_OK);
     require(cloth_sim_hash(w->sim) == before);

@@ -157,17 +157,29 @@ static void obstacles(void) {
     o.cookie = 0;
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_ERR_UNINIT);
     CHECK(cloth_collide_add(NULL, &o, &id) == CLOTH_ERR_ARGUMENT && id.id == 0);
-    CHECK(cloth_collide_add(W.c, NULL, &id) == CLOTH_ERR_ARGUMENT);
+    host_forget(&H);
+    CHECK(said(cloth_collide_add(W.c, NULL, &id), CLOTH_ERR_ARGUMENT, "desc is NULL"));
     CHECK(said(cloth_collide_move(W.c, W.ball, bad), CLOTH_ERR_NONFINITE, "x[1] = NaN"));
     CHECK(said(cloth_collide_move(W.c, W.ball, NULL), CLOTH_ERR_ARGUMENT, "NULL"));
     CHECK(said(cloth_collide_teleport(W.c, W.ball, inside), CLOTH_ERR_MESH, "intersect"));
+    CHECK(said(cloth_collide_teleport(W.c, W.ball, bad), CLOTH_ERR_NONFINITE, "x[1] = NaN"));
+    CHECK(said(cloth_collide_teleport(W.c, W.ball, NULL), CLOTH_ERR_ARGUMENT, "x is NULL"));
+    CHECK(said(cloth_collide_step(W.c, 0.01, -1, NULL), CLOTH_ERR_ARGUMENT, "halvings = -1"));
+    CHECK(said(cloth_collide_step(W.c, NAN, 2, NULL), CLOTH_ERR_NONFINITE, "NaN"));
     CHECK(said(cloth_collide_step(W.c, 0.01, 99, NULL), CLOTH_ERR_ARGUMENT, "halvings = 99"));
     o = cloth_obstacle_desc_default();
     o.nv = 3, o.nf = 1, o.x = x, o.faces = faces;
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK && id.id != 0);
     stale = id;
     CHECK(cloth_collide_remove(W.c, id) == CLOTH_OK);
-    CHECK(cloth_collide_remove(W.c, stale) == CLOTH_ERR_HANDLE);
+    host_forget(&H);
+    CHECK(said(cloth_collide_remove(W.c, stale), CLOTH_ERR_HANDLE, "obstacle 3 is not there"));
+    stale.id = 0;
+    CHECK(said(cloth_collide_remove(W.c, stale), CLOTH_ERR_HANDLE, "cloth_collide_remove"));
+    stale.id = 0x7fffffffu;
+    CHECK(said(cloth_collide_move(W.c, stale, x), CLOTH_ERR_HANDLE, "cloth_collide_move"));
+    CHECK(cloth_collide_remove(NULL, W.ball) == CLOTH_ERR_HANDLE);
+    stale = id;
     o.self_penetrating = 1;                 /* an open mesh: nothing is inside it */
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK && id.id != stale.id);
     CHECK(cloth_collide_move(W.c, stale, x) == CLOTH_ERR_HANDLE);
@@ -183,22 +195,33 @@ static void obstacles(void) {
 
 /* What asks: NULL, sizes below 0, and lists of a world whose obstacles have just gone. */
 static void queries(void) {
+    cloth_hooks        hooks = host_hooks(&H);
     cloth_touch        touch[8];
     cloth_collide_pair pair[8];
-    double             gap = 7;
+    double             gap = 7, f[3 * 64];
     int                count = 7, pairs[8];
-    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
     CHECK(world_run(&W, 20, 1.0 / 60));
+#define ASK(call, what) CHECK(said(call, CLOTH_ERR_ARGUMENT, what))
     CHECK(cloth_collide_touches(NULL, 8, touch, &count) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_touches(W.c, -1, touch, &count) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_touches(W.c, 8, NULL, &count) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_forces(W.c, NULL) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_gap(W.c, 0, &gap) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_gap(W.c, NAN, &gap) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_gap(W.c, 0.01, NULL) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_intersections(W.c, -1, pairs, &count) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_intersections(W.c, 4, NULL, &count) == CLOTH_ERR_ARGUMENT);
-    CHECK(cloth_collide_failed(W.c, 8, NULL, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_forces(NULL, f) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_friction(NULL, f) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_gap(NULL, 1, &gap) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_intersections(NULL, 4, pairs, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_collide_failed(NULL, 8, pair, &count) == CLOTH_ERR_ARGUMENT);
+    ASK(cloth_collide_touches(W.c, -1, touch, &count), "cloth_collide_touches: max = -1");
+    ASK(cloth_collide_touches(W.c, 8, NULL, &count), "cloth_collide_touches: its output is NULL");
+    ASK(cloth_collide_forces(W.c, NULL), "cloth_collide_forces: its output is NULL");
+    ASK(cloth_collide_friction(W.c, NULL), "cloth_collide_friction");
+    ASK(cloth_collide_gap(W.c, 0, &gap), "range = 0");
+    ASK(cloth_collide_gap(W.c, -1, &gap), "range = -1");
+    ASK(cloth_collide_gap(W.c, 0.01, NULL), "NULL");
+    CHECK(said(cloth_collide_gap(W.c, NAN, &gap), CLOTH_ERR_NONFINITE, "range = NaN"));
+    CHECK(said(cloth_collide_gap(W.c, INFINITY, &gap), CLOTH_ERR_NONFINITE, "range = inf"));
+    ASK(cloth_collide_intersections(W.c, -1, pairs, &count), "cloth_collide_intersections: max");
+    ASK(cloth_collide_intersections(W.c, 4, NULL, &count), "NULL");
+    ASK(cloth_collide_failed(W.c, 8, NULL, &count), "cloth_collide_failed: its output");
+    ASK(cloth_collide_failed(W.c, -8, pair, &count), "cloth_collide_failed: max = -8");
     CHECK(count == 7 && gap >= 7);
     CHECK(cloth_collide_last(NULL).touches == 0);
     CHECK(cloth_collide_failed(W.c, 8, pair, &count) == CLOTH_OK && count == 0);
@@ -209,6 +232,77 @@ static void queries(void) {
     CHECK(cloth_collide_remove(W.c, W.ground) == CLOTH_OK);
     CHECK(cloth_step(W.sim, 1.0 / 60, NULL) == CLOTH_OK);
     world_close(&W);
+}
+
+/* A host wrote NaN into x: whatever looks at the cloth says so, and is as before when x is back. */
+static void lost_state(void) {
+    static const double away[3] = {5, 5, 5};
+    cloth_hooks         hooks = host_hooks(&H);
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id = {7};
+    cloth_collide      *other = NULL;
+    double              gap = 7, keep, *x;
+    int                 count = 7;
+    uint64_t            before, after;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 9, 1.0 / 60));
+    after = cloth_sim_hash(W.sim);
+    world_close(&W);
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 8, 1.0 / 60));
+    before = cloth_sim_hash(W.sim);
+    x = cloth_sim_state(W.sim)->x + 7;
+    keep = *x, *x = NAN;
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.x = away, o.radius = 0.1;
+#define LOST(call) CHECK(said(call, CLOTH_ERR_NONFINITE, "x[7] = NaN"))
+    LOST(cloth_collide_gap(W.c, 0.01, &gap));
+    LOST(cloth_collide_intersections(W.c, 0, NULL, &count));
+    LOST(cloth_collide_add(W.c, &o, &id));
+    LOST(cloth_collide_teleport(W.c, W.ball, away));
+    LOST(cloth_collide_remove(W.c, W.ball));
+    LOST(cloth_collide_step(W.c, 0.01, 3, NULL));
+    LOST(cloth_collide_untangle(W.c, 0, NULL));
+    CHECK(gap >= 7 && count == 7 && id.id == 0);
+    *x = keep;
+    CHECK(cloth_sim_hash(W.sim) == before);
+    CHECK(world_run(&W, 1, 1.0 / 60) && cloth_sim_hash(W.sim) == after);
+    cloth_collide_destroy(W.c);
+    W.c = NULL, *x = NAN;
+    host_forget(&H);
+    LOST(cloth_collide_create(W.sim, NULL, &other));
+    CHECK(!other);
+    world_close(&W);
+    CHECK(H.live == 0);
+}
+
+/* A ground that leaps by the largest number: the program of the zone refuses its rows, which is the
+ * step's failure, not the caller's. */
+static void absurd_zone(void) {
+    static const double leap[3] = {0, 1.7e308, 0}, ground[3] = {0, -0.2, 0};
+    cloth_hooks  hooks = host_hooks(&H);
+    cloth_touch  touch[8];
+    cloth_report r;
+    uint64_t     before, after;
+    int          count, live;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 9, 1.0 / 60));
+    after = cloth_sim_hash(W.sim);
+    world_close(&W);
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 8, 1.0 / 60));
+    CHECK(cloth_collide_move(W.c, W.ground, leap) == CLOTH_OK);
+    before = cloth_sim_hash(W.sim);
+    CHECK(said(cloth_step(W.sim, 1.0 / 60, &r), CLOTH_ERR_STEP, "could not be resolved"));
+    CHECK(r.outcome == CLOTH_STEP_COLLISION_FAILED && r.failed_pairs > 0);
+    CHECK(cloth_sim_hash(W.sim) == before);
+    live = H.live;
+    CHECK(said(cloth_step(W.sim, 1.0 / 60, NULL), CLOTH_ERR_STEP, "could not be resolved"));
+    CHECK(H.live == live);
+    CHECK(cloth_collide_touches(W.c, 8, touch, &count) == CLOTH_OK && count == 0);
+    CHECK(cloth_collide_move(W.c, W.ground, ground) == CLOTH_OK);
+    CHECK(world_run(&W, 1, 1.0 / 60) && cloth_sim_hash(W.sim) == after);
+    world_close(&W);
+    CHECK(H.live == 0);
 }
 
 /* Every allocation of create, add and the first steps fails in turn; nothing is lost. */
@@ -340,6 +434,8 @@ int main(int argc, char **argv) {
     RUN(models);
     RUN(obstacles);
     RUN(queries);
+    RUN(lost_state);
+    RUN(absurd_zone);
     RUN(failing_allocator);
     RUN(failing_calls);
     RUN(weight);

@@ -402,7 +402,7 @@ static void winding_of_a_pose(void) {
 /* By hand: phi of a trilinear function is reproduced, gradient and all; and saved as arrays. */
 static void interpolant(void) {
     double     phi[3 * 4 * 5], p[3], d, grad[3];
-    cloth_grid g;
+    cloth_grid g, bad;
     int        i, j, k, n;
     g.n[0] = 3, g.n[1] = 4, g.n[2] = 5;
     g.origin[0] = -1, g.origin[1] = 0.5, g.origin[2] = 2;
@@ -427,6 +427,14 @@ static void interpolant(void) {
     CHECK_NEAR(d, 7, 0);
     CHECK(cloth_grid_sample(NULL, p, &d, NULL) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_grid_sample(&g, NULL, &d, NULL) == CLOTH_ERR_ARGUMENT);
+    p[1] = 1, bad = g, bad.phi = NULL;
+    CHECK(cloth_grid_sample(&bad, p, &d, NULL) == CLOTH_ERR_ARGUMENT);
+    bad = g, bad.n[2] = 1;
+    CHECK(cloth_grid_sample(&bad, p, &d, NULL) == CLOTH_ERR_ARGUMENT);
+    bad = g, bad.cell = 0;
+    CHECK(cloth_grid_sample(&bad, p, &d, NULL) == CLOTH_ERR_ARGUMENT);
+    bad.cell = NAN;
+    CHECK(cloth_grid_sample(&bad, p, &d, NULL) == CLOTH_ERR_ARGUMENT);
 }
 
 /* Outside: continuous, never above the true distance, the gradient of what is returned. */

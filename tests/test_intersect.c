@@ -427,6 +427,10 @@ static void refusals(void) {
     CHECK(cloth_intersections(&hooks, 3, x, 1, good, -1, pairs, &n) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_intersections(&hooks, -3, x, 1, good, 1, pairs, &n) == CLOTH_ERR_ARGUMENT);
     CHECK(h.lines == 7);
+    CHECK(cloth_intersections(&hooks, 3, x, -1, good, 1, pairs, &n) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_intersections(&hooks, 0, x, 1, good, 1, pairs, &n) != CLOTH_OK);
+    CHECK(cloth_intersections(&hooks, 3, x, 0x7fffffff, good, 1, pairs, &n) != CLOTH_OK);
+    CHECK(h.lines == 10 && h.live == 0);
     x[4] = NAN;
     CHECK(cloth_intersections(&hooks, 3, x, 1, good, 1, pairs, &n) == CLOTH_ERR_NONFINITE);
     CHECK(strstr(h.text, "x[4] = NaN") != NULL);

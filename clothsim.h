@@ -7018,6 +7018,8 @@ struct cloth_linear_solver {
     const cloth_matrix  *A;
     const unsigned char *fixed;
     const double        *b;
+    const void *given;                      /* what becomes `to` [n x 3] in the end            */
+    double *to;
     int     wide, step, radius_on, part;
     double  alpha, beta;
     int     bad_row, bad_pivot;             /* where the set-up met no positive curvature, -1  */
@@ -7696,16 +7698,17 @@ CLOTHI_OUTLINE static void clothi_back(cloth_linear_solver *s) {
     clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
 }
 
-/* cd += P^' u for a record u of row i. */
+/* P^' u for a record u of row i, into the sums of S. */
 CLOTHI_LANE void clothi_extra_coarse(cloth_linear_solver *s, size_t i, clothi_v4 u, const int w) {
-    const void *P = s->store[w].P;
-    double     *to = s->cd + 3 * s->p->agg[i];
-    size_t      k;
-    for (k = 0; k < 3; k++)
-        to[k] += clothi_sum4(clothi_dot4(clothi_zero4(), clothi_load4(P, 3 * i + k, w), u, w));
+    const clothi_store *st = &s->store[w];
+    const clothi_v4     o = clothi_zero4();
+    clothi_add_record(st->zpart, (size_t)(s->p->nd * CLOTHI_COPIES * s->p->nc + s->p->agg[i]),
+                      clothi_rows4(clothi_madd4(o, clothi_load4(st->P, 3 * i, w), u, w),
+                                   clothi_madd4(o, clothi_load4(st->P, 3 * i + 1, w), u, w),
+                                   clothi_madd4(o, clothi_load4(st->P, 3 * i + 2, w), u, w), w), w);
 }
 
-/* y += f C v, or with y NULL: cd += P^' C v. A block acts on its row and, turned, on its column. */
+/* y += f C v, or with y NULL P^' C v: a block acts on its row and, turned, on its column. */
 CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, double f, const void *v, void *y,
                                    const int w) {
     const void     *E = s->store[w].E;
@@ -7737,6 +7740,7 @@ static void clothi_project(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
     const void *part = s->store[s->wide].zpart;
     size_t      a, k, d, nc = (size_t)p->nc;
+    if (s->A->ne) clothi_extras_apply(s, 1, s->store[s->wide].s, NULL);
     for (a = 0; a < nc; a++)
         for (k = 0; k < 3; k++) {
             double sum = 0;
@@ -7744,7 +7748,6 @@ static void clothi_project(cloth_linear_solver *s) {
                 sum += clothi_get(part, 4 * (d * CLOTHI_COPIES * nc + a) + k, s->wide);
             s->cd[3 * a + k] = sum;
         }
-    if (s->A->ne) clothi_extras_apply(s, 1, s->store[s->wide].s, NULL);
     clothi_coarse_apply(s);
 }
 
@@ -7815,15 +7818,16 @@ CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, voi
 }
 
 /* The same split in two, for extras: C t needs all of t. */
-CLOTHI_OUTLINE static void clothi_turn_extras(cloth_linear_solver *s) {
-    clothi_store   *st = &s->store[s->wide];
-    const clothi_v4 beta0 = clothi_all4(s->beta, 0), beta1 = clothi_all4(s->beta, 1);
-    int             i;
-    for (i = 0; i < s->p->n; i++) {
+CLOTHI_OUTLINE static void clothi_turn_rows(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    const clothi_store  *st = &s->store[s->wide];
+    const clothi_v4      beta0 = clothi_all4(s->beta, 0), beta1 = clothi_all4(s->beta, 1);
+    int                  i;
+    (void)worker;
+    for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
         if (s->wide) clothi_store4(st->w, (size_t)i, clothi_turn_row(s, i, beta1, 1), 1);
         else clothi_store4(st->w, (size_t)i, clothi_turn_row(s, i, beta0, 0), 0);
     }
-    clothi_extras_apply(s, 1, st->t, st->w);
 }
 
 /* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
@@ -7831,7 +7835,10 @@ CLOTHI_OUTLINE static double clothi_turn(cloth_linear_solver *s) {
     const int turn = s->A->ne == 0;
     double    pq = 0;
     int       d;
-    if (!turn) clothi_turn_extras(s);
+    if (!turn) {
+        clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_turn_rows, s);
+        clothi_extras_apply(s, 1, s->store[s->wide].t, s->store[s->wide].w);
+    }
     clothi_for(&s->hooks, s->p->nd, 1, clothi_turn_range, s);
     if (s->wide) clothi_turn_rest(s, turn, 1);
     else clothi_turn_rest(s, turn, 0);
@@ -7866,32 +7873,22 @@ static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
     return tau > 0 ? tau : 0;
 }
 
-typedef struct clothi_gift {
-    const cloth_linear_solver *s;
-    const void *z;
-    double     *x;
-} clothi_gift;
-
 CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
-    const clothi_gift         *g = (const clothi_gift *)ctx;
-    const cloth_linear_solver *s = g->s;
+    const cloth_linear_solver *s = (const cloth_linear_solver *)ctx;
     double q[4];
     int    i;
     (void)worker;
     for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
-        if (s->wide) clothi_metres_any(&s->store[1], g->z, i, q, 1);
-        else clothi_metres_any(&s->store[0], g->z, i, q, 0);
-        memcpy(g->x + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
+        clothi_metres(&s->store[s->wide], s->given, i, q, s->wide);
+        memcpy(s->to + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
     }
 }
 
 /* Vector z in metres and in the order of the vertices. */
-static void clothi_give(const cloth_linear_solver *s, const void *z, double *x) {
-    clothi_gift g;
-    g.s = s;
-    g.z = z;
-    g.x = x;
-    clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, &g);
+static void clothi_give(cloth_linear_solver *s, const void *z, double *x) {
+    s->given = z;
+    s->to = x;
+    clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, s);
 }
 
 /* Rows of leaf d (nd: of S): Z and V scaled, r = w = G^-1 b, p = t = 0, their share of P'b. */

@@ -23,7 +23,7 @@
 // The newer world's tolerances are absolute numbers made for masses of kilograms: with 5e-5 kg a vertex
 // it takes no step at all. So masses and springs are given to it in units of 0.1 g (SCALE).
 //
-// It is ended after 150 s of CPU: some settings never end a step.
+// It is ended after 100 s of CPU: some settings never end a step.
 //
 // What is matched: mesh, masses (a third of each face), sphere, friction 0.3, contact at 2 mm, no
 // damping. What has no counterpart is said in bench_drape.c.
@@ -247,7 +247,7 @@ int main(int argc, char **argv) {
     if (argc < 4 || !load(argv[1], m)) return 2;
     for (int i = 4; i < argc; i++)
         if (!parse(argv[i], s)) return 2;
-    const rlimit most = {150, 150};         // s of CPU: some settings never end a step
+    const rlimit most = {100, 100};         // s of CPU: some settings never end a step
     setrlimit(RLIMIT_CPU, &most);
     const int  frames = std::atoi(argv[3]);
     const long touches = s.deform ? run_deform(w, m, s, frames, &links)

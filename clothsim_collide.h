@@ -119,7 +119,7 @@
  * approach, without rebound, whatever the cloth would do.
  *
  * COSTS, on one core of an AMD EPYC at gcc -O2, in ms of CPU a step of 1/60 s:
- *   sheet 32 x 32 on a sphere (12_drape.c)                          about 50, mean of 90 steps
+ *   sheet 32 x 32 on a sphere (12_drape.c)                          about 30, mean of 90 steps
  *   T-shirt of 2832 faces on a walking body of 5344 (16_walk.c)     about 60, mean of 60 steps
  *   skirt on a walking body of 27 000 faces (tests/bench/bench_contact.c, -march=native): 57,
  *   of which contact 45 %; T-shirt there 480, 26 %; sheet 32 x 32 on a sphere 15 %. Contact here is

@@ -14,8 +14,8 @@
  * middle the vertex with the largest y + |x - middle| / 4 (of two alike the one in front), and all
  * within 6 % of the mesh's diagonal of either: a shirt's shoulders, a skirt's hips.
  *
- * Exercises: (1) material = cloth_material_fabric(CLOTH_FABRIC_DENIM): fewer, larger folds;
- * (2) leave out desc.rest_angle: the shirt remembers its round start in every fold;
+ * Exercises: (1) material = cloth_material_fabric(CLOTH_FABRIC_DENIM): fewer folds, and the
+ * sleeves stand; (2) leave out desc.rest_angle: what was round at the start closes less;
  * (3) desc.integrator = CLOTH_INTEGRATOR_BDF2: it swings on for longer after the stop. */
 #include "clothsim.h"
 #include "shapes.h"

@@ -8,7 +8,7 @@
  *   page:     out/14_ring.html
  *   expected: 90 of 90 steps solved; through the ring: yes; pairs that intersect: 0
  *
- * Exercises: (1) ring.friction = 0 and contact.friction = 0: the ring holds with 6.0 N, not 16.6;
+ * Exercises: (1) ring.friction = 0 and contact.friction = 0: the ring holds with some 6 N, not 16;
  * (2) HOLE = 0.06, RINGS 16: more folds, more pairs, six times the time.
  */
 #include "clothsim_collide.h"

@@ -11,13 +11,8 @@
  * given, numbers that are not finite answered with 1 and 0, a normal of unit length. */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
+#include "fuzz.h"
 #include "ccd.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void require(int ok) {
-    if (!ok) abort();
-}
 
 /* The first byte: kind, size of the numbers, separation; then 24 small integers, or doubles. */
 static int decode(const uint8_t *data, size_t size, double *x, double *sep) {
@@ -75,13 +70,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 
 #define FUZZ_MAX 256
 
-static uint64_t fuzz_seed = 1;
-
-static size_t fuzz_below(size_t n) {
-    fuzz_seed = fuzz_seed * 6364136223846793005u + 1442695040888963407u;
-    return n ? (size_t)(fuzz_seed >> 33) % n : 0;
-}
-
 /* Changes one thing: a byte, a coordinate made equal to another, a double by one ulp. */
 static void fuzz_mutate(uint8_t *b) {
     const size_t at = fuzz_below(193), wide = 1 + 8 * fuzz_below(24), from = 1 + 8 * fuzz_below(24);
@@ -103,18 +91,11 @@ static void fuzz_mutate(uint8_t *b) {
     }
 }
 
-static size_t fuzz_read(const char *path, uint8_t *b, size_t capacity) {
-    FILE  *f = fopen(path, "rb");
-    size_t n = f ? fread(b, 1, capacity, f) : 0;
-    if (f) fclose(f);
-    return n;
-}
-
 static void fuzz_run(double seconds, int nseed, char **seeds) {
     uint8_t b[FUZZ_MAX];
     long    runs = 0;
-    clock_t begin = clock();
-    while ((double)(clock() - begin) / CLOCKS_PER_SEC < seconds) {
+    double  begin = fuzz_clock();
+    while (fuzz_clock() - begin < seconds) {
         size_t i, changes = 1 + fuzz_below(200);
         memset(b, 0, sizeof b);
         if (nseed > 0 && runs % 4) (void)fuzz_read(seeds[runs % nseed], b, FUZZ_MAX);
@@ -130,16 +111,8 @@ static void fuzz_run(double seconds, int nseed, char **seeds) {
 }
 
 int main(int argc, char **argv) {
-    int i;
-    if (argc > 1 && argv[1][0] == '-') {
-        fuzz_run(atof(argv[1] + 1), argc - 2, argv + 2);
-        return 0;
-    }
-    for (i = 1; i < argc; i++) {
-        uint8_t b[FUZZ_MAX];
-        LLVMFuzzerTestOneInput(b, fuzz_read(argv[i], b, sizeof b));
-    }
-    printf("fuzz_ccd: %d files replayed\n", argc - 1);
+    if (argc < 2 || argv[1][0] != '-') return fuzz_replay(argc - 1, argv + 1, "fuzz_ccd");
+    fuzz_run(atof(argv[1] + 1), argc - 2, argv + 2);
     return 0;
 }
 

@@ -11,56 +11,20 @@
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include <stdio.h>
-#include <stdlib.h>
+#include "fuzz.h"
 
 #define FUZZ_HEAD     48
 #define FUZZ_FACES    40                    /* larger meshes only cost time                    */
 #define FUZZ_PATIENCE 20                    /* iterations and substeps before a step is ended  */
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+typedef struct player {
+    host h;
+    long asked;
+} player;
 
-typedef struct host {
-    long live, errors, asked;
-} host;
+static int player_cancel(void *user) { return ++((player *)user)->asked > FUZZ_PATIENCE; }
 
-typedef struct head {                       /* the bytes not used yet, then zeros              */
-    const uint8_t *data;
-    size_t         n;
-} head;
-
-static void *host_alloc(size_t size, void *user) {
-    void *p = malloc(size);
-    ((host *)user)->live += p != NULL;
-    return p;
-}
-
-static void host_free(void *p, size_t size, void *user) {
-    (void)size;
-    ((host *)user)->live -= p != NULL;
-    free(p);
-}
-
-static void host_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    size_t i;
-    for (i = 0; text[i]; i++)
-        if (text[i] < ' ' || text[i] > '~') abort();
-    if (level == CLOTH_LOG_ERROR && status == CLOTH_OK) abort();
-    ((host *)user)->errors += level == CLOTH_LOG_ERROR;
-}
-
-static int host_cancel(void *user) { return ++((host *)user)->asked > FUZZ_PATIENCE; }
-
-static void require(int ok) {
-    if (!ok) abort();
-}
-
-static unsigned next(head *h) {
-    if (h->n == 0) return 0;
-    h->n--;
-    return *h->data++;
-}
-
-static double number(head *h, double normal) {
+static double number(bytes *h, double normal) {
     static const double odd[] = {
         0, -1, 1, 0.5, -0.5, 0.49999, 0.25, 2, 10, 1e-3, 1e-6, 1e-9, 1e-12, 1e-30, 1e-150, 1e-300,
         4.9e-324, 1e3, 1e6, 1e9, 1e12, 1e30, 1e100, 1e150, 1e300, 1.7976931348623157e308, -1e300};
@@ -72,7 +36,7 @@ static double number(head *h, double normal) {
 }
 
 /* in [first, last] most of the time, now and then beside it */
-static int choice(head *h, int normal, int first, int last) {
+static int choice(bytes *h, int normal, int first, int last) {
     const unsigned k = next(h);
     if (k < 128) return normal;
     if (k == 255) return 0x7fffffff;
@@ -80,7 +44,7 @@ static int choice(head *h, int normal, int first, int last) {
     return first + (int)(k % (unsigned)(last - first + 2));
 }
 
-static void fuzz_material(head *h, cloth_material *m) {
+static void fuzz_material(bytes *h, cloth_material *m) {
     m->density = number(h, m->density);
     m->young = number(h, m->young);
     m->thickness = number(h, m->thickness);
@@ -91,7 +55,7 @@ static void fuzz_material(head *h, cloth_material *m) {
     m->plane = (cloth_plane)choice(h, 0, 0, 1);
 }
 
-static void fuzz_desc(head *h, const cloth_mesh *m, cloth_pin *pins, cloth_tie *tie,
+static void fuzz_desc(bytes *h, const cloth_mesh *m, cloth_pin *pins, cloth_tie *tie,
                       cloth_desc *d) {
     int k;
     d->nv = m->nv;
@@ -130,37 +94,37 @@ static void fuzz_desc(head *h, const cloth_mesh *m, cloth_pin *pins, cloth_tie *
 }
 
 /* One call that moves the state: a step, or the equilibrium where step is 0. */
-static void advance(cloth_sim *sim, host *host_, double step, int nv) {
+static void advance(cloth_sim *sim, player *me, double step, int nv) {
     const uint64_t before = cloth_sim_hash(sim);
-    const long     errors = host_->errors;
+    const int      errors = me->h.errors;
     cloth_report   r;
     cloth_state   *s = cloth_sim_state(sim);
     cloth_status   status;
     int            i;
-    host_->asked = 0;
+    me->asked = 0;
     status = step > 0 || step < 0 ? cloth_step(sim, step, &r) : cloth_solve_static(sim, &r);
     require(r.status == status);
     if (status != CLOTH_OK) {
         require(cloth_sim_hash(sim) == before);
         return;
     }
-    require(host_->errors == errors && r.outcome != CLOTH_STEP_NONE);
+    require(me->h.errors == errors && r.outcome != CLOTH_STEP_NONE);
     for (i = 0; i < 3 * nv; i++) require(clothi_finite(s->x[i]) && clothi_finite(s->v[i]));
 }
 
-static uint64_t run(const cloth_desc *d, host *host_, double step, unsigned again) {
+static uint64_t run(const cloth_desc *d, player *me, double step, unsigned again) {
     cloth_model *model = NULL;
     cloth_sim   *sim = NULL;
     cloth_status status;
     uint64_t     hash = 0;
     status = cloth_model_create(d, &model);
-    require((status == CLOTH_OK) == (model != NULL) && (status == CLOTH_OK) == !host_->errors);
+    require((status == CLOTH_OK) == (model != NULL) && (status == CLOTH_OK) == !me->h.errors);
     if (model && cloth_sim_create(model, &sim) == CLOTH_OK) {
         cloth_attachment id;
         const double     bary[3] = {0.25, 0.5, 0.25}, target[3] = {0, 1, 0};
         if (d->max_attachments > 1) (void)cloth_sim_attach(sim, 0, bary, 1, target, &id);
-        advance(sim, host_, step, d->nv);
-        if (again) advance(sim, host_, again == 1 ? step / 2 : 0, d->nv);
+        advance(sim, me, step, d->nv);
+        if (again) advance(sim, me, again == 1 ? step / 2 : 0, d->nv);
         hash = cloth_sim_hash(sim);
     }
     cloth_sim_destroy(sim);
@@ -176,52 +140,34 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     cloth_mesh       *m = NULL;
     cloth_pin         pins[2];
     cloth_tie         tie;
-    host              host_;
-    head              h;
+    player            me;
+    bytes             h;
     double            step;
     uint64_t          hash;
     unsigned          again;
-    memset(&host_, 0, sizeof host_);
-    d.hooks.allocator.alloc = host_alloc;
-    d.hooks.allocator.free = host_free;
-    d.hooks.allocator.user = &host_;
-    h.data = data;
-    h.n = used;
+    d.hooks = fuzz_hooks(&me.h);
+    d.hooks.log.fn = NULL;                  /* the text need not be a mesh                     */
+    h = fuzz_bytes(data, used);
     (void)cloth_obj_parse(&d.hooks, (const char *)data + used, size - used, &opt, &m);
     if (!m)
         require(cloth_obj_parse(&d.hooks, square, sizeof square - 1, &opt, &m) == CLOTH_OK);
-    d.hooks.log.fn = host_log;
-    d.hooks.log.user = &host_;
-    d.hooks.cancel.fn = host_cancel;
-    d.hooks.cancel.user = &host_;
+    d.hooks.log.fn = fuzz_log;
+    d.hooks.cancel.fn = player_cancel;
+    d.hooks.cancel.user = &me;
     step = number(&h, 0.01);
     again = next(&h) % 3u;
     fuzz_desc(&h, m, pins, &tie, &d);
     if (m->nf <= FUZZ_FACES) {
-        hash = run(&d, &host_, step, again);
-        host_.errors = 0;
-        if (again) require(run(&d, &host_, step, again) == hash);
+        hash = run(&d, &me, step, again);
+        host_forget(&me.h);
+        if (again) require(run(&d, &me, step, again) == hash);
     }
     d.hooks.log.fn = NULL;
     cloth_mesh_destroy(&d.hooks, m);
-    require(host_.live == 0);
+    require(me.h.live == 0);
     return 0;
 }
 
 #ifdef FUZZ_MAIN
-
-int main(int argc, char **argv) {
-    static uint8_t b[1 << 16];
-    int            i;
-    LLVMFuzzerTestOneInput(b, 0);
-    for (i = 1; i < argc; i++) {
-        FILE  *f = fopen(argv[i], "rb");
-        size_t n = f ? fread(b, 1, sizeof b, f) : 0;
-        if (f) fclose(f);
-        LLVMFuzzerTestOneInput(b, n);
-    }
-    printf("fuzz_desc: %d files replayed\n", argc - 1);
-    return 0;
-}
-
+int main(int argc, char **argv) { return fuzz_replay(argc - 1, argv + 1, "fuzz_desc"); }
 #endif

@@ -10,37 +10,7 @@
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim.h"
 #include <stdio.h>
-#include <stdlib.h>
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-typedef struct host {
-    long live, errors;
-} host;
-
-static void *host_alloc(size_t size, void *user) {
-    void *p = malloc(size);
-    ((host *)user)->live += p != NULL;
-    return p;
-}
-
-static void host_free(void *p, size_t size, void *user) {
-    (void)size;
-    ((host *)user)->live -= p != NULL;
-    free(p);
-}
-
-static void host_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    size_t i;
-    for (i = 0; text[i]; i++)
-        if (text[i] < ' ' || text[i] > '~') abort();
-    if (level == CLOTH_LOG_ERROR && status == CLOTH_OK) abort();
-    ((host *)user)->errors += level == CLOTH_LOG_ERROR;
-}
-
-static void require(int ok) {
-    if (!ok) abort();
-}
+#include "fuzz.h"
 
 /* Writes the mesh and reads it back. */
 static void round_trip(const cloth_hooks *hooks, const cloth_mesh *m, cloth_obj_options opt) {
@@ -70,7 +40,7 @@ static void use(const cloth_hooks *hooks, host *h, cloth_mesh *m) {
     cloth_topology   *t = NULL;
     cloth_status      status;
     double           *X = (double *)malloc(6 * sizeof(double) * (size_t)m->nf);
-    const long        before = h->errors;
+    const int         before = h->errors;
     int               i, fault;
     status = cloth_mesh_check(hooks, m->nv, m->x, m->nf, m->faces, m->X, &r);
     require((status == CLOTH_OK) == (r.errors == 0) && (h->errors > before) == (r.errors > 0));
@@ -94,17 +64,11 @@ static void use(const cloth_hooks *hooks, host *h, cloth_mesh *m) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static const double scales[] = {0, 1, 0.01, 1e300};
     cloth_obj_options   opt = cloth_obj_options_default();
-    cloth_hooks         hooks;
-    host                h = {0, 0};
+    host                h;
+    cloth_hooks         hooks = fuzz_hooks(&h);
     cloth_mesh         *m = NULL;
     cloth_status        status;
     const unsigned      choice = size > 0 ? data[0] : 0;
-    memset(&hooks, 0, sizeof hooks);
-    hooks.allocator.alloc = host_alloc;
-    hooks.allocator.free = host_free;
-    hooks.allocator.user = &h;
-    hooks.log.fn = host_log;
-    hooks.log.user = &h;
     opt.parts = (cloth_obj_parts)(choice % 3u);     /* the first byte also chooses the options */
     opt.pattern_scale = scales[choice / 3u % 4u];
     opt.scale = choice & 64u ? 1e-3 : 1;
@@ -123,16 +87,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 
 #ifdef FUZZ_MAIN
 
-#include <time.h>
-
 #define FUZZ_MAX 4096
-
-static uint64_t fuzz_seed = 1;
-
-static size_t fuzz_below(size_t n) {
-    fuzz_seed = fuzz_seed * 6364136223846793005u + 1442695040888963407u;
-    return n ? (size_t)(fuzz_seed >> 33) % n : 0;
-}
 
 /* Changes one thing: a byte, a stretch removed, repeated or taken from elsewhere, a word. */
 static size_t fuzz_mutate(uint8_t *b, size_t n) {
@@ -162,13 +117,6 @@ static size_t fuzz_mutate(uint8_t *b, size_t n) {
     }
 }
 
-static size_t fuzz_read(const char *path, uint8_t *b, size_t capacity) {
-    FILE  *f = fopen(path, "rb");
-    size_t n = f ? fread(b, 1, capacity, f) : 0;
-    if (f) fclose(f);
-    return n;
-}
-
 /* Starts from the seeds in turn, up to 30 changes each. An exact copy lets a sanitizer see the
  * end of the text. */
 static void fuzz_run(double seconds, int nseed, char **seeds) {
@@ -177,8 +125,8 @@ static void fuzz_run(double seconds, int nseed, char **seeds) {
         "f 1/1 2/2 3/3\nf 4/4 3/3 2/2\n";
     uint8_t b[FUZZ_MAX];
     long    runs = 0;
-    clock_t begin = clock();
-    while ((double)(clock() - begin) / CLOCKS_PER_SEC < seconds) {
+    double  begin = fuzz_clock();
+    while (fuzz_clock() - begin < seconds) {
         size_t n = sizeof start - 1, changes = 1 + fuzz_below(30);
         memcpy(b, start, n);
         if (nseed > 0 && runs % 4) n = fuzz_read(seeds[runs % nseed], b, FUZZ_MAX);
@@ -196,18 +144,8 @@ static void fuzz_run(double seconds, int nseed, char **seeds) {
 }
 
 int main(int argc, char **argv) {
-    int i;
-    if (argc > 1 && argv[1][0] == '-') {
-        fuzz_run(atof(argv[1] + 1), argc - 2, argv + 2);
-        return 0;
-    }
-    for (i = 1; i < argc; i++) {
-        const size_t capacity = (size_t)1 << 26;
-        uint8_t     *b = (uint8_t *)malloc(capacity);
-        LLVMFuzzerTestOneInput(b, fuzz_read(argv[i], b, capacity));
-        free(b);
-    }
-    printf("fuzz_mesh: %d files replayed\n", argc - 1);
+    if (argc < 2 || argv[1][0] != '-') return fuzz_replay(argc - 1, argv + 1, "fuzz_mesh");
+    fuzz_run(atof(argv[1] + 1), argc - 2, argv + 2);
     return 0;
 }
 

@@ -14,8 +14,7 @@
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include <stdio.h>
-#include <stdlib.h>
-#include "host.h"
+#include "fuzz.h"
 
 #define FUZZ_CALLS    24                    /* of one input                                    */
 #define FUZZ_SIDE     4                     /* vertices along the sheet                        */
@@ -23,12 +22,6 @@
 #define FUZZ_V        10                    /* vertices and faces of a mesh at most            */
 #define FUZZ_F        12
 #define FUZZ_PATIENCE 60                    /* questions of cancel before a step is ended      */
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-typedef struct bytes {
-    const uint8_t *p, *end;
-} bytes;
 
 typedef struct world {
     host           h;
@@ -41,12 +34,6 @@ typedef struct world {
     int            nv[FUZZ_OBSTACLES];
     double         x[FUZZ_OBSTACLES][3 * FUZZ_V];
 } world;
-
-static void require(int ok) {
-    if (!ok) abort();
-}
-
-static unsigned next(bytes *b) { return b->p < b->end ? *b->p++ : 0; }
 
 /* Mostly around a sheet of 0.3 m at the origin; few are absurd. */
 static double number(bytes *b) {
@@ -240,7 +227,7 @@ static uint64_t run(world *w, bytes b) {
     uint64_t           hash = 0;
     int                i;
     memset(w, 0, sizeof *w);
-    d.hooks = host_hooks(&w->h);
+    d.hooks = fuzz_hooks(&w->h);
     d.hooks.cancel.fn = stop;
     d.hooks.cancel.user = w;
     require(cloth_mesh_sheet(&d.hooks, CLOTH_SHEET_ALTERNATING, FUZZ_SIDE, FUZZ_SIDE, 0.3, 0.3,
@@ -278,47 +265,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 }
 
 #ifdef FUZZ_MAIN
-
-#include <time.h>
-
-/* Every fourth run keeps below the bytes that stand for the absurd. */
-static void fuzz_run(double seconds) {
-    uint64_t seed = 1;
-    clock_t  begin = clock();
-    long     runs = 0;
-    while ((double)(clock() - begin) / CLOCKS_PER_SEC < seconds) {
-        const unsigned plain = runs % 4 ? 220 : 256;
-        uint8_t        b[1024];
-        size_t         i;
-        for (i = 0; i < sizeof b; i++) {
-            seed = seed * 6364136223846793005u + 1442695040888963407u;
-            b[i] = (uint8_t)((seed >> 33) % plain);
-        }
-        if (getenv("FUZZ_KEEP")) {
-            FILE *f = fopen(getenv("FUZZ_KEEP"), "wb");
-            if (f) fwrite(b, 1, sizeof b, f), fclose(f);
-        }
-        LLVMFuzzerTestOneInput(b, sizeof b);
-        runs++;
-    }
-    printf("fuzz_obstacle: %ld runs, no finding\n", runs);
-}
-
 int main(int argc, char **argv) {
-    int i;
-    if (argc > 1 && argv[1][0] == '-') {
-        fuzz_run(atof(argv[1] + 1));
-        return 0;
-    }
-    for (i = 1; i < argc; i++) {
-        uint8_t b[65536];
-        FILE   *f = fopen(argv[i], "rb");
-        size_t  n = f ? fread(b, 1, sizeof b, f) : 0;
-        if (f) fclose(f);
-        LLVMFuzzerTestOneInput(b, n);
-    }
-    printf("fuzz_obstacle: %d files replayed\n", argc - 1);
+    if (argc < 2 || argv[1][0] != '-') return fuzz_replay(argc - 1, argv + 1, "fuzz_obstacle");
+    fuzz_random(atof(argv[1] + 1), 220, "fuzz_obstacle");
     return 0;
 }
-
 #endif

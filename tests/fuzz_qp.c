@@ -9,43 +9,8 @@
  * contradiction; the same bits twice, with work or without; nothing left allocated. */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
+#include "fuzz.h"
 #include "qp_data.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-typedef struct host {
-    long live, errors, calls, fail_at;
-} host;
-
-static void *host_alloc(size_t size, void *user) {
-    host *h = (host *)user;
-    void *p;
-    if (++h->calls == h->fail_at) return NULL;
-    p = malloc(size);
-    h->live += p != NULL;
-    return p;
-}
-
-static void host_free(void *p, size_t size, void *user) {
-    (void)size;
-    ((host *)user)->live -= p != NULL;
-    free(p);
-}
-
-static void host_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    if (level == CLOTH_LOG_ERROR && (status == CLOTH_OK || !text[0])) abort();
-    ((host *)user)->errors += level == CLOTH_LOG_ERROR;
-}
-
-static void require(int ok) {
-    if (!ok) abort();
-}
-
-typedef struct bytes {
-    const uint8_t *p, *end;
-} bytes;
-
-static unsigned next(bytes *b) { return b->p < b->end ? *b->p++ : 0; }
 
 /* Mostly small numbers, some with any bits. */
 static double number(bytes *b) {
@@ -101,7 +66,7 @@ static void all_finite(const double *a, int n) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    host             h = {0, 0, 0, 0};
+    host             h;
     bytes            b;
     cloth_qp_options o = cloth_qp_options_default();
     cloth_qp_report  r;
@@ -111,17 +76,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     int              i, n, m, fail;
     b.p = data, b.end = data + size;
     fail = (int)next(&b);
-    h.fail_at = fail < 32 ? fail : 0;
     p = make(&b);
     n = p.qp.n, m = p.qp.m;
     for (i = 0; i < n; i++) x[i] = 7;
     for (i = 0; i < m; i++) lambda[i] = 7, guess[i] = number(&b);
     if (fail & 1) o.guess = guess;
     if (fail & 2) require(cloth_qp_work_create(NULL, &o.work) == CLOTH_OK);
-    o.hooks.allocator.alloc = host_alloc;
-    o.hooks.allocator.free = host_free;
-    o.hooks.allocator.user = o.hooks.log.user = &h;
-    o.hooks.log.fn = host_log;
+    o.hooks = fuzz_hooks(&h);
+    h.fail_at = fail < 32 ? fail : 0;
     status = cloth_qp_solve(&p.qp, &o, x, lambda, &r);
     require(h.live == 0 && (status == CLOTH_OK) == (h.errors == 0));
     require((status == CLOTH_OK) == (r.outcome != CLOTH_QP_NONE));
@@ -145,42 +107,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 }
 
 #ifdef FUZZ_MAIN
-
-#include <time.h>
-
-static void fuzz_run(double seconds) {
-    uint64_t seed = 1;
-    clock_t  begin = clock();
-    long     runs = 0;
-    while ((double)(clock() - begin) / CLOCKS_PER_SEC < seconds) {
-        uint8_t b[1024], plain;
-        size_t  i;
-        plain = (uint8_t)(runs % 4 ? 250 : 255);
-        for (i = 0; i < sizeof b; i++) {
-            seed = seed * 6364136223846793005u + 1442695040888963407u;
-            b[i] = (uint8_t)((seed >> 33) % (plain + 1u));
-        }
-        LLVMFuzzerTestOneInput(b, sizeof b);
-        runs++;
-    }
-    printf("fuzz_qp: %ld problems, no finding\n", runs);
-}
-
 int main(int argc, char **argv) {
-    int i;
-    if (argc > 1 && argv[1][0] == '-') {
-        fuzz_run(atof(argv[1] + 1));
-        return 0;
-    }
-    for (i = 1; i < argc; i++) {
-        uint8_t b[65536];
-        FILE   *f = fopen(argv[i], "rb");
-        size_t  n = f ? fread(b, 1, sizeof b, f) : 0;
-        if (f) fclose(f);
-        LLVMFuzzerTestOneInput(b, n);
-    }
-    printf("fuzz_qp: %d files replayed\n", argc - 1);
+    if (argc < 2 || argv[1][0] != '-') return fuzz_replay(argc - 1, argv + 1, "fuzz_qp");
+    fuzz_random(atof(argv[1] + 1), 251, "fuzz_qp");
     return 0;
 }
-
 #endif

@@ -281,6 +281,30 @@ static const cloth_linear    methods[4] = {CLOTH_LINEAR_JACOBI, CLOTH_LINEAR_SGS
 static const cloth_precision precisions[4] = {CLOTH_PRECISION_AUTO, CLOTH_PRECISION_FLOAT,
                                               CLOTH_PRECISION_DOUBLE, CLOTH_PRECISION_AUTO};
 
+static cloth_linear_options way(int k) {
+    cloth_linear_options o = cloth_linear_options_default();
+    o.method = methods[k];
+    o.precision = precisions[k];
+    return o;
+}
+
+/* A step that ended at the radius and says truly by how much it lowered the model. */
+static void check_at_radius(problem *q, const cloth_linear_report *r, double size, double tol) {
+    const double Q = model(q, NULL);
+    CHECK_NEAR(largest(q->x, 3 * q->n), size, tol);
+    CHECK(Q > 0);
+    CHECK_NEAR(r->decrease, Q, 1e-3 * Q);
+}
+
+/* A negative direction is found, and it is one. */
+static void check_downhill(problem *q, const unsigned char *fixed) {
+    int found;
+    CHECK(cloth_linear_negative_direction(q->solver, q->A, fixed, q->x, &found) == CLOTH_OK);
+    CHECK(found == 1);
+    dense_mul(q, q->x, q->y);
+    CHECK(dot(q->x, q->y, 3 * q->n) < 0);
+}
+
 /* Every method, precision and mask, with and without far pairs. */
 static void solve_all(void) {
     const double tight[4] = {1e-12, 1e-6, 1e-12, 1e-5};
@@ -297,11 +321,9 @@ static void solve_all(void) {
                 fix_some(&q, how);
                 if (size < 2) dense_solve(&q, exact);
                 for (k = 0; k < 4; k++) {
-                    cloth_linear_options o = cloth_linear_options_default();
+                    cloth_linear_options o = way(k);
                     cloth_linear_report  r;
                     double               residual, Q, size_of = largest(exact, 3 * q.n);
-                    o.method = methods[k];
-                    o.precision = precisions[k];
                     o.fixed = q.fixed;
                     o.tolerance = tight[k];
                     CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
@@ -332,17 +354,13 @@ static void indefinite(void) {
     for (far = 0; far < 2; far++) {
         problem q;
         double  H[9] = {-3, 0, 0, 0, -3, 0, 0, 0, -3};
-        int     found;
         start_grid(&q, 24, 23, 2, 10, NULL, 1);
         if (far) add_far(&q, 300);
         fix_some(&q, 1);
         for (i = 0; i < q.n; i++) add_both(&q, 1, &i, H);
         for (k = 0; k < 4; k++) {
-            cloth_linear_options o = cloth_linear_options_default();
+            cloth_linear_options o = way(k);
             cloth_linear_report  r;
-            double               Q;
-            o.method = methods[k];
-            o.precision = precisions[k];
             o.fixed = q.fixed;
             o.tolerance = 1e-6;
             CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
@@ -351,19 +369,13 @@ static void indefinite(void) {
             o.radius = 0.5;
             CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
             if (r.hit) {
-                CHECK_NEAR(largest(q.x, 3 * q.n), 0.5, k == 1 || k == 3 ? 1e-5 : 1e-12);
-                Q = model(&q, NULL);
-                CHECK(Q > 0);
-                CHECK_NEAR(r.decrease, Q, 1e-3 * Q);
+                check_at_radius(&q, &r, 0.5, k == 1 || k == 3 ? 1e-5 : 1e-12);
             } else {                        /* the set-up gave up: only -3 on a free axis does */
                 CHECK(r.negative == 1 && !(largest(q.x, 3 * q.n) > 0));
                 CHECK(methods[k] != CLOTH_LINEAR_JACOBI);
             }
         }
-        CHECK(cloth_linear_negative_direction(q.solver, q.A, q.fixed, q.x, &found) == CLOTH_OK);
-        CHECK(found == 1);
-        dense_mul(&q, q.x, q.y);
-        CHECK(dot(q.x, q.y, 3 * q.n) < 0);
+        check_downhill(&q, q.fixed);
         end_problem(&q);
     }
 }
@@ -400,11 +412,9 @@ static void radius(void) {
     int     k, i, found, hits = 0;
     start_grid(&q, 24, 23, 1, 200, NULL, 1);
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = cloth_linear_options_default();
+        cloth_linear_options o = way(k);
         cloth_linear_report  r;
         double               free_size, last = 0;
-        o.method = methods[k];
-        o.precision = precisions[k];
         o.fixed = q.fixed;
         o.tolerance = 1e-5;
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
@@ -440,24 +450,15 @@ static void radius(void) {
         add_both(&q, 4, v, H);
     }
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = cloth_linear_options_default();
+        cloth_linear_options o = way(k);
         cloth_linear_report  r;
-        double               Q;
-        o.method = methods[k];
-        o.precision = precisions[k];
         o.tolerance = 1e-6;
         o.radius = 0.3;
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
         CHECK(r.negative && r.hit);
-        CHECK_NEAR(largest(q.x, 3 * q.n), 0.3, 1e-6);
-        Q = model(&q, NULL);
-        CHECK(Q > 0);
-        CHECK_NEAR(r.decrease, Q, 1e-3 * Q);
+        check_at_radius(&q, &r, 0.3, 1e-6);
     }
-    CHECK(cloth_linear_negative_direction(q.solver, q.A, NULL, q.x, &found) == CLOTH_OK);
-    CHECK(found == 1);
-    dense_mul(&q, q.x, q.y);
-    CHECK(dot(q.x, q.y, 3 * q.n) < 0);
+    check_downhill(&q, NULL);
     end_problem(&q);
 }
 
@@ -467,7 +468,6 @@ static void singular(void) {
     problem q;
     int     k, i, found;
     start_grid(&q, 24, 23, 0, 10, NULL, 1);
-    for (i = 0; i < 3 * q.n; i++) q.b[i] -= 0;
     for (k = 0; k < 3; k++) {
         double sum = 0;
         for (i = k; i < 3 * q.n; i += 3) sum += q.b[i];
@@ -488,10 +488,8 @@ static void singular(void) {
     CHECK(found == 0);
     cloth_matrix_clear(q.A);                /* nothing at all: said, and no hang */
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = cloth_linear_options_default();
+        cloth_linear_options o = way(k);
         cloth_linear_report  r;
-        o.method = methods[k];
-        o.precision = precisions[k];
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
         CHECK(r.negative == 1);
     }
@@ -514,10 +512,8 @@ static void not_finite(void) {
         else if (what / 2 < 3) cloth_matrix_add_element(q.A, 2, v, H);
         else q.b[17] = bad;
         for (k = 0; k < 4; k++) {
-            cloth_linear_options o = cloth_linear_options_default();
+            cloth_linear_options o = way(k);
             cloth_linear_report  r;
-            o.method = methods[k];
-            o.precision = precisions[k];
             CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_ERR_NONFINITE);
             CHECK(!(largest(q.x, 3 * q.n) > 0));
         }
@@ -529,11 +525,9 @@ static void not_finite(void) {
 static void check_large(problem *q) {
     int k, i;
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = cloth_linear_options_default();
+        cloth_linear_options o = way(k);
         cloth_linear_report  r;
         double               rr = 0, bb = 0;
-        o.method = methods[k];
-        o.precision = precisions[k];
         o.tolerance = 1e-5;
         CHECK(cloth_linear_solve(q->solver, q->A, q->b, q->x, &o, &r) == CLOTH_OK);
         cloth_matrix_mul(q->A, NULL, q->x, q->y);

@@ -197,15 +197,22 @@ static void hopeless_cg(void) {
 
 static int cancel_after(void *user) { return --*(int *)user < 0; }
 
+/* Hooks that cancel when *left questions have been asked; a great many until it is set. */
+static cloth_hooks cancelling(int *left) {
+    cloth_hooks hooks;
+    memset(&hooks, 0, sizeof hooks);
+    *left = 1 << 30;
+    hooks.cancel.fn = cancel_after;
+    hooks.cancel.user = left;
+    return hooks;
+}
+
 static void cancelled(void) {
     int k;
     for (k = 0; k < 3; k++) {
         dyn         d;
-        cloth_hooks hooks;
-        int         left = 1 << 30, n;
-        memset(&hooks, 0, sizeof hooks);
-        hooks.cancel.fn = cancel_after;
-        hooks.cancel.user = &left;
+        int         left, n;
+        cloth_hooks hooks = cancelling(&left);
         scene(&d, integrators[k], &hooks);
         steps(&d, 3);
         for (n = 0; n < (k ? 2 : 1); n++) { /* at the first question, and at the second */
@@ -228,11 +235,8 @@ static void cancelled_half_way(void) {
     int k, taken = 0;
     for (k = 1; k < 3; k++) {
         dyn         d;
-        cloth_hooks hooks;
-        int         left = 1 << 30, n;
-        memset(&hooks, 0, sizeof hooks);
-        hooks.cancel.fn = cancel_after;
-        hooks.cancel.user = &left;
+        int         left, n;
+        cloth_hooks hooks = cancelling(&left);
         scene(&d, integrators[k], &hooks);
         d.desc.substeps = 3;
         dyn_restart(&d);

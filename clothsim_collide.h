@@ -380,6 +380,8 @@ typedef struct cloth_collide_desc {
     double        max_push;                 /* m, root mean square of a zone's correction over
                                                which the step fails; default 0.1               */
     int           max_passes;               /* rounds of detection, default 40                 */
+    double        push_out;                 /* m/s at which cloth is led out of obstacles that
+                                               are self_penetrating; 0: not; default 0.2       */
     cloth_initial initial;
     int           nparts;                   /* 0: every part collides with everything          */
     const cloth_collide_part *parts;        /* [nparts], one for each part of the model; copied */
@@ -4585,7 +4587,7 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
 #define CLOTHI_INSIDE_MIXED   CLOTH_MAX_COUNT
 
 enum { CLOTHI_INSIDE_CUT = 1, CLOTHI_INSIDE_COVERED = 2, CLOTHI_INSIDE_TOUCHED = 4,
-       CLOTHI_INSIDE_NARROW = 8 };
+       CLOTHI_INSIDE_NARROW = 8, CLOTHI_INSIDE_HOLDS = 16 };
 
 typedef struct clothi_inside {
     cloth_hooks    hooks;
@@ -4611,6 +4613,11 @@ typedef struct clothi_inside {
     int            known;                   /* flags are those of x                            */
     int            rays, regions;           /* of the last pose                                */
     int            some;                    /* want is less than all                           */
+    int           *rank;                    /* [nf x 3] NULL: both; sums over the corners of   */
+                                            /* edges to the middle and to an end of the        */
+                                            /* component, whose number                         */
+    int           *size_of, *slack;         /* by component: vertices; ranks that are as one   */
+    int           *mid, *part_of;           /* [nv] of vertices: edges to the middle, component */
     double        *want_box;                /* [nf x 6] as box, empty for what is not wanted   */
     clothi_bvh     tree, part;              /* of all; the same with want_box                  */
     clothi_pairs   pairs;
@@ -4627,6 +4634,7 @@ CLOTHI_UNUSED static void clothi_inside_free(clothi_inside *work) {
     clothi_free(&hooks, work->faces);
     clothi_free(&hooks, work->x);
     clothi_free(&hooks, work->closed);
+    clothi_free(&hooks, work->rank);
     clothi_free(&hooks, work->hit);
     clothi_free(&hooks, work);
 }
@@ -4686,6 +4694,96 @@ done:
         clothi_fail(hooks, status, "no memory to find what of %i faces is inside", nf);
     }
     return status;
+}
+
+/* --- who yields --- */
+
+typedef struct clothi_ways {                /* over the vertices of a mesh                     */
+    int *start, *around;                    /* faces around each                               */
+    int *mid, *end, *part, *queue;          /* [nv]                                            */
+} clothi_ways;
+
+/* way [nv] = edges from vertex v to all of its component, where it was < 0; returns how many they
+ * are, in queue, the farthest last. */
+static int clothi_inside_way(const clothi_inside *k, clothi_ways *w, int v, int *way) {
+    int i, j, head = 0, n = 1;
+    w->queue[0] = v;
+    way[v] = 0;
+    while (head < n) {
+        const int p = w->queue[head++];
+        for (i = w->start[p]; i < w->start[p + 1]; i++)
+            for (j = 0; j < 3; j++) {
+                const int q = k->faces[3 * w->around[i] + j];
+                if (way[q] >= 0) continue;
+                way[q] = way[p] + 1;
+                w->queue[n++] = q;
+            }
+    }
+    return n;
+}
+
+/* The component of vertex v, its `number`: the middle is half way between two ends. */
+static void clothi_inside_middle(clothi_inside *k, clothi_ways *w, int v, int number) {
+    int i, j, half, m, n = clothi_inside_way(k, w, v, w->mid);
+    (void)clothi_inside_way(k, w, w->queue[n - 1], w->end);
+    m = w->queue[n - 1];
+    k->size_of[number] = n;
+    k->slack[number] = 3 * w->end[m] / 8;
+    for (half = w->end[m] / 2; w->end[m] > half;) {
+        const int at = m;
+        for (i = w->start[at]; i < w->start[at + 1]; i++)
+            for (j = 0; j < 3; j++) {
+                const int q = k->faces[3 * w->around[i] + j];
+                if (w->end[q] < w->end[m]) m = q;
+            }
+    }
+    for (i = 0; i < n; i++) w->mid[w->queue[i]] = -1, w->part[w->queue[i]] = number;
+    (void)clothi_inside_way(k, w, m, w->mid);
+}
+
+/* Ranks of all faces: of two that meet one yields, the other holds. */
+static cloth_status clothi_inside_ranks(clothi_inside *k) {
+    const size_t n = (size_t)k->nf, m = (size_t)k->nv;
+    clothi_ways  w;
+    int          f, i, v, parts = 0;
+    k->rank = (int *)clothi_alloc(&k->hooks, 3 * n + 4 * m, sizeof(int));
+    w.start = (int *)clothi_alloc(&k->hooks, 3 * n + 3 * m + 2, sizeof(int));
+    if (!k->rank || !w.start) {
+        clothi_free(&k->hooks, w.start);
+        return CLOTH_ERR_MEMORY;
+    }
+    k->size_of = k->rank + 3 * n, k->slack = k->size_of + m;
+    w.around = w.start + m + 2;
+    w.mid = k->mid = k->slack + m, w.part = k->part_of = k->mid + m;
+    w.end = w.around + 3 * n, w.queue = w.end + m;
+    for (i = 0; i < 3 * k->nf; i++) w.start[k->faces[i] + 2]++;
+    for (v = 0; v < k->nv; v++) {
+        w.start[v + 2] += w.start[v + 1];
+        w.mid[v] = w.end[v] = -1;
+    }
+    for (i = 0; i < 3 * k->nf; i++) w.around[w.start[k->faces[i] + 1]++] = i / 3;
+    for (v = 0; v < k->nv; v++)
+        if (w.mid[v] < 0 && w.start[v + 1] > w.start[v]) clothi_inside_middle(k, &w, v, parts++);
+    for (f = 0; f < k->nf; f++) {
+        int *r = k->rank + 3 * f;
+        for (i = 0; i < 3; i++) {
+            v = k->faces[3 * f + i];
+            r[0] += w.mid[v], r[1] += w.end[v], r[2] = w.part[v];
+        }
+    }
+    clothi_free(&k->hooks, w.start);
+    return CLOTH_OK;
+}
+
+/* 1 when face f lets go where it meets g, 0 when g does. */
+static int clothi_inside_yields(const clothi_inside *k, int f, int g) {
+    const int *p = k->rank + 3 * f, *q = k->rank + 3 * g;
+    if (p[2] != q[2]) {
+        const int a = k->size_of[p[2]], b = k->size_of[q[2]];
+        return a != b ? a < b : p[2] > q[2];
+    }
+    if (abs(p[0] - q[0]) > k->slack[p[2]]) return p[0] > q[0];
+    return p[1] != q[1] ? p[1] > q[1] : f > g;
 }
 
 /* --- cuts --- */
@@ -4885,14 +4983,16 @@ static int clothi_inside_cross(const clothi_inside *k, int g, int w, int forward
     return depth < p[w] ? -turn : 0;
 }
 
-/* The winding number just outside the centroid of face f; _UNKNOWN for a face without area. */
-static int clothi_inside_outer(clothi_inside *k, int f) {
+/* The ray from just outside the centroid p [3] of face f, along axis *w; returns how many faces
+ * are in hit [CLOTHI_INSIDE_HITS], or would be; -1 for a face without area. */
+static int clothi_inside_ray(const clothi_inside *k, int f, double *p, int *axis, int *hit) {
     const double *n = k->normal + 3 * f;
-    double        p[3], ray[6];
-    int           hit[CLOTHI_INSIDE_HITS], w, a, i, count, sum = 0, forward;
+    double        ray[6];
+    int           w, a, forward;
     w = fabs(n[0]) >= fabs(n[1]) ? 0 : 1;
     w = fabs(n[2]) > fabs(n[w]) ? 2 : w;
-    if (!(fabs(n[w]) > 0)) return CLOTHI_INSIDE_UNKNOWN;
+    *axis = w;
+    if (!(fabs(n[w]) > 0)) return -1;
     forward = n[w] > 0;
     for (a = 0; a < 3; a++) {
         p[a] = k->x[3 * k->faces[3 * f] + a] / 3 + k->x[3 * k->faces[3 * f + 1] + a] / 3
@@ -4903,7 +5003,15 @@ static int clothi_inside_outer(clothi_inside *k, int f) {
     p[w] += (forward ? CLOTHI_INSIDE_OFF : -CLOTHI_INSIDE_OFF) * k->reach;
     ray[w] = forward ? p[w] : -CLOTHI_HUGE;
     ray[3 + w] = forward ? CLOTHI_HUGE : p[w];
-    count = clothi_bvh_box_query(&k->tree, ray, CLOTHI_INSIDE_HITS, hit);
+    return clothi_bvh_box_query(&k->tree, ray, CLOTHI_INSIDE_HITS, hit);
+}
+
+/* The winding number just outside the centroid of face f; _UNKNOWN for a face without area. */
+static int clothi_inside_outer(clothi_inside *k, int f) {
+    double    p[3];
+    int       hit[CLOTHI_INSIDE_HITS], w, i, sum = 0;
+    const int count = clothi_inside_ray(k, f, p, &w, hit), forward = k->normal[3 * f + w] > 0;
+    if (count < 0) return CLOTHI_INSIDE_UNKNOWN;
     k->rays++;
     if (count > CLOTHI_INSIDE_HITS)
         for (i = 0; i < k->nf; i++)
@@ -4967,6 +5075,59 @@ static void clothi_inside_regions(clothi_inside *k) {
     }
 }
 
+/* Whether face f, which lies inside, holds: it does not yield to a face through which the ray from
+ * it comes out, as far as where the ray is outside of all. */
+static int clothi_inside_holds(const clothi_inside *k, int f) {
+    double    p[3], depth[CLOTHI_INSIDE_HITS], d;
+    int       hit[CLOTHI_INSIDE_HITS], turn[CLOTHI_INSIDE_HITS], w, i, j, n = 0, sum = 0;
+    const int count = clothi_inside_ray(k, f, p, &w, hit), forward = k->normal[3 * f + w] > 0;
+    if (count < 0 || count > CLOTHI_INSIDE_HITS) return 0;
+    for (i = 0; i < count; i++) {
+        const int *at = k->faces + 3 * hit[i], g = hit[i];
+        int        t;
+        if (g == f || !k->closed[g]) continue;
+        t = clothi_line_cross(k->x + 3 * at[0], k->x + 3 * at[1], k->x + 3 * at[2], w,
+                              p[w == 2 ? 0 : w + 1], p[w == 0 ? 2 : w - 1], &d);
+        d = forward ? d - p[w] : p[w] - d;
+        if (t == 0 || !(d > 0)) continue;
+        t = forward ? t : -t;
+        sum += t;
+        for (j = n++; j > 0 && depth[j - 1] > d; j--)
+            depth[j] = depth[j - 1], turn[j] = turn[j - 1], hit[j] = hit[j - 1];
+        depth[j] = d, turn[j] = t, hit[j] = g;
+    }
+    for (i = 0; i < n && sum > 0; i++) {
+        if (turn[i] > 0 && clothi_inside_yields(k, f, hit[i])) return 0;
+        sum -= turn[i];
+    }
+    return 1;
+}
+
+static void clothi_inside_hold(int begin, int end, int worker, void *ctx) {
+    clothi_inside *k = (clothi_inside *)ctx;
+    int            f;
+    (void)worker;
+    for (f = begin; f < end; f++)
+        if (k->want[f] && ((k->flags[f] == CLOTHI_INSIDE_CUT && !k->asked[f]) ||
+                           (k->flags[f] == CLOTHI_INSIDE_COVERED && clothi_inside_holds(k, f))))
+            k->flags[f] |= CLOTHI_INSIDE_HOLDS;
+}
+
+/* Marks what does not yield to what it meets. */
+static void clothi_inside_holders(clothi_inside *k) {
+    int i;
+    memset(k->asked, 0, (size_t)k->nf * sizeof(int));
+    for (i = 0; i < k->pairs.count; i++)
+        if (k->hit[i] & CLOTHI_INSIDE_CUT) {
+            const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
+            k->asked[clothi_inside_yields(k, f, g) ? f : g] = 1;
+        }
+    clothi_for(&k->hooks, k->nf, CLOTHI_INSIDE_GRAIN, clothi_inside_hold, k);
+}
+
+/* Whether flags say that a face is no obstacle. */
+static int clothi_inside_lets(int flags) { return flags && !(flags & CLOTHI_INSIDE_HOLDS); }
+
 /* --- a pose --- */
 
 /* 1 when two faces are nearer to each other than `room`. */
@@ -5013,6 +5174,13 @@ static void clothi_inside_narrow(clothi_inside *k) {
     int i;
     for (i = 0; k->room > 0 && i < k->pairs.count; i++) {
         const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
+        if (k->rank) {
+            const int y = clothi_inside_yields(k, f, g) ? f : g;
+            if (clothi_inside_lets(k->flags[y]) || !clothi_inside_facing(k, f, g)) continue;
+            k->flags[y] = (unsigned char)((k->flags[y] & ~CLOTHI_INSIDE_HOLDS) |
+                                          CLOTHI_INSIDE_NARROW);
+            continue;
+        }
         if ((k->flags[f] && k->flags[g]) || !clothi_inside_facing(k, f, g)) continue;
         k->flags[f] |= CLOTHI_INSIDE_NARROW;
         k->flags[g] |= CLOTHI_INSIDE_NARROW;
@@ -5039,6 +5207,7 @@ static cloth_status clothi_inside_flags(clothi_inside *k, const double *x) {
     if (status != CLOTH_OK) return status;
     clothi_inside_flood(k);
     clothi_inside_regions(k);
+    if (k->rank) clothi_inside_holders(k);
     clothi_inside_narrow(k);
     k->known = 1;
     return CLOTH_OK;
@@ -5094,7 +5263,7 @@ CLOTHI_UNUSED static cloth_status clothi_inside_find(clothi_inside *k, const dou
     int          f, n = 0;
     if (status != CLOTH_OK) return status;
     for (f = 0; f < k->nf; f++) {
-        exempt[f] = k->need[f] && k->flags[f] != 0;
+        exempt[f] = k->need[f] && clothi_inside_lets(k->flags[f]);
         n += exempt[f];
     }
     if (count) *count = n;
@@ -5113,7 +5282,8 @@ CLOTHI_UNUSED static cloth_status clothi_inside_sweep(clothi_inside *k, const do
     status = clothi_inside_flags(k, xb);
     if (status != CLOTH_OK) return status;
     for (f = 0; f < k->nf; f++) {
-        exempt[f] = k->need[f] && (k->flags[f] != 0 || k->before[f] != 0);
+        exempt[f] = k->need[f] && (clothi_inside_lets(k->flags[f]) ||
+                                   clothi_inside_lets(k->before[f]));
         n += exempt[f];
     }
     if (count) *count = n;
@@ -5197,6 +5367,7 @@ typedef struct clothi_touch {               /* an active pair of the proximity p
     double     size, trend;                 /* m, |u| of the last iterate and its last change  */
     double     ease;                        /* of the majorizer's excess along u, 0 to 1       */
     int        leader;                      /* carries the anchor of its key                   */
+    int        out;                         /* a way out: stiffness (rest - g), no damping     */
     double     force;                       /* N at the end of the substep                     */
     double     pull[3];                     /* N, dE/d(sum w x) at the minimiser               */
 } clothi_touch;
@@ -5246,6 +5417,8 @@ struct cloth_collide {
     int     nv, nf;                         /* cloth's                                         */
     int     nw, mf, me;                     /* world's; edges of capsules come last            */
     int    *faces, *edges;                  /* [mf x 3], [me x 2]                              */
+    int    *in, nin;                        /* [nv] obstacle that it was inside of, -1; how many */
+    int    *queue;                          /* [nv] scratch                                    */
     int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
     int    *vertex_part;                    /* [nv]                                            */
     double *area;                           /* [nw] m^2, a third of the faces around           */
@@ -5340,6 +5513,7 @@ CLOTH_API cloth_collide_desc cloth_collide_desc_default(void) {
     d.slip = 2e-5;
     d.max_push = 0.1;
     d.max_passes = 40;
+    d.push_out = 0.2;
     d.initial = CLOTH_INITIAL_REFUSE;
     return d;
 }
@@ -6046,6 +6220,148 @@ static cloth_status clothi_inside_again(cloth_collide *c) {
     return out ? clothi_inside_reach(c, c->xb) : CLOTH_OK;
 }
 
+/* --- ways out --- */
+
+#define CLOTHI_GAP_OUT  0.5                 /* of t, beyond the surface                        */
+#define CLOTHI_OUT_HITS 512                 /* boxes on one ray; more: all faces are asked     */
+
+/* Whether p is inside obstacle `slot` at xa: what a ray upwards meets of its closed parts. */
+static int clothi_inside_point(const cloth_collide *c, int slot, const double *p) {
+    const clothi_obstacle *o = c->obstacle + slot;
+    double                 ray[6], depth = 0;
+    int                    hit[CLOTHI_OUT_HITS], i, n, wind = 0, all;
+    for (i = 0; i < 3; i++) ray[i] = ray[3 + i] = p[i];
+    ray[5] = CLOTHI_HUGE;
+    n = clothi_bvh_box_query(&c->solid, ray, CLOTHI_OUT_HITS, hit);
+    all = n > CLOTHI_OUT_HITS;
+    for (i = 0; i < (all ? o->nf : n); i++) {
+        const int  f = all ? o->f0 + i : hit[i];
+        const int *v = c->faces + 3 * f;
+        int        turn;
+        if (f < o->f0 || f >= o->f0 + o->nf || !o->inside->closed[f - o->f0]) continue;
+        turn = clothi_line_cross(c->xa + 3 * v[0], c->xa + 3 * v[1], c->xa + 3 * v[2], 2, p[0],
+                                 p[1], &depth);
+        if (turn && depth > p[2]) wind += turn;
+    }
+    return wind >= 1;
+}
+
+/* Asks for the corners of cloth face f, once each; those inside join the queue. */
+static void clothi_inside_ask(cloth_collide *c, int f, int slot) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        const int v = c->faces[3 * f + k];
+        if (c->in[v] >= 0 || c->in[v] == -2 - slot) continue;
+        c->in[v] = -2 - slot;               /* outside of that one */
+        if (!clothi_inside_point(c, slot, c->xa + 3 * v)) continue;
+        c->in[v] = slot;
+        c->queue[c->nin++] = v;
+    }
+}
+
+/* Cloth vertices inside of obstacles that penetrate themselves: those of faces that cross them, be
+ * it where they let go, and on from there along edges. */
+static cloth_status clothi_insiders(cloth_collide *c) {
+    const cloth_topology *t = c->sim->model->topology;
+    cloth_status          status;
+    int                   i, j;
+    c->nin = 0;
+    for (i = 0; i < c->nv; i++) c->in[i] = -1;
+    clothi_world_boxes(c, 0, 0);
+    status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
+    for (i = 0; i < c->meet.count && !status; i++) {
+        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
+        const int slot = c->slot[c->faces[3 * g]], *v = c->faces + 3 * f;
+        if (!c->obstacle[slot].inside ||
+            (c->in[v[0]] != -1 && c->in[v[1]] != -1 && c->in[v[2]] != -1) ||
+            !clothi_may_touch(c, -1, clothi_part_of(c, v[0]), slot, 0) ||
+            !clothi_faces_cross(c, f, g))
+            continue;
+        clothi_inside_ask(c, f, slot);
+    }
+    for (i = 0; i < c->nin && !status; i++) {
+        const int v = c->queue[i];
+        for (j = t->vf_start[v]; j < t->vf_start[v + 1]; j++)
+            clothi_inside_ask(c, t->vf[j], c->in[v]);
+    }
+    return status;
+}
+
+/* A pair of which a cloth vertex is inside the obstacle. */
+static int clothi_leaves(const cloth_collide *c, int kind, int a, int b) {
+    const int slot = clothi_pair_slot(c, kind, a, b);
+    int       v[4], i, n;
+    if (slot < 0) return 0;
+    n = clothi_pair_vertices(c, kind, a, b, v);
+    for (i = 0; i < n; i++)
+        if (v[i] < c->nv && c->in[v[i]] == slot) return 1;
+    return 0;
+}
+
+typedef struct clothi_exit {
+    const cloth_collide *c;
+    int                  slot;
+} clothi_exit;
+
+static double clothi_exit_face2(int f, const double *p, void *ctx) {
+    const cloth_collide   *c = ((const clothi_exit *)ctx)->c;
+    const clothi_obstacle *o = c->obstacle + ((const clothi_exit *)ctx)->slot;
+    double                 x[12], w[4], d;
+    if (f < o->f0 || f >= o->f0 + o->nf || c->off[f] || !o->inside->closed[f - o->f0])
+        return HUGE_VAL;
+    memcpy(x, p, 3 * sizeof(double));
+    clothi_gather_points(c->xa, c->faces + 3 * f, 3, x + 3);
+    d = clothi_pair_distance(CLOTHI_VF, x, w);
+    return d * d;
+}
+
+/* The touch that leads vertex v out by the nearest point of what holds. */
+static cloth_status clothi_way_out(cloth_collide *c, int v) {
+    const double t = c->desc.thickness;
+    clothi_exit  e;
+    clothi_touch q;
+    double       x[12], d[3] = {0, 0, 0}, d1[3], d2[3], away = HUGE_VAL, size;
+    int          i, k, f;
+    cloth_status status;
+    e.c = c, e.slot = c->in[v];
+    f = clothi_bvh_nearest(&c->solid, c->xa + 3 * v, clothi_exit_face2, &e, &away);
+    if (f < 0 || !(away < HUGE_VAL)) return CLOTH_OK;
+    memset(&q, 0, sizeof q);
+    q.kind = CLOTHI_VF, q.a = v, q.b = f;
+    q.n = clothi_pair_vertices(c, CLOTHI_VF, v, f, q.v);
+    clothi_gather_points(c->xa, q.v, 4, x);
+    away = clothi_pair_distance(CLOTHI_VF, x, q.w);
+    for (i = 0; i < 4; i++)
+        for (k = 0; k < 3; k++) d[k] -= q.w[i] * x[3 * i + k];
+    if (!(away > 1e-3 * t)) {
+        clothi_sub3(x + 6, x + 3, d1);
+        clothi_sub3(x + 9, x + 3, d2);
+        clothi_cross3(d1, d2, d);
+    }
+    size = sqrt(clothi_dot3(d, d));
+    if (!(size > 0)) return CLOTH_OK;
+    for (k = 0; k < 3; k++) q.normal[k] = d[k] / size;
+    q.gap = -away;
+    q.out = 1, q.size = -1, q.ease = 1;
+    q.range = t;
+    q.rest = q.gap + clothi_min(away + CLOTHI_GAP_OUT * t, c->desc.push_out * c->h);
+    q.stiffness = c->stiffness * c->area[v];
+    q.key.feature = 3, q.key.a = v, q.key.b = e.slot;
+    for (i = 1; i < 4; i++)
+        for (k = 0; k < 3; k++)
+            q.drift[k] += q.w[i] * (c->xb[3 * q.v[i] + k] - c->xa[3 * q.v[i] + k]);
+    status = clothi_grow(c->hooks, (void **)&c->touch, c->ntouch, &c->touch_cap, sizeof q);
+    if (!status) c->touch[c->ntouch++] = q;
+    return status;
+}
+
+static cloth_status clothi_ways_out(cloth_collide *c) {
+    cloth_status status = CLOTH_OK;
+    int          i;
+    for (i = 0; i < c->nin && !status; i++) status = clothi_way_out(c, c->queue[i]);
+    return status;
+}
+
 /* ===== [8.2] PROXIMITY AND FRICTION ==========================================================
  *
  *        g = n . sum w_i x_i - radius          gap, n and w of the closest points at x^n
@@ -6193,6 +6509,8 @@ static double clothi_touch_force(const cloth_collide *c, const clothi_touch *q, 
     const double in = g < q->range ? q->range - g : 0;
     if (slope) *slope = 0;
     if (!(g < q->rest)) return 0;
+    if (slope && q->out) *slope = q->stiffness;
+    if (q->out) return q->stiffness * (q->rest - g);
     if (slope) *slope = 2 * q->stiffness * in / q->range + damp;
     return q->stiffness * in * in / q->range - damp * (g - q->gap);
 }
@@ -6202,6 +6520,7 @@ static double clothi_touch_energy(const cloth_collide *c, const clothi_touch *q,
     const double damp = q->stiffness * c->desc.relaxation / c->h;
     double in, out;
     g = clothi_min(g, q->rest);
+    if (q->out) return 0.5 * q->stiffness * (q->rest - g) * (q->rest - g);
     in = g < q->range ? q->range - g : 0;
     out = g - q->gap;
     return q->stiffness * in * in * in / (3 * q->range) + 0.5 * damp * out * out;
@@ -6286,7 +6605,7 @@ static void clothi_touch_remember(cloth_collide *c) {
         clothi_touch *q = c->touch + i;
         double        along;
         q->leader = i == 0 || clothi_key_compare(&q[-1].key, &q->key) != 0;
-        if (!q->leader) continue;
+        if (!q->leader || q->out) continue;
         while (j < c->nnext && clothi_key_compare(&c->next[j].key, &q->key) < 0) j++;
         if (j == c->nnext || clothi_key_compare(&c->next[j].key, &q->key) != 0) continue;
         q->limit = q->friction * c->next[j].force;
@@ -6451,6 +6770,7 @@ static int clothi_untangle_lets(const cloth_collide *c, int kind, int a, int b);
  * tangle that is moved. */
 static int clothi_is_exempt(const cloth_collide *c, int kind, int a, int b) {
     int i, flip;
+    if (c->nin && clothi_leaves(c, kind, a, b)) return 1;
     for (i = 0; i < c->nnow; i++)
         for (flip = 0; flip < 2 && c->now[i].kind < 0; flip++) {
             const int f = flip ? c->now[i].b : c->now[i].a;
@@ -6886,6 +7206,18 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
 
 #define CLOTHI_NAMED    1e-3                /* of the largest multiplier                       */
 
+/* 1 when vertex p of an obstacle lies farther out on it than q by more than a limb: p yields. */
+static int clothi_outer(const cloth_collide *c, int p, int q) {
+    const clothi_obstacle *o = c->obstacle + c->slot[p], *u = c->obstacle + c->slot[q];
+    const clothi_inside   *k = o->inside;
+    int                    a, b;
+    if (o != u) return 0;
+    p -= o->v0, q -= o->v0;
+    a = k->part_of[p], b = k->part_of[q];
+    if (a != b) return k->size_of[a] != k->size_of[b] ? k->size_of[a] < k->size_of[b] : a > b;
+    return 3 * (k->mid[p] - k->mid[q]) > k->slack[a];
+}
+
 /* The rows of zone z contradict each other, and c->qp_lambda is the certificate, or they push too
  * hard. What the multipliers name of an obstacle that penetrates itself lets go for this step,
  * with the faces around it: there cloth is pinched between parts of one body. Returns 0 when there
@@ -6893,15 +7225,20 @@ static cloth_status clothi_zone_solve(cloth_collide *c, int z, int first, int *s
 static int clothi_zone_release(cloth_collide *c, int z) {
     const int m = c->zone_cursor[z] - c->zone_start[z];
     double    most = 0;
-    int       r, i, k, found = 0;
+    int       r, i, k, pass, found = 0, holds = -1;
     for (r = 0; r < m; r++) most = clothi_max(most, c->qp_lambda[r]);
-    for (r = 0; r < m; r++) {
-        const clothi_row *row = c->row + c->zone_order[c->zone_start[z] + r];
-        const int         slot = clothi_pair_slot(c, row->kind, row->a, row->b);
-        if (!(c->qp_lambda[r] > CLOTHI_NAMED * most)) continue;
-        for (k = 0; slot >= 0 && c->obstacle[slot].inside && k < row->n; k++)
-            if (row->v[k] >= c->nv && !c->off_v[row->v[k]]) c->off_v[row->v[k]] = 2, found = 1;
-    }
+    for (pass = 0; pass < 3 && !found; pass++)      /* who holds; who yields to it; else all */
+        for (r = 0; r < m; r++) {
+            const clothi_row *row = c->row + c->zone_order[c->zone_start[z] + r];
+            const int         slot = clothi_pair_slot(c, row->kind, row->a, row->b);
+            if (!(c->qp_lambda[r] > CLOTHI_NAMED * most)) continue;
+            for (k = 0; slot >= 0 && c->obstacle[slot].inside && k < row->n; k++) {
+                const int v = row->v[k];
+                if (v < c->nv || c->off_v[v]) continue;
+                if (pass == 0) holds = holds < 0 || clothi_outer(c, holds, v) ? v : holds;
+                else if (pass == 2 || clothi_outer(c, v, holds)) c->off_v[v] = 2, found = 1;
+            }
+        }
     for (i = c->nf; found && i < c->mf; i++)
         for (k = 0; k < 3 && !c->off[i]; k++)
             if (c->off_v[c->faces[3 * i + k]] == 2) c->off[i] = 1, c->report.exempt_faces++;
@@ -7235,13 +7572,14 @@ static cloth_status clothi_anchors_move(cloth_collide *c, const double *x) {
         clothi_touch *q = c->touch + i;
         double        u[3];
         clothi_touch_motion(c, q, x, u);
+        if (q->out) q->leader = 0;
         q->force = clothi_touch_force(c, q, q->gap + clothi_dot3(u, q->normal), NULL);
         memset(&a, 0, sizeof a);
         a.key = q->key;
         a.force = q->force;
         a.sliding = -1;                     /* not a leader */
         if (q->leader) clothi_anchor_slip(c, q, x, &a);
-        if (q->leader || a.force > 0) status = clothi_anchor_add(c, &a);
+        if (!q->out && (q->leader || a.force > 0)) status = clothi_anchor_add(c, &a);
     }
     for (i = 0; i < c->nrow && !status; i++) {
         memset(&a, 0, sizeof a);
@@ -7282,6 +7620,7 @@ static cloth_status clothi_touches_find(cloth_collide *c) {
                     i < c->nv && !status; i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
                 status = clothi_touch_add(c, CLOTHI_VP, i, o);
+    if (!status && c->nin) status = clothi_ways_out(c);
     if (status) return status;
     clothi_touch_sort(c->touch, c->ntouch);
     clothi_touch_remember(c);
@@ -7334,6 +7673,9 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     if (!status && !c->begun) status = clothi_contact_open(c);
     memset(&c->books, 0, sizeof c->books);
     c->ntouch = 0;
+    c->nin = 0;
+    if (!status && !explicit_step && c->lets_go && c->desc.push_out > 0)
+        status = clothi_insiders(c);
     if (!status && !explicit_step) status = clothi_touches_find(c);
     c->report.touches = c->ntouch;
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
@@ -7465,6 +7807,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     for (i = 0; i < c->ntouch; i++) {
         double u[3];
         clothi_touch_motion(c, c->touch + i, c->xb, u);
+        if (c->touch[i].out) continue;
         least = clothi_min(least, c->touch[i].gap + clothi_dot3(u, c->touch[i].normal));
     }
     c->report.exempt_pairs = c->nexempt;
@@ -7590,6 +7933,7 @@ static size_t clothi_contact_bytes(void *user) {
     block[n++] = c->qp_minv, block[n++] = c->qp_x0, block[n++] = c->qp_x, block[n++] = c->slot;
     block[n++] = c->area, block[n++] = c->meet.pair, block[n++] = c->vf.pair;
     block[n++] = c->ee.pair, block[n++] = c->near_f, block[n++] = c->zone_of;
+    block[n++] = c->in, block[n++] = c->queue;
     block[n++] = c->struck;
     for (i = 0; i < n; i++) sum += clothi_block_size(block[i]);
     sum += cloth_qp_work_bytes(c->qp_options.work);
@@ -7617,6 +7961,7 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
     if (!status) status = clothi_desc_number(hooks, "collide.friction", d->friction, 0);
     if (!status) status = clothi_desc_number(hooks, "collide.slip", d->slip, 1);
     if (!status) status = clothi_desc_number(hooks, "collide.max_push", d->max_push, 1);
+    if (!status) status = clothi_desc_number(hooks, "collide.push_out", d->push_out, 0);
     if (status) return status;
     if (d->max_passes < 1)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.max_passes = %i must be at least 1",
@@ -7647,6 +7992,8 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     c->moved = (unsigned char *)clothi_alloc(k, nv, 1);
     c->frozen = (unsigned char *)clothi_alloc(k, nv, 1);
     c->near_f = (int *)clothi_alloc(k, (size_t)c->nf, sizeof(int));
+    c->in = (int *)clothi_alloc(k, nv, sizeof(int));
+    c->queue = (int *)clothi_alloc(k, nv, sizeof(int));
     c->zone_of = (int *)clothi_alloc(k, nv, sizeof(int));
     c->zone_number = (int *)clothi_alloc(k, nv, sizeof(int));
     c->local = (int *)clothi_alloc(k, nv, sizeof(int));
@@ -7656,7 +8003,8 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     c->qp_x = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
     if (c->desc.nparts)
         c->part = (cloth_collide_part *)clothi_alloc(k, (size_t)c->desc.nparts, sizeof *c->part);
-    return c->vertex_part && c->x_ie && c->moved && c->frozen && c->near_f && c->zone_of &&
+    return c->vertex_part && c->x_ie && c->moved && c->frozen && c->near_f && c->in && c->queue &&
+                   c->zone_of &&
                    c->zone_number && c->local && c->member && c->qp_minv && c->qp_x0 && c->qp_x &&
                    (c->part || !c->desc.nparts)
                ? CLOTH_OK
@@ -7780,6 +8128,8 @@ CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
     clothi_free(k, c->moved);
     clothi_free(k, c->frozen);
     clothi_free(k, c->near_f);
+    clothi_free(k, c->in);
+    clothi_free(k, c->queue);
     clothi_free(k, c->zone_of);
     clothi_free(k, c->zone_number);
     clothi_free(k, c->local);
@@ -7890,6 +8240,7 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     if (d->kind != CLOTH_OBSTACLE_MESH || !d->self_penetrating) return CLOTH_OK;
     status = clothi_inside_create(c->hooks, o->nv, o->nf, o->faces, &o->inside);
     if (!status) o->inside->room = CLOTHI_ROOM * c->desc.thickness;
+    if (!status) status = clothi_inside_ranks(o->inside);
     return status;
 }
 
@@ -8851,7 +9202,7 @@ static cloth_status clothi_untangle_resolve(cloth_collide *c) {
     memcpy(c->x_ie, c->xb, 3 * (size_t)c->nv * sizeof(double));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
-    c->nrow = 0;
+    c->nrow = c->nin = 0;
     c->report.passes = 0;
     c->solid_known = 0;
     while (!status) {

@@ -381,7 +381,7 @@ typedef struct cloth_collide_desc {
                                                which the step fails; default 0.1               */
     int           max_passes;               /* rounds of detection, default 40                 */
     double        push_out;                 /* m/s at which cloth is led out of obstacles that
-                                               are self_penetrating; 0: not; default 0.2       */
+                                               are self_penetrating; 0 (default): not    [7.2] */
     cloth_initial initial;
     int           nparts;                   /* 0: every part collides with everything          */
     const cloth_collide_part *parts;        /* [nparts], one for each part of the model; copied */
@@ -4778,7 +4778,7 @@ static int clothi_inside_yields(const clothi_inside *k, int f, int g) {
     const int *p = k->rank + 3 * f, *q = k->rank + 3 * g;
     if (p[2] != q[2]) {
         const int a = k->size_of[p[2]], b = k->size_of[q[2]];
-        return a != b ? a < b : p[2] > q[2];
+        return (a != b ? a < b : p[2] > q[2]) ? 2 : 0;
     }
     if (abs(p[0] - q[0]) > k->slack[p[2]]) return p[0] > q[0] ? 2 : 0;
     return p[1] != q[1] ? p[1] > q[1] : f > g;
@@ -5521,7 +5521,6 @@ CLOTH_API cloth_collide_desc cloth_collide_desc_default(void) {
     d.slip = 2e-5;
     d.max_push = 0.1;
     d.max_passes = 40;
-    d.push_out = 0.2;
     d.initial = CLOTH_INITIAL_REFUSE;
     return d;
 }
@@ -6133,7 +6132,7 @@ static cloth_status clothi_exempt_wander(cloth_collide *c) {
     double      *keep = c->xa;
     cloth_status status;
     int          i, any = 0;
-    any = c->lets_go;
+    any = c->lets_go && c->desc.push_out > 0;
     for (i = 0; i < c->nnow && !any; i++) any = c->now[i].kind < 0;
     if (!any) return CLOTH_OK;
     c->xa = c->xb;
@@ -7256,7 +7255,7 @@ static int clothi_outer(const cloth_collide *c, int p, int q) {
     const clothi_obstacle *o = c->obstacle + c->slot[p], *u = c->obstacle + c->slot[q];
     const clothi_inside   *k = o->inside;
     int                    a, b;
-    if (o != u) return 0;
+    if (o != u || !k->rank) return 0;
     p -= o->v0, q -= o->v0;
     a = k->part_of[p], b = k->part_of[q];
     if (a != b) return k->size_of[a] != k->size_of[b] ? k->size_of[a] < k->size_of[b] : a > b;
@@ -7677,7 +7676,7 @@ static cloth_status clothi_contact_open(cloth_collide *c) {
         status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
     for (i = 0; i < c->nobstacle && !inside; i++)
         inside = c->obstacle[i].used && c->obstacle[i].inside;
-    if (!status && inside) clothi_inside_stays(c);
+    if (!status && inside && c->desc.push_out > 0) clothi_inside_stays(c);
     if (!status && inside) status = clothi_crossings(c, 1);     /* faces that came out again */
     for (i = 0; i < c->nanchor && !status; i++) status = clothi_anchor_add(c, c->anchor + i);
     return status;
@@ -8223,7 +8222,7 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     if (d->kind != CLOTH_OBSTACLE_MESH || !d->self_penetrating) return CLOTH_OK;
     status = clothi_inside_create(c->hooks, o->nv, o->nf, o->faces, &o->inside);
     if (!status) o->inside->room = CLOTHI_ROOM * c->desc.thickness;
-    if (!status) status = clothi_inside_ranks(o->inside);
+    if (!status && c->desc.push_out > 0) status = clothi_inside_ranks(o->inside);
     return status;
 }
 

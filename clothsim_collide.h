@@ -381,7 +381,7 @@ typedef struct cloth_collide_desc {
                                                which the step fails; default 0.1               */
     int           max_passes;               /* rounds of detection, default 40                 */
     double        push_out;                 /* m/s at which cloth is led out of obstacles that
-                                               are self_penetrating; 0: not; default 0.2       */
+                                               are self_penetrating; 0 (default): not    [7.2] */
     cloth_initial initial;
     int           nparts;                   /* 0: every part collides with everything          */
     const cloth_collide_part *parts;        /* [nparts], one for each part of the model; copied */
@@ -4587,7 +4587,9 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
 #define CLOTHI_INSIDE_MIXED   CLOTH_MAX_COUNT
 
 enum { CLOTHI_INSIDE_CUT = 1, CLOTHI_INSIDE_COVERED = 2, CLOTHI_INSIDE_TOUCHED = 4,
-       CLOTHI_INSIDE_NARROW = 8, CLOTHI_INSIDE_HOLDS = 16 };
+       CLOTHI_INSIDE_NARROW = 8, CLOTHI_INSIDE_HOLDS = 16, CLOTHI_INSIDE_STAYS = 32 };
+
+enum { CLOTHI_OFF = 1, CLOTHI_OFF_STAYS = 2 };  /* of c->off: lets go; until cloth is out again */
 
 typedef struct clothi_inside {
     cloth_hooks    hooks;
@@ -4775,14 +4777,15 @@ static cloth_status clothi_inside_ranks(clothi_inside *k) {
     return CLOTH_OK;
 }
 
-/* 1 when face f lets go where it meets g, 0 when g does. */
+/* 0 when face g lets go where it meets f; else f does: 2 when f is farther out, as a hand is from
+ * a hip, 1 when they are two of a kind, as thighs. */
 static int clothi_inside_yields(const clothi_inside *k, int f, int g) {
     const int *p = k->rank + 3 * f, *q = k->rank + 3 * g;
     if (p[2] != q[2]) {
         const int a = k->size_of[p[2]], b = k->size_of[q[2]];
-        return a != b ? a < b : p[2] > q[2];
+        return (a != b ? a < b : p[2] > q[2]) ? 2 : 0;
     }
-    if (abs(p[0] - q[0]) > k->slack[p[2]]) return p[0] > q[0];
+    if (abs(p[0] - q[0]) > k->slack[p[2]]) return p[0] > q[0] ? 2 : 0;
     return p[1] != q[1] ? p[1] > q[1] : f > g;
 }
 
@@ -5075,13 +5078,14 @@ static void clothi_inside_regions(clothi_inside *k) {
     }
 }
 
-/* Whether face f, which lies inside, holds: it does not yield to a face through which the ray from
+/* 0 when face f, which lies inside, holds, else as clothi_inside_yields: it does not yield to a face through which the ray from
  * it comes out, as far as where the ray is outside of all. */
-static int clothi_inside_holds(const clothi_inside *k, int f) {
+static int clothi_inside_gives(const clothi_inside *k, int f) {
     double    p[3], depth[CLOTHI_INSIDE_HITS], d;
     int       hit[CLOTHI_INSIDE_HITS], turn[CLOTHI_INSIDE_HITS], w, i, j, n = 0, sum = 0;
+    int       most = 0;
     const int count = clothi_inside_ray(k, f, p, &w, hit), forward = k->normal[3 * f + w] > 0;
-    if (count < 0 || count > CLOTHI_INSIDE_HITS) return 0;
+    if (count < 0 || count > CLOTHI_INSIDE_HITS) return 1;
     for (i = 0; i < count; i++) {
         const int *at = k->faces + 3 * hit[i], g = hit[i];
         int        t;
@@ -5097,20 +5101,23 @@ static int clothi_inside_holds(const clothi_inside *k, int f) {
         depth[j] = d, turn[j] = t, hit[j] = g;
     }
     for (i = 0; i < n && sum > 0; i++) {
-        if (turn[i] > 0 && clothi_inside_yields(k, f, hit[i])) return 0;
+        const int y = turn[i] > 0 ? clothi_inside_yields(k, f, hit[i]) : 0;
+        if (y > most) most = y;
         sum -= turn[i];
     }
-    return 1;
+    return most;
 }
 
 static void clothi_inside_hold(int begin, int end, int worker, void *ctx) {
     clothi_inside *k = (clothi_inside *)ctx;
     int            f;
     (void)worker;
-    for (f = begin; f < end; f++)
-        if (k->want[f] && ((k->flags[f] == CLOTHI_INSIDE_CUT && !k->asked[f]) ||
-                           (k->flags[f] == CLOTHI_INSIDE_COVERED && clothi_inside_holds(k, f))))
-            k->flags[f] |= CLOTHI_INSIDE_HOLDS;
+    for (f = begin; f < end; f++) {
+        int gives;
+        if (!k->want[f] || !k->flags[f]) continue;
+        gives = k->flags[f] == CLOTHI_INSIDE_CUT ? k->asked[f] : clothi_inside_gives(k, f);
+        k->flags[f] |= gives == 0 ? CLOTHI_INSIDE_HOLDS : gives == 2 ? CLOTHI_INSIDE_STAYS : 0;
+    }
 }
 
 /* Marks what does not yield to what it meets. */
@@ -5120,13 +5127,18 @@ static void clothi_inside_holders(clothi_inside *k) {
     for (i = 0; i < k->pairs.count; i++)
         if (k->hit[i] & CLOTHI_INSIDE_CUT) {
             const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
-            k->asked[clothi_inside_yields(k, f, g) ? f : g] = 1;
+            const int y = clothi_inside_yields(k, f, g), z = clothi_inside_yields(k, g, f);
+            int      *asked = k->asked + (y ? f : g);
+            if (*asked < y + z) *asked = y + z;
         }
     clothi_for(&k->hooks, k->nf, CLOTHI_INSIDE_GRAIN, clothi_inside_hold, k);
 }
 
 /* Whether flags say that a face is no obstacle. */
-static int clothi_inside_lets(int flags) { return flags && !(flags & CLOTHI_INSIDE_HOLDS); }
+static int clothi_inside_lets(int flags) {
+    return !flags || flags & CLOTHI_INSIDE_HOLDS ? 0
+           : flags & CLOTHI_INSIDE_STAYS         ? CLOTHI_OFF | CLOTHI_OFF_STAYS : CLOTHI_OFF;
+}
 
 /* --- a pose --- */
 
@@ -5175,10 +5187,12 @@ static void clothi_inside_narrow(clothi_inside *k) {
     for (i = 0; k->room > 0 && i < k->pairs.count; i++) {
         const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
         if (k->rank) {
+            const int by = clothi_inside_yields(k, f, g) + clothi_inside_yields(k, g, f);
             const int y = clothi_inside_yields(k, f, g) ? f : g;
             if (clothi_inside_lets(k->flags[y]) || !clothi_inside_facing(k, f, g)) continue;
             k->flags[y] = (unsigned char)((k->flags[y] & ~CLOTHI_INSIDE_HOLDS) |
-                                          CLOTHI_INSIDE_NARROW);
+                                          CLOTHI_INSIDE_NARROW |
+                                          (by == 2 ? CLOTHI_INSIDE_STAYS : 0));
             continue;
         }
         if ((k->flags[f] && k->flags[g]) || !clothi_inside_facing(k, f, g)) continue;
@@ -5263,8 +5277,8 @@ CLOTHI_UNUSED static cloth_status clothi_inside_find(clothi_inside *k, const dou
     int          f, n = 0;
     if (status != CLOTH_OK) return status;
     for (f = 0; f < k->nf; f++) {
-        exempt[f] = k->need[f] && clothi_inside_lets(k->flags[f]);
-        n += exempt[f];
+        exempt[f] = (unsigned char)(k->need[f] ? clothi_inside_lets(k->flags[f]) : 0);
+        n += exempt[f] != 0;
     }
     if (count) *count = n;
     return CLOTH_OK;
@@ -5282,9 +5296,9 @@ CLOTHI_UNUSED static cloth_status clothi_inside_sweep(clothi_inside *k, const do
     status = clothi_inside_flags(k, xb);
     if (status != CLOTH_OK) return status;
     for (f = 0; f < k->nf; f++) {
-        exempt[f] = k->need[f] && (clothi_inside_lets(k->flags[f]) ||
-                                   clothi_inside_lets(k->before[f]));
-        n += exempt[f];
+        exempt[f] = (unsigned char)(k->need[f] ? clothi_inside_lets(k->flags[f]) |
+                                                 clothi_inside_lets(k->before[f]) : 0);
+        n += exempt[f] != 0;
     }
     if (count) *count = n;
     return CLOTH_OK;
@@ -5336,6 +5350,7 @@ static cloth_status clothi_inside_covered(const cloth_hooks *hooks, int nv, cons
  */
 
 enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2 };   /* vertex-face, edge-edge, vertex-plane */
+enum { CLOTHI_FF = -1, CLOTHI_LET_IN = -2 };    /* faces; faces of which the obstacle's let go  */
 
 /* Who touches: pairs with one key share one anchor of friction: a feature of the cloth with one
  * obstacle (b its slot), or with one side of one part of cloth (b = 2 part + side).
@@ -5397,7 +5412,7 @@ typedef struct clothi_obstacle {
     clothi_inside      *inside;             /* self_penetrating, else NULL              [7.2] */
 } clothi_obstacle;
 
-typedef struct clothi_couple {
+typedef struct clothi_couple {              /* of two faces: kind CLOTHI_FF or CLOTHI_LET_IN   */
     int kind, a, b;
 } clothi_couple;
 
@@ -5513,7 +5528,6 @@ CLOTH_API cloth_collide_desc cloth_collide_desc_default(void) {
     d.slip = 2e-5;
     d.max_push = 0.1;
     d.max_passes = 40;
-    d.push_out = 0.2;
     d.initial = CLOTH_INITIAL_REFUSE;
     return d;
 }
@@ -5925,12 +5939,25 @@ static int clothi_pair_compare(const clothi_couple *p, const clothi_couple *q) {
     return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
 }
 
-/* Into the sorted list, once. */
+static int clothi_exempt_knows(const cloth_collide *c, int kind, int a, int b) {
+    clothi_couple p;
+    int           low = 0, high = c->nnow;
+    p.kind = kind, p.a = a, p.b = b;
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        if (clothi_pair_compare(c->now + mid, &p) < 0) low = mid + 1;
+        else high = mid;
+    }
+    return low < c->nnow && clothi_pair_compare(c->now + low, &p) == 0;
+}
+
+/* Into the sorted list, once: faces that are there as let in stay that. */
 static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) {
     clothi_couple  p;
     cloth_status status;
     int          low = 0, high = c->nnow;
     p.kind = kind, p.a = a, p.b = b;
+    if (kind == CLOTHI_FF && clothi_exempt_knows(c, CLOTHI_LET_IN, a, b)) return CLOTH_OK;
     while (low < high) {
         const int mid = low + (high - low) / 2;
         if (clothi_pair_compare(c->now + mid, &p) < 0)
@@ -6078,7 +6105,8 @@ static int clothi_faces_share(const cloth_collide *c, int f, int g) {
            clothi_face_has(c, g, v[2]);
 }
 
-/* Faces f and g each share a vertex with a face of one pair of the list, or are one of it. */
+/* The kind of the first pair of the list with which faces f and g share a vertex each, or are one
+ * of it; 0: none. */
 static int clothi_couples_beside(const cloth_collide *c, const clothi_couple *list, int n, int f,
                                  int g) {
     int i;
@@ -6086,7 +6114,7 @@ static int clothi_couples_beside(const cloth_collide *c, const clothi_couple *li
         if (list[i].kind < 0 &&
             ((clothi_faces_share(c, f, list[i].a) && clothi_faces_share(c, g, list[i].b)) ||
              (clothi_faces_share(c, f, list[i].b) && clothi_faces_share(c, g, list[i].a))))
-            return 1;
+            return list[i].kind;
     return 0;
 }
 
@@ -6097,12 +6125,15 @@ static cloth_status clothi_exempt_beside(cloth_collide *c) {
     do
         for (n = c->nnow, i = 0; i < c->meet.count && !status; i++) {
             const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
-            const int p = c->faces[3 * f], q = c->faces[3 * g];
-            if (!c->off[f] && !c->off[g] &&
-                clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q],
-                                 clothi_part_of(c, q)) &&
-                clothi_faces_cross(c, f, g) && clothi_couples_beside(c, c->now, c->nnow, f, g))
-                status = clothi_exempt_add(c, -1, f, g);
+            const int p = c->faces[3 * f], q = c->faces[3 * g], lets = c->off[g] & CLOTHI_OFF_STAYS;
+            int       kind;
+            if ((c->off[g] && !lets) ||
+                !clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q],
+                                  clothi_part_of(c, q)) ||
+                !clothi_faces_cross(c, f, g))
+                continue;
+            kind = lets ? CLOTHI_LET_IN : clothi_couples_beside(c, c->now, c->nnow, f, g);
+            if (kind) status = clothi_exempt_add(c, kind, f, g);
         }
     while (c->nnow > n && !status);
     return status;
@@ -6115,6 +6146,7 @@ static cloth_status clothi_exempt_wander(cloth_collide *c) {
     double      *keep = c->xa;
     cloth_status status;
     int          i, any = 0;
+    any = c->lets_go && c->desc.push_out > 0;
     for (i = 0; i < c->nnow && !any; i++) any = c->now[i].kind < 0;
     if (!any) return CLOTH_OK;
     c->xa = c->xb;
@@ -6208,6 +6240,32 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
     c->report.exempt_faces = 0;
     c->lets_go = 0;
     return clothi_inside_reach(c, c->xa);
+}
+
+/* Faces that let cloth in let go, with those around them, until it is out again. */
+static void clothi_inside_stays(cloth_collide *c) {
+    int o, i, k, any = 0;
+    for (o = 0; o < c->nobstacle; o++) {
+        const clothi_obstacle *b = c->obstacle + o;
+        unsigned char         *near_by = c->gone + b->f0;
+        int                    found = 0;
+        if (!b->used || !b->inside) continue;
+        memset(c->off_v + b->v0, 0, (size_t)b->nv);
+        for (i = 0; i < c->nnow; i++)
+            if (c->now[i].kind == CLOTHI_LET_IN && c->now[i].b >= b->f0 &&
+                c->now[i].b < b->f0 + b->nf)
+                for (k = 0; k < 3; k++) c->off_v[c->faces[3 * c->now[i].b + k]] = 1, found = 1;
+        for (i = 0; i < b->nf && found; i++) {
+            const int *v = c->faces + 3 * (b->f0 + i);
+            near_by[i] = c->off_v[v[0]] || c->off_v[v[1]] || c->off_v[v[2]]
+                             ? CLOTHI_OFF | CLOTHI_OFF_STAYS : 0;
+            c->report.exempt_faces += near_by[i] && !c->off[b->f0 + i];
+            c->off[b->f0 + i] |= near_by[i];
+        }
+        clothi_inside_spread(b->nf, b->faces, c->off + b->f0, b->nv, c->off_v + b->v0);
+        any |= found;
+    }
+    if (any) clothi_inside_edges_off(c);
 }
 
 /* Before detection: has cloth left the box that exempt faces were looked for in? */
@@ -6307,8 +6365,7 @@ static double clothi_exit_face2(int f, const double *p, void *ctx) {
     const cloth_collide   *c = ((const clothi_exit *)ctx)->c;
     const clothi_obstacle *o = c->obstacle + ((const clothi_exit *)ctx)->slot;
     double                 x[12], w[4], d;
-    if (f < o->f0 || f >= o->f0 + o->nf || c->off[f] || !o->inside->closed[f - o->f0])
-        return HUGE_VAL;
+    if (f < o->f0 || f >= o->f0 + o->nf || !o->inside->closed[f - o->f0]) return HUGE_VAL;
     memcpy(x, p, 3 * sizeof(double));
     clothi_gather_points(c->xa, c->faces + 3 * f, 3, x + 3);
     d = clothi_pair_distance(CLOTHI_VF, x, w);
@@ -6325,7 +6382,8 @@ static cloth_status clothi_way_out(cloth_collide *c, int v) {
     cloth_status status;
     e.c = c, e.slot = c->in[v];
     f = clothi_bvh_nearest(&c->solid, c->xa + 3 * v, clothi_exit_face2, &e, &away);
-    if (f < 0 || !(away < HUGE_VAL)) return CLOTH_OK;
+    if (f < 0 || !(away < HUGE_VAL) || (c->off[f] & CLOTHI_OFF_STAYS))
+        return CLOTH_OK;
     memset(&q, 0, sizeof q);
     q.kind = CLOTHI_VF, q.a = v, q.b = f;
     q.n = clothi_pair_vertices(c, CLOTHI_VF, v, f, q.v);
@@ -7211,7 +7269,7 @@ static int clothi_outer(const cloth_collide *c, int p, int q) {
     const clothi_obstacle *o = c->obstacle + c->slot[p], *u = c->obstacle + c->slot[q];
     const clothi_inside   *k = o->inside;
     int                    a, b;
-    if (o != u) return 0;
+    if (o != u || !k->rank) return 0;
     p -= o->v0, q -= o->v0;
     a = k->part_of[p], b = k->part_of[q];
     if (a != b) return k->size_of[a] != k->size_of[b] ? k->size_of[a] < k->size_of[b] : a > b;
@@ -7241,7 +7299,8 @@ static int clothi_zone_release(cloth_collide *c, int z) {
         }
     for (i = c->nf; found && i < c->mf; i++)
         for (k = 0; k < 3 && !c->off[i]; k++)
-            if (c->off_v[c->faces[3 * i + k]] == 2) c->off[i] = 1, c->report.exempt_faces++;
+            if (c->off_v[c->faces[3 * i + k]] == 2)
+                c->off[i] = CLOTHI_OFF, c->report.exempt_faces++;
     if (found) clothi_inside_edges_off(c);
     for (r = 0; found && r < c->nrow; r++) {
         clothi_row *row = c->row + r;
@@ -7644,6 +7703,7 @@ static cloth_status clothi_contact_open(cloth_collide *c) {
         status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
     for (i = 0; i < c->nobstacle && !inside; i++)
         inside = c->obstacle[i].used && c->obstacle[i].inside;
+    if (!status && inside && c->desc.push_out > 0) clothi_inside_stays(c);
     if (!status && inside) status = clothi_crossings(c, 1);     /* faces that came out again */
     for (i = 0; i < c->nanchor && !status; i++) status = clothi_anchor_add(c, c->anchor + i);
     return status;
@@ -8240,7 +8300,7 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     if (d->kind != CLOTH_OBSTACLE_MESH || !d->self_penetrating) return CLOTH_OK;
     status = clothi_inside_create(c->hooks, o->nv, o->nf, o->faces, &o->inside);
     if (!status) o->inside->room = CLOTHI_ROOM * c->desc.thickness;
-    if (!status) status = clothi_inside_ranks(o->inside);
+    if (!status && c->desc.push_out > 0) status = clothi_inside_ranks(o->inside);
     return status;
 }
 

@@ -126,6 +126,7 @@ static int walk_start(walk *w, const cloth_desc *desc, int nv, int nf, const int
     w->desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
     w->desc.contact = CLOTH_CONTACT_SELF;
     contact.initial = CLOTH_INITIAL_EXEMPT;
+    contact.push_out = getenv("PUSH_OUT") ? strtod(getenv("PUSH_OUT"), NULL) : 0.2;
     w->nv = nv, w->nf = nf, w->faces = faces;
     w->now = (double *)malloc(3 * (size_t)nv * sizeof(double));
     w->next = (double *)malloc(3 * (size_t)nv * sizeof(double));

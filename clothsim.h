@@ -6599,11 +6599,14 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *   where the residual got stuck, AUTO takes doubles: the same code, about twice the time.
  *   A decision is made afresh for every matrix, so that a restored snapshot goes the same way.
  *
- *   Workers. Leaves run side by side, S alone; two parallel regions an iteration:
+ *   Workers. Leaves run side by side, S alone; two parallel regions an iteration (extras: three);
+ *   the factor of Ac beside what a solve begins with in the leaves, where nothing needs it yet:
  *       S: advance, back        | leaves: advance x r, back sweep, their Z's
  *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
  *       S: forward
  *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
+ *   Of a whole step of the sheet (64 x 64, Y = 1e4 N/m) 8 % of the time is outside of the loops:
+ *   two workers are at most 1.85 times as fast as one, 1.7 with the leaves' sizes and 2 us a loop.
  *
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)

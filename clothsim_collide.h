@@ -6738,18 +6738,21 @@ static double clothi_touch_eval(const cloth_collide *c, const clothi_touch *q, c
 
 static cloth_status clothi_touch_hessian(const cloth_collide *c, const clothi_touch *q,
                                          const double *K, cloth_matrix *A) {
-    double H[144];
-    int    v[4], at[4], n = 0, i, j, k, l;
+    double H[144], w[4];
+    int    v[4], n = 0, i, j, k;
     for (i = 0; i < q->n; i++)
         if (q->v[i] < c->nv) {
             v[n] = q->v[i];
-            at[n++] = i;
+            w[n++] = q->w[i];
         }
     for (i = 0; i < n; i++)
-        for (j = 0; j < n; j++)
-            for (k = 0; k < 3; k++)
-                for (l = 0; l < 3; l++)
-                    H[(3 * i + k) * 3 * n + 3 * j + l] = q->w[at[i]] * q->w[at[j]] * K[3 * k + l];
+        for (k = 0; k < 3; k++)
+            for (j = 0; j <= i; j++) {      /* what the matrix reads                           */
+                double *h = H + (3 * i + k) * 3 * n + 3 * j;
+                h[0] = w[i] * w[j] * K[3 * k];
+                h[1] = w[i] * w[j] * K[3 * k + 1];
+                h[2] = w[i] * w[j] * K[3 * k + 2];
+            }
     return cloth_matrix_add_element(A, n, v, H);
 }
 

@@ -24,6 +24,39 @@ typedef struct run {                        /* what a child says about itself   
     int    newton, cg, solves, halvings, negative, failed;
 } run;
 
+/* ---- what workers could share: CPU time inside and outside of the loops, all on one thread */
+
+static double share_in, share_out, share_last;
+
+static void share_run(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
+    const double begin = bench_cpu();
+    (void)user;
+    (void)grain;
+    fn(0, count, 0, ctx);
+    share_out += begin - share_last;
+    share_last = bench_cpu();
+    share_in += share_last - begin;
+}
+
+static void share(double stiffness) {
+    cloth_desc   d = bench_desc(stiffness, RIGIDITY, TOLERANCE);
+    cloth_model *model;
+    cloth_sim   *sim;
+    double       serial;
+    int          i;
+    d.hooks.parallel.run = share_run;
+    d.hooks.parallel.max_workers = 1;
+    CHECK(!bench_sheet(&d, SIDE, &model, &sim));
+    share_in = share_out = 0;
+    share_last = bench_cpu();
+    for (i = 0; i < FRAMES; i++) CHECK(!cloth_step(sim, H, NULL));
+    serial = share_out / (share_in + share_out);
+    printf("  outside of the loops: %.1f %% of a step's CPU time; two workers at most %.2f times "
+           "one\n", 100 * serial, 2 / (1 + serial));
+    CHECK(serial < 0.15);
+    bench_free(&model, &sim);
+}
+
 /* ---- the child: 'bench_step child STIFFNESS FRAMES WORKERS' */
 
 static int child(char **argv) {
@@ -186,6 +219,7 @@ static void speed(double stiffness) {
         printf("  ratio one / two workers, wall: medians %.2f, minima %.2f (aim 1.6)\n",
                bench_median(wall[KIT], repeats) / bench_median(wall[TWO], repeats),
                wall[KIT][0] / wall[TWO][0]);
+    share(stiffness);
 }
 
 /* ---- errors */

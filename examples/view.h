@@ -17,6 +17,8 @@
  * The page opens from the file system with no network, in WebGL or, where there is none (or
  * with #2d in the address), on a 2D canvas. Drag turns, wheel or pinch zooms, right button or
  * two fingers pan; space plays, arrows step. #t=SECONDS shows that time, paused.
+ * The light stands still and casts shadows (in 2D on the floor alone); a cloth's back has a colour
+ * of its own, the right part of its chip below the picture.
  * document.title becomes 'ready N frames' after the first drawing, or 'error: ...'.
  *
  * Errors are kept until view_close returns them: no call in between has to be checked, and
@@ -846,7 +848,9 @@ static const char *const view_page_code[] = {
     "plain(m);\n",
     "    i.className = 'chip';\n",
     "    i.style.background = mode >= 0 && m.sq[mode] ? ramp(D.scalars[mode])\n",
-    "      : 'rgb(' + c.slice(0, 3) + ')';\n",
+    "      : m.cloth ? 'linear-gradient(90deg,rgb(' + c.slice(0, 3) + ') 60%,rgb(' +\n",
+    "        c.slice(3) + ') 60%)' : 'rgb(' + c.slice(0, 3) + ')';   /* front and back */\n",
+
     "    const size = document.createElement('span');\n",
     "    size.className = 'wide';\n",
     "    size.textContent = ' (' + m.nv + ' vertices, ' + m.nf + ' triangles)';\n",

@@ -11828,6 +11828,8 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     return CLOTH_OK;
 }
 
+CLOTHI_RARE_END
+
 /* ===== [9.3] IMPLICIT STEPS AND STATICS ======================================================
  *
  *   Euler   y = x^n + h v^n                                    eta = h      v = (x - x^n)/h
@@ -11995,6 +11997,8 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 }
 
 
+
+CLOTHI_RARE_BEGIN
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
 #define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */

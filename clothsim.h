@@ -1244,9 +1244,6 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #  include <emmintrin.h>
 #  define CLOTHI_SSE2 1
 #endif
-#if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__)
-#  define CLOTHI_SMALL 1
-#endif
 #ifndef CLOTH_ASSERT
 #  include <assert.h>
 #  define CLOTH_ASSERT(cond) assert(cond)
@@ -1264,6 +1261,22 @@ extern "C" {
 #  define CLOTHI_RESTRICT
 #  define CLOTHI_UNUSED
 #  define CLOTHI_OUTLINE
+#endif
+
+/* What runs once, or once a step beside kernels that run for each element, is compiled for size and
+ * without the passes that take gcc longest: 4 s and 300 KB are promises. */
+#if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__)
+#  define CLOTHI_RARE_BEGIN                                                                       \
+    _Pragma("GCC push_options")                                                                   \
+    _Pragma("GCC optimize(\"Os\", \"no-tree-pre\", \"no-tree-vrp\", \"no-ivopts\")")              \
+    _Pragma("GCC optimize(\"no-schedule-insns2\", \"no-gcse\", \"no-expensive-optimizations\")")  \
+    _Pragma("GCC optimize(\"no-code-hoisting\", \"no-thread-jumps\", \"no-tree-tail-merge\")")    \
+    _Pragma("GCC optimize(\"no-tree-dominator-opts\", \"no-tree-pta\", \"no-tree-slsr\")")        \
+    _Pragma("GCC optimize(\"no-tree-loop-optimize\", \"no-tree-reassoc\")")
+#  define CLOTHI_RARE_END _Pragma("GCC pop_options")
+#else
+#  define CLOTHI_RARE_BEGIN
+#  define CLOTHI_RARE_END
 #endif
 
 /* ===== [3.1] SMALL MATHS ===================================================================== */
@@ -1408,6 +1421,8 @@ CLOTHI_OUTLINE static size_t clothi_block_size(const void *ptr) {
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
     return header.size;
 }
+
+CLOTHI_RARE_BEGIN
 
 /* Text for the logger. No printf: its output depends on the locale and the host may lack it. */
 typedef struct clothi_text {
@@ -1563,13 +1578,6 @@ CLOTH_API const char *cloth_status_text(cloth_status status) {
 }
 
 CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
-
-/* Sections that run once are compiled for size, without the passes that take gcc longest: an
- * object of 300 KB is a promise. */
-#if defined(CLOTHI_SMALL)
-#  pragma GCC push_options
-#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
-#endif
 
 /* ===== [4.1] MESH CHECK ========================================================================
  *
@@ -3597,9 +3605,7 @@ done:
 
 #endif
 
-#if defined(CLOTHI_SMALL)
-#  pragma GCC pop_options
-#endif
+CLOTHI_RARE_END
 
 /* ===== [5.1] MATERIALS ======================================================================= */
 /*
@@ -5270,10 +5276,7 @@ CLOTHI_HOT void clothi_winged_quadratic(const double *CLOTHI_RESTRICT x,
             f[(6 + r) * L + k] = f2;
         }
 }
-#if defined(CLOTHI_SMALL)
-#  pragma GCC push_options
-#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
-#endif
+CLOTHI_RARE_BEGIN
 
 /* ===== [7.1] ORDERING ==========================================================================
  *
@@ -6272,9 +6275,7 @@ CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
     return 1 + 2.0 * pattern->nlow / pattern->n;
 }
 
-#if defined(CLOTHI_SMALL)
-#  pragma GCC pop_options
-#endif
+CLOTHI_RARE_END
 
 /* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
  *
@@ -7028,6 +7029,8 @@ struct cloth_linear_solver {
 #define CLOTHI_COARSE_BLOCK 24              /* columns of the coarse factor at a time          */
 #define CLOTHI_COPIES 4                     /* sums of Z's in turn: no store waits for a load  */
 
+CLOTHI_RARE_BEGIN
+
 /* Lays the arrays of one precision into one block; with base NULL only counts its bytes. */
 static size_t clothi_store_lay(const cloth_pattern *p, size_t real, clothi_store *st, char *base) {
     const size_t n = (size_t)p->n, nc = (size_t)p->nc, nd = (size_t)p->nd;
@@ -7133,6 +7136,8 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
     o.tolerance = CLOTHI_LINEAR_TOLERANCE;
     return o;
 }
+
+CLOTHI_RARE_END
 
 /* --- set-up: scaling, Z, V, the coarse matrix --- */
 
@@ -8621,6 +8626,8 @@ static void clothi_front_task(int begin, int end, int worker, void *ctx) {
             clothi_front_part(f, q, f->work + P->task_pack[t], 0);
 }
 
+CLOTHI_RARE_BEGIN
+
 CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth_pattern *pattern,
                                            cloth_factor **out) {
     cloth_factor *f;
@@ -8702,6 +8709,8 @@ static cloth_status clothi_factor_judge(cloth_factor *f, cloth_factor_report *re
     rep->bad_axis = f->first_bad % 3;
     return CLOTH_ERR_NUMERIC;
 }
+
+CLOTHI_RARE_END
 
 CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix *A,
                                             const unsigned char *fixed, double shift,
@@ -8824,6 +8833,8 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d) {
         for (c = 0; c < 3; c++) d[3 * f->P->verts[e] + c] = f->vec[3 * e + c] / sqrt(norm2);
     return f->pivot[f->first_bad] / norm2;
 }
+
+CLOTHI_RARE_BEGIN
 
 /* --- as a solver --- */
 
@@ -8963,11 +8974,6 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
     *found = curvature < -1e-12 * size || (curvature < 0 && !(size > 0));
     return CLOTH_OK;
 }
-
-#if defined(CLOTHI_SMALL)
-#  pragma GCC push_options
-#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
-#endif
 
 /* ===== [8.1] MODEL ===========================================================================
  *
@@ -10258,9 +10264,7 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     clothi_free(&sim->model->hooks, sim);
 }
 
-#if defined(CLOTHI_SMALL)
-#  pragma GCC pop_options
-#endif
+CLOTHI_RARE_END
 
 /* ===== [9.1] ENERGY TERMS ====================================================================
  *
@@ -10876,6 +10880,8 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
  *     G = A ( (S:Ea) I - F'((1+s) F Q + Fa S) - Fa' F S + s F_n' F_n Q ) Di'
  */
 
+CLOTHI_RARE_BEGIN
+
 typedef struct clothi_tri_parts {           /* one triangle's matrices, row-major              */
     double Di[4], A, F[6], Fa[6], Fn[6];    /* F [3 x 2]                                       */
     double E[4], En[4], Ea[4];
@@ -11316,6 +11322,8 @@ static void clothi_terms_install(cloth_sim *s) {
     s->nbuiltin = s->nterms = CLOTHI_TERM_HOST;
 }
 
+CLOTHI_RARE_END
+
 /* ===== [9.2] NEWTON ==========================================================================
  *
  *   minimise   phi(x) = 1/(2 eta^2) |x - y|^2_M + E_pot(x)         over the unpinned unknowns
@@ -11484,6 +11492,8 @@ static void clothi_matrix_inertia(cloth_sim *s, const clothi_goal *goal) {
                         (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma);
 }
 
+CLOTHI_RARE_BEGIN
+
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
 
 /* Adds h to entries (i, j) and (j, i) of two vertices; scalar indices. */
@@ -11541,6 +11551,8 @@ static cloth_status clothi_tie_matrix(cloth_sim *s) {
     }
     return status;
 }
+
+CLOTHI_RARE_END
 
 /* phi at x; value, gradient [nv x 3] and the matrix as asked (NULL, 0: not). */
 CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal,
@@ -11695,6 +11707,8 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
     s->ms.assemble += clothi_now(&s->hooks) - start;
     return status;
 }
+
+CLOTHI_RARE_BEGIN
 
 /* But for rounding CG ends after as many iterations as there are unknowns. Where twenty times as
  * many were not enough, rounding never meets the tolerance; the general cap would only cost. */
@@ -11955,6 +11969,8 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     return CLOTH_OK;
 }
 
+CLOTHI_RARE_END
+
 /* ===== [9.3] IMPLICIT STEPS AND STATICS ======================================================
  *
  *   Euler   y = x^n + h v^n                                    eta = h      v = (x - x^n)/h
@@ -12130,10 +12146,8 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
 }
 
 
-#if defined(CLOTHI_SMALL)
-#  pragma GCC push_options
-#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
-#endif
+
+CLOTHI_RARE_BEGIN
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
 #define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
@@ -12335,9 +12349,7 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
     return status;
 }
 
-#if defined(CLOTHI_SMALL)
-#  pragma GCC pop_options
-#endif
+CLOTHI_RARE_END
 
 /* ===== [9.4] LEAPFROG ========================================================================
  *
@@ -12933,6 +12945,8 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
  * checked: tests/test_step.c (one test per row of the table at cloth_step)
  */
 
+CLOTHI_RARE_BEGIN
+
 static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;
     size_t n = 3 * (size_t)m->nv, lanes = CLOTHI_LANES;
@@ -13452,10 +13466,6 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     return status;
 }
 
-#if defined(CLOTHI_SMALL)
-#  pragma GCC push_options
-#  pragma GCC optimize("Os", "no-tree-pre", "no-tree-vrp", "no-ivopts", "no-schedule-insns2")
-#endif
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 
@@ -14247,9 +14257,7 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
     return CLOTH_OK;
 }
 
-#if defined(CLOTHI_SMALL)
-#  pragma GCC pop_options
-#endif
+CLOTHI_RARE_END
 
 #ifdef __cplusplus
 }

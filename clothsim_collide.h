@@ -5432,7 +5432,8 @@ struct cloth_collide {
     int     nv, nf;                         /* cloth's                                         */
     int     nw, mf, me;                     /* world's; edges of capsules come last            */
     int    *faces, *edges;                  /* [mf x 3], [me x 2]                              */
-    int    *in, nin;                        /* [nv] obstacle that it was inside of, -1; how many */
+    int    *in, nin, nout;                  /* [nv] obstacle that it was inside of, < 0; how   */
+                                            /* many of queue are in, are led out           */
     int    *queue;                          /* [nv] scratch                                    */
     int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
     int    *vertex_part;                    /* [nv]                                            */
@@ -6281,6 +6282,7 @@ static cloth_status clothi_inside_again(cloth_collide *c) {
 /* --- ways out --- */
 
 #define CLOTHI_GAP_OUT  0.5                 /* of t, beyond the surface                        */
+#define CLOTHI_BESIDE   (-CLOTH_MAX_COUNT)  /* - slot: outside, a face around it crosses       */
 #define CLOTHI_OUT_HITS 512                 /* boxes on one ray; more: all faces are asked     */
 
 /* Whether p is inside obstacle `slot` at xa: what a ray upwards meets of its closed parts. */
@@ -6342,6 +6344,16 @@ static cloth_status clothi_insiders(cloth_collide *c) {
         for (j = t->vf_start[v]; j < t->vf_start[v + 1]; j++)
             clothi_inside_ask(c, t->vf[j], c->in[v]);
     }
+    c->nout = c->nin;
+    for (i = 0; i < c->nnow && !status; i++) {
+        const int slot = c->now[i].kind == CLOTHI_FF ? c->slot[c->faces[3 * c->now[i].b]] : -1;
+        for (j = 0; j < 3 && slot >= 0 && c->obstacle[slot].inside; j++) {
+            const int v = c->faces[3 * c->now[i].a + j];
+            if (c->in[v] >= 0 || c->in[v] <= CLOTHI_BESIDE) continue;
+            c->in[v] = CLOTHI_BESIDE - slot;
+            c->queue[c->nout++] = v;
+        }
+    }
     return status;
 }
 
@@ -6375,12 +6387,14 @@ static double clothi_exit_face2(int f, const double *p, void *ctx) {
 /* The touch that leads vertex v out by the nearest point of what holds. */
 static cloth_status clothi_way_out(cloth_collide *c, int v) {
     const double t = c->desc.thickness;
+    const int    in = c->in[v] >= 0;
     clothi_exit  e;
     clothi_touch q;
     double       x[12], d[3] = {0, 0, 0}, d1[3], d2[3], away = HUGE_VAL, size;
     int          i, k, f;
     cloth_status status;
-    e.c = c, e.slot = c->in[v];
+
+    e.c = c, e.slot = in ? c->in[v] : CLOTHI_BESIDE - c->in[v];
     f = clothi_bvh_nearest(&c->solid, c->xa + 3 * v, clothi_exit_face2, &e, &away);
     if (f < 0 || !(away < HUGE_VAL) || (c->off[f] & CLOTHI_OFF_STAYS))
         return CLOTH_OK;
@@ -6390,7 +6404,8 @@ static cloth_status clothi_way_out(cloth_collide *c, int v) {
     clothi_gather_points(c->xa, q.v, 4, x);
     away = clothi_pair_distance(CLOTHI_VF, x, q.w);
     for (i = 0; i < 4; i++)
-        for (k = 0; k < 3; k++) d[k] -= q.w[i] * x[3 * i + k];
+        for (k = 0; k < 3; k++) d[k] -= (in ? 1 : -1) * q.w[i] * x[3 * i + k];
+    if (!in && away > c->sim->edge) return CLOTH_OK;
     if (!(away > 1e-3 * t)) {
         clothi_sub3(x + 6, x + 3, d1);
         clothi_sub3(x + 9, x + 3, d2);
@@ -6399,10 +6414,11 @@ static cloth_status clothi_way_out(cloth_collide *c, int v) {
     size = sqrt(clothi_dot3(d, d));
     if (!(size > 0)) return CLOTH_OK;
     for (k = 0; k < 3; k++) q.normal[k] = d[k] / size;
-    q.gap = -away;
+    q.gap = in ? -away : away;
     q.out = 1, q.size = -1, q.ease = 1;
     q.range = t;
-    q.rest = q.gap + clothi_min(away + CLOTHI_GAP_OUT * t, c->desc.push_out * c->h);
+    q.rest = q.gap + c->desc.push_out * c->h;
+    if (in) q.rest = clothi_min(q.rest, CLOTHI_GAP_OUT * t);
     q.stiffness = c->stiffness * c->area[v];
     q.key.feature = 3, q.key.a = v, q.key.b = e.slot;
     for (i = 1; i < 4; i++)
@@ -6416,7 +6432,7 @@ static cloth_status clothi_way_out(cloth_collide *c, int v) {
 static cloth_status clothi_ways_out(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
     int          i;
-    for (i = 0; i < c->nin && !status; i++) status = clothi_way_out(c, c->queue[i]);
+    for (i = 0; i < c->nout && !status; i++) status = clothi_way_out(c, c->queue[i]);
     return status;
 }
 
@@ -7682,7 +7698,7 @@ static cloth_status clothi_touches_find(cloth_collide *c) {
                     i < c->nv && !status; i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
                 status = clothi_touch_add(c, CLOTHI_VP, i, o);
-    if (!status && c->nin) status = clothi_ways_out(c);
+    if (!status && c->nout) status = clothi_ways_out(c);
     if (status) return status;
     clothi_touch_sort(c->touch, c->ntouch);
     clothi_touch_remember(c);
@@ -7736,7 +7752,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     if (!status && !c->begun) status = clothi_contact_open(c);
     memset(&c->books, 0, sizeof c->books);
     c->ntouch = 0;
-    c->nin = 0;
+    c->nin = c->nout = 0;
     if (!status && !explicit_step && c->lets_go && c->desc.push_out > 0)
         status = clothi_insiders(c);
     if (!status && !explicit_step) status = clothi_touches_find(c);
@@ -9265,7 +9281,7 @@ static cloth_status clothi_untangle_resolve(cloth_collide *c) {
     memcpy(c->x_ie, c->xb, 3 * (size_t)c->nv * sizeof(double));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
-    c->nrow = c->nin = 0;
+    c->nrow = c->nin = c->nout = 0;
     c->report.passes = 0;
     c->solid_known = 0;
     while (!status) {

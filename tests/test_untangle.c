@@ -736,6 +736,48 @@ static void edges_let_go(void) {
     shape_free(&b);
 }
 
+/* One obstacle of two balls: the small one dives through the sheet that lies on the large one and
+ * comes out again. The sheet stays on the large one, and afterwards nothing crosses; without
+ * push_out both let go and the sheet is inside. Returns the pairs that are left. */
+static int dive(double push_out, int *deepest) {
+    static const double trunk[3] = {0.5, -0.3, 0.5}, hand[3] = {0.5, 0.15, 0.5};
+    shape               b = {0, 0, NULL, NULL};
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    stage               s;
+    int                 step, i, left = -1, first;
+    *deepest = 0;
+    begin(&s, sheet_of(20, 1, 0, 0.002, 0));
+    s.desc.gravity[1] = -9.81;
+    s.contact.push_out = push_out;
+    shape_sphere(&b, trunk, 0.3, 12);
+    first = b.nv;
+    shape_sphere(&b, hand, 0.08, 6);
+    d.nv = b.nv, d.x = b.x, d.nf = b.nf, d.faces = b.faces, d.self_penetrating = 1;
+    if (stage_start(&s)) {
+        stage_add(&s, &d);
+        for (step = 0; step < 60; step++) {
+            const double by = step < 12 ? -0.01 : step < 20 ? 0 : step < 40 ? 0.01 : 0;
+            for (i = first; i < b.nv; i++) s.thing[0].next[3 * i + 1] += by;
+            (void)stage_step(&s, 1.0 / 60);
+            *deepest = s.npair > *deepest ? s.npair : *deepest;
+        }
+        CHECK(s.failed == 0);
+        left = s.npair;
+    }
+    stage_end(&s);
+    shape_free(&b);
+    return left;
+}
+
+static void dives(void) {
+    int most[2];
+    const int with = dive(0.2, most), without = dive(0, most + 1);
+    printf("  a ball dives through: %d pairs left of %d, without push_out %d of %d\n", with, most[0],
+           without, most[1]);
+    CHECK(with == 0 && most[0] > 0);
+    CHECK(without > 0);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(sphere_mesh);
@@ -760,5 +802,6 @@ int main(int argc, char **argv) {
     RUN(memory);
     RUN(same_bits);
     RUN(edges_let_go);
+    RUN(dives);
     return TEST_END();
 }

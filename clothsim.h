@@ -6617,8 +6617,9 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
  *       S: forward
  *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
- *   Of a whole step of the sheet (64 x 64, Y = 1e4 N/m) 8 % of the time is outside of the loops:
- *   two workers are at most 1.85 times as fast as one, 1.7 with the leaves' sizes and 2 us a loop.
+ *   Of a whole step of the sheet (64 x 64, Y = 1e4 N/m) 8 to 10 % of the time is outside of the
+ *   loops: two workers are at most 1.83 times as fast as one, with what the leaves differ in size
+ *   and 2 us a loop 1.7 times.
  *
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)

@@ -1264,15 +1264,16 @@ extern "C" {
 #endif
 
 /* What runs once, or once a step beside kernels that run for each element, is compiled for size and
- * without the passes that take gcc longest: 4 s and 300 KB are promises. */
+ * without the passes that take gcc longest: 4 s and 300 KB are promises. One pragma only: a second
+ * one would take back what the first has said. Without jump threading gcc warns of variables that
+ * it takes for unset. */
 #if defined(__GNUC__) && !defined(__clang__) && defined(__OPTIMIZE__)
 #  define CLOTHI_RARE_BEGIN                                                                       \
     _Pragma("GCC push_options")                                                                   \
-    _Pragma("GCC optimize(\"Os\", \"no-tree-pre\", \"no-tree-vrp\", \"no-ivopts\")")              \
-    _Pragma("GCC optimize(\"no-schedule-insns2\", \"no-gcse\", \"no-expensive-optimizations\")")  \
-    _Pragma("GCC optimize(\"no-code-hoisting\", \"no-thread-jumps\", \"no-tree-tail-merge\")")    \
-    _Pragma("GCC optimize(\"no-tree-dominator-opts\", \"no-tree-pta\", \"no-tree-slsr\")")        \
-    _Pragma("GCC optimize(\"no-tree-loop-optimize\", \"no-tree-reassoc\")")
+    _Pragma("GCC optimize(\"Os\", \"no-tree-pre\", \"no-tree-vrp\", \"no-ivopts\",                \
+        \"no-schedule-insns2\", \"no-gcse\", \"no-expensive-optimizations\",                      \
+        \"no-code-hoisting\", \"no-tree-tail-merge\", \"no-tree-dominator-opts\",                 \
+        \"no-tree-pta\", \"no-tree-slsr\", \"no-tree-loop-optimize\", \"no-tree-reassoc\")")
 #  define CLOTHI_RARE_END _Pragma("GCC pop_options")
 #else
 #  define CLOTHI_RARE_BEGIN

@@ -772,8 +772,8 @@ static int dive(double push_out, int *deepest) {
 static void dives(void) {
     int most[2];
     const int with = dive(0.2, most), without = dive(0, most + 1);
-    printf("  a ball dives through: %d pairs left of %d, without push_out %d of %d\n", with, most[0],
-           without, most[1]);
+    printf("  a ball dives through: %d pairs left of %d, without push_out %d of %d\n", with,
+           most[0], without, most[1]);
     CHECK(with == 0 && most[0] > 0);
     CHECK(without > 0);
 }

@@ -92,8 +92,10 @@
  *     nearer than cloth has room for, for the step: report.exempt_faces [7.2]. Cloth that is caught
  *     there may be passed by them; the rest of the obstacle holds it. What was let in crosses those
  *     faces when they are an obstacle again; its crossings are exempt, wander to the faces beside
- *     them and are not pushed out. A body whose hands and thighs sink far into it lets in hundreds
- *     of pairs (tests/stability/garments.c); one that barely touches itself none
+ *     them and are led out only with desc.push_out [7.2]; then cloth that is inside may pass the
+ *     obstacle's surface on its way out, and faces of a limb that cloth crosses are exempt too. A
+ *     body whose hands and thighs sink far into it lets in hundreds of pairs
+ *     (tests/stability/garments.c); one that barely touches itself none
  *   - parts and obstacles whose category and mask exclude each other
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns
@@ -145,6 +147,9 @@
  *   max_push     how far, root mean square, a zone may be moved from where the step wanted it
  *                before the step fails instead | smaller: earlier failures, shorter steps;
  *                larger: leaps are let through, still without intersections
+ *   push_out     cloth leaves obstacles that penetrate themselves sooner, at this speed; one of two
+ *                parts that meet holds it, so that less gets in | where a limb does not leave (legs
+ *                in trousers) cloth is pulled between its way out and the rest: more iterations
  *   max_passes   rounds of detection and zones | fewer: hard steps fail sooner and cheaper
  *   initial      REFUSE names what intersects before the first step, EXEMPT counts it and lets it
  *                part, of itself or by cloth_collide_untangle | exempt pairs are outside of the
@@ -4570,11 +4575,27 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
  * faces asks a fraction, at a third of the cost. A wider list is kept while it holds what is
  * asked, so that a step has one pose to do and not two.
  *
+ * Who holds, with desc.push_out > 0. Two parts that both let go leave cloth between them without a
+ * hold: it sinks into either, and is inside when they part. So of two faces that meet only one is
+ * exempt: that of the component with fewer vertices; in one component the one that is farther, by
+ * edges, from the component's middle (half way between two ends), so that hands yield to hips; two
+ * that are about as far (an eighth of the way from end to end) by their way from one end, as the
+ * left thigh to the right. A face inside is compared with those through which a ray from it comes
+ * out. What multipliers name in a zone without a solution yields in the same sense.
+ * A limb, that is, a face that yielded as farther out or as the smaller component, and that cloth
+ * crosses at the step's end stays exempt with the faces around it in the next step (state: couples
+ * of kind CLOTHI_LET_IN): it goes out the way it came.
+ * All other cloth inside is led out: each of its vertices, found from crossing faces along edges
+ * by the winding number, feels stiffness (g' - g) towards the nearest point of the surface, g' by
+ * push_out h above where it is, t/2 outside at most, and pairs of it with that obstacle are
+ * exempt; so do vertices outside of which a face still crosses, or the cloth would fall back in.
+ * It leaves at the speed push_out. Not for leapfrog.
+ *
  * Closed components (faces joined along edges, at each of which as many run one way as the other)
  * have an inside; faces of open ones have none, but may cut or lie in a closed one. A component
  * turned inside out is a room: it winds -1, nothing is inside.
  *
- * checked: tests/test_inside.c */
+ * checked: tests/test_inside.c, tests/test_untangle.c (dives) */
 
 #define CLOTHI_INSIDE_GRAIN 2048            /* faces or pairs a range                          */
 #define CLOTHI_INSIDE_HITS  256             /* boxes on one ray; more: all faces are asked     */
@@ -5080,6 +5101,7 @@ static void clothi_inside_regions(clothi_inside *k) {
 
 /* 0 when face f, which lies inside, holds: it does not yield to a face through which the ray from
  * it comes out, as far as where the ray is outside of all. Else as clothi_inside_yields. */
+ * it comes out, as far as where the ray is outside of all; else as clothi_inside_yields. */
 static int clothi_inside_gives(const clothi_inside *k, int f) {
     double    p[3], depth[CLOTHI_INSIDE_HITS], d;
     int       hit[CLOTHI_INSIDE_HITS], turn[CLOTHI_INSIDE_HITS], w, i, j, n = 0, sum = 0;

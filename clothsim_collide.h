@@ -5100,7 +5100,6 @@ static void clothi_inside_regions(clothi_inside *k) {
 }
 
 /* 0 when face f, which lies inside, holds: it does not yield to a face through which the ray from
- * it comes out, as far as where the ray is outside of all. Else as clothi_inside_yields. */
  * it comes out, as far as where the ray is outside of all; else as clothi_inside_yields. */
 static int clothi_inside_gives(const clothi_inside *k, int f) {
     double    p[3], depth[CLOTHI_INSIDE_HITS], d;

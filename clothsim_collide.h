@@ -110,10 +110,11 @@
  * than inertia, so that Newton's first update of a sheet that ought to slip is shorter than 1e-4 m
  * and ends the search. Way of a sheet on a plane of 30 degrees in 1 s over what it should be:
  *     tolerance, slip m    mu = 0.99 tan a    0.95    0.90    0.80    0.50
- *     1e-4, 2e-5                      0.05    0.07    0.17    0.51    0.87
- *     1e-6, 2e-5                      0.06    0.91    0.96    0.98    1.00
- *     1e-6, 2e-4                      1.02    1.01    0.99    0.99    1.00
- *     1e-7, 2e-5                      0.93    0.97    0.97    0.98    1.00
+ *     1e-4, 2e-5                      0.09    0.27    0.51    0.76    0.96
+ *     1e-5, 2e-5                      0.09    0.75    0.96    0.94    1.00
+ *     1e-6, 2e-5                      0.42    0.97    0.97    0.98    1.00
+ *     1e-6, 2e-4                      1.23    1.02    1.00    0.99    1.00
+ *     1e-7, 2e-5                      1.00    0.97    0.97    0.98    1.00
  * What sticks stays at any tolerance. Where the beginning of a slide matters, take 1e-6.
  * E_col and friction are in the frame (normal, weights, range) of the START of the substep: normals
  * that turn within it, and what came into range during it, are felt one substep late; the normal

@@ -199,7 +199,7 @@ static int judge(const stand *s, drape *d) {
 static void show(stand *s, const char *name, const char *label, int series, const drape *d,
                  int good) {
     if (!good) {
-        printf("  %-50s %7.1f   %s\n", name, d->ms, d->ms > 0 ? "flew apart" : "does not end");
+        printf("  %-50s %7.1f   %s\n", name, d->ms, d->ms > 0 ? "flew apart" : "not done in 100 s");
         fprintf(s->csv, "%s,%d,%g,,,,,,,,,,\n", name, s->n, d->ms);
         if (series >= 0) plot_point(s->error, series, d->ms, HUGE_VAL, label);
         fflush(stdout);

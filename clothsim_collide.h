@@ -1307,7 +1307,8 @@ CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_
         clothi_dd_mix(&t, x, clothi_dd_of(next, 0), 1, x + 1);
         t = x[1];
     }
-    *toi = clothi_max(*toi, clothi_min(1, t.h * (1 - 4.5e-16)));
+    /* t is off by rounding over slope: 4e-20 beyond a contact at 4e-7 was seen in 200 000 */
+    *toi = clothi_max(*toi, clothi_min(1, t.h - 1e-15));
     return 1;
 }
 

@@ -1436,7 +1436,8 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
 CLOTHI_UNUSED static double clothi_contact_frame(int edge_edge, const double *xa,
                                                  const double *xb, double toi, double *w,
                                                  double *n) {
-    double    r0[12], r[12], lambda[4], start[3] = {0, 0, 0}, v[3], m = 0, m0 = 0, scale, g = 0;
+    double    r0[12], r[12], m = 0, m0 = 0, scale, g = 0, start[3] = {0, 0, 0};
+    double    lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0};  /* squares overflow: nothing is near */
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
     int       i, k, way;
     clothi_pair_polygon(edge_edge, xb, r);

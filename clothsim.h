@@ -12134,7 +12134,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
     if (s->contact_on) {
         const double start = clothi_now(&s->hooks);
         s->counts.contact_calls++;
-        memcpy(s->w.trial, s->w.x, 3 * (size_t)s->model->nv * sizeof(double));
+        if (s->balance) memcpy(s->w.trial, s->w.x, 3 * (size_t)s->model->nv * sizeof(double));
         status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, NULL, &active);
         s->ms.contact += clothi_now(&s->hooks) - start;
         if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
@@ -12146,8 +12146,6 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
     report->substeps++;
     return CLOTH_OK;
 }
-
-
 
 CLOTHI_RARE_BEGIN
 
@@ -12878,8 +12876,10 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *re
     if (!s->contact_on) return CLOTH_OK;
     clothi_eval_start(s, &goal, h);
     s->counts.contact_calls += 2;
-    memcpy(s->w.y, s->w.x, bytes);
-    memcpy(s->w.rhs, s->w.trial, bytes);
+    if (l) {
+        memcpy(s->w.y, s->w.x, bytes);
+        memcpy(s->w.rhs, s->w.trial, bytes);
+    }
     status = s->contact.begin(s->contact.user, &goal.e);
     if (!status)
         status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial, &active);
@@ -13467,7 +13467,6 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     if (energy) *energy = value;
     return status;
 }
-
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
 

@@ -4813,6 +4813,14 @@ static int clothi_inside_yields(const clothi_inside *k, int f, int g) {
     return p[1] != q[1] ? p[1] > q[1] : f > g;
 }
 
+/* The one of two faces that meet which lets go; *by, of clothi_inside_yields, says how. */
+static int clothi_inside_yielder(const clothi_inside *k, int f, int g, int *by) {
+    *by = clothi_inside_yields(k, f, g);
+    if (*by) return f;
+    *by = clothi_inside_yields(k, g, f);
+    return g;
+}
+
 /* --- cuts --- */
 
 /* Boxes and normals of faces. */
@@ -5150,10 +5158,10 @@ static void clothi_inside_holders(clothi_inside *k) {
     memset(k->asked, 0, (size_t)k->nf * sizeof(int));
     for (i = 0; i < k->pairs.count; i++)
         if (k->hit[i] & CLOTHI_INSIDE_CUT) {
-            const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
-            const int y = clothi_inside_yields(k, f, g), z = clothi_inside_yields(k, g, f);
-            int      *asked = k->asked + (y ? f : g);
-            if (*asked < y + z) *asked = y + z;
+            int       by;
+            const int y = clothi_inside_yielder(k, k->pairs.pair[2 * i], k->pairs.pair[2 * i + 1],
+                                                &by);
+            if (k->asked[y] < by) k->asked[y] = by;
         }
     clothi_for(&k->hooks, k->nf, CLOTHI_INSIDE_GRAIN, clothi_inside_hold, k);
 }
@@ -5211,8 +5219,8 @@ static void clothi_inside_narrow(clothi_inside *k) {
     for (i = 0; k->room > 0 && i < k->pairs.count; i++) {
         const int f = k->pairs.pair[2 * i], g = k->pairs.pair[2 * i + 1];
         if (k->rank) {
-            const int by = clothi_inside_yields(k, f, g) + clothi_inside_yields(k, g, f);
-            const int y = clothi_inside_yields(k, f, g) ? f : g;
+            int       by;
+            const int y = clothi_inside_yielder(k, f, g, &by);
             if (clothi_inside_lets(k->flags[y]) || !clothi_inside_facing(k, f, g)) continue;
             k->flags[y] = (unsigned char)((k->flags[y] & ~CLOTHI_INSIDE_HOLDS) |
                                           CLOTHI_INSIDE_NARROW |
@@ -5964,33 +5972,29 @@ static int clothi_pair_compare(const clothi_couple *p, const clothi_couple *q) {
     return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
 }
 
-static int clothi_exempt_knows(const cloth_collide *c, int kind, int a, int b) {
-    clothi_couple p;
-    int           low = 0, high = c->nnow;
-    p.kind = kind, p.a = a, p.b = b;
+/* Where p is in the sorted list, or belongs; *there: it is. */
+static int clothi_exempt_find(const cloth_collide *c, const clothi_couple *p, int *there) {
+    int low = 0, high = c->nnow;
     while (low < high) {
         const int mid = low + (high - low) / 2;
-        if (clothi_pair_compare(c->now + mid, &p) < 0) low = mid + 1;
+        if (clothi_pair_compare(c->now + mid, p) < 0) low = mid + 1;
         else high = mid;
     }
-    return low < c->nnow && clothi_pair_compare(c->now + low, &p) == 0;
+    *there = low < c->nnow && clothi_pair_compare(c->now + low, p) == 0;
+    return low;
 }
 
 /* Into the sorted list, once: faces that are there as let in stay that. */
 static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) {
-    clothi_couple  p;
-    cloth_status status;
-    int          low = 0, high = c->nnow;
-    p.kind = kind, p.a = a, p.b = b;
-    if (kind == CLOTHI_FF && clothi_exempt_knows(c, CLOTHI_LET_IN, a, b)) return CLOTH_OK;
-    while (low < high) {
-        const int mid = low + (high - low) / 2;
-        if (clothi_pair_compare(c->now + mid, &p) < 0)
-            low = mid + 1;
-        else
-            high = mid;
-    }
-    if (low < c->nnow && clothi_pair_compare(c->now + low, &p) == 0) return CLOTH_OK;
+    clothi_couple p;
+    cloth_status  status;
+    int           low, there = 0;
+    p.kind = CLOTHI_LET_IN, p.a = a, p.b = b;
+    if (kind == CLOTHI_FF) (void)clothi_exempt_find(c, &p, &there);
+    if (there) return CLOTH_OK;
+    p.kind = kind;
+    low = clothi_exempt_find(c, &p, &there);
+    if (there) return CLOTH_OK;
     status = clothi_grow(c->hooks, (void **)&c->now, c->nnow, &c->now_cap, sizeof p);
     if (status) return status;
     memmove(c->now + low + 1, c->now + low, (size_t)(c->nnow - low) * sizeof p);
@@ -6170,8 +6174,7 @@ static cloth_status clothi_exempt_beside(cloth_collide *c) {
 static cloth_status clothi_exempt_wander(cloth_collide *c) {
     double      *keep = c->xa;
     cloth_status status;
-    int          i, any = 0;
-    any = c->lets_go && c->desc.push_out > 0;
+    int          i, any = c->lets_go && c->desc.push_out > 0;
     for (i = 0; i < c->nnow && !any; i++) any = c->now[i].kind < 0;
     if (!any) return CLOTH_OK;
     c->xa = c->xb;

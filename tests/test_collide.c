@@ -234,6 +234,18 @@ static void queries(void) {
     world_close(&W);
 }
 
+/* Opens W and runs 8 steps; returns the hash that one more will lead to. */
+static uint64_t open_before_ninth(const cloth_hooks *hooks) {
+    uint64_t after;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 9, 1.0 / 60));
+    after = cloth_sim_hash(W.sim);
+    world_close(&W);
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 8, 1.0 / 60));
+    return after;
+}
+
 /* A host wrote NaN into x: whatever looks at the cloth says so, and is as before when x is back. */
 static void lost_state(void) {
     static const double away[3] = {5, 5, 5};
@@ -244,12 +256,7 @@ static void lost_state(void) {
     double              gap = 7, keep, *x;
     int                 count = 7;
     uint64_t            before, after;
-    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
-    CHECK(world_run(&W, 9, 1.0 / 60));
-    after = cloth_sim_hash(W.sim);
-    world_close(&W);
-    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
-    CHECK(world_run(&W, 8, 1.0 / 60));
+    after = open_before_ninth(&hooks);
     before = cloth_sim_hash(W.sim);
     x = cloth_sim_state(W.sim)->x + 7;
     keep = *x, *x = NAN;
@@ -284,12 +291,7 @@ static void absurd_zone(void) {
     cloth_report r;
     uint64_t     before, after;
     int          count, live;
-    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
-    CHECK(world_run(&W, 9, 1.0 / 60));
-    after = cloth_sim_hash(W.sim);
-    world_close(&W);
-    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
-    CHECK(world_run(&W, 8, 1.0 / 60));
+    after = open_before_ninth(&hooks);
     CHECK(cloth_collide_move(W.c, W.ground, leap) == CLOTH_OK);
     before = cloth_sim_hash(W.sim);
     CHECK(said(cloth_step(W.sim, 1.0 / 60, &r), CLOTH_ERR_STEP, "could not be resolved"));

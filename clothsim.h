@@ -630,10 +630,11 @@ typedef struct cloth_report {
     cloth_times  ms;
     cloth_counts counts;
     cloth_bytes  bytes;
-    int    contacts;                        /* filled by clothsim_collide.h                    */
+    /* filled by clothsim_collide.h */
+    int    contacts;                        /* with a force or an impulse in the last substep  */
     int    exempt_pairs;
     int    failed_pairs;
-    double smallest_gap;                    /* m                                               */
+    double smallest_gap;                    /* m, at the end, of what may push; at most its t  */
 } cloth_report;
 
 typedef struct cloth_attachment {           /* index + generation, 0 = none                    */

@@ -443,7 +443,7 @@ typedef struct cloth_collide_report {       /* of the last step                 
     int    qp_iterations;
     int    touches;                         /* pairs in the proximity potential                */
     int    exempt_faces;                    /* of obstacles inside themselves, near cloth      */
-    int    exempt_pairs;                    /* of faces that intersected and have not parted   */
+    int    exempt_pairs;                    /* that intersected and have not parted            */
     double push;                            /* m, root mean square of the worst zone           */
     double fraction;                        /* of the step that was taken: cloth_collide_step  */
     double ms_begin, ms_detect, ms_zones;   /* 0 without a clock                               */
@@ -452,7 +452,8 @@ typedef struct cloth_collide_report {       /* of the last step                 
 typedef struct cloth_collide_pair {
     int            faces;                   /* faces a and b, which intersect; else            */
     int            edge_edge, a, b;         /* edges a and b, or vertex a and face b; what is of
-                                               a mesh obstacle counts in that mesh             */
+                                               an obstacle counts in its mesh (BOX too), 0 of
+                                               others. Edges: by lower end, then by the other  */
     cloth_obstacle obstacle;
     int            reversed;                /* vertex or edge a is the obstacle's, b the cloth's */
 } cloth_collide_pair;
@@ -514,6 +515,10 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
  * included. Faces of obstacles count on from nf in the order of their slots. pairs [max x 2] */
 CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, int *pairs,
                                                    int *count);
+/* The exempt pairs of the accepted state, report.exempt_pairs of them: of faces that intersect, and
+ * of vertices, edges and faces inside a sphere, a capsule or a plane. */
+CLOTH_API cloth_status cloth_collide_exempt(const cloth_collide *c, int max,
+                                            cloth_collide_pair *pair, int *count);
 /* What could not be resolved in the last step that failed. */
 CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count);
@@ -3853,6 +3858,19 @@ static void clothi_qp_finish(clothi_qp *s, cloth_qp_outcome outcome, cloth_qp_re
     clothi_qp_residuals(s->q, s->x, s->lambda, s->u, s->v, rep);
 }
 
+/* Neither solved nor proved infeasible: multipliers that grew without end may be the proof. */
+static void clothi_qp_diverged(clothi_qp *s, cloth_qp_report *rep) {
+    double big = 0;
+    int    i;
+    for (i = 0; i < s->m; i++) big = clothi_max(big, s->lambda[i]);
+    for (i = 0; i < s->m; i++) s->w[i] = big > 0 ? s->lambda[i] / big : 0;
+    if (clothi_qp_is_certificate(s->q, s->w, s->u, rep)) {
+        memcpy(s->lambda, s->w, (size_t)s->m * sizeof *s->w);
+        clothi_qp_finish(s, CLOTH_QP_INFEASIBLE, rep);
+    } else
+        rep->certificate = 0;
+}
+
 static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o, cloth_qp_report *rep) {
     cloth_status status;
     int          i, done = 0, violated;
@@ -3892,6 +3910,8 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o, cloth
         if (status == CLOTH_OK) clothi_qp_finish(s, outcome, rep);
         if (rep->outcome == CLOTH_QP_SOLVED && !(rep->residual <= o->tolerance))
             rep->outcome = CLOTH_QP_MAX_ITERATIONS;
+        if (status == CLOTH_OK && rep->outcome == CLOTH_QP_MAX_ITERATIONS)
+            clothi_qp_diverged(s, rep);
     }
     if (status == CLOTH_ERR_MEMORY)
         return clothi_fail(s->hooks, status, "no memory for qp.m = %i", s->m);
@@ -4665,6 +4685,16 @@ CLOTHI_UNUSED static void clothi_inside_free(clothi_inside *work) {
     clothi_free(&hooks, work);
 }
 
+CLOTHI_UNUSED static size_t clothi_inside_bytes(const clothi_inside *work) {
+    if (!work) return 0;
+    return clothi_block_size(work) + clothi_block_size(work->tree.node) +
+           clothi_block_size(work->part.node) + clothi_block_size(work->want_box) +
+           clothi_block_size(work->pairs.pair) + clothi_block_size(work->pairs.start) +
+           clothi_block_size(work->faces) + clothi_block_size(work->x) +
+           clothi_block_size(work->closed) + clothi_block_size(work->rank) +
+           clothi_block_size(work->hit);
+}
+
 /* The faces around each edge. */
 static cloth_status clothi_inside_edges(clothi_inside *k) {
     clothi_edge_sort s;
@@ -5403,7 +5433,7 @@ typedef struct clothi_touch {               /* an active pair of the proximity p
     clothi_key key;
     int        kind, a, b;
     int        n, v[4];                     /* world vertices                                  */
-    double     w[4], normal[3];             /* sum w = 0 (PLANE: 1); towards w > 0             */
+    double     w[4], normal[3];             /* sum w = 0; towards w > 0                        */
     double     gap;                         /* m at x^n, radius taken off                      */
     double     range;                       /* m                                               */
     double     stiffness;                   /* N/m: k area                                     */
@@ -5424,6 +5454,7 @@ typedef struct clothi_row {                 /* n . sum w x >= bound over the clo
     int        kind, a, b;
     int        n, v[4];                     /* world vertices                                  */
     double     w[4], normal[3];
+    double     gap;                         /* m at x^n, radius taken off                      */
     double     bound, multiplier;
     double     slack;                       /* m, of bound over what detection asks for        */
     double     speed;                       /* m/s, -n . sum w v of the obstacle's vertices    */
@@ -5436,7 +5467,7 @@ typedef struct clothi_obstacle {
     uint32_t            generation;
     cloth_obstacle_kind kind;
     int                 nv, nf;
-    int                 v0, f0;             /* first of each in the world                      */
+    int                 v0, f0, e0;         /* first vertex, face and edge in the world        */
     double             *x;                  /* [3 x nv x 3] pose, target, start                */
     int                *faces;              /* own numbering                                   */
     double              radius, friction, normal[3];
@@ -5444,7 +5475,7 @@ typedef struct clothi_obstacle {
     clothi_inside      *inside;             /* self_penetrating, else NULL              [7.2] */
 } clothi_obstacle;
 
-typedef struct clothi_couple {              /* of two faces: kind CLOTHI_FF or CLOTHI_LET_IN   */
+typedef struct clothi_couple {              /* kind as CLOTHI_VF ...; of two faces also < 0    */
     int kind, a, b;
 } clothi_couple;
 
@@ -5548,6 +5579,8 @@ static int clothi_key_compare(const clothi_key *p, const clothi_key *q) {
 
 /* --- obstacles --- */
 
+#define CLOTHI_MOST_PASSES     1000000
+#define CLOTHI_FINEST          1e-12        /* of the largest coordinate: thickness            */
 #define CLOTHI_COLLIDE_COOKIE  0xC0111DEu
 #define CLOTHI_OBSTACLE_COOKIE 0x0B57AC1Eu
 
@@ -5715,13 +5748,17 @@ static cloth_status clothi_world_trees(cloth_collide *c) {
 
 /* Vertices, faces and edges of cloth and obstacles one behind the other. */
 static void clothi_world_fill(cloth_collide *c) {
-    int o, i, at = c->features.ne;
+    int o, i, at = c->features.ne, e = 0;
+    while (e < at && c->edges[2 * e] < c->nv) e++;
     for (o = 0; o < c->nobstacle; o++) {
-        const clothi_obstacle *b = c->obstacle + o;
+        clothi_obstacle *b = c->obstacle + o;
         if (!b->used) continue;
         for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
         memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
+        b->e0 = e;
+        while (e < c->features.ne && c->edges[2 * e] < b->v0 + b->nv) e++;
         if (b->kind != CLOTH_OBSTACLE_CAPSULE) continue;
+        b->e0 = at;
         c->edges[2 * at] = b->v0;
         c->edges[2 * at++ + 1] = b->v0 + 1;
     }
@@ -6024,16 +6061,16 @@ static cloth_status clothi_crossings_of(cloth_collide *c, int inside) {
     return status;
 }
 
-/* Distance left between a cloth feature and a sphere, capsule or plane at xa, m. */
-static double clothi_lone_gap(const cloth_collide *c, int kind, int a, int b) {
+/* Distance left between a cloth feature and a sphere, capsule or plane at world positions at, m. */
+static double clothi_lone_gap(const cloth_collide *c, const double *at, int kind, int a, int b) {
     double x[12], w[4];
     int    v[4];
     (void)clothi_pair_vertices(c, kind, a, b, v);
     if (kind == CLOTHI_VP) {
-        clothi_sub3(c->xa + 3 * v[0], c->xa + 3 * v[1], x);
+        clothi_sub3(at + 3 * v[0], at + 3 * v[1], x);
         return clothi_dot3(x, c->obstacle[b].normal);
     }
-    clothi_gather_points(c->xa, v, 4, x);
+    clothi_gather_points(at, v, 4, x);
     return clothi_pair_distance(kind, x, w) - clothi_pair_radius(c, kind, a, b);
 }
 
@@ -6053,21 +6090,21 @@ static cloth_status clothi_crossings(cloth_collide *c, int inside) {
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_couple p = c->pair[i];
         if (clothi_pair_radius(c, p.kind, p.a, p.b) > 0 &&
-            !(clothi_lone_gap(c, p.kind, p.a, p.b) > 0))
+            !(clothi_lone_gap(c, c->xa, p.kind, p.a, p.b) > 0))
             status = clothi_exempt_add(c, p.kind, p.a, p.b);
     }
     for (o = 0; o < c->nobstacle && !status; o++)
         for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
                     i < c->nv && !status; i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0) &&
-                !(clothi_lone_gap(c, CLOTHI_VP, i, o) > 0))
+                !(clothi_lone_gap(c, c->xa, CLOTHI_VP, i, o) > 0))
                 status = clothi_exempt_add(c, CLOTHI_VP, i, o);
     if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
     if (!status && c->self) status = clothi_crossings_of(c, 0);
     return status;
 }
 
-/* Names of a pair outside: faces and edges of an obstacle count in its own mesh. */
+/* Names of a pair outside: what is of an obstacle counts in its own mesh. */
 static cloth_collide_pair clothi_public_pair(const cloth_collide *c, int kind, int a, int b) {
     cloth_collide_pair p;
     const int          slot = clothi_pair_slot(c, kind, a, b);
@@ -6076,11 +6113,25 @@ static cloth_collide_pair clothi_public_pair(const cloth_collide *c, int kind, i
     p.a = a, p.b = b;
     p.obstacle = clothi_obstacle_id(c, slot);
     if (slot < 0) return p;
-    if (kind == CLOTHI_VF && a >= c->nv) {
-        p.reversed = 1;
-        p.a = a - c->obstacle[slot].v0;
-    } else if (kind == CLOTHI_VF)
-        p.b = b - c->obstacle[slot].f0;
+    p.reversed = c->slot[kind == CLOTHI_EE ? c->edges[2 * a] : a] >= 0;
+    if (kind == CLOTHI_VP) p.b = 0;
+    else if (kind == CLOTHI_EE) *(p.reversed ? &p.a : &p.b) -= c->obstacle[slot].e0;
+    else if (p.reversed) p.a -= c->obstacle[slot].v0;
+    else p.b -= c->obstacle[slot].f0;
+    return p;
+}
+
+/* The same of what intersects: faces, or a feature inside a sphere, capsule or plane. */
+static cloth_collide_pair clothi_couple_public(const cloth_collide *c, const clothi_couple *q) {
+    cloth_collide_pair p;
+    int                slot;
+    if (q->kind >= 0) return clothi_public_pair(c, q->kind, q->a, q->b);
+    memset(&p, 0, sizeof p);
+    slot = c->slot[c->faces[3 * q->b]];
+    p.faces = 1;
+    p.a = q->a;
+    p.b = q->b - (slot < 0 ? 0 : c->obstacle[slot].f0);
+    p.obstacle = clothi_obstacle_id(c, slot);
     return p;
 }
 
@@ -6092,18 +6143,7 @@ static cloth_status clothi_list_now(cloth_collide *c) {
         cloth_status status = clothi_grow(c->hooks, (void **)&c->failed, c->nfailed,
                                           &c->failed_cap, sizeof *c->failed);
         if (status) return status;
-        if (c->now[i].kind >= 0) {
-            c->failed[c->nfailed++] = clothi_public_pair(c, c->now[i].kind, c->now[i].a,
-                                                         c->now[i].b);
-        } else {
-            cloth_collide_pair *p = c->failed + c->nfailed++;
-            const int           slot = c->slot[c->faces[3 * c->now[i].b]];
-            memset(p, 0, sizeof *p);
-            p->faces = 1;
-            p->a = c->now[i].a;
-            p->b = c->now[i].b - (slot < 0 ? 0 : c->obstacle[slot].f0);
-            p->obstacle = clothi_obstacle_id(c, slot);
-        }
+        c->failed[c->nfailed++] = clothi_couple_public(c, c->now + i);
     }
     return CLOTH_OK;
 }
@@ -6199,7 +6239,7 @@ static void clothi_exempt_part(cloth_collide *c) {
     for (i = 0; i < c->nnow; i++) {
         const clothi_couple p = c->now[i];
         const int         still = p.kind < 0 ? clothi_faces_cross(c, p.a, p.b)
-                                             : !(clothi_lone_gap(c, p.kind, p.a, p.b) > 0);
+                                             : !(clothi_lone_gap(c, c->xa, p.kind, p.a, p.b) > 0);
         if (still) c->now[n++] = p;
     }
     c->nnow = n;
@@ -6870,11 +6910,15 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
 
 static int clothi_untangle_lets(const cloth_collide *c, int kind, int a, int b);
 
-/* A vertex-face or edge-edge pair is exempt when it belongs to an exempt pair of faces, or to a
- * tangle that is moved. */
+/* A pair is exempt when it is listed, when it belongs to an exempt pair of faces, or to a tangle
+ * that is moved. */
 static int clothi_is_exempt(const cloth_collide *c, int kind, int a, int b) {
-    int i, flip;
+    clothi_couple p;
+    int           i, flip, there;
     if (c->nin && clothi_leaves(c, kind, a, b)) return 1;
+    p.kind = kind, p.a = a, p.b = b;
+    (void)clothi_exempt_find(c, &p, &there);
+    if (there) return 1;
     for (i = 0; i < c->nnow; i++)
         for (flip = 0; flip < 2 && c->now[i].kind < 0; flip++) {
             const int f = flip ? c->now[i].b : c->now[i].a;
@@ -6919,6 +6963,7 @@ static void clothi_row_bound(const cloth_collide *c, const clothi_guard *g, doub
                              clothi_row *row) {
     const double gap = clothi_min(g->gap, clothi_max(held + c->opens, 1.1 * g->separation));
     int          i, k;
+    row->gap = g->start;
     row->bound = g->radius + gap;
     row->slack = gap - g->separation;
     for (i = 0; i < row->n; i++)
@@ -6929,6 +6974,18 @@ static void clothi_row_bound(const cloth_collide *c, const clothi_guard *g, doub
         }
     row->key = clothi_key_of(c, row->kind, row->a, row->b, row->normal);
     row->zone = -1;
+}
+
+/* A pair that touches at x^n and is not exempt has no side to be kept on: rounding took its gap. */
+static cloth_status clothi_no_side(cloth_collide *c, int kind, int a, int b) {
+    cloth_status status = clothi_grow(c->hooks, (void **)&c->failed, 0, &c->failed_cap,
+                                      sizeof *c->failed);
+    if (status) return status;
+    c->failed[0] = clothi_public_pair(c, kind, a, b);
+    c->nfailed = 1;
+    return clothi_fail(c->hooks, CLOTH_ERR_STEP, "contact: %s %i and %s %i have no gap at t = %g s",
+                       kind == CLOTHI_EE ? "edge" : "vertex", c->failed[0].a,
+                       kind == CLOTHI_EE ? "edge" : "face", c->failed[0].b, c->sim->state.t);
 }
 
 /* Looks at one pair over the substep; *hit counts, a row is added. */
@@ -6945,7 +7002,8 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_couple *p,
     clothi_gather_points(c->xb, row.v, 4, xb);
     if (!ccd(xa, xb, r + CLOTHI_SEPARATION * c->desc.thickness, &toi)) return CLOTH_OK;
     g = clothi_guard_of(c, p->kind, p->a, p->b, row.v, xa);
-    if (!(g.start > 0) || clothi_is_exempt(c, p->kind, p->a, p->b)) return CLOTH_OK;
+    if (clothi_is_exempt(c, p->kind, p->a, p->b)) return CLOTH_OK;
+    if (!(g.start > 0)) return clothi_no_side(c, p->kind, p->a, p->b);
     if (g.separation < CLOTHI_SEPARATION * c->desc.thickness &&
         !ccd(xa, xb, r + g.separation, &toi))
         return CLOTH_OK;
@@ -6974,7 +7032,8 @@ static cloth_status clothi_detect_plane(cloth_collide *c, int slot, int *hit) {
         }
         g.separation = clothi_min(CLOTHI_SEPARATION * c->desc.thickness,
                                   (c->opens > 0 ? CLOTHI_NEARER : CLOTHI_APPROACH) * g.start);
-        if (!(g.start > 0) || end >= g.separation) continue;
+        if (end >= g.separation || clothi_is_exempt(c, CLOTHI_VP, i, slot)) continue;
+        if (!(g.start > 0)) return clothi_no_side(c, CLOTHI_VP, i, slot);
         row.kind = CLOTHI_VP, row.a = i, row.b = slot;
         row.n = 2, row.v[0] = i, row.v[1] = o->v0;
         row.w[0] = 1, row.w[1] = -1;
@@ -7897,7 +7956,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     clothi_anchor *swap = c->anchor;
     clothi_couple   *pair = c->exempt;
     double         least = c->desc.thickness;
-    int            o, i, cap = c->anchor_cap;
+    int            o, i, active = 0, cap = c->anchor_cap;
     for (o = 0; o < c->nobstacle; o++)
         if (c->obstacle[o].used)
             memcpy(clothi_pose(c->obstacle + o, 0), clothi_pose(c->obstacle + o, 1),
@@ -7913,12 +7972,19 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     for (i = 0; i < c->ntouch; i++) {
         double u[3];
         clothi_touch_motion(c, c->touch + i, c->xb, u);
+        active += -clothi_dot3(c->touch[i].pull, c->touch[i].normal) > 0;
         if (c->touch[i].out) continue;
         least = clothi_min(least, c->touch[i].gap + clothi_dot3(u, c->touch[i].normal));
     }
+    for (i = 0; i < c->nrow; i++) {
+        const clothi_row *q = c->row + i;
+        if (!(q->multiplier > 0)) continue;
+        active++;
+        least = clothi_min(least, clothi_lone_gap(c, c->xb, q->kind, q->a, q->b));
+    }
     c->report.exempt_pairs = c->nexempt;
     if (!report) return;
-    report->contacts = c->ntouch > c->nanchor ? c->ntouch : c->nanchor;
+    report->contacts = active;
     report->exempt_pairs = c->nexempt;
     report->failed_pairs = 0;
     report->smallest_gap = least;
@@ -7927,9 +7993,31 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
 /* --- snapshot --- */
 
 typedef struct clothi_contact_head {
-    uint64_t seen;
+    uint64_t seen, kind;
     int32_t  nanchor, nexempt, nobstacle, npose;
 } clothi_contact_head;
+
+/* What a snapshot does not hold and must find again: the obstacles' kinds and shapes, the desc. */
+static uint64_t clothi_contact_kind(const cloth_collide *c) {
+    const cloth_collide_desc *d = &c->desc;
+    const double              number[7] = {d->thickness, c->stiffness, d->relaxation, d->friction,
+                                           d->slip, d->max_push, d->push_out};
+    uint64_t                  h = clothi_hash(0xcbf29ce484222325u, number, sizeof number);
+    int                       o;
+    for (o = 0; o < c->nobstacle; o++) {
+        const clothi_obstacle *b = c->obstacle + o;
+        const double           real[5] = {b->radius, b->friction, b->normal[0], b->normal[1],
+                                          b->normal[2]};
+        const uint32_t         whole[8] = {b->used ? 1u : 0u, b->generation, (uint32_t)b->kind,
+                                           (uint32_t)b->nv, (uint32_t)b->nf, b->category, b->mask,
+                                           b->inside ? 1u : 0u};
+        if (!b->used) continue;
+        h = clothi_hash(h, whole, sizeof whole);
+        h = clothi_hash(h, real, sizeof real);
+        h = clothi_hash(h, b->faces, 3 * (size_t)b->nf * sizeof(int));
+    }
+    return h;
+}
 
 static int clothi_contact_poses(const cloth_collide *c) {
     int o, n = 0;
@@ -7951,7 +8039,7 @@ static void clothi_contact_save(void *user, void *buf) {
     int                  o;
     memset(&head, 0, sizeof head);
     memset(buf, 0, clothi_contact_save_size(user));
-    head.seen = c->seen;
+    head.seen = c->seen, head.kind = clothi_contact_kind(c);
     head.nanchor = c->nanchor, head.nexempt = c->nexempt;
     head.nobstacle = c->nobstacle, head.npose = clothi_contact_poses(c);
     memcpy(out, &head, sizeof head);
@@ -7977,10 +8065,12 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
     if (size >= sizeof head) memcpy(&head, buf, sizeof head);
     if (size < sizeof head || head.nobstacle != c->nobstacle ||
         head.npose != clothi_contact_poses(c) || head.nanchor < 0 || head.nexempt < 0 ||
+        head.kind != clothi_contact_kind(c) ||
         size != sizeof head + poses + (size_t)head.nanchor * sizeof(clothi_anchor) +
                     ((size_t)head.nexempt + 1) / 2 * 2 * sizeof(clothi_couple))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: the snapshot has other obstacles than this sim");
+                           "cloth_sim_restore: the snapshot has other obstacles, or another "
+                           "cloth_collide_desc, than this sim");
     while (!status && c->anchor_cap < head.nanchor)
         status = clothi_grow(c->hooks, (void **)&c->anchor, c->anchor_cap, &c->anchor_cap,
                              sizeof *c->anchor);
@@ -7990,6 +8080,41 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
     return status;
 }
 
+/* Bytes of all that a collide owns; frees it too, but for *c itself. */
+static size_t clothi_contact_blocks(cloth_collide *c, int release) {
+    void *const block[] = {
+        c->faces, c->edges, c->slot, c->area, c->xa, c->xb, c->box_v, c->box_f, c->off, c->off_v,
+        c->off_e, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
+        c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone_start, c->zone_cursor,
+        c->zone_order, c->qp_row, c->qp_col, c->qp_val, c->qp_h, c->qp_lambda, c->qp_guess,
+        c->qp_norm, c->qp_minv, c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->moved,
+        c->frozen, c->near_f, c->in, c->queue, c->zone_of, c->zone_number, c->local, c->member,
+        c->touch, c->row, c->pair, c->struck, c->anchor, c->next, c->exempt, c->now, c->failed,
+        c->obstacle};
+    size_t sum = clothi_block_size(c) + cloth_qp_work_bytes(c->qp_options.work);
+    size_t i;
+    int    o;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        sum += clothi_block_size(b->x) + clothi_block_size(b->faces) +
+               clothi_inside_bytes(b->inside);
+        if (release) clothi_obstacle_free(c->hooks, b);
+    }
+    for (i = 0; i < sizeof block / sizeof *block; i++) {
+        sum += clothi_block_size(block[i]);
+        if (release) clothi_free(c->hooks, block[i]);
+    }
+    if (release) cloth_qp_work_destroy(c->qp_options.work);
+    return sum;
+}
+
+/* The queries know of no last step. */
+static void clothi_contact_forget(cloth_collide *c) {
+    c->begun = 0;
+    c->ntouch = c->nrow = c->nfailed = 0;
+    memset(&c->report, 0, sizeof c->report);
+}
+
 static void clothi_contact_load(void *user, const void *buf) {
     cloth_collide       *c = (cloth_collide *)user;
     const unsigned char *in = (const unsigned char *)buf;
@@ -7997,7 +8122,7 @@ static void clothi_contact_load(void *user, const void *buf) {
     int                  o;
     memcpy(&head, in, sizeof head);
     in += sizeof head;
-    c->begun = 0;
+    clothi_contact_forget(c);
     for (o = 0; o < c->nobstacle; o++) {
         const size_t n = 6 * (size_t)c->obstacle[o].nv * sizeof(double);
         if (!c->obstacle[o].used) continue;
@@ -8015,7 +8140,7 @@ static void clothi_contact_load(void *user, const void *buf) {
 static void clothi_contact_reset(void *user) {
     cloth_collide *c = (cloth_collide *)user;
     int            o;
-    c->begun = 0;
+    clothi_contact_forget(c);
     c->nanchor = c->nexempt = 0;
     c->seen = 0;
     for (o = 0; o < c->nobstacle; o++) {
@@ -8027,25 +8152,7 @@ static void clothi_contact_reset(void *user) {
 }
 
 static size_t clothi_contact_bytes(void *user) {
-    const cloth_collide *c = (const cloth_collide *)user;
-    size_t               sum = 0;
-    const void          *block[32];
-    int                  i, n = 0;
-    block[n++] = c, block[n++] = c->obstacle, block[n++] = c->faces, block[n++] = c->edges;
-    block[n++] = c->features.edges, block[n++] = c->tree.node, block[n++] = c->solid.node;
-    block[n++] = c->xa, block[n++] = c->xb, block[n++] = c->box_v, block[n++] = c->box_f;
-    block[n++] = c->x_ie, block[n++] = c->touch, block[n++] = c->row, block[n++] = c->pair;
-    block[n++] = c->anchor, block[n++] = c->next, block[n++] = c->qp_col, block[n++] = c->qp_val;
-    block[n++] = c->qp_minv, block[n++] = c->qp_x0, block[n++] = c->qp_x, block[n++] = c->slot;
-    block[n++] = c->area, block[n++] = c->meet.pair, block[n++] = c->vf.pair;
-    block[n++] = c->ee.pair, block[n++] = c->near_f, block[n++] = c->zone_of;
-    block[n++] = c->in, block[n++] = c->queue;
-    block[n++] = c->struck;
-    for (i = 0; i < n; i++) sum += clothi_block_size(block[i]);
-    sum += cloth_qp_work_bytes(c->qp_options.work);
-    for (i = 0; i < c->nobstacle; i++)
-        sum += clothi_block_size(c->obstacle[i].x) + clothi_block_size(c->obstacle[i].faces);
-    return sum;
+    return clothi_contact_blocks((cloth_collide *)user, 0);
 }
 
 /* --- create --- */
@@ -8060,6 +8167,8 @@ static cloth_status clothi_desc_number(const cloth_hooks *hooks, const char *nam
 static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
     const cloth_hooks *hooks = &sim->hooks;
     cloth_status       status;
+    double             big = 0;
+    int                i;
     if (d->cookie != CLOTHI_COLLIDE_COOKIE) return CLOTH_ERR_UNINIT;
     status = clothi_desc_number(hooks, "collide.thickness", d->thickness, 1);
     if (!status) status = clothi_desc_number(hooks, "collide.stiffness", d->stiffness, 0);
@@ -8069,9 +8178,15 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
     if (!status) status = clothi_desc_number(hooks, "collide.max_push", d->max_push, 1);
     if (!status) status = clothi_desc_number(hooks, "collide.push_out", d->push_out, 0);
     if (status) return status;
-    if (d->max_passes < 1)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.max_passes = %i must be at least 1",
-                           d->max_passes);
+    if (d->max_passes < 1 || d->max_passes > CLOTHI_MOST_PASSES)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.max_passes = %i is not in 1 .. %i",
+                           d->max_passes, CLOTHI_MOST_PASSES);
+    for (i = 0; i < 3 * sim->model->nv; i++)
+        big = clothi_max(big, fabs(sim->state.x[i]));
+    if (d->thickness < CLOTHI_FINEST * big)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "collide.thickness = %g is lost in the rounding of x = %g",
+                           d->thickness, big);
     if (d->initial != CLOTH_INITIAL_REFUSE && d->initial != CLOTH_INITIAL_EXEMPT)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.initial = %i is no CLOTH_INITIAL_",
                            (int)d->initial);
@@ -8166,6 +8281,7 @@ static cloth_status clothi_collide_look(cloth_collide *c) {
     if (status) return status == CLOTH_ERR_STEP ? CLOTH_ERR_MESH : status;
     c->exempt = c->now, c->nexempt = c->nnow, c->exempt_cap = c->now_cap;
     c->now = swap, c->nnow = 0, c->now_cap = cap;
+    c->report.exempt_pairs = c->nexempt;
     if (c->seen != clothi_contact_seen(c)) c->nanchor = 0;  /* a host wrote x meanwhile */
     c->seen = clothi_contact_seen(c);
     return CLOTH_OK;
@@ -8215,44 +8331,10 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
 }
 
 CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
-    const cloth_hooks *k;
-    int                o;
     if (!c) return;
-    k = c->hooks;
     if (c->sim->contact_on && c->sim->contact.user == c) (void)cloth_sim_set_contact(c->sim, NULL);
-    for (o = 0; o < c->nobstacle; o++) clothi_obstacle_free(k, c->obstacle + o);
-    clothi_world_free(c);
-    clothi_zone_free(c);
-    clothi_pairs_free(k, &c->meet);
-    clothi_pairs_free(k, &c->vf);
-    clothi_pairs_free(k, &c->ee);
-    cloth_qp_work_destroy(c->qp_options.work);
-    clothi_free(k, c->obstacle);
-    clothi_free(k, c->part);
-    clothi_free(k, c->vertex_part);
-    clothi_free(k, c->x_ie);
-    clothi_free(k, c->moved);
-    clothi_free(k, c->frozen);
-    clothi_free(k, c->near_f);
-    clothi_free(k, c->in);
-    clothi_free(k, c->queue);
-    clothi_free(k, c->zone_of);
-    clothi_free(k, c->zone_number);
-    clothi_free(k, c->local);
-    clothi_free(k, c->member);
-    clothi_free(k, c->qp_minv);
-    clothi_free(k, c->qp_x0);
-    clothi_free(k, c->qp_x);
-    clothi_free(k, c->touch);
-    clothi_free(k, c->row);
-    clothi_free(k, c->pair);
-    clothi_free(k, c->struck);
-    clothi_free(k, c->anchor);
-    clothi_free(k, c->next);
-    clothi_free(k, c->exempt);
-    clothi_free(k, c->now);
-    clothi_free(k, c->failed);
-    clothi_free(k, c);
+    (void)clothi_contact_blocks(c, 1);
+    clothi_free(c->hooks, c);
 }
 
 /* --- obstacles: add, remove, move --- */
@@ -8310,7 +8392,7 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
         status = clothi_desc_number(hooks, "obstacle.radius", d->radius, 1);
     if (status) return status;
     if (d->kind == CLOTH_OBSTACLE_PLANE &&
-        (clothi_find_nonfinite(d->normal, 3) >= 0 || !(clothi_dot3(d->normal, d->normal) > 0)))
+        (clothi_find_nonfinite(d->normal, 3) >= 0 || !(clothi_max_abs(d->normal, 3) > 0)))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.normal = (%g, %g, %g)",
                            d->normal[0], d->normal[1], d->normal[2]);
     if (d->kind != CLOTH_OBSTACLE_MESH) return CLOTH_OK;
@@ -8322,9 +8404,11 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
 
 static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
                                          const cloth_obstacle_desc *d) {
-    double       size = sqrt(clothi_dot3(d->normal, d->normal));
+    double       normal[3], big = clothi_max_abs(d->normal, 3), size;
     cloth_status status;
     int          k;
+    for (k = 0; k < 3; k++) normal[k] = big > 0 ? d->normal[k] / big : 0;
+    size = sqrt(clothi_dot3(normal, normal));
     o->kind = d->kind;
     o->nv = clothi_obstacle_shape(d, &o->nf);
     o->x = (double *)clothi_alloc(c->hooks, 9 * (size_t)o->nv, sizeof(double));
@@ -8332,7 +8416,7 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     if (!o->x || !o->faces) return CLOTH_ERR_MEMORY;
     for (k = 0; k < 3; k++) {
         memcpy(clothi_pose(o, k), d->x, 3 * (size_t)o->nv * sizeof(double));
-        o->normal[k] = d->kind == CLOTH_OBSTACLE_PLANE ? d->normal[k] / size : 0;
+        o->normal[k] = d->kind == CLOTH_OBSTACLE_PLANE ? normal[k] / size : 0;
     }
     if (o->nf)
         memcpy(o->faces, d->kind == CLOTH_OBSTACLE_BOX ? clothi_box_faces : d->faces,
@@ -8555,19 +8639,20 @@ static cloth_status clothi_query_check(const cloth_collide *c, const char *call,
 CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cloth_touch *touch,
                                              int *count) {
     cloth_status status = clothi_query_check(c, "cloth_collide_touches", max, touch != NULL);
-    int          i, j, n = 0;
+    int          i, j = 0, n = 0;
     if (status) return status;
-    for (i = 0; i < c->ntouch; i++) {
+    for (i = 0; i < c->ntouch; i++) {       /* sorted like the anchors */
         const clothi_touch *q = c->touch + i;
         const double        force = -clothi_dot3(q->pull, q->normal);
         if (!(force > 0)) continue;
+        while (j < c->nanchor && clothi_key_compare(&c->anchor[j].key, &q->key) < 0) j++;
         if (n < max) {
             clothi_touch_public(c, q->kind, q->a, q->b, q->v, q->w, q->n, q->normal, touch + n);
             touch[n].gap = q->gap;
             touch[n].force = force;
-            for (j = 0; j < c->nanchor; j++)
-                if (clothi_key_compare(&c->anchor[j].key, &q->key) == 0)
-                    touch[n].sliding = c->anchor[j].sliding > 0;
+            touch[n].sliding = j < c->nanchor &&
+                               clothi_key_compare(&c->anchor[j].key, &q->key) == 0 &&
+                               c->anchor[j].sliding > 0;
         }
         n++;
     }
@@ -8576,7 +8661,7 @@ CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cl
         if (!(q->multiplier > 0)) continue;
         if (n < max) {
             clothi_touch_public(c, q->kind, q->a, q->b, q->v, q->w, q->n, q->normal, touch + n);
-            touch[n].gap = q->bound;
+            touch[n].gap = q->gap;
             touch[n].force = q->multiplier / (c->h * c->h);
             touch[n].impulse = q->multiplier / c->h;
         }
@@ -8636,12 +8721,13 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
     if (!status) status = clothi_candidates(c, 0, range);
     c->solid_known = 0;
     for (i = 0; i < c->npair && !status; i++)
-        *gap = clothi_min(*gap, clothi_lone_gap(c, c->pair[i].kind, c->pair[i].a, c->pair[i].b));
+        *gap = clothi_min(*gap, clothi_lone_gap(c, c->xa, c->pair[i].kind, c->pair[i].a,
+                                                c->pair[i].b));
     for (o = 0; o < c->nobstacle && !status; o++)
         for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
                     i < c->nv; i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
-                *gap = clothi_min(*gap, clothi_lone_gap(c, CLOTHI_VP, i, o));
+                *gap = clothi_min(*gap, clothi_lone_gap(c, c->xa, CLOTHI_VP, i, o));
     return status;
 }
 
@@ -8663,6 +8749,16 @@ CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, in
     c->nnow = 0;
     if (count) *count = n;
     return status;
+}
+
+CLOTH_API cloth_status cloth_collide_exempt(const cloth_collide *c, int max,
+                                            cloth_collide_pair *pair, int *count) {
+    cloth_status status = clothi_query_check(c, "cloth_collide_exempt", max, pair != NULL);
+    int          i;
+    if (status) return status;
+    for (i = 0; i < max && i < c->nexempt; i++) pair[i] = clothi_couple_public(c, c->exempt + i);
+    if (count) *count = c->nexempt;
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
@@ -9053,7 +9149,7 @@ static double clothi_untangle_depths(const cloth_collide *c, clothi_untangle *u,
         const clothi_couple *k = u->before + i;
         double               gap;
         if (k->kind < 0) continue;
-        gap = clothi_lone_gap(c, k->kind, k->a, k->b);
+        gap = clothi_lone_gap(c, c->xa, k->kind, k->a, k->b);
         u->measure += c->sim->edge * c->sim->edge * (t - gap);
         deepest = clothi_max(deepest, -gap);
     }
@@ -9178,7 +9274,8 @@ static void clothi_untangle_shorten(const cloth_collide *c, clothi_untangle *u,
 /* Kind 4: a pair with a sphere, a capsule, a plane. */
 static void clothi_untangle_lone(const cloth_collide *c, clothi_untangle *u,
                                  const clothi_couple *p) {
-    double x[12], w[4], n[3] = {0, 0, 0}, gap = clothi_lone_gap(c, p->kind, p->a, p->b), size;
+    double x[12], w[4], n[3] = {0, 0, 0}, gap = clothi_lone_gap(c, c->xa, p->kind, p->a, p->b);
+    double size;
     int    v[4], i, k, count = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
     if (p->kind == CLOTHI_VP) {
         w[0] = 1, w[1] = -1;

@@ -13,6 +13,7 @@
 
 typedef struct host {
     int  live;              /* blocks not yet freed                                            */
+    size_t bytes;           /* in them                                                         */
     int  calls, fail_at;    /* allocations so far; the one that returns NULL, 0: none          */
     int  lines, errors;     /* sentences logged, and those of level error                      */
     int  n;
@@ -26,12 +27,13 @@ static inline void *host_alloc(size_t size, void *user) {
     p = malloc(size);
     if (p) memset(p, 0xa5, size);           /* what is not set shows */
     h->live += p != NULL;
+    h->bytes += p ? size : 0;
     return p;
 }
 
 static inline void host_free(void *p, size_t size, void *user) {
-    (void)size;
     ((host *)user)->live -= p != NULL;
+    ((host *)user)->bytes -= p ? size : 0;
     free(p);
 }
 

@@ -281,19 +281,18 @@ static void pinch(void) {
     for (frame = 0; frame < 40; frame++) {  /* the upper one: 0.01 above, down to -0.0015, back */
         const double   gap = frame < 20 ? 0.01 - 0.000575 * frame
                                              : -0.0015 + 0.000575 * (frame - 20);
-        const uint64_t before = cloth_sim_hash(W.sim);
-        uint64_t       after;
+        uint64_t       before;
         center[1] = 0.05 + gap;
         cloth_obstacle_box(center, half, NULL, x);
         CHECK(cloth_collide_move(W.c, high, x) == CLOTH_OK);
+        before = cloth_sim_hash(W.sim);     /* the target is state */
         i = cloth_step(W.sim, 1.0 / 60, &r) != CLOTH_OK;
-        after = cloth_sim_hash(W.sim);
         if (i) {
             CHECK(r.status == CLOTH_ERR_STEP && r.outcome == CLOTH_STEP_COLLISION_FAILED);
             CHECK(r.failed_pairs > 0);
             CHECK(cloth_collide_failed(W.c, 8, pair, &count) == CLOTH_OK && count > 0);
             CHECK(pair[0].obstacle.id == low.id || pair[0].obstacle.id == high.id);
-            CHECK(after != before || frame == 0 || failed > 0);     /* the target is state */
+            CHECK(cloth_sim_hash(W.sim) == before);
         }
         failed += i;
     }
@@ -311,7 +310,6 @@ static void exempt(void) {
     int                i;
     d.initial = CLOTH_INITIAL_EXEMPT;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, &d) == CLOTH_OK);
-    CHECK(cloth_sim_set_gravity(W.sim, NULL) != CLOTH_OK || 1);
     CHECK(cloth_collide_teleport(W.c, W.ball, through) == CLOTH_OK);
     CHECK(cloth_step(W.sim, 1e-3, &r) == CLOTH_OK && r.exempt_pairs > 0);
     CHECK(cloth_collide_move(W.c, W.ball, above) == CLOTH_OK);

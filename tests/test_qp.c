@@ -258,6 +258,27 @@ static void contradictions(void) {
     qp_free(&s);
 }
 
+/* A certificate that mass ratios of 1e15 hide from the active set: its multipliers grow to 1e25. */
+static void far_contradiction(void) {
+    const int       col[4] = {2, 1, 1, 2};
+    const double    val[4] = {0.65327207487671091, 0.43538518949145821, -0.21935435393157933, -1};
+    const double    h[3] = {-0.32260501889316301, -0.89250318152652253, -0.032177548507392906};
+    cloth_qp_report r;
+    qp_problem      p = blank(3, 3);
+    double          x[3], lambda[3];
+    int             k;
+    p.minv[0] = 2414.5719818006801, p.minv[1] = 39313512.54396762;
+    p.x0[0] = 1.7739648291624341, p.x0[1] = 1.1580410241015864, p.x0[2] = 0.7852624357858331;
+    for (k = 0; k < 3; k++) add_row(&p, h[k], k < 2 ? 1 : 2, col + k, val + k);
+    for (k = 0; k < 20; k++) {
+        p.minv[2] = pow(10, -k);
+        CHECK(cloth_qp_solve(&p.qp, NULL, x, lambda, &r) == CLOTH_OK);
+        CHECK(r.outcome == CLOTH_QP_INFEASIBLE && qp_is_farkas(&p.qp, lambda));
+        CHECK(r.certificate < 0 && r.residual == 0);
+    }
+    qp_free(&p);
+}
+
 /* --- enumeration --- */
 
 /* Gaussian elimination by columns, largest pivot first, in long double; 0 when singular. */
@@ -706,6 +727,7 @@ int main(int argc, char **argv) {
     RUN(degenerate);
     RUN(special_rows);
     RUN(contradictions);
+    RUN(far_contradiction);
     RUN(enumeration);
     RUN(nasty);
     RUN(public_synthetic);

@@ -6931,6 +6931,12 @@ CLOTHI_LANE void clothi_put(void *a, size_t i, double u, const int w) {
     else ((float *)a)[i] = (float)u;
 }
 
+/* B [9] into block i of a. */
+CLOTHI_LANE void clothi_put9(void *a, size_t i, const double *B, const int w) {
+    size_t k;
+    for (k = 0; k < 9; k++) clothi_put(a, 12 * i + k / 3 * 4 + k % 3, B[k], w);
+}
+
 /* M u of record i, M in the records 3k, 3k+1, 3k+2 by columns; its transpose times u when M is
  * there by rows. */
 CLOTHI_LANE clothi_v4 clothi_columns4(const void *M, size_t k, const void *u, size_t i,
@@ -7166,16 +7172,15 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
 }
 
 /* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
-CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
-                                   const int w) {
-    const clothi_store *st = &s->store[w];
-    const double        least = w ? 1e-13 : 1e-7;
+CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
+                                              clothi_tally *y) {
+    const clothi_store *st = &s->store[s->wide];
+    const double        least = s->wide ? 1e-13 : 1e-7;
     int i, c;
     for (i = begin; i < end; i++) {
         const double *D = s->A->diag + 9 * (size_t)i;
         const int     m = clothi_mask(s, i);
-        const size_t  at = 12 * (size_t)i;
-        double d[9], l00, l10, l11, l20, l21, l22, q, r, i10, i20, i21;
+        double d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
         clothi_masked(D, m | 8, m, d);
         for (c = 0; c < 3; c++)
             if (m >> c & 1) d[4 * c] = 1;
@@ -7189,32 +7194,27 @@ CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, c
         r = d[8] - l20 * l20 - l21 * l21;
         if (!(r > least * d[8])) break;
         l22 = sqrt(r);
-        i10 = -l10 / (l00 * l11);
-        i21 = -l21 / (l11 * l22);
-        i20 = -(l20 / l00 + l21 * i10) / l22;
-        clothi_put(st->G, at, 1 / l00, w);
-        clothi_put(st->G, at + 1, i10, w);
-        clothi_put(st->G, at + 2, i20, w);
-        clothi_put(st->G, at + 5, 1 / l11, w);
-        clothi_put(st->G, at + 6, i21, w);
-        clothi_put(st->G, at + 10, 1 / l22, w);
-        clothi_put(st->P, at, m & 1 ? 0 : l00, w);
-        clothi_put(st->P, at + 4, m & 2 ? 0 : l10, w);
-        clothi_put(st->P, at + 5, m & 2 ? 0 : l11, w);
-        clothi_put(st->P, at + 8, m & 4 ? 0 : l20, w);
-        clothi_put(st->P, at + 9, m & 4 ? 0 : l21, w);
-        clothi_put(st->P, at + 10, m & 4 ? 0 : l22, w);
+        G[3] = G[6] = G[7] = 0;
+        G[0] = 1 / l00;
+        G[1] = -l10 / (l00 * l11);
+        G[2] = -(l20 / l00 + l21 * G[1]) / l22;
+        G[4] = 1 / l11;
+        G[5] = -l21 / (l11 * l22);
+        G[8] = 1 / l22;
+        P[1] = P[2] = P[5] = 0;
+        P[0] = m & 1 ? 0 : l00;
+        P[3] = m & 2 ? 0 : l10;
+        P[4] = m & 2 ? 0 : l11;
+        P[6] = m & 4 ? 0 : l20;
+        P[7] = m & 4 ? 0 : l21;
+        P[8] = m & 4 ? 0 : l22;
+        clothi_put9(st->G, (size_t)i, G, s->wide);
+        clothi_put9(st->P, (size_t)i, P, s->wide);
         r = D[0] + D[4] + D[8];
         y->trace += r;
         if (r > y->top) y->top = r;
     }
     if (i < end && y->bad < 0) y->bad = i;
-}
-
-CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
-                                              clothi_tally *y, int w) {
-    if (w) clothi_factor_any(s, begin, end, y, 1);
-    else clothi_factor_any(s, begin, end, y, 0);
 }
 
 /* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
@@ -7281,18 +7281,18 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1,
     y->trace += 2 * trace;
 }
 
-/* One copy of the code for each precision: it is called from three places. */
 CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z,
-                                               int v, clothi_tally *y, int w) {
-    if (w) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
+                                               int v, clothi_tally *y) {
+    if (s->wide) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
     else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
 }
 
-/* Z and V of rows [begin, end) to zero, then D into V. */
-CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int begin, int end, const int w) {
+/* Z and V of leaf d, or of S, to zero, then D into V. */
+CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const size_t record = 4 * (w ? sizeof(double) : sizeof(float));
+    const int    begin = p->dom[d], end = p->dom[d + 1];
     double       cut[9];
     int          i, c;
     memset((char *)st->Z + 3 * record * (size_t)p->zp[begin], 0,
@@ -7307,39 +7307,40 @@ CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int begin, int end, co
     }
 }
 
-CLOTHI_LANE void clothi_setup_leaf(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    clothi_tally *y = s->tally + d;
-    int           i, first = p->dom[p->nd];
-    clothi_factor_rows(s, p->dom[d], p->dom[d + 1], y, w);
-    if (y->bad >= 0) return;
-    clothi_setup_own(s, p->dom[d], p->dom[d + 1], w);
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++)
-        clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], 1, 1, y, w);
-    for (i = first; i < p->n; i++) {
-        const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
-        clothi_setup_blocks(s, i, seg[0], seg[1], 0, 1, y, w);
-    }
+/* What of leaf d, or of S, is of its rows alone: G and P, and the diagonal's part of V. */
+CLOTHI_OUTLINE static void clothi_setup_rows(cloth_linear_solver *s, int d) {
+    clothi_factor_rows(s, s->p->dom[d], s->p->dom[d + 1], s->tally + d);
+    if (s->tally[d].bad >= 0) return;
+    if (s->wide) clothi_setup_own(s, d, 1);
+    else clothi_setup_own(s, d, 0);
 }
 
 CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
+    const cloth_pattern *p = s->p;
+    const int            first = p->dom[p->nd];
+    int                  d, i;
     (void)worker;
     for (d = begin; d < end; d++) {
-        if (s->wide) clothi_setup_leaf(s, d, 1);
-        else clothi_setup_leaf(s, d, 0);
+        clothi_tally *y = s->tally + d;
+        clothi_setup_rows(s, d);
+        for (i = p->dom[d]; y->bad < 0 && i < p->dom[d + 1]; i++)
+            clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], 1, 1, y);
+        for (i = first; y->bad < 0 && i < p->n; i++) {
+            const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+            clothi_setup_blocks(s, i, seg[0], seg[1], 0, 1, y);
+        }
     }
 }
 
 /* Rows of S after the leaves: their Z, and the blocks within S. */
-CLOTHI_LANE void clothi_setup_rest(cloth_linear_solver *s, const int w) {
+static void clothi_setup_rest(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
     int i, first = p->dom[p->nd];
     for (i = first; i < p->n; i++) {
         const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
-        clothi_setup_blocks(s, i, p->row[i], at, 1, 0, s->tally + p->nd, w);
-        clothi_setup_blocks(s, i, at, p->row[i + 1], 1, 1, s->tally + p->nd, w);
+        clothi_setup_blocks(s, i, p->row[i], at, 1, 0, s->tally + p->nd);
+        clothi_setup_blocks(s, i, at, p->row[i + 1], 1, 1, s->tally + p->nd);
     }
 }
 
@@ -7905,16 +7906,12 @@ CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, vo
 /* All of the set-up, and what needs no more of a solve. Three parallel regions. */
 static clothi_run clothi_setup(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
-    const int first = p->dom[p->nd];
     double    trace = 0, top = 0;
     int       d;
     s->bad_row = s->bad_pivot = -1;
     memset(s->tally, 0, sizeof s->tally);
     for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
-    if (s->wide) clothi_factor_rows(s, first, p->n, s->tally + p->nd, 1);
-    else clothi_factor_rows(s, first, p->n, s->tally + p->nd, 0);
-    if (s->wide) clothi_setup_own(s, first, p->n, 1);
-    else clothi_setup_own(s, first, p->n, 0);
+    clothi_setup_rows(s, p->nd);
     clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
     for (d = 0; d <= p->nd; d++) {
         if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
@@ -7922,8 +7919,7 @@ static clothi_run clothi_setup(cloth_linear_solver *s) {
         if (s->tally[d].top > top) top = s->tally[d].top;
     }
     if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
-    if (s->wide) clothi_setup_rest(s, 1);
-    else clothi_setup_rest(s, 0);
+    clothi_setup_rest(s);
     trace += s->tally[p->nd].trace;
     for (d = 0; d < s->A->ne; d++)
         trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
@@ -7970,6 +7966,8 @@ CLOTHI_OUTLINE static void clothi_start_leaves(int begin, int end, int worker, v
         if (s->part != 1 && d < s->p->nd) clothi_forward(s, d, s->store[s->wide].r);
     }
 }
+
+CLOTHI_RARE_BEGIN
 
 typedef struct clothi_cg {
     int    factorizations;                  /* a run's numbers                                 */
@@ -8154,6 +8152,8 @@ static cloth_status clothi_sgs_solve(cloth_linear_solver *s, const cloth_linear_
     } else clothi_give(s, s->store[s->wide].x, x);
     return CLOTH_OK;
 }
+
+CLOTHI_RARE_END
 
 /* --- block Jacobi: the textbook, in doubles, to read and to compare with --- */
 
@@ -10636,6 +10636,8 @@ static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double 
     return CLOTH_OK;
 }
 
+CLOTHI_RARE_BEGIN
+
 static cloth_status clothi_gravity_vjp(void *user, const cloth_eval *e, const double *a,
                                        cloth_vjp *out) {
     const cloth_sim *s = (const cloth_sim *)user;
@@ -10731,6 +10733,8 @@ static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const dou
     }
     return CLOTH_OK;
 }
+
+CLOTHI_RARE_END
 
 /* --- wind ---
  *
@@ -12541,6 +12545,8 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     return status;
 }
 
+CLOTHI_RARE_BEGIN
+
 /* grad [nv x 3] = elastic gradient at w.x, undamped. */
 static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
     cloth_status status = CLOTH_OK;
@@ -12609,6 +12615,8 @@ static void clothi_leap_omega(cloth_sim *s) {
     s->omega_rest = sqrt(lambda) * CLOTHI_LEAP_MARGIN;
 }
 
+CLOTHI_RARE_END
+
 /* The mean of the triangles' factors around each free vertex, weighted by what they add to its
  * diagonal entry of K, area (2 mu + lambda) |g|^2; their largest. factor [batches x 8]. */
 static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
@@ -12656,6 +12664,8 @@ static double clothi_leap_tangent(const cloth_sim *s, const double *x, double en
         factor[i] = clothi_max(0.5 * (3 * factor[i] - 1), 1);
     return clothi_leap_rings(s, factor);
 }
+
+CLOTHI_RARE_BEGIN
 
 /* omega^2 that attachments add: Gershgorin's row sum of M^-1 K, sum_j b_j = 1. */
 static double clothi_leap_attach(const cloth_sim *s) {
@@ -12903,8 +12913,6 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
  * Whatever goes wrong, the state afterwards has the hash it had before.
  * checked: tests/test_step.c (one test per row of the table at cloth_step)
  */
-
-CLOTHI_RARE_BEGIN
 
 static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;

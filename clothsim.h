@@ -1264,6 +1264,23 @@ extern "C" {
 #  define CLOTHI_OUTLINE
 #endif
 
+/* Never inlined: knowledge of the caller's arrays has led clang to load them a round ahead, which
+ * keeps a loop scalar. gcc vectorises few loops at -O2 by itself; all of O3 would make a force pass
+ * 20 % faster there and the object 14 KB larger. Before the pragmas below: gcc leaves
+ * __OPTIMIZE_SIZE__ set behind them. */
+#if defined(__clang__)
+#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline))
+#elif defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
+#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline, optimize("tree-vectorize")))
+#else
+#  define CLOTHI_HOT static CLOTHI_UNUSED
+#endif
+#if defined(__GNUC__)
+#  define CLOTHI_LANE static inline __attribute__((always_inline, unused))
+#else
+#  define CLOTHI_LANE static inline
+#endif
+
 /* What runs once, or once a step beside kernels that run for each element, is compiled for size and
  * without the passes that take gcc longest: 4 s and 300 KB are promises. One pragma only: a second
  * one would take back what the first has said. Without jump threading gcc warns of variables that
@@ -4303,22 +4320,6 @@ CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const doubl
  * cloth moves: one Newton iteration in five is saved at Y = 1e5 N/m (0.1 to 2 differ little). */
 #define CLOTHI_REFLECT 0.5
 
-/* Never inlined: knowledge of the caller's arrays has led clang to load them a round ahead, which
- * keeps a loop scalar. gcc vectorises few loops at -O2 by itself; all of O3 would make a force pass
- * 20 % faster there and the object 14 KB larger. */
-#if defined(__clang__)
-#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline))
-#elif defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
-#  define CLOTHI_HOT static CLOTHI_UNUSED __attribute__((noinline, optimize("tree-vectorize")))
-#else
-#  define CLOTHI_HOT static CLOTHI_UNUSED
-#endif
-#if defined(__GNUC__)
-#  define CLOTHI_LANE static inline __attribute__((always_inline, unused))
-#else
-#  define CLOTHI_LANE static inline
-#endif
-
 /* sqrt may set errno, which keeps compilers from vectorising it. */
 CLOTHI_HOT void clothi_sqrt_lanes(double *a) {
 #if defined(CLOTHI_AVX)
@@ -6975,6 +6976,12 @@ CLOTHI_LANE void clothi_put(void *a, size_t i, double u, const int w) {
     else ((float *)a)[i] = (float)u;
 }
 
+/* B [9] into block i of a. */
+CLOTHI_LANE void clothi_put9(void *a, size_t i, const double *B, const int w) {
+    size_t k;
+    for (k = 0; k < 9; k++) clothi_put(a, 12 * i + k / 3 * 4 + k % 3, B[k], w);
+}
+
 /* M u of record i, M in the records 3k, 3k+1, 3k+2 by columns; its transpose times u when M is
  * there by rows. */
 CLOTHI_LANE clothi_v4 clothi_columns4(const void *M, size_t k, const void *u, size_t i,
@@ -6983,6 +6990,14 @@ CLOTHI_LANE clothi_v4 clothi_columns4(const void *M, size_t k, const void *u, si
                                clothi_lane4(u, i, 0, w), w);
     r = clothi_madd4(r, clothi_load4(M, 3 * k + 1, w), clothi_lane4(u, i, 1, w), w);
     return clothi_madd4(r, clothi_load4(M, 3 * k + 2, w), clothi_lane4(u, i, 2, w), w);
+}
+
+/* M' u, M the block k by columns. */
+CLOTHI_LANE clothi_v4 clothi_turned4(const void *M, size_t k, clothi_v4 u, const int w) {
+    const clothi_v4 o = clothi_zero4();
+    return clothi_rows4(clothi_madd4(o, clothi_load4(M, 3 * k, w), u, w),
+                        clothi_madd4(o, clothi_load4(M, 3 * k + 1, w), u, w),
+                        clothi_madd4(o, clothi_load4(M, 3 * k + 2, w), u, w), w);
 }
 
 /* Sum of blocks L[k], by rows, times records z[col[k]], k0 <= k < k1. */
@@ -7205,16 +7220,15 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
 }
 
 /* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
-CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
-                                   const int w) {
-    const clothi_store *st = &s->store[w];
-    const double        least = w ? 1e-13 : 1e-7;
+CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
+                                              clothi_tally *y) {
+    const clothi_store *st = &s->store[s->wide];
+    const double        least = s->wide ? 1e-13 : 1e-7;
     int i, c;
     for (i = begin; i < end; i++) {
         const double *D = s->A->diag + 9 * (size_t)i;
         const int     m = clothi_mask(s, i);
-        const size_t  at = 12 * (size_t)i;
-        double d[9], l00, l10, l11, l20, l21, l22, q, r, i10, i20, i21;
+        double d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
         clothi_masked(D, m | 8, m, d);
         for (c = 0; c < 3; c++)
             if (m >> c & 1) d[4 * c] = 1;
@@ -7228,32 +7242,27 @@ CLOTHI_LANE void clothi_factor_any(cloth_linear_solver *s, int begin, int end, c
         r = d[8] - l20 * l20 - l21 * l21;
         if (!(r > least * d[8])) break;
         l22 = sqrt(r);
-        i10 = -l10 / (l00 * l11);
-        i21 = -l21 / (l11 * l22);
-        i20 = -(l20 / l00 + l21 * i10) / l22;
-        clothi_put(st->G, at, 1 / l00, w);
-        clothi_put(st->G, at + 1, i10, w);
-        clothi_put(st->G, at + 2, i20, w);
-        clothi_put(st->G, at + 5, 1 / l11, w);
-        clothi_put(st->G, at + 6, i21, w);
-        clothi_put(st->G, at + 10, 1 / l22, w);
-        clothi_put(st->P, at, m & 1 ? 0 : l00, w);
-        clothi_put(st->P, at + 4, m & 2 ? 0 : l10, w);
-        clothi_put(st->P, at + 5, m & 2 ? 0 : l11, w);
-        clothi_put(st->P, at + 8, m & 4 ? 0 : l20, w);
-        clothi_put(st->P, at + 9, m & 4 ? 0 : l21, w);
-        clothi_put(st->P, at + 10, m & 4 ? 0 : l22, w);
+        G[3] = G[6] = G[7] = 0;
+        G[0] = 1 / l00;
+        G[1] = -l10 / (l00 * l11);
+        G[2] = -(l20 / l00 + l21 * G[1]) / l22;
+        G[4] = 1 / l11;
+        G[5] = -l21 / (l11 * l22);
+        G[8] = 1 / l22;
+        P[1] = P[2] = P[5] = 0;
+        P[0] = m & 1 ? 0 : l00;
+        P[3] = m & 2 ? 0 : l10;
+        P[4] = m & 2 ? 0 : l11;
+        P[6] = m & 4 ? 0 : l20;
+        P[7] = m & 4 ? 0 : l21;
+        P[8] = m & 4 ? 0 : l22;
+        clothi_put9(st->G, (size_t)i, G, s->wide);
+        clothi_put9(st->P, (size_t)i, P, s->wide);
         r = D[0] + D[4] + D[8];
         y->trace += r;
         if (r > y->top) y->top = r;
     }
     if (i < end && y->bad < 0) y->bad = i;
-}
-
-CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
-                                              clothi_tally *y, int w) {
-    if (w) clothi_factor_any(s, begin, end, y, 1);
-    else clothi_factor_any(s, begin, end, y, 0);
 }
 
 /* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
@@ -7320,18 +7329,18 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1,
     y->trace += 2 * trace;
 }
 
-/* One copy of the code for each precision: it is called from three places. */
 CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z,
-                                               int v, clothi_tally *y, int w) {
-    if (w) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
+                                               int v, clothi_tally *y) {
+    if (s->wide) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
     else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
 }
 
-/* Z and V of rows [begin, end) to zero, then D into V. */
-CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int begin, int end, const int w) {
+/* Z and V of leaf d, or of S, to zero, then D into V. */
+CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const size_t record = 4 * (w ? sizeof(double) : sizeof(float));
+    const int    begin = p->dom[d], end = p->dom[d + 1];
     double       cut[9];
     int          i, c;
     memset((char *)st->Z + 3 * record * (size_t)p->zp[begin], 0,
@@ -7346,39 +7355,40 @@ CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int begin, int end, co
     }
 }
 
-CLOTHI_LANE void clothi_setup_leaf(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    clothi_tally *y = s->tally + d;
-    int           i, first = p->dom[p->nd];
-    clothi_factor_rows(s, p->dom[d], p->dom[d + 1], y, w);
-    if (y->bad >= 0) return;
-    clothi_setup_own(s, p->dom[d], p->dom[d + 1], w);
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++)
-        clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], 1, 1, y, w);
-    for (i = first; i < p->n; i++) {
-        const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
-        clothi_setup_blocks(s, i, seg[0], seg[1], 0, 1, y, w);
-    }
+/* What of leaf d, or of S, is of its rows alone: G and P, and the diagonal's part of V. */
+CLOTHI_OUTLINE static void clothi_setup_rows(cloth_linear_solver *s, int d) {
+    clothi_factor_rows(s, s->p->dom[d], s->p->dom[d + 1], s->tally + d);
+    if (s->tally[d].bad >= 0) return;
+    if (s->wide) clothi_setup_own(s, d, 1);
+    else clothi_setup_own(s, d, 0);
 }
 
 CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
+    const cloth_pattern *p = s->p;
+    const int            first = p->dom[p->nd];
+    int                  d, i;
     (void)worker;
     for (d = begin; d < end; d++) {
-        if (s->wide) clothi_setup_leaf(s, d, 1);
-        else clothi_setup_leaf(s, d, 0);
+        clothi_tally *y = s->tally + d;
+        clothi_setup_rows(s, d);
+        for (i = p->dom[d]; y->bad < 0 && i < p->dom[d + 1]; i++)
+            clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], 1, 1, y);
+        for (i = first; y->bad < 0 && i < p->n; i++) {
+            const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+            clothi_setup_blocks(s, i, seg[0], seg[1], 0, 1, y);
+        }
     }
 }
 
 /* Rows of S after the leaves: their Z, and the blocks within S. */
-CLOTHI_LANE void clothi_setup_rest(cloth_linear_solver *s, const int w) {
+static void clothi_setup_rest(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
     int i, first = p->dom[p->nd];
     for (i = first; i < p->n; i++) {
         const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
-        clothi_setup_blocks(s, i, p->row[i], at, 1, 0, s->tally + p->nd, w);
-        clothi_setup_blocks(s, i, at, p->row[i + 1], 1, 1, s->tally + p->nd, w);
+        clothi_setup_blocks(s, i, p->row[i], at, 1, 0, s->tally + p->nd);
+        clothi_setup_blocks(s, i, at, p->row[i + 1], 1, 1, s->tally + p->nd);
     }
 }
 
@@ -7579,6 +7589,11 @@ typedef enum clothi_run {                   /* how a run in one precision ended 
 
 /* --- sweeps --- */
 
+/* The first block of row i within its leaf, or within S. */
+CLOTHI_LANE int clothi_within(const cloth_pattern *p, int d, int i) {
+    return d < p->nd ? p->row[i] : p->seg[(i - p->dom[p->nd]) * (p->nd + 1) + p->nd];
+}
+
 /* What leaf d gives the rows of S in a forward sweep of z. */
 CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
     const cloth_pattern *p = s->p;
@@ -7592,66 +7607,53 @@ CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, 
     }
 }
 
-/* Row i of S, forward: z_i minus what the leaves gave minus the blocks within S. */
-CLOTHI_LANE clothi_v4 clothi_forward_rest(const cloth_linear_solver *s, int i, clothi_v4 zi,
-                                          const void *z, const int w) {
+/* zi minus what K of row i takes of z: its blocks; of S (d == nd), what the leaves gave and the
+ * blocks within S. */
+CLOTHI_LANE clothi_v4 clothi_forward_row(const cloth_linear_solver *s, int d, int i, clothi_v4 zi,
+                                         const void *z, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
-    const int first = p->dom[p->nd], ns = p->n - first, row = i - first;
-    int       d;
-    for (d = 0; d < p->nd; d++)
-        zi = clothi_sub4(zi, clothi_load4(st->sep, (size_t)d * (size_t)ns + (size_t)row, w), w);
-    return clothi_sub4(zi, clothi_gather4(st->L, p->col, p->seg[row * (p->nd + 1) + p->nd],
-                                          p->row[i + 1], z, w), w);
+    const size_t first = (size_t)p->dom[p->nd], ns = (size_t)p->n - first;
+    size_t       k;
+    for (k = 0; d == p->nd && k < (size_t)d; k++)
+        zi = clothi_sub4(zi, clothi_load4(st->sep, k * ns + (size_t)i - first, w), w);
+    return clothi_sub4(zi, clothi_gather4(st->L, p->col, clothi_within(p, d, i), p->row[i + 1], z,
+                                          w), w);
 }
 
-/* z <- K^-1 z of leaf d, with |z|^2 in tally.rr. */
-CLOTHI_LANE void clothi_forward_leaf(cloth_linear_solver *s, int d, void *z, const int w) {
+/* z <- K^-1 z of leaf d, with |z|^2 in tally.rr; of S after the leaves. */
+CLOTHI_LANE void clothi_forward_any(cloth_linear_solver *s, int d, void *z, const int w) {
     const cloth_pattern *p = s->p;
     clothi_v4 sum = clothi_zero4();
     int       i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const clothi_v4 v = clothi_sub4(clothi_load4(z, (size_t)i, w),
-            clothi_gather4(s->store[w].L, p->col, p->row[i], p->row[i + 1], z, w), w);
+        const clothi_v4 v = clothi_forward_row(s, d, i, clothi_load4(z, (size_t)i, w), z, w);
         clothi_store4(z, (size_t)i, v, w);
         sum = clothi_dot4(sum, v, v, w);
     }
     s->tally[d].rr = clothi_sum4(sum);
-    clothi_give_rest(s, d, z, w);
+    if (d < p->nd) clothi_give_rest(s, d, z, w);
 }
 
-/* The same for the rows of S, after the leaves; returns |z|^2 of all rows. */
+CLOTHI_OUTLINE static void clothi_forward(cloth_linear_solver *s, int d, void *z) {
+    if (s->wide) clothi_forward_any(s, d, z, 1);
+    else clothi_forward_any(s, d, z, 0);
+}
+
+/* S, after the leaves; returns |z|^2 of all rows. */
 static double clothi_forward_last(cloth_linear_solver *s, void *z) {
-    const cloth_pattern *p = s->p;
-    const int w = s->wide;
-    clothi_v4 sum = clothi_zero4();
-    double    total = 0;
-    int       i;
-    for (i = 0; i < p->nd; i++) total += s->tally[i].rr;
-    for (i = p->dom[p->nd]; i < p->n; i++) {
-        clothi_v4 v;
-        if (w) {
-            v = clothi_forward_rest(s, i, clothi_load4(z, (size_t)i, 1), z, 1);
-            clothi_store4(z, (size_t)i, v, 1);
-            sum = clothi_dot4(sum, v, v, 1);
-        } else {
-            v = clothi_forward_rest(s, i, clothi_load4(z, (size_t)i, 0), z, 0);
-            clothi_store4(z, (size_t)i, v, 0);
-            sum = clothi_dot4(sum, v, v, 0);
-        }
-    }
-    return total + clothi_sum4(sum);
+    double total = 0;
+    int    d;
+    clothi_forward(s, s->p->nd, z);
+    for (d = 0; d <= s->p->nd; d++) total += s->tally[d].rr;
+    return total;
 }
 
 /* G^-T of record i of z, metres again: q [4]. */
 CLOTHI_LANE void clothi_metres_any(const clothi_store *st, const void *z, int i, double *q,
                                    const int w) {
-    const clothi_v4 u = clothi_load4(z, (size_t)i, w), o = clothi_zero4();
-    const size_t    g = 3 * (size_t)i;
-    const clothi_v4 v = clothi_rows4(clothi_madd4(o, clothi_load4(st->G, g, w), u, w),
-                                     clothi_madd4(o, clothi_load4(st->G, g + 1, w), u, w),
-                                     clothi_madd4(o, clothi_load4(st->G, g + 2, w), u, w), w);
-    clothi_spill4(clothi_dot4(o, v, clothi_all4(1, w), w), q);
+    const clothi_v4 v = clothi_turned4(st->G, (size_t)i, clothi_load4(z, (size_t)i, w), w);
+    clothi_spill4(clothi_dot4(clothi_zero4(), v, clothi_all4(1, w), w), q);
 }
 
 CLOTHI_OUTLINE static void clothi_metres(const clothi_store *st, const void *z, int i, double *q,
@@ -7660,26 +7662,27 @@ CLOTHI_OUTLINE static void clothi_metres(const clothi_store *st, const void *z, 
     else clothi_metres_any(st, z, i, q, 0);
 }
 
-/* max |G^-T x| of rows [begin, end) */
-CLOTHI_LANE double clothi_biggest(const clothi_store *st, int begin, int end, const int w) {
+/* max |G^-T x| of leaf d, or of S */
+static double clothi_biggest(const cloth_linear_solver *s, int d) {
+    const clothi_store *st = &s->store[s->wide];
     double big = 0, q[4];
     int    i, k;
-    for (i = begin; i < end; i++) {
-        clothi_metres_any(st, st->x, i, q, w);
+    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
+        clothi_metres(st, st->x, i, q, s->wide);
         for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
     }
     return big;
 }
 
-/* Rows [begin, end): x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a
- * radius is set. */
-CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int begin, int end, clothi_tally *y,
-                                     const int w) {
-    const clothi_store *st = &s->store[w];
-    const clothi_v4     alpha = clothi_all4(s->alpha, w);
-    clothi_v4           sum = clothi_zero4();
-    int                 i;
-    for (i = begin; i < end; i++) {
+/* Leaf d, or S: x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a radius is
+ * set. */
+CLOTHI_LANE void clothi_advance_leaf(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[w];
+    const clothi_v4      alpha = clothi_all4(s->alpha, w);
+    clothi_v4            sum = clothi_zero4();
+    int                  i;
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const size_t at = (size_t)i;
         clothi_v4    r = clothi_load4(st->r, at, w);
         if (s->step) {
@@ -7691,13 +7694,12 @@ CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int begin, int end,
         clothi_store4(st->s, at, r, w);
         sum = clothi_dot4(sum, r, r, w);
     }
-    y->rr = clothi_sum4(sum);
-    y->big = s->radius_on ? clothi_biggest(st, begin, end, w) : 0;
+    s->tally[d].rr = clothi_sum4(sum);
+    s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
 }
 
-/* Z's of rows [begin, end) into the sums of leaf d. */
-CLOTHI_LANE void clothi_project_rows(cloth_linear_solver *s, int d, int begin, int end,
-                                     const int w) {
+/* Z's of leaf d, or of S, into its sums. */
+CLOTHI_LANE void clothi_project_leaf(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const size_t first = (size_t)d * CLOTHI_COPIES * (size_t)p->nc;
@@ -7705,7 +7707,7 @@ CLOTHI_LANE void clothi_project_rows(cloth_linear_solver *s, int d, int begin, i
     int          i, k;
     for (c = 0; c < CLOTHI_COPIES * (size_t)p->nc; c++)
         clothi_store4(st->zpart, first + c, clothi_zero4(), w);
-    for (i = begin; i < end; i++)
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++)
         for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
             const size_t at = first + (size_t)(i % CLOTHI_COPIES) * (size_t)p->nc;
             clothi_add_record(st->zpart, at + (size_t)p->zj[k],
@@ -7720,33 +7722,20 @@ CLOTHI_LANE void clothi_project_rows(cloth_linear_solver *s, int d, int begin, i
     }
 }
 
-/* First half of an iteration in leaf d: advance, s = K^-T r (S has been done), Z's. */
+/* First half of an iteration in leaf d: advance, s = K^-T r, Z's; in S before the leaves. */
 CLOTHI_LANE void clothi_back_leaf(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const int first = p->dom[p->nd];
     int       i;
-    clothi_advance_rows(s, p->dom[d], p->dom[d + 1], s->tally + d, w);
-    for (i = p->n - 1; i >= first; i--) {
+    clothi_advance_leaf(s, d, w);
+    for (i = p->n - 1; d < p->nd && i >= first; i--) {
         const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
         clothi_scatter4(st->L, p->col, seg[0], seg[1], st->s, (size_t)i, w);
     }
     for (i = p->dom[d + 1] - 1; i >= p->dom[d]; i--)
-        clothi_scatter4(st->L, p->col, p->row[i], p->row[i + 1], st->s, (size_t)i, w);
-    clothi_project_rows(s, d, p->dom[d], p->dom[d + 1], w);
-}
-
-/* The same for the rows of S, before the leaves. */
-CLOTHI_LANE void clothi_back_rest(cloth_linear_solver *s, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const int first = p->dom[p->nd];
-    int       i;
-    clothi_advance_rows(s, first, p->n, s->tally + p->nd, w);
-    for (i = p->n - 1; i >= first; i--)
-        clothi_scatter4(st->L, p->col, p->seg[(i - first) * (p->nd + 1) + p->nd], p->row[i + 1],
-                        st->s, (size_t)i, w);
-    clothi_project_rows(s, p->nd, first, p->n, w);
+        clothi_scatter4(st->L, p->col, clothi_within(p, d, i), p->row[i + 1], st->s, (size_t)i, w);
+    clothi_project_leaf(s, d, w);
 }
 
 CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, void *ctx) {
@@ -7759,20 +7748,16 @@ CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, voi
     }
 }
 
-CLOTHI_OUTLINE static void clothi_back(cloth_linear_solver *s) {
-    if (s->wide) clothi_back_rest(s, 1);
-    else clothi_back_rest(s, 0);
+static void clothi_back(cloth_linear_solver *s) {
+    clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
     clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
 }
 
 /* P^' u for a record u of row i, into the sums of S. */
 CLOTHI_LANE void clothi_extra_coarse(cloth_linear_solver *s, size_t i, clothi_v4 u, const int w) {
     const clothi_store *st = &s->store[w];
-    const clothi_v4     o = clothi_zero4();
     clothi_add_record(st->zpart, (size_t)(s->p->nd * CLOTHI_COPIES * s->p->nc + s->p->agg[i]),
-                      clothi_rows4(clothi_madd4(o, clothi_load4(st->P, 3 * i, w), u, w),
-                                   clothi_madd4(o, clothi_load4(st->P, 3 * i + 1, w), u, w),
-                                   clothi_madd4(o, clothi_load4(st->P, 3 * i + 2, w), u, w), w), w);
+                      clothi_turned4(st->P, i, u, w), w);
 }
 
 /* y += f C v, or with y NULL P^' C v: a block acts on its row and, turned, on its column. */
@@ -7836,55 +7821,38 @@ CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, cloth
     return clothi_sub4(u, v, w);
 }
 
-/* Second half of an iteration in leaf d: p, t, w = K^-1 (p - t), p.(t + w). With extras, w = p -
- * t + C t is there already (turn == 0). */
-CLOTHI_LANE void clothi_turn_leaf(cloth_linear_solver *s, int d, int turn, const int w) {
+/* Second half of an iteration in leaf d: p, t, w = K^-1 (p - t), p.(t + w); in S after the leaves.
+ * With extras, w = p - t + C t is there already: C t needs all of t. */
+CLOTHI_LANE void clothi_turn_leaf(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
     const clothi_v4      beta = clothi_all4(s->beta, w);
     clothi_v4            sum = clothi_zero4();
+    const int            turn = s->A->ne == 0;
     int                  i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const size_t at = (size_t)i;
         clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
-        v = clothi_sub4(v, clothi_gather4(st->L, p->col, p->row[i], p->row[i + 1], st->w, w), w);
+        v = clothi_forward_row(s, d, i, v, st->w, w);
         clothi_store4(st->w, at, v, w);
         sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
                           clothi_add4(v, clothi_load4(st->t, at, w), w), w);
     }
     s->tally[d].pq = clothi_sum4(sum);
-    clothi_give_rest(s, d, st->w, w);
-}
-
-CLOTHI_LANE void clothi_turn_rest(cloth_linear_solver *s, int turn, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const clothi_v4      beta = clothi_all4(s->beta, w);
-    clothi_v4            sum = clothi_zero4();
-    int                  i;
-    for (i = p->dom[p->nd]; i < p->n; i++) {
-        const size_t at = (size_t)i;
-        clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
-        v = clothi_forward_rest(s, i, v, st->w, w);
-        clothi_store4(st->w, at, v, w);
-        sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
-                          clothi_add4(v, clothi_load4(st->t, at, w), w), w);
-    }
-    s->tally[p->nd].pq = clothi_sum4(sum);
+    if (d < p->nd) clothi_give_rest(s, d, st->w, w);
 }
 
 CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    const int            turn = s->A->ne == 0;
     int                  d;
     (void)worker;
     for (d = begin; d < end; d++) {
-        if (s->wide) clothi_turn_leaf(s, d, turn, 1);
-        else clothi_turn_leaf(s, d, turn, 0);
+        if (s->wide) clothi_turn_leaf(s, d, 1);
+        else clothi_turn_leaf(s, d, 0);
     }
 }
 
-/* The same split in two, for extras: C t needs all of t. */
+/* With extras, what comes before them. */
 CLOTHI_OUTLINE static void clothi_turn_rows(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     const clothi_store  *st = &s->store[s->wide];
@@ -7898,18 +7866,17 @@ CLOTHI_OUTLINE static void clothi_turn_rows(int begin, int end, int worker, void
 }
 
 /* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
-CLOTHI_OUTLINE static double clothi_turn(cloth_linear_solver *s) {
-    const int turn = s->A->ne == 0;
+static double clothi_turn(cloth_linear_solver *s) {
+    const int nd = s->p->nd;
     double    pq = 0;
     int       d;
-    if (!turn) {
-        clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_turn_rows, s);
+    if (s->A->ne) {
+        clothi_for(&s->hooks, nd + 1, nd > 1 ? 1 : 2, clothi_turn_rows, s);
         clothi_extras_apply(s, 1, s->store[s->wide].t, s->store[s->wide].w);
     }
-    clothi_for(&s->hooks, s->p->nd, 1, clothi_turn_range, s);
-    if (s->wide) clothi_turn_rest(s, turn, 1);
-    else clothi_turn_rest(s, turn, 0);
-    for (d = 0; d <= s->p->nd; d++) pq += s->tally[d].pq;
+    clothi_for(&s->hooks, nd, 1, clothi_turn_range, s);
+    clothi_turn_range(nd, nd + 1, 0, s);
+    for (d = 0; d <= nd; d++) pq += s->tally[d].pq;
     return pq;
 }
 
@@ -7985,11 +7952,6 @@ CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
     }
 }
 
-CLOTHI_LANE void clothi_enter_leaf(cloth_linear_solver *s, int d, const int w) {
-    clothi_enter_rows(s, d, w);
-    if (d < s->p->nd) clothi_forward_leaf(s, d, s->store[w].w, w);
-}
-
 /* The coarse factor, which takes longest, beside the rest: 0, 1 + d. */
 CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
@@ -7997,24 +7959,21 @@ CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, vo
     (void)worker;
     for (d = begin; d < end; d++) {
         if (d == 0) s->bad_pivot = clothi_coarse_factor(s);
-        else if (s->wide) clothi_enter_leaf(s, d - 1, 1);
-        else clothi_enter_leaf(s, d - 1, 0);
+        else if (s->wide) clothi_enter_rows(s, d - 1, 1);
+        else clothi_enter_rows(s, d - 1, 0);
+        if (d > 0 && d <= s->p->nd) clothi_forward(s, d - 1, s->store[s->wide].w);
     }
 }
 
 /* All of the set-up, and what needs no more of a solve. Three parallel regions. */
 static clothi_run clothi_setup(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
-    const int first = p->dom[p->nd];
     double    trace = 0, top = 0;
     int       d;
     s->bad_row = s->bad_pivot = -1;
     memset(s->tally, 0, sizeof s->tally);
     for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
-    if (s->wide) clothi_factor_rows(s, first, p->n, s->tally + p->nd, 1);
-    else clothi_factor_rows(s, first, p->n, s->tally + p->nd, 0);
-    if (s->wide) clothi_setup_own(s, first, p->n, 1);
-    else clothi_setup_own(s, first, p->n, 0);
+    clothi_setup_rows(s, p->nd);
     clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
     for (d = 0; d <= p->nd; d++) {
         if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
@@ -8022,8 +7981,7 @@ static clothi_run clothi_setup(cloth_linear_solver *s) {
         if (s->tally[d].top > top) top = s->tally[d].top;
     }
     if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
-    if (s->wide) clothi_setup_rest(s, 1);
-    else clothi_setup_rest(s, 0);
+    clothi_setup_rest(s);
     trace += s->tally[p->nd].trace;
     for (d = 0; d < s->A->ne; d++)
         trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
@@ -8056,24 +8014,22 @@ CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, int d, const int w) {
         clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
                                              clothi_rows4(a, b, c, w), w), w);
     }
-    s->tally[d].big = s->radius_on ? clothi_biggest(st, p->dom[d], p->dom[d + 1], w) : 0;
+    s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
 }
 
-/* part 1 or 2 of it alone with extras: they change r before it is swept. */
-CLOTHI_LANE void clothi_start_leaf(cloth_linear_solver *s, int d, const int w) {
-    if (s->part != 2) clothi_start_rows(s, d, w);
-    if (s->part != 1) clothi_forward_leaf(s, d, s->store[w].r, w);
-}
-
+/* part 1 or 2 of it alone with extras: they change r before it is swept. S is swept last. */
 CLOTHI_OUTLINE static void clothi_start_leaves(int begin, int end, int worker, void *ctx) {
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
     for (d = begin; d < end; d++) {
-        if (s->wide) clothi_start_leaf(s, d, 1);
-        else clothi_start_leaf(s, d, 0);
+        if (s->part != 2 && s->wide) clothi_start_rows(s, d, 1);
+        else if (s->part != 2) clothi_start_rows(s, d, 0);
+        if (s->part != 1 && d < s->p->nd) clothi_forward(s, d, s->store[s->wide].r);
     }
 }
+
+CLOTHI_RARE_BEGIN
 
 typedef struct clothi_cg {
     int    factorizations;                  /* a run's numbers                                 */
@@ -8110,9 +8066,8 @@ CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
     for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
     g->c0 = clothi_forward_last(s, st->w) + cs;
     g->Q = 0.5 * cs;
-    if (s->wide) clothi_start_rows(s, p->nd, 1);
-    else clothi_start_rows(s, p->nd, 0);
     for (s->part = s->A->ne ? 1 : 0;; s->part = 2) {
+        clothi_start_leaves(p->nd, p->nd + 1, 0, s);
         clothi_for(&s->hooks, p->nd, 1, clothi_start_leaves, s);
         if (s->part != 1) break;
         clothi_extras_apply(s, -1, st->x, st->r);
@@ -8259,6 +8214,8 @@ static cloth_status clothi_sgs_solve(cloth_linear_solver *s, const cloth_linear_
     } else clothi_give(s, s->store[s->wide].x, x);
     return CLOTH_OK;
 }
+
+CLOTHI_RARE_END
 
 /* --- block Jacobi: the textbook, in doubles, to read and to compare with --- */
 
@@ -10741,6 +10698,8 @@ static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double 
     return CLOTH_OK;
 }
 
+CLOTHI_RARE_BEGIN
+
 static cloth_status clothi_gravity_vjp(void *user, const cloth_eval *e, const double *a,
                                        cloth_vjp *out) {
     const cloth_sim *s = (const cloth_sim *)user;
@@ -10836,6 +10795,8 @@ static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const dou
     }
     return CLOTH_OK;
 }
+
+CLOTHI_RARE_END
 
 /* --- wind ---
  *
@@ -12646,6 +12607,8 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     return status;
 }
 
+CLOTHI_RARE_BEGIN
+
 /* grad [nv x 3] = elastic gradient at w.x, undamped. */
 static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
     cloth_status status = CLOTH_OK;
@@ -12714,6 +12677,8 @@ static void clothi_leap_omega(cloth_sim *s) {
     s->omega_rest = sqrt(lambda) * CLOTHI_LEAP_MARGIN;
 }
 
+CLOTHI_RARE_END
+
 /* The mean of the triangles' factors around each free vertex, weighted by what they add to its
  * diagonal entry of K, area (2 mu + lambda) |g|^2; their largest. factor [batches x 8]. */
 static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
@@ -12761,6 +12726,8 @@ static double clothi_leap_tangent(const cloth_sim *s, const double *x, double en
         factor[i] = clothi_max(0.5 * (3 * factor[i] - 1), 1);
     return clothi_leap_rings(s, factor);
 }
+
+CLOTHI_RARE_BEGIN
 
 /* omega^2 that attachments add: Gershgorin's row sum of M^-1 K, sum_j b_j = 1. */
 static double clothi_leap_attach(const cloth_sim *s) {
@@ -13008,8 +12975,6 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
  * Whatever goes wrong, the state afterwards has the hash it had before.
  * checked: tests/test_step.c (one test per row of the table at cloth_step)
  */
-
-CLOTHI_RARE_BEGIN
 
 static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;

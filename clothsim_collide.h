@@ -6818,7 +6818,7 @@ static cloth_status clothi_touch_hessian(const cloth_collide *c, const clothi_to
 
 /* --- triangles pressed flat, see the section's head --- */
 
-#define CLOTHI_FLAT       0.2               /* of the rest area: below it a triangle resists   */
+#define CLOTHI_FLAT       0.1               /* of the rest area: below it a triangle resists   */
 #define CLOTHI_FLAT_STIFF 0.02              /* K of mu + lambda                                */
 #define CLOTHI_FLAT_LEAST 1e-12             /* r below which b goes on as a straight line      */
 

@@ -6529,9 +6529,10 @@ static cloth_status clothi_ways_out(cloth_collide *c) {
  *     E = K A b(r),   b = -(1 - r)^2 log r,   K = CLOTHI_FLAT_STIFF (mu + lambda),   r < 1
  *
  * twice differentiable at r = 1 [LFS20] and without bound at r = 0. J is convex in each corner and
- * falls with E, so that of the Hessian only the part along J is kept in the definite model: (b'' +
- * b'/(2 r)) dr dr', >= 0. Folding it away instead, the hinge's energy times a factor that falls to 0
- * with the area, would make a well of the wall: such triangles would stay flat.
+ * E falls with it, so that the definite model keeps the part of the Hessian along J alone: (b'' +
+ * b'/(2 r)) dr dr' >= 0. Had the hinge's energy a factor that falls to 0 with the area instead, the
+ * wall would be a well, and such triangles would stay flat. With 0.2 for CLOTHI_FLAT a crumpling
+ * sheet took half as many iterations again in the median step, with 0.1 no more than without.
  * [LFS20] Li et al., Incremental Potential Contact, ACM TOG 39 (2020), doi 10.1145/3386569.3392425.
  *
  * checked: tests/test_friction.c (differences), tests/test_flat.c, tests/test_contact.c,
@@ -8720,10 +8721,17 @@ CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cl
     return CLOTH_OK;
 }
 
-/* The touches' part of the forces, or friction alone. */
+/* E_col's part of the forces, or friction alone. */
 static void clothi_touch_forces(const cloth_collide *c, int friction, double *f) {
-    int i, j, k;
+    cloth_eval e;
+    double     unused = 0;
+    int        i, j, k;
     memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
+    memset(&e, 0, sizeof e);
+    e.x = c->x_ie, e.grad = f;
+    if (!friction && c->sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG)
+        (void)clothi_flat_eval(c, &e, &unused, NULL);
+    for (i = 0; i < 3 * c->nv; i++) f[i] = 0 - f[i];
     for (i = 0; i < c->ntouch; i++) {
         const clothi_touch *q = c->touch + i;
         const double        push = friction ? clothi_dot3(q->pull, q->normal) : 0;

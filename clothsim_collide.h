@@ -6272,7 +6272,29 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
     return clothi_inside_reach(c, c->xa);
 }
 
-/* Faces that let cloth in let go, with those around them, until it is out again. */
+/* The limb from vertex v of obstacle b outwards, as far as two faces of it count as equally far out,
+ * marked 1 in off_v. */
+static void clothi_inside_limb(cloth_collide *c, const clothi_obstacle *b, int v) {
+    const clothi_inside *k = b->inside;
+    const int            far = k->mid[v] + k->slack[k->part_of[v]] / 3;
+    unsigned char       *mark = c->off_v + b->v0;
+    int                 *queue = k->up, head = 0, n = 1, i, j;  /* scratch of the flags */
+    queue[0] = v;
+    mark[v] = 1;
+    while (head < n) {
+        const int p = queue[head++];
+        for (i = k->start[p]; i < k->start[p + 1]; i++)
+            for (j = 0; j < 3; j++) {
+                const int q = k->faces[3 * k->around[i] + j];
+                if (mark[q] || k->mid[q] < k->mid[p] || k->mid[q] > far) continue;
+                mark[q] = 1;
+                if (n < k->nf) queue[n++] = q;
+            }
+    }
+}
+
+/* Faces that let cloth in let go, with those around them and the limb beyond, which would carry off
+ * what it has gone through, until it is out again. */
 static void clothi_inside_stays(cloth_collide *c) {
     int o, i, k, any = 0;
     for (o = 0; o < c->nobstacle; o++) {
@@ -6284,7 +6306,8 @@ static void clothi_inside_stays(cloth_collide *c) {
         for (i = 0; i < c->nnow; i++)
             if (c->now[i].kind == CLOTHI_LET_IN && c->now[i].b >= b->f0 &&
                 c->now[i].b < b->f0 + b->nf)
-                for (k = 0; k < 3; k++) c->off_v[c->faces[3 * c->now[i].b + k]] = 1, found = 1;
+                for (k = 0, found = 1; k < 3; k++)
+                    clothi_inside_limb(c, b, c->faces[3 * c->now[i].b + k] - b->v0);
         for (i = 0; i < b->nf && found; i++) {
             const int *v = c->faces + 3 * (b->f0 + i);
             near_by[i] = c->off_v[v[0]] || c->off_v[v[1]] || c->off_v[v[2]]

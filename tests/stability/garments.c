@@ -4,7 +4,7 @@
  * By default the procedural shirt for 20 steps and one of the scanned garments of ../shared for 12;
  * FULL=1: the procedural shirt for 90, four garments of ../shared for 120, that is 2 s, the first
  * half second of which leads from the rest pose to the walk. SHOW_STEPS=1 prints every step;
- * PUSH_OUT=0.2 sets push_out, m/s; STEPS=60 cuts the walk short.
+ * PUSH_OUT=0 sets push_out, m/s; STEPS=60 cuts the walk short.
  *
  * After each accepted step, by exact arithmetic, no two faces of the garment and no face of the
  * garment and one of the body may intersect that did not before. Counted apart are
@@ -15,8 +15,9 @@
  *            body's winding number at the same point of the cloth before, and not by the kit
  *   spread   pairs beside one that intersected before: where cloth was let in its crossing wanders
  *            from face to face until it parts
- * What is left is new: cloth that went in. Every way in is counted as new or let in, so that the way
- * out need not be. 'most' is the largest number of pairs at any time. */
+ * What is left is new: cloth that went in. Every way in is counted as new or let in, so that the
+ * way out need not be. 'most' is the largest number of pairs at any time, 'clear' counts steps that
+ * end without any. */
 #define CLOTHSIM_IMPLEMENTATION
 #include "../../clothsim_collide.h"
 
@@ -253,7 +254,7 @@ static int walk_start(walk *w, const cloth_desc *desc, int nv, int nf, const int
     w->desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
     w->desc.contact = CLOTH_CONTACT_SELF;
     contact.initial = CLOTH_INITIAL_EXEMPT;
-    contact.push_out = getenv("PUSH_OUT") ? strtod(getenv("PUSH_OUT"), NULL) : 0;
+    if (getenv("PUSH_OUT")) contact.push_out = strtod(getenv("PUSH_OUT"), NULL);
     w->nv = nv, w->nf = nf, w->faces = faces;
     w->now = (double *)malloc(3 * (size_t)nv * sizeof(double));
     w->next = (double *)malloc(3 * (size_t)nv * sizeof(double));
@@ -370,6 +371,32 @@ static void walk_judge(walk *w, const char *name, double least, int fails) {
     CHECK(w->longest <= 1 && w->run == 0);
 }
 
+/* --- what is counted as leaving --- */
+
+/* A tetrahedron and a triangle that cuts its face x = 0 between y = 0.2 and 0.5: after going deeper
+ * that is new, after coming out it leaves; so it is with the tetrahedron inside of a larger one. */
+static void criterion(void) {
+    static const int faces[24] = {0, 2, 1, 0, 3, 2, 0, 1, 3, 1, 2, 3, 4, 6, 5, 4, 7, 6, 4, 5, 7,
+                                  5, 6, 7};
+    static const int cloth[3] = {8, 9, 10};
+    static const double at[33] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, -1, -1, -1, 9, -1, -1,
+                                  -1, 9, -1, -1, -1, 9, 0.1, 0.3, 0.2, -0.3, 0.2, 0.2, -0.3, 0.5,
+                                  0.2};
+    double now[33], in[33], out[33];
+    int    i, nf;
+    memcpy(now, at, sizeof now);
+    memcpy(in, at, sizeof in);
+    memcpy(out, at, sizeof out);
+    for (i = 24; i < 33; i += 3) in[i] += 0.35, out[i] -= 0.35;
+    for (nf = 4; nf <= 8; nf += 4) {
+        CHECK_NEAR(winding(nf, faces, at, -1, at + 24), nf / 4, 1e-12);
+        CHECK_NEAR(winding(nf, faces, at, -1, at + 27), nf / 4 - 1, 1e-12);
+        CHECK(leaves(nf, faces, now, in, cloth, 1));
+        CHECK(!leaves(nf, faces, now, out, cloth, 1));
+        CHECK(!leaves(nf, faces, now, now, cloth, 3));      /* does not cross */
+    }
+}
+
 /* --- the procedural shirt on the procedural body --- */
 
 static void shirt(void) {
@@ -453,6 +480,7 @@ static void tshirt(void) {
 
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
+    RUN(criterion);
     walk_title();
     RUN(shirt);
     RUN(skirt);

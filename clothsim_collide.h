@@ -150,9 +150,8 @@
  *                larger: leaps are let through, still without intersections
  *   push_out     cloth leaves obstacles that penetrate themselves, at this speed; one of two parts
  *                that meet holds it. 0: both let go, and what got in stays until it comes out of
- *                itself | with the default a skirt is free 0.1 s after each pinch, at two thirds of
- *                the time a step; a limb that cloth crosses holds none. Other obstacles: no
- *                difference
+ *                itself | with the default a skirt is free 0.15 s after each pinch, at 0.7 of the
+ *                time a step; a limb that cloth crosses holds none. Other obstacles: no difference
  *   max_passes   rounds of detection and zones | fewer: hard steps fail sooner and cheaper
  *   initial      REFUSE names what intersects before the first step, EXEMPT counts it and lets it
  *                part, of itself or by cloth_collide_untangle | exempt pairs are outside of the
@@ -4591,7 +4590,7 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
  * crosses at the step's end stays exempt in the next step (state: couples of kind CLOTHI_LET_IN),
  * with the faces around it and the limb beyond, outwards along edges as far as an eighth of the way
  * from end to end: it goes out the way it came. Fingers that went on to hold what the palm had gone
- * through dragged a skirt along by 0.3 m; now nothing of it crosses 0.1 s after the pinch.
+ * through dragged a skirt along by 0.3 m; now nothing of it crosses 0.15 s after a pinch.
  * All other cloth inside is led out: each of its vertices, found from crossing faces along edges
  * by the winding number, feels stiffness (g' - g) towards the nearest point of the surface, g' by
  * push_out h above where it is, t/2 outside at most, and pairs of it with that obstacle are
@@ -6284,8 +6283,8 @@ static cloth_status clothi_inside_faces(cloth_collide *c) {
     return clothi_inside_reach(c, c->xa);
 }
 
-/* The limb from vertex v of obstacle b outwards, as far as two faces of it count as equally far out,
- * marked 1 in off_v. */
+/* The limb from vertex v of obstacle b outwards, as far as two faces of it count as equally far
+ * out, marked 1 in off_v. */
 static void clothi_inside_limb(cloth_collide *c, const clothi_obstacle *b, int v) {
     const clothi_inside *k = b->inside;
     const int            far = k->mid[v] + k->slack[k->part_of[v]] / 3;
@@ -6350,8 +6349,8 @@ static cloth_status clothi_inside_again(cloth_collide *c) {
 #define CLOTHI_CAREFUL  CLOTH_MAX_COUNT     /* + slot: inside, passes with care                */
 #define CLOTHI_OUT_HITS 512                 /* boxes on one ray; more: all faces are asked     */
 
-/* Winding number at p of obstacle `slot` at pose x, xa or xb: what a ray upwards meets of its closed
- * parts, face `but` left out. */
+/* Winding number at p of obstacle `slot` at pose x, xa or xb: what a ray upwards meets of its
+ * closed parts, face `but` left out. */
 static int clothi_inside_wind(const cloth_collide *c, int slot, const double *x, int but,
                               const double *p) {
     const clothi_obstacle *o = c->obstacle + slot;

@@ -134,7 +134,8 @@ static int pierced(const double a[3][3], const double b[3][3], int n, double poi
     double u[3], v[3], m[3];
     int    i, j;
     for (j = 0; j < 3; j++) u[j] = a[1][j] - a[0][j], v[j] = a[2][j] - a[0][j];
-    for (j = 0; j < 3; j++) m[j] = u[(j + 1) % 3] * v[(j + 2) % 3] - u[(j + 2) % 3] * v[(j + 1) % 3];
+    for (j = 0; j < 3; j++)
+        m[j] = u[(j + 1) % 3] * v[(j + 2) % 3] - u[(j + 2) % 3] * v[(j + 1) % 3];
     for (i = 0; i < 3 && n < 2; i++) {
         const double *p = b[i], *q = b[(i + 1) % 3];
         double        s = 0, t = 0, at[3], turn, lo = 1, hi = -1;
@@ -325,12 +326,13 @@ static void walk_step(walk *w) {
     w->let_in += let_in;
     if (getenv("SHOW_STEPS"))
         printf("  %3d st %d fr %g newton %d halv %d imp %d pass %d zones %d rows %d big %d "
-               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d leav %d spr %d ms %.0f "
+               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d leave %d "
+               "spread %d ms %.0f "
                "begin %.0f det %.0f zone %.0f\n",
                w->steps, (int)status, k.fraction, r.newton, r.halvings, k.impacts, k.passes,
                k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches, k.exempt_faces, k.push,
-               w->npair, w->inner, fresh, let_in, w->leaving - leaving, w->spread - spread, r.ms.total, k.ms_begin, k.ms_detect,
-               k.ms_zones);
+               w->npair, w->inner, fresh, let_in, w->leaving - leaving,
+               w->spread - spread, r.ms.total, k.ms_begin, k.ms_detect, k.ms_zones);
     fflush(stdout);
 }
 
@@ -359,10 +361,11 @@ static void walk_judge(walk *w, const char *name, double least, int fails) {
     const int n = w->steps;
     qsort(w->ms, (size_t)n, sizeof w->ms[0], order_doubles);
     qsort(w->newton, (size_t)n, sizeof w->newton[0], order_ints);
-    printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %6d %6d %5d %5d %4d(%3d) %5d %6d %5.0f/%5.0f %6.2f "
-           "%6.2f %7.2f %5.1f\n",
+    printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %6d %6d %5d %5d %4d(%3d) %5d %6d "
+           "%5.0f/%5.0f %6.2f %6.2f %7.2f %5.1f\n",
            name, w->desc.nv, n, w->whole, w->shorter, w->failed, w->exempt, w->fresh, w->let_in,
-           w->leaving, w->spread, w->start, w->most, w->npair, w->inner, w->clear, w->newton[n / 2], w->ms[n / 2],
+           w->leaving, w->spread, w->start, w->most, w->npair, w->inner, w->clear,
+           w->newton[n / 2], w->ms[n / 2],
            w->ms[n - 1], w->total > 0 ? w->contact / w->total : 0,
            w->total > 0 ? w->zones / w->total : 0, w->stretch, w->speed);
     CHECK(w->fresh == 0);

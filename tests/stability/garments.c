@@ -4,13 +4,20 @@
  * By default the procedural shirt for 20 steps and one of the scanned garments of ../shared for 12;
  * FULL=1: the procedural shirt for 90, four garments of ../shared for 120, that is 2 s, the first
  * half second of which leads from the rest pose to the walk. SHOW_STEPS=1 prints every step;
- * PUSH_OUT=0.2 sets push_out, m/s.
+ * PUSH_OUT=0 sets push_out, m/s; STEPS=60 cuts the walk short.
  *
  * After each accepted step, by exact arithmetic, no two faces of the garment and no face of the
- * garment and one of the body may intersect that did not before. Faces of the body that were exempt
- * in the step are counted apart ('let in'): cloth that the body pinches may be passed by them; and
- * so are pairs beside one that intersected before ('spread'): where cloth was let in its crossing
- * wanders from face to face until it parts. 'most' is the largest number of pairs at any time. */
+ * garment and one of the body may intersect that did not before. Counted apart are
+ *   let in   faces of the body that were exempt in the step: cloth that the body pinches may be
+ *            passed by them
+ *   leaving  the line in which the two cross now is of cloth that was inside of the body before the
+ *            step, on the inner side of that face: what was let in comes out. Judged here, by the
+ *            body's winding number at the same point of the cloth before, and not by the kit
+ *   spread   pairs beside one that intersected before: where cloth was let in its crossing wanders
+ *            from face to face until it parts
+ * What is left is new: cloth that went in. Every way in is counted as new or let in, so that the
+ * way out need not be. 'most' is the largest number of pairs at any time, 'clear' counts steps that
+ * end without any. */
 #define CLOTHSIM_IMPLEMENTATION
 #include "../../clothsim_collide.h"
 
@@ -30,15 +37,16 @@ typedef struct walk {
     int            nv, nf;                  /* of the body                                     */
     const int     *faces;                   /* of the body                                     */
     double        *now, *next;              /* [nv x 3] the body                               */
-    double        *x;                       /* all, for the examination                        */
+    double        *x, *before;              /* all, for the examination: now, before the step  */
     int           *all;                     /* [.. x 3] faces of the garment, then of the body */
     int           *pair, npair;             /* that intersect now                              */
 
     /* what came of it */
     int    steps, whole, shorter, failed, run, longest;     /* steps that failed in a row      */
-    int    start, fresh, let_in, spread, inner, exempt;
+    int    start, fresh, let_in, leaving, spread, inner, exempt;
     int    newton[STEPS_MOST], most;
-    double ms[STEPS_MOST], total, contact, zones;
+    int    clear;                           /* steps that ended without a pair                 */
+    double ms[STEPS_MOST], total, contact, zones, stretch, speed;
 } walk;
 
 static double cpu_seconds(void *user) {
@@ -71,6 +79,123 @@ static int spreads(const walk *w, const int *p) {
             share_corner(g, w->all + 3 * w->pair[2 * i + 1]))
             return 1;
     return 0;
+}
+
+/* Largest edge over its length at rest, and speed, m/s. */
+static void extremes(walk *w) {
+    const cloth_state *s = cloth_sim_state(w->sim);
+    int                i, j, k;
+    for (i = 0; i < 3 * w->desc.nf; i++) {
+        const int    p = w->desc.faces[i], q = w->desc.faces[i % 3 == 2 ? i - 2 : i + 1];
+        const double *X = w->desc.x_rest;
+        double       l = 0, rest = 0;
+        for (k = 0; k < 3; k++) {
+            l += (s->x[3 * p + k] - s->x[3 * q + k]) * (s->x[3 * p + k] - s->x[3 * q + k]);
+            rest += (X[3 * p + k] - X[3 * q + k]) * (X[3 * p + k] - X[3 * q + k]);
+        }
+        w->stretch = fmax(w->stretch, sqrt(l / rest));
+    }
+    for (i = 0; i < w->desc.nv; i++) {
+        double v = 0;
+        for (j = 0; j < 3; j++) v += s->v[3 * i + j] * s->v[3 * i + j];
+        w->speed = fmax(w->speed, sqrt(v));
+    }
+}
+
+/* Winding number of faces [nf x 3], face `but` left out, around p, from the solid angle of each:
+ * tan(angle/2) = det(a, b, c) / (|a||b||c| + a.b |c| + b.c |a| + c.a |b|)   [Van Oosterom and
+ * Strackee 1983, doi 10.1109/TBME.1983.325207; Jacobson, Kavan and Sorkine-Hornung 2013,
+ * doi 10.1145/2461912.2461916]. On a face that is left out: the mean of both its sides. */
+static double winding(int nf, const int *faces, const double *x, int but, const double *p) {
+    double sum = 0;
+    int    f, i, j;
+    for (f = 0; f < nf; f++) {
+        double r[3][3], l[3], det, den;
+        if (f == but) continue;
+        for (i = 0; i < 3; i++) {
+            for (j = 0; j < 3; j++) r[i][j] = x[3 * faces[3 * f + i] + j] - p[j];
+            l[i] = sqrt(r[i][0] * r[i][0] + r[i][1] * r[i][1] + r[i][2] * r[i][2]);
+        }
+        det = r[0][0] * (r[1][1] * r[2][2] - r[1][2] * r[2][1])
+              + r[0][1] * (r[1][2] * r[2][0] - r[1][0] * r[2][2])
+              + r[0][2] * (r[1][0] * r[2][1] - r[1][1] * r[2][0]);
+        den = l[0] * l[1] * l[2];
+        for (i = 0; i < 3; i++) {
+            const double *a = r[i], *b = r[(i + 1) % 3];
+            den += (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) * l[(i + 2) % 3];
+        }
+        sum += atan2(det, den);
+    }
+    return sum / (2 * 3.14159265358979323846);
+}
+
+/* Where the edges of triangle b [3 x 3] go through triangle a: points [at most 2 x 3]. */
+static int pierced(const double a[3][3], const double b[3][3], int n, double point[2][3]) {
+    double u[3], v[3], m[3];
+    int    i, j;
+    for (j = 0; j < 3; j++) u[j] = a[1][j] - a[0][j], v[j] = a[2][j] - a[0][j];
+    for (j = 0; j < 3; j++)
+        m[j] = u[(j + 1) % 3] * v[(j + 2) % 3] - u[(j + 2) % 3] * v[(j + 1) % 3];
+    for (i = 0; i < 3 && n < 2; i++) {
+        const double *p = b[i], *q = b[(i + 1) % 3];
+        double        s = 0, t = 0, at[3], turn, lo = 1, hi = -1;
+        int           k;
+        for (j = 0; j < 3; j++) s += m[j] * (p[j] - a[0][j]), t += m[j] * (q[j] - a[0][j]);
+        if (!((s < 0 && t >= 0) || (s >= 0 && t < 0))) continue;
+        for (j = 0; j < 3; j++) at[j] = p[j] + s / (s - t) * (q[j] - p[j]);
+        for (k = 0; k < 3; k++) {
+            const double *e = a[k], *f = a[(k + 1) % 3];
+            for (turn = 0, j = 0; j < 3; j++) {
+                const int y = (j + 1) % 3, z = (j + 2) % 3;
+                turn += m[j] * ((f[y] - e[y]) * (at[z] - e[z]) - (f[z] - e[z]) * (at[y] - e[y]));
+            }
+            lo = turn < lo ? turn : lo;
+            hi = turn > hi ? turn : hi;
+        }
+        if (lo < 0 && hi > 0) continue;
+        memcpy(point[n++], at, sizeof at);
+    }
+    return n;
+}
+
+/* The point of triangle `to` at the weights that p has in the plane of triangle `from`. */
+static void same_point(const double from[3][3], const double to[3][3], const double *p,
+                       double *out) {
+    double u[3], v[3], r[3], uu = 0, uv = 0, vv = 0, ur = 0, vr = 0, d, b, c;
+    int    j;
+    for (j = 0; j < 3; j++) {
+        u[j] = from[1][j] - from[0][j], v[j] = from[2][j] - from[0][j], r[j] = p[j] - from[0][j];
+        uu += u[j] * u[j], uv += u[j] * v[j], vv += v[j] * v[j];
+        ur += u[j] * r[j], vr += v[j] * r[j];
+    }
+    d = uu * vv - uv * uv;
+    b = (vv * ur - uv * vr) / d, c = (uu * vr - uv * ur) / d;
+    for (j = 0; j < 3; j++)
+        out[j] = to[0][j] + b * (to[1][j] - to[0][j]) + c * (to[2][j] - to[0][j]);
+}
+
+/* The line in which face g of the cloth crosses face f of a body of faces [nf x 3] at x is of cloth
+ * that was on the inner side of f or deeper at `before`: three points of it are asked. f itself is
+ * no part of the number now, which is the mean of its sides then, a half. */
+static int leaves(int nf, const int *faces, const double *x, const double *before, const int *g,
+                  int f) {
+    double a[3][3], b[3][3], old[3][3], end[2][3], p[3], was[3];
+    int    i, j, n;
+    for (i = 0; i < 3; i++) {
+        memcpy(a[i], x + 3 * g[i], sizeof a[i]);
+        memcpy(old[i], before + 3 * g[i], sizeof old[i]);
+        memcpy(b[i], x + 3 * faces[3 * f + i], sizeof b[i]);
+    }
+    n = pierced((const double(*)[3])b, (const double(*)[3])a, 0, end);
+    n = pierced((const double(*)[3])a, (const double(*)[3])b, n, end);
+    if (n < 2) return 0;
+    for (i = 0; i < 3; i++) {
+        for (j = 0; j < 3; j++)
+            p[j] = end[0][j] + (0.05 + 0.45 * i) * (end[1][j] - end[0][j]);
+        same_point((const double(*)[3])a, (const double(*)[3])old, p, was);
+        if (!(winding(nf, faces, before, -1, was) > winding(nf, faces, x, f, p) + 0.25)) return 0;
+    }
+    return 1;
 }
 
 /* Pairs that intersect now, two faces of the body left out; *fresh, *let_in: those that did not
@@ -106,6 +231,9 @@ static void examine(walk *w, int *fresh, int *let_in) {
         const int *p = found + 2 * i;
         if (w->npair && bsearch(p, w->pair, (size_t)w->npair, 2 * sizeof *p, same_pair)) continue;
         if (p[1] >= cloth && w->c->off[p[1]]) ++*let_in;
+        else if (p[1] >= cloth && leaves(w->nf, w->all + 3 * cloth, w->x, w->before,
+                                         w->all + 3 * p[0], p[1] - cloth))
+            w->leaving++;
         else if (spreads(w, p)) w->spread++;
         else ++*fresh;
     }
@@ -127,13 +255,14 @@ static int walk_start(walk *w, const cloth_desc *desc, int nv, int nf, const int
     w->desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
     w->desc.contact = CLOTH_CONTACT_SELF;
     contact.initial = CLOTH_INITIAL_EXEMPT;
-    contact.push_out = getenv("PUSH_OUT") ? strtod(getenv("PUSH_OUT"), NULL) : 0;
+    if (getenv("PUSH_OUT")) contact.push_out = strtod(getenv("PUSH_OUT"), NULL);
     w->nv = nv, w->nf = nf, w->faces = faces;
     w->now = (double *)malloc(3 * (size_t)nv * sizeof(double));
     w->next = (double *)malloc(3 * (size_t)nv * sizeof(double));
     w->x = (double *)malloc(3 * (size_t)(nv + desc->nv) * sizeof(double));
+    w->before = (double *)malloc(3 * (size_t)(nv + desc->nv) * sizeof(double));
     w->all = (int *)malloc(3 * (size_t)(nf + desc->nf) * sizeof(int));
-    if (!w->now || !w->next || !w->x || !w->all) exit(2);
+    if (!w->now || !w->next || !w->x || !w->before || !w->all) exit(2);
     memcpy(w->now, x, 3 * (size_t)nv * sizeof(double));
     memcpy(w->all, desc->faces, 3 * (size_t)desc->nf * sizeof(int));
     for (i = 0; i < 3 * nf; i++) w->all[3 * desc->nf + i] = desc->nv + faces[i];
@@ -144,7 +273,10 @@ static int walk_start(walk *w, const cloth_desc *desc, int nv, int nf, const int
     self.nv = nv, self.nf = nf, self.faces = faces, self.x = x;
     self.self_penetrating = 1;
     if (!CHECK(cloth_collide_add(w->c, &self, &w->id) == CLOTH_OK)) return 0;
+    memcpy(w->before, desc->x_rest, 3 * (size_t)desc->nv * sizeof(double));
+    memcpy(w->before + 3 * desc->nv, x, 3 * (size_t)nv * sizeof(double));
     examine(w, &i, &ignored);
+    w->leaving = w->spread = 0;
     w->start = w->npair;
     return 1;
 }
@@ -156,6 +288,7 @@ static void walk_end(walk *w) {
     free(w->now);
     free(w->next);
     free(w->x);
+    free(w->before);
     free(w->all);
     free(w->pair);
 }
@@ -165,7 +298,9 @@ static void walk_step(walk *w) {
     cloth_report         r;
     cloth_collide_report k;
     cloth_status         status;
-    int                  i, fresh = 0, let_in = 0;
+    int                  i, fresh = 0, let_in = 0, leaving, spread;
+    memcpy(w->before, cloth_sim_state(w->sim)->x, 3 * (size_t)w->desc.nv * sizeof(double));
+    memcpy(w->before + 3 * w->desc.nv, w->now, 3 * (size_t)w->nv * sizeof(double));
     (void)cloth_collide_move(w->c, w->id, w->next);
     status = cloth_collide_step(w->c, 1.0 / 60, 3, &r);
     k = cloth_collide_last(w->c);
@@ -183,17 +318,21 @@ static void walk_step(walk *w) {
     w->total += r.ms.total;
     w->contact += k.ms_begin + k.ms_detect + k.ms_zones;
     w->zones += k.ms_zones;
+    leaving = w->leaving, spread = w->spread;
     if (status == CLOTH_OK) examine(w, &fresh, &let_in);
+    if (status == CLOTH_OK) extremes(w);
+    w->clear += w->npair == 0;
     w->fresh += fresh;
     w->let_in += let_in;
     if (getenv("SHOW_STEPS"))
         printf("  %3d st %d fr %g newton %d halv %d imp %d pass %d zones %d rows %d big %d "
-               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d ms %.0f "
+               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d leave %d "
+               "spread %d ms %.0f "
                "begin %.0f det %.0f zone %.0f\n",
                w->steps, (int)status, k.fraction, r.newton, r.halvings, k.impacts, k.passes,
                k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches, k.exempt_faces, k.push,
-               w->npair, w->inner, fresh, let_in, r.ms.total, k.ms_begin, k.ms_detect,
-               k.ms_zones);
+               w->npair, w->inner, fresh, let_in, w->leaving - leaving,
+               w->spread - spread, r.ms.total, k.ms_begin, k.ms_detect, k.ms_zones);
     fflush(stdout);
 }
 
@@ -208,12 +347,13 @@ static int order_ints(const void *a, const void *b) {
 }
 
 static void walk_title(void) {
-    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %5s %5s %9s %6s %11s %6s %6s\n", "garment",
-           "nv", "steps", "whole", "short", "fail", "exempt", "new", "let in", "spread", "start",
-           "most", "end(self)", "newton", "ms a step", "share", "zones");
-    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %5s %5s %9s %6s %11s %6s %6s\n", "", "", "",
-           "", "", "", "faces", "pairs", "pairs", "pairs", "pairs", "pairs", "pairs", "median",
-           "median/max", "cont.", "share");
+    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %6s %5s %5s %9s %5s %6s %11s %6s %6s %7s "
+           "%5s\n", "garment", "nv", "steps", "whole", "short", "fail", "exempt", "new", "let in",
+           "leave", "spread", "start", "most", "end(self)", "clear", "newton", "ms a step", "share",
+           "zones", "stretch", "speed");
+    printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %6s %5s %5s %9s %5s %6s %11s %6s %6s %7s "
+           "%5s\n", "", "", "", "", "", "", "faces", "pairs", "pairs", "pairs", "pairs", "pairs",
+           "pairs", "pairs", "steps", "median", "median/max", "cont.", "share", "", "m/s");
 }
 
 /* least: share of steps accepted, whole or shortened; fails: that may fail, no two in a row. */
@@ -221,16 +361,43 @@ static void walk_judge(walk *w, const char *name, double least, int fails) {
     const int n = w->steps;
     qsort(w->ms, (size_t)n, sizeof w->ms[0], order_doubles);
     qsort(w->newton, (size_t)n, sizeof w->newton[0], order_ints);
-    printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %6d %5d %5d %4d(%3d) %6d %5.0f/%5.0f %6.2f "
-           "%6.2f\n",
+    printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %6d %6d %5d %5d %4d(%3d) %5d %6d "
+           "%5.0f/%5.0f %6.2f %6.2f %7.2f %5.1f\n",
            name, w->desc.nv, n, w->whole, w->shorter, w->failed, w->exempt, w->fresh, w->let_in,
-           w->spread, w->start, w->most, w->npair, w->inner, w->newton[n / 2], w->ms[n / 2],
+           w->leaving, w->spread, w->start, w->most, w->npair, w->inner, w->clear,
+           w->newton[n / 2], w->ms[n / 2],
            w->ms[n - 1], w->total > 0 ? w->contact / w->total : 0,
-           w->total > 0 ? w->zones / w->total : 0);
+           w->total > 0 ? w->zones / w->total : 0, w->stretch, w->speed);
     CHECK(w->fresh == 0);
     CHECK(w->whole + w->shorter >= least * n);
     CHECK(w->failed <= fails);
     CHECK(w->longest <= 1 && w->run == 0);
+}
+
+/* --- what is counted as leaving --- */
+
+/* A tetrahedron and a triangle that cuts its face x = 0 between y = 0.2 and 0.5: after going deeper
+ * that is new, after coming out it leaves; so it is with the tetrahedron inside of a larger one. */
+static void criterion(void) {
+    static const int faces[24] = {0, 2, 1, 0, 3, 2, 0, 1, 3, 1, 2, 3, 4, 6, 5, 4, 7, 6, 4, 5, 7,
+                                  5, 6, 7};
+    static const int cloth[3] = {8, 9, 10};
+    static const double at[33] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, -1, -1, -1, 9, -1, -1,
+                                  -1, 9, -1, -1, -1, 9, 0.1, 0.3, 0.2, -0.3, 0.2, 0.2, -0.3, 0.5,
+                                  0.2};
+    double now[33], in[33], out[33];
+    int    i, nf;
+    memcpy(now, at, sizeof now);
+    memcpy(in, at, sizeof in);
+    memcpy(out, at, sizeof out);
+    for (i = 24; i < 33; i += 3) in[i] += 0.35, out[i] -= 0.35;
+    for (nf = 4; nf <= 8; nf += 4) {
+        CHECK_NEAR(winding(nf, faces, at, -1, at + 24), nf / 4, 1e-12);
+        CHECK_NEAR(winding(nf, faces, at, -1, at + 27), nf / 4 - 1, 1e-12);
+        CHECK(leaves(nf, faces, now, in, cloth, 1));
+        CHECK(!leaves(nf, faces, now, out, cloth, 1));
+        CHECK(!leaves(nf, faces, now, now, cloth, 3));      /* does not cross */
+    }
 }
 
 /* --- the procedural shirt on the procedural body --- */
@@ -296,21 +463,27 @@ static void scanned(const char *file, const char *name, int steps, double least,
     body_free(&b);
 }
 
+static int steps_most(void) {
+    const int n = getenv("STEPS") ? atoi(getenv("STEPS")) : STEPS_MOST;
+    return n > 0 && n < STEPS_MOST ? n : STEPS_MOST;
+}
+
 static void skirt(void) {
-    scanned("data/garments/skirt_f_clean.obj", "skirt", test_full() ? STEPS_MOST : 12, 0.99, 0);
+    scanned("data/garments/skirt_f_clean.obj", "skirt", test_full() ? steps_most() : 12, 0.99, 0);
 }
 static void long_skirt(void) {
-    scanned("data/garments/longskirt_f_clean.obj", "long skirt", STEPS_MOST, 0.99, 0);
+    scanned("data/garments/longskirt_f_clean.obj", "long skirt", steps_most(), 0.99, 0);
 }
 static void trousers(void) {
-    scanned("data/garments/trousers_f_clean.obj", "trousers", STEPS_MOST, 0.99, 0);
+    scanned("data/garments/trousers_f_clean.obj", "trousers", steps_most(), 0.99, 0);
 }
 static void tshirt(void) {
-    scanned("data/garments/tshirt_f_clean.obj", "T-shirt", STEPS_MOST, 0.97, 3);
+    scanned("data/garments/tshirt_f_clean.obj", "T-shirt", steps_most(), 0.97, 3);
 }
 
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
+    RUN(criterion);
     walk_title();
     RUN(shirt);
     RUN(skirt);

@@ -73,7 +73,7 @@
 /* ===== [1.2] WHAT IT DOES NOT DO =============================================================
  *
  * No remeshing, tearing, fluids, GPU code, file formats beyond OBJ, no renderer. This header
- * knows no collisions: clothsim_collide.h will. Before you rely on a result, know that
+ * knows no collisions: clothsim_collide.h does. Before you rely on a result, know that
  *   - StVK softens under compression: below a stretch of 1/sqrt(3) = 0.577 a triangle may
  *     collapse. report.collapsed counts such triangles, every step.
  *   - hinge bending depends on the mesh pattern. It is a plate of rigidity D only on equilateral
@@ -266,7 +266,7 @@ typedef struct cloth_clock {                /* fn == NULL: every time in a repor
     void    *user;
 } cloth_clock;
 
-typedef struct cloth_cancel {               /* asked once per Newton iteration and substep     */
+typedef struct cloth_cancel {               /* asked each Newton iteration, or 16 substeps     */
     int  (*fn)(void *user);                 /* nonzero: give the step up                       */
     void  *user;
 } cloth_cancel;
@@ -520,7 +520,8 @@ typedef struct cloth_desc {
     cloth_bend_model   bend;
     cloth_integrator   integrator;
     cloth_contact_rung contact;
-    int                substeps;            /* of a step; 0: 1, or LEAPFROG's stability limit  */
+    int                substeps;            /* of a step; 0: 1, or LEAPFROG's stability limit,
+                                               beyond which fewer are refused                  */
     int                max_newton;          /* per substep; 0: to `tolerance`                  */
 
     /* the world */
@@ -565,7 +566,7 @@ typedef enum cloth_outcome {
     CLOTH_STEP_NONE             = 0,        /* nothing was accepted                            */
     CLOTH_STEP_CONVERGED        = 1,
     CLOTH_STEP_MAX_ITERATIONS   = 2,        /* the desc's cap; accepted                        */
-    CLOTH_STEP_STALLED          = 3,        /* no decrease found                               */
+    CLOTH_STEP_STALLED          = 3,        /* no decrease found; LEAPFROG: not stable         */
     CLOTH_STEP_COLLISION_FAILED = 4
 } cloth_outcome;
 
@@ -652,13 +653,16 @@ typedef struct cloth_debug_draw {
 
 /* --- energy terms: the one extension point --- */
 
-/* What a term sees. Read only, but for grad and hess, which are added to. */
+/* What a term sees. Read only, but for grad and hess, which are added to.
+ * EULER and BDF2: the substep from x_n, v_n to t, of h. Statics and energies: h = 0, x_n and v_n
+ * the state. LEAPFROG asks a host's term for the force at x, which it has at t: h = 0, x_n == x,
+ * v_n the velocity half a substep ago (at the step's start: that of the state), hess NULL. */
 typedef struct cloth_eval {
     const cloth_model  *model;
     const cloth_params *params;
     int           nv;
-    double        h;                        /* s of the substep; 0 in statics                  */
-    double        t;                        /* s at its end                                    */
+    double        h;                        /* s of the substep; 0: see above                  */
+    double        t;                        /* s at x                                          */
     const double *x;                        /* [nv x 3] m, where to evaluate                   */
     const double *x_n;                      /* [nv x 3] m, start of the substep                */
     const double *v_n;                      /* [nv x 3] m/s                                    */
@@ -684,8 +688,8 @@ typedef struct cloth_vjp {
 typedef struct cloth_term {
     const char *name;
     void       *user;
-    /* at the start of a substep, and at h = 0 before energies are asked for: lag what has no
-     * potential; may be NULL */
+    /* at the start of a substep, and at h = 0 before forces of LEAPFROG and energies are asked
+     * for: lag what has no potential; may be NULL */
     cloth_status (*begin)(void *user, const cloth_eval *e);
     /* *energy = value at e->x in J; adds to e->grad and e->hess. Finite in, finite out */
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
@@ -781,7 +785,8 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   status               outcome                        state
  *   CLOTH_OK             CLOTH_STEP_CONVERGED           new
  *   CLOTH_OK             CLOTH_STEP_MAX_ITERATIONS      new (the desc's max_newton)
- *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before
+ *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before (no decrease found; LEAPFROG:
+ *       desc.substeps too few for its stability limit, or more than 1000000 substeps needed)
  *   CLOTH_ERR_STEP       CLOTH_STEP_COLLISION_FAILED    as before
  *   CLOTH_ERR_NONFINITE  CLOTH_STEP_NONE                as before; report.vertex
  *   CLOTH_ERR_MEMORY, CLOTH_ERR_CANCELLED   ..._NONE    as before
@@ -11296,16 +11301,18 @@ static cloth_status clothi_bend_vjp(void *user, const cloth_eval *e, const doubl
 
 /* --- vjp of wind --- */
 
-/* P depends on w, on x_n, v_n through |u|, n, A and r, and on h through r. Exact for w, for h
- * and for the x_n of r; the lagged |u|, n and A are differentiated too: with c = 1/2 rho A |u|,
- *   d(c) = c (d|u|/|u| + dA/A),  d|u| = u.du/|u|,  dA = n.dN/2,  dn = (I - n n') dN/(2A)
- * where N = (x1 - x0) x (x2 - x0). */
+/* P depends on w, on x_n, v_n through |u|, n, A and r, and on h through r; at h = 0 r is at v_n.
+ * Exact for w, for h and for r; the lagged |u|, n and A are differentiated too: with
+ * c = 1/2 rho A |u|,  d(c) = c (d|u|/|u| + dA/A),  d|u| = u.du/|u|,  dA = n.dN/2,
+ * dn = (I - n n') dN/(2A) where N = (x1 - x0) x (x2 - x0). */
 static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const double *a,
                                     cloth_vjp *out) {
     const cloth_sim   *s = (const cloth_sim *)user;
     const cloth_model *m = s->model;
     int                f, j, k;
-    if (!s->wind_on || !s->w.wind || !(e->h > 0)) return CLOTH_OK;
+    double            *slip = e->h > 0 ? out->x_n : out->v_n;   /* what r depends on */
+    const double       rate = e->h > 0 ? -1 / (3 * e->h) : 1.0 / 3;
+    if (!s->wind_on || !s->w.wind) return CLOTH_OK;
     for (f = 0; f < m->nf; f++) {
         const double *w = s->w.wind + 5 * (size_t)f;
         const int    *v = m->faces + 3 * f;
@@ -11325,8 +11332,8 @@ static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const doubl
         for (k = 0; k < 3; k++) {           /* r: at fixed coefficients */
             double dr = w[3] * an * w[k] + w[4] * (ap[k] - an * w[k]);
             if (out->wind) out->wind[k] -= dr;
-            for (j = 0; out->x_n && j < 3; j++) out->x_n[3 * v[j] + k] -= dr / (3 * e->h);
-            if (out->h) *out->h -= dr * (r[k] + s->wind[k]) / e->h;
+            for (j = 0; slip && j < 3; j++) slip[3 * v[j] + k] += dr * rate;
+            if (out->h && e->h > 0) *out->h -= dr * (r[k] + s->wind[k]) / e->h;
             if (speed2 > 0) {               /* |u| */
                 if (out->wind) out->wind[k] -= work * u[k] / speed2;
                 for (j = 0; out->v_n && j < 3; j++)
@@ -12949,55 +12956,76 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *re
     return status || !l ? status : clothi_leap_balance(s, l);
 }
 
-static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
-    double       tangent, limit, after;
-    cloth_status status = CLOTH_OK;
-    cloth_ledger ledger;
-    int          m, tries;
-    if (!(s->omega_rest > 0)) clothi_leap_omega(s);
-    tangent = clothi_leap_tangent(s, s->w.x0, 1);
-    limit = CLOTHI_LEAP_SAFETY * clothi_leap_limit(s, tangent, &report->omega_max);
-    if (!(h / limit < CLOTHI_MAX_SUBSTEPS))
+static cloth_status clothi_leap_unstable(const cloth_sim *s, double h, int m, double limit) {
+    return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "LEAPFROG: %s%i substeps of %g s are beyond the "
+                       "stability limit %g s", s->model->desc.substeps ? "desc.substeps = " : "",
+                       m, h / m, limit);
+}
+
+/* The substeps of a step of h from w.x0: what the desc asks for, if that is stable, or enough. */
+static cloth_status clothi_leap_count(cloth_sim *s, double h, cloth_report *report, int *m) {
+    const double limit = clothi_leap_limit(s, clothi_leap_tangent(s, s->w.x0, 1),
+                                           &report->omega_max);
+    const double safe = CLOTHI_LEAP_SAFETY * limit;
+    *m = s->model->desc.substeps;
+    if (!clothi_finite(report->omega_max))
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE,
+                           "LEAPFROG: the fastest mode has omega = %g 1/s", report->omega_max);
+    report->outcome = CLOTH_STEP_STALLED;
+    if (*m > 0 && h / *m > limit)
+        return clothi_leap_unstable(s, h, *m, limit);
+    if (*m == 0 && !(h / safe < CLOTHI_MAX_SUBSTEPS))
         return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
                            "LEAPFROG needs more than %i substeps of %g s", CLOTHI_MAX_SUBSTEPS,
-                           limit);
-    m = s->model->desc.substeps > 0 ? s->model->desc.substeps
-                                    : clothi_leap_substeps(s, h, (int)ceil(h / limit));
-    for (tries = 0; tries <= CLOTHI_LEAP_RETRIES; tries++, m *= 2) {
-        double omega;
+                           safe);
+    if (*m == 0) *m = clothi_leap_substeps(s, h, (int)clothi_max(1, ceil(h / safe)));
+    return CLOTH_OK;
+}
+
+/* The candidate of m substeps becomes the state, when contact lets it. */
+static cloth_status clothi_leap_accept(cloth_sim *s, double h, int m, cloth_ledger *ledger,
+                                       cloth_report *report) {
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    cloth_status status = clothi_leap_contact(s, h, report, s->balance ? ledger : NULL);
+    int          i;
+    if (status) return status;
+    report->energy = *ledger;
+    for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
+        report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
+    memcpy(s->state.x, s->w.x, bytes);
+    memcpy(s->state.v, s->w.trial, bytes);
+    s->state.t += h;
+    s->h_prev = h / m;
+    report->outcome = CLOTH_STEP_CONVERGED;
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
+    const size_t n = 3 * (size_t)s->model->nv;
+    double       after, limit = 0, omega;
+    cloth_status status;
+    cloth_ledger ledger;
+    ptrdiff_t    at;
+    int          m, tries = s->model->desc.substeps > 0 ? CLOTHI_LEAP_RETRIES : 0;   /* one */
+    if (!(s->omega_rest > 0)) clothi_leap_omega(s);
+    status = clothi_leap_count(s, h, report, &m);
+    if (status) return status;
+    for (;; tries++, m *= 2) {
         after = 0;
         memset(&ledger, 0, sizeof ledger);
         status = clothi_leap_run(s, h, m, &after, s->balance ? &ledger : NULL);
         report->substeps += m;
         if (status) return status;
-        if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) < 0 &&
-            clothi_find_nonfinite(s->w.trial, 3 * (size_t)s->model->nv) < 0) {
-            if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
-                size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
-                int    i;
-                status = clothi_leap_contact(s, h, report, s->balance ? &ledger : NULL);
-                if (status) return status;
-                report->energy = ledger;
-                for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
-                    report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
-                memcpy(s->state.x, s->w.x, bytes);
-                memcpy(s->state.v, s->w.trial, bytes);
-                s->state.t += h;
-                s->h_prev = h / m;
-                report->outcome = CLOTH_STEP_CONVERGED;
-                return CLOTH_OK;
-            }
-        }
-        if (s->model->desc.substeps > 0) break;
+        at = clothi_find_nonfinite(s->w.x, n);
+        if (at < 0) at = clothi_find_nonfinite(s->w.trial, n);
+        limit = clothi_leap_limit(s, after, &omega);
+        if (at < 0 && h / m <= limit) return clothi_leap_accept(s, h, m, &ledger, report);
+        if (tries == CLOTHI_LEAP_RETRIES) break;
     }
-    if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) >= 0) {
-        report->vertex = (int)(clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) / 3);
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
-                           report->vertex);
-    }
-    report->outcome = CLOTH_STEP_STALLED;
-    return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
-                       "LEAPFROG is unstable at %i substeps of %g s", m, h / m);
+    if (at < 0) return clothi_leap_unstable(s, h, m, limit);
+    report->vertex = (int)(at / 3);
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
+                       report->vertex);
 }
 
 /* ===== [9.5] THE STEP ========================================================================

@@ -736,10 +736,15 @@ static void arguments(void) {
     problem              q;
     cloth_pattern       *p = NULL;
     cloth_linear_options o = cloth_linear_options_default();
-    const int            start[2] = {0, 2}, bad[2] = {0, 99}, v[1] = {-1};
+    const int            start[2] = {0, 2}, below[2] = {-2, 0}, bad[2] = {0, 99}, v[1] = {-1};
     double               H[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
     start_grid(&q, 4, 4, 1, 1, NULL, 0);
     CHECK(cloth_pattern_create(NULL, 4, 1, start, bad, NULL, &p) == CLOTH_ERR_ARGUMENT && !p);
+    CHECK(cloth_pattern_create(NULL, 4, 1, below, bad + 2, NULL, &p) == CLOTH_ERR_ARGUMENT && !p);
+    CHECK(cloth_pattern_create(NULL, CLOTH_MAX_COUNT + 1, 0, NULL, NULL, NULL, &p) ==
+          CLOTH_ERR_ARGUMENT);
+    CHECK(!(cloth_pattern_blocks_per_row(NULL) > 0));
+    cloth_matrix_clear(NULL);
     CHECK(cloth_pattern_create(NULL, 0, 0, NULL, NULL, NULL, &p) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_pattern_create(NULL, 4, 1, NULL, NULL, NULL, &p) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_matrix_add_element(q.A, 1, v, H) == CLOTH_ERR_ARGUMENT);

@@ -179,6 +179,41 @@ static double potential_along(double t) {
     return potential_at(x, NULL);
 }
 
+static cloth_status failing(void *user, const cloth_eval *e, double *energy) {
+    *energy = 0;
+    if (e->grad) e->grad[4] += 1;
+    return *(int *)user ? CLOTH_ERR_IO : CLOTH_OK;
+}
+
+/* Not finite, or a host's term gives up: value and gradient stay as they were. */
+static void potential_fails(void) {
+    cloth_ledger l;
+    cloth_term   term;
+    double       g[MOST], x[MOST], value = 5;
+    int          fails = 1, i;
+    memset(&term, 0, sizeof term);
+    term.name = "failing", term.user = &fails, term.eval = failing;
+    memcpy(x, X0, sizeof x);
+    for (i = 0; i < MOST; i++) g[i] = 3;
+    x[5] = NAN;
+    CHECK(cloth_sim_potential(S.sim, x, &value, g) == CLOTH_ERR_NONFINITE);
+    x[5] = 1e100;
+    CHECK(cloth_sim_potential(S.sim, x, &value, g) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_sim_add_term(S.sim, &term) == CLOTH_OK);
+    CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_ERR_IO);
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_ERR_IO);
+    for (i = 0; i < MOST; i++) CHECK(g[i] == 3);
+    CHECK(value == 5);
+    fails = 0;
+    CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_OK && value != 5);
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_OK);
+    S.sim->state.v[7] = NAN;
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_ERR_NONFINITE);
+    S.sim->state.v[7] = 1e200;
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_ERR_NONFINITE && !(l.total > 0));
+}
+
 static void potential_is_consistent(void) {
     double g[MOST], again[MOST], big = 0, worst = 0, first;
     int    m, b, i, j, n;
@@ -203,6 +238,7 @@ static void potential_is_consistent(void) {
         CHECK(first == potential_at(X0, again) && memcmp(g, again, (size_t)n * 8) == 0);
     }
     CHECK(cloth_sim_potential(S.sim, NULL, NULL, g) == CLOTH_ERR_ARGUMENT);
+    potential_fails();
     CHECK(cloth_sim_potential(NULL, X0, NULL, g) == CLOTH_ERR_ARGUMENT);
 }
 

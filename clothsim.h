@@ -15,7 +15,7 @@
  *     [1.3] CONVENTIONS                      [1.4] CONFIGURATION
  *     [1.5] REFERENCES
  *   the interface
- *     [2.1] VERSION AND DEFAULTS             [2.2] STATUS AND HOOKS
+ *     [2.1] VERSION AND LINKAGE              [2.2] STATUS AND HOOKS
  *     [2.3] TYPES                            [2.4] EVERYDAY (tier 1)
  *     [2.5] CONTROL (tier 2)                 [2.6] BUILDING BLOCKS (tier 3)
  *   the implementation, bottom-up: each section is a lesson
@@ -73,7 +73,7 @@
 /* ===== [1.2] WHAT IT DOES NOT DO =============================================================
  *
  * No remeshing, tearing, fluids, GPU code, file formats beyond OBJ, no renderer. This header
- * knows no collisions: clothsim_collide.h will. Before you rely on a result, know that
+ * knows no collisions: clothsim_collide.h does. Before you rely on a result, know that
  *   - StVK softens under compression: below a stretch of 1/sqrt(3) = 0.577 a triangle may
  *     collapse. report.collapsed counts such triangles, every step.
  *   - hinge bending depends on the mesh pattern. It is a plate of rigidity D only on equilateral
@@ -175,7 +175,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* ===== [2.1] VERSION AND DEFAULTS ============================================================ */
+/* ===== [2.1] VERSION AND LINKAGE ============================================================= */
 
 #define CLOTH_VERSION_MAJOR 0
 #define CLOTH_VERSION_MINOR 1
@@ -266,7 +266,7 @@ typedef struct cloth_clock {                /* fn == NULL: every time in a repor
     void    *user;
 } cloth_clock;
 
-typedef struct cloth_cancel {               /* asked once per Newton iteration and substep     */
+typedef struct cloth_cancel {               /* asked each Newton iteration, or 16 substeps     */
     int  (*fn)(void *user);                 /* nonzero: give the step up                       */
     void  *user;
 } cloth_cancel;
@@ -520,7 +520,8 @@ typedef struct cloth_desc {
     cloth_bend_model   bend;
     cloth_integrator   integrator;
     cloth_contact_rung contact;
-    int                substeps;            /* of a step; 0: 1, or LEAPFROG's stability limit  */
+    int                substeps;            /* of a step; 0: 1, or LEAPFROG's stability limit,
+                                               beyond which fewer are refused                  */
     int                max_newton;          /* per substep; 0: to `tolerance`                  */
 
     /* the world */
@@ -565,7 +566,7 @@ typedef enum cloth_outcome {
     CLOTH_STEP_NONE             = 0,        /* nothing was accepted                            */
     CLOTH_STEP_CONVERGED        = 1,
     CLOTH_STEP_MAX_ITERATIONS   = 2,        /* the desc's cap; accepted                        */
-    CLOTH_STEP_STALLED          = 3,        /* no decrease found                               */
+    CLOTH_STEP_STALLED          = 3,        /* no decrease found; LEAPFROG: not stable         */
     CLOTH_STEP_COLLISION_FAILED = 4
 } cloth_outcome;
 
@@ -653,13 +654,16 @@ typedef struct cloth_debug_draw {
 
 /* --- energy terms: the one extension point --- */
 
-/* What a term sees. Read only, but for grad and hess, which are added to. */
+/* What a term sees. Read only, but for grad and hess, which are added to.
+ * EULER and BDF2: the substep from x_n, v_n to t, of h. Statics and energies: h = 0, x_n and v_n
+ * the state. LEAPFROG asks a host's term for the force at x, which it has at t: h = 0, x_n == x,
+ * v_n the velocity half a substep ago (at the step's start: that of the state), hess NULL. */
 typedef struct cloth_eval {
     const cloth_model  *model;
     const cloth_params *params;
     int           nv;
-    double        h;                        /* s of the substep; 0 in statics                  */
-    double        t;                        /* s at its end                                    */
+    double        h;                        /* s of the substep; 0: see above                  */
+    double        t;                        /* s at x                                          */
     const double *x;                        /* [nv x 3] m, where to evaluate                   */
     const double *x_n;                      /* [nv x 3] m, start of the substep                */
     const double *v_n;                      /* [nv x 3] m/s                                    */
@@ -685,8 +689,8 @@ typedef struct cloth_vjp {
 typedef struct cloth_term {
     const char *name;
     void       *user;
-    /* at the start of a substep, and at h = 0 before energies are asked for: lag what has no
-     * potential; may be NULL */
+    /* at the start of a substep, and at h = 0 before forces of LEAPFROG and energies are asked
+     * for: lag what has no potential; may be NULL */
     cloth_status (*begin)(void *user, const cloth_eval *e);
     /* *energy = value at e->x in J; adds to e->grad and e->hess. Finite in, finite out */
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
@@ -733,7 +737,7 @@ typedef struct cloth_advice {
     double step_membrane;                   /* h omega of the stiffest membrane mode           */
     double self_reach;                      /* fastest travel a step over the mesh's edge      */
     double euler_loss;                      /* relative energy lost a step at the slowest mode */
-    int    leapfrog_substeps;               /* that the stability limit asks for               */
+    int    leapfrog_substeps;               /* that the stability limit asks for, estimated    */
     cloth_membrane     membrane;
     cloth_bend_model   bend;
     cloth_integrator   integrator;
@@ -782,7 +786,8 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   status               outcome                        state
  *   CLOTH_OK             CLOTH_STEP_CONVERGED           new
  *   CLOTH_OK             CLOTH_STEP_MAX_ITERATIONS      new (the desc's max_newton)
- *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before
+ *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before (no decrease found; LEAPFROG:
+ *       desc.substeps too few for its stability limit, or more than 1000000 substeps needed)
  *   CLOTH_ERR_STEP       CLOTH_STEP_COLLISION_FAILED    as before
  *   CLOTH_ERR_NONFINITE  CLOTH_STEP_NONE                as before; report.vertex
  *   CLOTH_ERR_MEMORY, CLOTH_ERR_CANCELLED   ..._NONE    as before
@@ -879,7 +884,8 @@ CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger);
 CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
                                            double *grad);
 
-/* The groups that decide and the rung that each implies, for `tolerance` (m) at frame step h. */
+/* The groups that decide and the rung that each implies, for `tolerance` (m) at frame step h. The
+ * stiffest region counts everywhere; triangles all of the mean size of the rest shape. */
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
                                     cloth_advice *advice);
 /* --- materials (section 5.1) ---
@@ -995,7 +1001,7 @@ CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, 
  * parts of each mesh follow those of the one before; a mesh without parts counts as one. X: when
  * any mesh has it; the others are laid flat (cloth_flatten). Render corners likewise: a mesh
  * without them gets its vertices, at (0, 0).
- * in   meshes  [count] borrowed during the call
+ * in   meshes  [count] borrowed during the call; a fault is logged as meshes[i].field
  * returns also CLOTH_ERR_MESH, CLOTH_ERR_NONFINITE: from cloth_flatten; CLOTH_ERR_CAPACITY */
 CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *const *meshes,
                                         int count, cloth_mesh **out);
@@ -1094,8 +1100,9 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
 /* --- linear algebra --- */
 
 /* Which blocks a matrix has, and the order of its rows.                                    [7.1]
- * in   nv       vertices, >= 1
- * in   start    [nelem+1], vertex [start[nelem]]: element e joins every pair of its vertices
+ * in   nv       vertices, 1 .. CLOTH_MAX_COUNT
+ * in   start    [nelem+1] from 0 or more, vertex [start[nelem]]: element e joins every pair of its
+ *               vertices
  * in   x        [nv x 3] m, or NULL; positions are not needed by the orders in use
  * out  *out     owned: cloth_pattern_destroy; const afterwards; NULL on failure
  * returns CLOTH_OK, CLOTH_ERR_ARGUMENT (a sentence names the index), CLOTH_ERR_MEMORY
@@ -1568,6 +1575,11 @@ CLOTHI_OUTLINE static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_s
         hooks->log.fn(CLOTH_LOG_ERROR, status, text.buf, hooks->log.user);
     }
     return status;
+}
+
+/* Refuses a call for what it was not given. */
+CLOTHI_OUTLINE static cloth_status clothi_null(const cloth_hooks *hooks, const char *what) {
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s is NULL", what);
 }
 
 /* fn over [0, count) in ranges of about `grain` items; serial without a parallel hook. */
@@ -2551,6 +2563,43 @@ CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, 
     return CLOTH_OK;
 }
 
+/* Counts, arrays and indices of a mesh: meshes[at] of cloth_mesh_merge, or at = -1: the mesh of
+ * cloth_obj_format, which asks for no render_vertex. */
+static cloth_status clothi_mesh_arrays(const cloth_hooks *hooks, const cloth_mesh *m, int at) {
+    const int nr = m->nr, corners = nr > 0 ? m->nf : 0;
+    const struct { const char *name; int n, most; } count[4] = {
+        {"nv", m->nv, CLOTH_MAX_COUNT}, {"nf", m->nf, CLOTH_MAX_COUNT},
+        {"nr", nr, 3 * CLOTH_MAX_COUNT}, {"npart", m->part ? m->npart : 0, CLOTH_MAX_COUNT}};
+    const struct { const char *name; const int *a; int n, width, end; } index[4] = {
+        {"faces", m->faces, m->nf, 3, m->nv}, {"part", m->part, m->part ? m->nf : 0, 1, m->npart},
+        {"render_vertex", m->render_vertex, at < 0 ? 0 : nr, 1, m->nv},
+        {"render_faces", m->render_faces, corners, 3, nr}};
+    const char *missing = m->nv > 0 && !m->x ? "x" : nr > 0 && !m->vt ? "vt" : NULL;
+    clothi_text who;
+    int         i, k;
+    who.buf[who.n = 0] = '\0';
+    if (at >= 0) {
+        clothi_text_string(&who, "meshes[");
+        clothi_text_int(&who, at);
+        clothi_text_string(&who, "].");
+    }
+    for (k = 0; k < 4; k++)
+        if (count[k].n < 0 || count[k].n > count[k].most)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %i is outside 0 .. %i", who.buf,
+                               count[k].name, count[k].n, count[k].most);
+    for (k = 0; k < 4 && !missing; k++) {
+        if (index[k].n > 0 && !index[k].a) missing = index[k].name;
+        for (i = 0; !missing && i < index[k].n * index[k].width; i++)
+            if (index[k].a[i] < 0 || index[k].a[i] >= index[k].end)
+                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                                   "%s%s[%i] corner %i = %i is outside 0 .. %i", who.buf,
+                                   index[k].name, i / index[k].width, i % index[k].width,
+                                   index[k].a[i], index[k].end - 1);
+    }
+    if (!missing) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", who.buf, missing);
+}
+
 /* What the mesh `a` adds to `m` behind the vertices, faces, parts and render corners that the
  * counts in `at` say are there. */
 static cloth_status clothi_mesh_append(const cloth_hooks *hooks, cloth_mesh *m,
@@ -2603,6 +2652,8 @@ CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *co
         nr > 3.0 * CLOTH_MAX_COUNT)
         return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "merged: %g vertices, %g faces, %g parts: at"
                            " most %i of each", nv, nf, npart, CLOTH_MAX_COUNT);
+    for (i = 0; i < count && !status; i++) status = clothi_mesh_arrays(hooks, meshes[i], i);
+    if (status) return status;
     *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, with_X, (int)npart,
                              with_render ? (int)nr : -1);
     if (!*out) return CLOTH_ERR_MEMORY;
@@ -3476,22 +3527,8 @@ static void clothi_obj_write(const cloth_mesh *m, int *last, clothi_sink *s) {
 
 /* Finite numbers, indices in range: a mesh that the caller wrote into may have neither. */
 static cloth_status clothi_obj_check_mesh(const cloth_hooks *hooks, const cloth_mesh *m) {
-    cloth_status status = clothi_check_counts(hooks, m->nv, m->nf);
-    int          i;
+    cloth_status status = clothi_mesh_arrays(hooks, m, -1);
     if (status != CLOTH_OK) return status;
-    if (m->nr < 0 || m->nr > 3 * CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nr = %i is out of range", m->nr);
-    if ((m->nv > 0 && !m->x) || (m->nf > 0 && !m->faces) ||
-        (m->nr > 0 && (!m->vt || !m->render_faces)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_obj_format: the mesh lacks an array");
-    for (i = 0; i < 3 * m->nf; i++) {
-        if (m->faces[i] < 0 || m->faces[i] >= m->nv)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "faces[%i] corner %i = %i but nv = %i",
-                               i / 3, i % 3, m->faces[i], m->nv);
-        if (m->nr > 0 && (m->render_faces[i] < 0 || m->render_faces[i] >= m->nr))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "render_faces[%i] corner %i = %i but nr "
-                               "= %i", i / 3, i % 3, m->render_faces[i], m->nr);
-    }
     if (clothi_find_nonfinite(m->x, 3 * (size_t)m->nv) >= 0 ||
         (m->nr > 0 && clothi_find_nonfinite(m->vt, 2 * (size_t)m->nr) >= 0) ||
         (m->X && clothi_find_nonfinite(m->X, 6 * (size_t)m->nf) >= 0))
@@ -5702,9 +5739,11 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
 static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int nelem,
                                          const int *start, const int *vertex) {
     int e, a;
-    if (nv < 1 || nelem < 0 || (nelem > 0 && (!start || !vertex)))
+    if (nv < 1 || nv > CLOTH_MAX_COUNT || nelem < 0 || (nelem > 0 && (!start || !vertex)))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "pattern: nv = %i, nelem = %i, or a list is NULL", nv, nelem);
+    if (nelem > 0 && start[0] < 0)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[0] = %i", start[0]);
     for (e = 0; e < nelem; e++) {
         if (start[e + 1] < start[e])
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[%i] decreases", e + 1);
@@ -6291,7 +6330,9 @@ CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern) {
     return sum + clothi_tree_bytes(pattern->tree);
 }
 
-CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) { return pattern->nd; }
+CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) {
+    return pattern ? pattern->nd : 0;
+}
 
 CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex) {
     int d, r = pattern->row_of[vertex];
@@ -6317,7 +6358,7 @@ CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
 }
 
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
-    return 1 + 2.0 * pattern->nlow / pattern->n;
+    return pattern ? 1 + 2.0 * pattern->nlow / pattern->n : 0;
 }
 
 CLOTHI_RARE_END
@@ -6349,9 +6390,10 @@ struct cloth_matrix {
 CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth_pattern *pattern,
                                            cloth_matrix **out) {
     cloth_matrix *A;
-    if (!out) return CLOTH_ERR_ARGUMENT;
-    *out = NULL;
-    if (!pattern) return CLOTH_ERR_ARGUMENT;
+    if (out) *out = NULL;
+    if (!out || !pattern)
+        return clothi_null(hooks, out ? "cloth_matrix_create: pattern"
+                                      : "cloth_matrix_create: out");
     A = (cloth_matrix *)clothi_alloc(hooks, 1, sizeof *A);
     if (!A) return CLOTH_ERR_MEMORY;
     if (hooks) A->hooks = *hooks;
@@ -6480,7 +6522,9 @@ static void clothi_matrix_close(cloth_matrix *A, const double *m, double f) {
     }
 }
 
-CLOTH_API void cloth_matrix_clear(cloth_matrix *A) { clothi_matrix_clear(A); }
+CLOTH_API void cloth_matrix_clear(cloth_matrix *A) {
+    if (A) clothi_matrix_clear(A);
+}
 
 /* Room for `more` extras. */
 static cloth_status clothi_matrix_reserve(cloth_matrix *A, int more) {
@@ -6523,9 +6567,14 @@ CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const in
     cloth_status status;
     int          a, b, i, k, more = 0, slot[6];         /* of up to four corners            */
     double       B[9];
-    if (!A || n < 0 || (n > 0 && (!v || !H))) return CLOTH_ERR_ARGUMENT;
+    if (!A) return CLOTH_ERR_ARGUMENT;
+    if (n < 0 || (n > 0 && (!v || !H)))
+        return clothi_fail(&A->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_matrix_add_element: n = %i, or v or H is NULL", n);
     for (a = 0; a < n; a++)
-        if (v[a] < 0 || v[a] >= A->p->n) return CLOTH_ERR_ARGUMENT;
+        if (v[a] < 0 || v[a] >= A->p->n)
+            return clothi_fail(&A->hooks, CLOTH_ERR_ARGUMENT, "cloth_matrix_add_element: v[%i] = "
+                               "%i but nv = %i", a, v[a], A->p->n);
     for (a = 0; a < n; a++)
         for (b = 0; b < a; b++) {
             k = v[a] == v[b] ? 0 : cloth_pattern_slot(A->p, v[a], v[b]);
@@ -7147,9 +7196,10 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
                                                   cloth_linear_solver **out) {
     cloth_linear_solver *s;
     size_t               nc3;
-    if (!out) return CLOTH_ERR_ARGUMENT;
-    *out = NULL;
-    if (!pattern) return CLOTH_ERR_ARGUMENT;
+    if (out) *out = NULL;
+    if (!out || !pattern)
+        return clothi_null(hooks, out ? "cloth_linear_solver_create: pattern"
+                                      : "cloth_linear_solver_create: out");
     nc3 = 3 * (size_t)pattern->nc;
     s = (cloth_linear_solver *)clothi_alloc(hooks, 1, sizeof *s);
     if (!s) return CLOTH_ERR_MEMORY;
@@ -8903,8 +8953,17 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     memset(&r, 0, sizeof r);
     if (report) *report = r;
     if (options) o = *options;
-    if (!s || !A || !b || !x || A->p != s->p || !(o.tolerance >= 0) || !(o.radius >= 0))
-        return CLOTH_ERR_ARGUMENT;
+    if (!s) return CLOTH_ERR_ARGUMENT;
+    if (!A || !b || !x || A->p != s->p)
+        return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_linear_solve: A, b or x is NULL, or A of another pattern");
+    if (o.method < CLOTH_LINEAR_AUTO || o.method > CLOTH_LINEAR_CHOLESKY ||
+        o.precision < CLOTH_PRECISION_AUTO || o.precision > CLOTH_PRECISION_DOUBLE ||
+        !(o.tolerance >= 0) || !(o.radius >= 0) || o.max_iterations < 0)
+        return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "cloth_linear_solve: method %i, precision"
+                           " %i, tolerance %g, radius %g, max_iterations %i: one is out of range",
+                           (int)o.method, (int)o.precision, o.tolerance, o.radius,
+                           o.max_iterations);
     clothi_linear_begin(s, A, b, &o, &g);
     memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
     if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_jacobi_solve(s, x, &g);
@@ -9146,14 +9205,18 @@ static cloth_status clothi_check_desc_numbers(const cloth_hooks *hooks, const cl
     return status;
 }
 
+static cloth_status clothi_check_list(const cloth_hooks *hooks, const char *count, int n,
+                                      const char *name, const void *list) {
+    if (n >= 0 && (n == 0 || list)) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, n < 0 ? "desc.%s = %i must be at least 0"
+                       : "desc.%s = %i without desc.%s", count, n, name);
+}
+
 static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_desc *d) {
-    int i;
-    if (d->npins < 0 || (d->npins > 0 && !d->pins))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.npins = %i without desc.pins",
-                           d->npins);
-    if (d->nties < 0 || (d->nties > 0 && !d->ties))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nties = %i without desc.ties",
-                           d->nties);
+    int          i;
+    cloth_status status = clothi_check_list(hooks, "npins", d->npins, "pins", d->pins);
+    if (!status) status = clothi_check_list(hooks, "nties", d->nties, "ties", d->ties);
+    if (status) return status;
     if (d->nties > 0 && d->integrator == CLOTH_INTEGRATOR_LEAPFROG)
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
                            "desc.nties = %i: CLOTH_INTEGRATOR_LEAPFROG has no ties", d->nties);
@@ -9227,12 +9290,10 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
                            d->hooks.parallel.max_workers);
     status = clothi_check_ladder(hooks, d);
     if (!status) status = clothi_check_desc_numbers(hooks, d);
+    if (!status)
+        status = clothi_check_list(hooks, "nregions", d->nregions, "materials", d->materials);
     if (!status) status = clothi_check_mesh(hooks, d);
     if (!status) status = clothi_check_holds(hooks, d);
-    if (status) return status;
-    if (d->nregions < 0 || (d->nregions > 0 && !d->materials))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nregions = %i without desc.materials",
-                           d->nregions);
     for (i = 0; i < d->nregions && !status; i++)
         status = cloth_material_check(hooks, d->materials + i, i);
     if (!status && d->nregions == 0) status = cloth_material_check(hooks, &d->material, 0);
@@ -9629,10 +9690,10 @@ CLOTH_API void cloth_model_destroy(cloth_model *model) {
 CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **out) {
     cloth_model *m;
     cloth_status status;
-    if (!out) return CLOTH_ERR_ARGUMENT;
-    *out = NULL;
+    if (out) *out = NULL;
     if (!desc) return CLOTH_ERR_ARGUMENT;
-    if (desc->cookie != CLOTHI_COOKIE) return CLOTH_ERR_UNINIT;
+    if (desc->cookie != CLOTHI_COOKIE) return out ? CLOTH_ERR_UNINIT : CLOTH_ERR_ARGUMENT;
+    if (!out) return clothi_null(&desc->hooks, "cloth_model_create: out");
     status = clothi_check_desc(desc);
     if (status) return status;
     m = (cloth_model *)clothi_alloc(&desc->hooks, 1, sizeof *m);
@@ -10210,7 +10271,7 @@ static void clothi_terms_install(cloth_sim *s);          /* [9.1] */
 CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **out) {
     cloth_sim   *s;
     cloth_status status;
-    if (!out) return CLOTH_ERR_ARGUMENT;
+    if (!out) return clothi_null(model ? &model->hooks : NULL, "cloth_sim_create: out");
     *out = NULL;
     if (!model) return CLOTH_ERR_ARGUMENT;
     s = (cloth_sim *)clothi_alloc(&model->hooks, 1, sizeof *s);
@@ -11258,16 +11319,18 @@ static cloth_status clothi_bend_vjp(void *user, const cloth_eval *e, const doubl
 
 /* --- vjp of wind --- */
 
-/* P depends on w, on x_n, v_n through |u|, n, A and r, and on h through r. Exact for w, for h
- * and for the x_n of r; the lagged |u|, n and A are differentiated too: with c = 1/2 rho A |u|,
- *   d(c) = c (d|u|/|u| + dA/A),  d|u| = u.du/|u|,  dA = n.dN/2,  dn = (I - n n') dN/(2A)
- * where N = (x1 - x0) x (x2 - x0). */
+/* P depends on w, on x_n, v_n through |u|, n, A and r, and on h through r; at h = 0 r is at v_n.
+ * Exact for w, for h and for r; the lagged |u|, n and A are differentiated too: with
+ * c = 1/2 rho A |u|,  d(c) = c (d|u|/|u| + dA/A),  d|u| = u.du/|u|,  dA = n.dN/2,
+ * dn = (I - n n') dN/(2A) where N = (x1 - x0) x (x2 - x0). */
 static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const double *a,
                                     cloth_vjp *out) {
     const cloth_sim   *s = (const cloth_sim *)user;
     const cloth_model *m = s->model;
     int                f, j, k;
-    if (!s->wind_on || !s->w.wind || !(e->h > 0)) return CLOTH_OK;
+    double            *slip = e->h > 0 ? out->x_n : out->v_n;   /* what r depends on */
+    const double       rate = e->h > 0 ? -1 / (3 * e->h) : 1.0 / 3;
+    if (!s->wind_on || !s->w.wind) return CLOTH_OK;
     for (f = 0; f < m->nf; f++) {
         const double *w = s->w.wind + 5 * (size_t)f;
         const int    *v = m->faces + 3 * f;
@@ -11287,8 +11350,8 @@ static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const doubl
         for (k = 0; k < 3; k++) {           /* r: at fixed coefficients */
             double dr = w[3] * an * w[k] + w[4] * (ap[k] - an * w[k]);
             if (out->wind) out->wind[k] -= dr;
-            for (j = 0; out->x_n && j < 3; j++) out->x_n[3 * v[j] + k] -= dr / (3 * e->h);
-            if (out->h) *out->h -= dr * (r[k] + s->wind[k]) / e->h;
+            for (j = 0; slip && j < 3; j++) slip[3 * v[j] + k] += dr * rate;
+            if (out->h && e->h > 0) *out->h -= dr * (r[k] + s->wind[k]) / e->h;
             if (speed2 > 0) {               /* |u| */
                 if (out->wind) out->wind[k] -= work * u[k] / speed2;
                 for (j = 0; out->v_n && j < 3; j++)
@@ -11685,12 +11748,17 @@ CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
     }
 }
 
-/* The elements are finite by promise: a host's term or contact is not. */
-static cloth_status clothi_nonfinite_terms(const cloth_sim *s, double value) {
-    ptrdiff_t at = clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv);
-    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE,
-                       "step: a term gave the energy %g, or a gradient that is not finite (vertex "
-                       "%i)", value, at < 0 ? -1 : (int)(at / 3));
+/* Each element is finite by promise: their sum, a host's term, contact or a matrix need not be.
+ * value: an energy, or 0; then w.grad is finite or at fault. vertex: of a report. */
+static cloth_status clothi_nonfinite_terms(const cloth_sim *s, double value, int *vertex) {
+    const ptrdiff_t at = clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv);
+    if (at < 0)
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, clothi_finite(value)
+                           ? "the matrix of the linear solve or its answer is not finite"
+                           : "the energy of the terms is %g", value);
+    *vertex = (int)(at / 3);
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "the gradient of the terms at vertex %i has "
+                       "an entry %g", *vertex, s->w.grad[at]);
 }
 
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
@@ -11714,8 +11782,10 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
     s->ms.line_search += clothi_now(&s->hooks) - start;
     if (status) return status;
     if (k > CLOTHI_HALVINGS)
-        return clothi_finite(value) ? CLOTH_ERR_STEP : clothi_nonfinite_terms(s, value);
-    if (clothi_find_nonfinite(s->w.grad, (size_t)n) >= 0) return clothi_nonfinite_terms(s, value);
+        return clothi_finite(value) ? CLOTH_ERR_STEP
+                                    : clothi_nonfinite_terms(s, value, &report->vertex);
+    if (clothi_find_nonfinite(s->w.grad, (size_t)n) >= 0)
+        return clothi_nonfinite_terms(s, value, &report->vertex);
     nt->value = value;
     return CLOTH_OK;
 }
@@ -11770,6 +11840,7 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     report->cg += lr->iterations;
     clothi_tie_spread(s->model, s->w.dx);
     s->ms.linear += clothi_now(&s->hooks) - start;
+    if (status == CLOTH_ERR_NONFINITE) status = clothi_nonfinite_terms(s, 0, &report->vertex);
     return status;
 }
 
@@ -11967,7 +12038,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     if (!status && (!clothi_finite(nt.value) ||
                     clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))
-        status = clothi_nonfinite_terms(s, nt.value);
+        status = clothi_nonfinite_terms(s, nt.value, &report->vertex);
     if (status) return status;
     clothi_newton_rhs(s);
     s->fresh = 1;
@@ -12917,55 +12988,76 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *re
     return status || !l ? status : clothi_leap_balance(s, l);
 }
 
-static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
-    double       tangent, limit, after;
-    cloth_status status = CLOTH_OK;
-    cloth_ledger ledger;
-    int          m, tries;
-    if (!(s->omega_rest > 0)) clothi_leap_omega(s);
-    tangent = clothi_leap_tangent(s, s->w.x0, 1);
-    limit = CLOTHI_LEAP_SAFETY * clothi_leap_limit(s, tangent, &report->omega_max);
-    if (!(h / limit < CLOTHI_MAX_SUBSTEPS))
+static cloth_status clothi_leap_unstable(const cloth_sim *s, double h, int m, double limit) {
+    return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "LEAPFROG: %s%i substeps of %g s are beyond the "
+                       "stability limit %g s", s->model->desc.substeps ? "desc.substeps = " : "",
+                       m, h / m, limit);
+}
+
+/* The substeps of a step of h from w.x0: what the desc asks for, if that is stable, or enough. */
+static cloth_status clothi_leap_count(cloth_sim *s, double h, cloth_report *report, int *m) {
+    const double limit = clothi_leap_limit(s, clothi_leap_tangent(s, s->w.x0, 1),
+                                           &report->omega_max);
+    const double safe = CLOTHI_LEAP_SAFETY * limit;
+    *m = s->model->desc.substeps;
+    if (!clothi_finite(report->omega_max) || !(limit >= 0))
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "LEAPFROG: the stability limit is %g s "
+                           "at omega = %g 1/s", limit, report->omega_max);
+    report->outcome = CLOTH_STEP_STALLED;
+    if (*m > 0 && h / *m > limit)
+        return clothi_leap_unstable(s, h, *m, limit);
+    if (*m == 0 && !(h / safe < CLOTHI_MAX_SUBSTEPS))
         return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
                            "LEAPFROG needs more than %i substeps of %g s", CLOTHI_MAX_SUBSTEPS,
-                           limit);
-    m = s->model->desc.substeps > 0 ? s->model->desc.substeps
-                                    : clothi_leap_substeps(s, h, (int)ceil(h / limit));
-    for (tries = 0; tries <= CLOTHI_LEAP_RETRIES; tries++, m *= 2) {
-        double omega;
+                           safe);
+    if (*m == 0) *m = clothi_leap_substeps(s, h, (int)clothi_max(1, ceil(h / safe)));
+    return CLOTH_OK;
+}
+
+/* The candidate of m substeps becomes the state, when contact lets it. */
+static cloth_status clothi_leap_accept(cloth_sim *s, double h, int m, cloth_ledger *ledger,
+                                       cloth_report *report) {
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    cloth_status status = clothi_leap_contact(s, h, report, s->balance ? ledger : NULL);
+    int          i;
+    if (status) return status;
+    report->energy = *ledger;
+    for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
+        report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
+    memcpy(s->state.x, s->w.x, bytes);
+    memcpy(s->state.v, s->w.trial, bytes);
+    s->state.t += h;
+    s->h_prev = h / m;
+    report->outcome = CLOTH_STEP_CONVERGED;
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
+    const size_t n = 3 * (size_t)s->model->nv;
+    double       after, limit = 0, omega;
+    cloth_status status;
+    cloth_ledger ledger;
+    ptrdiff_t    at;
+    int          m, tries = s->model->desc.substeps > 0 ? CLOTHI_LEAP_RETRIES : 0;   /* one */
+    if (!(s->omega_rest > 0)) clothi_leap_omega(s);
+    status = clothi_leap_count(s, h, report, &m);
+    if (status) return status;
+    for (;; tries++, m *= 2) {
         after = 0;
         memset(&ledger, 0, sizeof ledger);
         status = clothi_leap_run(s, h, m, &after, s->balance ? &ledger : NULL);
         report->substeps += m;
         if (status) return status;
-        if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) < 0 &&
-            clothi_find_nonfinite(s->w.trial, 3 * (size_t)s->model->nv) < 0) {
-            if (s->model->desc.substeps > 0 || h / m < clothi_leap_limit(s, after, &omega)) {
-                size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
-                int    i;
-                status = clothi_leap_contact(s, h, report, s->balance ? &ledger : NULL);
-                if (status) return status;
-                report->energy = ledger;
-                for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
-                    report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
-                memcpy(s->state.x, s->w.x, bytes);
-                memcpy(s->state.v, s->w.trial, bytes);
-                s->state.t += h;
-                s->h_prev = h / m;
-                report->outcome = CLOTH_STEP_CONVERGED;
-                return CLOTH_OK;
-            }
-        }
-        if (s->model->desc.substeps > 0) break;
+        at = clothi_find_nonfinite(s->w.x, n);
+        if (at < 0) at = clothi_find_nonfinite(s->w.trial, n);
+        limit = clothi_leap_limit(s, after, &omega);
+        if (at < 0 && h / m <= limit) return clothi_leap_accept(s, h, m, &ledger, report);
+        if (tries == CLOTHI_LEAP_RETRIES) break;
     }
-    if (clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) >= 0) {
-        report->vertex = (int)(clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv) / 3);
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
-                           report->vertex);
-    }
-    report->outcome = CLOTH_STEP_STALLED;
-    return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
-                       "LEAPFROG is unstable at %i substeps of %g s", m, h / m);
+    if (at < 0) return clothi_leap_unstable(s, h, m, limit);
+    report->vertex = (int)(at / 3);
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
+                       report->vertex);
 }
 
 /* ===== [9.5] THE STEP ========================================================================
@@ -13016,10 +13108,31 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     return status;
 }
 
-static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *report) {
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
+                                                       const double *a, int n) {
+    ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
+    if (at < 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s: entry %i = %g is not finite", call,
+                       (int)at, a[at]);
+}
+
+static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
     const struct { const char *name; const double *a; } array[3] = {
         {"state.x", s->state.x}, {"state.v", s->state.v}, {"target", s->target}};
     int k;
+    if (!clothi_finite(s->state.t))
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "state.t = %g", s->state.t);
+    for (k = 0; k < 3; k++) {
+        ptrdiff_t at = clothi_find_nonfinite(array[k].a, 3 * (size_t)s->model->nv);
+        if (at < 0) continue;
+        *vertex = (int)(at / 3);
+        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g (vertex %i)",
+                           array[k].name, (int)at, array[k].a[at], (int)(at / 3));
+    }
+    return CLOTH_OK;
+}
+
+static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *report) {
     if (!clothi_finite(h) || !(h > 0))
         return clothi_fail(&s->hooks, clothi_finite(h) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
                            "cloth_step: h = %g must be finite and > 0", h);
@@ -13028,16 +13141,7 @@ static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *repo
                            "clothsim_collide.h: this sim has no contact",
                            s->model->desc.contact == CLOTH_CONTACT_SELF
                                ? "CLOTH_CONTACT_SELF" : "CLOTH_CONTACT_OBSTACLES");
-    if (!clothi_finite(s->state.t))
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "state.t = %g", s->state.t);
-    for (k = 0; k < 3; k++) {
-        ptrdiff_t at = clothi_find_nonfinite(array[k].a, 3 * (size_t)s->model->nv);
-        if (at < 0) continue;
-        report->vertex = (int)(at / 3);
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g (vertex %i)",
-                           array[k].name, (int)at, array[k].a[at], (int)(at / 3));
-    }
-    return CLOTH_OK;
+    return clothi_check_state(s, &report->vertex);
 }
 
 #define CLOTHI_COLLAPSED 0.57735026918962576 /* 1/sqrt(3), where StVK softens              */
@@ -13467,13 +13571,24 @@ CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report) 
 }
 
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger) {
+    cloth_ledger l;
     cloth_status status;
-    if (!sim || !ledger) return CLOTH_ERR_ARGUMENT;
+    int          vertex;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!ledger) return clothi_null(&sim->hooks, "cloth_sim_energy: ledger");
     memset(ledger, 0, sizeof *ledger);
-    status = clothi_need_work(sim);
+    memset(&l, 0, sizeof l);
+    status = clothi_check_state(sim, &vertex);
+    if (!status) status = clothi_need_work(sim);
     if (status) return status;
     sim->attach_alpha = 0;
-    return clothi_energy_at(sim, sim->state.x, sim->state.v, 0, ledger);
+    status = clothi_energy_at(sim, sim->state.x, sim->state.v, 0, &l);
+    if (status) return status;
+    if (!clothi_finite(l.total))
+        return clothi_fail(&sim->hooks, CLOTH_ERR_NONFINITE, "cloth_sim_energy: total = %g",
+                           l.total);
+    *ledger = l;
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, double *energy,
@@ -13481,29 +13596,28 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     clothi_goal  goal;
     cloth_status status;
     double       value;
-    int          i;
-    if (!sim || !x) return CLOTH_ERR_ARGUMENT;
-    status = clothi_need_work(sim);
+    int          i, n, vertex;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!x) return clothi_null(&sim->hooks, "cloth_sim_potential: x");
+    n = 3 * sim->model->nv;
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_potential: x", x, n);
+    if (!status) status = clothi_check_state(sim, &vertex);
+    if (!status) status = clothi_need_work(sim);
     if (status) return status;
     sim->attach_alpha = 1;
     clothi_eval_start(sim, &goal, 0);
     for (i = 0; i < sim->nterms && !status; i++)
         if (sim->term[i].begin) status = sim->term[i].begin(sim->term[i].user, &goal.e);
-    if (!status) status = clothi_objective(sim, &goal, x, grad, 0, 0, &value);
+    if (!status) status = clothi_objective(sim, &goal, x, sim->w.grad, 0, 0, &value);
     if (status) return status;
+    if (!clothi_finite(value) || clothi_find_nonfinite(sim->w.grad, (size_t)n) >= 0)
+        return clothi_nonfinite_terms(sim, value, &vertex);
     if (energy) *energy = value;
-    return status;
+    if (grad) memcpy(grad, sim->w.grad, (size_t)n * sizeof(double));
+    return CLOTH_OK;
 }
 
 /* ===== [10.1] RUN-TIME CONTROL =============================================================== */
-
-CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
-                                                       const double *a, int n) {
-    ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
-    if (at < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s: entry %i = %g is not finite", call,
-                       (int)at, a[at]);
-}
 
 CLOTH_API cloth_state *cloth_sim_state(cloth_sim *sim) { return sim ? &sim->state : NULL; }
 
@@ -13524,8 +13638,7 @@ CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
 
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
                                      const double target[3]) {
-    cloth_status status;
-    int          k;
+    int k;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (vertex < 0 || vertex >= sim->model->nv)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: vertex %i but nv = %i",
@@ -13534,10 +13647,9 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: axes %i must be 1 to 7",
                            (int)axes);
     for (k = 0; target && k < 3; k++)
-        if (axes >> k & 1) {
-            status = clothi_check_vector(&sim->hooks, "cloth_sim_pin: target", target + k, 1);
-            if (status) return status;
-        }
+        if ((axes >> k & 1) && !clothi_finite(target[k]))
+            return clothi_fail(&sim->hooks, CLOTH_ERR_NONFINITE, "cloth_sim_pin: target[%i] = %g",
+                               k, target[k]);
     for (k = 0; k < 3; k++) {
         int v = vertex;
         if (!(axes >> k & 1)) continue;
@@ -13566,12 +13678,14 @@ CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
 }
 
 /* id = index + 1 in the low half, generation in the high half; 0 is none. */
-static clothi_attach *clothi_attach_find(cloth_sim *s, cloth_attachment id) {
+static clothi_attach *clothi_attach_find(cloth_sim *s, cloth_attachment id, const char *call) {
     uint32_t       index = (id.id & 0xffffu) - 1u;
     clothi_attach *q;
-    if (id.id == 0 || index >= (uint32_t)s->model->desc.max_attachments) return NULL;
-    q = s->attach + index;
-    return q->used && (q->generation & 0xffffu) == id.id >> 16 ? q : NULL;
+    q = index < (uint32_t)s->model->desc.max_attachments ? s->attach + index : NULL;
+    if (q && q->used && (q->generation & 0xffffu) == id.id >> 16) return q;
+    (void)clothi_fail(&s->hooks, CLOTH_ERR_HANDLE, "%s: attachment %z is gone", call,
+                      (size_t)id.id);
+    return NULL;
 }
 
 CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double bary[3], double k,
@@ -13581,7 +13695,10 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
     double         pose[3] = {0, 0, 0};
     int            i, j;
     if (id) id->id = 0;
-    if (!sim || !bary || !target || !id) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!bary || !target || !id)
+        return clothi_null(&sim->hooks, !bary ? "cloth_sim_attach: bary" : target
+                           ? "cloth_sim_attach: id" : "cloth_sim_attach: target");
     if (face < 0 || face >= sim->model->nf)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_attach: face %i but nf = %i", face, sim->model->nf);
@@ -13621,11 +13738,10 @@ CLOTH_API cloth_status cloth_sim_attach_move(cloth_sim *sim, cloth_attachment id
                                              const double target[3]) {
     clothi_attach *q;
     cloth_status   status;
-    if (!sim || !target) return CLOTH_ERR_ARGUMENT;
-    q = clothi_attach_find(sim, id);
-    if (!q)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_HANDLE,
-                           "cloth_sim_attach_move: attachment %i is gone", (int)id.id);
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!target) return clothi_null(&sim->hooks, "cloth_sim_attach_move: target");
+    q = clothi_attach_find(sim, id, "cloth_sim_attach_move");
+    if (!q) return CLOTH_ERR_HANDLE;
     status = clothi_check_vector(&sim->hooks, "cloth_sim_attach_move: target", target, 3);
     if (!status) memcpy(q->target, target, sizeof q->target);
     return status;
@@ -13634,10 +13750,8 @@ CLOTH_API cloth_status cloth_sim_attach_move(cloth_sim *sim, cloth_attachment id
 CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
     clothi_attach *q;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    q = clothi_attach_find(sim, id);
-    if (!q)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_HANDLE, "cloth_sim_detach: attachment %i is gone",
-                           (int)id.id);
+    q = clothi_attach_find(sim, id, "cloth_sim_detach");
+    if (!q) return CLOTH_ERR_HANDLE;
     memset(q, 0, sizeof *q);
     sim->nattach--;
     return CLOTH_OK;
@@ -13662,7 +13776,8 @@ CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
 
 CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) {
     cloth_status status;
-    if (!sim || !g) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!g) return clothi_null(&sim->hooks, "cloth_sim_set_gravity: g");
     status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity", g, 3);
     if (!status) memcpy(sim->gravity, g, sizeof sim->gravity);
     sim->known = 0;
@@ -13686,7 +13801,8 @@ CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]) {
 CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
                                               const cloth_material *m) {
     cloth_status status;
-    if (!sim || !m) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!m) return clothi_null(&sim->hooks, "cloth_sim_set_material: m");
     if (region < 0 || region >= sim->model->nregions)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_set_material: region %i but there are %i", region,
@@ -13701,7 +13817,10 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
 }
 
 CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term) {
-    if (!sim || !term || !term->eval) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!term || !term->eval)
+        return clothi_null(&sim->hooks, term ? "cloth_sim_add_term: eval"
+                                             : "cloth_sim_add_term: term");
     if ((term->save || term->load || term->save_size) &&
         !(term->save && term->load && term->save_size))
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
@@ -13715,14 +13834,12 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
 
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (contact && (!contact->begin || !contact->update || !contact->eval || !contact->max_step ||
+                    !contact->resolve || !contact->commit))
+        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, update, eval, max_step, "
+                                        "resolve or commit");
     sim->contact_on = contact != NULL;
-    if (!contact) return CLOTH_OK;
-    if (!contact->begin || !contact->update || !contact->eval || !contact->max_step ||
-        !contact->resolve || !contact->commit) {
-        sim->contact_on = 0;
-        return CLOTH_ERR_ARGUMENT;
-    }
-    sim->contact = *contact;
+    if (contact) sim->contact = *contact;
     return CLOTH_OK;
 }
 
@@ -13913,7 +14030,8 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
     clothi_snapshot_head head;
     clothi_walk          w;
     size_t               need;
-    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!buf) return clothi_null(&sim->hooks, "cloth_sim_save: buf");
     need = cloth_sim_save_size(sim);
     if (size < need)
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
@@ -13986,7 +14104,8 @@ CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t
     cloth_status status;
     size_t       n;
     int          i;
-    if (!sim || !buf) return CLOTH_ERR_ARGUMENT;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!buf) return clothi_null(&sim->hooks, "cloth_sim_restore: buf");
     status = clothi_check_snapshot(sim, (const unsigned char *)buf, size);
     n = 3 * (size_t)sim->model->nv;         /* what the walk may fill must be there first */
     if (!status) status = clothi_need(sim, &sim->force, n);
@@ -14036,8 +14155,7 @@ CLOTH_API const cloth_topology *cloth_model_topology(const cloth_model *model) {
 }
 
 CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model) {
-    if (!model || !model->pattern) return 0;
-    return cloth_pattern_blocks_per_row(model->pattern);
+    return cloth_pattern_blocks_per_row(model ? model->pattern : NULL);
 }
 
 /* Area-weighted normal of vertex i: the sum of its faces' cross products. */
@@ -14063,6 +14181,8 @@ CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double
                                               float *pos, float *nrm, size_t stride) {
     int i, k;
     if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (origin && clothi_check_vector(&sim->hooks, "cloth_sim_vertices_f32: origin", origin, 3))
+        return CLOTH_ERR_NONFINITE;
     if (stride == 0) stride = 3 * sizeof(float);
     if (stride < 3 * sizeof(float))
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
@@ -14110,13 +14230,15 @@ static int clothi_ray_face(const double *o, const double *d, const double *x0, c
 
 CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const double d[3],
                             double *t, int *face, double bary[3]) {
-    double best = HUGE_VAL, at, b[3];
-    int    f, hit = -1;
+    double best = HUGE_VAL, at, b[3], u[3];
+    int    f, k, hit = -1, e;
     if (!sim || !o || !d) return 0;
     if (clothi_find_nonfinite(o, 3) >= 0 || clothi_find_nonfinite(d, 3) >= 0) return 0;
+    (void)frexp(clothi_max_abs(d, 3), &e);
+    for (k = 0; k < 3; k++) u[k] = ldexp(d[k], -e);     /* its square is a double */
     for (f = 0; f < sim->model->nf; f++) {
         const int *v = sim->model->faces + 3 * f;
-        if (!clothi_ray_face(o, d, sim->state.x + 3 * v[0], sim->state.x + 3 * v[1],
+        if (!clothi_ray_face(o, u, sim->state.x + 3 * v[0], sim->state.x + 3 * v[1],
                              sim->state.x + 3 * v[2], &at, b) || !(at < best))
             continue;
         best = at;
@@ -14124,7 +14246,7 @@ CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const doubl
         if (bary) memcpy(bary, b, sizeof b);
     }
     if (hit < 0) return 0;
-    if (t) *t = best;
+    if (t) *t = ldexp(best, -e);
     if (face) *face = hit;
     return 1;
 }
@@ -14187,7 +14309,8 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
 
 /* ===== [10.4] ADVICE =========================================================================
  *
- *   symbols    rho kg/m^2, Y N/m (membrane), D N m, L extent m, e mean edge m, g m/s^2
+ *   symbols    rho kg/m^2, Y N/m (membrane), D N m: Y/rho and D/rho the largest of any region;
+ *              L extent m, e mean edge of the rest shape m, g m/s^2, tau s largest damping
  *   groups     rho g L^3 / D        gravity against bending: above ~1000 a membrane alone is
  *                                   within 5 % of L of the elastica; below ~1.5 all is linear
  *              h omega_m            omega_m = 2 sqrt(2 Y/rho)/e, the stiffest membrane mode:
@@ -14203,22 +14326,26 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
  */
 
 typedef struct clothi_scene {               /* what the groups are made of                     */
-    double Y, D, rho, L, edge, g;
+    double Y, D, L, edge, g, tau;           /* Y, D: over rho                                  */
 } clothi_scene;
 
 static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene) {
     const cloth_material *mat = desc->nregions > 0 ? desc->materials : &desc->material;
+    const int    nregions = desc->nregions > 0 ? desc->nregions : 1;
     double       low[3], high[3], area = 0, *X;
     cloth_status status;
     int          i, k, nf = desc->nf;
     X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
     if (!X) return CLOTH_ERR_MEMORY;
     status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
-    for (i = 0; i < nf && !status; i++) area += clothi_rest_area(X, i);
+    for (i = 0; i < nf && !status; i++) area += clothi_rest_area(desc->X ? desc->X : X, i);
     clothi_free(&desc->hooks, X);
-    scene->Y = clothi_young(mat);
-    scene->D = cloth_material_rigidity(mat);
-    scene->rho = mat->density;
+    scene->Y = scene->D = scene->tau = 0;
+    for (i = 0; i < nregions; i++, mat++) {
+        scene->Y = clothi_max(scene->Y, clothi_young(mat) / mat->density);
+        scene->D = clothi_max(scene->D, cloth_material_rigidity(mat) / mat->density);
+        scene->tau = clothi_max(scene->tau, mat->damping);
+    }
     scene->g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
     scene->edge = sqrt(4 / sqrt(3.0) * area / nf);
     scene->L = 0;
@@ -14260,11 +14387,12 @@ static void clothi_advise_rungs(const cloth_desc *desc, const clothi_scene *sc, 
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,
                                     cloth_advice *advice) {
     clothi_scene sc;
-    double       swing;
+    double       swing, half, z;
     cloth_status status;
-    if (!desc || !advice) return CLOTH_ERR_ARGUMENT;
-    memset(advice, 0, sizeof *advice);
-    if (desc->cookie != CLOTHI_COOKIE) return CLOTH_ERR_UNINIT;
+    if (advice) memset(advice, 0, sizeof *advice);
+    if (!desc) return CLOTH_ERR_ARGUMENT;
+    if (desc->cookie != CLOTHI_COOKIE) return advice ? CLOTH_ERR_UNINIT : CLOTH_ERR_ARGUMENT;
+    if (!advice) return clothi_null(&desc->hooks, "cloth_advise: advice");
     if (!clothi_finite(h) || !(h > 0) || !clothi_finite(tolerance) || !(tolerance > 0))
         return clothi_fail(&desc->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_advise: h = %g and tolerance = %g must be finite and > 0", h,
@@ -14273,14 +14401,15 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
     if (!status) status = clothi_scene_of(desc, &sc);
     if (status) return status;
     swing = sqrt(sc.g > 0 ? sc.g / sc.L : 1);
-    advice->gravity_bending = sc.D > 0 ? sc.rho * sc.g * sc.L * sc.L * sc.L / sc.D : HUGE_VAL;
-    advice->step_membrane = h * 2 * sqrt(2 * sc.Y / sc.rho) / sc.edge;
-    advice->step_bending = h * 8 * sqrt(sc.D / sc.rho) / (sqrt(0.75) * sc.edge * sc.edge);
+    advice->gravity_bending = sc.D > 0 ? sc.g * sc.L * sc.L * sc.L / sc.D : HUGE_VAL;
+    advice->step_membrane = h * 2 * sqrt(2 * sc.Y) / sc.edge;
+    advice->step_bending = h * 8 * sqrt(sc.D) / (sqrt(0.75) * sc.edge * sc.edge);
     advice->self_reach = sqrt(2 * sc.g * sc.L) * h / sc.edge;
     advice->euler_loss = h * swing * (h * swing);
+    half = 0.5 * fmax(advice->step_membrane, advice->step_bending);
+    z = sc.tau / h * half;            /* damping: [9.4] */
     advice->leapfrog_substeps =
-        (int)fmin(1e9, ceil(0.5 * fmax(advice->step_membrane, advice->step_bending) /
-                            CLOTHI_LEAP_SAFETY));
+        (int)fmin(1e9, ceil(half * (sqrt(1 + z * z) + z) / CLOTHI_LEAP_SAFETY));
     clothi_advise_rungs(desc, &sc, swing, h, tolerance, advice);
     return CLOTH_OK;
 }

@@ -39,7 +39,7 @@ static void pins_refused(void) {
     CHECK(kept(cloth_sim_pin(S.sim, S.nv, 7, good), CLOTH_ERR_ARGUMENT, "nv"));
     CHECK(kept(cloth_sim_pin(S.sim, 1, 0, good), CLOTH_ERR_ARGUMENT, "axes 0"));
     CHECK(kept(cloth_sim_pin(S.sim, 1, 8, good), CLOTH_ERR_ARGUMENT, "axes 8"));
-    CHECK(kept(cloth_sim_pin(S.sim, 1, 2, bad), CLOTH_ERR_NONFINITE, "NaN"));
+    CHECK(kept(cloth_sim_pin(S.sim, 1, 7, bad), CLOTH_ERR_NONFINITE, "target[1] = NaN"));
     CHECK(kept(cloth_sim_unpin(NULL, 1), CLOTH_ERR_ARGUMENT, ""));
     CHECK(kept(cloth_sim_unpin(S.sim, S.nv), CLOTH_ERR_ARGUMENT, "nv"));
     CHECK(cloth_sim_pin(S.sim, 1, 5, bad) == CLOTH_OK);     /* only the named axes are read */
@@ -82,11 +82,13 @@ static void attachments(void) {
     CHECK(kept(cloth_sim_attach(S.sim, 1, bary, -1, up, &id), CLOTH_ERR_ARGUMENT, "-1"));
     CHECK(kept(cloth_sim_attach(S.sim, 1, bary, NAN, up, &id), CLOTH_ERR_NONFINITE, "k"));
     CHECK(kept(cloth_sim_attach(S.sim, 1, bary, 1, bad, &id), CLOTH_ERR_NONFINITE, "target"));
-    CHECK(kept(cloth_sim_attach(S.sim, 1, NULL, 1, up, &id), CLOTH_ERR_ARGUMENT, ""));
-    CHECK(kept(cloth_sim_attach(S.sim, 1, bary, 1, NULL, &id), CLOTH_ERR_ARGUMENT, ""));
-    CHECK(kept(cloth_sim_attach(S.sim, 1, bary, 1, up, NULL), CLOTH_ERR_ARGUMENT, ""));
+    CHECK(kept(cloth_sim_attach(S.sim, 1, NULL, 1, up, &id), CLOTH_ERR_ARGUMENT, "bary is NULL"));
+    CHECK(kept(cloth_sim_attach(S.sim, 1, bary, 1, NULL, &id), CLOTH_ERR_ARGUMENT, "target is"));
+    CHECK(kept(cloth_sim_attach(S.sim, 1, bary, 1, up, NULL), CLOTH_ERR_ARGUMENT, "id is NULL"));
     CHECK(kept(cloth_sim_attach(NULL, 1, bary, 1, up, &id), CLOTH_ERR_ARGUMENT, ""));
-    CHECK(kept(cloth_sim_detach(S.sim, none), CLOTH_ERR_HANDLE, "gone"));
+    CHECK(kept(cloth_sim_detach(S.sim, none), CLOTH_ERR_HANDLE, "attachment 0 is gone"));
+    other.id = 0xffffffffu;
+    CHECK(kept(cloth_sim_detach(S.sim, other), CLOTH_ERR_HANDLE, "attachment 4294967295 is"));
     CHECK(kept(cloth_sim_attach_move(S.sim, none, up), CLOTH_ERR_HANDLE, "gone"));
 
     CHECK(cloth_sim_attach(S.sim, 1, bary, 50, far, &id) == CLOTH_OK && id.id != 0);
@@ -94,7 +96,7 @@ static void attachments(void) {
     CHECK(cloth_sim_attach_move(S.sim, id, up) == CLOTH_OK);
     before = cloth_sim_hash(S.sim);
     CHECK(kept(cloth_sim_attach_move(S.sim, id, bad), CLOTH_ERR_NONFINITE, "NaN"));
-    CHECK(kept(cloth_sim_attach_move(S.sim, id, NULL), CLOTH_ERR_ARGUMENT, ""));
+    CHECK(kept(cloth_sim_attach_move(S.sim, id, NULL), CLOTH_ERR_ARGUMENT, "target is NULL"));
     CHECK(cloth_sim_detach(S.sim, id) == CLOTH_OK);
     before = cloth_sim_hash(S.sim);
     CHECK(kept(cloth_sim_detach(S.sim, id), CLOTH_ERR_HANDLE, "gone"));
@@ -131,7 +133,7 @@ static void forces_gravity_wind(void) {
     CHECK(kept(cloth_sim_set_force(S.sim, f), CLOTH_ERR_NONFINITE, "NaN"));
     CHECK(kept(cloth_sim_set_force(NULL, f), CLOTH_ERR_ARGUMENT, ""));
     CHECK(kept(cloth_sim_set_gravity(S.sim, g), CLOTH_ERR_NONFINITE, "inf"));
-    CHECK(kept(cloth_sim_set_gravity(S.sim, NULL), CLOTH_ERR_ARGUMENT, ""));
+    CHECK(kept(cloth_sim_set_gravity(S.sim, NULL), CLOTH_ERR_ARGUMENT, "g is NULL"));
     CHECK(kept(cloth_sim_set_wind(S.sim, w), CLOTH_ERR_NONFINITE, "NaN"));
     CHECK(kept(cloth_sim_set_wind(NULL, w), CLOTH_ERR_ARGUMENT, ""));
     /* without gravity and forces a flat sheet stays */
@@ -331,6 +333,7 @@ static void no_allocation_after_the_first_step(void) {
 /* --- for hosts that draw --- */
 
 static void float_buffers(void) {
+    static const double nowhere[3] = {0, NAN, 0};
     struct { float pos[3], nrm[3]; int tag; } v[40];
     float  flat[120], n2;
     double origin[3] = {1e5, -2e5, 3e5}, *x;
@@ -372,11 +375,13 @@ static void float_buffers(void) {
     }
     CHECK(cloth_sim_vertices_f32(S.sim, NULL, NULL, NULL, 0) == CLOTH_OK);
     CHECK(cloth_sim_vertices_f32(S.sim, NULL, flat, NULL, 8) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_sim_vertices_f32(S.sim, nowhere, flat, NULL, 0) == CLOTH_ERR_NONFINITE);
     CHECK(cloth_sim_vertices_f32(NULL, NULL, flat, NULL, 0) == CLOTH_ERR_ARGUMENT);
 }
 
 static void rays(void) {
     static const double down[3] = {0, -2, 0}, up[3] = {0, 1, 0}, zero[3] = {0, 0, 0};
+    static const double faint[3] = {0, -1e-200, 0}, fierce[3] = {0, -1e200, 0};
     double o[3], d[3] = {NAN, 0, 0}, t, bary[3], *x;
     int    face, i, k, missed = 0, hits = 0;
     open_as(CLOTH_INTEGRATOR_EULER, 0);
@@ -388,6 +393,10 @@ static void rays(void) {
         o[1] = 3;
         CHECK(cloth_sim_ray(S.sim, o, down, &t, &face, bary) == 1 && face == i);
         CHECK_NEAR(t, 1.5, 1e-12);
+        CHECK(cloth_sim_ray(S.sim, o, faint, &t, &face, NULL) == 1 && face == i);
+        CHECK_REL(t, 3e200, 1e-12);
+        CHECK(cloth_sim_ray(S.sim, o, fierce, &t, &face, NULL) == 1 && face == i);
+        CHECK_REL(t, 3e-200, 1e-12);
         for (k = 0; k < 3; k++) CHECK_NEAR(bary[k], 1.0 / 3, 1e-12);
         CHECK(cloth_sim_ray(S.sim, o, up, &t, &face, bary) == 0);
         o[1] = -3;
@@ -479,7 +488,9 @@ static void stretches(void) {
 }
 
 static void null_sims(void) {
-    cloth_ledger l;
+    cloth_ledger  l;
+    cloth_contact none;
+    cloth_term    term;
     CHECK(cloth_sim_state(NULL) == NULL && cloth_sim_model(NULL) == NULL);
     CHECK(cloth_model_topology(NULL) == NULL && cloth_sim_hash(NULL) == 0);
     CHECK(cloth_model_hash(NULL) == 0 && cloth_sim_save_size(NULL) == 0);
@@ -490,13 +501,20 @@ static void null_sims(void) {
     CHECK(cloth_sim_set_contact(NULL, NULL) == CLOTH_ERR_ARGUMENT);
     cloth_sim_state_changed(NULL);
     open_as(CLOTH_INTEGRATOR_EULER, 0);
-    CHECK(cloth_sim_energy(S.sim, NULL) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_sim_set_contact(S.sim, NULL) == CLOTH_OK);
-    {
-        cloth_contact none;
-        memset(&none, 0, sizeof none);
-        CHECK(cloth_sim_set_contact(S.sim, &none) == CLOTH_ERR_ARGUMENT);
-    }
+    before = cloth_sim_hash(S.sim);
+    memset(&none, 0, sizeof none);
+    memset(&term, 0, sizeof term);
+    CHECK(kept(cloth_sim_energy(S.sim, NULL), CLOTH_ERR_ARGUMENT, "ledger is NULL"));
+    CHECK(kept(cloth_sim_potential(S.sim, NULL, NULL, NULL), CLOTH_ERR_ARGUMENT, "x is NULL"));
+    CHECK(kept(cloth_sim_set_contact(S.sim, &none), CLOTH_ERR_ARGUMENT, "commit is NULL"));
+    CHECK(kept(cloth_sim_add_term(S.sim, NULL), CLOTH_ERR_ARGUMENT, "term is NULL"));
+    CHECK(kept(cloth_sim_add_term(S.sim, &term), CLOTH_ERR_ARGUMENT, "eval is NULL"));
+    CHECK(kept(cloth_sim_set_material(S.sim, 0, NULL), CLOTH_ERR_ARGUMENT, "m is NULL"));
+    CHECK(kept(cloth_sim_save(S.sim, NULL, 9), CLOTH_ERR_ARGUMENT, "save: buf is NULL"));
+    CHECK(kept(cloth_sim_restore(S.sim, NULL, 9), CLOTH_ERR_ARGUMENT, "restore: buf is NULL"));
+    CHECK(kept(cloth_sim_create(S.model, NULL), CLOTH_ERR_ARGUMENT, "out is NULL"));
+    CHECK(kept(cloth_model_create(&S.desc, NULL), CLOTH_ERR_ARGUMENT, "out is NULL"));
     CHECK(cloth_step(S.sim, 0.01, NULL) == CLOTH_OK);
 }
 

@@ -7,6 +7,7 @@
 #include "test.h"
 #include "reference.h"
 #include "dynamics.h"
+#include "host.h"
 
 #define CHAIN 24                            /* edges */
 
@@ -36,13 +37,14 @@ static double chain(dyn *d, double damping, int substeps) {
     return 2 / e * sqrt(100 / 0.2);
 }
 
-/* Growth of a tiny disturbance over 400 steps of h. */
+/* Growth of a tiny disturbance over 400 steps of h, of which the estimate refuses none. */
 static double growth(double h) {
     dyn                d;
     unsigned long long seed = 7;
     double             first = 0, big = 0;
     int                i, n;
     chain(&d, 0, 1);
+    d.sim->omega_rest = 1;
     for (i = 0; i <= CHAIN; i++) {
         const double u = ref_uniform(&seed, -1e-9, 1e-9);
         d.state->x[3 * i] += u;
@@ -76,6 +78,62 @@ static void stability_limit(void) {
     CHECK_REL(r.omega_max, omega, 0.04);
     CHECK(r.omega_max > 0.995 * omega);     /* never on the unsafe side by much */
     CHECK(r.substeps >= 5 && r.substeps <= 7);
+}
+
+/* A fixed number of substeps that is too small: refused with the number and the limit, before the
+ * step or after one that stretched the cloth; not by a step that has just enough. */
+static void fixed_too_few(void) {
+    static const double bound = 2 / 1.02;   /* of h omega, by CLOTHI_LEAP_MARGIN */
+    dyn          d;
+    host         h;
+    cloth_report r;
+    double       omega;
+    uint64_t     before;
+    int          i, k;
+    for (k = 0; k < 2; k++) {
+        omega = chain(&d, 0, 3);
+        d.sim->hooks.log = host_hooks(&h).log;
+        for (i = 0; k && i < d.nv; i++)     /* apart at up to 1/substep of the step's length */
+            d.state->v[3 * i] = 0.3 * omega * d.mesh->x[3 * i];
+        before = cloth_sim_hash(d.sim);
+        memset(&r, 0, sizeof r);
+        CHECK(cloth_step(d.sim, (k ? 2.9 : 3.1) * bound / omega, &r) == CLOTH_ERR_STEP);
+        CHECK(r.outcome == CLOTH_STEP_STALLED && r.substeps == (k ? 3 : 0));
+        CHECK(strstr(h.text, "desc.substeps = 3 ") && strstr(h.text, "limit") && h.lines == 1);
+        CHECK(cloth_sim_hash(d.sim) == before);
+        memset(d.state->v, 0, 3 * (size_t)d.nv * sizeof(double));
+        CHECK(cloth_step(d.sim, 2.9 * bound / omega, &r) == CLOTH_OK);
+        CHECK(r.outcome == CLOTH_STEP_CONVERGED && r.substeps == 3);
+        dyn_end(&d);
+    }
+}
+
+/* No number of substeps: too many, none known; nothing stiff needs one. */
+static void substeps_at_the_ends(void) {
+    static const double bary[3] = {0, 0, 1};
+    dyn              d;
+    host             h;
+    cloth_report     r;
+    cloth_material   m;
+    cloth_attachment id;
+    chain(&d, 0, 0);
+    d.sim->hooks.log = host_hooks(&h).log;
+    m = d.desc.material;
+    CHECK(cloth_step(d.sim, 1e6, &r) == CLOTH_ERR_STEP && r.outcome == CLOTH_STEP_STALLED);
+    CHECK(strstr(h.text, "1000000") != NULL && h.lines == 1);
+    m.membrane = 1e307;
+    CHECK(cloth_sim_set_material(d.sim, 0, &m) == CLOTH_OK);
+    host_forget(&h);
+    CHECK(cloth_step(d.sim, 0.01, &r) == CLOTH_ERR_NONFINITE && r.outcome == CLOTH_STEP_NONE);
+    CHECK(h.lines == 1);
+    m.membrane = m.young = 0;
+    CHECK(cloth_sim_set_material(d.sim, 0, &m) == CLOTH_OK);
+    CHECK(cloth_step(d.sim, 0.01, &r) == CLOTH_OK && r.substeps == 1);
+    CHECK(cloth_sim_attach(d.sim, 0, bary, 1e308, bary, &id) == CLOTH_OK);
+    host_forget(&h);
+    CHECK(cloth_step(d.sim, 0.01, &r) == CLOTH_ERR_NONFINITE && r.outcome == CLOTH_STEP_NONE);
+    CHECK(strstr(h.text, "omega = inf") != NULL && h.lines == 1);
+    dyn_end(&d);
 }
 
 /* A chain mode under damping tau decays like exp(-tau omega^2 t/2). */
@@ -405,6 +463,8 @@ static void triangle_forces(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(stability_limit);
+    RUN(fixed_too_few);
+    RUN(substeps_at_the_ends);
     RUN(damping_rate);
     RUN(energy_bounded);
     RUN(reversible);

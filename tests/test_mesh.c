@@ -486,6 +486,51 @@ static void generator_merge_render_corners(void) {
     cloth_mesh_destroy(NULL, a);
 }
 
+/* Every mesh is looked at before a byte of it is copied; the sentence names mesh, field, value. */
+static void generator_merge_checks(void) {
+    static const char *const said[13] = {
+        "meshes[1].x is NULL", "meshes[1].nv = -3", "meshes[1].faces is NULL",
+        "meshes[1].faces[0] corner 2 = 77", "meshes[1].faces[0] corner 1 = -5",
+        "meshes[1].part[0] corner 0 = 5 is outside 0 .. 0", "meshes[1].npart = -1",
+        "meshes[1].part[0]", "meshes[1].vt is NULL", "meshes[1].nr = -1", "meshes[1].nf = -1",
+        "meshes[1].render_vertex[1] corner 0 = 3", "meshes[1].render_faces[0] corner 2 = 3"};
+    cloth_mesh *sheet = NULL, *all = NULL, *list[2], bad;
+    int         k;
+    CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 2, 2, 1, 1, &sheet) == CLOTH_OK);
+    for (k = 0; sheet && k < 13; k++) {
+        double      x[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, vt[6] = {0, 0, 0, 0, 0, 0};
+        int         faces[3] = {0, 1, 2}, part[1] = {0}, rv[3] = {0, 1, 2}, rf[3] = {0, 1, 2};
+        host        h;
+        cloth_hooks hooks = host_hooks(&h);
+        memset(&bad, 0, sizeof bad);
+        bad.nv = bad.nr = 3;
+        bad.nf = bad.npart = 1;
+        bad.x = x, bad.vt = vt;
+        bad.faces = faces, bad.part = part, bad.render_vertex = rv, bad.render_faces = rf;
+        list[0] = sheet, list[1] = &bad;
+        CHECK(cloth_mesh_merge(&hooks, list, 2, &all) == CLOTH_OK && all->part[2] == 1);
+        cloth_mesh_destroy(&hooks, all);
+        switch (k) {
+        case 0: bad.x = NULL; break;
+        case 1: bad.nv = -3; break;
+        case 2: bad.faces = NULL; break;
+        case 3: faces[2] = 77; break;
+        case 4: faces[1] = -5; break;
+        case 5: part[0] = 5; break;
+        case 6: bad.npart = -1; break;
+        case 7: bad.npart = 0; break;
+        case 8: bad.vt = NULL; break;
+        case 9: bad.nr = -1; break;
+        case 10: bad.nf = -1; break;
+        case 11: rv[1] = 3; break;
+        default: rf[2] = 3; break;
+        }
+        CHECK(cloth_mesh_merge(&hooks, list, 2, &all) == CLOTH_ERR_ARGUMENT && !all);
+        CHECK(strstr(h.text, said[k]) != NULL && h.lines == 1 && h.live == 0);
+    }
+    cloth_mesh_destroy(NULL, sheet);
+}
+
 static void generator_refusals(void) {
     host        h;
     cloth_hooks hooks = host_hooks(&h);
@@ -733,6 +778,7 @@ int main(int argc, char **argv) {
     RUN(generator_disc);
     RUN(generator_merge);
     RUN(generator_merge_render_corners);
+    RUN(generator_merge_checks);
     RUN(generator_refusals);
     RUN(check_every_fault);
     RUN(check_names_the_first_copy);

@@ -407,6 +407,7 @@ static void obj_bad_arguments(void) {
     host              h;
     cloth_hooks       hooks = host_hooks(&h);
     cloth_obj_options opt = cloth_obj_options_default();
+    int               part = 5;
     cloth_mesh       *m = (cloth_mesh *)&h, mesh;
     static const char text[] = V4 "f 1 2 3\n";
     size_t            n = sizeof text - 1;
@@ -447,6 +448,11 @@ static void obj_bad_arguments(void) {
         CHECK(cloth_obj_format(&hooks, m, NULL, 0, &n) == CLOTH_ERR_ARGUMENT);
         CHECK(strstr(h.text, "faces[0] corner 1 = 4") != NULL);
         m->faces[1] = 1;
+        mesh = *m;
+        mesh.npart = 1;
+        mesh.part = &part;
+        CHECK(cloth_obj_format(&hooks, &mesh, NULL, 0, &n) == CLOTH_ERR_ARGUMENT);
+        CHECK(strstr(h.text, "part[0] corner 0 = 5") != NULL);
         mesh = *m;
         mesh.nr = -1;
         CHECK(cloth_obj_format(&hooks, &mesh, NULL, 0, &n) == CLOTH_ERR_ARGUMENT);

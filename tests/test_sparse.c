@@ -4,6 +4,7 @@
 #include "../clothsim.h"
 
 #include "test.h"
+#include "host.h"
 #include "reference.h"
 
 /* --- a matrix built twice: through the kit, and dense by the test --- */
@@ -736,10 +737,23 @@ static void arguments(void) {
     problem              q;
     cloth_pattern       *p = NULL;
     cloth_linear_options o = cloth_linear_options_default();
-    const int            start[2] = {0, 2}, bad[2] = {0, 99}, v[1] = {-1};
+    const int            start[2] = {0, 2}, below[2] = {-2, 0}, bad[2] = {0, 99}, v[1] = {-1};
     double               H[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    static const char *const said[9] = {"method -1", "method 44", "precision 9", "precision -1",
+                                        "max_iterations -4", "tolerance -1", "v[0] = -1",
+                                        "pattern is NULL", "pattern is NULL"};
+    cloth_matrix         *A = NULL;
+    cloth_linear_solver  *solver = NULL;
+    host                  h;
+    cloth_hooks           told = host_hooks(&h);
+    int                   k;
     start_grid(&q, 4, 4, 1, 1, NULL, 0);
     CHECK(cloth_pattern_create(NULL, 4, 1, start, bad, NULL, &p) == CLOTH_ERR_ARGUMENT && !p);
+    CHECK(cloth_pattern_create(NULL, 4, 1, below, bad + 2, NULL, &p) == CLOTH_ERR_ARGUMENT && !p);
+    CHECK(cloth_pattern_create(NULL, CLOTH_MAX_COUNT + 1, 0, NULL, NULL, NULL, &p) ==
+          CLOTH_ERR_ARGUMENT);
+    CHECK(!(cloth_pattern_blocks_per_row(NULL) > 0));
+    cloth_matrix_clear(NULL);
     CHECK(cloth_pattern_create(NULL, 0, 0, NULL, NULL, NULL, &p) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_pattern_create(NULL, 4, 1, NULL, NULL, NULL, &p) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_matrix_add_element(q.A, 1, v, H) == CLOTH_ERR_ARGUMENT);
@@ -747,6 +761,22 @@ static void arguments(void) {
     CHECK(cloth_linear_solve(q.solver, q.A, q.b, NULL, &o, NULL) == CLOTH_ERR_ARGUMENT);
     o.radius = (double)NAN;
     CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
+    for (k = 0; k < 9; k++) {               /* one option of four, and what was not given */
+        o = cloth_linear_options_default();
+        if (k < 2) o.method = (cloth_linear)(k ? 44 : -1);
+        if (k == 2 || k == 3) o.precision = (cloth_precision)(k == 2 ? 9 : -1);
+        if (k == 4) o.max_iterations = -4;
+        if (k == 5) o.tolerance = -1;
+        q.solver->hooks.log = told.log;
+        q.A->hooks.log = told.log;
+        host_forget(&h);
+        if (k < 6)
+            CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
+        if (k == 6) CHECK(cloth_matrix_add_element(q.A, 1, v, H) == CLOTH_ERR_ARGUMENT);
+        if (k == 7) CHECK(cloth_matrix_create(&told, NULL, &A) == CLOTH_ERR_ARGUMENT && !A);
+        if (k == 8) CHECK(cloth_linear_solver_create(&told, NULL, &solver) == CLOTH_ERR_ARGUMENT);
+        CHECK(h.lines == 1 && strstr(h.text, said[k]) != NULL);
+    }
     o = cloth_linear_options_default();
     o.max_iterations = 1;
     o.tolerance = 1e-12;

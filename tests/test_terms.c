@@ -179,6 +179,41 @@ static double potential_along(double t) {
     return potential_at(x, NULL);
 }
 
+static cloth_status failing(void *user, const cloth_eval *e, double *energy) {
+    *energy = 0;
+    if (e->grad) e->grad[4] += 1;
+    return *(int *)user ? CLOTH_ERR_IO : CLOTH_OK;
+}
+
+/* Not finite, or a host's term gives up: value and gradient stay as they were. */
+static void potential_fails(void) {
+    cloth_ledger l;
+    cloth_term   term;
+    double       g[MOST], x[MOST], value = 5;
+    int          fails = 1, i;
+    memset(&term, 0, sizeof term);
+    term.name = "failing", term.user = &fails, term.eval = failing;
+    memcpy(x, X0, sizeof x);
+    for (i = 0; i < MOST; i++) g[i] = 3;
+    x[5] = NAN;
+    CHECK(cloth_sim_potential(S.sim, x, &value, g) == CLOTH_ERR_NONFINITE);
+    x[5] = 1e100;
+    CHECK(cloth_sim_potential(S.sim, x, &value, g) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_sim_add_term(S.sim, &term) == CLOTH_OK);
+    CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_ERR_IO);
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_ERR_IO);
+    for (i = 0; i < MOST; i++) CHECK(g[i] == 3);
+    CHECK(value == 5);
+    fails = 0;
+    CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_OK && value != 5);
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_OK);
+    S.sim->state.v[7] = NAN;
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_ERR_NONFINITE);
+    S.sim->state.v[7] = 1e200;
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_ERR_NONFINITE && !(l.total > 0));
+}
+
 static void potential_is_consistent(void) {
     double g[MOST], again[MOST], big = 0, worst = 0, first;
     int    m, b, i, j, n;
@@ -203,6 +238,7 @@ static void potential_is_consistent(void) {
         CHECK(first == potential_at(X0, again) && memcmp(g, again, (size_t)n * 8) == 0);
     }
     CHECK(cloth_sim_potential(S.sim, NULL, NULL, g) == CLOTH_ERR_ARGUMENT);
+    potential_fails();
     CHECK(cloth_sim_potential(NULL, X0, NULL, g) == CLOTH_ERR_ARGUMENT);
 }
 
@@ -295,6 +331,7 @@ static void check_all_knobs(int bend) {
     cloth_sim    *s = S.sim;
     cloth_params *q = &s->params;
     const int     hinge = bend == CLOTH_BEND_HINGE, any = bend != CLOTH_BEND_NONE;
+    const int     moves = H_STEP > 0;       /* at h = 0 nothing is damped */
     int           n = 3 * S.nv, r;
     pull(&p);
     check_knobs("x_n", s->state.x, p.x_n, n, 1e-4, 1);
@@ -307,14 +344,15 @@ static void check_all_knobs(int bend) {
         check_knobs("mu", &lame[r][0], &p.mu[r], 1, 1e-2, 1);
         check_knobs("lambda", &lame[r][1], &p.lambda[r], 1, 1e-2, 1);
         check_knobs("bending", &q->material[r].bending, &p.bending[r], 1, 1e-5, any);
-        check_knobs("damping", &q->material[r].damping, &p.damping[r], 1, 1e-5, 1);
+        check_knobs("damping", &q->material[r].damping, &p.damping[r], 1, 1e-5, moves);
     }
     check_knobs("theta0", q->theta0, p.theta0, q->nh, 1e-3, hinge);
     check_knobs("hinge_scale", q->hinge_scale, p.scale, q->nh, 1e-3, any);
     check_knobs("X", q->X, p.X, 6 * q->nf, 1e-4, 1);
     check_knobs("attach", s->attach[0].target, p.attach, 3, 1e-3, 1);
     check_knobs("attach_k", &s->attach[0].k, p.k, 1, 1e-3, 1);
-    check_knobs("h", &H_STEP, &p.h, 1, 1e-5, 1);
+    if (moves) check_knobs("h", &H_STEP, &p.h, 1, 1e-5, 1);
+    CHECK(moves || !(fabs(p.h) > 0));
 }
 
 static void vjps(void) {
@@ -324,8 +362,10 @@ static void vjps(void) {
         for (i = 0; i < 3 * S.nv; i++) A[i] = noise(5000u + (unsigned)i);
         for (r = 0; r < 2; r++)
             cloth_material_lame(S.sim->params.material + r, &lame[r][0], &lame[r][1]);
-        H_STEP = 0.01;
-        check_all_knobs(b);
+        for (r = 0; r < 2; r++) {           /* in a substep; in statics and LEAPFROG */
+            H_STEP = r ? 0 : 0.01;
+            check_all_knobs(b);
+        }
     }
 }
 
@@ -746,6 +786,79 @@ static void host_term(void) {
     CHECK(k >= 8 && cloth_sim_add_term(S.sim, &term) == CLOTH_ERR_CAPACITY);
 }
 
+/* What cloth_eval's comment promises a host's term, under each integrator. */
+typedef struct witness {
+    cloth_integrator kind;
+    const double    *x, *v;                 /* the state's                                     */
+    double           h, t, first;           /* of a substep, s; the step's start               */
+    int              statics, begun, asked, bad;
+} witness;
+
+static int witness_sees(witness *w, const cloth_eval *e) {
+    const int leap = w->kind == CLOTH_INTEGRATOR_LEAPFROG, still = w->statics;
+    int       bad = 0;
+    bad += fabs(e->h - (still || leap ? 0 : w->h)) > 1e-15;
+    if (leap) bad += e->x_n != e->x || e->hess != NULL;
+    else bad += e->x_n != w->x || e->v_n != w->v;
+    if (still) bad += fabs(e->t - w->t) > 1e-12;
+    else if (leap) bad += fabs(e->t - (w->first + w->h * w->asked)) > 1e-12;
+    return bad;
+}
+
+static cloth_status witness_begin(void *user, const cloth_eval *e) {
+    witness *w = (witness *)user;
+    w->begun++;
+    w->t = e->t;
+    if (w->kind == CLOTH_INTEGRATOR_LEAPFROG && !w->statics) w->bad += e->x_n != e->x;
+    else w->bad += e->x_n != w->x || e->v_n != w->v;
+    return CLOTH_OK;
+}
+
+static cloth_status witness_eval(void *user, const cloth_eval *e, double *energy) {
+    witness *w = (witness *)user;
+    double   half = w->asked ? 0.5 * w->h : 0;
+    *energy = 0;
+    w->bad += witness_sees(w, e);
+    if (w->kind == CLOTH_INTEGRATOR_LEAPFROG && !w->statics)    /* it falls: v lags by a half */
+        w->bad += fabs(e->v_n[1] + 9.81 * (w->h * w->asked - half)) > 1e-9;
+    w->asked++;
+    return CLOTH_OK;
+}
+
+static void what_a_term_sees(void) {
+    int kind, k;
+    FOR_INTEGRATORS(kind) {
+        cloth_term   term;
+        witness      w;
+        cloth_ledger l;
+        scene_close(&S);
+        scene_desc(&S, 4, NULL, 0);
+        S.desc.integrator = (cloth_integrator)kind;
+        S.desc.substeps = kind == CLOTH_INTEGRATOR_LEAPFROG ? 40 : 2;
+        CHECK(scene_open(&S, 0) == CLOTH_OK);
+        memset(&w, 0, sizeof w);
+        memset(&term, 0, sizeof term);
+        w.kind = (cloth_integrator)kind;
+        w.x = S.sim->state.x, w.v = S.sim->state.v;
+        w.h = 0.01 / S.desc.substeps;
+        term.name = "witness", term.user = &w;
+        term.begin = witness_begin, term.eval = witness_eval;
+        CHECK(cloth_sim_add_term(S.sim, &term) == CLOTH_OK);
+        for (k = 0; k < (kind == CLOTH_INTEGRATOR_LEAPFROG ? 1 : 3); k++) {
+            w.first = S.sim->state.t;
+            w.begun = w.asked = 0;
+            CHECK(cloth_step(S.sim, 0.01, NULL) == CLOTH_OK);
+            CHECK(w.begun >= S.desc.substeps && w.asked > S.desc.substeps);
+            CHECK_NEAR(w.t, S.sim->state.t, 1e-12);
+        }
+        w.statics = 1;                      /* energies: at the state */
+        w.asked = 0;
+        CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_OK && w.asked > 0);
+        CHECK_NEAR(w.t, S.sim->state.t, 1e-12);
+        CHECK(w.bad == 0);
+    }
+}
+
 /* --- places where meshes go wrong --- */
 
 /* A vertex of no triangle falls freely and disturbs nobody. */
@@ -819,6 +932,7 @@ int main(int argc, char **argv) {
     RUN(ties_hold);
     RUN(pins_reach_their_targets);
     RUN(host_term);
+    RUN(what_a_term_sees);
     RUN(isolated_vertex);
     RUN(far_from_origin);
     scene_close(&S);

@@ -399,6 +399,8 @@ typedef enum cloth_obstacle_kind {
     CLOTH_OBSTACLE_CAPSULE = 3,             /* x [2 x 3] ends of the axis                      */
     CLOTH_OBSTACLE_PLANE   = 4,             /* x [3] a point of it; all behind it is solid     */
     CLOTH_OBSTACLE_BOX     = 5,             /* x [8 x 3] corners, cloth_obstacle_box()         */
+    CLOTH_OBSTACLE_GRID    = 6,             /* x [3] where (0, 0, 0) of the grid's space is. A
+                                               potential alone, outside of the promise   [8.2] */
     CLOTH_OBSTACLE_FORCE_INT = 0x7fffffff
 } cloth_obstacle_kind;
 
@@ -408,12 +410,15 @@ typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()    
     int                 nv, nf;             /* MESH only                                       */
     const double       *x;                  /* [nv x 3] m, or as the kind says; copied         */
     const int          *faces;              /* [nf x 3], MESH only; copied                     */
-    double              radius;             /* m, SPHERE and CAPSULE > 0                       */
+    double              radius;             /* m, SPHERE and CAPSULE > 0; GRID >= 0: the
+                                               surface is that much farther out                */
     double              normal[3];          /* PLANE: out of the solid; any length but 0       */
     double              friction;           /* default 0.3                                     */
     uint32_t            category, mask;     /* default 1 and all                               */
     int                 self_penetrating;   /* MESH, closed: faces inside itself are found at
                                                each step and exempt in it                      */
+    const cloth_grid   *grid;               /* GRID; borrowed, unchanged while the obstacle is
+                                               there; its band over radius + thickness         */
 } cloth_obstacle_desc;
 
 typedef struct cloth_collide cloth_collide; /* belongs to one sim                              */
@@ -5381,7 +5386,8 @@ static cloth_status clothi_inside_covered(const cloth_hooks *hooks, int nv, cons
  * checked: tests/test_obstacles.c
  */
 
-enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2 };   /* vertex-face, edge-edge, vertex-plane */
+enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2 };   /* vertex-face, edge-edge; vertex with a
+                                                           plane or a grid                     */
 enum { CLOTHI_FF = -1, CLOTHI_LET_IN = -2 };    /* faces; faces of which the obstacle's let go  */
 
 /* Who touches: pairs with one key share one anchor of friction: a feature of the cloth with one
@@ -5415,6 +5421,7 @@ typedef struct clothi_touch {               /* an active pair of the proximity p
     double     ease;                        /* of the majorizer's excess along u, 0 to 1       */
     int        leader;                      /* carries the anchor of its key                   */
     int        out;                         /* a way out: stiffness (rest - g), no damping     */
+    int        soft;                        /* with a grid: gap may be below 0 and over range  */
     double     force;                       /* N at the end of the substep                     */
     double     pull[3];                     /* N, dE/d(sum w x) at the minimiser               */
 } clothi_touch;
@@ -5442,6 +5449,7 @@ typedef struct clothi_obstacle {
     double              radius, friction, normal[3];
     uint32_t            category, mask;
     clothi_inside      *inside;             /* self_penetrating, else NULL              [7.2] */
+    const cloth_grid   *grid;               /* borrowed; NULL but for a GRID                   */
 } clothi_obstacle;
 
 typedef struct clothi_couple {              /* of two faces: kind CLOTHI_FF or CLOTHI_LET_IN   */
@@ -5495,6 +5503,7 @@ struct cloth_collide {
     unsigned char *struck;                  /* [struck_cap] CLOTHI_STRUCK_ bits of the pairs   */
     int           struck_cap;
     double        h;
+    const double *v_n;                      /* [nv x 3] m/s at its start, the core's           */
     int           begun;                    /* a step is under way                             */
     cloth_ledger  books;                    /* of the substep, for the core's  [8.4]           */
     /* zones */
@@ -5597,6 +5606,11 @@ static const int clothi_box_faces[36] = {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 
 
 static int clothi_is_mesh(const clothi_obstacle *o) {
     return o->kind == CLOTH_OBSTACLE_MESH || o->kind == CLOTH_OBSTACLE_BOX;
+}
+
+/* Vertices of the cloth are all that meets it. */
+static int clothi_is_wall(const clothi_obstacle *o) {
+    return o->kind == CLOTH_OBSTACLE_PLANE || o->kind == CLOTH_OBSTACLE_GRID;
 }
 
 static void clothi_obstacle_free(const cloth_hooks *hooks, clothi_obstacle *o) {
@@ -5955,7 +5969,7 @@ static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach)
     if (!status && c->self) status = clothi_pairs_collect(c);
     for (o = 0; o < c->nobstacle && !status; o++) {
         if (!c->obstacle[o].used || clothi_is_mesh(c->obstacle + o) ||
-            c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE)
+            clothi_is_wall(c->obstacle + o))
             continue;
         status = clothi_pairs_lone(c, o, edge);
         edge += c->obstacle[o].kind == CLOTH_OBSTACLE_CAPSULE;
@@ -6024,14 +6038,16 @@ static cloth_status clothi_crossings_of(cloth_collide *c, int inside) {
     return status;
 }
 
-/* Distance left between a cloth feature and a sphere, capsule or plane at xa, m. */
+/* Distance left between a cloth feature and a sphere, capsule, plane or grid at xa, m. */
 static double clothi_lone_gap(const cloth_collide *c, int kind, int a, int b) {
     double x[12], w[4];
     int    v[4];
     (void)clothi_pair_vertices(c, kind, a, b, v);
     if (kind == CLOTHI_VP) {
         clothi_sub3(c->xa + 3 * v[0], c->xa + 3 * v[1], x);
-        return clothi_dot3(x, c->obstacle[b].normal);
+        if (!c->obstacle[b].grid) return clothi_dot3(x, c->obstacle[b].normal);
+        return cloth_grid_sample(c->obstacle[b].grid, x, w, NULL) ? HUGE_VAL
+                                                                  : w[0] - c->obstacle[b].radius;
     }
     clothi_gather_points(c->xa, v, 4, x);
     return clothi_pair_distance(kind, x, w) - clothi_pair_radius(c, kind, a, b);
@@ -6524,11 +6540,43 @@ static cloth_status clothi_ways_out(cloth_collide *c) {
 #define CLOTHI_STIFFER 100                  /* times, under load                               */
 #define CLOTHI_EASE    0.25                 /* factor of q->ease, see 'Onset of sliding'       */
 #define CLOTHI_EASE_AT 0.1                  /* of |u|: changes below it are slow               */
+#define CLOTHI_SOFT_NEAR  3                 /* t, from a grid at x^n: felt from range on       */
+#define CLOTHI_SOFT_LOOKS 64                /* samples along the way to a grid, at most        */
+#define CLOTHI_SOFT_FLAT  1e-3              /* |grad phi| below which there is no way out      */
+#define CLOTHI_SOFT_TIME  0.02              /* s, least relaxation at a grid                   */
+
+/* Whether a vertex comes near a grid on its straight way through the substep; then the frame where
+ * it does, the gap reckoned back to x^n. */
+static int clothi_touch_soft(const cloth_collide *c, clothi_touch *q) {
+    const clothi_obstacle *o = c->obstacle + q->b;
+    const double t = c->desc.thickness, *a = c->xa, *b = c->xb;
+    const double close = clothi_min(CLOTHI_SOFT_NEAR * t, 0.5 * (t + o->grid->band - o->radius));
+    const int    v = 3 * q->v[0], at = 3 * q->v[1];
+    double       p[3], way[3], d = 0, s = 0, size, slope;
+    int          i, k;
+    for (k = 0; k < 3; k++) way[k] = c->h * c->v_n[v + k] - (b[at + k] - a[at + k]);
+    size = sqrt(clothi_dot3(way, way));
+    for (i = 0; i < CLOTHI_SOFT_LOOKS; i++) {
+        for (k = 0; k < 3; k++) p[k] = a[v + k] - a[at + k] + s * way[k];
+        if (cloth_grid_sample(o->grid, p, &d, q->normal)) return 0;
+        d -= o->radius;
+        if (d < close || !(s < 1)) break;
+        s = d - t < (1 - s) * size ? s + (d - t) / size : 1;
+    }
+    slope = sqrt(clothi_dot3(q->normal, q->normal));
+    if (!(d < close) || !(slope > CLOTHI_SOFT_FLAT)) return 0;
+    for (k = 0; k < 3; k++) q->normal[k] /= slope;
+    q->gap = d - s * clothi_dot3(way, q->normal);
+    q->w[0] = 1, q->w[1] = -1;
+    q->soft = 1;
+    return 1;
+}
 
 /* gap, normal and weights of a pair at xa; 0: on top of each other. */
 static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
     double x[12], r[3] = {0, 0, 0}, d, radius = clothi_pair_radius(c, q->kind, q->a, q->b);
     int    i, k;
+    if (q->kind == CLOTHI_VP && c->obstacle[q->b].grid) return clothi_touch_soft(c, q);
     memset(x, 0, sizeof x);
     clothi_gather_points(c->xa, q->v, q->n, x);
     if (q->kind == CLOTHI_VP) {
@@ -6603,36 +6651,56 @@ static double clothi_pair_area(const cloth_collide *c, int kind, int a, int b) {
     return share * (p > 0 && (p < q || !(q > 0)) ? p : q);
 }
 
+/* c/h, N/m. */
+static double clothi_touch_damping(const cloth_collide *c, const clothi_touch *q) {
+    const double tau = c->desc.relaxation;
+    return q->stiffness * (q->soft ? clothi_max(tau, CLOTHI_SOFT_TIME) : tau) / c->h;
+}
+
 /* force(g) and its slope, N and N/m. */
 static double clothi_touch_force(const cloth_collide *c, const clothi_touch *q, double g,
                                  double *slope) {
-    const double damp = q->stiffness * c->desc.relaxation / c->h;
+    const double damp = clothi_touch_damping(c, q), from = clothi_min(q->gap, q->range);
     const double in = g < q->range ? q->range - g : 0;
     if (slope) *slope = 0;
     if (!(g < q->rest)) return 0;
     if (slope && q->out) *slope = q->stiffness;
     if (q->out) return q->stiffness * (q->rest - g);
+    if (q->soft && in > q->range) {
+        if (slope) *slope = damp;
+        return q->stiffness * q->range - damp * (g - from);
+    }
     if (slope) *slope = 2 * q->stiffness * in / q->range + damp;
-    return q->stiffness * in * in / q->range - damp * (g - q->gap);
+    return q->stiffness * in * in / q->range - damp * (g - from);
+}
+
+/* The elastic part of P at g, J; at a grid it grows linearly below 0. */
+static double clothi_touch_elastic(const clothi_touch *q, double g) {
+    const double in = g < q->range ? q->range - g : 0;
+    if (q->soft && in > q->range) return q->stiffness * q->range * (in - 2 * q->range / 3);
+    return q->stiffness * in * in * in / (3 * q->range);
 }
 
 /* P(min(g, g0)). */
 static double clothi_touch_energy(const cloth_collide *c, const clothi_touch *q, double g) {
-    const double damp = q->stiffness * c->desc.relaxation / c->h;
-    double in, out;
+    const double damp = clothi_touch_damping(c, q);
+    double       out;
     g = clothi_min(g, q->rest);
     if (q->out) return 0.5 * q->stiffness * (q->rest - g) * (q->rest - g);
-    in = g < q->range ? q->range - g : 0;
-    out = g - q->gap;
-    return q->stiffness * in * in * in / (3 * q->range) + 0.5 * damp * out * out;
+    out = g - clothi_min(q->gap, q->range);
+    return clothi_touch_elastic(q, g) + 0.5 * damp * out * out;
 }
 
-/* Where the force ends: k u^2/t + c u/h = c (t - g^n)/h, u = t - g0. */
+/* Where the force ends: k u^2/t + c u/h = c (t - g^n)/h, u = t - g0; at a grid's cap k t for the
+ * first. */
 static double clothi_touch_rest(const cloth_collide *c, const clothi_touch *q) {
-    const double damp = q->stiffness * c->desc.relaxation / c->h, a = q->stiffness / q->range;
-    const double in = q->range - q->gap;
+    const double damp = clothi_touch_damping(c, q), a = q->stiffness / q->range;
+    const double in = q->range - clothi_min(q->gap, q->range);
+    double       u;
     if (!(q->stiffness > 0) || !(damp > 0)) return q->range;
-    return q->range - 2 * damp * in / (damp + sqrt(damp * damp + 4 * a * damp * in));
+    u = 2 * damp * in / (damp + sqrt(damp * damp + 4 * a * damp * in));
+    if (q->soft && u > q->range) u = in - q->stiffness * q->range / damp;
+    return q->range - u;
 }
 
 /* Edges nearest at the end of one: that vertex and the other edge's faces are a pair already. Two
@@ -6656,10 +6724,11 @@ static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
     memset(q, 0, sizeof *q);
     q->kind = kind, q->a = a, q->b = b;
     q->n = clothi_pair_vertices(c, kind, a, b, q->v);
-    if (!clothi_touch_frame(c, q) || q->gap >= c->desc.thickness) return CLOTH_OK;
+    if (!clothi_touch_frame(c, q)) return CLOTH_OK;
+    if (!q->soft && q->gap >= c->desc.thickness) return CLOTH_OK;
     if (clothi_touch_twice(c, q)) return CLOTH_OK;
     q->range = q->n == 4 ? clothi_pair_thickness(c, kind, q->v) : c->desc.thickness;
-    if (q->gap >= q->range) return CLOTH_OK;
+    if (!q->soft && q->gap >= q->range) return CLOTH_OK;
     q->stiffness = c->stiffness * clothi_pair_area(c, kind, a, b);
     q->rest = clothi_touch_rest(c, q);
     q->size = -1, q->ease = 1;
@@ -7721,8 +7790,8 @@ static cloth_status clothi_touches_find(cloth_collide *c) {
         if (c->ntouch > n && clothi_is_exempt(c, p->kind, p->a, p->b)) c->ntouch = n;
     }
     for (o = 0; o < c->nobstacle && !status; o++)
-        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
-                    i < c->nv && !status; i++)
+        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv && !status;
+             i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
                 status = clothi_touch_add(c, CLOTHI_VP, i, o);
     if (!status && c->nout) status = clothi_ways_out(c);
@@ -7765,6 +7834,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
+    c->v_n = e->v_n;
     c->opens = 0;
     if (explicit_step)
         c->opens = c->desc.thickness * clothi_min(0.25 * c->h / c->desc.relaxation, 0.1);
@@ -7809,14 +7879,13 @@ static void clothi_touches_book(cloth_collide *c, const double *x) {
     int           i;
     for (i = 0; i < c->ntouch; i++) {
         clothi_touch *q = c->touch + i;
-        double        du[3], K[9], push, in;
+        double        du[3], K[9], push;
         (void)clothi_touch_eval(c, q, x, q->pull, K);
         clothi_touch_motion(c, q, x, du);
         push = clothi_dot3(q->pull, q->normal) * clothi_dot3(du, q->normal);
         l->contact_work += clothi_dot3(q->pull, q->drift) - push;
         l->friction_loss += clothi_dot3(q->pull, du) - push;
-        in = clothi_max(q->range - q->gap - clothi_dot3(du, q->normal), 0);
-        l->contact += q->stiffness * in * in * in / (3 * q->range);
+        l->contact += clothi_touch_elastic(q, q->gap + clothi_dot3(du, q->normal));
     }
 }
 
@@ -7913,7 +7982,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     for (i = 0; i < c->ntouch; i++) {
         double u[3];
         clothi_touch_motion(c, c->touch + i, c->xb, u);
-        if (c->touch[i].out) continue;
+        if (c->touch[i].out || c->touch[i].soft) continue;
         least = clothi_min(least, c->touch[i].gap + clothi_dot3(u, c->touch[i].normal));
     }
     c->report.exempt_pairs = c->nexempt;
@@ -8285,6 +8354,7 @@ static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
     case CLOTH_OBSTACLE_CAPSULE: return 2;
     case CLOTH_OBSTACLE_PLANE: return 1;
     case CLOTH_OBSTACLE_BOX: return 8;
+    case CLOTH_OBSTACLE_GRID: return 1;
     case CLOTH_OBSTACLE_FORCE_INT: break;
     }
     return 0;
@@ -8295,7 +8365,7 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
     ptrdiff_t    at;
     int          nf, nv;
     if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
-    if (d->kind < CLOTH_OBSTACLE_MESH || d->kind > CLOTH_OBSTACLE_BOX)
+    if (d->kind < CLOTH_OBSTACLE_MESH || d->kind > CLOTH_OBSTACLE_GRID)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.kind = %i is no CLOTH_OBSTACLE_",
                            (int)d->kind);
     nv = clothi_obstacle_shape(d, &nf);
@@ -8320,6 +8390,39 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
     return clothi_check_faces(hooks, nv, nf, d->faces);
 }
 
+static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
+                                               const cloth_obstacle_desc *d) {
+    const cloth_grid *g = d->grid;
+    cloth_status      status = clothi_desc_number(c->hooks, "obstacle.radius", d->radius, 0);
+    ptrdiff_t         at;
+    int               k;
+    if (status) return status;
+    if (!g || !g->phi)
+        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid%s is NULL",
+                           g ? "->phi" : "");
+    for (k = 0; k < 3; k++)
+        if (g->n[k] < 2)
+            return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid->n[%i] = %i is below 2",
+                               k, g->n[k]);
+    status = clothi_desc_number(c->hooks, "obstacle.grid->cell", g->cell, 1);
+    if (!status) status = clothi_desc_number(c->hooks, "obstacle.grid->band", g->band, 1);
+    if (status) return status;
+    at = clothi_find_nonfinite(g->origin, 3);
+    if (at >= 0)
+        return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->origin[%i] = %g", (int)at,
+                           g->origin[at]);
+    at = clothi_find_nonfinite(g->phi, (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2]);
+    if (at >= 0)
+        return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->phi[%i] = %g", (int)at,
+                           g->phi[at]);
+    if (!(g->band > d->radius + c->desc.thickness))
+        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid->band = %g must be over "
+                           "radius %g + thickness %g", g->band, d->radius, c->desc.thickness);
+    if (c->sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG) return CLOTH_OK;
+    return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED, "obstacle.kind = %i: leapfrog has no "
+                       "proximity potential, which is all that a grid has", (int)d->kind);
+}
+
 static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
                                          const cloth_obstacle_desc *d) {
     double       size = sqrt(clothi_dot3(d->normal, d->normal));
@@ -8337,8 +8440,9 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     if (o->nf)
         memcpy(o->faces, d->kind == CLOTH_OBSTACLE_BOX ? clothi_box_faces : d->faces,
                3 * (size_t)o->nf * sizeof(int));
-    o->radius = d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE ? d->radius
-                                                                                      : 0;
+    o->grid = d->kind == CLOTH_OBSTACLE_GRID ? d->grid : NULL;
+    o->radius = d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE || o->grid
+                    ? d->radius : 0;
     o->friction = d->friction;
     o->category = d->category, o->mask = d->mask;
     o->used = 1;
@@ -8360,6 +8464,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     if (!desc) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_add: desc is NULL");
     known = c->nobstacle;
     status = clothi_obstacle_check(c->hooks, desc);
+    if (!status && desc->kind == CLOTH_OBSTACLE_GRID) status = clothi_obstacle_check_grid(c, desc);
     if (status) return status;
     while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
     if (slot >= 0xffff)
@@ -8638,8 +8743,7 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
     for (i = 0; i < c->npair && !status; i++)
         *gap = clothi_min(*gap, clothi_lone_gap(c, c->pair[i].kind, c->pair[i].a, c->pair[i].b));
     for (o = 0; o < c->nobstacle && !status; o++)
-        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
-                    i < c->nv; i++)
+        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv; i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
                 *gap = clothi_min(*gap, clothi_lone_gap(c, CLOTHI_VP, i, o));
     return status;

@@ -97,6 +97,9 @@
  *     body whose hands and thighs sink far into it lets in hundreds of pairs
  *     (tests/stability/garments.c); one that barely touches itself none
  *   - parts and obstacles whose category and mask exclude each other
+ *   - distance grids (CLOTH_OBSTACLE_GRID): a potential alone, no detection. Vertices may sink in
+ *     under load, faces and edges cut through what is sharper than the cloth's mesh; cloth may begin
+ *     inside and is led out [8.2]
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns
  *     far in one step cuts its corners, by 1 - cos(angle/2) of its radius: step shorter
@@ -127,6 +130,8 @@
  *   skirt on a walking body of 27 000 faces (tests/bench/bench_contact.c, -march=native): 57,
  *   of which contact 45 %; T-shirt there 480, 26 %; sheet 32 x 32 on a sphere 15 %. Contact here is
  *   pairs, detection and zones; the potential's part of Newton's iterations is Newton's
+ *   sheet 24 x 24 on a sphere, obstacles only, contact's part of 8 to 18 ms: the sphere as such
+ *   0.53, as a mesh of 40 rings 7.5, as a grid 0.28 (FULL=1 tests/test_grid_contact.c)
  * It grows with pairs in range rather than with faces: layers that lie on each other are dear, and
  * a cloth folded many times can cost ten times the same cloth spread out. Without desc.contact
  * nothing is called and nothing allocated.
@@ -296,8 +301,8 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
 
 /* ===== [2.4] DISTANCE GRID ===================================================================
  *
- * Signed distance to a closed mesh, sampled on a regular grid, for queries and for soft contact:
- * no promise of section [2.5] rests on it.                                    section [7.1] */
+ * Signed distance to a closed mesh, sampled on a regular grid, for queries and for soft contact
+ * (CLOTH_OBSTACLE_GRID): no promise of section [2.5] rests on it.             section [7.1] */
 
 #define CLOTH_DEFAULT_GRID_BAND      4                      /* cells                           */
 #define CLOTH_DEFAULT_GRID_MAX_NODES ((size_t)1 << 26)      /* half a gigabyte                 */
@@ -400,6 +405,8 @@ typedef enum cloth_obstacle_kind {
     CLOTH_OBSTACLE_CAPSULE = 3,             /* x [2 x 3] ends of the axis                      */
     CLOTH_OBSTACLE_PLANE   = 4,             /* x [3] a point of it; all behind it is solid     */
     CLOTH_OBSTACLE_BOX     = 5,             /* x [8 x 3] corners, cloth_obstacle_box()         */
+    CLOTH_OBSTACLE_GRID    = 6,             /* x [3] where (0, 0, 0) of the grid's space is. A
+                                               potential alone, outside of the promise   [8.2] */
     CLOTH_OBSTACLE_FORCE_INT = 0x7fffffff
 } cloth_obstacle_kind;
 
@@ -409,12 +416,15 @@ typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()    
     int                 nv, nf;             /* MESH only                                       */
     const double       *x;                  /* [nv x 3] m, or as the kind says; copied         */
     const int          *faces;              /* [nf x 3], MESH only; copied                     */
-    double              radius;             /* m, SPHERE and CAPSULE > 0                       */
+    double              radius;             /* m, SPHERE and CAPSULE > 0; GRID >= 0: the
+                                               surface is that much farther out                */
     double              normal[3];          /* PLANE: out of the solid; any length but 0       */
     double              friction;           /* default 0.3                                     */
     uint32_t            category, mask;     /* default 1 and all                               */
     int                 self_penetrating;   /* MESH, closed: faces inside itself are found at
                                                each step and exempt in it                      */
+    const cloth_grid   *grid;               /* GRID; borrowed, unchanged while the obstacle is
+                                               there; its band over radius + thickness         */
 } cloth_obstacle_desc;
 
 typedef struct cloth_collide cloth_collide; /* belongs to one sim                              */
@@ -479,7 +489,8 @@ CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* N
 /* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
  * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
  * with these obstacles, else _FORMAT. What sticks to others goes on to stick. On failure, also of
- * the next three, everything is as before; a stale or unknown id: CLOTH_ERR_HANDLE. */
+ * the next three, everything is as before; a stale or unknown id: CLOTH_ERR_HANDLE. A grid is read
+ * whole once; _UNSUPPORTED: one under leapfrog, which has no potential. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -510,7 +521,8 @@ CLOTH_API cloth_status cloth_collide_touches(const cloth_collide *c, int max, cl
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f);
 /* f [nv x 3] N: the part of it that is friction; the rest is along the normals. */
 CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f);
-/* Smallest distance now, m, of pairs nearer than `range`; range when there is none. */
+/* Smallest distance now, m, of pairs nearer than `range`; range when there is none. With a grid it
+ * is that of vertices, below 0 inside. */
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap);
 /* Pairs of faces that intersect now: cloth with cloth (SELF) and with obstacles, exempt ones
  * included. Faces of obstacles count on from nf in the order of their slots. pairs [max x 2] */
@@ -5412,18 +5424,21 @@ static cloth_status clothi_inside_covered(const cloth_hooks *hooks, int nv, cons
  *
  *   sphere   a vertex with a radius          capsule   an edge with a radius and its two ends
  *   plane    a vertex and a normal           box       its 8 corners and 12 triangles
+ *   grid     a vertex: where its space's origin is
  *
  * so that a sphere, a capsule and a mesh go through one and the same detection: the radius is
  * added to every distance that is asked for. A sphere meets cloth as a point near faces, a capsule
  * as a segment near edges and its ends as points near faces. A plane needs vertices only: a
- * triangle is on its side when its corners are.
+ * triangle is on its side when its corners are. A grid has vertices in the potential [8.2] and is
+ * nothing to detection, zones, crossings and untangling.
  *
  * Two poses: `pose`, of the last accepted state, and `target`, where the next step ends. Both are
  * state; a substep goes from alpha0 to alpha1 of the way between them.
  * checked: tests/test_obstacles.c
  */
 
-enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2 };   /* vertex-face, edge-edge, vertex-plane */
+enum { CLOTHI_VF = 0, CLOTHI_EE = 1, CLOTHI_VP = 2 };   /* vertex-face, edge-edge; vertex with a
+                                                           plane or a grid                     */
 enum { CLOTHI_FF = -1, CLOTHI_LET_IN = -2 };    /* faces; faces of which the obstacle's let go  */
 
 /* Who touches: pairs with one key share one anchor of friction: a feature of the cloth with one
@@ -5457,6 +5472,7 @@ typedef struct clothi_touch {               /* an active pair of the proximity p
     double     ease;                        /* of the majorizer's excess along u, 0 to 1       */
     int        leader;                      /* carries the anchor of its key                   */
     int        out;                         /* a way out: stiffness (rest - g), no damping     */
+    int        soft;                        /* with a grid: gap may be below 0 and over range  */
     double     force;                       /* N at the end of the substep                     */
     double     pull[3];                     /* N, dE/d(sum w x) at the minimiser               */
 } clothi_touch;
@@ -5485,6 +5501,7 @@ typedef struct clothi_obstacle {
     double              radius, friction, normal[3];
     uint32_t            category, mask;
     clothi_inside      *inside;             /* self_penetrating, else NULL              [7.2] */
+    const cloth_grid   *grid;               /* borrowed; NULL but for a GRID                   */
 } clothi_obstacle;
 
 typedef struct clothi_couple {              /* kind as CLOTHI_VF ...; of two faces also < 0    */
@@ -5538,6 +5555,7 @@ struct cloth_collide {
     unsigned char *struck;                  /* [struck_cap] CLOTHI_STRUCK_ bits of the pairs   */
     int           struck_cap;
     double        h;
+    const double *v_n;                      /* [nv x 3] m/s at its start, the core's           */
     int           begun;                    /* a step is under way                             */
     cloth_ledger  books;                    /* of the substep, for the core's  [8.4]           */
     /* zones */
@@ -5643,6 +5661,11 @@ static const int clothi_box_faces[36] = {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 
 
 static int clothi_is_mesh(const clothi_obstacle *o) {
     return o->kind == CLOTH_OBSTACLE_MESH || o->kind == CLOTH_OBSTACLE_BOX;
+}
+
+/* Vertices of the cloth are all that meets it. */
+static int clothi_is_wall(const clothi_obstacle *o) {
+    return o->kind == CLOTH_OBSTACLE_PLANE || o->kind == CLOTH_OBSTACLE_GRID;
 }
 
 static void clothi_obstacle_free(const cloth_hooks *hooks, clothi_obstacle *o) {
@@ -5989,6 +6012,14 @@ static void clothi_meet_moved(cloth_collide *c) {
     c->meet.count = n;
 }
 
+/* Nothing makes pairs: no self-contact, and all obstacles are walls. */
+static int clothi_only_walls(const cloth_collide *c) {
+    int o, others = c->self;
+    for (o = 0; o < c->nobstacle; o++)
+        others |= c->obstacle[o].used && !clothi_is_wall(c->obstacle + o);
+    return !others;
+}
+
 /* Pairs that come within `reach` (m) of each other on the way from xa to xb; swept 0: at xa, where
  * obstacles count with their whole way. */
 static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach) {
@@ -5996,6 +6027,7 @@ static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach)
     cloth_status status;
     int          o, edge = c->features.ne;
     c->npair = 0;
+    if (clothi_only_walls(c)) return CLOTH_OK;
     clothi_world_boxes(c, swept, reach);
     status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
     if (!status && later) clothi_meet_moved(c);
@@ -6005,7 +6037,7 @@ static cloth_status clothi_candidates(cloth_collide *c, int swept, double reach)
     if (!status && c->self) status = clothi_pairs_collect(c);
     for (o = 0; o < c->nobstacle && !status; o++) {
         if (!c->obstacle[o].used || clothi_is_mesh(c->obstacle + o) ||
-            c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE)
+            clothi_is_wall(c->obstacle + o))
             continue;
         status = clothi_pairs_lone(c, o, edge);
         edge += c->obstacle[o].kind == CLOTH_OBSTACLE_CAPSULE;
@@ -6074,14 +6106,16 @@ static cloth_status clothi_crossings_of(cloth_collide *c, int inside) {
     return status;
 }
 
-/* Distance left between a cloth feature and a sphere, capsule or plane at world positions at, m. */
+/* Distance left between a cloth feature and a sphere, capsule, plane or grid, m; at: world x. */
 static double clothi_lone_gap(const cloth_collide *c, const double *at, int kind, int a, int b) {
     double x[12], w[4];
     int    v[4];
     (void)clothi_pair_vertices(c, kind, a, b, v);
     if (kind == CLOTHI_VP) {
         clothi_sub3(at + 3 * v[0], at + 3 * v[1], x);
-        return clothi_dot3(x, c->obstacle[b].normal);
+        if (!c->obstacle[b].grid) return clothi_dot3(x, c->obstacle[b].normal);
+        return cloth_grid_sample(c->obstacle[b].grid, x, w, NULL) ? HUGE_VAL
+                                                                  : w[0] - c->obstacle[b].radius;
     }
     clothi_gather_points(at, v, 4, x);
     return clothi_pair_distance(kind, x, w) - clothi_pair_radius(c, kind, a, b);
@@ -6709,16 +6743,72 @@ static cloth_status clothi_ways_out(cloth_collide *c) {
  *
  * checked: tests/test_friction.c (differences), tests/test_flat.c, tests/test_contact.c,
  *   tests/validate/incline.c, stopping.c, resting.c, drop.c, capstan.c
+ *
+ * Distance grids. No zone stands behind the potential, so that it has to stop what comes, and cloth
+ * may be inside:
+ *
+ *      phi - radius        g = gap + n.(sum w dx),  n = grad phi / |grad phi|
+ *     3 t -+-              nearer than this at x^n: gap and n are of there
+ *       t -+-              range. From farther away the way h v^n of the vertex, less the
+ *       0 =====            grid's, is followed by steps of phi - t, 64 at most; where it comes
+ *          |               nearer than 3 t gap and n are taken, and gap reckoned back along n
+ *   -band -+-              deeper: phi is flat, no n, nothing is felt
+ *
+ *     force(g) = max( 0, k min((t - g)^2/t, t)  -  c (g - min(g^n, t))/h ),
+ *                                                       c = k max(tau, 20 ms)
+ *
+ * The damping begins at t, so that an impact at speed w ends m w/c below t, 0.2 mm at 2 m/s by
+ * default, in the step in which it arrives. The cap makes what lies deep come out at k t/c =
+ * t/max(tau, 20 ms), 0.1 m/s by default, at any depth: by it alone nothing leaves faster (what
+ * the cloth adds is the cloth's). E stays convex, E'' = c/h below the cap. Where |grad phi| < 1e-3,
+ * in the middle of a limb or beyond the band, there is no way out: such a vertex is led by its
+ * neighbours; take a band as deep as cloth may begin. Loads over k t are held by the stiffening
+ * above. n jumps between the cells of the grid by some cell/radius of curvature; the height it
+ * rests at is off by the interpolant's error, cell^2/(8 radius).
+ * checked: tests/test_friction.c (differences), tests/test_contact.c, tests/validate/incline.c,
+ *   stopping.c, resting.c, drop.c, capstan.c; grids: tests/test_grid_contact.c
  */
 
 #define CLOTHI_STIFFER 100                  /* times, under load                               */
 #define CLOTHI_EASE    0.25                 /* factor of q->ease, see 'Onset of sliding'       */
 #define CLOTHI_EASE_AT 0.1                  /* of |u|: changes below it are slow               */
+#define CLOTHI_SOFT_NEAR  3                 /* t, from a grid at x^n: felt from range on       */
+#define CLOTHI_SOFT_LOOKS 64                /* samples along the way to a grid, at most        */
+#define CLOTHI_SOFT_FLAT  1e-3              /* |grad phi| below which there is no way out      */
+#define CLOTHI_SOFT_TIME  0.02              /* s, least relaxation at a grid                   */
+
+/* Whether a vertex comes near a grid on its straight way through the substep; then the frame where
+ * it does, the gap reckoned back to x^n. */
+static int clothi_touch_soft(const cloth_collide *c, clothi_touch *q) {
+    const clothi_obstacle *o = c->obstacle + q->b;
+    const double t = c->desc.thickness, *a = c->xa, *b = c->xb;
+    const double close = clothi_min(CLOTHI_SOFT_NEAR * t, 0.5 * (t + o->grid->band - o->radius));
+    const int    v = 3 * q->v[0], at = 3 * q->v[1];
+    double       p[3], way[3], d = 0, s = 0, size, slope;
+    int          i, k;
+    for (k = 0; k < 3; k++) way[k] = c->h * c->v_n[v + k] - (b[at + k] - a[at + k]);
+    size = sqrt(clothi_dot3(way, way));
+    for (i = 0; i < CLOTHI_SOFT_LOOKS; i++) {
+        for (k = 0; k < 3; k++) p[k] = a[v + k] - a[at + k] + s * way[k];
+        if (cloth_grid_sample(o->grid, p, &d, q->normal)) return 0;
+        d -= o->radius;
+        if (d < close || !(s < 1)) break;
+        s = d - t < (1 - s) * size ? s + (d - t) / size : 1;
+    }
+    slope = sqrt(clothi_dot3(q->normal, q->normal));
+    if (!(d < close) || !(slope > CLOTHI_SOFT_FLAT)) return 0;
+    for (k = 0; k < 3; k++) q->normal[k] /= slope;
+    q->gap = d - s * clothi_dot3(way, q->normal);
+    q->w[0] = 1, q->w[1] = -1;
+    q->soft = 1;
+    return 1;
+}
 
 /* gap, normal and weights of a pair at xa; 0: on top of each other. */
 static int clothi_touch_frame(const cloth_collide *c, clothi_touch *q) {
     double x[12], r[3] = {0, 0, 0}, d, radius = clothi_pair_radius(c, q->kind, q->a, q->b);
     int    i, k;
+    if (q->kind == CLOTHI_VP && c->obstacle[q->b].grid) return clothi_touch_soft(c, q);
     memset(x, 0, sizeof x);
     clothi_gather_points(c->xa, q->v, q->n, x);
     if (q->kind == CLOTHI_VP) {
@@ -6793,36 +6883,56 @@ static double clothi_pair_area(const cloth_collide *c, int kind, int a, int b) {
     return share * (p > 0 && (p < q || !(q > 0)) ? p : q);
 }
 
+/* c/h, N/m. */
+static double clothi_touch_damping(const cloth_collide *c, const clothi_touch *q) {
+    const double tau = c->desc.relaxation;
+    return q->stiffness * (q->soft ? clothi_max(tau, CLOTHI_SOFT_TIME) : tau) / c->h;
+}
+
 /* force(g) and its slope, N and N/m. */
 static double clothi_touch_force(const cloth_collide *c, const clothi_touch *q, double g,
                                  double *slope) {
-    const double damp = q->stiffness * c->desc.relaxation / c->h;
+    const double damp = clothi_touch_damping(c, q), from = clothi_min(q->gap, q->range);
     const double in = g < q->range ? q->range - g : 0;
     if (slope) *slope = 0;
     if (!(g < q->rest)) return 0;
     if (slope && q->out) *slope = q->stiffness;
     if (q->out) return q->stiffness * (q->rest - g);
+    if (q->soft && in > q->range) {
+        if (slope) *slope = damp;
+        return q->stiffness * q->range - damp * (g - from);
+    }
     if (slope) *slope = 2 * q->stiffness * in / q->range + damp;
-    return q->stiffness * in * in / q->range - damp * (g - q->gap);
+    return q->stiffness * in * in / q->range - damp * (g - from);
+}
+
+/* The elastic part of P at g, J; at a grid it grows linearly below 0. */
+static double clothi_touch_elastic(const clothi_touch *q, double g) {
+    const double in = g < q->range ? q->range - g : 0;
+    if (q->soft && in > q->range) return q->stiffness * q->range * (in - 2 * q->range / 3);
+    return q->stiffness * in * in * in / (3 * q->range);
 }
 
 /* P(min(g, g0)). */
 static double clothi_touch_energy(const cloth_collide *c, const clothi_touch *q, double g) {
-    const double damp = q->stiffness * c->desc.relaxation / c->h;
-    double in, out;
+    const double damp = clothi_touch_damping(c, q);
+    double       out;
     g = clothi_min(g, q->rest);
     if (q->out) return 0.5 * q->stiffness * (q->rest - g) * (q->rest - g);
-    in = g < q->range ? q->range - g : 0;
-    out = g - q->gap;
-    return q->stiffness * in * in * in / (3 * q->range) + 0.5 * damp * out * out;
+    out = g - clothi_min(q->gap, q->range);
+    return clothi_touch_elastic(q, g) + 0.5 * damp * out * out;
 }
 
-/* Where the force ends: k u^2/t + c u/h = c (t - g^n)/h, u = t - g0. */
+/* Where the force ends: k u^2/t + c u/h = c (t - g^n)/h, u = t - g0; at a grid's cap k t for the
+ * first. */
 static double clothi_touch_rest(const cloth_collide *c, const clothi_touch *q) {
-    const double damp = q->stiffness * c->desc.relaxation / c->h, a = q->stiffness / q->range;
-    const double in = q->range - q->gap;
+    const double damp = clothi_touch_damping(c, q), a = q->stiffness / q->range;
+    const double in = q->range - clothi_min(q->gap, q->range);
+    double       u;
     if (!(q->stiffness > 0) || !(damp > 0)) return q->range;
-    return q->range - 2 * damp * in / (damp + sqrt(damp * damp + 4 * a * damp * in));
+    u = 2 * damp * in / (damp + sqrt(damp * damp + 4 * a * damp * in));
+    if (q->soft && u > q->range) u = in - q->stiffness * q->range / damp;
+    return q->range - u;
 }
 
 /* Edges nearest at the end of one: that vertex and the other edge's faces are a pair already. Two
@@ -6846,10 +6956,11 @@ static cloth_status clothi_touch_add(cloth_collide *c, int kind, int a, int b) {
     memset(q, 0, sizeof *q);
     q->kind = kind, q->a = a, q->b = b;
     q->n = clothi_pair_vertices(c, kind, a, b, q->v);
-    if (!clothi_touch_frame(c, q) || q->gap >= c->desc.thickness) return CLOTH_OK;
+    if (!clothi_touch_frame(c, q)) return CLOTH_OK;
+    if (!q->soft && q->gap >= c->desc.thickness) return CLOTH_OK;
     if (clothi_touch_twice(c, q)) return CLOTH_OK;
     q->range = q->n == 4 ? clothi_pair_thickness(c, kind, q->v) : c->desc.thickness;
-    if (q->gap >= q->range) return CLOTH_OK;
+    if (!q->soft && q->gap >= q->range) return CLOTH_OK;
     q->stiffness = c->stiffness * clothi_pair_area(c, kind, a, b);
     q->rest = clothi_touch_rest(c, q);
     q->size = -1, q->ease = 1;
@@ -8043,8 +8154,8 @@ static cloth_status clothi_touches_find(cloth_collide *c) {
             c->ntouch = n;
     }
     for (o = 0; o < c->nobstacle && !status; o++)
-        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
-                    i < c->nv && !status; i++)
+        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv && !status;
+             i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
                 status = clothi_touch_add(c, CLOTHI_VP, i, o);
     if (!status && c->nout) status = clothi_ways_out(c);
@@ -8087,6 +8198,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
+    c->v_n = e->v_n;
     c->opens = 0;
     if (explicit_step)
         c->opens = c->desc.thickness * clothi_min(0.25 * c->h / c->desc.relaxation, 0.1);
@@ -8138,14 +8250,13 @@ static void clothi_touches_book(cloth_collide *c, const double *x) {
     l->contact_work -= work;
     for (i = 0; i < c->ntouch; i++) {
         clothi_touch *q = c->touch + i;
-        double        du[3], K[9], push, in;
+        double        du[3], K[9], push;
         (void)clothi_touch_eval(c, q, x, q->pull, K);
         clothi_touch_motion(c, q, x, du);
         push = clothi_dot3(q->pull, q->normal) * clothi_dot3(du, q->normal);
         l->contact_work += clothi_dot3(q->pull, q->drift) - push;
         l->friction_loss += clothi_dot3(q->pull, du) - push;
-        in = clothi_max(q->range - q->gap - clothi_dot3(du, q->normal), 0);
-        l->contact += q->stiffness * in * in * in / (3 * q->range);
+        l->contact += clothi_touch_elastic(q, q->gap + clothi_dot3(du, q->normal));
     }
 }
 
@@ -8271,6 +8382,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
         clothi_touch_motion(c, c->touch + i, c->xb, u);
         active += -clothi_dot3(c->touch[i].pull, c->touch[i].normal) > 0;
         if (c->touch[i].out) continue;
+        if (c->touch[i].out || c->touch[i].soft) continue;
         least = clothi_min(least, c->touch[i].gap + clothi_dot3(u, c->touch[i].normal));
     }
     for (i = 0; i < c->nrow; i++) {
@@ -8664,6 +8776,7 @@ static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
     case CLOTH_OBSTACLE_CAPSULE: return 2;
     case CLOTH_OBSTACLE_PLANE: return 1;
     case CLOTH_OBSTACLE_BOX: return 8;
+    case CLOTH_OBSTACLE_GRID: return 1;
     case CLOTH_OBSTACLE_FORCE_INT: break;
     }
     return 0;
@@ -8674,7 +8787,7 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
     ptrdiff_t    at;
     int          nf, nv;
     if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
-    if (d->kind < CLOTH_OBSTACLE_MESH || d->kind > CLOTH_OBSTACLE_BOX)
+    if (d->kind < CLOTH_OBSTACLE_MESH || d->kind > CLOTH_OBSTACLE_GRID)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.kind = %i is no CLOTH_OBSTACLE_",
                            (int)d->kind);
     nv = clothi_obstacle_shape(d, &nf);
@@ -8699,6 +8812,39 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
     return clothi_check_faces(hooks, nv, nf, d->faces);
 }
 
+static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
+                                               const cloth_obstacle_desc *d) {
+    const cloth_grid *g = d->grid;
+    cloth_status      status = clothi_desc_number(c->hooks, "obstacle.radius", d->radius, 0);
+    ptrdiff_t         at;
+    int               k;
+    if (status) return status;
+    if (!g || !g->phi)
+        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid%s is NULL",
+                           g ? "->phi" : "");
+    for (k = 0; k < 3; k++)
+        if (g->n[k] < 2)
+            return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid->n[%i] = %i is below 2",
+                               k, g->n[k]);
+    status = clothi_desc_number(c->hooks, "obstacle.grid->cell", g->cell, 1);
+    if (!status) status = clothi_desc_number(c->hooks, "obstacle.grid->band", g->band, 1);
+    if (status) return status;
+    at = clothi_find_nonfinite(g->origin, 3);
+    if (at >= 0)
+        return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->origin[%i] = %g", (int)at,
+                           g->origin[at]);
+    at = clothi_find_nonfinite(g->phi, (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2]);
+    if (at >= 0)
+        return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->phi[%i] = %g", (int)at,
+                           g->phi[at]);
+    if (!(g->band > d->radius + c->desc.thickness))
+        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid->band = %g must be over "
+                           "radius %g + thickness %g", g->band, d->radius, c->desc.thickness);
+    if (c->sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG) return CLOTH_OK;
+    return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED, "obstacle.kind = %i: leapfrog has no "
+                       "proximity potential, which is all that a grid has", (int)d->kind);
+}
+
 static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
                                          const cloth_obstacle_desc *d) {
     double       normal[3], big = clothi_max_abs(d->normal, 3), size;
@@ -8718,8 +8864,9 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     if (o->nf)
         memcpy(o->faces, d->kind == CLOTH_OBSTACLE_BOX ? clothi_box_faces : d->faces,
                3 * (size_t)o->nf * sizeof(int));
-    o->radius = d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE ? d->radius
-                                                                                      : 0;
+    o->grid = d->kind == CLOTH_OBSTACLE_GRID ? d->grid : NULL;
+    o->radius = d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE || o->grid
+                    ? d->radius : 0;
     o->friction = d->friction;
     o->category = d->category, o->mask = d->mask;
     o->used = 1;
@@ -8741,6 +8888,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     if (!desc) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_add: desc is NULL");
     known = c->nobstacle;
     status = clothi_obstacle_check(c->hooks, desc);
+    if (!status && desc->kind == CLOTH_OBSTACLE_GRID) status = clothi_obstacle_check_grid(c, desc);
     if (status) return status;
     while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
     if (slot >= 0xffff)
@@ -9028,8 +9176,7 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
         *gap = clothi_min(*gap, clothi_lone_gap(c, c->xa, c->pair[i].kind, c->pair[i].a,
                                                 c->pair[i].b));
     for (o = 0; o < c->nobstacle && !status; o++)
-        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
-                    i < c->nv; i++)
+        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv; i++)
             if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
                 *gap = clothi_min(*gap, clothi_lone_gap(c, c->xa, CLOTHI_VP, i, o));
     return status;

@@ -98,8 +98,8 @@
  *     (tests/stability/garments.c); one that barely touches itself none
  *   - parts and obstacles whose category and mask exclude each other
  *   - distance grids (CLOTH_OBSTACLE_GRID): a potential alone, no detection. Vertices may sink in
- *     under load, faces and edges cut through what is sharper than the cloth's mesh; cloth may begin
- *     inside and is led out [8.2]
+ *     under load, faces and edges cut through what is sharper than the cloth's mesh; cloth may
+ *     begin inside and is led out [8.2]
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns
  *     far in one step cuts its corners, by 1 - cos(angle/2) of its radius: step shorter

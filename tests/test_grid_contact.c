@@ -209,7 +209,8 @@ static void differences(void) {
         CHECK(clothi_contact_begin(s.c, &e) == CLOTH_OK);
         CHECK(s.c->ntouch == 9);
         for (i = 0; i < 27; i++)
-            x[i] = s.state->x[i] + H * v[i] + 1e-5 * sin(5.0 * i) + (m == 3 ? 0.0095 * n[i % 3] : 0);
+            x[i] = s.state->x[i] + H * v[i] + 1e-5 * sin(5.0 * i) +
+                   (m == 3 ? 0.0095 * n[i % 3] : 0);
         for (i = 0; i < s.c->ntouch; i++) {
             clothi_touch *q = s.c->touch + i;
             q->limit = 0.01, q->slip[2] = 3e-6;
@@ -382,6 +383,26 @@ static void way_out(void) {
     cloth_grid_destroy(g);
 }
 
+/* What leaves by itself is not held back, from whatever depth. */
+static void leaves(void) {
+    cloth_grid *g = table(0.02, 0.08);
+    scene       s;
+    int         i, k;
+    sheet(&s, 4, 0.2, -0.1, -0.05, -0.1);
+    s.desc.gravity[1] = 0;
+    start(&s);
+    add_grid(&s, g, 0, 0, 0, 0.3);
+    for (i = 0; i < s.mesh->nv; i++) s.state->v[3 * i + 1] = 1;
+    cloth_sim_state_changed(s.sim);
+    for (k = 0; k < 10; k++) {
+        steps(&s, 1);
+        for (i = 0; i < s.mesh->nv; i++) CHECK_NEAR(s.state->v[3 * i + 1], 1, 1e-9);
+    }
+    CHECK(lowest(&s) > 0.04);
+    end(&s);
+    cloth_grid_destroy(g);
+}
+
 /* Deeper than the band there is no way out; beside the grid, far from it, there is nothing. */
 static void nowhere(void) {
     cloth_grid *g = table(0.02, 0.04);
@@ -534,7 +555,7 @@ static void cost(void) {
             ms += rep.ms.total, newton += rep.newton;
             contact[k] += c.ms_begin + c.ms_detect + c.ms_zones;
         }
-        printf("    %-10s %6.2f ms a step, of which pairs, detection and zones %5.2f; Newton %.1f\n",
+        printf("    %-10s %6.2f ms a step, of it pairs, detection and zones %5.2f; Newton %.1f\n",
                name[k], ms / i, contact[k] / i, (double)newton / i);
         end(&s);
     }
@@ -599,6 +620,7 @@ int main(int argc, char **argv) {
     RUN(carries);
     RUN(impact);
     RUN(way_out);
+    RUN(leaves);
     RUN(nowhere);
     RUN(books);
     RUN(same_bits);

@@ -5299,9 +5299,11 @@ CLOTHI_RARE_BEGIN
  *   levels      inside a leaf, rows are sorted by level = 1 + highest level of an earlier
  *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
  *               just before it: 69 us -> 60 us an iteration for a sheet of 64 x 64.
- *   aggregates  nv/85 (4 to 128) seeds, each the farthest from those before it in graph distance;
+ *   aggregates  nv/85 (4 to 512) seeds, each the farthest from those before it in graph distance;
  *               a vertex joins its nearest seed. They carry the coarse space of [7.3]. Vertices
- *               that no seed reaches (more than 128 pieces) have none.
+ *               that no seed reaches (more than 512 pieces) have none. Numbered as a front that
+ *               starts at the far end of each piece meets them, neighbours get near numbers, and
+ *               the coarse matrix is a band.
  *   lost        natural order, reverse Cuthill-McKee, 8 and 16 leaves differ by less than 10 %
  *               once long waves are deflated [7.3]; random numbering costs 25 %.
  *
@@ -5313,7 +5315,7 @@ CLOTHI_RARE_BEGIN
 #define CLOTHI_LEAVES        8              /* at most                                         */
 #define CLOTHI_AGG_VERTICES  85             /* per aggregate                                   */
 #define CLOTHI_AGG_MIN       4
-#define CLOTHI_AGG_MAX       128
+#define CLOTHI_AGG_MAX       512
 
 struct cloth_pattern {
     cloth_hooks hooks;
@@ -5331,6 +5333,7 @@ struct cloth_pattern {
     int  *kz, *kv;                          /* [nlow] place of a block in Z of its row, V of
                                                its column, -1: none                            */
     int  *member_start, *member;            /* [nc+2], [n] rows by aggregate, last: of none    */
+    int  *reach;                            /* [nc] row a of Ac and of its factor ends there   */
     struct clothi_tree *tree;               /* of [7.4]                                        */
 };
 
@@ -5605,6 +5608,39 @@ done:
     return i ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
+/* Aggregates renumbered in the order in which a breadth-first front meets them. The second of two
+ * fronts starts, in each piece, where the first one ended. */
+static cloth_status clothi_pattern_band(cloth_pattern *p, const clothi_graph *g) {
+    int *queue = (int *)clothi_alloc(&p->hooks, 2 * (size_t)p->n, sizeof(int));
+    int *seen = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
+    int *name = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
+    int  pass, i, k, a, met = 0, ok = queue && seen && name;
+    for (a = 0; ok && a < p->nc; a++) name[a] = -1;
+    for (pass = 0; ok && pass < 2; pass++) {
+        int *at = queue + (size_t)pass * (size_t)p->n, head = 0, tail = 0;
+        for (i = 0; i < p->n; i++) {
+            const int start = pass ? queue[p->n - 1 - i] : p->vertex_of[i];
+            if (seen[start] > pass) continue;
+            seen[start] = pass + 1;
+            for (at[tail++] = start; head < tail; head++) {
+                a = p->agg[p->row_of[at[head]]];
+                if (pass && a >= 0 && name[a] < 0) name[a] = met++;
+                for (k = g->start[at[head]]; k < g->start[at[head] + 1]; k++)
+                    if (seen[g->to[k]] <= pass) {
+                        seen[g->to[k]] = pass + 1;
+                        at[tail++] = g->to[k];
+                    }
+            }
+        }
+    }
+    for (i = 0; ok && i < p->n; i++)
+        if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
+    clothi_free(&p->hooks, queue);
+    clothi_free(&p->hooks, seen);
+    clothi_free(&p->hooks, name);
+    return ok ? CLOTH_OK : CLOTH_ERR_MEMORY;
+}
+
 /* Place of aggregate a in list [begin, *end), added at the end when new; -1 for a < 0. */
 static int clothi_place(int *list, int begin, int *end, int a) {
     int k;
@@ -5650,7 +5686,11 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
             p->kv[k] = clothi_place(p->vj, p->vp[j], &v, p->agg[i]);
         }
     p->member_start = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 3, sizeof(int));
-    if (!p->member_start) return CLOTH_ERR_MEMORY;
+    p->reach = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
+    if (!p->member_start || !p->reach) return CLOTH_ERR_MEMORY;
+    for (i = 0; i < p->n; i++)
+        for (k = p->zp[i]; k < p->zp[i + 1] && p->agg[i] >= 0; k++)
+            if (p->reach[p->agg[i]] < 3 * p->zj[k] + 3) p->reach[p->agg[i]] = 3 * p->zj[k] + 3;
     for (i = 0; i < p->n; i++) p->member_start[(p->agg[i] < 0 ? p->nc : p->agg[i]) + 2]++;
     for (k = 0; k <= p->nc; k++) p->member_start[k + 2] += p->member_start[k + 1];
     for (i = 0; i < p->n; i++)
@@ -6195,6 +6235,7 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     status = clothi_pattern_order(p, &g);
     if (!status) status = clothi_pattern_rows(p, &g);
     if (!status) status = clothi_pattern_aggregates(p, &g);
+    if (!status) status = clothi_pattern_band(p, &g);
     if (!status) status = clothi_pattern_coarse(p, &g);
     if (!status) status = clothi_tree_create(p, g.start, g.to, x, &p->tree);
 done:
@@ -6223,6 +6264,7 @@ static int clothi_pattern_parts(const cloth_pattern *p, const void **part) {
     part[n++] = p->kz;
     part[n++] = p->kv;
     part[n++] = p->member_start;
+    part[n++] = p->reach;
     part[n++] = p->member;
     return n;
 }
@@ -6576,7 +6618,7 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves: 100 to 460 iterations whenever one
  *   is left. Aggregates [7.1] give them a coarse space, the three translations of each: P one
  *   identity block per vertex (0 on fixed axes), P^ = G' P, and
- *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (dense, 3 nc <= 384; Ac = U'U)
+ *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (a band, 3 nc <= 1536; Ac = U'U)
  *   CG starts at the coarse solution and keeps every direction conjugate to the coarse space:
  *   t <- t - P^ Ac^-1 Z' t. In Eisenstat's variables that is two thin products an iteration (Z
  *   1.6, V 1.4 blocks a vertex against 4.9 of L) and K' t = p still holds:
@@ -6596,7 +6638,9 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *   adding the coarse correction instead (12 to 18 iterations), weights smoothed over the graph
  *   (fewer iterations, dearer matrices), affine modes (6.6, but 576 unknowns), 24 or 256
  *   aggregates (10 % more; the factor too dear), keeping the coarse factor of another matrix
- *   (Z, V, Ac must belong to A).
+ *   (Z, V, Ac must belong to A). Aggregates of 85 vertices however many there are: at 60 000
+ *   vertices 357 iterations a frame where 128 aggregates need 533. Numbered along a front [7.1],
+ *   each is coupled with near numbers; extras between far ones widen the band, at worst to all.
  *
  *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
  *   replaced by the point where its segment crosses it, and a direction with t.A t <= 0 is
@@ -7027,6 +7071,7 @@ struct cloth_linear_solver {
     clothi_store store[2];
     double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+3) x 3nc]:
                                                two to work in, then P'b of each leaf and S     */
+    int    *reach;                          /* [nc + 1] of Ac with the extras, increasing      */
     double *jacobi;                         /* [4n x 3], made when first asked for             */
     struct cloth_factor *factor;            /* [7.4], made when first asked for                */
     int     use_factor;
@@ -7112,7 +7157,8 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
     s->Ac = (double *)clothi_alloc(hooks, nc3 * nc3 + 2 * (nc3 + CLOTHI_FRONT_PAD) *
                                               CLOTHI_COARSE_BLOCK, sizeof(double));
     s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 3), sizeof(double));
-    if (!s->Ac || !s->cd) {
+    s->reach = (int *)clothi_alloc(hooks, (size_t)pattern->nc + 1, sizeof(int));
+    if (!s->Ac || !s->cd || !s->reach) {
         cloth_linear_solver_destroy(s);
         return CLOTH_ERR_MEMORY;
     }
@@ -7131,6 +7177,7 @@ CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
     }
     clothi_free(&hooks, s->Ac);
     clothi_free(&hooks, s->cd);
+    clothi_free(&hooks, s->reach);
     clothi_free(&hooks, s->jacobi);
     cloth_factor_destroy(s->factor);
     clothi_free(&hooks, s);
@@ -7144,7 +7191,7 @@ CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
         sum += clothi_block_size(s->store[k].block) + clothi_block_size(s->store[k].E);
     sum += cloth_factor_bytes(s->factor);
     return sum + clothi_block_size(s) + clothi_block_size(s->Ac) + clothi_block_size(s->cd) +
-           clothi_block_size(s->jacobi);
+           clothi_block_size(s->reach) + clothi_block_size(s->jacobi);
 }
 
 CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
@@ -7407,11 +7454,13 @@ CLOTHI_OUTLINE static void clothi_coarse_range(int begin, int end, int worker, v
     }
 }
 
-/* Extras: scaled into E; P'CP into the coarse matrix. */
+/* Extras: scaled into E; P'CP into the coarse matrix. Then how far its rows reach: elimination
+ * fills them up to where those above reach. */
 static void clothi_setup_extras(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
     const size_t n3 = 3 * (size_t)p->nc;
-    int          e, a, c;
+    int          e, a, c, u, v, *reach = s->reach;
+    memcpy(reach, p->reach, (size_t)p->nc * sizeof(int));
     for (e = 0; e < s->A->ne; e++) {
         const int i = s->A->pair[2 * e], j = s->A->pair[2 * e + 1];
         double    cut[9];
@@ -7419,22 +7468,26 @@ static void clothi_setup_extras(cloth_linear_solver *s) {
                                         clothi_mask(s, j), cut);
         if (s->wide) clothi_scale_block(&s->store[1], i, j, B, s->store[1].E, (size_t)e, 1);
         else clothi_scale_block(&s->store[0], i, j, B, s->store[0].E, (size_t)e, 0);
-        if (p->agg[i] < 0 || p->agg[j] < 0) continue;
+        u = p->agg[i], v = p->agg[j];
+        if (u < 0 || v < 0) continue;
         for (a = 0; a < 3; a++)
             for (c = 0; c < 3; c++) {
-                const size_t u = (size_t)(3 * p->agg[i] + a), v = (size_t)(3 * p->agg[j] + c);
-                s->Ac[u * n3 + v] += B[3 * a + c];
-                s->Ac[v * n3 + u] += B[3 * a + c];
+                if (u <= v) s->Ac[(size_t)(3 * u + a) * n3 + (size_t)(3 * v + c)] += B[3 * a + c];
+                if (v <= u) s->Ac[(size_t)(3 * v + c) * n3 + (size_t)(3 * u + a)] += B[3 * a + c];
             }
+        if (u < v && reach[u] < 3 * v + 3) reach[u] = 3 * v + 3;
+        if (v < u && reach[v] < 3 * u + 3) reach[v] = 3 * u + 3;
     }
+    for (a = 1; a < p->nc; a++)
+        if (reach[a] < reach[a - 1]) reach[a] = reach[a - 1];
 }
 
 /* Dense kernels of [7.4]. */
-static void clothi_front_columns(double *panel, size_t m, int k0, int k1, double *sign,
+static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
                                  signed char *pivot, const double *small);
-static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t m, int row0,
-                                int cols, int k0, int k1, const double *sign, double *c, size_t ldc,
-                                double *pack, int par);
+static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
+                                int row0, int cols, int k0, int k1, const double *sign, double *c,
+                                size_t ldc, double *pack, int par);
 
 /* Ac = U'U in place, upper by rows, which is U' lower by columns. A translation that nothing holds
  * (all its axes fixed, or a piece without mass) gives a zero pivot: it is left out, its row and
@@ -7445,14 +7498,15 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
     double       *A = s->Ac, *sign = s->cd + n;
     signed char   pivot[3 * CLOTHI_AGG_MAX];
     size_t        i, j, ld = (size_t)n;
-    int           k, k1;
+    int           k, k1, m;
     for (k = 0; k < n; k++)
         s->cd[k] = (s->wide ? 1e-12 : 1e-6) * fabs(A[(size_t)k * (ld + 1)]);
     for (k = 0; k < n; k = k1) {
         k1 = k + CLOTHI_COARSE_BLOCK < n ? k + CLOTHI_COARSE_BLOCK : n;
-        clothi_front_columns(A, ld, k, k1, sign, pivot, s->cd);
-        if (k1 < n)
-            clothi_front_update(&s->hooks, A, ld, k1, n - k1, k, k1, sign,
+        m = s->reach[(k1 - 1) / 3];
+        clothi_front_columns(A, ld, m, k, k1, sign, pivot, s->cd);
+        if (k1 < m)
+            clothi_front_update(&s->hooks, A, ld, m, k1, m - k1, k, k1, sign,
                                 A + (size_t)k1 * (ld + 1), ld, A + ld * ld, 0);
     }
     for (k = 0; k < n; k++) {
@@ -7460,7 +7514,7 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
         if (pivot[k] < 0 || !clothi_finite(s->bad_value)) return k;
     }
     for (i = 0; i < ld; i++)
-        for (j = i; j < ld; j++) {
+        for (j = i; j < (size_t)s->reach[i / 3]; j++) {
             const double u = i < j ? A[i * ld + j] : pivot[i] / A[i * ld + i];
             clothi_put(st->U, i * ld + j, u, s->wide);
             clothi_put(st->Ut, j * ld + i, u, s->wide);
@@ -7469,40 +7523,45 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
 }
 
 /* c <- (U'U)^-1 c, both substitutions as sums of rows, those of one aggregate together; the
- * diagonals hold reciprocals. */
+ * diagonals hold reciprocals. Rows of U end at reach; those of U' begin at the first that reaches
+ * them. */
 CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *CLOTHI_RESTRICT U,
                                                 const float *CLOTHI_RESTRICT Ut,
-                                                float *CLOTHI_RESTRICT c, int n) {
-    int j, k;
+                                                float *CLOTHI_RESTRICT c, int n,
+                                                const int *reach) {
+    int j, k, first = n / 3 - 1;
     for (k = 0; k < n; k += 3) {
         const float *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
         const float f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
         const float h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
-        for (j = k + 3; j < n; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
+        for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
     for (k = n - 3; k >= 0; k -= 3) {
         const float *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
         const float h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
         const float f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
-        for (j = 0; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
+        while (first > 0 && reach[first - 1] > k) first--;
+        for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
 }
 
 CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *CLOTHI_RESTRICT U,
                                                 const double *CLOTHI_RESTRICT Ut,
-                                                double *CLOTHI_RESTRICT c, int n) {
-    int j, k;
+                                                double *CLOTHI_RESTRICT c, int n,
+                                                const int *reach) {
+    int j, k, first = n / 3 - 1;
     for (k = 0; k < n; k += 3) {
         const double *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
         const double f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
         const double h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
-        for (j = k + 3; j < n; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
+        for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
     for (k = n - 3; k >= 0; k -= 3) {
         const double *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
         const double h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
         const double f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
-        for (j = 0; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
+        while (first > 0 && reach[first - 1] > k) first--;
+        for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
     }
 }
 
@@ -7512,9 +7571,11 @@ static void clothi_coarse_apply(cloth_linear_solver *s) {
     int a, k, n = 3 * s->p->nc;
     for (a = 0; a < n; a++) clothi_put(st->c, (size_t)a, s->cd[a], s->wide);
     if (s->wide)
-        clothi_coarse_solve_d((const double *)st->U, (const double *)st->Ut, (double *)st->c, n);
+        clothi_coarse_solve_d((const double *)st->U, (const double *)st->Ut, (double *)st->c, n,
+                              s->reach);
     else
-        clothi_coarse_solve_f((const float *)st->U, (const float *)st->Ut, (float *)st->c, n);
+        clothi_coarse_solve_f((const float *)st->U, (const float *)st->Ut, (float *)st->c, n,
+                              s->reach);
     for (a = 0; a < s->p->nc; a++)
         for (k = 0; k < 3; k++)
             clothi_put(st->m, (size_t)(4 * a + k),
@@ -8430,51 +8491,50 @@ struct cloth_factor {
     int     ready, first_bad;               /* elimination index 3 e + axis, -1                */
 };
 
-/* A S A' of panel columns [k0, k1), rows from row0 on, taken off C. par: the rows in parallel. */
-static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t m, int row0,
-                                int cols, int k0, int k1, const double *sign, double *c, size_t ldc,
-                                double *pack, int par) {
+/* A S A' of panel columns [k0, k1), rows [row0, m), taken off C. par: the rows in parallel. */
+static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
+                                int row0, int cols, int k0, int k1, const double *sign, double *c,
+                                size_t ldc, double *pack, int par) {
     clothi_front_job g;
-    int tiles = ((int)m - row0 + CLOTHI_TILE - 1) / CLOTHI_TILE;
+    int tiles = (m - row0 + CLOTHI_TILE - 1) / CLOTHI_TILE;
     g.c = c;
     g.ldc = ldc;
-    g.rows = (int)m - row0;
+    g.rows = m - row0;
     g.cols = cols;
     g.k = k1 - k0;
     g.a = pack;
     g.b = pack + (size_t)(g.rows + CLOTHI_FRONT_PAD) * (size_t)g.k;
-    clothi_front_pack(panel, m, row0, (int)m, k0, k1, CLOTHI_TILE, NULL, pack);
-    clothi_front_pack(panel, m, row0, row0 + cols, k0, k1, 4, sign,
+    clothi_front_pack(panel, ld, row0, m, k0, k1, CLOTHI_TILE, NULL, pack);
+    clothi_front_pack(panel, ld, row0, row0 + cols, k0, k1, 4, sign,
                 pack + (size_t)(g.rows + CLOTHI_FRONT_PAD) * (size_t)g.k);
     if (par) clothi_for(hooks, tiles, 4, clothi_front_tiles, &g);
     else clothi_front_tiles(0, tiles, 0, &g);
 }
 
-/* Columns [k0, k1) of a panel, their earlier updates done: signed Cholesky, column by column.
+/* Columns [k0, k1) of a panel of m rows, their earlier updates done: signed Cholesky, one by one.
  * small [n]: a pivot below it counts as zero and its column as fixed. */
-static void clothi_front_columns(double *panel, size_t m, int k0, int k1, double *sign,
+static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
                                  signed char *pivot, const double *small) {
-    int k, p;
-    size_t i;
+    int k, p, i;
     for (k = k0; k < k1; k++) {
-        double *c = panel + (size_t)k * m, d, inv;
+        double *c = panel + (size_t)k * ld, d, inv;
         for (p = k0; p < k; p++) {
-            const double *b = panel + (size_t)p * m;
+            const double *b = panel + (size_t)p * ld;
             const double  s = sign[p] * b[k];
-            for (i = (size_t)k; i < m; i++) c[i] -= s * b[i];
+            for (i = k; i < m; i++) c[i] -= s * b[i];
         }
         d = c[k];
         sign[k] = d < 0 ? -1.0 : 1.0;
         pivot[k] = (signed char)(d > small[k] ? 1 : d < -small[k] ? -1 : 0);
         if (!pivot[k]) {
-            for (i = (size_t)k; i < m; i++) c[i] = 0;
+            for (i = k; i < m; i++) c[i] = 0;
             c[k] = clothi_finite(d) ? 1.0 : d;          /* NaN stays, for judge to find        */
             sign[k] = 1;
             continue;
         }
         c[k] = sqrt(fabs(d));
         inv = sign[k] / c[k];
-        for (i = (size_t)k + 1; i < m; i++) c[i] *= inv;
+        for (i = k + 1; i < m; i++) c[i] *= inv;
     }
 }
 
@@ -8492,15 +8552,16 @@ static void clothi_front_factor(cloth_factor *f, int q, double *U, double *pack,
     int k0, k1;
     for (k0 = 0; k0 < n; k0 = k1) {
         k1 = k0 + CLOTHI_FRONT_BLOCK < n ? k0 + CLOTHI_FRONT_BLOCK : n;
-        clothi_front_columns(L, m, k0, k1, sign, f->pivot + 3 * (size_t)p->mid, small);
+        clothi_front_columns(L, m, n + nb, k0, k1, sign, f->pivot + 3 * (size_t)p->mid, small);
         if (k1 < n)
-            clothi_front_update(&f->hooks, L, m, k1, n - k1, k0, k1, sign,
+            clothi_front_update(&f->hooks, L, m, n + nb, k1, n - k1, k0, k1, sign,
                                 L + (size_t)k1 * m + k1, m, pack, par);
     }
     if (!nb) return;
     for (k0 = 0; k0 < n; k0 = k1) {
         k1 = k0 + CLOTHI_FRONT_K < n ? k0 + CLOTHI_FRONT_K : n;
-        clothi_front_update(&f->hooks, L, m, n, nb, k0, k1, sign, U, (size_t)nb, pack, par);
+        clothi_front_update(&f->hooks, L, m, n + nb, n, nb, k0, k1, sign, U, (size_t)nb, pack,
+                            par);
     }
 }
 

@@ -109,6 +109,12 @@ static inline int test_quick(void) {
     return quick && *quick == '1';
 }
 
+/* false where long double is no wider than double, as under valgrind: no reference then */
+static inline int test_long_double(void) {
+    volatile long double one = 1, more = one + 1e-18L;
+    return more > one;
+}
+
 /* A file of the shared data directory (beside the checkout, or $CLOTH_SHARED), "" when absent. */
 static inline const char *test_shared(const char *name) {
     static char path[1024];

@@ -17,8 +17,8 @@ static const double pi = 3.14159265358979323846;
 /* Edges of a w x h grid of springs that pull alike in all directions (the 5-point Laplacian). */
 static int grid_edges(int w, int h, int **start, int **vertex) {
     int n = 0, i, j;
-    *start = (int *)malloc(sizeof(int) * (size_t)(2 * w * h + 1));
-    *vertex = (int *)malloc(sizeof(int) * (size_t)(4 * w * h + 4));
+    *start = (int *)calloc((size_t)(2 * w * h + 1), sizeof(int));
+    *vertex = (int *)calloc((size_t)(4 * w * h + 4), sizeof(int));
     (*start)[0] = 0;
     for (j = 0; j < h; j++)
         for (i = 0; i < w; i++) {

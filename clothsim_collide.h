@@ -5611,6 +5611,7 @@ static int clothi_key_compare(const clothi_key *p, const clothi_key *q) {
 
 #define CLOTHI_MOST_PASSES     1000000
 #define CLOTHI_FINEST          1e-12        /* of the largest coordinate: thickness            */
+#define CLOTHI_FARTHEST        1e50         /* m, of a coordinate                              */
 #define CLOTHI_COLLIDE_COOKIE  0xC0111DEu
 #define CLOTHI_OBSTACLE_COOKIE 0x0B57AC1Eu
 
@@ -8573,6 +8574,18 @@ static cloth_status clothi_desc_number(const cloth_hooks *hooks, const char *nam
                        "%s = %g must be finite and %s 0", name, a, above ? ">" : ">=");
 }
 
+/* x [n x 3]: finite, and no farther out than that areas' squares have room. */
+static cloth_status clothi_check_places(const cloth_hooks *hooks, const char *call,
+                                        const char *name, const double *x, int n) {
+    size_t i, size = 3 * (size_t)n;
+    for (i = 0; i < size && fabs(x[i]) <= CLOTHI_FARTHEST; i++) continue;
+    if (i == size) return CLOTH_OK;
+    if (!clothi_finite(x[i]))
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s%s[%i] = %g", call, name, (int)i, x[i]);
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s[%i] = %g is over %g", call, name, (int)i,
+                       x[i], CLOTHI_FARTHEST);
+}
+
 static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
     const cloth_hooks *hooks = &sim->hooks;
     cloth_status       status;
@@ -8673,10 +8686,7 @@ static void clothi_collide_connect(cloth_collide *c) {
 
 /* Outside a step: what a host wrote into x is a number. */
 static cloth_status clothi_look_check(const cloth_collide *c) {
-    const double   *x = c->sim->state.x;
-    const ptrdiff_t at = clothi_find_nonfinite(x, 3 * (size_t)c->nv);
-    if (at < 0) return CLOTH_OK;
-    return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "the state's x[%i] = %g", (int)at, x[at]);
+    return clothi_check_places(c->hooks, "the state", "'s x", c->sim->state.x, c->nv);
 }
 
 /* Checks where everything is now, outside a step: what it finds becomes state. */
@@ -8784,7 +8794,6 @@ static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
 
 static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
     cloth_status status;
-    ptrdiff_t    at;
     int          nf, nv;
     if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
     if (d->kind < CLOTH_OBSTACLE_MESH || d->kind > CLOTH_OBSTACLE_GRID)
@@ -8794,13 +8803,14 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
     if (!d->x || nv < 1 || nv > CLOTH_MAX_COUNT)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.nv = %i, x %s", nv,
                            d->x ? "given" : "NULL");
-    at = clothi_find_nonfinite(d->x, 3 * (size_t)nv);
-    if (at >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "obstacle.x[%i] = %g", (int)at, d->x[at]);
-    status = clothi_desc_number(hooks, "obstacle.friction", d->friction, 0);
+    status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv);
+    if (!status) status = clothi_desc_number(hooks, "obstacle.friction", d->friction, 0);
     if (!status && (d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE))
         status = clothi_desc_number(hooks, "obstacle.radius", d->radius, 1);
     if (status) return status;
+    if (clothi_finite(d->radius) && d->radius > CLOTHI_FARTHEST)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.radius = %g is over %g", d->radius,
+                           CLOTHI_FARTHEST);
     if (d->kind == CLOTH_OBSTACLE_PLANE &&
         (clothi_find_nonfinite(d->normal, 3) >= 0 || !(clothi_max_abs(d->normal, 3) > 0)))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.normal = (%g, %g, %g)",
@@ -8943,12 +8953,9 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
 static cloth_status clothi_pose_check(const cloth_collide *c, cloth_obstacle id, const char *call,
                                       const double *x) {
     const clothi_obstacle *o = clothi_obstacle_of(c, id);
-    ptrdiff_t              at;
     if (!o) return clothi_obstacle_gone(c, id, call);
     if (!x) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: x is NULL", call);
-    at = clothi_find_nonfinite(x, 3 * (size_t)o->nv);
-    if (at < 0) return CLOTH_OK;
-    return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "%s: x[%i] = %g", call, (int)at, x[at]);
+    return clothi_check_places(c->hooks, call, ": x", x, o->nv);
 }
 
 CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
@@ -10013,15 +10020,11 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     const cloth_hooks    *hooks;
     cloth_hooks           quiet;
     cloth_status          status;
-    ptrdiff_t             at;
     int                   good = 1;
     memset(r, 0, sizeof *r);
     if (!c) return CLOTH_ERR_ARGUMENT;
     status = clothi_desc_number(c->hooks, "cloth_collide_untangle: max_move", max_move, 0);
-    at = clothi_find_nonfinite(c->sim->state.x, 3 * (size_t)c->nv);
-    if (!status && at >= 0)
-        status = clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "cloth_collide_untangle: x[%i] = %g",
-                             (int)at, c->sim->state.x[at]);
+    if (!status) status = clothi_look_check(c);
     if (status) return status;
     if (!(max_move > 0)) max_move = CLOTHI_UNTANGLE_MOVE * c->desc.thickness;
     memset(&u, 0, sizeof u);

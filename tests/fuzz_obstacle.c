@@ -33,6 +33,9 @@ typedef struct world {
     cloth_obstacle id[FUZZ_OBSTACLES];
     int            nv[FUZZ_OBSTACLES];
     double         x[FUZZ_OBSTACLES][3 * FUZZ_V];
+    int            pairs;
+    cloth_grid     grid[FUZZ_OBSTACLES];
+    double         phi[FUZZ_OBSTACLES][27];
 } world;
 
 /* Mostly around a sheet of 0.3 m at the origin; few are absurd. */
@@ -68,6 +71,19 @@ static int find(const world *w, int wanted) {
     return -1;
 }
 
+/* Of 3 x 3 x 3 nodes around the sheet: a half space, or wild. */
+static const cloth_grid *grid_at(world *w, bytes *b, int at) {
+    cloth_grid *g = w->grid + at;
+    const int   wild = next(b) > 100;
+    int         i;
+    for (i = 0; i < 3; i++) g->n[i] = 3, g->origin[i] = wild ? number(b) : -0.3;
+    g->cell = next(b) < 200 ? 0.3 : number(b);
+    g->band = next(b) < 200 ? 0.3 : number(b);
+    for (i = 0; i < 27; i++) w->phi[at][i] = wild ? number(b) : 0.3 * (i / 3 % 3 - 1);
+    g->phi = next(b) == 255 ? NULL : w->phi[at];
+    return next(b) == 255 ? NULL : g;
+}
+
 /* One of the kinds. A mesh is wild, or the faces of a strip with a byte of damage. */
 static void fuzz_add(world *w, bytes *b) {
     cloth_obstacle_desc d = cloth_obstacle_desc_default();
@@ -78,8 +94,9 @@ static void fuzz_add(world *w, bytes *b) {
     cloth_obstacle      id;
     cloth_status        status;
     if (at < 0) return;
-    d.kind = (cloth_obstacle_kind)(next(b) % 7u);
-    if (d.kind == 6) d.kind = CLOTH_OBSTACLE_MESH;
+    d.kind = (cloth_obstacle_kind)(next(b) % 8u);
+    if (d.kind == 7) d.kind = CLOTH_OBSTACLE_MESH;
+    if (d.kind == CLOTH_OBSTACLE_GRID) d.grid = grid_at(w, b, at);
     d.nv = (int)(next(b) % (FUZZ_V + 1u)), d.nf = (int)(next(b) % (FUZZ_F + 1u));
     for (i = 0; i < 3 * FUZZ_V; i++) x[i] = i < 3 * d.nv || i < 24 ? number(b) : 0;
     for (i = 0; i < 3 * FUZZ_F; i++) faces[i] = 0;
@@ -125,10 +142,12 @@ static void fuzz_pose(world *w, bytes *b, int jump) {
     if (!status) memcpy(w->x[at], x, sizeof x);
 }
 
+/* -1 where what the fuzzer wrote into x is refused. */
 static int pairs_now(world *w) {
-    int n = 0;
-    require(cloth_collide_intersections(w->c, 0, NULL, &n) == CLOTH_OK && n >= 0);
-    return n;
+    const cloth_status status = cloth_collide_intersections(w->c, 0, NULL, &w->pairs);
+    if (status == CLOTH_ERR_NONFINITE || status == CLOTH_ERR_ARGUMENT) return -1;
+    require(status == CLOTH_OK && w->pairs >= 0);
+    return w->pairs;
 }
 
 static void fuzz_step(world *w, bytes *b, int halvings) {
@@ -174,7 +193,9 @@ static void fuzz_ask(world *w, bytes *b) {
     require(cloth_collide_forces(w->c, f) == CLOTH_OK);
     require(cloth_collide_friction(w->c, f) == CLOTH_OK);
     (void)cloth_collide_gap(w->c, number(b), &gap);
-    require(cloth_collide_intersections(w->c, (int)(next(b) % 3u), pairs, &count) == CLOTH_OK);
+    (void)cloth_collide_intersections(w->c, (int)(next(b) % 3u), pairs, &count);
+    (void)pairs_now(w);
+    require(cloth_collide_exempt(w->c, (int)(next(b) % 9u), pair, &count) == CLOTH_OK);
     require(cloth_sim_hash(w->sim) == before);
     host_forget(&w->h);
 }

@@ -282,16 +282,17 @@ static void lost_state(void) {
     CHECK(H.live == 0);
 }
 
-/* A ground that leaps by the largest number: the program of the zone refuses its rows, which is the
- * step's failure, not the caller's. */
+/* A ground that leaps by the largest number is refused; by what is just allowed the zones cannot
+ * follow, which is the step's failure, not the caller's. */
 static void absurd_zone(void) {
-    static const double leap[3] = {0, 1.7e308, 0}, ground[3] = {0, -0.2, 0};
+    static const double far[3] = {0, 1.7e308, 0}, leap[3] = {0, 1e50, 0}, ground[3] = {0, -0.2, 0};
     cloth_hooks  hooks = host_hooks(&H);
     cloth_touch  touch[8];
     cloth_report r;
     uint64_t     before, after;
     int          count, live;
     after = open_before_ninth(&hooks);
+    CHECK(said(cloth_collide_move(W.c, W.ground, far), CLOTH_ERR_ARGUMENT, "x[1] = "));
     CHECK(cloth_collide_move(W.c, W.ground, leap) == CLOTH_OK);
     before = cloth_sim_hash(W.sim);
     CHECK(said(cloth_step(W.sim, 1.0 / 60, &r), CLOTH_ERR_STEP, "could not be resolved"));

@@ -407,7 +407,7 @@ static void leaves(void) {
 static void nowhere(void) {
     cloth_grid *g = table(0.02, 0.04);
     scene       s;
-    double      place[4][3] = {{-0.05, -0.1, -0.05}, {0.8, 0, 0}, {0, 1e200, 0}, {0, 0.3, 0}};
+    double      place[4][3] = {{-0.05, -0.1, -0.05}, {0.8, 0, 0}, {0, 1e48, 0}, {0, 0.3, 0}};
     int         k, i;
     for (k = 0; k < 4; k++) {
         sheet(&s, 3, 0.1, 0, 0, 0);

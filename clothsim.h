@@ -7118,7 +7118,7 @@ struct cloth_linear_solver {
     double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+3) x 3nc]:
                                                two to work in, then P'b of each leaf and S     */
     int    *reach;                          /* [nc + 1] of Ac with the extras, increasing      */
-    double *jacobi;                         /* [4n x 3], made when first asked for             */
+    double *jacobi;                         /* [4n x 3], made by the sim or when asked for    */
     struct cloth_factor *factor;            /* [7.4], made when first asked for                */
     int     use_factor;
     /* the solve in hand */
@@ -7185,6 +7185,12 @@ static cloth_status clothi_store_make(cloth_linear_solver *s, int wide) {
         st->extras = s->A->capacity;
     }
     return CLOTH_OK;
+}
+
+static cloth_status clothi_jacobi_make(cloth_linear_solver *s) {
+    if (!s->jacobi)
+        s->jacobi = (double *)clothi_alloc(&s->hooks, 12 * (size_t)s->p->n, sizeof(double));
+    return s->jacobi ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
@@ -8319,8 +8325,7 @@ static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, cloth
     size_t       i;
     s->wide = 1;
     s->bad_row = s->bad_pivot = -1;
-    if (!s->jacobi) s->jacobi = (double *)clothi_alloc(&s->hooks, 4 * n, sizeof(double));
-    if (!s->jacobi) return CLOTH_ERR_MEMORY;
+    if (clothi_jacobi_make(s)) return CLOTH_ERR_MEMORY;
     r = s->jacobi;
     z = r + n;
     d = z + n;
@@ -9022,8 +9027,7 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
     if (found) *found = 0;
     if (!s || !A || !x || !found || A->p != s->p) return CLOTH_ERR_ARGUMENT;
     n = 3 * (size_t)s->p->n;
-    if (!s->jacobi) s->jacobi = (double *)clothi_alloc(&s->hooks, 4 * n, sizeof(double));
-    if (!s->jacobi) return CLOTH_ERR_MEMORY;
+    if (clothi_jacobi_make(s)) return CLOTH_ERR_MEMORY;
     b = s->jacobi;
     memset(x, 0, n * sizeof(double));
     if (A->ne > 0) {
@@ -13079,6 +13083,7 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     if (!status && implicit) s->solver->A = s->matrix;
     if (!status && implicit) status = clothi_store_make(s->solver, 0);
     if (!status && implicit) status = clothi_store_make(s->solver, 1);
+    if (!status && implicit) status = clothi_jacobi_make(s->solver);
     return status;
 }
 

@@ -5645,32 +5645,28 @@ done:
 /* Aggregates renumbered in the order in which a breadth-first front meets them. The second of two
  * fronts starts, in each piece, where the first one ended. */
 static cloth_status clothi_pattern_band(cloth_pattern *p, const clothi_graph *g) {
-    int *queue = (int *)clothi_alloc(&p->hooks, 2 * (size_t)p->n, sizeof(int));
-    int *seen = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
+    const size_t n = (size_t)p->n;
+    int *label = (int *)clothi_alloc(&p->hooks, n, sizeof(int));       /* 0: all one part */
+    int *mark = (int *)clothi_alloc(&p->hooks, n, sizeof(int));
+    int *back = (int *)clothi_alloc(&p->hooks, 2 * n, sizeof(int));
     int *name = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
-    int  pass, i, k, a, met = 0, ok = queue && seen && name;
-    for (a = 0; ok && a < p->nc; a++) name[a] = -1;
-    for (pass = 0; ok && pass < 2; pass++) {
-        int *at = queue + (size_t)pass * (size_t)p->n, head = 0, tail = 0;
+    int  ok = label && mark && back && name, i, a, met = 0;
+    if (ok) {
+        int *queue = back + n;
+        (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
+        for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
+        (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
+        for (a = 0; a < p->nc; a++) name[a] = -1;
         for (i = 0; i < p->n; i++) {
-            const int start = pass ? queue[p->n - 1 - i] : p->vertex_of[i];
-            if (seen[start] > pass) continue;
-            seen[start] = pass + 1;
-            for (at[tail++] = start; head < tail; head++) {
-                a = p->agg[p->row_of[at[head]]];
-                if (pass && a >= 0 && name[a] < 0) name[a] = met++;
-                for (k = g->start[at[head]]; k < g->start[at[head] + 1]; k++)
-                    if (seen[g->to[k]] <= pass) {
-                        seen[g->to[k]] = pass + 1;
-                        at[tail++] = g->to[k];
-                    }
-            }
+            a = p->agg[p->row_of[queue[i]]];
+            if (a >= 0 && name[a] < 0) name[a] = met++;
         }
+        for (i = 0; i < p->n; i++)
+            if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
     }
-    for (i = 0; ok && i < p->n; i++)
-        if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
-    clothi_free(&p->hooks, queue);
-    clothi_free(&p->hooks, seen);
+    clothi_free(&p->hooks, label);
+    clothi_free(&p->hooks, mark);
+    clothi_free(&p->hooks, back);
     clothi_free(&p->hooks, name);
     return ok ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
@@ -7118,7 +7114,7 @@ struct cloth_linear_solver {
     double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+3) x 3nc]:
                                                two to work in, then P'b of each leaf and S     */
     int    *reach;                          /* [nc + 1] of Ac with the extras, increasing      */
-    double *jacobi;                         /* [4n x 3], made by the sim or when asked for    */
+    double *jacobi;                         /* [4n x 3], made by the sim or when asked for     */
     struct cloth_factor *factor;            /* [7.4], made when first asked for                */
     int     use_factor;
     /* the solve in hand */

@@ -4716,7 +4716,7 @@ CLOTHI_UNUSED static size_t clothi_inside_bytes(const clothi_inside *work) {
            clothi_block_size(work->pairs.pair) + clothi_block_size(work->pairs.start) +
            clothi_block_size(work->faces) + clothi_block_size(work->x) +
            clothi_block_size(work->closed) + clothi_block_size(work->rank) +
-           clothi_block_size(work->hit);
+           clothi_block_size(work->start) + clothi_block_size(work->hit);
 }
 
 /* The faces around each edge. */
@@ -6742,9 +6742,6 @@ static cloth_status clothi_ways_out(cloth_collide *c) {
  * sheet took half as many iterations again in the median step, with 0.1 no more than without.
  * [LFS20] Li et al., Incremental Potential Contact, ACM TOG 39 (2020), doi 10.1145/3386569.3392425.
  *
- * checked: tests/test_friction.c (differences), tests/test_flat.c, tests/test_contact.c,
- *   tests/validate/incline.c, stopping.c, resting.c, drop.c, capstan.c
- *
  * Distance grids. No zone stands behind the potential, so that it has to stop what comes, and cloth
  * may be inside:
  *
@@ -6766,8 +6763,9 @@ static cloth_status clothi_ways_out(cloth_collide *c) {
  * neighbours; take a band as deep as cloth may begin. Loads over k t are held by the stiffening
  * above. n jumps between the cells of the grid by some cell/radius of curvature; the height it
  * rests at is off by the interpolant's error, cell^2/(8 radius).
+ *
  * checked: tests/test_friction.c (differences), tests/test_contact.c, tests/validate/incline.c,
- *   stopping.c, resting.c, drop.c, capstan.c; grids: tests/test_grid_contact.c
+ *   stopping.c, resting.c, drop.c, capstan.c; tests/test_flat.c; grids: tests/test_grid_contact.c
  */
 
 #define CLOTHI_STIFFER 100                  /* times, under load                               */
@@ -7184,7 +7182,7 @@ static double clothi_flat_energy(const double *x, double twice, double k, double
 }
 
 /* Adds the flat ones' energy at e->x, their shares of e->grad and e->hess, and to *work (NULL: not
- * wanted) gradient times motion since x^n. */
+ * wanted) gradient times motion since x^n. Leapfrog has no E_col. */
 static cloth_status clothi_flat_eval(const cloth_collide *c, const cloth_eval *e, double *energy,
                                      double *work) {
     const cloth_model  *m = c->sim->model;
@@ -7192,6 +7190,7 @@ static cloth_status clothi_flat_eval(const cloth_collide *c, const cloth_eval *e
     const double       *x = e->x;
     cloth_status        status = CLOTH_OK;
     int                 f, i;
+    if (m->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG) return CLOTH_OK;
     for (f = 0; f < m->nf && !status; f++) {
         const int    *v = m->faces + 3 * (size_t)f;
         const double *X = p->X + 6 * (size_t)f;
@@ -8246,8 +8245,7 @@ static void clothi_touches_book(cloth_collide *c, const double *x) {
     int           i;
     memset(&e, 0, sizeof e);
     e.x = x;
-    if (c->sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG)
-        (void)clothi_flat_eval(c, &e, &l->contact, &work);
+    (void)clothi_flat_eval(c, &e, &l->contact, &work);
     l->contact_work -= work;
     for (i = 0; i < c->ntouch; i++) {
         clothi_touch *q = c->touch + i;
@@ -8382,7 +8380,6 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
         double u[3];
         clothi_touch_motion(c, c->touch + i, c->xb, u);
         active += -clothi_dot3(c->touch[i].pull, c->touch[i].normal) > 0;
-        if (c->touch[i].out) continue;
         if (c->touch[i].out || c->touch[i].soft) continue;
         least = clothi_min(least, c->touch[i].gap + clothi_dot3(u, c->touch[i].normal));
     }
@@ -8543,6 +8540,7 @@ static void clothi_contact_load(void *user, const void *buf) {
     if (c->nanchor) memcpy(c->anchor, in, (size_t)c->nanchor * sizeof *c->anchor);
     in += (size_t)c->nanchor * sizeof *c->anchor;
     if (c->nexempt) memcpy(c->exempt, in, (size_t)c->nexempt * sizeof *c->exempt);
+    c->report.exempt_pairs = c->nexempt;
     c->seen = head.seen;
 }
 
@@ -9131,8 +9129,7 @@ static void clothi_touch_forces(const cloth_collide *c, int friction, double *f)
     memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
     memset(&e, 0, sizeof e);
     e.x = c->x_ie, e.grad = f;
-    if (!friction && c->sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG)
-        (void)clothi_flat_eval(c, &e, &unused, NULL);
+    if (!friction) (void)clothi_flat_eval(c, &e, &unused, NULL);
     for (i = 0; i < 3 * c->nv; i++) f[i] = 0 - f[i];
     for (i = 0; i < c->ntouch; i++) {
         const clothi_touch *q = c->touch + i;

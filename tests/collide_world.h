@@ -55,6 +55,17 @@ static inline cloth_status world_open(world *w, cloth_integrator integrator,
     return status ? status : world_obstacles(w);
 }
 
+/* An upright box; *id may be NULL. */
+static inline cloth_status world_box(world *w, const double center[3], const double half[3],
+                                     cloth_obstacle *id) {
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    double              x[24];
+    o.kind = CLOTH_OBSTACLE_BOX;
+    o.x = x;
+    cloth_obstacle_box(center, half, NULL, x);
+    return cloth_collide_add(w->c, &o, id);
+}
+
 static inline double world_h(cloth_integrator integrator) {
     return integrator == CLOTH_INTEGRATOR_LEAPFROG ? 1.0 / 480 : 1.0 / 60;
 }

@@ -256,7 +256,6 @@ static void workers(void) {
 /* Two plates close to less than the cloth needs, and open again. */
 static void pinch(void) {
     cloth_hooks         hooks = host_hooks(&H);
-    cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_desc          d = cloth_desc_default();
     cloth_collide_pair  pair[8];
     cloth_obstacle      low, high;
@@ -271,13 +270,9 @@ static void pinch(void) {
     CHECK(cloth_model_create(&d, &W.model) == CLOTH_OK);
     CHECK(cloth_sim_create(W.model, &W.sim) == CLOTH_OK);
     CHECK(cloth_collide_create(W.sim, NULL, &W.c) == CLOTH_OK);
-    o.kind = CLOTH_OBSTACLE_BOX;
-    o.x = x;
-    cloth_obstacle_box(center, half, NULL, x);
-    CHECK(cloth_collide_add(W.c, &o, &low) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &low) == CLOTH_OK);
     center[1] = 0.06;
-    cloth_obstacle_box(center, half, NULL, x);
-    CHECK(cloth_collide_add(W.c, &o, &high) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &high) == CLOTH_OK);
     for (frame = 0; frame < 40; frame++) {  /* the upper one: 0.01 above, down to -0.0015, back */
         const double   gap = frame < 20 ? 0.01 - 0.000575 * frame
                                              : -0.0015 + 0.000575 * (frame - 20);
@@ -324,7 +319,6 @@ static void exempt(void) {
 /* The plates of the pinch in one leap: the whole step fails, half of it has room. */
 static void shorter(void) {
     cloth_hooks         hooks = host_hooks(&H);
-    cloth_obstacle_desc o = cloth_obstacle_desc_default();
     double              x[24], there[24], center[3] = {0.1, -0.055, 0.1};
     double              half[3] = {0.3, 0.05, 0.3}, gap = 0;
     cloth_obstacle      high;
@@ -332,13 +326,9 @@ static void shorter(void) {
     uint64_t            before;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
     CHECK(cloth_collide_remove(W.c, W.ball) == CLOTH_OK);
-    o.kind = CLOTH_OBSTACLE_BOX;
-    o.x = x;
-    cloth_obstacle_box(center, half, NULL, x);
-    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, NULL) == CLOTH_OK);
     center[1] = 0.06;
-    cloth_obstacle_box(center, half, NULL, x);
-    CHECK(cloth_collide_add(W.c, &o, &high) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &high) == CLOTH_OK);
     center[1] = 0.035;                      /* 0.01 below the upper face of the lower one */
     cloth_obstacle_box(center, half, NULL, there);
     CHECK(cloth_collide_move(W.c, high, there) == CLOTH_OK);

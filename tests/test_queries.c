@@ -6,6 +6,7 @@
 
 #include "test.h"
 #include "collide_world.h"
+#include "shapes.h"
 
 enum { MOST = 400 };
 
@@ -97,7 +98,6 @@ static void gaps(void) {
 
 /* A pinch between two boxes: vertices, edges and faces count in each box's own mesh. */
 static void numbers(void) {
-    cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_collide_pair  pair[MOST];
     cloth_report        r;
     double              x[24], center[3] = {0.1, -0.052, 0.1}, half[3] = {0.2, 0.05, 0.2};
@@ -105,14 +105,10 @@ static void numbers(void) {
     int                 i, count = 0, edges = 0, reversed = 0;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
     CHECK(cloth_collide_remove(W.c, W.ball) == CLOTH_OK);
-    o.kind = CLOTH_OBSTACLE_BOX;
-    o.x = x;
-    cloth_obstacle_box(center, half, NULL, x);
-    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, NULL) == CLOTH_OK);
     center[1] = 0.06;
     half[0] = 0.05;                         /* its edges over the sheet */
-    cloth_obstacle_box(center, half, NULL, x);
-    CHECK(cloth_collide_add(W.c, &o, &high) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &high) == CLOTH_OK);
     center[1] = 0.0485;
     cloth_obstacle_box(center, half, NULL, x);
     CHECK(cloth_collide_move(W.c, high, x) == CLOTH_OK);
@@ -139,6 +135,8 @@ static void exempt(void) {
     cloth_collide_pair pair[MOST];
     cloth_report       r;
     double             through[3] = {0.1, 0, 0.1}, above[3] = {0.1, 0.3, 0.1};
+    size_t             size;
+    void              *buf;
     int                i, count = 0, near = 0, listed = 0;
     d.initial = CLOTH_INITIAL_EXEMPT;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, &d) == CLOTH_OK);
@@ -160,6 +158,12 @@ static void exempt(void) {
     printf("  %d pairs, %d of %d vertices inside are in them\n", count, listed, near);
     CHECK(near > 3 && listed == near);
     CHECK(cloth_collide_exempt(W.c, 2, pair, &i) == CLOTH_OK && i == count);
+    size = cloth_sim_save_size(W.sim);
+    buf = malloc(size);
+    CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_sim_restore(W.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_collide_last(W.c).exempt_pairs == count);
+    free(buf);
     CHECK(cloth_collide_exempt(W.c, -1, pair, &i) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_collide_exempt(NULL, 2, pair, &i) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_collide_move(W.c, W.ball, above) == CLOTH_OK);
@@ -226,12 +230,21 @@ static void whose_snapshot(void) {
     free(buf);
 }
 
-/* report.bytes.contact is what destroy gives back. */
+/* report.bytes.contact is what destroy gives back; a body that may penetrate itself included. */
 static void bytes(void) {
-    cloth_hooks  hooks = host_hooks(&H);
-    cloth_report r;
-    size_t       owned;
+    static const double far[3] = {0, -3, 0};
+    cloth_hooks         hooks = host_hooks(&H);
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    shape               body = {0, 0, NULL, NULL};
+    cloth_report        r;
+    size_t              owned;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    shape_sphere(&body, far, 0.1, 12);
+    o.kind = CLOTH_OBSTACLE_MESH;
+    o.nv = body.nv, o.x = body.x, o.nf = body.nf, o.faces = body.faces;
+    o.self_penetrating = 1;
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_OK);
+    shape_free(&body);
     CHECK(world_run(&W, 20, 1.0 / 60));
     CHECK(cloth_step(W.sim, 1.0 / 60, &r) == CLOTH_OK);
     owned = H.bytes;

@@ -59,7 +59,7 @@ mkdir -p out
 FULL=1 && export FULL
 SECONDS_MAX=7200 && export SECONDS_MAX
 stage 'every test, full size' o2 TIER=full \
-    CHECKS='text comments commands names units size compile programs quickstart'
+    CHECKS='text comments commands names units size compile programs quickstart judges'
 unset FULL
 QUICK=1 && export QUICK
 if have gcc; then
@@ -88,6 +88,10 @@ if have clang; then
 else echo 'fuzzers: skipped: no clang'
 fi
 
+if [ -s out/o2/open ]; then
+    printf '\n==== open: bounds that do not hold yet\n\n'
+    cat out/o2/open
+fi
 printf '\n==== all stages\n\n'
 cat $totals
 cat $totals | sed 's/.*: \([0-9].*\)/\1/' | awk '

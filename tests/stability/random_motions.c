@@ -1,0 +1,270 @@
+/* random_motions.c - bodies whose joints are driven at random do not swallow their garments.
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I. stability/random_motions.c -lm
+ * tier: default
+ *
+ * Seeded turns of arms, elbows, thighs, knees and trunk (skeleton.h) drive the body of the examples
+ * through its armpits, elbows and thighs, in its shirt and in a skirt whose waist is pinned; and
+ * the bodies of ../shared in garments of theirs, where they are there. 1/60 s, default settings; a
+ * step that fails is tried as two halves, to an eighth, else the body waits.
+ *
+ *   swallowed  share of the cloth's vertices in the body, where it does not overlap itself, deeper
+ *              than 3 mm, by the winding number; in every 6th frame: worst 1 %, mean 0.2 %
+ *   stretch    no edge beyond 2.5 times its length
+ *   steps      none failed, 95 % whole
+ *
+ * FULL=1: 20 seeds of 120 steps each, 4 for each garment of ../shared; else 1 seed, 24 steps.
+ * SEEDS=N, FIRST=SEED and STEPS=N in the environment change that. */
+#include "../../clothsim_collide.h"
+
+#include "../test.h"
+#include "../../examples/shapes.h"
+#include "skeleton.h"
+
+typedef struct dressed {
+    const skeleton       *k;
+    const skeleton_motion *m;
+    cloth_desc     desc;
+    cloth_model   *model;
+    cloth_sim     *sim;
+    cloth_collide *c;
+    cloth_obstacle id;
+    double        *now, *next;              /* [k->nv x 3] the body                            */
+
+    /* what came of it */
+    int    steps, whole, failed, halved, frames, worst_frame;
+    double worst, sum, deep, stretch;       /* %, %, m                                         */
+} dressed;
+
+static int dress(dressed *d, double t, double h, int depth) {
+    skeleton_pose(d->k, d->m, t + h, d->next);
+    if (cloth_collide_move(d->c, d->id, d->next) != CLOTH_OK) return 0;
+    if (cloth_step(d->sim, h, NULL) == CLOTH_OK) {
+        memcpy(d->now, d->next, 3 * (size_t)d->k->nv * sizeof(double));
+        return 1;
+    }
+    if (depth == 3) return 0;
+    d->halved++;
+    return dress(d, t, h / 2, depth + 1) && dress(d, t + h / 2, h / 2, depth + 1);
+}
+
+static void stretched(dressed *d) {
+    const double *x = cloth_sim_state(d->sim)->x, *X = d->desc.x_rest;
+    int           i, k;
+    for (i = 0; i < 3 * d->desc.nf; i++) {
+        const int p = d->desc.faces[i], q = d->desc.faces[i % 3 == 2 ? i - 2 : i + 1];
+        double    now = 0, rest = 0;
+        for (k = 0; k < 3; k++) {
+            now += (x[3 * p + k] - x[3 * q + k]) * (x[3 * p + k] - x[3 * q + k]);
+            rest += (X[3 * p + k] - X[3 * q + k]) * (X[3 * p + k] - X[3 * q + k]);
+        }
+        d->stretch = fmax(d->stretch, sqrt(now / rest));
+    }
+}
+
+static void look(dressed *d, int frame) {
+    const int    stride = d->desc.nv / 600 > 1 ? d->desc.nv / 600 : 1;
+    const double share = skeleton_swallowed(d->k, d->now, cloth_sim_state(d->sim)->x, d->desc.nv,
+                                            stride, &d->deep);
+    if (share > d->worst) d->worst = share, d->worst_frame = frame;
+    d->sum += share;
+    d->frames++;
+}
+
+/* desc: nv, nf, faces, x_rest, X, pins. One motion of so many steps. Where something is pinned the
+ * arms stay: they would reach what cannot give way. */
+static dressed dance(const skeleton *k, const cloth_desc *desc, unsigned seed, int steps) {
+    skeleton_motion       m = skeleton_random(seed);
+    cloth_collide_desc    contact = cloth_collide_desc_default();
+    cloth_obstacle_desc   o = cloth_obstacle_desc_default();
+    dressed               d;
+    int                   i;
+    for (i = 0; desc->npins && i < SKELETON_KEYS; i++)
+        memset(m.turn[i], 0, (SKELETON_RIGHT_FOREARM + 1) * sizeof m.turn[i][0]);
+    memset(&d, 0, sizeof d);
+    d.k = k, d.m = &m, d.desc = *desc;
+    d.desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
+    d.desc.contact = CLOTH_CONTACT_SELF;
+    contact.initial = CLOTH_INITIAL_EXEMPT;
+    d.now = (double *)malloc(3 * (size_t)k->nv * sizeof(double));
+    d.next = (double *)malloc(3 * (size_t)k->nv * sizeof(double));
+    if (!d.now || !d.next) exit(2);
+    skeleton_pose(k, &m, 0, d.now);
+    o.nv = k->nv, o.nf = k->nf, o.faces = k->faces, o.x = d.now;
+    o.self_penetrating = 1;
+    CHECK(cloth_model_create(&d.desc, &d.model) == CLOTH_OK);
+    if (d.model) CHECK(cloth_sim_create(d.model, &d.sim) == CLOTH_OK);
+    if (d.sim) CHECK(cloth_collide_create(d.sim, &contact, &d.c) == CLOTH_OK);
+    if (d.c && CHECK(cloth_collide_add(d.c, &o, &d.id) == CLOTH_OK))
+        for (i = 1; i <= steps; i++) {
+            const int halved = d.halved, done = dress(&d, (i - 1) / 60.0, 1 / 60.0, 0);
+            d.steps++;
+            d.failed += !done;
+            d.whole += done && d.halved == halved;
+            stretched(&d);
+            if (i % 6 == 0) look(&d, i);
+        }
+    cloth_collide_destroy(d.c);
+    cloth_sim_destroy(d.sim);
+    cloth_model_destroy(d.model);
+    free(d.now);
+    free(d.next);
+    return d;
+}
+
+static int asked(const char *name, int otherwise) {
+    return getenv(name) ? atoi(getenv(name)) : otherwise;
+}
+
+/* All seeds of one garment, a line each; the worst of them is what counts. */
+static void dances(const skeleton *k, const cloth_desc *desc, const char *name, int seeds,
+                   int steps) {
+    double worst = 0, mean = 0, stretch = 0, whole = 1;
+    int    i, failed = 0;
+    seeds = asked("SEEDS", seeds), steps = asked("STEPS", steps);
+    printf("    garment        seed  worst %% frame  mean %%  deep mm stretch whole halved "
+           "failed\n");
+    for (i = 0; i < seeds; i++) {
+        const unsigned seed = (unsigned)(asked("FIRST", 1) + i);
+        const dressed  d = dance(k, desc, seed, steps);
+        const double   m = d.sum / (d.frames ? d.frames : 1);
+        printf("    %-14s %4u %8.2f %5d %7.3f %8.1f %7.2f %5d %6d %6d\n", name, seed, d.worst,
+               d.worst_frame, m, 1e3 * d.deep, d.stretch, d.whole, d.halved, d.failed);
+        fflush(stdout);
+        worst = fmax(worst, d.worst);
+        mean = fmax(mean, m);
+        stretch = fmax(stretch, d.stretch);
+        whole = fmin(whole, (double)d.whole / (d.steps ? d.steps : 1));
+        failed += d.failed;
+    }
+    OPEN_MOST(worst, 1, "swallowed in the worst frame, %");
+    OPEN_MOST(mean, 0.2, "swallowed in the mean, %");
+    OPEN_MOST(stretch, 2.5, "longest edge over its length");
+    OPEN_MOST(failed, 0, "failed steps");
+    OPEN(whole >= 0.95, "steps at full length %.0f %% (at least 95)", 100 * whole);
+}
+
+/* --- the body of the examples --- */
+
+static void shirt(void) {
+    const char  *error;
+    shapes_shirt s;
+    skeleton     k;
+    cloth_desc   desc = cloth_desc_default();
+    CHECK(skeleton_formula(&k, test_full() ? 0.029 : 0.03));
+    error = shapes_shirt_make(test_full() ? 0.024 : 0.035, &s);
+    CHECK(error == NULL);
+    if (!error) {
+        desc.nv = s.nv, desc.nf = s.nf, desc.faces = s.faces;
+        desc.X = s.X, desc.x_rest = s.x, desc.rest_angle = CLOTH_REST_ANGLE_FLAT;
+        dances(&k, &desc, "formula shirt", test_full() ? 20 : 1, test_full() ? 120 : 24);
+        shapes_shirt_free(&s);
+    }
+    skeleton_free(&k);
+}
+
+/* A tube around the hips, y = 0.61 to 1.03 m, its upper ring pinned to the pelvis, which stays. */
+static void skirt(void) {
+    const int   around = test_full() ? 64 : 36, along = test_full() ? 20 : 12;
+    cloth_mesh *mesh = NULL;
+    skeleton    k;
+    cloth_desc  desc = cloth_desc_default();
+    cloth_pin  *pin = (cloth_pin *)calloc((size_t)around, sizeof *pin);
+    int         i;
+    if (!pin) exit(2);
+    CHECK(skeleton_formula(&k, test_full() ? 0.029 : 0.03));
+    if (!CHECK(cloth_mesh_tube(NULL, 0.21, 0.42, around, along, &mesh) == CLOTH_OK)) exit(2);
+    for (i = 0; i < mesh->nv; i++) mesh->x[3 * i + 1] += 0.61;
+    for (i = 0; i < around; i++) {
+        pin[i].vertex = (along - 1) * around + i;
+        pin[i].axes = CLOTH_AXIS_ALL;
+    }
+    desc.nv = mesh->nv, desc.nf = mesh->nf, desc.faces = mesh->faces, desc.x_rest = mesh->x;
+    desc.npins = around, desc.pins = pin;
+    dances(&k, &desc, "skirt", test_full() ? 20 : 1, test_full() ? 120 : 24);
+    cloth_mesh_destroy(NULL, mesh);
+    free(pin);
+    skeleton_free(&k);
+}
+
+/* --- the bodies of ../shared --- */
+
+static void shared(const char *body, const char *file, const char *name) {
+    cloth_mesh *mesh = NULL;
+    cloth_desc  desc = cloth_desc_default();
+    skeleton    k;
+    if (!skeleton_shared(&k, body)) SKIP("no such body in ../shared");
+    if (cloth_obj_load(NULL, test_shared(file), NULL, &mesh) != CLOTH_OK) {
+        skeleton_free(&k);
+        SKIP("no such garment in ../shared");
+    }
+    desc.nv = mesh->nv, desc.nf = mesh->nf, desc.faces = mesh->faces, desc.x_rest = mesh->x;
+    dances(&k, &desc, name, 4, 120);
+    cloth_mesh_destroy(NULL, mesh);
+    skeleton_free(&k);
+}
+
+static void shared_tshirt(void) { shared("body", "data/garments/tshirt_f_clean.obj", "T-shirt"); }
+static void shared_trousers(void) {
+    shared("body", "data/garments/trousers_f_clean.obj", "trousers");
+}
+static void shared_skirt(void) { shared("body", "data/garments/longskirt_f_clean.obj", "skirt"); }
+static void shared_polo(void) {
+    shared("body_m", "data/garments/poloshirt_m_clean.obj", "polo shirt");
+}
+
+/* The measure itself: a point in the chest, one outside, and one where two bodies overlap. */
+static void measure(void) {
+    static const double p[9] = {0, 1.2, 0, 0.6, 1.6, 0, 0, 1.0, 0.01};
+    skeleton k;
+    double   deep = 0;
+    int      i;
+    CHECK(skeleton_formula(&k, 0.03));
+    CHECK_NEAR(skeleton_swallowed(&k, k.x, p, 3, 1, &deep), 200.0 / 3, 1e-9);
+    CHECK(deep > 0.05 && deep < 0.12);
+    for (i = 0; i < 3 * k.nf; i += 3) {     /* inside out: the number is -1 */
+        const int f = k.faces[i];
+        k.faces[i] = k.faces[i + 1], k.faces[i + 1] = f;
+    }
+    CHECK_NEAR(skeleton_swallowed(&k, k.x, p, 3, 1, &deep), 0, 0);
+    skeleton_free(&k);
+}
+
+/* At rest as loaded, and a turn of the left arm by a right angle takes its hand there. */
+static void poses(void) {
+    skeleton_motion m;
+    skeleton        k;
+    double         *x, worst = 0;
+    int             i, a, hand = 0;
+    CHECK(skeleton_formula(&k, 0.03));
+    x = (double *)malloc(3 * (size_t)k.nv * sizeof(double));
+    if (!x) exit(2);
+    memset(&m, 0, sizeof m);
+    skeleton_pose(&k, &m, 0.3, x);
+    for (i = 0; i < 3 * k.nv; i++) worst = fmax(worst, fabs(x[i] - k.x[i]));
+    CHECK(worst < 1e-6);
+    for (i = 0; i < k.nv; i++)
+        if (k.x[3 * i] > k.x[3 * hand]) hand = i;
+    for (i = 1; i < SKELETON_KEYS; i++) m.turn[i][SKELETON_LEFT_ARM][2] = 0.5 * 3.14159265358979;
+    skeleton_pose(&k, &m, 0.5, x);
+    for (a = 0; a < 2; a++) {               /* (dx, dy) goes to (-dy, dx) about the shoulder */
+        const double *o = k.head[3], *r = k.x + 3 * hand;
+        CHECK_NEAR(x[3 * hand + a], o[a] + (a ? r[0] - o[0] : o[1] - r[1]), 1e-3);
+    }
+    free(x);
+    skeleton_free(&k);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(measure);
+    RUN(poses);
+    RUN(shirt);
+    RUN(skirt);
+    if (test_full()) {
+        RUN(shared_tshirt);
+        RUN(shared_trousers);
+        RUN(shared_skirt);
+        RUN(shared_polo);
+    }
+    return TEST_END();
+}

@@ -1,0 +1,290 @@
+/* skeleton.h - bodies with bones that seeded random motions drive, and how much cloth is in them.
+ *   skeleton k;  skeleton_formula(&k, 0.04);  skeleton_motion m = skeleton_random(&k, seed);
+ *   skeleton_pose(&k, &m, t, x);  ...  skeleton_free(&k);
+ * Include after clothsim.h, test.h and examples/shapes.h, in one .c file per program.
+ *
+ * Joints turn about axes through their heads at rest, y up, z forward, x to the body's left: a
+ * joint's turn is a rotation vector in the frame of the body at rest, carried by its parents.
+ * Driven are both upper arms, forearms, thighs and shins, and the trunk; the rest stays. */
+#ifndef CLOTH_TEST_SKELETON_H
+#define CLOTH_TEST_SKELETON_H
+
+#include <stdint.h>
+
+#define SKELETON_JOINTS 64
+#define SKELETON_DRIVEN 9
+#define SKELETON_KEYS   12                  /* of 0.5 s each                                   */
+
+typedef struct skeleton {
+    int     nv, nf, joints, nw;
+    double *x;                              /* [nv x 3] at rest                                */
+    int    *faces;                          /* [nf x 3]                                        */
+    int    *vertex, *joint;                 /* [nw]                                            */
+    double *weight;                         /* [nw]                                            */
+    int     parent[SKELETON_JOINTS];        /* before its children; -1: none                   */
+    double  head[SKELETON_JOINTS][3];
+    int     driven[SKELETON_DRIVEN];        /* joint, in the order of skeleton_limits          */
+} skeleton;
+
+typedef struct skeleton_motion {            /* turns at the keys, rad; key 0 is rest           */
+    double turn[SKELETON_KEYS][SKELETON_DRIVEN][3];
+} skeleton_motion;
+
+enum { SKELETON_LEFT_ARM, SKELETON_RIGHT_ARM, SKELETON_LEFT_FOREARM, SKELETON_RIGHT_FOREARM,
+       SKELETON_LEFT_THIGH, SKELETON_RIGHT_THIGH, SKELETON_LEFT_SHIN, SKELETON_RIGHT_SHIN,
+       SKELETON_TRUNK };
+
+/* Least and most turn about x, y, z of the left side, rad; the right side mirrors y and z. From an
+ * A-pose: arms sink into the side of the chest and reach up, elbows fold, a thigh comes up to the
+ * belly and goes past the other one. */
+static const double skeleton_limits[SKELETON_DRIVEN][3][2] = {
+    {{-1.2, 0.6}, {-0.6, 0.6}, {-0.85, 0.5}}, {{-1.2, 0.6}, {-0.6, 0.6}, {-0.85, 0.5}},
+    {{-1.9, 0}, {-1.2, 0}, {0, 0}},           {{-1.9, 0}, {-1.2, 0}, {0, 0}},
+    {{-1.4, 0.4}, {-0.2, 0.2}, {-0.25, 0.3}}, {{-1.4, 0.4}, {-0.2, 0.2}, {-0.25, 0.3}},
+    {{0, 1.9}, {0, 0}, {0, 0}},               {{0, 1.9}, {0, 0}, {0, 0}},
+    {{-0.2, 0.5}, {-0.3, 0.3}, {-0.15, 0.15}}};
+
+static inline void skeleton_free(skeleton *k) {
+    free(k->x);
+    free(k->faces);
+    free(k->vertex);
+    free(k->joint);
+    free(k->weight);
+    memset(k, 0, sizeof *k);
+}
+
+static inline void skeleton_room(skeleton *k, int nv, int nf, int most) {
+    k->nv = nv, k->nf = nf;
+    k->x = (double *)malloc(3 * (size_t)nv * sizeof(double));
+    k->faces = (int *)malloc(3 * (size_t)nf * sizeof(int));
+    k->vertex = (int *)malloc((size_t)most * sizeof(int));
+    k->joint = (int *)malloc((size_t)most * sizeof(int));
+    k->weight = (double *)malloc((size_t)most * sizeof(double));
+    if (!k->x || !k->faces || !k->vertex || !k->joint || !k->weight) exit(2);
+}
+
+/* The body of the examples with edges of `edge` m. */
+static inline int skeleton_formula(skeleton *k, double edge) {
+    static const int driven[SKELETON_DRIVEN] = {3, 4, 5, 6, 7, 8, 9, 10, 1};
+    shapes_body      b;
+    int              i, j;
+    memset(k, 0, sizeof *k);
+    if (shapes_body_make(edge, &b)) return 0;
+    skeleton_room(k, b.nv, b.nf, 4 * b.nv);
+    memcpy(k->x, b.x, 3 * (size_t)b.nv * sizeof(double));
+    memcpy(k->faces, b.faces, 3 * (size_t)b.nf * sizeof(int));
+    for (i = 0; i < 4 * b.nv; i++) {
+        if (!(b.weight[i] > 0)) continue;
+        k->vertex[k->nw] = i / 4;
+        k->joint[k->nw] = b.bone[i];
+        k->weight[k->nw++] = b.weight[i];
+    }
+    k->joints = SHAPES_BONES;
+    for (j = 0; j < SHAPES_BONES; j++) {
+        k->parent[j] = shapes_parent[j];
+        memcpy(k->head[j], shapes_joint[j], sizeof k->head[j]);
+    }
+    memcpy(k->driven, driven, sizeof driven);
+    shapes_body_free(&b);
+    return 1;
+}
+
+static inline int skeleton_read(skeleton *k, FILE *joints, FILE *weights, int most) {
+    static const char *const name[SKELETON_DRIVEN] = {
+        "LeftArm", "RightArm", "LeftForeArm", "RightForeArm", "LeftUpLeg", "RightUpLeg", "LeftLeg",
+        "RightLeg", "LowerBack"};
+    char line[256], word[64];
+    int  i, at, parent, found = 0;
+    while (fgets(line, sizeof line, joints)) {
+        double h[3];
+        if (sscanf(line, "%d %63s %d %lf %lf %lf", &at, word, &parent, h, h + 1, h + 2) != 6)
+            continue;
+        if (at != k->joints || at >= SKELETON_JOINTS || parent >= at) return 0;
+        k->parent[at] = parent;
+        memcpy(k->head[at], h, sizeof h);
+        k->joints++;
+        for (i = 0; i < SKELETON_DRIVEN; i++)
+            if (!strcmp(word, name[i])) k->driven[i] = at, found++;
+    }
+    while (k->nw < most && fgets(line, sizeof line, weights))
+        k->nw += sscanf(line, "%d %d %lf", k->vertex + k->nw, k->joint + k->nw,
+                        k->weight + k->nw) == 3;
+    for (i = 0; i < k->nw; i++)
+        if (k->vertex[i] < 0 || k->vertex[i] >= k->nv || k->joint[i] < 0 ||
+            k->joint[i] >= k->joints)
+            return 0;
+    return found == SKELETON_DRIVEN && k->nw > 0;
+}
+
+/* A body of the shared data, "body" or "body_m"; 0 when it is not there. */
+static inline int skeleton_shared(skeleton *k, const char *folder) {
+    const int   most = 65536;
+    cloth_mesh *mesh = NULL;
+    FILE       *joints, *weights;
+    char        path[128];
+    int         ok;
+    memset(k, 0, sizeof *k);
+    (void)sprintf(path, "data/%.32s/body.obj", folder);
+    if (cloth_obj_load(NULL, test_shared(path), NULL, &mesh) != CLOTH_OK) return 0;
+    skeleton_room(k, mesh->nv, mesh->nf, most);
+    memcpy(k->x, mesh->x, 3 * (size_t)mesh->nv * sizeof(double));
+    memcpy(k->faces, mesh->faces, 3 * (size_t)mesh->nf * sizeof(int));
+    cloth_mesh_destroy(NULL, mesh);
+    (void)sprintf(path, "data/%.32s/skeleton_cmu.txt", folder);
+    joints = fopen(test_shared(path), "r");
+    (void)sprintf(path, "data/%.32s/weights_cmu.txt", folder);
+    weights = fopen(test_shared(path), "r");
+    ok = joints && weights && skeleton_read(k, joints, weights, most);
+    if (joints) fclose(joints);
+    if (weights) fclose(weights);
+    if (!ok) skeleton_free(k);
+    return ok;
+}
+
+/* --- motion --- */
+
+/* A number in [0, 1) from a counter (splitmix64). */
+static inline double skeleton_number(uint64_t *state) {
+    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    z ^= z >> 31;
+    return (double)(z >> 11) / 9007199254740992.0;
+}
+
+static inline skeleton_motion skeleton_random(unsigned seed) {
+    skeleton_motion m;
+    uint64_t        state = (uint64_t)seed * 0x632be59bd9b4e019u + 7;
+    int             i, j, a;
+    memset(&m, 0, sizeof m);
+    for (i = 1; i < SKELETON_KEYS; i++)
+        for (j = 0; j < SKELETON_DRIVEN; j++)
+            for (a = 0; a < 3; a++) {
+                const double *l = skeleton_limits[j][a], u = skeleton_number(&state);
+                const double  mirror = a && (j % 2) && j < SKELETON_TRUNK ? -1 : 1;
+                m.turn[i][j][a] = mirror * (l[0] + u * (l[1] - l[0]));
+            }
+    return m;
+}
+
+/* R = exp of the rotation vector w (Rodrigues 1840). */
+static inline void skeleton_turn(const double *w, double R[9]) {
+    const double a = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    const double s = a > 1e-12 ? sin(a) / a : 1, c = a > 1e-12 ? (1 - cos(a)) / (a * a) : 0.5;
+    int          i, j;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++) R[3 * i + j] = c * w[i] * w[j] + (i == j ? cos(a) : 0);
+    R[1] -= s * w[2], R[3] += s * w[2];
+    R[2] += s * w[1], R[6] -= s * w[1];
+    R[5] -= s * w[0], R[7] += s * w[0];
+}
+
+/* x [nv x 3] at t s; between the keys the turns go by u^2 (3 - 2 u). Blended linearly. */
+static inline void skeleton_pose(const skeleton *k, const skeleton_motion *m, double t, double *x) {
+    double    R[SKELETON_JOINTS][9], at[SKELETON_JOINTS][3], w[SKELETON_JOINTS][3];
+    const int key = t / 0.5 < SKELETON_KEYS - 2 ? (int)(t / 0.5) : SKELETON_KEYS - 2;
+    double    u = fmin(1, t / 0.5 - key);
+    int       i, j, a, b;
+    u = u * u * (3 - 2 * u);
+    memset(w, 0, sizeof w);
+    for (j = 0; j < SKELETON_DRIVEN; j++)
+        for (a = 0; a < 3; a++)
+            w[k->driven[j]][a] = (1 - u) * m->turn[key][j][a] + u * m->turn[key + 1][j][a];
+    for (j = 0; j < k->joints; j++) {       /* where the head goes, and how the joint is turned */
+        const int p = k->parent[j];
+        double    own[9];
+        skeleton_turn(w[j], own);
+        for (i = 0; i < 9; i++)
+            for (R[j][i] = p < 0 ? own[i] : 0, b = 0; p >= 0 && b < 3; b++)
+                R[j][i] += R[p][i / 3 * 3 + b] * own[3 * b + i % 3];
+        for (a = 0; a < 3; a++)
+            for (at[j][a] = p < 0 ? k->head[j][a] : at[p][a], b = 0; p >= 0 && b < 3; b++)
+                at[j][a] += R[p][3 * a + b] * (k->head[j][b] - k->head[p][b]);
+    }
+    memset(x, 0, 3 * (size_t)k->nv * sizeof(double));
+    for (i = 0; i < k->nw; i++) {
+        const double *rest = k->x + 3 * k->vertex[i];
+        j = k->joint[i];
+        for (a = 0; a < 3; a++) {
+            double to = at[j][a];
+            for (b = 0; b < 3; b++) to += R[j][3 * a + b] * (rest[b] - k->head[j][b]);
+            x[3 * k->vertex[i] + a] += k->weight[i] * to;
+        }
+    }
+}
+
+/* --- what is in the body --- */
+
+/* Solid angle of the triangle abc seen from p over 4 pi (Van Oosterom and Strackee 1983). */
+static inline double skeleton_angle(const double *a, const double *b, const double *c,
+                                    const double *p) {
+    double       u[3], v[3], w[3], uu = 0, vv = 0, ww = 0, uv = 0, vw = 0, wu = 0, det;
+    int          i;
+    for (i = 0; i < 3; i++) {
+        u[i] = a[i] - p[i], v[i] = b[i] - p[i], w[i] = c[i] - p[i];
+        uu += u[i] * u[i], vv += v[i] * v[i], ww += w[i] * w[i];
+        uv += u[i] * v[i], vw += v[i] * w[i], wu += w[i] * u[i];
+    }
+    uu = sqrt(uu), vv = sqrt(vv), ww = sqrt(ww);
+    det = u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2])
+          + u[2] * (v[0] * w[1] - v[1] * w[0]);
+    return atan2(det, uu * vv * ww + uv * ww + vw * uu + wu * vv) / 6.283185307179586477;
+}
+
+/* Distance of p from the triangle abc, m: from its plane within its sides, else from the sides. */
+static inline double skeleton_distance(const double *a, const double *b, const double *c,
+                                       const double *p) {
+    const double *v[3];
+    double        n[3], len = 0, above = 0, best = HUGE_VAL;
+    int           i, k, outside = 0;
+    v[0] = a, v[1] = b, v[2] = c;
+    for (k = 0; k < 3; k++) {
+        const int y = (k + 1) % 3, z = (k + 2) % 3;
+        n[k] = (b[y] - a[y]) * (c[z] - a[z]) - (b[z] - a[z]) * (c[y] - a[y]);
+        len += n[k] * n[k];
+        above += n[k] * (p[k] - a[k]);
+    }
+    for (i = 0; i < 3; i++) {
+        const double *o = v[i], *q = v[(i + 1) % 3];
+        double        side = 0, t = 0, ee = 0, d = 0;
+        for (k = 0; k < 3; k++) {
+            const int y = (k + 1) % 3, z = (k + 2) % 3;
+            side += n[k] * ((q[y] - o[y]) * (p[z] - o[z]) - (q[z] - o[z]) * (p[y] - o[y]));
+            t += (q[k] - o[k]) * (p[k] - o[k]);
+            ee += (q[k] - o[k]) * (q[k] - o[k]);
+        }
+        outside |= side < 0;
+        t = ee > 0 ? fmax(0, fmin(1, t / ee)) : 0;
+        for (k = 0; k < 3; k++) {
+            const double r = p[k] - o[k] - t * (q[k] - o[k]);
+            d += r * r;
+        }
+        best = fmin(best, d);
+    }
+    return !outside && len > 0 ? fabs(above) / sqrt(len) : sqrt(best);
+}
+
+/* Percent of the vertices p [n x 3], every `stride`-th, that are swallowed: winding number of the
+ * body at x in (0.5, 1.5), that is in the body but not where it overlaps itself, and deeper than
+ * 3 mm. *deep: m, of the deepest. */
+static inline double skeleton_swallowed(const skeleton *k, const double *x, const double *p, int n,
+                                        int stride, double *deep) {
+    int i, f, in = 0, all = 0;
+    for (i = 0; i < n; i += stride, all++) {
+        double wind = 0, d = HUGE_VAL;
+        for (f = 0; f < k->nf; f++) {
+            const int *t = k->faces + 3 * f;
+            wind += skeleton_angle(x + 3 * t[0], x + 3 * t[1], x + 3 * t[2], p + 3 * i);
+        }
+        if (!(wind > 0.5 && wind < 1.5)) continue;
+        for (f = 0; f < k->nf; f++) {
+            const int *t = k->faces + 3 * f;
+            d = fmin(d, skeleton_distance(x + 3 * t[0], x + 3 * t[1], x + 3 * t[2], p + 3 * i));
+        }
+        in += d > 3e-3;
+        *deep = fmax(*deep, d);
+    }
+    return all ? 100.0 * in / all : 0;
+}
+
+#endif

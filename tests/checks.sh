@@ -328,7 +328,7 @@ judge() {
                 after("at frame"), mean, after("deepest"), stretch, failed, whole, after("ms mean")
             if (worst > 1) over = over sprintf("; worst frame %.1f %% (1)", worst)
             if (mean > 0.2) over = over sprintf("; mean %.2f %% (0.2)", mean)
-            if (stretch > 2.5) over = over sprintf("; stretch %.1f (2.5)", stretch)
+            if (stretch > 2.5) over = over sprintf("; stretch %.2f (2.5)", stretch)
             if (failed > 0) over = over sprintf("; failed steps %d (0)", failed)
             if (whole < 0.95 * steps) over = over sprintf("; whole steps %d of %d (95 %%)", whole, \
                                                           steps)

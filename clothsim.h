@@ -704,17 +704,38 @@ typedef struct cloth_term {
     void   (*load)(void *user, const void *buf);        /* as many bytes as were saved         */
 } cloth_term;
 
-/* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated.
- * Order in a substep: begin, then per Newton iterate update, eval, max_step; then resolve, and
- * commit when the step is accepted. */
+/* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated. In a
+ * substep:
+ *   begin, start   what it has at x_n; the guess to a feasible point
+ *   hold           vertices that it moves itself
+ *   update, eval   in every Newton iterate, whose move is cut by max_step
+ *   close          the minimiser is where the substep ends
+ * and commit when the whole step is accepted, rollback when it is not. */
 typedef struct cloth_contact {
     void *user;
     cloth_status (*begin)(void *user, const cloth_eval *e);
-    cloth_status (*update)(void *user, const double *x);
+    /* vertices that contact moves: all axes into fixed [nv], where to into x and y [nv x 3] */
+    void         (*hold)(void *user, unsigned char *fixed, double *x, double *y);
+    /* x was accepted: renews what is lagged (normal forces, frames), so that eval changes */
+    cloth_status (*update)(void *user, const double *x, const double *residual);
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
+    /* largest part of dx in (0, 1] on whose way nothing comes nearer than it may */
     double       (*max_step)(void *user, const double *x, const double *dx);
-    /* candidate x [nv x 3] in, collision-free x out; *active = rows that moved it */
-    cloth_status (*resolve)(void *user, const cloth_eval *e, double *x, double *v, int *active);
+    /* what the last dx of max_step would do wrong, into the system A dx = rhs: friction that would
+     * turn round and, with cut, pairs that would come too near are kept from it. Returns how many
+     * they are */
+    int          (*block)(void *user, cloth_matrix *A);
+    /* whether a residual [nv x 3] N is small beside the forces of contact: an update in metres says
+     * little of friction. NULL: not asked */
+    int          (*settled)(void *user, const double *residual);
+    /* x [nv x 3]: in, where it would go; out, a feasible point to minimise from. *impact 1: nothing
+     * may be extrapolated over this substep. other [nv x 3]: where the way there is free, one more
+     * feasible point on it; returned as x otherwise. The better one is taken */
+    cloth_status (*start)(void *user, const cloth_eval *e, double *x, double *other, int *impact);
+    /* x is where the substep ends */
+    cloth_status (*close)(void *user, const double *x, int *impact);
+    /* LEAPFROG: from a candidate to a feasible x and v, [nv x 3] */
+    cloth_status (*resolve)(void *user, const cloth_eval *e, double *x, double *v);
     void         (*commit)(void *user, cloth_report *report);
     void         (*rollback)(void *user, cloth_report *report); /* report: may be NULL         */
     void         (*reset)(void *user);      /* back to the start, with cloth_sim_reset         */
@@ -9742,6 +9763,7 @@ typedef struct clothi_attach {              /* all zero when not used           
 typedef struct clothi_work {                /* vectors of a step, scratch                      */
     double *x0, *v0, *x_prev0, *v_prev0;    /* as before the step                              */
     double *x, *trial, *dx, *grad, *y;      /* [nv x 3]                                        */
+    double *free;                           /* [nv x 3] gradient without that of contact       */
     double *goal;                           /* pin targets of this substep                     */
     double *rhs;                            /* right-hand side of the Newton system            */
     double *partial;                        /* partial sums of the parallel loops              */
@@ -9798,6 +9820,8 @@ struct cloth_sim {
     size_t        kept_size, kept_at[CLOTHI_MAX_TERMS + 1];
     cloth_contact contact;
     int           contact_on;
+    double        contact_energy;           /* J, in the last value of the objective           */
+    int           finish;                   /* the host's time is up                           */
     double        attach_alpha;             /* where in the step attachments are               */
     double        attach_step;              /* share of the step that this substep is          */
     int           balance;                  /* a report is wanted: keep the ledger             */
@@ -10294,6 +10318,7 @@ static void clothi_work_free(const cloth_hooks *hooks, clothi_work *w) {
     clothi_free(hooks, w->trial);
     clothi_free(hooks, w->dx);
     clothi_free(hooks, w->grad);
+    clothi_free(hooks, w->free);
     clothi_free(hooks, w->y);
     clothi_free(hooks, w->goal);
     clothi_free(hooks, w->rhs);
@@ -11481,6 +11506,7 @@ CLOTHI_RARE_END
  */
 
 #define CLOTHI_NEWTON_CAP   400             /* iterations of a substep before it has stalled   */
+#define CLOTHI_CONTACT_CAP  60              /* the same with contact: then accepted            */
 #define CLOTHI_HALVINGS     40
 #define CLOTHI_ARMIJO       1e-4
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
@@ -11665,11 +11691,11 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
         goal->magnitude += fabs(s->term_energy[i]);
     }
     if (!status && s->contact_on) {
-        double energy = 0;
         s->counts.contact_calls++;
-        status = s->contact.eval(s->contact.user, &goal->e, &energy);
-        sum += energy;
-        goal->magnitude += fabs(energy);
+        if (grad && s->w.free) memcpy(s->w.free, grad, 3 * (size_t)m->nv * sizeof(double));
+        status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
+        sum += s->contact_energy;
+        goal->magnitude += fabs(s->contact_energy);
     }
     for (i = 0; i < chunks; i++) {
         sum += s->w.partial[i];
@@ -11888,10 +11914,27 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
     nt->radius = clothi_max(clothi_min(nt->radius, most), least);
 }
 
-static cloth_status clothi_cancelled(const cloth_sim *s) {
-    if (s->hooks.cancel.fn && s->hooks.cancel.fn(s->hooks.cancel.user))
-        return CLOTH_ERR_CANCELLED;
-    return CLOTH_OK;
+/* Asks the host: CLOTH_ERR_CANCELLED, or s->finish. */
+static cloth_status clothi_cancelled(cloth_sim *s) {
+    const int answer = s->hooks.cancel.fn ? s->hooks.cancel.fn(s->hooks.cancel.user) : 0;
+    if (answer == 2) s->finish = 1;
+    return answer && answer != 2 ? CLOTH_ERR_CANCELLED : CLOTH_OK;
+}
+
+/* An iterate was accepted: contact renews what it lags, and value and gradient with it. */
+static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    const double before = s->contact_energy;
+    cloth_status status;
+    if (!s->contact_on) return CLOTH_OK;
+    clothi_newton_rhs(s);
+    status = s->contact.update(s->contact.user, s->w.x, s->w.rhs);
+    memcpy(s->w.grad, s->w.free, 3 * (size_t)s->model->nv * sizeof(double));
+    goal->e.x = s->w.x;
+    goal->e.grad = s->w.grad;
+    goal->e.hess = NULL;
+    if (!status) status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
+    nt->value += s->contact_energy - before;
+    return status;
 }
 
 /* What an update of size s leaves. The definite model errs towards short updates: were the next
@@ -11919,17 +11962,45 @@ static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, con
                        report->residual_m, sqrt(clothi_max(big, 0)), report->vertex);
 }
 
+#define CLOTHI_BLOCKS   4                   /* solves more where moves are cut                 */
+#define CLOTHI_BLOCK_AT 0.5                 /* part of the way below which it is worth one     */
+
+/* The part of w.dx that contact leaves free. Where that is little, the direction is looked for once
+ * more with what is in the way in the system: dx minimises the model under these constraints, of
+ * which dx = 0 meets all, so that it still goes downhill. */
+static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a,
+                                      cloth_report *report, cloth_linear_report *lr) {
+    const int    n = 3 * s->model->nv;
+    cloth_status status = CLOTH_OK;
+    int          tries;
+    if (!s->contact_on) return CLOTH_OK;
+    *a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
+    for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
+        if (!s->contact.block(s->contact.user, s->matrix)) break;
+        status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
+                                     clothi_newton_method(s, CLOTH_LINEAR_SGS), report, lr);
+        if (!status) *a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
+    }
+    if (!tries) return CLOTH_OK;
+    nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
+    nt->size = clothi_max_abs(s->w.dx, n);
+    return status;
+}
+
 /* One Newton iteration: w.x moves; *done when its update is below the tolerance. */
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                           cloth_report *report, int *done) {
     cloth_linear_report lr;
     double              a = 1, before = nt->value;
     cloth_status        status = clothi_cancelled(s);
-    int                 poor;
+    int                 poor, cut;
+    if (status || s->finish) return status;
     if (!status) status = clothi_newton_direction(s, goal, nt, report, &lr);
     if (status) return status;
     report->newton++;
-    if (s->contact_on) a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
+    status = clothi_newton_cut(s, nt, &a, report, &lr);
+    if (status) return status;
+    cut = a < 1;
     status = clothi_line_search(s, goal, nt, &a, report);
     if (status == CLOTH_ERR_STEP && nt->size < s->model->desc.tolerance &&
         !(nt->exact && lr.hit)) {           /* the whole update is below the tolerance, and too
@@ -11941,14 +12012,17 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     if (status) return status;
     clothi_newton_radius(s, goal, nt, before, a, &lr, &poor);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
-    s->fresh = 1;
+    s->fresh = !s->contact_on;
+    status = clothi_newton_renew(s, goal, nt);
     clothi_newton_rhs(s);
     report->residual_m = a * nt->size;
-    *done = clothi_newton_left(nt, report->residual_m) < s->model->desc.tolerance &&
-            (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0;
+    *done = clothi_newton_left(nt, cut ? nt->size : report->residual_m) <
+                s->model->desc.tolerance &&
+            (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0 &&
+            (!s->contact_on || !s->contact.settled ||
+             s->contact.settled(s->contact.user, s->w.rhs));
     nt->stuck = s->contact_on && nt->exact && (lr.hit || a < 1) ? nt->stuck + 1 : 0;
     nt->older = report->residual_m;
-    if (!*done && s->contact_on) status = s->contact.update(s->contact.user, s->w.x);
     return status;
 }
 
@@ -12016,15 +12090,17 @@ static cloth_status clothi_nudge(cloth_sim *s, clothi_goal *goal, clothi_newton 
     return status;
 }
 
-/* Moves w.x to a minimum of phi. On CLOTH_OK report->outcome says how it ended. */
+/* Moves w.x to a minimum of phi. On CLOTH_OK report->outcome says how it ended. With contact every
+ * iterate is feasible and may be accepted. */
 static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     const cloth_desc *d = &s->model->desc;
+    const int         cap = s->contact_on ? CLOTHI_CONTACT_CAP : CLOTHI_NEWTON_CAP;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
     int               it, done = 0;
     memset(&nt, 0, sizeof nt);
     nt.size = HUGE_VAL;
-    if (s->contact_on) status = s->contact.update(s->contact.user, s->w.x);
+    if (s->contact_on) status = s->contact.update(s->contact.user, s->w.x, NULL);
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     if (!status && (!clothi_finite(nt.value) ||
                     clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))
@@ -12044,10 +12120,10 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
             status = CLOTH_OK;
         }
         if (!status && done) status = clothi_nudge(s, goal, &nt, report, &done);
-        if (!status && !done && it >= CLOTHI_NEWTON_CAP) status = CLOTH_ERR_STEP;
-        if (status == CLOTH_ERR_STEP) return clothi_stalled(s, report, "step");
-        if (status) return status;
-        if (!done && d->max_newton > 0 && it >= d->max_newton) {
+        if (!status && !done && it >= cap) status = CLOTH_ERR_STEP;
+        if (status == CLOTH_ERR_STEP && !s->contact_on) return clothi_stalled(s, report, "step");
+        if (status && status != CLOTH_ERR_STEP) return status;
+        if (status || s->finish || (!done && d->max_newton > 0 && it >= d->max_newton)) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;
             return CLOTH_OK;
         }
@@ -12187,7 +12263,6 @@ static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
 }
 
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report);
-static cloth_status clothi_balance_contact(cloth_sim *s, clothi_goal *goal, cloth_ledger *l);
 
 static cloth_status clothi_finite_result(const cloth_sim *s, cloth_report *report) {
     const ptrdiff_t at = clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv);
@@ -12198,11 +12273,52 @@ static cloth_status clothi_finite_result(const cloth_sim *s, cloth_report *repor
                        report->vertex);
 }
 
+/* Of two feasible points, w.x and w.trial, the one with the smaller objective into w.x: a
+ * projection may have strained what had no time to give. */
+static cloth_status clothi_better_start(cloth_sim *s, clothi_goal *goal) {
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    cloth_status status = CLOTH_OK;
+    double       value[2] = {0, 0};
+    int          i;
+    if (memcmp(s->w.x, s->w.trial, bytes) == 0) return CLOTH_OK;
+    for (i = 0; i < 2 && !status; i++) {
+        const double *x = i ? s->w.trial : s->w.x;
+        status = s->contact.update(s->contact.user, x, NULL);
+        if (!status) status = clothi_objective(s, goal, x, NULL, 0, 0, value + i);
+    }
+    if (!status && !(value[0] <= value[1])) memcpy(s->w.x, s->w.trial, bytes);
+    return status;
+}
+
+/* Contact takes the guess in w.x to a feasible point, from which every move is cut; what was
+ * minimised is closed. Where the way to the feasible point was an impact the substep is one of
+ * implicit Euler. */
+static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *bdf2,
+                                         cloth_report *report) {
+    const double start = clothi_now(&s->hooks);
+    cloth_status status;
+    int          i, impact = 0;
+    s->counts.contact_calls++;
+    status = s->contact.start(s->contact.user, &goal->e, s->w.x, s->w.trial, &impact);
+    if (impact && *bdf2) {
+        for (i = 0; i < 3 * s->model->nv; i++)
+            if (!(s->fixed[i / 3] >> (i % 3) & 1))
+                s->w.y[i] = clothi_predicted(s, goal->e.h, 0, i);
+        goal->eta = goal->e.h;
+        *bdf2 = 0;
+        report->restarts++;
+    }
+    if (!status) status = clothi_better_start(s, goal);
+    s->ms.contact += clothi_now(&s->hooks) - start;
+    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+    return status ? status : clothi_finite_result(s, report);
+}
+
 static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha,
                                             cloth_report *report) {
     clothi_goal  goal;
     cloth_status status;
-    int          bdf2, active = 0;
+    int          bdf2, impact = 0;
     clothi_eval_start(s, &goal, h);
     bdf2 = clothi_predict(s, h, &goal.eta);
     if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) report->restarts++;
@@ -12211,22 +12327,19 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
     clothi_guess(s, h);
     status = clothi_terms_begin(s, &goal);
     if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+    if (!status && s->contact_on) {
+        status = clothi_contact_start(s, &goal, &bdf2, report);
+        if (!status) s->contact.hold(s->contact.user, s->fixed, s->w.x, s->w.y);
+    }
     if (!status) status = clothi_minimise(s, &goal, report);
     if (!status) status = clothi_finite_result(s, report);
+    if (!status && s->contact_on) {
+        status = s->contact.close(s->contact.user, s->w.x, &impact);
+        s->fresh = 0;
+    }
     if (!status && s->balance) status = clothi_balance(s, &goal, report);
     if (status) return status;
-    if (s->contact_on) {
-        const double start = clothi_now(&s->hooks);
-        s->counts.contact_calls++;
-        if (s->balance) memcpy(s->w.trial, s->w.x, 3 * (size_t)s->model->nv * sizeof(double));
-        status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, NULL, &active);
-        s->ms.contact += clothi_now(&s->hooks) - start;
-        if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-        if (!status) status = clothi_finite_result(s, report);
-        if (!status && s->balance) status = clothi_balance_contact(s, &goal, &report->energy);
-        if (status) return status;
-    }
-    clothi_advance(s, h, bdf2, active == 0);
+    clothi_advance(s, h, bdf2, !impact);
     report->substeps++;
     return CLOTH_OK;
 }
@@ -12962,7 +13075,6 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *re
     const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
     clothi_goal  goal;
     cloth_status status;
-    int          active;
     if (!s->contact_on) return CLOTH_OK;
     clothi_eval_start(s, &goal, h);
     s->counts.contact_calls += 2;
@@ -12972,7 +13084,7 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *re
     }
     status = s->contact.begin(s->contact.user, &goal.e);
     if (!status)
-        status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial, &active);
+        status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial);
     s->ms.contact += clothi_now(&s->hooks) - start;
     if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
     return status || !l ? status : clothi_leap_balance(s, l);
@@ -13070,6 +13182,7 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     if (!status && m->desc.integrator == CLOTH_INTEGRATOR_BDF2)
         status = clothi_need(s, &s->x_prev, n);
     if (!status && implicit) status = clothi_need(s, &s->v_prev, n);
+    if (!status && s->contact_on && implicit) status = clothi_need(s, &s->w.free, n);
     if (!status) status = clothi_need_damping(s);
     if (!status && implicit && !s->matrix)
         status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
@@ -13179,8 +13292,8 @@ static cloth_status clothi_energy_before(cloth_sim *s, int known, cloth_ledger *
 }
 
 /* Work and losses of an implicit substep, from the gradient at its minimiser w.x: what is left of
- * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives.
- * What contact does to w.x afterwards is balanced by clothi_balance_contact(). */
+ * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives; on
+ * an axis that contact holds it is contact's. */
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     cloth_ledger *l = &report->energy;
     double        value, big = 0;
@@ -13195,13 +13308,16 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++) {
         double dx = s->w.x[i] - s->state.x[i];
+        const int pinned = s->pin[i / 3] >> (i % 3) & 1;
         if (s->force_on) l->force_work += s->force[i] * dx;
-        if (s->pin[i / 3] >> (i % 3) & 1) {
+        if (pinned || (s->contact_on && s->fixed[i / 3] == CLOTH_AXIS_ALL && !s->model->tie)) {
             double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i), f = s->w.rhs[i];
             double w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
-            l->pin_work += (f + w * s->params.mass[i / 3] * (s->w.x[i] - y)) * dx;
+            *(pinned ? &l->pin_work : &l->contact_work) +=
+                (f + w * s->params.mass[i / 3] * (s->w.x[i] - y)) * dx;
         }
     }
+    if (s->contact_on && s->contact.balance) s->contact.balance(s->contact.user, l);
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
         const clothi_attach *q = s->attach + i;
         double               r[3];
@@ -13221,32 +13337,6 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
         status = s->term[CLOTHI_TERM_WIND].eval(s, &goal->e, &value);
         for (i = 0; i < n; i++) l->wind_work -= wind[i] * (s->w.x[i] - s->state.x[i]);
     }
-    return status;
-}
-
-/* What contact did to an implicit substep, from the minimiser w.trial, where the terms were
- * evaluated last, to w.x. Works count on the way to w.trial; in the zones' push only gravity and
- * the like, which are potentials, and the external force. */
-static cloth_status clothi_balance_contact(cloth_sim *s, clothi_goal *goal, cloth_ledger *l) {
-    const double *from = s->w.trial, *to = s->w.x, *x = s->state.x;
-    cloth_ledger  a, b;
-    cloth_status  status;
-    double        value, more = 0, work = 0;
-    int           i, n = 3 * s->model->nv;
-    if (s->contact.balance) s->contact.balance(s->contact.user, l);
-    if (memcmp(from, to, (size_t)n * sizeof(double)) == 0) return CLOTH_OK;
-    clothi_ledger_terms(s, &a);
-    status = clothi_objective(s, goal, to, NULL, 0, 0, &value);
-    clothi_ledger_terms(s, &b);
-    s->fresh = 1;                           /* of the energies, which the report asks for */
-    for (i = 0; i < n; i++) {
-        const double was = (from[i] - x[i]) / goal->e.h, is = (to[i] - x[i]) / goal->e.h;
-        more += 0.5 * s->params.mass[i / 3] * (was - is) * (was + is);
-        if (s->force_on) work += s->force[i] * (to[i] - from[i]);
-    }
-    l->force_work += work;
-    l->zone_loss += more + work + (a.stretch - b.stretch) + (a.bend - b.bend) +
-                    (a.gravity - b.gravity) + (a.attach - b.attach) + (a.other - b.other);
     return status;
 }
 
@@ -13804,10 +13894,12 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
 
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    if (contact && (!contact->begin || !contact->update || !contact->eval || !contact->max_step ||
+    if (contact && (!contact->begin || !contact->hold || !contact->update || !contact->eval ||
+                    !contact->block ||
+                    !contact->max_step || !contact->start || !contact->close ||
                     !contact->resolve || !contact->commit))
-        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, update, eval, max_step, "
-                                        "resolve or commit");
+        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, hold, start, update, eval, "
+                                        "max_step, close, resolve or commit");
     sim->contact_on = contact != NULL;
     if (contact) sim->contact = *contact;
     return CLOTH_OK;

@@ -183,12 +183,14 @@ static void fuzz_untangle(world *w, bytes *b) {
 
 /* Whatever the last call left, queries answer. */
 static void fuzz_ask(world *w, bytes *b) {
-    cloth_touch        touch[8];
+    cloth_collide_contact contact[8];
     cloth_collide_pair pair[8];
+    cloth_hold         hold[8];
     double             f[3 * FUZZ_SIDE * FUZZ_SIDE], gap;
     int                count, pairs[4];
     const uint64_t     before = cloth_sim_hash(w->sim);
-    require(cloth_collide_touches(w->c, (int)(next(b) % 9u), touch, &count) == CLOTH_OK);
+    require(cloth_collide_contacts(w->c, (int)(next(b) % 9u), contact, &count) == CLOTH_OK);
+    require(cloth_collide_holds(w->c, (int)(next(b) % 9u), hold, &count) == CLOTH_OK);
     require(cloth_collide_failed(w->c, (int)(next(b) % 9u), pair, &count) == CLOTH_OK);
     require(cloth_collide_forces(w->c, f) == CLOTH_OK);
     require(cloth_collide_friction(w->c, f) == CLOTH_OK);

@@ -306,10 +306,10 @@ static inline int stage_step(stage *s, double h) {
     }
     if (getenv("SHOW_STEPS"))
         printf("   %4d st %d fr %g newton %d halv %d proj %d res %.1e imp %d pass %d zones %d rows "
-               "%d big %d rigid %d touch %d push %.1e qp %d bad %d ms %.1f begin %.1f det %.1f "
+               "%d big %d rigid %d contacts %d push %.1e qp %d bad %d ms %.1f begin %.1f det %.1f "
                "zone %.1f\n",
                s->steps, (int)status, k.fraction, r.newton, r.halvings, r.projected, r.residual_m,
-               k.impacts, k.passes, k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches,
+               k.impacts, k.passes, k.zones, k.rows, k.largest_zone, k.rigid_zones, k.contacts,
                k.push, k.qp_iterations, s->npair, r.ms.total, k.ms_begin, k.ms_detect, k.ms_zones);
     return status == CLOTH_OK && k.fraction >= 1;
 }

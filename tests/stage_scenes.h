@@ -204,8 +204,7 @@ static inline void scene_spin(int n, int steps, double h) {
 
 /* A ball of 0.1 m flies at 20 m/s, 2/3 m a step, through the middle of a curtain of 1 m that hangs
  * from hooks along its upper side. A hook lets go where the cloth under it is stretched by 0.3,
- * about 15 N: the ball goes on with the curtain around it. max_push: a zone must be able to go as
- * far as the ball goes in a step. */
+ * about 15 N: the ball goes on with the curtain around it. */
 static inline void scene_ball(int n, int steps) {
     stage  s;
     int    i, k, id;
@@ -216,7 +215,6 @@ static inline void scene_ball(int n, int steps) {
         x[1] = -x[2];
         x[2] = 0.002 * sin(9 * x[0]);
     }
-    s.contact.max_push = 1;
     if (stage_start(&s)) {
         for (i = 0; i < n; i++) (void)cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, NULL);
         id = stage_sphere(&s, 0.52, -0.5, -1, 0.1);

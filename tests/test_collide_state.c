@@ -24,19 +24,19 @@ static void snapshots(void) {
         uint64_t     middle, end;
         size_t       size, fresh;
         void        *buf;
-        int          touches = 0;
+        int          contacts = 0;
         CHECK(world_open(&W, kind[k], NULL, NULL) == CLOTH_OK);
         fresh = cloth_sim_save_size(W.sim);
         CHECK(world_run(&W, n, h));
-        CHECK(cloth_collide_touches(W.c, 0, NULL, &touches) == CLOTH_OK);
-        while (touches == 0 && n < 240) {   /* there is contact to be kept */
+        CHECK(cloth_collide_contacts(W.c, 0, NULL, &contacts) == CLOTH_OK);
+        while (contacts == 0 && n < 240) {   /* there is contact to be kept */
             n++;
             CHECK(world_run(&W, 1, h));
-            CHECK(cloth_collide_touches(W.c, 0, NULL, &touches) == CLOTH_OK);
+            CHECK(cloth_collide_contacts(W.c, 0, NULL, &contacts) == CLOTH_OK);
         }
-        CHECK(touches > 0);
+        CHECK(contacts > 0);
         size = cloth_sim_save_size(W.sim);
-        CHECK(size >= fresh + 40);          /* an anchor at least */
+        if (k < 2) CHECK(size >= fresh + 40);           /* an anchor at least */
         buf = malloc(size);
         CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
         middle = cloth_sim_hash(W.sim);
@@ -55,9 +55,9 @@ static void snapshots(void) {
 }
 
 /* Two balls of one self-penetrating mesh pass through each other below the sheet and drift along;
- * the pose is a function of the time. Largest number of exempt faces seen. */
-static int body_run(cloth_obstacle body, const shape *s, double *pose, int n) {
-    int i, k, found, most = 0;
+ * the pose is a function of the time. Cloth in a pinch: test_pinch.c. */
+static void body_run(cloth_obstacle body, const shape *s, double *pose, int n) {
+    int i, k;
     for (k = 0; k < n; k++) {
         const double t = cloth_sim_state(W.sim)->t + 1.0 / 60;
         for (i = 0; i < s->nv; i++) {
@@ -68,14 +68,10 @@ static int body_run(cloth_obstacle body, const shape *s, double *pose, int n) {
         }
         CHECK(cloth_collide_move(W.c, body, pose) == CLOTH_OK);
         CHECK(cloth_step(W.sim, 1.0 / 60, NULL) == CLOTH_OK);
-        found = cloth_collide_last(W.c).exempt_faces;
-        most = most > found ? most : found;
     }
-    return most;
 }
 
-/* What is remembered of exempt faces from step to step [7.2] is no state: a restored sim, and one
- * that starts again, find the same. */
+/* On a body that penetrates itself a restored sim, and one that starts again, find the same. */
 static void self_penetrating(void) {
     const double        a[3] = {0.02, -0.08, 0.1}, b[3] = {0.18, -0.08, 0.1};
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
@@ -93,19 +89,19 @@ static void self_penetrating(void) {
     o.kind = CLOTH_OBSTACLE_MESH, o.self_penetrating = 1;
     o.nv = s.nv, o.x = s.x, o.nf = s.nf, o.faces = s.faces;
     CHECK(cloth_collide_add(W.c, &o, &body) == CLOTH_OK);
-    CHECK(body_run(body, &s, pose, 14) > 10);
+    body_run(body, &s, pose, 14);
     size = cloth_sim_save_size(W.sim);
     buf = malloc(size);
     CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
     middle = cloth_sim_hash(W.sim);
-    CHECK(body_run(body, &s, pose, 20) > 10);
+    body_run(body, &s, pose, 20);
     end = cloth_sim_hash(W.sim);
     CHECK(cloth_sim_restore(W.sim, buf, size) == CLOTH_OK);
     CHECK(cloth_sim_hash(W.sim) == middle);
-    CHECK(body_run(body, &s, pose, 20) > 10);
+    body_run(body, &s, pose, 20);
     CHECK(cloth_sim_hash(W.sim) == end);
     CHECK(cloth_sim_reset(W.sim) == CLOTH_OK);
-    CHECK(body_run(body, &s, pose, 14) > 10);
+    body_run(body, &s, pose, 14);
     CHECK(cloth_sim_hash(W.sim) == middle);
     free(buf);
     free(pose);

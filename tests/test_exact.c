@@ -103,19 +103,17 @@ static void expansions(void) {
     unsigned long long seed = 7;
     int                k, bad = 0;
     for (k = 0; k < 20000; k++) {
-        double    v[3], s[2], t[8], u[8], w[8], out[16], more[24];
-        int       i, n, m;
+        double v[3], s[2], e[16];
+        int    i, n;
         for (i = 0; i < 3; i++)
             v[i] = ref_uniform(&seed, -1, 1) * pow(10, ref_uniform(&seed, -60, 60));
         clothi_two_sum(v[0], v[1], s + 1, s);
-        n = clothi_exp_scale(s, 2, v[2], t);
-        m = clothi_exp_scale(v, 1, v[2], u);
-        n = clothi_exp_sum(t, n, u, m, -1, out);
-        m = clothi_exp_product(v + 1, 1, v + 2, 1, w);
-        n = clothi_exp_sum(out, n, w, m, -1, more);
-        bad += clothi_exp_sign(more, n) != 0;
-        n = clothi_exp_grow(more, n, 1e-100);
-        bad += clothi_exp_sign(more, n) != 1;
+        n = clothi_exp_add(e, 0, s, 2, v + 2, 1, 1);
+        n = clothi_exp_add(e, n, v, 1, v + 2, 1, -1);
+        n = clothi_exp_add(e, n, v + 2, 1, v + 1, 1, -1);
+        bad += clothi_exp_sign(e, n) != 0;
+        n = clothi_exp_grow(e, n, 1e-100);
+        bad += clothi_exp_sign(e, n) != 1;
         clothi_two_product(v[0], v[1], s + 1, s);
         bad += s[1] != v[0] * v[1];
         bad += (long double)s[1] + (long double)s[0] != (long double)v[0] * (long double)v[1];

@@ -298,13 +298,34 @@ static size_t node_near(const cloth_grid *g, const double *p) {
     return at;
 }
 
+/* [nf] 1 for faces inside of another part; the caller's to free. */
+static unsigned char *covered_faces(const shape *s) {
+    unsigned char *covered = (unsigned char *)malloc((size_t)s->nf);
+    double        *box_v = (double *)malloc(6 * sizeof(double) * (size_t)s->nv);
+    double        *box_f = (double *)malloc(6 * sizeof(double) * (size_t)s->nf);
+    clothi_surface u;
+    clothi_bvh     tree;
+    if (!covered || !box_v || !box_f) exit(2);
+    memset(&tree, 0, sizeof tree);
+    memset(&u, 0, sizeof u);
+    clothi_swept_boxes(s->nv, s->x, NULL, 0, box_v);
+    clothi_face_boxes(s->nf, s->faces, box_v, box_f);
+    CHECK(clothi_bvh_build(NULL, s->nf, box_f, &tree) == CLOTH_OK);
+    u.x = s->x, u.faces = s->faces, u.tree = &tree;
+    CHECK(clothi_surface_covered(NULL, &u, s->nf, covered) == CLOTH_OK);
+    clothi_bvh_free(NULL, &tree);
+    free(box_f);
+    free(box_v);
+    return covered;
+}
+
 /* Signs and distances at nodes everywhere, in the band, and by faces that are inside. */
 static void check_body(const double *x, const cloth_mesh *m, double cell, int samples) {
     shape          s;
     cloth_grid    *g;
-    clothi_inside *k = NULL;
     tally          all;
     size_t         i, stride;
+    unsigned char *covered;
     int            pass, f, inside = 0, met = 0;
     clock_t        t;
     s.nv = m->nv, s.nf = m->nf, s.faces = m->faces;
@@ -323,12 +344,11 @@ static void check_body(const double *x, const cloth_mesh *m, double cell, int sa
             while (pass && at < nodes_of(g) - 1 && fabs(g->phi[at]) >= g->band) at++;
             check_node(g, &s, at, &all);
         }
-    CHECK(clothi_inside_create(NULL, s.nv, s.nf, s.faces, &k) == CLOTH_OK);
-    CHECK(k && clothi_inside_flags(k, s.x) == CLOTH_OK);
-    for (f = 0; k && f < s.nf; f++)
-        if (k->flags[f] == CLOTHI_INSIDE_COVERED && met++ % 20 == 0)
+    covered = covered_faces(&s);
+    for (f = 0; f < s.nf; f++)
+        if (covered[f] && met++ % 20 == 0)
             check_node(g, &s, node_near(g, s.x + 3 * s.faces[3 * f]), &all);
-    clothi_inside_free(k);
+    free(covered);
     printf("    %d x %d x %d nodes, %.1f MB, %.2f s; of %d nodes %d inside twice; volume %.5f; "
            "error %.1e\n", g->n[0], g->n[1], g->n[2], (double)cloth_grid_bytes(g) / 1e6,
            (double)t / CLOCKS_PER_SEC, all.n, all.twice, inside * cell * cell * cell, all.outer);
@@ -351,48 +371,6 @@ static void walking_body(void) {
         body_pose(&b, frames[i], x);
         check_body(x, b.mesh, i == 0 ? 0.01 : 0.02, samples);
     }
-    free(x);
-    body_free(&b);
-}
-
-/* Where the body overlaps itself: nodes of a fine grid of rays, each against solid angles; and
- * points a micron off faces, where solid angles are still integers but for 1e-6. */
-static void winding_of_a_pose(void) {
-    body    b;
-    double *x;
-    int     i, f, a, k, wrong = 0, twice = 0;
-    if (!body_load(&b)) SKIP("no body beside the checkout");
-    x = (double *)malloc(3 * (size_t)b.mesh->nv * sizeof *x);
-    body_pose(&b, 288, x);
-    for (i = 0; i < 200; i++) {
-        const int    *v;
-        double        e[3], d[3], n[3], p[3], l;
-        long double   w;
-        int           sum[3] = {0, 0, 0}, g;
-        f = (int)uniform(0, b.mesh->nf);
-        v = b.mesh->faces + 3 * f;
-        clothi_sub3(x + 3 * v[1], x + 3 * v[0], e);
-        clothi_sub3(x + 3 * v[2], x + 3 * v[0], d);
-        clothi_cross3(e, d, n);
-        l = sqrt(clothi_dot3(n, n));
-        for (a = 0; a < 3; a++)
-            p[a] = (x[3 * v[0] + a] + x[3 * v[1] + a] + x[3 * v[2] + a]) / 3
-                   + (i % 2 ? 1e-6 : -1e-6) * n[a] / l;
-        w = shape_winding(x, b.mesh->nf, b.mesh->faces, p, -1);
-        for (g = 0; g < b.mesh->nf; g++)
-            for (a = 0; a < 3; a++) {
-                double depth = 0;
-                k = clothi_line_cross(x + 3 * b.mesh->faces[3 * g],
-                                      x + 3 * b.mesh->faces[3 * g + 1],
-                                      x + 3 * b.mesh->faces[3 * g + 2], a, p[(a + 1) % 3],
-                                      p[(a + 2) % 3], &depth);
-                if (k && depth > p[a]) sum[a] += k;
-            }
-        for (a = 0; a < 3; a++) wrong += fabsl(w - sum[a]) > 1e-6L;
-        twice += w > 1.5L;
-    }
-    CHECK(wrong == 0);
-    printf("    %d of 200 points are inside twice\n", twice);
     free(x);
     body_free(&b);
 }
@@ -618,7 +596,6 @@ int main(int argc, char **argv) {
     RUN(off_by_a_micron);
     RUN(overlapping_spheres);
     RUN(walking_body);
-    RUN(winding_of_a_pose);
     RUN(interpolant);
     RUN(outside);
     RUN(refusals);

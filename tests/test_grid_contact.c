@@ -135,24 +135,26 @@ static double fastest(const scene *s) {
 
 /* --- at rest --- */
 
-/* Contact's force in all, by vertices and by touches, N along y. */
+/* Contact's force in all, by vertices and by contacts, N along y. */
 static double pushed(scene *s, double *touched) {
-    static cloth_touch touch[1024];
+    static cloth_collide_contact q[1024];
     static double      f[3 * 1024];
     double             sum = 0;
     int                i, n = 0;
     CHECK(cloth_collide_forces(s->c, f) == CLOTH_OK);
-    CHECK(cloth_collide_touches(s->c, 1024, touch, &n) == CLOTH_OK);
+    CHECK(cloth_collide_contacts(s->c, 1024, q, &n) == CLOTH_OK);
     for (i = 0; i < s->mesh->nv; i++) sum += f[3 * i + 1];
     for (*touched = 0, i = 0; i < n; i++) {
-        CHECK(touch[i].obstacle.id == s->id.id && touch[i].n == 1 && !(touch[i].impulse > 0));
-        *touched += touch[i].force * touch[i].normal[1];
+        CHECK(q[i].pair.obstacle.id == s->id.id && q[i].n == 1);
+        CHECK(!(q[i].flags & CLOTH_CONTACT_ROW));
+        *touched += q[i].force * q[i].normal[1];
     }
     CHECK(n == s->mesh->nv);
     return sum;
 }
 
-/* On a box's grid, moved and with a radius too, as on a plane. */
+/* On a box's grid, moved and with a radius too, as on a plane, but for the pole that a grid has
+ * not: with the weight k t/120 on an area, k u^2/t or k u^2/(t (1 - u/U)), U = 0.775 t. */
 static void rest(void) {
     const double at[3] = {0.013, 0.1 + 0.003, -0.021}, plane[3] = {0, 0.1 + 0.013, 0};
     cloth_grid  *g = table(0.021, 0.1);
@@ -176,25 +178,28 @@ static void rest(void) {
     }
     printf("    height over a plane %.6f mm, over the grid of a box %.6f mm\n", 1e3 * height[0],
            1e3 * height[1]);
-    CHECK(height[0] > 0.5 * T && height[0] < T);
-    CHECK_NEAR(height[1], height[0], 1e-3 * T);
+    {
+        const double v = T * T / 120, U = 0.775 * T;
+        CHECK_REL(T - height[0], sqrt(v + v * v / (4 * U * U)) - v / (2 * U), 1e-3);
+        CHECK_REL(T - height[1], sqrt(v), 1e-3);
+    }
     cloth_grid_destroy(g);
 }
 
 /* --- differences --- */
 
-/* Energy and gradient by the interface that the step uses, and each touch's Hessian, at depths
- * below the cap, above it, and from outside of the range. */
+/* Energy and gradient by the interface that the step uses, at depths below the cap, above it, and
+ * from outside of the range. The Hessian along the normal: test_friction.c. */
 static void differences(void) {
     const double depth[4] = {1.2e-3, -0.4e-3, -0.02, 0.03}, n[3] = {0.6, 0.8, 0};
     const double step = 1e-8;
     cloth_grid   g;
-    int          m, i, j, k, felt;
+    int          m, i, felt;
     slope(&g, n);
     for (m = 0; m < 4; m++) {
         scene      s;
         cloth_eval e;
-        double     x[27], v[27], grad[27], p0[3], p1[3], K[9], unused[9], e0, e1, d, scale = 0;
+        double     x[27], v[27], grad[27], e0, e1, scale = 0;
         sheet(&s, 3, 0.1, 0.1, 0, -0.05);
         s.contact.stiffness = 3e5;
         for (i = 0; i < 9; i++)
@@ -207,14 +212,15 @@ static void differences(void) {
         e.nv = 9, e.h = H, e.x = x, e.x_n = s.state->x, e.v_n = v, e.grad = grad;
         s.sim->attach_alpha = s.sim->attach_step = 1;
         CHECK(clothi_contact_begin(s.c, &e) == CLOTH_OK);
-        CHECK(s.c->ntouch == 9);
         for (i = 0; i < 27; i++)
             x[i] = s.state->x[i] + H * v[i] + 1e-5 * sin(5.0 * i) +
                    (m == 3 ? 0.0095 * n[i % 3] : 0);
-        for (i = 0; i < s.c->ntouch; i++) {
-            clothi_touch *q = s.c->touch + i;
+        CHECK(clothi_contact_update(s.c, x, NULL) == CLOTH_OK);
+        CHECK(s.c->ncontact == 9);
+        for (i = 0; i < s.c->ncontact; i++) {
+            clothi_contact *q = s.c->contact + i;
             q->limit = 0.01, q->slip[2] = 3e-6;
-            CHECK_NEAR(q->gap, depth[m] + 1e-4 * (q->a % 4), 1e-12);
+            CHECK_NEAR(q->start, depth[m] + 1e-4 * (q->a % 4), 1e-12);
             CHECK(clothi_dot3(q->normal, n) > 1 - 1e-12);
         }
         memset(grad, 0, sizeof grad);
@@ -230,20 +236,6 @@ static void differences(void) {
             felt += fabs(grad[i]) > 0.1 * scale;
         }
         CHECK(felt >= 9);
-        for (i = 0; i < s.c->ntouch; i++) {
-            const clothi_touch *q = s.c->touch + i;
-            (void)clothi_touch_eval(s.c, q, x, p0, K);
-            for (scale = 0, k = 0; k < 9; k++) scale = fmax(scale, fabs(K[k]));
-            for (j = 0; j < 3; j++) {       /* n' K: friction's part is a majorizer */
-                double       *y = x + 3 * q->a + j;
-                const double  old = *y, along = n[0] * K[j] + n[1] * K[3 + j] + n[2] * K[6 + j];
-                *y = old + step, (void)clothi_touch_eval(s.c, q, x, p1, unused);
-                *y = old - step, (void)clothi_touch_eval(s.c, q, x, p0, unused);
-                *y = old;
-                for (d = 0, k = 0; k < 3; k++) d += n[k] * (p1[k] - p0[k]) / (2 * step);
-                CHECK_NEAR(along, d, 1e-5 * scale);
-            }
-        }
         s.c->begun = 0;
         end(&s);
     }
@@ -422,10 +414,10 @@ static void nowhere(void) {
             e.nv = s.mesh->nv, e.h = H, e.x = e.x_n = s.state->x, e.v_n = s.state->v;
             CHECK(clothi_contact_begin(s.c, &e) == CLOTH_OK);
             s.c->begun = 0;
-            CHECK(s.c->ntouch == 0);
+            CHECK(s.c->ncontact == 0);
         } else {
             steps(&s, 2);
-            CHECK(cloth_collide_last(s.c).touches == 0 && !(fastest(&s) > 0));
+            CHECK(cloth_collide_last(s.c).contacts == 0 && !(fastest(&s) > 0));
         }
         end(&s);
     }
@@ -548,7 +540,7 @@ static void cost(void) {
         if (k == 2) d.kind = CLOTH_OBSTACLE_MESH, d.nv = m.nv, d.x = m.x;
         if (k == 2) d.nf = m.nf, d.faces = m.faces;
         CHECK(cloth_collide_add(s.c, &d, &s.id) == CLOTH_OK);
-        for (contact[k] = 0, i = 0; i < (test_full() ? 90 : 30); i++) {
+        for (contact[k] = 0, i = 0; i < (test_full() ? 90 : test_quick() ? 8 : 30); i++) {
             cloth_collide_report c;
             CHECK(cloth_step(s.sim, 1.0 / 60, &rep) == CLOTH_OK);
             c = cloth_collide_last(s.c);

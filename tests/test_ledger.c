@@ -8,9 +8,6 @@
 #include "validate/friction.h"
 
 #define H        (1.0 / 60)
-#define TOUCHES  4096
-
-static cloth_touch touch[TOUCHES];
 
 /* A step, and what was before it. */
 typedef struct scene {
@@ -19,10 +16,9 @@ typedef struct scene {
     const double *mass;
     double       *x, *v;                    /* [nv x 3] at the start of the last step          */
     double       *f, *friction;             /* [nv x 3] N                                      */
-    double       *from;                     /* [nv x 3] the minimiser, before the zones        */
     double        before;                   /* J, total at the start of the last step          */
     cloth_report  r;
-    int           zones;                    /* steps in which there were any                   */
+    int           zones;                    /* steps that began with any                       */
 } scene;
 
 static double *vectors(const scene *q) {
@@ -37,14 +33,13 @@ static int scene_start(scene *q) {
     q->state = cloth_sim_state(q->s.sim);
     q->mass = cloth_sim_params(q->s.sim)->mass;
     q->x = vectors(q), q->v = vectors(q), q->f = vectors(q), q->friction = vectors(q);
-    q->from = vectors(q);
     CHECK(cloth_sim_energy(q->s.sim, &l) == CLOTH_OK);
     q->r.energy.total = l.total;
     return 1;
 }
 
 static void scene_end(scene *q) {
-    free(q->x), free(q->v), free(q->f), free(q->friction), free(q->from);
+    free(q->x), free(q->v), free(q->f), free(q->friction);
     fric_end(&q->s);
 }
 
@@ -73,31 +68,23 @@ static void scene_step(scene *q, double scale) {
         sum[i % 3] += q->f[i] - q->mass[i / 3] * (dv / H - gravity[i % 3]);
         m += q->mass[i / 3] / 3;
     }
-    for (k = 0; k < 3; k++) CHECK_NEAR(sum[k], 0, 1e-5 * m * FRIC_G);
+    /* as near as Newton's 1e-9 m balance what sticks: 2 mu N / slip = 2000 N/m at most */
+    for (k = 0; k < 3; k++) CHECK_NEAR(sum[k], 0, 2e-5 * m * FRIC_G);
 }
 
 /* What implicit Euler loses in a step, from its definition: F = M (v - v^n)/h acted on the way to
  * the minimiser, so with E what is conservative
  *   loss = 1/2 |v - v^n|_M^2 + E(x^n) - E(x) + grad E(x).(x - x^n)
- * there. The minimiser is where the zones' impulses have not yet pushed. */
+ * there. */
 static double euler_loss(scene *q) {
     double e0, e1, loss;
-    int    i, j, k, count;
-    memcpy(q->from, q->state->x, 3 * (size_t)q->s.nv * sizeof(double));
-    CHECK(cloth_collide_touches(q->s.contact, TOUCHES, touch, &count) == CLOTH_OK);
-    CHECK(count <= TOUCHES);
-    for (i = 0; i < count; i++)
-        for (j = 0; j < touch[i].n; j++)
-            for (k = 0; k < 3; k++)
-                q->from[3 * touch[i].vertex[j] + k] -=
-                    H / q->mass[touch[i].vertex[j]] * touch[i].impulse * touch[i].weight[j] *
-                    touch[i].normal[k];
+    int    i;
     CHECK(cloth_sim_potential(q->s.sim, q->x, &e0, NULL) == CLOTH_OK);
     memset(q->f, 0, 3 * (size_t)q->s.nv * sizeof(double));
-    CHECK(cloth_sim_potential(q->s.sim, q->from, &e1, q->f) == CLOTH_OK);
+    CHECK(cloth_sim_potential(q->s.sim, q->state->x, &e1, q->f) == CLOTH_OK);
     loss = e0 - e1;
     for (i = 0; i < 3 * q->s.nv; i++) {
-        const double d = q->from[i] - q->x[i], dv = d / H - q->v[i];
+        const double d = q->state->x[i] - q->x[i], dv = d / H - q->v[i];
         loss += 0.5 * q->mass[i / 3] * dv * dv + q->f[i] * d;
     }
     return loss;
@@ -196,8 +183,10 @@ static void bystanders(void) {
             CHECK_REL(bystander(what, mesh, 0, x[what]), 1, 2e-3);
             CHECK(memcmp(x[what], x[0], sizeof x[0]) == 0);
         }
-    CHECK_NEAR(bystander(1, 0, 1, x[0]), 0, 1e-15); /* a write to x has anchors dropped, as ever */
-    CHECK_NEAR(bystander(0, 0, 1, x[0]), 0, 1e-15);
+    /* a write to x has anchors dropped: the sheet gives once more, and sticks at once */
+    CHECK_REL(bystander(1, 0, 1, x[0]), 1, 1e-2);
+    CHECK_REL(bystander(0, 0, 1, x[1]), 1, 1e-2);
+    CHECK(memcmp(x[1], x[0], sizeof x[0]) == 0);
 }
 
 /* A sheet lies on another that is pinned, pressed on it by F and sheared by S: each carries what
@@ -252,11 +241,12 @@ static void pressed(void) {
     scene_end(&q);
 }
 
-/* A flat sheet falls 0.12 m on a plane: while it is rigid implicit Euler loses 1/2 m |dv|^2 a step,
- * (g h)^2 m/2 in the fall; the zones take the rest, and what comes to rest has spent all. */
+/* A flat sheet falls 0.12 m on a plane: implicit Euler loses 1/2 m |dv|^2 a step while it is rigid,
+ * (g h)^2 m/2 in the fall, and what the impact takes is that of its steps too. An implicit step
+ * owes nothing to the zones, and what comes to rest has spent all. */
 static void drop(void) {
     const double M = 0.2 * 0.01, gh = FRIC_G * H;
-    double       zones = 0, euler = 0, works = 0, height;
+    double       euler = 0, works = 0, height, most = 0;
     int          n, i, hit = 0;
     scene        q;
     memset(&q, 0, sizeof q);
@@ -270,28 +260,24 @@ static void drop(void) {
             const double dv = q.state->v[i] - q.v[i];
             loss += 0.5 * q.mass[i / 3] * dv * dv;
         }
-        if (q.r.energy.zone_loss > 0 || q.r.energy.zone_loss < 0) {
-            const double v1 = q.v[1] - gh, v2 = q.state->v[1];  /* with and without the zones */
-            CHECK_REL(q.r.energy.zone_loss, 0.5 * M * (v1 * v1 - v2 * v2) +
-                                                M * FRIC_G * H * (v1 - v2), 1e-9);
-            loss = 0.5 * M * gh * gh;
-            hit++;
-        }
+        hit += cloth_collide_last(q.s.contact).contacts > 0;
+        CHECK(!(fabs(q.r.energy.zone_loss) > 0));
         CHECK_NEAR(q.r.energy.numerical_loss, loss, 1e-12);
         if (!hit) {
             CHECK_NEAR(q.r.energy.numerical_loss, 0.5 * M * gh * gh, 1e-15);
             CHECK(!(fabs(q.r.energy.contact_work) > 0) && !(q.r.energy.contact > 0));
         }
         CHECK_NEAR(q.r.energy.friction_loss, 0, 1e-12);
-        zones += q.r.energy.zone_loss;
         euler += q.r.energy.numerical_loss;
         works += q.r.energy.contact_work;
+        most = fmax(most, q.r.energy.total - q.before);
     }
     height = 0.12 - q.state->x[1];
-    printf("  drop: of %.3e J the zones took %.3e, Euler %.3e; E_col gave %.1e, holds %.1e J\n",
-           M * FRIC_G * height, zones, euler, works, q.r.energy.contact);
-    CHECK(hit > 0 && zones > 0.1 * M * FRIC_G * height);
-    CHECK_NEAR(M * FRIC_G * height + works, zones + euler, 1e-9);
+    printf("  drop: of %.3e J Euler took %.3e; E_col gave %.1e, holds %.1e J\n",
+           M * FRIC_G * height, euler, works, q.r.energy.contact);
+    CHECK(hit > 0 && works < 0);            /* it brakes */
+    CHECK(most < 1e-9);                     /* and never throws back more than it took */
+    CHECK_NEAR(M * FRIC_G * height + works, euler, 1e-9);
     CHECK(q.r.energy.contact > 0);
     scene_end(&q);
 }
@@ -370,28 +356,19 @@ static void slide(void) {
     slide_of(0, 0.8);
 }
 
-/* A step of a flat sheet on a plane that rose by `rise` m: E_col's force N goes with the sheet to
- * the minimiser, the rows' force R, which brings it on from there, with the plane. */
-static void lift_step(scene *q, double rise) {
-    const double M = 0.2 * 0.01;
-    double       R = 0, N = 0, way = q->state->x[1] - q->x[1], to, v0, v1;
-    int          i, count;
-    CHECK(cloth_collide_touches(q->s.contact, TOUCHES, touch, &count) == CLOTH_OK);
-    for (i = 0; i < count; i++) R += touch[i].impulse / H;
+/* A step of a flat sheet on a plane: the force N goes with the sheet. */
+static void lift_step(scene *q) {
+    double N = 0, way = q->state->x[1] - q->x[1];
+    int    i;
     for (i = 0; i < q->s.nv; i++) N += q->f[3 * i + 1];
-    N -= R;
-    to = way - R * H * H / M;
-    v0 = to / H, v1 = way / H;
-    CHECK_NEAR(q->r.energy.contact_work, N * to + R * rise, 1e-9);
-    CHECK_NEAR(q->r.energy.zone_loss,
-               R > 0 ? 0.5 * M * (v0 * v0 - v1 * v1) + M * FRIC_G * (to - way) + R * rise : 0,
-               1e-9);
+    CHECK_NEAR(q->r.energy.contact_work, N * way, 1e-9);
+    CHECK(!(fabs(q->r.energy.zone_loss) > 0));
 }
 
 /* A plane catches a sheet that falls, carries it up and stops. */
 static void lift(void) {
     const double M = 0.2 * 0.01;
-    double       ground[3] = {0, 0, 0}, worked = 0, zones = 0, y, y0, start;
+    double       ground[3] = {0, 0, 0}, worked = 0, y, y0, start;
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_obstacle id;
     int            n;
@@ -408,15 +385,12 @@ static void lift(void) {
         ground[1] += (n < 30 ? 0.5 : 0) * H;
         CHECK(cloth_collide_move(q.s.contact, id, ground) == CLOTH_OK);
         scene_step(&q, 1e-3);
-        lift_step(&q, n < 30 ? 0.5 * H : 0);
+        lift_step(&q);
         worked += q.r.energy.contact_work;
-        zones += q.r.energy.zone_loss;
-        CHECK(q.r.energy.zone_loss >= -1e-12);
     }
     y = fric_mean(&q.s, q.state->x, 1);
-    printf("  lifted %.4f m: work %.6e J, m g y %.6e; zones took %.2e\n", y - y0, worked,
-           M * FRIC_G * (y - y0), zones);
-    CHECK(q.zones > 0 && zones > 0);
+    printf("  lifted %.4f m: work %.6e J, m g y %.6e\n", y - y0, worked, M * FRIC_G * (y - y0));
+    CHECK(q.zones > 0);
     CHECK(worked > M * FRIC_G * (y - y0) && worked < M * FRIC_G * (y - y0) + 2 * M * 0.25);
     CHECK_NEAR(q.r.energy.total - start, M * FRIC_G * (y - y0), 1e-9);
     scene_end(&q);
@@ -427,8 +401,8 @@ static void lift(void) {
 static void drape(void) {
     const double center[3] = {0.1, -0.06, 0.1};
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
-    double  worst = 0, zones = 0, rubbed = 0, worked = 0, fall;
-    int     n, judged = 0, in_zones = 0;
+    double  worst = 0, rubbed = 0, worked = 0, fall;
+    int     n;
     scene   q;
     memset(&q, 0, sizeof q);
     fric_sheet(&q.s, 10, 10, 0.2, 0.2);
@@ -441,22 +415,18 @@ static void drape(void) {
     CHECK(cloth_collide_add(q.s.contact, &o, NULL) == CLOTH_OK);
     fall = q.r.energy.total;
     for (n = 0; n < 45; n++) {
-        const int rigid = q.zones;
         scene_step(&q, 1e-2);
-        zones += q.r.energy.zone_loss;
+        CHECK(!(fabs(q.r.energy.zone_loss) > 0));
         rubbed += q.r.energy.friction_loss;
         worked += q.r.energy.contact_work;
-        if (cloth_collide_last(q.s.contact).rigid_zones > 0) continue;
         worst = fmax(worst, fabs(euler_loss(&q) - q.r.energy.numerical_loss));
-        judged++;
-        in_zones += q.zones > rigid;
     }
-    printf("  drape: %d of %d steps, %d with zones: loss by its formula off by %.1e J; zones took "
-           "%.2e, friction %.2e, contact worked %.1e of %.2e J\n", judged, n, in_zones, worst,
-           zones, rubbed, worked, fall - q.r.energy.total);
-    CHECK(judged > 35 && in_zones > 3);
-    CHECK(worst < 1e-9);
-    CHECK(fabs(zones) > 1e-4 && rubbed > 1e-5);
+    printf("  drape: %d steps, %d with zones: loss by its formula off by %.1e J; friction took "
+           "%.2e, contact worked %.1e of %.2e J\n", n, q.zones, worst, rubbed, worked,
+           fall - q.r.energy.total);
+    CHECK(q.zones > 3);
+    CHECK(worst < 1e-12);
+    CHECK(rubbed > 1e-5 && worked < 0);
     scene_end(&q);
 }
 

@@ -279,6 +279,26 @@ static void far_contradiction(void) {
     qp_free(&p);
 }
 
+/* Entries that couple with one row and underflow with another, beside two rows that need twice the
+ * digits: x would have to move by 1e324 units, nothing outside of the arrays is touched. */
+static void underflow(void) {
+    enum { M = 42 };
+    double          x[2], lambda[M];
+    const int       col[2] = {0, 1};
+    cloth_qp_report r;
+    qp_problem      p = blank(2, M);
+    int             i;
+    p.minv[1] = 5e-324;
+    for (i = 0; i < M; i++) {
+        const double tiny = 1e-200, val[2] = {i % 2 ? 1 : -1, 0.1};
+        if (i + 2 < M) add_row(&p, 1, 1, col + 1, &tiny);
+        else add_row(&p, -1, 2, col, val);
+    }
+    CHECK(cloth_qp_solve(&p.qp, NULL, x, lambda, &r) == CLOTH_OK);
+    CHECK(r.outcome == CLOTH_QP_MAX_ITERATIONS && r.precise && r.dropped == M - 2);
+    qp_free(&p);
+}
+
 /* --- enumeration --- */
 
 /* Gaussian elimination by columns, largest pivot first, in long double; 0 when singular. */
@@ -728,6 +748,7 @@ int main(int argc, char **argv) {
     RUN(special_rows);
     RUN(contradictions);
     RUN(far_contradiction);
+    RUN(underflow);
     RUN(enumeration);
     RUN(nasty);
     RUN(public_synthetic);

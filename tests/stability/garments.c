@@ -4,7 +4,6 @@
  * By default the procedural shirt for 20 steps and one of the scanned garments of ../shared for 12;
  * FULL=1: the procedural shirt for 90, four garments of ../shared for 120, that is 2 s, the first
  * half second of which leads from the rest pose to the walk. SHOW_STEPS=1 prints every step;
- * PUSH_OUT=0 sets push_out, m/s; STEPS=60 cuts the walk short.
  *
  * After each accepted step, by exact arithmetic, no two faces of the garment and no face of the
  * garment and one of the body may intersect that did not before. Counted apart are
@@ -238,7 +237,7 @@ static void examine(walk *w, int *fresh, int *let_in) {
     for (i = 0; i < n; i++) {
         const int *p = found + 2 * i;
         if (w->npair && bsearch(p, w->pair, (size_t)w->npair, 2 * sizeof *p, same_pair)) continue;
-        if (p[1] >= cloth && w->c->off[p[1]]) ++*let_in;
+        if (p[1] >= cloth && w->c->nhold > 0 && w->c->pinched[p[1]]) ++*let_in;
         else if (p[1] >= cloth && leaves(w->nf, w->all + 3 * cloth, w->x, w->before,
                                          w->all + 3 * p[0], p[1] - cloth))
             w->leaving++;
@@ -343,7 +342,6 @@ static int walk_start(walk *w, const cloth_desc *desc, int nv, int nf, const int
     w->desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
     w->desc.contact = CLOTH_CONTACT_SELF;
     contact.initial = CLOTH_INITIAL_EXEMPT;
-    if (getenv("PUSH_OUT")) contact.push_out = strtod(getenv("PUSH_OUT"), NULL);
     w->nv = nv, w->nf = nf, w->faces = faces;
     w->now = (double *)malloc(3 * (size_t)nv * sizeof(double));
     w->next = (double *)malloc(3 * (size_t)nv * sizeof(double));
@@ -419,7 +417,7 @@ static void walk_step(walk *w) {
                "spread %d ms %.0f "
                "begin %.0f det %.0f zone %.0f\n",
                w->steps, (int)status, k.fraction, r.newton, r.halvings, k.impacts, k.passes,
-               k.zones, k.rows, k.largest_zone, k.rigid_zones, k.touches, k.exempt_faces, k.push,
+               k.zones, k.rows, k.largest_zone, k.rigid_zones, k.contacts, k.exempt_faces, k.push,
                w->npair, w->inner, fresh, let_in, w->leaving - leaving,
                w->spread - spread, r.ms.total, k.ms_begin, k.ms_detect, k.ms_zones);
     fflush(stdout);

@@ -55,7 +55,7 @@ static void dropped(void) {
                 const double part = rebound(shape, integrator[i], h, drops[k], &low, &settle);
                 printf("  %-9s %-9s %8.2f   %12.2e    0.01  %.3f       %.3f\n", shape_name[shape],
                        name[i], drops[k], part, low / FRIC_T, settle / FRIC_T);
-                CHECK(part < 0.01);
+                OPEN_MOST(part, 0.01, "rebound in parts of the drop");
                 CHECK(low > 0);
             }
 }

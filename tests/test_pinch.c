@@ -1,0 +1,447 @@
+/* test_pinch.c - cloth between two parts of a body that penetrates itself: held in order while the
+ * parts close and pass each other, counted, listed, let go when they open; no bit of difference
+ * where no two parts come near; snapshots and workers in a pinch.
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I. test_pinch.c -lm
+ * tier: quick */
+#include "../clothsim_collide.h"
+
+#include "test.h"
+#include "shapes.h"
+#include "exact.h"
+#include "stage.h"
+
+#define T    2e-3                           /* m, contact thickness                            */
+#define H    (1.0 / 60)
+#define MOST 512
+
+/* --- the body: two plates as one mesh, each closed, of n x n squares on their six sides --- */
+
+static void plate(shape *s, int n, double size, double y, double thick) {
+    const int first = s->nv;
+    int       i, j, k;
+    shape_room(s, s->nv + 2 * (n + 1) * (n + 1), s->nf + 4 * n * n + 8 * n);
+    for (k = 0; k < 2; k++)
+        for (j = 0; j <= n; j++)
+            for (i = 0; i <= n; i++)
+                (void)shape_vertex(s, size * (i / (double)n - 0.5), y + k * thick,
+                                   size * (j / (double)n - 0.5));
+#define AT(i, j, k) (first + ((k) * (n + 1) + (j)) * (n + 1) + (i))
+    for (j = 0; j < n; j++)
+        for (i = 0; i < n; i++) {
+            shape_face(s, AT(i, j, 1), AT(i, j + 1, 1), AT(i + 1, j, 1));
+            shape_face(s, AT(i + 1, j, 1), AT(i, j + 1, 1), AT(i + 1, j + 1, 1));
+            shape_face(s, AT(i, j, 0), AT(i + 1, j, 0), AT(i, j + 1, 0));
+            shape_face(s, AT(i + 1, j, 0), AT(i + 1, j + 1, 0), AT(i, j + 1, 0));
+        }
+    for (i = 0; i < n; i++) {
+        shape_face(s, AT(i, 0, 0), AT(i, 0, 1), AT(i + 1, 0, 0));
+        shape_face(s, AT(i + 1, 0, 0), AT(i, 0, 1), AT(i + 1, 0, 1));
+        shape_face(s, AT(i, n, 0), AT(i + 1, n, 0), AT(i, n, 1));
+        shape_face(s, AT(i + 1, n, 0), AT(i + 1, n, 1), AT(i, n, 1));
+        shape_face(s, AT(0, i, 0), AT(0, i + 1, 0), AT(0, i, 1));
+        shape_face(s, AT(0, i + 1, 0), AT(0, i + 1, 1), AT(0, i, 1));
+        shape_face(s, AT(n, i, 0), AT(n, i, 1), AT(n, i + 1, 0));
+        shape_face(s, AT(n, i + 1, 0), AT(n, i, 1), AT(n, i + 1, 1));
+    }
+#undef AT
+}
+
+/* Plates of 0.12 m, `room` apart around y = 0. */
+static void plates(shape *s, double room) {
+    memset(s, 0, sizeof *s);
+    plate(s, 6, 0.12, -0.5 * room - 0.01, 0.01);
+    plate(s, 6, 0.12, 0.5 * room, 0.01);
+}
+
+typedef struct scene {
+    stage s;
+    shape body;
+    int   id, layers, half;                 /* half: vertices of a layer                       */
+} scene;
+
+/* `layers` sheets of 0.2 m one over the other between the plates, hung up by their corners. */
+static void open_scene(scene *q, int layers, double room, int flag, const cloth_hooks *hooks) {
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    cloth_mesh         *part[3], *all;
+    cloth_pin           pins[12];
+    int                 i, k;
+    memset(q, 0, sizeof *q);
+    for (k = 0; k < layers; k++) {
+        if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 9, 9, 0.2, 0.2, part + k)) exit(2);
+        for (i = 0; i < part[k]->nv; i++) {
+            double *x = part[k]->x + 3 * i;
+            x[0] -= 0.1, x[2] -= 0.1;
+            x[1] = 1.5e-3 * (k - 0.5 * (layers - 1));
+        }
+    }
+    q->half = part[0]->nv;
+    if (layers == 1) all = part[0];
+    else {
+        if (cloth_mesh_merge(NULL, part, layers, &all)) exit(2);
+        for (k = 0; k < layers; k++) cloth_mesh_destroy(NULL, part[k]);
+    }
+    q->layers = layers;
+    stage_cloth(&q->s, all);
+    q->s.desc.part = all->part;
+    q->s.contact.thickness = T;
+    if (hooks) q->s.desc.hooks.parallel = hooks->parallel;
+    memset(pins, 0, sizeof pins);
+    for (i = 0; i < 4 * layers; i++) {
+        static const int corner[4] = {0, 8, 72, 80};
+        pins[i].vertex = q->half * (i / 4) + corner[i % 4], pins[i].axes = CLOTH_AXIS_ALL;
+    }
+    q->s.desc.npins = 4 * layers, q->s.desc.pins = pins;
+    if (!stage_start(&q->s)) exit(2);
+    plates(&q->body, room);
+    d.nv = q->body.nv, d.x = q->body.x, d.nf = q->body.nf, d.faces = q->body.faces;
+    d.self_penetrating = flag;
+    q->id = stage_add(&q->s, &d);
+}
+
+static void close_scene(scene *q) {
+    shape_free(&q->body);
+    stage_end(&q->s);
+}
+
+/* The plates `room` apart at the end of the next step, shifted sideways by `side`. */
+static void plates_at(scene *q, double room, double side) {
+    shape m;
+    int   i;
+    plates(&m, room);
+    for (i = 0; i < m.nv; i++) m.x[3 * i] += side * (2 * i < m.nv ? 1 : -1);
+    memcpy(q->s.thing[q->id].next, m.x, 3 * (size_t)m.nv * sizeof(double));
+    shape_free(&m);
+}
+
+/* From 10 mm to `least` in 20 steps, 10 steps there, and back. */
+static double room_at(int step, double least) {
+    const double part = step < 20 ? 1 - step / 20.0 : step < 30 ? 0 : step < 50 ? (step - 30) / 20.0
+                                                                                 : 1;
+    return least + part * (10e-3 - least);
+}
+
+/* --- what holds say --- */
+
+/* Points of a hold on the body as this file has it, m their direction; 0: out of range. */
+static int hold_points(const scene *q, const cloth_hold *h, double *a, double *m) {
+    const stage_thing *t = q->s.thing + q->id;
+    double             n[2][3];
+    int                i, k;
+    for (k = 0; k < 2; k++) {
+        const double *p[3];
+        double        e[2][3], size = 0;
+        if (h->face[k] < 0 || h->face[k] >= q->body.nf) return 0;
+        for (i = 0; i < 3; i++) p[i] = t->x + 3 * q->body.faces[3 * h->face[k] + i];
+        for (i = 0; i < 3; i++) {
+            a[3 * k + i] = h->weight[k][0] * p[0][i] + h->weight[k][1] * p[1][i] +
+                           h->weight[k][2] * p[2][i];
+            e[0][i] = p[1][i] - p[0][i], e[1][i] = p[2][i] - p[0][i];
+        }
+        for (i = 0; i < 3; i++) {
+            const int j = (i + 1) % 3, l = (i + 2) % 3;
+            n[k][i] = e[0][j] * e[1][l] - e[0][l] * e[1][j];
+            size += n[k][i] * n[k][i];
+        }
+        for (i = 0; i < 3; i++) n[k][i] /= sqrt(size);
+    }
+    for (i = 0; i < 3; i++) m[i] = n[0][i] - n[1][i];
+    a[6] = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
+    for (i = 0; i < 3; i++) m[i] /= a[6];
+    return 1;
+}
+
+/* Every hold is of a vertex that lies between two faces of the two plates that look at each other,
+ * at its share of the way; one of each vertex, in their order. Returns their number. */
+static int examine_holds(const scene *q) {
+    static cloth_hold hold[MOST];
+    int               i, k, n = -1, last = -1, few = -1;
+    CHECK(cloth_collide_holds(q->s.c, MOST, hold, &n) == CLOTH_OK && n <= MOST);
+    CHECK(n == cloth_collide_last(q->s.c).held);
+    CHECK(cloth_collide_holds(q->s.c, 0, NULL, &few) == CLOTH_OK && few == n);
+    for (i = 0; i < n; i++) {
+        const cloth_hold *h = hold + i;
+        double            a[7], m[3], way = 0, room = 0;
+        CHECK(h->vertex >= 0 && h->vertex < q->s.mesh->nv && h->slot == 0);
+        CHECK(h->share > 0 && h->share < 1);
+        for (k = 0; k < 2; k++) {
+            CHECK_NEAR(h->weight[k][0] + h->weight[k][1] + h->weight[k][2], 1, 1e-12);
+            CHECK(fmin(h->weight[k][0], fmin(h->weight[k][1], h->weight[k][2])) > -1e-12);
+        }
+        if (!CHECK(hold_points(q, h, a, m))) continue;
+        CHECK((2 * h->face[0] < q->body.nf) != (2 * h->face[1] < q->body.nf));
+        CHECK(a[6] > 1.9);                  /* plane plates: straight at each other */
+        for (k = 0; k < 3; k++) {
+            way += (q->s.state->x[3 * h->vertex + k] - a[k]) * m[k];
+            room += (a[3 + k] - a[k]) * m[k];
+        }
+        CHECK_NEAR(way, h->share * room, 1e-12);
+        last = h->vertex > last ? h->vertex : last;
+    }
+    return n;
+}
+
+/* --- one pinch --- */
+
+typedef struct seen {
+    int    held, faces, crossings, miscounted, failed, disorder;
+    int    left, exempt;                    /* of holds, of pairs at the end                   */
+    double gap, stretch;
+} seen;
+
+/* Vertices that are held and not over the one of the layer below. */
+static int disorder(const scene *q) {
+    static cloth_hold hold[MOST];
+    static char       held[MOST];
+    int               i, n = 0, bad = 0;
+    memset(held, 0, sizeof held);
+    (void)cloth_collide_holds(q->s.c, MOST, hold, &n);
+    for (i = 0; i < n; i++) held[hold[i].vertex] = 1;
+    for (i = q->half; i < q->s.mesh->nv; i++) {
+        /* where plates have passed each other, their inner sides are the other way round */
+        const stage_thing *t = q->s.thing + q->id;
+        const double      *inner = t->x + 3 * (q->body.nv / 2), room = inner[1] - inner[-2];
+        const double       d = q->s.state->x[3 * i + 1] - q->s.state->x[3 * (i - q->half) + 1];
+        if (held[i] && held[i - q->half] && fabs(room) > 1e-9) bad += !(d * room > 0);
+    }
+    return bad;
+}
+
+static double longest(const stage *s) {
+    double most = 0;
+    int    f, i, k;
+    for (f = 0; f < s->mesh->nf; f++)
+        for (i = 0; i < 3; i++) {
+            const int a = s->mesh->faces[3 * f + i], b = s->mesh->faces[3 * f + (i + 1) % 3];
+            double    l = 0, l0 = 0;
+            for (k = 0; k < 3; k++) {
+                l += pow(s->state->x[3 * a + k] - s->state->x[3 * b + k], 2);
+                l0 += pow(s->mesh->x[3 * a + k] - s->mesh->x[3 * b + k], 2);
+            }
+            most = fmax(most, sqrt(l / l0));
+        }
+    return most;
+}
+
+static seen pinch(int layers, double least, int after) {
+    scene q;
+    seen  w;
+    int   i, n;
+    memset(&w, 0, sizeof w);
+    open_scene(&q, layers, room_at(0, least), 1, NULL);
+    for (i = 1; i <= 50 + after; i++) {
+        cloth_report r;
+        plates_at(&q, room_at(i, least), 0);
+        CHECK(cloth_collide_move(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].next) == CLOTH_OK);
+        if (cloth_step(q.s.sim, H, &r)) {
+            w.failed++;
+            break;
+        }
+        memcpy(q.s.thing[q.id].x, q.s.thing[q.id].next, 3 * (size_t)q.body.nv * sizeof(double));
+        (void)stage_examine(&q.s);
+        n = examine_holds(&q);
+        w.held = n > w.held ? n : w.held;
+        w.left = n;
+        CHECK((n > 0) == (cloth_collide_last(q.s.c).exempt_faces > 0));
+        n = cloth_collide_last(q.s.c).exempt_faces;
+        w.faces = n > w.faces ? n : w.faces;
+        n = stage_crossings(&q.s);
+        w.crossings = n > w.crossings ? n : w.crossings;
+        w.miscounted += !stage_parity(&q.s);
+        w.disorder += disorder(&q);
+        w.stretch = fmax(w.stretch, longest(&q.s));
+        if (getenv("SHOW_STEPS"))
+            printf("      %3d room %7.3f mm: held %d faces %d pairs %d exempt %d newton %d, "
+                   "%.0f ms\n",
+                   i, 1e3 * room_at(i, least), w.left, cloth_collide_last(q.s.c).exempt_faces, n,
+                   r.exempt_pairs, r.newton, r.ms.total);
+    }
+    w.exempt = stage_crossings(&q.s);
+    CHECK(cloth_collide_gap(q.s.c, 0.01, &w.gap) == CLOTH_OK);
+    printf("    %d layers, plates %5.2f mm: held %d, faces %d, crossings %d, at the end %d held, "
+           "%d crossings, gap %.2f mm, edges %.3f\n", layers, 1e3 * least, w.held, w.faces,
+           w.crossings, w.left, w.exempt, 1e3 * w.gap, w.stretch);
+    close_scene(&q);
+    return w;
+}
+
+static void judge(seen w, int layers) {
+    CHECK(w.miscounted == 0 && w.disorder == 0);
+    CHECK(w.held >= 9 * layers && w.faces > 0);     /* those over the plates' middles */
+    CHECK(w.stretch < 1.5);
+    OPEN_MOST(w.failed, 0, "steps of a pinch that failed");
+    if (!w.failed) CHECK(w.left == 0 && w.exempt == 0 && w.gap > 0.2 * T);
+}
+
+/* Plates that close to less than cloth has room for, to nothing, and that pass each other. */
+static void closes(void) {
+    judge(pinch(1, 1.5e-3, 20), 1);
+    judge(pinch(1, 0.2e-3, 20), 1);
+    judge(pinch(1, -4e-3, 20), 1);
+}
+
+/* Two and three layers, which keep their order. */
+static void layers(void) {
+    if (test_quick()) SKIP("long");
+    judge(pinch(2, 1e-3, 30), 2);
+    judge(pinch(2, -3e-3, 30), 2);
+    judge(pinch(3, 0.5e-3, 30), 3);
+}
+
+/* Without the flag the same is an obstacle like others: a pinch fails. */
+static void without(void) {
+    scene q;
+    int   i, failed = 0;
+    open_scene(&q, 1, 10e-3, 0, NULL);
+    q.s.desc.hooks.log.fn = NULL;
+    for (i = 1; i <= 30 && !failed; i++) {
+        plates_at(&q, room_at(i, -1e-3), 0);
+        (void)cloth_collide_move(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].next);
+        failed = cloth_step(q.s.sim, H, NULL) != CLOTH_OK;
+        CHECK(cloth_collide_last(q.s.c).held == 0 && examine_holds(&q) == 0);
+    }
+    CHECK(failed);
+    close_scene(&q);
+}
+
+/* --- the same bits --- */
+
+static uint64_t hash_of(const double *a, int n) {
+    uint64_t h = 0xcbf29ce484222325u, bits;
+    for (; n > 0; n--, a++) {
+        memcpy(&bits, a, sizeof bits);
+        h = (h ^ bits) * 0x100000001b3u;
+    }
+    return h;
+}
+
+/* Parts that come no nearer than 2 t: the flag changes no bit. */
+static void far_parts(void) {
+    uint64_t hash[2] = {0, 1};
+    int      flag, i;
+    for (flag = 0; flag < 2; flag++) {
+        scene q;
+        open_scene(&q, 1, 10e-3, flag, NULL);
+        for (i = 1; i <= 40; i++) {
+            plates_at(&q, room_at(i, 2.2 * T), 0.02 * sin(0.2 * i));
+            CHECK(cloth_collide_move(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].next) == CLOTH_OK);
+            CHECK(cloth_step(q.s.sim, H, NULL) == CLOTH_OK);
+            CHECK(cloth_collide_last(q.s.c).held == 0);
+        }
+        hash[flag] = hash_of(q.s.state->x, 3 * q.s.mesh->nv) +
+                     7 * hash_of(q.s.state->v, 3 * q.s.mesh->nv);
+        close_scene(&q);
+    }
+    CHECK(hash[0] == hash[1]);
+}
+
+static void go(scene *q, int from, int to) {
+    for (; from <= to; from++) {
+        plates_at(q, room_at(from, -1e-3), 0.001 * from);
+        CHECK(cloth_collide_move(q->s.c, q->s.thing[q->id].id, q->s.thing[q->id].next) == CLOTH_OK);
+        CHECK(cloth_step(q->s.sim, H, NULL) == CLOTH_OK);
+    }
+}
+
+/* Saved in a pinch: restored there, in a sim that has not moved, and from the start again. */
+static void snapshots(void) {
+    scene    q, other;
+    uint64_t middle, end;
+    size_t   size;
+    void    *buf;
+    int      held;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    go(&q, 1, 22);
+    held = cloth_collide_last(q.s.c).held;
+    CHECK(held > 0);
+    size = cloth_sim_save_size(q.s.sim);
+    buf = malloc(size);
+    CHECK(buf && cloth_sim_save(q.s.sim, buf, size) == CLOTH_OK);
+    middle = cloth_sim_hash(q.s.sim);
+    go(&q, 23, 60);
+    end = cloth_sim_hash(q.s.sim);
+    CHECK(cloth_collide_last(q.s.c).held == 0);
+    CHECK(cloth_sim_restore(q.s.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_sim_hash(q.s.sim) == middle);
+    CHECK(cloth_collide_last(q.s.c).held == held);
+    go(&q, 23, 60);
+    CHECK(cloth_sim_hash(q.s.sim) == end);
+    CHECK(cloth_sim_reset(q.s.sim) == CLOTH_OK);
+    go(&q, 1, 22);
+    CHECK(cloth_sim_hash(q.s.sim) == middle);
+    close_scene(&q);
+    open_scene(&other, 1, 10e-3, 1, NULL);
+    CHECK(cloth_sim_restore(other.s.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_sim_hash(other.s.sim) == middle);
+    go(&other, 23, 60);
+    CHECK(cloth_sim_hash(other.s.sim) == end);
+    close_scene(&other);
+    open_scene(&other, 1, 10e-3, 0, NULL);  /* not flagged: other obstacles */
+    other.s.desc.hooks.log.fn = NULL;
+    CHECK(cloth_sim_restore(other.s.sim, buf, size) == CLOTH_ERR_FORMAT);
+    close_scene(&other);
+    free(buf);
+}
+
+/* What goes away in a pinch leaves cloth that is free. */
+static void removed(void) {
+    scene q;
+    int   i, n = -1;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    go(&q, 1, 25);
+    CHECK(cloth_collide_last(q.s.c).held > 0);
+    CHECK(cloth_collide_remove(q.s.c, q.s.thing[q.id].id) == CLOTH_OK);
+    for (i = 0; i < 5; i++) CHECK(cloth_step(q.s.sim, H, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_holds(q.s.c, 0, NULL, &n) == CLOTH_OK && n == 0);
+    CHECK(cloth_collide_last(q.s.c).held == 0);
+    close_scene(&q);
+}
+
+/* Two workers, dealt backwards. */
+static void backwards(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
+    int begin = (count - 1) / grain * grain, n = 0;
+    (void)user;
+    for (; begin >= 0; begin -= grain)
+        fn(begin, begin + grain < count ? begin + grain : count, n++ % 2, ctx);
+}
+
+static void workers(void) {
+    uint64_t hash[2] = {0, 1};
+    int      k;
+    for (k = 0; k < 2; k++) {
+        cloth_hooks hooks;
+        scene       q;
+        memset(&hooks, 0, sizeof hooks);
+        if (k) hooks.parallel.run = backwards, hooks.parallel.max_workers = 2;
+        open_scene(&q, 1, 10e-3, 1, &hooks);
+        go(&q, 1, 35);
+        hash[k] = cloth_sim_hash(q.s.sim);
+        close_scene(&q);
+    }
+    CHECK(hash[0] == hash[1]);
+}
+
+static void refusals(void) {
+    cloth_hold hold[2];
+    scene      q;
+    int        n = 7;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    q.s.desc.hooks.log.fn = NULL;
+    CHECK(cloth_collide_holds(NULL, 2, hold, &n) == CLOTH_ERR_ARGUMENT && n == 7);
+    CHECK(cloth_collide_holds(q.s.c, -1, hold, &n) == CLOTH_ERR_ARGUMENT && n == 7);
+    CHECK(cloth_collide_holds(q.s.c, 2, NULL, &n) == CLOTH_ERR_ARGUMENT && n == 7);
+    CHECK(cloth_collide_holds(q.s.c, 2, hold, NULL) == CLOTH_OK);
+    close_scene(&q);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(closes);
+    RUN(layers);
+    RUN(without);
+    RUN(far_parts);
+    RUN(snapshots);
+    RUN(removed);
+    RUN(workers);
+    RUN(refusals);
+    return TEST_END();
+}

@@ -1,0 +1,396 @@
+/* test_pose.c - obstacles by pose, surfaces that move, friction that changes, and the wrench:
+ * against the same by vertices, Coulomb's law, weight and angular momentum.
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. test_pose.c -lm
+ * tier: quick */
+#include "../clothsim_collide.h"
+
+#include "test.h"
+#include "host.h"
+#include "validate/friction.h"
+
+#define H (1.0 / 60)
+
+static const double one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+
+/* By `angle` about y, or about (1, 2, 2)/3. */
+static void rotation(double angle, int askew, double *R) {
+    const double u[3] = {askew ? 1.0 / 3 : 0, askew ? 2.0 / 3 : 1, askew ? 2.0 / 3 : 0};
+    const double c = cos(angle), s = sin(angle);
+    int          i, j;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++) {
+            const int k = 3 - i - j;
+            R[3 * i + j] = (1 - c) * u[i] * u[j] + (i == j ? c : 0);
+            if (i != j) R[3 * i + j] += ((j - i + 3) % 3 == 1 ? -s : s) * u[k];
+        }
+}
+
+static cloth_obstacle add(fric *s, cloth_obstacle_kind kind, const double *x, double radius,
+                          double mu) {
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    o.kind = kind, o.x = x, o.radius = radius, o.friction = mu;
+    CHECK(cloth_collide_add(s->contact, &o, &id) == CLOTH_OK);
+    return id;
+}
+
+/* --- a pose is what its vertices are --- */
+
+/* A box, a capsule, a sphere that fly under a sheet and turn: by pose (1), or by their vertices.
+ * Fills x [25 x 3] of the sheet. */
+static void flies(cloth_obstacle_kind kind, int pose, int turn, double *x) {
+    double         start[24] = {0.05, -0.05, 0.02, 0.05, -0.05, 0.08}, at[24], R[9], p[3];
+    const double   mid[3] = {0.05, -0.05, 0.05}, half[3] = {0.03, 0.02, 0.04};
+    const int      n = kind == CLOTH_OBSTACLE_BOX ? 8 : kind == CLOTH_OBSTACLE_CAPSULE ? 2 : 1;
+    cloth_obstacle id;
+    fric           s;
+    int            i, j, k, step;
+    fric_sheet(&s, 5, 5, 0.1, 0.1);
+    s.desc.tolerance = 1e-6;
+    if (!fric_start(&s)) exit(2);
+    if (n == 8) cloth_obstacle_box(mid, half, NULL, start);
+    id = add(&s, kind, start, n < 8 ? 0.02 : 0, 0.4);
+    for (step = 1; step <= 30; step++) {
+        rotation(turn ? 0.02 * step : 0, 1, R);
+        for (k = 0; k < 3; k++) {           /* about the middle, upwards */
+            p[k] = mid[k] + (k == 1 ? 0.002 * step : 0);
+            for (j = 0; j < 3; j++) p[k] -= R[3 * k + j] * mid[j];
+        }
+        for (i = 0; i < n; i++)
+            for (k = 0; k < 3; k++) {
+                at[3 * i + k] = p[k];
+                for (j = 0; j < 3; j++) at[3 * i + k] += R[3 * k + j] * start[3 * i + j];
+            }
+        if (pose) CHECK(cloth_collide_pose(s.contact, id, turn ? R : NULL, p) == CLOTH_OK);
+        else CHECK(cloth_collide_move(s.contact, id, at) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    }
+    memcpy(x, cloth_sim_state(s.sim)->x, 75 * sizeof(double));
+    fric_end(&s);
+}
+
+static void vertices(void) {
+    double x[2][75], worst;
+    int    i, turn;
+    for (turn = 0; turn < 2; turn++) {
+        flies(CLOTH_OBSTACLE_BOX, 1, turn, x[0]);
+        flies(CLOTH_OBSTACLE_BOX, 0, turn, x[1]);
+        CHECK(memcmp(x[0], x[1], sizeof x[0]) == 0);
+    }
+    flies(CLOTH_OBSTACLE_SPHERE, 1, 0, x[0]);
+    flies(CLOTH_OBSTACLE_SPHERE, 0, 0, x[1]);
+    CHECK(memcmp(x[0], x[1], sizeof x[0]) == 0);
+    flies(CLOTH_OBSTACLE_CAPSULE, 1, 0, x[0]);
+    flies(CLOTH_OBSTACLE_CAPSULE, 0, 0, x[1]);
+    CHECK(memcmp(x[0], x[1], sizeof x[0]) == 0);
+    flies(CLOTH_OBSTACLE_SPHERE, 1, 1, x[1]);   /* that it turns is felt */
+    for (worst = 0, i = 0; i < 75; i++) worst = fmax(worst, fabs(x[0][i] - x[1][i]));
+    CHECK(worst > 1e-4);
+}
+
+/* --- surfaces --- */
+
+/* A sheet on a plane: carried off by the plane's way, or by its surface's. Returns the way after
+ * each of 40 steps in way [40]. */
+static void belt_of(int surface, double mu, double speed, double *way) {
+    double         ground[3] = {0, 0, 0}, v[3] = {0, 0, 0}, x0;
+    cloth_obstacle id;
+    fric           s;
+    int            n;
+    fric_sheet(&s, 5, 5, 0.1, 0.1);
+    fric_place(&s, 0, 0, FRIC_T / 2, 0);
+    if (!fric_start(&s)) exit(2);
+    id = add(&s, CLOTH_OBSTACLE_PLANE, ground, 0, mu);
+    for (n = 0; n < 40; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    x0 = fric_mean(&s, cloth_sim_state(s.sim)->x, 0);
+    v[0] = speed;
+    if (surface) CHECK(cloth_collide_set_surface(s.contact, id, v, NULL) == CLOTH_OK);
+    for (n = 0; n < 40; n++) {
+        ground[0] += speed * H;
+        if (!surface) CHECK(cloth_collide_move(s.contact, id, ground) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        way[n] = fric_mean(&s, cloth_sim_state(s.sim)->x, 0) - x0;
+    }
+    CHECK_NEAR(fric_mean(&s, cloth_sim_state(s.sim)->v, 0), speed, 1e-5);
+    fric_end(&s);
+}
+
+/* It is left behind by v^2/(2 mu g), whatever moves. */
+static void conveyor(void) {
+    const double mu = 0.25, speed = 0.6;
+    double       way[2][40], worst = 0;
+    int          k, n;
+    for (k = 0; k < 2; k++) belt_of(k, mu, speed, way[k]);
+    for (n = 0; n < 40; n++) worst = fmax(worst, fabs(way[0][n] - way[1][n]));
+    printf("  conveyor: left behind by %.5f m, v^2/(2 mu g) %.5f; a plane that moves differs by "
+           "%.1e m\n", 40 * H * speed - way[1][39], 0.5 * speed * speed / (mu * FRIC_G), worst);
+    CHECK(worst < 1e-7);
+    CHECK_NEAR(40 * H * speed - way[1][39], 0.5 * speed * speed / (mu * FRIC_G),
+               0.5 * speed * H + 1e-4);
+}
+
+/* Angular momentum about the y axis through (cx, ., cz), kg m^2/s, and the moment of inertia. */
+static double momentum(const fric *s, double cx, double cz, double *inertia) {
+    const cloth_state *q = cloth_sim_state(s->sim);
+    const double      *mass = cloth_sim_params(s->sim)->mass;
+    double             L = 0;
+    int                i;
+    for (*inertia = 0, i = 0; i < s->nv; i++) {
+        const double x = q->x[3 * i] - cx, z = q->x[3 * i + 2] - cz;
+        L += mass[i] * (z * q->v[3 * i] - x * q->v[3 * i + 2]);
+        *inertia += mass[i] * (x * x + z * z);
+    }
+    return L;
+}
+
+/* A sheet draped over a sphere that begins to spin about y, by poses (0), by its surface (1): its
+ * torque is what changes the sheet's angular momentum, and it comes to go as the sphere's surface
+ * does, 1.8 mm farther out. Returns its rate over the sphere's. */
+static double spins(int surface, double omega) {
+    const double   center[3] = {0.1, -0.1, 0.1}, spin[3] = {0, omega, 0};
+    double         R[9], p[3], L, before, inertia, force[3], torque[3];
+    double         worst = 0, most = 0, rate = 0;
+    cloth_obstacle id;
+    fric           s;
+    int            n, j, k;
+    fric_sheet(&s, 9, 9, 0.2, 0.2);
+    s.desc.material.membrane = 300;
+    s.desc.tolerance = 1e-8;
+    if (!fric_start(&s)) exit(2);
+    id = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.095, 0.5);
+    for (n = 0; n < 40; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    if (surface) CHECK(cloth_collide_set_surface(s.contact, id, NULL, spin) == CLOTH_OK);
+    before = momentum(&s, 0.1, 0.1, &inertia);
+    for (n = 1; n <= 60; n++) {
+        rotation(omega * n * H, 0, R);
+        for (k = 0; k < 3; k++)
+            for (p[k] = center[k], j = 0; j < 3; j++) p[k] -= R[3 * k + j] * center[j];
+        if (!surface) CHECK(cloth_collide_pose(s.contact, id, R, p) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        L = momentum(&s, 0.1, 0.1, &inertia);
+        CHECK(cloth_collide_wrench(s.contact, id, center, force, torque) == CLOTH_OK);
+        worst = fmax(worst, fabs(torque[1] + (L - before) / H));
+        most = fmax(most, fabs(torque[1]));
+        before = L;
+        if (n > 50) rate += L / inertia / (10 * omega);
+    }
+    printf("  a sphere spins, by its %s: torque up to %.2e N m, off the change of momentum by "
+           "%.1e; at the end %.4f of its rate\n", surface ? "surface" : "pose", most, worst, rate);
+    CHECK(most > 1e-6 && worst < 0.03 * most);
+    fric_end(&s);
+    return rate;
+}
+
+static void drum(void) {
+    CHECK_NEAR(spins(0, 1.5), 0.095 / 0.0968, 2e-3);
+    CHECK_NEAR(spins(1, 1.5), 0.095 / 0.0968, 2e-3);
+    CHECK_NEAR(spins(1, -1.5), 0.095 / 0.0968, 2e-3);
+}
+
+/* --- friction --- */
+
+/* Sticks on an incline at mu = 1.2 tan a, slides by Coulomb's law at 0.5, sticks again. */
+static void friction(void) {
+    const double   a = 0.5, c = cos(a), z = sin(a), down[3] = {0, -FRIC_G, 0}, T = 24 * H;
+    double         point[3] = {0, 0, 0}, way[4], at[4], speed, mu = 0.5 * tan(a);
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle id;
+    fric           s;
+    uint64_t       hash[2];
+    size_t         size;
+    void          *buf;
+    int            k, n;
+    fric_sheet(&s, 5, 5, 0.1, 0.1);
+    fric_place(&s, a, -z * FRIC_T / 2, c * FRIC_T / 2, 0);
+    if (!fric_start(&s)) exit(2);
+    o.kind = CLOTH_OBSTACLE_PLANE, o.x = point, o.friction = 1.2 * tan(a);
+    o.normal[0] = -z, o.normal[1] = c;
+    CHECK(cloth_collide_add(s.contact, &o, &id) == CLOTH_OK);
+    CHECK(cloth_sim_set_gravity(s.sim, down) == CLOTH_OK);
+    for (n = 0; n < 60; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    size = cloth_sim_save_size(s.sim);
+    buf = malloc(size);
+    CHECK(buf && cloth_sim_save(s.sim, buf, size) == CLOTH_OK);
+    hash[0] = cloth_sim_hash(s.sim);
+    for (k = 0; k < 4; k++) {
+        at[k] = -(c * fric_mean(&s, cloth_sim_state(s.sim)->x, 0) +
+                  z * fric_mean(&s, cloth_sim_state(s.sim)->x, 1));
+        CHECK(cloth_collide_set_friction(s.contact, id, (k & 1 ? 0.5 : 1.2) * tan(a)) == CLOTH_OK);
+        if (k == 1) CHECK(cloth_sim_hash(s.sim) != hash[0]);
+        for (n = 0; n < 24; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        way[k] = -(c * fric_mean(&s, cloth_sim_state(s.sim)->x, 0) +
+                   z * fric_mean(&s, cloth_sim_state(s.sim)->x, 1)) - at[k];
+    }
+    speed = FRIC_G * (z - mu * c) * T;
+    printf("  friction 1.2, 0.5, 1.2, 0.5 tan a: ways %.6f, %.5f, %.5f, %.5f m; sliding %.5f m\n",
+           way[0], way[1], way[2], way[3], 0.5 * speed * T);
+    CHECK(fabs(way[0]) < 1e-6);
+    CHECK_NEAR(way[1], 0.5 * speed * T, 0.5 * speed * H + 1e-4);
+    /* brakes by g (1.2 tan a cos a - sin a), which takes longer than that */
+    CHECK(way[2] > way[1] && way[2] < speed * T);
+    CHECK(way[3] > way[2]);
+    CHECK(cloth_sim_restore(s.sim, buf, size) == CLOTH_OK);     /* and the coefficient with it */
+    CHECK(cloth_sim_hash(s.sim) == hash[0]);
+    for (n = 0; n < 24; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    hash[1] = cloth_sim_hash(s.sim);
+    CHECK(cloth_sim_restore(s.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_collide_set_friction(s.contact, id, 1.2 * tan(a)) == CLOTH_OK);
+    for (n = 0; n < 24; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    CHECK(cloth_sim_hash(s.sim) == hash[1]);
+    free(buf);
+    fric_end(&s);
+}
+
+/* A reset takes friction, surface and pose back to what was added. */
+static void reset(void) {
+    const double   center[3] = {0.05, -0.06, 0.05}, v[3] = {1, 0, 0}, p[3] = {0, -0.5, 0};
+    double         R[9];
+    cloth_obstacle id;
+    fric           s;
+    uint64_t       start, end;
+    int            n;
+    fric_sheet(&s, 5, 5, 0.1, 0.1);
+    if (!fric_start(&s)) exit(2);
+    id = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.05, 0.5);
+    CHECK(cloth_sim_reset(s.sim) == CLOTH_OK);
+    start = cloth_sim_hash(s.sim);
+    for (n = 0; n < 20; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    end = cloth_sim_hash(s.sim);
+    rotation(0.3, 1, R);
+    CHECK(cloth_collide_set_friction(s.contact, id, 0.1) == CLOTH_OK);
+    CHECK(cloth_collide_set_surface(s.contact, id, v, v) == CLOTH_OK);
+    CHECK(cloth_collide_pose(s.contact, id, R, p) == CLOTH_OK);
+    CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    CHECK(cloth_sim_reset(s.sim) == CLOTH_OK);
+    CHECK(cloth_sim_hash(s.sim) == start);
+    for (n = 0; n < 20; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    CHECK(cloth_sim_hash(s.sim) == end);
+    fric_end(&s);
+}
+
+/* --- the wrench --- */
+
+/* A sheet at rest on a plane, on a box and on a sphere: its weight, the moment of its weight, and
+ * the opposite of what the vertices feel. */
+static void wrench(void) {
+    static const cloth_obstacle_kind kind[3] = {CLOTH_OBSTACLE_PLANE, CLOTH_OBSTACLE_BOX,
+                                                CLOTH_OBSTACLE_SPHERE};
+    const double mid[3] = {0.05, -0.02, 0.05}, half[3] = {0.2, 0.02, 0.2};
+    const double about[3] = {0.3, 0.1, -0.2};
+    int          m, i, k, n;
+    for (m = 0; m < 3; m++) {
+        double         x[24] = {0.05, 0, 0.05}, force[3], torque[3], f[243], sum[3] = {0, 0, 0};
+        double         moment[3] = {0, 0, 0}, origin[2][3], weight = 0;
+        const double  *mass;
+        cloth_obstacle id, other;
+        cloth_state   *q;
+        fric           s;
+        fric_sheet(&s, 9, 9, 0.1, 0.1);
+        fric_place(&s, 0, 0, FRIC_T / 2 + (m == 2 ? 1e-3 : 0), 0);
+        if (!fric_start(&s)) exit(2);
+        if (m == 1) cloth_obstacle_box(mid, half, NULL, x);
+        if (m == 2) x[1] = -0.2;
+        id = add(&s, kind[m], x, m == 2 ? 0.2 : 0, 0.6);
+        x[1] = -3, x[0] = x[2] = 9;
+        other = add(&s, CLOTH_OBSTACLE_SPHERE, x, 0.1, 0.3);
+        for (n = 0; n < 240; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        q = cloth_sim_state(s.sim), mass = cloth_sim_params(s.sim)->mass;
+        CHECK(cloth_collide_wrench(s.contact, id, about, force, torque) == CLOTH_OK);
+        CHECK(cloth_collide_forces(s.contact, f) == CLOTH_OK);
+        for (i = 0; i < s.nv; i++) {
+            const double w = -FRIC_G * mass[i];     /* r x (0, w, 0) */
+            moment[0] -= (q->x[3 * i + 2] - about[2]) * w;
+            moment[2] += (q->x[3 * i] - about[0]) * w;
+            weight -= w;
+            for (k = 0; k < 3; k++) sum[k] += f[3 * i + k];
+        }
+        printf("  wrench: force off the weight by %.1e, torque off its moment by %.1e of it\n",
+               fabs(force[1] / weight + 1), sqrt(pow(torque[0] - moment[0], 2) + pow(torque[1], 2) +
+                                                 pow(torque[2] - moment[2], 2)) / (0.3 * weight));
+        CHECK_NEAR(force[0], 0, 1e-4 * weight);
+        CHECK_REL(force[1], -weight, 1e-4);
+        CHECK_NEAR(force[2], 0, 1e-4 * weight);
+        for (k = 0; k < 3; k++) {
+            CHECK_NEAR(force[k], -sum[k], 1e-12 * weight);
+            CHECK_NEAR(torque[k], moment[k], 3e-4 * 0.3 * weight);
+        }
+        CHECK(cloth_collide_wrench(s.contact, id, NULL, origin[0], origin[1]) == CLOTH_OK);
+        for (k = 0; k < 3; k++) {           /* about another point: r x F more */
+            const int    i1 = (k + 1) % 3, i2 = (k + 2) % 3;
+            CHECK_NEAR(origin[1][k] - torque[k], about[i1] * force[i2] - about[i2] * force[i1],
+                       1e-13);
+        }
+        CHECK(cloth_collide_wrench(s.contact, other, NULL, force, torque) == CLOTH_OK);
+        for (k = 0; k < 3; k++) CHECK(!(fabs(force[k]) > 0) && !(fabs(torque[k]) > 0));
+        fric_end(&s);
+    }
+}
+
+/* --- refusals --- */
+
+static host HOST;
+
+static int said(cloth_status status, cloth_status want, const char *what) {
+    const int ok = status == want && HOST.errors == 1 && strstr(HOST.text, what) != NULL;
+    if (!ok) printf("    status %d, %d sentences: %s\n", (int)status, HOST.errors, HOST.text);
+    host_forget(&HOST);
+    return ok;
+}
+
+static void refusals(void) {
+    const double   center[3] = {0.05, -1, 0.05}, zero[3] = {0, 0, 0}, half[3] = {0, 0.5, 0};
+    const double   bad[3] = {0, NAN, 0};
+    double         R[9], force[3] = {7, 7, 7}, torque[3];
+    cloth_obstacle ball, plane, none = {0};
+    fric           s;
+    uint64_t       before;
+    fric_sheet(&s, 3, 3, 0.1, 0.1);
+    s.desc.hooks = host_hooks(&HOST);
+    if (!fric_start(&s)) exit(2);
+    ball = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.1, 0.3);
+    plane = add(&s, CLOTH_OBSTACLE_PLANE, center, 0, 0.3);
+    CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    before = cloth_sim_hash(s.sim);
+    host_forget(&HOST);
+    memcpy(R, one, sizeof R);
+#define REFUSED(call, status, what) CHECK(said(call, status, what))
+    REFUSED(cloth_collide_pose(s.contact, none, R, zero), CLOTH_ERR_HANDLE, "cloth_collide_pose");
+    REFUSED(cloth_collide_pose(s.contact, ball, R, NULL), CLOTH_ERR_ARGUMENT, "p is NULL");
+    REFUSED(cloth_collide_pose(s.contact, ball, R, bad), CLOTH_ERR_NONFINITE, "p[1] = NaN");
+    R[4] = NAN;
+    REFUSED(cloth_collide_pose(s.contact, ball, R, zero), CLOTH_ERR_NONFINITE, "R[4] = NaN");
+    R[4] = -1;
+    REFUSED(cloth_collide_pose(s.contact, ball, R, zero), CLOTH_ERR_ARGUMENT, "no rotation");
+    R[4] = 1.001;
+    REFUSED(cloth_collide_pose(s.contact, ball, R, zero), CLOTH_ERR_ARGUMENT, "no rotation");
+    rotation(0.1, 1, R);
+    REFUSED(cloth_collide_pose(s.contact, plane, R, zero), CLOTH_ERR_UNSUPPORTED, "plane");
+    REFUSED(cloth_collide_set_friction(s.contact, none, 0.1), CLOTH_ERR_HANDLE, "set_friction");
+    REFUSED(cloth_collide_set_friction(s.contact, ball, -1), CLOTH_ERR_ARGUMENT, "friction = -1");
+    REFUSED(cloth_collide_set_friction(s.contact, ball, NAN), CLOTH_ERR_NONFINITE, "NaN");
+    REFUSED(cloth_collide_set_surface(s.contact, none, zero, zero), CLOTH_ERR_HANDLE, "surface");
+    REFUSED(cloth_collide_set_surface(s.contact, ball, bad, zero), CLOTH_ERR_NONFINITE, "v[1]");
+    REFUSED(cloth_collide_set_surface(s.contact, ball, NULL, bad), CLOTH_ERR_NONFINITE, "omega[1]");
+    REFUSED(cloth_collide_wrench(s.contact, none, NULL, force, torque), CLOTH_ERR_HANDLE, "wrench");
+    REFUSED(cloth_collide_wrench(s.contact, ball, NULL, NULL, torque), CLOTH_ERR_ARGUMENT, "NULL");
+    REFUSED(cloth_collide_wrench(s.contact, ball, NULL, force, NULL), CLOTH_ERR_ARGUMENT, "NULL");
+    CHECK(cloth_collide_pose(NULL, ball, R, zero) == CLOTH_ERR_HANDLE);
+    CHECK(cloth_collide_wrench(NULL, ball, NULL, force, torque) == CLOTH_ERR_HANDLE);
+    CHECK(cloth_sim_hash(s.sim) == before && force[0] >= 7);
+    CHECK(cloth_collide_pose(s.contact, plane, one, half) == CLOTH_OK);
+    CHECK(cloth_sim_hash(s.sim) != before);     /* the target is state */
+    fric_end(&s);
+    CHECK(HOST.live == 0);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(vertices);
+    RUN(conveyor);
+    RUN(drum);
+    RUN(friction);
+    RUN(reset);
+    RUN(wrench);
+    RUN(refusals);
+    return TEST_END();
+}

@@ -7194,13 +7194,18 @@ static cloth_status clothi_zones(cloth_collide *c) {
     return status;
 }
 
-static int clothi_obstacles_rest(const cloth_collide *c) {
+/* Neither obstacles nor pins move: on the way from x^n to x_IE every point is a state. */
+static int clothi_ends_rest(const cloth_collide *c) {
     const size_t skip = 3 * (size_t)c->nv;
+    int          i;
+    for (i = 0; i < 3 * c->nv; i++)
+        if (c->sim->pin[i / 3] >> (i % 3) & 1 && (c->x_ie[i] < c->xa[i] || c->x_ie[i] > c->xa[i]))
+            return 0;
     return memcmp(c->xa + skip, c->xb + skip,
                   3 * (size_t)(c->nw - c->nv) * sizeof(double)) == 0;
 }
 
-/* Among obstacles that rest, the way to where the first pair meets is free. */
+/* Where all ends rest, the way to where the first pair meets is free. */
 static void clothi_part_way(const cloth_collide *c, double *x) {
     int i;
     for (i = 0; i < 3 * c->nv; i++)
@@ -7214,7 +7219,7 @@ static void clothi_rows_clear(cloth_collide *c) {
 
 /* From x_IE, zones until detection finds nothing. */
 static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
-    const int    rests = clothi_obstacles_rest(c) && !last;
+    const int    rests = clothi_ends_rest(c) && !last;
     cloth_status status = CLOTH_OK;
     int          i, hit = 0;
     c->toi = 1;
@@ -7540,7 +7545,7 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     for (i = 0; i < c->nrow; i++) *impact |= c->row[i].multiplier > 0;
     for (i = 0; i < c->nv; i++) *impact |= c->frozen[i] && c->frozen[i] != CLOTHI_HELD;
     *impact |= c->pinching;
-    if (c->nrow && clothi_obstacles_rest(c)) clothi_part_way(c, other);
+    if (c->nrow && clothi_ends_rest(c)) clothi_part_way(c, other);
     status = clothi_list_make(c, x, x);
     return status ? status : clothi_list_contacts(c, x, NULL, 0);
 }

@@ -9811,6 +9811,7 @@ struct cloth_sim {
     int     known;                          /* still holds; known: if it is the state yet      */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
+    double  total;                          /* kg                                              */
     /* terms */
     cloth_term    term[CLOTHI_MAX_TERMS];
     double        term_energy[CLOTHI_MAX_TERMS];
@@ -10081,6 +10082,13 @@ static void clothi_derive_mass(cloth_sim *s) {
         if (!(s->params.mass[i] > 0)) s->params.mass[i] = s->params.mass[m->faces[0]];
 }
 
+static double clothi_total_mass(const cloth_sim *s) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < s->model->nv; i++) sum += s->params.mass[i];
+    return sum;
+}
+
 /* Everything that a host may have written, p in place of the accepted params. */
 static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *p) {
     const cloth_model  *m = s->model;
@@ -10128,6 +10136,7 @@ static void clothi_derive(cloth_sim *s) {
     for (f = 0; f < s->model->nf; f++) area += clothi_rest_area(s->params.X, f);
     s->edge = sqrt(4 / sqrt(3.0) * area / s->model->nf);
     clothi_derive_mass(s);
+    s->total = clothi_total_mass(s);
     clothi_derive_group(s, &s->model->membrane, &s->membrane);
     clothi_derive_group(s, &s->model->bend, &s->bend);
     if (s->side) clothi_derive_sides(s);
@@ -11485,7 +11494,13 @@ CLOTHI_RARE_END
  * ahead is near the tolerance or below it, but for a plateau where a minimum has just vanished.
  * Distance to the step solved to 1e-10 m on the hanging sheet (N = 64, Y = 1e4 N/m, 30 frames,
  * tolerance 1e-4 m): median 0.7e-5 m, largest 1.4e-4 m; when the definite model could stop a step
- * and CG was solved to 0.05, 9.2e-5 and 8.3e-4 m, for 0.7 of the CPU time.
+ * and CG was solved to 0.05, 9.2e-5 and 8.3e-4 m, for 0.7 of the CPU time. With contact single
+ * vertices slide on kinks and buckle on while nothing else moves, 40 iterations for 1e-5 J of 1.8.
+ * There a whole update also ends the search when it is below the tolerance in the root mean square
+ * by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most tolerance^2 sum
+ * m/eta^2. And contact is asked whether what is left is small beside its friction. A sheet of 32 x
+ * 32 on a sphere takes 920 iterations in 90 steps for 1206, no step of which is cut short; with
+ * self-contact 1023 for 1212.
  *
  * Saddles without a definite diagonal. Where a diagonal block of the exact Hessian is not positive,
  * as in cloth pressed below 0.577 of its length, the usual preconditioner is none. On the way the
@@ -12018,9 +12033,13 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     report->residual_m = a * nt->size;
     *done = clothi_newton_left(nt, cut ? nt->size : report->residual_m) <
                 s->model->desc.tolerance &&
-            (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0 &&
-            (!s->contact_on || !s->contact.settled ||
-             s->contact.settled(s->contact.user, s->w.rhs));
+            (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0;
+    if (s->contact_on) {                    /* -slope = dx'H dx >= dx'M dx/eta^2 */
+        *done |= a == 1 && -nt->slope * goal->eta * goal->eta <=
+                               s->total * pow(s->model->desc.tolerance, 2);
+        *done = *done && (!s->contact.settled ||
+                          s->contact.settled(s->contact.user, s->w.rhs));
+    }
     nt->stuck = s->contact_on && nt->exact && (lr.hit || a < 1) ? nt->stuck + 1 : 0;
     nt->older = report->residual_m;
     return status;

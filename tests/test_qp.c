@@ -290,7 +290,7 @@ static void underflow(void) {
     int             i;
     p.minv[1] = 5e-324;
     for (i = 0; i < M; i++) {
-        const double tiny = 1e-200, val[2] = {i % 2 ? 1 : -1, 0.1};
+        const double tiny = 1e-200, val[2] = {i % 2 ? 1.0 : -1.0, 0.1};
         if (i + 2 < M) add_row(&p, 1, 1, col + 1, &tiny);
         else add_row(&p, -1, 2, col, val);
     }

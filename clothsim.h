@@ -572,7 +572,7 @@ typedef enum cloth_outcome {
 
 /* Energies in J. The balance of a step: kinetic + potential (stretch, bend, gravity, attach,
  * other) changes by the work of wind, forces, pins and contact, less the four losses. What contact
- * books: clothsim_collide.h [8.4]; 0 without it. */
+ * books: clothsim_collide.h [8.5]; 0 without it. */
 typedef struct cloth_ledger {
     double kinetic, stretch, bend, gravity, attach, other;      /* at the end of the step      */
     double wind_work, force_work, pin_work;                     /* done on the cloth in it     */

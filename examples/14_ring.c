@@ -1,21 +1,23 @@
 /* 14_ring.c - a round cloth pulled through a ring by its middle, as through a napkin ring.
  *
  * Notice: a ring is an open question for any test of "inside"; here it is a triangle mesh like any
- * other and nothing asks what is inside. The pin is led by cloth_sim_pin(); friction is what the
- * hand feels: cloth_collide_forces() sums it.
+ * other and nothing asks what is inside. The pin is led by cloth_sim_pin(); what the hand feels is
+ * the force on the ring: cloth_collide_wrench(). Steps that end before Newton has converged have
+ * spikes in it: of each nine steps in a row the median is taken, and of those the largest.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 14_ring.c -lm
  *   page:     out/14_ring.html
  *   expected: 90 of 90 steps solved; through the ring: yes; pairs that intersect: 0
  *
- * Exercises: (1) ring.friction = 0 and contact.friction = 0: the ring holds with some 6 N, not 16;
- * (2) HOLE = 0.06, RINGS 16: more folds, more pairs, six times the time.
+ * Exercises: (1) ring.friction = 0 and contact.friction = 0: the ring holds with 14 N, not 22;
+ * (2) HOLE = 0.06, RINGS 16: more folds, more pairs, and much more time.
  */
 #include "clothsim_collide.h"
 #include "view.h"
 #include <stdio.h>
 
 #define STEPS  90
+#define NINE   9
 #define RINGS  10                   /* of the disc: 6 x 10^2 faces                      */
 #define RADIUS 0.30                 /* m, of the cloth                                  */
 #define HOLE   0.08                 /* m, free radius of the ring                       */
@@ -37,6 +39,16 @@ static void torus(double *x, int *faces) {
     }
 }
 
+/* Of nine numbers: that which has four before it, by size or else by place. */
+static double median(const double *a) {
+    for (int i = 0; i < NINE; i++) {
+        int before = 0;
+        for (int k = 0; k < NINE; k++) before += a[k] < a[i] || (!(a[k] > a[i]) && k < i);
+        if (before == NINE / 2) return a[i];
+    }
+    return 0;
+}
+
 int main(void) {
     static double       x[3 * A * B];
     static int          faces[6 * A * B];
@@ -50,14 +62,13 @@ int main(void) {
     cloth_obstacle      id;
     cloth_pin           pin = {0, CLOTH_AXIS_ALL};
     cloth_status        status;
-    double             *f = NULL, hold = 0, most = 0, high = -1;
+    double              force[3], torque[3], hold[STEPS], most = 0, high = -1;
     int                 done = 0, pairs = 0;
     const char         *error = NULL;
     view               *page = NULL;
     torus(x, faces);
     if ((status = cloth_mesh_disc(NULL, RADIUS, RINGS, &disc)) != CLOTH_OK) goto end;
     for (int i = 0; i < disc->nv; i++) disc->x[3 * i + 1] = TUBE + 0.01;
-    if ((f = (double *)malloc(3 * (size_t)disc->nv * sizeof *f)) == NULL) goto end;
     desc.nv = disc->nv, desc.x_rest = disc->x;
     desc.nf = disc->nf, desc.faces = disc->faces;
     desc.npins = 1, desc.pins = &pin;
@@ -78,15 +89,14 @@ int main(void) {
         target[1] = TUBE + 0.01 - 0.25 * (t < 0.4 ? t * t / 0.8 : t - 0.2);
         status = cloth_sim_pin(sim, 0, CLOTH_AXIS_ALL, target);
         if (!status) status = cloth_collide_step(collide, 1.0 / 60, 4, &r);
-        if (!status) status = cloth_collide_forces(collide, f);
+        if (!status) status = cloth_collide_wrench(collide, id, NULL, force, torque);
         if (status) break;
-        hold = 0;
-        for (int i = 0; i < disc->nv; i++) hold += f[3 * i + 1];
-        if (step > 30) most = fmax(most, hold);
+        hold[done] = -force[1];             /* the cloth pulls the ring down            */
         view_frame(page, t, cloth_sim_state(sim)->x, NULL);
         view_put(page, 1, x, NULL, NULL);
     }
     for (int i = 0; i < disc->nv; i++) high = fmax(high, cloth_sim_state(sim)->x[3 * i + 1]);
+    for (int i = 0; i + NINE <= done; i++) most = fmax(most, median(hold + i));
     printf("the ring held with up to %.1f N; the highest vertex ends at %.3f m\n", most, high);
     error = view_close(page, "out/14_ring.html");
     if (!status) status = cloth_collide_intersections(collide, 0, NULL, &pairs);
@@ -95,6 +105,6 @@ int main(void) {
 end:
     if (status || error) fprintf(stderr, "%s\n", error ? error : cloth_status_text(status));
     cloth_collide_destroy(collide), cloth_sim_destroy(sim);
-    cloth_model_destroy(model), cloth_mesh_destroy(NULL, disc), free(f);
+    cloth_model_destroy(model), cloth_mesh_destroy(NULL, disc);
     return status != CLOTH_OK || error != NULL;
 }

@@ -1,7 +1,8 @@
 /* 16_walk.c - a garment walks: cloth on a moving body that penetrates itself.
  *
  * Notice: cloth_collide_move() says where the body shall be at the END of the step;
- * self_penetrating exempts the body's faces that lie inside the body (armpits) for that step;
+ * self_penetrating: cloth between parts of the body that come nearer than it has room for (armpits)
+ * is carried by both until they part: cloth_collide_last().held, cloth_collide_holds();
  * cloth_collide_step() takes h/2, h/4, .. where contact cannot be resolved and says what fraction
  * it reached; what fails leaves the state as before: the next step tries again.
  *
@@ -12,12 +13,12 @@
  *   page:     out/16_walk.html
  *   expected: new intersections: 0
  *
- * A captured walk puts hands into hips and thighs into each other: faces in there are exempt and
- * let cloth in, which counts as new here until it has come out.
+ * A captured walk puts hands into hips and thighs into each other. Cloth held there may cross
+ * itself or the parts that hold it: exempt, listed, and counted as new here until it has parted.
  *
- * Exercises: (1) body.friction = 0: the shirt slides on its shoulders; (2) self_penetrating = 0:
- * no step fails, for this body hardly enters itself; try it with a captured one; (3)
- * contact.thickness = 4e-3: fuller folds, more pairs.
+ * Exercises: (1) body.friction = 0: after 1 s the shirt hangs 0.1 mm lower in the mean: its cut
+ * holds it; (2) self_penetrating = 0: no step fails, for this body hardly enters itself; try it
+ * with a captured one; (3) contact.thickness = 4e-3: more pairs, a third more time.
  */
 #include "clothsim_collide.h"
 #include "shapes.h"

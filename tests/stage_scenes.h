@@ -136,8 +136,8 @@ static inline void scene_ring(int rings, int steps, double h) {
 
 /* A tube of radius 0.1 m and height 0.4 m, its ends held: one turns by `turns`, and they approach
  * by 0.12 m. After the second turn it is a rope under a tension of some 200 N/m, and buckles in
- * every step by more than contact lets it: Newton takes 100 iterations to find, to 0.1 mm, a
- * candidate that the zones then move by 10 mm. 20 leave it 2 mm off; the promise is the same. */
+ * every step by more than contact lets it. Newton is cut at 20 iterations: where it ends is
+ * feasible, and the promise is the same. */
 static inline void scene_twist(int around, double turns, int steps, double h) {
     const int   along = (int)(1.3 * around) | 1;
     cloth_mesh *mesh = NULL;

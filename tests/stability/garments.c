@@ -7,14 +7,14 @@
  *
  * After each accepted step, by exact arithmetic, no two faces of the garment and no face of the
  * garment and one of the body may intersect that did not before. Counted apart are
- *   let in   faces of the body that were exempt in the step: cloth that the body pinches may be
+ *   pinched  faces of the body in a pinch, exempt in the step: cloth that is held there may be
  *            passed by them
  *   leaving  the line in which the two cross now is of cloth that was inside of the body before the
- *            step, on the inner side of that face: what was let in comes out. Judged here, by the
+ *            step, on the inner side of that face: what was held in comes out. Judged here, by the
  *            body's winding number at the same point of the cloth before, and not by the kit
- *   spread   pairs beside one that intersected before: where cloth was let in its crossing wanders
+ *   spread   pairs beside one that intersected before: where cloth was held its crossing wanders
  *            from face to face until it parts
- * What is left is new: cloth that went in. Every way in is counted as new or let in, so that the
+ * What is left is new: cloth that went in. Every way in is counted as new or pinched, so that the
  * way out need not be. 'most' is the largest number of pairs at any time, 'clear' counts steps that
  * end without any.
  *
@@ -49,7 +49,7 @@ typedef struct walk {
 
     /* what came of it */
     int    steps, whole, shorter, failed, run, longest;     /* steps that failed in a row      */
-    int    start, fresh, let_in, leaving, spread, inner, exempt;
+    int    start, fresh, pinched, leaving, spread, inner, exempt;
     int    newton[STEPS_MOST], most;
     int    clear;                           /* steps that ended without a pair                 */
     int    self, bare, miscounted;          /* most pairs; most crossings; steps               */
@@ -205,9 +205,9 @@ static int leaves(int nf, const int *faces, const double *x, const double *befor
     return 1;
 }
 
-/* Pairs that intersect now, two faces of the body left out; *fresh, *let_in: those that did not
+/* Pairs that intersect now, two faces of the body left out; *fresh, *pinched: those that did not
  * before, with faces of the body that are an obstacle, that were exempt. */
-static void examine(walk *w, int *fresh, int *let_in) {
+static void examine(walk *w, int *fresh, int *pinched) {
     const int   cloth = w->desc.nf;
     exact_item *item;
     int        *found = NULL, n = 0, room = 0, i, j, a, b, d;
@@ -215,7 +215,7 @@ static void examine(walk *w, int *fresh, int *let_in) {
     memcpy(w->x + 3 * w->desc.nv, w->now, 3 * (size_t)w->nv * sizeof(double));
     item = exact_items(w->x, cloth + w->nf, w->all);
     a = exact_axis, b = (a + 1) % 3, d = (a + 2) % 3;
-    *fresh = *let_in = w->inner = 0;
+    *fresh = *pinched = w->inner = 0;
     for (i = 0; i < cloth + w->nf; i++)
         for (j = i + 1; j < cloth + w->nf && item[j].lo[a] <= item[i].hi[a]; j++) {
             const exact_item *p = item + i, *q = item + j;
@@ -237,7 +237,7 @@ static void examine(walk *w, int *fresh, int *let_in) {
     for (i = 0; i < n; i++) {
         const int *p = found + 2 * i;
         if (w->npair && bsearch(p, w->pair, (size_t)w->npair, 2 * sizeof *p, same_pair)) continue;
-        if (p[1] >= cloth && w->c->nhold > 0 && w->c->pinched[p[1]]) ++*let_in;
+        if (p[1] >= cloth && w->c->nhold > 0 && w->c->pinched[p[1]]) ++*pinched;
         else if (p[1] >= cloth && leaves(w->nf, w->all + 3 * cloth, w->x, w->before,
                                          w->all + 3 * p[0], p[1] - cloth))
             w->leaving++;
@@ -384,7 +384,7 @@ static void walk_step(walk *w) {
     cloth_report         r;
     cloth_collide_report k;
     cloth_status         status;
-    int                  i, fresh = 0, let_in = 0, leaving, spread;
+    int                  i, fresh = 0, pinched = 0, leaving, spread;
     memcpy(w->before, cloth_sim_state(w->sim)->x, 3 * (size_t)w->desc.nv * sizeof(double));
     memcpy(w->before + 3 * w->desc.nv, w->now, 3 * (size_t)w->nv * sizeof(double));
     (void)cloth_collide_move(w->c, w->id, w->next);
@@ -405,20 +405,20 @@ static void walk_step(walk *w) {
     w->contact += k.ms_begin + k.ms_detect + k.ms_zones;
     w->zones += k.ms_zones;
     leaving = w->leaving, spread = w->spread;
-    if (status == CLOTH_OK) examine(w, &fresh, &let_in);
+    if (status == CLOTH_OK) examine(w, &fresh, &pinched);
     if (status == CLOTH_OK) count_all(w);
     if (status == CLOTH_OK) extremes(w);
     w->clear += w->npair == 0;
     w->fresh += fresh;
-    w->let_in += let_in;
+    w->pinched += pinched;
     if (getenv("SHOW_STEPS"))
         printf("  %3d st %d fr %g newton %d halv %d imp %d pass %d zones %d rows %d big %d "
-               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d let in %d leave %d "
+               "rigid %d touch %d exempt %d push %.1e pairs %d self %d new %d pinched %d leave %d "
                "spread %d ms %.0f "
                "begin %.0f det %.0f zone %.0f\n",
                w->steps, (int)status, k.fraction, r.newton, r.halvings, k.impacts, k.passes,
                k.zones, k.rows, k.largest_zone, k.rigid_zones, k.contacts, k.exempt_faces, k.push,
-               w->npair, w->inner, fresh, let_in, w->leaving - leaving,
+               w->npair, w->inner, fresh, pinched, w->leaving - leaving,
                w->spread - spread, r.ms.total, k.ms_begin, k.ms_detect, k.ms_zones);
     fflush(stdout);
 }
@@ -435,7 +435,7 @@ static int order_ints(const void *a, const void *b) {
 
 static void walk_title(void) {
     printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %6s %5s %5s %9s %5s %6s %11s %6s %6s %7s "
-           "%5s\n", "garment", "nv", "steps", "whole", "short", "fail", "exempt", "new", "let in",
+           "%5s\n", "garment", "nv", "steps", "whole", "short", "fail", "exempt", "new", "pinch",
            "leave", "spread", "start", "most", "end(self)", "clear", "newton", "ms a step", "share",
            "zones", "stretch", "speed");
     printf("  %-14s %5s %5s %5s %5s %4s %6s %4s %6s %6s %6s %5s %5s %9s %5s %6s %11s %6s %6s %7s "
@@ -450,7 +450,7 @@ static void walk_judge(walk *w, const char *name, double least, int fails) {
     qsort(w->newton, (size_t)n, sizeof w->newton[0], order_ints);
     printf("  %-14s %5d %5d %5d %5d %4d %6d %4d %6d %6d %6d %5d %5d %4d(%3d) %5d %6d "
            "%5.0f/%5.0f %6.2f %6.2f %7.2f %5.1f\n",
-           name, w->desc.nv, n, w->whole, w->shorter, w->failed, w->exempt, w->fresh, w->let_in,
+           name, w->desc.nv, n, w->whole, w->shorter, w->failed, w->exempt, w->fresh, w->pinched,
            w->leaving, w->spread, w->start, w->most, w->npair, w->inner, w->clear,
            w->newton[n / 2], w->ms[n / 2],
            w->ms[n - 1], w->total > 0 ? w->contact / w->total : 0,

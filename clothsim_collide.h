@@ -99,9 +99,9 @@
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns
  *     far in one step cuts its corners, by 1 - cos(angle/2) of its radius: step shorter
- *   - leapfrog: contact looks ONCE a step, over the straight path from its start to its end, at
- *     whatever number of substeps. Potential and friction do not act within it. Choose h for at
- *     most 4 substeps (report.substeps): with more, cloth in contact gains energy [8.4]
+ *   - leapfrog: contact looks at every substep, by zones alone: no potential, no friction, no
+ *     record of forces but of the last substep. It gains no energy, and detection is paid for at
+ *     each of report.substeps
  *   - statics: refused for a sim that has contact
  *
  * ENERGY. A step begins to minimise from a feasible point that is no worse than where the step
@@ -440,7 +440,7 @@ typedef struct cloth_collide_pair {
 enum {                                      /* cloth_collide_contact.flags                     */
     CLOTH_CONTACT_SLIDING = 1,              /* friction is at its limit                        */
     CLOTH_CONTACT_ROW     = 2,              /* LEAPFROG: an active row of an impact zone; its
-                                               force is the impulse over h                     */
+                                               force is the impulse over the last substep      */
     CLOTH_CONTACT_INEXACT = 4,              /* the step ended before Newton converged          */
     CLOTH_CONTACT_HELD    = 8               /* a vertex of it is held in a pinch               */
 };
@@ -6630,8 +6630,8 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * projection stays, and no row is in the accepted state. Among obstacles that rest the straight way
  * up to the first hit is feasible too, and the better of the two is taken: a sheet thrown at 25 m/s
  * at a box went from 36 to 1 000 J without, and never above its start with.
- * LEAPFROG ends with it: velocities are the mean ones, then min |v - v*|^2_M/2 with no approach on
- * the active rows.
+ * LEAPFROG ends each substep with it; velocities are then min |v - v*|^2_M/2 with no approach on
+ * the active rows: neither gives kinetic energy where obstacles rest [9.4].
  *
  * [BFA02] Bridson, Fedkiw, Anderson, SIGGRAPH 2002.  [HVTG08] Harmon et al., SIGGRAPH 2008.
  * checked: tests/test_contact.c, test_convex.c, stability/throws.c, stability/heaps.c
@@ -7284,27 +7284,8 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
     return status;
 }
 
-/* member [n], of zone z: the mean velocity of the step; free of obstacles with v's momentum. */
-static void clothi_zone_mean(cloth_collide *c, int z, int n, double *v) {
-    const double *mass = c->sim->params.mass;
-    double        shift[3] = {0, 0, 0}, total = 0, motion[3];
-    const int     held = clothi_zone_carrier(c, z, motion);
-    int           i, k;
-    for (i = 0; i < n; i++) {
-        const size_t at = 3 * (size_t)c->member[i];
-        total += mass[c->member[i]];
-        for (k = 0; k < 3; k++) {
-            const double mean = (c->xb[at + (size_t)k] - c->xa[at + (size_t)k]) / c->h;
-            shift[k] += mass[c->member[i]] * (v[at + (size_t)k] - mean);
-            v[at + (size_t)k] = mean;
-        }
-    }
-    for (i = 0; i < 3 * n && !held; i++)
-        v[3 * c->member[i / 3] + i % 3] += shift[i % 3] / total;
-}
-
-/* Velocities of an explicit step: the mean ones where rows are active, then min 1/2 |v - v*|^2_M
- * with no approach on those rows. */
+/* Velocities of an explicit substep: min 1/2 |v - v*|^2_M with no approach on the active rows. Not
+ * the mean ones, of which a correction of the gap would be part. */
 static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
     cloth_status status = CLOTH_OK;
     int          nzone, z, i, k;
@@ -7320,8 +7301,6 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
         n = qp.n / 3;
         memset(&rep, 0, sizeof rep);
         if (qp.m == 0) continue;
-        clothi_zone_mean(c, z, n, v);
-        for (i = 0; i < 3 * n; i++) c->qp_x0[i] = v[3 * c->member[i / 3] + i % 3];
         for (i = 0; i < qp.m; i++) c->qp_lambda[i] = 0;
         if (qp.m > CLOTHI_EXACT_ROWS)
             (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
@@ -7499,17 +7478,15 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     cloth_collide *c = (cloth_collide *)user;
     cloth_sim     *s = c->sim;
     const double   start = clothi_now(c->hooks);
-    const int      explicit_step = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
     cloth_status   status = CLOTH_OK;
     if (!(e->h > 0))
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
     c->v_n = e->v_n;
-    c->share = explicit_step ? 1 : s->attach_step;
+    c->share = s->attach_step;
     if (!c->begun) status = clothi_contact_open(c);
-    clothi_world_pose(c, e->x_n, explicit_step ? 0 : s->attach_alpha - s->attach_step,
-                      explicit_step ? 1 : s->attach_alpha);
+    clothi_world_pose(c, e->x_n, s->attach_alpha - s->attach_step, s->attach_alpha);
     c->ncontact = c->nrow = 0;
     if (!status) status = clothi_pinch_begin(c);
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);

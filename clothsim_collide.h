@@ -8402,6 +8402,36 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 
 /* --- a step that may be shorter --- */
 
+/* `part` of the turn from rotation A to B, about the one axis of B A'. */
+static void clothi_turn_part(const double *A, const double *B, double part, double *out) {
+    double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, u[3], w, angle, size, c, t;
+    int    i, j, k, big = 0;
+    for (i = 0; i < 27; i++) Q[i / 3] += B[3 * (i / 9) + i % 3] * A[3 * (i / 3 % 3) + i % 3];
+    for (k = 1; k < 3; k++) big = Q[4 * k] > Q[4 * big] ? k : big;
+    i = big, j = (i + 1) % 3, k = (i + 2) % 3;
+    if (Q[0] + Q[4] + Q[8] > Q[4 * i]) {    /* the unit quaternion, from its largest number */
+        w = 0.5 * sqrt(1 + Q[0] + Q[4] + Q[8]);
+        u[0] = (Q[7] - Q[5]) / (4 * w), u[1] = (Q[2] - Q[6]) / (4 * w);
+        u[2] = (Q[3] - Q[1]) / (4 * w);
+    } else {
+        size = sqrt(1 + Q[4 * i] - Q[4 * j] - Q[4 * k]);
+        u[i] = 0.5 * size, w = (Q[3 * k + j] - Q[3 * j + k]) / (2 * size);
+        u[j] = (Q[3 * i + j] + Q[3 * j + i]) / (2 * size);
+        u[k] = (Q[3 * i + k] + Q[3 * k + i]) / (2 * size);
+    }
+    size = sqrt(clothi_dot3(u, u));
+    angle = 2 * part * atan2(w < 0 ? -size : size, fabs(w));
+    for (k = 0; k < 3; k++) u[k] = size > 0 ? u[k] / size : 0;
+    c = cos(angle), t = sin(angle);
+    for (k = 0; k < 3; k++) {               /* Rodrigues, column by column */
+        const double a[3] = {A[k], A[3 + k], A[6 + k]}, along = clothi_dot3(u, a);
+        double       turned[3];
+        clothi_cross3(u, a, turned);
+        for (i = 0; i < 3; i++)
+            out[3 * i + k] = a[i] + t * turned[i] + (1 - c) * (along * u[i] - a[i]);
+    }
+}
+
 /* Pins, attachments and obstacles: targets at `part` of their way; back again at part 1. */
 static void clothi_shorten(cloth_collide *c, const double *targets, double part) {
     cloth_sim *s = c->sim;
@@ -8413,12 +8443,19 @@ static void clothi_shorten(cloth_collide *c, const double *targets, double part)
             clothi_attach *q = s->attach + i;
             q->target[k] = part < 1 ? q->pose[k] + part * (*targets - q->pose[k]) : *targets;
         }
-    for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv; i++, targets++) {
-            double pose = clothi_pose(c->obstacle + o, 0)[i];
-            clothi_pose(c->obstacle + o, 1)[i] = part < 1 ? pose + part * (*targets - pose)
-                                                          : *targets;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        for (i = 0; i < 3 * b->nv; i++, targets++) {
+            double pose = clothi_pose(b, 0)[i];
+            clothi_pose(b, 1)[i] = part < 1 ? pose + part * (*targets - pose) : *targets;
         }
+        if (part < 1 && memcmp(b->turn[0], targets, sizeof b->turn[0]) != 0)
+            clothi_turn_part(b->turn[0], targets, part, b->turn[1]);
+        else
+            memcpy(b->turn[1], targets, sizeof b->turn[1]);
+        targets += 9;
+    }
 }
 
 static size_t clothi_targets(const cloth_collide *c, double *out) {
@@ -8431,8 +8468,10 @@ static size_t clothi_targets(const cloth_collide *c, double *out) {
         for (k = 0; k < 3; k++, n++)
             if (out) out[n] = s->attach[i].target[k];
     for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv; i++, n++)
-            if (out) out[n] = clothi_pose(c->obstacle + o, 1)[i];
+        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv + 9; i++, n++) {
+            const clothi_obstacle *b = c->obstacle + o;
+            if (out) out[n] = i < 3 * b->nv ? clothi_pose(b, 1)[i] : b->turn[1][i - 3 * b->nv];
+        }
     return n;
 }
 

@@ -749,6 +749,8 @@ typedef struct cloth_contact {
     /* after resolve, where a report is wanted: adds the substep's work and losses to the ledger;
      * zone_loss: what comes from outside through the zones. NULL: not asked */
     void         (*balance)(void *user, cloth_ledger *ledger);
+    /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
+    void         (*orphan)(void *user);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */
@@ -10339,6 +10341,7 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     const cloth_hooks *hooks;
     if (!sim) return;
     hooks = &sim->hooks;
+    if (sim->contact_on && sim->contact.orphan) sim->contact.orphan(sim->contact.user);
     cloth_linear_solver_destroy(sim->solver);
     cloth_matrix_destroy(sim->matrix);
     clothi_work_free(hooks, &sim->w);

@@ -470,7 +470,8 @@ CLOTH_API void cloth_obstacle_box(const double center[3], const double half[3], 
 
 /* Gives a sim its contact; needs desc.contact CLOTH_CONTACT_OBSTACLES or _SELF in its model.
  * in   desc   NULL: the defaults; copied
- * out  *out   owned: cloth_collide_destroy, before the sim
+ * out  *out   owned: cloth_collide_destroy, before the sim or after it and its model: after the
+ *             sim nothing else may be asked of it
  * returns CLOTH_OK; _UNINIT; _ARGUMENT, _NONFINITE: field and value logged; _UNSUPPORTED: the
  *   model's rung is CLOTH_CONTACT_NONE; _MESH: the cloth intersects itself under
  *   CLOTH_INITIAL_REFUSE (the first pair is logged); _MEMORY */
@@ -4226,6 +4227,7 @@ typedef struct clothi_tangle clothi_tangle;
 struct cloth_collide {
     cloth_sim         *sim;
     const cloth_hooks *hooks;
+    cloth_hooks        last;                /* the model's, for when the sim went first        */
     cloth_collide_desc desc;
     cloth_collide_part *part;               /* [nparts]                                        */
     int                self;                /* CLOTH_CONTACT_SELF                              */
@@ -7761,6 +7763,11 @@ static void clothi_contact_save(void *user, void *buf) {
     if (c->nexempt) memcpy(out, c->exempt, (size_t)c->nexempt * sizeof *c->exempt);
 }
 
+/* Obstacle `slot` is there. */
+static int clothi_slot_valid(const cloth_collide *c, int slot) {
+    return slot >= 0 && slot < c->nobstacle && c->obstacle[slot].used;
+}
+
 /* Holds of a snapshot name vertices and faces that are there. */
 static int clothi_holds_valid(const cloth_collide *c, const unsigned char *in, int n) {
     int i, k;
@@ -7768,13 +7775,52 @@ static int clothi_holds_valid(const cloth_collide *c, const unsigned char *in, i
         const clothi_obstacle *o;
         cloth_hold             h;
         memcpy(&h, in + (size_t)i * sizeof h, sizeof h);
-        if (h.vertex < 0 || h.vertex >= c->nv || h.slot < 0 || h.slot >= c->nobstacle) return 0;
+        if (h.vertex < 0 || h.vertex >= c->nv || !clothi_slot_valid(c, h.slot)) return 0;
         o = c->obstacle + h.slot;
         for (k = 0; k < 2; k++)
-            if (!o->used || !o->self_penetrating || h.face[k] < 0 || h.face[k] >= o->nf ||
+            if (!o->self_penetrating || h.face[k] < 0 || h.face[k] >= o->nf ||
                 clothi_find_nonfinite(h.weight[k], 3) >= 0)
                 return 0;
         if (!clothi_finite(h.share)) return 0;
+    }
+    return 1;
+}
+
+/* Anchors of a snapshot: features, parts and obstacles that are there, numbers, in their order. */
+static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in, int n) {
+    const int     most[3] = {c->nv, c->me, c->nf};
+    clothi_anchor a, before;
+    int           i, parts = 0;
+    for (i = 0; i < c->nv; i++)
+        parts = c->vertex_part[i] < parts ? parts : c->vertex_part[i] + 1;
+    for (i = 0; i < n; i++, before = a) {
+        memcpy(&a, in + (size_t)i * sizeof a, sizeof a);
+        if (a.key.feature < 0 || a.key.feature > 2 || a.key.a < 0 ||
+            a.key.a >= most[a.key.feature] ||
+            !(a.key.cloth == 0 ? clothi_slot_valid(c, a.key.b)
+                               : a.key.cloth == 1 && a.key.b >= 0 && a.key.b < 2 * parts) ||
+            (a.sliding != 0 && a.sliding != 1) || !clothi_finite(a.force) ||
+            !clothi_finite(a.gap) || clothi_find_nonfinite(a.slip, 3) >= 0 ||
+            (i > 0 && clothi_key_compare(&before.key, &a.key) >= 0))
+            return 0;
+    }
+    return 1;
+}
+
+/* Exempt pairs of a snapshot: features that are there, in their order. */
+static int clothi_exempt_valid(const cloth_collide *c, const unsigned char *in, int n) {
+    clothi_pair_id p, before;
+    int            i;
+    for (i = 0; i < n; i++, before = p) {
+        memcpy(&p, in + (size_t)i * sizeof p, sizeof p);
+        if (p.a < 0 || p.b < 0 || (i > 0 && clothi_pair_compare(&before, &p) >= 0)) return 0;
+        if (!(p.kind == CLOTHI_FF   ? p.a < p.b && p.b < c->mf
+              : p.kind == CLOTHI_VF ? p.a < c->nw && p.b < c->mf
+              : p.kind == CLOTHI_EE ? p.a < c->me && p.b < c->me
+              : p.kind == CLOTHI_VP ? p.a < c->nv && clothi_slot_valid(c, p.b) &&
+                                          clothi_is_wall(c->obstacle + p.b)
+                                    : 0))
+            return 0;
     }
     return 1;
 }
@@ -7783,8 +7829,9 @@ static int clothi_holds_valid(const cloth_collide *c, const unsigned char *in, i
 static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t size) {
     cloth_collide      *c = (cloth_collide *)user;
     clothi_contact_head head;
-    const size_t        poses = (size_t)clothi_contact_poses(c) * sizeof(double);
-    cloth_status        status = CLOTH_OK;
+    const size_t         poses = (size_t)clothi_contact_poses(c) * sizeof(double);
+    const unsigned char *in;
+    cloth_status         status = CLOTH_OK;
     memset(&head, 0, sizeof head);
     if (size >= sizeof head) memcpy(&head, buf, sizeof head);
     if (size < sizeof head || head.nobstacle != c->nobstacle ||
@@ -7796,8 +7843,15 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot has other obstacles, or another "
                            "cloth_collide_desc, than this sim");
-    if (!clothi_holds_valid(c, (const unsigned char *)buf + sizeof head + poses +
-                                   (size_t)head.nanchor * sizeof(clothi_anchor), head.nhold))
+    in = (const unsigned char *)buf + sizeof head + poses;
+    if (!clothi_anchors_valid(c, in, head.nanchor))
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot has an "
+                           "anchor of contact that is not there, or not a number");
+    in += (size_t)head.nanchor * sizeof(clothi_anchor);
+    if (!clothi_exempt_valid(c, in + (size_t)head.nhold * sizeof(cloth_hold), head.nexempt))
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot exempts a "
+                           "pair that is not there");
+    if (!clothi_holds_valid(c, in, head.nhold))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot holds a vertex that is not there");
     while (!status && c->anchor_cap < head.nanchor)
@@ -7985,6 +8039,14 @@ static double clothi_collide_stiffness(const cloth_sim *s, double thickness) {
     return 30 * 9.81 * mass / area / (0.25 * thickness);
 }
 
+/* cloth_contact.orphan: all goes that was counted by the sim; *c waits for its destruction. */
+static void clothi_contact_orphan(void *user) {
+    cloth_collide *c = (cloth_collide *)user;
+    c->last = c->sim->model->hooks;
+    (void)clothi_contact_blocks(c, 1);
+    c->sim = NULL;
+}
+
 static void clothi_collide_connect(cloth_collide *c) {
     cloth_contact k;
     memset(&k, 0, sizeof k);
@@ -8008,6 +8070,7 @@ static void clothi_collide_connect(cloth_collide *c) {
     k.bytes = clothi_contact_bytes;
     k.check = clothi_contact_unsaved;
     k.balance = clothi_contact_balance;
+    k.orphan = clothi_contact_orphan;
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -8073,10 +8136,13 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
 }
 
 CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
+    cloth_hooks last;
     if (!c) return;
-    if (c->sim->contact_on && c->sim->contact.user == c) (void)cloth_sim_set_contact(c->sim, NULL);
-    (void)clothi_contact_blocks(c, 1);
-    clothi_free(c->hooks, c);
+    last = c->last;
+    if (c->sim && c->sim->contact_on && c->sim->contact.user == c)
+        (void)cloth_sim_set_contact(c->sim, NULL);
+    if (c->sim) (void)clothi_contact_blocks(c, 1);
+    clothi_free(c->sim ? c->hooks : &last, c);
 }
 
 /* --- obstacles: add, remove, move --- */

@@ -749,6 +749,8 @@ typedef struct cloth_contact {
     /* after resolve, where a report is wanted: adds the substep's work and losses to the ledger;
      * zone_loss: what comes from outside through the zones. NULL: not asked */
     void         (*balance)(void *user, cloth_ledger *ledger);
+    /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
+    void         (*orphan)(void *user);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */
@@ -10348,6 +10350,7 @@ CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     const cloth_hooks *hooks;
     if (!sim) return;
     hooks = &sim->hooks;
+    if (sim->contact_on && sim->contact.orphan) sim->contact.orphan(sim->contact.user);
     cloth_linear_solver_destroy(sim->solver);
     cloth_matrix_destroy(sim->matrix);
     clothi_work_free(hooks, &sim->w);
@@ -12610,7 +12613,16 @@ CLOTHI_RARE_END
  * unstable below 52 substeps, 62 are taken: the largest stretch sits at held corners, where the
  * fastest mode does not.
  *
- * Cost: nf + nh element forces a substep; omega ~ sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
+ * Contact looks at every substep: the drift x(n) -> x(n+1) is brought to the nearest feasible point
+ * and v(n+1/2) made to approach nothing that it met there, a projection on a cone, which takes
+ * kinetic energy and gives none (obstacles at rest). Looked at over several drifts at once, what
+ * had gone far through was brought back against the cloth's own stretch: a sheet of 12 x 12 that
+ * fell 5 cm onto a sphere gained 2.5 times its weight times its side when contact looked once in 39
+ * substeps, 0.12 of it at every fourth substep (falling on its own side 1.7), and none at
+ * every substep.
+ *
+ * Cost: nf + nh element forces a substep, and all of contact's detection; omega ~
+ * sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
  *
  * Ledger, when a report is wanted: a kick by a force F does the work kick F.(v + v')/2 on the
  * velocities before and after it, exactly; wind and pins are counted so, attachments by how far
@@ -13016,6 +13028,63 @@ static cloth_status clothi_leap_works(clothi_leap *p, cloth_eval *e, double h, d
     return status;
 }
 
+static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
+                                     cloth_ledger *l);
+static void clothi_ledger_total(const cloth_sim *s, const double *v, cloth_ledger *l);
+
+/* Energy of x with the velocity w.rhs, which takes the half kick that ends a substep. */
+static cloth_status clothi_leap_energy(cloth_sim *s, const double *x, double hs, cloth_ledger *l) {
+    const cloth_status status = clothi_energy_at(s, x, s->w.rhs, 1, l);
+    int                i;
+    if (status) return status;
+    for (i = 0; i < 3 * s->model->nv; i++)
+        if (!(s->pin[i / 3] >> (i % 3) & 1))
+            s->w.rhs[i] -= 0.5 * hs * s->w.grad[i] / s->params.mass[i / 3];
+    clothi_ledger_total(s, s->w.rhs, l);
+    return CLOTH_OK;
+}
+
+/* The ledger of what contact did to the candidate, which was in w.dx with its velocity in w.rhs. */
+static cloth_status clothi_leap_balance(cloth_sim *s, double hs, cloth_ledger *l) {
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    cloth_ledger a, b;
+    cloth_status status;
+    int          i;
+    if (s->contact.balance) s->contact.balance(s->contact.user, l);
+    if (memcmp(s->w.x, s->w.dx, bytes) == 0 && memcmp(s->w.trial, s->w.rhs, bytes) == 0)
+        return CLOTH_OK;
+    status = clothi_leap_energy(s, s->w.dx, hs, &a);
+    memcpy(s->w.rhs, s->w.trial, bytes);
+    if (!status) status = clothi_leap_energy(s, s->w.x, hs, &b);
+    if (status) return status;
+    l->zone_loss += a.total - b.total;
+    for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
+        l->zone_loss += s->force[i] * (s->w.x[i] - s->w.dx[i]);
+    return status;
+}
+
+/* Contact over the drift of a substep, from w.x: before it, and at its end, where x and v become
+ * feasible. l: NULL where no report is wanted. */
+static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_ledger *l) {
+    const double start = clothi_now(&s->hooks);
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    clothi_goal  goal;
+    cloth_status status;
+    if (clothi_find_nonfinite(s->w.x, bytes / sizeof(double)) >= 0) return CLOTH_OK;
+    clothi_eval_start(s, &goal, hs);
+    goal.e.x_n = s->w.x;
+    goal.e.v_n = s->w.trial;
+    s->counts.contact_calls++;
+    if (end && l) {
+        memcpy(s->w.dx, s->w.x, bytes);
+        memcpy(s->w.rhs, s->w.trial, bytes);
+    }
+    status = end ? s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial)
+                 : s->contact.begin(s->contact.user, &goal.e);
+    s->ms.contact += clothi_now(&s->hooks) - start;
+    return status || !end || !l ? status : clothi_leap_balance(s, hs, l);
+}
+
 /* Substeps from w.x0, w.v0 to w.x and w.trial (the velocity); *tangent: the largest factor met */
 static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent,
                                     cloth_ledger *ledger) {
@@ -13039,8 +13108,11 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     for (k = 0; k <= substeps && !status; k++) {
         e.t = s->state.t + k * hs;
         e.h = hs;
+        s->attach_step = 1.0 / substeps;
+        s->attach_alpha = (double)(k + 1) / substeps;
+        if (s->contact_on && k < substeps) status = clothi_leap_contact(s, hs, 0, ledger);
         s->attach_alpha = (double)k / substeps;
-        status = clothi_leap_force(s, &e, &p.extra);
+        if (!status) status = clothi_leap_force(s, &e, &p.extra);
         p.kick = k == 0 || k == substeps ? 0.5 * hs : hs;
         p.drift = k < substeps ? hs : 0;
         p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
@@ -13050,6 +13122,12 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
         if (!status && ledger && s->wind_on)
             ledger->wind_work -= 0.5 * p.kick * (p.wind + clothi_leap_dot(s->w.rhs, s->w.trial, n));
+        if (!status && s->contact_on && k < substeps) {
+            s->attach_alpha = p.alpha;
+            status = clothi_leap_contact(s, hs, 1, ledger);
+            if (status == CLOTH_ERR_STEP)   /* for want of substeps? */
+                *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
+        }
         if (!status && k < substeps && s->hooks.cancel.fn && k % 16 == 0 &&
             s->hooks.cancel.fn(s->hooks.cancel.user))
             status = CLOTH_ERR_CANCELLED;
@@ -13062,51 +13140,6 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
 static int clothi_leap_substeps(const cloth_sim *s, double h, int m) {
     const double last = s->h_prev > 0 ? ceil(h / s->h_prev - 1e-6) : 0;
     return last >= m && last <= 2 * m ? (int)last : m > 4 ? m + (m + 31) / 32 : m;
-}
-
-static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
-                                     cloth_ledger *l);
-
-/* The ledger of what contact did to the candidate, which is in w.y with its velocity in w.rhs. */
-static cloth_status clothi_leap_balance(cloth_sim *s, cloth_ledger *l) {
-    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
-    cloth_ledger a, b;
-    cloth_status status;
-    int          i;
-    if (s->contact.balance) s->contact.balance(s->contact.user, l);
-    if (memcmp(s->w.x, s->w.y, bytes) == 0 && memcmp(s->w.trial, s->w.rhs, bytes) == 0)
-        return CLOTH_OK;
-    status = clothi_energy_at(s, s->w.y, s->w.rhs, 0, &a);
-    if (!status) status = clothi_energy_at(s, s->w.x, s->w.trial, 0, &b);
-    if (status) return status;
-    s->fresh = 1;                           /* of the energies, which the report asks for */
-    l->zone_loss += a.total - b.total;
-    for (i = 0; s->force_on && i < 3 * s->model->nv; i++)
-        l->zone_loss += s->force[i] * (s->w.x[i] - s->w.y[i]);
-    return status;
-}
-
-/* Contact once over the straight path from x0 to w.x; the velocity w.trial no longer approaches
- * what the active rows hold off. l: NULL where no report is wanted. */
-static cloth_status clothi_leap_contact(cloth_sim *s, double h, cloth_report *report,
-                                        cloth_ledger *l) {
-    const double start = clothi_now(&s->hooks);
-    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
-    clothi_goal  goal;
-    cloth_status status;
-    if (!s->contact_on) return CLOTH_OK;
-    clothi_eval_start(s, &goal, h);
-    s->counts.contact_calls += 2;
-    if (l) {
-        memcpy(s->w.y, s->w.x, bytes);
-        memcpy(s->w.rhs, s->w.trial, bytes);
-    }
-    status = s->contact.begin(s->contact.user, &goal.e);
-    if (!status)
-        status = s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial);
-    s->ms.contact += clothi_now(&s->hooks) - start;
-    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-    return status || !l ? status : clothi_leap_balance(s, l);
 }
 
 static cloth_status clothi_leap_unstable(const cloth_sim *s, double h, int m, double limit) {
@@ -13151,19 +13184,24 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
         memset(&ledger, 0, sizeof ledger);
         status = clothi_leap_run(s, h, m, &after, s->balance ? &ledger : NULL);
         report->substeps += m;
-        if (status) return status;
+        if (status && (status != CLOTH_ERR_STEP || tries >= CLOTHI_LEAP_RETRIES ||
+                       h / m <= clothi_leap_limit(s, after, &omega))) {
+            if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+            return status;
+        }
         at = clothi_find_nonfinite(s->w.x, n);
         if (at < 0) at = clothi_find_nonfinite(s->w.trial, n);
         limit = clothi_leap_limit(s, after, &omega);
         if (at < 0 && h / m <= limit) break;
-        if (tries < CLOTHI_LEAP_RETRIES) continue;
+        if (tries < CLOTHI_LEAP_RETRIES) {
+            if (s->contact_on) s->contact.rollback(s->contact.user, NULL);
+            continue;
+        }
         if (at < 0) return clothi_leap_unstable(s, h, m, limit);
         report->vertex = (int)(at / 3);
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
                            report->vertex);
     }
-    status = clothi_leap_contact(s, h, report, s->balance ? &ledger : NULL);
-    if (status) return status;
     report->energy = ledger;
     for (i = 0; s->force_on && i < n; i++)
         report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);

@@ -99,9 +99,9 @@
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns
  *     far in one step cuts its corners, by 1 - cos(angle/2) of its radius: step shorter
- *   - leapfrog: contact looks ONCE a step, over the straight path from its start to its end, at
- *     whatever number of substeps. Potential and friction do not act within it. Choose h for at
- *     most 4 substeps (report.substeps): with more, cloth in contact gains energy [8.4]
+ *   - leapfrog: contact looks at every substep, by zones alone: no potential, no friction, no
+ *     record of forces but of the last substep. It gains no energy, and detection is paid for at
+ *     each of report.substeps
  *   - statics: refused for a sim that has contact
  *
  * ENERGY. A step begins to minimise from a feasible point that is no worse than where the step
@@ -440,7 +440,7 @@ typedef struct cloth_collide_pair {
 enum {                                      /* cloth_collide_contact.flags                     */
     CLOTH_CONTACT_SLIDING = 1,              /* friction is at its limit                        */
     CLOTH_CONTACT_ROW     = 2,              /* LEAPFROG: an active row of an impact zone; its
-                                               force is the impulse over h                     */
+                                               force is the impulse over the last substep      */
     CLOTH_CONTACT_INEXACT = 4,              /* the step ended before Newton converged          */
     CLOTH_CONTACT_HELD    = 8               /* a vertex of it is held in a pinch               */
 };
@@ -470,7 +470,8 @@ CLOTH_API void cloth_obstacle_box(const double center[3], const double half[3], 
 
 /* Gives a sim its contact; needs desc.contact CLOTH_CONTACT_OBSTACLES or _SELF in its model.
  * in   desc   NULL: the defaults; copied
- * out  *out   owned: cloth_collide_destroy, before the sim
+ * out  *out   owned: cloth_collide_destroy, before the sim or after it and its model: after the
+ *             sim nothing else may be asked of it
  * returns CLOTH_OK; _UNINIT; _ARGUMENT, _NONFINITE: field and value logged; _UNSUPPORTED: the
  *   model's rung is CLOTH_CONTACT_NONE; _MESH: the cloth intersects itself under
  *   CLOTH_INITIAL_REFUSE (the first pair is logged); _MEMORY */
@@ -4226,6 +4227,7 @@ typedef struct clothi_tangle clothi_tangle;
 struct cloth_collide {
     cloth_sim         *sim;
     const cloth_hooks *hooks;
+    cloth_hooks        last;                /* the model's, for when the sim went first        */
     cloth_collide_desc desc;
     cloth_collide_part *part;               /* [nparts]                                        */
     int                self;                /* CLOTH_CONTACT_SELF                              */
@@ -6630,8 +6632,8 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * projection stays, and no row is in the accepted state. Among obstacles that rest the straight way
  * up to the first hit is feasible too, and the better of the two is taken: a sheet thrown at 25 m/s
  * at a box went from 36 to 1 000 J without, and never above its start with.
- * LEAPFROG ends with it: velocities are the mean ones, then min |v - v*|^2_M/2 with no approach on
- * the active rows.
+ * LEAPFROG ends each substep with it; velocities are then min |v - v*|^2_M/2 with no approach on
+ * the active rows: neither gives kinetic energy where obstacles rest [9.4].
  *
  * [BFA02] Bridson, Fedkiw, Anderson, SIGGRAPH 2002.  [HVTG08] Harmon et al., SIGGRAPH 2008.
  * checked: tests/test_contact.c, test_convex.c, stability/throws.c, stability/heaps.c
@@ -7284,27 +7286,8 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
     return status;
 }
 
-/* member [n], of zone z: the mean velocity of the step; free of obstacles with v's momentum. */
-static void clothi_zone_mean(cloth_collide *c, int z, int n, double *v) {
-    const double *mass = c->sim->params.mass;
-    double        shift[3] = {0, 0, 0}, total = 0, motion[3];
-    const int     held = clothi_zone_carrier(c, z, motion);
-    int           i, k;
-    for (i = 0; i < n; i++) {
-        const size_t at = 3 * (size_t)c->member[i];
-        total += mass[c->member[i]];
-        for (k = 0; k < 3; k++) {
-            const double mean = (c->xb[at + (size_t)k] - c->xa[at + (size_t)k]) / c->h;
-            shift[k] += mass[c->member[i]] * (v[at + (size_t)k] - mean);
-            v[at + (size_t)k] = mean;
-        }
-    }
-    for (i = 0; i < 3 * n && !held; i++)
-        v[3 * c->member[i / 3] + i % 3] += shift[i % 3] / total;
-}
-
-/* Velocities of an explicit step: the mean ones where rows are active, then min 1/2 |v - v*|^2_M
- * with no approach on those rows. */
+/* Velocities of an explicit substep: min 1/2 |v - v*|^2_M with no approach on the active rows. Not
+ * the mean ones, of which a correction of the gap would be part. */
 static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
     cloth_status status = CLOTH_OK;
     int          nzone, z, i, k;
@@ -7320,8 +7303,6 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
         n = qp.n / 3;
         memset(&rep, 0, sizeof rep);
         if (qp.m == 0) continue;
-        clothi_zone_mean(c, z, n, v);
-        for (i = 0; i < 3 * n; i++) c->qp_x0[i] = v[3 * c->member[i / 3] + i % 3];
         for (i = 0; i < qp.m; i++) c->qp_lambda[i] = 0;
         if (qp.m > CLOTHI_EXACT_ROWS)
             (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
@@ -7499,17 +7480,15 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     cloth_collide *c = (cloth_collide *)user;
     cloth_sim     *s = c->sim;
     const double   start = clothi_now(c->hooks);
-    const int      explicit_step = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
     cloth_status   status = CLOTH_OK;
     if (!(e->h > 0))
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
     c->v_n = e->v_n;
-    c->share = explicit_step ? 1 : s->attach_step;
+    c->share = s->attach_step;
     if (!c->begun) status = clothi_contact_open(c);
-    clothi_world_pose(c, e->x_n, explicit_step ? 0 : s->attach_alpha - s->attach_step,
-                      explicit_step ? 1 : s->attach_alpha);
+    clothi_world_pose(c, e->x_n, s->attach_alpha - s->attach_step, s->attach_alpha);
     c->ncontact = c->nrow = 0;
     if (!status) status = clothi_pinch_begin(c);
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
@@ -7784,6 +7763,11 @@ static void clothi_contact_save(void *user, void *buf) {
     if (c->nexempt) memcpy(out, c->exempt, (size_t)c->nexempt * sizeof *c->exempt);
 }
 
+/* Obstacle `slot` is there. */
+static int clothi_slot_valid(const cloth_collide *c, int slot) {
+    return slot >= 0 && slot < c->nobstacle && c->obstacle[slot].used;
+}
+
 /* Holds of a snapshot name vertices and faces that are there. */
 static int clothi_holds_valid(const cloth_collide *c, const unsigned char *in, int n) {
     int i, k;
@@ -7791,13 +7775,52 @@ static int clothi_holds_valid(const cloth_collide *c, const unsigned char *in, i
         const clothi_obstacle *o;
         cloth_hold             h;
         memcpy(&h, in + (size_t)i * sizeof h, sizeof h);
-        if (h.vertex < 0 || h.vertex >= c->nv || h.slot < 0 || h.slot >= c->nobstacle) return 0;
+        if (h.vertex < 0 || h.vertex >= c->nv || !clothi_slot_valid(c, h.slot)) return 0;
         o = c->obstacle + h.slot;
         for (k = 0; k < 2; k++)
-            if (!o->used || !o->self_penetrating || h.face[k] < 0 || h.face[k] >= o->nf ||
+            if (!o->self_penetrating || h.face[k] < 0 || h.face[k] >= o->nf ||
                 clothi_find_nonfinite(h.weight[k], 3) >= 0)
                 return 0;
         if (!clothi_finite(h.share)) return 0;
+    }
+    return 1;
+}
+
+/* Anchors of a snapshot: features, parts and obstacles that are there, numbers, in their order. */
+static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in, int n) {
+    const int     most[3] = {c->nv, c->me, c->nf};
+    clothi_anchor a, before;
+    int           i, parts = 0;
+    for (i = 0; i < c->nv; i++)
+        parts = c->vertex_part[i] < parts ? parts : c->vertex_part[i] + 1;
+    for (i = 0; i < n; i++, before = a) {
+        memcpy(&a, in + (size_t)i * sizeof a, sizeof a);
+        if (a.key.feature < 0 || a.key.feature > 2 || a.key.a < 0 ||
+            a.key.a >= most[a.key.feature] ||
+            !(a.key.cloth == 0 ? clothi_slot_valid(c, a.key.b)
+                               : a.key.cloth == 1 && a.key.b >= 0 && a.key.b < 2 * parts) ||
+            (a.sliding != 0 && a.sliding != 1) || !clothi_finite(a.force) ||
+            !clothi_finite(a.gap) || clothi_find_nonfinite(a.slip, 3) >= 0 ||
+            (i > 0 && clothi_key_compare(&before.key, &a.key) >= 0))
+            return 0;
+    }
+    return 1;
+}
+
+/* Exempt pairs of a snapshot: features that are there, in their order. */
+static int clothi_exempt_valid(const cloth_collide *c, const unsigned char *in, int n) {
+    clothi_pair_id p, before;
+    int            i;
+    for (i = 0; i < n; i++, before = p) {
+        memcpy(&p, in + (size_t)i * sizeof p, sizeof p);
+        if (p.a < 0 || p.b < 0 || (i > 0 && clothi_pair_compare(&before, &p) >= 0)) return 0;
+        if (!(p.kind == CLOTHI_FF   ? p.a < p.b && p.b < c->mf
+              : p.kind == CLOTHI_VF ? p.a < c->nw && p.b < c->mf
+              : p.kind == CLOTHI_EE ? p.a < c->me && p.b < c->me
+              : p.kind == CLOTHI_VP ? p.a < c->nv && clothi_slot_valid(c, p.b) &&
+                                          clothi_is_wall(c->obstacle + p.b)
+                                    : 0))
+            return 0;
     }
     return 1;
 }
@@ -7806,8 +7829,9 @@ static int clothi_holds_valid(const cloth_collide *c, const unsigned char *in, i
 static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t size) {
     cloth_collide      *c = (cloth_collide *)user;
     clothi_contact_head head;
-    const size_t        poses = (size_t)clothi_contact_poses(c) * sizeof(double);
-    cloth_status        status = CLOTH_OK;
+    const size_t         poses = (size_t)clothi_contact_poses(c) * sizeof(double);
+    const unsigned char *in;
+    cloth_status         status = CLOTH_OK;
     memset(&head, 0, sizeof head);
     if (size >= sizeof head) memcpy(&head, buf, sizeof head);
     if (size < sizeof head || head.nobstacle != c->nobstacle ||
@@ -7819,8 +7843,15 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot has other obstacles, or another "
                            "cloth_collide_desc, than this sim");
-    if (!clothi_holds_valid(c, (const unsigned char *)buf + sizeof head + poses +
-                                   (size_t)head.nanchor * sizeof(clothi_anchor), head.nhold))
+    in = (const unsigned char *)buf + sizeof head + poses;
+    if (!clothi_anchors_valid(c, in, head.nanchor))
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot has an "
+                           "anchor of contact that is not there, or not a number");
+    in += (size_t)head.nanchor * sizeof(clothi_anchor);
+    if (!clothi_exempt_valid(c, in + (size_t)head.nhold * sizeof(cloth_hold), head.nexempt))
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot exempts a "
+                           "pair that is not there");
+    if (!clothi_holds_valid(c, in, head.nhold))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot holds a vertex that is not there");
     while (!status && c->anchor_cap < head.nanchor)
@@ -8008,6 +8039,14 @@ static double clothi_collide_stiffness(const cloth_sim *s, double thickness) {
     return 30 * 9.81 * mass / area / (0.25 * thickness);
 }
 
+/* cloth_contact.orphan: all goes that was counted by the sim; *c waits for its destruction. */
+static void clothi_contact_orphan(void *user) {
+    cloth_collide *c = (cloth_collide *)user;
+    c->last = c->sim->model->hooks;
+    (void)clothi_contact_blocks(c, 1);
+    c->sim = NULL;
+}
+
 static void clothi_collide_connect(cloth_collide *c) {
     cloth_contact k;
     memset(&k, 0, sizeof k);
@@ -8031,6 +8070,7 @@ static void clothi_collide_connect(cloth_collide *c) {
     k.bytes = clothi_contact_bytes;
     k.check = clothi_contact_unsaved;
     k.balance = clothi_contact_balance;
+    k.orphan = clothi_contact_orphan;
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -8096,10 +8136,13 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
 }
 
 CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
+    cloth_hooks last;
     if (!c) return;
-    if (c->sim->contact_on && c->sim->contact.user == c) (void)cloth_sim_set_contact(c->sim, NULL);
-    (void)clothi_contact_blocks(c, 1);
-    clothi_free(c->hooks, c);
+    last = c->last;
+    if (c->sim && c->sim->contact_on && c->sim->contact.user == c)
+        (void)cloth_sim_set_contact(c->sim, NULL);
+    if (c->sim) (void)clothi_contact_blocks(c, 1);
+    clothi_free(c->sim ? c->hooks : &last, c);
 }
 
 /* --- obstacles: add, remove, move --- */
@@ -8425,6 +8468,36 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 
 /* --- a step that may be shorter --- */
 
+/* `part` of the turn from rotation A to B, about the one axis of B A'. */
+static void clothi_turn_part(const double *A, const double *B, double part, double *out) {
+    double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, u[3], w, angle, size, c, t;
+    int    i, j, k, big = 0;
+    for (i = 0; i < 27; i++) Q[i / 3] += B[3 * (i / 9) + i % 3] * A[3 * (i / 3 % 3) + i % 3];
+    for (k = 1; k < 3; k++) big = Q[4 * k] > Q[4 * big] ? k : big;
+    i = big, j = (i + 1) % 3, k = (i + 2) % 3;
+    if (Q[0] + Q[4] + Q[8] > Q[4 * i]) {    /* the unit quaternion, from its largest number */
+        w = 0.5 * sqrt(1 + Q[0] + Q[4] + Q[8]);
+        u[0] = (Q[7] - Q[5]) / (4 * w), u[1] = (Q[2] - Q[6]) / (4 * w);
+        u[2] = (Q[3] - Q[1]) / (4 * w);
+    } else {
+        size = sqrt(1 + Q[4 * i] - Q[4 * j] - Q[4 * k]);
+        u[i] = 0.5 * size, w = (Q[3 * k + j] - Q[3 * j + k]) / (2 * size);
+        u[j] = (Q[3 * i + j] + Q[3 * j + i]) / (2 * size);
+        u[k] = (Q[3 * i + k] + Q[3 * k + i]) / (2 * size);
+    }
+    size = sqrt(clothi_dot3(u, u));
+    angle = 2 * part * atan2(w < 0 ? -size : size, fabs(w));
+    for (k = 0; k < 3; k++) u[k] = size > 0 ? u[k] / size : 0;
+    c = cos(angle), t = sin(angle);
+    for (k = 0; k < 3; k++) {               /* Rodrigues, column by column */
+        const double a[3] = {A[k], A[3 + k], A[6 + k]}, along = clothi_dot3(u, a);
+        double       turned[3];
+        clothi_cross3(u, a, turned);
+        for (i = 0; i < 3; i++)
+            out[3 * i + k] = a[i] + t * turned[i] + (1 - c) * (along * u[i] - a[i]);
+    }
+}
+
 /* Pins, attachments and obstacles: targets at `part` of their way; back again at part 1. */
 static void clothi_shorten(cloth_collide *c, const double *targets, double part) {
     cloth_sim *s = c->sim;
@@ -8436,12 +8509,19 @@ static void clothi_shorten(cloth_collide *c, const double *targets, double part)
             clothi_attach *q = s->attach + i;
             q->target[k] = part < 1 ? q->pose[k] + part * (*targets - q->pose[k]) : *targets;
         }
-    for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv; i++, targets++) {
-            double pose = clothi_pose(c->obstacle + o, 0)[i];
-            clothi_pose(c->obstacle + o, 1)[i] = part < 1 ? pose + part * (*targets - pose)
-                                                          : *targets;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        for (i = 0; i < 3 * b->nv; i++, targets++) {
+            double pose = clothi_pose(b, 0)[i];
+            clothi_pose(b, 1)[i] = part < 1 ? pose + part * (*targets - pose) : *targets;
         }
+        if (part < 1 && memcmp(b->turn[0], targets, sizeof b->turn[0]) != 0)
+            clothi_turn_part(b->turn[0], targets, part, b->turn[1]);
+        else
+            memcpy(b->turn[1], targets, sizeof b->turn[1]);
+        targets += 9;
+    }
 }
 
 static size_t clothi_targets(const cloth_collide *c, double *out) {
@@ -8454,8 +8534,10 @@ static size_t clothi_targets(const cloth_collide *c, double *out) {
         for (k = 0; k < 3; k++, n++)
             if (out) out[n] = s->attach[i].target[k];
     for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv; i++, n++)
-            if (out) out[n] = clothi_pose(c->obstacle + o, 1)[i];
+        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv + 9; i++, n++) {
+            const clothi_obstacle *b = c->obstacle + o;
+            if (out) out[n] = i < 3 * b->nv ? clothi_pose(b, 1)[i] : b->turn[1][i - 3 * b->nv];
+        }
     return n;
 }
 

@@ -1,10 +1,11 @@
 /* test_collide_state.c - contact from step to step: snapshots, workers, what a failed or a
  * cancelled step leaves behind, pinches, shorter steps, exemptions, groups.
- *   cc -std=c99 -O2 -ffp-contract=off -pthread -DCLOTHSIM_IMPLEMENTATION -I.. \
- *      test_collide_state.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -pthread -I.. test_collide_state.c -lm
  * tier: quick */
+#define CLOTHSIM_IMPLEMENTATION
 #include "../clothsim_collide.h"
 
+#include <limits.h>
 #include <pthread.h>
 #include "test.h"
 #include "collide_world.h"
@@ -182,6 +183,85 @@ static void transplant(void) {
     free(buf);
     world_close(&other);
     CHECK(H.live == 0);
+}
+
+/* Saves what *field says when it holds `value`, and restores: refused, with `what` in a sentence,
+ * and the sim as before. */
+static void forge(void *field, const void *value, size_t bytes, const char *what) {
+    const size_t   size = cloth_sim_save_size(W.sim);
+    const uint64_t before = cloth_sim_hash(W.sim);
+    unsigned char  kept[64];
+    void          *buf = malloc(size);
+    CHECK(buf && bytes <= sizeof kept);
+    memcpy(kept, field, bytes);
+    memcpy(field, value, bytes);
+    CHECK(cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
+    memcpy(field, kept, bytes);
+    host_forget(&H);
+    CHECK(cloth_sim_restore(W.sim, buf, size) == CLOTH_ERR_FORMAT);
+    CHECK(H.errors == 1 && strstr(H.text, what) != NULL);
+    CHECK(cloth_sim_hash(W.sim) == before);
+    CHECK(cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_sim_restore(W.sim, buf, size) == CLOTH_OK);
+    free(buf);
+}
+
+/* Snapshots with the right checksum that name what is not there. */
+static void forged(void) {
+    const int          bad[] = {-1, 1 << 20, INT_MAX, INT_MIN};
+    const double       number[] = {NAN, INFINITY};
+    cloth_collide_desc d = cloth_collide_desc_default();
+    cloth_hooks        hooks = host_hooks(&H);
+    double             through[3] = {0.1, 0, 0.1};
+    clothi_anchor     *a;
+    clothi_pair_id    *p, swap[2];
+    int                i;
+    d.initial = CLOTH_INITIAL_EXEMPT;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, &d) == CLOTH_OK);
+    CHECK(world_run(&W, 20, 1.0 / 60));
+    a = W.c->anchor + W.c->nanchor / 2;
+    CHECK(W.c->nanchor > 1);
+    for (i = 0; i < 4; i++) {
+        forge(&a->key.feature, bad + i, sizeof *bad, "anchor");
+        forge(&a->key.cloth, bad + i, sizeof *bad, "anchor");
+        forge(&a->key.a, bad + i, sizeof *bad, "anchor");
+        forge(&a->key.b, bad + i, sizeof *bad, "anchor");
+        forge(&a->sliding, bad + i, sizeof *bad, "anchor");
+    }
+    for (i = 0; i < 2; i++) {
+        forge(&a->force, number + i, sizeof *number, "anchor");
+        forge(&a->gap, number + i, sizeof *number, "anchor");
+        forge(a->slip + 2, number + i, sizeof *number, "anchor");
+    }
+    forge(a, a - 1, sizeof *a, "anchor");
+    CHECK(cloth_collide_teleport(W.c, W.ball, through) == CLOTH_OK);
+    CHECK(cloth_step(W.sim, 1e-3, NULL) == CLOTH_OK && W.c->nexempt > 1);
+    p = W.c->exempt + W.c->nexempt / 2;
+    for (i = 0; i < 4; i++) {
+        if (bad[i] != CLOTHI_FF) forge(&p->kind, bad + i, sizeof *bad, "exempts a pair");
+        forge(&p->a, bad + i, sizeof *bad, "exempts a pair");
+        forge(&p->b, bad + i, sizeof *bad, "exempts a pair");
+    }
+    swap[0] = p[0], swap[1] = p[-1];
+    forge(p - 1, swap, sizeof swap, "exempts a pair");
+    world_close(&W);
+    CHECK(H.live == 0);
+}
+
+/* The sim, its model and its contact go in any order in which the model outlives the sim. */
+static void destruction(void) {
+    cloth_hooks hooks = host_hooks(&H);
+    int         k;
+    for (k = 0; k < 3; k++) {
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+        CHECK(world_run(&W, 4, 1.0 / 60));
+        if (k == 0) cloth_collide_destroy(W.c), W.c = NULL;
+        cloth_sim_destroy(W.sim);
+        if (k == 2) cloth_model_destroy(W.model), W.model = NULL;
+        W.sim = NULL;
+        world_close(&W);                    /* contact, then what is left */
+        CHECK(H.live == 0);
+    }
 }
 
 /* --- 1, 2 and 3 workers --- */
@@ -435,6 +515,8 @@ int main(int argc, char **argv) {
     RUN(snapshots);
     RUN(self_penetrating);
     RUN(transplant);
+    RUN(forged);
+    RUN(destruction);
     RUN(workers);
     RUN(cancel);
     RUN(pinch);

@@ -1,7 +1,8 @@
 /* test_pose.c - obstacles by pose, surfaces that move, friction that changes, and the wrench:
  * against the same by vertices, Coulomb's law, weight and angular momentum.
- *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. test_pose.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_pose.c -lm
  * tier: quick */
+#define CLOTHSIM_IMPLEMENTATION
 #include "../clothsim_collide.h"
 
 #include "test.h"
@@ -268,6 +269,47 @@ static void reset(void) {
     fric_end(&s);
 }
 
+/* A step that is cut short turns an obstacle by its part of the turn: a ball spins by 1 to 3 rad
+ * while a plane comes up and would press the sheet's pins. The next step has the rest to go. */
+static void halved(void) {
+    const double angle[3] = {1, 2, 3}, center[3] = {0.05, -0.5, 0.05};
+    int          m, i, j, k;
+    for (m = 0; m < 3; m++) {
+        double         R[9], want[9], p[3], up[3] = {0, -0.03, 0}, worst = 0;
+        cloth_obstacle ball, plane;
+        cloth_report   r;
+        fric           s;
+        fric_sheet(&s, 3, 3, 0.1, 0.1);
+        fric_place(&s, 0, 0, 0.01, 0);
+        if (!fric_start(&s)) exit(2);
+        ball = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.1, 0.3);
+        plane = add(&s, CLOTH_OBSTACLE_PLANE, up, 0, 0.3);
+        for (i = 0; i < s.nv; i++)
+            CHECK(cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+        rotation(0.4, m == 1, R);
+        for (k = 0; k < 3; k++)
+            for (p[k] = center[k], j = 0; j < 3; j++) p[k] -= R[3 * k + j] * center[j];
+        CHECK(cloth_collide_pose(s.contact, ball, R, p) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        rotation(0.4 + angle[m], m == 1, R);
+        for (k = 0; k < 3; k++)
+            for (p[k] = center[k], j = 0; j < 3; j++) p[k] -= R[3 * k + j] * center[j];
+        CHECK(cloth_collide_pose(s.contact, ball, R, p) == CLOTH_OK);
+        up[1] = 0.03;                       /* through the sheet from half of the way on */
+        CHECK(cloth_collide_move(s.contact, plane, up) == CLOTH_OK);
+        CHECK(cloth_collide_step(s.contact, H, 4, &r) == CLOTH_OK);
+        CHECK_NEAR(cloth_collide_last(s.contact).fraction, 0.5, 0);
+        rotation(0.4 + 0.5 * angle[m], m == 1, want);
+        for (i = 0; i < 9; i++) {
+            const clothi_obstacle *o = s.contact->obstacle;
+            worst = fmax(worst, fabs(o->turn[0][i] - want[i]));
+            CHECK_NEAR(o->turn[1][i], R[i], 0);
+        }
+        CHECK(worst < 1e-14);
+        fric_end(&s);
+    }
+}
+
 /* --- the wrench --- */
 
 /* A sheet at rest on a plane, on a box and on a sphere: its weight, the moment of its weight, and
@@ -390,6 +432,7 @@ int main(int argc, char **argv) {
     RUN(drum);
     RUN(friction);
     RUN(reset);
+    RUN(halved);
     RUN(wrench);
     RUN(refusals);
     return TEST_END();

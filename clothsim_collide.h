@@ -356,12 +356,13 @@ typedef struct cloth_collide_part {
     double   friction;                      /* its own coefficient; 0: desc.friction           */
 } cloth_collide_part;
 
-/* Distances nest: separation t/4 < gap t/2 < range t. Start from cloth_collide_desc_default(). */
+/* Distances nest: separation t/4 < gap of zones t/2 < range t. Start from
+ * cloth_collide_desc_default(). */
 typedef struct cloth_collide_desc {
     uint32_t      cookie;
     double        thickness;                /* m, t > 0; default 2e-3. Not the material's      */
     double        stiffness;                /* Pa/m of the proximity potential; 0 (default): a
-                                               sheet under 30 times its weight rests at t/2    */
+                                               force of 30 times its weight at t/2, no pole    */
     double        relaxation;               /* s, of its damping; default 0.02                 */
     double        friction;                 /* cloth on cloth, default 0.3                     */
     double        slip;                     /* m, give of an anchor before it slips; 1e-5      */
@@ -394,8 +395,8 @@ typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()    
     double              thickness;          /* m, of contact with it; 0 (default): the desc's  */
     double              friction;           /* default 0.3                                     */
     uint32_t            category, mask;     /* default 1 and all                               */
-    int                 self_penetrating;   /* MESH, closed: faces inside itself are found at
-                                               each step and exempt in it                      */
+    int                 self_penetrating;   /* MESH, closed, turned one way: cloth between two
+                                               parts of it is carried by both            [8.3] */
     const cloth_grid   *grid;               /* GRID; borrowed, unchanged while the obstacle is
                                                there; its band over radius + thickness         */
 } cloth_obstacle_desc;

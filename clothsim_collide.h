@@ -113,7 +113,7 @@
  * garments in motion do in a tenth to most of their steps.
  *
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
- *   sheet 32 x 32 on a sphere (12_drape.c)                     55, obstacles alone 35; 90 steps
+ *   sheet 32 x 32 on a sphere (12_drape.c)                     53, obstacles alone 27; 90 steps
  *   polo shirt of 2 600 faces on a jumping body of 27 000      1 000 to 4 000
  * It grows with pairs in range rather than with faces: layers that lie on each other are dear, and
  * a cloth folded many times can cost ten times the same cloth spread out. Without desc.contact

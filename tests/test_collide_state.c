@@ -6,10 +6,10 @@
 #include "../clothsim_collide.h"
 
 #include <limits.h>
-#include <pthread.h>
 #include "test.h"
 #include "collide_world.h"
 #include "shapes.h"
+#include "threads.h"
 
 static host  H;
 static world W;
@@ -266,38 +266,6 @@ static void destruction(void) {
 
 /* --- 1, 2 and 3 workers --- */
 
-typedef struct lot {
-    int             worker, workers, count, grain;
-    cloth_range_fn *fn;
-    void           *ctx;
-} lot;
-
-static void *thread_main(void *arg) {
-    const lot *l = (const lot *)arg;
-    int        b;
-    for (b = l->worker * l->grain; b < l->count; b += l->workers * l->grain)
-        l->fn(b, l->count - b < l->grain ? l->count : b + l->grain, l->worker, l->ctx);
-    return NULL;
-}
-
-/* Threads made and joined for every loop, ranges dealt in turn. */
-static void run_threads(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
-    const int workers = *(const int *)user;
-    pthread_t thread[3];
-    lot       l[3];
-    int       i, made[3];
-    for (i = 0; i < workers; i++) {
-        l[i].worker = i, l[i].workers = workers;
-        l[i].count = count, l[i].grain = grain;
-        l[i].fn = fn, l[i].ctx = ctx;
-        made[i] = i > 0 && pthread_create(&thread[i], NULL, thread_main, &l[i]) == 0;
-    }
-    for (i = 0; i < workers; i++)
-        if (!made[i]) (void)thread_main(&l[i]);
-    for (i = 0; i < workers; i++)
-        if (made[i]) (void)pthread_join(thread[i], NULL);
-}
-
 /* Backwards, in one thread. */
 static void run_backwards(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
     int b;
@@ -317,7 +285,7 @@ static void workers(void) {
             cloth_hooks hooks;
             int         many = n < 1 ? 1 : n < 4 ? n : 3;
             memset(&hooks, 0, sizeof hooks);
-            if (n) hooks.parallel.run = n < 4 ? run_threads : run_backwards;
+            if (n) hooks.parallel.run = n < 4 ? threads_run : run_backwards;
             hooks.parallel.user = &many;
             hooks.parallel.max_workers = many;
             CHECK(world_open(&W, kind[k], &hooks, NULL) == CLOTH_OK);

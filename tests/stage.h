@@ -49,6 +49,14 @@ typedef struct stage {
     long double least;                      /* m, to spheres and planes                        */
 } stage;
 
+/* Steps of all stages that were accepted, leapfrog's left out. */
+typedef struct stage_tally {
+    int accepted, struck;                   /* struck: zones had rows to begin with            */
+    int rowed, capped;                      /* ends with an active row; at the cap of Newton's */
+} stage_tally;
+
+static stage_tally stage_steps;
+
 static inline double stage_clock(void *user) {
     (void)user;
     return (double)clock() / CLOCKS_PER_SEC;
@@ -298,6 +306,24 @@ static inline int stage_parity(stage *s) {
     return cloth_collide_intersections(s->c, 0, NULL, &n) == CLOTH_OK && n == stage_crossings(s);
 }
 
+/* What the tally counts of an accepted step. */
+static inline void stage_count(const stage *s, const cloth_report *r,
+                               const cloth_collide_report *k) {
+    cloth_collide_contact *q = NULL;
+    int                    i, n = 0, rows = 0;
+    if (s->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG) return;
+    CHECK(cloth_collide_contacts(s->c, 0, NULL, &n) == CLOTH_OK);
+    q = (cloth_collide_contact *)malloc((size_t)(n + 1) * sizeof *q);
+    if (!q) exit(2);
+    CHECK(cloth_collide_contacts(s->c, n, q, &n) == CLOTH_OK);
+    for (i = 0; i < n; i++) rows += (q[i].flags & CLOTH_CONTACT_ROW) != 0;
+    free(q);
+    stage_steps.accepted++;
+    stage_steps.struck += k->rows > 0;
+    stage_steps.rowed += rows > 0;
+    stage_steps.capped += r->outcome == CLOTH_STEP_MAX_ITERATIONS;
+}
+
 /* One step, the things on their way to `next`; 1: accepted whole. */
 static inline int stage_step(stage *s, double h) {
     cloth_report         r;
@@ -335,6 +361,7 @@ static inline int stage_step(stage *s, double h) {
         bad = stage_examine(s);
         s->new_pairs += bad;
         s->miscounted += !stage_parity(s);
+        stage_count(s, &r, &k);
         if (bad && s->first_bad < 0) s->first_bad = s->steps;
     }
     if (getenv("SHOW_STEPS"))

@@ -12,8 +12,10 @@
  *   strain   longest edge over its rest length, less 1: at most 1.5 times that of the same throw at
  *            the finest step, which is resolved (a strain below 2 % counts as 2 %)
  *
- * A step that fails is tried as two halves, to an eighth. FULL=1: speeds 10, 25, 40 m/s, h = 1/30
- * to 1/480 s, implicit Euler and BDF2, reference 1/1920 s; else 25 m/s, 1/60, reference 1/480. */
+ * By implicit Euler and BDF2. A step that fails is tried as two halves, to an eighth. The step at
+ * 25 m/s and 1/30 s passes the ball, 0.83 m, and ends at the cap of Newton's iterations: the gain
+ * there is that of where it stands, which is no minimum. FULL=1: speeds 10, 25, 40 m/s, h = 1/30
+ * to 1/480 s, reference 1/1920 s; else 25 m/s, 1/30 and 1/60 s, reference 1/480. */
 #include "../../clothsim_collide.h"
 
 #include "../test.h"
@@ -98,8 +100,8 @@ static thrown fly(int n, int at, double speed, double h, cloth_integrator integr
 /* Every speed and step; the worst of each is what counts. */
 static void throws(int at, cloth_integrator integrator) {
     static const double all_v[] = {10, 25, 40}, all_n[] = {30, 60, 120, 240, 480};
-    const double       *v = test_full() ? all_v : all_v + 1, *per = test_full() ? all_n : all_n + 1;
-    const int           nv = test_full() ? 3 : 1, nh = test_full() ? 5 : 1;
+    const double       *v = test_full() ? all_v : all_v + 1, *per = all_n;
+    const int           nv = test_full() ? 3 : 1, nh = test_full() ? 5 : 2;
     const int           n = test_full() ? 20 : 10;
     double              gain = 0, ratio = 0;
     int                 i, k, failed = 0;
@@ -156,13 +158,9 @@ int main(int argc, char **argv) {
     RUN(box_euler);
     RUN(ball_euler);
     RUN(plane_euler);
-    if (test_full()) {
-        RUN(box_bdf2);
-        RUN(ball_bdf2);
-        RUN(plane_bdf2);
-    } else {
-        RUN(ball_bdf2);
-    }
+    RUN(box_bdf2);
+    RUN(ball_bdf2);
+    RUN(plane_bdf2);
     RUN(drape_edge);
     return TEST_END();
 }

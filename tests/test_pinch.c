@@ -9,6 +9,8 @@
 #include "shapes.h"
 #include "exact.h"
 #include "stage.h"
+#include "edges.h"
+#include "host.h"
 
 #define T    2e-3                           /* m, contact thickness                            */
 #define H    (1.0 / 60)
@@ -206,22 +208,6 @@ static int disorder(const scene *q) {
     return bad;
 }
 
-static double longest(const stage *s) {
-    double most = 0;
-    int    f, i, k;
-    for (f = 0; f < s->mesh->nf; f++)
-        for (i = 0; i < 3; i++) {
-            const int a = s->mesh->faces[3 * f + i], b = s->mesh->faces[3 * f + (i + 1) % 3];
-            double    l = 0, l0 = 0;
-            for (k = 0; k < 3; k++) {
-                l += pow(s->state->x[3 * a + k] - s->state->x[3 * b + k], 2);
-                l0 += pow(s->mesh->x[3 * a + k] - s->mesh->x[3 * b + k], 2);
-            }
-            most = fmax(most, sqrt(l / l0));
-        }
-    return most;
-}
-
 static seen pinch(int layers, double least, int after) {
     scene q;
     seen  w;
@@ -248,7 +234,7 @@ static seen pinch(int layers, double least, int after) {
         w.crossings = n > w.crossings ? n : w.crossings;
         w.miscounted += !stage_parity(&q.s);
         w.disorder += disorder(&q);
-        w.stretch = fmax(w.stretch, longest(&q.s));
+        w.stretch = fmax(w.stretch, edges_longest(&q.s.desc, q.s.state->x));
         if (getenv("SHOW_STEPS"))
             printf("      %3d room %7.3f mm: held %d faces %d pairs %d exempt %d newton %d, "
                    "%.0f ms\n",
@@ -396,22 +382,15 @@ static void removed(void) {
     close_scene(&q);
 }
 
-/* Two workers, dealt backwards. */
-static void backwards(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
-    int begin = (count - 1) / grain * grain, n = 0;
-    (void)user;
-    for (; begin >= 0; begin -= grain)
-        fn(begin, begin + grain < count ? begin + grain : count, n++ % 2, ctx);
-}
-
 static void workers(void) {
     uint64_t hash[2] = {0, 1};
     int      k;
     for (k = 0; k < 2; k++) {
-        cloth_hooks hooks;
-        scene       q;
+        cloth_hooks  hooks;
+        host_reverse two;
+        scene        q;
         memset(&hooks, 0, sizeof hooks);
-        if (k) hooks.parallel.run = backwards, hooks.parallel.max_workers = 2;
+        if (k) host_turn_round(&hooks, &two, 2);
         open_scene(&q, 1, 10e-3, 1, &hooks);
         go(&q, 1, 35);
         hash[k] = cloth_sim_hash(q.s.sim);

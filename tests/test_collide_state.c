@@ -145,6 +145,28 @@ static void cancel(void) {
     world_close(&W);
 }
 
+static int no_time(void *user) {
+    (void)user;
+    return 2;
+}
+
+/* A host without time: one iteration a step, each end feasible, nothing lost or gained. */
+static void finish_now(void) {
+    cloth_hooks  hooks = host_hooks(&H);
+    cloth_report r;
+    double       gap = 0;
+    int          i, pairs = -1;
+    hooks.cancel.fn = no_time;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    for (i = 0; i < 40; i++) {
+        CHECK(cloth_step(W.sim, 1.0 / 60, &r) == CLOTH_OK && r.newton <= 1);
+        CHECK(cloth_collide_intersections(W.c, 0, NULL, &pairs) == CLOTH_OK && pairs == 0);
+        CHECK(cloth_collide_gap(W.c, 0.1, &gap) == CLOTH_OK && gap > 0);
+    }
+    CHECK(r.contacts > 0);
+    world_close(&W);
+}
+
 /* A snapshot goes to a sim that has not moved; one with other obstacles refuses it, as do all
  * allocations that fail, and is as before. */
 static void transplant(void) {
@@ -483,6 +505,7 @@ int main(int argc, char **argv) {
     RUN(destruction);
     RUN(workers);
     RUN(cancel);
+    RUN(finish_now);
     RUN(pinch);
     RUN(shorter);
     RUN(exempt);

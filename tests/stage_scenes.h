@@ -53,31 +53,30 @@ static inline void scene_fold(int n, int steps, double h) {
     stage_end(&s);
 }
 
+/* What there is falls on a plane. */
+static inline void scene_fall(stage *s, int steps, double h, const char *name) {
+    int i;
+    if (stage_start(s)) {
+        stage_plane(s, 0, 0.3);
+        for (i = 0; i < steps; i++) (void)stage_step(s, h);
+        stage_judge(s, name);
+    }
+    stage_end(s);
+}
+
 /* A sheet of 0.5 m stands on its side and falls: folds of every size. */
 static inline void scene_crumple(int n, int steps, double h) {
     stage s;
-    int   i;
     stage_sheet(&s, n, 0.5);
     stage_upright(&s);
-    if (stage_start(&s)) {
-        stage_plane(&s, 0, 0.3);
-        for (i = 0; i < steps; i++) (void)stage_step(&s, h);
-        stage_judge(&s, "crumple");
-    }
-    stage_end(&s);
+    scene_fall(&s, steps, h, "crumple");
 }
 
 /* Five sheets of 0.4 m, each turned a little, fall on a plane and on each other. */
 static inline void scene_stack(int n, int steps, double h) {
     stage s;
-    int   i;
     stage_layers(&s, 5, n, 0.02);
-    if (stage_start(&s)) {
-        stage_plane(&s, 0, 0.3);
-        for (i = 0; i < steps; i++) (void)stage_step(&s, h);
-        stage_judge(&s, "stack");
-    }
-    stage_end(&s);
+    scene_fall(&s, steps, h, "stack");
 }
 
 /* A disc of radius 0.35 m is pulled by its middle through a ring of 0.1 m, 0.8 m in the time. */

@@ -34,17 +34,6 @@ static void twist(void) { scene_twist(size(16, 24), size(1, 3), size(60, 480), 1
 static void spin(void) { scene_spin(size(14, 32), size(60, 300), 1.0 / 60); }
 static void ball(void) { scene_ball(size(12, 24), size(20, 60)); }
 
-/* Rows of impact zones hold where minimising begins: of those scenes, steps after which one still
- * pushes. The leapfrog, which ends each substep with them, is left out. */
-static void rows_left(void) {
-    const stage_tally *t = &stage_steps;
-    if (!t->accepted) SKIP("needs the scenes before it");
-    printf("    of %d accepted implicit steps %d began with impacts, %d end with active rows, %d at"
-           " the cap of Newton's iterations\n", t->accepted, t->struck, t->rowed, t->capped);
-    CHECK(t->struck > 0);
-    CHECK(t->rowed < 0.02 * t->accepted);
-}
-
 /* --- momentum --- */
 
 /* Changes that the zones made to the candidate's momenta, to the sum of the sizes: linear, angular
@@ -164,7 +153,7 @@ int main(int argc, char **argv) {
     RUN(twist);
     RUN(spin);
     RUN(ball);
-    RUN(rows_left);
+    RUN(stage_rows_left);
     RUN(momentum);
     RUN(no_cost);
     return TEST_END();

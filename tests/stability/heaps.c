@@ -36,6 +36,7 @@ static int step(stage *s, double h, int depth) {
     work.calls[work.n] += (double)r.counts.contact_calls;
     work.rows[work.n] = fmax(work.rows[work.n], cloth_collide_last(s->c).rows);
     work.ms[work.n] += r.ms.total;
+    stage_count(s, &r);
     if (status == CLOTH_OK) return 1;
     if (depth == 3) return 0;
     return step(s, h / 2, depth + 1) && step(s, h / 2, depth + 1);
@@ -185,5 +186,6 @@ int main(int argc, char **argv) {
     RUN(sheets);
     RUN(mat);
     RUN(fold);
+    RUN(stage_rows_left);
     return TEST_END();
 }

@@ -721,17 +721,16 @@ typedef struct cloth_contact {
     cloth_status (*begin)(void *user, const cloth_eval *e);
     /* vertices that contact moves: all axes into fixed [nv], where to into x and y [nv x 3] */
     void         (*hold)(void *user, unsigned char *fixed, double *x, double *y);
-    /* x was accepted: renews what is lagged (normal forces, frames), so that eval changes */
-    cloth_status (*update)(void *user, const double *x, const double *residual);
+    /* x was accepted, residual [nv x 3] N (NULL: to begin with): renews what is lagged (frames), so
+     * that eval changes. *done 1: it is a minimiser for the lagged normal forces; they are renewed,
+     * and it is 0 where that matters */
+    cloth_status (*update)(void *user, const double *x, const double *residual, int *done);
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
-    /* largest part of dx in (0, 1] on whose way nothing comes nearer than it may */
-    double       (*max_step)(void *user, const double *x, const double *dx);
+    /* *part: the largest one of dx, in (0, 1], on whose way nothing comes nearer than it may */
+    cloth_status (*max_step)(void *user, const double *x, const double *dx, double *part);
     /* what the last dx of max_step would do wrong, into the system A dx = rhs: pairs that would
      * come too near and friction that would turn round are kept from it. Returns their number */
     int          (*block)(void *user, cloth_matrix *A);
-    /* whether a residual [nv x 3] N is small beside the forces of contact: an update in metres says
-     * little of friction. NULL: not asked */
-    int          (*settled)(void *user, const double *residual);
     /* x [nv x 3]: in, where it would go; out, a feasible point to minimise from. *impact 1: nothing
      * may be extrapolated over this substep. other [nv x 3]: where the way there is free, one more
      * feasible point on it; returned as x otherwise. The better one is taken */
@@ -11480,11 +11479,13 @@ CLOTHI_RARE_END
  * the hanging sheet (N = 64, h = 1/60): reflection saves a fifth of the iterations at Y = 1e5; the
  * exact Hessian from the first iteration loses (a redo for each negative curvature); without the
  * exact phase a tolerance of 1e-8 m takes 85 to 95 iterations instead of 13 to 22.
- * Contact has kinks, where a touch begins and where friction slips: one vertex at one of them can
- * hold the radius of all down to 0.03 mm for 400 iterations (cloth pulled through a ring). With
- * contact CLOTHI_STUCK exact updates in a row that end at the radius, or short of their length,
- * are followed by one of the definite model, which has no radius and does not end the search: a
- * fifth fewer iterations in a sheet that crumples.
+ * Contact has kinks, where a touch begins and where friction slips, and cloth that is pushed
+ * together grows wrinkles through all of a step: directions of negative curvature are many, and
+ * each leads CG to the radius after an iteration or two. With contact the exact Hessian is for
+ * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins (a T-shirt on a walk: 13 iterations
+ * a step without it, 27 with it), and CLOTHI_STUCK updates of it in a row that end at the radius,
+ * or short of their length, are followed by one of the definite model, which has no radius and does
+ * not end the search: a fifth fewer iterations in a sheet that crumples.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -11544,8 +11545,9 @@ CLOTHI_RARE_END
 #define CLOTHI_HIDDEN       1e-12           /* of phi: a decrease that its rounding hides      */
 #define CLOTHI_EXACT        1.2e-2          /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
-#define CLOTHI_LATE         12
+#define CLOTHI_EXACT_TOUCH  0.1                 /* of that: tolerance that asks, in contact   */
 #define CLOTHI_STUCK        4               /* see 'Which Hessian'                             */
+#define CLOTHI_LATE         12
 #define CLOTHI_SADDLE       10              /* see 'Saddles without a definite diagonal'       */
 #define CLOTHI_ESCAPES      4
 #define CLOTHI_TRUST_MAX    0.3             /* mean edges: largest trust radius                */
@@ -11944,13 +11946,15 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
 }
 
 
-/* An iterate was accepted: contact renews what it lags, and value and gradient with it. */
-static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+/* An iterate was accepted: contact renews what it lags, and value and gradient with it; *done as
+ * for its update. */
+static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                        int *done) {
     const double before = s->contact_energy;
     cloth_status status;
     if (!s->contact_on) return CLOTH_OK;
     clothi_newton_rhs(s);
-    status = s->contact.update(s->contact.user, s->w.x, s->w.rhs);
+    status = s->contact.update(s->contact.user, s->w.x, s->w.rhs, done);
     memcpy(s->w.grad, s->w.free, 3 * (size_t)s->model->nv * sizeof(double));
     goal->e.x = s->w.x;
     goal->e.grad = s->w.grad;
@@ -11996,12 +12000,12 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
     cloth_status status = CLOTH_OK;
     int          tries;
     if (!s->contact_on) return CLOTH_OK;
-    *a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
+    status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
         if (!s->contact.block(s->contact.user, s->matrix)) break;
         status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
                                      clothi_newton_method(s, CLOTH_LINEAR_SGS), report, lr);
-        if (!status) *a = s->contact.max_step(s->contact.user, s->w.x, s->w.dx);
+        if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
     if (!tries) return CLOTH_OK;
     nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
@@ -12034,18 +12038,15 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     clothi_newton_radius(s, goal, nt, before, a, &lr, &poor);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
     s->fresh = !s->contact_on;
-    status = clothi_newton_renew(s, goal, nt);
-    clothi_newton_rhs(s);
     report->residual_m = a * nt->size;
     *done = clothi_newton_left(nt, cut ? nt->size : report->residual_m) <
                 s->model->desc.tolerance &&
             (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0;
-    if (s->contact_on) {                    /* -slope = dx'H dx >= dx'M dx/eta^2 */
+    if (s->contact_on)                      /* -slope = dx'H dx >= dx'M dx/eta^2 */
         *done |= a == 1 && -nt->slope * goal->eta * goal->eta <=
                                s->total * pow(s->model->desc.tolerance, 2);
-        *done = *done && (!s->contact.settled ||
-                          s->contact.settled(s->contact.user, s->w.rhs));
-    }
+    status = clothi_newton_renew(s, goal, nt, done);
+    clothi_newton_rhs(s);
     nt->stuck = s->contact_on && nt->exact && (lr.hit || a < 1) ? nt->stuck + 1 : 0;
     nt->older = report->residual_m;
     return status;
@@ -12125,7 +12126,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     int               it, done = 0;
     memset(&nt, 0, sizeof nt);
     nt.size = HUGE_VAL;
-    if (s->contact_on) status = s->contact.update(s->contact.user, s->w.x, NULL);
+    if (s->contact_on) status = s->contact.update(s->contact.user, s->w.x, NULL, NULL);
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     if (!status && (!clothi_finite(nt.value) ||
                     clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))
@@ -12137,6 +12138,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     for (it = 1; !done; it++) {
         nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
                    (it > CLOTHI_LATE && nt.size <= CLOTHI_EXACT_LATE * s->edge);
+        nt.exact &= !s->contact_on || d->tolerance < CLOTHI_EXACT_TOUCH * CLOTHI_EXACT * s->edge;
         if (nt.stuck >= CLOTHI_STUCK) nt.exact = 0, nt.stuck = -1;
         status = clothi_newton_iterate(s, goal, &nt, report, &done);
         if (status == CLOTH_ERR_STEP && nt.exact) {     /* no decrease: once more, definite */
@@ -12308,7 +12310,7 @@ static cloth_status clothi_better_start(cloth_sim *s, clothi_goal *goal) {
     if (memcmp(s->w.x, s->w.trial, bytes) == 0) return CLOTH_OK;
     for (i = 0; i < 2 && !status; i++) {
         const double *x = i ? s->w.trial : s->w.x;
-        status = s->contact.update(s->contact.user, x, NULL);
+        status = s->contact.update(s->contact.user, x, NULL, NULL);
         if (!status) status = clothi_objective(s, goal, x, NULL, 0, 0, value + i);
     }
     if (!status && !(value[0] <= value[1])) memcpy(s->w.x, s->w.trial, bytes);

@@ -4250,9 +4250,8 @@ struct cloth_collide {
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
-    double         *box_m;                  /* [nw + me + mf x 6] of vertices, edges and faces in
-                                               a move                                          */
-    int             solid_boxed;            /* those of obstacles are right                    */
+    double         *far;                    /* [nw + me + mf] m, a move of vertices, edges and
+                                               faces; 0 for obstacles'                         */
     clothi_pairs    meet, vf, ee;
     int            *near_f;                 /* [nf] scratch of box queries                     */
     int             solid_known;            /* which way the obstacles' boxes hold             */
@@ -4267,8 +4266,9 @@ struct cloth_collide {
     clothi_table    row_of, contact_of;
     clothi_pair_id    *pair;                   /* of the broad phase                              */
     int             npair, pair_cap;
-    unsigned char  *hit;                    /* [hit_cap] CLOTHI_HIT_ bits; whether a contact   */
+    unsigned char  *hit;                    /* [hit_cap] CLOTHI_HIT_ bits of a pair            */
     double         *hit_time;               /* [hit_cap] part of a segment that it leaves free */
+    double         *slack;                  /* [hit_cap] m, from its range: not less at x_list */
     int             hit_cap;
     double          h;
     const double   *v_n;                    /* [nv x 3] m/s at its start, the core's           */
@@ -4280,8 +4280,9 @@ struct cloth_collide {
     double          length;                 /* m, mean edge of the template                    */
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
-    double         *x_list;                 /* [nv x 3] where contacts were looked for, and    */
-    double          covered;                /* m, how far around                               */
+    int             listed;                 /* c->pair is the list of this substep's moves     */
+    int             renewed;                /* times that friction's limits were, in a search  */
+    double         *x_list;                 /* [nv x 3] where the iterate is                   */
     double          share;                  /* of the step that the substep is                 */
     /* pinches */
     int            *held_of;                /* [nv] number in holding, -1                      */
@@ -4388,6 +4389,11 @@ static int clothi_is_wall(const clothi_obstacle *o) {
     return o->kind == CLOTH_OBSTACLE_PLANE || o->kind == CLOTH_OBSTACLE_GRID;
 }
 
+/* With a grid, which detection does not look at. */
+static int clothi_is_soft(const cloth_collide *c, const clothi_pair_id *p) {
+    return p->kind == CLOTHI_VP && c->obstacle[p->b].grid;
+}
+
 static void clothi_obstacle_free(const cloth_hooks *hooks, clothi_obstacle *o) {
     const uint32_t generation = o->generation;
     clothi_free(hooks, o->faces);
@@ -4430,8 +4436,8 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
     c->box_v = from->box_v, c->box_f = from->box_f;
     c->edge_face = from->edge_face, c->star = from->star, c->star_face = from->star_face;
     c->me = from->me;
-    c->flood = from->flood, c->pinched = from->pinched, c->box_m = from->box_m;
-    c->solid_known = c->solid_boxed = 0;
+    c->flood = from->flood, c->pinched = from->pinched, c->far = from->far;
+    c->solid_known = 0;
 }
 
 static void clothi_world_free(cloth_collide *c) {
@@ -4445,7 +4451,7 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->slot);
     clothi_free(k, c->flood);
     clothi_free(k, c->pinched);
-    clothi_free(k, c->box_m);
+    clothi_free(k, c->far);
     clothi_free(k, c->area);
     clothi_free(k, c->xa);
     clothi_free(k, c->xb);
@@ -4569,9 +4575,9 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     if (status) return status;
     c->me = c->features.ne + capsules;
     c->edges = (int *)clothi_alloc(c->hooks, 2 * (size_t)c->me, sizeof(int));
-    c->box_m = (double *)clothi_alloc(c->hooks, 6 * ((size_t)c->nw + (size_t)c->me + (size_t)c->mf),
-                                      sizeof(double));
-    if (!c->edges || !c->box_m) return CLOTH_ERR_MEMORY;
+    c->far = (double *)clothi_alloc(c->hooks, (size_t)c->nw + (size_t)c->me + (size_t)c->mf,
+                                    sizeof(double));
+    if (!c->edges || !c->far) return CLOTH_ERR_MEMORY;
     memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
     status = clothi_world_stars(c);
     if (status) return status;
@@ -4593,7 +4599,7 @@ static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, 
             c->xb[3 * b->v0 + i] = alpha1 < 1 ? p[i] + alpha1 * (q[i] - p[i]) : q[i];
         }
     }
-    c->solid_known = c->solid_boxed = 0;
+    c->solid_known = 0;
 }
 
 /* --- who may touch whom --- */
@@ -4682,51 +4688,44 @@ static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, 
     return clothi_min(c->desc.thickness, 0.5 * clothi_pair_distance(kind, x, w));
 }
 
-/* Boxes of all features, cloth on its way from x to x + part dx (dx NULL: at x), obstacles where
- * they end. */
-static void clothi_move_boxes(cloth_collide *c, const double *x, const double *dx, double part) {
-    double   *v = c->box_m, *e = v + 6 * (size_t)c->nw, *f = e + 6 * (size_t)c->me;
-    const int nv = c->solid_boxed ? c->nv : c->nw, nf = c->solid_boxed ? c->nf : c->mf;
-    int       i, k;
-    for (i = 0; i < nv; i++)
-        for (k = 0; k < 3; k++) {
-            const double p = i < c->nv ? x[3 * i + k] : c->xb[3 * i + k];
-            const double q = i < c->nv && dx ? p + part * dx[3 * i + k] : p;
-            v[6 * i + k] = p < q ? p : q;
-            v[6 * i + 3 + k] = p < q ? q : p;
-        }
+/* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
+static void clothi_move_far(cloth_collide *c, const double *dx) {
+    double *v = c->far, *e = v + c->nw, *f = e + c->me;
+    int     i;
+    for (i = 0; i < c->nv; i++) v[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
     for (i = 0; i < c->me; i++) {
         const int *w = c->edges + 2 * i;
-        if (w[0] < nv) clothi_box_join(v + 6 * w[0], v + 6 * w[1], e + 6 * (size_t)i);
+        if (w[0] < c->nv) e[i] = clothi_max(v[w[0]], v[w[1]]);
     }
-    clothi_face_boxes(nf, c->faces, v, f);
-    c->solid_boxed = 1;
+    for (i = 0; i < c->nf; i++) {
+        const int *w = c->faces + 3 * i;
+        f[i] = clothi_max(clothi_max(v[w[0]], v[w[1]]), v[w[2]]);
+    }
 }
 
-/* Largest distance along an axis between the sides of a pair in the move, less its radius. */
-static double clothi_move_apart(const cloth_collide *c, const clothi_pair_id *p) {
-    const double *v = c->box_m, *e = v + 6 * (size_t)c->nw, *f = e + 6 * (size_t)c->me;
-    const double *a = p->kind == CLOTHI_EE ? e + 6 * (size_t)p->a : v + 6 * (size_t)p->a;
-    const double *b = p->kind == CLOTHI_EE ? e + 6 * (size_t)p->b : f + 6 * (size_t)p->b;
-    double        apart = -HUGE_VAL;
-    int           k;
-    for (k = 0; k < 3; k++)
-        apart = clothi_max(apart, clothi_max(a[k] - b[3 + k], b[k] - a[3 + k]));
-    return apart > 0 ? apart - clothi_slot_radius(c, clothi_pair_slot(c, p->kind, p->a, p->b))
-                     : apart;
+/* How much nearer a pair comes in that move at most. */
+static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
+    const double *v = c->far, *e = v + c->nw, *f = e + c->me;
+    if (p->kind == CLOTHI_EE) return e[p->a] + e[p->b];
+    return v[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
 }
 
-/* How much nearer the sides of a pair can come along dx, m. */
-static double clothi_move_come(const cloth_collide *c, const clothi_pair_id *p, const double *dx) {
-    double far[2] = {0, 0};
-    int    v[4], i;
-    (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-    for (i = 0; i < 4; i++)
-        if (v[i] < c->nv) {
-            double *most = far + (i >= (p->kind == CLOTHI_EE ? 2 : 1));
-            *most = clothi_max(*most, clothi_dot3(dx + 3 * v[i], dx + 3 * v[i]));
+/* The same, taking off what its sides move together: the longest difference of the motions of two
+ * vertices, as the gap is that of two points between them. */
+static double clothi_pair_come(const cloth_collide *c, const clothi_pair_id *p, const double *dx) {
+    double most = 0, d[3];
+    int    v[4], i, j, k;
+    const int n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+    const int side = p->kind == CLOTHI_EE ? 2 : 1;
+    for (i = 0; i < side; i++)
+        for (j = side; j < n; j++) {
+            for (k = 0; k < 3; k++) {
+                d[k] = v[i] < c->nv ? dx[3 * v[i] + k] : 0;
+                d[k] -= v[j] < c->nv ? dx[3 * v[j] + k] : 0;
+            }
+            most = clothi_max(most, clothi_dot3(d, d));
         }
-    return sqrt(far[0]) + sqrt(far[1]);
+    return sqrt(most);
 }
 
 /* Distance left between a cloth feature and what it is paired with, m; cloth at x, obstacles at
@@ -4750,7 +4749,9 @@ static double clothi_pair_gap(const cloth_collide *c, const double *x, const dou
 
 static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
     const int    p = kind == CLOTHI_EE ? c->edges[2 * a] : a;
-    const int    q = kind == CLOTHI_EE ? c->edges[2 * b] : c->faces[3 * b];
+    const int    q = kind == CLOTHI_EE   ? c->edges[2 * b]
+                     : kind == CLOTHI_VF ? c->faces[3 * b]
+                                         : c->obstacle[b].v0;
     cloth_status status;
     if (!clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q], clothi_part_of(c, q)))
         return CLOTH_OK;
@@ -5096,8 +5097,8 @@ static void clothi_exempt_part(cloth_collide *c) {
  *        gap = |sum w x| - radius, w and n of the closest points, at every iterate
  *        |
  *    t --+- - - - - - - - - - -  range: from here on the cloth feels the obstacle
- *   t/4 -+- - - - - - - - - - -  d_min, that detection guards at the start of minimising   [8.4]
- *     p -+- - - - - - - - - - -  pole, 0.9 d_min: here the force has no bound
+ *        +- - - - - - - - - - -  0.28 t, that detection leaves to begin with             [8.4]
+ *   t/4 -+- - - - - - - - - - -  d_min, the pole p: here the force has no bound
  *     0 =========================
  *
  * A pair within range has, with u = t - gap, U = t - p, k = stiffness x area and tau = relaxation,
@@ -5106,7 +5107,7 @@ static void clothi_exempt_part(cloth_collide *c) {
  *
  * an elastic part and a damping. Of the first the energy is k U^3/t (-log(1 - z) - z - z^2/2), z =
  * u/U: twice differentiable where contact begins, without bound at the pole, as in [LFS20] but of
- * the third order in u: it starts softer. A sheet under its weight rests at t - 0.08 t. What begins
+ * the third order in u: it starts softer. A sheet under its weight rests at t - 0.09 t. What begins
  * a step nearer than the pole has its pole at 0.98 of that distance: nothing creeps in under load.
  *
  * Groups. A vertex of cloth meets many faces, edges and vertices of one body: as a sum of their
@@ -5129,17 +5130,20 @@ static void clothi_exempt_part(cloth_collide *c) {
  *
  *     E = mu N ( v^2/eps - v^3/(3 eps^2)   |v| <= eps: sticks;      |v| - eps/3   beyond: slides )
  *
- * a potential for fixed N and frame. N is renewed with the iterates once the residual at contacts
- * is below 0.3 of the normal forces: farther away it would be that of a motion that will not be.
- * The search goes on until the residual is 1e-2 of friction's limits: an update in metres says
- * little of a force. When the step is accepted the anchor keeps v, cut to eps and turned with the
- * surface: what sticks does not creep (Cundall and Strack 1979). A sheet on a plane slides 0.04 %
- * more than Coulomb's at mu = 0.99 tan a, and sticks within 0.03 mm at 1.01. Friction's Hessian
- * along v is 0 beyond eps; where dx would turn v round, it gets the majorizer's mu N/|v| instead.
+ * a potential for fixed N and frame. N follows the normal forces at every iterate whose residual is
+ * less than 1e-2 of friction's limits at the vertices that carry half of them: farther away it
+ * would be that of a motion that will not be (a strip that began to slip around a cylinder flew off
+ * in one step). The search ends at such an iterate, below the tolerance in metres, where the limits
+ * change by less than 5 % of their sum: an update in metres says little of a force, and a residual
+ * of all vertices says little either, since a sliver of a mesh may hold more than all contacts.
+ * When the step is accepted the anchor keeps v, cut to eps and turned with the surface: what sticks
+ * does not creep (Cundall and Strack 1979). A sheet on a plane slides 0.04 % more than Coulomb's at
+ * mu = 0.99 tan a, and sticks within 0.03 mm at 1.01. Friction's Hessian along v is 0 beyond eps;
+ * where dx would turn v round, it gets the majorizer's mu N/|v| instead.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
  * a pole (a pressed pair climbed 10^12); N from the step before (no friction in the first step of a
- * contact); the exact Hessian from the start, or never (as many iterations).
+ * contact).
  *
  * Distance grids. No detection stands behind the potential, and cloth may be inside: along the way
  * of a vertex the grid is sampled, and where it comes nearer than 3 t, gap and n are taken and
@@ -5152,21 +5156,19 @@ static void clothi_exempt_part(cloth_collide *c) {
  */
 
 
-#define CLOTHI_SEPARATION 0.25              /* of t: d_min, that detection guards              */
+#define CLOTHI_SEPARATION 0.28              /* of t: what detection leaves to begin with       */
 #define CLOTHI_GAP        0.5               /* of t: target gap of zones                       */
 #define CLOTHI_APPROACH   0.98              /* of the distance at x^n: the pole where nearer   */
 #define CLOTHI_CONVEX     0.15              /* rad: from here on a convex feature counts fully */
 #define CLOTHI_GUARD      0.25              /* of the room above the pole: range without share */
 #define CLOTHI_PARALLEL   0.03              /* sin^2 of an angle: edges nearer to parallel     */
-#define CLOTHI_POLE       0.9               /* of d_min: gap where the force has no bound      */
-#define CLOTHI_NEARLY     0.3               /* of normal forces: residual of a near solution   */
+#define CLOTHI_POLE       0.25              /* of t: d_min, where the force has no bound       */
 #define CLOTHI_SOFT_NEAR  3                 /* t, from a grid at x^n: felt from range on       */
 #define CLOTHI_SOFT_LOOKS 64                /* samples along the way to a grid, at most        */
 #define CLOTHI_SOFT_FLAT  1e-3              /* |grad phi| below which there is no way out      */
 #define CLOTHI_SOFT_TIME  0.02              /* s, least relaxation at a grid                   */
 #define CLOTHI_SOFT_ROOM  1e6               /* t: no pole                                      */
 #define CLOTHI_CONTACT_GRAIN 256            /* contacts a range                                */
-#define CLOTHI_REACH        0.5             /* t: how much farther than in range is a contact  */
 
 /* c/h, N/m. */
 static double clothi_contact_damping(const cloth_collide *c, const clothi_contact *q) {
@@ -5214,6 +5216,10 @@ static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *
     }
     f->energy = f->force = f->slope = 0;
     if (!(f->gap < q->range - away)) return;
+    if (!(q->range - f->gap < U)) {         /* at the pole or beyond */
+        f->energy = f->force = HUGE_VAL;
+        return;
+    }
     f->energy = clothi_contact_elastic(q, f->gap, &f->force, &f->slope);
     if (damp > 0) {
         force = damp * (f->gap - clothi_min(q->start, q->range));
@@ -5705,21 +5711,20 @@ static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
     }
 }
 
-/* Gap where the force of a pair has no bound, m: 0.9 d_min. What begins nearer has it a little
+/* Gap where the force of a pair has no bound, m: d_min. What begins nearer has it a little
  * below where it begins: a pair under load stays where it is from step to step. */
 static double clothi_pair_pole(double t, double start) {
-    return clothi_min(CLOTHI_POLE * CLOTHI_SEPARATION * t, CLOTHI_APPROACH * start);
+    return clothi_min(CLOTHI_POLE * t, CLOTHI_APPROACH * start);
 }
 
-/* Gap that detection keeps, m: d_min, or half of the way to the pole. */
+/* Gap that detection leaves, m: 0.28 t, or half of the way to the pole. */
 static double clothi_pair_separation(double t, double start) {
     return clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(t, start)));
 }
 
-/* Fills contact q of a pair: 0 when the pair is farther than `reach` beyond its range, cloth at x,
- * obstacles where they end. */
+/* Fills contact q of a pair, cloth at x, obstacles where they end: 0 when it is none. */
 static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, const double *x,
-                               double reach, clothi_contact *q) {
+                               clothi_contact *q) {
     clothi_frame f;
     memset(q, 0, sizeof *q);
     q->kind = p->kind, q->a = p->a, q->b = p->b;
@@ -5740,7 +5745,7 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
         }
     }
     clothi_contact_frame_at(c, q, x, c->xb, &f);
-    if (!(f.gap > 0) || f.gap >= q->range + reach) return 0;
+    if (!(f.gap > 0)) return 0;
     clothi_contact_frame_at(c, q, c->xa, c->xa, &q->at);
     q->start = q->at.gap;
     q->room = q->range - clothi_pair_pole(q->range, q->start);
@@ -5760,37 +5765,50 @@ static int clothi_contact_before(const clothi_contact *p, const clothi_contact *
     return p->a != q->a ? p->a < q->a : p->b < q->b;
 }
 
-/* Heap sort by key, then by features, of numbers; then everything moves once, to c->spare, which
- * becomes c->contact. */
-static cloth_status clothi_contact_sort(cloth_collide *c) {
-    clothi_contact *t = c->contact;
-    int start = c->ncontact / 2, end = c->ncontact, cap = c->contact_cap, i, root, child;
-    cloth_status    status = CLOTH_OK;
-    while (c->order_cap < end && !status)
-        status =
-            clothi_grow(c->hooks, (void **)&c->order, c->order_cap, &c->order_cap, sizeof(int));
-    while (c->spare_cap < end && !status)
-        status = clothi_grow(c->hooks, (void **)&c->spare, c->spare_cap, &c->spare_cap, sizeof *t);
-    if (status) return status;
-    for (i = 0; i < end; i++) c->order[i] = i;
+/* Heap sort of numbers [n] of contacts t. */
+static void clothi_contact_heap(const clothi_contact *t, int *order, int n) {
+    int start = n / 2, end = n, root, child;
     while (end > 1) {
         int q;
         if (start > 0)
-            q = c->order[--start];
+            q = order[--start];
         else {
-            q = c->order[--end];
-            c->order[end] = c->order[0];
+            q = order[--end];
+            order[end] = order[0];
         }
         for (root = start; (child = 2 * root + 1) < end; root = child) {
-            if (child + 1 < end &&
-                clothi_contact_before(t + c->order[child], t + c->order[child + 1]))
+            if (child + 1 < end && clothi_contact_before(t + order[child], t + order[child + 1]))
                 child++;
-            if (!clothi_contact_before(t + q, t + c->order[child])) break;
-            c->order[root] = c->order[child];
+            if (!clothi_contact_before(t + q, t + order[child])) break;
+            order[root] = order[child];
         }
-        if (end > 0) c->order[root] = q;
+        if (end > 0) order[root] = q;
     }
-    for (i = 0; i < c->ncontact; i++) c->spare[i] = t[c->order[i]];
+}
+
+/* The contacts from `sorted` on take their places among those before them: by key, then by
+ * features. Everything moves once, to c->spare, which becomes c->contact. */
+static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
+    clothi_contact *t = c->contact;
+    const int       n = c->ncontact, cap = c->contact_cap;
+    int             i = 0, j = 0, k;
+    cloth_status    status = CLOTH_OK;
+    c->framed = 0;
+    while (c->order_cap < n && !status)
+        status =
+            clothi_grow(c->hooks, (void **)&c->order, c->order_cap, &c->order_cap, sizeof(int));
+    while (c->spare_cap < n && !status)
+        status = clothi_grow(c->hooks, (void **)&c->spare, c->spare_cap, &c->spare_cap, sizeof *t);
+    if (status) return status;
+    for (k = 0; k < n - sorted; k++) c->order[k] = sorted + k;
+    clothi_contact_heap(t, c->order, n - sorted);
+    for (k = 0; k < n; k++) {
+        const int last = j == n - sorted;
+        if (last || (i < sorted && clothi_contact_before(t + i, t + c->order[j])))
+            c->spare[k] = t[i++];
+        else
+            c->spare[k] = t[c->order[j++]];
+    }
     c->contact = c->spare, c->contact_cap = c->spare_cap;
     c->spare = t, c->spare_cap = cap;
     return CLOTH_OK;
@@ -5811,12 +5829,11 @@ static const clothi_anchor *clothi_anchor_of(const cloth_collide *c, const cloth
 
 /* Fills contact q of a pair as it is at x, with what its anchor remembers; 0: it is none. */
 static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, const double *x,
-                              double reach, clothi_contact *q) {
+                              clothi_contact *q) {
     const clothi_anchor *anchor;
     double               along;
     int                  k;
-    if (!clothi_contact_fill(c, p, x, reach, q) || clothi_is_exempt(c, p->kind, p->a, p->b))
-        return 0;
+    if (!clothi_contact_fill(c, p, x, q)) return 0;
     q->stiffness = c->stiffness * clothi_pair_area(c, q->kind, q->slot, q->a, q->b);
     q->friction = clothi_pair_friction(c, q);
     q->key = clothi_key_of(c, q);
@@ -5834,113 +5851,27 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     return 1;
 }
 
-/* One more in c->contact when the pair is within reach of its range at x: as it was among those in
- * c->spare, with all that is lagged, or a new one. */
-static cloth_status clothi_contact_add(cloth_collide *c, const clothi_pair_id *p, const double *x,
-                                       double reach) {
-    clothi_contact *q;
-    uint32_t        at;
-    const int was =
-        clothi_table_find(&c->contact_of, c->spare, sizeof *q, p->kind, p->a, p->b, &at);
-    cloth_status    status = clothi_grow(c->hooks, (void **)&c->contact, c->ncontact,
-                                         &c->contact_cap, sizeof *q);
-    if (status) return status;
-    q = c->contact + c->ncontact;
-    if (was >= 0) {
-        *q = c->spare[was];
-        if (!q->soft) clothi_contact_frame_at(c, q, x, c->xb, &q->at);
-        c->ncontact += q->soft || q->at.gap < q->range + reach;
-    } else
-        c->ncontact += clothi_contact_new(c, p, x, reach, q);
-    return CLOTH_OK;
-}
+#define CLOTHI_SETTLED 0.01                 /* of a vertex's friction: residual left           */
+#define CLOTHI_ROUND   0.05                 /* of all friction: change that asks for more      */
+#define CLOTHI_FREE    8                    /* renewals of friction's limits without damping   */
 
-/* c->contact: the pairs of c->pair, and of walls, that are within range and some reach on the way
- * from x to x + part dx, which c->box_m holds; dx NULL: at x. c->hit[i] says which. */
-static cloth_status clothi_contacts_find(cloth_collide *c, const double *x, const double *dx,
-                                         double part) {
-    const double    reach = CLOTHI_REACH * c->thickest;
-    clothi_contact *swap = c->spare;
-    const int       cap = c->spare_cap;
-    int             i, o, n = 0;
-    cloth_status    status = clothi_table_fill(c->hooks, &c->contact_of, c->contact,
-                                               sizeof *c->contact, c->ncontact);
-    if (status) return status;
-    c->spare = c->contact, c->spare_cap = c->contact_cap;
-    c->contact = swap, c->contact_cap = cap;
-    c->ncontact = 0;
-    for (i = 0; i < c->npair && !status; i++, n = c->ncontact) {
-        c->hit[i] = 0;
-        if (clothi_move_apart(c, c->pair + i) > c->thickest + reach) continue;
-        status = clothi_contact_add(c, c->pair + i, x,
-                                    reach + (dx ? part * clothi_move_come(c, c->pair + i, dx) : 0));
-        c->hit[i] = c->ncontact > n;
-    }
-    for (o = 0; o < c->nobstacle && !status; o++)
-        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv && !status;
-             i++) {
-            clothi_pair_id p;
-            p.kind = CLOTHI_VP, p.a = i, p.b = o;
-            if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
-                status = clothi_contact_add(c, &p, x, reach);
-        }
-    c->framed = 0;
-    return status ? status : clothi_contact_sort(c);
-}
-
-/* Pairs in the way of the segment last looked at become contacts. */
-static cloth_status clothi_contacts_join(cloth_collide *c, const double *x) {
-    cloth_status status = CLOTH_OK;
-    int          i, n = c->ncontact;
-    for (i = 0; i < c->npair && !status; i++) {
-        if (c->hit[i] || !(c->hit_time[i] < 1)) continue;
-        c->hit[i] = 1;
-        status = clothi_grow(c->hooks, (void **)&c->contact, c->ncontact, &c->contact_cap,
-                             sizeof *c->contact);
-        if (!status)
-            c->ncontact +=
-                clothi_contact_new(c, c->pair + i, x, HUGE_VAL, c->contact + c->ncontact);
-    }
-    if (c->ncontact == n) return status;
-    c->framed = 0;
-    return status ? status : clothi_contact_sort(c);
-}
-
-#define CLOTHI_SETTLED 1e-2                 /* of friction, root mean square: residual left    */
-
-/* Squares of what is left of the balance at vertices in contact, of their normal forces and of
- * their friction's limits: N^2. */
-static void clothi_contact_measure(cloth_collide *c, const double *residual, double *left,
-                                   double *press, double *limit) {
-    double *f = c->qp_x;
+/* Whether what is left of the balance, residual [nv x 3] N, is little beside friction where half of
+ * it acts: a tolerance in metres says little of a force. Not all of it: slivers of a mesh hold more
+ * than all contacts, and yield last. */
+static int clothi_contact_settled(cloth_collide *c, const double *residual) {
+    double *limit = c->qp_x, settled = 0, all = 0;      /* [nv] N */
     int     i, j;
-    memset(f, 0, 2 * (size_t)c->nv * sizeof(double));
+    memset(limit, 0, (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->ncontact; i++)
         for (j = 0; j < c->contact[i].n; j++)
-            if (c->contact[i].v[j] < c->nv) {
-                double *at = f + 2 * c->contact[i].v[j];
-                at[0] += fabs(c->contact[i].w[j]) * c->contact[i].force;
-                at[1] += fabs(c->contact[i].w[j]) * c->contact[i].limit;
-            }
-    *left = *press = *limit = 0;
+            if (c->contact[i].v[j] < c->nv)
+                limit[c->contact[i].v[j]] += fabs(c->contact[i].w[j]) * c->contact[i].limit;
     for (i = 0; i < c->nv; i++) {
-        *press += f[2 * i] * f[2 * i];
-        *limit += f[2 * i + 1] * f[2 * i + 1];
-        *left += f[2 * i] + f[2 * i + 1] > 0 ? clothi_dot3(residual + 3 * i, residual + 3 * i) : 0;
+        const double *r = residual + 3 * i, most = CLOTHI_SETTLED * limit[i];
+        all += limit[i];
+        settled += clothi_dot3(r, r) <= most * most ? limit[i] : 0;
     }
-}
-
-/* cloth_contact.settled. */
-static int clothi_contact_settled(void *user, const double *residual) {
-    double left, press, limit;
-    clothi_contact_measure((cloth_collide *)user, residual, &left, &press, &limit);
-    return !(limit > 0) || left <= CLOTHI_SETTLED * CLOTHI_SETTLED * limit;
-}
-
-static int clothi_contact_nearly(cloth_collide *c, const double *residual) {
-    double left, press, limit;
-    clothi_contact_measure(c, residual, &left, &press, &limit);
-    return left <= CLOTHI_NEARLY * CLOTHI_NEARLY * press;
+    return settled >= 0.5 * all;
 }
 
 /* Limits of the contacts q [n] of one key at the start: the force of the step before, on them as
@@ -5958,42 +5889,56 @@ static void clothi_limits_start(const cloth_collide *c, clothi_contact *q, int n
                      (sum > 0 ? q[i].force / sum : i == least);
 }
 
-/* Normal forces; limits of friction follow where all nearly balances: far from there forces are
- * those of a motion that will not be. start: they are those of the step before. */
-static void clothi_contact_limits(cloth_collide *c, int follow, int start) {
-    int i, j, k;
+/* Normal forces. start: limits of friction are those of the step before. follow, 0 to 1: so far
+ * they go to those of these forces; returns by how much they change, in parts of all. */
+static double clothi_contact_limits(cloth_collide *c, double follow, int start) {
+    double change = 0, all = 0, more;
+    int    i, j, k;
     for (i = 0; i < c->ncontact; i = j) {
         j = clothi_group_end(c, i);
         (void)clothi_contact_group(c->contact + i, j - i);
         for (k = i; k < j; k++) {
             clothi_contact *q = c->contact + k;
             q->force = q->at.part * q->at.force;
-            if (follow) q->limit = q->friction * q->force;
+            if (!(follow > 0)) continue;
+            more = follow * (q->friction * q->force - q->limit);
+            q->limit += more;
+            change += fabs(more);
+            all += q->limit;
         }
         if (start) clothi_limits_start(c, c->contact + i, j - i);
     }
+    return all > 0 ? change / all : change > 0;
 }
 
 /* --- moves from a feasible point ---
  *
  * From there on everything is where the substep ends but for the cloth, and every move is cut where
  * a pair would come nearer than its minimum separation. The broad phase is made for a segment and
- * some slack around it, and serves as long as the iterates stay there. */
+ * some slack around it, and serves as long as the iterates stay there. Of each of its pairs a lower
+ * bound of the way to its range is known, exact when it was last looked at, and less by what both
+ * sides have moved since: most pairs are done with by one comparison. What may come into range on a
+ * move is a contact from then on. */
 
 #define CLOTHI_LIST_SLACK 1.0               /* t, around the segment that a list is made for   */
+#define CLOTHI_REACH      0.25              /* t: how much farther than in range is a contact  */
 #define CLOTHI_MOVE       0.9               /* of the way to where a pair is at d_min          */
 #define CLOTHI_LEAP       4                 /* mean edges of cloth, most of a move's axes      */
 #define CLOTHI_HIT_GRAIN  256               /* pairs a range                                   */
+
+enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* c->hit of a list                   */
 
 /* Room for what is known of each pair. */
 static cloth_status clothi_hits_reserve(cloth_collide *c) {
     if (c->npair <= c->hit_cap) return CLOTH_OK;
     clothi_free(c->hooks, c->hit_time);
+    clothi_free(c->hooks, c->slack);
     clothi_free(c->hooks, c->hit);
     c->hit_cap = 0;
     c->hit_time = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, sizeof(double));
+    c->slack = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, sizeof(double));
     c->hit = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 1);
-    if (!c->hit_time || !c->hit)
+    if (!c->hit_time || !c->slack || !c->hit)
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair);
     c->hit_cap = c->pair_cap;
     return CLOTH_OK;
@@ -6003,41 +5948,112 @@ static cloth_status clothi_hits_reserve(cloth_collide *c) {
 static int clothi_list_covers(const cloth_collide *c, const double *x, const double *y) {
     const double t = 0.5 * c->thickest;
     int          i, k;
-    for (i = 0; i < c->nv; i++)
+    for (i = 0; i < c->nv && c->listed && !clothi_only_walls(c); i++)
         for (k = 0; k < 3; k++) {
             const double *box = c->box_v + 6 * i + k;
             const double  p = x[3 * i + k], q = y[3 * i + k];
             if (clothi_min(p, q) - t < box[0] || clothi_max(p, q) + t > box[3]) return 0;
         }
-    return 1;
+    return c->listed;
 }
 
-/* Pairs for segments near that from x to y. */
+/* How far pair i is from its range, m; cloth at x, obstacles where they end. */
+static double clothi_pair_slack(const cloth_collide *c, int i, const double *x) {
+    const clothi_pair_id *p = c->pair + i;
+    int v[4];
+    if (clothi_is_soft(c, p)) return -HUGE_VAL;
+    (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+    return clothi_pair_gap(c, x, c->xb, p->kind, p->a, p->b) -
+           clothi_pair_thickness(c, p->kind, clothi_pair_slot(c, p->kind, p->a, p->b), v);
+}
+
+static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
+    cloth_collide *c = (cloth_collide *)ctx;
+    int            i;
+    (void)worker;
+    for (i = begin; i < end; i++) c->slack[i] = clothi_pair_slack(c, i, c->x_list);
+}
+
+/* Contacts whose pair is in the new list and near, or with a grid, stay, with all that is lagged.
+ * */
+static cloth_status clothi_list_keep(cloth_collide *c) {
+    clothi_contact *old = c->contact;
+    const int       cap = c->contact_cap;
+    int             i;
+    cloth_status    status = clothi_table_fill(c->hooks, &c->contact_of, old, sizeof *old,
+                                               c->ncontact);
+    if (status) return status;
+    c->contact = c->spare, c->contact_cap = c->spare_cap;
+    c->spare = old, c->spare_cap = cap;
+    c->ncontact = 0;
+    for (i = 0; i < c->npair && !status; i++) {
+        const clothi_pair_id *p = c->pair + i;
+        uint32_t              at;
+        int                   was;
+        if (c->slack[i] > CLOTHI_REACH * c->thickest) continue;
+        was = clothi_table_find(&c->contact_of, old, sizeof *old, p->kind, p->a, p->b, &at);
+        if (was < 0) continue;
+        status = clothi_grow(c->hooks, (void **)&c->contact, c->ncontact, &c->contact_cap,
+                             sizeof *old);
+        if (!status) c->contact[c->ncontact++] = old[was];
+        c->hit[i] = CLOTHI_HIT_CONTACT;
+    }
+    return status ? status : clothi_contact_sort(c, 0);
+}
+
+/* Pairs for segments near that from x to y, of walls all; contacts as they were. */
 static cloth_status clothi_list_make(cloth_collide *c, const double *x, const double *y) {
     const double reach = (1 + 2 * CLOTHI_LIST_SLACK) * c->thickest;
     cloth_status status = clothi_broad_phase(c, x, y, CLOTHI_ENDED, reach, 0);
-    c->covered = -1;
-    return status ? status : clothi_hits_reserve(c);
+    int          i, o;
+    for (o = 0; o < c->nobstacle; o++)
+        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv && !status;
+             i++)
+            status = clothi_pair_add(c, CLOTHI_VP, i, o);
+    if (!status) status = clothi_hits_reserve(c);
+    if (status) return status;
+    memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
+    if (c->npair) memset(c->hit, 0, (size_t)c->npair);
+    clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_slack_range, c);
+    c->listed = 1;
+    return clothi_list_keep(c);
 }
 
-/* Contacts are all pairs that can come into range on the way from x to x + part dx. */
-static cloth_status clothi_list_contacts(cloth_collide *c, const double *x, const double *dx,
-                                         double part) {
-    double most = 0;
-    int    i, k;
-    for (i = 0; i < c->nv; i++) {
-        double d = 0;
-        for (k = 0; k < 3; k++) {
-            const double p = x[3 * i + k] + (dx ? part * dx[3 * i + k] : 0) - c->x_list[3 * i + k];
-            d += p * p;
-        }
-        most = clothi_max(most, d);
+/* The iterate is x, inside of the list: bounds of the gaps go down by what has moved. */
+static void clothi_list_drift(cloth_collide *c, const double *x) {
+    const int n = 3 * c->nv;
+    double   *dx = c->qp_x;
+    int       i;
+    if (memcmp(c->x_list, x, (size_t)n * sizeof(double)) == 0) return;
+    for (i = 0; i < n; i++) dx[i] = x[i] - c->x_list[i];
+    clothi_move_far(c, dx);
+    for (i = 0; i < c->npair; i++) c->slack[i] -= clothi_pair_far(c, c->pair + i);
+    memcpy(c->x_list, x, (size_t)n * sizeof(double));
+}
+
+/* Pairs of the list that come within range, and `reach`, on the way from x to x + part dx, of which
+ * c->far and c->hit_time are (NULL: at x), become contacts. */
+static cloth_status clothi_list_join(cloth_collide *c, const double *x, const double *dx,
+                                     double part, double reach) {
+    const int    sorted = c->ncontact;
+    cloth_status status = CLOTH_OK;
+    int          i;
+    for (i = 0; i < c->npair && !status; i++) {
+        const clothi_pair_id *p = c->pair + i;
+        const int             stops = dx && c->hit_time[i] < 1;
+        if (c->hit[i]) continue;
+        if (!stops && c->slack[i] - (dx ? part * clothi_pair_far(c, p) : 0) > reach) continue;
+        c->slack[i] = clothi_pair_slack(c, i, x);
+        if (!stops && c->slack[i] - (dx ? part * clothi_pair_come(c, p, dx) : 0) > reach) continue;
+        c->hit[i] = CLOTHI_HIT_EXEMPT;
+        if (clothi_is_exempt(c, p->kind, p->a, p->b)) continue;
+        status = clothi_grow(c->hooks, (void **)&c->contact, c->ncontact, &c->contact_cap,
+                             sizeof *c->contact);
+        if (status) break;
+        c->hit[i] = clothi_contact_new(c, p, x, c->contact + c->ncontact) ? CLOTHI_HIT_CONTACT : 0;
+        c->ncontact += c->hit[i];
     }
-    if (2 * sqrt(most) <= c->covered) return CLOTH_OK;
-    c->covered = CLOTHI_REACH * c->thickest;
-    for (i = 0; i < 3 * c->nv; i++) c->x_list[i] = dx ? x[i] + part * dx[i] : x[i];
-    clothi_move_boxes(c, x, dx, part);
-    return clothi_contacts_find(c, x, dx, part);
+    return status || c->ncontact == sorted ? status : clothi_contact_sort(c, sorted);
 }
 
 /* How near a pair at gap d may come in one move that has its pole at `pole`: nine tenths of the
@@ -6046,28 +6062,40 @@ static double clothi_pole_guard(double pole, double d) {
     return d > pole ? pole + 0.1 * (d - pole) : 0.5 * d;
 }
 
-/* The part of the way from c->at along c->way that a pair leaves free; 1: all of it. */
-static double clothi_pair_free(const cloth_collide *c, const clothi_pair_id *p) {
-    double x[12], y[12], z[12], w[4], d, start, toi;
-    int    v[4], i, k;
-    const int slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    const double radius = clothi_slot_radius(c, slot);
-    const double t = slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness;
-    if (clothi_move_apart(c, p) > CLOTHI_SEPARATION * t) return 1;
+/* The part of the way from c->at along c->way that a vertex and a plane leave free. */
+static double clothi_plane_free(const cloth_collide *c, const clothi_pair_id *p, double gap) {
+    const clothi_obstacle *o = c->obstacle + p->b;
+    const double fall = -clothi_dot3(c->way + 3 * p->a, o->normal);
+    double       start;
+    if (o->grid || gap - fall > CLOTHI_SEPARATION * o->thickness) return 1;
+    start = clothi_pair_gap(c, c->xa, c->xa, CLOTHI_VP, p->a, p->b);
+    start = clothi_pair_pole(o->thickness, start);
+    return clothi_max((gap - clothi_pole_guard(start, gap)) / fall, 0);
+}
+
+/* The same for any pair of the list; 1: all of it. */
+static double clothi_pair_free(cloth_collide *c, int i) {
+    const clothi_pair_id *p = c->pair + i;
+    double x[12], y[12], w[4], come, gap, start, t, radius, toi;
+    int    v[4], slot, j, k;
+    if (c->slack[i] - clothi_pair_far(c, p) > 0 || c->hit[i] == CLOTHI_HIT_EXEMPT) return 1;
+    come = clothi_pair_come(c, p, c->way);
+    if (!(come > 0) || c->slack[i] - come > 0) return 1;
     (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+    slot = clothi_pair_slot(c, p->kind, p->a, p->b);
+    t = clothi_pair_thickness(c, p->kind, slot, v);
+    gap = clothi_pair_gap(c, c->at, c->xb, p->kind, p->a, p->b);
+    c->slack[i] = gap - t;
+    if (gap - come > CLOTHI_SEPARATION * t || clothi_is_exempt(c, p->kind, p->a, p->b)) return 1;
+    if (p->kind == CLOTHI_VP) return clothi_plane_free(c, p, gap);
+    radius = clothi_slot_radius(c, slot);
+    clothi_pair_points(c, c->xa, c->xa, v, 4, x);
+    start = clothi_pair_distance(p->kind, x, w) - radius;
+    start = clothi_pole_guard(clothi_pair_pole(t, start), gap);
     clothi_pair_points(c, c->at, c->xb, v, 4, x);
-    for (i = 0; i < 4; i++)
+    for (j = 0; j < 4; j++)
         for (k = 0; k < 3; k++)
-            y[3 * i + k] = x[3 * i + k] + (v[i] < c->nv ? c->way[3 * v[i] + k] : 0);
-    if (memcmp(x, y, sizeof x) == 0) return 1;
-    d = clothi_pair_distance(p->kind, x, w) - radius;
-    if (d > CLOTHI_SEPARATION * t + clothi_move_come(c, p, c->way) ||
-        clothi_is_exempt(c, p->kind, p->a, p->b))
-        return 1;
-    clothi_pair_points(c, c->xa, c->xa, v, 4, z);
-    start = clothi_pair_distance(p->kind, z, w) - radius;
-    start =
-        clothi_pole_guard(clothi_pair_pole(clothi_pair_thickness(c, p->kind, slot, v), start), d);
+            y[3 * j + k] = x[3 * j + k] + (v[j] < c->nv ? c->way[3 * v[j] + k] : 0);
     if (!(p->kind == CLOTHI_EE ? cloth_ccd_ee(x, y, start + radius, &toi)
                                : cloth_ccd_vf(x, y, start + radius, &toi)))
         return 1;
@@ -6078,46 +6106,30 @@ static void clothi_free_range(int begin, int end, int worker, void *ctx) {
     cloth_collide *c = (cloth_collide *)ctx;
     int            i;
     (void)worker;
-    for (i = begin; i < end; i++) c->hit_time[i] = clothi_pair_free(c, c->pair + i);
-}
-
-/* The same for a vertex and a plane, from c->at along c->way. */
-static double clothi_plane_free(const cloth_collide *c, int v, int slot) {
-    const double *n = c->obstacle[slot].normal;
-    const double  fall = -clothi_dot3(c->way + 3 * v, n), t = c->obstacle[slot].thickness;
-    double        g, start;
-    if (!(fall > 0)) return 1;
-    g = clothi_pair_gap(c, c->at, c->xb, CLOTHI_VP, v, slot);
-    if (g - fall > CLOTHI_SEPARATION * t || clothi_is_exempt(c, CLOTHI_VP, v, slot)) return 1;
-    start = clothi_pair_gap(c, c->xa, c->xa, CLOTHI_VP, v, slot);
-    start = clothi_pair_pole(t, start);
-    return clothi_max((g - clothi_pole_guard(start, g)) / fall, 0);
+    for (i = begin; i < end; i++) c->hit_time[i] = clothi_pair_free(c, i);
 }
 
 /* cloth_contact.max_step. */
-static double clothi_contact_max_step(void *user, const double *x, const double *dx) {
+static cloth_status clothi_contact_max_step(void *user, const double *x, const double *dx,
+                                            double *part) {
     cloth_collide *c = (cloth_collide *)user;
-    double        *y = c->qp_x0, least = 1, part, most = CLOTHI_LEAP * c->length;
-    int            i, o;
+    double        *y = c->qp_x0, least = 1, most = CLOTHI_LEAP * c->length;
+    cloth_status   status = CLOTH_OK;
+    int            i;
     most /= clothi_max(clothi_max_abs(dx, 3 * c->nv), most);
     for (i = 0; i < 3 * c->nv; i++) c->way_in[i] = most * dx[i];
     dx = c->way_in;
     for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + dx[i];
-    if (!clothi_list_covers(c, x, y) && clothi_list_make(c, x, y)) return 1;
+    if (clothi_list_covers(c, x, y)) clothi_list_drift(c, x);
+    else status = clothi_list_make(c, x, y);
+    if (status) return status;
     c->at = x, c->way = dx;
-    clothi_move_boxes(c, x, dx, 1);
+    clothi_move_far(c, dx);
     clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
     for (i = 0; i < c->npair; i++) least = clothi_min(least, c->hit_time[i]);
-    for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE && i < c->nv;
-             i++) {
-            if (!clothi_may_touch(c, -1, c->vertex_part[i], o, 0)) continue;
-            part = clothi_plane_free(c, i, o);
-            least = clothi_min(least, part);
-        }
     least = least < 1 ? CLOTHI_MOVE * least : 1;
-    if (clothi_list_contacts(c, x, dx, least) || clothi_contacts_join(c, x)) return 1;
-    return most * least;
+    *part = most * least;
+    return clothi_list_join(c, x, dx, least, CLOTHI_REACH * c->thickest);
 }
 
 /* Friction that slides and would, by dx, turn round: it is to come to rest instead. Its curvature
@@ -6220,17 +6232,25 @@ static void clothi_renew_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
-/* cloth_contact.update. */
-static cloth_status clothi_contact_update(void *user, const double *x, const double *residual) {
+/* cloth_contact.update. A minimiser for some limits of friction ends a round: they follow the
+ * normal forces there, and it is the last one where they hardly change. */
+static cloth_status clothi_contact_update(void *user, const double *x, const double *residual,
+                                          int *done) {
     cloth_collide *c = (cloth_collide *)user;
     cloth_status   status = CLOTH_OK;
-    const int      nearly = residual && clothi_contact_nearly(c, residual);
-    if (!clothi_list_covers(c, x, x)) status = clothi_list_make(c, x, x);
-    if (!status) status = clothi_list_contacts(c, x, NULL, 0);
+    double         change;
+    int            settled;
+    if (clothi_list_covers(c, x, x)) clothi_list_drift(c, x);
+    else status = clothi_list_make(c, x, x);
+    if (!status) status = clothi_list_join(c, x, NULL, 0, 0);
     c->at = x;
     clothi_contact_frames(c, x);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
-    clothi_contact_limits(c, nearly, !residual);
+    settled = residual && clothi_contact_settled(c, residual);
+    if (!residual) c->renewed = 0;
+    c->renewed += settled;
+    change = clothi_contact_limits(c, !settled ? 0 : c->renewed > CLOTHI_FREE ? 0.5 : 1, !residual);
+    if (done) *done = *done && settled && change <= CLOTHI_ROUND;
     return status;
 }
 
@@ -7408,7 +7428,7 @@ static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
     c->nnext = 0;
     clothi_contact_frames(c, x);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
-    clothi_contact_limits(c, 1, 0);
+    (void)clothi_contact_limits(c, 1, 0);
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
         clothi_anchor   a;
@@ -7485,7 +7505,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     c->share = s->attach_step;
     if (!c->begun) status = clothi_contact_open(c);
     clothi_world_pose(c, e->x_n, s->attach_alpha - s->attach_step, s->attach_alpha);
-    c->ncontact = c->nrow = 0;
+    c->ncontact = c->nrow = c->listed = 0;
     if (!status) status = clothi_pinch_begin(c);
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
     return status;
@@ -7522,7 +7542,7 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     *impact |= c->pinching;
     if (c->nrow && clothi_ends_rest(c)) clothi_part_way(c, other);
     status = clothi_list_make(c, x, x);
-    return status ? status : clothi_list_contacts(c, x, NULL, 0);
+    return status ? status : clothi_list_join(c, x, NULL, 0, 0);
 }
 
 /* cloth_contact.close. */
@@ -7865,14 +7885,15 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     void *const block[] = {
-        c->faces, c->edges, c->edge_face, c->slot, c->flood, c->pinched, c->box_m, c->held_of,
+        c->faces, c->edges, c->edge_face, c->slot, c->flood, c->pinched, c->far, c->held_of,
         c->look, c->caught, c->hold_to, c->hold, c->holding, c->area, c->xa, c->xb, c->box_v,
         c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
         c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone_start, c->qp_val, c->qp_minv,
         c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame, c->way_in,
         c->moved, c->frozen, c->near_f, c->zone_of, c->zone_number, c->local, c->member,
         c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
-        c->hit, c->hit_time, c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
+        c->hit, c->hit_time, c->slack, c->anchor, c->next, c->exempt, c->now, c->failed,
+        c->obstacle};
     size_t sum = clothi_block_size(c) + cloth_qp_work_bytes(c->qp_options.work);
     size_t i;
     int    o;
@@ -8052,7 +8073,6 @@ static void clothi_collide_connect(cloth_collide *c) {
     k.eval = clothi_contact_eval;
     k.max_step = clothi_contact_max_step;
     k.block = clothi_contact_block;
-    k.settled = clothi_contact_settled;
     k.start = clothi_contact_start_at;
     k.close = clothi_contact_close;
     k.resolve = clothi_contact_resolve;

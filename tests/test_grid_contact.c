@@ -215,7 +215,7 @@ static void differences(void) {
         for (i = 0; i < 27; i++)
             x[i] = s.state->x[i] + H * v[i] + 1e-5 * sin(5.0 * i) +
                    (m == 3 ? 0.0095 * n[i % 3] : 0);
-        CHECK(clothi_contact_update(s.c, x, NULL) == CLOTH_OK);
+        CHECK(clothi_contact_update(s.c, x, NULL, NULL) == CLOTH_OK);
         CHECK(s.c->ncontact == 9);
         for (i = 0; i < s.c->ncontact; i++) {
             clothi_contact *q = s.c->contact + i;

@@ -11,7 +11,7 @@
  *            U = t - pole and k = stiffness x area
  *                k u^2/(t (1 - u/U)) = w      so      u = -b/2 + sqrt(b^2/4 + w t/k),
  *                                                     b = w t/(k U)
- *            the pole is 0.9 t/4: what rests above t/4 began its last step there
+ *            the pole is t/4, or 0.98 of where what is nearer began its last step
  *   decay    half the load is taken away; each vertex goes up as the scalar equation says, solved
  *            here by bisection for each step of implicit Euler:
  *                m (g - 2 g1 + g2) / h^2 = max(0, force(g) - k tau (g - g1)/h) - w
@@ -61,7 +61,7 @@ done:
 
 /* --- depth --- */
 
-static const double room = (1 - 0.9 / 4) * FRIC_T;      /* U: from the range to the pole, m */
+static const double room = (1 - 0.25) * FRIC_T;      /* U: from the range to the pole, m */
 
 /* Force on a vertex with k = stiffness x its share of the area, N; it rises at `speed`. */
 static double law(double k, double tau, double gap, double speed) {

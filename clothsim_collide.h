@@ -1805,6 +1805,22 @@ done:
     return status;
 }
 
+/* The same over the faces [nf x 3] of a mesh at x [nv x 3]. */
+CLOTHI_UNUSED static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv,
+                                                   const double *x, int nf, const int *faces,
+                                                   clothi_bvh *t) {
+    double      *box = (double *)clothi_alloc(hooks, 6 * ((size_t)nv + (size_t)nf), sizeof *box);
+    cloth_status status;
+    memset(t, 0, sizeof *t);
+    if (!box)
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the boxes of %i faces", nf);
+    clothi_swept_boxes(nv, x, NULL, 0, box);
+    clothi_face_boxes(nf, faces, box, box + 6 * (size_t)nv);
+    status = clothi_bvh_build(hooks, nf, box + 6 * (size_t)nv, t);
+    clothi_free(hooks, box);
+    return status;
+}
+
 /* --- queries --- */
 
 typedef struct clothi_bvh_query {
@@ -1912,49 +1928,47 @@ CLOTHI_UNUSED static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks
     return clothi_bvh_cross_pairs(hooks, t, t, pairs);
 }
 
-/* Calls fn for the items (first + i) whose boxes overlap box [6], in the tree's order.
+/* The items (first + i) whose boxes overlap box [6], in the tree's order:
+ *     clothi_bvh_walk w = clothi_bvh_walk_over(tree, box);
+ *     while ((item = clothi_bvh_next(&w)) >= 0) ...
  * contract: alloc none | cost O(log n + found) */
-typedef void clothi_visit_fn(int item, void *ctx);
+typedef struct clothi_bvh_walk {
+    const clothi_bvh *tree;
+    const double     *box;                  /* borrowed                                        */
+    clothi_box        bound;                /* the same, rounded outward                       */
+    int               stack[CLOTHI_BVH_STACK], n;
+    int               at, end;              /* of the leaf: items still to be looked at        */
+} clothi_bvh_walk;
 
-CLOTHI_UNUSED static void clothi_bvh_visit(const clothi_bvh *t, const double *box,
-                                           clothi_visit_fn *fn, void *ctx) {
-    clothi_box b;
-    int        stack[CLOTHI_BVH_STACK], n = 0, i;
-    clothi_node_around(box, &b);
-    stack[n++] = 1;
-    while (n) {
-        const int node = stack[--n], leaf = node - (1 << t->depth);
-        if (!clothi_nodes_meet(t->node + node, &b)) continue;
+CLOTHI_UNUSED static clothi_bvh_walk clothi_bvh_walk_over(const clothi_bvh *t, const double *box) {
+    clothi_bvh_walk w;
+    w.tree = t;
+    w.box = box;
+    clothi_node_around(box, &w.bound);
+    w.stack[0] = w.n = 1;
+    w.at = w.end = 0;
+    return w;
+}
+
+/* The next item, -1 when there is none. */
+CLOTHI_UNUSED static int clothi_bvh_next(clothi_bvh_walk *w) {
+    const clothi_bvh *t = w->tree;
+    for (;;) {
+        int node, leaf;
+        while (w->at < w->end)
+            if (clothi_boxes_meet(t->exact + 6 * (size_t)w->at++, w->box))
+                return t->first + t->item[w->at - 1];
+        if (!w->n) return -1;
+        node = w->stack[--w->n], leaf = node - (1 << t->depth);
+        if (!clothi_nodes_meet(t->node + node, &w->bound)) continue;
         if (leaf < 0) {
-            stack[n++] = 2 * node + 1;
-            stack[n++] = 2 * node;
-            continue;
+            w->stack[w->n++] = 2 * node + 1;
+            w->stack[w->n++] = 2 * node;
+        } else {
+            w->at = clothi_bvh_item(t, leaf, t->depth);
+            w->end = clothi_bvh_item(t, leaf + 1, t->depth);
         }
-        for (i = clothi_bvh_item(t, leaf, t->depth); i < clothi_bvh_item(t, leaf + 1, t->depth);
-             i++)
-            if (clothi_boxes_meet(t->exact + 6 * (size_t)i, box)) fn(t->first + t->item[i], ctx);
     }
-}
-
-typedef struct clothi_item_list {
-    int *item, max, count;
-} clothi_item_list;
-
-static void clothi_item_note(int item, void *ctx) {
-    clothi_item_list *list = (clothi_item_list *)ctx;
-    if (list->count < list->max) list->item[list->count] = item;
-    list->count++;
-}
-
-/* The items of clothi_bvh_visit: returns their number, writes the first max. */
-CLOTHI_UNUSED static int clothi_bvh_box_query(const clothi_bvh *t, const double *box, int max,
-                                              int *items) {
-    clothi_item_list list;
-    list.item = items;
-    list.max = max;
-    list.count = 0;
-    clothi_bvh_visit(t, box, clothi_item_note, &list);
-    return list.count;
 }
 
 /* Squared distance m^2 of a point [3] from an item (first + i). */
@@ -2397,7 +2411,6 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
                                            int nf, const int *faces, int max_pairs, int *pairs,
                                            int *count) {
     cloth_status status;
-    double      *box = NULL;
     ptrdiff_t    bad;
     clothi_bvh   tree;
     clothi_pairs near_by, found;
@@ -2417,14 +2430,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     if (bad >= 0)
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_intersections: x[%z] = %g",
                            (size_t)bad, x[bad]);
-    box = (double *)clothi_alloc(hooks, 6 * ((size_t)nv + (size_t)nf), sizeof *box);
-    if (!box) {
-        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the boxes of %i faces", nf);
-        goto done;
-    }
-    clothi_swept_boxes(nv, x, NULL, 0, box);
-    clothi_face_boxes(nf, faces, box, box + 6 * (size_t)nv);
-    status = clothi_bvh_build(hooks, nf, box + 6 * (size_t)nv, &tree);
+    status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK) status = clothi_bvh_self_pairs(hooks, &tree, &near_by);
     if (status == CLOTH_OK) status = clothi_crossing_pairs(hooks, x, faces, &near_by, &found);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
@@ -2436,7 +2442,6 @@ done:
     clothi_pairs_free(hooks, &found);
     clothi_pairs_free(hooks, &near_by);
     clothi_bvh_free(hooks, &tree);
-    clothi_free(hooks, box);
     return status;
 }
 
@@ -3509,6 +3514,7 @@ typedef struct clothi_surface {             /* all borrowed                     
     const double        *x;                 /* [nv x 3] m                                      */
     const int           *faces;             /* [nf x 3]                                        */
     const unsigned char *closed;            /* [nf] 0: face without an inside; NULL: all have  */
+    const unsigned char *skip;              /* [nf] not 0: nobody's nearest face; NULL: none   */
     const clothi_bvh    *tree;              /* of the faces' boxes at x; items index faces     */
 } clothi_surface;
 
@@ -3518,15 +3524,6 @@ typedef struct clothi_surface_defects {
     int turned;                             /* of two faces that run the same way              */
     int branch;                             /* of more than two faces                          */
 } clothi_surface_defects;
-
-/* Union-find: the root of i; paths are halved on the way. */
-static int clothi_root(int *up, int i) {
-    while (up[i] != i) {
-        up[i] = up[up[i]];
-        i = up[i];
-    }
-    return i;
-}
 
 /* Marks defects at the run [i, end) of half-edges of one edge; returns 1 when it is closed. */
 static int clothi_surface_edge(const clothi_edge_sort *s, const int *faces, int i, int end,
@@ -3566,14 +3563,12 @@ static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int n
     for (i = 0; i < 3 * nf; i = end) {
         end = clothi_edge_run(&s, 3 * nf, i);
         if (!clothi_surface_edge(&s, faces, i, end, d) && closed) closed[s.order[i] / 3] = 0;
-        for (j = i + 1; closed && j < end; j++) {
-            const int a = clothi_root(up, s.order[i] / 3), b = clothi_root(up, s.order[j] / 3);
-            up[a > b ? a : b] = a > b ? b : a;
-        }
+        for (j = i + 1; closed && j < end; j++)
+            (void)clothi_join(up, s.order[i] / 3, s.order[j] / 3);
     }
     if (!closed) goto done;
-    for (f = 0; f < nf; f++) closed[clothi_root(up, f)] &= closed[f];
-    for (f = 0; f < nf; f++) closed[f] = closed[clothi_root(up, f)];
+    for (f = 0; f < nf; f++) closed[clothi_find_root(up, f)] &= closed[f];
+    for (f = 0; f < nf; f++) closed[f] = closed[clothi_find_root(up, f)];
 done:
     clothi_free(hooks, up);
     clothi_edge_sort_free(hooks, &s);
@@ -3601,39 +3596,24 @@ static int clothi_line_turn(const double *a, const double *b, const double *c, i
     return turn;
 }
 
-typedef struct clothi_surface_query {
-    const clothi_surface *s;
-    const double         *p, *q;
-    int                   sum, max;
-    int                  *hit;
-    int                 (*skip)(int face, void *ctx);
-    void                 *ctx;
-} clothi_surface_query;
-
-static void clothi_surface_wind(int f, void *ctx) {
-    clothi_surface_query *k = (clothi_surface_query *)ctx;
-    const int            *v = k->s->faces + 3 * (size_t)f;
-    const double         *a = k->s->x + 3 * (size_t)v[0], *b = k->s->x + 3 * (size_t)v[1];
-    const double         *c = k->s->x + 3 * (size_t)v[2];
-    int                   turn;
-    if (k->s->closed && !k->s->closed[f]) return;
-    turn = clothi_line_turn(a, b, c, 0, k->p);
-    if (turn && turn * clothi_orient3d(a, b, c, k->p) > 0) k->sum += turn;
-}
-
 /* How often the closed faces wrap round p [3], m: exact for coordinates in range of [3.1].
  * contract: alloc none | cost O(log nf + faces on the ray), 0.4 us of 26 000 */
 CLOTHI_UNUSED static int clothi_surface_winding(const clothi_surface *s, const double *p) {
-    clothi_surface_query k;
-    double               ray[6];
-    memset(&k, 0, sizeof k);
-    k.s = s;
-    k.p = p;
+    clothi_bvh_walk w;
+    double      ray[6];
+    int         f, sum = 0;
     memcpy(ray, p, 3 * sizeof *p);
     memcpy(ray + 3, p, 3 * sizeof *p);
     ray[3] = CLOTHI_HUGE;
-    clothi_bvh_visit(s->tree, ray, clothi_surface_wind, &k);
-    return k.sum;
+    w = clothi_bvh_walk_over(s->tree, ray);
+    while ((f = clothi_bvh_next(&w)) >= 0) {
+        const int    *v = s->faces + 3 * (size_t)f;
+        const double *a = s->x + 3 * (size_t)v[0], *b = s->x + 3 * (size_t)v[1];
+        const double *c = s->x + 3 * (size_t)v[2];
+        const int     turn = !s->closed || s->closed[f] ? clothi_line_turn(a, b, c, 0, p) : 0;
+        if (turn && turn * clothi_orient3d(a, b, c, p) > 0) sum += turn;
+    }
+    return sum;
 }
 
 /* --- crossings --- */
@@ -3652,41 +3632,6 @@ CLOTHI_UNUSED static int clothi_surface_pierced(const double *p, const double *q
     return sp > sq ? 1 : -1;
 }
 
-static void clothi_surface_note(int f, void *ctx) {
-    clothi_surface_query *k = (clothi_surface_query *)ctx;
-    const int            *v = k->s->faces + 3 * (size_t)f;
-    const double         *x = k->s->x;
-    const int way = clothi_surface_pierced(k->p, k->q, x + 3 * (size_t)v[0], x + 3 * (size_t)v[1],
-                                           x + 3 * (size_t)v[2]);
-    if (!way || (k->skip && k->skip(f, k->ctx))) return;
-    if (k->sum < k->max) {
-        k->hit[2 * k->sum] = f;
-        k->hit[2 * k->sum + 1] = way;
-    }
-    k->sum++;
-}
-
-/* The faces that segment p q crosses as clothi_surface_pierced says, without those for which skip
- * (may be NULL) is not 0: returns how many, writes the first max as hit [max x 2]: face, way.
- * contract: alloc none | cost O(log nf + faces whose boxes meet the segment's) */
-CLOTHI_UNUSED static int clothi_surface_segment(const clothi_surface *s, const double *p,
-                                                const double *q, int (*skip)(int, void *),
-                                                void *ctx, int max, int *hit) {
-    clothi_surface_query k;
-    double               box[6];
-    memset(&k, 0, sizeof k);
-    k.s = s;
-    k.p = p;
-    k.q = q;
-    k.max = max;
-    k.hit = hit;
-    k.skip = skip;
-    k.ctx = ctx;
-    clothi_swept_boxes(1, p, q, 0, box);
-    clothi_bvh_visit(s->tree, box, clothi_surface_note, &k);
-    return k.sum;
-}
-
 /* --- nearest point --- */
 
 /* Squared distance m^2 of p from face f; b [3]: barycentric coordinates of the nearest point. */
@@ -3702,26 +3647,22 @@ static double clothi_surface_distance2(const clothi_surface *s, int f, const dou
 }
 
 static double clothi_surface_far(int f, const double *p, void *ctx) {
-    const clothi_surface_query *k = (const clothi_surface_query *)ctx;
-    double                      b[3];
-    return k->skip && k->skip(f, k->ctx) ? HUGE_VAL : clothi_surface_distance2(k->s, f, p, b);
+    const clothi_surface *s = (const clothi_surface *)ctx;
+    double                b[3];
+    if ((s->skip && s->skip[f]) || (s->closed && !s->closed[f])) return HUGE_VAL;
+    return clothi_surface_distance2(s, f, p, b);
 }
 
-/* The face nearest to p, without those for which skip (may be NULL) is not 0: of several the first.
+/* The face nearest to p of those that have an inside and are not to be skipped: of several the
+ * first.
  * in/out d2    m^2, in: no farther than this, finite; out: its squared distance
  * out    b     [3] barycentric coordinates of the nearest point
  * returns the face; -1 when there is none, d2 and b are as before
  * contract: alloc none | cost O(log nf) for a point not far away as against the faces' size */
 CLOTHI_UNUSED static int clothi_surface_nearest(const clothi_surface *s, const double *p,
-                                                int (*skip)(int, void *), void *ctx, double *d2,
-                                                double *b) {
-    clothi_surface_query k;
-    int                  f;
-    memset(&k, 0, sizeof k);
-    k.s = s;
-    k.skip = skip;
-    k.ctx = ctx;
-    f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &k, d2);
+                                                double *d2, double *b) {
+    clothi_surface look = *s;
+    const int      f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &look, d2);
     if (f >= 0) (void)clothi_surface_distance2(s, f, p, b);
     return f;
 }
@@ -3822,8 +3763,6 @@ typedef struct clothi_grid_job {
     clothi_bvh     tree;
 } clothi_grid_job;
 
-static int clothi_grid_skips(int f, void *ctx) { return ((const unsigned char *)ctx)[f]; }
-
 /* Distance of p from the mesh if below `bound`, else `bound`. *f: a guess of the nearest face (-1:
  * none), which makes the search short, and the answer. */
 static double clothi_grid_reach(const clothi_grid_job *job, const double *p, double bound,
@@ -3831,7 +3770,7 @@ static double clothi_grid_reach(const clothi_grid_job *job, const double *p, dou
     double d2 = bound * bound, b[3];
     int    found;
     if (*f >= 0) d2 = clothi_min(d2, clothi_surface_distance2(&job->surface, *f, p, b));
-    found = clothi_surface_nearest(&job->surface, p, clothi_grid_skips, job->covered, &d2, b);
+    found = clothi_surface_nearest(&job->surface, p, &d2, b);
     if (found >= 0) *f = found;
     return found < 0 ? bound : clothi_min(bound, sqrt(d2));
 }
@@ -3980,26 +3919,16 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void) {
 
 /* The surface: its tree, and which faces lie inside another part. */
 static cloth_status clothi_grid_faces(const cloth_grid_desc *d, clothi_grid_job *job) {
-    const cloth_hooks *hooks = &d->hooks;
-    const size_t       nv = (size_t)d->nv, nf = (size_t)d->nf;
-    double            *box = (double *)clothi_alloc(hooks, 6 * (nv + nf), sizeof(double));
-    cloth_status       status = CLOTH_ERR_MEMORY;
-    job->surface.x = d->x;
-    job->surface.faces = d->faces;
-    job->surface.tree = &job->tree;
-    job->covered = (unsigned char *)clothi_alloc(hooks, nf, 1);
-    if (!box || !job->covered) {
-        clothi_fail(hooks, status, "no memory for the boxes of %i faces", d->nf);
-        goto done;
-    }
-    clothi_swept_boxes(d->nv, d->x, NULL, 0, box);
-    clothi_face_boxes(d->nf, d->faces, box, box + 6 * nv);
-    status = clothi_bvh_build(hooks, d->nf, box + 6 * nv, &job->tree);
-    if (status == CLOTH_OK)
-        status = clothi_surface_covered(hooks, &job->surface, d->nf, job->covered);
-done:
-    clothi_free(hooks, box);
-    return status;
+    clothi_surface *s = &job->surface;
+    cloth_status    status;
+    s->x = d->x;
+    s->faces = d->faces;
+    s->tree = &job->tree;
+    s->skip = job->covered = (unsigned char *)clothi_alloc(&d->hooks, (size_t)d->nf, 1);
+    if (!s->skip)
+        return clothi_fail(&d->hooks, CLOTH_ERR_MEMORY, "no memory for %i faces", d->nf);
+    status = clothi_bvh_faces(&d->hooks, d->nv, d->x, d->nf, d->faces, &job->tree);
+    return status ? status : clothi_surface_covered(&d->hooks, s, d->nf, job->covered);
 }
 
 static clothi_grid *clothi_grid_alloc(const cloth_hooks *hooks, const cloth_grid *plan) {
@@ -4256,7 +4185,6 @@ struct cloth_collide {
                                                a move                                          */
     int             solid_boxed;            /* those of obstacles are right                    */
     clothi_pairs    meet, vf, ee;
-    int            *near_f;                 /* [nf] scratch of box queries                     */
     int             solid_known;            /* which way the obstacles' boxes hold             */
 
     /* the substep */
@@ -4783,13 +4711,13 @@ static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
     const clothi_obstacle *o = c->obstacle + slot;
     cloth_status status = CLOTH_OK;
     double       box[6];
-    int          i, k, n;
+    clothi_bvh_walk  w;
+    int          f, k;
     memcpy(box, c->box_v + 6 * o->v0, sizeof box);
     if (o->nv == 2) clothi_box_join(box, c->box_v + 6 * (o->v0 + 1), box);
     for (k = 0; k < 3; k++) box[k] -= o->radius + c->ahead, box[3 + k] += o->radius + c->ahead;
-    n = clothi_bvh_box_query(&c->tree, box, c->nf, c->near_f);
-    for (i = 0; i < n && !status; i++) {
-        const int f = c->near_f[i];
+    w = clothi_bvh_walk_over(&c->tree, box);
+    while (!status && (f = clothi_bvh_next(&w)) >= 0) {
         for (k = 0; k < o->nv && !status; k++) status = clothi_pair_add(c, CLOTHI_VF, o->v0 + k, f);
         for (k = 0; k < 3 && o->nv == 2 && !status; k++)
             if (c->features.owned[f] >> (3 + k) & 1)
@@ -6842,7 +6770,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
             const int v = c->row[i].v[k];
             int       root;
             if (!clothi_movable(c, v)) continue;
-            root = clothi_root(parent, v);
+            root = clothi_find_root(parent, v);
             if (first < 0) first = root;
             if (root < first) parent[first] = root, first = root;
             if (root > first) parent[root] = first;
@@ -6854,7 +6782,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
         for (k = 0; k < c->row[i].n && c->row[i].zone < 0; k++) {
             int *at;
             if (!clothi_movable(c, c->row[i].v[k])) continue;
-            at = number + clothi_root(parent, c->row[i].v[k]);
+            at = number + clothi_find_root(parent, c->row[i].v[k]);
             if (*at < 0) *at = (*nzone)++;
             c->row[i].zone = *at;
         }
@@ -7875,7 +7803,7 @@ static size_t clothi_contact_blocks(cloth_collide *c, int release) {
         c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
         c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone_start, c->qp_val, c->qp_minv,
         c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame, c->way_in,
-        c->moved, c->frozen, c->near_f, c->zone_of, c->zone_number, c->local, c->member,
+        c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
         c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
         c->hit, c->hit_time, c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + cloth_qp_work_bytes(c->qp_options.work);
@@ -8014,7 +7942,6 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     c->way_in = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
     c->moved = (unsigned char *)clothi_alloc(k, nv, 1);
     c->frozen = (unsigned char *)clothi_alloc(k, nv, 1);
-    c->near_f = (int *)clothi_alloc(k, (size_t)c->nf, sizeof(int));
     c->zone_of = (int *)clothi_alloc(k, nv, sizeof(int));
     c->zone_number = (int *)clothi_alloc(k, nv, sizeof(int));
     c->local = (int *)clothi_alloc(k, nv, sizeof(int));
@@ -8025,7 +7952,7 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     if (c->desc.nparts)
         c->part = (cloth_collide_part *)clothi_alloc(k, (size_t)c->desc.nparts, sizeof *c->part);
     return c->vertex_part && c->x_ie && c->x_list && c->x_frame && c->way_in && c->moved &&
-                   c->frozen && c->near_f && c->zone_of && c->zone_number && c->local &&
+                   c->frozen && c->zone_of && c->zone_number && c->local &&
                    c->member && c->qp_minv && c->qp_x0 && c->qp_x && (c->part || !c->desc.nparts)
                ? CLOTH_OK
                : CLOTH_ERR_MEMORY;
@@ -8957,18 +8884,17 @@ static void clothi_contour_shrink(const cloth_collide *c, const clothi_contour *
 
 /* --- ways out --- */
 
-static int clothi_tangle_skips(int f, void *ctx) { return !((const unsigned char *)ctx)[f]; }
-
 /* The way of cloth vertex v out of obstacle `slot`; 0 when it is not inside. */
 static int clothi_tangle_leave(const cloth_collide *c, clothi_tangle *u, int slot, int v) {
     const double  *p = c->xa + 3 * v;
     clothi_surface solid;
     double         n[3], b[3], d2 = CLOTHI_HUGE;
     int            k, f, wind;
-    solid.x = c->xa, solid.faces = c->faces, solid.closed = u->mask, solid.tree = &c->solid;
+    solid.x = c->xa, solid.faces = c->faces, solid.closed = u->mask;
+    solid.skip = NULL, solid.tree = &c->solid;
     wind = clothi_surface_winding(&solid, p);
     if (!(c->obstacle[slot].kind == CLOTH_OBSTACLE_BOX ? wind : wind >= 1)) return 0;
-    f = clothi_surface_nearest(&solid, p, clothi_tangle_skips, u->mask, &d2, b);
+    f = clothi_surface_nearest(&solid, p, &d2, b);
     if (f < 0) return 0;
     clothi_face_normal(c->xa, c->faces + 3 * f, n);
     for (k = 0; k < 3; k++) {
@@ -9021,8 +8947,8 @@ static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
         e[0] = clothi_min(e[0], cut->s), e[1] = clothi_min(e[1], 1 - cut->s);
     }
     for (i = 0; i < c->features.ne; i++) {
-        const int    *v = c->edges + 2 * i, a = clothi_root(u->area, v[0]);
-        const int     b = clothi_root(u->area, v[1]), low = a < b ? a : b, high = a < b ? b : a;
+        const int    *v = c->edges + 2 * i, a = clothi_find_root(u->area, v[0]);
+        const int     b = clothi_find_root(u->area, v[1]), low = a < b ? a : b, high = a < b ? b : a;
         const double *part = u->span + 2 * i;
         double        d[3];
         clothi_sub3(c->xa + 3 * v[0], c->xa + 3 * v[1], d);
@@ -9035,7 +8961,7 @@ static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
     for (i = 0; i < u->line.n; i++) {
         clothi_crossing *cut = u->line.cut + i;
         const int       *v = c->edges + 2 * cut->edge;
-        const int        p = clothi_root(u->area, v[0]), q = clothi_root(u->area, v[1]);
+        const int        p = clothi_find_root(u->area, v[0]), q = clothi_find_root(u->area, v[1]);
         const double     P = fabs(u->size[p]), Q = fabs(u->size[q]);
         if (cut->end >= 0 || p == q) continue;
         cut->end = !(P < Q || (!(Q < P) && p > q));

@@ -744,27 +744,28 @@ CLOTHI_UNUSED static int clothi_orient3d(const double *a, const double *b, const
 
 /* Differences of the pair x [4x3] into r [4x3]; returns how many there are: 3 or 4. */
 CLOTHI_UNUSED static int clothi_pair_polygon(int edge_edge, const double *x, double *r) {
-    if (!edge_edge) {
-        clothi_sub3(x, x + 3, r);
-        clothi_sub3(x, x + 6, r + 3);
-        clothi_sub3(x, x + 9, r + 6);
-        return 3;
-    }
-    clothi_sub3(x, x + 6, r);
-    clothi_sub3(x + 3, x + 6, r + 3);
-    clothi_sub3(x + 3, x + 9, r + 6);
-    clothi_sub3(x, x + 9, r + 9);
-    return 4;
+    clothi_sub3(x, x + (edge_edge ? 6 : 3), r);
+    clothi_sub3(x + (edge_edge ? 3 : 0), x + 6, r + 3);
+    clothi_sub3(x + (edge_edge ? 3 : 0), x + 9, r + 6);
+    clothi_sub3(x, x + 9, r + 9);           /* of a triangle: the last once more */
+    return edge_edge ? 4 : 3;
+}
+
+/* Sides e [2x3] of the polygon from its first corner, and their cross product. */
+static inline void clothi_polygon_plane(const double *r, int n, double *e, double *normal) {
+    clothi_sub3(r + 3, r, e);
+    clothi_sub3(r + 3 * (n - 1), r, e + 3);
+    clothi_cross3(e, e + 3, normal);
 }
 
 /* The point v [3] of the polygon r [n x 3] nearest to the origin: v = sum lambda_k r_k. Returns
  * its side, from corner k to k + 1, or -1 inside. Needs |r| < 1e70, exact down to 1e-70. */
 CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, double *v) {
-    double e1[3], e2[3], normal[3], c[3], best = HUGE_VAL, at = 0, nn;
+    double e[6], normal[3], c[3], best = HUGE_VAL, at = 0, nn;
     int    i, k, side = 0;
     for (i = 0; i < n; i++) {
         const double *a = r + 3 * i, *b = r + 3 * (i + 1 < n ? i + 1 : 0);
-        double        e[3], p[3], ee, ae, t, d2;
+        double        p[3], ee, ae, t, d2;
         clothi_sub3(b, a, e);
         ee = clothi_dot3(e, e);
         ae = -clothi_dot3(a, e);
@@ -781,20 +782,18 @@ CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, 
     memset(lambda, 0, 4 * sizeof *lambda);
     lambda[side] = 1 - at;
     lambda[side + 1 < n ? side + 1 : 0] = at;
-    clothi_sub3(r + 3, r, e1);
-    clothi_sub3(r + 3 * (n - 1), r, e2);
-    clothi_cross3(e1, e2, normal);
+    clothi_polygon_plane(r, n, e, normal);
     nn = clothi_dot3(normal, normal);
     if (nn > 0) {
         double s, t, p[3], d2;
-        clothi_cross3(e2, r, c);
+        clothi_cross3(e + 3, r, c);
         s = clothi_dot3(c, normal);
-        clothi_cross3(r, e1, c);
+        clothi_cross3(r, e, c);
         t = clothi_dot3(c, normal);
         if (s < 0 || t < 0 || (n == 3 ? s + t > nn : s > nn || t > nn)) return side;
         s /= nn;
         t /= nn;
-        for (k = 0; k < 3; k++) p[k] = r[k] + s * e1[k] + t * e2[k];
+        for (k = 0; k < 3; k++) p[k] = r[k] + s * e[k] + t * e[3 + k];
         d2 = clothi_dot3(p, p);
         if (d2 < best) {
             memcpy(v, p, sizeof p);
@@ -808,7 +807,9 @@ CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, 
     return side;
 }
 
-/* Weights of the four points, of sum 0, from those of the polygon's corners. */
+/* Weights of the four points, of sum 0, from those of the polygon's corners: positive for a vertex
+ * and for the first edge, minus the barycentric coordinates for a face, negative for the second
+ * edge. */
 CLOTHI_UNUSED static void clothi_pair_weights(int edge_edge, const double *lambda, double *w) {
     if (edge_edge) {
         w[1] = lambda[1] + lambda[2];
@@ -823,37 +824,27 @@ CLOTHI_UNUSED static void clothi_pair_weights(int edge_edge, const double *lambd
     }
 }
 
-/* The power of two that takes m > 0 to [1/2, 1), as far as doubles go. */
+/* The power of two that takes m > 0 to [1/2, 1), as far as doubles go; 1 for 0. */
 CLOTHI_UNUSED static double clothi_unit_scale(double m) {
     int e;
     (void)frexp(m, &e);
     return ldexp(1.0, e < -1022 ? 1022 : e > 1022 ? -1022 : -e);
 }
 
+/* Distance of a pair x [4x3], m; w [4]: weights of the nearest points (clothi_pair_weights), so that
+ * sum w_i x_i spans the distance. */
 CLOTHI_UNUSED static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
-    double    r[12], lambda[4], v[3], m = 0, scale = 1;
-    const int n = clothi_pair_polygon(edge_edge, x, r);
-    int       i;
-    for (i = 0; i < 3 * n; i++) m = clothi_max(m, fabs(r[i]));
-    if (m > 0 && !(m > 1e-60 && m < 1e60)) {
+    double       r[12], lambda[4], v[3], scale = 1;
+    const int    n = clothi_pair_polygon(edge_edge, x, r);
+    const double m = clothi_max_abs(r, 3 * n);
+    int          i;
+    if (!(m > 1e-60 && m < 1e60)) {
         scale = clothi_unit_scale(m);
         for (i = 0; i < 3 * n; i++) r[i] *= scale;
     }
     clothi_nearest(r, n, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
     return sqrt(clothi_dot3(v, v)) / scale;
-}
-
-/* Distance of the vertex x [3] from the face of the next three points, m; w [4]: 1 and minus the
- * barycentric coordinates of the nearest point, so that sum w_i x_i spans the distance. */
-CLOTHI_UNUSED static double clothi_point_triangle(const double *x, double *w) {
-    return clothi_pair_distance(0, x, w);
-}
-
-/* Distance of the edge x [2x3] from the edge of the next two points, m; w [4]: weights of the
- * nearest points, positive for the first edge, negative for the second. */
-CLOTHI_UNUSED static double clothi_edge_edge(const double *x, double *w) {
-    return clothi_pair_distance(1, x, w);
 }
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================
@@ -895,6 +886,11 @@ typedef struct clothi_ccd {
     double floor;                           /* n.r above this is certainly above s              */
 } clothi_ccd;
 
+static void clothi_ccd_at(const clothi_ccd *q, double t, double *r) {
+    int i;
+    for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
+}
+
 /* Longest certified time from t with the fixed direction n, |n| = 1: t when there is none, 2 when
  * it lasts to the end. */
 CLOTHI_UNUSED static double clothi_ccd_axis(const clothi_ccd *q, const double *n, double t) {
@@ -923,16 +919,15 @@ CLOTHI_UNUSED static double clothi_bernstein_first(const double *f) {
  * polygon, which is r now: W.e = -n.(change of e). 0: it has no plane. */
 CLOTHI_UNUSED static int clothi_ccd_turn(const clothi_ccd *q, const double *r, const double *n,
                                          double *W) {
-    double e[2][3], to[2], c[2][3], normal[3], size;
-    int    i, k;
-    for (i = 0; i < 2; i++) {
-        const int b = i ? 3 * (q->n - 1) : 3;
-        clothi_sub3(r + b, r, e[i]);
-        for (to[i] = 0, k = 0; k < 3; k++) to[i] += n[k] * (e[i][k] - (q->r1[b + k] - q->r1[k]));
+    double e[6], to[2] = {0, 0}, c[2][3], normal[3], size;
+    int    k;
+    clothi_polygon_plane(r, q->n, e, normal);
+    for (k = 0; k < 3; k++) {
+        to[0] += n[k] * (e[k] - (q->r1[3 + k] - q->r1[k]));
+        to[1] += n[k] * (e[3 + k] - (q->r1[3 * (q->n - 1) + k] - q->r1[k]));
     }
-    clothi_cross3(e[0], e[1], normal);
-    clothi_cross3(e[1], normal, c[0]);
-    clothi_cross3(normal, e[0], c[1]);
+    clothi_cross3(e + 3, normal, c[0]);
+    clothi_cross3(normal, e, c[1]);
     size = clothi_dot3(normal, normal);
     for (k = 0; k < 3; k++) W[k] = (to[0] * c[0][k] + to[1] * c[1][k]) / size;
     return size > 0;
@@ -978,20 +973,18 @@ CLOTHI_UNUSED static double clothi_ccd_turning(const clothi_ccd *q, const double
  * inside; 0 when there is none. */
 CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, const double *v,
                                               double *out) {
-    double e1[3], e2[3], len;
+    double e[6], len;
     int    k;
-    clothi_sub3(r + 3, r, e1);
-    clothi_sub3(r + 3 * (n - 1), r, e2);
-    if (side < 0) clothi_cross3(e1, e2, out);
+    if (side < 0) clothi_polygon_plane(r, n, e, out);
     else {
         const double *a = r + 3 * side, *b = r + 3 * (side + 1 < n ? side + 1 : 0);
         double        ee, ve;
-        clothi_sub3(b, a, e1);
-        ee = clothi_dot3(e1, e1);
-        ve = clothi_dot3(v, e1);
+        clothi_sub3(b, a, e);
+        ee = clothi_dot3(e, e);
+        ve = clothi_dot3(v, e);
         memcpy(out, v, 3 * sizeof *v);
         if (ve * ve < 1e-8 * ee * clothi_dot3(v, v))    /* at right angles, but for rounding */
-            for (k = 0; k < 3; k++) out[k] -= ve / ee * e1[k];
+            for (k = 0; k < 3; k++) out[k] -= ve / ee * e[k];
     }
     len = sqrt(clothi_dot3(out, out));
     if (!(len > 1e-140)) return 0;          /* squares underflow                                */
@@ -1004,11 +997,11 @@ CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, 
 CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
     const double near = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
     double       t = 0;
-    int          step, i;
+    int          step;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
         double r[12], lambda[4], v[3], n[3], next = t, d;
         int    side;
-        for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
+        clothi_ccd_at(q, t, r);
         side = clothi_nearest(r, q->n, lambda, v);
         d = sqrt(clothi_dot3(v, v));
         if (!clothi_ccd_direction(r, q->n, side, v, n)) break;
@@ -1024,7 +1017,8 @@ CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
 }
 
 /* ---- twice the digits: for min_sep = 0, where the search above ends in its own rounding. The
- * first of the advances in numbers h + l of 106 bits, from the time reached so far. A sum is good
+ * first of the advances in numbers h + l of 106 bits, from the time reached so far; by the
+ * first of the polygon's directions that certifies any. A sum is good
  * to 3 u^2, a product to 7 u^2 [Joldes, Muller, Popescu 2017, Tight and rigorous error bounds for
  * basic building blocks of double-word arithmetic, ACM TOMS 44, doi 10.1145/3121432]: 8 times the
  * counts above with u^2 for u, kept four times over. Steps are fractions of what is left of
@@ -1101,36 +1095,24 @@ CLOTHI_UNUSED static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b,
     }
 }
 
-/* Direction n [3] to the nearest point of the polygon r; 0 when there is none. */
-CLOTHI_UNUSED static int clothi_dd_direction(const clothi_dd *r, int n, clothi_dd *out) {
-    clothi_dd e1[3], e2[3], normal[3], c[3], nn, s, t, g;
-    double    best = HUGE_VAL, len;
+/* Direction out [3] to the plane of the polygon r (side -1), to its side from corner k to k + 1;
+ * 0 when there is none. */
+CLOTHI_UNUSED static int clothi_dd_direction(const clothi_dd *r, int n, int side,
+                                             clothi_dd *out) {
+    clothi_dd e1[3], e2[3];
+    double    len;
     int       i;
-    for (i = 0; i < 3; i++) {
-        e1[i] = clothi_dd_sub(r[3 + i], r[i]);
-        e2[i] = clothi_dd_sub(r[3 * (n - 1) + i], r[i]);
-    }
-    clothi_dd_cross(e1, e2, normal);
-    nn = clothi_dd_dot(normal, normal);
-    clothi_dd_cross(e2, r, c);
-    s = clothi_dd_dot(c, normal);
-    clothi_dd_cross(r, e1, c);
-    t = clothi_dd_dot(c, normal);
-    g = clothi_dd_sub(nn, n == 3 ? clothi_dd_add(s, t) : s.h > t.h ? s : t);
-    if (nn.h > 0 && s.h >= 0 && t.h >= 0 && g.h >= 0) {
-        len = sqrt(nn.h) * (clothi_dd_dot(normal, r).h < 0 ? -1 : 1);
-        memcpy(out, normal, 3 * sizeof *out);
-    } else {
-        for (i = 0; i < n; i++) {
-            clothi_dd p[3];
-            clothi_dd_foot(r + 3 * i, r + 3 * (i + 1 < n ? i + 1 : 0), p);
-            if (!(clothi_dd_dot(p, p).h < best)) continue;
-            best = clothi_dd_dot(p, p).h;
-            memcpy(out, p, sizeof p);
+    if (side < 0) {
+        for (i = 0; i < 3; i++) {
+            e1[i] = clothi_dd_sub(r[3 + i], r[i]);
+            e2[i] = clothi_dd_sub(r[3 * (n - 1) + i], r[i]);
         }
-        len = sqrt(best);
-    }
-    if (!(fabs(len) > 1e-150)) return 0;
+        clothi_dd_cross(e1, e2, out);
+    } else
+        clothi_dd_foot(r + 3 * side, r + 3 * (side + 1 < n ? side + 1 : 0), out);
+    len = sqrt(clothi_dd_dot(out, out).h);
+    if (!(len > 1e-150)) return 0;
+    if (side < 0 && clothi_dd_dot(out, r).h < 0) len = -len;
     for (i = 0; i < 3; i++) out[i] = clothi_dd_mul(out[i], clothi_dd_of(1 / len, 0));
     return 1;
 }
@@ -1155,11 +1137,13 @@ CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_
     const double    E = 1.262177448353619e-29 * m;                 /* 2^-96 */
     const clothi_dd one = clothi_dd_of(1, 0);
     clothi_dd       t = clothi_dd_of(*toi, 0), r[12], dir[3];
-    int             step;
+    int             step, side;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
         double next = 0;
         clothi_dd_mix(r0, r1, t, 3 * n, r);
-        if (clothi_dd_direction(r, n, dir)) next = clothi_dd_axis(r0, r1, n, dir, t, E);
+        for (side = -1; side < n && !(next > 0); side++)
+            if (clothi_dd_direction(r, n, side, dir))
+                next = clothi_max(next, clothi_dd_axis(r0, r1, n, dir, t, E));
         if (next > 1) return 0;
         if (!(next > 1e-31)) break;
         clothi_dd_mix(&t, &one, clothi_dd_of(next, 0), 1, &t);
@@ -1173,29 +1157,22 @@ CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_
 CLOTHI_UNUSED static void clothi_dd_polygon(int edge_edge, const double *x, double scale,
                                             clothi_dd *r) {
     static const unsigned char of[2][8] = {{0, 1, 0, 2, 0, 3, 0, 3}, {0, 2, 1, 2, 1, 3, 0, 3}};
-    int                        i, k;
-    for (i = 0; i < 4; i++)
-        for (k = 0; k < 3; k++) {
-            const double a = x[3 * of[edge_edge][2 * i] + k];
-            const double b = x[3 * of[edge_edge][2 * i + 1] + k];
-            clothi_dd    c = clothi_dd_of(a, -b);
-            c.h *= scale;
-            c.l *= scale;
-            r[3 * i + k] = c;
-        }
+    int                        i;
+    for (i = 0; i < 12; i++) {
+        const unsigned char *p = of[edge_edge] + i / 3 * 2;
+        r[i] = clothi_dd_of(x[3 * p[0] + i % 3], -x[3 * p[1] + i % 3]);
+        r[i].h *= scale, r[i].l *= scale;
+    }
 }
 
 /* Sign of det(e1, e2, r_0), sides and a corner of the polygon at t; 0 within its rounding, about
  * 2^-45 m e^2 where the origin is in the polygon, e its largest |side|. */
 CLOTHI_UNUSED static int clothi_ccd_side(const clothi_ccd *q, double t) {
-    double r[12], e1[3], e2[3], n[3], c, e = 0;
-    int    i;
-    for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
-    clothi_sub3(r + 3, r, e1);
-    clothi_sub3(r + 3 * (q->n - 1), r, e2);
-    clothi_cross3(e1, e2, n);
+    double r[12], sides[6], n[3], c, e;
+    clothi_ccd_at(q, t, r);
+    clothi_polygon_plane(r, q->n, sides, n);
     c = clothi_dot3(n, r);
-    for (i = 0; i < 3; i++) e = clothi_max(e, clothi_max(fabs(e1[i]), fabs(e2[i])));
+    e = clothi_max_abs(sides, 6);
     return fabs(c) > 2.9e-14 * q->m * e * e ? (c > 0 ? 1 : -1) : 0;
 }
 
@@ -1206,7 +1183,7 @@ CLOTHI_UNUSED static int clothi_ccd_plain(const clothi_ccd *q, double t) {
     double       r[12], lambda[4], v[3];
     int          i;
     if (t < dt || t > 1 - dt) return 0;
-    for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
+    clothi_ccd_at(q, t, r);
     if (clothi_nearest(r, q->n, lambda, v) >= 0) return 0;
     for (i = 0; i < q->n; i++)
         if (!(lambda[i] > 1e-4)) return 0;
@@ -1255,6 +1232,8 @@ CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const dou
 CLOTHI_UNUSED static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb,
                                          double min_sep, double *toi) {
     clothi_ccd q;
+    double     unasked;
+    if (!toi) toi = &unasked;
     *toi = 0;
     if (clothi_find_nonfinite(xa, 12) >= 0 || clothi_find_nonfinite(xb, 12) >= 0 ||
         !clothi_finite(min_sep))
@@ -1274,23 +1253,20 @@ CLOTHI_UNUSED static int clothi_ccd_pair(int edge_edge, const double *xa, const 
         clothi_dd r0[12], r1[12];
         clothi_dd_polygon(edge_edge, xa, q.scale, r0);
         clothi_dd_polygon(edge_edge, xb, q.scale, r1);
-        return clothi_dd_run(q.n, r0, r1, q.m, toi);
+        if (!clothi_dd_run(q.n, r0, r1, q.m, toi)) {
+            *toi = 1;
+            return 0;
+        }
     }
     return 1;
 }
 
 CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi) {
-    double    when;
-    const int hit = clothi_ccd_pair(0, xa, xb, min_sep, &when);
-    if (toi) *toi = hit ? when : 1;
-    return hit;
+    return clothi_ccd_pair(0, xa, xb, min_sep, toi);
 }
 
 CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, double *toi) {
-    double    when;
-    const int hit = clothi_ccd_pair(1, xa, xb, min_sep, &when);
-    if (toi) *toi = hit ? when : 1;
-    return hit;
+    return clothi_ccd_pair(1, xa, xb, min_sep, toi);
 }
 
 /* Weights w [4] (clothi_pair_weights) and unit normal n [3] of a contact found at toi, such that
@@ -1301,19 +1277,16 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
 CLOTHI_UNUSED static double clothi_contact_frame(int edge_edge, const double *xa,
                                                  const double *xb, double toi, double *w,
                                                  double *n) {
-    double    r0[12], r[12], m = 0, m0 = 0, scale, g = 0, start[3] = {0, 0, 0};
+    double    r0[12], r[12], m0, scale, g = 0, start[3] = {0, 0, 0};
     double    lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0};  /* squares overflow: nothing is near */
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
     int       i, k, way;
     clothi_pair_polygon(edge_edge, xb, r);
-    for (i = 0; i < 3 * corners; i++) {
-        m0 = clothi_max(m0, fabs(r0[i]));
-        m = clothi_max(m, fabs(r[i]));
-    }
-    scale = m > 0 || m0 > 0 ? clothi_unit_scale(clothi_max(m, m0)) : 1;
+    m0 = clothi_max_abs(r0, 3 * corners);
+    scale = clothi_unit_scale(clothi_max(m0, clothi_max_abs(r, 3 * corners)));
     for (i = 0; i < 3 * corners; i++)
         r[i] = (1 - toi) * (r0[i] * scale) + toi * (r[i] * scale);
-    scale = m0 > 0 ? clothi_unit_scale(m0) : 1;
+    scale = clothi_unit_scale(m0);
     for (i = 0; i < 3 * corners; i++) r0[i] *= scale;
     way = clothi_nearest(r, corners, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
@@ -2210,28 +2183,21 @@ static int clothi_beside(const double *p, const double *a, const double *b) {
     return from_a * from_b > 0 ? from_a : 0;
 }
 
-/* Closed segments pq and rs in one plane, which keeps its area along the axis. */
-static int clothi_segments_in_plane(const double *p, const double *q, const double *r,
-                                    const double *s, int axis) {
-    const int sr = clothi_turn_of(p, q, r, axis), ss = clothi_turn_of(p, q, s, axis);
-    const int sp = clothi_turn_of(r, s, p, axis), sq = clothi_turn_of(r, s, q, axis);
-    if (sr * ss < 0 && sp * sq < 0) return 1;
-    return (sr == 0 && clothi_beside(r, p, q) == 0) || (ss == 0 && clothi_beside(s, p, q) == 0) ||
-           (sp == 0 && clothi_beside(p, r, s) == 0) || (sq == 0 && clothi_beside(q, r, s) == 0);
-}
-
-/* Closed segments anywhere. */
+/* Closed segments pq and rs. On one line every turn is 0, along any axis. */
 static int clothi_segments_meet(const double *p, const double *q, const double *r,
                                 const double *s) {
-    int axis;
+    int axis, sr, ss, sp, sq;
     if (clothi_volume(p, q, r, s)) return 0;
     axis = clothi_open_axis(p, q, r);
     if (axis < 0) axis = clothi_open_axis(p, q, s);
     if (axis < 0) axis = clothi_open_axis(r, s, p);
     if (axis < 0) axis = clothi_open_axis(r, s, q);
-    if (axis >= 0) return clothi_segments_in_plane(p, q, r, s, axis);
-    return clothi_beside(p, r, s) == 0 || clothi_beside(q, r, s) == 0 ||
-           clothi_beside(r, p, q) == 0;
+    if (axis < 0) axis = 0;
+    sr = clothi_turn_of(p, q, r, axis), ss = clothi_turn_of(p, q, s, axis);
+    sp = clothi_turn_of(r, s, p, axis), sq = clothi_turn_of(r, s, q, axis);
+    if (sr * ss < 0 && sp * sq < 0) return 1;
+    return (sr == 0 && clothi_beside(r, p, q) == 0) || (ss == 0 && clothi_beside(s, p, q) == 0) ||
+           (sp == 0 && clothi_beside(p, r, s) == 0) || (sq == 0 && clothi_beside(q, r, s) == 0);
 }
 
 /* 1 when the signs do not have both -1 and 1. */
@@ -2240,7 +2206,7 @@ static int clothi_one_sign(int a, int b, int c) {
 }
 
 /* Segment pq, whose ends have the signs sp and sq against the plane of t, and the closed triangle
- * t, which has an area. */
+ * t: one without an area is its sides. */
 static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
                              const double *const *t) {
     int k, axis;
@@ -2250,12 +2216,12 @@ static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
                                clothi_volume(p, q, t[1], t[2]),
                                clothi_volume(p, q, t[2], t[0]));
     axis = clothi_open_axis(t[0], t[1], t[2]);
-    if (clothi_one_sign(clothi_turn_of(t[0], t[1], p, axis),
-                        clothi_turn_of(t[1], t[2], p, axis),
-                        clothi_turn_of(t[2], t[0], p, axis)))
+    if (axis >= 0 && clothi_one_sign(clothi_turn_of(t[0], t[1], p, axis),
+                                     clothi_turn_of(t[1], t[2], p, axis),
+                                     clothi_turn_of(t[2], t[0], p, axis)))
         return 1;
     for (k = 0; k < 3; k++)
-        if (clothi_segments_in_plane(p, q, t[k], t[(k + 1) % 3], axis)) return 1;
+        if (clothi_segments_meet(p, q, t[k], t[(k + 1) % 3])) return 1;
     return 0;
 }
 
@@ -2268,29 +2234,14 @@ static int clothi_plane_signs(const double *const *f, const double *const *g, in
 
 /* Closed triangles without a shared vertex. */
 static int clothi_triangles_meet(const double *const *f, const double *const *g) {
-    int of_f[3], of_g[3], f_area, g_area, k, l;
+    int of_f[3], of_g[3], k;
     if (clothi_plane_signs(f, g, of_g) || clothi_plane_signs(g, f, of_f)) return 0;
-    f_area = of_g[0] || of_g[1] || of_g[2] || clothi_open_axis(f[0], f[1], f[2]) >= 0;
-    g_area = of_f[0] || of_f[1] || of_f[2] || clothi_open_axis(g[0], g[1], g[2]) >= 0;
     for (k = 0; k < 3; k++) {
-        l = (k + 1) % 3;
-        if (f_area && clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
-        if (g_area && clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g)) return 1;
+        const int l = (k + 1) % 3;
+        if (clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
+        if (clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g)) return 1;
     }
-    if (f_area || g_area) return 0;
-    for (k = 0; k < 9; k++)
-        if (clothi_segments_meet(f[k / 3], f[(k / 3 + 1) % 3], g[k % 3], g[(k % 3 + 1) % 3]))
-            return 1;
     return 0;
-}
-
-/* p, not v, in the closed angle c v d of a triangle with area. */
-static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p) {
-    const int axis = clothi_open_axis(v, c, d);
-    int       turn;
-    if (clothi_point_order(p, v) == 0 || clothi_volume(v, c, d, p)) return 0;
-    turn = clothi_turn_of(v, c, d, axis);
-    return clothi_turn_of(v, c, p, axis) * turn >= 0 && clothi_turn_of(v, p, d, axis) * turn >= 0;
 }
 
 /* a and c, neither of them v, in one direction from v. */
@@ -2299,26 +2250,33 @@ static int clothi_one_way(const double *v, const double *a, const double *c) {
     return order && clothi_point_order(c, v) == order && clothi_open_axis(v, a, c) < 0;
 }
 
-/* Triangles f = v a b and g = v c d. One without area is two segments from v. */
+/* p, not v, in the closed angle c v d, in one plane. Without an area: on one of its two sides. */
+static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p) {
+    const int axis = clothi_open_axis(v, c, d);
+    int       turn;
+    if (axis < 0) return clothi_one_way(v, c, p) || clothi_one_way(v, d, p);
+    if (clothi_point_order(p, v) == 0) return 0;
+    turn = clothi_turn_of(v, c, d, axis);
+    return clothi_turn_of(v, c, p, axis) * turn >= 0 && clothi_turn_of(v, p, d, axis) * turn >= 0;
+}
+
+/* Triangles f = v a b and g = v c d. Where their planes cross, b A - a B and c D - d C are one
+ * direction along the line (A, B: volumes v c d a and v c d b; C, D: v a b c and v a b d): it, or
+ * the opposite one, is in both angles. In one plane a side of one is in the other's angle. */
 static int clothi_meet_beyond_vertex(const double *const *f, const double *const *g) {
     const double *v = f[0];
-    const int     c = clothi_volume(v, f[1], f[2], g[1]);
-    const int     d = clothi_volume(v, f[1], f[2], g[2]);
-    int           a, b, f_area, g_area;
-    if (c * d > 0) return 0;
-    a = clothi_volume(v, g[1], g[2], f[1]);
-    b = clothi_volume(v, g[1], g[2], f[2]);
-    if (a * b > 0) return 0;
-    f_area = c || d || clothi_open_axis(v, f[1], f[2]) >= 0;
-    g_area = a || b || clothi_open_axis(v, g[1], g[2]) >= 0;
-    if (f_area && g_area)
-        return clothi_edge_meets(f[1], f[2], a, b, g) || clothi_edge_meets(g[1], g[2], c, d, f);
-    if (g_area)
-        return clothi_in_angle(v, g[1], g[2], f[1]) || clothi_in_angle(v, g[1], g[2], f[2]);
-    if (f_area)
-        return clothi_in_angle(v, f[1], f[2], g[1]) || clothi_in_angle(v, f[1], f[2], g[2]);
-    return clothi_one_way(v, f[1], g[1]) || clothi_one_way(v, f[1], g[2]) ||
-           clothi_one_way(v, f[2], g[1]) || clothi_one_way(v, f[2], g[2]);
+    const int     C = clothi_volume(v, f[1], f[2], g[1]), D = clothi_volume(v, f[1], f[2], g[2]);
+    int           A, B;
+    if (C * D > 0) return 0;
+    A = clothi_volume(v, g[1], g[2], f[1]);
+    B = clothi_volume(v, g[1], g[2], f[2]);
+    if (A * B > 0) return 0;
+    if ((A || B) && (C || D))
+        return (A >= 0 && B <= 0 && C <= 0 && D >= 0) || (A <= 0 && B >= 0 && C >= 0 && D <= 0);
+    return (!A && clothi_in_angle(v, g[1], g[2], f[1])) ||
+           (!B && clothi_in_angle(v, g[1], g[2], f[2])) ||
+           (!C && clothi_in_angle(v, f[1], f[2], g[1])) ||
+           (!D && clothi_in_angle(v, f[1], f[2], g[2]));
 }
 
 /* Triangles u w a and u w b. Without area: segments along the line of the edge, or from u = w. */

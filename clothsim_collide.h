@@ -601,6 +601,15 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
 extern "C" {
 #endif
 
+/* a [n] is finite, or the first that is not is named. */
+static cloth_status clothi_numbers_check(const cloth_hooks *hooks, const char *name,
+                                         const double *a, int n) {
+    const ptrdiff_t i = clothi_find_nonfinite(a, (size_t)n);
+    if (i < 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g: give it a number", name, (int)i,
+                       a[i]);
+}
+
 /* ===== [3.1] EXACT SIGNS =====================================================================
  *
  * The sign of a determinant of coordinates, exact. A floating evaluation with an error bound
@@ -824,6 +833,23 @@ CLOTHI_UNUSED static void clothi_pair_weights(int edge_edge, const double *lambd
     }
 }
 
+/* Normal of the face v [3] at x, twice its area long. */
+CLOTHI_UNUSED static void clothi_face_cross(const double *x, const int *v, double *n) {
+    double d[3], e[3];
+    clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
+    clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
+    clothi_cross3(d, e, n);
+}
+
+/* The same of length 1; 0 without an area. */
+CLOTHI_UNUSED static void clothi_face_normal(const double *x, const int *v, double *n) {
+    double size;
+    int    k;
+    clothi_face_cross(x, v, n);
+    size = sqrt(clothi_dot3(n, n));
+    for (k = 0; k < 3 && size > 0; k++) n[k] /= size;
+}
+
 /* The power of two that takes m > 0 to [1/2, 1), as far as doubles go; 1 for 0. */
 CLOTHI_UNUSED static double clothi_unit_scale(double m) {
     int e;
@@ -831,8 +857,8 @@ CLOTHI_UNUSED static double clothi_unit_scale(double m) {
     return ldexp(1.0, e < -1022 ? 1022 : e > 1022 ? -1022 : -e);
 }
 
-/* Distance of a pair x [4x3], m; w [4]: weights of the nearest points (clothi_pair_weights), so that
- * sum w_i x_i spans the distance. */
+/* Distance of a pair x [4x3], m; w [4]: weights of the nearest points, so that sum w_i x_i spans
+ * the distance. */
 CLOTHI_UNUSED static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
     double       r[12], lambda[4], v[3], scale = 1;
     const int    n = clothi_pair_polygon(edge_edge, x, r);
@@ -2369,7 +2395,6 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
                                            int nf, const int *faces, int max_pairs, int *pairs,
                                            int *count) {
     cloth_status status;
-    ptrdiff_t    bad;
     clothi_bvh   tree;
     clothi_pairs near_by, found;
     memset(&tree, 0, sizeof tree);
@@ -2383,12 +2408,9 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
                            : "pairs is NULL");
     status = clothi_check_counts(hooks, nv, nf);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
-    if (status != CLOTH_OK) return status;
-    bad = clothi_find_nonfinite(x, 3 * (size_t)nv);
-    if (bad >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_intersections: x[%z] = %g",
-                           (size_t)bad, x[bad]);
-    status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
+    if (status == CLOTH_OK)
+        status = clothi_numbers_check(hooks, "cloth_intersections: x", x, 3 * nv);
+    if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK) status = clothi_bvh_self_pairs(hooks, &tree, &near_by);
     if (status == CLOTH_OK) status = clothi_crossing_pairs(hooks, x, faces, &near_by, &found);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
@@ -2677,7 +2699,7 @@ static void clothi_qp_columns(clothi_qp *s) {
     int             i, p, *start = s->cstart;
     memset(start, 0, ((size_t)s->n + 1) * sizeof *start);
     for (p = 0; p < q->row[s->m]; p++) start[q->col[p] + 1] += clothi_qp_couples(s, p);
-    for (i = 0; i < s->n; i++) start[i + 1] += start[i];
+    clothi_csr_starts(s->n, start);
     for (i = 0; i < s->m; i++)
         for (p = q->row[i]; p < q->row[i + 1]; p++)
             if (clothi_qp_couples(s, p)) {
@@ -2685,8 +2707,7 @@ static void clothi_qp_columns(clothi_qp *s) {
                 s->crow[to] = i;
                 s->centry[to] = p;
             }
-    memmove(start + 1, start, (size_t)s->n * sizeof *start);
-    start[0] = 0;
+    clothi_csr_rewind(s->n, start);
 }
 
 /* Room for A: the rows of each column couple. */
@@ -2832,34 +2853,22 @@ static void clothi_qp_drop_copies(clothi_qp *s) {
 
 /* ----- order --------------------------------------------------------------------------------- */
 
-/* Breadth first from `root` over rows without a place; returns the row visited last. visited:
- * mark == stamp. */
-static int clothi_qp_breadth(clothi_qp *s, int root, int begin, int stamp, int *end) {
-    int head = begin, tail = begin, e;
-    s->order[tail++] = root;
-    s->mark[root] = stamp;
-    while (head < tail) {
-        const int r = s->order[head++];
-        for (e = s->astart[r]; e < s->astart[r + 1]; e++) {
-            const int j = s->acol[e];
-            if (s->mark[j] == stamp || !s->keep[j]) continue;
-            s->mark[j] = stamp;
-            s->order[tail++] = j;
-        }
-    }
-    *end = tail;
-    return s->order[tail - 1];
-}
-
-/* Reverse Cuthill-McKee [CM69] from a row at an end of each component: small profile. */
+/* Reverse Cuthill-McKee [CM69]: breadth first over the rows that couple, from the first of each
+ * component; a root at the component's end makes the profile no smaller here. */
 static void clothi_qp_order(clothi_qp *s) {
-    int i, begin = 0, end = 0, stamp = -2, pass;
-    for (i = 0; i < s->m; i++) s->mark[i] = -1;
+    int i, e, head = 0, end = 0;
+    for (i = 0; i < s->m; i++) s->mark[i] = !s->keep[i];
     for (i = 0; i < s->m; i++) {
-        int root = i;
-        if (s->mark[i] != -1 || !s->keep[i]) continue;
-        for (pass = 0; pass < 3; pass++) root = clothi_qp_breadth(s, root, begin, stamp--, &end);
-        begin = end;
+        if (s->mark[i]) continue;
+        s->mark[i] = 1;
+        for (s->order[end++] = i; head < end; head++) {
+            const int r = s->order[head];
+            for (e = s->astart[r]; e < s->astart[r + 1]; e++)
+                if (!s->mark[s->acol[e]]) {
+                    s->mark[s->acol[e]] = 1;
+                    s->order[end++] = s->acol[e];
+                }
+        }
     }
     for (i = 0; i < end / 2; i++) {
         const int t = s->order[i];
@@ -3283,14 +3292,6 @@ static void clothi_qp_measure(clothi_qp *s) {
     rep->residual = clothi_max(rep->primal, clothi_max(rep->dual, rep->complementarity));
 }
 
-static cloth_status clothi_qp_check_numbers(const cloth_hooks *hooks, const char *name,
-                                            const double *a, int n) {
-    const ptrdiff_t i = clothi_find_nonfinite(a, (size_t)n);
-    if (i < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g: give it a number", name, (int)i,
-                       a[i]);
-}
-
 static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o) {
     const cloth_hooks *hooks = &o->hooks;
     cloth_status       status;
@@ -3311,8 +3312,8 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
     if (o->max_iterations < 0)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.max_iterations = %i: 0 or more",
                            o->max_iterations);
-    if ((status = clothi_qp_check_numbers(hooks, "qp.minv", q->minv, q->n)) != CLOTH_OK ||
-        (status = clothi_qp_check_numbers(hooks, "qp.x0", q->x0, q->n)) != CLOTH_OK)
+    if ((status = clothi_numbers_check(hooks, "qp.minv", q->minv, q->n)) != CLOTH_OK ||
+        (status = clothi_numbers_check(hooks, "qp.x0", q->x0, q->n)) != CLOTH_OK)
         return status;
     for (i = 0; i < q->n; i++)
         if (q->minv[i] < 0)
@@ -3330,10 +3331,10 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
         if (q->col[i] < 0 || q->col[i] >= q->n)
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.col[%i] = %i but qp.n = %i", i,
                                q->col[i], q->n);
-    status = clothi_qp_check_numbers(hooks, "qp.val", q->val, nz);
-    if (!status) status = clothi_qp_check_numbers(hooks, "qp.h", q->h, q->m);
+    status = clothi_numbers_check(hooks, "qp.val", q->val, nz);
+    if (!status) status = clothi_numbers_check(hooks, "qp.h", q->h, q->m);
     if (!status && o->guess)
-        status = clothi_qp_check_numbers(hooks, "options.guess", o->guess, q->m);
+        status = clothi_numbers_check(hooks, "options.guess", o->guess, q->m);
     return status;
 }
 
@@ -3649,14 +3650,11 @@ static int clothi_surface_cut(const clothi_surface *s, int f, int g) {
  * without area: that of the centroid. */
 static int clothi_surface_outside(const clothi_surface *s, int f, double size) {
     const int *v = s->faces + 3 * (size_t)f;
-    double     d[3], e[3], n[3], p[3];
+    double     n[3], p[3];
     int        i, w;
-    clothi_sub3(s->x + 3 * (size_t)v[1], s->x + 3 * (size_t)v[0], d);
-    clothi_sub3(s->x + 3 * (size_t)v[2], s->x + 3 * (size_t)v[0], e);
-    clothi_cross3(d, e, n);
+    clothi_face_cross(s->x, v, n);
     for (i = 0; i < 3; i++)
-        p[i] = s->x[3 * (size_t)v[0] + (size_t)i] / 3 + s->x[3 * (size_t)v[1] + (size_t)i] / 3 +
-               s->x[3 * (size_t)v[2] + (size_t)i] / 3;
+        p[i] = s->x[3 * v[0] + i] / 3 + s->x[3 * v[1] + i] / 3 + s->x[3 * v[2] + i] / 3;
     w = fabs(n[0]) >= fabs(n[1]) ? 0 : 1;
     w = fabs(n[2]) > fabs(n[w]) ? 2 : w;
     p[w] += ((n[w] > 0) - (n[w] < 0)) * 1e-12 * size;
@@ -3784,33 +3782,22 @@ static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
 
 /* --- create --- */
 
-static cloth_status clothi_grid_check_size(const cloth_hooks *hooks, const char *name, double a,
-                                           double least) {
-    if (!clothi_finite(a))
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "grid desc.%s = %g", name, a);
-    if (a >= least) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "grid desc.%s = %g is below %g", name, a, least);
-}
-
 /* The desc's mesh: numbers, indices, closed, volume; the box of the faces' corners: lo [3], hi. */
 static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo, double *hi) {
     const cloth_hooks     *hooks = &d->hooks;
-    const ptrdiff_t        bad = clothi_find_nonfinite(d->x, 3 * (size_t)d->nv);
     const double           most = clothi_min(CLOTHI_GRID_LARGE, CLOTHI_GRID_REACH * d->cell);
     clothi_surface_defects defects;
     cloth_status           status;
-    double                 volume = 0, side[3][3], n[3];
-    int                    i, a, f;
-    if (bad >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "grid desc.x[%i] = %g", (int)bad,
-                           d->x[bad]);
-    status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
+    double                 volume = 0, at[3], n[3];
+    int                    i, f;
+    status = clothi_check_array(hooks, "x", d->x, d->nv, 3);
+    if (status == CLOTH_OK) status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
     if (status != CLOTH_OK) return status;
     for (i = 0; i < 9 * d->nf; i++) {
         const int    at = 3 * d->faces[i / 3] + i % 3;
         const double x = d->x[at];
         if (!(fabs(x) <= most))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "grid desc.x[%i] = %g is too large for "
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.x[%i] = %g is too large for "
                                "cells of %g", at, x, d->cell);
         lo[i % 3] = i < 3 ? x : clothi_min(lo[i % 3], x);
         hi[i % 3] = i < 3 ? x : clothi_max(hi[i % 3], x);
@@ -3823,9 +3810,9 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
                            "faces[%i] as many faces must run one way as the other",
                            d->faces[i], d->faces[clothi_halfedge_next(i)], i / 3);
     for (f = 0; f < d->nf; f++) {
-        for (a = 0; a < 3; a++) clothi_sub3(d->x + 3 * d->faces[3 * f + a], lo, side[a]);
-        clothi_cross3(side[1], side[2], n);
-        volume += clothi_dot3(side[0], n) / 6;
+        clothi_face_cross(d->x, d->faces + 3 * f, n);
+        clothi_sub3(d->x + 3 * d->faces[3 * f], lo, at);
+        volume += clothi_dot3(at, n) / 6;
     }
     if (volume > 0) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_MESH, "the mesh holds a volume of %g m^3: faces must turn "
@@ -3842,16 +3829,16 @@ static cloth_status clothi_grid_plan(const cloth_grid_desc *d, cloth_grid *g) {
     if (status != CLOTH_OK) return status;
     if (!d->x || !d->faces || d->nf < 4)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, !d->x || !d->faces
-                           ? "grid desc.x or desc.faces is NULL" : "grid desc.nf = %i is below 4",
+                           ? "desc.x or desc.faces is NULL" : "desc.nf = %i is below 4",
                            d->nf);
-    status = clothi_grid_check_size(hooks, "cell", d->cell, CLOTHI_GRID_TINY);
+    status = clothi_check_number(hooks, "cell", d->cell, CLOTHI_GRID_TINY, 0);
     if (status != CLOTH_OK) return status;
     g->cell = d->cell;
     g->band = d->band != 0 ? d->band : CLOTH_DEFAULT_GRID_BAND * d->cell;
-    status = clothi_grid_check_size(hooks, "band", g->band, 2 * d->cell);
+    status = clothi_check_number(hooks, "band", g->band, 2 * d->cell, 0);
     if (status != CLOTH_OK) return status;
     margin = d->margin != 0 ? d->margin : g->band;
-    status = clothi_grid_check_size(hooks, "margin", margin, d->cell);
+    status = clothi_check_number(hooks, "margin", margin, d->cell, 0);
     if (status == CLOTH_OK) status = clothi_grid_check_mesh(d, lo, hi);
     if (status != CLOTH_OK) return status;
     for (a = 0; a < 3; a++) {
@@ -4512,17 +4499,6 @@ static int clothi_may_touch(const cloth_collide *c, int slot_p, int p, int slot_
 
 static int clothi_part_of(const cloth_collide *c, int v) {
     return v < c->nv ? c->vertex_part[v] : 0;
-}
-
-/* Unit normal of the face v [3] at x; 0 without an area. */
-static void clothi_face_normal(const double *x, const int *v, double *n) {
-    double d[3], e[3], size;
-    int    k;
-    clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
-    clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
-    clothi_cross3(d, e, n);
-    size = sqrt(clothi_dot3(n, n));
-    for (k = 0; k < 3 && size > 0; k++) n[k] /= size;
 }
 
 /* World vertices of a pair and how many they are. */
@@ -8484,60 +8460,56 @@ static int clothi_cloth_second(const cloth_collide_contact *q) {
     return sum < 0;
 }
 
-/* What contacts and rows have in common. force N on the first side. */
-static void clothi_public_contact(const cloth_collide *c, const clothi_pair_id *id, int n,
-                                  const int *v, const double *w, const double *normal,
-                                  double radius, cloth_collide_contact *out) {
-    double sum[2] = {0, 0};
-    int    j, k;
+/* Contact i of all: those of the potential, then the active rows of zones, which are such without
+ * friction. */
+static clothi_contact clothi_contact_at(const cloth_collide *c, int i) {
+    const clothi_row *row = c->row + (i - c->ncontact);
+    clothi_contact    q;
+    if (i < c->ncontact) return c->contact[i];
+    memset(&q, 0, sizeof q);
+    q.kind = row->kind, q.a = row->a, q.b = row->b, q.n = row->n;
+    memcpy(q.v, row->v, sizeof q.v);
+    memcpy(q.w, row->w, sizeof q.w);
+    memcpy(q.normal, row->normal, sizeof q.normal);
+    q.radius = clothi_slot_radius(c, clothi_pair_slot(c, q.kind, q.a, q.b));
+    q.force = row->multiplier / (c->h * c->h);
+    return q;
+}
+
+static void clothi_contact_out(const cloth_collide *c, int i, cloth_collide_contact *out) {
+    const clothi_contact q = clothi_contact_at(c, i);
+    clothi_pair_id       id;
+    double               sum[2] = {0, 0};
+    int                  j, k;
     memset(out, 0, sizeof *out);
-    out->pair = clothi_public_pair(c, id);
-    memcpy(out->normal, normal, sizeof out->normal);
-    for (j = 0; j < n; j++) {
-        const int side = w[j] < 0;
-        sum[side] += w[j];
-        for (k = 0; k < 3; k++) out->point[side][k] += w[j] * c->xb[3 * v[j] + k];
-        if (v[j] >= c->nv) continue;
-        out->vertex[out->n] = v[j];
-        out->weight[out->n++] = w[j];
+    id.kind = q.kind, id.a = q.a, id.b = q.b;
+    out->pair = clothi_public_pair(c, &id);
+    memcpy(out->normal, q.normal, sizeof out->normal);
+    for (j = 0; j < q.n; j++) {
+        const int side = q.w[j] < 0;
+        sum[side] += q.w[j];
+        for (k = 0; k < 3; k++) out->point[side][k] += q.w[j] * c->xb[3 * q.v[j] + k];
+        if (q.v[j] >= c->nv) continue;
+        out->vertex[out->n] = q.v[j];
+        out->weight[out->n++] = q.w[j];
     }
     for (j = 0; j < 2; j++)
         for (k = 0; k < 3 && fabs(sum[j]) > 0; k++) out->point[j][k] /= sum[j];
-    for (k = 0; k < 3; k++) out->gap += (out->point[0][k] - out->point[1][k]) * normal[k];
-    for (k = 0; k < 3 && id->kind == CLOTHI_VP; k++)    /* the foot of the vertex */
-        out->point[1][k] = out->point[0][k] - out->gap * normal[k];
+    for (k = 0; k < 3; k++) out->gap += (out->point[0][k] - out->point[1][k]) * q.normal[k];
+    for (k = 0; k < 3 && q.kind == CLOTHI_VP; k++)      /* the foot of the vertex */
+        out->point[1][k] = out->point[0][k] - out->gap * q.normal[k];
     j = !clothi_cloth_second(out);          /* the obstacle's side */
-    for (k = 0; k < 3; k++) out->point[j][k] += (j ? radius : -radius) * normal[k];
+    for (k = 0; k < 3; k++) out->point[j][k] += (j ? q.radius : -q.radius) * q.normal[k];
+    out->gap = i < c->ncontact ? q.gap : out->gap - q.radius;
+    out->force = q.force;
+    out->limit = q.limit;
+    for (k = 0; k < 3; k++) out->friction[k] = -q.tangent[k];
     for (k = 0; k < out->n; k++)
         if (c->report.held && c->held_of && c->held_of[out->vertex[k]] >= 0)
             out->flags |= CLOTH_CONTACT_HELD;
-}
-
-static void clothi_contact_out(const cloth_collide *c, const clothi_contact *q,
-                               cloth_collide_contact *out) {
-    clothi_pair_id id;
-    int            k;
-    id.kind = q->kind, id.a = q->a, id.b = q->b;
-    clothi_public_contact(c, &id, q->n, q->v, q->w, q->normal, q->radius, out);
-    out->gap = q->gap;
-    out->force = q->force;
-    out->limit = q->limit;
-    for (k = 0; k < 3; k++) out->friction[k] = -q->tangent[k];
-    if (q->size > c->desc.slip) out->flags |= CLOTH_CONTACT_SLIDING;
-    if (c->inexact) out->flags |= CLOTH_CONTACT_INEXACT;
-}
-
-static void clothi_row_out(const cloth_collide *c, const clothi_row *row,
-                           cloth_collide_contact *out) {
-    clothi_pair_id id;
-    int            k;
-    id.kind = row->kind, id.a = row->a, id.b = row->b;
-    clothi_public_contact(c, &id, row->n, row->v, row->w, row->normal,
-                          clothi_slot_radius(c, clothi_pair_slot(c, id.kind, id.a, id.b)), out);
-    for (out->gap = 0, k = 0; k < 3; k++)
-        out->gap += (out->point[0][k] - out->point[1][k]) * row->normal[k];
-    out->force = row->multiplier / (c->h * c->h);
-    out->flags |= CLOTH_CONTACT_ROW;
+    if (i >= c->ncontact) out->flags |= CLOTH_CONTACT_ROW;
+    else if (c->inexact) out->flags |= CLOTH_CONTACT_INEXACT;
+    if (q.size > c->desc.slip) out->flags |= CLOTH_CONTACT_SLIDING;
 }
 
 CLOTH_API cloth_status cloth_collide_contacts(const cloth_collide *c, int max,
@@ -8545,11 +8517,9 @@ CLOTH_API cloth_status cloth_collide_contacts(const cloth_collide *c, int max,
     cloth_status status = clothi_query_check(c, "cloth_collide_contacts", max, contact != NULL);
     int          i, n = 0;
     if (status) return status;
-    for (i = 0; i < c->ncontact; i++)
-        if (c->contact[i].force > 0 && n++ < max)
-            clothi_contact_out(c, c->contact + i, contact + n - 1);
-    for (i = 0; i < c->nrow; i++)
-        if (c->row[i].multiplier > 0 && n++ < max) clothi_row_out(c, c->row + i, contact + n - 1);
+    for (i = 0; i < c->ncontact + c->nrow; i++)
+        if (clothi_contact_at(c, i).force > 0 && n++ < max)
+            clothi_contact_out(c, i, contact + n - 1);
     if (count) *count = n;
     return CLOTH_OK;
 }
@@ -8567,8 +8537,7 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
     for (k = 0; k < 3; k++) force[k] = torque[k] = 0;
     for (i = 0; i < c->ncontact + c->nrow; i++) {
         double f[3], r[3], t[3], side;
-        if (i < c->ncontact) clothi_contact_out(c, c->contact + i, &q);
-        else clothi_row_out(c, c->row + i - c->ncontact, &q);
+        clothi_contact_out(c, i, &q);
         if (q.pair.obstacle.id != id.id || !(q.force > 0)) continue;
         side = clothi_cloth_second(&q) ? 1 : -1;
         for (k = 0; k < 3; k++) {
@@ -8592,36 +8561,28 @@ CLOTH_API cloth_status cloth_collide_holds(const cloth_collide *c, int max, clot
     return CLOTH_OK;
 }
 
-/* Forces on the cloth's vertices. */
-static void clothi_contact_forces(const cloth_collide *c, int normal, double *f) {
-    int i, j, k;
+/* Forces on the cloth's vertices: all, or friction alone. */
+static cloth_status clothi_contact_forces(const cloth_collide *c, const char *call, int all,
+                                          double *f) {
+    cloth_status status = clothi_query_check(c, call, 1, f != NULL);
+    int          i, j, k;
+    if (status) return status;
     memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
-    for (i = 0; i < c->ncontact; i++) {
-        const clothi_contact *q = c->contact + i;
-        for (j = 0; j < q->n; j++)
-            for (k = 0; q->v[j] < c->nv && k < 3; k++)
-                f[3 * q->v[j] + k] += q->w[j] * ((normal ? q->force * q->normal[k] : 0) -
-                                                 q->tangent[k]);
+    for (i = 0; i < c->ncontact + c->nrow; i++) {
+        const clothi_contact q = clothi_contact_at(c, i);
+        for (j = 0; j < q.n; j++)
+            for (k = 0; q.v[j] < c->nv && k < 3; k++)
+                f[3 * q.v[j] + k] += q.w[j] * ((all ? q.force * q.normal[k] : 0) - q.tangent[k]);
     }
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f) {
-    cloth_status status = clothi_query_check(c, "cloth_collide_friction", 1, f != NULL);
-    if (!status) clothi_contact_forces(c, 0, f);
-    return status;
+    return clothi_contact_forces(c, "cloth_collide_friction", 0, f);
 }
 
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
-    cloth_status status = clothi_query_check(c, "cloth_collide_forces", 1, f != NULL);
-    int          i, j, k;
-    if (status) return status;
-    clothi_contact_forces(c, 1, f);
-    for (i = 0; i < c->nrow; i++)
-        for (j = 0; j < c->row[i].n; j++)
-            for (k = 0; c->row[i].v[j] < c->nv && k < 3; k++)
-                f[3 * c->row[i].v[j] + k] += c->row[i].multiplier / (c->h * c->h) *
-                                             c->row[i].w[j] * c->row[i].normal[k];
-    return CLOTH_OK;
+    return clothi_contact_forces(c, "cloth_collide_forces", 1, f);
 }
 
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap) {
@@ -8905,16 +8866,17 @@ static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
         e[0] = clothi_min(e[0], cut->s), e[1] = clothi_min(e[1], 1 - cut->s);
     }
     for (i = 0; i < c->features.ne; i++) {
-        const int    *v = c->edges + 2 * i, a = clothi_find_root(u->area, v[0]);
-        const int     b = clothi_find_root(u->area, v[1]), low = a < b ? a : b, high = a < b ? b : a;
+        const int    *v = c->edges + 2 * i;
+        const int     a = clothi_find_root(u->area, v[0]), b = clothi_find_root(u->area, v[1]);
         const double *part = u->span + 2 * i;
-        double        d[3];
+        double        d[3], sum;
         clothi_sub3(c->xa + 3 * v[0], c->xa + 3 * v[1], d);
         u->size[a] += sqrt(clothi_dot3(d, d)) * part[0];
         u->size[b] += sqrt(clothi_dot3(d, d)) * part[1];
-        if (low == high || part[0] + part[1] < 2) continue;
-        u->area[high] = low;
-        u->size[low] += u->size[high], u->size[high] = 0;
+        if (part[0] + part[1] < 2 || !clothi_join(u->area, a, b)) continue;
+        sum = u->size[a] + u->size[b];
+        u->size[a] = u->size[b] = 0;
+        u->size[clothi_find_root(u->area, a)] = sum;
     }
     for (i = 0; i < u->line.n; i++) {
         clothi_crossing *cut = u->line.cut + i;

@@ -630,14 +630,14 @@ static cloth_status clothi_numbers_check(const cloth_hooks *hooks, const char *n
  *
  * checked: tests/test_exact.c */
 
-CLOTHI_UNUSED static void clothi_two_sum(double a, double b, double *s, double *r) {
+static void clothi_two_sum(double a, double b, double *s, double *r) {
     const double sum = a + b, bv = sum - a, av = sum - bv;
     *s = sum;
     *r = (a - av) + (b - bv);
 }
 
 /* a = hi + the rest, both of at most 26 bits. */
-CLOTHI_UNUSED static double clothi_high_half(double a) {
+static double clothi_high_half(double a) {
     uint64_t bits;
     memcpy(&bits, &a, sizeof bits);
     bits = (bits + 0x4000000u) & ~(uint64_t)0x7ffffffu;
@@ -653,7 +653,7 @@ CLOTHI_OUTLINE static void clothi_two_product(double a, double b, double *p, dou
 }
 
 /* e [n] += b; returns the new length, at most n + 1. Zeros are left out; 0 has length 1 or 0. */
-CLOTHI_UNUSED static int clothi_exp_grow(double *e, int n, double b) {
+static int clothi_exp_grow(double *e, int n, double b) {
     double q = b, r;
     int    i, m = 0;
     for (i = 0; i < n; i++) {
@@ -665,8 +665,8 @@ CLOTHI_UNUSED static int clothi_exp_grow(double *e, int n, double b) {
 }
 
 /* e [n] += sign a [na] b [nb]; returns the new length, at most n + 2 na nb. */
-CLOTHI_UNUSED static int clothi_exp_add(double *e, int n, const double *a, int na,
-                                        const double *b, int nb, double sign) {
+static int clothi_exp_add(double *e, int n, const double *a, int na, const double *b, int nb,
+                          double sign) {
     int i;
     for (i = 0; i < na * nb; i++) {
         double p, r;
@@ -677,24 +677,24 @@ CLOTHI_UNUSED static int clothi_exp_add(double *e, int n, const double *a, int n
     return n;
 }
 
-CLOTHI_UNUSED static int clothi_exp_sign(const double *e, int n) {
+static int clothi_exp_sign(const double *e, int n) {
     const double top = n > 0 ? e[n - 1] : 0;
     return (top > 0) - (top < 0);
 }
 
 /* out [2] = a - b. */
-CLOTHI_UNUSED static void clothi_exp_difference(double a, double b, double *out) {
+static void clothi_exp_difference(double a, double b, double *out) {
     clothi_two_sum(a, -b, out + 1, out);
 }
 
 /* out [16] = a d - b c, each of two doubles; returns the length. */
-CLOTHI_UNUSED static int clothi_exp_minor(const double *a, const double *b, const double *c,
-                                          const double *d, double *out) {
+static int clothi_exp_minor(const double *a, const double *b, const double *c, const double *d,
+                            double *out) {
     return clothi_exp_add(out, clothi_exp_add(out, 0, a, 2, d, 2, 1), b, 2, c, 2, -1);
 }
 
 /* Sign of (a-c) x (b-c): 1 when a, b, c [2] turn counter-clockwise, 0 on one line. */
-CLOTHI_UNUSED static int clothi_orient2d(const double *a, const double *b, const double *c) {
+static int clothi_orient2d(const double *a, const double *b, const double *c) {
     const double p = (a[0] - c[0]) * (b[1] - c[1]), q = (a[1] - c[1]) * (b[0] - c[0]);
     const double det = p - q, bound = 4.5e-16 * (fabs(p) + fabs(q));  /* 3 roundings of 2^-53 */
     double       u[2][2], v[2][2], e[16];
@@ -709,14 +709,10 @@ CLOTHI_UNUSED static int clothi_orient2d(const double *a, const double *b, const
 
 /* Sign of (a-d) . (b-d) x (c-d): 1 when a, b, c turn counter-clockwise seen from the side that d
  * is not on, 0 in one plane. */
-CLOTHI_UNUSED static int clothi_orient3d(const double *a, const double *b, const double *c,
-                                         const double *d) {
-    const double *x[3];
-    double        w[3][3], e[3][3][2], m[16], sum[192], det = 0, bound = 0;
-    int           i, k, n = 0;
-    x[0] = a;
-    x[1] = b;
-    x[2] = c;
+static int clothi_orient3d(const double *a, const double *b, const double *c, const double *d) {
+    const double *const x[3] = {a, b, c};
+    double              w[3][3], e[3][3][2], m[16], sum[192], det = 0, bound = 0;
+    int                 i, k, n = 0;
     for (i = 0; i < 3; i++) clothi_sub3(x[i], d, w[i]);
     for (i = 0; i < 3; i++) {
         const int    j = (i + 1) % 3, l = (i + 2) % 3;
@@ -752,7 +748,7 @@ CLOTHI_UNUSED static int clothi_orient3d(const double *a, const double *b, const
  * checked: tests/test_ccd.c */
 
 /* Differences of the pair x [4x3] into r [4x3]; returns how many there are: 3 or 4. */
-CLOTHI_UNUSED static int clothi_pair_polygon(int edge_edge, const double *x, double *r) {
+static int clothi_pair_polygon(int edge_edge, const double *x, double *r) {
     clothi_sub3(x, x + (edge_edge ? 6 : 3), r);
     clothi_sub3(x + (edge_edge ? 3 : 0), x + 6, r + 3);
     clothi_sub3(x + (edge_edge ? 3 : 0), x + 9, r + 6);
@@ -769,7 +765,7 @@ static inline void clothi_polygon_plane(const double *r, int n, double *e, doubl
 
 /* The point v [3] of the polygon r [n x 3] nearest to the origin: v = sum lambda_k r_k. Returns
  * its side, from corner k to k + 1, or -1 inside. Needs |r| < 1e70, exact down to 1e-70. */
-CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, double *v) {
+static int clothi_nearest(const double *r, int n, double *lambda, double *v) {
     double e[6], normal[3], c[3], best = HUGE_VAL, at = 0, nn;
     int    i, k, side = 0;
     for (i = 0; i < n; i++) {
@@ -819,7 +815,7 @@ CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, 
 /* Weights of the four points, of sum 0, from those of the polygon's corners: positive for a vertex
  * and for the first edge, minus the barycentric coordinates for a face, negative for the second
  * edge. */
-CLOTHI_UNUSED static void clothi_pair_weights(int edge_edge, const double *lambda, double *w) {
+static void clothi_pair_weights(int edge_edge, const double *lambda, double *w) {
     if (edge_edge) {
         w[1] = lambda[1] + lambda[2];
         w[0] = 1 - w[1];
@@ -834,7 +830,7 @@ CLOTHI_UNUSED static void clothi_pair_weights(int edge_edge, const double *lambd
 }
 
 /* Normal of the face v [3] at x, twice its area long. */
-CLOTHI_UNUSED static void clothi_face_cross(const double *x, const int *v, double *n) {
+static void clothi_face_cross(const double *x, const int *v, double *n) {
     double d[3], e[3];
     clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
     clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
@@ -842,7 +838,7 @@ CLOTHI_UNUSED static void clothi_face_cross(const double *x, const int *v, doubl
 }
 
 /* The same of length 1; 0 without an area. */
-CLOTHI_UNUSED static void clothi_face_normal(const double *x, const int *v, double *n) {
+static void clothi_face_normal(const double *x, const int *v, double *n) {
     double size;
     int    k;
     clothi_face_cross(x, v, n);
@@ -851,7 +847,7 @@ CLOTHI_UNUSED static void clothi_face_normal(const double *x, const int *v, doub
 }
 
 /* The power of two that takes m > 0 to [1/2, 1), as far as doubles go; 1 for 0. */
-CLOTHI_UNUSED static double clothi_unit_scale(double m) {
+static double clothi_unit_scale(double m) {
     int e;
     (void)frexp(m, &e);
     return ldexp(1.0, e < -1022 ? 1022 : e > 1022 ? -1022 : -e);
@@ -859,7 +855,7 @@ CLOTHI_UNUSED static double clothi_unit_scale(double m) {
 
 /* Distance of a pair x [4x3], m; w [4]: weights of the nearest points, so that sum w_i x_i spans
  * the distance. */
-CLOTHI_UNUSED static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
+static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
     double       r[12], lambda[4], v[3], scale = 1;
     const int    n = clothi_pair_polygon(edge_edge, x, r);
     const double m = clothi_max_abs(r, 3 * n);
@@ -919,7 +915,7 @@ static void clothi_ccd_at(const clothi_ccd *q, double t, double *r) {
 
 /* Longest certified time from t with the fixed direction n, |n| = 1: t when there is none, 2 when
  * it lasts to the end. */
-CLOTHI_UNUSED static double clothi_ccd_axis(const clothi_ccd *q, const double *n, double t) {
+static double clothi_ccd_axis(const clothi_ccd *q, const double *n, double t) {
     double until = 2;
     int    k;
     for (k = 0; k < q->n; k++) {
@@ -931,7 +927,7 @@ CLOTHI_UNUSED static double clothi_ccd_axis(const clothi_ccd *q, const double *n
 }
 
 /* Where the hull of the quadratic f [3] on [0,1], f[0] > 0, first meets 0; 2: nowhere. */
-CLOTHI_UNUSED static double clothi_bernstein_first(const double *f) {
+static double clothi_bernstein_first(const double *f) {
     double first = 2;
     int    i, k;
     for (i = 1; i < 3; i++)
@@ -943,8 +939,7 @@ CLOTHI_UNUSED static double clothi_bernstein_first(const double *f) {
 
 /* How fast n [3] must turn, W [3] from t to the end, to stay at right angles to the sides e of the
  * polygon, which is r now: W.e = -n.(change of e). 0: it has no plane. */
-CLOTHI_UNUSED static int clothi_ccd_turn(const clothi_ccd *q, const double *r, const double *n,
-                                         double *W) {
+static int clothi_ccd_turn(const clothi_ccd *q, const double *r, const double *n, double *W) {
     double e[6], to[2] = {0, 0}, c[2][3], normal[3], size;
     int    k;
     clothi_polygon_plane(r, q->n, e, normal);
@@ -963,8 +958,7 @@ CLOTHI_UNUSED static int clothi_ccd_turn(const clothi_ccd *q, const double *r, c
  * 0 to 1 between t and the end. A corner's distance is quadratic in x; |n + x W| is at most
  * 1 + x^2 W^2/2, as W is at right angles to n but for rounding. Up to x = 1 the hull is too wide,
  * so the first answer bounds the range for the next. */
-CLOTHI_UNUSED static double clothi_ccd_turning(const clothi_ccd *q, const double *r,
-                                               const double *n, double t) {
+static double clothi_ccd_turning(const clothi_ccd *q, const double *r, const double *n, double t) {
     double W[3], a[4], b[4], c[4], ww, size, best = 0, h = 1;
     int    i, round;
     if (!clothi_ccd_turn(q, r, n, W)) return t;
@@ -997,8 +991,7 @@ CLOTHI_UNUSED static double clothi_ccd_turning(const clothi_ccd *q, const double
 
 /* Direction out [3], |out| = 1, to the nearest point v of the polygon r on its side, -1 its
  * inside; 0 when there is none. */
-CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, const double *v,
-                                              double *out) {
+static int clothi_ccd_direction(const double *r, int n, int side, const double *v, double *out) {
     double e[6], len;
     int    k;
     if (side < 0) clothi_polygon_plane(r, n, e, out);
@@ -1020,7 +1013,7 @@ CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, 
 }
 
 /* The whole search in doubles, m in range. */
-CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
+static int clothi_ccd_run(clothi_ccd *q, double *toi) {
     const double near = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
     double       t = 0;
     int          step;
@@ -1054,13 +1047,13 @@ typedef struct clothi_dd {
     double h, l;
 } clothi_dd;
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_of(double h, double l) {
+static clothi_dd clothi_dd_of(double h, double l) {
     clothi_dd c;
     clothi_two_sum(h, l, &c.h, &c.l);
     return c;
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
+static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
     double s, r, v, w;
     clothi_two_sum(a.h, b.h, &s, &r);
     clothi_two_sum(a.l, b.l, &v, &w);
@@ -1068,29 +1061,28 @@ CLOTHI_UNUSED static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
     return clothi_dd_of(a.h, w + a.l);
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_neg(clothi_dd a) {
+static clothi_dd clothi_dd_neg(clothi_dd a) {
     return clothi_dd_of(-a.h, -a.l);
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_sub(clothi_dd a, clothi_dd b) {
+static clothi_dd clothi_dd_sub(clothi_dd a, clothi_dd b) {
     b.h = -b.h;
     b.l = -b.l;
     return clothi_dd_add(a, b);
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_mul(clothi_dd a, clothi_dd b) {
+static clothi_dd clothi_dd_mul(clothi_dd a, clothi_dd b) {
     double p, r;
     clothi_two_product(a.h, b.h, &p, &r);
     return clothi_dd_of(p, r + (a.h * b.l + a.l * b.h));
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_dot(const clothi_dd *a, const clothi_dd *b) {
+static clothi_dd clothi_dd_dot(const clothi_dd *a, const clothi_dd *b) {
     return clothi_dd_add(clothi_dd_add(clothi_dd_mul(a[0], b[0]), clothi_dd_mul(a[1], b[1])),
                          clothi_dd_mul(a[2], b[2]));
 }
 
-CLOTHI_UNUSED static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b,
-                                          clothi_dd *out) {
+static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b, clothi_dd *out) {
     int k;
     for (k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -1099,8 +1091,8 @@ CLOTHI_UNUSED static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b
 }
 
 /* out [n] = a + t (b - a) */
-CLOTHI_UNUSED static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, clothi_dd t,
-                                        int n, clothi_dd *out) {
+static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, clothi_dd t, int n,
+                          clothi_dd *out) {
     const clothi_dd s = clothi_dd_sub(clothi_dd_of(1, 0), t);
     int             k;
     for (k = 0; k < n; k++)
@@ -1108,7 +1100,7 @@ CLOTHI_UNUSED static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, 
 }
 
 /* The foot p [3] of the perpendicular on the side from a to b, or the nearer end. */
-CLOTHI_UNUSED static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b, clothi_dd *p) {
+static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b, clothi_dd *p) {
     clothi_dd e[3];
     int       k, pass;
     for (k = 0; k < 3; k++) e[k] = clothi_dd_sub(b[k], a[k]);
@@ -1123,8 +1115,7 @@ CLOTHI_UNUSED static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b,
 
 /* Direction out [3] to the plane of the polygon r (side -1), to its side from corner k to k + 1;
  * 0 when there is none. */
-CLOTHI_UNUSED static int clothi_dd_direction(const clothi_dd *r, int n, int side,
-                                             clothi_dd *out) {
+static int clothi_dd_direction(const clothi_dd *r, int n, int side, clothi_dd *out) {
     clothi_dd e1[3], e2[3];
     double    len;
     int       i;
@@ -1144,8 +1135,8 @@ CLOTHI_UNUSED static int clothi_dd_direction(const clothi_dd *r, int n, int side
 }
 
 /* Certified fraction of [t,1] with the direction n; 2: all of it. */
-CLOTHI_UNUSED static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd *r1, int corners,
-                                           const clothi_dd *n, clothi_dd t, double floor) {
+static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd *r1, int corners,
+                             const clothi_dd *n, clothi_dd t, double floor) {
     double until = 2;
     int    k;
     for (k = 0; k < corners; k++) {
@@ -1158,8 +1149,7 @@ CLOTHI_UNUSED static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd 
 }
 
 /* From *toi on for min_sep = 0: 0 when the rest of the motion is free, else 1 and the time. */
-CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m,
-                                       double *toi) {
+static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m, double *toi) {
     const double    E = 1.262177448353619e-29 * m;                 /* 2^-96 */
     const clothi_dd one = clothi_dd_of(1, 0);
     clothi_dd       t = clothi_dd_of(*toi, 0), r[12], dir[3];
@@ -1180,8 +1170,7 @@ CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_
 }
 
 /* Differences of the pair x [4x3] times a power of two, without error. */
-CLOTHI_UNUSED static void clothi_dd_polygon(int edge_edge, const double *x, double scale,
-                                            clothi_dd *r) {
+static void clothi_dd_polygon(int edge_edge, const double *x, double scale, clothi_dd *r) {
     static const unsigned char of[2][8] = {{0, 1, 0, 2, 0, 3, 0, 3}, {0, 2, 1, 2, 1, 3, 0, 3}};
     int                        i;
     for (i = 0; i < 12; i++) {
@@ -1193,7 +1182,7 @@ CLOTHI_UNUSED static void clothi_dd_polygon(int edge_edge, const double *x, doub
 
 /* Sign of det(e1, e2, r_0), sides and a corner of the polygon at t; 0 within its rounding, about
  * 2^-45 m e^2 where the origin is in the polygon, e its largest |side|. */
-CLOTHI_UNUSED static int clothi_ccd_side(const clothi_ccd *q, double t) {
+static int clothi_ccd_side(const clothi_ccd *q, double t) {
     double r[12], sides[6], n[3], c, e;
     clothi_ccd_at(q, t, r);
     clothi_polygon_plane(r, q->n, sides, n);
@@ -1204,7 +1193,7 @@ CLOTHI_UNUSED static int clothi_ccd_side(const clothi_ccd *q, double t) {
 
 /* A contact beyond doubt, which needs no more digits: around t the plane passes through the
  * origin, which is well inside of the polygon. With s = 0 it saves 5 us of 6. */
-CLOTHI_UNUSED static int clothi_ccd_plain(const clothi_ccd *q, double t) {
+static int clothi_ccd_plain(const clothi_ccd *q, double t) {
     const double dt = CLOTHI_CCD_NEAR;
     double       r[12], lambda[4], v[3];
     int          i;
@@ -1217,7 +1206,7 @@ CLOTHI_UNUSED static int clothi_ccd_plain(const clothi_ccd *q, double t) {
 }
 
 /* One of the three axes keeps the polygon away all the time. */
-CLOTHI_UNUSED static int clothi_ccd_boxes(const clothi_ccd *q) {
+static int clothi_ccd_boxes(const clothi_ccd *q) {
     int i, k;
     for (k = 0; k < 3; k++) {
         double lo = clothi_min(q->r0[k], q->r1[k]), hi = clothi_max(q->r0[k], q->r1[k]);
@@ -1231,8 +1220,8 @@ CLOTHI_UNUSED static int clothi_ccd_boxes(const clothi_ccd *q) {
 }
 
 /* The differences, their size and the bounds; 0 when the largest is 0 or too large. */
-CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa,
-                                         const double *xb, double min_sep) {
+static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa, const double *xb,
+                           double min_sep) {
     int i;
     q->n = clothi_pair_polygon(edge_edge, xa, q->r0);
     clothi_pair_polygon(edge_edge, xb, q->r1);
@@ -1255,8 +1244,8 @@ CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const dou
     return 1;
 }
 
-CLOTHI_UNUSED static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb,
-                                         double min_sep, double *toi) {
+static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, double min_sep,
+                           double *toi) {
     clothi_ccd q;
     double     unasked;
     if (!toi) toi = &unasked;
@@ -1300,9 +1289,8 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
  * direction of the distance at toi; where that is lost in rounding, the normal of the face or of
  * both edges; where that has no side at the start, the direction of the distance at the start.
  * 0 is returned when the two touch at the start; n is then one of these, or the x axis. */
-CLOTHI_UNUSED static double clothi_contact_frame(int edge_edge, const double *xa,
-                                                 const double *xb, double toi, double *w,
-                                                 double *n) {
+static double clothi_contact_frame(int edge_edge, const double *xa, const double *xb, double toi,
+                                   double *w, double *n) {
     double    r0[12], r[12], m0, scale, g = 0, start[3] = {0, 0, 0};
     double    lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0};  /* squares overflow: nothing is near */
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
@@ -1406,7 +1394,7 @@ typedef struct clothi_pairs {
 
 /* --- the list of pairs --- */
 
-CLOTHI_UNUSED static void clothi_pairs_free(const cloth_hooks *hooks, clothi_pairs *p) {
+static void clothi_pairs_free(const cloth_hooks *hooks, clothi_pairs *p) {
     clothi_free(hooks, p->pair);
     clothi_free(hooks, p->start);
     memset(p, 0, sizeof *p);
@@ -1419,10 +1407,8 @@ typedef struct clothi_segment {
 } clothi_segment;
 
 static clothi_segment clothi_segment_open(const clothi_pairs *p, int task) {
-    clothi_segment s;
-    s.pair = p->pair + 2 * p->start[task];
-    s.room = p->start[task + 1] - p->start[task];
-    s.found = 0;
+    const size_t         at = p->start[task];
+    const clothi_segment s = {p->pair + 2 * at, p->start[task + 1] - at, 0};
     return s;
 }
 
@@ -1546,12 +1532,7 @@ static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pai
                                       clothi_look_fn *fn, const void *ctx,
                                       clothi_pairs *const *out, int nout, size_t least) {
     const int   chunk = CLOTHI_PAIRS_CHUNK;
-    clothi_look l;
-    l.in = in;
-    l.out = out;
-    l.nout = nout;
-    l.fn = fn;
-    l.ctx = ctx;
+    clothi_look l = {in, out, nout, fn, ctx};
     return clothi_pairs_run(hooks, out, nout, in->count / chunk + (in->count % chunk != 0), least,
                             clothi_look_range, &l);
 }
@@ -1563,8 +1544,7 @@ static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pai
  * in   pad     m, >= 0. Points come within D of each other only if their boxes with pads p, q that
  *              add up to D (but for rounding) overlap: from a + p >= b - q follows, rounding being
  *              monotone, fl(a + p) >= fl(b - q) */
-CLOTHI_UNUSED static void clothi_swept_boxes(int n, const double *xa, const double *xb,
-                                             double pad, double *box) {
+static void clothi_swept_boxes(int n, const double *xa, const double *xb, double pad, double *box) {
     int i, k;
     if (!xb) xb = xa;
     pad *= 1 + 1e-15;                       /* the rounding of the pads' own sum               */
@@ -1585,8 +1565,7 @@ static inline void clothi_box_join(const double *a, const double *b, double *out
 }
 
 /* The boxes [nf x 6] of faces from those of their vertices, vertex_box [nv x 6]. */
-CLOTHI_UNUSED static void clothi_face_boxes(int nf, const int *faces, const double *vertex_box,
-                                            double *box) {
+static void clothi_face_boxes(int nf, const int *faces, const double *vertex_box, double *box) {
     int f;
     for (f = 0; f < nf; f++) {
         clothi_box_join(vertex_box + 6 * faces[3 * f], vertex_box + 6 * faces[3 * f + 1],
@@ -1669,7 +1648,7 @@ static inline int clothi_bvh_item(const clothi_bvh *t, int j, int level) {
     return (int)(((uint64_t)(unsigned)j * (unsigned)t->n) >> level);
 }
 
-CLOTHI_UNUSED static void clothi_bvh_free(const cloth_hooks *hooks, clothi_bvh *t) {
+static void clothi_bvh_free(const cloth_hooks *hooks, clothi_bvh *t) {
     clothi_free(hooks, t->node);
     memset(t, 0, sizeof *t);
 }
@@ -1702,12 +1681,9 @@ static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
 /* Takes other boxes, box [n x 6], for the same items.
  * contract: alloc none | cost O(n), ~15 ns an item, leaves in parallel | same bits for any worker
  *   count */
-CLOTHI_UNUSED static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t,
-                                           const double *box) {
-    clothi_bvh_job job;
+static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t, const double *box) {
+    clothi_bvh_job job = {t, box};
     int            i;
-    job.tree = t;
-    job.box = box;
     clothi_for(hooks, 1 << t->depth, 256, clothi_bvh_refit_leaves, &job);
     for (i = (1 << t->depth) - 1; i > 0; i--) {
         clothi_node_join(t->node + 2 * (size_t)i, t->node + 2 * (size_t)i + 1, t->node + i);
@@ -1763,8 +1739,8 @@ static void clothi_bvh_split(int n, const double *key, int *order, int lo, int m
  * out  *t      owned: clothi_bvh_free; empty on failure
  * returns CLOTH_OK, CLOTH_ERR_MEMORY
  * contract: alloc one block of ~110 n bytes and scratch | cost O(n log n) | serial build */
-CLOTHI_UNUSED static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n,
-                                                   const double *box, clothi_bvh *t) {
+static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const double *box,
+                                     clothi_bvh *t) {
     const size_t   m = (size_t)n;
     cloth_status   status;
     double        *key = NULL;
@@ -1805,9 +1781,8 @@ done:
 }
 
 /* The same over the faces [nf x 3] of a mesh at x [nv x 3]. */
-CLOTHI_UNUSED static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv,
-                                                   const double *x, int nf, const int *faces,
-                                                   clothi_bvh *t) {
+static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv, const double *x, int nf,
+                                     const int *faces, clothi_bvh *t) {
     double      *box = (double *)clothi_alloc(hooks, 6 * ((size_t)nv + (size_t)nf), sizeof *box);
     cloth_status status;
     memset(t, 0, sizeof *t);
@@ -1909,21 +1884,16 @@ static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
  *   empty then
  * contract: alloc when the list outgrows its memory | cost ~ O(n log n + pairs) for surfaces |
  *   same list for any worker count */
-CLOTHI_UNUSED static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks,
-                                                         const clothi_bvh *a, const clothi_bvh *b,
-                                                         clothi_pairs *pairs) {
-    clothi_bvh_query q;
-    q.a = a;
-    q.b = b;
-    q.pairs = pairs;
-    q.level_a = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
-    q.level_b = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
-    return clothi_pairs_run(hooks, &pairs, 1, 1 << (q.level_a + q.level_b), 64,
-                            clothi_bvh_query_range, &q);
+static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a,
+                                           const clothi_bvh *b, clothi_pairs *pairs) {
+    const int        p = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
+    const int        q = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
+    clothi_bvh_query query = {a, b, pairs, p, q};
+    return clothi_pairs_run(hooks, &pairs, 1, 1 << (p + q), 64, clothi_bvh_query_range, &query);
 }
 
-CLOTHI_UNUSED static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks,
-                                                        const clothi_bvh *t, clothi_pairs *pairs) {
+static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks, const clothi_bvh *t,
+                                          clothi_pairs *pairs) {
     return clothi_bvh_cross_pairs(hooks, t, t, pairs);
 }
 
@@ -1939,10 +1909,9 @@ typedef struct clothi_bvh_walk {
     int               at, end;              /* of the leaf: items still to be looked at        */
 } clothi_bvh_walk;
 
-CLOTHI_UNUSED static clothi_bvh_walk clothi_bvh_walk_over(const clothi_bvh *t, const double *box) {
+static clothi_bvh_walk clothi_bvh_walk_over(const clothi_bvh *t, const double *box) {
     clothi_bvh_walk w;
-    w.tree = t;
-    w.box = box;
+    w.tree = t, w.box = box;
     clothi_node_around(box, &w.bound);
     w.stack[0] = w.n = 1;
     w.at = w.end = 0;
@@ -1950,7 +1919,7 @@ CLOTHI_UNUSED static clothi_bvh_walk clothi_bvh_walk_over(const clothi_bvh *t, c
 }
 
 /* The next item, -1 when there is none. */
-CLOTHI_UNUSED static int clothi_bvh_next(clothi_bvh_walk *w) {
+static int clothi_bvh_next(clothi_bvh_walk *w) {
     const clothi_bvh *t = w->tree;
     for (;;) {
         int node, leaf;
@@ -1988,8 +1957,8 @@ static double clothi_node_distance2(const clothi_box *b, const double *p) {
  * smallest. Returns it and sets *d2; returns -1 and leaves *d2 when there is none. fn must not be
  * less than the distance from the item's box by more than a relative 1e-9.
  * contract: alloc none | cost O(log n) for a point not far away as against the items' size */
-CLOTHI_UNUSED static int clothi_bvh_nearest(const clothi_bvh *t, const double *point,
-                                            clothi_distance_fn *fn, void *ctx, double *d2) {
+static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_distance_fn *fn,
+                              void *ctx, double *d2) {
     const double slack = 1 - 1e-9;
     int          stack[CLOTHI_BVH_STACK], n = 0, best = -1, i;
     double       reach[CLOTHI_BVH_STACK];
@@ -2033,7 +2002,7 @@ typedef struct clothi_features {
     unsigned char *owned;                   /* [nf] bit k: corner k, bit 3+k: edge k is owned  */
 } clothi_features;
 
-CLOTHI_UNUSED static void clothi_features_free(const cloth_hooks *hooks, clothi_features *s) {
+static void clothi_features_free(const cloth_hooks *hooks, clothi_features *s) {
     clothi_free(hooks, s->edges);
     memset(s, 0, sizeof *s);
 }
@@ -2041,8 +2010,8 @@ CLOTHI_UNUSED static void clothi_features_free(const cloth_hooks *hooks, clothi_
 /* faces [nf x 3] are borrowed as long as *s lives; the smallest face owns.
  * returns CLOTH_OK; CLOTH_ERR_MESH: an index out of range, a corner twice; CLOTH_ERR_MEMORY;
  *   *s is empty then.   cost O(nv + nf) */
-CLOTHI_UNUSED static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
-                                                        const int *faces, clothi_features *s) {
+static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
+                                          const int *faces, clothi_features *s) {
     clothi_edge_sort sort;
     cloth_status     status;
     int              i, end, h, ne = 0;
@@ -2132,17 +2101,11 @@ static void clothi_features_look(const int *pair, const void *ctx, clothi_segmen
  * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; both lists empty then
  * contract: alloc when a list outgrows its memory | cost O(pairs) | same lists for any worker
  *   count */
-CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks,
-                                                        const clothi_features *s,
-                                                        const clothi_pairs *faces,
-                                                        const double *vertex_box, clothi_pairs *vf,
-                                                        clothi_pairs *ee) {
-    clothi_features_job job;
-    clothi_pairs       *list[2];
-    job.s = s;
-    job.box = vertex_box;
-    list[0] = vf;
-    list[1] = ee;
+static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi_features *s,
+                                          const clothi_pairs *faces, const double *vertex_box,
+                                          clothi_pairs *vf, clothi_pairs *ee) {
+    const clothi_features_job job = {s, vertex_box};
+    clothi_pairs *const       list[2] = {vf, ee};
     return clothi_pairs_look(hooks, faces, clothi_features_look, &job, list, 2,
                              2 * CLOTHI_PAIRS_CHUNK);
 }
@@ -2179,11 +2142,8 @@ static int clothi_volume(const double *a, const double *b, const double *c, cons
 
 /* Turn of the projection of a, b, c along an axis: 0 when on a line. */
 static int clothi_turn_of(const double *a, const double *b, const double *c, int axis) {
-    const int i = (axis + 1) % 3, j = (axis + 2) % 3;
-    double    p[3][2];
-    p[0][0] = a[i]; p[0][1] = a[j];
-    p[1][0] = b[i]; p[1][1] = b[j];
-    p[2][0] = c[i]; p[2][1] = c[j];
+    const int    i = (axis + 1) % 3, j = (axis + 2) % 3;
+    const double p[3][2] = {{a[i], a[j]}, {b[i], b[j]}, {c[i], c[j]}};
     return clothi_orient2d(p[0], p[1], p[2]);
 }
 
@@ -2319,7 +2279,7 @@ static int clothi_meet_beyond_edge(const double *u, const double *w, const doubl
 
 /* Faces f [3] and g [3], no corner named twice, of finite positions x: 1 when they intersect as
  * the banner says.   cost: 6 signs when apart or beside each other, up to ~100 in one plane */
-CLOTHI_UNUSED static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
+static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
     const double *p[3], *q[3];
     int           shared = 0, at_f[3], at_g[3], i, j;
     for (i = 0; i < 3; i++)
@@ -2358,19 +2318,15 @@ static void clothi_crossing_look(const int *pair, const void *ctx, clothi_segmen
  * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; out empty then
  * contract: alloc when out outgrows its memory | ~0.1 us a candidate | same list for any worker
  *   count */
-CLOTHI_UNUSED static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
-                                                        const int *faces,
-                                                        const clothi_pairs *candidates,
-                                                        clothi_pairs *out) {
-    clothi_crossing_job job;
-    job.x = x;
-    job.faces = faces;
+static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
+                                          const int *faces, const clothi_pairs *candidates,
+                                          clothi_pairs *out) {
+    const clothi_crossing_job job = {x, faces};
     return clothi_pairs_look(hooks, candidates, clothi_crossing_look, &job, &out, 1, 4);
 }
 
 /* The list in increasing order of (first, second), all in [0, n). */
-CLOTHI_UNUSED static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n,
-                                                    clothi_pairs *p) {
+static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n, clothi_pairs *p) {
     const size_t m = (size_t)p->count;
     int         *work, *key, *in, *out, *count, i, k;
     if (p->count < 2) return CLOTH_OK;
@@ -2592,9 +2548,7 @@ typedef struct clothi_qp {
 } clothi_qp;
 
 static inline clothi_dd clothi_qp_one(double a) {
-    clothi_dd r;
-    r.h = a;
-    r.l = 0;
+    const clothi_dd r = {a, 0};
     return r;
 }
 
@@ -3540,12 +3494,9 @@ done:
  * there (on the side of the normal), -1 when it enters, 0 when it misses. Exact. */
 static int clothi_line_turn(const double *a, const double *b, const double *c, int w,
                             const double *p) {
-    const int     v = w == 0 ? 2 : w - 1;
-    const double *corner[4];
-    int           k, turn = 0;
-    corner[0] = corner[3] = a;
-    corner[1] = b;
-    corner[2] = c;
+    const int           v = w == 0 ? 2 : w - 1;
+    const double *const corner[4] = {a, b, c, a};
+    int                 k, turn = 0;
     for (k = 0; k < 3; k++) {
         const int     up = corner[k][v] <= p[v];
         const double *lo = corner[up ? k : k + 1], *hi = corner[up ? k + 1 : k];
@@ -3557,13 +3508,10 @@ static int clothi_line_turn(const double *a, const double *b, const double *c, i
 
 /* How often the closed faces wrap round p [3], m: exact for coordinates in range of [3.1].
  * contract: alloc none | cost O(log nf + faces on the ray), 0.4 us of 26 000 */
-CLOTHI_UNUSED static int clothi_surface_winding(const clothi_surface *s, const double *p) {
+static int clothi_surface_winding(const clothi_surface *s, const double *p) {
     clothi_bvh_walk w;
-    double      ray[6];
-    int         f, sum = 0;
-    memcpy(ray, p, 3 * sizeof *p);
-    memcpy(ray + 3, p, 3 * sizeof *p);
-    ray[3] = CLOTHI_HUGE;
+    const double    ray[6] = {p[0], p[1], p[2], CLOTHI_HUGE, p[1], p[2]};
+    int             f, sum = 0;
     w = clothi_bvh_walk_over(s->tree, ray);
     while ((f = clothi_bvh_next(&w)) >= 0) {
         const int    *v = s->faces + 3 * (size_t)f;
@@ -3580,13 +3528,10 @@ CLOTHI_UNUSED static int clothi_surface_winding(const clothi_surface *s, const d
 /* Segment p q against the closed triangle a b c, touching included: 1 when it goes to the side of
  * the normal, -1 when it comes from there, 0 when they are apart or both ends are in the plane.
  * Exact. The crossing point is not computed here. */
-CLOTHI_UNUSED static int clothi_surface_pierced(const double *p, const double *q, const double *a,
-                                                const double *b, const double *c) {
-    const double *t[3];
-    const int     sp = clothi_volume(a, b, c, p), sq = clothi_volume(a, b, c, q);
-    t[0] = a;
-    t[1] = b;
-    t[2] = c;
+static int clothi_surface_pierced(const double *p, const double *q, const double *a,
+                                  const double *b, const double *c) {
+    const double *const t[3] = {a, b, c};
+    const int           sp = clothi_volume(a, b, c, p), sq = clothi_volume(a, b, c, q);
     if (sp == sq || !clothi_edge_meets(p, q, sp, sq, t)) return 0;
     return sp > sq ? 1 : -1;
 }
@@ -3618,8 +3563,7 @@ static double clothi_surface_far(int f, const double *p, void *ctx) {
  * out    b     [3] barycentric coordinates of the nearest point
  * returns the face; -1 when there is none, d2 and b are as before
  * contract: alloc none | cost O(log nf) for a point not far away as against the faces' size */
-CLOTHI_UNUSED static int clothi_surface_nearest(const clothi_surface *s, const double *p,
-                                                double *d2, double *b) {
+static int clothi_surface_nearest(const clothi_surface *s, const double *p, double *d2, double *b) {
     clothi_surface look = *s;
     const int      f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &look, d2);
     if (f >= 0) (void)clothi_surface_distance2(s, f, p, b);
@@ -3631,11 +3575,9 @@ CLOTHI_UNUSED static int clothi_surface_nearest(const clothi_surface *s, const d
 /* 1 when faces f and g cut each other: they meet beyond what they share and each has corners on
  * both sides of the other. Exact; touching is no cut. */
 static int clothi_surface_cut(const clothi_surface *s, int f, int g) {
-    const int    *v[2];
-    const double *c[2][3];
-    int           sign[2][3], i, k;
-    v[0] = s->faces + 3 * (size_t)f;
-    v[1] = s->faces + 3 * (size_t)g;
+    const int *const v[2] = {s->faces + 3 * (size_t)f, s->faces + 3 * (size_t)g};
+    const double    *c[2][3];
+    int              sign[2][3], i, k;
     if (!clothi_faces_intersect(s->x, v[0], v[1])) return 0;
     for (i = 0; i < 6; i++) c[i / 3][i % 3] = s->x + 3 * (size_t)v[i / 3][i % 3];
     for (k = 0; k < 2; k++) {
@@ -3772,10 +3714,10 @@ static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
     int                    b;
     (void)worker;
     for (b = begin; b < end; b++) {
-        int first[3];
-        first[0] = CLOTHI_GRID_BLOCK * (b % job->blocks[0]);
-        first[1] = CLOTHI_GRID_BLOCK * (b / job->blocks[0] % job->blocks[1]);
-        first[2] = CLOTHI_GRID_BLOCK * (b / job->blocks[0] / job->blocks[1]);
+        const int *n = job->blocks;
+        const int  first[3] = {CLOTHI_GRID_BLOCK * (b % n[0]),
+                               CLOTHI_GRID_BLOCK * (b / n[0] % n[1]),
+                               CLOTHI_GRID_BLOCK * (b / n[0] / n[1])};
         clothi_grid_block(job, first);
     }
 }
@@ -3788,7 +3730,7 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
     const double           most = clothi_min(CLOTHI_GRID_LARGE, CLOTHI_GRID_REACH * d->cell);
     clothi_surface_defects defects;
     cloth_status           status;
-    double                 volume = 0, at[3], n[3];
+    double                 volume = 0, corner[3], n[3];
     int                    i, f;
     status = clothi_check_array(hooks, "x", d->x, d->nv, 3);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
@@ -3811,8 +3753,8 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
                            d->faces[i], d->faces[clothi_halfedge_next(i)], i / 3);
     for (f = 0; f < d->nf; f++) {
         clothi_face_cross(d->x, d->faces + 3 * f, n);
-        clothi_sub3(d->x + 3 * d->faces[3 * f], lo, at);
-        volume += clothi_dot3(at, n) / 6;
+        clothi_sub3(d->x + 3 * d->faces[3 * f], lo, corner);
+        volume += clothi_dot3(corner, n) / 6;
     }
     if (volume > 0) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_MESH, "the mesh holds a volume of %g m^3: faces must turn "
@@ -8806,11 +8748,9 @@ static void clothi_contour_shrink(const cloth_collide *c, const clothi_contour *
 /* The way of cloth vertex v out of obstacle `slot`; 0 when it is not inside. */
 static int clothi_tangle_leave(const cloth_collide *c, clothi_tangle *u, int slot, int v) {
     const double  *p = c->xa + 3 * v;
-    clothi_surface solid;
+    clothi_surface solid = {c->xa, c->faces, u->mask, NULL, &c->solid};
     double         n[3], b[3], d2 = CLOTHI_HUGE;
     int            k, f, wind;
-    solid.x = c->xa, solid.faces = c->faces, solid.closed = u->mask;
-    solid.skip = NULL, solid.tree = &c->solid;
     wind = clothi_surface_winding(&solid, p);
     if (!(c->obstacle[slot].kind == CLOTH_OBSTACLE_BOX ? wind : wind >= 1)) return 0;
     f = clothi_surface_nearest(&solid, p, &d2, b);

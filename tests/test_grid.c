@@ -499,7 +499,7 @@ static void refusals(void) {
     d = good, d.cell = -1, refuse(&d, CLOTH_ERR_ARGUMENT, "cell = -1");
     d = good, d.cell = NAN, refuse(&d, CLOTH_ERR_NONFINITE, "cell");
     d = good, d.band = INFINITY, refuse(&d, CLOTH_ERR_NONFINITE, "band");
-    d = good, d.band = 0.1, refuse(&d, CLOTH_ERR_ARGUMENT, "band = 0.1 is below 0.5");
+    d = good, d.band = 0.1, refuse(&d, CLOTH_ERR_ARGUMENT, "band = 0.1 must be at least 0.5");
     d = good, d.margin = 0.1, refuse(&d, CLOTH_ERR_ARGUMENT, "margin");
     d = good, d.margin = NAN, refuse(&d, CLOTH_ERR_NONFINITE, "margin");
     d = good, d.max_nodes = 100, refuse(&d, CLOTH_ERR_CAPACITY, "more than 100");

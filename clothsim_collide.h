@@ -856,10 +856,10 @@ static double clothi_unit_scale(double m) {
 /* Distance of a pair x [4x3], m; w [4]: weights of the nearest points, so that sum w_i x_i spans
  * the distance. */
 static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
-    double       r[12], lambda[4], v[3], scale = 1;
-    const int    n = clothi_pair_polygon(edge_edge, x, r);
-    const double m = clothi_max_abs(r, 3 * n);
-    int          i;
+    double    r[12], lambda[4], v[3], m = 0, scale = 1;
+    const int n = clothi_pair_polygon(edge_edge, x, r);
+    int       i;
+    for (i = 0; i < 3 * n; i++) m = clothi_max(m, fabs(r[i]));
     if (!(m > 1e-60 && m < 1e60)) {
         scale = clothi_unit_scale(m);
         for (i = 0; i < 3 * n; i++) r[i] *= scale;
@@ -2169,12 +2169,13 @@ static int clothi_beside(const double *p, const double *a, const double *b) {
     return from_a * from_b > 0 ? from_a : 0;
 }
 
-/* Closed segments pq and rs. On one line every turn is 0, along any axis. */
+/* Closed segments pq and rs; axis: one along which the plane of both keeps its area, -1: not known,
+ * they may be anywhere. On one line every turn is 0, along any axis. */
 static int clothi_segments_meet(const double *p, const double *q, const double *r,
-                                const double *s) {
-    int axis, sr, ss, sp, sq;
-    if (clothi_volume(p, q, r, s)) return 0;
-    axis = clothi_open_axis(p, q, r);
+                                const double *s, int axis) {
+    int sr, ss, sp, sq;
+    if (axis < 0 && clothi_volume(p, q, r, s)) return 0;
+    if (axis < 0) axis = clothi_open_axis(p, q, r);
     if (axis < 0) axis = clothi_open_axis(p, q, s);
     if (axis < 0) axis = clothi_open_axis(r, s, p);
     if (axis < 0) axis = clothi_open_axis(r, s, q);
@@ -2207,7 +2208,7 @@ static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
                                      clothi_turn_of(t[2], t[0], p, axis)))
         return 1;
     for (k = 0; k < 3; k++)
-        if (clothi_segments_meet(p, q, t[k], t[(k + 1) % 3])) return 1;
+        if (clothi_segments_meet(p, q, t[k], t[(k + 1) % 3], axis)) return 1;
     return 0;
 }
 
@@ -2218,14 +2219,16 @@ static int clothi_plane_signs(const double *const *f, const double *const *g, in
     return sign[0] && sign[0] == sign[1] && sign[1] == sign[2];
 }
 
-/* Closed triangles without a shared vertex. */
+/* Closed triangles without a shared vertex. One without area is its sides, against the other. */
 static int clothi_triangles_meet(const double *const *f, const double *const *g) {
-    int of_f[3], of_g[3], k;
+    int of_f[3], of_g[3], f_area, g_area, k;
     if (clothi_plane_signs(f, g, of_g) || clothi_plane_signs(g, f, of_f)) return 0;
+    f_area = of_g[0] || of_g[1] || of_g[2] || clothi_open_axis(f[0], f[1], f[2]) >= 0;
+    g_area = of_f[0] || of_f[1] || of_f[2] || clothi_open_axis(g[0], g[1], g[2]) >= 0;
     for (k = 0; k < 3; k++) {
         const int l = (k + 1) % 3;
-        if (clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
-        if (clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g)) return 1;
+        if ((f_area || !g_area) && clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
+        if (g_area && clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g)) return 1;
     }
     return 0;
 }
@@ -2236,10 +2239,11 @@ static int clothi_one_way(const double *v, const double *a, const double *c) {
     return order && clothi_point_order(c, v) == order && clothi_open_axis(v, a, c) < 0;
 }
 
-/* p, not v, in the closed angle c v d, in one plane. Without an area: on one of its two sides. */
-static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p) {
-    const int axis = clothi_open_axis(v, c, d);
-    int       turn;
+/* p, not v, in the closed angle c v d, in one plane, whose area keeps along the axis; -1: it has
+ * none and is its two sides. */
+static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p,
+                           int axis) {
+    int turn;
     if (axis < 0) return clothi_one_way(v, c, p) || clothi_one_way(v, d, p);
     if (clothi_point_order(p, v) == 0) return 0;
     turn = clothi_turn_of(v, c, d, axis);
@@ -2252,17 +2256,20 @@ static int clothi_in_angle(const double *v, const double *c, const double *d, co
 static int clothi_meet_beyond_vertex(const double *const *f, const double *const *g) {
     const double *v = f[0];
     const int     C = clothi_volume(v, f[1], f[2], g[1]), D = clothi_volume(v, f[1], f[2], g[2]);
-    int           A, B;
+    int           A, B, f_axis, g_axis;
     if (C * D > 0) return 0;
     A = clothi_volume(v, g[1], g[2], f[1]);
     B = clothi_volume(v, g[1], g[2], f[2]);
     if (A * B > 0) return 0;
     if ((A || B) && (C || D))
         return (A >= 0 && B <= 0 && C <= 0 && D >= 0) || (A <= 0 && B >= 0 && C >= 0 && D <= 0);
-    return (!A && clothi_in_angle(v, g[1], g[2], f[1])) ||
-           (!B && clothi_in_angle(v, g[1], g[2], f[2])) ||
-           (!C && clothi_in_angle(v, f[1], f[2], g[1])) ||
-           (!D && clothi_in_angle(v, f[1], f[2], g[2]));
+    f_axis = clothi_open_axis(v, f[1], f[2]);
+    g_axis = clothi_open_axis(v, g[1], g[2]);
+    if ((g_axis >= 0 || f_axis < 0) && ((!A && clothi_in_angle(v, g[1], g[2], f[1], g_axis)) ||
+                                        (!B && clothi_in_angle(v, g[1], g[2], f[2], g_axis))))
+        return 1;
+    return f_axis >= 0 && ((!C && clothi_in_angle(v, f[1], f[2], g[1], f_axis)) ||
+                           (!D && clothi_in_angle(v, f[1], f[2], g[2], f_axis)));
 }
 
 /* Triangles u w a and u w b. Without area: segments along the line of the edge, or from u = w. */

@@ -1389,7 +1389,6 @@ typedef struct clothi_pairs {
     int     tasks;                          /* entries of the arrays below                     */
     size_t *start;                          /* [tasks + 1] segment of each task                */
     size_t *found;                          /* [tasks] pairs that it has, also beyond its room */
-    int     grown;                          /* times that memory was asked for                 */
 } clothi_pairs;
 
 /* --- the list of pairs --- */
@@ -1434,7 +1433,6 @@ static cloth_status clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p, 
         p->start = start;
         p->found = start + n + 1u;
         p->tasks = (int)n;
-        p->grown++;
     }
     if (p->start[p->tasks] > p->room) {
         const size_t need = p->start[p->tasks];
@@ -1443,7 +1441,6 @@ static cloth_status clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p, 
         clothi_free(hooks, p->pair);
         p->pair = pair;
         p->room = need;
-        p->grown++;
     }
     return CLOTH_OK;
 }
@@ -1995,7 +1992,7 @@ static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_d
 /* Vertices, edges and faces of any set of triangles, also one that is no surface. memset to 0
  * before the first build. A vertex without a face has no owner and is in no pair. */
 typedef struct clothi_features {
-    int            nv, ne, nf;
+    int            ne;
     const int     *faces;                   /* [nf x 3] borrowed                               */
     int           *edges;                   /* [ne x 2] a < b; sorted by a, then by b          */
     int           *face_edges;              /* [nf x 3] edge of corners k and k+1              */
@@ -2028,8 +2025,6 @@ static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int 
         status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i edges", ne);
         goto done;
     }
-    s->nv = nv;
-    s->nf = nf;
     s->faces = faces;
     s->face_edges = s->edges + 2 * (size_t)ne;
     s->owned = (unsigned char *)(s->face_edges + 3 * (size_t)nf);
@@ -8503,9 +8498,9 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
 CLOTH_API cloth_status cloth_collide_holds(const cloth_collide *c, int max, cloth_hold *hold,
                                            int *count) {
     cloth_status status = clothi_query_check(c, "cloth_collide_holds", max, hold != NULL);
+    int          i;
     if (status) return status;
-    if (max > 0 && c->nhold > 0)
-        memcpy(hold, c->hold, (size_t)(max < c->nhold ? max : c->nhold) * sizeof *hold);
+    for (i = 0; i < max && i < c->nhold; i++) hold[i] = c->hold[i];
     if (count) *count = c->nhold;
     return CLOTH_OK;
 }

@@ -266,8 +266,13 @@ typedef struct cloth_clock {                /* fn == NULL: every time in a repor
     void    *user;
 } cloth_clock;
 
-typedef struct cloth_cancel {               /* asked each Newton iteration, or 16 substeps     */
-    int  (*fn)(void *user);                 /* nonzero: give the step up                       */
+/* Asked in each Newton iteration, every 16 substeps of LEAPFROG, each pass of impact zones and each
+ * iteration of the QP. 0: go on. 1: give the step up, the state is as before, CLOTH_ERR_CANCELLED.
+ * 2, while the answer stays 2: the host's time is up; the Newton iteration under way is the last of
+ * its substep, and where it leads is accepted, CLOTH_OK with CLOTH_STEP_MAX_ITERATIONS. What has no
+ * early end that could be accepted (LEAPFROG, zones, QP) goes on. */
+typedef struct cloth_cancel {
+    int  (*fn)(void *user);
     void  *user;
 } cloth_cancel;
 
@@ -721,9 +726,8 @@ typedef struct cloth_contact {
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
     /* largest part of dx in (0, 1] on whose way nothing comes nearer than it may */
     double       (*max_step)(void *user, const double *x, const double *dx);
-    /* what the last dx of max_step would do wrong, into the system A dx = rhs: friction that would
-     * turn round and, with cut, pairs that would come too near are kept from it. Returns how many
-     * they are */
+    /* what the last dx of max_step would do wrong, into the system A dx = rhs: pairs that would
+     * come too near and friction that would turn round are kept from it. Returns their number */
     int          (*block)(void *user, cloth_matrix *A);
     /* whether a residual [nv x 3] N is small beside the forces of contact: an update in metres says
      * little of friction. NULL: not asked */
@@ -746,7 +750,7 @@ typedef struct cloth_contact {
     size_t       (*bytes)(void *user);
     /* before load, of the same bytes: makes room for them, or refuses them; NULL: not asked */
     cloth_status (*check)(void *user, const void *buf, size_t size);
-    /* after resolve, where a report is wanted: adds the substep's work and losses to the ledger;
+    /* at the end of a substep, where a report is wanted: adds its work and losses to the ledger;
      * zone_loss: what comes from outside through the zones. NULL: not asked */
     void         (*balance)(void *user, cloth_ledger *ledger);
     /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
@@ -1615,6 +1619,13 @@ CLOTHI_OUTLINE static void clothi_for(const cloth_hooks *hooks, int count, int g
 /* Seconds by the clock hook, 0 without one. */
 CLOTHI_UNUSED static double clothi_now(const cloth_hooks *hooks) {
     return hooks && hooks->clock.fn ? hooks->clock.fn(hooks->clock.user) : 0.0;
+}
+
+/* Asks the host whether to go on; *finish (NULL: goes on) when it shall end here. */
+CLOTHI_UNUSED static cloth_status clothi_cancelled(const cloth_hooks *hooks, int *finish) {
+    const int answer = hooks->cancel.fn ? hooks->cancel.fn(hooks->cancel.user) : 0;
+    if (answer == 2 && finish) *finish = 1;
+    return answer && answer != 2 ? CLOTH_ERR_CANCELLED : CLOTH_OK;
 }
 
 CLOTH_API const char *cloth_status_text(cloth_status status) {
@@ -11932,12 +11943,6 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
     nt->radius = clothi_max(clothi_min(nt->radius, most), least);
 }
 
-/* Asks the host: CLOTH_ERR_CANCELLED, or s->finish. */
-static cloth_status clothi_cancelled(cloth_sim *s) {
-    const int answer = s->hooks.cancel.fn ? s->hooks.cancel.fn(s->hooks.cancel.user) : 0;
-    if (answer == 2) s->finish = 1;
-    return answer && answer != 2 ? CLOTH_ERR_CANCELLED : CLOTH_OK;
-}
 
 /* An iterate was accepted: contact renews what it lags, and value and gradient with it. */
 static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
@@ -11981,7 +11986,6 @@ static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, con
 }
 
 #define CLOTHI_BLOCKS   4                   /* solves more where moves are cut                 */
-#define CLOTHI_BLOCK_AT 0.5                 /* part of the way below which it is worth one     */
 
 /* The part of w.dx that contact leaves free. Where that is little, the direction is looked for once
  * more with what is in the way in the system: dx minimises the model under these constraints, of
@@ -12010,9 +12014,8 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
                                           cloth_report *report, int *done) {
     cloth_linear_report lr;
     double              a = 1, before = nt->value;
-    cloth_status        status = clothi_cancelled(s);
+    cloth_status        status = clothi_cancelled(&s->hooks, &s->finish);
     int                 poor, cut;
-    if (status || s->finish) return status;
     if (!status) status = clothi_newton_direction(s, goal, nt, report, &lr);
     if (status) return status;
     report->newton++;
@@ -12315,14 +12318,14 @@ static cloth_status clothi_better_start(cloth_sim *s, clothi_goal *goal) {
 /* Contact takes the guess in w.x to a feasible point, from which every move is cut; what was
  * minimised is closed. Where the way to the feasible point was an impact the substep is one of
  * implicit Euler. */
-static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *bdf2,
+static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *bdf2, int *impact,
                                          cloth_report *report) {
     const double start = clothi_now(&s->hooks);
     cloth_status status;
-    int          i, impact = 0;
+    int          i;
     s->counts.contact_calls++;
-    status = s->contact.start(s->contact.user, &goal->e, s->w.x, s->w.trial, &impact);
-    if (impact && *bdf2) {
+    status = s->contact.start(s->contact.user, &goal->e, s->w.x, s->w.trial, impact);
+    if (*impact && *bdf2) {
         for (i = 0; i < 3 * s->model->nv; i++)
             if (!(s->fixed[i / 3] >> (i % 3) & 1))
                 s->w.y[i] = clothi_predicted(s, goal->e.h, 0, i);
@@ -12350,7 +12353,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
     status = clothi_terms_begin(s, &goal);
     if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
     if (!status && s->contact_on) {
-        status = clothi_contact_start(s, &goal, &bdf2, report);
+        status = clothi_contact_start(s, &goal, &bdf2, &impact, report);
         if (!status) s->contact.hold(s->contact.user, s->fixed, s->w.x, s->w.y);
     }
     if (!status) status = clothi_minimise(s, &goal, report);
@@ -12492,7 +12495,7 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
     clothi_newton_rhs(s);
     for (it = 1; !status; it++) {
         cloth_linear_report lr;
-        status = clothi_cancelled(s);
+        status = clothi_cancelled(&s->hooks, &s->finish);
         goal->sigma = sigma;
         if (!status) status = clothi_static_direction(s, goal, &nt, report, &lr);
         if (status) break;
@@ -12511,9 +12514,9 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
             sigma = 0.2 * sigma > least && sigma > 1e-7 * sigma0 ? 0.2 * sigma : least;
         else if (a < 0.25)
             sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
-        if (it >= cap) {
+        if (it >= cap || s->finish) {
             report->outcome = CLOTH_STEP_MAX_ITERATIONS;
-            if (d->max_newton > 0) return CLOTH_OK;
+            if (d->max_newton > 0 || s->finish) return CLOTH_OK;
             status = CLOTH_ERR_STEP;
         }
     }
@@ -13128,9 +13131,8 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
             if (status == CLOTH_ERR_STEP)   /* for want of substeps? */
                 *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
         }
-        if (!status && k < substeps && s->hooks.cancel.fn && k % 16 == 0 &&
-            s->hooks.cancel.fn(s->hooks.cancel.user))
-            status = CLOTH_ERR_CANCELLED;
+        if (!status && k < substeps && k % 16 == 0)
+            status = clothi_cancelled(&s->hooks, &s->finish);
     }
     return status;
 }
@@ -13641,7 +13643,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     memset(&before, 0, sizeof before);
     memset(&s->counts, 0, sizeof s->counts);
     memset(&s->ms, 0, sizeof s->ms);
-    s->known = s->fresh = 0;
+    s->known = s->fresh = s->finish = 0;
     report->h = h;
     report->vertex = report->min_stretch_face = -1;
     status = clothi_check_step(s, h, report);

@@ -3021,10 +3021,8 @@ static cloth_status clothi_qp_try(clothi_qp *s, int *wrong) {
 }
 
 static cloth_status clothi_qp_next(clothi_qp *s) {
-    if (s->hooks->cancel.fn && s->hooks->cancel.fn(s->hooks->cancel.user))
-        return CLOTH_ERR_CANCELLED;
     s->rep->iterations++;
-    return CLOTH_OK;
+    return clothi_cancelled(s->hooks, NULL);
 }
 
 /* Exchanges all rows on the wrong side at once as long as that lowers their number, or has done so
@@ -4101,9 +4099,7 @@ struct cloth_collide {
     int             framed;                 /* they are                                        */
     double         *x_list;                 /* [nv x 3] where contacts were looked for, and    */
     double          covered;                /* m, how far around                               */
-    double          ahead;                  /* m, more reach for what has a signed distance    */
     double          share;                  /* of the step that the substep is                 */
-    cloth_ledger    books;                  /* of the substep, for the core's  [8.5]           */
     /* pinches */
     int            *held_of;                /* [nv] number in holding, -1                      */
     cloth_hold     *caught;                 /* [nv] scratch                                    */
@@ -4587,13 +4583,13 @@ static cloth_status clothi_pairs_collect(cloth_collide *c) {
 /* A sphere's centre, a capsule's ends against faces; its axis against edges. */
 static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
     const clothi_obstacle *o = c->obstacle + slot;
-    cloth_status status = CLOTH_OK;
-    double       box[6];
-    clothi_bvh_walk  w;
-    int          f, k;
+    cloth_status    status = CLOTH_OK;
+    double          box[6];
+    clothi_bvh_walk w;
+    int             f, k;
     memcpy(box, c->box_v + 6 * o->v0, sizeof box);
     if (o->nv == 2) clothi_box_join(box, c->box_v + 6 * (o->v0 + 1), box);
-    for (k = 0; k < 3; k++) box[k] -= o->radius + c->ahead, box[3 + k] += o->radius + c->ahead;
+    for (k = 0; k < 3; k++) box[k] -= o->radius, box[3 + k] += o->radius;
     w = clothi_bvh_walk_over(&c->tree, box);
     while (!status && (f = clothi_bvh_next(&w)) >= 0) {
         for (k = 0; k < o->nv && !status; k++) status = clothi_pair_add(c, CLOTHI_VF, o->v0 + k, f);
@@ -5792,7 +5788,6 @@ static void clothi_contact_limits(cloth_collide *c, int follow, int start) {
 
 #define CLOTHI_LIST_SLACK 1.0               /* t, around the segment that a list is made for   */
 #define CLOTHI_MOVE       0.9               /* of the way to where a pair is at d_min          */
-#define CLOTHI_BLOCK      3                 /* of the matrix's diagonal: spring of a block     */
 #define CLOTHI_LEAP       4                 /* mean edges of cloth, most of a move's axes      */
 #define CLOTHI_HIT_GRAIN  256               /* pairs a range                                   */
 
@@ -7051,8 +7046,8 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
             return CLOTH_OK;
         }
         if (hit == 0) return CLOTH_OK;
-        if (c->hooks->cancel.fn && c->hooks->cancel.fn(c->hooks->cancel.user) == 1)
-            return CLOTH_ERR_CANCELLED;
+        status = clothi_cancelled(c->hooks, NULL);
+        if (status) return status;
         if (c->report.passes > c->desc.max_passes + CLOTHI_RIGID_PASSES)
             return clothi_failed_pairs(c);
         status = clothi_zones(c);
@@ -7838,11 +7833,10 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
 
 /* Pa/m: a sheet under 30 times its weight rests where the force is k t/4, at t/2. */
 static double clothi_collide_stiffness(const cloth_sim *s, double thickness) {
-    double mass = 0, area = 0;
+    double area = 0;
     int    i;
-    for (i = 0; i < s->model->nv; i++) mass += s->params.mass[i];
     for (i = 0; i < s->model->nf; i++) area += clothi_rest_area(s->params.X, i);
-    return 30 * 9.81 * mass / area / (0.25 * thickness);
+    return 30 * 9.81 * clothi_total_mass(s) / area / (0.25 * thickness);
 }
 
 /* cloth_contact.orphan: all goes that was counted by the sim; *c waits for its destruction. */

@@ -231,6 +231,51 @@ static void cancelled(void) {
     }
 }
 
+static int no_time(void *user) { return ++*(int *)user, 2; }
+
+/* The host's time is up: one Newton iteration a substep, whose end is accepted. A static solve ends
+ * at once too, explicit steps go on. */
+static void finish_now(void) {
+    int k, asked = 0;
+    for (k = 0; k < 3; k++) {
+        dyn          d;
+        cloth_hooks  hooks;
+        cloth_report r;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.cancel.user = &asked;
+        scene(&d, integrators[k], &hooks);
+        steps(&d, 3);
+        dyn_end(&d);
+        hooks.cancel.fn = no_time;
+        scene(&d, integrators[k], &hooks);
+        CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK && asked > 0);
+        CHECK(r.outcome == (k ? CLOTH_STEP_MAX_ITERATIONS : CLOTH_STEP_CONVERGED));
+        CHECK(!k || (r.newton == 1 && r.residual_m > d.desc.tolerance));
+        CHECK(!k || cloth_solve_static(d.sim, &r) == CLOTH_OK);
+        CHECK(!k || (r.outcome == CLOTH_STEP_MAX_ITERATIONS && r.newton <= 2));
+        dyn_end(&d);
+    }
+}
+
+static int late_once(void *user) { return ++*(int *)user == 1 ? 2 : 0; }
+
+/* An answer holds for its step alone: the next one takes all the iterations that it needs. */
+static void finish_once(void) {
+    dyn          d;
+    cloth_hooks  hooks;
+    cloth_report r;
+    int          asked = 0;
+    memset(&hooks, 0, sizeof hooks);
+    hooks.cancel.fn = late_once;
+    hooks.cancel.user = &asked;
+    scene(&d, CLOTH_INTEGRATOR_EULER, &hooks);
+    CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+    CHECK(r.outcome == CLOTH_STEP_MAX_ITERATIONS && r.newton == 1);
+    CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+    CHECK(r.outcome == CLOTH_STEP_CONVERGED && r.newton > 1);
+    dyn_end(&d);
+}
+
 /* Given up in the second of three substeps: the first is taken back too. */
 static void cancelled_half_way(void) {
     int k, taken = 0;
@@ -788,6 +833,8 @@ int main(int argc, char **argv) {
     RUN(hopeless_cg);
     RUN(cancelled);
     RUN(cancelled_half_way);
+    RUN(finish_now);
+    RUN(finish_once);
     RUN(out_of_memory);
     RUN(stalled);
     RUN(term_nonfinite);

@@ -601,6 +601,15 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
 extern "C" {
 #endif
 
+/* a [n] is finite, or the first that is not is named. */
+static cloth_status clothi_numbers_check(const cloth_hooks *hooks, const char *name,
+                                         const double *a, int n) {
+    const ptrdiff_t i = clothi_find_nonfinite(a, (size_t)n);
+    if (i < 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g: give it a number", name, (int)i,
+                       a[i]);
+}
+
 /* ===== [3.1] EXACT SIGNS =====================================================================
  *
  * The sign of a determinant of coordinates, exact. A floating evaluation with an error bound
@@ -621,14 +630,14 @@ extern "C" {
  *
  * checked: tests/test_exact.c */
 
-CLOTHI_UNUSED static void clothi_two_sum(double a, double b, double *s, double *r) {
+static void clothi_two_sum(double a, double b, double *s, double *r) {
     const double sum = a + b, bv = sum - a, av = sum - bv;
     *s = sum;
     *r = (a - av) + (b - bv);
 }
 
 /* a = hi + the rest, both of at most 26 bits. */
-CLOTHI_UNUSED static double clothi_high_half(double a) {
+static double clothi_high_half(double a) {
     uint64_t bits;
     memcpy(&bits, &a, sizeof bits);
     bits = (bits + 0x4000000u) & ~(uint64_t)0x7ffffffu;
@@ -644,7 +653,7 @@ CLOTHI_OUTLINE static void clothi_two_product(double a, double b, double *p, dou
 }
 
 /* e [n] += b; returns the new length, at most n + 1. Zeros are left out; 0 has length 1 or 0. */
-CLOTHI_UNUSED static int clothi_exp_grow(double *e, int n, double b) {
+static int clothi_exp_grow(double *e, int n, double b) {
     double q = b, r;
     int    i, m = 0;
     for (i = 0; i < n; i++) {
@@ -656,8 +665,8 @@ CLOTHI_UNUSED static int clothi_exp_grow(double *e, int n, double b) {
 }
 
 /* e [n] += sign a [na] b [nb]; returns the new length, at most n + 2 na nb. */
-CLOTHI_UNUSED static int clothi_exp_add(double *e, int n, const double *a, int na,
-                                        const double *b, int nb, double sign) {
+static int clothi_exp_add(double *e, int n, const double *a, int na, const double *b, int nb,
+                          double sign) {
     int i;
     for (i = 0; i < na * nb; i++) {
         double p, r;
@@ -668,24 +677,24 @@ CLOTHI_UNUSED static int clothi_exp_add(double *e, int n, const double *a, int n
     return n;
 }
 
-CLOTHI_UNUSED static int clothi_exp_sign(const double *e, int n) {
+static int clothi_exp_sign(const double *e, int n) {
     const double top = n > 0 ? e[n - 1] : 0;
     return (top > 0) - (top < 0);
 }
 
 /* out [2] = a - b. */
-CLOTHI_UNUSED static void clothi_exp_difference(double a, double b, double *out) {
+static void clothi_exp_difference(double a, double b, double *out) {
     clothi_two_sum(a, -b, out + 1, out);
 }
 
 /* out [16] = a d - b c, each of two doubles; returns the length. */
-CLOTHI_UNUSED static int clothi_exp_minor(const double *a, const double *b, const double *c,
-                                          const double *d, double *out) {
+static int clothi_exp_minor(const double *a, const double *b, const double *c, const double *d,
+                            double *out) {
     return clothi_exp_add(out, clothi_exp_add(out, 0, a, 2, d, 2, 1), b, 2, c, 2, -1);
 }
 
 /* Sign of (a-c) x (b-c): 1 when a, b, c [2] turn counter-clockwise, 0 on one line. */
-CLOTHI_UNUSED static int clothi_orient2d(const double *a, const double *b, const double *c) {
+static int clothi_orient2d(const double *a, const double *b, const double *c) {
     const double p = (a[0] - c[0]) * (b[1] - c[1]), q = (a[1] - c[1]) * (b[0] - c[0]);
     const double det = p - q, bound = 4.5e-16 * (fabs(p) + fabs(q));  /* 3 roundings of 2^-53 */
     double       u[2][2], v[2][2], e[16];
@@ -700,14 +709,10 @@ CLOTHI_UNUSED static int clothi_orient2d(const double *a, const double *b, const
 
 /* Sign of (a-d) . (b-d) x (c-d): 1 when a, b, c turn counter-clockwise seen from the side that d
  * is not on, 0 in one plane. */
-CLOTHI_UNUSED static int clothi_orient3d(const double *a, const double *b, const double *c,
-                                         const double *d) {
-    const double *x[3];
-    double        w[3][3], e[3][3][2], m[16], sum[192], det = 0, bound = 0;
-    int           i, k, n = 0;
-    x[0] = a;
-    x[1] = b;
-    x[2] = c;
+static int clothi_orient3d(const double *a, const double *b, const double *c, const double *d) {
+    const double *const x[3] = {a, b, c};
+    double              w[3][3], e[3][3][2], m[16], sum[192], det = 0, bound = 0;
+    int                 i, k, n = 0;
     for (i = 0; i < 3; i++) clothi_sub3(x[i], d, w[i]);
     for (i = 0; i < 3; i++) {
         const int    j = (i + 1) % 3, l = (i + 2) % 3;
@@ -743,28 +748,29 @@ CLOTHI_UNUSED static int clothi_orient3d(const double *a, const double *b, const
  * checked: tests/test_ccd.c */
 
 /* Differences of the pair x [4x3] into r [4x3]; returns how many there are: 3 or 4. */
-CLOTHI_UNUSED static int clothi_pair_polygon(int edge_edge, const double *x, double *r) {
-    if (!edge_edge) {
-        clothi_sub3(x, x + 3, r);
-        clothi_sub3(x, x + 6, r + 3);
-        clothi_sub3(x, x + 9, r + 6);
-        return 3;
-    }
-    clothi_sub3(x, x + 6, r);
-    clothi_sub3(x + 3, x + 6, r + 3);
-    clothi_sub3(x + 3, x + 9, r + 6);
-    clothi_sub3(x, x + 9, r + 9);
-    return 4;
+static int clothi_pair_polygon(int edge_edge, const double *x, double *r) {
+    clothi_sub3(x, x + (edge_edge ? 6 : 3), r);
+    clothi_sub3(x + (edge_edge ? 3 : 0), x + 6, r + 3);
+    clothi_sub3(x + (edge_edge ? 3 : 0), x + 9, r + 6);
+    clothi_sub3(x, x + 9, r + 9);           /* of a triangle: the last once more */
+    return edge_edge ? 4 : 3;
+}
+
+/* Sides e [2x3] of the polygon from its first corner, and their cross product. */
+static inline void clothi_polygon_plane(const double *r, int n, double *e, double *normal) {
+    clothi_sub3(r + 3, r, e);
+    clothi_sub3(r + 3 * (n - 1), r, e + 3);
+    clothi_cross3(e, e + 3, normal);
 }
 
 /* The point v [3] of the polygon r [n x 3] nearest to the origin: v = sum lambda_k r_k. Returns
  * its side, from corner k to k + 1, or -1 inside. Needs |r| < 1e70, exact down to 1e-70. */
-CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, double *v) {
-    double e1[3], e2[3], normal[3], c[3], best = HUGE_VAL, at = 0, nn;
+static int clothi_nearest(const double *r, int n, double *lambda, double *v) {
+    double e[6], normal[3], c[3], best = HUGE_VAL, at = 0, nn;
     int    i, k, side = 0;
     for (i = 0; i < n; i++) {
         const double *a = r + 3 * i, *b = r + 3 * (i + 1 < n ? i + 1 : 0);
-        double        e[3], p[3], ee, ae, t, d2;
+        double        p[3], ee, ae, t, d2;
         clothi_sub3(b, a, e);
         ee = clothi_dot3(e, e);
         ae = -clothi_dot3(a, e);
@@ -781,20 +787,18 @@ CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, 
     memset(lambda, 0, 4 * sizeof *lambda);
     lambda[side] = 1 - at;
     lambda[side + 1 < n ? side + 1 : 0] = at;
-    clothi_sub3(r + 3, r, e1);
-    clothi_sub3(r + 3 * (n - 1), r, e2);
-    clothi_cross3(e1, e2, normal);
+    clothi_polygon_plane(r, n, e, normal);
     nn = clothi_dot3(normal, normal);
     if (nn > 0) {
         double s, t, p[3], d2;
-        clothi_cross3(e2, r, c);
+        clothi_cross3(e + 3, r, c);
         s = clothi_dot3(c, normal);
-        clothi_cross3(r, e1, c);
+        clothi_cross3(r, e, c);
         t = clothi_dot3(c, normal);
         if (s < 0 || t < 0 || (n == 3 ? s + t > nn : s > nn || t > nn)) return side;
         s /= nn;
         t /= nn;
-        for (k = 0; k < 3; k++) p[k] = r[k] + s * e1[k] + t * e2[k];
+        for (k = 0; k < 3; k++) p[k] = r[k] + s * e[k] + t * e[3 + k];
         d2 = clothi_dot3(p, p);
         if (d2 < best) {
             memcpy(v, p, sizeof p);
@@ -808,8 +812,10 @@ CLOTHI_UNUSED static int clothi_nearest(const double *r, int n, double *lambda, 
     return side;
 }
 
-/* Weights of the four points, of sum 0, from those of the polygon's corners. */
-CLOTHI_UNUSED static void clothi_pair_weights(int edge_edge, const double *lambda, double *w) {
+/* Weights of the four points, of sum 0, from those of the polygon's corners: positive for a vertex
+ * and for the first edge, minus the barycentric coordinates for a face, negative for the second
+ * edge. */
+static void clothi_pair_weights(int edge_edge, const double *lambda, double *w) {
     if (edge_edge) {
         w[1] = lambda[1] + lambda[2];
         w[0] = 1 - w[1];
@@ -823,37 +829,44 @@ CLOTHI_UNUSED static void clothi_pair_weights(int edge_edge, const double *lambd
     }
 }
 
-/* The power of two that takes m > 0 to [1/2, 1), as far as doubles go. */
-CLOTHI_UNUSED static double clothi_unit_scale(double m) {
+/* Normal of the face v [3] at x, twice its area long. */
+static void clothi_face_cross(const double *x, const int *v, double *n) {
+    double d[3], e[3];
+    clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
+    clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
+    clothi_cross3(d, e, n);
+}
+
+/* The same of length 1; 0 without an area. */
+static void clothi_face_normal(const double *x, const int *v, double *n) {
+    double size;
+    int    k;
+    clothi_face_cross(x, v, n);
+    size = sqrt(clothi_dot3(n, n));
+    for (k = 0; k < 3 && size > 0; k++) n[k] /= size;
+}
+
+/* The power of two that takes m > 0 to [1/2, 1), as far as doubles go; 1 for 0. */
+static double clothi_unit_scale(double m) {
     int e;
     (void)frexp(m, &e);
     return ldexp(1.0, e < -1022 ? 1022 : e > 1022 ? -1022 : -e);
 }
 
-CLOTHI_UNUSED static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
+/* Distance of a pair x [4x3], m; w [4]: weights of the nearest points, so that sum w_i x_i spans
+ * the distance. */
+static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
     double    r[12], lambda[4], v[3], m = 0, scale = 1;
     const int n = clothi_pair_polygon(edge_edge, x, r);
     int       i;
     for (i = 0; i < 3 * n; i++) m = clothi_max(m, fabs(r[i]));
-    if (m > 0 && !(m > 1e-60 && m < 1e60)) {
+    if (!(m > 1e-60 && m < 1e60)) {
         scale = clothi_unit_scale(m);
         for (i = 0; i < 3 * n; i++) r[i] *= scale;
     }
     clothi_nearest(r, n, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
     return sqrt(clothi_dot3(v, v)) / scale;
-}
-
-/* Distance of the vertex x [3] from the face of the next three points, m; w [4]: 1 and minus the
- * barycentric coordinates of the nearest point, so that sum w_i x_i spans the distance. */
-CLOTHI_UNUSED static double clothi_point_triangle(const double *x, double *w) {
-    return clothi_pair_distance(0, x, w);
-}
-
-/* Distance of the edge x [2x3] from the edge of the next two points, m; w [4]: weights of the
- * nearest points, positive for the first edge, negative for the second. */
-CLOTHI_UNUSED static double clothi_edge_edge(const double *x, double *w) {
-    return clothi_pair_distance(1, x, w);
 }
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================
@@ -895,9 +908,14 @@ typedef struct clothi_ccd {
     double floor;                           /* n.r above this is certainly above s              */
 } clothi_ccd;
 
+static void clothi_ccd_at(const clothi_ccd *q, double t, double *r) {
+    int i;
+    for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
+}
+
 /* Longest certified time from t with the fixed direction n, |n| = 1: t when there is none, 2 when
  * it lasts to the end. */
-CLOTHI_UNUSED static double clothi_ccd_axis(const clothi_ccd *q, const double *n, double t) {
+static double clothi_ccd_axis(const clothi_ccd *q, const double *n, double t) {
     double until = 2;
     int    k;
     for (k = 0; k < q->n; k++) {
@@ -909,7 +927,7 @@ CLOTHI_UNUSED static double clothi_ccd_axis(const clothi_ccd *q, const double *n
 }
 
 /* Where the hull of the quadratic f [3] on [0,1], f[0] > 0, first meets 0; 2: nowhere. */
-CLOTHI_UNUSED static double clothi_bernstein_first(const double *f) {
+static double clothi_bernstein_first(const double *f) {
     double first = 2;
     int    i, k;
     for (i = 1; i < 3; i++)
@@ -921,18 +939,16 @@ CLOTHI_UNUSED static double clothi_bernstein_first(const double *f) {
 
 /* How fast n [3] must turn, W [3] from t to the end, to stay at right angles to the sides e of the
  * polygon, which is r now: W.e = -n.(change of e). 0: it has no plane. */
-CLOTHI_UNUSED static int clothi_ccd_turn(const clothi_ccd *q, const double *r, const double *n,
-                                         double *W) {
-    double e[2][3], to[2], c[2][3], normal[3], size;
-    int    i, k;
-    for (i = 0; i < 2; i++) {
-        const int b = i ? 3 * (q->n - 1) : 3;
-        clothi_sub3(r + b, r, e[i]);
-        for (to[i] = 0, k = 0; k < 3; k++) to[i] += n[k] * (e[i][k] - (q->r1[b + k] - q->r1[k]));
+static int clothi_ccd_turn(const clothi_ccd *q, const double *r, const double *n, double *W) {
+    double e[6], to[2] = {0, 0}, c[2][3], normal[3], size;
+    int    k;
+    clothi_polygon_plane(r, q->n, e, normal);
+    for (k = 0; k < 3; k++) {
+        to[0] += n[k] * (e[k] - (q->r1[3 + k] - q->r1[k]));
+        to[1] += n[k] * (e[3 + k] - (q->r1[3 * (q->n - 1) + k] - q->r1[k]));
     }
-    clothi_cross3(e[0], e[1], normal);
-    clothi_cross3(e[1], normal, c[0]);
-    clothi_cross3(normal, e[0], c[1]);
+    clothi_cross3(e + 3, normal, c[0]);
+    clothi_cross3(normal, e, c[1]);
     size = clothi_dot3(normal, normal);
     for (k = 0; k < 3; k++) W[k] = (to[0] * c[0][k] + to[1] * c[1][k]) / size;
     return size > 0;
@@ -942,8 +958,7 @@ CLOTHI_UNUSED static int clothi_ccd_turn(const clothi_ccd *q, const double *r, c
  * 0 to 1 between t and the end. A corner's distance is quadratic in x; |n + x W| is at most
  * 1 + x^2 W^2/2, as W is at right angles to n but for rounding. Up to x = 1 the hull is too wide,
  * so the first answer bounds the range for the next. */
-CLOTHI_UNUSED static double clothi_ccd_turning(const clothi_ccd *q, const double *r,
-                                               const double *n, double t) {
+static double clothi_ccd_turning(const clothi_ccd *q, const double *r, const double *n, double t) {
     double W[3], a[4], b[4], c[4], ww, size, best = 0, h = 1;
     int    i, round;
     if (!clothi_ccd_turn(q, r, n, W)) return t;
@@ -976,22 +991,19 @@ CLOTHI_UNUSED static double clothi_ccd_turning(const clothi_ccd *q, const double
 
 /* Direction out [3], |out| = 1, to the nearest point v of the polygon r on its side, -1 its
  * inside; 0 when there is none. */
-CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, const double *v,
-                                              double *out) {
-    double e1[3], e2[3], len;
+static int clothi_ccd_direction(const double *r, int n, int side, const double *v, double *out) {
+    double e[6], len;
     int    k;
-    clothi_sub3(r + 3, r, e1);
-    clothi_sub3(r + 3 * (n - 1), r, e2);
-    if (side < 0) clothi_cross3(e1, e2, out);
+    if (side < 0) clothi_polygon_plane(r, n, e, out);
     else {
         const double *a = r + 3 * side, *b = r + 3 * (side + 1 < n ? side + 1 : 0);
         double        ee, ve;
-        clothi_sub3(b, a, e1);
-        ee = clothi_dot3(e1, e1);
-        ve = clothi_dot3(v, e1);
+        clothi_sub3(b, a, e);
+        ee = clothi_dot3(e, e);
+        ve = clothi_dot3(v, e);
         memcpy(out, v, 3 * sizeof *v);
         if (ve * ve < 1e-8 * ee * clothi_dot3(v, v))    /* at right angles, but for rounding */
-            for (k = 0; k < 3; k++) out[k] -= ve / ee * e1[k];
+            for (k = 0; k < 3; k++) out[k] -= ve / ee * e[k];
     }
     len = sqrt(clothi_dot3(out, out));
     if (!(len > 1e-140)) return 0;          /* squares underflow                                */
@@ -1001,14 +1013,14 @@ CLOTHI_UNUSED static int clothi_ccd_direction(const double *r, int n, int side, 
 }
 
 /* The whole search in doubles, m in range. */
-CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
+static int clothi_ccd_run(clothi_ccd *q, double *toi) {
     const double near = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
     double       t = 0;
-    int          step, i;
+    int          step;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
         double r[12], lambda[4], v[3], n[3], next = t, d;
         int    side;
-        for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
+        clothi_ccd_at(q, t, r);
         side = clothi_nearest(r, q->n, lambda, v);
         d = sqrt(clothi_dot3(v, v));
         if (!clothi_ccd_direction(r, q->n, side, v, n)) break;
@@ -1024,7 +1036,8 @@ CLOTHI_UNUSED static int clothi_ccd_run(clothi_ccd *q, double *toi) {
 }
 
 /* ---- twice the digits: for min_sep = 0, where the search above ends in its own rounding. The
- * first of the advances in numbers h + l of 106 bits, from the time reached so far. A sum is good
+ * first of the advances in numbers h + l of 106 bits, from the time reached so far; by the
+ * first of the polygon's directions that certifies any. A sum is good
  * to 3 u^2, a product to 7 u^2 [Joldes, Muller, Popescu 2017, Tight and rigorous error bounds for
  * basic building blocks of double-word arithmetic, ACM TOMS 44, doi 10.1145/3121432]: 8 times the
  * counts above with u^2 for u, kept four times over. Steps are fractions of what is left of
@@ -1034,13 +1047,13 @@ typedef struct clothi_dd {
     double h, l;
 } clothi_dd;
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_of(double h, double l) {
+static clothi_dd clothi_dd_of(double h, double l) {
     clothi_dd c;
     clothi_two_sum(h, l, &c.h, &c.l);
     return c;
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
+static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
     double s, r, v, w;
     clothi_two_sum(a.h, b.h, &s, &r);
     clothi_two_sum(a.l, b.l, &v, &w);
@@ -1048,29 +1061,28 @@ CLOTHI_UNUSED static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
     return clothi_dd_of(a.h, w + a.l);
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_neg(clothi_dd a) {
+static clothi_dd clothi_dd_neg(clothi_dd a) {
     return clothi_dd_of(-a.h, -a.l);
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_sub(clothi_dd a, clothi_dd b) {
+static clothi_dd clothi_dd_sub(clothi_dd a, clothi_dd b) {
     b.h = -b.h;
     b.l = -b.l;
     return clothi_dd_add(a, b);
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_mul(clothi_dd a, clothi_dd b) {
+static clothi_dd clothi_dd_mul(clothi_dd a, clothi_dd b) {
     double p, r;
     clothi_two_product(a.h, b.h, &p, &r);
     return clothi_dd_of(p, r + (a.h * b.l + a.l * b.h));
 }
 
-CLOTHI_UNUSED static clothi_dd clothi_dd_dot(const clothi_dd *a, const clothi_dd *b) {
+static clothi_dd clothi_dd_dot(const clothi_dd *a, const clothi_dd *b) {
     return clothi_dd_add(clothi_dd_add(clothi_dd_mul(a[0], b[0]), clothi_dd_mul(a[1], b[1])),
                          clothi_dd_mul(a[2], b[2]));
 }
 
-CLOTHI_UNUSED static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b,
-                                          clothi_dd *out) {
+static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b, clothi_dd *out) {
     int k;
     for (k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -1079,8 +1091,8 @@ CLOTHI_UNUSED static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b
 }
 
 /* out [n] = a + t (b - a) */
-CLOTHI_UNUSED static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, clothi_dd t,
-                                        int n, clothi_dd *out) {
+static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, clothi_dd t, int n,
+                          clothi_dd *out) {
     const clothi_dd s = clothi_dd_sub(clothi_dd_of(1, 0), t);
     int             k;
     for (k = 0; k < n; k++)
@@ -1088,7 +1100,7 @@ CLOTHI_UNUSED static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, 
 }
 
 /* The foot p [3] of the perpendicular on the side from a to b, or the nearer end. */
-CLOTHI_UNUSED static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b, clothi_dd *p) {
+static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b, clothi_dd *p) {
     clothi_dd e[3];
     int       k, pass;
     for (k = 0; k < 3; k++) e[k] = clothi_dd_sub(b[k], a[k]);
@@ -1101,43 +1113,30 @@ CLOTHI_UNUSED static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b,
     }
 }
 
-/* Direction n [3] to the nearest point of the polygon r; 0 when there is none. */
-CLOTHI_UNUSED static int clothi_dd_direction(const clothi_dd *r, int n, clothi_dd *out) {
-    clothi_dd e1[3], e2[3], normal[3], c[3], nn, s, t, g;
-    double    best = HUGE_VAL, len;
+/* Direction out [3] to the plane of the polygon r (side -1), to its side from corner k to k + 1;
+ * 0 when there is none. */
+static int clothi_dd_direction(const clothi_dd *r, int n, int side, clothi_dd *out) {
+    clothi_dd e1[3], e2[3];
+    double    len;
     int       i;
-    for (i = 0; i < 3; i++) {
-        e1[i] = clothi_dd_sub(r[3 + i], r[i]);
-        e2[i] = clothi_dd_sub(r[3 * (n - 1) + i], r[i]);
-    }
-    clothi_dd_cross(e1, e2, normal);
-    nn = clothi_dd_dot(normal, normal);
-    clothi_dd_cross(e2, r, c);
-    s = clothi_dd_dot(c, normal);
-    clothi_dd_cross(r, e1, c);
-    t = clothi_dd_dot(c, normal);
-    g = clothi_dd_sub(nn, n == 3 ? clothi_dd_add(s, t) : s.h > t.h ? s : t);
-    if (nn.h > 0 && s.h >= 0 && t.h >= 0 && g.h >= 0) {
-        len = sqrt(nn.h) * (clothi_dd_dot(normal, r).h < 0 ? -1 : 1);
-        memcpy(out, normal, 3 * sizeof *out);
-    } else {
-        for (i = 0; i < n; i++) {
-            clothi_dd p[3];
-            clothi_dd_foot(r + 3 * i, r + 3 * (i + 1 < n ? i + 1 : 0), p);
-            if (!(clothi_dd_dot(p, p).h < best)) continue;
-            best = clothi_dd_dot(p, p).h;
-            memcpy(out, p, sizeof p);
+    if (side < 0) {
+        for (i = 0; i < 3; i++) {
+            e1[i] = clothi_dd_sub(r[3 + i], r[i]);
+            e2[i] = clothi_dd_sub(r[3 * (n - 1) + i], r[i]);
         }
-        len = sqrt(best);
-    }
-    if (!(fabs(len) > 1e-150)) return 0;
+        clothi_dd_cross(e1, e2, out);
+    } else
+        clothi_dd_foot(r + 3 * side, r + 3 * (side + 1 < n ? side + 1 : 0), out);
+    len = sqrt(clothi_dd_dot(out, out).h);
+    if (!(len > 1e-150)) return 0;
+    if (side < 0 && clothi_dd_dot(out, r).h < 0) len = -len;
     for (i = 0; i < 3; i++) out[i] = clothi_dd_mul(out[i], clothi_dd_of(1 / len, 0));
     return 1;
 }
 
 /* Certified fraction of [t,1] with the direction n; 2: all of it. */
-CLOTHI_UNUSED static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd *r1, int corners,
-                                           const clothi_dd *n, clothi_dd t, double floor) {
+static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd *r1, int corners,
+                             const clothi_dd *n, clothi_dd t, double floor) {
     double until = 2;
     int    k;
     for (k = 0; k < corners; k++) {
@@ -1150,16 +1149,17 @@ CLOTHI_UNUSED static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd 
 }
 
 /* From *toi on for min_sep = 0: 0 when the rest of the motion is free, else 1 and the time. */
-CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m,
-                                       double *toi) {
+static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m, double *toi) {
     const double    E = 1.262177448353619e-29 * m;                 /* 2^-96 */
     const clothi_dd one = clothi_dd_of(1, 0);
     clothi_dd       t = clothi_dd_of(*toi, 0), r[12], dir[3];
-    int             step;
+    int             step, side;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
         double next = 0;
         clothi_dd_mix(r0, r1, t, 3 * n, r);
-        if (clothi_dd_direction(r, n, dir)) next = clothi_dd_axis(r0, r1, n, dir, t, E);
+        for (side = -1; side < n && !(next > 0); side++)
+            if (clothi_dd_direction(r, n, side, dir))
+                next = clothi_max(next, clothi_dd_axis(r0, r1, n, dir, t, E));
         if (next > 1) return 0;
         if (!(next > 1e-31)) break;
         clothi_dd_mix(&t, &one, clothi_dd_of(next, 0), 1, &t);
@@ -1170,43 +1170,35 @@ CLOTHI_UNUSED static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_
 }
 
 /* Differences of the pair x [4x3] times a power of two, without error. */
-CLOTHI_UNUSED static void clothi_dd_polygon(int edge_edge, const double *x, double scale,
-                                            clothi_dd *r) {
+static void clothi_dd_polygon(int edge_edge, const double *x, double scale, clothi_dd *r) {
     static const unsigned char of[2][8] = {{0, 1, 0, 2, 0, 3, 0, 3}, {0, 2, 1, 2, 1, 3, 0, 3}};
-    int                        i, k;
-    for (i = 0; i < 4; i++)
-        for (k = 0; k < 3; k++) {
-            const double a = x[3 * of[edge_edge][2 * i] + k];
-            const double b = x[3 * of[edge_edge][2 * i + 1] + k];
-            clothi_dd    c = clothi_dd_of(a, -b);
-            c.h *= scale;
-            c.l *= scale;
-            r[3 * i + k] = c;
-        }
+    int                        i;
+    for (i = 0; i < 12; i++) {
+        const unsigned char *p = of[edge_edge] + i / 3 * 2;
+        r[i] = clothi_dd_of(x[3 * p[0] + i % 3], -x[3 * p[1] + i % 3]);
+        r[i].h *= scale, r[i].l *= scale;
+    }
 }
 
 /* Sign of det(e1, e2, r_0), sides and a corner of the polygon at t; 0 within its rounding, about
  * 2^-45 m e^2 where the origin is in the polygon, e its largest |side|. */
-CLOTHI_UNUSED static int clothi_ccd_side(const clothi_ccd *q, double t) {
-    double r[12], e1[3], e2[3], n[3], c, e = 0;
-    int    i;
-    for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
-    clothi_sub3(r + 3, r, e1);
-    clothi_sub3(r + 3 * (q->n - 1), r, e2);
-    clothi_cross3(e1, e2, n);
+static int clothi_ccd_side(const clothi_ccd *q, double t) {
+    double r[12], sides[6], n[3], c, e;
+    clothi_ccd_at(q, t, r);
+    clothi_polygon_plane(r, q->n, sides, n);
     c = clothi_dot3(n, r);
-    for (i = 0; i < 3; i++) e = clothi_max(e, clothi_max(fabs(e1[i]), fabs(e2[i])));
+    e = clothi_max_abs(sides, 6);
     return fabs(c) > 2.9e-14 * q->m * e * e ? (c > 0 ? 1 : -1) : 0;
 }
 
 /* A contact beyond doubt, which needs no more digits: around t the plane passes through the
  * origin, which is well inside of the polygon. With s = 0 it saves 5 us of 6. */
-CLOTHI_UNUSED static int clothi_ccd_plain(const clothi_ccd *q, double t) {
+static int clothi_ccd_plain(const clothi_ccd *q, double t) {
     const double dt = CLOTHI_CCD_NEAR;
     double       r[12], lambda[4], v[3];
     int          i;
     if (t < dt || t > 1 - dt) return 0;
-    for (i = 0; i < 3 * q->n; i++) r[i] = (1 - t) * q->r0[i] + t * q->r1[i];
+    clothi_ccd_at(q, t, r);
     if (clothi_nearest(r, q->n, lambda, v) >= 0) return 0;
     for (i = 0; i < q->n; i++)
         if (!(lambda[i] > 1e-4)) return 0;
@@ -1214,7 +1206,7 @@ CLOTHI_UNUSED static int clothi_ccd_plain(const clothi_ccd *q, double t) {
 }
 
 /* One of the three axes keeps the polygon away all the time. */
-CLOTHI_UNUSED static int clothi_ccd_boxes(const clothi_ccd *q) {
+static int clothi_ccd_boxes(const clothi_ccd *q) {
     int i, k;
     for (k = 0; k < 3; k++) {
         double lo = clothi_min(q->r0[k], q->r1[k]), hi = clothi_max(q->r0[k], q->r1[k]);
@@ -1228,8 +1220,8 @@ CLOTHI_UNUSED static int clothi_ccd_boxes(const clothi_ccd *q) {
 }
 
 /* The differences, their size and the bounds; 0 when the largest is 0 or too large. */
-CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa,
-                                         const double *xb, double min_sep) {
+static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa, const double *xb,
+                           double min_sep) {
     int i;
     q->n = clothi_pair_polygon(edge_edge, xa, q->r0);
     clothi_pair_polygon(edge_edge, xb, q->r1);
@@ -1252,9 +1244,11 @@ CLOTHI_UNUSED static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const dou
     return 1;
 }
 
-CLOTHI_UNUSED static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb,
-                                         double min_sep, double *toi) {
+static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, double min_sep,
+                           double *toi) {
     clothi_ccd q;
+    double     unasked;
+    if (!toi) toi = &unasked;
     *toi = 0;
     if (clothi_find_nonfinite(xa, 12) >= 0 || clothi_find_nonfinite(xb, 12) >= 0 ||
         !clothi_finite(min_sep))
@@ -1274,23 +1268,20 @@ CLOTHI_UNUSED static int clothi_ccd_pair(int edge_edge, const double *xa, const 
         clothi_dd r0[12], r1[12];
         clothi_dd_polygon(edge_edge, xa, q.scale, r0);
         clothi_dd_polygon(edge_edge, xb, q.scale, r1);
-        return clothi_dd_run(q.n, r0, r1, q.m, toi);
+        if (!clothi_dd_run(q.n, r0, r1, q.m, toi)) {
+            *toi = 1;
+            return 0;
+        }
     }
     return 1;
 }
 
 CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi) {
-    double    when;
-    const int hit = clothi_ccd_pair(0, xa, xb, min_sep, &when);
-    if (toi) *toi = hit ? when : 1;
-    return hit;
+    return clothi_ccd_pair(0, xa, xb, min_sep, toi);
 }
 
 CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, double *toi) {
-    double    when;
-    const int hit = clothi_ccd_pair(1, xa, xb, min_sep, &when);
-    if (toi) *toi = hit ? when : 1;
-    return hit;
+    return clothi_ccd_pair(1, xa, xb, min_sep, toi);
 }
 
 /* Weights w [4] (clothi_pair_weights) and unit normal n [3] of a contact found at toi, such that
@@ -1298,22 +1289,18 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
  * direction of the distance at toi; where that is lost in rounding, the normal of the face or of
  * both edges; where that has no side at the start, the direction of the distance at the start.
  * 0 is returned when the two touch at the start; n is then one of these, or the x axis. */
-CLOTHI_UNUSED static double clothi_contact_frame(int edge_edge, const double *xa,
-                                                 const double *xb, double toi, double *w,
-                                                 double *n) {
-    double    r0[12], r[12], m = 0, m0 = 0, scale, g = 0, start[3] = {0, 0, 0};
+static double clothi_contact_frame(int edge_edge, const double *xa, const double *xb, double toi,
+                                   double *w, double *n) {
+    double    r0[12], r[12], m0, scale, g = 0, start[3] = {0, 0, 0};
     double    lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0};  /* squares overflow: nothing is near */
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
     int       i, k, way;
     clothi_pair_polygon(edge_edge, xb, r);
-    for (i = 0; i < 3 * corners; i++) {
-        m0 = clothi_max(m0, fabs(r0[i]));
-        m = clothi_max(m, fabs(r[i]));
-    }
-    scale = m > 0 || m0 > 0 ? clothi_unit_scale(clothi_max(m, m0)) : 1;
+    m0 = clothi_max_abs(r0, 3 * corners);
+    scale = clothi_unit_scale(clothi_max(m0, clothi_max_abs(r, 3 * corners)));
     for (i = 0; i < 3 * corners; i++)
         r[i] = (1 - toi) * (r0[i] * scale) + toi * (r[i] * scale);
-    scale = m0 > 0 ? clothi_unit_scale(m0) : 1;
+    scale = clothi_unit_scale(m0);
     for (i = 0; i < 3 * corners; i++) r0[i] *= scale;
     way = clothi_nearest(r, corners, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
@@ -1402,12 +1389,11 @@ typedef struct clothi_pairs {
     int     tasks;                          /* entries of the arrays below                     */
     size_t *start;                          /* [tasks + 1] segment of each task                */
     size_t *found;                          /* [tasks] pairs that it has, also beyond its room */
-    int     grown;                          /* times that memory was asked for                 */
 } clothi_pairs;
 
 /* --- the list of pairs --- */
 
-CLOTHI_UNUSED static void clothi_pairs_free(const cloth_hooks *hooks, clothi_pairs *p) {
+static void clothi_pairs_free(const cloth_hooks *hooks, clothi_pairs *p) {
     clothi_free(hooks, p->pair);
     clothi_free(hooks, p->start);
     memset(p, 0, sizeof *p);
@@ -1420,10 +1406,8 @@ typedef struct clothi_segment {
 } clothi_segment;
 
 static clothi_segment clothi_segment_open(const clothi_pairs *p, int task) {
-    clothi_segment s;
-    s.pair = p->pair + 2 * p->start[task];
-    s.room = p->start[task + 1] - p->start[task];
-    s.found = 0;
+    const size_t         at = p->start[task];
+    const clothi_segment s = {p->pair + 2 * at, p->start[task + 1] - at, 0};
     return s;
 }
 
@@ -1449,7 +1433,6 @@ static cloth_status clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p, 
         p->start = start;
         p->found = start + n + 1u;
         p->tasks = (int)n;
-        p->grown++;
     }
     if (p->start[p->tasks] > p->room) {
         const size_t need = p->start[p->tasks];
@@ -1458,7 +1441,6 @@ static cloth_status clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p, 
         clothi_free(hooks, p->pair);
         p->pair = pair;
         p->room = need;
-        p->grown++;
     }
     return CLOTH_OK;
 }
@@ -1547,12 +1529,7 @@ static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pai
                                       clothi_look_fn *fn, const void *ctx,
                                       clothi_pairs *const *out, int nout, size_t least) {
     const int   chunk = CLOTHI_PAIRS_CHUNK;
-    clothi_look l;
-    l.in = in;
-    l.out = out;
-    l.nout = nout;
-    l.fn = fn;
-    l.ctx = ctx;
+    clothi_look l = {in, out, nout, fn, ctx};
     return clothi_pairs_run(hooks, out, nout, in->count / chunk + (in->count % chunk != 0), least,
                             clothi_look_range, &l);
 }
@@ -1564,8 +1541,7 @@ static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pai
  * in   pad     m, >= 0. Points come within D of each other only if their boxes with pads p, q that
  *              add up to D (but for rounding) overlap: from a + p >= b - q follows, rounding being
  *              monotone, fl(a + p) >= fl(b - q) */
-CLOTHI_UNUSED static void clothi_swept_boxes(int n, const double *xa, const double *xb,
-                                             double pad, double *box) {
+static void clothi_swept_boxes(int n, const double *xa, const double *xb, double pad, double *box) {
     int i, k;
     if (!xb) xb = xa;
     pad *= 1 + 1e-15;                       /* the rounding of the pads' own sum               */
@@ -1586,8 +1562,7 @@ static inline void clothi_box_join(const double *a, const double *b, double *out
 }
 
 /* The boxes [nf x 6] of faces from those of their vertices, vertex_box [nv x 6]. */
-CLOTHI_UNUSED static void clothi_face_boxes(int nf, const int *faces, const double *vertex_box,
-                                            double *box) {
+static void clothi_face_boxes(int nf, const int *faces, const double *vertex_box, double *box) {
     int f;
     for (f = 0; f < nf; f++) {
         clothi_box_join(vertex_box + 6 * faces[3 * f], vertex_box + 6 * faces[3 * f + 1],
@@ -1670,7 +1645,7 @@ static inline int clothi_bvh_item(const clothi_bvh *t, int j, int level) {
     return (int)(((uint64_t)(unsigned)j * (unsigned)t->n) >> level);
 }
 
-CLOTHI_UNUSED static void clothi_bvh_free(const cloth_hooks *hooks, clothi_bvh *t) {
+static void clothi_bvh_free(const cloth_hooks *hooks, clothi_bvh *t) {
     clothi_free(hooks, t->node);
     memset(t, 0, sizeof *t);
 }
@@ -1703,12 +1678,9 @@ static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
 /* Takes other boxes, box [n x 6], for the same items.
  * contract: alloc none | cost O(n), ~15 ns an item, leaves in parallel | same bits for any worker
  *   count */
-CLOTHI_UNUSED static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t,
-                                           const double *box) {
-    clothi_bvh_job job;
+static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t, const double *box) {
+    clothi_bvh_job job = {t, box};
     int            i;
-    job.tree = t;
-    job.box = box;
     clothi_for(hooks, 1 << t->depth, 256, clothi_bvh_refit_leaves, &job);
     for (i = (1 << t->depth) - 1; i > 0; i--) {
         clothi_node_join(t->node + 2 * (size_t)i, t->node + 2 * (size_t)i + 1, t->node + i);
@@ -1764,8 +1736,8 @@ static void clothi_bvh_split(int n, const double *key, int *order, int lo, int m
  * out  *t      owned: clothi_bvh_free; empty on failure
  * returns CLOTH_OK, CLOTH_ERR_MEMORY
  * contract: alloc one block of ~110 n bytes and scratch | cost O(n log n) | serial build */
-CLOTHI_UNUSED static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n,
-                                                   const double *box, clothi_bvh *t) {
+static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const double *box,
+                                     clothi_bvh *t) {
     const size_t   m = (size_t)n;
     cloth_status   status;
     double        *key = NULL;
@@ -1802,6 +1774,21 @@ CLOTHI_UNUSED static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int
 done:
     clothi_free(hooks, order);
     clothi_free(hooks, key);
+    return status;
+}
+
+/* The same over the faces [nf x 3] of a mesh at x [nv x 3]. */
+static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv, const double *x, int nf,
+                                     const int *faces, clothi_bvh *t) {
+    double      *box = (double *)clothi_alloc(hooks, 6 * ((size_t)nv + (size_t)nf), sizeof *box);
+    cloth_status status;
+    memset(t, 0, sizeof *t);
+    if (!box)
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the boxes of %i faces", nf);
+    clothi_swept_boxes(nv, x, NULL, 0, box);
+    clothi_face_boxes(nf, faces, box, box + 6 * (size_t)nv);
+    status = clothi_bvh_build(hooks, nf, box + 6 * (size_t)nv, t);
+    clothi_free(hooks, box);
     return status;
 }
 
@@ -1894,67 +1881,59 @@ static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
  *   empty then
  * contract: alloc when the list outgrows its memory | cost ~ O(n log n + pairs) for surfaces |
  *   same list for any worker count */
-CLOTHI_UNUSED static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks,
-                                                         const clothi_bvh *a, const clothi_bvh *b,
-                                                         clothi_pairs *pairs) {
-    clothi_bvh_query q;
-    q.a = a;
-    q.b = b;
-    q.pairs = pairs;
-    q.level_a = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
-    q.level_b = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
-    return clothi_pairs_run(hooks, &pairs, 1, 1 << (q.level_a + q.level_b), 64,
-                            clothi_bvh_query_range, &q);
+static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a,
+                                           const clothi_bvh *b, clothi_pairs *pairs) {
+    const int        p = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
+    const int        q = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
+    clothi_bvh_query query = {a, b, pairs, p, q};
+    return clothi_pairs_run(hooks, &pairs, 1, 1 << (p + q), 64, clothi_bvh_query_range, &query);
 }
 
-CLOTHI_UNUSED static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks,
-                                                        const clothi_bvh *t, clothi_pairs *pairs) {
+static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks, const clothi_bvh *t,
+                                          clothi_pairs *pairs) {
     return clothi_bvh_cross_pairs(hooks, t, t, pairs);
 }
 
-/* Calls fn for the items (first + i) whose boxes overlap box [6], in the tree's order.
+/* The items (first + i) whose boxes overlap box [6], in the tree's order:
+ *     clothi_bvh_walk w = clothi_bvh_walk_over(tree, box);
+ *     while ((item = clothi_bvh_next(&w)) >= 0) ...
  * contract: alloc none | cost O(log n + found) */
-typedef void clothi_visit_fn(int item, void *ctx);
+typedef struct clothi_bvh_walk {
+    const clothi_bvh *tree;
+    const double     *box;                  /* borrowed                                        */
+    clothi_box        bound;                /* the same, rounded outward                       */
+    int               stack[CLOTHI_BVH_STACK], n;
+    int               at, end;              /* of the leaf: items still to be looked at        */
+} clothi_bvh_walk;
 
-CLOTHI_UNUSED static void clothi_bvh_visit(const clothi_bvh *t, const double *box,
-                                           clothi_visit_fn *fn, void *ctx) {
-    clothi_box b;
-    int        stack[CLOTHI_BVH_STACK], n = 0, i;
-    clothi_node_around(box, &b);
-    stack[n++] = 1;
-    while (n) {
-        const int node = stack[--n], leaf = node - (1 << t->depth);
-        if (!clothi_nodes_meet(t->node + node, &b)) continue;
+static clothi_bvh_walk clothi_bvh_walk_over(const clothi_bvh *t, const double *box) {
+    clothi_bvh_walk w;
+    w.tree = t, w.box = box;
+    clothi_node_around(box, &w.bound);
+    w.stack[0] = w.n = 1;
+    w.at = w.end = 0;
+    return w;
+}
+
+/* The next item, -1 when there is none. */
+static int clothi_bvh_next(clothi_bvh_walk *w) {
+    const clothi_bvh *t = w->tree;
+    for (;;) {
+        int node, leaf;
+        while (w->at < w->end)
+            if (clothi_boxes_meet(t->exact + 6 * (size_t)w->at++, w->box))
+                return t->first + t->item[w->at - 1];
+        if (!w->n) return -1;
+        node = w->stack[--w->n], leaf = node - (1 << t->depth);
+        if (!clothi_nodes_meet(t->node + node, &w->bound)) continue;
         if (leaf < 0) {
-            stack[n++] = 2 * node + 1;
-            stack[n++] = 2 * node;
-            continue;
+            w->stack[w->n++] = 2 * node + 1;
+            w->stack[w->n++] = 2 * node;
+        } else {
+            w->at = clothi_bvh_item(t, leaf, t->depth);
+            w->end = clothi_bvh_item(t, leaf + 1, t->depth);
         }
-        for (i = clothi_bvh_item(t, leaf, t->depth); i < clothi_bvh_item(t, leaf + 1, t->depth);
-             i++)
-            if (clothi_boxes_meet(t->exact + 6 * (size_t)i, box)) fn(t->first + t->item[i], ctx);
     }
-}
-
-typedef struct clothi_item_list {
-    int *item, max, count;
-} clothi_item_list;
-
-static void clothi_item_note(int item, void *ctx) {
-    clothi_item_list *list = (clothi_item_list *)ctx;
-    if (list->count < list->max) list->item[list->count] = item;
-    list->count++;
-}
-
-/* The items of clothi_bvh_visit: returns their number, writes the first max. */
-CLOTHI_UNUSED static int clothi_bvh_box_query(const clothi_bvh *t, const double *box, int max,
-                                              int *items) {
-    clothi_item_list list;
-    list.item = items;
-    list.max = max;
-    list.count = 0;
-    clothi_bvh_visit(t, box, clothi_item_note, &list);
-    return list.count;
 }
 
 /* Squared distance m^2 of a point [3] from an item (first + i). */
@@ -1975,8 +1954,8 @@ static double clothi_node_distance2(const clothi_box *b, const double *p) {
  * smallest. Returns it and sets *d2; returns -1 and leaves *d2 when there is none. fn must not be
  * less than the distance from the item's box by more than a relative 1e-9.
  * contract: alloc none | cost O(log n) for a point not far away as against the items' size */
-CLOTHI_UNUSED static int clothi_bvh_nearest(const clothi_bvh *t, const double *point,
-                                            clothi_distance_fn *fn, void *ctx, double *d2) {
+static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_distance_fn *fn,
+                              void *ctx, double *d2) {
     const double slack = 1 - 1e-9;
     int          stack[CLOTHI_BVH_STACK], n = 0, best = -1, i;
     double       reach[CLOTHI_BVH_STACK];
@@ -2013,14 +1992,14 @@ CLOTHI_UNUSED static int clothi_bvh_nearest(const clothi_bvh *t, const double *p
 /* Vertices, edges and faces of any set of triangles, also one that is no surface. memset to 0
  * before the first build. A vertex without a face has no owner and is in no pair. */
 typedef struct clothi_features {
-    int            nv, ne, nf;
+    int            ne;
     const int     *faces;                   /* [nf x 3] borrowed                               */
     int           *edges;                   /* [ne x 2] a < b; sorted by a, then by b          */
     int           *face_edges;              /* [nf x 3] edge of corners k and k+1              */
     unsigned char *owned;                   /* [nf] bit k: corner k, bit 3+k: edge k is owned  */
 } clothi_features;
 
-CLOTHI_UNUSED static void clothi_features_free(const cloth_hooks *hooks, clothi_features *s) {
+static void clothi_features_free(const cloth_hooks *hooks, clothi_features *s) {
     clothi_free(hooks, s->edges);
     memset(s, 0, sizeof *s);
 }
@@ -2028,8 +2007,8 @@ CLOTHI_UNUSED static void clothi_features_free(const cloth_hooks *hooks, clothi_
 /* faces [nf x 3] are borrowed as long as *s lives; the smallest face owns.
  * returns CLOTH_OK; CLOTH_ERR_MESH: an index out of range, a corner twice; CLOTH_ERR_MEMORY;
  *   *s is empty then.   cost O(nv + nf) */
-CLOTHI_UNUSED static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
-                                                        const int *faces, clothi_features *s) {
+static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
+                                          const int *faces, clothi_features *s) {
     clothi_edge_sort sort;
     cloth_status     status;
     int              i, end, h, ne = 0;
@@ -2046,8 +2025,6 @@ CLOTHI_UNUSED static cloth_status clothi_features_build(const cloth_hooks *hooks
         status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i edges", ne);
         goto done;
     }
-    s->nv = nv;
-    s->nf = nf;
     s->faces = faces;
     s->face_edges = s->edges + 2 * (size_t)ne;
     s->owned = (unsigned char *)(s->face_edges + 3 * (size_t)nf);
@@ -2119,17 +2096,11 @@ static void clothi_features_look(const int *pair, const void *ctx, clothi_segmen
  * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; both lists empty then
  * contract: alloc when a list outgrows its memory | cost O(pairs) | same lists for any worker
  *   count */
-CLOTHI_UNUSED static cloth_status clothi_pairs_features(const cloth_hooks *hooks,
-                                                        const clothi_features *s,
-                                                        const clothi_pairs *faces,
-                                                        const double *vertex_box, clothi_pairs *vf,
-                                                        clothi_pairs *ee) {
-    clothi_features_job job;
-    clothi_pairs       *list[2];
-    job.s = s;
-    job.box = vertex_box;
-    list[0] = vf;
-    list[1] = ee;
+static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi_features *s,
+                                          const clothi_pairs *faces, const double *vertex_box,
+                                          clothi_pairs *vf, clothi_pairs *ee) {
+    const clothi_features_job job = {s, vertex_box};
+    clothi_pairs *const       list[2] = {vf, ee};
     return clothi_pairs_look(hooks, faces, clothi_features_look, &job, list, 2,
                              2 * CLOTHI_PAIRS_CHUNK);
 }
@@ -2166,11 +2137,8 @@ static int clothi_volume(const double *a, const double *b, const double *c, cons
 
 /* Turn of the projection of a, b, c along an axis: 0 when on a line. */
 static int clothi_turn_of(const double *a, const double *b, const double *c, int axis) {
-    const int i = (axis + 1) % 3, j = (axis + 2) % 3;
-    double    p[3][2];
-    p[0][0] = a[i]; p[0][1] = a[j];
-    p[1][0] = b[i]; p[1][1] = b[j];
-    p[2][0] = c[i]; p[2][1] = c[j];
+    const int    i = (axis + 1) % 3, j = (axis + 2) % 3;
+    const double p[3][2] = {{a[i], a[j]}, {b[i], b[j]}, {c[i], c[j]}};
     return clothi_orient2d(p[0], p[1], p[2]);
 }
 
@@ -2196,28 +2164,22 @@ static int clothi_beside(const double *p, const double *a, const double *b) {
     return from_a * from_b > 0 ? from_a : 0;
 }
 
-/* Closed segments pq and rs in one plane, which keeps its area along the axis. */
-static int clothi_segments_in_plane(const double *p, const double *q, const double *r,
-                                    const double *s, int axis) {
-    const int sr = clothi_turn_of(p, q, r, axis), ss = clothi_turn_of(p, q, s, axis);
-    const int sp = clothi_turn_of(r, s, p, axis), sq = clothi_turn_of(r, s, q, axis);
-    if (sr * ss < 0 && sp * sq < 0) return 1;
-    return (sr == 0 && clothi_beside(r, p, q) == 0) || (ss == 0 && clothi_beside(s, p, q) == 0) ||
-           (sp == 0 && clothi_beside(p, r, s) == 0) || (sq == 0 && clothi_beside(q, r, s) == 0);
-}
-
-/* Closed segments anywhere. */
+/* Closed segments pq and rs; axis: one along which the plane of both keeps its area, -1: not known,
+ * they may be anywhere. On one line every turn is 0, along any axis. */
 static int clothi_segments_meet(const double *p, const double *q, const double *r,
-                                const double *s) {
-    int axis;
-    if (clothi_volume(p, q, r, s)) return 0;
-    axis = clothi_open_axis(p, q, r);
+                                const double *s, int axis) {
+    int sr, ss, sp, sq;
+    if (axis < 0 && clothi_volume(p, q, r, s)) return 0;
+    if (axis < 0) axis = clothi_open_axis(p, q, r);
     if (axis < 0) axis = clothi_open_axis(p, q, s);
     if (axis < 0) axis = clothi_open_axis(r, s, p);
     if (axis < 0) axis = clothi_open_axis(r, s, q);
-    if (axis >= 0) return clothi_segments_in_plane(p, q, r, s, axis);
-    return clothi_beside(p, r, s) == 0 || clothi_beside(q, r, s) == 0 ||
-           clothi_beside(r, p, q) == 0;
+    if (axis < 0) axis = 0;
+    sr = clothi_turn_of(p, q, r, axis), ss = clothi_turn_of(p, q, s, axis);
+    sp = clothi_turn_of(r, s, p, axis), sq = clothi_turn_of(r, s, q, axis);
+    if (sr * ss < 0 && sp * sq < 0) return 1;
+    return (sr == 0 && clothi_beside(r, p, q) == 0) || (ss == 0 && clothi_beside(s, p, q) == 0) ||
+           (sp == 0 && clothi_beside(p, r, s) == 0) || (sq == 0 && clothi_beside(q, r, s) == 0);
 }
 
 /* 1 when the signs do not have both -1 and 1. */
@@ -2226,7 +2188,7 @@ static int clothi_one_sign(int a, int b, int c) {
 }
 
 /* Segment pq, whose ends have the signs sp and sq against the plane of t, and the closed triangle
- * t, which has an area. */
+ * t: one without an area is its sides. */
 static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
                              const double *const *t) {
     int k, axis;
@@ -2236,12 +2198,12 @@ static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
                                clothi_volume(p, q, t[1], t[2]),
                                clothi_volume(p, q, t[2], t[0]));
     axis = clothi_open_axis(t[0], t[1], t[2]);
-    if (clothi_one_sign(clothi_turn_of(t[0], t[1], p, axis),
-                        clothi_turn_of(t[1], t[2], p, axis),
-                        clothi_turn_of(t[2], t[0], p, axis)))
+    if (axis >= 0 && clothi_one_sign(clothi_turn_of(t[0], t[1], p, axis),
+                                     clothi_turn_of(t[1], t[2], p, axis),
+                                     clothi_turn_of(t[2], t[0], p, axis)))
         return 1;
     for (k = 0; k < 3; k++)
-        if (clothi_segments_in_plane(p, q, t[k], t[(k + 1) % 3], axis)) return 1;
+        if (clothi_segments_meet(p, q, t[k], t[(k + 1) % 3], axis)) return 1;
     return 0;
 }
 
@@ -2252,31 +2214,18 @@ static int clothi_plane_signs(const double *const *f, const double *const *g, in
     return sign[0] && sign[0] == sign[1] && sign[1] == sign[2];
 }
 
-/* Closed triangles without a shared vertex. */
+/* Closed triangles without a shared vertex. One without area is its sides, against the other. */
 static int clothi_triangles_meet(const double *const *f, const double *const *g) {
-    int of_f[3], of_g[3], f_area, g_area, k, l;
+    int of_f[3], of_g[3], f_area, g_area, k;
     if (clothi_plane_signs(f, g, of_g) || clothi_plane_signs(g, f, of_f)) return 0;
     f_area = of_g[0] || of_g[1] || of_g[2] || clothi_open_axis(f[0], f[1], f[2]) >= 0;
     g_area = of_f[0] || of_f[1] || of_f[2] || clothi_open_axis(g[0], g[1], g[2]) >= 0;
     for (k = 0; k < 3; k++) {
-        l = (k + 1) % 3;
-        if (f_area && clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
+        const int l = (k + 1) % 3;
+        if ((f_area || !g_area) && clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
         if (g_area && clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g)) return 1;
     }
-    if (f_area || g_area) return 0;
-    for (k = 0; k < 9; k++)
-        if (clothi_segments_meet(f[k / 3], f[(k / 3 + 1) % 3], g[k % 3], g[(k % 3 + 1) % 3]))
-            return 1;
     return 0;
-}
-
-/* p, not v, in the closed angle c v d of a triangle with area. */
-static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p) {
-    const int axis = clothi_open_axis(v, c, d);
-    int       turn;
-    if (clothi_point_order(p, v) == 0 || clothi_volume(v, c, d, p)) return 0;
-    turn = clothi_turn_of(v, c, d, axis);
-    return clothi_turn_of(v, c, p, axis) * turn >= 0 && clothi_turn_of(v, p, d, axis) * turn >= 0;
 }
 
 /* a and c, neither of them v, in one direction from v. */
@@ -2285,26 +2234,37 @@ static int clothi_one_way(const double *v, const double *a, const double *c) {
     return order && clothi_point_order(c, v) == order && clothi_open_axis(v, a, c) < 0;
 }
 
-/* Triangles f = v a b and g = v c d. One without area is two segments from v. */
+/* p, not v, in the closed angle c v d, in one plane, whose area keeps along the axis; -1: it has
+ * none and is its two sides. */
+static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p,
+                           int axis) {
+    int turn;
+    if (axis < 0) return clothi_one_way(v, c, p) || clothi_one_way(v, d, p);
+    if (clothi_point_order(p, v) == 0) return 0;
+    turn = clothi_turn_of(v, c, d, axis);
+    return clothi_turn_of(v, c, p, axis) * turn >= 0 && clothi_turn_of(v, p, d, axis) * turn >= 0;
+}
+
+/* Triangles f = v a b and g = v c d. Where their planes cross, b A - a B and c D - d C are one
+ * direction along the line (A, B: volumes v c d a and v c d b; C, D: v a b c and v a b d): it, or
+ * the opposite one, is in both angles. In one plane a side of one is in the other's angle. */
 static int clothi_meet_beyond_vertex(const double *const *f, const double *const *g) {
     const double *v = f[0];
-    const int     c = clothi_volume(v, f[1], f[2], g[1]);
-    const int     d = clothi_volume(v, f[1], f[2], g[2]);
-    int           a, b, f_area, g_area;
-    if (c * d > 0) return 0;
-    a = clothi_volume(v, g[1], g[2], f[1]);
-    b = clothi_volume(v, g[1], g[2], f[2]);
-    if (a * b > 0) return 0;
-    f_area = c || d || clothi_open_axis(v, f[1], f[2]) >= 0;
-    g_area = a || b || clothi_open_axis(v, g[1], g[2]) >= 0;
-    if (f_area && g_area)
-        return clothi_edge_meets(f[1], f[2], a, b, g) || clothi_edge_meets(g[1], g[2], c, d, f);
-    if (g_area)
-        return clothi_in_angle(v, g[1], g[2], f[1]) || clothi_in_angle(v, g[1], g[2], f[2]);
-    if (f_area)
-        return clothi_in_angle(v, f[1], f[2], g[1]) || clothi_in_angle(v, f[1], f[2], g[2]);
-    return clothi_one_way(v, f[1], g[1]) || clothi_one_way(v, f[1], g[2]) ||
-           clothi_one_way(v, f[2], g[1]) || clothi_one_way(v, f[2], g[2]);
+    const int     C = clothi_volume(v, f[1], f[2], g[1]), D = clothi_volume(v, f[1], f[2], g[2]);
+    int           A, B, f_axis, g_axis;
+    if (C * D > 0) return 0;
+    A = clothi_volume(v, g[1], g[2], f[1]);
+    B = clothi_volume(v, g[1], g[2], f[2]);
+    if (A * B > 0) return 0;
+    if ((A || B) && (C || D))
+        return (A >= 0 && B <= 0 && C <= 0 && D >= 0) || (A <= 0 && B >= 0 && C >= 0 && D <= 0);
+    f_axis = clothi_open_axis(v, f[1], f[2]);
+    g_axis = clothi_open_axis(v, g[1], g[2]);
+    if ((g_axis >= 0 || f_axis < 0) && ((!A && clothi_in_angle(v, g[1], g[2], f[1], g_axis)) ||
+                                        (!B && clothi_in_angle(v, g[1], g[2], f[2], g_axis))))
+        return 1;
+    return f_axis >= 0 && ((!C && clothi_in_angle(v, f[1], f[2], g[1], f_axis)) ||
+                           (!D && clothi_in_angle(v, f[1], f[2], g[2], f_axis)));
 }
 
 /* Triangles u w a and u w b. Without area: segments along the line of the edge, or from u = w. */
@@ -2321,7 +2281,7 @@ static int clothi_meet_beyond_edge(const double *u, const double *w, const doubl
 
 /* Faces f [3] and g [3], no corner named twice, of finite positions x: 1 when they intersect as
  * the banner says.   cost: 6 signs when apart or beside each other, up to ~100 in one plane */
-CLOTHI_UNUSED static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
+static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
     const double *p[3], *q[3];
     int           shared = 0, at_f[3], at_g[3], i, j;
     for (i = 0; i < 3; i++)
@@ -2360,19 +2320,15 @@ static void clothi_crossing_look(const int *pair, const void *ctx, clothi_segmen
  * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; out empty then
  * contract: alloc when out outgrows its memory | ~0.1 us a candidate | same list for any worker
  *   count */
-CLOTHI_UNUSED static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
-                                                        const int *faces,
-                                                        const clothi_pairs *candidates,
-                                                        clothi_pairs *out) {
-    clothi_crossing_job job;
-    job.x = x;
-    job.faces = faces;
+static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
+                                          const int *faces, const clothi_pairs *candidates,
+                                          clothi_pairs *out) {
+    const clothi_crossing_job job = {x, faces};
     return clothi_pairs_look(hooks, candidates, clothi_crossing_look, &job, &out, 1, 4);
 }
 
 /* The list in increasing order of (first, second), all in [0, n). */
-CLOTHI_UNUSED static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n,
-                                                    clothi_pairs *p) {
+static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n, clothi_pairs *p) {
     const size_t m = (size_t)p->count;
     int         *work, *key, *in, *out, *count, i, k;
     if (p->count < 2) return CLOTH_OK;
@@ -2397,8 +2353,6 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
                                            int nf, const int *faces, int max_pairs, int *pairs,
                                            int *count) {
     cloth_status status;
-    double      *box = NULL;
-    ptrdiff_t    bad;
     clothi_bvh   tree;
     clothi_pairs near_by, found;
     memset(&tree, 0, sizeof tree);
@@ -2412,19 +2366,9 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
                            : "pairs is NULL");
     status = clothi_check_counts(hooks, nv, nf);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
-    if (status != CLOTH_OK) return status;
-    bad = clothi_find_nonfinite(x, 3 * (size_t)nv);
-    if (bad >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_intersections: x[%z] = %g",
-                           (size_t)bad, x[bad]);
-    box = (double *)clothi_alloc(hooks, 6 * ((size_t)nv + (size_t)nf), sizeof *box);
-    if (!box) {
-        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the boxes of %i faces", nf);
-        goto done;
-    }
-    clothi_swept_boxes(nv, x, NULL, 0, box);
-    clothi_face_boxes(nf, faces, box, box + 6 * (size_t)nv);
-    status = clothi_bvh_build(hooks, nf, box + 6 * (size_t)nv, &tree);
+    if (status == CLOTH_OK)
+        status = clothi_numbers_check(hooks, "cloth_intersections: x", x, 3 * nv);
+    if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK) status = clothi_bvh_self_pairs(hooks, &tree, &near_by);
     if (status == CLOTH_OK) status = clothi_crossing_pairs(hooks, x, faces, &near_by, &found);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
@@ -2436,7 +2380,6 @@ done:
     clothi_pairs_free(hooks, &found);
     clothi_pairs_free(hooks, &near_by);
     clothi_bvh_free(hooks, &tree);
-    clothi_free(hooks, box);
     return status;
 }
 
@@ -2607,9 +2550,7 @@ typedef struct clothi_qp {
 } clothi_qp;
 
 static inline clothi_dd clothi_qp_one(double a) {
-    clothi_dd r;
-    r.h = a;
-    r.l = 0;
+    const clothi_dd r = {a, 0};
     return r;
 }
 
@@ -2714,7 +2655,7 @@ static void clothi_qp_columns(clothi_qp *s) {
     int             i, p, *start = s->cstart;
     memset(start, 0, ((size_t)s->n + 1) * sizeof *start);
     for (p = 0; p < q->row[s->m]; p++) start[q->col[p] + 1] += clothi_qp_couples(s, p);
-    for (i = 0; i < s->n; i++) start[i + 1] += start[i];
+    clothi_csr_starts(s->n, start);
     for (i = 0; i < s->m; i++)
         for (p = q->row[i]; p < q->row[i + 1]; p++)
             if (clothi_qp_couples(s, p)) {
@@ -2722,8 +2663,7 @@ static void clothi_qp_columns(clothi_qp *s) {
                 s->crow[to] = i;
                 s->centry[to] = p;
             }
-    memmove(start + 1, start, (size_t)s->n * sizeof *start);
-    start[0] = 0;
+    clothi_csr_rewind(s->n, start);
 }
 
 /* Room for A: the rows of each column couple. */
@@ -2869,34 +2809,22 @@ static void clothi_qp_drop_copies(clothi_qp *s) {
 
 /* ----- order --------------------------------------------------------------------------------- */
 
-/* Breadth first from `root` over rows without a place; returns the row visited last. visited:
- * mark == stamp. */
-static int clothi_qp_breadth(clothi_qp *s, int root, int begin, int stamp, int *end) {
-    int head = begin, tail = begin, e;
-    s->order[tail++] = root;
-    s->mark[root] = stamp;
-    while (head < tail) {
-        const int r = s->order[head++];
-        for (e = s->astart[r]; e < s->astart[r + 1]; e++) {
-            const int j = s->acol[e];
-            if (s->mark[j] == stamp || !s->keep[j]) continue;
-            s->mark[j] = stamp;
-            s->order[tail++] = j;
-        }
-    }
-    *end = tail;
-    return s->order[tail - 1];
-}
-
-/* Reverse Cuthill-McKee [CM69] from a row at an end of each component: small profile. */
+/* Reverse Cuthill-McKee [CM69]: breadth first over the rows that couple, from the first of each
+ * component; a root at the component's end makes the profile no smaller here. */
 static void clothi_qp_order(clothi_qp *s) {
-    int i, begin = 0, end = 0, stamp = -2, pass;
-    for (i = 0; i < s->m; i++) s->mark[i] = -1;
+    int i, e, head = 0, end = 0;
+    for (i = 0; i < s->m; i++) s->mark[i] = !s->keep[i];
     for (i = 0; i < s->m; i++) {
-        int root = i;
-        if (s->mark[i] != -1 || !s->keep[i]) continue;
-        for (pass = 0; pass < 3; pass++) root = clothi_qp_breadth(s, root, begin, stamp--, &end);
-        begin = end;
+        if (s->mark[i]) continue;
+        s->mark[i] = 1;
+        for (s->order[end++] = i; head < end; head++) {
+            const int r = s->order[head];
+            for (e = s->astart[r]; e < s->astart[r + 1]; e++)
+                if (!s->mark[s->acol[e]]) {
+                    s->mark[s->acol[e]] = 1;
+                    s->order[end++] = s->acol[e];
+                }
+        }
     }
     for (i = 0; i < end / 2; i++) {
         const int t = s->order[i];
@@ -3318,14 +3246,6 @@ static void clothi_qp_measure(clothi_qp *s) {
     rep->residual = clothi_max(rep->primal, clothi_max(rep->dual, rep->complementarity));
 }
 
-static cloth_status clothi_qp_check_numbers(const cloth_hooks *hooks, const char *name,
-                                            const double *a, int n) {
-    const ptrdiff_t i = clothi_find_nonfinite(a, (size_t)n);
-    if (i < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g: give it a number", name, (int)i,
-                       a[i]);
-}
-
 static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o) {
     const cloth_hooks *hooks = &o->hooks;
     cloth_status       status;
@@ -3346,8 +3266,8 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
     if (o->max_iterations < 0)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.max_iterations = %i: 0 or more",
                            o->max_iterations);
-    if ((status = clothi_qp_check_numbers(hooks, "qp.minv", q->minv, q->n)) != CLOTH_OK ||
-        (status = clothi_qp_check_numbers(hooks, "qp.x0", q->x0, q->n)) != CLOTH_OK)
+    if ((status = clothi_numbers_check(hooks, "qp.minv", q->minv, q->n)) != CLOTH_OK ||
+        (status = clothi_numbers_check(hooks, "qp.x0", q->x0, q->n)) != CLOTH_OK)
         return status;
     for (i = 0; i < q->n; i++)
         if (q->minv[i] < 0)
@@ -3365,10 +3285,10 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
         if (q->col[i] < 0 || q->col[i] >= q->n)
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.col[%i] = %i but qp.n = %i", i,
                                q->col[i], q->n);
-    status = clothi_qp_check_numbers(hooks, "qp.val", q->val, nz);
-    if (!status) status = clothi_qp_check_numbers(hooks, "qp.h", q->h, q->m);
+    status = clothi_numbers_check(hooks, "qp.val", q->val, nz);
+    if (!status) status = clothi_numbers_check(hooks, "qp.h", q->h, q->m);
     if (!status && o->guess)
-        status = clothi_qp_check_numbers(hooks, "options.guess", o->guess, q->m);
+        status = clothi_numbers_check(hooks, "options.guess", o->guess, q->m);
     return status;
 }
 
@@ -3507,6 +3427,7 @@ typedef struct clothi_surface {             /* all borrowed                     
     const double        *x;                 /* [nv x 3] m                                      */
     const int           *faces;             /* [nf x 3]                                        */
     const unsigned char *closed;            /* [nf] 0: face without an inside; NULL: all have  */
+    const unsigned char *skip;              /* [nf] not 0: nobody's nearest face; NULL: none   */
     const clothi_bvh    *tree;              /* of the faces' boxes at x; items index faces     */
 } clothi_surface;
 
@@ -3516,15 +3437,6 @@ typedef struct clothi_surface_defects {
     int turned;                             /* of two faces that run the same way              */
     int branch;                             /* of more than two faces                          */
 } clothi_surface_defects;
-
-/* Union-find: the root of i; paths are halved on the way. */
-static int clothi_root(int *up, int i) {
-    while (up[i] != i) {
-        up[i] = up[up[i]];
-        i = up[i];
-    }
-    return i;
-}
 
 /* Marks defects at the run [i, end) of half-edges of one edge; returns 1 when it is closed. */
 static int clothi_surface_edge(const clothi_edge_sort *s, const int *faces, int i, int end,
@@ -3564,14 +3476,12 @@ static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int n
     for (i = 0; i < 3 * nf; i = end) {
         end = clothi_edge_run(&s, 3 * nf, i);
         if (!clothi_surface_edge(&s, faces, i, end, d) && closed) closed[s.order[i] / 3] = 0;
-        for (j = i + 1; closed && j < end; j++) {
-            const int a = clothi_root(up, s.order[i] / 3), b = clothi_root(up, s.order[j] / 3);
-            up[a > b ? a : b] = a > b ? b : a;
-        }
+        for (j = i + 1; closed && j < end; j++)
+            (void)clothi_join(up, s.order[i] / 3, s.order[j] / 3);
     }
     if (!closed) goto done;
-    for (f = 0; f < nf; f++) closed[clothi_root(up, f)] &= closed[f];
-    for (f = 0; f < nf; f++) closed[f] = closed[clothi_root(up, f)];
+    for (f = 0; f < nf; f++) closed[clothi_find_root(up, f)] &= closed[f];
+    for (f = 0; f < nf; f++) closed[f] = closed[clothi_find_root(up, f)];
 done:
     clothi_free(hooks, up);
     clothi_edge_sort_free(hooks, &s);
@@ -3584,12 +3494,9 @@ done:
  * there (on the side of the normal), -1 when it enters, 0 when it misses. Exact. */
 static int clothi_line_turn(const double *a, const double *b, const double *c, int w,
                             const double *p) {
-    const int     v = w == 0 ? 2 : w - 1;
-    const double *corner[4];
-    int           k, turn = 0;
-    corner[0] = corner[3] = a;
-    corner[1] = b;
-    corner[2] = c;
+    const int           v = w == 0 ? 2 : w - 1;
+    const double *const corner[4] = {a, b, c, a};
+    int                 k, turn = 0;
     for (k = 0; k < 3; k++) {
         const int     up = corner[k][v] <= p[v];
         const double *lo = corner[up ? k : k + 1], *hi = corner[up ? k + 1 : k];
@@ -3599,39 +3506,21 @@ static int clothi_line_turn(const double *a, const double *b, const double *c, i
     return turn;
 }
 
-typedef struct clothi_surface_query {
-    const clothi_surface *s;
-    const double         *p, *q;
-    int                   sum, max;
-    int                  *hit;
-    int                 (*skip)(int face, void *ctx);
-    void                 *ctx;
-} clothi_surface_query;
-
-static void clothi_surface_wind(int f, void *ctx) {
-    clothi_surface_query *k = (clothi_surface_query *)ctx;
-    const int            *v = k->s->faces + 3 * (size_t)f;
-    const double         *a = k->s->x + 3 * (size_t)v[0], *b = k->s->x + 3 * (size_t)v[1];
-    const double         *c = k->s->x + 3 * (size_t)v[2];
-    int                   turn;
-    if (k->s->closed && !k->s->closed[f]) return;
-    turn = clothi_line_turn(a, b, c, 0, k->p);
-    if (turn && turn * clothi_orient3d(a, b, c, k->p) > 0) k->sum += turn;
-}
-
 /* How often the closed faces wrap round p [3], m: exact for coordinates in range of [3.1].
  * contract: alloc none | cost O(log nf + faces on the ray), 0.4 us of 26 000 */
-CLOTHI_UNUSED static int clothi_surface_winding(const clothi_surface *s, const double *p) {
-    clothi_surface_query k;
-    double               ray[6];
-    memset(&k, 0, sizeof k);
-    k.s = s;
-    k.p = p;
-    memcpy(ray, p, 3 * sizeof *p);
-    memcpy(ray + 3, p, 3 * sizeof *p);
-    ray[3] = CLOTHI_HUGE;
-    clothi_bvh_visit(s->tree, ray, clothi_surface_wind, &k);
-    return k.sum;
+static int clothi_surface_winding(const clothi_surface *s, const double *p) {
+    clothi_bvh_walk w;
+    const double    ray[6] = {p[0], p[1], p[2], CLOTHI_HUGE, p[1], p[2]};
+    int             f, sum = 0;
+    w = clothi_bvh_walk_over(s->tree, ray);
+    while ((f = clothi_bvh_next(&w)) >= 0) {
+        const int    *v = s->faces + 3 * (size_t)f;
+        const double *a = s->x + 3 * (size_t)v[0], *b = s->x + 3 * (size_t)v[1];
+        const double *c = s->x + 3 * (size_t)v[2];
+        const int     turn = !s->closed || s->closed[f] ? clothi_line_turn(a, b, c, 0, p) : 0;
+        if (turn && turn * clothi_orient3d(a, b, c, p) > 0) sum += turn;
+    }
+    return sum;
 }
 
 /* --- crossings --- */
@@ -3639,50 +3528,12 @@ CLOTHI_UNUSED static int clothi_surface_winding(const clothi_surface *s, const d
 /* Segment p q against the closed triangle a b c, touching included: 1 when it goes to the side of
  * the normal, -1 when it comes from there, 0 when they are apart or both ends are in the plane.
  * Exact. The crossing point is not computed here. */
-CLOTHI_UNUSED static int clothi_surface_pierced(const double *p, const double *q, const double *a,
-                                                const double *b, const double *c) {
-    const double *t[3];
-    const int     sp = clothi_volume(a, b, c, p), sq = clothi_volume(a, b, c, q);
-    t[0] = a;
-    t[1] = b;
-    t[2] = c;
+static int clothi_surface_pierced(const double *p, const double *q, const double *a,
+                                  const double *b, const double *c) {
+    const double *const t[3] = {a, b, c};
+    const int           sp = clothi_volume(a, b, c, p), sq = clothi_volume(a, b, c, q);
     if (sp == sq || !clothi_edge_meets(p, q, sp, sq, t)) return 0;
     return sp > sq ? 1 : -1;
-}
-
-static void clothi_surface_note(int f, void *ctx) {
-    clothi_surface_query *k = (clothi_surface_query *)ctx;
-    const int            *v = k->s->faces + 3 * (size_t)f;
-    const double         *x = k->s->x;
-    const int way = clothi_surface_pierced(k->p, k->q, x + 3 * (size_t)v[0], x + 3 * (size_t)v[1],
-                                           x + 3 * (size_t)v[2]);
-    if (!way || (k->skip && k->skip(f, k->ctx))) return;
-    if (k->sum < k->max) {
-        k->hit[2 * k->sum] = f;
-        k->hit[2 * k->sum + 1] = way;
-    }
-    k->sum++;
-}
-
-/* The faces that segment p q crosses as clothi_surface_pierced says, without those for which skip
- * (may be NULL) is not 0: returns how many, writes the first max as hit [max x 2]: face, way.
- * contract: alloc none | cost O(log nf + faces whose boxes meet the segment's) */
-CLOTHI_UNUSED static int clothi_surface_segment(const clothi_surface *s, const double *p,
-                                                const double *q, int (*skip)(int, void *),
-                                                void *ctx, int max, int *hit) {
-    clothi_surface_query k;
-    double               box[6];
-    memset(&k, 0, sizeof k);
-    k.s = s;
-    k.p = p;
-    k.q = q;
-    k.max = max;
-    k.hit = hit;
-    k.skip = skip;
-    k.ctx = ctx;
-    clothi_swept_boxes(1, p, q, 0, box);
-    clothi_bvh_visit(s->tree, box, clothi_surface_note, &k);
-    return k.sum;
 }
 
 /* --- nearest point --- */
@@ -3700,26 +3551,21 @@ static double clothi_surface_distance2(const clothi_surface *s, int f, const dou
 }
 
 static double clothi_surface_far(int f, const double *p, void *ctx) {
-    const clothi_surface_query *k = (const clothi_surface_query *)ctx;
-    double                      b[3];
-    return k->skip && k->skip(f, k->ctx) ? HUGE_VAL : clothi_surface_distance2(k->s, f, p, b);
+    const clothi_surface *s = (const clothi_surface *)ctx;
+    double                b[3];
+    if ((s->skip && s->skip[f]) || (s->closed && !s->closed[f])) return HUGE_VAL;
+    return clothi_surface_distance2(s, f, p, b);
 }
 
-/* The face nearest to p, without those for which skip (may be NULL) is not 0: of several the first.
+/* The face nearest to p of those that have an inside and are not to be skipped: of several the
+ * first.
  * in/out d2    m^2, in: no farther than this, finite; out: its squared distance
  * out    b     [3] barycentric coordinates of the nearest point
  * returns the face; -1 when there is none, d2 and b are as before
  * contract: alloc none | cost O(log nf) for a point not far away as against the faces' size */
-CLOTHI_UNUSED static int clothi_surface_nearest(const clothi_surface *s, const double *p,
-                                                int (*skip)(int, void *), void *ctx, double *d2,
-                                                double *b) {
-    clothi_surface_query k;
-    int                  f;
-    memset(&k, 0, sizeof k);
-    k.s = s;
-    k.skip = skip;
-    k.ctx = ctx;
-    f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &k, d2);
+static int clothi_surface_nearest(const clothi_surface *s, const double *p, double *d2, double *b) {
+    clothi_surface look = *s;
+    const int      f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &look, d2);
     if (f >= 0) (void)clothi_surface_distance2(s, f, p, b);
     return f;
 }
@@ -3729,11 +3575,9 @@ CLOTHI_UNUSED static int clothi_surface_nearest(const clothi_surface *s, const d
 /* 1 when faces f and g cut each other: they meet beyond what they share and each has corners on
  * both sides of the other. Exact; touching is no cut. */
 static int clothi_surface_cut(const clothi_surface *s, int f, int g) {
-    const int    *v[2];
-    const double *c[2][3];
-    int           sign[2][3], i, k;
-    v[0] = s->faces + 3 * (size_t)f;
-    v[1] = s->faces + 3 * (size_t)g;
+    const int *const v[2] = {s->faces + 3 * (size_t)f, s->faces + 3 * (size_t)g};
+    const double    *c[2][3];
+    int              sign[2][3], i, k;
     if (!clothi_faces_intersect(s->x, v[0], v[1])) return 0;
     for (i = 0; i < 6; i++) c[i / 3][i % 3] = s->x + 3 * (size_t)v[i / 3][i % 3];
     for (k = 0; k < 2; k++) {
@@ -3748,14 +3592,11 @@ static int clothi_surface_cut(const clothi_surface *s, int f, int g) {
  * without area: that of the centroid. */
 static int clothi_surface_outside(const clothi_surface *s, int f, double size) {
     const int *v = s->faces + 3 * (size_t)f;
-    double     d[3], e[3], n[3], p[3];
+    double     n[3], p[3];
     int        i, w;
-    clothi_sub3(s->x + 3 * (size_t)v[1], s->x + 3 * (size_t)v[0], d);
-    clothi_sub3(s->x + 3 * (size_t)v[2], s->x + 3 * (size_t)v[0], e);
-    clothi_cross3(d, e, n);
+    clothi_face_cross(s->x, v, n);
     for (i = 0; i < 3; i++)
-        p[i] = s->x[3 * (size_t)v[0] + (size_t)i] / 3 + s->x[3 * (size_t)v[1] + (size_t)i] / 3 +
-               s->x[3 * (size_t)v[2] + (size_t)i] / 3;
+        p[i] = s->x[3 * v[0] + i] / 3 + s->x[3 * v[1] + i] / 3 + s->x[3 * v[2] + i] / 3;
     w = fabs(n[0]) >= fabs(n[1]) ? 0 : 1;
     w = fabs(n[2]) > fabs(n[w]) ? 2 : w;
     p[w] += ((n[w] > 0) - (n[w] < 0)) * 1e-12 * size;
@@ -3820,8 +3661,6 @@ typedef struct clothi_grid_job {
     clothi_bvh     tree;
 } clothi_grid_job;
 
-static int clothi_grid_skips(int f, void *ctx) { return ((const unsigned char *)ctx)[f]; }
-
 /* Distance of p from the mesh if below `bound`, else `bound`. *f: a guess of the nearest face (-1:
  * none), which makes the search short, and the answer. */
 static double clothi_grid_reach(const clothi_grid_job *job, const double *p, double bound,
@@ -3829,7 +3668,7 @@ static double clothi_grid_reach(const clothi_grid_job *job, const double *p, dou
     double d2 = bound * bound, b[3];
     int    found;
     if (*f >= 0) d2 = clothi_min(d2, clothi_surface_distance2(&job->surface, *f, p, b));
-    found = clothi_surface_nearest(&job->surface, p, clothi_grid_skips, job->covered, &d2, b);
+    found = clothi_surface_nearest(&job->surface, p, &d2, b);
     if (found >= 0) *f = found;
     return found < 0 ? bound : clothi_min(bound, sqrt(d2));
 }
@@ -3875,43 +3714,32 @@ static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
     int                    b;
     (void)worker;
     for (b = begin; b < end; b++) {
-        int first[3];
-        first[0] = CLOTHI_GRID_BLOCK * (b % job->blocks[0]);
-        first[1] = CLOTHI_GRID_BLOCK * (b / job->blocks[0] % job->blocks[1]);
-        first[2] = CLOTHI_GRID_BLOCK * (b / job->blocks[0] / job->blocks[1]);
+        const int *n = job->blocks;
+        const int  first[3] = {CLOTHI_GRID_BLOCK * (b % n[0]),
+                               CLOTHI_GRID_BLOCK * (b / n[0] % n[1]),
+                               CLOTHI_GRID_BLOCK * (b / n[0] / n[1])};
         clothi_grid_block(job, first);
     }
 }
 
 /* --- create --- */
 
-static cloth_status clothi_grid_check_size(const cloth_hooks *hooks, const char *name, double a,
-                                           double least) {
-    if (!clothi_finite(a))
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "grid desc.%s = %g", name, a);
-    if (a >= least) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "grid desc.%s = %g is below %g", name, a, least);
-}
-
 /* The desc's mesh: numbers, indices, closed, volume; the box of the faces' corners: lo [3], hi. */
 static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo, double *hi) {
     const cloth_hooks     *hooks = &d->hooks;
-    const ptrdiff_t        bad = clothi_find_nonfinite(d->x, 3 * (size_t)d->nv);
     const double           most = clothi_min(CLOTHI_GRID_LARGE, CLOTHI_GRID_REACH * d->cell);
     clothi_surface_defects defects;
     cloth_status           status;
-    double                 volume = 0, side[3][3], n[3];
-    int                    i, a, f;
-    if (bad >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "grid desc.x[%i] = %g", (int)bad,
-                           d->x[bad]);
-    status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
+    double                 volume = 0, corner[3], n[3];
+    int                    i, f;
+    status = clothi_check_array(hooks, "x", d->x, d->nv, 3);
+    if (status == CLOTH_OK) status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
     if (status != CLOTH_OK) return status;
     for (i = 0; i < 9 * d->nf; i++) {
         const int    at = 3 * d->faces[i / 3] + i % 3;
         const double x = d->x[at];
         if (!(fabs(x) <= most))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "grid desc.x[%i] = %g is too large for "
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.x[%i] = %g is too large for "
                                "cells of %g", at, x, d->cell);
         lo[i % 3] = i < 3 ? x : clothi_min(lo[i % 3], x);
         hi[i % 3] = i < 3 ? x : clothi_max(hi[i % 3], x);
@@ -3924,9 +3752,9 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
                            "faces[%i] as many faces must run one way as the other",
                            d->faces[i], d->faces[clothi_halfedge_next(i)], i / 3);
     for (f = 0; f < d->nf; f++) {
-        for (a = 0; a < 3; a++) clothi_sub3(d->x + 3 * d->faces[3 * f + a], lo, side[a]);
-        clothi_cross3(side[1], side[2], n);
-        volume += clothi_dot3(side[0], n) / 6;
+        clothi_face_cross(d->x, d->faces + 3 * f, n);
+        clothi_sub3(d->x + 3 * d->faces[3 * f], lo, corner);
+        volume += clothi_dot3(corner, n) / 6;
     }
     if (volume > 0) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_MESH, "the mesh holds a volume of %g m^3: faces must turn "
@@ -3943,16 +3771,16 @@ static cloth_status clothi_grid_plan(const cloth_grid_desc *d, cloth_grid *g) {
     if (status != CLOTH_OK) return status;
     if (!d->x || !d->faces || d->nf < 4)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, !d->x || !d->faces
-                           ? "grid desc.x or desc.faces is NULL" : "grid desc.nf = %i is below 4",
+                           ? "desc.x or desc.faces is NULL" : "desc.nf = %i is below 4",
                            d->nf);
-    status = clothi_grid_check_size(hooks, "cell", d->cell, CLOTHI_GRID_TINY);
+    status = clothi_check_number(hooks, "cell", d->cell, CLOTHI_GRID_TINY, 0);
     if (status != CLOTH_OK) return status;
     g->cell = d->cell;
     g->band = d->band != 0 ? d->band : CLOTH_DEFAULT_GRID_BAND * d->cell;
-    status = clothi_grid_check_size(hooks, "band", g->band, 2 * d->cell);
+    status = clothi_check_number(hooks, "band", g->band, 2 * d->cell, 0);
     if (status != CLOTH_OK) return status;
     margin = d->margin != 0 ? d->margin : g->band;
-    status = clothi_grid_check_size(hooks, "margin", margin, d->cell);
+    status = clothi_check_number(hooks, "margin", margin, d->cell, 0);
     if (status == CLOTH_OK) status = clothi_grid_check_mesh(d, lo, hi);
     if (status != CLOTH_OK) return status;
     for (a = 0; a < 3; a++) {
@@ -3978,26 +3806,16 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void) {
 
 /* The surface: its tree, and which faces lie inside another part. */
 static cloth_status clothi_grid_faces(const cloth_grid_desc *d, clothi_grid_job *job) {
-    const cloth_hooks *hooks = &d->hooks;
-    const size_t       nv = (size_t)d->nv, nf = (size_t)d->nf;
-    double            *box = (double *)clothi_alloc(hooks, 6 * (nv + nf), sizeof(double));
-    cloth_status       status = CLOTH_ERR_MEMORY;
-    job->surface.x = d->x;
-    job->surface.faces = d->faces;
-    job->surface.tree = &job->tree;
-    job->covered = (unsigned char *)clothi_alloc(hooks, nf, 1);
-    if (!box || !job->covered) {
-        clothi_fail(hooks, status, "no memory for the boxes of %i faces", d->nf);
-        goto done;
-    }
-    clothi_swept_boxes(d->nv, d->x, NULL, 0, box);
-    clothi_face_boxes(d->nf, d->faces, box, box + 6 * nv);
-    status = clothi_bvh_build(hooks, d->nf, box + 6 * nv, &job->tree);
-    if (status == CLOTH_OK)
-        status = clothi_surface_covered(hooks, &job->surface, d->nf, job->covered);
-done:
-    clothi_free(hooks, box);
-    return status;
+    clothi_surface *s = &job->surface;
+    cloth_status    status;
+    s->x = d->x;
+    s->faces = d->faces;
+    s->tree = &job->tree;
+    s->skip = job->covered = (unsigned char *)clothi_alloc(&d->hooks, (size_t)d->nf, 1);
+    if (!s->skip)
+        return clothi_fail(&d->hooks, CLOTH_ERR_MEMORY, "no memory for %i faces", d->nf);
+    status = clothi_bvh_faces(&d->hooks, d->nv, d->x, d->nf, d->faces, &job->tree);
+    return status ? status : clothi_surface_covered(&d->hooks, s, d->nf, job->covered);
 }
 
 static clothi_grid *clothi_grid_alloc(const cloth_hooks *hooks, const cloth_grid *plan) {
@@ -4253,7 +4071,6 @@ struct cloth_collide {
     double         *far;                    /* [nw + me + mf] m, a move of vertices, edges and
                                                faces; 0 for obstacles'                         */
     clothi_pairs    meet, vf, ee;
-    int            *near_f;                 /* [nf] scratch of box queries                     */
     int             solid_known;            /* which way the obstacles' boxes hold             */
 
     /* the substep */
@@ -4630,17 +4447,6 @@ static int clothi_part_of(const cloth_collide *c, int v) {
     return v < c->nv ? c->vertex_part[v] : 0;
 }
 
-/* Unit normal of the face v [3] at x; 0 without an area. */
-static void clothi_face_normal(const double *x, const int *v, double *n) {
-    double d[3], e[3], size;
-    int    k;
-    clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
-    clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
-    clothi_cross3(d, e, n);
-    size = sqrt(clothi_dot3(n, n));
-    for (k = 0; k < 3 && size > 0; k++) n[k] /= size;
-}
-
 /* World vertices of a pair and how many they are. */
 static int clothi_pair_vertices(const cloth_collide *c, int kind, int a, int b, int *v) {
     if (kind == CLOTHI_EE) {
@@ -4778,15 +4584,15 @@ static cloth_status clothi_pairs_collect(cloth_collide *c) {
 /* A sphere's centre, a capsule's ends against faces; its axis against edges. */
 static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
     const clothi_obstacle *o = c->obstacle + slot;
-    cloth_status status = CLOTH_OK;
-    double       box[6];
-    int          i, k, n;
+    cloth_status    status = CLOTH_OK;
+    double          box[6];
+    clothi_bvh_walk w;
+    int             f, k;
     memcpy(box, c->box_v + 6 * o->v0, sizeof box);
     if (o->nv == 2) clothi_box_join(box, c->box_v + 6 * (o->v0 + 1), box);
     for (k = 0; k < 3; k++) box[k] -= o->radius, box[3 + k] += o->radius;
-    n = clothi_bvh_box_query(&c->tree, box, c->nf, c->near_f);
-    for (i = 0; i < n && !status; i++) {
-        const int f = c->near_f[i];
+    w = clothi_bvh_walk_over(&c->tree, box);
+    while (!status && (f = clothi_bvh_next(&w)) >= 0) {
         for (k = 0; k < o->nv && !status; k++) status = clothi_pair_add(c, CLOTHI_VF, o->v0 + k, f);
         for (k = 0; k < 3 && o->nv == 2 && !status; k++)
             if (c->features.owned[f] >> (3 + k) & 1)
@@ -6857,7 +6663,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
             const int v = c->row[i].v[k];
             int       root;
             if (!clothi_movable(c, v)) continue;
-            root = clothi_root(parent, v);
+            root = clothi_find_root(parent, v);
             if (first < 0) first = root;
             if (root < first) parent[first] = root, first = root;
             if (root > first) parent[root] = first;
@@ -6869,7 +6675,7 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
         for (k = 0; k < c->row[i].n && c->row[i].zone < 0; k++) {
             int *at;
             if (!clothi_movable(c, c->row[i].v[k])) continue;
-            at = number + clothi_root(parent, c->row[i].v[k]);
+            at = number + clothi_find_root(parent, c->row[i].v[k]);
             if (*at < 0) *at = (*nzone)++;
             c->row[i].zone = *at;
         }
@@ -7890,7 +7696,7 @@ static size_t clothi_contact_blocks(cloth_collide *c, int release) {
         c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
         c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone_start, c->qp_val, c->qp_minv,
         c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame, c->way_in,
-        c->moved, c->frozen, c->near_f, c->zone_of, c->zone_number, c->local, c->member,
+        c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
         c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
         c->hit, c->hit_time, c->slack, c->anchor, c->next, c->exempt, c->now, c->failed,
         c->obstacle};
@@ -8030,7 +7836,6 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     c->way_in = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
     c->moved = (unsigned char *)clothi_alloc(k, nv, 1);
     c->frozen = (unsigned char *)clothi_alloc(k, nv, 1);
-    c->near_f = (int *)clothi_alloc(k, (size_t)c->nf, sizeof(int));
     c->zone_of = (int *)clothi_alloc(k, nv, sizeof(int));
     c->zone_number = (int *)clothi_alloc(k, nv, sizeof(int));
     c->local = (int *)clothi_alloc(k, nv, sizeof(int));
@@ -8041,7 +7846,7 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     if (c->desc.nparts)
         c->part = (cloth_collide_part *)clothi_alloc(k, (size_t)c->desc.nparts, sizeof *c->part);
     return c->vertex_part && c->x_ie && c->x_list && c->x_frame && c->way_in && c->moved &&
-                   c->frozen && c->near_f && c->zone_of && c->zone_number && c->local &&
+                   c->frozen && c->zone_of && c->zone_number && c->local &&
                    c->member && c->qp_minv && c->qp_x0 && c->qp_x && (c->part || !c->desc.nparts)
                ? CLOTH_OK
                : CLOTH_ERR_MEMORY;
@@ -8613,60 +8418,56 @@ static int clothi_cloth_second(const cloth_collide_contact *q) {
     return sum < 0;
 }
 
-/* What contacts and rows have in common. force N on the first side. */
-static void clothi_public_contact(const cloth_collide *c, const clothi_pair_id *id, int n,
-                                  const int *v, const double *w, const double *normal,
-                                  double radius, cloth_collide_contact *out) {
-    double sum[2] = {0, 0};
-    int    j, k;
+/* Contact i of all: those of the potential, then the active rows of zones, which are such without
+ * friction. */
+static clothi_contact clothi_contact_at(const cloth_collide *c, int i) {
+    const clothi_row *row = c->row + (i - c->ncontact);
+    clothi_contact    q;
+    if (i < c->ncontact) return c->contact[i];
+    memset(&q, 0, sizeof q);
+    q.kind = row->kind, q.a = row->a, q.b = row->b, q.n = row->n;
+    memcpy(q.v, row->v, sizeof q.v);
+    memcpy(q.w, row->w, sizeof q.w);
+    memcpy(q.normal, row->normal, sizeof q.normal);
+    q.radius = clothi_slot_radius(c, clothi_pair_slot(c, q.kind, q.a, q.b));
+    q.force = row->multiplier / (c->h * c->h);
+    return q;
+}
+
+static void clothi_contact_out(const cloth_collide *c, int i, cloth_collide_contact *out) {
+    const clothi_contact q = clothi_contact_at(c, i);
+    clothi_pair_id       id;
+    double               sum[2] = {0, 0};
+    int                  j, k;
     memset(out, 0, sizeof *out);
-    out->pair = clothi_public_pair(c, id);
-    memcpy(out->normal, normal, sizeof out->normal);
-    for (j = 0; j < n; j++) {
-        const int side = w[j] < 0;
-        sum[side] += w[j];
-        for (k = 0; k < 3; k++) out->point[side][k] += w[j] * c->xb[3 * v[j] + k];
-        if (v[j] >= c->nv) continue;
-        out->vertex[out->n] = v[j];
-        out->weight[out->n++] = w[j];
+    id.kind = q.kind, id.a = q.a, id.b = q.b;
+    out->pair = clothi_public_pair(c, &id);
+    memcpy(out->normal, q.normal, sizeof out->normal);
+    for (j = 0; j < q.n; j++) {
+        const int side = q.w[j] < 0;
+        sum[side] += q.w[j];
+        for (k = 0; k < 3; k++) out->point[side][k] += q.w[j] * c->xb[3 * q.v[j] + k];
+        if (q.v[j] >= c->nv) continue;
+        out->vertex[out->n] = q.v[j];
+        out->weight[out->n++] = q.w[j];
     }
     for (j = 0; j < 2; j++)
         for (k = 0; k < 3 && fabs(sum[j]) > 0; k++) out->point[j][k] /= sum[j];
-    for (k = 0; k < 3; k++) out->gap += (out->point[0][k] - out->point[1][k]) * normal[k];
-    for (k = 0; k < 3 && id->kind == CLOTHI_VP; k++)    /* the foot of the vertex */
-        out->point[1][k] = out->point[0][k] - out->gap * normal[k];
+    for (k = 0; k < 3; k++) out->gap += (out->point[0][k] - out->point[1][k]) * q.normal[k];
+    for (k = 0; k < 3 && q.kind == CLOTHI_VP; k++)      /* the foot of the vertex */
+        out->point[1][k] = out->point[0][k] - out->gap * q.normal[k];
     j = !clothi_cloth_second(out);          /* the obstacle's side */
-    for (k = 0; k < 3; k++) out->point[j][k] += (j ? radius : -radius) * normal[k];
+    for (k = 0; k < 3; k++) out->point[j][k] += (j ? q.radius : -q.radius) * q.normal[k];
+    out->gap = i < c->ncontact ? q.gap : out->gap - q.radius;
+    out->force = q.force;
+    out->limit = q.limit;
+    for (k = 0; k < 3; k++) out->friction[k] = -q.tangent[k];
     for (k = 0; k < out->n; k++)
         if (c->report.held && c->held_of && c->held_of[out->vertex[k]] >= 0)
             out->flags |= CLOTH_CONTACT_HELD;
-}
-
-static void clothi_contact_out(const cloth_collide *c, const clothi_contact *q,
-                               cloth_collide_contact *out) {
-    clothi_pair_id id;
-    int            k;
-    id.kind = q->kind, id.a = q->a, id.b = q->b;
-    clothi_public_contact(c, &id, q->n, q->v, q->w, q->normal, q->radius, out);
-    out->gap = q->gap;
-    out->force = q->force;
-    out->limit = q->limit;
-    for (k = 0; k < 3; k++) out->friction[k] = -q->tangent[k];
-    if (q->size > c->desc.slip) out->flags |= CLOTH_CONTACT_SLIDING;
-    if (c->inexact) out->flags |= CLOTH_CONTACT_INEXACT;
-}
-
-static void clothi_row_out(const cloth_collide *c, const clothi_row *row,
-                           cloth_collide_contact *out) {
-    clothi_pair_id id;
-    int            k;
-    id.kind = row->kind, id.a = row->a, id.b = row->b;
-    clothi_public_contact(c, &id, row->n, row->v, row->w, row->normal,
-                          clothi_slot_radius(c, clothi_pair_slot(c, id.kind, id.a, id.b)), out);
-    for (out->gap = 0, k = 0; k < 3; k++)
-        out->gap += (out->point[0][k] - out->point[1][k]) * row->normal[k];
-    out->force = row->multiplier / (c->h * c->h);
-    out->flags |= CLOTH_CONTACT_ROW;
+    if (i >= c->ncontact) out->flags |= CLOTH_CONTACT_ROW;
+    else if (c->inexact) out->flags |= CLOTH_CONTACT_INEXACT;
+    if (q.size > c->desc.slip) out->flags |= CLOTH_CONTACT_SLIDING;
 }
 
 CLOTH_API cloth_status cloth_collide_contacts(const cloth_collide *c, int max,
@@ -8674,11 +8475,9 @@ CLOTH_API cloth_status cloth_collide_contacts(const cloth_collide *c, int max,
     cloth_status status = clothi_query_check(c, "cloth_collide_contacts", max, contact != NULL);
     int          i, n = 0;
     if (status) return status;
-    for (i = 0; i < c->ncontact; i++)
-        if (c->contact[i].force > 0 && n++ < max)
-            clothi_contact_out(c, c->contact + i, contact + n - 1);
-    for (i = 0; i < c->nrow; i++)
-        if (c->row[i].multiplier > 0 && n++ < max) clothi_row_out(c, c->row + i, contact + n - 1);
+    for (i = 0; i < c->ncontact + c->nrow; i++)
+        if (clothi_contact_at(c, i).force > 0 && n++ < max)
+            clothi_contact_out(c, i, contact + n - 1);
     if (count) *count = n;
     return CLOTH_OK;
 }
@@ -8696,8 +8495,7 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
     for (k = 0; k < 3; k++) force[k] = torque[k] = 0;
     for (i = 0; i < c->ncontact + c->nrow; i++) {
         double f[3], r[3], t[3], side;
-        if (i < c->ncontact) clothi_contact_out(c, c->contact + i, &q);
-        else clothi_row_out(c, c->row + i - c->ncontact, &q);
+        clothi_contact_out(c, i, &q);
         if (q.pair.obstacle.id != id.id || !(q.force > 0)) continue;
         side = clothi_cloth_second(&q) ? 1 : -1;
         for (k = 0; k < 3; k++) {
@@ -8714,43 +8512,35 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
 CLOTH_API cloth_status cloth_collide_holds(const cloth_collide *c, int max, cloth_hold *hold,
                                            int *count) {
     cloth_status status = clothi_query_check(c, "cloth_collide_holds", max, hold != NULL);
+    int          i;
     if (status) return status;
-    if (max > 0 && c->nhold > 0)
-        memcpy(hold, c->hold, (size_t)(max < c->nhold ? max : c->nhold) * sizeof *hold);
+    for (i = 0; i < max && i < c->nhold; i++) hold[i] = c->hold[i];
     if (count) *count = c->nhold;
     return CLOTH_OK;
 }
 
-/* Forces on the cloth's vertices. */
-static void clothi_contact_forces(const cloth_collide *c, int normal, double *f) {
-    int i, j, k;
+/* Forces on the cloth's vertices: all, or friction alone. */
+static cloth_status clothi_contact_forces(const cloth_collide *c, const char *call, int all,
+                                          double *f) {
+    cloth_status status = clothi_query_check(c, call, 1, f != NULL);
+    int          i, j, k;
+    if (status) return status;
     memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
-    for (i = 0; i < c->ncontact; i++) {
-        const clothi_contact *q = c->contact + i;
-        for (j = 0; j < q->n; j++)
-            for (k = 0; q->v[j] < c->nv && k < 3; k++)
-                f[3 * q->v[j] + k] += q->w[j] * ((normal ? q->force * q->normal[k] : 0) -
-                                                 q->tangent[k]);
+    for (i = 0; i < c->ncontact + c->nrow; i++) {
+        const clothi_contact q = clothi_contact_at(c, i);
+        for (j = 0; j < q.n; j++)
+            for (k = 0; q.v[j] < c->nv && k < 3; k++)
+                f[3 * q.v[j] + k] += q.w[j] * ((all ? q.force * q.normal[k] : 0) - q.tangent[k]);
     }
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f) {
-    cloth_status status = clothi_query_check(c, "cloth_collide_friction", 1, f != NULL);
-    if (!status) clothi_contact_forces(c, 0, f);
-    return status;
+    return clothi_contact_forces(c, "cloth_collide_friction", 0, f);
 }
 
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
-    cloth_status status = clothi_query_check(c, "cloth_collide_forces", 1, f != NULL);
-    int          i, j, k;
-    if (status) return status;
-    clothi_contact_forces(c, 1, f);
-    for (i = 0; i < c->nrow; i++)
-        for (j = 0; j < c->row[i].n; j++)
-            for (k = 0; c->row[i].v[j] < c->nv && k < 3; k++)
-                f[3 * c->row[i].v[j] + k] += c->row[i].multiplier / (c->h * c->h) *
-                                             c->row[i].w[j] * c->row[i].normal[k];
-    return CLOTH_OK;
+    return clothi_contact_forces(c, "cloth_collide_forces", 1, f);
 }
 
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap) {
@@ -8971,18 +8761,15 @@ static void clothi_contour_shrink(const cloth_collide *c, const clothi_contour *
 
 /* --- ways out --- */
 
-static int clothi_tangle_skips(int f, void *ctx) { return !((const unsigned char *)ctx)[f]; }
-
 /* The way of cloth vertex v out of obstacle `slot`; 0 when it is not inside. */
 static int clothi_tangle_leave(const cloth_collide *c, clothi_tangle *u, int slot, int v) {
     const double  *p = c->xa + 3 * v;
-    clothi_surface solid;
+    clothi_surface solid = {c->xa, c->faces, u->mask, NULL, &c->solid};
     double         n[3], b[3], d2 = CLOTHI_HUGE;
     int            k, f, wind;
-    solid.x = c->xa, solid.faces = c->faces, solid.closed = u->mask, solid.tree = &c->solid;
     wind = clothi_surface_winding(&solid, p);
     if (!(c->obstacle[slot].kind == CLOTH_OBSTACLE_BOX ? wind : wind >= 1)) return 0;
-    f = clothi_surface_nearest(&solid, p, clothi_tangle_skips, u->mask, &d2, b);
+    f = clothi_surface_nearest(&solid, p, &d2, b);
     if (f < 0) return 0;
     clothi_face_normal(c->xa, c->faces + 3 * f, n);
     for (k = 0; k < 3; k++) {
@@ -9035,21 +8822,22 @@ static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
         e[0] = clothi_min(e[0], cut->s), e[1] = clothi_min(e[1], 1 - cut->s);
     }
     for (i = 0; i < c->features.ne; i++) {
-        const int    *v = c->edges + 2 * i, a = clothi_root(u->area, v[0]);
-        const int     b = clothi_root(u->area, v[1]), low = a < b ? a : b, high = a < b ? b : a;
+        const int    *v = c->edges + 2 * i;
+        const int     a = clothi_find_root(u->area, v[0]), b = clothi_find_root(u->area, v[1]);
         const double *part = u->span + 2 * i;
-        double        d[3];
+        double        d[3], sum;
         clothi_sub3(c->xa + 3 * v[0], c->xa + 3 * v[1], d);
         u->size[a] += sqrt(clothi_dot3(d, d)) * part[0];
         u->size[b] += sqrt(clothi_dot3(d, d)) * part[1];
-        if (low == high || part[0] + part[1] < 2) continue;
-        u->area[high] = low;
-        u->size[low] += u->size[high], u->size[high] = 0;
+        if (part[0] + part[1] < 2 || !clothi_join(u->area, a, b)) continue;
+        sum = u->size[a] + u->size[b];
+        u->size[a] = u->size[b] = 0;
+        u->size[clothi_find_root(u->area, a)] = sum;
     }
     for (i = 0; i < u->line.n; i++) {
         clothi_crossing *cut = u->line.cut + i;
         const int       *v = c->edges + 2 * cut->edge;
-        const int        p = clothi_root(u->area, v[0]), q = clothi_root(u->area, v[1]);
+        const int        p = clothi_find_root(u->area, v[0]), q = clothi_find_root(u->area, v[1]);
         const double     P = fabs(u->size[p]), Q = fabs(u->size[q]);
         if (cut->end >= 0 || p == q) continue;
         cut->end = !(P < Q || (!(Q < P) && p > q));

@@ -57,7 +57,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         if (hit && t < (ref_real)toi) require(d + noise > (ref_real)sep);
     }
     if (m < 1e300) {
-        const double d = ee ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
+        const double d = clothi_pair_distance(ee, x, w);
         require(d >= 0 && clothi_finite(d));
         require(fabs((double)(((ref_real)d - ccd_distance(ee, x, 0)))) <= 1e-8 * m);
         require(clothi_contact_frame(ee, x, x + 12, toi, w, n) >= 0);

@@ -469,7 +469,7 @@ static void distances(void) {
             for (j = 0; j < 12; j++) x[j] *= k % 2 ? 1e-180 : 1e180;
         memcpy(x + 12, x, 12 * sizeof *x);
         size = ccd_size(x);
-        d = k & 1 ? clothi_edge_edge(x, w) : clothi_point_triangle(x, w);
+        d = clothi_pair_distance(k & 1, x, w);
         if (size > 1e-100 && size < 1e100) {
             const ref_real exact = ccd_distance(k & 1, x, 0);
             worst = fmax(worst, fabs((double)((ref_real)d - exact)) / size);
@@ -502,7 +502,7 @@ static int frame_is_good(int ee, const double *x, double toi, double *w, double 
         for (j = 0; j < 3; j++) side += w[i] * n[j] * (x[3 * i + j] - x[j]);
     }
     memcpy(start, x, 12 * sizeof *x);
-    d0 = ee ? clothi_edge_edge(start, v) : clothi_point_triangle(start, v);
+    d0 = clothi_pair_distance(ee, start, v);
     return fabs(sum) < 1e-15 && fabs(clothi_dot3(n, n) - 1) < 1e-14 &&
            fabs(g - side) <= 1e-13 * ccd_size(x) && (g > 0 || d0 <= 1e-12 * ccd_size(x));
 }

@@ -301,21 +301,14 @@ static size_t node_near(const cloth_grid *g, const double *p) {
 /* [nf] 1 for faces inside of another part; the caller's to free. */
 static unsigned char *covered_faces(const shape *s) {
     unsigned char *covered = (unsigned char *)malloc((size_t)s->nf);
-    double        *box_v = (double *)malloc(6 * sizeof(double) * (size_t)s->nv);
-    double        *box_f = (double *)malloc(6 * sizeof(double) * (size_t)s->nf);
     clothi_surface u;
     clothi_bvh     tree;
-    if (!covered || !box_v || !box_f) exit(2);
-    memset(&tree, 0, sizeof tree);
+    if (!covered) exit(2);
     memset(&u, 0, sizeof u);
-    clothi_swept_boxes(s->nv, s->x, NULL, 0, box_v);
-    clothi_face_boxes(s->nf, s->faces, box_v, box_f);
-    CHECK(clothi_bvh_build(NULL, s->nf, box_f, &tree) == CLOTH_OK);
+    CHECK(clothi_bvh_faces(NULL, s->nv, s->x, s->nf, s->faces, &tree) == CLOTH_OK);
     u.x = s->x, u.faces = s->faces, u.tree = &tree;
     CHECK(clothi_surface_covered(NULL, &u, s->nf, covered) == CLOTH_OK);
     clothi_bvh_free(NULL, &tree);
-    free(box_f);
-    free(box_v);
     return covered;
 }
 
@@ -506,7 +499,7 @@ static void refusals(void) {
     d = good, d.cell = -1, refuse(&d, CLOTH_ERR_ARGUMENT, "cell = -1");
     d = good, d.cell = NAN, refuse(&d, CLOTH_ERR_NONFINITE, "cell");
     d = good, d.band = INFINITY, refuse(&d, CLOTH_ERR_NONFINITE, "band");
-    d = good, d.band = 0.1, refuse(&d, CLOTH_ERR_ARGUMENT, "band = 0.1 is below 0.5");
+    d = good, d.band = 0.1, refuse(&d, CLOTH_ERR_ARGUMENT, "band = 0.1 must be at least 0.5");
     d = good, d.margin = 0.1, refuse(&d, CLOTH_ERR_ARGUMENT, "margin");
     d = good, d.margin = NAN, refuse(&d, CLOTH_ERR_NONFINITE, "margin");
     d = good, d.max_nodes = 100, refuse(&d, CLOTH_ERR_CAPACITY, "more than 100");

@@ -41,13 +41,8 @@ static void make(kind how, shape *s) {
 
 /* The surface of a mesh with its tree. */
 static clothi_surface surface_of(const shape *s, clothi_bvh *tree) {
-    double        *box = (double *)malloc(6 * (size_t)(s->nv + s->nf) * sizeof *box);
     clothi_surface out;
-    if (!box) exit(2);
-    clothi_swept_boxes(s->nv, s->x, NULL, 0, box);
-    clothi_face_boxes(s->nf, s->faces, box, box + 6 * s->nv);
-    if (clothi_bvh_build(NULL, s->nf, box + 6 * s->nv, tree)) exit(2);
-    free(box);
+    if (clothi_bvh_faces(NULL, s->nv, s->x, s->nf, s->faces, tree)) exit(2);
     memset(&out, 0, sizeof out);
     out.x = s->x;
     out.faces = s->faces;
@@ -148,11 +143,6 @@ static void winding_on_a_lattice(void) {
 
 /* --- nearest points --- */
 
-static int odd(int f, void *ctx) {
-    (void)ctx;
-    return f & 1;
-}
-
 /* Distance in long double: the least over the face's plane, inside, and its sides. */
 static long double face_distance(const shape *s, int f, const double *p) {
     const int  *v = s->faces + 3 * f;
@@ -198,15 +188,20 @@ static void nearest_is_brute_force(void) {
         shape          s;
         clothi_bvh     tree;
         clothi_surface u;
+        unsigned char *odd;
         make((kind)how, &s);
         u = surface_of(&s, &tree);
+        odd = (unsigned char *)calloc((size_t)s.nf, 1);
+        if (!odd) exit(2);
+        for (f = 1; f < s.nf; f += 2) odd[f] = 1;
         for (i = 0; i < 12; i++) {
             double      p[3], d2 = 1e300, b[3], y;
             const int   leave_out = i & 1;
             long double best = 1e300L, off = 0;
             for (a = 0; a < 3; a++) p[a] = uniform(-1.5, 3.5);
             for (f = 0; f < s.nf; f += 1 + leave_out) best = fminl(best, face_distance(&s, f, p));
-            f = clothi_surface_nearest(&u, p, leave_out ? odd : NULL, NULL, &d2, b);
+            u.skip = leave_out ? odd : NULL;
+            f = clothi_surface_nearest(&u, p, &d2, b);
             CHECK(f >= 0 && !(leave_out && f % 2));
             CHECK_NEAR(sqrt(d2), (double)best, 1e-9);
             CHECK_NEAR(b[0] + b[1] + b[2], 1, 1e-14);
@@ -216,8 +211,9 @@ static void nearest_is_brute_force(void) {
             }
             CHECK_NEAR(sqrtl(off), (double)best, 1e-9);
             d2 *= 0.99;
-            CHECK(clothi_surface_nearest(&u, p, leave_out ? odd : NULL, NULL, &d2, b) == -1);
+            CHECK(clothi_surface_nearest(&u, p, &d2, b) == -1);
         }
+        free(odd);
         clothi_bvh_free(NULL, &tree);
         shape_free(&s);
     }
@@ -232,6 +228,11 @@ static int det_sign(const double *a, const double *b, const double *c, const dou
     const double t = w[0] * (u[1] * v[2] - u[2] * v[1]) + w[1] * (u[2] * v[0] - u[0] * v[2]) +
                      w[2] * (u[0] * v[1] - u[1] * v[0]);
     return (t > 0) - (t < 0);
+}
+
+static int pierced_face(const shape *s, int f, const double *p, const double *q) {
+    const int *v = s->faces + 3 * f;
+    return clothi_surface_pierced(p, q, s->x + 3 * v[0], s->x + 3 * v[1], s->x + 3 * v[2]);
 }
 
 /* Small integers: all ways to touch; the determinants of the test are exact there. The segment is a
@@ -275,9 +276,10 @@ static void pierced_by_a_rounding(void) {
     CHECK(hits > 500 && hits < 2900);
 }
 
-/* All faces on the way, and what they say together: the difference of the winding numbers. */
+/* What the faces on the way say together is the difference of the winding numbers; a walk through
+ * the tree meets them all, each once. */
 static void segments_through_meshes(void) {
-    int how, i, a, f, hit[2 * 64];
+    int how, i, a, f;
     for (how = 0; how < KINDS; how++) {
         shape          s;
         clothi_bvh     tree;
@@ -286,24 +288,20 @@ static void segments_through_meshes(void) {
         make((kind)how, &s);
         u = surface_of(&s, &tree);
         for (i = 0; i < 500; i++) {
-            double p[3], q[3];
-            int    n, m = 0, left_out = 0, sum = 0;
+            double      p[3], q[3], box[6];
+            int         sum = 0, left = 0;
+            clothi_bvh_walk w;
             for (a = 0; a < 3; a++) p[a] = uniform(-1.5, 3.5), q[a] = uniform(-1.5, 3.5);
-            n = clothi_surface_segment(&u, p, q, NULL, NULL, 64, hit);
+            clothi_swept_boxes(1, p, q, 0, box);
             for (f = 0; f < s.nf; f++) {
-                const int *v = s.faces + 3 * f;
-                const int  way = clothi_surface_pierced(p, q, s.x + 3 * v[0], s.x + 3 * v[1],
-                                                        s.x + 3 * v[2]);
-                m += way != 0;
-                left_out += way != 0 && f % 2;
+                const int way = pierced_face(&s, f, p, q);
+                left += way != 0;
                 sum += way;
-                if (!way) continue;
-                for (a = 0; a < n && (hit[2 * a] != f || hit[2 * a + 1] != way);) a++;
-                wrong += a == n;
             }
-            wrong += m != n || clothi_surface_winding(&u, p) - clothi_surface_winding(&u, q) != sum;
-            wrong += clothi_surface_segment(&u, p, q, odd, NULL, 0, NULL) != n - left_out;
-            hits += n;
+            hits += left;
+            w = clothi_bvh_walk_over(&tree, box);
+            while ((f = clothi_bvh_next(&w)) >= 0) left -= pierced_face(&s, f, p, q) != 0;
+            wrong += left || clothi_surface_winding(&u, p) - clothi_surface_winding(&u, q) != sum;
         }
         CHECK(wrong == 0);
         CHECK(hits > 50);

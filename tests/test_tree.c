@@ -194,28 +194,24 @@ static double box_distance2(int item, const double *p, void *ctx) {
     return d2;
 }
 
-static void box_query_and_nearest(void) {
+static void walk_and_nearest(void) {
     static double box[6 * MAX_N];
     clothi_bvh    t;
-    int           how, i, k, q, items[MAX_N], bad = 0, bad_near = 0;
+    int           how, i, k, q, bad = 0, bad_near = 0;
     for (how = 0; how < KINDS - 1; how++)               /* distances to NaN mean nothing */
         for (q = 0; q < 400; q++) {
-            const int n = 1 + (q * 37) % MAX_N;
-            double    ask[6], p[3], best = HUGE_VAL, d2 = q % 2 ? 1e300 : 0.05;
-            int       count, expected = 0, nearest = -1, found;
+            const int   n = 1 + (q * 37) % MAX_N;
+            double      ask[6], p[3], best = HUGE_VAL, d2 = q % 2 ? 1e300 : 0.05;
+            int         met[MAX_N] = {0}, nearest = -1, found;
+            clothi_bvh_walk w;
             if (q % 40 == 0) seed += 11;
             make_boxes((kind)how, n, box);
             if (!CHECK(clothi_bvh_build(NULL, n, box, &t) == CLOTH_OK)) return;
             t.first = 7;
             make_boxes((kind)how, 1, ask);
-            count = clothi_bvh_box_query(&t, ask, MAX_N, items);
-            for (i = 0; i < n; i++) {
-                int in = 0;
-                for (k = 0; k < count; k++) in += items[k] == i + 7;
-                bad += in != overlap(ask, box + 6 * i);
-                expected += in;
-            }
-            bad += expected != count || clothi_bvh_box_query(&t, ask, 0, NULL) != count;
+            w = clothi_bvh_walk_over(&t, ask);
+            while ((found = clothi_bvh_next(&w)) >= 0) met[found - 7]++;
+            for (i = 0; i < n; i++) bad += met[i] != overlap(ask, box + 6 * i);
             for (k = 0; k < 3; k++) p[k] = 3 * uniform() - 1;
             for (i = 0; i < n; i++) {
                 const double d = box_distance2(i + 7, p, box);
@@ -311,7 +307,7 @@ static void scene_alloc(scene *s, int nv, int nf) {
 
 static cloth_status scene_find(scene *s, const cloth_hooks *hooks, double pad) {
     cloth_status status;
-    if (!s->features.nf) {
+    if (!s->features.faces) {
         status = clothi_features_build(hooks, s->nv, s->nf, s->faces, &s->features);
         if (status) return status;
     }
@@ -636,9 +632,9 @@ static void allocator_fails(void) {
         CHECK(status == CLOTH_OK || (s.vf.count == 0 && s.ee.count == 0));
         done = status == CLOTH_OK;
         if (done) {                         /* the same again takes no memory */
-            const int grown = s.pairs.grown + s.vf.grown + s.ee.grown, calls = h.calls;
+            const int calls = h.calls;
             CHECK(scene_find(&s, &hooks, 0.05) == CLOTH_OK);
-            CHECK(s.pairs.grown + s.vf.grown + s.ee.grown == grown && h.calls == calls);
+            CHECK(h.calls == calls);
         }
         clothi_features_free(&hooks, &s.features);
         clothi_bvh_free(&hooks, &s.tree);
@@ -657,7 +653,7 @@ int main(int argc, char **argv) {
     RUN(pairs_equal_brute_force);
     RUN(last_digit);
     RUN(nodes_contain_their_items);
-    RUN(box_query_and_nearest);
+    RUN(walk_and_nearest);
     RUN(pads_are_outward);
     RUN(features_equal_brute_force);
     RUN(features_refuse);

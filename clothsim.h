@@ -13739,6 +13739,7 @@ static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before
     cloth_ledger l = report->energy;
     cloth_status status = CLOTH_OK;
     const int    builtin = s->nterms == s->nbuiltin;    /* a host's energy may depend on h */
+    clothi_input(s, 0, 1, 1);
     if (s->fresh && builtin) {
         clothi_ledger_terms(s, &l);
         clothi_ledger_total(s, s->state.v, &l);
@@ -13793,7 +13794,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     if (!status) status = clothi_keep(s);
     if (!status) {
         s->balance = wanted != NULL;
-        clothi_input(s, h, 0, 0);           /* at the step's start */
+        clothi_input(s, 0, 0, 0);           /* at the step's start */
         if (wanted) status = clothi_energy_before(s, known, &before);
         if (!status) status = run(s, h, report);
         if (!status && wanted) status = clothi_report_after(s, &before, report);
@@ -14090,6 +14091,7 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY, "cloth_sim_add_term: %i terms at most",
                            CLOTHI_MAX_TERMS - sim->nbuiltin);
     sim->term[sim->nterms++] = *term;
+    sim->known = 0;
     return CLOTH_OK;
 }
 

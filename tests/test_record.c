@@ -214,6 +214,7 @@ static void drive(cloth_sim *sim, cloth_collide *c, const cloth_obstacle *ball, 
         if (c) CHECK(cloth_collide_move(c, *ball, to) == CLOTH_OK);
         CHECK(cloth_step(sim, 0.008 * (1 + way), NULL) == CLOTH_OK);
     }
+    if (way) CHECK(cloth_sim_set_wind(sim, NULL) == CLOTH_OK);
     for (i = 0; way && i < 9; i++) cloth_sim_state(sim)->v[i] += 0.1 * i;
     if (way) cloth_sim_state_changed(sim);
 }
@@ -248,6 +249,7 @@ static void replayed(int kind, int contact, int substeps) {
     cloth_report   report;
     keeper         first, again;
     meddler        m, m2;
+    double         t;
     uint64_t       hash;
     scene_desc(&S, 6, NULL, WITH_ALL);
     S.desc.integrator = (cloth_integrator)kind;
@@ -265,12 +267,14 @@ static void replayed(int kind, int contact, int substeps) {
     if (contact && kind != CLOTH_INTEGRATOR_LEAPFROG) CHECK(first.r.ncontact > 0);
     CHECK(memcmp(first.x, cloth_sim_state(S.sim)->x, 24 * (size_t)S.nv) == 0);
     hash = cloth_sim_hash(S.sim);
+    t = cloth_sim_state(S.sim)->t;
     CHECK(cloth_sim_set_recorder(S.sim, NULL) == CLOTH_OK);
     drive(S.sim, c, &ball, 13, 4, 1);
     CHECK(cloth_sim_hash(S.sim) != hash);
     listen(S.sim, &again);
     CHECK(cloth_step_replay(S.sim, &first.r, &report) == CLOTH_OK);
     CHECK(report.status == CLOTH_OK && cloth_sim_hash(S.sim) == hash);
+    CHECK(!(cloth_sim_state(S.sim)->t < t) && !(cloth_sim_state(S.sim)->t > t));
     same_record(&first.r, &again.r);
     keeper_free(&again);
     CHECK(cloth_sim_create(S.model, &fresh) == CLOTH_OK);
@@ -492,6 +496,59 @@ static void another_contact_is_refused(void) {
     CHECK(told.live == 0);
 }
 
+/* An allocator that fails leaves a restore, a replay and a recorded step where they began. */
+static void out_of_memory(void) {
+    static unsigned char buf[1 << 18];
+    cloth_hooks          hooks = host_hooks(&told);
+    cloth_obstacle       ball;
+    cloth_collide       *c;
+    keeper               kept, again;
+    int                  what, fail, done;
+    memset(&told, 0, sizeof told);
+    scene_desc(&S, 6, &hooks, WITH_ALL);
+    S.desc.contact = CLOTH_CONTACT_SELF;
+    S.desc.integrator = CLOTH_INTEGRATOR_BDF2;
+    CHECK(scene_open(&S, WITH_ALL) == CLOTH_OK);
+    c = contact_of(S.sim, &ball);
+    drive(S.sim, c, &ball, 0, 12, 0);
+    CHECK(cloth_sim_save_size(S.sim) <= sizeof buf);
+    CHECK(cloth_sim_save(S.sim, buf, sizeof buf) == CLOTH_OK);
+    listen(S.sim, &kept);
+    drive(S.sim, c, &ball, 12, 1, 0);
+    CHECK(kept.r.ncontact > 0);
+    for (what = 0; what < 3; what++)
+        for (fail = 1, done = 0; !done && fail < 400; fail++) {
+            cloth_sim     *sim = NULL;
+            cloth_collide *k;
+            cloth_status   status;
+            uint64_t       before;
+            CHECK(cloth_sim_create(S.model, &sim) == CLOTH_OK);
+            k = contact_of(sim, &ball);
+            listen(sim, &again);
+            if (what == 2) CHECK(cloth_sim_restore(sim, buf, sizeof buf) == CLOTH_OK);
+            before = cloth_sim_hash(sim);
+            told.calls = 0, told.fail_at = fail;
+            status = what == 0   ? cloth_sim_restore(sim, buf, sizeof buf)
+                     : what == 1 ? cloth_step_replay(sim, &kept.r, NULL)
+                                 : cloth_step(sim, 0.008, NULL);
+            told.fail_at = 0;
+            done = status == CLOTH_OK;
+            CHECK(done || status == CLOTH_ERR_MEMORY);
+            if (!done && what != 1) CHECK(cloth_sim_hash(sim) == before);
+            CHECK(done == (cloth_sim_hash(sim) != before) || what == 1);
+            CHECK(again.steps == (done && what > 0));
+            if (done && what == 1) same_record(&kept.r, &again.r);
+            keeper_free(&again);
+            cloth_collide_destroy(k);
+            cloth_sim_destroy(sim);
+        }
+    CHECK(fail > 3);
+    keeper_free(&kept);
+    cloth_collide_destroy(c);
+    scene_close(&S);
+    CHECK(told.live == 0);
+}
+
 /* What is refused leaves the hash. */
 static void refused_adds(void) {
     static const double third[3] = {0.3, 0.3, 0.4}, high[3] = {0, 0.1, 0};
@@ -560,5 +617,6 @@ int main(int argc, char **argv) {
     RUN(another_model_is_named);
     RUN(another_contact_is_refused);
     RUN(refused_adds);
+    RUN(out_of_memory);
     return TEST_END();
 }

@@ -1,4 +1,5 @@
-/* host.h - a host for tests: an allocator that counts and fails on request, a logger that collects.
+/* host.h - a host for tests: an allocator that counts and fails on request, a logger that collects,
+ * workers that come last first.
  *   host h;  cloth_hooks hooks = host_hooks(&h);  h.fail_at = 3;
  * Include after clothsim.h, in one .c file per program. */
 #ifndef CLOTH_TEST_HOST_H
@@ -61,6 +62,26 @@ static inline cloth_hooks host_hooks(host *h) {
     hooks.log.fn = host_log;
     hooks.log.user = h;
     return hooks;
+}
+
+/* One thread that plays all workers and takes the ranges from the last one on. */
+typedef struct host_reverse {
+    int workers, ranges;                    /* ranges: taken so far                            */
+} host_reverse;
+
+static inline void host_backwards(void *user, int count, int grain, cloth_range_fn *fn,
+                                  void *ctx) {
+    host_reverse *r = (host_reverse *)user;
+    int           b;
+    for (b = count > 0 ? (count - 1) / grain * grain : -1; b >= 0; b -= grain, r->ranges++)
+        fn(b, count - b < grain ? count : b + grain, b / grain % r->workers, ctx);
+}
+
+static inline void host_turn_round(cloth_hooks *hooks, host_reverse *r, int workers) {
+    r->workers = workers, r->ranges = 0;
+    hooks->parallel.run = host_backwards;
+    hooks->parallel.user = r;
+    hooks->parallel.max_workers = workers;
 }
 
 static inline void host_forget(host *h) {

@@ -53,49 +53,30 @@ static inline void scene_fold(int n, int steps, double h) {
     stage_end(&s);
 }
 
+/* What there is falls on a plane. */
+static inline void scene_fall(stage *s, int steps, double h, const char *name) {
+    int i;
+    if (stage_start(s)) {
+        stage_plane(s, 0, 0.3);
+        for (i = 0; i < steps; i++) (void)stage_step(s, h);
+        stage_judge(s, name);
+    }
+    stage_end(s);
+}
+
 /* A sheet of 0.5 m stands on its side and falls: folds of every size. */
 static inline void scene_crumple(int n, int steps, double h) {
     stage s;
-    int   i;
     stage_sheet(&s, n, 0.5);
-    for (i = 0; i < s.mesh->nv; i++) {
-        double *x = s.mesh->x + 3 * i;
-        x[1] = 0.01 + x[2];
-        x[2] = 0.01 * sin(25 * x[1]) + 0.003 * sin(17 * x[0] + 5 * x[1]);
-    }
-    if (stage_start(&s)) {
-        stage_plane(&s, 0, 0.3);
-        for (i = 0; i < steps; i++) (void)stage_step(&s, h);
-        stage_judge(&s, "crumple");
-    }
-    stage_end(&s);
+    stage_upright(&s);
+    scene_fall(&s, steps, h, "crumple");
 }
 
 /* Five sheets of 0.4 m, each turned a little, fall on a plane and on each other. */
 static inline void scene_stack(int n, int steps, double h) {
-    cloth_mesh *layer[5] = {0, 0, 0, 0, 0}, *all = NULL;
-    stage       s;
-    int         i, k;
-    for (k = 0; k < 5; k++) {
-        const double a = 0.3 * k;
-        if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, n, n, 0.4, 0.4, layer + k)) exit(2);
-        for (i = 0; i < layer[k]->nv; i++) {
-            double      *x = layer[k]->x + 3 * i;
-            const double p = x[0] - 0.2, q = x[2] - 0.2;
-            x[0] = cos(a) * p - sin(a) * q;
-            x[2] = sin(a) * p + cos(a) * q;
-            x[1] = 0.02 + 0.02 * k + 0.1 * p * k / 5;
-        }
-    }
-    if (cloth_mesh_merge(NULL, layer, 5, &all)) exit(2);
-    for (k = 0; k < 5; k++) cloth_mesh_destroy(NULL, layer[k]);
-    stage_cloth(&s, all);
-    if (stage_start(&s)) {
-        stage_plane(&s, 0, 0.3);
-        for (i = 0; i < steps; i++) (void)stage_step(&s, h);
-        stage_judge(&s, "stack");
-    }
-    stage_end(&s);
+    stage s;
+    stage_layers(&s, 5, n, 0.02);
+    scene_fall(&s, steps, h, "stack");
 }
 
 /* A disc of radius 0.35 m is pulled by its middle through a ring of 0.1 m, 0.8 m in the time. */

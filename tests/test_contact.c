@@ -1,7 +1,7 @@
 /* test_contact.c - contact in the step: small scenes, momentum, and no cost when not asked for.
  *   cc -std=c99 -O2 -ffp-contract=off -I. test_contact.c -lm
  * tier: default
- * Thousands of states: stability/contact_scenes.c. SHOW_STEPS=1 prints every step. */
+ * FULL=1: thousands of states. SHOW_STEPS=1 prints every step. */
 #define CLOTHSIM_IMPLEMENTATION
 #include "../clothsim_collide.h"
 
@@ -11,22 +11,28 @@
 #include "stage.h"
 #include "stage_scenes.h"
 
+/* The second number in the long tier. */
+static int size(int small, int full) { return test_full() ? full : small; }
+
 static void drape(void) {
-    scene_drape(16, 60, 1.0 / 60, CLOTH_INTEGRATOR_EULER, "drape, Euler");
+    const double h = 1.0 / 60;
+    scene_drape(size(16, 40), size(60, 240), h, CLOTH_INTEGRATOR_EULER, "drape, Euler");
 }
 static void drape_bdf2(void) {
-    scene_drape(16, 60, 1.0 / 60, CLOTH_INTEGRATOR_BDF2, "drape, BDF2");
+    const double h = 1.0 / 60;
+    scene_drape(size(16, 40), size(60, 240), h, CLOTH_INTEGRATOR_BDF2, "drape, BDF2");
 }
 static void drape_leapfrog(void) {
-    scene_drape(12, 480, 1.0 / 960, CLOTH_INTEGRATOR_LEAPFROG, "drape, leapfrog");
+    const double h = 1.0 / size(960, 1920);
+    scene_drape(size(12, 24), size(480, 1920), h, CLOTH_INTEGRATOR_LEAPFROG, "drape, leapfrog");
 }
-static void fold(void) { scene_fold(14, 90, 1.0 / 120); }
-static void crumple(void) { scene_crumple(14, 60, 1.0 / 120); }
-static void stack(void) { scene_stack(8, 50, 1.0 / 60); }
-static void ring(void) { scene_ring(8, 120, 1.0 / 120); }
-static void twist(void) { scene_twist(16, 1, 60, 1.0 / 120); }
-static void spin(void) { scene_spin(14, 60, 1.0 / 60); }
-static void ball(void) { scene_ball(12, 20); }
+static void fold(void) { scene_fold(size(14, 32), size(90, 300), 1.0 / 120); }
+static void crumple(void) { scene_crumple(size(14, 32), size(60, 240), 1.0 / 120); }
+static void stack(void) { scene_stack(size(8, 20), size(50, 240), 1.0 / 60); }
+static void ring(void) { scene_ring(size(8, 20), size(120, 480), 1.0 / 120); }
+static void twist(void) { scene_twist(size(16, 24), size(1, 3), size(60, 480), 1.0 / 120); }
+static void spin(void) { scene_spin(size(14, 32), size(60, 300), 1.0 / 60); }
+static void ball(void) { scene_ball(size(12, 24), size(20, 60)); }
 
 /* --- momentum --- */
 
@@ -147,6 +153,7 @@ int main(int argc, char **argv) {
     RUN(twist);
     RUN(spin);
     RUN(ball);
+    RUN(stage_rows_left);
     RUN(momentum);
     RUN(no_cost);
     return TEST_END();

@@ -3,9 +3,9 @@
  *   cc -std=c99 -O2 -ffp-contract=off -pthread -DCLOTHSIM_IMPLEMENTATION -I.. test_determinism.c \
  *      -o test_determinism -lm && ./test_determinism */
 #include "clothsim.h"
-#include <pthread.h>
 #include "test.h"
 #include "scene.h"
+#include "threads.h"
 
 /* --- fake hooks: one thread that plays many workers --- */
 
@@ -46,40 +46,11 @@ static void play(void *user, int count, int grain, cloth_range_fn *fn, void *ctx
     p->ranges += n;
 }
 
-/* --- a real one: threads made and joined for every loop, ranges dealt in turn --- */
-
-typedef struct lot {
-    int             worker, workers, count, grain;
-    cloth_range_fn *fn;
-    void           *ctx;
-} lot;
-
-static void *thread_main(void *arg) {
-    const lot *l = (const lot *)arg;
-    int        b;
-    for (b = l->worker * l->grain; b < l->count; b += l->workers * l->grain)
-        l->fn(b, l->count - b < l->grain ? l->count : b + l->grain, l->worker, l->ctx);
-    return NULL;
-}
+/* --- a real one --- */
 
 static void play_threads(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
-    player   *p = (player *)user;
-    pthread_t thread[16];
-    lot       l[16];
-    int       i, made[16];
-    for (i = 0; i < p->workers; i++) {
-        l[i].worker = i;
-        l[i].workers = p->workers;
-        l[i].count = count;
-        l[i].grain = grain;
-        l[i].fn = fn;
-        l[i].ctx = ctx;
-        made[i] = i > 0 && pthread_create(&thread[i], NULL, thread_main, &l[i]) == 0;
-    }
-    for (i = 0; i < p->workers; i++)
-        if (!made[i]) thread_main(&l[i]);
-    for (i = 0; i < p->workers; i++)
-        if (made[i]) (void)pthread_join(thread[i], NULL);
+    player *p = (player *)user;
+    threads_run(&p->workers, count, grain, fn, ctx);
     p->ranges += p->workers;
 }
 

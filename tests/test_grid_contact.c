@@ -459,23 +459,16 @@ static void books(void) {
     cloth_grid_destroy(g);
 }
 
-/* Two workers, dealt backwards. */
-static void backwards(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
-    int begin = (count - 1) / grain * grain, n = 0;
-    (void)user;
-    for (; begin >= 0; begin -= grain)
-        fn(begin, begin + grain < count ? begin + grain : count, n++ % 2, ctx);
-}
-
 static uint64_t run(const cloth_grid *g, int workers, int snapshot) {
     const double at[3] = {0, 0, 0};
     scene        s;
+    host_reverse two;
     uint64_t     hash;
     size_t       size;
     void        *buf;
     sheet(&s, 9, 0.4, -0.3, 0.01, -0.2);
     s.desc.tolerance = 1e-5;
-    if (workers == 2) s.desc.hooks.parallel.run = backwards, s.desc.hooks.parallel.max_workers = 2;
+    if (workers == 2) host_turn_round(&s.desc.hooks, &two, 2);
     start(&s);
     add_grid(&s, g, 0.1, 0.1, 0, 0.3);
     CHECK(cloth_collide_move(s.c, s.id, at) == CLOTH_OK);

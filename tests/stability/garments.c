@@ -29,6 +29,7 @@
 
 #include "../test.h"
 #include "../exact.h"
+#include "../edges.h"
 #include "../body.h"
 #include "../../examples/shapes.h"
 
@@ -91,17 +92,8 @@ static int spreads(const walk *w, const int *p) {
 /* Largest edge over its length at rest, and speed, m/s. */
 static void extremes(walk *w) {
     const cloth_state *s = cloth_sim_state(w->sim);
-    int                i, j, k;
-    for (i = 0; i < 3 * w->desc.nf; i++) {
-        const int    p = w->desc.faces[i], q = w->desc.faces[i % 3 == 2 ? i - 2 : i + 1];
-        const double *X = w->desc.x_rest;
-        double       l = 0, rest = 0;
-        for (k = 0; k < 3; k++) {
-            l += (s->x[3 * p + k] - s->x[3 * q + k]) * (s->x[3 * p + k] - s->x[3 * q + k]);
-            rest += (X[3 * p + k] - X[3 * q + k]) * (X[3 * p + k] - X[3 * q + k]);
-        }
-        w->stretch = fmax(w->stretch, sqrt(l / rest));
-    }
+    int                i, j;
+    w->stretch = fmax(w->stretch, edges_longest(&w->desc, s->x));
     for (i = 0; i < w->desc.nv; i++) {
         double v = 0;
         for (j = 0; j < 3; j++) v += s->v[3 * i + j] * s->v[3 * i + j];

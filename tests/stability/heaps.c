@@ -36,6 +36,7 @@ static int step(stage *s, double h, int depth) {
     work.calls[work.n] += (double)r.counts.contact_calls;
     work.rows[work.n] = fmax(work.rows[work.n], cloth_collide_last(s->c).rows);
     work.ms[work.n] += r.ms.total;
+    stage_count(s, &r);
     if (status == CLOTH_OK) return 1;
     if (depth == 3) return 0;
     return step(s, h / 2, depth + 1) && step(s, h / 2, depth + 1);
@@ -87,24 +88,9 @@ static void judge(stage *s, int first) {
 
 static void sheets(void) {
     const int   n = test_full() ? 20 : 7, layers = 10;
-    cloth_mesh *layer[10], *all = NULL;
     stage       s;
-    int         i, k;
     memset(&work, 0, sizeof work);
-    for (k = 0; k < layers; k++) {
-        const double a = 0.3 * k;
-        if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, n, n, 0.4, 0.4, layer + k)) exit(2);
-        for (i = 0; i < layer[k]->nv; i++) {
-            double      *x = layer[k]->x + 3 * i;
-            const double p = x[0] - 0.2, q = x[2] - 0.2;
-            x[0] = cos(a) * p - sin(a) * q;
-            x[2] = sin(a) * p + cos(a) * q;
-            x[1] = 0.02 + 0.02 * k + 0.01 * p * k;
-        }
-    }
-    if (cloth_mesh_merge(NULL, layer, layers, &all)) exit(2);
-    for (k = 0; k < layers; k++) cloth_mesh_destroy(NULL, layer[k]);
-    stage_cloth(&s, all);
+    stage_layers(&s, layers, n, 0.01);
     s.desc.hooks.log.fn = NULL;
     if (stage_start(&s)) {
         stage_plane(&s, 0, 0.3);
@@ -200,5 +186,6 @@ int main(int argc, char **argv) {
     RUN(sheets);
     RUN(mat);
     RUN(fold);
+    RUN(stage_rows_left);
     return TEST_END();
 }

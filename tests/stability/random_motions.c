@@ -17,6 +17,7 @@
 #include "../../clothsim_collide.h"
 
 #include "../test.h"
+#include "../edges.h"
 #include "../../examples/shapes.h"
 #include "skeleton.h"
 
@@ -45,20 +46,6 @@ static int dress(dressed *d, double t, double h, int depth) {
     if (depth == 3) return 0;
     d->halved++;
     return dress(d, t, h / 2, depth + 1) && dress(d, t + h / 2, h / 2, depth + 1);
-}
-
-static void stretched(dressed *d) {
-    const double *x = cloth_sim_state(d->sim)->x, *X = d->desc.x_rest;
-    int           i, k;
-    for (i = 0; i < 3 * d->desc.nf; i++) {
-        const int p = d->desc.faces[i], q = d->desc.faces[i % 3 == 2 ? i - 2 : i + 1];
-        double    now = 0, rest = 0;
-        for (k = 0; k < 3; k++) {
-            now += (x[3 * p + k] - x[3 * q + k]) * (x[3 * p + k] - x[3 * q + k]);
-            rest += (X[3 * p + k] - X[3 * q + k]) * (X[3 * p + k] - X[3 * q + k]);
-        }
-        d->stretch = fmax(d->stretch, sqrt(now / rest));
-    }
 }
 
 static void look(dressed *d, int frame) {
@@ -100,7 +87,7 @@ static dressed dance(const skeleton *k, const cloth_desc *desc, unsigned seed, i
             d.steps++;
             d.failed += !done;
             d.whole += done && d.halved == halved;
-            stretched(&d);
+            d.stretch = fmax(d.stretch, edges_longest(&d.desc, cloth_sim_state(d.sim)->x));
             if (i % 6 == 0) look(&d, i);
         }
     cloth_collide_destroy(d.c);

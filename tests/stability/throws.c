@@ -12,14 +12,17 @@
  *   strain   longest edge over its rest length, less 1: at most 1.5 times that of the same throw at
  *            the finest step, which is resolved (a strain below 2 % counts as 2 %)
  *
- * A step that fails is tried as two halves, to an eighth. FULL=1: speeds 10, 25, 40 m/s, h = 1/30
- * to 1/480 s, implicit Euler and BDF2, reference 1/1920 s; else 25 m/s, 1/60, reference 1/480. */
+ * By implicit Euler and BDF2. A step that fails is tried as two halves, to an eighth. The step at
+ * 25 m/s and 1/30 s passes the ball, 0.83 m, and ends at the cap of Newton's iterations: the gain
+ * there is that of where it stands, which is no minimum. FULL=1: speeds 10, 25, 40 m/s, h = 1/30
+ * to 1/480 s, reference 1/1920 s; else 25 m/s, 1/30 and 1/60 s, reference 1/480. */
 #include "../../clothsim_collide.h"
 
 #include "../test.h"
 #include "../shapes.h"
 #include "../exact.h"
 #include "../stage.h"
+#include "../edges.h"
 
 enum { AT_BOX, AT_BALL, AT_PLANE };
 
@@ -29,40 +32,16 @@ typedef struct thrown {
     int    steps, halved, failed;
 } thrown;
 
-static double kinetic(const stage *s) {
-    const double *mass = cloth_sim_params(s->sim)->mass, *v = s->state->v;
-    double        sum = 0;
-    int           i, k;
-    for (i = 0; i < s->mesh->nv; i++)
-        for (k = 0; k < 3; k++) sum += 0.5 * mass[i] * v[3 * i + k] * v[3 * i + k];
-    return sum;
-}
-
-static double longest(const stage *s) {
-    const double *x = s->state->x, *X = s->mesh->x;
-    double        most = 0;
-    int           i, k;
-    for (i = 0; i < 3 * s->mesh->nf; i++) {
-        const int p = s->mesh->faces[i], q = s->mesh->faces[i % 3 == 2 ? i - 2 : i + 1];
-        double    now = 0, rest = 0;
-        for (k = 0; k < 3; k++) {
-            now += (x[3 * p + k] - x[3 * q + k]) * (x[3 * p + k] - x[3 * q + k]);
-            rest += (X[3 * p + k] - X[3 * q + k]) * (X[3 * p + k] - X[3 * q + k]);
-        }
-        most = fmax(most, sqrt(now / rest));
-    }
-    return most;
-}
-
-static void look(const stage *s, cloth_sim *still, double start, double scale, thrown *out) {
-    double p = NAN;
-    CHECK(cloth_sim_potential(still, s->state->x, &p, NULL) == CLOTH_OK);
-    out->gain = fmax(out->gain, (kinetic(s) + p - start) / scale);
-    out->strain = fmax(out->strain, longest(s) - 1);
+static void look(stage *s, double start, double scale, thrown *out) {
+    out->gain = fmax(out->gain, (stage_energy(s) - start) / scale);
+    out->strain = fmax(out->strain, edges_longest(&s->desc, s->state->x) - 1);
 }
 
 static int go(stage *s, double h, int depth, thrown *out) {
-    if (cloth_step(s->sim, h, NULL) == CLOTH_OK) return 1;
+    cloth_report       r;
+    const cloth_status status = cloth_step(s->sim, h, &r);
+    stage_count(s, &r);
+    if (status == CLOTH_OK) return 1;
     if (depth == 3) return 0;
     out->halved++;
     return go(s, h / 2, depth + 1, out) && go(s, h / 2, depth + 1, out);
@@ -91,10 +70,8 @@ static void stand(stage *s, int at) {
 static thrown fly(int n, int at, double speed, double h, cloth_integrator integrator) {
     thrown       out = {0, 0, 0, 0, 0};
     stage        s;
-    cloth_model *plain = NULL;
-    cloth_sim   *still = NULL;
-    cloth_desc   d;
-    double       start = 0, scale, *x;
+    const double scale = 0.5 * 0.2 * 0.25 * speed * speed;      /* K of the start, J */
+    double       start, *x;
     int          i;
     stage_sheet(&s, n, 0.5);
     x = (double *)calloc(6 * (size_t)s.mesh->nv, sizeof(double));
@@ -109,23 +86,15 @@ static thrown fly(int n, int at, double speed, double h, cloth_integrator integr
     s.desc.v = x + 3 * s.mesh->nv;
     s.desc.integrator = integrator;
     s.desc.hooks.log.fn = NULL;             /* a step that fails is tried in halves */
-    d = s.desc;
-    d.contact = CLOTH_CONTACT_NONE;
-    CHECK(cloth_model_create(&d, &plain) == CLOTH_OK && plain);
-    CHECK(cloth_sim_create(plain, &still) == CLOTH_OK);
-    if (stage_start(&s) && still) {
+    if (stage_start(&s)) {
         stand(&s, at);
-        CHECK(cloth_sim_potential(still, x, &start, NULL) == CLOTH_OK);
-        scale = kinetic(&s);
-        start += scale;
+        start = stage_energy(&s);
         for (i = 0; i < 0.12 / h - 1e-6; i++) {
             out.steps++;
             out.failed += !go(&s, h, 0, &out);
-            look(&s, still, start, scale, &out);
+            look(&s, start, scale, &out);
         }
     }
-    cloth_sim_destroy(still);
-    cloth_model_destroy(plain);
     stage_end(&s);
     free(x);
     return out;
@@ -134,8 +103,8 @@ static thrown fly(int n, int at, double speed, double h, cloth_integrator integr
 /* Every speed and step; the worst of each is what counts. */
 static void throws(int at, cloth_integrator integrator) {
     static const double all_v[] = {10, 25, 40}, all_n[] = {30, 60, 120, 240, 480};
-    const double       *v = test_full() ? all_v : all_v + 1, *per = test_full() ? all_n : all_n + 1;
-    const int           nv = test_full() ? 3 : 1, nh = test_full() ? 5 : 1;
+    const double       *v = test_full() ? all_v : all_v + 1, *per = all_n;
+    const int           nv = test_full() ? 3 : 1, nh = test_full() ? 5 : 2;
     const int           n = test_full() ? 20 : 10;
     double              gain = 0, ratio = 0;
     int                 i, k, failed = 0;
@@ -171,6 +140,7 @@ static void plane_bdf2(void) { throws(AT_PLANE, CLOTH_INTEGRATOR_BDF2); }
 /* A sheet of 1 m that falls on a sphere at 1/60 s: its longest edge. */
 static void drape_edge(void) {
     const int n = test_full() ? 64 : 16;
+    thrown    whole = {0, 0, 0, 0, 0};      /* no step is halved */
     stage     s;
     double    most = 0;
     int       i;
@@ -178,8 +148,8 @@ static void drape_edge(void) {
     if (stage_start(&s)) {
         stage_sphere(&s, 0.5, -0.31, 0.5, 0.3);
         for (i = 0; i < (test_full() ? 120 : 30); i++) {
-            CHECK(cloth_step(s.sim, 1.0 / 60, NULL) == CLOTH_OK);
-            most = fmax(most, longest(&s));
+            CHECK(go(&s, 1.0 / 60, 3, &whole));
+            most = fmax(most, edges_longest(&s.desc, s.state->x));
         }
         printf("    sheet %d x %d on a sphere, 1/60 s: longest edge %.3f\n", n, n, most);
         OPEN_MOST(most, 1.07, "longest edge of the drape");
@@ -192,13 +162,10 @@ int main(int argc, char **argv) {
     RUN(box_euler);
     RUN(ball_euler);
     RUN(plane_euler);
-    if (test_full()) {
-        RUN(box_bdf2);
-        RUN(ball_bdf2);
-        RUN(plane_bdf2);
-    } else {
-        RUN(ball_bdf2);
-    }
+    RUN(box_bdf2);
+    RUN(ball_bdf2);
+    RUN(plane_bdf2);
     RUN(drape_edge);
+    RUN(stage_rows_left);
     return TEST_END();
 }

@@ -947,9 +947,11 @@ CLOTH_API cloth_status cloth_step_replay(cloth_sim *sim, const cloth_step_record
 CLOTH_API size_t       cloth_sim_save_size(const cloth_sim *sim);           /* bytes          */
 /* _CAPACITY: size is below cloth_sim_save_size(). */
 CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t size);
-/* Of this model, and with the host's terms added in the order that they had at the save. Size,
- * magic, model hash, checksum and the terms' names are verified first: _FORMAT and _MEMORY leave
- * the sim as it was. Handles of attachments become those of the snapshot. */
+/* Of this model, and with the host's terms added in the order that they had at the save. Verified
+ * first are size, magic, the model by its aspects (the sentence names the one that differs: mesh,
+ * ties, contact rung, start ...), checksum, the terms' names, and whether a sim could have saved
+ * such fields: _FORMAT and _MEMORY leave the sim as it was. Handles of attachments become those of
+ * the snapshot. */
 CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size);
 /* Of what save writes, but for the numbers that tell handles of attachments apart. 0: no memory
  * for the state of a host's term (nothing is allocated when there is none). */
@@ -9192,14 +9194,13 @@ CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks,
     return CLOTH_OK;
 }
 
-CLOTHI_OUTLINE static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
-                                                      const double *a, int n, int width) {
-    ptrdiff_t at;
-    if (!a) return CLOTH_OK;
-    at = clothi_find_nonfinite(a, (size_t)n * (size_t)width);
+/* name: the call and its argument, or the field. a NULL: nothing to check. */
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *name,
+                                                       const double *a, int n) {
+    const ptrdiff_t at = a ? clothi_find_nonfinite(a, (size_t)n) : -1;
     if (at < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s[%i] = %g is not finite", field,
-                       (int)at, a[at]);
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g is not finite", name, (int)at,
+                       a[at]);
 }
 
 static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_desc *d) {
@@ -9299,9 +9300,9 @@ static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc
     if (!d->x_rest) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.x_rest is NULL");
     if (!d->faces) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.faces is NULL");
     status = cloth_mesh_check(hooks, d->nv, d->x_rest, d->nf, d->faces, d->X, &faults);
-    if (!status) status = clothi_check_array(hooks, "x", d->x, d->nv, 3);
-    if (!status) status = clothi_check_array(hooks, "v", d->v, d->nv, 3);
-    if (!status) status = clothi_check_array(hooks, "vertex_mass", d->vertex_mass, d->nv, 1);
+    if (!status) status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
+    if (!status) status = clothi_check_vector(hooks, "desc.v", d->v, 3 * d->nv);
+    if (!status) status = clothi_check_vector(hooks, "desc.vertex_mass", d->vertex_mass, d->nv);
     if (status) return status;
     for (i = 0; d->vertex_mass && i < d->nv; i++)
         if (!(d->vertex_mass[i] > 0))
@@ -10331,7 +10332,6 @@ static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *
     const cloth_model  *m = s->model;
     const cloth_hooks  *hooks = &s->hooks;
     cloth_status        status;
-    ptrdiff_t           at;
     int                 i;
     for (i = 0; i < m->nregions; i++) {
         status = cloth_material_check(hooks, p->material + i, i);
@@ -10351,10 +10351,8 @@ static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *
                                "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
                                p->theta0[i]);
     }
-    at = clothi_find_nonfinite(p->X, 6 * (size_t)m->nf);
-    if (at >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "params.X[%i] = %g is not finite", (int)at,
-                           p->X[at]);
+    status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
+    if (status) return status;
     for (i = 0; i < m->nf; i++)
         if (!clothi_normal(clothi_rest_area(p->X, i)))
             return clothi_fail(hooks, CLOTH_ERR_MESH,
@@ -13430,14 +13428,6 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     return status ? status : clothi_jacobi_make(s->solver);
 }
 
-CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
-                                                       const double *a, int n) {
-    ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
-    if (at < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s: entry %i = %g is not finite", call,
-                       (int)at, a[at]);
-}
-
 static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
     const struct { const char *name; const double *a; } array[3] = {
         {"state.x", s->state.x}, {"state.v", s->state.v}, {"target", s->target}};
@@ -13969,12 +13959,11 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_attach: face %i but nf = %i", face, sim->model->nf);
     status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: bary", bary, 3);
-    if (!status) status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: k", &k, 1);
     if (!status) status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: target", target, 3);
     if (status) return status;
-    if (!(k >= 0))
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_sim_attach: k = %g must be at least 0", k);
+    if (!clothi_finite(k) || k < 0)
+        return clothi_fail(&sim->hooks, clothi_finite(k) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                           "cloth_sim_attach: k = %g must be finite and at least 0", k);
     if (fabs(bary[0] + bary[1] + bary[2] - 1) > 1e-6)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_attach: bary sums to %g, not 1", bary[0] + bary[1] + bary[2]);
@@ -14033,7 +14022,7 @@ CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
         sim->force_on = 0;
         return CLOTH_OK;
     }
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force", f, (int)n);
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force: f", f, (int)n);
     if (!status) status = clothi_need(sim, &sim->force, n);
     if (status) return status;
     memcpy(sim->force, f, n * sizeof(double));
@@ -14045,7 +14034,7 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) 
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!g) return clothi_null(&sim->hooks, "cloth_sim_set_gravity: g");
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity", g, 3);
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity: g", g, 3);
     if (!status) memcpy(sim->gravity, g, sizeof sim->gravity);
     sim->known = 0;
     return status;
@@ -14054,7 +14043,7 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) 
 CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]) {
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    status = w ? clothi_check_vector(&sim->hooks, "cloth_sim_set_wind", w, 3) : CLOTH_OK;
+    status = w ? clothi_check_vector(&sim->hooks, "cloth_sim_set_wind: w", w, 3) : CLOTH_OK;
     if (status) return status;
     if (w) memcpy(sim->wind, w, sizeof sim->wind);
     sim->wind_on = w != NULL;

@@ -657,6 +657,62 @@ typedef struct cloth_debug_draw {
     void *user;
 } cloth_debug_draw;
 
+/* --- the record of a step --- */
+
+/* A spring to a point of a face. It pulls towards pose + s (target - pose), s from 0 at the start
+ * of the step to 1 at its end. */
+typedef struct cloth_step_attachment {      /* all zero when not used                          */
+    int32_t used, face;
+    double  bary[3];
+    double  k;                              /* N/m                                             */
+    double  pose[3], target[3];             /* m, at the step's start and at its end           */
+} cloth_step_attachment;
+
+/* All that a substep reads beside model and params. Borrowed from the sim: as long as the call. */
+typedef struct cloth_step_input {
+    double h;                               /* s, of the substep; 0: statics, energies         */
+    double t;                               /* s, at its start                                 */
+    double share[2];                        /* of the step, at the substep's start and end     */
+    const double *x, *v;                    /* [nv x 3] m, m/s: x^n, v^n                       */
+    const double *x_prev, *v_prev;          /* [nv x 3] one substep before; NULL: no history   */
+    double        h_prev;                   /* s, of the substep before (LEAPFROG goes by it)  */
+    double        eta;                      /* s, of M (x - y)/eta^2 in the gradient; 0: none  */
+    const double *y;                        /* [nv x 3] m; NULL: statics, LEAPFROG             */
+    const unsigned char *pin;               /* [nv] axes; those of a follower are its leader's */
+    const double *goal;                     /* [nv x 3] m, of what is pinned, at share[1]; of
+                                               LEAPFROG and of a whole step at the step's end  */
+    double        gravity[3];               /* m/s^2                                           */
+    const double *force;                    /* [nv x 3] N, external; NULL: none                */
+    int           wind_on;
+    double        wind[3];                  /* m/s                                             */
+    int           nattach;                  /* slots; 0: none is used                          */
+    const cloth_step_attachment *attach;    /* [nattach]                                       */
+} cloth_step_input;
+
+/* What an accepted step was made from and what came of it. state, packed: all that cloth_step_input
+ * shows, and the states of hosts' terms and of contact (poses of obstacles at both ends, anchors,
+ * holds); cloth_step_replay() shows it again. To keep a record copy its arrays. */
+typedef struct cloth_step_record {
+    uint64_t      model;                    /* cloth_model_hash()                              */
+    double        h;                        /* s, of the whole step; 0: cloth_solve_static()   */
+    const void   *state;                    /* [bytes]                                         */
+    size_t        bytes;
+    int           nv;
+    const double *x, *v;                    /* [nv x 3] x^(n+1), v^(n+1)                       */
+    cloth_outcome outcome;
+    int           ncontact;                 /* pairs with a force at the end                   */
+    const struct cloth_collide_contact *contact;        /* [ncontact], clothsim_collide.h      */
+} cloth_step_record;
+
+/* Is told what a sim does, either of two. All is borrowed for the call, which may not change it. */
+typedef struct cloth_recorder {
+    void *user;
+    /* a substep ends at x [nv x 3]; in->share[0] is 0 when a step begins, or begins anew with more
+     * substeps. LEAPFROG: at each kick, one more than substeps: x is in->x, in->v half one old */
+    void (*substep)(void *user, const cloth_step_input *in, const double *x);
+    void (*step)(void *user, const cloth_step_record *record);  /* one was accepted */
+} cloth_recorder;
+
 /* --- energy terms: the one extension point --- */
 
 /* What a term sees. Read only, but for grad and hess, which are added to.
@@ -666,6 +722,7 @@ typedef struct cloth_debug_draw {
 typedef struct cloth_eval {
     const cloth_model  *model;
     const cloth_params *params;
+    const cloth_step_input *in;             /* of the substep                                  */
     int           nv;
     double        h;                        /* s of the substep; 0: see above                  */
     double        t;                        /* s at x                                          */
@@ -752,6 +809,10 @@ typedef struct cloth_contact {
     /* at the end of a substep, where a report is wanted: adds its work and losses to the ledger;
      * zone_loss: what comes from outside through the zones. NULL: not asked */
     void         (*balance)(void *user, cloth_ledger *ledger);
+    /* the first max contacts with a force, of contact_size bytes each; returns how many there are.
+     * NULL: not recorded */
+    int          (*contacts)(void *user, int max, void *contact);
+    size_t         contact_size;
     /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
     void         (*orphan)(void *user);
 } cloth_contact;
@@ -871,13 +932,25 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
 /* Called by clothsim_collide.h; NULL takes the contact away. */
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact);
 
+/* --- record: a step is a function of model, params and one record --- */
+
+/* Copied; NULL: none any more. */
+CLOTH_API cloth_status cloth_sim_set_recorder(cloth_sim *sim, const cloth_recorder *recorder);
+/* Puts the record's input (model, h and state of it are read) in place of the sim's and takes its
+ * step: the same bits, if params are as then. _FORMAT, and the sim as before: its model, hosts'
+ * terms or obstacles are others. A step that fails leaves it at the record's input. */
+CLOTH_API cloth_status cloth_step_replay(cloth_sim *sim, const cloth_step_record *record,
+                                         cloth_report *report);
+
 /* --- snapshot: everything that the next step depends on --- */
 CLOTH_API size_t       cloth_sim_save_size(const cloth_sim *sim);           /* bytes          */
 /* _CAPACITY: size is below cloth_sim_save_size(). */
 CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t size);
-/* Of this model, and with the host's terms added in the order that they had at the save. Size,
- * magic, model hash, checksum and the terms' names are verified first: _FORMAT and _MEMORY leave
- * the sim as it was. Handles of attachments become those of the snapshot. */
+/* Of this model, and with the host's terms added in the order that they had at the save. Verified
+ * first are size, magic, the model by its aspects (the sentence names the one that differs: mesh,
+ * ties, contact rung, start ...), checksum, the terms' names, and whether a sim could have saved
+ * such fields: _FORMAT and _MEMORY leave the sim as it was. Handles of attachments become those of
+ * the snapshot. */
 CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size);
 /* Of what save writes, but for the numbers that tell handles of attachments apart. 0: no memory
  * for the state of a host's term (nothing is allocated when there is none). */
@@ -1468,6 +1541,17 @@ CLOTHI_OUTLINE static size_t clothi_block_size(const void *ptr) {
     if (!ptr) return 0;
     memcpy(&header, (const unsigned char *)ptr - sizeof header, sizeof header);
     return header.size;
+}
+
+/* Bytes of n blocks, NULL allowed; frees them where hooks say how. */
+CLOTHI_OUTLINE static size_t clothi_blocks(const cloth_hooks *hooks, const void *const *block,
+                                           size_t n) {
+    size_t i, sum = 0;
+    for (i = 0; i < n; i++) {
+        sum += clothi_block_size(block[i]);
+        if (hooks) clothi_free(hooks, block[i]);
+    }
+    return sum;
 }
 
 CLOTHI_RARE_BEGIN
@@ -4314,37 +4398,6 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
     clothi_settle(w, 4);
 }
 
-/* The hinge x [4x3] of two flat rest triangles that share an edge, unfolded into the plane: P [3x2]
- * is the left one with the corner p opposite the edge, Q the right one with the corner q. Both must
- * be counterclockwise. The edge gets the mean of its two lengths (pattern pieces sewn together need
- * not agree). area [2]; returns 0, and x unset, when the edge has no length. */
-CLOTHI_UNUSED static int clothi_hinge_unfold(const double *P, int p, const double *Q, int q,
-                                             double *x, double *area) {
-    const double *tri[2] = {P, Q};
-    const int     apex[2] = {p, q};
-    double        length[2], foot[2], height[2];
-    int           k;
-    for (k = 0; k < 2; k++) {
-        const double *c = tri[k] + 2 * apex[k];
-        const double *a = tri[k] + 2 * ((apex[k] + 1 + k) % 3);     /* x0 of the hinge */
-        const double *b = tri[k] + 2 * ((apex[k] + 2 - k) % 3);     /* x1 */
-        const double  e0 = b[0] - a[0], e1 = b[1] - a[1], c0 = c[0] - a[0], c1 = c[1] - a[1];
-        const double  l2 = e0 * e0 + e1 * e1, cross = fabs(e0 * c1 - e1 * c0);
-        if (!(l2 > 0.0)) return 0;
-        length[k] = sqrt(l2);
-        foot[k] = (c0 * e0 + c1 * e1) / length[k];
-        height[k] = cross / length[k];
-        area[k] = 0.5 * cross;
-    }
-    memset(x, 0, 12 * sizeof *x);
-    x[3] = 0.5 * (length[0] + length[1]);
-    x[6] = foot[0] / length[0] * x[3];
-    x[7] = height[0];
-    x[9] = foot[1] / length[1] * x[3];
-    x[10] = -height[1];
-    return 1;
-}
-
 /* ===== [6.5] EIGHT ELEMENTS AT A TIME ======================================================== */
 /*
  *   a batch: 8 elements, one array per number           x [9][8]: corner*3 + axis, then the lane
@@ -6193,32 +6246,14 @@ done:
     return status;
 }
 
-static void clothi_tree_destroy(clothi_tree *P) {
-    cloth_hooks hooks;
-    if (!P) return;
-    hooks = P->hooks;
-    clothi_free(&hooks, P->verts);
-    clothi_free(&hooks, P->part);
-    clothi_free(&hooks, P->bound_start);
-    clothi_free(&hooks, P->bound);
-    clothi_free(&hooks, P->relative);
-    clothi_free(&hooks, P->entry_start);
-    clothi_free(&hooks, P->entry);
-    clothi_free(&hooks, P->panel);
-    clothi_free(&hooks, P->update);
-    clothi_free(&hooks, P->update_temp);
-    clothi_free(&hooks, P->first);
-    clothi_free(&hooks, P->top);
-    clothi_free(&hooks, P);
-}
-
-static size_t clothi_tree_bytes(const clothi_tree *P) {
-    return clothi_block_size(P) + clothi_block_size(P->verts) + clothi_block_size(P->part) +
-           clothi_block_size(P->bound_start) + clothi_block_size(P->bound) +
-           clothi_block_size(P->relative) + clothi_block_size(P->entry_start) +
-           clothi_block_size(P->entry) + clothi_block_size(P->panel) +
-           clothi_block_size(P->update) + clothi_block_size(P->update_temp) +
-           clothi_block_size(P->first) + clothi_block_size(P->top);
+/* Bytes; frees where hooks, no part of it, say how. */
+static size_t clothi_tree_blocks(const clothi_tree *P, const cloth_hooks *hooks) {
+    const void *block[13] = {P};
+    if (!P) return 0;
+    block[1] = P->verts, block[2] = P->part, block[3] = P->bound_start, block[4] = P->bound;
+    block[5] = P->relative, block[6] = P->entry_start, block[7] = P->entry, block[8] = P->panel;
+    block[9] = P->update, block[10] = P->update_temp, block[11] = P->first, block[12] = P->top;
+    return clothi_blocks(hooks, block, 13);
 }
 
 /* Dissection and symbolic analysis. ptr, adj: the graph; coords [nv x 3] or NULL. */
@@ -6263,7 +6298,7 @@ done:
     clothi_free(hooks, d.queue);
     clothi_free(hooks, d.key);
     clothi_free(hooks, d.part);
-    if (status) clothi_tree_destroy(P);
+    if (status) (void)clothi_tree_blocks(P, &p->hooks);
     else *out = P;
     return status;
 }
@@ -6334,25 +6369,22 @@ static int clothi_pattern_parts(const cloth_pattern *p, const void **part) {
     return n;
 }
 
+static size_t clothi_pattern_blocks(const cloth_pattern *p, const cloth_hooks *hooks) {
+    const void *part[21];
+    int         n = clothi_pattern_parts(p, part);
+    part[n++] = p;
+    return clothi_tree_blocks(p->tree, hooks) + clothi_blocks(hooks, part, (size_t)n);
+}
+
 CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
-    const void *part[20];
     cloth_hooks hooks;
-    int         k;
     if (!pattern) return;
     hooks = pattern->hooks;
-    clothi_tree_destroy(pattern->tree);
-    for (k = clothi_pattern_parts(pattern, part) - 1; k >= 0; k--) clothi_free(&hooks, part[k]);
-    clothi_free(&hooks, pattern);
+    (void)clothi_pattern_blocks(pattern, &hooks);
 }
 
 CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern) {
-    const void *part[20];
-    size_t      sum = clothi_block_size(pattern);
-    int         k;
-    if (!pattern) return 0;
-    for (k = clothi_pattern_parts(pattern, part) - 1; k >= 0; k--)
-        sum += clothi_block_size(part[k]);
-    return sum + clothi_tree_bytes(pattern->tree);
+    return pattern ? clothi_pattern_blocks(pattern, NULL) : 0;
 }
 
 CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) {
@@ -7248,32 +7280,22 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
     return CLOTH_OK;
 }
 
+static size_t clothi_solver_blocks(const cloth_linear_solver *s, const cloth_hooks *hooks) {
+    const void *const block[] = {s->store[0].block, s->store[0].E, s->store[1].block,
+                                 s->store[1].E, s->Ac, s->cd, s->reach, s->jacobi, s};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
+}
+
 CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
     cloth_hooks hooks;
-    int         k;
     if (!s) return;
     hooks = s->hooks;
-    for (k = 0; k < 2; k++) {
-        clothi_free(&hooks, s->store[k].block);
-        clothi_free(&hooks, s->store[k].E);
-    }
-    clothi_free(&hooks, s->Ac);
-    clothi_free(&hooks, s->cd);
-    clothi_free(&hooks, s->reach);
-    clothi_free(&hooks, s->jacobi);
     cloth_factor_destroy(s->factor);
-    clothi_free(&hooks, s);
+    (void)clothi_solver_blocks(s, &hooks);
 }
 
 CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
-    size_t sum = 0;
-    int    k;
-    if (!s) return 0;
-    for (k = 0; k < 2; k++)
-        sum += clothi_block_size(s->store[k].block) + clothi_block_size(s->store[k].E);
-    sum += cloth_factor_bytes(s->factor);
-    return sum + clothi_block_size(s) + clothi_block_size(s->Ac) + clothi_block_size(s->cd) +
-           clothi_block_size(s->reach) + clothi_block_size(s->jacobi);
+    return s ? cloth_factor_bytes(s->factor) + clothi_solver_blocks(s, NULL) : 0;
 }
 
 CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
@@ -8743,13 +8765,13 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
     return CLOTH_OK;
 }
 
+static size_t clothi_factor_blocks(const cloth_factor *f, const cloth_hooks *hooks) {
+    const void *const block[] = {f->panel, f->work, f->sign, f->vec, f->fixed, f->pivot};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
+}
+
 static void clothi_factor_release(cloth_factor *f) {
-    clothi_free(&f->hooks, f->panel);
-    clothi_free(&f->hooks, f->work);
-    clothi_free(&f->hooks, f->sign);
-    clothi_free(&f->hooks, f->vec);
-    clothi_free(&f->hooks, f->fixed);
-    clothi_free(&f->hooks, f->pivot);
+    (void)clothi_factor_blocks(f, &f->hooks);
     f->panel = f->work = f->sign = f->vec = NULL;
     f->fixed = NULL;
     f->pivot = NULL;
@@ -8765,10 +8787,7 @@ CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
 }
 
 CLOTH_API size_t cloth_factor_bytes(const cloth_factor *f) {
-    if (!f) return 0;
-    return clothi_block_size(f) + clothi_block_size(f->panel) + clothi_block_size(f->work) +
-           clothi_block_size(f->sign) + clothi_block_size(f->vec) + clothi_block_size(f->fixed) +
-           clothi_block_size(f->pivot);
+    return f ? clothi_block_size(f) + clothi_factor_blocks(f, NULL) : 0;
 }
 
 static cloth_status clothi_factor_reserve(cloth_factor *f) {
@@ -9115,6 +9134,8 @@ typedef struct clothi_group {
     int  force;                             /* offset of its forces in the sim's force buffer  */
 } clothi_group;
 
+#define CLOTHI_ASPECTS 10                   /* clothi_aspects                                  */
+
 struct cloth_model {
     cloth_hooks hooks;
     cloth_desc  desc;                       /* scalars only: its pointers are cleared          */
@@ -9136,7 +9157,7 @@ struct cloth_model {
     int *wing;                              /* [membrane batches x 3 x 8] hinges, or NULL      */
     int *gather;                            /* offsets of x components in the force buffer     */
     int  force_size;                        /* doubles in the force buffer                     */
-    uint64_t hash;
+    uint64_t hash, aspect[CLOTHI_ASPECTS];  /* of all, and of its aspects                      */
 };
 
 CLOTH_API cloth_desc cloth_desc_default(void) {
@@ -9172,14 +9193,13 @@ CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks,
     return CLOTH_OK;
 }
 
-CLOTHI_OUTLINE static cloth_status clothi_check_array(const cloth_hooks *hooks, const char *field,
-                                                      const double *a, int n, int width) {
-    ptrdiff_t at;
-    if (!a) return CLOTH_OK;
-    at = clothi_find_nonfinite(a, (size_t)n * (size_t)width);
+/* name: the call and its argument, or the field. a NULL: nothing to check. */
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *name,
+                                                       const double *a, int n) {
+    const ptrdiff_t at = a ? clothi_find_nonfinite(a, (size_t)n) : -1;
     if (at < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s[%i] = %g is not finite", field,
-                       (int)at, a[at]);
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g is not finite", name, (int)at,
+                       a[at]);
 }
 
 static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_desc *d) {
@@ -9279,9 +9299,9 @@ static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc
     if (!d->x_rest) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.x_rest is NULL");
     if (!d->faces) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.faces is NULL");
     status = cloth_mesh_check(hooks, d->nv, d->x_rest, d->nf, d->faces, d->X, &faults);
-    if (!status) status = clothi_check_array(hooks, "x", d->x, d->nv, 3);
-    if (!status) status = clothi_check_array(hooks, "v", d->v, d->nv, 3);
-    if (!status) status = clothi_check_array(hooks, "vertex_mass", d->vertex_mass, d->nv, 1);
+    if (!status) status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
+    if (!status) status = clothi_check_vector(hooks, "desc.v", d->v, 3 * d->nv);
+    if (!status) status = clothi_check_vector(hooks, "desc.vertex_mass", d->vertex_mass, d->nv);
     if (status) return status;
     for (i = 0; d->vertex_mass && i < d->nv; i++)
         if (!(d->vertex_mass[i] > 0))
@@ -9642,71 +9662,60 @@ CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size
     return hash;
 }
 
-static uint64_t clothi_hash_double(uint64_t hash, double a) {
-    return clothi_hash(hash, &a, sizeof a);
+/* What decides whether a snapshot fits: all of the model that steps read, and what reset goes back
+ * to. In a snapshot's head side by side, for a sentence that says what differs. */
+static const char *const clothi_aspects[] = {"mesh", "parts", "regions", "rest shape", "ties",
+    "start (x, v, pins, gravity or wind)", "membrane, bending or integrator", "contact rung",
+    "substeps, max_newton, max_attachments, tolerances or linear solver", "air"};
+
+static void clothi_model_hash(cloth_model *m) {
+    const cloth_desc *d = &m->desc;
+    const size_t      nv = (size_t)m->nv, nf = (size_t)m->nf;
+    const int32_t     count[3] = {m->nv, m->nf, m->topology->nh};
+    const int32_t     rungs[3] = {(int32_t)d->membrane, (int32_t)d->bend, (int32_t)d->integrator};
+    const int32_t     whole[4] = {d->substeps, d->max_newton, d->max_attachments,
+                                  (int32_t)d->linear};
+    const int32_t     contact = (int32_t)d->contact, wind_on = d->wind_on != 0;
+    const double      real[5] = {d->tolerance, d->cg_tolerance, d->air_density, d->drag, d->lift};
+    const struct { const void *data; size_t size; int aspect; } part[] = {
+        {count, sizeof count, 0}, {m->faces, 3 * nf * sizeof(int), 0},
+        {m->part, nf * sizeof(int), 1}, {m->region, nf * sizeof(int), 2},
+        {&m->nregions, sizeof m->nregions, 2},
+        {m->x_rest, 3 * nv * sizeof(double), 3}, {m->X, 6 * nf * sizeof(double), 3},
+        {m->tie, m->tie ? 3 * nv * sizeof(int) : 0, 4}, {m->x, 3 * nv * sizeof(double), 5},
+        {m->v, 3 * nv * sizeof(double), 5}, {m->pin, nv, 5}, {d->gravity, sizeof d->gravity, 5},
+        {&wind_on, sizeof wind_on, 5}, {d->wind, sizeof d->wind, 5}, {rungs, sizeof rungs, 6},
+        {&contact, sizeof contact, 7}, {whole, sizeof whole, 8}, {real, 2 * sizeof *real, 8},
+        {real + 2, 3 * sizeof *real, 9}};
+    size_t i;
+    for (i = 0; i < CLOTHI_ASPECTS; i++) m->aspect[i] = 0xcbf29ce484222325u;
+    for (i = 0; i < sizeof part / sizeof *part; i++)
+        m->aspect[part[i].aspect] =
+            clothi_hash(m->aspect[part[i].aspect], part[i].data, part[i].size);
+    m->hash = clothi_hash(CLOTH_VERSION_NUM, m->aspect, sizeof m->aspect);
 }
 
-/* Of what decides whether a snapshot fits: mesh, rest shape, ladder, holds. */
-static uint64_t clothi_model_hash(const cloth_model *m) {
-    uint64_t hash = 0xcbf29ce484222325u;
-    int32_t  head[12];
-    size_t   nv = (size_t)m->nv, nf = (size_t)m->nf;
-    head[0] = CLOTH_VERSION_NUM;
-    head[1] = m->nv;
-    head[2] = m->nf;
-    head[3] = m->nregions;
-    head[4] = (int32_t)m->desc.membrane;
-    head[5] = (int32_t)m->desc.bend;
-    head[6] = (int32_t)m->desc.integrator;
-    head[7] = m->desc.substeps;
-    head[8] = m->desc.max_newton;
-    head[9] = m->desc.max_attachments;
-    head[10] = (int32_t)m->desc.linear;
-    head[11] = m->topology->nh;
-    hash = clothi_hash(hash, head, sizeof head);
-    hash = clothi_hash(hash, m->x_rest, 3 * nv * sizeof(double));
-    hash = clothi_hash(hash, m->faces, 3 * nf * sizeof(int));
-    hash = clothi_hash(hash, m->region, nf * sizeof(int));
-    hash = clothi_hash(hash, m->X, 6 * nf * sizeof(double));
-    if (m->tie) hash = clothi_hash(hash, m->tie, 3 * nv * sizeof(int));
-    hash = clothi_hash_double(hash, m->desc.tolerance);
-    hash = clothi_hash_double(hash, m->desc.cg_tolerance);
-    hash = clothi_hash_double(hash, m->desc.air_density);
-    hash = clothi_hash_double(hash, m->desc.drag);
-    return clothi_hash_double(hash, m->desc.lift);
+static size_t clothi_model_mesh(const cloth_model *m, const cloth_hooks *hooks) {
+    const void *const block[] = {m->x_rest, m->x, m->v, m->faces, m->part, m->region, m->X, m->pin,
+                                 m->tie, m->material, m->vertex_mass, m->theta0};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
-static void clothi_group_free(const cloth_hooks *hooks, clothi_group *g) {
-    clothi_free(hooks, g->domain);
-    clothi_free(hooks, g->id);
-    clothi_free(hooks, g->vert);
-    clothi_free(hooks, g->slot);
+static size_t clothi_model_stencils(const cloth_model *m, const cloth_hooks *hooks) {
+    const clothi_group *a = &m->membrane, *b = &m->bend;
+    const void *const   block[] = {a->domain, a->id, a->vert, a->slot, b->domain, b->id, b->vert,
+                                   b->slot, m->gather, m->gather_start, m->gather_mid, m->wing};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
 CLOTH_API void cloth_model_destroy(cloth_model *model) {
     cloth_hooks hooks;
     if (!model) return;
     hooks = model->hooks;
-    clothi_group_free(&hooks, &model->membrane);
-    clothi_group_free(&hooks, &model->bend);
-    clothi_free(&hooks, model->gather);
-    clothi_free(&hooks, model->gather_start);
-    clothi_free(&hooks, model->gather_mid);
-    clothi_free(&hooks, model->wing);
+    (void)clothi_model_stencils(model, &hooks);
     cloth_pattern_destroy(model->pattern);
     cloth_topology_destroy(&hooks, model->topology);
-    clothi_free(&hooks, model->tie);
-    clothi_free(&hooks, model->pin);
-    clothi_free(&hooks, model->material);
-    clothi_free(&hooks, model->vertex_mass);
-    clothi_free(&hooks, model->theta0);
-    clothi_free(&hooks, model->X);
-    clothi_free(&hooks, model->region);
-    clothi_free(&hooks, model->part);
-    clothi_free(&hooks, model->faces);
-    clothi_free(&hooks, model->v);
-    clothi_free(&hooks, model->x);
-    clothi_free(&hooks, model->x_rest);
+    (void)clothi_model_mesh(model, &hooks);
     clothi_free(&hooks, model);
 }
 
@@ -9744,7 +9753,7 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
         cloth_model_destroy(m);
         return status;
     }
-    m->hash = clothi_model_hash(m);
+    clothi_model_hash(m);
     *out = m;
     return CLOTH_OK;
 }
@@ -9757,32 +9766,19 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
  *                                   scratch: force buffer, matrix, vectors   (never an influence)
  *
  * The bits of a step are a function of model, params, state and inputs. What survives a step
- * and has influence is listed once, in clothi_snapshot_walk() [10.2]; all else is scratch.
- * checked: tests/test_step.c, tests/test_determinism.c, tests/test_memory.c
+ * and has influence is listed once, in clothi_fields; all else is scratch.
+ * checked: tests/test_step.c, tests/test_determinism.c, tests/test_memory.c, tests/test_record.c
  */
 
 #define CLOTHI_MAX_TERMS 24
 
-typedef struct clothi_attach {              /* all zero when not used                          */
-    uint32_t generation;                    /* when it was made: no part of the hash           */
-    int32_t  used, face;
-    double   bary[3];
-    double   k;                             /* N/m                                             */
-    double   target[3];                     /* m, reached at the end of the next step          */
-    double   pose[3];                       /* m, at the last accepted state                   */
-} clothi_attach;
-
 typedef struct clothi_work {                /* vectors of a step, scratch                      */
-    double *x0, *v0, *x_prev0, *v_prev0;    /* as before the step                              */
+    double *x0, *v0;                        /* as before the step, in `kept`                   */
     double *x, *trial, *dx, *grad, *y;      /* [nv x 3]                                        */
     double *free;                           /* [nv x 3] gradient without that of contact       */
     double *goal;                           /* pin targets of this substep                     */
     double *rhs;                            /* right-hand side of the Newton system            */
     double *partial;                        /* partial sums of the parallel loops              */
-    double *energy_batch;                   /* [batches x 8] elastic energy                    */
-    double *loss_batch;                     /* [batches x 8] dissipation potential             */
-    double *force;                          /* element forces, model->force_size               */
-    double *wind;                           /* [nf x 4] lagged drag direction and coefficients */
 } clothi_work;
 
 typedef struct clothi_elements {            /* derived from params: what the lanes read        */
@@ -9790,7 +9786,24 @@ typedef struct clothi_elements {            /* derived from params: what the lan
     double *start;                          /* [nbatch x nstart x 8] strain or angle at x_n    */
     double *tau;                            /* [nbatch x 8] damping s                          */
     int     nrest, nstart, damped;
+    int     first;                          /* of its batches, in energy_batch                 */
+    double  loss;                           /* J, of the last value                            */
+    const clothi_group *group;
+    struct clothi_own  *own;                /* whose they are                                  */
 } clothi_elements;
+
+typedef struct clothi_own {                 /* all that the built-in terms have besides what a
+                                               cloth_eval shows: they do not know the sim      */
+    const cloth_hooks *hooks;
+    clothi_elements    membrane, bend;
+    double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
+    double *energy_batch;                   /* [batches x 8] elastic energy                    */
+    double *loss_batch;                     /* [batches x 8] dissipation potential             */
+    double *force;                          /* element forces, model->force_size               */
+    double *wind;                           /* [nf x 5] lagged drag direction and coefficients */
+    int     force_only;                     /* energies are not wanted                         */
+    cloth_counts counts;
+} clothi_own;
 
 struct cloth_sim {
     const cloth_model *model;
@@ -9803,9 +9816,11 @@ struct cloth_sim {
     double  h_prev;                         /* s; LEAPFROG: its last substep, without history */
     int     history;
     /* inputs */
+    cloth_step_input in;                    /* what the substep under way reads                */
     unsigned char *pin;                     /* [nv] axes                                       */
     double        *target;                  /* [nv x 3] m                                      */
-    clothi_attach *attach;                  /* [max_attachments]                               */
+    cloth_step_attachment *attach;          /* [max_attachments]                               */
+    uint32_t      *made;                    /* [max_attachments] in which generation           */
     int            nattach;                 /* in use                                          */
     uint32_t       generation;              /* attachments ever made: no handle comes twice    */
     double        *force;                   /* [nv x 3] N                                      */
@@ -9814,8 +9829,7 @@ struct cloth_sim {
     int            wind_on;
     double         wind[3];
     /* derived */
-    clothi_elements membrane, bend;
-    double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
+    clothi_own own;
     double *quadratic;                      /* bending Hessian of QUADRATIC, made once         */
     int     quadratic_ready;
     int     fresh;                          /* w.grad and the terms' energies are of w.x       */
@@ -9827,24 +9841,23 @@ struct cloth_sim {
     /* terms */
     cloth_term    term[CLOTHI_MAX_TERMS];
     double        term_energy[CLOTHI_MAX_TERMS];
-    double        term_loss[CLOTHI_MAX_TERMS];
     int           nterms, nbuiltin;
-    unsigned char *kept;                    /* state of hosts' terms as before the step        */
-    size_t        kept_size, kept_at[CLOTHI_MAX_TERMS + 1];
+    unsigned char *kept;                    /* the fields and hosts' terms as before the step  */
+    size_t        kept_size;
+    cloth_recorder    recorder;
+    size_t        recorded;                 /* bytes of `kept`                                 */
+    unsigned char *touching;                /* [touching_size] contacts of the record          */
+    size_t        touching_size;
     cloth_contact contact;
     int           contact_on;
     double        contact_energy;           /* J, in the last value of the objective           */
     int           finish;                   /* the host's time is up                           */
-    double        attach_alpha;             /* where in the step attachments are               */
-    double        attach_step;              /* share of the step that this substep is          */
     int           balance;                  /* a report is wanted: keep the ledger             */
-    int           force_only;               /* energies are not wanted                         */
     /* solver */
     cloth_matrix *matrix;
     cloth_linear_solver *solver;
     unsigned char *fixed;                   /* [nv] axes that the solver must not move         */
     clothi_work   w;
-    cloth_counts  counts;
     cloth_times   ms;
     long long     allocations;
     size_t        bytes;                    /* held through the counted allocator              */
@@ -9853,6 +9866,199 @@ struct cloth_sim {
 /* The built-in terms, in the order of the list. */
 enum { CLOTHI_TERM_MEMBRANE, CLOTHI_TERM_BEND, CLOTHI_TERM_GRAVITY, CLOTHI_TERM_FORCE,
        CLOTHI_TERM_ATTACH, CLOTHI_TERM_WIND, CLOTHI_TERM_HOST };
+
+/* --- the list of all that the next step depends on: walked by hash, save, restore, roll-back, the
+ * record of a step and the count of bytes. What is not in it, nor a state of hosts' terms or of
+ * contact, is scratch or derived, and may not change a bit --- */
+
+enum {                                      /* elements of a field: clothi_field_count()       */
+    CLOTHI_ONE, CLOTHI_VERTEX, CLOTHI_HINGES, CLOTHI_FACE, CLOTHI_REGION, CLOTHI_SLOT
+};
+
+enum {
+    CLOTHI_ARRAY = 1,                       /* by pointer; NULL counts as zeros                */
+    CLOTHI_PARAM = 2,                       /* steps only read it: no part of their record     */
+    CLOTHI_HANDLE = 4,                      /* tells handles apart, not motions: not hashed    */
+    CLOTHI_REAL = 8,                        /* doubles that are finite in any state            */
+    CLOTHI_LATE = 16,                       /* there only after its first use                  */
+    CLOTHI_LAG = 32,                        /* not of LEAPFROG                                 */
+    CLOTHI_LAG2 = 64                        /* of BDF2 alone                                   */
+};
+
+typedef struct clothi_field {
+    const char  *name;
+    size_t       at;                        /* bytes into the sim                              */
+    size_t       within, size, stride;      /* an element's bytes, in one of an array          */
+    int          count, flags;
+} clothi_field;
+
+#define CLOTHI_OF(name) #name, offsetof(cloth_sim, name)
+#define CLOTHI_SCALAR(name, type, n, flags)                                                      \
+    {CLOTHI_OF(name), 0, (n) * sizeof(type), (n) * sizeof(type), CLOTHI_ONE, flags}
+#define CLOTHI_LIST(name, type, n, count, flags)                                                 \
+    {CLOTHI_OF(name), 0, (n) * sizeof(type), (n) * sizeof(type), count, CLOTHI_ARRAY | (flags)}
+
+static const clothi_field clothi_fields[] = {           /* x and v first: see clothi_keep()    */
+    CLOTHI_LIST(state.x, double, 3, CLOTHI_VERTEX, 0),
+    CLOTHI_LIST(state.v, double, 3, CLOTHI_VERTEX, 0),
+    CLOTHI_SCALAR(state.t, double, 1, 0),
+    CLOTHI_SCALAR(history, int, 1, 0),
+    CLOTHI_SCALAR(h_prev, double, 1, CLOTHI_REAL),
+    CLOTHI_LIST(v_prev, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_LAG),
+    CLOTHI_LIST(x_prev, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_LAG2),
+    CLOTHI_LIST(pin, unsigned char, 1, CLOTHI_VERTEX, 0),
+    CLOTHI_LIST(target, double, 3, CLOTHI_VERTEX, 0),
+    CLOTHI_LIST(attach, cloth_step_attachment, 1, CLOTHI_SLOT, 0),
+    CLOTHI_LIST(made, uint32_t, 1, CLOTHI_SLOT, CLOTHI_HANDLE),
+    CLOTHI_SCALAR(nattach, int, 1, 0),
+    CLOTHI_SCALAR(force_on, int, 1, 0),
+    CLOTHI_LIST(force, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE),
+    CLOTHI_SCALAR(gravity, double, 3, CLOTHI_REAL),
+    CLOTHI_SCALAR(wind_on, int, 1, 0),
+    CLOTHI_SCALAR(wind, double, 3, CLOTHI_REAL),
+    {CLOTHI_OF(params.material), 0, 7 * sizeof(double), sizeof(cloth_material), CLOTHI_REGION,
+     CLOTHI_ARRAY | CLOTHI_PARAM},          /* without the padding behind the plane            */
+    {CLOTHI_OF(params.material), offsetof(cloth_material, plane), sizeof(cloth_plane),
+     sizeof(cloth_material), CLOTHI_REGION, CLOTHI_ARRAY | CLOTHI_PARAM},
+    CLOTHI_LIST(params.hinge_scale, double, 1, CLOTHI_HINGES, CLOTHI_PARAM),
+    CLOTHI_LIST(params.theta0, double, 1, CLOTHI_HINGES, CLOTHI_PARAM),
+    CLOTHI_LIST(params.X, double, 6, CLOTHI_FACE, CLOTHI_PARAM),
+    CLOTHI_LIST(params.mass, double, 1, CLOTHI_VERTEX, CLOTHI_PARAM),
+    CLOTHI_SCALAR(params.mass_given, int, 1, CLOTHI_PARAM)
+};
+
+#define CLOTHI_FIELDS (sizeof clothi_fields / sizeof *clothi_fields)
+
+enum { CLOTHI_SIZE, CLOTHI_HASH, CLOTHI_SAVE, CLOTHI_LOAD, CLOTHI_CLEAR };
+
+typedef struct clothi_walk {
+    int            verb, skip;              /* skip: flags of fields to leave out              */
+    unsigned char *buf;                     /* written to, or read from                        */
+    size_t         at;                      /* in it; every field begins at a multiple of 8    */
+    uint64_t       hash;
+} clothi_walk;
+
+static size_t clothi_field_count(const cloth_sim *s, const clothi_field *f) {
+    const cloth_model     *m = s->model;
+    const cloth_integrator by = m->desc.integrator;
+    const int n[] = {1, m->nv, m->bend.count ? m->topology->nh : 0, m->nf, m->nregions,
+                     m->desc.max_attachments};
+    if ((f->flags & CLOTHI_LAG && by == CLOTH_INTEGRATOR_LEAPFROG) ||
+        (f->flags & CLOTHI_LAG2 && by != CLOTH_INTEGRATOR_BDF2))
+        return 0;
+    return (size_t)n[f->count];
+}
+
+/* Where the field begins; NULL: an array that is not there yet. */
+static unsigned char *clothi_field_data(const cloth_sim *s, const clothi_field *f) {
+    void *at = (unsigned char *)(uintptr_t)s + f->at;
+    if (f->flags & CLOTHI_ARRAY) memcpy(&at, at, sizeof at);
+    return (unsigned char *)at;
+}
+
+CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, unsigned char *data, size_t size) {
+    static const unsigned char zero[64] = {0};
+    size_t                     k;
+    if (w->verb == CLOTHI_HASH && data) w->hash = clothi_hash(w->hash, data, size);
+    else if (w->verb == CLOTHI_HASH)
+        for (k = 0; k < size; k += 64)
+            w->hash = clothi_hash(w->hash, zero, size - k < 64 ? size - k : 64);
+    else if (w->verb == CLOTHI_SAVE && data) memcpy(w->buf + w->at, data, size);
+    else if (w->verb == CLOTHI_SAVE) memset(w->buf + w->at, 0, size);
+    else if (w->verb == CLOTHI_LOAD && data) memcpy(data, w->buf + w->at, size);
+    else if (w->verb == CLOTHI_CLEAR && data) memset(data, 0, size);
+    w->at += size;
+}
+
+#define CLOTHI_PAD8(at) ((8u - (at) % 8u) % 8u)
+
+static void clothi_walk_pad(clothi_walk *w) {
+    if (w->verb == CLOTHI_SAVE) memset(w->buf + w->at, 0, CLOTHI_PAD8(w->at));
+    w->at += CLOTHI_PAD8(w->at);
+}
+
+/* The cast is for the one verb that writes. */
+static void clothi_walk_fields(const cloth_sim *s, clothi_walk *w) {
+    size_t f, i;
+    for (f = 0; f < CLOTHI_FIELDS; f++) {
+        const clothi_field *q = clothi_fields + f;
+        const size_t        n = clothi_field_count(s, q), size = q->size;
+        unsigned char      *data = clothi_field_data(s, q);
+        if (n == 0 || q->flags & w->skip || (q->flags & CLOTHI_HANDLE && w->verb == CLOTHI_HASH))
+            continue;
+        if (size == q->stride) clothi_walk_bytes(w, data, n * size);
+        else for (i = 0; i < n; i++) clothi_walk_bytes(w, data + q->within + i * q->stride, size);
+        clothi_walk_pad(w);
+    }
+}
+
+/* --- units: what hosts' terms and the contact keep of their own --- */
+
+typedef struct clothi_unit {
+    uint64_t id;                            /* of the term's name                              */
+    void    *user;
+    size_t (*size)(void *user);
+    void   (*save)(void *user, void *buf);
+    void   (*load)(void *user, const void *buf);
+    cloth_status (*check)(void *user, const void *buf, size_t size);
+} clothi_unit;
+
+/* Unit i of a sim, in the order of the list, contact last; 0 when there is none. */
+static int clothi_unit_at(const cloth_sim *s, int i, clothi_unit *u) {
+    const int   at = s->nbuiltin + i;
+    const char *name = at < s->nterms ? s->term[at].name : "contact";
+    memset(u, 0, sizeof *u);
+    if (at > s->nterms || (at == s->nterms && !s->contact_on)) return 0;
+    u->id = clothi_hash(0xcbf29ce484222325u, name ? name : "", name ? strlen(name) : 0);
+    u->user = at < s->nterms ? s->term[at].user : s->contact.user;
+    u->size = at < s->nterms ? s->term[at].save_size : s->contact.save_size;
+    u->save = at < s->nterms ? s->term[at].save : s->contact.save;
+    u->load = at < s->nterms ? s->term[at].load : s->contact.load;
+    u->check = at < s->nterms ? NULL : s->contact.check;
+    return 1;
+}
+
+static size_t clothi_unit_size(const clothi_unit *u) {
+    return u->size && u->save && u->load ? u->size(u->user) : 0;
+}
+
+/* id, bytes, then the unit's own bytes: it may hold more or fewer than it did at the snapshot. */
+static void clothi_walk_unit(clothi_walk *w, clothi_unit *u, unsigned char *scratch) {
+    uint64_t head[2];
+    clothi_walk_pad(w);
+    head[0] = u->id;
+    head[1] = clothi_unit_size(u);
+    clothi_walk_bytes(w, (unsigned char *)head, sizeof head);   /* loading: as many as were saved */
+    if (head[1] && w->verb == CLOTHI_HASH) {
+        memset(scratch, 0, (size_t)head[1]);
+        u->save(u->user, scratch);
+        w->hash = clothi_hash(w->hash, scratch, (size_t)head[1]);
+    } else if (head[1] && w->verb == CLOTHI_SAVE) {
+        u->save(u->user, w->buf + w->at);
+    } else if (head[1] && w->verb == CLOTHI_LOAD) {
+        u->load(u->user, w->buf + w->at);
+    }
+    w->at += (size_t)head[1];
+}
+
+/* The first n of them. */
+static void clothi_walk_units(const cloth_sim *s, clothi_walk *w, int n, unsigned char *scratch) {
+    clothi_unit u;
+    int         i;
+    for (i = 0; i < n && clothi_unit_at(s, i, &u); i++) clothi_walk_unit(w, &u, scratch);
+}
+
+/* A walk over fields and the first `units` units; returns their bytes. */
+static size_t clothi_walked(const cloth_sim *s, int verb, const void *buf, int skip, int units) {
+    clothi_walk w;
+    memset(&w, 0, sizeof w);
+    w.verb = verb;
+    w.skip = skip;
+    w.buf = (unsigned char *)(uintptr_t)buf;
+    clothi_walk_fields(s, &w);
+    if (units) clothi_walk_units(s, &w, units, NULL);
+    return w.at;
+}
 
 /* --- counted allocation --- */
 
@@ -9882,6 +10088,31 @@ CLOTHI_OUTLINE static cloth_status clothi_need(cloth_sim *s, double **out, size_
     return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
+/* Makes the arrays that are not there yet, but for those of `skip`. */
+static cloth_status clothi_fields_need(cloth_sim *s, int skip) {
+    cloth_status status = CLOTH_OK;
+    size_t       f;
+    for (f = 0; f < CLOTHI_FIELDS && !status; f++) {
+        const clothi_field *q = clothi_fields + f;
+        const size_t        n = clothi_field_count(s, q);
+        void               *made;
+        if (!(q->flags & CLOTHI_ARRAY) || q->flags & skip || clothi_field_data(s, q) ||
+            (n == 0 && q->flags & CLOTHI_LATE))
+            continue;
+        made = clothi_alloc(&s->hooks, n, q->stride);
+        memcpy((unsigned char *)s + q->at, &made, sizeof made);
+        status = made ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    }
+    return status;
+}
+
+static void clothi_forget(cloth_sim *s) {
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    s->history = 0;
+    if (s->x_prev) memset(s->x_prev, 0, bytes);
+    if (s->v_prev) memset(s->v_prev, 0, bytes);
+}
+
 /* --- params to batches --- */
 
 /* Young's modulus of the membrane, N/m, from its Lame constants. */
@@ -9891,16 +10122,23 @@ static double clothi_young(const cloth_material *mat) {
     return lambda + 2 * mu > 0 ? 4 * mu * (lambda + mu) / (lambda + 2 * mu) : 0;
 }
 
+/* Corners of face f's rest shape that belong to vertices a, b and to the third. */
+static void clothi_rest_corners(const cloth_model *m, const double *X, int f, int a, int b,
+                                const double **pa, const double **pb, const double **pc) {
+    const int *face = m->faces + 3 * (size_t)f;
+    int        k;
+    for (k = 0; k < 3; k++) {
+        const double *corner = X + 6 * (size_t)f + 2 * k;
+        if (face[k] == a) *pa = corner;
+        else if (face[k] == b) *pb = corner;
+        else *pc = corner;
+    }
+}
+
 /* Squared rest length of the edge from vertex a to b as face f has it. */
 static double clothi_rest_edge2(const cloth_model *m, const double *X, int f, int a, int b) {
-    const int    *face = m->faces + 3 * (size_t)f;
-    const double *c = X + 6 * (size_t)f, *p = NULL, *q = NULL;
-    int           k;
-    for (k = 0; k < 3; k++) {
-        if (face[k] == a) p = c + 2 * k;
-        if (face[k] == b) q = c + 2 * k;
-    }
-    if (!p || !q) return 0;
+    const double *p = X, *q = X, *other = X;
+    clothi_rest_corners(m, X, f, a, b, &p, &q, &other);
     return (q[0] - p[0]) * (q[0] - p[0]) + (q[1] - p[1]) * (q[1] - p[1]);
 }
 
@@ -9960,19 +10198,6 @@ static void clothi_derive_spring(const cloth_model *m, const cloth_params *p, in
     rest[0] = YA / (L2 / n);
     rest[CLOTHI_LANES] = sqrt(L2 / n);
     *tau = damping / n;
-}
-
-/* Corners of face f's rest shape that belong to vertices a, b and to the third. */
-static void clothi_rest_corners(const cloth_model *m, const double *X, int f, int a, int b,
-                                const double **pa, const double **pb, const double **pc) {
-    const int *face = m->faces + 3 * (size_t)f;
-    int        k;
-    for (k = 0; k < 3; k++) {
-        const double *corner = X + 6 * (size_t)f + 2 * k;
-        if (face[k] == a) *pa = corner;
-        else if (face[k] == b) *pb = corner;
-        else *pc = corner;
-    }
 }
 
 /* A face's share of the flat hinge: q = |e|/(2 A), 1 over the height of the far corner, and t,
@@ -10052,12 +10277,12 @@ static void clothi_derive_sides(cloth_sim *s) {
     enum { L = CLOTHI_LANES };
     int i, k;
     for (i = 0; i < s->model->membrane.nbatch * L; i++) {
-        const double *B = s->membrane.rest + (size_t)(i / L) * 7 * L + i % L;
+        const double *B = s->own.membrane.rest + (size_t)(i / L) * 7 * L + i % L;
         const double  area = B[4 * L], mu = B[5 * L], lambda = B[6 * L];
         const double  g1 = B[0] * B[0] + B[L] * B[L], g12 = B[0] * B[2 * L] + B[L] * B[3 * L];
         const double  g2 = B[2 * L] * B[2 * L] + B[3 * L] * B[3 * L];
         const double  det = g1 * g2 - g12 * g12, both = area * (mu + 0.5 * lambda);
-        double       *side = s->side + (size_t)(i / L) * 9 * L + i % L;
+        double       *side = s->own.side + (size_t)(i / L) * 9 * L + i % L;
         if (s->model->bend.kind == CLOTHI_QUADRATIC) {
             const double g0 = g1 + g2 + 2 * g12;
             for (k = 0; k < 2; k++) {
@@ -10106,7 +10331,6 @@ static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *
     const cloth_model  *m = s->model;
     const cloth_hooks  *hooks = &s->hooks;
     cloth_status        status;
-    ptrdiff_t           at;
     int                 i;
     for (i = 0; i < m->nregions; i++) {
         status = cloth_material_check(hooks, p->material + i, i);
@@ -10126,10 +10350,8 @@ static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *
                                "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
                                p->theta0[i]);
     }
-    at = clothi_find_nonfinite(p->X, 6 * (size_t)m->nf);
-    if (at >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "params.X[%i] = %g is not finite", (int)at,
-                           p->X[at]);
+    status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
+    if (status) return status;
     for (i = 0; i < m->nf; i++)
         if (!clothi_normal(clothi_rest_area(p->X, i)))
             return clothi_fail(hooks, CLOTH_ERR_MESH,
@@ -10149,21 +10371,21 @@ static void clothi_derive(cloth_sim *s) {
     s->edge = sqrt(4 / sqrt(3.0) * area / s->model->nf);
     clothi_derive_mass(s);
     s->total = clothi_total_mass(s);
-    clothi_derive_group(s, &s->model->membrane, &s->membrane);
-    clothi_derive_group(s, &s->model->bend, &s->bend);
-    if (s->side) clothi_derive_sides(s);
-    s->quadratic_ready = 0;
+    clothi_derive_group(s, &s->model->membrane, &s->own.membrane);
+    clothi_derive_group(s, &s->model->bend, &s->own.bend);
+    if (s->own.side) clothi_derive_sides(s);
     s->quadratic_ready = s->known = 0;
     s->omega_rest = 0;
 }
 
 /* Arrays that only damping needs. */
 static cloth_status clothi_need_damping(cloth_sim *s) {
-    size_t       n = (size_t)s->model->membrane.nbatch * (size_t)s->membrane.nstart;
-    size_t       k = (size_t)s->model->bend.nbatch * (size_t)s->bend.nstart;
+    size_t       n = (size_t)s->model->membrane.nbatch * (size_t)s->own.membrane.nstart;
+    size_t       k = (size_t)s->model->bend.nbatch * (size_t)s->own.bend.nstart;
     cloth_status status = CLOTH_OK;
-    if (s->membrane.damped) status = clothi_need(s, &s->membrane.start, n * CLOTHI_LANES);
-    if (!status && s->bend.damped) status = clothi_need(s, &s->bend.start, k * CLOTHI_LANES);
+    if (s->own.membrane.damped) status = clothi_need(s, &s->own.membrane.start, n * CLOTHI_LANES);
+    if (!status && s->own.bend.damped)
+        status = clothi_need(s, &s->own.bend.start, k * CLOTHI_LANES);
     return status;
 }
 
@@ -10188,33 +10410,24 @@ static void clothi_params_publish(cloth_sim *s) {
     if (s->edit.mass) clothi_params_copy(s->model, &s->params, s->params.nh, &s->edit);
 }
 
-static void clothi_params_free(const cloth_hooks *hooks, cloth_params *p) {
-    clothi_free(hooks, p->mass);
-    clothi_free(hooks, p->X);
-    clothi_free(hooks, p->theta0);
-    clothi_free(hooks, p->hinge_scale);
-    clothi_free(hooks, p->material);
-    memset(p, 0, sizeof *p);
-}
-
-static cloth_status clothi_params_alloc(const cloth_model *m, const cloth_hooks *hooks,
-                                        cloth_params *p) {
-    const size_t nh = m->bend.count ? (size_t)m->topology->nh : 0;
-    p->material =
-        (cloth_material *)clothi_alloc(hooks, (size_t)m->nregions, sizeof(cloth_material));
-    p->hinge_scale = (double *)clothi_alloc(hooks, nh, sizeof(double));
-    p->theta0 = (double *)clothi_alloc(hooks, nh, sizeof(double));
-    p->X = (double *)clothi_alloc(hooks, 6 * (size_t)m->nf, sizeof(double));
-    p->mass = (double *)clothi_alloc(hooks, (size_t)m->nv, sizeof(double));
-    if (p->material && p->hinge_scale && p->theta0 && p->X && p->mass) return CLOTH_OK;
-    clothi_params_free(hooks, p);
-    return CLOTH_ERR_MEMORY;
+/* Arrays of the host's copy; what there is when memory is out waits for the next try. */
+static cloth_status clothi_params_alloc(cloth_sim *s, cloth_params *p) {
+    const size_t nh = (size_t)s->params.nh;
+    cloth_status status = CLOTH_OK;
+    if (!p->material)
+        p->material = (cloth_material *)clothi_alloc(&s->hooks, (size_t)s->model->nregions,
+                                                     sizeof *p->material);
+    if (!p->material) return CLOTH_ERR_MEMORY;
+    status = clothi_need(s, &p->hinge_scale, nh);
+    if (!status) status = clothi_need(s, &p->theta0, nh);
+    if (!status) status = clothi_need(s, &p->X, 6 * (size_t)s->model->nf);
+    return status ? status : clothi_need(s, &p->mass, (size_t)s->model->nv);
 }
 
 CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim) {
     if (!sim) return NULL;
     if (sim->edit.mass) return &sim->edit;
-    if (clothi_params_alloc(sim->model, &sim->hooks, &sim->edit)) return NULL;
+    if (clothi_params_alloc(sim, &sim->edit)) return NULL;
     clothi_params_publish(sim);
     return &sim->edit;
 }
@@ -10228,7 +10441,7 @@ CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
     clothi_params_copy(sim->model, &sim->edit, sim->params.nh, &sim->params);
     clothi_derive(sim);
     clothi_params_publish(sim);             /* masses that were lumped anew */
-    sim->history = 0;
+    clothi_forget(sim);
     return CLOTH_OK;
 }
 
@@ -10236,33 +10449,25 @@ CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
 
 static cloth_status clothi_sim_arrays(cloth_sim *s) {
     const cloth_model *m = s->model;
-    const cloth_hooks *hooks = &s->hooks;
-    size_t nv = (size_t)m->nv, n3 = 3 * nv;
-    size_t nb = (size_t)m->membrane.nbatch, nd = (size_t)m->bend.nbatch;
-    s->membrane.nrest = m->membrane.kind == CLOTHI_TRIANGLE ? 7 : 2;
-    s->membrane.nstart = m->membrane.kind == CLOTHI_TRIANGLE ? 3 : 1;
-    s->bend.nrest = m->bend.kind == CLOTHI_QUADRATIC ? 5 : 2;
-    s->bend.nstart = m->bend.kind == CLOTHI_QUADRATIC ? 12 : 1;
-    s->state.x = (double *)clothi_alloc(hooks, n3, sizeof(double));
-    s->state.v = (double *)clothi_alloc(hooks, n3, sizeof(double));
-    s->pin = (unsigned char *)clothi_alloc(hooks, nv, 1);
-    s->fixed = (unsigned char *)clothi_alloc(hooks, nv, 1);
-    s->target = (double *)clothi_alloc(hooks, n3, sizeof(double));
-    s->attach = (clothi_attach *)clothi_alloc(hooks, (size_t)m->desc.max_attachments,
-                                              sizeof(clothi_attach));
-    nb *= CLOTHI_LANES;
-    nd *= CLOTHI_LANES;
-    s->membrane.rest =
-        (double *)clothi_alloc(hooks, nb * (size_t)s->membrane.nrest, sizeof(double));
-    s->membrane.tau = (double *)clothi_alloc(hooks, nb, sizeof(double));
-    s->bend.rest = (double *)clothi_alloc(hooks, nd * (size_t)s->bend.nrest, sizeof(double));
-    s->bend.tau = (double *)clothi_alloc(hooks, nd, sizeof(double));
-    if (!s->state.x || !s->state.v || !s->pin || !s->fixed || !s->target || !s->attach ||
-        !s->membrane.rest || !s->membrane.tau || !s->bend.rest || !s->bend.tau)
-        return CLOTH_ERR_MEMORY;
-    if (m->wing && !(s->side = (double *)clothi_alloc(hooks, nb * 9, sizeof(double))))
-        return CLOTH_ERR_MEMORY;
-    return clothi_params_alloc(m, hooks, &s->params);
+    clothi_elements   *a = &s->own.membrane, *b = &s->own.bend;
+    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES;
+    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES;
+    cloth_status status;
+    a->nrest = m->membrane.kind == CLOTHI_TRIANGLE ? 7 : 2;
+    a->nstart = m->membrane.kind == CLOTHI_TRIANGLE ? 3 : 1;
+    a->group = &m->membrane;
+    b->group = &m->bend;
+    a->own = b->own = &s->own;
+    b->first = m->membrane.nbatch;
+    b->nrest = m->bend.kind == CLOTHI_QUADRATIC ? 5 : 2;
+    b->nstart = m->bend.kind == CLOTHI_QUADRATIC ? 12 : 1;
+    s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)m->nv, 1);
+    status = s->fixed ? clothi_need(s, &a->rest, na * (size_t)a->nrest) : CLOTH_ERR_MEMORY;
+    if (!status) status = clothi_need(s, &a->tau, na);
+    if (!status) status = clothi_need(s, &b->rest, nb * (size_t)b->nrest);
+    if (!status) status = clothi_need(s, &b->tau, nb);
+    if (!status && m->wing) status = clothi_need(s, &s->own.side, 9 * na);
+    return status ? status : clothi_fields_need(s, CLOTHI_LATE);
 }
 
 /* State, inputs and params as the model has them. */
@@ -10271,18 +10476,12 @@ static void clothi_sim_start(cloth_sim *s) {
     cloth_params      *p = &s->params;
     size_t nv = (size_t)m->nv;
     int    i;
+    (void)clothi_walked(s, CLOTHI_CLEAR, NULL, CLOTHI_PARAM, 0);
     memcpy(s->state.x, m->x, 3 * nv * sizeof(double));
     memcpy(s->state.v, m->v, 3 * nv * sizeof(double));
-    s->state.t = 0;
-    s->history = 0;
-    s->h_prev = 0;
     memcpy(s->pin, m->pin, nv);
     memcpy(s->target, m->x, 3 * nv * sizeof(double));
-    memset(s->attach, 0, (size_t)m->desc.max_attachments * sizeof *s->attach);
-    s->nattach = 0;
-    s->force_on = 0;
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
-    s->known = 0;
     memcpy(s->wind, m->desc.wind, sizeof s->wind);
     s->wind_on = m->desc.wind_on != 0;
     p->nregions = m->nregions;
@@ -10316,70 +10515,52 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     s->hooks.allocator.alloc = clothi_counted_alloc;
     s->hooks.allocator.free = clothi_counted_free;
     s->hooks.allocator.user = s;
+    s->own.hooks = &s->hooks;
     status = clothi_sim_arrays(s);
-    if (!status) {
-        clothi_sim_start(s);
-        clothi_terms_install(s);
-    }
     if (status) {
         cloth_sim_destroy(s);
         return clothi_fail(&model->hooks, status, "no memory for a sim of %i vertices",
                            model->nv);
     }
+    clothi_sim_start(s);
+    clothi_terms_install(s);
     *out = s;
     return CLOTH_OK;
 }
 
-static void clothi_work_free(const cloth_hooks *hooks, clothi_work *w) {
-    clothi_free(hooks, w->x0);
-    clothi_free(hooks, w->v0);
-    clothi_free(hooks, w->x_prev0);
-    clothi_free(hooks, w->v_prev0);
-    clothi_free(hooks, w->x);
-    clothi_free(hooks, w->trial);
-    clothi_free(hooks, w->dx);
-    clothi_free(hooks, w->grad);
-    clothi_free(hooks, w->free);
-    clothi_free(hooks, w->y);
-    clothi_free(hooks, w->goal);
-    clothi_free(hooks, w->rhs);
-    clothi_free(hooks, w->partial);
-    clothi_free(hooks, w->energy_batch);
-    clothi_free(hooks, w->loss_batch);
-    clothi_free(hooks, w->force);
-    clothi_free(hooks, w->wind);
+/* Bytes of what the elements are derived to and evaluated in; freed where hooks say how. */
+static size_t clothi_own_blocks(const clothi_own *o, const cloth_hooks *hooks) {
+    const void *const block[] = {o->membrane.rest, o->membrane.start, o->membrane.tau,
+                                 o->bend.rest, o->bend.start, o->bend.tau, o->side, o->force,
+                                 o->energy_batch, o->loss_batch, o->wind};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
-static void clothi_elements_free(const cloth_hooks *hooks, clothi_elements *el) {
-    clothi_free(hooks, el->rest);
-    clothi_free(hooks, el->start);
-    clothi_free(hooks, el->tau);
+static size_t clothi_work_blocks(const cloth_sim *s, const cloth_hooks *hooks) {
+    const clothi_work *w = &s->w;
+    const void *const  block[] = {w->x, w->trial, w->dx, w->grad, w->y, w->free, w->goal, w->rhs,
+                                  w->partial, s->kept, s->touching, s->fixed, s->quadratic};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
+}
+
+static size_t clothi_state_blocks(const cloth_sim *s, const cloth_hooks *hooks) {
+    const cloth_params *p = &s->edit;
+    const void *block[CLOTHI_FIELDS + 5] = {p->mass, p->X, p->theta0, p->hinge_scale, p->material};
+    size_t      f, n = 5;
+    for (f = 0; f < CLOTHI_FIELDS; f++)
+        if (clothi_fields[f].flags & CLOTHI_ARRAY && clothi_fields[f].within == 0)
+            block[n++] = clothi_field_data(s, clothi_fields + f);
+    return clothi_blocks(hooks, block, n);
 }
 
 CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
-    const cloth_hooks *hooks;
     if (!sim) return;
-    hooks = &sim->hooks;
     if (sim->contact_on && sim->contact.orphan) sim->contact.orphan(sim->contact.user);
     cloth_linear_solver_destroy(sim->solver);
     cloth_matrix_destroy(sim->matrix);
-    clothi_work_free(hooks, &sim->w);
-    clothi_elements_free(hooks, &sim->membrane);
-    clothi_elements_free(hooks, &sim->bend);
-    clothi_free(hooks, sim->side);
-    clothi_free(hooks, sim->quadratic);
-    clothi_free(hooks, sim->kept);
-    clothi_free(hooks, sim->fixed);
-    clothi_free(hooks, sim->force);
-    clothi_free(hooks, sim->attach);
-    clothi_free(hooks, sim->target);
-    clothi_free(hooks, sim->pin);
-    clothi_params_free(hooks, &sim->params);
-    clothi_params_free(hooks, &sim->edit);
-    clothi_free(hooks, sim->v_prev);
-    clothi_free(hooks, sim->x_prev);
-    clothi_free(hooks, sim->state.v);
-    clothi_free(hooks, sim->state.x);
+    (void)clothi_own_blocks(&sim->own, &sim->hooks);
+    (void)clothi_work_blocks(sim, &sim->hooks);
+    (void)clothi_state_blocks(sim, &sim->hooks);
     clothi_free(&sim->model->hooks, sim);
 }
 
@@ -10414,12 +10595,14 @@ CLOTHI_RARE_END
 /* --- elements: gather positions, evaluate eight, keep or scatter --- */
 
 typedef struct clothi_pass {                /* one sweep over one group                        */
-    cloth_sim          *s;
+    const cloth_model  *model;
+    clothi_own         *own;
     const clothi_group *g;
     clothi_elements    *el;
     const double       *x;
     double              inv_h;              /* 1/h for damping, 0: none                        */
-    int                 grad, hess, psd;
+    int                 grad, psd;
+    cloth_matrix       *hess;               /* NULL: not wanted                                */
     double             *energy, *loss;      /* [nbatch x 8]                                    */
 } clothi_pass;
 
@@ -10432,7 +10615,7 @@ CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *
                                                 const int *id, const double *H) {
     int lane, q;
     for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        double *A = clothi_matrix_block(p->s->matrix, slot[lane]);
+        double *A = clothi_matrix_block(p->hess, slot[lane]);
         if (id[lane] < 0) continue;
         if (slot[lane] & 1)
             for (q = 0; q < 9; q++) A[q] += H[(3 * (q % 3) + q / 3) * CLOTHI_LANES + lane];
@@ -10467,7 +10650,7 @@ static void clothi_scatter_turned(const clothi_pass *p, const int *slot, const i
         clothi_turn4(H + half, 4, 7, 2, 5, tail[1]);
         for (k = 0; k < 4; k++) {
             int     at = slot[half + k];
-            double *A = clothi_matrix_block(p->s->matrix, at);
+            double *A = clothi_matrix_block(p->hess, at);
             if (id[half + k] < 0) continue;
             _mm256_storeu_pd(A, _mm256_add_pd(_mm256_loadu_pd(A), head[at & 1][k]));
             _mm256_storeu_pd(A + 4, _mm256_add_pd(_mm256_loadu_pd(A + 4), tail[at & 1][k]));
@@ -10606,7 +10789,7 @@ static void clothi_batch(const clothi_pass *p, int b) {
     else clothi_gather_lanes(p->x, g->vert + (size_t)b * 2 * CLOTHI_LANES, 2, x);
     clothi_batch_lanes(p, x, el->rest + (size_t)b * (size_t)el->nrest * CLOTHI_LANES, start, damp,
                        p->energy ? p->energy + (size_t)b * CLOTHI_LANES : NULL, loss,
-                       p->grad ? p->s->w.force + g->force +
+                       p->grad ? p->own->force + g->force +
                                      (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES
                                : NULL,
                        p->hess && !outer ? H : NULL);
@@ -10650,15 +10833,15 @@ static double clothi_lane_sum(const double *a, int n) {
 /* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
 static double clothi_sweep(clothi_pass *p, double *loss) {
     const clothi_group *g = p->g;
-    cloth_counts       *counts = &p->s->counts;
+    cloth_counts       *counts = &p->own->counts;
     double energy = 0, lost = 0;
     int    n = g->nbatch * CLOTHI_LANES;
     if (g->count == 0) return 0;
     if (p->hess) {                          /* domains side by side, then what they share */
-        clothi_for(&p->s->hooks, g->ndomain, 1, clothi_pass_domains, p);
+        clothi_for(p->own->hooks, g->ndomain, 1, clothi_pass_domains, p);
         clothi_pass_domains(g->ndomain, g->ndomain + 1, 0, p);
     } else {
-        clothi_for(&p->s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
+        clothi_for(p->own->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
                    clothi_pass_chunks, p);
     }
     if (p->energy) energy = clothi_lane_sum(p->energy, n);
@@ -10671,21 +10854,25 @@ static double clothi_sweep(clothi_pass *p, double *loss) {
     return energy + lost;
 }
 
-static double clothi_elements_eval(cloth_sim *s, const clothi_group *g, clothi_elements *el,
-                                   const cloth_eval *e, double *loss) {
-    clothi_pass p;
-    size_t      first = g == &s->model->bend ? (size_t)s->model->membrane.nbatch : 0;
-    p.s = s;
+static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double *energy) {
+    clothi_elements    *el = (clothi_elements *)user;
+    clothi_own         *own = el->own;
+    const clothi_group *g = el->group;
+    clothi_pass         p;
+    p.model = e->model;
+    p.own = own;
     p.g = g;
     p.el = el;
     p.x = e->x;
     p.inv_h = e->h > 0 ? 1 / e->h : 0;
     p.grad = e->grad != NULL;
-    p.hess = e->hess != NULL;
+    p.hess = g->kind == CLOTHI_QUADRATIC && !el->damped ? NULL : e->hess;   /* else constant */
     p.psd = e->psd;
-    p.energy = s->force_only ? NULL : s->w.energy_batch + first * CLOTHI_LANES;
-    p.loss = s->w.loss_batch ? s->w.loss_batch + first * CLOTHI_LANES : NULL;
-    return clothi_sweep(&p, loss);
+    p.energy = own->force_only ? NULL : own->energy_batch + (size_t)el->first * CLOTHI_LANES;
+    p.loss = own->loss_batch ? own->loss_batch + (size_t)el->first * CLOTHI_LANES : NULL;
+    own->counts.bend_assemblies += p.hess && g->count && el == &own->bend;
+    *energy = clothi_sweep(&p, &el->loss);
+    return CLOTH_OK;
 }
 
 /* Strains and angles at the start of the substep, when something is damped. */
@@ -10714,63 +10901,35 @@ static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
-static cloth_status clothi_elements_begin(cloth_sim *s, const clothi_group *g,
-                                          clothi_elements *el, const double *x_n) {
-    clothi_pass p;
+static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
+    clothi_elements *el = (clothi_elements *)user;
+    clothi_pass      p;
     if (!el->damped) return CLOTH_OK;
     memset(&p, 0, sizeof p);
-    p.s = s;
-    p.g = g;
+    p.g = el->group;
     p.el = el;
-    p.x = x_n;
-    clothi_for(&s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1, clothi_start_range, &p);
-    return CLOTH_OK;
-}
-
-static cloth_status clothi_membrane_begin(void *user, const cloth_eval *e) {
-    cloth_sim *s = (cloth_sim *)user;
-    return clothi_elements_begin(s, &s->model->membrane, &s->membrane, e->x_n);
-}
-
-static cloth_status clothi_membrane_eval(void *user, const cloth_eval *e, double *energy) {
-    cloth_sim *s = (cloth_sim *)user;
-    *energy = clothi_elements_eval(s, &s->model->membrane, &s->membrane, e,
-                                   &s->term_loss[CLOTHI_TERM_MEMBRANE]);
-    return CLOTH_OK;
-}
-
-static cloth_status clothi_bend_begin(void *user, const cloth_eval *e) {
-    cloth_sim *s = (cloth_sim *)user;
-    return clothi_elements_begin(s, &s->model->bend, &s->bend, e->x_n);
-}
-
-static cloth_status clothi_bend_eval(void *user, const cloth_eval *e, double *energy) {
-    cloth_sim *s = (cloth_sim *)user;
-    cloth_eval local = *e;
-    if (s->model->bend.kind == CLOTHI_QUADRATIC && !s->bend.damped)
-        local.hess = NULL;                  /* constant: in the matrix from the start */
-    else if (e->hess && s->model->bend.count)
-        s->counts.bend_assemblies++;
-    *energy = clothi_elements_eval(s, &s->model->bend, &s->bend, &local,
-                                   &s->term_loss[CLOTHI_TERM_BEND]);
+    p.x = e->x_n;
+    clothi_for(el->own->hooks, (p.g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
+               clothi_start_range, &p);
     return CLOTH_OK;
 }
 
 /* grad = gathered element forces. */
 static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
-    const cloth_model *m = p->s->model;
+    const cloth_model *m = p->model;
     double            *grad = p->energy;
     int last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    clothi_sum_corners(p->s->w.force, m->gather_start, m->gather_start + 1, m->gather,
+    clothi_sum_corners(p->own->force, m->gather_start, m->gather_start + 1, m->gather,
                        begin * CLOTHI_VERTICES, last, 1.0, grad);
 }
 
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
     clothi_pass p;
     memset(&p, 0, sizeof p);
-    p.s = s;
+    p.model = s->model;
+    p.own = &s->own;
     p.energy = grad;
     clothi_for(&s->hooks, (s->model->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, 1,
                clothi_gather_range, &p);
@@ -10779,10 +10938,10 @@ static void clothi_gather_forces(cloth_sim *s, double *grad) {
 /* --- gravity and external force --- */
 
 static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double *energy) {
-    const cloth_sim *s = (const cloth_sim *)user;
-    const double    *m = e->params->mass, *g = s->gravity;
-    double           sum = 0, s0 = 0, s1 = 0, s2 = 0, s3 = 0;
-    int              i, k;
+    const double *m = e->params->mass, *g = e->in->gravity;
+    double        sum = 0, s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    int           i, k;
+    (void)user;
     for (i = 0; i + 4 <= e->nv; i += 4) {   /* no addition waits for the one before it         */
         s0 += m[i] * clothi_dot3(g, e->x + 3 * i);
         s1 += m[i + 1] * clothi_dot3(g, e->x + 3 * i + 3);
@@ -10800,10 +10959,10 @@ CLOTHI_RARE_BEGIN
 
 static cloth_status clothi_gravity_vjp(void *user, const cloth_eval *e, const double *a,
                                        cloth_vjp *out) {
-    const cloth_sim *s = (const cloth_sim *)user;
-    int              i, k;
+    int i, k;
+    (void)user;
     for (i = 0; i < e->nv; i++) {
-        if (out->mass) out->mass[i] -= clothi_dot3(a + 3 * i, s->gravity);
+        if (out->mass) out->mass[i] -= clothi_dot3(a + 3 * i, e->in->gravity);
         for (k = 0; out->gravity && k < 3; k++)
             out->gravity[k] -= a[3 * i + k] * e->params->mass[i];
     }
@@ -10811,11 +10970,12 @@ static cloth_status clothi_gravity_vjp(void *user, const cloth_eval *e, const do
 }
 
 static cloth_status clothi_force_eval(void *user, const cloth_eval *e, double *energy) {
-    const cloth_sim *s = (const cloth_sim *)user;
-    double           sum = 0;
-    int              i;
-    for (i = 0; s->force_on && i < 3 * e->nv; i++) sum -= s->force[i] * e->x[i];
-    for (i = 0; s->force_on && e->grad && i < 3 * e->nv; i++) e->grad[i] -= s->force[i];
+    const double *f = e->in->force;
+    double        sum = 0;
+    int           i;
+    (void)user;
+    for (i = 0; f && i < 3 * e->nv; i++) sum -= f[i] * e->x[i];
+    for (i = 0; f && e->grad && i < 3 * e->nv; i++) e->grad[i] -= f[i];
     *energy = sum;
     return CLOTH_OK;
 }
@@ -10830,36 +10990,29 @@ static cloth_status clothi_force_vjp(void *user, const cloth_eval *e, const doub
 
 /* --- attachments --- */
 
-/* Where attachment q pulls to at this substep: between its last pose and its target. */
-static void clothi_attach_goal(const cloth_sim *s, const clothi_attach *q, double *goal) {
-    int k;
-    for (k = 0; k < 3; k++)
-        goal[k] = q->pose[k] + s->attach_alpha * (q->target[k] - q->pose[k]);
-}
-
-/* r = p - goal at x. */
-CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_sim *s, const clothi_attach *q,
-                                             const double *x, double *r) {
-    const int *v = s->model->faces + 3 * q->face;
-    double     goal[3];
+/* r = p - goal at x; goal: where attachment q pulls to at the end of the substep. */
+CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_model *m, const cloth_step_input *in,
+                                             const cloth_step_attachment *q, const double *x,
+                                             double *r) {
+    const int *v = m->faces + 3 * q->face;
     int        k;
-    clothi_attach_goal(s, q, goal);
     for (k = 0; k < 3; k++)
         r[k] = q->bary[0] * x[3 * v[0] + k] + q->bary[1] * x[3 * v[1] + k] +
-               q->bary[2] * x[3 * v[2] + k] - goal[k];
+               q->bary[2] * x[3 * v[2] + k] -
+               (q->pose[k] + in->share[1] * (q->target[k] - q->pose[k]));
 }
 
 static cloth_status clothi_attach_eval(void *user, const cloth_eval *e, double *energy) {
-    const cloth_sim *s = (const cloth_sim *)user;
-    cloth_status     status = CLOTH_OK;
-    double           sum = 0;
-    int              i, j, k;
-    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
-        const clothi_attach *q = s->attach + i;
-        const int           *v = s->model->faces + 3 * (q->used ? q->face : 0);
-        double               r[3], H[81];
+    cloth_status status = CLOTH_OK;
+    double       sum = 0;
+    int          i, j, k;
+    (void)user;
+    for (i = 0; i < e->in->nattach; i++) {
+        const cloth_step_attachment *q = e->in->attach + i;
+        const int                   *v = e->model->faces + 3 * (q->used ? q->face : 0);
+        double                       r[3], H[81];
         if (!q->used) continue;
-        clothi_attach_gap(s, q, e->x, r);
+        clothi_attach_gap(e->model, e->in, q, e->x, r);
         sum += 0.5 * q->k * clothi_dot3(r, r);
         for (j = 0; e->grad && j < 9; j++)
             e->grad[3 * v[j / 3] + j % 3] += q->k * q->bary[j / 3] * r[j % 3];
@@ -10876,19 +11029,19 @@ static cloth_status clothi_attach_eval(void *user, const cloth_eval *e, double *
 
 static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const double *a,
                                       cloth_vjp *out) {
-    const cloth_sim *s = (const cloth_sim *)user;
-    int              i, k;
-    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
-        const clothi_attach *q = s->attach + i;
-        const int           *v = s->model->faces + 3 * (q->used ? q->face : 0);
-        double               r[3], ap[3];
+    int i, k;
+    (void)user;
+    for (i = 0; i < e->in->nattach; i++) {
+        const cloth_step_attachment *q = e->in->attach + i;
+        const int                   *v = e->model->faces + 3 * (q->used ? q->face : 0);
+        double                       r[3], ap[3];
         if (!q->used) continue;
-        clothi_attach_gap(s, q, e->x, r);
+        clothi_attach_gap(e->model, e->in, q, e->x, r);
         for (k = 0; k < 3; k++)
             ap[k] = q->bary[0] * a[3 * v[0] + k] + q->bary[1] * a[3 * v[1] + k] +
                     q->bary[2] * a[3 * v[2] + k];
         for (k = 0; out->attach && k < 3; k++)
-            out->attach[3 * i + k] -= s->attach_alpha * q->k * ap[k];
+            out->attach[3 * i + k] -= e->in->share[1] * q->k * ap[k];
         if (out->attach_k) out->attach_k[i] += clothi_dot3(ap, r);
     }
     return CLOTH_OK;
@@ -10914,24 +11067,21 @@ CLOTHI_RARE_END
  * cloth_sim_potential) r is taken at v^n: a constant force f, P = -f.(p - p^n), no Hessian. */
 
 static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
-    cloth_sim         *s = (cloth_sim *)user;
-    const cloth_model *m = s->model;
-    cloth_status       status;
+    clothi_own        *own = (clothi_own *)user;
+    const cloth_model *m = e->model;
     int                f, k;
-    if (!s->wind_on) return CLOTH_OK;
-    status = clothi_need(s, &s->w.wind, 5 * (size_t)m->nf);
-    if (status) return status;
-    s->counts.wind_faces += m->nf;
+    if (!e->in->wind_on) return CLOTH_OK;
+    own->counts.wind_faces += m->nf;
     for (f = 0; f < m->nf; f++) {
         const int *v = m->faces + 3 * f;
-        double    *w = s->w.wind + 5 * (size_t)f, a[3], b[3], n[3], u[3], len, speed;
+        double    *w = own->wind + 5 * (size_t)f, a[3], b[3], n[3], u[3], len, speed;
         clothi_sub3(e->x_n + 3 * v[1], e->x_n + 3 * v[0], a);
         clothi_sub3(e->x_n + 3 * v[2], e->x_n + 3 * v[0], b);
         clothi_cross3(a, b, n);
         len = sqrt(clothi_dot3(n, n));
         for (k = 0; k < 3; k++)
             u[k] = (e->v_n[3 * v[0] + k] + e->v_n[3 * v[1] + k] + e->v_n[3 * v[2] + k]) / 3 -
-                   s->wind[k];
+                   e->in->wind[k];
         speed = sqrt(clothi_dot3(u, u));
         for (k = 0; k < 3; k++) w[k] = len > 0 ? n[k] / len : 0;
         w[3] = 0.5 * m->desc.air_density * m->desc.drag * 0.5 * len * speed;
@@ -10941,9 +11091,9 @@ static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
 }
 
 /* Velocity of the centroid relative to the air at x, and its parts: along n and across. */
-static double clothi_wind_slip(const cloth_sim *s, const cloth_eval *e, int f, double *r) {
-    const int    *v = s->model->faces + 3 * f;
-    const double *n = s->w.wind + 5 * (size_t)f;
+static double clothi_wind_slip(const clothi_own *own, const cloth_eval *e, int f, double *r) {
+    const int    *v = e->model->faces + 3 * f;
+    const double *n = own->wind + 5 * (size_t)f;
     double        along;
     int           k;
     for (k = 0; k < 3; k++) {
@@ -10952,7 +11102,7 @@ static double clothi_wind_slip(const cloth_sim *s, const cloth_eval *e, int f, d
         for (j = 0; j < 3; j++)
             sum += e->h > 0 ? (e->x[3 * v[j] + k] - e->x_n[3 * v[j] + k]) / e->h
                             : e->v_n[3 * v[j] + k];
-        r[k] = sum / 3 - s->wind[k];
+        r[k] = sum / 3 - e->in->wind[k];
     }
     along = clothi_dot3(n, r);
     for (k = 0; k < 3; k++) r[k] -= along * n[k];
@@ -10960,16 +11110,16 @@ static double clothi_wind_slip(const cloth_sim *s, const cloth_eval *e, int f, d
 }
 
 static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *energy) {
-    cloth_sim   *s = (cloth_sim *)user;
+    clothi_own  *own = (clothi_own *)user;
     cloth_status status;
     double       sum = 0;
     int          f, j, k;
     *energy = 0;
-    if (!s->wind_on || !s->w.wind) return CLOTH_OK;
-    for (f = 0; f < s->model->nf; f++) {
-        const double *n = s->w.wind + 5 * (size_t)f;
-        const int    *v = s->model->faces + 3 * f;
-        double        r[3], along = clothi_wind_slip(s, e, f, r), H[81];
+    if (!e->in->wind_on) return CLOTH_OK;
+    for (f = 0; f < e->model->nf; f++) {
+        const double *n = own->wind + 5 * (size_t)f;
+        const int    *v = e->model->faces + 3 * f;
+        double        r[3], along = clothi_wind_slip(own, e, f, r), H[81];
         if (e->h > 0) sum += 0.5 * e->h * (n[3] * along * along + n[4] * clothi_dot3(r, r));
         for (j = 0; j < 9; j++) {
             int    i = 3 * v[j / 3] + j % 3;
@@ -10985,7 +11135,7 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
         status = cloth_matrix_add_element(e->hess, 3, v, H);
         if (status) return status;
     }
-    s->counts.wind_faces += s->model->nf;
+    own->counts.wind_faces += e->model->nf;
     *energy = sum;
     return CLOTH_OK;
 }
@@ -11104,10 +11254,10 @@ static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, cons
     X[1] -= H[2] + H[3];
 }
 
-static void clothi_triangle_vjp(const cloth_sim *s, const cloth_eval *e, int f, const double *a,
+static void clothi_triangle_vjp(const cloth_eval *e, int f, const double *a,
                                 cloth_vjp *out) {
-    const int            *v = s->model->faces + 3 * f;
-    int                   region = s->model->region[f], k;
+    const int            *v = e->model->faces + 3 * f;
+    int                   region = e->model->region[f], k;
     const cloth_material *mat = e->params->material + region;
     double mu, lambda, rate = e->h > 0 ? mat->damping / e->h : 0, Ed[4], S[4], Q[4], D[4], V;
     clothi_tri_parts t;
@@ -11145,9 +11295,9 @@ static void clothi_triangle_vjp(const cloth_sim *s, const cloth_eval *e, int f, 
  *   k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
 
 /* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
-CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_sim *s, const cloth_params *p, int f, int va,
-                                           int vb, double de2, double dA, double *X) {
-    const int    *face = s->model->faces + 3 * (size_t)f;
+CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_model *m, const cloth_params *p, int f,
+                                           int va, int vb, double de2, double dA, double *X) {
+    const int    *face = m->faces + 3 * (size_t)f;
     const double *c = p->X + 6 * (size_t)f;
     int           i = 0, j = 0, k;
     for (k = 0; k < 3; k++) {
@@ -11166,9 +11316,9 @@ CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_sim *s, const cloth_param
     }
 }
 
-static void clothi_spring_vjp(const cloth_sim *s, const cloth_eval *e, int i, const double *a,
+static void clothi_spring_vjp(const cloth_eval *e, int i, const double *a,
                               cloth_vjp *out) {
-    const cloth_model *m = s->model;
+    const cloth_model *m = e->model;
     const int *v = m->topology->edges + 2 * (size_t)i, *f = m->topology->edge_faces + 2 * (size_t)i;
     double rest[2 * CLOTHI_LANES], tau, d[3], dn[3], da[3], l, ln, u_da, rate, k, L, pull, V;
     int    j, n = f[1] >= 0 ? 2 : 1;
@@ -11204,7 +11354,7 @@ static void clothi_spring_vjp(const cloth_sim *s, const cloth_eval *e, int i, co
         if (out->lambda) out->lambda[region] += V * A / (L * L) * 4 * mu * mu / (q * q);
         if (out->damping && e->h > 0) out->damping[region] += k * (l - ln) * u_da / (e->h * n);
         if (out->X)
-            clothi_rest_vjp(s, e->params, f[j], v[0], v[1],
+            clothi_rest_vjp(m, e->params, f[j], v[0], v[1],
                             (-V * k / (L * L) - 0.5 * k * u_da / L) / n, V * Y / (L * L),
                             out->X + 6 * (size_t)f[j]);
     }
@@ -11212,11 +11362,11 @@ static void clothi_spring_vjp(const cloth_sim *s, const cloth_eval *e, int i, co
 
 static cloth_status clothi_membrane_vjp(void *user, const cloth_eval *e, const double *a,
                                         cloth_vjp *out) {
-    const cloth_sim *s = (const cloth_sim *)user;
-    int              i;
-    for (i = 0; i < s->model->membrane.count; i++) {
-        if (s->model->membrane.kind == CLOTHI_TRIANGLE) clothi_triangle_vjp(s, e, i, a, out);
-        else clothi_spring_vjp(s, e, i, a, out);
+    int i;
+    (void)user;
+    for (i = 0; i < e->model->membrane.count; i++) {
+        if (e->model->membrane.kind == CLOTHI_TRIANGLE) clothi_triangle_vjp(e, i, a, out);
+        else clothi_spring_vjp(e, i, a, out);
     }
     return CLOTH_OK;
 }
@@ -11230,9 +11380,9 @@ typedef struct clothi_hinge_vjp_parts {
     double dc, dtheta0, dtau, drate;        /* derivatives of V by c, theta0, tau at fixed h    */
 } clothi_hinge_vjp_parts;
 
-static void clothi_hinge_vjp_rest(const cloth_sim *s, const cloth_eval *e, int h,
+static void clothi_hinge_vjp_rest(const cloth_eval *e, int h,
                                 const clothi_hinge_vjp_parts *d, cloth_vjp *out) {
-    const cloth_model *m = s->model;
+    const cloth_model *m = e->model;
     const int         *v = m->topology->hinges + 4 * (size_t)h;
     const int         *f = m->topology->hinge_faces + 2 * (size_t)h;
     clothi_hinge_rest  r = clothi_hinge_of(m, e->params, h);
@@ -11244,19 +11394,19 @@ static void clothi_hinge_vjp_rest(const cloth_sim *s, const cloth_eval *e, int h
         if (out->bending) out->bending[m->region[f[k]]] += 0.5 * d->dc * scale * unit;
         if (out->damping) out->damping[m->region[f[k]]] += 0.5 * d->dtau;
         if (out->X)
-            clothi_rest_vjp(s, e->params, f[k], v[0], v[1], 0.5 * d->dc * scale * r.bending / A,
+            clothi_rest_vjp(m, e->params, f[k], v[0], v[1], 0.5 * d->dc * scale * r.bending / A,
                             -d->dc * scale * r.bending * unit / A,
                             out->X + 6 * (size_t)f[k]);
     }
 }
 
-static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
+static void clothi_hinge_vjp(const cloth_eval *e, int h, const double *a,
                              cloth_vjp *out) {
-    const int *v = s->model->topology->hinges + 4 * (size_t)h;
+    const int *v = e->model->topology->hinges + 4 * (size_t)h;
     double     x[12], xn[12], g[12], gn[12], bent, turned, ga = 0, c, rate, rest[16], tau;
     clothi_hinge_vjp_parts d;
     int        k;
-    clothi_derive_hinge(s->model, e->params, h, 0, rest, &tau);
+    clothi_derive_hinge(e->model, e->params, h, 0, rest, &tau);
     c = rest[0];
     rate = e->h > 0 ? tau / e->h : 0;
     for (k = 0; k < 12; k++) {
@@ -11273,13 +11423,12 @@ static void clothi_hinge_vjp(const cloth_sim *s, const cloth_eval *e, int h, con
     if (out->h && e->h > 0) *out->h -= rate / e->h * c * turned * ga;
     for (k = 0; out->x_n && rate > 0 && k < 12; k++)
         out->x_n[3 * v[k / 3] + k % 3] -= rate * c * ga * gn[k];
-    clothi_hinge_vjp_rest(s, e, h, &d, out);
+    clothi_hinge_vjp_rest(e, h, &d, out);
 }
 
 /* dV/dw [4] through one face's share (q, t) of the weights into its rest corners. */
-static void clothi_quadratic_face_vjp(const cloth_sim *s, const cloth_params *p, int f, int va,
+static void clothi_quadratic_face_vjp(const cloth_model *m, const cloth_params *p, int f, int va,
                                       int vb, const double *dw, double dw_far, double *X) {
-    const cloth_model *m = s->model;
     const double      *pa = p->X, *pb = p->X, *pc = p->X, *base = p->X + 6 * (size_t)f;
     double q, t, dq, dt, e[2], d[2], e2, A = clothi_rest_area(p->X, f);
     int    k;
@@ -11292,7 +11441,7 @@ static void clothi_quadratic_face_vjp(const cloth_sim *s, const cloth_params *p,
         d[k] = pc[k] - pa[k];
     }
     e2 = e[0] * e[0] + e[1] * e[1];
-    clothi_rest_vjp(s, p, f, va, vb, dq * q / (2 * e2), -dq * q / A, X);
+    clothi_rest_vjp(m, p, f, va, vb, dq * q / (2 * e2), -dq * q / A, X);
     for (k = 0; k < 2; k++) {
         double de = dt * (d[k] - 2 * t * e[k]) / e2, dd = dt * e[k] / e2;
         X[pb - base + k] += de;
@@ -11301,9 +11450,9 @@ static void clothi_quadratic_face_vjp(const cloth_sim *s, const cloth_params *p,
     }
 }
 
-static void clothi_quadratic_vjp(const cloth_sim *s, const cloth_eval *e, int h, const double *a,
+static void clothi_quadratic_vjp(const cloth_eval *e, int h, const double *a,
                                  cloth_vjp *out) {
-    const cloth_model *m = s->model;
+    const cloth_model *m = e->model;
     const int *v = m->topology->hinges + 4 * (size_t)h;
     const int *f = m->topology->hinge_faces + 2 * (size_t)h;
     double     rest[5 * CLOTHI_LANES], tau, rate, c, r[3], rn[3], ra[3], now = 0, start = 0, dw[4];
@@ -11337,19 +11486,19 @@ static void clothi_quadratic_vjp(const cloth_sim *s, const cloth_eval *e, int h,
                 out->x_n[3 * v[i] + k] -= rate * c * rest[(i + 1) * CLOTHI_LANES] * ra[k];
         }
     }
-    clothi_hinge_vjp_rest(s, e, h, &d, out);
+    clothi_hinge_vjp_rest(e, h, &d, out);
     for (k = 0; out->X && k < 2; k++)
-        clothi_quadratic_face_vjp(s, e->params, f[k], v[0], v[1], dw, dw[2 + k],
+        clothi_quadratic_face_vjp(m, e->params, f[k], v[0], v[1], dw, dw[2 + k],
                                   out->X + 6 * (size_t)f[k]);
 }
 
 static cloth_status clothi_bend_vjp(void *user, const cloth_eval *e, const double *a,
                                     cloth_vjp *out) {
-    const cloth_sim *s = (const cloth_sim *)user;
-    int              h;
-    for (h = 0; h < s->model->bend.count; h++) {
-        if (s->model->bend.kind == CLOTHI_HINGE) clothi_hinge_vjp(s, e, h, a, out);
-        else clothi_quadratic_vjp(s, e, h, a, out);
+    int h;
+    (void)user;
+    for (h = 0; h < e->model->bend.count; h++) {
+        if (e->model->bend.kind == CLOTHI_HINGE) clothi_hinge_vjp(e, h, a, out);
+        else clothi_quadratic_vjp(e, h, a, out);
     }
     return CLOTH_OK;
 }
@@ -11362,23 +11511,23 @@ static cloth_status clothi_bend_vjp(void *user, const cloth_eval *e, const doubl
  * dn = (I - n n') dN/(2A) where N = (x1 - x0) x (x2 - x0). */
 static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const double *a,
                                     cloth_vjp *out) {
-    const cloth_sim   *s = (const cloth_sim *)user;
-    const cloth_model *m = s->model;
+    const clothi_own  *own = (const clothi_own *)user;
+    const cloth_model *m = e->model;
     int                f, j, k;
     double            *slip = e->h > 0 ? out->x_n : out->v_n;   /* what r depends on */
     const double       rate = e->h > 0 ? -1 / (3 * e->h) : 1.0 / 3;
-    if (!s->wind_on || !s->w.wind) return CLOTH_OK;
+    if (!e->in->wind_on) return CLOTH_OK;
     for (f = 0; f < m->nf; f++) {
-        const double *w = s->w.wind + 5 * (size_t)f;
+        const double *w = own->wind + 5 * (size_t)f;
         const int    *v = m->faces + 3 * f;
         double r[3], t[3], ap[3], u[3], along, speed2 = 0, an, work, gn[3], gN[3], len2, along_n;
         double e1[3], e2[3], N[3], g1[3], g2[3], tangent_a;
-        along = clothi_wind_slip(s, e, f, t);
+        along = clothi_wind_slip(own, e, f, t);
         for (k = 0; k < 3; k++) {
             r[k] = t[k] + along * w[k];
             ap[k] = (a[3 * v[0] + k] + a[3 * v[1] + k] + a[3 * v[2] + k]) / 3;
             u[k] = (e->v_n[3 * v[0] + k] + e->v_n[3 * v[1] + k] + e->v_n[3 * v[2] + k]) / 3 -
-                   s->wind[k];
+                   e->in->wind[k];
             speed2 += u[k] * u[k];
         }
         an = clothi_dot3(ap, w);
@@ -11388,7 +11537,7 @@ static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const doubl
             double dr = w[3] * an * w[k] + w[4] * (ap[k] - an * w[k]);
             if (out->wind) out->wind[k] -= dr;
             for (j = 0; slip && j < 3; j++) slip[3 * v[j] + k] += dr * rate;
-            if (out->h && e->h > 0) *out->h -= dr * (r[k] + s->wind[k]) / e->h;
+            if (out->h && e->h > 0) *out->h -= dr * (r[k] + e->in->wind[k]) / e->h;
             if (speed2 > 0) {               /* |u| */
                 if (out->wind) out->wind[k] -= work * u[k] / speed2;
                 for (j = 0; out->v_n && j < 3; j++)
@@ -11419,31 +11568,21 @@ static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const doubl
 
 /* --- the list --- */
 
-static void clothi_term_set(cloth_sim *s, int at, const char *name,
-                            cloth_status (*begin)(void *, const cloth_eval *),
-                            cloth_status (*eval)(void *, const cloth_eval *, double *),
-                            cloth_status (*vjp)(void *, const cloth_eval *, const double *,
-                                                cloth_vjp *)) {
-    cloth_term *t = s->term + at;
-    t->name = name;
-    t->user = s;
-    t->begin = begin;
-    t->eval = eval;
-    t->vjp = vjp;
-}
-
 static void clothi_terms_install(cloth_sim *s) {
-    clothi_term_set(s, CLOTHI_TERM_MEMBRANE, "stretch", clothi_membrane_begin,
-                    clothi_membrane_eval, clothi_membrane_vjp);
-    clothi_term_set(s, CLOTHI_TERM_BEND, "bend", clothi_bend_begin, clothi_bend_eval,
-                    clothi_bend_vjp);
-    clothi_term_set(s, CLOTHI_TERM_GRAVITY, "gravity", NULL, clothi_gravity_eval,
-                    clothi_gravity_vjp);
-    clothi_term_set(s, CLOTHI_TERM_FORCE, "force", NULL, clothi_force_eval, clothi_force_vjp);
-    clothi_term_set(s, CLOTHI_TERM_ATTACH, "attachment", NULL, clothi_attach_eval,
-                    clothi_attach_vjp);
-    clothi_term_set(s, CLOTHI_TERM_WIND, "wind", clothi_wind_begin, clothi_wind_eval,
-                    clothi_wind_vjp);
+    static const cloth_term list[CLOTHI_TERM_HOST] = {
+        {"stretch", NULL, clothi_elements_begin, clothi_elements_eval, clothi_membrane_vjp, NULL,
+         NULL, NULL},
+        {"bend", NULL, clothi_elements_begin, clothi_elements_eval, clothi_bend_vjp, NULL, NULL,
+         NULL},
+        {"gravity", NULL, NULL, clothi_gravity_eval, clothi_gravity_vjp, NULL, NULL, NULL},
+        {"force", NULL, NULL, clothi_force_eval, clothi_force_vjp, NULL, NULL, NULL},
+        {"attachment", NULL, NULL, clothi_attach_eval, clothi_attach_vjp, NULL, NULL, NULL},
+        {"wind", NULL, clothi_wind_begin, clothi_wind_eval, clothi_wind_vjp, NULL, NULL, NULL}};
+    int i;
+    memcpy(s->term, list, sizeof list);
+    s->term[CLOTHI_TERM_MEMBRANE].user = &s->own.membrane;
+    s->term[CLOTHI_TERM_BEND].user = &s->own.bend;
+    for (i = CLOTHI_TERM_GRAVITY; i < CLOTHI_TERM_HOST; i++) s->term[i].user = &s->own;
     s->nbuiltin = s->nterms = CLOTHI_TERM_HOST;
 }
 
@@ -11595,24 +11734,24 @@ static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
     status = clothi_need(s, &s->quadratic, clothi_matrix_doubles(s->matrix));
     if (status) return status;
     memset(&p, 0, sizeof p);
-    p.s = s;
+    p.hess = s->matrix;
     p.g = &s->model->bend;
     for (b = 0; b < p.g->nbatch; b++) {
         double H[90 * CLOTHI_LANES];
-        clothi_quadratic_blocks(s->bend.rest + (size_t)b * 5 * CLOTHI_LANES, NULL, H);
+        clothi_quadratic_blocks(s->own.bend.rest + (size_t)b * 5 * CLOTHI_LANES, NULL, H);
         clothi_scatter(&p, b, H);
     }
     memcpy(s->quadratic, clothi_matrix_values(s->matrix),
            clothi_matrix_doubles(s->matrix) * sizeof(double));
     s->quadratic_ready = 1;
-    s->counts.bend_assemblies++;
+    s->own.counts.bend_assemblies++;
     return CLOTH_OK;
 }
 
 /* The matrix begins empty, or as the constant bending Hessian. */
 static cloth_status clothi_matrix_start(cloth_sim *s) {
     clothi_matrix_clear(s->matrix);
-    if (s->model->bend.kind == CLOTHI_QUADRATIC && s->model->bend.count && !s->bend.damped) {
+    if (s->model->bend.kind == CLOTHI_QUADRATIC && s->model->bend.count && !s->own.bend.damped) {
         cloth_status status = clothi_quadratic_hessian(s);
         if (status) return status;
         memcpy(clothi_matrix_values(s->matrix), s->quadratic,
@@ -11708,7 +11847,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
     goal->e.hess = hess ? s->matrix : NULL;
     goal->e.psd = psd;
     goal->magnitude = 0;
-    s->force_only = value == NULL;
+    s->own.force_only = value == NULL;
     s->fresh = 0;
     if (hess) status = clothi_matrix_start(s);
     for (i = 0; i < s->nterms && !status; i++) {
@@ -11722,7 +11861,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
         goal->magnitude += fabs(s->term_energy[i]);
     }
     if (!status && s->contact_on) {
-        s->counts.contact_calls++;
+        s->own.counts.contact_calls++;
         if (grad && s->w.free) memcpy(s->w.free, grad, 3 * (size_t)m->nv * sizeof(double));
         status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
         sum += s->contact_energy;
@@ -11732,7 +11871,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
         sum += s->w.partial[i];
         goal->magnitude += s->w.partial[i];
     }
-    s->force_only = 0;
+    s->own.force_only = 0;
     if (value) *value = sum;
     return status;
 }
@@ -12222,8 +12361,8 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
         double v_new = bdf2 && keep_history
                            ? (3 * x_new - 4 * x[i] + s->x_prev[i]) / (2 * h)
                            : (x_new - x[i]) / h;
-        if (s->x_prev) s->x_prev[i] = x[i];
-        s->v_prev[i] = v[i];
+        if (s->x_prev) s->x_prev[i] = keep_history ? x[i] : 0;
+        s->v_prev[i] = keep_history ? v[i] : 0;
         x[i] = x_new;
         v[i] = v_new;
     }
@@ -12232,13 +12371,45 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
     s->state.t += h;
 }
 
-/* Pin goals of this substep: alpha of the way from the step's start to the targets. */
-CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s, double alpha) {
+/* The input of a substep of h from the state on, between these shares of the step. */
+static void clothi_input(cloth_sim *s, double h, double start, double end) {
+    cloth_step_input *in = &s->in;
+    memset(in, 0, sizeof *in);
+    in->h = h;
+    in->t = s->state.t;
+    in->share[0] = start;
+    in->share[1] = end;
+    in->x = s->state.x;
+    in->v = s->state.v;
+    if (s->history) in->x_prev = s->x_prev, in->v_prev = s->v_prev;
+    in->h_prev = s->h_prev;
+    in->pin = s->pin;
+    in->goal = s->target;
+    memcpy(in->gravity, s->gravity, sizeof in->gravity);
+    if (s->force_on) in->force = s->force;
+    in->wind_on = s->wind_on;
+    memcpy(in->wind, s->wind, sizeof in->wind);
+    if (s->nattach > 0) in->nattach = s->model->desc.max_attachments;
+    in->attach = s->attach;
+}
+
+CLOTHI_OUTLINE static cloth_eval clothi_eval_of(const cloth_sim *s) {
+    cloth_eval e;
+    memset(&e, 0, sizeof e);
+    e.model = s->model;
+    e.params = &s->params;
+    e.in = &s->in;
+    e.nv = s->model->nv;
+    return e;
+}
+
+/* Pin goals of this substep: its end's share of the way from the step's start to the targets. */
+CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s) {
     int i, n = 3 * s->model->nv;
-    s->attach_alpha = alpha;
     for (i = 0; i < n; i++)
         if (s->pin[i / 3] >> (i % 3) & 1)
-            s->w.goal[i] = s->w.x0[i] + alpha * (s->target[i] - s->w.x0[i]);
+            s->w.goal[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
+    s->in.goal = s->w.goal;
 }
 
 /* What the solver must not move: pins, and followers of ties. */
@@ -12266,11 +12437,9 @@ static void clothi_guess(cloth_sim *s, double h) {
         }
 }
 
-CLOTHI_OUTLINE static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
+static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
     memset(goal, 0, sizeof *goal);
-    goal->e.model = s->model;
-    goal->e.params = &s->params;
-    goal->e.nv = s->model->nv;
+    goal->e = clothi_eval_of(s);
     goal->e.h = h;
     goal->e.t = s->state.t + h;
     goal->e.x_n = s->state.x;
@@ -12283,7 +12452,7 @@ static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
     for (i = 0; i < s->nterms && !status; i++)
         if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, &goal->e);
     if (!status && s->contact_on) {
-        s->counts.contact_calls++;
+        s->own.counts.contact_calls++;
         status = s->contact.begin(s->contact.user, &goal->e);
     }
     return status;
@@ -12325,13 +12494,13 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
     const double start = clothi_now(&s->hooks);
     cloth_status status;
     int          i;
-    s->counts.contact_calls++;
+    s->own.counts.contact_calls++;
     status = s->contact.start(s->contact.user, &goal->e, s->w.x, s->w.trial, impact);
     if (*impact && *bdf2) {
         for (i = 0; i < 3 * s->model->nv; i++)
             if (!(s->fixed[i / 3] >> (i % 3) & 1))
                 s->w.y[i] = clothi_predicted(s, goal->e.h, 0, i);
-        goal->eta = goal->e.h;
+        s->in.eta = goal->eta = goal->e.h;
         *bdf2 = 0;
         report->restarts++;
     }
@@ -12341,15 +12510,21 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
     return status ? status : clothi_finite_result(s, report);
 }
 
-static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha,
-                                            cloth_report *report) {
+static void clothi_recorded(const cloth_sim *s, const double *x) {
+    if (s->recorder.substep) s->recorder.substep(s->recorder.user, &s->in, x);
+}
+
+static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) {
+    const double h = s->in.h;
     clothi_goal  goal;
     cloth_status status;
     int          bdf2, impact = 0;
     clothi_eval_start(s, &goal, h);
     bdf2 = clothi_predict(s, h, &goal.eta);
+    s->in.eta = goal.eta;
+    s->in.y = s->w.y;
     if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) report->restarts++;
-    clothi_pin_goals(s, alpha);
+    clothi_pin_goals(s);
     clothi_fix(s);
     clothi_guess(s, h);
     status = clothi_terms_begin(s, &goal);
@@ -12366,6 +12541,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, double h, double alpha
     }
     if (!status && s->balance) status = clothi_balance(s, &goal, report);
     if (status) return status;
+    clothi_recorded(s, s->w.x);
     clothi_advance(s, h, bdf2, !impact);
     report->substeps++;
     return CLOTH_OK;
@@ -12377,21 +12553,26 @@ CLOTHI_RARE_BEGIN
 #define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
+/* Longest side of the box around x [nv x 3]. */
+static double clothi_extent(const double *x, int nv) {
+    double size = 0;
+    int    i, k;
+    for (k = 0; k < 3; k++) {
+        double low = x[k], high = x[k];
+        for (i = 0; i < nv; i++) {
+            low = clothi_min(low, x[3 * i + k]);
+            high = clothi_max(high, x[3 * i + k]);
+        }
+        size = clothi_max(size, high - low);
+    }
+    return size;
+}
+
 /* Scale of sigma: the largest gravity mode of the model, g over its extent, 1/s^2. */
 static double clothi_static_sigma(const cloth_sim *s) {
-    double low[3], high[3], size = 0, g = sqrt(clothi_dot3(s->gravity, s->gravity));
-    int    i, k;
-    for (k = 0; k < 3; k++) low[k] = high[k] = s->state.x[k];
-    for (i = 0; i < s->model->nv; i++)
-        for (k = 0; k < 3; k++) {
-            double a = s->state.x[3 * i + k];
-            if (a < low[k]) low[k] = a;
-            if (a > high[k]) high[k] = a;
-        }
-    for (k = 0; k < 3; k++)
-        if (high[k] - low[k] > size) size = high[k] - low[k];
-    if (!(size > 0)) size = 1;
-    return (g > 0 ? g : 1) / size;
+    const double size = clothi_extent(s->state.x, s->model->nv);
+    const double g = sqrt(clothi_dot3(s->in.gravity, s->in.gravity));
+    return (g > 0 ? g : 1) / (size > 0 ? size : 1);
 }
 
 /* At a converged point: a direction of negative curvature of the exact Hessian into w.dx with
@@ -12528,16 +12709,15 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
 static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *report) {
     clothi_goal  goal;
     cloth_status status = CLOTH_OK;
-    double      *v = s->state.v, t = s->state.t;
     int          i, round, n = 3 * s->model->nv, saddle = 1;
     (void)h;
     report->h = 0;
     report->outcome = CLOTH_STEP_CONVERGED;
-    memset(v, 0, (size_t)n * sizeof(double));
+    memset(s->state.v, 0, (size_t)n * sizeof(double));
     clothi_eval_start(s, &goal, 0);
     memcpy(s->w.y, s->state.x, (size_t)n * sizeof(double));
-    s->attach_step = 1;
-    clothi_pin_goals(s, 1);
+    clothi_input(s, 0, 0, 1);
+    clothi_pin_goals(s);
     clothi_fix(s);
     clothi_guess(s, 0);
     for (round = 0; round < CLOTHI_STATIC_ROUNDS && saddle && !status; round++) {
@@ -12567,9 +12747,9 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
     }
     if (status) return status;
     if (s->balance) status = clothi_balance(s, &goal, report);
+    clothi_recorded(s, s->w.x);
     memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
-    s->state.t = t;
-    s->history = 0;
+    clothi_forget(s);
     return status;
 }
 
@@ -12662,8 +12842,7 @@ CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, const double *CLOTHI_REST
                                  double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT v) {
     enum { L = CLOTHI_LANES };
     const double kick = p->kick, drift = p->drift, *extra = p->extra;
-    const double g0 = kick * p->s->gravity[0], g1 = kick * p->s->gravity[1];
-    const double g2 = kick * p->s->gravity[2];
+    const double *g = p->s->in.gravity, g0 = kick * g[0], g1 = kick * g[1], g2 = kick * g[2];
     int i, k;
     for (i = begin; i < end; i++) {
         const int    last = stop[i];
@@ -12709,7 +12888,7 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     double            *x = s->w.x, *v = s->w.trial;
     int i, j, last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    clothi_leap_kick(p, s->w.force, m->gather_start, p->stop, m->gather, s->w.goal,
+    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.goal,
                      begin * CLOTHI_VERTICES, last, x, v);
     for (i = begin * CLOTHI_VERTICES; i < last; i++)
         for (j = 0; s->pin[i] && j < 3; j++)
@@ -12722,22 +12901,22 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
 
 /* Bending by triangles: see [6.5]. With damping, elements keep their own forces. */
 static int clothi_leap_winged(const cloth_sim *s) {
-    return s->model->wing && !s->membrane.damped && !s->bend.damped;
+    return s->model->wing && !s->own.membrane.damped && !s->own.bend.damped;
 }
 
 static void clothi_leap_pulls(int begin, int end, int worker, void *ctx) {
     cloth_sim          *s = (cloth_sim *)ctx;
     const clothi_group *g = &s->model->bend;
-    double              x[12 * CLOTHI_LANES], *pull = s->w.force + g->force;
+    double              x[12 * CLOTHI_LANES], *pull = s->own.force + g->force;
     int b, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
     (void)worker;
     for (b = begin * CLOTHI_CHUNK; b < last; b++) {
         clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
         if (g->kind == CLOTHI_HINGE)
-            clothi_hinge_pulls(x, s->bend.rest + (size_t)b * 2 * CLOTHI_LANES,
+            clothi_hinge_pulls(x, s->own.bend.rest + (size_t)b * 2 * CLOTHI_LANES,
                                pull + (size_t)b * CLOTHI_LANES);
         else
-            clothi_quadratic_pulls(x, s->bend.rest + (size_t)b * 5 * CLOTHI_LANES,
+            clothi_quadratic_pulls(x, s->own.bend.rest + (size_t)b * 5 * CLOTHI_LANES,
                                    pull + (size_t)b * 3 * CLOTHI_LANES);
     }
 }
@@ -12745,15 +12924,15 @@ static void clothi_leap_pulls(int begin, int end, int worker, void *ctx) {
 static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     cloth_sim          *s = (cloth_sim *)ctx;
     const clothi_group *g = &s->model->membrane;
-    const double       *all = s->w.force + s->model->bend.force;
+    const double       *all = s->own.force + s->model->bend.force;
     double              x[9 * CLOTHI_LANES], pull[9 * CLOTHI_LANES];
     int b, i, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
     (void)worker;
     for (b = begin * CLOTHI_CHUNK; b < last; b++) {
-        const double *rest = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES;
-        const double *side = s->side + (size_t)b * 9 * CLOTHI_LANES;
+        const double *rest = s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES;
+        const double *side = s->own.side + (size_t)b * 9 * CLOTHI_LANES;
         const int    *wing = s->model->wing + (size_t)b * 3 * CLOTHI_LANES;
-        double       *f = s->w.force + g->force + (size_t)b * 9 * CLOTHI_LANES;
+        double       *f = s->own.force + g->force + (size_t)b * 9 * CLOTHI_LANES;
         clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
         if (s->model->bend.kind == CLOTHI_QUADRATIC) {
             clothi_gather_lanes(all, wing, 3, pull);
@@ -12771,13 +12950,13 @@ static void clothi_leap_wings(cloth_sim *s) {
     const int width = m->bend.kind == CLOTHI_QUADRATIC ? 3 : 1;
     int       k;
     for (k = 0; k < width; k++)             /* of a boundary */
-        s->w.force[m->bend.force + m->bend.nbatch * CLOTHI_LANES * width + k] = 0;
+        s->own.force[m->bend.force + m->bend.nbatch * CLOTHI_LANES * width + k] = 0;
     clothi_for(&s->hooks, (m->bend.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
                clothi_leap_pulls, s);
     clothi_for(&s->hooks, (m->membrane.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
                clothi_leap_triangles, s);
-    s->counts.triangles += m->membrane.count;
-    s->counts.hinges += m->bend.count;
+    s->own.counts.triangles += m->membrane.count;
+    s->own.counts.hinges += m->bend.count;
 }
 
 /* Element forces at w.x into the force buffer, and the other terms into w.grad when there are
@@ -12787,8 +12966,8 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     cloth_status status = CLOTH_OK;
     double energy;
     int    i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin;
-    el[0] = &s->membrane;
-    el[1] = &s->bend;
+    el[0] = &s->own.membrane;
+    el[1] = &s->own.bend;
     e->x = s->w.x;
     e->grad = s->w.grad;
     e->hess = NULL;
@@ -12800,11 +12979,11 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
         for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
             if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
     }
-    s->force_only = !(s->balance && (el[0]->damped || el[1]->damped));
+    s->own.force_only = !(s->balance && (el[0]->damped || el[1]->damped));
     if (clothi_leap_winged(s)) clothi_leap_wings(s);
     else for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
         status = s->term[i].eval(s->term[i].user, e, &energy);
-    s->force_only = 0;
+    s->own.force_only = 0;
     if (!others || status) return status;
     memset(s->w.grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
     e->x_n = s->w.x;
@@ -12831,7 +13010,7 @@ static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *gra
     e->h = 0;                               /* no damping */
     if (s->model->wing) {
         clothi_leap_wings(s);
-        clothi_sum_corners(s->w.force, s->model->gather_start, s->model->gather_mid,
+        clothi_sum_corners(s->own.force, s->model->gather_start, s->model->gather_mid,
                            s->model->gather, 0, s->model->nv, 1.0, grad);
         return CLOTH_OK;
     }
@@ -12868,11 +13047,7 @@ static void clothi_leap_omega(cloth_sim *s) {
     double     *u = s->w.dx, lambda = 0, length = 0, big;
     int         n = 3 * m->nv, i, k;
     uint64_t    seed = 0x9e3779b97f4a7c15u;
-    cloth_eval  e;
-    memset(&e, 0, sizeof e);
-    e.model = m;
-    e.params = &s->params;
-    e.nv = m->nv;
+    cloth_eval  e = clothi_eval_of(s);
     for (i = 0; i < m->nf; i++) length += sqrt(clothi_rest_area(s->params.X, i)) / m->nf;
     for (i = 0; i < n; i++) {
         seed = seed * 6364136223846793005u + 1442695040888963407u;
@@ -12900,7 +13075,7 @@ static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
     memset(sum, 0, 2 * (size_t)nv * sizeof(double));
     for (b = 0; b < g->nbatch; b++)
         for (lane = 0; lane < CLOTHI_LANES; lane++) {
-            const double *r = s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
+            const double *r = s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
             const double  stiff = r[4 * CLOTHI_LANES] *
                                  (2 * r[5 * CLOTHI_LANES] + r[6 * CLOTHI_LANES]);
             const double  gx[3] = {-r[0] - r[2 * CLOTHI_LANES], r[0], r[2 * CLOTHI_LANES]};
@@ -12922,14 +13097,15 @@ static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
  * the triangles' largest when that is below `enough`, else the largest of the vertices' means. */
 static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
     const clothi_group *g = &s->model->membrane;
-    double *factor = s->w.energy_batch, corners[9 * CLOTHI_LANES], big = 1;
+    double *factor = s->own.energy_batch, corners[9 * CLOTHI_LANES], big = 1;
     int     b, i;
     if (g->kind != CLOTHI_TRIANGLE) return 1;
     for (b = 0; b < g->nbatch; b++) {
         double square;
         clothi_gather_lanes(x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, corners);
-        square = clothi_largest_stretch2(corners, s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
-                                         factor + (size_t)b * CLOTHI_LANES);
+        square = clothi_largest_stretch2(
+            corners, s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
+            factor + (size_t)b * CLOTHI_LANES);
         big = clothi_max(big, square);
     }
     if (0.5 * (3 * big - 1) <= enough) return 0.5 * (3 * big - 1);
@@ -12990,10 +13166,16 @@ static void clothi_leap_pins(clothi_leap *p, double h) {
     }
 }
 
-static double clothi_leap_dot(const double *a, const double *b, int n) {
-    double sum = 0;
-    int    i;
-    for (i = 0; i < n; i++) sum += a[i] * b[i];
+/* Work of the attachments' hands while their targets move by `part` of the step, forces at x. */
+static double clothi_attach_work(const cloth_sim *s, const double *x, double part) {
+    double r[3], sum = 0;
+    int    i, k;
+    for (i = 0; i < s->in.nattach; i++) {
+        const cloth_step_attachment *q = s->in.attach + i;
+        if (!q->used) continue;
+        clothi_attach_gap(s->model, &s->in, q, x, r);
+        for (k = 0; k < 3; k++) sum -= q->k * r[k] * part * (q->target[k] - q->pose[k]);
+    }
     return sum;
 }
 
@@ -13006,30 +13188,24 @@ static cloth_status clothi_leap_works(clothi_leap *p, cloth_eval *e, double h, d
     cloth_status       status;
     double             f[3], value;
     int                i, j, k;
-    l->damping_loss += 2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]) *
+    l->damping_loss += 2 * (s->own.membrane.loss + s->own.bend.loss) *
                        p->kick / hs;
     for (i = 0; i < m->nv; i++) {
         if (!s->pin[i]) continue;
         f[0] = f[1] = f[2] = 0;
         for (k = m->gather_start[i]; k < p->stop[i]; k++)
-            for (j = 0; j < 3; j++) f[j] += s->w.force[m->gather[k] + j * CLOTHI_LANES];
+            for (j = 0; j < 3; j++) f[j] += s->own.force[m->gather[k] + j * CLOTHI_LANES];
         for (j = 0; j < 3; j++) {
             if (p->extra) f[j] += p->extra[3 * i + j];
             l->pin_work += p->kick * (f[j] - s->params.mass[i] * s->gravity[j]) * s->w.y[3 * i + j];
         }
     }
-    for (i = 0; s->nattach > 0 && i < m->desc.max_attachments; i++) {
-        const clothi_attach *q = s->attach + i;
-        if (!q->used) continue;
-        clothi_attach_gap(s, q, s->w.x, f);
-        for (k = 0; k < 3; k++)
-            l->pin_work -= p->kick / h * q->k * f[k] * (q->target[k] - q->pose[k]);
-    }
+    l->pin_work += clothi_attach_work(s, s->w.x, p->kick / h);
     if (!s->wind_on) return CLOTH_OK;
     memset(s->w.rhs, 0, 3 * (size_t)m->nv * sizeof(double));
     e->grad = s->w.rhs;
     status = s->term[CLOTHI_TERM_WIND].eval(s->term[CLOTHI_TERM_WIND].user, e, &value);
-    p->wind = clothi_leap_dot(s->w.rhs, s->w.trial, 3 * m->nv);
+    p->wind = clothi_dot(s->w.rhs, s->w.trial, 3 * (size_t)m->nv);
     return status;
 }
 
@@ -13079,7 +13255,7 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_
     clothi_eval_start(s, &goal, hs);
     goal.e.x_n = s->w.x;
     goal.e.v_n = s->w.trial;
-    s->counts.contact_calls++;
+    s->own.counts.contact_calls++;
     if (end && l) {
         memcpy(s->w.dx, s->w.x, bytes);
         memcpy(s->w.rhs, s->w.trial, bytes);
@@ -13097,12 +13273,8 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
     double       hs = h / substeps, bears = clothi_leap_bears(s, hs);
     clothi_leap  p;
-    cloth_eval   e;
+    cloth_eval   e = clothi_eval_of(s);
     cloth_status status = CLOTH_OK;
-    memset(&e, 0, sizeof e);
-    e.model = m;
-    e.params = &s->params;
-    e.nv = m->nv;
     p.s = s;
     p.stop = clothi_leap_winged(s) ? m->gather_mid : m->gather_start + 1;
     p.ledger = ledger;
@@ -13113,10 +13285,11 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     for (k = 0; k <= substeps && !status; k++) {
         e.t = s->state.t + k * hs;
         e.h = hs;
-        s->attach_step = 1.0 / substeps;
-        s->attach_alpha = (double)(k + 1) / substeps;
+        clothi_input(s, hs, (double)k / substeps, (double)(k + 1) / substeps);
+        s->in.t = e.t, s->in.x = s->w.x, s->in.v = s->w.trial;
         if (s->contact_on && k < substeps) status = clothi_leap_contact(s, hs, 0, ledger);
-        s->attach_alpha = (double)k / substeps;
+        s->in.share[1] = s->in.share[0];    /* forces are those at its start */
+        if (!status) clothi_recorded(s, s->w.x);
         if (!status) status = clothi_leap_force(s, &e, &p.extra);
         p.kick = k == 0 || k == substeps ? 0.5 * hs : hs;
         p.drift = k < substeps ? hs : 0;
@@ -13126,9 +13299,10 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         if (!status && ledger) status = clothi_leap_works(&p, &e, h, hs);
         if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
         if (!status && ledger && s->wind_on)
-            ledger->wind_work -= 0.5 * p.kick * (p.wind + clothi_leap_dot(s->w.rhs, s->w.trial, n));
+            ledger->wind_work -=
+                0.5 * p.kick * (p.wind + clothi_dot(s->w.rhs, s->w.trial, (size_t)n));
         if (!status && s->contact_on && k < substeps) {
-            s->attach_alpha = p.alpha;
+            s->in.share[1] = p.alpha;
             status = clothi_leap_contact(s, hs, 1, ledger);
             if (status == CLOTH_ERR_STEP)   /* for want of substeps? */
                 *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
@@ -13227,42 +13401,33 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
 
 static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;
-    size_t n = 3 * (size_t)m->nv, lanes = CLOTHI_LANES;
-    size_t batches = ((size_t)m->membrane.nbatch + (size_t)m->bend.nbatch) * lanes;
-    int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
-    double **need[11] = {&s->w.x0, &s->w.v0, &s->w.x, &s->w.trial, &s->w.dx, &s->w.grad, &s->w.y,
-                         &s->w.goal, &s->w.rhs, &s->w.v_prev0, &s->w.x_prev0};
+    const size_t n = 3 * (size_t)m->nv;
+    const size_t lanes = ((size_t)m->membrane.nbatch + (size_t)m->bend.nbatch) * CLOTHI_LANES;
+    const int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
+    const int    bdf2 = m->desc.integrator == CLOTH_INTEGRATOR_BDF2;
+    const int    damped = s->own.membrane.damped || s->own.bend.damped;
+    const struct { double **array; size_t n; int wanted; } need[] = {
+        {&s->w.x, n, 1}, {&s->w.trial, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1},
+        {&s->w.y, n, 1}, {&s->w.goal, n, 1}, {&s->w.rhs, n, 1},
+        {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->own.energy_batch, lanes, 1},
+        {&s->own.loss_batch, lanes, damped}, {&s->own.force, (size_t)m->force_size, 1},
+        {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->x_prev, n, bdf2},
+        {&s->v_prev, n, implicit}, {&s->w.free, n, s->contact_on && implicit}};
     cloth_status status = CLOTH_OK;
-    int    i, count = m->desc.integrator == CLOTH_INTEGRATOR_BDF2 ? 11 : implicit ? 10 : 9;
-    for (i = 0; i < count && !status; i++) status = clothi_need(s, need[i], n);
-    if (!status) status = clothi_need(s, &s->w.partial, (n / 3) / CLOTHI_VERTICES + 1);
-    if (!status) status = clothi_need(s, &s->w.energy_batch, batches);
-    if (!status && (s->membrane.damped || s->bend.damped))
-        status = clothi_need(s, &s->w.loss_batch, batches);
-    if (!status) status = clothi_need(s, &s->w.force, (size_t)m->force_size);
-    if (!status && m->desc.integrator == CLOTH_INTEGRATOR_BDF2)
-        status = clothi_need(s, &s->x_prev, n);
-    if (!status && implicit) status = clothi_need(s, &s->v_prev, n);
-    if (!status && s->contact_on && implicit) status = clothi_need(s, &s->w.free, n);
+    size_t       i;
+    for (i = 0; i < sizeof need / sizeof *need && !status; i++)
+        if (need[i].wanted) status = clothi_need(s, need[i].array, need[i].n);
     if (!status) status = clothi_need_damping(s);
-    if (!status && implicit && !s->matrix)
-        status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
-    if (!status && implicit && !s->solver)
+    if (status || !implicit) return status;
+    if (!s->matrix) status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
+    if (!status && !s->solver)
         status = cloth_linear_solver_create(&s->hooks, m->pattern, &s->solver);
+    if (status) return status;
     /* both precisions now: a later step that needs the other must not allocate */
-    if (!status && implicit) s->solver->A = s->matrix;
-    if (!status && implicit) status = clothi_store_make(s->solver, 0);
-    if (!status && implicit) status = clothi_store_make(s->solver, 1);
-    if (!status && implicit) status = clothi_jacobi_make(s->solver);
-    return status;
-}
-
-CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *call,
-                                                       const double *a, int n) {
-    ptrdiff_t at = clothi_find_nonfinite(a, (size_t)n);
-    if (at < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s: entry %i = %g is not finite", call,
-                       (int)at, a[at]);
+    s->solver->A = s->matrix;
+    status = clothi_store_make(s->solver, 0);
+    if (!status) status = clothi_store_make(s->solver, 1);
+    return status ? status : clothi_jacobi_make(s->solver);
 }
 
 static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
@@ -13310,8 +13475,8 @@ static double clothi_kinetic(const cloth_sim *s, const double *v) {
 /* Energies of the last evaluation into the ledger. */
 static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
     int i;
-    l->stretch = s->term_energy[CLOTHI_TERM_MEMBRANE] - s->term_loss[CLOTHI_TERM_MEMBRANE];
-    l->bend = s->term_energy[CLOTHI_TERM_BEND] - s->term_loss[CLOTHI_TERM_BEND];
+    l->stretch = s->term_energy[CLOTHI_TERM_MEMBRANE] - s->own.membrane.loss;
+    l->bend = s->term_energy[CLOTHI_TERM_BEND] - s->own.bend.loss;
     l->gravity = s->term_energy[CLOTHI_TERM_GRAVITY];
     l->attach = s->term_energy[CLOTHI_TERM_ATTACH];
     l->other = 0;
@@ -13359,12 +13524,12 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     cloth_ledger *l = &report->energy;
     double        value, big = 0;
     cloth_status  status = CLOTH_OK;
-    int           i, k, n = 3 * s->model->nv;
+    int           i, n = 3 * s->model->nv;
     if (!s->fresh) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
     if (status) return status;
     s->fresh = 1;
     goal->e.x = s->w.x;
-    l->damping_loss += 2 * (s->term_loss[CLOTHI_TERM_MEMBRANE] + s->term_loss[CLOTHI_TERM_BEND]);
+    l->damping_loss += 2 * (s->own.membrane.loss + s->own.bend.loss);
     memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
     clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++) {
@@ -13379,14 +13544,7 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
         }
     }
     if (s->contact_on && s->contact.balance) s->contact.balance(s->contact.user, l);
-    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
-        const clothi_attach *q = s->attach + i;
-        double               r[3];
-        if (!q->used) continue;
-        clothi_attach_gap(s, q, s->w.x, r);
-        for (k = 0; k < 3; k++)
-            l->pin_work -= q->k * r[k] * s->attach_step * (q->target[k] - q->pose[k]);
-    }
+    l->pin_work += clothi_attach_work(s, s->w.x, s->in.share[1] - s->in.share[0]);
     for (i = 0; i < n; i++)
         if (!(s->fixed[i / 3] >> (i % 3) & 1) && fabs(s->w.rhs[i]) > big) big = fabs(s->w.rhs[i]);
     report->residual_N = big;
@@ -13395,7 +13553,7 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
         memset(wind, 0, (size_t)n * sizeof(double));
         goal->e.grad = wind;
         goal->e.hess = NULL;
-        status = s->term[CLOTHI_TERM_WIND].eval(s, &goal->e, &value);
+        status = s->term[CLOTHI_TERM_WIND].eval(&s->own, &goal->e, &value);
         for (i = 0; i < n; i++) l->wind_work -= wind[i] * (s->w.x[i] - s->state.x[i]);
     }
     return status;
@@ -13420,7 +13578,7 @@ static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
         clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
                             p->g->width, x);
         if (p->g->kind == CLOTHI_TRIANGLE)
-            clothi_smallest_stretch2(x, p->s->membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
+            clothi_smallest_stretch2(x, p->own->membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
                                      p->energy + (size_t)b * CLOTHI_LANES);
         else
             clothi_theta_lanes(x, p->energy + (size_t)b * CLOTHI_LANES);
@@ -13431,10 +13589,10 @@ static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
 static const double *clothi_shapes(cloth_sim *s, const clothi_group *g, int first) {
     clothi_pass p;
     memset(&p, 0, sizeof p);
-    p.s = s;
+    p.own = &s->own;
     p.g = g;
     p.x = s->state.x;
-    p.energy = s->w.energy_batch + (size_t)first * CLOTHI_LANES;
+    p.energy = s->own.energy_batch + (size_t)first * CLOTHI_LANES;
     clothi_for(&s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1, clothi_shape_range, &p);
     return p.energy;
 }
@@ -13488,88 +13646,62 @@ static void clothi_report_momentum(const cloth_sim *s, cloth_report *report) {
 
 static void clothi_report_bytes(const cloth_sim *s, cloth_bytes *b) {
     const cloth_model *m = s->model;
-    b->mesh = clothi_block_size(m->x_rest) + clothi_block_size(m->x) + clothi_block_size(m->v) +
-              clothi_block_size(m->faces) + clothi_block_size(m->part) +
-              clothi_block_size(m->region) + clothi_block_size(m->X) +
-              clothi_block_size(m->pin) + clothi_block_size(m->topology);
-    b->elements = clothi_block_size(m->membrane.vert) + clothi_block_size(m->membrane.slot) +
-                  clothi_block_size(m->membrane.id) + clothi_block_size(m->bend.vert) +
-                  clothi_block_size(m->bend.slot) + clothi_block_size(m->bend.id) +
-                  clothi_block_size(m->gather) + clothi_block_size(m->gather_start) +
-                  clothi_block_size(m->gather_mid) + clothi_block_size(m->wing) +
-                  clothi_block_size(s->side) +
-                  clothi_block_size(s->membrane.rest) + clothi_block_size(s->membrane.start) +
-                  clothi_block_size(s->membrane.tau) + clothi_block_size(s->bend.rest) +
-                  clothi_block_size(s->bend.start) + clothi_block_size(s->bend.tau) +
-                  clothi_block_size(s->w.force) + clothi_block_size(s->quadratic);
+    b->mesh = clothi_model_mesh(m, NULL) + clothi_block_size(m->topology);
+    b->elements = clothi_model_stencils(m, NULL) + clothi_own_blocks(&s->own, NULL);
     b->matrix = cloth_pattern_bytes(m->pattern) + cloth_matrix_bytes(s->matrix);
     b->factor = cloth_linear_solver_bytes(s->solver);
-    b->state = clothi_block_size(s->state.x) + clothi_block_size(s->state.v) +
-               clothi_block_size(s->x_prev) + clothi_block_size(s->v_prev) +
-               clothi_block_size(s->pin) + clothi_block_size(s->target) +
-               clothi_block_size(s->attach) + clothi_block_size(s->force) +
-               clothi_block_size(s->params.X) + clothi_block_size(s->params.mass) +
-               clothi_block_size(s->edit.X) + clothi_block_size(s->edit.mass);
-    b->scratch = clothi_block_size(s->w.x0) * 9 + clothi_block_size(s->w.wind) +
-                 clothi_block_size(s->kept);
+    b->state = clothi_state_blocks(s, NULL);
+    b->scratch = clothi_work_blocks(s, NULL);
     b->contact = s->contact_on && s->contact.bytes ? s->contact.bytes(s->contact.user) : 0;
     b->total = b->mesh + b->elements + b->matrix + b->factor + b->state + b->scratch + b->contact;
 }
 
 /* --- the driver --- */
 
-static void clothi_keep(cloth_sim *s) {
-    size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
-    memcpy(s->w.x0, s->state.x, bytes);
-    memcpy(s->w.v0, s->state.v, bytes);
-    if (s->v_prev) memcpy(s->w.v_prev0, s->v_prev, bytes);
-    if (s->x_prev) memcpy(s->w.x_prev0, s->x_prev, bytes);
+/* Room for `need` bytes in *block of *size; `more` when it has to grow. */
+static cloth_status clothi_room(cloth_sim *s, unsigned char **block, size_t *size, size_t need,
+                                size_t more) {
+    if (need <= *size) return CLOTH_OK;
+    clothi_free(&s->hooks, *block);
+    *block = (unsigned char *)clothi_alloc(&s->hooks, need + more, 1);
+    *size = *block ? need + more : 0;
+    return *block ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
-static void clothi_put_back(cloth_sim *s, double t, int history, double h_prev,
-                            cloth_report *report) {
-    size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
-    memcpy(s->state.x, s->w.x0, bytes);
-    memcpy(s->state.v, s->w.v0, bytes);
-    s->state.t = t;
-    s->history = history;
-    s->h_prev = h_prev;
-    if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user, report);
-    if (s->v_prev) memcpy(s->v_prev, s->w.v_prev0, bytes);
-    if (s->x_prev) memcpy(s->x_prev, s->w.x_prev0, bytes);
-}
-
-/* Bytes of the state of host's term i, in whole doubles; 0: none of its own. */
-static size_t clothi_kept_bytes(const cloth_sim *s, int i) {
-    const cloth_term *t = s->term + i;
-    return t->save_size ? (t->save_size(t->user) + 7u) / 8u * 8u : 0;
-}
-
-/* The states of hosts' terms as before the step; the contact has a rollback of its own. */
-static cloth_status clothi_keep_units(cloth_sim *s) {
-    size_t need = 0, at = 0;
-    int    i;
-    for (i = s->nbuiltin; i < s->nterms; i++) need += clothi_kept_bytes(s, i);
-    if (need > s->kept_size) {
-        clothi_free(&s->hooks, s->kept);
-        s->kept = (unsigned char *)clothi_alloc(&s->hooks, 2, need);
-        s->kept_size = s->kept ? 2 * need : 0;
-        if (!s->kept) return CLOTH_ERR_MEMORY;
-    }
-    for (i = s->nbuiltin; i < s->nterms; i++) {
-        s->kept_at[i] = at;
-        if (clothi_kept_bytes(s, i)) s->term[i].save(s->term[i].user, s->kept + at);
-        at += clothi_kept_bytes(s, i);
-    }
-    s->kept_at[s->nterms] = at;
+/* What the step starts from into `kept`: it is put back where the step fails, and recorded where it
+ * does not. Contact has a rollback of its own. */
+static cloth_status clothi_keep(cloth_sim *s) {
+    const int    units = s->nterms - s->nbuiltin + (s->recorder.step != NULL);
+    const size_t fields = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, 0);
+    const size_t all = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, units);
+    cloth_status status = clothi_room(s, &s->kept, &s->kept_size, all, all - fields);
+    if (status) return status;
+    s->recorded = clothi_walked(s, CLOTHI_SAVE, s->kept, CLOTHI_PARAM, units);
+    s->w.x0 = (double *)(void *)s->kept;
+    s->w.v0 = s->w.x0 + 3 * (size_t)s->model->nv;
     return CLOTH_OK;
 }
 
-static void clothi_put_back_units(cloth_sim *s) {
-    int i;
-    for (i = s->nbuiltin; i < s->nterms; i++)
-        if (s->kept_at[i + 1] > s->kept_at[i])
-            s->term[i].load(s->term[i].user, s->kept + s->kept_at[i]);
+static void clothi_put_back(cloth_sim *s, cloth_report *report) {
+    (void)clothi_walked(s, CLOTHI_LOAD, s->kept, CLOTHI_PARAM, s->nterms - s->nbuiltin);
+    if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user, report);
+}
+
+/* Before a step is accepted: room for *n contacts in its record. */
+static cloth_status clothi_record_need(cloth_sim *s, int *n) {
+    size_t need;
+    *n = s->contact_on && s->contact.contacts ? s->contact.contacts(s->contact.user, 0, NULL) : 0;
+    need = (size_t)*n * s->contact.contact_size;
+    return clothi_room(s, &s->touching, &s->touching_size, need, need);
+}
+
+/* After it was. */
+static void clothi_record_give(cloth_sim *s, double h, int n, const cloth_report *report) {
+    cloth_step_record r = {s->model->hash, h, s->kept, s->recorded, s->model->nv, s->state.x,
+                           s->state.v, report->outcome, n, NULL};
+    r.contact = (const struct cloth_collide_contact *)(void *)s->touching;
+    if (n) (void)s->contact.contacts(s->contact.user, n, s->touching);
+    s->recorder.step(s->recorder.user, &r);
 }
 
 static cloth_status clothi_step_run(cloth_sim *s, double h, cloth_report *report) {
@@ -13579,8 +13711,8 @@ static cloth_status clothi_step_run(cloth_sim *s, double h, cloth_report *report
         return clothi_step_leapfrog(s, h, report);
     report->outcome = CLOTH_STEP_CONVERGED;
     for (k = 0; k < m && !status; k++) {
-        s->attach_step = 1.0 / m;
-        status = clothi_substep_implicit(s, h / m, (double)(k + 1) / m, report);
+        clothi_input(s, h / m, (double)k / m, (double)(k + 1) / m);
+        status = clothi_substep_implicit(s, report);
     }
     return status;
 }
@@ -13599,14 +13731,15 @@ static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before
     cloth_ledger l = report->energy;
     cloth_status status = CLOTH_OK;
     const int    builtin = s->nterms == s->nbuiltin;    /* a host's energy may depend on h */
+    clothi_input(s, 0, 1, 1);
     if (s->fresh && builtin) {
         clothi_ledger_terms(s, &l);
         clothi_ledger_total(s, s->state.v, &l);
     } else
         status = clothi_energy_at(s, s->state.x, s->state.v, 0, &l);
     s->ledger = l;
-    s->known = s->fresh && builtin && !s->contact_on && !s->nattach && !s->membrane.damped &&
-               !s->bend.damped;
+    s->known = s->fresh && builtin && !s->contact_on && !s->nattach && !s->own.membrane.damped &&
+               !s->own.bend.damped;
     l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work + l.contact_work -
                        l.damping_loss - l.friction_loss - l.zone_loss - l.total;
     report->energy = l;
@@ -13619,8 +13752,8 @@ static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before
 static void clothi_report_end(cloth_sim *s, double start, long long allocations,
                               cloth_report *report) {
     double total = clothi_now(&s->hooks) - start;
-    s->counts.allocations = s->allocations - allocations;
-    report->counts = s->counts;
+    s->own.counts.allocations = s->allocations - allocations;
+    report->counts = s->own.counts;
     report->ms.total = 1e3 * total;
     report->ms.assemble = 1e3 * s->ms.assemble;
     report->ms.linear = 1e3 * s->ms.linear;
@@ -13635,37 +13768,36 @@ typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report)
 /* Everything around a run that moves the state: checks, the copy, the ledger, roll-back. */
 static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
                                    cloth_report *wanted) {
-    const double start = clothi_now(&s->hooks), t = s->state.t, h_prev = s->h_prev;
+    const double start = clothi_now(&s->hooks);
     long long    allocations = s->allocations;
-    int          history = s->history, known = s->known && !s->nattach;
+    int          known = s->known && !s->nattach, contacts = 0;
     cloth_report local, *report = wanted ? wanted : &local;
     cloth_ledger before;
     cloth_status status;
     memset(report, 0, sizeof *report);
     memset(&before, 0, sizeof before);
-    memset(&s->counts, 0, sizeof s->counts);
+    memset(&s->own.counts, 0, sizeof s->own.counts);
     memset(&s->ms, 0, sizeof s->ms);
     s->known = s->fresh = s->finish = 0;
     report->h = h;
     report->vertex = report->min_stretch_face = -1;
     status = clothi_check_step(s, h, report);
     if (!status) status = clothi_need_work(s);
-    if (!status) {
-        clothi_keep(s);
-        status = clothi_keep_units(s);
-    }
+    if (!status) status = clothi_keep(s);
     if (!status) {
         s->balance = wanted != NULL;
-        s->attach_alpha = 0;                /* at the step's start */
+        clothi_input(s, 0, 0, 0);           /* at the step's start */
         if (wanted) status = clothi_energy_before(s, known, &before);
         if (!status) status = run(s, h, report);
         if (!status && wanted) status = clothi_report_after(s, &before, report);
+        if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
         if (status) {
-            clothi_put_back(s, t, history, h_prev, report);
-            clothi_put_back_units(s);
+            clothi_put_back(s, report);
             if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;
         } else {
             clothi_accept(s, report);
+            if (s->recorder.step)
+                clothi_record_give(s, run == clothi_static_run ? 0 : h, contacts, report);
         }
     }
     clothi_report_end(s, start, allocations, report);
@@ -13704,7 +13836,7 @@ CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger) {
     memset(&l, 0, sizeof l);
     status = clothi_check_state(sim, &vertex);
     if (!status) status = clothi_need_work(sim);
-    sim->attach_alpha = 0;
+    clothi_input(sim, 0, 0, 0);
     if (!status) status = clothi_energy_at(sim, sim->state.x, sim->state.v, 0, &l);
     if (!status && !clothi_finite(l.total))
         status = clothi_fail(&sim->hooks, CLOTH_ERR_NONFINITE, "cloth_sim_energy: total = %g",
@@ -13727,7 +13859,7 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     if (!status) status = clothi_check_state(sim, &vertex);
     if (!status) status = clothi_need_work(sim);
     if (status) return status;
-    sim->attach_alpha = 1;
+    clothi_input(sim, 0, 1, 1);
     clothi_eval_start(sim, &goal, 0);
     for (i = 0; i < sim->nterms && !status; i++)
         if (sim->term[i].begin) status = sim->term[i].begin(sim->term[i].user, &goal.e);
@@ -13749,7 +13881,7 @@ CLOTH_API const cloth_model *cloth_sim_model(const cloth_sim *sim) {
 }
 
 CLOTH_API void cloth_sim_state_changed(cloth_sim *sim) {
-    if (sim) sim->history = 0;
+    if (sim) clothi_forget(sim);
 }
 
 CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
@@ -13757,6 +13889,11 @@ CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
     clothi_sim_start(sim);
     if (sim->contact_on && sim->contact.reset) sim->contact.reset(sim->contact.user);
     return CLOTH_OK;
+}
+
+/* Whose pin that of a vertex is: of a follower its leader's. */
+static int clothi_leader(const cloth_model *m, int vertex, int axis) {
+    return m->tie && m->tie[3 * vertex + axis] >= 0 ? m->tie[3 * vertex + axis] : vertex;
 }
 
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
@@ -13774,10 +13911,8 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
             return clothi_fail(&sim->hooks, CLOTH_ERR_NONFINITE, "cloth_sim_pin: target[%i] = %g",
                                k, target[k]);
     for (k = 0; k < 3; k++) {
-        int v = vertex;
+        const int v = clothi_leader(sim->model, vertex, k);
         if (!(axes >> k & 1)) continue;
-        if (sim->model->tie && sim->model->tie[3 * vertex + k] >= 0)
-            v = sim->model->tie[3 * vertex + k];
         sim->target[3 * v + k] =
             target ? target[k] + (sim->model->x[3 * v + k] - sim->model->x[3 * vertex + k])
                    : sim->state.x[3 * v + k];
@@ -13792,31 +13927,31 @@ CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
     if (vertex < 0 || vertex >= sim->model->nv)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_unpin: vertex %i but nv = %i", vertex, sim->model->nv);
-    for (k = 0; k < 3; k++) {               /* a follower's pin is its leader's */
-        const int *lead = sim->model->tie ? sim->model->tie + 3 * vertex + k : NULL;
-        int        v = lead && *lead >= 0 ? *lead : vertex;
+    for (k = 0; k < 3; k++) {
+        const int v = clothi_leader(sim->model, vertex, k);
         sim->pin[v] = (unsigned char)(sim->pin[v] & ~(1u << k));
     }
     return CLOTH_OK;
 }
 
-/* id = index + 1 in the low half, generation in the high half; 0 is none. */
-static clothi_attach *clothi_attach_find(cloth_sim *s, cloth_attachment id, const char *call) {
-    uint32_t       index = (id.id & 0xffffu) - 1u;
-    clothi_attach *q;
-    q = index < (uint32_t)s->model->desc.max_attachments ? s->attach + index : NULL;
-    if (q && q->used && (q->generation & 0xffffu) == id.id >> 16) return q;
+/* Slot of an attachment, or -1. id = slot + 1 in the low half, generation in the high half; 0 is
+ * none. */
+static int clothi_attach_find(cloth_sim *s, cloth_attachment id, const char *call) {
+    const uint32_t at = (id.id & 0xffffu) - 1u;
+    if (at < (uint32_t)s->model->desc.max_attachments && s->attach[at].used &&
+        (s->made[at] & 0xffffu) == id.id >> 16)
+        return (int)at;
     (void)clothi_fail(&s->hooks, CLOTH_ERR_HANDLE, "%s: attachment %z is gone", call,
                       (size_t)id.id);
-    return NULL;
+    return -1;
 }
 
 CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double bary[3], double k,
                                         const double target[3], cloth_attachment *id) {
-    clothi_attach *q;
-    cloth_status   status;
-    double         pose[3] = {0, 0, 0};
-    int            i, j;
+    cloth_step_attachment *q;
+    cloth_status           status;
+    double                 pose[3] = {0, 0, 0};
+    int                    i, j;
     if (id) id->id = 0;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!bary || !target || !id)
@@ -13826,12 +13961,11 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_attach: face %i but nf = %i", face, sim->model->nf);
     status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: bary", bary, 3);
-    if (!status) status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: k", &k, 1);
     if (!status) status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: target", target, 3);
     if (status) return status;
-    if (!(k >= 0))
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_sim_attach: k = %g must be at least 0", k);
+    if (!clothi_finite(k) || k < 0)
+        return clothi_fail(&sim->hooks, clothi_finite(k) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                           "cloth_sim_attach: k = %g must be finite and at least 0", k);
     if (fabs(bary[0] + bary[1] + bary[2] - 1) > 1e-6)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_attach: bary sums to %g, not 1", bary[0] + bary[1] + bary[2]);
@@ -13844,7 +13978,7 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
     status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: state.x at the face", pose, 3);
     if (status) return status;
     q = sim->attach + i;
-    q->generation = ++sim->generation;
+    sim->made[i] = ++sim->generation;
     q->used = 1;
     q->face = face;
     q->k = k;
@@ -13852,29 +13986,30 @@ CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double b
     memcpy(q->target, target, sizeof q->target);
     memcpy(q->pose, pose, sizeof q->pose);
     sim->nattach++;
-    id->id = (q->generation & 0xffffu) << 16 | (uint32_t)(i + 1);
+    id->id = (sim->made[i] & 0xffffu) << 16 | (uint32_t)(i + 1);
     return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_attach_move(cloth_sim *sim, cloth_attachment id,
                                              const double target[3]) {
-    clothi_attach *q;
-    cloth_status   status;
+    cloth_status status;
+    int          at;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!target) return clothi_null(&sim->hooks, "cloth_sim_attach_move: target");
-    q = clothi_attach_find(sim, id, "cloth_sim_attach_move");
-    if (!q) return CLOTH_ERR_HANDLE;
+    at = clothi_attach_find(sim, id, "cloth_sim_attach_move");
+    if (at < 0) return CLOTH_ERR_HANDLE;
     status = clothi_check_vector(&sim->hooks, "cloth_sim_attach_move: target", target, 3);
-    if (!status) memcpy(q->target, target, sizeof q->target);
+    if (!status) memcpy(sim->attach[at].target, target, sizeof sim->attach[at].target);
     return status;
 }
 
 CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
-    clothi_attach *q;
+    int at;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    q = clothi_attach_find(sim, id, "cloth_sim_detach");
-    if (!q) return CLOTH_ERR_HANDLE;
-    memset(q, 0, sizeof *q);
+    at = clothi_attach_find(sim, id, "cloth_sim_detach");
+    if (at < 0) return CLOTH_ERR_HANDLE;
+    memset(sim->attach + at, 0, sizeof *sim->attach);
+    sim->made[at] = 0;
     sim->nattach--;
     return CLOTH_OK;
 }
@@ -13885,10 +14020,11 @@ CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
     n = 3 * (size_t)sim->model->nv;
     if (!f) {
+        if (sim->force) memset(sim->force, 0, n * sizeof(double));
         sim->force_on = 0;
         return CLOTH_OK;
     }
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force", f, (int)n);
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force: f", f, (int)n);
     if (!status) status = clothi_need(sim, &sim->force, n);
     if (status) return status;
     memcpy(sim->force, f, n * sizeof(double));
@@ -13900,7 +14036,7 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) 
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!g) return clothi_null(&sim->hooks, "cloth_sim_set_gravity: g");
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity", g, 3);
+    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity: g", g, 3);
     if (!status) memcpy(sim->gravity, g, sizeof sim->gravity);
     sim->known = 0;
     return status;
@@ -13909,14 +14045,10 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) 
 CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]) {
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    if (!w) {
-        sim->wind_on = 0;
-        return CLOTH_OK;
-    }
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_wind", w, 3);
+    status = w ? clothi_check_vector(&sim->hooks, "cloth_sim_set_wind: w", w, 3) : CLOTH_OK;
     if (status) return status;
-    memcpy(sim->wind, w, sizeof sim->wind);
-    sim->wind_on = 1;
+    if (w) memcpy(sim->wind, w, sizeof sim->wind);
+    sim->wind_on = w != NULL;
     return CLOTH_OK;
 }
 
@@ -13933,7 +14065,7 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const 
     sim->params.material[region] = *m;
     clothi_derive(sim);
     clothi_params_publish(sim);
-    sim->history = 0;
+    clothi_forget(sim);
     return CLOTH_OK;
 }
 
@@ -13950,6 +14082,7 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY, "cloth_sim_add_term: %i terms at most",
                            CLOTHI_MAX_TERMS - sim->nbuiltin);
     sim->term[sim->nterms++] = *term;
+    sim->known = 0;
     return CLOTH_OK;
 }
 
@@ -13968,180 +14101,26 @@ CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact
 
 /* ===== [10.2] SNAPSHOT =======================================================================
  *
- *   [ magic | version | bytes | model hash | checksum | state ... inputs ... params ... units ]
+ *   [ magic | version | bytes | checksum | hashes of the model | clothi_fields ... units ]
  *
- * One walk lists everything that the next step depends on; save, restore, size and hash are the
- * same walk with another verb, so that they cannot disagree.
- * checked: tests/test_snapshot.c
+ * checked: tests/test_snapshot.c, tests/test_record.c
  */
 
 #define CLOTHI_MAGIC 0x706e536874306c43u    /* "Cl0thSnp" */
 
-typedef struct clothi_walk {
-    unsigned char *buf;                     /* written to or read from; NULL: size or hash     */
-    size_t         at;
-    int            load;
-    int            hashing;
-    uint64_t       hash;
-} clothi_walk;
-
-CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, void *data, size_t size) {
-    if (w->hashing) w->hash = clothi_hash(w->hash, data, size);
-    else if (w->buf && w->load) memcpy(data, w->buf + w->at, size);
-    else if (w->buf) memcpy(w->buf + w->at, data, size);
-    w->at += size;
-}
-
-/* Arrays that are there only after first use are saved as zeros until then. */
-CLOTHI_OUTLINE static void clothi_walk_optional(clothi_walk *w, double *data, size_t n) {
-    static const double zero[64] = {0};
-    size_t              k;
-    if (data) {
-        clothi_walk_bytes(w, data, n * sizeof(double));
-        return;
-    }
-    for (k = 0; k < n; k += 64) {
-        size_t part = n - k < 64 ? n - k : 64;
-        double spare[64];
-        memcpy(spare, zero, sizeof spare);
-        clothi_walk_bytes(w, spare, part * sizeof(double));
-    }
-}
-
-/* Field by field: what a host leaves in the padding of its structs is no part of a state. */
-static void clothi_walk_material(clothi_walk *w, cloth_material *m) {
-    double *field[7] = {&m->density, &m->young,   &m->thickness, &m->membrane,
-                        &m->poisson, &m->bending, &m->damping};
-    double  value[8];
-    int     k;
-    for (k = 0; k < 7; k++) value[k] = *field[k];
-    value[7] = (double)m->plane;
-    clothi_walk_bytes(w, value, sizeof value);
-    if (!w->load) return;
-    for (k = 0; k < 7; k++) *field[k] = value[k];
-    m->plane = value[7] > 0 ? CLOTH_PLANE_STRAIN_3D : CLOTH_PLANE_STRESS;
-}
-
-/* When an attachment was made tells handles apart, not motions: saved, not hashed. */
-static void clothi_walk_attach(clothi_walk *w, clothi_attach *q) {
-    if (!w->hashing) clothi_walk_bytes(w, &q->generation, sizeof q->generation);
-    clothi_walk_bytes(w, &q->used, sizeof q->used);
-    clothi_walk_bytes(w, &q->face, sizeof q->face);
-    clothi_walk_bytes(w, q->bary, sizeof q->bary);
-    clothi_walk_bytes(w, &q->k, sizeof q->k);
-    clothi_walk_bytes(w, q->target, sizeof q->target);
-    clothi_walk_bytes(w, q->pose, sizeof q->pose);
-}
-
-/* --- units: what hosts' terms and the contact keep of their own --- */
-
-typedef struct clothi_unit {
-    uint64_t id;                            /* of the term's name                              */
-    void    *user;
-    size_t (*size)(void *user);
-    void   (*save)(void *user, void *buf);
-    void   (*load)(void *user, const void *buf);
-    cloth_status (*check)(void *user, const void *buf, size_t size);
-} clothi_unit;
-
-/* Unit i of a sim, in the order of the list, contact last; 0 when there is none. */
-static int clothi_unit_at(const cloth_sim *s, int i, clothi_unit *u) {
-    const int   at = s->nbuiltin + i;
-    const char *name = at < s->nterms ? s->term[at].name : "contact";
-    memset(u, 0, sizeof *u);
-    if (at > s->nterms || (at == s->nterms && !s->contact_on)) return 0;
-    u->id = clothi_hash(0xcbf29ce484222325u, name ? name : "", name ? strlen(name) : 0);
-    u->user = at < s->nterms ? s->term[at].user : s->contact.user;
-    u->size = at < s->nterms ? s->term[at].save_size : s->contact.save_size;
-    u->save = at < s->nterms ? s->term[at].save : s->contact.save;
-    u->load = at < s->nterms ? s->term[at].load : s->contact.load;
-    u->check = at < s->nterms ? NULL : s->contact.check;
-    return 1;
-}
-
-#define CLOTHI_PAD8(at) ((8u - (at) % 8u) % 8u)
-
-static size_t clothi_unit_size(const clothi_unit *u) {
-    return u->size && u->save && u->load ? u->size(u->user) : 0;
-}
-
-/* id, bytes, then the unit's own bytes: it may hold more or fewer than it did at the snapshot. */
-static void clothi_walk_unit(clothi_walk *w, clothi_unit *u, unsigned char *scratch) {
-    unsigned char zero[8] = {0, 0, 0, 0, 0, 0, 0, 0};
-    uint64_t      bytes = clothi_unit_size(u);
-    clothi_walk_bytes(w, zero, CLOTHI_PAD8(w->at));
-    clothi_walk_bytes(w, &u->id, sizeof u->id);
-    clothi_walk_bytes(w, &bytes, sizeof bytes);     /* loading: as many as were saved */
-    if (bytes && w->hashing && scratch) {
-        memset(scratch, 0, (size_t)bytes);
-        u->save(u->user, scratch);
-        w->hash = clothi_hash(w->hash, scratch, (size_t)bytes);
-    } else if (bytes && w->buf && !w->load) {
-        u->save(u->user, w->buf + w->at);
-    } else if (bytes && w->buf) {
-        u->load(u->user, w->buf + w->at);
-    }
-    w->at += (size_t)bytes;
-}
-
-/* All but the units. */
-static void clothi_walk_core(cloth_sim *s, clothi_walk *w) {
-    const cloth_model *m = s->model;
-    size_t nv = (size_t)m->nv, n3 = 3 * nv;
-    int    i;
-    clothi_walk_bytes(w, s->state.x, n3 * sizeof(double));
-    clothi_walk_bytes(w, s->state.v, n3 * sizeof(double));
-    clothi_walk_bytes(w, &s->state.t, sizeof s->state.t);
-    clothi_walk_bytes(w, &s->history, sizeof s->history);
-    clothi_walk_bytes(w, &s->h_prev, sizeof s->h_prev);
-    if (m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG)
-        clothi_walk_optional(w, s->history ? s->v_prev : NULL, n3);
-    if (m->desc.integrator == CLOTH_INTEGRATOR_BDF2)
-        clothi_walk_optional(w, s->history ? s->x_prev : NULL, n3);
-    clothi_walk_bytes(w, s->pin, nv);
-    clothi_walk_bytes(w, s->target, n3 * sizeof(double));
-    for (i = 0; i < m->desc.max_attachments; i++) clothi_walk_attach(w, s->attach + i);
-    clothi_walk_bytes(w, &s->nattach, sizeof s->nattach);
-    clothi_walk_bytes(w, &s->force_on, sizeof s->force_on);
-    clothi_walk_optional(w, s->force_on ? s->force : NULL, n3);
-    clothi_walk_bytes(w, s->gravity, sizeof s->gravity);
-    clothi_walk_bytes(w, &s->wind_on, sizeof s->wind_on);
-    clothi_walk_bytes(w, s->wind, sizeof s->wind);
-    for (i = 0; i < m->nregions; i++) clothi_walk_material(w, s->params.material + i);
-    clothi_walk_bytes(w, s->params.hinge_scale, (size_t)s->params.nh * sizeof(double));
-    clothi_walk_bytes(w, s->params.theta0, (size_t)s->params.nh * sizeof(double));
-    clothi_walk_bytes(w, s->params.X, 6 * (size_t)m->nf * sizeof(double));
-    clothi_walk_bytes(w, s->params.mass, nv * sizeof(double));
-    clothi_walk_bytes(w, &s->params.mass_given, sizeof s->params.mass_given);
-}
-
-static void clothi_snapshot_walk(cloth_sim *s, clothi_walk *w, unsigned char *scratch) {
-    clothi_unit u;
-    int         i;
-    clothi_walk_core(s, w);
-    for (i = 0; clothi_unit_at(s, i, &u); i++) clothi_walk_unit(w, &u, scratch);
-}
-
 typedef struct clothi_snapshot_head {
-    uint64_t magic, version, bytes, model, checksum;
+    uint64_t magic, version, bytes, checksum, aspect[CLOTHI_ASPECTS];
 } clothi_snapshot_head;
 
-/* The walk in a mode that changes nothing of the sim: the cast is for the shared signature. */
-static void clothi_walk_const(const cloth_sim *sim, clothi_walk *w, unsigned char *scratch) {
-    clothi_snapshot_walk((cloth_sim *)(uintptr_t)sim, w, scratch);
-}
-
 CLOTH_API size_t cloth_sim_save_size(const cloth_sim *sim) {
-    clothi_walk w;
-    if (!sim) return 0;
-    memset(&w, 0, sizeof w);
-    clothi_walk_const(sim, &w, NULL);
-    return w.at + sizeof(clothi_snapshot_head);
+    return sim ? clothi_walked(sim, CLOTHI_SIZE, NULL, 0, CLOTHI_MAX_TERMS) +
+                     sizeof(clothi_snapshot_head)
+               : 0;
 }
 
 CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t size) {
     clothi_snapshot_head head;
-    clothi_walk          w;
+    unsigned char       *data = (unsigned char *)buf + sizeof head;
     size_t               need;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!buf) return clothi_null(&sim->hooks, "cloth_sim_save: buf");
@@ -14149,14 +14128,12 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
     if (size < need)
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
                            "cloth_sim_save: %z bytes given, %z needed", size, need);
-    memset(&w, 0, sizeof w);
-    w.buf = (unsigned char *)buf + sizeof head;
-    clothi_walk_const(sim, &w, NULL);
+    (void)clothi_walked(sim, CLOTHI_SAVE, data, 0, CLOTHI_MAX_TERMS);
     head.magic = CLOTHI_MAGIC;
     head.version = CLOTH_VERSION_NUM;
     head.bytes = need;
-    head.model = sim->model->hash;
-    head.checksum = clothi_hash(0xcbf29ce484222325u, w.buf, need - sizeof head);
+    memcpy(head.aspect, sim->model->aspect, sizeof head.aspect);
+    head.checksum = clothi_hash(0xcbf29ce484222325u, data, need - sizeof head);
     memcpy(buf, &head, sizeof head);
     return CLOTH_OK;
 }
@@ -14186,57 +14163,117 @@ static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char
 }
 
 static cloth_status clothi_check_snapshot(const cloth_sim *sim, const unsigned char *buf,
-                                          size_t size) {
+                                          size_t size, uint64_t *bytes) {
     clothi_snapshot_head head;
-    clothi_walk          w;
-    memset(&w, 0, sizeof w);
-    clothi_walk_core((cloth_sim *)(uintptr_t)sim, &w);  /* only counts bytes */
-    if (size < sizeof head + w.at)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: %z bytes given, at least %z needed", size,
-                           sizeof head + w.at);
-    memcpy(&head, buf, sizeof head);
+    int                  i;
+    memset(&head, 0, sizeof head);
+    if (size >= sizeof head) memcpy(&head, buf, sizeof head);
     if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: not a snapshot of this version");
-    if (head.model != sim->model->hash)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: the snapshot is of another model");
-    if (head.bytes > size || head.bytes < sizeof head + w.at)
+    for (i = 0; i < CLOTHI_ASPECTS; i++)
+        if (head.aspect[i] != sim->model->aspect[i])
+            return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot is "
+                               "of another model, with another %s", clothi_aspects[i]);
+    if (head.bytes > size || head.bytes < sizeof head)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: %z bytes given, not those of the snapshot", size);
     if (clothi_hash(0xcbf29ce484222325u, buf + sizeof head, (size_t)head.bytes - sizeof head) !=
         head.checksum)
         return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the checksum does not match");
-    return clothi_check_units(sim, buf, sizeof head + w.at, (size_t)head.bytes);
+    *bytes = head.bytes;
+    return CLOTH_OK;
+}
+
+/* The field that no call would have left so, or NULL. */
+static const char *clothi_forged_field(const cloth_sim *s) {
+    size_t f;
+    int    i, used = 0;
+    for (f = 0; f < CLOTHI_FIELDS; f++) {
+        const clothi_field *q = clothi_fields + f;
+        const double       *a = (const double *)(void *)clothi_field_data(s, q);
+        if (q->flags & CLOTHI_REAL &&
+            clothi_find_nonfinite(a, clothi_field_count(s, q) * (q->size / sizeof *a)) >= 0)
+            return q->name;
+    }
+    if (s->history >> 1 || s->force_on >> 1 || s->wind_on >> 1 || s->params.mass_given >> 1)
+        return "history, force_on, wind_on or mass_given";
+    if (s->h_prev < 0) return "h_prev";
+    for (i = 0; i < s->model->nv; i++)
+        if (s->pin[i] > CLOTH_AXIS_ALL) return "pin";
+    for (i = 0; i < s->model->desc.max_attachments; used += s->attach[i++].used) {
+        const cloth_step_attachment *q = s->attach + i;
+        if (q->used >> 1 || q->face < 0 || q->face >= s->model->nf || !clothi_finite(q->k) ||
+            q->k < 0 || clothi_find_nonfinite(q->bary, 3) >= 0 ||
+            clothi_find_nonfinite(q->pose, 3) >= 0 || clothi_find_nonfinite(q->target, 3) >= 0)
+            return "attachment";
+    }
+    return s->nattach == used ? NULL : "nattach";
+}
+
+/* Fields but for those of `skip` and units from [bytes] of buf, if they may be; all is as before
+ * when not. */
+static cloth_status clothi_load(cloth_sim *s, const void *buf, size_t bytes, int skip) {
+    const size_t fields = clothi_walked(s, CLOTHI_SIZE, NULL, skip, 0);
+    cloth_status status = clothi_check_units(s, (const unsigned char *)buf, fields, bytes);
+    const char  *forged;
+    int          i;
+    if (!status) status = clothi_fields_need(s, 0);
+    if (!status) status = clothi_room(s, &s->kept, &s->kept_size, fields, 0);
+    if (status) return status;
+    (void)clothi_walked(s, CLOTHI_SAVE, s->kept, skip, 0);
+    (void)clothi_walked(s, CLOTHI_LOAD, buf, skip, 0);
+    forged = clothi_forged_field(s);
+    if (forged)
+        status = clothi_fail(&s->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: no sim would have "
+                             "saved such a %s", forged);
+    else if (clothi_check_params(s, &s->params))
+        status = CLOTH_ERR_FORMAT;
+    (void)clothi_walked(s, CLOTHI_LOAD, status ? s->kept : buf, skip,
+                        status ? 0 : CLOTHI_MAX_TERMS);
+    for (i = 0; i < s->model->desc.max_attachments; i++)
+        if (s->made[i] > s->generation) s->generation = s->made[i];
+    s->known = 0;
+    return status;
 }
 
 CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size) {
-    clothi_walk  w;
+    const size_t head = sizeof(clothi_snapshot_head);
     cloth_status status;
-    size_t       n;
-    int          i;
+    uint64_t     bytes = 0;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!buf) return clothi_null(&sim->hooks, "cloth_sim_restore: buf");
-    status = clothi_check_snapshot(sim, (const unsigned char *)buf, size);
-    n = 3 * (size_t)sim->model->nv;         /* what the walk may fill must be there first */
-    if (!status) status = clothi_need(sim, &sim->force, n);
-    if (!status && sim->model->desc.integrator == CLOTH_INTEGRATOR_BDF2)
-        status = clothi_need(sim, &sim->x_prev, n);
-    if (!status && sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG)
-        status = clothi_need(sim, &sim->v_prev, n);
+    status = clothi_check_snapshot(sim, (const unsigned char *)buf, size, &bytes);
+    if (!status)
+        status = clothi_load(sim, (const unsigned char *)buf + head, (size_t)bytes - head, 0);
     if (status) return status;
-    memset(&w, 0, sizeof w);
-    w.buf = (unsigned char *)(uintptr_t)buf + sizeof(clothi_snapshot_head);
-    w.load = 1;
-    clothi_snapshot_walk(sim, &w, NULL);
-    for (i = 0; i < sim->model->desc.max_attachments; i++)
-        if (sim->attach[i].generation > sim->generation)
-            sim->generation = sim->attach[i].generation;
     clothi_derive(sim);
     clothi_params_publish(sim);
     return CLOTH_OK;
+}
+
+/* --- records --- */
+
+CLOTH_API cloth_status cloth_sim_set_recorder(cloth_sim *sim, const cloth_recorder *recorder) {
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    memset(&sim->recorder, 0, sizeof sim->recorder);
+    if (recorder) sim->recorder = *recorder;
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_step_replay(cloth_sim *sim, const cloth_step_record *record,
+                                         cloth_report *report) {
+    cloth_status status;
+    if (!sim) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
+    if (!record) return clothi_refused(report, clothi_null(&sim->hooks,
+                                                           "cloth_step_replay: record"));
+    if (record->model != sim->model->hash)
+        return clothi_refused(report, clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_step_"
+                                                  "replay: the record is of another model"));
+    status = clothi_load(sim, record->state, record->bytes, CLOTHI_PARAM);
+    if (status) return clothi_refused(report, status);
+    return record->h > 0 ? cloth_step(sim, record->h, report) : cloth_solve_static(sim, report);
 }
 
 CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
@@ -14251,9 +14288,10 @@ CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
     if (hosts) scratch = (unsigned char *)clothi_alloc(&sim->model->hooks, hosts, 1);
     if (hosts && !scratch) return 0;
     memset(&w, 0, sizeof w);
-    w.hashing = 1;
+    w.verb = CLOTHI_HASH;
     w.hash = 0xcbf29ce484222325u ^ sim->model->hash;
-    clothi_walk_const(sim, &w, scratch);
+    clothi_walk_fields(sim, &w);
+    clothi_walk_units(sim, &w, CLOTHI_MAX_TERMS, scratch);
     clothi_free(&sim->model->hooks, scratch);
     return w.hash;
 }
@@ -14408,7 +14446,7 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
         draw->line(x, tip, 0x00a000u, draw->user);
     }
     for (i = 0; sim->nattach > 0 && i < m->desc.max_attachments; i++) {
-        const clothi_attach *q = sim->attach + i;
+        const cloth_step_attachment *q = sim->attach + i;
         double               p[3] = {0, 0, 0};
         if (!q->used) continue;
         for (k = 0; k < 9; k++)
@@ -14443,9 +14481,9 @@ typedef struct clothi_scene {               /* what the groups are made of      
 static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene) {
     const cloth_material *mat = desc->nregions > 0 ? desc->materials : &desc->material;
     const int    nregions = desc->nregions > 0 ? desc->nregions : 1;
-    double       low[3], high[3], area = 0, *X;
+    double       area = 0, *X;
     cloth_status status;
-    int          i, k, nf = desc->nf;
+    int          i, nf = desc->nf;
     X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
     if (!X) return CLOTH_ERR_MEMORY;
     status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
@@ -14459,15 +14497,7 @@ static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene)
     }
     scene->g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
     scene->edge = sqrt(4 / sqrt(3.0) * area / nf);
-    scene->L = 0;
-    for (k = 0; k < 3; k++) {
-        low[k] = high[k] = desc->x_rest[k];
-        for (i = 0; i < desc->nv; i++) {
-            low[k] = fmin(low[k], desc->x_rest[3 * i + k]);
-            high[k] = fmax(high[k], desc->x_rest[3 * i + k]);
-        }
-        scene->L = fmax(scene->L, high[k] - low[k]);
-    }
+    scene->L = clothi_extent(desc->x_rest, desc->nv);
     return status;
 }
 

@@ -3732,7 +3732,7 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
     cloth_status           status;
     double                 volume = 0, corner[3], n[3];
     int                    i, f;
-    status = clothi_check_array(hooks, "x", d->x, d->nv, 3);
+    status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
     if (status != CLOTH_OK) return status;
     for (i = 0; i < 9 * d->nf; i++) {
@@ -7300,7 +7300,6 @@ static cloth_status clothi_contact_open(cloth_collide *c) {
 
 static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     cloth_collide *c = (cloth_collide *)user;
-    cloth_sim     *s = c->sim;
     const double   start = clothi_now(c->hooks);
     cloth_status   status = CLOTH_OK;
     if (!(e->h > 0))
@@ -7308,9 +7307,9 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
     c->v_n = e->v_n;
-    c->share = s->attach_step;
+    c->share = e->in->share[1] - e->in->share[0];
     if (!c->begun) status = clothi_contact_open(c);
-    clothi_world_pose(c, e->x_n, s->attach_alpha - s->attach_step, s->attach_alpha);
+    clothi_world_pose(c, e->x_n, e->in->share[0], e->in->share[1]);
     c->ncontact = c->nrow = c->listed = 0;
     if (!status) status = clothi_pinch_begin(c);
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
@@ -7515,10 +7514,16 @@ typedef struct clothi_contact_head {
 /* What a snapshot does not hold and must find again: the obstacles' kinds and shapes, the desc. */
 static uint64_t clothi_contact_kind(const cloth_collide *c) {
     const cloth_collide_desc *d = &c->desc;
-    const double              number[5] = {d->thickness, c->stiffness, d->relaxation, d->friction,
-                                           d->slip};
+    const double              number[7] = {d->thickness, c->stiffness, d->relaxation, d->friction,
+                                           d->slip, (double)d->max_passes,
+                                           (double)d->initial};
     uint64_t                  h = clothi_hash(0xcbf29ce484222325u, number, sizeof number);
     int                       o;
+    for (o = 0; o < d->nparts; o++) {
+        const cloth_collide_part *q = c->part + o;
+        const uint32_t            bits[3] = {q->self ? 1u : 0u, q->category, q->mask};
+        h = clothi_hash(clothi_hash(h, bits, sizeof bits), &q->friction, sizeof q->friction);
+    }
     for (o = 0; o < c->nobstacle; o++) {
         const clothi_obstacle *b = c->obstacle + o;
         const double           real[5] = {b->radius, b->thickness, b->normal[0], b->normal[1],
@@ -7868,6 +7873,13 @@ static void clothi_contact_orphan(void *user) {
     c->sim = NULL;
 }
 
+static int clothi_contact_list(void *user, int max, void *contact) {
+    int n = 0;
+    (void)cloth_collide_contacts((const cloth_collide *)user, max,
+                                 (cloth_collide_contact *)contact, &n);
+    return n;
+}
+
 static void clothi_collide_connect(cloth_collide *c) {
     cloth_contact k;
     memset(&k, 0, sizeof k);
@@ -7890,6 +7902,8 @@ static void clothi_collide_connect(cloth_collide *c) {
     k.bytes = clothi_contact_bytes;
     k.check = clothi_contact_unsaved;
     k.balance = clothi_contact_balance;
+    k.contacts = clothi_contact_list;
+    k.contact_size = sizeof(cloth_collide_contact);
     k.orphan = clothi_contact_orphan;
     (void)cloth_sim_set_contact(c->sim, &k);
 }
@@ -8326,7 +8340,7 @@ static void clothi_shorten(cloth_collide *c, const double *targets, double part)
         s->target[i] = part < 1 ? s->state.x[i] + part * (*targets - s->state.x[i]) : *targets;
     for (i = 0; i < s->model->desc.max_attachments; i++)
         for (k = 0; k < 3; k++, targets++) {
-            clothi_attach *q = s->attach + i;
+            cloth_step_attachment *q = s->attach + i;
             q->target[k] = part < 1 ? q->pose[k] + part * (*targets - q->pose[k]) : *targets;
         }
     for (o = 0; o < c->nobstacle; o++) {

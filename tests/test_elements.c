@@ -541,39 +541,6 @@ static void quadratic_is_the_flat_hinge(void) {
     }
 }
 
-/* Two rest triangles, each laid flat on its own and turned, give back the hinge they came from. */
-static void hinge_unfolding(void) {
-    static const double one[6] = {0, 0, 0, 0, 1, 1};
-    unsigned long long  seed = 16;
-    int                 k, i, side;
-    for (k = 0; k < 50; k++) {
-        const double foot[2] = {ref_uniform(&seed, -1, 2), ref_uniform(&seed, -1, 2)};
-        const double height[2] = {ref_uniform(&seed, 0.2, 1.5), ref_uniform(&seed, 0.2, 1.5)};
-        double       rest[12], x[12], area[2], T[2][6];
-        int          apex[2];
-        make_hinge(NULL, 1.3, foot, height, 0, rest);
-        for (side = 0; side < 2; side++) {
-            const int    corner[2][3] = {{0, 1, 2}, {1, 0, 3}};     /* counterclockwise */
-            const double a = ref_uniform(&seed, 0, 6);
-            const int    first = (int)(ref_next(&seed) % 3);
-            for (i = 0; i < 3; i++) {
-                const double *p = rest + 3 * corner[side][(i + first) % 3];
-                T[side][2 * i] = cos(a) * p[0] - sin(a) * p[1] + 3;
-                T[side][2 * i + 1] = sin(a) * p[0] + cos(a) * p[1] - 2;
-            }
-            apex[side] = (2 - first + 3) % 3;
-        }
-        CHECK(clothi_hinge_unfold(T[0], apex[0], T[1], apex[1], x, area));
-        CHECK(ref_difference(x, rest, 12) < 1e-13);
-        CHECK_REL(area[0], 0.5 * 1.3 * height[0], 1e-13);
-        CHECK_REL(area[1], 0.5 * 1.3 * height[1], 1e-13);
-    }
-    {
-        double x[12], area[2];
-        CHECK(!clothi_hinge_unfold(one, 2, one, 2, x, area));
-    }
-}
-
 /* ---- eight at a time ------------------------------------------------------------------------ */
 
 enum { LANES = CLOTHI_LANES };
@@ -1066,7 +1033,6 @@ int main(int argc, char **argv) {
     RUN(hinge_invariance);
     RUN(hinge_degenerate);
     RUN(quadratic_is_the_flat_hinge);
-    RUN(hinge_unfolding);
     RUN(lanes_stretch);
     RUN(lanes_hinge);
     RUN(lanes_hinge_wrapped);

@@ -210,7 +210,8 @@ static void differences(void) {
             v[i] = m == 3 ? -4 * n[i % 3] : 0;
         memset(&e, 0, sizeof e);
         e.nv = 9, e.h = H, e.x = x, e.x_n = s.state->x, e.v_n = v, e.grad = grad;
-        s.sim->attach_alpha = s.sim->attach_step = 1;
+        e.in = &s.sim->in;
+        clothi_input(s.sim, H, 0, 1);
         CHECK(clothi_contact_begin(s.c, &e) == CLOTH_OK);
         for (i = 0; i < 27; i++)
             x[i] = s.state->x[i] + H * v[i] + 1e-5 * sin(5.0 * i) +
@@ -412,6 +413,7 @@ static void nowhere(void) {
             cloth_eval e;
             memset(&e, 0, sizeof e);
             e.nv = s.mesh->nv, e.h = H, e.x = e.x_n = s.state->x, e.v_n = s.state->v;
+            e.in = &s.sim->in;
             CHECK(clothi_contact_begin(s.c, &e) == CLOTH_OK);
             s.c->begun = 0;
             CHECK(s.c->ncontact == 0);

@@ -449,7 +449,7 @@ static void triangle_forces(void) {
         e.params = cloth_sim_params(d.sim);
         e.nv = d.nv;
         CHECK(clothi_leap_force(d.sim, &e, &extra) == CLOTH_OK);
-        clothi_sum_corners(d.sim->w.force, d.model->gather_start, d.model->gather_mid,
+        clothi_sum_corners(d.sim->own.force, d.model->gather_start, d.model->gather_mid,
                            d.model->gather, 0, d.nv, 1, got);
         reference_gradient(&d, d.sim->w.x, want);
         CHECK(clothi_find_nonfinite(got, 3 * (size_t)d.nv) < 0);

@@ -57,7 +57,7 @@ static void lag(double h, double eta) {
     clothi_eval_start(S.sim, &goal, h);
     goal.eta = eta;
     memcpy(S.sim->w.y, S.sim->state.x, 3 * (size_t)S.nv * sizeof(double));
-    S.sim->attach_alpha = 0.7;
+    clothi_input(S.sim, h, 0.4, 0.7);
     CHECK(clothi_terms_begin(S.sim, &goal) == CLOTH_OK);
 }
 
@@ -459,7 +459,7 @@ static void wind_is_drag(void) {
     goal.e.x = X0;
     goal.e.grad = g;
     goal.e.hess = NULL;
-    CHECK(S.sim->term[CLOTHI_TERM_WIND].eval(S.sim, &goal.e, along_x) == CLOTH_OK);
+    CHECK(S.sim->term[CLOTHI_TERM_WIND].eval(&S.sim->own, &goal.e, along_x) == CLOTH_OK);
     for (i = 0; i < 3 * S.nv; i++) {
         big = fmax(big, fabs(want[i]));
         worst = fmax(worst, fabs(-g[i] - want[i]));

@@ -58,6 +58,7 @@ static int child_speed(int n, cloth_bend_model bend) {
     memset(&e, 0, sizeof e);
     e.model = model;
     e.params = cloth_sim_params(sim);
+    e.in = &sim->in;
     e.nv = model->nv;
     e.h = H / report.substeps;
     for (i = 0; i < PASSES; i++) {

@@ -179,7 +179,7 @@ static void rest(void) {
     printf("    height over a plane %.6f mm, over the grid of a box %.6f mm\n", 1e3 * height[0],
            1e3 * height[1]);
     {
-        const double v = T * T / 120, U = 0.775 * T;
+        const double v = T * T / 120, U = 0.75 * T;
         CHECK_REL(T - height[0], sqrt(v + v * v / (4 * U * U)) - v / (2 * U), 1e-3);
         CHECK_REL(T - height[1], sqrt(v), 1e-3);
     }

@@ -846,6 +846,17 @@ static void clothi_face_normal(const double *x, const int *v, double *n) {
     for (k = 0; k < 3 && size > 0; k++) n[k] /= size;
 }
 
+/* Squared distance m^2 of p from face v [3] of x; b [3]: barycentric coordinates of the nearest
+ * point. */
+static double clothi_face_distance2(const double *x, const int *v, const double *p, double *b) {
+    double r[9], lambda[4], d[3];
+    int    i;
+    for (i = 0; i < 3; i++) clothi_sub3(p, x + 3 * (size_t)v[i], r + 3 * i);
+    (void)clothi_nearest(r, 3, lambda, d);
+    memcpy(b, lambda, 3 * sizeof *b);
+    return clothi_dot3(d, d);
+}
+
 /* The power of two that takes m > 0 to [1/2, 1), as far as doubles go; 1 for 0. */
 static double clothi_unit_scale(double m) {
     int e;
@@ -3538,23 +3549,11 @@ static int clothi_surface_pierced(const double *p, const double *q, const double
 
 /* --- nearest point --- */
 
-/* Squared distance m^2 of p from face f; b [3]: barycentric coordinates of the nearest point. */
-static double clothi_surface_distance2(const clothi_surface *s, int f, const double *p,
-                                       double *b) {
-    double r[9], lambda[4], v[3];
-    int    i;
-    for (i = 0; i < 3; i++)
-        clothi_sub3(p, s->x + 3 * (size_t)s->faces[3 * (size_t)f + (size_t)i], r + 3 * i);
-    clothi_nearest(r, 3, lambda, v);
-    memcpy(b, lambda, 3 * sizeof *b);
-    return clothi_dot3(v, v);
-}
-
 static double clothi_surface_far(int f, const double *p, void *ctx) {
     const clothi_surface *s = (const clothi_surface *)ctx;
     double                b[3];
     if ((s->skip && s->skip[f]) || (s->closed && !s->closed[f])) return HUGE_VAL;
-    return clothi_surface_distance2(s, f, p, b);
+    return clothi_face_distance2(s->x, s->faces + 3 * (size_t)f, p, b);
 }
 
 /* The face nearest to p of those that have an inside and are not to be skipped: of several the
@@ -3566,7 +3565,7 @@ static double clothi_surface_far(int f, const double *p, void *ctx) {
 static int clothi_surface_nearest(const clothi_surface *s, const double *p, double *d2, double *b) {
     clothi_surface look = *s;
     const int      f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &look, d2);
-    if (f >= 0) (void)clothi_surface_distance2(s, f, p, b);
+    if (f >= 0) (void)clothi_face_distance2(s->x, s->faces + 3 * (size_t)f, p, b);
     return f;
 }
 
@@ -3667,7 +3666,10 @@ static double clothi_grid_reach(const clothi_grid_job *job, const double *p, dou
                                 int *f) {
     double d2 = bound * bound, b[3];
     int    found;
-    if (*f >= 0) d2 = clothi_min(d2, clothi_surface_distance2(&job->surface, *f, p, b));
+    if (*f >= 0) {
+        const int *v = job->surface.faces + 3 * (size_t)*f;
+        d2 = clothi_min(d2, clothi_face_distance2(job->surface.x, v, p, b));
+    }
     found = clothi_surface_nearest(&job->surface, p, &d2, b);
     if (found >= 0) *f = found;
     return found < 0 ? bound : clothi_min(bound, sqrt(d2));
@@ -4091,6 +4093,7 @@ struct cloth_collide {
     const double   *v_n;                    /* [nv x 3] m/s at its start, the core's           */
     int             begun;                  /* a step is under way                             */
     int             inexact;                /* the last one ended before Newton converged      */
+    int             trying;                 /* a point that is not needed: no sentence         */
     double          toi;                    /* of the way to the guess: before it all is free  */
     const double   *at, *way;               /* [nv x 3] segment under detection                */
     double         *way_in;                 /* [nv x 3] it, not longer than a leap             */
@@ -4098,6 +4101,7 @@ struct cloth_collide {
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
     int             listed;                 /* c->pair is the list of this substep's moves     */
+    int             made;                   /* it was, for this iterate                        */
     int             renewed;                /* times that friction's limits were, in a search  */
     double         *x_list;                 /* [nv x 3] where the iterate is                   */
     double          share;                  /* of the step that the substep is                 */
@@ -4293,12 +4297,9 @@ static void clothi_world_area(cloth_collide *c) {
             memcpy(x + 3 * c->obstacle[o].v0, clothi_pose(c->obstacle + o, 2),
                    3 * (size_t)c->obstacle[o].nv * sizeof(double));
     for (f = 0; f < c->mf; f++) {
-        const int *v = c->faces + 3 * f;
-        double     p[3], q[3], n[3];
-        clothi_sub3(x + 3 * v[1], x + 3 * v[0], p);
-        clothi_sub3(x + 3 * v[2], x + 3 * v[0], q);
-        clothi_cross3(p, q, n);
-        for (k = 0; k < 3; k++) c->area[v[k]] += sqrt(clothi_dot3(n, n)) / 6;
+        double n[3];
+        clothi_face_cross(x, c->faces + 3 * f, n);
+        for (k = 0; k < 3; k++) c->area[c->faces[3 * f + k]] += sqrt(clothi_dot3(n, n)) / 6;
     }
 }
 
@@ -4738,11 +4739,9 @@ static int clothi_tangle_passes(const cloth_collide *c, int kind, int a, int b);
  * penetrates itself: nothing lets it in. */
 static int clothi_outside(const cloth_collide *c, int v, int face) {
     const int *f = c->faces + 3 * face;
-    double     d[3], e[3], n[3];
+    double     d[3], n[3];
     if (v >= c->nv || c->slot[f[0]] < 0 || !c->obstacle[c->slot[f[0]]].self_penetrating) return 0;
-    clothi_sub3(c->xa + 3 * f[1], c->xa + 3 * f[0], d);
-    clothi_sub3(c->xa + 3 * f[2], c->xa + 3 * f[0], e);
-    clothi_cross3(d, e, n);
+    clothi_face_cross(c->xa, f, n);
     clothi_sub3(c->xa + 3 * v, c->xa + 3 * f[0], d);
     return clothi_dot3(n, d) > 0;
 }
@@ -4938,14 +4937,13 @@ static void clothi_exempt_part(cloth_collide *c) {
  *
  * a potential for fixed N and frame. N follows the normal forces at every iterate whose residual is
  * less than 1e-2 of friction's limits at the vertices that carry half of them: farther away it
- * would be that of a motion that will not be (a strip that began to slip around a cylinder flew off
- * in one step). The search ends at such an iterate, below the tolerance in metres, where the limits
- * change by less than 5 % of their sum: an update in metres says little of a force, and a residual
- * of all vertices says little either, since a sliver of a mesh may hold more than all contacts.
- * When the step is accepted the anchor keeps v, cut to eps and turned with the surface: what sticks
- * does not creep (Cundall and Strack 1979). A sheet on a plane slides 0.04 % more than Coulomb's at
- * mu = 0.99 tan a, and sticks within 0.03 mm at 1.01. Friction's Hessian along v is 0 beyond eps;
- * where dx would turn v round, it gets the majorizer's mu N/|v| instead.
+ * would be that of a motion that will not be (a strip began to slip around a cylinder and flew
+ * off). The search ends at such an iterate where the limits change by less than 5 % of their sum.
+ * Half of them: a few slivers of a garment's mesh hold more than all its contacts. When the step is
+ * accepted the anchor keeps v, cut to eps and turned with the surface: what sticks does not creep
+ * (Cundall and Strack 1979). A sheet on a plane slides 0.02 % less than Coulomb's at mu = 0.99 tan
+ * a, and sticks within 0.6 mm at 1.01. Friction's Hessian along v is 0 beyond eps; where dx would
+ * turn v round, it gets the majorizer's mu N/|v| instead.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
  * a pole (a pressed pair climbed 10^12); N from the step before (no friction in the first step of a
@@ -4960,7 +4958,6 @@ static void clothi_exempt_part(cloth_collide *c) {
  * checked: tests/test_friction.c (differences), test_contact.c, test_grid_contact.c, test_pose.c,
  *   tests/validate/slide.c, incline.c, stopping.c, resting.c, drop.c, capstan.c
  */
-
 
 #define CLOTHI_SEPARATION 0.28              /* of t: what detection leaves to begin with       */
 #define CLOTHI_GAP        0.5               /* of t: target gap of zones                       */
@@ -5561,7 +5558,6 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
     return q->start > 0;
 }
 
-
 /* --- the list --- */
 
 static int clothi_contact_before(const clothi_contact *p, const clothi_contact *q) {
@@ -5569,6 +5565,14 @@ static int clothi_contact_before(const clothi_contact *p, const clothi_contact *
     if (order) return order < 0;
     if (p->kind != q->kind) return p->kind < q->kind;
     return p->a != q->a ? p->a < q->a : p->b < q->b;
+}
+
+static cloth_status clothi_order_reserve(cloth_collide *c, int n) {
+    cloth_status status = CLOTH_OK;
+    while (c->order_cap < n && !status)
+        status =
+            clothi_grow(c->hooks, (void **)&c->order, c->order_cap, &c->order_cap, sizeof(int));
+    return status;
 }
 
 /* Heap sort of numbers [n] of contacts t. */
@@ -5598,11 +5602,9 @@ static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
     clothi_contact *t = c->contact;
     const int       n = c->ncontact, cap = c->contact_cap;
     int             i = 0, j = 0, k;
-    cloth_status    status = CLOTH_OK;
+    cloth_status    status;
     c->framed = 0;
-    while (c->order_cap < n && !status)
-        status =
-            clothi_grow(c->hooks, (void **)&c->order, c->order_cap, &c->order_cap, sizeof(int));
+    status = clothi_order_reserve(c, n);
     while (c->spare_cap < n && !status)
         status = clothi_grow(c->hooks, (void **)&c->spare, c->spare_cap, &c->spare_cap, sizeof *t);
     if (status) return status;
@@ -5721,10 +5723,9 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
  *
  * From there on everything is where the substep ends but for the cloth, and every move is cut where
  * a pair would come nearer than its minimum separation. The broad phase is made for a segment and
- * some slack around it, and serves as long as the iterates stay there. Of each of its pairs a lower
- * bound of the way to its range is known, exact when it was last looked at, and less by what both
- * sides have moved since: most pairs are done with by one comparison. What may come into range on a
- * move is a contact from then on. */
+ * some slack around it and serves as long as the iterates stay there. Of each pair a lower bound of
+ * the way to its range is known, exact when last looked at and less by what has moved since: most
+ * are done with by one comparison. What may come into range on a move becomes a contact. */
 
 #define CLOTHI_LIST_SLACK 1.0               /* t, around the segment that a list is made for   */
 #define CLOTHI_REACH      0.25              /* t: how much farther than in range is a contact  */
@@ -5750,17 +5751,21 @@ static cloth_status clothi_hits_reserve(cloth_collide *c) {
     return CLOTH_OK;
 }
 
-/* Every vertex of cloth is, from x to y, at least t/2 inside of its box: then the list is whole. */
-static int clothi_list_covers(const cloth_collide *c, const double *x, const double *y) {
+/* The part of dx (NULL: none) from x on which every vertex of cloth stays t/2 inside of its box: so
+ * far the list is whole. Negative: not even at x. */
+static double clothi_list_covers(const cloth_collide *c, const double *x, const double *dx) {
     const double t = 0.5 * c->thickest;
+    double       part = c->listed ? 1 : -1;
     int          i, k;
-    for (i = 0; i < c->nv && c->listed && !clothi_only_walls(c); i++)
+    for (i = 0; i < c->nv && !(part < 0) && !clothi_only_walls(c); i++)
         for (k = 0; k < 3; k++) {
-            const double *box = c->box_v + 6 * i + k;
-            const double  p = x[3 * i + k], q = y[3 * i + k];
-            if (clothi_min(p, q) - t < box[0] || clothi_max(p, q) + t > box[3]) return 0;
+            const double *box = c->box_v + 6 * i + k, d = dx ? dx[3 * i + k] : 0;
+            const double  low = x[3 * i + k] - t - box[0], high = box[3] - t - x[3 * i + k];
+            if (low < 0 || high < 0) part = -1;
+            else if (part * d > high) part = high / d;
+            else if (-part * d > low) part = -low / d;
         }
-    return c->listed;
+    return part;
 }
 
 /* How far pair i is from its range, m; cloth at x, obstacles where they end. */
@@ -5783,28 +5788,25 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
 /* Contacts whose pair is in the new list and near, or with a grid, stay, with all that is lagged.
  * */
 static cloth_status clothi_list_keep(cloth_collide *c) {
-    clothi_contact *old = c->contact;
-    const int       cap = c->contact_cap;
-    int             i;
-    cloth_status    status = clothi_table_fill(c->hooks, &c->contact_of, old, sizeof *old,
-                                               c->ncontact);
-    if (status) return status;
-    c->contact = c->spare, c->contact_cap = c->spare_cap;
-    c->spare = old, c->spare_cap = cap;
-    c->ncontact = 0;
-    for (i = 0; i < c->npair && !status; i++) {
+    clothi_contact *q = c->contact;
+    int             i, n = 0;
+    uint32_t        at;
+    cloth_status    status = clothi_table_fill(c->hooks, &c->contact_of, q, sizeof *q, c->ncontact);
+    if (!status) status = clothi_order_reserve(c, c->ncontact);
+    if (status || c->ncontact == 0) return status;
+    memset(c->order, 0, (size_t)c->ncontact * sizeof(int));
+    for (i = 0; i < c->npair; i++) {
         const clothi_pair_id *p = c->pair + i;
-        uint32_t              at;
-        int                   was;
-        if (c->slack[i] > CLOTHI_REACH * c->thickest) continue;
-        was = clothi_table_find(&c->contact_of, old, sizeof *old, p->kind, p->a, p->b, &at);
-        if (was < 0) continue;
-        status = clothi_grow(c->hooks, (void **)&c->contact, c->ncontact, &c->contact_cap,
-                             sizeof *old);
-        if (!status) c->contact[c->ncontact++] = old[was];
-        c->hit[i] = CLOTHI_HIT_CONTACT;
+        int                   was = -1;
+        if (c->slack[i] <= CLOTHI_REACH * c->thickest)
+            was = clothi_table_find(&c->contact_of, q, sizeof *q, p->kind, p->a, p->b, &at);
+        if (was >= 0) c->order[was] = c->hit[i] = CLOTHI_HIT_CONTACT;
     }
-    return status ? status : clothi_contact_sort(c, 0);
+    for (i = 0; i < c->ncontact; i++)
+        if (c->order[i]) q[n++] = q[i];
+    c->ncontact = n;
+    c->framed = 0;
+    return CLOTH_OK;
 }
 
 /* Pairs for segments near that from x to y, of walls all; contacts as they were. */
@@ -5919,16 +5921,22 @@ static void clothi_free_range(int begin, int end, int worker, void *ctx) {
 static cloth_status clothi_contact_max_step(void *user, const double *x, const double *dx,
                                             double *part) {
     cloth_collide *c = (cloth_collide *)user;
-    double        *y = c->qp_x0, least = 1, most = CLOTHI_LEAP * c->length;
+    double         covers, least = 1, most = CLOTHI_LEAP * c->length, *y = c->qp_x0;
     cloth_status   status = CLOTH_OK;
     int            i;
     most /= clothi_max(clothi_max_abs(dx, 3 * c->nv), most);
     for (i = 0; i < 3 * c->nv; i++) c->way_in[i] = most * dx[i];
     dx = c->way_in;
-    for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + dx[i];
-    if (clothi_list_covers(c, x, y)) clothi_list_drift(c, x);
-    else status = clothi_list_make(c, x, y);
+    covers = clothi_list_covers(c, x, dx);
+    if (covers < 1 && !c->made) {
+        for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + dx[i];
+        status = clothi_list_make(c, x, y);
+        covers = c->made = 1;
+    } else
+        clothi_list_drift(c, x);
     if (status) return status;
+    for (i = 0; i < 3 * c->nv; i++) c->way_in[i] *= covers;
+    most *= covers;
     c->at = x, c->way = dx;
     clothi_move_far(c, dx);
     clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
@@ -6046,8 +6054,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     cloth_status   status = CLOTH_OK;
     double         change;
     int            settled;
-    if (clothi_list_covers(c, x, x)) clothi_list_drift(c, x);
-    else status = clothi_list_make(c, x, x);
+    c->made = 0;
+    if (clothi_list_covers(c, x, NULL) < 0) status = clothi_list_make(c, x, x);
+    else clothi_list_drift(c, x);
     if (!status) status = clothi_list_join(c, x, NULL, 0, 0);
     c->at = x;
     clothi_contact_frames(c, x);
@@ -6121,17 +6130,6 @@ static double clothi_hold_room(const cloth_collide *c, const cloth_hold *h, cons
     return clothi_dot3(d, m);
 }
 
-/* Squared distance of p from a world face at the start of the substep; weights of the nearest
- * point. */
-static double clothi_face_far(const cloth_collide *c, int face, const double *p, double *weight) {
-    double r[9], lambda[4], d[3];
-    int    i;
-    for (i = 0; i < 3; i++) clothi_sub3(p, c->xa + 3 * c->faces[3 * face + i], r + 3 * i);
-    clothi_nearest(r, 3, lambda, d);
-    memcpy(weight, lambda, 3 * sizeof *weight);
-    return clothi_dot3(d, d);
-}
-
 typedef struct clothi_catch {               /* a search for the nearest face                   */
     const cloth_collide *c;
     int                  slot;
@@ -6142,17 +6140,15 @@ static double clothi_catch_far(int face, const double *p, void *ctx) {
     const clothi_catch  *q = (const clothi_catch *)ctx;
     const cloth_collide *c = q->c;
     const int           *v = c->faces + 3 * (size_t)face;
-    double               w[3], d[3], e[3], n[3];
+    double               w[3], d[3], n[3];
     if (c->slot[v[0]] != q->slot) return HUGE_VAL;
-    if (!q->facing) return clothi_face_far(c, face, p, w);
-    clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], d);
-    clothi_sub3(c->xa + 3 * v[2], c->xa + 3 * v[0], e);
-    clothi_cross3(d, e, n);
+    if (!q->facing) return clothi_face_distance2(c->xa, c->faces + 3 * (size_t)face, p, w);
+    clothi_face_cross(c->xa, v, n);
     clothi_sub3(p, c->xa + 3 * v[0], d);
     if (!(clothi_dot3(n, q->facing) < CLOTHI_FACING * sqrt(clothi_dot3(n, n))) ||
         !(clothi_dot3(n, d) > 0))
         return HUGE_VAL;
-    return clothi_face_far(c, face, p, w);
+    return clothi_face_distance2(c->xa, c->faces + 3 * (size_t)face, p, w);
 }
 
 /* Whether vertex v is between two parts of obstacle `slot` nearer than `room` times t at either
@@ -6170,7 +6166,7 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
         d2 = (room * t + (k + 1) * way) * (room * t + (k + 1) * way);
         f = clothi_bvh_nearest(&c->solid, p, clothi_catch_far, &q, &d2);
         if (f < 0) return 0;
-        (void)clothi_face_far(c, f, p, h->weight[k]);
+        (void)clothi_face_distance2(c->xa, c->faces + 3 * f, p, h->weight[k]);
         h->face[k] = f - c->obstacle[slot].f0;
         clothi_hold_point(c, h, k, c->xa, A + 3 * k, n + 3 * k);
         clothi_sub3(p, A + 3 * k, d);
@@ -6187,13 +6183,15 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
 /* Point k of a hold slides to what is nearest to p around it, at the start of the substep. */
 static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, const double *p) {
     const int f0 = c->obstacle[h->slot].f0;
-    double    least = clothi_face_far(c, f0 + h->face[k], p, h->weight[k]), w[3];
+    double    w[3], least = clothi_face_distance2(c->xa, c->faces + 3 * (f0 + h->face[k]), p,
+                                                  h->weight[k]);
     int       go, turn, i, j;
     for (turn = 0, go = 1; go && turn < CLOTHI_WALK; turn++) {
         const int *v = c->faces + 3 * (size_t)(f0 + h->face[k]);
         for (go = 0, i = 0; i < 3; i++)
             for (j = c->star[v[i]]; j < c->star[v[i] + 1]; j++) {
-                const double d2 = clothi_face_far(c, c->star_face[j], p, w);
+                const int   *f = c->faces + 3 * c->star_face[j];
+                const double d2 = clothi_face_distance2(c->xa, f, p, w);
                 if (!(d2 < least * (1 - 1e-9))) continue;
                 least = d2, go = 1;
                 h->face[k] = c->star_face[j] - f0;
@@ -6227,7 +6225,7 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
 
 /* Faces around the points of a hold, as far as cloth that hangs on its vertex reaches, are
  * c->pinched. */
-static cloth_status clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
+static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
     const cloth_topology *top = c->sim->model->topology;
     const double *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
     const int     f0 = c->obstacle[h->slot].f0, stamp = h->vertex + 1;
@@ -6259,7 +6257,6 @@ static cloth_status clothi_hold_mark(cloth_collide *c, const cloth_hold *h, cons
                 if (clothi_min(near, far) < reach * reach) c->flood[n++] = g;
             }
     }
-    return CLOTH_OK;
 }
 
 /* Arrays of one obstacle's search; they go with the world. */
@@ -6333,7 +6330,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, double room, int *n) {
             c->held_of[i] = c->nholding;
             c->holding[c->nholding] = c->caught[i];
             (void)clothi_hold_keep(c, c->holding + c->nholding, c->hold_to + 3 * i);
-            status = clothi_hold_mark(c, c->holding + c->nholding, c->hold_to + 3 * i);
+            clothi_hold_mark(c, c->holding + c->nholding, c->hold_to + 3 * i);
             c->nholding++;
             for (k = 0; k < 3; k++) c->xb[3 * i + k] = c->hold_to[3 * i + k];
             ++*n;
@@ -6373,7 +6370,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     }
     c->nholding = n;
     for (i = 0; i < n; i++)
-        (void)clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
+        clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
     status = clothi_pinch_catch(c, CLOTHI_PINCHED, &most);
     c->pinching |= most > 0;
     return status;
@@ -6460,7 +6457,6 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * [BFA02] Bridson, Fedkiw, Anderson, SIGGRAPH 2002.  [HVTG08] Harmon et al., SIGGRAPH 2008.
  * checked: tests/test_contact.c, test_convex.c, stability/throws.c, stability/heaps.c
  */
-
 
 #define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
 #define CLOTHI_EXACT_ROWS   200             /* larger zones are swept only                     */
@@ -6980,6 +6976,7 @@ static int clothi_still(cloth_collide *c, const clothi_row *row) {
 static cloth_status clothi_failed_pairs(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
     int          i;
+    if (c->trying) return CLOTH_ERR_STEP;
     c->nfailed = 0;
     for (i = 0; i < c->nrow && !status; i++)
         if (c->row[i].pass >= c->report.passes - 1)
@@ -7047,6 +7044,10 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     cloth_status status = CLOTH_OK;
     int          i, hit = 0;
     c->toi = 1;
+    for (i = 0; i < c->nholding; i++) {
+        const size_t at = 3 * (size_t)c->holding[i].vertex;
+        memcpy(c->x_ie + at, c->hold_to + at, 3 * sizeof(double));
+    }
     memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
@@ -7096,13 +7097,9 @@ static int clothi_pinch_bunch(cloth_collide *c) {
  * ends, not where minimising goes on from. */
 static cloth_status clothi_feasible(cloth_collide *c, int last) {
     cloth_status status;
-    int          tries = 0, i;
+    int          tries = 0;
     memcpy(c->x_ie, c->xb, 3 * (size_t)c->nv * sizeof(double));
     do {
-        for (i = 0; i < c->nholding; i++) {
-            const size_t at = 3 * (size_t)c->holding[i].vertex;
-            memcpy(c->x_ie + at, c->hold_to + at, 3 * sizeof(double));
-        }
         status = clothi_feasible_from(c, last);
     } while (status == CLOTH_ERR_STEP && tries++ < CLOTHI_BUNCHES && clothi_pinch_bunch(c));
     return status;
@@ -7157,26 +7154,6 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
  * checked: tests/test_collide_state.c, test_ledger.c, test_pinch.c
  */
 
-
-static void clothi_anchor_sort(clothi_anchor *t, int n) {
-    int start = n / 2, end = n, root, child;
-    clothi_anchor swap;
-    while (end > 1) {
-        if (start > 0)
-            start--;
-        else {
-            end--;
-            swap = t[0], t[0] = t[end], t[end] = swap;
-        }
-        for (root = start; (child = 2 * root + 1) < end; root = child) {
-            if (child + 1 < end && clothi_key_compare(&t[child].key, &t[child + 1].key) < 0)
-                child++;
-            if (clothi_key_compare(&t[root].key, &t[child].key) >= 0) break;
-            swap = t[root], t[root] = t[child], t[child] = swap;
-        }
-    }
-}
-
 static cloth_status clothi_anchor_add(cloth_collide *c, const clothi_anchor *a) {
     cloth_status status = clothi_grow(c->hooks, (void **)&c->next, c->nnext, &c->next_cap,
                                       sizeof *c->next);
@@ -7226,10 +7203,10 @@ static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q,
 
 /* Forces of the contacts at the accepted x, and what the substep leaves to the next one: an anchor
  * for each key with a normal force. Its slip is that of its contacts, weighted by their forces and
- * cut to the length desc.slip. */
+ * cut to the length desc.slip. Sorted, as the contacts are. */
 static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
     cloth_status status = CLOTH_OK;
-    int          i, k, n = 0;
+    int          i, k;
     memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
     c->nnext = 0;
     clothi_contact_frames(c, x);
@@ -7237,7 +7214,7 @@ static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
     (void)clothi_contact_limits(c, 1, 0);
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
-        clothi_anchor   a;
+        clothi_anchor   a, *last = c->nnext > 0 ? c->next + c->nnext - 1 : NULL;
         double          K[9];
         memset(q->tangent, 0, sizeof q->tangent);
         if (q->limit > 0) (void)clothi_contact_friction(c, q, x, q->tangent, K);
@@ -7249,21 +7226,15 @@ static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
         clothi_contact_slip(c, q, x, a.slip);
         clothi_contact_turn(c, q, a.slip);
         for (k = 0; k < 3; k++) a.slip[k] *= a.force;
-        status = clothi_anchor_add(c, &a);
-    }
-    if (status) return status;
-    clothi_anchor_sort(c->next, c->nnext);
-    for (i = 0; i < c->nnext; i++) {        /* one a key */
-        clothi_anchor *a = c->next + n - 1;
-        if (n == 0 || clothi_key_compare(&a->key, &c->next[i].key) != 0) {
-            c->next[n++] = c->next[i];
+        if (!last || clothi_key_compare(&last->key, &a.key) != 0) {
+            status = clothi_anchor_add(c, &a);
             continue;
         }
-        a->force += c->next[i].force;
-        a->gap = clothi_min(a->gap, c->next[i].gap);
-        for (k = 0; k < 3; k++) a->slip[k] += c->next[i].slip[k];
+        last->force += a.force;
+        last->gap = clothi_min(last->gap, a.gap);
+        for (k = 0; k < 3; k++) last->slip[k] += a.slip[k];
     }
-    for (c->nnext = n, i = 0; i < n; i++) {
+    for (i = 0; i < c->nnext && !status; i++) {
         clothi_anchor *a = c->next + i;
         double         size;
         for (k = 0; k < 3; k++) a->slip[k] /= a->force;
@@ -7271,7 +7242,7 @@ static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
         a->sliding = size > c->desc.slip;
         for (k = 0; k < 3 && a->sliding; k++) a->slip[k] *= c->desc.slip / size;
     }
-    return CLOTH_OK;
+    return status;
 }
 
 /* The first substep of a step works on copies of what is state. */
@@ -7328,24 +7299,82 @@ static void clothi_contact_hold(void *user, unsigned char *fixed, double *x, dou
     }
 }
 
+/* The guess c->xb where obstacles move: a vertex within range of a mesh at x^n comes no nearer to
+ * its nearest face and is held along it by friction. Less is left for zones to strain. */
+static cloth_status clothi_guess_carry(cloth_collide *c) {
+    double      *near = c->way_in, *way = c->qp_x, *normal = c->x_list;    /* [nv], [nv x 3] */
+    cloth_status status;
+    int          i, j, k;
+    status = clothi_broad_phase(c, c->xa, NULL, CLOTHI_SWEPT, c->thickest, 0);
+    if (status) return status;
+    for (i = 0; i < c->nv; i++) near[i] = HUGE_VAL;
+    for (i = 0; i < c->npair; i++) {
+        const clothi_pair_id *p = c->pair + i;
+        double x[12], w[4], r[3] = {0, 0, 0}, u[3] = {0, 0, 0}, d;
+        int    v[4], slot;
+        if (p->kind != CLOTHI_VF || p->a >= c->nv || p->b < c->nf) continue;
+        slot = c->slot[c->faces[3 * p->b]];
+        (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+        clothi_pair_points(c, c->xa, c->xa, v, 4, x);
+        d = clothi_pair_distance(p->kind, x, w);
+        if (!(d > 0) || d > c->obstacle[slot].thickness || d >= near[p->a] ||
+            clothi_is_exempt(c, p->kind, p->a, p->b))
+            continue;
+        near[p->a] = d;
+        for (j = 0; j < 4; j++)
+            for (k = 0; k < 3; k++) {
+                r[k] += w[j] * x[3 * j + k];
+                if (j) u[k] -= w[j] * (c->xb[3 * v[j] + k] - c->xa[3 * v[j] + k]);
+            }
+        for (k = 0; k < 3; k++) normal[3 * p->a + k] = r[k] / d, way[3 * p->a + k] = u[k];
+    }
+    for (i = 0; i < c->nv; i++) {
+        double      *x = c->xb + 3 * i, d[3], come, slide, part;
+        const double *n = normal + 3 * i;
+        if (!(near[i] < HUGE_VAL) || c->sim->pin[i]) continue;
+        for (k = 0; k < 3; k++) d[k] = x[k] - c->xa[3 * i + k] - way[3 * i + k];
+        come = -clothi_dot3(d, n);
+        if (!(come > 0)) continue;
+        for (k = 0; k < 3; k++) x[k] += come * n[k], d[k] += come * n[k];
+        slide = sqrt(clothi_dot3(d, d));
+        part = c->desc.friction * come < slide ? c->desc.friction * come / slide : 1;
+        for (k = 0; k < 3; k++) x[k] -= part * d[k];
+    }
+    return CLOTH_OK;
+}
+
 /* cloth_contact.start. */
 static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, double *x,
                                             double *other, int *impact) {
     cloth_collide *c = (cloth_collide *)user;
     const size_t   bytes = 3 * (size_t)c->nv * sizeof(double);
     cloth_status   status;
-    int            i;
+    int            rests, i;
     (void)e;
     memcpy(c->xb, x, bytes);
+    memcpy(c->x_ie, x, bytes);
+    rests = clothi_ends_rest(c);
+    memcpy(other, x, bytes);
     status = clothi_feasible(c, 0);
     if (status) return status;
     memcpy(x, c->xb, bytes);
-    memcpy(other, x, bytes);
     c->report.rows = c->nrow;
     for (i = 0; i < c->nrow; i++) *impact |= c->row[i].multiplier > 0;
     for (i = 0; i < c->nv; i++) *impact |= c->frozen[i] && c->frozen[i] != CLOTHI_HELD;
     *impact |= c->pinching;
-    if (c->nrow && clothi_ends_rest(c)) clothi_part_way(c, other);
+    if (c->nrow && !rests) {
+        memcpy(c->xb, other, bytes);
+        status = clothi_guess_carry(c);
+        memcpy(c->x_ie, c->xb, bytes);
+        c->trying = 1;
+        if (!status) status = clothi_feasible_from(c, 0);
+        c->trying = 0;
+        if (status && status != CLOTH_ERR_STEP) return status;
+        memcpy(other, status ? x : c->xb, bytes);
+    } else {
+        memcpy(other, x, bytes);
+        if (c->nrow) clothi_part_way(c, other);
+    }
     status = clothi_list_make(c, x, x);
     return status ? status : clothi_list_join(c, x, NULL, 0, 0);
 }
@@ -8406,7 +8435,6 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
     return status;
 }
 
-
 /* ===== [8.6] QUERIES ========================================================================= */
 
 CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c) {
@@ -8718,7 +8746,7 @@ static int clothi_contour_cut(const cloth_collide *c, int f, int k, int g, cloth
     cut->edge = edge, cut->face = g, cut->end = -1;
     cut->s = fabs(high) > 0 ? clothi_max(0, clothi_min(1, clothi_dot3(n, d) / high)) : 0.5;
     for (k = 0; k < 3; k++) cut->at[k] = p[k] + cut->s * e[k];
-    (void)clothi_face_far(c, g, cut->at, cut->b);
+    (void)clothi_face_distance2(c->xa, c->faces + 3 * g, cut->at, cut->b);
     return 1;
 }
 

@@ -659,13 +659,15 @@ typedef struct cloth_debug_draw {
 
 /* --- the record of a step --- */
 
-/* A spring to a point of a face. It pulls towards pose + s (target - pose), s from 0 at the start
- * of the step to 1 at its end. */
+/* A spring to a point p of a face. It pulls p, or of a stitch p less the point of the other face,
+ * towards pose + s (target - pose), s from 0 at the start of the step to 1 at its end. */
 typedef struct cloth_step_attachment {      /* all zero when not used                          */
     int32_t used, face;
     double  bary[3];
     double  k;                              /* N/m                                             */
     double  pose[3], target[3];             /* m, at the step's start and at its end           */
+    int32_t on, other;                      /* 0 space, -1 cloth, else obstacle, its face      */
+    double  at[3];                          /* barycentric, of the point there                 */
 } cloth_step_attachment;
 
 /* All that a substep reads beside model and params. Borrowed from the sim: as long as the call. */
@@ -909,6 +911,11 @@ CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex);
  * _CAPACITY when desc.max_attachments are in use. */
 CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double bary[3], double k,
                                         const double target[3], cloth_attachment *id);
+/* The same to a point `at` of another face, both ends pulled alike: E = 1/2 k |p - p_other|^2. It
+ * closes over the next step. To a face of an obstacle: cloth_collide_attach(). */
+CLOTH_API cloth_status cloth_sim_stitch(cloth_sim *sim, int face, const double bary[3], double k,
+                                        int other, const double at[3], cloth_attachment *id);
+/* Of a stitch target is p - p_other. An obstacle carries it no more. */
 CLOTH_API cloth_status cloth_sim_attach_move(cloth_sim *sim, cloth_attachment id,
                                              const double target[3]);
 CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id);
@@ -10576,6 +10583,7 @@ CLOTHI_RARE_END
  *   gravity       E = -sum_i m_i g.x_i                                   grad_i = -m_i g
  *   force         E = -sum_i f_i.x_i                                     grad_i = -f_i
  *   attachment    E = 1/2 k |p - target|^2,  p = sum_k b_k x_k           3 vertices
+ *     a stitch    p = sum_k b_k x_k - sum_k a_k x_k of the other face     6 vertices
  *   wind          a dissipation potential, lagged: see clothi_wind_begin()
  *   damping       inside stretch and bend: (tau/h) times the elastic energy of the CHANGE of
  *                 strain (or angle) in the step. Strain does not see rigid motion, so free fall
@@ -10589,7 +10597,7 @@ CLOTHI_RARE_END
  * leaves E = 1/2 (F'R'R F - I) alone: dE = 0, no force. (A drag on velocities would slow a fall.)
  * A mode omega is then damped by zeta = tau omega/2: stiff modes first.
  *
- * checked: tests/test_terms.c (differences of every term and of every vjp), tests/test_step.c
+ * checked: tests/test_terms.c (differences of terms and vjps), test_step.c, test_attach.c
  */
 
 /* --- elements: gather positions, evaluate eight, keep or scatter --- */
@@ -10990,56 +10998,53 @@ static cloth_status clothi_force_vjp(void *user, const cloth_eval *e, const doub
 
 /* --- attachments --- */
 
-/* r = p - goal at x; goal: where attachment q pulls to at the end of the substep. */
-CLOTHI_OUTLINE static void clothi_attach_gap(const cloth_model *m, const cloth_step_input *in,
-                                             const cloth_step_attachment *q, const double *x,
-                                             double *r) {
-    const int *v = m->faces + 3 * q->face;
-    int        k;
-    for (k = 0; k < 3; k++)
-        r[k] = q->bary[0] * x[3 * v[0] + k] + q->bary[1] * x[3 * v[1] + k] +
-               q->bary[2] * x[3 * v[2] + k] -
-               (q->pose[k] + in->share[1] * (q->target[k] - q->pose[k]));
+/* n, the vertices v and weights w of attachment q, and r = sum w x - goal; goal: where it pulls to
+ * at the end of the substep, 0 without `in`. n = 0: not used. */
+CLOTHI_OUTLINE static int clothi_attach_gap(const cloth_model *m, const cloth_step_input *in,
+                                            const cloth_step_attachment *q, const double *x,
+                                            int *v, double *w, double *r) {
+    const int n = !q->used ? 0 : q->on < 0 ? 6 : 3;
+    int       k;
+    r[0] = r[1] = r[2] = 0;
+    for (k = 0; k < 3 * n; k++) {
+        v[k / 3] = m->faces[3 * (k < 9 ? q->face : q->other) + k / 3 % 3];
+        w[k / 3] = k < 9 ? q->bary[k / 3] : -q->at[k / 3 - 3];
+        r[k % 3] += w[k / 3] * x[3 * v[k / 3] + k % 3];
+    }
+    for (k = 0; in && k < 3; k++) r[k] -= q->pose[k] + in->share[1] * (q->target[k] - q->pose[k]);
+    return n;
 }
 
 static cloth_status clothi_attach_eval(void *user, const cloth_eval *e, double *energy) {
     cloth_status status = CLOTH_OK;
-    double       sum = 0;
-    int          i, j, k;
+    double       sum = 0, r[3], w[6], H[324];
+    int          i, j, k, n, v[6];
     (void)user;
-    for (i = 0; i < e->in->nattach; i++) {
+    for (i = 0; i < e->in->nattach && !status; i++) {
         const cloth_step_attachment *q = e->in->attach + i;
-        const int                   *v = e->model->faces + 3 * (q->used ? q->face : 0);
-        double                       r[3], H[81];
-        if (!q->used) continue;
-        clothi_attach_gap(e->model, e->in, q, e->x, r);
-        sum += 0.5 * q->k * clothi_dot3(r, r);
-        for (j = 0; e->grad && j < 9; j++)
-            e->grad[3 * v[j / 3] + j % 3] += q->k * q->bary[j / 3] * r[j % 3];
-        if (!e->hess) continue;
+        n = clothi_attach_gap(e->model, e->in, q, e->x, v, w, r);
+        if (n) sum += 0.5 * q->k * clothi_dot3(r, r);
+        for (j = 0; e->grad && j < 3 * n; j++)
+            e->grad[3 * v[j / 3] + j % 3] += q->k * w[j / 3] * r[j % 3];
+        if (!e->hess || !n) continue;
         memset(H, 0, sizeof H);
-        for (j = 0; j < 9; j++)
-            for (k = j % 3; k < 9; k += 3) H[9 * j + k] = q->k * q->bary[j / 3] * q->bary[k / 3];
-        status = cloth_matrix_add_element(e->hess, 3, v, H);
-        if (status) return status;
+        for (j = 0; j < 3 * n; j++)
+            for (k = j % 3; k < 3 * n; k += 3) H[3 * n * j + k] = q->k * w[j / 3] * w[k / 3];
+        status = cloth_matrix_add_element(e->hess, n, v, H);
     }
     *energy = sum;
-    return CLOTH_OK;
+    return status;
 }
 
 static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const double *a,
                                       cloth_vjp *out) {
-    int i, k;
+    double r[3], ap[3], w[6];
+    int    i, k, v[6];
     (void)user;
     for (i = 0; i < e->in->nattach; i++) {
         const cloth_step_attachment *q = e->in->attach + i;
-        const int                   *v = e->model->faces + 3 * (q->used ? q->face : 0);
-        double                       r[3], ap[3];
-        if (!q->used) continue;
-        clothi_attach_gap(e->model, e->in, q, e->x, r);
-        for (k = 0; k < 3; k++)
-            ap[k] = q->bary[0] * a[3 * v[0] + k] + q->bary[1] * a[3 * v[1] + k] +
-                    q->bary[2] * a[3 * v[2] + k];
+        if (!clothi_attach_gap(e->model, e->in, q, e->x, v, w, r)) continue;
+        (void)clothi_attach_gap(e->model, NULL, q, a, v, w, ap);
         for (k = 0; out->attach && k < 3; k++)
             out->attach[3 * i + k] -= e->in->share[1] * q->k * ap[k];
         if (out->attach_k) out->attach_k[i] += clothi_dot3(ap, r);
@@ -13116,16 +13121,16 @@ static double clothi_leap_tangent(const cloth_sim *s, const double *x, double en
 
 CLOTHI_RARE_BEGIN
 
-/* omega^2 that attachments add: Gershgorin's row sum of M^-1 K, sum_j b_j = 1. */
+/* omega^2 that attachments add: Gershgorin's row sum of M^-1 K, k |w_i| sum_j |w_j| / m_i. */
 static double clothi_leap_attach(const cloth_sim *s) {
-    double big = 0;
-    int    i, k;
-    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++)
-        for (k = 0; s->attach[i].used && k < 3; k++) {
-            int    v = s->model->faces[3 * s->attach[i].face + k];
-            double w = s->attach[i].k * fabs(s->attach[i].bary[k]) / s->params.mass[v];
-            if (w > big) big = w;
-        }
+    double big = 0, r[3], w[6], all;
+    int    i, k, n, v[6];
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
+        n = clothi_attach_gap(s->model, NULL, s->attach + i, s->state.x, v, w, r);
+        for (k = 0, all = 0; k < n; k++) all += fabs(w[k]);
+        for (k = 0; k < n; k++)
+            big = clothi_max(big, s->attach[i].k * all * fabs(w[k]) / s->params.mass[v[k]]);
+    }
     return big * (s->nattach < 4 ? s->nattach : 4);
 }
 
@@ -13168,12 +13173,11 @@ static void clothi_leap_pins(clothi_leap *p, double h) {
 
 /* Work of the attachments' hands while their targets move by `part` of the step, forces at x. */
 static double clothi_attach_work(const cloth_sim *s, const double *x, double part) {
-    double r[3], sum = 0;
-    int    i, k;
+    double r[3], w[6], sum = 0;
+    int    i, k, v[6];
     for (i = 0; i < s->in.nattach; i++) {
         const cloth_step_attachment *q = s->in.attach + i;
-        if (!q->used) continue;
-        clothi_attach_gap(s->model, &s->in, q, x, r);
+        if (!clothi_attach_gap(s->model, &s->in, q, x, v, w, r)) continue;
         for (k = 0; k < 3; k++) sum -= q->k * r[k] * part * (q->target[k] - q->pose[k]);
     }
     return sum;
@@ -13880,9 +13884,7 @@ CLOTH_API const cloth_model *cloth_sim_model(const cloth_sim *sim) {
     return sim ? sim->model : NULL;
 }
 
-CLOTH_API void cloth_sim_state_changed(cloth_sim *sim) {
-    if (sim) clothi_forget(sim);
-}
+CLOTH_API void cloth_sim_state_changed(cloth_sim *sim) { if (sim) clothi_forget(sim); }
 
 CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
@@ -13934,82 +13936,91 @@ CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
     return CLOTH_OK;
 }
 
-/* Slot of an attachment, or -1. id = slot + 1 in the low half, generation in the high half; 0 is
- * none. */
-static int clothi_attach_find(cloth_sim *s, cloth_attachment id, const char *call) {
+/* An attachment, or NULL. id = slot + 1 in the low half, generation in the high; 0 is none. */
+static cloth_step_attachment *clothi_attached(cloth_sim *s, cloth_attachment id, const char *call) {
     const uint32_t at = (id.id & 0xffffu) - 1u;
     if (at < (uint32_t)s->model->desc.max_attachments && s->attach[at].used &&
         (s->made[at] & 0xffffu) == id.id >> 16)
-        return (int)at;
+        return s->attach + at;
     (void)clothi_fail(&s->hooks, CLOTH_ERR_HANDLE, "%s: attachment %z is gone", call,
                       (size_t)id.id);
-    return -1;
+    return NULL;
+}
+
+/* goal: the target; of `on` the point `at` of the face `other`. */
+static cloth_status clothi_attach_add(cloth_sim *s, int face, const double *bary, double k, int on,
+                                      int other, const double *goal, cloth_attachment *id) {
+    cloth_step_attachment q = {1, face, {0, 0, 0}, k, {0, 0, 0}, {0, 0, 0}, on, other, {0, 0, 0}};
+    cloth_status          status;
+    double                w[6];
+    int                   i, v[6];
+    if (id) id->id = 0;
+    if (!s) return CLOTH_ERR_ARGUMENT;
+    if (!id) return clothi_null(&s->hooks, "attachment: id");
+    for (i = 0; i < 2; i++) {
+        const char   *name = !i ? "attachment: bary" : on ? "attachment: at" : "attachment: target";
+        const double *p = i ? goal : bary;
+        const int     f = i ? other : face, nf = s->model->nf;
+        if (!p) return clothi_null(&s->hooks, name);
+        if ((!i || on < 0) && (f < 0 || f >= nf || (i && f == face)))
+            return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, i ? "attachment: other face %i but nf"
+                               " = %i, face %i" : "attachment: face %i but nf = %i", f, nf, face);
+        status = clothi_check_vector(&s->hooks, name, p, 3);
+        if (status) return status;
+        if ((!i || on) && fabs(p[0] + p[1] + p[2] - 1) > 1e-6)
+            return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "%s sums to %g, not 1", name,
+                               p[0] + p[1] + p[2]);
+        memcpy(!i ? q.bary : on ? q.at : q.target, p, sizeof q.at);
+    }
+    if (!clothi_finite(k) || k < 0)
+        return clothi_fail(&s->hooks, clothi_finite(k) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                           "attachment: k = %g must be finite and at least 0", k);
+    for (i = 0; i < s->model->desc.max_attachments && s->attach[i].used; i++) {}
+    if (i == s->model->desc.max_attachments)
+        return clothi_fail(&s->hooks, CLOTH_ERR_CAPACITY,
+                           "attachment: desc.max_attachments = %i are in use", i);
+    (void)clothi_attach_gap(s->model, NULL, &q, s->state.x, v, w, q.pose);  /* without a jerk */
+    status = clothi_check_vector(&s->hooks, "attachment: state.x at the face", q.pose, 3);
+    if (status) return status;
+    s->attach[i] = q;
+    s->made[i] = ++s->generation;
+    s->nattach++;
+    id->id = (s->made[i] & 0xffffu) << 16 | (uint32_t)(i + 1);
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_attach(cloth_sim *sim, int face, const double bary[3], double k,
                                         const double target[3], cloth_attachment *id) {
-    cloth_step_attachment *q;
-    cloth_status           status;
-    double                 pose[3] = {0, 0, 0};
-    int                    i, j;
-    if (id) id->id = 0;
-    if (!sim) return CLOTH_ERR_ARGUMENT;
-    if (!bary || !target || !id)
-        return clothi_null(&sim->hooks, !bary ? "cloth_sim_attach: bary" : target
-                           ? "cloth_sim_attach: id" : "cloth_sim_attach: target");
-    if (face < 0 || face >= sim->model->nf)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_sim_attach: face %i but nf = %i", face, sim->model->nf);
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: bary", bary, 3);
-    if (!status) status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: target", target, 3);
-    if (status) return status;
-    if (!clothi_finite(k) || k < 0)
-        return clothi_fail(&sim->hooks, clothi_finite(k) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
-                           "cloth_sim_attach: k = %g must be finite and at least 0", k);
-    if (fabs(bary[0] + bary[1] + bary[2] - 1) > 1e-6)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_sim_attach: bary sums to %g, not 1", bary[0] + bary[1] + bary[2]);
-    for (i = 0; i < sim->model->desc.max_attachments && sim->attach[i].used; i++) {}
-    if (i == sim->model->desc.max_attachments)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
-                           "cloth_sim_attach: desc.max_attachments = %i are in use", i);
-    for (j = 0; j < 9; j++)                 /* it starts where the cloth is, without a jerk */
-        pose[j % 3] += bary[j / 3] * sim->state.x[3 * sim->model->faces[3 * face + j / 3] + j % 3];
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_attach: state.x at the face", pose, 3);
-    if (status) return status;
-    q = sim->attach + i;
-    sim->made[i] = ++sim->generation;
-    q->used = 1;
-    q->face = face;
-    q->k = k;
-    memcpy(q->bary, bary, sizeof q->bary);
-    memcpy(q->target, target, sizeof q->target);
-    memcpy(q->pose, pose, sizeof q->pose);
-    sim->nattach++;
-    id->id = (sim->made[i] & 0xffffu) << 16 | (uint32_t)(i + 1);
-    return CLOTH_OK;
+    return clothi_attach_add(sim, face, bary, k, 0, 0, target, id);
+}
+
+CLOTH_API cloth_status cloth_sim_stitch(cloth_sim *sim, int face, const double bary[3], double k,
+                                        int other, const double at[3], cloth_attachment *id) {
+    return clothi_attach_add(sim, face, bary, k, -1, other, at, id);
 }
 
 CLOTH_API cloth_status cloth_sim_attach_move(cloth_sim *sim, cloth_attachment id,
                                              const double target[3]) {
-    cloth_status status;
-    int          at;
+    cloth_step_attachment *q;
+    cloth_status           status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!target) return clothi_null(&sim->hooks, "cloth_sim_attach_move: target");
-    at = clothi_attach_find(sim, id, "cloth_sim_attach_move");
-    if (at < 0) return CLOTH_ERR_HANDLE;
+    q = clothi_attached(sim, id, "cloth_sim_attach_move");
+    if (!q) return CLOTH_ERR_HANDLE;
     status = clothi_check_vector(&sim->hooks, "cloth_sim_attach_move: target", target, 3);
-    if (!status) memcpy(sim->attach[at].target, target, sizeof sim->attach[at].target);
-    return status;
+    if (status) return status;
+    memcpy(q->target, target, sizeof q->target);
+    if (q->on > 0) q->on = 0;
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
-    int at;
+    cloth_step_attachment *q;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    at = clothi_attach_find(sim, id, "cloth_sim_detach");
-    if (at < 0) return CLOTH_ERR_HANDLE;
-    memset(sim->attach + at, 0, sizeof *sim->attach);
-    sim->made[at] = 0;
+    q = clothi_attached(sim, id, "cloth_sim_detach");
+    if (!q) return CLOTH_ERR_HANDLE;
+    sim->made[q - sim->attach] = 0;
+    memset(q, 0, sizeof *q);
     sim->nattach--;
     return CLOTH_OK;
 }
@@ -14019,16 +14030,12 @@ CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
     size_t       n;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     n = 3 * (size_t)sim->model->nv;
-    if (!f) {
-        if (sim->force) memset(sim->force, 0, n * sizeof(double));
-        sim->force_on = 0;
-        return CLOTH_OK;
-    }
     status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force: f", f, (int)n);
-    if (!status) status = clothi_need(sim, &sim->force, n);
+    if (!status && f) status = clothi_need(sim, &sim->force, n);
     if (status) return status;
-    memcpy(sim->force, f, n * sizeof(double));
-    sim->force_on = 1;
+    if (f) memcpy(sim->force, f, n * sizeof(double));
+    else if (sim->force) memset(sim->force, 0, n * sizeof(double));
+    sim->force_on = f != NULL;
     return CLOTH_OK;
 }
 
@@ -14205,7 +14212,8 @@ static const char *clothi_forged_field(const cloth_sim *s) {
     for (i = 0; i < s->model->desc.max_attachments; used += s->attach[i++].used) {
         const cloth_step_attachment *q = s->attach + i;
         if (q->used >> 1 || q->face < 0 || q->face >= s->model->nf || !clothi_finite(q->k) ||
-            q->k < 0 || clothi_find_nonfinite(q->bary, 3) >= 0 ||
+            q->k < 0 || q->on < -1 || q->other < 0 || (q->on < 0 && q->other >= s->model->nf) ||
+            clothi_find_nonfinite(q->bary, 3) >= 0 || clothi_find_nonfinite(q->at, 3) >= 0 ||
             clothi_find_nonfinite(q->pose, 3) >= 0 || clothi_find_nonfinite(q->target, 3) >= 0)
             return "attachment";
     }
@@ -14446,13 +14454,14 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
         draw->line(x, tip, 0x00a000u, draw->user);
     }
     for (i = 0; sim->nattach > 0 && i < m->desc.max_attachments; i++) {
-        const cloth_step_attachment *q = sim->attach + i;
-        double               p[3] = {0, 0, 0};
-        if (!q->used) continue;
-        for (k = 0; k < 9; k++)
-            p[k % 3] += q->bary[k / 3] * sim->state.x[3 * m->faces[3 * q->face + k / 3] + k % 3];
-        if (draw->line) draw->line(p, q->target, 0xff8000u, draw->user);
-        if (draw->text) draw->text(q->target, "attachment", 0xff8000u, draw->user);
+        cloth_step_attachment q = sim->attach[i];
+        double                p[3], end[3], w[6];
+        int                   v[6], n = clothi_attach_gap(m, NULL, &q, sim->state.x, v, w, end);
+        q.on = 0;
+        if (!clothi_attach_gap(m, NULL, &q, sim->state.x, v, w, p)) continue;
+        for (k = 0; k < 3; k++) end[k] = n > 3 ? p[k] - end[k] : q.target[k];
+        if (draw->line) draw->line(p, end, 0xff8000u, draw->user);
+        if (draw->text) draw->text(end, "attachment", 0xff8000u, draw->user);
     }
 }
 

@@ -503,6 +503,12 @@ CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstac
                                                   double friction);
 CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacle id,
                                                  const double v[3], const double omega[3]);
+/* A spring of stiffness k from a point of a face of the cloth to the point `at` of a face of a MESH
+ * or BOX, which carries it: a waistband that stays up. The rest is as in cloth_sim_attach, also
+ * cloth_sim_detach; the work that the obstacle does is pin work. Goes with the obstacle. */
+CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id, int obstacle_face,
+                                            const double at[3], int face, const double bary[3],
+                                            double k, cloth_attachment *attachment);
 /* There at once; what intersects cloth then is refused or exempt as at create. */
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x);
@@ -7818,10 +7824,9 @@ static cloth_status clothi_check_places(const cloth_hooks *hooks, const char *ca
     size_t i, size = 3 * (size_t)n;
     for (i = 0; i < size && fabs(x[i]) <= CLOTHI_FARTHEST; i++) continue;
     if (i == size) return CLOTH_OK;
-    if (!clothi_finite(x[i]))
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s%s[%i] = %g", call, name, (int)i, x[i]);
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s[%i] = %g is over %g", call, name, (int)i,
-                       x[i], CLOTHI_FARTHEST);
+    return clothi_fail(hooks, clothi_finite(x[i]) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                       "%s%s[%i] = %g must be finite, at most %g", call, name, (int)i, x[i],
+                       CLOTHI_FARTHEST);
 }
 
 static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
@@ -8000,10 +8005,13 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
 
 CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
     cloth_hooks last;
+    int         i;
     if (!c) return;
     last = c->last;
     if (c->sim && c->sim->contact_on && c->sim->contact.user == c)
         (void)cloth_sim_set_contact(c->sim, NULL);
+    for (i = 0; c->sim && i < c->sim->model->desc.max_attachments; i++)
+        if (c->sim->attach[i].on > 0) c->sim->attach[i].on = 0;         /* it stays there      */
     if (c->sim) (void)clothi_contact_blocks(c, 1);
     clothi_free(c->sim ? c->hooks : &last, c);
 }
@@ -8210,6 +8218,24 @@ static void clothi_obstacle_forget(cloth_collide *c, int slot) {
     c->nhold = c->report.held = n;
 }
 
+/* What is attached to an obstacle aims at its target, at_once: is there; or is gone with it. */
+static cloth_status clothi_carry(cloth_collide *c, const clothi_obstacle *o, int at_once) {
+    cloth_attachment id;
+    int              i, j;
+    for (i = 0; i < c->sim->model->desc.max_attachments; i++) {
+        cloth_step_attachment *q = c->sim->attach + i;
+        if (q->on != (int)(o - c->obstacle) + 1) continue;
+        memset(q->target, 0, sizeof q->target);
+        id.id = (c->sim->made[i] & 0xffffu) << 16 | (uint32_t)(i + 1);
+        if (q->other >= o->nf) (void)cloth_sim_detach(c->sim, id);
+        for (j = 0; q->used && j < 9; j++)
+            q->target[j % 3] += q->at[j / 3] *
+                                clothi_pose(o, 1)[3 * o->faces[3 * q->other + j / 3] + j % 3];
+        if (at_once) memcpy(q->pose, q->target, sizeof q->pose);
+    }
+    return CLOTH_OK;
+}
+
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
     cloth_status     status;
@@ -8223,7 +8249,22 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
     }
     clothi_obstacle_free(c->hooks, o);
     clothi_obstacle_forget(c, (int)(o - c->obstacle));
-    return CLOTH_OK;
+    return clothi_carry(c, o, 0);
+}
+
+CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id, int obstacle_face,
+                                            const double at[3], int face, const double bary[3],
+                                            double k, cloth_attachment *attachment) {
+    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    cloth_status     status;
+    if (attachment) attachment->id = 0;
+    if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_attach");
+    if (obstacle_face < 0 || obstacle_face >= o->nf)
+        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_attach: obstacle_face %i "
+                           "but obstacle %i has %i", obstacle_face, (int)(id.id & 0xffffu), o->nf);
+    status = clothi_attach_add(c->sim, face, bary, k, (int)(o - c->obstacle) + 1, obstacle_face,
+                               at, attachment);
+    return status ? status : clothi_carry(c, o, 0);
 }
 
 static cloth_status clothi_pose_check(const cloth_collide *c, cloth_obstacle id, const char *call,
@@ -8238,8 +8279,9 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
                                           const double *x_end) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
     cloth_status     status = clothi_pose_check(c, id, "cloth_collide_move", x_end);
-    if (!status) memcpy(clothi_pose(o, 1), x_end, 3 * (size_t)o->nv * sizeof(double));
-    return status;
+    if (status) return status;
+    memcpy(clothi_pose(o, 1), x_end, 3 * (size_t)o->nv * sizeof(double));
+    return clothi_carry(c, o, 0);
 }
 
 #define CLOTHI_ROTATION 1e-6                /* of R' R from 1                                  */
@@ -8261,8 +8303,7 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
                                    turn[6 + i / 3] * turn[6 + i % 3] - (i % 4 == 0)));
     if (off > CLOTHI_ROTATION || turn[0] * (turn[4] * turn[8] - turn[5] * turn[7]) -
                                          turn[1] * (turn[3] * turn[8] - turn[5] * turn[6]) +
-                                         turn[2] * (turn[3] * turn[7] - turn[4] * turn[6]) <
-                                     0)
+                                         turn[2] * (turn[3] * turn[7] - turn[4] * turn[6]) < 0)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_pose: R is no rotation, R' R is %g off 1", off);
     if (clothi_is_wall(o) && memcmp(turn, clothi_no_turn, 9 * sizeof *turn) != 0)
@@ -8277,7 +8318,7 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
             clothi_pose(o, 1)[3 * i + k] = to;
         }
     memcpy(o->turn[1], turn, sizeof o->turn[1]);
-    return CLOTH_OK;
+    return clothi_carry(c, o, 0);
 }
 
 CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstacle id,
@@ -8326,7 +8367,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     else
         clothi_obstacle_forget(c, (int)(o - c->obstacle));
     clothi_free(c->hooks, spare);
-    return status;
+    return status ? status : clothi_carry(c, o, 1);
 }
 
 /* --- a step that may be shorter --- */
@@ -8361,46 +8402,33 @@ static void clothi_turn_part(const double *A, const double *B, double part, doub
     }
 }
 
-/* Pins, attachments and obstacles: targets at `part` of their way; back again at part 1. */
-static void clothi_shorten(cloth_collide *c, const double *targets, double part) {
-    cloth_sim *s = c->sim;
-    int        o, i, k;
-    for (i = 0; i < 3 * c->nv; i++, targets++)
-        s->target[i] = part < 1 ? s->state.x[i] + part * (*targets - s->state.x[i]) : *targets;
-    for (i = 0; i < s->model->desc.max_attachments; i++)
-        for (k = 0; k < 3; k++, targets++) {
-            cloth_step_attachment *q = s->attach + i;
-            q->target[k] = part < 1 ? q->pose[k] + part * (*targets - q->pose[k]) : *targets;
-        }
-    for (o = 0; o < c->nobstacle; o++) {
-        clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
-        for (i = 0; i < 3 * b->nv; i++, targets++) {
-            double pose = clothi_pose(b, 0)[i];
-            clothi_pose(b, 1)[i] = part < 1 ? pose + part * (*targets - pose) : *targets;
-        }
-        if (part < 1 && memcmp(b->turn[0], targets, sizeof b->turn[0]) != 0)
-            clothi_turn_part(b->turn[0], targets, part, b->turn[1]);
-        else
-            memcpy(b->turn[1], targets, sizeof b->turn[1]);
-        targets += 9;
+/* n numbers `to`: kept (part 0), at `part` of the way from `from` to what was kept, or as kept (1).
+ * kept NULL: only counts. */
+static size_t clothi_shorten(double *to, const double *from, double *kept, int n, double part) {
+    int i;
+    for (i = 0; kept && i < n; i++) {
+        if (part > 0) to[i] = part < 1 ? from[i] + part * (kept[i] - from[i]) : kept[i];
+        else kept[i] = to[i];
     }
+    return (size_t)n;
 }
 
-static size_t clothi_targets(const cloth_collide *c, double *out) {
-    const cloth_sim *s = c->sim;
-    size_t           n = 0;
-    int              o, i, k;
-    for (i = 0; i < 3 * c->nv; i++, n++)
-        if (out) out[n] = s->target[i];
+/* The targets of pins, attachments and obstacles, so. */
+static size_t clothi_targets(cloth_collide *c, double *t, double part) {
+    cloth_sim *s = c->sim;
+    size_t     n = clothi_shorten(s->target, s->state.x, t, 3 * c->nv, part);
+    int        i;
     for (i = 0; i < s->model->desc.max_attachments; i++)
-        for (k = 0; k < 3; k++, n++)
-            if (out) out[n] = s->attach[i].target[k];
-    for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nv + 9; i++, n++) {
-            const clothi_obstacle *b = c->obstacle + o;
-            if (out) out[n] = i < 3 * b->nv ? clothi_pose(b, 1)[i] : b->turn[1][i - 3 * b->nv];
-        }
+        n += clothi_shorten(s->attach[i].target, s->attach[i].pose, t ? t + n : NULL, 3, part);
+    for (i = 0; i < c->nobstacle; i++) {
+        clothi_obstacle *b = c->obstacle + i;
+        double          *x = clothi_pose(b, 1), *turn = b->turn[0];
+        if (!b->used) continue;
+        n += clothi_shorten(x, clothi_pose(b, 0), t ? t + n : NULL, 3 * b->nv, part);
+        n += clothi_shorten(b->turn[1], turn, t ? t + n : NULL, 9, part);
+        if (part > 0 && part < 1 && memcmp(turn, t + n - 9, sizeof b->turn[0]) != 0)
+            clothi_turn_part(turn, t + n - 9, part, b->turn[1]);
+    }
     return n;
 }
 
@@ -8421,15 +8449,15 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
                            "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings);
     status = cloth_step(c->sim, h, r);
     if (!clothi_shortens(r) || halvings == 0) return status;
-    targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL), sizeof(double));
+    targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL, 0), sizeof(double));
     if (!targets) return r->status;         /* as the whole step said */
-    (void)clothi_targets(c, targets);
+    (void)clothi_targets(c, targets, 0);
     for (k = 0; k < halvings && clothi_shortens(r); k++) {
         part *= 0.5;
-        clothi_shorten(c, targets, part);
+        (void)clothi_targets(c, targets, part);
         status = cloth_step(c->sim, h * part, r);
     }
-    clothi_shorten(c, targets, 1);
+    (void)clothi_targets(c, targets, 1);
     if (!status) c->report.fraction = part;
     clothi_free(c->hooks, targets);
     return status;

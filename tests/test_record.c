@@ -361,7 +361,7 @@ static void forged(unsigned char *buf, size_t at, const void *value, size_t size
 static void forged_fields(void) {
     static unsigned char buf[1 << 17];
     const double         bad = NAN, below = -1, nothing = 0;
-    const int            two = 2, minus = -1;
+    const int            two = 2, minus = -1, below2 = -2, stitch[2] = {-1, 1 << 20};
     const unsigned char  axes = 9;
     const size_t         face = offsetof(cloth_step_attachment, face);
     cloth_hooks          hooks = host_hooks(&told);
@@ -383,6 +383,14 @@ static void forged_fields(void) {
     forged(buf, place_of("attach", 0) + offsetof(cloth_step_attachment, k), &bad, 8, "attachment");
     forged(buf, place_of("attach", 0) + offsetof(cloth_step_attachment, pose), &bad, 8,
            "attachment");
+    forged(buf, place_of("attach", 0) + offsetof(cloth_step_attachment, at), &bad, 8,
+           "attachment");
+    forged(buf, place_of("attach", 0) + offsetof(cloth_step_attachment, other), &minus,
+           sizeof minus, "attachment");
+    forged(buf, place_of("attach", 0) + offsetof(cloth_step_attachment, on), stitch,
+           sizeof stitch, "attachment");
+    forged(buf, place_of("attach", 0) + offsetof(cloth_step_attachment, on), &below2,
+           sizeof below2, "attachment");
     forged(buf, place_of("nattach", 0), &two, sizeof two, "nattach");
     forged(buf, place_of("history", 0), &two, sizeof two, "history");
     forged(buf, place_of("h_prev", 0), &below, 8, "h_prev");

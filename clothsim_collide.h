@@ -4679,9 +4679,13 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
                                        int solid, double reach, int later) {
     const int    apart = c->self && solid == CLOTHI_SWEPT && q;
     cloth_status status = CLOTH_OK;
-    int          o, edge = c->features.ne;
+    int          i, o, edge = c->features.ne;
     c->npair = 0;
-    if (clothi_only_walls(c)) return CLOTH_OK;
+    for (o = 0; o < c->nobstacle; o++)      /* walls: with all vertices */
+        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv && !status;
+             i++)
+            status = clothi_pair_add(c, CLOTHI_VP, i, o);
+    if (status || clothi_only_walls(c)) return status;
     if (apart) status = clothi_self_phase(c, p, q, reach, later);
     clothi_world_boxes(c, p, q, solid, reach);
     if (!status) status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
@@ -4802,23 +4806,18 @@ static cloth_status clothi_crossings_of(cloth_collide *c, const double *x) {
 /* Everything that intersects now, cloth and obstacles where xb has them, into c->now. */
 static cloth_status clothi_crossings(cloth_collide *c) {
     cloth_status status;
-    int          i, o;
+    int          i;
     c->nnow = 0;
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, 0);
     if (!status) status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
     if (!status) status = clothi_crossings_of(c, c->xb);
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_pair_id p = c->pair[i];
-        if (clothi_slot_radius(c, clothi_pair_slot(c, p.kind, p.a, p.b)) > 0 &&
+        const int            slot = clothi_pair_slot(c, p.kind, p.a, p.b);
+        if (!clothi_is_soft(c, &p) && slot >= 0 && !clothi_is_mesh(c->obstacle + slot) &&
             !(clothi_pair_gap(c, c->xb, c->xb, p.kind, p.a, p.b) > 0))
             status = clothi_exempt_add(c, p.kind, p.a, p.b);
     }
-    for (o = 0; o < c->nobstacle && !status; o++)
-        for (i = 0; c->obstacle[o].used && c->obstacle[o].kind == CLOTH_OBSTACLE_PLANE &&
-                    i < c->nv && !status; i++)
-            if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0) &&
-                !(clothi_pair_gap(c, c->xb, c->xb, CLOTHI_VP, i, o) > 0))
-                status = clothi_exempt_add(c, CLOTHI_VP, i, o);
     if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
     if (!status && c->self) status = clothi_crossings_of(c, c->xb);
     return status;
@@ -5819,11 +5818,6 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
 static cloth_status clothi_list_make(cloth_collide *c, const double *x, const double *y) {
     const double reach = (1 + 2 * CLOTHI_LIST_SLACK) * c->thickest;
     cloth_status status = clothi_broad_phase(c, x, y, CLOTHI_ENDED, reach, 0);
-    int          i, o;
-    for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv && !status;
-             i++)
-            status = clothi_pair_add(c, CLOTHI_VP, i, o);
     if (!status) status = clothi_hits_reserve(c);
     if (status) return status;
     memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
@@ -6544,7 +6538,7 @@ static int clothi_row_held(const cloth_collide *c, const clothi_row *row) {
 /* Looks at one pair over the substep; *hit counts, a row is made. */
 static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p, int *hit) {
     clothi_row   row;
-    double       xa[12], xb[12], w[4], toi, held, start, sep, radius, t;
+    double       xa[12], xb[12], toi, held, start, sep, radius, t;
     const int    slot = clothi_pair_slot(c, p->kind, p->a, p->b);
     int        (*ccd)(const double *, const double *, double, double *) =
         p->kind == CLOTHI_EE ? cloth_ccd_ee : cloth_ccd_vf;
@@ -6552,48 +6546,30 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     row.kind = p->kind, row.a = p->a, row.b = p->b;
     row.n = clothi_pair_vertices(c, p->kind, p->a, p->b, row.v);
     if (clothi_is_exempt(c, p->kind, p->a, p->b)) return CLOTH_OK;
-    clothi_pair_points(c, c->xa, c->xa, row.v, 4, xa);
-    clothi_pair_points(c, c->xb, c->xb, row.v, 4, xb);
+    clothi_pair_points(c, c->xa, c->xa, row.v, row.n, xa);
+    clothi_pair_points(c, c->xb, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
-    start = clothi_pair_distance(p->kind, xa, w) - radius;
+    start = clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b);
     if (!(start > 0)) return clothi_no_side(c, p->kind, p->a, p->b);
     t = clothi_pair_thickness(c, p->kind, slot, row.v);
     sep = clothi_pair_separation(t, start);
-    if (!ccd(xa, xb, radius + sep, &toi)) return CLOTH_OK;
-    held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
+    if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
+        held = clothi_pair_gap(c, c->xb, c->xb, p->kind, p->a, p->b);
+        if (held >= sep) return CLOTH_OK;
+        toi = (start - sep) / (start - held);
+        row.w[0] = 1, row.w[1] = -1;
+        memcpy(row.normal, c->obstacle[slot].normal, sizeof row.normal);
+        held = start;
+    } else if (!ccd(xa, xb, radius + sep, &toi))
+        return CLOTH_OK;
+    else
+        held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
     if (slot < 0 && c->nholding > 0 && clothi_row_held(c, &row))
         return clothi_exempt_add(c, p->kind, p->a, p->b);
     row.toi = toi;
     clothi_row_bound(c, t, radius, sep, held - radius, &row);
     ++*hit;
     return clothi_row_put(c, &row);
-}
-
-/* Cloth vertices that have moved against a plane: its distance is linear in time. */
-static cloth_status clothi_detect_plane(cloth_collide *c, int slot, int *hit) {
-    const clothi_obstacle *o = c->obstacle + slot;
-    cloth_status status = CLOTH_OK;
-    int          i;
-    for (i = 0; i < c->nv && !status; i++) {
-        clothi_row   row;
-        double       start, end, sep;
-        if (!c->moved[i] || !clothi_may_touch(c, -1, c->vertex_part[i], slot, 0)) continue;
-        memset(&row, 0, sizeof row);
-        start = clothi_pair_gap(c, c->xa, c->xa, CLOTHI_VP, i, slot);
-        sep = clothi_pair_separation(o->thickness, start);
-        end = clothi_pair_gap(c, c->xb, c->xb, CLOTHI_VP, i, slot);
-        if (end >= sep || clothi_is_exempt(c, CLOTHI_VP, i, slot)) continue;
-        if (!(start > 0)) return clothi_no_side(c, CLOTHI_VP, i, slot);
-        row.kind = CLOTHI_VP, row.a = i, row.b = slot;
-        row.n = 2, row.v[0] = i, row.v[1] = o->v0;
-        row.w[0] = 1, row.w[1] = -1;
-        memcpy(row.normal, o->normal, sizeof row.normal);
-        row.toi = (start - sep) / (start - end);
-        clothi_row_bound(c, o->thickness, 0, sep, start, &row);
-        ++*hit;
-        status = clothi_row_put(c, &row);
-    }
-    return status;
 }
 
 static int clothi_pair_moved(const cloth_collide *c, const clothi_pair_id *p) {
@@ -6616,8 +6592,9 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
         double xa[12], xb[12], toi, reach = clothi_slot_radius(c, slot);
         int    v[4];
         c->hit[i] = 0;
-        if (!clothi_pair_moved(c, p)) continue;
-        c->hit[i] = CLOTHI_HIT_MOVED;
+        if (!clothi_pair_moved(c, p) || clothi_is_soft(c, p)) continue;
+        c->hit[i] = p->kind == CLOTHI_VP ? CLOTHI_HIT_NEAR : CLOTHI_HIT_MOVED;
+        if (p->kind == CLOTHI_VP) continue;
         (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
         clothi_pair_points(c, c->xa, c->xa, v, 4, xa);
         clothi_pair_points(c, c->xb, c->xb, v, 4, xb);
@@ -6641,9 +6618,6 @@ static cloth_status clothi_detect(cloth_collide *c, int *hit) {
         c->report.candidates += c->hit[i] & CLOTHI_HIT_MOVED;
         if (c->hit[i] & CLOTHI_HIT_NEAR) status = clothi_detect_pair(c, c->pair + i, hit);
     }
-    for (i = 0; i < c->nobstacle && !status; i++)
-        if (c->obstacle[i].used && c->obstacle[i].kind == CLOTH_OBSTACLE_PLANE)
-            status = clothi_detect_plane(c, i, hit);
     c->report.impacts += *hit;
     return status;
 }
@@ -8615,7 +8589,7 @@ CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
 
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap) {
     cloth_status status;
-    int          i, o;
+    int          i;
     status = clothi_query_check(c, "cloth_collide_gap", 1, gap != NULL);
     if (!status) status = clothi_desc_number(c->hooks, "cloth_collide_gap: range", range, 1);
     if (!status) status = clothi_look_check(c);
@@ -8626,10 +8600,6 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
     for (i = 0; i < c->npair && !status; i++)
         *gap = clothi_min(*gap, clothi_pair_gap(c, c->xb, c->xb, c->pair[i].kind, c->pair[i].a,
                                                 c->pair[i].b));
-    for (o = 0; o < c->nobstacle && !status; o++)
-        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv; i++)
-            if (clothi_may_touch(c, -1, c->vertex_part[i], o, 0))
-                *gap = clothi_min(*gap, clothi_pair_gap(c, c->xb, c->xb, CLOTHI_VP, i, o));
     return status;
 }
 

@@ -395,8 +395,8 @@ typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()    
     double              thickness;          /* m, of contact with it; 0 (default): the desc's  */
     double              friction;           /* default 0.3                                     */
     uint32_t            category, mask;     /* default 1 and all                               */
-    int                 self_penetrating;   /* MESH, closed, turned one way: cloth between two
-                                               parts of it is carried by both            [8.3] */
+    int                 self_penetrating;   /* MESH, closed, all faces outwards: cloth between
+                                               two parts of it is carried by both        [8.3] */
     const cloth_grid   *grid;               /* GRID; borrowed, unchanged while the obstacle is
                                                there; its band over radius + thickness         */
 } cloth_obstacle_desc;
@@ -568,8 +568,9 @@ typedef struct cloth_untangle_report {
 /* Pushes pairs that intersect and are exempt (CLOTH_INITIAL_EXEMPT) apart, part of the way a call:
  * call it until report.after is 0, by itself or between steps, which give the cloth its shape
  * back.                                                                                    [8.7]
- * Cloth leaves closed obstacles by the nearest point; where surfaces cross, the line of
- * intersection is made shorter and what it cuts off smaller.
+ * Cloth leaves closed obstacles by the nearest point, but a MESH whose faces look inwards, which
+ * counts as open; where surfaces cross, the line of intersection is made shorter and what it cuts
+ * off smaller.
  *   - only x of vertices that are not pinned changes, v stays; max_move m at most a vertex (0: 5 t)
  *     and what it takes to keep others clear
  *   - pairs that are clear of the tangle stay clear, on their whole path, as in a step. Where a
@@ -3440,6 +3441,8 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
  * Winding Numbers for Soups and Clouds, SIGGRAPH 2018.
  * checked: tests/test_surface.c */
 
+#define CLOTHI_VOLUME 1e-9                  /* of a mesh: that of a flat part, by rounding     */
+
 typedef struct clothi_surface {             /* all borrowed                                    */
     const double        *x;                 /* [nv x 3] m                                      */
     const int           *faces;             /* [nf x 3]                                        */
@@ -3453,6 +3456,8 @@ typedef struct clothi_surface_defects {
     int open;                               /* not as many faces run one way as the other      */
     int turned;                             /* of two faces that run the same way              */
     int branch;                             /* of more than two faces                          */
+    int inward;                             /* face of a closed part whose volume is below 0   */
+    double volume;                          /* m^3, of all that is closed                      */
 } clothi_surface_defects;
 
 /* Marks defects at the run [i, end) of half-edges of one edge; returns 1 when it is closed. */
@@ -3471,36 +3476,44 @@ static int clothi_surface_edge(const clothi_edge_sort *s, const int *faces, int 
 }
 
 /* closed [nf] = 1 for the faces of components (joined along edges) at all of whose edges as many
- * faces run one way as the other: these have a winding number; may be NULL. *d: the first defects.
- * A manifold oriented closed mesh has none; which side is outside is not asked. Indices are in
+ * faces run one way as the other: these have a winding number; may be NULL. *d: the first
+ * defects; a manifold mesh without cavities, closed and oriented outwards, has none. Indices are in
  * range.
  * returns CLOTH_OK, CLOTH_ERR_MEMORY | cost O(nv + nf) */
-static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int nf,
+static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int nf, const double *x,
                                          const int *faces, unsigned char *closed,
                                          clothi_surface_defects *d) {
     clothi_edge_sort s;
-    cloth_status     status;
+    cloth_status     status = clothi_edge_sort_make(hooks, nv, nf, faces, &s);
+    double          *volume = NULL, n[3], a[3];
     int             *up = NULL, i, j, end, f;
-    d->open = d->turned = d->branch = -1;
-    status = clothi_edge_sort_make(hooks, nv, nf, faces, &s);
+    d->open = d->turned = d->branch = d->inward = -1, d->volume = 0;
     if (status != CLOTH_OK) return status;
-    up = closed ? (int *)clothi_alloc(hooks, (size_t)nf, sizeof(int)) : NULL;
-    if (closed && !up) {
+    volume = (double *)clothi_alloc(hooks, (size_t)nf, 2 * sizeof(double));
+    if (!volume) {
         status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the parts of %i faces", nf);
         goto done;
     }
-    for (f = 0; closed && f < nf; f++) up[f] = f, closed[f] = 1;
+    up = (int *)(void *)(volume + nf);
+    if (!closed) closed = (unsigned char *)(up + nf);
+    for (f = 0; f < nf; f++) up[f] = f, closed[f] = 1;
     for (i = 0; i < 3 * nf; i = end) {
         end = clothi_edge_run(&s, 3 * nf, i);
-        if (!clothi_surface_edge(&s, faces, i, end, d) && closed) closed[s.order[i] / 3] = 0;
-        for (j = i + 1; closed && j < end; j++)
-            (void)clothi_join(up, s.order[i] / 3, s.order[j] / 3);
+        if (!clothi_surface_edge(&s, faces, i, end, d)) closed[s.order[i] / 3] = 0;
+        for (j = i + 1; j < end; j++) (void)clothi_join(up, s.order[i] / 3, s.order[j] / 3);
     }
-    if (!closed) goto done;
     for (f = 0; f < nf; f++) closed[clothi_find_root(up, f)] &= closed[f];
-    for (f = 0; f < nf; f++) closed[f] = closed[clothi_find_root(up, f)];
+    for (f = 0; f < nf; f++) {              /* the root of a part is its first face */
+        const int part = clothi_find_root(up, f);
+        if (!(closed[f] = closed[part])) continue;
+        clothi_face_cross(x, faces + 3 * f, n);
+        clothi_sub3(x + 3 * faces[3 * f], x + 3 * faces[3 * part], a);
+        volume[part] += clothi_dot3(a, n) / 6, d->volume += clothi_dot3(a, n) / 6;
+    }
+    for (f = nf - 1; f >= 0; f--)
+        if (volume[f] < -CLOTHI_VOLUME * fabs(d->volume)) d->inward = f;
 done:
-    clothi_free(hooks, up);
+    clothi_free(hooks, volume);
     clothi_edge_sort_free(hooks, &s);
     return status;
 }
@@ -3738,8 +3751,7 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
     const double           most = clothi_min(CLOTHI_GRID_LARGE, CLOTHI_GRID_REACH * d->cell);
     clothi_surface_defects defects;
     cloth_status           status;
-    double                 volume = 0, corner[3], n[3];
-    int                    i, f;
+    int                    i;
     status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
     if (status != CLOTH_OK) return status;
@@ -3752,21 +3764,16 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
         lo[i % 3] = i < 3 ? x : clothi_min(lo[i % 3], x);
         hi[i % 3] = i < 3 ? x : clothi_max(hi[i % 3], x);
     }
-    status = clothi_surface_check(hooks, d->nv, d->nf, d->faces, NULL, &defects);
+    status = clothi_surface_check(hooks, d->nv, d->nf, d->x, d->faces, NULL, &defects);
     if (status != CLOTH_OK) return status;
     i = defects.open;
     if (i >= 0)
         return clothi_fail(hooks, CLOTH_ERR_MESH, "the mesh is not closed: at edge %i %i of "
                            "faces[%i] as many faces must run one way as the other",
                            d->faces[i], d->faces[clothi_halfedge_next(i)], i / 3);
-    for (f = 0; f < d->nf; f++) {
-        clothi_face_cross(d->x, d->faces + 3 * f, n);
-        clothi_sub3(d->x + 3 * d->faces[3 * f], lo, corner);
-        volume += clothi_dot3(corner, n) / 6;
-    }
-    if (volume > 0) return CLOTH_OK;
+    if (defects.volume > 0) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_MESH, "the mesh holds a volume of %g m^3: faces must turn "
-                       "counter-clockwise seen from outside", volume);
+                       "counter-clockwise seen from outside", defects.volume);
 }
 
 /* Checks the desc and lays the grid out: all of g but phi. */
@@ -8026,16 +8033,21 @@ static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
     return 0;
 }
 
-/* A body that penetrates itself has an inside: closed, manifold, turned one way. */
+/* A body that penetrates itself has an inside: closed, manifold, its faces turned outwards. */
 static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
     clothi_surface_defects defect;
     cloth_status   status;
     unsigned char *closed = (unsigned char *)clothi_alloc(hooks, (size_t)d->nf, 1);
     if (!closed)
         return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i faces", d->nf);
-    status = clothi_surface_check(hooks, d->nv, d->nf, d->faces, closed, &defect);
+    status = clothi_surface_check(hooks, d->nv, d->nf, d->x, d->faces, closed, &defect);
     clothi_free(hooks, closed);
-    if (status || (defect.open < 0 && defect.turned < 0 && defect.branch < 0)) return status;
+    if (status) return status;
+    if (defect.open < 0 && defect.turned < 0 && defect.branch < 0)
+        return defect.inward < 0 ? CLOTH_OK
+                                 : clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: "
+                                               "the part of face %i is inside out, its faces look "
+                                               "inwards", defect.inward);
     if (defect.open >= 0)
         return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: the mesh is open at "
                            "face %i, corner %i", defect.open / 3, defect.open % 3);
@@ -8831,7 +8843,9 @@ static cloth_status clothi_tangle_inside(const cloth_collide *c, clothi_tangle *
     cloth_status           status;
     int                    i;
     memset(u->mask, 0, (size_t)c->mf);
-    status = clothi_surface_check(c->hooks, o->nv, o->nf, o->faces, u->mask + o->f0, &defects);
+    status = clothi_surface_check(c->hooks, o->nv, o->nf, o->x, o->faces, u->mask + o->f0,
+                                  &defects);
+    if (o->kind == CLOTH_OBSTACLE_MESH && defects.volume < 0) memset(u->mask, 0, (size_t)c->mf);
     for (i = 0; i < c->nv && !status; i++)
         if (clothi_may_touch(c, -1, c->vertex_part[i], slot, 0) &&
             clothi_tangle_leave(c, u, slot, i))

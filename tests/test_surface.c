@@ -314,8 +314,45 @@ static void segments_through_meshes(void) {
 
 static clothi_surface_defects defects_of(const shape *s, int nf, unsigned char *closed) {
     clothi_surface_defects d;
-    CHECK(clothi_surface_check(NULL, s->nv, nf, s->faces, closed, &d) == CLOTH_OK);
+    CHECK(clothi_surface_check(NULL, s->nv, nf, s->x, s->faces, closed, &d) == CLOTH_OK);
     return d;
+}
+
+static void turn_faces(shape *s, int from, int to) {
+    int f, t;
+    for (f = from; f < to; f++)
+        t = s->faces[3 * f], s->faces[3 * f] = s->faces[3 * f + 1], s->faces[3 * f + 1] = t;
+}
+
+/* The first face of a part that is inside out, beside a larger or a smaller part that is not, is
+ * named; the volume is that of all. A cavity is such a part. */
+static void looks_inwards(void) {
+    static const double    lo[3] = {0, 0, 0}, hi[3] = {3, 2, 1}, at[3] = {9, 0, 0};
+    unsigned char          closed[1024];
+    clothi_surface_defects d;
+    shape                  s;
+    double                 ball;
+    int                    outer;
+    memset(&s, 0, sizeof s);
+    shape_box(&s, lo, hi), shape_sphere(&s, at, 0.5, 5);
+    d = defects_of(&s, s.nf, closed), ball = d.volume - 6;
+    CHECK(d.inward == -1 && ball > 0.3 && ball < 0.5236);
+    turn_faces(&s, 12, s.nf);
+    d = defects_of(&s, s.nf, closed);
+    CHECK(d.inward == 12 && fabs(d.volume - 6 + ball) < 1e-12);
+    turn_faces(&s, 0, 12);
+    d = defects_of(&s, s.nf, closed);
+    CHECK(d.inward == 0 && fabs(d.volume + 6 + ball) < 1e-12);
+    turn_faces(&s, 12, s.nf);
+    d = defects_of(&s, s.nf, closed);
+    CHECK(d.inward == 0 && fabs(d.volume + 6 - ball) < 1e-12);
+    shape_free(&s);
+    make(SPHERE, &s), outer = s.nf;
+    shape_free(&s);
+    make(ROOM, &s);
+    d = defects_of(&s, s.nf, closed);
+    CHECK(d.inward == outer && d.volume > 0);
+    shape_free(&s);
 }
 
 static void defects(void) {
@@ -359,7 +396,7 @@ static void open_parts_do_not_wind(void) {
     shape_box(&s, lo, hi), shape_box(&s, out_lo, out_hi);
     s.nf--;
     u = surface_of(&s, &tree);
-    CHECK(clothi_surface_check(NULL, s.nv, s.nf, s.faces, closed, &d) == CLOTH_OK);
+    CHECK(clothi_surface_check(NULL, s.nv, s.nf, s.x, s.faces, closed, &d) == CLOTH_OK);
     CHECK(d.open >= 0);
     u.closed = closed;
     CHECK(clothi_surface_winding(&u, p) == 1);
@@ -421,7 +458,7 @@ static void out_of_memory(void) {
     u = surface_of(&s, &tree);
     for (n = 1; status != CLOTH_OK && n < 100; n++) {
         h.calls = 0, h.fail_at = n;
-        status = clothi_surface_check(&hooks, s.nv, s.nf, s.faces, covered, &d);
+        status = clothi_surface_check(&hooks, s.nv, s.nf, s.x, s.faces, covered, &d);
         if (status == CLOTH_OK) status = clothi_surface_covered(&hooks, &u, s.nf, covered);
         CHECK(status == CLOTH_OK || status == CLOTH_ERR_MEMORY);
         CHECK(h.live == 0);
@@ -440,6 +477,7 @@ int main(int argc, char **argv) {
     RUN(pierced_on_a_lattice);
     RUN(pierced_by_a_rounding);
     RUN(segments_through_meshes);
+    RUN(looks_inwards);
     RUN(defects);
     RUN(open_parts_do_not_wind);
     RUN(parts_inside_of_others);

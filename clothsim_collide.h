@@ -2620,8 +2620,8 @@ static clothi_dd clothi_qp_minus_dot(const clothi_qp *s, clothi_dd sum, const cl
 /* ----- the problem, scaled ------------------------------------------------------------------- */
 
 /* Slices of the blocks whose size is known beforehand. */
-static int clothi_qp_layout(clothi_qp *s) {
-    const size_t m = (size_t)s->m, n = (size_t)s->n, nz = (size_t)s->q->row[s->m];
+static int clothi_qp_layout(clothi_qp *s, size_t nz) {
+    const size_t m = (size_t)s->m, n = (size_t)s->n;
     int       *i = (int *)clothi_qp_take(s->work, CLOTHI_QP_INTS, 9 * m + n + 2 + 2 * nz,
                                          sizeof(int), 0);
     double    *d = (double *)clothi_qp_take(s->work, CLOTHI_QP_REALS, nz + 2 * m + n,
@@ -2638,6 +2638,17 @@ static int clothi_qp_layout(clothi_qp *s) {
     s->b = t, s->lambda = t + m, s->w = t + 2 * m, s->rhs = t + 3 * m, s->ray = t + 4 * m;
     s->x = t + 5 * m, s->u = s->x + n;
     return 1;
+}
+
+/* Solves of at most m rows, n unknowns and nz entries take no memory any more; 0: there is none. */
+static int clothi_qp_reserve(cloth_qp_work *work, int m, int n, size_t nz) {
+    const size_t most = (size_t)m * (size_t)m + (size_t)m;
+    clothi_qp    s;
+    s.work = work, s.m = m, s.n = n;
+    return clothi_qp_layout(&s, nz) &&
+           clothi_qp_take(work, CLOTHI_QP_COUPLED, most, sizeof(int), 0) &&
+           clothi_qp_take(work, CLOTHI_QP_A, most, sizeof(double), 0) &&
+           clothi_qp_take(work, CLOTHI_QP_L, most / 2 + 1, sizeof *s.L, 0);
 }
 
 /* Divides each row by a power of two near its length. 0: one is out of range, *row. */
@@ -3316,7 +3327,7 @@ static cloth_status clothi_qp_begin(clothi_qp *s, int *violated) {
     cloth_status status;
     int          i, row;
     *violated = -1;
-    if (!clothi_qp_layout(s)) return CLOTH_ERR_MEMORY;
+    if (!clothi_qp_layout(s, (size_t)s->q->row[s->m])) return CLOTH_ERR_MEMORY;
     if (!clothi_qp_scale(s, &row))
         return clothi_fail(s->hooks, CLOTH_ERR_ARGUMENT, "qp row %i: |row| or |h| in units of "
                            "its unknowns is out of range (h = %g)", row, s->q->h[row]);
@@ -4032,6 +4043,16 @@ typedef struct clothi_row {                 /* n . sum w x >= bound: a constrain
     int    zone, pass;                      /* pass: in which its frame was made               */
 } clothi_row;
 
+typedef struct clothi_zone {                /* its slices of the scratch                 [8.4] */
+    cloth_qp     qp;                        /* of row, col, val, h, minv, x0                   */
+    int          rows, size, fresh;         /* rows, vertices; a row is of this pass           */
+    int         *order, *row, *col, *member;            /* order [rows]: which; member [size]  */
+    double      *val, *h, *lambda, *guess, *norm, *minv, *x0, *x;
+    double       mean;                      /* kg, of a vertex                                 */
+    int          iterations, solved;
+    cloth_status status;
+} clothi_zone;
+
 typedef struct clothi_obstacle {
     int                 used;
     uint32_t            generation;
@@ -4127,12 +4148,15 @@ struct cloth_collide {
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
-    int    *local, *member;                 /* [nv] number in a zone, -1; its vertices         */
-    int    *zone_start, *zone_order;        /* [row_cap + 1]                                   */
+    int    *local, *member;                 /* [nv] number in a zone; by zone, its vertices    */
+    clothi_zone *zone;                      /* [zone_cap], then qp_val and zone_order          */
     int     zone_cap;
-    int    *qp_row, *qp_col;
-    double *qp_val, *qp_h, *qp_lambda, *qp_guess, *qp_norm;
+    int    *zone_order;                     /* rows by zone, then row and col of the QPs       */
+    double *qp_val;                         /* values, then h, lambda, guess, norm             */
     double *qp_minv, *qp_x0, *qp_x;         /* [3 nv]                                          */
+    const double *zone_v;                   /* [nv x 3] m/s: of velocities; NULL: of x_IE      */
+    int     nwork;
+    cloth_qp_work  **work;                  /* [nwork], of each worker                         */
     cloth_qp_options qp_options;
 
     /* state */
@@ -6474,6 +6498,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_BUNCHES       8              /* times that more is held                         */
 #define CLOTHI_START_PASSES  16             /* for a start of minimising, not more             */
 #define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
+#define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
 #define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
 
 /* --- rows --- */
@@ -6643,214 +6668,221 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
     for (i = 0; i < c->nrow; i++) {
         int first = -1;
         for (k = 0; k < c->row[i].n; k++) {
-            const int v = c->row[i].v[k];
-            int       root;
-            if (!clothi_movable(c, v)) continue;
-            root = clothi_find_root(parent, v);
-            if (first < 0) first = root;
-            if (root < first) parent[first] = root, first = root;
-            if (root > first) parent[root] = first;
+            if (!clothi_movable(c, c->row[i].v[k])) continue;
+            if (first >= 0) (void)clothi_join(parent, first, c->row[i].v[k]);
+            first = c->row[i].v[k];
         }
+        c->row[i].zone = first;
     }
     *nzone = 0;
     for (i = 0; i < c->nrow; i++) {
-        c->row[i].zone = -1;
-        for (k = 0; k < c->row[i].n && c->row[i].zone < 0; k++) {
-            int *at;
-            if (!clothi_movable(c, c->row[i].v[k])) continue;
-            at = number + clothi_find_root(parent, c->row[i].v[k]);
-            if (*at < 0) *at = (*nzone)++;
-            c->row[i].zone = *at;
-        }
+        int *at = c->row[i].zone < 0 ? NULL : number + clothi_find_root(parent, c->row[i].zone);
+        if (at && *at < 0) *at = (*nzone)++;
+        c->row[i].zone = at ? *at : -1;
     }
 }
 
-static void clothi_zone_free(cloth_collide *c) {
-    const cloth_hooks *k = c->hooks;
-    clothi_free(k, c->zone_start);
-    clothi_free(k, c->qp_val);
-    c->zone_start = NULL;
-    c->qp_val = NULL;
-    c->zone_cap = 0;
-}
-
-/* Room for what zones need: thirteen integers and sixteen numbers a row. */
+/* Room for what zones need: a zone, sixteen numbers and fifteen integers a row. */
 static cloth_status clothi_zone_reserve(cloth_collide *c) {
     const size_t n = (size_t)c->row_cap;
     if (c->zone_cap >= c->row_cap) return CLOTH_OK;
-    clothi_zone_free(c);
-    c->zone_start = (int *)clothi_alloc(c->hooks, 15 * n + 3, sizeof(int));
-    c->qp_val = (double *)clothi_alloc(c->hooks, 16 * n, sizeof(double));
-    if (!c->zone_start || !c->qp_val) {
-        clothi_zone_free(c);
-        return CLOTH_ERR_MEMORY;
-    }
-    c->zone_order = c->zone_start + n + 2, c->qp_row = c->zone_order + n;
-    c->qp_col = c->qp_row + n + 1;
-    c->qp_h = c->qp_val + 12 * n, c->qp_lambda = c->qp_h + n, c->qp_guess = c->qp_lambda + n;
-    c->qp_norm = c->qp_guess + n;
+    clothi_free(c->hooks, c->zone);
+    c->zone_cap = 0;
+    c->zone = (clothi_zone *)clothi_alloc(c->hooks, n, sizeof *c->zone + 16 * sizeof(double) +
+                                                           15 * sizeof(int));
+    if (!c->zone) return CLOTH_ERR_MEMORY;
+    c->qp_val = (double *)(void *)(c->zone + n);
+    c->zone_order = (int *)(void *)(c->qp_val + 16 * n);
     c->zone_cap = c->row_cap;
     return CLOTH_OK;
 }
 
-/* Rows of each zone, in their order: zone_order[zone_start[z] .. zone_start[z + 1]). */
-static void clothi_zone_rows(cloth_collide *c, int nzone) {
-    int i, *start = c->zone_start;
-    for (i = 0; i < nzone + 2; i++) start[i] = 0;
+/* Rows and vertices of each zone, and its slices of the scratch: by rows or by vertices. */
+static void clothi_zone_slices(cloth_collide *c, int nzone) {
+    const size_t n = (size_t)c->zone_cap;
+    int          z, i, k, r = 0, at = 0;
+    for (z = 0; z < nzone; z++) memset(c->zone + z, 0, sizeof *c->zone);
     for (i = 0; i < c->nrow; i++)
-        if (c->row[i].zone >= 0) start[c->row[i].zone + 2]++;
-    for (i = 0; i < nzone; i++) start[i + 2] += start[i + 1];
-    for (i = 0; i < c->nrow; i++)
-        if (c->row[i].zone >= 0) c->zone_order[start[c->row[i].zone + 1]++] = i;
+        if (c->row[i].zone >= 0) c->zone[c->row[i].zone].rows++;
+    for (i = c->nv - 1; i >= 0; i--) {      /* the root of a set is its smallest */
+        z = c->zone_of[i] = c->zone_number[clothi_find_root(c->zone_of, i)];
+        if (z >= 0) c->zone[z].size++, c->local[i] = -1;
+    }
+    for (z = 0; z < nzone; z++) {
+        clothi_zone *q = c->zone + z;
+        q->order = c->zone_order + r, q->row = c->zone_order + n + r + z;
+        q->col = c->zone_order + 3 * n + 12 * r;
+        q->val = c->qp_val + 12 * r, q->h = c->qp_val + 12 * n + r, q->lambda = q->h + n;
+        q->guess = q->lambda + n, q->norm = q->guess + n;
+        q->member = c->member + at, q->minv = c->qp_minv + 3 * at;
+        q->x0 = c->qp_x0 + 3 * at, q->x = c->qp_x + 3 * at;
+        r += q->rows, at += q->size, q->rows = q->size = 0;
+    }
+    for (i = 0; i < c->nrow; i++) {
+        const clothi_row *row = c->row + i;
+        clothi_zone      *q = c->zone + (row->zone < 0 ? 0 : row->zone);
+        if (row->zone < 0) continue;
+        q->order[q->rows++] = i;
+        q->fresh |= row->pass == c->report.passes;
+        for (k = 0; k < row->n; k++)
+            if (clothi_movable(c, row->v[k]) && c->local[row->v[k]] < 0)
+                q->member[c->local[row->v[k]] = q->size++] = row->v[k];
+    }
 }
 
-/* The zone's QP: unknowns are the movable vertices of its rows, 3 each; what is pinned on an axis
- * has minv 0 there, masses are relative to their mean, which is returned. `from` [nv x 3] is x0;
- * speeds: rows with a multiplier, on velocities. */
-static double clothi_zone_qp(cloth_collide *c, int z, const double *from, int speeds,
-                             cloth_qp *qp) {
-    const double *mass = c->sim->params.mass;
-    int    m = 0, nnz = 0, n = 0, r, i, k;
-    double mean = 0;
-    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
-        const clothi_row *row = c->row + c->zone_order[r];
-        if (speeds && !(row->multiplier > 0)) continue;
-        c->qp_row[m] = nnz;
-        c->qp_h[m] = speeds ? -row->speed : -row->bound;
+/* The zones of the rows. Workers do not ask the allocator: what their QPs take, they have. */
+static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double *v) {
+    cloth_status status = clothi_zone_reserve(c);
+    int          m = 0, z;
+    if (status) return status;
+    c->zone_v = v;
+    clothi_zone_number(c, nzone);
+    clothi_zone_slices(c, *nzone);
+    for (z = 0; z < *nzone && c->hooks->parallel.run; z++)
+        if ((v || c->zone[z].rows <= CLOTHI_EXACT_ROWS) && c->zone[z].rows > m) m = c->zone[z].rows;
+    for (z = 0; z < c->nwork && m > 0; z++)
+        if (!clothi_qp_reserve(c->work[z], m < CLOTHI_EXACT_ROWS ? m : CLOTHI_EXACT_ROWS, 12 * m,
+                               12 * CLOTHI_EXACT_ROWS)) return CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
+}
+
+/* The zone's QP: unknowns are its vertices, 3 each; what is pinned on an axis has minv 0 there,
+ * masses are relative to their mean. On velocities: of the rows with a multiplier. */
+static void clothi_zone_qp(const cloth_collide *c, clothi_zone *q) {
+    const double *mass = c->sim->params.mass, *from = c->zone_v ? c->zone_v : c->x_ie;
+    int    m = 0, nnz = 0, r, i, k;
+    for (r = 0; r < q->rows; r++) {
+        const clothi_row *row = c->row + q->order[r];
+        if (c->zone_v && !(row->multiplier > 0)) continue;
+        q->row[m] = nnz;
+        q->h[m] = c->zone_v ? -row->speed : -row->bound;
         for (i = 0; i < row->n; i++) {
             const int v = row->v[i];
-            if (v >= c->nv) continue;
-            if (!clothi_movable(c, v)) {
-                for (k = 0; k < 3; k++) {
-                    const double to = c->xb[3 * v + k];
-                    c->qp_h[m] += row->w[i] * row->normal[k] *
-                                  (speeds ? (to - c->xa[3 * v + k]) / c->h : to);
-                }
-                continue;
-            }
-            if (c->local[v] < 0) c->local[v] = n, c->member[n++] = v;
-            for (k = 0; k < 3; k++) {
-                c->qp_col[nnz] = 3 * c->local[v] + k;
-                c->qp_val[nnz++] = -row->w[i] * row->normal[k];
+            for (k = 0; v < c->nv && k < 3; k++) {
+                const double g = row->w[i] * row->normal[k], to = c->xb[3 * v + k];
+                if (!clothi_movable(c, v))
+                    q->h[m] += g * (c->zone_v ? (to - c->xa[3 * v + k]) / c->h : to);
+                else
+                    q->col[nnz] = 3 * c->local[v] + k, q->val[nnz++] = -g;
             }
         }
         m++;
     }
-    c->qp_row[m] = nnz;
-    for (i = 0; i < n; i++) mean += mass[c->member[i]] / n;
-    for (i = 0; i < n; i++) {
-        const int v = c->member[i];
-        for (k = 0; k < 3; k++) {
-            c->qp_minv[3 * i + k] = c->sim->pin[v] >> k & 1 ? 0 : mean / mass[v];
-            c->qp_x0[3 * i + k] = from[3 * v + k];
-        }
-        c->local[v] = -1;
+    q->row[m] = nnz;
+    for (i = 0; i < q->size; i++) q->mean += mass[q->member[i]] / q->size;
+    for (i = 0; i < 3 * q->size; i++) {
+        const int v = q->member[i / 3];
+        q->minv[i] = c->sim->pin[v] >> i % 3 & 1 ? 0 : q->mean / mass[v];
+        q->x0[i] = from[3 * v + i % 3];
     }
-    memset(qp, 0, sizeof *qp);
-    qp->n = 3 * n, qp->m = m;
-    qp->minv = c->qp_minv, qp->x0 = c->qp_x0;
-    qp->row = c->qp_row, qp->col = c->qp_col, qp->val = c->qp_val, qp->h = c->qp_h;
-    return mean;
+    q->qp.n = 3 * q->size, q->qp.m = m, q->qp.minv = q->minv, q->qp.x0 = q->x0;
+    q->qp.row = q->row, q->qp.col = q->col, q->qp.val = q->val, q->qp.h = q->h;
 }
 
 /* Lets row r of the QP have its way: lambda, and x with it. Returns how far it moved, m. */
-static double clothi_sweep_row(cloth_collide *c, const cloth_qp *qp, int r) {
-    const double a = c->qp_norm[r];
-    double       w = qp->h[r], d;
+static double clothi_sweep_row(const clothi_zone *q, int r) {
+    const double a = q->norm[r];
+    double       w = q->h[r], d;
     int          i;
-    for (i = qp->row[r]; i < qp->row[r + 1]; i++) w -= qp->val[i] * c->qp_x[qp->col[i]];
+    for (i = q->row[r]; i < q->row[r + 1]; i++) w -= q->val[i] * q->x[q->col[i]];
     if (!(a > 0)) return w < 0 ? HUGE_VAL : 0;
-    d = clothi_max(-w / a, -c->qp_lambda[r]);
+    d = clothi_max(-w / a, -q->lambda[r]);
     if (!(d < 0 || d > 0)) return 0;
-    c->qp_lambda[r] += d;
-    for (i = qp->row[r]; i < qp->row[r + 1]; i++)
-        c->qp_x[qp->col[i]] -= d * qp->minv[qp->col[i]] * qp->val[i];
+    q->lambda[r] += d;
+    for (i = q->row[r]; i < q->row[r + 1]; i++)
+        q->x[q->col[i]] -= d * q->minv[q->col[i]] * q->val[i];
     return fabs(d) * a;
 }
 
-/* The QP by sweeps over its rows, there and back, from the multipliers in qp_lambda, until none
- * moves by `enough` (0: by a tenth of its slack). Of four sweeps one takes all rows, the others
- * those that push. 1 when that came. */
-static int clothi_zone_sweeps(cloth_collide *c, int z, const cloth_qp *qp, double enough) {
-    const int *order = c->zone_order + c->zone_start[z];
-    int        sweep, i, j, r;
-    for (i = 0; i < qp->n; i++) c->qp_x[i] = qp->x0[i];
-    for (r = 0; r < qp->m; r++)
-        for (c->qp_norm[r] = 0, i = qp->row[r]; i < qp->row[r + 1]; i++) {
-            const double g = qp->val[i] * qp->minv[qp->col[i]];
-            c->qp_norm[r] += g * qp->val[i];
-            c->qp_x[qp->col[i]] -= c->qp_lambda[r] * g;
+/* The QP by sweeps over its rows, there and back, from the multipliers in lambda, until none moves
+ * by `enough` (0: by a tenth of its slack). Of four sweeps one takes all rows, the others those
+ * that push. 1 when that came. */
+static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double enough) {
+    int sweep, i, j, r;
+    for (i = 0; i < q->qp.n; i++) q->x[i] = q->x0[i];
+    for (r = 0; r < q->qp.m; r++)
+        for (q->norm[r] = 0, i = q->row[r]; i < q->row[r + 1]; i++) {
+            const double g = q->val[i] * q->minv[q->col[i]];
+            q->norm[r] += g * q->val[i];
+            q->x[q->col[i]] -= q->lambda[r] * g;
         }
     for (sweep = 0; sweep < CLOTHI_SWEEPS; sweep++) {
         const int all = sweep % 4 == 0;
         int       late = 0;
-        for (j = 0; j < qp->m; j++) {
-            r = sweep & 1 ? qp->m - 1 - j : j;
-            if (!all && !(c->qp_lambda[r] > 0)) continue;
-            late += clothi_sweep_row(c, qp, r) >
-                    (enough > 0 ? enough : 0.1 * c->row[order[r]].slack);
+        for (j = 0; j < q->qp.m; j++) {
+            r = sweep & 1 ? q->qp.m - 1 - j : j;
+            if (!all && !(q->lambda[r] > 0)) continue;
+            late += clothi_sweep_row(q, r) >
+                    (enough > 0 ? enough : 0.1 * c->row[q->order[r]].slack);
         }
-        c->report.qp_iterations++;
+        q->iterations++;
         if (!late && all) return 1;
     }
     return 0;
 }
 
-/* Numbers so large that the program refuses them: the zone is not solved, nothing else is wrong. */
-static int clothi_qp_absurd(cloth_status status) {
-    return status == CLOTH_ERR_ARGUMENT || status == CLOTH_ERR_NONFINITE ||
-           status == CLOTH_ERR_CAPACITY;
+/* The QP itself, in the worker's memory. Refused, as numbers are too large: it is not solved. */
+static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const double *guess,
+                              int worker, const cloth_cancel *cancel) {
+    cloth_qp_options o = c->qp_options;
+    cloth_qp_report  rep;
+    memset(&rep, 0, sizeof rep);
+    o.work = c->work[worker], o.guess = guess;
+    if (cancel) o.hooks.cancel = *cancel;
+    q->status = cloth_qp_solve(&q->qp, &o, q->x, q->lambda, &rep);
+    q->iterations += rep.iterations;
+    if (q->status != CLOTH_ERR_MEMORY && q->status != CLOTH_ERR_CANCELLED) q->status = CLOTH_OK;
+    q->solved = !q->status && rep.outcome == CLOTH_QP_SOLVED;
 }
 
-/* Solves zone z from x_IE into xb; *solved 0: infeasible or too hard. */
-static cloth_status clothi_zone_solve(cloth_collide *c, int z, int *solved) {
-    cloth_qp        qp;
-    cloth_qp_report rep;
-    cloth_status    status = CLOTH_OK;
-    double          mean = clothi_zone_qp(c, z, c->x_ie, 0, &qp), push = 0, mass = 0;
-    const int      *order = c->zone_order + c->zone_start[z];
-    int             i, k, r;
-    memset(&rep, 0, sizeof rep);
-    for (r = 0; r < qp.m; r++) {            /* what the last pass found; the new rows may hold */
-        const clothi_row *row = c->row + order[r];
-        c->qp_guess[r] = row->pass == c->report.passes ? 1 : row->multiplier;
-        c->qp_lambda[r] = row->multiplier / mean;
+/* Slices, vertices and work are their own and no hook is called: same bits for any workers. */
+static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
+    const cloth_collide *c = (const cloth_collide *)ctx;
+    const double        *v = c->zone_v;
+    int                  z, r;
+    for (z = begin; z < end; z++) {
+        clothi_zone *q = c->zone + z;
+        if (!v && !q->fresh) continue;
+        clothi_zone_qp(c, q);
+        for (r = 0; r < q->qp.m; r++) {     /* what the last pass found; the new rows may hold */
+            const clothi_row *row = c->row + q->order[r];
+            q->guess[r] = row->pass == c->report.passes ? 1 : row->multiplier;
+            q->lambda[r] = v ? 0 : row->multiplier / q->mean;
+        }
+        if (q->qp.m > CLOTHI_EXACT_ROWS)
+            q->solved = clothi_zone_sweeps(c, q, v ? 0.01 * c->desc.thickness / c->h : 0) || v ||
+                        c->report.passes < CLOTHI_SWEPT_PASSES;
+        else if (q->qp.m > 0)
+            clothi_zone_exact(c, q, v ? NULL : q->guess, worker, NULL);
     }
-    c->report.largest_zone = qp.m > c->report.largest_zone ? qp.m : c->report.largest_zone;
-    *solved = qp.m > CLOTHI_EXACT_ROWS && (clothi_zone_sweeps(c, z, &qp, 0) ||
-                                           c->report.passes < CLOTHI_SWEPT_PASSES);
-    if (qp.m <= CLOTHI_EXACT_ROWS || (!*solved && qp.m <= CLOTHI_EXACT_MOST)) {
-        c->qp_options.guess = c->qp_guess;
-        status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
-        c->qp_options.guess = NULL;
-        c->report.qp_iterations += rep.iterations;
-        if (clothi_qp_absurd(status)) status = CLOTH_OK;
-        *solved = !status && rep.outcome == CLOTH_QP_SOLVED;
-    }
-    if (status || !*solved) return status;
-    for (r = 0; r < qp.m; r++) c->row[order[r]].multiplier = c->qp_lambda[r] * mean;
-    for (i = 0; i < qp.n / 3; i++) {
-        const int v = c->member[i];
+}
+
+/* The solution into xb. */
+static void clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
+    double push = 0, mass = 0;
+    int    i, k, r;
+    for (r = 0; r < q->qp.m; r++) c->row[q->order[r]].multiplier = q->lambda[r] * q->mean;
+    for (i = 0; i < q->qp.n / 3; i++) {
+        const int v = q->member[i];
         for (k = 0; k < 3; k++) {
-            const double d = c->qp_x[3 * i + k] - c->x_ie[3 * v + k];
+            const double d = q->x[3 * i + k] - c->x_ie[3 * v + k];
             double      *x = c->xb + 3 * v + k;
             push += c->sim->params.mass[v] * d * d;
-            if (c->qp_x[3 * i + k] < *x || c->qp_x[3 * i + k] > *x) c->moved[v] = 1;
-            *x = c->qp_x[3 * i + k];
+            if (q->x[3 * i + k] < *x || q->x[3 * i + k] > *x) c->moved[v] = 1;
+            *x = q->x[3 * i + k];
         }
         mass += c->sim->params.mass[v];
     }
     c->report.push = clothi_max(c->report.push, sqrt(push / mass));
-    return CLOTH_OK;
 }
 
 /* Mean motion of the obstacles that a zone touches; 0: it touches none and nothing is pinned. */
-static int clothi_zone_carrier(const cloth_collide *c, int z, double *motion) {
+static int clothi_zone_carrier(const cloth_collide *c, const clothi_zone *q, double *motion) {
     double weight = 0;
     int    r, i, k, held = 0;
     motion[0] = motion[1] = motion[2] = 0;
-    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
-        const clothi_row *row = c->row + c->zone_order[r];
+    for (r = 0; r < q->rows; r++) {
+        const clothi_row *row = c->row + q->order[r];
         for (i = 0; i < row->n; i++) {
             const int v = row->v[i];
             if (v < c->nv && !c->sim->pin[v] && !c->frozen[v]) continue;
@@ -6878,13 +6910,13 @@ static int clothi_solve3(const double *A, const double *b, double *x) {
 }
 
 /* member [n]: as one rigid body from xa with the momentum and the angular momentum of x_IE. */
-static void clothi_zone_rotate(cloth_collide *c, int n) {
+static void clothi_zone_rotate(cloth_collide *c, const int *member, int n) {
     const double *mass = c->sim->params.mass;
     double center[3] = {0, 0, 0}, move[3] = {0, 0, 0}, total = 0, L[3] = {0, 0, 0};
     double I[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, turn[3] = {0, 0, 0}, angle, s, t;
     int    i, j, k;
     for (i = 0; i < n; i++) {
-        const int v = c->member[i];
+        const int v = member[i];
         total += mass[v];
         for (k = 0; k < 3; k++) {
             center[k] += mass[v] * c->xa[3 * v + k];
@@ -6893,7 +6925,7 @@ static void clothi_zone_rotate(cloth_collide *c, int n) {
     }
     for (k = 0; k < 3; k++) center[k] /= total, move[k] /= total;
     for (i = 0; i < n; i++) {
-        const int    v = c->member[i];
+        const int    v = member[i];
         double       r[3], d[3], l[3];
         clothi_sub3(c->xa + 3 * v, center, r);
         clothi_sub3(c->x_ie + 3 * v, c->xa + 3 * v, d);
@@ -6909,7 +6941,7 @@ static void clothi_zone_rotate(cloth_collide *c, int n) {
     s = angle > 1e-9 ? sin(angle) / angle : 1;
     t = angle > 1e-9 ? (1 - cos(angle)) / (angle * angle) : 0.5;
     for (i = 0; i < n; i++) {               /* Rodrigues */
-        const int v = c->member[i];
+        const int v = member[i];
         double    r[3], p[3], q[3];
         clothi_sub3(c->xa + 3 * v, center, r);
         clothi_cross3(turn, r, p);
@@ -6920,24 +6952,15 @@ static void clothi_zone_rotate(cloth_collide *c, int n) {
 }
 
 /* A zone becomes rigid: with its momentum or its carrier. */
-static void clothi_zone_freeze(cloth_collide *c, int z) {
+static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
     double motion[3];
-    int    held = clothi_zone_carrier(c, z, motion), n = 0, r, i, k;
-    for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++) {
-        clothi_row *row = c->row + c->zone_order[r];
-        row->multiplier = 0;
-        for (i = 0; i < row->n; i++) {
-            if (!clothi_movable(c, row->v[i]) || c->local[row->v[i]] >= 0) continue;
-            c->local[row->v[i]] = n;
-            c->member[n++] = row->v[i];
-        }
-    }
-    if (!held) clothi_zone_rotate(c, n);
-    for (i = 0; i < n; i++) {
-        const int v = c->member[i];
+    int    held = clothi_zone_carrier(c, q, motion), i, k;
+    for (i = 0; i < q->rows; i++) c->row[q->order[i]].multiplier = 0;
+    if (!held) clothi_zone_rotate(c, q->member, q->size);
+    for (i = 0; i < q->size; i++) {
+        const int v = q->member[i];
         for (k = 0; held && k < 3; k++)
             if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k] + motion[k];
-        c->local[v] = -1;
         c->moved[v] = 1;
         c->frozen[v] = 1;
     }
@@ -6977,27 +7000,30 @@ static cloth_status clothi_failed_pairs(cloth_collide *c) {
                        c->failed[0].b);
 }
 
-/* One pass over the rows, of which those of this pass are new. */
+/* One pass over the rows, of which those of this pass are new. Large zones that sweeps did not
+ * solve go through the exact QP one by one, after the others. */
 static cloth_status clothi_zones(cloth_collide *c) {
-    cloth_status status = clothi_zone_reserve(c);
-    int          nzone, z, r, solved;
+    const int    rigid = c->report.passes >= c->desc.max_passes;
+    int          nzone, z, r;
+    cloth_status status = clothi_zone_make(c, &nzone, NULL);
     if (status) return status;
-    clothi_zone_number(c, &nzone);
-    clothi_zone_rows(c, nzone);
     if (nzone > c->report.zones) c->report.zones = nzone;
     memset(c->moved, 0, (size_t)c->nv);
     for (r = 0; r < c->nrow; r++)
         if (c->row[r].pass == c->report.passes && c->row[r].zone < 0 &&
             !clothi_still(c, c->row + r))
             return clothi_failed_pairs(c);
+    if (!rigid) clothi_for(c->hooks, nzone, CLOTHI_ZONE_GRAIN, clothi_zone_range, c);
     for (z = 0; z < nzone && !status; z++) {
-        int fresh = 0;
-        for (r = c->zone_start[z]; r < c->zone_start[z + 1]; r++)
-            fresh |= c->row[c->zone_order[r]].pass == c->report.passes;
-        if (!fresh) continue;
-        solved = 0;
-        if (c->report.passes < c->desc.max_passes) status = clothi_zone_solve(c, z, &solved);
-        if (!status && !solved) clothi_zone_freeze(c, z);
+        clothi_zone *q = c->zone + z;
+        if (!q->fresh) continue;
+        if (!rigid && !q->solved && q->rows > CLOTHI_EXACT_ROWS && q->rows <= CLOTHI_EXACT_MOST)
+            clothi_zone_exact(c, q, q->guess, 0, &c->hooks->cancel);
+        c->report.qp_iterations += q->iterations;
+        if (q->rows > c->report.largest_zone && !rigid) c->report.largest_zone = q->rows;
+        status = q->status;
+        if (!status && q->solved) clothi_zone_accept(c, q);
+        else if (!status) clothi_zone_freeze(c, q);
     }
     return status;
 }
@@ -7095,29 +7121,15 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
 /* Velocities of an explicit substep: min 1/2 |v - v*|^2_M with no approach on the active rows. Not
  * the mean ones, of which a correction of the gap would be part. */
 static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
-    cloth_status status = CLOTH_OK;
     int          nzone, z, i, k;
-    status = clothi_zone_reserve(c);
+    cloth_status status = clothi_zone_make(c, &nzone, v);
     if (status) return status;
-    clothi_zone_number(c, &nzone);
-    clothi_zone_rows(c, nzone);
+    clothi_for(c->hooks, nzone, CLOTHI_ZONE_GRAIN, clothi_zone_range, c);
     for (z = 0; z < nzone && !status; z++) {
-        cloth_qp        qp;
-        cloth_qp_report rep;
-        int             n;
-        (void)clothi_zone_qp(c, z, v, 1, &qp);
-        n = qp.n / 3;
-        memset(&rep, 0, sizeof rep);
-        if (qp.m == 0) continue;
-        for (i = 0; i < qp.m; i++) c->qp_lambda[i] = 0;
-        if (qp.m > CLOTHI_EXACT_ROWS)
-            (void)clothi_zone_sweeps(c, z, &qp, 0.01 * c->desc.thickness / c->h);
-        else
-            status = cloth_qp_solve(&qp, &c->qp_options, c->qp_x, c->qp_lambda, &rep);
-        if (clothi_qp_absurd(status)) status = CLOTH_OK;
-        if (status || (qp.m <= CLOTHI_EXACT_ROWS && rep.outcome != CLOTH_QP_SOLVED)) continue;
-        for (i = 0; i < n; i++)
-            for (k = 0; k < 3; k++) v[3 * c->member[i] + k] = c->qp_x[3 * i + k];
+        const clothi_zone *q = c->zone + z;
+        status = q->status;
+        c->report.qp_iterations += q->iterations;
+        for (i = 0; i < q->qp.n && q->solved; i++) v[3 * q->member[i / 3] + i % 3] = q->x[i];
     }
     for (i = 0; i < c->nv; i++)             /* what became rigid moves as it moved */
         for (k = 0; c->frozen[i] && k < 3; k++)
@@ -7715,13 +7727,13 @@ static size_t clothi_contact_blocks(cloth_collide *c, int release) {
         c->faces, c->edges, c->edge_face, c->slot, c->flood, c->pinched, c->far, c->held_of,
         c->look, c->caught, c->hold_to, c->hold, c->holding, c->area, c->xa, c->xb, c->box_v,
         c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
-        c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone_start, c->qp_val, c->qp_minv,
+        c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone, c->work, c->qp_minv,
         c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame, c->way_in,
         c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
         c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
         c->hit, c->hit_time, c->slack, c->anchor, c->next, c->exempt, c->now, c->failed,
         c->obstacle};
-    size_t sum = clothi_block_size(c) + cloth_qp_work_bytes(c->qp_options.work);
+    size_t sum = clothi_block_size(c);
     size_t i;
     int    o;
     for (o = 0; o < c->nobstacle; o++) {
@@ -7729,11 +7741,14 @@ static size_t clothi_contact_blocks(cloth_collide *c, int release) {
         sum += clothi_block_size(b->x) + clothi_block_size(b->faces);
         if (release) clothi_obstacle_free(c->hooks, b);
     }
+    for (o = 0; c->work && o < c->nwork; o++) {
+        sum += cloth_qp_work_bytes(c->work[o]);
+        if (release) cloth_qp_work_destroy(c->work[o]);
+    }
     for (i = 0; i < sizeof block / sizeof *block; i++) {
         sum += clothi_block_size(block[i]);
         if (release) clothi_free(c->hooks, block[i]);
     }
-    if (release) cloth_qp_work_destroy(c->qp_options.work);
     return sum;
 }
 
@@ -7860,14 +7875,15 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     c->zone_number = (int *)clothi_alloc(k, nv, sizeof(int));
     c->local = (int *)clothi_alloc(k, nv, sizeof(int));
     c->member = (int *)clothi_alloc(k, nv, sizeof(int));
+    c->work = (cloth_qp_work **)clothi_alloc(k, (size_t)c->nwork, sizeof *c->work);
     c->qp_minv = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
     c->qp_x0 = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
     c->qp_x = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
     if (c->desc.nparts)
         c->part = (cloth_collide_part *)clothi_alloc(k, (size_t)c->desc.nparts, sizeof *c->part);
     return c->vertex_part && c->x_ie && c->x_list && c->x_frame && c->way_in && c->moved &&
-                   c->frozen && c->zone_of && c->zone_number && c->local &&
-                   c->member && c->qp_minv && c->qp_x0 && c->qp_x && (c->part || !c->desc.nparts)
+                   c->frozen && c->zone_of && c->zone_number && c->local && c->member && c->work &&
+                   c->qp_minv && c->qp_x0 && c->qp_x && (c->part || !c->desc.nparts)
                ? CLOTH_OK
                : CLOTH_ERR_MEMORY;
 }
@@ -7964,16 +7980,15 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     c->stiffness = d.stiffness > 0 ? d.stiffness : clothi_collide_stiffness(sim, d.thickness);
     c->qp_options = cloth_qp_options_default();
     c->qp_options.hooks.allocator = sim->hooks.allocator;
-    c->qp_options.hooks.cancel = sim->hooks.cancel;
+    c->nwork = sim->hooks.parallel.run ? sim->hooks.parallel.max_workers : 1;
     status = clothi_collide_arrays(c);
     if (!status) {
         if (d.nparts) memcpy(c->part, d.parts, (size_t)d.nparts * sizeof *d.parts);
-        for (i = 0; i < c->nv; i++) c->local[i] = -1;
         for (i = 0; i < 3 * c->nf; i++)
             c->vertex_part[sim->model->faces[i]] = sim->model->part[i / 3];
         status = clothi_world_build(c);
     }
-    if (!status) status = cloth_qp_work_create(c->hooks, &c->qp_options.work);
+    for (i = 0; i < c->nwork && !status; i++) status = cloth_qp_work_create(c->hooks, c->work + i);
     if (!status) status = clothi_collide_look(c);
     if (status) {
         cloth_collide_destroy(c);

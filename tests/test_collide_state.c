@@ -314,6 +314,109 @@ static void workers(void) {
     }
 }
 
+/* --- zones on workers --- */
+
+typedef struct crew {                       /* workers that may not call other hooks           */
+    int             many, inside, asked, ranges;
+    host_reverse    backwards;              /* many 0: one thread, ranges from the last one    */
+} crew;
+
+static void crew_run(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
+    crew *w = (crew *)user;
+    w->inside = 1;
+    if (w->many) threads_run(&w->many, count, grain, fn, ctx);
+    else host_backwards(&w->backwards, count, grain, fn, ctx);
+    w->inside = 0;
+    w->ranges++;
+}
+
+static int crew_cancel(void *user) {
+    ((crew *)user)->asked += ((crew *)user)->inside;
+    return 0;
+}
+
+static void *crew_alloc(size_t size, void *user) {
+    ((crew *)user)->asked += ((crew *)user)->inside;
+    return malloc(size);
+}
+
+static void crew_free(void *p, size_t size, void *user) {
+    (void)size;
+    ((crew *)user)->asked += ((crew *)user)->inside;
+    free(p);
+}
+
+/* Eight pairs of small sheets and one of larger ones are thrown at a box: zones of some rows, and
+ * of more than the exact QP takes. Returns the hash; *zones, *rows: the most of a step. */
+static uint64_t thrown_pairs(cloth_integrator kind, const cloth_hooks *hooks, int *zones,
+                             int *rows) {
+    static const double center[3] = {0.6, -0.06, 0.2}, half[3] = {1, 0.05, 0.6};
+    cloth_desc          d = cloth_desc_default();
+    cloth_mesh         *sheet[18];
+    cloth_obstacle      box;
+    uint64_t            hash;
+    int                 k, i, n;
+    memset(&W, 0, sizeof W);
+    for (k = 0; k < 18; k++) {
+        const double size = k < 16 ? 0.1 : 0.3;
+        n = k < 16 ? 4 : 9;
+        if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, n, n, size, size, sheet + k)) exit(2);
+        for (i = 0; i < n * n; i++) {
+            double *x = sheet[k]->x + 3 * i;
+            x[0] += k < 16 ? 0.15 * (k / 2) + 0.013 * (k % 2) : 0.3 + 0.007 * (k % 2);
+            x[1] += 0.004 + 0.004 * (k % 2) + 0.001 * sin(40 * x[0] + 30 * x[2] + k);
+            x[2] += k < 16 ? 0 : 0.2;
+        }
+    }
+    if (cloth_mesh_merge(NULL, sheet, 18, &W.mesh)) exit(2);
+    for (k = 0; k < 18; k++) cloth_mesh_destroy(NULL, sheet[k]);
+    d.hooks = *hooks, d.contact = CLOTH_CONTACT_SELF, d.integrator = kind;
+    d.nv = W.mesh->nv, d.x_rest = W.mesh->x, d.nf = W.mesh->nf, d.faces = W.mesh->faces;
+    CHECK(cloth_model_create(&d, &W.model) == CLOTH_OK);
+    CHECK(cloth_sim_create(W.model, &W.sim) == CLOTH_OK);
+    CHECK(cloth_collide_create(W.sim, NULL, &W.c) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &box) == CLOTH_OK);
+    for (i = 0; i < W.mesh->nv; i++) cloth_sim_state(W.sim)->v[3 * i + 1] = -4;
+    for (*zones = *rows = k = 0; k < (kind == CLOTH_INTEGRATOR_LEAPFROG ? 4 : 1); k++) {
+        cloth_collide_report r;
+        CHECK(cloth_step(W.sim, world_h(kind), NULL) == CLOTH_OK);
+        r = cloth_collide_last(W.c);
+        *zones = r.zones > *zones ? r.zones : *zones;
+        *rows = r.largest_zone > *rows ? r.largest_zone : *rows;
+    }
+    hash = cloth_sim_hash(W.sim);
+    world_close(&W);
+    return hash;
+}
+
+/* The same bits for no workers, one to four, and ranges from the last one; no hook is called from
+ * a range. */
+static void zones_on_workers(void) {
+    int kind, n, zones, rows;
+    for (kind = 0; kind < 2; kind++) {
+        const cloth_integrator how = kind ? CLOTH_INTEGRATOR_LEAPFROG : CLOTH_INTEGRATOR_EULER;
+        cloth_hooks            hooks;
+        uint64_t               alone;
+        memset(&hooks, 0, sizeof hooks);
+        alone = thrown_pairs(how, &hooks, &zones, &rows);
+        printf("    %i zones, %i rows in the largest\n", zones, rows);
+        CHECK(zones >= 9 && rows > CLOTHI_EXACT_ROWS);
+        for (n = 0; n <= 4; n++) {
+            crew w;
+            memset(&w, 0, sizeof w);
+            w.many = n;
+            host_turn_round(&hooks, &w.backwards, 3);
+            hooks.parallel.run = crew_run, hooks.parallel.user = &w;
+            hooks.parallel.max_workers = n ? n : 3;
+            hooks.cancel.fn = crew_cancel, hooks.cancel.user = &w;
+            hooks.allocator.alloc = crew_alloc, hooks.allocator.free = crew_free;
+            hooks.allocator.user = &w;
+            CHECK(thrown_pairs(how, &hooks, &zones, &rows) == alone);
+            CHECK(w.ranges > 0 && w.asked == 0);
+        }
+    }
+}
+
 /* Two plates close to less than the cloth needs, and open again. */
 static void pinch(void) {
     cloth_hooks         hooks = host_hooks(&H);
@@ -504,6 +607,7 @@ int main(int argc, char **argv) {
     RUN(forged);
     RUN(destruction);
     RUN(workers);
+    RUN(zones_on_workers);
     RUN(cancel);
     RUN(finish_now);
     RUN(pinch);

@@ -787,9 +787,9 @@ typedef struct cloth_contact {
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
     /* *part: the largest one of dx, in (0, 1], on whose way nothing comes nearer than it may */
     cloth_status (*max_step)(void *user, const double *x, const double *dx, double *part);
-    /* what the last dx of max_step would do wrong, into the system A dx = rhs: pairs that would
-     * come too near and friction that would turn round are kept from it. Returns their number */
-    int          (*block)(void *user, cloth_matrix *A);
+    /* what the last dx of max_step would do wrong, into A dx = rhs: pairs that would come too near
+     * and friction that would turn round are kept from it; *blocked: how many */
+    cloth_status (*block)(void *user, cloth_matrix *A, int *blocked);
     /* x [nv x 3]: in, where it would go; out, a feasible point to minimise from. *impact 1: nothing
      * may be extrapolated over this substep. other [nv x 3]: where the way there is free, one more
      * feasible point on it; returned as x otherwise. The better one is taken */
@@ -12133,25 +12133,25 @@ static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, con
                        report->residual_m, sqrt(clothi_max(big, 0)), report->vertex);
 }
 
-#define CLOTHI_BLOCKS   4                   /* solves more where moves are cut                 */
+#define CLOTHI_BLOCKS   2                   /* solves more where moves are cut                 */
 
-/* The part of w.dx that contact leaves free. Where that is little, the direction is looked for once
- * more with what is in the way in the system: dx minimises the model under these constraints, of
- * which dx = 0 meets all, so that it still goes downhill. */
+/* The part of w.dx that contact leaves free. Where dx runs into contacts it is looked for again
+ * with the stiffness that they will have: a matrix that is the more definite, still downhill. */
 static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a,
                                       cloth_report *report, cloth_linear_report *lr) {
     const int    n = 3 * s->model->nv;
     cloth_status status = CLOTH_OK;
-    int          tries;
+    int          tries, blocked;
     if (!s->contact_on) return CLOTH_OK;
     status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
-        if (!s->contact.block(s->contact.user, s->matrix)) break;
+        status = s->contact.block(s->contact.user, s->matrix, &blocked);
+        if (status || !blocked) break;
         status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
                                      clothi_newton_method(s, CLOTH_LINEAR_SGS), report, lr);
         if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
-    if (!tries) return CLOTH_OK;
+    if (!tries) return status;
     nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
     nt->size = clothi_max_abs(s->w.dx, n);
     return status;

@@ -814,17 +814,11 @@ static int clothi_nearest(const double *r, int n, double *lambda, double *v) {
  * and for the first edge, minus the barycentric coordinates for a face, negative for the second
  * edge. */
 static void clothi_pair_weights(int edge_edge, const double *lambda, double *w) {
-    if (edge_edge) {
-        w[1] = lambda[1] + lambda[2];
-        w[0] = 1 - w[1];
-        w[3] = -(lambda[2] + lambda[3]);
-        w[2] = -1 - w[3];
-    } else {
-        w[0] = 1;
-        w[2] = -lambda[1];
-        w[3] = -lambda[2];
-        w[1] = -1 - w[2] - w[3];
-    }
+    w[1] = lambda[1] + lambda[2];
+    w[0] = edge_edge ? 1 - w[1] : 1;
+    w[3] = edge_edge ? -(lambda[2] + lambda[3]) : -lambda[2];
+    w[2] = edge_edge ? -1 - w[3] : -lambda[1];
+    if (!edge_edge) w[1] = -1 - w[2] - w[3];
 }
 
 /* Normal of the face v [3] at x, twice its area long. */
@@ -865,14 +859,12 @@ static double clothi_unit_scale(double m) {
 /* Distance of a pair x [4x3], m; w [4]: weights of the nearest points, so that sum w_i x_i spans
  * the distance. */
 static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
-    double    r[12], lambda[4], v[3], m = 0, scale = 1;
-    const int n = clothi_pair_polygon(edge_edge, x, r);
-    int       i;
-    for (i = 0; i < 3 * n; i++) m = clothi_max(m, fabs(r[i]));
-    if (!(m > 1e-60 && m < 1e60)) {
-        scale = clothi_unit_scale(m);
-        for (i = 0; i < 3 * n; i++) r[i] *= scale;
-    }
+    double       r[12], lambda[4], v[3];
+    const int    n = clothi_pair_polygon(edge_edge, x, r);
+    const double m = clothi_max_abs(r, 3 * n);
+    const double scale = m > 1e-60 && m < 1e60 ? 1 : clothi_unit_scale(m);
+    int          i;
+    for (i = 0; i < 3 * n && scale != 1; i++) r[i] *= scale;
     clothi_nearest(r, n, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
     return sqrt(clothi_dot3(v, v)) / scale;
@@ -1071,13 +1063,12 @@ static clothi_dd clothi_dd_add(clothi_dd a, clothi_dd b) {
 }
 
 static clothi_dd clothi_dd_neg(clothi_dd a) {
-    return clothi_dd_of(-a.h, -a.l);
+    const clothi_dd c = {-a.h, -a.l};
+    return c;
 }
 
 static clothi_dd clothi_dd_sub(clothi_dd a, clothi_dd b) {
-    b.h = -b.h;
-    b.l = -b.l;
-    return clothi_dd_add(a, b);
+    return clothi_dd_add(a, clothi_dd_neg(b));
 }
 
 static clothi_dd clothi_dd_mul(clothi_dd a, clothi_dd b) {
@@ -1089,14 +1080,6 @@ static clothi_dd clothi_dd_mul(clothi_dd a, clothi_dd b) {
 static clothi_dd clothi_dd_dot(const clothi_dd *a, const clothi_dd *b) {
     return clothi_dd_add(clothi_dd_add(clothi_dd_mul(a[0], b[0]), clothi_dd_mul(a[1], b[1])),
                          clothi_dd_mul(a[2], b[2]));
-}
-
-static void clothi_dd_cross(const clothi_dd *a, const clothi_dd *b, clothi_dd *out) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        const int i = (k + 1) % 3, j = (k + 2) % 3;
-        out[k] = clothi_dd_sub(clothi_dd_mul(a[i], b[j]), clothi_dd_mul(a[j], b[i]));
-    }
 }
 
 /* out [n] = a + t (b - a) */
@@ -1125,17 +1108,18 @@ static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b, clothi_dd *p)
 /* Direction out [3] to the plane of the polygon r (side -1), to its side from corner k to k + 1;
  * 0 when there is none. */
 static int clothi_dd_direction(const clothi_dd *r, int n, int side, clothi_dd *out) {
-    clothi_dd e1[3], e2[3];
+    clothi_dd a[3], b[3];
     double    len;
     int       i;
-    if (side < 0) {
-        for (i = 0; i < 3; i++) {
-            e1[i] = clothi_dd_sub(r[3 + i], r[i]);
-            e2[i] = clothi_dd_sub(r[3 * (n - 1) + i], r[i]);
-        }
-        clothi_dd_cross(e1, e2, out);
-    } else
-        clothi_dd_foot(r + 3 * side, r + 3 * (side + 1 < n ? side + 1 : 0), out);
+    for (i = 0; i < 3 && side < 0; i++) {
+        a[i] = clothi_dd_sub(r[3 + i], r[i]);
+        b[i] = clothi_dd_sub(r[3 * (n - 1) + i], r[i]);
+    }
+    for (i = 0; i < 3 && side < 0; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        out[i] = clothi_dd_sub(clothi_dd_mul(a[j], b[k]), clothi_dd_mul(a[k], b[j]));
+    }
+    if (side >= 0) clothi_dd_foot(r + 3 * side, r + 3 * (side + 1 < n ? side + 1 : 0), out);
     len = sqrt(clothi_dd_dot(out, out).h);
     if (!(len > 1e-150)) return 0;
     if (side < 0 && clothi_dd_dot(out, r).h < 0) len = -len;

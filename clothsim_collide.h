@@ -1405,10 +1405,7 @@ static clothi_segment clothi_segment_open(const clothi_pairs *p, int task) {
 }
 
 static inline void clothi_segment_put(clothi_segment *s, int a, int b) {
-    if (s->found < s->room) {
-        s->pair[2 * s->found] = a;
-        s->pair[2 * s->found + 1] = b;
-    }
+    if (s->found < s->room) s->pair[2 * s->found] = a, s->pair[2 * s->found + 1] = b;
     s->found++;
 }
 
@@ -1554,14 +1551,15 @@ static inline void clothi_box_join(const double *a, const double *b, double *out
     }
 }
 
-/* The boxes [nf x 6] of faces from those of their vertices, vertex_box [nv x 6]. */
+/* The box [6] of face v [3] from those of the vertices, vertex_box [nv x 6]. */
+static inline void clothi_face_box(const double *vertex_box, const int *v, double *box) {
+    clothi_box_join(vertex_box + 6 * v[0], vertex_box + 6 * v[1], box);
+    clothi_box_join(box, vertex_box + 6 * v[2], box);
+}
+
 static void clothi_face_boxes(int nf, const int *faces, const double *vertex_box, double *box) {
     int f;
-    for (f = 0; f < nf; f++) {
-        clothi_box_join(vertex_box + 6 * faces[3 * f], vertex_box + 6 * faces[3 * f + 1],
-                        box + 6 * f);
-        clothi_box_join(box + 6 * f, vertex_box + 6 * faces[3 * f + 2], box + 6 * f);
-    }
+    for (f = 0; f < nf; f++) clothi_face_box(vertex_box, faces + 3 * f, box + 6 * f);
 }
 
 /* [6] against [6], touching included; NaN overlaps. */
@@ -1597,23 +1595,15 @@ static inline float clothi_float_above(double x) { return -clothi_float_below(-x
 
 static void clothi_node_empty(clothi_box *b) {
     int k;
-    for (k = 0; k < 4; k++) {
-        b->lo[k] = HUGE_VALF;
-        b->hi[k] = -HUGE_VALF;
-    }
+    for (k = 0; k < 4; k++) b->lo[k] = HUGE_VALF, b->hi[k] = -HUGE_VALF;
 }
 
 static inline void clothi_node_join(const clothi_box *a, const clothi_box *b, clothi_box *out) {
-#if defined(CLOTHI_AVX) || defined(CLOTHI_SSE2)
-    _mm_storeu_ps(out->lo, _mm_min_ps(_mm_loadu_ps(a->lo), _mm_loadu_ps(b->lo)));
-    _mm_storeu_ps(out->hi, _mm_max_ps(_mm_loadu_ps(a->hi), _mm_loadu_ps(b->hi)));
-#else
     int k;
     for (k = 0; k < 4; k++) {
         out->lo[k] = a->lo[k] < b->lo[k] ? a->lo[k] : b->lo[k];
         out->hi[k] = a->hi[k] > b->hi[k] ? a->hi[k] : b->hi[k];
     }
-#endif
 }
 
 static inline void clothi_node_measure(clothi_box *b) {
@@ -1698,24 +1688,20 @@ static cloth_status clothi_bvh_alloc(const cloth_hooks *hooks, int n, clothi_bvh
     return CLOTH_OK;
 }
 
-/* Items [lo, hi) of the three sorted orders, halved at mid along the widest axis. side [n] and
- * tmp [n] are scratch. */
+/* Items [lo, hi) of the three sorted orders [3 x n], halved at mid along the widest axis. side [n]
+ * and tmp [n] are scratch. */
 static void clothi_bvh_split(int n, const double *key, int *order, int lo, int mid, int hi,
                              unsigned char *side, int *tmp) {
     double widest = -1;
     int    axis = 0, k, i;
     for (k = 0; k < 3; k++) {
-        const int    *o = order + (size_t)k * (size_t)n;
-        const double *c = key + (size_t)k * (size_t)n;
-        const double  extent = c[o[hi - 1]] - c[o[lo]];
-        if (extent > widest) {
-            widest = extent;
-            axis = k;
-        }
+        const int   *o = order + k * n;
+        const double extent = key[k * n + o[hi - 1]] - key[k * n + o[lo]];
+        if (extent > widest) widest = extent, axis = k;
     }
-    for (i = lo; i < hi; i++) side[order[(size_t)axis * (size_t)n + (size_t)i]] = i >= mid;
+    for (i = lo; i < hi; i++) side[order[axis * n + i]] = i >= mid;
     for (k = 0; k < 3; k++) {
-        int *o = order + (size_t)k * (size_t)n, left = lo, right = 0;
+        int *o = order + k * n, left = lo, right = 0;
         if (k == axis) continue;
         for (i = lo; i < hi; i++) {
             if (side[o[i]]) tmp[right++] = o[i];
@@ -1750,12 +1736,11 @@ static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const doub
     side = (unsigned char *)(tmp + m);
     for (k = 0; k < 3; k++) {
         for (i = 0; i < n; i++) {
-            const double centre = 0.5 * box[6 * (size_t)i + (size_t)k] +
-                                  0.5 * box[6 * (size_t)i + (size_t)k + 3];
-            key[(size_t)k * m + (size_t)i] = clothi_finite(centre) ? centre : 0;
-            order[(size_t)k * m + (size_t)i] = i;
+            const double centre = 0.5 * box[6 * i + k] + 0.5 * box[6 * i + k + 3];
+            key[k * n + i] = clothi_finite(centre) ? centre : 0;
+            order[k * n + i] = i;
         }
-        clothi_sort(order + (size_t)k * m, tmp, n, key + (size_t)k * m);
+        clothi_sort(order + k * n, tmp, n, key + k * n);
     }
     for (level = 0; level < t->depth; level++)
         for (i = 0; i < 1 << level; i++)
@@ -1819,8 +1804,7 @@ typedef struct clothi_node_pair {
 /* Puts a pair of nodes on the stack when they meet. */
 static inline int clothi_bvh_push(const clothi_bvh *a, int na, const clothi_bvh *b, int nb,
                                   clothi_node_pair *stack, int n) {
-    stack[n].a = na;
-    stack[n].b = nb;
+    stack[n].a = na, stack[n].b = nb;
     return n + clothi_nodes_meet(a->node + na, b->node + nb);
 }
 
@@ -1835,9 +1819,8 @@ static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b,
             clothi_bvh_leaves(a, na, b, nb, self, out);
         } else if (self && na == nb) {
             stack[n].a = stack[n].b = 2 * na;
-            n++;
-            stack[n].a = stack[n].b = 2 * na + 1;
-            n = clothi_bvh_push(a, 2 * na, a, 2 * na + 1, stack, n + 1);
+            stack[n + 1].a = stack[n + 1].b = 2 * na + 1;
+            n = clothi_bvh_push(a, 2 * na, a, 2 * na + 1, stack, n + 2);
         } else if (nb >= leaf_b || (na < leaf_a && a->node[na].lo[3] >= b->node[nb].lo[3])) {
             n = clothi_bvh_push(a, 2 * na, b, nb, stack, n);
             n = clothi_bvh_push(a, 2 * na + 1, b, nb, stack, n);
@@ -1845,10 +1828,8 @@ static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b,
             n = clothi_bvh_push(a, na, b, 2 * nb, stack, n);
             n = clothi_bvh_push(a, na, b, 2 * nb + 1, stack, n);
         }
-        if (n == 0) return;
-        n--;
-        na = stack[n].a;
-        nb = stack[n].b;
+        if (n-- == 0) return;
+        na = stack[n].a, nb = stack[n].b;
     }
 }
 
@@ -2030,10 +2011,9 @@ static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int 
         for (; i < end; i++) s->face_edges[sort.order[i]] = s->ne;
     }
     memset(sort.count, 0, (size_t)nv * sizeof(int));
-    for (h = 0; h < 3 * nf; h++) {
-        if (sort.count[faces[h]]++) continue;
-        s->owned[h / 3] = (unsigned char)(s->owned[h / 3] | 1 << h % 3);
-    }
+    for (h = 0; h < 3 * nf; h++)
+        if (!sort.count[faces[h]]++)
+            s->owned[h / 3] = (unsigned char)(s->owned[h / 3] | 1 << h % 3);
 done:
     clothi_edge_sort_free(hooks, &sort);
     return status;
@@ -2055,8 +2035,7 @@ static void clothi_features_look(const int *pair, const void *ctx, clothi_segmen
         v[i] = job->s->faces + 3 * (size_t)pair[i];
         e[i] = job->s->face_edges + 3 * (size_t)pair[i];
         owned[i] = job->s->owned[pair[i]];
-        clothi_box_join(job->box + 6 * (size_t)v[i][0], job->box + 6 * (size_t)v[i][1], box[i]);
-        clothi_box_join(box[i], job->box + 6 * (size_t)v[i][2], box[i]);
+        clothi_face_box(job->box, v[i], box[i]);
     }
     for (i = 0; i < 2; i++)
         for (k = 0; k < 3; k++) {
@@ -2446,10 +2425,7 @@ done:
 
 /* ----- memory -------------------------------------------------------------------------------- */
 
-enum {
-    CLOTHI_QP_INTS, CLOTHI_QP_REALS, CLOTHI_QP_TWOS, CLOTHI_QP_STARTS, CLOTHI_QP_COUPLED,
-    CLOTHI_QP_A, CLOTHI_QP_L, CLOTHI_QP_BUFFERS
-};
+enum { CLOTHI_QP_KNOWN, CLOTHI_QP_COUPLED, CLOTHI_QP_A, CLOTHI_QP_L, CLOTHI_QP_BUFFERS };
 
 struct cloth_qp_work {
     cloth_hooks hooks;
@@ -2473,24 +2449,21 @@ CLOTH_API cloth_status cloth_qp_work_create(const cloth_hooks *hooks, cloth_qp_w
     return CLOTH_OK;
 }
 
-static void clothi_qp_work_clear(cloth_qp_work *work) {
-    int k;
-    for (k = 0; k < CLOTHI_QP_BUFFERS; k++) clothi_free(&work->hooks, work->data[k]);
+/* Bytes of the buffers; frees them where hooks say how. */
+static size_t clothi_qp_buffers(const cloth_qp_work *work, const cloth_hooks *hooks) {
+    return clothi_blocks(hooks, (const void *const *)work->data, CLOTHI_QP_BUFFERS);
 }
 
 CLOTH_API void cloth_qp_work_destroy(cloth_qp_work *work) {
     cloth_hooks hooks;
     if (!work) return;
-    clothi_qp_work_clear(work);
     hooks = work->hooks;
+    (void)clothi_qp_buffers(work, &hooks);
     clothi_free(&hooks, work);
 }
 
 CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work) {
-    size_t bytes = clothi_block_size(work);
-    int    k;
-    for (k = 0; work && k < CLOTHI_QP_BUFFERS; k++) bytes += clothi_block_size(work->data[k]);
-    return bytes;
+    return work ? clothi_block_size(work) + clothi_qp_buffers(work, NULL) : 0;
 }
 
 /* A buffer of at least count * size bytes, the first `keep` of them as they were; NULL: no memory,
@@ -2594,17 +2567,18 @@ static clothi_dd clothi_qp_minus_dot(const clothi_qp *s, clothi_dd sum, const cl
 
 /* ----- the problem, scaled ------------------------------------------------------------------- */
 
-/* Slices of the blocks whose size is known beforehand. */
+/* Slices of the block whose size is known beforehand. */
 static int clothi_qp_layout(clothi_qp *s, size_t nz) {
-    const size_t m = (size_t)s->m, n = (size_t)s->n;
-    int       *i = (int *)clothi_qp_take(s->work, CLOTHI_QP_INTS, 9 * m + n + 2 + 2 * nz,
-                                         sizeof(int), 0);
-    double    *d = (double *)clothi_qp_take(s->work, CLOTHI_QP_REALS, nz + 2 * m + n,
-                                            sizeof(double), 0);
-    clothi_dd *t = (clothi_dd *)clothi_qp_take(s->work, CLOTHI_QP_TWOS, 5 * m + 2 * n,
-                                               sizeof(clothi_dd), 0);
-    s->lstart = (size_t *)clothi_qp_take(s->work, CLOTHI_QP_STARTS, m + 1, sizeof(size_t), 0);
-    if (!i || !d || !t || !s->lstart) return 0;
+    const size_t m = (size_t)s->m, n = (size_t)s->n, twos = 5 * m + 2 * n, reals = nz + 2 * m + n;
+    const size_t bytes = twos * sizeof(clothi_dd) + reals * sizeof(double) +
+                         (m + 1) * sizeof(size_t) + (9 * m + n + 2 + 2 * nz) * sizeof(int);
+    clothi_dd *t = (clothi_dd *)clothi_qp_take(s->work, CLOTHI_QP_KNOWN, bytes, 1, 0);
+    double    *d;
+    int       *i;
+    if (!t) return 0;
+    d = (double *)(void *)(t + twos);
+    s->lstart = (size_t *)(void *)(d + reals);
+    i = (int *)(void *)(s->lstart + m + 1);
     s->keep = i, s->act = i + m, s->at = i + 2 * m, s->order = i + 3 * m, s->list = i + 4 * m;
     s->first = i + 5 * m, s->mark = i + 6 * m, s->exponent = i + 7 * m;
     s->astart = i + 8 * m, s->cstart = i + 9 * m + 1, s->crow = s->cstart + n + 1;
@@ -2626,8 +2600,8 @@ static int clothi_qp_reserve(cloth_qp_work *work, int m, int n, size_t nz) {
            clothi_qp_take(work, CLOTHI_QP_L, most / 2 + 1, sizeof *s.L, 0);
 }
 
-/* Divides each row by a power of two near its length. 0: one is out of range, *row. */
-static int clothi_qp_scale(clothi_qp *s, int *row) {
+/* Divides each row by a power of two near its length. */
+static cloth_status clothi_qp_scale(clothi_qp *s) {
     const cloth_qp *q = s->q;
     int             i, p;
     for (i = 0; i < s->m; i++) {
@@ -2635,16 +2609,15 @@ static int clothi_qp_scale(clothi_qp *s, int *row) {
         int    e = 0;
         for (p = q->row[i]; p < q->row[i + 1]; p++)
             big = clothi_max(big, fabs(q->val[p]) * sqrt(q->minv[q->col[p]]));
-        *row = i;
-        if (!clothi_finite(big)) return 0;
-        if (big > 0) frexp(big, &e);
-        if (e > 1000 || e < -1000) return 0;
+        if (big > 0 && clothi_finite(big)) (void)frexp(big, &e);
         s->exponent[i] = e;
         s->h[i] = ldexp(q->h[i], -e);
-        if (!clothi_finite(s->h[i])) return 0;
+        if (!clothi_finite(big) || abs(e) > 1000 || !clothi_finite(s->h[i]))
+            return clothi_fail(s->hooks, CLOTH_ERR_ARGUMENT, "qp row %i: |row| or |h| in units of "
+                               "its unknowns is out of range (h = %g)", i, q->h[i]);
         for (p = q->row[i]; p < q->row[i + 1]; p++) s->g[p] = ldexp(q->val[p], -e);
     }
-    return 1;
+    return CLOTH_OK;
 }
 
 /* Does entry p couple its row with others? Both rows of a pair ask: A is symmetric. */
@@ -2814,29 +2787,25 @@ static void clothi_qp_drop_copies(clothi_qp *s) {
 /* ----- order --------------------------------------------------------------------------------- */
 
 /* Reverse Cuthill-McKee [CM69]: breadth first over the rows that couple, from the first of each
- * component; a root at the component's end makes the profile no smaller here. */
+ * component, into order from its end on; a root at the component's end makes the profile no smaller
+ * here. */
 static void clothi_qp_order(clothi_qp *s) {
-    int i, e, head = 0, end = 0;
+    int i, e, head = s->m, end = s->m;
     for (i = 0; i < s->m; i++) s->mark[i] = !s->keep[i];
     for (i = 0; i < s->m; i++) {
         if (s->mark[i]) continue;
         s->mark[i] = 1;
-        for (s->order[end++] = i; head < end; head++) {
-            const int r = s->order[head];
+        for (s->order[--end] = i; head > end;) {
+            const int r = s->order[--head];
             for (e = s->astart[r]; e < s->astart[r + 1]; e++)
                 if (!s->mark[s->acol[e]]) {
                     s->mark[s->acol[e]] = 1;
-                    s->order[end++] = s->acol[e];
+                    s->order[--end] = s->acol[e];
                 }
         }
     }
-    for (i = 0; i < end / 2; i++) {
-        const int t = s->order[i];
-        s->order[i] = s->order[end - 1 - i];
-        s->order[end - 1 - i] = t;
-    }
     for (i = 0; i < s->m; i++)
-        if (!s->keep[i]) s->order[end++] = i;
+        if (!s->keep[i]) s->order[--end] = i;
 }
 
 /* ----- the factor ---------------------------------------------------------------------------- */
@@ -3149,10 +3118,7 @@ static int clothi_qp_prove(clothi_qp *s) {
             const double f = q->val[p] * y, t = f * q->x0[c];
             big = clothi_max(big, fabs(q->val[p]));
             if (q->minv[c] > 0) u[c] += f;
-            else {
-                sum -= t;
-                size += fabs(t);
-            }
+            else sum -= t, size += fabs(t);
         }
     }
     for (i = 0; i < s->n; i++) off = clothi_max(off, fabs(u[i]));
@@ -3160,9 +3126,7 @@ static int clothi_qp_prove(clothi_qp *s) {
     for (i = 0; i < s->m; i++) s->lambda[i].h /= most;
     for (i = 0; i < s->n; i++) s->x[i].h = q->x0[i];
     s->rep->primal = s->rep->dual = s->rep->complementarity = s->rep->residual = 0;
-    s->rep->objective = 0;
-    s->rep->active = 0;
-    s->rep->certificate = sum;
+    s->rep->objective = 0, s->rep->active = 0, s->rep->certificate = sum;
     s->rep->outcome = CLOTH_QP_INFEASIBLE;
     return 1;
 }
@@ -3300,12 +3264,11 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
  * cannot hold, or -1. */
 static cloth_status clothi_qp_begin(clothi_qp *s, int *violated) {
     cloth_status status;
-    int          i, row;
+    int          i;
     *violated = -1;
     if (!clothi_qp_layout(s, (size_t)s->q->row[s->m])) return CLOTH_ERR_MEMORY;
-    if (!clothi_qp_scale(s, &row))
-        return clothi_fail(s->hooks, CLOTH_ERR_ARGUMENT, "qp row %i: |row| or |h| in units of "
-                           "its unknowns is out of range (h = %g)", row, s->q->h[row]);
+    status = clothi_qp_scale(s);
+    if (status) return status;
     clothi_qp_columns(s);
     status = clothi_qp_room(s);
     if (status) return status;
@@ -3363,27 +3326,21 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
     int              i;
     memset(&report, 0, sizeof report);
     if (rep) *rep = report;
-    if (opt && opt->cookie != CLOTHI_QP_COOKIE)
-        return CLOTH_ERR_UNINIT;
+    if (opt && opt->cookie != CLOTHI_QP_COOKIE) return CLOTH_ERR_UNINIT;
     if (opt) o = *opt;
     status = clothi_qp_check(qp, &o);
     if (status) return status;
-    if (qp->m == 0) {
-        if (x) memcpy(x, qp->x0, (size_t)qp->n * sizeof *x);
-        report.outcome = CLOTH_QP_SOLVED;
-        if (rep) *rep = report;
-        return CLOTH_OK;
-    }
     memset(&own, 0, sizeof own);
-    own.hooks = o.hooks;
     memset(&s, 0, sizeof s);
+    own.hooks = o.hooks;
     s.q = qp;
     s.hooks = &o.hooks;
     s.work = o.work ? o.work : &own;
     s.rep = &report;
     s.m = qp->m, s.n = qp->n;
     s.most = o.max_iterations ? o.max_iterations : 100 + 10 * qp->m;
-    status = clothi_qp_run(&s, &o);
+    if (s.m) status = clothi_qp_run(&s, &o);
+    else report.outcome = CLOTH_QP_SOLVED;
     if (status == CLOTH_ERR_MEMORY)
         clothi_fail(&o.hooks, status, "no memory for qp.m = %i", s.m);
     if (status == CLOTH_ERR_CANCELLED)
@@ -3391,10 +3348,10 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
     if (!status && !(report.residual < CLOTHI_HUGE))
         status = clothi_fail(&o.hooks, CLOTH_ERR_NONFINITE, "qp: x or lambda would be %g: the "
                              "numbers are out of range", report.residual);
-    for (i = 0; i < s.n && !status && x; i++) x[i] = s.x[i].h;
+    for (i = 0; i < s.n && !status && x; i++) x[i] = s.m ? s.x[i].h : qp->x0[i];
     for (i = 0; i < s.m && !status && lambda; i++) lambda[i] = s.lambda[i].h;
     if (!status && rep) *rep = report;
-    clothi_qp_work_clear(&own);
+    (void)clothi_qp_buffers(&own, &own.hooks);
     return status;
 }
 

@@ -579,11 +579,10 @@ typedef struct cloth_untangle_report {
  *     obstacle (report.wandered); none elsewhere
  *   - pairs that have parted are exempt no more; those left are
  *   - anchors of friction, what pinches hold and BDF2's history are forgotten
- * out  report   may be NULL
- * returns CLOTH_OK: less tangled, or nothing is left (after 0); CLOTH_ERR_STEP: no motion that was
- *   tried helps. Logged with the first pair, all listed by cloth_collide_failed();
- *   CLOTH_ERR_ARGUMENT, _NONFINITE: max_move or x, logged; _MEMORY; _CAPACITY; _CANCELLED. The
- *   state is as before on failure.
+ * report may be NULL. returns CLOTH_OK: less tangled, or nothing is left (after 0); CLOTH_ERR_STEP:
+ *   no motion that was tried helps, logged with the first pair, all listed by
+ *   cloth_collide_failed(); CLOTH_ERR_ARGUMENT, _NONFINITE: max_move or x, logged; _MEMORY;
+ *   _CAPACITY; _CANCELLED. The state is as before on failure.
  * contract: alloc scratch, 80 bytes a vertex of the world and 120 a cut, freed | cost: two looks
  *   for intersections, a winding number a vertex and obstacle, detection and zones as of a step for
  *   each try, at most 6; pairs^2 | same bits for any workers */
@@ -1426,11 +1425,10 @@ static cloth_status clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p, 
     }
     if (p->start[p->tasks] > p->room) {
         const size_t need = p->start[p->tasks];
-        int         *pair = (int *)clothi_alloc(hooks, need, 2 * sizeof *pair);
-        if (!pair) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", need);
         clothi_free(hooks, p->pair);
-        p->pair = pair;
-        p->room = need;
+        p->pair = (int *)clothi_alloc(hooks, need, 2 * sizeof *p->pair);
+        p->room = p->pair ? need : 0;
+        if (!p->pair) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", need);
     }
     return CLOTH_OK;
 }
@@ -1518,10 +1516,9 @@ static void clothi_look_range(int begin, int end, int worker, void *ctx) {
 static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pairs *in,
                                       clothi_look_fn *fn, const void *ctx,
                                       clothi_pairs *const *out, int nout, size_t least) {
-    const int   chunk = CLOTHI_PAIRS_CHUNK;
     clothi_look l = {in, out, nout, fn, ctx};
-    return clothi_pairs_run(hooks, out, nout, in->count / chunk + (in->count % chunk != 0), least,
-                            clothi_look_range, &l);
+    return clothi_pairs_run(hooks, out, nout, (in->count + CLOTHI_PAIRS_CHUNK - 1) /
+                            CLOTHI_PAIRS_CHUNK, least, clothi_look_range, &l);
 }
 
 /* --- boxes --- */
@@ -1583,19 +1580,12 @@ static inline int clothi_nodes_meet(const clothi_box *a, const clothi_box *b) {
 #define CLOTHI_BVH_STEP 1.2e-7f             /* more than 2^-23                                 */
 #define CLOTHI_BVH_TINY 1.2e-38f            /* a step below the normal floats                  */
 
-/* Floats that are not above, not below a double. */
+/* A float that is not above a double. */
 static inline float clothi_float_below(double x) {
     float r;
     if (!(x >= -CLOTHI_BVH_FAR)) return -HUGE_VALF;
     r = (float)(x < CLOTHI_BVH_FAR ? x : CLOTHI_BVH_FAR);
     return r - (fabsf(r) * CLOTHI_BVH_STEP + CLOTHI_BVH_TINY);
-}
-
-static inline float clothi_float_above(double x) { return -clothi_float_below(-x); }
-
-static void clothi_node_empty(clothi_box *b) {
-    int k;
-    for (k = 0; k < 4; k++) b->lo[k] = HUGE_VALF, b->hi[k] = -HUGE_VALF;
 }
 
 static inline void clothi_node_join(const clothi_box *a, const clothi_box *b, clothi_box *out) {
@@ -1616,7 +1606,7 @@ static inline void clothi_node_around(const double *box, clothi_box *out) {
     int k;
     for (k = 0; k < 3; k++) {
         out->lo[k] = clothi_float_below(box[k]);
-        out->hi[k] = clothi_float_above(box[3 + k]);
+        out->hi[k] = -clothi_float_below(-box[3 + k]);
     }
     out->lo[3] = out->hi[3] = 0;
 }
@@ -1646,8 +1636,8 @@ static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
     for (leaf = begin; leaf < end; leaf++) {
         const int   last = clothi_bvh_item(t, leaf + 1, t->depth);
         clothi_box *node = t->node + ((size_t)1 << t->depth) + leaf;
-        int         i = clothi_bvh_item(t, leaf, t->depth);
-        clothi_node_empty(node);
+        int         i = clothi_bvh_item(t, leaf, t->depth), k;
+        for (k = 0; k < 4; k++) node->lo[k] = HUGE_VALF, node->hi[k] = -HUGE_VALF;
         for (; i < last; i++) {
             const double *b = job->box + 6 * (size_t)t->item[i];
             memcpy(t->exact + 6 * (size_t)i, b, 6 * sizeof *b);
@@ -1658,9 +1648,7 @@ static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
     }
 }
 
-/* Takes other boxes, box [n x 6], for the same items.
- * contract: alloc none | cost O(n), ~15 ns an item, leaves in parallel | same bits for any worker
- *   count */
+/* Takes other boxes, box [n x 6], for the same items: ~15 ns an item, leaves in parallel. */
 static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t, const double *box) {
     clothi_bvh_job job = {t, box};
     int            i;
@@ -1712,27 +1700,20 @@ static void clothi_bvh_split(int n, const double *key, int *order, int lo, int m
 }
 
 /* A tree over box [n x 6] (min xyz, max xyz), n in [0, CLOTH_MAX_COUNT]; the boxes are copied.
- * out  *t      owned: clothi_bvh_free; empty on failure
- * returns CLOTH_OK, CLOTH_ERR_MEMORY
- * contract: alloc one block of ~110 n bytes and scratch | cost O(n log n) | serial build */
+ * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log n), ~110 n bytes and scratch */
 static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const double *box,
                                      clothi_bvh *t) {
     const size_t   m = (size_t)n;
-    cloth_status   status;
-    double        *key = NULL;
-    int           *order = NULL, *tmp, i, k, level;
+    double        *key = (double *)clothi_alloc(hooks, 3 * m * sizeof *key +
+                                                           4 * m * sizeof(int) + m, 1);
+    int           *order, *tmp, i, k, level;
     unsigned char *side;
+    cloth_status   status;
     memset(t, 0, sizeof *t);
+    if (!key) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i boxes", n);
     status = clothi_bvh_alloc(hooks, n, t);
-    key = (double *)clothi_alloc(hooks, 3 * m, sizeof *key);
-    order = (int *)clothi_alloc(hooks, 4 * m * sizeof *order + m, 1);
-    if (status != CLOTH_OK || !key || !order) {
-        if (status == CLOTH_OK)
-            status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i boxes", n);
-        clothi_bvh_free(hooks, t);
-        goto done;
-    }
-    tmp = order + 3 * m;
+    if (status != CLOTH_OK) goto done;
+    order = (int *)(void *)(key + 3 * m), tmp = order + 3 * m;
     side = (unsigned char *)(tmp + m);
     for (k = 0; k < 3; k++) {
         for (i = 0; i < n; i++) {
@@ -1750,7 +1731,7 @@ static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const doub
     memcpy(t->item, order, m * sizeof *order);
     clothi_bvh_refit(hooks, t, box);
 done:
-    clothi_free(hooks, order);
+    if (status != CLOTH_OK) clothi_bvh_free(hooks, t);
     clothi_free(hooks, key);
     return status;
 }
@@ -1848,13 +1829,9 @@ static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
-/* Every pair (item of a, item of b) whose boxes overlap (touching included), once each; with b the
- * same as a every pair i < j of its items.
- * out  pairs   count and pair [count x 2], in an order that the trees alone decide
- * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY (more than an int counts); the list is
- *   empty then
- * contract: alloc when the list outgrows its memory | cost ~ O(n log n + pairs) for surfaces |
- *   same list for any worker count */
+/* Every pair (item of a, item of b) whose boxes overlap (touching included), once each, in an order
+ * that the trees alone decide; with b the same as a every pair i < j of its items. Empty on failure:
+ * CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
 static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a,
                                            const clothi_bvh *b, clothi_pairs *pairs) {
     const int        p = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
@@ -1978,9 +1955,8 @@ static void clothi_features_free(const cloth_hooks *hooks, clothi_features *s) {
     memset(s, 0, sizeof *s);
 }
 
-/* faces [nf x 3] are borrowed as long as *s lives; the smallest face owns.
- * returns CLOTH_OK; CLOTH_ERR_MESH: an index out of range, a corner twice; CLOTH_ERR_MEMORY;
- *   *s is empty then.   cost O(nv + nf) */
+/* faces [nf x 3] are borrowed as long as *s lives; the smallest face owns. *s is empty on failure:
+ * CLOTH_ERR_MESH: an index out of range, a corner twice; CLOTH_ERR_MEMORY.   cost O(nv + nf) */
 static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
                                           const int *faces, clothi_features *s) {
     clothi_edge_sort sort;
@@ -2064,10 +2040,7 @@ static void clothi_features_look(const int *pair, const void *ctx, clothi_segmen
  * in   faces       pairs of faces of s, in its numbering. All those that the boxes allow between
  *                  two groups of faces: leaving single ones out loses features of their neighbours
  * in   vertex_box  [nv x 6] the boxes that the pairs of faces were made from (clothi_swept_boxes)
- * out  vf, ee      count and pair [count x 2]
- * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; both lists empty then
- * contract: alloc when a list outgrows its memory | cost O(pairs) | same lists for any worker
- *   count */
+ * out  vf, ee      empty on failure: CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY */
 static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi_features *s,
                                           const clothi_pairs *faces, const double *vertex_box,
                                           clothi_pairs *vf, clothi_pairs *ee) {
@@ -2287,11 +2260,8 @@ static void clothi_crossing_look(const int *pair, const void *ctx, clothi_segmen
 }
 
 /* Those of the candidates, pairs of faces [nf x 3] whose boxes at x [nv x 3] overlap, that
- * intersect; in their order.
- * out  out     count and pair [count x 2], not the same list as candidates
- * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY; out empty then
- * contract: alloc when out outgrows its memory | ~0.1 us a candidate | same list for any worker
- *   count */
+ * intersect, into another list, in their order; empty on failure: CLOTH_ERR_MEMORY,
+ * CLOTH_ERR_CAPACITY.   cost ~0.1 us a candidate */
 static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
                                           const int *faces, const clothi_pairs *candidates,
                                           clothi_pairs *out) {
@@ -2993,18 +2963,14 @@ static cloth_status clothi_qp_try(clothi_qp *s, int *wrong) {
     return CLOTH_OK;
 }
 
-static cloth_status clothi_qp_next(clothi_qp *s) {
-    s->rep->iterations++;
-    return clothi_cancelled(s->hooks, NULL);
-}
-
 /* Exchanges all rows on the wrong side at once as long as that lowers their number, or has done so
  * within the last few tries. done: the optimum is in x and lambda; else act is where to go on. */
 static cloth_status clothi_qp_pivot(clothi_qp *s, int *done) {
     int best = s->m + 1, patience = CLOTHI_QP_PATIENCE, wrong = 1, i;
     *done = 0;
     while (s->rep->iterations < s->most) {
-        cloth_status status = clothi_qp_next(s);
+        cloth_status status = clothi_cancelled(s->hooks, NULL);
+        s->rep->iterations++;
         if (!status) status = clothi_qp_try(s, &wrong);
         *done = !status && wrong == 0;
         if (status || wrong <= 0) return status;
@@ -3169,7 +3135,8 @@ static cloth_status clothi_qp_active_set(clothi_qp *s) {
     s->rep->outcome = CLOTH_QP_MAX_ITERATIONS;
     for (i = 0; i < s->m; i++) s->mark[i] = 0;
     while ((p = clothi_qp_worst(s)) >= 0 && s->rep->iterations < s->most) {
-        status = clothi_qp_next(s);
+        s->rep->iterations++;
+        status = clothi_cancelled(s->hooks, NULL);
         if (!status) status = clothi_qp_bring(s, p, &ray);
         if (status || (ray && clothi_qp_contradiction(s, p))) return status;
         if (!ray) continue;
@@ -3366,15 +3333,14 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
  *   winding(p) = sum over the triangles that the ray p + t e_x, t > 0, meets:     [JKS13] eq. (2)
  *                1 where it leaves the mesh (normal along +x), -1 where it enters
  *
- *   symbols   w an axis, u and v the two that follow it cyclically; the line along w through p
- *   turn      in the plane of u and v the triangle winds round p by [up edges beyond p] - [down
- *             edges beyond p], beyond along +u: an edge counts when it passes from v <= p.v to
- *             v > p.v, and is beyond when (lower end, upper end, p) turn left
+ *   turn      in the plane of y and z the triangle winds round p by [up edges beyond p] - [down
+ *             edges beyond p], beyond along +y: an edge counts when it passes from z <= p.z to
+ *             z > p.z, and is beyond when (lower end, upper end, p) turn left
  *   ahead     t > 0 when the volume (a, b, c, p) has the sign of the turn
  *
- * All three are exact signs [3.1], so that the number is that of the doubles given, 1e-9 or one
- * rounding from the surface as anywhere. Ties fall as if p were moved by infinitely little, along w
- * by more than along u and along u by more than along v: a ray through an edge or a corner counts
+ * All are exact signs [3.1], so that the number is that of the doubles given, 1e-9 or one
+ * rounding from the surface as anywhere. Ties fall as if p were moved by infinitely little, along x
+ * by more than along y and along y by more than along z: a ray through an edge or a corner counts
  * it once, and on the surface the number is that of one of its sides. Solid angles, exact or by a
  * tree of dipoles [BDSLJ18], cost hundreds of flops a point and are not integers; they are for
  * meshes with holes, which have no inside here.
@@ -3421,8 +3387,7 @@ static int clothi_surface_edge(const clothi_edge_sort *s, const int *faces, int 
 /* closed [nf] = 1 for the faces of components (joined along edges) at all of whose edges as many
  * faces run one way as the other: these have a winding number; may be NULL. *d: the first
  * defects; a manifold mesh without cavities, closed and oriented outwards, has none. Indices are in
- * range.
- * returns CLOTH_OK, CLOTH_ERR_MEMORY | cost O(nv + nf) */
+ * range.   returns CLOTH_OK, CLOTH_ERR_MEMORY | cost O(nv + nf) */
 static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int nf, const double *x,
                                          const int *faces, unsigned char *closed,
                                          clothi_surface_defects *d) {
@@ -3433,10 +3398,9 @@ static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int n
     d->open = d->turned = d->branch = d->inward = -1, d->volume = 0;
     if (status != CLOTH_OK) return status;
     volume = (double *)clothi_alloc(hooks, (size_t)nf, 2 * sizeof(double));
-    if (!volume) {
-        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the parts of %i faces", nf);
-        goto done;
-    }
+    if (!volume) status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the parts of %i "
+                                      "faces", nf);
+    if (status != CLOTH_OK) goto done;
     up = (int *)(void *)(volume + nf);
     if (!closed) closed = (unsigned char *)(up + nf);
     for (f = 0; f < nf; f++) up[f] = f, closed[f] = 1;
@@ -3463,35 +3427,25 @@ done:
 
 /* --- winding number --- */
 
-/* The line along w through p [3] against triangle a b c: 1 when, going along +w, it leaves the mesh
- * there (on the side of the normal), -1 when it enters, 0 when it misses. Exact. */
-static int clothi_line_turn(const double *a, const double *b, const double *c, int w,
-                            const double *p) {
-    const int           v = w == 0 ? 2 : w - 1;
-    const double *const corner[4] = {a, b, c, a};
-    int                 k, turn = 0;
-    for (k = 0; k < 3; k++) {
-        const int     up = corner[k][v] <= p[v];
-        const double *lo = corner[up ? k : k + 1], *hi = corner[up ? k + 1 : k];
-        if (up == (corner[k + 1][v] <= p[v])) continue;
-        if (clothi_turn_of(lo, hi, p, w) > 0) turn += up ? 1 : -1;
-    }
-    return turn;
-}
-
 /* How often the closed faces wrap round p [3], m: exact for coordinates in range of [3.1].
- * contract: alloc none | cost O(log nf + faces on the ray), 0.4 us of 26 000 */
+ * cost O(log nf + faces on the ray), 0.4 us of 26 000 */
 static int clothi_surface_winding(const clothi_surface *s, const double *p) {
-    clothi_bvh_walk w;
     const double    ray[6] = {p[0], p[1], p[2], CLOTHI_HUGE, p[1], p[2]};
-    int             f, sum = 0;
-    w = clothi_bvh_walk_over(s->tree, ray);
+    clothi_bvh_walk w = clothi_bvh_walk_over(s->tree, ray);
+    int             f, k, sum = 0;
     while ((f = clothi_bvh_next(&w)) >= 0) {
-        const int    *v = s->faces + 3 * (size_t)f;
-        const double *a = s->x + 3 * (size_t)v[0], *b = s->x + 3 * (size_t)v[1];
-        const double *c = s->x + 3 * (size_t)v[2];
-        const int     turn = !s->closed || s->closed[f] ? clothi_line_turn(a, b, c, 0, p) : 0;
-        if (turn && turn * clothi_orient3d(a, b, c, p) > 0) sum += turn;
+        const int    *v = s->faces + 3 * f;
+        const double *x[4];
+        int           turn = 0;
+        if (s->closed && !s->closed[f]) continue;
+        for (k = 0; k < 4; k++) x[k] = s->x + 3 * v[k % 3];
+        for (k = 0; k < 3; k++) {
+            const int     up = x[k][2] <= p[2];
+            const double *lo = x[up ? k : k + 1], *hi = x[up ? k + 1 : k];
+            if (up != (x[k + 1][2] <= p[2]) && clothi_turn_of(lo, hi, p, 0) > 0)
+                turn += up ? 1 : -1;
+        }
+        if (turn && turn * clothi_orient3d(x[0], x[1], x[2], p) > 0) sum += turn;
     }
     return sum;
 }
@@ -3518,12 +3472,10 @@ static double clothi_surface_far(int f, const double *p, void *ctx) {
     return clothi_face_distance2(s->x, s->faces + 3 * (size_t)f, p, b);
 }
 
-/* The face nearest to p of those that have an inside and are not to be skipped: of several the
- * first.
+/* The face nearest to p of those that have an inside and are not to be skipped, of several the
+ * first; -1 when there is none, d2 and b are as before then.
  * in/out d2    m^2, in: no farther than this, finite; out: its squared distance
- * out    b     [3] barycentric coordinates of the nearest point
- * returns the face; -1 when there is none, d2 and b are as before
- * contract: alloc none | cost O(log nf) for a point not far away as against the faces' size */
+ * out    b     [3] barycentric coordinates of the nearest point */
 static int clothi_surface_nearest(const clothi_surface *s, const double *p, double *d2, double *b) {
     clothi_surface look = *s;
     const int      f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &look, d2);
@@ -3536,16 +3488,15 @@ static int clothi_surface_nearest(const clothi_surface *s, const double *p, doub
 /* 1 when faces f and g cut each other: they meet beyond what they share and each has corners on
  * both sides of the other. Exact; touching is no cut. */
 static int clothi_surface_cut(const clothi_surface *s, int f, int g) {
-    const int *const v[2] = {s->faces + 3 * (size_t)f, s->faces + 3 * (size_t)g};
+    const int *const v[2] = {s->faces + 3 * f, s->faces + 3 * g};
     const double    *c[2][3];
-    int              sign[2][3], i, k;
-    if (!clothi_faces_intersect(s->x, v[0], v[1])) return 0;
-    for (i = 0; i < 6; i++) c[i / 3][i % 3] = s->x + 3 * (size_t)v[i / 3][i % 3];
-    for (k = 0; k < 2; k++) {
-        (void)clothi_plane_signs(c[k], c[1 - k], sign[k]);
-        if (clothi_one_sign(sign[k][0], sign[k][1], sign[k][2])) return 0;
+    int              sign[3], i, k, cut = clothi_faces_intersect(s->x, v[0], v[1]);
+    for (i = 0; i < 6; i++) c[i / 3][i % 3] = s->x + 3 * v[i / 3][i % 3];
+    for (k = 0; k < 2 && cut; k++) {
+        (void)clothi_plane_signs(c[k], c[1 - k], sign);
+        cut = !clothi_one_sign(sign[0], sign[1], sign[2]);
     }
-    return 1;
+    return cut;
 }
 
 /* The winding number just outside of face f: 1e-12 of `size`, the largest coordinate, off its
@@ -3581,8 +3532,7 @@ static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const cloth
         const int f = pairs.pair[2 * i], g = pairs.pair[2 * i + 1];
         if (clothi_surface_cut(s, f, g)) covered[f] = covered[g] = 0;
     }
-    for (i = 0; i < 9 * nf; i++)
-        size = clothi_max(size, fabs(s->x[3 * (size_t)s->faces[i / 3] + (size_t)(i % 3)]));
+    for (i = 0; i < 3 * nf; i++) size = clothi_max(size, clothi_max_abs(s->x + 3 * s->faces[i], 3));
     for (i = 0; i < nf && status == CLOTH_OK; i++)
         if (covered[i]) covered[i] = clothi_surface_outside(s, i, size) >= 1;
     clothi_pairs_free(hooks, &pairs);
@@ -3766,9 +3716,7 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void) {
 static cloth_status clothi_grid_faces(const cloth_grid_desc *d, clothi_grid_job *job) {
     clothi_surface *s = &job->surface;
     cloth_status    status;
-    s->x = d->x;
-    s->faces = d->faces;
-    s->tree = &job->tree;
+    s->x = d->x, s->faces = d->faces, s->tree = &job->tree;
     s->skip = job->covered = (unsigned char *)clothi_alloc(&d->hooks, (size_t)d->nf, 1);
     if (!s->skip)
         return clothi_fail(&d->hooks, CLOTH_ERR_MEMORY, "no memory for %i faces", d->nf);
@@ -3776,39 +3724,34 @@ static cloth_status clothi_grid_faces(const cloth_grid_desc *d, clothi_grid_job 
     return status ? status : clothi_surface_covered(&d->hooks, s, d->nf, job->covered);
 }
 
-static clothi_grid *clothi_grid_alloc(const cloth_hooks *hooks, const cloth_grid *plan) {
-    const size_t nodes = (size_t)plan->n[0] * (size_t)plan->n[1] * (size_t)plan->n[2];
-    const size_t head = (sizeof(clothi_grid) + sizeof(double) - 1) / sizeof(double);
-    clothi_grid *g = (clothi_grid *)clothi_alloc(hooks, nodes + head, sizeof(double));
-    if (!g) {
-        clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a grid of %z nodes", nodes);
-        return NULL;
-    }
-    g->grid = *plan;
-    g->grid.phi = (double *)(void *)g + head;
-    g->hooks = *hooks;
-    return g;
-}
-
 CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid **out) {
+    const size_t    head = (sizeof(clothi_grid) + sizeof(double) - 1) / sizeof(double);
     cloth_grid      plan;
     clothi_grid    *made = NULL;
     clothi_grid_job job;
     cloth_status    status;
+    size_t          nodes = 1;
     int             a;
-    if (!out) return CLOTH_ERR_ARGUMENT;
-    *out = NULL;
-    if (!desc) return CLOTH_ERR_ARGUMENT;
+    if (out) *out = NULL;
+    if (!out || !desc) return CLOTH_ERR_ARGUMENT;
     if (desc->cookie != CLOTHI_GRID_COOKIE) return CLOTH_ERR_UNINIT;
     memset(&plan, 0, sizeof plan);
     memset(&job, 0, sizeof job);
     status = clothi_grid_plan(desc, &plan);
     if (status != CLOTH_OK) return status;
-    made = clothi_grid_alloc(&desc->hooks, &plan);
-    status = made ? clothi_grid_faces(desc, &job) : CLOTH_ERR_MEMORY;
+    for (a = 0; a < 3; a++) {
+        nodes *= (size_t)plan.n[a];
+        job.blocks[a] = (plan.n[a] - 1) / CLOTHI_GRID_BLOCK + 1;
+    }
+    made = (clothi_grid *)clothi_alloc(&desc->hooks, nodes + head, sizeof(double));
+    status = made ? clothi_grid_faces(desc, &job)
+                  : clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY,
+                                "no memory for a grid of %z nodes", nodes);
     if (status != CLOTH_OK) goto done;
+    made->grid = plan;
+    made->grid.phi = (double *)(void *)made + head;
+    made->hooks = desc->hooks;
     job.grid = &made->grid;
-    for (a = 0; a < 3; a++) job.blocks[a] = (plan.n[a] - 1) / CLOTHI_GRID_BLOCK + 1;
     clothi_for(&desc->hooks, job.blocks[0] * job.blocks[1] * job.blocks[2], 64,
                clothi_grid_measure, &job);
     *out = &made->grid;
@@ -3862,7 +3805,7 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
     }
     for (a = 0; a < 3; a++) {
         const double s = x[a] - grid->origin[a], top = grid->cell * (grid->n[a] - 1);
-        const double q = s < 0 ? 0 : s > top ? top : s, t = q / grid->cell;
+        const double q = clothi_min(clothi_max(s, 0), top), t = q / grid->cell;
         out[a] = s - q;
         size = clothi_max(size, fabs(out[a]));
         i[a] = t < grid->n[a] - 1 ? (int)t : grid->n[a] - 2;
@@ -8671,9 +8614,8 @@ static cloth_status clothi_tangle_make(const cloth_collide *c, clothi_tangle *u)
 }
 
 static void clothi_tangle_free(const cloth_hooks *k, clothi_tangle *u) {
-    void *const block[5] = {u->pair, u->line.cut, u->d, u->area, u->drives};
-    int         i;
-    for (i = 0; i < 5; i++) clothi_free(k, block[i]);
+    const void *const block[5] = {u->pair, u->line.cut, u->d, u->area, u->drives};
+    (void)clothi_blocks(k, block, 5);
 }
 
 static int clothi_face_has(const cloth_collide *c, int f, int v) {

@@ -704,12 +704,15 @@ static int clothi_orient2d(const double *a, const double *b, const double *c) {
     return clothi_exp_sign(e, clothi_exp_minor(u[0], u[1], v[0], v[1], e));
 }
 
-/* Sign of (a-d) . (b-d) x (c-d): 1 when a, b, c turn counter-clockwise seen from the side that d
- * is not on, 0 in one plane. */
+/* Sign of (a-d) . (b-d) x (c-d), six times the volume a b c d: 1 when a, b, c turn
+ * counter-clockwise seen from the side that d is not on, 0 in one plane; at once when all are at
+ * one height, as in a sheet before it falls. */
 static int clothi_orient3d(const double *a, const double *b, const double *c, const double *d) {
     const double *const x[3] = {a, b, c};
     double              w[3][3], e[3][3][2], m[16], sum[192], det = 0, bound = 0;
     int                 i, k, n = 0;
+    for (k = 0; k < 3; k++)
+        if (a[k] == d[k] && b[k] == d[k] && c[k] == d[k]) return 0;
     for (i = 0; i < 3; i++) clothi_sub3(x[i], d, w[i]);
     for (i = 0; i < 3; i++) {
         const int    j = (i + 1) % 3, l = (i + 2) % 3;
@@ -1226,10 +1229,7 @@ static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa, const
         q->scale = clothi_unit_scale(q->m);
         q->m *= q->scale;
         q->s *= q->scale;
-        for (i = 0; i < 3 * q->n; i++) {
-            q->r0[i] *= q->scale;
-            q->r1[i] *= q->scale;
-        }
+        for (i = 0; i < 3 * q->n; i++) q->r0[i] *= q->scale, q->r1[i] *= q->scale;
     }
     q->E = 1.7763568394002505e-15 * q->m;   /* 2^-49 */
     q->floor = q->s * (1 + 1e-15) + 2 * q->E;
@@ -1315,10 +1315,7 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
         }
         if (g > (i < 2 ? 1e-12 : 0)) return g / scale;
     }
-    if (!(fabs(clothi_dot3(n, n) - 1) < 1e-9)) {
-        n[0] = 1;
-        n[1] = n[2] = 0;
-    }
+    if (!(fabs(clothi_dot3(n, n) - 1) < 1e-9)) n[0] = 1, n[1] = n[2] = 0;
     return 0;
 }
 
@@ -1829,9 +1826,9 @@ static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
-/* Every pair (item of a, item of b) whose boxes overlap (touching included), once each, in an order
- * that the trees alone decide; with b the same as a every pair i < j of its items. Empty on failure:
- * CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
+/* Every pair (item of a, item of b) whose boxes overlap, touching included, once each, in an order
+ * that the trees alone decide; with b the same as a every pair i < j of its items. Empty on
+ * failure: CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
 static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a,
                                            const clothi_bvh *b, clothi_pairs *pairs) {
     const int        p = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
@@ -1929,10 +1926,7 @@ static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_d
              i++) {
             const int    item = t->first + t->item[i];
             const double d = fn(item, point, ctx);
-            if (d < *d2 || (d <= *d2 && (best < 0 || item < best))) {
-                *d2 = d;
-                best = item;
-            }
+            if (d < *d2 || (d <= *d2 && (best < 0 || item < best))) *d2 = d, best = item;
         }
     }
     return best;
@@ -2072,14 +2066,6 @@ static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi
  *   that of coordinates, x first, then y, then z. No rounding decides; there is no epsilon.
  * checked: tests/test_intersect.c, against rational arithmetic (tests/exact.h) */
 
-/* Sign of the volume a b c d; at once when all are at one height, as in a sheet before it falls. */
-static int clothi_volume(const double *a, const double *b, const double *c, const double *d) {
-    int k;
-    for (k = 0; k < 3; k++)
-        if (a[k] == b[k] && a[k] == c[k] && a[k] == d[k]) return 0;
-    return clothi_orient3d(a, b, c, d);
-}
-
 /* Turn of the projection of a, b, c along an axis: 0 when on a line. */
 static int clothi_turn_of(const double *a, const double *b, const double *c, int axis) {
     const int    i = (axis + 1) % 3, j = (axis + 2) % 3;
@@ -2114,7 +2100,7 @@ static int clothi_beside(const double *p, const double *a, const double *b) {
 static int clothi_segments_meet(const double *p, const double *q, const double *r,
                                 const double *s, int axis) {
     int sr, ss, sp, sq;
-    if (axis < 0 && clothi_volume(p, q, r, s)) return 0;
+    if (axis < 0 && clothi_orient3d(p, q, r, s)) return 0;
     if (axis < 0) axis = clothi_open_axis(p, q, r);
     if (axis < 0) axis = clothi_open_axis(p, q, s);
     if (axis < 0) axis = clothi_open_axis(r, s, p);
@@ -2139,9 +2125,9 @@ static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
     int k, axis;
     if (sp * sq > 0) return 0;
     if (sp || sq)
-        return clothi_one_sign(clothi_volume(p, q, t[0], t[1]),
-                               clothi_volume(p, q, t[1], t[2]),
-                               clothi_volume(p, q, t[2], t[0]));
+        return clothi_one_sign(clothi_orient3d(p, q, t[0], t[1]),
+                               clothi_orient3d(p, q, t[1], t[2]),
+                               clothi_orient3d(p, q, t[2], t[0]));
     axis = clothi_open_axis(t[0], t[1], t[2]);
     if (axis >= 0 && clothi_one_sign(clothi_turn_of(t[0], t[1], p, axis),
                                      clothi_turn_of(t[1], t[2], p, axis),
@@ -2155,7 +2141,7 @@ static int clothi_edge_meets(const double *p, const double *q, int sp, int sq,
 /* Signs of the corners of g against the plane of f; 1 when all are on one side. */
 static int clothi_plane_signs(const double *const *f, const double *const *g, int *sign) {
     int k;
-    for (k = 0; k < 3; k++) sign[k] = clothi_volume(f[0], f[1], f[2], g[k]);
+    for (k = 0; k < 3; k++) sign[k] = clothi_orient3d(f[0], f[1], f[2], g[k]);
     return sign[0] && sign[0] == sign[1] && sign[1] == sign[2];
 }
 
@@ -2195,11 +2181,12 @@ static int clothi_in_angle(const double *v, const double *c, const double *d, co
  * the opposite one, is in both angles. In one plane a side of one is in the other's angle. */
 static int clothi_meet_beyond_vertex(const double *const *f, const double *const *g) {
     const double *v = f[0];
-    const int     C = clothi_volume(v, f[1], f[2], g[1]), D = clothi_volume(v, f[1], f[2], g[2]);
+    const int     C = clothi_orient3d(v, f[1], f[2], g[1]);
+    const int     D = clothi_orient3d(v, f[1], f[2], g[2]);
     int           A, B, f_axis, g_axis;
     if (C * D > 0) return 0;
-    A = clothi_volume(v, g[1], g[2], f[1]);
-    B = clothi_volume(v, g[1], g[2], f[2]);
+    A = clothi_orient3d(v, g[1], g[2], f[1]);
+    B = clothi_orient3d(v, g[1], g[2], f[2]);
     if (A * B > 0) return 0;
     if ((A || B) && (C || D))
         return (A >= 0 && B <= 0 && C <= 0 && D >= 0) || (A <= 0 && B >= 0 && C >= 0 && D <= 0);
@@ -2216,7 +2203,7 @@ static int clothi_meet_beyond_vertex(const double *const *f, const double *const
 static int clothi_meet_beyond_edge(const double *u, const double *w, const double *a,
                                    const double *b) {
     int axis, side;
-    if (clothi_volume(u, w, a, b)) return 0;
+    if (clothi_orient3d(u, w, a, b)) return 0;
     axis = clothi_open_axis(u, w, a);
     if (axis >= 0) return clothi_turn_of(u, w, a, axis) * clothi_turn_of(u, w, b, axis) > 0;
     if (clothi_open_axis(u, w, b) >= 0 || clothi_open_axis(u, a, b) >= 0) return 0;
@@ -2231,10 +2218,7 @@ static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
     int           shared = 0, at_f[3], at_g[3], i, j;
     for (i = 0; i < 3; i++)
         for (j = 0; j < 3; j++)
-            if (f[i] == g[j]) {
-                at_f[shared] = i;
-                at_g[shared++] = j;
-            }
+            if (f[i] == g[j]) at_f[shared] = i, at_g[shared++] = j;
     if (shared == 3) return 0;
     if (shared == 2)
         return clothi_meet_beyond_edge(x + 3 * (size_t)f[at_f[0]], x + 3 * (size_t)f[at_f[1]],
@@ -2730,10 +2714,7 @@ static double clothi_qp_distance2(clothi_qp *s, int i, int j, double t) {
         for (p = q->row[r]; p < q->row[r + 1]; p++) {
             double *u = &s->u[q->col[p]].h;
             if (pass < 2) *u += pass ? -t * s->g[p] : s->g[p];
-            else {
-                far += *u * *u * q->minv[q->col[p]];
-                *u = 0;
-            }
+            else far += *u * *u * q->minv[q->col[p]], *u = 0;
         }
     }
     return far;
@@ -3009,10 +2990,7 @@ static int clothi_qp_worst(const clothi_qp *s) {
         const double v = -s->w[i].h, length = sqrt(clothi_qp_diagonal(s, i));
         if (!s->keep[i] || s->at[i] >= 0 || s->mark[i] == -3) continue;
         if (!(v > CLOTHI_QP_SMALL2 * s->size[i] + CLOTHI_QP_DRIFT2 * big)) continue;
-        if (v > most * length) {
-            most = v / length;
-            worst = i;
-        }
+        if (v > most * length) most = v / length, worst = i;
     }
     return worst;
 }
@@ -3458,7 +3436,7 @@ static int clothi_surface_winding(const clothi_surface *s, const double *p) {
 static int clothi_surface_pierced(const double *p, const double *q, const double *a,
                                   const double *b, const double *c) {
     const double *const t[3] = {a, b, c};
-    const int           sp = clothi_volume(a, b, c, p), sq = clothi_volume(a, b, c, q);
+    const int           sp = clothi_orient3d(a, b, c, p), sq = clothi_orient3d(a, b, c, q);
     if (sp == sq || !clothi_edge_meets(p, q, sp, sq, t)) return 0;
     return sp > sq ? 1 : -1;
 }
@@ -3587,13 +3565,15 @@ static double clothi_grid_reach(const clothi_grid_job *job, const double *p, dou
     return found < 0 ? bound : clothi_min(bound, sqrt(d2));
 }
 
-/* The nodes of one block. */
-static void clothi_grid_block(const clothi_grid_job *job, const int *first) {
+/* The nodes of block b. */
+static void clothi_grid_block(const clothi_grid_job *job, int b) {
     const cloth_grid *g = job->grid;
+    const int         nx = job->blocks[0], ny = job->blocks[1], size = CLOTHI_GRID_BLOCK;
+    const int         first[3] = {size * (b % nx), size * (b / nx % ny), size * (b / nx / ny)};
     double            p[3], last_p[3], half = 0, bound, sign, last_d;
     int               last[3], i, j, k, a, f = -1, near_by;
     for (a = 0; a < 3; a++) {
-        last[a] = first[a] + CLOTHI_GRID_BLOCK < g->n[a] ? first[a] + CLOTHI_GRID_BLOCK : g->n[a];
+        last[a] = first[a] + size < g->n[a] ? first[a] + size : g->n[a];
         p[a] = last_p[a] = g->origin[a] + g->cell * 0.5 * (first[a] + last[a] - 1);
         half += (double)(last[a] - 1 - first[a]) * (last[a] - 1 - first[a]);
     }
@@ -3624,16 +3604,8 @@ static void clothi_grid_block(const clothi_grid_job *job, const int *first) {
 }
 
 static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
-    const clothi_grid_job *job = (const clothi_grid_job *)ctx;
-    int                    b;
     (void)worker;
-    for (b = begin; b < end; b++) {
-        const int *n = job->blocks;
-        const int  first[3] = {CLOTHI_GRID_BLOCK * (b % n[0]),
-                               CLOTHI_GRID_BLOCK * (b / n[0] % n[1]),
-                               CLOTHI_GRID_BLOCK * (b / n[0] / n[1])};
-        clothi_grid_block(job, first);
-    }
+    for (; begin < end; begin++) clothi_grid_block((const clothi_grid_job *)ctx, begin);
 }
 
 /* --- create --- */
@@ -3681,15 +3653,13 @@ static cloth_status clothi_grid_plan(const cloth_grid_desc *d, cloth_grid *g) {
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, !d->x || !d->faces
                            ? "desc.x or desc.faces is NULL" : "desc.nf = %i is below 4",
                            d->nf);
-    status = clothi_check_number(hooks, "cell", d->cell, CLOTHI_GRID_TINY, 0);
-    if (status != CLOTH_OK) return status;
     g->cell = d->cell;
     g->band = d->band != 0 ? d->band : CLOTH_DEFAULT_GRID_BAND * d->cell;
-    status = clothi_check_number(hooks, "band", g->band, 2 * d->cell, 0);
-    if (status != CLOTH_OK) return status;
     margin = d->margin != 0 ? d->margin : g->band;
-    status = clothi_check_number(hooks, "margin", margin, d->cell, 0);
-    if (status == CLOTH_OK) status = clothi_grid_check_mesh(d, lo, hi);
+    status = clothi_check_number(hooks, "cell", d->cell, CLOTHI_GRID_TINY, 0);
+    if (!status) status = clothi_check_number(hooks, "band", g->band, 2 * d->cell, 0);
+    if (!status) status = clothi_check_number(hooks, "margin", margin, d->cell, 0);
+    if (!status) status = clothi_grid_check_mesh(d, lo, hi);
     if (status != CLOTH_OK) return status;
     for (a = 0; a < 3; a++) {
         n[a] = ceil((hi[a] - lo[a] + 2 * margin) / d->cell) + 1;
@@ -8428,10 +8398,9 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
                                             const double about[3], double force[3],
                                             double torque[3]) {
     cloth_collide_contact q;
-    cloth_status status = clothi_obstacle_of(c, id)
-                              ? CLOTH_OK
-                              : clothi_obstacle_gone(c, id, "cloth_collide_wrench");
+    cloth_status status = CLOTH_OK;
     int          i, k;
+    if (!clothi_obstacle_of(c, id)) status = clothi_obstacle_gone(c, id, "cloth_collide_wrench");
     if (!status) status = clothi_query_check(c, "cloth_collide_wrench", 1, force && torque);
     if (status) return status;
     for (k = 0; k < 3; k++) force[k] = torque[k] = 0;
@@ -8443,10 +8412,9 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
         for (k = 0; k < 3; k++) {
             f[k] = side * (q.force * q.normal[k] + q.friction[k]);
             r[k] = q.point[side < 0][k] - (about ? about[k] : 0);
-            force[k] += f[k];
         }
         clothi_cross3(r, f, t);
-        for (k = 0; k < 3; k++) torque[k] += t[k];
+        for (k = 0; k < 3; k++) force[k] += f[k], torque[k] += t[k];
     }
     return CLOTH_OK;
 }

@@ -230,16 +230,14 @@ CLOTH_API cloth_qp_options cloth_qp_options_default(void);
  * out  x        [n] m, may be NULL. Infeasible: x0
  * out  lambda   [m] >= 0, kg m per unit of the row; may be NULL.  x = x0 - minv o (G' lambda).
  *               Infeasible: a certificate: max 1, |G_free' lambda| <= 1e-10 max|G| and
- *               lambda.(h - G_fixed x0_fixed) < 0 by more than rounding, so that a positive sum
- *               of the rows reads 0 <= something negative
+ *               lambda.(h - G_fixed x0_fixed) < 0 by more than rounding
  * out  rep      may be NULL
  * returns CLOTH_OK, whatever the outcome; CLOTH_ERR_ARGUMENT, _NONFINITE: a sentence names the
  *   field and its value; _UNINIT: options without cookie; _MEMORY; _CAPACITY: the matrix of the
  *   rows would have more than 2^31 entries; _CANCELLED. x and lambda are as before then.
- * x is unique. lambda is unique only where the active rows are independent.
- * The same input gives the same bits. A guess can change them only where the optimum has several
- * active sets (dependent rows, multipliers that are zero at the optimum) or the outcome is not
- * SOLVED; work never does.
+ * x is unique; lambda only where the active rows are independent. The same input gives the same
+ * bits. A guess can change them only where the optimum has several active sets (dependent rows,
+ * multipliers that are zero at the optimum) or the outcome is not SOLVED; work never does.
  * contract: alloc none with work of a similar solve behind it, else O(size) | cost about 5
  *   factorizations of the active rows ordered to a small profile: O(m p^2), p the mean profile |
  *   threads: distinct work */
@@ -314,9 +312,8 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void);
  *             It may have several components, cut through itself and touch itself.
  * out  *out   owned: cloth_grid_destroy; NULL on failure
  *   phi is the distance to the boundary of the union, to rounding, where that is below the band,
- *   else the band; its sign is right everywhere, but for nodes within rounding of the mesh.
- *   A face that is cut by another counts whole: inside an overlap, near its border, phi may be
- *   the distance to the hidden part of such a face.
+ *   else the band; its sign is right but for nodes within rounding of the mesh. A face that is cut
+ *   by another counts whole: near an overlap's border phi may be the distance to its hidden part.
  * returns CLOTH_OK; CLOTH_ERR_UNINIT; CLOTH_ERR_ARGUMENT: a NULL, a size out of range;
  *   CLOTH_ERR_NONFINITE: a coordinate, cell, band or margin; CLOTH_ERR_MESH: an index out of
  *   range, an edge where the mesh is open or badly oriented (the sentence names it), the volume
@@ -1520,11 +1517,10 @@ static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pai
 
 /* --- boxes --- */
 
-/* The box over x moving linearly from xa to xb, and `pad` on every side: [n x 6] min xyz, max xyz.
- * in   xa, xb  [n x 3] m; xb NULL: at rest
- * in   pad     m, >= 0. Points come within D of each other only if their boxes with pads p, q that
- *              add up to D (but for rounding) overlap: from a + p >= b - q follows, rounding being
- *              monotone, fl(a + p) >= fl(b - q) */
+/* The boxes [n x 6], min xyz, max xyz, over points moving linearly from xa to xb [n x 3] (NULL: at
+ * rest), and `pad` m on every side. Points come within D of each other only if their boxes with
+ * pads p, q that add up to D (but for rounding) overlap: from a + p >= b - q follows, rounding
+ * being monotone, fl(a + p) >= fl(b - q) */
 static void clothi_swept_boxes(int n, const double *xa, const double *xb, double pad, double *box) {
     int i, k;
     if (!xb) xb = xa;
@@ -1842,10 +1838,9 @@ static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks, const clothi
     return clothi_bvh_cross_pairs(hooks, t, t, pairs);
 }
 
-/* The items (first + i) whose boxes overlap box [6], in the tree's order:
+/* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
  *     clothi_bvh_walk w = clothi_bvh_walk_over(tree, box);
- *     while ((item = clothi_bvh_next(&w)) >= 0) ...
- * contract: alloc none | cost O(log n + found) */
+ *     while ((item = clothi_bvh_next(&w)) >= 0) ... */
 typedef struct clothi_bvh_walk {
     const clothi_bvh *tree;
     const double     *box;                  /* borrowed                                        */
@@ -1900,8 +1895,7 @@ static double clothi_node_distance2(const clothi_box *b, const double *p) {
 
 /* The item nearest to a point [3] by fn, if its squared distance is at most *d2; of several the
  * smallest. Returns it and sets *d2; returns -1 and leaves *d2 when there is none. fn must not be
- * less than the distance from the item's box by more than a relative 1e-9.
- * contract: alloc none | cost O(log n) for a point not far away as against the items' size */
+ * less than the distance from the item's box by more than a relative 1e-9. cost O(log n) near by */
 static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_distance_fn *fn,
                               void *ctx, double *d2) {
     const double slack = 1 - 1e-9;
@@ -2221,12 +2215,12 @@ static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
             if (f[i] == g[j]) at_f[shared] = i, at_g[shared++] = j;
     if (shared == 3) return 0;
     if (shared == 2)
-        return clothi_meet_beyond_edge(x + 3 * (size_t)f[at_f[0]], x + 3 * (size_t)f[at_f[1]],
-                                       x + 3 * (size_t)f[3 - at_f[0] - at_f[1]],
-                                       x + 3 * (size_t)g[3 - at_g[0] - at_g[1]]);
+        return clothi_meet_beyond_edge(x + 3 * f[at_f[0]], x + 3 * f[at_f[1]],
+                                       x + 3 * f[3 - at_f[0] - at_f[1]],
+                                       x + 3 * g[3 - at_g[0] - at_g[1]]);
     for (i = 0; i < 3; i++) {               /* a shared vertex comes first */
-        p[i] = x + 3 * (size_t)f[(i + (shared ? at_f[0] : 0)) % 3];
-        q[i] = x + 3 * (size_t)g[(i + (shared ? at_g[0] : 0)) % 3];
+        p[i] = x + 3 * f[(i + (shared ? at_f[0] : 0)) % 3];
+        q[i] = x + 3 * g[(i + (shared ? at_g[0] : 0)) % 3];
     }
     return shared ? clothi_meet_beyond_vertex(p, q) : clothi_triangles_meet(p, q);
 }
@@ -2238,8 +2232,8 @@ typedef struct clothi_crossing_job {
 
 static void clothi_crossing_look(const int *pair, const void *ctx, clothi_segment *out) {
     const clothi_crossing_job *job = (const clothi_crossing_job *)ctx;
-    if (clothi_faces_intersect(job->x, job->faces + 3 * (size_t)pair[0],
-                               job->faces + 3 * (size_t)pair[1]))
+    const int                 *f = job->faces;
+    if (clothi_faces_intersect(job->x, f + 3 * pair[0], f + 3 * pair[1]))
         clothi_segment_put(out, pair[0], pair[1]);
 }
 
@@ -2257,14 +2251,11 @@ static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double
 static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n, clothi_pairs *p) {
     const size_t m = (size_t)p->count;
     int         *work, *key, *in, *out, *count, i, k;
-    if (p->count < 2) return CLOTH_OK;
+    if (m < 2) return CLOTH_OK;
     work = (int *)clothi_alloc(hooks, 5 * m + (size_t)n + 1u, sizeof *work);
     if (!work)
         return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i pairs", p->count);
-    key = work + 2 * m;
-    in = key + m;
-    out = in + m;
-    count = out + m;
+    key = work + 2 * m, in = key + m, out = in + m, count = out + m;
     for (k = 1; k >= 0; k--) {
         for (i = 0; i < p->count; i++) key[i] = p->pair[2 * i + k];
         clothi_sort_by(p->count, n, key, k ? NULL : in, k ? in : out, count);
@@ -2286,10 +2277,9 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     memset(&found, 0, sizeof found);
     if (count) *count = 0;
     if ((!x && nv > 0) || (!faces && nf > 0) || (!pairs && max_pairs > 0) || max_pairs < 0)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_intersections: %s", max_pairs < 0 ? "max_pairs < 0"
-                           : !x && nv > 0 ? "x is NULL" : !faces && nf > 0 ? "faces is NULL"
-                           : "pairs is NULL");
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_intersections: %s", max_pairs < 0
+                           ? "max_pairs < 0" : !x && nv > 0 ? "x is NULL"
+                           : !faces && nf > 0 ? "faces is NULL" : "pairs is NULL");
     status = clothi_check_counts(hooks, nv, nf);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
     if (status == CLOTH_OK)
@@ -3495,8 +3485,7 @@ static int clothi_surface_outside(const clothi_surface *s, int f, double size) {
 
 /* covered [nf] = 1 for the faces that lie inside of another part of the mesh: cut by no face, the
  * winding number just outside of them 1 or more. The others hold the boundary of the union.
- * returns CLOTH_OK, CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY | cost a ray a face and the pairs of
- *   boxes, 45 ms for 26 000 faces */
+ * cost a ray a face and the pairs of boxes, 45 ms for 26 000 faces */
 static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const clothi_surface *s,
                                            int nf, unsigned char *covered) {
     clothi_pairs pairs;
@@ -8570,20 +8559,21 @@ struct clothi_tangle {
 
 /* Room for all that is as long as the world; cleared. */
 static cloth_status clothi_tangle_make(const cloth_collide *c, clothi_tangle *u) {
-    const size_t nw = (size_t)c->nw;
-    u->d = (double *)clothi_alloc(c->hooks, 7 * nw + 2 * (size_t)c->me, sizeof(double));
-    u->area = (int *)clothi_alloc(c->hooks, 2 * nw, sizeof(int));
-    u->drives = (unsigned char *)clothi_alloc(c->hooks, nw + (size_t)c->mf, 1);
+    const size_t nw = (size_t)c->nw, reals = 7 * nw + 2 * (size_t)c->me;
+    u->d = (double *)clothi_alloc(c->hooks, reals * sizeof(double) + 2 * nw * sizeof(int) + nw +
+                                                (size_t)c->mf, 1);
     u->pair = (clothi_pair_id *)clothi_alloc(c->hooks, (size_t)c->nnow + 1, sizeof *u->pair);
-    if (!u->d || !u->area || !u->drives || !u->pair) return CLOTH_ERR_MEMORY;
+    if (!u->d || !u->pair) return CLOTH_ERR_MEMORY;
     u->g = u->d + 3 * nw, u->size = u->g + 3 * nw, u->span = u->size + nw;
-    u->in = u->area + nw, u->mask = u->drives + nw;
+    u->area = (int *)(void *)(u->d + reals), u->in = u->area + nw;
+    u->drives = (unsigned char *)(u->in + nw), u->mask = u->drives + nw;
     return CLOTH_OK;
 }
 
 static void clothi_tangle_free(const cloth_hooks *k, clothi_tangle *u) {
-    const void *const block[5] = {u->pair, u->line.cut, u->d, u->area, u->drives};
-    (void)clothi_blocks(k, block, 5);
+    clothi_free(k, u->pair);
+    clothi_free(k, u->line.cut);
+    clothi_free(k, u->d);
 }
 
 static int clothi_face_has(const cloth_collide *c, int f, int v) {

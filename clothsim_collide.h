@@ -4122,7 +4122,8 @@ struct cloth_collide {
     int             trying;                 /* a point that is not needed: no sentence         */
     double          toi;                    /* of the way to the guess: before it all is free  */
     const double   *at, *way;               /* [nv x 3] segment under detection                */
-    double         *way_in;                 /* [nv x 3] it, not longer than a leap             */
+    double         *way_in;                 /* [nv x 3] of a move, as far as the list reaches  */
+    const double   *dx;                     /* [nv x 3] all of that move                       */
     double          length;                 /* m, mean edge of the template                    */
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
@@ -5953,29 +5954,27 @@ static void clothi_free_range(int begin, int end, int worker, void *ctx) {
 static cloth_status clothi_contact_max_step(void *user, const double *x, const double *dx,
                                             double *part) {
     cloth_collide *c = (cloth_collide *)user;
-    double         covers, least = 1, most = CLOTHI_LEAP * c->length, *y = c->qp_x0;
+    double         covers, least, most = CLOTHI_LEAP * c->length, *y = c->qp_x0;
     cloth_status   status = CLOTH_OK;
     int            i;
     most /= clothi_max(clothi_max_abs(dx, 3 * c->nv), most);
-    for (i = 0; i < 3 * c->nv; i++) c->way_in[i] = most * dx[i];
-    dx = c->way_in;
-    covers = clothi_list_covers(c, x, dx);
-    if (covers < 1 && !c->made) {
-        for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + dx[i];
-        status = clothi_list_make(c, x, y);
-        covers = c->made = 1;
-    } else
-        clothi_list_drift(c, x);
-    if (status) return status;
-    for (i = 0; i < 3 * c->nv; i++) c->way_in[i] *= covers;
-    most *= covers;
-    c->at = x, c->way = dx;
-    clothi_move_far(c, dx);
-    clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
-    for (i = 0; i < c->npair; i++) least = clothi_min(least, c->hit_time[i]);
+    clothi_list_drift(c, x);
+    for (;;) {
+        for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + most * dx[i], c->way_in[i] = y[i] - x[i];
+        covers = clothi_list_covers(c, x, c->way_in);
+        for (i = 0; i < 3 * c->nv; i++) c->way_in[i] *= clothi_max(covers, 0);
+        c->at = x, c->way = c->way_in, c->dx = dx;
+        clothi_move_far(c, c->way);
+        clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
+        for (least = 1, i = 0; i < c->npair; i++) least = clothi_min(least, c->hit_time[i]);
+        if (least < 1 || !(covers < 1) || c->made) break;
+        status = clothi_list_make(c, x, y);     /* nothing stops it before the list ends */
+        if (status) return status;
+        c->made = 1;
+    }
     least = least < 1 ? CLOTHI_MOVE * least : 1;
-    *part = most * least;
-    return clothi_list_join(c, x, dx, least, CLOTHI_REACH * c->thickest);
+    *part = most * covers * least;
+    return clothi_list_join(c, x, c->way, least, CLOTHI_REACH * c->thickest);
 }
 
 /* Friction that slides and would, by dx, turn round: it is to come to rest instead. Its curvature
@@ -5991,7 +5990,7 @@ static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int
         clothi_contact_slip(c, q, c->at, u);
         size = sqrt(clothi_dot3(u, u));
         for (j = 0; j < q->n; j++)
-            if (q->v[j] < c->nv) to += q->w[j] * clothi_dot3(u, c->way + 3 * q->v[j]);
+            if (q->v[j] < c->nv) to += q->w[j] * clothi_dot3(u, c->dx + 3 * q->v[j]);
         if (!(to < -size * size)) continue;
         q->scale = 1;
         for (k = 0; k < 9; k++) K[k] = q->limit / (size * size * size) * u[k / 3] * u[k % 3];
@@ -6036,7 +6035,7 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
         double          come = 0, more, N[9];
         for (j = 0; j < q->n; j++)
             if (q->v[j] < c->nv)
-                come -= q->w[j] * clothi_dot3(q->normal, c->way + 3 * q->v[j]);
+                come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
         q->aim = q->at.force + (q->at.slope + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
@@ -6097,10 +6096,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *   caught   p is outside of the nearest face and of the nearest one that looks at it,
  *            n0 . n1 < -0.3, and at either pose of the substep (A1 - A0) . m is less than 2 t,
  *            m = (n0 - n1)/|n0 - n1|
- *   kept     both points slide: they are looked for again from face to face, nearest to p at x^n.
- *            p goes the mean of their ways and along m to its share s = (p - A0).m / (A1 - A0).m
- *            that it had when it was caught: layers keep their order, and neighbours whose shares
- *            differ are not torn where the parts slide on each other
+ *   kept     both points slide from face to face, of those that look at the other one, nearest to
+ *            p at x^n. p goes the mean of their ways w0, w1, and along m by (1 - s) w0 + s w1, with
+ *            the share s = (p - A0).m / (A1 - A0).m that it had when it was caught: layers keep
+ *            their order, and neighbours whose shares differ are not torn where the parts slide on
+ *            each other. Where the points slid, s comes back by at most t a substep
  *   free     outside of both faces where it is, with more than 2 t there and 3 t where it goes
  *
  * Exempt are pairs whose vertices of cloth are all held, pairs of cloth with cloth where next to
@@ -6197,12 +6197,15 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
     return h->share > 0 && h->share < 1 && clothi_min(start, end) < room * t;
 }
 
-/* Point k of a hold slides to what is nearest to p around it, at the start of the substep. */
+/* Point k of a hold slides to what is nearest to p around it, at the start of the substep, of faces
+ * that look at the other one's. */
 static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, const double *p) {
     const int f0 = c->obstacle[h->slot].f0;
-    double    w[3], least = clothi_face_distance2(c->xa, c->faces + 3 * (f0 + h->face[k]), p,
-                                                  h->weight[k]);
+    double    w[3], n[3], facing[3];
+    double    least = clothi_face_distance2(c->xa, c->faces + 3 * (f0 + h->face[k]), p,
+                                            h->weight[k]);
     int       go, turn, i, j;
+    clothi_hold_point(c, h, 1 - k, c->xa, w, facing);
     for (turn = 0, go = 1; go && turn < CLOTHI_WALK; turn++) {
         const int *v = c->faces + 3 * (size_t)(f0 + h->face[k]);
         for (go = 0, i = 0; i < 3; i++)
@@ -6210,6 +6213,8 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
                 const int   *f = c->faces + 3 * c->star_face[j];
                 const double d2 = clothi_face_distance2(c->xa, f, p, w);
                 if (!(d2 < least * (1 - 1e-9))) continue;
+                clothi_face_cross(c->xa, f, n);
+                if (clothi_dot3(n, facing) > CLOTHI_FACING * sqrt(clothi_dot3(n, n))) continue;
                 least = d2, go = 1;
                 h->face[k] = c->star_face[j] - f0;
                 memcpy(h->weight[k], w, sizeof w);
@@ -6220,7 +6225,7 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
 /* Whether a vertex stays held; where it goes into c->hold_to. */
 static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
-    double        A[6], B[6], n[6], m[3], d[3], end[6], start, room, along;
+    double        A[6], B[6], n[6], m[3], d[3], end[6], start, room, along, drift;
     int           k, out = 1;
     for (k = 0; k < 2; k++) clothi_hold_slide(c, h, k, p);
     start = clothi_hold_room(c, h, c->xa, A, n, m);
@@ -6230,10 +6235,13 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     }
     room = clothi_hold_room(c, h, c->xb, B, end, m);
     for (k = 0; k < 3; k++) {
-        to[k] = p[k] + 0.5 * (B[k] - A[k] + B[3 + k] - A[3 + k]);
-        d[k] = to[k] - B[k];
+        d[k] = B[3 + k] - A[3 + k] - (B[k] - A[k]);
+        to[k] = p[k] + B[k] - A[k] + 0.5 * d[k];
     }
-    along = h->share * room - clothi_dot3(d, m);
+    along = (h->share - 0.5) * clothi_dot3(d, m);
+    for (k = 0; k < 3; k++) d[k] = to[k] - B[k];
+    drift = h->share * room - clothi_dot3(d, m) - along;
+    along += clothi_max(clothi_min(drift, t), -t);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
     return !(out && start > CLOTHI_PINCHED * t && room > CLOTHI_OPENED * t);
 }

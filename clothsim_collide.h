@@ -4059,6 +4059,7 @@ typedef struct clothi_obstacle {
     double              first_friction;     /* as it was added                                 */
     uint32_t            category, mask;
     int                 self_penetrating;
+    double              way;                /* m, farthest that a vertex goes in the substep   */
     const cloth_grid   *grid;               /* borrowed; NULL but for a GRID                   */
 } clothi_obstacle;
 
@@ -4137,7 +4138,6 @@ struct cloth_collide {
     cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held ends                */
     unsigned char  *look, *pinched;         /* [nv] to be looked at, 2: caught; [mf] in a pinch */
-    int            *flood, *seen_by;        /* [mf] scratch                                    */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
@@ -4287,7 +4287,7 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
     c->box_v = from->box_v, c->box_f = from->box_f;
     c->edge_face = from->edge_face, c->star = from->star, c->star_face = from->star_face;
     c->me = from->me;
-    c->flood = from->flood, c->pinched = from->pinched, c->far = from->far;
+    c->pinched = from->pinched, c->far = from->far;
     c->solid_known = 0;
 }
 
@@ -4300,7 +4300,6 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->edges);
     clothi_free(k, c->edge_face);
     clothi_free(k, c->slot);
-    clothi_free(k, c->flood);
     clothi_free(k, c->pinched);
     clothi_free(k, c->far);
     clothi_free(k, c->area);
@@ -5823,8 +5822,7 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     for (i = begin; i < end; i++) c->slack[i] = clothi_pair_slack(c, i, c->x_list);
 }
 
-/* Contacts whose pair is in the new list and near, or with a grid, stay, with all that is lagged.
- * */
+/* Contacts whose pair is in the new list and near, or with a grid, stay with what is lagged. */
 static cloth_status clothi_list_keep(cloth_collide *c) {
     clothi_contact *q = c->contact;
     int             i, n = 0;
@@ -6105,9 +6103,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *
  * Exempt are pairs whose vertices of cloth are all held, pairs of cloth with cloth where next to
  * nothing of what meets is free, and pairs of a held vertex's features with faces of its body, no
- * farther from where it is or goes than cloth hangs on it, reached over the body from A0 or A1. The
- * rest of the body holds all cloth. Faces that intersect when the substep ends are listed, and
- * exempt until they part [8.1], but for a vertex that is outside of the body: it may not go in.
+ * farther from where it is or goes than cloth hangs on it. The rest of the body holds all cloth.
+ * Faces that intersect when the substep ends are listed, and exempt until they part [8.1], but for
+ * a vertex that is outside of the body: it may not go in.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * checked: tests/test_pinch.c */
@@ -6168,11 +6166,10 @@ static double clothi_catch_far(int face, const double *p, void *ctx) {
     return clothi_face_distance2(c->xa, c->faces + 3 * (size_t)face, p, w);
 }
 
-/* Whether vertex v is between two parts of obstacle `slot` nearer than `room` times t at either
- * pose, and where. way: how far the obstacle's vertices go, m. */
-static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double room, double way,
+/* Whether vertex v is between two parts of an obstacle nearer than `room` t at either pose. */
+static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double room,
                                cloth_hold *h) {
-    const double *p = c->xa + 3 * v, t = c->obstacle[slot].thickness;
+    const double *p = c->xa + 3 * v, t = c->obstacle[slot].thickness, way = c->obstacle[slot].way;
     double        A[6], n[6], m[3], d[3], d2 = room * t + way, start, end;
     clothi_catch  q;
     int           k, f;
@@ -6248,40 +6245,46 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
 
 /* --- which faces --- */
 
-/* Faces around the points of a hold, as far as cloth that hangs on its vertex reaches, are
- * c->pinched. */
+typedef struct clothi_mark {                /* faces no farther than reach                     */
+    cloth_collide *c;
+    int            slot;
+    const double  *to;                      /* where the vertex goes                           */
+    double         reach;                   /* m                                               */
+} clothi_mark;
+
+static double clothi_mark_far(int face, const double *p, void *ctx) {
+    const clothi_mark *q = (const clothi_mark *)ctx;
+    const int         *v = q->c->faces + 3 * (size_t)face;
+    const double       r2 = q->reach * q->reach;
+    double             w[3];
+    if (q->c->slot[v[0]] == q->slot && !q->c->pinched[face])
+        q->c->pinched[face] = clothi_face_distance2(q->c->xa, v, p, w) < r2 ||
+                              clothi_face_distance2(q->c->xb, v, q->to, w) < r2;
+    return HUGE_VAL;                        /* none is the nearest: all are asked */
+}
+
+/* Faces around a held vertex, at either pose, as far as cloth hangs on it, are c->pinched. */
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
     const cloth_topology *top = c->sim->model->topology;
-    const double *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
-    const int     f0 = c->obstacle[h->slot].f0, stamp = h->vertex + 1;
-    double        reach = 0, d[3];
-    int           n = 0, i, j, k;
+    const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
+    double                reach2 = 0, d[3], far;
+    clothi_mark           q;
+    int                   i, k;
     for (i = top->vf_start[h->vertex]; i < top->vf_start[h->vertex + 1]; i++)
         for (k = 0; k < 3; k++) {
-            clothi_sub3(rest + 3 * c->faces[3 * top->vf[i] + k], rest + 3 * h->vertex, d);
-            reach = clothi_max(reach, clothi_dot3(d, d));
+            const int v = c->faces[3 * top->vf[i] + k];
+            clothi_sub3(rest + 3 * v, rest + 3 * h->vertex, d);
+            reach2 = clothi_max(reach2, clothi_dot3(d, d));
+            clothi_sub3(c->xa + 3 * v, p, d);
+            reach2 = clothi_max(reach2, clothi_dot3(d, d));
         }
-    reach = sqrt(reach) + c->obstacle[h->slot].thickness;
-    for (k = 0; k < 2; k++) {
-        c->flood[n++] = f0 + h->face[k];
-        c->seen_by[f0 + h->face[k]] = stamp;
-    }
-    while (n > 0) {
-        const int f = c->flood[--n];
-        c->pinched[f] = 1;
-        for (i = 0; i < 3; i++)
-            for (j = c->star[c->faces[3 * f + i]]; j < c->star[c->faces[3 * f + i] + 1]; j++) {
-                const int g = c->star_face[j], v = c->faces[3 * g];
-                double    near, far;
-                if (c->seen_by[g] == stamp) continue;
-                c->seen_by[g] = stamp;
-                clothi_sub3(c->xa + 3 * v, p, d);
-                near = clothi_dot3(d, d);
-                clothi_sub3(c->xb + 3 * v, to, d);
-                far = clothi_dot3(d, d);
-                if (clothi_min(near, far) < reach * reach) c->flood[n++] = g;
-            }
-    }
+    q.c = c, q.slot = h->slot, q.to = to;
+    q.reach = sqrt(reach2) + c->obstacle[h->slot].thickness;
+    clothi_sub3(to, p, d);
+    far = q.reach + sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
+    far *= far;
+    (void)clothi_bvh_nearest(&c->solid, p, clothi_mark_far, &q, &far);
+    for (k = 0; k < 2; k++) c->pinched[c->obstacle[h->slot].f0 + h->face[k]] = 1;
 }
 
 /* Arrays of one obstacle's search; they go with the world. */
@@ -6293,21 +6296,37 @@ static cloth_status clothi_pinch_reserve(cloth_collide *c) {
         c->caught = (cloth_hold *)clothi_alloc(c->hooks, nv, sizeof *c->caught);
         c->hold_to = (double *)clothi_alloc(c->hooks, 3 * nv, sizeof(double));
     }
-    if (!c->flood) {
-        c->flood = (int *)clothi_alloc(c->hooks, 2 * mf, sizeof(int));
-        c->pinched = (unsigned char *)clothi_alloc(c->hooks, mf, 1);
-    }
-    if (!c->held_of || !c->look || !c->caught || !c->hold_to || !c->flood || !c->pinched)
+    if (!c->pinched) c->pinched = (unsigned char *)clothi_alloc(c->hooks, mf, 1);
+    if (!c->held_of || !c->look || !c->caught || !c->hold_to || !c->pinched)
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for pinches of %i vertices",
                            c->nv);
-    c->seen_by = c->flood + mf;
     return CLOTH_OK;
+}
+
+/* The hierarchy of the obstacles as they begin, and how far each goes. */
+static void clothi_pinch_boxes(cloth_collide *c) {
+    int o, i;
+    clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * (size_t)c->nv, NULL, 0,
+                       c->box_v + 6 * (size_t)c->nv);
+    clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
+                      c->box_f + 6 * (size_t)c->nf);
+    clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
+    c->solid_known = 0;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        double           d[3], way2 = 0;
+        for (i = b->v0; b->used && i < b->v0 + b->nv; i++) {
+            clothi_sub3(c->xb + 3 * i, c->xa + 3 * i, d);
+            way2 = clothi_max(way2, clothi_dot3(d, d));
+        }
+        b->way = sqrt(way2);
+    }
 }
 
 typedef struct clothi_catch_job {
     cloth_collide *c;
     int            slot;
-    double         room, way;
+    double         room;
 } clothi_catch_job;
 
 static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
@@ -6318,7 +6337,7 @@ static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
     for (v = begin; v < end; v++)
         if (c->held_of[v] < 0 && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
             c->look[v] && clothi_may_touch(c, -1, c->vertex_part[v], job->slot, 0) &&
-            clothi_catch_vertex(c, v, job->slot, job->room, job->way, c->caught + v))
+            clothi_catch_vertex(c, v, job->slot, job->room, c->caught + v))
             c->look[v] = 2;
 }
 
@@ -6328,23 +6347,11 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, double room, int *n) {
     cloth_status status = CLOTH_OK;
     int          o, i, k;
     *n = 0;
-    clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * (size_t)c->nv, NULL, 0,
-                       c->box_v + 6 * (size_t)c->nv);
-    clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
-                      c->box_f + 6 * (size_t)c->nf);
-    clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
-    c->solid_known = 0;
+    clothi_pinch_boxes(c);
     for (o = 0; o < c->nobstacle && !status; o++) {
-        const clothi_obstacle *b = c->obstacle + o;
-        clothi_catch_job       job;
-        job.c = c, job.slot = o, job.room = room, job.way = 0;
-        if (!b->used || !b->self_penetrating) continue;
-        for (i = b->v0; i < b->v0 + b->nv; i++) {
-            double d[3];
-            clothi_sub3(c->xb + 3 * i, c->xa + 3 * i, d);
-            job.way = clothi_max(job.way, clothi_dot3(d, d));
-        }
-        job.way = sqrt(job.way);
+        clothi_catch_job job;
+        job.c = c, job.slot = o, job.room = room;
+        if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
             if (c->look[i] != 2) continue;
@@ -6381,7 +6388,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     status = clothi_pinch_reserve(c);
     if (status) return status;
     memset(c->pinched, 0, (size_t)c->mf);
-    memset(c->seen_by, 0, (size_t)c->mf * sizeof(int));
+    clothi_pinch_boxes(c);
     memset(c->look, 1, (size_t)c->nv);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
     for (i = 0; i < c->nholding; i++) {
@@ -7718,7 +7725,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     void *const block[] = {
-        c->faces, c->edges, c->edge_face, c->slot, c->flood, c->pinched, c->far, c->held_of,
+        c->faces, c->edges, c->edge_face, c->slot, c->pinched, c->far, c->held_of,
         c->look, c->caught, c->hold_to, c->hold, c->holding, c->area, c->xa, c->xb, c->box_v,
         c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
         c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone, c->work, c->qp_minv,

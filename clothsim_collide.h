@@ -3902,6 +3902,7 @@ typedef struct clothi_obstacle {
     double              first_friction;     /* as it was added                                 */
     uint32_t            category, mask;
     int                 self_penetrating;
+    double              way;                /* m, farthest that a vertex goes in the substep   */
     const cloth_grid   *grid;               /* borrowed; NULL but for a GRID                   */
 } clothi_obstacle;
 
@@ -3965,7 +3966,8 @@ struct cloth_collide {
     int             trying;                 /* a point that is not needed: no sentence         */
     double          toi;                    /* of the way to the guess: before it all is free  */
     const double   *at, *way;               /* [nv x 3] segment under detection                */
-    double         *way_in;                 /* [nv x 3] it, not longer than a leap             */
+    double         *way_in;                 /* [nv x 3] of a move, as far as the list reaches  */
+    const double   *dx;                     /* [nv x 3] all of that move                       */
     double          length;                 /* m, mean edge of the template                    */
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
@@ -3979,7 +3981,6 @@ struct cloth_collide {
     cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held ends                */
     unsigned char  *look, *pinched;         /* [nv] to be looked at, 2: caught; [mf] in a pinch */
-    int            *flood, *seen_by;        /* [mf] scratch                                    */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
@@ -4129,7 +4130,7 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
     c->box_v = from->box_v, c->box_f = from->box_f;
     c->edge_face = from->edge_face, c->star = from->star, c->star_face = from->star_face;
     c->me = from->me;
-    c->flood = from->flood, c->pinched = from->pinched, c->far = from->far;
+    c->pinched = from->pinched, c->far = from->far;
     c->solid_known = 0;
 }
 
@@ -4142,7 +4143,6 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->edges);
     clothi_free(k, c->edge_face);
     clothi_free(k, c->slot);
-    clothi_free(k, c->flood);
     clothi_free(k, c->pinched);
     clothi_free(k, c->far);
     clothi_free(k, c->area);
@@ -5665,8 +5665,7 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     for (i = begin; i < end; i++) c->slack[i] = clothi_pair_slack(c, i, c->x_list);
 }
 
-/* Contacts whose pair is in the new list and near, or with a grid, stay, with all that is lagged.
- * */
+/* Contacts whose pair is in the new list and near, or with a grid, stay with what is lagged. */
 static cloth_status clothi_list_keep(cloth_collide *c) {
     clothi_contact *q = c->contact;
     int             i, n = 0;
@@ -5796,29 +5795,27 @@ static void clothi_free_range(int begin, int end, int worker, void *ctx) {
 static cloth_status clothi_contact_max_step(void *user, const double *x, const double *dx,
                                             double *part) {
     cloth_collide *c = (cloth_collide *)user;
-    double         covers, least = 1, most = CLOTHI_LEAP * c->length, *y = c->qp_x0;
+    double         covers, least, most = CLOTHI_LEAP * c->length, *y = c->qp_x0;
     cloth_status   status = CLOTH_OK;
     int            i;
     most /= clothi_max(clothi_max_abs(dx, 3 * c->nv), most);
-    for (i = 0; i < 3 * c->nv; i++) c->way_in[i] = most * dx[i];
-    dx = c->way_in;
-    covers = clothi_list_covers(c, x, dx);
-    if (covers < 1 && !c->made) {
-        for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + dx[i];
-        status = clothi_list_make(c, x, y);
-        covers = c->made = 1;
-    } else
-        clothi_list_drift(c, x);
-    if (status) return status;
-    for (i = 0; i < 3 * c->nv; i++) c->way_in[i] *= covers;
-    most *= covers;
-    c->at = x, c->way = dx;
-    clothi_move_far(c, dx);
-    clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
-    for (i = 0; i < c->npair; i++) least = clothi_min(least, c->hit_time[i]);
+    clothi_list_drift(c, x);
+    for (;;) {
+        for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + most * dx[i], c->way_in[i] = y[i] - x[i];
+        covers = clothi_list_covers(c, x, c->way_in);
+        for (i = 0; i < 3 * c->nv; i++) c->way_in[i] *= clothi_max(covers, 0);
+        c->at = x, c->way = c->way_in, c->dx = dx;
+        clothi_move_far(c, c->way);
+        clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
+        for (least = 1, i = 0; i < c->npair; i++) least = clothi_min(least, c->hit_time[i]);
+        if (least < 1 || !(covers < 1) || c->made) break;
+        status = clothi_list_make(c, x, y);     /* nothing stops it before the list ends */
+        if (status) return status;
+        c->made = 1;
+    }
     least = least < 1 ? CLOTHI_MOVE * least : 1;
-    *part = most * least;
-    return clothi_list_join(c, x, dx, least, CLOTHI_REACH * c->thickest);
+    *part = most * covers * least;
+    return clothi_list_join(c, x, c->way, least, CLOTHI_REACH * c->thickest);
 }
 
 /* Friction that slides and would, by dx, turn round: it is to come to rest instead. Its curvature
@@ -5834,7 +5831,7 @@ static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int
         clothi_contact_slip(c, q, c->at, u);
         size = sqrt(clothi_dot3(u, u));
         for (j = 0; j < q->n; j++)
-            if (q->v[j] < c->nv) to += q->w[j] * clothi_dot3(u, c->way + 3 * q->v[j]);
+            if (q->v[j] < c->nv) to += q->w[j] * clothi_dot3(u, c->dx + 3 * q->v[j]);
         if (!(to < -size * size)) continue;
         q->scale = 1;
         for (k = 0; k < 9; k++) K[k] = q->limit / (size * size * size) * u[k / 3] * u[k % 3];
@@ -5879,7 +5876,7 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
         double          come = 0, more, N[9];
         for (j = 0; j < q->n; j++)
             if (q->v[j] < c->nv)
-                come -= q->w[j] * clothi_dot3(q->normal, c->way + 3 * q->v[j]);
+                come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
         q->aim = q->at.force + (q->at.slope + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
@@ -5940,17 +5937,18 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *   caught   p is outside of the nearest face and of the nearest one that looks at it,
  *            n0 . n1 < -0.3, and at either pose of the substep (A1 - A0) . m is less than 2 t,
  *            m = (n0 - n1)/|n0 - n1|
- *   kept     both points slide: they are looked for again from face to face, nearest to p at x^n.
- *            p goes the mean of their ways and along m to its share s = (p - A0).m / (A1 - A0).m
- *            that it had when it was caught: layers keep their order, and neighbours whose shares
- *            differ are not torn where the parts slide on each other
+ *   kept     both points slide from face to face, of those that look at the other one, nearest to
+ *            p at x^n. p goes the mean of their ways w0, w1, and along m by (1 - s) w0 + s w1, with
+ *            the share s = (p - A0).m / (A1 - A0).m that it had when it was caught: layers keep
+ *            their order, and neighbours whose shares differ are not torn where the parts slide on
+ *            each other. Where the points slid, s comes back by at most t a substep
  *   free     outside of both faces where it is, with more than 2 t there and 3 t where it goes
  *
  * Exempt are pairs whose vertices of cloth are all held, pairs of cloth with cloth where next to
  * nothing of what meets is free, and pairs of a held vertex's features with faces of its body, no
- * farther from where it is or goes than cloth hangs on it, reached over the body from A0 or A1. The
- * rest of the body holds all cloth. Faces that intersect when the substep ends are listed, and
- * exempt until they part [8.1], but for a vertex that is outside of the body: it may not go in.
+ * farther from where it is or goes than cloth hangs on it. The rest of the body holds all cloth.
+ * Faces that intersect when the substep ends are listed, and exempt until they part [8.1], but for
+ * a vertex that is outside of the body: it may not go in.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * checked: tests/test_pinch.c */
@@ -6011,11 +6009,10 @@ static double clothi_catch_far(int face, const double *p, void *ctx) {
     return clothi_face_distance2(c->xa, c->faces + 3 * (size_t)face, p, w);
 }
 
-/* Whether vertex v is between two parts of obstacle `slot` nearer than `room` times t at either
- * pose, and where. way: how far the obstacle's vertices go, m. */
-static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double room, double way,
+/* Whether vertex v is between two parts of an obstacle nearer than `room` t at either pose. */
+static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double room,
                                cloth_hold *h) {
-    const double *p = c->xa + 3 * v, t = c->obstacle[slot].thickness;
+    const double *p = c->xa + 3 * v, t = c->obstacle[slot].thickness, way = c->obstacle[slot].way;
     double        A[6], n[6], m[3], d[3], d2 = room * t + way, start, end;
     clothi_catch  q;
     int           k, f;
@@ -6040,12 +6037,15 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
     return h->share > 0 && h->share < 1 && clothi_min(start, end) < room * t;
 }
 
-/* Point k of a hold slides to what is nearest to p around it, at the start of the substep. */
+/* Point k of a hold slides to what is nearest to p around it, at the start of the substep, of faces
+ * that look at the other one's. */
 static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, const double *p) {
     const int f0 = c->obstacle[h->slot].f0;
-    double    w[3], least = clothi_face_distance2(c->xa, c->faces + 3 * (f0 + h->face[k]), p,
-                                                  h->weight[k]);
+    double    w[3], n[3], facing[3];
+    double    least = clothi_face_distance2(c->xa, c->faces + 3 * (f0 + h->face[k]), p,
+                                            h->weight[k]);
     int       go, turn, i, j;
+    clothi_hold_point(c, h, 1 - k, c->xa, w, facing);
     for (turn = 0, go = 1; go && turn < CLOTHI_WALK; turn++) {
         const int *v = c->faces + 3 * (size_t)(f0 + h->face[k]);
         for (go = 0, i = 0; i < 3; i++)
@@ -6053,6 +6053,8 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
                 const int   *f = c->faces + 3 * c->star_face[j];
                 const double d2 = clothi_face_distance2(c->xa, f, p, w);
                 if (!(d2 < least * (1 - 1e-9))) continue;
+                clothi_face_cross(c->xa, f, n);
+                if (clothi_dot3(n, facing) > CLOTHI_FACING * sqrt(clothi_dot3(n, n))) continue;
                 least = d2, go = 1;
                 h->face[k] = c->star_face[j] - f0;
                 memcpy(h->weight[k], w, sizeof w);
@@ -6063,7 +6065,7 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
 /* Whether a vertex stays held; where it goes into c->hold_to. */
 static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
-    double        A[6], B[6], n[6], m[3], d[3], end[6], start, room, along;
+    double        A[6], B[6], n[6], m[3], d[3], end[6], start, room, along, drift;
     int           k, out = 1;
     for (k = 0; k < 2; k++) clothi_hold_slide(c, h, k, p);
     start = clothi_hold_room(c, h, c->xa, A, n, m);
@@ -6073,50 +6075,59 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     }
     room = clothi_hold_room(c, h, c->xb, B, end, m);
     for (k = 0; k < 3; k++) {
-        to[k] = p[k] + 0.5 * (B[k] - A[k] + B[3 + k] - A[3 + k]);
-        d[k] = to[k] - B[k];
+        d[k] = B[3 + k] - A[3 + k] - (B[k] - A[k]);
+        to[k] = p[k] + B[k] - A[k] + 0.5 * d[k];
     }
-    along = h->share * room - clothi_dot3(d, m);
+    along = (h->share - 0.5) * clothi_dot3(d, m);
+    for (k = 0; k < 3; k++) d[k] = to[k] - B[k];
+    drift = h->share * room - clothi_dot3(d, m) - along;
+    along += clothi_max(clothi_min(drift, t), -t);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
     return !(out && start > CLOTHI_PINCHED * t && room > CLOTHI_OPENED * t);
 }
 
 /* --- which faces --- */
 
-/* Faces around the points of a hold, as far as cloth that hangs on its vertex reaches, are
- * c->pinched. */
+typedef struct clothi_mark {                /* faces no farther than reach                     */
+    cloth_collide *c;
+    int            slot;
+    const double  *to;                      /* where the vertex goes                           */
+    double         reach;                   /* m                                               */
+} clothi_mark;
+
+static double clothi_mark_far(int face, const double *p, void *ctx) {
+    const clothi_mark *q = (const clothi_mark *)ctx;
+    const int         *v = q->c->faces + 3 * (size_t)face;
+    const double       r2 = q->reach * q->reach;
+    double             w[3];
+    if (q->c->slot[v[0]] == q->slot && !q->c->pinched[face])
+        q->c->pinched[face] = clothi_face_distance2(q->c->xa, v, p, w) < r2 ||
+                              clothi_face_distance2(q->c->xb, v, q->to, w) < r2;
+    return HUGE_VAL;                        /* none is the nearest: all are asked */
+}
+
+/* Faces around a held vertex, at either pose, as far as cloth hangs on it, are c->pinched. */
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
     const cloth_topology *top = c->sim->model->topology;
-    const double *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
-    const int     f0 = c->obstacle[h->slot].f0, stamp = h->vertex + 1;
-    double        reach = 0, d[3];
-    int           n = 0, i, j, k;
+    const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
+    double                reach2 = 0, d[3], far;
+    clothi_mark           q;
+    int                   i, k;
     for (i = top->vf_start[h->vertex]; i < top->vf_start[h->vertex + 1]; i++)
         for (k = 0; k < 3; k++) {
-            clothi_sub3(rest + 3 * c->faces[3 * top->vf[i] + k], rest + 3 * h->vertex, d);
-            reach = clothi_max(reach, clothi_dot3(d, d));
+            const int v = c->faces[3 * top->vf[i] + k];
+            clothi_sub3(rest + 3 * v, rest + 3 * h->vertex, d);
+            reach2 = clothi_max(reach2, clothi_dot3(d, d));
+            clothi_sub3(c->xa + 3 * v, p, d);
+            reach2 = clothi_max(reach2, clothi_dot3(d, d));
         }
-    reach = sqrt(reach) + c->obstacle[h->slot].thickness;
-    for (k = 0; k < 2; k++) {
-        c->flood[n++] = f0 + h->face[k];
-        c->seen_by[f0 + h->face[k]] = stamp;
-    }
-    while (n > 0) {
-        const int f = c->flood[--n];
-        c->pinched[f] = 1;
-        for (i = 0; i < 3; i++)
-            for (j = c->star[c->faces[3 * f + i]]; j < c->star[c->faces[3 * f + i] + 1]; j++) {
-                const int g = c->star_face[j], v = c->faces[3 * g];
-                double    near, far;
-                if (c->seen_by[g] == stamp) continue;
-                c->seen_by[g] = stamp;
-                clothi_sub3(c->xa + 3 * v, p, d);
-                near = clothi_dot3(d, d);
-                clothi_sub3(c->xb + 3 * v, to, d);
-                far = clothi_dot3(d, d);
-                if (clothi_min(near, far) < reach * reach) c->flood[n++] = g;
-            }
-    }
+    q.c = c, q.slot = h->slot, q.to = to;
+    q.reach = sqrt(reach2) + c->obstacle[h->slot].thickness;
+    clothi_sub3(to, p, d);
+    far = q.reach + sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
+    far *= far;
+    (void)clothi_bvh_nearest(&c->solid, p, clothi_mark_far, &q, &far);
+    for (k = 0; k < 2; k++) c->pinched[c->obstacle[h->slot].f0 + h->face[k]] = 1;
 }
 
 /* Arrays of one obstacle's search; they go with the world. */
@@ -6128,21 +6139,37 @@ static cloth_status clothi_pinch_reserve(cloth_collide *c) {
         c->caught = (cloth_hold *)clothi_alloc(c->hooks, nv, sizeof *c->caught);
         c->hold_to = (double *)clothi_alloc(c->hooks, 3 * nv, sizeof(double));
     }
-    if (!c->flood) {
-        c->flood = (int *)clothi_alloc(c->hooks, 2 * mf, sizeof(int));
-        c->pinched = (unsigned char *)clothi_alloc(c->hooks, mf, 1);
-    }
-    if (!c->held_of || !c->look || !c->caught || !c->hold_to || !c->flood || !c->pinched)
+    if (!c->pinched) c->pinched = (unsigned char *)clothi_alloc(c->hooks, mf, 1);
+    if (!c->held_of || !c->look || !c->caught || !c->hold_to || !c->pinched)
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for pinches of %i vertices",
                            c->nv);
-    c->seen_by = c->flood + mf;
     return CLOTH_OK;
+}
+
+/* The hierarchy of the obstacles as they begin, and how far each goes. */
+static void clothi_pinch_boxes(cloth_collide *c) {
+    int o, i;
+    clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * (size_t)c->nv, NULL, 0,
+                       c->box_v + 6 * (size_t)c->nv);
+    clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
+                      c->box_f + 6 * (size_t)c->nf);
+    clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
+    c->solid_known = 0;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        double           d[3], way2 = 0;
+        for (i = b->v0; b->used && i < b->v0 + b->nv; i++) {
+            clothi_sub3(c->xb + 3 * i, c->xa + 3 * i, d);
+            way2 = clothi_max(way2, clothi_dot3(d, d));
+        }
+        b->way = sqrt(way2);
+    }
 }
 
 typedef struct clothi_catch_job {
     cloth_collide *c;
     int            slot;
-    double         room, way;
+    double         room;
 } clothi_catch_job;
 
 static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
@@ -6153,7 +6180,7 @@ static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
     for (v = begin; v < end; v++)
         if (c->held_of[v] < 0 && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
             c->look[v] && clothi_may_touch(c, -1, c->vertex_part[v], job->slot, 0) &&
-            clothi_catch_vertex(c, v, job->slot, job->room, job->way, c->caught + v))
+            clothi_catch_vertex(c, v, job->slot, job->room, c->caught + v))
             c->look[v] = 2;
 }
 
@@ -6163,23 +6190,11 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, double room, int *n) {
     cloth_status status = CLOTH_OK;
     int          o, i, k;
     *n = 0;
-    clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * (size_t)c->nv, NULL, 0,
-                       c->box_v + 6 * (size_t)c->nv);
-    clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
-                      c->box_f + 6 * (size_t)c->nf);
-    clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
-    c->solid_known = 0;
+    clothi_pinch_boxes(c);
     for (o = 0; o < c->nobstacle && !status; o++) {
-        const clothi_obstacle *b = c->obstacle + o;
-        clothi_catch_job       job;
-        job.c = c, job.slot = o, job.room = room, job.way = 0;
-        if (!b->used || !b->self_penetrating) continue;
-        for (i = b->v0; i < b->v0 + b->nv; i++) {
-            double d[3];
-            clothi_sub3(c->xb + 3 * i, c->xa + 3 * i, d);
-            job.way = clothi_max(job.way, clothi_dot3(d, d));
-        }
-        job.way = sqrt(job.way);
+        clothi_catch_job job;
+        job.c = c, job.slot = o, job.room = room;
+        if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
             if (c->look[i] != 2) continue;
@@ -6216,7 +6231,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     status = clothi_pinch_reserve(c);
     if (status) return status;
     memset(c->pinched, 0, (size_t)c->mf);
-    memset(c->seen_by, 0, (size_t)c->mf * sizeof(int));
+    clothi_pinch_boxes(c);
     memset(c->look, 1, (size_t)c->nv);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
     for (i = 0; i < c->nholding; i++) {
@@ -7553,7 +7568,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     void *const block[] = {
-        c->faces, c->edges, c->edge_face, c->slot, c->flood, c->pinched, c->far, c->held_of,
+        c->faces, c->edges, c->edge_face, c->slot, c->pinched, c->far, c->held_of,
         c->look, c->caught, c->hold_to, c->hold, c->holding, c->area, c->xa, c->xb, c->box_v,
         c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
         c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone, c->work, c->qp_minv,

@@ -3268,10 +3268,8 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
     memset(&own, 0, sizeof own);
     memset(&s, 0, sizeof s);
     own.hooks = o.hooks;
-    s.q = qp;
-    s.hooks = &o.hooks;
+    s.q = qp, s.hooks = &o.hooks, s.rep = &report;
     s.work = o.work ? o.work : &own;
-    s.rep = &report;
     s.m = qp->m, s.n = qp->n;
     s.most = o.max_iterations ? o.max_iterations : 100 + 10 * qp->m;
     if (s.m) status = clothi_qp_run(&s, &o);

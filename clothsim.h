@@ -771,15 +771,12 @@ typedef struct cloth_term {
 /* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated. In a
  * substep:
  *   begin, start   what it has at x_n; the guess to a feasible point
- *   hold           vertices that it moves itself
  *   update, eval   in every Newton iterate, whose move is cut by max_step
  *   close          the minimiser is where the substep ends
  * and commit when the whole step is accepted, rollback when it is not. */
 typedef struct cloth_contact {
     void *user;
     cloth_status (*begin)(void *user, const cloth_eval *e);
-    /* vertices that contact moves: all axes into fixed [nv], where to into x and y [nv x 3] */
-    void         (*hold)(void *user, unsigned char *fixed, double *x, double *y);
     /* x was accepted, residual [nv x 3] N (NULL: to begin with): renews what is lagged (frames), so
      * that eval changes. *done 1: it is a minimiser for the lagged normal forces; they are renewed,
      * and it is 0 where that matters */
@@ -12534,10 +12531,8 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
     clothi_guess(s, h);
     status = clothi_terms_begin(s, &goal);
     if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-    if (!status && s->contact_on) {
+    if (!status && s->contact_on)
         status = clothi_contact_start(s, &goal, &bdf2, &impact, report);
-        if (!status) s->contact.hold(s->contact.user, s->fixed, s->w.x, s->w.y);
-    }
     if (!status) status = clothi_minimise(s, &goal, report);
     if (!status) status = clothi_finite_result(s, report);
     if (!status && s->contact_on) {
@@ -14095,11 +14090,11 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
 
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    if (contact && (!contact->begin || !contact->hold || !contact->update || !contact->eval ||
+    if (contact && (!contact->begin || !contact->update || !contact->eval ||
                     !contact->block ||
                     !contact->max_step || !contact->start || !contact->close ||
                     !contact->resolve || !contact->commit))
-        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, hold, start, update, eval, "
+        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, start, update, eval, "
                                         "max_step, close, resolve or commit");
     sim->contact_on = contact != NULL;
     if (contact) sim->contact = *contact;

@@ -90,8 +90,8 @@
  *     exempt then as well. cloth_collide_untangle() pushes them apart
  *   - cloth that is held in a pinch of a self_penetrating body, where two parts of it come nearer
  *     than cloth has room for: report.held vertices, cloth_collide_holds(); against
- *     report.exempt_faces of the body around it, and held cloth against held cloth. What intersects
- *     so is listed with the exempt pairs [8.3]. No free vertex goes into the body
+ *     report.exempt_faces of the body around it. What intersects so is listed with the exempt
+ *     pairs [8.3]. No free vertex goes into the body, and cloth does not pass cloth
  *   - parts and obstacles whose category and mask exclude each other
  *   - distance grids (CLOTH_OBSTACLE_GRID): a potential alone, no detection. Vertices may sink in
  *     under load, faces and edges cut through what is sharper than the cloth's mesh; cloth may
@@ -3934,7 +3934,7 @@ struct cloth_collide {
     double *area;                           /* [nw] m^2, a third of the faces around           */
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
     double *x_ie;                           /* [nv x 3] the candidate                          */
-    unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was, 3: held */
+    unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was      */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
@@ -4607,6 +4607,7 @@ static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) 
 }
 
 static int clothi_pair_held(const cloth_collide *c, int kind, int a, int b);
+static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy);
 static int clothi_tangle_passes(const cloth_collide *c, int kind, int a, int b);
 
 /* 1 when a vertex of cloth is, where the substep begins, outside of a world face of a body that
@@ -5265,6 +5266,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
     *energy = 0;
     if (!c->begun || !(e->h > 0)) return CLOTH_OK;
     clothi_contact_frames(c, e->x);
+    status = clothi_hold_eval(c, e, energy);
     for (i = 0; i < c->ncontact && !status; i = j) {
         double E;
         j = clothi_group_end(c, i);
@@ -5928,9 +5930,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *
  *    one part |  cloth  | the other     Where two parts of one body come nearer than cloth has room
  *             |         |               for, or pass each other, cloth between them cannot be free.
- *          A0 + -> n0   |               It is carried: a vertex p that is caught is kinematic,
- *             |    p    |               between a point A0 of one part and A1 of the other, each
- *             |   n1 <- + A1            carried by its face, while the pinch lasts   [BWK03] sec. 4
+ *          A0 + -> n0   |               It is dragged along: a vertex p that is caught passes the
+ *             |    p    |               body and is pulled to where a point A0 of one part and A1
+ *             |   n1 <- + A1            of the other, carried by their faces, take it     [BWK03]
  *
  *   caught   p is outside of the nearest face and of the nearest one that looks at it,
  *            n0 . n1 < -0.3, and at either pose of the substep (A1 - A0) . m is less than 2 t,
@@ -5942,11 +5944,15 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            each other. Where the points slid, s comes back by at most t a substep
  *   free     outside of both faces where it is, with more than 2 t there and 3 t where it goes
  *
- * Exempt are pairs whose vertices of cloth are all held, pairs of cloth with cloth where next to
- * nothing of what meets is free, and pairs of a held vertex's features with faces of its body, no
- * farther from where it is or goes than cloth hangs on it. The rest of the body holds all cloth.
- * Faces that intersect when the substep ends are listed, and exempt until they part [8.1], but for
- * a vertex that is outside of the body: it may not go in.
+ * The pull, k/2 |x - to|^2 with k a tenth of the membrane's stiffness, begins anew at x^n in every
+ * substep: a drag, by which cloth stays whole. Nailed to `to`, as in [BWK03], edges of a T-shirt's
+ * armpit grew to 4 to 18 times their length, and held layers crossed each other and the rest.
+ *
+ * Exempt are pairs with the body whose vertices of cloth it holds, and pairs of a held vertex's
+ * features with faces of it, no farther from where it is or goes than cloth hangs on it. The rest
+ * of the body holds all cloth, and cloth does not pass cloth. Faces that intersect when the substep
+ * ends are listed, and exempt until they part [8.1], but for a vertex that is outside of the body:
+ * it may not go in.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * checked: tests/test_pinch.c */
@@ -5955,6 +5961,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
 #define CLOTHI_OPENED   3                   /* t: room at the end for what is let go           */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
+#define CLOTHI_DRAG     0.1                 /* of the membrane's stiffness: drag on what is held */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
 /* Point and normal of side k of a hold in the world's pose x. */
@@ -6269,20 +6276,39 @@ static int clothi_pinched_feature(const cloth_collide *c, int kind, int a, int v
     return 0;
 }
 
-/* Whether a pair is exempt since vertices of it are held. */
+/* Whether a pair with a body is exempt since that holds vertices of it. */
 static int clothi_pair_held(const cloth_collide *c, int kind, int a, int b) {
     const int slot = clothi_pair_slot(c, kind, a, b);
     int       v[4], n = clothi_pair_vertices(c, kind, a, b, v), i, held = 0, cloth = 0;
     for (i = 0; i < n; i++) {
         cloth += v[i] < c->nv;
-        held += clothi_held(c, v[i]);
+        held += clothi_held(c, v[i]) && c->holding[c->held_of[v[i]]].slot == slot;
     }
     if (held == 0 || held == cloth) return held > 0;
-    for (i = 0; i < n; i++)
-        if (clothi_held(c, v[i]) && c->holding[c->held_of[v[i]]].slot == slot)
-            return v[0] >= c->nv ? clothi_pinched_feature(c, kind, a, 1)
-                                 : clothi_pinched_feature(c, kind, b, 0);
-    return 0;
+    return v[0] >= c->nv ? clothi_pinched_feature(c, kind, a, 1)
+                         : clothi_pinched_feature(c, kind, b, 0);
+}
+
+/* What holds a vertex: k/2 |x - to|^2, a drag, since `to` begins anew at x^n in every substep. */
+static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy) {
+    const cloth_model *m = c->sim->model;
+    cloth_status       status = CLOTH_OK;
+    int                i, k;
+    for (i = 0; i < c->nholding && !status; i++) {
+        const int     v = c->holding[i].vertex, f = m->topology->vf[m->topology->vf_start[v]];
+        const double *to = c->hold_to + 3 * v;
+        const double  drag = CLOTHI_DRAG *
+                            clothi_membrane_stiffness(c->sim->params.material + m->region[f]);
+        double        H[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+        for (k = 0; k < 3; k++) {
+            const double d = e->x[3 * v + k] - to[k];
+            *energy += 0.5 * drag * d * d;
+            if (e->grad) e->grad[3 * v + k] += drag * d;
+            H[4 * k] = drag;
+        }
+        if (e->hess) status = cloth_matrix_add_element(e->hess, 1, &v, H);
+    }
+    return status;
 }
 
 /* What intersects at xb with a held vertex, or beside an exempt pair, joins what is exempt. */
@@ -6334,8 +6360,6 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
 #define CLOTHI_EXACT_ROWS   200             /* larger zones are swept only                     */
 #define CLOTHI_SWEEPS       300
-#define CLOTHI_HELD          3              /* frozen[v] of a vertex in a pinch                */
-#define CLOTHI_GIVE          0.05           /* sum w^2 of what is not held, below which it is  */
 #define CLOTHI_BUNCHED       10             /* t: the same where zones find no way             */
 #define CLOTHI_BUNCHES       8              /* times that more is held                         */
 #define CLOTHI_START_PASSES  16             /* for a start of minimising, not more             */
@@ -6397,18 +6421,6 @@ static cloth_status clothi_no_side(cloth_collide *c, int kind, int a, int b) {
                        kind == CLOTHI_EE ? "edge" : "face", c->failed[0].b, c->sim->state.t);
 }
 
-/* Cloth meets cloth where next to nothing of either is free: what moves there would move far. */
-static int clothi_row_held(const cloth_collide *c, const clothi_row *row) {
-    double give = 0;
-    int    i, held = 0;
-    for (i = 0; i < row->n; i++) {
-        const int fixed = clothi_held(c, row->v[i]);
-        held |= fixed;
-        give += fixed ? 0 : row->w[i] * row->w[i];
-    }
-    return held && give < CLOTHI_GIVE;
-}
-
 /* Looks at one pair over the substep; *hit counts, a row is made. */
 static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p, int *hit) {
     clothi_row   row;
@@ -6438,8 +6450,6 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
         return CLOTH_OK;
     else
         held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
-    if (slot < 0 && c->nholding > 0 && clothi_row_held(c, &row))
-        return clothi_exempt_add(c, p->kind, p->a, p->b);
     row.toi = toi;
     clothi_row_bound(c, t, radius, sep, held - radius, &row);
     ++*hit;
@@ -6906,7 +6916,6 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
-    for (i = 0; i < c->nholding; i++) c->frozen[c->holding[i].vertex] = CLOTHI_HELD;
     clothi_rows_clear(c);
     for (c->report.passes = 0; !status; c->report.passes++) {
         const double start = clothi_now(c->hooks);
@@ -7128,18 +7137,6 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     return status;
 }
 
-/* cloth_contact.hold. */
-static void clothi_contact_hold(void *user, unsigned char *fixed, double *x, double *y) {
-    const cloth_collide *c = (const cloth_collide *)user;
-    int                  i;
-    for (i = 0; i < c->nholding; i++) {
-        const size_t v = (size_t)c->holding[i].vertex;
-        fixed[v] = CLOTH_AXIS_ALL;
-        memcpy(x + 3 * v, c->hold_to + 3 * v, 3 * sizeof(double));
-        memcpy(y + 3 * v, c->hold_to + 3 * v, 3 * sizeof(double));
-    }
-}
-
 /* The guess c->xb where obstacles move: a vertex within range of a mesh at x^n comes no nearer to
  * its nearest face and is held along it by friction. Less is left for zones to strain. */
 static cloth_status clothi_guess_carry(cloth_collide *c) {
@@ -7201,7 +7198,7 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     memcpy(x, c->xb, bytes);
     c->report.rows = c->nrow;
     for (i = 0; i < c->nrow; i++) *impact |= c->row[i].multiplier > 0;
-    for (i = 0; i < c->nv; i++) *impact |= c->frozen[i] && c->frozen[i] != CLOTHI_HELD;
+    for (i = 0; i < c->nv; i++) *impact |= c->frozen[i] != 0;
     *impact |= c->pinching;
     if (c->nrow && !rests) {
         memcpy(c->xb, other, bytes);
@@ -7758,7 +7755,6 @@ static void clothi_collide_connect(cloth_collide *c) {
     memset(&k, 0, sizeof k);
     k.user = c;
     k.begin = clothi_contact_begin;
-    k.hold = clothi_contact_hold;
     k.update = clothi_contact_update;
     k.eval = clothi_contact_eval;
     k.max_step = clothi_contact_max_step;

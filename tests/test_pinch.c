@@ -176,7 +176,8 @@ static int examine_holds(const scene *q) {
             way += (q->s.state->x[3 * h->vertex + k] - a[k]) * m[k];
             room += (a[3 + k] - a[k]) * m[k];
         }
-        CHECK_NEAR(way, h->share * room, 1e-12);
+        /* dragged there, not nailed; layers keep each other off besides */
+        CHECK_NEAR(way, h->share * room, q->layers == 1 ? 0.1 * T : T);
         last = h->vertex > last ? h->vertex : last;
     }
     return n;
@@ -199,11 +200,8 @@ static int disorder(const scene *q) {
     (void)cloth_collide_holds(q->s.c, MOST, hold, &n);
     for (i = 0; i < n; i++) held[hold[i].vertex] = 1;
     for (i = q->half; i < q->s.mesh->nv; i++) {
-        /* where plates have passed each other, their inner sides are the other way round */
-        const stage_thing *t = q->s.thing + q->id;
-        const double      *inner = t->x + 3 * (q->body.nv / 2), room = inner[1] - inner[-2];
-        const double       d = q->s.state->x[3 * i + 1] - q->s.state->x[3 * (i - q->half) + 1];
-        if (held[i] && held[i - q->half] && fabs(room) > 1e-9) bad += !(d * room > 0);
+        const double d = q->s.state->x[3 * i + 1] - q->s.state->x[3 * (i - q->half) + 1];
+        if (held[i] && held[i - q->half]) bad += !(d > 0);
     }
     return bad;
 }

@@ -509,7 +509,11 @@ CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacl
 CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id, int obstacle_face,
                                             const double at[3], int face, const double bary[3],
                                             double k, cloth_attachment *attachment);
-/* There at once; what intersects cloth then is refused or exempt as at create. */
+/* There at once; what intersects cloth then is refused or exempt as at create.
+ * A sim that sleeps (cloth_step) is woken by move and pose where the box of the way, out by the
+ * thickness, meets that of a face of the cloth, or of a plane or a grid; by add, remove, teleport,
+ * another friction or surface. Cloth in a pinch does not sleep. Queries answer as when it fell
+ * asleep; after a restore they know of no contact until it wakes. */
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x);
 
@@ -844,8 +848,7 @@ static void clothi_face_normal(const double *x, const int *v, double *n) {
     for (k = 0; k < 3 && size > 0; k++) n[k] /= size;
 }
 
-/* Squared distance m^2 of p from face v [3] of x; b [3]: barycentric coordinates of the nearest
- * point. */
+/* Squared distance m^2 of p from face v [3] of x; b [3]: the nearest point, barycentric. */
 static double clothi_face_distance2(const double *x, const int *v, const double *p, double *b) {
     double r[9], lambda[4], d[3];
     int    i;
@@ -5822,8 +5825,7 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     for (i = begin; i < end; i++) c->slack[i] = clothi_pair_slack(c, i, c->x_list);
 }
 
-/* Contacts whose pair is in the new list and near, or with a grid, stay, with all that is lagged.
- * */
+/* Contacts whose pair is in the new list and near, or with a grid, stay with all that is lagged. */
 static cloth_status clothi_list_keep(cloth_collide *c) {
     clothi_contact *q = c->contact;
     int             i, n = 0;
@@ -5896,8 +5898,7 @@ static cloth_status clothi_list_join(cloth_collide *c, const double *x, const do
     return status || c->ncontact == sorted ? status : clothi_contact_sort(c, sorted);
 }
 
-/* How near a pair at gap d may come in one move that has its pole at `pole`: nine tenths of the
- * way. */
+/* How near a pair at gap d may come in a move with its pole at `pole`: nine tenths of the way. */
 static double clothi_pole_guard(double pole, double d) {
     return d > pole ? pole + 0.1 * (d - pole) : 0.5 * d;
 }
@@ -6240,8 +6241,7 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
 
 /* --- which faces --- */
 
-/* Faces around the points of a hold, as far as cloth that hangs on its vertex reaches, are
- * c->pinched. */
+/* c->pinched: faces around the points of a hold, as far as cloth that hangs on it reaches. */
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
     const cloth_topology *top = c->sim->model->topology;
     const double *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
@@ -7399,18 +7399,40 @@ static void clothi_contact_rollback(void *user, cloth_report *report) {
     if (report) report->failed_pairs = c->nfailed;
 }
 
-static void clothi_contact_commit(void *user, cloth_report *report) {
-    cloth_collide *c = (cloth_collide *)user;
-    clothi_anchor *swap = c->anchor;
-    cloth_hold     *hold = c->hold;
-    double         least = c->thickest;
-    int            o, i, active = 0, cap = c->anchor_cap;
+/* cloth_contact.moves: the box of an obstacle's way meets that of a face; a wall; a pinch. */
+static int clothi_contact_moves(void *user) {
+    const cloth_collide *c = (const cloth_collide *)user;
+    int                  o, i, k;
     for (o = 0; o < c->nobstacle; o++) {
-        clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
-        memcpy(clothi_pose(b, 0), clothi_pose(b, 1), 3 * (size_t)b->nv * sizeof(double));
-        memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
+        const clothi_obstacle *b = c->obstacle + o;
+        const double          *p = b->x, *x = c->sim->state.x;
+        const double           reach = b->thickness + clothi_slot_radius(c, o);
+        double                 own[6], box[6], face[6];
+        if (!b->used ||
+            (!memcmp(p, p + 3 * b->nv, 3 * (size_t)b->nv * sizeof *p) &&
+             !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0])))
+            continue;
+        if (clothi_is_wall(b)) return 1;
+        for (i = 0; i < b->nv; i++) {
+            clothi_swept_boxes(1, p + 3 * i, p + 3 * (b->nv + i), reach, box);
+            clothi_box_join(box, i ? own : box, own);
+        }
+        for (i = 0; i < 3 * c->nf; i += 3) {
+            for (k = 0; k < 3; k++) {
+                clothi_swept_boxes(1, x + 3 * c->faces[i + k], NULL, 0, box);
+                clothi_box_join(box, k ? face : box, face);
+            }
+            if (clothi_boxes_meet(own, face)) return 1;
+        }
     }
+    return c->nhold > 0 || (c->begun && c->nholding > 0);
+}
+
+/* What the step under way has made of anchors, exempt pairs and holds becomes state. */
+static void clothi_contact_accept(cloth_collide *c) {
+    clothi_anchor *swap = c->anchor;
+    cloth_hold    *hold = c->hold;
+    int            i, cap = c->anchor_cap;
     c->anchor = c->next, c->nanchor = c->nnext, c->anchor_cap = c->next_cap;
     c->next = swap, c->nnext = 0, c->next_cap = cap;
     cap = c->hold_cap;
@@ -7421,12 +7443,27 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     clothi_exempt_part(c);
     clothi_exempt_accept(c);
     c->begun = 0;
+}
+
+static void clothi_contact_commit(void *user, cloth_report *report) {
+    cloth_collide *c = (cloth_collide *)user;
+    double         least = c->thickest;
+    int            o, i, active = 0;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        memcpy(clothi_pose(b, 0), clothi_pose(b, 1), 3 * (size_t)b->nv * sizeof(double));
+        memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
+    }
+    if (c->begun) {                         /* not of a sim that sleeps */
+        clothi_contact_accept(c);
+        c->inexact = report && report->outcome == CLOTH_STEP_MAX_ITERATIONS;
+    }
     for (i = 0; i < c->ncontact; i++) {
         active += c->contact[i].force > 0;
         if (!c->contact[i].soft) least = clothi_min(least, c->contact[i].gap);
     }
     c->report.exempt_pairs = c->nexempt;
-    c->inexact = report && report->outcome == CLOTH_STEP_MAX_ITERATIONS;
     if (!report) return;
     report->contacts = active;
     report->exempt_pairs = c->nexempt;
@@ -7455,7 +7492,7 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
     const cloth_collide *c = (const cloth_collide *)user;
     int                  i, j, k;
     ledger->contact = clothi_contact_stored(c);
-    for (i = 0; i < c->ncontact; i++) {
+    for (i = 0; i < c->ncontact && c->begun; i++) {
         const clothi_contact *q = c->contact + i;
         double                loss = clothi_dot3(q->tangent, q->carry), work = 0;
         for (j = 0; j < q->n; j++)
@@ -7848,30 +7885,22 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
 }
 
 static cloth_status clothi_collide_arrays(cloth_collide *c) {
-    const cloth_hooks *k = c->hooks;
-    const size_t       nv = (size_t)c->nv;
-    c->vertex_part = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->x_ie = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->x_list = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->x_frame = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->way_in = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->moved = (unsigned char *)clothi_alloc(k, nv, 1);
-    c->frozen = (unsigned char *)clothi_alloc(k, nv, 1);
-    c->zone_of = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->zone_number = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->local = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->member = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->work = (cloth_qp_work **)clothi_alloc(k, (size_t)c->nwork, sizeof *c->work);
-    c->qp_minv = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->qp_x0 = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->qp_x = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    if (c->desc.nparts)
-        c->part = (cloth_collide_part *)clothi_alloc(k, (size_t)c->desc.nparts, sizeof *c->part);
-    return c->vertex_part && c->x_ie && c->x_list && c->x_frame && c->way_in && c->moved &&
-                   c->frozen && c->zone_of && c->zone_number && c->local && c->member && c->work &&
-                   c->qp_minv && c->qp_x0 && c->qp_x && (c->part || !c->desc.nparts)
-               ? CLOTH_OK
-               : CLOTH_ERR_MEMORY;
+    const size_t nv = (size_t)c->nv, one = sizeof(int), real = sizeof(double);
+    const struct { void *at; size_t n, size; } need[] = {
+        {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real}, {&c->x_list, 3 * nv, real},
+        {&c->x_frame, 3 * nv, real}, {&c->way_in, 3 * nv, real}, {&c->moved, nv, 1},
+        {&c->frozen, nv, 1}, {&c->zone_of, nv, one}, {&c->zone_number, nv, one},
+        {&c->local, nv, one}, {&c->member, nv, one}, {&c->qp_minv, 3 * nv, real},
+        {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
+        {&c->work, (size_t)c->nwork, sizeof *c->work},
+        {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
+    size_t i;
+    for (i = 0; i < sizeof need / sizeof *need; i++) {
+        void *made = need[i].n ? clothi_alloc(c->hooks, need[i].n, need[i].size) : NULL;
+        if (need[i].n && !made) return CLOTH_ERR_MEMORY;
+        memcpy(need[i].at, &made, sizeof made);
+    }
+    return CLOTH_OK;
 }
 
 /* Pa/m: a sheet under 30 times its weight rests where the force is k t/4, at t/2. */
@@ -7898,30 +7927,14 @@ static int clothi_contact_list(void *user, int max, void *contact) {
 }
 
 static void clothi_collide_connect(cloth_collide *c) {
-    cloth_contact k;
-    memset(&k, 0, sizeof k);
-    k.user = c;
-    k.begin = clothi_contact_begin;
-    k.hold = clothi_contact_hold;
-    k.update = clothi_contact_update;
-    k.eval = clothi_contact_eval;
-    k.max_step = clothi_contact_max_step;
-    k.block = clothi_contact_block;
-    k.start = clothi_contact_start_at;
-    k.close = clothi_contact_close;
-    k.resolve = clothi_contact_resolve;
-    k.commit = clothi_contact_commit;
-    k.rollback = clothi_contact_rollback;
-    k.reset = clothi_contact_reset;
-    k.save_size = clothi_contact_save_size;
-    k.save = clothi_contact_save;
-    k.load = clothi_contact_load;
-    k.bytes = clothi_contact_bytes;
-    k.check = clothi_contact_unsaved;
-    k.balance = clothi_contact_balance;
-    k.contacts = clothi_contact_list;
-    k.contact_size = sizeof(cloth_collide_contact);
-    k.orphan = clothi_contact_orphan;
+    const cloth_contact k = {
+        c, clothi_contact_begin, clothi_contact_hold, clothi_contact_update, clothi_contact_eval,
+        clothi_contact_max_step, clothi_contact_block, clothi_contact_start_at,
+        clothi_contact_close, clothi_contact_resolve, clothi_contact_commit,
+        clothi_contact_rollback, clothi_contact_reset, clothi_contact_save_size,
+        clothi_contact_save, clothi_contact_load, NULL, clothi_contact_bytes,
+        clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
+        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan};
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -8015,6 +8028,7 @@ static cloth_status clothi_world_change(cloth_collide *c) {
         return status;
     }
     clothi_world_free(&old);
+    c->sim->still = 0;                      /* wakes */
     c->ncontact = c->nrow = c->nfailed = 0;
     return CLOTH_OK;
 }
@@ -8193,8 +8207,7 @@ static cloth_status clothi_obstacle_gone(const cloth_collide *c, cloth_obstacle 
                        (int)(id.id & 0xffffu));
 }
 
-/* What friction and pinches remember of one obstacle; keys name features of the cloth, whose
- * numbers stay. */
+/* What friction and pinches remember of one obstacle; features of the cloth keep their numbers. */
 static void clothi_obstacle_forget(cloth_collide *c, int slot) {
     int i, n = 0;
     for (i = 0; i < c->nanchor; i++)
@@ -8314,7 +8327,7 @@ CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstac
     cloth_status     status;
     if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_set_friction");
     status = clothi_desc_number(c->hooks, "cloth_collide_set_friction: friction", friction, 0);
-    if (!status) o->friction = friction;
+    if (!status) clothi_set(c->sim, &o->friction, &friction, sizeof friction);
     return status;
 }
 
@@ -8329,8 +8342,8 @@ CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacl
         status = clothi_check_places(c->hooks, "cloth_collide_set_surface", ": omega",
                                      omega ? omega : zero, 1);
     if (status) return status;
-    memcpy(o->surface, v ? v : zero, sizeof zero);
-    memcpy(o->surface + 3, omega ? omega : zero, sizeof zero);
+    clothi_set(c->sim, o->surface, v ? v : zero, sizeof zero);
+    clothi_set(c->sim, o->surface + 3, omega ? omega : zero, sizeof zero);
     return CLOTH_OK;
 }
 
@@ -8354,6 +8367,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     else
         clothi_obstacle_forget(c, (int)(o - c->obstacle));
     clothi_free(c->hooks, spare);
+    c->sim->still = 0;
     return status ? status : clothi_carry(c, o, 1);
 }
 

@@ -892,12 +892,12 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  * "As before" means the same cloth_sim_hash().
  *
  * Sleep, where desc.sleep > 0. A sim is at rest from t0 on while, at the end of each step,
- *     |x_i(t) - x_i(t0)| <= desc.tolerance    for every vertex i;
+ *     |x_i(t) - x_i(t0)| <= 2 desc.tolerance    for every vertex i (each end is that well known);
  * t0 starts anew where that fails. desc.sleep seconds on, v becomes 0 and steps move t alone, till
  * a setter brings another value (the same again does not count), a term or contact is added, the
  * host writes x or v, or an obstacle moves near the cloth (clothsim_collide.h). Wind, a conveyor or
  * a host's term does not wake of itself: who has a term that goes by t calls _state_changed(). What
- * creeps slower than tolerance/sleep falls asleep; a pendulum at its turning point does not. A sim
+ * creeps slower than 2 tolerance/sleep sleeps; a pendulum at its turning point does not. A sim
  * sleeps as a whole: give cloths that never meet sims of their own.
  * contract: alloc none after the first call | threads: one per sim */
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report);
@@ -13675,7 +13675,7 @@ static int clothi_sleeps(const cloth_sim *s) {
 /* At the end of a step that did not sleep: how long the sim has been at rest. */
 static void clothi_watch(cloth_sim *s, double h) {
     const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
-    const double most = s->model->desc.tolerance * s->model->desc.tolerance;
+    const double most = 4 * s->model->desc.tolerance * s->model->desc.tolerance;
     double       still = s->still < s->model->desc.sleep ? s->still : 0;    /* woken: from now */
     int          i;
     s->rested.outcome = CLOTH_STEP_NONE;

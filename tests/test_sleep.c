@@ -38,7 +38,7 @@ static void build(scene *s, int kind, cloth_integrator integrator, double sleep)
     for (k = 0; k < 2; k++) {
         CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 9, 9, 0.2, 0.2, s->one + k));
         for (i = 0; i < 81; i++)
-            s->one[k]->x[3 * i + 1] = kind == PLANE ? 0.004 : 0.11 + 0.02 * k;
+            s->one[k]->x[3 * i + 1] = kind == PLANE ? 0.02 : 0.11 + 0.02 * k;
     }
     CHECK(!cloth_mesh_merge(NULL, s->one, kind == BALL ? 2 : 1, &s->mesh));
     for (k = 0; k < 2; k++) s->pin[k].vertex = 8 * k, s->pin[k].axes = CLOTH_AXIS_ALL;
@@ -108,8 +108,8 @@ static double farthest(const double *x, const double *y, int nv) {
 
 /* --- falling asleep --- */
 
-/* Each step before is looked at: nobody falls asleep who was farther than the tolerance from where
- * it was at any time of the last SLEEP seconds, and then nothing leaps. */
+/* Each step before is looked at: nobody falls asleep who was farther than 2 tolerances from where
+ * it was when the last SLEEP seconds began, and then nothing leaps. */
 static void one_falls_asleep(int kind) {
     static double past[STEPS + 1][MOST];
     scene         s;
@@ -127,12 +127,12 @@ static void one_falls_asleep(int kind) {
         if (cloth_step(s.sim, H, &r)) break;
         if (!(clothi_max_abs(cloth_sim_state(s.sim)->v, 3 * s.desc.nv) > 0)) break;
     }
-    printf("  asleep after %.2f s; the step before: %.1e m/s, energy %.9f, then %.9f J\n",
-           (i + 1) * H, speed, last.energy.total, r.energy.total);
-    CHECK(i > STEPS && i < 900 && r.outcome == CLOTH_STEP_CONVERGED);
+    printf("  asleep after %.2f s, outcome %d; the step before: %.1e m/s, %.9f, then %.9f J\n",
+           (i + 1) * H, (int)r.outcome, speed, last.energy.total, r.energy.total);
+    CHECK(i > STEPS && i < 900 && r.outcome != CLOTH_STEP_ASLEEP);
     for (k = 0; k < STEPS; k++)
         CHECK(farthest(past[(i - k) % (STEPS + 1)], cloth_sim_state(s.sim)->x, s.desc.nv) <=
-              2 * s.desc.tolerance);
+              4 * s.desc.tolerance);
     CHECK(speed * H <= s.desc.tolerance);
     weight = 9.81 * clothi_total_mass(s.sim);
     CHECK_NEAR(r.energy.total, last.energy.total, 0.1 * weight * s.desc.tolerance);
@@ -366,7 +366,7 @@ static void pendulum(void) {
     }
 }
 
-/* On a conveyor at twice and at a quarter of tolerance/sleep. */
+/* On a conveyor at four times and at half of tolerance/sleep. */
 static void creep(void) {
     int k, i, slept = 0;
     for (k = 0; k < 2; k++) {
@@ -374,7 +374,7 @@ static void creep(void) {
         double       v[3] = {0, 0, 0}, from;
         cloth_report r;
         build(&s, PLANE, CLOTH_INTEGRATOR_EULER, SLEEP);
-        v[0] = (k ? 0.25 : 2) * s.desc.tolerance / SLEEP;
+        v[0] = (k ? 0.5 : 4) * s.desc.tolerance / SLEEP;
         CHECK(settle(&s, 900));
         from = cloth_sim_state(s.sim)->x[120];
         CHECK(!cloth_collide_set_surface(s.c, s.plane, v, NULL));

@@ -548,7 +548,7 @@ typedef struct cloth_desc {
     double       cg_tolerance;              /* of a linear solve, relative; default 0.025      */
     cloth_linear linear;                    /* default CLOTH_LINEAR_AUTO                       */
     double       sleep;                     /* s at rest until the sim sleeps, see cloth_step();
-                                               0.5, say; 0 (default): never                    */
+                                               0.25, say; 0 (default): never                   */
 } cloth_desc;
 
 /* What a fit changes without a new analysis. Owned by the sim: write, then call

@@ -547,6 +547,8 @@ typedef struct cloth_desc {
     double       tolerance;                 /* m, largest last Newton update; default 1e-4     */
     double       cg_tolerance;              /* of a linear solve, relative; default 0.025      */
     cloth_linear linear;                    /* default CLOTH_LINEAR_AUTO                       */
+    double       sleep;                     /* s at rest until the sim sleeps, see cloth_step();
+                                               0.25, say; 0 (default): never                   */
 } cloth_desc;
 
 /* What a fit changes without a new analysis. Owned by the sim: write, then call
@@ -572,7 +574,8 @@ typedef enum cloth_outcome {
     CLOTH_STEP_CONVERGED        = 1,
     CLOTH_STEP_MAX_ITERATIONS   = 2,        /* the desc's cap; accepted                        */
     CLOTH_STEP_STALLED          = 3,        /* no decrease found; LEAPFROG: not stable         */
-    CLOTH_STEP_COLLISION_FAILED = 4
+    CLOTH_STEP_COLLISION_FAILED = 4,
+    CLOTH_STEP_ASLEEP           = 5         /* time passed, see cloth_step()                   */
 } cloth_outcome;
 
 /* Energies in J. The balance of a step: kinetic + potential (stretch, bend, gravity, attach,
@@ -812,6 +815,9 @@ typedef struct cloth_contact {
      * NULL: not recorded */
     int          (*contacts)(void *user, int max, void *contact);
     size_t         contact_size;
+    /* of the poses of the step that begins, or ends: 1: none may sleep. commit comes without begin
+     * where it sleeps. NULL: not asked */
+    int          (*moves)(void *user);
     /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
     void         (*orphan)(void *user);
 } cloth_contact;
@@ -872,6 +878,7 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   status               outcome                        state
  *   CLOTH_OK             CLOTH_STEP_CONVERGED           new
  *   CLOTH_OK             CLOTH_STEP_MAX_ITERATIONS      new (the desc's max_newton)
+ *   CLOTH_OK             CLOTH_STEP_ASLEEP              as before but for t (desc.sleep)
  *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before (no decrease found; LEAPFROG:
  *       desc.substeps too few for its stability limit, or more than 1000000 substeps needed)
  *   CLOTH_ERR_STEP       CLOTH_STEP_COLLISION_FAILED    as before
@@ -880,6 +887,15 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   CLOTH_ERR_ARGUMENT   CLOTH_STEP_NONE                as before (h)
  *   CLOTH_ERR_UNSUPPORTED   CLOTH_STEP_NONE             as before (desc.contact without contact)
  * "As before" means the same cloth_sim_hash().
+ *
+ * Sleep, where desc.sleep > 0. A sim is at rest from t0 on while, at the end of each step,
+ *     |x_i(t) - x_i(t0)| <= 2 desc.tolerance    for every vertex i (each end is that well known);
+ * t0 starts anew where that fails. desc.sleep seconds on, v becomes 0 and steps move t alone, till
+ * a setter brings another value (the same again does not count), a term or contact is added, the
+ * host writes x or v, or an obstacle moves near the cloth (clothsim_collide.h). Wind, a conveyor or
+ * a host's term does not wake of itself: who has a term that goes by t calls _state_changed(). What
+ * creeps slower than 2 tolerance/sleep sleeps; a pendulum at its turning point does not. A sim
+ * sleeps as a whole: give cloths that never meet sims of their own.
  * contract: alloc none after the first call | threads: one per sim */
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report);
 
@@ -1560,130 +1576,107 @@ CLOTHI_OUTLINE static size_t clothi_blocks(const cloth_hooks *hooks, const void 
 
 CLOTHI_RARE_BEGIN
 
-/* Text for the logger. No printf: its output depends on the locale and the host may lack it. */
-typedef struct clothi_text {
-    char buf[256];
-    int  n;
-} clothi_text;
+/* Where text goes: counted beyond the capacity, kept within. No printf: its output depends on the
+ * locale and the host may lack it. */
+typedef struct clothi_sink {
+    char  *buf;
+    size_t capacity, n;
+} clothi_sink;
 
-CLOTHI_OUTLINE static void clothi_text_char(clothi_text *t, char c) {
-    if (t->n < (int)sizeof t->buf - 1) t->buf[t->n++] = c;
-    t->buf[t->n] = '\0';
+CLOTHI_OUTLINE static void clothi_sink_char(clothi_sink *s, char c) {
+    if (s->n < s->capacity) s->buf[s->n] = c;
+    s->n++;
 }
 
-CLOTHI_OUTLINE static void clothi_text_string(clothi_text *t, const char *s) {
-    while (s && *s) clothi_text_char(t, *s++);
+CLOTHI_OUTLINE static void clothi_sink_string(clothi_sink *s, const char *text) {
+    while (text && *text) clothi_sink_char(s, *text++);
 }
 
-static void clothi_text_uint(clothi_text *t, uint64_t u) {
+static void clothi_sink_uint(clothi_sink *t, uint64_t u) {
     char digits[24];
     int  n = 0;
     do {
         digits[n++] = (char)('0' + (int)(u % 10u));
         u /= 10u;
     } while (u);
-    while (n) clothi_text_char(t, digits[--n]);
+    while (n) clothi_sink_char(t, digits[--n]);
 }
 
-CLOTHI_OUTLINE static void clothi_text_int(clothi_text *t, long long i) {
-    if (i < 0) clothi_text_char(t, '-');
-    clothi_text_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
+CLOTHI_OUTLINE static void clothi_sink_int(clothi_sink *t, long long i) {
+    if (i < 0) clothi_sink_char(t, '-');
+    clothi_sink_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
 }
 
 /* Six significant digits: enough for a person to recognise the number. */
-static void clothi_text_double(clothi_text *t, double a) {
-    int      e10, i;
-    uint64_t digits;
+static void clothi_sink_number(clothi_sink *t, double a) {
+    int      e10, i, plain;
+    uint64_t digits, scale = 1;
     if (!clothi_finite(a)) {
-        clothi_text_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
+        clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
         return;
     }
-    if (a < 0) clothi_text_char(t, '-');
+    if (a < 0) clothi_sink_char(t, '-');
     a = a < 0 ? -a : a;
     if (!(a > 0)) {
-        clothi_text_char(t, '0');
+        clothi_sink_char(t, '0');
         return;
     }
     e10 = (int)floor(log10(a));
     i = 5 - e10;                            /* in two factors: 10^i alone may overflow         */
     digits = (uint64_t)(a * pow(10.0, i / 2) * pow(10.0, i - i / 2) + 0.5);
-    if (digits >= 1000000u) {
-        digits /= 10u;
-        e10++;
+    if (digits >= 1000000u) digits /= 10u, e10++;
+    plain = e10 >= -4 && e10 < 6;           /* 0.00012 .. 999999 */
+    for (i = plain ? 5 - e10 : 5; i > 0 && digits % 10u == 0; i--) digits /= 10u;
+    while (i-- > 0) scale *= 10u;
+    clothi_sink_uint(t, digits / scale);
+    if (scale > 1) clothi_sink_char(t, '.');
+    while (scale > 1) {
+        scale /= 10u;
+        clothi_sink_char(t, (char)('0' + (int)(digits / scale % 10u)));
     }
-    if (e10 >= -4 && e10 < 6) {                         /* 0.00012 .. 999999 */
-        uint64_t scale = 1;
-        int      places = 5 - e10;
-        while (places > 0 && digits % 10u == 0) {
-            digits /= 10u;
-            places--;
-        }
-        for (i = 0; i < places; i++) scale *= 10u;
-        clothi_text_uint(t, digits / scale);
-        if (places > 0) clothi_text_char(t, '.');
-        for (i = 0; i < places; i++) {
-            scale /= 10u;
-            clothi_text_char(t, (char)('0' + (int)(digits / scale % 10u)));
-        }
-    } else {
-        uint64_t scale = 100000u;
-        while (digits % 10u == 0 && scale > 1) {
-            digits /= 10u;
-            scale /= 10u;
-        }
-        clothi_text_uint(t, digits / scale);
-        if (scale > 1) clothi_text_char(t, '.');
-        while (scale > 1) {
-            scale /= 10u;
-            clothi_text_char(t, (char)('0' + (int)(digits / scale % 10u)));
-        }
-        clothi_text_char(t, 'e');
-        clothi_text_int(t, e10);
-    }
+    if (plain) return;
+    clothi_sink_char(t, 'e');
+    clothi_sink_int(t, e10);
 }
 
-/* A small format: %s text, %i int, %z size_t, %g double. */
-CLOTHI_OUTLINE static void clothi_text_format(clothi_text *t, const char *format, va_list args) {
-    t->n = 0;
-    t->buf[0] = '\0';
-    for (; *format; format++) {
+/* A sentence: %s text, %i int, %z size_t, %g double. */
+static void clothi_sentence(const cloth_hooks *hooks, cloth_log_level level, cloth_status status,
+                            const char *format, va_list args) {
+    char        buf[256];
+    clothi_sink t = {NULL, sizeof buf - 1, 0};
+    if (!hooks || !hooks->log.fn) return;
+    for (t.buf = buf; *format; format++) {
         if (*format != '%') {
-            clothi_text_char(t, *format);
+            clothi_sink_char(&t, *format);
             continue;
         }
         switch (*++format) {
-        case 's': clothi_text_string(t, va_arg(args, const char *)); break;
-        case 'i': clothi_text_int(t, va_arg(args, int)); break;
-        case 'z': clothi_text_uint(t, va_arg(args, size_t)); break;
-        case 'g': clothi_text_double(t, va_arg(args, double)); break;
-        default: clothi_text_char(t, '%'); format -= *format == '\0'; break;
+        case 's': clothi_sink_string(&t, va_arg(args, const char *)); break;
+        case 'i': clothi_sink_int(&t, va_arg(args, int)); break;
+        case 'z': clothi_sink_uint(&t, va_arg(args, size_t)); break;
+        case 'g': clothi_sink_number(&t, va_arg(args, double)); break;
+        default: clothi_sink_char(&t, '%'); format -= *format == '\0'; break;
         }
     }
+    buf[t.n < t.capacity ? t.n : t.capacity] = '\0';
+    hooks->log.fn(level, status, buf, hooks->log.user);
 }
 
-/* Sends one sentence to the logger. */
 CLOTHI_OUTLINE static void clothi_say(const cloth_hooks *hooks, cloth_log_level level,
                                       cloth_status status, const char *format, ...) {
-    clothi_text text;
-    va_list     args;
-    if (!hooks || !hooks->log.fn) return;
+    va_list args;
     va_start(args, format);
-    clothi_text_format(&text, format, args);
+    clothi_sentence(hooks, level, status, format, args);
     va_end(args);
-    hooks->log.fn(level, status, text.buf, hooks->log.user);
 }
 
 /* Logs an error sentence and returns its status: `return clothi_fail(hooks, CLOTH_ERR_..., ...)` */
 CLOTHI_OUTLINE static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
                                                const char *format, ...) {
-    clothi_text text;
-    va_list     args;
-    if (hooks && hooks->log.fn) {
-        va_start(args, format);
-        clothi_text_format(&text, format, args);
-        va_end(args);
-        hooks->log.fn(CLOTH_LOG_ERROR, status, text.buf, hooks->log.user);
-    }
+    va_list args;
+    va_start(args, format);
+    clothi_sentence(hooks, CLOTH_LOG_ERROR, status, format, args);
+    va_end(args);
     return status;
 }
 
@@ -2499,9 +2492,7 @@ static cloth_status clothi_check_total(const cloth_hooks *hooks, double nv, doub
 /* Appends face a b c at *f. */
 static void clothi_add_face(cloth_mesh *m, int *f, int a, int b, int c) {
     int *t = m->faces + 3 * (*f)++;
-    t[0] = a;
-    t[1] = b;
-    t[2] = c;
+    t[0] = a, t[1] = b, t[2] = c;
 }
 
 /* X of a sheet or disc in the x-z plane. */
@@ -2692,29 +2683,30 @@ static cloth_status clothi_mesh_arrays(const cloth_hooks *hooks, const cloth_mes
         {"render_vertex", m->render_vertex, at < 0 ? 0 : nr, 1, m->nv},
         {"render_faces", m->render_faces, corners, 3, nr}};
     const char *missing = m->nv > 0 && !m->x ? "x" : nr > 0 && !m->vt ? "vt" : NULL;
-    clothi_text who;
+    char        name[32] = "";
+    clothi_sink who = {NULL, sizeof name - 1, 0};
     int         i, k;
-    who.buf[who.n = 0] = '\0';
+    who.buf = name;
     if (at >= 0) {
-        clothi_text_string(&who, "meshes[");
-        clothi_text_int(&who, at);
-        clothi_text_string(&who, "].");
+        clothi_sink_string(&who, "meshes[");
+        clothi_sink_int(&who, at);
+        clothi_sink_string(&who, "].");
     }
     for (k = 0; k < 4; k++)
         if (count[k].n < 0 || count[k].n > count[k].most)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %i is outside 0 .. %i", who.buf,
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %i is outside 0 .. %i", name,
                                count[k].name, count[k].n, count[k].most);
     for (k = 0; k < 4 && !missing; k++) {
         if (index[k].n > 0 && !index[k].a) missing = index[k].name;
         for (i = 0; !missing && i < index[k].n * index[k].width; i++)
             if (index[k].a[i] < 0 || index[k].a[i] >= index[k].end)
                 return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                                   "%s%s[%i] corner %i = %i is outside 0 .. %i", who.buf,
+                                   "%s%s[%i] corner %i = %i is outside 0 .. %i", name,
                                    index[k].name, i / index[k].width, i % index[k].width,
                                    index[k].a[i], index[k].end - 1);
     }
     if (!missing) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", who.buf, missing);
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", name, missing);
 }
 
 /* What the mesh `a` adds to `m` behind the vertices, faces, parts and render corners that the
@@ -3041,12 +3033,9 @@ static int clothi_parse_double(const char *s, size_t n, double *out) {
                                   1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
     clothi_decimal d;
     if (!clothi_decimal_scan(s, n, &d)) return 0;
-    if (d.n == 0 || d.point < -330) {
-        *out = clothi_round_to_double((uint64_t)1 << 63, -2000, 0, d.negative);
-        return 1;
-    }
-    if (d.point > 310) {
-        *out = clothi_round_to_double((uint64_t)1 << 63, 2000, 0, d.negative);
+    if (d.n == 0 || d.point < -330 || d.point > 310) {
+        const int far = d.n && d.point > 310 ? 2000 : -2000;
+        *out = clothi_round_to_double((uint64_t)1 << 63, far, 0, d.negative);
         return 1;
     }
 #if !defined(__FLT_EVAL_METHOD__) || __FLT_EVAL_METHOD__ == 0
@@ -3066,32 +3055,6 @@ static int clothi_parse_double(const char *s, size_t n, double *out) {
 }
 
 /* --- writing a number --- */
-
-/* Where text goes: counted beyond the capacity, kept within. */
-typedef struct clothi_sink {
-    char  *buf;
-    size_t capacity, n;
-} clothi_sink;
-
-static void clothi_sink_char(clothi_sink *s, char c) {
-    if (s->n < s->capacity) s->buf[s->n] = c;
-    s->n++;
-}
-
-static void clothi_sink_string(clothi_sink *s, const char *text) {
-    while (*text) clothi_sink_char(s, *text++);
-}
-
-static void clothi_sink_int(clothi_sink *s, int i) {
-    char digits[12];
-    int  n = 0;
-    if (i < 0) clothi_sink_char(s, '-');
-    do {
-        digits[n++] = (char)('0' + (i < 0 ? -(i % 10) : i % 10));
-        i /= 10;
-    } while (i);
-    while (n) clothi_sink_char(s, digits[--n]);
-}
 
 /* The fewest digits (at most 17) of a > 0, finite, that read back as a: a = 0.d0 d1 .. 10^point. */
 static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
@@ -3478,8 +3441,7 @@ static cloth_status clothi_obj_alloc(clothi_obj *o) {
     return CLOTH_OK;
 }
 
-/* Fills the render corners of a mesh whose order [3 nf] lists corners by (vertex, vt). mesh NULL:
- * only the number of them. */
+/* Render corners of a mesh from order [3 nf], corners by (vertex, vt). mesh NULL: only counts. */
 static int clothi_obj_render(const clothi_obj *o, const int *order, cloth_mesh *mesh) {
     int i, nr = 0;
     for (i = 0; i < 3 * o->nf; i++) {
@@ -3710,11 +3672,10 @@ static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path,
     do {
         if (n == capacity) {
             char *larger = (char *)clothi_alloc(hooks, capacity ? 2 * capacity : 65536u, 1);
-            if (!larger) {
+            if (!larger)
                 status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
                                      2 * capacity);
-                goto done;
-            }
+            if (!larger) break;
             if (n) memcpy(larger, buf, n);
             clothi_free(hooks, buf);
             buf = larger;
@@ -3722,15 +3683,10 @@ static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path,
         }
         n += fread(buf + n, 1, capacity - n, file);
     } while (n == capacity);
-    if (ferror(file)) {
+    if (!status && ferror(file))
         status = clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be read", path);
-        goto done;
-    }
-    *out = buf;
-    *size = n;
-    buf = NULL;
-done:
-    clothi_free(hooks, buf);
+    if (status) clothi_free(hooks, buf);
+    else *out = buf, *size = n;
     fclose(file);
     return status;
 }
@@ -4123,16 +4079,8 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
     clothi_settle(st, 2);
     if (F) memcpy(F, f, sizeof f);
     if (stretch) memcpy(stretch, st, sizeof st);
-    if (E) {
-        E[0] = e[0];
-        E[3] = e[1];
-        E[1] = E[2] = e[2];
-    }
-    if (S) {
-        S[0] = s[0];
-        S[3] = s[1];
-        S[1] = S[2] = s[2];
-    }
+    if (E) E[0] = e[0], E[3] = e[1], E[1] = E[2] = e[2];
+    if (S) S[0] = s[0], S[3] = s[1], S[1] = S[2] = s[2];
     return clothi_finite(area) ? area : CLOTHI_HUGE;
 }
 
@@ -8777,9 +8725,7 @@ static size_t clothi_factor_blocks(const cloth_factor *f, const cloth_hooks *hoo
 static void clothi_factor_release(cloth_factor *f) {
     (void)clothi_factor_blocks(f, &f->hooks);
     f->panel = f->work = f->sign = f->vec = NULL;
-    f->fixed = NULL;
-    f->pivot = NULL;
-    f->ready = 0;
+    f->fixed = NULL, f->pivot = NULL, f->ready = 0;
 }
 
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
@@ -9241,6 +9187,7 @@ static cloth_status clothi_check_desc_numbers(const cloth_hooks *hooks, const cl
     if (!status) status = clothi_check_number(hooks, "drag", d->drag, 0, 0);
     if (!status) status = clothi_check_number(hooks, "lift", d->lift, 0, 0);
     if (!status) status = clothi_check_number(hooks, "tolerance", d->tolerance, 0, 1);
+    if (!status) status = clothi_check_number(hooks, "sleep", d->sleep, 0, 0);
     if (!status) status = clothi_check_number(hooks, "cg_tolerance", d->cg_tolerance, 0, 1);
     if (!status && !(d->cg_tolerance < 1))
         status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.cg_tolerance = %g must be below 1",
@@ -9670,7 +9617,7 @@ CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size
  * to. In a snapshot's head side by side, for a sentence that says what differs. */
 static const char *const clothi_aspects[] = {"mesh", "parts", "regions", "rest shape", "ties",
     "start (x, v, pins, gravity or wind)", "membrane, bending or integrator", "contact rung",
-    "substeps, max_newton, max_attachments, tolerances or linear solver", "air"};
+    "substeps, max_newton, max_attachments, tolerances, linear solver or sleep", "air"};
 
 static void clothi_model_hash(cloth_model *m) {
     const cloth_desc *d = &m->desc;
@@ -9690,7 +9637,8 @@ static void clothi_model_hash(cloth_model *m) {
         {m->v, 3 * nv * sizeof(double), 5}, {m->pin, nv, 5}, {d->gravity, sizeof d->gravity, 5},
         {&wind_on, sizeof wind_on, 5}, {d->wind, sizeof d->wind, 5}, {rungs, sizeof rungs, 6},
         {&contact, sizeof contact, 7}, {whole, sizeof whole, 8}, {real, 2 * sizeof *real, 8},
-        {real + 2, 3 * sizeof *real, 9}};
+        {real + 2, 3 * sizeof *real, 9},
+        {&d->sleep, d->sleep > 0 ? sizeof d->sleep : 0, 8}};
     size_t i;
     for (i = 0; i < CLOTHI_ASPECTS; i++) m->aspect[i] = 0xcbf29ce484222325u;
     for (i = 0; i < sizeof part / sizeof *part; i++)
@@ -9743,9 +9691,7 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
     if (!status) status = clothi_model_areas(m);
     m->desc.x_rest = m->desc.X = m->desc.x = m->desc.v = m->desc.vertex_mass = NULL;
     m->desc.faces = m->desc.part = m->desc.region = NULL;
-    m->desc.materials = NULL;
-    m->desc.pins = NULL;
-    m->desc.ties = NULL;
+    m->desc.materials = NULL, m->desc.pins = NULL, m->desc.ties = NULL;
     if (!status) status = clothi_model_ties(m, desc);
     if (!status)
         status = cloth_topology_create(&m->hooks, m->nv, m->nf, m->faces, &m->topology);
@@ -9819,6 +9765,8 @@ struct cloth_sim {
     double *x_prev, *v_prev;
     double  h_prev;                         /* s; LEAPFROG: its last substep, without history */
     int     history;
+    double  still;                          /* s, at rest; as long as desc.sleep: asleep       */
+    double *still_x;                        /* [nv x 3] m, since when it is at rest            */
     /* inputs */
     cloth_step_input in;                    /* what the substep under way reads                */
     unsigned char *pin;                     /* [nv] axes                                       */
@@ -9839,6 +9787,8 @@ struct cloth_sim {
     int     fresh;                          /* w.grad and the terms' energies are of w.x       */
     cloth_ledger ledger;                    /* energies of the last step's result, which w.x   */
     int     known;                          /* still holds; known: if it is the state yet      */
+    int     asleep;                         /* the step under way moves t alone                */
+    cloth_report rested;                    /* of such a step; its outcome NONE: not known     */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
     double  total;                          /* kg                                              */
@@ -9886,7 +9836,8 @@ enum {
     CLOTHI_REAL = 8,                        /* doubles that are finite in any state            */
     CLOTHI_LATE = 16,                       /* there only after its first use                  */
     CLOTHI_LAG = 32,                        /* not of LEAPFROG                                 */
-    CLOTHI_LAG2 = 64                        /* of BDF2 alone                                   */
+    CLOTHI_LAG2 = 64,                       /* of BDF2 alone                                   */
+    CLOTHI_SLEEP = 128                      /* of sims that may sleep                          */
 };
 
 typedef struct clothi_field {
@@ -9910,6 +9861,8 @@ static const clothi_field clothi_fields[] = {           /* x and v first: see cl
     CLOTHI_SCALAR(h_prev, double, 1, CLOTHI_REAL),
     CLOTHI_LIST(v_prev, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_LAG),
     CLOTHI_LIST(x_prev, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_LAG2),
+    CLOTHI_SCALAR(still, double, 1, CLOTHI_REAL | CLOTHI_SLEEP),
+    CLOTHI_LIST(still_x, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_SLEEP),
     CLOTHI_LIST(pin, unsigned char, 1, CLOTHI_VERTEX, 0),
     CLOTHI_LIST(target, double, 3, CLOTHI_VERTEX, 0),
     CLOTHI_LIST(attach, cloth_step_attachment, 1, CLOTHI_SLOT, 0),
@@ -9948,7 +9901,8 @@ static size_t clothi_field_count(const cloth_sim *s, const clothi_field *f) {
     const int n[] = {1, m->nv, m->bend.count ? m->topology->nh : 0, m->nf, m->nregions,
                      m->desc.max_attachments};
     if ((f->flags & CLOTHI_LAG && by == CLOTH_INTEGRATOR_LEAPFROG) ||
-        (f->flags & CLOTHI_LAG2 && by != CLOTH_INTEGRATOR_BDF2))
+        (f->flags & CLOTHI_LAG2 && by != CLOTH_INTEGRATOR_BDF2) ||
+        (f->flags & CLOTHI_SLEEP && !(m->desc.sleep > 0)))
         return 0;
     return (size_t)n[f->count];
 }
@@ -10113,8 +10067,16 @@ static cloth_status clothi_fields_need(cloth_sim *s, int skip) {
 static void clothi_forget(cloth_sim *s) {
     const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
     s->history = 0;
+    s->still = 0;
     if (s->x_prev) memset(s->x_prev, 0, bytes);
     if (s->v_prev) memset(s->v_prev, 0, bytes);
+}
+
+/* An input of `size` bytes; another one wakes. */
+CLOTHI_OUTLINE static void clothi_set(cloth_sim *s, void *at, const void *from, size_t size) {
+    if (memcmp(at, from, size) == 0) return;
+    memcpy(at, from, size);
+    s->still = 0;
 }
 
 /* --- params to batches --- */
@@ -10210,11 +10172,9 @@ static void clothi_quadratic_face(const cloth_model *m, const double *X, int f, 
                                   double *q, double *t) {
     const double *pa = X, *pb = X, *pc = X;
     double        e[2], d[2], e2;
+    int           k;
     clothi_rest_corners(m, X, f, a, b, &pa, &pb, &pc);
-    e[0] = pb[0] - pa[0];
-    e[1] = pb[1] - pa[1];
-    d[0] = pc[0] - pa[0];
-    d[1] = pc[1] - pa[1];
+    for (k = 0; k < 2; k++) e[k] = pb[k] - pa[k], d[k] = pc[k] - pa[k];
     e2 = e[0] * e[0] + e[1] * e[1];
     *q = sqrt(e2) / (2 * clothi_rest_area(X, f));
     *t = (e[0] * d[0] + e[1] * d[1]) / e2;
@@ -10378,7 +10338,7 @@ static void clothi_derive(cloth_sim *s) {
     clothi_derive_group(s, &s->model->membrane, &s->own.membrane);
     clothi_derive_group(s, &s->model->bend, &s->own.bend);
     if (s->own.side) clothi_derive_sides(s);
-    s->quadratic_ready = s->known = 0;
+    s->quadratic_ready = s->known = 0, s->rested.outcome = CLOTH_STEP_NONE;
     s->omega_rest = 0;
 }
 
@@ -10397,10 +10357,7 @@ static cloth_status clothi_need_damping(cloth_sim *s) {
 static void clothi_params_copy(const cloth_model *m, const cloth_params *from, int nh,
                                cloth_params *to) {
     const size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
-    to->nregions = m->nregions;
-    to->nh = nh;
-    to->nf = m->nf;
-    to->nv = m->nv;
+    to->nregions = m->nregions, to->nh = nh, to->nf = m->nf, to->nv = m->nv;
     to->mass_given = from->mass_given != 0;
     memcpy(to->material, from->material, (size_t)m->nregions * sizeof *to->material);
     memcpy(to->hinge_scale, from->hinge_scale, (size_t)nh * sizeof(double));
@@ -10488,10 +10445,8 @@ static void clothi_sim_start(cloth_sim *s) {
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
     memcpy(s->wind, m->desc.wind, sizeof s->wind);
     s->wind_on = m->desc.wind_on != 0;
-    p->nregions = m->nregions;
+    p->nregions = m->nregions, p->nf = m->nf, p->nv = m->nv;
     p->nh = m->bend.count ? m->topology->nh : 0;
-    p->nf = m->nf;
-    p->nv = m->nv;
     memcpy(p->material, m->material, (size_t)m->nregions * sizeof(cloth_material));
     memcpy(p->X, m->X, 6 * (size_t)m->nf * sizeof(double));
     for (i = 0; i < p->nh; i++) {
@@ -11231,7 +11186,7 @@ static void clothi_tri_rest(const cloth_params *p, int f, clothi_tri_parts *t) {
 /* G of the banner for one triangle, into its rest corners. */
 static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q,
                                 double s, double *X) {
-    double FQ[6], FaS[6], FS[6], FnQ[6], a[4], b[4], c[4], G[4], H[4];
+    double FQ[6], FaS[6], FS[6], FnQ[6], a[4], b[4], c[4], G[4], H[2];
     double SE = clothi_double_dot(S, t->Ea);
     int    k;
     clothi_fs(t->F, Q, FQ);
@@ -11244,16 +11199,11 @@ static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, cons
     clothi_ftg(t->Fn, FnQ, c);
     for (k = 0; k < 4; k++)
         G[k] = t->A * ((k % 3 == 0 ? SE : 0) - a[k] - b[k] + s * c[k]);
-    H[0] = G[0] * t->Di[0] + G[1] * t->Di[1];           /* H = G Di' */
-    H[1] = G[0] * t->Di[2] + G[1] * t->Di[3];
-    H[2] = G[2] * t->Di[0] + G[3] * t->Di[1];
-    H[3] = G[2] * t->Di[2] + G[3] * t->Di[3];
-    X[2] += H[0];
-    X[3] += H[2];
-    X[4] += H[1];
-    X[5] += H[3];
-    X[0] -= H[0] + H[1];
-    X[1] -= H[2] + H[3];
+    for (k = 0; k < 2; k++) {               /* H = G Di', row by row */
+        H[0] = G[2 * k] * t->Di[0] + G[2 * k + 1] * t->Di[1];
+        H[1] = G[2 * k] * t->Di[2] + G[2 * k + 1] * t->Di[3];
+        X[2 + k] += H[0], X[4 + k] += H[1], X[k] -= H[0] + H[1];
+    }
 }
 
 static void clothi_triangle_vjp(const cloth_eval *e, int f, const double *a,
@@ -11929,11 +11879,7 @@ CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
     int     i;
     memcpy(r, s->w.grad, 3 * (size_t)s->model->nv * sizeof(double));
     clothi_tie_gradient(s->model, r);
-    for (i = 0; i < s->model->nv; i++, r += 3) {
-        r[0] = s->fixed[i] & 1 ? 0 : -r[0];
-        r[1] = s->fixed[i] & 2 ? 0 : -r[1];
-        r[2] = s->fixed[i] & 4 ? 0 : -r[2];
-    }
+    for (i = 0; i < 3 * s->model->nv; i++) r[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : -r[i];
 }
 
 /* Each element is finite by promise: their sum, a host's term, contact or a matrix need not be.
@@ -13411,7 +13357,8 @@ static cloth_status clothi_need_work(cloth_sim *s) {
         {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->own.energy_batch, lanes, 1},
         {&s->own.loss_batch, lanes, damped}, {&s->own.force, (size_t)m->force_size, 1},
         {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->x_prev, n, bdf2},
-        {&s->v_prev, n, implicit}, {&s->w.free, n, s->contact_on && implicit}};
+        {&s->v_prev, n, implicit}, {&s->still_x, n, m->desc.sleep > 0},
+        {&s->w.free, n, s->contact_on && implicit}};
     cloth_status status = CLOTH_OK;
     size_t       i;
     for (i = 0; i < sizeof need / sizeof *need && !status; i++)
@@ -13558,10 +13505,9 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     return status;
 }
 
-/* The smaller principal stretch of face f. */
-static double clothi_face_stretch(const cloth_sim *s, int f) {
-    double corners[9], stretch[2];
-    int    k;
+/* Principal stretches of face f, large one first, and its corners. Returns the smaller one. */
+static double clothi_face_stretch(const cloth_sim *s, int f, double *stretch, double *corners) {
+    int k;
     for (k = 0; k < 9; k++) corners[k] = s->state.x[3 * s->model->faces[3 * f + k / 3] + k % 3];
     cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
     return stretch[1];
@@ -13600,11 +13546,11 @@ static const double *clothi_shapes(cloth_sim *s, const clothi_group *g, int firs
 static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
     const clothi_group *g = &s->model->membrane;
     const double *square;
-    double low = HUGE_VAL, stretch;
+    double low = HUGE_VAL, stretch, both[2], corners[9];
     int    k, f;
     report->min_stretch = HUGE_VAL;
     for (f = 0; g->kind != CLOTHI_TRIANGLE && f < s->model->nf; f++) {
-        stretch = clothi_face_stretch(s, f);
+        stretch = clothi_face_stretch(s, f, both, corners);
         if (stretch < report->min_stretch) report->min_stretch_face = f;
         report->min_stretch = clothi_min(stretch, report->min_stretch);
         report->collapsed += stretch < CLOTHI_COLLAPSED;
@@ -13618,7 +13564,7 @@ static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
             low = square[k], report->min_stretch_face = f;
     }
     if (report->min_stretch_face >= 0)
-        report->min_stretch = clothi_face_stretch(s, report->min_stretch_face);
+        report->min_stretch = clothi_face_stretch(s, report->min_stretch_face, both, corners);
 }
 
 static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
@@ -13703,16 +13649,65 @@ static void clothi_record_give(cloth_sim *s, double h, int n, const cloth_report
     s->recorder.step(s->recorder.user, &r);
 }
 
+/* --- sleep --- */
+
+/* Something of contact is under way. */
+static int clothi_moves(const cloth_sim *s) {
+    return s->contact_on && s->contact.moves && s->contact.moves(s->contact.user);
+}
+
+/* The step that begins finds all as the one that fell asleep has left it. */
+static int clothi_sleeps(const cloth_sim *s) {
+    const size_t n = 3 * (size_t)s->model->nv;
+    int          i;
+    if (!(s->model->desc.sleep > 0) || s->still < s->model->desc.sleep || !s->still_x) return 0;
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++)
+        if (memcmp(s->attach[i].pose, s->attach[i].target, sizeof s->attach[i].pose)) return 0;
+    return memcmp(s->state.x, s->still_x, n * sizeof(double)) == 0 &&
+           !(clothi_max_abs(s->state.v, (int)n) > 0) && !clothi_moves(s);
+}
+
+/* At the end of a step that did not sleep: how long the sim has been at rest. */
+static void clothi_watch(cloth_sim *s, double h) {
+    const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    const double most = 4 * s->model->desc.tolerance * s->model->desc.tolerance;
+    double       still = s->still < s->model->desc.sleep ? s->still : 0;    /* woken: from now */
+    int          i;
+    s->rested.outcome = CLOTH_STEP_NONE;
+    if (!(s->model->desc.sleep > 0)) return;
+    if (!(still > 0)) memcpy(s->still_x, s->w.x0, bytes);
+    still = clothi_moves(s) ? 0 : still + h;
+    for (i = 0; i < s->model->nv && still > 0; i++) {
+        double d[3];
+        clothi_sub3(s->state.x + 3 * i, s->still_x + 3 * i, d);
+        if (clothi_dot3(d, d) > most) still = 0;
+    }
+    if (still >= s->model->desc.sleep) {
+        clothi_forget(s);
+        memset(s->state.v, 0, bytes);
+        memcpy(s->still_x, s->state.x, bytes);
+    }
+    s->still = still;
+}
+
 static cloth_status clothi_step_run(cloth_sim *s, double h, cloth_report *report) {
+    const int    leap = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
     cloth_status status = CLOTH_OK;
     int          k, m = s->model->desc.substeps > 0 ? s->model->desc.substeps : 1;
-    if (s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
-        return clothi_step_leapfrog(s, h, report);
-    report->outcome = CLOTH_STEP_CONVERGED;
-    for (k = 0; k < m && !status; k++) {
+    if (s->asleep) {
+        s->state.t += h;
+        report->outcome = CLOTH_STEP_ASLEEP;
+        if (s->balance && !s->rested.outcome && s->contact_on && s->contact.balance)
+            s->contact.balance(s->contact.user, &report->energy);
+        return CLOTH_OK;
+    }
+    if (leap) status = clothi_step_leapfrog(s, h, report);
+    else report->outcome = CLOTH_STEP_CONVERGED;
+    for (k = 0; k < m && !status && !leap; k++) {
         clothi_input(s, h / m, (double)k / m, (double)(k + 1) / m);
         status = clothi_substep_implicit(s, report);
     }
+    if (!status) clothi_watch(s, h);
     return status;
 }
 
@@ -13769,7 +13764,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
                                    cloth_report *wanted) {
     const double start = clothi_now(&s->hooks);
     long long    allocations = s->allocations;
-    int          known = s->known && !s->nattach, contacts = 0;
+    int          known = s->known && !s->nattach, contacts = 0, news;
     cloth_report local, *report = wanted ? wanted : &local;
     cloth_ledger before;
     cloth_status status;
@@ -13786,15 +13781,19 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     if (!status) {
         s->balance = wanted != NULL;
         clothi_input(s, 0, 0, 0);           /* at the step's start */
-        if (wanted) status = clothi_energy_before(s, known, &before);
+        s->asleep = run == clothi_step_run && clothi_sleeps(s);
+        news = wanted && !(s->asleep && s->rested.outcome);
+        if (wanted && !news) *report = s->rested, report->h = h;
+        if (news) status = clothi_energy_before(s, known, &before);
         if (!status) status = run(s, h, report);
-        if (!status && wanted) status = clothi_report_after(s, &before, report);
+        if (!status && news) status = clothi_report_after(s, &before, report);
         if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
         if (status) {
             clothi_put_back(s, report);
             if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;
         } else {
             clothi_accept(s, report);
+            if (news && s->asleep) s->rested = *report;
             if (s->recorder.step)
                 clothi_record_give(s, run == clothi_static_run ? 0 : h, contacts, report);
         }
@@ -13893,13 +13892,19 @@ static int clothi_leader(const cloth_model *m, int vertex, int axis) {
     return m->tie && m->tie[3 * vertex + axis] >= 0 ? m->tie[3 * vertex + axis] : vertex;
 }
 
+static cloth_status clothi_check_pin(const cloth_sim *s, const char *call, int vertex) {
+    if (!s || (vertex >= 0 && vertex < s->model->nv)) return s ? CLOTH_OK : CLOTH_ERR_ARGUMENT;
+    return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "%s: vertex %i but nv = %i", call, vertex,
+                       s->model->nv);
+}
+
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
                                      const double target[3]) {
-    int k;
-    if (!sim) return CLOTH_ERR_ARGUMENT;
-    if (vertex < 0 || vertex >= sim->model->nv)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: vertex %i but nv = %i",
-                           vertex, sim->model->nv);
+    unsigned char pin;
+    double        to;
+    int           k;
+    cloth_status  status = clothi_check_pin(sim, "cloth_sim_pin", vertex);
+    if (status) return status;
     if (axes == 0 || axes > CLOTH_AXIS_ALL)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: axes %i must be 1 to 7",
                            (int)axes);
@@ -13910,25 +13915,25 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
     for (k = 0; k < 3; k++) {
         const int v = clothi_leader(sim->model, vertex, k);
         if (!(axes >> k & 1)) continue;
-        sim->target[3 * v + k] =
-            target ? target[k] + (sim->model->x[3 * v + k] - sim->model->x[3 * vertex + k])
-                   : sim->state.x[3 * v + k];
-        sim->pin[v] = (unsigned char)(sim->pin[v] | 1u << k);
+        to = target ? target[k] + (sim->model->x[3 * v + k] - sim->model->x[3 * vertex + k])
+                    : sim->state.x[3 * v + k];
+        clothi_set(sim, sim->target + 3 * v + k, &to, sizeof to);
+        pin = (unsigned char)(sim->pin[v] | 1u << k);
+        clothi_set(sim, sim->pin + v, &pin, 1);
     }
     return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
-    int k;
-    if (!sim) return CLOTH_ERR_ARGUMENT;
-    if (vertex < 0 || vertex >= sim->model->nv)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_sim_unpin: vertex %i but nv = %i", vertex, sim->model->nv);
-    for (k = 0; k < 3; k++) {
+    unsigned char pin;
+    int           k;
+    cloth_status  status = clothi_check_pin(sim, "cloth_sim_unpin", vertex);
+    for (k = 0; k < 3 && !status; k++) {
         const int v = clothi_leader(sim->model, vertex, k);
-        sim->pin[v] = (unsigned char)(sim->pin[v] & ~(1u << k));
+        pin = (unsigned char)(sim->pin[v] & ~(1u << k));
+        clothi_set(sim, sim->pin + v, &pin, 1);
     }
-    return CLOTH_OK;
+    return status;
 }
 
 /* An attachment, or NULL. id = slot + 1 in the low half, generation in the high; 0 is none. */
@@ -13977,7 +13982,7 @@ static cloth_status clothi_attach_add(cloth_sim *s, int face, const double *bary
     (void)clothi_attach_gap(s->model, NULL, &q, s->state.x, v, w, q.pose);  /* without a jerk */
     status = clothi_check_vector(&s->hooks, "attachment: state.x at the face", q.pose, 3);
     if (status) return status;
-    s->attach[i] = q;
+    clothi_set(s, s->attach + i, &q, sizeof q);
     s->made[i] = ++s->generation;
     s->nattach++;
     id->id = (s->made[i] & 0xffffu) << 16 | (uint32_t)(i + 1);
@@ -14017,10 +14022,12 @@ CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
     sim->made[q - sim->attach] = 0;
     memset(q, 0, sizeof *q);
     sim->nattach--;
+    sim->still = 0;
     return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
+    const int    on = f != NULL;
     cloth_status status;
     size_t       n;
     if (!sim) return CLOTH_ERR_ARGUMENT;
@@ -14028,9 +14035,9 @@ CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
     status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force: f", f, (int)n);
     if (!status && f) status = clothi_need(sim, &sim->force, n);
     if (status) return status;
-    if (f) memcpy(sim->force, f, n * sizeof(double));
+    if (f) clothi_set(sim, sim->force, f, n * sizeof(double));
     else if (sim->force) memset(sim->force, 0, n * sizeof(double));
-    sim->force_on = f != NULL;
+    clothi_set(sim, &sim->force_on, &on, sizeof on);
     return CLOTH_OK;
 }
 
@@ -14039,18 +14046,19 @@ CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) 
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!g) return clothi_null(&sim->hooks, "cloth_sim_set_gravity: g");
     status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity: g", g, 3);
-    if (!status) memcpy(sim->gravity, g, sizeof sim->gravity);
+    if (!status) clothi_set(sim, sim->gravity, g, sizeof sim->gravity);
     sim->known = 0;
     return status;
 }
 
 CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]) {
+    const int    on = w != NULL;
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     status = w ? clothi_check_vector(&sim->hooks, "cloth_sim_set_wind: w", w, 3) : CLOTH_OK;
     if (status) return status;
-    if (w) memcpy(sim->wind, w, sizeof sim->wind);
-    sim->wind_on = w != NULL;
+    if (w) clothi_set(sim, sim->wind, w, sizeof sim->wind);
+    clothi_set(sim, &sim->wind_on, &on, sizeof on);
     return CLOTH_OK;
 }
 
@@ -14084,7 +14092,7 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY, "cloth_sim_add_term: %i terms at most",
                            CLOTHI_MAX_TERMS - sim->nbuiltin);
     sim->term[sim->nterms++] = *term;
-    sim->known = 0;
+    sim->known = 0, sim->still = 0;
     return CLOTH_OK;
 }
 
@@ -14096,7 +14104,7 @@ CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact
                     !contact->resolve || !contact->commit))
         return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, start, update, eval, "
                                         "max_step, close, resolve or commit");
-    sim->contact_on = contact != NULL;
+    sim->contact_on = contact != NULL, sim->still = 0;
     if (contact) sim->contact = *contact;
     return CLOTH_OK;
 }
@@ -14201,7 +14209,7 @@ static const char *clothi_forged_field(const cloth_sim *s) {
     }
     if (s->history >> 1 || s->force_on >> 1 || s->wind_on >> 1 || s->params.mass_given >> 1)
         return "history, force_on, wind_on or mass_given";
-    if (s->h_prev < 0) return "h_prev";
+    if (s->h_prev < 0 || s->still < 0) return "h_prev or still";
     for (i = 0; i < s->model->nv; i++)
         if (s->pin[i] > CLOTH_AXIS_ALL) return "pin";
     for (i = 0; i < s->model->desc.max_attachments; used += s->attach[i++].used) {
@@ -14237,7 +14245,7 @@ static cloth_status clothi_load(cloth_sim *s, const void *buf, size_t bytes, int
                         status ? 0 : CLOTHI_MAX_TERMS);
     for (i = 0; i < s->model->desc.max_attachments; i++)
         if (s->made[i] > s->generation) s->generation = s->made[i];
-    s->known = 0;
+    s->known = 0, s->rested.outcome = CLOTH_STEP_NONE;
     return status;
 }
 
@@ -14322,9 +14330,7 @@ CLOTHI_OUTLINE static void clothi_vertex_normal(const cloth_sim *s, int i, doubl
         clothi_sub3(s->state.x + 3 * v[1], s->state.x + 3 * v[0], a);
         clothi_sub3(s->state.x + 3 * v[2], s->state.x + 3 * v[0], b);
         clothi_cross3(a, b, c);
-        n[0] += c[0];
-        n[1] += c[1];
-        n[2] += c[2];
+        n[0] += c[0], n[1] += c[1], n[2] += c[2];
     }
     len = sqrt(clothi_dot3(n, n));
     for (k = 0; k < 3; k++) n[k] = len > 0 ? n[k] / len : k == 1 ? 1.0 : 0.0;
@@ -14406,14 +14412,11 @@ CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const doubl
 
 CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smallest,
                                            double *largest) {
-    int f, k;
+    int f;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     for (f = 0; f < sim->model->nf; f++) {
         double corners[9], stretch[2];
-        for (k = 0; k < 9; k++)
-            corners[k] = sim->state.x[3 * sim->model->faces[3 * f + k / 3] + k % 3];
-        cloth_stretch_state(corners, sim->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL,
-                            stretch);
+        (void)clothi_face_stretch(sim, f, stretch, corners);
         if (smallest) smallest[f] = stretch[1];
         if (largest) largest[f] = stretch[0];
     }
@@ -14427,12 +14430,9 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
     if (!sim || !draw) return;
     m = sim->model;
     for (f = 0; draw->triangle && f < m->nf; f++) {
-        const int *v = m->faces + 3 * f;
-        double     corners[9], stretch[2];
-        unsigned   hot, cold;
-        for (k = 0; k < 9; k++) corners[k] = sim->state.x[3 * v[k / 3] + k % 3];
-        cloth_stretch_state(corners, sim->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL,
-                            stretch);
+        double   corners[9], stretch[2];
+        unsigned hot, cold;
+        (void)clothi_face_stretch(sim, f, stretch, corners);
         hot = (unsigned)(255 * fmin(fmax(stretch[0] - 1, 0) * 10, 1));
         cold = (unsigned)(255 * fmin(fmax(1 - stretch[1], 0) * 10, 1));
         draw->triangle(corners, corners + 3, corners + 6,

@@ -80,8 +80,6 @@
  * always. A step that cannot keep this returns a status, with outcome and pairs
  * (cloth_collide_failed), and the state is bit for bit as before. The promise is detection's [4.1],
  * which every move of the minimiser passes; the potential only decides where the cloth goes.
- * It holds over several steps as each holds: what did not intersect at the start of one does not at
- * its end.
  *
  * EXEMPT FROM IT
  *   - pairs that intersect at the start, where they are let in (CLOTH_INITIAL_EXEMPT), until they
@@ -104,27 +102,24 @@
  *     each of report.substeps
  *   - statics: refused for a sim that has contact
  *
- * ENERGY. A step begins to minimise from a feasible point that is no worse than where the step
- * began, among obstacles that rest, and goes downhill: an impact takes energy and gives none.
+ * ENERGY. Among obstacles that rest a step goes downhill from a feasible point no worse than where
+ * it began: an impact gives no energy but by what a search at its cap leaves undone.
  *
  * NOT PROMISED. That a step succeeds: cloth that is pinched below its separation between obstacles
  * has no answer. That Newton converges: after CLOTHI_CONTACT_CAP iterations a step ends where it
- * is, feasible, with outcome CLOTH_STEP_MAX_ITERATIONS; cloth that hits an edge at 10 m/s and
- * garments in motion do in a tenth to most of their steps.
+ * is, feasible, with outcome CLOTH_STEP_MAX_ITERATIONS; garments in pinches do in a fifth of them.
  *
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
- *   sheet 32 x 32 on a sphere (12_drape.c)                     53, obstacles alone 27; 90 steps
- *   polo shirt of 2 600 faces on a jumping body of 27 000      1 000 to 4 000
+ *   sheet 32 x 32 on a sphere (12_drape.c)                     29, obstacles alone 15; 90 steps
+ *   T-shirt of 10 000 faces on a walking body of 27 000        500 to 10 000
  * It grows with pairs in range rather than with faces: layers that lie on each other are dear, and
  * a cloth folded many times can cost ten times the same cloth spread out. Without desc.contact
  * nothing is called and nothing allocated.
  *
  * EACH PARAMETER              what more of it does to the result | to the cost and the promise
  *   thickness    t: layers feel each other from t on and rest a little nearer | more pairs, which
- *                is what costs. A fifth of an edge's length is a good size; much over an
- *                edge, faces that are neighbours but one are pairs. Too thin: detection's
- *                separation t/4 nears rounding, pushes get stiffer. The pinch at which a step fails
- *                is t/4 wide on either side
+ *                is what costs. A fifth of an edge's length is a good size; much over an edge,
+ *                neighbours but one are pairs. Too thin: t/4 nears rounding, pushes get stiffer
  *   stiffness    0 follows the weight. More: closer to t, less sinking under load | worse
  *                condition, more Newton iterations. The promise does not depend on it
  *   relaxation   slower rise after an impact | damping is implicit, about free
@@ -133,9 +128,8 @@
  *   slip         give before a contact that sticks holds fully | smaller: stiffer, more iterations;
  *                larger: visible give, though no creep. A slide at 0.99 tan a begins 0.1 % late
  *   max_passes   rounds of detection and zones | fewer: hard steps fail sooner and cheaper
- *   initial      REFUSE names what intersects before the first step, EXEMPT counts it and lets it
- *                part, of itself or by cloth_collide_untangle | exempt pairs are outside of the
- *                promise until they do
+ *   initial      REFUSE names what intersects before the first step, EXEMPT lets it part, of itself
+ *                or by cloth_collide_untangle | until then it is outside of the promise
  *   halvings     of cloth_collide_step: what fails is tried over h/2, h/4, .. ; the fraction
  *                reached is reported and time has moved by it | each try costs a step
  */
@@ -392,8 +386,7 @@ typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()    
     double              thickness;          /* m, of contact with it; 0 (default): the desc's  */
     double              friction;           /* default 0.3                                     */
     uint32_t            category, mask;     /* default 1 and all                               */
-    int                 self_penetrating;   /* MESH, closed, all faces outwards: cloth between
-                                               two parts of it is carried by both        [8.3] */
+    int                 self_penetrating;   /* MESH, closed, outwards: drags what is in it [8.3] */
     const cloth_grid   *grid;               /* GRID; borrowed, unchanged while the obstacle is
                                                there; its band over radius + thickness         */
 } cloth_obstacle_desc;
@@ -506,7 +499,11 @@ CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacl
 CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id, int obstacle_face,
                                             const double at[3], int face, const double bary[3],
                                             double k, cloth_attachment *attachment);
-/* There at once; what intersects cloth then is refused or exempt as at create. */
+/* There at once; what intersects cloth then is refused or exempt as at create.
+ * A sim that sleeps (cloth_step) is woken by move and pose where the box of the way, out by the
+ * thickness, meets that of a face of the cloth, or of a plane or a grid; by add, remove, teleport,
+ * another friction or surface. Cloth in a pinch does not sleep. Queries answer as when it fell
+ * asleep; after a restore they know of no contact until it wakes. */
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x);
 
@@ -837,8 +834,7 @@ static void clothi_face_normal(const double *x, const int *v, double *n) {
     for (k = 0; k < 3 && size > 0; k++) n[k] /= size;
 }
 
-/* Squared distance m^2 of p from face v [3] of x; b [3]: barycentric coordinates of the nearest
- * point. */
+/* Squared distance m^2 of p from face v [3] of x; b [3]: the nearest point, barycentric. */
 static double clothi_face_distance2(const double *x, const int *v, const double *p, double *b) {
     double r[9], lambda[4], d[3];
     int    i;
@@ -4819,11 +4815,10 @@ static void clothi_exempt_part(cloth_collide *c) {
  * turn v round, it gets the majorizer's mu N/|v| instead.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
- * a pole (a pressed pair climbed 10^12); N from the step before (no friction in the first step of a
- * contact); a secant by what the matrix has behind a contact, from its diagonal (a thousand times
- * too stiff for layers that move together: a cloth never slipped out of a ring), or as measured
- * between two solves (half as fast); one stiffness for all ranges (in slivers of a mesh, 20 um
- * wide, forces of newtons came 1e-7 m above the pole, at 10^12 N/m).
+ * a pole (a pressed pair climbed 10^12); N from the step before (a step without friction); a secant
+ * by what the matrix's diagonal has behind a contact (a thousand times too stiff where layers move
+ * together); one stiffness for all ranges (forces of slivers of a mesh, newtons, came 1e-7 m above
+ * the pole, at 10^12 N/m).
  *
  * Distance grids. No detection stands behind the potential, and cloth may be inside: along the way
  * of a vertex the grid is sampled, and where it comes nearer than 3 t, gap and n are taken and
@@ -4961,10 +4956,8 @@ static double clothi_vertex_convex(const cloth_collide *c, int v, const double *
     return share;
 }
 
-/* Share of its force that a pair has. Where surfaces are flat or hollow, vertices near faces say
- * all of their distance. A pair of edges counts where both are convex towards each other, where
- * their middles cross and where they are not parallel; a vertex of an obstacle where it is
- * convex. */
+/* Share of its force that a pair has: where surfaces are flat or hollow, vertices near faces say
+ * all of their distance; a vertex of an obstacle counts where it is convex. */
 static double clothi_contact_share(const cloth_collide *c, const clothi_contact *q,
                                    const double *x) {
     double p[12], e[3], r[3], n[3], d[3], s = q->w[1], t = -q->w[3], sine, a, b;
@@ -5601,11 +5594,10 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
 
 /* --- moves from a feasible point ---
  *
- * From there on everything is where the substep ends but for the cloth, and every move is cut where
- * a pair would come nearer than its minimum separation. The broad phase is made for a segment and
- * some slack around it and serves as long as the iterates stay there. Of each pair a lower bound of
- * the way to its range is known, exact when last looked at and less by what has moved since: most
- * are done with by one comparison. What may come into range on a move becomes a contact. */
+ * From there on every move of the cloth is cut where a pair would come near its pole. The broad
+ * phase is made for a segment and some slack around it and serves while the iterates stay there. Of
+ * each pair a bound of the way to its range is known, exact when last looked at and less by what
+ * has moved since: one comparison for most. What may come into range on a move is a contact. */
 
 #define CLOTHI_LIST_SLACK 1.0               /* t, around the segment that a list is made for   */
 #define CLOTHI_REACH      0.25              /* t: how much farther than in range is a contact  */
@@ -5738,8 +5730,7 @@ static cloth_status clothi_list_join(cloth_collide *c, const double *x, const do
     return status || c->ncontact == sorted ? status : clothi_contact_sort(c, sorted);
 }
 
-/* How near a pair at gap d may come in one move that has its pole at `pole`: nine tenths of the
- * way. */
+/* How near a pair at gap d may come in a move with its pole at `pole`: nine tenths of the way. */
 static double clothi_pole_guard(double pole, double d) {
     return d > pole ? pole + 0.1 * (d - pole) : 0.5 * d;
 }
@@ -5938,10 +5929,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            n0 . n1 < -0.3, and at either pose of the substep (A1 - A0) . m is less than 2 t,
  *            m = (n0 - n1)/|n0 - n1|
  *   kept     both points slide from face to face, of those that look at the other one, nearest to
- *            p at x^n. p goes the mean of their ways w0, w1, and along m by (1 - s) w0 + s w1, with
- *            the share s = (p - A0).m / (A1 - A0).m that it had when it was caught: layers keep
- *            their order, and neighbours whose shares differ are not torn where the parts slide on
- *            each other. Where the points slid, s comes back by at most t a substep
+ *            p at x^n. p is to go the mean of their ways w0, w1, and along m (1 - s) w0 + s w1,
+ *            with the share s = (p - A0).m / (A1 - A0).m that it had when it was caught. Where the
+ *            points slid, s comes back by at most t a substep
  *   free     outside of both faces where it is, with more than 2 t there and 3 t where it goes
  *
  * The pull, k/2 |x - to|^2 with k a tenth of the membrane's stiffness, begins anew at x^n in every
@@ -6276,7 +6266,7 @@ static int clothi_pinched_feature(const cloth_collide *c, int kind, int a, int v
     return 0;
 }
 
-/* Whether a pair with a body is exempt since that holds vertices of it. */
+/* Exempt since the body holds vertices of it. */
 static int clothi_pair_held(const cloth_collide *c, int kind, int a, int b) {
     const int slot = clothi_pair_slot(c, kind, a, b);
     int       v[4], n = clothi_pair_vertices(c, kind, a, b, v), i, held = 0, cloth = 0;
@@ -7252,18 +7242,40 @@ static void clothi_contact_rollback(void *user, cloth_report *report) {
     if (report) report->failed_pairs = c->nfailed;
 }
 
-static void clothi_contact_commit(void *user, cloth_report *report) {
-    cloth_collide *c = (cloth_collide *)user;
-    clothi_anchor *swap = c->anchor;
-    cloth_hold     *hold = c->hold;
-    double         least = c->thickest;
-    int            o, i, active = 0, cap = c->anchor_cap;
+/* cloth_contact.moves: the box of an obstacle's way meets that of a face; a wall; a pinch. */
+static int clothi_contact_moves(void *user) {
+    const cloth_collide *c = (const cloth_collide *)user;
+    int                  o, i, k;
     for (o = 0; o < c->nobstacle; o++) {
-        clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
-        memcpy(clothi_pose(b, 0), clothi_pose(b, 1), 3 * (size_t)b->nv * sizeof(double));
-        memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
+        const clothi_obstacle *b = c->obstacle + o;
+        const double          *p = b->x, *x = c->sim->state.x;
+        const double           reach = b->thickness + clothi_slot_radius(c, o);
+        double                 own[6], box[6], face[6];
+        if (!b->used ||
+            (!memcmp(p, p + 3 * b->nv, 3 * (size_t)b->nv * sizeof *p) &&
+             !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0])))
+            continue;
+        if (clothi_is_wall(b)) return 1;
+        for (i = 0; i < b->nv; i++) {
+            clothi_swept_boxes(1, p + 3 * i, p + 3 * (b->nv + i), reach, box);
+            clothi_box_join(box, i ? own : box, own);
+        }
+        for (i = 0; i < 3 * c->nf; i += 3) {
+            for (k = 0; k < 3; k++) {
+                clothi_swept_boxes(1, x + 3 * c->faces[i + k], NULL, 0, box);
+                clothi_box_join(box, k ? face : box, face);
+            }
+            if (clothi_boxes_meet(own, face)) return 1;
+        }
     }
+    return c->nhold > 0 || (c->begun && c->nholding > 0);
+}
+
+/* What the step under way has made of anchors, exempt pairs and holds becomes state. */
+static void clothi_contact_accept(cloth_collide *c) {
+    clothi_anchor *swap = c->anchor;
+    cloth_hold    *hold = c->hold;
+    int            i, cap = c->anchor_cap;
     c->anchor = c->next, c->nanchor = c->nnext, c->anchor_cap = c->next_cap;
     c->next = swap, c->nnext = 0, c->next_cap = cap;
     cap = c->hold_cap;
@@ -7274,12 +7286,27 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     clothi_exempt_part(c);
     clothi_exempt_accept(c);
     c->begun = 0;
+}
+
+static void clothi_contact_commit(void *user, cloth_report *report) {
+    cloth_collide *c = (cloth_collide *)user;
+    double         least = c->thickest;
+    int            o, i, active = 0;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        memcpy(clothi_pose(b, 0), clothi_pose(b, 1), 3 * (size_t)b->nv * sizeof(double));
+        memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
+    }
+    if (c->begun) {                         /* not of a sim that sleeps */
+        clothi_contact_accept(c);
+        c->inexact = report && report->outcome == CLOTH_STEP_MAX_ITERATIONS;
+    }
     for (i = 0; i < c->ncontact; i++) {
         active += c->contact[i].force > 0;
         if (!c->contact[i].soft) least = clothi_min(least, c->contact[i].gap);
     }
     c->report.exempt_pairs = c->nexempt;
-    c->inexact = report && report->outcome == CLOTH_STEP_MAX_ITERATIONS;
     if (!report) return;
     report->contacts = active;
     report->exempt_pairs = c->nexempt;
@@ -7308,7 +7335,7 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
     const cloth_collide *c = (const cloth_collide *)user;
     int                  i, j, k;
     ledger->contact = clothi_contact_stored(c);
-    for (i = 0; i < c->ncontact; i++) {
+    for (i = 0; i < c->ncontact && c->begun; i++) {
         const clothi_contact *q = c->contact + i;
         double                loss = clothi_dot3(q->tangent, q->carry), work = 0;
         for (j = 0; j < q->n; j++)
@@ -7701,30 +7728,22 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
 }
 
 static cloth_status clothi_collide_arrays(cloth_collide *c) {
-    const cloth_hooks *k = c->hooks;
-    const size_t       nv = (size_t)c->nv;
-    c->vertex_part = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->x_ie = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->x_list = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->x_frame = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->way_in = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->moved = (unsigned char *)clothi_alloc(k, nv, 1);
-    c->frozen = (unsigned char *)clothi_alloc(k, nv, 1);
-    c->zone_of = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->zone_number = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->local = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->member = (int *)clothi_alloc(k, nv, sizeof(int));
-    c->work = (cloth_qp_work **)clothi_alloc(k, (size_t)c->nwork, sizeof *c->work);
-    c->qp_minv = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->qp_x0 = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    c->qp_x = (double *)clothi_alloc(k, 3 * nv, sizeof(double));
-    if (c->desc.nparts)
-        c->part = (cloth_collide_part *)clothi_alloc(k, (size_t)c->desc.nparts, sizeof *c->part);
-    return c->vertex_part && c->x_ie && c->x_list && c->x_frame && c->way_in && c->moved &&
-                   c->frozen && c->zone_of && c->zone_number && c->local && c->member && c->work &&
-                   c->qp_minv && c->qp_x0 && c->qp_x && (c->part || !c->desc.nparts)
-               ? CLOTH_OK
-               : CLOTH_ERR_MEMORY;
+    const size_t nv = (size_t)c->nv, one = sizeof(int), real = sizeof(double);
+    const struct { void *at; size_t n, size; } need[] = {
+        {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real}, {&c->x_list, 3 * nv, real},
+        {&c->x_frame, 3 * nv, real}, {&c->way_in, 3 * nv, real}, {&c->moved, nv, 1},
+        {&c->frozen, nv, 1}, {&c->zone_of, nv, one}, {&c->zone_number, nv, one},
+        {&c->local, nv, one}, {&c->member, nv, one}, {&c->qp_minv, 3 * nv, real},
+        {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
+        {&c->work, (size_t)c->nwork, sizeof *c->work},
+        {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
+    size_t i;
+    for (i = 0; i < sizeof need / sizeof *need; i++) {
+        void *made = need[i].n ? clothi_alloc(c->hooks, need[i].n, need[i].size) : NULL;
+        if (need[i].n && !made) return CLOTH_ERR_MEMORY;
+        memcpy(need[i].at, &made, sizeof made);
+    }
+    return CLOTH_OK;
 }
 
 /* Pa/m: a sheet under 30 times its weight rests where the force is k t/4, at t/2. */
@@ -7751,29 +7770,14 @@ static int clothi_contact_list(void *user, int max, void *contact) {
 }
 
 static void clothi_collide_connect(cloth_collide *c) {
-    cloth_contact k;
-    memset(&k, 0, sizeof k);
-    k.user = c;
-    k.begin = clothi_contact_begin;
-    k.update = clothi_contact_update;
-    k.eval = clothi_contact_eval;
-    k.max_step = clothi_contact_max_step;
-    k.block = clothi_contact_block;
-    k.start = clothi_contact_start_at;
-    k.close = clothi_contact_close;
-    k.resolve = clothi_contact_resolve;
-    k.commit = clothi_contact_commit;
-    k.rollback = clothi_contact_rollback;
-    k.reset = clothi_contact_reset;
-    k.save_size = clothi_contact_save_size;
-    k.save = clothi_contact_save;
-    k.load = clothi_contact_load;
-    k.bytes = clothi_contact_bytes;
-    k.check = clothi_contact_unsaved;
-    k.balance = clothi_contact_balance;
-    k.contacts = clothi_contact_list;
-    k.contact_size = sizeof(cloth_collide_contact);
-    k.orphan = clothi_contact_orphan;
+    const cloth_contact k = {
+        c, clothi_contact_begin, clothi_contact_update, clothi_contact_eval,
+        clothi_contact_max_step, clothi_contact_block, clothi_contact_start_at,
+        clothi_contact_close, clothi_contact_resolve, clothi_contact_commit,
+        clothi_contact_rollback, clothi_contact_reset, clothi_contact_save_size,
+        clothi_contact_save, clothi_contact_load, NULL, clothi_contact_bytes,
+        clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
+        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan};
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -7867,6 +7871,7 @@ static cloth_status clothi_world_change(cloth_collide *c) {
         return status;
     }
     clothi_world_free(&old);
+    c->sim->still = 0;                      /* wakes */
     c->ncontact = c->nrow = c->nfailed = 0;
     return CLOTH_OK;
 }
@@ -8045,8 +8050,7 @@ static cloth_status clothi_obstacle_gone(const cloth_collide *c, cloth_obstacle 
                        (int)(id.id & 0xffffu));
 }
 
-/* What friction and pinches remember of one obstacle; keys name features of the cloth, whose
- * numbers stay. */
+/* What friction and pinches remember of one obstacle; features of the cloth keep their numbers. */
 static void clothi_obstacle_forget(cloth_collide *c, int slot) {
     int i, n = 0;
     for (i = 0; i < c->nanchor; i++)
@@ -8166,7 +8170,7 @@ CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstac
     cloth_status     status;
     if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_set_friction");
     status = clothi_desc_number(c->hooks, "cloth_collide_set_friction: friction", friction, 0);
-    if (!status) o->friction = friction;
+    if (!status) clothi_set(c->sim, &o->friction, &friction, sizeof friction);
     return status;
 }
 
@@ -8181,8 +8185,8 @@ CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacl
         status = clothi_check_places(c->hooks, "cloth_collide_set_surface", ": omega",
                                      omega ? omega : zero, 1);
     if (status) return status;
-    memcpy(o->surface, v ? v : zero, sizeof zero);
-    memcpy(o->surface + 3, omega ? omega : zero, sizeof zero);
+    clothi_set(c->sim, o->surface, v ? v : zero, sizeof zero);
+    clothi_set(c->sim, o->surface + 3, omega ? omega : zero, sizeof zero);
     return CLOTH_OK;
 }
 
@@ -8206,6 +8210,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     else
         clothi_obstacle_forget(c, (int)(o - c->obstacle));
     clothi_free(c->hooks, spare);
+    c->sim->still = 0;
     return status ? status : clothi_carry(c, o, 1);
 }
 

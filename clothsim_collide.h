@@ -5934,7 +5934,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            points slid, s comes back by at most t a substep
  *   free     outside of both faces where it is, with more than 2 t there and 3 t where it goes
  *
- * The pull, k/2 |x - to|^2 with k a tenth of the membrane's stiffness, begins anew at x^n in every
+ * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, begins anew at x^n in every
  * substep: a drag, by which cloth stays whole. Nailed to `to`, as in [BWK03], edges of a T-shirt's
  * armpit grew to 4 to 18 times their length, and held layers crossed each other and the rest.
  *
@@ -5951,7 +5951,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
 #define CLOTHI_OPENED   3                   /* t: room at the end for what is let go           */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
-#define CLOTHI_DRAG     0.1                 /* of the membrane's stiffness: drag on what is held */
+#define CLOTHI_DRAG     0.3                 /* of the membrane's stiffness: drag on what is held */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
 /* Point and normal of side k of a hold in the world's pose x. */

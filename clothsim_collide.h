@@ -1829,11 +1829,6 @@ static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const cloth
     return clothi_pairs_run(hooks, &pairs, 1, 1 << (p + q), 64, clothi_bvh_query_range, &query);
 }
 
-static cloth_status clothi_bvh_self_pairs(const cloth_hooks *hooks, const clothi_bvh *t,
-                                          clothi_pairs *pairs) {
-    return clothi_bvh_cross_pairs(hooks, t, t, pairs);
-}
-
 /* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
  *     clothi_bvh_walk w = clothi_bvh_walk_over(tree, box);
  *     while ((item = clothi_bvh_next(&w)) >= 0) ... */
@@ -1934,12 +1929,8 @@ typedef struct clothi_features {
     unsigned char *owned;                   /* [nf] bit k: corner k, bit 3+k: edge k is owned  */
 } clothi_features;
 
-static void clothi_features_free(const cloth_hooks *hooks, clothi_features *s) {
-    clothi_free(hooks, s->edges);
-    memset(s, 0, sizeof *s);
-}
-
-/* faces [nf x 3] are borrowed as long as *s lives; the smallest face owns. *s is empty on failure:
+/* faces [nf x 3] are borrowed as long as *s lives, s->edges is owned: one block; the smallest face
+ * owns. *s is empty on failure:
  * CLOTH_ERR_MESH: an index out of range, a corner twice; CLOTH_ERR_MEMORY.   cost O(nv + nf) */
 static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
                                           const int *faces, clothi_features *s) {
@@ -2281,7 +2272,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     if (status == CLOTH_OK)
         status = clothi_check_vector(hooks, "cloth_intersections: x", x, 3 * nv);
     if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
-    if (status == CLOTH_OK) status = clothi_bvh_self_pairs(hooks, &tree, &near_by);
+    if (status == CLOTH_OK) status = clothi_bvh_cross_pairs(hooks, &tree, &tree, &near_by);
     if (status == CLOTH_OK) status = clothi_crossing_pairs(hooks, x, faces, &near_by, &found);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
     if (status != CLOTH_OK) goto done;
@@ -3488,7 +3479,7 @@ static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const cloth
     int          i;
     memset(&pairs, 0, sizeof pairs);
     for (i = 0; i < nf; i++) covered[i] = 1;
-    status = clothi_bvh_self_pairs(hooks, s->tree, &pairs);
+    status = clothi_bvh_cross_pairs(hooks, s->tree, s->tree, &pairs);
     for (i = 0; i < pairs.count; i++) {
         const int f = pairs.pair[2 * i], g = pairs.pair[2 * i + 1];
         if (clothi_surface_cut(s, f, g)) covered[f] = covered[g] = 0;
@@ -3923,24 +3914,27 @@ struct cloth_collide {
     clothi_obstacle *obstacle;
     int     nobstacle, obstacle_cap;
     int     nv, nf;                         /* cloth's                                         */
-    int     nw, mf, me;                     /* world's; edges of capsules come last            */
+    int     nw, mf;                         /* world's                                         */
     double  thickest;                       /* m, largest contact thickness                    */
-    int    *faces, *edges;                  /* [mf x 3], [me x 2]                              */
+    /* its arrays, from faces to solid_known: they come and go together */
+    int    *faces, *edges;                  /* [mf x 3], [me x 2] those of capsules last       */
+    int     me;
     int    *edge_face;                      /* [features.ne x 2] faces at an edge, -1: none    */
     int    *star, *star_face;               /* [nw + 1], [3 mf] faces around a vertex          */
     int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
-    int    *vertex_part;                    /* [nv]                                            */
     double *area;                           /* [nw] m^2, a third of the faces around           */
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
-    double *x_ie;                           /* [nv x 3] the candidate                          */
-    unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was      */
+    unsigned char  *pinched;                /* [mf] faces in a pinch; NULL: none was yet       */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
     double         *far;                    /* [nw + me + mf] m, a move of vertices, edges and
                                                faces; 0 for obstacles'                         */
-    clothi_pairs    meet, vf, ee;
     int             solid_known;            /* which way the obstacles' boxes hold             */
+    double *x_ie;                           /* [nv x 3] the candidate                          */
+    int    *vertex_part;                    /* [nv]                                            */
+    unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
+    clothi_pairs   meet, vf, ee;
 
     /* the substep */
     clothi_contact *contact, *spare;        /* sorted by key; spare: scratch                   */
@@ -3977,7 +3971,7 @@ struct cloth_collide {
     int            *held_of;                /* [nv] number in holding, -1                      */
     cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held ends                */
-    unsigned char  *look, *pinched;         /* [nv] to be looked at, 2: caught; [mf] in a pinch */
+    unsigned char  *look;                   /* [nv] to be looked at, 2: caught                 */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
@@ -4114,40 +4108,32 @@ static cloth_obstacle clothi_obstacle_id(const cloth_collide *c, int slot) {
 
 /* --- the world's arrays --- */
 
-/* c gets the arrays of another collide; NULL: none. Nothing is freed. */
+/* c gets the arrays of another collide. Nothing is freed. */
 static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
-    cloth_collide none;
-    if (!from) {
-        memset(&none, 0, sizeof none);
-        from = &none;
-    }
-    c->features = from->features, c->tree = from->tree, c->solid = from->solid;
-    c->faces = from->faces, c->edges = from->edges, c->slot = from->slot;
-    c->area = from->area, c->xa = from->xa, c->xb = from->xb;
-    c->box_v = from->box_v, c->box_f = from->box_f;
-    c->edge_face = from->edge_face, c->star = from->star, c->star_face = from->star_face;
-    c->me = from->me;
-    c->pinched = from->pinched, c->far = from->far;
-    c->solid_known = 0;
+    memcpy(&c->faces, &from->faces, offsetof(cloth_collide, x_ie) - offsetof(cloth_collide, faces));
 }
 
-static void clothi_world_free(cloth_collide *c) {
-    const cloth_hooks *k = c->hooks;
-    clothi_features_free(k, &c->features);
-    clothi_bvh_free(k, &c->tree);
-    clothi_bvh_free(k, &c->solid);
-    clothi_free(k, c->faces);
-    clothi_free(k, c->edges);
-    clothi_free(k, c->edge_face);
-    clothi_free(k, c->slot);
-    clothi_free(k, c->pinched);
-    clothi_free(k, c->far);
-    clothi_free(k, c->area);
-    clothi_free(k, c->xa);
-    clothi_free(k, c->xb);
-    clothi_free(k, c->box_v);
-    clothi_free(k, c->box_f);
-    clothi_world_take(c, NULL);
+/* Bytes of these arrays; frees them where hooks say how. */
+static size_t clothi_world_blocks(const cloth_collide *c, const cloth_hooks *hooks) {
+    const void *const block[] = {c->faces, c->edges, c->edge_face, c->slot, c->area, c->xa, c->xb,
+                                 c->box_v, c->box_f, c->far, c->pinched, c->features.edges,
+                                 c->tree.node, c->solid.node};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
+}
+
+typedef struct clothi_array {                /* an array to be                                  */
+    void  *at;                              /* address of its pointer                          */
+    size_t n, size;                         /* 0: none                                         */
+} clothi_array;
+
+static cloth_status clothi_arrays(const cloth_hooks *hooks, const clothi_array *need, size_t n) {
+    size_t i;
+    for (i = 0; i < n; i++) {
+        void *made = need[i].n ? clothi_alloc(hooks, need[i].n, need[i].size) : NULL;
+        if (need[i].n && !made) return CLOTH_ERR_MEMORY;
+        memcpy(need[i].at, &made, sizeof made);
+    }
+    return CLOTH_OK;
 }
 
 /* Areas of the template and of obstacles as they were added: not of now, which is no state. */
@@ -4188,19 +4174,6 @@ static int clothi_world_count(cloth_collide *c) {
     return capsules;
 }
 
-static cloth_status clothi_world_trees(cloth_collide *c) {
-    cloth_status status;
-    clothi_swept_boxes(c->nw, c->xa, NULL, 0, c->box_v);
-    clothi_face_boxes(c->mf, c->faces, c->box_v, c->box_f);
-    status = clothi_bvh_build(c->hooks, c->nf, c->box_f, &c->tree);
-    if (!status)
-        status = clothi_bvh_build(c->hooks, c->mf - c->nf, c->box_f + 6 * (size_t)c->nf,
-                                  &c->solid);
-    c->solid.first = c->nf;
-    c->solid_known = 0;
-    return status;
-}
-
 /* Vertices, faces and edges of cloth and obstacles one behind the other. */
 static void clothi_world_fill(cloth_collide *c) {
     int o, i, at = c->features.ne, e = 0;
@@ -4219,12 +4192,15 @@ static void clothi_world_fill(cloth_collide *c) {
     }
 }
 
-/* Faces at edges and around vertices. */
+/* Edges, and the faces at edges and around vertices. */
 static cloth_status clothi_world_stars(cloth_collide *c) {
-    const size_t ne = (size_t)c->features.ne, nw = (size_t)c->nw;
-    int          i;
-    c->edge_face = (int *)clothi_alloc(c->hooks, 2 * ne + nw + 2 + 3 * (size_t)c->mf, sizeof(int));
-    if (!c->edge_face) return CLOTH_ERR_MEMORY;
+    const size_t ne = (size_t)c->features.ne, nw = (size_t)c->nw, mf = (size_t)c->mf;
+    const clothi_array need[] = {{&c->edges, 2 * (size_t)c->me, sizeof(int)},
+                                {&c->far, nw + (size_t)c->me + mf, sizeof(double)},
+                                {&c->edge_face, 2 * ne + nw + 2 + 3 * mf, sizeof(int)}};
+    int               i;
+    if (clothi_arrays(c->hooks, need, 3)) return CLOTH_ERR_MEMORY;
+    memcpy(c->edges, c->features.edges, 2 * ne * sizeof(int));
     c->star = c->edge_face + 2 * ne, c->star_face = c->star + nw + 2;
     for (i = 0; i < 2 * c->features.ne; i++) c->edge_face[i] = -1;
     for (i = 0; i < 3 * c->mf; i++) {
@@ -4237,21 +4213,19 @@ static cloth_status clothi_world_stars(cloth_collide *c) {
     return CLOTH_OK;
 }
 
-/* Into a collide without a world; what a failure leaves is for clothi_world_free. */
+/* Into a collide without a world; what a failure leaves is for clothi_world_blocks. */
 static cloth_status clothi_world_build(cloth_collide *c) {
     const cloth_model *m = c->sim->model;
     const int    capsules = clothi_world_count(c);
-    cloth_status status = CLOTH_OK;
-    int          o, i;
-    c->faces = (int *)clothi_alloc(c->hooks, 3 * (size_t)c->mf, sizeof(int));
-    c->slot = (int *)clothi_alloc(c->hooks, (size_t)c->nw, sizeof(int));
-    c->area = (double *)clothi_alloc(c->hooks, (size_t)c->nw, sizeof(double));
-    c->xa = (double *)clothi_alloc(c->hooks, 3 * (size_t)c->nw, sizeof(double));
-    c->xb = (double *)clothi_alloc(c->hooks, 3 * (size_t)c->nw, sizeof(double));
-    c->box_v = (double *)clothi_alloc(c->hooks, 6 * (size_t)c->nw, sizeof(double));
-    c->box_f = (double *)clothi_alloc(c->hooks, 6 * (size_t)c->mf, sizeof(double));
-    if (!c->faces || !c->slot || !c->area || !c->xa || !c->xb || !c->box_v || !c->box_f)
-        return CLOTH_ERR_MEMORY;
+    cloth_status status;
+    const size_t nw = (size_t)c->nw, mf = (size_t)c->mf, one = sizeof(int), real = sizeof(double);
+    const clothi_array plain[] = {{&c->faces, 3 * mf, one}, {&c->slot, nw, one},
+                                 {&c->area, nw, real}, {&c->xa, 3 * nw, real},
+                                 {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real},
+                                 {&c->box_f, 6 * mf, real}};
+    int               o, i;
+    status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
+    if (status) return status;
     memcpy(c->faces, m->faces, 3 * (size_t)c->nf * sizeof(int));
     memcpy(c->xa, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->nv; i++) c->slot[i] = -1;
@@ -4261,16 +4235,18 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     status = clothi_features_build(c->hooks, c->nw, c->mf, c->faces, &c->features);
     if (status) return status;
     c->me = c->features.ne + capsules;
-    c->edges = (int *)clothi_alloc(c->hooks, 2 * (size_t)c->me, sizeof(int));
-    c->far = (double *)clothi_alloc(c->hooks, (size_t)c->nw + (size_t)c->me + (size_t)c->mf,
-                                    sizeof(double));
-    if (!c->edges || !c->far) return CLOTH_ERR_MEMORY;
-    memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
     status = clothi_world_stars(c);
     if (status) return status;
     clothi_world_fill(c);
     clothi_world_area(c);
-    return clothi_world_trees(c);
+    clothi_swept_boxes(c->nw, c->xa, NULL, 0, c->box_v);
+    clothi_face_boxes(c->mf, c->faces, c->box_v, c->box_f);
+    status = clothi_bvh_build(c->hooks, c->nf, c->box_f, &c->tree);
+    if (!status)
+        status = clothi_bvh_build(c->hooks, c->mf - c->nf, c->box_f + 6 * (size_t)c->nf,
+                                  &c->solid);
+    c->solid.first = c->nf;
+    return status;
 }
 
 /* World vertices at the poses alpha0 (xa) and alpha1 (xb) of the step; cloth at x in both. */
@@ -4291,30 +4267,25 @@ static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, 
 
 /* --- who may touch whom --- */
 
-static uint32_t clothi_category(const cloth_collide *c, int part, int slot, uint32_t *mask) {
-    if (slot >= 0) {
-        *mask = c->obstacle[slot].mask;
-        return c->obstacle[slot].category;
-    }
-    *mask = c->part ? c->part[part].mask : 0xffffffffu;
-    return c->part ? c->part[part].category : 1u;
+/* Category of what a world vertex belongs to. */
+static uint32_t clothi_category(const cloth_collide *c, int v, uint32_t *mask) {
+    const clothi_obstacle    *o = c->slot[v] < 0 ? NULL : c->obstacle + c->slot[v];
+    const cloth_collide_part *part = o || !c->part ? NULL : c->part + c->vertex_part[v];
+    *mask = o ? o->mask : part ? part->mask : 0xffffffffu;
+    return o ? o->category : part ? part->category : 1u;
 }
 
-/* Slots -1: cloth, of the parts p and q. */
-static int clothi_may_touch(const cloth_collide *c, int slot_p, int p, int slot_q, int q) {
-    uint32_t mask_p, mask_q, cat_p, cat_q;
-    if (slot_p >= 0 && slot_q >= 0) return 0;
-    if (slot_p < 0 && slot_q < 0) {
-        if (!c->self) return 0;
-        if (c->part && !(c->part[p].self && c->part[q].self)) return 0;
-    }
-    cat_p = clothi_category(c, p, slot_p, &mask_p);
-    cat_q = clothi_category(c, q, slot_q, &mask_q);
-    return (cat_p & mask_q) != 0 && (cat_q & mask_p) != 0;
-}
-
-static int clothi_part_of(const cloth_collide *c, int v) {
-    return v < c->nv ? c->vertex_part[v] : 0;
+/* Two world vertices. */
+static int clothi_may_touch(const cloth_collide *c, int v, int w) {
+    uint32_t  mask_v, mask_w, of_v, of_w;
+    if (c->slot[v] >= 0 && c->slot[w] >= 0) return 0;
+    if (c->slot[v] < 0 && c->slot[w] < 0 &&
+        (!c->self || (c->part && !(c->part[c->vertex_part[v]].self &&
+                                   c->part[c->vertex_part[w]].self))))
+        return 0;
+    of_v = clothi_category(c, v, &mask_v);
+    of_w = clothi_category(c, w, &mask_w);
+    return (of_v & mask_w) != 0 && (of_w & mask_v) != 0;
 }
 
 /* World vertices of a pair and how many they are. */
@@ -4459,26 +4430,12 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
                      : kind == CLOTHI_VF ? c->faces[3 * b]
                                          : c->obstacle[b].v0;
     cloth_status status;
-    if (!clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q], clothi_part_of(c, q)))
-        return CLOTH_OK;
+    if (!clothi_may_touch(c, p, q)) return CLOTH_OK;
     status = clothi_grow(c->hooks, (void **)&c->pair, c->npair, &c->pair_cap, sizeof *c->pair);
     if (status) return status;
     c->pair[c->npair].kind = kind, c->pair[c->npair].a = a, c->pair[c->npair].b = b;
     c->npair++;
     return CLOTH_OK;
-}
-
-/* The features of the faces in c->meet. */
-static cloth_status clothi_pairs_collect(cloth_collide *c) {
-    cloth_status status;
-    int          i;
-    if (c->meet.count == 0) return CLOTH_OK;
-    status = clothi_pairs_features(c->hooks, &c->features, &c->meet, c->box_v, &c->vf, &c->ee);
-    for (i = 0; i < c->vf.count && !status; i++)
-        status = clothi_pair_add(c, CLOTHI_VF, c->vf.pair[2 * i], c->vf.pair[2 * i + 1]);
-    for (i = 0; i < c->ee.count && !status; i++)
-        status = clothi_pair_add(c, CLOTHI_EE, c->ee.pair[2 * i], c->ee.pair[2 * i + 1]);
-    return status;
 }
 
 /* A sphere's centre, a capsule's ends against faces; its axis against edges. */
@@ -4502,6 +4459,7 @@ static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
 }
 
 enum { CLOTHI_SWEPT = 1, CLOTHI_ENDED = 2 };    /* of obstacles: their whole way; where it ends */
+enum { CLOTHI_MOVED = 1, CLOTHI_CROSS = 2 };    /* only of what c->moved names; faces that cross */
 
 /* Boxes and trees for pairs within `reach` (m): cloth on its way from p to q [nv x 3], obstacles as
  * `solid` says. */
@@ -4529,18 +4487,6 @@ static int clothi_face_moved(const cloth_collide *c, int f) {
     return f < c->nf && (c->moved[v[0]] || c->moved[v[1]] || c->moved[v[2]]);
 }
 
-/* Later passes look at what moved in the last one: other pairs of faces have no such feature. */
-static void clothi_meet_moved(cloth_collide *c) {
-    int i, n = 0;
-    for (i = 0; i < c->meet.count; i++) {
-        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
-        if (!clothi_face_moved(c, f) && !clothi_face_moved(c, g)) continue;
-        c->meet.pair[2 * n] = f;
-        c->meet.pair[2 * n++ + 1] = g;
-    }
-    c->meet.count = n;
-}
-
 /* Nothing makes pairs: no self-contact, and all obstacles are walls. */
 static int clothi_only_walls(const cloth_collide *c) {
     int o, others = c->self;
@@ -4549,28 +4495,47 @@ static int clothi_only_walls(const cloth_collide *c) {
     return !others;
 }
 
-/* Pairs of cloth with itself. Where it flies as a whole the mean of its motion is left out: a sheet
- * thrown through a room meets itself no more than at rest. */
-static cloth_status clothi_self_phase(cloth_collide *c, const double *p, const double *q,
-                                      double reach, int later) {
-    double       mean[3] = {0, 0, 0}, *to = c->qp_x0;
-    cloth_status status;
-    int          i;
-    for (i = 0; q && i < 3 * c->nv; i++) mean[i % 3] += (q[i] - p[i]) / c->nv;
-    for (i = 0; q && i < 3 * c->nv; i++) to[i] = q[i] - mean[i % 3];
-    clothi_swept_boxes(c->nv, p, q ? to : NULL, 0.5 * reach, c->box_v);
+/* Boxes of cloth for pairs with itself. Where it flies as a whole the mean of its motion is left
+ * out: a sheet thrown through a room meets itself no more than at rest. */
+static void clothi_self_boxes(cloth_collide *c, const double *p, const double *q, double reach) {
+    double mean[3] = {0, 0, 0}, *to = c->qp_x0;
+    int    i;
+    for (i = 0; i < 3 * c->nv; i++) mean[i % 3] += (q[i] - p[i]) / c->nv;
+    for (i = 0; i < 3 * c->nv; i++) to[i] = q[i] - mean[i % 3];
+    clothi_swept_boxes(c->nv, p, to, 0.5 * reach, c->box_v);
     clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
     clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
-    status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
-    if (!status && later) clothi_meet_moved(c);
-    return status ? status : clothi_pairs_collect(c);
 }
 
-/* c->pair: what comes within `reach` (m); cloth and obstacles as for clothi_world_boxes. later:
- * only pairs of what c->moved names. */
+static cloth_status clothi_crossings_of(cloth_collide *c);
+
+/* Pairs of cloth's faces with those of a tree: as `what` says their features into c->pair, or those
+ * that cross into c->now. */
+static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
+    cloth_status status = clothi_bvh_cross_pairs(c->hooks, &c->tree, with, &c->meet);
+    int          i, n = 0;
+    for (i = 0; i < c->meet.count && (what & CLOTHI_MOVED); i++) {
+        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
+        if (!clothi_face_moved(c, f) && !clothi_face_moved(c, g)) continue;
+        c->meet.pair[2 * n] = f;
+        c->meet.pair[2 * n++ + 1] = g;
+    }
+    if (what & CLOTHI_MOVED) c->meet.count = n;
+    if (status || c->meet.count == 0) return status;
+    if (what & CLOTHI_CROSS) return clothi_crossings_of(c);
+    status = clothi_pairs_features(c->hooks, &c->features, &c->meet, c->box_v, &c->vf, &c->ee);
+    for (i = 0; i < c->vf.count && !status; i++)
+        status = clothi_pair_add(c, CLOTHI_VF, c->vf.pair[2 * i], c->vf.pair[2 * i + 1]);
+    for (i = 0; i < c->ee.count && !status; i++)
+        status = clothi_pair_add(c, CLOTHI_EE, c->ee.pair[2 * i], c->ee.pair[2 * i + 1]);
+    return status;
+}
+
+/* c->pair: what comes within `reach` (m); cloth and obstacles as for clothi_world_boxes. what: bits
+ * of CLOTHI_MOVED, CLOTHI_CROSS; pairs with walls and round obstacles are listed anyway. */
 static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const double *q,
-                                       int solid, double reach, int later) {
-    const int    apart = c->self && solid == CLOTHI_SWEPT && q;
+                                       int solid, double reach, int what) {
+    const int    flies = c->self && solid == CLOTHI_SWEPT && q;
     cloth_status status = CLOTH_OK;
     int          i, o, edge = c->features.ne;
     c->npair = 0;
@@ -4579,19 +4544,13 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
              i++)
             status = clothi_pair_add(c, CLOTHI_VP, i, o);
     if (status || clothi_only_walls(c)) return status;
-    if (apart) status = clothi_self_phase(c, p, q, reach, later);
+    if (flies) clothi_self_boxes(c, p, q, reach);
+    if (flies) status = clothi_tree_phase(c, &c->tree, what);
     clothi_world_boxes(c, p, q, solid, reach);
-    if (!status) status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
-    if (!status && later) clothi_meet_moved(c);
-    if (!status) status = clothi_pairs_collect(c);
-    if (!status && c->self && !apart) {
-        status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
-        if (!status) status = clothi_pairs_collect(c);
-    }
+    if (!status) status = clothi_tree_phase(c, &c->solid, what);
+    if (!status && c->self && !flies) status = clothi_tree_phase(c, &c->tree, what);
     for (o = 0; o < c->nobstacle && !status; o++) {
-        if (!c->obstacle[o].used || clothi_is_mesh(c->obstacle + o) ||
-            clothi_is_wall(c->obstacle + o))
-            continue;
+        if (!c->obstacle[o].used || c->obstacle[o].nf || clothi_is_wall(c->obstacle + o)) continue;
         status = clothi_pairs_round(c, o, edge);
         edge += c->obstacle[o].kind == CLOTH_OBSTACLE_CAPSULE;
     }
@@ -4682,16 +4641,14 @@ static int clothi_faces_cross(const cloth_collide *c, const double *x, int f, in
     return clothi_faces_intersect(x, c->faces + 3 * f, c->faces + 3 * g);
 }
 
-/* Pairs of faces in c->meet that cross at world positions x. */
-static cloth_status clothi_crossings_of(cloth_collide *c, const double *x) {
+/* Pairs of faces in c->meet that cross at xb. */
+static cloth_status clothi_crossings_of(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
     int          i;
     for (i = 0; i < c->meet.count && !status; i++) {
         const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
-        const int p = c->faces[3 * f], q = c->faces[3 * g];
-        if (clothi_may_touch(c, c->slot[p], clothi_part_of(c, p), c->slot[q],
-                             clothi_part_of(c, q)) &&
-            clothi_faces_cross(c, x, f, g))
+        if (clothi_may_touch(c, c->faces[3 * f], c->faces[3 * g]) &&
+            clothi_faces_cross(c, c->xb, f, g))
             status = clothi_exempt_add(c, CLOTHI_FF, f, g);
     }
     return status;
@@ -4702,18 +4659,12 @@ static cloth_status clothi_crossings(cloth_collide *c) {
     cloth_status status;
     int          i;
     c->nnow = 0;
-    status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, 0);
-    if (!status) status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
-    if (!status) status = clothi_crossings_of(c, c->xb);
+    status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_CROSS);
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_pair_id p = c->pair[i];
-        const int            slot = clothi_pair_slot(c, p.kind, p.a, p.b);
-        if (!clothi_is_soft(c, &p) && slot >= 0 && !clothi_is_mesh(c->obstacle + slot) &&
-            !(clothi_pair_gap(c, c->xb, c->xb, p.kind, p.a, p.b) > 0))
+        if (!clothi_is_soft(c, &p) && !(clothi_pair_gap(c, c->xb, c->xb, p.kind, p.a, p.b) > 0))
             status = clothi_exempt_add(c, p.kind, p.a, p.b);
     }
-    if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
-    if (!status && c->self) status = clothi_crossings_of(c, c->xb);
     return status;
 }
 
@@ -5391,7 +5342,7 @@ static clothi_key clothi_key_of(const cloth_collide *c, const clothi_contact *q)
     clothi_pair_points(c, c->xa, c->xa, q->v, 4, x);
     (void)clothi_pair_distance(q->kind, x, w);
     for (i = 0; i < 12; i++) n[i % 3] += w[i / 3] * x[i];
-    key.b = 2 * clothi_part_of(c, b) + clothi_vertex_side(c, a, n);
+    key.b = 2 * c->vertex_part[b] + clothi_vertex_side(c, a, n);
     return key;
 }
 
@@ -6247,7 +6198,7 @@ static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (v = begin; v < end; v++)
         if (c->held_of[v] < 0 && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
-            c->look[v] && clothi_may_touch(c, -1, c->vertex_part[v], job->slot, 0) &&
+            c->look[v] && clothi_may_touch(c, v, c->obstacle[job->slot].v0) &&
             clothi_catch_vertex(c, v, job->slot, job->room, c->caught + v))
             c->look[v] = 2;
 }
@@ -6376,8 +6327,7 @@ static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e
 
 /* What intersects at xb with a held vertex, or beside an exempt pair, joins what is exempt. */
 static cloth_status clothi_pinch_list(cloth_collide *c) {
-    cloth_status status;
-    int          i, k;
+    int i, k;
     if (c->nholding == 0 && c->nnow == 0) return CLOTH_OK;
     for (i = 0; i < c->nv; i++) c->moved[i] = c->nholding > 0 && c->held_of[i] >= 0;
     for (i = 0; i < c->nnow; i++)           /* lines wander to the faces beside */
@@ -6385,14 +6335,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
             c->moved[c->faces[3 * c->now[i].a + k]] = 1;
             if (c->now[i].b < c->nf) c->moved[c->faces[3 * c->now[i].b + k]] = 1;
         }
-    clothi_world_boxes(c, c->xb, NULL, CLOTHI_ENDED, 0);
-    status = clothi_bvh_cross_pairs(c->hooks, &c->tree, &c->solid, &c->meet);
-    if (!status) clothi_meet_moved(c);
-    if (!status) status = clothi_crossings_of(c, c->xb);
-    if (!status && c->self) status = clothi_bvh_self_pairs(c->hooks, &c->tree, &c->meet);
-    if (!status && c->self) clothi_meet_moved(c);
-    if (!status && c->self) status = clothi_crossings_of(c, c->xb);
-    return status;
+    return clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_MOVED | CLOTHI_CROSS);
 }
 
 /* ===== [8.4] IMPACT ZONES ====================================================================
@@ -6558,7 +6501,7 @@ static cloth_status clothi_detect(cloth_collide *c, int *hit) {
     int          i;
     *hit = 0;
     status = clothi_broad_phase(c, c->xa, c->xb, CLOTHI_SWEPT, CLOTHI_SEPARATION * c->thickest,
-                                c->report.passes > 0);
+                                c->report.passes > 0 ? CLOTHI_MOVED : 0);
     if (!status) status = clothi_hits_reserve(c);
     if (!status) clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_hit_range, c);
     for (i = 0; i < c->npair && !status; i++) {
@@ -7662,18 +7605,15 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
-    void *const block[] = {
-        c->faces, c->edges, c->edge_face, c->slot, c->pinched, c->far, c->held_of,
-        c->look, c->caught, c->hold_to, c->hold, c->holding, c->area, c->xa, c->xb, c->box_v,
-        c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
-        c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone, c->work, c->qp_minv,
-        c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame, c->way_in,
-        c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
+    const void *const block[] = {
+        c->held_of, c->look, c->caught, c->hold_to, c->hold, c->holding, c->meet.pair,
+        c->meet.start, c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone, c->work,
+        c->qp_minv, c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame,
+        c->way_in, c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
         c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
         c->hit, c->hit_time, c->slack, c->anchor, c->next, c->exempt, c->now, c->failed,
         c->obstacle};
-    size_t sum = clothi_block_size(c);
-    size_t i;
+    size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
     int    o;
     for (o = 0; o < c->nobstacle; o++) {
         clothi_obstacle *b = c->obstacle + o;
@@ -7684,11 +7624,7 @@ static size_t clothi_contact_blocks(cloth_collide *c, int release) {
         sum += cloth_qp_work_bytes(c->work[o]);
         if (release) cloth_qp_work_destroy(c->work[o]);
     }
-    for (i = 0; i < sizeof block / sizeof *block; i++) {
-        sum += clothi_block_size(block[i]);
-        if (release) clothi_free(c->hooks, block[i]);
-    }
-    return sum;
+    return sum + clothi_blocks(release ? c->hooks : NULL, block, sizeof block / sizeof *block);
 }
 
 /* The queries know of no last step. */
@@ -7802,7 +7738,7 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
 
 static cloth_status clothi_collide_arrays(cloth_collide *c) {
     const size_t nv = (size_t)c->nv, one = sizeof(int), real = sizeof(double);
-    const struct { void *at; size_t n, size; } need[] = {
+    const clothi_array need[] = {
         {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real}, {&c->x_list, 3 * nv, real},
         {&c->x_frame, 3 * nv, real}, {&c->way_in, 3 * nv, real}, {&c->moved, nv, 1},
         {&c->frozen, nv, 1}, {&c->zone_of, nv, one}, {&c->zone_number, nv, one},
@@ -7810,13 +7746,7 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
         {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
         {&c->work, (size_t)c->nwork, sizeof *c->work},
         {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
-    size_t i;
-    for (i = 0; i < sizeof need / sizeof *need; i++) {
-        void *made = need[i].n ? clothi_alloc(c->hooks, need[i].n, need[i].size) : NULL;
-        if (need[i].n && !made) return CLOTH_ERR_MEMORY;
-        memcpy(need[i].at, &made, sizeof made);
-    }
-    return CLOTH_OK;
+    return clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
 }
 
 /* Pa/m: a sheet under 30 times its weight rests where the force is k t/4, at t/2. */
@@ -7933,17 +7863,15 @@ CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
  * old one and goes with it. On failure the old world stays; the caller then puts its obstacles back
  * and counts [clothi_world_count]. */
 static cloth_status clothi_world_change(cloth_collide *c) {
-    cloth_collide old = *c;
+    cloth_collide old = *c, none;
     cloth_status  status;
-    clothi_world_take(c, NULL);
+    memset(&none, 0, sizeof none);
+    clothi_world_take(c, &none);
     status = clothi_world_build(c);
     if (!status) status = clothi_collide_look(c);
-    if (status) {
-        clothi_world_free(c);
-        clothi_world_take(c, &old);
-        return status;
-    }
-    clothi_world_free(&old);
+    (void)clothi_world_blocks(status ? c : &old, c->hooks);
+    if (status) clothi_world_take(c, &old);
+    if (status) return status;
     c->sim->still = 0;                      /* wakes */
     c->ncontact = c->nrow = c->nfailed = 0;
     return CLOTH_OK;
@@ -8777,7 +8705,7 @@ static cloth_status clothi_tangle_inside(const cloth_collide *c, clothi_tangle *
                                   &defects);
     if (o->kind == CLOTH_OBSTACLE_MESH && defects.volume < 0) memset(u->mask, 0, (size_t)c->mf);
     for (i = 0; i < c->nv && !status; i++)
-        if (clothi_may_touch(c, -1, c->vertex_part[i], slot, 0) &&
+        if (clothi_may_touch(c, i, o->v0) &&
             clothi_tangle_leave(c, u, slot, i))
             u->in[i] = slot + 1;
     for (i = 0; i < u->line.n && !status; i++) {

@@ -4862,9 +4862,9 @@ static double clothi_barrier(double K, double t, double U, double u, double *for
 /* Elastic part of the potential at gap g: J, with its force N and slope N/m. */
 static double clothi_contact_elastic(const clothi_contact *q, double g, double *force,
                                      double *slope) {
-    const double K = q->stiffness, t = q->range, u = t - g, U = q->room;
+    const double K = q->stiffness, t = q->range, u = t - g;
     *force = *slope = 0;
-    if (!(q->soft && u > t)) return clothi_barrier(K, t, U, u, force, slope);
+    if (!(q->soft && u > t)) return clothi_barrier(K, t, q->room, u, force, slope);
     *force = K * t;                         /* a grid: the force is capped */
     return K * t * (u - 2 * t / 3);
 }
@@ -4896,10 +4896,8 @@ static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *
     double       force, slope;
     f->energy = f->force = f->slope = f->own[0] = f->own[1] = f->own[2] = 0;
     if (!(f->gap < q->range - away)) return;
-    if (!(q->range - f->gap < U)) {         /* at the pole or beyond */
-        f->energy = f->force = HUGE_VAL;
-        return;
-    }
+    if (!(q->range - f->gap < U)) f->energy = f->force = HUGE_VAL;      /* at the pole or beyond */
+    if (!(q->range - f->gap < U)) return;
     f->energy = clothi_contact_elastic(q, f->gap, &f->force, &f->slope);
     if (damp > 0) {
         force = damp * (f->gap - clothi_min(q->start, q->range));

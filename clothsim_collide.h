@@ -3805,8 +3805,9 @@ typedef struct clothi_pair_id {                /* features, by kind; faces: a < 
 typedef struct clothi_frame {               /* of a pair at some x                             */
     double w[4], normal[3];                 /* sum w = 0; towards w > 0                        */
     double gap;                             /* m                                               */
-    double energy, force, slope;            /* J, N, N/m: of the pair by itself, by its gap    */
+    double energy, force, slope;            /* J, N, N/m by its gap: what the group joins      */
     double part;                            /* dE/d energy in the group's E, 0 to 1            */
+    double own[3];                          /* J, N, N/m: beside the group                     */
 } clothi_frame;
 
 typedef struct clothi_contact {             /* a pair of the proximity potential         [8.2] */
@@ -3815,9 +3816,11 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     clothi_key key;
     int    n, v[4];                         /* world vertices                                  */
     int    soft;                            /* with a grid: gap may be below 0                 */
+    int    near;                            /* in the template, with less range for that       */
     double range, radius;                   /* m: activation distance; taken off the distance  */
     double room;                            /* m, from there to where the force has no bound   */
     double start;                           /* m, gap at x^n                                   */
+    double away;                            /* m into the range: there is no damping before    */
     double stiffness;                       /* N/m: k area                                     */
     double friction;                        /* coefficient                                     */
     double slip[3];                         /* m, elastic slip at x^n                          */
@@ -4303,15 +4306,45 @@ static void clothi_pair_points(const cloth_collide *c, const double *x, const do
         memcpy(out + 3 * k, (v[k] < c->nv ? x : world) + 3 * v[k], 3 * sizeof(double));
 }
 
+/* How far it is in the template from the point |w| of a feature, of vertices v [n], out of the
+ * faces around it, m: whatever does not touch them is farther along the mesh. */
+static double clothi_way_out(const cloth_collide *c, const int *faces, int nf, const int *v, int n,
+                             const double *w) {
+    const double *x = c->sim->model->x_rest;
+    double        p[3] = {0, 0, 0}, b[3], least = HUGE_VAL;
+    int           i, j, k;
+    for (i = 0; i < 3 * n; i++) p[i % 3] += fabs(w[i / 3]) * x[3 * v[i / 3] + i % 3];
+    for (i = 0; i < 3 * nf && faces[i / 3] >= 0; i++) {
+        const int *f = c->faces + 3 * faces[i / 3];
+        int        side[3], in = 0;
+        side[0] = f[i % 3], side[1] = side[2] = f[(i + 1) % 3];
+        for (j = 0; j < 2; j++)
+            for (k = 0; k < n; k++) in += side[j] == v[k];
+        if (in < n) least = clothi_min(least, clothi_face_distance2(x, side, p, b));
+    }
+    return sqrt(least);
+}
+
 /* The contact thickness of a pair: that of the obstacle, else t; for two places of one cloth that
- * are nearer than 2 t in the template, half their distance there: a fine mesh is not in contact
- * with itself at rest. */
-static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, const int *v) {
-    double x[12], w[4];
+ * are nearer than 2 t along the template, as far as their faces tell, half of that: a fine mesh is
+ * not in contact with itself at rest, and layers of a fold are. */
+static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, int a, int b,
+                                    const int *v) {
+    const double t = c->desc.thickness;
+    double       x[12], w[4], far, way[2];
     if (slot >= 0) return c->obstacle[slot].thickness;
-    if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return c->desc.thickness;
+    if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return t;
     clothi_pair_points(c, c->sim->model->x_rest, c->xa, v, 4, x);
-    return clothi_min(c->desc.thickness, 0.5 * clothi_pair_distance(kind, x, w));
+    far = clothi_pair_distance(kind, x, w);
+    if (!(far < 2 * t)) return t;
+    if (kind == CLOTHI_EE) {
+        way[0] = clothi_way_out(c, c->edge_face + 2 * a, 2, v, 2, w);
+        way[1] = clothi_way_out(c, c->edge_face + 2 * b, 2, v + 2, 2, w + 2);
+    } else {
+        way[0] = clothi_way_out(c, c->star_face + c->star[a], c->star[a + 1] - c->star[a], v, 1, w);
+        way[1] = clothi_way_out(c, &b, 1, v + 1, 3, w + 1);
+    }
+    return clothi_min(t, 0.5 * clothi_max(far, clothi_max(way[0], way[1])));
 }
 
 /* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
@@ -4707,15 +4740,20 @@ static void clothi_exempt_part(cloth_collide *c) {
  *   t/4 -+- - - - - - - - - - -  d_min, the pole p: here the force has no bound
  *     0 =========================
  *
- * A pair within range has, with u = t - gap, U = t - p, k = stiffness x area (where places of one
- * cloth are near at rest, t of that pair is less, and k more by as much) and tau = relaxation,
+ * A pair within range has, with u = t - gap, U = t - p, k = stiffness x area and tau = relaxation
+ * (where places of one cloth are near along the template, t is less, and k more by as much),
  *
- *     force = k u^2/(t (1 - u/U))  -  k tau (gap - gap^n)/h         never below 0
+ *     force = k u^2/(t (1 - u/U)^2)  -  k tau (gap - gap^n)/h       never below 0
  *
- * an elastic part and a damping. Of the first the energy is k U^3/t (-log(1 - z) - z - z^2/2), z =
- * u/U: twice differentiable where contact begins, without bound at the pole, as in [LFS20] but of
- * the third order in u: it starts softer. A sheet under its weight rests at t - 0.09 t. What begins
- * a step nearer than the pole has its pole at 0.98 of that distance: nothing creeps in under load.
+ * an elastic part and a damping. Of the first, with z = u/U, the energy is
+ *
+ *     k U^3/t (z + z/(1 - z) + 2 log(1 - z)),
+ *
+ * twice differentiable where contact begins, as in [LFS20], but of the third order in u: it starts
+ * softer; and with a pole of the second: what is pressed a million times harder than k t keeps
+ * 1/1000 of its room, not 1/10^6, and its slope is so much smaller. A sheet under its weight rests
+ * at t - 0.09 t. What begins a step nearer than the pole has its pole at 0.98 of that distance:
+ * nothing creeps in under load.
  *
  * Groups. A vertex of cloth meets many faces, edges and vertices of one body: as a sum of their
  * energies a finer mesh would push more. Contacts of one feature with one obstacle, or with one
@@ -4723,7 +4761,8 @@ static void clothi_exempt_part(cloth_collide *c) {
  * nearest one's, smooth where two are as near. A pair of edges counts by the share in which it is
  * needed: where both surfaces are convex there, where their middles cross and where they are not
  * parallel; what has no full share has a guard, a barrier of its own in the last quarter above the
- * pole, so that every pair that detection guards has one.
+ * pole, beside the group, so that every pair that detection guards has one. Beside their groups
+ * are also pairs near in the template: ranges of micrometres say nothing in a norm with those of t.
  *
  * Hessian: e'' grad grad' and the curvature of the gap by itself where that is positive, which
  * rocking faces need (clothi_frame_bends); for groups that of the norm.
@@ -4750,10 +4789,11 @@ static void clothi_exempt_part(cloth_collide *c) {
  * turn v round, it gets the majorizer's mu N/|v| instead.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
- * a pole (a pressed pair climbed 10^12); N from the step before (a step without friction); a secant
- * by what the matrix's diagonal has behind a contact (a thousand times too stiff where layers move
- * together); one stiffness for all ranges (forces of slivers of a mesh, newtons, came 1e-7 m above
- * the pole, at 10^12 N/m).
+ * a pole (a pressed pair climbed 10^12); a pole of the first order (pairs 1e-9 m above it, at 10^8
+ * N/m, took three times the iterations), of the third (no better); N from the step before (a step
+ * without friction); a secant by what the matrix's diagonal has behind a contact (a thousand times
+ * too stiff where layers move together); one stiffness for all ranges (forces of slivers of a mesh,
+ * newtons, came 1e-7 m above the pole, at 10^12 N/m).
  *
  * Distance grids. No detection stands behind the potential, and cloth may be inside: along the way
  * of a vertex the grid is sampled, and where it comes nearer than 3 t, gap and n are taken and
@@ -4772,6 +4812,7 @@ static void clothi_exempt_part(cloth_collide *c) {
 #define CLOTHI_GUARD      0.25              /* of the room above the pole: range without share */
 #define CLOTHI_PARALLEL   0.03              /* sin^2 of an angle: edges nearer to parallel     */
 #define CLOTHI_POLE       0.25              /* of t: d_min, where the force has no bound       */
+#define CLOTHI_AWAY       8                 /* iterations, to the last bits                    */
 #define CLOTHI_SOFT_NEAR  3                 /* t, from a grid at x^n: felt from range on       */
 #define CLOTHI_SOFT_LOOKS 64                /* samples along the way to a grid, at most        */
 #define CLOTHI_SOFT_FLAT  1e-3              /* |grad phi| below which there is no way out      */
@@ -4789,26 +4830,45 @@ static double clothi_contact_damping(const cloth_collide *c, const clothi_contac
  * N/m are added up. */
 static double clothi_barrier(double K, double t, double U, double u, double *force,
                              double *slope) {
-    const double z = u / U;
+    const double z = u / U, r = U / (U - u);
     double       series = 0;
     int          i;
     if (!(u > 0)) return 0;
     if (!(z < 1)) return HUGE_VAL;
-    *force += K * u * u / (t * (1 - z));
-    *slope += K * u * (2 - z) / (t * (1 - z) * (1 - z));
-    if (z > 0.05) return K * U / t * U * U * (-log(1 - z) - z * (1 + 0.5 * z));
-    for (i = 14; i >= 3; i--) series = series * z + 1.0 / i;    /* the same without cancellation */
+    *force += K / t * u * u * r * r;
+    *slope += 2 * K / t * u * r * r * r;
+    if (z > 0.1) return K * U / t * U * U * (z + z * r + 2 * log(1 - z));
+    for (i = 19; i >= 3; i--)                   /* the same without cancellation */
+        series = series * z + (i - 2.0) / i;
     return K / t * u * u * u * series;
 }
 
 /* Elastic part of the potential at gap g: J, with its force N and slope N/m. */
 static double clothi_contact_elastic(const clothi_contact *q, double g, double *force,
                                      double *slope) {
-    const double K = q->stiffness, t = q->range, u = t - g, U = q->room;
+    const double K = q->stiffness, t = q->range, u = t - g;
     *force = *slope = 0;
-    if (!(q->soft && u > t)) return clothi_barrier(K, t, U, u, force, slope);
+    if (!(q->soft && u > t)) return clothi_barrier(K, t, q->room, u, force, slope);
     *force = K * t;                         /* a grid: the force is capped */
     return K * t * (u - 2 * t / 3);
+}
+
+/* How far into the range of a contact its damping ends, m: there K u^2/(t (1 - u/U)^2) is
+ * damp (in - u). Newton's method from the root without the square, beyond which it is convex. */
+static double clothi_contact_away(const cloth_collide *c, const clothi_contact *q) {
+    const double damp = clothi_contact_damping(c, q), in = q->range - q->start, U = q->room;
+    const double a = q->stiffness / q->range;
+    double       u, force, slope;
+    int          i;
+    if (!(damp > 0 && in > 0)) return 0;
+    u = 2 * damp * in * U /
+        (damp * (in + U) + sqrt(damp * damp * (in - U) * (in - U) + 4 * a * U * damp * in * U));
+    for (i = 0; i < CLOTHI_AWAY; i++) {
+        force = slope = 0;
+        (void)clothi_barrier(q->stiffness, q->range, U, u, &force, &slope);
+        u -= (force - damp * (in - u)) / (slope + damp);
+    }
+    return q->soft && u > q->range ? in - q->stiffness * q->range / damp : u;
 }
 
 /* Energy, force and slope of a contact by its gap: its share of the elastic part and of the
@@ -4816,19 +4876,12 @@ static double clothi_contact_elastic(const clothi_contact *q, double g, double *
 static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *q,
                                   clothi_frame *f) {
     const double damp = clothi_contact_damping(c, q), in = q->range - q->start, U = q->room;
-    double       away = 0, force, slope;
-    if (damp > 0 && in > 0) {               /* K u^2/(t (1 - u/U)) = damp (in - u) */
-        const double a = q->stiffness / q->range * U;
-        away = 2 * damp * in * U /
-               (damp * (in + U) + sqrt(damp * damp * (in - U) * (in - U) + 4 * a * damp * in * U));
-        if (q->soft && away > q->range) away = in - q->stiffness * q->range / damp;
-    }
-    f->energy = f->force = f->slope = 0;
+    const double away = q->away;
+    double       force, slope;
+    f->energy = f->force = f->slope = f->own[0] = f->own[1] = f->own[2] = 0;
     if (!(f->gap < q->range - away)) return;
-    if (!(q->range - f->gap < U)) {         /* at the pole or beyond */
-        f->energy = f->force = HUGE_VAL;
-        return;
-    }
+    if (!(q->range - f->gap < U)) f->energy = f->force = HUGE_VAL;      /* at the pole or beyond */
+    if (!(q->range - f->gap < U)) return;
     f->energy = clothi_contact_elastic(q, f->gap, &f->force, &f->slope);
     if (damp > 0) {
         force = damp * (f->gap - clothi_min(q->start, q->range));
@@ -4843,9 +4896,21 @@ static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *
     f->force *= q->share;
     f->slope *= q->share;
     if (q->share < 1)
-        f->energy +=
+        f->own[0] =
             clothi_barrier((1 - q->share) * q->stiffness, CLOTHI_GUARD * q->range, CLOTHI_GUARD * U,
-                           q->range - f->gap - (1 - CLOTHI_GUARD) * U, &f->force, &f->slope);
+                           q->range - f->gap - (1 - CLOTHI_GUARD) * U, f->own + 1, f->own + 2);
+    if (!q->near) return;
+    f->own[0] += f->energy, f->own[1] += f->force, f->own[2] += f->slope;
+    f->energy = f->force = f->slope = 0;
+}
+
+/* Force of a contact, N, and its slope, N/m: in its group, or (part 1) by itself. */
+static double clothi_frame_force(const clothi_frame *f, double part) {
+    return part * f->force + f->own[1];
+}
+
+static double clothi_frame_slope(const clothi_frame *f, double part) {
+    return part * f->slope + f->own[2];
 }
 
 /* How far the neighbour o of a feature at p falls off on the side that d looks to: 0 when it does
@@ -5141,13 +5206,13 @@ static int clothi_frame_bends(const cloth_collide *c, const clothi_contact *q, c
 static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_contact *q,
                                            const double *x, const double *K, cloth_matrix *A) {
     const clothi_frame *f = &q->at;
-    double H[144], row[36], press = f->part * f->force;
+    double H[144], row[36], press = clothi_frame_force(f, f->part);
     int    v[4], at[4], n = 0, m, i, j, k;
     for (i = 0; i < q->n; i++)
         if (q->v[i] < c->nv) v[n] = q->v[i], at[n++] = i;
     m = press > 0 ? clothi_frame_bends(c, q, x, at, n, row + 12) : 0;
     for (i = 0; i < 3 * n; i++) {
-        row[i] = sqrt(f->part * f->slope) * f->w[at[i / 3]] * f->normal[i % 3];
+        row[i] = sqrt(clothi_frame_slope(f, f->part)) * f->w[at[i / 3]] * f->normal[i % 3];
         for (k = 1; k <= m; k++) row[12 * k + i] *= sqrt(press);
     }
     for (i = 0; i < 3 * n; i++)
@@ -5205,14 +5270,16 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
             const clothi_contact *q = c->contact + m;
             const clothi_frame   *f = &q->at;
             double                K[9], tangent[3];
-            for (l = 0; e->grad && f->part > 0 && l < q->n; l++)
+            const double          push = clothi_frame_force(f, f->part);
+            *energy += f->own[0];
+            for (l = 0; e->grad && push > 0 && l < q->n; l++)
                 for (k = 0; q->v[l] < c->nv && k < 3; k++)
-                    e->grad[3 * q->v[l] + k] -= f->w[l] * f->part * f->force * f->normal[k];
+                    e->grad[3 * q->v[l] + k] -= f->w[l] * push * f->normal[k];
             if (q->limit > 0) *energy += clothi_contact_friction(c, q, e->x, tangent, K);
             for (l = 0; e->grad && q->limit > 0 && l < q->n; l++)
                 for (k = 0; q->v[l] < c->nv && k < 3; k++)
                     e->grad[3 * q->v[l] + k] += q->w[l] * tangent[k];
-            if (e->hess && (f->part > 0 || q->limit > 0))
+            if (e->hess && (push > 0 || q->limit > 0))
                 status = clothi_contact_hessian(c, q, e->x, q->limit > 0 ? K : NULL, e->hess);
             for (l = 0; l < 9; l++) K[l] = q->spring * q->normal[l / 3] * q->normal[l % 3];
             if (e->hess && q->spring > 0 && !status)
@@ -5341,7 +5408,8 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
     q->slot = clothi_pair_slot(c, p->kind, p->a, p->b);
     q->n = clothi_pair_vertices(c, p->kind, p->a, p->b, q->v);
     q->radius = clothi_slot_radius(c, q->slot);
-    q->range = clothi_pair_thickness(c, q->kind, q->slot, q->v);
+    q->range = clothi_pair_thickness(c, q->kind, q->slot, q->a, q->b, q->v);
+    q->near = q->slot < 0 && q->range < c->desc.thickness;
     if (q->kind == CLOTHI_VP) {
         q->w[0] = 1, q->w[1] = -1;
         memcpy(q->normal, c->obstacle[q->b].normal, sizeof q->normal);
@@ -5461,6 +5529,7 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
         along = clothi_dot3(anchor->slip, q->normal);
         for (k = 0; k < 3; k++) q->slip[k] = anchor->slip[k] - along * q->normal[k];
     }
+    q->away = clothi_contact_away(c, q);
     clothi_contact_frame_at(c, q, x, c->xb, &q->at);
     clothi_contact_renew(c, q, x);
     clothi_contact_normal(c, q, &q->at);
@@ -5515,7 +5584,7 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
         (void)clothi_contact_group(c->contact + i, j - i);
         for (k = i; k < j; k++) {
             clothi_contact *q = c->contact + k;
-            q->force = q->at.part * q->at.force;
+            q->force = clothi_frame_force(&q->at, q->at.part);
             if (!(follow > 0)) continue;
             more = follow * (q->friction * q->force - q->limit);
             q->limit += more;
@@ -5582,7 +5651,8 @@ static double clothi_pair_slack(const cloth_collide *c, int i, const double *x) 
     if (clothi_is_soft(c, p)) return -HUGE_VAL;
     (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
     return clothi_pair_gap(c, x, c->xb, p->kind, p->a, p->b) -
-           clothi_pair_thickness(c, p->kind, clothi_pair_slot(c, p->kind, p->a, p->b), v);
+           clothi_pair_thickness(c, p->kind, clothi_pair_slot(c, p->kind, p->a, p->b), p->a, p->b,
+                                 v);
 }
 
 static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
@@ -5691,7 +5761,7 @@ static double clothi_pair_free(cloth_collide *c, int i) {
     if (!(come > 0) || c->slack[i] - come > 0) return 1;
     (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
     slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    t = clothi_pair_thickness(c, p->kind, slot, v);
+    t = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, v);
     gap = clothi_pair_gap(c, c->at, c->xb, p->kind, p->a, p->b);
     c->slack[i] = gap - t;
     if (gap - come > CLOTHI_SEPARATION * t || clothi_is_exempt(c, p->kind, p->a, p->b)) return 1;
@@ -5773,8 +5843,9 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
                                     double come) {
     double       low = 0, high = clothi_min(q->gap - (q->range - q->room), c->length), give = 0, K;
     clothi_frame f = q->at;
+    const double force = clothi_frame_force(&f, 1), slope = clothi_frame_slope(&f, 1);
     int          i;
-    if (!(come > 0) && !(aim > q->at.force)) return 0;
+    if (!(come > 0) && !(aim > force)) return 0;
     if (come > 0) low = clothi_max(q->gap - q->range + 0.5 * clothi_min(q->room, q->range), 0);
     for (i = 0; come > 0 && i < q->n; i++)
         if (q->v[i] < c->nv) give += q->w[i] * q->w[i] / c->sim->params.mass[q->v[i]];
@@ -5783,10 +5854,10 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
         const double a = 0.5 * (low + high);
         f.gap = q->gap - a;
         clothi_contact_normal(c, q, &f);
-        if (f.force < clothi_max(aim, K * (come - a))) low = a;
+        if (clothi_frame_force(&f, 1) < clothi_max(aim, K * (come - a))) low = a;
         else high = a;
     }
-    return clothi_max((clothi_max(aim, K * (come - high)) - q->at.force) / high - q->at.slope, 0);
+    return clothi_max((clothi_max(aim, K * (come - high)) - force) / high - slope, 0);
 }
 
 /* cloth_contact.block: what runs by dx into more force than the matrix knows gets the stiffness
@@ -5803,11 +5874,11 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
         for (j = 0; j < q->n; j++)
             if (q->v[j] < c->nv)
                 come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
-        q->aim = q->at.force + (q->at.slope + q->spring) * come;
+        q->aim = clothi_frame_force(&f, 1) + (clothi_frame_slope(&f, 1) + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
         clothi_contact_normal(c, q, &f);
-        if (f.force <= 2 * q->aim) continue;
+        if (clothi_frame_force(&f, 1) <= 2 * q->aim) continue;
         more = clothi_contact_secant(c, q, q->aim, come) - q->spring;
         if (!(more > 0)) continue;
         q->spring += more;
@@ -6354,7 +6425,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b);
     if (!(start > 0)) return clothi_no_side(c, p->kind, p->a, p->b);
-    t = clothi_pair_thickness(c, p->kind, slot, row.v);
+    t = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, row.v);
     sep = clothi_pair_separation(t, start);
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
         held = clothi_pair_gap(c, c->xb, c->xb, p->kind, p->a, p->b);

@@ -83,23 +83,20 @@
  *
  * EXEMPT FROM IT
  *   - pairs that intersect at the start, where they are let in (CLOTH_INITIAL_EXEMPT), until they
- *     have parted: report.exempt_pairs. Their corners and edges pass each other, which are those of
- *     the faces around them too: the line of intersection wanders to pairs beside them, which are
- *     exempt then as well. cloth_collide_untangle() pushes them apart
+ *     have parted, and those beside them to which the line of intersection wanders:
+ *     report.exempt_pairs. cloth_collide_untangle() pushes them apart
  *   - cloth that is held in a pinch of a self_penetrating body, where two parts of it come nearer
  *     than cloth has room for: report.held vertices, cloth_collide_holds(); against
  *     report.exempt_faces of the body around it. What intersects so is listed with the exempt
  *     pairs [8.3]. No free vertex goes into the body, and cloth does not pass cloth
  *   - parts and obstacles whose category and mask exclude each other
- *   - distance grids (CLOTH_OBSTACLE_GRID): a potential alone, no detection. Vertices may sink in
- *     under load, faces and edges cut through what is sharper than the cloth's mesh; cloth may
- *     begin inside and is led out [8.2]
+ *   - distance grids (CLOTH_OBSTACLE_GRID): a potential alone. Vertices may sink in under load,
+ *     faces and edges cut through; cloth may begin inside and is led out [8.2]
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns
  *     far in one step cuts its corners, by 1 - cos(angle/2) of its radius: step shorter
- *   - leapfrog: contact looks at every substep, by zones alone: no potential, no friction, no
- *     record of forces but of the last substep. It gains no energy, and detection is paid for at
- *     each of report.substeps
+ *   - leapfrog: zones alone, at each of report.substeps: no potential, no friction, no record of
+ *     forces but of the last substep. It gains no energy
  *   - statics: refused for a sim that has contact
  *
  * ENERGY. Among obstacles that rest a step goes downhill from a feasible point no worse than where
@@ -112,9 +109,8 @@
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                     29, obstacles alone 15; 90 steps
  *   T-shirt of 10 000 faces on a walking body of 27 000        500 to 10 000
- * It grows with pairs in range rather than with faces: layers that lie on each other are dear, and
- * a cloth folded many times can cost ten times the same cloth spread out. Without desc.contact
- * nothing is called and nothing allocated.
+ * It grows with pairs in range rather than with faces: a cloth folded many times can cost ten times
+ * the same cloth spread out. Without desc.contact nothing is called and nothing allocated.
  *
  * EACH PARAMETER              what more of it does to the result | to the cost and the promise
  *   thickness    t: layers feel each other from t on and rest a little nearer | more pairs, which
@@ -128,8 +124,6 @@
  *   slip         give before a contact that sticks holds fully | smaller: stiffer, more iterations;
  *                larger: visible give, though no creep. A slide at 0.99 tan a begins 0.1 % late
  *   max_passes   rounds of detection and zones | fewer: hard steps fail sooner and cheaper
- *   initial      REFUSE names what intersects before the first step, EXEMPT lets it part, of itself
- *                or by cloth_collide_untangle | until then it is outside of the promise
  *   halvings     of cloth_collide_step: what fails is tried over h/2, h/4, .. ; the fraction
  *                reached is reported and time has moved by it | each try costs a step
  */
@@ -149,7 +143,7 @@ extern "C" {
  * then the corners of a face. ee: both ends of one edge, then both ends of the other.
  *
  * Returns 1 and *toi in [0,1] when the two come within min_sep (m; below 0 counts as 0) of each
- * other, else 0 (*toi is then 1). toi may be NULL.
+ * other, else 0 and 1. toi may be NULL.
  *   - Never 0 for a true contact: coplanar motion, parallel edges, edges and faces of no length or
  *     area, contact at the start or at the end, any scale.
  *   - At every time before *toi the distance is greater than min_sep. At *toi it is at most
@@ -219,28 +213,23 @@ typedef struct cloth_qp_report {
 CLOTH_API cloth_qp_options cloth_qp_options_default(void);
 
 /* Solves the QP.                                                                           [6.1]
- * in   qp       as above; every number finite
  * in   opt      NULL: defaults
- * out  x        [n] m, may be NULL. Infeasible: x0
- * out  lambda   [m] >= 0, kg m per unit of the row; may be NULL.  x = x0 - minv o (G' lambda).
+ * out  x        [n] m. Infeasible: x0
+ * out  lambda   [m] >= 0, kg m per unit of the row.  x = x0 - minv o (G' lambda).
  *               Infeasible: a certificate: max 1, |G_free' lambda| <= 1e-10 max|G| and
  *               lambda.(h - G_fixed x0_fixed) < 0 by more than rounding
- * out  rep      may be NULL
+ * out  rep      any of the three may be NULL
  * returns CLOTH_OK, whatever the outcome; CLOTH_ERR_ARGUMENT, _NONFINITE: a sentence names the
- *   field and its value; _UNINIT: options without cookie; _MEMORY; _CAPACITY: the matrix of the
- *   rows would have more than 2^31 entries; _CANCELLED. x and lambda are as before then.
- * x is unique; lambda only where the active rows are independent. The same input gives the same
- * bits. A guess can change them only where the optimum has several active sets (dependent rows,
- * multipliers that are zero at the optimum) or the outcome is not SOLVED; work never does.
+ *   field and its value; _UNINIT; _MEMORY; _CAPACITY: the matrix of the rows would have more than
+ *   2^31 entries; _CANCELLED. x and lambda are as before then.
+ * The same input gives the same bits, whatever work is. A guess can change them only where the
+ * optimum has several active sets or the outcome is not SOLVED.
  * contract: alloc none with work of a similar solve behind it, else O(size) | cost about 5
- *   factorizations of the active rows ordered to a small profile: O(m p^2), p the mean profile |
- *   threads: distinct work */
+ *   factorizations of the active rows, O(m p^2), p their mean profile | threads: distinct work */
 CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options *opt, double *x,
                                       double *lambda, cloth_qp_report *rep);
 
-/* out  *out     owned: cloth_qp_work_destroy, NULL allowed; NULL on failure. hooks: copied; NULL:
- *               malloc.  Keeps the memory of the largest solve.  returns CLOTH_OK, _ARGUMENT,
- *               _MEMORY */
+/* *out: owned; keeps the memory of the largest solve. hooks: copied. OK, _ARGUMENT, _MEMORY */
 CLOTH_API cloth_status cloth_qp_work_create(const cloth_hooks *hooks, cloth_qp_work **out);
 CLOTH_API void   cloth_qp_work_destroy(cloth_qp_work *work);
 CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work);
@@ -250,16 +239,14 @@ CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work);
 /* Which faces of a mesh intersect each other at given positions, decided exactly.          [5.2]
  * Two faces intersect when, as closed triangles, they have a point in common that is not on a
  * vertex or an edge that both name: touching counts, neighbours along an edge count only when
- * folded onto each other in one plane, faces with the same three vertices never. Vertices at one
- * place with two numbers are two: a mesh that is not welded touches itself all along its seams.
+ * folded onto each other in one plane, faces with the same three vertices never. A mesh that is not
+ * welded touches itself all along its seams.
  * in   x          [nv x 3] m, finite
  * in   faces      [nf x 3], no corner twice; any set of triangles, also without area
- * in   max_pairs  that pairs has room for; 0 with pairs NULL: count only
- * out  pairs      [max_pairs x 2] faces i < j in increasing order: the first min(*count, max_pairs)
+ * out  pairs      [max_pairs x 2] faces i < j in increasing order, the first of them; may be NULL
  * out  count      how many there are in all, may be NULL; 0 on failure
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT; CLOTH_ERR_MESH: an index out of range or a corner twice;
- *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs. pairs is as
- *   before on failure.
+ *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs
  * contract: alloc scratch | cost O(nf log nf + pairs near each other), 2 us a face | uses the
  *   parallel hook | same answer for any worker count */
 CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
@@ -304,27 +291,22 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void);
  * overlap, their union is meant.                                                       [7.1]
  * in   desc   the mesh must be closed: as many faces run along every edge one way as the other.
  *             It may have several components, cut through itself and touch itself.
- * out  *out   owned: cloth_grid_destroy; NULL on failure
  *   phi is the distance to the boundary of the union, to rounding, where that is below the band,
  *   else the band; its sign is right but for nodes within rounding of the mesh. A face that is cut
  *   by another counts whole: near an overlap's border phi may be the distance to its hidden part.
- * returns CLOTH_OK; CLOTH_ERR_UNINIT; CLOTH_ERR_ARGUMENT: a NULL, a size out of range;
- *   CLOTH_ERR_NONFINITE: a coordinate, cell, band or margin; CLOTH_ERR_MESH: an index out of
- *   range, an edge where the mesh is open or badly oriented (the sentence names it), the volume
- *   not positive; CLOTH_ERR_CAPACITY: more than max_nodes; CLOTH_ERR_MEMORY. Logged.
+ * returns CLOTH_OK; CLOTH_ERR_UNINIT; CLOTH_ERR_ARGUMENT, _NONFINITE; CLOTH_ERR_MESH: an index out
+ *   of range, an edge where the mesh is open or badly oriented, the volume not positive;
+ *   CLOTH_ERR_CAPACITY: more than max_nodes; CLOTH_ERR_MEMORY. Logged, with the place.
  * contract: alloc one block and scratch (500 bytes a face) | cost: signs O(nf + area in cells),
  *   then a nearest-face query, ~2 us, per node of the band and per 64 nodes elsewhere |
  *   hooks.parallel, the same bits for any workers */
 CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid **out);
 CLOTH_API void cloth_grid_destroy(cloth_grid *grid);
-
-/* Held from the allocator: 8 bytes a node and about 250. 0 for NULL. */
-CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);
+CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);   /* 8 a node and about 250; NULL: 0 */
 
 /* phi at x (m) by trilinear interpolation, and the gradient of the interpolant (on the border of
  * two cells that of the upper one). Outside the grid sqrt(|x - q|^2 + phi(q)^2), q the nearest
  * point of the grid: continuous, and never above the distance that |x - q| and phi(q) allow.
- * in   grid   from cloth_grid_create, or filled in by hand
  * out  distance, gradient [3]; either may be NULL; untouched unless CLOTH_OK
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, n below 2, cell not above 0; CLOTH_ERR_NONFINITE: x
  * contract: alloc none | cost O(1), 8 loads | threads: any */
@@ -567,19 +549,17 @@ typedef struct cloth_untangle_report {
  * off smaller.
  *   - only x of vertices that are not pinned changes, v stays; max_move m at most a vertex (0: 5 t)
  *     and what it takes to keep others clear
- *   - pairs that are clear of the tangle stay clear, on their whole path, as in a step. Where a
- *     line of intersection has faces to cross it wanders over them: a pair may be new that is
- *     beside one that was, a vertex shared on either side, or had a vertex inside of the closed
- *     obstacle (report.wandered); none elsewhere
- *   - pairs that have parted are exempt no more; those left are
+ *   - pairs that are clear of the tangle stay clear, on their whole path, as in a step. A pair may
+ *     be new that is beside one that was, a vertex shared on either side, or had a vertex inside of
+ *     the closed obstacle (report.wandered); none elsewhere
+ *   - pairs that have parted are exempt no more
  *   - anchors of friction, what pinches hold and BDF2's history are forgotten
  * report may be NULL. returns CLOTH_OK: less tangled, or nothing is left (after 0); CLOTH_ERR_STEP:
  *   no motion that was tried helps, logged with the first pair, all listed by
  *   cloth_collide_failed(); CLOTH_ERR_ARGUMENT, _NONFINITE: max_move or x, logged; _MEMORY;
  *   _CAPACITY; _CANCELLED. The state is as before on failure.
- * contract: alloc scratch, 80 bytes a vertex of the world and 120 a cut, freed | cost: two looks
- *   for intersections, a winding number a vertex and obstacle, detection and zones as of a step for
- *   each try, at most 6; pairs^2 | same bits for any workers */
+ * contract: alloc scratch | cost: a winding number a vertex and obstacle, detection and zones as of
+ *   a step for each try, at most 6; pairs^2 | same bits for any workers */
 CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
                                               cloth_untangle_report *report);
 
@@ -603,10 +583,10 @@ extern "C" {
 
 /* ===== [3.1] EXACT SIGNS =====================================================================
  *
- * The sign of a determinant of coordinates, exact: a floating evaluation with an error bound answers
- * nearly always, the rest is worked out without rounding. [Shewchuk 1997, Adaptive precision
- * floating-point arithmetic and fast robust geometric predicates, Discrete & Computational Geometry
- * 18, theorems 6, 7, 10, 18; doi 10.1007/PL00009321]
+ * The sign of a determinant of coordinates, exact. A floating evaluation with an error bound
+ * answers nearly always, the rest is worked out without rounding. [Shewchuk 1997, Adaptive
+ * precision floating-point arithmetic and fast robust geometric predicates, Discrete &
+ * Computational Geometry 18, theorems 6, 7, 10, 18; doi 10.1007/PL00009321]
  *
  *     a + b  =  s + r     s the rounded sum, r what rounding lost, both doubles (two_sum)
  *     a * b  =  p + r     likewise, from halves of 26 bits of a and b (Dekker's product)
@@ -3983,12 +3963,13 @@ struct cloth_collide {
     cloth_collide_report report;
 };
 
-/* Room for one more of what *array holds `size` bytes each; doubles. */
-static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int count, int *cap,
+/* Room for `need` things of `size` bytes in *array, which keeps what it has; doubles. */
+static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int need, int *cap,
                                 size_t size) {
     void *bigger;
-    int   want = *cap < 64 ? 64 : *cap > 0x3fffffff ? 0x7fffffff : 2 * *cap;
-    if (count < *cap) return CLOTH_OK;
+    int   want = *cap < 64 ? 64 : *cap;
+    if (need <= *cap) return CLOTH_OK;
+    while (want < need) want = want > 0x3fffffff ? 0x7fffffff : 2 * want;
     bigger = clothi_alloc(hooks, (size_t)want, size);
     if (!bigger) return CLOTH_ERR_MEMORY;
     if (*array) memcpy(bigger, *array, (size_t)*cap * size);
@@ -3997,6 +3978,9 @@ static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int coun
     *cap = want;
     return CLOTH_OK;
 }
+
+#define CLOTHI_ROOM(c, list, need)          /* the same in c->list                             */ \
+    clothi_grow((c)->hooks, (void **)&(c)->list, need, &(c)->list##_cap, sizeof *(c)->list)
 
 /* --- things by pair: open addressing --- */
 
@@ -4221,12 +4205,10 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     if (status) return status;
     clothi_world_fill(c);
     clothi_world_area(c);
-    clothi_swept_boxes(c->nw, c->xa, NULL, 0, c->box_v);
-    clothi_face_boxes(c->mf, c->faces, c->box_v, c->box_f);
-    status = clothi_bvh_build(c->hooks, c->nf, c->box_f, &c->tree);
+    status = clothi_bvh_faces(c->hooks, c->nw, c->xa, c->nf, c->faces, &c->tree);
     if (!status)
-        status = clothi_bvh_build(c->hooks, c->mf - c->nf, c->box_f + 6 * (size_t)c->nf,
-                                  &c->solid);
+        status = clothi_bvh_faces(c->hooks, c->nw, c->xa, c->mf - c->nf,
+                                  c->faces + 3 * (size_t)c->nf, &c->solid);
     c->solid.first = c->nf;
     return status;
 }
@@ -4407,13 +4389,11 @@ static double clothi_pair_gap(const cloth_collide *c, const double *x, const dou
 /* --- broad phase --- */
 
 static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
-    const int    p = kind == CLOTHI_EE ? c->edges[2 * a] : a;
-    const int    q = kind == CLOTHI_EE   ? c->edges[2 * b]
-                     : kind == CLOTHI_VF ? c->faces[3 * b]
-                                         : c->obstacle[b].v0;
     cloth_status status;
-    if (!clothi_may_touch(c, p, q)) return CLOTH_OK;
-    status = clothi_grow(c->hooks, (void **)&c->pair, c->npair, &c->pair_cap, sizeof *c->pair);
+    int          v[4];
+    (void)clothi_pair_vertices(c, kind, a, b, v);
+    if (!clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1])) return CLOTH_OK;
+    status = CLOTHI_ROOM(c, pair, c->npair + 1);
     if (status) return status;
     c->pair[c->npair].kind = kind, c->pair[c->npair].a = a, c->pair[c->npair].b = b;
     c->npair++;
@@ -4570,7 +4550,7 @@ static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) 
     p.kind = kind, p.a = a, p.b = b;
     low = clothi_exempt_find(c, &p, &there);
     if (there) return CLOTH_OK;
-    status = clothi_grow(c->hooks, (void **)&c->now, c->nnow, &c->now_cap, sizeof p);
+    status = CLOTHI_ROOM(c, now, c->nnow + 1);
     if (status) return status;
     memmove(c->now + low + 1, c->now + low, (size_t)(c->nnow - low) * sizeof p);
     c->now[low] = p;
@@ -4675,8 +4655,7 @@ static cloth_collide_pair clothi_public_pair(const cloth_collide *c, const cloth
 /* One more of what failed. */
 static cloth_status clothi_list_failed(cloth_collide *c, int kind, int a, int b) {
     clothi_pair_id  p;
-    cloth_status status = clothi_grow(c->hooks, (void **)&c->failed, c->nfailed, &c->failed_cap,
-                                      sizeof *c->failed);
+    cloth_status status = CLOTHI_ROOM(c, failed, c->nfailed + 1);
     p.kind = kind, p.a = a, p.b = b;
     if (!status) c->failed[c->nfailed++] = clothi_public_pair(c, &p);
     return status;
@@ -5442,14 +5421,6 @@ static int clothi_contact_before(const clothi_contact *p, const clothi_contact *
     return p->a != q->a ? p->a < q->a : p->b < q->b;
 }
 
-static cloth_status clothi_order_reserve(cloth_collide *c, int n) {
-    cloth_status status = CLOTH_OK;
-    while (c->order_cap < n && !status)
-        status =
-            clothi_grow(c->hooks, (void **)&c->order, c->order_cap, &c->order_cap, sizeof(int));
-    return status;
-}
-
 /* Heap sort of numbers [n] of contacts t. */
 static void clothi_contact_heap(const clothi_contact *t, int *order, int n) {
     int start = n / 2, end = n, root, child;
@@ -5479,9 +5450,8 @@ static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
     int             i = 0, j = 0, k;
     cloth_status    status;
     c->framed = 0;
-    status = clothi_order_reserve(c, n);
-    while (c->spare_cap < n && !status)
-        status = clothi_grow(c->hooks, (void **)&c->spare, c->spare_cap, &c->spare_cap, sizeof *t);
+    status = CLOTHI_ROOM(c, order, n);
+    if (!status) status = CLOTHI_ROOM(c, spare, n);
     if (status) return status;
     for (k = 0; k < n - sorted; k++) c->order[k] = sorted + k;
     clothi_contact_heap(t, c->order, n - sorted);
@@ -5668,7 +5638,7 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
     int             i, n = 0;
     uint32_t        at;
     cloth_status    status = clothi_table_fill(c->hooks, &c->contact_of, q, sizeof *q, c->ncontact);
-    if (!status) status = clothi_order_reserve(c, c->ncontact);
+    if (!status) status = CLOTHI_ROOM(c, order, c->ncontact);
     if (status || c->ncontact == 0) return status;
     memset(c->order, 0, (size_t)c->ncontact * sizeof(int));
     for (i = 0; i < c->npair; i++) {
@@ -5726,8 +5696,7 @@ static cloth_status clothi_list_join(cloth_collide *c, const double *x, const do
         if (!stops && c->slack[i] - (dx ? part * clothi_pair_come(c, p, dx) : 0) > reach) continue;
         c->hit[i] = CLOTHI_HIT_EXEMPT;
         if (clothi_is_exempt(c, p->kind, p->a, p->b)) continue;
-        status = clothi_grow(c->hooks, (void **)&c->contact, c->ncontact, &c->contact_cap,
-                             sizeof *c->contact);
+        status = CLOTHI_ROOM(c, contact, c->ncontact + 1);
         if (status) break;
         c->hit[i] = clothi_contact_new(c, p, x, c->contact + c->ncontact) ? CLOTHI_HIT_CONTACT : 0;
         c->ncontact += c->hit[i];
@@ -6200,8 +6169,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, double room, int *n) {
         for (i = 0; i < c->nv && !status; i++) {
             if (c->look[i] != 2) continue;
             c->look[i] = 0;
-            status = clothi_grow(c->hooks, (void **)&c->holding, c->nholding, &c->holding_cap,
-                                 sizeof *c->holding);
+            status = CLOTHI_ROOM(c, holding, c->nholding + 1);
             if (status) break;
             c->held_of[i] = c->nholding;
             c->holding[c->nholding] = c->caught[i];
@@ -6372,7 +6340,7 @@ static cloth_status clothi_row_put(cloth_collide *c, const clothi_row *row) {
         c->row[i].multiplier = multiplier;
         return CLOTH_OK;
     }
-    status = clothi_grow(c->hooks, (void **)&c->row, c->nrow, &c->row_cap, sizeof *c->row);
+    status = CLOTHI_ROOM(c, row, c->nrow + 1);
     if (status) return status;
     c->row[c->nrow++] = *row;
     c->row_of.entry[at] = c->nrow;
@@ -6993,8 +6961,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
  */
 
 static cloth_status clothi_anchor_add(cloth_collide *c, const clothi_anchor *a) {
-    cloth_status status = clothi_grow(c->hooks, (void **)&c->next, c->nnext, &c->next_cap,
-                                      sizeof *c->next);
+    cloth_status status = CLOTHI_ROOM(c, next, c->nnext + 1);
     if (!status) c->next[c->nnext++] = *a;
     return status;
 }
@@ -7098,9 +7065,7 @@ static cloth_status clothi_contact_open(cloth_collide *c) {
     for (i = 0; i < c->nexempt && !status; i++)
         status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
     for (i = 0; i < c->nanchor && !status; i++) status = clothi_anchor_add(c, c->anchor + i);
-    while (!status && c->holding_cap < c->nhold)
-        status = clothi_grow(c->hooks, (void **)&c->holding, c->holding_cap, &c->holding_cap,
-                             sizeof *c->holding);
+    if (!status) status = CLOTHI_ROOM(c, holding, c->nhold);
     if (!status && c->nhold)
         memcpy(c->holding, c->hold, (size_t)c->nhold * sizeof *c->hold);
     c->nholding = status ? 0 : c->nhold;
@@ -7573,16 +7538,9 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
     if (!clothi_holds_valid(c, in, head.nhold))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot holds a vertex that is not there");
-    while (!status && c->anchor_cap < head.nanchor)
-        status = clothi_grow(c->hooks, (void **)&c->anchor, c->anchor_cap, &c->anchor_cap,
-                             sizeof *c->anchor);
-    while (!status && c->hold_cap < head.nhold)
-        status = clothi_grow(c->hooks, (void **)&c->hold, c->hold_cap, &c->hold_cap,
-                             sizeof *c->hold);
-    while (!status && c->exempt_cap < head.nexempt)
-        status = clothi_grow(c->hooks, (void **)&c->exempt, c->exempt_cap, &c->exempt_cap,
-                             sizeof *c->exempt);
-    return status;
+    status = CLOTHI_ROOM(c, anchor, head.nanchor);
+    if (!status) status = CLOTHI_ROOM(c, hold, head.nhold);
+    return status ? status : CLOTHI_ROOM(c, exempt, head.nexempt);
 }
 
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
@@ -8010,7 +7968,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
     if (slot >= 0xffff)
         return clothi_fail(c->hooks, CLOTH_ERR_CAPACITY, "more than %i obstacles", 0xffff);
-    status = clothi_grow(c->hooks, (void **)&c->obstacle, slot, &c->obstacle_cap, sizeof *o);
+    status = CLOTHI_ROOM(c, obstacle, slot + 1);
     if (status) return status;
     if (slot == c->nobstacle) c->nobstacle++;
     o = c->obstacle + slot;
@@ -8510,15 +8468,13 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  *   ways out  a vertex where the winding number of a closed obstacle is 1 or more [7.1] goes to the
  *             nearest point of its surface and t/2 on; spheres, capsules, planes likewise
  *
- * A vertex goes its way out, else max_move along G (less where |G| is under 0.1), those between as
- * their neighbours. The motion goes through detection and zones [8.4], which let through features
- * of faces that cross, that are beside such, or that have a vertex inside, and so no pair of others
- * is new at the end. The measure
+ * A vertex goes its way out, else max_move along G (less where |G| is under 0.1). The motion goes
+ * through detection and zones [8.4], which let through features of faces that cross, that are
+ * beside such, or that have a vertex inside: no pair of others is new at the end. The measure
  *     sum over vertices inside of area (depth + t)  +  edge^2/4 (L + A),   A in m of edges,
  * has to fall by a thousandth, else half of the motion is tried, .. 1/32: there is no going in
  * circles. Dropped: the material; the way out of a region as a whole (a wall thinner than twice the
- * depth may have cloth on both sides); paths of what is let through. Two halves of one size are
- * told apart by rounding.
+ * depth may have cloth on both sides); paths of what is let through.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * [VM06]  Volino, Magnenat-Thalmann: Resolving Surface Collisions through Intersection Contour
@@ -8528,7 +8484,6 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
 #define CLOTHI_UNTANGLE_MOVE   5.0          /* t, max_move 0                                   */
 #define CLOTHI_UNTANGLE_FALL   1e-3         /* of the measure, in a call                       */
 #define CLOTHI_UNTANGLE_TRIES  6
-#define CLOTHI_UNTANGLE_SPREAD 8            /* rounds                                          */
 
 typedef struct clothi_crossing {            /* edge through face                               */
     int    edge, face;
@@ -8611,7 +8566,8 @@ static cloth_status clothi_contour_find(const cloth_collide *c, const clothi_pai
             clothi_crossing cut;
             cloth_status    status;
             if (!clothi_contour_cut(c, face[k / 3], k % 3, face[1 - k / 3], &cut)) continue;
-            status = clothi_grow(c->hooks, (void **)&line->cut, line->n, &line->cap, sizeof cut);
+            status = clothi_grow(c->hooks, (void **)&line->cut, line->n + 1, &line->cap,
+                                 sizeof cut);
             if (status) return status;
             for (line->cut[line->n++] = cut, j = first; j < line->n - 1; j++) {
                 clothi_sub3(cut.at, line->cut[j].at, d);
@@ -8776,27 +8732,14 @@ static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
     return CLOTH_OK;
 }
 
-/* The motion u->d [nv x 3] m: the way out, else along G, else as the neighbours. */
+/* The motion u->d [nv x 3] m: the way out, else along G. */
 static void clothi_tangle_motion(const cloth_collide *c, clothi_tangle *u, double most) {
-    int i, j, k, round;
+    int i, k;
     for (i = 0; i < c->nv; i++) {
-        const double *g = u->g + 3 * i, size = clothi_dot3(g, g);
-        for (k = 0; k < 3 && !u->drives[i]; k++)
-            u->d[3 * i + k] = most * g[k] / sqrt(size + 0.01);
-        u->drives[i] |= size > 0 || (c->sim->pin[i] & CLOTH_AXIS_ALL) == CLOTH_AXIS_ALL;
-    }
-    for (round = 0; round < CLOTHI_UNTANGLE_SPREAD; round++)
-        for (i = 0; i < 3 * c->nv; i++) {
-            const int v = i / 3, n = c->star[v + 1] - c->star[v];
-            double    sum = 0;
-            if (u->drives[v]) continue;
-            for (j = 0; j < 3 * n; j++)
-                sum += u->d[3 * c->faces[3 * c->star_face[c->star[v] + j / 3] + j % 3] + i % 3];
-            u->d[i] = sum / (3 * n + 1);
-        }
-    for (i = 0; i < c->nv; i++) {
-        double      *d = u->d + 3 * i;
-        const double size = sqrt(clothi_dot3(d, d));
+        const double *g = u->g + 3 * i, pull = most / sqrt(clothi_dot3(g, g) + 0.01);
+        double       *d = u->d + 3 * i, size;
+        for (k = 0; k < 3 && !u->drives[i]; k++) d[k] = pull * g[k];
+        size = sqrt(clothi_dot3(d, d));
         for (k = 0; k < 3; k++) d[k] *= c->sim->pin[i] >> k & 1 ? 0 : size > most ? most / size : 1;
     }
 }

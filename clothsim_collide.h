@@ -1165,20 +1165,6 @@ static int clothi_ccd_plain(const clothi_ccd *q, double t) {
     return abs(signs) == 2;
 }
 
-/* One of the three axes keeps the polygon away all the time. */
-static int clothi_ccd_boxes(const clothi_ccd *q) {
-    int i, k;
-    for (k = 0; k < 3; k++) {
-        double lo = clothi_min(q->r0[k], q->r1[k]), hi = clothi_max(q->r0[k], q->r1[k]);
-        for (i = k + 3; i < 3 * q->n; i += 3) {
-            lo = clothi_min(lo, clothi_min(q->r0[i], q->r1[i]));
-            hi = clothi_max(hi, clothi_max(q->r0[i], q->r1[i]));
-        }
-        if (lo > q->floor || -hi > q->floor) return 1;
-    }
-    return 0;
-}
-
 /* The differences, their size and the bounds; 0 when the largest is 0 or too large. */
 static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa, const double *xb,
                            double min_sep) {
@@ -1220,7 +1206,7 @@ static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, do
     }
     if (!(q.s < 4 * q.m)) return 1;         /* all of it is within min_sep                      */
     *toi = 1;
-    if (clothi_ccd_boxes(&q) || !clothi_ccd_run(&q, toi)) return 0;
+    if (!clothi_ccd_run(&q, toi)) return 0;
     if (q.s <= 0 && !clothi_ccd_plain(&q, *toi)) {
         clothi_dd r0[12], r1[12];
         clothi_dd_polygon(edge_edge, xa, q.scale, r0);
@@ -1243,12 +1229,12 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
 
 /* Weights w [4] (clothi_pair_weights) and unit normal n [3] of a contact found at toi, such that
  * g = n.sum w_i x_i at xa, which is returned, is positive: the side held at the start. n is the
- * direction of the distance at toi; where that is lost in rounding, the normal of the face or of
- * both edges; where that has no side at the start, the direction of the distance at the start.
- * 0 is returned when the two touch at the start; n is then one of these, or the x axis. */
+ * direction of the distance at toi; where that is lost in rounding or has no side at the start
+ * that of the distance at the start. 0 is returned when the two touch there; n is then one of
+ * these or the x axis. */
 static double clothi_contact_frame(int edge_edge, const double *xa, const double *xb, double toi,
                                    double *w, double *n) {
-    double    r0[12], r[12], m0, scale, g = 0, start[3] = {0, 0, 0};
+    double    r0[12], r[12], m0, scale, start[3] = {0, 0, 0};
     double    lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0};  /* squares overflow: nothing is near */
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
     int       i, k, way;
@@ -1263,23 +1249,12 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
     clothi_pair_weights(edge_edge, lambda, w);
     for (i = 0; i < corners; i++)
         for (k = 0; k < 3; k++) start[k] += lambda[i] * r0[3 * i + k];
-    for (i = 0; i < 3; i++) {
-        int found;
-        if (i == 0) found = clothi_dot3(v, v) > 1e-22 &&
-                            clothi_ccd_direction(r, corners, way, v, n);
-        else if (i == 1) found = clothi_ccd_direction(r, corners, -1, v, n);
-        else {
-            way = clothi_nearest(r0, corners, lambda, v);
-            found = clothi_ccd_direction(r0, corners, way, v, n);
-        }
-        if (!found) continue;
-        g = clothi_dot3(n, start);
-        if (i == 1 && g < 0) {
-            for (k = 0; k < 3; k++) n[k] = -n[k];
-            g = -g;
-        }
-        if (g > (i < 2 ? 1e-12 : 0)) return g / scale;
-    }
+    if (clothi_dot3(v, v) > 1e-22 && clothi_ccd_direction(r, corners, way, v, n) &&
+        clothi_dot3(n, start) > 1e-12)
+        return clothi_dot3(n, start) / scale;
+    way = clothi_nearest(r0, corners, lambda, v);
+    if (clothi_ccd_direction(r0, corners, way, v, n) && clothi_dot3(n, start) > 0)
+        return clothi_dot3(n, start) / scale;
     if (!(fabs(clothi_dot3(n, n) - 1) < 1e-9)) n[0] = 1, n[1] = n[2] = 0;
     return 0;
 }
@@ -1293,9 +1268,9 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
  *      4   5   6   7               [ floor(j n / 2^l), floor((j+1) n / 2^l) ):
  *     ...             items    no pointers, no counts, no recursion. n items, d < 29.
  *
- *   build     Each node is split at its median along the axis on which the centres of its boxes
- *             reach furthest. The items are sorted once along each axis; a split keeps the three
- *             orders by stable partition: O(n log n), whatever the boxes are.
+ *   build     Each node is sorted along the axis on which the centres of its boxes reach furthest,
+ *             by number where these are equal, and split at its median: O(n log^2 n), whatever the
+ *             boxes are.
  *   refit     Bottom-up in one sweep; the splits stay, as a mesh that deforms keeps its neighbours.
  *   rounding  Nodes are floats rounded outward: fl(x) - d with d >= ulp(fl(x)) is below x. They
  *             only prune; a pair is decided by the given doubles, touching counts, NaN overlaps
@@ -1635,62 +1610,50 @@ static cloth_status clothi_bvh_alloc(const cloth_hooks *hooks, int n, clothi_bvh
     return CLOTH_OK;
 }
 
-/* Items [lo, hi) of the three sorted orders [3 x n], halved at mid along the widest axis. side [n]
- * and tmp [n] are scratch. */
-static void clothi_bvh_split(int n, const double *key, int *order, int lo, int mid, int hi,
-                             unsigned char *side, int *tmp) {
+/* Sorts n items along the axis on which their centres key [3 x of] reach furthest, those of a leaf
+ * along x; equal ones by number, key [of] from 3 of on. tmp [n] is scratch. */
+static void clothi_bvh_sort(int *item, int n, const double *key, int of, int leaf, int *tmp) {
     double widest = -1;
     int    axis = 0, k, i;
-    for (k = 0; k < 3; k++) {
-        const int   *o = order + k * n;
-        const double extent = key[k * n + o[hi - 1]] - key[k * n + o[lo]];
-        if (extent > widest) widest = extent, axis = k;
-    }
-    for (i = lo; i < hi; i++) side[order[axis * n + i]] = i >= mid;
-    for (k = 0; k < 3; k++) {
-        int *o = order + k * n, left = lo, right = 0;
-        if (k == axis) continue;
-        for (i = lo; i < hi; i++) {
-            if (side[o[i]]) tmp[right++] = o[i];
-            else o[left++] = o[i];
+    for (k = 0; k < 3 && !leaf; k++) {
+        double lo = HUGE_VAL, hi = -HUGE_VAL;
+        for (i = 0; i < n; i++) {
+            lo = clothi_min(lo, key[k * of + item[i]]);
+            hi = clothi_max(hi, key[k * of + item[i]]);
         }
-        memcpy(o + mid, tmp, (size_t)right * sizeof *tmp);
+        if (hi - lo > widest) widest = hi - lo, axis = k;
     }
+    clothi_sort(item, tmp, n, key + 3 * of);
+    clothi_sort(item, tmp, n, key + axis * of);
 }
 
 /* A tree over box [n x 6] (min xyz, max xyz), n in [0, CLOTH_MAX_COUNT]; the boxes are copied.
- * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log n), ~110 n bytes and scratch */
+ * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log^2 n), ~110 n bytes and scratch */
 static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const double *box,
                                      clothi_bvh *t) {
-    const size_t   m = (size_t)n;
-    double        *key = (double *)clothi_alloc(hooks, 3 * m * sizeof *key +
-                                                           4 * m * sizeof(int) + m, 1);
-    int           *order, *tmp, i, k, level;
-    unsigned char *side;
-    cloth_status   status;
+    const size_t m = (size_t)n;
+    double      *key = (double *)clothi_alloc(hooks, m, 4 * sizeof *key + sizeof(int));
+    int          i, k, level;
+    cloth_status status;
     memset(t, 0, sizeof *t);
     if (!key) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i boxes", n);
     status = clothi_bvh_alloc(hooks, n, t);
     if (status != CLOTH_OK) goto done;
-    order = (int *)(void *)(key + 3 * m), tmp = order + 3 * m;
-    side = (unsigned char *)(tmp + m);
-    for (k = 0; k < 3; k++) {
-        for (i = 0; i < n; i++) {
+    for (i = 0; i < n; i++) {
+        for (k = 0; k < 3; k++) {
             const double centre = 0.5 * box[6 * i + k] + 0.5 * box[6 * i + k + 3];
             key[k * n + i] = clothi_finite(centre) ? centre : 0;
-            order[k * n + i] = i;
         }
-        clothi_sort(order + k * n, tmp, n, key + k * n);
+        key[3 * n + i] = t->item[i] = i;
     }
-    for (level = 0; level < t->depth; level++)
-        for (i = 0; i < 1 << level; i++)
-            clothi_bvh_split(n, key, order, clothi_bvh_item(t, i, level),
-                             clothi_bvh_item(t, 2 * i + 1, level + 1),
-                             clothi_bvh_item(t, i + 1, level), side, tmp);
-    memcpy(t->item, order, m * sizeof *order);
+    for (level = 0; level <= t->depth; level++)
+        for (i = 0; i < 1 << level; i++) {
+            const int lo = clothi_bvh_item(t, i, level), hi = clothi_bvh_item(t, i + 1, level);
+            clothi_bvh_sort(t->item + lo, hi - lo, key, n, level == t->depth,
+                            (int *)(void *)(key + 4 * m));
+        }
     clothi_bvh_refit(hooks, t, box);
 done:
-    if (status != CLOTH_OK) clothi_bvh_free(hooks, t);
     clothi_free(hooks, key);
     return status;
 }

@@ -298,8 +298,8 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void);
  *   of range, an edge where the mesh is open or badly oriented, the volume not positive;
  *   CLOTH_ERR_CAPACITY: more than max_nodes; CLOTH_ERR_MEMORY. Logged, with the place.
  * contract: alloc one block and scratch (500 bytes a face) | cost: signs O(nf + area in cells),
- *   then a nearest-face query, ~2 us, per node of the band and per 64 nodes elsewhere |
- *   hooks.parallel, the same bits for any workers */
+ *   then a nearest-face query, ~2 us, per node of the band, ~0.3 us elsewhere | hooks.parallel, the
+ *   same bits for any workers */
 CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid **out);
 CLOTH_API void cloth_grid_destroy(cloth_grid *grid);
 CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);   /* 8 a node and about 250; NULL: 0 */
@@ -3418,10 +3418,9 @@ static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const cloth
 
 /* --- distance grid ---
  *
- * Blocks of 4 x 4 x 4 nodes: one nearest-face query from the centre tells a block that is beyond
- * the band, which has one sign; else one query a node, which starts from the face nearest to the
- * last. Faces inside another part are left out: the nearest point is on the boundary of the union,
- * but for nodes inside the overlap that are nearer to the inner half of a face at its border.
+ * One query a node, no farther than the band, which starts from the face nearest to the last node.
+ * Faces inside another part are left out: the nearest point is on the boundary of the union, but
+ * for nodes inside the overlap that are nearer to the inner half of a face at its border.
  *
  *        o . . . . o           The sign of a node is that of its winding number. From a node that
  *        |<-- d -->|           is d away from the surface the way to the next one, when it is
@@ -3431,7 +3430,6 @@ static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const cloth
  * checked: tests/test_grid.c */
 
 #define CLOTHI_GRID_COOKIE  0x64697267u
-#define CLOTHI_GRID_BLOCK   4               /* nodes along an edge of a block                  */
 #define CLOTHI_GRID_TINY    1e-60           /* m, smallest cell: squares and cubes stay normal */
 #define CLOTHI_GRID_LARGE   1e60            /* m, largest coordinate                           */
 #define CLOTHI_GRID_REACH   1e11            /* cells, largest coordinate                       */
@@ -3444,67 +3442,35 @@ typedef struct clothi_grid {
 typedef struct clothi_grid_job {
     cloth_grid    *grid;
     clothi_surface surface;
-    int            blocks[3];
     unsigned char *covered;                 /* [nf] faces that no distance is taken to         */
     clothi_bvh     tree;
 } clothi_grid_job;
 
-/* Distance of p from the mesh if below `bound`, else `bound`. *f: a guess of the nearest face (-1:
- * none), which makes the search short, and the answer. */
-static double clothi_grid_reach(const clothi_grid_job *job, const double *p, double bound,
-                                int *f) {
-    double d2 = bound * bound, b[3];
-    int    found;
-    if (*f >= 0) {
-        const int *v = job->surface.faces + 3 * (size_t)*f;
-        d2 = clothi_min(d2, clothi_face_distance2(job->surface.x, v, p, b));
+/* The nodes of a row along x. */
+static void clothi_grid_row(const clothi_grid_job *job, int row) {
+    const clothi_surface *s = &job->surface;
+    const cloth_grid     *g = job->grid;
+    double               *phi = g->phi + (size_t)row * (size_t)g->n[0], p[3], last = 0, sign = 1;
+    int                   i, f = -1;
+    p[1] = g->origin[1] + g->cell * (row % g->n[1]);
+    p[2] = g->origin[2] + g->cell * (row / g->n[1]);
+    for (i = 0; i < g->n[0]; i++) {
+        double d2 = g->band * g->band, d = g->band, b[3];
+        int    found;
+        p[0] = g->origin[0] + g->cell * i;
+        if (f >= 0) d2 = clothi_min(d2, clothi_face_distance2(s->x, s->faces + 3 * f, p, b));
+        found = clothi_surface_nearest(s, p, &d2, b);
+        if (found >= 0) f = found, d = clothi_min(d, sqrt(d2));
+        if (!(clothi_max(d, last) > 1.01 * g->cell))
+            sign = clothi_surface_winding(s, p) >= 1 ? -1 : 1;
+        phi[i] = sign * d;
+        last = d;
     }
-    found = clothi_surface_nearest(&job->surface, p, &d2, b);
-    if (found >= 0) *f = found;
-    return found < 0 ? bound : clothi_min(bound, sqrt(d2));
-}
-
-/* The nodes of block b. */
-static void clothi_grid_block(const clothi_grid_job *job, int b) {
-    const cloth_grid *g = job->grid;
-    const int         nx = job->blocks[0], ny = job->blocks[1], size = CLOTHI_GRID_BLOCK;
-    const int         first[3] = {size * (b % nx), size * (b / nx % ny), size * (b / nx / ny)};
-    double            p[3], last_p[3], half = 0, bound, sign, last_d;
-    int               last[3], i, j, k, a, f = -1, near_by;
-    for (a = 0; a < 3; a++) {
-        last[a] = first[a] + size < g->n[a] ? first[a] + size : g->n[a];
-        p[a] = last_p[a] = g->origin[a] + g->cell * 0.5 * (first[a] + last[a] - 1);
-        half += (double)(last[a] - 1 - first[a]) * (last[a] - 1 - first[a]);
-    }
-    /* to the corners, and more than the coordinates round */
-    bound = g->band + g->cell * (0.5 * sqrt(half) + 0.01);
-    last_d = clothi_grid_reach(job, p, bound, &f);
-    near_by = last_d < bound;
-    sign = clothi_surface_winding(&job->surface, p) >= 1 ? -1 : 1;
-    for (k = first[2]; k < last[2]; k++)
-        for (j = first[1]; j < last[1]; j++) {
-            double *phi = g->phi + ((size_t)k * (size_t)g->n[1] + (size_t)j) * (size_t)g->n[0];
-            for (i = first[0]; i < last[0]; i++) {
-                double d = g->band, way[3];
-                p[0] = g->origin[0] + g->cell * i;
-                p[1] = g->origin[1] + g->cell * j;
-                p[2] = g->origin[2] + g->cell * k;
-                if (near_by) {
-                    d = clothi_grid_reach(job, p, d, &f);
-                    clothi_sub3(p, last_p, way);
-                    if (!(clothi_max(d, last_d) > 1.01 * sqrt(clothi_dot3(way, way))))
-                        sign = clothi_surface_winding(&job->surface, p) >= 1 ? -1 : 1;
-                    memcpy(last_p, p, sizeof p);
-                    last_d = d;
-                }
-                phi[i] = sign * d;
-            }
-        }
 }
 
 static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
     (void)worker;
-    for (; begin < end; begin++) clothi_grid_block((const clothi_grid_job *)ctx, begin);
+    for (; begin < end; begin++) clothi_grid_row((const clothi_grid_job *)ctx, begin);
 }
 
 /* --- create --- */
@@ -3608,10 +3574,7 @@ CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid
     memset(&job, 0, sizeof job);
     status = clothi_grid_plan(desc, &plan);
     if (status != CLOTH_OK) return status;
-    for (a = 0; a < 3; a++) {
-        nodes *= (size_t)plan.n[a];
-        job.blocks[a] = (plan.n[a] - 1) / CLOTHI_GRID_BLOCK + 1;
-    }
+    for (a = 0; a < 3; a++) nodes *= (size_t)plan.n[a];
     made = (clothi_grid *)clothi_alloc(&desc->hooks, nodes + head, sizeof(double));
     status = made ? clothi_grid_faces(desc, &job)
                   : clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY,
@@ -3621,8 +3584,7 @@ CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid
     made->grid.phi = (double *)(void *)made + head;
     made->hooks = desc->hooks;
     job.grid = &made->grid;
-    clothi_for(&desc->hooks, job.blocks[0] * job.blocks[1] * job.blocks[2], 64,
-               clothi_grid_measure, &job);
+    clothi_for(&desc->hooks, plan.n[1] * plan.n[2], 16, clothi_grid_measure, &job);
     *out = &made->grid;
     made = NULL;
 done:

@@ -3924,6 +3924,7 @@ struct cloth_collide {
     int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
     double *area;                           /* [nw] m^2, a third of the faces around           */
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
+    unsigned char  *dragging;               /* [mf] faces of bodies that penetrate themselves  */
     unsigned char  *pinched;                /* [mf] faces in a pinch; NULL: none was yet       */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
@@ -5950,11 +5951,14 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *   caught   p is outside of the nearest face and of the nearest one that looks at it,
  *            n0 . n1 < -0.3, and at either pose of the substep (A1 - A0) . m is less than 2 t,
  *            m = (n0 - n1)/|n0 - n1|
- *   kept     both points slide from face to face, of those that look at the other one, nearest to
- *            p at x^n. p is to go the mean of their ways w0, w1, and along m (1 - s) w0 + s w1,
- *            with the share s = (p - A0).m / (A1 - A0).m that it had when it was caught. Where the
+ *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
+ *            between the points so found. 1: the part that it is in has passed it: it goes out to
+ *            the nearest point of the surface, but where that is in another part. Else, where parts
+ *            overlap, both points slide from face to face, of those that look at the other one,
+ *            nearest to p.
+ *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
+ *            the share s = (p - A0).m / (A1 - A0).m that it had when it was caught. Where the
  *            points slid, s comes back by at most t a substep
- *   free     outside of both faces where it is, with more than 2 t there and 3 t where it goes
  *
  * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, begins anew at x^n in every
  * substep: a drag, by which cloth stays whole. Nailed to `to`, as in [BWK03], edges of a T-shirt's
@@ -5971,7 +5975,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 
 #define CLOTHI_FACING   (-0.3)              /* n0 . n1 of faces that look at each other        */
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
-#define CLOTHI_OPENED   3                   /* t: room at the end for what is let go           */
+#define CLOTHI_OPENED   3                   /* t: room at both poses for what is let go        */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
 #define CLOTHI_DRAG     0.3                 /* of the membrane's stiffness: drag on what is held */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
@@ -6079,17 +6083,39 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
     }
 }
 
+/* The way out for what is inside of one part alone: `to` is where its nearest point of the surface
+ * goes, and h is there. 0: that point is in another part. */
+static int clothi_hold_leave(const cloth_collide *c, cloth_hold *h, double *to) {
+    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
+    const double         t = c->obstacle[h->slot].thickness;
+    double               d2 = CLOTHI_HUGE, b[3], at[3], n[3];
+    cloth_hold           out = *h;
+    int                  f = clothi_surface_nearest(&body, c->xa + 3 * h->vertex, &d2, b), k;
+    if (f < 0) return 0;
+    out.face[0] = f - c->obstacle[h->slot].f0;
+    memcpy(out.weight[0], b, sizeof b);
+    clothi_hold_point(c, &out, 0, c->xa, at, n);
+    for (k = 0; k < 3; k++) at[k] += 1e-3 * t * n[k];
+    if (clothi_surface_winding(&body, at) > 0) return 0;
+    *h = out;
+    clothi_hold_point(c, h, 0, c->xb, to, n);
+    for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * t * n[k];
+    return 1;
+}
+
 /* Whether a vertex stays held; where it goes into c->hold_to. */
 static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
-    const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
-    double        A[6], B[6], n[6], m[3], d[3], end[6], start, room, along, drift;
-    int           k, out = 1;
-    for (k = 0; k < 2; k++) clothi_hold_slide(c, h, k, p);
-    start = clothi_hold_room(c, h, c->xa, A, n, m);
-    for (k = 0; k < 2; k++) {
-        clothi_sub3(p, A + 3 * k, d);
-        out &= clothi_dot3(d, n + 3 * k) > 0;
+    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
+    const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness, share = h->share;
+    double        A[6], B[6], n[6], m[3], d[3], end[6], room, along, drift;
+    int           k, wind = clothi_surface_winding(&body, p);
+    if (wind == 1 && clothi_hold_leave(c, h, to)) return 1;
+    if (wind <= 0) {
+        if (!clothi_catch_vertex(c, h->vertex, h->slot, CLOTHI_OPENED, h)) return 0;
+        h->share = share;
     }
+    for (k = 0; k < 2 && wind > 0; k++) clothi_hold_slide(c, h, k, p);
+    (void)clothi_hold_room(c, h, c->xa, A, n, m);
     room = clothi_hold_room(c, h, c->xb, B, end, m);
     for (k = 0; k < 3; k++) {
         d[k] = B[3 + k] - A[3 + k] - (B[k] - A[k]);
@@ -6100,7 +6126,7 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     drift = h->share * room - clothi_dot3(d, m) - along;
     along += clothi_max(clothi_min(drift, t), -t);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
-    return !(out && start > CLOTHI_PINCHED * t && room > CLOTHI_OPENED * t);
+    return 1;
 }
 
 /* --- which faces --- */
@@ -6156,7 +6182,8 @@ static cloth_status clothi_pinch_reserve(cloth_collide *c) {
         c->caught = (cloth_hold *)clothi_alloc(c->hooks, nv, sizeof *c->caught);
         c->hold_to = (double *)clothi_alloc(c->hooks, 3 * nv, sizeof(double));
     }
-    if (!c->pinched) c->pinched = (unsigned char *)clothi_alloc(c->hooks, mf, 1);
+    if (!c->pinched) c->pinched = (unsigned char *)clothi_alloc(c->hooks, 2 * mf, 1);
+    c->dragging = c->pinched + mf;
     if (!c->held_of || !c->look || !c->caught || !c->hold_to || !c->pinched)
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for pinches of %i vertices",
                            c->nv);
@@ -6248,6 +6275,10 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     status = clothi_pinch_reserve(c);
     if (status) return status;
     memset(c->pinched, 0, (size_t)c->mf);
+    for (i = 0; i < c->mf; i++) {
+        const int slot = c->slot[c->faces[3 * i]];
+        c->dragging[i] = slot >= 0 && c->obstacle[slot].self_penetrating;
+    }
     clothi_pinch_boxes(c);
     memset(c->look, 1, (size_t)c->nv);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;

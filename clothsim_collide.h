@@ -83,23 +83,20 @@
  *
  * EXEMPT FROM IT
  *   - pairs that intersect at the start, where they are let in (CLOTH_INITIAL_EXEMPT), until they
- *     have parted: report.exempt_pairs. Their corners and edges pass each other, which are those of
- *     the faces around them too: the line of intersection wanders to pairs beside them, which are
- *     exempt then as well. cloth_collide_untangle() pushes them apart
+ *     have parted, and those beside them to which the line of intersection wanders:
+ *     report.exempt_pairs. cloth_collide_untangle() pushes them apart
  *   - cloth that is held in a pinch of a self_penetrating body, where two parts of it come nearer
  *     than cloth has room for: report.held vertices, cloth_collide_holds(); against
  *     report.exempt_faces of the body around it. What intersects so is listed with the exempt
  *     pairs [8.3]. No free vertex goes into the body, and cloth does not pass cloth
  *   - parts and obstacles whose category and mask exclude each other
- *   - distance grids (CLOTH_OBSTACLE_GRID): a potential alone, no detection. Vertices may sink in
- *     under load, faces and edges cut through what is sharper than the cloth's mesh; cloth may
- *     begin inside and is led out [8.2]
+ *   - distance grids (CLOTH_OBSTACLE_GRID): a potential alone. Vertices may sink in under load,
+ *     faces and edges cut through; cloth may begin inside and is led out [8.2]
  *   - a teleported obstacle: the jump itself is not looked at, only where it ends
  *   - the path between the ends of a step is looked at as straight lines: an obstacle that turns
  *     far in one step cuts its corners, by 1 - cos(angle/2) of its radius: step shorter
- *   - leapfrog: contact looks at every substep, by zones alone: no potential, no friction, no
- *     record of forces but of the last substep. It gains no energy, and detection is paid for at
- *     each of report.substeps
+ *   - leapfrog: zones alone, at each of report.substeps: no potential, no friction, no record of
+ *     forces but of the last substep. It gains no energy
  *   - statics: refused for a sim that has contact
  *
  * ENERGY. Among obstacles that rest a step goes downhill from a feasible point no worse than where
@@ -112,9 +109,8 @@
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                     29, obstacles alone 15; 90 steps
  *   T-shirt of 10 000 faces on a walking body of 27 000        500 to 10 000
- * It grows with pairs in range rather than with faces: layers that lie on each other are dear, and
- * a cloth folded many times can cost ten times the same cloth spread out. Without desc.contact
- * nothing is called and nothing allocated.
+ * It grows with pairs in range rather than with faces: a cloth folded many times can cost ten times
+ * the same cloth spread out. Without desc.contact nothing is called and nothing allocated.
  *
  * EACH PARAMETER              what more of it does to the result | to the cost and the promise
  *   thickness    t: layers feel each other from t on and rest a little nearer | more pairs, which
@@ -128,8 +124,6 @@
  *   slip         give before a contact that sticks holds fully | smaller: stiffer, more iterations;
  *                larger: visible give, though no creep. A slide at 0.99 tan a begins 0.1 % late
  *   max_passes   rounds of detection and zones | fewer: hard steps fail sooner and cheaper
- *   initial      REFUSE names what intersects before the first step, EXEMPT lets it part, of itself
- *                or by cloth_collide_untangle | until then it is outside of the promise
  *   halvings     of cloth_collide_step: what fails is tried over h/2, h/4, .. ; the fraction
  *                reached is reported and time has moved by it | each try costs a step
  */
@@ -149,7 +143,7 @@ extern "C" {
  * then the corners of a face. ee: both ends of one edge, then both ends of the other.
  *
  * Returns 1 and *toi in [0,1] when the two come within min_sep (m; below 0 counts as 0) of each
- * other, else 0 (*toi is then 1). toi may be NULL.
+ * other, else 0 and 1. toi may be NULL.
  *   - Never 0 for a true contact: coplanar motion, parallel edges, edges and faces of no length or
  *     area, contact at the start or at the end, any scale.
  *   - At every time before *toi the distance is greater than min_sep. At *toi it is at most
@@ -219,28 +213,23 @@ typedef struct cloth_qp_report {
 CLOTH_API cloth_qp_options cloth_qp_options_default(void);
 
 /* Solves the QP.                                                                           [6.1]
- * in   qp       as above; every number finite
  * in   opt      NULL: defaults
- * out  x        [n] m, may be NULL. Infeasible: x0
- * out  lambda   [m] >= 0, kg m per unit of the row; may be NULL.  x = x0 - minv o (G' lambda).
+ * out  x        [n] m. Infeasible: x0
+ * out  lambda   [m] >= 0, kg m per unit of the row.  x = x0 - minv o (G' lambda).
  *               Infeasible: a certificate: max 1, |G_free' lambda| <= 1e-10 max|G| and
  *               lambda.(h - G_fixed x0_fixed) < 0 by more than rounding
- * out  rep      may be NULL
+ * out  rep      any of the three may be NULL
  * returns CLOTH_OK, whatever the outcome; CLOTH_ERR_ARGUMENT, _NONFINITE: a sentence names the
- *   field and its value; _UNINIT: options without cookie; _MEMORY; _CAPACITY: the matrix of the
- *   rows would have more than 2^31 entries; _CANCELLED. x and lambda are as before then.
- * x is unique; lambda only where the active rows are independent. The same input gives the same
- * bits. A guess can change them only where the optimum has several active sets (dependent rows,
- * multipliers that are zero at the optimum) or the outcome is not SOLVED; work never does.
+ *   field and its value; _UNINIT; _MEMORY; _CAPACITY: the matrix of the rows would have more than
+ *   2^31 entries; _CANCELLED. x and lambda are as before then.
+ * The same input gives the same bits, whatever work is. A guess can change them only where the
+ * optimum has several active sets or the outcome is not SOLVED.
  * contract: alloc none with work of a similar solve behind it, else O(size) | cost about 5
- *   factorizations of the active rows ordered to a small profile: O(m p^2), p the mean profile |
- *   threads: distinct work */
+ *   factorizations of the active rows, O(m p^2), p their mean profile | threads: distinct work */
 CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options *opt, double *x,
                                       double *lambda, cloth_qp_report *rep);
 
-/* out  *out     owned: cloth_qp_work_destroy, NULL allowed; NULL on failure. hooks: copied; NULL:
- *               malloc.  Keeps the memory of the largest solve.  returns CLOTH_OK, _ARGUMENT,
- *               _MEMORY */
+/* *out: owned; keeps the memory of the largest solve. hooks: copied. OK, _ARGUMENT, _MEMORY */
 CLOTH_API cloth_status cloth_qp_work_create(const cloth_hooks *hooks, cloth_qp_work **out);
 CLOTH_API void   cloth_qp_work_destroy(cloth_qp_work *work);
 CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work);
@@ -250,16 +239,14 @@ CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work);
 /* Which faces of a mesh intersect each other at given positions, decided exactly.          [5.2]
  * Two faces intersect when, as closed triangles, they have a point in common that is not on a
  * vertex or an edge that both name: touching counts, neighbours along an edge count only when
- * folded onto each other in one plane, faces with the same three vertices never. Vertices at one
- * place with two numbers are two: a mesh that is not welded touches itself all along its seams.
+ * folded onto each other in one plane, faces with the same three vertices never. A mesh that is not
+ * welded touches itself all along its seams.
  * in   x          [nv x 3] m, finite
  * in   faces      [nf x 3], no corner twice; any set of triangles, also without area
- * in   max_pairs  that pairs has room for; 0 with pairs NULL: count only
- * out  pairs      [max_pairs x 2] faces i < j in increasing order: the first min(*count, max_pairs)
+ * out  pairs      [max_pairs x 2] faces i < j in increasing order, the first of them; may be NULL
  * out  count      how many there are in all, may be NULL; 0 on failure
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT; CLOTH_ERR_MESH: an index out of range or a corner twice;
- *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs. pairs is as
- *   before on failure.
+ *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs
  * contract: alloc scratch | cost O(nf log nf + pairs near each other), 2 us a face | uses the
  *   parallel hook | same answer for any worker count */
 CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
@@ -304,27 +291,22 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void);
  * overlap, their union is meant.                                                       [7.1]
  * in   desc   the mesh must be closed: as many faces run along every edge one way as the other.
  *             It may have several components, cut through itself and touch itself.
- * out  *out   owned: cloth_grid_destroy; NULL on failure
  *   phi is the distance to the boundary of the union, to rounding, where that is below the band,
  *   else the band; its sign is right but for nodes within rounding of the mesh. A face that is cut
  *   by another counts whole: near an overlap's border phi may be the distance to its hidden part.
- * returns CLOTH_OK; CLOTH_ERR_UNINIT; CLOTH_ERR_ARGUMENT: a NULL, a size out of range;
- *   CLOTH_ERR_NONFINITE: a coordinate, cell, band or margin; CLOTH_ERR_MESH: an index out of
- *   range, an edge where the mesh is open or badly oriented (the sentence names it), the volume
- *   not positive; CLOTH_ERR_CAPACITY: more than max_nodes; CLOTH_ERR_MEMORY. Logged.
+ * returns CLOTH_OK; CLOTH_ERR_UNINIT; CLOTH_ERR_ARGUMENT, _NONFINITE; CLOTH_ERR_MESH: an index out
+ *   of range, an edge where the mesh is open or badly oriented, the volume not positive;
+ *   CLOTH_ERR_CAPACITY: more than max_nodes; CLOTH_ERR_MEMORY. Logged, with the place.
  * contract: alloc one block and scratch (500 bytes a face) | cost: signs O(nf + area in cells),
- *   then a nearest-face query, ~2 us, per node of the band and per 64 nodes elsewhere |
- *   hooks.parallel, the same bits for any workers */
+ *   then a nearest-face query, ~2 us, per node of the band, ~0.3 us elsewhere | hooks.parallel, the
+ *   same bits for any workers */
 CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid **out);
 CLOTH_API void cloth_grid_destroy(cloth_grid *grid);
-
-/* Held from the allocator: 8 bytes a node and about 250. 0 for NULL. */
-CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);
+CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);   /* 8 a node and about 250; NULL: 0 */
 
 /* phi at x (m) by trilinear interpolation, and the gradient of the interpolant (on the border of
  * two cells that of the upper one). Outside the grid sqrt(|x - q|^2 + phi(q)^2), q the nearest
  * point of the grid: continuous, and never above the distance that |x - q| and phi(q) allow.
- * in   grid   from cloth_grid_create, or filled in by hand
  * out  distance, gradient [3]; either may be NULL; untouched unless CLOTH_OK
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, n below 2, cell not above 0; CLOTH_ERR_NONFINITE: x
  * contract: alloc none | cost O(1), 8 loads | threads: any */
@@ -567,19 +549,17 @@ typedef struct cloth_untangle_report {
  * off smaller.
  *   - only x of vertices that are not pinned changes, v stays; max_move m at most a vertex (0: 5 t)
  *     and what it takes to keep others clear
- *   - pairs that are clear of the tangle stay clear, on their whole path, as in a step. Where a
- *     line of intersection has faces to cross it wanders over them: a pair may be new that is
- *     beside one that was, a vertex shared on either side, or had a vertex inside of the closed
- *     obstacle (report.wandered); none elsewhere
- *   - pairs that have parted are exempt no more; those left are
+ *   - pairs that are clear of the tangle stay clear, on their whole path, as in a step. A pair may
+ *     be new that is beside one that was, a vertex shared on either side, or had a vertex inside of
+ *     the closed obstacle (report.wandered); none elsewhere
+ *   - pairs that have parted are exempt no more
  *   - anchors of friction, what pinches hold and BDF2's history are forgotten
  * report may be NULL. returns CLOTH_OK: less tangled, or nothing is left (after 0); CLOTH_ERR_STEP:
  *   no motion that was tried helps, logged with the first pair, all listed by
  *   cloth_collide_failed(); CLOTH_ERR_ARGUMENT, _NONFINITE: max_move or x, logged; _MEMORY;
  *   _CAPACITY; _CANCELLED. The state is as before on failure.
- * contract: alloc scratch, 80 bytes a vertex of the world and 120 a cut, freed | cost: two looks
- *   for intersections, a winding number a vertex and obstacle, detection and zones as of a step for
- *   each try, at most 6; pairs^2 | same bits for any workers */
+ * contract: alloc scratch | cost: a winding number a vertex and obstacle, detection and zones as of
+ *   a step for each try, at most 6; pairs^2 | same bits for any workers */
 CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
                                               cloth_untangle_report *report);
 
@@ -604,7 +584,7 @@ extern "C" {
 /* ===== [3.1] EXACT SIGNS =====================================================================
  *
  * The sign of a determinant of coordinates, exact. A floating evaluation with an error bound
- * answers nearly always; the rest is worked out without rounding. [Shewchuk 1997, Adaptive
+ * answers nearly always, the rest is worked out without rounding. [Shewchuk 1997, Adaptive
  * precision floating-point arithmetic and fast robust geometric predicates, Discrete &
  * Computational Geometry 18, theorems 6, 7, 10, 18; doi 10.1007/PL00009321]
  *
@@ -612,12 +592,9 @@ extern "C" {
  *     a * b  =  p + r     likewise, from halves of 26 bits of a and b (Dekker's product)
  *
  * An expansion is a sum of doubles whose bits do not overlap, smallest first: its sign is that of
- * the last one. Sums and products of expansions are built by adding one double after the other,
- * which is quadratic in the length and never long here.
- *
+ * the last one. It grows by one double after the other: quadratic in the length, never long here.
  * Range: exact for coordinates that are 0 or have 1e-85 < |x| < 1e85. Below, products underflow.
- * Halves are cut by the bits of the number, so contraction to fused multiply-adds cannot change
- * them.
+ * Halves are cut by the bits of the number: fused multiply-adds cannot change them.
  *
  * checked: tests/test_exact.c */
 
@@ -1168,43 +1145,24 @@ static void clothi_dd_polygon(int edge_edge, const double *x, double scale, clot
     }
 }
 
-/* Sign of det(e1, e2, r_0), sides and a corner of the polygon at t; 0 within its rounding, about
- * 2^-45 m e^2 where the origin is in the polygon, e its largest |side|. */
-static int clothi_ccd_side(const clothi_ccd *q, double t) {
-    double r[12], sides[6], n[3], c, e;
-    clothi_ccd_at(q, t, r);
-    clothi_polygon_plane(r, q->n, sides, n);
-    c = clothi_dot3(n, r);
-    e = clothi_max_abs(sides, 6);
-    return fabs(c) > 2.9e-14 * q->m * e * e ? (c > 0 ? 1 : -1) : 0;
-}
-
-/* A contact beyond doubt, which needs no more digits: around t the plane passes through the
- * origin, which is well inside of the polygon. With s = 0 it saves 5 us of 6. */
+/* A contact beyond doubt, which needs no more digits: at t the origin is well inside the polygon,
+ * and beside t the volume det(e1, e2, r_0) has both signs, by more than its rounding 2^-45 m e^2, e
+ * the largest |side|. With s = 0 it saves 9 us of 10. */
 static int clothi_ccd_plain(const clothi_ccd *q, double t) {
-    const double dt = CLOTHI_CCD_NEAR;
-    double       r[12], lambda[4], v[3];
-    int          i;
-    if (t < dt || t > 1 - dt) return 0;
+    double r[12], lambda[4], v[3], e[6], n[3];
+    int    i, signs = 0;
     clothi_ccd_at(q, t, r);
     if (clothi_nearest(r, q->n, lambda, v) >= 0) return 0;
     for (i = 0; i < q->n; i++)
         if (!(lambda[i] > 1e-4)) return 0;
-    return clothi_ccd_side(q, t - dt) * clothi_ccd_side(q, t + dt) < 0;
-}
-
-/* One of the three axes keeps the polygon away all the time. */
-static int clothi_ccd_boxes(const clothi_ccd *q) {
-    int i, k;
-    for (k = 0; k < 3; k++) {
-        double lo = clothi_min(q->r0[k], q->r1[k]), hi = clothi_max(q->r0[k], q->r1[k]);
-        for (i = k + 3; i < 3 * q->n; i += 3) {
-            lo = clothi_min(lo, clothi_min(q->r0[i], q->r1[i]));
-            hi = clothi_max(hi, clothi_max(q->r0[i], q->r1[i]));
-        }
-        if (lo > q->floor || -hi > q->floor) return 1;
+    for (i = -1; i <= 1 && t > CLOTHI_CCD_NEAR && t < 1 - CLOTHI_CCD_NEAR; i += 2) {
+        double size, volume;
+        clothi_ccd_at(q, t + i * CLOTHI_CCD_NEAR, r);
+        clothi_polygon_plane(r, q->n, e, n);
+        size = clothi_max_abs(e, 6), volume = clothi_dot3(n, r);
+        if (fabs(volume) > 2.9e-14 * q->m * size * size) signs += volume > 0 ? i : -i;
     }
-    return 0;
+    return abs(signs) == 2;
 }
 
 /* The differences, their size and the bounds; 0 when the largest is 0 or too large. */
@@ -1248,7 +1206,7 @@ static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, do
     }
     if (!(q.s < 4 * q.m)) return 1;         /* all of it is within min_sep                      */
     *toi = 1;
-    if (clothi_ccd_boxes(&q) || !clothi_ccd_run(&q, toi)) return 0;
+    if (!clothi_ccd_run(&q, toi)) return 0;
     if (q.s <= 0 && !clothi_ccd_plain(&q, *toi)) {
         clothi_dd r0[12], r1[12];
         clothi_dd_polygon(edge_edge, xa, q.scale, r0);
@@ -1271,12 +1229,12 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
 
 /* Weights w [4] (clothi_pair_weights) and unit normal n [3] of a contact found at toi, such that
  * g = n.sum w_i x_i at xa, which is returned, is positive: the side held at the start. n is the
- * direction of the distance at toi; where that is lost in rounding, the normal of the face or of
- * both edges; where that has no side at the start, the direction of the distance at the start.
- * 0 is returned when the two touch at the start; n is then one of these, or the x axis. */
+ * direction of the distance at toi; where that is lost in rounding or has no side at the start
+ * that of the distance at the start. 0 is returned when the two touch there; n is then one of
+ * these or the x axis. */
 static double clothi_contact_frame(int edge_edge, const double *xa, const double *xb, double toi,
                                    double *w, double *n) {
-    double    r0[12], r[12], m0, scale, g = 0, start[3] = {0, 0, 0};
+    double    r0[12], r[12], m0, scale, start[3] = {0, 0, 0};
     double    lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0};  /* squares overflow: nothing is near */
     const int corners = clothi_pair_polygon(edge_edge, xa, r0);
     int       i, k, way;
@@ -1291,23 +1249,12 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
     clothi_pair_weights(edge_edge, lambda, w);
     for (i = 0; i < corners; i++)
         for (k = 0; k < 3; k++) start[k] += lambda[i] * r0[3 * i + k];
-    for (i = 0; i < 3; i++) {
-        int found;
-        if (i == 0) found = clothi_dot3(v, v) > 1e-22 &&
-                            clothi_ccd_direction(r, corners, way, v, n);
-        else if (i == 1) found = clothi_ccd_direction(r, corners, -1, v, n);
-        else {
-            way = clothi_nearest(r0, corners, lambda, v);
-            found = clothi_ccd_direction(r0, corners, way, v, n);
-        }
-        if (!found) continue;
-        g = clothi_dot3(n, start);
-        if (i == 1 && g < 0) {
-            for (k = 0; k < 3; k++) n[k] = -n[k];
-            g = -g;
-        }
-        if (g > (i < 2 ? 1e-12 : 0)) return g / scale;
-    }
+    if (clothi_dot3(v, v) > 1e-22 && clothi_ccd_direction(r, corners, way, v, n) &&
+        clothi_dot3(n, start) > 1e-12)
+        return clothi_dot3(n, start) / scale;
+    way = clothi_nearest(r0, corners, lambda, v);
+    if (clothi_ccd_direction(r0, corners, way, v, n) && clothi_dot3(n, start) > 0)
+        return clothi_dot3(n, start) / scale;
     if (!(fabs(clothi_dot3(n, n) - 1) < 1e-9)) n[0] = 1, n[1] = n[2] = 0;
     return 0;
 }
@@ -1321,24 +1268,22 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
  *      4   5   6   7               [ floor(j n / 2^l), floor((j+1) n / 2^l) ):
  *     ...             items    no pointers, no counts, no recursion. n items, d < 29.
  *
- *   build     Each node is split at its median along the axis on which the centres of its boxes
- *             reach furthest. The items are sorted once along each axis; a split keeps the three
- *             orders by stable partition: O(n log n), whatever the boxes are.
+ *   build     Each node is sorted along the axis on which the centres of its boxes reach furthest,
+ *             by number where these are equal, and split at its median: O(n log^2 n), whatever the
+ *             boxes are.
  *   refit     Bottom-up in one sweep; the splits stay, as a mesh that deforms keeps its neighbours.
  *   rounding  Nodes are floats rounded outward: fl(x) - d with d >= ulp(fl(x)) is below x. They
- *             only prune; a pair is decided by the given doubles, touching counts: the answer is
- *             that of brute force. NaN is unbounded: it overlaps everything.
- *   descent   Of two overlapping nodes the larger one is opened (the sum of a box's extents is in
- *             its fourth lane). Opening a pair puts two on the stack and goes one level down, so
- *             at most (levels of A) + (levels of B) + 1 <= 57 wait; the self query opens (a, a)
- *             into three and goes two levels down: the same bound.
+ *             only prune; a pair is decided by the given doubles, touching counts, NaN overlaps
+ *             everything: the answer is that of brute force.
+ *   descent   Of two overlapping nodes the larger one is opened (by the sum of the extents). A pair
+ *             puts two on the stack and goes one level down, (a, a) three and two levels: at most
+ *             (levels of A) + (levels of B) + 1 <= 57 wait.
  *   order     The pairs of nodes at a fixed level are the tasks of a parallel loop. Each writes
  *             into its own segment of the list, sized by what it found last time; a task that
  *             needs more counts on, then the segments are laid out anew and the loop runs again.
  *             Hence no allocation in the steady state, one order for any number of workers.
- *   features  A vertex belongs to many faces, and its collision with a face would be found once
- *             for each. One face owns each vertex and each edge, and only the owner reports it
- *             [CTM08]. Nothing is lost: a box around the owner is around what it owns.
+ *   features  One face owns each vertex and each edge, and only the owner reports it [CTM08].
+ *             Nothing is lost: a box around the owner is around what it owns.
  *
  * [CTM08] Curtis, Tamstorf, Manocha: Fast collision detection for deformable models using
  *         representative-triangles, I3D 2008.
@@ -1665,62 +1610,50 @@ static cloth_status clothi_bvh_alloc(const cloth_hooks *hooks, int n, clothi_bvh
     return CLOTH_OK;
 }
 
-/* Items [lo, hi) of the three sorted orders [3 x n], halved at mid along the widest axis. side [n]
- * and tmp [n] are scratch. */
-static void clothi_bvh_split(int n, const double *key, int *order, int lo, int mid, int hi,
-                             unsigned char *side, int *tmp) {
+/* Sorts n items along the axis on which their centres key [3 x of] reach furthest, those of a leaf
+ * along x; equal ones by number, key [of] from 3 of on. tmp [n] is scratch. */
+static void clothi_bvh_sort(int *item, int n, const double *key, int of, int leaf, int *tmp) {
     double widest = -1;
     int    axis = 0, k, i;
-    for (k = 0; k < 3; k++) {
-        const int   *o = order + k * n;
-        const double extent = key[k * n + o[hi - 1]] - key[k * n + o[lo]];
-        if (extent > widest) widest = extent, axis = k;
-    }
-    for (i = lo; i < hi; i++) side[order[axis * n + i]] = i >= mid;
-    for (k = 0; k < 3; k++) {
-        int *o = order + k * n, left = lo, right = 0;
-        if (k == axis) continue;
-        for (i = lo; i < hi; i++) {
-            if (side[o[i]]) tmp[right++] = o[i];
-            else o[left++] = o[i];
+    for (k = 0; k < 3 && !leaf; k++) {
+        double lo = HUGE_VAL, hi = -HUGE_VAL;
+        for (i = 0; i < n; i++) {
+            lo = clothi_min(lo, key[k * of + item[i]]);
+            hi = clothi_max(hi, key[k * of + item[i]]);
         }
-        memcpy(o + mid, tmp, (size_t)right * sizeof *tmp);
+        if (hi - lo > widest) widest = hi - lo, axis = k;
     }
+    clothi_sort(item, tmp, n, key + 3 * of);
+    clothi_sort(item, tmp, n, key + axis * of);
 }
 
 /* A tree over box [n x 6] (min xyz, max xyz), n in [0, CLOTH_MAX_COUNT]; the boxes are copied.
- * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log n), ~110 n bytes and scratch */
+ * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log^2 n), ~110 n bytes and scratch */
 static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const double *box,
                                      clothi_bvh *t) {
-    const size_t   m = (size_t)n;
-    double        *key = (double *)clothi_alloc(hooks, 3 * m * sizeof *key +
-                                                           4 * m * sizeof(int) + m, 1);
-    int           *order, *tmp, i, k, level;
-    unsigned char *side;
-    cloth_status   status;
+    const size_t m = (size_t)n;
+    double      *key = (double *)clothi_alloc(hooks, m, 4 * sizeof *key + sizeof(int));
+    int          i, k, level;
+    cloth_status status;
     memset(t, 0, sizeof *t);
     if (!key) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i boxes", n);
     status = clothi_bvh_alloc(hooks, n, t);
     if (status != CLOTH_OK) goto done;
-    order = (int *)(void *)(key + 3 * m), tmp = order + 3 * m;
-    side = (unsigned char *)(tmp + m);
-    for (k = 0; k < 3; k++) {
-        for (i = 0; i < n; i++) {
+    for (i = 0; i < n; i++) {
+        for (k = 0; k < 3; k++) {
             const double centre = 0.5 * box[6 * i + k] + 0.5 * box[6 * i + k + 3];
             key[k * n + i] = clothi_finite(centre) ? centre : 0;
-            order[k * n + i] = i;
         }
-        clothi_sort(order + k * n, tmp, n, key + k * n);
+        key[3 * n + i] = t->item[i] = i;
     }
-    for (level = 0; level < t->depth; level++)
-        for (i = 0; i < 1 << level; i++)
-            clothi_bvh_split(n, key, order, clothi_bvh_item(t, i, level),
-                             clothi_bvh_item(t, 2 * i + 1, level + 1),
-                             clothi_bvh_item(t, i + 1, level), side, tmp);
-    memcpy(t->item, order, m * sizeof *order);
+    for (level = 0; level <= t->depth; level++)
+        for (i = 0; i < 1 << level; i++) {
+            const int lo = clothi_bvh_item(t, i, level), hi = clothi_bvh_item(t, i + 1, level);
+            clothi_bvh_sort(t->item + lo, hi - lo, key, n, level == t->depth,
+                            (int *)(void *)(key + 4 * m));
+        }
     clothi_bvh_refit(hooks, t, box);
 done:
-    if (status != CLOTH_OK) clothi_bvh_free(hooks, t);
     clothi_free(hooks, key);
     return status;
 }
@@ -2294,9 +2227,9 @@ done:
  *           \    v                  optimum x = x0 - minv G'l,  w = h - G x >= 0,  l >= 0,
  *            o--x------- row 2              l_i w_i = 0 in every row
  *
- * A projection in the metric of the masses: x0 goes to the nearest allowed point, pulled by the
- * multipliers l of the rows that hold it. Strictly convex in x: x is unique; l is where the active
- * rows are independent. A is semidefinite, m x m, sparse: rows couple that share a free unknown.
+ * A projection in the metric of the masses: x0 goes to the nearest allowed point. Strictly convex
+ * in x; l is unique where the active rows are independent. A is semidefinite, m x m, sparse: rows
+ * couple that share a free unknown.
  *
  *   scale     row i over a power of two near its length: exact. A row without a free unknown is
  *             dropped, or proves infeasibility by itself. Of rows equal but for rounding the
@@ -2318,17 +2251,12 @@ done:
  * Why it ends: 2 stops after a few tries without a smaller number of wrong rows. In 3 each entry
  * raises the dual objective strictly, so no set comes twice, and between two entries rows only
  * leave. Why 3 has twice the digits: rows that stand off each other by the angle e put e^2 into A,
- * so that doubles see 1e-8, where contacts seen twice differ by less; the apex of such a wedge lies
- * 1/e times the rows' misfit away. Step 2 is believed only where every row that looks active stands
- * more than 1e-5 off the span of F (the square, DEPENDENT, is 1e-10): a twentieth of the time.
- * Rows nearer than 1e-13 (COPY) are one row; a ray shorter than that is a contradiction.
+ * so that doubles see 1e-8, where contacts seen twice differ by less. Step 2 is believed only where
+ * every row that looks active stands more than 1e-5 off the span of F (the square, DEPENDENT, is
+ * 1e-10). Rows nearer than 1e-13 (COPY) are one row; a ray shorter than that is a contradiction.
  *
  * Farkas: y >= 0 with G_free'y = 0 and y.(h - G_fixed x0) < 0 rules out any x: y.(G x) is both
  * y.(G_fixed x0) and at most y.h. It is checked on the rows as given before it is returned.
- *
- * Tried and lost: pivots of single rows by least index when block pivots stall (30 to 300 more
- * factors; step 3 needs 5 to 50 rows); all violated rows into F (four near copies of each contact:
- * block pivots stall from 50 rows on, 3000 rows take 450 ms instead of 3).
  *
  * [GI83] Goldfarb, Idnani, Math. Programming 27 (1983) 1-33. doi:10.1007/BF02591962
  * [JP94] Judice, Pires, Computers Ops Res. 21 (1994) 587-596. doi:10.1016/0305-0548(94)90106-6
@@ -3294,13 +3222,10 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
  * All are exact signs [3.1], so that the number is that of the doubles given, 1e-9 or one
  * rounding from the surface as anywhere. Ties fall as if p were moved by infinitely little, along x
  * by more than along y and along y by more than along z: a ray through an edge or a corner counts
- * it once, and on the surface the number is that of one of its sides. Solid angles, exact or by a
- * tree of dipoles [BDSLJ18], cost hundreds of flops a point and are not integers; they are for
- * meshes with holes, which have no inside here.
+ * it once, and on the surface the number is that of one of its sides.
  *
  * [JKS13] Jacobson, Kavan, Sorkine-Hornung: Robust Inside-Outside Segmentation using Generalized
- * Winding Numbers, SIGGRAPH 2013.  [BDSLJ18] Barill, Dickson, Schmidt, Levin, Jacobson: Fast
- * Winding Numbers for Soups and Clouds, SIGGRAPH 2018.
+ * Winding Numbers, SIGGRAPH 2013.
  * checked: tests/test_surface.c */
 
 #define CLOTHI_VOLUME 1e-9                  /* of a mesh: that of a flat part, by rounding     */
@@ -3493,10 +3418,9 @@ static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const cloth
 
 /* --- distance grid ---
  *
- * Blocks of 4 x 4 x 4 nodes: one nearest-face query from the centre tells a block that is beyond
- * the band, which has one sign; else one query a node, which starts from the face nearest to the
- * last. Faces inside another part are left out: the nearest point is on the boundary of the union,
- * but for nodes inside the overlap that are nearer to the inner half of a face at its border.
+ * One query a node, no farther than the band, which starts from the face nearest to the last node.
+ * Faces inside another part are left out: the nearest point is on the boundary of the union, but
+ * for nodes inside the overlap that are nearer to the inner half of a face at its border.
  *
  *        o . . . . o           The sign of a node is that of its winding number. From a node that
  *        |<-- d -->|           is d away from the surface the way to the next one, when it is
@@ -3506,7 +3430,6 @@ static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const cloth
  * checked: tests/test_grid.c */
 
 #define CLOTHI_GRID_COOKIE  0x64697267u
-#define CLOTHI_GRID_BLOCK   4               /* nodes along an edge of a block                  */
 #define CLOTHI_GRID_TINY    1e-60           /* m, smallest cell: squares and cubes stay normal */
 #define CLOTHI_GRID_LARGE   1e60            /* m, largest coordinate                           */
 #define CLOTHI_GRID_REACH   1e11            /* cells, largest coordinate                       */
@@ -3519,67 +3442,35 @@ typedef struct clothi_grid {
 typedef struct clothi_grid_job {
     cloth_grid    *grid;
     clothi_surface surface;
-    int            blocks[3];
     unsigned char *covered;                 /* [nf] faces that no distance is taken to         */
     clothi_bvh     tree;
 } clothi_grid_job;
 
-/* Distance of p from the mesh if below `bound`, else `bound`. *f: a guess of the nearest face (-1:
- * none), which makes the search short, and the answer. */
-static double clothi_grid_reach(const clothi_grid_job *job, const double *p, double bound,
-                                int *f) {
-    double d2 = bound * bound, b[3];
-    int    found;
-    if (*f >= 0) {
-        const int *v = job->surface.faces + 3 * (size_t)*f;
-        d2 = clothi_min(d2, clothi_face_distance2(job->surface.x, v, p, b));
+/* The nodes of a row along x. */
+static void clothi_grid_row(const clothi_grid_job *job, int row) {
+    const clothi_surface *s = &job->surface;
+    const cloth_grid     *g = job->grid;
+    double               *phi = g->phi + (size_t)row * (size_t)g->n[0], p[3], last = 0, sign = 1;
+    int                   i, f = -1;
+    p[1] = g->origin[1] + g->cell * (row % g->n[1]);
+    p[2] = g->origin[2] + g->cell * (row / g->n[1]);
+    for (i = 0; i < g->n[0]; i++) {
+        double d2 = g->band * g->band, d = g->band, b[3];
+        int    found;
+        p[0] = g->origin[0] + g->cell * i;
+        if (f >= 0) d2 = clothi_min(d2, clothi_face_distance2(s->x, s->faces + 3 * f, p, b));
+        found = clothi_surface_nearest(s, p, &d2, b);
+        if (found >= 0) f = found, d = clothi_min(d, sqrt(d2));
+        if (!(clothi_max(d, last) > 1.01 * g->cell))
+            sign = clothi_surface_winding(s, p) >= 1 ? -1 : 1;
+        phi[i] = sign * d;
+        last = d;
     }
-    found = clothi_surface_nearest(&job->surface, p, &d2, b);
-    if (found >= 0) *f = found;
-    return found < 0 ? bound : clothi_min(bound, sqrt(d2));
-}
-
-/* The nodes of block b. */
-static void clothi_grid_block(const clothi_grid_job *job, int b) {
-    const cloth_grid *g = job->grid;
-    const int         nx = job->blocks[0], ny = job->blocks[1], size = CLOTHI_GRID_BLOCK;
-    const int         first[3] = {size * (b % nx), size * (b / nx % ny), size * (b / nx / ny)};
-    double            p[3], last_p[3], half = 0, bound, sign, last_d;
-    int               last[3], i, j, k, a, f = -1, near_by;
-    for (a = 0; a < 3; a++) {
-        last[a] = first[a] + size < g->n[a] ? first[a] + size : g->n[a];
-        p[a] = last_p[a] = g->origin[a] + g->cell * 0.5 * (first[a] + last[a] - 1);
-        half += (double)(last[a] - 1 - first[a]) * (last[a] - 1 - first[a]);
-    }
-    /* to the corners, and more than the coordinates round */
-    bound = g->band + g->cell * (0.5 * sqrt(half) + 0.01);
-    last_d = clothi_grid_reach(job, p, bound, &f);
-    near_by = last_d < bound;
-    sign = clothi_surface_winding(&job->surface, p) >= 1 ? -1 : 1;
-    for (k = first[2]; k < last[2]; k++)
-        for (j = first[1]; j < last[1]; j++) {
-            double *phi = g->phi + ((size_t)k * (size_t)g->n[1] + (size_t)j) * (size_t)g->n[0];
-            for (i = first[0]; i < last[0]; i++) {
-                double d = g->band, way[3];
-                p[0] = g->origin[0] + g->cell * i;
-                p[1] = g->origin[1] + g->cell * j;
-                p[2] = g->origin[2] + g->cell * k;
-                if (near_by) {
-                    d = clothi_grid_reach(job, p, d, &f);
-                    clothi_sub3(p, last_p, way);
-                    if (!(clothi_max(d, last_d) > 1.01 * sqrt(clothi_dot3(way, way))))
-                        sign = clothi_surface_winding(&job->surface, p) >= 1 ? -1 : 1;
-                    memcpy(last_p, p, sizeof p);
-                    last_d = d;
-                }
-                phi[i] = sign * d;
-            }
-        }
 }
 
 static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
     (void)worker;
-    for (; begin < end; begin++) clothi_grid_block((const clothi_grid_job *)ctx, begin);
+    for (; begin < end; begin++) clothi_grid_row((const clothi_grid_job *)ctx, begin);
 }
 
 /* --- create --- */
@@ -3683,10 +3574,7 @@ CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid
     memset(&job, 0, sizeof job);
     status = clothi_grid_plan(desc, &plan);
     if (status != CLOTH_OK) return status;
-    for (a = 0; a < 3; a++) {
-        nodes *= (size_t)plan.n[a];
-        job.blocks[a] = (plan.n[a] - 1) / CLOTHI_GRID_BLOCK + 1;
-    }
+    for (a = 0; a < 3; a++) nodes *= (size_t)plan.n[a];
     made = (clothi_grid *)clothi_alloc(&desc->hooks, nodes + head, sizeof(double));
     status = made ? clothi_grid_faces(desc, &job)
                   : clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY,
@@ -3696,8 +3584,7 @@ CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid
     made->grid.phi = (double *)(void *)made + head;
     made->hooks = desc->hooks;
     job.grid = &made->grid;
-    clothi_for(&desc->hooks, job.blocks[0] * job.blocks[1] * job.blocks[2], 64,
-               clothi_grid_measure, &job);
+    clothi_for(&desc->hooks, plan.n[1] * plan.n[2], 16, clothi_grid_measure, &job);
     *out = &made->grid;
     made = NULL;
 done:
@@ -4002,12 +3889,13 @@ struct cloth_collide {
     cloth_collide_report report;
 };
 
-/* Room for one more of what *array holds `size` bytes each; doubles. */
-static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int count, int *cap,
+/* Room for `need` things of `size` bytes in *array, which keeps what it has; doubles. */
+static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int need, int *cap,
                                 size_t size) {
     void *bigger;
-    int   want = *cap < 64 ? 64 : *cap > 0x3fffffff ? 0x7fffffff : 2 * *cap;
-    if (count < *cap) return CLOTH_OK;
+    int   want = *cap < 64 ? 64 : *cap;
+    if (need <= *cap) return CLOTH_OK;
+    while (want < need) want = want > 0x3fffffff ? 0x7fffffff : 2 * want;
     bigger = clothi_alloc(hooks, (size_t)want, size);
     if (!bigger) return CLOTH_ERR_MEMORY;
     if (*array) memcpy(bigger, *array, (size_t)*cap * size);
@@ -4016,6 +3904,9 @@ static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int coun
     *cap = want;
     return CLOTH_OK;
 }
+
+#define CLOTHI_ROOM(c, list, need)          /* the same in c->list                             */ \
+    clothi_grow((c)->hooks, (void **)&(c)->list, need, &(c)->list##_cap, sizeof *(c)->list)
 
 /* --- things by pair: open addressing --- */
 
@@ -4240,12 +4131,10 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     if (status) return status;
     clothi_world_fill(c);
     clothi_world_area(c);
-    clothi_swept_boxes(c->nw, c->xa, NULL, 0, c->box_v);
-    clothi_face_boxes(c->mf, c->faces, c->box_v, c->box_f);
-    status = clothi_bvh_build(c->hooks, c->nf, c->box_f, &c->tree);
+    status = clothi_bvh_faces(c->hooks, c->nw, c->xa, c->nf, c->faces, &c->tree);
     if (!status)
-        status = clothi_bvh_build(c->hooks, c->mf - c->nf, c->box_f + 6 * (size_t)c->nf,
-                                  &c->solid);
+        status = clothi_bvh_faces(c->hooks, c->nw, c->xa, c->mf - c->nf,
+                                  c->faces + 3 * (size_t)c->nf, &c->solid);
     c->solid.first = c->nf;
     return status;
 }
@@ -4426,13 +4315,11 @@ static double clothi_pair_gap(const cloth_collide *c, const double *x, const dou
 /* --- broad phase --- */
 
 static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
-    const int    p = kind == CLOTHI_EE ? c->edges[2 * a] : a;
-    const int    q = kind == CLOTHI_EE   ? c->edges[2 * b]
-                     : kind == CLOTHI_VF ? c->faces[3 * b]
-                                         : c->obstacle[b].v0;
     cloth_status status;
-    if (!clothi_may_touch(c, p, q)) return CLOTH_OK;
-    status = clothi_grow(c->hooks, (void **)&c->pair, c->npair, &c->pair_cap, sizeof *c->pair);
+    int          v[4];
+    (void)clothi_pair_vertices(c, kind, a, b, v);
+    if (!clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1])) return CLOTH_OK;
+    status = CLOTHI_ROOM(c, pair, c->npair + 1);
     if (status) return status;
     c->pair[c->npair].kind = kind, c->pair[c->npair].a = a, c->pair[c->npair].b = b;
     c->npair++;
@@ -4462,6 +4349,12 @@ static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
 enum { CLOTHI_SWEPT = 1, CLOTHI_ENDED = 2 };    /* of obstacles: their whole way; where it ends */
 enum { CLOTHI_MOVED = 1, CLOTHI_CROSS = 2 };    /* only of what c->moved names; faces that cross */
 
+static void clothi_cloth_boxes(cloth_collide *c, const double *p, const double *q, double pad) {
+    clothi_swept_boxes(c->nv, p, q, pad, c->box_v);
+    clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
+    clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+}
+
 /* Boxes and trees for pairs within `reach` (m): cloth on its way from p to q [nv x 3], obstacles as
  * `solid` says. */
 static void clothi_world_boxes(cloth_collide *c, const double *p, const double *q, int solid,
@@ -4478,9 +4371,7 @@ static void clothi_world_boxes(cloth_collide *c, const double *p, const double *
         clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
         c->solid_known = reach > c->thickest ? 0 : solid;
     }
-    clothi_swept_boxes(c->nv, p, q, pad, c->box_v);
-    clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
-    clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+    clothi_cloth_boxes(c, p, q, pad);
 }
 
 static int clothi_face_moved(const cloth_collide *c, int f) {
@@ -4503,9 +4394,7 @@ static void clothi_self_boxes(cloth_collide *c, const double *p, const double *q
     int    i;
     for (i = 0; i < 3 * c->nv; i++) mean[i % 3] += (q[i] - p[i]) / c->nv;
     for (i = 0; i < 3 * c->nv; i++) to[i] = q[i] - mean[i % 3];
-    clothi_swept_boxes(c->nv, p, to, 0.5 * reach, c->box_v);
-    clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
-    clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+    clothi_cloth_boxes(c, p, to, 0.5 * reach);
 }
 
 static cloth_status clothi_crossings_of(cloth_collide *c);
@@ -4587,7 +4476,7 @@ static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) 
     p.kind = kind, p.a = a, p.b = b;
     low = clothi_exempt_find(c, &p, &there);
     if (there) return CLOTH_OK;
-    status = clothi_grow(c->hooks, (void **)&c->now, c->nnow, &c->now_cap, sizeof p);
+    status = CLOTHI_ROOM(c, now, c->nnow + 1);
     if (status) return status;
     memmove(c->now + low + 1, c->now + low, (size_t)(c->nnow - low) * sizeof p);
     c->now[low] = p;
@@ -4692,8 +4581,7 @@ static cloth_collide_pair clothi_public_pair(const cloth_collide *c, const cloth
 /* One more of what failed. */
 static cloth_status clothi_list_failed(cloth_collide *c, int kind, int a, int b) {
     clothi_pair_id  p;
-    cloth_status status = clothi_grow(c->hooks, (void **)&c->failed, c->nfailed, &c->failed_cap,
-                                      sizeof *c->failed);
+    cloth_status status = CLOTHI_ROOM(c, failed, c->nfailed + 1);
     p.kind = kind, p.a = a, p.b = b;
     if (!status) c->failed[c->nfailed++] = clothi_public_pair(c, &p);
     return status;
@@ -5459,14 +5347,6 @@ static int clothi_contact_before(const clothi_contact *p, const clothi_contact *
     return p->a != q->a ? p->a < q->a : p->b < q->b;
 }
 
-static cloth_status clothi_order_reserve(cloth_collide *c, int n) {
-    cloth_status status = CLOTH_OK;
-    while (c->order_cap < n && !status)
-        status =
-            clothi_grow(c->hooks, (void **)&c->order, c->order_cap, &c->order_cap, sizeof(int));
-    return status;
-}
-
 /* Heap sort of numbers [n] of contacts t. */
 static void clothi_contact_heap(const clothi_contact *t, int *order, int n) {
     int start = n / 2, end = n, root, child;
@@ -5496,9 +5376,8 @@ static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
     int             i = 0, j = 0, k;
     cloth_status    status;
     c->framed = 0;
-    status = clothi_order_reserve(c, n);
-    while (c->spare_cap < n && !status)
-        status = clothi_grow(c->hooks, (void **)&c->spare, c->spare_cap, &c->spare_cap, sizeof *t);
+    status = CLOTHI_ROOM(c, order, n);
+    if (!status) status = CLOTHI_ROOM(c, spare, n);
     if (status) return status;
     for (k = 0; k < n - sorted; k++) c->order[k] = sorted + k;
     clothi_contact_heap(t, c->order, n - sorted);
@@ -5685,7 +5564,7 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
     int             i, n = 0;
     uint32_t        at;
     cloth_status    status = clothi_table_fill(c->hooks, &c->contact_of, q, sizeof *q, c->ncontact);
-    if (!status) status = clothi_order_reserve(c, c->ncontact);
+    if (!status) status = CLOTHI_ROOM(c, order, c->ncontact);
     if (status || c->ncontact == 0) return status;
     memset(c->order, 0, (size_t)c->ncontact * sizeof(int));
     for (i = 0; i < c->npair; i++) {
@@ -5743,8 +5622,7 @@ static cloth_status clothi_list_join(cloth_collide *c, const double *x, const do
         if (!stops && c->slack[i] - (dx ? part * clothi_pair_come(c, p, dx) : 0) > reach) continue;
         c->hit[i] = CLOTHI_HIT_EXEMPT;
         if (clothi_is_exempt(c, p->kind, p->a, p->b)) continue;
-        status = clothi_grow(c->hooks, (void **)&c->contact, c->ncontact, &c->contact_cap,
-                             sizeof *c->contact);
+        status = CLOTHI_ROOM(c, contact, c->ncontact + 1);
         if (status) break;
         c->hit[i] = clothi_contact_new(c, p, x, c->contact + c->ncontact) ? CLOTHI_HIT_CONTACT : 0;
         c->ncontact += c->hit[i];
@@ -6243,8 +6121,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, double room, int *n) {
         for (i = 0; i < c->nv && !status; i++) {
             if (c->look[i] != 2) continue;
             c->look[i] = 0;
-            status = clothi_grow(c->hooks, (void **)&c->holding, c->nholding, &c->holding_cap,
-                                 sizeof *c->holding);
+            status = CLOTHI_ROOM(c, holding, c->nholding + 1);
             if (status) break;
             c->held_of[i] = c->nholding;
             c->holding[c->nholding] = c->caught[i];
@@ -6419,7 +6296,7 @@ static cloth_status clothi_row_put(cloth_collide *c, const clothi_row *row) {
         c->row[i].multiplier = multiplier;
         return CLOTH_OK;
     }
-    status = clothi_grow(c->hooks, (void **)&c->row, c->nrow, &c->row_cap, sizeof *c->row);
+    status = CLOTHI_ROOM(c, row, c->nrow + 1);
     if (status) return status;
     c->row[c->nrow++] = *row;
     c->row_of.entry[at] = c->nrow;
@@ -7040,8 +6917,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
  */
 
 static cloth_status clothi_anchor_add(cloth_collide *c, const clothi_anchor *a) {
-    cloth_status status = clothi_grow(c->hooks, (void **)&c->next, c->nnext, &c->next_cap,
-                                      sizeof *c->next);
+    cloth_status status = CLOTHI_ROOM(c, next, c->nnext + 1);
     if (!status) c->next[c->nnext++] = *a;
     return status;
 }
@@ -7145,9 +7021,7 @@ static cloth_status clothi_contact_open(cloth_collide *c) {
     for (i = 0; i < c->nexempt && !status; i++)
         status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
     for (i = 0; i < c->nanchor && !status; i++) status = clothi_anchor_add(c, c->anchor + i);
-    while (!status && c->holding_cap < c->nhold)
-        status = clothi_grow(c->hooks, (void **)&c->holding, c->holding_cap, &c->holding_cap,
-                             sizeof *c->holding);
+    if (!status) status = CLOTHI_ROOM(c, holding, c->nhold);
     if (!status && c->nhold)
         memcpy(c->holding, c->hold, (size_t)c->nhold * sizeof *c->hold);
     c->nholding = status ? 0 : c->nhold;
@@ -7620,16 +7494,9 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
     if (!clothi_holds_valid(c, in, head.nhold))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot holds a vertex that is not there");
-    while (!status && c->anchor_cap < head.nanchor)
-        status = clothi_grow(c->hooks, (void **)&c->anchor, c->anchor_cap, &c->anchor_cap,
-                             sizeof *c->anchor);
-    while (!status && c->hold_cap < head.nhold)
-        status = clothi_grow(c->hooks, (void **)&c->hold, c->hold_cap, &c->hold_cap,
-                             sizeof *c->hold);
-    while (!status && c->exempt_cap < head.nexempt)
-        status = clothi_grow(c->hooks, (void **)&c->exempt, c->exempt_cap, &c->exempt_cap,
-                             sizeof *c->exempt);
-    return status;
+    status = CLOTHI_ROOM(c, anchor, head.nanchor);
+    if (!status) status = CLOTHI_ROOM(c, hold, head.nhold);
+    return status ? status : CLOTHI_ROOM(c, exempt, head.nexempt);
 }
 
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
@@ -8057,7 +7924,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
     if (slot >= 0xffff)
         return clothi_fail(c->hooks, CLOTH_ERR_CAPACITY, "more than %i obstacles", 0xffff);
-    status = clothi_grow(c->hooks, (void **)&c->obstacle, slot, &c->obstacle_cap, sizeof *o);
+    status = CLOTHI_ROOM(c, obstacle, slot + 1);
     if (status) return status;
     if (slot == c->nobstacle) c->nobstacle++;
     o = c->obstacle + slot;
@@ -8557,15 +8424,13 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  *   ways out  a vertex where the winding number of a closed obstacle is 1 or more [7.1] goes to the
  *             nearest point of its surface and t/2 on; spheres, capsules, planes likewise
  *
- * A vertex goes its way out, else max_move along G (less where |G| is under 0.1), those between as
- * their neighbours. The motion goes through detection and zones [8.4], which let through features
- * of faces that cross, that are beside such, or that have a vertex inside, and so no pair of others
- * is new at the end. The measure
+ * A vertex goes its way out, else max_move along G (less where |G| is under 0.1). The motion goes
+ * through detection and zones [8.4], which let through features of faces that cross, that are
+ * beside such, or that have a vertex inside: no pair of others is new at the end. The measure
  *     sum over vertices inside of area (depth + t)  +  edge^2/4 (L + A),   A in m of edges,
  * has to fall by a thousandth, else half of the motion is tried, .. 1/32: there is no going in
  * circles. Dropped: the material; the way out of a region as a whole (a wall thinner than twice the
- * depth may have cloth on both sides); paths of what is let through. Two halves of one size are
- * told apart by rounding.
+ * depth may have cloth on both sides); paths of what is let through.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * [VM06]  Volino, Magnenat-Thalmann: Resolving Surface Collisions through Intersection Contour
@@ -8575,7 +8440,6 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
 #define CLOTHI_UNTANGLE_MOVE   5.0          /* t, max_move 0                                   */
 #define CLOTHI_UNTANGLE_FALL   1e-3         /* of the measure, in a call                       */
 #define CLOTHI_UNTANGLE_TRIES  6
-#define CLOTHI_UNTANGLE_SPREAD 8            /* rounds                                          */
 
 typedef struct clothi_crossing {            /* edge through face                               */
     int    edge, face;
@@ -8658,7 +8522,8 @@ static cloth_status clothi_contour_find(const cloth_collide *c, const clothi_pai
             clothi_crossing cut;
             cloth_status    status;
             if (!clothi_contour_cut(c, face[k / 3], k % 3, face[1 - k / 3], &cut)) continue;
-            status = clothi_grow(c->hooks, (void **)&line->cut, line->n, &line->cap, sizeof cut);
+            status = clothi_grow(c->hooks, (void **)&line->cut, line->n + 1, &line->cap,
+                                 sizeof cut);
             if (status) return status;
             for (line->cut[line->n++] = cut, j = first; j < line->n - 1; j++) {
                 clothi_sub3(cut.at, line->cut[j].at, d);
@@ -8823,27 +8688,14 @@ static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
     return CLOTH_OK;
 }
 
-/* The motion u->d [nv x 3] m: the way out, else along G, else as the neighbours. */
+/* The motion u->d [nv x 3] m: the way out, else along G. */
 static void clothi_tangle_motion(const cloth_collide *c, clothi_tangle *u, double most) {
-    int i, j, k, round;
+    int i, k;
     for (i = 0; i < c->nv; i++) {
-        const double *g = u->g + 3 * i, size = clothi_dot3(g, g);
-        for (k = 0; k < 3 && !u->drives[i]; k++)
-            u->d[3 * i + k] = most * g[k] / sqrt(size + 0.01);
-        u->drives[i] |= size > 0 || (c->sim->pin[i] & CLOTH_AXIS_ALL) == CLOTH_AXIS_ALL;
-    }
-    for (round = 0; round < CLOTHI_UNTANGLE_SPREAD; round++)
-        for (i = 0; i < 3 * c->nv; i++) {
-            const int v = i / 3, n = c->star[v + 1] - c->star[v];
-            double    sum = 0;
-            if (u->drives[v]) continue;
-            for (j = 0; j < 3 * n; j++)
-                sum += u->d[3 * c->faces[3 * c->star_face[c->star[v] + j / 3] + j % 3] + i % 3];
-            u->d[i] = sum / (3 * n + 1);
-        }
-    for (i = 0; i < c->nv; i++) {
-        double      *d = u->d + 3 * i;
-        const double size = sqrt(clothi_dot3(d, d));
+        const double *g = u->g + 3 * i, pull = most / sqrt(clothi_dot3(g, g) + 0.01);
+        double       *d = u->d + 3 * i, size;
+        for (k = 0; k < 3 && !u->drives[i]; k++) d[k] = pull * g[k];
+        size = sqrt(clothi_dot3(d, d));
         for (k = 0; k < 3; k++) d[k] *= c->sim->pin[i] >> k & 1 ? 0 : size > most ? most / size : 1;
     }
 }

@@ -3697,7 +3697,6 @@ typedef struct clothi_key {
 /* What a contact remembers from step to step: state. */
 typedef struct clothi_anchor {
     clothi_key key;
-    int        sliding;
     double     force;                       /* N, normal                                       */
     double     gap;                         /* m, least of its contacts                        */
     double     slip[3];                     /* m, elastic slip, turned with the surface        */
@@ -5249,11 +5248,6 @@ static double clothi_pair_area(const cloth_collide *c, int kind, int slot, int a
     return (slot < 0 ? 0.5 : 1) * (p > 0 && (p < q || !(q > 0)) ? p : q);
 }
 
-/* Cloth's own coefficient of a part, 0: none. */
-static double clothi_part_friction(const cloth_collide *c, int part) {
-    return c->part ? c->part[part].friction : 0;
-}
-
 /* Coefficient of a pair: the geometric mean of what both sides say. A part without a coefficient of
  * its own has desc.friction against cloth and leaves the word to obstacles. */
 static double clothi_pair_friction(const cloth_collide *c, const clothi_contact *q) {
@@ -5261,11 +5255,19 @@ static double clothi_pair_friction(const cloth_collide *c, const clothi_contact 
     double       own[2] = {0, 0};
     int          i, n = 0;
     for (i = 0; i < q->n && n < 2; i += q->kind == CLOTHI_EE ? 2 : 1)
-        if (q->v[i] < c->nv) own[n++] = clothi_part_friction(c, c->vertex_part[q->v[i]]);
+        if (q->v[i] < c->nv) own[n++] = c->part ? c->part[c->vertex_part[q->v[i]]].friction : 0;
     if (q->slot >= 0)
         return own[0] > 0 ? sqrt(own[0] * c->obstacle[q->slot].friction)
                           : c->obstacle[q->slot].friction;
     return sqrt((own[0] > 0 ? own[0] : mu) * (own[1] > 0 ? own[1] : mu));
+}
+
+/* to = R1 R0' r: with an obstacle given by poses, in the whole step. */
+static void clothi_obstacle_turn(const clothi_obstacle *o, const double *r, double *to) {
+    double back[3] = {0, 0, 0};
+    int    i;
+    for (i = 0; i < 9; i++) back[i % 3] += o->turn[0][i] * r[i / 3];
+    for (i = 0; i < 3; i++) to[i] = clothi_dot3(o->turn[1] + 3 * i, back);
 }
 
 /* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do: a
@@ -5285,12 +5287,8 @@ static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
         r[k] = r[k] / side - side * q->radius * q->normal[k];
     clothi_cross3(o->surface + 3, r, s);
     for (k = 0; k < 3; k++) q->carry[k] = side * c->h * (o->surface[k] + s[k]);
-    for (k = 0; k < 3 && !clothi_is_mesh(o); k++) {     /* (R1 R0' - 1) r */
-        double back[3] = {0, 0, 0}, to = -r[k];
-        for (i = 0; i < 9; i++) back[i % 3] += o->turn[0][i] * r[i / 3];
-        for (i = 0; i < 3; i++) to += o->turn[1][3 * k + i] * back[i];
-        q->carry[k] += side * c->share * to;
-    }
+    clothi_obstacle_turn(o, r, s);
+    for (k = 0; k < 3 && !clothi_is_mesh(o); k++) q->carry[k] += side * c->share * (s[k] - r[k]);
 }
 
 /* Gap where the force of a pair has no bound, m: d_min. What begins nearer has it a little
@@ -6946,12 +6944,10 @@ static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q,
     const clothi_obstacle *o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
     clothi_frame f;
     double       a[6], b[6], s[3];
-    int          i, k;
+    int          k;
     if (q->slot >= 0 && !clothi_is_mesh(o)) {           /* R1 R0', whole at the step's end */
-        double back[3] = {0, 0, 0};
-        for (i = 0; i < 9; i++) back[i % 3] += o->turn[0][i] * slip[i / 3];
-        for (k = 0; k < 3; k++)
-            for (slip[k] = 0, i = 0; i < 3; i++) slip[k] += o->turn[1][3 * k + i] * back[i];
+        clothi_obstacle_turn(o, slip, s);
+        memcpy(slip, s, sizeof s);
         return;
     }
     clothi_contact_frame_at(c, q, c->xa, c->xa, &f);
@@ -7000,8 +6996,7 @@ static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
         double         size;
         for (k = 0; k < 3; k++) a->slip[k] /= a->force;
         size = sqrt(clothi_dot3(a->slip, a->slip));
-        a->sliding = size > c->desc.slip;
-        for (k = 0; k < 3 && a->sliding; k++) a->slip[k] *= c->desc.slip / size;
+        for (k = 0; k < 3 && size > c->desc.slip; k++) a->slip[k] *= c->desc.slip / size;
     }
     return status;
 }
@@ -7439,8 +7434,8 @@ static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in,
             a.key.a >= most[a.key.feature] ||
             !(a.key.cloth == 0 ? clothi_slot_valid(c, a.key.b)
                                : a.key.cloth == 1 && a.key.b >= 0 && a.key.b < 2 * parts) ||
-            (a.sliding != 0 && a.sliding != 1) || !clothi_finite(a.force) ||
-            !clothi_finite(a.gap) || clothi_find_nonfinite(a.slip, 3) >= 0 ||
+            !clothi_finite(a.force) || !clothi_finite(a.gap) ||
+            clothi_find_nonfinite(a.slip, 3) >= 0 ||
             (i > 0 && clothi_key_compare(&before.key, &a.key) >= 0))
             return 0;
     }
@@ -7552,7 +7547,11 @@ static void clothi_contact_load(void *user, const void *buf) {
     c->seen = head.seen;
 }
 
-static const double clothi_no_turn[18] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+/* No rotation. By a loop: gcc 12 for AVX-512 copies the 1, 0, 0, 0 of a constant as 1, 1, 1, 1. */
+static void clothi_no_turn(double turn[2][9]) {
+    int i;
+    for (i = 0; i < 18; i++) turn[i / 9][i % 9] = i % 9 % 4 == 0;
+}
 
 /* Obstacles go back to where they were added. */
 static void clothi_contact_reset(void *user) {
@@ -7566,7 +7565,7 @@ static void clothi_contact_reset(void *user) {
         if (!c->obstacle[o].used) continue;
         memcpy(clothi_pose(c->obstacle + o, 0), clothi_pose(c->obstacle + o, 2), bytes);
         memcpy(clothi_pose(c->obstacle + o, 1), clothi_pose(c->obstacle + o, 2), bytes);
-        memcpy(c->obstacle[o].turn, clothi_no_turn, sizeof c->obstacle[o].turn);
+        clothi_no_turn(c->obstacle[o].turn);
         memset(c->obstacle[o].surface, 0, sizeof c->obstacle[o].surface);
         c->obstacle[o].friction = c->obstacle[o].first_friction;
     }
@@ -7904,7 +7903,7 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     o->used = 1;
     o->generation = (o->generation + 1) & 0xffffu;
     o->thickness = d->thickness > 0 ? d->thickness : c->desc.thickness;
-    memcpy(o->turn, clothi_no_turn, sizeof o->turn);
+    clothi_no_turn(o->turn);
     o->self_penetrating = d->kind == CLOTH_OBSTACLE_MESH && d->self_penetrating;
     return CLOTH_OK;
 }
@@ -8029,10 +8028,11 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, const double R[9],
                                           const double p[3]) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
-    const double    *turn = R ? R : clothi_no_turn;
+    double           none[2][9], off = 0;
+    const double    *turn = R ? R : none[0];
     cloth_status     status;
-    double           off = 0;
     int              i, j, k;
+    clothi_no_turn(none);
     if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_pose");
     if (!p) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_pose: p is NULL");
     status = clothi_check_places(c->hooks, "cloth_collide_pose", ": R", turn, 3);
@@ -8046,7 +8046,7 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
                                          turn[2] * (turn[3] * turn[7] - turn[4] * turn[6]) < 0)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_pose: R is no rotation, R' R is %g off 1", off);
-    if (clothi_is_wall(o) && memcmp(turn, clothi_no_turn, 9 * sizeof *turn) != 0)
+    if (clothi_is_wall(o) && memcmp(turn, none, sizeof none[0]) != 0)
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_collide_pose: R turns obstacle %i, a plane or a grid",
                            (int)(id.id & 0xffffu));

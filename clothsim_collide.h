@@ -3690,7 +3690,6 @@ typedef struct clothi_key {
 /* What a contact remembers from step to step: state. */
 typedef struct clothi_anchor {
     clothi_key key;
-    int        sliding;
     double     force;                       /* N, normal                                       */
     double     gap;                         /* m, least of its contacts                        */
     double     slip[3];                     /* m, elastic slip, turned with the surface        */
@@ -3804,6 +3803,7 @@ struct cloth_collide {
     int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
     double *area;                           /* [nw] m^2, a third of the faces around           */
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
+    unsigned char  *dragging;               /* [mf] faces of bodies that penetrate themselves  */
     unsigned char  *pinched;                /* [mf] faces in a pinch; NULL: none was yet       */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
@@ -5241,11 +5241,6 @@ static double clothi_pair_area(const cloth_collide *c, int kind, int slot, int a
     return (slot < 0 ? 0.5 : 1) * (p > 0 && (p < q || !(q > 0)) ? p : q);
 }
 
-/* Cloth's own coefficient of a part, 0: none. */
-static double clothi_part_friction(const cloth_collide *c, int part) {
-    return c->part ? c->part[part].friction : 0;
-}
-
 /* Coefficient of a pair: the geometric mean of what both sides say. A part without a coefficient of
  * its own has desc.friction against cloth and leaves the word to obstacles. */
 static double clothi_pair_friction(const cloth_collide *c, const clothi_contact *q) {
@@ -5253,11 +5248,19 @@ static double clothi_pair_friction(const cloth_collide *c, const clothi_contact 
     double       own[2] = {0, 0};
     int          i, n = 0;
     for (i = 0; i < q->n && n < 2; i += q->kind == CLOTHI_EE ? 2 : 1)
-        if (q->v[i] < c->nv) own[n++] = clothi_part_friction(c, c->vertex_part[q->v[i]]);
+        if (q->v[i] < c->nv) own[n++] = c->part ? c->part[c->vertex_part[q->v[i]]].friction : 0;
     if (q->slot >= 0)
         return own[0] > 0 ? sqrt(own[0] * c->obstacle[q->slot].friction)
                           : c->obstacle[q->slot].friction;
     return sqrt((own[0] > 0 ? own[0] : mu) * (own[1] > 0 ? own[1] : mu));
+}
+
+/* to = R1 R0' r: with an obstacle given by poses, in the whole step. */
+static void clothi_obstacle_turn(const clothi_obstacle *o, const double *r, double *to) {
+    double back[3] = {0, 0, 0};
+    int    i;
+    for (i = 0; i < 9; i++) back[i % 3] += o->turn[0][i] * r[i / 3];
+    for (i = 0; i < 3; i++) to[i] = clothi_dot3(o->turn[1] + 3 * i, back);
 }
 
 /* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do: a
@@ -5277,12 +5280,8 @@ static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
         r[k] = r[k] / side - side * q->radius * q->normal[k];
     clothi_cross3(o->surface + 3, r, s);
     for (k = 0; k < 3; k++) q->carry[k] = side * c->h * (o->surface[k] + s[k]);
-    for (k = 0; k < 3 && !clothi_is_mesh(o); k++) {     /* (R1 R0' - 1) r */
-        double back[3] = {0, 0, 0}, to = -r[k];
-        for (i = 0; i < 9; i++) back[i % 3] += o->turn[0][i] * r[i / 3];
-        for (i = 0; i < 3; i++) to += o->turn[1][3 * k + i] * back[i];
-        q->carry[k] += side * c->share * to;
-    }
+    clothi_obstacle_turn(o, r, s);
+    for (k = 0; k < 3 && !clothi_is_mesh(o); k++) q->carry[k] += side * c->share * (s[k] - r[k]);
 }
 
 /* Gap where the force of a pair has no bound, m: d_min. What begins nearer has it a little
@@ -5821,11 +5820,14 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *   caught   p is outside of the nearest face and of the nearest one that looks at it,
  *            n0 . n1 < -0.3, and at either pose of the substep (A1 - A0) . m is less than 2 t,
  *            m = (n0 - n1)/|n0 - n1|
- *   kept     both points slide from face to face, of those that look at the other one, nearest to
- *            p at x^n. p is to go the mean of their ways w0, w1, and along m (1 - s) w0 + s w1,
- *            with the share s = (p - A0).m / (A1 - A0).m that it had when it was caught. Where the
+ *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
+ *            between the points so found. 1: the part that it is in has passed it: it goes out to
+ *            the nearest point of the surface, but where that is in another part. Else, where parts
+ *            overlap, both points slide from face to face, of those that look at the other one,
+ *            nearest to p.
+ *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
+ *            the share s = (p - A0).m / (A1 - A0).m that it had when it was caught. Where the
  *            points slid, s comes back by at most t a substep
- *   free     outside of both faces where it is, with more than 2 t there and 3 t where it goes
  *
  * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, begins anew at x^n in every
  * substep: a drag, by which cloth stays whole. Nailed to `to`, as in [BWK03], edges of a T-shirt's
@@ -5842,7 +5844,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 
 #define CLOTHI_FACING   (-0.3)              /* n0 . n1 of faces that look at each other        */
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
-#define CLOTHI_OPENED   3                   /* t: room at the end for what is let go           */
+#define CLOTHI_OPENED   3                   /* t: room at both poses for what is let go        */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
 #define CLOTHI_DRAG     0.3                 /* of the membrane's stiffness: drag on what is held */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
@@ -5950,17 +5952,39 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
     }
 }
 
+/* The way out for what is inside of one part alone: `to` is where its nearest point of the surface
+ * goes, and h is there. 0: that point is in another part. */
+static int clothi_hold_leave(const cloth_collide *c, cloth_hold *h, double *to) {
+    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
+    const double         t = c->obstacle[h->slot].thickness;
+    double               d2 = CLOTHI_HUGE, b[3], at[3], n[3];
+    cloth_hold           out = *h;
+    int                  f = clothi_surface_nearest(&body, c->xa + 3 * h->vertex, &d2, b), k;
+    if (f < 0) return 0;
+    out.face[0] = f - c->obstacle[h->slot].f0;
+    memcpy(out.weight[0], b, sizeof b);
+    clothi_hold_point(c, &out, 0, c->xa, at, n);
+    for (k = 0; k < 3; k++) at[k] += 1e-3 * t * n[k];
+    if (clothi_surface_winding(&body, at) > 0) return 0;
+    *h = out;
+    clothi_hold_point(c, h, 0, c->xb, to, n);
+    for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * t * n[k];
+    return 1;
+}
+
 /* Whether a vertex stays held; where it goes into c->hold_to. */
 static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
-    const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
-    double        A[6], B[6], n[6], m[3], d[3], end[6], start, room, along, drift;
-    int           k, out = 1;
-    for (k = 0; k < 2; k++) clothi_hold_slide(c, h, k, p);
-    start = clothi_hold_room(c, h, c->xa, A, n, m);
-    for (k = 0; k < 2; k++) {
-        clothi_sub3(p, A + 3 * k, d);
-        out &= clothi_dot3(d, n + 3 * k) > 0;
+    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
+    const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness, share = h->share;
+    double        A[6], B[6], n[6], m[3], d[3], end[6], room, along, drift;
+    int           k, wind = clothi_surface_winding(&body, p);
+    if (wind == 1 && clothi_hold_leave(c, h, to)) return 1;
+    if (wind <= 0) {
+        if (!clothi_catch_vertex(c, h->vertex, h->slot, CLOTHI_OPENED, h)) return 0;
+        h->share = share;
     }
+    for (k = 0; k < 2 && wind > 0; k++) clothi_hold_slide(c, h, k, p);
+    (void)clothi_hold_room(c, h, c->xa, A, n, m);
     room = clothi_hold_room(c, h, c->xb, B, end, m);
     for (k = 0; k < 3; k++) {
         d[k] = B[3 + k] - A[3 + k] - (B[k] - A[k]);
@@ -5971,7 +5995,7 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     drift = h->share * room - clothi_dot3(d, m) - along;
     along += clothi_max(clothi_min(drift, t), -t);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
-    return !(out && start > CLOTHI_PINCHED * t && room > CLOTHI_OPENED * t);
+    return 1;
 }
 
 /* --- which faces --- */
@@ -6027,7 +6051,8 @@ static cloth_status clothi_pinch_reserve(cloth_collide *c) {
         c->caught = (cloth_hold *)clothi_alloc(c->hooks, nv, sizeof *c->caught);
         c->hold_to = (double *)clothi_alloc(c->hooks, 3 * nv, sizeof(double));
     }
-    if (!c->pinched) c->pinched = (unsigned char *)clothi_alloc(c->hooks, mf, 1);
+    if (!c->pinched) c->pinched = (unsigned char *)clothi_alloc(c->hooks, 2 * mf, 1);
+    c->dragging = c->pinched + mf;
     if (!c->held_of || !c->look || !c->caught || !c->hold_to || !c->pinched)
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for pinches of %i vertices",
                            c->nv);
@@ -6118,6 +6143,10 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     status = clothi_pinch_reserve(c);
     if (status) return status;
     memset(c->pinched, 0, (size_t)c->mf);
+    for (i = 0; i < c->mf; i++) {
+        const int slot = c->slot[c->faces[3 * i]];
+        c->dragging[i] = slot >= 0 && c->obstacle[slot].self_penetrating;
+    }
     clothi_pinch_boxes(c);
     memset(c->look, 1, (size_t)c->nv);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
@@ -6908,12 +6937,10 @@ static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q,
     const clothi_obstacle *o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
     clothi_frame f;
     double       a[6], b[6], s[3];
-    int          i, k;
+    int          k;
     if (q->slot >= 0 && !clothi_is_mesh(o)) {           /* R1 R0', whole at the step's end */
-        double back[3] = {0, 0, 0};
-        for (i = 0; i < 9; i++) back[i % 3] += o->turn[0][i] * slip[i / 3];
-        for (k = 0; k < 3; k++)
-            for (slip[k] = 0, i = 0; i < 3; i++) slip[k] += o->turn[1][3 * k + i] * back[i];
+        clothi_obstacle_turn(o, slip, s);
+        memcpy(slip, s, sizeof s);
         return;
     }
     clothi_contact_frame_at(c, q, c->xa, c->xa, &f);
@@ -6962,8 +6989,7 @@ static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
         double         size;
         for (k = 0; k < 3; k++) a->slip[k] /= a->force;
         size = sqrt(clothi_dot3(a->slip, a->slip));
-        a->sliding = size > c->desc.slip;
-        for (k = 0; k < 3 && a->sliding; k++) a->slip[k] *= c->desc.slip / size;
+        for (k = 0; k < 3 && size > c->desc.slip; k++) a->slip[k] *= c->desc.slip / size;
     }
     return status;
 }
@@ -7401,8 +7427,8 @@ static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in,
             a.key.a >= most[a.key.feature] ||
             !(a.key.cloth == 0 ? clothi_slot_valid(c, a.key.b)
                                : a.key.cloth == 1 && a.key.b >= 0 && a.key.b < 2 * parts) ||
-            (a.sliding != 0 && a.sliding != 1) || !clothi_finite(a.force) ||
-            !clothi_finite(a.gap) || clothi_find_nonfinite(a.slip, 3) >= 0 ||
+            !clothi_finite(a.force) || !clothi_finite(a.gap) ||
+            clothi_find_nonfinite(a.slip, 3) >= 0 ||
             (i > 0 && clothi_key_compare(&before.key, &a.key) >= 0))
             return 0;
     }
@@ -7514,7 +7540,11 @@ static void clothi_contact_load(void *user, const void *buf) {
     c->seen = head.seen;
 }
 
-static const double clothi_no_turn[18] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+/* No rotation. By a loop: gcc 12 for AVX-512 copies the 1, 0, 0, 0 of a constant as 1, 1, 1, 1. */
+static void clothi_no_turn(double turn[2][9]) {
+    int i;
+    for (i = 0; i < 18; i++) turn[i / 9][i % 9] = i % 9 % 4 == 0;
+}
 
 /* Obstacles go back to where they were added. */
 static void clothi_contact_reset(void *user) {
@@ -7528,7 +7558,7 @@ static void clothi_contact_reset(void *user) {
         if (!c->obstacle[o].used) continue;
         memcpy(clothi_pose(c->obstacle + o, 0), clothi_pose(c->obstacle + o, 2), bytes);
         memcpy(clothi_pose(c->obstacle + o, 1), clothi_pose(c->obstacle + o, 2), bytes);
-        memcpy(c->obstacle[o].turn, clothi_no_turn, sizeof c->obstacle[o].turn);
+        clothi_no_turn(c->obstacle[o].turn);
         memset(c->obstacle[o].surface, 0, sizeof c->obstacle[o].surface);
         c->obstacle[o].friction = c->obstacle[o].first_friction;
     }
@@ -7866,7 +7896,7 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     o->used = 1;
     o->generation = (o->generation + 1) & 0xffffu;
     o->thickness = d->thickness > 0 ? d->thickness : c->desc.thickness;
-    memcpy(o->turn, clothi_no_turn, sizeof o->turn);
+    clothi_no_turn(o->turn);
     o->self_penetrating = d->kind == CLOTH_OBSTACLE_MESH && d->self_penetrating;
     return CLOTH_OK;
 }
@@ -7991,10 +8021,11 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, const double R[9],
                                           const double p[3]) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
-    const double    *turn = R ? R : clothi_no_turn;
+    double           none[2][9], off = 0;
+    const double    *turn = R ? R : none[0];
     cloth_status     status;
-    double           off = 0;
     int              i, j, k;
+    clothi_no_turn(none);
     if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_pose");
     if (!p) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_pose: p is NULL");
     status = clothi_check_places(c->hooks, "cloth_collide_pose", ": R", turn, 3);
@@ -8008,7 +8039,7 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
                                          turn[2] * (turn[3] * turn[7] - turn[4] * turn[6]) < 0)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_pose: R is no rotation, R' R is %g off 1", off);
-    if (clothi_is_wall(o) && memcmp(turn, clothi_no_turn, 9 * sizeof *turn) != 0)
+    if (clothi_is_wall(o) && memcmp(turn, none, sizeof none[0]) != 0)
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_collide_pose: R turns obstacle %i, a plane or a grid",
                            (int)(id.id & 0xffffu));

@@ -382,7 +382,7 @@ static void anchors(void) {
         r.c.nw = 2;
         r.c.obstacle = &ground, r.c.nobstacle = 1;
         ground.kind = CLOTH_OBSTACLE_PLANE, ground.used = 1, ground.v0 = 1;
-        memcpy(ground.turn, clothi_no_turn, sizeof ground.turn);
+        clothi_no_turn(ground.turn);
         eps = r.c.desc.slip;
         for (k = 0; k < r.c.ncontact; k++) {
             clothi_contact *q = r.q + k;
@@ -403,9 +403,8 @@ static void anchors(void) {
         CHECK(r.c.next[0].force > 0);
         CHECK_REL(r.c.next[0].gap, 0.9e-3, 1e-12);
         CHECK_NEAR(r.c.next[0].slip[1], 0, 1e-18);
-        if (round == 0) CHECK(r.c.next[0].sliding == 0 && fabs(r.c.next[0].slip[0] - 6e-6) < 1e-18);
+        if (round == 0) CHECK_NEAR(r.c.next[0].slip[0], 6e-6, 1e-18);
         if (round == 1) {
-            CHECK(r.c.next[0].sliding == 1);
             CHECK_REL(sqrt(clothi_dot3(r.c.next[0].slip, r.c.next[0].slip)), eps, 1e-12);
             CHECK_REL(r.c.next[0].slip[2] / r.c.next[0].slip[0], 50, 1e-12);
         }

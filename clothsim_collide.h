@@ -3851,7 +3851,7 @@ struct cloth_collide {
     int            *held_of;                /* [nv] number in holding, -1                      */
     cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held ends                */
-    unsigned char  *look;                   /* [nv] to be looked at, 2: caught                 */
+    unsigned char  *look;                   /* [nv] 1: caught                                  */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
@@ -6079,39 +6079,29 @@ static void clothi_pinch_boxes(cloth_collide *c) {
     }
 }
 
-typedef struct clothi_catch_job {
-    cloth_collide *c;
-    int            slot;
-    double         room;
-} clothi_catch_job;
-
 static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
-    const clothi_catch_job *job = (const clothi_catch_job *)ctx;
-    cloth_collide          *c = job->c;
-    int                     v;
+    const clothi_catch  *q = (const clothi_catch *)ctx;
+    const cloth_collide *c = q->c;
+    int                  v;
     (void)worker;
     for (v = begin; v < end; v++)
-        if (c->held_of[v] < 0 && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
-            c->look[v] && clothi_may_touch(c, v, c->obstacle[job->slot].v0) &&
-            clothi_catch_vertex(c, v, job->slot, job->room, c->caught + v))
-            c->look[v] = 2;
+        c->look[v] = c->held_of[v] < 0 && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
+                     clothi_may_touch(c, v, c->obstacle[q->slot].v0) &&
+                     clothi_catch_vertex(c, v, q->slot, CLOTHI_PINCHED, c->caught + v);
 }
 
-/* Holds vertices v with c->look[v] = 1 that are between parts of a body nearer than `room` times
- * t. *n counts them. */
-static cloth_status clothi_pinch_catch(cloth_collide *c, double room, int *n) {
+/* Holds vertices that are between parts of a body. *n counts them. */
+static cloth_status clothi_pinch_catch(cloth_collide *c, int *n) {
     cloth_status status = CLOTH_OK;
-    int          o, i, k;
+    int          o, i;
     *n = 0;
-    clothi_pinch_boxes(c);
     for (o = 0; o < c->nobstacle && !status; o++) {
-        clothi_catch_job job;
-        job.c = c, job.slot = o, job.room = room;
+        clothi_catch job;
+        job.c = c, job.slot = o, job.facing = NULL;
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
-            if (c->look[i] != 2) continue;
-            c->look[i] = 0;
+            if (!c->look[i]) continue;
             status = CLOTHI_ROOM(c, holding, c->nholding + 1);
             if (status) break;
             c->held_of[i] = c->nholding;
@@ -6119,7 +6109,6 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, double room, int *n) {
             (void)clothi_hold_keep(c, c->holding + c->nholding, c->hold_to + 3 * i);
             clothi_hold_mark(c, c->holding + c->nholding, c->hold_to + 3 * i);
             c->nholding++;
-            for (k = 0; k < 3; k++) c->xb[3 * i + k] = c->hold_to[3 * i + k];
             ++*n;
         }
     }
@@ -6148,7 +6137,6 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
         c->dragging[i] = slot >= 0 && c->obstacle[slot].self_penetrating;
     }
     clothi_pinch_boxes(c);
-    memset(c->look, 1, (size_t)c->nv);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
     for (i = 0; i < c->nholding; i++) {
         cloth_hold h = c->holding[i];
@@ -6162,7 +6150,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     c->nholding = n;
     for (i = 0; i < n; i++)
         clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
-    status = clothi_pinch_catch(c, CLOTHI_PINCHED, &most);
+    status = clothi_pinch_catch(c, &most);
     c->pinching |= most > 0;
     return status;
 }
@@ -6246,8 +6234,9 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  *
  * is looked at again, and what it hits joins, until nothing does [BFA02] [HVTG08]. A zone that the
  * program cannot solve, or not within desc.max_passes, goes on as one rigid body; if that hits too,
- * it stays where it was; then the step fails. Bodies that penetrate themselves hold what is bunched
- * between their parts before that [8.3].
+ * it stays where it was. Where that leads nowhere an implicit step tries once more, from where the
+ * obstacles' surfaces carry cloth: for layers between an arm and a chest that zones cannot part.
+ * Then the step fails. (To hold what zones cannot part was worse: a shirt's jump ended at once.)
  *
  * Under implicit steps this is where minimising begins, not where it ends: no strain of the
  * projection stays, and no row is in the accepted state. Among obstacles that rest the straight way
@@ -6263,8 +6252,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
 #define CLOTHI_EXACT_ROWS   200             /* larger zones are swept only                     */
 #define CLOTHI_SWEEPS       300
-#define CLOTHI_BUNCHED       10             /* t: the same where zones find no way             */
-#define CLOTHI_BUNCHES       8              /* times that more is held                         */
+#define CLOTHI_CARRIED       20             /* t: so far obstacles carry cloth in a guess      */
 #define CLOTHI_START_PASSES  16             /* for a start of minimising, not more             */
 #define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
@@ -6812,10 +6800,6 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     cloth_status status = CLOTH_OK;
     int          i, hit = 0;
     c->toi = 1;
-    for (i = 0; i < c->nholding; i++) {
-        const size_t at = 3 * (size_t)c->holding[i].vertex;
-        memcpy(c->x_ie + at, c->hold_to + at, 3 * sizeof(double));
-    }
     memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
@@ -6844,32 +6828,48 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     return status;
 }
 
-/* Cloth that no zone can part is bunched between two parts of a body: it is held too. Returns how
- * many vertices are. */
-static int clothi_pinch_bunch(cloth_collide *c) {
-    int r, i, n = 0;
-    if (!clothi_penetrates(c)) return 0;
-    memset(c->look, 0, (size_t)c->nv);
-    for (r = 0; r < c->nrow; r++)
-        for (i = 0; i < c->row[r].n && c->row[r].pass >= c->report.passes - 1; i++) {
-            const int v = c->row[r].v[i];
-            if (v < c->nv && c->held_of[v] < 0) c->look[v] = 1;
+/* x_IE where obstacles carry cloth: with the nearest point of a surface, held cloth with both of
+ * its points, the less the farther up to CLOTHI_CARRIED t. Layers and gaps stay as they are. */
+static void clothi_carried(cloth_collide *c) {
+    const clothi_surface all = {c->xa, c->faces, NULL, NULL, &c->solid};
+    const double         reach = CLOTHI_CARRIED * c->thickest;
+    int                  i, j, k, f;
+    clothi_pinch_boxes(c);
+    for (i = 0; i < c->nv; i++) {
+        const cloth_hold *h = clothi_held(c, i) ? c->holding + c->held_of[i] : NULL;
+        double            A[3], B[3], w[3], way[3] = {0, 0, 0}, d2 = reach * reach, part = 1;
+        for (j = 0; j < 2 && h; j++) {
+            clothi_hold_point(c, h, j, c->xa, A, w);
+            clothi_hold_point(c, h, j, c->xb, B, w);
+            for (k = 0; k < 3; k++) way[k] += 0.5 * (B[k] - A[k]);
         }
-    if (clothi_pinch_catch(c, CLOTHI_BUNCHED, &n)) return 0;
-    c->pinching |= n > 0;
-    return n;
+        f = h ? -1 : clothi_surface_nearest(&all, c->xa + 3 * i, &d2, w);
+        if (!h) part = f < 0 ? 0 : 1 - sqrt(d2) / reach;
+        for (j = 0; j < 9 && f >= 0; j++) {
+            const int v = 3 * c->faces[3 * f + j / 3] + j % 3;
+            way[j % 3] += w[j / 3] * (c->xb[v] - c->xa[v]);
+        }
+        for (k = 0; k < 3; k++)
+            c->x_ie[3 * i + k] += part * (c->xa[3 * i + k] + way[k] - c->x_ie[3 * i + k]);
+    }
 }
 
-/* A feasible point: from x_IE in xb, what is held where it goes. last: it is to be where the step
- * ends, not where minimising goes on from. */
+/* A feasible point: from x_IE in xb, what is held where it goes; for minimising to go on from also
+ * from where cloth is carried. last: it is to be where the step ends. */
 static cloth_status clothi_feasible(cloth_collide *c, int last) {
     cloth_status status;
-    int          tries = 0;
+    int          i;
     memcpy(c->x_ie, c->xb, 3 * (size_t)c->nv * sizeof(double));
-    do {
-        status = clothi_feasible_from(c, last);
-    } while (status == CLOTH_ERR_STEP && tries++ < CLOTHI_BUNCHES && clothi_pinch_bunch(c));
-    return status;
+    for (i = 0; i < c->nholding; i++) {
+        const size_t at = 3 * (size_t)c->holding[i].vertex;
+        memcpy(c->x_ie + at, c->hold_to + at, 3 * sizeof(double));
+    }
+    c->trying += !last;
+    status = clothi_feasible_from(c, last);
+    c->trying -= !last;
+    if (status != CLOTH_ERR_STEP || last) return status;
+    clothi_carried(c);
+    return clothi_feasible_from(c, last);
 }
 
 /* Velocities of an explicit substep: min 1/2 |v - v*|^2_M with no approach on the active rows. Not

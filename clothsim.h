@@ -1350,6 +1350,9 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #if defined(CLOTHSIM_IMPLEMENTATION) && !defined(CLOTHSIM_IMPLEMENTED)
 #define CLOTHSIM_IMPLEMENTED
 
+#if defined(__FLT_EVAL_METHOD__) && (__FLT_EVAL_METHOD__ < 0 || __FLT_EVAL_METHOD__ > 1)
+#error "clothsim.h needs doubles that are rounded to doubles: add -msse2 -mfpmath=sse"
+#endif
 #include <math.h>
 #include <stdarg.h>
 #include <string.h>
@@ -1494,12 +1497,12 @@ CLOTHI_UNUSED static inline double clothi_atan_tail(double t) {
  *   parts. Error below 3 ulp (tests/test_math.c: atan2_ulp), relative also for tiny angles. */
 CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double ax = fabs(x), ay = fabs(y);
-    const double big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;
+    const double big = ax > ay ? ax : ay, low = ax > ay ? ay : ax;
     /* 0 or 1 by copysign: a constant in one arm of a ?: makes gcc build a branch for it */
-    const double turned = 0.5 - copysign(0.5, 0.41421356237309503 * big - small);
+    const double turned = 0.5 - copysign(0.5, 0.41421356237309503 * big - low);
     const double steep = 0.5 - copysign(0.5, ax - ay), left = 0.5 - copysign(0.5, x + 0.0);
-    const double den = big + turned * small;
-    const double w = (small - turned * big) / (den + 1e-300);
+    const double den = big + turned * low;
+    const double w = (low - turned * big) / (den + 1e-300);
     const double a = w + w * clothi_atan_tail(w * w);
     const double k1 = turned + steep * (2.0 - 2.0 * turned);        /* pi/2 - angle */
     const double k2 = k1 + left * (4.0 - 2.0 * k1);                 /* pi - angle */
@@ -1509,8 +1512,8 @@ CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
 
 /* A difference of angles by at most one whole turn nearer to 0: into [-pi, pi] from 3 pi around. */
 CLOTHI_UNUSED static inline double clothi_wrap(double angle) {
-    const double far = 0.5 - copysign(0.5, 3.141592653589793 - fabs(angle));
-    return angle - far * copysign(6.283185307179586, angle);
+    const double turn = 0.5 - copysign(0.5, 3.141592653589793 - fabs(angle));
+    return angle - turn * copysign(6.283185307179586, angle);
 }
 
 /* ===== [3.2] MEMORY, TEXT, RANGES ============================================================ */
@@ -3034,11 +3037,10 @@ static int clothi_parse_double(const char *s, size_t n, double *out) {
     clothi_decimal d;
     if (!clothi_decimal_scan(s, n, &d)) return 0;
     if (d.n == 0 || d.point < -330 || d.point > 310) {
-        const int far = d.n && d.point > 310 ? 2000 : -2000;
-        *out = clothi_round_to_double((uint64_t)1 << 63, far, 0, d.negative);
+        const int power = d.n && d.point > 310 ? 2000 : -2000;
+        *out = clothi_round_to_double((uint64_t)1 << 63, power, 0, d.negative);
         return 1;
     }
-#if !defined(__FLT_EVAL_METHOD__) || __FLT_EVAL_METHOD__ == 0
     if (d.n <= 15 && d.point - d.n >= -22 && d.point - d.n <= 22) {
         double a = 0;
         int    i, exponent = (int)d.point - d.n;
@@ -3047,9 +3049,6 @@ static int clothi_parse_double(const char *s, size_t n, double *out) {
         *out = d.negative ? -a : a;
         return 1;
     }
-#else
-    (void)tens;
-#endif
     *out = clothi_decimal_exact(&d);
     return 1;
 }
@@ -3335,7 +3334,7 @@ static int clothi_obj_find_part(clothi_obj *o) {
 }
 
 static cloth_status clothi_obj_face(clothi_obj *o) {
-    int             first[2] = {0, 0}, last[2] = {0, 0}, now[2], n = 0;
+    int             first[2] = {0, 0}, last[2] = {0, 0}, now[2] = {0, 0}, n = 0;
     clothi_obj_name token;
     for (; clothi_obj_token(o, &token); n++) {
         cloth_status status = clothi_obj_corner(o, &token, &now[0], &now[1]);
@@ -5642,7 +5641,7 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
 
 /* Aggregates: seeds by farthest point (ties: lowest row), members by distance. */
 static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_graph *g) {
-    const int far = 0x3fffffff;
+    const int infinite = 0x3fffffff;
     int  i, k, a, seed = 0, want = p->n / CLOTHI_AGG_VERTICES;
     int *dist = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
     int *queue = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
@@ -5651,7 +5650,7 @@ static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_gra
     if (want < CLOTHI_AGG_MIN) want = CLOTHI_AGG_MIN;
     if (want > CLOTHI_AGG_MAX) want = CLOTHI_AGG_MAX;
     for (i = 0; i < p->n; i++) {
-        dist[i] = far;
+        dist[i] = infinite;
         p->agg[i] = -1;
     }
     for (a = 0; a < want && p->n > 0 && dist[seed] > 0; a++) {
@@ -7540,7 +7539,7 @@ static void clothi_setup_extras(cloth_linear_solver *s) {
 
 /* Dense kernels of [7.4]. */
 static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
-                                 signed char *pivot, const double *small);
+                                 signed char *pivot, const double *limit);
 static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
                                 int row0, int cols, int k0, int k1, const double *sign, double *c,
                                 size_t ldc, double *pack, int par);
@@ -8567,9 +8566,9 @@ static void clothi_front_update(const cloth_hooks *hooks, const double *panel, s
 }
 
 /* Columns [k0, k1) of a panel of m rows, their earlier updates done: signed Cholesky, one by one.
- * small [n]: a pivot below it counts as zero and its column as fixed. */
+ * limit [n]: a pivot below it counts as zero and its column as fixed. */
 static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
-                                 signed char *pivot, const double *small) {
+                                 signed char *pivot, const double *limit) {
     int k, p, i;
     for (k = k0; k < k1; k++) {
         double *c = panel + (size_t)k * ld, d, inv;
@@ -8580,7 +8579,7 @@ static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1
         }
         d = c[k];
         sign[k] = d < 0 ? -1.0 : 1.0;
-        pivot[k] = (signed char)(d > small[k] ? 1 : d < -small[k] ? -1 : 0);
+        pivot[k] = (signed char)(d > limit[k] ? 1 : d < -limit[k] ? -1 : 0);
         if (!pivot[k]) {
             for (i = k; i < m; i++) c[i] = 0;
             c[k] = clothi_finite(d) ? 1.0 : d;          /* NaN stays, for judge to find        */
@@ -8603,11 +8602,11 @@ static void clothi_front_factor(cloth_factor *f, int q, double *U, double *pack,
     int    n = 3 * (p->hi - p->mid), nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
     size_t m = (size_t)(n + nb);
     double *L = f->panel + P->panel[q], *sign = f->sign + 3 * (size_t)p->mid;
-    const double *small = f->vec + 3 * (size_t)p->mid;
+    const double *limit = f->vec + 3 * (size_t)p->mid;
     int k0, k1;
     for (k0 = 0; k0 < n; k0 = k1) {
         k1 = k0 + CLOTHI_FRONT_BLOCK < n ? k0 + CLOTHI_FRONT_BLOCK : n;
-        clothi_front_columns(L, m, n + nb, k0, k1, sign, f->pivot + 3 * (size_t)p->mid, small);
+        clothi_front_columns(L, m, n + nb, k0, k1, sign, f->pivot + 3 * (size_t)p->mid, limit);
         if (k1 < n)
             clothi_front_update(&f->hooks, L, m, n + nb, k1, n - k1, k0, k1, sign,
                                 L + (size_t)k1 * m + k1, m, pack, par);

@@ -836,7 +836,7 @@ static void clothi_face_normal(const double *x, const int *v, double *n) {
 
 /* Squared distance m^2 of p from face v [3] of x; b [3]: the nearest point, barycentric. */
 static double clothi_face_distance2(const double *x, const int *v, const double *p, double *b) {
-    double r[9], lambda[4], d[3];
+    double r[9], lambda[4], d[3] = {0, 0, 0};
     int    i;
     for (i = 0; i < 3; i++) clothi_sub3(p, x + 3 * (size_t)v[i], r + 3 * i);
     (void)clothi_nearest(r, 3, lambda, d);
@@ -1010,7 +1010,7 @@ static int clothi_ccd_direction(const double *r, int n, int side, const double *
 
 /* The whole search in doubles, m in range. */
 static int clothi_ccd_run(clothi_ccd *q, double *toi) {
-    const double near = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
+    const double arrived = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
     double       t = 0;
     int          step;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
@@ -1023,7 +1023,7 @@ static int clothi_ccd_run(clothi_ccd *q, double *toi) {
         next = clothi_ccd_axis(q, n, t);
         if (!(next > 1) && side < 0) next = clothi_max(next, clothi_ccd_turning(q, r, n, t));
         if (next > 1) return 0;
-        d = !(next > t) || (d <= near && next - t < CLOTHI_CCD_NEAR) ? 0 : d;
+        d = !(next > t) || (d <= arrived && next - t < CLOTHI_CCD_NEAR) ? 0 : d;
         t = next;
         if (d <= 0) break;
     }
@@ -1239,12 +1239,12 @@ static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, do
         !clothi_finite(min_sep))
         return 1;
     if (!clothi_ccd_load(&q, edge_edge, xa, xb, min_sep)) {
-        double small[24];
+        double scaled[24];
         int    i;
         if (q.m <= 0) return 1;
         for (i = 0; i < 24; i++)            /* a difference may be beyond the doubles           */
-            small[i] = (1.0 / 256) * (i < 12 ? xa[i] : xb[i - 12]);
-        return clothi_ccd_pair(edge_edge, small, small + 12, (1.0 / 256) * min_sep, toi);
+            scaled[i] = (1.0 / 256) * (i < 12 ? xa[i] : xb[i - 12]);
+        return clothi_ccd_pair(edge_edge, scaled, scaled + 12, (1.0 / 256) * min_sep, toi);
     }
     if (!(q.s < 4 * q.m)) return 1;         /* all of it is within min_sep                      */
     *toi = 1;
@@ -2693,17 +2693,17 @@ static void clothi_qp_digits(clothi_qp *s, int precise) {
 /* The square of the distance of row i from t times row j. u is 0, and is again. */
 static double clothi_qp_distance2(clothi_qp *s, int i, int j, double t) {
     const cloth_qp *q = s->q;
-    double          far = 0;
+    double          sum = 0;
     int             pass, p;
     for (pass = 0; pass < 4; pass++) {      /* i in, j out, both up */
         const int r = pass & 1 ? j : i;
         for (p = q->row[r]; p < q->row[r + 1]; p++) {
             double *u = &s->u[q->col[p]].h;
             if (pass < 2) *u += pass ? -t * s->g[p] : s->g[p];
-            else far += *u * *u * q->minv[q->col[p]], *u = 0;
+            else sum += *u * *u * q->minv[q->col[p]], *u = 0;
         }
     }
-    return far;
+    return sum;
 }
 
 /* Of rows that are positive multiples of each other but for rounding, the tightest stays. */
@@ -3749,7 +3749,7 @@ static double clothi_grid_cell(const cloth_grid *g, const int *i, const double *
 
 CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[3],
                                          double *distance, double gradient[3]) {
-    double f[3], out[3], grad[3], phi, size = 0, far;
+    double f[3], out[3], grad[3], phi, size = 0, ratio;
     int    i[3], a;
     if (!grid || !x || !grid->phi || !(grid->cell > 0)) return CLOTH_ERR_ARGUMENT;
     for (a = 0; a < 3; a++) {
@@ -3768,12 +3768,12 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
     if (size > 0) {                         /* outside the box: scaled, squares may overflow    */
         phi = clothi_max(phi, 0);
         size = clothi_max(size, phi);
-        far = phi / size * (phi / size);
-        for (a = 0; a < 3; a++) far += out[a] / size * (out[a] / size);
-        far = sqrt(far);
+        ratio = phi / size * (phi / size);
+        for (a = 0; a < 3; a++) ratio += out[a] / size * (out[a] / size);
+        ratio = sqrt(ratio);
         for (a = 0; a < 3; a++)
-            grad[a] = (out[a] != 0 ? out[a] / size : phi / size * grad[a]) / far;
-        phi = size > CLOTHI_HUGE / 2 ? CLOTHI_HUGE : size * far;
+            grad[a] = (out[a] != 0 ? out[a] / size : phi / size * grad[a]) / ratio;
+        phi = size > CLOTHI_HUGE / 2 ? CLOTHI_HUGE : size * ratio;
     }
     if (distance) *distance = phi;
     if (gradient) memcpy(gradient, grad, sizeof grad);
@@ -3934,7 +3934,7 @@ struct cloth_collide {
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
-    double         *far;                    /* [nw + me + mf] m, a move of vertices, edges and
+    double         *travel;                 /* [nw + me + mf] m, a move of vertices, edges and
                                                faces; 0 for obstacles'                         */
     clothi_pairs    meet, vf, ee;
     int             solid_known;            /* which way the obstacles' boxes hold             */
@@ -4124,7 +4124,7 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
     c->box_v = from->box_v, c->box_f = from->box_f;
     c->edge_face = from->edge_face, c->star = from->star, c->star_face = from->star_face;
     c->me = from->me;
-    c->pinched = from->pinched, c->far = from->far;
+    c->pinched = from->pinched, c->travel = from->travel;
     c->solid_known = 0;
 }
 
@@ -4138,7 +4138,7 @@ static void clothi_world_free(cloth_collide *c) {
     clothi_free(k, c->edge_face);
     clothi_free(k, c->slot);
     clothi_free(k, c->pinched);
-    clothi_free(k, c->far);
+    clothi_free(k, c->travel);
     clothi_free(k, c->area);
     clothi_free(k, c->xa);
     clothi_free(k, c->xb);
@@ -4259,9 +4259,9 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     if (status) return status;
     c->me = c->features.ne + capsules;
     c->edges = (int *)clothi_alloc(c->hooks, 2 * (size_t)c->me, sizeof(int));
-    c->far = (double *)clothi_alloc(c->hooks, (size_t)c->nw + (size_t)c->me + (size_t)c->mf,
+    c->travel = (double *)clothi_alloc(c->hooks, (size_t)c->nw + (size_t)c->me + (size_t)c->mf,
                                     sizeof(double));
-    if (!c->edges || !c->far) return CLOTH_ERR_MEMORY;
+    if (!c->edges || !c->travel) return CLOTH_ERR_MEMORY;
     memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
     status = clothi_world_stars(c);
     if (status) return status;
@@ -4363,7 +4363,7 @@ static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, 
 
 /* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
 static void clothi_move_far(cloth_collide *c, const double *dx) {
-    double *v = c->far, *e = v + c->nw, *f = e + c->me;
+    double *v = c->travel, *e = v + c->nw, *f = e + c->me;
     int     i;
     for (i = 0; i < c->nv; i++) v[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
     for (i = 0; i < c->me; i++) {
@@ -4378,7 +4378,7 @@ static void clothi_move_far(cloth_collide *c, const double *dx) {
 
 /* How much nearer a pair comes in that move at most. */
 static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
-    const double *v = c->far, *e = v + c->nw, *f = e + c->me;
+    const double *v = c->travel, *e = v + c->nw, *f = e + c->me;
     if (p->kind == CLOTHI_EE) return e[p->a] + e[p->b];
     return v[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
 }
@@ -6105,7 +6105,7 @@ static double clothi_mark_far(int face, const double *p, void *ctx) {
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
     const cloth_topology *top = c->sim->model->topology;
     const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
-    double                reach2 = 0, d[3], far;
+    double                reach2 = 0, d[3], radius2;
     clothi_mark           q;
     int                   i, k;
     for (i = top->vf_start[h->vertex]; i < top->vf_start[h->vertex + 1]; i++)
@@ -6119,9 +6119,9 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double
     q.c = c, q.slot = h->slot, q.to = to;
     q.reach = sqrt(reach2) + c->obstacle[h->slot].thickness;
     clothi_sub3(to, p, d);
-    far = q.reach + sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
-    far *= far;
-    (void)clothi_bvh_nearest(&c->solid, p, clothi_mark_far, &q, &far);
+    radius2 = q.reach + sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
+    radius2 *= radius2;
+    (void)clothi_bvh_nearest(&c->solid, p, clothi_mark_far, &q, &radius2);
     for (k = 0; k < 2; k++) c->pinched[c->obstacle[h->slot].f0 + h->face[k]] = 1;
 }
 
@@ -7130,12 +7130,12 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
 /* The guess c->xb where obstacles move: a vertex within range of a mesh at x^n comes no nearer to
  * its nearest face and is held along it by friction. Less is left for zones to strain. */
 static cloth_status clothi_guess_carry(cloth_collide *c) {
-    double      *near = c->way_in, *way = c->qp_x, *normal = c->x_list;    /* [nv], [nv x 3] */
+    double      *least = c->way_in, *way = c->qp_x, *normal = c->x_list;    /* [nv], [nv x 3] */
     cloth_status status;
     int          i, j, k;
     status = clothi_broad_phase(c, c->xa, NULL, CLOTHI_SWEPT, c->thickest, 0);
     if (status) return status;
-    for (i = 0; i < c->nv; i++) near[i] = HUGE_VAL;
+    for (i = 0; i < c->nv; i++) least[i] = HUGE_VAL;
     for (i = 0; i < c->npair; i++) {
         const clothi_pair_id *p = c->pair + i;
         double x[12], w[4], r[3] = {0, 0, 0}, u[3] = {0, 0, 0}, d;
@@ -7145,10 +7145,10 @@ static cloth_status clothi_guess_carry(cloth_collide *c) {
         (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
         clothi_pair_points(c, c->xa, c->xa, v, 4, x);
         d = clothi_pair_distance(p->kind, x, w);
-        if (!(d > 0) || d > c->obstacle[slot].thickness || d >= near[p->a] ||
+        if (!(d > 0) || d > c->obstacle[slot].thickness || d >= least[p->a] ||
             clothi_is_exempt(c, p->kind, p->a, p->b))
             continue;
-        near[p->a] = d;
+        least[p->a] = d;
         for (j = 0; j < 4; j++)
             for (k = 0; k < 3; k++) {
                 r[k] += w[j] * x[3 * j + k];
@@ -7159,7 +7159,7 @@ static cloth_status clothi_guess_carry(cloth_collide *c) {
     for (i = 0; i < c->nv; i++) {
         double      *x = c->xb + 3 * i, d[3], come, slide, part;
         const double *n = normal + 3 * i;
-        if (!(near[i] < HUGE_VAL) || c->sim->pin[i]) continue;
+        if (!(least[i] < HUGE_VAL) || c->sim->pin[i]) continue;
         for (k = 0; k < 3; k++) d[k] = x[k] - c->xa[3 * i + k] - way[3 * i + k];
         come = -clothi_dot3(d, n);
         if (!(come > 0)) continue;
@@ -7514,7 +7514,7 @@ static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in,
     int           i, parts = 0;
     for (i = 0; i < c->nv; i++)
         parts = c->vertex_part[i] < parts ? parts : c->vertex_part[i] + 1;
-    for (i = 0; i < n; i++, before = a) {
+    for (i = 0, memset(&before, 0, sizeof before); i < n; i++, before = a) {
         memcpy(&a, in + (size_t)i * sizeof a, sizeof a);
         if (a.key.feature < 0 || a.key.feature > 2 || a.key.a < 0 ||
             a.key.a >= most[a.key.feature] ||
@@ -7590,7 +7590,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     void *const block[] = {
-        c->faces, c->edges, c->edge_face, c->slot, c->pinched, c->far, c->held_of,
+        c->faces, c->edges, c->edge_face, c->slot, c->pinched, c->travel, c->held_of,
         c->look, c->caught, c->hold_to, c->hold, c->holding, c->area, c->xa, c->xb, c->box_v,
         c->box_f, c->features.edges, c->tree.node, c->solid.node, c->meet.pair, c->meet.start,
         c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone, c->work, c->qp_minv,

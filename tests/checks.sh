@@ -55,7 +55,7 @@ headers=
 for h in clothsim.h clothsim_collide.h clothsim_grad.h; do
     [ -f ../$h ] && headers="$headers $h"
 done
-programs=$(ls test_*.c validate/*.c stability/*.c bench/*.c 2>/dev/null)
+programs=$(ls test_*.c platform_scene.c validate/*.c stability/*.c bench/*.c 2>/dev/null)
 examples=$(ls ../examples/[0-9][0-9]_*.c ../examples/*/[0-9][0-9]_*.c 2>/dev/null)
 
 unit() {        # unit FILE: one .c file with every implementation

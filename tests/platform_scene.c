@@ -1,5 +1,5 @@
 /* platform_scene.c - three short motions and the hashes of their bits, for tests/platforms.sh.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. platform_scene.c -o platform_scene -lm && ./platform_scene
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. platform_scene.c -o platform_scene -lm
  *
  *   contact   a sheet falls on a corner of a mesh and on a ball, SELF, friction, EULER, 3/8 s
  *   bdf2      a pinned sheet swings, BDF2, quadratic bending, wind, 0.25 s

@@ -128,6 +128,7 @@ int main(void) {
         "grabbed at 1.2 s, let go at 2.4 s, paused from 3.2 s to 3.6 s, reset at 3.9 s.");
     view_camera(page, 30, 10), view_floor(page, 0.4);
     mesh[0] = view_mesh(page, "cloth", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
+    view_pattern(page, mesh[0], sheet->X);
     mesh[1] = view_mesh(page, "hand", VIEW_OBSTACLE, 6, 8, ball);
     for (; frames <= 225 && !status; frames++) {
         dt = frames % 3 ? 0.016 : 0.024;            /* s, as uneven as a busy screen's */

@@ -39,7 +39,7 @@ int main(void) {
     ball.kind = CLOTH_OBSTACLE_SPHERE, ball.x = center, ball.radius = 0.3;
     if (cloth_collide_add(contact, &ball, &id)) return 1;
     view_mesh(page, "sheet", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
-    view_ball(page, "sphere"), view_camera(page, 28, 14);
+    view_pattern(page, 0, sheet->X), view_ball(page, "sphere"), view_camera(page, 28, 14);
     view_caption(page, "1 m x 1 m, 32 x 32 vertices, friction 0.3; steps of 1/60 s.");
     for (frame = 0; frame < 90; frame++) {
         if (cloth_step(sim, 1.0 / 60, NULL)) return 1;                  // seconds

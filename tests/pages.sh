@@ -231,5 +231,22 @@ for page in "${pages[@]}"; do
         check $? "two of the three pictures are the same"
     fi
 done
+name=live.html
+live=0
+if [ ! -s "$out/live.html" ]; then echo "pages: skipped the live page, it was not made"
+else
+    ! grep -qi http "$out/live.html"
+    check $? "the page contains 'http'"
+    layout "file://$out/live.html" '#2d' false
+    if [ $have_python -eq 1 ]; then
+        python3 "$here/live_page.py" "$out/live.html" "$(cat "$out/live.hash")" >"$work/live"
+        live=$?
+        grep 'live page: ' "$work/live"
+        line=$(tail -n 1 "$work/live")
+        passed=$((passed + $(echo "$line" | sed 's/.*: \([0-9]*\) passed.*/\1/')))
+        [ $live -eq 0 ]
+        check $? "$line"
+    fi
+fi
 echo "pages: $passed passed, $failed failed"
 [ $failed -eq 0 ]

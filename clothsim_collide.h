@@ -49,8 +49,8 @@
  *         cloth_obstacle      id;
  *
  *         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 32, 32, 1.0, 1.0, &sheet)) return 1;
- *         desc.nv = sheet->nv, desc.x_rest = sheet->x;
- *         desc.nf = sheet->nf, desc.faces = sheet->faces;
+ *         cloth_desc_set_mesh(&desc, sheet);
+ *         desc.hooks.log.fn = cloth_log_stderr;                               // says what is wrong
  *         desc.contact = CLOTH_CONTACT_SELF;                                  // and obstacles
  *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
  *         if (cloth_collide_create(sim, NULL, &contact)) return 1;

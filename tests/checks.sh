@@ -8,8 +8,8 @@
 #   sh checks.sh size        the object's bytes; seconds to compile
 #   sh checks.sh compile     compile_only.c: compilers x standards x orders x configurations
 #   sh checks.sh programs    every test and example compiled as C99, nothing run
-#   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c = README, [1.1] of
-#                            clothsim_collide.h = examples/12_drape.c; they compile
+#   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c, [1.1] of clothsim_collide.h
+#                            = examples/12_drape.c = README; README's other blocks compile and run
 #   sh checks.sh judges      garments on bodies that move, by the programs of ../shared/judge:
 #                            two hours; ONLY=NAME for one of them, STEPS=N to cut all short
 #   sh checks.sh yardstick DIR          builds the prototype that speed is compared with
@@ -273,18 +273,40 @@ quick_start() {
 }
 
 run_quickstart() {
-    quick_start clothsim_collide.h 12_drape.c 40
     quick_start clothsim.h 01_hang.c 30
+    quick_start clothsim_collide.h 12_drape.c 40
     [ -s "$out/header.c" ] || return
-    if [ -f ../README.md ]; then
-        awk '/^```c$/ { on = 1; text = ""; next }
-             /^```$/ { if (on && text ~ /CLOTHSIM_IMPLEMENTATION/) { printf "%s", text; exit }
-                       on = 0 }
-             on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
-        must 'the quick start of README is [1.1] of clothsim.h' \
-            diff "$out/header.c" "$out/readme.c"
-    else skip 'README.md: not there'
-    fi
+    awk '/^```c$/ { on = 1; text = ""; next }
+         /^```$/ { if (on && text ~ /CLOTHSIM_IMPLEMENTATION/) { printf "%s", text; exit }
+                   on = 0 }
+         on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
+    must 'the quick start of README is [1.1] of clothsim_collide.h' \
+        diff "$out/header.c" "$out/readme.c"
+    must 'it runs' sh -c "'$out/quickstart' >'$out/ran'"
+    must 'README has what it prints' grep -qxF "    $(cat "$out/ran")" ../README.md
+    readme_blocks
+}
+
+# Every other block of C in README is the inside of a function that has what a program has by then:
+# its lines are compiled and run behind tests/readme.h. Blocks of sh are 'make' targets that exist.
+readme_blocks() {
+    awk '/^```c$/ { on = 1; text = ""; next }
+         /^```$/ { if (on && text !~ /CLOTHSIM_IMPLEMENTATION/) {
+                       n++; printf "static int block%d(readme *r) {\n    README_NAMES(r)\n%s", n, text
+                       print "    return status;\n}" }
+                   on = 0 }
+         on { text = text "    " $0 "\n" }
+         END { print "int main(void) {"; print "    readme r;"; print "    int bad = readme_start(&r);"
+               for (i = 1; i <= n; i++) print "    if (!bad) bad = block" i "(&r);"
+               print "    readme_end(&r);\n    return bad;\n}" }' ../README.md >"$out/blocks.c"
+    echo '#define CLOTHSIM_IMPLEMENTATION' | cat - readme.h "$out/blocks.c" >"$out/readme_blocks.c"
+    must 'the blocks of README compile' $cc -std=c99 $base -I. -Wall -Wextra "$out/readme_blocks.c" \
+        -lm -o "$out/readme_blocks"
+    must 'the blocks of README run' "$out/readme_blocks"
+    for target in $(sed -n 's/^    make -C tests \([a-z]*\).*/tests:\1/p; s/^    make -C examples \([a-z]*\).*/examples:\1/p' \
+            ../README.md); do
+        must "make -C ${target%:*} ${target#*:}" grep -q "^${target#*:}:" "../${target%:*}/Makefile"
+    done
 }
 
 # Its own header line says how it is built; benches find it as out/bench/yardstick.

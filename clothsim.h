@@ -1,4 +1,4 @@
-/* clothsim.h - finite-element cloth for C programs, in one header.             version 0.1.0
+/* clothsim.h - finite-element cloth for C programs, in one header.             version 0.2.0
  * SPDX-License-Identifier: MIT
  *
  * Triangle meshes with a flat rest shape, St.Venant-Kirchhoff stretch, hinge bending, implicit
@@ -178,7 +178,7 @@
 /* ===== [2.1] VERSION AND LINKAGE ============================================================= */
 
 #define CLOTH_VERSION_MAJOR 0
-#define CLOTH_VERSION_MINOR 1
+#define CLOTH_VERSION_MINOR 2
 #define CLOTH_VERSION_PATCH 0
 #define CLOTH_VERSION_NUM \
     (10000 * CLOTH_VERSION_MAJOR + 100 * CLOTH_VERSION_MINOR + CLOTH_VERSION_PATCH)
@@ -869,8 +869,8 @@ CLOTH_API cloth_desc cloth_desc_default(void);
 CLOTH_API void cloth_desc_set_mesh(cloth_desc *desc, const cloth_mesh *mesh);
 
 /* Makes a model: checks the desc, flattens, finds hinges, analyses the matrix.
- * in    desc   copied; every refusal names field and value through desc->hooks.log, where warnings
- *   come too: of wind without wind_on, faces that share no edge, and cloth over 20 m or under 1 cm a side
+ * in    desc   copied; every refusal names field and value through desc->hooks.log. It warns there of
+ *   wind without wind_on, faces that share no edge, and cloth over 20 m or under 1 cm a side
  * out   *out   owned: cloth_model_destroy; NULL on failure
  * returns CLOTH_OK; _UNINIT, _ARGUMENT, _NONFINITE, _MESH, _UNSUPPORTED, _MEMORY
  * contract: alloc model | cost O(n log n) | threads: any, on distinct out */
@@ -14555,6 +14555,11 @@ CLOTHI_RARE_END
 /* ===== [11.1] CHANGES AND LICENCE ============================================================
  * Newest first. [api] a call or struct changed, [numbers] results change, [fix] a fault mended.
  *
+ * Until 1.0 a minor version may change the interface; a patch changes neither it nor numbers.
+ *
+ * 0.2.0  [api] cloth_desc_set_mesh(), cloth_log_stderr(), cloth_sim_save_obj(), warnings;
+ *        desc.sleep; the cancel hook's answer 2. [numbers] contact is part of the minimisation.
+ *        [fix] names that windows.h takes; x87 is refused.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

@@ -1,4 +1,4 @@
-/* clothsim_collide.h - what cloth may not pass through.                       version 0.1.0
+/* clothsim_collide.h - what cloth may not pass through.                       version 0.2.0
  * SPDX-License-Identifier: MIT
  *
  * Collisions for clothsim.h: continuous detection, impact zones solved by a quadratic program,
@@ -8843,7 +8843,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
 
 /* ===== [9.1] CHANGES =========================================================================
  *
- * 0.1.0  first version. MIT licence: the text in LICENSE holds for this file.
+ * clothsim.h [11.1]. MIT licence: the text in LICENSE holds for this file.
  */
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
 /* 01_hang.c - the quick start: a pinned sheet falls and swings for a second.
  *
  * Notice: every desc starts from cloth_desc_default(); arrays are copied; every status is checked.
- * Word for word the program of section [1.1] in clothsim.h and of the README.
+ * Word for word the program of section [1.1] in clothsim.h.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. 01_hang.c -lm
  *   expected: after 1.000 s the far corner is at y = -0.31 m

@@ -2,7 +2,8 @@
  *
  * Notice: desc.contact asks for contact, cloth_collide_create() gives it to the sim, and from then
  * on every cloth_step() keeps the promise: no pair intersects that did not before.
- * Without its lines that say view this is word for word section [1.1] of clothsim_collide.h.
+ * Without its lines that say view this is word for word section [1.1] of clothsim_collide.h and
+ * the README's first program.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 12_drape.c -lm
  *   page:     out/12_drape.html
@@ -11,7 +12,7 @@
  * Exercises: (1) ball.friction = 0, and 180 frames: the sheet slides off; (2)
  * CLOTH_CONTACT_OBSTACLES: folds that pass through each other: look, for the line now counts pairs
  * with obstacles alone; (3) leave out cloth_collide_add(): nothing holds it; (4) center[1] = -0.25,
- * a ball that stands through the sheet: refused. What then leads it out: README, lesson 14.
+ * a ball that stands through the sheet: refused. What then leads it out: COURSE.md, lesson 14.
  */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"

@@ -77,9 +77,19 @@ run_text() {
     must 'the length of functions' awk -v check=functions -f check_text.awk \
         $(printf '%s\n' $files | grep '\.h$')
     cited=
-    [ -f ../README.md ] && cited=../README.md
+    for h in ../README.md ../examples/COURSE.md ACCURACY.md SPEED.md; do cited="$cited $h"; done
     for h in $headers; do cited="$cited ../$h"; done
     must 'cited tests' awk -v check=cites -f check_text.awk $cited
+    must "README has $(wc -c <../README.md) bytes" test "$(wc -c <../README.md)" -le 9216
+    for link in $(grep -o '](\([^)]*\))' ../README.md | sed 's/](//; s/)//'); do
+        must "README's link $link" test -s "../$link"
+    done
+    version=$(sed -n '1s/.*version //p' ../clothsim.h)
+    for line in "clothsim $version:" "#define CLOTH_VERSION_MINOR $(echo "$version" | cut -d. -f2)" \
+            " \* $version  "; do
+        must "version $version: $line" grep -q "$line" ../README.md ../clothsim.h
+    done
+    must 'the version of clothsim_collide.h' grep -q "version $version" ../clothsim_collide.h
     grep -nE 'cloth[i]?_[a-zA-Z0-9_]*(_t\b|__)' $files >"$out/names" /dev/null
     none 'names that end in _t or hold __' "$out/names"
 }
@@ -295,7 +305,7 @@ readme_blocks() {
                        n++; printf "static int block%d(readme *r) {\n    README_NAMES(r)\n%s", n, text
                        print "    return status;\n}" }
                    on = 0 }
-         on { text = text "    " $0 "\n" }
+         on { text = text "    " $0 "\n" (/status = .*;/ ? "    if (status) return status;\n" : "") }
          END { print "int main(void) {"; print "    readme r;"; print "    int bad = readme_start(&r);"
                for (i = 1; i <= n; i++) print "    if (!bad) bad = block" i "(&r);"
                print "    readme_end(&r);\n    return bad;\n}" }' ../README.md >"$out/blocks.c"

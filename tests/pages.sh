@@ -239,7 +239,8 @@ else
     check $? "the page contains 'http'"
     layout "file://$out/live.html" '#2d' false
     if [ $have_python -eq 1 ]; then
-        python3 "$here/live_page.py" "$out/live.html" "$(cat "$out/live.hash")" >"$work/live"
+        python3 "$here/live_page.py" "$out/live.html" "$(cat "$out/live.hash")" \
+            "$out/live.png" >"$work/live"
         live=$?
         grep 'live page: ' "$work/live"
         line=$(tail -n 1 "$work/live")

@@ -869,8 +869,8 @@ CLOTH_API cloth_desc cloth_desc_default(void);
 CLOTH_API void cloth_desc_set_mesh(cloth_desc *desc, const cloth_mesh *mesh);
 
 /* Makes a model: checks the desc, flattens, finds hinges, analyses the matrix.
- * in    desc   copied; every refusal names field and value through desc->hooks.log. It warns there of
- *   wind without wind_on, faces that share no edge, and cloth over 20 m or under 1 cm a side
+ * in    desc   copied; every refusal names field and value through desc->hooks.log. Warned of
+ *   there: wind without wind_on, faces that share no edge, and cloth over 20 m or under 1 cm a side
  * out   *out   owned: cloth_model_destroy; NULL on failure
  * returns CLOTH_OK; _UNINIT, _ARGUMENT, _NONFINITE, _MESH, _UNSUPPORTED, _MEMORY
  * contract: alloc model | cost O(n log n) | threads: any, on distinct out */

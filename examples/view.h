@@ -540,15 +540,21 @@ static inline int view_ball(view *v, const char *name) {
     return view_mesh(v, name, VIEW_OBSTACLE, VIEW_BALL_NV, VIEW_BALL_NF, faces);
 }
 
+/* Vertex i of the ball of radius 1 about the origin. */
+static inline void view_ball_point(int i, double x[3]) {
+    double up = i < VIEW_BALL_NV - 2 ? (i / 48 + 1) / 24.0 : i - (VIEW_BALL_NV - 2);
+    double around = i % 48 / 24.0;
+    x[0] = sin(3.14159265358979 * up) * cos(3.14159265358979 * around);
+    x[1] = cos(3.14159265358979 * up);
+    x[2] = -sin(3.14159265358979 * up) * sin(3.14159265358979 * around);
+}
+
 /* Puts ball m around c, radius r, m. */
 static inline void view_put_ball(view *v, int m, const double c[3], double r) {
     double x[3 * VIEW_BALL_NV];
     for (int i = 0; i < VIEW_BALL_NV; i++) {
-        double up = i < VIEW_BALL_NV - 2 ? (i / 48 + 1) / 24.0 : i - (VIEW_BALL_NV - 2);
-        double around = i % 48 / 24.0;
-        x[3 * i] = c[0] + r * sin(3.14159265358979 * up) * cos(3.14159265358979 * around);
-        x[3 * i + 1] = c[1] + r * cos(3.14159265358979 * up);
-        x[3 * i + 2] = c[2] - r * sin(3.14159265358979 * up) * sin(3.14159265358979 * around);
+        view_ball_point(i, x + 3 * i);
+        for (int k = 0; k < 3; k++) x[3 * i + k] = c[k] + r * x[3 * i + k];
     }
     view_put(v, m, x, NULL, NULL);
 }

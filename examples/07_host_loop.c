@@ -48,7 +48,8 @@ static int    over_budget(void *user) { return seconds() > ((game *)user)->deadl
 /* Where the capsule's axis ends are: it walks along -z. */
 static void walker_at(game *g) {
     for (int k = 0; k < 6; k++)
-        g->end[k] = g->origin[k % 3] + (k % 3 == 0 ? 0.7 : k == 1 ? 0.5 : k == 4 ? 1.1 : 1.5 - g->way);
+        g->end[k] = g->origin[k % 3] +
+                    (k % 3 == 0 ? 0.7 : k == 1 ? 0.5 : k == 4 ? 1.1 : 1.5 - g->way);
 }
 
 /* The mouse: a ray o + t d from the eye through the point that the script moves to. */
@@ -118,7 +119,8 @@ static void draw(const game *g, view *page, const int *mesh, double t) {
     for (int i = 0; i < VIEW_BALL_NV; i++) {        /* a ball, drawn out along the axis */
         view_ball_point(i, unit);
         for (int k = 0; k < 3; k++)
-            capsule[3 * i + k] = g->end[k + (unit[1] > 0 ? 3 : 0)] - g->origin[k] + RADIUS * unit[k];
+            capsule[3 * i + k] =
+                g->end[k + (unit[1] > 0 ? 3 : 0)] - g->origin[k] + RADIUS * unit[k];
     }
     view_put(page, mesh[2], capsule, NULL, NULL);
 }

@@ -1303,7 +1303,6 @@ typedef struct clothi_bvh {
     int         first;                      /* 0 after build; the caller's to set              */
     int        *item;                       /* [n] items in leaf order                         */
     double     *exact;                      /* [n x 6] their boxes                             */
-    clothi_box *bound;                      /* [n] the same, rounded outward                   */
     clothi_box *node;                       /* [2^(depth+1)] from 1                            */
 } clothi_bvh;
 
@@ -1574,9 +1573,10 @@ static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
         for (k = 0; k < 4; k++) node->lo[k] = HUGE_VALF, node->hi[k] = -HUGE_VALF;
         for (; i < last; i++) {
             const double *b = job->box + 6 * (size_t)t->item[i];
+            clothi_box    bound;
             memcpy(t->exact + 6 * (size_t)i, b, 6 * sizeof *b);
-            clothi_node_around(b, t->bound + i);
-            clothi_node_join(node, t->bound + i, node);
+            clothi_node_around(b, &bound);
+            clothi_node_join(node, &bound, node);
         }
         clothi_node_measure(node);
     }
@@ -1593,19 +1593,17 @@ static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t, const doub
     }
 }
 
-/* One block: nodes, item bounds, item boxes, order. */
+/* One block: nodes, boxes of the items, order. */
 static cloth_status clothi_bvh_alloc(const cloth_hooks *hooks, int n, clothi_bvh *t) {
     size_t nodes, size;
     t->n = n;
     while (n > CLOTHI_BVH_LEAF && ((n - 1) >> t->depth) + 1 > CLOTHI_BVH_LEAF) t->depth++;
     nodes = (size_t)2 << t->depth;
-    size = nodes * sizeof *t->node +
-           (size_t)n * (sizeof *t->bound + 6 * sizeof *t->exact + sizeof *t->item);
+    size = nodes * sizeof *t->node + (size_t)n * (6 * sizeof *t->exact + sizeof *t->item);
     t->node = (clothi_box *)clothi_alloc(hooks, size, 1);
     if (!t->node)
         return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a tree of %i boxes", t->n);
-    t->bound = t->node + nodes;
-    t->exact = (double *)(void *)(t->bound + n);
+    t->exact = (double *)(void *)(t->node + nodes);
     t->item = (int *)(void *)(t->exact + 6 * (size_t)n);
     return CLOTH_OK;
 }
@@ -1628,7 +1626,7 @@ static void clothi_bvh_sort(int *item, int n, const double *key, int of, int lea
 }
 
 /* A tree over box [n x 6] (min xyz, max xyz), n in [0, CLOTH_MAX_COUNT]; the boxes are copied.
- * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log^2 n), ~110 n bytes and scratch */
+ * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log^2 n), ~80 n bytes and scratch */
 static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const double *box,
                                      clothi_bvh *t) {
     const size_t m = (size_t)n;
@@ -1689,15 +1687,12 @@ static void clothi_bvh_leaves(const clothi_bvh *a, int na, const clothi_bvh *b, 
     const int begin_b = clothi_bvh_item(b, lb, b->depth);
     const int end_b = clothi_bvh_item(b, lb + 1, b->depth);
     int       i, j;
-    for (i = clothi_bvh_item(a, la, a->depth); i < end_a; i++) {
-        if (!same && !clothi_nodes_meet(a->bound + i, b->node + nb)) continue;
+    for (i = clothi_bvh_item(a, la, a->depth); i < end_a; i++)
         for (j = same ? i + 1 : begin_b; j < end_b; j++) {
             const int p = a->first + a->item[i], q = b->first + b->item[j];
-            if (clothi_nodes_meet(a->bound + i, b->bound + j) &&
-                clothi_boxes_meet(a->exact + 6 * (size_t)i, b->exact + 6 * (size_t)j))
+            if (clothi_boxes_meet(a->exact + 6 * (size_t)i, b->exact + 6 * (size_t)j))
                 clothi_segment_put(out, self && p > q ? q : p, self && p > q ? p : q);
         }
-    }
 }
 
 typedef struct clothi_node_pair {
@@ -2061,14 +2056,13 @@ static int clothi_plane_signs(const double *const *f, const double *const *g, in
 
 /* Closed triangles without a shared vertex. One without area is its sides, against the other. */
 static int clothi_triangles_meet(const double *const *f, const double *const *g) {
-    int of_f[3], of_g[3], f_area, g_area, k;
+    int of_f[3], of_g[3], k;
     if (clothi_plane_signs(f, g, of_g) || clothi_plane_signs(g, f, of_f)) return 0;
-    f_area = of_g[0] || of_g[1] || of_g[2] || clothi_open_axis(f[0], f[1], f[2]) >= 0;
-    g_area = of_f[0] || of_f[1] || of_f[2] || clothi_open_axis(g[0], g[1], g[2]) >= 0;
     for (k = 0; k < 3; k++) {
         const int l = (k + 1) % 3;
-        if ((f_area || !g_area) && clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f)) return 1;
-        if (g_area && clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g)) return 1;
+        if (clothi_edge_meets(g[k], g[l], of_g[k], of_g[l], f) ||
+            clothi_edge_meets(f[k], f[l], of_f[k], of_f[l], g))
+            return 1;
     }
     return 0;
 }
@@ -2106,11 +2100,10 @@ static int clothi_meet_beyond_vertex(const double *const *f, const double *const
         return (A >= 0 && B <= 0 && C <= 0 && D >= 0) || (A <= 0 && B >= 0 && C >= 0 && D <= 0);
     f_axis = clothi_open_axis(v, f[1], f[2]);
     g_axis = clothi_open_axis(v, g[1], g[2]);
-    if ((g_axis >= 0 || f_axis < 0) && ((!A && clothi_in_angle(v, g[1], g[2], f[1], g_axis)) ||
-                                        (!B && clothi_in_angle(v, g[1], g[2], f[2], g_axis))))
-        return 1;
-    return f_axis >= 0 && ((!C && clothi_in_angle(v, f[1], f[2], g[1], f_axis)) ||
-                           (!D && clothi_in_angle(v, f[1], f[2], g[2], f_axis)));
+    return (!A && clothi_in_angle(v, g[1], g[2], f[1], g_axis)) ||
+           (!B && clothi_in_angle(v, g[1], g[2], f[2], g_axis)) ||
+           (!C && clothi_in_angle(v, f[1], f[2], g[1], f_axis)) ||
+           (!D && clothi_in_angle(v, f[1], f[2], g[2], f_axis));
 }
 
 /* Triangles u w a and u w b. Without area: segments along the line of the edge, or from u = w. */

@@ -7,7 +7,7 @@
 #   sh checks.sh units       declarations and implementation in two units, C and C++ mixed
 #   sh checks.sh size        the object's bytes; seconds to compile
 #   sh checks.sh compile     compile_only.c: compilers x standards x orders x configurations
-#   sh checks.sh programs    every test and example compiled as C99, nothing run
+#   sh checks.sh programs    every test and example compiled as C99, nothing run; [gcc or clang]
 #   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c, [1.1] of clothsim_collide.h
 #                            = examples/12_drape.c = README; README's other blocks compile and run
 #   sh checks.sh judges      garments on bodies that move, by the programs of ../shared/judge:
@@ -237,8 +237,10 @@ run_compile() {
     while read -r order; do one_compile $cc -std=c99 $order; done <"$out/others"
 }
 
-run_programs() {
-    for c in gcc clang; do
+run_programs() {                # of one compiler, or of both
+    out=$out/${1:-both}
+    mkdir -p "$out"
+    for c in ${1:-gcc clang}; do
         have $c || { skip "programs with $c: not installed"; continue; }
         for file in $programs $examples; do
             flags=$(sh suite.sh flags "$file")

@@ -1,4 +1,4 @@
-/* clothsim_collide.h - what cloth may not pass through.                       version 0.1.0
+/* clothsim_collide.h - what cloth may not pass through.                       version 0.2.0
  * SPDX-License-Identifier: MIT
  *
  * Collisions for clothsim.h: continuous detection, impact zones solved by a quadratic program,
@@ -49,8 +49,8 @@
  *         cloth_obstacle      id;
  *
  *         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 32, 32, 1.0, 1.0, &sheet)) return 1;
- *         desc.nv = sheet->nv, desc.x_rest = sheet->x;
- *         desc.nf = sheet->nf, desc.faces = sheet->faces;
+ *         cloth_desc_set_mesh(&desc, sheet);
+ *         desc.hooks.log.fn = cloth_log_stderr;                               // says what is wrong
  *         desc.contact = CLOTH_CONTACT_SELF;                                  // and obstacles
  *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
  *         if (cloth_collide_create(sim, NULL, &contact)) return 1;
@@ -813,7 +813,7 @@ static void clothi_face_normal(const double *x, const int *v, double *n) {
 
 /* Squared distance m^2 of p from face v [3] of x; b [3]: the nearest point, barycentric. */
 static double clothi_face_distance2(const double *x, const int *v, const double *p, double *b) {
-    double r[9], lambda[4], d[3];
+    double r[9], lambda[4], d[3] = {0, 0, 0};
     int    i;
     for (i = 0; i < 3; i++) clothi_sub3(p, x + 3 * (size_t)v[i], r + 3 * i);
     (void)clothi_nearest(r, 3, lambda, d);
@@ -987,7 +987,7 @@ static int clothi_ccd_direction(const double *r, int n, int side, const double *
 
 /* The whole search in doubles, m in range. */
 static int clothi_ccd_run(clothi_ccd *q, double *toi) {
-    const double near = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
+    const double arrived = q->s * (1 + CLOTHI_CCD_NEAR) + 4 * q->E;
     double       t = 0;
     int          step;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
@@ -1000,7 +1000,7 @@ static int clothi_ccd_run(clothi_ccd *q, double *toi) {
         next = clothi_ccd_axis(q, n, t);
         if (!(next > 1) && side < 0) next = clothi_max(next, clothi_ccd_turning(q, r, n, t));
         if (next > 1) return 0;
-        d = !(next > t) || (d <= near && next - t < CLOTHI_CCD_NEAR) ? 0 : d;
+        d = !(next > t) || (d <= arrived && next - t < CLOTHI_CCD_NEAR) ? 0 : d;
         t = next;
         if (d <= 0) break;
     }
@@ -1197,12 +1197,12 @@ static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, do
         !clothi_finite(min_sep))
         return 1;
     if (!clothi_ccd_load(&q, edge_edge, xa, xb, min_sep)) {
-        double small[24];
+        double scaled[24];
         int    i;
         if (q.m <= 0) return 1;
         for (i = 0; i < 24; i++)            /* a difference may be beyond the doubles           */
-            small[i] = (1.0 / 256) * (i < 12 ? xa[i] : xb[i - 12]);
-        return clothi_ccd_pair(edge_edge, small, small + 12, (1.0 / 256) * min_sep, toi);
+            scaled[i] = (1.0 / 256) * (i < 12 ? xa[i] : xb[i - 12]);
+        return clothi_ccd_pair(edge_edge, scaled, scaled + 12, (1.0 / 256) * min_sep, toi);
     }
     if (!(q.s < 4 * q.m)) return 1;         /* all of it is within min_sep                      */
     *toi = 1;
@@ -2605,17 +2605,17 @@ static void clothi_qp_digits(clothi_qp *s, int precise) {
 /* The square of the distance of row i from t times row j. u is 0, and is again. */
 static double clothi_qp_distance2(clothi_qp *s, int i, int j, double t) {
     const cloth_qp *q = s->q;
-    double          far = 0;
+    double          sum = 0;
     int             pass, p;
     for (pass = 0; pass < 4; pass++) {      /* i in, j out, both up */
         const int r = pass & 1 ? j : i;
         for (p = q->row[r]; p < q->row[r + 1]; p++) {
             double *u = &s->u[q->col[p]].h;
             if (pass < 2) *u += pass ? -t * s->g[p] : s->g[p];
-            else far += *u * *u * q->minv[q->col[p]], *u = 0;
+            else sum += *u * *u * q->minv[q->col[p]], *u = 0;
         }
     }
-    return far;
+    return sum;
 }
 
 /* Of rows that are positive multiples of each other but for rounding, the tightest stays. */
@@ -3620,7 +3620,7 @@ static double clothi_grid_cell(const cloth_grid *g, const int *i, const double *
 
 CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[3],
                                          double *distance, double gradient[3]) {
-    double f[3], out[3], grad[3], phi, size = 0, far;
+    double f[3], out[3], grad[3], phi, size = 0, ratio;
     int    i[3], a;
     if (!grid || !x || !grid->phi || !(grid->cell > 0)) return CLOTH_ERR_ARGUMENT;
     for (a = 0; a < 3; a++) {
@@ -3639,12 +3639,12 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
     if (size > 0) {                         /* outside the box: scaled, squares may overflow    */
         phi = clothi_max(phi, 0);
         size = clothi_max(size, phi);
-        far = phi / size * (phi / size);
-        for (a = 0; a < 3; a++) far += out[a] / size * (out[a] / size);
-        far = sqrt(far);
+        ratio = phi / size * (phi / size);
+        for (a = 0; a < 3; a++) ratio += out[a] / size * (out[a] / size);
+        ratio = sqrt(ratio);
         for (a = 0; a < 3; a++)
-            grad[a] = (out[a] != 0 ? out[a] / size : phi / size * grad[a]) / far;
-        phi = size > CLOTHI_HUGE / 2 ? CLOTHI_HUGE : size * far;
+            grad[a] = (out[a] != 0 ? out[a] / size : phi / size * grad[a]) / ratio;
+        phi = size > CLOTHI_HUGE / 2 ? CLOTHI_HUGE : size * ratio;
     }
     if (distance) *distance = phi;
     if (gradient) memcpy(gradient, grad, sizeof grad);
@@ -3713,7 +3713,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     clothi_key key;
     int    n, v[4];                         /* world vertices                                  */
     int    soft;                            /* with a grid: gap may be below 0                 */
-    int    near;                            /* in the template, with less range for that       */
+    int    beside;                          /* in the template, with less range for that       */
     double range, radius;                   /* m: activation distance; taken off the distance  */
     double room;                            /* m, from there to where the force has no bound   */
     double start;                           /* m, gap at x^n                                   */
@@ -3808,7 +3808,7 @@ struct cloth_collide {
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
-    double         *far;                    /* [nw + me + mf] m, a move of vertices, edges and
+    double         *travel;                 /* [nw + me + mf] m, a move of vertices, edges and
                                                faces; 0 for obstacles'                         */
     int             solid_known;            /* which way the obstacles' boxes hold             */
     double *x_ie;                           /* [nv x 3] the candidate                          */
@@ -4000,7 +4000,7 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
 /* Bytes of these arrays; frees them where hooks say how. */
 static size_t clothi_world_blocks(const cloth_collide *c, const cloth_hooks *hooks) {
     const void *const block[] = {c->faces, c->edges, c->edge_face, c->slot, c->area, c->xa, c->xb,
-                                 c->box_v, c->box_f, c->far, c->pinched, c->features.edges,
+                                 c->box_v, c->box_f, c->travel, c->pinched, c->features.edges,
                                  c->tree.node, c->solid.node};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
@@ -4080,7 +4080,7 @@ static void clothi_world_fill(cloth_collide *c) {
 static cloth_status clothi_world_stars(cloth_collide *c) {
     const size_t ne = (size_t)c->features.ne, nw = (size_t)c->nw, mf = (size_t)c->mf;
     const clothi_array need[] = {{&c->edges, 2 * (size_t)c->me, sizeof(int)},
-                                {&c->far, nw + (size_t)c->me + mf, sizeof(double)},
+                                {&c->travel, nw + (size_t)c->me + mf, sizeof(double)},
                                 {&c->edge_face, 2 * ne + nw + 2 + 3 * mf, sizeof(int)}};
     int               i;
     if (clothi_arrays(c->hooks, need, 3)) return CLOTH_ERR_MEMORY;
@@ -4231,12 +4231,12 @@ static double clothi_way_out(const cloth_collide *c, const int *faces, int nf, c
 static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, int a, int b,
                                     const int *v) {
     const double t = c->desc.thickness;
-    double       x[12], w[4], far, way[2];
+    double       x[12], w[4], apart, way[2];
     if (slot >= 0) return c->obstacle[slot].thickness;
     if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return t;
     clothi_pair_points(c, c->sim->model->x_rest, c->xa, v, 4, x);
-    far = clothi_pair_distance(kind, x, w);
-    if (!(far < 2 * t)) return t;
+    apart = clothi_pair_distance(kind, x, w);
+    if (!(apart < 2 * t)) return t;
     if (kind == CLOTHI_EE) {
         way[0] = clothi_way_out(c, c->edge_face + 2 * a, 2, v, 2, w);
         way[1] = clothi_way_out(c, c->edge_face + 2 * b, 2, v + 2, 2, w + 2);
@@ -4244,12 +4244,12 @@ static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, 
         way[0] = clothi_way_out(c, c->star_face + c->star[a], c->star[a + 1] - c->star[a], v, 1, w);
         way[1] = clothi_way_out(c, &b, 1, v + 1, 3, w + 1);
     }
-    return clothi_min(t, 0.5 * clothi_max(far, clothi_max(way[0], way[1])));
+    return clothi_min(t, 0.5 * clothi_max(apart, clothi_max(way[0], way[1])));
 }
 
 /* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
 static void clothi_move_far(cloth_collide *c, const double *dx) {
-    double *v = c->far, *e = v + c->nw, *f = e + c->me;
+    double *v = c->travel, *e = v + c->nw, *f = e + c->me;
     int     i;
     for (i = 0; i < c->nv; i++) v[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
     for (i = 0; i < c->me; i++) {
@@ -4264,7 +4264,7 @@ static void clothi_move_far(cloth_collide *c, const double *dx) {
 
 /* How much nearer a pair comes in that move at most. */
 static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
-    const double *v = c->far, *e = v + c->nw, *f = e + c->me;
+    const double *v = c->travel, *e = v + c->nw, *f = e + c->me;
     if (p->kind == CLOTHI_EE) return e[p->a] + e[p->b];
     return v[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
 }
@@ -4796,7 +4796,7 @@ static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *
         f->own[0] =
             clothi_barrier((1 - q->share) * q->stiffness, CLOTHI_GUARD * q->range, CLOTHI_GUARD * U,
                            q->range - f->gap - (1 - CLOTHI_GUARD) * U, f->own + 1, f->own + 2);
-    if (!q->near) return;
+    if (!q->beside) return;
     f->own[0] += f->energy, f->own[1] += f->force, f->own[2] += f->slope;
     f->energy = f->force = f->slope = 0;
 }
@@ -5305,7 +5305,7 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
     q->n = clothi_pair_vertices(c, p->kind, p->a, p->b, q->v);
     q->radius = clothi_slot_radius(c, q->slot);
     q->range = clothi_pair_thickness(c, q->kind, q->slot, q->a, q->b, q->v);
-    q->near = q->slot < 0 && q->range < c->desc.thickness;
+    q->beside = q->slot < 0 && q->range < c->desc.thickness;
     if (q->kind == CLOTHI_VP) {
         q->w[0] = 1, q->w[1] = -1;
         memcpy(q->normal, c->obstacle[q->b].normal, sizeof q->normal);
@@ -6022,7 +6022,7 @@ static double clothi_mark_far(int face, const double *p, void *ctx) {
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
     const cloth_topology *top = c->sim->model->topology;
     const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
-    double                reach2 = 0, d[3], far;
+    double                reach2 = 0, d[3], radius2;
     clothi_mark           q;
     int                   i, k;
     for (i = top->vf_start[h->vertex]; i < top->vf_start[h->vertex + 1]; i++)
@@ -6036,9 +6036,9 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double
     q.c = c, q.slot = h->slot, q.to = to;
     q.reach = sqrt(reach2) + c->obstacle[h->slot].thickness;
     clothi_sub3(to, p, d);
-    far = q.reach + sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
-    far *= far;
-    (void)clothi_bvh_nearest(&c->solid, p, clothi_mark_far, &q, &far);
+    radius2 = q.reach + sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
+    radius2 *= radius2;
+    (void)clothi_bvh_nearest(&c->solid, p, clothi_mark_far, &q, &radius2);
     for (k = 0; k < 2; k++) c->pinched[c->obstacle[h->slot].f0 + h->face[k]] = 1;
 }
 
@@ -7037,12 +7037,12 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
 /* The guess c->xb where obstacles move: a vertex within range of a mesh at x^n comes no nearer to
  * its nearest face and is held along it by friction. Less is left for zones to strain. */
 static cloth_status clothi_guess_carry(cloth_collide *c) {
-    double      *near = c->way_in, *way = c->qp_x, *normal = c->x_list;    /* [nv], [nv x 3] */
+    double      *least = c->way_in, *way = c->qp_x, *normal = c->x_list;    /* [nv], [nv x 3] */
     cloth_status status;
     int          i, j, k;
     status = clothi_broad_phase(c, c->xa, NULL, CLOTHI_SWEPT, c->thickest, 0);
     if (status) return status;
-    for (i = 0; i < c->nv; i++) near[i] = HUGE_VAL;
+    for (i = 0; i < c->nv; i++) least[i] = HUGE_VAL;
     for (i = 0; i < c->npair; i++) {
         const clothi_pair_id *p = c->pair + i;
         double x[12], w[4], r[3] = {0, 0, 0}, u[3] = {0, 0, 0}, d;
@@ -7052,10 +7052,10 @@ static cloth_status clothi_guess_carry(cloth_collide *c) {
         (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
         clothi_pair_points(c, c->xa, c->xa, v, 4, x);
         d = clothi_pair_distance(p->kind, x, w);
-        if (!(d > 0) || d > c->obstacle[slot].thickness || d >= near[p->a] ||
+        if (!(d > 0) || d > c->obstacle[slot].thickness || d >= least[p->a] ||
             clothi_is_exempt(c, p->kind, p->a, p->b))
             continue;
-        near[p->a] = d;
+        least[p->a] = d;
         for (j = 0; j < 4; j++)
             for (k = 0; k < 3; k++) {
                 r[k] += w[j] * x[3 * j + k];
@@ -7066,7 +7066,7 @@ static cloth_status clothi_guess_carry(cloth_collide *c) {
     for (i = 0; i < c->nv; i++) {
         double      *x = c->xb + 3 * i, d[3], come, slide, part;
         const double *n = normal + 3 * i;
-        if (!(near[i] < HUGE_VAL) || c->sim->pin[i]) continue;
+        if (!(least[i] < HUGE_VAL) || c->sim->pin[i]) continue;
         for (k = 0; k < 3; k++) d[k] = x[k] - c->xa[3 * i + k] - way[3 * i + k];
         come = -clothi_dot3(d, n);
         if (!(come > 0)) continue;
@@ -7421,7 +7421,7 @@ static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in,
     int           i, parts = 0;
     for (i = 0; i < c->nv; i++)
         parts = c->vertex_part[i] < parts ? parts : c->vertex_part[i] + 1;
-    for (i = 0; i < n; i++, before = a) {
+    for (i = 0, memset(&before, 0, sizeof before); i < n; i++, before = a) {
         memcpy(&a, in + (size_t)i * sizeof a, sizeof a);
         if (a.key.feature < 0 || a.key.feature > 2 || a.key.a < 0 ||
             a.key.a >= most[a.key.feature] ||
@@ -8836,7 +8836,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
 
 /* ===== [9.1] CHANGES =========================================================================
  *
- * 0.1.0  first version. MIT licence: the text in LICENSE holds for this file.
+ * clothsim.h [11.1]. MIT licence: the text in LICENSE holds for this file.
  */
 
 #ifdef __cplusplus

@@ -9798,7 +9798,8 @@ struct cloth_sim {
     int           nterms, nbuiltin;
     unsigned char *kept;                    /* the fields and hosts' terms as before the step  */
     size_t        kept_size;
-    cloth_recorder    recorder;
+    cloth_recorder    recorder, tape;       /* the host's; that of clothsim_grad.h             */
+    void            (*tape_gone)(void *user);   /* tells the tape that the sim is destroyed    */
     size_t        recorded;                 /* bytes of `kept`                                 */
     unsigned char *touching;                /* [touching_size] contacts of the record          */
     size_t        touching_size;
@@ -9837,7 +9838,8 @@ enum {
     CLOTHI_LATE = 16,                       /* there only after its first use                  */
     CLOTHI_LAG = 32,                        /* not of LEAPFROG                                 */
     CLOTHI_LAG2 = 64,                       /* of BDF2 alone                                   */
-    CLOTHI_SLEEP = 128                      /* of sims that may sleep                          */
+    CLOTHI_SLEEP = 128,                     /* of sims that may sleep                          */
+    CLOTHI_INPUT = 256                      /* what the host says between steps; no step moves it */
 };
 
 typedef struct clothi_field {
@@ -9863,16 +9865,16 @@ static const clothi_field clothi_fields[] = {           /* x and v first: see cl
     CLOTHI_LIST(x_prev, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_LAG2),
     CLOTHI_SCALAR(still, double, 1, CLOTHI_REAL | CLOTHI_SLEEP),
     CLOTHI_LIST(still_x, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_SLEEP),
-    CLOTHI_LIST(pin, unsigned char, 1, CLOTHI_VERTEX, 0),
-    CLOTHI_LIST(target, double, 3, CLOTHI_VERTEX, 0),
-    CLOTHI_LIST(attach, cloth_step_attachment, 1, CLOTHI_SLOT, 0),
-    CLOTHI_LIST(made, uint32_t, 1, CLOTHI_SLOT, CLOTHI_HANDLE),
-    CLOTHI_SCALAR(nattach, int, 1, 0),
-    CLOTHI_SCALAR(force_on, int, 1, 0),
-    CLOTHI_LIST(force, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE),
-    CLOTHI_SCALAR(gravity, double, 3, CLOTHI_REAL),
-    CLOTHI_SCALAR(wind_on, int, 1, 0),
-    CLOTHI_SCALAR(wind, double, 3, CLOTHI_REAL),
+    CLOTHI_LIST(pin, unsigned char, 1, CLOTHI_VERTEX, CLOTHI_INPUT),
+    CLOTHI_LIST(target, double, 3, CLOTHI_VERTEX, CLOTHI_INPUT),
+    CLOTHI_LIST(attach, cloth_step_attachment, 1, CLOTHI_SLOT, CLOTHI_INPUT),
+    CLOTHI_LIST(made, uint32_t, 1, CLOTHI_SLOT, CLOTHI_HANDLE | CLOTHI_INPUT),
+    CLOTHI_SCALAR(nattach, int, 1, CLOTHI_INPUT),
+    CLOTHI_SCALAR(force_on, int, 1, CLOTHI_INPUT),
+    CLOTHI_LIST(force, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_INPUT),
+    CLOTHI_SCALAR(gravity, double, 3, CLOTHI_REAL | CLOTHI_INPUT),
+    CLOTHI_SCALAR(wind_on, int, 1, CLOTHI_INPUT),
+    CLOTHI_SCALAR(wind, double, 3, CLOTHI_REAL | CLOTHI_INPUT),
     {CLOTHI_OF(params.material), 0, 7 * sizeof(double), sizeof(cloth_material), CLOTHI_REGION,
      CLOTHI_ARRAY | CLOTHI_PARAM},          /* without the padding behind the plane            */
     {CLOTHI_OF(params.material), offsetof(cloth_material, plane), sizeof(cloth_plane),
@@ -10514,6 +10516,7 @@ static size_t clothi_state_blocks(const cloth_sim *s, const cloth_hooks *hooks) 
 
 CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     if (!sim) return;
+    if (sim->tape_gone) sim->tape_gone(sim->tape.user);
     if (sim->contact_on && sim->contact.orphan) sim->contact.orphan(sim->contact.user);
     cloth_linear_solver_destroy(sim->solver);
     cloth_matrix_destroy(sim->matrix);
@@ -12032,7 +12035,6 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
     nt->radius = clothi_max(clothi_min(nt->radius, most), least);
 }
 
-
 /* An iterate was accepted: contact renews what it lags, and value and gradient with it; *done as
  * for its update. */
 static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
@@ -12460,6 +12462,7 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
 
 static void clothi_recorded(const cloth_sim *s, const double *x) {
     if (s->recorder.substep) s->recorder.substep(s->recorder.user, &s->in, x);
+    if (s->tape.substep) s->tape.substep(s->tape.user, &s->in, x);
 }
 
 static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) {
@@ -13616,7 +13619,7 @@ static cloth_status clothi_room(cloth_sim *s, unsigned char **block, size_t *siz
 /* What the step starts from into `kept`: it is put back where the step fails, and recorded where it
  * does not. Contact has a rollback of its own. */
 static cloth_status clothi_keep(cloth_sim *s) {
-    const int    units = s->nterms - s->nbuiltin + (s->recorder.step != NULL);
+    const int    units = s->nterms - s->nbuiltin + (s->recorder.step || s->tape.step);
     const size_t fields = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, 0);
     const size_t all = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, units);
     cloth_status status = clothi_room(s, &s->kept, &s->kept_size, all, all - fields);
@@ -13646,7 +13649,8 @@ static void clothi_record_give(cloth_sim *s, double h, int n, const cloth_report
                            s->state.v, report->outcome, n, NULL};
     r.contact = (const struct cloth_collide_contact *)(void *)s->touching;
     if (n) (void)s->contact.contacts(s->contact.user, n, s->touching);
-    s->recorder.step(s->recorder.user, &r);
+    if (s->recorder.step) s->recorder.step(s->recorder.user, &r);
+    if (s->tape.step) s->tape.step(s->tape.user, &r);
 }
 
 /* --- sleep --- */
@@ -13787,14 +13791,15 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
         if (news) status = clothi_energy_before(s, known, &before);
         if (!status) status = run(s, h, report);
         if (!status && news) status = clothi_report_after(s, &before, report);
-        if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
+        if (!status && (s->recorder.step || s->tape.step))
+            status = clothi_record_need(s, &contacts);
         if (status) {
             clothi_put_back(s, report);
             if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;
         } else {
             clothi_accept(s, report);
             if (news && s->asleep) s->rested = *report;
-            if (s->recorder.step)
+            if (s->recorder.step || s->tape.step)
                 clothi_record_give(s, run == clothi_static_run ? 0 : h, contacts, report);
         }
     }

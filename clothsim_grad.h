@@ -195,7 +195,7 @@ typedef struct cloth_grad_report {
  * out  out   on failure its arrays are zero
  * out  rep   may be NULL
  * returns CLOTH_OK; _ARGUMENT (NULL, no step recorded); _HANDLE: the sim is destroyed;
- *   _UNSUPPORTED: contact or a host's term without vjp, friction or obstacle asked for without contact;
+ *   _UNSUPPORTED: contact or a host's term without vjp, friction or obstacle without contact;
  *   _NONFINITE: the loss wrote NaN or infinity (step and vertex are named); _MEMORY; _CAPACITY:
  *   the budget; _CANCELLED
  * contract: alloc scratch at each call | one linear solve a substep | the same bits for any budget
@@ -1054,6 +1054,7 @@ static cloth_status clothi_grad_again(clothi_grad *g, const double *b, double to
     s->solver->use_factor = 1;
     status = clothi_jacobi_solve(s->solver, x, &cg);
     s->solver->use_factor = 0;
+    g->rep->iterations += cg.it;
     return status;
 }
 
@@ -1073,58 +1074,75 @@ static double clothi_grad_residual(const cloth_sim *s, const double *b, const do
 
 #define CLOTHI_GRAD_REFINE 30               /* rounds for a matrix that is not definite        */
 
-/* The same where H has negative pivots: the factor L S L' is good for that too, but for what lies
- * outside the pattern; the residual says whether it was. */
-static cloth_status clothi_grad_saddle(clothi_grad *g, const double *b, double *x) {
+/* With the factor L S L' of H, good also where H has negative pivots; what lies outside the pattern
+ * (attachments, ties) is not in it: then it preconditions CG, or, at negative pivots, repeated
+ * corrections, of which the residual says whether they came to an end. */
+static cloth_status clothi_grad_direct(clothi_grad *g, const double *b, double *x, int *negative) {
+    const double tolerance = g->t->opt.tolerance;
     cloth_sim   *s = g->s;
-    cloth_status status = CLOTH_OK;
+    cloth_status status = clothi_jacobi_make(s->solver);
     double       r, last = HUGE_VAL;
     int          i, k, n = 3 * s->model->nv;
-    if (!s->solver->factor) status = cloth_factor_create(&s->hooks, s->model->pattern,
-                                                         &s->solver->factor);
+    if (!status && !s->solver->factor)
+        status = cloth_factor_create(&s->hooks, s->model->pattern, &s->solver->factor);
     if (!status) status = cloth_factor_compute(s->solver->factor, s->matrix, s->fixed, 0, NULL);
     g->rep->factorizations++;
-    if (status && status != CLOTH_ERR_NUMERIC) return status;
+    *negative = status == CLOTH_ERR_NUMERIC;
+    if (status && !*negative) return status;
+    memcpy(g->left, b, (size_t)n * sizeof(double));
     memset(x, 0, (size_t)n * sizeof(double));
     for (k = 0; k < CLOTHI_GRAD_REFINE; k++) {
-        r = clothi_grad_residual(s, b, x, g->q, g->left);
-        if (!(r > g->t->opt.tolerance) || !(r < 0.9 * last)) break;
-        last = r;
         status = cloth_factor_solve(s->solver->factor, g->left, g->left);
         if (status) return status;
         for (i = 0; i < n; i++) x[i] += g->left[i];
+        r = clothi_grad_residual(s, b, x, g->q, g->left);
+        if (r <= tolerance) return CLOTH_OK;
+        if (!(r < 0.1 * last) && (!*negative || !(r < 0.9 * last))) break;
+        last = r;
     }
-    return CLOTH_OK;
+    return *negative ? CLOTH_OK : clothi_grad_again(g, b, 0.1 * tolerance, x);
+}
+
+/* The kit's CG: to a residual in the norm of its preconditioner first, then in ours. */
+static cloth_status clothi_grad_iterate(clothi_grad *g, const double *b, double *x,
+                                        int *negative) {
+    cloth_sim           *s = g->s;
+    cloth_linear_options opt = cloth_linear_options_default();
+    cloth_linear_report  lr;
+    cloth_status         status = CLOTH_OK;
+    double               r;
+    int                  k;
+    opt.method = g->t->opt.linear;
+    opt.fixed = s->fixed;
+    opt.tolerance = g->t->opt.tolerance;
+    *negative = 0;
+    for (k = 0; k < 3 && !status; k++) {
+        status = cloth_linear_solve(s->solver, s->matrix, b, x, &opt, &lr);
+        g->rep->iterations += lr.iterations;
+        *negative |= lr.negative;
+        r = clothi_grad_residual(s, b, x, g->q, g->left);
+        if (*negative || r <= g->t->opt.tolerance) break;
+        opt.tolerance *= 0.5 * g->t->opt.tolerance / r;
+    }
+    return status;
 }
 
 /* z = H^-1 b over the free leaders; g->q = H z, all rows. */
 static cloth_status clothi_grad_solve(clothi_grad *g, const double *b, double *z, int k) {
-    cloth_sim           *s = g->s;
-    cloth_linear_options opt = cloth_linear_options_default();
-    cloth_linear_report  lr;
-    cloth_status         status;
-    double               residual;
-    opt.method = clothi_grad_method(g);
-    opt.fixed = s->fixed;
-    opt.tolerance = g->t->opt.tolerance;
-    status = cloth_linear_solve(s->solver, s->matrix, b, z, &opt, &lr);
+    cloth_status status;
+    double       residual;
+    int          negative = 0;
+    if (clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY)
+        status = clothi_grad_direct(g, b, z, &negative);
+    else {
+        status = clothi_grad_iterate(g, b, z, &negative);
+        if (!status && negative) status = clothi_grad_direct(g, b, z, &negative);
+    }
     if (status) return status;
     g->rep->solves++;
-    g->rep->iterations += lr.iterations;
-    g->rep->factorizations += lr.factorizations;
-    if (lr.negative) {
-        g->rep->negative++;
-        clothi_grad_doubt(g, CLOTH_GRAD_SADDLE, k);
-        status = clothi_grad_saddle(g, b, z);
-    }
-    if (status) return status;
-    residual = clothi_grad_residual(s, b, z, g->q, g->left);
-    if (residual > g->t->opt.tolerance && !lr.negative && !(lr.residual > opt.tolerance)) {
-        opt.tolerance *= 0.1 * g->t->opt.tolerance / residual;  /* its norm is another one */
-        status = cloth_linear_solve(s->solver, s->matrix, b, z, &opt, &lr);
-        g->rep->iterations += lr.iterations;
-        residual = clothi_grad_residual(s, b, z, g->q, g->left);
-    }
+    g->rep->negative += negative;
+    if (negative) clothi_grad_doubt(g, CLOTH_GRAD_SADDLE, k);
+    residual = clothi_grad_residual(g->s, b, z, g->q, g->left);
     g->rep->residual = clothi_max(g->rep->residual, residual);
     if (!(residual <= 1e3 * g->t->opt.tolerance)) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
     return status;
@@ -1154,7 +1172,9 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
     double       sum = 0, size = 0, left;
     int          i;
     if (line->weight > 0 && most < CLOTHI_GRAD_ARRIVED) return CLOTH_OK;
-    status = clothi_grad_again(g, s->w.rhs, 1e-3, g->left);
+    status = clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY && s->matrix->ne == 0
+                 ? cloth_factor_solve(s->solver->factor, s->w.rhs, g->left)
+                 : clothi_grad_again(g, s->w.rhs, 1e-3, g->left);
     if (status) return status;
     clothi_tie_spread(s->model, g->left);
     left = clothi_max_abs(g->left, n);

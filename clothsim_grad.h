@@ -1,4 +1,4 @@
-/* clothsim_grad.h - how the motion of cloth depends on its causes.                version 0.1.0
+/* clothsim_grad.h - how the motion of cloth depends on its causes.                version 0.2.0
  * SPDX-License-Identifier: MIT
  *
  * A tape records the steps of a sim. One call walks it backwards and returns the derivative of any
@@ -24,23 +24,51 @@
 
 /* ===== [1.1] QUICK START =====================================================================
  *
+ * How far the free corner of a sheet moves at the end with its stiffness, and with its first speed.
+ *
+ * ---- 18_gradient.c ----
  *     #define CLOTHSIM_IMPLEMENTATION
  *     #include "clothsim_grad.h"
+ *     #include <stdio.h>
  *
- *     static void height(int k, const double *x, const double *v, double *gx, double *gv,
- *                        void *user) {                  // L = y of the last vertex at the end
- *         const int *end = (const int *)user;           // {steps, vertices}
- *         (void)x, (void)v, (void)gv;
- *         if (k == end[0]) gx[3 * end[1] - 2] += 1;
+ *     enum { NV = 400, STEPS = 30 };
+ *
+ *     static void corner(int k, const double *x, const double *v, double *gx, double *gv,
+ *                        void *user) {                       // L = its y after the last step
+ *         (void)x, (void)v, (void)gv, (void)user;
+ *         if (k == STEPS) gx[3 * (NV - 1) + 1] += 1;
  *     }
- *     ...
- *     cloth_tape_create(sim, NULL, &tape);
- *     for (k = 0; k < 30; k++) cloth_step(sim, 1.0 / 60, NULL);
- *     memset(&g, 0, sizeof g);
- *     g.membrane = &dLdY, g.v0 = dLdv;                  // 1 region; [nv x 3]
- *     status = cloth_grad_backward(tape, height, end, &g, &report);
- *     if (!status && report.valid) ...                  // dLdY in m per N/m
- *     cloth_tape_destroy(tape);
+ *
+ *     int main(void) {
+ *         static double     v0[3 * NV];
+ *         double            stiffness;
+ *         cloth_mesh       *sheet = NULL;
+ *         cloth_model      *model = NULL;
+ *         cloth_sim        *sim = NULL;
+ *         cloth_tape       *tape = NULL;
+ *         cloth_grad        grad = {NULL};
+ *         cloth_grad_report report;
+ *         cloth_pin         pins[2] = {{0, CLOTH_AXIS_ALL}, {19, CLOTH_AXIS_ALL}};
+ *         cloth_desc        desc = cloth_desc_default();
+ *         int               frame;
+ *
+ *         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 20, 20, 1.0, 1.0, &sheet)) return 1;
+ *         cloth_desc_set_mesh(&desc, sheet);
+ *         desc.npins = 2, desc.pins = pins;
+ *         desc.tolerance = 1e-8;                              // m: derivatives want more than eyes
+ *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
+ *         if (cloth_tape_create(sim, NULL, &tape)) return 1;
+ *         for (frame = 0; frame < STEPS; frame++)
+ *             if (cloth_step(sim, 1.0 / 60, NULL)) return 1;
+ *         grad.membrane = &stiffness, grad.v0 = v0;           // what is asked for
+ *         if (cloth_grad_backward(tape, corner, NULL, &grad, &report)) return 1;
+ *         printf("dL/dY = %.3e m per N/m, dL/dv0y of that corner = %.3f s; %s\n", stiffness,
+ *                v0[3 * (NV - 1) + 1], report.valid ? "valid" : report.why);
+ *         cloth_tape_destroy(tape), cloth_sim_destroy(sim), cloth_model_destroy(model);
+ *         cloth_mesh_destroy(NULL, sheet);
+ *         return 0;
+ *     }
+ * ---- end ----
  */
 
 /* ===== [1.2] WHAT THE DERIVATIVE MEANS, WHAT IT COSTS ========================================
@@ -87,8 +115,8 @@
 
 #include "clothsim.h"
 
-#if CLOTH_VERSION_NUM < 100
-#error "clothsim_grad.h needs clothsim.h 0.1.0 or newer"
+#if CLOTH_VERSION_NUM < 200
+#error "clothsim_grad.h needs clothsim.h 0.2.0 or newer"
 #endif
 
 #ifdef __cplusplus
@@ -504,10 +532,12 @@ static int clothi_tape_grow(cloth_tape *t) {
 /* A step was accepted. */
 static void clothi_tape_step(void *user, const cloth_step_record *r) {
     cloth_tape    *t = (cloth_tape *)user;
+    cloth_recorder *host = &t->sim->host;
     clothi_taped  *e;
     const size_t   before = t->n ? t->step[t->n - 1].size : 0;
     unsigned char *swap;
     int            moved = 0;
+    if (t->mode == CLOTHI_TAPE_RECORD && host->step) host->step(host->user, r);
     if (t->mode != CLOTHI_TAPE_RECORD || t->ended) return;
     if (!clothi_tape_grow(t)) {
         clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
@@ -568,9 +598,11 @@ static int clothi_tape_trace(cloth_tape *t, size_t need) {
 /* A substep ends: its x; of LEAPFROG, when it is asked for, x and v at each kick. */
 static void clothi_tape_substep(void *user, const cloth_step_input *in, const double *x) {
     cloth_tape  *t = (cloth_tape *)user;
+    cloth_recorder *host = &t->sim->host;
     const int    leap = in->y == NULL && in->h > 0;
     const size_t each = leap ? 2 * t->nv3 : t->nv3;
     size_t       need;
+    if (t->mode == CLOTHI_TAPE_RECORD && host->substep) host->substep(host->user, in, x);
     if (t->mode == CLOTHI_TAPE_DEAF || (t->mode == CLOTHI_TAPE_RECORD && t->ended)) return;
     if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0;
     need = (size_t)(t->traced + 1) * each;
@@ -657,7 +689,7 @@ CLOTH_API cloth_status cloth_tape_create(cloth_sim *sim, const cloth_tape_option
     if (!out) return clothi_null(&sim->hooks, "cloth_tape_create: out");
     status = clothi_tape_check(&sim->hooks, &o);
     if (status) return status;
-    if (sim->tape.step)
+    if (sim->tape_gone)
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_tape_create: this sim has a "
                            "tape already");
     t = (cloth_tape *)clothi_alloc(&sim->model->hooks, 1, sizeof *t);
@@ -673,9 +705,10 @@ CLOTH_API cloth_status cloth_tape_create(cloth_sim *sim, const cloth_tape_option
         cloth_tape_destroy(t);
         return status;
     }
-    sim->tape.user = t;
-    sim->tape.substep = clothi_tape_substep;
-    sim->tape.step = clothi_tape_step;
+    sim->host = sim->recorder;
+    sim->recorder.user = t;
+    sim->recorder.substep = clothi_tape_substep;
+    sim->recorder.step = clothi_tape_step;
     sim->tape_gone = clothi_tape_orphan;
     *out = t;
     return CLOTH_OK;
@@ -685,7 +718,7 @@ CLOTH_API void cloth_tape_destroy(cloth_tape *tape) {
     int k;
     if (!tape) return;
     if (tape->sim) {
-        memset(&tape->sim->tape, 0, sizeof tape->sim->tape);
+        tape->sim->recorder = tape->sim->host;
         tape->sim->tape_gone = NULL;
     }
     for (k = 0; k < tape->n; k++) {
@@ -1902,7 +1935,6 @@ static const char *clothi_grad_why(unsigned doubt) {
 CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss, void *user,
                                            cloth_grad *out, cloth_grad_report *rep) {
     cloth_grad_report local, *r = rep ? rep : &local;
-    cloth_recorder    host;
     cloth_status      status;
     unsigned char    *block = NULL;
     clothi_grad       g;
@@ -1923,8 +1955,6 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
     status = clothi_grad_open(&g, tape, out, r, &block);
     if (status) (void)clothi_fail(&tape->hooks, status, "cloth_grad_backward: no memory");
     else {
-        host = g.s->recorder;               /* hears nothing of steps run anew */
-        memset(&g.s->recorder, 0, sizeof host);
         tape->mode = CLOTHI_TAPE_DEAF;
         clothi_grad_keep(&g, CLOTHI_SAVE);
         status = clothi_grad_walk(&g, loss, user);
@@ -1932,7 +1962,6 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
         if (out->v0) memcpy(out->v0, g.lv, tape->nv3 * sizeof(double));
         clothi_grad_keep(&g, CLOTHI_LOAD);
         tape->mode = CLOTHI_TAPE_RECORD;
-        g.s->recorder = host;
         if (status) clothi_grad_clear(tape, out);
     }
     clothi_tape_free(tape, g.here);
@@ -1947,7 +1976,7 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
 
 /* ===== [6.1] CHANGES =========================================================================
  *
- * 0.1.0  first version
+ * 0.2.0  first version
  */
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
 /* 01_hang.c - the quick start: a pinned sheet falls and swings for a second.
  *
  * Notice: every desc starts from cloth_desc_default(); arrays are copied; every status is checked.
- * Word for word the program of section [1.1] in clothsim.h and of the README.
+ * Word for word the program of section [1.1] in clothsim.h.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. 01_hang.c -lm
  *   expected: after 1.000 s the far corner is at y = -0.31 m
@@ -22,8 +22,8 @@ int main(void) {
     int          frame;
 
     if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 20, 20, 1.0, 1.0, &sheet)) return 1;
-    desc.nv = sheet->nv, desc.x_rest = sheet->x;                        // metres
-    desc.nf = sheet->nf, desc.faces = sheet->faces;
+    cloth_desc_set_mesh(&desc, sheet);
+    desc.hooks.log.fn = cloth_log_stderr;                               // says what is wrong
     desc.npins = 2, desc.pins = pins;
     if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
     for (frame = 0; frame < 60; frame++)

@@ -117,6 +117,7 @@ int main(int argc, char **argv) {
     page = view_open("A garment on a hanger", "");
     view_camera(page, 15, 8), view_floor(page, lo[1] - 0.1);
     view_mesh(page, "cotton knit", VIEW_CLOTH, desc.nv, desc.nf, desc.faces);
+    view_pattern(page, 0, desc.X);
     view_scalar(page, 0, "largest stretch", "m/m", VIEW_FACE, 1.0, 1.0, 1.04);
     for (int step = 1; step <= STEPS; step++, done++) {
         for (int i = 0; i < desc.npins && !status; i++) {

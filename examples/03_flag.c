@@ -76,6 +76,7 @@ int main(void) {
     page = view_open("A flag in gusty wind", "");
     view_camera(page, 10, 8);
     cloth = view_mesh(page, "flag", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
+    view_pattern(page, cloth, sheet->X);
     pole = view_mesh(page, "pole", VIEW_OBSTACLE, 8, 10, pole_faces);
     view_scalar(page, 0, "largest stretch", "m/m", VIEW_FACE, 1.0, 1.0, 1.04);
     for (int step = 1; step <= steps; step++) {

@@ -2,7 +2,8 @@
  *
  * Notice: desc.contact asks for contact, cloth_collide_create() gives it to the sim, and from then
  * on every cloth_step() keeps the promise: no pair intersects that did not before.
- * Without its lines that say view this is word for word section [1.1] of clothsim_collide.h.
+ * Without its lines that say view this is word for word section [1.1] of clothsim_collide.h and
+ * the README's first program.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. 12_drape.c -lm
  *   page:     out/12_drape.html
@@ -11,7 +12,7 @@
  * Exercises: (1) ball.friction = 0, and 180 frames: the sheet slides off; (2)
  * CLOTH_CONTACT_OBSTACLES: folds that pass through each other: look, for the line now counts pairs
  * with obstacles alone; (3) leave out cloth_collide_add(): nothing holds it; (4) center[1] = -0.25,
- * a ball that stands through the sheet: refused. What then leads it out: README, lesson 14.
+ * a ball that stands through the sheet: refused. What then leads it out: COURSE.md, lesson 14.
  */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
@@ -31,15 +32,15 @@ int main(void) {
     view               *page = view_open("A sheet on a sphere", "");
 
     if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 32, 32, 1.0, 1.0, &sheet)) return 1;
-    desc.nv = sheet->nv, desc.x_rest = sheet->x;
-    desc.nf = sheet->nf, desc.faces = sheet->faces;
+    cloth_desc_set_mesh(&desc, sheet);
+    desc.hooks.log.fn = cloth_log_stderr;                               // says what is wrong
     desc.contact = CLOTH_CONTACT_SELF;                                  // and obstacles
     if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
     if (cloth_collide_create(sim, NULL, &contact)) return 1;
     ball.kind = CLOTH_OBSTACLE_SPHERE, ball.x = center, ball.radius = 0.3;
     if (cloth_collide_add(contact, &ball, &id)) return 1;
     view_mesh(page, "sheet", VIEW_CLOTH, sheet->nv, sheet->nf, sheet->faces);
-    view_ball(page, "sphere"), view_camera(page, 28, 14);
+    view_pattern(page, 0, sheet->X), view_ball(page, "sphere"), view_camera(page, 28, 14);
     view_caption(page, "1 m x 1 m, 32 x 32 vertices, friction 0.3; steps of 1/60 s.");
     for (frame = 0; frame < 90; frame++) {
         if (cloth_step(sim, 1.0 / 60, NULL)) return 1;                  // seconds

@@ -76,7 +76,8 @@ int main(void) {
         "sheets fall onto half a ball. Contact 2 mm, friction 0.3.");
     view_camera(page, 20, 22), view_floor(page, 0);
     for (int k = 0; k <= LAYERS; k++)
-        view_mesh(page, name[k], VIEW_CLOTH, sheet[k]->nv, sheet[k]->nf, sheet[k]->faces);
+        view_pattern(page, view_mesh(page, name[k], VIEW_CLOTH, sheet[k]->nv, sheet[k]->nf,
+                                     sheet[k]->faces), sheet[k]->X);
     view_ball(page, "ball");
     for (frame = 1; frame <= FRAMES; frame++, done++) {
         double t = frame / 60.0;

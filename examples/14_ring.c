@@ -82,6 +82,7 @@ int main(void) {
         "a hole of 0.16 m at 0.25 m/s; friction 0.3 with the ring and with itself.");
     view_camera(page, 20, 8);
     view_mesh(page, "cloth", VIEW_CLOTH, disc->nv, disc->nf, disc->faces);
+    view_pattern(page, 0, disc->X);
     view_mesh(page, "ring", VIEW_OBSTACLE, A * B, 2 * A * B, faces);
     for (int step = 1; step <= STEPS; step++, done++) {
         double       t = step / 60.0, target[3] = {0, 0, 0};

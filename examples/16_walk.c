@@ -140,6 +140,7 @@ int main(int argc, char **argv) {
     if ((status = cloth_collide_intersections(collide, 0, NULL, &before)) != CLOTH_OK) goto end;
     page = view_open(w.mesh ? "A garment on a captured walk" : "A walk in a T-shirt", "");
     view_mesh(page, "cotton knit", VIEW_CLOTH, desc.nv, desc.nf, desc.faces);
+    view_pattern(page, 0, desc.X);
     view_mesh(page, "body", VIEW_OBSTACLE, body.nv, body.nf, body.faces);
     view_camera(page, 32, 8);
     for (int step = 1; step <= STEPS; step++) {

@@ -7,9 +7,10 @@
 #   sh checks.sh units       declarations and implementation in two units, C and C++ mixed
 #   sh checks.sh size        the object's bytes; seconds to compile
 #   sh checks.sh compile     compile_only.c: compilers x standards x orders x configurations
-#   sh checks.sh programs    every test and example compiled as C99, nothing run
-#   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c = README, [1.1] of
-#                            clothsim_collide.h = examples/12_drape.c; they compile
+#   sh checks.sh programs    every test and example compiled as C99, nothing run; [gcc or clang]
+#   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c, [1.1] of clothsim_collide.h
+#                            = examples/12_drape.c = README, of clothsim_grad.h compiles;
+#                            README's other blocks compile and run
 #   sh checks.sh judges      garments on bodies that move, by the programs of ../shared/judge:
 #                            two hours; ONLY=NAME for one of them, STEPS=N to cut all short
 #   sh checks.sh yardstick DIR          builds the prototype that speed is compared with
@@ -55,7 +56,7 @@ headers=
 for h in clothsim.h clothsim_collide.h clothsim_grad.h; do
     [ -f ../$h ] && headers="$headers $h"
 done
-programs=$(ls test_*.c validate/*.c stability/*.c bench/*.c 2>/dev/null)
+programs=$(ls test_*.c platform_scene.c validate/*.c stability/*.c bench/*.c 2>/dev/null)
 examples=$(ls ../examples/[0-9][0-9]_*.c ../examples/*/[0-9][0-9]_*.c 2>/dev/null)
 
 unit() {        # unit FILE: one .c file with every implementation
@@ -69,7 +70,7 @@ run_text() {
     for h in $headers; do
         must "contents of $h" awk -v check=contents -f check_text.awk ../$h
         most=8000
-        [ $h = clothsim_collide.h ] && most=8970   # CCD, QP, grid, zones, untangling, ledger
+        [ $h = clothsim_collide.h ] && most=8845   # CCD, QP, grid, zones, untangling, ledger
         [ $h = clothsim_grad.h ] && most=4000
         [ $h = clothsim.h ] && most=14600      # mesh, OBJ and both solvers are in it
         must "$h has $(wc -l <../$h) lines" test "$(wc -l <../$h)" -le $most
@@ -78,9 +79,19 @@ run_text() {
     must 'the length of functions' awk -v check=functions -f check_text.awk \
         $(printf '%s\n' $files | grep '\.h$')
     cited=
-    [ -f ../README.md ] && cited=../README.md
+    for h in ../README.md ../examples/COURSE.md ACCURACY.md SPEED.md; do cited="$cited $h"; done
     for h in $headers; do cited="$cited ../$h"; done
     must 'cited tests' awk -v check=cites -f check_text.awk $cited
+    must "README has $(wc -c <../README.md) bytes" test "$(wc -c <../README.md)" -le 9216
+    for link in $(grep -o '](\([^)]*\))' ../README.md | sed 's/](//; s/)//'); do
+        must "README's link $link" test -s "../$link"
+    done
+    version=$(sed -n '1s/.*version //p' ../clothsim.h)
+    for line in "clothsim $version:" "#define CLOTH_VERSION_MINOR $(echo "$version" | cut -d. -f2)" \
+            " \* $version  "; do
+        must "version $version: $line" grep -q "$line" ../README.md ../clothsim.h
+    done
+    for h in $headers; do must "the version of $h" grep -q "version $version" ../$h; done
     grep -nE 'cloth[i]?_[a-zA-Z0-9_]*(_t\b|__)' $files >"$out/names" /dev/null
     none 'names that end in _t or hold __' "$out/names"
 }
@@ -228,8 +239,10 @@ run_compile() {
     while read -r order; do one_compile $cc -std=c99 $order; done <"$out/others"
 }
 
-run_programs() {
-    for c in gcc clang; do
+run_programs() {                # of one compiler, or of both
+    out=$out/${1:-both}
+    mkdir -p "$out"
+    for c in ${1:-gcc clang}; do
         have $c || { skip "programs with $c: not installed"; continue; }
         for file in $programs $examples; do
             flags=$(sh suite.sh flags "$file")
@@ -274,18 +287,41 @@ quick_start() {
 }
 
 run_quickstart() {
-    quick_start clothsim_collide.h 12_drape.c 40
     quick_start clothsim.h 01_hang.c 30
+    quick_start clothsim_grad.h 18_gradient.c 45
+    quick_start clothsim_collide.h 12_drape.c 40
     [ -s "$out/header.c" ] || return
-    if [ -f ../README.md ]; then
-        awk '/^```c$/ { on = 1; text = ""; next }
-             /^```$/ { if (on && text ~ /CLOTHSIM_IMPLEMENTATION/) { printf "%s", text; exit }
-                       on = 0 }
-             on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
-        must 'the quick start of README is [1.1] of clothsim.h' \
-            diff "$out/header.c" "$out/readme.c"
-    else skip 'README.md: not there'
-    fi
+    awk '/^```c$/ { on = 1; text = ""; next }
+         /^```$/ { if (on && text ~ /CLOTHSIM_IMPLEMENTATION/) { printf "%s", text; exit }
+                   on = 0 }
+         on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
+    must 'the quick start of README is [1.1] of clothsim_collide.h' \
+        diff "$out/header.c" "$out/readme.c"
+    must 'it runs' sh -c "'$out/quickstart' >'$out/ran'"
+    must 'README has what it prints' grep -qxF "    $(cat "$out/ran")" ../README.md
+    readme_blocks
+}
+
+# Every other block of C in README is the inside of a function that has what a program has by then:
+# its lines are compiled and run behind tests/readme.h. Blocks of sh are 'make' targets that exist.
+readme_blocks() {
+    awk '/^```c$/ { on = 1; text = ""; next }
+         /^```$/ { if (on && text !~ /CLOTHSIM_IMPLEMENTATION/) {
+                       n++; printf "static int block%d(readme *r) {\n    README_NAMES(r)\n%s", n, text
+                       print "    return status;\n}" }
+                   on = 0 }
+         on { text = text "    " $0 "\n" (/status = .*;/ ? "    if (status) return status;\n" : "") }
+         END { print "int main(void) {"; print "    readme r;"; print "    int bad = readme_start(&r);"
+               for (i = 1; i <= n; i++) print "    if (!bad) bad = block" i "(&r);"
+               print "    readme_end(&r);\n    return bad;\n}" }' ../README.md >"$out/blocks.c"
+    echo '#define CLOTHSIM_IMPLEMENTATION' | cat - readme.h "$out/blocks.c" >"$out/readme_blocks.c"
+    must 'the blocks of README compile' $cc -std=c99 $base -I. -Wall -Wextra "$out/readme_blocks.c" \
+        -lm -o "$out/readme_blocks"
+    must 'the blocks of README run' "$out/readme_blocks"
+    for target in $(sed -n 's/^    make -C tests \([a-z]*\).*/tests:\1/p; s/^    make -C examples \([a-z]*\).*/examples:\1/p' \
+            ../README.md); do
+        must "make -C ${target%:*} ${target#*:}" grep -q "^${target#*:}:" "../${target%:*}/Makefile"
+    done
 }
 
 # Its own header line says how it is built; benches find it as out/bench/yardstick.

@@ -3,7 +3,10 @@
 #   make -C tests pages          or: tests/pages.sh [directory]
 # Per page: the title becomes 'ready N frames'; pictures at three times (#t=SECONDS) differ
 # pairwise (one picture where N is 1) and none is of one colour; the 2D canvas draws (#2d); no
-# http in the file; at most 4 MB. Prints a line for each failure and 'pages: N passed, N failed'
+# http in the file; at most 4 MB. At 1280 x 800, 390 x 844 and 844 x 390, light and dark: nothing
+# scrolls sideways, no control is clipped, the picture has its part of the window, text has a
+# contrast of 4.5 (WCAG AA). The same of the gallery, out/index.html, whose links must lead
+# somewhere. Prints a line for each failure and 'pages: N passed, N failed'
 # last. Skipped, with a printed line, where there is no Chromium.
 here=$(cd "$(dirname "$0")" && pwd)
 out=${1:-$here/../examples/out}
@@ -12,7 +15,10 @@ for name in chromium chromium-browser google-chrome; do
     if command -v "$name" >/dev/null 2>&1; then browser=$name; break; fi
 done
 shopt -s nullglob
-pages=("$out"/*.html)
+pages=()
+for page in "$out"/*.html; do
+    case $page in */index.html|*/live.html) ;; *) pages+=("$page") ;; esac
+done
 if [ -z "$browser" ]; then
     echo "pages: skipped, no chromium installed"
     echo "pages: 0 passed, 0 failed"
@@ -111,9 +117,82 @@ have_python=0
 python3 -c 'import zlib' >/dev/null 2>&1 && have_python=1
 [ $have_python -eq 1 ] || echo "pages: skipped the one-colour check, no python3"
 
+# layout PAGE HASH: opens it in frames of six sizes and themes, and says what is wrong
+mkdir -p "$work"
+cat >"$work/probe.js" <<'JS'
+'use strict';
+const sizes = [[1280, 800], [390, 844], [844, 390]], themes = ['light', 'dark'], wrong = [];
+let open = 0;
+function rgba(text) { return text.match(/[0-9.]+/g).map(Number).concat(1).slice(0, 4); }
+function luminance(c) {
+    const v = c.slice(0, 3).map(x => (x /= 255) <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * v[0] + 0.7152 * v[1] + 0.0722 * v[2];
+}
+function behind(win, e) {
+    for (; e; e = e.parentElement) {
+        const c = rgba(win.getComputedStyle(e).backgroundColor);
+        if (c[3] > 0.9) return c;
+    }
+    return [255, 255, 255, 1];
+}
+function look(frame, label, gallery) {
+    const win = frame.contentWindow, doc = frame.contentDocument, w = win.innerWidth;
+    const h = win.innerHeight;
+    if (doc.documentElement.scrollWidth > w) wrong.push(label + ': scrolls sideways');
+    doc.querySelectorAll('h1, h2, p, b, a, button, select, input, label, span').forEach(e => {
+        const r = e.getBoundingClientRect(), s = win.getComputedStyle(e), name = e.id || e.tagName;
+        if (!r.width || !r.height || s.visibility === 'hidden') return;
+        const out = r.left < -1 || r.right > w + 1 || (!gallery && (r.top < -1 || r.bottom > h + 1));
+        if (out) wrong.push(label + ': ' + name + ' is outside');
+        const own = Array.from(e.childNodes).some(n => n.nodeType === 3 && n.data.trim());
+        const a = luminance(rgba(s.color)), b = luminance(behind(win, e));
+        const k = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+        if (own && k < 4.5) wrong.push(label + ': ' + name + ' has a contrast of ' + k.toFixed(2));
+    });
+    const stage = doc.getElementById('stage');
+    if (stage && stage.getBoundingClientRect().height < 0.55 * h)
+        wrong.push(label + ': the picture has ' + Math.round(stage.clientHeight / h * 100) + ' %');
+    if (gallery && !doc.querySelectorAll('main a').length) wrong.push(label + ': no links');
+}
+function probe(url, hash, gallery) {
+    sizes.forEach(size => themes.forEach(theme => {
+        const f = document.createElement('iframe'), label = size.join('x') + ' ' + theme;
+        open++;
+        f.width = size[0];
+        f.height = size[1];
+        f.onload = () => setTimeout(() => {
+            try { look(f, label, gallery); } catch (e) { wrong.push(label + ': ' + e.message); }
+            if (--open === 0) document.title = wrong.length ? 'wrong: ' + wrong.join('; ') : 'layout ok';
+        }, 700);
+        f.src = url + hash + '&' + theme;
+        document.body.appendChild(f);
+    }));
+}
+JS
+layout() {                      # layout URL HASH GALLERY
+    { echo "<!DOCTYPE html><title>loading</title><body><script>"; cat "$work/probe.js"
+      echo "probe('$1', '$2', $3);</script>"; } >"$work/probe.html"
+    look --allow-file-access-from-files --virtual-time-budget=20000 --dump-dom \
+        "file://$work/probe.html" >"$work/dom"
+    title=$(sed -n 's/.*<title>\([^<]*\)<\/title>.*/\1/p' "$work/dom" | head -n 1)
+    [ "$title" = 'layout ok' ]
+    check $? "layout: $title"
+}
+
+name=index.html
+[ -s "$out/index.html" ]
+check $? 'there is no gallery'
+layout "file://$out/index.html" '#x' true
+for link in $(sed -n "s/^<a href='\([^'#]*\).*/\1/p" "$out/index.html"; \
+              grep -o "src='[^']*'" "$out/index.html" | sed "s/src='//; s/'//"); do
+    [ -s "$out/$link" ]
+    check $? "$link is not there"
+done
+
 for page in "${pages[@]}"; do
     name=${page##*/}
     url=file://$page
+    layout "$url" '#2d&t=0.5&all' false
     title_of "$url"
     echo "$title" | grep -Eq '^ready [0-9]+ frames$'
     check $? "the title is '$title', not 'ready N frames'"
@@ -152,5 +231,23 @@ for page in "${pages[@]}"; do
         check $? "two of the three pictures are the same"
     fi
 done
+name=live.html
+live=0
+if [ ! -s "$out/live.html" ]; then echo "pages: skipped the live page, it was not made"
+else
+    ! grep -qi http "$out/live.html"
+    check $? "the page contains 'http'"
+    layout "file://$out/live.html" '#2d' false
+    if [ $have_python -eq 1 ]; then
+        python3 "$here/live_page.py" "$out/live.html" "$(cat "$out/live.hash")" \
+            "$out/live.png" >"$work/live"
+        live=$?
+        grep 'live page: ' "$work/live"
+        line=$(tail -n 1 "$work/live")
+        passed=$((passed + $(echo "$line" | sed 's/.*: \([0-9]*\) passed.*/\1/')))
+        [ $live -eq 0 ]
+        check $? "$line"
+    fi
+fi
 echo "pages: $passed passed, $failed failed"
 [ $failed -eq 0 ]

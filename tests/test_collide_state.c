@@ -248,7 +248,6 @@ static void forged(void) {
         forge(&a->key.cloth, bad + i, sizeof *bad, "anchor");
         forge(&a->key.a, bad + i, sizeof *bad, "anchor");
         forge(&a->key.b, bad + i, sizeof *bad, "anchor");
-        forge(&a->sliding, bad + i, sizeof *bad, "anchor");
     }
     for (i = 0; i < 2; i++) {
         forge(&a->force, number + i, sizeof *number, "anchor");

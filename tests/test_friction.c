@@ -13,9 +13,9 @@
 
 /* --- the barrier --- */
 
-/* K u^2/(t (1 - u/U)), as the law is told in section [8.2]. */
+/* K u^2/(t (1 - u/U)^2), as the law is told in section [8.2]. */
 static long double law(long double K, long double t, long double pole, long double u) {
-    return u > 0 ? K * u * u / (t * (1 - u / pole)) : 0;
+    return u > 0 ? K * u * u / (t * (1 - u / pole) * (1 - u / pole)) : 0;
 }
 
 /* Its integral from 0 to u by Gauss's rule of 5 points on n parts. */
@@ -38,7 +38,7 @@ static long double integral(long double K, long double t, long double pole, long
 
 /* From the end of the series to a millionth before the pole, over other ranges too. */
 static void barrier(void) {
-    static const double part[] = {1e-9, 1e-4, 0.01, 0.0499, 0.05, 0.0501, 0.1, 0.3, 0.5, 0.8,
+    static const double part[] = {1e-9, 1e-4, 0.01, 0.05, 0.0999, 0.1, 0.1001, 0.3, 0.5, 0.8,
                                   0.95, 0.99};
     const double        K = 37, ranges[3] = {2e-3, 0.5, 1e-5};
     size_t              i, j;
@@ -105,8 +105,9 @@ static double energy(rig *r, const double *x, double *grad) {
 }
 
 /* A pair of kind at points x [4 x 3]. */
-static void pair_set(clothi_contact *q, int kind, int key, double start, double share) {
-    int i;
+static void pair_set(rig *r, int at, int kind, int key, double start, double share) {
+    clothi_contact *q = r->q + at;
+    int             i;
     q->kind = kind, q->a = key, q->b = 7;
     q->slot = -1;
     q->key.cloth = 1, q->key.a = key;
@@ -114,6 +115,7 @@ static void pair_set(clothi_contact *q, int kind, int key, double start, double 
     for (i = 0; i < q->n; i++) q->v[i] = i;
     q->range = T, q->room = U;
     q->start = start, q->stiffness = 50, q->share = share;
+    q->away = clothi_contact_away(&r->c, q);
     q->size = -1, q->scale = 1;
 }
 
@@ -171,7 +173,7 @@ static void differences(void) {
                     rig    r;
                     double most;
                     rig_start(&r, 1, 4);
-                    pair_set(r.q, kind, 0, start[j], share[k]);
+                    pair_set(&r, 0, kind, 0, start[j], share[k]);
                     pair_place(kind, gap[i], x);
                     most = gradient(&r, x, 2e-8, 2e-6);
                     felt += most > 0;
@@ -181,7 +183,7 @@ static void differences(void) {
     CHECK(felt > 60);
 }
 
-/* A force is K u^2/(t (1 - u/U)) and the damping's, along the line between the nearest points. */
+/* A force is K u^2/(t (1 - u/U)^2) and the damping's, along the line between the nearest points. */
 static void forces(void) {
     static const double gap[] = {1.9e-3, 1e-3, 5e-4};
     double              x[12], sum, across;
@@ -189,9 +191,9 @@ static void forces(void) {
     for (i = 0; i < 3; i++) {
         rig          r;
         const double u = T - gap[i], damp = 50 * 0.02 / 0.01;
-        const double want = 50 * u * u / (T * (1 - u / U)) + damp * (1.95e-3 - gap[i]);
+        const double s = u / (1 - u / U), want = 50 * s * s / T + damp * (1.95e-3 - gap[i]);
         rig_start(&r, 1, 4);
-        pair_set(r.q, CLOTHI_VF, 0, 1.95e-3, 1);
+        pair_set(&r, 0, CLOTHI_VF, 0, 1.95e-3, 1);
         pair_place(CLOTHI_VF, gap[i], x);
         (void)energy(&r, x, r.grad);
         sum = sqrt(clothi_dot3(r.grad, r.grad));
@@ -218,7 +220,7 @@ static void joined(void) {
                 turn(0.03 * (1.3 - 0.6 * (i - 4)), -4e-5 * i, 0.03 * (1 - 0.8 * (i & 1)),
                      x + 3 * i);
             for (i = 0; i < n; i++) {
-                pair_set(r.q + i, kind, 0, 1.4e-3 + 1e-4 * i, i == 1 ? 0.5 : 1);
+                pair_set(&r, i, kind, 0, 1.4e-3 + 1e-4 * i, i == 1 ? 0.5 : 1);
                 r.q[i].a = i;
                 if (kind == CLOTHI_VF) r.q[i].v[1] = i ? 1 + i : 1;
                 r.q[i].v[2] = 2 + i, r.q[i].v[3] = 3 + i;
@@ -273,7 +275,7 @@ static void hessian(void) {
             double       least = 0, scale = 0;
             rig          r;
             rig_start(&r, 1, 4);
-            pair_set(r.q, kind, 0, 1.9e-3, 1);
+            pair_set(&r, 0, kind, 0, 1.9e-3, 1);
             pair_place(kind, gap[round], x);
             cloth_matrix_clear(A);
             r.e.hess = A;
@@ -380,11 +382,11 @@ static void anchors(void) {
         r.c.nw = 2;
         r.c.obstacle = &ground, r.c.nobstacle = 1;
         ground.kind = CLOTH_OBSTACLE_PLANE, ground.used = 1, ground.v0 = 1;
-        memcpy(ground.turn, clothi_no_turn, sizeof ground.turn);
+        clothi_no_turn(ground.turn);
         eps = r.c.desc.slip;
         for (k = 0; k < r.c.ncontact; k++) {
             clothi_contact *q = r.q + k;
-            pair_set(q, CLOTHI_VP, 0, 1e-3, 1);
+            pair_set(&r, k, CLOTHI_VP, 0, 1e-3, 1);
             q->slot = q->b = 0;
             q->key.cloth = 0;
             q->n = 2;
@@ -401,9 +403,8 @@ static void anchors(void) {
         CHECK(r.c.next[0].force > 0);
         CHECK_REL(r.c.next[0].gap, 0.9e-3, 1e-12);
         CHECK_NEAR(r.c.next[0].slip[1], 0, 1e-18);
-        if (round == 0) CHECK(r.c.next[0].sliding == 0 && fabs(r.c.next[0].slip[0] - 6e-6) < 1e-18);
+        if (round == 0) CHECK_NEAR(r.c.next[0].slip[0], 6e-6, 1e-18);
         if (round == 1) {
-            CHECK(r.c.next[0].sliding == 1);
             CHECK_REL(sqrt(clothi_dot3(r.c.next[0].slip, r.c.next[0].slip)), eps, 1e-12);
             CHECK_REL(r.c.next[0].slip[2] / r.c.next[0].slip[0], 50, 1e-12);
         }

@@ -249,11 +249,15 @@ static void reset(void) {
     cloth_obstacle id;
     fric           s;
     uint64_t       start, end;
-    int            n;
+    int            n, k;
     fric_sheet(&s, 5, 5, 0.1, 0.1);
     if (!fric_start(&s)) exit(2);
     id = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.05, 0.5);
-    CHECK(cloth_sim_reset(s.sim) == CLOTH_OK);
+    for (k = 0; k < 2; k++) {               /* gcc 12, -march=icelake-server: 1 1 1 0 1 0 0 0 1 */
+        for (n = 0; n < 18; n++)
+            CHECK_NEAR(s.contact->obstacle[0].turn[n / 9][n % 9], n % 9 % 4 == 0, 0);
+        CHECK(cloth_sim_reset(s.sim) == CLOTH_OK);
+    }
     start = cloth_sim_hash(s.sim);
     for (n = 0; n < 20; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
     end = cloth_sim_hash(s.sim);

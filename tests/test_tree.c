@@ -108,7 +108,7 @@ static void pairs_equal_brute_force(void) {
             make_boxes((kind)how, na, box_a);
             if (!CHECK(clothi_bvh_build(NULL, na, box_a, &a) == CLOTH_OK)) return;
             for (round = 0; round < 2; round++) {       /* as built, and refitted to other boxes */
-                CHECK(clothi_bvh_self_pairs(NULL, &a, &pairs) == CLOTH_OK);
+                CHECK(clothi_bvh_cross_pairs(NULL, &a, &a, &pairs) == CLOTH_OK);
                 CHECK(same_pairs(na, box_a, 0, na, box_a, 0, 1, &pairs));
                 for (j = i % 2; j < NSIZES; j += 2) {
                     const int nb = sizes[j];
@@ -141,7 +141,7 @@ static void last_digit(void) {
             box[flip + 3 + axis] = edge;
             box[6 - flip + axis] = gap ? nextafter(edge, 1e300) : edge;
             if (clothi_bvh_build(NULL, 2, box, &t) != CLOTH_OK) return;
-            if (clothi_bvh_self_pairs(NULL, &t, &pairs) != CLOTH_OK) return;
+            if (clothi_bvh_cross_pairs(NULL, &t, &t, &pairs) != CLOTH_OK) return;
             wrong += pairs.count != !gap;
             clothi_bvh_free(NULL, &t);
         }
@@ -280,7 +280,7 @@ typedef struct scene {
 } scene;
 
 static void scene_free(scene *s) {
-    clothi_features_free(NULL, &s->features);
+    clothi_free(NULL, s->features.edges);
     clothi_bvh_free(NULL, &s->tree);
     clothi_pairs_free(NULL, &s->pairs);
     clothi_pairs_free(NULL, &s->vf);
@@ -315,7 +315,7 @@ static cloth_status scene_find(scene *s, const cloth_hooks *hooks, double pad) {
     clothi_face_boxes(s->nf, s->faces, s->vbox, s->fbox);
     if (!s->tree.n) status = clothi_bvh_build(hooks, s->nf, s->fbox, &s->tree);
     else clothi_bvh_refit(hooks, &s->tree, s->fbox), status = CLOTH_OK;
-    if (!status) status = clothi_bvh_self_pairs(hooks, &s->tree, &s->pairs);
+    if (!status) status = clothi_bvh_cross_pairs(hooks, &s->tree, &s->tree, &s->pairs);
     if (!status)
         status = clothi_pairs_features(hooks, &s->features, &s->pairs, s->vbox, &s->vf, &s->ee);
     return status;
@@ -636,7 +636,8 @@ static void allocator_fails(void) {
             CHECK(scene_find(&s, &hooks, 0.05) == CLOTH_OK);
             CHECK(h.calls == calls);
         }
-        clothi_features_free(&hooks, &s.features);
+        clothi_free(&hooks, s.features.edges);
+        s.features.edges = NULL;
         clothi_bvh_free(&hooks, &s.tree);
         clothi_pairs_free(&hooks, &s.pairs);
         clothi_pairs_free(&hooks, &s.vf);

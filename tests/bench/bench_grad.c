@@ -84,8 +84,8 @@ static void ratios(void) {
                                            CLOTH_INTEGRATOR_LEAPFROG};
     static const char *const      name[3] = {"EULER", "BDF2", "LEAPFROG"};
     static const double           tolerance[2] = {1e-8, 1e-4};
-    FILE *csv = bench_csv("grad", "integrator,side,tolerance_m,forward_ms,taped_ms,backward_ms,ratio"
-                                  ",residual,early");
+    FILE *csv = bench_csv("grad", "integrator,side,tolerance_m,forward_ms,taped_ms,"
+                                  "backward_ms,ratio,residual,early");
     int   i, side, j;
     printf("  %-9s %4s %9s %10s %10s %11s %7s %9s %9s %s\n", "", "N", "tol m", "fwd ms", "taped",
            "backward", "ratio", "residual", "early", "valid");

@@ -87,7 +87,7 @@ static void shut(scene *s) {
 }
 
 static void measure(FILE *csv, const char *name, int sheets) {
-    double       ms[LATEST], moving = 0, still = 0, asleep[2] = {0, 0}, mean, start;
+    double       ms[LATEST], at[LATEST], moving = 0, still = 0, asleep[2] = {0, 0}, mean, start;
     cloth_report r;
     scene        s;
     int          i, k, n = 0, steps = 0, window = (int)(sleep_after * 60 + 0.5);
@@ -99,6 +99,7 @@ static void measure(FILE *csv, const char *name, int sheets) {
         start = bench_cpu();
         CHECK(!cloth_step(s.sim, 1.0 / 60, &r));
         ms[i] = 1e3 * (bench_cpu() - start);
+        at[i] = cloth_sim_state(s.sim)->x[0];
         if (r.outcome == CLOTH_STEP_ASLEEP) n = i;
     }
     CHECK(n > SECOND);
@@ -115,6 +116,7 @@ static void measure(FILE *csv, const char *name, int sheets) {
            100 * mean / moving, n / 60.0);
     fprintf(csv, "%s,%.4f,%.4f,%.5f,%.5f\n", name, moving, still, asleep[0], asleep[1]);
     CHECK(asleep[0] < 0.01 * moving);
+    CHECK(fabs(at[n - 1] - at[n - window]) < 2e-5);     /* it stays: friction holds it */
     shut(&s);
 }
 

@@ -9,14 +9,13 @@
  *   stick    mu >= tan a: within 1 mm in that second
  *   depth    at rest the potential carries the weight, each vertex its own: with u = t - g,
  *            U = t - pole and k = stiffness x area
- *                k u^2/(t (1 - u/U)) = w      so      u = -b/2 + sqrt(b^2/4 + w t/k),
- *                                                     b = w t/(k U)
+ *                k u^2/(t (1 - u/U)^2) = w      so      u = s/(1 + s/U),  s = sqrt(w t/k)
  *            the pole is t/4, or 0.98 of where what is nearer began its last step
  *   decay    half the load is taken away; each vertex goes up as the scalar equation says, solved
  *            here by bisection for each step of implicit Euler:
  *                m (g - 2 g1 + g2) / h^2 = max(0, force(g) - k tau (g - g1)/h) - w
  *   factor   what is d off the rest is, after steps that change the force by its slope,
- *                kappa = h^2/m k u (2 - z)/(t (1 - z)^2),  z = u/U,      gamma = h tau k/m,
+ *                kappa = h^2/m 2 k u/(t (1 - z)^3),  z = u/U,      gamma = h tau k/m,
  *                (1 + kappa + gamma) d - (2 + gamma) d1 + d2 = 0
  *            with roots of product p = 1/(1 + kappa + gamma) and sum s = (2 + gamma) p: without
  *            relaxation an oscillation that sqrt(p) shrinks in a step, else two decays */
@@ -65,13 +64,13 @@ static const double room = (1 - 0.25) * FRIC_T;      /* U: from the range to the
 
 /* Force on a vertex with k = stiffness x its share of the area, N; it rises at `speed`. */
 static double law(double k, double tau, double gap, double speed) {
-    const double u = FRIC_T - gap;
-    return u > 0 ? fmax(0, k * u * u / (FRIC_T * (1 - u / room)) - k * tau * speed) : 0;
+    const double u = FRIC_T - gap, s = u / (1 - u / room);
+    return u > 0 ? fmax(0, k * s * s / FRIC_T - k * tau * speed) : 0;
 }
 
 static double rest_gap(double k, double load) {
-    const double b = load * FRIC_T / (k * room);
-    return FRIC_T + 0.5 * b - sqrt(0.25 * b * b + load * FRIC_T / k);
+    const double s = sqrt(load * FRIC_T / k);
+    return FRIC_T - s / (1 + s / room);
 }
 
 typedef struct bed {                        /* of a sheet at rest under g times its weight     */
@@ -240,7 +239,7 @@ static void factor(void) {
                 const double to = rest_gap(k, w), u = FRIC_T - to, z = u / room, h = hs[i];
                 bedding      m = bedding_of(k, load, less * load, h, 24);
                 const double tau = m.tau *= damped;
-                const double slope = k * u * (2 - z) / (FRIC_T * (1 - z) * (1 - z));
+                const double slope = 2 * k * u / (FRIC_T * pow(1 - z, 3));
                 const double kappa = h * h * slope / 0.2, gamma = h * tau * k / 0.2;
                 double       s, p;
                 bed          a, b;

@@ -9774,7 +9774,8 @@ struct cloth_sim {
     int           nterms, nbuiltin;
     unsigned char *kept;                    /* the fields and hosts' terms as before the step  */
     size_t        kept_size;
-    cloth_recorder    recorder;
+    cloth_recorder    recorder, host;       /* a tape's, which tells the host's; else host: 0  */
+    void            (*tape_gone)(void *user);   /* the sim is destroyed; NULL: no tape         */
     size_t        recorded;                 /* bytes of `kept`                                 */
     unsigned char *touching;                /* [touching_size] contacts of the record          */
     size_t        touching_size;
@@ -9813,7 +9814,8 @@ enum {
     CLOTHI_LATE = 16,                       /* there only after its first use                  */
     CLOTHI_LAG = 32,                        /* not of LEAPFROG                                 */
     CLOTHI_LAG2 = 64,                       /* of BDF2 alone                                   */
-    CLOTHI_SLEEP = 128                      /* of sims that may sleep                          */
+    CLOTHI_SLEEP = 128,                     /* of sims that may sleep                          */
+    CLOTHI_INPUT = 256                      /* what the host says between steps; no step moves it */
 };
 
 typedef struct clothi_field {
@@ -9839,16 +9841,16 @@ static const clothi_field clothi_fields[] = {           /* x and v first: see cl
     CLOTHI_LIST(x_prev, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_LAG2),
     CLOTHI_SCALAR(still, double, 1, CLOTHI_REAL | CLOTHI_SLEEP),
     CLOTHI_LIST(still_x, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_SLEEP),
-    CLOTHI_LIST(pin, unsigned char, 1, CLOTHI_VERTEX, 0),
-    CLOTHI_LIST(target, double, 3, CLOTHI_VERTEX, 0),
-    CLOTHI_LIST(attach, cloth_step_attachment, 1, CLOTHI_SLOT, 0),
-    CLOTHI_LIST(made, uint32_t, 1, CLOTHI_SLOT, CLOTHI_HANDLE),
-    CLOTHI_SCALAR(nattach, int, 1, 0),
-    CLOTHI_SCALAR(force_on, int, 1, 0),
-    CLOTHI_LIST(force, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE),
-    CLOTHI_SCALAR(gravity, double, 3, CLOTHI_REAL),
-    CLOTHI_SCALAR(wind_on, int, 1, 0),
-    CLOTHI_SCALAR(wind, double, 3, CLOTHI_REAL),
+    CLOTHI_LIST(pin, unsigned char, 1, CLOTHI_VERTEX, CLOTHI_INPUT),
+    CLOTHI_LIST(target, double, 3, CLOTHI_VERTEX, CLOTHI_INPUT),
+    CLOTHI_LIST(attach, cloth_step_attachment, 1, CLOTHI_SLOT, CLOTHI_INPUT),
+    CLOTHI_LIST(made, uint32_t, 1, CLOTHI_SLOT, CLOTHI_HANDLE | CLOTHI_INPUT),
+    CLOTHI_SCALAR(nattach, int, 1, CLOTHI_INPUT),
+    CLOTHI_SCALAR(force_on, int, 1, CLOTHI_INPUT),
+    CLOTHI_LIST(force, double, 3, CLOTHI_VERTEX, CLOTHI_REAL | CLOTHI_LATE | CLOTHI_INPUT),
+    CLOTHI_SCALAR(gravity, double, 3, CLOTHI_REAL | CLOTHI_INPUT),
+    CLOTHI_SCALAR(wind_on, int, 1, CLOTHI_INPUT),
+    CLOTHI_SCALAR(wind, double, 3, CLOTHI_REAL | CLOTHI_INPUT),
     {CLOTHI_OF(params.material), 0, 7 * sizeof(double), sizeof(cloth_material), CLOTHI_REGION,
      CLOTHI_ARRAY | CLOTHI_PARAM},          /* without the padding behind the plane            */
     {CLOTHI_OF(params.material), offsetof(cloth_material, plane), sizeof(cloth_plane),
@@ -10490,6 +10492,7 @@ static size_t clothi_state_blocks(const cloth_sim *s, const cloth_hooks *hooks) 
 
 CLOTH_API void cloth_sim_destroy(cloth_sim *sim) {
     if (!sim) return;
+    if (sim->tape_gone) sim->tape_gone(sim->recorder.user);
     if (sim->contact_on && sim->contact.orphan) sim->contact.orphan(sim->contact.user);
     cloth_linear_solver_destroy(sim->solver);
     cloth_matrix_destroy(sim->matrix);
@@ -12009,7 +12012,6 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
     nt->radius = clothi_max(clothi_min(nt->radius, most), least);
 }
 
-
 /* An iterate was accepted: contact renews what it lags, and value and gradient with it; *done as
  * for its update. */
 static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
@@ -12385,6 +12387,8 @@ static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
 
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report);
 
+CLOTHI_RARE_BEGIN
+
 static cloth_status clothi_finite_result(const cloth_sim *s, cloth_report *report) {
     const ptrdiff_t at = clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv);
     if (at < 0) return CLOTH_OK;
@@ -12438,8 +12442,6 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
 static void clothi_recorded(const cloth_sim *s, const double *x) {
     if (s->recorder.substep) s->recorder.substep(s->recorder.user, &s->in, x);
 }
-
-CLOTHI_RARE_BEGIN
 
 static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) {
     const double h = s->in.h;
@@ -14253,9 +14255,11 @@ CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t
 /* --- records --- */
 
 CLOTH_API cloth_status cloth_sim_set_recorder(cloth_sim *sim, const cloth_recorder *recorder) {
+    cloth_recorder *to;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    memset(&sim->recorder, 0, sizeof sim->recorder);
-    if (recorder) sim->recorder = *recorder;
+    to = sim->tape_gone ? &sim->host : &sim->recorder;
+    memset(to, 0, sizeof *to);
+    if (recorder) *to = *recorder;
     return CLOTH_OK;
 }
 

@@ -1,0 +1,1985 @@
+/* clothsim_grad.h - how the motion of cloth depends on its causes.                version 0.2.0
+ * SPDX-License-Identifier: MIT
+ *
+ * A tape records the steps of a sim. One call walks it backwards and returns the derivative of any
+ * loss on the trajectory with respect to everything that caused it. C99, libc and libm only.
+ *
+ * In ONE .c file:        #define CLOTHSIM_IMPLEMENTATION
+ *                        #include "clothsim_grad.h"
+ * everywhere else:       #include "clothsim_grad.h"            (it includes clothsim.h)
+ *
+ * CONTENTS
+ *   read before the first line of your own
+ *     [1.1] QUICK START                      [1.2] WHAT THE DERIVATIVE MEANS, WHAT IT COSTS
+ *     [1.3] REFERENCES
+ *   the interface
+ *     [2.1] TAPE                             [2.2] GRADIENT
+ *   the implementation, bottom-up
+ *     [3.1] THE TAPE                         [3.2] HESSIAN TIMES VECTOR
+ *     [4.1] A SUBSTEP, LINEARISED            [4.2] ITS ADJOINT
+ *     [4.3] LEAPFROG                         [4.4] FROM MASSES AND LAME CONSTANTS TO MATERIALS
+ *     [5.1] BACKWARDS
+ *     [6.1] CHANGES
+ */
+
+/* ===== [1.1] QUICK START =====================================================================
+ *
+ * How far the free corner of a sheet moves at the end with its stiffness, and with its first speed.
+ *
+ * ---- 18_gradient.c ----
+ *     #define CLOTHSIM_IMPLEMENTATION
+ *     #include "clothsim_grad.h"
+ *     #include <stdio.h>
+ *
+ *     enum { NV = 400, STEPS = 30 };
+ *
+ *     static void corner(int k, const double *x, const double *v, double *gx, double *gv,
+ *                        void *user) {                       // L = its y after the last step
+ *         (void)x, (void)v, (void)gv, (void)user;
+ *         if (k == STEPS) gx[3 * (NV - 1) + 1] += 1;
+ *     }
+ *
+ *     int main(void) {
+ *         static double     v0[3 * NV];
+ *         double            stiffness;
+ *         cloth_mesh       *sheet = NULL;
+ *         cloth_model      *model = NULL;
+ *         cloth_sim        *sim = NULL;
+ *         cloth_tape       *tape = NULL;
+ *         cloth_grad        grad = {NULL};
+ *         cloth_grad_report report;
+ *         cloth_pin         pins[2] = {{0, CLOTH_AXIS_ALL}, {19, CLOTH_AXIS_ALL}};
+ *         cloth_desc        desc = cloth_desc_default();
+ *         int               frame;
+ *
+ *         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 20, 20, 1.0, 1.0, &sheet)) return 1;
+ *         cloth_desc_set_mesh(&desc, sheet);
+ *         desc.npins = 2, desc.pins = pins;
+ *         desc.tolerance = 1e-8;                              // m: derivatives want more than eyes
+ *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
+ *         if (cloth_tape_create(sim, NULL, &tape)) return 1;
+ *         for (frame = 0; frame < STEPS; frame++)
+ *             if (cloth_step(sim, 1.0 / 60, NULL)) return 1;
+ *         grad.membrane = &stiffness, grad.v0 = v0;           // what is asked for
+ *         if (cloth_grad_backward(tape, corner, NULL, &grad, &report)) return 1;
+ *         printf("dL/dY = %.3e m per N/m, dL/dv0y of that corner = %.3f s; %s\n", stiffness,
+ *                v0[3 * (NV - 1) + 1], report.valid ? "valid" : report.why);
+ *         cloth_tape_destroy(tape), cloth_sim_destroy(sim), cloth_model_destroy(model);
+ *         cloth_mesh_destroy(NULL, sheet);
+ *         return 0;
+ *     }
+ * ---- end ----
+ */
+
+/* ===== [1.2] WHAT THE DERIVATIVE MEANS, WHAT IT COSTS ========================================
+ *
+ * A step of clothsim.h ends at a minimum x of phi(x; p), p all that caused it. There grad phi = 0,
+ * and it stays 0 when p moves by dp and x by dx:
+ *
+ *     H dx + d(grad phi)/dp dp = 0,      H = d2 phi/dx2, exact, not projected
+ *
+ * The tangent follows dx from step to step. The adjoint goes the other way: with a = dL/dx it
+ * solves H z = a, and dL/dp gets -z' d(grad phi)/dp for every p at once. One linear solve a step
+ * and one pass over the elements; no iteration, whatever the step took.
+ *
+ * IT IS EXACT for the steps that were taken: the same h, the same substeps, every choice that the
+ * step made on its way (with or without history, asleep or not) a constant. It says nothing of
+ * what the motion would do were a choice to change, and the motion of sheets that buckle is
+ * chaotic: a derivative over a hundred steps of that is right and useless.
+ *
+ * HOW FAR TO TRUST IT. report.valid is 1 when nothing speaks against it; report.doubt says what
+ * does and report.step where first:
+ *   CLOTH_GRAD_SADDLE     H has a direction of negative curvature: the step ended on a saddle
+ *   CLOTH_GRAD_EARLY      a forward step stopped so far from its minimum (desc.tolerance,
+ *                         desc.max_newton) that the gradient is off by more than options.early
+ *   CLOTH_GRAD_RESIDUAL   the adjoint system was not solved to options.tolerance
+ *
+ * COST. A backward step is one assembly, one factorisation and two to three passes over the
+ * elements. Memory: the motion of every step (12 to 18 numbers a vertex), or options.bytes, and
+ * then part of the steps are run anew. A sim without a tape pays nothing.
+ *
+ * NOT BUILT: contact (a sim that has it is refused: CLOTH_ERR_UNSUPPORTED), hosts' terms without
+ * vjp, hosts' terms under LEAPFROG.
+ */
+
+/* ===== [1.3] REFERENCES ======================================================================
+ *
+ * [GW08]   Griewank, Walther: Evaluating Derivatives, 2nd ed. SIAM 2008. Adjoints, checkpoints.
+ * [CLPS03] Cao, Li, Petzold, Serban: Adjoint Sensitivity Analysis for Differential-Algebraic
+ *          Equations, SIAM J. Sci. Comput. 24, 2003.
+ * [L21]    as in clothsim.h: its losses are [2.2] cloth_loss_attach.
+ */
+
+#ifndef CLOTHSIM_GRAD_H
+#define CLOTHSIM_GRAD_H
+
+#include "clothsim.h"
+
+#if CLOTH_VERSION_NUM < 200
+#error "clothsim_grad.h needs clothsim.h 0.2.0 or newer"
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ===== [2.1] TAPE ============================================================================
+ *
+ * A tape records every accepted step of a sim from its creation on, cloth_solve_static() too, with
+ * what was pinned, attached, pushed, blown and what material it had; all may change between steps.
+ * What moves the state otherwise (cloth_sim_restore, _reset, cloth_step_replay, a write to
+ * cloth_sim_state, a teleport) ends the tape: the next step is not recorded and a sentence says so;
+ * what was recorded stays good. So it is when memory or the budget is out. */
+
+typedef struct cloth_tape cloth_tape;
+
+#define CLOTH_DEFAULT_ADJOINT_TOLERANCE 1e-10
+#define CLOTH_DEFAULT_EARLY             1e-3
+
+typedef struct cloth_tape_options {
+    uint32_t     cookie;        /* set by cloth_tape_options_default()                         */
+    size_t       bytes;         /* most that the tape may hold, its work included; 0: what it
+                                   takes. The linear solver's memory is the sim's              */
+    cloth_linear linear;        /* of the adjoint solve; AUTO: CHOLESKY                        */
+    double       tolerance;     /* relative residual of it, default 1e-10                      */
+    double       early;         /* relative error by early stops that makes a gradient invalid;
+                                   default 1e-3, 0: not looked at (saves a gradient a step)    */
+} cloth_tape_options;
+
+CLOTH_API cloth_tape_options cloth_tape_options_default(void);
+
+/* in   sim   without another tape; the tape may outlive it, but is then only to be destroyed
+ * in   opt   NULL: defaults
+ * out  *out  owned: cloth_tape_destroy(); NULL on failure
+ * returns CLOTH_OK; _ARGUMENT (NULL, a second tape); _UNINIT; _NONFINITE; _MEMORY;
+ *   _CAPACITY: opt->bytes is below what one step takes, which the sentence names
+ * contract: alloc the budget's fixed part | threads: that of the sim */
+CLOTH_API cloth_status cloth_tape_create(cloth_sim *sim, const cloth_tape_options *opt,
+                                         cloth_tape **out);
+CLOTH_API void   cloth_tape_destroy(cloth_tape *tape);      /* NULL allowed                    */
+CLOTH_API int    cloth_tape_steps(const cloth_tape *tape);  /* recorded; 0 for NULL            */
+/* Bytes held now, and the most since create (may be NULL). */
+CLOTH_API size_t cloth_tape_bytes(const cloth_tape *tape, size_t *most);
+/* NULL while it records; else the sentence that says what ended it. Borrowed. */
+CLOTH_API const char *cloth_tape_ended(const cloth_tape *tape);
+
+/* ===== [2.2] GRADIENT ======================================================================== */
+
+/* Adds dL/dx, dL/dv [nv x 3] of the state x, v after recorded step k = n .. 1, then of the start,
+ * k = 0. gx and gv come as zeros. It may not call the sim. */
+typedef void cloth_loss_fn(int k, const double *x, const double *v, double *gx, double *gv,
+                           void *user);
+
+struct cloth_obstacle;                      /* clothsim_collide.h                              */
+
+/* Where results go: the caller's arrays; NULL: not wanted. Written, not added to. Per region, in
+ * the units of cloth_material: the derivative by young*thickness (or by membrane where that is
+ * used) is `membrane`, by D `bending`; where D follows from the other fields (bending < 0) they get
+ * its share. What is given anew at every step has a derivative by its value at each step: one that
+ * is kept over many steps has the sum of those. */
+typedef struct cloth_grad {
+    double *x0, *v0;            /* [nv x 3]    start; pins' targets and ties' offsets stay     */
+    double *density;            /* [nregions]  0 where masses are given                        */
+    double *membrane, *poisson; /* [nregions]                                                  */
+    double *bending, *damping;  /* [nregions]                                                  */
+    double *X;                  /* [nf x 3 x 2], through lumped masses too                     */
+    double *theta0, *mass;      /* [nh], [nv]  as in cloth_params; mass: as if it were given   */
+    double *gravity, *wind;     /* [3]         of all steps together                           */
+    double *force;              /* [steps x nv x 3]                                            */
+    double *pin;                /* [steps x nv x 3] by the target of a pinned vertex, else 0;
+                                   where ties are, at the leader                               */
+    double *friction;           /* [1 + obstacles]                                             */
+    void  (*obstacle)(int k, struct cloth_obstacle id, const double *g_x_end, void *user);
+    void   *user;               /* of obstacle: per step, by the pose at its end               */
+    double *hinge_scale;        /* [nh]                                                        */
+    double *attach;             /* [steps x max_attachments x 3] by the targets                */
+    double *attach_k;           /* [max_attachments] of all steps together                     */
+} cloth_grad;
+
+enum {                          /* report.doubt                                                */
+    CLOTH_GRAD_SADDLE = 1, CLOTH_GRAD_EARLY = 2, CLOTH_GRAD_RESIDUAL = 4
+};
+
+typedef struct cloth_grad_report {
+    cloth_status status;        /* as returned                                                 */
+    int      valid;             /* 1: CLOTH_OK and no doubt                                    */
+    unsigned doubt;             /* CLOTH_GRAD_... or'ed                                        */
+    const char *why;            /* the first doubt in words, "" without one; static            */
+    int      step;              /* recorded step of the first doubt, -1                        */
+    int      steps;             /* of the tape                                                 */
+    int      replayed;          /* steps run anew for want of memory, or of LEAPFROG's path    */
+    int      solves, iterations, factorizations;
+    int      negative;          /* substeps whose H is not positive definite                   */
+    double   residual;          /* largest relative residual of an adjoint solve               */
+    double   left_m;            /* m, largest Newton update that a forward step left undone    */
+    double   early;             /* relative error of the gradient by that, estimated           */
+    size_t   bytes;             /* most that the tape held                                     */
+    double   ms;                /* 0 without a clock hook                                      */
+} cloth_grad_report;
+
+/* The derivative of the loss by all that `out` asks for. The sim steps on from where it was: its
+ * hash is the same before and after. May be called again, with other losses, and while recording.
+ * in   loss  called for k = n .. 0
+ * out  out   on failure its arrays are zero
+ * out  rep   may be NULL
+ * returns CLOTH_OK; _ARGUMENT (NULL, no step recorded); _HANDLE: the sim is destroyed;
+ *   _UNSUPPORTED: contact or a host's term without vjp, friction or obstacle without contact;
+ *   _NONFINITE: the loss wrote NaN or infinity (step and vertex are named); _MEMORY; _CAPACITY:
+ *   the budget; _CANCELLED
+ * contract: alloc scratch at each call | one linear solve a substep | the same bits for any budget
+ *   and any worker count | threads: that of the sim */
+CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss, void *user,
+                                           cloth_grad *out, cloth_grad_report *rep);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* CLOTHSIM_GRAD_H */
+
+/* =============================================================================================
+ *                                       IMPLEMENTATION
+ * ============================================================================================= */
+
+#if defined(CLOTHSIM_IMPLEMENTATION) && !defined(CLOTHSIM_GRAD_IMPLEMENTED)
+#define CLOTHSIM_GRAD_IMPLEMENTED
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ===== [3.1] THE TAPE ========================================================================
+ *
+ *   step      0          1          2          3            a step is a function of
+ *          +--------+ +--------+ +--------+ +--------+        motion  what a step moves: x v,
+ *   motion | slot   | |   .    | | slot   | |   .    | end            history
+ *          +--------+ +--------+ +--------+ +--------+        input   what the host says: pins,
+ *   input    b0    ^    b1   ^     b2   ^     b3                      forces, ..., params, and the
+ *            (only the words that change are kept)                    states of hosts' terms
+ *
+ * The motion at the start of step k follows from slots before it and the inputs since, to the last
+ * bit: steps are replayed. So slots may be dropped, inputs not. Inputs are kept as words that
+ * differ, b(k-1) XOR b(k), an operation that goes both ways: a cursor that holds b(k) walks to
+ * b(k-1) and to b(k+1) alike.
+ *
+ * Under a budget B slots are thinned: when the next one does not fit, every second one goes and the
+ * spacing doubles. Going backwards what lies between two slots is run anew, into what is free; an
+ * interval that is too long for it is halved, the second half first (bisection [GW08]): with room
+ * for s slots more a run of n steps between two slots costs at most about n log2(n) steps.
+ *
+ * That nobody but steps moved the sim is seen, not told: the motion at a step's start is compared
+ * with that at the end of the step before. Dropped history (a new material) is no such move.
+ * checked: tests/test_tape.c
+ */
+
+#define CLOTHI_TAPE_COOKIE 0x7a9e0010u
+
+enum { CLOTHI_MOTION, CLOTHI_INPUTS, CLOTHI_PARAMS };   /* kinds of clothi_fields             */
+enum { CLOTHI_TAPE_RECORD, CLOTHI_TAPE_DEAF, CLOTHI_TAPE_TRACE };
+
+typedef struct clothi_taped {               /* one step                                        */
+    double   h;                             /* s; 0: statics                                   */
+    int      dropped;                       /* before it: bit 1 history, bit 2 sleep           */
+    int      asleep;                        /* it moved t alone                                */
+    int      params;                        /* its params are others than the step's before    */
+    int      slept;                         /* it put the sim to sleep: v became 0             */
+    int      substeps;                      /* LEAPFROG: kicks                                 */
+    size_t   size, nword;                   /* bytes of its input; words that differ           */
+    uint64_t *word;                         /* [nword], then [nword] uint32_t: which ones      */
+    unsigned char *slot;                    /* motion at its start, then the ends of its
+                                               substeps but the last [3 nv]; NULL: dropped     */
+} clothi_taped;
+
+struct cloth_tape {
+    cloth_hooks   hooks;                    /* the model's: the sim may go first               */
+    cloth_tape_options opt;
+    cloth_sim    *sim;                      /* NULL: destroyed                                 */
+    const char   *ended;                    /* sentence, or NULL                               */
+    int           mode;
+    int           n, capacity, spacing;
+    clothi_taped *step;                     /* [capacity]                                      */
+    size_t        nv3;                      /* 3 nv                                            */
+    size_t        motion, fixed_input, params, slot;        /* bytes; params: of the input     */
+    unsigned char *start, *end;             /* [motion] of the step that is recorded           */
+    unsigned char *input, *next;            /* [room] input of the last step, of the next one  */
+    size_t        room;
+    double       *trace;                    /* [trace_room] ends of substeps under way; LEAPFROG:
+                                               x and v at each kick                            */
+    size_t        trace_room;               /* doubles                                         */
+    int           traced;                   /* substeps in it                                  */
+    int           lost;                     /* trace: memory is out                            */
+    size_t        path;                     /* bytes of the longest trace of LEAPFROG          */
+    size_t        bytes, most;
+    size_t        work;                     /* bytes that a walk backwards takes, beside slots */
+};
+
+static size_t clothi_max_size(size_t a, size_t b) { return a > b ? a : b; }
+
+static void *clothi_tape_alloc(cloth_tape *t, size_t count, size_t size) {
+    void *p = clothi_alloc(&t->hooks, count, size);
+    t->bytes += clothi_block_size(p);
+    if (t->bytes > t->most) t->most = t->bytes;
+    return p;
+}
+
+static void clothi_tape_free(cloth_tape *t, const void *p) {
+    t->bytes -= clothi_block_size(p);
+    clothi_free(&t->hooks, p);
+}
+
+/* --- the fields of a sim by kind --- */
+
+static int clothi_field_kind(const clothi_field *q) {
+    return q->flags & CLOTHI_PARAM ? CLOTHI_PARAMS
+                                   : q->flags & CLOTHI_INPUT ? CLOTHI_INPUTS : CLOTHI_MOTION;
+}
+
+/* Fields of a kind from the sim (CLOTHI_SAVE) or to it (CLOTHI_LOAD); returns their bytes. */
+static size_t clothi_tape_walk(const cloth_sim *s, int kind, int verb, const void *packed) {
+    clothi_walk w;
+    size_t      f, i;
+    memset(&w, 0, sizeof w);
+    w.verb = verb;
+    w.buf = (unsigned char *)(uintptr_t)packed;
+    for (f = 0; f < CLOTHI_FIELDS; f++) {
+        const clothi_field *q = clothi_fields + f;
+        const size_t        n = clothi_field_count(s, q);
+        unsigned char      *data = clothi_field_data(s, q);
+        if (n == 0 || clothi_field_kind(q) != kind) continue;
+        if (q->size == q->stride) clothi_walk_bytes(&w, data, n * q->size);
+        else for (i = 0; i < n; i++)
+            clothi_walk_bytes(&w, data + q->within + i * q->stride, q->size);
+        clothi_walk_pad(&w);
+    }
+    return w.at;
+}
+
+/* States of hosts' terms and of contact. */
+static size_t clothi_tape_units(const cloth_sim *s, int verb, const void *packed, size_t at) {
+    clothi_walk w;
+    memset(&w, 0, sizeof w);
+    w.verb = verb;
+    w.buf = (unsigned char *)(uintptr_t)packed;
+    w.at = at;
+    clothi_walk_units(s, &w, CLOTHI_MAX_TERMS, NULL);
+    return w.at - at;
+}
+
+/* A record's state into motion and input; returns where its units begin. */
+static size_t clothi_tape_split(const cloth_sim *s, const void *state, unsigned char *motion,
+                                unsigned char *input) {
+    const unsigned char *from = (const unsigned char *)state;
+    size_t               f, at = 0;
+    for (f = 0; f < CLOTHI_FIELDS; f++) {
+        const clothi_field *q = clothi_fields + f;
+        const int           kind = clothi_field_kind(q);
+        size_t              n = clothi_field_count(s, q) * q->size;
+        if (n == 0 || kind == CLOTHI_PARAMS) continue;
+        n += CLOTHI_PAD8(n);
+        memcpy(kind == CLOTHI_MOTION ? motion : input, from + at, n);
+        *(kind == CLOTHI_MOTION ? &motion : &input) += n;
+        at += n;
+    }
+    return at;
+}
+
+/* What of the motion changed between two steps: 0 nothing, bit 1 history was dropped, bit 2 the sim
+ * was woken; -1 the state was written. */
+static int clothi_tape_moved(const cloth_sim *s, const unsigned char *end,
+                             const unsigned char *start) {
+    size_t f, at = 0;
+    int    moved = 0, history = 0;
+    for (f = 0; f < CLOTHI_FIELDS && moved >= 0; f++) {
+        const clothi_field *q = clothi_fields + f;
+        size_t              n = clothi_field_count(s, q) * q->size;
+        double              still = 0;
+        if (n == 0 || clothi_field_kind(q) != CLOTHI_MOTION) continue;
+        if (q->at == offsetof(cloth_sim, history)) memcpy(&history, start + at, sizeof history);
+        if (q->at == offsetof(cloth_sim, still)) memcpy(&still, start + at, sizeof still);
+        n += CLOTHI_PAD8(n);
+        if (memcmp(end + at, start + at, n) != 0) {
+            if (!history && (q->at == offsetof(cloth_sim, history) ||
+                             q->at == offsetof(cloth_sim, x_prev) ||
+                             q->at == offsetof(cloth_sim, v_prev)))
+                moved |= 1;
+            else if (q->at == offsetof(cloth_sim, still) && !(still > 0)) moved |= 2;
+            else moved = -1;
+        }
+        at += n;
+    }
+    return moved;
+}
+
+/* --- recording --- */
+
+static void clothi_tape_end(cloth_tape *t, cloth_status status, const char *why) {
+    t->ended = why;
+    clothi_say(&t->hooks, CLOTH_LOG_WARNING, status, "the tape ends after step %i: %s", t->n, why);
+}
+
+/* *block of at least `need` bytes. */
+static int clothi_tape_room(cloth_tape *t, unsigned char **block, size_t size, size_t need) {
+    unsigned char *more;
+    if (*block && need <= size) return 1;
+    more = (unsigned char *)clothi_tape_alloc(t, need, 1);
+    if (!more) return 0;
+    if (*block) memcpy(more, *block, size);
+    clothi_tape_free(t, *block);
+    *block = more;
+    return 1;
+}
+
+/* The words in which `next` [size] differs from `input`, whose size is `before`; both stand in
+ * blocks of zeros beyond. */
+static int clothi_tape_words(cloth_tape *t, clothi_taped *e, size_t before) {
+    const size_t    most = (e->size > before ? e->size : before) / 8;
+    const uint64_t *a = (const uint64_t *)(const void *)t->input;
+    const uint64_t *b = (const uint64_t *)(const void *)t->next;
+    uint32_t       *which;
+    size_t          i, n = 0;
+    for (i = 0; i < most; i++) n += a[i] != b[i];
+    e->nword = n;
+    e->word = (uint64_t *)clothi_tape_alloc(t, n, sizeof(uint64_t) + sizeof(uint32_t));
+    if (!e->word) return 0;
+    which = (uint32_t *)(void *)(e->word + n);
+    for (i = 0, n = 0; i < most; i++)
+        if (a[i] != b[i]) {
+            which[n] = (uint32_t)i;
+            e->word[n++] = a[i] ^ b[i];
+        }
+    return 1;
+}
+
+static void clothi_tape_xor(const clothi_taped *e, unsigned char *input) {
+    const uint32_t *which = (const uint32_t *)(const void *)(e->word + e->nword);
+    uint64_t       *a = (uint64_t *)(void *)input;
+    size_t          i;
+    for (i = 0; i < e->nword; i++) a[which[i]] ^= e->word[i];
+}
+
+/* Bytes that a budget must leave for a walk backwards: its vectors, two slots, a path; and for the
+ * list of steps to grow. */
+static size_t clothi_tape_reserve(const cloth_tape *t) {
+    return t->work + 2 * t->slot + t->path + (2 * (size_t)t->capacity + 16) * sizeof *t->step +
+           8 * (CLOTHI_ALIGN + sizeof(clothi_block_header));
+}
+
+/* The ends of the substeps but the last, behind the motion. */
+static void clothi_tape_ends(const cloth_tape *t, unsigned char *slot) {
+    const size_t each = t->nv3 * sizeof(double);
+    if (t->slot > t->motion && t->traced > 1)
+        memcpy(slot + t->motion, t->trace, (size_t)(t->traced - 1) * each);
+}
+
+/* The slot of step e, if the spacing wants one; every second slot goes until it fits. */
+static int clothi_tape_slot(cloth_tape *t, int k) {
+    clothi_taped *e = t->step + k;
+    int           i;
+    while (t->opt.bytes && t->spacing <= k &&
+           t->bytes + t->slot + clothi_tape_reserve(t) > t->opt.bytes) {
+        t->spacing *= 2;
+        for (i = 0; i < k; i++)
+            if (i % t->spacing && t->step[i].slot) {
+                clothi_tape_free(t, t->step[i].slot);
+                t->step[i].slot = NULL;
+            }
+    }
+    if (k % t->spacing) return 1;
+    e->slot = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
+    if (!e->slot) return 0;
+    memcpy(e->slot, t->start, t->motion);
+    clothi_tape_ends(t, e->slot);
+    return 1;
+}
+
+/* The input of the step whose record this is, into next [e->size]; motion into start. */
+static int clothi_tape_take(cloth_tape *t, const cloth_step_record *r, clothi_taped *e) {
+    cloth_sim   *s = t->sim;
+    const size_t fields = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, 0);
+    size_t       at;
+    e->size = t->fixed_input + (r->bytes - fields);
+    e->size += CLOTHI_PAD8(e->size);
+    if (e->size > t->room) {
+        const size_t more = e->size + (e->size - t->fixed_input);
+        if (!clothi_tape_room(t, &t->input, t->room, more)) return 0;
+        if (!clothi_tape_room(t, &t->next, t->room, more)) return 0;
+        t->room = more;
+    }
+    memset(t->next, 0, t->room);
+    at = clothi_tape_split(s, r->state, t->start, t->next);
+    (void)clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_SAVE, t->next + t->fixed_input - t->params);
+    memcpy(t->next + t->fixed_input, (const unsigned char *)r->state + at, r->bytes - at);
+    return 1;
+}
+
+static int clothi_all_zero(const double *a, size_t n) {
+    size_t i;
+    for (i = 0; i < n; i++)
+        if (fabs(a[i]) > 0) return 0;
+    return 1;
+}
+
+static int clothi_tape_grow(cloth_tape *t) {
+    const size_t   old = (size_t)t->capacity;
+    unsigned char *block = (unsigned char *)t->step;
+    if (t->n < t->capacity) return 1;
+    if (!clothi_tape_room(t, &block, old * sizeof *t->step, (2 * old + 16) * sizeof *t->step))
+        return 0;
+    t->step = (clothi_taped *)(void *)block;
+    t->capacity = 2 * t->capacity + 16;
+    return 1;
+}
+
+/* A step was accepted. */
+static void clothi_tape_step(void *user, const cloth_step_record *r) {
+    cloth_tape    *t = (cloth_tape *)user;
+    cloth_recorder *host = &t->sim->host;
+    clothi_taped  *e;
+    const size_t   before = t->n ? t->step[t->n - 1].size : 0;
+    unsigned char *swap;
+    int            moved = 0;
+    if (t->mode == CLOTHI_TAPE_RECORD && host->step) host->step(host->user, r);
+    if (t->mode != CLOTHI_TAPE_RECORD || t->ended) return;
+    if (!clothi_tape_grow(t)) {
+        clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
+        return;
+    }
+    e = t->step + t->n;
+    memset(e, 0, sizeof *e);
+    e->h = r->h;
+    e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
+    e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
+               clothi_all_zero(r->v, t->nv3);
+    e->substeps = e->asleep ? 0 : t->traced;
+    if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * 2 * t->nv3 *
+                                               sizeof(double));
+    if (t->lost || !clothi_tape_take(t, r, e)) {
+        clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
+        return;
+    }
+    if (t->n) moved = clothi_tape_moved(t->sim, t->end, t->start);
+    if (moved < 0) {
+        clothi_tape_end(t, CLOTH_ERR_ARGUMENT, "the state was moved by something else than a step "
+                        "(a write, restore, reset, replay or teleport)");
+        return;
+    }
+    e->dropped = moved;
+    e->params = !t->n || memcmp(t->next + t->fixed_input - t->params,
+                                t->input + t->fixed_input - t->params, t->params) != 0;
+    if (!clothi_tape_words(t, e, before) || !clothi_tape_slot(t, t->n)) {
+        clothi_tape_free(t, e->word);
+        clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
+        return;
+    }
+    if (t->opt.bytes && t->bytes + clothi_tape_reserve(t) > t->opt.bytes) {
+        clothi_tape_free(t, e->word);
+        clothi_tape_free(t, e->slot);
+        clothi_tape_end(t, CLOTH_ERR_CAPACITY, "options.bytes are spent by the inputs of steps");
+        return;
+    }
+    swap = t->input, t->input = t->next, t->next = swap;
+    (void)clothi_tape_walk(t->sim, CLOTHI_MOTION, CLOTHI_SAVE, t->end);
+    t->n++;
+}
+
+/* A trace of at least `need` doubles: those of a step at once. */
+static int clothi_tape_trace(cloth_tape *t, size_t need) {
+    unsigned char *block = (unsigned char *)t->trace;
+    const size_t   step = (t->slot - t->motion) / sizeof(double) + t->nv3;
+    if (need <= t->trace_room) return 1;
+    if (need < step) need = step;
+    if (!clothi_tape_room(t, &block, t->trace_room * sizeof(double), need * sizeof(double)))
+        return 0;
+    t->trace = (double *)(void *)block;
+    t->trace_room = need;
+    return 1;
+}
+
+/* A substep ends: its x; of LEAPFROG, when it is asked for, x and v at each kick. */
+static void clothi_tape_substep(void *user, const cloth_step_input *in, const double *x) {
+    cloth_tape  *t = (cloth_tape *)user;
+    cloth_recorder *host = &t->sim->host;
+    const int    leap = in->y == NULL && in->h > 0;
+    const size_t each = leap ? 2 * t->nv3 : t->nv3;
+    size_t       need;
+    if (t->mode == CLOTHI_TAPE_RECORD && host->substep) host->substep(host->user, in, x);
+    if (t->mode == CLOTHI_TAPE_DEAF || (t->mode == CLOTHI_TAPE_RECORD && t->ended)) return;
+    if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0;
+    need = (size_t)(t->traced + 1) * each;
+    if (leap ? t->mode == CLOTHI_TAPE_RECORD : t->slot == t->motion) need = 0;      /* counted */
+    if (need && !clothi_tape_trace(t, need)) t->lost = 1;
+    if (need && !t->lost) {
+        double *to = t->trace + (size_t)t->traced * each;
+        memcpy(to, x, t->nv3 * sizeof(double));
+        if (leap) memcpy(to + t->nv3, in->v, t->nv3 * sizeof(double));
+    }
+    t->traced++;
+}
+
+static void clothi_tape_orphan(void *user) {
+    cloth_tape *t = (cloth_tape *)user;
+    t->sim = NULL;
+    t->ended = "the sim is destroyed";
+}
+
+/* --- create and destroy --- */
+
+CLOTH_API cloth_tape_options cloth_tape_options_default(void) {
+    cloth_tape_options o;
+    memset(&o, 0, sizeof o);
+    o.cookie = CLOTHI_TAPE_COOKIE;
+    o.linear = CLOTH_LINEAR_AUTO;
+    o.tolerance = CLOTH_DEFAULT_ADJOINT_TOLERANCE;
+    o.early = CLOTH_DEFAULT_EARLY;
+    return o;
+}
+
+static cloth_status clothi_tape_check(const cloth_hooks *hooks, const cloth_tape_options *o) {
+    if (o->cookie != CLOTHI_TAPE_COOKIE)
+        return clothi_fail(hooks, CLOTH_ERR_UNINIT, "cloth_tape_options: start from "
+                           "cloth_tape_options_default()");
+    if (!clothi_finite(o->tolerance) || !clothi_finite(o->early))
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_tape_options: tolerance = %g, "
+                           "early = %g must be finite", o->tolerance, o->early);
+    if (!(o->tolerance > 0) || o->tolerance > 0.1 || o->early < 0)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_tape_options: tolerance = %g must be "
+                           "in (0, 0.1], early = %g at least 0", o->tolerance, o->early);
+    if (o->linear < CLOTH_LINEAR_AUTO || o->linear > CLOTH_LINEAR_CHOLESKY)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_tape_options: linear = %i is no "
+                           "cloth_linear", (int)o->linear);
+    return CLOTH_OK;
+}
+
+static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input);   /* [5.1] */
+
+/* Sizes and the arrays that every tape has. */
+static cloth_status clothi_tape_arrays(cloth_tape *t) {
+    cloth_sim *s = t->sim;
+    const int  m = s->model->desc.substeps;
+    size_t     need, units = clothi_tape_units(s, CLOTHI_SIZE, NULL, 0);
+    t->nv3 = 3 * (size_t)s->model->nv;
+    t->motion = clothi_tape_walk(s, CLOTHI_MOTION, CLOTHI_SIZE, NULL);
+    t->params = clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_SIZE, NULL);
+    t->fixed_input = clothi_tape_walk(s, CLOTHI_INPUTS, CLOTHI_SIZE, NULL) + t->params;
+    t->slot = t->motion;
+    if (s->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG && m > 1)
+        t->slot += (size_t)(m - 1) * t->nv3 * sizeof(double);
+    t->room = t->fixed_input + units + CLOTHI_PAD8(units);
+    t->work = clothi_grad_bytes(s, t->motion, t->room);
+    need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot +
+           (t->room / 8) * 12;
+    if (t->opt.bytes && t->opt.bytes < need)
+        return clothi_fail(&t->hooks, CLOTH_ERR_CAPACITY, "cloth_tape_create: options.bytes = %z "
+                           "but one step takes %z", t->opt.bytes, need);
+    t->start = (unsigned char *)clothi_tape_alloc(t, t->motion, 1);
+    t->end = (unsigned char *)clothi_tape_alloc(t, t->motion, 1);
+    t->input = (unsigned char *)clothi_tape_alloc(t, t->room, 1);
+    t->next = (unsigned char *)clothi_tape_alloc(t, t->room, 1);
+    if (t->start && t->end && t->input && t->next) return CLOTH_OK;
+    return clothi_fail(&t->hooks, CLOTH_ERR_MEMORY, "no memory for a tape");
+}
+
+CLOTH_API cloth_status cloth_tape_create(cloth_sim *sim, const cloth_tape_options *opt,
+                                         cloth_tape **out) {
+    cloth_tape_options o = opt ? *opt : cloth_tape_options_default();
+    cloth_tape        *t;
+    cloth_status       status;
+    if (out) *out = NULL;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!out) return clothi_null(&sim->hooks, "cloth_tape_create: out");
+    status = clothi_tape_check(&sim->hooks, &o);
+    if (status) return status;
+    if (sim->tape_gone)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_tape_create: this sim has a "
+                           "tape already");
+    t = (cloth_tape *)clothi_alloc(&sim->model->hooks, 1, sizeof *t);
+    if (!t) return clothi_fail(&sim->hooks, CLOTH_ERR_MEMORY, "no memory for a tape");
+    t->hooks = sim->model->hooks;
+    t->opt = o;
+    t->spacing = 1;
+    t->bytes = t->most = clothi_block_size(t);
+    t->sim = sim;
+    status = clothi_tape_arrays(t);
+    if (status) {
+        t->sim = NULL;
+        cloth_tape_destroy(t);
+        return status;
+    }
+    sim->host = sim->recorder;
+    sim->recorder.user = t;
+    sim->recorder.substep = clothi_tape_substep;
+    sim->recorder.step = clothi_tape_step;
+    sim->tape_gone = clothi_tape_orphan;
+    *out = t;
+    return CLOTH_OK;
+}
+
+CLOTH_API void cloth_tape_destroy(cloth_tape *tape) {
+    int k;
+    if (!tape) return;
+    if (tape->sim) {
+        tape->sim->recorder = tape->sim->host;
+        tape->sim->tape_gone = NULL;
+    }
+    for (k = 0; k < tape->n; k++) {
+        clothi_tape_free(tape, tape->step[k].word);
+        clothi_tape_free(tape, tape->step[k].slot);
+    }
+    clothi_tape_free(tape, tape->step);
+    clothi_tape_free(tape, tape->start);
+    clothi_tape_free(tape, tape->end);
+    clothi_tape_free(tape, tape->input);
+    clothi_tape_free(tape, tape->next);
+    clothi_tape_free(tape, tape->trace);
+    clothi_free(&tape->hooks, tape);
+}
+
+CLOTH_API int cloth_tape_steps(const cloth_tape *tape) { return tape ? tape->n : 0; }
+
+CLOTH_API size_t cloth_tape_bytes(const cloth_tape *tape, size_t *most) {
+    if (most) *most = tape ? tape->most : 0;
+    return tape ? tape->bytes : 0;
+}
+
+CLOTH_API const char *cloth_tape_ended(const cloth_tape *tape) {
+    return tape ? tape->ended : NULL;
+}
+
+/* ===== [3.2] HESSIAN TIMES VECTOR ============================================================
+ *
+ *   H u of stretch and bending, eight elements at a time, without a matrix: the derivative of each
+ *   element's force along u.
+ *
+ *   triangle   f = A F S G'         F' = dF/du is F of u, E' = sym(F'F'), S' = C (1+s) E':
+ *                                   f' = A (F' S + F S') G'
+ *   spring     f = k (1 - L/l) d    f' = k (1 - L/l) d' + k L/l (w.d') w,  w = d/l
+ *   quadratic  linear in x          f' is f of (1+s) u
+ *   hinge      f = M g, M = c ((theta - theta0) + s (theta - theta_n)), g = grad theta:
+ *                                   f' = c (1+s) (g.u) g + M g'
+ *     g = (p + r - q, q, -p, -r), p = l n/|n|^2, r = l m/|m|^2, q = (ae p + be r)/l^2; each factor
+ *     is differentiated in turn: |n|^2' = 2 n.n', l' = e.e'/l, n' = e' x a + e x a'.
+ *     The floors of [6.3] in clothsim.h, for triangles near collapse, are taken as constants.
+ *
+ * s = tau/h of material damping. What it is for: LEAPFROG's adjoint, which has no matrix, and how
+ * the Hessian changes over the update that a forward step left undone.
+ * checked: tests/test_grad.c: hessian_times_vector
+ */
+
+typedef struct clothi_hvp {                 /* one sweep                                       */
+    const cloth_sim       *s;
+    const clothi_elements *el;
+    const double          *x, *u;           /* [nv x 3]                                        */
+    double                 inv_h;           /* 1/h of damping; 0: none                         */
+} clothi_hvp;
+
+CLOTHI_HOT void clothi_stretch_hvp(const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT u,
+                                   const double *CLOTHI_RESTRICT rest,
+                                   const double *CLOTHI_RESTRICT start,
+                                   const double *CLOTHI_RESTRICT damp,
+                                   double *CLOTHI_RESTRICT f) {
+    enum { L = CLOTHI_LANES };
+    double more[9 * L];
+    int    k;
+    for (k = 0; k < L; k++) {
+        clothi_tri       t = clothi_tri_at(x, rest, k), a = clothi_tri_at(u, rest, k), b = t;
+        const double     s = 1.0 + damp[k];
+        const clothi_tri d = clothi_tri_damped(t, start, damp, k);
+        b.e0 = s * (t.f0 * a.f0 + t.f2 * a.f2 + t.f4 * a.f4);
+        b.e1 = s * (t.f1 * a.f1 + t.f3 * a.f3 + t.f5 * a.f5);
+        b.e2 = 0.5 * s * (t.f0 * a.f1 + t.f1 * a.f0 + t.f2 * a.f3 + t.f3 * a.f2 + t.f4 * a.f5 +
+                          t.f5 * a.f4);
+        a.e0 = d.e0;
+        a.e1 = d.e1;
+        a.e2 = d.e2;
+        clothi_tri_force(a, rest, k, f);
+        clothi_tri_force(b, rest, k, more);
+    }
+    for (k = 0; k < 9 * L; k++) f[k] += more[k];
+}
+
+CLOTHI_HOT void clothi_spring_hvp(const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT u,
+                                  const double *CLOTHI_RESTRICT rest,
+                                  const double *CLOTHI_RESTRICT start,
+                                  const double *CLOTHI_RESTRICT damp, double *CLOTHI_RESTRICT f) {
+    enum { L = CLOTHI_LANES };
+    double len[L];
+    int    k, i;
+    clothi_edge_lengths(x, len);
+    for (k = 0; k < L; k++) {
+        double       d[3], w[3], along = 0;
+        const double inv = 1.0 / (len[k] + 1e-300), s = damp[k];
+        const double pull = rest[k] * (1.0 + s - (rest[L + k] + s * start[k]) * inv);
+        for (i = 0; i < 3; i++) {
+            d[i] = u[(3 + i) * L + k] - u[i * L + k];
+            w[i] = (x[(3 + i) * L + k] - x[i * L + k]) * inv;
+            along += w[i] * d[i];
+        }
+        for (i = 0; i < 3; i++) {
+            const double g = pull * d[i] + (rest[k] * (1.0 + s) - pull) * along * w[i];
+            f[(3 + i) * L + k] = g;
+            f[i * L + k] = -g;
+        }
+    }
+}
+
+/* g' of hinge k of the lanes, times a factor; l its length. */
+CLOTHI_LANE void clothi_fold_turn(const clothi_fold *h, const double *u, double l, double factor,
+                                  int k, double *f) {
+    enum { L = CLOTHI_LANES };
+    const clothi_fold_inverse v = clothi_fold_invert(h);
+    const double n[3] = {h->n0, h->n1, h->n2}, m[3] = {h->m0, h->m1, h->m2};
+    const double e[3] = {h->e0, h->e1, h->e2}, a[3] = {h->a0, h->a1, h->a2};
+    const double b[3] = {h->b0, h->b1, h->b2}, t1 = h->ae * v.l2, t2 = h->be * v.l2;
+    const double k1 = factor * l * v.q1, k2 = factor * l * v.q2;
+    double       de[3], da[3], db[3], dn[3], dm[3], el = 0, q1 = 0, q2 = 0, ae = 0, be = 0;
+    int          i;
+    for (i = 0; i < 3; i++) {
+        de[i] = u[(3 + i) * L + k] - u[i * L + k];
+        da[i] = u[(6 + i) * L + k] - u[i * L + k];
+        db[i] = u[(9 + i) * L + k] - u[i * L + k];
+    }
+    for (i = 0; i < 3; i++) {
+        const int j = i == 2 ? 0 : i + 1, r = j == 2 ? 0 : j + 1;
+        dn[i] = de[j] * a[r] - de[r] * a[j] + e[j] * da[r] - e[r] * da[j];
+        dm[i] = db[j] * e[r] - db[r] * e[j] + b[j] * de[r] - b[r] * de[j];
+        el += e[i] * de[i];
+        ae += da[i] * e[i] + a[i] * de[i];
+        be += db[i] * e[i] + b[i] * de[i];
+    }
+    for (i = 0; i < 3; i++) q1 += n[i] * dn[i], q2 += m[i] * dm[i];
+    el *= v.l2;                             /* l'/l, then the relative change of l/|n|^2       */
+    q1 = el - 2.0 * q1 * v.q1;
+    q2 = el - 2.0 * q2 * v.q2;
+    ae = ae * v.l2 - 2.0 * t1 * el;
+    be = be * v.l2 - 2.0 * t2 * el;
+    for (i = 0; i < 3; i++) {
+        const double p = k1 * n[i], r = k2 * m[i];
+        const double dp = q1 * p + k1 * dn[i], dr = q2 * r + k2 * dm[i];
+        const double dq = ae * p + t1 * dp + be * r + t2 * dr;
+        f[i * L + k] += dp + dr - dq;
+        f[(3 + i) * L + k] += dq;
+        f[(6 + i) * L + k] -= dp;
+        f[(9 + i) * L + k] -= dr;
+    }
+}
+
+CLOTHI_HOT void clothi_hinge_hvp(const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT u,
+                                 const double *CLOTHI_RESTRICT rest,
+                                 const double *CLOTHI_RESTRICT start,
+                                 const double *CLOTHI_RESTRICT damp, double *CLOTHI_RESTRICT f) {
+    enum { L = CLOTHI_LANES };
+    double l[L], g[12 * L], along[L], moment[L];
+    int    k, i;
+    clothi_edge_lengths(x, l);
+    for (k = 0; k < L; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        const double      theta = clothi_atan2(h.sine, h.cosine);
+        moment[k] = rest[k] * (clothi_wrap(theta - rest[L + k]) +
+                               damp[k] * clothi_wrap(theta - start[k]));
+        clothi_fold_force(&h, l[k], 1.0, k, g);
+        along[k] = 0;
+    }
+    for (i = 0; i < 12; i++)
+        for (k = 0; k < L; k++) along[k] += g[i * L + k] * u[i * L + k];
+    for (i = 0; i < 12; i++)
+        for (k = 0; k < L; k++)
+            f[i * L + k] = rest[k] * (1.0 + damp[k]) * along[k] * g[i * L + k];
+    for (k = 0; k < L; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        clothi_fold_turn(&h, u, l[k], moment[k], k, f);
+    }
+}
+
+static void clothi_hvp_range(int begin, int end, int worker, void *ctx) {
+    enum { L = CLOTHI_LANES };
+    const clothi_hvp   *p = (const clothi_hvp *)ctx;
+    const clothi_group *g = p->el->group;
+    const double zero[12 * L] = {0};
+    double x[12 * L], u[12 * L], damp[L];
+    int    b, k, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    (void)worker;
+    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+        const int     damped = p->el->damped && p->inv_h > 0;
+        const double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * L;
+        const double *start = damped ? p->el->start + (size_t)b * (size_t)p->el->nstart * L : zero;
+        double       *f = p->s->own.force + g->force + (size_t)b * (size_t)g->width * 3 * L;
+        clothi_gather_lanes(p->x, g->vert + (size_t)b * (size_t)g->width * L, g->width, x);
+        clothi_gather_lanes(p->u, g->vert + (size_t)b * (size_t)g->width * L, g->width, u);
+        for (k = 0; k < L; k++) damp[k] = damped ? p->el->tau[b * L + k] * p->inv_h : 0;
+        if (g->kind == CLOTHI_TRIANGLE) clothi_stretch_hvp(x, u, rest, start, damp, f);
+        else if (g->kind == CLOTHI_HINGE) clothi_hinge_hvp(x, u, rest, start, damp, f);
+        else if (g->kind == CLOTHI_SPRING) clothi_spring_hvp(x, u, rest, start, damp, f);
+        else {
+            for (k = 0; k < 12 * L; k++) u[k] *= 1.0 + damp[k % L];
+            clothi_quadratic_lanes(u, rest, NULL, f);
+        }
+    }
+}
+
+/* out [nv x 3] = H u of the elements at x; h: of damping, whose begin() has been, or 0. */
+static void clothi_hessian_times(cloth_sim *s, const double *x, const double *u, double h,
+                                 double *out) {
+    const clothi_elements *el[2];
+    clothi_hvp             p;
+    int                    i;
+    el[0] = &s->own.membrane;
+    el[1] = &s->own.bend;
+    p.s = s;
+    p.x = x;
+    p.u = u;
+    p.inv_h = h > 0 ? 1 / h : 0;
+    for (i = 0; i < 2; i++) {
+        p.el = el[i];
+        clothi_for(&s->hooks, (el[i]->group->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
+                   clothi_hvp_range, &p);
+    }
+    clothi_gather_forces(s, out);
+}
+
+/* ===== [4.1] A SUBSTEP, LINEARISED ===========================================================
+ *
+ *   x: free axes       M (x - y)/eta^2 + dE/dx = 0
+ *      pinned axes     x = x0 + share (target - x0),   x0 at the start of the step
+ *      followers       x = x_leader + constant         x = T (leaders) + constant
+ *   y = yx x^n + yv v^n + yp x^(n-1) + yw v^(n-1)      (free axes and followers)
+ *   v = vx x + vn x^n + vp x^(n-1)
+ *
+ *             yx    yv    yp    yw         vx       vn     vp       eta
+ *   Euler     1     h     0     0          1/h    -1/h    0         h
+ *   BDF2      4/3   8h/9  -1/3  -2h/9      3/(2h) -2/h    1/(2h)    2h/3
+ *   statics   0     0     0     0          0       0      0         infinite
+ *
+ * H is the exact Hessian at the accepted x, T' H T with ties, as clothsim.h [9.2] assembles it.
+ * The sim is put where the substep began, its terms begin (what they lag is derived from there),
+ * and w.x holds the accepted x: the sim is then as it was when the minimiser had just ended.
+ */
+
+typedef struct clothi_line {                /* a substep, linearised                           */
+    clothi_goal goal;
+    double      h, weight;                  /* s; 1/eta^2                                      */
+    int         bdf2;
+    double      yx, yv, yp, yw, vx, vn, vp;
+} clothi_line;
+
+static void clothi_line_weights(clothi_line *q) {
+    const double h = q->h;
+    q->yx = q->yv = q->yp = q->yw = q->vx = q->vn = q->vp = 0;
+    if (!(h > 0)) return;
+    q->yx = q->bdf2 ? 4.0 / 3 : 1;
+    q->yv = q->bdf2 ? 8 * h / 9 : h;
+    q->yp = q->bdf2 ? -1.0 / 3 : 0;
+    q->yw = q->bdf2 ? -2 * h / 9 : 0;
+    q->vx = q->bdf2 ? 1.5 / h : 1 / h;
+    q->vn = q->bdf2 ? -2 / h : -1 / h;
+    q->vp = q->bdf2 ? 0.5 / h : 0;
+}
+
+/* Substep j of m of a step of h from the sim's state on, which ended at x. */
+static cloth_status clothi_line_open(cloth_sim *s, double h, int j, int m, const double *x,
+                                     clothi_line *q) {
+    cloth_status status;
+    memset(q, 0, sizeof *q);
+    q->h = h / m;
+    if (!(h > 0)) {                         /* wind is lagged to where the search ended, at rest */
+        memcpy(s->state.x, x, 3 * (size_t)s->model->nv * sizeof(double));
+        memset(s->state.v, 0, 3 * (size_t)s->model->nv * sizeof(double));
+    }
+    clothi_input(s, q->h, (double)j / m, (double)(j + 1) / m);
+    clothi_eval_start(s, &q->goal, q->h);
+    if (h > 0) {
+        q->bdf2 = clothi_predict(s, q->h, &q->goal.eta);
+        s->in.eta = q->goal.eta;
+        s->in.y = s->w.y;
+        q->weight = 1 / (q->goal.eta * q->goal.eta);
+    } else memcpy(s->w.y, x, 3 * (size_t)s->model->nv * sizeof(double));
+    clothi_line_weights(q);
+    clothi_pin_goals(s);
+    clothi_fix(s);
+    clothi_guess(s, q->h);                  /* w.y of what is pinned */
+    status = clothi_terms_begin(s, &q->goal);
+    memcpy(s->w.x, x, 3 * (size_t)s->model->nv * sizeof(double));
+    q->goal.e.x = s->w.x;
+    return status;
+}
+
+/* The sim goes on to the end of that substep, as the step did. */
+static void clothi_line_close(cloth_sim *s, const clothi_line *q) {
+    clothi_advance(s, q->h, q->bdf2, 1);
+}
+
+/* ===== [4.2] ITS ADJOINT =====================================================================
+ *
+ *   given  lx lv lp lw   dL/d{x, v, x^(n-1), v^(n-1)} after the substep
+ *   find   nx nv np nw   the same before it, and what goes to the parameters
+ *
+ *   a  = lx + vx lv                                  all that x moves
+ *   T' H T z = T' a over the free leaders, z = 0 on pins; then z <- T z
+ *   dL/dy     =  weight M z                          to nx nv np nw by the weights of y
+ *   dL/dm     = -weight z (x - y)
+ *   dL/dp     = -z' d(grad E)/dp                     the terms' vjp of -z: x^n and v^n among p
+ *   dL/dgoal  =  T'(a - H z) on pinned axes          to the target by share, to x0 by 1 - share
+ *   nx += vn lv + lp,   np += vp lv,   nw += 0,   nv += lw
+ *
+ * Why -z' d(grad)/dp. H dx = -d(grad)/dp dp on free axes, so a.dx = a' H^-1 (-d(grad)/dp dp) =
+ * -z' d(grad)/dp dp, H being symmetric. On pinned axes dx = dgoal is given: a.dgoal directly, and
+ * through H's columns, -z' H dgoal.
+ *
+ * Statics: M/eta^2 = 0 and x^n does not matter. Wind is lagged to x itself: grad E(x, x^n = x) = 0,
+ * whose Jacobian is H + W, W = d(grad)/dx^n, not symmetric. (H + W)' z = a is iterated as the
+ * forward search is: H z <- a - W' z.
+ *
+ * Attachments pull to pose + share (target - pose); the pose is the last step's target, or the
+ * point itself where it was attached since.
+ *
+ * What an early stop costs. With g = grad phi left at x the minimum is at x + d, H d = -g. There H
+ * z = a has another H: z is off by about H^-1 (H(x + d) - H(x)) z, relative to a by |(H(x + d) -
+ * H(x)) z|/|a|. One more right-hand side for the factor and two products of [3.2]; summed over the
+ * steps in report.early. First order, elements only.
+ * checked: tests/test_grad.c: differences_*, early_stop, saddle
+ */
+
+typedef struct clothi_grad {                /* one walk backwards                              */
+    cloth_tape        *t;
+    cloth_sim         *s;
+    const cloth_grad  *out;
+    cloth_grad_report *rep;
+    unsigned char *input;                   /* [t->room] that of step `at`                     */
+    int            at;                      /* -1: zeros                                       */
+    unsigned char *kept_motion, *kept_input;/* the sim as it was                               */
+    size_t         kept_size;               /* bytes of kept_input                             */
+    unsigned char *here;                    /* a slot                                          */
+    double *x, *v;                          /* [nv x 3] after the step under way               */
+    double *lx, *lv, *lp, *lw;              /* [nv x 3] adjoint after the substep under way    */
+    double *nx, *nv, *np, *nw;              /* before it                                       */
+    double *x0;                             /* of x at the step's start, by goals              */
+    double *gx, *gv;                        /* what the loss says                              */
+    double *a, *z, *q, *left;               /* [nv x 3] scratch                                */
+    double *mass;                           /* [nv]                                            */
+    double *mu, *lambda, *bending, *damping;/* [nregions] under the params of the sim          */
+    double *pose;                           /* [max_attachments x 3]                           */
+} clothi_grad;
+
+#define CLOTHI_GRAD_ARRAYS 17               /* [nv x 3] of the above                           */
+
+static void clothi_grad_doubt(clothi_grad *g, unsigned doubt, int k) {
+    if (!g->rep->doubt || k < g->rep->step) g->rep->step = k;
+    g->rep->doubt |= doubt;
+}
+
+static cloth_linear clothi_grad_method(const clothi_grad *g) {
+    return g->t->opt.linear == CLOTH_LINEAR_AUTO ? CLOTH_LINEAR_CHOLESKY : g->t->opt.linear;
+}
+
+/* One more right-hand side b for the matrix of the last solve: its factor is still there. */
+static cloth_status clothi_grad_again(clothi_grad *g, const double *b, double tolerance,
+                                      double *x) {
+    cloth_sim           *s = g->s;
+    cloth_linear_options opt = cloth_linear_options_default();
+    clothi_cg            cg;
+    cloth_status         status;
+    opt.method = clothi_grad_method(g);
+    opt.tolerance = tolerance;
+    opt.fixed = s->fixed;
+    if (opt.method != CLOTH_LINEAR_CHOLESKY)
+        return cloth_linear_solve(s->solver, s->matrix, b, x, &opt, NULL);
+    clothi_linear_begin(s->solver, s->matrix, b, &opt, &cg);
+    memset(x, 0, 3 * (size_t)s->model->nv * sizeof(double));
+    s->solver->use_factor = 1;
+    status = clothi_jacobi_solve(s->solver, x, &cg);
+    s->solver->use_factor = 0;
+    g->rep->iterations += cg.it;
+    return status;
+}
+
+/* r = b - A x over the free unknowns; returns |r|/|b|. Ax [nv x 3]: all rows of it. */
+static double clothi_grad_residual(const cloth_sim *s, const double *b, const double *x, double *Ax,
+                                   double *r) {
+    double sum = 0, size = 0;
+    int    i;
+    cloth_matrix_mul(s->matrix, NULL, x, Ax);
+    for (i = 0; i < 3 * s->model->nv; i++) {
+        r[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : b[i] - Ax[i];
+        sum += r[i] * r[i];
+        if (!(s->fixed[i / 3] >> i % 3 & 1)) size += b[i] * b[i];
+    }
+    return size > 0 ? sqrt(sum / size) : 0;
+}
+
+#define CLOTHI_GRAD_REFINE 30               /* rounds for a matrix that is not definite        */
+
+/* With the factor L S L' of H, good also where H has negative pivots; what lies outside the pattern
+ * (attachments, ties) is not in it: then it preconditions CG, or, at negative pivots, repeated
+ * corrections, of which the residual says whether they came to an end. */
+static cloth_status clothi_grad_direct(clothi_grad *g, const double *b, double *x, int *negative) {
+    const double tolerance = g->t->opt.tolerance;
+    cloth_sim   *s = g->s;
+    cloth_status status = clothi_jacobi_make(s->solver);
+    double       r, last = HUGE_VAL;
+    int          i, k, n = 3 * s->model->nv;
+    if (!status && !s->solver->factor)
+        status = cloth_factor_create(&s->hooks, s->model->pattern, &s->solver->factor);
+    if (!status) status = cloth_factor_compute(s->solver->factor, s->matrix, s->fixed, 0, NULL);
+    g->rep->factorizations++;
+    *negative = status == CLOTH_ERR_NUMERIC;
+    if (status && !*negative) return status;
+    memcpy(g->left, b, (size_t)n * sizeof(double));
+    memset(x, 0, (size_t)n * sizeof(double));
+    for (k = 0; k < CLOTHI_GRAD_REFINE; k++) {
+        status = cloth_factor_solve(s->solver->factor, g->left, g->left);
+        if (status) return status;
+        for (i = 0; i < n; i++) x[i] += g->left[i];
+        r = clothi_grad_residual(s, b, x, g->q, g->left);
+        if (r <= tolerance) return CLOTH_OK;
+        if (!(r < 0.1 * last) && (!*negative || !(r < 0.9 * last))) break;
+        last = r;
+    }
+    return *negative ? CLOTH_OK : clothi_grad_again(g, b, 0.1 * tolerance, x);
+}
+
+/* The kit's CG: to a residual in the norm of its preconditioner first, then in ours. */
+static cloth_status clothi_grad_iterate(clothi_grad *g, const double *b, double *x,
+                                        int *negative) {
+    cloth_sim           *s = g->s;
+    cloth_linear_options opt = cloth_linear_options_default();
+    cloth_linear_report  lr;
+    cloth_status         status = CLOTH_OK;
+    double               r;
+    int                  k;
+    opt.method = g->t->opt.linear;
+    opt.fixed = s->fixed;
+    opt.tolerance = g->t->opt.tolerance;
+    *negative = 0;
+    for (k = 0; k < 3 && !status; k++) {
+        status = cloth_linear_solve(s->solver, s->matrix, b, x, &opt, &lr);
+        g->rep->iterations += lr.iterations;
+        *negative |= lr.negative;
+        r = clothi_grad_residual(s, b, x, g->q, g->left);
+        if (*negative || r <= g->t->opt.tolerance) break;
+        opt.tolerance *= 0.5 * g->t->opt.tolerance / r;
+    }
+    return status;
+}
+
+/* z = H^-1 b over the free leaders; g->q = H z, all rows. */
+static cloth_status clothi_grad_solve(clothi_grad *g, const double *b, double *z, int k) {
+    cloth_status status;
+    double       residual;
+    int          negative = 0;
+    if (clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY)
+        status = clothi_grad_direct(g, b, z, &negative);
+    else {
+        status = clothi_grad_iterate(g, b, z, &negative);
+        if (!status && negative) status = clothi_grad_direct(g, b, z, &negative);
+    }
+    if (status) return status;
+    g->rep->solves++;
+    g->rep->negative += negative;
+    if (negative) clothi_grad_doubt(g, CLOTH_GRAD_SADDLE, k);
+    residual = clothi_grad_residual(g->s, b, z, g->q, g->left);
+    g->rep->residual = clothi_max(g->rep->residual, residual);
+    if (!(residual <= 1e3 * g->t->opt.tolerance)) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
+    return status;
+}
+
+/* The force that the forward step left, into g->left; the update that it asks for at most, m. */
+static cloth_status clothi_grad_leftover(clothi_grad *g, clothi_line *line, double *most) {
+    cloth_sim   *s = g->s;
+    cloth_status status = clothi_objective(s, &line->goal, s->w.x, s->w.grad, 0, 0, NULL);
+    int          i;
+    *most = 0;
+    clothi_newton_rhs(s);
+    for (i = 0; i < 3 * s->model->nv; i++)
+        *most = clothi_max(*most, fabs(s->w.rhs[i]) / s->params.mass[i / 3]);
+    *most *= line->weight > 0 ? 1 / line->weight : 1;
+    return status;
+}
+
+#define CLOTHI_GRAD_ARRIVED 1e-13           /* m, an update that is rounding                   */
+
+/* See 'What an early stop costs'. b = T' a, z its solution with followers; w.rhs the force left. */
+static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, double most,
+                                      const double *b, const double *z, int k) {
+    cloth_sim   *s = g->s;
+    const int    n = 3 * s->model->nv;
+    cloth_status status;
+    double       sum = 0, size = 0, left;
+    int          i;
+    if (line->weight > 0 && most < CLOTHI_GRAD_ARRIVED) return CLOTH_OK;
+    status = clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY && s->matrix->ne == 0
+                 ? cloth_factor_solve(s->solver->factor, s->w.rhs, g->left)
+                 : clothi_grad_again(g, s->w.rhs, 1e-3, g->left);
+    if (status) return status;
+    clothi_tie_spread(s->model, g->left);
+    left = clothi_max_abs(g->left, n);
+    g->rep->left_m = clothi_max(g->rep->left_m, left);
+    if (!(left > CLOTHI_GRAD_ARRIVED)) return CLOTH_OK;
+    for (i = 0; i < n; i++) g->left[i] += s->w.x[i];
+    clothi_hessian_times(s, g->left, z, line->goal.e.h, s->w.grad);
+    clothi_hessian_times(s, s->w.x, z, line->goal.e.h, g->left);
+    for (i = 0; i < n; i++) s->w.grad[i] -= g->left[i];
+    clothi_tie_gradient(s->model, s->w.grad);
+    for (i = 0; i < n; i++) {
+        if (s->fixed[i / 3] >> i % 3 & 1) continue;
+        sum += s->w.grad[i] * s->w.grad[i];
+        size += b[i] * b[i];
+    }
+    if (size > 0) g->rep->early += sqrt(sum / size);
+    if (g->rep->early > g->t->opt.early) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
+    return CLOTH_OK;
+}
+
+/* --- to the parameters --- */
+
+/* Something asks for the elements' vjp: a parameter of theirs, or damping. */
+static int clothi_grad_wanted(const clothi_grad *g) {
+    const cloth_grad *o = g->out;
+    return o->membrane || o->poisson || o->bending || o->damping || o->theta0 || o->X ||
+           o->hinge_scale || g->s->own.membrane.damped || g->s->own.bend.damped;
+}
+
+/* Terms [from, to) of step k: a' d(grad)/d{...} to where it belongs; x_n, v_n may be NULL. */
+static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const double *a, int k,
+                                      int from, int to, double *x_n, double *v_n) {
+    cloth_sim   *s = g->s;
+    cloth_status status = CLOTH_OK;
+    cloth_vjp    to_p;
+    int          i;
+    memset(&to_p, 0, sizeof to_p);
+    to_p.x_n = x_n;
+    to_p.v_n = v_n;
+    if (g->out->force) to_p.force = g->out->force + (size_t)k * g->t->nv3;
+    to_p.mass = g->mass;
+    to_p.gravity = g->out->gravity;
+    to_p.wind = g->out->wind;
+    to_p.mu = g->mu;
+    to_p.lambda = g->lambda;
+    to_p.bending = g->bending;
+    to_p.damping = g->damping;
+    to_p.theta0 = g->out->theta0;
+    to_p.hinge_scale = g->out->hinge_scale;
+    to_p.X = g->out->X;
+    to_p.attach_k = g->out->attach_k;
+    if (from == 0 && !clothi_grad_wanted(g)) from = CLOTHI_TERM_BEND + 1;
+    for (i = from; i < to && !status; i++)
+        status = s->term[i].vjp(s->term[i].user, e, a, &to_p);
+    return status;
+}
+
+/* Goals of attachments, for a force by -z: a = -z. */
+static void clothi_grad_goals(clothi_grad *g, const double *a, double share, int k) {
+    const cloth_sim *s = g->s;
+    double           ap[3], w[6];
+    int              i, j, v[6];
+    for (i = 0; i < s->in.nattach; i++) {
+        const cloth_step_attachment *q = s->in.attach + i;
+        if (!clothi_attach_gap(s->model, NULL, q, a, v, w, ap)) continue;
+        for (j = 0; j < 3; j++) {
+            const size_t at = 3 * ((size_t)k * (size_t)s->in.nattach + (size_t)i) + (size_t)j;
+            if (g->out->attach) g->out->attach[at] -= share * q->k * ap[j];
+            g->pose[3 * i + j] -= (1 - share) * q->k * ap[j];
+        }
+    }
+}
+
+/* The adjoint of poses after step k is that of its targets. */
+static void clothi_grad_arrive(clothi_grad *g, int k) {
+    const size_t n = 3 * (size_t)g->s->model->desc.max_attachments;
+    size_t       i;
+    for (i = 0; i < n; i++) {
+        if (g->out->attach) g->out->attach[(size_t)k * n + i] += g->pose[i];
+        g->pose[i] = 0;
+    }
+}
+
+/* At the start x of a step: poses of what was attached since the last step are points of x. */
+static void clothi_grad_poses(clothi_grad *g, const double *x, double *to) {
+    const cloth_sim *s = g->s;
+    double           p[3], w[6];
+    int              i, j, n, v[6];
+    for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
+        double *pose = g->pose + 3 * i;
+        n = clothi_attach_gap(s->model, NULL, s->attach + i, x, v, w, p);
+        if (n && memcmp(p, s->attach[i].pose, sizeof p) != 0) continue;
+        for (j = 0; j < 3 * n; j++) to[3 * v[j / 3] + j % 3] += w[j / 3] * pose[j % 3];
+        pose[0] = pose[1] = pose[2] = 0;
+    }
+}
+
+/* --- the adjoint of a substep --- */
+
+/* Statics in wind: see the banner. b: T' a; z as well as g->q in and out. */
+static cloth_status clothi_grad_wind(clothi_grad *g, const clothi_line *line, const double *b,
+                                     double *z, int k) {
+    cloth_sim       *s = g->s;
+    const cloth_term *wind = s->term + CLOTHI_TERM_WIND;
+    const size_t     bytes = g->t->nv3 * sizeof(double);
+    cloth_status     status = CLOTH_OK;
+    cloth_vjp        to;
+    double           big, moved = 1;
+    int              i, it, n = (int)g->t->nv3;
+    memset(&to, 0, sizeof to);
+    to.x_n = g->gx;
+    for (it = 0; it < 200 && moved > 0.01 * g->t->opt.tolerance && !status; it++) {
+        memset(g->gx, 0, bytes);
+        memcpy(g->nx, z, bytes);
+        clothi_tie_spread(s->model, g->nx);
+        status = wind->vjp(wind->user, &line->goal.e, g->nx, &to);
+        clothi_tie_gradient(s->model, g->gx);
+        for (i = 0; i < n; i++) g->gv[i] = b[i] - g->gx[i];
+        memcpy(g->nx, z, bytes);
+        if (!status) status = clothi_grad_solve(g, g->gv, z, k);
+        for (i = 0, big = moved = 0; i < n; i++) {
+            moved = clothi_max(moved, fabs(z[i] - g->nx[i]));
+            big = clothi_max(big, fabs(z[i]));
+        }
+        moved = big > 0 ? moved / big : 0;
+    }
+    for (i = 0; i < n; i++) g->q[i] += g->gx[i];            /* rows of pins: W' z too */
+    if (moved > 1e3 * g->t->opt.tolerance) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
+    return status;
+}
+
+/* Goals of pins, z and H z known: to targets and to the start of the step. */
+static void clothi_grad_pins(clothi_grad *g, const double *b, int k) {
+    const cloth_sim *s = g->s;
+    const double     share = s->in.share[1];
+    size_t           i;
+    for (i = 0; i < g->t->nv3; i++) {
+        const double goal = b[i] - g->q[i];
+        if (!(s->pin[i / 3] >> i % 3 & 1) || (s->model->tie && s->model->tie[i] >= 0)) continue;
+        if (g->out->pin) g->out->pin[(size_t)k * g->t->nv3 + i] += share * goal;
+        g->x0[i] += (1 - share) * goal;
+    }
+}
+
+/* What z is worth to y, masses and terms. */
+static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k) {
+    cloth_sim *s = g->s;
+    size_t     i;
+    for (i = 0; i < g->t->nv3; i++) {
+        const double wz = line->weight * g->z[i], my = s->params.mass[i / 3] * wz;
+        g->nx[i] = line->yx * my + line->vn * g->lv[i] + g->lp[i];
+        g->nv[i] = line->yv * my + g->lw[i];
+        g->np[i] = line->yp * my + line->vp * g->lv[i];
+        g->nw[i] = line->yw * my;
+        g->mass[i / 3] -= wz * (s->w.x[i] - s->w.y[i]);
+        g->a[i] = -g->z[i];
+    }
+    clothi_grad_goals(g, g->a, s->in.share[1], k);
+    line->goal.e.grad = NULL;
+    line->goal.e.hess = NULL;
+    line->goal.e.x = s->w.x;
+    return clothi_grad_terms(g, &line->goal.e, g->a, k, 0, s->nterms, line->h > 0 ? g->nx : NULL,
+                             line->h > 0 ? g->nv : NULL);
+}
+
+/* l after the substep becomes n before it. */
+static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k) {
+    cloth_sim   *s = g->s;
+    const int    look = g->t->opt.early > 0;
+    cloth_report local;
+    cloth_status status = CLOTH_OK;
+    double       most = 0;
+    size_t       i;
+    memset(&local, 0, sizeof local);
+    for (i = 0; i < g->t->nv3; i++) g->a[i] = g->lx[i] + line->vx * g->lv[i];
+    clothi_tie_gradient(s->model, g->a);    /* T' a */
+    if (look) status = clothi_grad_leftover(g, line, &most);
+    if (!status) status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    if (!status) status = clothi_grad_solve(g, g->a, g->z, k);
+    if (!status && !(line->h > 0) && s->wind_on)
+        status = clothi_grad_wind(g, line, g->a, g->z, k);
+    if (status) return status;
+    clothi_grad_pins(g, g->a, k);
+    clothi_tie_spread(s->model, g->z);
+    if (look && !(g->rep->doubt & CLOTH_GRAD_SADDLE))
+        status = clothi_grad_early(g, line, most, g->a, g->z, k);
+    return status ? status : clothi_grad_spread(g, line, k);
+}
+
+/* ===== [4.3] LEAPFROG ========================================================================
+ *
+ *   kick k = 0 .. m    v' = v + c_k (G - F(x, v)/M)          c_k = hs, at both ends hs/2
+ *   drift k < m        x' = x + hs v'                        pins: x' = x0 + s (target - x0),
+ *                                                                  v' = (target - x0)/h
+ *   backwards, from lx = dL/dx', lv = dL/dv':
+ *   drift              lv += hs lx
+ *   kick               u = -c_k lv/M on free axes;   lx += H u + vjp_x(u),  lv += vjp_v(u),
+ *                      dL/dp = u' dF/dp,  dL/dG = c_k sum lv,  dL/dm = c_k lv.(F/m)/m
+ *
+ * H u by [3.2], without a matrix. F depends on v by material damping, whose strain rate is taken
+ * against x - hs v, and by wind. x and v at every kick come from running the step anew: the path of
+ * a step is long, and its start is kept.
+ * checked: tests/test_grad.c: differences_leapfrog
+ */
+
+/* F' u by the terms that are no elements. */
+static void clothi_leap_times(const cloth_sim *s, const double *u, double *out) {
+    double up[3], w[6];
+    int    i, j, n, v[6];
+    for (i = 0; i < s->in.nattach; i++) {
+        n = clothi_attach_gap(s->model, NULL, s->in.attach + i, u, v, w, up);
+        for (j = 0; j < 3 * n; j++)
+            out[3 * v[j / 3] + j % 3] += s->in.attach[i].k * w[j / 3] * up[j % 3];
+    }
+}
+
+/* u of kick k at x, v with v' after it; gravity and masses take theirs. */
+static void clothi_leap_impulse(clothi_grad *g, double kick, const double *v, const double *after) {
+    const cloth_sim *s = g->s;
+    size_t           i;
+    for (i = 0; i < g->t->nv3; i++) {
+        const double m = s->params.mass[i / 3], G = s->in.gravity[i % 3];
+        g->a[i] = 0;
+        if (s->pin[i / 3] >> i % 3 & 1) continue;
+        g->a[i] = -kick * g->lv[i] / m;
+        if (g->out->gravity) g->out->gravity[i % 3] += kick * g->lv[i];
+        g->mass[i / 3] += g->lv[i] / m * (kick * G - (after[i] - v[i]));
+    }
+}
+
+/* The kick k of m at x, v: lx, lv from after it to before it. */
+static cloth_status clothi_leap_back(clothi_grad *g, double hs, const double *x, const double *v,
+                                     int k) {
+    cloth_sim   *s = g->s;
+    cloth_eval   e = clothi_eval_of(s);
+    cloth_status status = CLOTH_OK;
+    const int    damped = s->own.membrane.damped || s->own.bend.damped;
+    int          i, n = (int)g->t->nv3;
+    e.x = x;
+    e.h = hs;
+    e.x_n = x;
+    for (i = 0; i < n; i++) g->left[i] = x[i] - hs * v[i];
+    if (damped) e.x_n = g->left;
+    e.v_n = v;
+    for (i = 0; i <= CLOTHI_TERM_BEND && damped && !status; i++)
+        status = s->term[i].begin(s->term[i].user, &e);
+    clothi_hessian_times(s, x, g->a, damped ? hs : 0, g->q);
+    clothi_leap_times(s, g->a, g->q);
+    memset(g->z, 0, (size_t)n * sizeof(double));
+    if (!status && clothi_grad_wanted(g))
+        status = clothi_grad_terms(g, &e, g->a, k, 0, CLOTHI_TERM_BEND + 1, g->z, NULL);
+    for (i = 0; i < n; i++) {
+        g->lx[i] += g->q[i] + g->z[i];
+        g->lv[i] -= hs * g->z[i];
+    }
+    e.x_n = x;
+    e.h = 0;
+    clothi_grad_goals(g, g->a, s->in.share[1], k);
+    if (!status && s->wind_on)
+        status = s->term[CLOTHI_TERM_WIND].begin(s->term[CLOTHI_TERM_WIND].user, &e);
+    if (status) return status;
+    return clothi_grad_terms(g, &e, g->a, k, CLOTHI_TERM_FORCE, s->nterms, g->lx, g->lv);
+}
+
+/* Pinned axes before the kick k: their v, and their x at the drift's end, are given. */
+static void clothi_leap_held(clothi_grad *g, double h, double share, int drift, int k) {
+    const cloth_sim *s = g->s;
+    double          *pin = g->out->pin ? g->out->pin + (size_t)k * g->t->nv3 : NULL;
+    size_t           i;
+    for (i = 0; i < g->t->nv3; i++) {
+        double target, start;
+        if (!(s->pin[i / 3] >> i % 3 & 1)) continue;
+        target = g->lv[i] / h;
+        start = -target;
+        g->lv[i] = 0;
+        if (drift) {
+            target += share * g->lx[i];
+            start += (1 - share) * g->lx[i];
+            g->lx[i] = 0;
+        }
+        if (pin) pin[i] += target;
+        g->x0[i] += start;
+    }
+}
+
+/* Step k, whose trace is in the tape: `kicks` pairs of x and v; v_end after the last of them. */
+static cloth_status clothi_leap_adjoint(clothi_grad *g, double h, const double *v_end, int kicks,
+                                        int k) {
+    cloth_sim    *s = g->s;
+    const size_t  n = g->t->nv3;
+    const int     m = kicks - 1;
+    const double  hs = h / m;
+    cloth_status  status = CLOTH_OK;
+    int           j;
+    size_t        i;
+    for (j = m; j >= 0 && !status; j--) {
+        const double *x = g->t->trace + 2 * n * (size_t)j, *v = x + n;
+        const double *after = j < m ? v + 2 * n : v_end;
+        clothi_input(s, hs, (double)j / m, (double)(j + 1) / m);
+        s->in.share[1] = s->in.share[0];
+        s->in.x = x;
+        s->in.v = v;
+        for (i = 0; i < n && j < m; i++)
+            if (!(s->pin[i / 3] >> i % 3 & 1)) g->lv[i] += hs * g->lx[i];
+        clothi_leap_held(g, h, (double)(j + 1) / m, j < m, k);
+        clothi_leap_impulse(g, j == 0 || j == m ? 0.5 * hs : hs, v, after);
+        status = clothi_leap_back(g, hs, x, v, k);
+    }
+    clothi_leap_held(g, h, 0, 0, k);        /* v of pins is set before the first kick */
+    return status;
+}
+
+/* ===== [4.4] FROM MASSES AND LAME CONSTANTS TO MATERIALS =====================================
+ *
+ *   Y membrane stiffness N/m, nu, t thickness:
+ *     mu = Y/(2 (1+nu))                dmu/dY = 1/(2 (1+nu))     dmu/dnu = -Y/(2 (1+nu)^2)
+ *     plane stress  lambda = Y nu/(1-nu^2)                dlambda/dnu = Y (1+nu^2)/(1-nu^2)^2
+ *     plane strain  lambda = Y nu/((1+nu)(1-2nu))    Y (1+2nu^2)/((1+nu)(1-2nu))^2
+ *     D = Y t^2/(12 (1-nu^2)) where it is not given
+ *   lumped masses m_i = sum over faces at i of rho A/3: to rho and, by A, to the rest corners.
+ * checked: tests/test_grad.c: differences_*, derived_rigidity
+ */
+
+/* dL/d{mu, lambda, D} of a region at its material. */
+static void clothi_grad_material(const clothi_grad *g, const cloth_material *m, int r) {
+    const cloth_grad *o = g->out;
+    const double nu = m->poisson, Y = clothi_membrane_stiffness(m), p = 1 + nu, q = 1 - nu * nu;
+    const double strain = p * (1 - 2 * nu), t2 = m->thickness * m->thickness / 12;
+    const int    solid = m->plane == CLOTH_PLANE_STRAIN_3D, derived = m->bending < 0;
+    if (o->membrane) {
+        o->membrane[r] += g->mu[r] / (2 * p) + g->lambda[r] * nu / (solid ? strain : q);
+        if (derived) o->membrane[r] += g->bending[r] * t2 / q;
+    }
+    if (o->poisson) {
+        o->poisson[r] += -g->mu[r] * Y / (2 * p * p);
+        o->poisson[r] += g->lambda[r] * Y * (solid ? (1 + 2 * nu * nu) / (strain * strain)
+                                                   : (1 + nu * nu) / (q * q));
+        if (derived) o->poisson[r] += g->bending[r] * Y * t2 * 2 * nu / (q * q);
+    }
+    if (o->bending) o->bending[r] += g->bending[r];
+    if (o->damping) o->damping[r] += g->damping[r];
+}
+
+/* dL/dm of what is lumped: to density and rest corners. */
+static void clothi_grad_lumped(clothi_grad *g) {
+    const cloth_sim   *s = g->s;
+    const cloth_model *m = s->model;
+    const cloth_grad  *o = g->out;
+    int                f, i, k;
+    for (i = 0; i < m->nv; i++)             /* of no face: as heavy as the first corner */
+        if (m->topology->vf_start[i] == m->topology->vf_start[i + 1])
+            g->mass[m->faces[0]] += g->mass[i];
+    for (f = 0; f < m->nf; f++) {
+        const int    r = m->region[f];
+        const double A = clothi_rest_area(s->params.X, f);
+        double       sum = 0;
+        for (k = 0; k < 3; k++) sum += g->mass[m->faces[3 * f + k]] / 3;
+        if (o->density) o->density[r] += sum * A;
+        if (o->X)
+            clothi_rest_vjp(m, &s->params, f, m->faces[3 * f], m->faces[3 * f + 1], 0,
+                            sum * s->params.material[r].density, o->X + 6 * (size_t)f);
+    }
+}
+
+/* What was gathered under the sim's present params goes to the results: once for each set of them,
+ * so that the order of sums is that of the tape, whatever was run anew. */
+static void clothi_grad_flush(clothi_grad *g) {
+    const cloth_sim *s = g->s;
+    const int        nr = s->model->nregions, nv = s->model->nv;
+    int              i;
+    for (i = 0; i < nr; i++) clothi_grad_material(g, s->params.material + i, i);
+    for (i = 0; g->out->mass && i < nv; i++) g->out->mass[i] += g->mass[i];
+    if (!s->params.mass_given && (g->out->density || g->out->X)) clothi_grad_lumped(g);
+    memset(g->mass, 0, ((size_t)nv + 4 * (size_t)nr) * sizeof(double));
+}
+
+/* ===== [5.1] BACKWARDS =======================================================================
+ *
+ *   l = dL/dx_n, dL/dv_n                        loss, k = n
+ *   for k = n-1 .. 0:   put the sim where step k began      (a slot, or steps run anew)
+ *                       l <- adjoint of step k (l)          [4.2] [4.3]
+ *                       l += dL/dx_k, dL/dv_k               loss, k
+ *   l is dL/dx0, dL/dv0
+ * A step over which l is zero is passed over.
+ * checked: tests/test_grad.c
+ */
+
+/* Arrays of one walk into *g from a block, or with block NULL their bytes alone. */
+static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input, clothi_grad *g,
+                                 unsigned char *block) {
+    const size_t n = 3 * (size_t)s->model->nv, nr = (size_t)s->model->nregions;
+    const size_t na = 3 * (size_t)s->model->desc.max_attachments;
+    double     **vec[CLOTHI_GRAD_ARRAYS];
+    double      *d = (double *)(void *)block;
+    size_t       i;
+    if (block) {
+        double **all[CLOTHI_GRAD_ARRAYS] = {
+            &g->x, &g->v, &g->lx, &g->lv, &g->lp, &g->lw, &g->nx, &g->nv, &g->np, &g->nw, &g->x0,
+            &g->gx, &g->gv, &g->a, &g->z, &g->q, &g->left};
+        memcpy(vec, all, sizeof vec);
+        for (i = 0; i < CLOTHI_GRAD_ARRAYS; i++, d += n) *vec[i] = d;
+        g->mass = d, d += n / 3;            /* then the four of regions: see _flush */
+        g->mu = d, d += nr;
+        g->lambda = d, d += nr;
+        g->bending = d, d += nr;
+        g->damping = d, d += nr;
+        g->pose = d, d += na;
+        g->input = (unsigned char *)d;
+        g->kept_input = g->input + input;
+        g->kept_motion = g->kept_input + input;
+    }
+    return (CLOTHI_GRAD_ARRAYS * n + n / 3 + 4 * nr + na) * sizeof(double) + 2 * input + motion;
+}
+
+static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input) {
+    return clothi_grad_arrays(s, motion, input, NULL, NULL);
+}
+
+/* The sim at the start of step k: inputs, params, units and motion of the slot (NULL: it is there
+ * already, but for what was dropped between steps). */
+static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *slot) {
+    cloth_tape   *t = g->t;
+    cloth_sim    *s = g->s;
+    const unsigned char *p = g->input + t->fixed_input - t->params;
+    clothi_unit   u;
+    while (g->at < k) clothi_tape_xor(t->step + ++g->at, g->input);
+    while (g->at > k) clothi_tape_xor(t->step + g->at--, g->input);
+    (void)clothi_tape_walk(s, CLOTHI_INPUTS, CLOTHI_LOAD, g->input);
+    (void)clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_SAVE, t->next);
+    if (memcmp(t->next, p, t->params) != 0) {
+        (void)clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_LOAD, p);
+        clothi_derive(s);
+    }
+    if (clothi_unit_at(s, 0, &u)) (void)clothi_tape_units(s, CLOTHI_LOAD, g->input, t->fixed_input);
+    if (slot) (void)clothi_tape_walk(s, CLOTHI_MOTION, CLOTHI_LOAD, slot);
+    else if (t->step[k].dropped & 1) clothi_forget(s);
+    else if (t->step[k].dropped) s->still = 0;
+    s->known = 0;
+    s->rested.outcome = CLOTH_STEP_NONE;
+    return clothi_need_work(s);
+}
+
+/* Runs step k from where the sim is; mode: what of its path is kept in the tape's trace. */
+static cloth_status clothi_grad_replay(clothi_grad *g, int k, int mode) {
+    const double h = g->t->step[k].h;
+    cloth_status status;
+    g->t->mode = mode;
+    g->rep->replayed++;
+    status = h > 0 ? cloth_step(g->s, h, NULL) : cloth_solve_static(g->s, NULL);
+    g->t->mode = CLOTHI_TAPE_DEAF;
+    return g->t->lost ? CLOTH_ERR_MEMORY : status;
+}
+
+/* Step k of LEAPFROG from `slot`: once forwards for its path, then back along it. */
+static cloth_status clothi_grad_leap(clothi_grad *g, int k, const unsigned char *slot) {
+    const clothi_taped *e = g->t->step + k;
+    cloth_status status = CLOTH_OK;
+    if (!clothi_tape_trace(g->t, 2 * g->t->nv3 * (size_t)e->substeps)) return CLOTH_ERR_MEMORY;
+    status = clothi_grad_replay(g, k, CLOTHI_TAPE_TRACE);
+    if (!status) status = clothi_grad_put(g, k, slot);
+    return status ? status : clothi_leap_adjoint(g, e->h, g->v, g->t->traced, k);
+}
+
+/* The substeps of step k from its motion in `slot` to g->x, last one first. */
+static cloth_status clothi_grad_implicit(clothi_grad *g, int k, const unsigned char *slot) {
+    const cloth_tape   *t = g->t;
+    const clothi_taped *e = t->step + k;
+    const int     m = e->h > 0 && e->substeps > 1 ? e->substeps : 1;
+    const double *ends = (const double *)(const void *)(slot + t->motion);
+    clothi_line   line;
+    cloth_status  status = CLOTH_OK;
+    int           i, j;
+    if (e->slept || !(e->h > 0)) {          /* v = 0 and no history, whatever came before */
+        memset(g->lv, 0, t->nv3 * sizeof(double));
+        memset(g->lp, 0, t->nv3 * sizeof(double));
+        memset(g->lw, 0, t->nv3 * sizeof(double));
+    }
+    for (j = m - 1; j >= 0 && !status; j--) {
+        if (j < m - 1) status = clothi_grad_put(g, k, slot);
+        if (!status) status = clothi_keep(g->s);
+        for (i = 0; i <= j && !status; i++) {
+            status = clothi_line_open(g->s, e->h, i, m, i < m - 1 ? ends + (size_t)i * t->nv3
+                                                                  : g->x, &line);
+            if (!status && i < j) clothi_line_close(g->s, &line);
+        }
+        if (!status) status = clothi_grad_substep(g, &line, k);
+        memcpy(g->lx, g->nx, t->nv3 * sizeof(double));
+        memcpy(g->lv, g->nv, t->nv3 * sizeof(double));
+        memcpy(g->lp, g->np, t->nv3 * sizeof(double));
+        memcpy(g->lw, g->nw, t->nv3 * sizeof(double));
+    }
+    return status;
+}
+
+/* What the loss says of the state after k steps. */
+static cloth_status clothi_grad_loss(clothi_grad *g, int k, cloth_loss_fn *loss, void *user) {
+    const size_t n = g->t->nv3;
+    size_t       i;
+    ptrdiff_t    at;
+    memset(g->gx, 0, n * sizeof(double));
+    memset(g->gv, 0, n * sizeof(double));
+    loss(k, g->x, g->v, g->gx, g->gv, user);
+    at = clothi_find_nonfinite(g->gx, n);
+    if (at < 0) at = clothi_find_nonfinite(g->gv, n);
+    if (at >= 0)
+        return clothi_fail(&g->t->hooks, CLOTH_ERR_NONFINITE, "cloth_grad_backward: the loss wrote "
+                           "NaN or infinity at k = %i, vertex %i", k, (int)(at / 3));
+    for (i = 0; i < n; i++) g->lx[i] += g->gx[i], g->lv[i] += g->gv[i];
+    return CLOTH_OK;
+}
+
+typedef struct clothi_walker {              /* what clothi_grad_between hands on               */
+    clothi_grad   *g;
+    cloth_loss_fn *loss;
+    void          *user;
+} clothi_walker;
+
+/* l over step k, whose start is in `slot`; then the loss there. */
+static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsigned char *slot) {
+    clothi_grad        *g = w->g;
+    const size_t        n = g->t->nv3, bytes = n * sizeof(double);
+    const clothi_taped *e = g->t->step + k;
+    cloth_status status = clothi_cancelled(&g->t->hooks, NULL);
+    size_t       i;
+    clothi_grad_arrive(g, k);
+    memset(g->x0, 0, bytes);
+    if (!status && !e->asleep &&
+        !(clothi_all_zero(g->lx, n) && clothi_all_zero(g->lv, n) && clothi_all_zero(g->lp, n) &&
+          clothi_all_zero(g->lw, n))) {
+        status = clothi_grad_put(g, k, slot);
+        if (!status && g->s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+            status = clothi_grad_leap(g, k, slot);
+        else if (!status)
+            status = clothi_grad_implicit(g, k, slot);
+        memcpy(g->x, slot, bytes);
+        for (i = 0; i < n; i++) g->lx[i] += g->x0[i];
+        clothi_grad_poses(g, g->x, g->lx);
+    } else if (!status && e->params)
+        status = clothi_grad_put(g, k, slot);
+    if (!status && e->params) clothi_grad_flush(g);     /* steps before it have others */
+    memcpy(g->x, slot, bytes);
+    memcpy(g->v, slot + bytes + CLOTHI_PAD8(bytes), bytes);
+    return status ? status : clothi_grad_loss(g, k, w->loss, w->user);
+}
+
+/* --- between slots --- */
+
+/* How many slots may be made now. */
+static int clothi_grad_room(const cloth_tape *t) {
+    const size_t each = t->slot + CLOTHI_ALIGN + sizeof(clothi_block_header);
+    const size_t held = t->bytes + t->path;
+    if (!t->opt.bytes) return 0x7fffffff;
+    return t->opt.bytes > held ? (int)clothi_min((double)((t->opt.bytes - held) / each), 1e9) : 0;
+}
+
+/* The sim runs from the start of step a, in `from`, to that of step b; its motion into `to`, with
+ * the ends of the substeps of b where all is kept. */
+static cloth_status clothi_grad_run(clothi_grad *g, int a, int b, const unsigned char *from,
+                                    unsigned char *to) {
+    cloth_tape  *t = g->t;
+    cloth_status status = CLOTH_OK;
+    int          k;
+    for (k = a; k < b && !status; k++) {
+        status = clothi_grad_put(g, k, k == a ? from : NULL);
+        if (!status) status = clothi_grad_replay(g, k, CLOTHI_TAPE_DEAF);
+    }
+    if (!status) status = clothi_grad_put(g, b, b == a ? from : NULL);
+    if (!status && to) (void)clothi_tape_walk(g->s, CLOTHI_MOTION, CLOTHI_SAVE, to);
+    if (status || !to || t->slot == t->motion) return status;
+    status = clothi_grad_replay(g, b, CLOTHI_TAPE_TRACE);
+    clothi_tape_ends(t, to);
+    return status;
+}
+
+static cloth_status clothi_grad_between(const clothi_walker *w, int a, int b,
+                                        const unsigned char *from);
+
+/* All slots between fit: they are filled forwards and walked backwards. */
+static cloth_status clothi_grad_fill(const clothi_walker *w, int a, int b,
+                                     const unsigned char *from) {
+    cloth_tape   *t = w->g->t;
+    cloth_status  status = CLOTH_OK;
+    int           k;
+    for (k = a + 1; k < b && !status; k++) {
+        t->step[k].slot = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
+        status = t->step[k].slot ? clothi_grad_run(w->g, k - 1, k, from, t->step[k].slot)
+                                 : CLOTH_ERR_MEMORY;
+        from = t->step[k].slot;
+    }
+    for (k = b - 1; k > a; k--) {
+        if (!status) status = clothi_grad_step(w, k, t->step[k].slot);
+        clothi_tape_free(t, t->step[k].slot);
+        t->step[k].slot = NULL;
+    }
+    return status;
+}
+
+/* Steps b-1 .. a, the motion at a in `from`, with no slot between. See [3.1]. */
+static cloth_status clothi_grad_between(const clothi_walker *w, int a, int b,
+                                        const unsigned char *from) {
+    cloth_tape    *t = w->g->t;
+    const int      room = clothi_grad_room(t), mid = a + (b - a) / 2;
+    unsigned char *slot;
+    cloth_status   status = CLOTH_OK;
+    int            k;
+    if (room >= b - a - 1) {
+        status = clothi_grad_fill(w, a, b, from);
+    } else if (room < 1) {                  /* `here` alone: each step from a on */
+        for (k = b - 1; k > a && !status; k--) {
+            status = clothi_grad_run(w->g, a, k, from, w->g->here);
+            if (!status) status = clothi_grad_step(w, k, w->g->here);
+        }
+    } else {                                /* the second half from a slot of its own */
+        slot = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
+        status = slot ? clothi_grad_run(w->g, a, mid, from, slot) : CLOTH_ERR_MEMORY;
+        if (!status) status = clothi_grad_between(w, mid, b, slot);
+        clothi_tape_free(t, slot);
+        return status ? status : clothi_grad_between(w, a, mid, from);
+    }
+    return status ? status : clothi_grad_step(w, a, from);
+}
+
+/* --- the call --- */
+
+/* The arrays that are asked for, as zeros. */
+static void clothi_grad_clear(const cloth_tape *t, const cloth_grad *o) {
+    const cloth_model *m = t->sim->model;
+    const size_t n = t->nv3, nr = (size_t)m->nregions, nh = (size_t)t->sim->params.nh;
+    const size_t k = (size_t)t->n, na = 3 * (size_t)m->desc.max_attachments;
+    const struct { double *a; size_t n; } list[] = {
+        {o->x0, n}, {o->v0, n}, {o->density, nr}, {o->membrane, nr}, {o->poisson, nr},
+        {o->bending, nr}, {o->damping, nr}, {o->X, 6 * (size_t)m->nf}, {o->theta0, nh},
+        {o->mass, n / 3}, {o->gravity, 3}, {o->wind, 3}, {o->force, k * n}, {o->pin, k * n},
+        {o->friction, 1}, {o->hinge_scale, nh}, {o->attach, k * na}, {o->attach_k, na / 3}};
+    size_t i;
+    for (i = 0; i < sizeof list / sizeof *list; i++)
+        if (list[i].a) memset(list[i].a, 0, list[i].n * sizeof(double));
+}
+
+static cloth_status clothi_grad_check(const cloth_tape *t, const cloth_grad *o) {
+    const cloth_sim *s = t->sim;
+    int              i;
+    if (!s)
+        return clothi_fail(&t->hooks, CLOTH_ERR_HANDLE, "cloth_grad: the sim of this tape is "
+                           "destroyed");
+    if (t->n == 0)
+        return clothi_fail(&t->hooks, CLOTH_ERR_ARGUMENT, "cloth_grad: no step is recorded%s%s",
+                           t->ended ? ": " : "", t->ended ? t->ended : "");
+    if (s->contact_on && !s->contact.vjp)
+        return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: the contact of this sim "
+                           "has no vjp");
+    if (!s->contact_on && o && (o->friction || o->obstacle))
+        return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: friction or obstacle is "
+                           "asked for, but this sim has no contact");
+    for (i = s->nbuiltin; i < s->nterms; i++)
+        if (!s->term[i].vjp || s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+            return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: the host's term "
+                               "'%s' %s", s->term[i].name ? s->term[i].name : "?",
+                               s->term[i].vjp ? "under LEAPFROG, which has no Hessian of it"
+                                              : "has no vjp");
+    return CLOTH_OK;
+}
+
+/* The sim as it is into `kept`, and back. */
+static void clothi_grad_keep(clothi_grad *g, int verb) {
+    cloth_sim *s = g->s;
+    size_t     at = clothi_tape_walk(s, CLOTHI_INPUTS, verb, g->kept_input);
+    clothi_unit u;
+    at += clothi_tape_walk(s, CLOTHI_PARAMS, verb, g->kept_input + at);
+    if (clothi_unit_at(s, 0, &u)) (void)clothi_tape_units(s, verb, g->kept_input, at);
+    (void)clothi_tape_walk(s, CLOTHI_MOTION, verb, g->kept_motion);
+    if (verb != CLOTHI_LOAD) return;
+    clothi_derive(s);
+    s->known = 0;
+    s->rested.outcome = CLOTH_STEP_NONE;
+}
+
+static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_grad *out,
+                                     cloth_grad_report *rep, unsigned char **block) {
+    const size_t units = clothi_tape_units(t->sim, CLOTHI_SIZE, NULL, 0);
+    const size_t input = clothi_max_size(t->room, t->fixed_input + units + CLOTHI_PAD8(units));
+    memset(g, 0, sizeof *g);
+    g->t = t;
+    g->s = t->sim;
+    g->out = out;
+    g->rep = rep;
+    g->at = -1;
+    *block = (unsigned char *)clothi_tape_alloc(
+        t, clothi_grad_arrays(t->sim, t->motion, input, g, NULL), 1);
+    if (!*block) return CLOTH_ERR_MEMORY;
+    (void)clothi_grad_arrays(t->sim, t->motion, input, g, *block);
+    g->here = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
+    return g->here ? CLOTH_OK : CLOTH_ERR_MEMORY;
+}
+
+/* From the end of the tape to its start. */
+static cloth_status clothi_grad_walk(clothi_grad *g, cloth_loss_fn *loss, void *user) {
+    cloth_tape   *t = g->t;
+    const size_t  bytes = t->nv3 * sizeof(double);
+    clothi_walker w;
+    cloth_status  status;
+    int           a, b = t->n;
+    w.g = g;
+    w.loss = loss;
+    w.user = user;
+    memcpy(g->x, t->end, bytes);
+    memcpy(g->v, t->end + bytes + CLOTHI_PAD8(bytes), bytes);
+    status = clothi_grad_loss(g, t->n, loss, user);
+    for (a = b - 1; a >= 0 && !status; a--) {
+        if (!t->step[a].slot) continue;
+        status = clothi_grad_between(&w, a, b, t->step[a].slot);
+        b = a;
+    }
+    return status;
+}
+
+static const char *clothi_grad_why(unsigned doubt) {
+    if (doubt & CLOTH_GRAD_SADDLE)
+        return "a step ended where the Hessian has negative curvature";
+    if (doubt & CLOTH_GRAD_EARLY)
+        return "steps stopped too far from their minima: lower desc.tolerance";
+    return doubt ? "an adjoint system was not solved to its tolerance" : "";
+}
+
+CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss, void *user,
+                                           cloth_grad *out, cloth_grad_report *rep) {
+    cloth_grad_report local, *r = rep ? rep : &local;
+    cloth_status      status;
+    unsigned char    *block = NULL;
+    clothi_grad       g;
+    double            start;
+    memset(r, 0, sizeof *r);
+    r->step = -1;
+    r->why = "";
+    r->status = CLOTH_ERR_ARGUMENT;
+    if (!tape) return CLOTH_ERR_ARGUMENT;
+    if (!loss || !out)
+        return clothi_null(&tape->hooks, loss ? "cloth_grad_backward: out"
+                                              : "cloth_grad_backward: loss");
+    r->status = status = clothi_grad_check(tape, out);
+    if (status) return status;
+    start = clothi_now(&tape->hooks);
+    r->steps = tape->n;
+    clothi_grad_clear(tape, out);
+    status = clothi_grad_open(&g, tape, out, r, &block);
+    if (status) (void)clothi_fail(&tape->hooks, status, "cloth_grad_backward: no memory");
+    else {
+        tape->mode = CLOTHI_TAPE_DEAF;
+        clothi_grad_keep(&g, CLOTHI_SAVE);
+        status = clothi_grad_walk(&g, loss, user);
+        if (out->x0) memcpy(out->x0, g.lx, tape->nv3 * sizeof(double));
+        if (out->v0) memcpy(out->v0, g.lv, tape->nv3 * sizeof(double));
+        clothi_grad_keep(&g, CLOTHI_LOAD);
+        tape->mode = CLOTHI_TAPE_RECORD;
+        if (status) clothi_grad_clear(tape, out);
+    }
+    clothi_tape_free(tape, g.here);
+    clothi_tape_free(tape, block);
+    r->status = status;
+    r->valid = !status && !r->doubt;
+    r->why = clothi_grad_why(r->doubt);
+    r->bytes = tape->most;
+    r->ms = 1e3 * (clothi_now(&tape->hooks) - start);
+    return status;
+}
+
+/* ===== [6.1] CHANGES =========================================================================
+ *
+ * 0.2.0  first version
+ */
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* CLOTHSIM_IMPLEMENTATION */

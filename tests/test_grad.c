@@ -1,0 +1,236 @@
+/* test_grad.c - the derivative of a run: against central differences with Richardson extrapolation
+ * in every cause, for every integrator and rung.
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_grad.c -o test_grad -lm && ./test_grad */
+#define CLOTHSIM_IMPLEMENTATION
+#include "clothsim_grad.h"
+#include "test.h"
+#include "scene.h"
+#include "grad_scene.h"
+
+/* --- differences --- */
+
+/* Causes that a play has: their mask. */
+static unsigned causes(const play *p) {
+    unsigned all = (1u << BY_COUNT) - 1;
+    if (!(p->with & WITH_DAMPING)) all &= ~(1u << BY_DAMPING);
+    if (!(p->with & WITH_WIND)) all &= ~(1u << BY_WIND);
+    if (!(p->with & WITH_ATTACH)) all &= ~(1u << BY_ATTACH | 1u << BY_ATTACH_K);
+    if (!(p->with & WITH_FORCE)) all &= ~(1u << BY_FORCE);
+    if (!(p->with & WITH_PINS)) all &= ~(1u << BY_PIN);
+    if (p->bend == CLOTH_BEND_NONE) all &= ~(1u << BY_THETA0 | 1u << BY_SCALE | 1u << BY_BENDING);
+    if (p->bend != CLOTH_BEND_HINGE) all &= ~(1u << BY_THETA0);
+    if (p->membrane == CLOTH_MEMBRANE_SPRINGS) all &= ~(1u << BY_POISSON);
+    all &= ~(p->given ? 1u << BY_DENSITY : 1u << BY_MASS);
+    return all;
+}
+
+static void compare(const play *p, const char *what, int only, double bound) {
+    cloth_tape       *tape = NULL;
+    cloth_grad_report rep;
+    loss_user         u;
+    results           r;
+    scene             s;
+    int               by;
+    (void)play_run(p, &s, &tape, only);
+    memset(&u, 0, sizeof u);
+    u.nv = s.nv;
+    u.only = only;
+    r = results_make(&s, p->steps);
+    CHECK(cloth_tape_steps(tape) == p->steps);
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &r.g, &rep) == CLOTH_OK);
+    CHECK(rep.valid && u.calls == p->steps + 1);
+    if (!rep.valid) printf("  %s: %s, step %d\n", what, rep.why, rep.step);
+    for (by = 0; by < BY_COUNT; by++) {
+        double a, b;
+        if (!(causes(p) >> by & 1)) continue;
+        a = results_along(&r, p, by);
+        b = play_difference(p, by, p->step, only);
+        if (test_full())
+            printf("  %-14s %-12s %17.10e %17.10e  %.1e\n", what, by_name[by], a, b,
+                   fabs(a - b) / fmax(fabs(a), fabs(b)));
+        CHECK_REL(a, b, bound);
+    }
+    results_free(&r);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+}
+
+static void differences_euler(void) {
+    play p = play_default();
+    compare(&p, "euler", -1, 1e-6);
+    if (test_quick()) return;
+    p.substeps = 3;
+    compare(&p, "euler, 3 sub", -1, 1e-6);
+    p.substeps = 0;
+    p.ties = 1;
+    compare(&p, "euler, ties", -1, 1e-6);
+}
+
+static void differences_bdf2(void) {
+    play p = play_default();
+    p.integrator = CLOTH_INTEGRATOR_BDF2;
+    compare(&p, "bdf2", -1, 1e-6);
+    if (test_quick()) return;
+    p.substeps = 2;
+    p.given = 1;
+    compare(&p, "bdf2, 2 sub", -1, 1e-6);
+}
+
+static void differences_leapfrog(void) {
+    play p = play_default();
+    p.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    p.substeps = 40;
+    compare(&p, "leapfrog", -1, 1e-6);
+    if (test_quick()) return;
+    p.given = 1;
+    p.bend = CLOTH_BEND_QUADRATIC;
+    compare(&p, "leapfrog, quad", -1, 1e-6);
+}
+
+/* The other rungs; the loss on the last state alone: the adjoint goes all the way. */
+static void differences_rungs(void) {
+    play p = play_default();
+    p.membrane = CLOTH_MEMBRANE_SPRINGS;
+    compare(&p, "springs", p.steps, 1e-6);
+    if (test_quick()) return;
+    p = play_default();
+    p.bend = CLOTH_BEND_QUADRATIC;
+    p.integrator = CLOTH_INTEGRATOR_BDF2;
+    compare(&p, "quadratic", p.steps, 1e-6);
+    p = play_default();
+    p.bend = CLOTH_BEND_QUADRATIC;
+    p.with &= ~WITH_DAMPING;                /* its Hessian is assembled once a run */
+    compare(&p, "quad, no damp", p.steps, 1e-6);
+    p = play_default();
+    p.bend = CLOTH_BEND_NONE;
+    p.given = 1;
+    compare(&p, "no bending", p.steps, 1e-6);
+}
+
+/* --- the product of Hessian and vector against the matrix --- */
+
+static void hessian_times_vector(void) {
+    static const cloth_bend_model bend[] = {CLOTH_BEND_HINGE, CLOTH_BEND_QUADRATIC,
+                                            CLOTH_BEND_NONE};
+    int m, b, damp, i;
+    for (m = CLOTH_MEMBRANE_SPRINGS; m <= CLOTH_MEMBRANE_STVK; m++)
+        for (b = 0; b < 3; b++)
+            for (damp = 0; damp < 2; damp++) {
+                cloth_report local;
+                clothi_line  line;
+                double      *u, *a, *c, big = 0, off = 0;
+                scene        s = scene_make(6, (cloth_membrane)m, bend[b], CLOTH_INTEGRATOR_EULER,
+                                            NULL, WITH_NOISE | (damp ? WITH_DAMPING : 0));
+                const int    n = 3 * s.nv;
+                u = (double *)calloc((size_t)(3 * n), sizeof(double));
+                if (!u) exit(2);
+                a = u + n, c = a + n;
+                memset(&local, 0, sizeof local);
+                CHECK(cloth_step(s.sim, 0.01, NULL) == CLOTH_OK);
+                for (i = 0; i < n; i++)
+                    a[i] = s.sim->state.x[i] + 2e-3 * noise((unsigned)i);
+                CHECK(clothi_keep(s.sim) == CLOTH_OK);
+                CHECK(clothi_line_open(s.sim, 0.01, 0, 1, a, &line) == CLOTH_OK);
+                CHECK(clothi_newton_assemble(s.sim, &line.goal, 1, &local) == CLOTH_OK);
+                for (i = 0; i < n; i++) u[i] = noise(50u + (unsigned)i);
+                cloth_matrix_mul(s.sim->matrix, NULL, u, a);
+                for (i = 0; i < n; i++) a[i] -= line.weight * s.sim->params.mass[i / 3] * u[i];
+                clothi_hessian_times(s.sim, s.sim->w.x, u, 0.01, c);
+                for (i = 0; i < n; i++) {
+                    big = fmax(big, fabs(a[i]));
+                    off = fmax(off, fabs(a[i] - c[i]));
+                }
+                CHECK(off <= 1e-12 * big && big > 0);
+                free(u);
+                scene_close(&s);
+            }
+}
+
+/* --- statics --- */
+
+static double static_value(play *p, scene *s, cloth_tape **tape, double *x) {
+    loss_user u;
+    memset(&u, 0, sizeof u);
+    u.only = -1;
+    play_open(p, s);
+    play_say(p, s, NULL, 0);
+    u.nv = s->nv;
+    if (x) memcpy(cloth_sim_state(s->sim)->x, x, 3 * (size_t)s->nv * sizeof(double));
+    cloth_sim_state_changed(s->sim);
+    if (tape) CHECK(cloth_tape_create(s->sim, NULL, tape) == CLOTH_OK);
+    CHECK(cloth_solve_static(s->sim, NULL) == CLOTH_OK);
+    loss_at(1, cloth_sim_state(s->sim)->x, cloth_sim_state(s->sim)->v, NULL, NULL, &u);
+    return u.value;
+}
+
+/* A hanging cloth at rest: what it was at the start does not matter, what it is made of does. */
+static void statics(int wind, double bound) {
+    static double     rest[1200];
+    play              p = play_default();
+    cloth_tape       *tape = NULL;
+    cloth_grad_report rep;
+    loss_user         u;
+    results           r;
+    scene             s;
+    int               by, i, j;
+    p.with = WITH_PINS | WITH_ATTACH | WITH_FORCE | (wind ? WITH_WIND : 0);
+    p.still = 1;
+    p.calm = wind ? 0.3 : 1;
+    p.steps = 1;
+    (void)static_value(&p, &s, NULL, NULL);
+    memcpy(rest, cloth_sim_state(s.sim)->x, 3 * (size_t)s.nv * sizeof(double));
+    scene_close(&s);
+    (void)static_value(&p, &s, &tape, rest);
+    memset(&u, 0, sizeof u);
+    u.nv = s.nv;
+    u.only = 1;
+    r = results_make(&s, 1);
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &r.g, &rep) == CLOTH_OK && rep.valid);
+    for (by = 0; by < BY_COUNT; by++) {
+        const double a = results_along(&r, &p, by);
+        double       d[GRAD_LEVELS][2], eps = 0.4, best = 0, off = HUGE_VAL;
+        if (!(causes(&p) >> by & 1)) continue;
+        if (by == BY_X0 || by == BY_V0) {
+            CHECK(!(fabs(a) > 0));
+            continue;
+        }
+        for (i = 0; i < GRAD_LEVELS; i++, eps *= 0.5) {
+            double v[2];
+            for (j = 0; j < 2; j++) {
+                scene o;
+                play  q = p;
+                q.by = by;
+                q.eps = j ? -eps : eps;
+                v[j] = static_value(&q, &o, NULL, rest);
+                scene_close(&o);
+            }
+            d[i][0] = (v[0] - v[1]) / (2 * eps);
+            d[i][1] = i ? (4 * d[i][0] - d[i - 1][0]) / 3 : 0;
+            if (i > 1 && fabs(d[i][1] - d[i - 1][1]) < off)
+                off = fabs(d[i][1] - d[i - 1][1]), best = d[i][1];
+        }
+        if (test_full())
+            printf("  static%s %-12s %17.10e %17.10e  %.1e\n", wind ? ", wind" : "", by_name[by],
+                   a, best, fabs(a - best) / fmax(fabs(a), fabs(best)));
+        CHECK_REL(a, best, bound);
+    }
+    results_free(&r);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+}
+
+static void differences_static(void) {
+    statics(0, 1e-6);
+    statics(1, 1e-6);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(differences_euler);
+    RUN(differences_bdf2);
+    RUN(differences_leapfrog);
+    RUN(differences_rungs);
+    RUN(differences_static);
+    RUN(hessian_times_vector);
+    return TEST_END();
+}

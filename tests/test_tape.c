@@ -1,0 +1,383 @@
+/* test_tape.c - the tape: the same bits under any budget, what ends it, a sim that goes first, an
+ * allocator that fails, bad input; and that neither tape nor gradient moves the sim by a bit.
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_tape.c -o test_tape -lm && ./test_tape */
+#define CLOTHSIM_IMPLEMENTATION
+#include "clothsim_collide.h"
+#include "clothsim_grad.h"
+#include "test.h"
+#include "scene.h"
+#include "grad_scene.h"
+
+static host        told;
+static cloth_hooks hooks;
+
+static void backward(cloth_tape *tape, const scene *s, results *r, cloth_grad_report *rep) {
+    loss_user u;
+    memset(&u, 0, sizeof u);
+    u.nv = s->nv;
+    u.only = -1;
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &r->g, rep) == CLOTH_OK);
+}
+
+/* --- budgets --- */
+
+/* The smallest budget that a tape of this play is made with. */
+static size_t least_budget(const play *p) {
+    size_t low = 0, high = (size_t)1 << 30;
+    scene  s;
+    play_open(p, &s);
+    while (high - low > 8) {
+        cloth_tape_options o = cloth_tape_options_default();
+        cloth_tape        *tape;
+        o.bytes = low + (high - low) / 2;
+        if (cloth_tape_create(s.sim, &o, &tape) == CLOTH_OK) high = o.bytes;
+        else low = o.bytes;
+        cloth_tape_destroy(tape);
+    }
+    scene_close(&s);
+    return high;
+}
+
+static void same_bits(play p, const char *what) {
+    results           all;
+    cloth_grad_report rep;
+    cloth_tape       *tape = NULL;
+    scene             s;
+    size_t            least, whole;
+    int               i;
+    (void)play_run(&p, &s, &tape, -1);
+    all = results_make(&s, p.steps);
+    backward(tape, &s, &all, &rep);
+    whole = rep.bytes;
+    CHECK(rep.replayed == (p.integrator == CLOTH_INTEGRATOR_LEAPFROG ? p.steps : 0));
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+    least = least_budget(&p);
+    for (i = 0; i < 6; i++) {
+        results r;
+        int     by;
+        p.bytes = least + (size_t)(i < 5 ? i * i : 25) * (whole > least ? (whole - least) / 25 : 0);
+        if (p.integrator == CLOTH_INTEGRATOR_LEAPFROG) p.bytes += least / 2;    /* its path */
+        (void)play_run(&p, &s, &tape, -1);
+        if (cloth_tape_steps(tape) < p.steps) {         /* its inputs alone are too many */
+            CHECK(i < 4 && strstr(cloth_tape_ended(tape), "options.bytes") != NULL);
+            cloth_tape_destroy(tape);
+            scene_close(&s);
+            continue;
+        }
+        r = results_make(&s, p.steps);
+        backward(tape, &s, &r, &rep);
+        CHECK(rep.bytes <= p.bytes);
+        if (test_full() || i == 2)
+            printf("  %s: %zu of %zu bytes, %zu asked, %d steps replayed\n", what, rep.bytes, whole,
+                   p.bytes, rep.replayed);
+        for (by = 0; by < BY_COUNT; by++)
+            CHECK(memcmp(r.array[by], all.array[by], (size_t)r.n[by] * sizeof(double)) == 0);
+        results_free(&r);
+        cloth_tape_destroy(tape);
+        scene_close(&s);
+    }
+    results_free(&all);
+}
+
+static void tape_budget(void) {
+    play p = play_default();
+    p.steps = 40;
+    p.tolerance = 1e-9;
+    p.still = 1;
+    same_bits(p, "euler");
+    p.integrator = CLOTH_INTEGRATOR_BDF2;
+    same_bits(p, "bdf2");
+    p.substeps = 3;
+    p.still = 0;
+    p.steps = GRAD_STEPS;
+    same_bits(p, "bdf2, 3 substeps, input that moves");
+    p.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    p.substeps = 0;
+    same_bits(p, "leapfrog");
+}
+
+/* --- the sim does not notice --- */
+
+static void sim_untouched(void) {
+    int kind;
+    FOR_INTEGRATORS(kind) {
+        play              p = play_default();
+        cloth_tape       *tape = NULL;
+        cloth_grad_report rep;
+        results           r;
+        scene             s, other;
+        uint64_t          before;
+        p.integrator = (cloth_integrator)kind;
+        p.tolerance = 1e-6;
+        p.bytes = 400000;
+        (void)play_run(&p, &s, &tape, -1);
+        (void)play_run(&p, &other, NULL, -1);
+        before = cloth_sim_hash(s.sim);
+        CHECK(before == cloth_sim_hash(other.sim));
+        r = results_make(&s, p.steps);
+        backward(tape, &s, &r, &rep);
+        CHECK(cloth_sim_hash(s.sim) == before);
+        CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+        CHECK(cloth_step(other.sim, p.h, NULL) == CLOTH_OK);
+        CHECK(cloth_sim_hash(s.sim) == cloth_sim_hash(other.sim));
+        CHECK(cloth_tape_steps(tape) == p.steps + 1);
+        results_free(&r);
+        cloth_tape_destroy(tape);
+        scene_close(&s);
+        scene_close(&other);
+    }
+}
+
+/* --- what ends it --- */
+
+typedef struct held {                       /* of a record, for a replay                       */
+    cloth_step_record r;
+    unsigned char     state[200000];
+} held;
+
+static held Held;
+
+static void hold(void *user, const cloth_step_record *r) {
+    (void)user;
+    Held.r = *r;
+    if (r->bytes > sizeof Held.state) exit(2);
+    memcpy(Held.state, r->state, r->bytes);
+    Held.r.state = Held.state;
+}
+
+enum { END_WRITE, END_TIME, END_RESTORE, END_RESET, END_REPLAY, END_COUNT };
+
+static void end_by(scene *s, int how, unsigned char *buf, size_t size) {
+    cloth_sim *sim = s->sim;
+    if (how == END_WRITE) cloth_sim_state(sim)->x[4] += 1e-9;
+    if (how == END_TIME) cloth_sim_state(sim)->t += 1;
+    if (how == END_RESTORE) CHECK(cloth_sim_restore(sim, buf, size) == CLOTH_OK);
+    if (how == END_RESET) CHECK(cloth_sim_reset(sim) == CLOTH_OK);
+    if (how == END_REPLAY) CHECK(cloth_step_replay(sim, &Held.r, NULL) == CLOTH_OK);
+}
+
+static void tape_ends(void) {
+    static unsigned char buf[200000];
+    int                  how;
+    for (how = 0; how < END_COUNT; how++) {
+        play              p = play_default();
+        cloth_recorder    listen;
+        cloth_tape       *tape = NULL;
+        cloth_grad_report rep;
+        results           r;
+        scene             s;
+        size_t            size;
+        int               k;
+        p.tolerance = 1e-6;
+        p.steps = 0;
+        hooks = host_hooks(&told);
+        p.hooks = &hooks;
+        (void)play_run(&p, &s, &tape, -1);
+        memset(&listen, 0, sizeof listen);
+        listen.step = hold;
+        CHECK(cloth_sim_set_recorder(s.sim, &listen) == CLOTH_OK);  /* besides the tape */
+        for (k = 0; k < 6; k++) {
+            CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+            size = cloth_sim_save_size(s.sim);
+            if (k == 2) CHECK(size < sizeof buf && cloth_sim_save(s.sim, buf, size) == CLOTH_OK);
+        }
+        CHECK(cloth_tape_steps(tape) == 6 && !cloth_tape_ended(tape));
+        cloth_sim_state_changed(s.sim);     /* drops history, writes nothing */
+        CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK && cloth_tape_steps(tape) == 7);
+        host_forget(&told);
+        end_by(&s, how, buf, sizeof buf);
+        CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+        CHECK(cloth_tape_steps(tape) == 7 && cloth_tape_ended(tape) != NULL);
+        CHECK(strstr(told.text, "the state was moved") != NULL);
+        r = results_make(&s, 7);
+        backward(tape, &s, &r, &rep);       /* what was recorded stays good */
+        CHECK(rep.steps == 7 && rep.valid);
+        results_free(&r);
+        cloth_tape_destroy(tape);
+        scene_close(&s);
+        CHECK(told.live == 0);
+    }
+}
+
+static void tape_orphan(void) {
+    play        p = play_default();
+    cloth_tape *tape = NULL;
+    cloth_grad  g;
+    loss_user   u;
+    scene       s;
+    p.tolerance = 1e-6;
+    hooks = host_hooks(&told);
+    p.hooks = &hooks;
+    (void)play_run(&p, &s, &tape, -1);
+    scene_close(&s);
+    memset(&g, 0, sizeof g);
+    memset(&u, 0, sizeof u);
+    CHECK(cloth_tape_steps(tape) == p.steps);
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &g, NULL) == CLOTH_ERR_HANDLE);
+    CHECK(strstr(cloth_tape_ended(tape), "destroyed") != NULL);
+    cloth_tape_destroy(tape);
+    CHECK(told.live == 0);
+}
+
+/* --- memory --- */
+
+static void tape_memory(void) {
+    int kind, n;
+    FOR_INTEGRATORS(kind)
+        for (n = 1; n < 400; n++) {
+            play              p = play_default();
+            cloth_tape_options o = cloth_tape_options_default();
+            cloth_tape       *tape = NULL;
+            cloth_status      status, back = CLOTH_ERR_MEMORY;
+            results           r;
+            loss_user         u;
+            scene             s;
+            uint64_t          hash;
+            int               k, good = 0;
+            p.integrator = (cloth_integrator)kind;
+            p.tolerance = 1e-6;
+            p.n = 4;
+            hooks = host_hooks(&told);
+            p.hooks = &hooks;
+            play_open(&p, &s);
+            CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+            r = results_make(&s, 5);
+            memset(&u, 0, sizeof u);
+            u.nv = s.nv;
+            u.only = -1;
+            host_forget(&told);
+            told.fail_at = told.calls + n;
+            status = cloth_tape_create(s.sim, &o, &tape);
+            CHECK(status == CLOTH_OK || (status == CLOTH_ERR_MEMORY && !tape));
+            for (k = 0; k < 5; k++) good += cloth_step(s.sim, p.h, NULL) == CLOTH_OK;
+            hash = cloth_sim_hash(s.sim);
+            if (tape && cloth_tape_steps(tape) == 5)
+                back = cloth_grad_backward(tape, loss_at, &u, &r.g, NULL);
+            CHECK(back == CLOTH_OK || back == CLOTH_ERR_MEMORY);
+            if (back && tape && cloth_tape_steps(tape) == 5)
+                CHECK(!(fabs(r.g.x0[0]) > 0) && !(fabs(r.g.gravity[1]) > 0));
+            CHECK(good == 5 && cloth_sim_hash(s.sim) == hash);
+            told.fail_at = 0;
+            if (tape) {
+                CHECK(!cloth_tape_ended(tape) == (cloth_tape_steps(tape) == 5));
+                CHECK(!cloth_tape_steps(tape) ||
+                      cloth_grad_backward(tape, loss_at, &u, &r.g, NULL) == CLOTH_OK);
+            }
+            results_free(&r);
+            cloth_tape_destroy(tape);
+            scene_close(&s);
+            CHECK(told.live == 0);
+            if (back == CLOTH_OK) break;
+        }
+    CHECK(n > 8 && n < 400);
+}
+
+/* --- bad input --- */
+
+static void nan_loss(int k, const double *x, const double *v, double *gx, double *gv, void *user) {
+    (void)x, (void)v, (void)gv, (void)user;
+    gx[0] = 1;
+    if (k == 3) gx[7] = NAN;
+}
+
+static void bad_options(scene *s) {
+    cloth_tape_options o = cloth_tape_options_default();
+    cloth_tape        *tape, *second;
+    o.cookie = 0;
+    CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_UNINIT && !tape);
+    o = cloth_tape_options_default();
+    o.tolerance = NAN;
+    CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_NONFINITE);
+    o.tolerance = 0;
+    CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_ARGUMENT);
+    o = cloth_tape_options_default();
+    o.bytes = 1000;
+    CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_CAPACITY && !tape);
+    CHECK(strstr(told.text, "options.bytes = 1000 but one step takes") != NULL);
+    CHECK(cloth_tape_create(s->sim, NULL, NULL) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_tape_create(NULL, NULL, &tape) == CLOTH_ERR_ARGUMENT && !tape);
+    CHECK(cloth_tape_create(s->sim, NULL, &tape) == CLOTH_OK);
+    CHECK(cloth_tape_create(s->sim, NULL, &second) == CLOTH_ERR_ARGUMENT && !second);
+    cloth_tape_destroy(tape);
+    cloth_tape_destroy(NULL);
+    CHECK(cloth_tape_steps(NULL) == 0 && cloth_tape_bytes(NULL, NULL) == 0);
+}
+
+static void tape_bad_input(void) {
+    play              p = play_default();
+    cloth_tape       *tape = NULL;
+    cloth_grad_report rep;
+    cloth_grad        g;
+    double            friction = 0;
+    results           r;
+    loss_user         u;
+    scene             s;
+    int               i;
+    p.tolerance = 1e-6;
+    p.steps = 0;
+    hooks = host_hooks(&told);
+    p.hooks = &hooks;
+    (void)play_run(&p, &s, &tape, -1);
+    memset(&u, 0, sizeof u);
+    memset(&g, 0, sizeof g);
+    u.nv = s.nv;
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &g, &rep) == CLOTH_ERR_ARGUMENT);  /* no step */
+    CHECK(rep.status == CLOTH_ERR_ARGUMENT && !rep.valid);
+    for (i = 0; i < 6; i++) CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+    CHECK(cloth_grad_backward(NULL, loss_at, &u, &g, &rep) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_grad_backward(tape, NULL, &u, &g, &rep) == CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_grad_backward(tape, loss_at, &u, NULL, &rep) == CLOTH_ERR_ARGUMENT);
+    g.friction = &friction;
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &g, &rep) == CLOTH_ERR_UNSUPPORTED);
+    r = results_make(&s, 6);
+    CHECK(cloth_grad_backward(tape, nan_loss, &u, &r.g, &rep) == CLOTH_ERR_NONFINITE);
+    CHECK(strstr(told.text, "k = 3, vertex 2") != NULL && !rep.valid);
+    CHECK(!(fabs(r.g.x0[0]) > 0) && !(fabs(r.g.gravity[0]) > 0));
+    cloth_tape_destroy(tape);
+    bad_options(&s);
+    results_free(&r);
+    scene_close(&s);
+    CHECK(told.live == 0);
+}
+
+/* Contact has no vjp yet: refused by name, whatever else is right. */
+static void contact_refused(void) {
+    play           p = play_default();
+    cloth_collide *c = NULL;
+    cloth_tape    *tape = NULL;
+    cloth_grad     g;
+    loss_user      u;
+    scene          s;
+    hooks = host_hooks(&told);
+    p.hooks = &hooks;
+    p.tolerance = 1e-4;
+    p.with = WITH_PINS;
+    play_desc(&p, &s);
+    s.desc.contact = CLOTH_CONTACT_OBSTACLES;
+    CHECK(scene_open(&s, p.with) == CLOTH_OK);
+    CHECK(cloth_collide_create(s.sim, NULL, &c) == CLOTH_OK);
+    CHECK(cloth_tape_create(s.sim, NULL, &tape) == CLOTH_OK);
+    CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK && cloth_tape_steps(tape) == 1);
+    memset(&g, 0, sizeof g);
+    memset(&u, 0, sizeof u);
+    u.nv = s.nv;
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &g, NULL) == CLOTH_ERR_UNSUPPORTED);
+    CHECK(strstr(told.text, "contact of this sim has no vjp") != NULL);
+    cloth_tape_destroy(tape);
+    cloth_collide_destroy(c);
+    scene_close(&s);
+    CHECK(told.live == 0);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(tape_budget);
+    RUN(sim_untouched);
+    RUN(tape_ends);
+    RUN(tape_orphan);
+    RUN(tape_memory);
+    RUN(tape_bad_input);
+    RUN(contact_refused);
+    return TEST_END();
+}

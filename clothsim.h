@@ -755,6 +755,8 @@ typedef struct cloth_vjp {
     double *attach;                         /* [max_attachments x 3] targets                   */
     double *attach_k;                       /* [max_attachments]                               */
     double *h;                              /* [1]                                             */
+    double *x;                              /* [nv x 3] of contact: by e->x, alone             */
+    int     frozen;                         /* out: something that moves was taken as constant */
 } cloth_vjp;
 
 typedef struct cloth_term {
@@ -774,6 +776,13 @@ typedef struct cloth_term {
                                                behind the start of the snapshot                */
     void   (*load)(void *user, const void *buf);        /* as many bytes as were saved         */
 } cloth_term;
+
+struct cloth_obstacle;
+enum { CLOTH_ADJOINT_BEGIN, CLOTH_ADJOINT_STEP, CLOTH_ADJOINT_END };
+typedef struct cloth_contact_grad {         /* as in cloth_grad                                */
+    double *friction, *part_friction;       /* [1 + obstacles], [parts]                        */
+    void  (*obstacle)(int k, struct cloth_obstacle id, const double *g, void *user), *user;
+} cloth_contact_grad;
 
 /* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated. In a
  * substep:
@@ -824,6 +833,9 @@ typedef struct cloth_contact {
     int          (*moves)(void *user);
     /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
     void         (*orphan)(void *user);
+    /* around calls of vjp along a tape, from its end: BEGIN; STEP when all substeps of recorded
+     * step k are done; END, k = 0, out NULL: results are not wanted. NULL: gradients are refused */
+    cloth_status (*adjoint)(void *user, int what, int k, const cloth_contact_grad *out);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */

@@ -25,7 +25,8 @@
  *     [8.1] SCENE                            [8.2] PROXIMITY AND FRICTION
  *     [8.3] PINCHES                          [8.4] IMPACT ZONES
  *     [8.5] THE CONTACT IN THE STEP          [8.6] QUERIES
- *     [8.7] UNTANGLING                       [9.1] CHANGES
+ *     [8.7] UNTANGLING                       [8.8] DERIVATIVES
+ *     [9.1] CHANGES
  */
 
 /* ===== [1.1] QUICK START =====================================================================
@@ -3779,6 +3780,7 @@ typedef struct clothi_table {               /* of things that begin with a pair'
 } clothi_table;
 
 typedef struct clothi_tangle clothi_tangle;
+typedef struct clothi_adjoint clothi_adjoint;
 
 struct cloth_collide {
     cloth_sim         *sim;
@@ -3876,6 +3878,7 @@ struct cloth_collide {
     int            nhold, nholding, hold_cap, holding_cap;
     uint64_t       seen;                    /* hash of the accepted x                          */
     const clothi_tangle *tangle;            /* while one is moved: what it lets pass     [8.7] */
+    clothi_adjoint *adjoint;                /* while a tape is walked backwards          [8.8] */
 
     cloth_collide_pair *failed;
     int                 nfailed, failed_cap;
@@ -4657,9 +4660,9 @@ static void clothi_exempt_part(cloth_collide *c) {
  * energies a finer mesh would push more. Contacts of one feature with one obstacle, or with one
  * side of one part of cloth, have one key and one energy, E = |(e_1, e_2, ...)|_p with p = 8: the
  * nearest one's, smooth where two are as near. A pair of edges counts by the share in which it is
- * needed: where both surfaces are convex there, where their middles cross and where they are not
- * parallel; what has no full share has a guard, a barrier of its own in the last quarter above the
- * pole, beside the group, so that every pair that detection guards has one. Beside their groups
+ * needed at x^n: where both surfaces are convex there, where their middles cross and where they are
+ * not parallel; what has no full share has a guard, a barrier of its own in the last quarter above
+ * the pole, beside the group, so that every pair that detection guards has one. Beside their groups
  * are also pairs near in the template: ranges of micrometres say nothing in a norm with those of t.
  *
  * Hessian: e'' grad grad' and the curvature of the gap by itself where that is positive, which
@@ -4709,6 +4712,7 @@ static void clothi_exempt_part(cloth_collide *c) {
 #define CLOTHI_SQUEEZED   0.3               /* where zones find no way with that               */
 #define CLOTHI_CONVEX     0.15              /* rad: from here on a convex feature counts fully */
 #define CLOTHI_GUARD      0.25              /* of the room above the pole: range without share */
+#define CLOTHI_WEIGHT     1e-12             /* of a closest point: less is rounding            */
 #define CLOTHI_PARALLEL   0.03              /* sin^2 of an angle: edges nearer to parallel     */
 #define CLOTHI_POLE       0.25              /* of t: d_min, where the force has no bound       */
 #define CLOTHI_AWAY       8                 /* iterations, to the last bits                    */
@@ -4827,11 +4831,11 @@ static double clothi_falls_off(const double *p, const double *o, const double *e
     return fall > 0 ? fall < 1 ? fall * fall * (3 - 2 * fall) : 1 : 0;
 }
 
-/* The same for both faces at edge e, and for all neighbours of vertex v, at positions x (cloth) and
- * xb. d [3]: away from the feature, towards what it meets. */
-static double clothi_edge_convex(const cloth_collide *c, const double *x, int e, const double *d) {
+/* The same for both faces at edge e, and for all neighbours of vertex v, at x^n. d [3]: away from
+ * the feature, towards what it meets. */
+static double clothi_edge_convex(const cloth_collide *c, int e, const double *d) {
     const int    *v = c->edges + 2 * e, *f = c->edge_face + 2 * e;
-    const double *at = v[0] < c->nv ? x : c->xb;
+    const double *at = c->xa;
     double        r[3], share = 1;
     int           k;
     if (e >= c->features.ne) return 1;
@@ -4850,21 +4854,22 @@ static double clothi_vertex_convex(const cloth_collide *c, int v, const double *
         for (k = 0; k < 3; k++) {
             const int w = c->faces[3 * c->star_face[i] + k];
             if (w == v) continue;
-            share = clothi_min(share, clothi_falls_off(c->xb + 3 * v, c->xb + 3 * w, NULL, d));
+            share = clothi_min(share, clothi_falls_off(c->xa + 3 * v, c->xa + 3 * w, NULL, d));
         }
     return share;
 }
 
-/* Share of its force that a pair has: where surfaces are flat or hollow, vertices near faces say
- * all of their distance; a vertex of an obstacle counts where it is convex. */
-static double clothi_contact_share(const cloth_collide *c, const clothi_contact *q,
-                                   const double *x) {
-    double p[12], e[3], r[3], n[3], d[3], s = q->w[1], t = -q->w[3], sine, a, b;
+/* Share of its force that a pair has, by its frame at x^n, q->at: where surfaces are flat or
+ * hollow, vertices near faces say all of their distance; a vertex of an obstacle counts where it
+ * is convex. Were it renewed at every iterate, edges that slide over others would keep the search
+ * from its end. */
+static double clothi_contact_share(const cloth_collide *c, const clothi_contact *q) {
+    double p[12], e[3], r[3], n[3], d[3], s = q->at.w[1], t = -q->at.w[3], sine, a, b;
     int    k;
-    if (q->radius > 0 || q->kind == CLOTHI_VP || q->gap > 2 * q->range) return 1;
-    for (k = 0; k < 3; k++) d[k] = -q->normal[k];
+    if (q->radius > 0 || q->kind == CLOTHI_VP || q->at.gap > 2 * q->range) return 1;
+    for (k = 0; k < 3; k++) d[k] = -q->at.normal[k];
     if (q->kind == CLOTHI_VF) return q->a < c->nv ? 1 : clothi_vertex_convex(c, q->a, d);
-    clothi_pair_points(c, x, c->xb, q->v, 4, p);
+    clothi_pair_points(c, c->xa, c->xa, q->v, 4, p);
     clothi_sub3(p + 3, p, e);
     clothi_sub3(p + 9, p + 6, r);
     clothi_cross3(e, r, n);
@@ -4872,8 +4877,8 @@ static double clothi_contact_share(const cloth_collide *c, const clothi_contact 
     sine = a > 0 ? clothi_dot3(n, n) / a / CLOTHI_PARALLEL : 0;
     b = 16 * s * (1 - s) * t * (1 - t);
     b *= b * (sine < 1 ? sine * (2 - sine) : 1);
-    if (b > 0 && q->v[0] >= c->nv) b *= clothi_edge_convex(c, x, q->a, d);
-    if (b > 0 && q->v[2] >= c->nv) b *= clothi_edge_convex(c, x, q->b, q->normal);
+    if (b > 0 && q->v[0] >= c->nv) b *= clothi_edge_convex(c, q->a, d);
+    if (b > 0 && q->v[2] >= c->nv) b *= clothi_edge_convex(c, q->b, q->at.normal);
     return b;
 }
 
@@ -4983,13 +4988,12 @@ static void clothi_contact_slip(const cloth_collide *c, const clothi_contact *q,
     for (k = 0; k < 3; k++) u[k] -= along * q->normal[k];
 }
 
-/* Lagged frame, share and slip from the frame at x. */
+/* Lagged frame and slip from the frame at x. */
 static void clothi_contact_renew(const cloth_collide *c, clothi_contact *q, const double *x) {
     double u[3], size;
     memcpy(q->w, q->at.w, sizeof q->w);
     memcpy(q->normal, q->at.normal, sizeof q->normal);
     q->gap = q->at.gap;
-    q->share = clothi_contact_share(c, q, x);
     clothi_contact_slip(c, q, x, u);
     size = sqrt(clothi_dot3(u, u));
     if (!(size > c->desc.slip)) q->scale = 1;
@@ -5038,8 +5042,8 @@ static int clothi_frame_rates(const clothi_contact *q, const double *w, const do
     int n = 0, first = -1, i, j, k;
     memset(rate, 0, 8 * sizeof(double));
     for (i = 0; i < q->n && q->kind != CLOTHI_VP; i++) {
-        if (!(fabs(w[i]) > 0) || (q->kind == CLOTHI_VF && i == 0)) continue;
-        if (first < 0 || (q->kind == CLOTHI_EE && i == 2)) {
+        if (!(fabs(w[i]) > CLOTHI_WEIGHT) || (q->kind == CLOTHI_VF && i == 0)) continue;
+        if (first < 0 || (q->kind == CLOTHI_EE && i >= 2 && first < 2)) {
             first = i;
             continue;
         }
@@ -5316,7 +5320,7 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
             if (!clothi_contact_soft(c, q, x)) return 0;
             clothi_sub3(c->xa + 3 * q->v[0], c->xa + 3 * q->v[1], r);
             q->radius = clothi_dot3(r, q->normal) - q->start;
-            q->room = CLOTHI_SOFT_ROOM * q->range;
+            q->room = CLOTHI_SOFT_ROOM * q->range, q->share = 1;
             return 1;
         }
     }
@@ -5324,6 +5328,7 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
     if (!(f.gap > 0)) return 0;
     clothi_contact_frame_at(c, q, c->xa, c->xa, &q->at);
     q->start = q->at.gap;
+    q->share = clothi_contact_share(c, q);
     q->room = q->range - clothi_pair_pole(c, q->range, q->start);
     if (!(f.gap > q->range - q->room)) return 0;
     memcpy(q->w, f.w, sizeof f.w);
@@ -5403,8 +5408,6 @@ static const clothi_anchor *clothi_anchor_of(const cloth_collide *c, const cloth
 static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, const double *x,
                               clothi_contact *q) {
     const clothi_anchor *anchor;
-    double               along;
-    int                  k;
     if (!clothi_contact_fill(c, p, x, q)) return 0;
     q->stiffness = c->stiffness * clothi_pair_area(c, q->kind, q->slot, q->a, q->b);
     if (q->slot < 0) q->stiffness *= c->desc.thickness / q->range;
@@ -5415,8 +5418,7 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     anchor = clothi_anchor_of(c, &q->key);
     if (anchor) {
         q->start = clothi_min(q->start, anchor->gap);
-        along = clothi_dot3(anchor->slip, q->normal);
-        for (k = 0; k < 3; k++) q->slip[k] = anchor->slip[k] - along * q->normal[k];
+        memcpy(q->slip, anchor->slip, sizeof q->slip);
     }
     q->away = clothi_contact_away(c, q);
     clothi_contact_frame_at(c, q, x, c->xb, &q->at);
@@ -7660,15 +7662,21 @@ static int clothi_contact_list(void *user, int max, void *contact) {
     return n;
 }
 
+static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const double *a,
+                                       cloth_vjp *out);
+static cloth_status clothi_contact_adjoint(void *user, int what, int k,
+                                           const cloth_contact_grad *out);
+
 static void clothi_collide_connect(cloth_collide *c) {
     const cloth_contact k = {
         c, clothi_contact_begin, clothi_contact_update, clothi_contact_eval,
         clothi_contact_max_step, clothi_contact_block, clothi_contact_start_at,
         clothi_contact_close, clothi_contact_resolve, clothi_contact_commit,
         clothi_contact_rollback, clothi_contact_reset, clothi_contact_save_size,
-        clothi_contact_save, clothi_contact_load, NULL, clothi_contact_bytes,
+        clothi_contact_save, clothi_contact_load, clothi_contact_vjp, clothi_contact_bytes,
         clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
-        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan};
+        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan,
+        clothi_contact_adjoint};
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -8832,6 +8840,590 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     }
     clothi_tangle_free(hooks, &u);
     return status;
+}
+
+/* ===== [8.8] DERIVATIVES =====================================================================
+ *
+ *   contacts' part of the gradient at x     F(x; x^n, poses, mu, anchors)
+ *   a given: a.F is differentiated backwards, contact by contact
+ *
+ *     a.F = sum over contacts  Z.(T - f n),     Z = sum w a    f normal force, T friction
+ *
+ *     T     = mu f b(|u|) u,  u = (1 - n n')(slip + carry + sum w (x - x^n))
+ *     f     = (e/E)^7 e' of the group's norm, e(gap, start, share), and the guard
+ *     start = gap at x^n, or what the anchor has;  share, of the frame at x^n
+ *     slip  = of the key's anchor: the mean of u of the step before, turned with the surface
+ *     gap, n, w    of the closest points: d(sum w x) = w dx + r ds,
+ *                  ds = -G^-1 (r' w + D' dw/ds) dx,  G = r'r, D = sum w x, r = d(D)/ds
+ *
+ * Nothing is lagged here: frames and normal forces are those of x, at which Newton's search
+ * arrives when it converges. So dF/dx is not symmetric, and a.F may be asked for its part by x
+ * alone, as a linear solver does. Then what is left of a goes to all other causes, once a substep;
+ * what an anchor got is kept for the contacts of the substep before.
+ *
+ * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
+ * stiffness. Taken as such though they move, and told (vjp.frozen): the way that turning spheres
+ * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex.
+ * checked: tests/test_grad_contact.c
+ */
+
+typedef struct clothi_memory {              /* what an anchor gets                             */
+    clothi_key key;
+    double     gap, slip[3];
+} clothi_memory;
+
+typedef struct clothi_rates {                /* adjoint of one contact                          */
+    double force, gap, share, start, w[4], n[3];
+} clothi_rates;
+
+struct clothi_adjoint {                     /* a walk backwards                                */
+    const cloth_hooks *hooks;
+    double        *pose[2];                 /* [nw - nv x 3] by the step's end, by its start   */
+    double        *world[2];                /* the same by xa and xb of a substep              */
+    double        *friction;                /* [1 + nobstacle + nparts]                        */
+    clothi_memory *after, *before;          /* by anchors after the substep, and before it     */
+    clothi_rates   *back;                    /* of a group                                      */
+    int            nafter, nbefore, after_cap, before_cap, back_cap;
+};
+
+typedef struct clothi_flow {                /* one call of vjp                                 */
+    cloth_collide  *c;
+    clothi_adjoint *to;
+    int             whole;                  /* 0: by x alone                                   */
+    const double  *a, *x;                   /* [nv x 3]; a NULL: by anchors alone              */
+    double        *cloth[2];                /* [nv x 3] by x^n, by x; NULL: not wanted         */
+} clothi_flow;
+
+/* d/d{world vertex v} at the substep's start (0) or end (1) += s d. */
+static void clothi_flow_add(const clothi_flow *f, int end, int v, double s, const double *d) {
+    const int nv = f->c->nv;
+    double   *to = v < nv ? f->cloth[end] : f->whole ? f->to->world[end] : NULL;
+    int       k;
+    if (!to) return;
+    for (to += 3 * (v < nv ? v : v - nv), k = 0; k < 3; k++) to[k] += s * d[k];
+}
+
+/* Gap, normal and weights, of x^n (end 0) or of x, to the points. */
+static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int end,
+                              const clothi_frame *at, const clothi_rates *b) {
+    const cloth_collide *c = f->c;
+    const double         d = at->gap + q->radius, nn = clothi_dot3(b->n, at->normal);
+    double p[12], rate[8], along[6], D[3], s[2] = {0, 0}, g[3], det, more[3];
+    int    m = 0, i, j, k;
+    clothi_pair_points(c, end ? f->x : c->xa, end ? c->xb : c->xa, q->v, q->n, p);
+    if (q->kind != CLOTHI_VP && d > 0) m = clothi_frame_rates(q, at->w, p, rate, along);
+    for (k = 0; k < 3; k++)
+        D[k] = (q->kind == CLOTHI_VP ? 0 : (b->n[k] - nn * at->normal[k]) / d) +
+               b->gap * at->normal[k];
+    for (j = 0; j < m; j++)
+        for (s[j] = clothi_dot3(along + 3 * j, D), i = 0; i < q->n; i++)
+            s[j] += rate[4 * j + i] * b->w[i];
+    g[0] = m ? clothi_dot3(along, along) : 1;
+    g[1] = m > 1 ? clothi_dot3(along, along + 3) : 0;
+    g[2] = m > 1 ? clothi_dot3(along + 3, along + 3) : 1;
+    det = g[0] * g[2] - g[1] * g[1];
+    if (m > 1 && !(det > 1e-12 * g[0] * g[2])) m = 1, s[1] = g[1] = 0, g[2] = 1, det = g[0];
+    det = det > 0 ? -1 / det : 0;
+    more[0] = det * (g[2] * s[0] - g[1] * s[1]);
+    s[1] = det * (g[0] * s[1] - g[1] * s[0]);
+    s[0] = more[0];
+    for (i = 0; i < q->n; i++) {
+        for (k = 0; k < 3; k++)
+            for (more[k] = at->w[i] * D[k], j = 0; j < m; j++)
+                more[k] += s[j] * (rate[4 * j + i] * d * at->normal[k] +
+                                   at->w[i] * along[3 * j + k]);
+        clothi_flow_add(f, end, q->v[i], 1, more);
+    }
+}
+
+/* clothi_falls_off backwards, of vertices v, o and the edge at x^n: rate of what it returns. */
+static void clothi_back_falls(const clothi_flow *f, int v, int o, const int *edge, const double *d,
+                              double rate, double *to_d) {
+    const double *x = f->c->xa;
+    double        r[3], e[3], n[3], along = 0, ee = 1, size, fall;
+    int           k;
+    clothi_sub3(x + 3 * o, x + 3 * v, r);
+    if (edge) {
+        clothi_sub3(x + 3 * edge[1], x + 3 * edge[0], e);
+        ee = clothi_dot3(e, e), along = clothi_dot3(r, e) / ee;
+        for (k = 0; k < 3; k++) r[k] -= along * e[k];
+    }
+    size = sqrt(clothi_dot3(r, r));
+    fall = size > 0 ? -clothi_dot3(r, d) / (CLOTHI_CONVEX * size) : 1;
+    if (!(fall > 0 && fall < 1)) return;
+    rate *= 6 * fall * (1 - fall) / (CLOTHI_CONVEX * size);
+    for (k = 0; k < 3; k++) {
+        to_d[k] -= rate * r[k];
+        n[k] = -rate * (d[k] + fall * CLOTHI_CONVEX * r[k] / size);
+    }
+    if (edge) {
+        size = clothi_dot3(n, e) / ee;
+        for (k = 0; k < 3; k++) n[k] -= size * e[k], r[k] = -along * n[k] - size * r[k];
+        clothi_flow_add(f, 0, edge[1], 1, r);
+        clothi_flow_add(f, 0, edge[0], -1, r);
+    }
+    clothi_flow_add(f, 0, o, 1, n);
+    clothi_flow_add(f, 0, v, -1, n);
+}
+
+/* clothi_edge_convex of an obstacle's edge e backwards, a factor of the share, of which rate is;
+ * the direction is dn times the normal. */
+static void clothi_back_edge(const clothi_flow *f, const clothi_frame *at, int e, double dn,
+                             double rate, double *to_n) {
+    const cloth_collide *c = f->c;
+    const int *v = c->edges + 2 * e, *g = c->edge_face + 2 * e;
+    double     d[3], to[3] = {0, 0, 0}, r[3], own;
+    int        k;
+    if (e >= c->features.ne || v[0] < c->nv) return;
+    for (k = 0; k < 3; k++) d[k] = dn * at->normal[k];
+    clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], r);
+    for (k = 0; k < 2 && g[k] >= 0; k++) {
+        const int *w = c->faces + 3 * g[k], third = w[0] + w[1] + w[2] - v[0] - v[1];
+        own = clothi_falls_off(c->xa + 3 * v[0], c->xa + 3 * third, r, d);
+        clothi_back_falls(f, v[0], third, v, d, rate / own, to);
+    }
+    for (k = 0; k < 3; k++) to_n[k] += dn * to[k];
+}
+
+/* clothi_vertex_convex of an obstacle's vertex, which is the share. */
+static void clothi_back_vertex(const clothi_flow *f, const clothi_contact *q,
+                               const clothi_frame *at, double rate, double *to_n) {
+    const cloth_collide *c = f->c;
+    double d[3], to[3] = {0, 0, 0};
+    int    i, k, found = 0;
+    for (k = 0; k < 3; k++) d[k] = -at->normal[k];
+    for (i = c->star[q->a]; i < c->star[q->a + 1] && !found; i++)
+        for (k = 0; k < 3 && !found; k++) {
+            const int w = c->faces[3 * c->star_face[i] + k];
+            if (w == q->a) continue;
+            found = clothi_falls_off(c->xa + 3 * q->a, c->xa + 3 * w, NULL, d) <= q->share;
+            if (found) clothi_back_falls(f, q->a, w, NULL, d, rate, to);
+        }
+    for (k = 0; k < 3; k++) to_n[k] -= to[k];
+}
+
+/* clothi_contact_share backwards, to the frame `at` of x^n: share, its rate, into b. */
+static void clothi_back_share(const clothi_flow *f, const clothi_contact *q, const clothi_frame *at,
+                              double share, clothi_rates *b) {
+    const cloth_collide *c = f->c;
+    const double s = at->w[1], t = -at->w[3], rate = share * q->share;
+    double       p[12], e[6], d[3], ee, rr, er, sine, by;
+    int          i, k;
+    if (q->radius > 0 || q->kind == CLOTHI_VP || at->gap > 2 * q->range || !(fabs(rate) > 0))
+        return;
+    if (q->kind == CLOTHI_VF) {
+        if (q->a >= c->nv) clothi_back_vertex(f, q, at, share, b->n);
+        return;
+    }
+    b->w[1] += rate * 2 * (1 - 2 * s) / (s * (1 - s));
+    b->w[3] -= rate * 2 * (1 - 2 * t) / (t * (1 - t));
+    clothi_pair_points(c, c->xa, c->xa, q->v, 4, p);
+    clothi_sub3(p + 3, p, e);
+    clothi_sub3(p + 9, p + 6, e + 3);
+    ee = clothi_dot3(e, e), rr = clothi_dot3(e + 3, e + 3), er = clothi_dot3(e, e + 3);
+    clothi_cross3(e, e + 3, d);
+    sine = clothi_dot3(d, d) / (ee * rr) / CLOTHI_PARALLEL;
+    by = -4 * rate * (1 - sine) / (sine * (2 - sine)) / CLOTHI_PARALLEL * er / (ee * rr);
+    for (i = 0; i < 2 && sine < 1; i++) {   /* sin^2 = 1 - (e.r)^2/(e.e r.r) */
+        for (k = 0; k < 3; k++)
+            d[k] = by * (e[3 * (1 - i) + k] - er / (i ? rr : ee) * e[3 * i + k]);
+        clothi_flow_add(f, 0, q->v[2 * i + 1], 1, d);
+        clothi_flow_add(f, 0, q->v[2 * i], -1, d);
+    }
+    clothi_back_edge(f, at, q->a, -1, rate, b->n);
+    clothi_back_edge(f, at, q->b, 1, rate, b->n);
+}
+
+/* Axes of clothi_contact_axes at x (end 1) or x^n backwards: to [6] by them, n the normal. */
+static void clothi_back_axes(const clothi_flow *f, const clothi_contact *q, int end,
+                             const double *n, const double *axes, const double *to, double *to_n) {
+    const cloth_collide *c = f->c;
+    const int *v = q->v + (q->kind == CLOTHI_VF ? 1 : q->slot >= 0 && q->v[0] >= c->nv ? 0 : 2);
+    double     p[6], e[3], g[3], h[3], along, size = 0;
+    int        k;
+    clothi_pair_points(c, end ? f->x : c->xa, end ? c->xb : c->xa, v, 2, p);
+    clothi_sub3(p + 3, p, e);
+    clothi_cross3(to + 3, n, g);            /* the second axis is n x the first */
+    clothi_cross3(axes, to + 3, h);
+    along = clothi_dot3(e, n);
+    for (k = 0; k < 3; k++) g[k] += to[k], to_n[k] += h[k], size += e[k] * axes[k];
+    h[0] = clothi_dot3(g, axes);
+    for (k = 0; k < 3; k++) g[k] = (g[k] - h[0] * axes[k]) / size;
+    h[0] = clothi_dot3(g, n);
+    for (k = 0; k < 3; k++) to_n[k] -= h[0] * e[k] + along * g[k];
+    for (k = 0; k < 3; k++) g[k] -= h[0] * n[k];
+    clothi_flow_add(f, end, v[1], 1, g);
+    clothi_flow_add(f, end, v[0], -1, g);
+}
+
+/* clothi_contact_turn of slip u backwards: y by what it returns, to u and the surface. */
+static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, const double *u,
+                             const double *y, double *to_u, clothi_rates *b) {
+    const cloth_collide   *c = f->c;
+    const clothi_obstacle *o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
+    clothi_frame           at;
+    clothi_rates            start;
+    double a[6], e[6], to[6], from[6], back[3] = {0, 0, 0};
+    int    k, i;
+    if (q->slot >= 0 && !clothi_is_mesh(o)) {
+        for (i = 0; i < 9; i++) back[i % 3] += o->turn[1][i] * y[i / 3];
+        for (i = 0; i < 3; i++) to_u[i] += clothi_dot3(o->turn[0] + 3 * i, back);
+        return;
+    }
+    memset(&start, 0, sizeof start);
+    clothi_contact_frame_at(c, q, c->xa, c->xa, &at);
+    if (!clothi_contact_axes(c, q, c->xa, at.normal, a) ||
+        !clothi_contact_axes(c, q, c->xb, q->normal, e)) {
+        for (k = 0; k < 3; k++) to_u[k] += y[k];
+        return;
+    }
+    for (i = 0; i < 6; i += 3)
+        for (k = 0; k < 3; k++) {
+            to_u[k] += clothi_dot3(y, e + i) * a[i + k];
+            to[i + k] = clothi_dot3(u, a + i) * y[k];
+            from[i + k] = clothi_dot3(y, e + i) * u[k];
+        }
+    clothi_back_axes(f, q, 1, q->normal, e, to, b->n);
+    clothi_back_axes(f, q, 0, at.normal, a, from, start.n);
+    clothi_back_frame(f, q, 0, &at, &start);
+}
+
+/* What an anchor gets, or NULL; sorted by key, as contacts are. */
+static clothi_memory *clothi_memory_of(clothi_memory *m, int n, const clothi_key *key) {
+    int low = 0, high = n;
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        const int order = clothi_key_compare(&m[mid].key, key);
+        if (order == 0) return m + mid;
+        if (order < 0) low = mid + 1;
+        else high = mid;
+    }
+    return NULL;
+}
+
+/* Derivative by the coefficient of a contact to those that made it. */
+static void clothi_back_coefficient(const clothi_flow *f, const clothi_contact *q, double rate) {
+    const cloth_collide *c = f->c;
+    double              *to = f->to->friction, *parts = to + 1 + c->nobstacle;
+    const double         half = 0.5 * rate * q->friction;
+    int                  i, n = 0, part, own = 0;
+    for (i = 0; i < q->n && n < 2; i += q->kind == CLOTHI_EE ? 2 : 1) {
+        if (q->v[i] >= c->nv) continue;
+        n++;
+        part = c->part ? c->vertex_part[q->v[i]] : -1;
+        if (part >= 0 && c->part[part].friction > 0)
+            parts[part] += half / c->part[part].friction, own = 1;
+        else if (q->slot < 0 && c->desc.friction > 0) to[0] += half / c->desc.friction;
+    }
+    if (q->slot < 0) return;
+    if (!own) to[1 + q->slot] += rate;
+    else if (c->obstacle[q->slot].friction > 0)
+        to[1 + q->slot] += half / c->obstacle[q->slot].friction;
+}
+
+/* Friction of a contact, and by `mean` (its slip: the key's mean, force the sum; gap, slip: their
+ * adjoint, NULL: none) what it leaves to the next substep. */
+static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, const double *Z,
+                             const clothi_anchor *mean, const double *by, clothi_rates *b) {
+    const cloth_collide *c = f->c;
+    const double         eps = c->desc.slip;
+    clothi_memory       *m;
+    double u[3], r[3], to[3] = {0, 0, 0}, y[3], size, bend, less, uZ, un;
+    int    i, k;
+    clothi_contact_slip(c, q, f->x, u);
+    for (k = 0; k < 3; k++) r[k] = q->slip[k] + q->carry[k];
+    for (i = 0; i < 3 * q->n; i++)
+        r[i % 3] += q->w[i / 3] * ((q->v[i / 3] < c->nv ? f->x : c->xb)[3 * q->v[i / 3] + i % 3] -
+                                   c->xa[3 * q->v[i / 3] + i % 3]);
+    size = sqrt(clothi_dot3(u, u)), uZ = clothi_dot3(u, Z);
+    bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;
+    less = size > 0 ? -1 / (size * pow(clothi_max(size, eps), 2)) : 0;
+    b->force += q->friction * bend * uZ;
+    if (f->whole) clothi_back_coefficient(f, q, q->force * bend * uZ);
+    for (k = 0; k < 3; k++) to[k] = q->limit * (bend * Z[k] + less * uZ * u[k]);
+    if (by) {
+        memcpy(y, u, sizeof y);
+        clothi_contact_turn(c, q, y);
+        for (k = 0; k < 3; k++) b->force += by[k] * (y[k] - mean->slip[k]) / mean->force;
+        for (k = 0; k < 3; k++) y[k] = q->force / mean->force * by[k];
+        clothi_back_turn(f, q, u, y, to, b);
+    }
+    un = clothi_dot3(to, q->normal);
+    for (k = 0; k < 3; k++) b->n[k] -= un * r[k] + clothi_dot3(r, q->normal) * to[k];
+    for (k = 0; k < 3; k++) to[k] -= un * q->normal[k];
+    for (i = 0; i < q->n; i++) {
+        clothi_sub3((q->v[i] < c->nv ? f->x : c->xb) + 3 * q->v[i], c->xa + 3 * q->v[i], r);
+        b->w[i] += clothi_dot3(to, r);
+        clothi_flow_add(f, 1, q->v[i], q->w[i], to);
+        clothi_flow_add(f, 0, q->v[i], -q->w[i], to);
+    }
+    m = f->whole ? clothi_memory_of(f->to->before, f->to->nbefore, &q->key) : NULL;
+    for (k = 0; m && k < 3; k++) m->slip[k] += to[k];
+}
+
+/* Energy e, force e' and guard of a contact backwards: energy, force and own their adjoints. K u^2/
+ * (t (1 - u/U)^2) is of degree 2 in u and U: dF/dU = (2 F - u F')/U, de/dU = (3 e - u F)/U.
+ * Where the damping ends does not matter: there e is stationary. */
+static void clothi_back_normal(const cloth_collide *c, const clothi_contact *q, double energy,
+                               double force, double own, clothi_rates *b) {
+    const double damp = clothi_contact_damping(c, q), U = q->room, t = q->range, s = q->share;
+    const double u = t - q->gap, in = t - q->start, G = CLOTHI_GUARD, v = u - (1 - G) * U;
+    const int    ends = damp > 0 && in > 0;
+    double       F, slope, last, bend, e, at = 0, room = 0, guard = 0, rise = 0;
+    if (q->beside) force += own;
+    if (u > q->away && u < U) {
+        e = clothi_contact_elastic(q, q->gap, &F, &slope);
+        if (ends) at = clothi_contact_elastic(q, t - q->away, &last, &bend);
+        room = s * (energy * (3 * (e - at) - u * F + (ends ? q->away * last : 0)) +
+                    force * (2 * F - u * slope)) / U;
+        last = clothi_max(in, 0) - u;
+        bend = ends ? in - q->away : 0;
+        b->share += force * (F - damp * last) +
+                    energy * (e - at + 0.5 * damp * (last * last - bend * bend));
+        b->gap -= s * (energy * (F - damp * last) + force * (slope + damp));
+        if (ends) b->start += s * damp * (energy * (u - q->away) + force);
+    }
+    if (s < 1 && u < U) {
+        (void)clothi_barrier((1 - s) * q->stiffness, G * t, G * U, v, &guard, &rise);
+        b->gap -= rise * own;
+        b->share -= guard / (1 - s) * own;
+        room += own * (v > 0 ? (2 * guard - v * rise) / U - (1 - G) * rise : 0);
+    }
+    if (!q->soft && c->approach * q->start < CLOTHI_POLE * t) b->start -= c->approach * room;
+}
+
+/* What a contact has of x^n: its share; its start, of the gap there or of its key's anchor. */
+static void clothi_back_start(const clothi_flow *f, const clothi_contact *q,
+                              const clothi_rates *b) {
+    clothi_memory *m = clothi_memory_of(f->to->before, f->to->nbefore, &q->key);
+    clothi_frame   at;
+    clothi_rates    start;
+    clothi_contact_frame_at(f->c, q, f->c->xa, f->c->xa, &at);
+    memset(&start, 0, sizeof start);
+    if (m && q->start < at.gap) m->gap += b->start;
+    else start.gap = b->start;
+    clothi_back_share(f, q, &at, b->share, &start);
+    clothi_back_frame(f, q, 0, &at, &start);
+}
+
+/* What the anchor of contacts q [n] of one key will be, before its slip is cut: their mean; by [3]:
+ * by its slip. NULL: nothing asks for it. */
+static const clothi_memory *clothi_back_anchor(const clothi_flow *f, const clothi_contact *q, int n,
+                                               clothi_anchor *mean, double *by) {
+    const cloth_collide *c = f->c;
+    const clothi_memory *m =
+        f->whole || !f->a ? clothi_memory_of(f->to->after, f->to->nafter, &q->key) : NULL;
+    double               u[3], size, along;
+    int                  i, k;
+    memset(mean, 0, sizeof *mean);
+    mean->gap = HUGE_VAL;
+    for (i = 0; m && i < n; i++) {
+        if (!(q[i].force > 0)) continue;
+        clothi_contact_slip(c, q + i, f->x, u);
+        clothi_contact_turn(c, q + i, u);
+        for (k = 0; k < 3; k++) mean->slip[k] += q[i].force * u[k];
+        mean->force += q[i].force;
+        mean->gap = clothi_min(mean->gap, q[i].gap);
+    }
+    if (!(mean->force > 0)) return NULL;
+    for (k = 0; k < 3; k++) mean->slip[k] /= mean->force, by[k] = m->slip[k];
+    size = sqrt(clothi_dot3(mean->slip, mean->slip));
+    if (!(size > c->desc.slip)) return m;
+    along = clothi_dot3(by, mean->slip) / (size * size);
+    for (k = 0; k < 3; k++) by[k] = c->desc.slip / size * (by[k] - along * mean->slip[k]);
+    return m;
+}
+
+/* Contacts q [n] of one key. */
+static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int n) {
+    const cloth_collide *c = f->c;
+    clothi_rates         *b = f->to->back;
+    clothi_anchor        mean;
+    double               by[3], Z[3], T[3], K[9], parts = 0, E = 0, most = 0;
+    const clothi_memory *m = clothi_back_anchor(f, q, n, &mean, by);
+    int                  i, l, k;
+    memset(b, 0, (size_t)n * sizeof *b);
+    for (i = 0; i < n; i++) {
+        const double push = q[i].force;
+        if (!(push > 0)) continue;
+        memset(Z, 0, sizeof Z);
+        memset(T, 0, sizeof T);
+        for (l = 0; f->a && l < q[i].n; l++)
+            for (k = 0; q[i].v[l] < c->nv && k < 3; k++)
+                Z[k] += q[i].w[l] * f->a[3 * q[i].v[l] + k];
+        if (q[i].limit > 0) (void)clothi_contact_friction(c, q + i, f->x, T, K);
+        for (k = 0; k < 3; k++) T[k] -= push * q[i].normal[k], b[i].n[k] = -push * Z[k];
+        for (l = 0; l < q[i].n; l++)
+            if (f->a && q[i].v[l] < c->nv) b[i].w[l] = clothi_dot3(T, f->a + 3 * q[i].v[l]);
+        b[i].force = -clothi_dot3(Z, q[i].normal);
+        clothi_back_slip(f, q + i, Z, &mean, m ? by : NULL, b + i);
+        if (m && !(q[i].gap > mean.gap)) b[i].gap = m->gap, mean.gap = -HUGE_VAL;
+        parts += b[i].force * q[i].at.force * q[i].at.part;
+        most = clothi_max(most, q[i].at.energy);
+        E += pow(q[i].at.energy, 8);
+    }
+    E = most > 0 ? pow(E, 1.0 / 8) : 0;
+    for (i = 0; i < n; i++) {
+        const double r = E > 0 ? q[i].at.energy / E : 0, part = q[i].at.part;
+        const double energy = b[i].force * q[i].at.force * pow(r, 6) - part * parts;
+        if (!(q[i].force > 0)) continue;
+        clothi_back_normal(c, q + i, E > 0 ? 7 / E * energy : 0, part * b[i].force, b[i].force,
+                           b + i);
+        clothi_back_frame(f, q + i, 1, &q[i].at, b + i);
+        if (f->whole) clothi_back_start(f, q + i, b + i);
+    }
+}
+
+/* What holds cloth in pinches: where it goes to what carries it, and to x^n. */
+static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
+    const cloth_collide *c = f->c;
+    const cloth_model   *m = c->sim->model;
+    const int            face = m->topology->vf[m->topology->vf_start[h->vertex]];
+    const int            leaves = c->look[h->vertex] == CLOTHI_OUT;
+    const double drag = (leaves ? CLOTHI_LEAD : CLOTHI_DRAG) *
+                        clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
+    double A[6], n[6], out[3], to[3], along;
+    int    i, k;
+    for (k = 0; k < 3; k++) to[k] = drag * f->a[3 * h->vertex + k];
+    if (!f->whole) {
+        clothi_flow_add(f, 1, h->vertex, 1, to);
+        return;
+    }
+    for (i = 0; i < 3 && leaves; i++)       /* with the point of the surface where h is */
+        clothi_flow_add(f, 1, c->faces[3 * (c->obstacle[h->slot].f0 + h->face[0]) + i],
+                        h->weight[0][i], to);
+    if (leaves) return;
+    (void)clothi_hold_room(c, h, c->xb, A, n, out);
+    along = clothi_dot3(to, out);
+    for (i = 0; i < 6; i++) {               /* along `out` their share, else the mean of ways */
+        const int *v = c->faces + 3 * (size_t)(c->obstacle[h->slot].f0 + h->face[i / 3]);
+        double     d[3];
+        for (k = 0; k < 3; k++) d[k] = -0.5 * (to[k] - along * out[k]);
+        clothi_flow_add(f, 0, v[i % 3], -h->weight[i / 3][i % 3], d);
+        for (k = 0; k < 3; k++) d[k] -= (i < 3 ? 1 - h->share : h->share) * along * out[k];
+        clothi_flow_add(f, 1, v[i % 3], h->weight[i / 3][i % 3], d);
+    }
+    for (k = 0; k < 3; k++) to[k] = along * out[k] - to[k];
+    clothi_flow_add(f, 0, h->vertex, 1, to);
+}
+
+/* Something moves in contact q that is taken as constant. */
+static int clothi_back_frozen(const cloth_collide *c, const clothi_contact *q) {
+    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
+    if (!o || !(q->force > 0)) return 0;
+    return q->soft || clothi_dot3(o->surface + 3, o->surface + 3) > 0 ||
+           (!clothi_is_mesh(o) && memcmp(o->turn[0], o->turn[1], sizeof o->turn[0]) != 0);
+}
+
+/* A substep's end: its poses to those of the step; anchors before it are those after the last. */
+static void clothi_back_end(clothi_flow *f, const double *share) {
+    cloth_collide *c = f->c;
+    clothi_adjoint *to = f->to;
+    clothi_memory *swap = to->after;
+    int            i, k, cap = to->after_cap;
+    for (i = 0; i < 3 * (c->nw - c->nv); i++)
+        for (k = 0; k < 2; k++) {
+            to->pose[0][i] += share[k] * to->world[k][i];
+            to->pose[1][i] += (1 - share[k]) * to->world[k][i];
+            to->world[k][i] = 0;
+        }
+    to->after = to->before, to->nafter = to->nbefore, to->after_cap = to->before_cap;
+    to->before = swap, to->nbefore = 0, to->before_cap = cap;
+}
+
+/* cloth_contact.vjp, at the x where the substep ended, of which update() was told. */
+static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const double *a,
+                                       cloth_vjp *out) {
+    cloth_collide  *c = (cloth_collide *)user;
+    clothi_adjoint *to = c->adjoint;
+    cloth_status    status = CLOTH_OK;
+    clothi_flow     f;
+    int             i, j, most = 0;
+    f.c = c, f.to = to, f.a = a, f.x = e->x;
+    f.cloth[0] = out->x_n, f.cloth[1] = out->x;
+    f.whole = out->x_n != NULL;
+    memcpy(c->xb, e->x, 3 * (size_t)c->nv * sizeof(double));
+    for (i = 0; i < c->ncontact; i = j) {
+        j = clothi_group_end(c, i);
+        most = j - i > most ? j - i : most;
+    }
+    status = CLOTHI_ROOM(to, back, most);
+    if (!status && f.whole) status = CLOTHI_ROOM(to, before, c->nnext);
+    if (status) return status;
+    if (f.whole && c->nnext) memset(to->before, 0, (size_t)c->nnext * sizeof *to->before);
+    for (i = 0; f.whole && i < c->nnext; i++) to->before[i].key = c->next[i].key;
+    to->nbefore = f.whole ? c->nnext : 0;
+    for (i = 0; i < c->nholding && a; i++) clothi_back_hold(&f, c->holding + i);
+    out->frozen |= c->nholding > 0;
+    for (i = 0; i < c->ncontact; i = j) {
+        j = clothi_group_end(c, i);
+        out->frozen |= clothi_back_frozen(c, c->contact + i);
+        clothi_back_group(&f, c->contact + i, j - i);
+    }
+    if (f.whole) clothi_back_end(&f, e->in->share);
+    return CLOTH_OK;
+}
+
+static void clothi_adjoint_free(cloth_collide *c) {
+    clothi_adjoint *to = c->adjoint;
+    if (to) {
+        clothi_free(c->hooks, to->pose[0]);
+        clothi_free(c->hooks, to->friction);
+        clothi_free(c->hooks, to->after);
+        clothi_free(c->hooks, to->before);
+        clothi_free(c->hooks, to->back);
+    }
+    clothi_free(c->hooks, to);
+    c->adjoint = NULL;
+}
+
+/* A walk backwards begins. */
+static cloth_status clothi_adjoint_open(cloth_collide *c) {
+    const size_t    n = 3 * (size_t)(c->nw - c->nv);
+    clothi_adjoint *to;
+    int             i;
+    clothi_adjoint_free(c);
+    c->adjoint = to = (clothi_adjoint *)clothi_alloc(c->hooks, 1, sizeof *to);
+    if (!to) return CLOTH_ERR_MEMORY;
+    to->hooks = c->hooks;
+    to->pose[0] = (double *)clothi_alloc(c->hooks, 4 * n + 1, sizeof(double));
+    to->friction = (double *)clothi_alloc(
+        c->hooks, (size_t)(1 + c->nobstacle + c->desc.nparts), sizeof(double));
+    for (i = 0; i < 2 && to->pose[0]; i++)
+        to->pose[i] = to->pose[0] + (size_t)i * n, to->world[i] = to->pose[0] + (size_t)(2 + i) * n;
+    if (to->pose[0] && to->friction) return CLOTH_OK;
+    clothi_adjoint_free(c);
+    return CLOTH_ERR_MEMORY;
+}
+
+/* cloth_contact.adjoint. */
+static cloth_status clothi_contact_adjoint(void *user, int what, int k,
+                                           const cloth_contact_grad *out) {
+    cloth_collide  *c = (cloth_collide *)user;
+    clothi_adjoint *to = c->adjoint;
+    const size_t    n = 3 * (size_t)(c->nw - c->nv), parts = (size_t)c->desc.nparts;
+    int             o;
+    if (what == CLOTH_ADJOINT_BEGIN) {
+        if (out->friction)
+            memset(out->friction, 0, (size_t)(1 + c->nobstacle) * sizeof(double));
+        if (out->part_friction) memset(out->part_friction, 0, parts * sizeof(double));
+        return clothi_adjoint_open(c);
+    }
+    for (o = 0; out && out->obstacle && o < c->nobstacle; o++)
+        if (c->obstacle[o].used)
+            out->obstacle(k, clothi_obstacle_id(c, o),
+                          to->pose[0] + 3 * (c->obstacle[o].v0 - c->nv), out->user);
+    if (what == CLOTH_ADJOINT_STEP) {
+        memcpy(to->pose[0], to->pose[1], n * sizeof(double));
+        memset(to->pose[1], 0, n * sizeof(double));
+        return CLOTH_OK;
+    }
+    if (out && out->friction)
+        memcpy(out->friction, to->friction, (size_t)(1 + c->nobstacle) * sizeof(double));
+    if (out && out->part_friction)
+        memcpy(out->part_friction, to->friction + 1 + c->nobstacle, parts * sizeof(double));
+    clothi_adjoint_free(c);
+    return CLOTH_OK;
 }
 
 /* ===== [9.1] CHANGES =========================================================================

@@ -91,15 +91,23 @@
  * does and report.step where first:
  *   CLOTH_GRAD_SADDLE     H has a direction of negative curvature: the step ended on a saddle
  *   CLOTH_GRAD_EARLY      a forward step stopped so far from its minimum (desc.tolerance,
- *                         desc.max_newton) that the gradient is off by more than options.early
+ *                         desc.max_newton) that the gradient is off by more than options.early,
+ *                         or with contact at its cap of iterations
  *   CLOTH_GRAD_RESIDUAL   the adjoint system was not solved to options.tolerance
+ *   CLOTH_GRAD_FROZEN     contact took for constant what moves (clothsim_collide.h [8.8])
  *
  * COST. A backward step is one assembly, one factorisation and two to three passes over the
  * elements. Memory: the motion of every step (12 to 18 numbers a vertex), or options.bytes, and
  * then part of the steps are run anew. A sim without a tape pays nothing.
  *
- * NOT BUILT: contact (a sim that has it is refused: CLOTH_ERR_UNSUPPORTED), hosts' terms without
- * vjp, hosts' terms under LEAPFROG.
+ * CONTACT of clothsim_collide.h is part of it: its potential, friction with the normal forces and
+ * frames of the step's end, and what anchors carry to the next step. Which pairs there are is a
+ * choice. Its Jacobian is not symmetric: GMRES, preconditioned by the factor, takes the place of
+ * one solve. It asks more of the forward steps: desc.tolerance 1e-8 m and below; a step that its
+ * cap ended is called in doubt.
+ *
+ * NOT BUILT: contact under LEAPFROG, hosts' terms without vjp, hosts' terms under LEAPFROG: refused
+ * by CLOTH_ERR_UNSUPPORTED.
  */
 
 /* ===== [1.3] REFERENCES ======================================================================
@@ -107,7 +115,8 @@
  * [GW08]   Griewank, Walther: Evaluating Derivatives, 2nd ed. SIAM 2008. Adjoints, checkpoints.
  * [CLPS03] Cao, Li, Petzold, Serban: Adjoint Sensitivity Analysis for Differential-Algebraic
  *          Equations, SIAM J. Sci. Comput. 24, 2003.
- * [L21]    as in clothsim.h: its losses are [2.2] cloth_loss_attach.
+ * [S93]    Saad: A flexible inner-outer preconditioned GMRES algorithm, SIAM J. Sci. Comput. 14,
+ *          1993.
  */
 
 #ifndef CLOTHSIM_GRAD_H
@@ -190,14 +199,16 @@ typedef struct cloth_grad {
                                    where ties are, at the leader                               */
     double *friction;           /* [1 + obstacles]                                             */
     void  (*obstacle)(int k, struct cloth_obstacle id, const double *g_x_end, void *user);
-    void   *user;               /* of obstacle: per step, by the pose at its end               */
+    void   *user;               /* of obstacle: k = n .. 1, by its vertices at the end of recorded
+                                   step k; then k = 0, by them at the start                    */
+    double *part_friction;      /* [parts] by cloth_collide_part.friction                      */
     double *hinge_scale;        /* [nh]                                                        */
     double *attach;             /* [steps x max_attachments x 3] by the targets                */
     double *attach_k;           /* [max_attachments] of all steps together                     */
 } cloth_grad;
 
 enum {                          /* report.doubt                                                */
-    CLOTH_GRAD_SADDLE = 1, CLOTH_GRAD_EARLY = 2, CLOTH_GRAD_RESIDUAL = 4
+    CLOTH_GRAD_SADDLE = 1, CLOTH_GRAD_EARLY = 2, CLOTH_GRAD_RESIDUAL = 4, CLOTH_GRAD_FROZEN = 8
 };
 
 typedef struct cloth_grad_report {
@@ -272,6 +283,7 @@ extern "C" {
  */
 
 #define CLOTHI_TAPE_COOKIE 0x7a9e0010u
+#define CLOTHI_GRAD_KRYLOV 30               /* directions of GMRES, [4.2], between restarts    */
 
 enum { CLOTHI_MOTION, CLOTHI_INPUTS, CLOTHI_PARAMS };   /* kinds of clothi_fields             */
 enum { CLOTHI_TAPE_RECORD, CLOTHI_TAPE_DEAF, CLOTHI_TAPE_TRACE };
@@ -282,8 +294,13 @@ typedef struct clothi_taped {               /* one step                         
     int      asleep;                        /* it moved t alone                                */
     int      params;                        /* its params are others than the step's before    */
     int      slept;                         /* it put the sim to sleep: v became 0             */
+    int      inexact;                       /* with contact, whose search may end anywhere: it
+                                               did before it converged                         */
+    uint32_t euler, kept;                   /* with contact, bits of substeps: implicit Euler
+                                               for BDF2; there is a history after it           */
     int      substeps;                      /* LEAPFROG: kicks                                 */
-    size_t   size, nword;                   /* bytes of its input; words that differ           */
+    size_t   size, units, nword;            /* bytes of its input, of units in it; words that
+                                               differ                                          */
     uint64_t *word;                         /* [nword], then [nword] uint32_t: which ones      */
     unsigned char *slot;                    /* motion at its start, then the ends of its
                                                substeps but the last [3 nv]; NULL: dropped     */
@@ -307,6 +324,7 @@ struct cloth_tape {
     size_t        trace_room;               /* doubles                                         */
     int           traced;                   /* substeps in it                                  */
     int           lost;                     /* trace: memory is out                            */
+    uint32_t      euler, kept;              /* of the step that is recorded                    */
     size_t        path;                     /* bytes of the longest trace of LEAPFROG          */
     size_t        bytes, most;
     size_t        work;                     /* bytes that a walk backwards takes, beside slots */
@@ -496,7 +514,8 @@ static int clothi_tape_take(cloth_tape *t, const cloth_step_record *r, clothi_ta
     cloth_sim   *s = t->sim;
     const size_t fields = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, 0);
     size_t       at;
-    e->size = t->fixed_input + (r->bytes - fields);
+    e->units = r->bytes - fields;
+    e->size = t->fixed_input + e->units;
     e->size += CLOTHI_PAD8(e->size);
     if (e->size > t->room) {
         const size_t more = e->size + (e->size - t->fixed_input);
@@ -550,11 +569,18 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
                clothi_all_zero(r->v, t->nv3);
     e->substeps = e->asleep ? 0 : t->traced;
+    e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
+    e->euler = t->euler;
+    e->kept = t->kept | (uint32_t)(t->sim->history != 0) << ((e->substeps - 1) & 31);
     if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
         t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * 2 * t->nv3 *
                                                sizeof(double));
     if (t->lost || !clothi_tape_take(t, r, e)) {
         clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
+        return;
+    }
+    if (t->sim->contact_on && e->substeps > 32) {
+        clothi_tape_end(t, CLOTH_ERR_CAPACITY, "a step with contact has over 32 substeps");
         return;
     }
     if (t->n) moved = clothi_tape_moved(t->sim, t->end, t->start);
@@ -604,7 +630,9 @@ static void clothi_tape_substep(void *user, const cloth_step_input *in, const do
     size_t       need;
     if (t->mode == CLOTHI_TAPE_RECORD && host->substep) host->substep(host->user, in, x);
     if (t->mode == CLOTHI_TAPE_DEAF || (t->mode == CLOTHI_TAPE_RECORD && t->ended)) return;
-    if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0;
+    if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0, t->euler = t->kept = 0;
+    if (t->traced && in->x_prev) t->kept |= (uint32_t)1 << ((t->traced - 1) & 31);
+    if (!(in->eta < 0.9 * in->h)) t->euler |= (uint32_t)1 << (t->traced & 31);
     need = (size_t)(t->traced + 1) * each;
     if (leap ? t->mode == CLOTHI_TAPE_RECORD : t->slot == t->motion) need = 0;      /* counted */
     if (need && !clothi_tape_trace(t, need)) t->lost = 1;
@@ -666,6 +694,7 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
         t->slot += (size_t)(m - 1) * t->nv3 * sizeof(double);
     t->room = t->fixed_input + units + CLOTHI_PAD8(units);
     t->work = clothi_grad_bytes(s, t->motion, t->room);
+    if (s->contact_on) t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
     need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot +
            (t->room / 8) * 12;
     if (t->opt.bytes && t->opt.bytes < need)
@@ -957,26 +986,47 @@ static void clothi_hessian_times(cloth_sim *s, const double *x, const double *u,
 typedef struct clothi_line {                /* a substep, linearised                           */
     clothi_goal goal;
     double      h, weight;                  /* s; 1/eta^2                                      */
-    int         bdf2;
+    int         bdf2, kept;                 /* kept: there is a history after it               */
     double      yx, yv, yp, yw, vx, vn, vp;
 } clothi_line;
 
-static void clothi_line_weights(clothi_line *q) {
+static void clothi_line_weights(clothi_line *q, int kept) {
     const double h = q->h;
+    const int    second = q->bdf2 && kept;
     q->yx = q->yv = q->yp = q->yw = q->vx = q->vn = q->vp = 0;
+    q->kept = kept;
     if (!(h > 0)) return;
     q->yx = q->bdf2 ? 4.0 / 3 : 1;
     q->yv = q->bdf2 ? 8 * h / 9 : h;
     q->yp = q->bdf2 ? -1.0 / 3 : 0;
     q->yw = q->bdf2 ? -2 * h / 9 : 0;
-    q->vx = q->bdf2 ? 1.5 / h : 1 / h;
-    q->vn = q->bdf2 ? -2 / h : -1 / h;
-    q->vp = q->bdf2 ? 0.5 / h : 0;
+    q->vx = second ? 1.5 / h : 1 / h;
+    q->vn = second ? -2 / h : -1 / h;
+    q->vp = second ? 0.5 / h : 0;
 }
 
-/* Substep j of m of a step of h from the sim's state on, which ended at x. */
-static cloth_status clothi_line_open(cloth_sim *s, double h, int j, int m, const double *x,
-                                     clothi_line *q) {
+/* BDF2 gave way to implicit Euler: contact took the guess for an impact. */
+static void clothi_line_restart(cloth_sim *s, clothi_line *q) {
+    int i;
+    for (i = 0; i < 3 * s->model->nv; i++) s->w.y[i] = clothi_predicted(s, q->h, 0, i);
+    q->goal.eta = q->h;
+    q->bdf2 = 0;
+}
+
+/* Contact is told that x, which w.x holds, is a minimiser: its pairs, frames and normal forces are
+ * those of x, and nothing of it lags. */
+static cloth_status clothi_line_contact(cloth_sim *s) {
+    int          done = 1;
+    cloth_status status = s->contact.update(s->contact.user, s->w.x, NULL, NULL);
+    memset(s->w.rhs, 0, 3 * (size_t)s->model->nv * sizeof(double));
+    return status ? status : s->contact.update(s->contact.user, s->w.x, s->w.rhs, &done);
+}
+
+/* Substep j of m of the taped step e from the sim's state on, which ended at x. */
+static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j, int m,
+                                     const double *x, clothi_line *q) {
+    const double h = e->h;
+    const int    kept = !s->contact_on || (e->kept >> (j & 31) & 1);
     cloth_status status;
     memset(q, 0, sizeof *q);
     q->h = h / m;
@@ -988,23 +1038,28 @@ static cloth_status clothi_line_open(cloth_sim *s, double h, int j, int m, const
     clothi_eval_start(s, &q->goal, q->h);
     if (h > 0) {
         q->bdf2 = clothi_predict(s, q->h, &q->goal.eta);
+        if (s->contact_on && q->bdf2 && (e->euler >> (j & 31) & 1)) clothi_line_restart(s, q);
         s->in.eta = q->goal.eta;
         s->in.y = s->w.y;
         q->weight = 1 / (q->goal.eta * q->goal.eta);
     } else memcpy(s->w.y, x, 3 * (size_t)s->model->nv * sizeof(double));
-    clothi_line_weights(q);
+    clothi_line_weights(q, kept);
     clothi_pin_goals(s);
     clothi_fix(s);
     clothi_guess(s, q->h);                  /* w.y of what is pinned */
     status = clothi_terms_begin(s, &q->goal);
     memcpy(s->w.x, x, 3 * (size_t)s->model->nv * sizeof(double));
     q->goal.e.x = s->w.x;
-    return status;
+    return status || !s->contact_on ? status : clothi_line_contact(s);
 }
 
 /* The sim goes on to the end of that substep, as the step did. */
-static void clothi_line_close(cloth_sim *s, const clothi_line *q) {
-    clothi_advance(s, q->h, q->bdf2, 1);
+static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
+    int          impact = 0;
+    cloth_status status = CLOTH_OK;
+    if (s->contact_on) status = s->contact.close(s->contact.user, s->w.x, &impact);
+    clothi_advance(s, q->h, q->bdf2, q->kept);
+    return status;
 }
 
 /* ===== [4.2] ITS ADJOINT =====================================================================
@@ -1031,11 +1086,16 @@ static void clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * Attachments pull to pose + share (target - pose); the pose is the last step's target, or the
  * point itself where it was attached since.
  *
+ * Contact's vjp gives J'z alone for J = dF/dx, F its forces with all that Newton's search lags
+ * taken at x, where it has arrived. J'z = a by the flexible GMRES [S93] with the factor of H,
+ * contact's definite model in it; J - H is small: 3 to 10 directions. What anchors carry to the
+ * next substep depends on x too and joins a.
+ *
  * What an early stop costs. With g = grad phi left at x the minimum is at x + d, H d = -g. There H
  * z = a has another H: z is off by about H^-1 (H(x + d) - H(x)) z, relative to a by |(H(x + d) -
  * H(x)) z|/|a|. One more right-hand side for the factor and two products of [3.2]; summed over the
- * steps in report.early. First order, elements only.
- * checked: tests/test_grad.c: differences_*, early_stop, saddle
+ * steps in report.early. First order, of elements and contact.
+ * checked: tests/test_grad.c: differences_*, tests/test_grad_contact.c, tests/stability/grad_flag.c
  */
 
 typedef struct clothi_grad {                /* one walk backwards                              */
@@ -1057,6 +1117,9 @@ typedef struct clothi_grad {                /* one walk backwards               
     double *mass;                           /* [nv]                                            */
     double *mu, *lambda, *bending, *damping;/* [nregions] under the params of the sim          */
     double *pose;                           /* [max_attachments x 3]                           */
+    cloth_matrix *elastic;                  /* with contact: H without it                      */
+    double *krylov;                         /* [2 CLOTHI_GRAD_KRYLOV + 1][nv x 3]              */
+    cloth_contact_grad touch;               /* what contact has results for                    */
 } clothi_grad;
 
 #define CLOTHI_GRAD_ARRAYS 17               /* [nv x 3] of the above                           */
@@ -1160,11 +1223,160 @@ static cloth_status clothi_grad_iterate(clothi_grad *g, const double *b, double 
     return status;
 }
 
+/* --- with contact --- */
+
+#define CLOTHI_GRAD_RESTARTS 6
+
+/* out = J' z over all rows, J = dF/dx of all terms and contact. */
+static cloth_status clothi_grad_apply(clothi_grad *g, const cloth_eval *e, const double *z,
+                                      double *out) {
+    cloth_sim    *s = g->s;
+    const size_t  bytes = g->t->nv3 * sizeof(double);
+    cloth_vjp     to;
+    cloth_status  status;
+    size_t        i;
+    memset(&to, 0, sizeof to);
+    to.x = g->nv;
+    memcpy(g->nx, z, bytes);
+    memset(g->nv, 0, bytes);
+    clothi_tie_spread(s->model, g->nx);
+    status = s->contact.vjp(s->contact.user, e, g->nx, &to);
+    clothi_tie_gradient(s->model, g->nv);
+    cloth_matrix_mul(g->elastic, NULL, z, out);
+    for (i = 0; i < g->t->nv3; i++) out[i] += g->nv[i];
+    return status;
+}
+
+/* The factor of the matrix with contact's model; H without contact into g->elastic. */
+static cloth_status clothi_grad_matrices(clothi_grad *g, clothi_line *line, int *negative) {
+    cloth_sim    *s = g->s;
+    cloth_matrix *with = s->matrix;
+    cloth_report  local;
+    cloth_status  status = clothi_jacobi_make(s->solver);
+    memset(&local, 0, sizeof local);
+    if (!status && !s->solver->factor)
+        status = cloth_factor_create(&s->hooks, s->model->pattern, &s->solver->factor);
+    if (!status) status = cloth_factor_compute(s->solver->factor, with, s->fixed, 0, NULL);
+    g->rep->factorizations++;
+    *negative = status == CLOTH_ERR_NUMERIC;
+    if (status && !*negative) return status;
+    s->matrix = g->elastic;
+    s->contact_on = 0;
+    status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    s->contact_on = 1;
+    s->matrix = with;
+    return status;
+}
+
+static double clothi_grad_dot(const double *a, const double *b, size_t n) {
+    double sum = 0;
+    size_t i;
+    for (i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* a of what is pinned = 0. */
+static void clothi_grad_free(const clothi_grad *g, double *a) {
+    size_t i;
+    for (i = 0; i < g->t->nv3; i++)
+        if (g->s->fixed[i / 3] >> i % 3 & 1) a[i] = 0;
+}
+
+/* r = b - J' z on free axes; returns its length. */
+static double clothi_grad_left(const clothi_grad *g, const double *b, const double *Jz, double *r) {
+    size_t i;
+    for (i = 0; i < g->t->nv3; i++) r[i] = b[i] - Jz[i];
+    clothi_grad_free(g, r);
+    return sqrt(clothi_grad_dot(r, r, g->t->nv3));
+}
+
+/* Column j of GMRES's matrix H [M + 1 x M], whose rotations are c, s, joins its triangle. */
+static void clothi_grad_rotate(double (*H)[CLOTHI_GRAD_KRYLOV], double *c, double *s, double *y,
+                               int j) {
+    double size;
+    int    i;
+    for (i = 0; i < j; i++) {
+        const double t = c[i] * H[i][j] + s[i] * H[i + 1][j];
+        H[i + 1][j] = c[i] * H[i + 1][j] - s[i] * H[i][j];
+        H[i][j] = t;
+    }
+    size = sqrt(H[j][j] * H[j][j] + H[j + 1][j] * H[j + 1][j]);
+    c[j] = size > 0 ? H[j][j] / size : 1, s[j] = size > 0 ? H[j + 1][j] / size : 0;
+    H[j][j] = size;
+    y[j + 1] = -s[j] * y[j], y[j] *= c[j];
+}
+
+/* Up to CLOTHI_GRAD_KRYLOV directions of GMRES from z on; g->krylov begins with the residual, of
+ * length `size`. Each is preconditioned by the model of H with contact: by its factor, or, where it
+ * has entries outside the pattern, by CG with that, so that the method is the flexible one [S93].
+ * */
+static cloth_status clothi_grad_gmres(clothi_grad *g, const cloth_eval *e, double size, double most,
+                                      double *z) {
+    enum { M = CLOTHI_GRAD_KRYLOV };
+    const size_t n = g->t->nv3;
+    double      *V = g->krylov, *Z = V + (M + 1) * n, H[M + 1][M], c[M], s[M], y[M + 1];
+    cloth_status status = CLOTH_OK;
+    int          i, j, k;
+    size_t       l;
+    for (l = 0; l < n; l++) V[l] /= size;
+    y[0] = size;
+    for (j = 0; j < M && fabs(y[j]) > most; j++) {
+        double *u = V + (size_t)j * n, *v = u + n, *p = Z + (size_t)j * n;
+        status = g->s->matrix->ne ? clothi_grad_again(g, u, 1e-2, p)
+                                  : cloth_factor_solve(g->s->solver->factor, u, p);
+        clothi_grad_free(g, p);
+        if (!status) status = clothi_grad_apply(g, e, p, v);
+        if (status) return status;
+        g->rep->iterations++;
+        clothi_grad_free(g, v);
+        for (i = 0; i <= j; i++) {          /* Gram and Schmidt, modified */
+            H[i][j] = clothi_grad_dot(V + (size_t)i * n, v, n);
+            for (l = 0; l < n; l++) v[l] -= H[i][j] * V[(size_t)i * n + l];
+        }
+        H[j + 1][j] = sqrt(clothi_grad_dot(v, v, n));
+        for (l = 0; l < n && H[j + 1][j] > 0; l++) v[l] /= H[j + 1][j];
+        clothi_grad_rotate(H, c, s, y, j);
+    }
+    for (i = j - 1; i >= 0; i--) {
+        for (k = i + 1; k < j; k++) y[i] -= H[i][k] * y[k];
+        y[i] = H[i][i] > 0 ? y[i] / H[i][i] : 0;
+        for (l = 0; l < n; l++) z[l] += y[i] * Z[(size_t)i * n + l];
+    }
+    return CLOTH_OK;
+}
+
+/* J' z = b over the free leaders, J not symmetric; g->q = J' z, all rows. */
+static cloth_status clothi_grad_touching(clothi_grad *g, clothi_line *line, const double *b,
+                                         double *z, int k) {
+    const size_t n = g->t->nv3;
+    const double most = g->t->opt.tolerance;
+    double       size, left;
+    int          negative = 0, it;
+    cloth_status status = clothi_grad_matrices(g, line, &negative);
+    memset(z, 0, n * sizeof(double));
+    memset(g->q, 0, n * sizeof(double));
+    line->goal.e.x = g->s->w.x;
+    size = left = clothi_grad_left(g, b, g->q, g->krylov);
+    for (it = 0; it < CLOTHI_GRAD_RESTARTS && !status && left > most * size; it++) {
+        status = clothi_grad_gmres(g, &line->goal.e, left, 0.5 * most * size, z);
+        if (!status) status = clothi_grad_apply(g, &line->goal.e, z, g->q);
+        left = clothi_grad_left(g, b, g->q, g->krylov);
+    }
+    g->rep->solves++;
+    g->rep->negative += negative;
+    if (negative) clothi_grad_doubt(g, CLOTH_GRAD_SADDLE, k);
+    if (size > 0) g->rep->residual = clothi_max(g->rep->residual, left / size);
+    if (!(left <= 1e3 * most * size)) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
+    return status;
+}
+
 /* z = H^-1 b over the free leaders; g->q = H z, all rows. */
-static cloth_status clothi_grad_solve(clothi_grad *g, const double *b, double *z, int k) {
+static cloth_status clothi_grad_solve(clothi_grad *g, clothi_line *line, const double *b, double *z,
+                                      int k) {
     cloth_status status;
     double       residual;
     int          negative = 0;
+    if (g->elastic) return clothi_grad_touching(g, line, b, z, k);
     if (clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY)
         status = clothi_grad_direct(g, b, z, &negative);
     else {
@@ -1196,6 +1408,28 @@ static cloth_status clothi_grad_leftover(clothi_grad *g, clothi_line *line, doub
 
 #define CLOTHI_GRAD_ARRIVED 1e-13           /* m, an update that is rounding                   */
 
+/* How contact's part of J' z changes from w.x to w.dx, where Newton's method would go: into
+ * w.grad. */
+static cloth_status clothi_grad_bend(clothi_grad *g, const clothi_line *line, const double *z) {
+    cloth_sim   *s = g->s;
+    cloth_eval   e = line->goal.e;
+    cloth_status status = CLOTH_OK;
+    cloth_vjp    to;
+    int          i, j;
+    memset(&to, 0, sizeof to);
+    to.x = g->nv;
+    for (j = 0; j < 2 && !status; j++) {
+        int done = 1;
+        e.x = j ? s->w.x : s->w.dx;
+        memset(g->nx, 0, g->t->nv3 * sizeof(double));
+        memset(g->nv, 0, g->t->nv3 * sizeof(double));
+        status = s->contact.update(s->contact.user, e.x, g->nx, &done);
+        if (!status) status = s->contact.vjp(s->contact.user, &e, z, &to);
+        for (i = 0; i < (int)g->t->nv3; i++) s->w.grad[i] += j ? -g->nv[i] : g->nv[i];
+    }
+    return status;
+}
+
 /* See 'What an early stop costs'. b = T' a, z its solution with followers; w.rhs the force left. */
 static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, double most,
                                       const double *b, const double *z, int k) {
@@ -1214,15 +1448,18 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
     g->rep->left_m = clothi_max(g->rep->left_m, left);
     if (!(left > CLOTHI_GRAD_ARRIVED)) return CLOTH_OK;
     for (i = 0; i < n; i++) g->left[i] += s->w.x[i];
+    memcpy(s->w.dx, g->left, (size_t)n * sizeof(double));
     clothi_hessian_times(s, g->left, z, line->goal.e.h, s->w.grad);
     clothi_hessian_times(s, s->w.x, z, line->goal.e.h, g->left);
     for (i = 0; i < n; i++) s->w.grad[i] -= g->left[i];
+    if (s->contact_on) status = clothi_grad_bend(g, line, z);
     clothi_tie_gradient(s->model, s->w.grad);
     for (i = 0; i < n; i++) {
         if (s->fixed[i / 3] >> i % 3 & 1) continue;
         sum += s->w.grad[i] * s->w.grad[i];
         size += b[i] * b[i];
     }
+    if (status) return status;
     if (size > 0) g->rep->early += sqrt(sum / size);
     if (g->rep->early > g->t->opt.early) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
     return CLOTH_OK;
@@ -1327,7 +1564,7 @@ static cloth_status clothi_grad_wind(clothi_grad *g, const clothi_line *line, co
         clothi_tie_gradient(s->model, g->gx);
         for (i = 0; i < n; i++) g->gv[i] = b[i] - g->gx[i];
         memcpy(g->nx, z, bytes);
-        if (!status) status = clothi_grad_solve(g, g->gv, z, k);
+        if (!status) status = clothi_grad_solve(g, NULL, g->gv, z, k);
         for (i = 0, big = moved = 0; i < n; i++) {
             moved = clothi_max(moved, fabs(z[i] - g->nx[i]));
             big = clothi_max(big, fabs(z[i]));
@@ -1354,8 +1591,9 @@ static void clothi_grad_pins(clothi_grad *g, const double *b, int k) {
 
 /* What z is worth to y, masses and terms. */
 static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k) {
-    cloth_sim *s = g->s;
-    size_t     i;
+    cloth_sim   *s = g->s;
+    cloth_status status;
+    size_t       i;
     for (i = 0; i < g->t->nv3; i++) {
         const double wz = line->weight * g->z[i], my = s->params.mass[i / 3] * wz;
         g->nx[i] = line->yx * my + line->vn * g->lv[i] + g->lp[i];
@@ -1369,8 +1607,16 @@ static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k)
     line->goal.e.grad = NULL;
     line->goal.e.hess = NULL;
     line->goal.e.x = s->w.x;
-    return clothi_grad_terms(g, &line->goal.e, g->a, k, 0, s->nterms, line->h > 0 ? g->nx : NULL,
-                             line->h > 0 ? g->nv : NULL);
+    status = clothi_grad_terms(g, &line->goal.e, g->a, k, 0, s->nterms,
+                               line->h > 0 ? g->nx : NULL, line->h > 0 ? g->nv : NULL);
+    if (!status && s->contact_on) {
+        cloth_vjp to;
+        memset(&to, 0, sizeof to);
+        to.x_n = g->nx;
+        status = s->contact.vjp(s->contact.user, &line->goal.e, g->a, &to);
+        if (to.frozen) clothi_grad_doubt(g, CLOTH_GRAD_FROZEN, k);
+    }
+    return status;
 }
 
 /* l after the substep becomes n before it. */
@@ -1383,10 +1629,17 @@ static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k
     size_t       i;
     memset(&local, 0, sizeof local);
     for (i = 0; i < g->t->nv3; i++) g->a[i] = g->lx[i] + line->vx * g->lv[i];
+    if (g->elastic) {                       /* x moves what contact carries to the next substep */
+        cloth_vjp to;
+        memset(&to, 0, sizeof to);
+        to.x = g->a;
+        status = s->contact.vjp(s->contact.user, &line->goal.e, NULL, &to);
+        if (status) return status;
+    }
     clothi_tie_gradient(s->model, g->a);    /* T' a */
     if (look) status = clothi_grad_leftover(g, line, &most);
     if (!status) status = clothi_newton_assemble(s, &line->goal, 1, &local);
-    if (!status) status = clothi_grad_solve(g, g->a, g->z, k);
+    if (!status) status = clothi_grad_solve(g, line, g->a, g->z, k);
     if (!status && !(line->h > 0) && s->wind_on)
         status = clothi_grad_wind(g, line, g->a, g->z, k);
     if (status) return status;
@@ -1632,6 +1885,7 @@ static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *
     cloth_tape   *t = g->t;
     cloth_sim    *s = g->s;
     const unsigned char *p = g->input + t->fixed_input - t->params;
+    cloth_status  status;
     clothi_unit   u;
     while (g->at < k) clothi_tape_xor(t->step + ++g->at, g->input);
     while (g->at > k) clothi_tape_xor(t->step + g->at--, g->input);
@@ -1641,7 +1895,12 @@ static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *
         (void)clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_LOAD, p);
         clothi_derive(s);
     }
-    if (clothi_unit_at(s, 0, &u)) (void)clothi_tape_units(s, CLOTHI_LOAD, g->input, t->fixed_input);
+    if (clothi_unit_at(s, 0, &u)) {         /* obstacles may have come or gone */
+        status = clothi_check_units(s, g->input, t->fixed_input,
+                                    t->fixed_input + t->step[k].units);
+        if (status) return status;
+        (void)clothi_tape_units(s, CLOTHI_LOAD, g->input, t->fixed_input);
+    }
     if (slot) (void)clothi_tape_walk(s, CLOTHI_MOTION, CLOTHI_LOAD, slot);
     else if (t->step[k].dropped & 1) clothi_forget(s);
     else if (t->step[k].dropped) s->still = 0;
@@ -1689,9 +1948,9 @@ static cloth_status clothi_grad_implicit(clothi_grad *g, int k, const unsigned c
         if (j < m - 1) status = clothi_grad_put(g, k, slot);
         if (!status) status = clothi_keep(g->s);
         for (i = 0; i <= j && !status; i++) {
-            status = clothi_line_open(g->s, e->h, i, m, i < m - 1 ? ends + (size_t)i * t->nv3
-                                                                  : g->x, &line);
-            if (!status && i < j) clothi_line_close(g->s, &line);
+            status = clothi_line_open(g->s, e, i, m, i < m - 1 ? ends + (size_t)i * t->nv3 : g->x,
+                                      &line);
+            if (!status && i < j) status = clothi_line_close(g->s, &line);
         }
         if (!status) status = clothi_grad_substep(g, &line, k);
         memcpy(g->lx, g->nx, t->nv3 * sizeof(double));
@@ -1725,6 +1984,13 @@ typedef struct clothi_walker {              /* what clothi_grad_between hands on
     void          *user;
 } clothi_walker;
 
+/* Contact is told where the walk is. */
+static cloth_status clothi_grad_adjoint(clothi_grad *g, int what, int k) {
+    cloth_sim *s = g->s;
+    if (!s->contact_on) return CLOTH_OK;
+    return s->contact.adjoint(s->contact.user, what, k, &g->touch);
+}
+
 /* l over step k, whose start is in `slot`; then the loss there. */
 static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsigned char *slot) {
     clothi_grad        *g = w->g;
@@ -1737,6 +2003,7 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     if (!status && !e->asleep &&
         !(clothi_all_zero(g->lx, n) && clothi_all_zero(g->lv, n) && clothi_all_zero(g->lp, n) &&
           clothi_all_zero(g->lw, n))) {
+        if (e->inexact) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
         status = clothi_grad_put(g, k, slot);
         if (!status && g->s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
             status = clothi_grad_leap(g, k, slot);
@@ -1748,6 +2015,7 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     } else if (!status && e->params)
         status = clothi_grad_put(g, k, slot);
     if (!status && e->params) clothi_grad_flush(g);     /* steps before it have others */
+    if (!status) status = clothi_grad_adjoint(g, CLOTH_ADJOINT_STEP, k + 1);
     memcpy(g->x, slot, bytes);
     memcpy(g->v, slot + bytes + CLOTHI_PAD8(bytes), bytes);
     return status ? status : clothi_grad_loss(g, k, w->loss, w->user);
@@ -1841,7 +2109,7 @@ static void clothi_grad_clear(const cloth_tape *t, const cloth_grad *o) {
         {o->x0, n}, {o->v0, n}, {o->density, nr}, {o->membrane, nr}, {o->poisson, nr},
         {o->bending, nr}, {o->damping, nr}, {o->X, 6 * (size_t)m->nf}, {o->theta0, nh},
         {o->mass, n / 3}, {o->gravity, 3}, {o->wind, 3}, {o->force, k * n}, {o->pin, k * n},
-        {o->friction, 1}, {o->hinge_scale, nh}, {o->attach, k * na}, {o->attach_k, na / 3}};
+        {o->hinge_scale, nh}, {o->attach, k * na}, {o->attach_k, na / 3}};
     size_t i;
     for (i = 0; i < sizeof list / sizeof *list; i++)
         if (list[i].a) memset(list[i].a, 0, list[i].n * sizeof(double));
@@ -1856,10 +2124,13 @@ static cloth_status clothi_grad_check(const cloth_tape *t, const cloth_grad *o) 
     if (t->n == 0)
         return clothi_fail(&t->hooks, CLOTH_ERR_ARGUMENT, "cloth_grad: no step is recorded%s%s",
                            t->ended ? ": " : "", t->ended ? t->ended : "");
-    if (s->contact_on && !s->contact.vjp)
+    if (s->contact_on && s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: contact under LEAPFROG, "
+                           "whose zones have no derivative");
+    if (s->contact_on && !(s->contact.vjp && s->contact.adjoint))
         return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: the contact of this sim "
                            "has no vjp");
-    if (!s->contact_on && o && (o->friction || o->obstacle))
+    if (!s->contact_on && o && (o->friction || o->part_friction || o->obstacle))
         return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: friction or obstacle is "
                            "asked for, but this sim has no contact");
     for (i = s->nbuiltin; i < s->nterms; i++)
@@ -1889,6 +2160,7 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
                                      cloth_grad_report *rep, unsigned char **block) {
     const size_t units = clothi_tape_units(t->sim, CLOTHI_SIZE, NULL, 0);
     const size_t input = clothi_max_size(t->room, t->fixed_input + units + CLOTHI_PAD8(units));
+    cloth_status status;
     memset(g, 0, sizeof *g);
     g->t = t;
     g->s = t->sim;
@@ -1900,7 +2172,16 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     if (!*block) return CLOTH_ERR_MEMORY;
     (void)clothi_grad_arrays(t->sim, t->motion, input, g, *block);
     g->here = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
-    return g->here ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    if (!g->here || !t->sim->contact_on) return g->here ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    g->touch.friction = out->friction;
+    g->touch.part_friction = out->part_friction;
+    g->touch.obstacle = out->obstacle;
+    g->touch.user = out->user;
+    g->krylov = (double *)clothi_tape_alloc(t, (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3,
+                                            sizeof(double));
+    if (!g->krylov) return CLOTH_ERR_MEMORY;
+    status = cloth_matrix_create(&t->sim->hooks, t->sim->model->pattern, &g->elastic);
+    return status ? status : clothi_grad_adjoint(g, CLOTH_ADJOINT_BEGIN, 0);
 }
 
 /* From the end of the tape to its start. */
@@ -1921,7 +2202,7 @@ static cloth_status clothi_grad_walk(clothi_grad *g, cloth_loss_fn *loss, void *
         status = clothi_grad_between(&w, a, b, t->step[a].slot);
         b = a;
     }
-    return status;
+    return status ? status : clothi_grad_adjoint(g, CLOTH_ADJOINT_END, 0);
 }
 
 static const char *clothi_grad_why(unsigned doubt) {
@@ -1929,6 +2210,8 @@ static const char *clothi_grad_why(unsigned doubt) {
         return "a step ended where the Hessian has negative curvature";
     if (doubt & CLOTH_GRAD_EARLY)
         return "steps stopped too far from their minima: lower desc.tolerance";
+    if (doubt & CLOTH_GRAD_FROZEN)
+        return "contact took for constant what moves: a drum's surface, a grid's normals, a pinch";
     return doubt ? "an adjoint system was not solved to its tolerance" : "";
 }
 
@@ -1964,6 +2247,10 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
         tape->mode = CLOTHI_TAPE_RECORD;
         if (status) clothi_grad_clear(tape, out);
     }
+    if (status && g.elastic && tape->sim->contact_on)   /* its scratch goes, without results */
+        (void)tape->sim->contact.adjoint(tape->sim->contact.user, CLOTH_ADJOINT_END, 0, NULL);
+    cloth_matrix_destroy(g.elastic);
+    clothi_tape_free(tape, g.krylov);
     clothi_tape_free(tape, g.here);
     clothi_tape_free(tape, block);
     r->status = status;

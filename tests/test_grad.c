@@ -118,6 +118,7 @@ static void hessian_times_vector(void) {
             for (damp = 0; damp < 2; damp++) {
                 cloth_report local;
                 clothi_line  line;
+                clothi_taped e;
                 double      *u, *a, *c, big = 0, off = 0;
                 scene        s = scene_make(6, (cloth_membrane)m, bend[b], CLOTH_INTEGRATOR_EULER,
                                             NULL, WITH_NOISE | (damp ? WITH_DAMPING : 0));
@@ -126,11 +127,13 @@ static void hessian_times_vector(void) {
                 if (!u) exit(2);
                 a = u + n, c = a + n;
                 memset(&local, 0, sizeof local);
+                memset(&e, 0, sizeof e);
+                e.h = 0.01;
                 CHECK(cloth_step(s.sim, 0.01, NULL) == CLOTH_OK);
                 for (i = 0; i < n; i++)
                     a[i] = s.sim->state.x[i] + 2e-3 * noise((unsigned)i);
                 CHECK(clothi_keep(s.sim) == CLOTH_OK);
-                CHECK(clothi_line_open(s.sim, 0.01, 0, 1, a, &line) == CLOTH_OK);
+                CHECK(clothi_line_open(s.sim, &e, 0, 1, a, &line) == CLOTH_OK);
                 CHECK(clothi_newton_assemble(s.sim, &line.goal, 1, &local) == CLOTH_OK);
                 for (i = 0; i < n; i++) u[i] = noise(50u + (unsigned)i);
                 cloth_matrix_mul(s.sim->matrix, NULL, u, a);

@@ -1,0 +1,131 @@
+/* test_grad_contact.c - the derivative of a run in contact: against differences by each cause, with
+ * every kind of body; the same bits under a budget; what is refused, and what is called in doubt.
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_grad_contact.c -o test_grad_contact -lm \
+ *      && ./test_grad_contact */
+#define CLOTHSIM_IMPLEMENTATION
+#include "clothsim_collide.h"
+#include "clothsim_grad.h"
+#include "test.h"
+#include "grad_touch.h"
+
+typedef struct graded {                     /* a run, its gradient and what it says of itself  */
+    touch             t;
+    touch_results     r;
+    cloth_grad_report rep;
+    cloth_status      status;
+} graded;
+
+/* bytes: of the tape; 0: what it takes. */
+static void grade(graded *g, touch t, size_t bytes) {
+    cloth_tape *tape = NULL;
+    touch_loss  u;
+    memset(&u, 0, sizeof u);
+    g->t = t;
+    g->t.bytes = bytes;
+    (void)touch_run(&g->t, &tape);
+    CHECK(cloth_tape_steps(tape) == t.steps);
+    u.nv = g->t.mesh->nv;
+    u.seed = t.seed;
+    touch_results_open(&g->r, &g->t);
+    g->status = cloth_grad_backward(tape, touch_loss_at, &u, &g->r.g, &g->rep);
+    cloth_tape_destroy(tape);
+}
+
+static graded made[2];
+
+/* Causes [from, to) of scene t, to 1e-4; measured: 1e-6 and better. */
+static void compare(touch t, int from, int to) {
+    graded *g = made;
+    int     by;
+    grade(g, t, 0);
+    CHECK(g->status == CLOTH_OK && g->rep.valid && g->t.contacts > 0);
+    if (!g->rep.valid) printf("  scene %u: %s, step %d\n", t.seed, g->rep.why, g->rep.step);
+    for (by = from; by < to; by++) {
+        double error, a, b;
+        int    failed = 0;
+        if (by == TOUCH_CAUSES || (by == TOUCH_OBSTACLE && t.body == TOUCH_SELF)) continue;
+        a = touch_along(&g->r, &g->t, by);
+        b = touch_difference(&g->t, by, 1e-3, &error, &failed);
+        if (test_full())
+            printf("  %-8s %2u by %-9s %17.10e %17.10e  %.1e\n", touch_body[t.body], t.seed,
+                   touch_cause[by], a, b, fabs(a - b) / fmax(fabs(a), fabs(b)));
+        CHECK(failed == 0);
+        CHECK_REL(a, b, 1e-4);
+    }
+    touch_close(&g->t);
+}
+
+static void each_cause(void) {
+    compare(touch_make(1), 0, TOUCH_CAUSES);
+    if (test_quick()) return;
+    compare(touch_make(14), 0, TOUCH_CAUSES);
+    compare(touch_make(5), 0, TOUCH_CAUSES);
+}
+
+static void each_body(void) {
+    static const unsigned seed[] = {0, 2, 3, 4, 5};
+    int i;
+    for (i = 0; i < (test_quick() ? 3 : 5); i++)
+        compare(touch_make(seed[i]), TOUCH_START, TOUCH_REST + 1);
+}
+
+/* The last two substeps of each step reach the ones before through the anchors. */
+static void substeps(void) {
+    touch t = touch_make(3);
+    t.substeps = 3;
+    t.steps = 16;
+    t.bdf2 = 1;
+    compare(t, TOUCH_START, TOUCH_REST + 1);
+}
+
+/* Less memory: steps are run anew, and nothing changes. */
+static void budget(void) {
+    const touch t = touch_make(2);
+    grade(made, t, 0);
+    grade(made + 1, t, made[0].rep.bytes - made[0].rep.bytes / 20);
+    CHECK(made[0].status == CLOTH_OK && made[1].status == CLOTH_OK);
+    CHECK(made[1].rep.replayed > 0 && made[0].rep.replayed == 0);
+    CHECK(made[1].rep.bytes <= made[0].rep.bytes - made[0].rep.bytes / 20);
+    CHECK(memcmp(made[0].r.x0, made[1].r.x0, sizeof made[0].r.x0) == 0);
+    CHECK(memcmp(made[0].r.v0, made[1].r.v0, sizeof made[0].r.v0) == 0);
+    CHECK(memcmp(made[0].r.friction, made[1].r.friction, sizeof made[0].r.friction) == 0);
+    CHECK(memcmp(made[0].r.obstacle, made[1].r.obstacle, sizeof made[0].r.obstacle) == 0);
+    touch_close(&made[0].t);
+    touch_close(&made[1].t);
+}
+
+/* A drum that turns carries cloth by a way that is taken as constant; a search that its cap ends.
+ * */
+static void doubts(void) {
+    touch t = touch_make(1);
+    t.spin = 2;
+    grade(made, t, 0);
+    CHECK(made[0].status == CLOTH_OK && !made[0].rep.valid);
+    CHECK((made[0].rep.doubt & CLOTH_GRAD_FROZEN) && made[0].rep.why[0]);
+    touch_close(&made[0].t);
+    t = touch_make(1);
+    t.cap = 3;
+    grade(made, t, 0);
+    CHECK(made[0].status == CLOTH_OK && (made[0].rep.doubt & CLOTH_GRAD_EARLY));
+    touch_close(&made[0].t);
+}
+
+static void refused(void) {
+    touch t = touch_make(1);
+    t.tolerance = 1e-4;
+    t.leapfrog = 1;
+    grade(made, t, 0);
+    CHECK(made[0].status == CLOTH_ERR_UNSUPPORTED);
+    touch_close(&made[0].t);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(each_cause);
+    RUN(each_body);
+    RUN(substeps);
+    RUN(budget);
+    RUN(doubts);
+    RUN(refused);
+    return TEST_END();
+}

@@ -5822,8 +5822,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *             |   n1 <- + A1            of the other, carried by their faces, take it     [BWK03]
  *
  *   caught   p is outside of the nearest face and of the nearest one that looks at it,
- *            n0 . n1 < -0.3, and at either pose of the substep (A1 - A0) . m is less than 2 t,
- *            m = (n0 - n1)/|n0 - n1|
+ *            n0 . n1 < -0.3, A1 - A0 is within 45 degrees of m = (n0 - n1)/|n0 - n1|, and at
+ *            either pose of the substep (A1 - A0) . m is less than 2 t
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
  *            between the points so found. 1: the part that it is in has passed it: it goes out to
  *            the nearest point of the surface, but where that is in another part. Else, where parts
@@ -5848,6 +5848,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * checked: tests/test_pinch.c */
 
 #define CLOTHI_FACING   (-0.3)              /* n0 . n1 of faces that look at each other        */
+#define CLOTHI_OPPOSITE 0.5                 /* cos^2 of the angle between A1 - A0 and m, least */
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
 #define CLOTHI_OPENED   3                   /* t: room at both poses for what is let go        */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
@@ -5927,6 +5928,8 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
         q.facing = n;
     }
     start = clothi_hold_room(c, h, c->xa, A, n, m);
+    clothi_sub3(A + 3, A, d);
+    if (start * start < CLOTHI_OPPOSITE * clothi_dot3(d, d)) return 0;
     clothi_sub3(p, A, d);
     h->share = clothi_dot3(d, m) / start;
     end = clothi_hold_room(c, h, c->xb, A, n, m);

@@ -5822,7 +5822,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *             |   n1 <- + A1            of the other, carried by their faces, take it     [BWK03]
  *
  *   caught   p is outside of the nearest face and of the nearest one that looks at it,
- *            n0 . n1 < -0.3, A1 - A0 is within 45 degrees of m = (n0 - n1)/|n0 - n1|, and at
+ *            n0 . n1 < -0.3, A1 - A0 is within 72 degrees of m = (n0 - n1)/|n0 - n1|, and at
  *            either pose of the substep (A1 - A0) . m is less than 2 t
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
  *            between the points so found. 1: the part that it is in has passed it: it goes out to
@@ -5848,7 +5848,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * checked: tests/test_pinch.c */
 
 #define CLOTHI_FACING   (-0.3)              /* n0 . n1 of faces that look at each other        */
-#define CLOTHI_OPPOSITE 0.5                 /* cos^2 of the angle between A1 - A0 and m, least */
+#define CLOTHI_OPPOSITE 0.1                 /* cos^2 of the angle between A1 - A0 and m, least */
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
 #define CLOTHI_OPENED   3                   /* t: room at both poses for what is let go        */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */

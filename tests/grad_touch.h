@@ -16,7 +16,7 @@ static const char *const touch_body[TOUCH_BODIES] = {"plane", "sphere", "box", "
 typedef struct touch {                      /* one run                                         */
     int    body, n, steps, pins, bdf2, substeps, parts;
     size_t bytes;                           /* of the tape                                     */
-    int    cap, leapfrog;                   /* max_newton                                      */
+    int    cap, blind, leapfrog;            /* max_newton; blind: no estimate of early stops   */
     double spin;                            /* rad/s, of the body's surface                    */
     double friction, h, tilt, fall, tolerance, speed;
     int    by;                              /* cause that is moved, by eps times its direction */
@@ -242,6 +242,7 @@ static inline double touch_run(touch *t, cloth_tape **tape) {
     if (tape) {
         cloth_tape_options o = cloth_tape_options_default();
         o.bytes = t->bytes;
+        if (t->blind) o.early = 0;
         CHECK(!cloth_tape_create(t->sim, &o, tape));
     }
     touch_loss_at(0, cloth_sim_state(t->sim)->x, cloth_sim_state(t->sim)->v, NULL, NULL, &u);

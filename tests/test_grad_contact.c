@@ -104,7 +104,8 @@ static void doubts(void) {
     CHECK((made[0].rep.doubt & CLOTH_GRAD_FROZEN) && made[0].rep.why[0]);
     touch_close(&made[0].t);
     t = touch_make(1);
-    t.cap = 3;
+    t.cap = 8;
+    t.blind = 1;
     grade(made, t, 0);
     CHECK(made[0].status == CLOTH_OK && (made[0].rep.doubt & CLOTH_GRAD_EARLY));
     touch_close(&made[0].t);

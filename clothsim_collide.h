@@ -3849,11 +3849,12 @@ struct cloth_collide {
     int             renewed;                /* times that friction's limits were, in a search  */
     double         *x_list;                 /* [nv x 3] where the iterate is                   */
     double          share;                  /* of the step that the substep is                 */
+    double          approach;               /* CLOTHI_APPROACH or CLOTHI_SQUEEZED              */
     /* pinches */
     int            *held_of;                /* [nv] number in holding, -1                      */
     cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held ends                */
-    unsigned char  *look;                   /* [nv] 1: caught                                  */
+    unsigned char  *look;                   /* [nv] CLOTHI_HELD, CLOTHI_OUT; scratch           */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
@@ -4708,6 +4709,7 @@ static void clothi_exempt_part(cloth_collide *c) {
 #define CLOTHI_SEPARATION 0.28              /* of t: what detection leaves to begin with       */
 #define CLOTHI_GAP        0.5               /* of t: target gap of zones                       */
 #define CLOTHI_APPROACH   0.98              /* of the distance at x^n: the pole where nearer   */
+#define CLOTHI_SQUEEZED   0.3               /* where zones find no way with that               */
 #define CLOTHI_CONVEX     0.15              /* rad: from here on a convex feature counts fully */
 #define CLOTHI_GUARD      0.25              /* of the room above the pole: range without share */
 #define CLOTHI_WEIGHT     1e-12             /* of a closest point: less is rounding            */
@@ -5288,15 +5290,15 @@ static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
     for (k = 0; k < 3 && !clothi_is_mesh(o); k++) q->carry[k] += side * c->share * (s[k] - r[k]);
 }
 
-/* Gap where the force of a pair has no bound, m: d_min. What begins nearer has it a little
- * below where it begins: a pair under load stays where it is from step to step. */
-static double clothi_pair_pole(double t, double start) {
-    return clothi_min(CLOTHI_POLE * t, CLOTHI_APPROACH * start);
+/* Gap where the force of a pair has no bound, m: d_min. What begins nearer has it a little below,
+ * to stay where it is under load; far below in a substep in which bodies squeeze it too much. */
+static double clothi_pair_pole(const cloth_collide *c, double t, double start) {
+    return clothi_min(CLOTHI_POLE * t, c->approach * start);
 }
 
 /* Gap that detection leaves, m: 0.28 t, or half of the way to the pole. */
-static double clothi_pair_separation(double t, double start) {
-    return clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(t, start)));
+static double clothi_pair_separation(const cloth_collide *c, double t, double start) {
+    return clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
 }
 
 /* Fills contact q of a pair, cloth at x, obstacles where they end: 0 when it is none. */
@@ -5327,7 +5329,7 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
     clothi_contact_frame_at(c, q, c->xa, c->xa, &q->at);
     q->start = q->at.gap;
     q->share = clothi_contact_share(c, q);
-    q->room = q->range - clothi_pair_pole(q->range, q->start);
+    q->room = q->range - clothi_pair_pole(c, q->range, q->start);
     if (!(f.gap > q->range - q->room)) return 0;
     memcpy(q->w, f.w, sizeof f.w);
     memcpy(q->normal, f.normal, sizeof f.normal);
@@ -5635,7 +5637,7 @@ static double clothi_plane_free(const cloth_collide *c, const clothi_pair_id *p,
     double       start;
     if (o->grid || gap - fall > CLOTHI_SEPARATION * o->thickness) return 1;
     start = clothi_pair_gap(c, c->xa, c->xa, CLOTHI_VP, p->a, p->b);
-    start = clothi_pair_pole(o->thickness, start);
+    start = clothi_pair_pole(c, o->thickness, start);
     return clothi_max((gap - clothi_pole_guard(start, gap)) / fall, 0);
 }
 
@@ -5657,7 +5659,7 @@ static double clothi_pair_free(cloth_collide *c, int i) {
     radius = clothi_slot_radius(c, slot);
     clothi_pair_points(c, c->xa, c->xa, v, 4, x);
     start = clothi_pair_distance(p->kind, x, w) - radius;
-    start = clothi_pole_guard(clothi_pair_pole(t, start), gap);
+    start = clothi_pole_guard(clothi_pair_pole(c, t, start), gap);
     clothi_pair_points(c, c->at, c->xb, v, 4, x);
     for (j = 0; j < 4; j++)
         for (k = 0; k < 3; k++)
@@ -5830,10 +5832,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
  *            the share s = (p - A0).m / (A1 - A0).m that it had when it was caught. Where the
  *            points slid, s comes back by at most t a substep
+ *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep
  *
- * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, begins anew at x^n in every
- * substep: a drag, by which cloth stays whole. Nailed to `to`, as in [BWK03], edges of a T-shirt's
- * armpit grew to 4 to 18 times their length, and held layers crossed each other and the rest.
+ * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, 3 of it on what goes out, begins
+ * anew at x^n in every substep: a drag, by which cloth stays whole. Nailed to `to`, as in [BWK03],
+ * edges of a T-shirt's armpit grew to 4 to 18 times their length, and held layers crossed.
  *
  * Exempt are pairs with the body whose vertices of cloth it holds, and pairs of a held vertex's
  * features with faces of it, no farther from where it is or goes than cloth hangs on it. The rest
@@ -5849,6 +5852,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_OPENED   3                   /* t: room at both poses for what is let go        */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
 #define CLOTHI_DRAG     0.3                 /* of the membrane's stiffness: drag on what is held */
+#define CLOTHI_LEAD     3                   /* of it: on what goes out                         */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
 /* Point and normal of side k of a hold in the world's pose x. */
@@ -5954,35 +5958,37 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
     }
 }
 
-/* The way out for what is inside of one part alone: `to` is where its nearest point of the surface
- * goes, and h is there. 0: that point is in another part. */
-static int clothi_hold_leave(const cloth_collide *c, cloth_hold *h, double *to) {
+/* The way out, `to`, by the nearest point of the surface, where h is then: of what is inside of one
+ * part, to above that point; of what is outside, t away. 0: that point is in another part. */
+static int clothi_hold_out(const cloth_collide *c, cloth_hold *h, int inside, double *to) {
     const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
-    const double         t = c->obstacle[h->slot].thickness;
-    double               d2 = CLOTHI_HUGE, b[3], at[3], n[3];
+    const double        *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
+    double               d2 = CLOTHI_HUGE, b[3], A[3], n[3];
     cloth_hold           out = *h;
-    int                  f = clothi_surface_nearest(&body, c->xa + 3 * h->vertex, &d2, b), k;
+    int                  f = clothi_surface_nearest(&body, p, &d2, b), k;
     if (f < 0) return 0;
     out.face[0] = f - c->obstacle[h->slot].f0;
     memcpy(out.weight[0], b, sizeof b);
-    clothi_hold_point(c, &out, 0, c->xa, at, n);
-    for (k = 0; k < 3; k++) at[k] += 1e-3 * t * n[k];
-    if (clothi_surface_winding(&body, at) > 0) return 0;
+    clothi_hold_point(c, &out, 0, c->xa, A, n);
+    clothi_sub3(p, A, to);
+    if (inside && clothi_dot3(to, n) > 0) return 0;
     *h = out;
-    clothi_hold_point(c, h, 0, c->xb, to, n);
-    for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * t * n[k];
+    clothi_hold_point(c, h, 0, c->xb, A, n);
+    for (k = 0; k < 3; k++) to[k] = A[k] + (inside ? CLOTHI_GAP * t * n[k] : to[k] + t * n[k]);
     return 1;
 }
 
-/* Whether a vertex stays held; where it goes into c->hold_to. */
-static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
+enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_OUT };
+
+/* What becomes of a held vertex at x^n; where it goes into `to`. */
+static unsigned char clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
     const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness, share = h->share;
     double        A[6], B[6], n[6], m[3], d[3], end[6], room, along, drift;
     int           k, wind = clothi_surface_winding(&body, p);
-    if (wind == 1 && clothi_hold_leave(c, h, to)) return 1;
+    if (wind == 1 && clothi_hold_out(c, h, 1, to)) return CLOTHI_OUT;
     if (wind <= 0) {
-        if (!clothi_catch_vertex(c, h->vertex, h->slot, CLOTHI_OPENED, h)) return 0;
+        if (!clothi_catch_vertex(c, h->vertex, h->slot, CLOTHI_OPENED, h)) return CLOTHI_LET_GO;
         h->share = share;
     }
     for (k = 0; k < 2 && wind > 0; k++) clothi_hold_slide(c, h, k, p);
@@ -5997,7 +6003,7 @@ static int clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
     drift = h->share * room - clothi_dot3(d, m) - along;
     along += clothi_max(clothi_min(drift, t), -t);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
-    return 1;
+    return CLOTHI_HELD;
 }
 
 /* --- which faces --- */
@@ -6087,33 +6093,68 @@ static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
     int                  v;
     (void)worker;
     for (v = begin; v < end; v++)
-        c->look[v] = c->held_of[v] < 0 && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
-                     clothi_may_touch(c, v, c->obstacle[q->slot].v0) &&
-                     clothi_catch_vertex(c, v, q->slot, CLOTHI_PINCHED, c->caught + v);
+        if (c->held_of[v] < 0)
+            c->look[v] = (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
+                         clothi_may_touch(c, v, c->obstacle[q->slot].v0) &&
+                         clothi_catch_vertex(c, v, q->slot, CLOTHI_PINCHED, c->caught + v);
 }
 
-/* Holds vertices that are between parts of a body. *n counts them. */
-static cloth_status clothi_pinch_catch(cloth_collide *c, int *n) {
+/* Holds vertices that are between parts of a body. */
+static cloth_status clothi_pinch_catch(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
     int          o, i;
-    *n = 0;
     for (o = 0; o < c->nobstacle && !status; o++) {
         clothi_catch job;
         job.c = c, job.slot = o, job.facing = NULL;
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
-            if (!c->look[i]) continue;
+            if (c->held_of[i] >= 0 || !c->look[i]) continue;
+            c->look[i] = clothi_hold_keep(c, c->caught + i, c->hold_to + 3 * i);
+            if (c->look[i] == CLOTHI_LET_GO) continue;
             status = CLOTHI_ROOM(c, holding, c->nholding + 1);
             if (status) break;
+            clothi_hold_mark(c, c->caught + i, c->hold_to + 3 * i);
             c->held_of[i] = c->nholding;
-            c->holding[c->nholding] = c->caught[i];
-            (void)clothi_hold_keep(c, c->holding + c->nholding, c->hold_to + 3 * i);
-            clothi_hold_mark(c, c->holding + c->nholding, c->hold_to + 3 * i);
-            c->nholding++;
-            ++*n;
+            c->holding[c->nholding++] = c->caught[i];
         }
     }
+    return status;
+}
+
+/* Vertex v goes out. */
+static cloth_status clothi_pinch_out(cloth_collide *c, int v, int slot) {
+    cloth_status status = CLOTHI_ROOM(c, holding, c->nholding + 1);
+    cloth_hold  *h = c->holding + c->nholding;
+    if (status) return status;
+    memset(h, 0, sizeof *h);
+    h->vertex = v, h->slot = slot;
+    if (!clothi_hold_out(c, h, 0, c->hold_to + 3 * v)) return CLOTH_OK;
+    h->face[1] = h->face[0];
+    memcpy(h->weight[1], h->weight[0], sizeof h->weight[0]);
+    c->held_of[v] = c->nholding++;
+    c->look[v] = CLOTHI_OUT;
+    return CLOTH_OK;
+}
+
+/* A face that crosses a body though no vertex of it is held is left from a pinch that has opened:
+ * it goes out. */
+static cloth_status clothi_pinch_lead(cloth_collide *c) {
+    const int    n = c->nholding;
+    cloth_status status = CLOTH_OK;
+    int          i, k;
+    for (i = 0; i < c->nnow; i++) {
+        const clothi_pair_id *p = c->now + i;
+        const int            *v = c->faces + 3 * p->a;
+        int                   caught = 0;
+        if (p->kind != CLOTHI_FF || !c->dragging[p->b]) continue;
+        for (k = 0; k < 3; k++) caught |= c->held_of[v[k]] >= 0 && c->held_of[v[k]] < n;
+        for (k = 0; k < 3 && !caught && !status; k++)
+            if (c->held_of[v[k]] < 0 && (c->sim->pin[v[k]] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL)
+                status = clothi_pinch_out(c, v[k], c->slot[c->faces[3 * p->b]]);
+    }
+    for (i = n; i < c->nholding && !status; i++)
+        clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
     return status;
 }
 
@@ -6128,7 +6169,7 @@ static int clothi_penetrates(const cloth_collide *c) {
  * caught. */
 static cloth_status clothi_pinch_begin(cloth_collide *c) {
     cloth_status status;
-    int          i, n = 0, most;
+    int          i, n = 0;
     c->pinching = 0;
     if (!clothi_penetrates(c)) return CLOTH_OK;
     status = clothi_pinch_reserve(c);
@@ -6142,7 +6183,8 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
     for (i = 0; i < c->nholding; i++) {
         cloth_hold h = c->holding[i];
-        if (!clothi_hold_keep(c, &h, c->hold_to + 3 * h.vertex)) {
+        c->look[h.vertex] = clothi_hold_keep(c, &h, c->hold_to + 3 * h.vertex);
+        if (c->look[h.vertex] == CLOTHI_LET_GO) {
             c->pinching = 1;                /* nothing may be extrapolated over it */
             continue;
         }
@@ -6152,8 +6194,9 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     c->nholding = n;
     for (i = 0; i < n; i++)
         clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
-    status = clothi_pinch_catch(c, &most);
-    c->pinching |= most > 0;
+    status = clothi_pinch_catch(c);
+    if (!status) status = clothi_pinch_lead(c);
+    c->pinching |= c->nholding > n;
     return status;
 }
 
@@ -6198,7 +6241,7 @@ static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e
     for (i = 0; i < c->nholding && !status; i++) {
         const int     v = c->holding[i].vertex, f = m->topology->vf[m->topology->vf_start[v]];
         const double *to = c->hold_to + 3 * v;
-        const double  drag = CLOTHI_DRAG *
+        const double  drag = (c->look[v] == CLOTHI_OUT ? CLOTHI_LEAD : CLOTHI_DRAG) *
                             clothi_membrane_stiffness(c->sim->params.material + m->region[f]);
         double        H[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
         for (k = 0; k < 3; k++) {
@@ -6237,7 +6280,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * is looked at again, and what it hits joins, until nothing does [BFA02] [HVTG08]. A zone that the
  * program cannot solve, or not within desc.max_passes, goes on as one rigid body; if that hits too,
  * it stays where it was. Where that leads nowhere an implicit step tries once more, from where the
- * obstacles' surfaces carry cloth: for layers between an arm and a chest that zones cannot part.
+ * obstacles' surfaces carry cloth, and with narrower gaps: for layers between an arm and a chest.
  * Then the step fails. (To hold what zones cannot part was worse: a shirt's jump ended at once.)
  *
  * Under implicit steps this is where minimising begins, not where it ends: no strain of the
@@ -6331,7 +6374,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     start = clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b);
     if (!(start > 0)) return clothi_no_side(c, p->kind, p->a, p->b);
     t = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, row.v);
-    sep = clothi_pair_separation(t, start);
+    sep = clothi_pair_separation(c, t, start);
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
         held = clothi_pair_gap(c, c->xb, c->xb, p->kind, p->a, p->b);
         if (held >= sep) return CLOTH_OK;
@@ -6871,6 +6914,7 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
     c->trying -= !last;
     if (status != CLOTH_ERR_STEP || last) return status;
     clothi_carried(c);
+    c->approach = CLOTHI_SQUEEZED;
     return clothi_feasible_from(c, last);
 }
 
@@ -7031,53 +7075,10 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     if (!c->begun) status = clothi_contact_open(c);
     clothi_world_pose(c, e->x_n, e->in->share[0], e->in->share[1]);
     c->ncontact = c->nrow = c->listed = 0;
+    c->approach = CLOTHI_APPROACH;
     if (!status) status = clothi_pinch_begin(c);
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
     return status;
-}
-
-/* The guess c->xb where obstacles move: a vertex within range of a mesh at x^n comes no nearer to
- * its nearest face and is held along it by friction. Less is left for zones to strain. */
-static cloth_status clothi_guess_carry(cloth_collide *c) {
-    double      *least = c->way_in, *way = c->qp_x, *normal = c->x_list;    /* [nv], [nv x 3] */
-    cloth_status status;
-    int          i, j, k;
-    status = clothi_broad_phase(c, c->xa, NULL, CLOTHI_SWEPT, c->thickest, 0);
-    if (status) return status;
-    for (i = 0; i < c->nv; i++) least[i] = HUGE_VAL;
-    for (i = 0; i < c->npair; i++) {
-        const clothi_pair_id *p = c->pair + i;
-        double x[12], w[4], r[3] = {0, 0, 0}, u[3] = {0, 0, 0}, d;
-        int    v[4], slot;
-        if (p->kind != CLOTHI_VF || p->a >= c->nv || p->b < c->nf) continue;
-        slot = c->slot[c->faces[3 * p->b]];
-        (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-        clothi_pair_points(c, c->xa, c->xa, v, 4, x);
-        d = clothi_pair_distance(p->kind, x, w);
-        if (!(d > 0) || d > c->obstacle[slot].thickness || d >= least[p->a] ||
-            clothi_is_exempt(c, p->kind, p->a, p->b))
-            continue;
-        least[p->a] = d;
-        for (j = 0; j < 4; j++)
-            for (k = 0; k < 3; k++) {
-                r[k] += w[j] * x[3 * j + k];
-                if (j) u[k] -= w[j] * (c->xb[3 * v[j] + k] - c->xa[3 * v[j] + k]);
-            }
-        for (k = 0; k < 3; k++) normal[3 * p->a + k] = r[k] / d, way[3 * p->a + k] = u[k];
-    }
-    for (i = 0; i < c->nv; i++) {
-        double      *x = c->xb + 3 * i, d[3], come, slide, part;
-        const double *n = normal + 3 * i;
-        if (!(least[i] < HUGE_VAL) || c->sim->pin[i]) continue;
-        for (k = 0; k < 3; k++) d[k] = x[k] - c->xa[3 * i + k] - way[3 * i + k];
-        come = -clothi_dot3(d, n);
-        if (!(come > 0)) continue;
-        for (k = 0; k < 3; k++) x[k] += come * n[k], d[k] += come * n[k];
-        slide = sqrt(clothi_dot3(d, d));
-        part = c->desc.friction * come < slide ? c->desc.friction * come / slide : 1;
-        for (k = 0; k < 3; k++) x[k] -= part * d[k];
-    }
-    return CLOTH_OK;
 }
 
 /* cloth_contact.start. */
@@ -7100,11 +7101,10 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     for (i = 0; i < c->nv; i++) *impact |= c->frozen[i] != 0;
     *impact |= c->pinching;
     if (c->nrow && !rests) {
-        memcpy(c->xb, other, bytes);
-        status = clothi_guess_carry(c);
-        memcpy(c->x_ie, c->xb, bytes);
+        memcpy(c->x_ie, other, bytes);
+        clothi_carried(c);
         c->trying = 1;
-        if (!status) status = clothi_feasible_from(c, 0);
+        status = clothi_feasible_from(c, 0);
         c->trying = 0;
         if (status && status != CLOTH_ERR_STEP) return status;
         memcpy(other, status ? x : c->xb, bytes);
@@ -9189,8 +9189,7 @@ static void clothi_back_normal(const cloth_collide *c, const clothi_contact *q, 
         b->share -= guard / (1 - s) * own;
         room += own * (v > 0 ? (2 * guard - v * rise) / U - (1 - G) * rise : 0);
     }
-    if (!q->soft && CLOTHI_APPROACH * q->start < CLOTHI_POLE * t)
-        b->start -= CLOTHI_APPROACH * room;
+    if (!q->soft && c->approach * q->start < CLOTHI_POLE * t) b->start -= c->approach * room;
 }
 
 /* What a contact has of x^n: its share; its start, of the gap there or of its key's anchor. */
@@ -9280,7 +9279,8 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     const cloth_collide *c = f->c;
     const cloth_model   *m = c->sim->model;
     const int            face = m->topology->vf[m->topology->vf_start[h->vertex]];
-    const double drag = CLOTHI_DRAG *
+    const int            leaves = c->look[h->vertex] == CLOTHI_OUT;
+    const double drag = (leaves ? CLOTHI_LEAD : CLOTHI_DRAG) *
                         clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
     double A[6], n[6], out[3], to[3], along;
     int    i, k;
@@ -9289,6 +9289,10 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
         clothi_flow_add(f, 1, h->vertex, 1, to);
         return;
     }
+    for (i = 0; i < 3 && leaves; i++)       /* with the point of the surface where h is */
+        clothi_flow_add(f, 1, c->faces[3 * (c->obstacle[h->slot].f0 + h->face[0]) + i],
+                        h->weight[0][i], to);
+    if (leaves) return;
     (void)clothi_hold_room(c, h, c->xb, A, n, out);
     along = clothi_dot3(to, out);
     for (i = 0; i < 6; i++) {               /* along `out` their share, else the mean of ways */

@@ -70,10 +70,13 @@ run_text() {
     for h in $headers; do
         must "contents of $h" awk -v check=contents -f check_text.awk ../$h
         most=8000
-        [ $h = clothsim_collide.h ] && most=9433   # CCD, QP, grid, zones, untangling, ledger, derivative
         [ $h = clothsim_grad.h ] && most=4000
         [ $h = clothsim.h ] && most=14600      # mesh, OBJ and both solvers are in it
-        must "$h has $(wc -l <../$h) lines" test "$(wc -l <../$h)" -le $most
+        if [ $h != clothsim_collide.h ]; then
+            must "$h has $(wc -l <../$h) lines" test "$(wc -l <../$h)" -le $most
+        elif [ "$(wc -l <../$h)" -gt 6500 ]; then
+            open lines "$h has $(wc -l <../$h) (6500)"
+        else ok; fi
     done
     must 'the lines' awk -v check=lines -f check_text.awk $files
     must 'the length of functions' awk -v check=functions -f check_text.awk \

@@ -583,7 +583,18 @@ static int clothi_tape_grow(cloth_tape *t) {
     return 1;
 }
 
-/* A step was accepted. */
+/* How the step went. */
+static void clothi_tape_outcome(const cloth_tape *t, const cloth_step_record *r, clothi_taped *e) {
+    e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
+    e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
+               clothi_all_zero(r->v, t->nv3);
+    e->substeps = e->asleep ? 0 : t->traced;
+    e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
+    e->euler = t->euler;
+    e->kept = t->kept | (uint32_t)(t->sim->history != 0) << ((e->substeps - 1) & 31);
+}
+
+/* A step was accepted; r NULL: what it would have begun with was moved. */
 static void clothi_tape_step(void *user, const cloth_step_record *r) {
     cloth_tape    *t = (cloth_tape *)user;
     cloth_recorder *host = &t->sim->host;
@@ -591,6 +602,11 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     const size_t   before = t->n ? t->step[t->n - 1].size : 0;
     unsigned char *swap;
     int            moved = 0;
+    if (!r) {
+        if (t->n && !t->ended)
+            clothi_tape_end(t, CLOTH_ERR_ARGUMENT, "an obstacle was added, removed or teleported");
+        return;
+    }
     if (t->mode == CLOTHI_TAPE_RECORD && host->step) host->step(host->user, r);
     if (t->mode != CLOTHI_TAPE_RECORD || t->ended) return;
     if (!clothi_tape_grow(t)) {
@@ -600,13 +616,7 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     e = t->step + t->n;
     memset(e, 0, sizeof *e);
     e->h = r->h;
-    e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
-    e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
-               clothi_all_zero(r->v, t->nv3);
-    e->substeps = e->asleep ? 0 : t->traced;
-    e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
-    e->euler = t->euler;
-    e->kept = t->kept | (uint32_t)(t->sim->history != 0) << ((e->substeps - 1) & 31);
+    clothi_tape_outcome(t, r, e);
     if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
         t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * 2 * t->nv3 *
                                                sizeof(double));

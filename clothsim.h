@@ -756,7 +756,8 @@ typedef struct cloth_vjp {
     double *attach_k;                       /* [max_attachments]                               */
     double *h;                              /* [1]                                             */
     double *x;                              /* [nv x 3] of contact: by e->x, alone             */
-    int     frozen;                         /* out: something that moves was taken as constant */
+    int     frozen, own;                    /* out: of contact, something that moves was taken as
+                                               constant; 1: add to the term's parameters too   */
 } cloth_vjp;
 
 typedef struct cloth_term {

@@ -7758,6 +7758,11 @@ CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
 
 /* --- obstacles: add, remove, move --- */
 
+/* An obstacle came, went, or is somewhere else at once: that ends a tape. */
+static void clothi_tape_break(const cloth_sim *s) {
+    if (s->tape_gone) s->recorder.step(s->recorder.user, NULL);
+}
+
 /* Obstacles have come or gone: a new world, looked at. What was found at the last step names the
  * old one and goes with it. On failure the old world stays; the caller then puts its obstacles back
  * and counts [clothi_world_count]. */
@@ -7773,6 +7778,7 @@ static cloth_status clothi_world_change(cloth_collide *c) {
     if (status) return status;
     c->sim->still = 0;                      /* wakes */
     c->ncontact = c->nrow = c->nfailed = 0;
+    clothi_tape_break(c->sim);
     return CLOTH_OK;
 }
 
@@ -8108,8 +8114,10 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     status = clothi_collide_look(c);
     if (status)
         memcpy(pose, spare, 2 * bytes);
-    else
+    else {
         clothi_obstacle_forget(c, (int)(o - c->obstacle));
+        clothi_tape_break(c->sim);
+    }
     clothi_free(c->hooks, spare);
     c->sim->still = 0;
     return status ? status : clothi_carry(c, o, 1);

@@ -14,11 +14,12 @@
  *     [1.3] REFERENCES
  *   the interface
  *     [2.1] TAPE                             [2.2] GRADIENT
+ *     [2.3] CHECK
  *   the implementation, bottom-up
  *     [3.1] THE TAPE                         [3.2] HESSIAN TIMES VECTOR
  *     [4.1] A SUBSTEP, LINEARISED            [4.2] ITS ADJOINT
  *     [4.3] LEAPFROG                         [4.4] FROM MASSES AND LAME CONSTANTS TO MATERIALS
- *     [5.1] BACKWARDS
+ *     [5.1] BACKWARDS                        [5.2] TANGENT, CHECK
  *     [6.1] CHANGES
  */
 
@@ -115,6 +116,7 @@
  * [GW08]   Griewank, Walther: Evaluating Derivatives, 2nd ed. SIAM 2008. Adjoints, checkpoints.
  * [CLPS03] Cao, Li, Petzold, Serban: Adjoint Sensitivity Analysis for Differential-Algebraic
  *          Equations, SIAM J. Sci. Comput. 24, 2003.
+ * [R82]    Ridders: Accurate computation of F'(x) and F'(x) F''(x). Adv. Eng. Software 4, 1982.
  * [S93]    Saad: A flexible inner-outer preconditioned GMRES algorithm, SIAM J. Sci. Comput. 14,
  *          1993.
  */
@@ -185,7 +187,9 @@ struct cloth_obstacle;                      /* clothsim_collide.h               
  * the units of cloth_material: the derivative by young*thickness (or by membrane where that is
  * used) is `membrane`, by D `bending`; where D follows from the other fields (bending < 0) they get
  * its share. What is given anew at every step has a derivative by its value at each step: one that
- * is kept over many steps has the sum of those. */
+ * is kept over many steps has the sum of those. Parameters of a host's own term are its own: its
+ * vjp adds a' d(grad)/d{..} to arrays behind its `user` where out->own is 1, once a substep; after
+ * the call they hold the derivative of the loss. */
 typedef struct cloth_grad {
     double *x0, *v0;            /* [nv x 3]    start; pins' targets and ties' offsets stay     */
     double *density;            /* [nregions]  0 where masses are given                        */
@@ -241,6 +245,37 @@ typedef struct cloth_grad_report {
  *   and any worker count | threads: that of the sim */
 CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss, void *user,
                                            cloth_grad *out, cloth_grad_report *rep);
+
+/* ===== [2.3] CHECK ===========================================================================
+ *
+ * Is the gradient of my scene right? The run is made once on a tape and walked back; then, for each
+ * cause, again and again with the cause moved along a random direction, and differences are
+ * extrapolated to what the adjoint should be. The forward steps must converge far better than they
+ * need to for eyes: desc.tolerance 1e-10 m or less. */
+
+/* What the host does from the sim's state on: moves, pins, forces, steps; each time the same. */
+typedef cloth_status cloth_run_fn(cloth_sim *sim, void *user);
+
+#define CLOTH_CHECK_ROWS 16                 /* most rows of a table                            */
+
+typedef struct cloth_check_row {
+    const char *cause;          /* a field of cloth_grad; "dot product": adjoint against tangent,
+                                   by x0, v0 and gravity at once, equal to rounding            */
+    double adjoint, other;      /* derivative along a direction; by differences, or tangent    */
+    double off, doubt;          /* relative: how far they are apart; how far differences are
+                                   from knowing it                                             */
+} cloth_check_row;
+
+/* History, anchors and the time asleep are dropped where the run begins. After the call the sim is
+ * where it was. What the run sets itself (gravity, wind, materials) has no row; neither have
+ * contact and LEAPFROG one of the dot product. out  row   [CLOTH_CHECK_ROWS];  out  *rows   how
+ * many;  out  rep   of the gradient; may be NULL returns CLOTH_OK: the table is made, whatever it
+ * says; _ARGUMENT (NULL, a tape is there, a run of   another length); as cloth_grad_backward, and
+ * as run: that ends the check contract: alloc scratch | cost: 12 runs a cause, 3 nv passes over the
+ * terms a substep */
+CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void *run_user,
+                                        cloth_loss_fn *loss, void *user,
+                                        cloth_check_row *row, int *rows, cloth_grad_report *rep);
 
 #ifdef __cplusplus
 }
@@ -548,7 +583,18 @@ static int clothi_tape_grow(cloth_tape *t) {
     return 1;
 }
 
-/* A step was accepted. */
+/* How the step went. */
+static void clothi_tape_outcome(const cloth_tape *t, const cloth_step_record *r, clothi_taped *e) {
+    e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
+    e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
+               clothi_all_zero(r->v, t->nv3);
+    e->substeps = e->asleep ? 0 : t->traced;
+    e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
+    e->euler = t->euler;
+    e->kept = t->kept | (uint32_t)(t->sim->history != 0) << ((e->substeps - 1) & 31);
+}
+
+/* A step was accepted; r NULL: what it would have begun with was moved. */
 static void clothi_tape_step(void *user, const cloth_step_record *r) {
     cloth_tape    *t = (cloth_tape *)user;
     cloth_recorder *host = &t->sim->host;
@@ -556,6 +602,11 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     const size_t   before = t->n ? t->step[t->n - 1].size : 0;
     unsigned char *swap;
     int            moved = 0;
+    if (!r) {
+        if (t->n && !t->ended)
+            clothi_tape_end(t, CLOTH_ERR_ARGUMENT, "an obstacle was added, removed or teleported");
+        return;
+    }
     if (t->mode == CLOTHI_TAPE_RECORD && host->step) host->step(host->user, r);
     if (t->mode != CLOTHI_TAPE_RECORD || t->ended) return;
     if (!clothi_tape_grow(t)) {
@@ -565,13 +616,7 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     e = t->step + t->n;
     memset(e, 0, sizeof *e);
     e->h = r->h;
-    e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
-    e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
-               clothi_all_zero(r->v, t->nv3);
-    e->substeps = e->asleep ? 0 : t->traced;
-    e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
-    e->euler = t->euler;
-    e->kept = t->kept | (uint32_t)(t->sim->history != 0) << ((e->substeps - 1) & 31);
+    clothi_tape_outcome(t, r, e);
     if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
         t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * 2 * t->nv3 *
                                                sizeof(double));
@@ -1486,6 +1531,7 @@ static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const
     to_p.v_n = v_n;
     if (g->out->force) to_p.force = g->out->force + (size_t)k * g->t->nv3;
     to_p.mass = g->mass;
+    to_p.own = 1;
     to_p.gravity = g->out->gravity;
     to_p.wind = g->out->wind;
     to_p.mu = g->mu;
@@ -2258,6 +2304,426 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
     r->why = clothi_grad_why(r->doubt);
     r->bytes = tape->most;
     r->ms = 1e3 * (clothi_now(&tape->hooks) - start);
+    return status;
+}
+
+/* ===== [5.2] TANGENT, CHECK ==================================================================
+ *
+ *   forwards, from dx, dv, dp = d{x^n, v^n, causes}:
+ *     H dx' = M/eta^2 dy - d(grad E)/dx^n dx - d(grad E)/dv^n dv - d(grad E)/dp dp
+ *   on free axes, dx' given on pins; v, x^(n-1) and v^(n-1) follow as in [4.1]
+ *
+ * The same linearised substeps as the adjoint's, one after the other: for a loss of fixed weights w
+ * the sum of w.dx over all states is what the adjoint has to find for the same direction, to
+ * rounding: the dot-product test. Terms know their transposed derivative alone: row i of d(grad E)/
+ * d{..} is the vjp of the unit vector i. That costs 3 nv vjps a substep; it is for checks. Contact
+ * keeps what anchors get to itself, LEAPFROG has no matrix: there differences alone are taken.
+ *
+ * Differences: of the sum of w.x and w.v, w the loss's gradient at the run as it is; central, at
+ * steps that shrink by 4, extrapolated; of all those the one that differs least from the two that
+ * it is made of [R82].
+ * checked: tests/test_grad_check.c
+ */
+
+#define CLOTHI_CHECK_LEVELS 6
+#define CLOTHI_CHECK_CAUSES 13
+
+typedef struct clothi_cause {               /* numbers that are moved                          */
+    const char   *name;
+    double       *at;                       /* first one, in the sim                           */
+    const double *g;                        /* [n] derivative                                  */
+    size_t        stride;                   /* bytes                                           */
+    int           n, host;                  /* host: the run may set it anew                   */
+    double        size;                     /* of a direction                                  */
+} clothi_cause;
+
+typedef struct clothi_check {
+    cloth_sim     *s;
+    cloth_loss_fn *loss;
+    void          *user;
+    cloth_grad     g;
+    double        *w;                       /* [n + 1][2][nv x 3] gradient of the loss         */
+    double        *block, *dx, *dv, *dp, *dq;           /* tangent of x, v and those before    */
+    double         sum;
+    int            k, n;                    /* states seen; steps of the tape                  */
+    clothi_cause   cause[CLOTHI_CHECK_CAUSES];
+    int            causes;
+} clothi_check;
+
+static double clothi_check_noise(uint32_t i) {
+    i = i * 747796405u + 2891336453u;
+    i = ((i >> ((i >> 28) + 4)) ^ i) * 277803737u;
+    return (double)((i ^ i >> 22) >> 8) / 8388608 - 1;
+}
+
+/* Number i of the direction of a cause. */
+static double clothi_check_dir(const clothi_cause *q, int i) {
+    return q->size * clothi_check_noise((uint32_t)i * 131u + (uint32_t)(unsigned char)*q->name +
+                                        1009u * (uint32_t)(unsigned char)q->name[1]);
+}
+
+static double clothi_check_along(const clothi_cause *q) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < q->n; i++) sum += q->g[i] * clothi_check_dir(q, i);
+    return sum;
+}
+
+static void clothi_check_move(const clothi_cause *q, double eps) {
+    int i;
+    for (i = 0; i < q->n; i++)
+        *(double *)(void *)((char *)(void *)q->at + (size_t)i * q->stride) +=
+            eps * clothi_check_dir(q, i);
+}
+
+/* The loss, whose gradient is kept. */
+static void clothi_check_loss(int k, const double *x, const double *v, double *gx, double *gv,
+                              void *user) {
+    clothi_check *c = (clothi_check *)user;
+    const size_t  n = 3 * (size_t)c->s->model->nv;
+    c->loss(k, x, v, gx, gv, c->user);
+    memcpy(c->w + 2 * n * (size_t)k, gx, n * sizeof(double));
+    memcpy(c->w + 2 * n * (size_t)k + n, gv, n * sizeof(double));
+}
+
+/* Weights of state k times x, v. */
+static void clothi_check_weigh(clothi_check *c, int k, const double *x, const double *v) {
+    const size_t  n = 3 * (size_t)c->s->model->nv;
+    const double *w = c->w + 2 * n * (size_t)k;
+    size_t        i;
+    for (i = 0; k <= c->n && i < n; i++) c->sum += w[i] * x[i] + w[n + i] * v[i];
+}
+
+static void clothi_check_heard(void *user, const cloth_step_record *r) {
+    clothi_check *c = (clothi_check *)user;
+    clothi_check_weigh(c, ++c->k, r->x, r->v);
+}
+
+/* --- tangent --- */
+
+/* g->q = d(grad E)/d{x^n, v^n, gravity} times dx, dv and the direction in gravity. */
+static cloth_status clothi_tangent_terms(clothi_grad *g, clothi_check *c, const clothi_line *line,
+                                         const clothi_cause *gravity) {
+    cloth_sim   *s = g->s;
+    const size_t n = g->t->nv3, bytes = n * sizeof(double);
+    cloth_status status = CLOTH_OK;
+    double       by[3];
+    size_t       i, j;
+    int          k;
+    memset(g->a, 0, bytes);
+    for (i = 0; i < n && !status; i++) {
+        cloth_vjp to;
+        memset(&to, 0, sizeof to);
+        memset(g->nx, 0, bytes);
+        memset(g->nv, 0, bytes);
+        memset(by, 0, sizeof by);
+        to.x_n = g->nx, to.v_n = g->nv, to.gravity = by;
+        g->a[i] = 1;
+        for (k = 0; k < s->nterms && !status; k++)
+            status = s->term[k].vjp(s->term[k].user, &line->goal.e, g->a, &to);
+        g->a[i] = 0;
+        for (j = 0, g->q[i] = 0; j < n; j++) g->q[i] += g->nx[j] * c->dx[j] + g->nv[j] * c->dv[j];
+        for (k = 0; k < 3; k++) g->q[i] += by[k] * clothi_check_dir(gravity, k);
+    }
+    return status;
+}
+
+/* Poses of attachments that are points of x where the step begins, dx0: forces by them to q. */
+static void clothi_tangent_poses(const cloth_sim *s, const double *dx0, double *q) {
+    double p[3], w[6];
+    int    i, j, n, v[6];
+    for (i = 0; i < s->in.nattach; i++) {
+        const cloth_step_attachment *a = s->in.attach + i;
+        n = clothi_attach_gap(s->model, NULL, a, s->w.x0, v, w, p);
+        if (!n || memcmp(p, a->pose, sizeof p) != 0) continue;
+        (void)clothi_attach_gap(s->model, NULL, a, dx0, v, w, p);
+        for (j = 0; j < 3 * n; j++)
+            q[3 * v[j / 3] + j % 3] -= (1 - s->in.share[1]) * a->k * w[j / 3] * p[j % 3];
+    }
+}
+
+/* dx, dv and those before over a substep of step k, whose start moves by g->x0. */
+static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clothi_line *line,
+                                           int k) {
+    cloth_sim   *s = g->s;
+    const size_t n = g->t->nv3;
+    cloth_report local;
+    cloth_status status = clothi_tangent_terms(g, c, line, c->cause + 2);
+    size_t       i;
+    memset(&local, 0, sizeof local);
+    if (!status) clothi_tangent_poses(s, g->x0, g->q);
+    for (i = 0; i < n; i++) {
+        const double dy = line->yx * c->dx[i] + line->yv * c->dv[i] + line->yp * c->dp[i] +
+                          line->yw * c->dq[i];
+        g->lx[i] = line->weight * s->params.mass[i / 3] * dy - g->q[i];
+        g->lv[i] = s->pin[i / 3] >> i % 3 & 1 && !(s->model->tie && s->model->tie[i] >= 0)
+                       ? (1 - s->in.share[1]) * g->x0[i] : 0;
+    }
+    if (!status) status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    if (status) return status;
+    clothi_tie_gradient(s->model, g->lx);
+    cloth_matrix_mul(s->matrix, NULL, g->lv, g->q);
+    for (i = 0; i < n; i++) g->lx[i] -= g->q[i];
+    status = clothi_grad_solve(g, line, g->lx, g->z, k);
+    for (i = 0; i < n; i++) g->z[i] += g->lv[i];
+    clothi_tie_spread(s->model, g->z);
+    for (i = 0; i < n; i++) {
+        const double dv = line->vx * g->z[i] + line->vn * c->dx[i] + line->vp * c->dp[i];
+        c->dp[i] = c->dx[i], c->dq[i] = c->dv[i];
+        c->dx[i] = g->z[i], c->dv[i] = dv;
+    }
+    return status;
+}
+
+/* Sum of the weights times the tangent of all states, for x0, v0 and gravity at once. */
+static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
+    cloth_tape  *t = g->t;
+    const size_t n = t->nv3;
+    cloth_status status = CLOTH_OK;
+    clothi_line  line;
+    int          k, i;
+    for (i = 0; i < (int)n; i++) {
+        c->dx[i] = clothi_check_dir(c->cause, i);
+        c->dv[i] = clothi_check_dir(c->cause + 1, i);
+    }
+    clothi_check_weigh(c, 0, c->dx, c->dv);
+    for (k = 0; k < t->n && !status; k++) {
+        const clothi_taped  *e = t->step + k;
+        const int            m = e->substeps > 1 ? e->substeps : 1;
+        const unsigned char *end = k + 1 < t->n ? t->step[k + 1].slot : t->end;
+        const double *ends = (const double *)(const void *)(e->slot + t->motion);
+        memcpy(g->x0, c->dx, n * sizeof(double));
+        status = clothi_grad_put(g, k, e->slot);
+        if (!status && !e->asleep) status = clothi_keep(g->s);
+        for (i = 0; i < m && !status && !e->asleep; i++) {
+            status = clothi_line_open(g->s, e, i, m, i < m - 1
+                                                         ? ends + (size_t)i * n
+                                                         : (const double *)(const void *)end,
+                                      &line);
+            if (!status) status = clothi_tangent_substep(g, c, &line, k);
+            if (!status) status = clothi_line_close(g->s, &line);
+        }
+        if (e->slept) memset(c->dv, 0, n * sizeof(double));
+        clothi_check_weigh(c, k + 1, c->dx, c->dv);
+    }
+    return status;
+}
+
+/* --- differences --- */
+
+static void clothi_check_add(clothi_check *c, const char *name, double *at, int n, size_t stride,
+                             const double *g, double size, int host) {
+    clothi_cause *q = c->cause + c->causes++;
+    q->name = name, q->at = at, q->n = n, q->stride = stride, q->g = g, q->size = size;
+    q->host = host;
+}
+
+/* What can be moved, x0, v0 and gravity first; results into c->block. Returns its doubles. */
+static size_t clothi_check_causes(clothi_check *c, double *d) {
+    cloth_sim      *s = c->s;
+    cloth_params   *p = cloth_sim_params(s);
+    cloth_material *m = p ? p->material : NULL;
+    cloth_grad     *g = &c->g;
+    const size_t    one = sizeof(double), all = sizeof *m;
+    const int       n = 3 * s->model->nv, nr = s->model->nregions;
+    const size_t    need = 2 * (size_t)n + 6 + 5 * (size_t)nr + 8 * (size_t)s->model->nf +
+                        2 * (size_t)(p ? p->nh : 0) + (size_t)s->model->nv;
+    const int       bends = s->model->bend.kind == CLOTHI_HINGE;
+    c->causes = 0;
+    if (!d || !p) return need;
+    g->x0 = d, d += n, g->v0 = d, d += n, g->gravity = d, d += 3, g->wind = d, d += 3;
+    g->membrane = d, d += nr, g->poisson = d, d += nr, g->bending = d, d += nr;
+    g->damping = d, d += nr, g->density = d, d += nr;
+    g->X = d, d += 6 * p->nf, g->theta0 = d, d += p->nh, g->hinge_scale = d, d += p->nh;
+    g->mass = d;
+    clothi_check_add(c, "x0", s->state.x, n, one, g->x0, 1e-3 * s->edge, 0);
+    clothi_check_add(c, "v0", s->state.v, n, one, g->v0, 1e-2, 0);
+    clothi_check_add(c, "gravity", s->gravity, 3, one, g->gravity, 0.1, 1);
+    if (s->wind_on) clothi_check_add(c, "wind", s->wind, 3, one, g->wind, 0.1, 1);
+    if (m->membrane > 0)
+        clothi_check_add(c, "membrane", &m->membrane, nr, all, g->membrane, 0.01 * m->membrane, 1);
+    if (s->model->membrane.kind == CLOTHI_TRIANGLE)
+        clothi_check_add(c, "poisson", &m->poisson, nr, all, g->poisson, 0.01, 1);
+    if (m->bending > 0)
+        clothi_check_add(c, "bending", &m->bending, nr, all, g->bending, 0.01 * m->bending, 1);
+    if (m->damping > 0)
+        clothi_check_add(c, "damping", &m->damping, nr, all, g->damping, 0.01 * m->damping, 1);
+    if (!p->mass_given)
+        clothi_check_add(c, "density", &m->density, nr, all, g->density, 0.01 * m->density, 1);
+    else clothi_check_add(c, "mass", p->mass, p->nv, one, g->mass, 0.01 * p->mass[0], 0);
+    clothi_check_add(c, "X", p->X, 6 * p->nf, one, g->X, 1e-3 * s->edge, 0);
+    if (bends) clothi_check_add(c, "theta0", p->theta0, p->nh, one, g->theta0, 0.01, 0);
+    if (p->nh)
+        clothi_check_add(c, "hinge_scale", p->hinge_scale, p->nh, one, g->hinge_scale, 0.01, 0);
+    return need;
+}
+
+/* Moves q; poses of attachments that are points of x stay so, as in the adjoint. */
+static void clothi_check_shift(cloth_sim *s, const clothi_cause *q, double eps) {
+    double p[3], w[6];
+    int    i, v[6];
+    for (i = 0; q->at == s->state.x && s->nattach > 0 && i < s->model->desc.max_attachments; i++)
+        if (clothi_attach_gap(s->model, NULL, s->attach + i, s->state.x, v, w, p) &&
+            memcmp(p, s->attach[i].pose, sizeof p) == 0)
+            s->attach[i].pose[0] = HUGE_VAL;
+    clothi_check_move(q, eps);
+    for (i = 0; q->at == s->state.x && s->nattach > 0 && i < s->model->desc.max_attachments; i++)
+        if (clothi_attach_gap(s->model, NULL, s->attach + i, s->state.x, v, w, p) &&
+            !clothi_finite(s->attach[i].pose[0]))
+            memcpy(s->attach[i].pose, p, sizeof p);
+}
+
+/* The sim as it was saved, ready to run; moved by eps times the direction of q (NULL: not). */
+static cloth_status clothi_check_start(clothi_check *c, const void *start, size_t size,
+                                       const clothi_cause *q, double eps) {
+    cloth_status status = cloth_sim_restore(c->s, start, size);
+    if (status) return status;
+    if (q) clothi_check_shift(c->s, q, eps);
+    status = cloth_sim_params_changed(c->s);
+    cloth_sim_state_changed(c->s);
+    return status;
+}
+
+typedef struct clothi_script {              /* the host's run                                  */
+    cloth_run_fn *run;
+    void         *user;
+    void         *start;                    /* [size] the sim where it begins                  */
+    size_t        size;
+} clothi_script;
+
+/* Sum of weights along a run with q moved; *set: the run itself said what q is. */
+static cloth_status clothi_check_value(clothi_check *c, const clothi_script *p,
+                                       const clothi_cause *q, double eps, int *set) {
+    double       said = 0;
+    cloth_status status = clothi_check_start(c, p->start, p->size, q, eps);
+    if (status) return status;
+    c->sum = 0, c->k = 0;
+    clothi_check_weigh(c, 0, c->s->state.x, c->s->state.v);
+    said = *q->at;
+    status = p->run(c->s, p->user);
+    *set |= q->host && memcmp(&said, q->at, sizeof said) != 0;
+    if (!status && c->k != c->n)
+        status = clothi_fail(&c->s->hooks, CLOTH_ERR_ARGUMENT, "cloth_grad_check: the run made %i "
+                             "steps, then %i", c->n, c->k);
+    return status;
+}
+
+/* One row; *set as above: it is none. */
+static cloth_status clothi_check_row(clothi_check *c, const clothi_script *p, const clothi_cause *q,
+                                     cloth_check_row *row, int *set) {
+    double       d[CLOTHI_CHECK_LEVELS][CLOTHI_CHECK_LEVELS], v[2], eps = 1, off, error = HUGE_VAL;
+    cloth_status status = CLOTH_OK;
+    int          i, j;
+    memset(row, 0, sizeof *row);
+    row->cause = q->name;
+    row->adjoint = clothi_check_along(q);
+    *set = 0;
+    for (i = 0; i < CLOTHI_CHECK_LEVELS && !status && !*set; i++, eps *= 0.25) {
+        double power = 16;
+        status = clothi_check_value(c, p, q, eps, set);
+        v[0] = c->sum;
+        if (!status) status = clothi_check_value(c, p, q, -eps, set);
+        v[1] = c->sum;
+        d[i][0] = (v[0] - v[1]) / (2 * eps);
+        for (j = 1; j <= i; j++, power *= 16) {
+            d[i][j] = (power * d[i][j - 1] - d[i - 1][j - 1]) / (power - 1);
+            off = clothi_max(fabs(d[i][j] - d[i][j - 1]), fabs(d[i][j] - d[i - 1][j - 1]));
+            if (off < error) error = off, row->other = d[i][j];
+        }
+    }
+    off = clothi_max(fabs(row->adjoint), fabs(row->other));
+    row->off = off > 0 ? fabs(row->adjoint - row->other) / off : 0;
+    row->doubt = off > 0 ? error / off : 0;
+    return status;
+}
+
+/* The run on a tape, its gradient, and the dot-product test, where it can be. */
+static cloth_status clothi_check_adjoint(clothi_check *c, const clothi_script *p,
+                                         cloth_check_row *row, int *rows, cloth_grad_report *rep) {
+    cloth_sim     *s = c->s;
+    const size_t   n = 3 * (size_t)s->model->nv;
+    cloth_tape    *tape = NULL;
+    unsigned char *block = NULL;
+    clothi_grad    g;
+    cloth_grad_report local;
+    cloth_status   status = clothi_check_start(c, p->start, p->size, NULL, 0);
+    int            k, walks;
+    if (!status) status = cloth_tape_create(s, NULL, &tape);
+    if (!status) status = p->run(s, p->user);
+    c->n = cloth_tape_steps(tape);
+    if (!status) {
+        c->w = (double *)clothi_alloc(&s->hooks, 2 * n * (size_t)(c->n + 1), sizeof(double));
+        status = c->w ? cloth_grad_backward(tape, clothi_check_loss, c, &c->g, rep)
+                      : CLOTH_ERR_MEMORY;
+    }
+    walks = !status && !s->contact_on && s->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
+    for (k = 0; walks && k < c->n; k++) walks = tape->step[k].h > 0;
+    if (walks) {
+        memset(&local, 0, sizeof local);
+        status = clothi_grad_open(&g, tape, &c->g, &local, &block);
+        tape->mode = CLOTHI_TAPE_DEAF;
+        c->sum = 0;
+        if (!status) status = clothi_tangent_walk(&g, c);
+        tape->mode = CLOTHI_TAPE_RECORD;
+        clothi_tape_free(tape, g.here);
+        clothi_tape_free(tape, block);
+        memset(row, 0, sizeof *row);
+        row->cause = "dot product";
+        for (k = 0; k < 3; k++) row->adjoint += clothi_check_along(c->cause + k);
+        row->other = c->sum;
+        row->off = fabs(row->adjoint - row->other) /
+                   clothi_max(clothi_max(fabs(row->adjoint), fabs(row->other)), 1e-300);
+        *rows = 1;
+    }
+    cloth_tape_destroy(tape);
+    return status;
+}
+
+CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void *run_user,
+                                        cloth_loss_fn *loss, void *user,
+                                        cloth_check_row *row, int *rows, cloth_grad_report *rep) {
+    cloth_recorder    host, ours;
+    cloth_grad_report local;
+    clothi_check      c;
+    clothi_script     p;
+    cloth_status      status;
+    size_t            need, n;
+    int               i, set;
+    if (rows) *rows = 0;
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!run || !loss || !row || !rows)
+        return clothi_null(&sim->hooks, "cloth_grad_check: run, loss, row or rows");
+    if (sim->tape_gone)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_grad_check: this sim has a tape "
+                           "already");
+    memset(&c, 0, sizeof c);
+    c.s = sim, c.loss = loss, c.user = user;
+    n = 3 * (size_t)sim->model->nv;
+    need = clothi_check_causes(&c, NULL);
+    p.run = run, p.user = run_user;
+    p.size = cloth_sim_save_size(sim);
+    p.start = clothi_alloc(&sim->hooks, p.size, 1);
+    c.block = (double *)clothi_alloc(&sim->hooks, need + 4 * n, sizeof(double));
+    host = sim->recorder;
+    status = p.start && c.block ? cloth_sim_save(sim, p.start, p.size) : CLOTH_ERR_MEMORY;
+    if (!status) {
+        c.dx = c.block + need, c.dv = c.dx + n, c.dp = c.dv + n, c.dq = c.dp + n;
+        (void)clothi_check_causes(&c, c.block);
+        memset(&sim->recorder, 0, sizeof host);
+        status = clothi_check_adjoint(&c, &p, row, rows, rep ? rep : &local);
+        memset(&ours, 0, sizeof ours);
+        ours.user = &c, ours.step = clothi_check_heard;
+        sim->recorder = ours;
+        for (i = 0; i < c.causes && !status; i++) {
+            status = clothi_check_row(&c, &p, c.cause + i, row + *rows, &set);
+            *rows += !status && !set;
+        }
+        sim->recorder = host;
+        if (cloth_sim_restore(sim, p.start, p.size) && !status) status = CLOTH_ERR_MEMORY;
+    }
+    clothi_free(&sim->hooks, c.w);
+    clothi_free(&sim->hooks, c.block);
+    clothi_free(&sim->hooks, p.start);
     return status;
 }
 

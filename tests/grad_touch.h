@@ -16,7 +16,8 @@ static const char *const touch_body[TOUCH_BODIES] = {"plane", "sphere", "box", "
 typedef struct touch {                      /* one run                                         */
     int    body, n, steps, pins, bdf2, substeps, parts;
     size_t bytes;                           /* of the tape                                     */
-    int    cap, leapfrog;                   /* max_newton                                      */
+    const cloth_hooks *hooks;
+    int    cap, blind, leapfrog;            /* max_newton; blind: no estimate of early stops   */
     double spin;                            /* rad/s, of the body's surface                    */
     double friction, h, tilt, fall, tolerance, speed;
     int    by;                              /* cause that is moved, by eps times its direction */
@@ -166,6 +167,7 @@ static inline void touch_open(touch *t) {
     d.contact = t->body == TOUCH_SELF ? CLOTH_CONTACT_SELF : CLOTH_CONTACT_OBSTACLES;
     d.integrator = t->bdf2 ? CLOTH_INTEGRATOR_BDF2 : CLOTH_INTEGRATOR_EULER;
     if (t->leapfrog) d.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    if (t->hooks) d.hooks = *t->hooks;
     d.substeps = t->leapfrog ? 0 : t->substeps;
     d.max_newton = t->cap;
     d.tolerance = t->tolerance;
@@ -242,6 +244,7 @@ static inline double touch_run(touch *t, cloth_tape **tape) {
     if (tape) {
         cloth_tape_options o = cloth_tape_options_default();
         o.bytes = t->bytes;
+        if (t->blind) o.early = 0;
         CHECK(!cloth_tape_create(t->sim, &o, tape));
     }
     touch_loss_at(0, cloth_sim_state(t->sim)->x, cloth_sim_state(t->sim)->v, NULL, NULL, &u);

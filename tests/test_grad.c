@@ -227,6 +227,85 @@ static void differences_static(void) {
     statics(1, 1e-6);
 }
 
+/* --- a host's own term and its parameter --- */
+
+typedef struct swarm {                      /* E = k/4 sum |x - c|^4 N/m^3                      */
+    double k, c[3], dk;
+} swarm;
+
+static cloth_status swarm_eval(void *user, const cloth_eval *e, double *energy) {
+    const swarm *u = (const swarm *)user;
+    cloth_status status = CLOTH_OK;
+    int          i, j;
+    *energy = 0;
+    for (i = 0; i < e->nv && !status; i++) {
+        double d[3], H[9], d2 = 0;
+        for (j = 0; j < 3; j++) d[j] = e->x[3 * i + j] - u->c[j], d2 += d[j] * d[j];
+        *energy += 0.25 * u->k * d2 * d2;
+        for (j = 0; j < 3; j++)
+            if (e->grad) e->grad[3 * i + j] += u->k * d2 * d[j];
+        for (j = 0; j < 9; j++) H[j] = u->k * (2 * d[j / 3] * d[j % 3] + (j % 4 == 0) * d2);
+        if (e->hess) status = cloth_matrix_add_element(e->hess, 1, &i, H);
+    }
+    return status;
+}
+
+static cloth_status swarm_vjp(void *user, const cloth_eval *e, const double *a, cloth_vjp *out) {
+    swarm *u = (swarm *)user;
+    int    i, j;
+    for (i = 0; i < e->nv && out->own; i++) {
+        double d[3], d2 = 0, ad = 0;
+        for (j = 0; j < 3; j++) d[j] = e->x[3 * i + j] - u->c[j], d2 += d[j] * d[j];
+        for (j = 0; j < 3; j++) ad += a[3 * i + j] * d[j];
+        u->dk += d2 * ad;
+    }
+    return CLOTH_OK;
+}
+
+static double swarm_run(const play *p, swarm *u, cloth_grad_report *rep) {
+    cloth_term  term;
+    cloth_tape *tape = NULL;
+    cloth_grad  g;
+    loss_user   l;
+    scene       s;
+    int         k;
+    memset(&term, 0, sizeof term);
+    memset(&l, 0, sizeof l);
+    memset(&g, 0, sizeof g);
+    term.name = "swarm", term.user = u, term.eval = swarm_eval, term.vjp = swarm_vjp;
+    play_open(p, &s);
+    CHECK(cloth_sim_add_term(s.sim, &term) == CLOTH_OK);
+    CHECK(cloth_tape_create(s.sim, NULL, &tape) == CLOTH_OK);
+    for (k = 0; k < p->steps; k++) CHECK(cloth_step(s.sim, p->h, NULL) == CLOTH_OK);
+    l.nv = s.nv, l.only = p->steps;
+    loss_at(p->steps, cloth_sim_state(s.sim)->x, cloth_sim_state(s.sim)->v, NULL, NULL, &l);
+    if (rep) CHECK(cloth_grad_backward(tape, loss_at, &l, &g, rep) == CLOTH_OK && rep->valid);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+    return l.value;
+}
+
+static void host_term(void) {
+    cloth_grad_report rep;
+    play   p = play_default();
+    swarm  u = {4, {0.1, -0.3, 0.2}, 0};
+    double k = u.k, d[3];
+    int    i;
+    p.integrator = CLOTH_INTEGRATOR_BDF2;
+    p.steps = 5;                            /* later it buckles */
+    (void)swarm_run(&p, &u, &rep);
+    for (i = 0; i < 3; i++) {
+        double eps = 0.02 / (1 << (2 * i)), v;
+        swarm  w = u;
+        w.k = k + eps;
+        v = swarm_run(&p, &w, NULL);
+        w.k = k - eps;
+        d[i] = (v - swarm_run(&p, &w, NULL)) / (2 * eps);
+    }
+    for (i = 0; i < 2; i++) d[i] = (16 * d[i + 1] - d[i]) / 15;
+    CHECK_REL(u.dk, (256 * d[1] - d[0]) / 255, 1e-6);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(differences_euler);
@@ -235,5 +314,6 @@ int main(int argc, char **argv) {
     RUN(differences_rungs);
     RUN(differences_static);
     RUN(hessian_times_vector);
+    RUN(host_term);
     return TEST_END();
 }

@@ -6,6 +6,7 @@
 #include "clothsim_collide.h"
 #include "clothsim_grad.h"
 #include "test.h"
+#include "host.h"
 #include "grad_touch.h"
 
 typedef struct graded {                     /* a run, its gradient and what it says of itself  */
@@ -104,7 +105,8 @@ static void doubts(void) {
     CHECK((made[0].rep.doubt & CLOTH_GRAD_FROZEN) && made[0].rep.why[0]);
     touch_close(&made[0].t);
     t = touch_make(1);
-    t.cap = 3;
+    t.cap = 8;
+    t.blind = 1;
     grade(made, t, 0);
     CHECK(made[0].status == CLOTH_OK && (made[0].rep.doubt & CLOTH_GRAD_EARLY));
     touch_close(&made[0].t);
@@ -119,6 +121,64 @@ static void refused(void) {
     touch_close(&made[0].t);
 }
 
+/* A teleport ends a tape with a sentence; what was recorded before stays good. */
+static void teleport(void) {
+    touch        t = touch_make(1);
+    cloth_tape  *tape = NULL;
+    touch_loss   u;
+    touch_results *r = &made[0].r;
+    const double up[3] = {0.02, -0.3, 0};
+    t.steps = 9;
+    memset(&u, 0, sizeof u);
+    (void)touch_run(&t, &tape);
+    u.nv = t.mesh->nv;
+    touch_results_open(r, &t);
+    CHECK(!cloth_tape_ended(tape));
+    CHECK(cloth_collide_teleport(t.c, t.id, up) == CLOTH_OK);
+    CHECK(cloth_tape_ended(tape) && strstr(cloth_tape_ended(tape), "teleported"));
+    CHECK(cloth_step(t.sim, t.h, NULL) == CLOTH_OK && cloth_tape_steps(tape) == 9);
+    CHECK(cloth_grad_backward(tape, touch_loss_at, &u, &r->g, NULL) == CLOTH_OK);
+    cloth_tape_destroy(tape);
+    touch_close(&t);
+}
+
+/* The n-th allocation of a walk backwards fails: zeros, nothing is lost, and the next call works.
+ * */
+static void memory(void) {
+    static host       told;
+    const cloth_hooks hooks = host_hooks(&told);
+    touch_loss        u;
+    int               n, failed = 1;
+    memset(&u, 0, sizeof u);
+    for (n = 1; failed && n < 60; n++) {
+        graded     *g = made;
+        cloth_tape *tape = NULL;
+        uint64_t    hash;
+        g->t = touch_make(1);
+        g->t.tolerance = 1e-8;
+        g->t.steps = 10;
+        g->t.hooks = &hooks;
+        (void)touch_run(&g->t, &tape);
+        u.nv = g->t.mesh->nv;
+        u.seed = g->t.seed;
+        touch_results_open(&g->r, &g->t);
+        hash = cloth_sim_hash(g->t.sim);
+        told.fail_at = told.calls + n;
+        g->status = cloth_grad_backward(tape, touch_loss_at, &u, &g->r.g, NULL);
+        failed = told.calls >= told.fail_at;
+        told.fail_at = 0;
+        CHECK(g->status == (failed ? CLOTH_ERR_MEMORY : CLOTH_OK));
+        CHECK(!failed || !(fabs(g->r.x0[0]) > 0 || fabs(g->r.friction[1]) > 0));
+        CHECK(cloth_sim_hash(g->t.sim) == hash);
+        CHECK(cloth_grad_backward(tape, touch_loss_at, &u, &g->r.g, NULL) == CLOTH_OK);
+        CHECK(fabs(g->r.x0[0]) > 0);
+        cloth_tape_destroy(tape);
+        touch_close(&g->t);
+        CHECK(told.live == 0);
+    }
+    CHECK(n > 5 && !failed);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(each_cause);
@@ -127,5 +187,7 @@ int main(int argc, char **argv) {
     RUN(budget);
     RUN(doubts);
     RUN(refused);
+    RUN(teleport);
+    RUN(memory);
     return TEST_END();
 }

@@ -1,0 +1,145 @@
+/* test_grad_check.c - the public check of a gradient, on scenes without and with contact; what it
+ * refuses.
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_grad_check.c -o test_grad_check -lm \
+ *      && ./test_grad_check */
+#define CLOTHSIM_IMPLEMENTATION
+#include "clothsim_collide.h"
+#include "clothsim_grad.h"
+#include "test.h"
+#include "scene.h"
+#include "grad_scene.h"
+#include "grad_touch.h"
+
+typedef struct script {
+    const play *p;
+    scene      *s;
+} script;
+
+static cloth_status run(cloth_sim *sim, void *user) {
+    const script    *u = (const script *)user;
+    cloth_attachment extra;
+    cloth_status     status = CLOTH_OK;
+    int              k;
+    extra.id = 0;
+    for (k = 0; k < u->p->steps && !status; k++) {
+        play_say(u->p, u->s, &extra, k);
+        play_change(u->p, u->s, k);
+        status = cloth_step(sim, u->p->h, NULL);
+    }
+    return status;
+}
+
+static int table(const char *what, const cloth_check_row *row, int rows, double dot, double most) {
+    int i, dots = 0;
+    for (i = 0; i < rows; i++) {
+        const int d = strcmp(row[i].cause, "dot product") == 0;
+        if (test_full() || !(row[i].off <= (d ? dot : most)))
+            printf("  %-10s %-12s %17.10e %17.10e  off %.0e, known to %.0e\n", what, row[i].cause,
+                   row[i].adjoint, row[i].other, row[i].off, row[i].doubt);
+        CHECK(row[i].off <= (d ? dot : most));
+        dots += d;
+    }
+    return dots;
+}
+
+static void hanging(cloth_integrator by, int substeps, int ties, const char *what) {
+    cloth_check_row   row[CLOTH_CHECK_ROWS];
+    cloth_grad_report rep;
+    play              p = play_default();
+    scene             s;
+    script            u;
+    loss_user         loss;
+    uint64_t          before;
+    int               rows;
+    p.integrator = by;
+    p.substeps = substeps;
+    p.ties = ties;
+    p.steps = 8;                            /* before the material changes */
+    play_open(&p, &s);
+    memset(&loss, 0, sizeof loss);
+    loss.nv = s.nv, loss.only = -1;
+    u.p = &p, u.s = &s;
+    before = cloth_sim_hash(s.sim);
+    CHECK(cloth_grad_check(s.sim, run, &u, loss_at, &loss, row, &rows, &rep) == CLOTH_OK);
+    CHECK(rep.valid && rows >= 8 && cloth_sim_hash(s.sim) == before);
+    CHECK(table(what, row, rows, 1e-10, 1e-6) == (by != CLOTH_INTEGRATOR_LEAPFROG));
+    scene_close(&s);
+}
+
+static void integrators(void) {
+    hanging(CLOTH_INTEGRATOR_EULER, 0, 0, "euler");
+    hanging(CLOTH_INTEGRATOR_BDF2, 2, 0, "bdf2");
+    hanging(CLOTH_INTEGRATOR_EULER, 0, 1, "ties");
+    if (!test_quick()) hanging(CLOTH_INTEGRATOR_LEAPFROG, 40, 0, "leapfrog");
+}
+
+static cloth_status touch_script(cloth_sim *sim, void *user) {
+    const touch *t = (const touch *)user;
+    cloth_status status = CLOTH_OK;
+    double       x[3 * 162];
+    int          k;
+    for (k = 0; k < t->steps && !status; k++) {
+        touch_pose(t, k, x);
+        status = cloth_collide_move(t->c, t->id, x);
+        if (!status) status = cloth_step(sim, t->h, NULL);
+    }
+    return status;
+}
+
+static void contact(void) {
+    cloth_check_row   row[CLOTH_CHECK_ROWS];
+    cloth_grad_report rep;
+    touch             t = touch_make(1);
+    touch_loss        loss;
+    int               rows;
+    touch_open(&t);
+    memset(&loss, 0, sizeof loss);
+    loss.nv = t.mesh->nv, loss.seed = t.seed;
+    CHECK(cloth_grad_check(t.sim, touch_script, &t, touch_loss_at, &loss, row, &rows, &rep) ==
+          CLOTH_OK);
+    CHECK(rep.valid && rows >= 6 && table("sphere", row, rows, 0, 1e-4) == 0);
+    touch_close(&t);
+}
+
+/* A run that is another one each time is refused, and the sim is where it was. */
+static cloth_status unsteady(cloth_sim *sim, void *user) {
+    int *n = (int *)user, k;
+    for (k = 0; k < 2 + *n % 2; k++)
+        if (cloth_step(sim, 0.01, NULL)) return CLOTH_ERR_STEP;
+    ++*n;
+    return CLOTH_OK;
+}
+
+static void bad_input(void) {
+    cloth_check_row row[CLOTH_CHECK_ROWS];
+    play            p = play_default();
+    scene           s;
+    loss_user       loss;
+    cloth_tape     *tape;
+    uint64_t        before;
+    int             rows = 7, n = 0;
+    play_open(&p, &s);
+    memset(&loss, 0, sizeof loss);
+    loss.nv = s.nv, loss.only = -1;
+    before = cloth_sim_hash(s.sim);
+    CHECK(cloth_grad_check(NULL, unsteady, &n, loss_at, &loss, row, &rows, NULL) ==
+          CLOTH_ERR_ARGUMENT && rows == 0);
+    CHECK(cloth_grad_check(s.sim, NULL, &n, loss_at, &loss, row, &rows, NULL) ==
+          CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_grad_check(s.sim, unsteady, &n, loss_at, &loss, row, &rows, NULL) ==
+          CLOTH_ERR_ARGUMENT);
+    CHECK(cloth_sim_hash(s.sim) == before);
+    CHECK(cloth_tape_create(s.sim, NULL, &tape) == CLOTH_OK);
+    CHECK(cloth_grad_check(s.sim, unsteady, &n, loss_at, &loss, row, &rows, NULL) ==
+          CLOTH_ERR_ARGUMENT);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(integrators);
+    RUN(contact);
+    RUN(bad_input);
+    return TEST_END();
+}

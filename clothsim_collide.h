@@ -384,7 +384,8 @@ typedef struct cloth_hold {                 /* a vertex of cloth held in a pinch
     int    vertex, slot;                    /* slot: of the obstacle, from 0                   */
     int    face[2];                         /* of the obstacle, between which                  */
     double weight[2][3];                    /* barycentric, of the points there                */
-    double share;                           /* of the way from the first to the second         */
+    double share;                           /* of the way from the first to the second; 0 and
+                                               one face twice: it is led out of the body       */
 } cloth_hold;
 
 typedef struct cloth_collide_report {       /* of the last step                                */

@@ -289,6 +289,8 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
 #if defined(CLOTHSIM_IMPLEMENTATION) && !defined(CLOTHSIM_GRAD_IMPLEMENTED)
 #define CLOTHSIM_GRAD_IMPLEMENTED
 
+#include "clothsim.h"       /* its implementation, where only the interface has been seen so far */
+
 #ifdef __cplusplus
 extern "C" {
 #endif

@@ -14,13 +14,16 @@
  *     [1.3] REFERENCES
  *   the interface
  *     [2.1] TAPE                             [2.2] GRADIENT
- *     [2.3] CHECK
+ *     [2.3] CHECK                            [2.4] LOSSES
+ *     [2.5] SIMULATION LAYER                 [2.6] EMBEDDED GRAPH
  *   the implementation, bottom-up
  *     [3.1] THE TAPE                         [3.2] HESSIAN TIMES VECTOR
  *     [4.1] A SUBSTEP, LINEARISED            [4.2] ITS ADJOINT
  *     [4.3] LEAPFROG                         [4.4] FROM MASSES AND LAME CONSTANTS TO MATERIALS
  *     [5.1] BACKWARDS                        [5.2] TANGENT, CHECK
- *     [6.1] CHANGES
+ *     [6.1] TARGETS, NEAREST POINTS          [6.2] FRAMES, SIMULATED
+ *     [6.3] A GRAPH THAT CARRIES A MESH
+ *     [7.1] CHANGES
  */
 
 /* ===== [1.1] QUICK START =====================================================================
@@ -119,6 +122,9 @@
  * [R82]    Ridders: Accurate computation of F'(x) and F'(x) F''(x). Adv. Eng. Software 4, 1982.
  * [S93]    Saad: A flexible inner-outer preconditioned GMRES algorithm, SIAM J. Sci. Comput. 14,
  *          1993.
+ * [LHT21]  Li, Habermann, Thomaszewski, Coros, Beeler, Theobalt: Deep physics-aware inference of
+ *          cloth deformation for monocular human performance capture, 3DV 2021.
+ * [SSP07]  Sumner, Schmid, Pauly: Embedded deformation for shape manipulation, SIGGRAPH 2007.
  */
 
 #ifndef CLOTHSIM_GRAD_H
@@ -268,14 +274,184 @@ typedef struct cloth_check_row {
 
 /* History, anchors and the time asleep are dropped where the run begins. After the call the sim is
  * where it was. What the run sets itself (gravity, wind, materials) has no row; neither have
- * contact and LEAPFROG one of the dot product. out  row   [CLOTH_CHECK_ROWS];  out  *rows   how
- * many;  out  rep   of the gradient; may be NULL returns CLOTH_OK: the table is made, whatever it
- * says; _ARGUMENT (NULL, a tape is there, a run of   another length); as cloth_grad_backward, and
- * as run: that ends the check contract: alloc scratch | cost: 12 runs a cause, 3 nv passes over the
- * terms a substep */
+ * contact and LEAPFROG one of the dot product.
+ * out  row   [CLOTH_CHECK_ROWS]
+ * out  *rows how many
+ * out  rep   of the gradient; may be NULL
+ * returns CLOTH_OK: the table is made, whatever it says; _ARGUMENT (NULL, a tape is there, a run of
+ *   another length); as cloth_grad_backward, and as run: that ends the check
+ * contract: alloc scratch | cost 12 runs a cause, 3 nv passes over the terms a substep | threads:
+ *   that of the sim */
 CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void *run_user,
                                         cloth_loss_fn *loss, void *user,
                                         cloth_check_row *row, int *rows, cloth_grad_report *rep);
+
+/* ===== [2.4] LOSSES ==========================================================================
+ *
+ * What a fit asks for, as plain functions of positions. Here and in [2.5], [2.6] value and gradient
+ * are ADDED to what is there; a refusal adds nothing. So losses add up, and one is one line of a
+ * cloth_loss_fn: `my->status |= cloth_loss_targets(my->targets + k, x, &my->loss, gx);`. A host's
+ * own loss is a cloth_loss_fn too, that adds its derivative by x and v. */
+
+#define CLOTH_DEFAULT_BETA_ATTACH 0.2       /* [LHT21]                                         */
+
+/* L = beta sum_i w_i |x(face_i, bary_i) - target_i|^2, x(..) the point of the cloth there. faces
+ * NULL: one target a vertex, L = beta sum_v w_v |x_v - target_v|^2. What has weight 0 or face -1 is
+ * not looked at; all other numbers must be finite. */
+typedef struct cloth_targets {
+    const cloth_hooks *hooks;   /* NULL, or whose log gets the sentences                       */
+    int           nv, nf;       /* of the cloth                                                */
+    const int    *faces;        /* [nf x 3], or NULL                                           */
+    int           n;            /* targets; nv without faces                                   */
+    const int    *face;         /* [n]      not read without faces, as bary                    */
+    const double *bary;         /* [n x 3]                                                     */
+    const double *target;       /* [n x 3]  m                                                  */
+    const double *weight;       /* [n] >= 0; NULL: 1                                           */
+    double        beta;         /* 1/m^2, default 0.2                                          */
+} cloth_targets;
+
+CLOTH_API cloth_targets cloth_targets_default(void);
+
+/* in   x      [nv x 3]
+ * out  loss, g_x  may be NULL: L, dL/dx [nv x 3] are added
+ * returns CLOTH_OK; _ARGUMENT (NULL, a count, an index, a weight or beta below 0); _NONFINITE
+ * contract: alloc none | cost O(n + nf) | threads: distinct outputs */
+CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *x, double *loss,
+                                          double *g_x);
+
+/* Squared distance, m^2, of p [3] from the triangle x [3 x 3]; bary [3] of its nearest point, >= 0
+ * and of sum 1. Beyond a side that is a point of a side or a corner, not the foot of the
+ * perpendicular with its coordinates clamped and divided by their sum. */
+CLOTH_API double cloth_nearest_on_triangle(const double *p, const double *x, double *bary);
+
+/* For each of n points the nearest point of a mesh, of several faces the first. With face and bary
+ * fixed cloth_loss_targets has the derivative of the distance itself: a nearest point that slides
+ * changes nothing to first order.
+ * in   hooks  may be NULL
+ * in   x      [nv x 3], faces [nf x 3], point [n x 3]
+ * in   most   m; a point farther from the mesh than that gets face -1; HUGE_VAL: none
+ * out  face   [n], bary [n x 3]
+ * returns CLOTH_OK, _ARGUMENT, _NONFINITE
+ * contract: alloc none | cost O(n nf), 2 to 5 ns a pair | threads: distinct outputs */
+CLOTH_API cloth_status cloth_nearest_on_mesh(const cloth_hooks *hooks, int nv, const double *x,
+                                             int nf, const int *faces, int n, const double *point,
+                                             double most, int *face, double *bary);
+
+/* ===== [2.5] SIMULATION LAYER ================================================================
+ *
+ * Do the frames x_0 .. x_(F-1) that somebody predicts move as cloth does? [LHT21]. The sim starts
+ * at x_0 with v = (x_1 - x_0)/h and takes a step to each next frame, whose positions y_k are
+ * compared with the frame:
+ *
+ *     L = beta sum_k 1/nv sum_v |y_kv - x_kv|^2,      k = 1 .. F-1 but for those that failed
+ *
+ * dL/dx_k comes from the frame itself, -2 beta/nv (y_k - x_k), and for the first two frames, from
+ * which y follows, by the tape.
+ *
+ * A frame FAILS whose step has no result, or whose y_k is farther from x_k than `far` (root of the
+ * mean square); it has no part in loss or gradient, and the next one is simulated from x_k, v =
+ * (x_(k+1) - x_k)/h. Which frames fail is a choice: L jumps there, its gradient does not know.
+ *
+ * WHICH DIFFERENCE. From x_0 with v = (x_1 - x_0)/h an implicit Euler step ends at y_1 = x_1 + h^2
+ * M^-1 F(y_1), F all forces but inertia: beyond x_1 wherever x_1 is, 1.1 cm in free fall at 1/30 s,
+ * and L is 0 at rest alone. With `backward` the sim starts at x_1, v = (x_1 - x_0)/h, which is what
+ * implicit Euler itself has there: frames that it made have L = 0, and of a true motion y_2 is
+ * right to h^3. */
+
+#define CLOTH_DEFAULT_FRAMES   5
+#define CLOTH_DEFAULT_BETA_SIM 20000.0      /* 1/m^2 [LHT21]                                   */
+#define CLOTH_DEFAULT_SIM_FAR  0.1          /* m                                               */
+
+typedef struct cloth_layer {
+    uint32_t      cookie;       /* set by cloth_layer_default()                                */
+    int           frames;       /* F >= 2 (backward: 3), default 5                             */
+    double        h;            /* s between frames; to be set                                 */
+    const double *x;            /* [F x nv x 3] m, the predictions                             */
+    int           backward;     /* differences; default 0                                      */
+    double        beta, far;    /* 1/m^2, m; defaults 20000, 0.1                               */
+    /* NULL, or puts what moves: start 1: at once, to where it is at `frame`, the cloth being there
+     * (cloth_collide_teleport, cloth_sim_pin); 0: the target, where the step to `frame` ends
+     * (cloth_collide_move, cloth_sim_pin ..). CLOTH_ERR_STEP, _MESH, _NONFINITE or _NUMERIC fails
+     * the frame, from here as from the step; any other ends the call. */
+    cloth_status (*place)(cloth_sim *sim, int frame, int start, void *user);
+    void         *user;         /* of place                                                    */
+    double       *y;            /* NULL, or [F x nv x 3]: y_k; frames without are the prediction */
+    const cloth_tape_options *tape;         /* NULL: defaults                                  */
+} cloth_layer;
+
+CLOTH_API cloth_layer cloth_layer_default(void);
+
+typedef struct cloth_layer_report {
+    cloth_status status;        /* as returned                                                 */
+    int          used, failed;  /* frames; together F - 1 (backward: F - 2)                    */
+    int          far;           /* failed ones that had a result                               */
+    int          starts;        /* 1 and one for each failed frame before the last             */
+    int          first_failed;  /* frame, -1                                                   */
+    cloth_status failure;       /* of that one; CLOTH_OK: it was too far                       */
+    double       worst;         /* m, largest distance of a used frame, root of the mean square */
+    cloth_grad_report grad;     /* counts and early: sums; residual, left_m, bytes: largest;
+                                   doubt: of any; step: the frame of the first doubt, or -1    */
+} cloth_layer_report;
+
+/* The sim brings what the frames do not say: material, pins, forces, obstacles. It is put there
+ * before each start, without history, and where it was after the call, by its hash; its recorder
+ * hears nothing. Frames may begin intersecting where contact lets them (CLOTH_INITIAL_EXEMPT).
+ * out  loss, g_x  may be NULL: L, dL/dx [F x nv x 3] are added; without g_x no tape is made
+ * out  rep    may be NULL
+ * returns CLOTH_OK, also where every frame failed; _UNINIT; _ARGUMENT (NULL, a number out of range,
+ *   a tape is there, place() did what ends one); _NONFINITE: a prediction; as cloth_grad_backward
+ * contract: alloc scratch, a tape | cost F - 1 steps and as many backwards | threads: of the sim */
+CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer, double *loss,
+                                        double *g_x, cloth_layer_report *rep);
+
+/* ===== [2.6] EMBEDDED GRAPH ==================================================================
+ *
+ * A mesh moves with few numbers: nodes, each with a rotation and a translation, vertices bound to
+ * several [SSP07]. Node j at g_j, parameters p_j = (r_j, t_j), r_j a rotation vector:
+ *
+ *     x_v = sum_j w_vj (R_j (X_v - g_j) + g_j + t_j),     sum_j w_vj = 1,    R = exp [r]x
+ *
+ * Nodes by farthest points: vertex `first`, then each time the vertex that is farthest from all
+ * nodes. Bound to its k nearest nodes, d_0 the distance of the next one (of nn = k: twice that of
+ * the last), a vertex has w_vj = (1 - |X_v - g_j|/d_0)^2 over their sum. Nodes that share a vertex
+ * are neighbours. As stiff as may be:
+ *
+ *     L = beta sum_j sum_(k beside j) |R_j (g_k - g_j) + g_j + t_j - g_k - t_k|^2
+ *
+ * Distances are straight: parts near in X and far along the cloth want graphs of their own, or an X
+ * that spreads them. Derivatives are exact, also at r = 0. */
+
+typedef struct cloth_graph {    /* read; weights may be written                                */
+    int     nv, nn, nedge;      /* vertices, nodes, pairs of neighbours                        */
+    double *g;                  /* [nn x 3]     m, node at rest                                */
+    int    *start;              /* [nn + 1]     ranges of vertex and weight by node            */
+    int    *vertex;             /* [start[nn]]  of whom it carries a part, increasing          */
+    double *weight;             /* [start[nn]]                                                 */
+    int    *edge;               /* [nedge x 2]  a < b, by a, then b                            */
+} cloth_graph;
+
+/* in   X     [nv x 3] m, the template
+ * in   nn    nodes, k of them for each vertex, 1 <= k <= nn <= nv
+ * out  *out  owned: cloth_graph_destroy with the same hooks; NULL on failure
+ * returns CLOTH_OK; _ARGUMENT (NULL, a count, first; under nn places in X); _NONFINITE; _MEMORY
+ * contract: alloc graph and scratch | cost O(nv nn) | deterministic */
+CLOTH_API cloth_status cloth_graph_create(const cloth_hooks *hooks, int nv, const double *X, int nn,
+                                          int k, int first, cloth_graph **out);
+CLOTH_API void cloth_graph_destroy(const cloth_hooks *hooks, cloth_graph *graph);   /* or NULL */
+
+/* x [nv x 3] from X [nv x 3] and p [nn x 6]; x is not X. Returns CLOTH_OK, _ARGUMENT, _NONFINITE
+ * contract, also of the next two: alloc none | cost O(nv k) | threads: distinct outputs */
+CLOTH_API cloth_status cloth_graph_deform(const cloth_hooks *hooks, const cloth_graph *graph,
+                                          const double *X, const double *p, double *x);
+/* From a = dL/dx [nv x 3]: dL/dp is added to g_p [nn x 6], dL/dX at constant nodes and weights to
+ * g_X [nv x 3]; either may be NULL. */
+CLOTH_API cloth_status cloth_graph_vjp(const cloth_hooks *hooks, const cloth_graph *graph,
+                                       const double *X, const double *p, const double *a,
+                                       double *g_p, double *g_X);
+/* L above is added to *loss, dL/dp to g_p; either may be NULL. */
+CLOTH_API cloth_status cloth_graph_rigidity(const cloth_hooks *hooks, const cloth_graph *graph,
+                                            const double *p, double beta, double *loss,
+                                            double *g_p);
 
 #ifdef __cplusplus
 }
@@ -348,6 +524,7 @@ struct cloth_tape {
     cloth_tape_options opt;
     cloth_sim    *sim;                      /* NULL: destroyed                                 */
     const char   *ended;                    /* sentence, or NULL                               */
+    cloth_status  ended_by;
     int           mode;
     int           n, capacity, spacing;
     clothi_taped *step;                     /* [capacity]                                      */
@@ -468,6 +645,7 @@ static int clothi_tape_moved(const cloth_sim *s, const unsigned char *end,
 
 static void clothi_tape_end(cloth_tape *t, cloth_status status, const char *why) {
     t->ended = why;
+    t->ended_by = status;
     clothi_say(&t->hooks, CLOTH_LOG_WARNING, status, "the tape ends after step %i: %s", t->n, why);
 }
 
@@ -2729,7 +2907,693 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
     return status;
 }
 
-/* ===== [6.1] CHANGES =========================================================================
+/* ===== [6.1] TARGETS, NEAREST POINTS =========================================================
+ *
+ *   target i       L = beta w |d|^2, d = sum_k b_k x_k - target;   dL/dx_k = 2 beta w b_k d
+ *
+ *   nearest point  the nearest of: on each side a + t e, t = (p - a).e/|e|^2 clamped to [0, 1];
+ *                  inside a + s e + t f, with r = p - a, n = e x f:
+ *                      s = (r x f).n/|n|^2,   t = (e x r).n/|n|^2,   if s, t >= 0, s + t <= 1
+ *
+ * The foot inside is the nearest point where there is one; comparing keeps needles right, whose n
+ * is rounding.
+ * checked: tests/test_loss.c: targets, nearest_triangle, nearest_mesh
+ */
+
+CLOTH_API cloth_targets cloth_targets_default(void) {
+    cloth_targets q;
+    memset(&q, 0, sizeof q);
+    q.beta = CLOTH_DEFAULT_BETA_ATTACH;
+    return q;
+}
+
+/* Rows of 3 numbers that must be there and finite; call names who asks and what they are. */
+static cloth_status clothi_rows_check(const cloth_hooks *hooks, const char *call, const double *a,
+                                      size_t rows) {
+    const ptrdiff_t at = a ? clothi_find_nonfinite(a, 3 * rows) : 0;
+    if (!a) return clothi_null(hooks, call);
+    if (at < 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s: row %i is NaN or infinite", call,
+                       (int)(at / 3));
+}
+
+/* Indices that must be in [low, high). */
+static cloth_status clothi_index_check(const cloth_hooks *hooks, const char *call, const int *list,
+                                       size_t n, int low, int high) {
+    size_t i;
+    if (!list && n > 0) return clothi_null(hooks, call);
+    for (i = 0; i < n; i++)
+        if (list[i] < low || list[i] >= high)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s: entry %i is %i, not in [%i, %i)",
+                               call, (int)i, list[i], low, high);
+    return CLOTH_OK;
+}
+
+/* A factor that must be finite and at least 0. */
+static cloth_status clothi_factor_check(const cloth_hooks *hooks, const char *call, double w) {
+    if (clothi_finite(w) && w >= 0) return CLOTH_OK;
+    return clothi_fail(hooks, w < 0 ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                       "%s = %g must be finite and at least 0", call, w);
+}
+
+/* Target i: corners v [3] of its point, their weights b [3], d [3]; returns w, 0: not looked at. */
+static double clothi_target(const cloth_targets *q, int i, const double *x, int *v, double *b,
+                            double *d) {
+    const size_t at = 3 * (size_t)i;
+    int          k;
+    if (q->faces && q->face[i] < 0) return 0;
+    for (k = 0; k < 9; k++) {
+        const int j = k / 3, c = k % 3;
+        v[j] = q->faces ? q->faces[3 * (size_t)q->face[i] + (size_t)j] : i;
+        b[j] = q->faces ? q->bary[at + (size_t)j] : j == 0;
+        d[c] = (j ? d[c] : -q->target[at + (size_t)c]) + b[j] * x[3 * (size_t)v[j] + (size_t)c];
+    }
+    return q->weight ? q->weight[i] : 1;
+}
+
+static cloth_status clothi_targets_check(const cloth_targets *q, const double *x) {
+    const size_t faces = q->faces ? 3 * (size_t)q->nf : 0, n = q->faces ? (size_t)q->n : 0;
+    cloth_status status;
+    int          i;
+    if (!x || (q->n > 0 && !(q->target && (q->bary || !q->faces))))
+        return clothi_null(q->hooks, "cloth_loss_targets: x, or target or bary of targets");
+    if (q->nv < 0 || q->nf < 0 || q->n < 0 || (!q->faces && q->n != q->nv))
+        return clothi_fail(q->hooks, CLOTH_ERR_ARGUMENT, "cloth_loss_targets: nv = %i, nf = %i, "
+                           "n = %i (without faces nv)", q->nv, q->nf, q->n);
+    status = clothi_factor_check(q->hooks, "cloth_loss_targets: beta", q->beta);
+    for (i = 0; i < q->n && q->weight && !status; i++)
+        status = clothi_factor_check(q->hooks, "cloth_loss_targets: a weight", q->weight[i]);
+    if (!status)
+        status = clothi_index_check(q->hooks, "cloth_loss_targets: faces", q->faces, faces, 0,
+                                    q->nv);
+    return status ? status : clothi_index_check(q->hooks, "cloth_loss_targets: face", q->face, n,
+                                                -1, q->nf);
+}
+
+CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *x, double *loss,
+                                          double *g_x) {
+    cloth_status status;
+    double       sum = 0, b[3], d[3];
+    int          i, k, v[3];
+    if (!q) return CLOTH_ERR_ARGUMENT;
+    status = clothi_targets_check(q, x);
+    for (i = 0; i < q->n && !status; i++) {
+        const double w = q->beta * clothi_target(q, i, x, v, b, d);
+        if (!(w > 0)) continue;
+        sum += w * clothi_dot3(d, d);
+        if (!clothi_finite(sum))
+            status = clothi_fail(q->hooks, CLOTH_ERR_NONFINITE, "cloth_loss_targets: x, bary or "
+                                 "target of target %i is NaN or infinite", i);
+    }
+    if (!status && loss) *loss += sum;
+    for (i = 0; i < q->n && !status && g_x; i++) {
+        const double w = 2 * q->beta * clothi_target(q, i, x, v, b, d);
+        for (k = 0; k < 9 && w > 0; k++)
+            g_x[3 * (size_t)v[k / 3] + (size_t)(k % 3)] += w * b[k / 3] * d[k % 3];
+    }
+    return status;
+}
+
+/* --- nearest points --- */
+
+CLOTH_API double cloth_nearest_on_triangle(const double *p, const double *x, double *bary) {
+    double e[3], f[3], r[3], n[3], c[3], best = HUGE_VAL, nn, s, t;
+    int    i, k;
+    for (i = 0; i < 3; i++) {               /* the sides */
+        const int j = i < 2 ? i + 1 : 0;
+        double    ee, re, d2 = 0;
+        clothi_sub3(x + 3 * j, x + 3 * i, e);
+        clothi_sub3(p, x + 3 * i, r);
+        ee = clothi_dot3(e, e), re = clothi_dot3(r, e);
+        t = !(re > 0) ? 0 : re < ee ? re / ee : 1;
+        for (k = 0; k < 3; k++) s = r[k] - t * e[k], d2 += s * s;
+        if (!(d2 < best)) continue;
+        best = d2;
+        bary[i] = 1 - t, bary[j] = t, bary[3 - i - j] = 0;
+    }
+    clothi_sub3(x + 3, x, e);
+    clothi_sub3(x + 6, x, f);
+    clothi_sub3(p, x, r);
+    clothi_cross3(e, f, n);
+    nn = clothi_dot3(n, n);
+    clothi_cross3(r, f, c);
+    s = clothi_dot3(c, n) / nn;
+    clothi_cross3(e, r, c);
+    t = clothi_dot3(c, n) / nn;
+    if (nn > 0 && s >= 0 && t >= 0 && s + t <= 1) {
+        double d2 = 0;
+        for (k = 0; k < 3; k++) nn = r[k] - s * e[k] - t * f[k], d2 += nn * nn;
+        if (d2 < best) best = d2, bary[0] = 1 - s - t, bary[1] = s, bary[2] = t;
+    }
+    return best;
+}
+
+/* Squared distance of p from the box of the triangle x [3 x 3]. */
+static double clothi_box_distance2(const double *p, const double *x) {
+    double sum = 0;
+    int    k;
+    for (k = 0; k < 3; k++) {
+        const double low = clothi_min(x[k], clothi_min(x[3 + k], x[6 + k])) - p[k];
+        const double high = p[k] - clothi_max(x[k], clothi_max(x[3 + k], x[6 + k]));
+        const double out = clothi_max(0, clothi_max(low, high));
+        sum += out * out;
+    }
+    return sum;
+}
+
+CLOTH_API cloth_status cloth_nearest_on_mesh(const cloth_hooks *hooks, int nv, const double *x,
+                                             int nf, const int *faces, int n, const double *point,
+                                             double most, int *face, double *bary) {
+    cloth_status status;
+    double       y[9], b[3], best, d2;
+    int          i, f, k;
+    if (!face || !bary) return clothi_null(hooks, "cloth_nearest_on_mesh: face or bary");
+    if (nv < 0 || nf < 0 || n < 0 || !(most >= 0))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_nearest_on_mesh: nv = %i, nf = %i, "
+                           "n = %i, most = %g must be at least 0", nv, nf, n, most);
+    status = clothi_rows_check(hooks, "cloth_nearest_on_mesh: x", x, (size_t)nv);
+    if (!status)
+        status = clothi_rows_check(hooks, "cloth_nearest_on_mesh: point", point, (size_t)n);
+    if (!status)
+        status = clothi_index_check(hooks, "cloth_nearest_on_mesh: faces", faces, 3 * (size_t)nf, 0,
+                                    nv);
+    for (i = 0; i < n && !status; i++) {
+        const double *p = point + 3 * (size_t)i;
+        face[i] = -1;
+        memset(bary + 3 * (size_t)i, 0, sizeof b);
+        for (f = 0, best = most * most; f < nf; f++) {
+            for (k = 0; k < 3; k++)
+                memcpy(y + 3 * k, x + 3 * (size_t)faces[3 * (size_t)f + (size_t)k], 3 * sizeof *y);
+            if (clothi_box_distance2(p, y) > best) continue;
+            d2 = cloth_nearest_on_triangle(p, y, b);
+            if (d2 > best || (face[i] >= 0 && !(d2 < best))) continue;
+            best = d2;
+            face[i] = f;
+            memcpy(bary + 3 * (size_t)i, b, sizeof b);
+        }
+    }
+    return status;
+}
+
+/* ===== [6.2] FRAMES, SIMULATED ===============================================================
+ *
+ *      x_0 ---- x_1 ---- x_2 ---- x_3 ---- x_4      predictions
+ *       |  v            failed     |  v
+ *       +------> y_1 --> :         +-----> y_4      simulated; a tape for each run of steps
+ *
+ *   A run from frame i, v = (x_(a+1) - x_a)/h, a = i (backward: i - 1), ends with the last frame or
+ *   before the first that fails. With gx, gv = dL/d{x, v} at its start by the adjoint:
+ *       dL/dx_i += gx,   dL/dx_(a+1) += gv/h,   dL/dx_a -= gv/h,
+ *       dL/dx_k += -2 beta/nv (y_k - x_k) for each frame k that it reached
+ * checked: tests/test_loss.c: layer_*
+ */
+
+#define CLOTHI_LAYER_COOKIE 0x7a9e0011u
+
+typedef struct clothi_layer {               /* one call                                        */
+    const cloth_layer  *o;
+    cloth_sim          *s;
+    cloth_layer_report *r;
+    size_t              n;                  /* 3 nv                                            */
+    void               *home;               /* [size] the sim as it was                        */
+    size_t              size;
+    double              t, loss;            /* t: s, of the sim as it was                      */
+    double             *g;                  /* [F x n], NULL: not wanted                       */
+    double             *gx, *gv;            /* [n]                                             */
+    double             *used;               /* [F] not 0: y_k is compared                      */
+    int                 from;               /* frame where the run under way begins            */
+    size_t              a;                  /* n times the first frame of its difference       */
+} clothi_layer;
+
+CLOTH_API cloth_layer cloth_layer_default(void) {
+    cloth_layer o;
+    memset(&o, 0, sizeof o);
+    o.cookie = CLOTHI_LAYER_COOKIE;
+    o.frames = CLOTH_DEFAULT_FRAMES;
+    o.beta = CLOTH_DEFAULT_BETA_SIM;
+    o.far = CLOTH_DEFAULT_SIM_FAR;
+    return o;
+}
+
+static cloth_status clothi_layer_check(const cloth_sim *s, const cloth_layer *o) {
+    const cloth_hooks *hooks = &s->hooks;
+    cloth_status       status;
+    if (o->cookie != CLOTHI_LAYER_COOKIE)
+        return clothi_fail(hooks, CLOTH_ERR_UNINIT, "cloth_layer: start from "
+                           "cloth_layer_default()");
+    if (s->tape_gone)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer_loss: this sim has a tape "
+                           "already");
+    if (o->frames < 2 + (o->backward != 0))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer: frames = %i, at least 2, of "
+                           "backward differences 3", o->frames);
+    if (!clothi_finite(o->h) || !(o->h > 0) || !(o->far > 0))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer: h = %g must be finite and > 0, "
+                           "far = %g > 0", o->h, o->far);
+    status = clothi_factor_check(hooks, "cloth_layer: beta", o->beta);
+    if (!status)
+        status = clothi_rows_check(hooks, "cloth_layer: x, frames one after the other,", o->x,
+                                   (size_t)o->frames * (size_t)s->model->nv);
+    return !status && o->tape ? clothi_tape_check(hooks, o->tape) : status;
+}
+
+/* The sim as it was, but at frame l->from. */
+static cloth_status clothi_layer_start(const clothi_layer *l) {
+    const cloth_layer *o = l->o;
+    const double      *a = o->x + l->a;
+    cloth_status       status = cloth_sim_restore(l->s, l->home, l->size);
+    size_t             i;
+    if (status) return status;
+    memcpy(l->s->state.x, o->x + (size_t)l->from * l->n, l->n * sizeof(double));
+    for (i = 0; i < l->n; i++) l->s->state.v[i] = (a[l->n + i] - a[i]) / o->h;
+    l->s->state.t = l->t + l->from * o->h;
+    cloth_sim_state_changed(l->s);
+    return o->place ? o->place(l->s, l->from, 1, o->user) : CLOTH_OK;
+}
+
+/* A step to frame k; compared, where it is near enough. */
+static cloth_status clothi_layer_step(clothi_layer *l, int k) {
+    const cloth_layer *o = l->o;
+    const double      *x = o->x + (size_t)k * l->n, *y = l->s->state.x;
+    cloth_status       status = o->place ? o->place(l->s, k, 0, o->user) : CLOTH_OK;
+    double             d2 = 0;
+    size_t             i;
+    if (!status) status = cloth_step(l->s, o->h, NULL);
+    if (status) return status;
+    for (i = 0; i < l->n; i++) d2 += (y[i] - x[i]) * (y[i] - x[i]);
+    d2 /= (double)(l->n / 3);
+    l->used[k] = sqrt(d2) <= o->far;
+    if (!(l->used[k] > 0)) return CLOTH_OK;
+    l->r->used++;
+    l->r->worst = clothi_max(l->r->worst, sqrt(d2));
+    l->loss += o->beta * d2;
+    if (o->y) memcpy(o->y + (size_t)k * l->n, y, l->n * sizeof(double));
+    return CLOTH_OK;
+}
+
+/* The loss of step k of a run, a cloth_loss_fn: by y here, by the frame to l->g. */
+static void clothi_layer_adds(int k, const double *x, const double *v, double *gx, double *gv,
+                              void *user) {
+    clothi_layer *l = (clothi_layer *)user;
+    const size_t  at = (size_t)(l->from + k) * l->n;
+    const double  scale = 2 * l->o->beta / (double)(l->n / 3);
+    size_t        i;
+    (void)v, (void)gv;
+    for (i = 0; k > 0 && l->used[l->from + k] > 0 && i < l->n; i++) {
+        const double d = scale * (x[i] - l->o->x[at + i]);
+        gx[i] += d;
+        l->g[at + i] -= d;
+    }
+}
+
+/* The report of a run to that of all. */
+static void clothi_layer_merge(cloth_grad_report *to, const cloth_grad_report *q, int from) {
+    if (q->doubt && !to->doubt) to->step = from + q->step + 1;
+    to->status = q->status;
+    to->doubt |= q->doubt;
+    to->valid = !to->status && !to->doubt;
+    to->why = clothi_grad_why(to->doubt);
+    to->steps += q->steps, to->replayed += q->replayed, to->solves += q->solves;
+    to->iterations += q->iterations, to->factorizations += q->factorizations;
+    to->negative += q->negative, to->early += q->early, to->ms += q->ms;
+    to->residual = clothi_max(to->residual, q->residual);
+    to->left_m = clothi_max(to->left_m, q->left_m);
+    to->bytes = clothi_max_size(to->bytes, q->bytes);
+}
+
+/* The run on the tape backwards, into l->g. */
+static cloth_status clothi_layer_back(clothi_layer *l, cloth_tape *tape) {
+    const size_t      at = (size_t)l->from * l->n;
+    cloth_grad        out;
+    cloth_grad_report q;
+    cloth_status      status;
+    size_t            i;
+    memset(&out, 0, sizeof out);
+    out.x0 = l->gx, out.v0 = l->gv;
+    status = cloth_grad_backward(tape, clothi_layer_adds, l, &out, &q);
+    clothi_layer_merge(&l->r->grad, &q, l->from);
+    for (i = 0; i < l->n; i++) {
+        const double by_v = l->gv[i] / l->o->h;
+        l->g[at + i] += l->gx[i];
+        l->g[l->a + i] -= by_v;
+        l->g[l->a + l->n + i] += by_v;
+    }
+    return status;
+}
+
+/* From frame *at to the last one or to one that fails, which *at is then. */
+static cloth_status clothi_layer_run(clothi_layer *l, int *at) {
+    cloth_layer_report *r = l->r;
+    cloth_tape         *tape = NULL;
+    cloth_status        status;
+    int                 k;
+    l->from = *at;
+    l->a = (size_t)(*at - (l->o->backward != 0)) * l->n;
+    r->starts++;
+    status = clothi_layer_start(l);
+    if (!status && l->g) status = cloth_tape_create(l->s, l->o->tape, &tape);
+    for (k = l->from + 1; k < l->o->frames && !status; k++) {
+        status = clothi_layer_step(l, k);
+        if (status || !(l->used[k] > 0)) break;
+    }
+    if (k < l->o->frames && (!status || status == CLOTH_ERR_STEP || status == CLOTH_ERR_MESH ||
+                             status == CLOTH_ERR_NONFINITE || status == CLOTH_ERR_NUMERIC)) {
+        if (r->first_failed < 0) r->first_failed = k, r->failure = status;
+        r->failed++;
+        r->far += !status;
+        status = CLOTH_OK;
+    }
+    if (!status && tape && tape->ended)
+        status = clothi_fail(&l->s->hooks, tape->ended_by, "cloth_layer_loss: the tape ends before "
+                             "frame %i: %s", l->from + tape->n + 1, tape->ended);
+    if (!status && tape && l->used[l->from + 1] > 0) status = clothi_layer_back(l, tape);
+    cloth_tape_destroy(tape);
+    *at = k;
+    return status;
+}
+
+CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer, double *loss,
+                                        double *g_x, cloth_layer_report *rep) {
+    cloth_layer_report local, *r = rep ? rep : &local;
+    cloth_recorder     host;
+    clothi_layer       l;
+    double            *block = NULL;
+    size_t             i, all;
+    int                at;
+    memset(r, 0, sizeof *r);
+    r->status = CLOTH_ERR_ARGUMENT;
+    r->first_failed = r->grad.step = -1;
+    r->grad.why = "";
+    if (!sim) return CLOTH_ERR_ARGUMENT;
+    if (!layer) return clothi_null(&sim->hooks, "cloth_layer_loss: layer");
+    r->status = clothi_layer_check(sim, layer);
+    if (r->status) return r->status;
+    memset(&l, 0, sizeof l);
+    l.o = layer, l.s = sim, l.r = r;
+    l.t = sim->state.t;
+    l.n = 3 * (size_t)sim->model->nv;
+    all = (size_t)layer->frames * l.n;
+    l.size = cloth_sim_save_size(sim);
+    l.home = clothi_alloc(&sim->hooks, l.size, 1);
+    block = (double *)clothi_alloc(&sim->hooks, (size_t)layer->frames + (g_x ? all + 2 * l.n : 0),
+                                   sizeof(double));
+    r->status = l.home && block ? cloth_sim_save(sim, l.home, l.size)
+                                : clothi_fail(&sim->hooks, CLOTH_ERR_MEMORY, "no memory");
+    if (!r->status) {
+        l.used = block;
+        if (g_x) l.g = block + layer->frames, l.gx = l.g + all, l.gv = l.gx + l.n;
+        if (layer->y) memcpy(layer->y, layer->x, all * sizeof(double));
+        host = sim->recorder;
+        memset(&sim->recorder, 0, sizeof host);
+        for (at = layer->backward != 0; at < layer->frames - 1 && !r->status;)
+            r->status = clothi_layer_run(&l, &at);
+        sim->recorder = host;
+        if (cloth_sim_restore(sim, l.home, l.size) && !r->status) r->status = CLOTH_ERR_MEMORY;
+    }
+    if (!r->status && loss) *loss += l.loss;
+    for (i = 0; !r->status && g_x && i < all; i++) g_x[i] += l.g[i];
+    clothi_free(&sim->hooks, block);
+    clothi_free(&sim->hooks, l.home);
+    return r->status;
+}
+
+/* ===== [6.3] A GRAPH THAT CARRIES A MESH =====================================================
+ *
+ *   R a = a + s r x a + c r x (r x a),     q = r.r:
+ *       s = sin|r|/|r| = 1 - q e,   c = (1 - cos|r|)/q,   e = (|r| - sin|r|)/|r|^3
+ *   d(R a) = (J dr) x (R a),   J = 1 + c [r]x + e [r]x^2, its transpose with -c
+ *
+ *   So what forces f at arms y = R a do to r is J' of their moment sum y x f: one J' a node. Near
+ *   0 c and e come from their series, 1/2 - q/24 + .. and 1/6 - q/120 + ..: no division by |r|.
+ * checked: tests/test_loss.c: graph_*
+ */
+
+typedef struct clothi_graph_turn {          /* the rotation of a node                          */
+    double r[3], s, c, e;
+} clothi_graph_turn;
+
+static clothi_graph_turn clothi_graph_rotation(const double *r) {
+    const double      q = clothi_dot3(r, r), l = sqrt(q);
+    clothi_graph_turn t;
+    memcpy(t.r, r, sizeof t.r);
+    if (q < 0.25) {
+        t.c = 1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90 * (1 - q / 132))));
+        t.e = 1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156))));
+        t.c /= 2, t.e /= 6;
+        t.s = 1 - q * t.e;
+    } else {
+        t.s = sin(l) / l;
+        t.c = (1 - cos(l)) / q;
+        t.e = (1 - t.s) / q;
+    }
+    return t;
+}
+
+/* out = a + s r x a + c r x (r x a): R a. */
+static void clothi_graph_twist(const double *r, double s, double c, const double *a, double *out) {
+    double p[3], q[3];
+    int    k;
+    clothi_cross3(r, a, p);
+    clothi_cross3(r, p, q);
+    for (k = 0; k < 3; k++) out[k] = a[k] + s * p[k] + c * q[k];
+}
+
+/* What a moment and a force do to a node's (r, t) is added to g [6]. */
+static void clothi_graph_push(const clothi_graph_turn *t, const double *moment, const double *force,
+                              double *g) {
+    double by[3];
+    int    k;
+    clothi_graph_twist(t->r, -t->c, t->e, moment, by);
+    for (k = 0; k < 3; k++) g[k] += by[k], g[3 + k] += force[k];
+}
+
+/* --- nodes and who is bound to them --- */
+
+typedef struct clothi_graph_maker {
+    cloth_graph  *g;
+    const double *X;
+    int           k;
+    double       *far2;                     /* [nv] m^2, to the nearest node so far            */
+    double       *near2, *w;                /* [k + 1] m^2, sorted; [nv x k]                   */
+    int          *mark;                     /* [nn + 1]                                        */
+    int          *near, *of;                /* [k + 1], [nv x k] nodes                         */
+} clothi_graph_maker;
+
+static double clothi_graph_apart2(const clothi_graph_maker *m, int v, int node) {
+    double d[3];
+    clothi_sub3(m->X + 3 * (size_t)v, m->g->g + 3 * (size_t)node, d);
+    return clothi_dot3(d, d);
+}
+
+/* Nodes at farthest points from vertex `far` on; returns how many places there are, at most nn. */
+static int clothi_graph_nodes(const clothi_graph_maker *m, int far) {
+    int i, j;
+    for (i = 0; i < m->g->nv; i++) m->far2[i] = HUGE_VAL;
+    for (j = 0; j < m->g->nn && m->far2[far] > 0; j++) {
+        memcpy(m->g->g + 3 * j, m->X + 3 * (size_t)far, 3 * sizeof(double));
+        for (i = 0; i < m->g->nv; i++)
+            m->far2[i] = clothi_min(m->far2[i], clothi_graph_apart2(m, i, j));
+        for (i = 0, far = 0; i < m->g->nv; i++) far = m->far2[i] > m->far2[far] ? i : far;
+    }
+    return j;
+}
+
+/* The k nodes of vertex v and their weights. */
+static void clothi_graph_bind(const clothi_graph_maker *m, int v) {
+    double *w = m->w + (size_t)v * (size_t)m->k, sum = 0, most;
+    int     i, j, n = 0;
+    for (j = 0; j < m->g->nn; j++) {
+        const double d2 = clothi_graph_apart2(m, v, j);
+        if (n > m->k && !(d2 < m->near2[m->k])) continue;
+        for (i = n > m->k ? m->k : n++; i > 0 && d2 < m->near2[i - 1]; i--)
+            m->near2[i] = m->near2[i - 1], m->near[i] = m->near[i - 1];
+        m->near2[i] = d2, m->near[i] = j;
+    }
+    most = n > m->k ? sqrt(m->near2[m->k]) : 2 * sqrt(m->near2[m->k - 1]);
+    for (i = 0; i < m->k; i++) {
+        w[i] = most > 0 ? 1 - sqrt(m->near2[i]) / most : 1;
+        sum += w[i] *= w[i];
+        m->of[(size_t)v * (size_t)m->k + (size_t)i] = m->near[i];
+        m->g->start[m->near[i] + 1]++;
+    }
+    for (i = 0; i < m->k; i++) w[i] = sum > 0 ? w[i] / sum : 1.0 / m->k;
+}
+
+/* From lists by vertex to lists by node. */
+static void clothi_graph_lists(const clothi_graph_maker *m) {
+    cloth_graph *g = m->g;
+    int          i, j;
+    for (j = 0; j < g->nn; j++) g->start[j + 1] += g->start[j], m->mark[j] = g->start[j];
+    for (i = 0; i < g->nv * m->k; i++) {
+        j = m->mark[m->of[i]]++;
+        g->vertex[j] = i / m->k;
+        g->weight[j] = m->w[i];
+    }
+}
+
+/* Pairs of nodes that share a vertex, into g->edge (NULL: counted). */
+static void clothi_graph_pairs(const clothi_graph_maker *m) {
+    cloth_graph *g = m->g;
+    int          a, i, j, at, first, *edge = g->edge;
+    for (a = 0, g->nedge = 0; a < g->nn; a++) m->mark[a] = -1;
+    for (a = 0; a < g->nn; a++)
+        for (i = g->start[a], first = g->nedge; i < g->start[a + 1]; i++)
+            for (j = 0; j < m->k; j++) {
+                const int b = m->of[g->vertex[i] * m->k + j];
+                if (b <= a || m->mark[b] == a) continue;
+                m->mark[b] = a;
+                for (at = g->nedge++; edge && at > first && edge[2 * at - 1] > b; at--)
+                    edge[2 * at + 1] = edge[2 * at - 1];
+                if (edge) edge[2 * at + 1] = b, edge[2 * g->nedge - 2] = a;
+            }
+}
+
+CLOTH_API cloth_status cloth_graph_create(const cloth_hooks *hooks, int nv, const double *X, int nn,
+                                          int k, int first, cloth_graph **out) {
+    clothi_graph_maker m;
+    cloth_graph       *g;
+    cloth_status       status;
+    size_t             bound;
+    int                i;
+    if (!out) return clothi_null(hooks, "cloth_graph_create: out");
+    *out = NULL;
+    if (k < 1 || nn < k || nv < nn || k > CLOTH_MAX_COUNT / nv || first < 0 || first >= nv)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_graph_create: nv = %i, nn = %i, k = "
+                           "%i, first = %i: 1 <= k <= nn <= nv, nv k <= %i, first a vertex",
+                           nv, nn, k, first, CLOTH_MAX_COUNT);
+    status = clothi_rows_check(hooks, "cloth_graph_create: X", X, (size_t)nv);
+    if (status) return status;
+    bound = (size_t)nv * (size_t)k;
+    m.g = g = (cloth_graph *)clothi_alloc(hooks, 1, sizeof *g);
+    m.far2 = (double *)clothi_alloc(hooks, (size_t)(nv + k + 1) + bound, sizeof(double));
+    m.mark = (int *)clothi_alloc(hooks, (size_t)(nn + k + 1) + bound, sizeof(int));
+    if (g) g->g = (double *)clothi_alloc(hooks, 3 * (size_t)nn + bound, sizeof(double));
+    if (g) g->start = (int *)clothi_alloc(hooks, (size_t)nn + 1 + bound, sizeof(int));
+    status = g && m.far2 && m.mark && g->g && g->start ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    if (!status) {
+        m.X = X, m.k = k, m.near2 = m.far2 + nv, m.w = m.near2 + k + 1;
+        m.near = m.mark + nn, m.of = m.near + k + 1;
+        g->nv = nv, g->nn = nn, g->weight = g->g + 3 * nn, g->vertex = g->start + nn + 1;
+        i = clothi_graph_nodes(&m, first);
+        if (i < nn)
+            status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_graph_create: nn = %i but the "
+                                 "vertices are at %i places", nn, i);
+    }
+    for (i = 0; i < nv && !status; i++) clothi_graph_bind(&m, i);
+    if (!status) {
+        clothi_graph_lists(&m);
+        clothi_graph_pairs(&m);
+        g->edge = (int *)clothi_alloc(hooks, 2 * (size_t)g->nedge + 1, sizeof(int));
+        if (g->edge) clothi_graph_pairs(&m);
+        else status = CLOTH_ERR_MEMORY;
+    }
+    if (status == CLOTH_ERR_MEMORY) (void)clothi_fail(hooks, status, "no memory for a graph");
+    if (status) cloth_graph_destroy(hooks, g);
+    else *out = g;
+    clothi_free(hooks, m.mark);
+    clothi_free(hooks, m.far2);
+    return status;
+}
+
+CLOTH_API void cloth_graph_destroy(const cloth_hooks *hooks, cloth_graph *graph) {
+    if (!graph) return;
+    clothi_free(hooks, graph->g);
+    clothi_free(hooks, graph->start);
+    clothi_free(hooks, graph->edge);
+    clothi_free(hooks, graph);
+}
+
+/* --- what they carry --- */
+
+/* Parameters, whose |r|^2 is to be finite too. */
+static cloth_status clothi_graph_check(const cloth_hooks *hooks, const cloth_graph *g,
+                                       const double *p) {
+    cloth_status status;
+    int          i;
+    if (!g) return clothi_null(hooks, "a cloth_graph");
+    status = clothi_rows_check(hooks, "a cloth_graph's p, two rows a node", p, 2 * (size_t)g->nn);
+    for (i = 0; i < g->nn && !status; i++)
+        if (!clothi_finite(clothi_dot3(p + 6 * (size_t)i, p + 6 * (size_t)i)))
+            status = clothi_fail(hooks, CLOTH_ERR_NONFINITE, "a cloth_graph's p: the rotation of "
+                                 "node %i is too large", i);
+    return status;
+}
+
+CLOTH_API cloth_status cloth_graph_deform(const cloth_hooks *hooks, const cloth_graph *graph,
+                                          const double *X, const double *p, double *x) {
+    cloth_status status = clothi_graph_check(hooks, graph, p);
+    int          i, j, k;
+    if (!status) status = clothi_rows_check(hooks, "cloth_graph_deform: X", X, (size_t)graph->nv);
+    if (!status && (!x || x == X)) status = clothi_null(hooks, "cloth_graph_deform: x (or X)");
+    if (status) return status;
+    memset(x, 0, 3 * (size_t)graph->nv * sizeof(double));
+    for (j = 0; j < graph->nn; j++) {
+        const double           *g = graph->g + 3 * (size_t)j, *to = p + 6 * (size_t)j + 3;
+        const clothi_graph_turn t = clothi_graph_rotation(p + 6 * (size_t)j);
+        for (i = graph->start[j]; i < graph->start[j + 1]; i++) {
+            const size_t v = 3 * (size_t)graph->vertex[i];
+            double       a[3], y[3];
+            clothi_sub3(X + v, g, a);
+            clothi_graph_twist(t.r, t.s, t.c, a, y);
+            for (k = 0; k < 3; k++)
+                x[v + (size_t)k] += graph->weight[i] * (y[k] + g[k] + to[k]);
+        }
+    }
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_graph_vjp(const cloth_hooks *hooks, const cloth_graph *graph,
+                                       const double *X, const double *p, const double *a,
+                                       double *g_p, double *g_X) {
+    cloth_status status = clothi_graph_check(hooks, graph, p);
+    int          i, j, k;
+    if (!status) status = clothi_rows_check(hooks, "cloth_graph_vjp: X", X, (size_t)graph->nv);
+    if (!status) status = clothi_rows_check(hooks, "cloth_graph_vjp: a", a, (size_t)graph->nv);
+    for (j = 0; !status && j < graph->nn; j++) {
+        const clothi_graph_turn t = clothi_graph_rotation(p + 6 * (size_t)j);
+        double                  moment[3] = {0, 0, 0}, force[3] = {0, 0, 0};
+        for (i = graph->start[j]; i < graph->start[j + 1]; i++) {
+            const size_t v = 3 * (size_t)graph->vertex[i];
+            double       arm[3], y[3], f[3], m[3];
+            for (k = 0; k < 3; k++) f[k] = graph->weight[i] * a[v + (size_t)k];
+            clothi_sub3(X + v, graph->g + 3 * (size_t)j, arm);
+            clothi_graph_twist(t.r, t.s, t.c, arm, y);
+            clothi_cross3(y, f, m);
+            for (k = 0; k < 3; k++) moment[k] += m[k], force[k] += f[k];
+            clothi_graph_twist(t.r, -t.s, t.c, f, y);       /* R' f */
+            for (k = 0; k < 3 && g_X; k++) g_X[v + (size_t)k] += y[k];
+        }
+        if (g_p) clothi_graph_push(&t, moment, force, g_p + 6 * (size_t)j);
+    }
+    return status;
+}
+
+CLOTH_API cloth_status cloth_graph_rigidity(const cloth_hooks *hooks, const cloth_graph *graph,
+                                            const double *p, double beta, double *loss,
+                                            double *g_p) {
+    cloth_status status = clothi_graph_check(hooks, graph, p);
+    double       sum = 0, arm[3], y[3], f[3], m[3];
+    int          i, k;
+    if (!status) status = clothi_factor_check(hooks, "cloth_graph_rigidity: beta", beta);
+    for (i = 0; !status && i < 2 * graph->nedge; i++) {     /* each pair both ways */
+        const size_t a = (size_t)graph->edge[i], b = (size_t)graph->edge[i ^ 1];
+        const double           *q = p + 6 * a + 3, *r = p + 6 * b + 3;
+        const clothi_graph_turn t = clothi_graph_rotation(p + 6 * a);
+        clothi_sub3(graph->g + 3 * b, graph->g + 3 * a, arm);
+        clothi_graph_twist(t.r, t.s, t.c, arm, y);
+        for (k = 0; k < 3; k++) f[k] = y[k] - arm[k] + q[k] - r[k];
+        sum += beta * clothi_dot3(f, f);
+        for (k = 0; k < 3; k++) f[k] *= 2 * beta;
+        clothi_cross3(y, f, m);
+        if (!g_p) continue;
+        clothi_graph_push(&t, m, f, g_p + 6 * a);
+        for (k = 0; k < 3; k++) g_p[6 * b + 3 + (size_t)k] -= f[k];
+    }
+    if (!status && loss) *loss += sum;
+    return status;
+}
+
+/* ===== [7.1] CHANGES =========================================================================
  *
  * 0.2.0  first version
  */

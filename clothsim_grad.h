@@ -280,8 +280,7 @@ typedef struct cloth_check_row {
  * out  rep   of the gradient; may be NULL
  * returns CLOTH_OK: the table is made, whatever it says; _ARGUMENT (NULL, a tape is there, a run of
  *   another length); as cloth_grad_backward, and as run: that ends the check
- * contract: alloc scratch | cost 12 runs a cause, 3 nv passes over the terms a substep | threads:
- *   that of the sim */
+ * contract: alloc scratch | cost 12 runs a cause, 3 nv passes over the terms a substep */
 CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void *run_user,
                                         cloth_loss_fn *loss, void *user,
                                         cloth_check_row *row, int *rows, cloth_grad_report *rep);
@@ -289,9 +288,9 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
 /* ===== [2.4] LOSSES ==========================================================================
  *
  * What a fit asks for, as plain functions of positions. Here and in [2.5], [2.6] value and gradient
- * are ADDED to what is there; a refusal adds nothing. So losses add up, and one is one line of a
+ * are ADDED to what is there, nothing by a refusal; so losses add up, and one is one line of a
  * cloth_loss_fn: `my->status |= cloth_loss_targets(my->targets + k, x, &my->loss, gx);`. A host's
- * own loss is a cloth_loss_fn too, that adds its derivative by x and v. */
+ * own loss is a cloth_loss_fn too. */
 
 #define CLOTH_DEFAULT_BETA_ATTACH 0.2       /* [LHT21]                                         */
 
@@ -312,8 +311,7 @@ typedef struct cloth_targets {
 
 CLOTH_API cloth_targets cloth_targets_default(void);
 
-/* in   x      [nv x 3]
- * out  loss, g_x  may be NULL: L, dL/dx [nv x 3] are added
+/* out  loss, g_x  may be NULL: L, dL/dx [nv x 3] are added
  * returns CLOTH_OK; _ARGUMENT (NULL, a count, an index, a weight or beta below 0); _NONFINITE
  * contract: alloc none | cost O(n + nf) | threads: distinct outputs */
 CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *x, double *loss,
@@ -324,15 +322,13 @@ CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *
  * perpendicular with its coordinates clamped and divided by their sum. */
 CLOTH_API double cloth_nearest_on_triangle(const double *p, const double *x, double *bary);
 
-/* For each of n points the nearest point of a mesh, of several faces the first. With face and bary
- * fixed cloth_loss_targets has the derivative of the distance itself: a nearest point that slides
- * changes nothing to first order.
- * in   hooks  may be NULL
- * in   x      [nv x 3], faces [nf x 3], point [n x 3]
- * in   most   m; a point farther from the mesh than that gets face -1; HUGE_VAL: none
+/* For each point [n x 3] the nearest of a mesh, of several faces the first. face and bary fixed,
+ * cloth_loss_targets has the derivative of the distance itself: a nearest point that slides changes
+ * nothing to first order.
+ * in   most   m; a point farther away gets face -1; HUGE_VAL: none does
  * out  face   [n], bary [n x 3]
  * returns CLOTH_OK, _ARGUMENT, _NONFINITE
- * contract: alloc none | cost O(n nf), 2 to 5 ns a pair | threads: distinct outputs */
+ * contract: alloc none | cost O(n nf), about 7 ns a pair | threads: distinct outputs */
 CLOTH_API cloth_status cloth_nearest_on_mesh(const cloth_hooks *hooks, int nv, const double *x,
                                              int nf, const int *faces, int n, const double *point,
                                              double most, int *face, double *bary);
@@ -340,39 +336,33 @@ CLOTH_API cloth_status cloth_nearest_on_mesh(const cloth_hooks *hooks, int nv, c
 /* ===== [2.5] SIMULATION LAYER ================================================================
  *
  * Do the frames x_0 .. x_(F-1) that somebody predicts move as cloth does? [LHT21]. The sim starts
- * at x_0 with v = (x_1 - x_0)/h and takes a step to each next frame, whose positions y_k are
- * compared with the frame:
+ * at x_0 with v = (x_1 - x_0)/h and takes a step to each next frame, to y_k for the x_k predicted:
  *
  *     L = beta sum_k 1/nv sum_v |y_kv - x_kv|^2,      k = 1 .. F-1 but for those that failed
  *
- * dL/dx_k comes from the frame itself, -2 beta/nv (y_k - x_k), and for the first two frames, from
- * which y follows, by the tape.
- *
- * A frame FAILS whose step has no result, or whose y_k is farther from x_k than `far` (root of the
+ * A frame FAILS whose step has no result, or whose y_k is farther from x_k than `most` (root of the
  * mean square); it has no part in loss or gradient, and the next one is simulated from x_k, v =
  * (x_(k+1) - x_k)/h. Which frames fail is a choice: L jumps there, its gradient does not know.
  *
  * WHICH DIFFERENCE. From x_0 with v = (x_1 - x_0)/h an implicit Euler step ends at y_1 = x_1 + h^2
- * M^-1 F(y_1), F all forces but inertia: beyond x_1 wherever x_1 is, 1.1 cm in free fall at 1/30 s,
- * and L is 0 at rest alone. With `backward` the sim starts at x_1, v = (x_1 - x_0)/h, which is what
- * implicit Euler itself has there: frames that it made have L = 0, and of a true motion y_2 is
- * right to h^3. */
+ * M^-1 F(y_1), F all forces but inertia: beyond x_1 wherever x_1 is, 1.1 cm in free fall at 1/30 s;
+ * L is 0 at rest alone. With `backward` the sim starts at x_1, v = (x_1 - x_0)/h, as implicit Euler
+ * has there: frames that it made have L = 0, and of a true motion y_2 is right to h^3. */
 
 #define CLOTH_DEFAULT_FRAMES   5
 #define CLOTH_DEFAULT_BETA_SIM 20000.0      /* 1/m^2 [LHT21]                                   */
-#define CLOTH_DEFAULT_SIM_FAR  0.1          /* m                                               */
+#define CLOTH_DEFAULT_SIM_MOST 0.1          /* m                                               */
 
 typedef struct cloth_layer {
     uint32_t      cookie;       /* set by cloth_layer_default()                                */
     int           frames;       /* F >= 2 (backward: 3), default 5                             */
-    double        h;            /* s between frames; to be set                                 */
+    double        h;            /* s between frames; to be set, as x                           */
     const double *x;            /* [F x nv x 3] m, the predictions                             */
     int           backward;     /* differences; default 0                                      */
-    double        beta, far;    /* 1/m^2, m; defaults 20000, 0.1                               */
-    /* NULL, or puts what moves: start 1: at once, to where it is at `frame`, the cloth being there
-     * (cloth_collide_teleport, cloth_sim_pin); 0: the target, where the step to `frame` ends
-     * (cloth_collide_move, cloth_sim_pin ..). CLOTH_ERR_STEP, _MESH, _NONFINITE or _NUMERIC fails
-     * the frame, from here as from the step; any other ends the call. */
+    double        beta, most;   /* 1/m^2, m; defaults 20000, 0.1                               */
+    /* Puts what moves; NULL: nothing does. start 1: obstacles at once where they are at `frame`, as
+     * the cloth is already (cloth_collide_teleport); 0: targets of the step to `frame` (.._move,
+     * _pin). CLOTH_ERR_STEP, _MESH, _NONFINITE, _NUMERIC fail the frame, as the step's own do. */
     cloth_status (*place)(cloth_sim *sim, int frame, int start, void *user);
     void         *user;         /* of place                                                    */
     double       *y;            /* NULL, or [F x nv x 3]: y_k; frames without are the prediction */
@@ -384,7 +374,7 @@ CLOTH_API cloth_layer cloth_layer_default(void);
 typedef struct cloth_layer_report {
     cloth_status status;        /* as returned                                                 */
     int          used, failed;  /* frames; together F - 1 (backward: F - 2)                    */
-    int          far;           /* failed ones that had a result                               */
+    int          beyond;        /* failed ones that had a result                               */
     int          starts;        /* 1 and one for each failed frame before the last             */
     int          first_failed;  /* frame, -1                                                   */
     cloth_status failure;       /* of that one; CLOTH_OK: it was too far                       */
@@ -396,8 +386,7 @@ typedef struct cloth_layer_report {
 /* The sim brings what the frames do not say: material, pins, forces, obstacles. It is put there
  * before each start, without history, and where it was after the call, by its hash; its recorder
  * hears nothing. Frames may begin intersecting where contact lets them (CLOTH_INITIAL_EXEMPT).
- * out  loss, g_x  may be NULL: L, dL/dx [F x nv x 3] are added; without g_x no tape is made
- * out  rep    may be NULL
+ * out  loss, g_x, rep  may be NULL: L, dL/dx [F x nv x 3] are added; without g_x no tape is made
  * returns CLOTH_OK, also where every frame failed; _UNINIT; _ARGUMENT (NULL, a number out of range,
  *   a tape is there, place() did what ends one); _NONFINITE: a prediction; as cloth_grad_backward
  * contract: alloc scratch, a tape | cost F - 1 steps and as many backwards | threads: of the sim */
@@ -2911,12 +2900,10 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
  *
  *   target i       L = beta w |d|^2, d = sum_k b_k x_k - target;   dL/dx_k = 2 beta w b_k d
  *
- *   nearest point  the nearest of: on each side a + t e, t = (p - a).e/|e|^2 clamped to [0, 1];
- *                  inside a + s e + t f, with r = p - a, n = e x f:
- *                      s = (r x f).n/|n|^2,   t = (e x r).n/|n|^2,   if s, t >= 0, s + t <= 1
- *
- * The foot inside is the nearest point where there is one; comparing keeps needles right, whose n
- * is rounding.
+ *   nearest point  of p, r_i = p - x_i, e_i from corner i to the next, n the normal: the nearest of
+ *                  x_i + t e_i, t = r_i.e_i/|e_i|^2 in [0, 1], and, where all (e_i x r_i).n >= 0,
+ *                  the point inside with these over their sum as b of the corner across side i,
+ *                  where it is nearer (in a needle n is rounding)
  * checked: tests/test_loss.c: targets, nearest_triangle, nearest_mesh
  */
 
@@ -2974,15 +2961,12 @@ static double clothi_target(const cloth_targets *q, int i, const double *x, int 
 static cloth_status clothi_targets_check(const cloth_targets *q, const double *x) {
     const size_t faces = q->faces ? 3 * (size_t)q->nf : 0, n = q->faces ? (size_t)q->n : 0;
     cloth_status status;
-    int          i;
     if (!x || (q->n > 0 && !(q->target && (q->bary || !q->faces))))
         return clothi_null(q->hooks, "cloth_loss_targets: x, or target or bary of targets");
     if (q->nv < 0 || q->nf < 0 || q->n < 0 || (!q->faces && q->n != q->nv))
         return clothi_fail(q->hooks, CLOTH_ERR_ARGUMENT, "cloth_loss_targets: nv = %i, nf = %i, "
                            "n = %i (without faces nv)", q->nv, q->nf, q->n);
     status = clothi_factor_check(q->hooks, "cloth_loss_targets: beta", q->beta);
-    for (i = 0; i < q->n && q->weight && !status; i++)
-        status = clothi_factor_check(q->hooks, "cloth_loss_targets: a weight", q->weight[i]);
     if (!status)
         status = clothi_index_check(q->hooks, "cloth_loss_targets: faces", q->faces, faces, 0,
                                     q->nv);
@@ -2999,11 +2983,12 @@ CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *
     status = clothi_targets_check(q, x);
     for (i = 0; i < q->n && !status; i++) {
         const double w = q->beta * clothi_target(q, i, x, v, b, d);
-        if (!(w > 0)) continue;
+        if (w >= 0 && w <= 0) continue;
         sum += w * clothi_dot3(d, d);
-        if (!clothi_finite(sum))
-            status = clothi_fail(q->hooks, CLOTH_ERR_NONFINITE, "cloth_loss_targets: x, bary or "
-                                 "target of target %i is NaN or infinite", i);
+        if (w < 0 || !clothi_finite(sum))
+            status = clothi_fail(q->hooks, w < 0 ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
+                                 "cloth_loss_targets: weight %g, or x, bary or target of target %i "
+                                 "is not finite", w, i);
     }
     if (!status && loss) *loss += sum;
     for (i = 0; i < q->n && !status && g_x; i++) {
@@ -3014,38 +2999,32 @@ CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *
     return status;
 }
 
-/* --- nearest points --- */
-
 CLOTH_API double cloth_nearest_on_triangle(const double *p, const double *x, double *bary) {
-    double e[3], f[3], r[3], n[3], c[3], best = HUGE_VAL, nn, s, t;
+    double r[9], e[3], n[3], c[3], in[3], best = HUGE_VAL, sum;
     int    i, k;
-    for (i = 0; i < 3; i++) {               /* the sides */
+    for (i = 0; i < 9; i++) r[i] = p[i % 3] - x[i];
+    clothi_sub3(r, r + 3, e);
+    clothi_sub3(r, r + 6, c);
+    clothi_cross3(e, c, n);
+    for (i = 0; i < 3; i++) {
         const int j = i < 2 ? i + 1 : 0;
-        double    ee, re, d2 = 0;
-        clothi_sub3(x + 3 * j, x + 3 * i, e);
-        clothi_sub3(p, x + 3 * i, r);
-        ee = clothi_dot3(e, e), re = clothi_dot3(r, e);
+        double    ee, re, t;
+        clothi_sub3(r + 3 * i, r + 3 * j, e);
+        clothi_cross3(e, r + 3 * i, c);
+        in[3 - i - j] = clothi_dot3(c, n);
+        ee = clothi_dot3(e, e), re = clothi_dot3(r + 3 * i, e);
         t = !(re > 0) ? 0 : re < ee ? re / ee : 1;
-        for (k = 0; k < 3; k++) s = r[k] - t * e[k], d2 += s * s;
-        if (!(d2 < best)) continue;
-        best = d2;
+        for (k = 0; k < 3; k++) c[k] = r[3 * i + k] - t * e[k];
+        if (!(clothi_dot3(c, c) < best)) continue;
+        best = clothi_dot3(c, c);
         bary[i] = 1 - t, bary[j] = t, bary[3 - i - j] = 0;
     }
-    clothi_sub3(x + 3, x, e);
-    clothi_sub3(x + 6, x, f);
-    clothi_sub3(p, x, r);
-    clothi_cross3(e, f, n);
-    nn = clothi_dot3(n, n);
-    clothi_cross3(r, f, c);
-    s = clothi_dot3(c, n) / nn;
-    clothi_cross3(e, r, c);
-    t = clothi_dot3(c, n) / nn;
-    if (nn > 0 && s >= 0 && t >= 0 && s + t <= 1) {
-        double d2 = 0;
-        for (k = 0; k < 3; k++) nn = r[k] - s * e[k] - t * f[k], d2 += nn * nn;
-        if (d2 < best) best = d2, bary[0] = 1 - s - t, bary[1] = s, bary[2] = t;
-    }
-    return best;
+    sum = in[0] + in[1] + in[2];
+    if (!(in[0] >= 0 && in[1] >= 0 && in[2] >= 0 && sum > 0)) return best;
+    for (k = 0; k < 3; k++) c[k] = (in[0] * r[k] + in[1] * r[3 + k] + in[2] * r[6 + k]) / sum;
+    if (!(clothi_dot3(c, c) < best)) return best;
+    for (i = 0; i < 3; i++) bary[i] = in[i] / sum;
+    return clothi_dot3(c, c);
 }
 
 /* Squared distance of p from the box of the triangle x [3 x 3]. */
@@ -3055,8 +3034,7 @@ static double clothi_box_distance2(const double *p, const double *x) {
     for (k = 0; k < 3; k++) {
         const double low = clothi_min(x[k], clothi_min(x[3 + k], x[6 + k])) - p[k];
         const double high = p[k] - clothi_max(x[k], clothi_max(x[3 + k], x[6 + k]));
-        const double out = clothi_max(0, clothi_max(low, high));
-        sum += out * out;
+        sum += low > 0 ? low * low : high > 0 ? high * high : 0;
     }
     return sum;
 }
@@ -3114,24 +3092,20 @@ typedef struct clothi_layer {               /* one call                         
     const cloth_layer  *o;
     cloth_sim          *s;
     cloth_layer_report *r;
-    size_t              n;                  /* 3 nv                                            */
     void               *home;               /* [size] the sim as it was                        */
-    size_t              size;
+    size_t              size, n;            /* n = 3 nv                                        */
     double              t, loss;            /* t: s, of the sim as it was                      */
-    double             *g;                  /* [F x n], NULL: not wanted                       */
-    double             *gx, *gv;            /* [n]                                             */
+    double             *g, *gx, *gv;        /* [F x n], NULL: not wanted; [n], [n]             */
     double             *used;               /* [F] not 0: y_k is compared                      */
-    int                 from;               /* frame where the run under way begins            */
-    size_t              a;                  /* n times the first frame of its difference       */
+    size_t              a;                  /* n times the first frame of the run's difference */
+    int                 from;               /* frame where the run begins                      */
 } clothi_layer;
 
 CLOTH_API cloth_layer cloth_layer_default(void) {
     cloth_layer o;
     memset(&o, 0, sizeof o);
-    o.cookie = CLOTHI_LAYER_COOKIE;
-    o.frames = CLOTH_DEFAULT_FRAMES;
-    o.beta = CLOTH_DEFAULT_BETA_SIM;
-    o.far = CLOTH_DEFAULT_SIM_FAR;
+    o.cookie = CLOTHI_LAYER_COOKIE, o.frames = CLOTH_DEFAULT_FRAMES;
+    o.beta = CLOTH_DEFAULT_BETA_SIM, o.most = CLOTH_DEFAULT_SIM_MOST;
     return o;
 }
 
@@ -3139,17 +3113,12 @@ static cloth_status clothi_layer_check(const cloth_sim *s, const cloth_layer *o)
     const cloth_hooks *hooks = &s->hooks;
     cloth_status       status;
     if (o->cookie != CLOTHI_LAYER_COOKIE)
-        return clothi_fail(hooks, CLOTH_ERR_UNINIT, "cloth_layer: start from "
-                           "cloth_layer_default()");
+        return clothi_fail(hooks, CLOTH_ERR_UNINIT, "cloth_layer: not by cloth_layer_default()");
     if (s->tape_gone)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer_loss: this sim has a tape "
-                           "already");
-    if (o->frames < 2 + (o->backward != 0))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer: frames = %i, at least 2, of "
-                           "backward differences 3", o->frames);
-    if (!clothi_finite(o->h) || !(o->h > 0) || !(o->far > 0))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer: h = %g must be finite and > 0, "
-                           "far = %g > 0", o->h, o->far);
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer_loss: this sim has a tape");
+    if (o->frames < 2 + (o->backward != 0) || !clothi_finite(o->h) || !(o->h > 0) || !(o->most > 0))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_layer: frames = %i (2, backward 3, or "
+                           "more), h = %g, most = %g (> 0)", o->frames, o->h, o->most);
     status = clothi_factor_check(hooks, "cloth_layer: beta", o->beta);
     if (!status)
         status = clothi_rows_check(hooks, "cloth_layer: x, frames one after the other,", o->x,
@@ -3182,9 +3151,8 @@ static cloth_status clothi_layer_step(clothi_layer *l, int k) {
     if (status) return status;
     for (i = 0; i < l->n; i++) d2 += (y[i] - x[i]) * (y[i] - x[i]);
     d2 /= (double)(l->n / 3);
-    l->used[k] = sqrt(d2) <= o->far;
-    if (!(l->used[k] > 0)) return CLOTH_OK;
-    l->r->used++;
+    if (!(sqrt(d2) <= o->most)) return CLOTH_OK;
+    l->used[k] = 1, l->r->used++;
     l->r->worst = clothi_max(l->r->worst, sqrt(d2));
     l->loss += o->beta * d2;
     if (o->y) memcpy(o->y + (size_t)k * l->n, y, l->n * sizeof(double));
@@ -3209,13 +3177,11 @@ static void clothi_layer_adds(int k, const double *x, const double *v, double *g
 /* The report of a run to that of all. */
 static void clothi_layer_merge(cloth_grad_report *to, const cloth_grad_report *q, int from) {
     if (q->doubt && !to->doubt) to->step = from + q->step + 1;
-    to->status = q->status;
-    to->doubt |= q->doubt;
-    to->valid = !to->status && !to->doubt;
+    to->status = q->status, to->doubt |= q->doubt, to->valid = !to->status && !to->doubt;
     to->why = clothi_grad_why(to->doubt);
-    to->steps += q->steps, to->replayed += q->replayed, to->solves += q->solves;
-    to->iterations += q->iterations, to->factorizations += q->factorizations;
-    to->negative += q->negative, to->early += q->early, to->ms += q->ms;
+    to->steps += q->steps, to->replayed += q->replayed, to->negative += q->negative;
+    to->solves += q->solves, to->iterations += q->iterations;
+    to->factorizations += q->factorizations, to->early += q->early, to->ms += q->ms;
     to->residual = clothi_max(to->residual, q->residual);
     to->left_m = clothi_max(to->left_m, q->left_m);
     to->bytes = clothi_max_size(to->bytes, q->bytes);
@@ -3260,7 +3226,7 @@ static cloth_status clothi_layer_run(clothi_layer *l, int *at) {
                              status == CLOTH_ERR_NONFINITE || status == CLOTH_ERR_NUMERIC)) {
         if (r->first_failed < 0) r->first_failed = k, r->failure = status;
         r->failed++;
-        r->far += !status;
+        r->beyond += !status;
         status = CLOTH_OK;
     }
     if (!status && tape && tape->ended)
@@ -3281,17 +3247,14 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
     size_t             i, all;
     int                at;
     memset(r, 0, sizeof *r);
-    r->status = CLOTH_ERR_ARGUMENT;
+    r->status = CLOTH_ERR_ARGUMENT, r->grad.why = "";
     r->first_failed = r->grad.step = -1;
-    r->grad.why = "";
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!layer) return clothi_null(&sim->hooks, "cloth_layer_loss: layer");
     r->status = clothi_layer_check(sim, layer);
     if (r->status) return r->status;
     memset(&l, 0, sizeof l);
-    l.o = layer, l.s = sim, l.r = r;
-    l.t = sim->state.t;
-    l.n = 3 * (size_t)sim->model->nv;
+    l.o = layer, l.s = sim, l.r = r, l.t = sim->state.t, l.n = 3 * (size_t)sim->model->nv;
     all = (size_t)layer->frames * l.n;
     l.size = cloth_sim_save_size(sim);
     l.home = clothi_alloc(&sim->hooks, l.size, 1);
@@ -3323,8 +3286,8 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
  *       s = sin|r|/|r| = 1 - q e,   c = (1 - cos|r|)/q,   e = (|r| - sin|r|)/|r|^3
  *   d(R a) = (J dr) x (R a),   J = 1 + c [r]x + e [r]x^2, its transpose with -c
  *
- *   So what forces f at arms y = R a do to r is J' of their moment sum y x f: one J' a node. Near
- *   0 c and e come from their series, 1/2 - q/24 + .. and 1/6 - q/120 + ..: no division by |r|.
+ *   So forces f at arms y = R a do J' sum y x f to r: one J' a node. Near 0 c and e come from their
+ *   series, 1/2 - q/24 + .. and 1/6 - q/120 + ..
  * checked: tests/test_loss.c: graph_*
  */
 
@@ -3337,9 +3300,8 @@ static clothi_graph_turn clothi_graph_rotation(const double *r) {
     clothi_graph_turn t;
     memcpy(t.r, r, sizeof t.r);
     if (q < 0.25) {
-        t.c = 1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90 * (1 - q / 132))));
-        t.e = 1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156))));
-        t.c /= 2, t.e /= 6;
+        t.c = 0.5 - q / 24 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90 * (1 - q / 132))));
+        t.e = 1.0 / 6 - q / 120 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156))));
         t.s = 1 - q * t.e;
     } else {
         t.s = sin(l) / l;
@@ -3367,16 +3329,13 @@ static void clothi_graph_push(const clothi_graph_turn *t, const double *moment, 
     for (k = 0; k < 3; k++) g[k] += by[k], g[3 + k] += force[k];
 }
 
-/* --- nodes and who is bound to them --- */
-
 typedef struct clothi_graph_maker {
     cloth_graph  *g;
     const double *X;
     int           k;
-    double       *far2;                     /* [nv] m^2, to the nearest node so far            */
-    double       *near2, *w;                /* [k + 1] m^2, sorted; [nv x k]                   */
-    int          *mark;                     /* [nn + 1]                                        */
-    int          *near, *of;                /* [k + 1], [nv x k] nodes                         */
+    double       *away2;                    /* [nv] m^2, to the nearest node so far            */
+    double       *best2, *w;                /* [k + 1] m^2, sorted; [nv x k]                   */
+    int          *mark, *best, *of;         /* [nn], [k + 1], [nv x k] nodes                   */
 } clothi_graph_maker;
 
 static double clothi_graph_apart2(const clothi_graph_maker *m, int v, int node) {
@@ -3385,15 +3344,15 @@ static double clothi_graph_apart2(const clothi_graph_maker *m, int v, int node) 
     return clothi_dot3(d, d);
 }
 
-/* Nodes at farthest points from vertex `far` on; returns how many places there are, at most nn. */
-static int clothi_graph_nodes(const clothi_graph_maker *m, int far) {
+/* Nodes at farthest points from vertex `at` on; returns how many places there are, at most nn. */
+static int clothi_graph_nodes(const clothi_graph_maker *m, int at) {
     int i, j;
-    for (i = 0; i < m->g->nv; i++) m->far2[i] = HUGE_VAL;
-    for (j = 0; j < m->g->nn && m->far2[far] > 0; j++) {
-        memcpy(m->g->g + 3 * j, m->X + 3 * (size_t)far, 3 * sizeof(double));
+    for (i = 0; i < m->g->nv; i++) m->away2[i] = HUGE_VAL;
+    for (j = 0; j < m->g->nn && m->away2[at] > 0; j++) {
+        memcpy(m->g->g + 3 * j, m->X + 3 * (size_t)at, 3 * sizeof(double));
         for (i = 0; i < m->g->nv; i++)
-            m->far2[i] = clothi_min(m->far2[i], clothi_graph_apart2(m, i, j));
-        for (i = 0, far = 0; i < m->g->nv; i++) far = m->far2[i] > m->far2[far] ? i : far;
+            m->away2[i] = clothi_min(m->away2[i], clothi_graph_apart2(m, i, j));
+        for (i = 0, at = 0; i < m->g->nv; i++) at = m->away2[i] > m->away2[at] ? i : at;
     }
     return j;
 }
@@ -3404,17 +3363,17 @@ static void clothi_graph_bind(const clothi_graph_maker *m, int v) {
     int     i, j, n = 0;
     for (j = 0; j < m->g->nn; j++) {
         const double d2 = clothi_graph_apart2(m, v, j);
-        if (n > m->k && !(d2 < m->near2[m->k])) continue;
-        for (i = n > m->k ? m->k : n++; i > 0 && d2 < m->near2[i - 1]; i--)
-            m->near2[i] = m->near2[i - 1], m->near[i] = m->near[i - 1];
-        m->near2[i] = d2, m->near[i] = j;
+        if (n > m->k && !(d2 < m->best2[m->k])) continue;
+        for (i = n > m->k ? m->k : n++; i > 0 && d2 < m->best2[i - 1]; i--)
+            m->best2[i] = m->best2[i - 1], m->best[i] = m->best[i - 1];
+        m->best2[i] = d2, m->best[i] = j;
     }
-    most = n > m->k ? sqrt(m->near2[m->k]) : 2 * sqrt(m->near2[m->k - 1]);
+    most = n > m->k ? sqrt(m->best2[m->k]) : 2 * sqrt(m->best2[m->k - 1]);
     for (i = 0; i < m->k; i++) {
-        w[i] = most > 0 ? 1 - sqrt(m->near2[i]) / most : 1;
+        w[i] = most > 0 ? 1 - sqrt(m->best2[i]) / most : 1;
         sum += w[i] *= w[i];
-        m->of[(size_t)v * (size_t)m->k + (size_t)i] = m->near[i];
-        m->g->start[m->near[i] + 1]++;
+        m->of[(size_t)v * (size_t)m->k + (size_t)i] = m->best[i];
+        m->g->start[m->best[i] + 1]++;
     }
     for (i = 0; i < m->k; i++) w[i] = sum > 0 ? w[i] / sum : 1.0 / m->k;
 }
@@ -3458,26 +3417,23 @@ CLOTH_API cloth_status cloth_graph_create(const cloth_hooks *hooks, int nv, cons
     if (!out) return clothi_null(hooks, "cloth_graph_create: out");
     *out = NULL;
     if (k < 1 || nn < k || nv < nn || k > CLOTH_MAX_COUNT / nv || first < 0 || first >= nv)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_graph_create: nv = %i, nn = %i, k = "
-                           "%i, first = %i: 1 <= k <= nn <= nv, nv k <= %i, first a vertex",
-                           nv, nn, k, first, CLOTH_MAX_COUNT);
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_graph_create: nv = %i, nn = %i <= nv, "
+                           "k = %i <= nn, first = %i or nv k out of range", nv, nn, k, first);
     status = clothi_rows_check(hooks, "cloth_graph_create: X", X, (size_t)nv);
     if (status) return status;
     bound = (size_t)nv * (size_t)k;
-    m.g = g = (cloth_graph *)clothi_alloc(hooks, 1, sizeof *g);
-    m.far2 = (double *)clothi_alloc(hooks, (size_t)(nv + k + 1) + bound, sizeof(double));
+    m.X = X, m.k = k, m.g = g = (cloth_graph *)clothi_alloc(hooks, 1, sizeof *g);
+    m.away2 = (double *)clothi_alloc(hooks, (size_t)(nv + k + 1) + bound, sizeof(double));
     m.mark = (int *)clothi_alloc(hooks, (size_t)(nn + k + 1) + bound, sizeof(int));
     if (g) g->g = (double *)clothi_alloc(hooks, 3 * (size_t)nn + bound, sizeof(double));
     if (g) g->start = (int *)clothi_alloc(hooks, (size_t)nn + 1 + bound, sizeof(int));
-    status = g && m.far2 && m.mark && g->g && g->start ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    status = g && m.away2 && m.mark && g->g && g->start ? CLOTH_OK : CLOTH_ERR_MEMORY;
     if (!status) {
-        m.X = X, m.k = k, m.near2 = m.far2 + nv, m.w = m.near2 + k + 1;
-        m.near = m.mark + nn, m.of = m.near + k + 1;
+        m.best2 = m.away2 + nv, m.w = m.best2 + k + 1, m.best = m.mark + nn, m.of = m.best + k + 1;
         g->nv = nv, g->nn = nn, g->weight = g->g + 3 * nn, g->vertex = g->start + nn + 1;
         i = clothi_graph_nodes(&m, first);
         if (i < nn)
-            status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_graph_create: nn = %i but the "
-                                 "vertices are at %i places", nn, i);
+            status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_graph_create: %i places", i);
     }
     for (i = 0; i < nv && !status; i++) clothi_graph_bind(&m, i);
     if (!status) {
@@ -3491,7 +3447,7 @@ CLOTH_API cloth_status cloth_graph_create(const cloth_hooks *hooks, int nv, cons
     if (status) cloth_graph_destroy(hooks, g);
     else *out = g;
     clothi_free(hooks, m.mark);
-    clothi_free(hooks, m.far2);
+    clothi_free(hooks, m.away2);
     return status;
 }
 
@@ -3503,20 +3459,10 @@ CLOTH_API void cloth_graph_destroy(const cloth_hooks *hooks, cloth_graph *graph)
     clothi_free(hooks, graph);
 }
 
-/* --- what they carry --- */
-
-/* Parameters, whose |r|^2 is to be finite too. */
 static cloth_status clothi_graph_check(const cloth_hooks *hooks, const cloth_graph *g,
                                        const double *p) {
-    cloth_status status;
-    int          i;
     if (!g) return clothi_null(hooks, "a cloth_graph");
-    status = clothi_rows_check(hooks, "a cloth_graph's p, two rows a node", p, 2 * (size_t)g->nn);
-    for (i = 0; i < g->nn && !status; i++)
-        if (!clothi_finite(clothi_dot3(p + 6 * (size_t)i, p + 6 * (size_t)i)))
-            status = clothi_fail(hooks, CLOTH_ERR_NONFINITE, "a cloth_graph's p: the rotation of "
-                                 "node %i is too large", i);
-    return status;
+    return clothi_rows_check(hooks, "a cloth_graph's p, two rows a node", p, 2 * (size_t)g->nn);
 }
 
 CLOTH_API cloth_status cloth_graph_deform(const cloth_hooks *hooks, const cloth_graph *graph,

@@ -151,14 +151,56 @@ static void hessian_times_vector(void) {
 
 /* --- statics --- */
 
-static double static_value(play *p, scene *s, cloth_tape **tape, double *x) {
+/* Derivative of value(p) along the direction of `by`: central differences at halved steps, once
+ * extrapolated; of those the one that differs least from the last. */
+static double rest_difference(double (*value)(const play *p), play p, int by, double eps) {
+    double d[GRAD_LEVELS][2], best = 0, off = HUGE_VAL;
+    int    i;
+    p.by = by;
+    for (i = 0; i < GRAD_LEVELS; i++, eps *= 0.5) {
+        double v;
+        p.eps = eps;
+        v = value(&p);
+        p.eps = -eps;
+        d[i][0] = (v - value(&p)) / (2 * eps);
+        d[i][1] = i ? (4 * d[i][0] - d[i - 1][0]) / 3 : 0;
+        if (i > 1 && fabs(d[i][1] - d[i - 1][1]) < off)
+            off = fabs(d[i][1] - d[i - 1][1]), best = d[i][1];
+    }
+    return best;
+}
+
+/* What was before the rest does not matter, what the cloth is made of does. */
+static void rest_compare(double (*value)(const play *p), const play *p, const results *r,
+                         double eps, const char *what) {
+    int by;
+    for (by = 0; by < BY_COUNT; by++) {
+        const double a = results_along(r, p, by);
+        double       b = 0;
+        if (!(causes(p) >> by & 1)) continue;
+        if (by == BY_X0 || by == BY_V0) {
+            CHECK(!(fabs(a) > 0));
+            continue;
+        }
+        b = rest_difference(value, *p, by, eps);
+        if (test_full())
+            printf("  %-15s %-12s %17.10e %17.10e  %.1e\n", what, by_name[by], a, b,
+                   fabs(a - b) / fmax(fabs(a), fabs(b)));
+        CHECK_REL(a, b, 1e-6);
+    }
+}
+
+static double rest_shape[1200];             /* where the next static_run() begins             */
+
+static double static_run(const play *p, scene *s, cloth_tape **tape, int from_rest) {
     loss_user u;
     memset(&u, 0, sizeof u);
     u.only = -1;
     play_open(p, s);
     play_say(p, s, NULL, 0);
     u.nv = s->nv;
-    if (x) memcpy(cloth_sim_state(s->sim)->x, x, 3 * (size_t)s->nv * sizeof(double));
+    if (from_rest)
+        memcpy(cloth_sim_state(s->sim)->x, rest_shape, 3 * (size_t)s->nv * sizeof(double));
     cloth_sim_state_changed(s->sim);
     if (tape) CHECK(cloth_tape_create(s->sim, NULL, tape) == CLOTH_OK);
     CHECK(cloth_solve_static(s->sim, NULL) == CLOTH_OK);
@@ -166,65 +208,105 @@ static double static_value(play *p, scene *s, cloth_tape **tape, double *x) {
     return u.value;
 }
 
-/* A hanging cloth at rest: what it was at the start does not matter, what it is made of does. */
-static void statics(int wind, double bound) {
-    static double     rest[1200];
-    play              p = play_default();
+static double static_value(const play *p) {
+    scene  s;
+    double value = static_run(p, &s, NULL, 1);
+    scene_close(&s);
+    return value;
+}
+
+/* A hanging cloth at rest. */
+static void statics(play p, int wind, const char *what) {
     cloth_tape       *tape = NULL;
     cloth_grad_report rep;
     loss_user         u;
     results           r;
     scene             s;
-    int               by, i, j;
     p.with = WITH_PINS | WITH_ATTACH | WITH_FORCE | (wind ? WITH_WIND : 0);
     p.still = 1;
     p.calm = wind ? 0.3 : 1;
     p.steps = 1;
-    (void)static_value(&p, &s, NULL, NULL);
-    memcpy(rest, cloth_sim_state(s.sim)->x, 3 * (size_t)s.nv * sizeof(double));
+    (void)static_run(&p, &s, NULL, 0);
+    memcpy(rest_shape, cloth_sim_state(s.sim)->x, 3 * (size_t)s.nv * sizeof(double));
     scene_close(&s);
-    (void)static_value(&p, &s, &tape, rest);
+    (void)static_run(&p, &s, &tape, 1);
     memset(&u, 0, sizeof u);
     u.nv = s.nv;
     u.only = 1;
     r = results_make(&s, 1);
     CHECK(cloth_grad_backward(tape, loss_at, &u, &r.g, &rep) == CLOTH_OK && rep.valid);
-    for (by = 0; by < BY_COUNT; by++) {
-        const double a = results_along(&r, &p, by);
-        double       d[GRAD_LEVELS][2], eps = 0.4, best = 0, off = HUGE_VAL;
-        if (!(causes(&p) >> by & 1)) continue;
-        if (by == BY_X0 || by == BY_V0) {
-            CHECK(!(fabs(a) > 0));
-            continue;
-        }
-        for (i = 0; i < GRAD_LEVELS; i++, eps *= 0.5) {
-            double v[2];
-            for (j = 0; j < 2; j++) {
-                scene o;
-                play  q = p;
-                q.by = by;
-                q.eps = j ? -eps : eps;
-                v[j] = static_value(&q, &o, NULL, rest);
-                scene_close(&o);
-            }
-            d[i][0] = (v[0] - v[1]) / (2 * eps);
-            d[i][1] = i ? (4 * d[i][0] - d[i - 1][0]) / 3 : 0;
-            if (i > 1 && fabs(d[i][1] - d[i - 1][1]) < off)
-                off = fabs(d[i][1] - d[i - 1][1]), best = d[i][1];
-        }
-        if (test_full())
-            printf("  static%s %-12s %17.10e %17.10e  %.1e\n", wind ? ", wind" : "", by_name[by],
-                   a, best, fabs(a - best) / fmax(fabs(a), fabs(best)));
-        CHECK_REL(a, best, bound);
-    }
+    rest_compare(static_value, &p, &r, 0.4, what);
     results_free(&r);
     cloth_tape_destroy(tape);
     scene_close(&s);
 }
 
 static void differences_static(void) {
-    statics(0, 1e-6);
-    statics(1, 1e-6);
+    play p = play_default();
+    statics(p, 0, "static");
+    statics(p, 1, "static, wind");
+    if (test_quick()) return;
+    p.ties = 1;
+    statics(p, 0, "static, ties");
+    p = play_default();
+    p.integrator = CLOTH_INTEGRATOR_BDF2;
+    p.membrane = CLOTH_MEMBRANE_SPRINGS;
+    p.given = 1;
+    statics(p, 0, "static, springs");
+    p = play_default();
+    p.bend = CLOTH_BEND_QUADRATIC;
+    statics(p, 1, "static, quad");
+}
+
+/* Steps, a rest, steps; the loss is of what comes after the rest. */
+static void rested_loss(int k, const double *x, const double *v, double *gx, double *gv,
+                        void *user) {
+    if (k > 2) loss_at(k, x, v, gx, gv, user);
+}
+
+static double rested_run(const play *p, scene *s, cloth_tape **tape) {
+    loss_user u;
+    int       k;
+    memset(&u, 0, sizeof u);
+    u.only = -1;
+    play_open(p, s);
+    u.nv = s->nv;
+    if (tape) CHECK(cloth_tape_create(s->sim, NULL, tape) == CLOTH_OK);
+    for (k = 0; k < p->steps; k++) {
+        play_say(p, s, NULL, k);
+        if (k == 2) CHECK(cloth_solve_static(s->sim, NULL) == CLOTH_OK);
+        else CHECK(cloth_step(s->sim, p->h, NULL) == CLOTH_OK);
+        rested_loss(k + 1, cloth_sim_state(s->sim)->x, cloth_sim_state(s->sim)->v, NULL, NULL, &u);
+    }
+    return u.value;
+}
+
+static double rested_value(const play *p) {
+    scene  s;
+    double value = rested_run(p, &s, NULL);
+    scene_close(&s);
+    return value;
+}
+
+static void static_in_a_run(void) {
+    play              p = play_default();
+    cloth_tape       *tape = NULL;
+    cloth_grad_report rep;
+    loss_user         u;
+    results           r;
+    scene             s;
+    p.with = WITH_PINS | WITH_DAMPING | WITH_FORCE;
+    p.steps = 6;
+    (void)rested_run(&p, &s, &tape);
+    memset(&u, 0, sizeof u);
+    u.nv = s.nv;
+    u.only = -1;
+    r = results_make(&s, p.steps);
+    CHECK(cloth_grad_backward(tape, rested_loss, &u, &r.g, &rep) == CLOTH_OK && rep.valid);
+    rest_compare(rested_value, &p, &r, 0.1, "rested");
+    results_free(&r);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
 }
 
 /* --- a host's own term and its parameter --- */
@@ -313,6 +395,7 @@ int main(int argc, char **argv) {
     RUN(differences_leapfrog);
     RUN(differences_rungs);
     RUN(differences_static);
+    RUN(static_in_a_run);
     RUN(hessian_times_vector);
     RUN(host_term);
     return TEST_END();

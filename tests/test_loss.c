@@ -402,7 +402,8 @@ typedef struct film {                       /* frames of a hanging sheet of 5 x 
     scene       s;
     cloth_layer o;
     double      x[FRAMES * ROOM], d[FRAMES * ROOM], g[FRAMES * ROOM], y[FRAMES * ROOM];
-    int         n, fails, calls;            /* n: 3 nv; fails: frame whose place() refuses     */
+    int          n, fails, floats;          /* n: 3 nv; fails: frame whose place() refuses;
+                                               floats: from frame 1 on nothing has weight      */
     cloth_status with;                      /* what it says                                    */
     cloth_collide *c;
     cloth_obstacle body;
@@ -426,6 +427,8 @@ static void film_shoot(film *f) {
     fill(f->d, FRAMES * f->n, 1e-3, 17);
 }
 
+static double film_tolerance = 1e-12;
+
 static void film_open(film *f, cloth_integrator by, int substeps, int with,
                       const cloth_hooks *h) {
     int i;
@@ -433,7 +436,7 @@ static void film_open(film *f, cloth_integrator by, int substeps, int with,
     scene_desc(&f->s, 5, h, with);
     f->s.desc.integrator = by;
     f->s.desc.substeps = substeps;
-    f->s.desc.tolerance = 1e-12;
+    f->s.desc.tolerance = film_tolerance;
     f->s.desc.cg_tolerance = 1e-4;
     if (scene_open(&f->s, with)) exit(2);
     f->o = cloth_layer_default();
@@ -496,7 +499,7 @@ static void layer_differences(void) {
             fill(f.d, FRAMES * f.n, 1e-3, 29);
             f.o.backward = back;
             r = film_check(&f, name[i], 1e-6);
-            CHECK(r.used == FRAMES - 1 - back && r.failed == 0 && r.far == 0 && r.starts == 1);
+            CHECK(r.used == FRAMES - 1 - back && r.failed == 0 && r.beyond == 0 && r.starts == 1);
             CHECK(r.first_failed == -1 && r.worst > 1e-3 && r.grad.steps == r.used);
             for (k = 0; k < FRAMES; k++) CHECK(dot(f.g + k * f.n, f.g + k * f.n, f.n) > 0);
             film_close(&f);
@@ -535,12 +538,50 @@ static void layer_own_frames(void) {
     film_close(&f);
 }
 
+static void film_heard(void *user, const cloth_step_record *r) {
+    (void)r;
+    ++*(int *)user;
+}
+
+/* History does not matter, a recorder hears nothing, doubts bear the number of their frame. */
+static void layer_apart(void) {
+    static film        f;
+    cloth_layer_report r;
+    cloth_recorder     ear;
+    cloth_tape_options t = cloth_tape_options_default();
+    double             with = 0, without = 0;
+    int                heard = 0;
+    film_open(&f, CLOTH_INTEGRATOR_BDF2, 0, WITH_PINS, NULL);
+    CHECK(cloth_step(f.s.sim, f.o.h, NULL) == CLOTH_OK);
+    memset(&ear, 0, sizeof ear);
+    ear.user = &heard, ear.step = film_heard;
+    CHECK(cloth_sim_set_recorder(f.s.sim, &ear) == CLOTH_OK);
+    CHECK(cloth_layer_loss(f.s.sim, &f.o, &with, f.g, &r) == CLOTH_OK && heard == 0);
+    cloth_sim_state_changed(f.s.sim);
+    CHECK(cloth_layer_loss(f.s.sim, &f.o, &without, NULL, &r) == CLOTH_OK && with > 0);
+    CHECK(!(fabs(with - without) > 0));
+    CHECK(cloth_step(f.s.sim, f.o.h, NULL) == CLOTH_OK && heard == 1);
+    film_close(&f);
+    film_tolerance = 1e-4;
+    film_open(&f, CLOTH_INTEGRATOR_EULER, 0, WITH_PINS, NULL);
+    film_tolerance = 1e-12;
+    shift(f.x, f.d, 3, FRAMES * f.n, f.x);
+    t.early = 1e-9, f.o.tape = &t;
+    CHECK(cloth_layer_loss(f.s.sim, &f.o, NULL, f.g, &r) == CLOTH_OK && !r.grad.valid);
+    CHECK(r.grad.doubt == CLOTH_GRAD_EARLY && r.grad.step == 1 && *r.grad.why);
+    film_close(&f);
+}
+
 /* --- frames that fail --- */
 
 static cloth_status film_refuse(cloth_sim *sim, int frame, int start, void *user) {
-    film *f = (film *)user;
-    (void)sim;
-    f->calls++;
+    film        *f = (film *)user;
+    const double t = cloth_sim_state(sim)->t;               /* frame 0 is now */
+    CHECK_NEAR(t, f->o.h * (start ? frame : frame - 1), 1e-12);
+    if (f->floats && frame == 1 && !start) {
+        const double none[3] = {0, 0, 0};
+        CHECK(cloth_sim_set_gravity(sim, none) == CLOTH_OK);
+    }
     return frame == f->fails && !start ? f->with : CLOTH_OK;
 }
 
@@ -553,14 +594,14 @@ static void layer_failures(void) {
     int                i;
     film_open(&f, CLOTH_INTEGRATOR_EULER, 0, WITH_PINS, NULL);
     f.o.place = film_refuse;
-    f.fails = 2, f.with = CLOTH_ERR_STEP;
+    f.fails = 2, f.with = CLOTH_ERR_STEP, f.floats = 1;
     r = film_check(&f, "one that fails", 1e-6);
-    CHECK(r.used == 3 && r.failed == 1 && r.far == 0 && r.starts == 2 && r.first_failed == 2);
+    CHECK(r.used == 3 && r.failed == 1 && r.beyond == 0 && r.starts == 2 && r.first_failed == 2);
     CHECK(r.failure == CLOTH_ERR_STEP && r.grad.steps == 3);
     CHECK(cloth_layer_loss(f.s.sim, &f.o, &loss, NULL, &r) == CLOTH_OK);
     f.fails = -1, f.o.frames = 2;
     CHECK(cloth_layer_loss(f.s.sim, &f.o, &parts, g, &r) == CLOTH_OK && r.used == 1);
-    f.o.frames = 3, f.o.x = f.x + 2 * f.n;
+    f.o.frames = 3, f.o.x = f.x + 2 * f.n, f.floats = 0;    /* each run starts from the sim */
     CHECK(cloth_layer_loss(f.s.sim, &f.o, &parts, g + 2 * f.n, &r) == CLOTH_OK && r.used == 2);
     CHECK_REL(loss, parts, 1e-12);
     for (i = 0; i < FRAMES * f.n; i++) CHECK_NEAR(g[i], f.g[i], 1e-9 * (1 + fabs(g[i])));
@@ -590,16 +631,16 @@ static void layer_far(void) {
     for (i = 0; i < f.n; i++) f.x[2 * f.n + i] += 0.2;
     f.o.y = f.y;
     CHECK(cloth_layer_loss(f.s.sim, &f.o, &loss, f.g, &r) == CLOTH_OK);
-    CHECK(r.used == 2 && r.failed == 2 && r.far == 2 && r.starts == 2 && r.first_failed == 2);
+    CHECK(r.used == 2 && r.failed == 2 && r.beyond == 2 && r.starts == 2 && r.first_failed == 2);
     CHECK(r.failure == CLOTH_OK && r.worst < 0.1);          /* 2, and 4 by the difference 2 to 3 */
     for (i = 0; i < f.n; i++) CHECK(!(fabs(f.y[2 * f.n + i] - f.x[2 * f.n + i]) > 0));
     fill(f.d, FRAMES * f.n, 1e-3, 31);
     r = film_check(&f, "far ones", 1e-6);
-    f.o.far = 1e-9;                         /* none is near enough */
+    f.o.most = 1e-9;                         /* none is near enough */
     memset(f.g, 0, sizeof f.g);
     loss = 0;
     CHECK(cloth_layer_loss(f.s.sim, &f.o, &loss, f.g, &r) == CLOTH_OK);
-    CHECK(r.used == 0 && r.failed == 4 && r.far == 4 && r.starts == 4 && !(loss > 0));
+    CHECK(r.used == 0 && r.failed == 4 && r.beyond == 4 && r.starts == 4 && !(loss > 0));
     for (i = 0; i < FRAMES * f.n; i++) CHECK(!(fabs(f.g[i]) > 0));
     film_close(&f);
 }
@@ -613,7 +654,7 @@ static void layer_no_step(void) {
     film_open(&f, CLOTH_INTEGRATOR_LEAPFROG, 60, WITH_PINS, &hooks);
     f.o.h = 0.5;
     CHECK(cloth_layer_loss(f.s.sim, &f.o, &loss, f.g, &r) == CLOTH_OK);
-    CHECK(r.used == 0 && r.failed == 4 && r.far == 0 && r.failure == CLOTH_ERR_STEP);
+    CHECK(r.used == 0 && r.failed == 4 && r.beyond == 0 && r.failure == CLOTH_ERR_STEP);
     CHECK(!(loss > 0) && told.errors > 0);
     film_close(&f);
     CHECK(told.live == 0);
@@ -717,7 +758,7 @@ static void layer_refused(void) {
         if (n == 1) o.frames = 1;
         if (n == 2) o.frames = 2, o.backward = 1;
         if (n == 3) o.h = 0;
-        if (n == 4) o.far = 0;
+        if (n == 4) o.most = 0;
         if (n == 5) o.beta = HOST_INFINITY;
         if (n == 6) o.x = NULL;
         if (n == 7) CHECK(cloth_tape_create(f.s.sim, NULL, &tape) == CLOTH_OK);
@@ -1066,6 +1107,7 @@ int main(int argc, char **argv) {
     RUN(nearest_derivative);
     RUN(layer_differences);
     RUN(layer_own_frames);
+    RUN(layer_apart);
     RUN(layer_failures);
     RUN(layer_far);
     RUN(layer_no_step);

@@ -20,6 +20,7 @@ static inline void dyn_sheet(dyn *d, cloth_sheet_pattern pattern, int nx, int ny
     int i;
     memset(d, 0, sizeof *d);
     d->desc = cloth_desc_default();
+    d->desc.sleep = 0;                      /* every step is solved                            */
     d->desc.gravity[1] = 0;
     d->desc.bend = CLOTH_BEND_NONE;
     d->desc.material.membrane = 100;

@@ -1,6 +1,5 @@
 /* test_mesh.c - topology, mesh check, generators.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. test_mesh.c -o test_mesh -lm && ./test_mesh */
-#define CLOTHSIM_IMPLEMENTATION
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. test_mesh.c -lm */
 #include "clothsim.h"
 #include "test.h"
 #include "host.h"

@@ -272,7 +272,7 @@ static void inverted(void) {
     desc.nf = 1;
     desc.x_rest = rest;
     desc.faces = face;
-    desc.gravity[1] = 0;
+    desc.gravity[1] = desc.sleep = 0;
     d.desc = desc;
     dyn_start(&d);
     d.state->x[7] = -0.5;

@@ -1,6 +1,5 @@
 /* test_rest.c - triangles laid flat.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. test_rest.c -o test_rest -lm && ./test_rest */
-#define CLOTHSIM_IMPLEMENTATION
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. test_rest.c -lm */
 #include "clothsim.h"
 #include "test.h"
 #include "host.h"

@@ -18,9 +18,8 @@
  *     [2.5] CONTACT
  *   the implementation, bottom-up
  *     [3.1] EXACT SIGNS                      [3.2] DISTANCES
- *     [4.1] CONTINUOUS DETECTION
- *     [5.1] HIERARCHY                        [5.2] TRIANGLES THAT INTERSECT
- *     [6.1] QUADRATIC PROGRAM
+ *     [4.1] CONTINUOUS DETECTION             [5.1] HIERARCHY
+ *     [5.2] TRIANGLES THAT INTERSECT         [6.1] QUADRATIC PROGRAM
  *     [7.1] CLOSED SURFACES, DISTANCE GRID
  *     [8.1] SCENE                            [8.2] PROXIMITY AND FRICTION
  *     [8.3] PINCHES                          [8.4] IMPACT ZONES
@@ -862,8 +861,7 @@ static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
  * Both also hold for polygons of no area and pass beside a polygon. Polynomials are in Bernstein
  * form: the first point of the axis that their convex hull reaches is a safe time. The further of
  * the two counts. Contact is what neither can exclude; for s = 0 it is asked again with twice the
- * digits. The polygon's own plane det(e1, e2, r_0), a cubic in t, is no third: no query was
- * decided by it, and none faster.
+ * digits.
  *
  * Rounding. u = 2^-53, m = the largest |difference|. A corner of r(t) is off by at most 4 u m per
  * axis, a product n.r with |n| = 1 by 13 u m in all: E = 16 u m is kept between s and what counts
@@ -912,31 +910,25 @@ static double clothi_bernstein_first(const double *f) {
     return first;
 }
 
-/* How fast n [3] must turn, W [3] from t to the end, to stay at right angles to the sides e of the
- * polygon, which is r now: W.e = -n.(change of e). 0: it has no plane. */
-static int clothi_ccd_turn(const clothi_ccd *q, const double *r, const double *n, double *W) {
-    double e[6], to[2] = {0, 0}, c[2][3], normal[3], size;
-    int    k;
+/* Longest certified time from t with a direction that turns with the polygon, which is r now:
+ * n + x W for x from 0 to 1 between t and the end stays at right angles to the sides e,
+ * W.e = -n.(change of e). A corner's distance is quadratic in x; |n + x W| is at most
+ * 1 + x^2 W^2/2, as W is at right angles to n but for rounding. Up to x = 1 the hull is too wide,
+ * so the first answer bounds the range for the next. */
+static double clothi_ccd_turning(const clothi_ccd *q, const double *r, const double *n, double t) {
+    double W[3], a[4], b[4], c[4], e[6], to[2] = {0, 0}, across[2][3], normal[3];
+    double ww, size, best = 0, h = 1;
+    int    i, k, round;
     clothi_polygon_plane(r, q->n, e, normal);
     for (k = 0; k < 3; k++) {
         to[0] += n[k] * (e[k] - (q->r1[3 + k] - q->r1[k]));
         to[1] += n[k] * (e[3 + k] - (q->r1[3 * (q->n - 1) + k] - q->r1[k]));
     }
-    clothi_cross3(e + 3, normal, c[0]);
-    clothi_cross3(normal, e, c[1]);
+    clothi_cross3(e + 3, normal, across[0]);
+    clothi_cross3(normal, e, across[1]);
     size = clothi_dot3(normal, normal);
-    for (k = 0; k < 3; k++) W[k] = (to[0] * c[0][k] + to[1] * c[1][k]) / size;
-    return size > 0;
-}
-
-/* Longest certified time from t with a direction that turns with the polygon, n + x W for x from
- * 0 to 1 between t and the end. A corner's distance is quadratic in x; |n + x W| is at most
- * 1 + x^2 W^2/2, as W is at right angles to n but for rounding. Up to x = 1 the hull is too wide,
- * so the first answer bounds the range for the next. */
-static double clothi_ccd_turning(const clothi_ccd *q, const double *r, const double *n, double t) {
-    double W[3], a[4], b[4], c[4], ww, size, best = 0, h = 1;
-    int    i, round;
-    if (!clothi_ccd_turn(q, r, n, W)) return t;
+    if (!(size > 0)) return t;              /* no plane */
+    for (k = 0; k < 3; k++) W[k] = (to[0] * across[0][k] + to[1] * across[1][k]) / size;
     ww = clothi_dot3(W, W);
     size = fabs(W[0]) + fabs(W[1]) + fabs(W[2]);
     for (i = 0; i < q->n; i++) {
@@ -1065,35 +1057,27 @@ static void clothi_dd_mix(const clothi_dd *a, const clothi_dd *b, clothi_dd t, i
         out[k] = clothi_dd_add(clothi_dd_mul(s, a[k]), clothi_dd_mul(t, b[k]));
 }
 
-/* The foot p [3] of the perpendicular on the side from a to b, or the nearer end. */
-static void clothi_dd_foot(const clothi_dd *a, const clothi_dd *b, clothi_dd *p) {
-    clothi_dd e[3];
-    int       k, pass;
-    for (k = 0; k < 3; k++) e[k] = clothi_dd_sub(b[k], a[k]);
-    memcpy(p, clothi_dd_dot(b, e).h < 0 ? b : a, 3 * sizeof *p);
-    if (!(clothi_dd_dot(a, e).h < 0) || !(clothi_dd_dot(b, e).h > 0)) return;
-    for (pass = 0; pass < 3; pass++) {      /* each pass adds 52 bits */
-        const clothi_dd dt =
-            clothi_dd_of(-clothi_dd_dot(p, e).h / clothi_dd_dot(e, e).h, 0);
-        for (k = 0; k < 3; k++) p[k] = clothi_dd_add(p[k], clothi_dd_mul(dt, e[k]));
-    }
-}
-
-/* Direction out [3] to the plane of the polygon r (side -1), to its side from corner k to k + 1;
- * 0 when there is none. */
+/* Direction out [3] to the plane of the polygon r (side -1), to its side from corner k to k + 1,
+ * the foot of the perpendicular or the nearer end; 0 when there is none. */
 static int clothi_dd_direction(const clothi_dd *r, int n, int side, clothi_dd *out) {
-    clothi_dd a[3], b[3];
-    double    len;
-    int       i;
-    for (i = 0; i < 3 && side < 0; i++) {
-        a[i] = clothi_dd_sub(r[3 + i], r[i]);
-        b[i] = clothi_dd_sub(r[3 * (n - 1) + i], r[i]);
-    }
+    const clothi_dd *a = r + 3 * (side < 0 ? 0 : side);
+    const clothi_dd *b = r + 3 * (side < 0 ? 1 : side + 1 < n ? side + 1 : 0), *c = r + 3 * (n - 1);
+    clothi_dd        e[3];
+    double           len;
+    int              i, pass;
+    for (i = 0; i < 3; i++) e[i] = clothi_dd_sub(b[i], a[i]);
     for (i = 0; i < 3 && side < 0; i++) {
         const int j = (i + 1) % 3, k = (i + 2) % 3;
-        out[i] = clothi_dd_sub(clothi_dd_mul(a[j], b[k]), clothi_dd_mul(a[k], b[j]));
+        out[i] = clothi_dd_sub(clothi_dd_mul(e[j], clothi_dd_sub(c[k], a[k])),
+                               clothi_dd_mul(e[k], clothi_dd_sub(c[j], a[j])));
     }
-    if (side >= 0) clothi_dd_foot(r + 3 * side, r + 3 * (side + 1 < n ? side + 1 : 0), out);
+    if (side >= 0) memcpy(out, clothi_dd_dot(b, e).h < 0 ? b : a, sizeof e);
+    if (side >= 0 && clothi_dd_dot(a, e).h < 0 && clothi_dd_dot(b, e).h > 0)
+        for (pass = 0; pass < 3; pass++) {  /* each pass adds 52 bits */
+            const clothi_dd dt =
+                clothi_dd_of(-clothi_dd_dot(out, e).h / clothi_dd_dot(e, e).h, 0);
+            for (i = 0; i < 3; i++) out[i] = clothi_dd_add(out[i], clothi_dd_mul(dt, e[i]));
+        }
     len = sqrt(clothi_dd_dot(out, out).h);
     if (!(len > 1e-150)) return 0;
     if (side < 0 && clothi_dd_dot(out, r).h < 0) len = -len;
@@ -1101,32 +1085,26 @@ static int clothi_dd_direction(const clothi_dd *r, int n, int side, clothi_dd *o
     return 1;
 }
 
-/* Certified fraction of [t,1] with the direction n; 2: all of it. */
-static double clothi_dd_axis(const clothi_dd *r0, const clothi_dd *r1, int corners,
-                             const clothi_dd *n, clothi_dd t, double floor) {
-    double until = 2;
-    int    k;
-    for (k = 0; k < corners; k++) {
-        clothi_dd h0 = clothi_dd_dot(n, r0 + 3 * k), h1 = clothi_dd_dot(n, r1 + 3 * k), g;
-        clothi_dd_mix(&h0, &h1, t, 1, &g);
-        if (!(g.h > 2 * floor)) return 0;
-        if (!(h1.h > floor)) until = clothi_min(until, (g.h - floor) / (g.h - h1.h));
-    }
-    return until > 1 ? 2 : until * (1 - 1e-15);
-}
-
 /* From *toi on for min_sep = 0: 0 when the rest of the motion is free, else 1 and the time. */
 static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m, double *toi) {
     const double    E = 1.262177448353619e-29 * m;                 /* 2^-96 */
     const clothi_dd one = clothi_dd_of(1, 0);
     clothi_dd       t = clothi_dd_of(*toi, 0), r[12], dir[3];
-    int             step, side;
+    int             step, side, k;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
-        double next = 0;
+        double next = 0;                    /* certified fraction of [t,1]; 2: all of it */
         clothi_dd_mix(r0, r1, t, 3 * n, r);
-        for (side = -1; side < n && !(next > 0); side++)
-            if (clothi_dd_direction(r, n, side, dir))
-                next = clothi_max(next, clothi_dd_axis(r0, r1, n, dir, t, E));
+        for (side = -1; side < n && !(next > 0); side++) {
+            double until = 2;
+            if (!clothi_dd_direction(r, n, side, dir)) continue;
+            for (k = 0; k < n && until > 0; k++) {
+                clothi_dd h0 = clothi_dd_dot(dir, r0 + 3 * k), h1 = clothi_dd_dot(dir, r1 + 3 * k);
+                clothi_dd_mix(&h0, &h1, t, 1, &h0);
+                if (!(h0.h > 2 * E)) until = 0;
+                else if (!(h1.h > E)) until = clothi_min(until, (h0.h - E) / (h0.h - h1.h));
+            }
+            next = until > 1 ? 2 : until * (1 - 1e-15);
+        }
         if (next > 1) return 0;
         if (!(next > 1e-31)) break;
         clothi_dd_mix(&t, &one, clothi_dd_of(next, 0), 1, &t);
@@ -1385,20 +1363,6 @@ static int clothi_pairs_fit(clothi_pairs *p, int tasks) {
     return fit;
 }
 
-/* The segments one behind the other. */
-static cloth_status clothi_pairs_close(const cloth_hooks *hooks, clothi_pairs *p, int tasks) {
-    size_t at = 0;
-    int    i;
-    for (i = 0; i < tasks; i++) {
-        memmove(p->pair + 2 * at, p->pair + 2 * p->start[i], 2 * p->found[i] * sizeof(int));
-        at += p->found[i];
-    }
-    if (at > (size_t)(0x7fffffff / 2))
-        return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
-    p->count = (int)at;
-    return CLOTH_OK;
-}
-
 /* Runs fn over `tasks` tasks, which fill the segments of nlists lists, until all have room.
  * least: first guess of a segment's room. On failure every list is empty. */
 static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *const *list,
@@ -1415,8 +1379,16 @@ static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *con
         clothi_for(hooks, tasks, 1, fn, ctx);
         for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(list[k], tasks);
     }
-    for (k = 0; k < nlists && status == CLOTH_OK; k++)
-        status = clothi_pairs_close(hooks, list[k], tasks);
+    for (k = 0; k < nlists && status == CLOTH_OK; k++) {
+        clothi_pairs *p = list[k];          /* the segments one behind the other */
+        size_t        at = 0;
+        int           i;
+        for (i = 0; i < tasks; at += p->found[i++])
+            memmove(p->pair + 2 * at, p->pair + 2 * p->start[i], 2 * p->found[i] * sizeof(int));
+        p->count = (int)at;
+        if (at > (size_t)(0x7fffffff / 2))
+            status = clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
+    }
     for (k = 0; k < nlists && status != CLOTH_OK; k++) list[k]->count = 0;
     return status;
 }
@@ -1595,50 +1567,28 @@ static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t, const doub
     }
 }
 
-/* One block: nodes, boxes of the items, order. */
-static cloth_status clothi_bvh_alloc(const cloth_hooks *hooks, int n, clothi_bvh *t) {
-    size_t nodes, size;
-    t->n = n;
-    while (n > CLOTHI_BVH_LEAF && ((n - 1) >> t->depth) + 1 > CLOTHI_BVH_LEAF) t->depth++;
-    nodes = (size_t)2 << t->depth;
-    size = nodes * sizeof *t->node + (size_t)n * (6 * sizeof *t->exact + sizeof *t->item);
-    t->node = (clothi_box *)clothi_alloc(hooks, size, 1);
-    if (!t->node)
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a tree of %i boxes", t->n);
-    t->exact = (double *)(void *)(t->node + nodes);
-    t->item = (int *)(void *)(t->exact + 6 * (size_t)n);
-    return CLOTH_OK;
-}
-
-/* Sorts n items along the axis on which their centres key [3 x of] reach furthest, those of a leaf
- * along x; equal ones by number, key [of] from 3 of on. tmp [n] is scratch. */
-static void clothi_bvh_sort(int *item, int n, const double *key, int of, int leaf, int *tmp) {
-    double widest = -1;
-    int    axis = 0, k, i;
-    for (k = 0; k < 3 && !leaf; k++) {
-        double lo = HUGE_VAL, hi = -HUGE_VAL;
-        for (i = 0; i < n; i++) {
-            lo = clothi_min(lo, key[k * of + item[i]]);
-            hi = clothi_max(hi, key[k * of + item[i]]);
-        }
-        if (hi - lo > widest) widest = hi - lo, axis = k;
-    }
-    clothi_sort(item, tmp, n, key + 3 * of);
-    clothi_sort(item, tmp, n, key + axis * of);
-}
-
 /* A tree over box [n x 6] (min xyz, max xyz), n in [0, CLOTH_MAX_COUNT]; the boxes are copied.
- * *t is owned: clothi_bvh_free; empty on failure.   cost O(n log^2 n), ~80 n bytes and scratch */
+ * *t is owned: clothi_bvh_free; one block, empty on failure.
+ * cost O(n log^2 n), ~80 n bytes and scratch */
 static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const double *box,
                                      clothi_bvh *t) {
-    const size_t m = (size_t)n;
+    const size_t m = (size_t)n, exact = 6 * m * sizeof *t->exact;
     double      *key = (double *)clothi_alloc(hooks, m, 4 * sizeof *key + sizeof(int));
-    int          i, k, level;
-    cloth_status status;
+    size_t       nodes;
+    int         *tmp, i, j, k, level;
     memset(t, 0, sizeof *t);
     if (!key) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i boxes", n);
-    status = clothi_bvh_alloc(hooks, n, t);
-    if (status != CLOTH_OK) goto done;
+    t->n = n;
+    while (n > CLOTHI_BVH_LEAF && ((n - 1) >> t->depth) + 1 > CLOTHI_BVH_LEAF) t->depth++;
+    nodes = ((size_t)2 << t->depth) * sizeof *t->node;
+    t->node = (clothi_box *)clothi_alloc(hooks, nodes + exact + m * sizeof *t->item, 1);
+    if (!t->node) {
+        clothi_free(hooks, key);
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a tree of %i boxes", n);
+    }
+    t->exact = (double *)(void *)((char *)t->node + nodes);
+    t->item = (int *)(void *)(t->exact + 6 * m);
+    tmp = (int *)(void *)(key + 4 * m);
     for (i = 0; i < n; i++) {
         for (k = 0; k < 3; k++) {
             const double centre = 0.5 * box[6 * i + k] + 0.5 * box[6 * i + k + 3];
@@ -1647,15 +1597,24 @@ static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const doub
         key[3 * n + i] = t->item[i] = i;
     }
     for (level = 0; level <= t->depth; level++)
-        for (i = 0; i < 1 << level; i++) {
-            const int lo = clothi_bvh_item(t, i, level), hi = clothi_bvh_item(t, i + 1, level);
-            clothi_bvh_sort(t->item + lo, hi - lo, key, n, level == t->depth,
-                            (int *)(void *)(key + 4 * m));
+        for (i = 0; i < 1 << level; i++) {  /* along the widest axis, in a leaf along x */
+            int   *item = t->item + clothi_bvh_item(t, i, level), axis = 0;
+            int    count = clothi_bvh_item(t, i + 1, level) - clothi_bvh_item(t, i, level);
+            double widest = -1;
+            for (k = 0; k < 3 && level < t->depth; k++) {
+                double lo = HUGE_VAL, hi = -HUGE_VAL;
+                for (j = 0; j < count; j++) {
+                    lo = clothi_min(lo, key[k * n + item[j]]);
+                    hi = clothi_max(hi, key[k * n + item[j]]);
+                }
+                if (hi - lo > widest) widest = hi - lo, axis = k;
+            }
+            clothi_sort(item, tmp, count, key + 3 * n);         /* equal ones by number */
+            clothi_sort(item, tmp, count, key + axis * n);
         }
     clothi_bvh_refit(hooks, t, box);
-done:
     clothi_free(hooks, key);
-    return status;
+    return CLOTH_OK;
 }
 
 /* The same over the faces [nf x 3] of a mesh at x [nv x 3]. */
@@ -1681,45 +1640,32 @@ typedef struct clothi_bvh_query {
     int               level_a, level_b;     /* of the tasks                                    */
 } clothi_bvh_query;
 
-/* Leaf na of a against leaf nb of b (node numbers); of the same tree when self. */
-static void clothi_bvh_leaves(const clothi_bvh *a, int na, const clothi_bvh *b, int nb, int self,
-                              clothi_segment *out) {
-    const int la = na - (1 << a->depth), lb = nb - (1 << b->depth), same = self && na == nb;
-    const int end_a = clothi_bvh_item(a, la + 1, a->depth);
-    const int begin_b = clothi_bvh_item(b, lb, b->depth);
-    const int end_b = clothi_bvh_item(b, lb + 1, b->depth);
-    int       i, j;
-    for (i = clothi_bvh_item(a, la, a->depth); i < end_a; i++)
-        for (j = same ? i + 1 : begin_b; j < end_b; j++) {
-            const int p = a->first + a->item[i], q = b->first + b->item[j];
-            if (clothi_boxes_meet(a->exact + 6 * (size_t)i, b->exact + 6 * (size_t)j))
-                clothi_segment_put(out, self && p > q ? q : p, self && p > q ? p : q);
-        }
-}
-
-typedef struct clothi_node_pair {
-    int a, b;
-} clothi_node_pair;
-
 /* Puts a pair of nodes on the stack when they meet. */
 static inline int clothi_bvh_push(const clothi_bvh *a, int na, const clothi_bvh *b, int nb,
-                                  clothi_node_pair *stack, int n) {
-    stack[n].a = na, stack[n].b = nb;
+                                  int stack[][2], int n) {
+    stack[n][0] = na, stack[n][1] = nb;
     return n + clothi_nodes_meet(a->node + na, b->node + nb);
 }
 
-/* All item pairs below the nodes na of a and nb of b, which meet. */
+/* All item pairs below the nodes na of a and nb of b, which meet; of the same tree when self. */
 static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b, int nb, int self,
                                clothi_segment *out) {
-    const int        leaf_a = 1 << a->depth, leaf_b = 1 << b->depth;
-    clothi_node_pair stack[CLOTHI_BVH_STACK];
-    int              n = 0;
+    const int leaf_a = 1 << a->depth, leaf_b = 1 << b->depth;
+    int       stack[CLOTHI_BVH_STACK][2], n = 0, i, j;
     for (;;) {
         if (na >= leaf_a && nb >= leaf_b) {
-            clothi_bvh_leaves(a, na, b, nb, self, out);
+            const int end_a = clothi_bvh_item(a, na - leaf_a + 1, a->depth);
+            const int end_b = clothi_bvh_item(b, nb - leaf_b + 1, b->depth);
+            const int begin_b = clothi_bvh_item(b, nb - leaf_b, b->depth), same = self && na == nb;
+            for (i = clothi_bvh_item(a, na - leaf_a, a->depth); i < end_a; i++)
+                for (j = same ? i + 1 : begin_b; j < end_b; j++) {
+                    const int p = a->first + a->item[i], q = b->first + b->item[j];
+                    if (clothi_boxes_meet(a->exact + 6 * (size_t)i, b->exact + 6 * (size_t)j))
+                        clothi_segment_put(out, self && p > q ? q : p, self && p > q ? p : q);
+                }
         } else if (self && na == nb) {
-            stack[n].a = stack[n].b = 2 * na;
-            stack[n + 1].a = stack[n + 1].b = 2 * na + 1;
+            stack[n][0] = stack[n][1] = 2 * na;
+            stack[n + 1][0] = stack[n + 1][1] = 2 * na + 1;
             n = clothi_bvh_push(a, 2 * na, a, 2 * na + 1, stack, n + 2);
         } else if (nb >= leaf_b || (na < leaf_a && a->node[na].lo[3] >= b->node[nb].lo[3])) {
             n = clothi_bvh_push(a, 2 * na, b, nb, stack, n);
@@ -1729,7 +1675,7 @@ static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b,
             n = clothi_bvh_push(a, na, b, 2 * nb + 1, stack, n);
         }
         if (n-- == 0) return;
-        na = stack[n].a, nb = stack[n].b;
+        na = stack[n][0], nb = stack[n][1];
     }
 }
 
@@ -1860,8 +1806,7 @@ typedef struct clothi_features {
 } clothi_features;
 
 /* faces [nf x 3] are borrowed as long as *s lives, s->edges is owned: one block; the smallest face
- * owns. *s is empty on failure:
- * CLOTH_ERR_MESH: an index out of range, a corner twice; CLOTH_ERR_MEMORY.   cost O(nv + nf) */
+ * owns. *s is empty on failure: CLOTH_ERR_MESH (clothi_check_faces), _MEMORY. cost O(nv + nf) */
 static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
                                           const int *faces, clothi_features *s) {
     clothi_edge_sort sort;
@@ -1945,7 +1890,7 @@ static void clothi_features_look(const int *pair, const void *ctx, clothi_segmen
  * in   faces       pairs of faces of s, in its numbering. All those that the boxes allow between
  *                  two groups of faces: leaving single ones out loses features of their neighbours
  * in   vertex_box  [nv x 6] the boxes that the pairs of faces were made from (clothi_swept_boxes)
- * out  vf, ee      empty on failure: CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY */
+ * out  vf, ee      empty on failure */
 static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi_features *s,
                                           const clothi_pairs *faces, const double *vertex_box,
                                           clothi_pairs *vf, clothi_pairs *ee) {
@@ -2153,8 +2098,7 @@ static void clothi_crossing_look(const int *pair, const void *ctx, clothi_segmen
 }
 
 /* Those of the candidates, pairs of faces [nf x 3] whose boxes at x [nv x 3] overlap, that
- * intersect, into another list, in their order; empty on failure: CLOTH_ERR_MEMORY,
- * CLOTH_ERR_CAPACITY.   cost ~0.1 us a candidate */
+ * intersect, into another list, in their order; empty on failure. cost ~0.1 us a candidate */
 static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
                                           const int *faces, const clothi_pairs *candidates,
                                           clothi_pairs *out) {
@@ -2303,21 +2247,17 @@ CLOTH_API cloth_status cloth_qp_work_create(const cloth_hooks *hooks, cloth_qp_w
     return CLOTH_OK;
 }
 
-/* Bytes of the buffers; frees them where hooks say how. */
-static size_t clothi_qp_buffers(const cloth_qp_work *work, const cloth_hooks *hooks) {
-    return clothi_blocks(hooks, (const void *const *)work->data, CLOTHI_QP_BUFFERS);
-}
-
 CLOTH_API void cloth_qp_work_destroy(cloth_qp_work *work) {
     cloth_hooks hooks;
     if (!work) return;
     hooks = work->hooks;
-    (void)clothi_qp_buffers(work, &hooks);
+    (void)clothi_blocks(&hooks, (const void *const *)work->data, CLOTHI_QP_BUFFERS);
     clothi_free(&hooks, work);
 }
 
 CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work) {
-    return work ? clothi_block_size(work) + clothi_qp_buffers(work, NULL) : 0;
+    return work ? clothi_block_size(work) + clothi_blocks(NULL, (const void *const *)work->data,
+                                                          CLOTHI_QP_BUFFERS) : 0;
 }
 
 /* A buffer of at least count * size bytes, the first `keep` of them as they were; NULL: no memory,
@@ -2391,12 +2331,6 @@ static inline clothi_dd clothi_qp_over(const clothi_qp *s, clothi_dd a, clothi_d
     const double    q = a.h / b.h;
     const clothi_dd r = clothi_qp_plus(s, a, clothi_qp_one(-q), b);
     return s->precise ? clothi_dd_of(q, r.h / b.h) : clothi_qp_one(q);
-}
-
-static inline clothi_dd clothi_qp_root(const clothi_qp *s, clothi_dd a) {
-    const double    q = sqrt(a.h);
-    const clothi_dd r = clothi_qp_plus(s, a, clothi_qp_one(-q), clothi_qp_one(q));
-    return s->precise ? clothi_dd_of(q, 0.5 * r.h / q) : clothi_qp_one(q);
 }
 
 /* sum - a.b */
@@ -2480,9 +2414,10 @@ static int clothi_qp_couples(const clothi_qp *s, int p) {
     return t < 0 || t > 0;
 }
 
-/* Entries by column, those that couple. */
-static void clothi_qp_columns(clothi_qp *s) {
+/* Entries by column, those that couple; room for A, in which the rows of each column do. */
+static cloth_status clothi_qp_columns(clothi_qp *s) {
     const cloth_qp *q = s->q;
+    double          most = 0;
     int             i, p, *start = s->cstart;
     memset(start, 0, ((size_t)s->n + 1) * sizeof *start);
     for (p = 0; p < q->row[s->m]; p++) start[q->col[p] + 1] += clothi_qp_couples(s, p);
@@ -2495,14 +2430,8 @@ static void clothi_qp_columns(clothi_qp *s) {
                 s->centry[to] = p;
             }
     clothi_csr_rewind(s->n, start);
-}
-
-/* Room for A: the rows of each column couple. */
-static cloth_status clothi_qp_room(clothi_qp *s) {
-    double most = 0;
-    int    i;
     for (i = 0; i < s->n; i++) {
-        const double len = s->cstart[i + 1] - s->cstart[i];
+        const double len = start[i + 1] - start[i];
         most += len * len;
     }
     most = clothi_min(most, (double)s->m * s->m) + s->m;
@@ -2604,38 +2533,31 @@ static void clothi_qp_digits(clothi_qp *s, int precise) {
     for (i = 0; i < s->m; i++) s->b[i] = clothi_dd_neg(s->w[i]);
 }
 
-/* The square of the distance of row i from t times row j. u is 0, and is again. */
-static double clothi_qp_distance2(clothi_qp *s, int i, int j, double t) {
-    const cloth_qp *q = s->q;
-    double          sum = 0;
-    int             pass, p;
-    for (pass = 0; pass < 4; pass++) {      /* i in, j out, both up */
-        const int r = pass & 1 ? j : i;
-        for (p = q->row[r]; p < q->row[r + 1]; p++) {
-            double *u = &s->u[q->col[p]].h;
-            if (pass < 2) *u += pass ? -t * s->g[p] : s->g[p];
-            else sum += *u * *u * q->minv[q->col[p]], *u = 0;
-        }
-    }
-    return sum;
-}
-
-/* Of rows that are positive multiples of each other but for rounding, the tightest stays. */
+/* Of rows that are positive multiples of each other but for rounding, the tightest stays. u is 0,
+ * and is again. */
 static void clothi_qp_drop_copies(clothi_qp *s) {
-    int i, e;
+    const cloth_qp *q = s->q;
+    int             i, e, p, pass;
     for (i = 0; i < s->m; i++)
         for (e = s->astart[i] + 1; e < s->astart[i + 1] && s->keep[i]; e++) {
             const int    j = s->acol[e];
             const double a = s->a[e], aj = clothi_qp_diagonal(s, j), t = a / aj;
             const double ai = clothi_qp_diagonal(s, i);
+            double       apart = 0;         /* square of the distance of row i from t row j */
             if (j > i || !s->keep[j] || !(a > 0) || a * a < (1 - 1e-6) * ai * aj) continue;
-            if (clothi_qp_distance2(s, i, j, t) > CLOTHI_QP_COPY * CLOTHI_QP_COPY * ai) continue;
+            for (pass = 0; pass < 4; pass++) {      /* i in, j out, both up */
+                const int r = pass & 1 ? j : i;
+                for (p = q->row[r]; p < q->row[r + 1]; p++) {
+                    double *u = &s->u[q->col[p]].h;
+                    if (pass < 2) *u += pass ? -t * s->g[p] : s->g[p];
+                    else apart += *u * *u * q->minv[q->col[p]], *u = 0;
+                }
+            }
+            if (apart > CLOTHI_QP_COPY * CLOTHI_QP_COPY * ai) continue;
             s->keep[s->b[i].h > t * s->b[j].h ? j : i] = 0;
             s->rep->dropped++;
         }
 }
-
-/* ----- order --------------------------------------------------------------------------------- */
 
 /* Reverse Cuthill-McKee [CM69]: breadth first over the rows that couple, from the first of each
  * component, into order from its end on; a root at the component's end makes the profile no smaller
@@ -2661,42 +2583,33 @@ static void clothi_qp_order(clothi_qp *s) {
 
 /* ----- the factor ---------------------------------------------------------------------------- */
 
-/* y += entries of row r of A in the columns of the factor; returns a_rr. Anew for twice the digits:
- * most rows are never asked for. */
-static clothi_dd clothi_qp_row(const clothi_qp *s, int r, clothi_dd *y) {
+/* y = L^-1 (column r of A), from its first entry on, *low; returns what is left of a_rr. For twice
+ * the digits the column is made anew: most are never asked for. */
+static clothi_dd clothi_qp_reduce(const clothi_qp *s, int r, clothi_dd *y, int *low) {
     const cloth_qp *q = s->q;
+    const int       k = s->k;
     clothi_dd       own = clothi_qp_one(s->precise ? 0 : clothi_qp_diagonal(s, r));
-    int             e, f, p;
+    int             e, f, j, p;
+    for (*low = k, e = s->astart[r]; e < s->astart[r + 1]; e++) {
+        const int at = s->at[s->acol[e]];
+        if (at >= 0 && at < *low) *low = at;
+    }
+    memset(y + *low, 0, (size_t)(k - *low) * sizeof *y);
     for (e = s->astart[r]; e < s->astart[r + 1] && !s->precise; e++)
         if (s->at[s->acol[e]] >= 0) y[s->at[s->acol[e]]].h = s->a[e];
     for (p = q->row[r]; p < q->row[r + 1] && s->precise; p++) {
         const int       c = q->col[p];
         const clothi_dd t = clothi_qp_plus(s, clothi_qp_one(0), clothi_qp_one(s->g[p]),
                                            clothi_qp_one(q->minv[c]));
-        if (!clothi_qp_couples(s, p)) continue;
-        for (f = s->cstart[c]; f < s->cstart[c + 1]; f++) {
-            const int  j = s->crow[f], at = s->at[j];
-            clothi_dd *to = j == r ? &own : at >= 0 ? y + at : NULL;
+        for (f = s->cstart[c]; f < s->cstart[c + 1] && clothi_qp_couples(s, p); f++) {
+            const int  at = s->at[s->crow[f]];
+            clothi_dd *to = s->crow[f] == r ? &own : at >= 0 ? y + at : NULL;
             if (to) *to = clothi_qp_plus(s, *to, t, clothi_qp_one(s->g[s->centry[f]]));
         }
     }
-    return own;
-}
-
-/* y = L^-1 (column r of A), from its first entry on, *low; returns what is left of a_rr. */
-static clothi_dd clothi_qp_reduce(const clothi_qp *s, int r, clothi_dd *y, int *low) {
-    const int k = s->k;
-    clothi_dd own;
-    int       e, j;
-    for (*low = k, e = s->astart[r]; e < s->astart[r + 1]; e++) {
-        const int at = s->at[s->acol[e]];
-        if (at >= 0 && at < *low) *low = at;
-    }
-    memset(y + *low, 0, (size_t)(k - *low) * sizeof *y);
-    own = clothi_qp_row(s, r, y);
     for (j = *low; j < k; j++) {
-        const int        f = s->first[j], from = f > *low ? f : *low;
-        const clothi_dd *row = s->L + s->lstart[j] + (from - f);
+        const int        from = s->first[j] > *low ? s->first[j] : *low;
+        const clothi_dd *row = s->L + s->lstart[j] + (from - s->first[j]);
         y[j] = clothi_qp_over(s, clothi_qp_minus_dot(s, y[j], row, y + from, j - from),
                               row[j - from]);
     }
@@ -2707,7 +2620,7 @@ static clothi_dd clothi_qp_reduce(const clothi_qp *s, int r, clothi_dd *y, int *
  * most `least` of its length: at = -2. 0: no memory. */
 static int clothi_qp_append(clothi_qp *s, int r, double least) {
     const size_t used = s->lstart[s->k];
-    clothi_dd    pivot;
+    clothi_dd    pivot, root;
     size_t       more;
     int          low;
     s->at[r] = -1;
@@ -2721,7 +2634,9 @@ static int clothi_qp_append(clothi_qp *s, int r, double least) {
                                        used * sizeof *s->L);
     if (!s->L) return 0;
     memcpy(s->L + used, s->rhs + low, more * sizeof *s->L);
-    s->L[used + more] = clothi_qp_root(s, pivot);
+    root = clothi_qp_one(sqrt(pivot.h));
+    pivot = clothi_qp_plus(s, pivot, clothi_dd_neg(root), root);
+    s->L[used + more] = s->precise ? clothi_dd_of(root.h, 0.5 * pivot.h / root.h) : root;
     s->first[s->k] = low;
     s->list[s->k] = r;
     s->at[r] = s->k++;
@@ -2794,19 +2709,6 @@ static void clothi_qp_clamp(clothi_qp *s) {
 
 /* ----- block pivoting ------------------------------------------------------------------------ */
 
-/* A row outside the factor that looks active must stand well off the span of the factored rows,
- * or it decides where x lies by less than its slack is known to. */
-static int clothi_qp_doubtful(clothi_qp *s) {
-    int i, low;
-    for (i = 0; i < s->m; i++) {
-        if (!s->keep[i] || s->at[i] >= 0 || s->w[i].h > CLOTHI_QP_SMALL * s->size[i]) continue;
-        if (s->at[i] == -2 || !(clothi_qp_reduce(s, i, s->rhs, &low).h >
-                                CLOTHI_QP_DEPENDENT * clothi_qp_diagonal(s, i)))
-            return 1;
-    }
-    return 0;
-}
-
 /* Is a row that points much the same way violated more? */
 static int clothi_qp_shadowed(const clothi_qp *s, int i) {
     const clothi_dd *w = s->w;
@@ -2825,10 +2727,12 @@ static int clothi_qp_shadowed(const clothi_qp *s, int i) {
 }
 
 /* Solves with act as equations. *wrong: rows on the wrong side of complementarity, which get a
- * mark; 0: the optimum is in x and lambda; -1: none, but doubles cannot tell. */
+ * mark; 0: the optimum is in x and lambda; -1: none, but doubles cannot tell: a row outside the
+ * factor that looks active must stand well off the span of the factored rows, or it decides where x
+ * lies by less than its slack is known to. */
 static cloth_status clothi_qp_try(clothi_qp *s, int *wrong) {
     double big = 0;
-    int    i, exact;
+    int    i, exact, low;
     if (!clothi_qp_factor(s, CLOTHI_QP_DEPENDENT)) return CLOTH_ERR_MEMORY;
     exact = clothi_qp_equations(s);
     for (i = 0; i < s->m; i++) big = clothi_max(big, fabs(s->lambda[i].h));
@@ -2839,8 +2743,12 @@ static cloth_status clothi_qp_try(clothi_qp *s, int *wrong) {
         *wrong += s->mark[i];
     }
     if (*wrong) return CLOTH_OK;
-    if (!exact || clothi_qp_doubtful(s)) *wrong = -1;
-    else clothi_qp_clamp(s);
+    for (i = 0; i < s->m && exact; i++)
+        if (s->keep[i] && s->at[i] < 0 && !(s->w[i].h > CLOTHI_QP_SMALL * s->size[i]))
+            exact = s->at[i] != -2 && clothi_qp_reduce(s, i, s->rhs, &low).h >
+                                          CLOTHI_QP_DEPENDENT * clothi_qp_diagonal(s, i);
+    if (exact) clothi_qp_clamp(s);
+    else *wrong = -1;
     return CLOTH_OK;
 }
 
@@ -2975,24 +2883,35 @@ static int clothi_qp_prove(clothi_qp *s) {
     return 1;
 }
 
-/* Is what bring found, the ray and 1 for row p, a proof? */
-static int clothi_qp_contradiction(clothi_qp *s, int p) {
-    int i;
-    memset(s->lambda, 0, (size_t)s->m * sizeof *s->lambda);
-    s->lambda[p].h = 1;
-    for (i = 0; i < s->k; i++) {
-        const int r = s->list[i];
-        if (s->ray[i].h < 0)
-            s->lambda[r].h = ldexp(-s->ray[i].h, s->exponent[p] - s->exponent[r]);
-    }
-    return clothi_qp_prove(s);
-}
-
-/* In doubles where these are enough: so it would have ended, had block pivoting found the set. */
-static cloth_status clothi_qp_settle(clothi_qp *s) {
+/* Goldfarb and Idnani's method from the rows with act. The set found is settled in doubles where
+ * these are enough: so it would have ended, had block pivoting found it. */
+static cloth_status clothi_qp_active_set(clothi_qp *s) {
     const size_t bytes = (size_t)s->m * sizeof *s->ray;
     cloth_status status;
-    int          i, wrong;
+    int          i, p, ray, wrong;
+    clothi_qp_digits(s, 1);
+    if (!clothi_qp_thin(s)) return CLOTH_ERR_MEMORY;
+    s->rep->outcome = CLOTH_QP_MAX_ITERATIONS;
+    for (i = 0; i < s->m; i++) s->mark[i] = 0;
+    while ((p = clothi_qp_worst(s)) >= 0 && s->rep->iterations < s->most) {
+        s->rep->iterations++;
+        status = clothi_cancelled(s->hooks, NULL);
+        if (!status) status = clothi_qp_bring(s, p, &ray);
+        if (status) return status;
+        if (!ray) continue;
+        memset(s->lambda, 0, bytes);
+        s->lambda[p].h = 1;
+        for (i = 0; i < s->k; i++)
+            if (s->ray[i].h < 0)
+                s->lambda[s->list[i]].h =
+                    ldexp(-s->ray[i].h, s->exponent[p] - s->exponent[s->list[i]]);
+        if (clothi_qp_prove(s)) return CLOTH_OK;
+        /* violated by no more than the rounding of rows that almost contradict it: left out; what
+         * that does to the solution, the residual tells */
+        s->mark[p] = -3;
+        if (!clothi_qp_thin(s)) return CLOTH_ERR_MEMORY;
+    }
+    if (p < 0) s->rep->outcome = CLOTH_QP_SOLVED;
     memcpy(s->ray, s->lambda, bytes);
     for (i = 0; i < s->m; i++) s->act[i] = s->lambda[i].h > 0;
     clothi_qp_digits(s, 0);
@@ -3002,29 +2921,6 @@ static cloth_status clothi_qp_settle(clothi_qp *s) {
     s->precise = 1;
     clothi_qp_point(s);
     return CLOTH_OK;
-}
-
-/* Goldfarb and Idnani's method from the rows with act. */
-static cloth_status clothi_qp_active_set(clothi_qp *s) {
-    cloth_status status;
-    int          i, p, ray;
-    clothi_qp_digits(s, 1);
-    if (!clothi_qp_thin(s)) return CLOTH_ERR_MEMORY;
-    s->rep->outcome = CLOTH_QP_MAX_ITERATIONS;
-    for (i = 0; i < s->m; i++) s->mark[i] = 0;
-    while ((p = clothi_qp_worst(s)) >= 0 && s->rep->iterations < s->most) {
-        s->rep->iterations++;
-        status = clothi_cancelled(s->hooks, NULL);
-        if (!status) status = clothi_qp_bring(s, p, &ray);
-        if (status || (ray && clothi_qp_contradiction(s, p))) return status;
-        if (!ray) continue;
-        /* violated by no more than the rounding of rows that almost contradict it: left out; what
-         * that does to the solution, the residual tells */
-        s->mark[p] = -3;
-        if (!clothi_qp_thin(s)) return CLOTH_ERR_MEMORY;
-    }
-    if (p < 0) s->rep->outcome = CLOTH_QP_SOLVED;
-    return clothi_qp_settle(s);
 }
 
 /* ----- the call ------------------------------------------------------------------------------ */
@@ -3105,36 +3001,22 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
     return status;
 }
 
-/* Scales, sets A and b up, and drops rows without a free unknown; *violated: one of these that
- * cannot hold, or -1. */
-static cloth_status clothi_qp_begin(clothi_qp *s, int *violated) {
-    cloth_status status;
-    int          i;
-    *violated = -1;
-    if (!clothi_qp_layout(s, (size_t)s->q->row[s->m])) return CLOTH_ERR_MEMORY;
-    status = clothi_qp_scale(s);
-    if (status) return status;
-    clothi_qp_columns(s);
-    status = clothi_qp_room(s);
-    if (status) return status;
-    clothi_qp_digits(s, 0);
-    clothi_qp_matrix(s);
-    for (i = 0; i < s->m; i++) {
-        s->keep[i] = clothi_qp_diagonal(s, i) > CLOTHI_QP_CANCELLED;
-        if (s->keep[i]) continue;
-        s->rep->dropped++;
-        if (s->w[i].h < -CLOTHI_QP_COPY * s->size[i]) *violated = i;
-    }
-    return CLOTH_OK;
-}
-
 static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
     cloth_qp_report *rep = s->rep;
     cloth_status     status;
-    int              i, done = 0, violated;
-    status = clothi_qp_begin(s, &violated);
+    int              i, done = 0, violated = -1;
+    if (!clothi_qp_layout(s, (size_t)s->q->row[s->m])) return CLOTH_ERR_MEMORY;
+    status = clothi_qp_scale(s);
+    if (!status) status = clothi_qp_columns(s);
     if (status) return status;
+    clothi_qp_digits(s, 0);
+    clothi_qp_matrix(s);
     rep->outcome = CLOTH_QP_MAX_ITERATIONS;
+    for (i = 0; i < s->m; i++) {            /* rows without a free unknown go, or cannot hold */
+        s->keep[i] = clothi_qp_diagonal(s, i) > CLOTHI_QP_CANCELLED;
+        rep->dropped += !s->keep[i];
+        if (!s->keep[i] && s->w[i].h < -CLOTHI_QP_COPY * s->size[i]) violated = i;
+    }
     if (violated >= 0) {
         s->lambda[violated].h = 1;
         if (clothi_qp_prove(s)) return CLOTH_OK;
@@ -3194,7 +3076,7 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
     for (i = 0; i < s.n && !status && x; i++) x[i] = s.m ? s.x[i].h : qp->x0[i];
     for (i = 0; i < s.m && !status && lambda; i++) lambda[i] = s.lambda[i].h;
     if (!status && rep) *rep = report;
-    (void)clothi_qp_buffers(&own, &own.hooks);
+    (void)clothi_blocks(&own.hooks, (const void *const *)own.data, CLOTHI_QP_BUFFERS);
     return status;
 }
 
@@ -3242,21 +3124,6 @@ typedef struct clothi_surface_defects {
     double volume;                          /* m^3, of all that is closed                      */
 } clothi_surface_defects;
 
-/* Marks defects at the run [i, end) of half-edges of one edge; returns 1 when it is closed. */
-static int clothi_surface_edge(const clothi_edge_sort *s, const int *faces, int i, int end,
-                               clothi_surface_defects *d) {
-    const int h = s->order[i];
-    int       j, sum = 0;
-    for (j = i; j < end; j++) {
-        const int a = faces[s->order[j]], b = faces[clothi_halfedge_next(s->order[j])];
-        sum += (a < b) - (a > b);
-    }
-    if (sum != 0 && (d->open < 0 || h < d->open)) d->open = h;
-    if (abs(sum) == 2 && end - i == 2 && (d->turned < 0 || h < d->turned)) d->turned = h;
-    if (end - i > 2 && (d->branch < 0 || h < d->branch)) d->branch = h;
-    return sum == 0;
-}
-
 /* closed [nf] = 1 for the faces of components (joined along edges) at all of whose edges as many
  * faces run one way as the other: these have a winding number; may be NULL. *d: the first
  * defects; a manifold mesh without cavities, closed and oriented outwards, has none. Indices are in
@@ -3278,9 +3145,17 @@ static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int n
     if (!closed) closed = (unsigned char *)(up + nf);
     for (f = 0; f < nf; f++) up[f] = f, closed[f] = 1;
     for (i = 0; i < 3 * nf; i = end) {
-        end = clothi_edge_run(&s, 3 * nf, i);
-        if (!clothi_surface_edge(&s, faces, i, end, d)) closed[s.order[i] / 3] = 0;
-        for (j = i + 1; j < end; j++) (void)clothi_join(up, s.order[i] / 3, s.order[j] / 3);
+        const int h = s.order[i];
+        int       sum = 0;                  /* of the faces at an edge: one way less the other */
+        for (end = clothi_edge_run(&s, 3 * nf, i), j = i; j < end; j++) {
+            const int from = faces[s.order[j]], to = faces[clothi_halfedge_next(s.order[j])];
+            sum += (from < to) - (from > to);
+            (void)clothi_join(up, h / 3, s.order[j] / 3);
+        }
+        if (sum != 0) closed[h / 3] = 0;
+        if (sum != 0 && (d->open < 0 || h < d->open)) d->open = h;
+        if (abs(sum) == 2 && end - i == 2 && (d->turned < 0 || h < d->turned)) d->turned = h;
+        if (end - i > 2 && (d->branch < 0 || h < d->branch)) d->branch = h;
     }
     for (f = 0; f < nf; f++) closed[clothi_find_root(up, f)] &= closed[f];
     for (f = 0; f < nf; f++) {              /* the root of a part is its first face */
@@ -3297,8 +3172,6 @@ done:
     clothi_edge_sort_free(hooks, &s);
     return status;
 }
-
-/* --- winding number --- */
 
 /* How often the closed faces wrap round p [3], m: exact for coordinates in range of [3.1].
  * cost O(log nf + faces on the ray), 0.4 us of 26 000 */
@@ -3323,8 +3196,6 @@ static int clothi_surface_winding(const clothi_surface *s, const double *p) {
     return sum;
 }
 
-/* --- crossings --- */
-
 /* Segment p q against the closed triangle a b c, touching included: 1 when it goes to the side of
  * the normal, -1 when it comes from there, 0 when they are apart or both ends are in the plane.
  * Exact. The crossing point is not computed here. */
@@ -3335,8 +3206,6 @@ static int clothi_surface_pierced(const double *p, const double *q, const double
     if (sp == sq || !clothi_edge_meets(p, q, sp, sq, t)) return 0;
     return sp > sq ? 1 : -1;
 }
-
-/* --- nearest point --- */
 
 static double clothi_surface_far(int f, const double *p, void *ctx) {
     const clothi_surface *s = (const clothi_surface *)ctx;
@@ -3356,57 +3225,47 @@ static int clothi_surface_nearest(const clothi_surface *s, const double *p, doub
     return f;
 }
 
-/* --- parts inside of others --- */
-
-/* 1 when faces f and g cut each other: they meet beyond what they share and each has corners on
- * both sides of the other. Exact; touching is no cut. */
-static int clothi_surface_cut(const clothi_surface *s, int f, int g) {
-    const int *const v[2] = {s->faces + 3 * f, s->faces + 3 * g};
-    const double    *c[2][3];
-    int              sign[3], i, k, cut = clothi_faces_intersect(s->x, v[0], v[1]);
-    for (i = 0; i < 6; i++) c[i / 3][i % 3] = s->x + 3 * v[i / 3][i % 3];
-    for (k = 0; k < 2 && cut; k++) {
-        (void)clothi_plane_signs(c[k], c[1 - k], sign);
-        cut = !clothi_one_sign(sign[0], sign[1], sign[2]);
-    }
-    return cut;
-}
-
-/* The winding number just outside of face f: 1e-12 of `size`, the largest coordinate, off its
- * centroid along the axis nearest to its normal, so that what lies flat on it is behind. A face
- * without area: that of the centroid. */
-static int clothi_surface_outside(const clothi_surface *s, int f, double size) {
-    const int *v = s->faces + 3 * (size_t)f;
-    double     n[3], p[3];
-    int        i, w;
-    clothi_face_cross(s->x, v, n);
-    for (i = 0; i < 3; i++)
-        p[i] = s->x[3 * v[0] + i] / 3 + s->x[3 * v[1] + i] / 3 + s->x[3 * v[2] + i] / 3;
-    w = fabs(n[0]) >= fabs(n[1]) ? 0 : 1;
-    w = fabs(n[2]) > fabs(n[w]) ? 2 : w;
-    p[w] += ((n[w] > 0) - (n[w] < 0)) * 1e-12 * size;
-    return clothi_surface_winding(s, p);
-}
-
-/* covered [nf] = 1 for the faces that lie inside of another part of the mesh: cut by no face, the
- * winding number just outside of them 1 or more. The others hold the boundary of the union.
+/* covered [nf] = 1 for the faces that lie inside of another part of the mesh: cut by no face (to
+ * meet beyond what they share, each with corners on both sides of the other; touching is no cut),
+ * the winding number just outside of them 1 or more: 1e-12 of the largest coordinate off the
+ * centroid along the axis nearest to the normal, so that what lies flat on it is behind; of a face
+ * without area that of the centroid. The others hold the boundary of the union.
  * cost a ray a face and the pairs of boxes, 45 ms for 26 000 faces */
 static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const clothi_surface *s,
                                            int nf, unsigned char *covered) {
     clothi_pairs pairs;
     cloth_status status;
     double       size = 0;
-    int          i;
+    int          i, k;
     memset(&pairs, 0, sizeof pairs);
     for (i = 0; i < nf; i++) covered[i] = 1;
     status = clothi_bvh_cross_pairs(hooks, s->tree, s->tree, &pairs);
     for (i = 0; i < pairs.count; i++) {
-        const int f = pairs.pair[2 * i], g = pairs.pair[2 * i + 1];
-        if (clothi_surface_cut(s, f, g)) covered[f] = covered[g] = 0;
+        const int     *f = pairs.pair + 2 * i;
+        const double  *c[2][3];
+        int            sign[3], cut;
+        for (k = 0; k < 6; k++) c[k / 3][k % 3] = s->x + 3 * s->faces[3 * f[k / 3] + k % 3];
+        cut = clothi_faces_intersect(s->x, s->faces + 3 * f[0], s->faces + 3 * f[1]);
+        for (k = 0; k < 2 && cut; k++) {
+            (void)clothi_plane_signs(c[k], c[1 - k], sign);
+            cut = !clothi_one_sign(sign[0], sign[1], sign[2]);
+        }
+        if (cut) covered[f[0]] = covered[f[1]] = 0;
     }
     for (i = 0; i < 3 * nf; i++) size = clothi_max(size, clothi_max_abs(s->x + 3 * s->faces[i], 3));
-    for (i = 0; i < nf && status == CLOTH_OK; i++)
-        if (covered[i]) covered[i] = clothi_surface_outside(s, i, size) >= 1;
+    for (i = 0; i < nf && status == CLOTH_OK; i++) {
+        const int *v = s->faces + 3 * (size_t)i;
+        double     n[3], p[3];
+        int        w;
+        if (!covered[i]) continue;
+        clothi_face_cross(s->x, v, n);
+        for (k = 0; k < 3; k++)
+            p[k] = s->x[3 * v[0] + k] / 3 + s->x[3 * v[1] + k] / 3 + s->x[3 * v[2] + k] / 3;
+        w = fabs(n[0]) >= fabs(n[1]) ? 0 : 1;
+        w = fabs(n[2]) > fabs(n[w]) ? 2 : w;
+        p[w] += ((n[w] > 0) - (n[w] < 0)) * 1e-12 * size;
+        covered[i] = clothi_surface_winding(s, p) >= 1;
+    }
     clothi_pairs_free(hooks, &pairs);
     return status;
 }
@@ -3441,34 +3300,32 @@ typedef struct clothi_grid_job {
     clothi_bvh     tree;
 } clothi_grid_job;
 
-/* The nodes of a row along x. */
-static void clothi_grid_row(const clothi_grid_job *job, int row) {
-    const clothi_surface *s = &job->surface;
-    const cloth_grid     *g = job->grid;
-    double               *phi = g->phi + (size_t)row * (size_t)g->n[0], p[3], last = 0, sign = 1;
-    int                   i, f = -1;
-    p[1] = g->origin[1] + g->cell * (row % g->n[1]);
-    p[2] = g->origin[2] + g->cell * (row / g->n[1]);
-    for (i = 0; i < g->n[0]; i++) {
-        double d2 = g->band * g->band, d = g->band, b[3];
-        int    found;
-        p[0] = g->origin[0] + g->cell * i;
-        if (f >= 0) d2 = clothi_min(d2, clothi_face_distance2(s->x, s->faces + 3 * f, p, b));
-        found = clothi_surface_nearest(s, p, &d2, b);
-        if (found >= 0) f = found, d = clothi_min(d, sqrt(d2));
-        if (!(clothi_max(d, last) > 1.01 * g->cell))
-            sign = clothi_surface_winding(s, p) >= 1 ? -1 : 1;
-        phi[i] = sign * d;
-        last = d;
+/* Rows of nodes along x. */
+static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
+    const clothi_grid_job *job = (const clothi_grid_job *)ctx;
+    const clothi_surface  *s = &job->surface;
+    const cloth_grid      *g = job->grid;
+    int                    row, i;
+    (void)worker;
+    for (row = begin; row < end; row++) {
+        double *phi = g->phi + (size_t)row * (size_t)g->n[0], p[3], b[3], last = 0, sign = 1;
+        int     f = -1;
+        p[1] = g->origin[1] + g->cell * (row % g->n[1]);
+        p[2] = g->origin[2] + g->cell * (row / g->n[1]);
+        for (i = 0; i < g->n[0]; i++) {
+            double d2 = g->band * g->band, d = g->band;
+            int    found;
+            p[0] = g->origin[0] + g->cell * i;
+            if (f >= 0) d2 = clothi_min(d2, clothi_face_distance2(s->x, s->faces + 3 * f, p, b));
+            found = clothi_surface_nearest(s, p, &d2, b);
+            if (found >= 0) f = found, d = clothi_min(d, sqrt(d2));
+            if (!(clothi_max(d, last) > 1.01 * g->cell))
+                sign = clothi_surface_winding(s, p) >= 1 ? -1 : 1;
+            phi[i] = sign * d;
+            last = d;
+        }
     }
 }
-
-static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
-    (void)worker;
-    for (; begin < end; begin++) clothi_grid_row((const clothi_grid_job *)ctx, begin);
-}
-
-/* --- create --- */
 
 /* The desc's mesh: numbers, indices, closed, volume; the box of the faces' corners: lo [3], hi. */
 static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo, double *hi) {
@@ -3542,18 +3399,6 @@ CLOTH_API cloth_grid_desc cloth_grid_desc_default(void) {
     return d;
 }
 
-/* The surface: its tree, and which faces lie inside another part. */
-static cloth_status clothi_grid_faces(const cloth_grid_desc *d, clothi_grid_job *job) {
-    clothi_surface *s = &job->surface;
-    cloth_status    status;
-    s->x = d->x, s->faces = d->faces, s->tree = &job->tree;
-    s->skip = job->covered = (unsigned char *)clothi_alloc(&d->hooks, (size_t)d->nf, 1);
-    if (!s->skip)
-        return clothi_fail(&d->hooks, CLOTH_ERR_MEMORY, "no memory for %i faces", d->nf);
-    status = clothi_bvh_faces(&d->hooks, d->nv, d->x, d->nf, d->faces, &job->tree);
-    return status ? status : clothi_surface_covered(&d->hooks, s, d->nf, job->covered);
-}
-
 CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid **out) {
     const size_t    head = (sizeof(clothi_grid) + sizeof(double) - 1) / sizeof(double);
     cloth_grid      plan;
@@ -3571,9 +3416,16 @@ CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid
     if (status != CLOTH_OK) return status;
     for (a = 0; a < 3; a++) nodes *= (size_t)plan.n[a];
     made = (clothi_grid *)clothi_alloc(&desc->hooks, nodes + head, sizeof(double));
-    status = made ? clothi_grid_faces(desc, &job)
-                  : clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY,
-                                "no memory for a grid of %z nodes", nodes);
+    job.covered = (unsigned char *)clothi_alloc(&desc->hooks, (size_t)desc->nf, 1);
+    job.surface.x = desc->x, job.surface.faces = desc->faces;
+    job.surface.tree = &job.tree, job.surface.skip = job.covered;
+    status = made && job.covered
+                 ? clothi_bvh_faces(&desc->hooks, desc->nv, desc->x, desc->nf, desc->faces,
+                                    &job.tree)
+                 : clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY, "no memory for a grid of %z nodes "
+                               "and %i faces", nodes, desc->nf);
+    if (!status)
+        status = clothi_surface_covered(&desc->hooks, &job.surface, desc->nf, job.covered);
     if (status != CLOTH_OK) goto done;
     made->grid = plan;
     made->grid.phi = (double *)(void *)made + head;
@@ -3597,8 +3449,6 @@ CLOTH_API void cloth_grid_destroy(cloth_grid *grid) {
 }
 
 CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid) { return clothi_block_size(grid); }
-
-/* --- sample --- */
 
 /* phi and its gradient in the cell at i, f in [0, 1] the place in it. */
 static double clothi_grid_cell(const cloth_grid *g, const int *i, const double *f, double *grad) {
@@ -3855,7 +3705,7 @@ struct cloth_collide {
     int            *held_of;                /* [nv] number in holding, -1                      */
     cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held ends                */
-    unsigned char  *look;                   /* [nv] CLOTHI_HELD, CLOTHI_OUT; scratch           */
+    unsigned char  *look;                   /* [nv] CLOTHI_HELD, _LED, _OUT; scratch            */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
@@ -4063,21 +3913,31 @@ static int clothi_world_count(cloth_collide *c) {
     return capsules;
 }
 
-/* Vertices, faces and edges of cloth and obstacles one behind the other. */
-static void clothi_world_fill(cloth_collide *c) {
-    int o, i, at = c->features.ne, e = 0;
+/* Where the edges of the obstacles begin; capsules bring theirs. */
+static void clothi_world_edges(cloth_collide *c) {
+    int o, at = c->features.ne, e = 0;
     while (e < at && c->edges[2 * e] < c->nv) e++;
     for (o = 0; o < c->nobstacle; o++) {
         clothi_obstacle *b = c->obstacle + o;
         if (!b->used) continue;
-        for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
-        memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
         b->e0 = e;
         while (e < c->features.ne && c->edges[2 * e] < b->v0 + b->nv) e++;
         if (b->kind != CLOTH_OBSTACLE_CAPSULE) continue;
         b->e0 = at;
         c->edges[2 * at] = b->v0;
         c->edges[2 * at++ + 1] = b->v0 + 1;
+    }
+}
+
+/* Vertices of the obstacles behind those of the cloth. */
+static void clothi_world_fill(cloth_collide *c) {
+    int o, i;
+    for (o = 0; o < c->nobstacle; o++) {
+        const clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
+        memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
+        for (i = 0; i < 3 * b->nf; i++) c->faces[3 * b->f0 + i] = b->faces[i] + b->v0;
     }
 }
 
@@ -4112,21 +3972,19 @@ static cloth_status clothi_world_build(cloth_collide *c) {
                                  {&c->area, nw, real}, {&c->xa, 3 * nw, real},
                                  {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real},
                                  {&c->box_f, 6 * mf, real}};
-    int               o, i;
+    int               i;
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
     if (status) return status;
     memcpy(c->faces, m->faces, 3 * (size_t)c->nf * sizeof(int));
     memcpy(c->xa, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->nv; i++) c->slot[i] = -1;
-    for (o = 0; o < c->nobstacle; o++)
-        for (i = 0; c->obstacle[o].used && i < 3 * c->obstacle[o].nf; i++)
-            c->faces[3 * c->obstacle[o].f0 + i] = c->obstacle[o].faces[i] + c->obstacle[o].v0;
+    clothi_world_fill(c);
     status = clothi_features_build(c->hooks, c->nw, c->mf, c->faces, &c->features);
     if (status) return status;
     c->me = c->features.ne + capsules;
     status = clothi_world_stars(c);
     if (status) return status;
-    clothi_world_fill(c);
+    clothi_world_edges(c);
     clothi_world_area(c);
     status = clothi_bvh_faces(c->hooks, c->nw, c->xa, c->nf, c->faces, &c->tree);
     if (!status)
@@ -5822,20 +5680,23 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *             |    p    |               body and is pulled to where a point A0 of one part and A1
  *             |   n1 <- + A1            of the other, carried by their faces, take it     [BWK03]
  *
- *   caught   p is outside of the nearest face and of the nearest one that looks at it,
- *            n0 . n1 < -0.3, A1 - A0 is within 72 degrees of m = (n0 - n1)/|n0 - n1|, and at
- *            either pose of the substep (A1 - A0) . m is less than 2 t
+ *   caught   A0 is the nearest point of the surface, A1 the nearest one with p between, the angle
+ *            from p - A0 to p - A1 more than 107 degrees, and p is outside of both faces. |A1 - A0|
+ *            is less than 2 t, or, when the substep ends, along m = (n0 - n1)/|n0 - n1|. (By the
+ *            normals of faces alone edges that meet were missed, and a T-shirt's walk failed)
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
- *            between the points so found. 1: the part that it is in has passed it: it goes out to
- *            the nearest point of the surface, but where that is in another part. Else, where parts
- *            overlap, both points slide from face to face, of those that look at the other one,
- *            nearest to p.
+ *            between the points so found. 1: the part that it is in has passed it: it goes out by
+ *            the side that it came in by, to the nearest face that is turned as A0's or A1's, which
+ *            it is behind, but where another part is there. (To the nearest face of all: cloth in a
+ *            finger went out both ways, and stayed.) Else, where parts overlap, both points slide
+ *            from face to face, of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
- *            the share s = (p - A0).m / (A1 - A0).m that it had when it was caught. Where the
- *            points slid, s comes back by at most t a substep
+ *            the share s of the way from A0 to A1 that it had when it was caught. Where the points
+ *            slid, s comes back by at most t a substep
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep
  *
- * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, 3 of it on what goes out, begins
+ * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, 3 on what is led out and 30 on
+ * what goes out of a part (with 10, a skirt in a hand: a step of 120 failed), begins
  * anew at x^n in every substep: a drag, by which cloth stays whole. Nailed to `to`, as in [BWK03],
  * edges of a T-shirt's armpit grew to 4 to 18 times their length, and held layers crossed.
  *
@@ -5848,13 +5709,13 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * checked: tests/test_pinch.c */
 
-#define CLOTHI_FACING   (-0.3)              /* n0 . n1 of faces that look at each other        */
-#define CLOTHI_OPPOSITE 0.1                 /* cos^2 of the angle between A1 - A0 and m, least */
+#define CLOTHI_FACING   (-0.3)              /* cosine between what is on two sides             */
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
 #define CLOTHI_OPENED   3                   /* t: room at both poses for what is let go        */
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
 #define CLOTHI_DRAG     0.3                 /* of the membrane's stiffness: drag on what is held */
-#define CLOTHI_LEAD     3                   /* of it: on what goes out                         */
+#define CLOTHI_LEAD     3                   /* of it: on what is led out                       */
+#define CLOTHI_LIFT     30                  /* of it: on what goes out of a part               */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
 /* Point and normal of side k of a hold in the world's pose x. */
@@ -5889,52 +5750,56 @@ static double clothi_hold_room(const cloth_collide *c, const cloth_hold *h, cons
 typedef struct clothi_catch {               /* a search for the nearest face                   */
     const cloth_collide *c;
     int                  slot;
-    const double        *facing;            /* normal that it is to look at; NULL: any         */
+    const double        *from;              /* of p: unit, from what is to be on its other side */
+    const double        *turned;            /* unit, of a face that p is to be inside of       */
 } clothi_catch;
 
 static double clothi_catch_far(int face, const double *p, void *ctx) {
     const clothi_catch  *q = (const clothi_catch *)ctx;
     const cloth_collide *c = q->c;
     const int           *v = c->faces + 3 * (size_t)face;
-    double               w[3], d[3], n[3];
+    double               w[3], d[3], n[3], d2;
+    int                  k, found = 1;
     if (c->slot[v[0]] != q->slot) return HUGE_VAL;
-    if (!q->facing) return clothi_face_distance2(c->xa, c->faces + 3 * (size_t)face, p, w);
+    d2 = clothi_face_distance2(c->xa, v, p, w);
     clothi_face_cross(c->xa, v, n);
-    clothi_sub3(p, c->xa + 3 * v[0], d);
-    if (!(clothi_dot3(n, q->facing) < CLOTHI_FACING * sqrt(clothi_dot3(n, n))) ||
-        !(clothi_dot3(n, d) > 0))
-        return HUGE_VAL;
-    return clothi_face_distance2(c->xa, c->faces + 3 * (size_t)face, p, w);
+    for (k = 0; k < 3; k++)
+        d[k] = p[k] - w[0] * c->xa[3 * v[0] + k] - w[1] * c->xa[3 * v[1] + k] -
+               w[2] * c->xa[3 * v[2] + k];
+    if (q->from)
+        found = clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2) && clothi_dot3(n, d) > 0;
+    if (q->turned)
+        found = clothi_dot3(n, q->turned) > -CLOTHI_FACING * sqrt(clothi_dot3(n, n)) &&
+                clothi_dot3(n, d) < 0;
+    return found ? d2 : HUGE_VAL;
 }
 
 /* Whether vertex v is between two parts of an obstacle nearer than `room` t at either pose. */
 static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double room,
                                cloth_hold *h) {
     const double *p = c->xa + 3 * v, t = c->obstacle[slot].thickness, way = c->obstacle[slot].way;
-    double        A[6], n[6], m[3], d[3], d2 = room * t + way, start, end;
+    double        A[6], n[6], m[3], from[3], d[3], start;
     clothi_catch  q;
-    int           k, f;
-    q.c = c, q.slot = slot, q.facing = NULL;
+    int           i, k, f;
+    q.c = c, q.slot = slot, q.from = q.turned = NULL;
     memset(h, 0, sizeof *h);
     h->vertex = v, h->slot = slot;
     for (k = 0; k < 2; k++) {
-        d2 = (room * t + (k + 1) * way) * (room * t + (k + 1) * way);
+        double d2 = (room * t + (k + 1) * way) * (room * t + (k + 1) * way);
         f = clothi_bvh_nearest(&c->solid, p, clothi_catch_far, &q, &d2);
         if (f < 0) return 0;
         (void)clothi_face_distance2(c->xa, c->faces + 3 * f, p, h->weight[k]);
         h->face[k] = f - c->obstacle[slot].f0;
-        clothi_hold_point(c, h, k, c->xa, A + 3 * k, n + 3 * k);
+        clothi_hold_point(c, h, k, c->xa, A + 3 * k, n);
         clothi_sub3(p, A + 3 * k, d);
-        if (!(clothi_dot3(d, n + 3 * k) > 0)) return 0;
-        q.facing = n;
+        if (!(clothi_dot3(d, n) > 0)) return 0;
+        for (i = 0; i < 3 && k == 0; i++) from[i] = d[i] / sqrt(d2);
+        q.from = from;
     }
-    start = clothi_hold_room(c, h, c->xa, A, n, m);
-    clothi_sub3(A + 3, A, d);
-    if (start * start < CLOTHI_OPPOSITE * clothi_dot3(d, d)) return 0;
-    clothi_sub3(p, A, d);
-    h->share = clothi_dot3(d, m) / start;
-    end = clothi_hold_room(c, h, c->xb, A, n, m);
-    return h->share > 0 && h->share < 1 && clothi_min(start, end) < room * t;
+    clothi_sub3(A + 3, A, m);
+    start = sqrt(clothi_dot3(m, m));
+    h->share = 1 + clothi_dot3(d, m) / (start * start);
+    return clothi_min(start, clothi_hold_room(c, h, c->xb, A, n, m)) < room * t;
 }
 
 /* Point k of a hold slides to what is nearest to p around it, at the start of the substep, of faces
@@ -5962,27 +5827,53 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
     }
 }
 
-/* The way out, `to`, by the nearest point of the surface, where h is then: of what is inside of one
- * part, to above that point; of what is outside, t away. 0: that point is in another part. */
+/* Where point k of a hold is on the surface of the part that p has sunk into: the nearest face that
+ * p is inside of, turned as the point's is, whose weights go into b; -1: p is outside of it. */
+static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, int k, double *b) {
+    const double *p = c->xa + 3 * h->vertex;
+    double        A[3], n[3], d[3], d2 = CLOTHI_HUGE;
+    clothi_catch  q;
+    int           f;
+    clothi_hold_point(c, h, k, c->xa, A, n);
+    clothi_sub3(p, A, d);
+    if (!(clothi_dot3(d, n) < 0)) return -1;
+    q.c = c, q.slot = h->slot, q.from = NULL, q.turned = n;
+    f = clothi_bvh_nearest(&c->solid, p, clothi_catch_far, &q, &d2);
+    if (f >= 0) (void)clothi_face_distance2(c->xa, c->faces + 3 * f, p, b);
+    return f;
+}
+
+/* The way out, `to`, by a point of the surface, A0 of h then: of what is inside of one part, to
+ * above the side that it came in by, or else above what is nearest; of what is outside, t away from
+ * what is nearest. 0: another part is there. */
 static int clothi_hold_out(const cloth_collide *c, cloth_hold *h, int inside, double *to) {
     const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
     const double        *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
-    double               d2 = CLOTHI_HUGE, b[3], A[3], n[3];
+    double               A[3], n[3], above[3], d2 = CLOTHI_HUGE;
     cloth_hold           out = *h;
-    int                  f = clothi_surface_nearest(&body, p, &d2, b), k;
+    int                  side, f = -1, i;
+    for (side = inside ? 0 : 2; side < 3 && f < 0; side++) {
+        f = side < 2 ? clothi_hold_behind(c, h, side, out.weight[0])
+                     : clothi_surface_nearest(&body, p, &d2, out.weight[0]);
+        if (f < 0) continue;
+        out.face[0] = f - c->obstacle[h->slot].f0;
+        clothi_hold_point(c, &out, 0, c->xa, A, n);
+        clothi_sub3(p, A, to);
+        for (i = 0; i < 3; i++) above[i] = A[i] + CLOTHI_GAP * t * n[i];
+        if (inside && (clothi_dot3(to, n) > 0 || clothi_surface_winding(&body, above) != 0)) f = -1;
+    }
     if (f < 0) return 0;
-    out.face[0] = f - c->obstacle[h->slot].f0;
-    memcpy(out.weight[0], b, sizeof b);
-    clothi_hold_point(c, &out, 0, c->xa, A, n);
-    clothi_sub3(p, A, to);
-    if (inside && clothi_dot3(to, n) > 0) return 0;
+    if (side == 2) {                        /* by A1, which is A0 from now on */
+        out.face[1] = h->face[0], out.share = 1 - h->share;
+        memcpy(out.weight[1], h->weight[0], sizeof out.weight[1]);
+    }
     *h = out;
     clothi_hold_point(c, h, 0, c->xb, A, n);
-    for (k = 0; k < 3; k++) to[k] = A[k] + (inside ? CLOTHI_GAP * t * n[k] : to[k] + t * n[k]);
+    for (i = 0; i < 3; i++) to[i] = A[i] + (inside ? CLOTHI_GAP * t * n[i] : to[i] + t * n[i]);
     return 1;
 }
 
-enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_OUT };
+enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_LED, CLOTHI_OUT };
 
 /* What becomes of a held vertex at x^n; where it goes into `to`. */
 static unsigned char clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
@@ -6109,7 +6000,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
     int          o, i;
     for (o = 0; o < c->nobstacle && !status; o++) {
         clothi_catch job;
-        job.c = c, job.slot = o, job.facing = NULL;
+        job.c = c, job.slot = o, job.from = job.turned = NULL;
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
@@ -6137,7 +6028,7 @@ static cloth_status clothi_pinch_out(cloth_collide *c, int v, int slot) {
     h->face[1] = h->face[0];
     memcpy(h->weight[1], h->weight[0], sizeof h->weight[0]);
     c->held_of[v] = c->nholding++;
-    c->look[v] = CLOTHI_OUT;
+    c->look[v] = CLOTHI_LED;
     return CLOTH_OK;
 }
 
@@ -6237,16 +6128,22 @@ static int clothi_pair_held(const cloth_collide *c, int kind, int a, int b) {
                          : clothi_pinched_feature(c, kind, b, 0);
 }
 
+/* N/m, of the pull on a vertex that is held. */
+static double clothi_hold_pull(const cloth_collide *c, int v) {
+    static const double pull[4] = {0, CLOTHI_DRAG, CLOTHI_LEAD, CLOTHI_LIFT};
+    const cloth_model  *m = c->sim->model;
+    const int           face = m->topology->vf[m->topology->vf_start[v]];
+    return pull[c->look[v]] *
+           clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
+}
+
 /* What holds a vertex: k/2 |x - to|^2, a drag, since `to` begins anew at x^n in every substep. */
 static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy) {
-    const cloth_model *m = c->sim->model;
-    cloth_status       status = CLOTH_OK;
-    int                i, k;
+    cloth_status status = CLOTH_OK;
+    int          i, k;
     for (i = 0; i < c->nholding && !status; i++) {
-        const int     v = c->holding[i].vertex, f = m->topology->vf[m->topology->vf_start[v]];
-        const double *to = c->hold_to + 3 * v;
-        const double  drag = (c->look[v] == CLOTHI_OUT ? CLOTHI_LEAD : CLOTHI_DRAG) *
-                            clothi_membrane_stiffness(c->sim->params.material + m->region[f]);
+        const int     v = c->holding[i].vertex;
+        const double *to = c->hold_to + 3 * v, drag = clothi_hold_pull(c, v);
         double        H[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
         for (k = 0; k < 3; k++) {
             const double d = e->x[3 * v + k] - to[k];
@@ -7001,82 +6898,35 @@ static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q,
     for (k = 0; k < 3; k++) slip[k] = s[0] * b[k] + s[1] * b[3 + k];
 }
 
-/* Forces of the contacts at the accepted x, and what the substep leaves to the next one: an anchor
- * for each key with a normal force. Its slip is that of its contacts, weighted by their forces and
- * cut to the length desc.slip. Sorted, as the contacts are. */
-static cloth_status clothi_contacts_close(cloth_collide *c, const double *x) {
-    cloth_status status = CLOTH_OK;
-    int          i, k;
-    memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
-    c->nnext = 0;
-    clothi_contact_frames(c, x);
-    clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
-    (void)clothi_contact_limits(c, 1, 0);
-    for (i = 0; i < c->ncontact && !status; i++) {
-        clothi_contact *q = c->contact + i;
-        clothi_anchor   a, *last = c->nnext > 0 ? c->next + c->nnext - 1 : NULL;
-        double          K[9];
-        memset(q->tangent, 0, sizeof q->tangent);
-        if (q->limit > 0) (void)clothi_contact_friction(c, q, x, q->tangent, K);
-        if (!(q->force > 0)) continue;
-        memset(&a, 0, sizeof a);
-        a.key = q->key;
-        a.force = q->force;
-        a.gap = q->gap;
-        clothi_contact_slip(c, q, x, a.slip);
-        clothi_contact_turn(c, q, a.slip);
-        for (k = 0; k < 3; k++) a.slip[k] *= a.force;
-        if (!last || clothi_key_compare(&last->key, &a.key) != 0) {
-            status = clothi_anchor_add(c, &a);
-            continue;
-        }
-        last->force += a.force;
-        last->gap = clothi_min(last->gap, a.gap);
-        for (k = 0; k < 3; k++) last->slip[k] += a.slip[k];
-    }
-    for (i = 0; i < c->nnext && !status; i++) {
-        clothi_anchor *a = c->next + i;
-        double         size;
-        for (k = 0; k < 3; k++) a->slip[k] /= a->force;
-        size = sqrt(clothi_dot3(a->slip, a->slip));
-        for (k = 0; k < 3 && size > c->desc.slip; k++) a->slip[k] *= c->desc.slip / size;
-    }
-    return status;
-}
-
-/* The first substep of a step works on copies of what is state. */
-static cloth_status clothi_contact_open(cloth_collide *c) {
-    cloth_status status = CLOTH_OK;
-    int          i;
-    memset(&c->report, 0, sizeof c->report);
-    c->report.fraction = 1;
-    c->begun = 1;
-    c->nfailed = c->nnext = c->nnow = c->nholding = 0;
-    if (c->seen != clothi_contact_seen(c)) {            /* a host wrote x: anchors are dropped */
-        clothi_world_pose(c, c->sim->state.x, 0, 0);
-        return clothi_contact_check(c);
-    }
-    for (i = 0; i < c->nexempt && !status; i++)
-        status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
-    for (i = 0; i < c->nanchor && !status; i++) status = clothi_anchor_add(c, c->anchor + i);
-    if (!status) status = CLOTHI_ROOM(c, holding, c->nhold);
-    if (!status && c->nhold)
-        memcpy(c->holding, c->hold, (size_t)c->nhold * sizeof *c->hold);
-    c->nholding = status ? 0 : c->nhold;
-    return status;
-}
-
+/* cloth_contact.begin. The first substep of a step makes copies of what is state. */
 static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     cloth_collide *c = (cloth_collide *)user;
     const double   start = clothi_now(c->hooks);
     cloth_status   status = CLOTH_OK;
+    int            i;
     if (!(e->h > 0))
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
     c->v_n = e->v_n;
     c->share = e->in->share[1] - e->in->share[0];
-    if (!c->begun) status = clothi_contact_open(c);
+    if (!c->begun) {
+        memset(&c->report, 0, sizeof c->report);
+        c->report.fraction = 1;
+        c->begun = 1;
+        c->nfailed = c->nnext = c->nnow = c->nholding = 0;
+        if (c->seen != clothi_contact_seen(c)) {        /* a host wrote x: anchors are dropped */
+            clothi_world_pose(c, c->sim->state.x, 0, 0);
+            status = clothi_contact_check(c);
+        } else {
+            for (i = 0; i < c->nexempt && !status; i++)
+                status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
+            for (i = 0; i < c->nanchor && !status; i++)
+                status = clothi_anchor_add(c, c->anchor + i);
+            if (!status) status = CLOTHI_ROOM(c, holding, c->nhold);
+            for (i = 0; i < c->nhold && !status; i++) c->holding[c->nholding++] = c->hold[i];
+        }
+    }
     clothi_world_pose(c, e->x_n, e->in->share[0], e->in->share[1]);
     c->ncontact = c->nrow = c->listed = 0;
     c->approach = CLOTHI_APPROACH;
@@ -7120,13 +6970,47 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     return status ? status : clothi_list_join(c, x, NULL, 0, 0);
 }
 
-/* cloth_contact.close. */
+/* cloth_contact.close: forces of the contacts at the accepted x, and what the substep leaves to the
+ * next one: an anchor for each key with a normal force. Its slip is that of its contacts, weighted
+ * by their forces and cut to the length desc.slip. Sorted, as the contacts are. */
 static cloth_status clothi_contact_close(void *user, const double *x, int *impact) {
     cloth_collide *c = (cloth_collide *)user;
-    cloth_status   status;
-    int            i;
-    c->nrow = 0;
-    status = clothi_contacts_close(c, x);
+    cloth_status   status = CLOTH_OK;
+    int            i, k;
+    memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
+    c->nnext = c->nrow = 0;
+    clothi_contact_frames(c, x);
+    clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
+    (void)clothi_contact_limits(c, 1, 0);
+    for (i = 0; i < c->ncontact && !status; i++) {
+        clothi_contact *q = c->contact + i;
+        clothi_anchor   a, *last = c->nnext > 0 ? c->next + c->nnext - 1 : NULL;
+        double          K[9];
+        memset(q->tangent, 0, sizeof q->tangent);
+        if (q->limit > 0) (void)clothi_contact_friction(c, q, x, q->tangent, K);
+        if (!(q->force > 0)) continue;
+        memset(&a, 0, sizeof a);
+        a.key = q->key;
+        a.force = q->force;
+        a.gap = q->gap;
+        clothi_contact_slip(c, q, x, a.slip);
+        clothi_contact_turn(c, q, a.slip);
+        for (k = 0; k < 3; k++) a.slip[k] *= a.force;
+        if (!last || clothi_key_compare(&last->key, &a.key) != 0) {
+            status = clothi_anchor_add(c, &a);
+            continue;
+        }
+        last->force += a.force;
+        last->gap = clothi_min(last->gap, a.gap);
+        for (k = 0; k < 3; k++) last->slip[k] += a.slip[k];
+    }
+    for (i = 0; i < c->nnext && !status; i++) {
+        clothi_anchor *a = c->next + i;
+        double         size;
+        for (k = 0; k < 3; k++) a->slip[k] /= a->force;
+        size = sqrt(clothi_dot3(a->slip, a->slip));
+        for (k = 0; k < 3 && size > c->desc.slip; k++) a->slip[k] *= c->desc.slip / size;
+    }
     if (!status) status = clothi_pinch_list(c);
     for (i = 0; i < c->ncontact && !status; i++)
         *impact |= c->contact[i].force > 0 && !(c->contact[i].start < c->contact[i].range);
@@ -7157,62 +7041,57 @@ static void clothi_contact_rollback(void *user, cloth_report *report) {
 
 /* cloth_contact.moves: the box of an obstacle's way meets that of a face; a wall; a pinch. */
 static int clothi_contact_moves(void *user) {
+    static const int     corners[3] = {0, 1, 2};
     const cloth_collide *c = (const cloth_collide *)user;
     int                  o, i, k;
     for (o = 0; o < c->nobstacle; o++) {
         const clothi_obstacle *b = c->obstacle + o;
-        const double          *p = b->x, *x = c->sim->state.x;
         const double           reach = b->thickness + clothi_slot_radius(c, o);
-        double                 own[6], box[6], face[6];
-        if (!b->used ||
-            (!memcmp(p, p + 3 * b->nv, 3 * (size_t)b->nv * sizeof *p) &&
-             !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0])))
+        const size_t           bytes = 3 * (size_t)b->nv * sizeof(double);
+        double                 own[6], box[6], face[18];
+        if (!b->used || (!memcmp(clothi_pose(b, 0), clothi_pose(b, 1), bytes) &&
+                         !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0])))
             continue;
         if (clothi_is_wall(b)) return 1;
-        for (i = 0; i < b->nv; i++) {
-            clothi_swept_boxes(1, p + 3 * i, p + 3 * (b->nv + i), reach, box);
+        for (i = 0; i < 2 * b->nv; i++) {   /* both poses */
+            clothi_swept_boxes(1, b->x + 3 * i, NULL, reach, box);
             clothi_box_join(box, i ? own : box, own);
         }
         for (i = 0; i < 3 * c->nf; i += 3) {
-            for (k = 0; k < 3; k++) {
-                clothi_swept_boxes(1, x + 3 * c->faces[i + k], NULL, 0, box);
-                clothi_box_join(box, k ? face : box, face);
-            }
-            if (clothi_boxes_meet(own, face)) return 1;
+            for (k = 0; k < 3; k++)
+                clothi_swept_boxes(1, c->sim->state.x + 3 * c->faces[i + k], NULL, 0, face + 6 * k);
+            clothi_face_box(face, corners, box);
+            if (clothi_boxes_meet(own, box)) return 1;
         }
     }
     return c->nhold > 0 || (c->begun && c->nholding > 0);
 }
 
-/* What the step under way has made of anchors, exempt pairs and holds becomes state. */
-static void clothi_contact_accept(cloth_collide *c) {
-    clothi_anchor *swap = c->anchor;
-    cloth_hold    *hold = c->hold;
-    int            i, cap = c->anchor_cap;
-    c->anchor = c->next, c->nanchor = c->nnext, c->anchor_cap = c->next_cap;
-    c->next = swap, c->nnext = 0, c->next_cap = cap;
-    cap = c->hold_cap;
-    c->hold = c->holding, c->nhold = c->nholding, c->hold_cap = c->holding_cap;
-    c->holding = hold, c->nholding = 0, c->holding_cap = cap;
-    c->report.held = c->nhold;
-    for (i = 0; i < c->mf && c->nhold; i++) c->report.exempt_faces += c->pinched[i];
-    clothi_exempt_part(c);
-    clothi_exempt_accept(c);
-    c->begun = 0;
-}
-
+/* Poses, and what the step under way has made of anchors, exempt pairs and holds, become state. */
 static void clothi_contact_commit(void *user, cloth_report *report) {
     cloth_collide *c = (cloth_collide *)user;
+    clothi_anchor *anchor = c->anchor;
+    cloth_hold    *hold = c->hold;
     double         least = c->thickest;
-    int            o, i, active = 0;
-    for (o = 0; o < c->nobstacle; o++) {
-        clothi_obstacle *b = c->obstacle + o;
+    int            i, cap, active = 0;
+    for (i = 0; i < c->nobstacle; i++) {
+        clothi_obstacle *b = c->obstacle + i;
         if (!b->used) continue;
         memcpy(clothi_pose(b, 0), clothi_pose(b, 1), 3 * (size_t)b->nv * sizeof(double));
         memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
     }
     if (c->begun) {                         /* not of a sim that sleeps */
-        clothi_contact_accept(c);
+        cap = c->anchor_cap;
+        c->anchor = c->next, c->nanchor = c->nnext, c->anchor_cap = c->next_cap;
+        c->next = anchor, c->nnext = 0, c->next_cap = cap;
+        cap = c->hold_cap;
+        c->hold = c->holding, c->nhold = c->nholding, c->hold_cap = c->holding_cap;
+        c->holding = hold, c->nholding = 0, c->holding_cap = cap;
+        c->report.held = c->nhold;
+        for (i = 0; i < c->mf && c->nhold; i++) c->report.exempt_faces += c->pinched[i];
+        clothi_exempt_part(c);
+        clothi_exempt_accept(c);
+        c->begun = 0;
         c->inexact = report && report->outcome == CLOTH_STEP_MAX_ITERATIONS;
     }
     for (i = 0; i < c->ncontact; i++) {
@@ -7227,27 +7106,19 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     report->smallest_gap = least;
 }
 
-/* Energy of the contacts without their damping, J. */
-static double clothi_contact_stored(const cloth_collide *c) {
-    double sum = 0, f, s;
-    int    i, j, k;
-    for (i = 0; i < c->ncontact; i = j) {
-        double part = 0;
-        j = clothi_group_end(c, i);
-        for (k = i; k < j; k++)
-            part += pow(c->contact[k].share *
-                            clothi_contact_elastic(c->contact + k, c->contact[k].gap, &f, &s),
-                        8);
-        sum += pow(part, 1.0 / 8);
-    }
-    return sum;
-}
-
 /* cloth_contact.balance: work of the contacts over the substep, at its end. */
 static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
     const cloth_collide *c = (const cloth_collide *)user;
     int                  i, j, k;
-    ledger->contact = clothi_contact_stored(c);
+    ledger->contact = 0;                    /* J, without their damping */
+    for (i = 0; i < c->ncontact; i = j) {
+        double part = 0, f, s;
+        for (j = clothi_group_end(c, i), k = i; k < j; k++)
+            part += pow(c->contact[k].share *
+                            clothi_contact_elastic(c->contact + k, c->contact[k].gap, &f, &s),
+                        8);
+        ledger->contact += pow(part, 1.0 / 8);
+    }
     for (i = 0; i < c->ncontact && c->begun; i++) {
         const clothi_contact *q = c->contact + i;
         double                loss = clothi_dot3(q->tangent, q->carry), work = 0;
@@ -7352,49 +7223,49 @@ static int clothi_contact_poses(const cloth_collide *c) {
     return n;
 }
 
-/* State of an obstacle to `out` or from `in`; returns its bytes. */
-static size_t clothi_obstacle_state(clothi_obstacle *b, unsigned char *out,
-                                    const unsigned char *in) {
-    void *const  field[4] = {b->x, b->turn, b->surface, &b->friction};
-    const size_t bytes[4] = {6 * (size_t)b->nv * sizeof(double), sizeof b->turn, sizeof b->surface,
-                             sizeof b->friction};
-    size_t       at = 0;
-    int          k;
-    for (k = 0; k < 4; at += bytes[k++]) {
-        if (out) memcpy(out + at, field[k], bytes[k]);
-        if (in) memcpy(field[k], in + at, bytes[k]);
+static void clothi_saved(void *field, size_t bytes, unsigned char **out, const unsigned char **in) {
+    if (*out && bytes) memcpy(*out, field, bytes), *out += bytes;
+    if (*in && bytes) memcpy(field, *in, bytes), *in += bytes;
+}
+
+/* What a snapshot has behind its head, to `out` or from `in`; the lists have their lengths. */
+static void clothi_contact_state(cloth_collide *c, unsigned char *out, const unsigned char *in) {
+    int o;
+    for (o = 0; o < c->nobstacle; o++) {
+        clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        clothi_saved(b->x, 6 * (size_t)b->nv * sizeof *b->x, &out, &in);
+        clothi_saved(b->turn, sizeof b->turn, &out, &in);
+        clothi_saved(b->surface, sizeof b->surface, &out, &in);
+        clothi_saved(&b->friction, sizeof b->friction, &out, &in);
     }
-    return at;
+    clothi_saved(c->anchor, (size_t)c->nanchor * sizeof *c->anchor, &out, &in);
+    clothi_saved(c->hold, (size_t)c->nhold * sizeof *c->hold, &out, &in);
+    clothi_saved(c->exempt, (size_t)c->nexempt * sizeof *c->exempt, &out, &in);
+}
+
+/* Of a snapshot with as many of each; pairs end where a double may begin. */
+static size_t clothi_contact_size(const cloth_collide *c, int anchors, int holds, int pairs) {
+    return sizeof(clothi_contact_head) + (size_t)clothi_contact_poses(c) * sizeof(double) +
+           (size_t)anchors * sizeof(clothi_anchor) + (size_t)holds * sizeof(cloth_hold) +
+           ((size_t)pairs + 1) / 2 * 2 * sizeof(clothi_pair_id);
 }
 
 static size_t clothi_contact_save_size(void *user) {
     const cloth_collide *c = (const cloth_collide *)user;
-    return sizeof(clothi_contact_head) + (size_t)clothi_contact_poses(c) * sizeof(double) +
-           (size_t)c->nanchor * sizeof(clothi_anchor) + (size_t)c->nhold * sizeof(cloth_hold) +
-           ((size_t)c->nexempt + 1) / 2 * 2 * sizeof(clothi_pair_id);
+    return clothi_contact_size(c, c->nanchor, c->nhold, c->nexempt);
 }
 
 static void clothi_contact_save(void *user, void *buf) {
-    const cloth_collide *c = (const cloth_collide *)user;
-    unsigned char       *out = (unsigned char *)buf;
-    clothi_contact_head  head;
-    int                  o;
+    cloth_collide      *c = (cloth_collide *)user;
+    clothi_contact_head head;
     memset(&head, 0, sizeof head);
     memset(buf, 0, clothi_contact_save_size(user));
     head.seen = c->seen, head.kind = clothi_contact_kind(c);
     head.nanchor = c->nanchor, head.nexempt = c->nexempt, head.nhold = c->nhold;
     head.nobstacle = c->nobstacle, head.npose = clothi_contact_poses(c);
-    memcpy(out, &head, sizeof head);
-    out += sizeof head;
-    for (o = 0; o < c->nobstacle; o++) {
-        clothi_obstacle *b = c->obstacle + o;
-        if (b->used) out += clothi_obstacle_state(b, out, NULL);
-    }
-    if (c->nanchor) memcpy(out, c->anchor, (size_t)c->nanchor * sizeof *c->anchor);
-    out += (size_t)c->nanchor * sizeof *c->anchor;
-    if (c->nhold) memcpy(out, c->hold, (size_t)c->nhold * sizeof *c->hold);
-    out += (size_t)c->nhold * sizeof *c->hold;
-    if (c->nexempt) memcpy(out, c->exempt, (size_t)c->nexempt * sizeof *c->exempt);
+    memcpy(buf, &head, sizeof head);
+    clothi_contact_state(c, (unsigned char *)buf + sizeof head, NULL);
 }
 
 /* Obstacle `slot` is there. */
@@ -7463,31 +7334,27 @@ static int clothi_exempt_valid(const cloth_collide *c, const unsigned char *in, 
 static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t size) {
     cloth_collide      *c = (cloth_collide *)user;
     clothi_contact_head head;
-    const size_t         poses = (size_t)clothi_contact_poses(c) * sizeof(double);
-    const unsigned char *in;
-    cloth_status         status = CLOTH_OK;
+    const unsigned char *in = (const unsigned char *)buf;
+    const char          *fault = NULL;
+    cloth_status         status;
     memset(&head, 0, sizeof head);
     if (size >= sizeof head) memcpy(&head, buf, sizeof head);
     if (size < sizeof head || head.nobstacle != c->nobstacle ||
         head.npose != clothi_contact_poses(c) || head.nanchor < 0 || head.nexempt < 0 ||
         head.nhold < 0 || head.kind != clothi_contact_kind(c) ||
-        size != sizeof head + poses + (size_t)head.nanchor * sizeof(clothi_anchor) +
-                    (size_t)head.nhold * sizeof(cloth_hold) +
-                    ((size_t)head.nexempt + 1) / 2 * 2 * sizeof(clothi_pair_id))
+        size != clothi_contact_size(c, head.nanchor, head.nhold, head.nexempt))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot has other obstacles, or another "
                            "cloth_collide_desc, than this sim");
-    in = (const unsigned char *)buf + sizeof head + poses;
+    in += sizeof head + (size_t)head.npose * sizeof(double);
     if (!clothi_anchors_valid(c, in, head.nanchor))
-        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot has an "
-                           "anchor of contact that is not there, or not a number");
+        fault = "has an anchor of contact that is not there, or not a number";
     in += (size_t)head.nanchor * sizeof(clothi_anchor);
-    if (!clothi_exempt_valid(c, in + (size_t)head.nhold * sizeof(cloth_hold), head.nexempt))
-        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot exempts a "
-                           "pair that is not there");
-    if (!clothi_holds_valid(c, in, head.nhold))
-        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: the snapshot holds a vertex that is not there");
+    if (!clothi_holds_valid(c, in, head.nhold)) fault = "holds a vertex that is not there";
+    in += (size_t)head.nhold * sizeof(cloth_hold);
+    if (!clothi_exempt_valid(c, in, head.nexempt)) fault = "exempts a pair that is not there";
+    if (fault)
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot %s", fault);
     status = CLOTHI_ROOM(c, anchor, head.nanchor);
     if (!status) status = CLOTHI_ROOM(c, hold, head.nhold);
     return status ? status : CLOTHI_ROOM(c, exempt, head.nexempt);
@@ -7525,23 +7392,12 @@ static void clothi_contact_forget(cloth_collide *c) {
 }
 
 static void clothi_contact_load(void *user, const void *buf) {
-    cloth_collide       *c = (cloth_collide *)user;
-    const unsigned char *in = (const unsigned char *)buf;
-    clothi_contact_head  head;
-    int                  o;
-    memcpy(&head, in, sizeof head);
-    in += sizeof head;
+    cloth_collide      *c = (cloth_collide *)user;
+    clothi_contact_head head;
+    memcpy(&head, buf, sizeof head);
     clothi_contact_forget(c);
-    for (o = 0; o < c->nobstacle; o++) {
-        clothi_obstacle *b = c->obstacle + o;
-        if (b->used) in += clothi_obstacle_state(b, NULL, in);
-    }
     c->nanchor = head.nanchor, c->nexempt = head.nexempt, c->nhold = head.nhold;
-    if (c->nanchor) memcpy(c->anchor, in, (size_t)c->nanchor * sizeof *c->anchor);
-    in += (size_t)c->nanchor * sizeof *c->anchor;
-    if (c->nhold) memcpy(c->hold, in, (size_t)c->nhold * sizeof *c->hold);
-    in += (size_t)c->nhold * sizeof *c->hold;
-    if (c->nexempt) memcpy(c->exempt, in, (size_t)c->nexempt * sizeof *c->exempt);
+    clothi_contact_state(c, NULL, (const unsigned char *)buf + sizeof head);
     c->report.exempt_pairs = c->nexempt, c->report.held = c->nhold;
     c->seen = head.seen;
 }
@@ -7560,13 +7416,13 @@ static void clothi_contact_reset(void *user) {
     c->nanchor = c->nexempt = c->nhold = 0;
     c->seen = 0;
     for (o = 0; o < c->nobstacle; o++) {
-        const size_t bytes = 3 * (size_t)c->obstacle[o].nv * sizeof(double);
-        if (!c->obstacle[o].used) continue;
-        memcpy(clothi_pose(c->obstacle + o, 0), clothi_pose(c->obstacle + o, 2), bytes);
-        memcpy(clothi_pose(c->obstacle + o, 1), clothi_pose(c->obstacle + o, 2), bytes);
-        clothi_no_turn(c->obstacle[o].turn);
-        memset(c->obstacle[o].surface, 0, sizeof c->obstacle[o].surface);
-        c->obstacle[o].friction = c->obstacle[o].first_friction;
+        clothi_obstacle *b = c->obstacle + o;
+        if (!b->used) continue;
+        memcpy(clothi_pose(b, 0), clothi_pose(b, 2), 3 * (size_t)b->nv * sizeof(double));
+        memcpy(clothi_pose(b, 1), clothi_pose(b, 2), 3 * (size_t)b->nv * sizeof(double));
+        clothi_no_turn(b->turn);
+        memset(b->surface, 0, sizeof b->surface);
+        b->friction = b->first_friction;
     }
 }
 
@@ -7764,63 +7620,53 @@ static void clothi_tape_break(const cloth_sim *s) {
     if (s->tape_gone) s->recorder.step(s->recorder.user, NULL);
 }
 
-/* Obstacles have come or gone: a new world, looked at. What was found at the last step names the
- * old one and goes with it. On failure the old world stays; the caller then puts its obstacles back
- * and counts [clothi_world_count]. */
-static cloth_status clothi_world_change(cloth_collide *c) {
+/* An obstacle comes or goes: a new world, looked at. What was found at the last step names the old
+ * one and goes with it. On failure all is as before. */
+static cloth_status clothi_world_change(cloth_collide *c, clothi_obstacle *o) {
     cloth_collide old = *c, none;
     cloth_status  status;
     memset(&none, 0, sizeof none);
+    o->used = !o->used;
     clothi_world_take(c, &none);
     status = clothi_world_build(c);
     if (!status) status = clothi_collide_look(c);
     (void)clothi_world_blocks(status ? c : &old, c->hooks);
-    if (status) clothi_world_take(c, &old);
-    if (status) return status;
+    if (status) {
+        o->used = !o->used;
+        clothi_world_take(c, &old);
+        (void)clothi_world_count(c);
+        clothi_world_edges(c);
+        return status;
+    }
     c->sim->still = 0;                      /* wakes */
     c->ncontact = c->nrow = c->nfailed = 0;
     clothi_tape_break(c->sim);
     return CLOTH_OK;
 }
 
-/* Numbers of vertices and faces that a desc of its kind has; 0 vertices: no such kind. */
+/* Numbers of vertices and faces that a desc of its kind has. */
 static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
+    static const int nv[7] = {0, 0, 1, 2, 1, 8, 1};         /* by kind; MESH: as it says */
     *nf = d->kind == CLOTH_OBSTACLE_MESH ? d->nf : d->kind == CLOTH_OBSTACLE_BOX ? 12 : 0;
-    switch (d->kind) {
-    case CLOTH_OBSTACLE_MESH: return d->nv;
-    case CLOTH_OBSTACLE_SPHERE: return 1;
-    case CLOTH_OBSTACLE_CAPSULE: return 2;
-    case CLOTH_OBSTACLE_PLANE: return 1;
-    case CLOTH_OBSTACLE_BOX: return 8;
-    case CLOTH_OBSTACLE_GRID: return 1;
-    case CLOTH_OBSTACLE_FORCE_INT: break;
-    }
-    return 0;
+    return d->kind == CLOTH_OBSTACLE_MESH ? d->nv : nv[d->kind];
 }
 
 /* A body that penetrates itself has an inside: closed, manifold, its faces turned outwards. */
 static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
     clothi_surface_defects defect;
-    cloth_status   status;
-    unsigned char *closed = (unsigned char *)clothi_alloc(hooks, (size_t)d->nf, 1);
-    if (!closed)
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i faces", d->nf);
-    status = clothi_surface_check(hooks, d->nv, d->nf, d->x, d->faces, closed, &defect);
-    clothi_free(hooks, closed);
+    cloth_status status = clothi_surface_check(hooks, d->nv, d->nf, d->x, d->faces, NULL, &defect);
+    const int    turned = defect.turned >= 0, at = turned ? defect.turned : defect.branch;
     if (status) return status;
-    if (defect.open < 0 && defect.turned < 0 && defect.branch < 0)
-        return defect.inward < 0 ? CLOTH_OK
-                                 : clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: "
-                                               "the part of face %i is inside out, its faces look "
-                                               "inwards", defect.inward);
     if (defect.open >= 0)
         return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: the mesh is open at "
                            "face %i, corner %i", defect.open / 3, defect.open % 3);
-    return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: face %i %s at corner %i",
-                       (defect.turned >= 0 ? defect.turned : defect.branch) / 3,
-                       defect.turned >= 0 ? "is turned against its neighbour"
-                                          : "shares an edge with more than one other",
-                       (defect.turned >= 0 ? defect.turned : defect.branch) % 3);
+    if (at >= 0)
+        return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: face %i %s at corner "
+                           "%i", at / 3, turned ? "is turned against its neighbour"
+                           : "shares an edge with more than one other", at % 3);
+    if (defect.inward < 0) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: the part of face %i is "
+                       "inside out, its faces look inwards", defect.inward);
 }
 
 static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
@@ -7871,11 +7717,8 @@ static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
                                k, g->n[k]);
     status = clothi_desc_number(c->hooks, "obstacle.grid->cell", g->cell, 1);
     if (!status) status = clothi_desc_number(c->hooks, "obstacle.grid->band", g->band, 1);
+    if (!status) status = clothi_check_vector(c->hooks, "obstacle.grid->origin", g->origin, 3);
     if (status) return status;
-    at = clothi_find_nonfinite(g->origin, 3);
-    if (at >= 0)
-        return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->origin[%i] = %g", (int)at,
-                           g->origin[at]);
     at = clothi_find_nonfinite(g->phi, (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2]);
     if (at >= 0)
         return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->phi[%i] = %g", (int)at,
@@ -7911,7 +7754,6 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
                     ? d->radius : 0;
     o->friction = o->first_friction = d->friction;
     o->category = d->category, o->mask = d->mask;
-    o->used = 1;
     o->generation = (o->generation + 1) & 0xffffu;
     o->thickness = d->thickness > 0 ? d->thickness : c->desc.thickness;
     clothi_no_turn(o->turn);
@@ -7939,15 +7781,13 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     if (slot == c->nobstacle) c->nobstacle++;
     o = c->obstacle + slot;
     status = clothi_obstacle_fill(c, o, desc);
-    if (!status) status = clothi_world_change(c);
-    if (status) {                           /* as before */
+    if (!status) status = clothi_world_change(c, o);
+    if (status) {
         clothi_obstacle_free(c->hooks, o);
         c->nobstacle = known;
-        (void)clothi_world_count(c);
-        return status;
-    }
-    if (id) *id = clothi_obstacle_id(c, slot);
-    return CLOTH_OK;
+    } else if (id)
+        *id = clothi_obstacle_id(c, slot);
+    return status;
 }
 
 static cloth_status clothi_obstacle_gone(const cloth_collide *c, cloth_obstacle id,
@@ -7990,13 +7830,8 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
     clothi_obstacle *o = clothi_obstacle_of(c, id);
     cloth_status     status;
     if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_remove");
-    o->used = 0;
-    status = clothi_world_change(c);
-    if (status) {                           /* as before */
-        o->used = 1;
-        (void)clothi_world_count(c);
-        return status;
-    }
+    status = clothi_world_change(c, o);
+    if (status) return status;
     clothi_obstacle_free(c->hooks, o);
     clothi_obstacle_forget(c, (int)(o - c->obstacle));
     return clothi_carry(c, o, 0);
@@ -8039,7 +7874,7 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, const double R[9],
                                           const double p[3]) {
     clothi_obstacle *o = clothi_obstacle_of(c, id);
-    double           none[2][9], off = 0;
+    double           none[2][9], off = 0, up[3];
     const double    *turn = R ? R : none[0];
     cloth_status     status;
     int              i, j, k;
@@ -8052,9 +7887,8 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
     for (i = 0; i < 9; i++)
         off = clothi_max(off, fabs(turn[i / 3] * turn[i % 3] + turn[3 + i / 3] * turn[3 + i % 3] +
                                    turn[6 + i / 3] * turn[6 + i % 3] - (i % 4 == 0)));
-    if (off > CLOTHI_ROTATION || turn[0] * (turn[4] * turn[8] - turn[5] * turn[7]) -
-                                         turn[1] * (turn[3] * turn[8] - turn[5] * turn[6]) +
-                                         turn[2] * (turn[3] * turn[7] - turn[4] * turn[6]) < 0)
+    clothi_cross3(turn + 3, turn + 6, up);
+    if (off > CLOTHI_ROTATION || clothi_dot3(turn, up) < 0)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_pose: R is no rotation, R' R is %g off 1", off);
     if (clothi_is_wall(o) && memcmp(turn, none, sizeof none[0]) != 0)
@@ -8336,10 +8170,9 @@ CLOTH_API cloth_status cloth_collide_holds(const cloth_collide *c, int max, clot
                                            int *count) {
     cloth_status status = clothi_query_check(c, "cloth_collide_holds", max, hold != NULL);
     int          i;
-    if (status) return status;
-    for (i = 0; i < max && i < c->nhold; i++) hold[i] = c->hold[i];
-    if (count) *count = c->nhold;
-    return CLOTH_OK;
+    for (i = 0; !status && i < max && i < c->nhold; i++) hold[i] = c->hold[i];
+    if (!status && count) *count = c->nhold;
+    return status;
 }
 
 /* Forces on the cloth's vertices: all, or friction alone. */
@@ -8404,20 +8237,19 @@ CLOTH_API cloth_status cloth_collide_exempt(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count) {
     cloth_status status = clothi_query_check(c, "cloth_collide_exempt", max, pair != NULL);
     int          i;
-    if (status) return status;
-    for (i = 0; i < max && i < c->nexempt; i++) pair[i] = clothi_public_pair(c, c->exempt + i);
-    if (count) *count = c->nexempt;
-    return CLOTH_OK;
+    for (i = 0; !status && i < max && i < c->nexempt; i++)
+        pair[i] = clothi_public_pair(c, c->exempt + i);
+    if (!status && count) *count = c->nexempt;
+    return status;
 }
 
 CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count) {
     cloth_status status = clothi_query_check(c, "cloth_collide_failed", max, pair != NULL);
     int          i;
-    if (status) return status;
-    for (i = 0; i < max && i < c->nfailed; i++) pair[i] = c->failed[i];
-    if (count) *count = c->nfailed;
-    return CLOTH_OK;
+    for (i = 0; !status && i < max && i < c->nfailed; i++) pair[i] = c->failed[i];
+    if (!status && count) *count = c->nfailed;
+    return status;
 }
 
 /* ===== [8.7] UNTANGLING ======================================================================
@@ -8477,19 +8309,6 @@ struct clothi_tangle {
     unsigned char  *drives, *mask;          /* [nw] d is given; [mf] closed faces of an obstacle */
     double          measure;                /* m^3                                             */
 };
-
-/* Room for all that is as long as the world; cleared. */
-static cloth_status clothi_tangle_make(const cloth_collide *c, clothi_tangle *u) {
-    const size_t nw = (size_t)c->nw, reals = 7 * nw + 2 * (size_t)c->me;
-    u->d = (double *)clothi_alloc(c->hooks, reals * sizeof(double) + 2 * nw * sizeof(int) + nw +
-                                                (size_t)c->mf, 1);
-    u->pair = (clothi_pair_id *)clothi_alloc(c->hooks, (size_t)c->nnow + 1, sizeof *u->pair);
-    if (!u->d || !u->pair) return CLOTH_ERR_MEMORY;
-    u->g = u->d + 3 * nw, u->size = u->g + 3 * nw, u->span = u->size + nw;
-    u->area = (int *)(void *)(u->d + reals), u->in = u->area + nw;
-    u->drives = (unsigned char *)(u->in + nw), u->mask = u->drives + nw;
-    return CLOTH_OK;
-}
 
 static void clothi_tangle_free(const cloth_hooks *k, clothi_tangle *u) {
     clothi_free(k, u->pair);
@@ -8578,43 +8397,38 @@ static void clothi_contour_shrink(const cloth_collide *c, const clothi_contour *
 
 /* --- ways out --- */
 
-/* The way of cloth vertex v out of obstacle `slot`; 0 when it is not inside. */
-static int clothi_tangle_leave(const cloth_collide *c, clothi_tangle *u, int slot, int v) {
-    const double  *p = c->xa + 3 * v;
-    clothi_surface solid = {c->xa, c->faces, u->mask, NULL, &c->solid};
-    double         n[3], b[3], d2 = CLOTHI_HUGE;
-    int            k, f, wind;
-    wind = clothi_surface_winding(&solid, p);
-    if (!(c->obstacle[slot].kind == CLOTH_OBSTACLE_BOX ? wind : wind >= 1)) return 0;
-    f = clothi_surface_nearest(&solid, p, &d2, b);
-    if (f < 0) return 0;
-    clothi_face_normal(c->xa, c->faces + 3 * f, n);
-    for (k = 0; k < 3; k++) {
-        const double *x = c->xa + k;
-        const int    *q = c->faces + 3 * f;
-        u->d[3 * v + k] += b[0] * x[3 * q[0]] + b[1] * x[3 * q[1]] + b[2] * x[3 * q[2]] - p[k] +
-                           CLOTHI_GAP * c->desc.thickness * n[k];
-    }
-    u->drives[v] = 1;
-    u->measure += c->area[v] * (sqrt(d2) + c->desc.thickness);
-    return 1;
-}
-
-/* Vertices inside of obstacle `slot`, and cuts by its closed faces: their inner end is wrong, and
- * has a way when it is a vertex inside. */
+/* The ways of vertices out of obstacle `slot`, and cuts by its closed faces: their inner end is
+ * wrong, and has a way when it is a vertex inside. */
 static cloth_status clothi_tangle_inside(const cloth_collide *c, clothi_tangle *u, int slot) {
     const clothi_obstacle *o = c->obstacle + slot;
+    const clothi_surface   solid = {c->xa, c->faces, u->mask, NULL, &c->solid};
     clothi_surface_defects defects;
     cloth_status           status;
-    int                    i;
+    int                    i, k;
     memset(u->mask, 0, (size_t)c->mf);
     status = clothi_surface_check(c->hooks, o->nv, o->nf, o->x, o->faces, u->mask + o->f0,
                                   &defects);
     if (o->kind == CLOTH_OBSTACLE_MESH && defects.volume < 0) memset(u->mask, 0, (size_t)c->mf);
-    for (i = 0; i < c->nv && !status; i++)
-        if (clothi_may_touch(c, i, o->v0) &&
-            clothi_tangle_leave(c, u, slot, i))
-            u->in[i] = slot + 1;
+    for (i = 0; i < c->nv && !status; i++) {
+        const double *p = c->xa + 3 * i;
+        double        n[3], b[3], d2 = CLOTHI_HUGE;
+        int           f, wind;
+        if (!clothi_may_touch(c, i, o->v0)) continue;
+        wind = clothi_surface_winding(&solid, p);
+        if (!(o->kind == CLOTH_OBSTACLE_BOX ? wind : wind >= 1)) continue;
+        f = clothi_surface_nearest(&solid, p, &d2, b);
+        if (f < 0) continue;
+        clothi_face_normal(c->xa, c->faces + 3 * f, n);
+        for (k = 0; k < 3; k++) {
+            const double *x = c->xa + k;
+            const int    *q = c->faces + 3 * f;
+            u->d[3 * i + k] += b[0] * x[3 * q[0]] + b[1] * x[3 * q[1]] + b[2] * x[3 * q[2]] - p[k] +
+                               CLOTHI_GAP * c->desc.thickness * n[k];
+        }
+        u->drives[i] = 1;
+        u->measure += c->area[i] * (sqrt(d2) + c->desc.thickness);
+        u->in[i] = slot + 1;
+    }
     for (i = 0; i < u->line.n && !status; i++) {
         clothi_crossing *cut = u->line.cut + i;
         const int       *v = c->edges + 2 * cut->edge;
@@ -8684,12 +8498,20 @@ static void clothi_tangle_lone(const cloth_collide *c, clothi_tangle *u, const c
     u->measure += c->sim->edge * c->sim->edge * (c->desc.thickness - gap);
 }
 
-/* The pairs c->now at xa: cuts, ways out, G, the measure. */
+/* The pairs c->now at xa: cuts, ways out, G, the measure. *u is 0. */
 static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
-    cloth_status status = clothi_tangle_make(c, u);
+    const size_t nw = (size_t)c->nw, reals = 7 * nw + 2 * (size_t)c->me;
+    cloth_status status;
     int          i, o;
-    for (i = 0; i < c->nnow && !status; i++) u->pair[u->npair++] = c->now[i];
-    if (!status) status = clothi_contour_find(c, u->pair, u->npair, &u->line);
+    u->d = (double *)clothi_alloc(c->hooks, reals * sizeof(double) + 2 * nw * sizeof(int) + nw +
+                                                (size_t)c->mf, 1);
+    u->pair = (clothi_pair_id *)clothi_alloc(c->hooks, (size_t)c->nnow + 1, sizeof *u->pair);
+    if (!u->d || !u->pair) return CLOTH_ERR_MEMORY;
+    u->g = u->d + 3 * nw, u->size = u->g + 3 * nw, u->span = u->size + nw;
+    u->area = (int *)(void *)(u->d + reals), u->in = u->area + nw;
+    u->drives = (unsigned char *)(u->in + nw), u->mask = u->drives + nw;
+    for (i = 0; i < c->nnow; i++) u->pair[u->npair++] = c->now[i];
+    status = clothi_contour_find(c, u->pair, u->npair, &u->line);
     for (o = 0; o < c->nobstacle && !status; o++)
         if (c->obstacle[o].used && c->obstacle[o].nf) status = clothi_tangle_inside(c, u, o);
     if (status) return status;
@@ -8699,18 +8521,6 @@ static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
         if (u->pair[i].kind >= 0) clothi_tangle_lone(c, u, u->pair + i);
     u->measure += 0.25 * u->line.length * c->sim->edge * c->sim->edge;
     return CLOTH_OK;
-}
-
-/* The motion u->d [nv x 3] m: the way out, else along G. */
-static void clothi_tangle_motion(const cloth_collide *c, clothi_tangle *u, double most) {
-    int i, k;
-    for (i = 0; i < c->nv; i++) {
-        const double *g = u->g + 3 * i, pull = most / sqrt(clothi_dot3(g, g) + 0.01);
-        double       *d = u->d + 3 * i, size;
-        for (k = 0; k < 3 && !u->drives[i]; k++) d[k] = pull * g[k];
-        size = sqrt(clothi_dot3(d, d));
-        for (k = 0; k < 3; k++) d[k] *= c->sim->pin[i] >> k & 1 ? 0 : size > most ? most / size : 1;
-    }
 }
 
 /* --- what may pass --- */
@@ -8792,14 +8602,21 @@ static cloth_status clothi_tangle_try(cloth_collide *c, clothi_tangle *u, double
 static cloth_status clothi_tangle_run(cloth_collide *c, clothi_tangle *u, double most,
                                       cloth_untangle_report *r) {
     cloth_status status;
-    int          good = 0;
+    int          good = 0, i, k;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     status = clothi_crossings(c);
     r->before = r->after = c->nnow;
     if (!status && c->nnow) status = clothi_tangle_look(c, u);
     if (status) return status;
     if (c->nnow) {
-        clothi_tangle_motion(c, u, most);
+        for (i = 0; i < c->nv; i++) {       /* the way out, else along G */
+            const double *g = u->g + 3 * i, pull = most / sqrt(clothi_dot3(g, g) + 0.01);
+            double       *d = u->d + 3 * i, size;
+            for (k = 0; k < 3 && !u->drives[i]; k++) d[k] = pull * g[k];
+            size = sqrt(clothi_dot3(d, d));
+            for (k = 0; k < 3; k++)
+                d[k] *= c->sim->pin[i] >> k & 1 ? 0 : size > most ? most / size : 1;
+        }
         c->tangle = u;
         while (r->tries < CLOTHI_UNTANGLE_TRIES && !good && !status)
             status = clothi_tangle_try(c, u, ldexp(1, -r->tries++), r, &good);
@@ -9289,11 +9106,8 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
 /* What holds cloth in pinches: where it goes to what carries it, and to x^n. */
 static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     const cloth_collide *c = f->c;
-    const cloth_model   *m = c->sim->model;
-    const int            face = m->topology->vf[m->topology->vf_start[h->vertex]];
-    const int            leaves = c->look[h->vertex] == CLOTHI_OUT;
-    const double drag = (leaves ? CLOTHI_LEAD : CLOTHI_DRAG) *
-                        clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
+    const int            leaves = c->look[h->vertex] != CLOTHI_HELD;
+    const double         drag = clothi_hold_pull(c, h->vertex);
     double A[6], n[6], out[3], to[3], along;
     int    i, k;
     for (k = 0; k < 3; k++) to[k] = drag * f->a[3 * h->vertex + k];

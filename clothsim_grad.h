@@ -50,7 +50,7 @@
  *         cloth_model      *model = NULL;
  *         cloth_sim        *sim = NULL;
  *         cloth_tape       *tape = NULL;
- *         cloth_grad        grad = {NULL};
+ *         cloth_grad        grad = {0};
  *         cloth_grad_report report;
  *         cloth_pin         pins[2] = {{0, CLOTH_AXIS_ALL}, {19, CLOTH_AXIS_ALL}};
  *         cloth_desc        desc = cloth_desc_default();

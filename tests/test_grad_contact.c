@@ -1,8 +1,6 @@
 /* test_grad_contact.c - the derivative of a run in contact: against differences by each cause, with
  * every kind of body; the same bits under a budget; what is refused, and what is called in doubt.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. test_grad_contact.c -o test_grad_contact -lm \
- *      && ./test_grad_contact */
-#define CLOTHSIM_IMPLEMENTATION
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. test_grad_contact.c -lm */
 #include "clothsim_collide.h"
 #include "clothsim_grad.h"
 #include "test.h"

@@ -115,19 +115,24 @@ static void gaps(void) {
         }
 }
 
-/* A pinch between two boxes: vertices, edges and faces count in each box's own mesh. */
+/* A pinch between two boxes: vertices, edges and faces count in each box's own mesh, also after a
+ * third was refused that would have come before them. */
 static void numbers(void) {
     cloth_collide_pair  pair[MOST];
     cloth_report        r;
     double              x[24], center[3] = {0.1, -0.052, 0.1}, half[3] = {0.2, 0.05, 0.2};
-    cloth_obstacle      high;
+    double              far[3] = {5, 5, 5}, through[3] = {0.1, 0, 0.1};
+    cloth_obstacle      high, first;
     int                 i, count = 0, edges = 0, reversed = 0;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
     CHECK(cloth_collide_remove(W.c, W.ball) == CLOTH_OK);
+    CHECK(world_box(&W, far, half, &first) == CLOTH_OK);
     CHECK(world_box(&W, center, half, NULL) == CLOTH_OK);
     center[1] = 0.06;
     half[0] = 0.05;                         /* its edges over the sheet */
     CHECK(world_box(&W, center, half, &high) == CLOTH_OK);
+    CHECK(cloth_collide_remove(W.c, first) == CLOTH_OK);
+    CHECK(world_box(&W, through, half, NULL) == CLOTH_ERR_MESH);
     center[1] = 0.0485;
     cloth_obstacle_box(center, half, NULL, x);
     CHECK(cloth_collide_move(W.c, high, x) == CLOTH_OK);

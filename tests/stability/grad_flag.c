@@ -1,9 +1,8 @@
 /* grad_flag.c - does the flag of a gradient in contact tell the truth? 100 random scenes of cloth
  * on planes, spheres, boxes, capsules, hilly meshes and itself: what is flagged valid against what
  * differences confirm, by a direction in the start and by one in all other causes at once.
- *   cc -std=c99 -O2 -ffp-contract=off -I.. stability/grad_flag.c -o grad_flag -lm && ./grad_flag
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. stability/grad_flag.c -lm
  * SCENES=n for a part. */
-#define CLOTHSIM_IMPLEMENTATION
 #include "../../clothsim_collide.h"
 #include "../../clothsim_grad.h"
 #include "../test.h"

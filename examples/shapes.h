@@ -468,15 +468,14 @@ static inline const char *shapes_body_make(double edge, shapes_body *b) {
     return result > 0 ? NULL : result < 0 ? "out of memory" : "shapes_body_make: no sound mesh";
 }
 
-/* Poses x [nv x 3] by linear blend skinning: each bone turns by turn[bone] = angles (rad) about
- * x, then y, then z, through its joint and carries its children; then all moves by shift (m). */
-static inline void shapes_body_pose(const shapes_body *b, const double (*turn)[3],
-                                    const double shift[3], double *x) {
-    double R[SHAPES_BONES][9], t[SHAPES_BONES][3];
+/* What each bone does to a point at rest, rows of [R | t], T [SHAPES_BONES x 12]: it turns by
+ * turn[bone] = angles (rad) about x, then y, then z, through its joint and carries its children;
+ * then all moves by shift (m). */
+static inline void shapes_bones(const double (*turn)[3], const double shift[3], double *T) {
     for (int i = 0; i < SHAPES_BONES; i++) {
         const double *q = turn[i], *c = shapes_joint[i];
         double sx = sin(q[0]), cx = cos(q[0]), sy = sin(q[1]), cy = cos(q[1]);
-        double sz = sin(q[2]), cz = cos(q[2]);
+        double sz = sin(q[2]), cz = cos(q[2]), *B = T + 12 * i;
         double A[9] = {cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx,
                        sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx,
                        -sy, cy * sx, cy * cx}, a[3];
@@ -485,36 +484,43 @@ static inline void shapes_body_pose(const shapes_body *b, const double (*turn)[3
         int p = shapes_parent[i];
         for (int r = 0; r < 3; r++) {
             if (p < 0) {
-                memcpy(&R[i][3 * r], &A[3 * r], 3 * sizeof *A);
-                t[i][r] = a[r] + shift[r];
+                memcpy(&B[4 * r], &A[3 * r], 3 * sizeof *A);
+                B[4 * r + 3] = a[r] + shift[r];
                 continue;
             }
-            const double *P = &R[p][3 * r];
+            const double *P = T + 12 * p + 4 * r;
             for (int k = 0; k < 3; k++)
-                R[i][3 * r + k] = P[0] * A[k] + P[1] * A[3 + k] + P[2] * A[6 + k];
-            t[i][r] = t[p][r] + P[0] * a[0] + P[1] * a[1] + P[2] * a[2];
+                B[4 * r + k] = P[0] * A[k] + P[1] * A[3 + k] + P[2] * A[6 + k];
+            B[4 * r + 3] = P[3] + P[0] * a[0] + P[1] * a[1] + P[2] * a[2];
         }
     }
+}
+
+/* Poses x [nv x 3] by linear blend skinning with the bones that shapes_bones() makes. */
+static inline void shapes_body_pose(const shapes_body *b, const double (*turn)[3],
+                                    const double shift[3], double *x) {
+    double T[12 * SHAPES_BONES];
+    shapes_bones(turn, shift, T);
     for (int v = 0; v < b->nv; v++) for (int r = 0; r < 3; r++) {
         const double *p = b->x + 3 * v;
         double sum = 0;
         for (int k = 0; k < 4; k++) {
-            int i = b->bone[4 * v + k];
-            sum += b->weight[4 * v + k] * (R[i][3 * r] * p[0] + R[i][3 * r + 1] * p[1] +
-                                           R[i][3 * r + 2] * p[2] + t[i][r]);
+            const double *B = T + 12 * b->bone[4 * v + k] + 4 * r;
+            sum += b->weight[4 * v + k] * (B[0] * p[0] + B[1] * p[1] + B[2] * p[2] + B[3]);
         }
         x[3 * v + r] = sum;
     }
 }
 
-/* The body at time t >= 0 (s), x [nv x 3] m. It starts at rest in the A-pose, takes up a walk of
- * 1.1 s a cycle over the first second, and moves forward (+z) at `speed` m/s once in stride:
- * 0 stays on the spot, 1.2 suits the steps. Positions and velocities are continuous. */
-static inline void shapes_body_walk(const shapes_body *b, double t, double speed, double *x) {
-    double turn[SHAPES_BONES][3], shift[3] = {0, 0, 0}, s = t < 0 ? 0 : t < 1 ? t : 1;
+/* Turns and shift of the body at time t >= 0 (s), and below x [nv x 3] m by them. It starts at rest
+ * in the A-pose, takes up a walk of 1.1 s a cycle over the first second, and moves forward (+z) at
+ * `speed` m/s once in stride: 0 stays on the spot, 1.2 suits the steps. Positions and velocities
+ * are continuous. */
+static inline void shapes_walk(double t, double speed, double (*turn)[3], double shift[3]) {
+    double s = t < 0 ? 0 : t < 1 ? t : 1;
     double a = s * s * (3 - 2 * s), phase = 5.711986642890533 * t;      /* 2 pi / 1.1 s */
     double swing = a * sin(phase), low[2], drop;
-    memset(turn, 0, sizeof turn);
+    memset(turn, 0, SHAPES_BONES * sizeof *turn);
     for (int side = 0; side < 2; side++) {
         double sign = side ? -1 : 1, fore = sign * cos(phase);
         double lift = fore > 0 ? fore * fore : 0;
@@ -533,8 +539,14 @@ static inline void shapes_body_walk(const shapes_body *b, double t, double speed
     turn[1][0] = 0.03 * a;
     /* the leg that reaches lower stands on the floor: a smooth minimum of both lifts */
     drop = -0.012 * log(0.5 * (exp(-low[0] / 0.012) + exp(-low[1] / 0.012)));
+    shift[0] = 0;
     shift[1] = -drop;
     shift[2] = speed * (t < 1 ? s * s * s - 0.5 * s * s * s * s : t - 0.5);
+}
+
+static inline void shapes_body_walk(const shapes_body *b, double t, double speed, double *x) {
+    double turn[SHAPES_BONES][3], shift[3];
+    shapes_walk(t, speed, turn, shift);
     shapes_body_pose(b, (const double (*)[3])turn, shift, x);
 }
 

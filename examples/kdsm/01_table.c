@@ -1,0 +1,172 @@
+/* kdsm/01_table.c - three ways from a posed garment to its displacement at rest, side by side.
+ *
+ * Notice: kdsm_create() once a body, kdsm_cloth_create() once a garment, kdsm_pose_set() and
+ * kdsm_displace() once an example. Method 1 is exact and jumps, method 2 is smooth and misses, the
+ * hybrid is nearly exact at nearly the size of method 2: table 1 of the paper, ratios beside.
+ *
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. kdsm/01_table.c -lm
+ *   run:      01_table [EDGE [CHAINS POSES]]
+ *             the shirt by formula, with edges of 0.05 m; poses at random, 3 chains of 1
+ *             01_table GARMENT.obj BODY.obj WEIGHTS.txt MOTION.skin [SECONDS]
+ *             weights and motion as figure.h says; an example every fifth of a second
+ *   expected: orders as in the paper: yes
+ */
+#define KDSM_IMPLEMENTATION
+#include "garment.h"
+#include <time.h>
+#define STEPS  48           /* of 1/60 s to each pose: half of them on the way          */
+#define REACH  1.6          /* of what a person can: arms on the trunk, space over space */
+
+typedef struct table {      /* of one method over all examples                          */
+    const char *name;
+    double      error_max, error_mean, d_max, d_mean;
+} table;
+
+typedef struct study {
+    figure      f;
+    garment     g;
+    kdsm_space *space;
+    kdsm_pose  *pose;
+    kdsm_cloth *cloth;
+    double     *d, T[12 * 1000];
+    int         examples, thrown, inverted, several, none, epsilon;
+    table       of[3];
+} study;
+
+static double seconds(void *user) {
+    (void)user;
+    return (double)clock() / CLOCKS_PER_SEC;
+}
+
+/* The space round the body, and where the garment hangs on it at rest. */
+static const char *open_space(study *s) {
+    kdsm_desc    desc = kdsm_desc_default();
+    kdsm_quality q;
+    const char  *error = NULL;
+    int          i;
+    figure_walk(&s->f, 0, s->T);
+    error = garment_wear(&s->g, s->T);
+    for (i = 0; i < STEPS && !error; i++) error = garment_step(&s->g, s->T, 0.1);
+    if (error) return error;
+    figure_body(&s->f, &desc);
+    desc.hooks.log.fn = cloth_log_stderr, desc.hooks.clock.fn = seconds;
+    desc.thickness = 0.1;
+    if (kdsm_create(&desc, &s->space) || kdsm_pose_create(s->space, &s->pose)) return "no space";
+    if (kdsm_cloth_create(s->space, s->g.nv, garment_x(&s->g), s->g.nf, s->g.faces, &s->cloth))
+        return "the garment cannot be embedded";
+    q = kdsm_measure(s->space, NULL);
+    printf("space: %d vertices, %d tetrahedra (%d green); grid %.0f ms, mesh %.0f ms, weights "
+           "%.0f ms\n  dihedral angles %.1f to %.1f degrees, aspect ratio at most %.2f, mean %.2f; "
+           "volumes %.2g to %.2g m^3, none inverted: %s\n", s->space->nv, s->space->nt,
+           s->space->report.green, s->space->report.ms_grid, s->space->report.ms_mesh,
+           s->space->report.ms_weights, q.angle_min, q.angle_max, q.aspect, q.aspect_mean,
+           q.smallest, q.largest, q.inverted == 0 ? "yes" : "no");
+    printf("garment: %d vertices, %d outside of the space, by %.3f m\n", s->cloth->nv,
+           s->cloth->outside, s->cloth->farthest);
+    s->d = (double *)malloc(3 * (size_t)s->g.nv * sizeof *s->d);
+    return s->d ? NULL : "out of memory";
+}
+
+/* The garment as it is now, by all three methods. */
+static const char *example(study *s) {
+    kdsm_options         o = kdsm_options_default();
+    kdsm_displace_report r;
+    int                  m;
+    if (garment_inside(&s->g) != 0) {
+        s->thrown++;
+        return NULL;
+    }
+    if (kdsm_pose_set(s->pose, s->T)) return "the space cannot be posed";
+    s->inverted += kdsm_measure(s->space, s->pose->x).inverted;
+    o.seed = (uint64_t)s->examples++;
+    for (m = 0; m < 3; m++) {
+        table *t = s->of + m;
+        o.method = (kdsm_method)(m + 1);
+        if (kdsm_displace(s->cloth, s->pose, garment_x(&s->g), &o, s->d, NULL, &r))
+            return "no displacement";
+        t->error_max = fmax(t->error_max, r.error_max), t->error_mean += r.error_mean;
+        t->d_max = fmax(t->d_max, r.d_max), t->d_mean += r.d_mean;
+    }
+    s->several += r.several, s->none += r.none, s->epsilon += r.epsilon;
+    return NULL;
+}
+
+/* Chains of poses at random, each chain from rest. */
+static const char *by_formula(study *s, int chains, int poses) {
+    const char *error = NULL;
+    int         c, p, i;
+    for (c = 0; c < chains && !error; c++) {
+        double from[SHAPES_BONES][3], to[SHAPES_BONES][3];
+        memset(from, 0, sizeof from);
+        figure_walk(&s->f, 0, s->T);
+        error = garment_wear(&s->g, s->T);
+        for (p = 0; p < poses && !error; p++) {
+            figure_angles((uint64_t)(100 * c + p), REACH, to);
+            for (i = 1; i <= STEPS && !error; i++) {
+                const double t = fmin(1, 2.0 * i / STEPS);
+                figure_between((const double (*)[3])from, (const double (*)[3])to,
+                               t * t * (3 - 2 * t), s->T);
+                error = garment_step(&s->g, s->T, 0.1);
+            }
+            if (!error) error = example(s);
+            memcpy(from, to, sizeof from);
+        }
+    }
+    return error;
+}
+
+static const char *by_motion(study *s, double length) {
+    const char *error = NULL;
+    int         i, n = (int)(60 * length);
+    for (i = 1; i <= n && !error; i++) {
+        figure_walk(&s->f, i * GARMENT_H, s->T);
+        error = garment_step(&s->g, s->T, 0.1);
+        if (!error && i % 12 == 0) error = example(s);
+    }
+    return error;
+}
+
+static void print_table(study *s) {
+    static const double paper[3][4] = {{0, 0, 136.5, 9.35}, {12.7, 0.549, 14.9, 0.75},
+                                       {11.6, 0.021, 14.7, 0.79}};
+    const table *a = s->of, *b = s->of + 1, *h = s->of + 2;
+    int          m;
+    for (m = 0; m < 3; m++)
+        s->of[m].error_mean /= s->examples, s->of[m].d_mean /= s->examples;
+    printf("%d examples, %d thrown out: cloth inside of the body; %.0f tetrahedra inverted in the "
+           "mean\n  vertices with several candidates %d, by the margin alone %d, without one %d\n",
+           s->examples, s->thrown, (double)s->inverted / s->examples, s->several, s->epsilon,
+           s->none);
+    printf("cm          max error  mean error    max |d|   mean |d|      the paper's\n");
+    for (m = 0; m < 3; m++)
+        printf("%-10s %10.3f %11.4f %10.2f %10.3f      %g %g %g %g\n", s->of[m].name,
+               100 * s->of[m].error_max, 100 * s->of[m].error_mean, 100 * s->of[m].d_max,
+               100 * s->of[m].d_mean, paper[m][0], paper[m][1], paper[m][2], paper[m][3]);
+    printf("mean error, method 2 / hybrid: %.1f (26.1); mean |d|, hybrid / method 2: %.2f (1.05); "
+           "mean |d|, method 1 / hybrid: %.1f (11.8); max |d|, method 1 / hybrid: %.1f (9.3)\n",
+           b->error_mean / h->error_mean, h->d_mean / b->d_mean, a->d_mean / h->d_mean,
+           a->d_max / h->d_max);
+    printf("orders as in the paper: %s\n",
+           a->error_mean <= h->error_mean && 3 * h->error_mean < b->error_mean
+           && h->d_mean < 1.5 * b->d_mean && a->d_mean > h->d_mean && a->d_max >= h->d_max
+           ? "yes" : "no");
+}
+
+int main(int argc, char **argv) {
+    static study s;
+    const int    chains = argc == 4 ? atoi(argv[2]) : 3, poses = argc == 4 ? atoi(argv[3]) : 1;
+    const double edge = argc > 1 && argc < 5 ? atof(argv[1]) : 0.05;
+    const char  *error;
+    s.of[0].name = "method 1", s.of[1].name = "method 2", s.of[2].name = "hybrid";
+    error = argc > 4 ? figure_load(argv[2], argv[3], argv[4], &s.f) : figure_make(0.03, &s.f);
+    if (!error) error = argc > 4 ? garment_load(&s.f, argv[1], &s.g)
+                                 : garment_make(&s.f, edge, &s.g);
+    if (!error) error = open_space(&s);
+    if (!error) error = argc > 4 ? by_motion(&s, argc > 5 ? atof(argv[5]) : 3)
+                                 : by_formula(&s, chains, poses);
+    if (error) fprintf(stderr, "%s\n", error);
+    else if (s.examples > 0) print_table(&s);
+    kdsm_cloth_destroy(s.cloth), kdsm_pose_destroy(s.pose), kdsm_destroy(s.space);
+    garment_free(&s.g), figure_free(&s.f), free(s.d);
+    return error != NULL || s.examples == 0;
+}

@@ -1,0 +1,182 @@
+/* chains.h - chains of poses, simulated one after the other: the work of 02_data.c.
+ * SPDX-License-Identifier: MIT
+ *
+ *     job         j = chains_job("out/shirt/");       then chains, poses, edge, shard ..
+ *     const char *error = chains_dress(&j);
+ *     if (!error) error = chains_make(&j);            its shard of the chains
+ *     if (!error) error = chains_merge(&j);           all of them into out/shirt/data
+ *     chains_free(&j);
+ */
+#ifndef KDSM_EXAMPLE_CHAINS_H
+#define KDSM_EXAMPLE_CHAINS_H
+
+#include "garment.h"
+#include "data.h"
+#include <time.h>
+
+#define CHAINS_STEPS 40     /* of 1/60 s to each pose: half of them on the way          */
+
+typedef struct job {
+    const char *stem;       /* of the files' names: "out/shirt/", "out/02_"             */
+    double      edge;       /* m, of the shirt by formula                               */
+    int         chains, poses, steps, shard, shards, merge, motions;
+    char      **files;      /* GARMENT BODY WEIGHTS MOTION ..                           */
+    figure      f;
+    garment     g;
+    double     *u, T[12 * 1000];
+    FILE       *out;        /* of the chain                                             */
+    int         n, thrown;  /* of it                                                    */
+} job;
+
+/* A job for one process: two chains of two poses of a shirt with edges of 3 cm. */
+static inline job chains_job(const char *stem) {
+    job j;
+    memset(&j, 0, sizeof j);
+    j.stem = stem, j.edge = 0.03, j.chains = j.poses = 2, j.shards = 1, j.steps = CHAINS_STEPS;
+    return j;
+}
+
+static inline const char *chains_keep(job *j, int chain, int number) {
+    const int id[2] = {chain, number}, inside = garment_inside(&j->g);
+    if (inside < 0) return "the body has no distance grid";
+    if (inside > 0) j->thrown++;
+    else if (!data_write(j->out, j->f.njoints, j->g.nv, id, j->T, garment_x(&j->g)))
+        return "an example cannot be written";
+    else j->n++;
+    return NULL;
+}
+
+/* Poses at random, one after the other, each settled. */
+static inline const char *chains_poses(job *j, int chain) {
+    const char *error = NULL;
+    double      from[SHAPES_BONES][3], to[SHAPES_BONES][3];
+    int         p, i;
+    memset(from, 0, sizeof from);
+    for (p = 0; p < j->poses && !error; p++) {
+        figure_angles(1000 * (uint64_t)chain + (uint64_t)p + 1, 1, to);
+        for (i = 1; i <= j->steps && !error; i++) {
+            const double t = fmin(1, 2.0 * i / j->steps);
+            figure_between((const double (*)[3])from, (const double (*)[3])to,
+                           t * t * (3 - 2 * t), j->T);
+            error = garment_step(&j->g, j->T, 0.1);
+        }
+        if (!error) error = chains_keep(j, chain, p);
+        memcpy(from, to, sizeof from);
+    }
+    return error;
+}
+
+static inline const char *chains_motion(job *j, int chain) {
+    const char *error = figure_read_motion(j->files[3 + chain], &j->f);
+    int         i;
+    for (i = 1; !error && 120 * (i - 1) * GARMENT_H < j->f.frames; i++) {
+        figure_walk(&j->f, i * GARMENT_H, j->T);
+        error = garment_step(&j->g, j->T, 0.1);
+        if (!error && i % 12 == 0) error = chains_keep(j, chain, i / 12 - 1);
+    }
+    return error;
+}
+
+static inline void chains_part(const job *j, int chain, const char *end, char *path) {
+    sprintf(path, "%.900schain_%05d.%s", j->stem, chain, end);
+}
+
+/* One chain into its file; where that is there already, nothing. */
+static inline const char *chains_one(job *j, int chain) {
+    char        part[1000], done[1000];
+    const char *error;
+    chains_part(j, chain, "part", part), chains_part(j, chain, "done", done);
+    if ((j->out = fopen(done, "rb")) != NULL) {
+        fclose(j->out);
+        return NULL;
+    }
+    if ((j->out = fopen(part, "wb")) == NULL) return "the directory cannot be written";
+    j->n = j->thrown = 0;
+    figure_walk(&j->f, 0, j->T);
+    error = garment_wear(&j->g, j->T);
+    if (!error && !data_write_head(j->out, j->f.njoints, j->g.nv, 0, 0, j->u))
+        error = "a chain cannot be written";
+    if (!error) error = j->motions ? chains_motion(j, chain) : chains_poses(j, chain);
+    rewind(j->out);                         /* what it holds is known only now */
+    if (!error && !data_write_head(j->out, j->f.njoints, j->g.nv, j->n, j->thrown, j->u))
+        error = "a chain cannot be written";
+    if (fclose(j->out) && !error) error = "a chain cannot be written";
+    if (!error && rename(part, done)) error = "a chain cannot be renamed";
+    return error;
+}
+
+/* All chains into one file, in their order. */
+static inline const char *chains_merge(job *j) {
+    data_set    s;
+    char        path[1000];
+    const char *error = NULL;
+    FILE       *out;
+    int         pass, c, i, n = 0, thrown = 0;
+    memset(&s, 0, sizeof s);
+    sprintf(path, "%.900sdata", j->stem);
+    if ((out = fopen(path, "wb")) == NULL) return "the directory cannot be written";
+    for (pass = 0; pass < 2 && !error; pass++)
+        for (c = 0; c < j->chains && !error; c++) {
+            chains_part(j, c, "done", path);
+            error = data_read(path, &s);
+            if (pass == 0) n += s.n, thrown += s.thrown;
+            if (pass == 1 && c == 0 && !error
+                && !data_write_head(out, s.njoints, s.nv, n, thrown, s.u)) error = "no space";
+            for (i = 0; i < s.n && pass == 1 && !error; i++)
+                if (!data_write(out, s.njoints, s.nv, s.id[i],
+                                s.T + (size_t)i * (size_t)s.njoints * 12,
+                                s.x + (size_t)i * (size_t)s.nv * 3)) error = "no space";
+        }
+    data_free(&s);
+    if (fclose(out) && !error) error = "no space";
+    if (!error) printf("%d examples of %d chains, %d thrown out\n", n, j->chains, thrown);
+    return error;
+}
+
+/* The garment, and where it hangs at rest. */
+static inline const char *chains_dress(job *j) {
+    const char *error = j->motions ? figure_load(j->files[1], j->files[2], j->files[3], &j->f)
+                                   : figure_make(0.03, &j->f);
+    int         i;
+    if (!error) error = j->motions ? garment_load(&j->f, j->files[0], &j->g)
+                                   : garment_make(&j->f, j->edge, &j->g);
+    if (error) return error;
+    figure_walk(&j->f, 0, j->T);
+    error = garment_wear(&j->g, j->T);
+    for (i = 0; i < j->steps && !error; i++) error = garment_step(&j->g, j->T, 0.1);
+    j->u = (double *)malloc(3 * (size_t)j->g.nv * sizeof(double));
+    if (!j->u) return "out of memory";
+    memcpy(j->u, garment_x(&j->g), 3 * (size_t)j->g.nv * sizeof(double));
+    return error;
+}
+
+/* The chains of the shard, with a line of progress. */
+static inline const char *chains_make(job *j) {
+    const char *error = NULL;
+    int         c, done = 0, all = 0;
+    for (c = j->shard; c < j->chains; c += j->shards) all++;
+    for (c = j->shard; c < j->chains && !error; c += j->shards) {
+        error = chains_one(j, c);
+        fprintf(stderr, "\rshard %d/%d: %d of %d chains, %.0f s ", j->shard, j->shards, ++done, all,
+                (double)clock() / CLOCKS_PER_SEC);
+    }
+    if (done) fprintf(stderr, "\n");
+    return error;
+}
+
+/* Chains that an earlier run left are made anew. */
+static inline void chains_forget(const job *j) {
+    char path[1000];
+    int  c;
+    for (c = 0; c < j->chains; c++) {
+        chains_part(j, c, "done", path);
+        (void)remove(path);
+    }
+}
+
+static inline void chains_free(job *j) {
+    garment_free(&j->g), figure_free(&j->f), free(j->u);
+    j->u = NULL;
+}
+
+#endif

@@ -1,0 +1,1144 @@
+/* test_kdsm.c - the space round a body (examples/kdsm/kdsm.h): its mesh against what hangs together
+ * and what is covered, point location against brute force, derivatives against differences, the
+ * ways from cloth to displacement and back, refusals, a failing allocator.
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. test_kdsm.c \
+ *      -o test_kdsm -lm && ./test_kdsm */
+#define KDSM_IMPLEMENTATION
+#include "../examples/kdsm/chains.h"
+#include "../examples/kdsm/net.h"
+#include "test.h"
+#include "host.h"
+#include "shapes.h"
+
+static host        told;
+static figure      body;
+static double      T[12 * SHAPES_BONES];
+static kdsm_space *space;                   /* of the body by formula, made once               */
+static kdsm_desc   basic;
+
+static unsigned long long seed = 1;
+
+static double uniform(double a, double b) {
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return a + (b - a) * (double)(seed >> 11) / 9007199254740992.0;
+}
+
+static kdsm_desc desc_of(const figure *f) {
+    kdsm_desc d = kdsm_desc_default();
+    figure_body(f, &d);
+    d.hooks = host_hooks(&told);
+    return d;
+}
+
+static kdsm_space *make(const kdsm_desc *d) {
+    kdsm_space        *s = NULL;
+    const cloth_status status = kdsm_create(d, &s);
+    if (status) printf("%s\n%s", cloth_status_text(status), told.text);
+    CHECK(status == CLOTH_OK && s);
+    if (!s) exit(2);
+    return s;
+}
+
+static cloth_grid *grid_of(const kdsm_desc *d) {
+    cloth_grid_desc g = cloth_grid_desc_default();
+    cloth_grid     *grid = NULL;
+    g.nv = d->nv, g.x = d->x, g.nf = d->nf, g.faces = d->faces;
+    g.cell = d->cell > 0 ? d->cell : 0.5 * d->coarse / (1 << d->levels);
+    g.band = d->thickness + 2 * g.cell;
+    CHECK(cloth_grid_create(&g, &grid) == CLOTH_OK);
+    if (!grid) exit(2);
+    return grid;
+}
+
+static double phi_at(const cloth_grid *grid, const double *x) {
+    double phi = 0;
+    CHECK(cloth_grid_sample(grid, x, &phi, NULL) == CLOTH_OK);
+    return phi;
+}
+
+/* Both arms turned into the trunk by an angle, elbows bent: space over space. */
+static void arms_in(double angle, double *to) {
+    const double shift[3] = {0, 0, 0};
+    double       turn[SHAPES_BONES][3];
+    memset(turn, 0, sizeof turn);
+    turn[3][2] = -angle, turn[4][2] = angle;
+    turn[5][0] = turn[6][0] = -1;
+    shapes_bones((const double (*)[3])turn, shift, to);
+}
+
+/* --- the mesh --- */
+
+typedef struct side {                       /* a face of a tetrahedron, corners rising         */
+    int v[3], sign, tet;
+} side;
+
+static int by_corners(const void *a, const void *b) {
+    const side *p = (const side *)a, *q = (const side *)b;
+    int         k;
+    for (k = 0; k < 3; k++)
+        if (p->v[k] != q->v[k]) return p->v[k] < q->v[k] ? -1 : 1;
+    return p->tet < q->tet ? -1 : p->tet > q->tet;
+}
+
+static int by_place(const void *a, const void *b) {
+    const double *p = (const double *)a, *q = (const double *)b;
+    int           k;
+    for (k = 0; k < 3; k++)
+        if (p[k] < q[k] || p[k] > q[k]) return p[k] < q[k] ? -1 : 1;
+    return 0;
+}
+
+/* All faces of the mesh, sorted, outward orientation as the sign of the permutation. */
+static side *sides_of(const kdsm_space *s) {
+    static const int out[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+    side            *list = (side *)calloc(4 * (size_t)s->nt, sizeof *list);
+    int              t, k, i, j;
+    if (!list) exit(2);
+    for (t = 0; t < s->nt; t++)
+        for (k = 0; k < 4; k++) {
+            side *f = list + 4 * t + k;
+            f->tet = t, f->sign = 1;
+            for (i = 0; i < 3; i++) f->v[i] = s->tet[4 * t + out[k][i]];
+            for (i = 0; i < 2; i++)
+                for (j = 0; j < 2 - i; j++)
+                    if (f->v[j] > f->v[j + 1]) {
+                        const int swap = f->v[j];
+                        f->v[j] = f->v[j + 1], f->v[j + 1] = swap, f->sign = -f->sign;
+                    }
+        }
+    qsort(list, 4 * (size_t)s->nt, sizeof *list, by_corners);
+    return list;
+}
+
+/* A crack is a face with one tetrahedron inside of the thickened body. */
+static void hangs_together(const kdsm_space *s, const kdsm_desc *d) {
+    cloth_grid        *grid = grid_of(d);
+    const kdsm_quality q = kdsm_measure(s, NULL);
+    side              *list = sides_of(s);
+    double             volume = 0, least = HUGE_VAL, *x;
+    int                i, j, k, outer = 0, bad = 0, same = 0, halved = 0;
+    for (i = 0; i < 4 * s->nt; i = j) {
+        int sum = 0;
+        for (j = i; j < 4 * s->nt && memcmp(list[i].v, list[j].v, sizeof list[i].v) == 0; j++)
+            sum += list[j].sign;
+        bad += j - i > 2 || (j - i == 2 && sum != 0);
+        if (j - i == 1) {                   /* divergence theorem: x . n / 3 */
+            const double *a = s->v + 3 * list[i].v[0], *b = s->v + 3 * list[i].v[1];
+            const double *c = s->v + 3 * list[i].v[2];
+            double        n[3], m[3];
+            kdsmi_cross(b, c, n);
+            volume += sum * kdsmi_dot(a, n) / 6;
+            for (k = 0; k < 3; k++) m[k] = (a[k] + b[k] + c[k]) / 3;
+            least = fmin(least, fmin(phi_at(grid, m), fmin(phi_at(grid, a), phi_at(grid, b))));
+            outer++;
+        }
+    }
+    x = (double *)malloc(3 * (size_t)s->nv * sizeof(double));
+    if (!x) exit(2);
+    memcpy(x, s->v, 3 * (size_t)s->nv * sizeof(double));
+    qsort(x, (size_t)s->nv, 3 * sizeof(double), by_place);
+    for (i = 1; i < s->nv; i++) same += by_place(x + 3 * i - 3, x + 3 * i) == 0;
+    for (i = 0; i < 6 * s->nt; i++) {       /* a vertex in the middle of an edge hangs */
+        double m[3];
+        for (k = 0; k < 3; k++)
+            m[k] = 0.5 * (s->v[3 * s->tet[4 * (i / 6) + kdsmi_edge[i % 6][0]] + k]
+                          + s->v[3 * s->tet[4 * (i / 6) + kdsmi_edge[i % 6][1]] + k]);
+        halved += bsearch(m, x, (size_t)s->nv, 3 * sizeof(double), by_place) != NULL;
+    }
+    printf("  levels %d: %d vertices, %d red, %d green, %d dropped, %d forced; %d outer faces, "
+           "least phi there %.4f of %.4f\n    volume %.6g (surface %.6g), %.3g .. %.3g; angles "
+           "%.1f .. %.1f, aspect %.2f, mean %.2f\n", d->levels, s->nv, s->report.red,
+           s->report.green, s->report.dropped, s->report.forced, outer, least, d->thickness,
+           q.volume, volume, q.smallest, q.largest, q.angle_min, q.angle_max, q.aspect,
+           q.aspect_mean);
+    CHECK(bad == 0 && same == 0 && halved == 0 && q.inverted == 0 && q.smallest > 0);
+    CHECK(s->nt == s->report.red + s->report.green);
+    CHECK_REL(volume, q.volume, 1e-10);
+    CHECK(least >= d->thickness - 0.5 * grid->cell);
+    CHECK(q.angle_min > 25 && q.angle_max < 130 && q.aspect < 3);
+    CHECK(d->levels < 3 || s->report.forced > 0);
+    if (d->levels == 0) CHECK(q.angle_min > 59.99 && q.angle_max < 90.01 && s->report.green == 0);
+    else CHECK(s->report.green > 0);
+    free(list), free(x);
+    cloth_grid_destroy(grid);
+}
+
+/* Two balls that touch, levels from none to four: where grades meet all patterns of green occur. */
+static void mesh_hangs_together(void) {
+    const double c[3] = {0.01, 0.02, 0}, c2[3] = {0.16, 0.05, 0.02};
+    shape        balls;
+    int          level, k, *joint;
+    double      *weight;
+    memset(&balls, 0, sizeof balls);
+    shape_sphere(&balls, c, 0.1, 8), shape_sphere(&balls, c2, 0.06, 8);
+    joint = (int *)calloc((size_t)balls.nv, sizeof(int));
+    weight = (double *)malloc((size_t)balls.nv * sizeof(double));
+    if (!joint || !weight) exit(2);
+    for (k = 0; k < balls.nv; k++) weight[k] = 1;
+    for (level = 0; level <= (test_full() ? 5 : test_quick() ? 3 : 4); level++) {
+        kdsm_desc   d = basic;
+        kdsm_space *s;
+        d.nv = balls.nv, d.x = balls.x, d.nf = balls.nf, d.faces = balls.faces;
+        d.njoints = d.influences = 1, d.joint = joint, d.weight = weight, d.smooth = 0;
+        d.levels = level, d.coarse = 0.1, d.near = 1e-3, d.cell = 0.01;
+        s = make(&d);
+        hangs_together(s, &d);
+        kdsm_destroy(s);
+    }
+    hangs_together(space, &basic);
+    shape_free(&balls), free(joint), free(weight);
+}
+
+/* Parts cut at random, far from how the surface would have them cut: the closure bears it. */
+static void mesh_of_random_cuts_hangs_together(void) {
+    int round, k;
+    for (k = 0; k < (test_quick() ? 3 : 8); k++) {
+        kdsm_desc    d = basic;
+        cloth_grid  *grid;
+        kdsm_space   s;
+        kdsmi_maker  m;
+        size_t       i;
+        memset(&s, 0, sizeof s), memset(&m, 0, sizeof m);
+        d.coarse = 0.3, d.cell = 0.03, d.levels = 3;
+        grid = grid_of(&d);
+        m.d = &d, m.grid = grid, m.rep = &s.report;
+        CHECK(kdsmi_lattice(&m) == CLOTH_OK);
+        for (round = 0; round < 3; round++) {
+            const size_t n = m.part.n;
+            for (i = 0; i < n; i++)
+                if (((kdsmi_part *)m.part.at)[i].level == round && uniform(0, 1) < 0.06)
+                    CHECK(kdsmi_red(&m, i));
+        }
+        CHECK(kdsmi_close(&m) == CLOTH_OK && kdsmi_emit(&m, &s) == CLOTH_OK);
+        hangs_together(&s, &d);
+        kdsmi_maker_free(&m);
+        kdsmi_free(&d.hooks, s.v), kdsmi_free(&d.hooks, s.tet), kdsmi_free(&d.hooks, s.green);
+        cloth_grid_destroy(grid);
+    }
+}
+
+/* Boxes [nt x 6] three times as large as each tetrahedron's: none within epsilon is beyond. */
+static double *boxes_of(const kdsm_space *s, const double *x) {
+    double *box = (double *)malloc(6 * (size_t)s->nt * sizeof(double));
+    int     t, k;
+    if (!box) exit(2);
+    for (t = 0; t < s->nt; t++) {
+        double a[12];
+        kdsmi_corners(x, s->tet + 4 * t, a);
+        for (k = 0; k < 3; k++) {
+            const double lo = fmin(fmin(a[k], a[k + 3]), fmin(a[k + 6], a[k + 9]));
+            const double hi = fmax(fmax(a[k], a[k + 3]), fmax(a[k + 6], a[k + 9]));
+            box[6 * t + k] = lo - (hi - lo) - 1e-9, box[6 * t + 3 + k] = hi + (hi - lo) + 1e-9;
+        }
+    }
+    return box;
+}
+
+static int beside(const double *b, const double *p) {
+    return p[0] < b[0] || p[0] > b[3] || p[1] < b[1] || p[1] > b[4] || p[2] < b[2] || p[2] > b[5];
+}
+
+/* Points at random: inside of the thickened body they are in one tetrahedron, nowhere in two. */
+static void mesh_covers_the_thickened_body(void) {
+    cloth_grid *grid = grid_of(&basic);
+    const int   n = test_full() ? 20000 : test_quick() ? 500 : 4000;
+    double     *box = boxes_of(space, space->v);
+    int         i, t, inside = 0, missed = 0, twice = 0;
+    for (i = 0; i < n; i++) {
+        const double p[3] = {uniform(-0.8, 0.8), uniform(-0.1, 1.8), uniform(-0.25, 0.3)};
+        const double phi = phi_at(grid, p);
+        int          in = 0, deep = 0;
+        for (t = 0; t < space->nt; t++) {
+            double a[12], w[4], least;
+            if (beside(box + 6 * t, p)) continue;
+            kdsmi_corners(space->v, space->tet + 4 * t, a);
+            CHECK(kdsm_barycentric(a, p, w));
+            least = fmin(fmin(w[0], w[1]), fmin(w[2], w[3]));
+            in += least >= -1e-12, deep += least > 1e-12;
+        }
+        inside += phi < basic.thickness - 0.5 * grid->cell;
+        missed += phi < basic.thickness - 0.5 * grid->cell && !in;
+        twice += deep > 1;
+    }
+    printf("  %d of %d points inside, %d missed, %d in two tetrahedra\n", inside, n, missed, twice);
+    CHECK(inside > n / 20 && missed == 0 && twice == 0);
+    free(box), cloth_grid_destroy(grid);
+}
+
+/* --- weights and skinning --- */
+
+/* The mean and worst distance of the space's own picture of the body from the body, mm. */
+static void body_in_space(const kdsm_space *s, const double *pose, double *mean, double *worst) {
+    const size_t n = (size_t)body.nv;
+    int         *tet = (int *)malloc(n * sizeof(int)), i, outside = 0;
+    double      *w = (double *)malloc(10 * n * sizeof(double)), *x = w + 4 * n, *y = x + 3 * n;
+    double      *xv = (double *)malloc(3 * (size_t)s->nv * sizeof(double)), far = 0;
+    if (!tet || !w || !xv) exit(2);
+    CHECK(kdsm_embed(s, body.nv, body.x, tet, w, &outside, &far) == CLOTH_OK && outside == 0);
+    CHECK(kdsm_skin(s, pose, 0, NULL, xv) == CLOTH_OK);
+    CHECK(kdsm_evaluate(s, xv, body.nv, tet, w, x, NULL) == CLOTH_OK);
+    figure_skin(&body, pose, y);
+    for (i = 0, *mean = *worst = 0; i < body.nv; i++) {
+        const double d = 1e3 * sqrt(kdsmi_distance2(x + 3 * i, y + 3 * i));
+        *mean += d / body.nv, *worst = fmax(*worst, d);
+    }
+    free(tet), free(w), free(xv);
+}
+
+/* The largest difference of a joint's weight along an edge, and in the mean, of the space. */
+static double steepest(const kdsm_space *s) {
+    double worst = 0;
+    int    t, e, j, k;
+    for (t = 0; t < s->nt; t++)
+        for (e = 0; e < 6; e++) {
+            const int a = s->tet[4 * t + kdsmi_edge[e][0]], b = s->tet[4 * t + kdsmi_edge[e][1]];
+            double    diff[SHAPES_BONES];
+            memset(diff, 0, sizeof diff);
+            for (k = 0; k < s->kept; k++) {
+                diff[s->joint[s->kept * a + k]] += s->weight[s->kept * a + k];
+                diff[s->joint[s->kept * b + k]] -= s->weight[s->kept * b + k];
+            }
+            for (j = 0; j < SHAPES_BONES; j++) worst = fmax(worst, fabs(diff[j]));
+        }
+    return worst;
+}
+
+/* The formula of [4.3] over again, from the weights without diffusion: the largest difference. */
+static double diffused(const kdsm_space *raw, const kdsm_space *s, int joint) {
+    const double fine = basic.coarse / (1 << basic.levels);
+    const double n = ceil(6 * pow(basic.smooth / fine, 2));
+    double      *w[2], *sum = (double *)calloc((size_t)s->nv, 3 * sizeof(double)), worst = 0;
+    int          i, k, t, e, step;
+    for (k = 0; k < 2; k++) w[k] = (double *)calloc((size_t)s->nv, sizeof(double));
+    if (!w[0] || !w[1] || !sum) exit(2);
+    for (i = 0; i < s->nv * s->kept; i++)
+        if (raw->joint[i] == joint) w[0][i / s->kept] += raw->weight[i];
+    for (step = 0; step < (int)n; step++) {
+        memset(sum, 0, 3 * (size_t)s->nv * sizeof(double));
+        for (t = 0; t < s->nt; t++)
+            for (e = 0; e < 12; e++) {
+                const int a = s->tet[4 * t + kdsmi_edge[e / 2][e % 2]];
+                const int b = s->tet[4 * t + kdsmi_edge[e / 2][1 - e % 2]];
+                sum[3 * a] += w[0][b], sum[3 * a + 1] += 1;
+                sum[3 * a + 2] += kdsmi_distance2(s->v + 3 * a, s->v + 3 * b);
+            }
+        for (i = 0; i < s->nv; i++) {
+            const double h2 = sum[3 * i + 2] / sum[3 * i + 1], near = s->phi[i] / basic.near;
+            const double a = fmin(0.5, 3 * basic.smooth * basic.smooth / (n * h2))
+                             * fmin(1, near * near);
+            w[0][i] = (1 - a) * w[0][i] + a * sum[3 * i] / sum[3 * i + 1];
+        }
+    }
+    for (i = 0; i < s->nv * s->kept; i++)
+        if (s->joint[i] == joint) w[1][i / s->kept] += s->weight[i];
+    for (i = 0; i < s->nv; i++) worst = fmax(worst, fabs(w[0][i] - w[1][i]));
+    free(w[0]), free(w[1]), free(sum);
+    return worst;
+}
+
+static void weights_are_a_partition(void) {
+    kdsm_desc   d = basic;
+    kdsm_space *raw;
+    double      mean, worst, raw_mean, raw_worst;
+    int         i, k, several = 0;
+    for (i = 0; i < space->nv; i++) {
+        const double *w = space->weight + space->kept * i;
+        double        sum = 0;
+        for (k = 0; k < space->kept; k++) {
+            const int j = space->joint[space->kept * i + k];
+            sum += w[k];
+            CHECK(w[k] >= 0 && (k == 0 || w[k] <= w[k - 1]) && j >= 0 && j < SHAPES_BONES);
+        }
+        CHECK_NEAR(sum, 1, 1e-12);
+        several += w[1] > 0;
+    }
+    d.smooth = 0;
+    raw = make(&d);
+    figure_pose(7, 1, T);
+    body_in_space(space, T, &mean, &worst);
+    body_in_space(raw, T, &raw_mean, &raw_worst);
+    printf("  %d of %d vertices with several joints; largest step along an edge %.3f, %.3f without "
+           "diffusion; cut %.2g\n  the body in its space: mean %.2f mm, worst %.1f; without "
+           "diffusion %.2f, %.1f\n", several, space->nv, steepest(space), steepest(raw),
+           space->report.cut, mean, worst, raw_mean, raw_worst);
+    for (k = 1; k < 8; k += 3) CHECK_NEAR(diffused(raw, space, k), 0, 1e-6);
+    CHECK(several > space->nv / 4 && space->report.cut < 0.02);
+    CHECK(steepest(space) < 0.95 * steepest(raw));
+    CHECK(mean < 3 && raw_mean < 1);
+    kdsm_destroy(raw);
+}
+
+static void identity(double *to) {
+    int i;
+    memset(to, 0, sizeof T);
+    for (i = 0; i < SHAPES_BONES; i++)
+        to[12 * i] = to[12 * i + 5] = to[12 * i + 10] = 1;
+}
+
+static void skinning_moves_what_is_asked(void) {
+    static const double R[12] = {0, -1, 0, 0.3, 1, 0, 0, -0.2, 0, 0, 1, 0.5};
+    double             *x = (double *)malloc(3 * (size_t)space->nv * sizeof(double));
+    int                 list[3], i, k;
+    if (!x) exit(2);
+    identity(T);
+    CHECK(kdsm_skin(space, T, 0, NULL, x) == CLOTH_OK);
+    for (i = 0; i < 3 * space->nv; i++) CHECK_NEAR(x[i], space->v[i], 1e-14);
+    for (i = 0; i < SHAPES_BONES; i++) memcpy(T + 12 * i, R, sizeof R);
+    list[0] = 5, list[1] = 17, list[2] = space->nv - 1;
+    memset(x, 0, 3 * (size_t)space->nv * sizeof(double));
+    CHECK(kdsm_skin(space, T, 3, list, x) == CLOTH_OK);
+    for (i = 0; i < space->nv; i++)
+        for (k = 0; k < 3; k++) {
+            const double *p = space->v + 3 * i;
+            const int     asked = i == 5 || i == 17 || i == space->nv - 1;
+            CHECK_NEAR(x[3 * i + k], asked ? R[4 * k] * p[0] + R[4 * k + 1] * p[1]
+                                             + R[4 * k + 2] * p[2] + R[4 * k + 3] : 0, 1e-14);
+        }
+    list[1] = space->nv;
+    CHECK(kdsm_skin(space, T, 3, list, x) == CLOTH_ERR_ARGUMENT);
+    T[30] = HOST_NAN;
+    CHECK(kdsm_skin(space, T, 0, NULL, x) == CLOTH_ERR_NONFINITE && strstr(told.text, "T[30]"));
+    host_forget(&told);
+    free(x);
+}
+
+/* --- embedding --- */
+
+static void embedding_gives_points_back(void) {
+    const int n = 2000;
+    int      *tet = (int *)malloc((size_t)n * sizeof(int)), i, k, outside, count = 0, *list;
+    double   *u = (double *)malloc(10 * (size_t)n * sizeof(double)), *w = u + 3 * n, *x = w + 4 * n;
+    double    far;
+    list = (int *)malloc((size_t)space->nv * sizeof(int));
+    if (!tet || !u || !list) exit(2);
+    for (i = 0; i < n; i++) {               /* in a tetrahedron, on a corner, or out in the air */
+        const int *v = space->tet + 4 * (int)uniform(0, space->nt);
+        double     b[4], sum = 0;
+        for (k = 0; k < 4; k++) sum += b[k] = i % 10 == 1 ? k == 0 : uniform(0, 1);
+        for (k = 0; k < 12; k++) u[3 * i + k % 3] = k < 3 ? 0 : u[3 * i + k % 3];
+        for (k = 0; k < 12; k++)
+            u[3 * i + k % 3] += b[k / 3] / sum * space->v[3 * v[k / 3] + k % 3];
+        if (i % 10 == 0) u[3 * i] = 2;
+    }
+    CHECK(kdsm_embed(space, n, u, tet, w, &outside, &far) == CLOTH_OK);
+    CHECK(outside == n / 10 && far > 1 && far < 3);
+    CHECK(kdsm_evaluate(space, space->v, n, tet, w, x, NULL) == CLOTH_OK);
+    for (i = 0; i < n; i++) {
+        const double least = fmin(fmin(w[4 * i], w[4 * i + 1]), fmin(w[4 * i + 2], w[4 * i + 3]));
+        CHECK_NEAR(w[4 * i] + w[4 * i + 1] + w[4 * i + 2] + w[4 * i + 3], 1, 1e-12);
+        CHECK(i % 10 == 0 ? least < 0 : least >= 0);
+        for (k = 0; k < 3; k++) CHECK_NEAR(x[3 * i + k], u[3 * i + k], 1e-12);
+    }
+    CHECK(kdsm_needed(space, n, tet, list, &count) == CLOTH_OK && count > 0 && count < 4 * n);
+    for (i = 1; i < count; i++) CHECK(list[i] > list[i - 1]);
+    tet[3] = space->nt;
+    CHECK(kdsm_needed(space, n, tet, list, &count) == CLOTH_ERR_ARGUMENT);
+    CHECK(kdsm_evaluate(space, space->v, n, tet, w, x, NULL) == CLOTH_ERR_ARGUMENT);
+    free(tet), free(u), free(list);
+}
+
+/* x of one point, embedded anew. */
+static void carried(const double *xv, const double *u, double *x, double *F) {
+    double w[4];
+    int    tet;
+    CHECK(kdsm_embed(space, 1, u, &tet, w, NULL, NULL) == CLOTH_OK);
+    CHECK(kdsm_evaluate(space, xv, 1, &tet, w, x, F) == CLOTH_OK);
+}
+
+static void derivative_by_central_differences(void) {
+    const double h = 1e-5;
+    double      *xv = (double *)malloc(3 * (size_t)space->nv * sizeof(double)), worst = 0, big = 0;
+    int          i, r, c, n = 0;
+    if (!xv) exit(2);
+    figure_pose(3, 1, T);
+    CHECK(kdsm_skin(space, T, 0, NULL, xv) == CLOTH_OK);
+    for (i = 0; i < 300; i++) {             /* the middle: no step leaves the tetrahedron */
+        const int *v = space->tet + 4 * (int)uniform(0, space->nt);
+        double     u[3], x[2][3], F[9], m[3];
+        for (c = 0; c < 3; c++)
+            u[c] = 0.25 * (space->v[3 * v[0] + c] + space->v[3 * v[1] + c] + space->v[3 * v[2] + c]
+                           + space->v[3 * v[3] + c]);
+        carried(xv, u, m, F);
+        for (c = 0; c < 3; c++) {
+            const double at = u[c];
+            u[c] = at - h, carried(xv, u, x[0], NULL);
+            u[c] = at + h, carried(xv, u, x[1], NULL);
+            u[c] = at;
+            for (r = 0; r < 3; r++) {
+                const double difference = (x[1][r] - x[0][r]) / (2 * h);
+                worst = fmax(worst, fabs(difference - F[3 * r + c]));
+                big = fmax(big, fabs(F[3 * r + c])), n++;
+            }
+        }
+    }
+    printf("  %d entries up to %.2f, worst difference %.2g\n", n, big, worst);
+    CHECK(worst < 1e-8 && big > 1.2);
+    free(xv);
+}
+
+/* --- point location --- */
+
+/* Everything in [5.2] said over again without a hierarchy. */
+static int brute(const kdsm_space *s, const double *x, const double *box, const double *p,
+                 kdsm_candidate *list, int *held) {
+    int t, i, j, k, n = 0, left;
+    for (t = 0; t < s->nt; t++) {
+        double         a[12];
+        kdsm_candidate c;
+        if (beside(box + 6 * t, p)) continue;
+        kdsmi_corners(x, s->tet + 4 * t, a);
+        if (!kdsm_barycentric(a, p, c.w)) continue;
+        c.tet = t, c.depth = fmin(fmin(c.w[0], c.w[1]), fmin(c.w[2], c.w[3]));
+        if (c.depth < -0.05) continue;
+        for (i = n++; i > 0 && list[i - 1].depth < c.depth; i--) list[i] = list[i - 1];
+        list[i] = c;
+    }
+    *held = n;
+    for (i = 0; i < n; i++) {
+        int face[3], f = 0, low = 0;
+        for (k = 1; k < 4; k++)
+            if (list[i].w[k] < list[i].w[low]) low = k;
+        for (k = 0; k < 4; k++)
+            if (k != low) face[f++] = s->tet[4 * list[i].tet + k];
+        for (left = j = i + 1; j < n; j++) {
+            int shared = 0;
+            for (k = 0; k < 12; k++) shared |= face[k / 4] == s->tet[4 * list[j].tet + k % 4];
+            if (!shared) list[left++] = list[j];
+        }
+        n = left;
+    }
+    return n;
+}
+
+static void a_point_near(const kdsm_space *s, const double *x, int i, double *p) {
+    const int *v = s->tet + 4 * (int)uniform(0, s->nt);
+    double     b[4], sum = 0;
+    int        k;
+    for (k = 0; k < 4; k++) sum += b[k] = i % 3 == 0 ? uniform(-0.1, 1) : uniform(0, 1);
+    if (i % 7 == 0) sum -= b[0], b[0] = 0;  /* on a face */
+    for (k = 0; k < 3; k++) p[k] = 0;
+    for (k = 0; k < 12; k++) p[k % 3] += b[k / 3] / sum * x[3 * v[k / 3] + k % 3];
+}
+
+static void locate_is_brute_force(void) {
+    static kdsm_candidate want[4096], got[4096];
+    const int   n = test_full() ? 100000 : test_quick() ? 600 : 3000, poses = 4;
+    kdsm_pose  *pose = NULL;
+    int         i, k, several = 0, most = 0, inverted = 0, wrong = 0, none = 0;
+    clock_t     ours = 0, theirs = 0, at;
+    CHECK(kdsm_pose_create(space, &pose) == CLOTH_OK);
+    if (!pose) return;
+    for (k = 0; k < poses; k++) {
+        double *box;
+        if (k % 2) arms_in(0.5 + 0.1 * k, T);
+        else figure_pose((uint64_t)k + 1, 1.2, T);
+        CHECK(kdsm_pose_set(pose, T) == CLOTH_OK);
+        i = kdsm_measure(space, pose->x).inverted;
+        printf("  pose %d: %d of %d inverted\n", k, i, space->nt);
+        inverted += i;
+        box = boxes_of(space, pose->x);
+        for (i = 0; i < n / poses; i++) {
+            double p[3];
+            int    count, held, all, c;
+            a_point_near(space, pose->x, i, p);
+            at = clock();
+            CHECK(kdsm_locate(pose, p, 4096, got, &count, &held) == CLOTH_OK);
+            ours += clock() - at, at = clock();
+            c = brute(space, pose->x, box, p, want, &all);
+            theirs += clock() - at;
+            wrong += c != count || all != held;
+            if (c != count) continue;
+            for (c = 0; c < count; c++)
+                wrong += want[c].tet != got[c].tet
+                         || memcmp(want[c].w, got[c].w, sizeof want[c].w) != 0;
+            several += count > 1, none += count == 0;
+            most = count > most ? count : most;
+        }
+        free(box);
+    }
+    printf("  %d points: %d with several candidates, at most %d, %d with none; %d wrong; %.2f us a "
+           "point, by brute force %.0f\n", n, several, most, none, wrong,
+           1e6 * (double)ours / CLOCKS_PER_SEC / n, 1e6 * (double)theirs / CLOCKS_PER_SEC / n);
+    CHECK(wrong == 0 && several > n / 100 && inverted > 0);
+    kdsm_pose_destroy(pose);
+}
+
+/* Weights of random tetrahedra, flat ones among them, in long double. */
+static void barycentric_in_long_double(void) {
+    double worst = 0;
+    int    i, j, k, flat = 0;
+    if (!test_long_double()) SKIP("long double is double");
+    for (i = 0; i < 20000; i++) {
+        double      a[12], p[3], w[4], squash = pow(10, -uniform(0, 8));
+        long double sum;
+        for (j = 0; j < 12; j++) a[j] = uniform(-1, 1) * (j % 3 == 2 ? squash : 1);
+        for (k = 0; k < 3; k++) p[k] = uniform(-1, 1) * (k == 2 ? squash : 1);
+        if (!kdsm_barycentric(a, p, w)) {
+            flat++;
+            continue;
+        }
+        for (k = 0; k < 3; k++) {
+            for (sum = 0, j = 0; j < 4; j++) sum += (long double)w[j] * (long double)a[3 * j + k];
+            worst = fmax(worst, fabs((double)(sum - (long double)p[k]))
+                                / (1 + fabs(w[0]) + fabs(w[1]) + fabs(w[2]) + fabs(w[3])));
+        }
+        CHECK_NEAR(w[0] + w[1] + w[2] + w[3], 1, 1e-13 * (1 + fabs(w[0]) + fabs(w[1])));
+    }
+    printf("  %d flat; p from its weights to %.2g of their size\n", flat, worst);
+    CHECK(worst < 1e-15 * 4 && flat < 20000);
+}
+
+/* --- displacements --- */
+
+static shapes_shirt shirt;
+static kdsm_cloth  *cloth;                  /* the shirt in the space                          */
+static kdsm_pose   *posed;
+
+/* What a solver would give, without a solver: the shirt carried by the space, with wrinkles. */
+static void wrinkled(int k, double *x) {
+    int i;
+    if (k % 2) arms_in(0.35 + 0.1 * k, T);
+    else figure_pose((uint64_t)k + 20, 1, T);
+    CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
+    CHECK(kdsm_place(cloth, T, NULL, x, NULL) == CLOTH_OK);
+    for (i = 0; i < 3 * shirt.nv; i++)
+        x[i] += 0.006 * sin(70 * shirt.x[3 * (i / 3)] + i % 3 + k)
+                * cos(50 * shirt.x[3 * (i / 3) + 1]);
+}
+
+static kdsm_displace_report displaced(const double *x, kdsm_method method, double *d,
+                                      int *origin) {
+    kdsm_displace_report r;
+    kdsm_options         o = kdsm_options_default();
+    o.method = method, o.seed = 5;
+    CHECK(kdsm_displace(cloth, posed, x, &o, d, origin, &r) == CLOTH_OK);
+    return r;
+}
+
+static double *vectors(int n) {
+    double *x = (double *)calloc((size_t)n, 3 * sizeof(double));
+    if (!x) exit(2);
+    return x;
+}
+
+/* x -> d -> x by separate calls, for every vertex that a tetrahedron truly holds. */
+static void round_trip_is_exact_where_held(void) {
+    double *x = vectors(4 * shirt.nv), *d = x + 3 * shirt.nv, *d2 = d + 3 * shirt.nv;
+    double *y = d2 + 3 * shirt.nv, worst = 0, largest = 0;
+    int     i, k, count, held = 0, several = 0, epsilon = 0, none = 0;
+    for (k = 0; k < 6; k++) {
+        kdsm_displace_report r;
+        kdsm_candidate       c;
+        wrinkled(k, x);
+        r = displaced(x, KDSM_RANDOM, d, NULL);
+        CHECK(kdsm_place(cloth, T, d, y, NULL) == CLOTH_OK);
+        for (i = 0; i < shirt.nv; i++) {
+            CHECK(kdsm_locate(posed, x + 3 * i, 1, &c, &count, NULL) == CLOTH_OK);
+            if (count == 0 || c.depth < 0) continue;
+            worst = fmax(worst, sqrt(kdsmi_distance2(x + 3 * i, y + 3 * i))), held++;
+        }
+        CHECK(r.held_max < 1e-9 && r.none + r.one + r.several == shirt.nv);
+        several += r.several, epsilon += r.epsilon, none += r.none;
+        largest = fmax(largest, r.d_max);
+        (void)displaced(x, KDSM_RANDOM, d2, NULL);
+        CHECK(memcmp(d, d2, 3 * (size_t)shirt.nv * sizeof(double)) == 0);
+    }
+    printf("  %d of %d held, worst %.2g m; %d with several, %d by the margin, %d by none; |d| to "
+           "%.3f m\n", held, 6 * shirt.nv, worst, several, epsilon, none, largest);
+    CHECK(worst < 1e-9 && several > 0 && held > 5 * shirt.nv);
+    CHECK(held + epsilon + none == 6 * shirt.nv);
+    free(x);
+}
+
+/* The body as its own cloth: offsets from the surface are 0 there, in every pose. */
+static void surface_of_the_body_is_at_rest(void) {
+    kdsm_cloth          *skin = NULL;
+    kdsm_options         o = kdsm_options_default();
+    kdsm_displace_report r;
+    double              *d = vectors(body.nv);
+    int                  i, far = 0;
+    CHECK(kdsm_cloth_create(space, body.nv, body.x, body.nf, body.faces, &skin) == CLOTH_OK);
+    if (!skin) return;
+    o.method = KDSM_SURFACE;
+    figure_pose(4, 0.5, T);
+    CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
+    CHECK(kdsm_displace(skin, posed, posed->body, &o, d, NULL, &r) == CLOTH_OK);
+    for (i = 0; i < body.nv; i++) far += !(sqrt(kdsmi_dot(d + 3 * i, d + 3 * i)) < 1e-12);
+    printf("  %d of %d vertices not at rest\n", far, body.nv);
+    CHECK(far == 0 && r.origin[KDSM_FROM_SURFACE] == body.nv);
+    kdsm_cloth_destroy(skin);
+    free(d);
+}
+
+/* Carried to rest: where d of method 2 says; carried back: x, if the nearest point is the same. */
+static void carry_is_method_2(const double *x, const double *d) {
+    double    *y = vectors(shirt.nv), worst = 0;
+    kdsm_pose *rest = NULL;
+    int        i, back = 0;
+    CHECK(kdsm_pose_create(space, &rest) == CLOTH_OK);
+    if (!rest) return;
+    CHECK(kdsm_carry(posed, rest, shirt.nv, x, y) == CLOTH_OK);
+    for (i = 0; i < 3 * shirt.nv; i++) worst = fmax(worst, fabs(y[i] - shirt.x[i] - d[i]));
+    CHECK(worst < 1e-12);
+    CHECK(kdsm_carry(rest, posed, shirt.nv, y, y) == CLOTH_OK);
+    for (i = 0; i < shirt.nv; i++) back += kdsmi_distance2(y + 3 * i, x + 3 * i) < 25e-8;
+    printf("  there and back: %d of %d within 0.5 of 1 mm\n", back, shirt.nv);
+    CHECK(back > shirt.nv * 9 / 10);
+    CHECK(kdsm_carry(rest, posed, -1, y, y) == CLOTH_ERR_ARGUMENT);
+    kdsm_pose_destroy(rest), free(y);
+}
+
+/* A point `off` along a face's normal has the offset `off` at rest. */
+static void surface_keeps_the_offset(void) {
+    double *x = vectors(3 * shirt.nv), *d = x + 3 * shirt.nv, n[3], e[2][3], worst = 0;
+    int     i, k, flat = 0;
+    figure_pose(4, 0.3, T);
+    CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
+    for (i = 0; i < shirt.nv; i++) {
+        const int *f = body.faces + 3 * (i * 7 % body.nf);
+        for (k = 0; k < 2; k++)
+            kdsmi_sub(posed->body + 3 * f[k + 1], posed->body + 3 * f[0], e[k]);
+        kdsmi_cross(e[0], e[1], n);
+        for (k = 0; k < 3; k++)
+            x[3 * i + k] = (posed->body[3 * f[0] + k] + posed->body[3 * f[1] + k]
+                            + posed->body[3 * f[2] + k]) / 3
+                           + 1e-3 * n[k] / sqrt(kdsmi_dot(n, n));
+    }
+    (void)displaced(x, KDSM_SURFACE, d, NULL);
+    for (i = 0; i < shirt.nv; i++) {        /* normals of vertices lean: at most 1 mm of 1 mm */
+        const int *f = body.faces + 3 * (i * 7 % body.nf);
+        double     m[3], off;
+        for (k = 0; k < 2; k++) kdsmi_sub(body.x + 3 * f[k + 1], body.x + 3 * f[0], e[k]);
+        kdsmi_cross(e[0], e[1], n);
+        for (k = 0; k < 3; k++)
+            m[k] = shirt.x[3 * i + k] + d[3 * i + k]
+                   - (body.x[3 * f[0] + k] + body.x[3 * f[1] + k] + body.x[3 * f[2] + k]) / 3;
+        off = kdsmi_dot(m, n) / sqrt(kdsmi_dot(n, n));      /* on the same side */
+        worst = fmax(worst, fabs(off - 1e-3)), flat += fabs(off - 1e-3) < 1e-4;
+    }
+    printf("  offsets of 1 mm: %d of %d within 0.1 mm, worst off by %.2g m\n", flat, shirt.nv,
+           worst);
+    CHECK(flat > shirt.nv * 9 / 10);
+    carry_is_method_2(x, d);
+    free(x);
+}
+
+/* Every origin keeps its promise. */
+static void hybrid_takes_what_it_says(void) {
+    double *x = vectors(5 * shirt.nv), *d = x + 3 * shirt.nv, *d2 = d + 3 * shirt.nv;
+    double *d1 = d2 + 3 * shirt.nv, *y = d1 + 3 * shirt.nv;
+    int    *origin = (int *)calloc((size_t)shirt.nv, sizeof(int)), i, k, seen[6] = {0};
+    if (!origin) exit(2);
+    for (k = 0; k < 6; k++) {
+        kdsm_displace_report r;
+        wrinkled(k, x);
+        (void)displaced(x, KDSM_SURFACE, d2, NULL);
+        (void)displaced(x, KDSM_RANDOM, d1, NULL);
+        r = displaced(x, KDSM_HYBRID, d, origin);
+        CHECK(kdsm_place(cloth, T, d, y, NULL) == CLOTH_OK);
+        for (i = 0; i < shirt.nv; i++) {
+            const double off = sqrt(kdsmi_distance2(d + 3 * i, d2 + 3 * i));
+            kdsm_candidate c;
+            int            count;
+            CHECK(kdsm_locate(posed, x + 3 * i, 1, &c, &count, NULL) == CLOTH_OK);
+            if (origin[i] == KDSM_FROM_ONE)
+                CHECK(memcmp(d + 3 * i, d1 + 3 * i, 3 * sizeof(double)) == 0);
+            if (origin[i] == KDSM_FROM_CHOICE) CHECK(off <= 0.01 + 1e-12);
+            if (origin[i] == KDSM_FROM_MORPH) CHECK(off <= 0.02 + 1e-12);
+            CHECK(origin[i] != KDSM_FROM_SURFACE && (count > 0 || origin[i] == KDSM_FROM_REST));
+            if (origin[i] < KDSM_FROM_REST && c.depth >= 0)
+                CHECK(sqrt(kdsmi_distance2(x + 3 * i, y + 3 * i)) < 1e-9);
+            seen[origin[i]]++;
+        }
+        for (i = 1; i < 6; i++) seen[0] += r.origin[i];
+    }
+    printf("  only one %d, of several %d, beside the morph %d, morphed %d\n", seen[1], seen[2],
+           seen[3], seen[4]);
+    CHECK(seen[0] == 6 * shirt.nv && seen[1] > 0 && seen[2] > 0 && seen[4] > 0);
+    free(x), free(origin);
+}
+
+/* c_ij again: Laplace's equation at every vertex that was morphed. */
+static void hybrid_morph_is_harmonic(void) {
+    double *x = vectors(4 * shirt.nv), *d = x + 3 * shirt.nv, *d2 = d + 3 * shirt.nv;
+    double *sum = d2 + 3 * shirt.nv, worst = 0, most = 0;
+    int    *origin = (int *)calloc((size_t)shirt.nv, sizeof(int)), f, i, k, n = 0;
+    if (!origin) exit(2);
+    wrinkled(5, x);
+    (void)displaced(x, KDSM_SURFACE, d2, NULL);
+    (void)displaced(x, KDSM_HYBRID, d, origin);
+    for (i = 0; i < 3 * shirt.nv; i++) d[i] -= d2[i];
+    for (f = 0; f < shirt.nf; f++)
+        for (k = 0; k < 3; k++) {
+            const int    *v = shirt.faces + 3 * f, a = v[(k + 1) % 3], b = v[(k + 2) % 3];
+            const double *p = shirt.x + 3 * v[k], *q = shirt.x + 3 * a, *r = shirt.x + 3 * b;
+            const double  pq = kdsmi_distance2(p, q), pr = kdsmi_distance2(p, r);
+            const double  cosine = (pq + pr - kdsmi_distance2(q, r)) / (2 * sqrt(pq * pr));
+            const double  c = 0.5 * fmin(fmax(cosine / sqrt(1 - cosine * cosine), 0.05), 20);
+            for (i = 0; i < 3; i++) {
+                sum[3 * a + i] += c * (d[3 * a + i] - d[3 * b + i]);
+                sum[3 * b + i] += c * (d[3 * b + i] - d[3 * a + i]);
+            }
+        }
+    for (i = 0; i < 3 * shirt.nv; i++) {
+        if (origin[i / 3] != KDSM_FROM_REST) continue;
+        worst = fmax(worst, fabs(sum[i])), most = fmax(most, fabs(d[i])), n++;
+    }
+    printf("  %d unknowns up to %.3f m, residual %.2g m\n", n, most, worst);
+    CHECK(n > 0 && most > 1e-3 && worst < 1e-8);
+    free(x), free(origin);
+}
+
+/* The ordering of the paper's table 1, and the report against sums of our own. */
+static void orders_of_the_paper(void) {
+    static const char   *name[] = {"method 1", "method 2", "hybrid"};
+    kdsm_displace_report all[3], r;
+    double              *x = vectors(3 * shirt.nv), *d = x + 3 * shirt.nv, *y = d + 3 * shirt.nv;
+    int                  k, m, i;
+    memset(all, 0, sizeof all);
+    for (k = 0; k < 6; k++)
+        for (m = 0; m < 3; m++) {
+            double mean = 0, worst = 0, size = 0;
+            wrinkled(k, x);
+            r = displaced(x, (kdsm_method)(m + 1), d, NULL);
+            CHECK(kdsm_place(cloth, T, d, y, NULL) == CLOTH_OK);
+            for (i = 0; i < shirt.nv; i++) {
+                const double e = sqrt(kdsmi_distance2(x + 3 * i, y + 3 * i));
+                mean += e / shirt.nv, worst = fmax(worst, e);
+                size += sqrt(kdsmi_dot(d + 3 * i, d + 3 * i)) / shirt.nv;
+            }
+            CHECK_NEAR(r.error_mean, mean, 1e-12);
+            CHECK_NEAR(r.error_max, worst, 1e-12);
+            CHECK_NEAR(r.d_mean, size, 1e-12);
+            all[m].error_mean += r.error_mean / 6, all[m].d_mean += r.d_mean / 6;
+            all[m].error_max = fmax(all[m].error_max, r.error_max);
+            all[m].d_max = fmax(all[m].d_max, r.d_max);
+        }
+    for (m = 0; m < 3; m++)
+        printf("  %s: error max %.4f mean %.5f, |d| max %.4f mean %.5f m\n", name[m],
+               all[m].error_max, all[m].error_mean, all[m].d_max, all[m].d_mean);
+    CHECK(all[0].error_mean < all[2].error_mean && all[2].error_mean < all[1].error_mean);
+    CHECK(all[0].d_max >= all[2].d_max && all[0].d_mean > all[2].d_mean);
+    free(x);
+}
+
+static void placing_in_place_and_outside(void) {
+    double           *x = vectors(3 * shirt.nv), *y = x + 3 * shirt.nv, *d = y + 3 * shirt.nv;
+    kdsm_place_report r;
+    int               i;
+    figure_pose(2, 1, T);
+    CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
+    CHECK(kdsm_place(cloth, T, NULL, x, &r) == CLOTH_OK);
+    CHECK(r.outside == cloth->outside && r.skinned > 0 && r.skinned < space->nv);
+    CHECK(kdsm_evaluate(space, posed->x, shirt.nv, cloth->tet, cloth->w, y, NULL) == CLOTH_OK);
+    CHECK(memcmp(x, y, 3 * (size_t)shirt.nv * sizeof(double)) == 0);
+    CHECK(kdsm_place(cloth, T, d, d, NULL) == CLOTH_OK);
+    CHECK(memcmp(x, d, 3 * (size_t)shirt.nv * sizeof(double)) == 0);
+    for (i = 0; i < 3 * shirt.nv; i++) d[i] = i % 3 == 0 ? 1 : 0;
+    CHECK(kdsm_place(cloth, T, d, x, &r) == CLOTH_OK);
+    CHECK(r.outside > shirt.nv / 2 && r.farthest > 0.2 && r.farthest < 1.5);
+    d[7] = HOST_NAN;
+    CHECK(kdsm_place(cloth, T, d, x, &r) == CLOTH_ERR_NONFINITE && strstr(told.text, "d[7]"));
+    host_forget(&told);
+    free(x);
+}
+
+/* A scanned body, 31 joints, a T-shirt that fits it, two seconds into a walk. */
+static void scanned_body_and_shirt(void) {
+    char                 path[4][1024];
+    static const char   *name[4] = {"data/body/body.obj", "data/body/weights_cmu.txt",
+                                    "data/motion/walk_02_01.skin",
+                                    "data/garments/tshirt_f_clean.obj"};
+    static kdsm_candidate want[256], got[256];
+    figure               f;
+    cloth_mesh          *shirt_f = NULL;
+    kdsm_desc            d;
+    kdsm_space          *s;
+    kdsm_pose           *p = NULL;
+    kdsm_cloth          *c = NULL;
+    kdsm_options         o = kdsm_options_default();
+    kdsm_displace_report r;
+    double              *x, *y, *box, M[12 * 31];
+    int                  i, k, count, held, all, wrong = 0;
+    if (test_quick()) SKIP("a scanned body: not in quick");
+    for (i = 0; i < 4; i++) strcpy(path[i], test_shared(name[i]));
+    if (!*path[0] || !*path[1] || !*path[2] || !*path[3]) SKIP("no shared data");
+    CHECK(figure_load(path[0], path[1], path[2], &f) == NULL && f.njoints == 31);
+    CHECK(cloth_obj_load(NULL, path[3], NULL, &shirt_f) == CLOTH_OK);
+    d = kdsm_desc_default(), d.hooks = basic.hooks;
+    figure_body(&f, &d);
+    s = make(&d);
+    hangs_together(s, &d);
+    CHECK(kdsm_pose_create(s, &p) == CLOTH_OK);
+    CHECK(kdsm_cloth_create(s, shirt_f->nv, shirt_f->x, shirt_f->nf, shirt_f->faces, &c)
+          == CLOTH_OK);
+    x = vectors(2 * shirt_f->nv), y = x + 3 * shirt_f->nv;
+    figure_walk(&f, 2, M);
+    CHECK(kdsm_pose_set(p, M) == CLOTH_OK && kdsm_place(c, M, NULL, x, NULL) == CLOTH_OK);
+    for (i = 0; i < 3 * shirt_f->nv; i++) x[i] += 0.004 * sin(90 * shirt_f->x[i - i % 3] + i % 3);
+    for (k = 1; k <= 3; k++) {
+        o.method = (kdsm_method)k;
+        CHECK(kdsm_displace(c, p, x, &o, y, NULL, &r) == CLOTH_OK);
+        printf("  method %d: %d none, %d one, %d several, %d by the margin; held to %.2g m; error "
+               "max %.4f mean %.5f, |d| max %.3f mean %.4f m\n", k, r.none, r.one, r.several,
+               r.epsilon, r.held_max, r.error_max, r.error_mean, r.d_max, r.d_mean);
+        CHECK(r.held_max < 1e-9 && r.none + r.epsilon < shirt_f->nv / 100);
+    }
+    CHECK(c->outside == 0);
+    box = boxes_of(s, p->x);
+    for (i = 0; i < 200; i++) {
+        count = held = 0;
+        CHECK(kdsm_locate(p, x + 3 * (i * 25), 256, got, &count, &held) == CLOTH_OK);
+        wrong += brute(s, p->x, box, x + 3 * (i * 25), want, &all) != count || all != held;
+        for (k = 0; k < count; k++) wrong += got[k].tet != want[k].tet;
+    }
+    CHECK(wrong == 0);
+    kdsm_cloth_destroy(c), kdsm_pose_destroy(p), kdsm_destroy(s);
+    cloth_mesh_destroy(NULL, shirt_f), figure_free(&f), free(x), free(box);
+}
+
+/* --- refusals, memory --- */
+
+static void refuse(const kdsm_desc *d, cloth_status want, const char *word) {
+    kdsm_space        *s = space;
+    const int          live = told.live;
+    const cloth_status status = kdsm_create(d, &s);
+    if (status != want || s || told.live != live || (word && !strstr(told.text, word)))
+        printf("  %s: %s\n  %s", word ? word : "", cloth_status_text(status), told.text);
+    CHECK(status == want && !s && told.live == live && (!word || strstr(told.text, word)));
+    host_forget(&told);
+}
+
+static void refusals_of_the_desc(void) {
+    kdsm_desc   d = basic;
+    kdsm_space *none = NULL;
+    double      w = body.weight[41], at = body.x[30];
+    d.cookie = 0, refuse(&d, CLOTH_ERR_UNINIT, NULL), d = basic;
+    d.nv = 0, refuse(&d, CLOTH_ERR_ARGUMENT, "nv"), d = basic;
+    d.nf = 0, refuse(&d, CLOTH_ERR_ARGUMENT, "nf"), d = basic;
+    d.njoints = 0, refuse(&d, CLOTH_ERR_ARGUMENT, "njoints"), d = basic;
+    d.njoints = 5, refuse(&d, CLOTH_ERR_ARGUMENT, "njoints = 5"), d = basic;
+    d.influences = 0, refuse(&d, CLOTH_ERR_ARGUMENT, "influences"), d = basic;
+    d.coarse = 0, refuse(&d, CLOTH_ERR_ARGUMENT, "coarse"), d = basic;
+    d.coarse = HOST_NAN, refuse(&d, CLOTH_ERR_NONFINITE, "coarse"), d = basic;
+    d.coarse = 1e-3, d.cell = 0.02, d.near = 1e-3, d.smooth = 0;
+    refuse(&d, CLOTH_ERR_CAPACITY, "coarse"), d = basic;
+    d.levels = 7, refuse(&d, CLOTH_ERR_ARGUMENT, "levels"), d = basic;
+    d.thickness = -1, refuse(&d, CLOTH_ERR_ARGUMENT, "thickness"), d = basic;
+    d.near = 0.5, refuse(&d, CLOTH_ERR_ARGUMENT, "near"), d = basic;
+    d.smooth = -1, refuse(&d, CLOTH_ERR_ARGUMENT, "smooth"), d = basic;
+    d.kept = 0, refuse(&d, CLOTH_ERR_ARGUMENT, "kept"), d = basic;
+    d.epsilon = 2, refuse(&d, CLOTH_ERR_ARGUMENT, "epsilon"), d = basic;
+    d.x = NULL, refuse(&d, CLOTH_ERR_ARGUMENT, "x"), d = basic;
+    d.joint = NULL, refuse(&d, CLOTH_ERR_ARGUMENT, "joint"), d = basic;
+    d.weight = NULL, refuse(&d, CLOTH_ERR_ARGUMENT, "weight"), d = basic;
+    d.nf--, refuse(&d, CLOTH_ERR_MESH, "closed"), d = basic;
+    body.shape.weight[41] = HOST_NAN, refuse(&d, CLOTH_ERR_NONFINITE, "weight[41]");
+    body.shape.weight[41] = -0.5, refuse(&d, CLOTH_ERR_ARGUMENT, "weight -0.5");
+    body.shape.weight[41] = w;
+    body.shape.x[30] = HOST_NAN, refuse(&d, CLOTH_ERR_NONFINITE, "x[30]");
+    body.shape.x[30] = at;
+    CHECK(kdsm_create(NULL, &none) == CLOTH_ERR_ARGUMENT && !none);
+    CHECK(kdsm_create(&d, NULL) == CLOTH_ERR_ARGUMENT);
+}
+
+static void refusals_of_the_calls(void) {
+    double         *x = vectors(2 * shirt.nv), *d = x + 3 * shirt.nv;
+    kdsm_options    o = kdsm_options_default();
+    kdsm_cloth     *c = NULL;
+    kdsm_candidate  found;
+    int             n, face[3] = {0, 1, 900};
+    const double    p[3] = {0, HOST_NAN, 0};
+    host_forget(&told);
+    CHECK(kdsm_cloth_create(space, 0, x, 1, face, &c) == CLOTH_ERR_ARGUMENT && !c);
+    CHECK(kdsm_cloth_create(space, 9, x, 1, face, &c) == CLOTH_ERR_ARGUMENT && !c);
+    CHECK(strstr(told.text, "faces[2] = 900") != NULL);
+    CHECK(kdsm_cloth_create(space, 9, NULL, 1, face, &c) == CLOTH_ERR_ARGUMENT && !c);
+    CHECK(kdsm_locate(posed, p, 1, &found, &n, NULL) == CLOTH_ERR_NONFINITE && n == 0);
+    CHECK(strstr(told.text, "p[1]") != NULL);
+    CHECK(kdsm_locate(posed, shirt.x, -1, &found, &n, NULL) == CLOTH_ERR_ARGUMENT);
+    o.accept = 0;
+    CHECK(kdsm_displace(cloth, posed, x, &o, d, NULL, NULL) == CLOTH_ERR_ARGUMENT);
+    o.accept = 0.01, o.method = (kdsm_method)4;
+    CHECK(kdsm_displace(cloth, posed, x, &o, d, NULL, NULL) == CLOTH_ERR_ARGUMENT);
+    o.cookie = 0;
+    CHECK(kdsm_displace(cloth, posed, x, &o, d, NULL, NULL) == CLOTH_ERR_UNINIT);
+    x[5] = HOST_INFINITY;
+    CHECK(kdsm_displace(cloth, posed, x, NULL, d, NULL, NULL) == CLOTH_ERR_NONFINITE);
+    CHECK(strstr(told.text, "x[5]") != NULL);
+    CHECK(kdsm_displace(NULL, posed, x, NULL, d, NULL, NULL) == CLOTH_ERR_ARGUMENT);
+    CHECK(kdsm_pose_set(posed, NULL) == CLOTH_ERR_ARGUMENT);
+    kdsm_destroy(NULL), kdsm_pose_destroy(NULL), kdsm_cloth_destroy(NULL);
+    host_forget(&told);
+    free(x);
+}
+
+/* A tetrahedron with two joints as the body, fails at every allocation in turn. */
+static void memory_fails_and_nothing_leaks(void) {
+    static const double x[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+    static const int    faces[12] = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
+    static const int    joint[8] = {0, 1, 0, 1, 0, 1, 0, 1};
+    static const double weight[8] = {1, 0, 0.5, 0.5, 0, 1, 1, 1};
+    static const double u[12] = {0.3, 0.3, 0.3, 0.5, 0.1, 0.4, 0.2, 0.6, 0.3, 0.4, 0.4, 0.4};
+    static const int    face[6] = {0, 1, 2, 1, 3, 2};
+    double              M[24], d[12];
+    kdsm_desc           desc = kdsm_desc_default();
+    int                 n, bad = 0, tries = 0;
+    host                h;
+    desc.hooks = host_hooks(&h);
+    desc.nv = 4, desc.x = x, desc.nf = 4, desc.faces = faces, desc.njoints = 2;
+    desc.influences = 2, desc.joint = joint, desc.weight = weight;
+    desc.coarse = 0.5, desc.thickness = 0.1, desc.near = 0.05, desc.smooth = 0.2;
+    memset(M, 0, sizeof M);
+    M[0] = M[5] = M[10] = M[12] = M[21] = 1, M[18] = -1, M[15] = 0.4;   /* a quarter about x */
+    for (n = 1; n < 400; n++, tries++) {
+        kdsm_space  *s = NULL;
+        kdsm_pose   *p = NULL;
+        kdsm_cloth  *c = NULL;
+        cloth_status status;
+        h.calls = 0, h.fail_at = n;
+        host_forget(&h);
+        status = kdsm_create(&desc, &s);
+        if (!status) status = kdsm_pose_create(s, &p);
+        if (!status) status = kdsm_cloth_create(s, 4, u, 2, face, &c);
+        if (!status) status = kdsm_pose_set(p, M);
+        if (!status) status = kdsm_displace(c, p, u, NULL, d, NULL, NULL);
+        if (!status) status = kdsm_place(c, M, d, d, NULL);
+        bad += status && (status != CLOTH_ERR_MEMORY || h.errors == 0);
+        kdsm_cloth_destroy(c), kdsm_pose_destroy(p), kdsm_destroy(s);
+        bad += h.live != 0;
+        if (!status) break;
+    }
+    printf("  %d failing calls, %d badly told\n", tries, bad);
+    CHECK(bad == 0 && tries > 40 && tries < 399);
+}
+
+/* --- data and learning --- */
+
+static size_t file_bytes(const char *path, unsigned char *to, size_t most) {
+    FILE        *f = fopen(path, "rb");
+    const size_t n = f ? fread(to, 1, most, f) : 0;
+    if (f) fclose(f);
+    return n;
+}
+
+/* One run, two shards and a run that was broken off leave the same file. */
+static void shards_merge_to_the_same_bytes(void) {
+    static unsigned char was[1 << 20], is[1 << 20];
+    job                  j;
+    FILE                *f = fopen("out/kdsm.tmp", "wb");
+    size_t               n;
+    int                  way;
+    if (test_quick()) SKIP("a simulation: not in quick");
+    if (!f) SKIP("there is no directory out");
+    fclose(f), (void)remove("out/kdsm.tmp");
+    memset(was, 0, sizeof was);
+    j = chains_job("out/test_");
+    j.edge = 0.05, j.poses = 1, j.steps = 6;
+    CHECK(chains_dress(&j) == NULL);
+    for (way = 0; way < 3; way++) {
+        if (way < 2) chains_forget(&j);
+        else (void)remove("out/test_chain_00001.done");
+        j.shards = way == 1 ? 2 : 1;
+        for (j.shard = j.shards - 1; j.shard >= 0; j.shard--) CHECK(chains_make(&j) == NULL);
+        CHECK(chains_merge(&j) == NULL);
+        n = file_bytes("out/test_data", way ? is : was, sizeof was);
+        CHECK(n > 1000 && n < sizeof was);
+        if (way) CHECK(memcmp(was, is, sizeof was) == 0);
+        memset(is, 0, sizeof is);
+    }
+    chains_forget(&j), (void)remove("out/test_data");
+    chains_free(&j);
+}
+
+static void network_by_central_differences(void) {
+    const int    n[NET_LAYERS + 1] = {5, 7, 6, 4};
+    const double in[5] = {0.3, -0.7, 0.2, 0.9, -0.1}, want[4] = {0.5, -1, 0.25, 2}, h = 1e-6;
+    double       worst = 0, big = 0;
+    net          w;
+    size_t       i;
+    CHECK(net_make(n, 3, &w));
+    for (i = 0; i < w.at[NET_LAYERS]; i++) w.p[i] += 0.01 * sin((double)i);
+    (void)net_backward(&w, in, want);
+    for (i = 0; i < w.at[NET_LAYERS]; i++) {
+        const double g = w.g[i], p = w.p[i];
+        double       up, down;
+        w.p[i] = p + h, up = net_backward(&w, in, want);
+        w.p[i] = p - h, down = net_backward(&w, in, want);
+        w.p[i] = p, w.g[i] = g;
+        worst = fmax(worst, fabs((up - down) / (2 * h) - g)), big = fmax(big, fabs(g));
+        memset(w.g, 0, w.at[NET_LAYERS] * sizeof(double));
+        (void)net_backward(&w, in, want);   /* the others were added to */
+    }
+    printf("  %d parameters, gradient up to %.3f, worst difference %.2g\n", (int)w.at[NET_LAYERS],
+           big, worst);
+    CHECK(worst < 1e-8 && big > 0.01);
+    net_free(&w);
+}
+
+static void network_learns(void) {
+    const int n[NET_LAYERS + 1] = {2, 24, 24, 2};
+    double    first = 0, last = 0;
+    net       w;
+    int       e, i;
+    CHECK(net_make(n, 1, &w));
+    for (e = 0; e < 400; e++)
+        for (last = 0, i = 0; i < 64; i++) {
+            const double in[2] = {(i % 8) / 4.0 - 1, (i / 8) / 4.0 - 1};
+            const double want[2] = {in[0] * in[1], sin(3 * in[0])};
+            last += net_backward(&w, in, want) / 64;
+            if (i % 8 == 7) net_adam(&w, 3e-3, 8);
+            if (i == 63 && e == 0) first = last;
+        }
+    printf("  loss %.3g, at last %.3g\n", first, last);
+    CHECK(last < 0.03 * first);
+    net_free(&w);
+}
+
+static void scene_open(void) {
+    const char *error = figure_make(0.03, &body);
+    if (!error) error = shapes_shirt_make(0.03, &shirt);
+    if (error) printf("%s\n", error), exit(1);
+    basic = desc_of(&body);
+    basic.coarse = 0.09, basic.near = 0.02;
+    space = make(&basic);
+    CHECK(kdsm_pose_create(space, &posed) == CLOTH_OK);
+    CHECK(kdsm_cloth_create(space, shirt.nv, shirt.x, shirt.nf, shirt.faces, &cloth) == CLOTH_OK);
+    if (!posed || !cloth) exit(1);
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    scene_open();
+    RUN(mesh_hangs_together);
+    RUN(mesh_of_random_cuts_hangs_together);
+    RUN(mesh_covers_the_thickened_body);
+    RUN(weights_are_a_partition);
+    RUN(skinning_moves_what_is_asked);
+    RUN(embedding_gives_points_back);
+    RUN(derivative_by_central_differences);
+    RUN(barycentric_in_long_double);
+    RUN(locate_is_brute_force);
+    RUN(round_trip_is_exact_where_held);
+    RUN(surface_of_the_body_is_at_rest);
+    RUN(surface_keeps_the_offset);
+    RUN(hybrid_takes_what_it_says);
+    RUN(hybrid_morph_is_harmonic);
+    RUN(orders_of_the_paper);
+    RUN(placing_in_place_and_outside);
+    RUN(scanned_body_and_shirt);
+    RUN(shards_merge_to_the_same_bytes);
+    RUN(network_by_central_differences);
+    RUN(network_learns);
+    RUN(refusals_of_the_desc);
+    RUN(refusals_of_the_calls);
+    RUN(memory_fails_and_nothing_leaks);
+    kdsm_cloth_destroy(cloth);
+    kdsm_pose_destroy(posed);
+    kdsm_destroy(space);
+    shapes_shirt_free(&shirt);
+    figure_free(&body);
+    test_failed += told.live != 0;
+    if (told.live != 0) printf("%d blocks are not given back\n", told.live);
+    return TEST_END();
+}

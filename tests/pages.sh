@@ -39,7 +39,7 @@ look() {
     local profile status=1 try
     for try in 1 2; do
         profile=$(mktemp -d "$work/profile.XXXXXX") || return 1
-        timeout -k 5 60 "$browser" --headless --no-sandbox --use-angle=swiftshader \
+        timeout -k 5 150 "$browser" --headless --no-sandbox --use-angle=swiftshader \
             --enable-unsafe-swiftshader --disable-quic --no-first-run \
             --disable-background-networking --disable-component-update --disable-sync \
             --user-data-dir="$profile" --window-size=900,640 \

@@ -34,12 +34,12 @@ trap 'rm -rf "$work"' EXIT
 out=$(cd "$out" && pwd)
 
 # a new empty profile for each run; software WebGL; no network services. A browser that hangs or
-# dies is started once more, and that is printed.
+# dies is started again and given more time, and that is printed.
 look() {
     local profile status=1 try
-    for try in 1 2; do
+    for try in 1 2 3; do
         profile=$(mktemp -d "$work/profile.XXXXXX") || return 1
-        timeout -k 5 150 "$browser" --headless --no-sandbox --use-angle=swiftshader \
+        timeout -k 5 $((30 * try)) "$browser" --headless --no-sandbox --use-angle=swiftshader \
             --enable-unsafe-swiftshader --disable-quic --no-first-run \
             --disable-background-networking --disable-component-update --disable-sync \
             --user-data-dir="$profile" --window-size=900,640 \
@@ -172,7 +172,7 @@ JS
 layout() {                      # layout URL HASH GALLERY
     { echo "<!DOCTYPE html><title>loading</title><body><script>"; cat "$work/probe.js"
       echo "probe('$1', '$2', $3);</script>"; } >"$work/probe.html"
-    look --allow-file-access-from-files --virtual-time-budget=20000 --dump-dom \
+    look --allow-file-access-from-files --virtual-time-budget=6000 --dump-dom \
         "file://$work/probe.html" >"$work/dom"
     title=$(sed -n 's/.*<title>\([^<]*\)<\/title>.*/\1/p' "$work/dom" | head -n 1)
     [ "$title" = 'layout ok' ]
@@ -189,9 +189,9 @@ for link in $(sed -n "s/^<a href='\([^'#]*\).*/\1/p" "$out/index.html"; \
     check $? "$link is not there"
 done
 
-for page in "${pages[@]}"; do
-    name=${page##*/}
-    url=file://$page
+# one_page FILE: all checks of a page
+one_page() {
+    local url=file://$1 page=$1 count span part t shot budget shots=()
     layout "$url" '#2d&t=0.5&all' false
     title_of "$url"
     echo "$title" | grep -Eq '^ready [0-9]+ frames$'
@@ -206,7 +206,6 @@ for page in "${pages[@]}"; do
     check $? "the page is larger than 4 MB"
     span=$(sed -n 's/.* s of \([0-9.]*\) s .*/\1/p' "$work/dom" | head -n 1)
     span=${span:-1}
-    shots=()
     for part in 0.03 0.4 0.83; do
         t=$(LC_ALL=C awk -v s="$span" -v p="$part" 'BEGIN { printf "%.4f", s * p }')
         shot=$work/shot$part.png
@@ -230,6 +229,27 @@ for page in "${pages[@]}"; do
             ! cmp -s "${shots[0]}" "${shots[2]}"
         check $? "two of the three pictures are the same"
     fi
+}
+
+# two at a time, each with a directory, an output and a count of its own
+for page in "${pages[@]}"; do
+    name=${page##*/}
+    mkdir -p "$work/$name"
+    (
+        mine=$work/$name passed=0 failed=0
+        cp "$work/probe.js" "$mine"
+        work=$mine
+        one_page "$page"
+        echo "$passed $failed" >"$mine/count"
+    ) >"$work/$name/lines" 2>&1 &
+    while [ "$(jobs -rp | wc -l)" -ge 2 ]; do wait -n; done
+done
+wait
+for page in "${pages[@]}"; do
+    name=${page##*/}
+    cat "$work/$name/lines"
+    read -r n m <"$work/$name/count" || { n=0; m=1; echo "pages: FAILED $name: not looked at"; }
+    passed=$((passed + n)) failed=$((failed + m))
 done
 name=live.html
 live=0

@@ -8,8 +8,8 @@
  *   page:     out/00_space.html
  *   expected: at rest one candidate in the middle of every tetrahedron: yes
  *
- * The page shows a slice, two tetrahedra thick, each drawn a little smaller than it is. Colours:
- * candidates for its middle; or its volume over that at rest, below 0 where it is turned.
+ * The page shows a slice, about a tetrahedron thick, each drawn a little smaller than it is.
+ * Colours: candidates for its middle; or its volume over that at rest, below 0 where it is turned.
  *
  * Exercises: (1) desc.thickness = 0.04: how far does air reach now, and which cloth would leave it?
  * (2) desc.levels = 0: fewer tetrahedra; are there more candidates? (3) desc.smooth = 0: what do
@@ -19,7 +19,7 @@
 #include "figure.h"
 #include "view.h"
 #define FRAMES 25
-#define SLICE  0.03         /* m, half of its thickness                                  */
+#define SLICE  0.012        /* m, half of its thickness                                  */
 
 typedef struct slice {
     const kdsm_space *space;
@@ -86,7 +86,8 @@ static void arms_in(double part, double *T) {
 }
 
 static const char *show(kdsm_pose *pose, slice *s) {
-    view       *v = view_open("the space round a body", "a slice; the arms come down on the trunk");
+    view       *v = view_open("The space round a body",
+                               "A slice; both arms come down on the trunk");
     const char *error = NULL, *failed;
     double      T[12 * SHAPES_BONES];
     int         air = view_mesh(v, "space", VIEW_CLOTH, 4 * s->n, 4 * s->n, s->faces), k, once = 0;

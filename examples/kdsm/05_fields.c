@@ -73,7 +73,7 @@ static const char *frame(scene *s, view *v, double t) {
 }
 
 static const char *open_scene(scene *s, view *v) {
-    static const char *name[3] = {"method 1", "method 2", "hybrid"};
+    static const char *name[3] = {"method 1", "2", "hybrid"};
     kdsm_desc          desc = kdsm_desc_default();
     const char        *error = figure_make(0.03, &s->f);
     size_t             n;
@@ -94,8 +94,8 @@ static const char *open_scene(scene *s, view *v) {
     s->size = (double *)malloc(n * sizeof(double));
     if (!s->d || !s->x || !s->size || !cut_through(s)) return "out of memory";
     s->mesh[0] = view_mesh(v, "body", VIEW_OBSTACLE, s->f.nv, s->f.nf, s->f.faces);
-    s->mesh[1] = view_mesh(v, "simulated", VIEW_CLOTH, s->g.nv, s->g.nf, s->g.faces);
-    s->mesh[2] = view_mesh(v, "space, cut", VIEW_OBSTACLE, s->space->nv, s->ncut, s->cut);
+    s->mesh[1] = view_mesh(v, "shirt", VIEW_CLOTH, s->g.nv, s->g.nf, s->g.faces);
+    s->mesh[2] = view_mesh(v, "space", VIEW_OBSTACLE, s->space->nv, s->ncut, s->cut);
     for (m = 0; m < 3; m++)
         s->mesh[3 + m] = view_mesh(v, name[m], VIEW_CLOTH, s->g.nv, s->g.nf, s->g.faces);
     view_scalar(v, 0, "|d|", "cm", VIEW_VERTEX, 0, 8, 16);
@@ -105,9 +105,9 @@ static const char *open_scene(scene *s, view *v) {
 
 int main(void) {
     static scene s;
-    view        *v = view_open("A shirt taken back to rest, three ways",
-                               "The space round a body, cut; a shirt, simulated; the same at rest "
-                               "by method 1, method 2 and the hybrid, coloured by |d|.");
+    view        *v = view_open("A shirt at rest, three ways",
+                               "The space round a body, cut; a shirt, simulated; at rest by three "
+                               "methods, in the colours of |d|.");
     double       from[SHAPES_BONES][3], to[SHAPES_BONES][3];
     const char  *error = open_scene(&s, v), *wrong;
     int          i, frames = 0;

@@ -6775,7 +6775,8 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
 }
 
 /* x_IE where obstacles carry cloth: with the nearest point of a surface, held cloth with both of
- * its points, the less the farther up to CLOTHI_CARRIED t. Layers and gaps stay as they are. */
+ * its points, the less the farther up to CLOTHI_CARRIED t, pins to where they go. Layers and gaps
+ * stay as they are. */
 static void clothi_carried(cloth_collide *c) {
     const clothi_surface all = {c->xa, c->faces, NULL, NULL, &c->solid};
     const double         reach = CLOTHI_CARRIED * c->thickest;
@@ -6796,7 +6797,8 @@ static void clothi_carried(cloth_collide *c) {
             way[j % 3] += w[j / 3] * (c->xb[v] - c->xa[v]);
         }
         for (k = 0; k < 3; k++)
-            c->x_ie[3 * i + k] += part * (c->xa[3 * i + k] + way[k] - c->x_ie[3 * i + k]);
+            if (!(c->sim->pin[i] >> k & 1))
+                c->x_ie[3 * i + k] += part * (c->xa[3 * i + k] + way[k] - c->x_ie[3 * i + k]);
     }
 }
 

@@ -177,10 +177,32 @@ static void memory(void) {
     CHECK(n > 5 && !failed);
 }
 
+/* A body that slides past pins takes none along: no gradient knew of that, and said valid. */
+static void pins_stay(void) {
+    static const unsigned seed[2] = {16, 58};
+    static const int      steps[2] = {8, 6};
+    int                   i, k;
+    for (i = 0; i < 2; i++) {
+        touch         t = touch_make(seed[i]);
+        const double *x;
+        t.steps = steps[i];
+        (void)touch_run(&t, NULL);
+        CHECK(t.failed == 0 && t.pins && t.contacts > 0);
+        x = cloth_sim_state(t.sim)->x;
+        for (k = 0; k < 3; k++) {
+            CHECK_NEAR(x[k], t.mesh->x[k], 1e-15);
+            CHECK_NEAR(x[3 * (t.n - 1) + k], t.mesh->x[3 * (t.n - 1) + k], 1e-15);
+        }
+        touch_close(&t);
+        compare(touch_make(seed[i]), TOUCH_START, TOUCH_REST + 1);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(each_cause);
     RUN(each_body);
+    RUN(pins_stay);
     RUN(substeps);
     RUN(budget);
     RUN(doubts);

@@ -15,14 +15,15 @@
  * windows of F = 5 (cloth_layer_loss), which hands the derivative of every simulated frame by those
  * it began with to the graph (cloth_graph_vjp), and L-BFGS.
  *
- * Notice the crossings, of which physics leaves a fifth, and the error, which it lowers by a
- * seventh alone. A skirt at rest on the coarse mesh hangs in other folds, 44 mm from the finer
- * one's, and no point tells of those behind: what a model has wrong, its loss defends.
+ * Notice the crossings: 137 without physics, of which the fit leaves 2 and untangling none; and
+ * the error, of which 62 % is left. Over 5 seeds 57 to 67 %, and one crossing in 80 frames. The
+ * template is a scan of frame 0, as a performer's is. With bending 2e-5 the skirt folds finer than
+ * the coarse mesh can, and 97 % are left: what a model has wrong, its loss defends.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. 22_capture.c -lm
  *   `22_capture full`: 5 seeds of the noise, mean and spread
  *   page:     out/22_capture.html
- *   expected: the error at most 0.7 of that without the simulation loss, no new crossing: no
+ *   expected: the error at most 0.7 of that without the simulation loss, no new crossing: yes
  *
  * Exercises: (1) NOISE 0.02: which of the two suffers? (2) BETA_SIM 200 and 2e6: what is too much?
  * (3) an eye that sees all round (nz > -1): what is left of the gain? (4) NODES 24.
@@ -137,7 +138,7 @@ static cloth_status skirt_open(skirt *s, int fine) {
     cloth_desc_set_mesh(&desc, s->mesh);
     desc.X = NULL, desc.rest_angle = CLOTH_REST_ANGLE_FLAT;
     desc.hooks.log.fn = print_log, desc.tolerance = 1e-5, desc.contact = CLOTH_CONTACT_SELF;
-    desc.material.density = 0.2, desc.material.membrane = 500, desc.material.bending = 2e-5;
+    desc.material.density = 0.2, desc.material.membrane = 500, desc.material.bending = 1e-4;
     desc.material.damping = 0.002;
     contact.initial = CLOTH_INITIAL_EXEMPT, contact.thickness = 4e-3;
     status = cloth_model_create(&desc, &s->model);
@@ -350,6 +351,23 @@ static int crossings(capture *q, const double *x) {
     return sum;
 }
 
+/* Cloth that crosses cloth or body at the end of the fit is parted. */
+static cloth_status part_frames(capture *q, double *x) {
+    cloth_state *state = cloth_sim_state(q->s.sim);
+    cloth_status status = CLOTH_OK;
+    for (int k = 0; k < FRAMES && !status; k++) {
+        cloth_untangle_report r = {0};
+        memcpy(state->x, x + k * SIZE, SIZE * sizeof *x);
+        cloth_sim_state_changed(q->s.sim);
+        status = place(&q->s, (double)k / RATE, 1);
+        for (int i = 0; i < 40 && !status && (i == 0 || r.after > 0); i++)
+            status = cloth_collide_untangle(q->s.contact, i % 3 * 1e-3, &r);
+        if (status == CLOTH_ERR_STEP) status = CLOTH_OK;        /* nothing more helps */
+        if (!status) memcpy(x + k * SIZE, state->x, SIZE * sizeof *x);
+    }
+    return status;
+}
+
 static void draw_body(view *page, int mesh, int k, double t, double shift) {
     double unit[3], x[3 * VIEW_BALL_NV], e[6];
     capsule(k, t, e);
@@ -395,7 +413,7 @@ int main(int argc, char **argv) {
     double         sum = 0, square = 0, worst = 0;
     int            crossed = 0;
     if (skirt_open(&q.s, 1) || film(&q)) return 1;
-    memcpy(q.drape, cloth_sim_state(q.s.sim)->x, sizeof q.drape);
+    memcpy(q.drape, q.truth, sizeof q.drape);        /* the template: a scan of frame 0 */
     if (cloth_graph_create(NULL, NV, q.drape, NODES, 4, 0, &q.graph)) return 1;
     printf("%4s %10s %30s %30s %7s\n", "seed", "", "without: error, folds, crossings",
            "with: error, folds, crossings", "ratio");
@@ -405,6 +423,7 @@ int main(int argc, char **argv) {
         q.point = q.seen + s * SEEN;
         for (int m = 0; m < 2; m++) {
             if (recover(&q, m, p)) return 1;
+            if (m == 1 && part_frames(&q, q.x)) return 1;
             memcpy(x[m], q.x, sizeof x[m]);
             n[m] = crossings(&q, x[m]);
         }

@@ -39,7 +39,7 @@ look() {
     local profile status=1 try
     for try in 1 2 3; do
         profile=$(mktemp -d "$work/profile.XXXXXX") || return 1
-        timeout -k 5 $((30 * try)) "$browser" --headless --no-sandbox --use-angle=swiftshader \
+        timeout -k 5 $((60 * try)) "$browser" --headless --no-sandbox --use-angle=swiftshader \
             --enable-unsafe-swiftshader --disable-quic --no-first-run \
             --disable-background-networking --disable-component-update --disable-sync \
             --user-data-dir="$profile" --window-size=900,640 \
@@ -58,7 +58,7 @@ look() {
 # printed. An error of the page's own has another title and is not tried again.
 title_of() {
     local budget
-    for budget in 5000 20000 60000; do
+    for budget in 2000 10000 60000; do
         look --virtual-time-budget=$budget --dump-dom "$1" >"$work/dom"
         title=$(sed -n 's/.*<title>\([^<]*\)<\/title>.*/\1/p' "$work/dom" | head -n 1)
         [ "$title" = loading ] || break
@@ -172,7 +172,7 @@ JS
 layout() {                      # layout URL HASH GALLERY
     { echo "<!DOCTYPE html><title>loading</title><body><script>"; cat "$work/probe.js"
       echo "probe('$1', '$2', $3);</script>"; } >"$work/probe.html"
-    look --allow-file-access-from-files --virtual-time-budget=6000 --dump-dom \
+    look --allow-file-access-from-files --virtual-time-budget=3000 --dump-dom \
         "file://$work/probe.html" >"$work/dom"
     title=$(sed -n 's/.*<title>\([^<]*\)<\/title>.*/\1/p' "$work/dom" | head -n 1)
     [ "$title" = 'layout ok' ]

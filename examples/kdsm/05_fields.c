@@ -14,7 +14,7 @@
 #define STEPS 48            /* of 1/60 s                                               */
 #define EVERY 4
 #define APART 1.1           /* m, from picture to picture                              */
-#define CUT   0.015         /* m, half of what is shown of the space                   */
+#define CUT   0.005         /* m, half of what is shown of the space                   */
 
 typedef struct scene {
     figure      f;

@@ -22,11 +22,6 @@
 #include "view.h"
 #include <time.h>
 #define STEPS 240
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level < CLOTH_LOG_INFO) fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 static double seconds(void *user) { (void)user; return (double)clock() / CLOCKS_PER_SEC; }
 
 static double smooth(double t, double from, double to) {    /* 0 to 1 with soft ends */
@@ -76,7 +71,7 @@ int main(int argc, char **argv) {
     int               done = 0, newton = 0;
     cloth_status      status = CLOTH_OK;
     char              caption[300];
-    desc.hooks.log.fn = print_log, desc.hooks.clock.fn = seconds;
+    desc.hooks.log.fn = cloth_log_stderr, desc.hooks.clock.fn = seconds;
     if (argc > 1) {
         read.pattern_scale = argc > 3 ? atof(argv[3]) : 0;
         if ((status = cloth_obj_load(&desc.hooks, argv[1], &read, &mesh)) != CLOTH_OK) goto end;

@@ -15,12 +15,6 @@
 #include "clothsim.h"
 #include "view.h"
 
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level <= CLOTH_LOG_WARNING)
-        fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 /* Velocity of the air, m/s: 5 along x with gusts of up to 2, turning by about 20 degrees. */
 static void wind_at(double t, double w[3]) {
     double speed = 5 + 1.3 * sin(2.1 * t) + 0.7 * sin(5.3 * t + 1);
@@ -49,7 +43,7 @@ int main(void) {
     const int pole_faces[30] = {0, 4, 1, 1, 4, 5, 1, 5, 2, 2, 5, 6, 2, 6, 3, 3, 6, 7, 3, 7, 0,
         0, 7, 4, 4, 7, 6, 4, 6, 5};
 
-    desc.hooks.log.fn = print_log;
+    desc.hooks.log.fn = cloth_log_stderr;
     status = cloth_mesh_sheet(&desc.hooks, CLOTH_SHEET_EQUILATERAL, 40, 0, 1.5, 1.0, &sheet);
     if (status) goto end;
     pins = (cloth_pin *)malloc((size_t)sheet->nv * sizeof *pins);

@@ -17,12 +17,6 @@
 #include <stdio.h>
 #include <time.h>
 
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level <= CLOTH_LOG_WARNING)
-        fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 static double seconds(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
@@ -39,7 +33,7 @@ static cloth_status run(int workers, uint64_t *hash, double *time) {
     parallel_pool *pool = parallel_pool_create(workers);
     cloth_status   status = CLOTH_ERR_MEMORY;
 
-    desc.hooks.log.fn = print_log;
+    desc.hooks.log.fn = cloth_log_stderr;
     if (!pool) goto done;
     desc.hooks.parallel = parallel_pool_hook(pool);         /* the one line that matters */
     status = cloth_mesh_sheet(&desc.hooks, CLOTH_SHEET_ALTERNATING, 60, 60, 1.0, 1.0, &sheet);

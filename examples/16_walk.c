@@ -34,11 +34,6 @@ typedef struct walker {             /* the body: by formula, or from files      
     double     *weight;
 } walker;
 
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level < CLOTH_LOG_WARNING) fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 static double seconds(void *user) { (void)user; return (double)clock() / CLOCKS_PER_SEC; }
 
 /* The body at time t, x [nv x 3]: files run from frame 0 at 120 Hz, held at their end. */
@@ -113,7 +108,7 @@ int main(int argc, char **argv) {
     cloth_status        status = CLOTH_OK;
     view               *page = NULL;
     char                caption[300];
-    desc.hooks.log.fn = print_log, desc.hooks.clock.fn = seconds;
+    desc.hooks.log.fn = cloth_log_stderr, desc.hooks.clock.fn = seconds;
     if (argc > 4) {
         if ((status = cloth_obj_load(&desc.hooks, argv[1], NULL, &garment)) != CLOTH_OK) goto end;
         if ((error = load(&w, argv[2], argv[3], argv[4])) != NULL) goto end;

@@ -58,11 +58,6 @@ typedef struct fit {
     int     runs;
 } fit;
 
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level < CLOTH_LOG_WARNING) fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 static double noise(unsigned *state) {      /* of mean 0 and variance 1: twelve uniform ones   */
     double sum = -6;
     for (int i = 0; i < 12; i++) {
@@ -142,7 +137,7 @@ static cloth_status run(const lab *a, const double *p, double *x, cloth_loss_fn 
     int                 n = 0;
     if (f == NULL) return CLOTH_ERR_MEMORY;
     cloth_desc_set_mesh(&desc, a->mesh);
-    desc.hooks.log.fn = print_log;
+    desc.hooks.log.fn = cloth_log_stderr;
     desc.v = a->v, desc.npins = a->npin, desc.pins = a->pin;
     desc.integrator = CLOTH_INTEGRATOR_BDF2, desc.tolerance = 1e-6;
     desc.contact = CLOTH_CONTACT_OBSTACLES;

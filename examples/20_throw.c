@@ -40,11 +40,6 @@ typedef struct throw_ {
     int               runs, doubted;
 } throw_;
 
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level < CLOTH_LOG_WARNING) fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 static void cross(const double *a, const double *b, double *out) {
     for (int i = 0; i < 3; i++)
         out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
@@ -77,7 +72,7 @@ static double value(const double *p, double *g, void *user) {
         cross(p + 3, arm, v + 3 * i);
         for (int k = 0; k < 3; k++) v[3 * i + k] += p[k];
     }
-    desc.hooks.log.fn = print_log, desc.v = v;
+    desc.hooks.log.fn = cloth_log_stderr, desc.v = v;
     desc.wind_on = 1, desc.air_density = AIR, desc.tolerance = 1e-6;
     desc.material.density = 0.4, desc.material.bending = 1e-3;
     desc.contact = CLOTH_CONTACT_OBSTACLES;

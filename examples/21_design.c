@@ -41,11 +41,6 @@ typedef struct panel {
     int               runs, frames;
 } panel;
 
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level < CLOTH_LOG_WARNING) fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 /* The pattern with columns longer by p. */
 static void cut(const panel *t, const double *p, double *X) {
     for (int i = 0; i < 3 * t->mesh->nf; i++) {
@@ -55,13 +50,13 @@ static void cut(const panel *t, const double *p, double *X) {
     }
 }
 
-static double hem(const panel *t, int j) { return t->x[3 * ((ROWS - 1) * N + j) + 1]; }
+static double hem(const double *x, int j) { return x[3 * ((ROWS - 1) * N + j) + 1]; }
 
 static void uneven(int k, const double *x, const double *v, double *gx, double *gv, void *user) {
     const panel *t = (const panel *)user;
-    (void)x, (void)v, (void)gv;
+    (void)v, (void)gv;
     for (int j = 0; k == 1 && j < N; j++)
-        gx[3 * ((ROWS - 1) * N + j) + 1] = 2 * (hem(t, j) - t->level) / N;
+        gx[3 * ((ROWS - 1) * N + j) + 1] = 2 * (hem(x, j) - t->level) / N;
 }
 
 /* L of the cut p [N], m^2; g = dL/dp. */
@@ -80,7 +75,7 @@ static double value(const double *p, double *g, void *user) {
     for (int i = 0; i < HOOKS; i++)
         pins[i].vertex = i * (N - 1) / (HOOKS - 1), pins[i].axes = CLOTH_AXIS_ALL;
     if (!status) cut(t, p, X);
-    desc.hooks.log.fn = print_log, desc.X = X, desc.pins = pins, desc.npins = HOOKS;
+    desc.hooks.log.fn = cloth_log_stderr, desc.X = X, desc.pins = pins, desc.npins = HOOKS;
     desc.material.density = 0.3, desc.material.membrane = MEMBRANE;
     desc.material.bending = 1e-3, desc.tolerance = 1e-9;
     if (!status) status = cloth_model_create(&desc, &model);
@@ -88,13 +83,13 @@ static double value(const double *p, double *g, void *user) {
     if (!status) status = cloth_tape_create(sim, NULL, &tape);
     if (!status) status = cloth_solve_static(sim, NULL);
     if (!status) memcpy(t->x, cloth_sim_state(sim)->x, sizeof t->x);
-    for (int j = 0; j < N && t->runs == 0; j++) t->level += hem(t, j) / N;
+    for (int j = 0; j < N && t->runs == 0; j++) t->level += hem(t->x, j) / N;
     grad.X = gX;
     if (!status) status = cloth_grad_backward(tape, uneven, t, &grad, &t->report);
     memset(g, 0, N * sizeof *g);
     for (int i = 0; i < 3 * t->mesh->nf && !status; i++)
         g[t->mesh->faces[i] % N] += gX[2 * i + 1] * t->mesh->X[2 * i + 1] / LENGTH;
-    for (int j = 0; j < N; j++) sum += pow(hem(t, j) - t->level, 2) / N;
+    for (int j = 0; j < N; j++) sum += pow(hem(t->x, j) - t->level, 2) / N;
     t->runs++;
     cloth_tape_destroy(tape), cloth_sim_destroy(sim), cloth_model_destroy(model);
     free(X), free(gX);

@@ -68,11 +68,6 @@ typedef struct capture {
 
 static const double radius[BODY] = {0.075, 0.075, 0.1};
 
-static void print_log(cloth_log_level level, cloth_status status, const char *text, void *user) {
-    (void)user;
-    if (level < CLOTH_LOG_WARNING) fprintf(stderr, "%s (%s)\n", text, cloth_status_text(status));
-}
-
 static double uniform(unsigned *s) {
     *s = *s * 1664525u + 1013904223u;
     return (*s >> 8) / 16777216.0;
@@ -137,7 +132,7 @@ static cloth_status skirt_open(skirt *s, int fine) {
     s->waist = s->mesh->x + 3 * (s->mesh->nv - s->around);
     cloth_desc_set_mesh(&desc, s->mesh);
     desc.X = NULL, desc.rest_angle = CLOTH_REST_ANGLE_FLAT;
-    desc.hooks.log.fn = print_log, desc.tolerance = 1e-5, desc.contact = CLOTH_CONTACT_SELF;
+    desc.hooks.log.fn = cloth_log_stderr, desc.tolerance = 1e-5, desc.contact = CLOTH_CONTACT_SELF;
     desc.material.density = 0.2, desc.material.membrane = 500, desc.material.bending = 1e-4;
     desc.material.damping = 0.002;
     contact.initial = CLOTH_INITIAL_EXEMPT, contact.thickness = 4e-3;
@@ -323,14 +318,19 @@ static double fold_of(const capture *q, const double *x) {
     return sqrt(e / (FRAMES * NV));
 }
 
+/* The sim at frame k, cloth at x [nv x 3] with what of it crosses. */
+static cloth_status stand(capture *q, int k, const double *x) {
+    memcpy(cloth_sim_state(q->s.sim)->x, x, SIZE * sizeof *x);
+    cloth_sim_state_changed(q->s.sim);
+    return place(&q->s, (double)k / RATE, 1);
+}
+
 /* Pairs of faces that cross, of all frames, and vertices inside of the body. */
 static int crossings(capture *q, const double *x) {
     int sum = 0;
     for (int k = 0; k < FRAMES; k++) {
         int n = 0;
-        memcpy(cloth_sim_state(q->s.sim)->x, x + k * SIZE, SIZE * sizeof *x);
-        cloth_sim_state_changed(q->s.sim);
-        if (place(&q->s, (double)k / RATE, 1) ||
+        if (stand(q, k, x + k * SIZE) ||
             cloth_collide_intersections(q->s.contact, 0, NULL, &n)) return -1;
         for (int v = 0; v < NV; v++) {
             const double *at = x + k * SIZE + 3 * v;
@@ -353,17 +353,14 @@ static int crossings(capture *q, const double *x) {
 
 /* Cloth that crosses cloth or body at the end of the fit is parted. */
 static cloth_status part_frames(capture *q, double *x) {
-    cloth_state *state = cloth_sim_state(q->s.sim);
     cloth_status status = CLOTH_OK;
     for (int k = 0; k < FRAMES && !status; k++) {
         cloth_untangle_report r = {0};
-        memcpy(state->x, x + k * SIZE, SIZE * sizeof *x);
-        cloth_sim_state_changed(q->s.sim);
-        status = place(&q->s, (double)k / RATE, 1);
+        status = stand(q, k, x + k * SIZE);
         for (int i = 0; i < 40 && !status && (i == 0 || r.after > 0); i++)
-            status = cloth_collide_untangle(q->s.contact, i % 3 * 1e-3, &r);
+            status = cloth_collide_untangle(q->s.contact, 0, &r);
         if (status == CLOTH_ERR_STEP) status = CLOTH_OK;        /* nothing more helps */
-        if (!status) memcpy(x + k * SIZE, state->x, SIZE * sizeof *x);
+        if (!status) memcpy(x + k * SIZE, cloth_sim_state(q->s.sim)->x, SIZE * sizeof *x);
     }
     return status;
 }

@@ -236,11 +236,10 @@ for page in "${pages[@]}"; do
     name=${page##*/}
     mkdir -p "$work/$name"
     (
-        mine=$work/$name passed=0 failed=0
-        cp "$work/probe.js" "$mine"
-        work=$mine
+        cp "$work/probe.js" "$work/$name"
+        work=$work/$name passed=0 failed=0
         one_page "$page"
-        echo "$passed $failed" >"$mine/count"
+        echo "$passed $failed" >"$work/count"
     ) >"$work/$name/lines" 2>&1 &
     while [ "$(jobs -rp | wc -l)" -ge 2 ]; do wait -n; done
 done

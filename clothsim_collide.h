@@ -719,6 +719,8 @@ static int clothi_orient3d(const double *a, const double *b, const double *c, co
  *
  * checked: tests/test_ccd.c */
 
+#define CLOTHI_FLAT 1e-6                    /* sin^2 between the sides of a polygon            */
+
 /* Differences of the pair x [4x3] into r [4x3]; returns how many there are: 3 or 4. */
 static int clothi_pair_polygon(int edge_edge, const double *x, double *r) {
     clothi_sub3(x, x + (edge_edge ? 6 : 3), r);
@@ -736,52 +738,48 @@ static inline void clothi_polygon_plane(const double *r, int n, double *e, doubl
 }
 
 /* The point v [3] of the polygon r [n x 3] nearest to the origin: v = sum lambda_k r_k. Returns
- * its side, from corner k to k + 1, or -1 inside. Needs |r| < 1e70, exact down to 1e-70. */
+ * its side, from corner k to k + 1, or -1 inside. Needs |r| < 1e70, exact down to 1e-70. Only sides
+ * that have the foot of the perpendicular beyond them can be nearest; of a flat polygon all may. */
 static int clothi_nearest(const double *r, int n, double *lambda, double *v) {
-    double e[6], normal[3], c[3], best = HUGE_VAL, at = 0, nn;
-    int    i, k, side = 0;
+    double e[6], normal[3], c[3], p[3], best = HUGE_VAL, at = 0, s, t, nn, d2;
+    int    beyond[4] = {0, 0, 0, 0}, i, k, side = 0, flat;
+    clothi_polygon_plane(r, n, e, normal);
+    nn = clothi_dot3(normal, normal);
+    flat = !(nn > CLOTHI_FLAT * clothi_dot3(e, e) * clothi_dot3(e + 3, e + 3) && nn > 1e-250);
+    clothi_cross3(e + 3, r, c);
+    s = clothi_dot3(c, normal);
+    clothi_cross3(r, e, c);
+    t = clothi_dot3(c, normal);
+    beyond[0] = t < 0, beyond[n - 1] = s < 0;
+    beyond[1] = n == 3 ? s + t > nn : s > nn;
+    if (n == 4) beyond[2] = t > nn;
     for (i = 0; i < n; i++) {
         const double *a = r + 3 * i, *b = r + 3 * (i + 1 < n ? i + 1 : 0);
-        double        p[3], ee, ae, t, d2;
-        clothi_sub3(b, a, e);
-        ee = clothi_dot3(e, e);
-        ae = -clothi_dot3(a, e);
-        t = !(ae > 0) ? 0 : ae < ee ? ae / ee : 1;
-        for (k = 0; k < 3; k++) p[k] = t < 1 ? a[k] + t * e[k] : b[k];
+        double        side_e[3], ee, ae, part;
+        if (!flat && !beyond[i]) continue;
+        clothi_sub3(b, a, side_e);
+        ee = clothi_dot3(side_e, side_e);
+        ae = -clothi_dot3(a, side_e);
+        part = !(ae > 0) ? 0 : ae < ee ? ae / ee : 1;
+        for (k = 0; k < 3; k++) p[k] = part < 1 ? a[k] + part * side_e[k] : b[k];
         d2 = clothi_dot3(p, p);
-        if (d2 < best) {
-            best = d2;
-            at = t;
-            side = i;
-            memcpy(v, p, sizeof p);
-        }
+        if (!(d2 < best)) continue;
+        best = d2, at = part, side = i;
+        memcpy(v, p, sizeof p);
     }
     memset(lambda, 0, 4 * sizeof *lambda);
     lambda[side] = 1 - at;
     lambda[side + 1 < n ? side + 1 : 0] = at;
-    clothi_polygon_plane(r, n, e, normal);
-    nn = clothi_dot3(normal, normal);
-    if (nn > 0) {
-        double s, t, p[3], d2;
-        clothi_cross3(e + 3, r, c);
-        s = clothi_dot3(c, normal);
-        clothi_cross3(r, e, c);
-        t = clothi_dot3(c, normal);
-        if (s < 0 || t < 0 || (n == 3 ? s + t > nn : s > nn || t > nn)) return side;
-        s /= nn;
-        t /= nn;
-        for (k = 0; k < 3; k++) p[k] = r[k] + s * e[k] + t * e[3 + k];
-        d2 = clothi_dot3(p, p);
-        if (d2 < best) {
-            memcpy(v, p, sizeof p);
-            lambda[0] = n == 3 ? 1 - s - t : (1 - s) * (1 - t);
-            lambda[1] = n == 3 ? s : s * (1 - t);
-            lambda[2] = n == 3 ? t : s * t;
-            lambda[3] = n == 3 ? 0 : (1 - s) * t;
-            side = -1;
-        }
-    }
-    return side;
+    if (!(nn > 0) || beyond[0] || beyond[1] || beyond[2] || beyond[3]) return side;
+    s /= nn, t /= nn;
+    for (k = 0; k < 3; k++) p[k] = r[k] + s * e[k] + t * e[3 + k];
+    if (!(clothi_dot3(p, p) < best)) return side;
+    memcpy(v, p, sizeof p);
+    lambda[0] = n == 3 ? 1 - s - t : (1 - s) * (1 - t);
+    lambda[1] = n == 3 ? s : s * (1 - t);
+    lambda[2] = n == 3 ? t : s * t;
+    lambda[3] = n == 3 ? 0 : (1 - s) * t;
+    return -1;
 }
 
 /* Weights of the four points, of sum 0, from those of the polygon's corners: positive for a vertex
@@ -841,6 +839,24 @@ static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
     clothi_nearest(r, n, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
     return sqrt(clothi_dot3(v, v)) / scale;
+}
+
+/* No more than that distance, m, for less: how far the polygon lies along its normal, or along the
+ * way to its middle. */
+static double clothi_pair_beyond(int edge_edge, const double *x) {
+    double    r[12], e[6], u[6], best = 0;
+    const int n = clothi_pair_polygon(edge_edge, x, r);
+    int       i, k;
+    clothi_polygon_plane(r, n, e, u);
+    for (k = 0; k < 3; k++) u[3 + k] = r[k] + r[3 + k] + r[6 + k] + (n == 4 ? r[9 + k] : 0);
+    for (i = 0; i < 2; i++) {
+        const double size = sqrt(clothi_dot3(u + 3 * i, u + 3 * i));
+        double       least = clothi_dot3(u + 3 * i, r);
+        if (i == 0) least = fabs(least);
+        for (k = 1; i && k < n; k++) least = clothi_min(least, clothi_dot3(u + 3, r + 3 * k));
+        if (size > 0) best = clothi_max(best, least / size);
+    }
+    return best;
 }
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================
@@ -2097,15 +2113,6 @@ static void clothi_crossing_look(const int *pair, const void *ctx, clothi_segmen
         clothi_segment_put(out, pair[0], pair[1]);
 }
 
-/* Those of the candidates, pairs of faces [nf x 3] whose boxes at x [nv x 3] overlap, that
- * intersect, into another list, in their order; empty on failure. cost ~0.1 us a candidate */
-static cloth_status clothi_crossing_pairs(const cloth_hooks *hooks, const double *x,
-                                          const int *faces, const clothi_pairs *candidates,
-                                          clothi_pairs *out) {
-    const clothi_crossing_job job = {x, faces};
-    return clothi_pairs_look(hooks, candidates, clothi_crossing_look, &job, &out, 1, 4);
-}
-
 /* The list in increasing order of (first, second), all in [0, n). */
 static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n, clothi_pairs *p) {
     const size_t m = (size_t)p->count;
@@ -2128,9 +2135,10 @@ static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n, clothi_pa
 CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
                                            int nf, const int *faces, int max_pairs, int *pairs,
                                            int *count) {
-    cloth_status status;
-    clothi_bvh   tree;
-    clothi_pairs near_by, found;
+    const clothi_crossing_job job = {x, faces};
+    cloth_status  status;
+    clothi_bvh    tree;
+    clothi_pairs  near_by, found, *const out = &found;
     memset(&tree, 0, sizeof tree);
     memset(&near_by, 0, sizeof near_by);
     memset(&found, 0, sizeof found);
@@ -2145,7 +2153,8 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
         status = clothi_check_vector(hooks, "cloth_intersections: x", x, 3 * nv);
     if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK) status = clothi_bvh_cross_pairs(hooks, &tree, &tree, &near_by);
-    if (status == CLOTH_OK) status = clothi_crossing_pairs(hooks, x, faces, &near_by, &found);
+    if (status == CLOTH_OK)                 /* ~0.1 us a candidate */
+        status = clothi_pairs_look(hooks, &near_by, clothi_crossing_look, &job, &out, 1, 4);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
     if (status != CLOTH_OK) goto done;
     if (count) *count = found.count;
@@ -4098,7 +4107,7 @@ static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, 
     if (slot >= 0) return c->obstacle[slot].thickness;
     if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return t;
     clothi_pair_points(c, c->sim->model->x_rest, c->xa, v, 4, x);
-    apart = clothi_pair_distance(kind, x, w);
+    apart = clothi_pair_beyond(kind, x) < 2 * t ? clothi_pair_distance(kind, x, w) : 2 * t;
     if (!(apart < 2 * t)) return t;
     if (kind == CLOTHI_EE) {
         way[0] = clothi_way_out(c, c->edge_face + 2 * a, 2, v, 2, w);
@@ -5155,11 +5164,6 @@ static double clothi_pair_pole(const cloth_collide *c, double t, double start) {
     return clothi_min(CLOTHI_POLE * t, c->approach * start);
 }
 
-/* Gap that detection leaves, m: 0.28 t, or half of the way to the pole. */
-static double clothi_pair_separation(const cloth_collide *c, double t, double start) {
-    return clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
-}
-
 /* Fills contact q of a pair, cloth at x, obstacles where they end: 0 when it is none. */
 static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, const double *x,
                                clothi_contact *q) {
@@ -5204,25 +5208,16 @@ static int clothi_contact_before(const clothi_contact *p, const clothi_contact *
     return p->a != q->a ? p->a < q->a : p->b < q->b;
 }
 
-/* Heap sort of numbers [n] of contacts t. */
-static void clothi_contact_heap(const clothi_contact *t, int *order, int n) {
-    int start = n / 2, end = n, root, child;
-    while (end > 1) {
-        int q;
-        if (start > 0)
-            q = order[--start];
-        else {
-            q = order[--end];
-            order[end] = order[0];
+/* Shell's sort of numbers [n] of contacts t. */
+static void clothi_contact_shell(const clothi_contact *t, int *order, int n) {
+    int gap, i, j;
+    for (gap = n / 2; gap > 0; gap = gap == 2 ? 1 : (int)(gap * 0.45))
+        for (i = gap; i < n; i++) {
+            const int q = order[i];
+            for (j = i; j >= gap && clothi_contact_before(t + q, t + order[j - gap]); j -= gap)
+                order[j] = order[j - gap];
+            order[j] = q;
         }
-        for (root = start; (child = 2 * root + 1) < end; root = child) {
-            if (child + 1 < end && clothi_contact_before(t + order[child], t + order[child + 1]))
-                child++;
-            if (!clothi_contact_before(t + q, t + order[child])) break;
-            order[root] = order[child];
-        }
-        if (end > 0) order[root] = q;
-    }
 }
 
 /* The contacts from `sorted` on take their places among those before them: by key, then by
@@ -5237,7 +5232,7 @@ static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
     if (!status) status = CLOTHI_ROOM(c, spare, n);
     if (status) return status;
     for (k = 0; k < n - sorted; k++) c->order[k] = sorted + k;
-    clothi_contact_heap(t, c->order, n - sorted);
+    clothi_contact_shell(t, c->order, n - sorted);
     for (k = 0; k < n; k++) {
         const int last = j == n - sorted;
         if (last || (i < sorted && clothi_contact_before(t + i, t + c->order[j])))
@@ -5394,26 +5389,32 @@ static double clothi_list_covers(const cloth_collide *c, const double *x, const 
     return part;
 }
 
-/* How far pair i is from its range, m; cloth at x, obstacles where they end. */
-static double clothi_pair_slack(const cloth_collide *c, int i, const double *x) {
+/* How far pair i is from its range, m, or less: cheaper; cloth at x, obstacles where they end. */
+static double clothi_pair_slack(const cloth_collide *c, int i, const double *x, int exact) {
     const clothi_pair_id *p = c->pair + i;
-    int v[4];
+    double    r[12];
+    int       v[4];
+    const int n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+    const int slot = clothi_pair_slot(c, p->kind, p->a, p->b);
     if (clothi_is_soft(c, p)) return -HUGE_VAL;
-    (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-    return clothi_pair_gap(c, x, c->xb, p->kind, p->a, p->b) -
-           clothi_pair_thickness(c, p->kind, clothi_pair_slot(c, p->kind, p->a, p->b), p->a, p->b,
-                                 v);
+    if (exact || p->kind == CLOTHI_VP)
+        return clothi_pair_gap(c, x, c->xb, p->kind, p->a, p->b) -
+               clothi_pair_thickness(c, p->kind, slot, p->a, p->b, v);
+    clothi_pair_points(c, x, c->xb, v, n, r);
+    return clothi_pair_beyond(p->kind, r) - clothi_slot_radius(c, slot) -
+           (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
 }
 
 static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     cloth_collide *c = (cloth_collide *)ctx;
     int            i;
     (void)worker;
-    for (i = begin; i < end; i++) c->slack[i] = clothi_pair_slack(c, i, c->x_list);
+    for (i = begin; i < end; i++) c->slack[i] = clothi_pair_slack(c, i, c->x_list, 0);
 }
 
 /* Contacts whose pair is in the new list and near, or with a grid, stay with what is lagged. */
 static cloth_status clothi_list_keep(cloth_collide *c) {
+    const double    reach = CLOTHI_REACH * c->thickest;
     clothi_contact *q = c->contact;
     int             i, n = 0;
     uint32_t        at;
@@ -5424,9 +5425,10 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
     for (i = 0; i < c->npair; i++) {
         const clothi_pair_id *p = c->pair + i;
         int                   was = -1;
-        if (c->slack[i] <= CLOTHI_REACH * c->thickest)
+        if (!(c->slack[i] > reach))
             was = clothi_table_find(&c->contact_of, q, sizeof *q, p->kind, p->a, p->b, &at);
-        if (was >= 0) c->order[was] = c->hit[i] = CLOTHI_HIT_CONTACT;
+        if (was >= 0) c->slack[i] = clothi_pair_slack(c, i, c->x_list, 1);
+        if (was >= 0 && !(c->slack[i] > reach)) c->order[was] = c->hit[i] = CLOTHI_HIT_CONTACT;
     }
     for (i = 0; i < c->ncontact; i++)
         if (c->order[i]) q[n++] = q[i];
@@ -5472,7 +5474,7 @@ static cloth_status clothi_list_join(cloth_collide *c, const double *x, const do
         const int             stops = dx && c->hit_time[i] < 1;
         if (c->hit[i]) continue;
         if (!stops && c->slack[i] - (dx ? part * clothi_pair_far(c, p) : 0) > reach) continue;
-        c->slack[i] = clothi_pair_slack(c, i, x);
+        c->slack[i] = clothi_pair_slack(c, i, x, 1);
         if (!stops && c->slack[i] - (dx ? part * clothi_pair_come(c, p, dx) : 0) > reach) continue;
         c->hit[i] = CLOTHI_HIT_EXEMPT;
         if (clothi_is_exempt(c, p->kind, p->a, p->b)) continue;
@@ -6275,7 +6277,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     start = clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b);
     if (!(start > 0)) return clothi_no_side(c, p->kind, p->a, p->b);
     t = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, row.v);
-    sep = clothi_pair_separation(c, t, start);
+    sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
         held = clothi_pair_gap(c, c->xb, c->xb, p->kind, p->a, p->b);
         if (held >= sep) return CLOTH_OK;
@@ -6735,11 +6737,6 @@ static void clothi_part_way(const cloth_collide *c, double *x) {
         x[i] = c->xa[i] + CLOTHI_MOVE * c->toi * (c->x_ie[i] - c->xa[i]);
 }
 
-static void clothi_rows_clear(cloth_collide *c) {
-    c->nrow = 0;
-    if (c->row_of.size) memset(c->row_of.entry, 0, (size_t)c->row_of.size * sizeof(int));
-}
-
 /* From x_IE, zones until detection finds nothing. */
 static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     const int    rests = clothi_ends_rest(c) && !last;
@@ -6749,7 +6746,8 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
-    clothi_rows_clear(c);
+    c->nrow = 0;
+    if (c->row_of.size) memset(c->row_of.entry, 0, (size_t)c->row_of.size * sizeof(int));
     for (c->report.passes = 0; !status; c->report.passes++) {
         const double start = clothi_now(c->hooks);
         double       then;

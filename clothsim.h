@@ -11346,30 +11346,39 @@ static void clothi_hinge_vjp_rest(const cloth_eval *e, int h,
     }
 }
 
-static void clothi_hinge_vjp(const cloth_eval *e, int h, const double *a,
-                             cloth_vjp *out) {
-    const int *v = e->model->topology->hinges + 4 * (size_t)h;
-    double     x[12], xn[12], g[12], gn[12], bent, turned, ga = 0, c, rate, rest[16], tau;
-    clothi_hinge_vjp_parts d;
-    int        k;
-    clothi_derive_hinge(e->model, e->params, h, 0, rest, &tau);
-    c = rest[0];
-    rate = e->h > 0 ? tau / e->h : 0;
-    for (k = 0; k < 12; k++) {
-        x[k] = e->x[3 * v[k / 3] + k % 3];
-        xn[k] = e->x_n[3 * v[k / 3] + k % 3];
+/* The hinges of batch b. */
+static void clothi_hinge_vjp(const clothi_elements *el, int b, const cloth_eval *e,
+                             const double *a, cloth_vjp *out) {
+    enum { L = CLOTHI_LANES };
+    const int    *vert = el->group->vert + (size_t)b * 4 * L, *id = el->group->id + (size_t)b * L;
+    const double *rest = el->rest + (size_t)b * 2 * L, *tau = el->tau + (size_t)b * L;
+    const double  inv_h = el->damped && e->h > 0 ? 1 / e->h : 0;
+    double x[12 * L], g[12 * L], gn[12 * L], theta[L], start[L], one[L], ga[L] = {0};
+    int    i, k;
+    for (k = 0; k < L; k++) one[k] = 1;
+    clothi_gather_lanes(e->x, vert, 4, x);
+    clothi_theta_lanes(x, theta);
+    clothi_hinge_turn(x, one, g);
+    memcpy(start, theta, sizeof start);
+    if (inv_h > 0) {
+        clothi_gather_lanes(e->x_n, vert, 4, x);
+        clothi_theta_lanes(x, start);
+        clothi_hinge_turn(x, one, gn);
     }
-    bent = cloth_dihedral_grad(x, g);
-    turned = clothi_wrap(bent - cloth_dihedral_grad(xn, gn));
-    bent = clothi_wrap(bent - e->params->theta0[h]);
-    for (k = 0; k < 12; k++) ga += g[k] * a[3 * v[k / 3] + k % 3];
-    d.dc = (bent + rate * turned) * ga;
-    d.dtheta0 = -c * ga;
-    d.dtau = e->h > 0 ? c / e->h * turned * ga : 0;
-    if (out->h && e->h > 0) *out->h -= rate / e->h * c * turned * ga;
-    for (k = 0; out->x_n && rate > 0 && k < 12; k++)
-        out->x_n[3 * v[k / 3] + k % 3] -= rate * c * ga * gn[k];
-    clothi_hinge_vjp_rest(e, h, &d, out);
+    clothi_gather_lanes(a, vert, 4, x);
+    for (i = 0; i < 12 * L; i++) ga[i % L] += g[i] * x[i];
+    for (k = 0; k < L; k++) {
+        const double c = rest[k], rate = tau[k] * inv_h, turned = clothi_wrap(theta[k] - start[k]);
+        clothi_hinge_vjp_parts d;
+        if (id[k] < 0) continue;
+        d.dc = (clothi_wrap(theta[k] - rest[L + k]) + rate * turned) * ga[k];
+        d.dtheta0 = -c * ga[k];
+        d.dtau = c * inv_h * turned * ga[k];
+        if (out->h) *out->h -= rate * inv_h * c * turned * ga[k];
+        for (i = 0; out->x_n && rate > 0 && i < 12; i++)
+            out->x_n[3 * vert[i / 3 * L + k] + i % 3] -= rate * c * ga[k] * gn[i * L + k];
+        clothi_hinge_vjp_rest(e, id[k], &d, out);
+    }
 }
 
 /* dV/dw [4] through one face's share (q, t) of the weights into its rest corners. */
@@ -11440,12 +11449,12 @@ static void clothi_quadratic_vjp(const cloth_eval *e, int h, const double *a,
 
 static cloth_status clothi_bend_vjp(void *user, const cloth_eval *e, const double *a,
                                     cloth_vjp *out) {
-    int h;
-    (void)user;
-    for (h = 0; h < e->model->bend.count; h++) {
-        if (e->model->bend.kind == CLOTHI_HINGE) clothi_hinge_vjp(e, h, a, out);
-        else clothi_quadratic_vjp(e, h, a, out);
-    }
+    const clothi_elements *el = (const clothi_elements *)user;
+    int                    i;
+    for (i = 0; i < el->group->nbatch && el->group->kind == CLOTHI_HINGE; i++)
+        clothi_hinge_vjp(el, i, e, a, out);
+    for (i = 0; i < el->group->count && el->group->kind != CLOTHI_HINGE; i++)
+        clothi_quadratic_vjp(e, i, a, out);
     return CLOTH_OK;
 }
 

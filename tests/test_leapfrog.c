@@ -379,6 +379,48 @@ static void ledger_closes(void) {
     CHECK(fabs(loss[1]) < fabs(loss[0]) / 8);
 }
 
+/* All is held: a target that goes straight to d metres works k d^2/2, a strain that grows evenly
+ * by a loses tau Y a^2/h times the area, and nothing is lost besides, in however few substeps. */
+static void ledger_of_few(void) {
+    static const double bary[3] = {0.2, 0.3, 0.5};
+    const double        d = 0.01, k = 3, a = 1e-5, tau = 0.01, h = 1e-3;
+    cloth_report        r;
+    int                 m, i;
+    for (m = 1; m <= 3; m++) {
+        dyn              s;
+        cloth_attachment id;
+        double           at[3], to[3];
+        dyn_sheet(&s, CLOTH_SHEET_DIAGONAL, 3, 3, 1, 1);
+        s.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+        s.desc.material.membrane = 1, s.desc.material.poisson = 0, s.desc.material.damping = tau;
+        s.desc.substeps = m;
+        dyn_start(&s);
+        for (i = 0; i < 3; i++)
+            at[i] = bary[0] * s.mesh->x[3 * s.mesh->faces[0] + i] +
+                    bary[1] * s.mesh->x[3 * s.mesh->faces[1] + i] +
+                    bary[2] * s.mesh->x[3 * s.mesh->faces[2] + i];
+        for (i = 0; i < s.nv; i++)
+            CHECK(cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, s.mesh->x + 3 * i) == CLOTH_OK);
+        CHECK(cloth_sim_attach(s.sim, 0, bary, k, at, &id) == CLOTH_OK);
+        at[2] = d;
+        CHECK(cloth_sim_attach_move(s.sim, id, at) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, h, &r) == CLOTH_OK && r.substeps == m);
+        CHECK_REL(r.energy.pin_work, 0.5 * k * d * d, 1e-12);
+        CHECK_REL(r.energy.attach, 0.5 * k * d * d, 1e-12);
+        CHECK_NEAR(r.energy.numerical_loss, 0, 1e-16);
+        CHECK(cloth_sim_detach(s.sim, id) == CLOTH_OK);
+        for (i = 0; i < s.nv; i++) {
+            memcpy(to, s.mesh->x + 3 * i, sizeof to);
+            to[0] *= 1 + a;
+            CHECK(cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, to) == CLOTH_OK);
+        }
+        CHECK(cloth_step(s.sim, h, &r) == CLOTH_OK);
+        CHECK_REL(r.energy.damping_loss, tau * a * a / h, 3 * a);
+        CHECK_NEAR(r.energy.numerical_loss, 0, 3 * a * r.energy.damping_loss);
+        dyn_end(&s);
+    }
+}
+
 /* Forty springs at one vertex are one of their stiffness: the same substeps, none found by failing
  * (91 for 37 with a bound for four), and no energy but what moving their ends brought in. */
 static void attached_often(void) {
@@ -503,6 +545,7 @@ int main(int argc, char **argv) {
     RUN(snap);
     RUN(moving_pins);
     RUN(ledger_closes);
+    RUN(ledger_of_few);
     RUN(attached_often);
     RUN(triangle_forces);
     return TEST_END();

@@ -730,6 +730,110 @@ static void shape_counts(void) {
     }
 }
 
+/* All is held, a target goes straight to d metres in m substeps: it is j/m of the way at the end of
+ * the j-th, whose force works over its part: k d^2 (1 + 2 + ... + m)/m^2. */
+static void attachment_in_parts(void) {
+    static const double bary[3] = {0.2, 0.3, 0.5};
+    const double        d = 0.01, k = 3;
+    int                 m, q, i;
+    for (q = 1; q < 3; q++)
+        for (m = 1; m <= 3; m++) {
+            dyn              s;
+            cloth_report     r;
+            cloth_attachment id;
+            double           at[3];
+            dyn_sheet(&s, CLOTH_SHEET_DIAGONAL, 3, 3, 1, 1);
+            s.desc.integrator = integrators[q];
+            s.desc.substeps = m;
+            dyn_start(&s);
+            for (i = 0; i < 3; i++)
+                at[i] = bary[0] * s.mesh->x[3 * s.mesh->faces[0] + i] +
+                        bary[1] * s.mesh->x[3 * s.mesh->faces[1] + i] +
+                        bary[2] * s.mesh->x[3 * s.mesh->faces[2] + i];
+            for (i = 0; i < s.nv; i++)
+                CHECK(cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+            CHECK(cloth_sim_attach(s.sim, 0, bary, k, at, &id) == CLOTH_OK);
+            at[2] = d;
+            CHECK(cloth_sim_attach_move(s.sim, id, at) == CLOTH_OK);
+            CHECK(cloth_step(s.sim, 1e-2, &r) == CLOTH_OK && r.substeps == m);
+            CHECK_REL(r.energy.pin_work, k * d * d * (m + 1) / (2 * m), 1e-12);
+            CHECK_REL(r.energy.attach, 0.5 * k * d * d, 1e-12);
+            dyn_end(&s);
+        }
+}
+
+/* A sheet that drifts, every force being inner and none at rest: each step moves it by h v exactly,
+ * which BDF2's formula does only where the steps behind it are as long as this one. Whatever drops
+ * the history makes the next step that of implicit Euler from the same x and v. */
+static void history_dropped(void) {
+    static const double longer[5] = {1, 1.05, 0.95, 1 + 1e-6, 1 - 1e-6};
+    const double        h = 1.0 / 60;
+    cloth_report        r;
+    dyn                 d, e;
+    int                 k, i;
+    for (k = 0; k < 5; k++) {
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 5, 5, 1, 1);
+        d.desc.integrator = CLOTH_INTEGRATOR_BDF2;
+        dyn_start(&d);
+        for (i = 0; i < d.nv; i++) d.state->v[3 * i] = 2;
+        cloth_sim_state_changed(d.sim);
+        steps(&d, 2);
+        CHECK(cloth_step(d.sim, longer[k] * h, &r) == CLOTH_OK && r.restarts == (k > 0));
+        for (i = 0; i < d.nv; i++)
+            CHECK_NEAR(d.state->x[3 * i], d.mesh->x[3 * i] + 2 * (2 + longer[k]) * h, 1e-13);
+        dyn_end(&d);
+    }
+    for (k = 0; k < 4; k++) {               /* nothing, material, params, state                */
+        double off;
+        scene(&d, CLOTH_INTEGRATOR_BDF2, NULL);
+        scene(&e, CLOTH_INTEGRATOR_EULER, NULL);
+        steps(&d, 3);
+        memcpy(e.state->x, d.state->x, 3 * (size_t)d.nv * sizeof(double));
+        memcpy(e.state->v, d.state->v, 3 * (size_t)d.nv * sizeof(double));
+        cloth_sim_state_changed(e.sim);
+        if (k == 1) CHECK(cloth_sim_set_material(d.sim, 0, &d.desc.material) == CLOTH_OK);
+        if (k == 2) CHECK(cloth_sim_params_changed(d.sim) == CLOTH_OK);
+        if (k == 3) cloth_sim_state_changed(d.sim);
+        CHECK(cloth_step(d.sim, h, &r) == CLOTH_OK && r.restarts == (k > 0));
+        CHECK(cloth_step(e.sim, h, NULL) == CLOTH_OK);
+        off = dyn_worst(d.state->x, e.state->x, 3 * d.nv);
+        CHECK(k ? off < 1e-12 : off > 1e-6);
+        dyn_end(&d), dyn_end(&e);
+    }
+}
+
+/* What is collapsed and what is folded, from either side: last row at 0.1 % more or less than
+ * 1/sqrt(3) of its height, a fold of 3 rad and a hundredth more or less. */
+static void shape_bounds(void) {
+    static const double part[4] = {0.578, 0.5768, 1, 1}, angle[4] = {0, 0, 2.99, 3.01};
+    cloth_pin           pins[36];
+    double              x[108];
+    cloth_report        r;
+    dyn                 d;
+    int                 k, i, springs;
+    memset(pins, 0, sizeof pins);
+    for (i = 0; i < 36; i++) pins[i].vertex = i, pins[i].axes = CLOTH_AXIS_ALL;
+    for (k = 0; k < 4; k++)
+        for (springs = 0; springs < 2; springs++) {
+            dyn_sheet(&d, CLOTH_SHEET_DIAGONAL, 6, 6, 1, 1);
+            d.desc.npins = 36, d.desc.pins = pins;
+            d.desc.bend = CLOTH_BEND_HINGE;
+            if (springs) d.desc.membrane = CLOTH_MEMBRANE_SPRINGS;
+            memcpy(x, d.mesh->x, sizeof x);
+            for (i = 18; i < 36; i++) {
+                const double s = -x[3 * i + 1] - 0.4;
+                if (i >= 30) x[3 * i + 1] = -0.8 - 0.2 * part[k];
+                if (angle[k] > 0)
+                    x[3 * i + 1] = -0.4 - s * cos(angle[k]), x[3 * i + 2] = s * sin(angle[k]);
+            }
+            d.desc.x = x;
+            dyn_start(&d);
+            CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+            CHECK(r.collapsed == (k == 1 ? 10 : 0) && r.folded == (k == 3 ? 5 : 0));
+            dyn_end(&d);
+        }
+}
+
 static long long work(const cloth_report *r) {
     return r->counts.triangles + r->counts.hinges + r->counts.hessians;
 }
@@ -843,8 +947,11 @@ int main(int argc, char **argv) {
     RUN(loss_has_a_sign);
     RUN(works);
     RUN(attachment_work);
+    RUN(attachment_in_parts);
     RUN(momentum_in_report);
     RUN(shape_counts);
+    RUN(shape_bounds);
+    RUN(history_dropped);
     RUN(ledger_kept);
     RUN(rest);
     return TEST_END();

@@ -5824,10 +5824,6 @@ typedef struct clothi_front_entry {
     int slot2, row, col;
 } clothi_front_entry;
 
-#ifndef CLOTHI_MAX_DOMAINS
-#define CLOTHI_MAX_DOMAINS 16
-#endif
-
 #define CLOTHI_MAX_TASKS 16                 /* subtrees that are factored side by side          */
 
 /* What the graph decides for the factor. Constant after create. */
@@ -8786,7 +8782,7 @@ CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix 
     return status;
 }
 
-/* b := L^-1 b by elimination number (skip > 0: rows before part `skip` are known to be zero) */
+/* b := L^-1 b by elimination number */
 static void clothi_factor_forward(cloth_factor *f, double *b) {
     const clothi_tree *P = f->P;
     double *tmp = f->vec + 3 * (size_t)P->nv;
@@ -9081,22 +9077,14 @@ struct cloth_model {
 CLOTH_API cloth_desc cloth_desc_default(void) {
     cloth_desc d;
     memset(&d, 0, sizeof d);
-    d.cookie = CLOTHI_COOKIE;
-    d.rest_angle = CLOTH_REST_ANGLE_TEMPLATE;
-    d.material = cloth_material_default();
-    d.membrane = CLOTH_MEMBRANE_STVK;
-    d.bend = CLOTH_BEND_HINGE;
-    d.integrator = CLOTH_INTEGRATOR_EULER;
-    d.contact = CLOTH_CONTACT_NONE;
-    d.gravity[1] = -9.81;
-    d.air_density = CLOTH_DEFAULT_AIR_DENSITY;
-    d.drag = CLOTH_DEFAULT_DRAG;
-    d.lift = CLOTH_DEFAULT_LIFT;
-    d.max_attachments = CLOTH_DEFAULT_ATTACHMENTS;
-    d.tolerance = CLOTH_DEFAULT_TOLERANCE;
-    d.cg_tolerance = CLOTH_DEFAULT_CG_TOLERANCE;
-    d.linear = CLOTH_LINEAR_AUTO;
-    d.sleep = CLOTH_DEFAULT_SLEEP;
+    d.cookie = CLOTHI_COOKIE, d.rest_angle = CLOTH_REST_ANGLE_TEMPLATE;
+    d.material = cloth_material_default(), d.membrane = CLOTH_MEMBRANE_STVK;
+    d.bend = CLOTH_BEND_HINGE, d.integrator = CLOTH_INTEGRATOR_EULER;
+    d.contact = CLOTH_CONTACT_NONE, d.gravity[1] = -9.81;
+    d.air_density = CLOTH_DEFAULT_AIR_DENSITY, d.drag = CLOTH_DEFAULT_DRAG;
+    d.lift = CLOTH_DEFAULT_LIFT, d.max_attachments = CLOTH_DEFAULT_ATTACHMENTS;
+    d.tolerance = CLOTH_DEFAULT_TOLERANCE, d.cg_tolerance = CLOTH_DEFAULT_CG_TOLERANCE;
+    d.linear = CLOTH_LINEAR_AUTO, d.sleep = CLOTH_DEFAULT_SLEEP;
     return d;
 }
 
@@ -9569,7 +9557,8 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 
 /* --- hash, create, destroy --- */
 
-/* 64-bit FNV-1a over 8-byte words, then the tail byte by byte: equal bytes, equal hash. */
+/* As FNV-1a, but 8 bytes at a time, with a shift that brings their high bits down; then the tail
+ * byte by byte: equal bytes, equal hash. */
 CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
     const unsigned char *p = (const unsigned char *)data;
     for (; size >= 8; size -= 8, p += 8) {
@@ -9672,10 +9661,7 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
     if (status) return status;
     m = (cloth_model *)clothi_alloc(&desc->hooks, 1, sizeof *m);
     if (!m) return clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY, "no memory for the model");
-    m->hooks = desc->hooks;
-    m->desc = *desc;
-    m->nv = desc->nv;
-    m->nf = desc->nf;
+    m->hooks = desc->hooks, m->desc = *desc, m->nv = desc->nv, m->nf = desc->nf;
     m->nregions = desc->nregions > 0 ? desc->nregions : 1;
     status = clothi_model_copy(m, desc);
     if (!status) status = clothi_model_areas(m);
@@ -10003,9 +9989,7 @@ static void clothi_walk_units(const cloth_sim *s, clothi_walk *w, int n, unsigne
 static size_t clothi_walked(const cloth_sim *s, int verb, const void *buf, int skip, int units) {
     clothi_walk w;
     memset(&w, 0, sizeof w);
-    w.verb = verb;
-    w.skip = skip;
-    w.buf = (unsigned char *)(uintptr_t)buf;
+    w.verb = verb, w.skip = skip, w.buf = (unsigned char *)(uintptr_t)buf;
     clothi_walk_fields(s, &w);
     if (units) clothi_walk_units(s, &w, units, NULL);
     return w.at;
@@ -10443,8 +10427,7 @@ static void clothi_sim_start(cloth_sim *s) {
     memcpy(p->material, m->material, (size_t)m->nregions * sizeof(cloth_material));
     memcpy(p->X, m->X, 6 * (size_t)m->nf * sizeof(double));
     for (i = 0; i < p->nh; i++) {
-        p->hinge_scale[i] = 1;
-        p->theta0[i] = m->theta0[i];
+        p->hinge_scale[i] = 1, p->theta0[i] = m->theta0[i];
     }
     p->mass_given = m->vertex_mass != NULL;
     if (m->vertex_mass) memcpy(p->mass, m->vertex_mass, nv * sizeof(double));
@@ -10462,11 +10445,8 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     if (!model) return CLOTH_ERR_ARGUMENT;
     s = (cloth_sim *)clothi_alloc(&model->hooks, 1, sizeof *s);
     if (!s) return clothi_fail(&model->hooks, CLOTH_ERR_MEMORY, "no memory for the sim");
-    s->model = model;
-    s->hooks = model->hooks;
-    s->hooks.allocator.alloc = clothi_counted_alloc;
-    s->hooks.allocator.free = clothi_counted_free;
-    s->hooks.allocator.user = s;
+    s->model = model, s->hooks = model->hooks, s->hooks.allocator.alloc = clothi_counted_alloc;
+    s->hooks.allocator.free = clothi_counted_free, s->hooks.allocator.user = s;
     s->own.hooks = &s->hooks;
     status = clothi_sim_arrays(s);
     if (status) {
@@ -10813,11 +10793,7 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     clothi_own         *own = el->own;
     const clothi_group *g = el->group;
     clothi_pass         p;
-    p.model = e->model;
-    p.own = own;
-    p.g = g;
-    p.el = el;
-    p.x = e->x;
+    p.model = e->model, p.own = own, p.g = g, p.el = el, p.x = e->x;
     p.inv_h = e->h > 0 ? 1 / e->h : 0;
     p.grad = e->grad != NULL;
     p.hess = g->kind == CLOTHI_QUADRATIC && !el->damped ? NULL : e->hess;   /* else constant */
@@ -10860,9 +10836,7 @@ static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
     clothi_pass      p;
     if (!el->damped) return CLOTH_OK;
     memset(&p, 0, sizeof p);
-    p.g = el->group;
-    p.el = el;
-    p.x = e->x_n;
+    p.g = el->group, p.el = el, p.x = e->x_n;
     clothi_for(el->own->hooks, (p.g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
                clothi_start_range, &p);
     return CLOTH_OK;
@@ -10882,9 +10856,7 @@ static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
     clothi_pass p;
     memset(&p, 0, sizeof p);
-    p.model = s->model;
-    p.own = &s->own;
-    p.energy = grad;
+    p.model = s->model, p.own = &s->own, p.energy = grad;
     clothi_for(&s->hooks, (s->model->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, 1,
                clothi_gather_range, &p);
 }
@@ -10998,8 +10970,6 @@ static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const dou
     return CLOTH_OK;
 }
 
-CLOTHI_RARE_END
-
 /* --- wind ---
  *
  *      w  velocity of the air         n  unit normal of the face at x^n
@@ -11059,6 +11029,8 @@ static double clothi_wind_slip(const clothi_own *own, const cloth_eval *e, int f
     for (k = 0; k < 3; k++) r[k] -= along * n[k];
     return along;
 }
+
+CLOTHI_RARE_END
 
 static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *energy) {
     clothi_own  *own = (clothi_own *)user;
@@ -11780,11 +11752,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
     clothi_inertia q;
     cloth_status   status = CLOTH_OK;
     double         sum = 0;
-    q.s = s;
-    q.goal = goal;
-    q.x = x;
-    q.grad = grad;
-    q.partial = s->w.partial;
+    q.s = s, q.goal = goal, q.x = x, q.grad = grad, q.partial = s->w.partial;
     goal->e.x = x;
     goal->e.grad = grad;
     goal->e.hess = hess ? s->matrix : NULL;
@@ -11836,8 +11804,6 @@ static void clothi_tie_spread(const cloth_model *m, double *dx) {
         if (m->tie[i] >= 0) dx[i] = dx[3 * m->tie[i] + i % 3];
 }
 
-CLOTHI_RARE_END
-
 /* --- one iteration --- */
 
 typedef struct clothi_newton {              /* progress of one minimisation                    */
@@ -11874,8 +11840,6 @@ CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
     clothi_tie_gradient(s->model, r);
     for (i = 0; i < 3 * s->model->nv; i++) r[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : -r[i];
 }
-
-CLOTHI_RARE_BEGIN
 
 /* Each element is finite by promise: their sum, a host's term, contact or a matrix need not be.
  * value: an energy, or 0; then w.grad is finite or at fault. vertex: of a report. */
@@ -11950,10 +11914,7 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     const double         start = clothi_now(&s->hooks);
     cloth_linear_options opt = cloth_linear_options_default();
     cloth_status         status;
-    opt.method = method;
-    opt.tolerance = tolerance;
-    opt.radius = radius;
-    opt.fixed = s->fixed;
+    opt.method = method, opt.tolerance = tolerance, opt.radius = radius, opt.fixed = s->fixed;
     if (s->model->nv < CLOTHI_CG_SMALL)
         opt.max_iterations = 60 * s->model->nv + 200;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
@@ -12035,9 +11996,7 @@ static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_
     clothi_newton_rhs(s);
     status = s->contact.update(s->contact.user, s->w.x, s->w.rhs, done);
     memcpy(s->w.grad, s->w.free, 3 * (size_t)s->model->nv * sizeof(double));
-    goal->e.x = s->w.x;
-    goal->e.grad = s->w.grad;
-    goal->e.hess = NULL;
+    goal->e.x = s->w.x, goal->e.grad = s->w.grad, goal->e.hess = NULL;
     if (!status) status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
     nt->value += s->contact_energy - before;
     return status;
@@ -12275,6 +12234,8 @@ CLOTHI_RARE_END
  * checked: tests/test_order.c (orders 1 and 2), tests/validate/
  */
 
+CLOTHI_RARE_BEGIN
+
 /* Where unknown i would go without forces. */
 static double clothi_predicted(const cloth_sim *s, double h, int bdf2, int i) {
     const double *x = s->state.x, *v = s->state.v;
@@ -12306,8 +12267,7 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
         x[i] = x_new;
         v[i] = v_new;
     }
-    s->history = keep_history;
-    s->h_prev = h;
+    s->history = keep_history, s->h_prev = h;
     s->state.t += h;
 }
 
@@ -12315,16 +12275,10 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
 static void clothi_input(cloth_sim *s, double h, double start, double end) {
     cloth_step_input *in = &s->in;
     memset(in, 0, sizeof *in);
-    in->h = h;
-    in->t = s->state.t;
-    in->share[0] = start;
-    in->share[1] = end;
-    in->x = s->state.x;
+    in->h = h, in->t = s->state.t, in->share[0] = start, in->share[1] = end, in->x = s->state.x;
     in->v = s->state.v;
     if (s->history) in->x_prev = s->x_prev, in->v_prev = s->v_prev;
-    in->h_prev = s->h_prev;
-    in->pin = s->pin;
-    in->goal = s->target;
+    in->h_prev = s->h_prev, in->pin = s->pin, in->goal = s->target;
     memcpy(in->gravity, s->gravity, sizeof in->gravity);
     if (s->force_on) in->force = s->force;
     in->wind_on = s->wind_on;
@@ -12336,10 +12290,7 @@ static void clothi_input(cloth_sim *s, double h, double start, double end) {
 CLOTHI_OUTLINE static cloth_eval clothi_eval_of(const cloth_sim *s) {
     cloth_eval e;
     memset(&e, 0, sizeof e);
-    e.model = s->model;
-    e.params = &s->params;
-    e.in = &s->in;
-    e.nv = s->model->nv;
+    e.model = s->model, e.params = &s->params, e.in = &s->in, e.nv = s->model->nv;
     return e;
 }
 
@@ -12379,11 +12330,8 @@ static void clothi_guess(cloth_sim *s, double h) {
 
 static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
     memset(goal, 0, sizeof *goal);
-    goal->e = clothi_eval_of(s);
-    goal->e.h = h;
-    goal->e.t = s->state.t + h;
-    goal->e.x_n = s->state.x;
-    goal->e.v_n = s->state.v;
+    goal->e = clothi_eval_of(s), goal->e.h = h, goal->e.t = s->state.t + h;
+    goal->e.x_n = s->state.x, goal->e.v_n = s->state.v;
 }
 
 static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
@@ -12399,8 +12347,6 @@ static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
 }
 
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report);
-
-CLOTHI_RARE_BEGIN
 
 static cloth_status clothi_finite_result(const cloth_sim *s, cloth_report *report) {
     const ptrdiff_t at = clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv);
@@ -12463,8 +12409,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
     int          bdf2, impact = 0;
     clothi_eval_start(s, &goal, h);
     bdf2 = clothi_predict(s, h, &goal.eta);
-    s->in.eta = goal.eta;
-    s->in.y = s->w.y;
+    s->in.eta = goal.eta, s->in.y = s->w.y;
     if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) report->restarts++;
     clothi_pin_goals(s);
     clothi_fix(s);
@@ -12788,33 +12733,19 @@ CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, const double *CLOTHI_REST
         double a0 = 0, a1 = 0, a2 = 0, b0 = 0, b1 = 0, b2 = 0, v0, v1, v2;
         for (k = start[i]; k + 1 < last; k += 2) {
             const double *q = force + entry[k], *r = force + entry[k + 1];
-            a0 += q[0];
-            a1 += q[L];
-            a2 += q[2 * L];
-            b0 += r[0];
-            b1 += r[L];
-            b2 += r[2 * L];
+            a0 += q[0], a1 += q[L], a2 += q[2 * L];
+            b0 += r[0], b1 += r[L], b2 += r[2 * L];
         }
         if (k < last) {
             const double *q = force + entry[k];
-            a0 += q[0];
-            a1 += q[L];
-            a2 += q[2 * L];
+            a0 += q[0], a1 += q[L], a2 += q[2 * L];
         }
-        if (extra) {
-            b0 += extra[3 * i];
-            b1 += extra[3 * i + 1];
-            b2 += extra[3 * i + 2];
-        }
+        if (extra) b0 += extra[3 * i], b1 += extra[3 * i + 1], b2 += extra[3 * i + 2];
         v0 = v[3 * i] + (g0 - w * (a0 + b0));
         v1 = v[3 * i + 1] + (g1 - w * (a1 + b1));
         v2 = v[3 * i + 2] + (g2 - w * (a2 + b2));
-        v[3 * i] = v0;
-        v[3 * i + 1] = v1;
-        v[3 * i + 2] = v2;
-        x[3 * i] += drift * v0;
-        x[3 * i + 1] += drift * v1;
-        x[3 * i + 2] += drift * v2;
+        v[3 * i] = v0, v[3 * i + 1] = v1, v[3 * i + 2] = v2;
+        x[3 * i] += drift * v0, x[3 * i + 1] += drift * v1, x[3 * i + 2] += drift * v2;
     }
 }
 
@@ -12906,9 +12837,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     int    i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin;
     el[0] = &s->own.membrane;
     el[1] = &s->own.bend;
-    e->x = s->w.x;
-    e->grad = s->w.grad;
-    e->hess = NULL;
+    e->x = s->w.x, e->grad = s->w.grad, e->hess = NULL;
     *extra = NULL;
     if (el[0]->damped || el[1]->damped) {   /* strain rates: against x - h v, the last substep */
         for (i = 0; i < 3 * s->model->nv; i++)
@@ -12924,8 +12853,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     s->own.force_only = 0;
     if (!others || status) return status;
     memset(s->w.grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
-    e->x_n = s->w.x;
-    e->v_n = s->w.trial;
+    e->x_n = s->w.x, e->v_n = s->w.trial;
     e->h = 0;                               /* wind: at the velocity it has */
     for (i = CLOTHI_TERM_FORCE; i < s->nterms && !status; i++) {
         if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
@@ -12942,9 +12870,7 @@ static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *gra
     cloth_status status = CLOTH_OK;
     double       energy;
     int          i;
-    e->x = s->w.x;
-    e->grad = grad;
-    e->hess = NULL;
+    e->x = s->w.x, e->grad = grad, e->hess = NULL;
     e->h = 0;                               /* no damping */
     if (s->model->wing) {
         clothi_leap_wings(s);
@@ -13190,8 +13116,7 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_
     cloth_status status;
     if (clothi_find_nonfinite(s->w.x, bytes / sizeof(double)) >= 0) return CLOTH_OK;
     clothi_eval_start(s, &goal, hs);
-    goal.e.x_n = s->w.x;
-    goal.e.v_n = s->w.trial;
+    goal.e.x_n = s->w.x, goal.e.v_n = s->w.trial;
     s->own.counts.contact_calls++;
     if (end && l) {
         memcpy(s->w.dx, s->w.x, bytes);
@@ -13434,8 +13359,7 @@ CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *
     double       value;
     int          i;
     clothi_eval_start(s, &goal, 0);
-    goal.e.x_n = x;
-    goal.e.v_n = v;
+    goal.e.x_n = x, goal.e.v_n = v;
     for (i = s->nbuiltin; i < s->nterms && !status; i++)
         if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, &goal.e);
     if (!status) status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
@@ -13489,8 +13413,7 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     if (s->wind_on) {
         double *wind = s->w.trial;
         memset(wind, 0, (size_t)n * sizeof(double));
-        goal->e.grad = wind;
-        goal->e.hess = NULL;
+        goal->e.grad = wind, goal->e.hess = NULL;
         status = s->term[CLOTHI_TERM_WIND].eval(&s->own, &goal->e, &value);
         for (i = 0; i < n; i++) l->wind_work -= wind[i] * (s->w.x[i] - s->state.x[i]);
     }
@@ -13526,9 +13449,7 @@ static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
 static const double *clothi_shapes(cloth_sim *s, const clothi_group *g, int first) {
     clothi_pass p;
     memset(&p, 0, sizeof p);
-    p.own = &s->own;
-    p.g = g;
-    p.x = s->state.x;
+    p.own = &s->own, p.g = g, p.x = s->state.x;
     p.energy = s->own.energy_batch + (size_t)first * CLOTHI_LANES;
     clothi_for(&s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1, clothi_shape_range, &p);
     return p.energy;
@@ -13583,12 +13504,12 @@ static void clothi_report_momentum(const cloth_sim *s, cloth_report *report) {
 
 static void clothi_report_bytes(const cloth_sim *s, cloth_bytes *b) {
     const cloth_model *m = s->model;
-    b->mesh = clothi_model_mesh(m, NULL) + clothi_block_size(m->topology);
+    b->mesh = clothi_model_mesh(m, NULL) + clothi_block_size(m->topology) + clothi_block_size(m);
     b->elements = clothi_model_stencils(m, NULL) + clothi_own_blocks(&s->own, NULL);
     b->matrix = cloth_pattern_bytes(m->pattern) + cloth_matrix_bytes(s->matrix);
     b->factor = cloth_linear_solver_bytes(s->solver);
     b->state = clothi_state_blocks(s, NULL);
-    b->scratch = clothi_work_blocks(s, NULL);
+    b->scratch = clothi_work_blocks(s, NULL) + clothi_block_size(s);
     b->contact = s->contact_on && s->contact.bytes ? s->contact.bytes(s->contact.user) : 0;
     b->total = b->mesh + b->elements + b->matrix + b->factor + b->state + b->scratch + b->contact;
 }
@@ -13740,12 +13661,9 @@ static void clothi_report_end(cloth_sim *s, double start, long long allocations,
                               cloth_report *report) {
     double total = clothi_now(&s->hooks) - start;
     s->own.counts.allocations = s->allocations - allocations;
-    report->counts = s->own.counts;
-    report->ms.total = 1e3 * total;
-    report->ms.assemble = 1e3 * s->ms.assemble;
-    report->ms.linear = 1e3 * s->ms.linear;
-    report->ms.line_search = 1e3 * s->ms.line_search;
-    report->ms.contact = 1e3 * s->ms.contact;
+    report->counts = s->own.counts, report->ms.total = 1e3 * total;
+    report->ms.assemble = 1e3 * s->ms.assemble, report->ms.linear = 1e3 * s->ms.linear;
+    report->ms.line_search = 1e3 * s->ms.line_search, report->ms.contact = 1e3 * s->ms.contact;
     report->ms.other = 1e3 * (total - s->ms.assemble - s->ms.linear - s->ms.line_search -
                               s->ms.contact);
 }
@@ -13800,8 +13718,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
 static cloth_status clothi_refused(cloth_report *report, cloth_status status) {
     if (!report) return status;
     memset(report, 0, sizeof *report);
-    report->status = status;
-    report->vertex = report->min_stretch_face = -1;
+    report->status = status, report->vertex = report->min_stretch_face = -1;
     return status;
 }
 
@@ -14141,9 +14058,7 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY,
                            "cloth_sim_save: %z bytes given, %z needed", size, need);
     (void)clothi_walked(sim, CLOTHI_SAVE, data, 0, CLOTHI_MAX_TERMS);
-    head.magic = CLOTHI_MAGIC;
-    head.version = CLOTH_VERSION_NUM;
-    head.bytes = need;
+    head.magic = CLOTHI_MAGIC, head.version = CLOTH_VERSION_NUM, head.bytes = need;
     memcpy(head.aspect, sim->model->aspect, sizeof head.aspect);
     head.checksum = clothi_hash(0xcbf29ce484222325u, data, need - sizeof head);
     memcpy(buf, &head, sizeof head);
@@ -14303,8 +14218,7 @@ CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
     if (hosts) scratch = (unsigned char *)clothi_alloc(&sim->model->hooks, hosts, 1);
     if (hosts && !scratch) return 0;
     memset(&w, 0, sizeof w);
-    w.verb = CLOTHI_HASH;
-    w.hash = 0xcbf29ce484222325u ^ sim->model->hash;
+    w.verb = CLOTHI_HASH, w.hash = 0xcbf29ce484222325u ^ sim->model->hash;
     clothi_walk_fields(sim, &w);
     clothi_walk_units(sim, &w, CLOTHI_MAX_TERMS, scratch);
     clothi_free(&sim->model->hooks, scratch);

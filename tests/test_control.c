@@ -229,12 +229,14 @@ static void reset_is_fresh(void) {
     double              f[300] = {0};
     cloth_attachment    id;
     cloth_material      m;
+    cloth_report        r;
     uint64_t            fresh;
-    int                 kind;
+    int                 kind, k;
     CHECK(cloth_sim_reset(NULL) == CLOTH_ERR_ARGUMENT);
-    FOR_INTEGRATORS(kind) {
+    FOR_INTEGRATORS(kind) for (k = 0; k < 2; k++) {     /* k: wind in the desc                 */
         cloth_sim *twin;
-        open_as((cloth_integrator)kind, WITH_NOISE | WITH_DAMPING | WITH_WIND | WITH_PINS);
+        open_as((cloth_integrator)kind, (k ? WITH_ALL & ~WITH_ATTACH & ~WITH_FORCE
+                                           : WITH_NOISE | WITH_DAMPING | WITH_PINS));
         fresh = cloth_sim_hash(S.sim);
         f[4] = 0.01;
         m = S.desc.material;
@@ -252,7 +254,7 @@ static void reset_is_fresh(void) {
         CHECK(cloth_sim_reset(S.sim) == CLOTH_OK && cloth_sim_hash(S.sim) == fresh);
         /* and goes on like one */
         CHECK(cloth_sim_create(S.model, &twin) == CLOTH_OK);
-        CHECK(cloth_step(S.sim, 0.01, NULL) == CLOTH_OK);
+        CHECK(cloth_step(S.sim, 0.01, &r) == CLOTH_OK && (r.counts.wind_faces > 0) == k);
         CHECK(cloth_step(twin, 0.01, NULL) == CLOTH_OK);
         CHECK(cloth_sim_hash(S.sim) == cloth_sim_hash(twin));
         cloth_sim_destroy(twin);

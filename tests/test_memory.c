@@ -285,6 +285,22 @@ static void control(void) {
     done();
 }
 
+/* bytes.total is what the allocator has given out, byte for byte. */
+static void total_bytes(void) {
+    int kind, m, b, with;
+    FOR_INTEGRATORS(kind)
+        for (m = CLOTH_MEMBRANE_SPRINGS; m <= (int)CLOTH_MEMBRANE_STVK; m++)
+            for (b = CLOTH_BEND_NONE; b <= (int)CLOTH_BEND_HINGE; b++)
+                for (with = 0; with < 2; with++) {
+                    cloth_report r;
+                    fresh(m, b, kind, with ? WITH_ALL : 0);
+                    CHECK(!with || cloth_sim_params(S.sim) != NULL);
+                    CHECK(cloth_step(S.sim, 0.004, &r) == CLOTH_OK && r.bytes.total == told.bytes);
+                    CHECK(cloth_step(S.sim, 0.004, &r) == CLOTH_OK && r.bytes.total == told.bytes);
+                    done();
+                }
+}
+
 static void advise(void) {
     cloth_advice a;
     int          n;
@@ -310,6 +326,7 @@ int main(int argc, char **argv) {
     RUN(statics_and_queries);
     RUN(restore);
     RUN(control);
+    RUN(total_bytes);
     RUN(advise);
     return TEST_END();
 }

@@ -592,8 +592,8 @@ static void expect_fault(const cloth_mesh *m, const double *X, cloth_mesh_fault 
 
 static void check_every_fault(void) {
     cloth_mesh *m = sheet4();
-    double      X[18 * 6];
-    int         f = 7, t[3];
+    double      X[18 * 6], mid[2];
+    int         f = 7, t[3], k;
     memcpy(t, m->faces + 3 * f, sizeof t);
     m->faces[3 * f + 1] = 16;
     expect_fault(m, NULL, CLOTH_MESH_INDEX, 1, f, CLOTH_ERR_MESH,
@@ -617,8 +617,14 @@ static void check_every_fault(void) {
     m->x[2] = 0.5 * (m->x[5] + m->x[17]);
     expect_fault(m, NULL, CLOTH_MESH_ZERO_AREA, 1, 0, CLOTH_ERR_MESH,
                  "face 0: corners 0 5 1 span no area");
-    m->x[0] += 1e-5;
-    expect_fault(m, NULL, CLOTH_MESH_SLIVER, 1, 0, CLOTH_OK, "face 0: a sliver");
+    mid[0] = m->x[0], mid[1] = m->x[2];         /* and a little off: 1e-4 high, from either side */
+    for (k = 0; k < 2; k++) {
+        const double high = k ? 1.01e-4 : 0.99e-4;
+        m->x[0] = mid[0] + high * (m->x[17] - m->x[5]);
+        m->x[2] = mid[1] - high * (m->x[15] - m->x[3]);
+        expect_fault(m, NULL, k ? CLOTH_MESH_FAULT_COUNT : CLOTH_MESH_SLIVER, !k, 0, CLOTH_OK,
+                     k ? "" : "face 0: a sliver");
+    }
     cloth_mesh_destroy(NULL, m);
 
     m = sheet4();                               /* without vertex 15 and its two faces */

@@ -292,6 +292,28 @@ static void obj_values(void) {
     cloth_mesh_destroy(NULL, m);
 }
 
+/* Indices from 1 and from the last so far name the same: a face read before the last vt too. */
+static void obj_indices(void) {
+    static const char *const face[3][2] = {{"1/1 2/2 3/3", "1/2 3/3 4/4"},
+                                           {"-4/-3 -3/-2 -2/-1", "-4/-3 -2/-2 -1/-1"},
+                                           {"1/-3 -3/2 3/-1", "-4/2 3/-2 -1/4"}};
+    static const double      X[12] = {0, 0, 1, 0, 1, 1, 1, 0, 1, 1, 7, 7};
+    static const int         faces[6] = {0, 1, 2, 0, 2, 3};
+    cloth_obj_options        opt = cloth_obj_options_default();
+    char                     text[256];
+    int                      k;
+    opt.pattern_scale = 1;
+    for (k = 0; k < 3; k++) {
+        cloth_mesh *m;
+        snprintf(text, sizeof text, "%svt 0 0\nvt 1 0\nvt 1 1\nf %s\nvt 7 7\nf %s\n", V4,
+                 face[k][0], face[k][1]);
+        m = parse(text, &opt);
+        if (!CHECK(m && m->nf == 2 && m->X)) return;
+        CHECK(memcmp(m->faces, faces, sizeof faces) == 0 && memcmp(m->X, X, sizeof X) == 0);
+        cloth_mesh_destroy(NULL, m);
+    }
+}
+
 /* two triangles whose shared edge is a seam at vertex 2 only */
 static void obj_seams(void) {
     cloth_mesh *m = parse(V4 "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 5 5\n"
@@ -739,6 +761,7 @@ int main(int argc, char **argv) {
     RUN(number_round_trip);
     RUN(obj_forms);
     RUN(obj_values);
+    RUN(obj_indices);
     RUN(obj_seams);
     RUN(obj_parts);
     RUN(obj_refusals);

@@ -149,6 +149,31 @@ static void wedge(void) {
     }
 }
 
+/* A multiplier of 1e-314 has few digits, and x is made of it: by long doubles x + minv G'l is 9e-11
+ * of x then. It is the largest residual: solved to 2e-10, not to 4e-11. */
+static void few_digits(void) {
+    static const double tolerance[2] = {2e-10, 4e-11};
+    const int           col = 0;
+    const double        g = -1.7;
+    int                 k;
+    for (k = 0; k < 2; k++) {
+        cloth_qp_options o = cloth_qp_options_default();
+        cloth_qp_report  r;
+        double           x, lambda;
+        qp_problem       p = blank(1, 1);
+        qp_kkt           c;
+        p.minv[0] = 1e300;
+        add_row(&p, -1.1e-13, 1, &col, &g);
+        o.tolerance = tolerance[k];
+        CHECK(cloth_qp_solve(&p.qp, &o, &x, &lambda, &r) == CLOTH_OK);
+        c = qp_check(&p.qp, &x, &lambda);
+        CHECK(c.dual > 8e-11 && c.dual < 1e-10 && c.primal < 4e-11 && c.complementarity < 4e-11);
+        CHECK(r.outcome == (k ? CLOTH_QP_MAX_ITERATIONS : CLOTH_QP_SOLVED));
+        CHECK(r.residual > 4e-11 && r.residual < 2e-10);
+        qp_free(&p);
+    }
+}
+
 /* The same contact seen 4 times, as a copy, scaled, tilted a little, and looser. */
 static void duplicates(void) {
     const int    col[3] = {0, 1, 2};
@@ -743,6 +768,7 @@ int main(int argc, char **argv) {
     RUN(box);
     RUN(stack);
     RUN(wedge);
+    RUN(few_digits);
     RUN(duplicates);
     RUN(degenerate);
     RUN(special_rows);

@@ -254,7 +254,8 @@ static void whose_snapshot(void) {
     free(buf);
 }
 
-/* report.bytes.contact is what destroy gives back; a body that may penetrate itself included. */
+/* report.bytes.contact is what destroy gives back, and part of the total, all that the allocator
+ * has given out; a body that may penetrate itself included. */
 static void bytes(void) {
     static const double far[3] = {0, -3, 0};
     cloth_hooks         hooks = host_hooks(&H);
@@ -271,6 +272,7 @@ static void bytes(void) {
     shape_free(&body);
     CHECK(world_run(&W, 20, 1.0 / 60));
     CHECK(cloth_step(W.sim, 1.0 / 60, &r) == CLOTH_OK);
+    CHECK(r.bytes.total == H.bytes);
     owned = H.bytes;
     cloth_collide_destroy(W.c);
     W.c = NULL;

@@ -963,8 +963,7 @@ CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f);
 CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]);
 /* Velocity of the air, m/s; NULL switches the wind off. */
 CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]);
-CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region,
-                                              const cloth_material *m);
+CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const cloth_material *m);
 /* Borrowed, read and write: a copy, made at the first call, that steps do not see until _changed()
  * has checked it; that call derives what follows (lumped masses, if mass_given is 0) and drops
  * BDF2's history. Refused: steps go on with what was accepted last, and what was written stays to
@@ -1019,8 +1018,7 @@ CLOTH_API const cloth_model    *cloth_sim_model(const cloth_sim *sim);
 /* Blocks of the Hessian per vertex row, full symmetric count, averaged; 0 for LEAPFROG. */
 CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model);
 /* Smallest and largest principal stretch of each face at the state; outputs [nf] may be NULL. */
-CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smallest,
-                                           double *largest);
+CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smallest, double *largest);
 /* Energies and momenta of the state, without a step. */
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger);
 /* Potential and its gradient at x [nv x 3] by all terms but inertia, as statics sees it: h = 0, no
@@ -1867,8 +1865,7 @@ static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 /* out = the items of `in` (NULL: 0, 1, 2, ...) sorted by key[item] in [0, nkeys), equal keys in
  * the order of `in`. count [nkeys + 1] is scratch. The sort of a whole record is one call per
  * field, the least important first. */
-static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out,
-                           int *count) {
+static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out, int *count) {
     int i;
     memset(count, 0, ((size_t)nkeys + 1u) * sizeof *count);
     for (i = 0; i < n; i++) count[key[i] + 1]++;
@@ -2243,8 +2240,7 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
  * checked: tests/test_mesh.c */
 
 /* The first face that cannot be used at all. */
-static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf,
-                                       const int *faces) {
+static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf, const int *faces) {
     int f, k;
     for (f = 0; f < nf; f++) {
         const int *t = faces + 3 * f;
@@ -2315,8 +2311,7 @@ static cloth_topology *clothi_topology_alloc(const cloth_hooks *hooks, int nv, i
     return t;
 }
 
-static void clothi_topology_edges(const int *faces, const clothi_edge_sort *s,
-                                  cloth_topology *t) {
+static void clothi_topology_edges(const int *faces, const clothi_edge_sort *s, cloth_topology *t) {
     int i, end, e = 0, j = 0;
     for (i = 0; i < 3 * t->nf; i = end, e++) {
         int left = s->order[i], right;
@@ -2828,8 +2823,7 @@ CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *co
  * Two sweeps, the first of which only looks: X is written when all can be written.
  * checked: tests/test_rest.c */
 
-CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int *faces,
-                                     double *X) {
+CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int *faces, double *X) {
     clothi_triangle t;
     int             f, k, write;
     if (clothi_check_counts(NULL, nv, nf) != CLOTH_OK) return CLOTH_ERR_ARGUMENT;
@@ -3512,8 +3506,7 @@ done:
     return status;
 }
 
-static cloth_status clothi_obj_check_options(const cloth_hooks *hooks,
-                                             const cloth_obj_options *o) {
+static cloth_status clothi_obj_check_options(const cloth_hooks *hooks, const cloth_obj_options *o) {
     if (o->cookie != CLOTHI_OBJ_COOKIE)
         return clothi_fail(hooks, CLOTH_ERR_UNINIT, "options are not from "
                            "cloth_obj_options_default()");
@@ -3565,8 +3558,7 @@ done:
 
 /* --- writing the text --- */
 
-static void clothi_obj_write_numbers(clothi_sink *s, const char *keyword, const double *a,
-                                     int n) {
+static void clothi_obj_write_numbers(clothi_sink *s, const char *keyword, const double *a, int n) {
     int k;
     clothi_sink_string(s, keyword);
     for (k = 0; k < n; k++) {
@@ -4916,8 +4908,7 @@ CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment
     f[11 * L + k] = -r2;
 }
 
-CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
-                                    double *CLOTHI_RESTRICT l) {
+CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT l) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -4928,8 +4919,7 @@ CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x,
     clothi_sqrt_lanes(l);
 }
 
-CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x,
-                                   double *CLOTHI_RESTRICT theta) {
+CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT theta) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -11191,8 +11181,7 @@ static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, cons
     }
 }
 
-static void clothi_triangle_vjp(const cloth_eval *e, int f, const double *a,
-                                cloth_vjp *out) {
+static void clothi_triangle_vjp(const cloth_eval *e, int f, const double *a, cloth_vjp *out) {
     const int            *v = e->model->faces + 3 * f;
     int                   region = e->model->region[f], k;
     const cloth_material *mat = e->params->material + region;
@@ -11253,8 +11242,7 @@ CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_model *m, const cloth_par
     }
 }
 
-static void clothi_spring_vjp(const cloth_eval *e, int i, const double *a,
-                              cloth_vjp *out) {
+static void clothi_spring_vjp(const cloth_eval *e, int i, const double *a, cloth_vjp *out) {
     const cloth_model *m = e->model;
     const int *v = m->topology->edges + 2 * (size_t)i, *f = m->topology->edge_faces + 2 * (size_t)i;
     double rest[2 * CLOTHI_LANES], tau, d[3], dn[3], da[3], l, ln, u_da, rate, k, L, pull, V;
@@ -11396,8 +11384,7 @@ static void clothi_quadratic_face_vjp(const cloth_model *m, const cloth_params *
     }
 }
 
-static void clothi_quadratic_vjp(const cloth_eval *e, int h, const double *a,
-                                 cloth_vjp *out) {
+static void clothi_quadratic_vjp(const cloth_eval *e, int h, const double *a, cloth_vjp *out) {
     const cloth_model *m = e->model;
     const int *v = m->topology->hinges + 4 * (size_t)h;
     const int *f = m->topology->hinge_faces + 2 * (size_t)h;

@@ -134,7 +134,8 @@
  * @@ CLOTH_ASSERT              implementation: programmer errors in hot calls; assert()
  * @@ CLOTH_NO_STDIO            implementation: no file wrappers; they return _UNSUPPORTED
  * @@ CLOTH_NO_SIMD             implementation: plain C loops only, no intrinsics
- * @@ CLOTH_ALLOW_FAST_MATH     implementation: do not refuse -ffast-math (results lose meaning)
+ * @@ CLOTH_ALLOW_FAST_MATH     implementation: do not refuse -ffast-math and its like, by #error or
+ *                              at create (results lose meaning)
  * None changes a struct's layout or a function's signature.
  */
 
@@ -183,8 +184,8 @@
 #define CLOTH_VERSION_NUM \
     (10000 * CLOTH_VERSION_MAJOR + 100 * CLOTH_VERSION_MINOR + CLOTH_VERSION_PATCH)
 
-#if defined(__FAST_MATH__) && !defined(CLOTH_ALLOW_FAST_MATH)
-#error "clothsim.h needs IEEE arithmetic: compile this file without -ffast-math"
+#if (defined(__FAST_MATH__) || defined(_M_FP_FAST)) && !defined(CLOTH_ALLOW_FAST_MATH)
+#error "clothsim.h needs IEEE arithmetic: compile this file without -ffast-math or /fp:fast"
 #endif
 
 /* @@ CLOTH_API: linkage of every public function (all files). */
@@ -9227,6 +9228,16 @@ static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc
     return CLOTH_OK;
 }
 
+/* Whether sums are rounded as written: not where a flag that no macro shows makes (a + b) - a b. */
+static int clothi_ieee(void) {
+#ifndef CLOTH_ALLOW_FAST_MATH
+    volatile double one = 1, tiny = 1e-20;  /* no constants to the compiler */
+    const double    a = one, b = tiny;
+    if ((a + b) - a > 0) return 0;
+#endif
+    return 1;
+}
+
 /* Every refusal that needs no allocation of the model's own. */
 static cloth_status clothi_check_desc(const cloth_desc *d) {
     const cloth_hooks *hooks = &d->hooks;
@@ -9239,6 +9250,9 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "desc.hooks.parallel.max_workers = %i must be at least 1",
                            d->hooks.parallel.max_workers);
+    if (!clothi_ieee())
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "compiled for other than IEEE arithmetic: "
+                           "-funsafe-math-optimizations?");
     status = clothi_check_ladder(hooks, d);
     if (!status) status = clothi_check_desc_numbers(hooks, d);
     if (!status)

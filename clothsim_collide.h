@@ -6602,7 +6602,7 @@ static int clothi_solve3(const double *A, const double *b, double *x) {
 static void clothi_zone_rotate(cloth_collide *c, const int *member, int n) {
     const double *mass = c->sim->params.mass;
     double center[3] = {0, 0, 0}, move[3] = {0, 0, 0}, total = 0, L[3] = {0, 0, 0};
-    double I[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, turn[3] = {0, 0, 0}, angle, s, t;
+    double J[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, turn[3] = {0, 0, 0}, angle, s, t;
     int    i, j, k;
     for (i = 0; i < n; i++) {
         const int v = member[i];
@@ -6622,10 +6622,10 @@ static void clothi_zone_rotate(cloth_collide *c, const int *member, int n) {
         for (k = 0; k < 3; k++) {
             L[k] += mass[v] * l[k];
             for (j = 0; j < 3; j++)
-                I[3 * k + j] += mass[v] * ((k == j ? clothi_dot3(r, r) : 0) - r[k] * r[j]);
+                J[3 * k + j] += mass[v] * ((k == j ? clothi_dot3(r, r) : 0) - r[k] * r[j]);
         }
     }
-    if (!clothi_solve3(I, L, turn)) turn[0] = turn[1] = turn[2] = 0;
+    if (!clothi_solve3(J, L, turn)) turn[0] = turn[1] = turn[2] = 0;
     angle = sqrt(clothi_dot3(turn, turn));
     s = angle > 1e-9 ? sin(angle) / angle : 1;
     t = angle > 1e-9 ? (1 - cos(angle)) / (angle * angle) : 0.5;

@@ -213,6 +213,31 @@ orders() {
 
 one_compile() { must "compile_only.c: $*" "$@" $kit_warn -I.. -c compile_only.c -o "$out/one.o"; }
 
+# Words that headers of systems take as macros (windows.h, complex.h) are no names of the kit.
+compile_words() {
+    printf '#include <complex.h>\n' >"$out/words.h"
+    for word in near far small hyper interface pascal cdecl 'min(a, b) a' 'max(a, b) a' \
+        unix linux huge; do
+        case $word in
+        unix | linux | small) printf '#undef %s\n#define %s 1\n' $word $word ;;
+        *) printf '#define %s\n' "$word" ;;
+        esac
+    done >>"$out/words.h"
+    one_compile $cc -std=c99 $(orders | head -n 1) -include "$out/words.h"
+}
+
+# What lets a compiler round otherwise than written is refused: where a macro shows it by #error, else
+# when a model is made.
+compile_ieee() {
+    for c in gcc clang; do
+        have $c || continue
+        for flag in -ffast-math -funsafe-math-optimizations; do
+            must "refused: $c $flag" sh -c "! { $c -std=c99 -w -O2 $flag -I.. -I../examples \
+                ../examples/01_hang.c -o '$out/fast' -lm && '$out/fast'; }"
+        done
+    done
+}
+
 run_compile() {
     for pair in gcc:g++ clang:clang++; do
         c=${pair%:*} cxx=${pair#*:}
@@ -238,6 +263,8 @@ run_compile() {
         fi
     done
     kit_warn="$warn $warn_c"
+    compile_words
+    compile_ieee
     orders >"$out/orders"
     sed 1d "$out/orders" >"$out/others"         # the first has been
     while read -r order; do one_compile $cc -std=c99 $order; done <"$out/others"

@@ -777,6 +777,9 @@ typedef struct cloth_term {
     void   (*save)(void *user, void *buf);  /* every byte of it; buf is a multiple of 8 bytes
                                                behind the start of the snapshot                */
     void   (*load)(void *user, const void *buf);        /* as many bytes as were saved         */
+    /* N/m, of LEAPFROG's stability limit: the largest sum of |d2E/dx2| along a row; 0: the cloth is
+     * stiffer. A spring to a fixed point has its k, one between two vertices 2 k */
+    double stiffness;
 } cloth_term;
 
 struct cloth_obstacle;
@@ -11503,13 +11506,13 @@ static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const doubl
 static void clothi_terms_install(cloth_sim *s) {
     static const cloth_term list[CLOTHI_TERM_HOST] = {
         {"stretch", NULL, clothi_elements_begin, clothi_elements_eval, clothi_membrane_vjp, NULL,
-         NULL, NULL},
+         NULL, NULL, 0},
         {"bend", NULL, clothi_elements_begin, clothi_elements_eval, clothi_bend_vjp, NULL, NULL,
-         NULL},
-        {"gravity", NULL, NULL, clothi_gravity_eval, clothi_gravity_vjp, NULL, NULL, NULL},
-        {"force", NULL, NULL, clothi_force_eval, clothi_force_vjp, NULL, NULL, NULL},
-        {"attachment", NULL, NULL, clothi_attach_eval, clothi_attach_vjp, NULL, NULL, NULL},
-        {"wind", NULL, clothi_wind_begin, clothi_wind_eval, clothi_wind_vjp, NULL, NULL, NULL}};
+         NULL, 0},
+        {"gravity", NULL, NULL, clothi_gravity_eval, clothi_gravity_vjp, NULL, NULL, NULL, 0},
+        {"force", NULL, NULL, clothi_force_eval, clothi_force_vjp, NULL, NULL, NULL, 0},
+        {"attachment", NULL, NULL, clothi_attach_eval, clothi_attach_vjp, NULL, NULL, NULL, 0},
+        {"wind", NULL, clothi_wind_begin, clothi_wind_eval, clothi_wind_vjp, NULL, NULL, NULL, 0}};
     int i;
     memcpy(s->term, list, sizeof list);
     s->term[CLOTHI_TERM_MEMBRANE].user = &s->own.membrane;
@@ -12871,7 +12874,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     e->h = 0;                               /* wind: at the velocity it has */
     for (i = CLOTHI_TERM_FORCE; i < s->nterms && !status; i++) {
         if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
-        if (!status) status = s->term[i].eval(s->term[i].user, e, &energy);
+        if (!status) status = s->term[i].eval(s->term[i].user, e, s->term_energy + i);
     }
     *extra = s->w.grad;
     return status;
@@ -12992,11 +12995,15 @@ static double clothi_leap_tangent(const cloth_sim *s, const double *x, double en
 
 CLOTHI_RARE_BEGIN
 
-/* omega^2 that attachments add, at most: the largest row sum of |M^-1 K|, K_ij = k w_i w_j. */
+/* omega^2 that attachments and hosts' terms add, at most: the largest row sum of |M^-1 K|, of
+ * attachments K_ij = k w_i w_j, of terms as declared, at the lightest vertex. */
 static double clothi_leap_attach(const cloth_sim *s) {
-    double *sum = s->w.goal + s->model->nv, big = 0, r[3], w[6], all;
+    double *sum = s->w.goal + s->model->nv, big = 0, stiff = 0, host = 0, r[3], w[6], all;
     int     i, k, n, v[6];
-    if (s->nattach == 0) return 0;
+    for (i = s->nbuiltin; i < s->nterms; i++) stiff += s->term[i].stiffness;
+    for (i = 0; stiff > 0 && i < s->model->nv; i++)
+        host = clothi_max(host, stiff / s->params.mass[i]);
+    if (s->nattach == 0) return host;
     memset(sum, 0, (size_t)s->model->nv * sizeof *sum);
     for (i = 0; i < s->model->desc.max_attachments; i++) {
         n = clothi_attach_gap(s->model, NULL, s->attach + i, s->state.x, v, w, r);
@@ -13004,7 +13011,7 @@ static double clothi_leap_attach(const cloth_sim *s) {
         for (k = 0; k < n; k++)
             big = clothi_max(big, sum[v[k]] += all * fabs(w[k]) / s->params.mass[v[k]]);
     }
-    return big;
+    return big + host;
 }
 
 static double clothi_leap_tau(const cloth_sim *s) {
@@ -13256,6 +13263,9 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
                            report->vertex);
     }
+    for (i = (size_t)s->nbuiltin; i < (size_t)s->nterms; i++)   /* forces alone do not show it */
+        if (!clothi_finite(s->term_energy[i]))
+            return clothi_nonfinite_terms(s, s->term_energy[i], &report->vertex);
     report->energy = ledger;
     for (i = 0; s->force_on && i < n; i++)
         report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);

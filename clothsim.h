@@ -12450,6 +12450,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
 }
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+#define CLOTHI_STATIC_ESCAPE 0.07           /* mean edges: first length of a way off a saddle  */
 #define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
@@ -12606,11 +12607,31 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
     return status == CLOTH_ERR_STEP ? clothi_stalled(s, report, "static") : status;
 }
 
+/* Moved along an axis on which nothing is held the cloth keeps its shape: what pulls there finds no
+ * rest, and the search would end far out. */
+static cloth_status clothi_static_held(const cloth_sim *s, cloth_report *report) {
+    double net[3] = {0, 0, 0}, all = 0, f;
+    int    i, held = s->nattach || s->wind_on || s->contact_on ||
+                           s->nterms > s->nbuiltin ? CLOTH_AXIS_ALL : 0;
+    for (i = 0; i < 3 * s->model->nv; i++) {
+        f = s->params.mass[i / 3] * s->gravity[i % 3] + (s->force_on ? s->force[i] : 0);
+        net[i % 3] += f, all += fabs(f), held |= s->pin[i / 3];
+    }
+    for (i = 0; i < 3; i++)
+        if (!(held >> i & 1) && fabs(net[i]) > 1e-9 * all) {
+            report->outcome = CLOTH_STEP_STALLED;
+            return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "statics: %g N along axis %i and nothing "
+                               "is pinned or attached there", net[i], i);
+        }
+    return CLOTH_OK;
+}
+
 static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *report) {
     clothi_goal  goal;
-    cloth_status status = CLOTH_OK;
+    cloth_status status = clothi_static_held(s, report);
     int          i, round, n = 3 * s->model->nv, saddle = 1;
     (void)h;
+    if (status) return status;
     report->h = 0;
     report->outcome = CLOTH_STEP_CONVERGED;
     memset(s->state.v, 0, (size_t)n * sizeof(double));
@@ -12628,7 +12649,7 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
         if (status || report->outcome != CLOTH_STEP_CONVERGED) break;
         status = clothi_static_curvature(s, &goal, report, &saddle);
         if (!status && saddle) {
-            double value, length = 0.1 * sqrt(clothi_rest_area(s->params.X, 0));
+            double value, length = CLOTHI_STATIC_ESCAPE * s->edge;
             status = clothi_objective(s, &goal, s->w.x, NULL, 0, 0, &value);
             if (!status) saddle = clothi_static_escape(s, &goal, length, value);
         }

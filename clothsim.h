@@ -905,7 +905,8 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   CLOTH_OK             CLOTH_STEP_MAX_ITERATIONS      new (the desc's max_newton)
  *   CLOTH_OK             CLOTH_STEP_ASLEEP              as before but for t (desc.sleep)
  *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before (no decrease found; LEAPFROG:
- *       desc.substeps too few for its stability limit, or more than 1000000 substeps needed)
+ *       desc.substeps too few for its stability limit, or more than 1000000 substeps needed; BDF2:
+ *       energy from nowhere, by implicit Euler too)
  *   CLOTH_ERR_STEP       CLOTH_STEP_COLLISION_FAILED    as before
  *   CLOTH_ERR_NONFINITE  CLOTH_STEP_NONE                as before; report.vertex
  *   CLOTH_ERR_MEMORY, CLOTH_ERR_CANCELLED   ..._NONE    as before
@@ -9781,7 +9782,8 @@ struct cloth_sim {
     int     fresh;                          /* w.grad and the terms' energies are of w.x       */
     cloth_ledger ledger;                    /* energies of the last step's result, which w.x   */
     int     known;                          /* still holds; known: if it is the state yet      */
-    int     asleep;                         /* the step under way moves t alone                */
+    int     asleep, calm;                   /* the step under way moves t alone; BDF2: is one of
+                                               implicit Euler, see clothi_booked()             */
     cloth_report rested;                    /* of such a step; its outcome NONE: not known     */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
@@ -12238,7 +12240,10 @@ CLOTHI_RARE_END
  *
  * BDF2 needs two equal steps behind it. Its history is dropped by create, a write to the state
  * or the params, another h, a failed step, and any step with an active contact row (a position
- * projection under BDF2 rebounds); the next substep is then one of implicit Euler.
+ * projection under BDF2 rebounds); the next substep is then one of implicit Euler. A search that
+ * stops early (max_newton, a loose tolerance) leaves what the next prediction enlarges: with one
+ * iteration a step a sheet of 1 m got 1e15 m away in 300. The ledger shows such a step, and it is
+ * taken again: clothi_booked() [9.5].
  *
  * Statics: eta infinite. H may be singular (a free cloth) or indefinite (compression), so the
  * solve is (H + sigma M) dx = -g with sigma falling tenfold on success and rising on failure:
@@ -12248,7 +12253,7 @@ CLOTHI_RARE_END
  * the last equilibrium, and solve and wind are repeated until both agree. Where they do not, as
  * with little friction along the faces (the default lift), there is no calm state to be found: a
  * run in time flaps there for ever, and the call says CLOTH_STEP_STALLED.
- * checked: tests/test_order.c (orders 1 and 2), tests/validate/
+ * checked: tests/test_order.c (orders 1 and 2), tests/test_step.c (cut_short), tests/validate/
  */
 
 CLOTHI_RARE_BEGIN
@@ -12263,7 +12268,7 @@ static double clothi_predicted(const cloth_sim *s, double h, int bdf2, int i) {
 /* Fills w.y and eta for a substep of h; returns whether BDF2's history was used. */
 static int clothi_predict(cloth_sim *s, double h, double *eta) {
     int i, n = 3 * s->model->nv;
-    int bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && s->history &&
+    int bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && s->history && !s->calm &&
                fabs(h - s->h_prev) <= 1e-12 * h;
     *eta = bdf2 ? 2 * h / 3 : h;
     for (i = 0; i < n; i++) s->w.y[i] = clothi_predicted(s, h, bdf2, i);
@@ -12332,10 +12337,10 @@ static void clothi_fix(cloth_sim *s) {
 /* The starting guess obeys pins and ties. */
 static void clothi_guess(cloth_sim *s, double h) {
     const cloth_model *m = s->model;
-    int                i, n = 3 * m->nv;
+    int                i, n = 3 * m->nv, old = s->history && !s->calm;
     for (i = 0; i < n; i++) {
-        s->w.x[i] = s->state.x[i] + h * (s->history ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
-                                                    : s->state.v[i]);
+        s->w.x[i] = s->state.x[i] + h * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
+                                             : s->state.v[i]);
         if (s->pin[i / 3] >> (i % 3) & 1) s->w.x[i] = s->w.y[i] = s->w.goal[i];
     }
     for (i = 0; m->tie && i < n; i++)
@@ -12444,7 +12449,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
     if (!status && s->balance) status = clothi_balance(s, &goal, report);
     if (status) return status;
     clothi_recorded(s, s->w.x);
-    clothi_advance(s, h, bdf2, !impact);
+    clothi_advance(s, h, bdf2, !impact && !s->calm);
     report->substeps++;
     return CLOTH_OK;
 }
@@ -13547,8 +13552,11 @@ static void clothi_report_momentum(const cloth_sim *s, cloth_report *report) {
     }
 }
 
-static void clothi_report_bytes(const cloth_sim *s, cloth_bytes *b) {
+static void clothi_report_state(cloth_sim *s, cloth_report *report) {
     const cloth_model *m = s->model;
+    cloth_bytes       *b = &report->bytes;
+    clothi_report_shape(s, report);
+    clothi_report_momentum(s, report);
     b->mesh = clothi_model_mesh(m, NULL) + clothi_block_size(m->topology) + clothi_block_size(m);
     b->elements = clothi_model_stencils(m, NULL) + clothi_own_blocks(&s->own, NULL);
     b->matrix = cloth_pattern_bytes(m->pattern) + cloth_matrix_bytes(s->matrix);
@@ -13678,9 +13686,8 @@ static void clothi_accept(cloth_sim *s, cloth_report *report) {
     if (s->contact_on) s->contact.commit(s->contact.user, report);
 }
 
-/* What only a caller who asked for a report pays for. */
-static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before,
-                                        cloth_report *report) {
+/* The ledger of a step, where a report is wanted or BDF2 watches it. */
+static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before, cloth_report *report) {
     cloth_ledger l = report->energy;
     cloth_status status = CLOTH_OK;
     const int    builtin = s->nterms == s->nbuiltin;    /* a host's energy may depend on h */
@@ -13696,9 +13703,6 @@ static cloth_status clothi_report_after(cloth_sim *s, const cloth_ledger *before
     l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work + l.contact_work -
                        l.damping_loss - l.friction_loss - l.zone_loss - l.total;
     report->energy = l;
-    clothi_report_shape(s, report);
-    clothi_report_momentum(s, report);
-    clothi_report_bytes(s, &report->bytes);
     return status;
 }
 
@@ -13715,6 +13719,41 @@ static void clothi_report_end(cloth_sim *s, double start, long long allocations,
 
 typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report);
 
+#define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
+#define CLOTHI_GROWN  0.5                   /* the same in a step of implicit Euler: given up  */
+
+/* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever. Not
+ * looked at where a host's term may work unseen. */
+static int clothi_watched(const cloth_sim *s, clothi_run_fn *run) {
+    return s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && run == clothi_step_run &&
+           s->nterms == s->nbuiltin && !s->asleep;
+}
+
+/* A run with its ledger. A step of BDF2 whose energy no work explains is taken again by implicit
+ * Euler, which forgets, as the next one does. */
+static cloth_status clothi_booked(cloth_sim *s, double h, clothi_run_fn *run,
+                                  const cloth_ledger *before, cloth_report *report) {
+    const cloth_ledger *l = &report->energy;
+    cloth_status status = CLOTH_OK;
+    double       most = CLOTHI_GROWTH;
+    for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
+        status = run(s, h, report);
+        if (!status) status = clothi_book(s, before, report);
+        most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
+                l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
+        if (status || !clothi_watched(s, run) || l->numerical_loss >= -most) break;
+        if (s->calm) {
+            report->outcome = CLOTH_STEP_STALLED;
+            return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
+                               "desc.max_newton or tolerance?", -l->numerical_loss);
+        }
+        clothi_put_back(s, NULL);
+        memset(&report->energy, 0, sizeof report->energy);
+        report->substeps = report->restarts = 0;
+    }
+    return status;
+}
+
 /* Everything around a run that moves the state: checks, the copy, the ledger, roll-back. */
 static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
                                    cloth_report *wanted) {
@@ -13728,21 +13767,21 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     memset(&before, 0, sizeof before);
     memset(&s->own.counts, 0, sizeof s->own.counts);
     memset(&s->ms, 0, sizeof s->ms);
-    s->known = s->fresh = s->finish = 0;
-    report->h = h;
-    report->vertex = report->min_stretch_face = -1;
+    s->known = s->fresh = s->finish = s->calm = 0;
+    report->h = h, report->vertex = report->min_stretch_face = -1;
     status = clothi_check_step(s, h, report);
     if (!status) status = clothi_need_work(s);
     if (!status) status = clothi_keep(s);
     if (!status) {
-        s->balance = wanted != NULL;
         clothi_input(s, 0, 0, 0);           /* at the step's start */
         s->asleep = run == clothi_step_run && clothi_sleeps(s);
-        news = wanted && !(s->asleep && s->rested.outcome);
+        s->balance = wanted || clothi_watched(s, run);
+        news = s->balance && !(s->asleep && s->rested.outcome);
         if (wanted && !news) *report = s->rested, report->h = h;
         if (news) status = clothi_energy_before(s, known, &before);
-        if (!status) status = run(s, h, report);
-        if (!status && news) status = clothi_report_after(s, &before, report);
+        if (!status)
+            status = news ? clothi_booked(s, h, run, &before, report) : run(s, h, report);
+        if (!status && wanted && news) clothi_report_state(s, report);
         if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
         if (status) {
             clothi_put_back(s, report);
@@ -14534,8 +14573,9 @@ CLOTHI_RARE_END
  * Until 1.0 a minor version may change the interface; a patch changes neither it nor numbers.
  *
  * 0.2.0  [api] cloth_desc_set_mesh(), cloth_log_stderr(), cloth_sim_save_obj(), warnings;
- *        desc.sleep; the cancel hook's answer 2. [numbers] contact is part of the minimisation.
- *        [fix] names that windows.h takes; x87 is refused.
+ *        desc.sleep; the cancel hook's answer 2; cloth_term.stiffness. [numbers] contact is part of
+ *        the minimisation. [fix] names that windows.h and complex.h take; x87 and fast maths are
+ *        refused; BDF2 whose search is cut short; statics that nothing holds.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

@@ -498,7 +498,7 @@ typedef struct clothi_taped {               /* one step                         
     int      slept;                         /* it put the sim to sleep: v became 0             */
     int      inexact;                       /* with contact, whose search may end anywhere: it
                                                did before it converged                         */
-    uint32_t euler, kept;                   /* with contact, bits of substeps: implicit Euler
+    uint32_t euler, kept;                   /* bits of 32 substeps at most: implicit Euler
                                                for BDF2; there is a history after it           */
     int      substeps;                      /* LEAPFROG: kicks                                 */
     size_t   size, units, nword;            /* bytes of its input, of units in it; words that
@@ -1240,7 +1240,8 @@ static cloth_status clothi_line_contact(cloth_sim *s) {
 static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j, int m,
                                      const double *x, clothi_line *q) {
     const double h = e->h;
-    const int    kept = !s->contact_on || (e->kept >> (j & 31) & 1);
+    const int    told = s->contact_on || (h > 0 && m <= 32);   /* bits of substeps are kept */
+    const int    kept = !told || (e->kept >> (j & 31) & 1);
     cloth_status status;
     memset(q, 0, sizeof *q);
     q->h = h / m;
@@ -1252,7 +1253,7 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
     clothi_eval_start(s, &q->goal, q->h);
     if (h > 0) {
         q->bdf2 = clothi_predict(s, q->h, &q->goal.eta);
-        if (s->contact_on && q->bdf2 && (e->euler >> (j & 31) & 1)) clothi_line_restart(s, q);
+        if (told && q->bdf2 && (e->euler >> (j & 31) & 1)) clothi_line_restart(s, q);
         s->in.eta = q->goal.eta;
         s->in.y = s->w.y;
         q->weight = 1 / (q->goal.eta * q->goal.eta);

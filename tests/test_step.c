@@ -492,6 +492,91 @@ static void overflow_is_said(void) {
         }
 }
 
+/* ---- what a search that is cut short leaves -------------------------------------------------- */
+
+/* 300 steps of BDF2 with one iteration each, or a tolerance of centimetres: a sheet of 1 m that
+ * hangs from two corners stays within its diagonal of them (it went to 2e15 m), and no more than a
+ * third of what it can fall for comes from nowhere; where that cannot be had a step says so, with
+ * twice that at most, and leaves the state. Solved to the default tolerance none is taken again. */
+static void cut_short(void) {
+    static const struct { double membrane, tolerance; int newton, fails; } run[5] = {
+        {100, 1e-4, 0, 0}, {100, 1e-4, 1, 0}, {100, 0.1, 0, 0}, {1e4, 1e-4, 2, 0},
+        {1e4, 1e-4, 1, 1}};
+    const double fall = 0.2 * 9.81 * 1.5;   /* J, of all mass by 1.5 m                         */
+    cloth_pin    pins[2];
+    int          k, n, i;
+    for (k = 0; k < 5; k++) {
+        dyn          d;
+        host         h;
+        cloth_report r;
+        double       far = 0, most = 0;
+        int          again = 0;
+        uint64_t     before = 0;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 10, 10, 1, 1);
+        memset(pins, 0, sizeof pins);
+        pins[1].vertex = 9, pins[0].axes = pins[1].axes = CLOTH_AXIS_ALL;
+        d.desc.npins = 2, d.desc.pins = pins;
+        d.desc.gravity[1] = -9.81;
+        d.desc.bend = CLOTH_BEND_HINGE, d.desc.material.bending = 1e-5;
+        d.desc.material.membrane = run[k].membrane;
+        d.desc.integrator = CLOTH_INTEGRATOR_BDF2;
+        d.desc.tolerance = run[k].tolerance, d.desc.max_newton = run[k].newton;
+        d.desc.hooks = host_hooks(&h);
+        dyn_start(&d);
+        for (i = 0; i < d.nv; i++)          /* level: it swings down */
+            d.state->x[3 * i + 2] = d.state->x[3 * i + 1], d.state->x[3 * i + 1] = 0;
+        cloth_sim_state_changed(d.sim);
+        for (n = 0, r.status = CLOTH_OK; n < 300 && !r.status; n++) {
+            before = cloth_sim_hash(d.sim);
+            CHECK(cloth_step(d.sim, 1.0 / 60, n % 3 ? &r : NULL) == CLOTH_OK || n % 3 == 0 ||
+                  run[k].fails);
+            if (n % 3 == 0) continue;
+            again += n > 1 && r.restarts > 0;
+            most = fmax(most, r.energy.total);
+        }
+        for (i = 0; i < 3 * d.nv; i++) far = fmax(far, fabs(d.state->x[i]));
+        printf("  membrane %g N/m, tolerance %g m, at most %d iterations: %d steps, %d of them "
+               "again, %.2f m, %.2f J\n", run[k].membrane, run[k].tolerance, run[k].newton, n,
+               again, far, most);
+        CHECK(far < 1.5 && most < (run[k].fails ? 2 : 1 / 3.0) * fall);
+        CHECK((again > 0) == (k > 0) || run[k].newton == 2);
+        CHECK((n < 300) == run[k].fails);
+        if (run[k].fails) {
+            CHECK(r.status == CLOTH_ERR_STEP && r.outcome == CLOTH_STEP_STALLED);
+            CHECK(strstr(h.text, "came from nowhere") && cloth_sim_hash(d.sim) == before);
+        }
+        dyn_end(&d);
+    }
+}
+
+/* Statics where nothing holds: said at once, with the axis and the force; not where forces balance,
+ * or one vertex, an attachment or a host's term may hold. */
+static void no_rest(void) {
+    static const double bary[3] = {0.2, 0.3, 0.5}, up[3] = {0, 0.1, 0};
+    int                 k, i;
+    for (k = 0; k < 6; k++) {
+        dyn              d;
+        host             h;
+        cloth_report     r;
+        cloth_attachment id;
+        double           f[108] = {0};
+        const int        fails = k < 2;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 6, 6, 1, 1);
+        d.desc.gravity[1] = k == 5 ? 0 : -9.81;
+        d.desc.hooks = host_hooks(&h);
+        dyn_start(&d);
+        if (k == 1 || k == 2)               /* two axes; all */
+            CHECK(cloth_sim_pin(d.sim, 0, k == 1 ? 5 : 7, NULL) == CLOTH_OK);
+        if (k == 3) CHECK(cloth_sim_attach(d.sim, 3, bary, 10, up, &id) == CLOTH_OK);
+        for (i = 0; i < d.nv; i++) f[3 * i + 1] = 9.81 * d.mass[i];
+        if (k == 4) CHECK(cloth_sim_set_force(d.sim, f) == CLOTH_OK);
+        CHECK(cloth_solve_static(d.sim, &r) == (fails ? CLOTH_ERR_STEP : CLOTH_OK));
+        CHECK((strstr(h.text, "-1.962 N along axis 1") != NULL) == fails && h.lines == fails);
+        if (fails) CHECK(r.outcome == CLOTH_STEP_STALLED && r.newton == 0);
+        dyn_end(&d);
+    }
+}
+
 /* ---- ledger ---------------------------------------------------------------------------------- */
 
 /* Sum of the ledger's parts, and the balance of the step, from the state before and after. */
@@ -938,6 +1023,8 @@ int main(int argc, char **argv) {
     RUN(stalled);
     RUN(term_nonfinite);
     RUN(overflow_is_said);
+    RUN(cut_short);
+    RUN(no_rest);
     RUN(euler_loss);
     RUN(loss_has_a_sign);
     RUN(works);

@@ -585,6 +585,46 @@ static void off_the_saddle(void) {
     }
 }
 
+/* A scene of a millimetre is one of a metre in other units: lengths by 2^-10, times by 2^-5, so
+ * that g stays; N/m of the membrane by 2^-10, N m of bending by 2^-30. Each integrator takes it the
+ * same way, and no step fails. */
+static void millimetre(void) {
+    static const cloth_integrator by[3] = {CLOTH_INTEGRATOR_LEAPFROG, CLOTH_INTEGRATOR_EULER,
+                                           CLOTH_INTEGRATOR_BDF2};
+    int q, k, n, i;
+    for (q = 0; q < 3; q++) {
+        double x[2][3 * 64], off = 0, moved = 0;
+        for (k = 0; k < 2; k++) {
+            const double s = k ? 1.0 / 1024 : 1, time = k ? 1.0 / 32 : 1;
+            cloth_pin    pins[2];
+            dyn          d;
+            dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 8, 8, s, s);
+            memset(pins, 0, sizeof pins);
+            pins[1].vertex = 7, pins[0].axes = pins[1].axes = CLOTH_AXIS_ALL;
+            d.desc.npins = 2, d.desc.pins = pins;
+            d.desc.gravity[1] = -9.81;
+            d.desc.integrator = by[q];
+            d.desc.material.membrane *= s;
+            d.desc.bend = CLOTH_BEND_HINGE, d.desc.material.bending = 1e-4 * s * s * s;
+            d.desc.tolerance = 1e-6 * s;
+            if (!dyn_start(&d)) return;
+            for (i = 0; i < d.nv; i++)
+                d.state->v[3 * i + 2] = 0.5 * d.mesh->x[3 * i + 1] / time;
+            cloth_sim_state_changed(d.sim);
+            for (n = 0; n < 30; n++) CHECK(cloth_step(d.sim, time / 60, NULL) == CLOTH_OK);
+            for (i = 0; i < 3 * d.nv; i++) {
+                x[k][i] = d.state->x[i] / s;
+                moved = fmax(moved, fabs(d.state->x[i] - d.mesh->x[i]) / s);
+            }
+            dyn_end(&d);
+        }
+        off = dyn_worst(x[0], x[1], 3 * 64);
+        printf("  %s: moved %.2f of a side, the small one is off by %.1e\n",
+               q == 0 ? "leapfrog" : q == 1 ? "Euler" : "BDF2", moved, off);
+        CHECK(moved > 0.05 && off < 1e-9);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(quadratic);
@@ -605,5 +645,6 @@ int main(int argc, char **argv) {
     RUN(tight);
     RUN(indefinite);
     RUN(off_the_saddle);
+    RUN(millimetre);
     return TEST_END();
 }

@@ -19,7 +19,7 @@
 typedef struct job {
     const char *stem;       /* of the files' names: "out/shirt/", "out/02_"             */
     double      edge;       /* m, of the shirt by formula                               */
-    int         chains, poses, steps, shard, shards, merge, motions;
+    int         chains, poses, steps, every, shard, shards, merge, motions;
     char      **files;      /* GARMENT BODY WEIGHTS MOTION ..                           */
     figure      f;
     garment     g;
@@ -33,6 +33,7 @@ static inline job chains_job(const char *stem) {
     job j;
     memset(&j, 0, sizeof j);
     j.stem = stem, j.edge = 0.03, j.chains = j.poses = 2, j.shards = 1, j.steps = CHAINS_STEPS;
+    j.every = 12;
     return j;
 }
 
@@ -66,13 +67,16 @@ static inline const char *chains_poses(job *j, int chain) {
     return error;
 }
 
+/* A piece of five examples counts as a chain: so a motion is learned from and tested. */
 static inline const char *chains_motion(job *j, int chain) {
     const char *error = figure_read_motion(j->files[3 + chain], &j->f);
     int         i;
     for (i = 1; !error && 120 * (i - 1) * GARMENT_H < j->f.frames; i++) {
+        const int number = i / j->every - 1;
         figure_walk(&j->f, i * GARMENT_H, j->T);
         error = garment_step(&j->g, j->T, 0.1);
-        if (!error && i % 12 == 0) error = chains_keep(j, chain, i / 12 - 1);
+        if (!error && i % j->every == 0)
+            error = chains_keep(j, 1006 * chain + number / 5, number % 5);
     }
     return error;
 }

@@ -8,6 +8,7 @@
  *   run:      02_data [DIRECTORY [options]]               what is made goes to DIRECTORY/data
  *             --chains N    how many; 2          --poses N    of each, settled; 2
  *             --edge M      of the shirt by formula; 0.03    --steps N   to a pose; 40
+ *             --around A    poses of a walk and A of what a person can; 0: all of that alone
  *             --every N     steps from example to example of a motion; 12
  *             --shard I/N   only chains I, I + N, I + 2 N .. and no merging
  *             --merge       nothing but that
@@ -37,6 +38,7 @@ static const char *read_arguments(int argc, char **argv, job *j) {
         else if (!strcmp(argv[i], "--chains") && i + 1 < argc) j->chains = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--poses") && i + 1 < argc) j->poses = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--steps") && i + 1 < argc) j->steps = atoi(argv[++i]);
+        else if (!strcmp(argv[i], "--around") && i + 1 < argc) j->around = atof(argv[++i]);
         else if (!strcmp(argv[i], "--every") && i + 1 < argc) j->every = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--edge") && i + 1 < argc) j->edge = atof(argv[++i]);
         else if (!strcmp(argv[i], "--shard") && i + 1 < argc) {

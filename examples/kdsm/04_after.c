@@ -7,7 +7,7 @@
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. kdsm/04_after.c -lm
  *   run:      04_after FILE [PREDICTOR [--edge M] [--on GARMENT.obj BODY.obj WEIGHTS.txt MOTION]]
  *             FILE: what 02_data wrote; of the shirt, edges of 0.03 m. PREDICTOR: what 03_learn
- *             wrote; without it one is trained. Without FILE: ten poses of a coarse shirt
+ *             wrote; without it one is trained. Without FILE: 20 poses of a coarse shirt
  *   page:     out/04_after.svg
  *   expected: less stretch, fewer intersections, error at most a tenth more: yes
  *

@@ -19,6 +19,7 @@
 typedef struct job {
     const char *stem;       /* of the files' names: "out/shirt/", "out/02_"             */
     double      edge;       /* m, of the shirt by formula                               */
+    double      around;     /* > 0: poses near a walk, 1: as far as a person can        */
     int         chains, poses, steps, every, shard, shards, merge, motions;
     char      **files;      /* GARMENT BODY WEIGHTS MOTION ..                           */
     figure      f;
@@ -47,6 +48,16 @@ static inline const char *chains_keep(job *j, int chain, int number) {
     return NULL;
 }
 
+/* Angles at random; or those of a walk at some time of its stride, and a part of them. */
+static inline void chains_aim(const job *j, uint64_t seed, double (*to)[3]) {
+    double turn[SHAPES_BONES][3], shift[3];
+    int    i;
+    figure_angles(seed, j->around > 0 ? j->around : 1, to);
+    if (!(j->around > 0)) return;
+    shapes_walk(2 + figure_random(seed, 99), 0, turn, shift);
+    for (i = 0; i < 3 * SHAPES_BONES; i++) to[i / 3][i % 3] += turn[i / 3][i % 3];
+}
+
 /* Poses at random, one after the other, each settled. */
 static inline const char *chains_poses(job *j, int chain) {
     const char *error = NULL;
@@ -54,7 +65,7 @@ static inline const char *chains_poses(job *j, int chain) {
     int         p, i;
     memset(from, 0, sizeof from);
     for (p = 0; p < j->poses && !error; p++) {
-        figure_angles(1000 * (uint64_t)chain + (uint64_t)p + 1, 1, to);
+        chains_aim(j, 1000 * (uint64_t)chain + (uint64_t)p + 1, to);
         for (i = 1; i <= j->steps && !error; i++) {
             const double t = fmin(1, 2.0 * i / j->steps);
             figure_between((const double (*)[3])from, (const double (*)[3])to,

@@ -14,6 +14,7 @@
 #include "predict.h"
 #define LEARN_RATE  1e-3
 #define LEARN_BATCH 8
+#define LEARN_DECAY 1.0     /* of the parameters, times the rate, a step: fewer examples suffice */
 
 typedef struct lesson {
     figure     f;
@@ -21,7 +22,7 @@ typedef struct lesson {
     data_set   s;
     wearer     w;
     double    *in;          /* [n x inputs]                                             */
-    double    *out[PREDICT_KINDS];  /* [n x 3 nv]                                       */
+    double    *out[PREDICT_KINDS + 1];  /* [n x 3 nv]; the last: a program's own        */
     double     lost[PREDICT_KINDS]; /* m, mean: what a parameterisation does not give back */
     double    *x;           /* [nv x 3]                                                 */
     int      (*rim)[3];     /* [nrim] an edge with one face, turned to close it; its loop */
@@ -172,7 +173,9 @@ static inline const char *learn_judge(lesson *s, predictor *p, int split, marks 
     int e;
     memset(m, 0, sizeof *m);
     for (e = 0; e < s->s.n; e++) {
-        const double *x = learn_x(s, e), volume = learn_volume(s, x);
+        const double *x = p->kind == PREDICT_OWN
+                          ? s->out[PREDICT_OWN] + (size_t)e * (size_t)s->outputs : learn_x(s, e);
+        const double  volume = learn_volume(s, x);
         if (split ? data_split(s->s.id[e][0]) != split : !learn_learns(s, e)) continue;
         if (!learn_predict(s, p, e)) return "nothing is predicted";
         m->error += learn_distance(s->s.nv, s->x, x);
@@ -201,7 +204,7 @@ static inline void learn_epoch(lesson *s, predictor *p, int *list, int count, do
         for (k = 0; k < no; k++) want[k] = (out[k] - p->mean[1][k]) / p->over[1][k];
         (void)net_backward(&p->w, one, want);
         if (i % LEARN_BATCH == LEARN_BATCH - 1 || i == count - 1)
-            net_adam(&p->w, rate, i % LEARN_BATCH + 1);
+            net_adam(&p->w, rate, LEARN_DECAY, i % LEARN_BATCH + 1);
     }
 }
 
@@ -232,7 +235,9 @@ static inline const char *learn_train(lesson *s, int kind, int seed, predictor *
     error = best ? NULL : "out of memory";
     for (e = 0; e < s->epochs && !error; e++) {
         marks m;
-        learn_epoch(s, p, list, count, (e < s->epochs / 2 ? 1 : 0.2) * LEARN_RATE, one, &draw);
+        const double part = (double)e / s->epochs;
+        learn_epoch(s, p, list, count, (part < 0.5 ? 1 : part < 0.75 ? 0.3 : 0.1) * LEARN_RATE, one,
+                    &draw);
         if (e % 10 != 9 && e != s->epochs - 1) continue;
         error = learn_judge(s, p, watch, &m);
         if (error || m.error >= least) continue;
@@ -255,11 +260,11 @@ static inline const char *learn_prepare(lesson *s) {
         return "the examples are of another garment or body";
     error = wearer_make(&s->f, s->s.nv, s->s.u, s->g.nf, s->g.faces, &s->w);
     if (error) return error;
-    s->inputs = 9 * s->s.njoints, s->outputs = 3 * s->s.nv;
+    s->inputs = 3 * s->s.njoints, s->outputs = 3 * s->s.nv;
     s->in = (double *)malloc(n * (size_t)s->inputs * sizeof(double));
     s->x = (double *)malloc((size_t)s->outputs * sizeof(double));
     if (!s->in || !s->x || !learn_rims(s)) return "out of memory";
-    for (k = 0; k < PREDICT_KINDS; k++) {
+    for (k = 0; k <= PREDICT_KINDS; k++) {
         s->out[k] = (double *)malloc(n * (size_t)s->outputs * sizeof(double));
         if (!s->out[k]) return "out of memory";
     }
@@ -270,7 +275,7 @@ static inline const char *learn_prepare(lesson *s) {
 static inline const char *learn_own_examples(const char *stem) {
     job         j = chains_job(stem);
     const char *error;
-    j.edge = 0.05, j.chains = 10, j.poses = 1, j.steps = 20;
+    j.edge = 0.05, j.chains = 20, j.poses = 1, j.steps = 20, j.around = 0.2;
     chains_forget(&j);
     error = chains_dress(&j);
     if (!error) error = chains_make(&j);
@@ -283,7 +288,7 @@ static inline void learn_free(lesson *s) {
     int k;
     wearer_free(&s->w);
     garment_free(&s->g), figure_free(&s->f), data_free(&s->s);
-    for (k = 0; k < PREDICT_KINDS; k++) free(s->out[k]);
+    for (k = 0; k <= PREDICT_KINDS; k++) free(s->out[k]);
     free(s->in), free(s->x), free(s->rim);
 }
 

@@ -30,6 +30,7 @@
 #include <stdio.h>
 
 enum { PREDICT_SPACE, PREDICT_FRAMES, PREDICT_UVN, PREDICT_KINDS };
+#define PREDICT_OWN PREDICT_KINDS               /* other numbers, of a program's own */
 
 #define PREDICT_HASH 14695981039346656037u      /* the start of FNV-1a, 64 bits             */
 #define PREDICT_HEAD 9
@@ -186,10 +187,8 @@ static inline const char *wearer_put(wearer *w, int kind, const double *T, doubl
     int       i;
     if (kind == PREDICT_SPACE)
         return kdsm_place(w->cloth, T, x, x, NULL) ? "the garment cannot be placed" : NULL;
-    if (kind == PREDICT_FRAMES) {
-        wearer_offsets(w, T, x, 1);
-        return NULL;
-    }
+    if (kind == PREDICT_FRAMES) wearer_offsets(w, T, x, 1);
+    if (kind == PREDICT_FRAMES || kind == PREDICT_OWN) return NULL;
     for (i = 0; i < 3 * nv; i++) x[i] += w->cloth->u[i];
     if (kdsm_pose_set(w->pose, T)) return "the space cannot be posed";
     return kdsm_carry(w->rest, w->pose, nv, x, x) ? "the garment cannot be carried" : NULL;
@@ -197,16 +196,28 @@ static inline const char *wearer_put(wearer *w, int kind, const double *T, doubl
 
 /* ----- the network's word ------------------------------------------------------------- */
 
-/* R_0, then R_0' R_j. */
+/* The vector of a rotation R, rows: its axis, as long as its angle, which is below pi. */
+static inline void predict_turn(const double *R, double *v) {
+    const double a[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]};
+    const double sine = 0.5 * sqrt(kdsmi_dot(a, a)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1);
+    const double by = sine > 1e-9 ? 0.5 * atan2(sine, cosine) / sine : 0.5;
+    int          c;
+    for (c = 0; c < 3; c++) v[c] = by * a[c];
+}
+
+/* in [njoints x 3]: how R_0 turns, then R_0' R_j. */
 static inline void predict_inputs(const double *T, int njoints, double *in) {
     int j, r, c, k;
-    for (j = 0; j < njoints; j++)
+    for (j = 0; j < njoints; j++) {
+        double R[9];
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
                 double sum = j ? 0 : T[4 * r + c];
                 for (k = 0; k < 3 && j; k++) sum += T[4 * k + r] * T[12 * j + 4 * k + c];
-                in[9 * j + 3 * r + c] = sum;
+                R[3 * r + c] = sum;
             }
+        predict_turn(R, in + 3 * j);
+    }
 }
 
 /* x [nv x 3]: the garment under the joints T. */
@@ -242,7 +253,7 @@ static inline int predictor_room(const int n[NET_LAYERS + 1], uint64_t seed, pre
 /* One that knows nothing yet; 1, or 0 without memory. */
 static inline int predictor_make(const wearer *w, int kind, int hidden, uint64_t seed,
                                  predictor *p) {
-    const int n[NET_LAYERS + 1] = {9 * w->space->njoints, hidden, hidden, 3 * w->cloth->nv};
+    const int n[NET_LAYERS + 1] = {3 * w->space->njoints, hidden, hidden, 3 * w->cloth->nv};
     memset(p, 0, sizeof *p);
     p->kind = kind, p->njoints = w->space->njoints, p->nv = w->cloth->nv, p->nf = w->cloth->nf;
     p->body = w->f->nv, p->id = w->id;
@@ -298,9 +309,9 @@ static inline int predictor_head(const uint32_t *head, predictor *p) {
     static const char *const name[PREDICT_HEAD] = {
         "kind", "joints", "vertices of the garment", "vertices of the body", "faces of the garment",
         "inputs", "first layer", "second layer", "outputs"};
-    const uint32_t least[PREDICT_HEAD] = {0, 1, 1, 1, 1, 9 * head[1], 1, 1, 3 * head[2]};
+    const uint32_t least[PREDICT_HEAD] = {0, 1, 1, 1, 1, 3 * head[1], 1, 1, 3 * head[2]};
     const uint32_t most[PREDICT_HEAD] = {PREDICT_KINDS - 1, 1000, 1000000, 1000000, 2000000,
-                                         9 * head[1], 10000, 10000, 3 * head[2]};
+                                         3 * head[1], 10000, 10000, 3 * head[2]};
     int            i;
     for (i = 0; i < PREDICT_HEAD; i++) {
         if (head[i] >= least[i] && head[i] <= most[i]) continue;

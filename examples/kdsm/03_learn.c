@@ -34,7 +34,7 @@
 #include "view.h"
 #define EVERY 2             /* steps of 1/60 s from frame to frame of the walk          */
 #define SEEDS 16
-#define APART 1.1           /* m                                                        */
+#define APART 1.3           /* m                                                        */
 
 static const char *const kind_name[PREDICT_KINDS] = {"space (hybrid)", "surface, frames",
                                                      "surface, method 2"};

@@ -1,11 +1,11 @@
 /* test_kdsm.c - the space round a body (examples/kdsm/kdsm.h): its mesh against what hangs together
  * and what is covered, point location against brute force, derivatives against differences, the
- * ways from cloth to displacement and back, refusals, a failing allocator.
+ * ways from cloth to displacement and back, a predictor and its file, refusals, a failing
+ * allocator.
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. test_kdsm.c \
  *      -o test_kdsm -lm && ./test_kdsm */
 #define KDSM_IMPLEMENTATION
-#include "../examples/kdsm/chains.h"
-#include "../examples/kdsm/net.h"
+#include "../examples/kdsm/learn.h"
 #include "test.h"
 #include "host.h"
 #include "shapes.h"
@@ -1022,16 +1022,21 @@ static size_t file_bytes(const char *path, unsigned char *to, size_t most) {
     return n;
 }
 
+static int test_out(void) {
+    FILE *f = fopen("out/kdsm.tmp", "wb");
+    if (!f) return 0;
+    fclose(f), (void)remove("out/kdsm.tmp");
+    return 1;
+}
+
 /* One run, two shards and a run that was broken off leave the same file. */
 static void shards_merge_to_the_same_bytes(void) {
     static unsigned char was[1 << 20], is[1 << 20];
     job                  j;
-    FILE                *f = fopen("out/kdsm.tmp", "wb");
     size_t               n;
     int                  way;
     if (test_quick()) SKIP("a simulation: not in quick");
-    if (!f) SKIP("there is no directory out");
-    fclose(f), (void)remove("out/kdsm.tmp");
+    if (!test_out()) SKIP("there is no directory out");
     memset(was, 0, sizeof was);
     j = chains_job("out/test_");
     j.edge = 0.05, j.poses = 1, j.steps = 6;
@@ -1049,6 +1054,226 @@ static void shards_merge_to_the_same_bytes(void) {
     }
     chains_forget(&j), (void)remove("out/test_data");
     chains_free(&j);
+}
+
+/* --- a predictor and its file --- */
+
+/* Sure of nothing, but every number of it is another. */
+static void made_up(const wearer *w, int kind, predictor *p) {
+    int i, k;
+    CHECK(predictor_make(w, kind, 6, 5, p));
+    for (k = 0; k < 2; k++)
+        for (i = 0; i < p->w.n[k ? NET_LAYERS : 0]; i++)
+            p->mean[k][i] = uniform(-0.01, 0.01), p->over[k][i] = uniform(0.005, 0.02);
+}
+
+static void wear_shirt(wearer *w) {
+    const char *error = wearer_make(&body, shirt.nv, shirt.x, shirt.nf, shirt.faces, w);
+    if (error) printf("%s\n", error);
+    CHECK(error == NULL);
+    if (error) exit(2);
+}
+
+/* Written, read and written again: the same bytes, and of the three kinds the same garment. */
+static void predictor_comes_back(void) {
+    static unsigned char was[1 << 20], is[1 << 20];
+    static wearer        w;
+    double              *x = vectors(2 * shirt.nv), *y = x + 3 * shirt.nv;
+    int                  k;
+    if (!test_out()) SKIP("there is no directory out");
+    wear_shirt(&w);
+    arms_in(0.5, T);
+    for (k = 0; k < PREDICT_KINDS; k++) {
+        predictor p, q;
+        size_t    n;
+        made_up(&w, k, &p);
+        CHECK(predictor_write("out/test_predictor", &p) == NULL);
+        n = file_bytes("out/test_predictor", was, sizeof was);
+        CHECK(n > 8 * p.w.at[NET_LAYERS] && n < sizeof was);
+        CHECK(predictor_read("out/test_predictor", &q) == NULL && q.said[0] == 0);
+        CHECK(q.kind == k && predictor_fits(&q, &w) == NULL);
+        CHECK(predict(&w, &p, T, x) == NULL && predict(&w, &q, T, y) == NULL);
+        CHECK(memcmp(x, y, 3 * (size_t)shirt.nv * sizeof *x) == 0);
+        CHECK(fabs(x[0] - shirt.x[0]) > 1e-6 && fabs(x[0]) < 2);
+        CHECK(predictor_write("out/test_predictor", &q) == NULL);
+        CHECK(file_bytes("out/test_predictor", is, sizeof is) == n && memcmp(was, is, n) == 0);
+        predictor_free(&p), predictor_free(&q);
+    }
+    (void)remove("out/test_predictor");
+    wearer_free(&w), free(x);
+}
+
+static int reads(const unsigned char *bytes, size_t n, const char *word, const char *value) {
+    predictor   p;
+    const char *error;
+    FILE       *f = fopen("out/test_predictor", "wb");
+    int         good;
+    if (!f || fwrite(bytes, 1, n, f) != n) exit(2);
+    fclose(f);
+    error = predictor_read("out/test_predictor", &p);
+    good = error && strstr(error, word) && strstr(error, value);
+    if (!good && word[0]) printf("  '%s' lacks '%s' or '%s'\n", error ? error : "", word, value);
+    predictor_free(&p);
+    return good;
+}
+
+/* A field's number in place of its own: what is said has its name and that number. */
+static void a_field(unsigned char *bytes, size_t n, int at, uint32_t value, const char *name) {
+    uint32_t was;
+    char     text[24];
+    memcpy(&was, bytes + 8 + 4 * at, 4), memcpy(bytes + 8 + 4 * at, &value, 4);
+    sprintf(text, ": %lu is not in", (unsigned long)value);
+    CHECK(reads(bytes, n, name, at == 6 && value ? "bytes" : text));
+    memcpy(bytes + 8 + 4 * at, &was, 4);
+}
+
+static void predictor_refuses(void) {
+    static unsigned char is[1 << 20];
+    static wearer        w;
+    predictor            p;
+    size_t               n, i, at;
+    double               was, bad[3];
+    if (!test_out()) SKIP("there is no directory out");
+    wear_shirt(&w);
+    made_up(&w, PREDICT_SPACE, &p);
+    CHECK(predictor_write("out/test_predictor", &p) == NULL);
+    n = file_bytes("out/test_predictor", is, sizeof is);
+    for (i = 0; i < 8; i++) CHECK(reads(is, i, "begin with", "KDSMNET1"));
+    for (; i < 52; i++) CHECK(reads(is, i, "head", "cut short"));
+    for (; i < n; i += 1 + n / 97) CHECK(reads(is, i, "bytes, by its head", "the predictor's"));
+    CHECK(reads(is, n - 1, "bytes", "head") && reads(is, n + 1, "bytes", "head"));
+    a_field(is, n, 0, 3, "kind"), a_field(is, n, 1, 0, "joints");
+    a_field(is, n, 1, 4000000000u, "joints"), a_field(is, n, 2, 0, "vertices of the garment");
+    a_field(is, n, 3, 0, "vertices of the body"), a_field(is, n, 4, 0, "faces of the garment");
+    a_field(is, n, 5, 7, "inputs"), a_field(is, n, 6, 0, "first layer");
+    a_field(is, n, 7, 20000, "second layer"), a_field(is, n, 8, 1, "outputs");
+    a_field(is, n, 6, 7, "bytes, by its head");
+    at = 52 + (size_t)((unsigned char *)p.over[1] - (unsigned char *)p.u);
+    bad[0] = 0, bad[1] = -1, bad[2] = HUGE_VAL;
+    for (i = 0; i < 3; i++) {
+        memcpy(&was, is + at + 16, sizeof was), memcpy(is + at + 16, bad + i, sizeof was);
+        CHECK(reads(is, n, "deviation of outputs [2]", i == 0 ? " 0 " : i == 1 ? " -1 " : " inf "));
+        memcpy(is + at + 16, &was, sizeof was);
+    }
+    for (i = 44; i < n; i += 1 + n / 97) {  /* a bit, in a number or in a hash */
+        is[i] ^= 1;
+        CHECK(reads(is, n, "the predictor's hash", "of what is in the file"));
+        is[i] ^= 1;
+    }
+    CHECK(strstr(predictor_read("out/there is none", &p), "opened") != NULL);
+    (void)remove("out/test_predictor");
+    predictor_free(&p), wearer_free(&w);
+}
+
+/* A joint and the root turned about an axis by an angle: the input is axis times angle. */
+static void inputs_are_axis_times_angle(void) {
+    double in[3 * SHAPES_BONES], worst = 0;
+    int    k, c, i;
+    for (k = 0; k < 50; k++) {
+        double       turn[2][3], R[2][9], shift[3] = {1, 2, 3};
+        const double big = k < 5 ? 1e-7 : 3.1;
+        for (i = 0; i < 2; i++) {
+            double a[3], l;
+            for (c = 0; c < 3; c++) a[c] = uniform(-1, 1);
+            l = sqrt(kdsmi_dot(a, a));
+            for (c = 0; c < 3; c++) a[c] /= l;
+            l = uniform(0, big);
+            for (c = 0; c < 3; c++) turn[i][c] = l * a[c];
+            for (c = 0; c < 9; c++) {       /* Rodrigues */
+                const int    r = c / 3, q = c % 3;
+                const double sign = r == q ? 0 : (q - r + 3) % 3 == 1 ? -1 : 1;
+                R[i][c] = (r == q) * cos(l) + (1 - cos(l)) * a[r] * a[q];
+                R[i][c] += sin(l) * sign * a[(6 - r - q) % 3];
+            }
+        }
+        identity(T);
+        for (c = 0; c < 9; c++) {
+            T[4 * (c / 3) + c % 3] = R[0][c], T[12 * 5 + 4 * (c / 3) + c % 3] = 0;
+            for (i = 0; i < 3; i++)         /* R_0 R */
+                T[12 * 5 + 4 * (c / 3) + c % 3] += R[0][3 * (c / 3) + i] * R[1][3 * i + c % 3];
+        }
+        for (c = 0; c < 3; c++) T[4 * c + 3] = shift[c];
+        predict_inputs(T, SHAPES_BONES, in);
+        for (c = 0; c < 3; c++) {
+            worst = fmax(worst, fabs(in[c] - turn[0][c]));
+            worst = fmax(worst, fabs(in[15 + c] - turn[1][c]));
+        }
+    }
+    printf("  off by at most %.2g\n", worst);
+    CHECK(worst < 1e-8);
+}
+
+/* Joints, sizes, shapes: each is told from the wearer's. */
+static void predictor_of_another(void) {
+    static wearer w;
+    predictor     p;
+    wear_shirt(&w);
+    made_up(&w, PREDICT_SPACE, &p);
+    CHECK(predictor_fits(&p, &w) == NULL);
+    p.njoints++;
+    CHECK(strstr(predictor_fits(&p, &w), "joints: 14, here 13") != NULL);
+    p.njoints--, p.nv--;
+    CHECK(strstr(predictor_fits(&p, &w), "vertices of the garment") != NULL);
+    p.nv++, p.u[5] += 1e-9;
+    CHECK(strstr(predictor_fits(&p, &w), "others") != NULL);
+    p.u[5] = w.cloth->u[5], p.id ^= 1;
+    CHECK(strstr(predictor_fits(&p, &w), "others") != NULL);
+    predictor_free(&p), wearer_free(&w);
+}
+
+/* A tube's volume, closed by its fans: that of the prism. */
+static void volume_of_what_is_closed(void) {
+    static lesson s;
+    enum { n = 7 };
+    const double  pi = acos(-1.0), shift[3] = {0.3, -2, 1};
+    double        x[6 * n], area = 0.5 * n * sin(2 * pi / n) * 0.25, v;
+    int           f[6 * n], i, c;
+    for (i = 0; i < n; i++) {
+        const int j = (i + 1) % n, two[6] = {i, j, n + j, i, n + j, n + i};
+        memcpy(f + 6 * i, two, sizeof two);
+        for (c = 0; c < 2; c++) {
+            double *p = x + 3 * (c * n + i);
+            p[0] = 0.5 * cos(2 * pi * i / n) + shift[0];
+            p[1] = 0.5 * sin(2 * pi * i / n) + shift[1];
+            p[2] = 3 * c + shift[2];
+        }
+    }
+    memset(&s, 0, sizeof s);
+    s.g.nf = 2 * n, s.g.faces = f;
+    CHECK(learn_rims(&s));
+    v = learn_volume(&s, x);
+    printf("  %d edges, volume %.12f of %.12f\n", s.nrim, v, 3 * area);
+    CHECK(s.nrim == 2 * n && fabs(v - 3 * area) < 1e-12);
+    free(s.rim);
+}
+
+/* Poses, examples, a training, a file, a prediction: as 02_data.c and 03_learn.c do it. */
+static void from_poses_to_a_predictor(void) {
+    static lesson s;
+    job           j;
+    predictor     p, plain, q;
+    marks         m, none;
+    if (test_quick()) SKIP("a simulation: not in quick");
+    if (!test_out()) SKIP("there is no directory out");
+    j = chains_job("out/test_");
+    j.edge = 0.05, j.poses = 1, j.steps = 4, j.chains = 8; /* none that watch */
+    chains_forget(&j);
+    CHECK(chains_dress(&j) == NULL && chains_make(&j) == NULL && chains_merge(&j) == NULL);
+    s.epochs = 300, s.hidden = 24;
+    CHECK(data_read("out/test_data", &s.s) == NULL && figure_make(0.03, &s.f) == NULL);
+    CHECK(garment_make(&s.f, 0.05, &s.g) == NULL && learn_prepare(&s) == NULL);
+    CHECK(s.lost[PREDICT_FRAMES] < 1e-12 && s.lost[PREDICT_SPACE] < 1e-3);
+    CHECK(learn_mean(&s, PREDICT_SPACE, &plain) == NULL);
+    CHECK(learn_train(&s, PREDICT_SPACE, 0, &p) == NULL);
+    CHECK(predictor_write("out/test_data.net", &p) == NULL);
+    CHECK(predictor_read("out/test_data.net", &q) == NULL && predictor_fits(&q, &s.w) == NULL);
+    CHECK(learn_judge(&s, &q, 0, &m) == NULL && learn_judge(&s, &plain, 0, &none) == NULL);
+    printf("  %d examples learned from: %.2f mm, their mean %.2f; volume %.2f, %.2f %%\n", m.count,
+           1e3 * m.error, 1e3 * none.error, 100 * m.volume, 100 * none.volume);
+    CHECK(m.count == 8 && m.error < 0.5 * none.error);
+    predictor_free(&p), predictor_free(&q), predictor_free(&plain);
+    chains_forget(&j), (void)remove("out/test_data"), (void)remove("out/test_data.net");
+    learn_free(&s), chains_free(&j);
 }
 
 static void network_by_central_differences(void) {
@@ -1087,7 +1312,7 @@ static void network_learns(void) {
             const double in[2] = {(i % 8) / 4.0 - 1, (i / 8) / 4.0 - 1};
             const double want[2] = {in[0] * in[1], sin(3 * in[0])};
             last += net_backward(&w, in, want) / 64;
-            if (i % 8 == 7) net_adam(&w, 3e-3, 8);
+            if (i % 8 == 7) net_adam(&w, 3e-3, 0, 8);
             if (i == 63 && e == 0) first = last;
         }
     printf("  loss %.3g, at last %.3g\n", first, last);
@@ -1130,6 +1355,12 @@ int main(int argc, char **argv) {
     RUN(shards_merge_to_the_same_bytes);
     RUN(network_by_central_differences);
     RUN(network_learns);
+    RUN(inputs_are_axis_times_angle);
+    RUN(predictor_comes_back);
+    RUN(predictor_refuses);
+    RUN(predictor_of_another);
+    RUN(from_poses_to_a_predictor);
+    RUN(volume_of_what_is_closed);
     RUN(refusals_of_the_desc);
     RUN(refusals_of_the_calls);
     RUN(memory_fails_and_nothing_leaks);

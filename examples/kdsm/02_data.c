@@ -7,12 +7,17 @@
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. kdsm/02_data.c -lm
  *   run:      02_data [DIRECTORY [options]]               what is made goes to DIRECTORY/data
  *             --chains N    how many; 2          --poses N    of each, settled; 2
- *             --edge M      of the shirt by formula; 0.03
+ *             --edge M      of the shirt by formula; 0.03    --steps N   to a pose; 40
+ *             --around A    poses of a walk and A of what a person can; 0: all of that alone
+ *             --every N     steps from example to example of a motion; 12
  *             --shard I/N   only chains I, I + N, I + 2 N .. and no merging
  *             --merge       nothing but that
- *             --on GARMENT.obj BODY.obj WEIGHTS.txt MOTION.skin ..     a chain is then a motion, an
- *                           example every fifth of a second
+ *             --on GARMENT.obj BODY.obj WEIGHTS.txt MOTION.skin ..     each is then simulated in
+ *                           one, and five examples on end count as a chain
  *             seq 0 3 | parallel 02_data out/shirt --chains 100 --poses 5 --shard {}/4
+ *   two commands from files to a predictor, DIR/data.net:
+ *             02_data DIR --every 6 --on skirt.obj body.obj weights.txt walk.skin jump.skin
+ *             03_learn DIR/data --on skirt.obj body.obj weights.txt walk.skin
  *   expected: 2 examples of 2 chains, 0 thrown out
  *
  * A directory is of one garment, body and number of poses. Without one: one pose each of a coarse
@@ -32,6 +37,9 @@ static const char *read_arguments(int argc, char **argv, job *j) {
         if (!strcmp(argv[i], "--merge")) j->merge = 1;
         else if (!strcmp(argv[i], "--chains") && i + 1 < argc) j->chains = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--poses") && i + 1 < argc) j->poses = atoi(argv[++i]);
+        else if (!strcmp(argv[i], "--steps") && i + 1 < argc) j->steps = atoi(argv[++i]);
+        else if (!strcmp(argv[i], "--around") && i + 1 < argc) j->around = atof(argv[++i]);
+        else if (!strcmp(argv[i], "--every") && i + 1 < argc) j->every = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--edge") && i + 1 < argc) j->edge = atof(argv[++i]);
         else if (!strcmp(argv[i], "--shard") && i + 1 < argc) {
             if (sscanf(argv[++i], "%d/%d", &j->shard, &j->shards) != 2 || j->shards < 1)
@@ -42,7 +50,8 @@ static const char *read_arguments(int argc, char **argv, job *j) {
         } else return "an option is not known: see the head of 02_data.c";
     }
     if (j->shard < 0 || j->shard >= j->shards) return "--shard I/N: I from 0, below N";
-    return j->chains > 0 && j->poses > 0 ? NULL : "--chains and --poses from 1";
+    return j->chains > 0 && j->poses > 0 && j->steps > 0 && j->every > 0 ? NULL
+               : "--chains, --poses, --steps and --every from 1";
 }
 
 int main(int argc, char **argv) {

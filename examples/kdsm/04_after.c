@@ -5,8 +5,9 @@
  * They know nothing of the truth, yet cloth that hangs as cloth must is also nearer to it.
  *
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. kdsm/04_after.c -lm
- *   run:      04_after [FILE]             FILE: what 02_data wrote of the shirt with edges of 3 cm;
- *             without: ten poses of a coarse shirt, made first
+ *   run:      04_after FILE [PREDICTOR [--edge M] [--on GARMENT.obj BODY.obj WEIGHTS.txt MOTION]]
+ *             FILE: what 02_data wrote; of the shirt, edges of 0.03 m. PREDICTOR: what 03_learn
+ *             wrote; without it one is trained. Without FILE: 20 poses of a coarse shirt
  *   page:     out/04_after.svg
  *   expected: less stretch, fewer intersections, error at most a tenth more: yes
  *
@@ -115,44 +116,55 @@ static const char *print_rows(sums *row, int n) {
     return chart(row);
 }
 
-static const char *after(lesson *s) {
+static const char *after(lesson *s, predictor *p) {
     sums        row[STEPS + 2];
-    double     *mean = (double *)malloc(4 * (size_t)(s->outputs + s->inputs) * sizeof(double));
-    double     *most = (double *)malloc((size_t)s->g.nf * sizeof(double)), known, *over;
-    const char *error = mean && most ? NULL : "out of memory";
-    net         w;
+    double     *most = (double *)malloc((size_t)s->g.nf * sizeof(double));
+    const char *error = most ? NULL : "out of memory";
     int         e, n = 0;
-    memset(row, 0, sizeof row), memset(&w, 0, sizeof w);
-    if (error) goto done;
-    over = mean + s->outputs + s->inputs;
-    learn_normalise(s, s->in, s->inputs, 1, mean, over);
-    learn_normalise(s, s->out[0], s->outputs, 0, mean, over);
-    (void)learn_train(s, 0, 0, mean, over, &known, &w);
-    if (!w.p) error = "out of memory";
+    memset(row, 0, sizeof row);
     for (e = 0; e < s->s.n && !error; e++) {
         const double *said;
         if (data_split(s->s.id[e][0]) != 2) continue;
-        said = learn_predict(s, &w, 0, e, mean, over);
+        said = learn_predict(s, p, e);
         error = said ? example(s, e, said, most, row) : "nothing is predicted";
         n++;
     }
     if (!error) error = n > 0 ? print_rows(row, n) : "no example is left for the test";
-done:
-    net_free(&w);
-    free(mean), free(most);
+    free(most);
     return error;
 }
 
+static const char *read_arguments(int argc, char **argv, lesson *s, double *edge) {
+    int i;
+    s->seeds = 1, s->epochs = 120, s->hidden = 64;
+    *edge = argc > 1 ? 0.03 : 0.05;
+    for (i = 3; i < argc; i++) {
+        if (!strcmp(argv[i], "--edge") && i + 1 < argc) *edge = atof(argv[++i]);
+        else if (!strcmp(argv[i], "--on") && i + 4 < argc) {
+            s->on = i + 1;
+            break;
+        } else return "an option is not known: see the head of 04_after.c";
+    }
+    return NULL;
+}
+
 int main(int argc, char **argv) {
-    static lesson s;
-    const char   *error = argc < 2 ? learn_own_examples("out/04_") : NULL;
-    s.seeds = 1, s.epochs = 120, s.hidden = 64;
+    static lesson    s;
+    static predictor p;
+    double           edge;
+    const char      *error = read_arguments(argc, argv, &s, &edge);
+    if (!error && argc < 2) error = learn_own_examples("out/04_");
     if (!error) error = data_read(argc > 1 ? argv[1] : "out/04_data", &s.s);
-    if (!error) error = figure_make(0.03, &s.f);
-    if (!error) error = garment_make(&s.f, argc > 1 ? 0.03 : 0.05, &s.g);
+    if (!error) error = s.on ? figure_load(argv[s.on + 1], argv[s.on + 2], argv[s.on + 3], &s.f)
+                             : figure_make(0.03, &s.f);
+    if (!error) error = s.on ? garment_load(&s.f, argv[s.on], &s.g)
+                             : garment_make(&s.f, edge, &s.g);
     if (!error) error = learn_prepare(&s);
-    if (!error) error = after(&s);
+    if (!error) error = argc > 2 ? predictor_read(argv[2], &p)
+                                 : learn_train(&s, PREDICT_SPACE, 0, &p);
+    if (!error) error = predictor_fits(&p, &s.w);
+    if (!error) error = after(&s, &p);
     if (error) fprintf(stderr, "%s\n", error);
-    learn_free(&s);
+    predictor_free(&p), learn_free(&s);
     return error != NULL;
 }

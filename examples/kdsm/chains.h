@@ -19,7 +19,8 @@
 typedef struct job {
     const char *stem;       /* of the files' names: "out/shirt/", "out/02_"             */
     double      edge;       /* m, of the shirt by formula                               */
-    int         chains, poses, steps, shard, shards, merge, motions;
+    double      around;     /* > 0: poses near a walk, 1: as far as a person can        */
+    int         chains, poses, steps, every, shard, shards, merge, motions;
     char      **files;      /* GARMENT BODY WEIGHTS MOTION ..                           */
     figure      f;
     garment     g;
@@ -33,6 +34,7 @@ static inline job chains_job(const char *stem) {
     job j;
     memset(&j, 0, sizeof j);
     j.stem = stem, j.edge = 0.03, j.chains = j.poses = 2, j.shards = 1, j.steps = CHAINS_STEPS;
+    j.every = 12;
     return j;
 }
 
@@ -46,6 +48,16 @@ static inline const char *chains_keep(job *j, int chain, int number) {
     return NULL;
 }
 
+/* Angles at random; or those of a walk at some time of its stride, and a part of them. */
+static inline void chains_aim(const job *j, uint64_t seed, double (*to)[3]) {
+    double turn[SHAPES_BONES][3], shift[3];
+    int    i;
+    figure_angles(seed, j->around > 0 ? j->around : 1, to);
+    if (!(j->around > 0)) return;
+    shapes_walk(2 + figure_random(seed, 99), 0, turn, shift);
+    for (i = 0; i < 3 * SHAPES_BONES; i++) to[i / 3][i % 3] += turn[i / 3][i % 3];
+}
+
 /* Poses at random, one after the other, each settled. */
 static inline const char *chains_poses(job *j, int chain) {
     const char *error = NULL;
@@ -53,7 +65,7 @@ static inline const char *chains_poses(job *j, int chain) {
     int         p, i;
     memset(from, 0, sizeof from);
     for (p = 0; p < j->poses && !error; p++) {
-        figure_angles(1000 * (uint64_t)chain + (uint64_t)p + 1, 1, to);
+        chains_aim(j, 1000 * (uint64_t)chain + (uint64_t)p + 1, to);
         for (i = 1; i <= j->steps && !error; i++) {
             const double t = fmin(1, 2.0 * i / j->steps);
             figure_between((const double (*)[3])from, (const double (*)[3])to,
@@ -66,13 +78,16 @@ static inline const char *chains_poses(job *j, int chain) {
     return error;
 }
 
+/* A piece of five examples counts as a chain: so a motion is learned from and tested. */
 static inline const char *chains_motion(job *j, int chain) {
     const char *error = figure_read_motion(j->files[3 + chain], &j->f);
     int         i;
     for (i = 1; !error && 120 * (i - 1) * GARMENT_H < j->f.frames; i++) {
+        const int number = i / j->every - 1;
         figure_walk(&j->f, i * GARMENT_H, j->T);
         error = garment_step(&j->g, j->T, 0.1);
-        if (!error && i % 12 == 0) error = chains_keep(j, chain, i / 12 - 1);
+        if (!error && i % j->every == 0)
+            error = chains_keep(j, 1006 * chain + number / 5, number % 5);
     }
     return error;
 }

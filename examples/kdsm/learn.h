@@ -2,150 +2,154 @@
  * SPDX-License-Identifier: MIT
  *
  *     static lesson s;                                s.epochs, s.hidden, s.f, s.g, s.s set
- *     const char   *error = learn_prepare(&s);        all examples in both parameterisations
- *     learn_normalise(&s, s.in, s.inputs, 1, mean, over), and s.out[kind] likewise, each 0
- *     learn_train(&s, kind, seed, mean, over, &known, &w);      kind 0: hybrid, 1: body's surface
- *     learn_predict(&s, &w, kind, e, mean, over)      the garment [nv x 3] of example e
+ *     const char   *error = learn_prepare(&s);        all examples in all parameterisations
+ *     error = learn_train(&s, kind, seed, &p);        a predictor, to be freed
+ *     error = learn_judge(&s, &p, split, &marks);     how far it is from what is true
  *     learn_free(&s);
  */
 #ifndef KDSM_EXAMPLE_LEARN_H
 #define KDSM_EXAMPLE_LEARN_H
 
 #include "chains.h"
-#include "net.h"
+#include "predict.h"
 #define LEARN_RATE  1e-3
 #define LEARN_BATCH 8
-
-typedef struct learn_anchor {   /* of a vertex of cloth: a face of the body, where on it */
-    int    face;
-    double w[3];
-} learn_anchor;
-
-typedef struct frame {      /* of an anchor in a pose: a point and three unit vectors   */
-    double q[3], t[3], b[3], n[3];
-} frame;
+#define LEARN_DECAY 1.0     /* of the parameters, times the rate, a step: fewer examples suffice */
 
 typedef struct lesson {
-    figure      f;
-    garment     g;
-    data_set    s;
-    kdsm_space *space;
-    kdsm_pose  *pose;
-    kdsm_cloth *cloth;
-    learn_anchor *anchors;  /* [nv]                                                     */
-    double     *body, *normal;      /* [f.nv x 3]                                       */
-    double     *in;         /* [n x inputs]                                             */
-    double     *out[2];     /* [n x 3 nv] of the hybrid, of the baseline                */
-    double     *x;          /* [nv x 3]                                                 */
-    int         inputs, outputs, seeds, epochs, hidden, on;
+    figure     f;
+    garment    g;
+    data_set   s;
+    wearer     w;
+    double    *in;          /* [n x inputs]                                             */
+    double    *out[PREDICT_KINDS + 1];  /* [n x 3 nv]; the last: a program's own        */
+    double     lost[PREDICT_KINDS]; /* m, mean: what a parameterisation does not give back */
+    double    *x;           /* [nv x 3]                                                 */
+    int      (*rim)[3];     /* [nrim] an edge with one face, turned to close it; its loop */
+    int        nrim, nloops;
+    int        inputs, outputs, seeds, epochs, hidden, few, on;
 } lesson;
 
-/* ----- the baseline: offsets from points of the body ---------------------------------- */
+typedef struct marks {      /* of a predictor over a split                              */
+    double error;           /* m, mean distance of the vertices                         */
+    double volume;          /* mean |V - true V| / true V of the garment, openings closed */
+    int    count;           /* examples                                                 */
+} marks;
 
-static inline void learn_normals(const figure *f, const double *x, double *n) {
-    kdsmi_normals(f->nv, x, f->nf, f->faces, n);
+/* ----- the volume of a garment with its openings closed -------------------------------- */
+
+static inline int learn_by_ends(const void *a, const void *b) {
+    const int *p = (const int *)a, *q = (const int *)b;
+    return p[0] != q[0] ? (p[0] < q[0] ? -1 : 1) : (p[1] > q[1]) - (p[1] < q[1]);
 }
 
-/* The frame of anchor a: normal of the surface, tangent along the first edge of its face. */
-static inline void learn_frame_at(const figure *f, const double *x, const double *normal,
-                                  const learn_anchor *a, frame *out) {
-    const int *v = f->faces + 3 * a->face;
-    double     l, d;
-    int        k, c;
-    memset(out, 0, sizeof *out);
-    for (k = 0; k < 3; k++)
-        for (c = 0; c < 3; c++) {
-            out->q[c] += a->w[k] * x[3 * v[k] + c];
-            out->n[c] += a->w[k] * normal[3 * v[k] + c];
+/* The edges with one face, and which of them hang together. */
+static inline int learn_rims(lesson *s) {
+    const int n = 3 * s->g.nf;
+    int     (*e)[3] = (int(*)[3])malloc((size_t)n * sizeof *e), i, k, changed = 1;
+    s->rim = (int(*)[3])malloc((size_t)n * sizeof *s->rim);
+    for (i = 0; e && i < n; i++) {
+        const int a = s->g.faces[i], b = s->g.faces[i % 3 == 2 ? i - 2 : i + 1];
+        e[i][0] = a < b ? a : b, e[i][1] = a < b ? b : a, e[i][2] = a < b;
+    }
+    if (e && s->rim) qsort(e, (size_t)n, sizeof *e, learn_by_ends);
+    for (i = 0; e && s->rim && i < n; i += k) {
+        for (k = 1; i + k < n && learn_by_ends(e + i, e + i + k) == 0; k++) continue;
+        if (k > 1) continue;
+        s->rim[s->nrim][0] = e[i][e[i][2]], s->rim[s->nrim][1] = e[i][!e[i][2]];
+        s->rim[s->nrim][2] = s->nrim, s->nrim++;
+    }
+    while (changed)                         /* the smallest number of the loop goes round it */
+        for (changed = i = 0; i < s->nrim; i++)
+            for (k = 0; k < s->nrim; k++)
+                if (s->rim[i][1] == s->rim[k][0] && s->rim[i][2] != s->rim[k][2]) {
+                    const int least = s->rim[i][2] < s->rim[k][2] ? s->rim[i][2] : s->rim[k][2];
+                    s->rim[i][2] = s->rim[k][2] = least, changed = 1;
+                }
+    free(e);
+    return e && s->rim;
+}
+
+/* m^3, signed: the faces, and each opening closed by a fan round the mean of its edges. */
+static inline double learn_volume(const lesson *s, const double *x) {
+    double sum = 0, n[3];
+    int    i, k, c, l;
+    for (i = 0; i < s->g.nf; i++) {
+        const int *v = s->g.faces + 3 * i;
+        kdsmi_cross(x + 3 * v[1], x + 3 * v[2], n);
+        sum += kdsmi_dot(x + 3 * v[0], n) / 6;
+    }
+    for (l = 0; l < s->nrim; l++) {
+        double middle[3] = {0, 0, 0};
+        int    count = 0;
+        if (s->rim[l][2] != l) continue;
+        for (i = 0; i < s->nrim; i++) {
+            if (s->rim[i][2] != l) continue;
+            for (count++, k = 0; k < 2; k++)
+                for (c = 0; c < 3; c++) middle[c] += 0.5 * x[3 * s->rim[i][k] + c];
         }
-    l = sqrt(kdsmi_dot(out->n, out->n));
-    for (c = 0; c < 3; c++) {
-        out->n[c] /= l > 0 ? l : 1;
-        out->t[c] = x[3 * v[1] + c] - x[3 * v[0] + c];
-    }
-    d = kdsmi_dot(out->t, out->n);
-    for (c = 0; c < 3; c++) out->t[c] -= d * out->n[c];
-    l = sqrt(kdsmi_dot(out->t, out->t));
-    for (c = 0; c < 3; c++) out->t[c] /= l > 0 ? l : 1;
-    kdsmi_cross(out->n, out->t, out->b);
-}
-
-/* The nearest point of the body at rest for every vertex of the garment. */
-static inline void learn_anchor_all(lesson *s) {
-    int i, f;
-    for (i = 0; i < s->s.nv; i++) {
-        double best = HUGE_VAL, w[3];
-        for (f = 0; f < s->f.nf; f++) {
-            const int   *v = s->f.faces + 3 * f;
-            const double d = kdsmi_triangle2(s->s.u + 3 * i, s->f.x + 3 * v[0], s->f.x + 3 * v[1],
-                                             s->f.x + 3 * v[2], w);
-            if (!(d < best)) continue;
-            best = d, s->anchors[i].face = f;
-            memcpy(s->anchors[i].w, w, sizeof w);
+        for (c = 0; c < 3; c++) middle[c] /= count;
+        for (i = 0; i < s->nrim; i++) {
+            if (s->rim[i][2] != l) continue;
+            kdsmi_cross(x + 3 * s->rim[i][0], x + 3 * s->rim[i][1], n);
+            sum += kdsmi_dot(middle, n) / 6;
         }
     }
+    return sum;
 }
 
-/* Offsets o [nv x 3] of x in the pose that s->body has, or x from o. */
-static inline void learn_offsets(lesson *s, double *o, double *x, int back) {
-    int i, c;
-    for (i = 0; i < s->s.nv; i++) {
-        frame  a;
-        double e[3], *at = o + 3 * i, was[3];
-        memcpy(was, at, sizeof was);        /* o may be x */
-        learn_frame_at(&s->f, s->body, s->normal, s->anchors + i, &a);
-        for (c = 0; c < 3 && back; c++)
-            x[3 * i + c] = a.q[c] + was[0] * a.t[c] + was[1] * a.b[c] + was[2] * a.n[c];
-        if (back) continue;
-        kdsmi_sub(x + 3 * i, a.q, e);
-        at[0] = kdsmi_dot(e, a.t), at[1] = kdsmi_dot(e, a.b), at[2] = kdsmi_dot(e, a.n);
-    }
+static inline double learn_distance(int nv, const double *a, const double *b) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < nv; i++) sum += sqrt(kdsmi_distance2(a + 3 * i, b + 3 * i)) / nv;
+    return sum;
 }
 
 /* ----- inputs and outputs of all examples --------------------------------------------- */
 
-/* R_0, then R_0' R_j. */
-static inline void learn_inputs_of(const double *T, int njoints, double *in) {
-    int j, r, c, k;
-    for (j = 0; j < njoints; j++)
-        for (r = 0; r < 3; r++)
-            for (c = 0; c < 3; c++) {
-                double sum = j ? 0 : T[4 * r + c];
-                for (k = 0; k < 3 && j; k++) sum += T[4 * k + r] * T[12 * j + 4 * k + c];
-                in[9 * j + 3 * r + c] = sum;
-            }
+static inline const double *learn_T(const lesson *s, int e) {
+    return s->s.T + (size_t)e * 12 * (size_t)s->s.njoints;
+}
+
+static inline const double *learn_x(const lesson *s, int e) {
+    return s->s.x + (size_t)e * (size_t)s->outputs;
 }
 
 static inline const char *learn_translate(lesson *s) {
     const size_t         no = (size_t)s->outputs;
     kdsm_displace_report r;
-    double               error = 0, size = 0;
-    int                  e, several = 0;
+    const char          *error = NULL;
+    double               size = 0;
+    int                  e, k, several = 0;
     for (e = 0; e < s->s.n; e++) {
-        const double *T = s->s.T + (size_t)e * 12 * (size_t)s->s.njoints;
-        double       *x = s->s.x + (size_t)e * no;
-        learn_inputs_of(T, s->s.njoints, s->in + (size_t)e * (size_t)s->inputs);
-        if (kdsm_pose_set(s->pose, T)) return "the space cannot be posed";
-        if (kdsm_displace(s->cloth, s->pose, x, NULL, s->out[0] + (size_t)e * no, NULL, &r))
-            return "no displacement";
-        error += r.error_mean / s->s.n, size += r.d_mean / s->s.n, several += r.several;
-        figure_skin(&s->f, T, s->body);
-        learn_normals(&s->f, s->body, s->normal);
-        learn_offsets(s, s->out[1] + (size_t)e * no, x, 0);
+        const double *T = learn_T(s, e);
+        predict_inputs(T, s->s.njoints, s->in + (size_t)e * (size_t)s->inputs);
+        for (k = 0; k < PREDICT_KINDS && !error; k++) {
+            double *out = s->out[k] + (size_t)e * no;
+            error = wearer_take(&s->w, k, T, learn_x(s, e), out, &r);
+            if (k == PREDICT_SPACE) size += r.d_mean / s->s.n, several += r.several;
+            memcpy(s->x, out, no * sizeof(double));
+            if (!error) error = wearer_put(&s->w, k, T, s->x);
+            s->lost[k] += learn_distance(s->s.nv, s->x, learn_x(s, e)) / s->s.n;
+        }
+        if (error) return error;
     }
-    printf("%d examples of %d vertices, %d thrown out before; hybrid: mean |d| %.2f cm, mean error "
-           "%.4f cm, %d vertices with several candidates\n", s->s.n, s->s.nv, s->s.thrown,
-           100 * size, 100 * error, several);
+    printf("%d examples of %d vertices, %d thrown out before; hybrid: mean |d| %.2f cm, %d "
+           "vertices with several candidates\n", s->s.n, s->s.nv, s->s.thrown, 100 * size, several);
     return s->s.n > 0 ? NULL : "there are no examples";
 }
 
 /* ----- learning ----------------------------------------------------------------------- */
 
-static inline int learn_learns(const lesson *s, int e) { return data_split(s->s.id[e][0]) == 0; }
+/* Of the chains that are to be learned from those below `few`, where it is given. */
+static inline int learn_learns(const lesson *s, int e) {
+    return data_split(s->s.id[e][0]) == 0 && (s->few < 1 || s->s.id[e][0] < s->few);
+}
 
-/* Rows a [n x m] less their mean over what is learned from, over one deviation (each: its own). */
-static inline void learn_normalise(const lesson *s, double *a, int m, int each, double *mean,
-                                   double *over) {
+/* The mean of rows a [n x m] over what is learned from; deviations of one for all, or each its own
+ * and of each at least a thousandth. */
+static inline void learn_spread(const lesson *s, const double *a, int m, int each, double *mean,
+                                double *over) {
     double all = 0, count = 0, sum;
     int    e, i;
     for (e = 0; e < s->s.n; e++) count += learn_learns(s, e);
@@ -158,113 +162,112 @@ static inline void learn_normalise(const lesson *s, double *a, int m, int each, 
         over[i] = sqrt(sum / count) + 1e-3;
     }
     for (i = 0; i < m && !each; i++) over[i] = sqrt(all) + 1e-9;
-    for (e = 0; e < s->s.n; e++)
-        for (i = 0; i < m; i++) {
-            double *x = a + (size_t)e * (size_t)m + (size_t)i;
-            *x = (*x - mean[i]) / over[i];
-        }
 }
 
-/* What the network says of example e: s->x [nv x 3], or NULL. */
-static inline const double *learn_predict(lesson *s, net *w, int kind, int e,
-                                          const double *mean, const double *over) {
-    const double *T = s->s.T + (size_t)e * 12 * (size_t)s->s.njoints;
-    const double *said = net_forward(w, s->in + (size_t)e * (size_t)s->inputs);
-    int           i;
-    for (i = 0; i < s->outputs; i++) s->x[i] = mean[i] + over[i] * said[i];
-    if (kind == 0 && kdsm_place(s->cloth, T, s->x, s->x, NULL)) return NULL;
-    if (kind == 1) {
-        figure_skin(&s->f, T, s->body);
-        learn_normals(&s->f, s->body, s->normal);
-        learn_offsets(s, s->x, s->x, 1);
-    }
-    return s->x;
+/* Where the predictor puts the garment of example e: s->x, or NULL. */
+static inline const double *learn_predict(lesson *s, predictor *p, int e) {
+    return predict(&s->w, p, learn_T(s, e), s->x) ? NULL : s->x;
 }
 
-/* The mean distance, m, of what the network says from what is true, over a split. */
-static inline double learn_judge(lesson *s, net *w, int kind, int split, const double *mean,
-                                 const double *over) {
-    double error = 0;
-    int    e, i, count = 0;
+static inline const char *learn_judge(lesson *s, predictor *p, int split, marks *m) {
+    int e;
+    memset(m, 0, sizeof *m);
     for (e = 0; e < s->s.n; e++) {
-        const double *x = s->s.x + (size_t)e * (size_t)s->outputs;
-        if (data_split(s->s.id[e][0]) != split) continue;
-        if (!learn_predict(s, w, kind, e, mean, over)) return HUGE_VAL;
-        for (i = 0; i < s->s.nv; i++)
-            error += sqrt(kdsmi_distance2(s->x + 3 * i, x + 3 * i)) / s->s.nv;
-        count++;
+        const double *x = p->kind == PREDICT_OWN
+                          ? s->out[PREDICT_OWN] + (size_t)e * (size_t)s->outputs : learn_x(s, e);
+        const double  volume = learn_volume(s, x);
+        if (split ? data_split(s->s.id[e][0]) != split : !learn_learns(s, e)) continue;
+        if (!learn_predict(s, p, e)) return "nothing is predicted";
+        m->error += learn_distance(s->s.nv, s->x, x);
+        m->volume += fabs(learn_volume(s, s->x) - volume) / fabs(volume);
+        m->count++;
     }
-    return count ? error / count : 0;
+    if (m->count) m->error /= m->count, m->volume /= m->count;
+    return NULL;
 }
 
-/* Trains one network *out, to be freed; its error on the chains that test, *known: on those
- * learned from. */
-static inline double learn_train(lesson *s, int kind, int seed, const double *mean,
-                                 const double *over, double *known, net *out) {
-    const int n[NET_LAYERS + 1] = {s->inputs, s->hidden, s->hidden, s->outputs};
-    int      *order = (int *)malloc((size_t)s->s.n * sizeof(int)), i, e, count = 0, watch = 0;
-    double   *best = NULL, least = HUGE_VAL, error = HUGE_VAL;
-    uint64_t  draw = (uint64_t)seed + 77;
-    net       w;
-    memset(out, 0, sizeof *out);
-    if (!order || !net_make(n, (uint64_t)seed, &w)) {
-        free(order);
-        return HUGE_VAL;
+/* Once through the examples of the list, in a new order. */
+static inline void learn_epoch(lesson *s, predictor *p, int *list, int count, double rate,
+                               double *one, uint64_t *draw) {
+    const size_t ni = (size_t)s->inputs, no = (size_t)s->outputs;
+    double      *want = one + ni;
+    size_t       k;
+    int          i;
+    for (i = count - 1; i > 0; i--) {       /* [Fisher, Yates] */
+        const int j = (int)((net_random(draw) + 1) / 2 * (i + 1)), swap = list[i];
+        list[i] = list[j], list[j] = swap;
     }
-    best = (double *)malloc(w.at[NET_LAYERS] * sizeof(double));
+    for (i = 0; i < count; i++) {
+        const double *in = s->in + (size_t)list[i] * ni, *out = s->out[p->kind]
+                           + (size_t)list[i] * no;
+        for (k = 0; k < ni; k++) one[k] = (in[k] - p->mean[0][k]) / p->over[0][k];
+        for (k = 0; k < no; k++) want[k] = (out[k] - p->mean[1][k]) / p->over[1][k];
+        (void)net_backward(&p->w, one, want);
+        if (i % LEARN_BATCH == LEARN_BATCH - 1 || i == count - 1)
+            net_adam(&p->w, rate, LEARN_DECAY, i % LEARN_BATCH + 1);
+    }
+}
+
+/* What no network can beat that does not look at the pose: the mean of what was learned from. */
+static inline const char *learn_mean(lesson *s, int kind, predictor *p) {
+    if (!predictor_make(&s->w, kind, 1, 1, p)) return "out of memory";
+    memset(p->w.p, 0, p->w.at[NET_LAYERS] * sizeof(double));
+    learn_spread(s, s->in, s->inputs, 1, p->mean[0], p->over[0]);
+    learn_spread(s, s->out[kind], s->outputs, 0, p->mean[1], p->over[1]);
+    return NULL;
+}
+
+/* A predictor *p, owned: of all epochs looked at, the best on the chains that watch. */
+static inline const char *learn_train(lesson *s, int kind, int seed, predictor *p) {
+    int        *list = (int *)malloc((size_t)s->s.n * sizeof(int)), e, count = 0, watch = 0;
+    double     *best = NULL, *one, least = HUGE_VAL;
+    uint64_t    draw = (uint64_t)seed + 77;
+    const char *error = "out of memory";
+    one = (double *)malloc((size_t)(s->inputs + s->outputs) * sizeof(double));
+    if (!list || !one || !predictor_make(&s->w, kind, s->hidden, (uint64_t)seed, p)) goto done;
+    learn_spread(s, s->in, s->inputs, 1, p->mean[0], p->over[0]);
+    learn_spread(s, s->out[kind], s->outputs, 0, p->mean[1], p->over[1]);
+    best = (double *)malloc(p->w.at[NET_LAYERS] * sizeof(double));
     for (e = 0; e < s->s.n; e++) {
-        if (learn_learns(s, e)) order[count++] = e;
+        if (learn_learns(s, e)) list[count++] = e;
         watch |= data_split(s->s.id[e][0]) == 1;
     }
-    for (e = 0; e < s->epochs && best; e++) {
-        for (i = count - 1; i > 0; i--) {   /* a new order [Fisher, Yates] */
-            const int k = (int)((net_random(&draw) + 1) / 2 * (i + 1)), swap = order[i];
-            order[i] = order[k], order[k] = swap;
-        }
-        for (i = 0; i < count; i++) {
-            const size_t at = (size_t)order[i];
-            (void)net_backward(&w, s->in + at * (size_t)s->inputs,
-                               s->out[kind] + at * (size_t)s->outputs);
-            if (i % LEARN_BATCH == LEARN_BATCH - 1 || i == count - 1)
-                net_adam(&w, (e < s->epochs / 2 ? 1 : 0.2) * LEARN_RATE, i % LEARN_BATCH + 1);
-        }
+    error = best ? NULL : "out of memory";
+    for (e = 0; e < s->epochs && !error; e++) {
+        marks m;
+        const double part = (double)e / s->epochs;
+        learn_epoch(s, p, list, count, (part < 0.5 ? 1 : part < 0.75 ? 0.3 : 0.1) * LEARN_RATE, one,
+                    &draw);
         if (e % 10 != 9 && e != s->epochs - 1) continue;
-        error = learn_judge(s, &w, kind, watch, mean, over);
-        if (error < least) least = error, memcpy(best, w.p, w.at[NET_LAYERS] * sizeof(double));
+        error = learn_judge(s, p, watch, &m);
+        if (error || m.error >= least) continue;
+        least = m.error;
+        memcpy(best, p->w.p, p->w.at[NET_LAYERS] * sizeof(double));
     }
-    if (best && least < HUGE_VAL) {
-        memcpy(w.p, best, w.at[NET_LAYERS] * sizeof(double));
-        error = learn_judge(s, &w, kind, 2, mean, over);
-        *known = learn_judge(s, &w, kind, 0, mean, over);
-    }
-    free(best), free(order);
-    *out = w;
+    if (!error) memcpy(p->w.p, best, p->w.at[NET_LAYERS] * sizeof(double));
+done:
+    free(best), free(list), free(one);
     return error;
 }
 
 /* ----- all of it ---------------------------------------------------------------------- */
 
 static inline const char *learn_prepare(lesson *s) {
-    kdsm_desc desc = kdsm_desc_default();
-    size_t    n = (size_t)s->s.n, nb = 3 * (size_t)s->f.nv;
+    const size_t n = (size_t)s->s.n;
+    const char  *error;
+    int          k;
     if (s->s.nv != s->g.nv || s->s.njoints != s->f.njoints)
         return "the examples are of another garment or body";
-    figure_body(&s->f, &desc);
-    desc.hooks.log.fn = cloth_log_stderr, desc.thickness = 0.1;
-    if (kdsm_create(&desc, &s->space) || kdsm_pose_create(s->space, &s->pose)) return "no space";
-    if (kdsm_cloth_create(s->space, s->s.nv, s->s.u, s->g.nf, s->g.faces, &s->cloth))
-        return "the garment cannot be embedded";
-    s->inputs = 9 * s->s.njoints, s->outputs = 3 * s->s.nv;
-    s->anchors = (learn_anchor *)calloc((size_t)s->s.nv, sizeof *s->anchors);
-    s->body = (double *)calloc(nb, 2 * sizeof(double));
+    error = wearer_make(&s->f, s->s.nv, s->s.u, s->g.nf, s->g.faces, &s->w);
+    if (error) return error;
+    s->inputs = 3 * s->s.njoints, s->outputs = 3 * s->s.nv;
     s->in = (double *)malloc(n * (size_t)s->inputs * sizeof(double));
-    s->out[0] = (double *)malloc(n * (size_t)s->outputs * sizeof(double));
-    s->out[1] = (double *)malloc(n * (size_t)s->outputs * sizeof(double));
     s->x = (double *)malloc((size_t)s->outputs * sizeof(double));
-    if (!s->anchors || !s->body || !s->in || !s->out[0] || !s->out[1] || !s->x)
-        return "out of memory";
-    s->normal = s->body + nb;
-    learn_anchor_all(s);
+    if (!s->in || !s->x || !learn_rims(s)) return "out of memory";
+    for (k = 0; k <= PREDICT_KINDS; k++) {
+        s->out[k] = (double *)malloc(n * (size_t)s->outputs * sizeof(double));
+        if (!s->out[k]) return "out of memory";
+    }
     return learn_translate(s);
 }
 
@@ -272,7 +275,7 @@ static inline const char *learn_prepare(lesson *s) {
 static inline const char *learn_own_examples(const char *stem) {
     job         j = chains_job(stem);
     const char *error;
-    j.edge = 0.05, j.chains = 10, j.poses = 1, j.steps = 20;
+    j.edge = 0.05, j.chains = 20, j.poses = 1, j.steps = 20, j.around = 0.2;
     chains_forget(&j);
     error = chains_dress(&j);
     if (!error) error = chains_make(&j);
@@ -282,9 +285,11 @@ static inline const char *learn_own_examples(const char *stem) {
 }
 
 static inline void learn_free(lesson *s) {
-    kdsm_cloth_destroy(s->cloth), kdsm_pose_destroy(s->pose), kdsm_destroy(s->space);
+    int k;
+    wearer_free(&s->w);
     garment_free(&s->g), figure_free(&s->f), data_free(&s->s);
-    free(s->anchors), free(s->body), free(s->in), free(s->out[0]), free(s->out[1]), free(s->x);
+    for (k = 0; k <= PREDICT_KINDS; k++) free(s->out[k]);
+    free(s->in), free(s->x), free(s->rim);
 }
 
 #endif

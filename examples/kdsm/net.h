@@ -4,7 +4,8 @@
  *     a_0 = input,  a_l+1 = max(0, a_l W_l + b_l),  the last without the max       [n_l x n_l+1]
  *     loss = sum_o (a_o - t_o)^2 / (2 outputs)
  *     Adam  [Kingma, Ba 2015, algorithm 1]: m, v running means of g and g^2, each over what is left
- *           of their start at 0; p -= rate m / (sqrt v + 1e-8)
+ *           of their start at 0; p -= rate (m / (sqrt v + 1e-8) + decay p)
+ *           [Loshchilov, Hutter 2019]
  *
  * W is kept by input, so that the inner loops run along the outputs and become vector code.
  * Deterministic: the seed and the order of the calls say everything.
@@ -119,7 +120,7 @@ static inline double net_backward(net *w, const double *in, const double *target
 }
 
 /* A step of Adam with the gradient of `count` examples, which is cleared. */
-static inline void net_adam(net *w, double rate, int count) {
+static inline void net_adam(net *w, double rate, double decay, int count) {
     const size_t n = w->at[NET_LAYERS];
     const double c1 = 1 - pow(0.9, ++w->step), c2 = 1 - pow(0.999, w->step), by = 1.0 / count;
     size_t       i;
@@ -127,7 +128,7 @@ static inline void net_adam(net *w, double rate, int count) {
         const double g = w->g[i] * by;
         w->m[i] = 0.9 * w->m[i] + 0.1 * g;
         w->v[i] = 0.999 * w->v[i] + 0.001 * g * g;
-        w->p[i] -= rate * (w->m[i] / c1) / (sqrt(w->v[i] / c2) + 1e-8);
+        w->p[i] -= rate * (w->m[i] / c1 / (sqrt(w->v[i] / c2) + 1e-8) + decay * w->p[i]);
         w->g[i] = 0;
     }
 }

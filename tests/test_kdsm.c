@@ -1160,6 +1160,7 @@ static void predictor_refuses(void) {
         CHECK(reads(is, n, "the predictor's hash", "of what is in the file"));
         is[i] ^= 1;
     }
+    predictor_free(&p);
     CHECK(strstr(predictor_read("out/there is none", &p), "opened") != NULL);
     (void)remove("out/test_predictor");
     predictor_free(&p), wearer_free(&w);

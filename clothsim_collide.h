@@ -4550,7 +4550,8 @@ static void clothi_exempt_part(cloth_collide *c) {
  * a potential for fixed N and frame. N follows the normal forces at every iterate whose residual is
  * less than 1e-2 of friction's limits at the vertices that carry half of them: farther away it
  * would be that of a motion that will not be (a strip began to slip around a cylinder and flew
- * off). The search ends at such an iterate where the limits change by less than 5 % of their sum.
+ * off). The search ends at such an iterate where the limits change by less than 5 % of their sum;
+ * a tolerance above t/20 loosens both by as much (1e-2 m: half of the time of a sheet on a ball).
  * Half of them: a few slivers of a garment's mesh hold more than all its contacts. When the step is
  * accepted the anchor keeps v, cut to eps and turned with the surface: what sticks does not creep
  * (Cundall and Strack 1979). A sheet on a plane slides 0.02 % less than Coulomb's at mu = 0.99 tan
@@ -5281,23 +5282,29 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     return 1;
 }
 
-#define CLOTHI_SETTLED 0.01                 /* of a vertex's friction: residual left           */
 #define CLOTHI_ROUND   0.05                 /* of all friction: change that asks for more      */
+#define CLOTHI_SETTLED 0.2                  /* of that, of a vertex's friction: residual left  */
 #define CLOTHI_FREE    8                    /* renewals of friction's limits without damping   */
+
+/* How well friction is known where a search ends, in parts of itself: as the tolerance is in t. */
+static double clothi_friction_error(const cloth_collide *c) {
+    return clothi_max(CLOTHI_ROUND, c->sim->model->desc.tolerance / c->desc.thickness);
+}
 
 /* Whether what is left of the balance, residual [nv x 3] N, is little beside friction where half of
  * it acts: a tolerance in metres says little of a force. Not all of it: slivers of a mesh hold more
  * than all contacts, and yield last. */
 static int clothi_contact_settled(cloth_collide *c, const double *residual) {
-    double *limit = c->qp_x, settled = 0, all = 0;      /* [nv] N */
-    int     i, j;
+    const double part = CLOTHI_SETTLED * clothi_friction_error(c);
+    double      *limit = c->qp_x, settled = 0, all = 0; /* [nv] N */
+    int          i, j;
     memset(limit, 0, (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->ncontact; i++)
         for (j = 0; j < c->contact[i].n; j++)
             if (c->contact[i].v[j] < c->nv)
                 limit[c->contact[i].v[j]] += fabs(c->contact[i].w[j]) * c->contact[i].limit;
     for (i = 0; i < c->nv; i++) {
-        const double *r = residual + 3 * i, most = CLOTHI_SETTLED * limit[i];
+        const double *r = residual + 3 * i, most = part * limit[i];
         all += limit[i];
         settled += clothi_dot3(r, r) <= most * most ? limit[i] : 0;
     }
@@ -5670,7 +5677,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     if (!residual) c->renewed = 0;
     c->renewed += settled;
     change = clothi_contact_limits(c, !settled ? 0 : c->renewed > CLOTHI_FREE ? 0.5 : 1, !residual);
-    if (done) *done = *done && settled && change <= CLOTHI_ROUND;
+    if (done) *done = *done && settled && change <= clothi_friction_error(c);
     return status;
 }
 

@@ -3888,37 +3888,9 @@ CLOTHI_RARE_END
  *             [K -K; -K K] has v' H v = (v1 - v0)' K (v1 - v0) >= 0.
  *   dropped   nothing. At l = 0 < L the direction u does not exist: below l = 1e-8 L the code takes
  *             u = d / (1e-8 L), which fades to zero, and the force with it. L = 0 is exact there.
+ *   code      [6.5]: clothi_spring_lanes, and cloth_spring, which has one spring in all lanes
  *   checked   tests/test_elements.c: spring_derivatives, spring_degenerate, lanes_spring
  */
-
-CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
-                              double *hess, int psd) {
-    double d[3], l, lr, ratio, across, along, energy;
-    int    i, j;
-    clothi_sub3(x + 3, x, d);
-    l = sqrt(clothi_dot3(d, d));
-    lr = clothi_max(l, 1e-8 * rest_length);
-    ratio = lr > 0.0 ? rest_length / lr : 0.0;
-    across = psd ? clothi_max(1.0 - ratio, 0.0) : 1.0 - ratio;
-    along = psd ? 1.0 - across : ratio;
-    energy = 0.5 * k * (l - rest_length) * (l - rest_length);
-    for (i = 0; i < 3; i++) {
-        if (grad) {
-            grad[3 + i] = k * (1.0 - ratio) * d[i];
-            grad[i] = -grad[3 + i];
-        }
-        for (j = 0; hess && j < 3; j++) {
-            const double uu = lr > 0.0 ? d[i] / lr * (d[j] / lr) : 0.0;
-            const double K = k * ((i == j ? across : 0.0) + along * uu);
-            hess[6 * i + j] = hess[6 * (i + 3) + j + 3] = K;
-            hess[6 * (i + 3) + j] = hess[6 * i + j + 3] = -K;
-        }
-    }
-    clothi_settle(grad, 6);
-    clothi_settle(hess, 36);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
-}
-
 /* ===== [6.2] STVK TRIANGLE =================================================================== */
 /*
  *   rest, flat               now, in space
@@ -3954,12 +3926,16 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.
  *   collapse  of the current triangle is harmless (everything is polynomial in x). A rest triangle
  *             with det Dm = 0 has no B: energy and derivatives are 0.
+ *   code      below the matrices of one triangle, for states and derivatives by rest shape; [6.5]
+ *             energy, gradient and Hessian, of which cloth_stretch is one lane
  *   checked   tests/test_elements.c: stretch_derivatives, stretch_closed_forms, stretch_table,
  *             stretch_psd, stretch_invariance, stretch_degenerate
  */
 
+CLOTHI_RARE_BEGIN
+
 /* B [2x2] and the area; zeros when the rest triangle has none. */
-static double clothi_rest_inverse(const double *X, double *B) {
+CLOTHI_OUTLINE static double clothi_rest_inverse(const double *X, double *B) {
     const double a = X[2] - X[0], b = X[4] - X[0], c = X[3] - X[1], d = X[5] - X[1];
     const double det = a * d - b * c;
     memset(B, 0, 4 * sizeof *B);
@@ -3971,79 +3947,50 @@ static double clothi_rest_inverse(const double *X, double *B) {
     return 0.5 * fabs(det);
 }
 
-/* F [3x2] = Ds B */
-static void clothi_deformation(const double *x, const double *B, double *F) {
-    int i;
-    for (i = 0; i < 3; i++) {
-        const double e1 = x[3 + i] - x[i], e2 = x[6 + i] - x[i];
-        F[2 * i] = e1 * B[0] + e2 * B[2];
-        F[2 * i + 1] = e1 * B[1] + e2 * B[3];
+/* F [3x2] = Ds B, Ds of the corners v of x. */
+CLOTHI_OUTLINE static void clothi_deformation(const double *x, const int *v, const double *B,
+                                              double *F) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        const double p = x[3 * v[1] + k] - x[3 * v[0] + k], q = x[3 * v[2] + k] - x[3 * v[0] + k];
+        F[2 * k] = p * B[0] + q * B[2];
+        F[2 * k + 1] = p * B[1] + q * B[3];
     }
 }
 
-/* E as (E11, E22, E12) */
-static void clothi_green_strain(const double *F, double *E) {
-    E[0] = 0.5 * (F[0] * F[0] + F[2] * F[2] + F[4] * F[4] - 1.0);
-    E[1] = 0.5 * (F[1] * F[1] + F[3] * F[3] + F[5] * F[5] - 1.0);
-    E[2] = 0.5 * (F[0] * F[1] + F[2] * F[3] + F[4] * F[5]);
+/* out [2x2] = F' G. */
+CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
+    out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
+    out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
+    out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
+    out[3] = F[1] * G[1] + F[3] * G[3] + F[5] * G[5];
 }
 
-/* S as (S11, S22, S12) */
-static void clothi_stvk_stress(const double *E, double mu, double lambda, double *S) {
-    S[0] = 2.0 * mu * E[0] + lambda * (E[0] + E[1]);
-    S[1] = 2.0 * mu * E[1] + lambda * (E[0] + E[1]);
-    S[2] = 2.0 * mu * E[2];
-}
-
-/* S+ = a S + b I with a, b from the eigenvalues mean +- r; r = 0 makes a = 0 and b = mean+. */
-static void clothi_positive_part(double *S) {
-    const double mean = 0.5 * (S[0] + S[1]), half = 0.5 * (S[0] - S[1]);
-    const double r = sqrt(half * half + S[2] * S[2]);
-    const double hi = clothi_max(mean + r, 0.0), lo = clothi_max(mean - r, 0.0);
-    const double a = r > 0.0 ? 0.5 * (hi - lo) / r : 0.0, b = 0.5 * (hi + lo) - a * mean;
-    S[0] = a * S[0] + b;
-    S[1] = a * S[1] + b;
-    S[2] = a * S[2];
-}
-
-CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
-                               double *grad, double *hess, int psd) {
-    double B[4], F[6], E[3], S[3], g[3][2], q[3][3], energy;
-    int    i, j, r, c;
-    const double area = clothi_rest_inverse(X, B);
-    clothi_deformation(x, B, F);
-    clothi_green_strain(F, E);
-    clothi_stvk_stress(E, mu, lambda, S);
-    energy = 0.5 * area * (S[0] * E[0] + S[1] * E[1] + 2.0 * S[2] * E[2]);
-    for (j = 0; j < 2; j++) {
-        g[1][j] = B[j];
-        g[2][j] = B[2 + j];
-        g[0][j] = -B[j] - B[2 + j];
+/* out [3x2] = F S, S [2x2]. */
+CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
+        out[2 * k + 1] = F[2 * k] * S[1] + F[2 * k + 1] * S[3];
     }
-    for (i = 0; i < 3; i++)
-        for (r = 0; r < 3; r++) {
-            q[i][r] = F[2 * r] * g[i][0] + F[2 * r + 1] * g[i][1];
-            if (grad)
-                grad[3 * i + r] = area * (F[2 * r] * (S[0] * g[i][0] + S[2] * g[i][1])
-                                          + F[2 * r + 1] * (S[2] * g[i][0] + S[1] * g[i][1]));
-        }
-    if (hess && psd) clothi_positive_part(S);
-    for (i = 0; hess && i < 3; i++)
-        for (j = 0; j < 3; j++) {
-            const double gg = g[i][0] * g[j][0] + g[i][1] * g[j][1];
-            const double gSg = S[0] * g[i][0] * g[j][0] + S[1] * g[i][1] * g[j][1]
-                               + S[2] * (g[i][0] * g[j][1] + g[i][1] * g[j][0]);
-            for (r = 0; r < 3; r++)
-                for (c = 0; c < 3; c++) {
-                    const double FF = F[2 * r] * F[2 * c] + F[2 * r + 1] * F[2 * c + 1];
-                    hess[9 * (3 * i + r) + 3 * j + c] =
-                        area * (mu * (gg * FF + q[j][r] * q[i][c]) + lambda * q[i][r] * q[j][c]
-                                + (r == c ? gSg : 0.0));
-                }
-        }
-    clothi_settle(grad, 9);
-    clothi_settle(hess, 81);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
+}
+
+/* E = 1/2 (F'F - I) */
+CLOTHI_OUTLINE static void clothi_green(const double *F, double *E) {
+    int k;
+    clothi_ftg(F, F, E);
+    for (k = 0; k < 4; k++) E[k] = 0.5 * (E[k] - (k % 3 == 0 ? 1 : 0));
+}
+
+/* S = 2 mu E + lambda tr(E) I */
+CLOTHI_OUTLINE static void clothi_hooke(double mu, double lambda, const double *E, double *S) {
+    int k;
+    for (k = 0; k < 4; k++) S[k] = 2 * mu * E[k] + (k % 3 == 0 ? lambda * (E[0] + E[3]) : 0);
+}
+
+/* a:b */
+static double clothi_double_dot(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
 }
 
 /* The stretches are the singular values of F: s1^2 and s2^2 are the eigenvalues of F'F, and s1 s2 =
@@ -4069,24 +4016,27 @@ static void clothi_principal_stretches(const double *F, double *stretch) {
 
 CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu, double lambda,
                                      double *F, double *E, double *S, double *stretch) {
-    double       B[4], f[6] = {0, 0, 0, 0, 0, 0}, e[3] = {0, 0, 0}, s[3] = {0, 0, 0}, st[2];
-    const double area = clothi_rest_inverse(X, B);
+    static const int own[3] = {0, 1, 2};
+    double           B[4], f[6] = {0}, e[4] = {0}, s[4] = {0}, st[2];
+    const double     area = clothi_rest_inverse(X, B);
     if (area > 0.0) {
-        clothi_deformation(x, B, f);
+        clothi_deformation(x, own, B, f);
         clothi_settle(f, 6);
-        clothi_green_strain(f, e);
-        clothi_settle(e, 3);
-        clothi_stvk_stress(e, mu, lambda, s);
-        clothi_settle(s, 3);
+        clothi_green(f, e);
+        clothi_settle(e, 4);
+        clothi_hooke(mu, lambda, e, s);
+        clothi_settle(s, 4);
     }
     clothi_principal_stretches(f, st);
     clothi_settle(st, 2);
     if (F) memcpy(F, f, sizeof f);
     if (stretch) memcpy(stretch, st, sizeof st);
-    if (E) E[0] = e[0], E[3] = e[1], E[1] = E[2] = e[2];
-    if (S) S[0] = s[0], S[3] = s[1], S[1] = S[2] = s[2];
+    if (E) memcpy(E, e, sizeof e);
+    if (S) memcpy(S, s, sizeof s);
     return clothi_finite(area) ? area : CLOTHI_HUGE;
 }
+
+CLOTHI_RARE_END
 
 /* ===== [6.3] HINGE =========================================================================== */
 /*
@@ -4151,6 +4101,7 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *   range     theta does not depend on size: coordinates outside 1e-20..1e20 are scaled first.
  *   limits    at theta = +-pi (a wing folded onto the other) theta jumps; count hinges beyond 3.
  *             The Poisson ratio of bending is about -1/3 whatever the user says.
+ *   code      [6.5], of which cloth_dihedral_hess is one lane
  *   checked   tests/test_elements.c: hinge_derivatives, hinge_near_degenerate, hinge_sign,
  *             hinge_cylinder, hinge_invariance, hinge_degenerate, lanes_hinge
  */
@@ -4159,138 +4110,10 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
 #define CLOTHI_HINGE_TINY_L2 1e-60          /* m^2 and m^4: keep 0/0 away when all corners       */
 #define CLOTHI_HINGE_TINY_Q  1e-100         /* coincide                                          */
 
-typedef struct clothi_wing {
-    double n[3];                            /* normal, |n| = twice the area                      */
-    double t;                               /* foot of the corner on the edge                    */
-    double p[3];                            /* n/(|n| h)                                         */
-    double z[3][3];                         /* z of x0, x1 and the corner                        */
-    double km[3];                           /* (h/l)^2/2 M                                       */
-} clothi_wing;
-
-typedef struct clothi_hinge {
-    double      scale;                      /* what x was multiplied by, a power of two          */
-    double      theta;
-    clothi_wing wing[2];
-} clothi_hinge;
-
-/* s: sum of the squared edges from x0. side +1: left wing, n = e x a; -1: right wing, n = a x e. */
-static void clothi_wing_build(const double *e, const double *a, double s, double side,
-                              clothi_wing *w) {
-    const double l2 = clothi_dot3(e, e), l = sqrt(l2);
-    const double l2c = clothi_max(l2, CLOTHI_HINGE_FLOOR * s + CLOTHI_HINGE_TINY_L2);
-    double       q, qc;
-    int          i;
-    clothi_cross3(e, a, w->n);
-    q = clothi_dot3(w->n, w->n);
-    qc = clothi_max(q, CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q);
-    w->t = clothi_dot3(a, e) / l2c;
-    for (i = 0; i < 3; i++) {
-        const double h = a[i] - w->t * e[i], M = h * (l2c / qc), r = e[i] / l2c;
-        w->n[i] *= side;
-        w->p[i] = w->n[i] * (l / qc);
-        w->z[0][i] = (w->t - 1.0) * M - r;
-        w->z[1][i] = -w->t * M + r;
-        w->z[2][i] = M;
-        w->km[i] = 0.5 * (q / qc) * h / l2c;
-    }
-}
-
-static void clothi_hinge_build(const double *x, clothi_hinge *g) {
-    double y[12], e[3], a[3], b[3], big = 0.0, l, s;
-    int    i, exponent;
-    for (i = 0; i < 12; i++) big = clothi_max(big, fabs(x[i]));
-    g->scale = 1.0;
-    if (big > 1e20 || (big < 1e-20 && big > 0.0)) {
-        (void)frexp(big, &exponent);
-        g->scale = ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
-    }
-    for (i = 0; i < 12; i++) y[i] = x[i] * g->scale;
-    clothi_sub3(y + 3, y, e);
-    clothi_sub3(y + 6, y, a);
-    clothi_sub3(y + 9, y, b);
-    s = clothi_dot3(e, e) + clothi_dot3(a, a) + clothi_dot3(b, b);
-    clothi_wing_build(e, a, s, 1.0, &g->wing[0]);
-    clothi_wing_build(e, b, s, -1.0, &g->wing[1]);
-    l = sqrt(clothi_dot3(e, e));
-    g->theta = clothi_atan2(-l * clothi_dot3(g->wing[0].n, b),
-                            clothi_dot3(g->wing[0].n, g->wing[1].n));
-}
-
-/* wing k has the corners 0, 1 and 2 + k of the hinge */
-static void clothi_hinge_gradient(const clothi_hinge *g, double *grad) {
-    int k, i;
-    memset(grad, 0, 12 * sizeof *grad);
-    for (k = 0; k < 2; k++) {
-        const clothi_wing *w = &g->wing[k];
-        for (i = 0; i < 3; i++) {
-            const double p = w->p[i] * g->scale;
-            grad[i] += (1.0 - w->t) * p;
-            grad[3 + i] += w->t * p;
-            grad[6 + 3 * k + i] = -p;
-        }
-    }
-}
-
-static void clothi_hinge_hessian(const clothi_hinge *g, double *hess) {
-    static const double D[3] = {1.0, -1.0, 0.0};
-    const double        ss = g->scale * g->scale;
-    int                 k, i, j, r, c;
-    memset(hess, 0, 144 * sizeof *hess);
-    for (k = 0; k < 2; k++) {
-        const clothi_wing *w = &g->wing[k];
-        const double       W[3] = {w->t - 1.0, -w->t, 1.0};
-        for (i = 0; i < 3; i++)
-            for (j = 0; j < 3; j++)
-                for (r = 0; r < 3; r++)
-                    for (c = 0; c < 3; c++) {
-                        const int row = 3 * (i < 2 ? i : 2 + k) + r;
-                        const int col = 3 * (j < 2 ? j : 2 + k) + c;
-                        hess[12 * row + col] +=
-                            ss * (W[j] * w->p[r] * w->z[i][c] + W[i] * w->z[j][r] * w->p[c]
-                                  + D[i] * D[j] * (w->p[r] * w->km[c] + w->km[r] * w->p[c]));
-                    }
-    }
-}
-
-CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess) {
-    clothi_hinge g;
-    clothi_hinge_build(x, &g);
-    if (grad) clothi_hinge_gradient(&g, grad);
-    if (hess) clothi_hinge_hessian(&g, hess);
-    clothi_settle(grad, 12);
-    clothi_settle(hess, 144);
-    return clothi_finite(g.theta) ? g.theta : 0.0;
-}
-
-CLOTH_API double cloth_dihedral_grad(const double *x, double *grad) {
-    return cloth_dihedral_hess(x, grad, NULL);
-}
-
-CLOTH_API double cloth_dihedral(const double *x) { return cloth_dihedral_hess(x, NULL, NULL); }
-
 CLOTH_API double cloth_hinge_coefficient(double D, double e2, double A1, double A2) {
     const double area = A1 + A2;
     const double c = area > 0.0 ? D * e2 / area : 0.0;
     return clothi_finite(c) ? c : CLOTHI_HUGE;
-}
-
-CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
-                            int psd) {
-    double       dtheta[12];
-    int          i, j;
-    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
-    const double bent = theta - theta0;
-    const double energy = 0.5 * c * bent * bent;
-    if (hess)
-        for (i = 0; i < 12; i++)
-            for (j = 0; j < 12; j++)
-                hess[12 * i + j] = c * (dtheta[i] * dtheta[j]
-                                        + (psd ? 0.0 : bent * hess[12 * i + j]));
-    if (grad)
-        for (i = 0; i < 12; i++) grad[i] = c * bent * dtheta[i];
-    clothi_settle(grad, 12);
-    clothi_settle(hess, 144);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
 }
 
 /* ===== [6.4] QUADRATIC BENDING =============================================================== */
@@ -4363,8 +4186,8 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
  *   x0.y      .   .   .   .   .   .   .   .             them into vector code by themselves.
  *   ...                                                 Unused lanes repeat a valid element with
  *                                                       zero stiffness.
- *   The formulas are those of [6.1] to [6.4]; the scalar functions there are their tests. What
- *   differs: one division serves three quotients, Hessian blocks of corner 0 follow from the others
+ *   The formulas are those of [6.1] to [6.4]; cloth_spring and its like are one element in all
+ *   lanes. One division serves three quotients, Hessian blocks of corner 0 follow from the others
  *   (moving all corners changes no force, so rows of blocks sum to zero), and a result beyond the
  *   range of doubles is left as inf or NaN for the step to refuse. Lengths are expected within
  *   1e-20 .. 1e20 m. Hessians hold one triangle of blocks, each [3x3] row-major: diagonal blocks
@@ -4621,37 +4444,39 @@ CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
     }
 }
 
-/* The squares of the smaller principal stretches, for reports: the smaller eigenvalue of F'F, good
- * to 1e-16 of the larger one. */
-CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
-                                         const double *CLOTHI_RESTRICT rest,
-                                         double *CLOTHI_RESTRICT out) {
-    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
-    int    k;
+/* The eigenvalues of F'F, squares of the principal stretches, are (mean +- radius)/2, good to 1e-16
+ * of the larger one. */
+CLOTHI_LANE void clothi_stretch_squares(const double *x, const double *rest, double *mean,
+                                        double *radius) {
+    int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
         mean[k] = 1.0 + t.e0 + t.e1;
         radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
     }
     clothi_sqrt_lanes(radius);
+}
+
+/* The smaller of them, for reports. */
+CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
+                                         const double *CLOTHI_RESTRICT rest,
+                                         double *CLOTHI_RESTRICT out) {
+    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
+    int    k;
+    clothi_stretch_squares(x, rest, mean, radius);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double s = mean[k] - radius[k];
         out[k] = 0.5 * (s + fabs(s));
     }
 }
 
-/* The largest of eight principal stretches, squared. */
+/* The larger ones; returns the largest of the eight. */
 CLOTHI_HOT double clothi_largest_stretch2(const double *CLOTHI_RESTRICT x,
                                           const double *CLOTHI_RESTRICT rest,
                                           double *CLOTHI_RESTRICT out) {
     double mean[CLOTHI_LANES], radius[CLOTHI_LANES], big = 0;
     int    k;
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k);
-        mean[k] = 1.0 + t.e0 + t.e1;
-        radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
-    }
-    clothi_sqrt_lanes(radius);
+    clothi_stretch_squares(x, rest, mean, radius);
     for (k = 0; k < CLOTHI_LANES; k++) out[k] = mean[k] + radius[k];
     for (k = 0; k < CLOTHI_LANES; k++) big = out[k] > big ? out[k] : big;
     return big;
@@ -5353,6 +5178,110 @@ CLOTHI_HOT void clothi_winged_quadratic(const double *CLOTHI_RESTRICT x,
         }
 }
 CLOTHI_RARE_BEGIN
+
+/* --- one element: the same in all lanes --- */
+
+static void clothi_to_lanes(const double *x, int n, double *out) {
+    int i;
+    for (i = 0; i < n * CLOTHI_LANES; i++) out[i] = x[i / CLOTHI_LANES];
+}
+
+/* scale times lane 0 of a [n][8], all zero where that is not finite. out may be NULL. */
+static void clothi_from_lanes(const double *a, int n, double scale, double *out) {
+    int i;
+    for (i = 0; out && i < n; i++) out[i] = scale * a[i * CLOTHI_LANES];
+    clothi_settle(out, (size_t)n);
+}
+
+/* Likewise of the blocks H of an element with `width` corners, as a full matrix. */
+static void clothi_full_hessian(const double *H, int width, double scale, double *out) {
+    int i, j, k;
+    for (i = 0; out && i < width; i++)
+        for (j = 0; j <= i; j++)
+            for (k = 0; k < 9; k++) {
+                const int b = i == j ? i : width + i * (i - 1) / 2 + j, r = 3 * i + k / 3;
+                const int c = 3 * j + k % 3;
+                out[3 * width * r + c] = scale * H[(9 * b + k) * CLOTHI_LANES];
+                out[3 * width * c + r] = out[3 * width * r + c];
+            }
+    clothi_settle(out, 9 * (size_t)width * (size_t)width);
+}
+
+CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
+                              double *hess, int psd) {
+    double y[6 * CLOTHI_LANES], rest[2 * CLOTHI_LANES], E[CLOTHI_LANES];
+    double f[6 * CLOTHI_LANES], H[27 * CLOTHI_LANES];
+    clothi_to_lanes(x, 6, y);
+    clothi_to_lanes(&k, 1, rest);
+    clothi_to_lanes(&rest_length, 1, rest + CLOTHI_LANES);
+    clothi_spring_lanes(y, rest, E, grad ? f : NULL, hess ? H : NULL, psd);
+    clothi_from_lanes(f, 6, 1.0, grad);
+    clothi_full_hessian(H, 2, 1.0, hess);
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
+}
+
+CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
+                               double *grad, double *hess, int psd) {
+    double y[9 * CLOTHI_LANES], rest[7 * CLOTHI_LANES], E[CLOTHI_LANES], B[7];
+    double f[9 * CLOTHI_LANES], H[54 * CLOTHI_LANES];
+    B[4] = clothi_rest_inverse(X, B), B[5] = mu, B[6] = lambda;
+    clothi_to_lanes(x, 9, y);
+    clothi_to_lanes(B, 7, rest);
+    clothi_stretch_lanes(y, rest, NULL, NULL, E, NULL, grad ? f : NULL, hess ? H : NULL, psd != 0);
+    clothi_from_lanes(f, 9, 1.0, grad);
+    clothi_full_hessian(H, 3, 1.0, hess);
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
+}
+
+CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess) {
+    double y[12 * CLOTHI_LANES], one[CLOTHI_LANES], f[12 * CLOTHI_LANES], H[90 * CLOTHI_LANES];
+    double theta[CLOTHI_LANES], scale = 1.0;
+    const double big = clothi_max_abs(x, 12);
+    int    i, exponent;
+    if (big > 1e20 || (big < 1e-20 && big > 0.0)) {
+        (void)frexp(big, &exponent);
+        scale = ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
+    }
+    for (i = 0; i < 12 * CLOTHI_LANES; i++) y[i] = scale * x[i / CLOTHI_LANES];
+    for (i = 0; i < CLOTHI_LANES; i++) one[i] = 1.0;
+    clothi_theta_lanes(y, theta);
+    if (grad) clothi_hinge_turn(y, one, f);
+    if (hess) {
+        clothi_fold_batch w;
+        clothi_hinge_prepare(y, &w);
+        memset(H, 0, sizeof H);
+        clothi_hinge_curve(&w, one, H);
+        clothi_hinge_close(H + 9 * CLOTHI_LANES, H);
+    }
+    clothi_from_lanes(f, 12, scale, grad);
+    clothi_full_hessian(H, 4, scale * scale, hess);
+    return clothi_finite(theta[0]) ? theta[0] : 0.0;
+}
+
+CLOTH_API double cloth_dihedral_grad(const double *x, double *grad) {
+    return cloth_dihedral_hess(x, grad, NULL);
+}
+
+CLOTH_API double cloth_dihedral(const double *x) { return cloth_dihedral_hess(x, NULL, NULL); }
+
+CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
+                            int psd) {
+    double       dtheta[12];
+    int          i, j;
+    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
+    const double bent = theta - theta0;
+    const double energy = 0.5 * c * bent * bent;
+    if (hess)
+        for (i = 0; i < 12; i++)
+            for (j = 0; j < 12; j++)
+                hess[12 * i + j] = c * (dtheta[i] * dtheta[j]
+                                        + (psd ? 0.0 : bent * hess[12 * i + j]));
+    if (grad)
+        for (i = 0; i < 12; i++) grad[i] = c * bent * dtheta[i];
+    clothi_settle(grad, 12);
+    clothi_settle(hess, 144);
+    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
+}
 
 /* ===== [7.1] ORDERING ==========================================================================
  *
@@ -10118,15 +10047,11 @@ CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, co
 static void clothi_derive_triangle(const cloth_model *m, const cloth_params *p, int f,
                                    double *rest, double *tau) {
     const cloth_material *mat = p->material + m->region[f];
-    const double         *c = p->X + 6 * (size_t)f;
-    double a = c[2] - c[0], b = c[4] - c[0], d = c[3] - c[1], e = c[5] - c[1];
-    double det = a * e - b * d;
-    rest[0 * CLOTHI_LANES] = e / det;
-    rest[1 * CLOTHI_LANES] = -b / det;
-    rest[2 * CLOTHI_LANES] = -d / det;
-    rest[3 * CLOTHI_LANES] = a / det;
-    rest[4 * CLOTHI_LANES] = 0.5 * det;
-    cloth_material_lame(mat, rest + 5 * CLOTHI_LANES, rest + 6 * CLOTHI_LANES);
+    double                B[7];
+    int                   k;
+    B[4] = clothi_rest_inverse(p->X + 6 * (size_t)f, B);
+    cloth_material_lame(mat, B + 5, B + 6);
+    for (k = 0; k < 7; k++) rest[k * CLOTHI_LANES] = B[k];
     *tau = mat->damping;
 }
 
@@ -11092,49 +11017,6 @@ typedef struct clothi_tri_parts {           /* one triangle's matrices, row-majo
     double E[4], En[4], Ea[4];
 } clothi_tri_parts;
 
-/* F [3 x 2] = edges of a at the corners v, times Di. */
-CLOTHI_OUTLINE static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
-                                               double *F) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        double p = a[3 * v[1] + k] - a[3 * v[0] + k], q = a[3 * v[2] + k] - a[3 * v[0] + k];
-        F[2 * k] = p * Di[0] + q * Di[2];
-        F[2 * k + 1] = p * Di[1] + q * Di[3];
-    }
-}
-
-/* out [2 x 2] = F' G. */
-CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
-    out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
-    out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
-    out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
-    out[3] = F[1] * G[1] + F[3] * G[3] + F[5] * G[5];
-}
-
-/* out [3 x 2] = F S, S [2 x 2]. */
-CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
-        out[2 * k + 1] = F[2 * k] * S[1] + F[2 * k + 1] * S[3];
-    }
-}
-
-static void clothi_green(const double *F, double *E) {
-    int k;
-    clothi_ftg(F, F, E);
-    for (k = 0; k < 4; k++) E[k] = 0.5 * (E[k] - (k % 3 == 0 ? 1 : 0));
-}
-
-static void clothi_hooke(double mu, double lambda, const double *E, double *S) {
-    int k;
-    for (k = 0; k < 4; k++) S[k] = 2 * mu * E[k] + (k % 3 == 0 ? lambda * (E[0] + E[3]) : 0);
-}
-
-static double clothi_double_dot(const double *a, const double *b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-}
-
 /* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
 CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v,
                                              double scale, double *out) {
@@ -11146,16 +11028,6 @@ CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, 
         out[3 * v[2] + k] += q;
         out[3 * v[0] + k] -= p + q;
     }
-}
-
-static void clothi_tri_rest(const cloth_params *p, int f, clothi_tri_parts *t) {
-    const double *c = p->X + 6 * (size_t)f;
-    double a = c[2] - c[0], b = c[4] - c[0], d = c[3] - c[1], e = c[5] - c[1], det = a * e - b * d;
-    t->A = 0.5 * det;
-    t->Di[0] = e / det;
-    t->Di[1] = -b / det;
-    t->Di[2] = -d / det;
-    t->Di[3] = a / det;
 }
 
 /* G of the banner for one triangle, into its rest corners. */
@@ -11188,10 +11060,10 @@ static void clothi_triangle_vjp(const cloth_eval *e, int f, const double *a, clo
     double mu, lambda, rate = e->h > 0 ? mat->damping / e->h : 0, Ed[4], S[4], Q[4], D[4], V;
     clothi_tri_parts t;
     cloth_material_lame(mat, &mu, &lambda);
-    clothi_tri_rest(e->params, f, &t);
-    clothi_tri_gradient(e->x, v, t.Di, t.F);
-    clothi_tri_gradient(a, v, t.Di, t.Fa);
-    clothi_tri_gradient(e->x_n, v, t.Di, t.Fn);
+    t.A = clothi_rest_inverse(e->params->X + 6 * (size_t)f, t.Di);
+    clothi_deformation(e->x, v, t.Di, t.F);
+    clothi_deformation(a, v, t.Di, t.Fa);
+    clothi_deformation(e->x_n, v, t.Di, t.Fn);
     clothi_green(t.F, t.E);
     clothi_green(t.Fn, t.En);
     clothi_ftg(t.F, t.Fa, t.Ea);

@@ -4961,6 +4961,14 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
 
 /* --- quadratic bending: x [12][8], rest [5][8] = c, w0 .. w3 --- */
 
+/* Axis r of sum_i w_i x_i, from the edges: far from the origin digits survive. */
+CLOTHI_LANE double clothi_quadratic_sum(const double *x, const double *rest, int r, int k) {
+    enum { L = CLOTHI_LANES };
+    const double x0 = x[r * L + k];
+    return rest[2 * L + k] * (x[(3 + r) * L + k] - x0) + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
+           + rest[4 * L + k] * (x[(9 + r) * L + k] - x0);
+}
+
 CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
                                         const double *CLOTHI_RESTRICT rest,
                                         double *CLOTHI_RESTRICT f) {
@@ -4968,10 +4976,7 @@ CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
     int r, k;
     for (r = 0; r < 3; r++)
         for (k = 0; k < L; k++) {
-            const double x0 = x[r * L + k];
-            const double s = rest[k] * (rest[2 * L + k] * (x[(3 + r) * L + k] - x0)
-                                        + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
-                                        + rest[4 * L + k] * (x[(9 + r) * L + k] - x0));
+            const double s = rest[k] * clothi_quadratic_sum(x, rest, r, k);
             f[r * L + k] = rest[L + k] * s;
             f[(3 + r) * L + k] = rest[2 * L + k] * s;
             f[(6 + r) * L + k] = rest[3 * L + k] * s;
@@ -4987,10 +4992,7 @@ CLOTHI_HOT void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
     for (k = 0; k < L; k++) E[k] = 0.0;
     for (r = 0; r < 3; r++)
         for (k = 0; k < L; k++) {
-            const double x0 = x[r * L + k];
-            const double s = rest[2 * L + k] * (x[(3 + r) * L + k] - x0)
-                             + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
-                             + rest[4 * L + k] * (x[(9 + r) * L + k] - x0);
+            const double s = clothi_quadratic_sum(x, rest, r, k);
             E[k] += 0.5 * rest[k] * s * s;
         }
 }
@@ -5085,12 +5087,7 @@ CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
     double s[3][L];
     int    r, k;
     for (r = 0; r < 3; r++)
-        for (k = 0; k < L; k++) {
-            const double x0 = x[r * L + k];
-            s[r][k] = rest[k] * (rest[2 * L + k] * (x[(3 + r) * L + k] - x0)
-                                 + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
-                                 + rest[4 * L + k] * (x[(9 + r) * L + k] - x0));
-        }
+        for (k = 0; k < L; k++) s[r][k] = rest[k] * clothi_quadratic_sum(x, rest, r, k);
     for (k = 0; k < L; k++) {
         pull[3 * k] = s[0][k];
         pull[3 * k + 1] = s[1][k];
@@ -5535,9 +5532,10 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
     int i, j, k, d, first = p->dom[p->nd], ns = p->n - first;
     int *at = (int *)clothi_alloc(&p->hooks, (size_t)p->n + 1, sizeof(int));
     p->nlow = g->start[p->n] / 2;
-    p->col = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
-    p->seg = (int *)clothi_alloc(&p->hooks, (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
-    if (at && p->col && p->seg) {
+    p->col = (int *)clothi_alloc(
+        &p->hooks, (size_t)p->nlow + (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
+    if (at && p->col) {
+        p->seg = p->col + p->nlow;
         for (i = 0; i < p->n; i++) {
             int v = p->vertex_of[i];
             p->row[i + 1] = p->row[i];
@@ -5559,7 +5557,7 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
             }
     }
     clothi_free(&p->hooks, at);
-    return at && p->col && p->seg ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return at && p->col ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 /* Aggregates: seeds by farthest point (ties: lowest row), members by distance. */
@@ -5644,14 +5642,13 @@ static int clothi_place(int *list, int begin, int *end, int a) {
 /* Aggregates coupled to each row: Z over all neighbours, V over those from the diagonal on. A row
  * touches few, so that linear searches do; where it touches many (a hub), at most nc. */
 static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *g) {
-    const size_t most = (size_t)g->start[p->n] + (size_t)p->n;
+    const size_t most = (size_t)g->start[p->n] + (size_t)p->n, nlow = (size_t)p->nlow;
     int i, j, k, m, z = 0, v = 0;
-    p->zj = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
-    p->vj = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
-    p->vz = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
-    p->kz = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
-    p->kv = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
-    if (!p->zj || !p->vj || !p->vz || !p->kz || !p->kv) return CLOTH_ERR_MEMORY;
+    p->zj = (int *)clothi_alloc(&p->hooks, 3 * most + 2 * nlow + 2 * (size_t)p->nc + 4,
+                                sizeof(int));
+    if (!p->zj) return CLOTH_ERR_MEMORY;
+    p->vj = p->zj + most, p->vz = p->vj + most, p->kz = p->vz + most, p->kv = p->kz + nlow;
+    p->member_start = p->kv + nlow, p->reach = p->member_start + p->nc + 3;
     for (i = 0; i < p->n; i++) {
         int u = p->vertex_of[i];
         p->zp[i] = z;
@@ -5673,9 +5670,6 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
             p->kz[k] = clothi_place(p->zj, p->zp[i], &z, p->agg[j]);
             p->kv[k] = clothi_place(p->vj, p->vp[j], &v, p->agg[i]);
         }
-    p->member_start = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 3, sizeof(int));
-    p->reach = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
-    if (!p->member_start || !p->reach) return CLOTH_ERR_MEMORY;
     for (i = 0; i < p->n; i++)
         for (k = p->zp[i]; k < p->zp[i + 1] && p->agg[i] >= 0; k++)
             if (p->reach[p->agg[i]] < 3 * p->zj[k] + 3) p->reach[p->agg[i]] = 3 * p->zj[k] + 3;
@@ -5736,9 +5730,10 @@ typedef struct clothi_part {
 
 typedef struct clothi_tree_work {
     int           nv, nparts;
-    const int    *ptr, *adj;                /* the graph: neighbours of v, ascending           */
+    const clothi_graph *g;
     const double *coords;
-    int          *verts, *tmp, *tag, *queue;
+    int          *verts, *tmp, *tag, *queue, *mark;
+    int           stamp;
     double       *key;
     clothi_part  *part;                     /* parents before children                         */
 } clothi_tree_work;
@@ -5772,38 +5767,14 @@ typedef struct clothi_tree {
     double flops;
 } clothi_tree;
 
-/* Breadth-first visit of the vertices verts[0, n) with tag `t`, from `root`, then from whatever it
- * did not reach. Leaves the visiting order in queue, tags the vertices t + 1. */
-static void clothi_tree_bfs(clothi_tree_work *d, const int *verts, int n, int root, int t) {
-    int head = 0, tail = 0, next = 0, k;
-    d->queue[tail++] = root;
-    d->tag[root] = t + 1;
-    for (;;) {
-        while (head < tail) {
-            int v = d->queue[head++];
-            for (k = d->ptr[v]; k < d->ptr[v + 1]; k++) {
-                int u = d->adj[k];
-                if (d->tag[u] != t) continue;
-                d->tag[u] = t + 1;
-                d->queue[tail++] = u;
-            }
-        }
-        while (next < n && d->tag[verts[next]] != t) next++;
-        if (next == n) return;
-        d->tag[verts[next]] = t + 1;
-        d->queue[tail++] = verts[next];
-    }
-}
-
 /* Sorts verts[0, n) along the part: by its longest coordinate axis, or by graph distance from a
- * vertex at its rim (the last one that a first visit reaches). t: tag of the part, t+1 .. free. */
+ * vertex at its rim (the last one that a first walk reaches). t: tag of the part. */
 static void clothi_tree_sort(clothi_tree_work *d, int *verts, int n, int t) {
     double lo[3], hi[3];
     int    axis = 0, i, k;
     if (!d->coords) {
-        clothi_tree_bfs(d, verts, n, verts[0], t);
-        i = d->queue[n - 1];
-        clothi_tree_bfs(d, verts, n, i, t + 1);
+        for (k = 0, i = verts[0]; k < 2; k++)
+            i = clothi_bfs(d->g, d->tag, t, verts, n, i, d->mark, ++d->stamp, d->queue);
         memcpy(verts, d->queue, (size_t)n * sizeof *verts);
         return;
     }
@@ -5823,8 +5794,8 @@ static void clothi_tree_sort(clothi_tree_work *d, int *verts, int n, int t) {
 /* True when a neighbour of v carries tag t. */
 static int clothi_tree_touches(const clothi_tree_work *d, int v, int t) {
     int k;
-    for (k = d->ptr[v]; k < d->ptr[v + 1]; k++)
-        if (d->tag[d->adj[k]] == t) return 1;
+    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
+        if (d->tag[d->g->to[k]] == t) return 1;
     return 0;
 }
 
@@ -5832,12 +5803,12 @@ static int clothi_tree_touches(const clothi_tree_work *d, int v, int t) {
 static int clothi_tree_split(clothi_tree_work *d, int id) {
     clothi_part *p = d->part + id;
     int *verts = d->verts + p->lo;
-    int  n = p->hi - p->lo, half = n / 2, t = 5 * id + 1;
+    int  n = p->hi - p->lo, half = n / 2, t = 3 * id + 1;
     int  rim[2] = {0, 0}, side, i, k, count[3];
     for (i = 0; i < n; i++) d->tag[verts[i]] = t;
     clothi_tree_sort(d, verts, n, t);
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 3 + (i >= half);
-    for (i = 0; i < n; i++) rim[i >= half] += clothi_tree_touches(d, verts[i], t + 4 - (i >= half));
+    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
+    for (i = 0; i < n; i++) rim[i >= half] += clothi_tree_touches(d, verts[i], t + 2 - (i >= half));
     side = rim[1] < rim[0];
     count[0] = half - (side ? 0 : rim[0]);
     count[1] = n - half - (side ? rim[1] : 0);
@@ -5846,7 +5817,7 @@ static int clothi_tree_split(clothi_tree_work *d, int id) {
     count[2] = count[0] + count[1], count[1] = count[0], count[0] = 0;
     for (i = 0; i < n; i++) {
         k = i >= half;
-        if (k == side && clothi_tree_touches(d, verts[i], t + 4 - k)) k = 2;
+        if (k == side && clothi_tree_touches(d, verts[i], t + 2 - k)) k = 2;
         d->tmp[count[k]++] = verts[i];
     }
     memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
@@ -5914,14 +5885,14 @@ static void clothi_bound_mark(const clothi_tree *P, int q, int e, int *mark, int
     bound[(*n)++] = e;
 }
 
-/* The boundary of part q into bound; ptr, adj: graph, where: vertex -> elimination number. */
-static int clothi_bound_list(const clothi_tree *P, int q, const int *ptr, const int *adj,
-                             const int *where, int *mark, int *bound) {
+/* The boundary of part q into bound; where: vertex -> elimination number. */
+static int clothi_bound_list(const clothi_tree *P, int q, const clothi_graph *g, const int *where,
+                             int *mark, int *bound) {
     const clothi_part *p = P->part + q;
     int n = 0, i, k, c;
     for (i = p->mid; i < p->hi; i++)
-        for (k = ptr[P->verts[i]]; k < ptr[P->verts[i] + 1]; k++)
-            clothi_bound_mark(P, q, where[adj[k]], mark, bound, &n);
+        for (k = g->start[P->verts[i]]; k < g->start[P->verts[i] + 1]; k++)
+            clothi_bound_mark(P, q, where[g->to[k]], mark, bound, &n);
     for (c = 0; c < 2; c++)
         if (p->child[c] >= 0)
             for (k = P->bound_start[p->child[c]]; k < P->bound_start[p->child[c] + 1]; k++)
@@ -5942,9 +5913,9 @@ static int clothi_front_index(const clothi_tree *P, int q, int e) {
     return p->hi - p->mid + lo - P->bound_start[q];
 }
 
-/* Boundaries of all parts, ascending. The first pass only counts: bound is NULL. */
-static cloth_status clothi_tree_bounds(clothi_tree *P, const int *ptr, const int *adj,
-                                       const int *where, int *scratch, double *key) {
+/* Boundaries of all parts, ascending. */
+static cloth_status clothi_tree_bounds(clothi_tree *P, const clothi_graph *g, const int *where,
+                                       int *scratch, double *key) {
     int nv = P->nv, *mark = scratch, *list = scratch + nv, *tmp = list + nv;
     size_t capacity = 16 * (size_t)nv + 64, used = 0;
     int q, i, n;
@@ -5953,7 +5924,7 @@ static cloth_status clothi_tree_bounds(clothi_tree *P, const int *ptr, const int
     memset(mark, 0, (size_t)nv * sizeof *mark);
     for (i = 0; i < nv; i++) key[i] = i;
     for (q = 0; q < P->nparts; q++) {
-        n = clothi_bound_list(P, q, ptr, adj, where, mark, list);
+        n = clothi_bound_list(P, q, g, where, mark, list);
         clothi_sort(list, tmp, n, key);
         if (used + (size_t)n > capacity) {
             int *more;
@@ -6076,27 +6047,23 @@ static void clothi_front_layout(clothi_tree *P) {
     P->work = work;
 }
 
-/* The whole analysis. ptr, adj: the graph. */
-static cloth_status clothi_tree_analyze(clothi_tree *P, const int *ptr, const int *adj) {
+/* The whole analysis. */
+static cloth_status clothi_tree_analyze(clothi_tree *P, const clothi_graph *g) {
     const cloth_hooks *hooks = &P->hooks;
     cloth_status status = CLOTH_ERR_MEMORY;
     size_t nv = (size_t)P->nv, np = (size_t)P->nparts;
     int   *where = (int *)clothi_alloc(hooks, nv, 4 * sizeof(int));
     double *key = (double *)clothi_alloc(hooks, nv, sizeof *key);
     int    i;
-    P->bound_start = (int *)clothi_alloc(hooks, np + 1, sizeof(int));
-    P->entry_start = (int *)clothi_alloc(hooks, np + 1, sizeof(int));
+    P->bound_start = (int *)clothi_alloc(hooks, 3 * np + 2, sizeof(int));
     P->entry = (clothi_front_entry *)clothi_alloc(hooks, (size_t)P->nlow, sizeof *P->entry);
-    P->panel = (size_t *)clothi_alloc(hooks, np + 1, sizeof(size_t));
-    P->update = (size_t *)clothi_alloc(hooks, np, sizeof(size_t));
-    P->update_temp = (size_t *)clothi_alloc(hooks, np, sizeof(size_t));
-    P->first = (int *)clothi_alloc(hooks, np, sizeof(int));
+    P->panel = (size_t *)clothi_alloc(hooks, 3 * np + 1, sizeof(size_t));
     P->top = (unsigned char *)clothi_alloc(hooks, np, 1);
-    if (!where || !key || !P->bound_start || !P->entry_start || !P->entry || !P->panel ||
-        !P->update || !P->update_temp || !P->first || !P->top)
-        goto done;
+    if (!where || !key || !P->bound_start || !P->entry || !P->panel || !P->top) goto done;
+    P->entry_start = P->bound_start + np + 1, P->first = P->entry_start + np + 1;
+    P->update = P->panel + np + 1, P->update_temp = P->update + np;
     for (i = 0; i < P->nv; i++) where[P->verts[i]] = i;
-    status = clothi_tree_bounds(P, ptr, adj, where, where + nv, key);
+    status = clothi_tree_bounds(P, g, where, where + nv, key);
     if (status != CLOTH_OK) goto done;
     status = CLOTH_ERR_MEMORY;
     P->relative = (int *)clothi_alloc(hooks, (size_t)P->bound_start[P->nparts], sizeof(int));
@@ -6112,48 +6079,42 @@ done:
 
 /* Bytes; frees where hooks, no part of it, say how. */
 static size_t clothi_tree_blocks(const clothi_tree *P, const cloth_hooks *hooks) {
-    const void *block[13] = {P};
+    const void *block[9] = {P};
     if (!P) return 0;
     block[1] = P->verts, block[2] = P->part, block[3] = P->bound_start, block[4] = P->bound;
-    block[5] = P->relative, block[6] = P->entry_start, block[7] = P->entry, block[8] = P->panel;
-    block[9] = P->update, block[10] = P->update_temp, block[11] = P->first, block[12] = P->top;
-    return clothi_blocks(hooks, block, 13);
+    block[5] = P->relative, block[6] = P->entry, block[7] = P->panel, block[8] = P->top;
+    return clothi_blocks(hooks, block, 9);
 }
 
-/* Dissection and symbolic analysis. ptr, adj: the graph; coords [nv x 3] or NULL. */
-static cloth_status clothi_tree_create(const cloth_pattern *p, const int *ptr, const int *adj,
+/* Dissection and symbolic analysis. coords [nv x 3] or NULL. */
+static cloth_status clothi_tree_create(const cloth_pattern *p, const clothi_graph *g,
                                        const double *coords, clothi_tree **out) {
     const cloth_hooks *hooks = &p->hooks;
     cloth_status       status = CLOTH_ERR_MEMORY;
     clothi_tree_work   d;
     size_t       n = (size_t)p->n;
-    int         *number = (int *)clothi_alloc(hooks, 2 * n, sizeof *number);
     clothi_tree *P = (clothi_tree *)clothi_alloc(hooks, 1, sizeof *P);
     memset(&d, 0, sizeof d);
     *out = NULL;
-    if (P) P->hooks = *hooks;               /* first: what frees it must be its own            */
-    if (!number || !P) goto done;
+    if (!P) return CLOTH_ERR_MEMORY;
+    P->hooks = *hooks;                      /* what frees it must be its own                   */
     P->nv = d.nv = p->n;
     P->nlow = p->nlow, P->start = p->row, P->col = p->col, P->perm = p->vertex_of;
-    P->rank = p->row_of, d.ptr = ptr, d.adj = adj, d.coords = coords;
+    P->rank = p->row_of, d.g = g, d.coords = coords;
     d.verts = P->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.tmp = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.tag = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.queue = (int *)clothi_alloc(hooks, 2 * n, sizeof(int));
+    d.tmp = (int *)clothi_alloc(hooks, 6 * n, sizeof(int));
     d.key = (double *)clothi_alloc(hooks, n, sizeof(double));
     d.part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d.part);
-    if (!P->verts || !d.tmp || !d.tag || !d.queue || !d.key || !d.part) goto done;
+    if (!P->verts || !d.tmp || !d.key || !d.part) goto done;
+    d.tag = d.tmp + n, d.mark = d.tag + n, d.queue = d.mark + n;
     clothi_tree_dissect(&d);
     P->nparts = d.nparts;
     P->part = (clothi_part *)clothi_alloc(hooks, (size_t)d.nparts, sizeof *P->part);
     if (!P->part) goto done;
-    clothi_tree_postorder(&d, P->part, d.queue, number);
-    status = clothi_tree_analyze(P, ptr, adj);
+    clothi_tree_postorder(&d, P->part, d.tmp, d.tmp + 2 * n);
+    status = clothi_tree_analyze(P, g);
 done:
-    clothi_free(hooks, number);
     clothi_free(hooks, d.tmp);
-    clothi_free(hooks, d.tag);
-    clothi_free(hooks, d.queue);
     clothi_free(hooks, d.key);
     clothi_free(hooks, d.part);
     if (status) (void)clothi_tree_blocks(P, &p->hooks);
@@ -6179,23 +6140,17 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!p) goto done;
     if (hooks) p->hooks = *hooks;
     p->n = nv;
-    p->row_of = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->vertex_of = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->row = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
-    p->agg = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->zp = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
-    p->vp = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
-    p->zown = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->vown = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->member = (int *)clothi_alloc(hooks, n, sizeof(int));
-    if (!p->row_of || !p->vertex_of || !p->row || !p->agg || !p->zp || !p->vp || !p->zown ||
-        !p->vown || !p->member) goto done;
+    p->row_of = (int *)clothi_alloc(hooks, 9 * n + 3, sizeof(int));
+    if (!p->row_of) goto done;
+    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->zown = p->agg + n;
+    p->vown = p->zown + n, p->member = p->vown + n, p->row = p->member + n;
+    p->zp = p->row + n + 1, p->vp = p->zp + n + 1;
     status = clothi_pattern_order(p, &g);
     if (!status) status = clothi_pattern_rows(p, &g);
     if (!status) status = clothi_pattern_aggregates(p, &g);
     if (!status) status = clothi_pattern_band(p, &g);
     if (!status) status = clothi_pattern_coarse(p, &g);
-    if (!status) status = clothi_tree_create(p, g.start, g.to, x, &p->tree);
+    if (!status) status = clothi_tree_create(p, &g, x, &p->tree);
 done:
     clothi_graph_free(hooks, &g);
     if (status) cloth_pattern_destroy(p);
@@ -6203,35 +6158,10 @@ done:
     return status;
 }
 
-/* The blocks that a pattern owns. */
-static int clothi_pattern_parts(const cloth_pattern *p, const void **part) {
-    int n = 0;
-    part[n++] = p->row_of;
-    part[n++] = p->vertex_of;
-    part[n++] = p->row;
-    part[n++] = p->col;
-    part[n++] = p->seg;
-    part[n++] = p->agg;
-    part[n++] = p->zp;
-    part[n++] = p->zj;
-    part[n++] = p->vp;
-    part[n++] = p->vj;
-    part[n++] = p->vz;
-    part[n++] = p->zown;
-    part[n++] = p->vown;
-    part[n++] = p->kz;
-    part[n++] = p->kv;
-    part[n++] = p->member_start;
-    part[n++] = p->reach;
-    part[n++] = p->member;
-    return n;
-}
-
 static size_t clothi_pattern_blocks(const cloth_pattern *p, const cloth_hooks *hooks) {
-    const void *part[21];
-    int         n = clothi_pattern_parts(p, part);
-    part[n++] = p;
-    return clothi_tree_blocks(p->tree, hooks) + clothi_blocks(hooks, part, (size_t)n);
+    const void *const block[] = {p->row_of, p->col, p->zj, p};
+    return clothi_tree_blocks(p->tree, hooks) +
+           clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
 CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
@@ -7009,6 +6939,9 @@ CLOTHI_LANE void clothi_scatter4(const void *L, const int *col, int k0, int k1, 
     }
 }
 
+/* Calls f with its last argument a constant: 1 for doubles, 0 for floats. */
+#define CLOTHI_BY_WIDTH(wide, f, ...) ((wide) ? f(__VA_ARGS__, 1) : f(__VA_ARGS__, 0))
+
 /* --- the solver's arrays --- */
 
 typedef struct clothi_store {               /* of floats or of doubles                         */
@@ -7179,19 +7112,26 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
     return out;
 }
 
+/* The diagonal block of a row, 1 on fixed axes, into d [9]; returns their bits. */
+CLOTHI_LANE int clothi_diagonal(const cloth_linear_solver *s, int row, double *d) {
+    const int m = clothi_mask(s, row);
+    int       c;
+    clothi_masked(s->A->diag + 9 * (size_t)row, m | 8, m, d);
+    for (c = 0; c < 3; c++)
+        if (m >> c & 1) d[4 * c] = 1;
+    return m;
+}
+
 /* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
 CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
                                               clothi_tally *y) {
     const clothi_store *st = &s->store[s->wide];
     const double        least = s->wide ? 1e-13 : 1e-7;
-    int i, c;
+    int i;
     for (i = begin; i < end; i++) {
         const double *D = s->A->diag + 9 * (size_t)i;
-        const int     m = clothi_mask(s, i);
-        double d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
-        clothi_masked(D, m | 8, m, d);
-        for (c = 0; c < 3; c++)
-            if (m >> c & 1) d[4 * c] = 1;
+        double        d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
+        const int     m = clothi_diagonal(s, i, d);
         q = d[4] - d[3] * (d[3] / d[0]);
         if (!(d[0] > 0) || !(q > least * d[4])) break;
         l00 = sqrt(d[0]);
@@ -7291,8 +7231,7 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1,
 
 CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z,
                                                int v, clothi_tally *y) {
-    if (s->wide) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
-    else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_setup_any, s, i, k0, k1, z, v, y);
 }
 
 /* Z and V of leaf d, or of S, to zero, then D into V. */
@@ -7319,8 +7258,7 @@ CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int d, const int w) {
 CLOTHI_OUTLINE static void clothi_setup_rows(cloth_linear_solver *s, int d) {
     clothi_factor_rows(s, s->p->dom[d], s->p->dom[d + 1], s->tally + d);
     if (s->tally[d].bad >= 0) return;
-    if (s->wide) clothi_setup_own(s, d, 1);
-    else clothi_setup_own(s, d, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_setup_own, s, d);
 }
 
 CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
@@ -7408,10 +7346,8 @@ CLOTHI_OUTLINE static void clothi_coarse_range(int begin, int end, int worker, v
     (void)worker;
     for (a = begin; a < end; a++) {
         if (a < p->nc) memset(s->Ac + 3 * (size_t)a * n3, 0, 3 * n3 * sizeof(double));
-        for (k = p->member_start[a]; k < p->member_start[a + 1]; k++) {
-            if (s->wide) clothi_coarse_row(s, p->member[k], 1);
-            else clothi_coarse_row(s, p->member[k], 0);
-        }
+        for (k = p->member_start[a]; k < p->member_start[a + 1]; k++)
+            CLOTHI_BY_WIDTH(s->wide, clothi_coarse_row, s, p->member[k]);
     }
 }
 
@@ -7419,6 +7355,7 @@ CLOTHI_OUTLINE static void clothi_coarse_range(int begin, int end, int worker, v
  * fills them up to where those above reach. */
 static void clothi_setup_extras(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[s->wide];
     const size_t n3 = 3 * (size_t)p->nc;
     int          e, a, c, u, v, *reach = s->reach;
     memcpy(reach, p->reach, (size_t)p->nc * sizeof(int));
@@ -7427,8 +7364,7 @@ static void clothi_setup_extras(cloth_linear_solver *s) {
         double    cut[9];
         const double *B = clothi_masked(s->A->extra + 9 * (size_t)e, clothi_mask(s, i),
                                         clothi_mask(s, j), cut);
-        if (s->wide) clothi_scale_block(&s->store[1], i, j, B, s->store[1].E, (size_t)e, 1);
-        else clothi_scale_block(&s->store[0], i, j, B, s->store[0].E, (size_t)e, 0);
+        CLOTHI_BY_WIDTH(s->wide, clothi_scale_block, st, i, j, B, st->E, (size_t)e);
         u = p->agg[i], v = p->agg[j];
         if (u < 0 || v < 0) continue;
         for (a = 0; a < 3; a++)
@@ -7485,46 +7421,28 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
 
 /* c <- (U'U)^-1 c, both substitutions as sums of rows, those of one aggregate together; the
  * diagonals hold reciprocals. Rows of U end at reach; those of U' begin at the first that reaches
- * them. */
-CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *CLOTHI_RESTRICT U,
-                                                const float *CLOTHI_RESTRICT Ut,
-                                                float *CLOTHI_RESTRICT c, int n,
-                                                const int *reach) {
-    int j, k, first = n / 3 - 1;
-    for (k = 0; k < n; k += 3) {
-        const float *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const float f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
-        const float h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
-        for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
+ * them. One text for floats and doubles. */
+#define CLOTHI_COARSE_SOLVE(name, real)                                                           \
+    CLOTHI_OUTLINE static void name(const real *CLOTHI_RESTRICT U, const real *CLOTHI_RESTRICT Ut, \
+                                    real *CLOTHI_RESTRICT c, int n, const int *reach) {           \
+        int j, k, first = n / 3 - 1;                                                              \
+        for (k = 0; k < n; k += 3) {                                                              \
+            const real *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;                    \
+            const real  f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];    \
+            const real  h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];       \
+            for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];        \
+        }                                                                                         \
+        for (k = n - 3; k >= 0; k -= 3) {                                                         \
+            const real *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;                   \
+            const real  h = c[k + 2] *= T[k + 2];                                                 \
+            const real  g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];                      \
+            const real  f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];                           \
+            while (first > 0 && reach[first - 1] > k) first--;                                    \
+            for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];               \
+        }                                                                                         \
     }
-    for (k = n - 3; k >= 0; k -= 3) {
-        const float *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const float h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
-        const float f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
-        while (first > 0 && reach[first - 1] > k) first--;
-        for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
-    }
-}
-
-CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *CLOTHI_RESTRICT U,
-                                                const double *CLOTHI_RESTRICT Ut,
-                                                double *CLOTHI_RESTRICT c, int n,
-                                                const int *reach) {
-    int j, k, first = n / 3 - 1;
-    for (k = 0; k < n; k += 3) {
-        const double *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const double f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
-        const double h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
-        for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
-    }
-    for (k = n - 3; k >= 0; k -= 3) {
-        const double *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const double h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
-        const double f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
-        while (first > 0 && reach[first - 1] > k) first--;
-        for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
-    }
-}
+CLOTHI_COARSE_SOLVE(clothi_coarse_solve_f, float)
+CLOTHI_COARSE_SOLVE(clothi_coarse_solve_d, double)
 
 /* cd [3nc] -> records m = Ac^-1 cd. */
 static void clothi_coarse_apply(cloth_linear_solver *s) {
@@ -7596,8 +7514,7 @@ CLOTHI_LANE void clothi_forward_any(cloth_linear_solver *s, int d, void *z, cons
 }
 
 CLOTHI_OUTLINE static void clothi_forward(cloth_linear_solver *s, int d, void *z) {
-    if (s->wide) clothi_forward_any(s, d, z, 1);
-    else clothi_forward_any(s, d, z, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_forward_any, s, d, z);
 }
 
 /* S, after the leaves; returns |z|^2 of all rows. */
@@ -7618,8 +7535,7 @@ CLOTHI_LANE void clothi_metres_any(const clothi_store *st, const void *z, int i,
 
 CLOTHI_OUTLINE static void clothi_metres(const clothi_store *st, const void *z, int i, double *q,
                                          int w) {
-    if (w) clothi_metres_any(st, z, i, q, 1);
-    else clothi_metres_any(st, z, i, q, 0);
+    CLOTHI_BY_WIDTH(w, clothi_metres_any, st, z, i, q);
 }
 
 /* max |G^-T x| of leaf d, or of S */
@@ -7702,10 +7618,7 @@ CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, voi
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
-    for (d = begin; d < end; d++) {
-        if (s->wide) clothi_back_leaf(s, d, 1);
-        else clothi_back_leaf(s, d, 0);
-    }
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_back_leaf, s, d);
 }
 
 static void clothi_back(cloth_linear_solver *s) {
@@ -7743,8 +7656,7 @@ CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, double f, const void 
 
 CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v,
                                                void *y) {
-    if (s->wide) clothi_extras_any(s, f, v, y, 1);
-    else clothi_extras_any(s, f, v, y, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_extras_any, s, f, v, y);
 }
 
 /* m = Ac^-1 (Z's + P^' C s) */
@@ -7806,10 +7718,7 @@ CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, voi
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
-    for (d = begin; d < end; d++) {
-        if (s->wide) clothi_turn_leaf(s, d, 1);
-        else clothi_turn_leaf(s, d, 0);
-    }
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_turn_leaf, s, d);
 }
 
 /* With extras, what comes before them. */
@@ -7849,22 +7758,29 @@ static void clothi_axpy(cloth_linear_solver *s, void *z, double f, const void *y
         clothi_put(z, k, clothi_get(z, k, s->wide) + f * clothi_get(y, k, s->wide), s->wide);
 }
 
-/* The step tau >= 0 along t from x that reaches |x + tau t| = radius (largest component, m); 0
- * where x is outside already or t is nothing. */
+/* The least tau >= 0 at which |x + tau d| reaches the radius (largest component); `tau` before:
+ * of other numbers, -1: there were none. */
+static double clothi_reach(double tau, const double *x, const double *d, size_t n, double radius) {
+    size_t i;
+    for (i = 0; i < n; i++)
+        if (fabs(d[i]) > 0) {
+            const double u = (radius - (d[i] > 0 ? x[i] : -x[i])) / fabs(d[i]);
+            if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
+        }
+    return tau;
+}
+
+/* The same along t from x, in metres. */
 static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
     const clothi_store *st = &s->store[s->wide];
     double tau = -1, x[4], t[4];
-    int    i, k;
+    int    i;
     for (i = 0; i < s->p->n; i++) {
         clothi_metres(st, st->x, i, x, s->wide);
         clothi_metres(st, st->t, i, t, s->wide);
-        for (k = 0; k < 3; k++)
-            if (fabs(t[k]) > 0) {
-                const double u = (radius - (t[k] > 0 ? x[k] : -x[k])) / fabs(t[k]);
-                if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
-            }
+        tau = clothi_reach(tau, x, t, 3, radius);
     }
-    return tau > 0 ? tau : 0;
+    return clothi_max(tau, 0);
 }
 
 CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
@@ -7919,8 +7835,7 @@ CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, vo
     (void)worker;
     for (d = begin; d < end; d++) {
         if (d == 0) s->bad_pivot = clothi_coarse_factor(s);
-        else if (s->wide) clothi_enter_rows(s, d - 1, 1);
-        else clothi_enter_rows(s, d - 1, 0);
+        else CLOTHI_BY_WIDTH(s->wide, clothi_enter_rows, s, d - 1);
         if (d > 0 && d <= s->p->nd) clothi_forward(s, d - 1, s->store[s->wide].w);
     }
 }
@@ -7983,8 +7898,7 @@ CLOTHI_OUTLINE static void clothi_start_leaves(int begin, int end, int worker, v
     int                  d;
     (void)worker;
     for (d = begin; d < end; d++) {
-        if (s->part != 2 && s->wide) clothi_start_rows(s, d, 1);
-        else if (s->part != 2) clothi_start_rows(s, d, 0);
+        if (s->part != 2) CLOTHI_BY_WIDTH(s->wide, clothi_start_rows, s, d);
         if (s->part != 1 && d < s->p->nd) clothi_forward(s, d, s->store[s->wide].r);
     }
 }
@@ -8109,12 +8023,8 @@ static double clothi_pivot_direction(cloth_linear_solver *s, double *x) {
     int i, k, l, row = s->bad_row;
     memset(x, 0, 3 * (size_t)p->n * sizeof(double));
     if (row >= 0) {
-        const double *D = s->A->diag + 9 * (size_t)row;
-        const int     m = clothi_mask(s, row);
-        double       *out = x + 3 * (size_t)p->vertex_of[row], d[9], u;
-        clothi_masked(D, m | 8, m, d);
-        for (k = 0; k < 3; k++)
-            if (m >> k & 1) d[4 * k] = 1;
+        double *out = x + 3 * (size_t)p->vertex_of[row], d[9], u;
+        (void)clothi_diagonal(s, row, d);
         out[0] = out[1] = out[2] = 0;
         if (!(d[0] > 0)) out[0] = 1;
         else if (!(d[4] - d[3] * d[3] / d[0] > 1e-13 * d[4])) {
@@ -8183,10 +8093,7 @@ static int clothi_jacobi_apply(cloth_linear_solver *s, const double *r, double *
         const int     v = s->p->vertex_of[i];
         const double *q = r + 3 * (size_t)v;
         double        d[9], c[3], det, *out = z + 3 * (size_t)v;
-        m = clothi_mask(s, i);
-        clothi_masked(s->A->diag + 9 * (size_t)i, m | 8, m, d);
-        for (k = 0; k < 3; k++)
-            if (m >> k & 1) d[4 * k] = 1;
+        m = clothi_diagonal(s, i, d);
         clothi_cross3(d + 3, d + 6, c);
         det = clothi_dot3(d, c);
         if (!(d[0] > 0) || !(d[0] * d[4] - d[1] * d[3] > 0) || !(det > 0)) {
@@ -8209,18 +8116,6 @@ static int clothi_jacobi_apply(cloth_linear_solver *s, const double *r, double *
         }
     }
     return 0;
-}
-
-/* tau with |x + tau d| = radius, x inside. */
-static double clothi_reach(const double *x, const double *d, size_t n, double radius) {
-    double tau = -1;
-    size_t i;
-    for (i = 0; i < n; i++)
-        if (fabs(d[i]) > 0) {
-            const double u = (radius - (d[i] > 0 ? x[i] : -x[i])) / fabs(d[i]);
-            if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
-        }
-    return tau > 0 ? tau : 0;
 }
 
 static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
@@ -8252,7 +8147,7 @@ static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, cloth
         for (i = 0, big = 0; i < n; i++)
             if (fabs(x[i] + alpha * d[i]) > big) big = fabs(x[i] + alpha * d[i]);
         if (g->radius > 0 && (g->negative || !(big <= g->radius))) {
-            tau = clothi_reach(x, d, n, g->radius);
+            tau = clothi_max(clothi_reach(-1, x, d, n, g->radius), 0);
             for (i = 0; i < n; i++) x[i] += tau * d[i];
             g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
             g->hit = 1;

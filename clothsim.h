@@ -1942,35 +1942,21 @@ typedef struct clothi_checker {
     int    *corners;    /* [nv] corners at a vertex, of any face                               */
 } clothi_checker;
 
-static int clothi_fault_is_error(cloth_mesh_fault kind) {
-    switch (kind) {
-#define CLOTH_X(name, value, error, text) case name: return error;
+static const struct { int error; const char *text; } clothi_faults[] = {
+#define CLOTH_X(name, value, error, text) {error, text},
     CLOTH_MESH_FAULT_LIST(CLOTH_X)
 #undef CLOTH_X
-    case CLOTH_MESH_FAULT_COUNT: case CLOTH_MESH_FAULT_FORCE_INT: break;
-    }
-    return 1;
-}
-
-static const char *clothi_fault_text(cloth_mesh_fault kind) {
-    switch (kind) {
-#define CLOTH_X(name, value, error, text) case name: return text;
-    CLOTH_MESH_FAULT_LIST(CLOTH_X)
-#undef CLOTH_X
-    case CLOTH_MESH_FAULT_COUNT: case CLOTH_MESH_FAULT_FORCE_INT: break;
-    }
-    return "fault";
-}
+};
 
 static cloth_status clothi_fault_status(cloth_mesh_fault kind) {
-    if (!clothi_fault_is_error(kind)) return CLOTH_OK;
+    if (!clothi_faults[kind].error) return CLOTH_OK;
     return kind == CLOTH_MESH_NONFINITE ? CLOTH_ERR_NONFINITE : CLOTH_ERR_MESH;
 }
 
 /* Counts a fault; true when it is to be spelled out. */
 static int clothi_fault_count(clothi_checker *c, cloth_mesh_fault kind, int index) {
     if (c->report.count[kind] == 0) c->report.first[kind] = index;
-    if (clothi_fault_is_error(kind)) c->report.errors++;
+    if (clothi_faults[kind].error) c->report.errors++;
     else c->report.warnings++;
     return c->report.count[kind]++ < CLOTH_MESH_FAULTS_LOGGED;
 }
@@ -1979,7 +1965,7 @@ static int clothi_fault_count(clothi_checker *c, cloth_mesh_fault kind, int inde
     do {                                                                                         \
         if (clothi_fault_count(c, kind, index))                                                  \
             clothi_say((c)->hooks,                                                               \
-                       clothi_fault_is_error(kind) ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,        \
+                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,        \
                        clothi_fault_status(kind), __VA_ARGS__);                                  \
     } while (0)
 
@@ -2176,9 +2162,9 @@ static void clothi_check_summary(const clothi_checker *c) {
         const cloth_mesh_fault fault = (cloth_mesh_fault)kind;
         if (c->report.count[kind] > CLOTH_MESH_FAULTS_LOGGED)
             clothi_say(c->hooks,
-                       clothi_fault_is_error(fault) ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,
+                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,
                        clothi_fault_status(fault), "%s: %i in all, %i not listed",
-                       clothi_fault_text(fault), c->report.count[kind],
+                       clothi_faults[kind].text, c->report.count[kind],
                        c->report.count[kind] - CLOTH_MESH_FAULTS_LOGGED);
     }
 }
@@ -6595,13 +6581,11 @@ typedef struct clothi_v4 {
 #  define CLOTHI_NMADDF(a, b, c) _mm_fnmadd_ps(b, c, a)
 #  define CLOTHI_MADDD(a, b, c)  _mm256_fmadd_pd(b, c, a)
 #  define CLOTHI_NMADDD(a, b, c) _mm256_fnmadd_pd(b, c, a)
-#  define CLOTHI_MADD8(a, b, c)  _mm256_fmadd_ps(b, c, a)
 #elif defined(CLOTHI_AVX)
 #  define CLOTHI_MADDF(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
 #  define CLOTHI_NMADDF(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
 #  define CLOTHI_MADDD(a, b, c)  _mm256_add_pd(a, _mm256_mul_pd(b, c))
 #  define CLOTHI_NMADDD(a, b, c) _mm256_sub_pd(a, _mm256_mul_pd(b, c))
-#  define CLOTHI_MADD8(a, b, c)  _mm256_add_ps(a, _mm256_mul_ps(b, c))
 #endif
 
 CLOTHI_LANE clothi_v4 clothi_zero4(void) {
@@ -6898,23 +6882,6 @@ CLOTHI_LANE clothi_v4 clothi_gather4(const void *L, const int *col, int k0, int 
                                      const int w) {
     clothi_v4 a = clothi_zero4(), b = a, c = a;
     int       k;
-#if defined(CLOTHI_AVX)
-    if (!w) {                               /* rows 0 and 1 together, z twice                  */
-        __m256 ab = _mm256_setzero_ps();
-        __m128 cc = _mm_setzero_ps();
-        for (k = k0; k < k1; k++) {
-            const float *B = (const float *)L + 12 * (size_t)k;
-            const float *u = (const float *)z + 4 * (size_t)col[k];
-            ab = CLOTHI_MADD8(ab, _mm256_loadu_ps(B),
-                              _mm256_broadcast_ps((const __m128 *)(const void *)u));
-            cc = CLOTHI_MADDF(cc, _mm_load_ps(B + 8), _mm_load_ps(u));
-        }
-        a.f = _mm256_castps256_ps128(ab);
-        b.f = _mm256_extractf128_ps(ab, 1);
-        c.f = cc;
-        return clothi_rows4(a, b, c, 0);
-    }
-#endif
     for (k = k0; k < k1; k++) {
         const clothi_v4 u = clothi_load4(z, (size_t)col[k], w);
         a = clothi_madd4(a, clothi_load4(L, 3 * (size_t)k, w), u, w);
@@ -7177,23 +7144,30 @@ CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) 
     clothi_store4(a, i, clothi_add4(clothi_load4(a, i, w), v, w), w);
 }
 
+/* out <- G_i^-1 B, the records b0, b1, b2 of B and of out by rows. */
+CLOTHI_LANE void clothi_scale_rows(const clothi_store *st, int i, clothi_v4 b0, clothi_v4 b1,
+                                   clothi_v4 b2, void *out, size_t k, const int w) {
+    const size_t    g = 3 * (size_t)i;
+    const clothi_v4 z = clothi_zero4();
+    clothi_v4       r = clothi_madd4(z, clothi_lane4(st->G, g, 0, w), b0, w);
+    clothi_store4(out, 3 * k, r, w);
+    r = clothi_madd4(z, clothi_lane4(st->G, g, 1, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), b1, w);
+    clothi_store4(out, 3 * k + 1, r, w);
+    r = clothi_madd4(z, clothi_lane4(st->G, g, 2, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), b1, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), b2, w);
+    clothi_store4(out, 3 * k + 2, r, w);
+}
+
 /* out <- G_i^-1 B G_j^-T, three records by rows. */
 CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const double *B,
                                     void *out, size_t k, const int w) {
-    const size_t gi = 3 * (size_t)i, gj = 3 * (size_t)j;
+    const size_t    gj = 3 * (size_t)j;
     const clothi_v4 q0 = clothi_load4(st->G, gj, w), q1 = clothi_load4(st->G, gj + 1, w);
     const clothi_v4 q2 = clothi_load4(st->G, gj + 2, w);
-    const clothi_v4 b0 = clothi_mix4(B, q0, q1, q2, w), b1 = clothi_mix4(B + 3, q0, q1, q2, w);
-    const clothi_v4 b2 = clothi_mix4(B + 6, q0, q1, q2, w), z = clothi_zero4();
-    clothi_v4 r;
-    clothi_store4(out, 3 * k, clothi_madd4(z, clothi_lane4(st->G, gi, 0, w), b0, w), w);
-    r = clothi_madd4(z, clothi_lane4(st->G, gi, 1, w), b0, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, gi + 1, 1, w), b1, w);
-    clothi_store4(out, 3 * k + 1, r, w);
-    r = clothi_madd4(z, clothi_lane4(st->G, gi, 2, w), b0, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, gi + 1, 2, w), b1, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, gi + 2, 2, w), b2, w);
-    clothi_store4(out, 3 * k + 2, r, w);
+    clothi_scale_rows(st, i, clothi_mix4(B, q0, q1, q2, w), clothi_mix4(B + 3, q0, q1, q2, w),
+                      clothi_mix4(B + 6, q0, q1, q2, w), out, k, w);
 }
 
 /* Blocks [k0, k1) of row i: into Z of the row, and into V of the columns with scaling. */
@@ -7317,20 +7291,9 @@ CLOTHI_LANE void clothi_scale_row(const cloth_linear_solver *s, int i, const int
     const clothi_store  *st = &s->store[w];
     int m;
     for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
-        const size_t z = 3 * (size_t)m, g = 3 * (size_t)i;
-        clothi_v4    z0, z1, z2, r;
-        z0 = clothi_load4(st->Z, z, w);
-        z1 = clothi_load4(st->Z, z + 1, w);
-        z2 = clothi_load4(st->Z, z + 2, w);
-        r = clothi_zero4();
-        clothi_store4(st->Z, z, clothi_madd4(r, clothi_lane4(st->G, g, 0, w), z0, w), w);
-        r = clothi_madd4(clothi_zero4(), clothi_lane4(st->G, g, 1, w), z0, w);
-        r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), z1, w);
-        clothi_store4(st->Z, z + 1, r, w);
-        r = clothi_madd4(clothi_zero4(), clothi_lane4(st->G, g, 2, w), z0, w);
-        r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), z1, w);
-        r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), z2, w);
-        clothi_store4(st->Z, z + 2, r, w);
+        const size_t    z = 3 * (size_t)m;
+        const clothi_v4 z0 = clothi_load4(st->Z, z, w), z1 = clothi_load4(st->Z, z + 1, w);
+        clothi_scale_rows(st, i, z0, z1, clothi_load4(st->Z, z + 2, w), st->Z, (size_t)m, w);
     }
     for (m = 3 * p->vp[i]; m < 3 * p->vp[i + 1]; m++)
         clothi_store4(st->V, (size_t)m,
@@ -7874,20 +7837,14 @@ static clothi_run clothi_setup(cloth_linear_solver *s) {
 CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
-    int i, k;
+    int i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const size_t at = (size_t)i;
-        clothi_v4    a = clothi_zero4(), b = a, c = a, x = a;
-        for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
-            const clothi_v4 u = clothi_load4(st->m, (size_t)p->zj[k], w);
-            a = clothi_madd4(a, clothi_load4(st->Z, 3 * (size_t)k, w), u, w);
-            b = clothi_madd4(b, clothi_load4(st->Z, 3 * (size_t)k + 1, w), u, w);
-            c = clothi_madd4(c, clothi_load4(st->Z, 3 * (size_t)k + 2, w), u, w);
-        }
+        const size_t    at = (size_t)i;
+        const clothi_v4 y = clothi_gather4(st->Z, p->zj, p->zp[i], p->zp[i + 1], st->m, w);
+        clothi_v4       x = clothi_zero4();
         if (p->agg[i] >= 0) x = clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w);
         clothi_store4(st->x, at, x, w);
-        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
-                                             clothi_rows4(a, b, c, w), w), w);
+        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w), y, w), w);
     }
     s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
 }

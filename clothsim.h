@@ -1942,35 +1942,21 @@ typedef struct clothi_checker {
     int    *corners;    /* [nv] corners at a vertex, of any face                               */
 } clothi_checker;
 
-static int clothi_fault_is_error(cloth_mesh_fault kind) {
-    switch (kind) {
-#define CLOTH_X(name, value, error, text) case name: return error;
+static const struct { int error; const char *text; } clothi_faults[] = {
+#define CLOTH_X(name, value, error, text) {error, text},
     CLOTH_MESH_FAULT_LIST(CLOTH_X)
 #undef CLOTH_X
-    case CLOTH_MESH_FAULT_COUNT: case CLOTH_MESH_FAULT_FORCE_INT: break;
-    }
-    return 1;
-}
-
-static const char *clothi_fault_text(cloth_mesh_fault kind) {
-    switch (kind) {
-#define CLOTH_X(name, value, error, text) case name: return text;
-    CLOTH_MESH_FAULT_LIST(CLOTH_X)
-#undef CLOTH_X
-    case CLOTH_MESH_FAULT_COUNT: case CLOTH_MESH_FAULT_FORCE_INT: break;
-    }
-    return "fault";
-}
+};
 
 static cloth_status clothi_fault_status(cloth_mesh_fault kind) {
-    if (!clothi_fault_is_error(kind)) return CLOTH_OK;
+    if (!clothi_faults[kind].error) return CLOTH_OK;
     return kind == CLOTH_MESH_NONFINITE ? CLOTH_ERR_NONFINITE : CLOTH_ERR_MESH;
 }
 
 /* Counts a fault; true when it is to be spelled out. */
 static int clothi_fault_count(clothi_checker *c, cloth_mesh_fault kind, int index) {
     if (c->report.count[kind] == 0) c->report.first[kind] = index;
-    if (clothi_fault_is_error(kind)) c->report.errors++;
+    if (clothi_faults[kind].error) c->report.errors++;
     else c->report.warnings++;
     return c->report.count[kind]++ < CLOTH_MESH_FAULTS_LOGGED;
 }
@@ -1979,7 +1965,7 @@ static int clothi_fault_count(clothi_checker *c, cloth_mesh_fault kind, int inde
     do {                                                                                         \
         if (clothi_fault_count(c, kind, index))                                                  \
             clothi_say((c)->hooks,                                                               \
-                       clothi_fault_is_error(kind) ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,        \
+                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,        \
                        clothi_fault_status(kind), __VA_ARGS__);                                  \
     } while (0)
 
@@ -2176,9 +2162,9 @@ static void clothi_check_summary(const clothi_checker *c) {
         const cloth_mesh_fault fault = (cloth_mesh_fault)kind;
         if (c->report.count[kind] > CLOTH_MESH_FAULTS_LOGGED)
             clothi_say(c->hooks,
-                       clothi_fault_is_error(fault) ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,
+                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,
                        clothi_fault_status(fault), "%s: %i in all, %i not listed",
-                       clothi_fault_text(fault), c->report.count[kind],
+                       clothi_faults[kind].text, c->report.count[kind],
                        c->report.count[kind] - CLOTH_MESH_FAULTS_LOGGED);
     }
 }
@@ -3888,37 +3874,9 @@ CLOTHI_RARE_END
  *             [K -K; -K K] has v' H v = (v1 - v0)' K (v1 - v0) >= 0.
  *   dropped   nothing. At l = 0 < L the direction u does not exist: below l = 1e-8 L the code takes
  *             u = d / (1e-8 L), which fades to zero, and the force with it. L = 0 is exact there.
+ *   code      [6.5]: clothi_spring_lanes, and cloth_spring, which has one spring in all lanes
  *   checked   tests/test_elements.c: spring_derivatives, spring_degenerate, lanes_spring
  */
-
-CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
-                              double *hess, int psd) {
-    double d[3], l, lr, ratio, across, along, energy;
-    int    i, j;
-    clothi_sub3(x + 3, x, d);
-    l = sqrt(clothi_dot3(d, d));
-    lr = clothi_max(l, 1e-8 * rest_length);
-    ratio = lr > 0.0 ? rest_length / lr : 0.0;
-    across = psd ? clothi_max(1.0 - ratio, 0.0) : 1.0 - ratio;
-    along = psd ? 1.0 - across : ratio;
-    energy = 0.5 * k * (l - rest_length) * (l - rest_length);
-    for (i = 0; i < 3; i++) {
-        if (grad) {
-            grad[3 + i] = k * (1.0 - ratio) * d[i];
-            grad[i] = -grad[3 + i];
-        }
-        for (j = 0; hess && j < 3; j++) {
-            const double uu = lr > 0.0 ? d[i] / lr * (d[j] / lr) : 0.0;
-            const double K = k * ((i == j ? across : 0.0) + along * uu);
-            hess[6 * i + j] = hess[6 * (i + 3) + j + 3] = K;
-            hess[6 * (i + 3) + j] = hess[6 * i + j + 3] = -K;
-        }
-    }
-    clothi_settle(grad, 6);
-    clothi_settle(hess, 36);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
-}
-
 /* ===== [6.2] STVK TRIANGLE =================================================================== */
 /*
  *   rest, flat               now, in space
@@ -3954,12 +3912,16 @@ CLOTH_API double cloth_spring(const double *x, double rest_length, double k, dou
  *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.
  *   collapse  of the current triangle is harmless (everything is polynomial in x). A rest triangle
  *             with det Dm = 0 has no B: energy and derivatives are 0.
+ *   code      below the matrices of one triangle, for states and derivatives by rest shape; [6.5]
+ *             energy, gradient and Hessian, of which cloth_stretch is one lane
  *   checked   tests/test_elements.c: stretch_derivatives, stretch_closed_forms, stretch_table,
  *             stretch_psd, stretch_invariance, stretch_degenerate
  */
 
+CLOTHI_RARE_BEGIN
+
 /* B [2x2] and the area; zeros when the rest triangle has none. */
-static double clothi_rest_inverse(const double *X, double *B) {
+CLOTHI_OUTLINE static double clothi_rest_inverse(const double *X, double *B) {
     const double a = X[2] - X[0], b = X[4] - X[0], c = X[3] - X[1], d = X[5] - X[1];
     const double det = a * d - b * c;
     memset(B, 0, 4 * sizeof *B);
@@ -3971,79 +3933,50 @@ static double clothi_rest_inverse(const double *X, double *B) {
     return 0.5 * fabs(det);
 }
 
-/* F [3x2] = Ds B */
-static void clothi_deformation(const double *x, const double *B, double *F) {
-    int i;
-    for (i = 0; i < 3; i++) {
-        const double e1 = x[3 + i] - x[i], e2 = x[6 + i] - x[i];
-        F[2 * i] = e1 * B[0] + e2 * B[2];
-        F[2 * i + 1] = e1 * B[1] + e2 * B[3];
+/* F [3x2] = Ds B, Ds of the corners v of x. */
+CLOTHI_OUTLINE static void clothi_deformation(const double *x, const int *v, const double *B,
+                                              double *F) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        const double p = x[3 * v[1] + k] - x[3 * v[0] + k], q = x[3 * v[2] + k] - x[3 * v[0] + k];
+        F[2 * k] = p * B[0] + q * B[2];
+        F[2 * k + 1] = p * B[1] + q * B[3];
     }
 }
 
-/* E as (E11, E22, E12) */
-static void clothi_green_strain(const double *F, double *E) {
-    E[0] = 0.5 * (F[0] * F[0] + F[2] * F[2] + F[4] * F[4] - 1.0);
-    E[1] = 0.5 * (F[1] * F[1] + F[3] * F[3] + F[5] * F[5] - 1.0);
-    E[2] = 0.5 * (F[0] * F[1] + F[2] * F[3] + F[4] * F[5]);
+/* out [2x2] = F' G. */
+CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
+    out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
+    out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
+    out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
+    out[3] = F[1] * G[1] + F[3] * G[3] + F[5] * G[5];
 }
 
-/* S as (S11, S22, S12) */
-static void clothi_stvk_stress(const double *E, double mu, double lambda, double *S) {
-    S[0] = 2.0 * mu * E[0] + lambda * (E[0] + E[1]);
-    S[1] = 2.0 * mu * E[1] + lambda * (E[0] + E[1]);
-    S[2] = 2.0 * mu * E[2];
-}
-
-/* S+ = a S + b I with a, b from the eigenvalues mean +- r; r = 0 makes a = 0 and b = mean+. */
-static void clothi_positive_part(double *S) {
-    const double mean = 0.5 * (S[0] + S[1]), half = 0.5 * (S[0] - S[1]);
-    const double r = sqrt(half * half + S[2] * S[2]);
-    const double hi = clothi_max(mean + r, 0.0), lo = clothi_max(mean - r, 0.0);
-    const double a = r > 0.0 ? 0.5 * (hi - lo) / r : 0.0, b = 0.5 * (hi + lo) - a * mean;
-    S[0] = a * S[0] + b;
-    S[1] = a * S[1] + b;
-    S[2] = a * S[2];
-}
-
-CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
-                               double *grad, double *hess, int psd) {
-    double B[4], F[6], E[3], S[3], g[3][2], q[3][3], energy;
-    int    i, j, r, c;
-    const double area = clothi_rest_inverse(X, B);
-    clothi_deformation(x, B, F);
-    clothi_green_strain(F, E);
-    clothi_stvk_stress(E, mu, lambda, S);
-    energy = 0.5 * area * (S[0] * E[0] + S[1] * E[1] + 2.0 * S[2] * E[2]);
-    for (j = 0; j < 2; j++) {
-        g[1][j] = B[j];
-        g[2][j] = B[2 + j];
-        g[0][j] = -B[j] - B[2 + j];
+/* out [3x2] = F S, S [2x2]. */
+CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
+    int k;
+    for (k = 0; k < 3; k++) {
+        out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
+        out[2 * k + 1] = F[2 * k] * S[1] + F[2 * k + 1] * S[3];
     }
-    for (i = 0; i < 3; i++)
-        for (r = 0; r < 3; r++) {
-            q[i][r] = F[2 * r] * g[i][0] + F[2 * r + 1] * g[i][1];
-            if (grad)
-                grad[3 * i + r] = area * (F[2 * r] * (S[0] * g[i][0] + S[2] * g[i][1])
-                                          + F[2 * r + 1] * (S[2] * g[i][0] + S[1] * g[i][1]));
-        }
-    if (hess && psd) clothi_positive_part(S);
-    for (i = 0; hess && i < 3; i++)
-        for (j = 0; j < 3; j++) {
-            const double gg = g[i][0] * g[j][0] + g[i][1] * g[j][1];
-            const double gSg = S[0] * g[i][0] * g[j][0] + S[1] * g[i][1] * g[j][1]
-                               + S[2] * (g[i][0] * g[j][1] + g[i][1] * g[j][0]);
-            for (r = 0; r < 3; r++)
-                for (c = 0; c < 3; c++) {
-                    const double FF = F[2 * r] * F[2 * c] + F[2 * r + 1] * F[2 * c + 1];
-                    hess[9 * (3 * i + r) + 3 * j + c] =
-                        area * (mu * (gg * FF + q[j][r] * q[i][c]) + lambda * q[i][r] * q[j][c]
-                                + (r == c ? gSg : 0.0));
-                }
-        }
-    clothi_settle(grad, 9);
-    clothi_settle(hess, 81);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
+}
+
+/* E = 1/2 (F'F - I) */
+CLOTHI_OUTLINE static void clothi_green(const double *F, double *E) {
+    int k;
+    clothi_ftg(F, F, E);
+    for (k = 0; k < 4; k++) E[k] = 0.5 * (E[k] - (k % 3 == 0 ? 1 : 0));
+}
+
+/* S = 2 mu E + lambda tr(E) I */
+CLOTHI_OUTLINE static void clothi_hooke(double mu, double lambda, const double *E, double *S) {
+    int k;
+    for (k = 0; k < 4; k++) S[k] = 2 * mu * E[k] + (k % 3 == 0 ? lambda * (E[0] + E[3]) : 0);
+}
+
+/* a:b */
+static double clothi_double_dot(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
 }
 
 /* The stretches are the singular values of F: s1^2 and s2^2 are the eigenvalues of F'F, and s1 s2 =
@@ -4069,24 +4002,27 @@ static void clothi_principal_stretches(const double *F, double *stretch) {
 
 CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu, double lambda,
                                      double *F, double *E, double *S, double *stretch) {
-    double       B[4], f[6] = {0, 0, 0, 0, 0, 0}, e[3] = {0, 0, 0}, s[3] = {0, 0, 0}, st[2];
-    const double area = clothi_rest_inverse(X, B);
+    static const int own[3] = {0, 1, 2};
+    double           B[4], f[6] = {0}, e[4] = {0}, s[4] = {0}, st[2];
+    const double     area = clothi_rest_inverse(X, B);
     if (area > 0.0) {
-        clothi_deformation(x, B, f);
+        clothi_deformation(x, own, B, f);
         clothi_settle(f, 6);
-        clothi_green_strain(f, e);
-        clothi_settle(e, 3);
-        clothi_stvk_stress(e, mu, lambda, s);
-        clothi_settle(s, 3);
+        clothi_green(f, e);
+        clothi_settle(e, 4);
+        clothi_hooke(mu, lambda, e, s);
+        clothi_settle(s, 4);
     }
     clothi_principal_stretches(f, st);
     clothi_settle(st, 2);
     if (F) memcpy(F, f, sizeof f);
     if (stretch) memcpy(stretch, st, sizeof st);
-    if (E) E[0] = e[0], E[3] = e[1], E[1] = E[2] = e[2];
-    if (S) S[0] = s[0], S[3] = s[1], S[1] = S[2] = s[2];
+    if (E) memcpy(E, e, sizeof e);
+    if (S) memcpy(S, s, sizeof s);
     return clothi_finite(area) ? area : CLOTHI_HUGE;
 }
+
+CLOTHI_RARE_END
 
 /* ===== [6.3] HINGE =========================================================================== */
 /*
@@ -4151,6 +4087,7 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
  *   range     theta does not depend on size: coordinates outside 1e-20..1e20 are scaled first.
  *   limits    at theta = +-pi (a wing folded onto the other) theta jumps; count hinges beyond 3.
  *             The Poisson ratio of bending is about -1/3 whatever the user says.
+ *   code      [6.5], of which cloth_dihedral_hess is one lane
  *   checked   tests/test_elements.c: hinge_derivatives, hinge_near_degenerate, hinge_sign,
  *             hinge_cylinder, hinge_invariance, hinge_degenerate, lanes_hinge
  */
@@ -4159,138 +4096,10 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
 #define CLOTHI_HINGE_TINY_L2 1e-60          /* m^2 and m^4: keep 0/0 away when all corners       */
 #define CLOTHI_HINGE_TINY_Q  1e-100         /* coincide                                          */
 
-typedef struct clothi_wing {
-    double n[3];                            /* normal, |n| = twice the area                      */
-    double t;                               /* foot of the corner on the edge                    */
-    double p[3];                            /* n/(|n| h)                                         */
-    double z[3][3];                         /* z of x0, x1 and the corner                        */
-    double km[3];                           /* (h/l)^2/2 M                                       */
-} clothi_wing;
-
-typedef struct clothi_hinge {
-    double      scale;                      /* what x was multiplied by, a power of two          */
-    double      theta;
-    clothi_wing wing[2];
-} clothi_hinge;
-
-/* s: sum of the squared edges from x0. side +1: left wing, n = e x a; -1: right wing, n = a x e. */
-static void clothi_wing_build(const double *e, const double *a, double s, double side,
-                              clothi_wing *w) {
-    const double l2 = clothi_dot3(e, e), l = sqrt(l2);
-    const double l2c = clothi_max(l2, CLOTHI_HINGE_FLOOR * s + CLOTHI_HINGE_TINY_L2);
-    double       q, qc;
-    int          i;
-    clothi_cross3(e, a, w->n);
-    q = clothi_dot3(w->n, w->n);
-    qc = clothi_max(q, CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q);
-    w->t = clothi_dot3(a, e) / l2c;
-    for (i = 0; i < 3; i++) {
-        const double h = a[i] - w->t * e[i], M = h * (l2c / qc), r = e[i] / l2c;
-        w->n[i] *= side;
-        w->p[i] = w->n[i] * (l / qc);
-        w->z[0][i] = (w->t - 1.0) * M - r;
-        w->z[1][i] = -w->t * M + r;
-        w->z[2][i] = M;
-        w->km[i] = 0.5 * (q / qc) * h / l2c;
-    }
-}
-
-static void clothi_hinge_build(const double *x, clothi_hinge *g) {
-    double y[12], e[3], a[3], b[3], big = 0.0, l, s;
-    int    i, exponent;
-    for (i = 0; i < 12; i++) big = clothi_max(big, fabs(x[i]));
-    g->scale = 1.0;
-    if (big > 1e20 || (big < 1e-20 && big > 0.0)) {
-        (void)frexp(big, &exponent);
-        g->scale = ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
-    }
-    for (i = 0; i < 12; i++) y[i] = x[i] * g->scale;
-    clothi_sub3(y + 3, y, e);
-    clothi_sub3(y + 6, y, a);
-    clothi_sub3(y + 9, y, b);
-    s = clothi_dot3(e, e) + clothi_dot3(a, a) + clothi_dot3(b, b);
-    clothi_wing_build(e, a, s, 1.0, &g->wing[0]);
-    clothi_wing_build(e, b, s, -1.0, &g->wing[1]);
-    l = sqrt(clothi_dot3(e, e));
-    g->theta = clothi_atan2(-l * clothi_dot3(g->wing[0].n, b),
-                            clothi_dot3(g->wing[0].n, g->wing[1].n));
-}
-
-/* wing k has the corners 0, 1 and 2 + k of the hinge */
-static void clothi_hinge_gradient(const clothi_hinge *g, double *grad) {
-    int k, i;
-    memset(grad, 0, 12 * sizeof *grad);
-    for (k = 0; k < 2; k++) {
-        const clothi_wing *w = &g->wing[k];
-        for (i = 0; i < 3; i++) {
-            const double p = w->p[i] * g->scale;
-            grad[i] += (1.0 - w->t) * p;
-            grad[3 + i] += w->t * p;
-            grad[6 + 3 * k + i] = -p;
-        }
-    }
-}
-
-static void clothi_hinge_hessian(const clothi_hinge *g, double *hess) {
-    static const double D[3] = {1.0, -1.0, 0.0};
-    const double        ss = g->scale * g->scale;
-    int                 k, i, j, r, c;
-    memset(hess, 0, 144 * sizeof *hess);
-    for (k = 0; k < 2; k++) {
-        const clothi_wing *w = &g->wing[k];
-        const double       W[3] = {w->t - 1.0, -w->t, 1.0};
-        for (i = 0; i < 3; i++)
-            for (j = 0; j < 3; j++)
-                for (r = 0; r < 3; r++)
-                    for (c = 0; c < 3; c++) {
-                        const int row = 3 * (i < 2 ? i : 2 + k) + r;
-                        const int col = 3 * (j < 2 ? j : 2 + k) + c;
-                        hess[12 * row + col] +=
-                            ss * (W[j] * w->p[r] * w->z[i][c] + W[i] * w->z[j][r] * w->p[c]
-                                  + D[i] * D[j] * (w->p[r] * w->km[c] + w->km[r] * w->p[c]));
-                    }
-    }
-}
-
-CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess) {
-    clothi_hinge g;
-    clothi_hinge_build(x, &g);
-    if (grad) clothi_hinge_gradient(&g, grad);
-    if (hess) clothi_hinge_hessian(&g, hess);
-    clothi_settle(grad, 12);
-    clothi_settle(hess, 144);
-    return clothi_finite(g.theta) ? g.theta : 0.0;
-}
-
-CLOTH_API double cloth_dihedral_grad(const double *x, double *grad) {
-    return cloth_dihedral_hess(x, grad, NULL);
-}
-
-CLOTH_API double cloth_dihedral(const double *x) { return cloth_dihedral_hess(x, NULL, NULL); }
-
 CLOTH_API double cloth_hinge_coefficient(double D, double e2, double A1, double A2) {
     const double area = A1 + A2;
     const double c = area > 0.0 ? D * e2 / area : 0.0;
     return clothi_finite(c) ? c : CLOTHI_HUGE;
-}
-
-CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
-                            int psd) {
-    double       dtheta[12];
-    int          i, j;
-    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
-    const double bent = theta - theta0;
-    const double energy = 0.5 * c * bent * bent;
-    if (hess)
-        for (i = 0; i < 12; i++)
-            for (j = 0; j < 12; j++)
-                hess[12 * i + j] = c * (dtheta[i] * dtheta[j]
-                                        + (psd ? 0.0 : bent * hess[12 * i + j]));
-    if (grad)
-        for (i = 0; i < 12; i++) grad[i] = c * bent * dtheta[i];
-    clothi_settle(grad, 12);
-    clothi_settle(hess, 144);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
 }
 
 /* ===== [6.4] QUADRATIC BENDING =============================================================== */
@@ -4363,8 +4172,8 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
  *   x0.y      .   .   .   .   .   .   .   .             them into vector code by themselves.
  *   ...                                                 Unused lanes repeat a valid element with
  *                                                       zero stiffness.
- *   The formulas are those of [6.1] to [6.4]; the scalar functions there are their tests. What
- *   differs: one division serves three quotients, Hessian blocks of corner 0 follow from the others
+ *   The formulas are those of [6.1] to [6.4]; cloth_spring and its like are one element in all
+ *   lanes. One division serves three quotients, Hessian blocks of corner 0 follow from the others
  *   (moving all corners changes no force, so rows of blocks sum to zero), and a result beyond the
  *   range of doubles is left as inf or NaN for the step to refuse. Lengths are expected within
  *   1e-20 .. 1e20 m. Hessians hold one triangle of blocks, each [3x3] row-major: diagonal blocks
@@ -4621,37 +4430,39 @@ CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
     }
 }
 
-/* The squares of the smaller principal stretches, for reports: the smaller eigenvalue of F'F, good
- * to 1e-16 of the larger one. */
-CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
-                                         const double *CLOTHI_RESTRICT rest,
-                                         double *CLOTHI_RESTRICT out) {
-    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
-    int    k;
+/* The eigenvalues of F'F, squares of the principal stretches, are (mean +- radius)/2, good to 1e-16
+ * of the larger one. */
+CLOTHI_LANE void clothi_stretch_squares(const double *x, const double *rest, double *mean,
+                                        double *radius) {
+    int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
         mean[k] = 1.0 + t.e0 + t.e1;
         radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
     }
     clothi_sqrt_lanes(radius);
+}
+
+/* The smaller of them, for reports. */
+CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
+                                         const double *CLOTHI_RESTRICT rest,
+                                         double *CLOTHI_RESTRICT out) {
+    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
+    int    k;
+    clothi_stretch_squares(x, rest, mean, radius);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double s = mean[k] - radius[k];
         out[k] = 0.5 * (s + fabs(s));
     }
 }
 
-/* The largest of eight principal stretches, squared. */
+/* The larger ones; returns the largest of the eight. */
 CLOTHI_HOT double clothi_largest_stretch2(const double *CLOTHI_RESTRICT x,
                                           const double *CLOTHI_RESTRICT rest,
                                           double *CLOTHI_RESTRICT out) {
     double mean[CLOTHI_LANES], radius[CLOTHI_LANES], big = 0;
     int    k;
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k);
-        mean[k] = 1.0 + t.e0 + t.e1;
-        radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
-    }
-    clothi_sqrt_lanes(radius);
+    clothi_stretch_squares(x, rest, mean, radius);
     for (k = 0; k < CLOTHI_LANES; k++) out[k] = mean[k] + radius[k];
     for (k = 0; k < CLOTHI_LANES; k++) big = out[k] > big ? out[k] : big;
     return big;
@@ -5136,6 +4947,14 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
 
 /* --- quadratic bending: x [12][8], rest [5][8] = c, w0 .. w3 --- */
 
+/* Axis r of sum_i w_i x_i, from the edges: far from the origin digits survive. */
+CLOTHI_LANE double clothi_quadratic_sum(const double *x, const double *rest, int r, int k) {
+    enum { L = CLOTHI_LANES };
+    const double x0 = x[r * L + k];
+    return rest[2 * L + k] * (x[(3 + r) * L + k] - x0) + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
+           + rest[4 * L + k] * (x[(9 + r) * L + k] - x0);
+}
+
 CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
                                         const double *CLOTHI_RESTRICT rest,
                                         double *CLOTHI_RESTRICT f) {
@@ -5143,10 +4962,7 @@ CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
     int r, k;
     for (r = 0; r < 3; r++)
         for (k = 0; k < L; k++) {
-            const double x0 = x[r * L + k];
-            const double s = rest[k] * (rest[2 * L + k] * (x[(3 + r) * L + k] - x0)
-                                        + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
-                                        + rest[4 * L + k] * (x[(9 + r) * L + k] - x0));
+            const double s = rest[k] * clothi_quadratic_sum(x, rest, r, k);
             f[r * L + k] = rest[L + k] * s;
             f[(3 + r) * L + k] = rest[2 * L + k] * s;
             f[(6 + r) * L + k] = rest[3 * L + k] * s;
@@ -5162,10 +4978,7 @@ CLOTHI_HOT void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
     for (k = 0; k < L; k++) E[k] = 0.0;
     for (r = 0; r < 3; r++)
         for (k = 0; k < L; k++) {
-            const double x0 = x[r * L + k];
-            const double s = rest[2 * L + k] * (x[(3 + r) * L + k] - x0)
-                             + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
-                             + rest[4 * L + k] * (x[(9 + r) * L + k] - x0);
+            const double s = clothi_quadratic_sum(x, rest, r, k);
             E[k] += 0.5 * rest[k] * s * s;
         }
 }
@@ -5260,12 +5073,7 @@ CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
     double s[3][L];
     int    r, k;
     for (r = 0; r < 3; r++)
-        for (k = 0; k < L; k++) {
-            const double x0 = x[r * L + k];
-            s[r][k] = rest[k] * (rest[2 * L + k] * (x[(3 + r) * L + k] - x0)
-                                 + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
-                                 + rest[4 * L + k] * (x[(9 + r) * L + k] - x0));
-        }
+        for (k = 0; k < L; k++) s[r][k] = rest[k] * clothi_quadratic_sum(x, rest, r, k);
     for (k = 0; k < L; k++) {
         pull[3 * k] = s[0][k];
         pull[3 * k + 1] = s[1][k];
@@ -5353,6 +5161,110 @@ CLOTHI_HOT void clothi_winged_quadratic(const double *CLOTHI_RESTRICT x,
         }
 }
 CLOTHI_RARE_BEGIN
+
+/* --- one element: the same in all lanes --- */
+
+static void clothi_to_lanes(const double *x, int n, double *out) {
+    int i;
+    for (i = 0; i < n * CLOTHI_LANES; i++) out[i] = x[i / CLOTHI_LANES];
+}
+
+/* scale times lane 0 of a [n][8], all zero where that is not finite. out may be NULL. */
+static void clothi_from_lanes(const double *a, int n, double scale, double *out) {
+    int i;
+    for (i = 0; out && i < n; i++) out[i] = scale * a[i * CLOTHI_LANES];
+    clothi_settle(out, (size_t)n);
+}
+
+/* Likewise of the blocks H of an element with `width` corners, as a full matrix. */
+static void clothi_full_hessian(const double *H, int width, double scale, double *out) {
+    int i, j, k;
+    for (i = 0; out && i < width; i++)
+        for (j = 0; j <= i; j++)
+            for (k = 0; k < 9; k++) {
+                const int b = i == j ? i : width + i * (i - 1) / 2 + j, r = 3 * i + k / 3;
+                const int c = 3 * j + k % 3;
+                out[3 * width * r + c] = scale * H[(9 * b + k) * CLOTHI_LANES];
+                out[3 * width * c + r] = out[3 * width * r + c];
+            }
+    clothi_settle(out, 9 * (size_t)width * (size_t)width);
+}
+
+CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
+                              double *hess, int psd) {
+    double y[6 * CLOTHI_LANES], rest[2 * CLOTHI_LANES], E[CLOTHI_LANES];
+    double f[6 * CLOTHI_LANES], H[27 * CLOTHI_LANES];
+    clothi_to_lanes(x, 6, y);
+    clothi_to_lanes(&k, 1, rest);
+    clothi_to_lanes(&rest_length, 1, rest + CLOTHI_LANES);
+    clothi_spring_lanes(y, rest, E, grad ? f : NULL, hess ? H : NULL, psd);
+    clothi_from_lanes(f, 6, 1.0, grad);
+    clothi_full_hessian(H, 2, 1.0, hess);
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
+}
+
+CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
+                               double *grad, double *hess, int psd) {
+    double y[9 * CLOTHI_LANES], rest[7 * CLOTHI_LANES], E[CLOTHI_LANES], B[7];
+    double f[9 * CLOTHI_LANES], H[54 * CLOTHI_LANES];
+    B[4] = clothi_rest_inverse(X, B), B[5] = mu, B[6] = lambda;
+    clothi_to_lanes(x, 9, y);
+    clothi_to_lanes(B, 7, rest);
+    clothi_stretch_lanes(y, rest, NULL, NULL, E, NULL, grad ? f : NULL, hess ? H : NULL, psd != 0);
+    clothi_from_lanes(f, 9, 1.0, grad);
+    clothi_full_hessian(H, 3, 1.0, hess);
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
+}
+
+CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess) {
+    double y[12 * CLOTHI_LANES], one[CLOTHI_LANES], f[12 * CLOTHI_LANES], H[90 * CLOTHI_LANES];
+    double theta[CLOTHI_LANES], scale = 1.0;
+    const double big = clothi_max_abs(x, 12);
+    int    i, exponent;
+    if (big > 1e20 || (big < 1e-20 && big > 0.0)) {
+        (void)frexp(big, &exponent);
+        scale = ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
+    }
+    for (i = 0; i < 12 * CLOTHI_LANES; i++) y[i] = scale * x[i / CLOTHI_LANES];
+    for (i = 0; i < CLOTHI_LANES; i++) one[i] = 1.0;
+    clothi_theta_lanes(y, theta);
+    if (grad) clothi_hinge_turn(y, one, f);
+    if (hess) {
+        clothi_fold_batch w;
+        clothi_hinge_prepare(y, &w);
+        memset(H, 0, sizeof H);
+        clothi_hinge_curve(&w, one, H);
+        clothi_hinge_close(H + 9 * CLOTHI_LANES, H);
+    }
+    clothi_from_lanes(f, 12, scale, grad);
+    clothi_full_hessian(H, 4, scale * scale, hess);
+    return clothi_finite(theta[0]) ? theta[0] : 0.0;
+}
+
+CLOTH_API double cloth_dihedral_grad(const double *x, double *grad) {
+    return cloth_dihedral_hess(x, grad, NULL);
+}
+
+CLOTH_API double cloth_dihedral(const double *x) { return cloth_dihedral_hess(x, NULL, NULL); }
+
+CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
+                            int psd) {
+    double       dtheta[12];
+    int          i, j;
+    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
+    const double bent = theta - theta0;
+    const double energy = 0.5 * c * bent * bent;
+    if (hess)
+        for (i = 0; i < 12; i++)
+            for (j = 0; j < 12; j++)
+                hess[12 * i + j] = c * (dtheta[i] * dtheta[j]
+                                        + (psd ? 0.0 : bent * hess[12 * i + j]));
+    if (grad)
+        for (i = 0; i < 12; i++) grad[i] = c * bent * dtheta[i];
+    clothi_settle(grad, 12);
+    clothi_settle(hess, 144);
+    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
+}
 
 /* ===== [7.1] ORDERING ==========================================================================
  *
@@ -5606,9 +5518,10 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
     int i, j, k, d, first = p->dom[p->nd], ns = p->n - first;
     int *at = (int *)clothi_alloc(&p->hooks, (size_t)p->n + 1, sizeof(int));
     p->nlow = g->start[p->n] / 2;
-    p->col = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
-    p->seg = (int *)clothi_alloc(&p->hooks, (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
-    if (at && p->col && p->seg) {
+    p->col = (int *)clothi_alloc(
+        &p->hooks, (size_t)p->nlow + (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
+    if (at && p->col) {
+        p->seg = p->col + p->nlow;
         for (i = 0; i < p->n; i++) {
             int v = p->vertex_of[i];
             p->row[i + 1] = p->row[i];
@@ -5630,7 +5543,7 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
             }
     }
     clothi_free(&p->hooks, at);
-    return at && p->col && p->seg ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return at && p->col ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 /* Aggregates: seeds by farthest point (ties: lowest row), members by distance. */
@@ -5715,14 +5628,13 @@ static int clothi_place(int *list, int begin, int *end, int a) {
 /* Aggregates coupled to each row: Z over all neighbours, V over those from the diagonal on. A row
  * touches few, so that linear searches do; where it touches many (a hub), at most nc. */
 static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *g) {
-    const size_t most = (size_t)g->start[p->n] + (size_t)p->n;
+    const size_t most = (size_t)g->start[p->n] + (size_t)p->n, nlow = (size_t)p->nlow;
     int i, j, k, m, z = 0, v = 0;
-    p->zj = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
-    p->vj = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
-    p->vz = (int *)clothi_alloc(&p->hooks, most, sizeof(int));
-    p->kz = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
-    p->kv = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow, sizeof(int));
-    if (!p->zj || !p->vj || !p->vz || !p->kz || !p->kv) return CLOTH_ERR_MEMORY;
+    p->zj = (int *)clothi_alloc(&p->hooks, 3 * most + 2 * nlow + 2 * (size_t)p->nc + 4,
+                                sizeof(int));
+    if (!p->zj) return CLOTH_ERR_MEMORY;
+    p->vj = p->zj + most, p->vz = p->vj + most, p->kz = p->vz + most, p->kv = p->kz + nlow;
+    p->member_start = p->kv + nlow, p->reach = p->member_start + p->nc + 3;
     for (i = 0; i < p->n; i++) {
         int u = p->vertex_of[i];
         p->zp[i] = z;
@@ -5744,9 +5656,6 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
             p->kz[k] = clothi_place(p->zj, p->zp[i], &z, p->agg[j]);
             p->kv[k] = clothi_place(p->vj, p->vp[j], &v, p->agg[i]);
         }
-    p->member_start = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 3, sizeof(int));
-    p->reach = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
-    if (!p->member_start || !p->reach) return CLOTH_ERR_MEMORY;
     for (i = 0; i < p->n; i++)
         for (k = p->zp[i]; k < p->zp[i + 1] && p->agg[i] >= 0; k++)
             if (p->reach[p->agg[i]] < 3 * p->zj[k] + 3) p->reach[p->agg[i]] = 3 * p->zj[k] + 3;
@@ -5807,9 +5716,10 @@ typedef struct clothi_part {
 
 typedef struct clothi_tree_work {
     int           nv, nparts;
-    const int    *ptr, *adj;                /* the graph: neighbours of v, ascending           */
+    const clothi_graph *g;
     const double *coords;
-    int          *verts, *tmp, *tag, *queue;
+    int          *verts, *tmp, *tag, *queue, *mark;
+    int           stamp;
     double       *key;
     clothi_part  *part;                     /* parents before children                         */
 } clothi_tree_work;
@@ -5843,38 +5753,14 @@ typedef struct clothi_tree {
     double flops;
 } clothi_tree;
 
-/* Breadth-first visit of the vertices verts[0, n) with tag `t`, from `root`, then from whatever it
- * did not reach. Leaves the visiting order in queue, tags the vertices t + 1. */
-static void clothi_tree_bfs(clothi_tree_work *d, const int *verts, int n, int root, int t) {
-    int head = 0, tail = 0, next = 0, k;
-    d->queue[tail++] = root;
-    d->tag[root] = t + 1;
-    for (;;) {
-        while (head < tail) {
-            int v = d->queue[head++];
-            for (k = d->ptr[v]; k < d->ptr[v + 1]; k++) {
-                int u = d->adj[k];
-                if (d->tag[u] != t) continue;
-                d->tag[u] = t + 1;
-                d->queue[tail++] = u;
-            }
-        }
-        while (next < n && d->tag[verts[next]] != t) next++;
-        if (next == n) return;
-        d->tag[verts[next]] = t + 1;
-        d->queue[tail++] = verts[next];
-    }
-}
-
 /* Sorts verts[0, n) along the part: by its longest coordinate axis, or by graph distance from a
- * vertex at its rim (the last one that a first visit reaches). t: tag of the part, t+1 .. free. */
+ * vertex at its rim (the last one that a first walk reaches). t: tag of the part. */
 static void clothi_tree_sort(clothi_tree_work *d, int *verts, int n, int t) {
     double lo[3], hi[3];
     int    axis = 0, i, k;
     if (!d->coords) {
-        clothi_tree_bfs(d, verts, n, verts[0], t);
-        i = d->queue[n - 1];
-        clothi_tree_bfs(d, verts, n, i, t + 1);
+        for (k = 0, i = verts[0]; k < 2; k++)
+            i = clothi_bfs(d->g, d->tag, t, verts, n, i, d->mark, ++d->stamp, d->queue);
         memcpy(verts, d->queue, (size_t)n * sizeof *verts);
         return;
     }
@@ -5894,8 +5780,8 @@ static void clothi_tree_sort(clothi_tree_work *d, int *verts, int n, int t) {
 /* True when a neighbour of v carries tag t. */
 static int clothi_tree_touches(const clothi_tree_work *d, int v, int t) {
     int k;
-    for (k = d->ptr[v]; k < d->ptr[v + 1]; k++)
-        if (d->tag[d->adj[k]] == t) return 1;
+    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
+        if (d->tag[d->g->to[k]] == t) return 1;
     return 0;
 }
 
@@ -5903,12 +5789,12 @@ static int clothi_tree_touches(const clothi_tree_work *d, int v, int t) {
 static int clothi_tree_split(clothi_tree_work *d, int id) {
     clothi_part *p = d->part + id;
     int *verts = d->verts + p->lo;
-    int  n = p->hi - p->lo, half = n / 2, t = 5 * id + 1;
+    int  n = p->hi - p->lo, half = n / 2, t = 3 * id + 1;
     int  rim[2] = {0, 0}, side, i, k, count[3];
     for (i = 0; i < n; i++) d->tag[verts[i]] = t;
     clothi_tree_sort(d, verts, n, t);
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 3 + (i >= half);
-    for (i = 0; i < n; i++) rim[i >= half] += clothi_tree_touches(d, verts[i], t + 4 - (i >= half));
+    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
+    for (i = 0; i < n; i++) rim[i >= half] += clothi_tree_touches(d, verts[i], t + 2 - (i >= half));
     side = rim[1] < rim[0];
     count[0] = half - (side ? 0 : rim[0]);
     count[1] = n - half - (side ? rim[1] : 0);
@@ -5917,7 +5803,7 @@ static int clothi_tree_split(clothi_tree_work *d, int id) {
     count[2] = count[0] + count[1], count[1] = count[0], count[0] = 0;
     for (i = 0; i < n; i++) {
         k = i >= half;
-        if (k == side && clothi_tree_touches(d, verts[i], t + 4 - k)) k = 2;
+        if (k == side && clothi_tree_touches(d, verts[i], t + 2 - k)) k = 2;
         d->tmp[count[k]++] = verts[i];
     }
     memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
@@ -5985,14 +5871,14 @@ static void clothi_bound_mark(const clothi_tree *P, int q, int e, int *mark, int
     bound[(*n)++] = e;
 }
 
-/* The boundary of part q into bound; ptr, adj: graph, where: vertex -> elimination number. */
-static int clothi_bound_list(const clothi_tree *P, int q, const int *ptr, const int *adj,
-                             const int *where, int *mark, int *bound) {
+/* The boundary of part q into bound; where: vertex -> elimination number. */
+static int clothi_bound_list(const clothi_tree *P, int q, const clothi_graph *g, const int *where,
+                             int *mark, int *bound) {
     const clothi_part *p = P->part + q;
     int n = 0, i, k, c;
     for (i = p->mid; i < p->hi; i++)
-        for (k = ptr[P->verts[i]]; k < ptr[P->verts[i] + 1]; k++)
-            clothi_bound_mark(P, q, where[adj[k]], mark, bound, &n);
+        for (k = g->start[P->verts[i]]; k < g->start[P->verts[i] + 1]; k++)
+            clothi_bound_mark(P, q, where[g->to[k]], mark, bound, &n);
     for (c = 0; c < 2; c++)
         if (p->child[c] >= 0)
             for (k = P->bound_start[p->child[c]]; k < P->bound_start[p->child[c] + 1]; k++)
@@ -6013,9 +5899,9 @@ static int clothi_front_index(const clothi_tree *P, int q, int e) {
     return p->hi - p->mid + lo - P->bound_start[q];
 }
 
-/* Boundaries of all parts, ascending. The first pass only counts: bound is NULL. */
-static cloth_status clothi_tree_bounds(clothi_tree *P, const int *ptr, const int *adj,
-                                       const int *where, int *scratch, double *key) {
+/* Boundaries of all parts, ascending. */
+static cloth_status clothi_tree_bounds(clothi_tree *P, const clothi_graph *g, const int *where,
+                                       int *scratch, double *key) {
     int nv = P->nv, *mark = scratch, *list = scratch + nv, *tmp = list + nv;
     size_t capacity = 16 * (size_t)nv + 64, used = 0;
     int q, i, n;
@@ -6024,7 +5910,7 @@ static cloth_status clothi_tree_bounds(clothi_tree *P, const int *ptr, const int
     memset(mark, 0, (size_t)nv * sizeof *mark);
     for (i = 0; i < nv; i++) key[i] = i;
     for (q = 0; q < P->nparts; q++) {
-        n = clothi_bound_list(P, q, ptr, adj, where, mark, list);
+        n = clothi_bound_list(P, q, g, where, mark, list);
         clothi_sort(list, tmp, n, key);
         if (used + (size_t)n > capacity) {
             int *more;
@@ -6147,27 +6033,23 @@ static void clothi_front_layout(clothi_tree *P) {
     P->work = work;
 }
 
-/* The whole analysis. ptr, adj: the graph. */
-static cloth_status clothi_tree_analyze(clothi_tree *P, const int *ptr, const int *adj) {
+/* The whole analysis. */
+static cloth_status clothi_tree_analyze(clothi_tree *P, const clothi_graph *g) {
     const cloth_hooks *hooks = &P->hooks;
     cloth_status status = CLOTH_ERR_MEMORY;
     size_t nv = (size_t)P->nv, np = (size_t)P->nparts;
     int   *where = (int *)clothi_alloc(hooks, nv, 4 * sizeof(int));
     double *key = (double *)clothi_alloc(hooks, nv, sizeof *key);
     int    i;
-    P->bound_start = (int *)clothi_alloc(hooks, np + 1, sizeof(int));
-    P->entry_start = (int *)clothi_alloc(hooks, np + 1, sizeof(int));
+    P->bound_start = (int *)clothi_alloc(hooks, 3 * np + 2, sizeof(int));
     P->entry = (clothi_front_entry *)clothi_alloc(hooks, (size_t)P->nlow, sizeof *P->entry);
-    P->panel = (size_t *)clothi_alloc(hooks, np + 1, sizeof(size_t));
-    P->update = (size_t *)clothi_alloc(hooks, np, sizeof(size_t));
-    P->update_temp = (size_t *)clothi_alloc(hooks, np, sizeof(size_t));
-    P->first = (int *)clothi_alloc(hooks, np, sizeof(int));
+    P->panel = (size_t *)clothi_alloc(hooks, 3 * np + 1, sizeof(size_t));
     P->top = (unsigned char *)clothi_alloc(hooks, np, 1);
-    if (!where || !key || !P->bound_start || !P->entry_start || !P->entry || !P->panel ||
-        !P->update || !P->update_temp || !P->first || !P->top)
-        goto done;
+    if (!where || !key || !P->bound_start || !P->entry || !P->panel || !P->top) goto done;
+    P->entry_start = P->bound_start + np + 1, P->first = P->entry_start + np + 1;
+    P->update = P->panel + np + 1, P->update_temp = P->update + np;
     for (i = 0; i < P->nv; i++) where[P->verts[i]] = i;
-    status = clothi_tree_bounds(P, ptr, adj, where, where + nv, key);
+    status = clothi_tree_bounds(P, g, where, where + nv, key);
     if (status != CLOTH_OK) goto done;
     status = CLOTH_ERR_MEMORY;
     P->relative = (int *)clothi_alloc(hooks, (size_t)P->bound_start[P->nparts], sizeof(int));
@@ -6183,48 +6065,42 @@ done:
 
 /* Bytes; frees where hooks, no part of it, say how. */
 static size_t clothi_tree_blocks(const clothi_tree *P, const cloth_hooks *hooks) {
-    const void *block[13] = {P};
+    const void *block[9] = {P};
     if (!P) return 0;
     block[1] = P->verts, block[2] = P->part, block[3] = P->bound_start, block[4] = P->bound;
-    block[5] = P->relative, block[6] = P->entry_start, block[7] = P->entry, block[8] = P->panel;
-    block[9] = P->update, block[10] = P->update_temp, block[11] = P->first, block[12] = P->top;
-    return clothi_blocks(hooks, block, 13);
+    block[5] = P->relative, block[6] = P->entry, block[7] = P->panel, block[8] = P->top;
+    return clothi_blocks(hooks, block, 9);
 }
 
-/* Dissection and symbolic analysis. ptr, adj: the graph; coords [nv x 3] or NULL. */
-static cloth_status clothi_tree_create(const cloth_pattern *p, const int *ptr, const int *adj,
+/* Dissection and symbolic analysis. coords [nv x 3] or NULL. */
+static cloth_status clothi_tree_create(const cloth_pattern *p, const clothi_graph *g,
                                        const double *coords, clothi_tree **out) {
     const cloth_hooks *hooks = &p->hooks;
     cloth_status       status = CLOTH_ERR_MEMORY;
     clothi_tree_work   d;
     size_t       n = (size_t)p->n;
-    int         *number = (int *)clothi_alloc(hooks, 2 * n, sizeof *number);
     clothi_tree *P = (clothi_tree *)clothi_alloc(hooks, 1, sizeof *P);
     memset(&d, 0, sizeof d);
     *out = NULL;
-    if (P) P->hooks = *hooks;               /* first: what frees it must be its own            */
-    if (!number || !P) goto done;
+    if (!P) return CLOTH_ERR_MEMORY;
+    P->hooks = *hooks;                      /* what frees it must be its own                   */
     P->nv = d.nv = p->n;
     P->nlow = p->nlow, P->start = p->row, P->col = p->col, P->perm = p->vertex_of;
-    P->rank = p->row_of, d.ptr = ptr, d.adj = adj, d.coords = coords;
+    P->rank = p->row_of, d.g = g, d.coords = coords;
     d.verts = P->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.tmp = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.tag = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.queue = (int *)clothi_alloc(hooks, 2 * n, sizeof(int));
+    d.tmp = (int *)clothi_alloc(hooks, 6 * n, sizeof(int));
     d.key = (double *)clothi_alloc(hooks, n, sizeof(double));
     d.part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d.part);
-    if (!P->verts || !d.tmp || !d.tag || !d.queue || !d.key || !d.part) goto done;
+    if (!P->verts || !d.tmp || !d.key || !d.part) goto done;
+    d.tag = d.tmp + n, d.mark = d.tag + n, d.queue = d.mark + n;
     clothi_tree_dissect(&d);
     P->nparts = d.nparts;
     P->part = (clothi_part *)clothi_alloc(hooks, (size_t)d.nparts, sizeof *P->part);
     if (!P->part) goto done;
-    clothi_tree_postorder(&d, P->part, d.queue, number);
-    status = clothi_tree_analyze(P, ptr, adj);
+    clothi_tree_postorder(&d, P->part, d.tmp, d.tmp + 2 * n);
+    status = clothi_tree_analyze(P, g);
 done:
-    clothi_free(hooks, number);
     clothi_free(hooks, d.tmp);
-    clothi_free(hooks, d.tag);
-    clothi_free(hooks, d.queue);
     clothi_free(hooks, d.key);
     clothi_free(hooks, d.part);
     if (status) (void)clothi_tree_blocks(P, &p->hooks);
@@ -6250,23 +6126,17 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!p) goto done;
     if (hooks) p->hooks = *hooks;
     p->n = nv;
-    p->row_of = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->vertex_of = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->row = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
-    p->agg = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->zp = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
-    p->vp = (int *)clothi_alloc(hooks, n + 1, sizeof(int));
-    p->zown = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->vown = (int *)clothi_alloc(hooks, n, sizeof(int));
-    p->member = (int *)clothi_alloc(hooks, n, sizeof(int));
-    if (!p->row_of || !p->vertex_of || !p->row || !p->agg || !p->zp || !p->vp || !p->zown ||
-        !p->vown || !p->member) goto done;
+    p->row_of = (int *)clothi_alloc(hooks, 9 * n + 3, sizeof(int));
+    if (!p->row_of) goto done;
+    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->zown = p->agg + n;
+    p->vown = p->zown + n, p->member = p->vown + n, p->row = p->member + n;
+    p->zp = p->row + n + 1, p->vp = p->zp + n + 1;
     status = clothi_pattern_order(p, &g);
     if (!status) status = clothi_pattern_rows(p, &g);
     if (!status) status = clothi_pattern_aggregates(p, &g);
     if (!status) status = clothi_pattern_band(p, &g);
     if (!status) status = clothi_pattern_coarse(p, &g);
-    if (!status) status = clothi_tree_create(p, g.start, g.to, x, &p->tree);
+    if (!status) status = clothi_tree_create(p, &g, x, &p->tree);
 done:
     clothi_graph_free(hooks, &g);
     if (status) cloth_pattern_destroy(p);
@@ -6274,35 +6144,10 @@ done:
     return status;
 }
 
-/* The blocks that a pattern owns. */
-static int clothi_pattern_parts(const cloth_pattern *p, const void **part) {
-    int n = 0;
-    part[n++] = p->row_of;
-    part[n++] = p->vertex_of;
-    part[n++] = p->row;
-    part[n++] = p->col;
-    part[n++] = p->seg;
-    part[n++] = p->agg;
-    part[n++] = p->zp;
-    part[n++] = p->zj;
-    part[n++] = p->vp;
-    part[n++] = p->vj;
-    part[n++] = p->vz;
-    part[n++] = p->zown;
-    part[n++] = p->vown;
-    part[n++] = p->kz;
-    part[n++] = p->kv;
-    part[n++] = p->member_start;
-    part[n++] = p->reach;
-    part[n++] = p->member;
-    return n;
-}
-
 static size_t clothi_pattern_blocks(const cloth_pattern *p, const cloth_hooks *hooks) {
-    const void *part[21];
-    int         n = clothi_pattern_parts(p, part);
-    part[n++] = p;
-    return clothi_tree_blocks(p->tree, hooks) + clothi_blocks(hooks, part, (size_t)n);
+    const void *const block[] = {p->row_of, p->col, p->zj, p};
+    return clothi_tree_blocks(p->tree, hooks) +
+           clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
 CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
@@ -6736,13 +6581,11 @@ typedef struct clothi_v4 {
 #  define CLOTHI_NMADDF(a, b, c) _mm_fnmadd_ps(b, c, a)
 #  define CLOTHI_MADDD(a, b, c)  _mm256_fmadd_pd(b, c, a)
 #  define CLOTHI_NMADDD(a, b, c) _mm256_fnmadd_pd(b, c, a)
-#  define CLOTHI_MADD8(a, b, c)  _mm256_fmadd_ps(b, c, a)
 #elif defined(CLOTHI_AVX)
 #  define CLOTHI_MADDF(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
 #  define CLOTHI_NMADDF(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
 #  define CLOTHI_MADDD(a, b, c)  _mm256_add_pd(a, _mm256_mul_pd(b, c))
 #  define CLOTHI_NMADDD(a, b, c) _mm256_sub_pd(a, _mm256_mul_pd(b, c))
-#  define CLOTHI_MADD8(a, b, c)  _mm256_add_ps(a, _mm256_mul_ps(b, c))
 #endif
 
 CLOTHI_LANE clothi_v4 clothi_zero4(void) {
@@ -7039,23 +6882,6 @@ CLOTHI_LANE clothi_v4 clothi_gather4(const void *L, const int *col, int k0, int 
                                      const int w) {
     clothi_v4 a = clothi_zero4(), b = a, c = a;
     int       k;
-#if defined(CLOTHI_AVX)
-    if (!w) {                               /* rows 0 and 1 together, z twice                  */
-        __m256 ab = _mm256_setzero_ps();
-        __m128 cc = _mm_setzero_ps();
-        for (k = k0; k < k1; k++) {
-            const float *B = (const float *)L + 12 * (size_t)k;
-            const float *u = (const float *)z + 4 * (size_t)col[k];
-            ab = CLOTHI_MADD8(ab, _mm256_loadu_ps(B),
-                              _mm256_broadcast_ps((const __m128 *)(const void *)u));
-            cc = CLOTHI_MADDF(cc, _mm_load_ps(B + 8), _mm_load_ps(u));
-        }
-        a.f = _mm256_castps256_ps128(ab);
-        b.f = _mm256_extractf128_ps(ab, 1);
-        c.f = cc;
-        return clothi_rows4(a, b, c, 0);
-    }
-#endif
     for (k = k0; k < k1; k++) {
         const clothi_v4 u = clothi_load4(z, (size_t)col[k], w);
         a = clothi_madd4(a, clothi_load4(L, 3 * (size_t)k, w), u, w);
@@ -7079,6 +6905,9 @@ CLOTHI_LANE void clothi_scatter4(const void *L, const int *col, int k0, int k1, 
         clothi_store4(z, j, clothi_sub4(v, q, w), w);
     }
 }
+
+/* Calls f with its last argument a constant: 1 for doubles, 0 for floats. */
+#define CLOTHI_BY_WIDTH(wide, f, ...) ((wide) ? f(__VA_ARGS__, 1) : f(__VA_ARGS__, 0))
 
 /* --- the solver's arrays --- */
 
@@ -7250,19 +7079,26 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
     return out;
 }
 
+/* The diagonal block of a row, 1 on fixed axes, into d [9]; returns their bits. */
+CLOTHI_LANE int clothi_diagonal(const cloth_linear_solver *s, int row, double *d) {
+    const int m = clothi_mask(s, row);
+    int       c;
+    clothi_masked(s->A->diag + 9 * (size_t)row, m | 8, m, d);
+    for (c = 0; c < 3; c++)
+        if (m >> c & 1) d[4 * c] = 1;
+    return m;
+}
+
 /* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
 CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
                                               clothi_tally *y) {
     const clothi_store *st = &s->store[s->wide];
     const double        least = s->wide ? 1e-13 : 1e-7;
-    int i, c;
+    int i;
     for (i = begin; i < end; i++) {
         const double *D = s->A->diag + 9 * (size_t)i;
-        const int     m = clothi_mask(s, i);
-        double d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
-        clothi_masked(D, m | 8, m, d);
-        for (c = 0; c < 3; c++)
-            if (m >> c & 1) d[4 * c] = 1;
+        double        d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
+        const int     m = clothi_diagonal(s, i, d);
         q = d[4] - d[3] * (d[3] / d[0]);
         if (!(d[0] > 0) || !(q > least * d[4])) break;
         l00 = sqrt(d[0]);
@@ -7308,23 +7144,30 @@ CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) 
     clothi_store4(a, i, clothi_add4(clothi_load4(a, i, w), v, w), w);
 }
 
+/* out <- G_i^-1 B, the records b0, b1, b2 of B and of out by rows. */
+CLOTHI_LANE void clothi_scale_rows(const clothi_store *st, int i, clothi_v4 b0, clothi_v4 b1,
+                                   clothi_v4 b2, void *out, size_t k, const int w) {
+    const size_t    g = 3 * (size_t)i;
+    const clothi_v4 z = clothi_zero4();
+    clothi_v4       r = clothi_madd4(z, clothi_lane4(st->G, g, 0, w), b0, w);
+    clothi_store4(out, 3 * k, r, w);
+    r = clothi_madd4(z, clothi_lane4(st->G, g, 1, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), b1, w);
+    clothi_store4(out, 3 * k + 1, r, w);
+    r = clothi_madd4(z, clothi_lane4(st->G, g, 2, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), b1, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), b2, w);
+    clothi_store4(out, 3 * k + 2, r, w);
+}
+
 /* out <- G_i^-1 B G_j^-T, three records by rows. */
 CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const double *B,
                                     void *out, size_t k, const int w) {
-    const size_t gi = 3 * (size_t)i, gj = 3 * (size_t)j;
+    const size_t    gj = 3 * (size_t)j;
     const clothi_v4 q0 = clothi_load4(st->G, gj, w), q1 = clothi_load4(st->G, gj + 1, w);
     const clothi_v4 q2 = clothi_load4(st->G, gj + 2, w);
-    const clothi_v4 b0 = clothi_mix4(B, q0, q1, q2, w), b1 = clothi_mix4(B + 3, q0, q1, q2, w);
-    const clothi_v4 b2 = clothi_mix4(B + 6, q0, q1, q2, w), z = clothi_zero4();
-    clothi_v4 r;
-    clothi_store4(out, 3 * k, clothi_madd4(z, clothi_lane4(st->G, gi, 0, w), b0, w), w);
-    r = clothi_madd4(z, clothi_lane4(st->G, gi, 1, w), b0, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, gi + 1, 1, w), b1, w);
-    clothi_store4(out, 3 * k + 1, r, w);
-    r = clothi_madd4(z, clothi_lane4(st->G, gi, 2, w), b0, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, gi + 1, 2, w), b1, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, gi + 2, 2, w), b2, w);
-    clothi_store4(out, 3 * k + 2, r, w);
+    clothi_scale_rows(st, i, clothi_mix4(B, q0, q1, q2, w), clothi_mix4(B + 3, q0, q1, q2, w),
+                      clothi_mix4(B + 6, q0, q1, q2, w), out, k, w);
 }
 
 /* Blocks [k0, k1) of row i: into Z of the row, and into V of the columns with scaling. */
@@ -7362,8 +7205,7 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1,
 
 CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z,
                                                int v, clothi_tally *y) {
-    if (s->wide) clothi_setup_any(s, i, k0, k1, z, v, y, 1);
-    else clothi_setup_any(s, i, k0, k1, z, v, y, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_setup_any, s, i, k0, k1, z, v, y);
 }
 
 /* Z and V of leaf d, or of S, to zero, then D into V. */
@@ -7390,8 +7232,7 @@ CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int d, const int w) {
 CLOTHI_OUTLINE static void clothi_setup_rows(cloth_linear_solver *s, int d) {
     clothi_factor_rows(s, s->p->dom[d], s->p->dom[d + 1], s->tally + d);
     if (s->tally[d].bad >= 0) return;
-    if (s->wide) clothi_setup_own(s, d, 1);
-    else clothi_setup_own(s, d, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_setup_own, s, d);
 }
 
 CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
@@ -7450,20 +7291,9 @@ CLOTHI_LANE void clothi_scale_row(const cloth_linear_solver *s, int i, const int
     const clothi_store  *st = &s->store[w];
     int m;
     for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
-        const size_t z = 3 * (size_t)m, g = 3 * (size_t)i;
-        clothi_v4    z0, z1, z2, r;
-        z0 = clothi_load4(st->Z, z, w);
-        z1 = clothi_load4(st->Z, z + 1, w);
-        z2 = clothi_load4(st->Z, z + 2, w);
-        r = clothi_zero4();
-        clothi_store4(st->Z, z, clothi_madd4(r, clothi_lane4(st->G, g, 0, w), z0, w), w);
-        r = clothi_madd4(clothi_zero4(), clothi_lane4(st->G, g, 1, w), z0, w);
-        r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), z1, w);
-        clothi_store4(st->Z, z + 1, r, w);
-        r = clothi_madd4(clothi_zero4(), clothi_lane4(st->G, g, 2, w), z0, w);
-        r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), z1, w);
-        r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), z2, w);
-        clothi_store4(st->Z, z + 2, r, w);
+        const size_t    z = 3 * (size_t)m;
+        const clothi_v4 z0 = clothi_load4(st->Z, z, w), z1 = clothi_load4(st->Z, z + 1, w);
+        clothi_scale_rows(st, i, z0, z1, clothi_load4(st->Z, z + 2, w), st->Z, (size_t)m, w);
     }
     for (m = 3 * p->vp[i]; m < 3 * p->vp[i + 1]; m++)
         clothi_store4(st->V, (size_t)m,
@@ -7479,10 +7309,8 @@ CLOTHI_OUTLINE static void clothi_coarse_range(int begin, int end, int worker, v
     (void)worker;
     for (a = begin; a < end; a++) {
         if (a < p->nc) memset(s->Ac + 3 * (size_t)a * n3, 0, 3 * n3 * sizeof(double));
-        for (k = p->member_start[a]; k < p->member_start[a + 1]; k++) {
-            if (s->wide) clothi_coarse_row(s, p->member[k], 1);
-            else clothi_coarse_row(s, p->member[k], 0);
-        }
+        for (k = p->member_start[a]; k < p->member_start[a + 1]; k++)
+            CLOTHI_BY_WIDTH(s->wide, clothi_coarse_row, s, p->member[k]);
     }
 }
 
@@ -7490,6 +7318,7 @@ CLOTHI_OUTLINE static void clothi_coarse_range(int begin, int end, int worker, v
  * fills them up to where those above reach. */
 static void clothi_setup_extras(cloth_linear_solver *s) {
     const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->store[s->wide];
     const size_t n3 = 3 * (size_t)p->nc;
     int          e, a, c, u, v, *reach = s->reach;
     memcpy(reach, p->reach, (size_t)p->nc * sizeof(int));
@@ -7498,8 +7327,7 @@ static void clothi_setup_extras(cloth_linear_solver *s) {
         double    cut[9];
         const double *B = clothi_masked(s->A->extra + 9 * (size_t)e, clothi_mask(s, i),
                                         clothi_mask(s, j), cut);
-        if (s->wide) clothi_scale_block(&s->store[1], i, j, B, s->store[1].E, (size_t)e, 1);
-        else clothi_scale_block(&s->store[0], i, j, B, s->store[0].E, (size_t)e, 0);
+        CLOTHI_BY_WIDTH(s->wide, clothi_scale_block, st, i, j, B, st->E, (size_t)e);
         u = p->agg[i], v = p->agg[j];
         if (u < 0 || v < 0) continue;
         for (a = 0; a < 3; a++)
@@ -7556,46 +7384,28 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
 
 /* c <- (U'U)^-1 c, both substitutions as sums of rows, those of one aggregate together; the
  * diagonals hold reciprocals. Rows of U end at reach; those of U' begin at the first that reaches
- * them. */
-CLOTHI_OUTLINE static void clothi_coarse_solve_f(const float *CLOTHI_RESTRICT U,
-                                                const float *CLOTHI_RESTRICT Ut,
-                                                float *CLOTHI_RESTRICT c, int n,
-                                                const int *reach) {
-    int j, k, first = n / 3 - 1;
-    for (k = 0; k < n; k += 3) {
-        const float *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const float f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
-        const float h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
-        for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
+ * them. One text for floats and doubles. */
+#define CLOTHI_COARSE_SOLVE(name, real)                                                           \
+    CLOTHI_OUTLINE static void name(const real *CLOTHI_RESTRICT U, const real *CLOTHI_RESTRICT Ut, \
+                                    real *CLOTHI_RESTRICT c, int n, const int *reach) {           \
+        int j, k, first = n / 3 - 1;                                                              \
+        for (k = 0; k < n; k += 3) {                                                              \
+            const real *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;                    \
+            const real  f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];    \
+            const real  h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];       \
+            for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];        \
+        }                                                                                         \
+        for (k = n - 3; k >= 0; k -= 3) {                                                         \
+            const real *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;                   \
+            const real  h = c[k + 2] *= T[k + 2];                                                 \
+            const real  g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];                      \
+            const real  f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];                           \
+            while (first > 0 && reach[first - 1] > k) first--;                                    \
+            for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];               \
+        }                                                                                         \
     }
-    for (k = n - 3; k >= 0; k -= 3) {
-        const float *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const float h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
-        const float f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
-        while (first > 0 && reach[first - 1] > k) first--;
-        for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
-    }
-}
-
-CLOTHI_OUTLINE static void clothi_coarse_solve_d(const double *CLOTHI_RESTRICT U,
-                                                const double *CLOTHI_RESTRICT Ut,
-                                                double *CLOTHI_RESTRICT c, int n,
-                                                const int *reach) {
-    int j, k, first = n / 3 - 1;
-    for (k = 0; k < n; k += 3) {
-        const double *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const double f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];
-        const double h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];
-        for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
-    }
-    for (k = n - 3; k >= 0; k -= 3) {
-        const double *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;
-        const double h = c[k + 2] *= T[k + 2], g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];
-        const double f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];
-        while (first > 0 && reach[first - 1] > k) first--;
-        for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];
-    }
-}
+CLOTHI_COARSE_SOLVE(clothi_coarse_solve_f, float)
+CLOTHI_COARSE_SOLVE(clothi_coarse_solve_d, double)
 
 /* cd [3nc] -> records m = Ac^-1 cd. */
 static void clothi_coarse_apply(cloth_linear_solver *s) {
@@ -7667,8 +7477,7 @@ CLOTHI_LANE void clothi_forward_any(cloth_linear_solver *s, int d, void *z, cons
 }
 
 CLOTHI_OUTLINE static void clothi_forward(cloth_linear_solver *s, int d, void *z) {
-    if (s->wide) clothi_forward_any(s, d, z, 1);
-    else clothi_forward_any(s, d, z, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_forward_any, s, d, z);
 }
 
 /* S, after the leaves; returns |z|^2 of all rows. */
@@ -7689,8 +7498,7 @@ CLOTHI_LANE void clothi_metres_any(const clothi_store *st, const void *z, int i,
 
 CLOTHI_OUTLINE static void clothi_metres(const clothi_store *st, const void *z, int i, double *q,
                                          int w) {
-    if (w) clothi_metres_any(st, z, i, q, 1);
-    else clothi_metres_any(st, z, i, q, 0);
+    CLOTHI_BY_WIDTH(w, clothi_metres_any, st, z, i, q);
 }
 
 /* max |G^-T x| of leaf d, or of S */
@@ -7773,10 +7581,7 @@ CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, voi
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
-    for (d = begin; d < end; d++) {
-        if (s->wide) clothi_back_leaf(s, d, 1);
-        else clothi_back_leaf(s, d, 0);
-    }
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_back_leaf, s, d);
 }
 
 static void clothi_back(cloth_linear_solver *s) {
@@ -7814,8 +7619,7 @@ CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, double f, const void 
 
 CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v,
                                                void *y) {
-    if (s->wide) clothi_extras_any(s, f, v, y, 1);
-    else clothi_extras_any(s, f, v, y, 0);
+    CLOTHI_BY_WIDTH(s->wide, clothi_extras_any, s, f, v, y);
 }
 
 /* m = Ac^-1 (Z's + P^' C s) */
@@ -7877,10 +7681,7 @@ CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, voi
     cloth_linear_solver *s = (cloth_linear_solver *)ctx;
     int                  d;
     (void)worker;
-    for (d = begin; d < end; d++) {
-        if (s->wide) clothi_turn_leaf(s, d, 1);
-        else clothi_turn_leaf(s, d, 0);
-    }
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_turn_leaf, s, d);
 }
 
 /* With extras, what comes before them. */
@@ -7920,22 +7721,29 @@ static void clothi_axpy(cloth_linear_solver *s, void *z, double f, const void *y
         clothi_put(z, k, clothi_get(z, k, s->wide) + f * clothi_get(y, k, s->wide), s->wide);
 }
 
-/* The step tau >= 0 along t from x that reaches |x + tau t| = radius (largest component, m); 0
- * where x is outside already or t is nothing. */
+/* The least tau >= 0 at which |x + tau d| reaches the radius (largest component); `tau` before:
+ * of other numbers, -1: there were none. */
+static double clothi_reach(double tau, const double *x, const double *d, size_t n, double radius) {
+    size_t i;
+    for (i = 0; i < n; i++)
+        if (fabs(d[i]) > 0) {
+            const double u = (radius - (d[i] > 0 ? x[i] : -x[i])) / fabs(d[i]);
+            if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
+        }
+    return tau;
+}
+
+/* The same along t from x, in metres. */
 static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
     const clothi_store *st = &s->store[s->wide];
     double tau = -1, x[4], t[4];
-    int    i, k;
+    int    i;
     for (i = 0; i < s->p->n; i++) {
         clothi_metres(st, st->x, i, x, s->wide);
         clothi_metres(st, st->t, i, t, s->wide);
-        for (k = 0; k < 3; k++)
-            if (fabs(t[k]) > 0) {
-                const double u = (radius - (t[k] > 0 ? x[k] : -x[k])) / fabs(t[k]);
-                if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
-            }
+        tau = clothi_reach(tau, x, t, 3, radius);
     }
-    return tau > 0 ? tau : 0;
+    return clothi_max(tau, 0);
 }
 
 CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
@@ -7990,8 +7798,7 @@ CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, vo
     (void)worker;
     for (d = begin; d < end; d++) {
         if (d == 0) s->bad_pivot = clothi_coarse_factor(s);
-        else if (s->wide) clothi_enter_rows(s, d - 1, 1);
-        else clothi_enter_rows(s, d - 1, 0);
+        else CLOTHI_BY_WIDTH(s->wide, clothi_enter_rows, s, d - 1);
         if (d > 0 && d <= s->p->nd) clothi_forward(s, d - 1, s->store[s->wide].w);
     }
 }
@@ -8030,20 +7837,14 @@ static clothi_run clothi_setup(cloth_linear_solver *s) {
 CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->store[w];
-    int i, k;
+    int i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const size_t at = (size_t)i;
-        clothi_v4    a = clothi_zero4(), b = a, c = a, x = a;
-        for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
-            const clothi_v4 u = clothi_load4(st->m, (size_t)p->zj[k], w);
-            a = clothi_madd4(a, clothi_load4(st->Z, 3 * (size_t)k, w), u, w);
-            b = clothi_madd4(b, clothi_load4(st->Z, 3 * (size_t)k + 1, w), u, w);
-            c = clothi_madd4(c, clothi_load4(st->Z, 3 * (size_t)k + 2, w), u, w);
-        }
+        const size_t    at = (size_t)i;
+        const clothi_v4 y = clothi_gather4(st->Z, p->zj, p->zp[i], p->zp[i + 1], st->m, w);
+        clothi_v4       x = clothi_zero4();
         if (p->agg[i] >= 0) x = clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w);
         clothi_store4(st->x, at, x, w);
-        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w),
-                                             clothi_rows4(a, b, c, w), w), w);
+        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w), y, w), w);
     }
     s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
 }
@@ -8054,8 +7855,7 @@ CLOTHI_OUTLINE static void clothi_start_leaves(int begin, int end, int worker, v
     int                  d;
     (void)worker;
     for (d = begin; d < end; d++) {
-        if (s->part != 2 && s->wide) clothi_start_rows(s, d, 1);
-        else if (s->part != 2) clothi_start_rows(s, d, 0);
+        if (s->part != 2) CLOTHI_BY_WIDTH(s->wide, clothi_start_rows, s, d);
         if (s->part != 1 && d < s->p->nd) clothi_forward(s, d, s->store[s->wide].r);
     }
 }
@@ -8180,12 +7980,8 @@ static double clothi_pivot_direction(cloth_linear_solver *s, double *x) {
     int i, k, l, row = s->bad_row;
     memset(x, 0, 3 * (size_t)p->n * sizeof(double));
     if (row >= 0) {
-        const double *D = s->A->diag + 9 * (size_t)row;
-        const int     m = clothi_mask(s, row);
-        double       *out = x + 3 * (size_t)p->vertex_of[row], d[9], u;
-        clothi_masked(D, m | 8, m, d);
-        for (k = 0; k < 3; k++)
-            if (m >> k & 1) d[4 * k] = 1;
+        double *out = x + 3 * (size_t)p->vertex_of[row], d[9], u;
+        (void)clothi_diagonal(s, row, d);
         out[0] = out[1] = out[2] = 0;
         if (!(d[0] > 0)) out[0] = 1;
         else if (!(d[4] - d[3] * d[3] / d[0] > 1e-13 * d[4])) {
@@ -8254,10 +8050,7 @@ static int clothi_jacobi_apply(cloth_linear_solver *s, const double *r, double *
         const int     v = s->p->vertex_of[i];
         const double *q = r + 3 * (size_t)v;
         double        d[9], c[3], det, *out = z + 3 * (size_t)v;
-        m = clothi_mask(s, i);
-        clothi_masked(s->A->diag + 9 * (size_t)i, m | 8, m, d);
-        for (k = 0; k < 3; k++)
-            if (m >> k & 1) d[4 * k] = 1;
+        m = clothi_diagonal(s, i, d);
         clothi_cross3(d + 3, d + 6, c);
         det = clothi_dot3(d, c);
         if (!(d[0] > 0) || !(d[0] * d[4] - d[1] * d[3] > 0) || !(det > 0)) {
@@ -8280,18 +8073,6 @@ static int clothi_jacobi_apply(cloth_linear_solver *s, const double *r, double *
         }
     }
     return 0;
-}
-
-/* tau with |x + tau d| = radius, x inside. */
-static double clothi_reach(const double *x, const double *d, size_t n, double radius) {
-    double tau = -1;
-    size_t i;
-    for (i = 0; i < n; i++)
-        if (fabs(d[i]) > 0) {
-            const double u = (radius - (d[i] > 0 ? x[i] : -x[i])) / fabs(d[i]);
-            if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
-        }
-    return tau > 0 ? tau : 0;
 }
 
 static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
@@ -8323,7 +8104,7 @@ static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, cloth
         for (i = 0, big = 0; i < n; i++)
             if (fabs(x[i] + alpha * d[i]) > big) big = fabs(x[i] + alpha * d[i]);
         if (g->radius > 0 && (g->negative || !(big <= g->radius))) {
-            tau = clothi_reach(x, d, n, g->radius);
+            tau = clothi_max(clothi_reach(-1, x, d, n, g->radius), 0);
             for (i = 0; i < n; i++) x[i] += tau * d[i];
             g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
             g->hit = 1;
@@ -10118,15 +9899,11 @@ CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, co
 static void clothi_derive_triangle(const cloth_model *m, const cloth_params *p, int f,
                                    double *rest, double *tau) {
     const cloth_material *mat = p->material + m->region[f];
-    const double         *c = p->X + 6 * (size_t)f;
-    double a = c[2] - c[0], b = c[4] - c[0], d = c[3] - c[1], e = c[5] - c[1];
-    double det = a * e - b * d;
-    rest[0 * CLOTHI_LANES] = e / det;
-    rest[1 * CLOTHI_LANES] = -b / det;
-    rest[2 * CLOTHI_LANES] = -d / det;
-    rest[3 * CLOTHI_LANES] = a / det;
-    rest[4 * CLOTHI_LANES] = 0.5 * det;
-    cloth_material_lame(mat, rest + 5 * CLOTHI_LANES, rest + 6 * CLOTHI_LANES);
+    double                B[7];
+    int                   k;
+    B[4] = clothi_rest_inverse(p->X + 6 * (size_t)f, B);
+    cloth_material_lame(mat, B + 5, B + 6);
+    for (k = 0; k < 7; k++) rest[k * CLOTHI_LANES] = B[k];
     *tau = mat->damping;
 }
 
@@ -11092,49 +10869,6 @@ typedef struct clothi_tri_parts {           /* one triangle's matrices, row-majo
     double E[4], En[4], Ea[4];
 } clothi_tri_parts;
 
-/* F [3 x 2] = edges of a at the corners v, times Di. */
-CLOTHI_OUTLINE static void clothi_tri_gradient(const double *a, const int *v, const double *Di,
-                                               double *F) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        double p = a[3 * v[1] + k] - a[3 * v[0] + k], q = a[3 * v[2] + k] - a[3 * v[0] + k];
-        F[2 * k] = p * Di[0] + q * Di[2];
-        F[2 * k + 1] = p * Di[1] + q * Di[3];
-    }
-}
-
-/* out [2 x 2] = F' G. */
-CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
-    out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
-    out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
-    out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
-    out[3] = F[1] * G[1] + F[3] * G[3] + F[5] * G[5];
-}
-
-/* out [3 x 2] = F S, S [2 x 2]. */
-CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
-        out[2 * k + 1] = F[2 * k] * S[1] + F[2 * k + 1] * S[3];
-    }
-}
-
-static void clothi_green(const double *F, double *E) {
-    int k;
-    clothi_ftg(F, F, E);
-    for (k = 0; k < 4; k++) E[k] = 0.5 * (E[k] - (k % 3 == 0 ? 1 : 0));
-}
-
-static void clothi_hooke(double mu, double lambda, const double *E, double *S) {
-    int k;
-    for (k = 0; k < 4; k++) S[k] = 2 * mu * E[k] + (k % 3 == 0 ? lambda * (E[0] + E[3]) : 0);
-}
-
-static double clothi_double_dot(const double *a, const double *b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-}
-
 /* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
 CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v,
                                              double scale, double *out) {
@@ -11146,16 +10880,6 @@ CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, 
         out[3 * v[2] + k] += q;
         out[3 * v[0] + k] -= p + q;
     }
-}
-
-static void clothi_tri_rest(const cloth_params *p, int f, clothi_tri_parts *t) {
-    const double *c = p->X + 6 * (size_t)f;
-    double a = c[2] - c[0], b = c[4] - c[0], d = c[3] - c[1], e = c[5] - c[1], det = a * e - b * d;
-    t->A = 0.5 * det;
-    t->Di[0] = e / det;
-    t->Di[1] = -b / det;
-    t->Di[2] = -d / det;
-    t->Di[3] = a / det;
 }
 
 /* G of the banner for one triangle, into its rest corners. */
@@ -11188,10 +10912,10 @@ static void clothi_triangle_vjp(const cloth_eval *e, int f, const double *a, clo
     double mu, lambda, rate = e->h > 0 ? mat->damping / e->h : 0, Ed[4], S[4], Q[4], D[4], V;
     clothi_tri_parts t;
     cloth_material_lame(mat, &mu, &lambda);
-    clothi_tri_rest(e->params, f, &t);
-    clothi_tri_gradient(e->x, v, t.Di, t.F);
-    clothi_tri_gradient(a, v, t.Di, t.Fa);
-    clothi_tri_gradient(e->x_n, v, t.Di, t.Fn);
+    t.A = clothi_rest_inverse(e->params->X + 6 * (size_t)f, t.Di);
+    clothi_deformation(e->x, v, t.Di, t.F);
+    clothi_deformation(a, v, t.Di, t.Fa);
+    clothi_deformation(e->x_n, v, t.Di, t.Fn);
     clothi_green(t.F, t.E);
     clothi_green(t.Fn, t.En);
     clothi_ftg(t.F, t.Fa, t.Ea);

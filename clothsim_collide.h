@@ -3666,7 +3666,7 @@ struct cloth_collide {
     double *area;                           /* [nw] m^2, a third of the faces around           */
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
     unsigned char  *dragging;               /* [mf] faces of bodies that penetrate themselves  */
-    unsigned char  *pinched;                /* [mf] faces in a pinch; NULL: none was yet       */
+    unsigned char  *pinched;                /* [mf] faces in a pinch                           */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
@@ -3688,9 +3688,9 @@ struct cloth_collide {
     clothi_table    row_of, contact_of;
     clothi_pair_id    *pair;                   /* of the broad phase                              */
     int             npair, pair_cap;
-    unsigned char  *hit;                    /* [hit_cap] CLOTHI_HIT_ bits of a pair            */
-    double         *hit_time;               /* [hit_cap] part of a segment that it leaves free */
     double         *slack;                  /* [hit_cap] m, from its range: not less at x_list */
+    double         *hit_time;               /* [hit_cap] part of a segment that it leaves free */
+    unsigned char  *hit;                    /* [hit_cap] CLOTHI_HIT_ bits of a pair            */
     int             hit_cap;
     double          h;
     const double   *v_n;                    /* [nv x 3] m/s at its start, the core's           */
@@ -3763,6 +3763,15 @@ static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int need
 
 #define CLOTHI_ROOM(c, list, need)          /* the same in c->list                             */ \
     clothi_grow((c)->hooks, (void **)&(c)->list, need, &(c)->list##_cap, sizeof *(c)->list)
+
+/* The list `from` of c becomes its list `to`; what `to` was is room for the next. */
+#define CLOTHI_TAKE(type, c, to, from)                                                            \
+    do {                                                                                          \
+        type     *was = (c)->to;                                                                  \
+        const int cap = (c)->to##_cap;                                                            \
+        (c)->to = (c)->from, (c)->n##to = (c)->n##from, (c)->to##_cap = (c)->from##_cap;          \
+        (c)->from = was, (c)->n##from = 0, (c)->from##_cap = cap;                                 \
+    } while (0)
 
 /* --- things by pair: open addressing --- */
 
@@ -3947,6 +3956,7 @@ static void clothi_world_fill(cloth_collide *c) {
         for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
         memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
         for (i = 0; i < 3 * b->nf; i++) c->faces[3 * b->f0 + i] = b->faces[i] + b->v0;
+        memset(c->dragging + b->f0, b->self_penetrating ? 1 : 0, (size_t)b->nf);
     }
 }
 
@@ -3980,10 +3990,11 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     const clothi_array plain[] = {{&c->faces, 3 * mf, one}, {&c->slot, nw, one},
                                  {&c->area, nw, real}, {&c->xa, 3 * nw, real},
                                  {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real},
-                                 {&c->box_f, 6 * mf, real}};
+                                 {&c->box_f, 6 * mf, real}, {&c->pinched, 2 * mf, 1}};
     int               i;
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
     if (status) return status;
+    c->dragging = c->pinched + mf;
     memcpy(c->faces, m->faces, 3 * (size_t)c->nf * sizeof(int));
     memcpy(c->xa, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->nv; i++) c->slot[i] = -1;
@@ -4451,20 +4462,26 @@ static cloth_status clothi_list_failed(cloth_collide *c, int kind, int a, int b)
     return status;
 }
 
-/* Lists c->now as what failed, and says what is wrong with them and what may be done. */
+/* Says what is wrong with what is listed as failed, and what may be done. */
+static cloth_status clothi_fail_listed(const cloth_collide *c, const char *what,
+                                       const char *advice) {
+    const cloth_collide_pair *p = c->failed;
+    if (!c->nfailed) return CLOTH_ERR_STEP;
+    return clothi_fail(c->hooks, CLOTH_ERR_STEP, "contact at t = %g s: %i pairs %s; the first: "
+                       "cloth's %s %i and %s %i of %s%s", c->sim->state.t, c->nfailed, what,
+                       p->faces ? "face" : p->edge_edge ? "edge" : "vertex", p->a,
+                       p->faces ? "face" : p->edge_edge ? "edge" : "face or slot", p->b,
+                       p->obstacle.id ? "an obstacle" : "cloth", advice);
+}
+
+/* Lists c->now as what failed. */
 static cloth_status clothi_fail_now(cloth_collide *c, const char *what, const char *advice) {
     cloth_status status = CLOTH_OK;
     int          i;
     c->nfailed = 0;
     for (i = 0; i < c->nnow && !status; i++)
         status = clothi_list_failed(c, c->now[i].kind, c->now[i].a, c->now[i].b);
-    if (status) return status;
-    return clothi_fail(c->hooks, CLOTH_ERR_STEP,
-                       "%i pairs %s; the first: cloth's %s %i and %s %i of "
-                       "%s%s",
-                       c->nfailed, what, c->failed[0].faces ? "face" : "vertex or edge",
-                       c->failed[0].a, c->failed[0].faces ? "face" : "face, edge or slot",
-                       c->failed[0].b, c->failed[0].obstacle.id ? "an obstacle" : "cloth", advice);
+    return status ? status : clothi_fail_listed(c, what, advice);
 }
 
 /* Looks for intersections; refuses or exempts them as the desc says. */
@@ -4481,10 +4498,7 @@ static uint64_t clothi_contact_seen(const cloth_collide *c) {
 
 /* c->now and the x of the sim are accepted. */
 static void clothi_exempt_accept(cloth_collide *c) {
-    clothi_pair_id *swap = c->exempt;
-    const int       cap = c->exempt_cap;
-    c->exempt = c->now, c->nexempt = c->nnow, c->exempt_cap = c->now_cap;
-    c->now = swap, c->nnow = 0, c->now_cap = cap;
+    CLOTHI_TAKE(clothi_pair_id, c, exempt, now);
     c->seen = clothi_contact_seen(c);
 }
 
@@ -4891,17 +4905,37 @@ static double clothi_contact_friction(const cloth_collide *c, const clothi_conta
                                   : size - eps / 3);
 }
 
-/* Adds K [3x3], on sum w x, to the matrix. */
+/* Which vertices of a contact are cloth, at [4], and how many. */
+static int clothi_contact_cloth(const cloth_collide *c, const clothi_contact *q, int *at) {
+    int n = 0, i;
+    for (i = 0; i < q->n; i++)
+        if (q->v[i] < c->nv) at[n++] = i;
+    return n;
+}
+
+/* Adds the squares of rows [m x 12] by the coordinates of vertices at [n], and K [3x3] (NULL: none)
+ * on sum w x, to the matrix. */
+static cloth_status clothi_contact_add(const clothi_contact *q, int n, const int *at,
+                                       const double *row, int m, const double *K,
+                                       cloth_matrix *A) {
+    double H[144];
+    int    v[4], i, j, k;
+    for (i = 0; i < n; i++) v[i] = q->v[at[i]];
+    for (i = 0; i < 3 * n; i++)
+        for (j = 0; j < 3 * (i / 3 + 1); j++) {         /* what the matrix reads */
+            double h = 0;
+            for (k = 0; k < m; k++) h += row[12 * k + i] * row[12 * k + j];
+            if (K) h += q->w[at[i / 3]] * q->w[at[j / 3]] * K[3 * (i % 3) + j % 3];
+            H[3 * n * i + j] = h;
+        }
+    return cloth_matrix_add_element(A, n, v, H);
+}
+
+/* K alone. */
 static cloth_status clothi_contact_spring(const cloth_collide *c, const clothi_contact *q,
                                           const double *K, cloth_matrix *A) {
-    double H[144];
-    int    v[4], at[4], n = 0, i, j;
-    for (i = 0; i < q->n; i++)
-        if (q->v[i] < c->nv) v[n] = q->v[i], at[n++] = i;
-    for (i = 0; i < 3 * n; i++)
-        for (j = 0; j < 3 * (i / 3 + 1); j++)           /* what the matrix reads */
-            H[3 * n * i + j] = q->w[at[i / 3]] * q->w[at[j / 3]] * K[3 * (i % 3) + j % 3];
-    return cloth_matrix_add_element(A, n, v, H);
+    int at[4];
+    return clothi_contact_add(q, clothi_contact_cloth(c, q, at), at, NULL, 0, K, A);
 }
 
 /* How the weights of a frame change along what the closest points can slide on: rate [2 x 4] by the
@@ -4978,23 +5012,15 @@ static int clothi_frame_bends(const cloth_collide *c, const clothi_contact *q, c
 static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_contact *q,
                                            const double *x, const double *K, cloth_matrix *A) {
     const clothi_frame *f = &q->at;
-    double H[144], row[36], press = clothi_frame_force(f, f->part);
-    int    v[4], at[4], n = 0, m, i, j, k;
-    for (i = 0; i < q->n; i++)
-        if (q->v[i] < c->nv) v[n] = q->v[i], at[n++] = i;
+    double    row[36], press = clothi_frame_force(f, f->part);
+    int       at[4], m, i, k;
+    const int n = clothi_contact_cloth(c, q, at);
     m = press > 0 ? clothi_frame_bends(c, q, x, at, n, row + 12) : 0;
     for (i = 0; i < 3 * n; i++) {
         row[i] = sqrt(clothi_frame_slope(f, f->part)) * f->w[at[i / 3]] * f->normal[i % 3];
         for (k = 1; k <= m; k++) row[12 * k + i] *= sqrt(press);
     }
-    for (i = 0; i < 3 * n; i++)
-        for (j = 0; j < 3 * (i / 3 + 1); j++) {         /* what the matrix reads */
-            double h = 0;
-            for (k = 0; k <= m; k++) h += row[12 * k + i] * row[12 * k + j];
-            if (K) h += q->w[at[i / 3]] * q->w[at[j / 3]] * K[3 * (i % 3) + j % 3];
-            H[3 * n * i + j] = h;
-        }
-    return cloth_matrix_add_element(A, n, v, H);
+    return clothi_contact_add(q, n, at, row, m + 1, K, A);
 }
 
 /* What couples the contacts q [n] of one cloth feature with one obstacle: (p - 1)/E times
@@ -5069,11 +5095,8 @@ static int clothi_vertex_side(const cloth_collide *c, int v, const double *norma
     double sum = 0;
     int    i;
     for (i = t->vf_start[v]; i < t->vf_start[v + 1]; i++) {
-        const int *f = c->faces + 3 * t->vf[i];
-        double     p[3], q[3], n[3];
-        clothi_sub3(c->xa + 3 * f[1], c->xa + 3 * f[0], p);
-        clothi_sub3(c->xa + 3 * f[2], c->xa + 3 * f[0], q);
-        clothi_cross3(p, q, n);
+        double n[3];
+        clothi_face_cross(c->xa, c->faces + 3 * t->vf[i], n);
         sum += clothi_dot3(n, normal);
     }
     return sum < 0;
@@ -5246,17 +5269,25 @@ static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
     return CLOTH_OK;
 }
 
-/* What the step before left under a key, or NULL. */
-static const clothi_anchor *clothi_anchor_of(const cloth_collide *c, const clothi_key *key) {
-    int low = 0, high = c->nnext;
+/* Number of the one in things [n x stride bytes], sorted by the keys that they begin with, that has
+ * this key, or -1. */
+static int clothi_key_find(const void *things, size_t stride, int n, const clothi_key *key) {
+    int low = 0, high = n;
     while (low < high) {
-        const int mid = low + (high - low) / 2;
-        const int order = clothi_key_compare(&c->next[mid].key, key);
-        if (order == 0) return c->next + mid;
+        const int   mid = low + (high - low) / 2;
+        const void *at = (const char *)things + (size_t)mid * stride;
+        const int   order = clothi_key_compare((const clothi_key *)at, key);
+        if (order == 0) return mid;
         if (order < 0) low = mid + 1;
         else high = mid;
     }
-    return NULL;
+    return -1;
+}
+
+/* What the step before left under a key, or NULL. */
+static const clothi_anchor *clothi_anchor_of(const cloth_collide *c, const clothi_key *key) {
+    const int at = clothi_key_find(c->next, sizeof *c->next, c->nnext, key);
+    return at < 0 ? NULL : c->next + at;
 }
 
 /* Fills contact q of a pair as it is at x, with what its anchor remembers; 0: it is none. */
@@ -5366,16 +5397,13 @@ enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* c->hit of a list    
 /* Room for what is known of each pair. */
 static cloth_status clothi_hits_reserve(cloth_collide *c) {
     if (c->npair <= c->hit_cap) return CLOTH_OK;
-    clothi_free(c->hooks, c->hit_time);
     clothi_free(c->hooks, c->slack);
-    clothi_free(c->hooks, c->hit);
-    c->hit_cap = 0;
-    c->hit_time = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, sizeof(double));
-    c->slack = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, sizeof(double));
-    c->hit = (unsigned char *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 1);
-    if (!c->hit_time || !c->slack || !c->hit)
+    c->slack = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 2 * sizeof(double) + 1);
+    c->hit_cap = c->slack ? c->pair_cap : 0;
+    if (!c->slack)
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair);
-    c->hit_cap = c->pair_cap;
+    c->hit_time = c->slack + c->hit_cap;
+    c->hit = (unsigned char *)(c->hit_time + c->hit_cap);
     return CLOTH_OK;
 }
 
@@ -5532,9 +5560,7 @@ static double clothi_pair_free(cloth_collide *c, int i) {
     for (j = 0; j < 4; j++)
         for (k = 0; k < 3; k++)
             y[3 * j + k] = x[3 * j + k] + (v[j] < c->nv ? c->way[3 * v[j] + k] : 0);
-    if (!(p->kind == CLOTHI_EE ? cloth_ccd_ee(x, y, start + radius, &toi)
-                               : cloth_ccd_vf(x, y, start + radius, &toi)))
-        return 1;
+    (void)clothi_ccd_pair(p->kind == CLOTHI_EE, x, y, start + radius, &toi);
     return toi;
 }
 
@@ -5731,16 +5757,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 static void clothi_hold_point(const cloth_collide *c, const cloth_hold *h, int k, const double *x,
                               double *point, double *normal) {
     const int *v = c->faces + 3 * (size_t)(c->obstacle[h->slot].f0 + h->face[k]);
-    double     d[3], e[3], size;
     int        i;
     for (i = 0; i < 3; i++)
         point[i] = h->weight[k][0] * x[3 * v[0] + i] + h->weight[k][1] * x[3 * v[1] + i] +
                    h->weight[k][2] * x[3 * v[2] + i];
-    clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
-    clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
-    clothi_cross3(d, e, normal);
-    size = sqrt(clothi_dot3(normal, normal));
-    for (i = 0; i < 3 && size > 0; i++) normal[i] /= size;
+    clothi_face_normal(x, v, normal);
 }
 
 /* Room between both points, m, along m [3]; A [2 x 3], n [2 x 3]. */
@@ -5954,23 +5975,6 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double
     for (k = 0; k < 2; k++) c->pinched[c->obstacle[h->slot].f0 + h->face[k]] = 1;
 }
 
-/* Arrays of one obstacle's search; they go with the world. */
-static cloth_status clothi_pinch_reserve(cloth_collide *c) {
-    const size_t nv = (size_t)c->nv, mf = (size_t)c->mf;
-    if (!c->held_of) {
-        c->held_of = (int *)clothi_alloc(c->hooks, nv, sizeof(int));
-        c->look = (unsigned char *)clothi_alloc(c->hooks, nv, 1);
-        c->caught = (cloth_hold *)clothi_alloc(c->hooks, nv, sizeof *c->caught);
-        c->hold_to = (double *)clothi_alloc(c->hooks, 3 * nv, sizeof(double));
-    }
-    if (!c->pinched) c->pinched = (unsigned char *)clothi_alloc(c->hooks, 2 * mf, 1);
-    c->dragging = c->pinched + mf;
-    if (!c->held_of || !c->look || !c->caught || !c->hold_to || !c->pinched)
-        return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for pinches of %i vertices",
-                           c->nv);
-    return CLOTH_OK;
-}
-
 /* The hierarchy of the obstacles as they begin, and how far each goes. */
 static void clothi_pinch_boxes(cloth_collide *c) {
     int o, i;
@@ -6062,27 +6066,14 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
     return status;
 }
 
-static int clothi_penetrates(const cloth_collide *c) {
-    int o, any = 0;
-    for (o = 0; o < c->nobstacle; o++)
-        any |= c->obstacle[o].used && c->obstacle[o].self_penetrating;
-    return any;
-}
-
 /* What is held in the substep, at the poses in xa and xb: of what was, what stays, and what is
  * caught. */
 static cloth_status clothi_pinch_begin(cloth_collide *c) {
     cloth_status status;
     int          i, n = 0;
     c->pinching = 0;
-    if (!clothi_penetrates(c)) return CLOTH_OK;
-    status = clothi_pinch_reserve(c);
-    if (status) return status;
+    if (!memchr(c->dragging, 1, (size_t)c->mf)) return CLOTH_OK;
     memset(c->pinched, 0, (size_t)c->mf);
-    for (i = 0; i < c->mf; i++) {
-        const int slot = c->slot[c->faces[3 * i]];
-        c->dragging[i] = slot >= 0 && c->obstacle[slot].self_penetrating;
-    }
     clothi_pinch_boxes(c);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
     for (i = 0; i < c->nholding; i++) {
@@ -6256,24 +6247,11 @@ static void clothi_row_bound(const cloth_collide *c, double t, double radius, do
     row->pass = c->report.passes;
 }
 
-/* A pair that touches at x^n and is not exempt has no side to be kept on: rounding took its gap. */
-static cloth_status clothi_no_side(cloth_collide *c, int kind, int a, int b) {
-    cloth_status status;
-    c->nfailed = 0;
-    status = clothi_list_failed(c, kind, a, b);
-    if (status) return status;
-    return clothi_fail(c->hooks, CLOTH_ERR_STEP, "contact: %s %i and %s %i have no gap at t = %g s",
-                       kind == CLOTHI_EE ? "edge" : "vertex", c->failed[0].a,
-                       kind == CLOTHI_EE ? "edge" : "face", c->failed[0].b, c->sim->state.t);
-}
-
 /* Looks at one pair over the substep; *hit counts, a row is made. */
 static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p, int *hit) {
     clothi_row   row;
     double       xa[12], xb[12], toi, held, start, sep, radius, t;
     const int    slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    int        (*ccd)(const double *, const double *, double, double *) =
-        p->kind == CLOTHI_EE ? cloth_ccd_ee : cloth_ccd_vf;
     memset(&row, 0, sizeof row);
     row.kind = p->kind, row.a = p->a, row.b = p->b;
     row.n = clothi_pair_vertices(c, p->kind, p->a, p->b, row.v);
@@ -6282,7 +6260,12 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     clothi_pair_points(c, c->xb, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b);
-    if (!(start > 0)) return clothi_no_side(c, p->kind, p->a, p->b);
+    if (!(start > 0)) {                     /* no side to be kept on: rounding took its gap */
+        cloth_status status;
+        c->nfailed = 0;
+        status = clothi_list_failed(c, p->kind, p->a, p->b);
+        return status ? status : clothi_fail_listed(c, "have no gap", "");
+    }
     t = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, row.v);
     sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
@@ -6292,7 +6275,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
         row.w[0] = 1, row.w[1] = -1;
         memcpy(row.normal, c->obstacle[slot].normal, sizeof row.normal);
         held = start;
-    } else if (!ccd(xa, xb, radius + sep, &toi))
+    } else if (!clothi_ccd_pair(p->kind == CLOTHI_EE, xa, xb, radius + sep, &toi))
         return CLOTH_OK;
     else
         held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
@@ -6329,8 +6312,7 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
         clothi_pair_points(c, c->xa, c->xa, v, 4, xa);
         clothi_pair_points(c, c->xb, c->xb, v, 4, xb);
         reach += CLOTHI_SEPARATION * (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
-        if (p->kind == CLOTHI_EE ? cloth_ccd_ee(xa, xb, reach, &toi)
-                                 : cloth_ccd_vf(xa, xb, reach, &toi))
+        if (clothi_ccd_pair(p->kind == CLOTHI_EE, xa, xb, reach, &toi))
             c->hit[i] |= CLOTHI_HIT_NEAR;
     }
 }
@@ -6574,10 +6556,12 @@ static void clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
     c->report.push = clothi_max(c->report.push, sqrt(push / mass));
 }
 
-/* Mean motion of the obstacles that a zone touches; 0: it touches none and nothing is pinned. */
-static int clothi_zone_carrier(const cloth_collide *c, const clothi_zone *q, double *motion) {
-    double weight = 0;
-    int    r, i, k, held = 0;
+/* Mean motion of the obstacles that a zone touches and of what is pinned; where there is none, that
+ * of its own momentum. */
+static void clothi_zone_motion(const cloth_collide *c, const clothi_zone *q, double *motion) {
+    const double *mass = c->sim->params.mass;
+    double        weight = 0;
+    int           r, i, k, held = 0;
     motion[0] = motion[1] = motion[2] = 0;
     for (r = 0; r < q->rows; r++) {
         const clothi_row *row = c->row + q->order[r];
@@ -6590,74 +6574,23 @@ static int clothi_zone_carrier(const cloth_collide *c, const clothi_zone *q, dou
                 motion[k] += fabs(row->w[i]) * (c->xb[3 * v + k] - c->xa[3 * v + k]);
         }
     }
+    for (i = 0; i < q->size && !held; i++) {
+        const int v = q->member[i];
+        weight += mass[v];
+        for (k = 0; k < 3; k++) motion[k] += mass[v] * (c->x_ie[3 * v + k] - c->xa[3 * v + k]);
+    }
     for (k = 0; k < 3 && weight > 0; k++) motion[k] /= weight;
-    return held;
 }
 
-/* Inverse of the symmetric A [3x3] times b; 0: singular. */
-static int clothi_solve3(const double *A, const double *b, double *x) {
-    double c[3][3], det;
-    int    k;
-    clothi_cross3(A + 3, A + 6, c[0]);
-    clothi_cross3(A + 6, A, c[1]);
-    clothi_cross3(A, A + 3, c[2]);
-    det = clothi_dot3(A, c[0]);
-    if (!(fabs(det) > 1e-12 * pow(fabs(A[0]) + fabs(A[4]) + fabs(A[8]), 3))) return 0;
-    for (k = 0; k < 3; k++) x[k] = (c[0][k] * b[0] + c[1][k] * b[1] + c[2][k] * b[2]) / det;
-    return 1;
-}
-
-/* member [n]: as one rigid body from xa with the momentum and the angular momentum of x_IE. */
-static void clothi_zone_rotate(cloth_collide *c, const int *member, int n) {
-    const double *mass = c->sim->params.mass;
-    double center[3] = {0, 0, 0}, move[3] = {0, 0, 0}, total = 0, L[3] = {0, 0, 0};
-    double J[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, turn[3] = {0, 0, 0}, angle, s, t;
-    int    i, j, k;
-    for (i = 0; i < n; i++) {
-        const int v = member[i];
-        total += mass[v];
-        for (k = 0; k < 3; k++) {
-            center[k] += mass[v] * c->xa[3 * v + k];
-            move[k] += mass[v] * (c->x_ie[3 * v + k] - c->xa[3 * v + k]);
-        }
-    }
-    for (k = 0; k < 3; k++) center[k] /= total, move[k] /= total;
-    for (i = 0; i < n; i++) {
-        const int    v = member[i];
-        double       r[3], d[3], l[3];
-        clothi_sub3(c->xa + 3 * v, center, r);
-        clothi_sub3(c->x_ie + 3 * v, c->xa + 3 * v, d);
-        clothi_cross3(r, d, l);
-        for (k = 0; k < 3; k++) {
-            L[k] += mass[v] * l[k];
-            for (j = 0; j < 3; j++)
-                J[3 * k + j] += mass[v] * ((k == j ? clothi_dot3(r, r) : 0) - r[k] * r[j]);
-        }
-    }
-    if (!clothi_solve3(J, L, turn)) turn[0] = turn[1] = turn[2] = 0;
-    angle = sqrt(clothi_dot3(turn, turn));
-    s = angle > 1e-9 ? sin(angle) / angle : 1;
-    t = angle > 1e-9 ? (1 - cos(angle)) / (angle * angle) : 0.5;
-    for (i = 0; i < n; i++) {               /* Rodrigues */
-        const int v = member[i];
-        double    r[3], p[3], q[3];
-        clothi_sub3(c->xa + 3 * v, center, r);
-        clothi_cross3(turn, r, p);
-        clothi_cross3(turn, p, q);
-        for (k = 0; k < 3; k++)
-            c->xb[3 * v + k] = center[k] + move[k] + r[k] + s * p[k] + t * q[k];
-    }
-}
-
-/* A zone becomes rigid: with its momentum or its carrier. */
+/* A zone becomes rigid: it goes as a whole. */
 static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
     double motion[3];
-    int    held = clothi_zone_carrier(c, q, motion), i, k;
+    int    i, k;
+    clothi_zone_motion(c, q, motion);
     for (i = 0; i < q->rows; i++) c->row[q->order[i]].multiplier = 0;
-    if (!held) clothi_zone_rotate(c, q->member, q->size);
     for (i = 0; i < q->size; i++) {
         const int v = q->member[i];
-        for (k = 0; held && k < 3; k++)
+        for (k = 0; k < 3; k++)
             if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k] + motion[k];
         c->moved[v] = 1;
         c->frozen[v] = 1;
@@ -6689,13 +6622,7 @@ static cloth_status clothi_failed_pairs(cloth_collide *c) {
     for (i = 0; i < c->nrow && !status; i++)
         if (c->row[i].pass >= c->report.passes - 1)
             status = clothi_list_failed(c, c->row[i].kind, c->row[i].a, c->row[i].b);
-    if (status || c->nfailed == 0) return status ? status : CLOTH_ERR_STEP;
-    return clothi_fail(c->hooks, CLOTH_ERR_STEP,
-                       "contact: %i pairs could not be resolved in %i passes at t = %g s; the "
-                       "first: %s %i and %s %i", c->nfailed, c->report.passes,
-                       c->sim->state.t, c->failed[0].edge_edge ? "edge" : "vertex",
-                       c->failed[0].a, c->failed[0].edge_edge ? "edge" : "face",
-                       c->failed[0].b);
+    return status ? status : clothi_fail_listed(c, "could not be resolved", "");
 }
 
 /* One pass over the rows, of which those of this pass are new. Large zones that sweeps did not
@@ -6861,12 +6788,6 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
  * checked: tests/test_collide_state.c, test_ledger.c, test_pinch.c
  */
 
-static cloth_status clothi_anchor_add(cloth_collide *c, const clothi_anchor *a) {
-    cloth_status status = CLOTHI_ROOM(c, next, c->nnext + 1);
-    if (!status) c->next[c->nnext++] = *a;
-    return status;
-}
-
 /* Axes of a contact's surface at world positions x: its normal and, in the plane across it, the
  * first edge of what is on the obstacle's side (cloth on cloth: on the second side). 0: no such
  * edge. */
@@ -6926,11 +6847,11 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
             clothi_world_pose(c, c->sim->state.x, 0, 0);
             status = clothi_contact_check(c);
         } else {
-            for (i = 0; i < c->nexempt && !status; i++)
-                status = clothi_exempt_add(c, c->exempt[i].kind, c->exempt[i].a, c->exempt[i].b);
-            for (i = 0; i < c->nanchor && !status; i++)
-                status = clothi_anchor_add(c, c->anchor + i);
+            status = CLOTHI_ROOM(c, now, c->nexempt);
+            if (!status) status = CLOTHI_ROOM(c, next, c->nanchor);
             if (!status) status = CLOTHI_ROOM(c, holding, c->nhold);
+            for (i = 0; i < c->nexempt && !status; i++) c->now[c->nnow++] = c->exempt[i];
+            for (i = 0; i < c->nanchor && !status; i++) c->next[c->nnext++] = c->anchor[i];
             for (i = 0; i < c->nhold && !status; i++) c->holding[c->nholding++] = c->hold[i];
         }
     }
@@ -7004,7 +6925,8 @@ static cloth_status clothi_contact_close(void *user, const double *x, int *impac
         clothi_contact_turn(c, q, a.slip);
         for (k = 0; k < 3; k++) a.slip[k] *= a.force;
         if (!last || clothi_key_compare(&last->key, &a.key) != 0) {
-            status = clothi_anchor_add(c, &a);
+            status = CLOTHI_ROOM(c, next, c->nnext + 1);
+            if (!status) c->next[c->nnext++] = a;
             continue;
         }
         last->force += a.force;
@@ -7077,10 +6999,8 @@ static int clothi_contact_moves(void *user) {
 /* Poses, and what the step under way has made of anchors, exempt pairs and holds, become state. */
 static void clothi_contact_commit(void *user, cloth_report *report) {
     cloth_collide *c = (cloth_collide *)user;
-    clothi_anchor *anchor = c->anchor;
-    cloth_hold    *hold = c->hold;
     double         least = c->thickest;
-    int            i, cap, active = 0;
+    int            i, active = 0;
     for (i = 0; i < c->nobstacle; i++) {
         clothi_obstacle *b = c->obstacle + i;
         if (!b->used) continue;
@@ -7088,12 +7008,8 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
         memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
     }
     if (c->begun) {                         /* not of a sim that sleeps */
-        cap = c->anchor_cap;
-        c->anchor = c->next, c->nanchor = c->nnext, c->anchor_cap = c->next_cap;
-        c->next = anchor, c->nnext = 0, c->next_cap = cap;
-        cap = c->hold_cap;
-        c->hold = c->holding, c->nhold = c->nholding, c->hold_cap = c->holding_cap;
-        c->holding = hold, c->nholding = 0, c->holding_cap = cap;
+        CLOTHI_TAKE(clothi_anchor, c, anchor, next);
+        CLOTHI_TAKE(cloth_hold, c, hold, holding);
         c->report.held = c->nhold;
         for (i = 0; i < c->mf && c->nhold; i++) c->report.exempt_faces += c->pinched[i];
         clothi_exempt_part(c);
@@ -7375,7 +7291,7 @@ static size_t clothi_contact_blocks(cloth_collide *c, int release) {
         c->qp_minv, c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame,
         c->way_in, c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
         c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
-        c->hit, c->hit_time, c->slack, c->anchor, c->next, c->exempt, c->now, c->failed,
+        c->slack, c->anchor, c->next, c->exempt, c->now, c->failed,
         c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
     int    o;
@@ -7500,7 +7416,8 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
         {&c->x_frame, 3 * nv, real}, {&c->way_in, 3 * nv, real}, {&c->moved, nv, 1},
         {&c->frozen, nv, 1}, {&c->zone_of, nv, one}, {&c->zone_number, nv, one},
         {&c->local, nv, one}, {&c->member, nv, one}, {&c->qp_minv, 3 * nv, real},
-        {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
+        {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real}, {&c->held_of, nv, one},
+        {&c->look, nv, 1}, {&c->caught, nv, sizeof *c->caught}, {&c->hold_to, 3 * nv, real},
         {&c->work, (size_t)c->nwork, sizeof *c->work},
         {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
     return clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
@@ -8129,7 +8046,7 @@ static void clothi_contact_out(const cloth_collide *c, int i, cloth_collide_cont
     out->limit = q.limit;
     for (k = 0; k < 3; k++) out->friction[k] = -q.tangent[k];
     for (k = 0; k < out->n; k++)
-        if (c->report.held && c->held_of && c->held_of[out->vertex[k]] >= 0)
+        if (c->report.held && c->held_of[out->vertex[k]] >= 0)
             out->flags |= CLOTH_CONTACT_HELD;
     if (i >= c->ncontact) out->flags |= CLOTH_CONTACT_ROW;
     else if (c->inexact) out->flags |= CLOTH_CONTACT_INEXACT;
@@ -8926,15 +8843,8 @@ static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, cons
 
 /* What an anchor gets, or NULL; sorted by key, as contacts are. */
 static clothi_memory *clothi_memory_of(clothi_memory *m, int n, const clothi_key *key) {
-    int low = 0, high = n;
-    while (low < high) {
-        const int mid = low + (high - low) / 2;
-        const int order = clothi_key_compare(&m[mid].key, key);
-        if (order == 0) return m + mid;
-        if (order < 0) low = mid + 1;
-        else high = mid;
-    }
-    return NULL;
+    const int at = clothi_key_find(m, sizeof *m, n, key);
+    return at < 0 ? NULL : m + at;
 }
 
 /* Derivative by the coefficient of a contact to those that made it. */
@@ -9152,16 +9062,14 @@ static int clothi_back_frozen(const cloth_collide *c, const clothi_contact *q) {
 static void clothi_back_end(clothi_flow *f, const double *share) {
     cloth_collide *c = f->c;
     clothi_adjoint *to = f->to;
-    clothi_memory *swap = to->after;
-    int            i, k, cap = to->after_cap;
+    int            i, k;
     for (i = 0; i < 3 * (c->nw - c->nv); i++)
         for (k = 0; k < 2; k++) {
             to->pose[0][i] += share[k] * to->world[k][i];
             to->pose[1][i] += (1 - share[k]) * to->world[k][i];
             to->world[k][i] = 0;
         }
-    to->after = to->before, to->nafter = to->nbefore, to->after_cap = to->before_cap;
-    to->before = swap, to->nbefore = 0, to->before_cap = cap;
+    CLOTHI_TAKE(clothi_memory, to, after, before);
 }
 
 /* cloth_contact.vjp, at the x where the substep ended, of which update() was told. */

@@ -1,4 +1,4 @@
-/* bench_grad.c - what a derivative costs, and how good it is: a run forwards and its tape backwards,
+/* bench_grad.c - what a derivative costs, and how good it is: a run forwards, its tape backwards,
  * in one program, by CPU time; all causes are asked for. Also what a tape costs the forward run.
  *   cc -std=c99 -O3 -march=native -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION \
  *      bench/bench_grad.c -lm && ./a.out
@@ -7,9 +7,9 @@
  *
  * tolerances: the same at N = 32 over the tolerance of the steps. A step that stops early is a
  * minimum of something else: the gradient's error is its relative distance from the one at 1e-10 m,
- * by the initial positions and by the stretch moduli; 'told' is the report's own estimate of it. The
- * one at 1e-10 m, free, is itself compared with central differences of such runs by the moduli; on
- * the sphere differences over 20 steps say nothing, of any width from 1e-4 to 1e-7: contacts and
+ * by the initial positions and by the stretch moduli; 'told' is the report's own estimate of it.
+ * The one at 1e-10 m, free, is itself compared with central differences of such runs by the moduli;
+ * on the sphere differences over 20 steps say nothing, of any width from 1e-4 to 1e-7: contacts and
  * their sticking change in between (steps of it: tests/test_grad_contact.c).
  * Charts: out/bench/grad_ratio.svg, grad_error.svg. */
 #define _XOPEN_SOURCE 600
@@ -240,7 +240,7 @@ static void tolerances(void) {
                                  {"BDF2, sphere", CLOTH_INTEGRATOR_BDF2, 0, 1e4, 1, 32}};
     const char *const  x = "tolerance of a step (m)";
     plot              *ratio = plot_open("Cost of a derivative", x, "backward over forward, CPU");
-    plot              *error = plot_open("Error of a derivative", x, "relative, by first positions");
+    plot              *error = plot_open("Error of a derivative", x, "relative, by positions");
     FILE              *csv = bench_csv("grad_tolerance", "scene,tolerance_m,forward_ms,ratio,error,"
                                                          "error_moduli,told,valid");
     int                i;

@@ -78,37 +78,48 @@ static cloth_collide *sphere(cloth_sim *sim) {
     return c;
 }
 
-/* The sheet as its recording begins: on the sphere it lies by then. x: [2 x nv x 3] from an earlier
- * call, or NULL; returns it. Y: N/m. */
-static double *scene_begin(const scene *q, double Y, double *x, cloth_model **model,
-                           cloth_sim **sim, cloth_collide **c) {
-    cloth_desc   d = bench_desc(Y, 3e-5, x ? q->tolerance : 1e-8);
-    cloth_state *s;
-    size_t       n;
-    int          k;
+/* The sheet, Y in N/m, and its sphere; NULL: none. */
+static cloth_collide *scene_make(const scene *q, double Y, cloth_model **model, cloth_sim **sim) {
+    cloth_desc d = bench_desc(Y, 3e-5, q->tolerance);
     d.integrator = q->by;
     if (q->touch) d.contact = CLOTH_CONTACT_OBSTACLES;
     CHECK(!bench_sheet(&d, q->side, model, sim));
-    s = cloth_sim_state(*sim);
-    n = 3 * (size_t)cloth_sim_params(*sim)->nv;
-    *c = q->touch ? sphere(*sim) : NULL;
-    if (x) memcpy(s->x, x, n * sizeof *x), memcpy(s->v, x + n, n * sizeof *x);
-    if (x) cloth_sim_state_changed(*sim);
-    for (k = 0; !x && k < (q->touch ? 13 : 1); k++) CHECK(!cloth_step(*sim, 1.0 / 60, NULL));
-    if (x) return x;
-    x = (double *)bench_get(2 * n, sizeof *x);
+    return q->touch ? sphere(*sim) : NULL;
+}
+
+/* Where every run begins, [2 x nv x 3] x and v: on the sphere the sheet lies by then. */
+static double *scene_start(scene q) {
+    cloth_model       *model;
+    cloth_sim         *sim;
+    cloth_collide     *c;
+    const cloth_state *s;
+    const size_t       n = 3 * (size_t)q.side * (size_t)q.side;
+    double            *x = (double *)bench_get(2 * n, sizeof *x);
+    int                k;
+    q.tolerance = 1e-8;
+    c = scene_make(&q, q.Y, &model, &sim);
+    for (k = 0; k < (q.touch ? 13 : 1); k++) CHECK(!cloth_step(sim, 1.0 / 60, NULL));
+    s = cloth_sim_state(sim);
     memcpy(x, s->x, n * sizeof *x), memcpy(x + n, s->v, n * sizeof *x);
+    cloth_collide_destroy(c), bench_free(&model, &sim);
     return x;
 }
 
+static void scene_place(cloth_sim *sim, const double *x) {
+    const size_t n = 3 * (size_t)cloth_sim_params(sim)->nv;
+    cloth_state *s = cloth_sim_state(sim);
+    memcpy(s->x, x, n * sizeof *x), memcpy(s->v, x + n, n * sizeof *x);
+    cloth_sim_state_changed(sim);
+}
+
 /* The loss alone, at the moduli times 1 + by; its value. */
-static double loss_of(const scene *q, double by, double *x) {
+static double loss_of(const scene *q, double by, const double *x) {
     cloth_model   *model;
     cloth_sim     *sim;
-    cloth_collide *c;
+    cloth_collide *c = scene_make(q, q->Y * (1 + by), &model, &sim);
     double         loss = 0;
     int            k;
-    scene_begin(q, q->Y * (1 + by), x, &model, &sim, &c);
+    scene_place(sim, x);
     for (k = 0; k < FRAMES; k++) CHECK(!cloth_step(sim, 1.0 / 60, NULL));
     for (k = 0; k < 3 * cloth_sim_params(sim)->nv; k++)
         loss += 0.5 * pow(cloth_sim_state(sim)->x[k] - 0.5, 2);
@@ -118,22 +129,19 @@ static double loss_of(const scene *q, double by, double *x) {
 }
 
 /* CPU s of the run from x; with a tape also of its way back, and its derivatives, to be freed. */
-static double forward(const scene *q, double *x, int tape, cloth_grad_report *rep, double *back,
-                      outputs *out) {
+static double forward(const scene *q, const double *x, int tape, cloth_grad_report *rep,
+                      double *back, outputs *out) {
     cloth_tape_options o = cloth_tape_options_default();
     cloth_model       *model;
     cloth_sim         *sim;
     cloth_tape        *t = NULL;
-    cloth_collide     *c;
+    cloth_collide     *c = scene_make(q, q->Y, &model, &sim);
     double             t0, cpu;
     int                k;
-    scene_begin(q, q->Y, x, &model, &sim, &c);
     o.tolerance = 1e-8;
+    scene_place(sim, x);
     CHECK(!cloth_step(sim, 1.0 / 60, NULL));            /* allocations */
-    memcpy(cloth_sim_state(sim)->x, x, 3 * (size_t)cloth_sim_params(sim)->nv * sizeof *x);
-    memcpy(cloth_sim_state(sim)->v, x + 3 * cloth_sim_params(sim)->nv,
-           3 * (size_t)cloth_sim_params(sim)->nv * sizeof *x);
-    cloth_sim_state_changed(sim);
+    scene_place(sim, x);
     if (tape) CHECK(!cloth_tape_create(sim, &o, &t));
     t0 = bench_cpu();
     for (k = 0; k < FRAMES; k++) CHECK(!cloth_step(sim, 1.0 / 60, NULL));
@@ -170,14 +178,10 @@ static void ratios(void) {
         for (side = 32; side <= 64; side *= 2) {
             scene             q = rows[i];
             cloth_grad_report rep;
-            cloth_model      *model;
-            cloth_sim        *sim;
-            cloth_collide    *c;
             outputs           out;
             double            back = 0, plain, taped, *x;
             q.side = side;
-            x = scene_begin(&q, q.Y, NULL, &model, &sim, &c);
-            cloth_collide_destroy(c), bench_free(&model, &sim);
+            x = scene_start(q);
             plain = forward(&q, x, 0, &rep, &back, NULL);
             taped = forward(&q, x, 1, &rep, &back, &out);
             printf("  %-14s %3d %6.0e %8.2f %8.2f %9.2f %6.2f %9.1e %8.1e %6.1f %7.1f %d\n",
@@ -199,15 +203,11 @@ static void ratios(void) {
 static void over_tolerance(const scene *at, plot *ratio, plot *error, FILE *csv) {
     static const double tolerance[] = {1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
     scene               q = *at;
-    cloth_model        *model;
-    cloth_sim          *sim;
-    cloth_collide      *c;
     outputs             best, out;
     const int           n = 3 * q.side * q.side, r = plot_series(ratio, q.name);
     const int           e = plot_series(error, q.name);
-    double             *x = scene_begin(&q, q.Y, NULL, &model, &sim, &c), by = 0;
+    double             *x = scene_start(q), by = 0;
     int                 i, k;
-    cloth_collide_destroy(c), bench_free(&model, &sim);
     for (i = 0; i < (int)(sizeof tolerance / sizeof *tolerance); i++) {
         cloth_grad_report rep;
         double            back, cpu, off = 0, all = 0, moduli;

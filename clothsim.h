@@ -1965,7 +1965,7 @@ static int clothi_fault_count(clothi_checker *c, cloth_mesh_fault kind, int inde
     do {                                                                                         \
         if (clothi_fault_count(c, kind, index))                                                  \
             clothi_say((c)->hooks,                                                               \
-                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,        \
+                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,          \
                        clothi_fault_status(kind), __VA_ARGS__);                                  \
     } while (0)
 

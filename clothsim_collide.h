@@ -6179,8 +6179,10 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  *              min sum m_i |x_i - x_IE,i|^2 / 2     s.t. all its rows so far              [6.1]
  *
  * is looked at again, and what it hits joins, until nothing does [BFA02] [HVTG08]. A zone that the
- * program cannot solve, or not within desc.max_passes, goes on as one rigid body; if that hits too,
- * it stays where it was. Where that leads nowhere an implicit step tries once more, from where the
+ * program cannot solve, or not within desc.max_passes, goes on as one body that does not turn; if
+ * that hits too, it stays where it was. (To let it turn was worse: two spinning sheets that meet at
+ * 70 m/s, leapfrog, max_passes 2: 23 of 24 steps failed for none; with 3 the angular momentum was
+ * 1.1 % off for 0.3.) Where that leads nowhere an implicit step tries once more, from where the
  * obstacles' surfaces carry cloth, and with narrower gaps: for layers between an arm and a chest.
  * Then the step fails. (To hold what zones cannot part was worse: a shirt's jump ended at once.)
  *

@@ -22,6 +22,8 @@ typedef struct play {                       /* one scripted run                 
     cloth_integrator integrator;
     int    substeps, given, ties, still;    /* given: masses; still: nothing changes in time   */
     double calm;                            /* of the wind, 1                                  */
+    double wobble;                          /* m, of the first pin, up and down from step 10 on */
+    int   *again;                           /* NULL, or counts substeps taken as implicit Euler */
     double h, tolerance, step;              /* step: of differences                            */
     size_t bytes;                           /* of the tape; 0                                  */
     int    by;                              /* what is moved, by eps times its direction       */
@@ -141,6 +143,7 @@ static inline void play_say(const play *p, scene *s, cloth_attachment *extra, in
     if (p->with & WITH_FORCE) CHECK(cloth_sim_set_force(s->sim, f) == CLOTH_OK);
     for (i = 0; i < 3; i++)
         to[i] = s->mesh->x[i] + (still ? 0 : 2e-3 * k * (i + 1)) + moved(p, BY_PIN, n * k + i);
+    if (k >= 10) to[1] += k % 2 ? p->wobble : -p->wobble;
     if (p->with & WITH_PINS) CHECK(cloth_sim_pin(s->sim, 0, CLOTH_AXIS_ALL, to) == CLOTH_OK);
     if (p->with & WITH_PINS) {
         for (i = 0; i < 3; i++) to[i] = s->mesh->x[n - 3 + i] + moved(p, BY_PIN, n * k + n - 3 + i);
@@ -205,11 +208,11 @@ static inline double play_run(const play *p, scene *s, cloth_tape **tape, int on
     }
     loss_at(0, cloth_sim_state(s->sim)->x, cloth_sim_state(s->sim)->v, NULL, NULL, &u);
     for (k = 0; k < p->steps; k++) {
-        cloth_status status;
+        cloth_report r;
         play_say(p, s, &extra, k);
         play_change(p, s, k);
-        status = cloth_step(s->sim, p->h, NULL);
-        CHECK(status == CLOTH_OK);
+        CHECK(cloth_step(s->sim, p->h, p->again ? &r : NULL) == CLOTH_OK);
+        if (p->again) *p->again += r.restarts;
         loss_at(k + 1, cloth_sim_state(s->sim)->x, cloth_sim_state(s->sim)->v, NULL, NULL, &u);
     }
     return u.value;

@@ -3712,7 +3712,7 @@ struct cloth_collide {
     double          approach;               /* CLOTHI_APPROACH or CLOTHI_SQUEEZED              */
     /* pinches */
     int            *held_of;                /* [nv] number in holding, -1                      */
-    cloth_hold     *caught;                 /* [nv] A0: where what goes out leaves; scratch    */
+    cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held ends                */
     unsigned char  *look;                   /* [nv] CLOTHI_HELD, _LED, _OUT; scratch            */
     int             pinching;               /* somebody was caught or let go                   */
@@ -5727,9 +5727,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            from face to face, of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
  *            the share s of the way from A0 to A1 that it had when it was caught. Where the points
- *            slid, s comes back by at most t a substep. Where that would be inside of one part when
- *            the substep ends, p goes out of it at once (a skirt's walk by swinging hands: 0.19 %
- *            of it in the body for 0.27, 1 step of 120 halved for 4; a long skirt's: 13 for 2)
+ *            slid, s comes back by at most t a substep. (To lead p out at once where that would end
+ *            inside of one part helped a skirt's walk, 0.19 % of it in the body for 0.27; a long
+ *            skirt's halved 13 steps of 120 for 2, and on random motions another one failed)
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep
  *
  * The pull, k/2 |x - to|^2 with k 0.3 of the membrane's stiffness, 3 on what is led out and 30 on
@@ -5781,7 +5781,6 @@ static double clothi_hold_room(const cloth_collide *c, const cloth_hold *h, cons
 
 typedef struct clothi_catch {               /* a search for the nearest face                   */
     const cloth_collide *c;
-    const double        *x;                 /* pose: xa or xb                                  */
     int                  slot;
     const double        *from;              /* of p: unit, from what is to be on its other side */
     const double        *turned;            /* unit, of a face that p is to be inside of       */
@@ -5794,11 +5793,11 @@ static double clothi_catch_far(int face, const double *p, void *ctx) {
     double               w[3], d[3], n[3], d2;
     int                  k, found = 1;
     if (c->slot[v[0]] != q->slot) return HUGE_VAL;
-    d2 = clothi_face_distance2(q->x, v, p, w);
-    clothi_face_cross(q->x, v, n);
+    d2 = clothi_face_distance2(c->xa, v, p, w);
+    clothi_face_cross(c->xa, v, n);
     for (k = 0; k < 3; k++)
-        d[k] = p[k] - w[0] * q->x[3 * v[0] + k] - w[1] * q->x[3 * v[1] + k] -
-               w[2] * q->x[3 * v[2] + k];
+        d[k] = p[k] - w[0] * c->xa[3 * v[0] + k] - w[1] * c->xa[3 * v[1] + k] -
+               w[2] * c->xa[3 * v[2] + k];
     if (q->from)
         found = clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2) && clothi_dot3(n, d) > 0;
     if (q->turned)
@@ -5814,7 +5813,7 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
     double        A[6], n[6], m[3], from[3], d[3], start;
     clothi_catch  q;
     int           i, k, f;
-    q.c = c, q.x = c->xa, q.slot = slot, q.from = q.turned = NULL;
+    q.c = c, q.slot = slot, q.from = q.turned = NULL;
     memset(h, 0, sizeof *h);
     h->vertex = v, h->slot = slot;
     for (k = 0; k < 2; k++) {
@@ -5860,43 +5859,40 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
     }
 }
 
-/* Where point k of a hold is on the surface, at the pose x, of the part that p has sunk into: the
- * nearest face that p is inside of, turned as the point's is, whose weights go into b; -1: p is
- * outside of it. */
-static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, const double *x,
-                              const double *p, int k, double *b) {
-    double       A[3], n[3], d[3], d2 = CLOTHI_HUGE;
-    clothi_catch q;
-    int          f;
-    clothi_hold_point(c, h, k, x, A, n);
+/* Where point k of a hold is on the surface of the part that p has sunk into: the nearest face that
+ * p is inside of, turned as the point's is, whose weights go into b; -1: p is outside of it. */
+static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, int k, double *b) {
+    const double *p = c->xa + 3 * h->vertex;
+    double        A[3], n[3], d[3], d2 = CLOTHI_HUGE;
+    clothi_catch  q;
+    int           f;
+    clothi_hold_point(c, h, k, c->xa, A, n);
     clothi_sub3(p, A, d);
     if (!(clothi_dot3(d, n) < 0)) return -1;
-    q.c = c, q.x = x, q.slot = h->slot, q.from = NULL, q.turned = n;
+    q.c = c, q.slot = h->slot, q.from = NULL, q.turned = n;
     f = clothi_bvh_nearest(&c->solid, p, clothi_catch_far, &q, &d2);
-    if (f >= 0) (void)clothi_face_distance2(x, c->faces + 3 * f, p, b);
+    if (f >= 0) (void)clothi_face_distance2(c->xa, c->faces + 3 * f, p, b);
     return f;
 }
 
-/* The way out of what is at p, the body at x, by a point of the surface, A0 of h then, to where it
- * ends (`to` may be p): of what is inside of one part, to above the side that it came in by, or
- * else above what is nearest; of what is outside, t away from what is nearest. 0: another part is
- * there. */
-static int clothi_hold_out(const cloth_collide *c, cloth_hold *h, const double *x, const double *p,
-                           int inside, double *to) {
-    const clothi_surface body = {x, c->faces, c->dragging, NULL, &c->solid};
-    const double         t = c->obstacle[h->slot].thickness;
-    double               A[3], n[3], d[3], above[3], d2 = CLOTHI_HUGE;
+/* The way out, `to`, by a point of the surface, A0 of h then: of what is inside of one part, to
+ * above the side that it came in by, or else above what is nearest; of what is outside, t away from
+ * what is nearest. 0: another part is there. */
+static int clothi_hold_out(const cloth_collide *c, cloth_hold *h, int inside, double *to) {
+    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
+    const double        *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
+    double               A[3], n[3], above[3], d2 = CLOTHI_HUGE;
     cloth_hold           out = *h;
     int                  side, f = -1, i;
     for (side = inside ? 0 : 2; side < 3 && f < 0; side++) {
-        f = side < 2 ? clothi_hold_behind(c, h, x, p, side, out.weight[0])
+        f = side < 2 ? clothi_hold_behind(c, h, side, out.weight[0])
                      : clothi_surface_nearest(&body, p, &d2, out.weight[0]);
         if (f < 0) continue;
         out.face[0] = f - c->obstacle[h->slot].f0;
-        clothi_hold_point(c, &out, 0, x, A, n);
-        clothi_sub3(p, A, d);
+        clothi_hold_point(c, &out, 0, c->xa, A, n);
+        clothi_sub3(p, A, to);
         for (i = 0; i < 3; i++) above[i] = A[i] + CLOTHI_GAP * t * n[i];
-        if (inside && (clothi_dot3(d, n) > 0 || clothi_surface_winding(&body, above) != 0)) f = -1;
+        if (inside && (clothi_dot3(to, n) > 0 || clothi_surface_winding(&body, above) != 0)) f = -1;
     }
     if (f < 0) return 0;
     if (side == 2) {                        /* by A1, which is A0 from now on */
@@ -5905,7 +5901,7 @@ static int clothi_hold_out(const cloth_collide *c, cloth_hold *h, const double *
     }
     *h = out;
     clothi_hold_point(c, h, 0, c->xb, A, n);
-    for (i = 0; i < 3; i++) to[i] = A[i] + (inside ? CLOTHI_GAP * t * n[i] : d[i] + t * n[i]);
+    for (i = 0; i < 3; i++) to[i] = A[i] + (inside ? CLOTHI_GAP * t * n[i] : to[i] + t * n[i]);
     return 1;
 }
 
@@ -5917,7 +5913,7 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, cloth_hold *h, dou
     const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness, share = h->share;
     double        A[6], B[6], n[6], m[3], d[3], end[6], room, along, drift;
     int           k, wind = clothi_surface_winding(&body, p);
-    if (wind == 1 && clothi_hold_out(c, h, c->xa, p, 1, to)) return CLOTHI_OUT;
+    if (wind == 1 && clothi_hold_out(c, h, 1, to)) return CLOTHI_OUT;
     if (wind <= 0) {
         if (!clothi_catch_vertex(c, h->vertex, h->slot, CLOTHI_OPENED, h)) return CLOTHI_LET_GO;
         h->share = share;
@@ -5981,19 +5977,15 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double
     for (k = 0; k < 2; k++) c->pinched[c->obstacle[h->slot].f0 + h->face[k]] = 1;
 }
 
-/* The hierarchy of the obstacles at the pose x. */
-static void clothi_pinch_boxes(cloth_collide *c, const double *x) {
-    clothi_swept_boxes(c->nw - c->nv, x + 3 * (size_t)c->nv, NULL, 0,
+/* The hierarchy of the obstacles as they begin, and how far each goes. */
+static void clothi_pinch_boxes(cloth_collide *c) {
+    int o, i;
+    clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * (size_t)c->nv, NULL, 0,
                        c->box_v + 6 * (size_t)c->nv);
     clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
                       c->box_f + 6 * (size_t)c->nf);
     clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
     c->solid_known = 0;
-}
-
-/* How far each obstacle goes. */
-static void clothi_pinch_ways(cloth_collide *c) {
-    int o, i;
     for (o = 0; o < c->nobstacle; o++) {
         clothi_obstacle *b = c->obstacle + o;
         double           d[3], way2 = 0;
@@ -6023,7 +6015,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
     int          o, i;
     for (o = 0; o < c->nobstacle && !status; o++) {
         clothi_catch job;
-        job.c = c, job.x = c->xa, job.slot = o, job.from = job.turned = NULL;
+        job.c = c, job.slot = o, job.from = job.turned = NULL;
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
@@ -6047,10 +6039,9 @@ static cloth_status clothi_pinch_out(cloth_collide *c, int v, int slot) {
     if (status) return status;
     memset(h, 0, sizeof *h);
     h->vertex = v, h->slot = slot;
-    if (!clothi_hold_out(c, h, c->xa, c->xa + 3 * v, 0, c->hold_to + 3 * v)) return CLOTH_OK;
+    if (!clothi_hold_out(c, h, 0, c->hold_to + 3 * v)) return CLOTH_OK;
     h->face[1] = h->face[0];
     memcpy(h->weight[1], h->weight[0], sizeof h->weight[0]);
-    c->caught[v] = *h;
     c->held_of[v] = c->nholding++;
     c->look[v] = CLOTHI_LED;
     return CLOTH_OK;
@@ -6077,20 +6068,6 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
     return status;
 }
 
-/* What is held and would end inside of one part goes out of it at once; its points stay. */
-static void clothi_pinch_end(cloth_collide *c) {
-    const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
-    int                  i;
-    clothi_pinch_boxes(c, c->xb);
-    for (i = 0; i < c->nholding; i++) {
-        const int v = c->holding[i].vertex;
-        double   *to = c->hold_to + 3 * v;
-        if (c->look[v] != CLOTHI_HELD || clothi_surface_winding(&body, to) != 1) continue;
-        c->caught[v] = c->holding[i];
-        if (clothi_hold_out(c, c->caught + v, c->xb, to, 1, to)) c->look[v] = CLOTHI_OUT;
-    }
-}
-
 /* What is held in the substep, at the poses in xa and xb: of what was, what stays, and what is
  * caught. */
 static cloth_status clothi_pinch_begin(cloth_collide *c) {
@@ -6099,8 +6076,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     c->pinching = 0;
     if (!memchr(c->dragging, 1, (size_t)c->mf)) return CLOTH_OK;
     memset(c->pinched, 0, (size_t)c->mf);
-    clothi_pinch_boxes(c, c->xa);
-    clothi_pinch_ways(c);
+    clothi_pinch_boxes(c);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
     for (i = 0; i < c->nholding; i++) {
         cloth_hold h = c->holding[i];
@@ -6110,14 +6086,13 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
             continue;
         }
         c->held_of[h.vertex] = n;
-        c->holding[n++] = c->caught[h.vertex] = h;
+        c->holding[n++] = h;
     }
     c->nholding = n;
     for (i = 0; i < n; i++)
         clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
     status = clothi_pinch_catch(c);
     if (!status) status = clothi_pinch_lead(c);
-    if (!status && c->nholding > 0) clothi_pinch_end(c);
     c->pinching |= c->nholding > n;
     return status;
 }
@@ -6742,7 +6717,7 @@ static void clothi_carried(cloth_collide *c) {
     const clothi_surface all = {c->xa, c->faces, NULL, NULL, &c->solid};
     const double         reach = CLOTHI_CARRIED * c->thickest;
     int                  i, j, k, f;
-    clothi_pinch_boxes(c, c->xa);
+    clothi_pinch_boxes(c);
     for (i = 0; i < c->nv; i++) {
         const cloth_hold *h = clothi_held(c, i) ? c->holding + c->held_of[i] : NULL;
         double            A[3], B[3], w[3], way[3] = {0, 0, 0}, d2 = reach * reach, part = 1;
@@ -9052,7 +9027,6 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
 /* What holds cloth in pinches: where it goes to what carries it, and to x^n. */
 static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     const cloth_collide *c = f->c;
-    const cloth_hold    *way = c->caught + h->vertex;
     const int            leaves = c->look[h->vertex] != CLOTHI_HELD;
     const double         drag = clothi_hold_pull(c, h->vertex);
     double A[6], n[6], out[3], to[3], along;
@@ -9062,9 +9036,9 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
         clothi_flow_add(f, 1, h->vertex, 1, to);
         return;
     }
-    for (i = 0; i < 3 && leaves; i++)       /* with the point of the surface that it leaves by */
-        clothi_flow_add(f, 1, c->faces[3 * (c->obstacle[way->slot].f0 + way->face[0]) + i],
-                        way->weight[0][i], to);
+    for (i = 0; i < 3 && leaves; i++)       /* with the point of the surface where h is */
+        clothi_flow_add(f, 1, c->faces[3 * (c->obstacle[h->slot].f0 + h->face[0]) + i],
+                        h->weight[0][i], to);
     if (leaves) return;
     (void)clothi_hold_room(c, h, c->xb, A, n, out);
     along = clothi_dot3(to, out);

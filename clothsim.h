@@ -8320,10 +8320,12 @@ static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1
     int k, p, i;
     for (k = k0; k < k1; k++) {
         double *c = panel + (size_t)k * ld, d, inv;
-        for (p = k0; p < k; p++) {
-            const double *b = panel + (size_t)p * ld;
-            const double  s = sign[p] * b[k];
-            for (i = k; i < m; i++) c[i] -= s * b[i];
+        for (p = k0; p < k; p += 3) {           /* three at a time: c is read once for them    */
+            const int     p1 = p + 1 < k ? p + 1 : p, p2 = p + 2 < k ? p + 2 : p;
+            const double *b0 = panel + (size_t)p * ld, *b1 = panel + (size_t)p1 * ld;
+            const double *b2 = panel + (size_t)p2 * ld, s0 = sign[p] * b0[k];
+            const double  s1 = p1 > p ? sign[p1] * b1[k] : 0, s2 = p2 > p ? sign[p2] * b2[k] : 0;
+            for (i = k; i < m; i++) c[i] -= s0 * b0[i] + s1 * b1[i] + s2 * b2[i];
         }
         d = c[k];
         sign[k] = d < 0 ? -1.0 : 1.0;
@@ -12431,18 +12433,7 @@ CLOTHI_RARE_END
  *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
  *
  * Forces: undamped triangles with bending take the path of [6.5] "stretch and bending in one".
- * Tried, ns per element and substep at N = 32, -O3 -march=x86-64-v3, hinge / quadratic:
- *     12 numbers stored per hinge, 18 summed corners at a vertex                      13.1 / 8.3
- *     forces per triangle from pulls per hinge, scalar loads of the pulls             10.4 / 8.0
- *     no root and no octants where eight hinges are flat at rest and below 22 degrees;
- *       quadratic pulls as points, loaded like positions                               8.0 / 6.7
- *     stretch from the edges' dot products (hinge only)                                7.65
- * At plain -O2, which has no AVX, the same code takes 12.4 / 11.5.
- * A reserve of m/32 substeps instead of m/16 costs no energy and saves 3 %. Lost: safety 0.97 or
- * 0.96, and looking at the stretch every 8 substeps: 3 %, 1.5 % faster, but a sheet that snaps from
- * stretch 2 gained 35 to 60 % energy, or a swinging one 9 %. The scene of bench_explicit.c turns
- * unstable below 52 substeps, 62 are taken: the largest stretch sits at held corners, where the
- * fastest mode does not.
+ * What was tried for it and for the reserve of a substep, and what lost: bench_explicit.c.
  *
  * Contact looks at every substep: the drift x(n) -> x(n+1) is brought to the nearest feasible point
  * and v(n+1/2) made to approach nothing that it met there, a projection on a cone, which takes

@@ -4199,6 +4199,9 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
 
 #define CLOTHI_LANES 8
 
+typedef const double *CLOTHI_RESTRICT clothi_in;       /* arrays of lanes that do not overlap    */
+typedef double *CLOTHI_RESTRICT       clothi_out;
+
 /* psd == 2 asks for the reflected model: a negative principal stress s counts as
  * CLOTHI_REFLECT |s| instead of 0. Still semidefinite, and a better guess of how far compressed
  * cloth moves: one Newton iteration in five is saved at Y = 1e5 N/m (0.1 to 2 differ little). */
@@ -4219,9 +4222,8 @@ CLOTHI_HOT void clothi_sqrt_lanes(double *a) {
 }
 
 /* Positions of 8 elements into out [corners*3][8]: x [nv x 3], index [corners][8] vertices. */
-CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
-                                    const int *CLOTHI_RESTRICT index, int corners,
-                                    double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT void clothi_gather_lanes(clothi_in x, const int *CLOTHI_RESTRICT index, int corners,
+                                    clothi_out out) {
     int c, k;
 #if defined(CLOTHI_AVX)
     for (c = 0; c < corners; c++)
@@ -4268,10 +4270,9 @@ CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
 /* f [nv x 3] of the vertices [begin, end) = scale times the sum of their corners' entries in the
  * batches' forces: entry[start[v] .. stop[v]) are offsets of the axis x, y and z lie 8 and 16
  * further. */
-CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
-                                   const int *start, const int *stop,
+CLOTHI_HOT void clothi_sum_corners(clothi_in forces, const int *start, const int *stop,
                                    const int *CLOTHI_RESTRICT entry, int begin, int end,
-                                   double scale, double *CLOTHI_RESTRICT f) {
+                                   double scale, clothi_out f) {
     int v, k;
     for (v = begin; v < end; v++) {
         double s0 = 0.0, s1 = 0.0, s2 = 0.0;
@@ -4289,10 +4290,8 @@ CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
 
 /* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
 
-CLOTHI_HOT void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
-                                    double *CLOTHI_RESTRICT E, double *CLOTHI_RESTRICT f,
-                                    double *CLOTHI_RESTRICT H, int psd) {
+CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_out E, clothi_out f,
+                                    clothi_out H, int psd) {
     enum { L = CLOTHI_LANES };
     double len[L], across[L], along[L], u[3][L];
     int    k, i, j;
@@ -4399,18 +4398,13 @@ CLOTHI_LANE double clothi_tri_energy(double e0, double e1, double e2, const doub
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT void clothi_stretch_forces(const double *CLOTHI_RESTRICT x,
-                                      const double *CLOTHI_RESTRICT rest,
-                                      double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces(clothi_in x, clothi_in rest, clothi_out f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
 }
 
-CLOTHI_HOT void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
-                                             const double *CLOTHI_RESTRICT rest,
-                                             const double *CLOTHI_RESTRICT strain_n,
-                                             const double *CLOTHI_RESTRICT damp,
-                                             double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces_damped(clothi_in x, clothi_in rest, clothi_in strain_n,
+                                             clothi_in damp, clothi_out f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++)
         clothi_tri_force(clothi_tri_damped(clothi_tri_at(x, rest, k), strain_n, damp, k), rest, k,
@@ -4418,9 +4412,7 @@ CLOTHI_HOT void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
 }
 
 /* strain [3][8]: E11, E22, E12 of x. What a step hands on as strain_n. */
-CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
-                                    double *CLOTHI_RESTRICT strain) {
+CLOTHI_HOT void clothi_strain_lanes(clothi_in x, clothi_in rest, clothi_out strain) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -4444,9 +4436,7 @@ CLOTHI_LANE void clothi_stretch_squares(const double *x, const double *rest, dou
 }
 
 /* The smaller of them, for reports. */
-CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
-                                         const double *CLOTHI_RESTRICT rest,
-                                         double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT void clothi_smallest_stretch2(clothi_in x, clothi_in rest, clothi_out out) {
     double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
     int    k;
     clothi_stretch_squares(x, rest, mean, radius);
@@ -4457,9 +4447,7 @@ CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
 }
 
 /* The larger ones; returns the largest of the eight. */
-CLOTHI_HOT double clothi_largest_stretch2(const double *CLOTHI_RESTRICT x,
-                                          const double *CLOTHI_RESTRICT rest,
-                                          double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT double clothi_largest_stretch2(clothi_in x, clothi_in rest, clothi_out out) {
     double mean[CLOTHI_LANES], radius[CLOTHI_LANES], big = 0;
     int    k;
     clothi_stretch_squares(x, rest, mean, radius);
@@ -4468,9 +4456,7 @@ CLOTHI_HOT double clothi_largest_stretch2(const double *CLOTHI_RESTRICT x,
     return big;
 }
 
-CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
-                                        const double *CLOTHI_RESTRICT rest,
-                                        double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_stretch_energies(clothi_in x, clothi_in rest, clothi_out E) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -4478,11 +4464,8 @@ CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_stretch_losses(const double *CLOTHI_RESTRICT x,
-                                      const double *CLOTHI_RESTRICT rest,
-                                      const double *CLOTHI_RESTRICT strain_n,
-                                      const double *CLOTHI_RESTRICT damp,
-                                      double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_stretch_losses(clothi_in x, clothi_in rest, clothi_in strain_n,
+                                      clothi_in damp, clothi_out Ed) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -4503,11 +4486,8 @@ typedef struct clothi_tri_batch {
 } clothi_tri_batch;
 
 /* mu' = (1 + damp) mu: the damping's material part. */
-CLOTHI_HOT void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
-                                       const double *CLOTHI_RESTRICT rest,
-                                       const double *CLOTHI_RESTRICT strain_n,
-                                       const double *CLOTHI_RESTRICT damp,
-                                       clothi_tri_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in rest, clothi_in strain_n,
+                                       clothi_in damp, clothi_tri_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -4543,8 +4523,8 @@ CLOTHI_HOT void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
-                                           clothi_tri_batch *CLOTHI_RESTRICT w, int psd) {
+CLOTHI_HOT void clothi_stretch_stress_part(clothi_in rest, clothi_tri_batch *CLOTHI_RESTRICT w,
+                                           int psd) {
     enum { L = CLOTHI_LANES };
     const double reflect = psd > 1 ? CLOTHI_REFLECT : 0.0;
     const double keep = 0.5 * (1.0 - reflect), turn = 0.5 * (1.0 + reflect);
@@ -4571,8 +4551,7 @@ CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
 }
 
 /* Blocks 11, 22 and 21. */
-CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
-                                      double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w, clothi_out H) {
     enum { L = CLOTHI_LANES };
     static const int packed[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
     int              k, r, c;
@@ -4595,8 +4574,7 @@ CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
 }
 
 /* As clothi_hinge_close, for three corners. */
-CLOTHI_HOT void clothi_stretch_close(const double *CLOTHI_RESTRICT from,
-                                     double *CLOTHI_RESTRICT to) {
+CLOTHI_HOT void clothi_stretch_close(clothi_in from, clothi_out to) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
@@ -4719,7 +4697,7 @@ CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment
     f[11 * L + k] = -r2;
 }
 
-CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT l) {
+CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -4730,7 +4708,7 @@ CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x, double *CLO
     clothi_sqrt_lanes(l);
 }
 
-CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT theta) {
+CLOTHI_HOT void clothi_theta_lanes(clothi_in x, clothi_out theta) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -4741,9 +4719,7 @@ CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x, double *CLOT
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
-                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_forces(clothi_in x, clothi_in rest, clothi_out f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -4756,13 +4732,9 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
 }
 
 /* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
-CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
-                                     const double *CLOTHI_RESTRICT rest,
-                                     const double *CLOTHI_RESTRICT theta_n,
-                                     const double *CLOTHI_RESTRICT damp,
-                                     double *CLOTHI_RESTRICT moment,
-                                     double *CLOTHI_RESTRICT E,
-                                     double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_hinge_moments(clothi_in theta, clothi_in rest, clothi_in theta_n,
+                                     clothi_in damp, clothi_out moment, clothi_out E,
+                                     clothi_out Ed) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double bent = clothi_wrap(theta[k] - rest[CLOTHI_LANES + k]);
@@ -4773,9 +4745,7 @@ CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
     }
 }
 
-CLOTHI_HOT void clothi_hinge_turn(const double *CLOTHI_RESTRICT x,
-                                  const double *CLOTHI_RESTRICT moment,
-                                  double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_turn(clothi_in x, clothi_in moment, clothi_out f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -4791,8 +4761,7 @@ typedef struct clothi_fold_batch {
     double km[2][3][CLOTHI_LANES], t[2][CLOTHI_LANES], g[3][3][CLOTHI_LANES];
 } clothi_fold_batch;
 
-CLOTHI_HOT void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
-                                     clothi_fold_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_hinge_prepare(clothi_in x, clothi_fold_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     double l[L], e[3][L], il[L], c1[L], c2[L], k1[L], k2[L], m1[L], m2[L];
     int    k, r;
@@ -4836,9 +4805,8 @@ CLOTHI_HOT void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
         }
 }
 
-CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                    const double *CLOTHI_RESTRICT moment,
-                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in moment,
+                                    clothi_out f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (r = 0; r < 3; r++)
@@ -4853,9 +4821,8 @@ CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w,
 }
 
 /* Blocks among the corners 1, 2, 3: square times g g', and moment times the second derivative. */
-CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                    const double *CLOTHI_RESTRICT square,
-                                    double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in square,
+                                    clothi_out H) {
     enum { L = CLOTHI_LANES };
     static const int block[6][3] = {            /* its number, row and column in g */
         {1, 0, 0}, {2, 1, 1}, {3, 2, 2}, {6, 1, 0}, {8, 2, 0}, {9, 2, 1}};
@@ -4863,29 +4830,26 @@ CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
     for (b = 0; b < 6; b++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *CLOTHI_RESTRICT g = w->g[block[b][1]][r];
-                const double *CLOTHI_RESTRICT q = w->g[block[b][2]][c];
-                double *CLOTHI_RESTRICT       out = H + (9 * block[b][0] + 3 * r + c) * L;
+                clothi_in  g = w->g[block[b][1]][r], q = w->g[block[b][2]][c];
+                clothi_out out = H + (9 * block[b][0] + 3 * r + c) * L;
                 for (k = 0; k < L; k++) out[k] = square[k] * (g[k] * q[k]);
             }
 }
 
-CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                   const double *CLOTHI_RESTRICT moment,
-                                   double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in moment,
+                                   clothi_out H) {
     enum { L = CLOTHI_LANES };
     int s, r, c, k;
     for (s = 0; s < 2; s++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *CLOTHI_RESTRICT p = w->p[s][r], *CLOTHI_RESTRICT q = w->p[s][c];
-                const double *CLOTHI_RESTRICT zr = w->z1[s][r], *CLOTHI_RESTRICT zc = w->z1[s][c];
-                const double *CLOTHI_RESTRICT yr = w->z2[s][r], *CLOTHI_RESTRICT yc = w->z2[s][c];
-                const double *CLOTHI_RESTRICT kr = w->km[s][r], *CLOTHI_RESTRICT kc = w->km[s][c];
-                const double *CLOTHI_RESTRICT t = w->t[s];
-                double *CLOTHI_RESTRICT       h11 = H + (9 + 3 * r + c) * L;
-                double *CLOTHI_RESTRICT       h22 = H + (9 * (2 + s) + 3 * r + c) * L;
-                double *CLOTHI_RESTRICT       h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
+                clothi_in  p = w->p[s][r], q = w->p[s][c], t = w->t[s];
+                clothi_in  zr = w->z1[s][r], zc = w->z1[s][c];
+                clothi_in  yr = w->z2[s][r], yc = w->z2[s][c];
+                clothi_in  kr = w->km[s][r], kc = w->km[s][c];
+                clothi_out h11 = H + (9 + 3 * r + c) * L;
+                clothi_out h22 = H + (9 * (2 + s) + 3 * r + c) * L;
+                clothi_out h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
                 for (k = 0; k < L; k++) {
                     const double m = moment[k];
                     h22[k] += m * (p[k] * yc[k] + yr[k] * q[k]);
@@ -4897,7 +4861,7 @@ CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
 
 /* The blocks of corner 0 by the vanishing sums: from = block 11 of the array that `to` begins. Two
  * pointers, because what is read and what is written do not overlap. */
-CLOTHI_HOT void clothi_hinge_close(const double *CLOTHI_RESTRICT from, double *CLOTHI_RESTRICT to) {
+CLOTHI_HOT void clothi_hinge_close(clothi_in from, clothi_out to) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
@@ -4955,9 +4919,7 @@ CLOTHI_LANE double clothi_quadratic_sum(const double *x, const double *rest, int
            + rest[4 * L + k] * (x[(9 + r) * L + k] - x0);
 }
 
-CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
-                                        const double *CLOTHI_RESTRICT rest,
-                                        double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_quadratic_forces(clothi_in x, clothi_in rest, clothi_out f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (r = 0; r < 3; r++)
@@ -4970,9 +4932,7 @@ CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
         }
 }
 
-CLOTHI_HOT void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
-                                          const double *CLOTHI_RESTRICT rest,
-                                          double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_quadratic_energies(clothi_in x, clothi_in rest, clothi_out E) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (k = 0; k < L; k++) E[k] = 0.0;
@@ -5013,11 +4973,8 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
 
 /* M/l where all eight hinges are flat at rest and below 22 degrees: with w = tan(theta) = l y/x,
  * atan(w)/l = (y/x) (atan(w)/w), an even function of w, so neither a root nor octants. */
-CLOTHI_HOT void clothi_shallow_pulls(const double *CLOTHI_RESTRICT rest,
-                                     const double *CLOTHI_RESTRICT l2,
-                                     const double *CLOTHI_RESTRICT y,
-                                     const double *CLOTHI_RESTRICT x,
-                                     double *CLOTHI_RESTRICT pull) {
+CLOTHI_HOT void clothi_shallow_pulls(clothi_in rest, clothi_in l2, clothi_in y, clothi_in x,
+                                     clothi_out pull) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double slope = y[k] / x[k];
@@ -5025,11 +4982,8 @@ CLOTHI_HOT void clothi_shallow_pulls(const double *CLOTHI_RESTRICT rest,
     }
 }
 
-CLOTHI_HOT void clothi_steep_pulls(const double *CLOTHI_RESTRICT rest,
-                                   const double *CLOTHI_RESTRICT l,
-                                   const double *CLOTHI_RESTRICT y,
-                                   const double *CLOTHI_RESTRICT x,
-                                   double *CLOTHI_RESTRICT pull) {
+CLOTHI_HOT void clothi_steep_pulls(clothi_in rest, clothi_in l, clothi_in y, clothi_in x,
+                                   clothi_out pull) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double angle = clothi_atan2(l[k] * y[k], x[k]);
@@ -5038,9 +4992,7 @@ CLOTHI_HOT void clothi_steep_pulls(const double *CLOTHI_RESTRICT rest,
 }
 
 /* theta = atan2(l y, x) and l^2. */
-CLOTHI_HOT void clothi_hinge_folds(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT l2,
-                                   double *CLOTHI_RESTRICT sine,
-                                   double *CLOTHI_RESTRICT cosine) {
+CLOTHI_HOT void clothi_hinge_folds(clothi_in x, clothi_out l2, clothi_out sine, clothi_out cosine) {
     static const double one[CLOTHI_LANES] = {1, 1, 1, 1, 1, 1, 1, 1};
     int                 k;
     for (k = 0; k < CLOTHI_LANES; k++) {
@@ -5066,9 +5018,7 @@ CLOTHI_UNUSED static void clothi_hinge_pulls(const double *x, const double *rest
     clothi_steep_pulls(rest, l, sine, cosine, pull);
 }
 
-CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
-                                       const double *CLOTHI_RESTRICT rest,
-                                       double *CLOTHI_RESTRICT pull) {
+CLOTHI_HOT void clothi_quadratic_pulls(clothi_in x, clothi_in rest, clothi_out pull) {
     enum { L = CLOTHI_LANES };
     double s[3][L];
     int    r, k;
@@ -5081,10 +5031,7 @@ CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT side,
-                                    const double *CLOTHI_RESTRICT pull,
-                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_winged_hinge(clothi_in x, clothi_in side, clothi_in pull, clothi_out f) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -5121,11 +5068,8 @@ CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_winged_quadratic(const double *CLOTHI_RESTRICT x,
-                                        const double *CLOTHI_RESTRICT rest,
-                                        const double *CLOTHI_RESTRICT pull,
-                                        const double *CLOTHI_RESTRICT side,
-                                        double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_winged_quadratic(clothi_in x, clothi_in rest, clothi_in pull, clothi_in side,
+                                        clothi_out f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     double stress[3][L], F[6][L];
@@ -10333,8 +10277,8 @@ typedef struct clothi_pass {                /* one sweep over one group         
  * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close().
  * A slot's lowest bit says that the matrix holds the transpose. Turning lanes into blocks is a
  * transposition of 4x4 numbers; by single numbers it costs twice as much. */
-CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot,
-                                                const int *id, const double *H) {
+CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot, const int *id,
+                                               const double *H) {
     int lane, q;
     for (lane = 0; lane < CLOTHI_LANES; lane++) {
         double *A = clothi_matrix_block(p->hess, slot[lane]);
@@ -10470,9 +10414,8 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
 }
 
 /* The definite Hessian of eight hinges, c (1+s) dtheta dtheta': its off-diagonal blocks. */
-CLOTHI_HOT void clothi_hinge_definite(const double *CLOTHI_RESTRICT x,
-                                      const double *CLOTHI_RESTRICT rest, const double *damp,
-                                      double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_definite(clothi_in x, clothi_in rest, const double *damp,
+                                      clothi_out H) {
     double one[CLOTHI_LANES], g[12 * CLOTHI_LANES], w[12 * CLOTHI_LANES];
     int    lane, k, q;
     for (lane = 0; lane < CLOTHI_LANES; lane++) one[lane] = 1;
@@ -10521,18 +10464,15 @@ static void clothi_batch(const clothi_pass *p, int b) {
     if (p->hess) clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
 }
 
-static void clothi_pass_chunks(int begin, int end, int worker, void *ctx) {
-    const clothi_pass *p = (const clothi_pass *)ctx;
-    int b, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+static void clothi_pass_batches(int begin, int end, int worker, void *ctx) {
+    int b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) clothi_batch(p, b);
+    for (b = begin; b < end; b++) clothi_batch((const clothi_pass *)ctx, b);
 }
 
 static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
-    int b;
-    (void)worker;
-    for (b = p->g->domain[begin]; b < p->g->domain[end]; b++) clothi_batch(p, b);
+    clothi_pass_batches(p->g->domain[begin], p->g->domain[end], worker, ctx);
 }
 
 /* n a multiple of CLOTHI_LANES. */
@@ -10563,8 +10503,7 @@ static double clothi_sweep(clothi_pass *p, double *loss) {
         clothi_for(p->own->hooks, g->ndomain, 1, clothi_pass_domains, p);
         clothi_pass_domains(g->ndomain, g->ndomain + 1, 0, p);
     } else {
-        clothi_for(p->own->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-                   clothi_pass_chunks, p);
+        clothi_for(p->own->hooks, g->nbatch, CLOTHI_CHUNK, clothi_pass_batches, p);
     }
     if (p->energy) energy = clothi_lane_sum(p->energy, n);
     if (p->energy && p->el->damped && p->inv_h > 0) lost = clothi_lane_sum(p->loss, n);
@@ -10597,9 +10536,9 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     double x[12 * CLOTHI_LANES];
-    int    b, k, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+    int    b, k;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * CLOTHI_LANES;
         double *start = p->el->start + (size_t)b * (size_t)p->el->nstart * CLOTHI_LANES;
         clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
@@ -10625,8 +10564,7 @@ static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
     if (!el->damped) return CLOTH_OK;
     memset(&p, 0, sizeof p);
     p.g = el->group, p.el = el, p.x = e->x_n;
-    clothi_for(el->own->hooks, (p.g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-               clothi_start_range, &p);
+    clothi_for(el->own->hooks, p.g->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
     return CLOTH_OK;
 }
 
@@ -10634,19 +10572,16 @@ static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
 static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     const cloth_model *m = p->model;
-    double            *grad = p->energy;
-    int last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    clothi_sum_corners(p->own->force, m->gather_start, m->gather_start + 1, m->gather,
-                       begin * CLOTHI_VERTICES, last, 1.0, grad);
+    clothi_sum_corners(p->own->force, m->gather_start, m->gather_start + 1, m->gather, begin, end,
+                       1.0, p->energy);
 }
 
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
     clothi_pass p;
     memset(&p, 0, sizeof p);
     p.model = s->model, p.own = &s->own, p.energy = grad;
-    clothi_for(&s->hooks, (s->model->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, 1,
-               clothi_gather_range, &p);
+    clothi_for(&s->hooks, s->model->nv, CLOTHI_VERTICES, clothi_gather_range, &p);
 }
 
 /* --- gravity and external force --- */
@@ -12472,11 +12407,10 @@ typedef struct clothi_leap {
 
 /* Sums the element forces of the vertices [begin, end), kicks them, and drifts when drift > 0.
  * Two sums of every other entry: additions wait for each other. extra [nv x 3] or NULL. */
-CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, const double *CLOTHI_RESTRICT force,
+CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, clothi_in force,
                                  const int *CLOTHI_RESTRICT start, const int *stop,
-                                 const int *CLOTHI_RESTRICT entry,
-                                 const double *CLOTHI_RESTRICT inverse_mass, int begin, int end,
-                                 double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT v) {
+                                 const int *CLOTHI_RESTRICT entry, clothi_in inverse_mass,
+                                 int begin, int end, clothi_out x, clothi_out v) {
     enum { L = CLOTHI_LANES };
     const double kick = p->kick, drift = p->drift, *extra = p->extra;
     const double *g = p->s->in.gravity, g0 = kick * g[0], g1 = kick * g[1], g2 = kick * g[2];
@@ -12509,11 +12443,11 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     cloth_sim         *s = p->s;
     const cloth_model *m = s->model;
     double            *x = s->w.x, *v = s->w.trial;
-    int i, j, last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
+    int                i, j;
     (void)worker;
-    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.goal,
-                     begin * CLOTHI_VERTICES, last, x, v);
-    for (i = begin * CLOTHI_VERTICES; i < last; i++)
+    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.goal, begin, end, x,
+                     v);
+    for (i = begin; i < end; i++)
         for (j = 0; s->pin[i] && j < 3; j++)
             if (s->pin[i] >> j & 1) {
                 v[3 * i + j] = s->w.y[3 * i + j];
@@ -12531,9 +12465,9 @@ static void clothi_leap_pulls(int begin, int end, int worker, void *ctx) {
     cloth_sim          *s = (cloth_sim *)ctx;
     const clothi_group *g = &s->model->bend;
     double              x[12 * CLOTHI_LANES], *pull = s->own.force + g->force;
-    int b, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    int                 b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
         if (g->kind == CLOTHI_HINGE)
             clothi_hinge_pulls(x, s->own.bend.rest + (size_t)b * 2 * CLOTHI_LANES,
@@ -12549,9 +12483,9 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     const clothi_group *g = &s->model->membrane;
     const double       *all = s->own.force + s->model->bend.force;
     double              x[9 * CLOTHI_LANES], pull[9 * CLOTHI_LANES];
-    int b, i, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    int                 b, i;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         const double *rest = s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES;
         const double *side = s->own.side + (size_t)b * 9 * CLOTHI_LANES;
         const int    *wing = s->model->wing + (size_t)b * 3 * CLOTHI_LANES;
@@ -12574,10 +12508,8 @@ static void clothi_leap_wings(cloth_sim *s) {
     int       k;
     for (k = 0; k < width; k++)             /* of a boundary */
         s->own.force[m->bend.force + m->bend.nbatch * CLOTHI_LANES * width + k] = 0;
-    clothi_for(&s->hooks, (m->bend.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-               clothi_leap_pulls, s);
-    clothi_for(&s->hooks, (m->membrane.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-               clothi_leap_triangles, s);
+    clothi_for(&s->hooks, m->bend.nbatch, CLOTHI_CHUNK, clothi_leap_pulls, s);
+    clothi_for(&s->hooks, m->membrane.nbatch, CLOTHI_CHUNK, clothi_leap_triangles, s);
     s->own.counts.triangles += m->membrane.count;
     s->own.counts.hinges += m->bend.count;
 }
@@ -12890,7 +12822,7 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_
 static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent,
                                     cloth_ledger *ledger) {
     const cloth_model *m = s->model;
-    int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
+    int          i, k, n = 3 * m->nv;
     double       hs = h / substeps, bears = clothi_leap_bears(s, hs);
     clothi_leap  p;
     cloth_eval   e = clothi_eval_of(s);
@@ -12917,7 +12849,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         if (k == substeps || k % CLOTHI_LEAP_WATCH == 1)
             *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
         if (!status && ledger) status = clothi_leap_works(&p, &e, h, hs);
-        if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
+        if (!status) clothi_for(&s->hooks, m->nv, CLOTHI_VERTICES, clothi_leap_range, &p);
         if (!status && ledger && s->wind_on)
             ledger->wind_work -=
                 0.5 * p.kick * (p.wind + clothi_dot(s->w.rhs, s->w.trial, (size_t)n));
@@ -13193,9 +13125,9 @@ static double clothi_face_stretch(const cloth_sim *s, int f, double *stretch, do
 static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     double x[12 * CLOTHI_LANES];
-    int    b, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+    int    b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
                             p->g->width, x);
         if (p->g->kind == CLOTHI_TRIANGLE)
@@ -13212,7 +13144,7 @@ static const double *clothi_shapes(cloth_sim *s, const clothi_group *g, int firs
     memset(&p, 0, sizeof p);
     p.own = &s->own, p.g = g, p.x = s->state.x;
     p.energy = s->own.energy_batch + (size_t)first * CLOTHI_LANES;
-    clothi_for(&s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1, clothi_shape_range, &p);
+    clothi_for(&s->hooks, g->nbatch, CLOTHI_CHUNK, clothi_shape_range, &p);
     return p.energy;
 }
 

@@ -1374,7 +1374,7 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #if defined(CLOTHSIM_IMPLEMENTATION) && !defined(CLOTHSIM_IMPLEMENTED)
 #define CLOTHSIM_IMPLEMENTED
 
-#if defined(__FLT_EVAL_METHOD__) && (__FLT_EVAL_METHOD__ < 0 || __FLT_EVAL_METHOD__ > 1)
+#if defined(__FLT_EVAL_METHOD__) && (__FLT_EVAL_METHOD__ < 0 || __FLT_EVAL_METHOD__ == 2)
 #error "clothsim.h needs doubles that are rounded to doubles: add -msse2 -mfpmath=sse"
 #endif
 #include <math.h>
@@ -1394,6 +1394,7 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #if !defined(CLOTH_NO_SIMD) && defined(__AVX__)
 #  include <immintrin.h>
 #  define CLOTHI_AVX 1
+#  define CLOTHI_SSE2 1
 #elif !defined(CLOTH_NO_SIMD) && defined(__SSE2__)
 #  include <emmintrin.h>
 #  define CLOTHI_SSE2 1
@@ -6447,10 +6448,7 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  * this section is written once: `w` is a constant in every call, 0 for float and 1 for double, and
  * the compiler drops the other half. Without SSE2 or with CLOTH_NO_SIMD: plain loops. */
 typedef struct clothi_v4 {
-#if defined(CLOTHI_AVX)
-    __m128  f;
-    __m256d d;
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     __m128  f;
     __m128d d, e;
 #else
@@ -6459,24 +6457,21 @@ typedef struct clothi_v4 {
 #endif
 } clothi_v4;
 
-#if defined(CLOTHI_AVX) && defined(__FMA__)
-#  define CLOTHI_MADDF(a, b, c)  _mm_fmadd_ps(b, c, a)
-#  define CLOTHI_NMADDF(a, b, c) _mm_fnmadd_ps(b, c, a)
-#  define CLOTHI_MADDD(a, b, c)  _mm256_fmadd_pd(b, c, a)
-#  define CLOTHI_NMADDD(a, b, c) _mm256_fnmadd_pd(b, c, a)
-#elif defined(CLOTHI_AVX)
-#  define CLOTHI_MADDF(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
-#  define CLOTHI_NMADDF(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
-#  define CLOTHI_MADDD(a, b, c)  _mm256_add_pd(a, _mm256_mul_pd(b, c))
-#  define CLOTHI_NMADDD(a, b, c) _mm256_sub_pd(a, _mm256_mul_pd(b, c))
+#if defined(CLOTHI_AVX) && defined(__FMA__)         /* a + b c, a - b c */
+#  define CLOTHI_MADD_PS(a, b, c)  _mm_fmadd_ps(b, c, a)
+#  define CLOTHI_NMADD_PS(a, b, c) _mm_fnmadd_ps(b, c, a)
+#  define CLOTHI_MADD_PD(a, b, c)  _mm_fmadd_pd(b, c, a)
+#  define CLOTHI_NMADD_PD(a, b, c) _mm_fnmadd_pd(b, c, a)
+#elif defined(CLOTHI_SSE2)
+#  define CLOTHI_MADD_PS(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
+#  define CLOTHI_NMADD_PS(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
+#  define CLOTHI_MADD_PD(a, b, c)  _mm_add_pd(a, _mm_mul_pd(b, c))
+#  define CLOTHI_NMADD_PD(a, b, c) _mm_sub_pd(a, _mm_mul_pd(b, c))
 #endif
 
 CLOTHI_LANE clothi_v4 clothi_zero4(void) {
     clothi_v4 r;
-#if defined(CLOTHI_AVX)
-    r.f = _mm_setzero_ps();
-    r.d = _mm256_setzero_pd();
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     r.f = _mm_setzero_ps();
     r.d = r.e = _mm_setzero_pd();
 #else
@@ -6488,10 +6483,7 @@ CLOTHI_LANE clothi_v4 clothi_zero4(void) {
 /* Record i of an array of floats or doubles. */
 CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    if (w) r.d = _mm256_load_pd((const double *)a + 4 * i);
-    else r.f = _mm_load_ps((const float *)a + 4 * i);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         r.d = _mm_load_pd((const double *)a + 4 * i);
         r.e = _mm_load_pd((const double *)a + 4 * i + 2);
@@ -6504,10 +6496,7 @@ CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
 }
 
 CLOTHI_LANE void clothi_store4(void *a, size_t i, clothi_v4 r, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) _mm256_store_pd((double *)a + 4 * i, r.d);
-    else _mm_store_ps((float *)a + 4 * i, r.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         _mm_store_pd((double *)a + 4 * i, r.d);
         _mm_store_pd((double *)a + 4 * i + 2, r.e);
@@ -6521,12 +6510,7 @@ CLOTHI_LANE void clothi_store4(void *a, size_t i, clothi_v4 r, const int w) {
 /* (B[0], B[1], B[2], 0) from doubles. */
 CLOTHI_LANE clothi_v4 clothi_cut4(const double *B, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    const __m256d q = _mm256_insertf128_pd(_mm256_castpd128_pd256(_mm_loadu_pd(B)),
-                                           _mm_load_sd(B + 2), 1);
-    if (w) r.d = q;
-    else r.f = _mm256_cvtpd_ps(q);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     r.d = _mm_loadu_pd(B);
     r.e = _mm_load_sd(B + 2);
     if (!w) r.f = _mm_movelh_ps(_mm_cvtpd_ps(r.d), _mm_cvtpd_ps(r.e));
@@ -6541,10 +6525,7 @@ CLOTHI_LANE clothi_v4 clothi_cut4(const double *B, const int w) {
 }
 
 CLOTHI_LANE clothi_v4 clothi_add4(clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = _mm256_add_pd(a.d, b.d);
-    else a.f = _mm_add_ps(a.f, b.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         a.d = _mm_add_pd(a.d, b.d);
         a.e = _mm_add_pd(a.e, b.e);
@@ -6560,10 +6541,7 @@ CLOTHI_LANE clothi_v4 clothi_add4(clothi_v4 a, clothi_v4 b, const int w) {
 }
 
 CLOTHI_LANE clothi_v4 clothi_sub4(clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = _mm256_sub_pd(a.d, b.d);
-    else a.f = _mm_sub_ps(a.f, b.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         a.d = _mm_sub_pd(a.d, b.d);
         a.e = _mm_sub_pd(a.e, b.e);
@@ -6580,14 +6558,11 @@ CLOTHI_LANE clothi_v4 clothi_sub4(clothi_v4 a, clothi_v4 b, const int w) {
 
 /* a + b c */
 CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = CLOTHI_MADDD(a.d, b.d, c.d);
-    else a.f = CLOTHI_MADDF(a.f, b.f, c.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
-        a.d = _mm_add_pd(a.d, _mm_mul_pd(b.d, c.d));
-        a.e = _mm_add_pd(a.e, _mm_mul_pd(b.e, c.e));
-    } else a.f = _mm_add_ps(a.f, _mm_mul_ps(b.f, c.f));
+        a.d = CLOTHI_MADD_PD(a.d, b.d, c.d);
+        a.e = CLOTHI_MADD_PD(a.e, b.e, c.e);
+    } else a.f = CLOTHI_MADD_PS(a.f, b.f, c.f);
 #else
     int k;
     for (k = 0; k < 4; k++) {
@@ -6600,14 +6575,11 @@ CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
 
 /* a - b c */
 CLOTHI_LANE clothi_v4 clothi_nmadd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = CLOTHI_NMADDD(a.d, b.d, c.d);
-    else a.f = CLOTHI_NMADDF(a.f, b.f, c.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
-        a.d = _mm_sub_pd(a.d, _mm_mul_pd(b.d, c.d));
-        a.e = _mm_sub_pd(a.e, _mm_mul_pd(b.e, c.e));
-    } else a.f = _mm_sub_ps(a.f, _mm_mul_ps(b.f, c.f));
+        a.d = CLOTHI_NMADD_PD(a.d, b.d, c.d);
+        a.e = CLOTHI_NMADD_PD(a.e, b.e, c.e);
+    } else a.f = CLOTHI_NMADD_PS(a.f, b.f, c.f);
 #else
     int k;
     for (k = 0; k < 4; k++) {
@@ -6621,10 +6593,7 @@ CLOTHI_LANE clothi_v4 clothi_nmadd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const
 /* u in all four. */
 CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    if (w) r.d = _mm256_set1_pd(u);
-    else r.f = _mm_set1_ps((float)u);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) r.d = r.e = _mm_set1_pd(u);
     else r.f = _mm_set1_ps((float)u);
 #else
@@ -6640,10 +6609,7 @@ CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
 /* Number j of record i in all four. */
 CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    if (w) r.d = _mm256_broadcast_sd((const double *)a + 4 * i + j);
-    else r.f = _mm_broadcast_ss((const float *)a + 4 * i + j);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) r.d = r.e = _mm_load1_pd((const double *)a + 4 * i + j);
     else r.f = _mm_load1_ps((const float *)a + 4 * i + j);
 #else
@@ -6654,15 +6620,7 @@ CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int 
 
 /* (sum of a, sum of b, sum of c, 0): the rows of a block times a record. */
 CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) {
-        const __m256d ab = _mm256_hadd_pd(a.d, b.d);                /* a01 b01 a23 b23 */
-        const __m256d cz = _mm256_hadd_pd(c.d, _mm256_setzero_pd());
-        a.d = _mm256_add_pd(_mm256_permute2f128_pd(ab, cz, 0x20),
-                            _mm256_permute2f128_pd(ab, cz, 0x31));
-    } else
-        a.f = _mm_hadd_ps(_mm_hadd_ps(a.f, b.f), _mm_hadd_ps(c.f, _mm_setzero_ps()));
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         a.d = _mm_add_pd(a.d, a.e);
         b.d = _mm_add_pd(b.d, b.e);
@@ -6671,9 +6629,13 @@ CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
         a.e = _mm_add_pd(_mm_unpacklo_pd(c.d, _mm_setzero_pd()),
                          _mm_unpackhi_pd(c.d, _mm_setzero_pd()));
     } else {
+#  if defined(CLOTHI_AVX)
+        a.f = _mm_hadd_ps(_mm_hadd_ps(a.f, b.f), _mm_hadd_ps(c.f, _mm_setzero_ps()));
+#  else
         __m128 z = _mm_setzero_ps();
         _MM_TRANSPOSE4_PS(a.f, b.f, c.f, z);
         a.f = _mm_add_ps(_mm_add_ps(a.f, b.f), _mm_add_ps(c.f, z));
+#  endif
     }
 #else
     clothi_v4 r = clothi_zero4();
@@ -6693,10 +6655,7 @@ CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
 
 /* Products of a and b added to four sums, always doubles. */
 CLOTHI_LANE clothi_v4 clothi_dot4(clothi_v4 sum, clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) sum.d = CLOTHI_MADDD(sum.d, a.d, b.d);
-    else sum.d = _mm256_add_pd(sum.d, _mm256_cvtps_pd(_mm_mul_ps(a.f, b.f)));
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) sum = clothi_madd4(sum, a, b, 1);
     else {
         const __m128 q = _mm_mul_ps(a.f, b.f);
@@ -6712,9 +6671,7 @@ CLOTHI_LANE clothi_v4 clothi_dot4(clothi_v4 sum, clothi_v4 a, clothi_v4 b, const
 
 /* Doubles of such sums. */
 CLOTHI_LANE void clothi_spill4(clothi_v4 sum, double *q) {
-#if defined(CLOTHI_AVX)
-    _mm256_storeu_pd(q, sum.d);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     _mm_storeu_pd(q, sum.d);
     _mm_storeu_pd(q + 2, sum.e);
 #else

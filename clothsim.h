@@ -5229,16 +5229,15 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
  *               CLOTHI_EIGHT_LEAVES on; it goes on, down to some 24 vertices, for [7.4].
  *   levels      inside a leaf, rows are sorted by level = 1 + highest level of an earlier
  *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
- *               just before it: 69 us -> 60 us an iteration for a sheet of 64 x 64.
+ *               just before it.
  *   aggregates  nv/85 (4 to 512) seeds, each the farthest from those before it in graph distance;
  *               a vertex joins its nearest seed. They carry the coarse space of [7.3]. Vertices
  *               that no seed reaches (more than 512 pieces) have none. Numbered as a front that
  *               starts at the far end of each piece meets them, neighbours get near numbers, and
  *               the coarse matrix is a band.
- *   lost        natural order, reverse Cuthill-McKee, 8 and 16 leaves differ by less than 10 %
- *               once long waves are deflated [7.3]; random numbering costs 25 %.
  *
- * checked: tests/test_sparse.c (order, domains, star, pieces)
+ * checked: tests/test_sparse.c (order, domains, star, pieces); what was tried and lost is in
+ *          tests/bench/bench_linear.c
  */
 
 #define CLOTHI_ONE_LEAF      500            /* vertices; below: one leaf, no parallel calls    */
@@ -5422,7 +5421,8 @@ static int clothi_dissect_part(clothi_dissection *d, int id) {
     for (i = 0; i < n; i++) d->tag[verts[i]] = t;
     clothi_dissect_sort(d, verts, n, t);
     for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
-    for (i = 0; i < n; i++) rim[i >= half] += clothi_dissect_touches(d, verts[i], t + 2 - (i >= half));
+    for (i = 0; i < n; i++)
+        rim[i >= half] += clothi_dissect_touches(d, verts[i], t + 2 - (i >= half));
     side = rim[1] < rim[0];
     count[0] = half - (side ? 0 : rim[0]);
     count[1] = n - half - (side ? rim[1] : 0);
@@ -6361,12 +6361,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *   2 Scaling. D_i = G_i G_i' (3x3 Cholesky factors of the diagonal blocks), A' = G^-1 A G^-T,
  *   x = G^-T x', b' = G^-1 b. A' has unit diagonal blocks: no product with D is left, numbers are
  *   near 1 whatever the units, which suits floats. A D_i that is not positive is the first and
- *   cheapest test for negative curvature. 123 us a matrix of a 64 x 64 sheet.
+ *   cheapest test for negative curvature.
  *
  *   3 Symmetric Gauss-Seidel: with A' = I + L + L', K = I + L, take P = K K'. One sweep forward,
- *   one back; information crosses the leaf in the order of the rows. 34 iterations where block
- *   Jacobi needs 130. Lost: SSOR with omega 1.2 to 1.4 (10 to 20 % fewer iterations alone, nothing
- *   on top of 5), block IC(0) (not fewer, and 4 does not apply).
+ *   one back; information crosses the leaf in the order of the rows. A quarter of the iterations
+ *   of block Jacobi.
  *
  *   4 Eisenstat's trick [E81]. In the variables p = K' t the system is K^-1 A' K^-T, and
  *           A' = K + K' - I     so     K^-1 A' t = t + K^-1 (K' t - t) = t + K^-1 (p - t):
@@ -6375,12 +6374,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *
  *                z_i -= B z_j   gather:  rows of B times z_j     <-- K^-1, rows upward
  *                z_j -= B' z_i  scatter: rows of B times z_i[r]  <-- K^-T, rows downward
- *   One copy of B, three rows of four floats, serves both. 245 us an iteration in the plain form
- *   with doubles, 56 to 65 us in this one.
+ *   One copy of B, three rows of four floats, serves both.
  *
- *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves: 100 to 460 iterations whenever one
- *   is left. Aggregates [7.1] give them a coarse space, the three translations of each: P one
- *   identity block per vertex (0 on fixed axes), P^ = G' P, and
+ *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves. Aggregates [7.1] give them a coarse
+ *   space, the three translations of each: P one identity block per vertex (0 on fixed axes),
+ *   P^ = G' P, and
  *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (a band, 3 nc <= 1536; Ac = U'U)
  *   CG starts at the coarse solution and keeps every direction conjugate to the coarse space:
  *   t <- t - P^ Ac^-1 Z' t. In Eisenstat's variables that is two thin products an iteration (Z
@@ -6395,15 +6393,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *     answer G^-T x
  *
  *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
- *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. Iterations per solve of a
- *   hanging sheet at tolerance 0.1: 35 (worst 150) without, 8 (worst 19) with; because long waves
- *   are then right, Newton needs fewer solves too and the steps are ten times as exact. Lost:
- *   adding the coarse correction instead (12 to 18 iterations), weights smoothed over the graph
- *   (fewer iterations, dearer matrices), affine modes (6.6, but 576 unknowns), 24 or 256
- *   aggregates (10 % more; the factor too dear), keeping the coarse factor of another matrix
- *   (Z, V, Ac must belong to A). Aggregates of 85 vertices however many there are: at 60 000
- *   vertices 357 iterations a frame where 128 aggregates need 533. Numbered along a front [7.1],
+ *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of the iterations are
+ *   left, and because long waves are then right, Newton needs fewer solves too. Z, V and Ac must
+ *   belong to A. Aggregates have 85 vertices however many there are. Numbered along a front [7.1],
  *   each is coupled with near numbers; extras between far ones widen the band, at worst to all.
+ *   Iterations with and without each idea, and what was tried and lost: bench_linear.c.
  *
  *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
  *   replaced by the point where its segment crosses it, and a direction with t.A t <= 0 is
@@ -6427,9 +6421,6 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
  *       S: forward
  *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
- *   Of a whole step of the sheet (64 x 64, Y = 1e4 N/m) 8 to 10 % of the time is outside of the
- *   loops: two workers are at most 1.83 times as fast as one, with what the leaves differ in size
- *   and 2 us a loop 1.7 times.
  *
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)
@@ -7993,8 +7984,6 @@ CLOTHI_RARE_END
  *             updates split by rows; no sum depends on the number of workers.
  *   extras    blocks outside the pattern are not in the factor: it preconditions CG then, and CG
  *             also refines: without extras one or two iterations reach the tolerance.
- *   lost      as preconditioner kept over Newton iterations it loses to [7.3] in motion: the
- *             matrix changes too much.
  *   shared    the dense kernels factor the coarse matrix of [7.3] too.
  *
  * checked: tests/test_cholesky.c
@@ -11103,17 +11092,13 @@ CLOTHI_RARE_END
  * to the exact Hessian when the updates have become small: below CLOTHI_EXACT edges, or from
  * iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a trust region
  * (Steihaug [NW06]): where it meets negative curvature it follows it to the radius, which is
- * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it. Measured on
- * the hanging sheet (N = 64, h = 1/60): reflection saves a fifth of the iterations at Y = 1e5; the
- * exact Hessian from the first iteration loses (a redo for each negative curvature); without the
- * exact phase a tolerance of 1e-8 m takes 85 to 95 iterations instead of 13 to 22.
+ * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it.
  * Contact has kinks, where a touch begins and where friction slips, and cloth that is pushed
  * together grows wrinkles through all of a step: directions of negative curvature are many, and
  * each leads CG to the radius after an iteration or two. With contact the exact Hessian is for
- * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins (a T-shirt on a walk: 13 iterations
- * a step without it, 27 with it), and CLOTHI_STUCK updates of it in a row that end at the radius,
- * or short of their length, are followed by one of the definite model, which has no radius and does
- * not end the search: a fifth fewer iterations in a sheet that crumples.
+ * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins, and CLOTHI_STUCK updates of it in
+ * a row that end at the radius, or short of their length, are followed by one of the definite
+ * model, which has no radius and does not end the search.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -11122,11 +11107,9 @@ CLOTHI_RARE_END
  * Where stiff and hardly strained, phi is rougher than that (strain is known to eps, so phi to eps
  * times force times position): a whole update below CLOTHI_TINY edges may show its decrease by the
  * slopes at its two ends instead, which have no such cancellation.
- * Secant steps beyond a = 1, second-order corrections and chord steps with the old matrix were
- * tried and lost.
  *
- * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n: saves 15 to 20 %
- * of the work. The older velocity is part of the state for that reason.
+ * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n. The older velocity
+ * is part of the state for that reason.
  *
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
  * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
@@ -11135,24 +11118,17 @@ CLOTHI_RARE_END
  * shrink on as this one did. A search at negative curvature must not stop, however small its
  * radius, unless phi falls nowhere within a tenth of the tolerance. So the way left to the minimum
  * ahead is near the tolerance or below it, but for a plateau where a minimum has just vanished.
- * Distance to the step solved to 1e-10 m on the hanging sheet (N = 64, Y = 1e4 N/m, 30 frames,
- * tolerance 1e-4 m): median 0.7e-5 m, largest 1.4e-4 m; when the definite model could stop a step
- * and CG was solved to 0.05, 9.2e-5 and 8.3e-4 m, for 0.7 of the CPU time. With contact single
- * vertices slide on kinks and buckle on while nothing else moves, 40 iterations for 1e-5 J of 1.8.
- * There an update that no pair cuts also ends the search when it is below the tolerance in the root
- * mean square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
+ * With contact single vertices slide on kinks and buckle on while nothing else moves. There an
+ * update that no pair cuts also ends the search when it is below the tolerance in the root mean
+ * square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
  * tolerance)^2 sum m/eta^2, of the part a that descends: at rest it is halved over kinks 1e-9 m
- * wide for ever. And contact is asked whether what is left is small beside its friction. A sheet of
- * 32 x 32 on a sphere takes 920 iterations in 90 steps for 1206, none cut short; with self-contact
- * 1023 for 1212.
+ * wide for ever. And contact is asked whether what is left is small beside its friction.
  *
  * Saddles without a definite diagonal. Where a diagonal block of the exact Hessian is not positive,
  * as in cloth pressed below 0.577 of its length, the usual preconditioner is none. On the way the
- * definite model does better there. But it stops on the saddle: a sheet scaled by a half came to
- * rest at 9.6 J after 6 iterations, with its minimum at 1.0 J. So where the updates are below
+ * definite model does better there. But it stops on the saddle. So where the updates are below
  * CLOTHI_SADDLE tolerances CG is preconditioned by bounds of such blocks and follows the curvature
- * out, CLOTHI_ESCAPES times a substep. More often loses: a stiff T-shirt (li2021) then stalls in
- * 13 of 60 frames instead of 2, and points that coincide never end.
+ * out, CLOTHI_ESCAPES times a substep: more often loses.
  *
  * A cloth at rest stops before the first linear solve: for a convex E_pot the way e to the minimum
  * has |e|_M^2/eta^2 <= -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia;
@@ -11161,6 +11137,7 @@ CLOTHI_RARE_END
  * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
  * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
  *
+ * What each of these choices is worth, and what was tried and lost: tests/bench/bench_hard.c.
  * checked: tests/test_newton.c, tests/test_step.c
  */
 
@@ -12268,10 +12245,7 @@ CLOTHI_RARE_END
  * Contact looks at every substep: the drift x(n) -> x(n+1) is brought to the nearest feasible point
  * and v(n+1/2) made to approach nothing that it met there, a projection on a cone, which takes
  * kinetic energy and gives none (obstacles at rest). Looked at over several drifts at once, what
- * had gone far through was brought back against the cloth's own stretch: a sheet of 12 x 12 that
- * fell 5 cm onto a sphere gained 2.5 times its weight times its side when contact looked once in 39
- * substeps, 0.12 of it at every fourth substep (falling on its own side 1.7), and none at
- * every substep.
+ * had gone far through is brought back against the cloth's own stretch: bench_explicit.c.
  *
  * Cost: nf + nh element forces a substep, and all of contact's detection; omega ~
  * sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.

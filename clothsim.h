@@ -1635,10 +1635,31 @@ CLOTHI_OUTLINE static void clothi_sink_int(clothi_sink *t, long long i) {
     clothi_sink_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
 }
 
+/* 0.d0 d1 .. times 10^point, n >= 1: plain where least <= point <= most, else d0.d1..e-7. */
+static void clothi_sink_digits(clothi_sink *s, const unsigned char *d, int n, int point, int least,
+                               int most) {
+    int i;
+    if (point >= least && point <= most) {
+        if (point <= 0) clothi_sink_string(s, "0.");
+        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
+        for (i = 0; i < n || i < point; i++) {
+            if (i > 0 && i == point) clothi_sink_char(s, '.');
+            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
+        }
+        return;
+    }
+    clothi_sink_char(s, (char)('0' + d[0]));
+    if (n > 1) clothi_sink_char(s, '.');
+    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
+    clothi_sink_char(s, 'e');
+    clothi_sink_int(s, point - 1);
+}
+
 /* Six significant digits: enough for a person to recognise the number. */
 static void clothi_sink_number(clothi_sink *t, double a) {
-    int      e10, i, plain;
-    uint64_t digits, scale = 1;
+    unsigned char d[6];
+    int           e10, i, n = 6;
+    uint64_t      digits;
     if (!clothi_finite(a)) {
         clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
         return;
@@ -1653,18 +1674,9 @@ static void clothi_sink_number(clothi_sink *t, double a) {
     i = 5 - e10;                            /* in two factors: 10^i alone may overflow         */
     digits = (uint64_t)(a * pow(10.0, i / 2) * pow(10.0, i - i / 2) + 0.5);
     if (digits >= 1000000u) digits /= 10u, e10++;
-    plain = e10 >= -4 && e10 < 6;           /* 0.00012 .. 999999 */
-    for (i = plain ? 5 - e10 : 5; i > 0 && digits % 10u == 0; i--) digits /= 10u;
-    while (i-- > 0) scale *= 10u;
-    clothi_sink_uint(t, digits / scale);
-    if (scale > 1) clothi_sink_char(t, '.');
-    while (scale > 1) {
-        scale /= 10u;
-        clothi_sink_char(t, (char)('0' + (int)(digits / scale % 10u)));
-    }
-    if (plain) return;
-    clothi_sink_char(t, 'e');
-    clothi_sink_int(t, e10);
+    for (i = 5; i >= 0; i--, digits /= 10u) d[i] = (unsigned char)(digits % 10u);
+    while (n > 1 && d[n - 1] == 0) n--;
+    clothi_sink_digits(t, d, n, e10 + 1, -3, 6);        /* 0.00012 .. 999999 */
 }
 
 /* A sentence: %s text, %i int, %z size_t, %g double. */
@@ -1869,7 +1881,7 @@ static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out, int *count) {
     int i;
     memset(count, 0, ((size_t)nkeys + 1u) * sizeof *count);
-    for (i = 0; i < n; i++) count[key[i] + 1]++;
+    for (i = 0; i < n; i++) count[key[in ? in[i] : i] + 1]++;
     for (i = 0; i < nkeys; i++) count[i + 1] += count[i];
     for (i = 0; i < n; i++) {
         int item = in ? in[i] : i;
@@ -3103,10 +3115,10 @@ static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
     return n;
 }
 
-/* A finite double, plain between 1e-5 and 1e17, else d.dde-7. */
+/* A finite double, plain between 1e-5 and 1e17. */
 static void clothi_sink_double(clothi_sink *s, double a) {
     unsigned char d[24];
-    int           i, n, point;
+    int           n, point;
     uint64_t      bits;
     memcpy(&bits, &a, sizeof bits);
     if (bits >> 63) clothi_sink_char(s, '-');
@@ -3115,20 +3127,7 @@ static void clothi_sink_double(clothi_sink *s, double a) {
         return;
     }
     n = clothi_shortest_digits(fabs(a), d, &point);
-    if (point > -5 && point <= 17) {
-        if (point <= 0) clothi_sink_string(s, "0.");
-        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
-        for (i = 0; i < n || i < point; i++) {
-            if (i > 0 && i == point) clothi_sink_char(s, '.');
-            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
-        }
-        return;
-    }
-    clothi_sink_char(s, (char)('0' + d[0]));
-    if (n > 1) clothi_sink_char(s, '.');
-    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
-    clothi_sink_char(s, 'e');
-    clothi_sink_int(s, point - 1);
+    clothi_sink_digits(s, d, n, point, -4, 17);
 }
 
 /* --- reading the text --- */
@@ -4289,6 +4288,18 @@ CLOTHI_HOT void clothi_sum_corners(clothi_in forces, const int *start, const int
     }
 }
 
+/* |x1 - x0| */
+CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
+    enum { L = CLOTHI_LANES };
+    int k;
+    for (k = 0; k < L; k++) {
+        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
+        const double d2 = x[5 * L + k] - x[2 * L + k];
+        l[k] = d0 * d0 + d1 * d1 + d2 * d2;
+    }
+    clothi_sqrt_lanes(l);
+}
+
 /* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
 
 CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_out E, clothi_out f,
@@ -4296,12 +4307,7 @@ CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_out E, c
     enum { L = CLOTHI_LANES };
     double len[L], across[L], along[L], u[3][L];
     int    k, i, j;
-    for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k];
-        len[k] = d0 * d0 + d1 * d1 + d2 * d2;
-    }
-    clothi_sqrt_lanes(len);
+    clothi_edge_lengths(x, len);
     for (k = 0; k < L; k++) {
         const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
         const double d2 = x[5 * L + k] - x[2 * L + k], s = rest[k], r = rest[L + k];
@@ -4696,17 +4702,6 @@ CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment
     f[9 * L + k] = -r0;
     f[10 * L + k] = -r1;
     f[11 * L + k] = -r2;
-}
-
-CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
-    enum { L = CLOTHI_LANES };
-    int k;
-    for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k];
-        l[k] = d0 * d0 + d1 * d1 + d2 * d2;
-    }
-    clothi_sqrt_lanes(l);
 }
 
 CLOTHI_HOT void clothi_theta_lanes(clothi_in x, clothi_out theta) {
@@ -5366,6 +5361,7 @@ static void clothi_sort(int *index, int *tmp, int n, const double *key) {
 typedef struct clothi_part {
     int lo, mid, hi;
     int parent, child[2];                   /* -1: none                                        */
+    int n, nb;                              /* unknowns of its front: its own, the boundary's  */
 } clothi_part;
 
 typedef struct clothi_dissection {
@@ -5374,7 +5370,7 @@ typedef struct clothi_dissection {
     const clothi_graph *g;
     const double *coords;                   /* [nv x 3] or NULL                                */
     int          *verts;                    /* [nv]                                            */
-    int          *tmp, *tag, *queue, *mark; /* tmp [6 nv] holds the others                     */
+    int          *tmp, *tag, *queue, *mark; /* tmp [6 nv + 1] holds the others                 */
     int           stamp;
     double       *key;                      /* [nv]                                            */
     clothi_part  *part;                     /* [2 nv] parents before children                  */
@@ -5473,7 +5469,7 @@ static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, co
     memset(d, 0, sizeof *d);
     d->nv = nv, d->g = g, d->coords = coords;
     d->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d->tmp = (int *)clothi_alloc(hooks, 6 * n, sizeof(int));
+    d->tmp = (int *)clothi_alloc(hooks, 6 * n + 1, sizeof(int));
     d->key = (double *)clothi_alloc(hooks, n, sizeof(double));
     d->part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d->part);
     if (!d->verts || !d->tmp || !d->key || !d->part) return CLOTH_ERR_MEMORY;
@@ -5485,27 +5481,21 @@ static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, co
     return CLOTH_OK;
 }
 
-/* Rows [begin, end) sorted by level, stable. */
+/* Rows [begin, end) sorted by level, stable. level, sorted [n], count [n + 1] are scratch. */
 static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int end, int *row_of,
                               int *level, int *count, int *sorted) {
-    int i, k, highest = 0, sum = 0;
+    int i, k, highest = 0;
     for (i = begin; i < end; i++) row_of[order[i]] = i;
     for (i = begin; i < end; i++) {
-        level[i] = 0;
-        for (k = g->start[order[i]]; k < g->start[order[i] + 1]; k++) {
-            int r = row_of[g->to[k]];
-            if (r >= begin && r < i && level[r] + 1 > level[i]) level[i] = level[r] + 1;
+        const int v = order[i];
+        level[v] = 0;
+        for (k = g->start[v]; k < g->start[v + 1]; k++) {
+            const int u = g->to[k], r = row_of[u];
+            if (r >= begin && r < i && level[u] + 1 > level[v]) level[v] = level[u] + 1;
         }
-        if (level[i] > highest) highest = level[i];
+        if (level[v] > highest) highest = level[v];
     }
-    memset(count, 0, ((size_t)highest + 1) * sizeof(int));
-    for (i = begin; i < end; i++) count[level[i]]++;
-    for (i = 0; i <= highest; i++) {
-        k = count[i];
-        count[i] = sum;
-        sum += k;
-    }
-    for (i = begin; i < end; i++) sorted[count[level[i]]++] = order[i];
+    clothi_sort_by(end - begin, highest + 1, level, order + begin, sorted, count);
     memcpy(order + begin, sorted, (size_t)(end - begin) * sizeof(int));
     for (i = begin; i < end; i++) row_of[order[i]] = i;
 }
@@ -5568,10 +5558,9 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
 static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_graph *g) {
     const int infinite = 0x3fffffff;
     int  i, k, a, seed = 0, want = p->n / CLOTHI_AGG_VERTICES;
-    int *dist = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
-    int *queue = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
+    int *dist = (int *)clothi_alloc(&p->hooks, 2 * (size_t)p->n, sizeof(int)), *queue = dist + p->n;
     p->nc = 0;
-    if (!dist || !queue) goto done;
+    if (!dist) return CLOTH_ERR_MEMORY;
     if (want < CLOTHI_AGG_MIN) want = CLOTHI_AGG_MIN;
     if (want > CLOTHI_AGG_MAX) want = CLOTHI_AGG_MAX;
     for (i = 0; i < p->n; i++) {
@@ -5597,40 +5586,30 @@ static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_gra
             if (dist[i] > dist[seed]) seed = i;
         p->nc = a + 1;
     }
-done:
-    i = dist && queue;
     clothi_free(&p->hooks, dist);
-    clothi_free(&p->hooks, queue);
-    return i ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
 }
 
 /* Aggregates renumbered in the order in which a breadth-first front meets them. The second of two
  * fronts starts, in each piece, where the first one ended. */
 static cloth_status clothi_pattern_band(cloth_pattern *p, const clothi_graph *g) {
     const size_t n = (size_t)p->n;
-    int *label = (int *)clothi_alloc(&p->hooks, n, sizeof(int));       /* 0: all one part */
-    int *mark = (int *)clothi_alloc(&p->hooks, n, sizeof(int));
-    int *back = (int *)clothi_alloc(&p->hooks, 2 * n, sizeof(int));
-    int *name = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
-    int  ok = label && mark && back && name, i, a, met = 0;
-    if (ok) {
-        int *queue = back + n;
-        (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
-        for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
-        (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
-        for (a = 0; a < p->nc; a++) name[a] = -1;
-        for (i = 0; i < p->n; i++) {
-            a = p->agg[p->row_of[queue[i]]];
-            if (a >= 0 && name[a] < 0) name[a] = met++;
-        }
-        for (i = 0; i < p->n; i++)
-            if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
+    int *label = (int *)clothi_alloc(&p->hooks, 4 * n + (size_t)p->nc, sizeof(int));
+    int *mark, *back, *queue, *name, i, a, met = 0;
+    if (!label) return CLOTH_ERR_MEMORY;    /* 0: all one part                                 */
+    mark = label + n, back = mark + n, queue = back + n, name = queue + n;
+    (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
+    for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
+    (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
+    for (a = 0; a < p->nc; a++) name[a] = -1;
+    for (i = 0; i < p->n; i++) {
+        a = p->agg[p->row_of[queue[i]]];
+        if (a >= 0 && name[a] < 0) name[a] = met++;
     }
+    for (i = 0; i < p->n; i++)
+        if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
     clothi_free(&p->hooks, label);
-    clothi_free(&p->hooks, mark);
-    clothi_free(&p->hooks, back);
-    clothi_free(&p->hooks, name);
-    return ok ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
 }
 
 /* Place of aggregate a in list [begin, *end), added at the end when new; -1 for a < 0. */
@@ -5784,17 +5763,22 @@ static int clothi_bound_list(const clothi_tree *P, int q, const clothi_graph *g,
     return n;
 }
 
+/* The first of list[low .. high), increasing, that is not below key; high: none. */
+CLOTHI_OUTLINE static int clothi_lower_bound(const int *list, int low, int high, int key) {
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        if (list[mid] < key) low = mid + 1;
+        else high = mid;
+    }
+    return low;
+}
+
 /* Index in the front of part q of the vertex with elimination number e. */
 static int clothi_front_index(const clothi_tree *P, int q, int e) {
     const clothi_part *p = P->part + q;
-    int lo = P->bound_start[q], hi = P->bound_start[q + 1];
+    const int          start = P->bound_start[q], end = P->bound_start[q + 1];
     if (e < p->hi) return e - p->mid;
-    while (lo < hi) {
-        int mid = lo + (hi - lo) / 2;
-        if (P->bound[mid] < e) lo = mid + 1;
-        else hi = mid;
-    }
-    return p->hi - p->mid + lo - P->bound_start[q];
+    return p->hi - p->mid + clothi_lower_bound(P->bound, start, end, e) - start;
 }
 
 /* Boundaries of all parts, ascending. */
@@ -5823,6 +5807,7 @@ static cloth_status clothi_tree_bounds(clothi_tree *P, const clothi_graph *g, co
         used += (size_t)n;
         if (used > 0x7fffffff) return CLOTH_ERR_CAPACITY;
         P->bound_start[q + 1] = (int)used;
+        P->part[q].n = 3 * (P->part[q].hi - P->part[q].mid), P->part[q].nb = 3 * n;
     }
     return CLOTH_OK;
 }
@@ -5860,7 +5845,7 @@ static void clothi_front_maps(clothi_tree *P, const int *where, int *owner) {
 /* Update matrices live on one stack per task, so the place of each is known here. */
 static size_t clothi_front_stack(clothi_tree *P, int q, size_t *top) {
     const clothi_part *p = P->part + q;
-    size_t nb = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]), high;
+    size_t nb = (size_t)p->nb, high;
     P->update_temp[q] = *top;
     high = *top + nb * nb;
     P->update[q] = p->child[0] >= 0 ? P->update[p->child[0]] : *top;
@@ -5872,9 +5857,7 @@ static size_t clothi_front_stack(clothi_tree *P, int q, size_t *top) {
 #define CLOTHI_FRONT_PAD 16                 /* rows of the widest tile                         */
 
 static size_t clothi_front_pack_size(const clothi_tree *P, int q) {
-    size_t m = 3 * (size_t)(P->part[q].hi - P->part[q].mid + P->bound_start[q + 1] -
-                            P->bound_start[q]);
-    return 2 * (m + CLOTHI_FRONT_PAD) * CLOTHI_FRONT_K;
+    return 2 * (size_t)(P->part[q].n + P->part[q].nb + CLOTHI_FRONT_PAD) * CLOTHI_FRONT_K;
 }
 
 /* Chooses the subtrees that run side by side and lays out the numbers. */
@@ -5882,8 +5865,7 @@ static void clothi_front_layout(clothi_tree *P) {
     size_t at = 0, work = 0;
     int    q, t, best, k;
     for (q = 0; q < P->nparts; q++) {
-        size_t n = 3 * (size_t)(P->part[q].hi - P->part[q].mid);
-        size_t b = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]);
+        size_t n = (size_t)P->part[q].n, b = (size_t)P->part[q].nb;
         P->panel[q] = at;
         at += n * (n + b);
         P->flops += (double)n * ((double)n * (double)n / 3 + (double)b * (double)(n + b));
@@ -5923,10 +5905,9 @@ static void clothi_front_layout(clothi_tree *P) {
             k = (int)clothi_front_pack_size(P, q);
     work += (size_t)k;
     for (q = 0; q < P->nparts; q++) {
-        size_t nb = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]);
         if (!P->top[q]) continue;
         P->update[q] = P->update_temp[q] = work;
-        work += nb * nb;
+        work += (size_t)P->part[q].nb * (size_t)P->part[q].nb;
     }
     P->work = work;
 }
@@ -6056,19 +6037,10 @@ CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex) {
 }
 
 CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
-    int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b, low, high;
-    if (turned) {
-        a = b;
-        b = pattern->row_of[i];
-    }
-    low = pattern->row[a];
-    high = pattern->row[a + 1];
-    while (low < high) {
-        int mid = low + (high - low) / 2;
-        if (pattern->col[mid] < b) low = mid + 1;
-        else high = mid;
-    }
-    return low < pattern->row[a + 1] && pattern->col[low] == b ? 2 * low + turned : -1;
+    const int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b;
+    const int row = turned ? b : a, col = turned ? a : b, end = pattern->row[row + 1];
+    const int at = clothi_lower_bound(pattern->col, pattern->row[row], end, col);
+    return at < end && pattern->col[at] == col ? 2 * at + turned : -1;
 }
 
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
@@ -7993,75 +7965,69 @@ CLOTHI_RARE_END
 #if defined(CLOTHI_AVX) && defined(__AVX512F__)
 #  define CLOTHI_DV 8
 typedef __m512d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm512_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm512_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm512_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
-    return _mm512_fmadd_pd(a, b, c);
-}
+#  define CLOTHI_DV_LOAD(a)       _mm512_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm512_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm512_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm512_fmadd_pd(a, b, c)
 #elif defined(CLOTHI_AVX)
 #  define CLOTHI_DV 4
 typedef __m256d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm256_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm256_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm256_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
+#  define CLOTHI_DV_LOAD(a)       _mm256_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm256_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm256_set1_pd(a)
 #  if defined(__FMA__)
-    return _mm256_fmadd_pd(a, b, c);
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_fmadd_pd(a, b, c)
 #  else
-    return _mm256_add_pd(_mm256_mul_pd(a, b), c);
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_add_pd(_mm256_mul_pd(a, b), c)
 #  endif
-}
 #elif defined(CLOTHI_SSE2)
 #  define CLOTHI_DV 2
 typedef __m128d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
-    return _mm_add_pd(_mm_mul_pd(a, b), c);
-}
+#  define CLOTHI_DV_LOAD(a)       _mm_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm_add_pd(_mm_mul_pd(a, b), c)
 #else
 #  define CLOTHI_DV 1
 typedef double clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return *a; }
-static void clothi_dv_store(double *a, clothi_dv b) { *a = b; }
-static clothi_dv clothi_dv_splat(double a) { return a; }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) { return a * b + c; }
+#  define CLOTHI_DV_LOAD(a)       (*(a))
+#  define CLOTHI_DV_STORE(a, b)   (*(a) = (b))
+#  define CLOTHI_DV_SPLAT(a)      (a)
+#  define CLOTHI_DV_MADD(a, b, c) ((a) * (b) + (c))
 #endif
 
 #define CLOTHI_TILE (2 * CLOTHI_DV)         /* rows of a tile of C; its columns are 4          */
 
 /* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. */
 static void clothi_front_tile(const double *a, const double *b, int k, double *out) {
-    clothi_dv zero = clothi_dv_splat(0.0), u, v, w;
+    clothi_dv zero = CLOTHI_DV_SPLAT(0.0), u, v, w;
     clothi_dv c0 = zero, c1 = zero, c2 = zero, c3 = zero, d0 = zero, d1 = zero, d2 = zero,
               d3 = zero;
     int p;
     for (p = 0; p < k; p++, a += CLOTHI_TILE, b += 4) {
-        u = clothi_dv_load(a);
-        v = clothi_dv_load(a + CLOTHI_DV);
-        w = clothi_dv_splat(b[0]);
-        c0 = clothi_dv_madd(u, w, c0);
-        d0 = clothi_dv_madd(v, w, d0);
-        w = clothi_dv_splat(b[1]);
-        c1 = clothi_dv_madd(u, w, c1);
-        d1 = clothi_dv_madd(v, w, d1);
-        w = clothi_dv_splat(b[2]);
-        c2 = clothi_dv_madd(u, w, c2);
-        d2 = clothi_dv_madd(v, w, d2);
-        w = clothi_dv_splat(b[3]);
-        c3 = clothi_dv_madd(u, w, c3);
-        d3 = clothi_dv_madd(v, w, d3);
+        u = CLOTHI_DV_LOAD(a);
+        v = CLOTHI_DV_LOAD(a + CLOTHI_DV);
+        w = CLOTHI_DV_SPLAT(b[0]);
+        c0 = CLOTHI_DV_MADD(u, w, c0);
+        d0 = CLOTHI_DV_MADD(v, w, d0);
+        w = CLOTHI_DV_SPLAT(b[1]);
+        c1 = CLOTHI_DV_MADD(u, w, c1);
+        d1 = CLOTHI_DV_MADD(v, w, d1);
+        w = CLOTHI_DV_SPLAT(b[2]);
+        c2 = CLOTHI_DV_MADD(u, w, c2);
+        d2 = CLOTHI_DV_MADD(v, w, d2);
+        w = CLOTHI_DV_SPLAT(b[3]);
+        c3 = CLOTHI_DV_MADD(u, w, c3);
+        d3 = CLOTHI_DV_MADD(v, w, d3);
     }
-    clothi_dv_store(out, c0);
-    clothi_dv_store(out + CLOTHI_DV, d0);
-    clothi_dv_store(out + 2 * CLOTHI_DV, c1);
-    clothi_dv_store(out + 3 * CLOTHI_DV, d1);
-    clothi_dv_store(out + 4 * CLOTHI_DV, c2);
-    clothi_dv_store(out + 5 * CLOTHI_DV, d2);
-    clothi_dv_store(out + 6 * CLOTHI_DV, c3);
-    clothi_dv_store(out + 7 * CLOTHI_DV, d3);
+    CLOTHI_DV_STORE(out, c0);
+    CLOTHI_DV_STORE(out + CLOTHI_DV, d0);
+    CLOTHI_DV_STORE(out + 2 * CLOTHI_DV, c1);
+    CLOTHI_DV_STORE(out + 3 * CLOTHI_DV, d1);
+    CLOTHI_DV_STORE(out + 4 * CLOTHI_DV, c2);
+    CLOTHI_DV_STORE(out + 5 * CLOTHI_DV, d2);
+    CLOTHI_DV_STORE(out + 6 * CLOTHI_DV, c3);
+    CLOTHI_DV_STORE(out + 7 * CLOTHI_DV, d3);
 }
 
 /* C (lower part, rows x cols, column-major) -= A S A' from packed rows. */
@@ -8176,9 +8142,9 @@ static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1
 /* Factors the panel of part q and takes its product off the update matrix U. */
 static void clothi_front_factor(cloth_factor *f, int q, double *U, double *pack, int par) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
-    int    n = 3 * (p->hi - p->mid), nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-    size_t m = (size_t)(n + nb);
+    const clothi_part *p = P->part + q;
+    const int    n = p->n, nb = p->nb;
+    const size_t m = (size_t)(n + nb);
     double *L = f->panel + P->panel[q], *sign = f->sign + 3 * (size_t)p->mid;
     const double *limit = f->vec + 3 * (size_t)p->mid;
     int k0, k1;
@@ -8211,7 +8177,7 @@ static void clothi_front_add(double *L, size_t m, int row, int col, const double
 /* The entries of A that part q eliminates. */
 static void clothi_front_assemble(cloth_factor *f, int q, double *L, size_t m) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
+    const clothi_part *p = P->part + q;
     int own = p->hi - p->mid, i, c;
     for (i = 0; i < own; i++) {
         unsigned fixed = f->fixed[p->mid + i];
@@ -8255,15 +8221,15 @@ static void clothi_front_extend(const cloth_factor *f, int c, double *L, double 
 
 static void clothi_front_part(cloth_factor *f, int q, double *pack, int par) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
-    int     own = p->hi - p->mid, nb = P->bound_start[q + 1] - P->bound_start[q], c;
-    size_t  n = 3 * (size_t)own, b = 3 * (size_t)nb;
+    const clothi_part *p = P->part + q;
+    const size_t       n = (size_t)p->n, b = (size_t)p->nb;
+    int                c;
     double *L = f->panel + P->panel[q], *U = f->work + P->update_temp[q];
     memset(L, 0, n * (n + b) * sizeof *L);
     memset(U, 0, b * b * sizeof *U);
     clothi_front_assemble(f, q, L, n + b);
     for (c = 0; c < 2; c++)
-        if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, own, n + b);
+        if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, p->n / 3, n + b);
     clothi_front_factor(f, q, U, pack, par);
     if (P->update[q] != P->update_temp[q]) memmove(f->work + P->update[q], U, b * b * sizeof *U);
 }
@@ -8344,13 +8310,11 @@ static cloth_status clothi_factor_judge(cloth_factor *f, cloth_factor_report *re
         if (f->pivot[i] < 0 && rep->negative == 1) f->first_bad = i;
         if (f->pivot[i] == 0 && f->first_bad < 0) f->first_bad = i;
     }
-    for (q = 0; q < P->nparts; q++) {
-        size_t m = 3 * (size_t)(P->part[q].hi - P->part[q].mid + P->bound_start[q + 1] -
-                                P->bound_start[q]);
-        for (i = 0; i < 3 * (P->part[q].hi - P->part[q].mid); i++)
-            if (!clothi_finite(f->panel[P->panel[q] + (size_t)i * (m + 1)]))
+    for (q = 0; q < P->nparts; q++)
+        for (i = 0; i < P->part[q].n; i++)
+            if (!clothi_finite(f->panel[P->panel[q] + (size_t)i *
+                                        (size_t)(P->part[q].n + P->part[q].nb + 1)]))
                 return CLOTH_ERR_NONFINITE;
-    }
     if (f->first_bad < 0) return CLOTH_OK;
     rep->bad_vertex = P->verts[f->first_bad / 3];
     rep->bad_axis = f->first_bad % 3;
@@ -8394,9 +8358,8 @@ static void clothi_factor_forward(cloth_factor *f, double *b) {
     double *tmp = f->vec + 3 * (size_t)P->nv;
     int q, i, j, k;
     for (q = 0; q < P->nparts; q++) {
-        int own = P->part[q].hi - P->part[q].mid, n = 3 * own;
-        int nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-        double *x = b + 3 * (size_t)P->part[q].mid;
+        const int     n = P->part[q].n, nb = P->part[q].nb;
+        double       *x = b + 3 * (size_t)P->part[q].mid;
         const double *L = f->panel + P->panel[q];
         memset(tmp, 0, (size_t)nb * sizeof *tmp);
         for (j = 0; j < n; j++, L += n + nb) {
@@ -8417,9 +8380,8 @@ static void clothi_factor_backward(cloth_factor *f, double *b) {
     double *tmp = f->vec + 3 * (size_t)P->nv;
     int q, i, j, k;
     for (q = P->nparts - 1; q >= 0; q--) {
-        int own = P->part[q].hi - P->part[q].mid, n = 3 * own;
-        int nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-        double *x = b + 3 * (size_t)P->part[q].mid;
+        const int n = P->part[q].n, nb = P->part[q].nb;
+        double   *x = b + 3 * (size_t)P->part[q].mid;
         for (i = 0; i < nb; i += 3)
             for (k = 0; k < 3; k++)
                 tmp[i + k] = b[3 * P->bound[P->bound_start[q] + i / 3] + k];
@@ -10420,7 +10382,7 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     double x[12 * CLOTHI_LANES];
-    int    b, k;
+    int    b;
     (void)worker;
     for (b = begin; b < end; b++) {
         double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * CLOTHI_LANES;
@@ -10432,10 +10394,7 @@ static void clothi_start_range(int begin, int end, int worker, void *ctx) {
         } else if (p->g->kind == CLOTHI_HINGE) {
             clothi_theta_lanes(x, start);
         } else if (p->g->kind == CLOTHI_SPRING) {
-            for (k = 0; k < 3 * CLOTHI_LANES; k++) x[k] -= x[3 * CLOTHI_LANES + k];
-            for (k = 0; k < CLOTHI_LANES; k++)
-                start[k] = sqrt(x[k] * x[k] + x[CLOTHI_LANES + k] * x[CLOTHI_LANES + k] +
-                                x[2 * CLOTHI_LANES + k] * x[2 * CLOTHI_LANES + k]);
+            clothi_edge_lengths(x, start);
         } else {
             memcpy(start, x, sizeof x);
         }

@@ -19,8 +19,8 @@
  *                40 iterations were spent on 1e-5 J of 1.8, a sheet of 32 x 32 on a sphere takes
  *                920 in 90 steps for 1206, none cut short; with self-contact 1023 for 1212.
  *   SADDLE       a sheet scaled by a half came to rest at 9.6 J after 6 iterations, with its
- *                minimum at 1.0 J. More than ESCAPES loses: this T-shirt then stalls in 13 of 60 frames
- *                instead of 2, and points that coincide never end.
+ *                minimum at 1.0 J. More than ESCAPES loses: this T-shirt then stalls in 13 of 60
+ *                frames instead of 2, and points that coincide never end.
  *   lost         secant steps beyond a = 1, second-order corrections, chord steps with the old
  *                matrix. */
 #define _XOPEN_SOURCE 600

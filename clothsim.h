@@ -4889,10 +4889,9 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
     double              e[CLOTHI_LANES], ed[CLOTHI_LANES];
     int                 k;
     clothi_theta_lanes(x, theta);
-    clothi_hinge_moments(theta, rest, damp ? theta_n : none, damp ? damp : none, moment, e, ed);
+    clothi_hinge_moments(theta, rest, damp ? theta_n : none, damp ? damp : none, moment, E ? E : e,
+                         Ed ? Ed : ed);
     if (theta_out) memcpy(theta_out, theta, sizeof theta);
-    if (E) memcpy(E, e, sizeof e);
-    if (Ed) memcpy(Ed, ed, sizeof ed);
     if (f && !H) clothi_hinge_turn(x, moment, f);
     if (H) {
         clothi_fold_batch w;
@@ -5254,7 +5253,7 @@ struct cloth_pattern {
     int  *agg;                              /* [n] of a row, or -1                             */
     int  *zp, *zj, *vp, *vj;                /* aggregates coupled to a row; those from the
                                                diagonal on (V) have their place in Z in vz     */
-    int  *vz, *zown, *vown;                 /* place of the row's own aggregate, -1: none      */
+    int  *vz, *vown;                        /* place of the row's own aggregate, -1: none      */
     int  *kz, *kv;                          /* [nlow] place of a block in Z of its row, V of
                                                its column, -1: none                            */
     int  *member_start, *member;            /* [nc+2], [n] rows by aggregate, last: of none    */
@@ -5636,7 +5635,7 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
         int u = p->vertex_of[i];
         p->zp[i] = z;
         p->vp[i] = v;
-        p->zown[i] = clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
+        clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
         p->vown[i] = clothi_place(p->vj, p->vp[i], &v, p->agg[i]);
         for (k = g->start[u]; k < g->start[u + 1]; k++) {
             j = p->row_of[g->to[k]];
@@ -5984,10 +5983,10 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!p) goto done;
     if (hooks) p->hooks = *hooks;
     p->n = nv;
-    p->row_of = (int *)clothi_alloc(hooks, 9 * n + 3, sizeof(int));
+    p->row_of = (int *)clothi_alloc(hooks, 8 * n + 3, sizeof(int));
     if (!p->row_of) goto done;
-    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->zown = p->agg + n;
-    p->vown = p->zown + n, p->member = p->vown + n, p->row = p->member + n;
+    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->vown = p->agg + n;
+    p->member = p->vown + n, p->row = p->member + n;
     p->zp = p->row + n + 1, p->vp = p->zp + n + 1;
     p->nd = nv < CLOTHI_ONE_LEAF ? 1 : nv < CLOTHI_EIGHT_LEAVES ? 4 : 8;
     status = clothi_dissection_begin(hooks, nv, &g, x, &d);
@@ -6729,7 +6728,6 @@ typedef struct clothi_store {               /* of floats or of doubles          
 typedef struct clothi_tally {               /* one leaf's share of the sums                    */
     double rr, pq, trace, top, big;
     int    bad;                             /* first row whose diagonal block is not positive  */
-    int    pad;
 } clothi_tally;
 
 struct cloth_linear_solver {
@@ -10806,7 +10804,7 @@ static cloth_status clothi_membrane_vjp(void *user, const cloth_eval *e, const d
  *   c = scale D e2/(A1 + A2), D and tau the means of the two faces' materials. */
 
 typedef struct clothi_hinge_vjp_parts {
-    double dc, dtheta0, dtau, drate;        /* derivatives of V by c, theta0, tau at fixed h    */
+    double dc, dtheta0, dtau;               /* derivatives of V by c, theta0, tau at fixed h    */
 } clothi_hinge_vjp_parts;
 
 static void clothi_hinge_vjp_rest(const cloth_eval *e, int h,

@@ -6191,7 +6191,9 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * Under implicit steps this is where minimising begins, not where it ends: no strain of the
  * projection stays, and no row is in the accepted state. Among obstacles that rest the straight way
  * up to the first hit is feasible too, and the better of the two is taken: a sheet thrown at 25 m/s
- * at a box went from 36 to 1 000 J without, and never above its start with.
+ * at a box went from 36 to 1 000 J without, and never above its start with. Where the rows become
+ * more than two a vertex it is taken at once: ten sheets that fall on each other had 120 000 rows,
+ * their slowest step is 2.5 times cheaper without.
  * LEAPFROG ends each substep with it; velocities are then min |v - v*|^2_M/2 with no approach on
  * the active rows: neither gives kinetic energy where obstacles rest [9.4].
  *
@@ -6203,7 +6205,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_EXACT_ROWS   200             /* larger zones are swept only                     */
 #define CLOTHI_SWEEPS       300
 #define CLOTHI_CARRIED       20             /* t: so far obstacles carry cloth in a guess      */
-#define CLOTHI_START_PASSES  16             /* for a start of minimising, not more             */
+#define CLOTHI_START_ROWS   2               /* a vertex: more for a start of minimising are dear */
 #define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
 #define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
@@ -6695,8 +6697,9 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
         for (i = 0; i < c->nrow && c->report.passes == 0; i++)
             c->toi = clothi_min(c->toi, c->row[i].toi);
         if (status) return status;
-        if (rests && c->report.passes == CLOTHI_START_PASSES) {
+        if (rests && c->nrow > CLOTHI_START_ROWS * c->nv) {
             clothi_part_way(c, c->xb);
+            c->nrow = 0;
             return CLOTH_OK;
         }
         if (hit == 0) return CLOTH_OK;

@@ -1271,10 +1271,10 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
  *   descent   Of two overlapping nodes both are opened, or the one that is no leaf. Four pairs at
  *             most go on the stack and one comes off it: no more than 3 * 28 + 1 wait. Touching
  *             counts, NaN overlaps everything: the answer is that of brute force.
- *   order     The pairs of nodes at a fixed level are the tasks of a parallel loop. Each writes
- *             into its own segment of the list, sized by what it found last time; a task that
- *             needs more counts on, then the segments are laid out anew and the loop runs again.
- *             Hence no allocation in the steady state, one order for any number of workers.
+ *   order     The pairs of nodes at level CLOTHI_BVH_TASKS are the tasks of a parallel loop. Each
+ *             writes into its own segment of the list, sized by what it found last time; a task
+ *             that needs more counts on, then the segments are laid out anew and the loop runs
+ *             again. Hence no allocation in the steady state, one order for any number of workers.
  *   features  One face owns each vertex and each edge, and only the owner reports it [CTM08].
  *             Nothing is lost: a box around the owner is around what it owns.
  *
@@ -1285,6 +1285,7 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
 #define CLOTHI_BVH_LEAF   4
 #define CLOTHI_BVH_STACK  88
 #define CLOTHI_BVH_TASKS  4                 /* level whose nodes are the tasks, pairwise       */
+#define CLOTHI_PAIRS_TASKS (1 << 2 * CLOTHI_BVH_TASKS)
 
 /* A tree over n boxes. memset to 0 before the first build. Item i is reported as first + i. */
 typedef struct clothi_bvh {
@@ -1300,17 +1301,14 @@ typedef struct clothi_bvh {
 typedef struct clothi_pairs {
     int     count;
     int    *pair;                           /* [count x 2]                                     */
-    size_t  room;                           /* pairs that the memory holds                     */
-    int     tasks;                          /* entries of the arrays below                     */
-    size_t *start;                          /* [tasks + 1] segment of each task                */
-    size_t *found;                          /* [tasks] pairs that it has, also beyond its room */
+    size_t  start[CLOTHI_PAIRS_TASKS + 1];  /* segment of each task                            */
+    size_t  found[CLOTHI_PAIRS_TASKS];      /* pairs that it has, also beyond its room         */
 } clothi_pairs;
 
 /* --- the list of pairs --- */
 
 static void clothi_pairs_free(const cloth_hooks *hooks, clothi_pairs *p) {
     clothi_free(hooks, p->pair);
-    clothi_free(hooks, p->start);
     memset(p, 0, sizeof *p);
 }
 
@@ -1325,45 +1323,31 @@ static inline void clothi_segment_put(clothi_segment *s, int a, int b) {
     s->found++;
 }
 
-/* Memory for the segments of all tasks, new ones with room for `least` pairs; what they hold is
- * lost. */
-static cloth_status clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p, int tasks,
-                                     size_t least) {
-    if (tasks > p->tasks) {
-        const size_t n = (size_t)tasks + (size_t)tasks / 2u, had = (size_t)p->tasks;
-        size_t      *start = (size_t *)clothi_alloc(hooks, 2 * n + 1u, sizeof *start), i;
-        if (!start) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i tasks", tasks);
-        for (i = 0; i < n; i++)
-            start[i + 1] = start[i] + (i < had ? p->start[i + 1] - p->start[i] : least);
-        clothi_free(hooks, p->start);
-        p->start = start;
-        p->found = start + n + 1u;
-        p->tasks = (int)n;
-    }
-    if (p->start[p->tasks] > p->room) {
-        const size_t need = p->start[p->tasks];
-        clothi_free(hooks, p->pair);
-        p->pair = (int *)clothi_alloc(hooks, need, 2 * sizeof *p->pair);
-        p->room = p->pair ? need : 0;
-        if (!p->pair) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", need);
-    }
-    return CLOTH_OK;
+/* Memory for the segments of all tasks, new ones with room for 64 pairs; 1 when there is none. */
+static int clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p) {
+    int i;
+    if (p->pair) return 0;
+    for (i = 0; i < CLOTHI_PAIRS_TASKS && !p->start[CLOTHI_PAIRS_TASKS]; i++)
+        p->start[i + 1] = 64 * ((size_t)i + 1u);
+    p->pair = (int *)clothi_alloc(hooks, p->start[CLOTHI_PAIRS_TASKS], 2 * sizeof *p->pair);
+    return !p->pair;
 }
 
-/* 1 when every task had room; else gives room to those that had not. */
-static int clothi_pairs_fit(clothi_pairs *p, int tasks) {
-    size_t end = p->start[0];
-    int    i, fit = 1;
-    for (i = 0; i < p->tasks; i++) {
+/* 1 when every task had room; else gives back the memory, and room to those that had not. */
+static int clothi_pairs_fit(const cloth_hooks *hooks, clothi_pairs *p, int tasks) {
+    size_t end = 0;
+    int    i = 0;
+    while (i < tasks && p->found[i] <= p->start[i + 1] - p->start[i]) i++;
+    if (i == tasks) return 1;
+    for (i = 0; i < CLOTHI_PAIRS_TASKS; i++) {
         size_t room = p->start[i + 1] - end;
-        if (i < tasks && p->found[i] > room) {
-            room = p->found[i] + p->found[i] / 4u + 16u;
-            fit = 0;
-        }
+        if (i < tasks && p->found[i] > room) room = p->found[i] + p->found[i] / 4u + 16u;
         end = p->start[i + 1];
         p->start[i + 1] = p->start[i] + room;
     }
-    return fit;
+    clothi_free(hooks, p->pair);
+    p->pair = NULL;
+    return 0;
 }
 
 /* What one task puts into the lists. */
@@ -1392,22 +1376,21 @@ static void clothi_pairs_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
-/* Runs fn over `tasks` tasks, which fill the segments of nlists lists, until all have room.
- * least: first guess of a segment's room. On failure every list is empty. */
+/* Runs fn over at most CLOTHI_PAIRS_TASKS tasks, which fill the segments of nlists lists, until all
+ * have room. On failure every list is empty. */
 static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *const *list,
-                                     int nlists, int tasks, size_t least, clothi_task_fn *fn,
-                                     const void *ctx) {
+                                     int nlists, int tasks, clothi_task_fn *fn, const void *ctx) {
     clothi_pairs_job job = {list, nlists, fn, ctx};
     cloth_status     status = CLOTH_OK;
     int              k, fit = 0;
     for (k = 0; k < nlists; k++) list[k]->count = 0;
-    if (tasks == 0) return CLOTH_OK;
-    while (!fit && status == CLOTH_OK) {
-        for (k = 0; k < nlists && status == CLOTH_OK; k++)
-            status = clothi_pairs_lay(hooks, list[k], tasks, least);
-        if (status != CLOTH_OK) break;
+    while (!fit) {
+        for (k = 0; k < nlists; k++)
+            if (clothi_pairs_lay(hooks, list[k]))
+                return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs",
+                                   list[k]->start[CLOTHI_PAIRS_TASKS]);
         clothi_for(hooks, tasks, 1, clothi_pairs_range, &job);
-        for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(list[k], tasks);
+        for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(hooks, list[k], tasks);
     }
     for (k = 0; k < nlists && status == CLOTH_OK; k++) {
         clothi_pairs *p = list[k];          /* the segments one behind the other */
@@ -1423,31 +1406,31 @@ static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *con
     return status;
 }
 
-#define CLOTHI_PAIRS_CHUNK 1024             /* pairs that a task takes                         */
-
 /* What one pair puts into the lists. */
 typedef void clothi_look_fn(const int *pair, const void *ctx, clothi_segment *out);
 
 typedef struct clothi_look {
     const clothi_pairs *in;
+    int                 tasks;
     clothi_look_fn     *fn;
     const void         *ctx;
 } clothi_look;
 
 static void clothi_look_task(int task, const void *ctx, clothi_segment *out) {
     const clothi_look *l = (const clothi_look *)ctx;
+    const int          n = l->in->count, each = n / l->tasks, end = (task + 1) * each;
     int                i;
-    for (i = task * CLOTHI_PAIRS_CHUNK; i < l->in->count && i / CLOTHI_PAIRS_CHUNK == task; i++)
+    for (i = task * each; i < (task + 1 < l->tasks ? end : n); i++)
         l->fn(l->in->pair + 2 * (size_t)i, l->ctx, out);
 }
 
-/* Lists made by fn from each pair of `in`, in its order, by tasks of CLOTHI_PAIRS_CHUNK pairs. */
+/* Lists made by fn from each pair of `in`, in its order, by tasks of 256 pairs or more. */
 static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pairs *in,
                                       clothi_look_fn *fn, const void *ctx,
-                                      clothi_pairs *const *out, int nout, size_t least) {
-    const clothi_look l = {in, fn, ctx};
-    return clothi_pairs_run(hooks, out, nout, (in->count + CLOTHI_PAIRS_CHUNK - 1) /
-                            CLOTHI_PAIRS_CHUNK, least, clothi_look_task, &l);
+                                      clothi_pairs *const *out, int nout) {
+    const int         n = in->count / 256 + 1;
+    const clothi_look l = {in, n < CLOTHI_PAIRS_TASKS ? n : CLOTHI_PAIRS_TASKS, fn, ctx};
+    return clothi_pairs_run(hooks, out, nout, l.tasks, clothi_look_task, &l);
 }
 
 /* --- boxes --- */
@@ -1662,7 +1645,7 @@ static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const cloth
     const int              p = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
     const int              q = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
     const clothi_bvh_query query = {a, b, p, q};
-    return clothi_pairs_run(hooks, &pairs, 1, 1 << (p + q), 64, clothi_bvh_query_task, &query);
+    return clothi_pairs_run(hooks, &pairs, 1, 1 << (p + q), clothi_bvh_query_task, &query);
 }
 
 /* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
@@ -1858,8 +1841,7 @@ static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi
                                           clothi_pairs *ee) {
     const clothi_features_job job = {s, vertex_box, face_box};
     clothi_pairs *const       list[2] = {vf, ee};
-    return clothi_pairs_look(hooks, faces, clothi_features_look, &job, list, 2,
-                             2 * CLOTHI_PAIRS_CHUNK);
+    return clothi_pairs_look(hooks, faces, clothi_features_look, &job, list, 2);
 }
 
 /* ===== [5.2] TRIANGLES THAT INTERSECT =========================================================
@@ -2100,7 +2082,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK) status = clothi_bvh_cross_pairs(hooks, &tree, &tree, &near_by);
     if (status == CLOTH_OK)                 /* ~0.1 us a candidate */
-        status = clothi_pairs_look(hooks, &near_by, clothi_crossing_look, &job, &out, 1, 4);
+        status = clothi_pairs_look(hooks, &near_by, clothi_crossing_look, &job, &out, 1);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
     if (status != CLOTH_OK) goto done;
     if (count) *count = found.count;
@@ -7238,7 +7220,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
         c->held_of, c->look, c->caught, c->hold_to, c->hold, c->holding, c->meet.pair,
-        c->meet.start, c->vf.pair, c->vf.start, c->ee.pair, c->ee.start, c->zone, c->work,
+        c->vf.pair, c->ee.pair, c->zone, c->work,
         c->qp_minv, c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame,
         c->way_in, c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
         c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,

@@ -8796,7 +8796,7 @@ static void clothi_back_coefficient(const clothi_flow *f, const clothi_contact *
     const cloth_collide *c = f->c;
     double              *to = f->to->friction, *parts = to + 1 + c->nobstacle;
     const double         half = 0.5 * rate * q->friction;
-    int                  i, n = 0, part, own = 0;
+    int                  i, n = q->slot >= 0, part, own = 0;
     for (i = 0; i < q->n && n < 2; i += q->kind == CLOTHI_EE ? 2 : 1) {
         if (q->v[i] >= c->nv) continue;
         n++;
@@ -9082,6 +9082,20 @@ static cloth_status clothi_adjoint_open(cloth_collide *c) {
     return CLOTH_ERR_MEMORY;
 }
 
+/* What obstacles carry aims at a point of a face where it ends. */
+static void clothi_back_carried(const cloth_collide *c, const double *attach) {
+    const cloth_sim *s = c->sim;
+    int              i, j;
+    for (i = 0; attach && i < s->model->desc.max_attachments; i++) {
+        const cloth_step_attachment *q = s->attach + i;
+        const clothi_obstacle       *o = c->obstacle + q->on - 1;
+        if (!q->used || q->on <= 0) continue;
+        for (j = 0; j < 9; j++)
+            c->adjoint->pose[0][3 * (o->v0 - c->nv + o->faces[3 * q->other + j / 3]) + j % 3] +=
+                q->at[j / 3] * attach[3 * i + j % 3];
+    }
+}
+
 /* cloth_contact.adjoint. */
 static cloth_status clothi_contact_adjoint(void *user, int what, int k,
                                            const cloth_contact_grad *out) {
@@ -9095,6 +9109,7 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
         if (out->part_friction) memset(out->part_friction, 0, parts * sizeof(double));
         return clothi_adjoint_open(c);
     }
+    if (what == CLOTH_ADJOINT_STEP) clothi_back_carried(c, out->attach);
     for (o = 0; out && out->obstacle && o < c->nobstacle; o++)
         if (c->obstacle[o].used)
             out->obstacle(k, clothi_obstacle_id(c, o),

@@ -148,10 +148,11 @@ def page(browser, out, name):
     check('http' not in text.lower(), name, "it contains 'http'")
     check(os.path.getsize(path) <= 4000000, name, 'it is larger than 4 MB')
     if name == 'live.html':
-        layout(browser, name, url + '#2d&all', 'ready 60 steps', False)
+        layout(browser, name, url + '#x&all', 'ready 60 steps', False)
         return
     layout(browser, name, url + '#2d&t=0.5&all', 'ready [0-9]+ frames$', False)
-    span = re.search(r's of ([0-9.]+) s ', browser.js("document.getElementById('clock').textContent"))
+    clock = browser.js("document.getElementById('clock').textContent")
+    span = re.search(r's of ([0-9.]+) s ', clock)
     times = [part * float(span.group(1) if span else 1) for part in (0.03, 0.4, 0.83)]
     browser.open('about:blank')
     window(browser, (900, 640), 'light')

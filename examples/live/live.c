@@ -185,7 +185,7 @@ EXPORT(live_hash) unsigned live_hash(int high) {
 /* The still beside the page, by way of a view of one frame. */
 static const char *still(void) {
     static double x[3 * VIEW_BALL_NV];
-    view         *page = view_open("Live", "");
+    view         *page = view_open("Live!", "");
     int           mesh[2];
     view_camera(page, 24, 8), view_floor(page, 0);
     mesh[0] = view_mesh(page, "cloth", VIEW_CLOTH, live_nv(), live_nf(), live_faces());

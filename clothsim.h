@@ -3634,22 +3634,7 @@ CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_me
 
 /* --- files --- */
 
-#ifdef CLOTH_NO_STDIO
-
-CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
-                                      const cloth_obj_options *options, cloth_mesh **out) {
-    (void)options;
-    if (out) *out = NULL;
-    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
-}
-
-CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path,
-                                      const cloth_mesh *mesh) {
-    (void)mesh;
-    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
-}
-
-#else
+#ifndef CLOTH_NO_STDIO
 
 /* The whole of a file, owned by the caller; pipes too, so its size is found by reading. */
 static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path, char **out,
@@ -3682,6 +3667,32 @@ static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path,
     return status;
 }
 
+static cloth_status clothi_write_file(const cloth_hooks *hooks, const char *path, const char *text,
+                                      size_t size) {
+    FILE *file = fopen(path, "wb");
+    int   whole;
+    if (!file) return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened for writing", path);
+    whole = fwrite(text, 1, size, file) == size;
+    if (fclose(file) == 0 && whole) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be written", path);
+}
+
+#else
+
+static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path, char **out,
+                                     size_t *size) {
+    (void)out, (void)size;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+}
+
+static cloth_status clothi_write_file(const cloth_hooks *hooks, const char *path, const char *text,
+                                      size_t size) {
+    (void)text, (void)size;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+}
+
+#endif
+
 CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
                                       const cloth_obj_options *options, cloth_mesh **out) {
     char        *text = NULL;
@@ -3698,8 +3709,7 @@ CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path
 
 CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path,
                                       const cloth_mesh *mesh) {
-    FILE        *file = NULL;
-    char        *text = NULL;
+    char        *text;
     size_t       size = 0;
     cloth_status status;
     if (!path) return clothi_null(hooks, "cloth_obj_save: path");
@@ -3709,21 +3719,10 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
     if (!text) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
                                   size);
     status = cloth_obj_format(hooks, mesh, text, size, NULL);
-    if (status != CLOTH_OK) goto done;
-    file = fopen(path, "wb");
-    if (!file) {
-        status = clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened for writing", path);
-        goto done;
-    }
-    if (fwrite(text, 1, size, file) != size) status = CLOTH_ERR_IO;
-    if (fclose(file) != 0) status = CLOTH_ERR_IO;
-    if (status != CLOTH_OK) clothi_fail(hooks, status, "%s: cannot be written", path);
-done:
+    if (status == CLOTH_OK) status = clothi_write_file(hooks, path, text, size);
     clothi_free(hooks, text);
     return status;
 }
-
-#endif
 
 /* ===== [5.1] MATERIALS ======================================================================= */
 /*
@@ -11608,16 +11607,21 @@ static int clothi_still_axis(const cloth_sim *s) {
     return -1;
 }
 
+/* Principal stretches of face f at x [nv x 3], large one first, and its corners. Returns the smaller
+ * one. */
+static double clothi_face_stretch(const cloth_sim *s, const double *x, int f, double *stretch,
+                                  double *corners) {
+    int k;
+    for (k = 0; k < 9; k++) corners[k] = x[3 * s->model->faces[3 * f + k / 3] + k % 3];
+    cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
+    return stretch[1];
+}
+
 static int clothi_compressed(const cloth_sim *s) {
-    const cloth_model *m = s->model;
-    int                f, k, found = 0;
-    for (f = 0; f < m->nf && !found; f++) {
-        double x[9], stretch[2];
-        for (k = 0; k < 9; k++) x[k] = s->w.x[3 * m->faces[3 * f + k / 3] + k % 3];
-        cloth_stretch_state(x, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
-        found = stretch[1] < 1 - 1e-9;
-    }
-    return found;
+    double stretch[2], corners[9];
+    int    f = 0;
+    while (f < s->model->nf && clothi_face_stretch(s, s->w.x, f, stretch, corners) >= 1 - 1e-9) f++;
+    return f < s->model->nf;
 }
 
 /* A compressed sheet exactly in a plane across an axis feels no force along it: CG cannot see that
@@ -11943,7 +11947,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
 #define CLOTHI_STATIC_ESCAPE 0.07           /* mean edges: first length of a way off a saddle  */
-#define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
+#define CLOTHI_LOST          1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
 /* Longest side of the box around x [nv x 3]. */
@@ -12006,19 +12010,6 @@ static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, 
     return 0;
 }
 
-/* Near the minimum of a hardly strained sheet the decrease of phi drowns in its rounding, which
- * is of order eps |force| |x|, not eps phi: there the slope at the end of the step decides. */
-static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
-    double value;
-    int    i, n = 3 * s->model->nv;
-    if (-nt->slope > CLOTHI_DROWNED * goal->magnitude) return 0;
-    for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
-    if (clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value)) return 0;
-    if (!(fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope)) return 0;
-    nt->value = value;
-    return 1;
-}
-
 /* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
  * negative curvature; lr->negative: singular to rounding even so. */
 static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
@@ -12039,17 +12030,24 @@ static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clo
 }
 
 /* Moves by dx, shortened where phi says so, and evaluates there. An update below the tolerance is
- * taken as it is: phi cannot tell. */
+ * taken as it is: phi cannot tell. Near the minimum of a hardly strained sheet the decrease of phi
+ * is lost to its rounding, which is of order eps |force| |x|, not eps phi: there the slope at the
+ * end of the step decides. */
 static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                        cloth_report *report, double *a) {
+    const int    small = nt->size < s->model->desc.tolerance;
     cloth_status status = CLOTH_OK;
+    double       value;
+    int          whole = small || -nt->slope <= CLOTHI_LOST * goal->magnitude;
     int          i, n = 3 * s->model->nv;
     *a = 1;
-    if (nt->size < s->model->desc.tolerance) {
+    if (whole) {
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
-        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &nt->value);
-    } else if (!clothi_static_drowned(s, goal, nt))
-        status = clothi_line_search(s, goal, nt, a, report);
+        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
+        whole = small || fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope;
+        if (whole) nt->value = value;
+    }
+    if (!status && !whole) status = clothi_line_search(s, goal, nt, a, report);
     if (status) return status;
     memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
     clothi_newton_rhs(s);
@@ -12940,14 +12938,6 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     return status;
 }
 
-/* Principal stretches of face f, large one first, and its corners. Returns the smaller one. */
-static double clothi_face_stretch(const cloth_sim *s, int f, double *stretch, double *corners) {
-    int k;
-    for (k = 0; k < 9; k++) corners[k] = s->state.x[3 * s->model->faces[3 * f + k / 3] + k % 3];
-    cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
-    return stretch[1];
-}
-
 /* Squares of the smaller stretches of triangles, angles of hinges: one per lane. */
 static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
@@ -12983,7 +12973,7 @@ static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
     int    k, f;
     report->min_stretch = HUGE_VAL;
     for (f = 0; g->kind != CLOTHI_TRIANGLE && f < s->model->nf; f++) {
-        stretch = clothi_face_stretch(s, f, both, corners);
+        stretch = clothi_face_stretch(s, s->state.x, f, both, corners);
         if (stretch < report->min_stretch) report->min_stretch_face = f;
         report->min_stretch = clothi_min(stretch, report->min_stretch);
         report->collapsed += stretch < CLOTHI_COLLAPSED;
@@ -12997,7 +12987,8 @@ static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
             low = square[k], report->min_stretch_face = f;
     }
     if (report->min_stretch_face >= 0)
-        report->min_stretch = clothi_face_stretch(s, report->min_stretch_face, both, corners);
+        report->min_stretch = clothi_face_stretch(s, s->state.x, report->min_stretch_face, both,
+                                                  corners);
 }
 
 static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
@@ -13888,7 +13879,7 @@ CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smalles
     if (!sim) return CLOTH_ERR_ARGUMENT;
     for (f = 0; f < sim->model->nf; f++) {
         double corners[9], stretch[2];
-        (void)clothi_face_stretch(sim, f, stretch, corners);
+        (void)clothi_face_stretch(sim, sim->state.x, f, stretch, corners);
         if (smallest) smallest[f] = stretch[1];
         if (largest) largest[f] = stretch[0];
     }
@@ -13904,7 +13895,7 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
     for (f = 0; draw->triangle && f < m->nf; f++) {
         double   corners[9], stretch[2];
         unsigned hot, cold;
-        (void)clothi_face_stretch(sim, f, stretch, corners);
+        (void)clothi_face_stretch(sim, sim->state.x, f, stretch, corners);
         hot = (unsigned)(255 * fmin(fmax(stretch[0] - 1, 0) * 10, 1));
         cold = (unsigned)(255 * fmin(fmax(1 - stretch[1], 0) * 10, 1));
         draw->triangle(corners, corners + 3, corners + 6,

@@ -1331,7 +1331,8 @@ typedef struct clothi_grad {                /* one walk backwards               
     double *a, *z, *q, *left;               /* [nv x 3] scratch                                */
     double *mass;                           /* [nv]                                            */
     double *mu, *lambda, *bending, *damping;/* [nregions] under the params of the sim          */
-    double *pose;                           /* [max_attachments x 3]                           */
+    double *pose, *aim;                     /* [max_attachments x 3] by where attachments are at
+                                               a step's start, by where it takes them          */
     cloth_matrix *elastic;                  /* with contact: H without it                      */
     double *krylov;                         /* [2 CLOTHI_GRAD_KRYLOV + 1][nv x 3]              */
     cloth_contact_grad touch;               /* what contact has results for                    */
@@ -1719,7 +1720,7 @@ static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const
 }
 
 /* Goals of attachments, for a force by -z: a = -z. */
-static void clothi_grad_goals(clothi_grad *g, const double *a, double share, int k) {
+static void clothi_grad_goals(clothi_grad *g, const double *a, double share) {
     const cloth_sim *s = g->s;
     double           ap[3], w[6];
     int              i, j, v[6];
@@ -1727,21 +1728,18 @@ static void clothi_grad_goals(clothi_grad *g, const double *a, double share, int
         const cloth_step_attachment *q = s->in.attach + i;
         if (!clothi_attach_gap(s->model, NULL, q, a, v, w, ap)) continue;
         for (j = 0; j < 3; j++) {
-            const size_t at = 3 * ((size_t)k * (size_t)s->in.nattach + (size_t)i) + (size_t)j;
-            if (g->out->attach) g->out->attach[at] -= share * q->k * ap[j];
+            g->aim[3 * i + j] -= share * q->k * ap[j];
             g->pose[3 * i + j] -= (1 - share) * q->k * ap[j];
         }
     }
 }
 
-/* The adjoint of poses after step k is that of its targets. */
-static void clothi_grad_arrive(clothi_grad *g, int k) {
+/* The adjoint of poses after a step is that of its targets. */
+static size_t clothi_grad_arrive(clothi_grad *g) {
     const size_t n = 3 * (size_t)g->s->model->desc.max_attachments;
-    size_t       i;
-    for (i = 0; i < n; i++) {
-        if (g->out->attach) g->out->attach[(size_t)k * n + i] += g->pose[i];
-        g->pose[i] = 0;
-    }
+    memcpy(g->aim, g->pose, n * sizeof(double));
+    memset(g->pose, 0, n * sizeof(double));
+    return n;
 }
 
 /* At the start x of a step: poses of what was attached since the last step are points of x. */
@@ -1819,7 +1817,7 @@ static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k)
         g->mass[i / 3] -= wz * (s->w.x[i] - s->w.y[i]);
         g->a[i] = -g->z[i];
     }
-    clothi_grad_goals(g, g->a, s->in.share[1], k);
+    clothi_grad_goals(g, g->a, s->in.share[1]);
     line->goal.e.grad = NULL;
     line->goal.e.hess = NULL;
     line->goal.e.x = s->w.x;
@@ -1934,7 +1932,7 @@ static cloth_status clothi_leap_back(clothi_grad *g, double hs, const double *x,
     }
     e.x_n = x;
     e.h = 0;
-    clothi_grad_goals(g, g->a, s->in.share[1], k);
+    clothi_grad_goals(g, g->a, s->in.share[1]);
     if (!status && s->wind_on)
         status = s->term[CLOTHI_TERM_WIND].begin(s->term[CLOTHI_TERM_WIND].user, &e);
     if (status) return status;
@@ -2084,11 +2082,12 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
         g->bending = d, d += nr;
         g->damping = d, d += nr;
         g->pose = d, d += na;
+        g->aim = d, d += na;
         g->input = (unsigned char *)d;
         g->kept_input = g->input + input;
         g->kept_motion = g->kept_input + input;
     }
-    return (CLOTHI_GRAD_ARRAYS * n + n / 3 + 4 * nr + na) * sizeof(double) + 2 * input + motion;
+    return (CLOTHI_GRAD_ARRAYS * n + n / 3 + 4 * nr + 2 * na) * sizeof(double) + 2 * input + motion;
 }
 
 static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input) {
@@ -2212,9 +2211,9 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     clothi_grad        *g = w->g;
     const size_t        n = g->t->nv3, bytes = n * sizeof(double);
     const clothi_taped *e = g->t->step + k;
+    const size_t na = clothi_grad_arrive(g);
     cloth_status status = clothi_cancelled(&g->t->hooks, NULL);
     size_t       i;
-    clothi_grad_arrive(g, k);
     memset(g->x0, 0, bytes);
     if (!status && !e->asleep &&
         !(clothi_all_zero(g->lx, n) && clothi_all_zero(g->lv, n) && clothi_all_zero(g->lp, n) &&
@@ -2228,8 +2227,9 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
         memcpy(g->x, slot, bytes);
         for (i = 0; i < n; i++) g->lx[i] += g->x0[i];
         clothi_grad_poses(g, g->x, g->lx);
-    } else if (!status && e->params)
+    } else if (!status && (e->params || !clothi_all_zero(g->aim, na)))
         status = clothi_grad_put(g, k, slot);
+    if (g->out->attach) memcpy(g->out->attach + (size_t)k * na, g->aim, na * sizeof(double));
     if (!status && e->params) clothi_grad_flush(g);     /* steps before it have others */
     if (!status) status = clothi_grad_adjoint(g, CLOTH_ADJOINT_STEP, k + 1);
     memcpy(g->x, slot, bytes);
@@ -2393,6 +2393,7 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     g->touch.part_friction = out->part_friction;
     g->touch.obstacle = out->obstacle;
     g->touch.user = out->user;
+    g->touch.attach = g->aim;
     g->krylov = (double *)clothi_tape_alloc(t, (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3,
                                             sizeof(double));
     if (!g->krylov) return CLOTH_ERR_MEMORY;

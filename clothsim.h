@@ -8217,14 +8217,24 @@ static void clothi_front_extend(const cloth_factor *f, int c, double *L, double 
         }
 }
 
+/* The lower part of n columns of m rows to zero, and what a tile touches above it: memory is what a
+ * factorisation waits for. */
+static void clothi_front_zero(double *a, size_t m, size_t n) {
+    size_t j;
+    for (j = 0; j < n; j++, a += m) {
+        const size_t from = j > CLOTHI_TILE ? j - CLOTHI_TILE : 0;
+        memset(a + from, 0, (m - from) * sizeof *a);
+    }
+}
+
 static void clothi_front_part(cloth_factor *f, int q, double *pack, int par) {
     const clothi_tree *P = f->P;
     const clothi_part *p = P->part + q;
     const size_t       n = (size_t)p->n, b = (size_t)p->nb;
     int                c;
     double *L = f->panel + P->panel[q], *U = f->work + P->update_temp[q];
-    memset(L, 0, n * (n + b) * sizeof *L);
-    memset(U, 0, b * b * sizeof *U);
+    clothi_front_zero(L, n + b, n);
+    clothi_front_zero(U, b, b);
     clothi_front_assemble(f, q, L, n + b);
     for (c = 0; c < 2; c++)
         if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, p->n / 3, n + b);

@@ -11617,8 +11617,8 @@ static int clothi_still_axis(const cloth_sim *s) {
     return -1;
 }
 
-/* Principal stretches of face f at x [nv x 3], large one first, and its corners. Returns the smaller
- * one. */
+/* Principal stretches of face f at x [nv x 3], the larger one first, and its corners. Returns the
+ * smaller one. */
 static double clothi_face_stretch(const cloth_sim *s, const double *x, int f, double *stretch,
                                   double *corners) {
     int k;

@@ -198,7 +198,7 @@ run_size() {
         size=$(($(wc -c <"$out/one.o" 2>/dev/null || echo 0)))
         echo "  $h: $(wc -l <../$h) lines, object $size bytes," \
              "compiled in $(awk "BEGIN { print $now - $t0 }") s at -O2"
-        case $h in clothsim.h) must "object of $h: $size bytes" test $size -lt 293500 ;; esac
+        case $h in clothsim.h) must "object of $h: $size bytes" test $size -lt 291500 ;; esac
     done
 }
 

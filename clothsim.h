@@ -1636,10 +1636,31 @@ CLOTHI_OUTLINE static void clothi_sink_int(clothi_sink *t, long long i) {
     clothi_sink_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
 }
 
+/* 0.d0 d1 .. times 10^point, n >= 1: plain where least <= point <= most, else d0.d1..e-7. */
+static void clothi_sink_digits(clothi_sink *s, const unsigned char *d, int n, int point, int least,
+                               int most) {
+    int i;
+    if (point >= least && point <= most) {
+        if (point <= 0) clothi_sink_string(s, "0.");
+        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
+        for (i = 0; i < n || i < point; i++) {
+            if (i > 0 && i == point) clothi_sink_char(s, '.');
+            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
+        }
+        return;
+    }
+    clothi_sink_char(s, (char)('0' + d[0]));
+    if (n > 1) clothi_sink_char(s, '.');
+    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
+    clothi_sink_char(s, 'e');
+    clothi_sink_int(s, point - 1);
+}
+
 /* Six significant digits: enough for a person to recognise the number. */
 static void clothi_sink_number(clothi_sink *t, double a) {
-    int      e10, i, plain;
-    uint64_t digits, scale = 1;
+    unsigned char d[6];
+    int           e10, i, n = 6;
+    uint64_t      digits;
     if (!clothi_finite(a)) {
         clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
         return;
@@ -1654,18 +1675,9 @@ static void clothi_sink_number(clothi_sink *t, double a) {
     i = 5 - e10;                            /* in two factors: 10^i alone may overflow         */
     digits = (uint64_t)(a * pow(10.0, i / 2) * pow(10.0, i - i / 2) + 0.5);
     if (digits >= 1000000u) digits /= 10u, e10++;
-    plain = e10 >= -4 && e10 < 6;           /* 0.00012 .. 999999 */
-    for (i = plain ? 5 - e10 : 5; i > 0 && digits % 10u == 0; i--) digits /= 10u;
-    while (i-- > 0) scale *= 10u;
-    clothi_sink_uint(t, digits / scale);
-    if (scale > 1) clothi_sink_char(t, '.');
-    while (scale > 1) {
-        scale /= 10u;
-        clothi_sink_char(t, (char)('0' + (int)(digits / scale % 10u)));
-    }
-    if (plain) return;
-    clothi_sink_char(t, 'e');
-    clothi_sink_int(t, e10);
+    for (i = 5; i >= 0; i--, digits /= 10u) d[i] = (unsigned char)(digits % 10u);
+    while (n > 1 && d[n - 1] == 0) n--;
+    clothi_sink_digits(t, d, n, e10 + 1, -3, 6);        /* 0.00012 .. 999999 */
 }
 
 /* A sentence: %s text, %i int, %z size_t, %g double. */
@@ -1870,7 +1882,7 @@ static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out, int *count) {
     int i;
     memset(count, 0, ((size_t)nkeys + 1u) * sizeof *count);
-    for (i = 0; i < n; i++) count[key[i] + 1]++;
+    for (i = 0; i < n; i++) count[key[in ? in[i] : i] + 1]++;
     for (i = 0; i < nkeys; i++) count[i + 1] += count[i];
     for (i = 0; i < n; i++) {
         int item = in ? in[i] : i;
@@ -3104,10 +3116,10 @@ static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
     return n;
 }
 
-/* A finite double, plain between 1e-5 and 1e17, else d.dde-7. */
+/* A finite double, plain between 1e-5 and 1e17. */
 static void clothi_sink_double(clothi_sink *s, double a) {
     unsigned char d[24];
-    int           i, n, point;
+    int           n, point;
     uint64_t      bits;
     memcpy(&bits, &a, sizeof bits);
     if (bits >> 63) clothi_sink_char(s, '-');
@@ -3116,20 +3128,7 @@ static void clothi_sink_double(clothi_sink *s, double a) {
         return;
     }
     n = clothi_shortest_digits(fabs(a), d, &point);
-    if (point > -5 && point <= 17) {
-        if (point <= 0) clothi_sink_string(s, "0.");
-        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
-        for (i = 0; i < n || i < point; i++) {
-            if (i > 0 && i == point) clothi_sink_char(s, '.');
-            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
-        }
-        return;
-    }
-    clothi_sink_char(s, (char)('0' + d[0]));
-    if (n > 1) clothi_sink_char(s, '.');
-    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
-    clothi_sink_char(s, 'e');
-    clothi_sink_int(s, point - 1);
+    clothi_sink_digits(s, d, n, point, -4, 17);
 }
 
 /* --- reading the text --- */
@@ -4290,6 +4289,18 @@ CLOTHI_HOT void clothi_sum_corners(clothi_in forces, const int *start, const int
     }
 }
 
+/* |x1 - x0| */
+CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
+    enum { L = CLOTHI_LANES };
+    int k;
+    for (k = 0; k < L; k++) {
+        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
+        const double d2 = x[5 * L + k] - x[2 * L + k];
+        l[k] = d0 * d0 + d1 * d1 + d2 * d2;
+    }
+    clothi_sqrt_lanes(l);
+}
+
 /* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
 
 CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_out E, clothi_out f,
@@ -4297,12 +4308,7 @@ CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_out E, c
     enum { L = CLOTHI_LANES };
     double len[L], across[L], along[L], u[3][L];
     int    k, i, j;
-    for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k];
-        len[k] = d0 * d0 + d1 * d1 + d2 * d2;
-    }
-    clothi_sqrt_lanes(len);
+    clothi_edge_lengths(x, len);
     for (k = 0; k < L; k++) {
         const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
         const double d2 = x[5 * L + k] - x[2 * L + k], s = rest[k], r = rest[L + k];
@@ -4699,17 +4705,6 @@ CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment
     f[11 * L + k] = -r2;
 }
 
-CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
-    enum { L = CLOTHI_LANES };
-    int k;
-    for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k];
-        l[k] = d0 * d0 + d1 * d1 + d2 * d2;
-    }
-    clothi_sqrt_lanes(l);
-}
-
 CLOTHI_HOT void clothi_theta_lanes(clothi_in x, clothi_out theta) {
     double l[CLOTHI_LANES];
     int    k;
@@ -4895,10 +4890,9 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
     double              e[CLOTHI_LANES], ed[CLOTHI_LANES];
     int                 k;
     clothi_theta_lanes(x, theta);
-    clothi_hinge_moments(theta, rest, damp ? theta_n : none, damp ? damp : none, moment, e, ed);
+    clothi_hinge_moments(theta, rest, damp ? theta_n : none, damp ? damp : none, moment, E ? E : e,
+                         Ed ? Ed : ed);
     if (theta_out) memcpy(theta_out, theta, sizeof theta);
-    if (E) memcpy(E, e, sizeof e);
-    if (Ed) memcpy(Ed, ed, sizeof ed);
     if (f && !H) clothi_hinge_turn(x, moment, f);
     if (H) {
         clothi_fold_batch w;
@@ -5230,16 +5224,15 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
  *               CLOTHI_EIGHT_LEAVES on; it goes on, down to some 24 vertices, for [7.4].
  *   levels      inside a leaf, rows are sorted by level = 1 + highest level of an earlier
  *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
- *               just before it: 69 us -> 60 us an iteration for a sheet of 64 x 64.
+ *               just before it.
  *   aggregates  nv/85 (4 to 512) seeds, each the farthest from those before it in graph distance;
  *               a vertex joins its nearest seed. They carry the coarse space of [7.3]. Vertices
  *               that no seed reaches (more than 512 pieces) have none. Numbered as a front that
  *               starts at the far end of each piece meets them, neighbours get near numbers, and
  *               the coarse matrix is a band.
- *   lost        natural order, reverse Cuthill-McKee, 8 and 16 leaves differ by less than 10 %
- *               once long waves are deflated [7.3]; random numbering costs 25 %.
  *
- * checked: tests/test_sparse.c (order, domains, star, pieces)
+ * checked: tests/test_sparse.c (order, domains, star, pieces); what was tried and lost is in
+ *          tests/bench/bench_linear.c
  */
 
 #define CLOTHI_ONE_LEAF      500            /* vertices; below: one leaf, no parallel calls    */
@@ -5261,7 +5254,7 @@ struct cloth_pattern {
     int  *agg;                              /* [n] of a row, or -1                             */
     int  *zp, *zj, *vp, *vj;                /* aggregates coupled to a row; those from the
                                                diagonal on (V) have their place in Z in vz     */
-    int  *vz, *zown, *vown;                 /* place of the row's own aggregate, -1: none      */
+    int  *vz, *vown;                        /* place of the row's own aggregate, -1: none      */
     int  *kz, *kv;                          /* [nlow] place of a block in Z of its row, V of
                                                its column, -1: none                            */
     int  *member_start, *member;            /* [nc+2], [n] rows by aggregate, last: of none    */
@@ -5368,6 +5361,7 @@ static void clothi_sort(int *index, int *tmp, int n, const double *key) {
 typedef struct clothi_part {
     int lo, mid, hi;
     int parent, child[2];                   /* -1: none                                        */
+    int n, nb;                              /* unknowns of its front: its own, the boundary's  */
 } clothi_part;
 
 typedef struct clothi_dissection {
@@ -5376,7 +5370,7 @@ typedef struct clothi_dissection {
     const clothi_graph *g;
     const double *coords;                   /* [nv x 3] or NULL                                */
     int          *verts;                    /* [nv]                                            */
-    int          *tmp, *tag, *queue, *mark; /* tmp [6 nv] holds the others                     */
+    int          *tmp, *tag, *queue, *mark; /* tmp [6 nv + 1] holds the others                 */
     int           stamp;
     double       *key;                      /* [nv]                                            */
     clothi_part  *part;                     /* [2 nv] parents before children                  */
@@ -5423,7 +5417,8 @@ static int clothi_dissect_part(clothi_dissection *d, int id) {
     for (i = 0; i < n; i++) d->tag[verts[i]] = t;
     clothi_dissect_sort(d, verts, n, t);
     for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
-    for (i = 0; i < n; i++) rim[i >= half] += clothi_dissect_touches(d, verts[i], t + 2 - (i >= half));
+    for (i = 0; i < n; i++)
+        rim[i >= half] += clothi_dissect_touches(d, verts[i], t + 2 - (i >= half));
     side = rim[1] < rim[0];
     count[0] = half - (side ? 0 : rim[0]);
     count[1] = n - half - (side ? rim[1] : 0);
@@ -5474,7 +5469,7 @@ static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, co
     memset(d, 0, sizeof *d);
     d->nv = nv, d->g = g, d->coords = coords;
     d->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d->tmp = (int *)clothi_alloc(hooks, 6 * n, sizeof(int));
+    d->tmp = (int *)clothi_alloc(hooks, 6 * n + 1, sizeof(int));
     d->key = (double *)clothi_alloc(hooks, n, sizeof(double));
     d->part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d->part);
     if (!d->verts || !d->tmp || !d->key || !d->part) return CLOTH_ERR_MEMORY;
@@ -5486,27 +5481,21 @@ static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, co
     return CLOTH_OK;
 }
 
-/* Rows [begin, end) sorted by level, stable. */
+/* Rows [begin, end) sorted by level, stable. level, sorted [n], count [n + 1] are scratch. */
 static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int end, int *row_of,
                               int *level, int *count, int *sorted) {
-    int i, k, highest = 0, sum = 0;
+    int i, k, highest = 0;
     for (i = begin; i < end; i++) row_of[order[i]] = i;
     for (i = begin; i < end; i++) {
-        level[i] = 0;
-        for (k = g->start[order[i]]; k < g->start[order[i] + 1]; k++) {
-            int r = row_of[g->to[k]];
-            if (r >= begin && r < i && level[r] + 1 > level[i]) level[i] = level[r] + 1;
+        const int v = order[i];
+        level[v] = 0;
+        for (k = g->start[v]; k < g->start[v + 1]; k++) {
+            const int u = g->to[k], r = row_of[u];
+            if (r >= begin && r < i && level[u] + 1 > level[v]) level[v] = level[u] + 1;
         }
-        if (level[i] > highest) highest = level[i];
+        if (level[v] > highest) highest = level[v];
     }
-    memset(count, 0, ((size_t)highest + 1) * sizeof(int));
-    for (i = begin; i < end; i++) count[level[i]]++;
-    for (i = 0; i <= highest; i++) {
-        k = count[i];
-        count[i] = sum;
-        sum += k;
-    }
-    for (i = begin; i < end; i++) sorted[count[level[i]]++] = order[i];
+    clothi_sort_by(end - begin, highest + 1, level, order + begin, sorted, count);
     memcpy(order + begin, sorted, (size_t)(end - begin) * sizeof(int));
     for (i = begin; i < end; i++) row_of[order[i]] = i;
 }
@@ -5569,10 +5558,9 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
 static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_graph *g) {
     const int infinite = 0x3fffffff;
     int  i, k, a, seed = 0, want = p->n / CLOTHI_AGG_VERTICES;
-    int *dist = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
-    int *queue = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
+    int *dist = (int *)clothi_alloc(&p->hooks, 2 * (size_t)p->n, sizeof(int)), *queue = dist + p->n;
     p->nc = 0;
-    if (!dist || !queue) goto done;
+    if (!dist) return CLOTH_ERR_MEMORY;
     if (want < CLOTHI_AGG_MIN) want = CLOTHI_AGG_MIN;
     if (want > CLOTHI_AGG_MAX) want = CLOTHI_AGG_MAX;
     for (i = 0; i < p->n; i++) {
@@ -5598,40 +5586,30 @@ static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_gra
             if (dist[i] > dist[seed]) seed = i;
         p->nc = a + 1;
     }
-done:
-    i = dist && queue;
     clothi_free(&p->hooks, dist);
-    clothi_free(&p->hooks, queue);
-    return i ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
 }
 
 /* Aggregates renumbered in the order in which a breadth-first front meets them. The second of two
  * fronts starts, in each piece, where the first one ended. */
 static cloth_status clothi_pattern_band(cloth_pattern *p, const clothi_graph *g) {
     const size_t n = (size_t)p->n;
-    int *label = (int *)clothi_alloc(&p->hooks, n, sizeof(int));       /* 0: all one part */
-    int *mark = (int *)clothi_alloc(&p->hooks, n, sizeof(int));
-    int *back = (int *)clothi_alloc(&p->hooks, 2 * n, sizeof(int));
-    int *name = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
-    int  ok = label && mark && back && name, i, a, met = 0;
-    if (ok) {
-        int *queue = back + n;
-        (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
-        for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
-        (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
-        for (a = 0; a < p->nc; a++) name[a] = -1;
-        for (i = 0; i < p->n; i++) {
-            a = p->agg[p->row_of[queue[i]]];
-            if (a >= 0 && name[a] < 0) name[a] = met++;
-        }
-        for (i = 0; i < p->n; i++)
-            if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
+    int *label = (int *)clothi_alloc(&p->hooks, 4 * n + (size_t)p->nc, sizeof(int));
+    int *mark, *back, *queue, *name, i, a, met = 0;
+    if (!label) return CLOTH_ERR_MEMORY;    /* 0: all one part                                 */
+    mark = label + n, back = mark + n, queue = back + n, name = queue + n;
+    (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
+    for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
+    (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
+    for (a = 0; a < p->nc; a++) name[a] = -1;
+    for (i = 0; i < p->n; i++) {
+        a = p->agg[p->row_of[queue[i]]];
+        if (a >= 0 && name[a] < 0) name[a] = met++;
     }
+    for (i = 0; i < p->n; i++)
+        if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
     clothi_free(&p->hooks, label);
-    clothi_free(&p->hooks, mark);
-    clothi_free(&p->hooks, back);
-    clothi_free(&p->hooks, name);
-    return ok ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
 }
 
 /* Place of aggregate a in list [begin, *end), added at the end when new; -1 for a < 0. */
@@ -5658,7 +5636,7 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
         int u = p->vertex_of[i];
         p->zp[i] = z;
         p->vp[i] = v;
-        p->zown[i] = clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
+        clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
         p->vown[i] = clothi_place(p->vj, p->vp[i], &v, p->agg[i]);
         for (k = g->start[u]; k < g->start[u + 1]; k++) {
             j = p->row_of[g->to[k]];
@@ -5785,17 +5763,22 @@ static int clothi_bound_list(const clothi_tree *P, int q, const clothi_graph *g,
     return n;
 }
 
+/* The first of list[low .. high), increasing, that is not below key; high: none. */
+CLOTHI_OUTLINE static int clothi_lower_bound(const int *list, int low, int high, int key) {
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        if (list[mid] < key) low = mid + 1;
+        else high = mid;
+    }
+    return low;
+}
+
 /* Index in the front of part q of the vertex with elimination number e. */
 static int clothi_front_index(const clothi_tree *P, int q, int e) {
     const clothi_part *p = P->part + q;
-    int lo = P->bound_start[q], hi = P->bound_start[q + 1];
+    const int          start = P->bound_start[q], end = P->bound_start[q + 1];
     if (e < p->hi) return e - p->mid;
-    while (lo < hi) {
-        int mid = lo + (hi - lo) / 2;
-        if (P->bound[mid] < e) lo = mid + 1;
-        else hi = mid;
-    }
-    return p->hi - p->mid + lo - P->bound_start[q];
+    return p->hi - p->mid + clothi_lower_bound(P->bound, start, end, e) - start;
 }
 
 /* Boundaries of all parts, ascending. */
@@ -5824,6 +5807,7 @@ static cloth_status clothi_tree_bounds(clothi_tree *P, const clothi_graph *g, co
         used += (size_t)n;
         if (used > 0x7fffffff) return CLOTH_ERR_CAPACITY;
         P->bound_start[q + 1] = (int)used;
+        P->part[q].n = 3 * (P->part[q].hi - P->part[q].mid), P->part[q].nb = 3 * n;
     }
     return CLOTH_OK;
 }
@@ -5861,7 +5845,7 @@ static void clothi_front_maps(clothi_tree *P, const int *where, int *owner) {
 /* Update matrices live on one stack per task, so the place of each is known here. */
 static size_t clothi_front_stack(clothi_tree *P, int q, size_t *top) {
     const clothi_part *p = P->part + q;
-    size_t nb = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]), high;
+    size_t nb = (size_t)p->nb, high;
     P->update_temp[q] = *top;
     high = *top + nb * nb;
     P->update[q] = p->child[0] >= 0 ? P->update[p->child[0]] : *top;
@@ -5873,9 +5857,7 @@ static size_t clothi_front_stack(clothi_tree *P, int q, size_t *top) {
 #define CLOTHI_FRONT_PAD 16                 /* rows of the widest tile                         */
 
 static size_t clothi_front_pack_size(const clothi_tree *P, int q) {
-    size_t m = 3 * (size_t)(P->part[q].hi - P->part[q].mid + P->bound_start[q + 1] -
-                            P->bound_start[q]);
-    return 2 * (m + CLOTHI_FRONT_PAD) * CLOTHI_FRONT_K;
+    return 2 * (size_t)(P->part[q].n + P->part[q].nb + CLOTHI_FRONT_PAD) * CLOTHI_FRONT_K;
 }
 
 /* Chooses the subtrees that run side by side and lays out the numbers. */
@@ -5883,8 +5865,7 @@ static void clothi_front_layout(clothi_tree *P) {
     size_t at = 0, work = 0;
     int    q, t, best, k;
     for (q = 0; q < P->nparts; q++) {
-        size_t n = 3 * (size_t)(P->part[q].hi - P->part[q].mid);
-        size_t b = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]);
+        size_t n = (size_t)P->part[q].n, b = (size_t)P->part[q].nb;
         P->panel[q] = at;
         at += n * (n + b);
         P->flops += (double)n * ((double)n * (double)n / 3 + (double)b * (double)(n + b));
@@ -5924,10 +5905,9 @@ static void clothi_front_layout(clothi_tree *P) {
             k = (int)clothi_front_pack_size(P, q);
     work += (size_t)k;
     for (q = 0; q < P->nparts; q++) {
-        size_t nb = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]);
         if (!P->top[q]) continue;
         P->update[q] = P->update_temp[q] = work;
-        work += nb * nb;
+        work += (size_t)P->part[q].nb * (size_t)P->part[q].nb;
     }
     P->work = work;
 }
@@ -6004,10 +5984,10 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!p) goto done;
     if (hooks) p->hooks = *hooks;
     p->n = nv;
-    p->row_of = (int *)clothi_alloc(hooks, 9 * n + 3, sizeof(int));
+    p->row_of = (int *)clothi_alloc(hooks, 8 * n + 3, sizeof(int));
     if (!p->row_of) goto done;
-    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->zown = p->agg + n;
-    p->vown = p->zown + n, p->member = p->vown + n, p->row = p->member + n;
+    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->vown = p->agg + n;
+    p->member = p->vown + n, p->row = p->member + n;
     p->zp = p->row + n + 1, p->vp = p->zp + n + 1;
     p->nd = nv < CLOTHI_ONE_LEAF ? 1 : nv < CLOTHI_EIGHT_LEAVES ? 4 : 8;
     status = clothi_dissection_begin(hooks, nv, &g, x, &d);
@@ -6057,19 +6037,10 @@ CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex) {
 }
 
 CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
-    int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b, low, high;
-    if (turned) {
-        a = b;
-        b = pattern->row_of[i];
-    }
-    low = pattern->row[a];
-    high = pattern->row[a + 1];
-    while (low < high) {
-        int mid = low + (high - low) / 2;
-        if (pattern->col[mid] < b) low = mid + 1;
-        else high = mid;
-    }
-    return low < pattern->row[a + 1] && pattern->col[low] == b ? 2 * low + turned : -1;
+    const int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b;
+    const int row = turned ? b : a, col = turned ? a : b, end = pattern->row[row + 1];
+    const int at = clothi_lower_bound(pattern->col, pattern->row[row], end, col);
+    return at < end && pattern->col[at] == col ? 2 * at + turned : -1;
 }
 
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
@@ -6362,12 +6333,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *   2 Scaling. D_i = G_i G_i' (3x3 Cholesky factors of the diagonal blocks), A' = G^-1 A G^-T,
  *   x = G^-T x', b' = G^-1 b. A' has unit diagonal blocks: no product with D is left, numbers are
  *   near 1 whatever the units, which suits floats. A D_i that is not positive is the first and
- *   cheapest test for negative curvature. 123 us a matrix of a 64 x 64 sheet.
+ *   cheapest test for negative curvature.
  *
  *   3 Symmetric Gauss-Seidel: with A' = I + L + L', K = I + L, take P = K K'. One sweep forward,
- *   one back; information crosses the leaf in the order of the rows. 34 iterations where block
- *   Jacobi needs 130. Lost: SSOR with omega 1.2 to 1.4 (10 to 20 % fewer iterations alone, nothing
- *   on top of 5), block IC(0) (not fewer, and 4 does not apply).
+ *   one back; information crosses the leaf in the order of the rows. A quarter of the iterations
+ *   of block Jacobi.
  *
  *   4 Eisenstat's trick [E81]. In the variables p = K' t the system is K^-1 A' K^-T, and
  *           A' = K + K' - I     so     K^-1 A' t = t + K^-1 (K' t - t) = t + K^-1 (p - t):
@@ -6376,12 +6346,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *
  *                z_i -= B z_j   gather:  rows of B times z_j     <-- K^-1, rows upward
  *                z_j -= B' z_i  scatter: rows of B times z_i[r]  <-- K^-T, rows downward
- *   One copy of B, three rows of four floats, serves both. 245 us an iteration in the plain form
- *   with doubles, 56 to 65 us in this one.
+ *   One copy of B, three rows of four floats, serves both.
  *
- *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves: 100 to 460 iterations whenever one
- *   is left. Aggregates [7.1] give them a coarse space, the three translations of each: P one
- *   identity block per vertex (0 on fixed axes), P^ = G' P, and
+ *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves. Aggregates [7.1] give them a coarse
+ *   space, the three translations of each: P one identity block per vertex (0 on fixed axes),
+ *   P^ = G' P, and
  *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (a band, 3 nc <= 1536; Ac = U'U)
  *   CG starts at the coarse solution and keeps every direction conjugate to the coarse space:
  *   t <- t - P^ Ac^-1 Z' t. In Eisenstat's variables that is two thin products an iteration (Z
@@ -6396,15 +6365,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *     answer G^-T x
  *
  *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
- *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. Iterations per solve of a
- *   hanging sheet at tolerance 0.1: 35 (worst 150) without, 8 (worst 19) with; because long waves
- *   are then right, Newton needs fewer solves too and the steps are ten times as exact. Lost:
- *   adding the coarse correction instead (12 to 18 iterations), weights smoothed over the graph
- *   (fewer iterations, dearer matrices), affine modes (6.6, but 576 unknowns), 24 or 256
- *   aggregates (10 % more; the factor too dear), keeping the coarse factor of another matrix
- *   (Z, V, Ac must belong to A). Aggregates of 85 vertices however many there are: at 60 000
- *   vertices 357 iterations a frame where 128 aggregates need 533. Numbered along a front [7.1],
+ *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of the iterations are
+ *   left, and because long waves are then right, Newton needs fewer solves too. Z, V and Ac must
+ *   belong to A. Aggregates have 85 vertices however many there are. Numbered along a front [7.1],
  *   each is coupled with near numbers; extras between far ones widen the band, at worst to all.
+ *   Iterations with and without each idea, and what was tried and lost: bench_linear.c.
  *
  *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
  *   replaced by the point where its segment crosses it, and a direction with t.A t <= 0 is
@@ -6428,9 +6393,6 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
  *       S: forward
  *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
- *   Of a whole step of the sheet (64 x 64, Y = 1e4 N/m) 8 to 10 % of the time is outside of the
- *   loops: two workers are at most 1.83 times as fast as one, with what the leaves differ in size
- *   and 2 us a loop 1.7 times.
  *
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)
@@ -6767,7 +6729,6 @@ typedef struct clothi_store {               /* of floats or of doubles          
 typedef struct clothi_tally {               /* one leaf's share of the sums                    */
     double rr, pq, trace, top, big;
     int    bad;                             /* first row whose diagonal block is not positive  */
-    int    pad;
 } clothi_tally;
 
 struct cloth_linear_solver {
@@ -7994,8 +7955,6 @@ CLOTHI_RARE_END
  *             updates split by rows; no sum depends on the number of workers.
  *   extras    blocks outside the pattern are not in the factor: it preconditions CG then, and CG
  *             also refines: without extras one or two iterations reach the tolerance.
- *   lost      as preconditioner kept over Newton iterations it loses to [7.3] in motion: the
- *             matrix changes too much.
  *   shared    the dense kernels factor the coarse matrix of [7.3] too.
  *
  * checked: tests/test_cholesky.c
@@ -8005,75 +7964,69 @@ CLOTHI_RARE_END
 #if defined(CLOTHI_AVX) && defined(__AVX512F__)
 #  define CLOTHI_DV 8
 typedef __m512d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm512_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm512_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm512_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
-    return _mm512_fmadd_pd(a, b, c);
-}
+#  define CLOTHI_DV_LOAD(a)       _mm512_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm512_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm512_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm512_fmadd_pd(a, b, c)
 #elif defined(CLOTHI_AVX)
 #  define CLOTHI_DV 4
 typedef __m256d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm256_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm256_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm256_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
+#  define CLOTHI_DV_LOAD(a)       _mm256_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm256_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm256_set1_pd(a)
 #  if defined(__FMA__)
-    return _mm256_fmadd_pd(a, b, c);
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_fmadd_pd(a, b, c)
 #  else
-    return _mm256_add_pd(_mm256_mul_pd(a, b), c);
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_add_pd(_mm256_mul_pd(a, b), c)
 #  endif
-}
 #elif defined(CLOTHI_SSE2)
 #  define CLOTHI_DV 2
 typedef __m128d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
-    return _mm_add_pd(_mm_mul_pd(a, b), c);
-}
+#  define CLOTHI_DV_LOAD(a)       _mm_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm_add_pd(_mm_mul_pd(a, b), c)
 #else
 #  define CLOTHI_DV 1
 typedef double clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return *a; }
-static void clothi_dv_store(double *a, clothi_dv b) { *a = b; }
-static clothi_dv clothi_dv_splat(double a) { return a; }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) { return a * b + c; }
+#  define CLOTHI_DV_LOAD(a)       (*(a))
+#  define CLOTHI_DV_STORE(a, b)   (*(a) = (b))
+#  define CLOTHI_DV_SPLAT(a)      (a)
+#  define CLOTHI_DV_MADD(a, b, c) ((a) * (b) + (c))
 #endif
 
 #define CLOTHI_TILE (2 * CLOTHI_DV)         /* rows of a tile of C; its columns are 4          */
 
 /* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. */
 static void clothi_front_tile(const double *a, const double *b, int k, double *out) {
-    clothi_dv zero = clothi_dv_splat(0.0), u, v, w;
+    clothi_dv zero = CLOTHI_DV_SPLAT(0.0), u, v, w;
     clothi_dv c0 = zero, c1 = zero, c2 = zero, c3 = zero, d0 = zero, d1 = zero, d2 = zero,
               d3 = zero;
     int p;
     for (p = 0; p < k; p++, a += CLOTHI_TILE, b += 4) {
-        u = clothi_dv_load(a);
-        v = clothi_dv_load(a + CLOTHI_DV);
-        w = clothi_dv_splat(b[0]);
-        c0 = clothi_dv_madd(u, w, c0);
-        d0 = clothi_dv_madd(v, w, d0);
-        w = clothi_dv_splat(b[1]);
-        c1 = clothi_dv_madd(u, w, c1);
-        d1 = clothi_dv_madd(v, w, d1);
-        w = clothi_dv_splat(b[2]);
-        c2 = clothi_dv_madd(u, w, c2);
-        d2 = clothi_dv_madd(v, w, d2);
-        w = clothi_dv_splat(b[3]);
-        c3 = clothi_dv_madd(u, w, c3);
-        d3 = clothi_dv_madd(v, w, d3);
+        u = CLOTHI_DV_LOAD(a);
+        v = CLOTHI_DV_LOAD(a + CLOTHI_DV);
+        w = CLOTHI_DV_SPLAT(b[0]);
+        c0 = CLOTHI_DV_MADD(u, w, c0);
+        d0 = CLOTHI_DV_MADD(v, w, d0);
+        w = CLOTHI_DV_SPLAT(b[1]);
+        c1 = CLOTHI_DV_MADD(u, w, c1);
+        d1 = CLOTHI_DV_MADD(v, w, d1);
+        w = CLOTHI_DV_SPLAT(b[2]);
+        c2 = CLOTHI_DV_MADD(u, w, c2);
+        d2 = CLOTHI_DV_MADD(v, w, d2);
+        w = CLOTHI_DV_SPLAT(b[3]);
+        c3 = CLOTHI_DV_MADD(u, w, c3);
+        d3 = CLOTHI_DV_MADD(v, w, d3);
     }
-    clothi_dv_store(out, c0);
-    clothi_dv_store(out + CLOTHI_DV, d0);
-    clothi_dv_store(out + 2 * CLOTHI_DV, c1);
-    clothi_dv_store(out + 3 * CLOTHI_DV, d1);
-    clothi_dv_store(out + 4 * CLOTHI_DV, c2);
-    clothi_dv_store(out + 5 * CLOTHI_DV, d2);
-    clothi_dv_store(out + 6 * CLOTHI_DV, c3);
-    clothi_dv_store(out + 7 * CLOTHI_DV, d3);
+    CLOTHI_DV_STORE(out, c0);
+    CLOTHI_DV_STORE(out + CLOTHI_DV, d0);
+    CLOTHI_DV_STORE(out + 2 * CLOTHI_DV, c1);
+    CLOTHI_DV_STORE(out + 3 * CLOTHI_DV, d1);
+    CLOTHI_DV_STORE(out + 4 * CLOTHI_DV, c2);
+    CLOTHI_DV_STORE(out + 5 * CLOTHI_DV, d2);
+    CLOTHI_DV_STORE(out + 6 * CLOTHI_DV, c3);
+    CLOTHI_DV_STORE(out + 7 * CLOTHI_DV, d3);
 }
 
 /* C (lower part, rows x cols, column-major) -= A S A' from packed rows. */
@@ -8188,9 +8141,9 @@ static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1
 /* Factors the panel of part q and takes its product off the update matrix U. */
 static void clothi_front_factor(cloth_factor *f, int q, double *U, double *pack, int par) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
-    int    n = 3 * (p->hi - p->mid), nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-    size_t m = (size_t)(n + nb);
+    const clothi_part *p = P->part + q;
+    const int    n = p->n, nb = p->nb;
+    const size_t m = (size_t)(n + nb);
     double *L = f->panel + P->panel[q], *sign = f->sign + 3 * (size_t)p->mid;
     const double *limit = f->vec + 3 * (size_t)p->mid;
     int k0, k1;
@@ -8223,7 +8176,7 @@ static void clothi_front_add(double *L, size_t m, int row, int col, const double
 /* The entries of A that part q eliminates. */
 static void clothi_front_assemble(cloth_factor *f, int q, double *L, size_t m) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
+    const clothi_part *p = P->part + q;
     int own = p->hi - p->mid, i, c;
     for (i = 0; i < own; i++) {
         unsigned fixed = f->fixed[p->mid + i];
@@ -8265,17 +8218,27 @@ static void clothi_front_extend(const cloth_factor *f, int c, double *L, double 
         }
 }
 
+/* The lower part of n columns of m rows to zero, and what a tile touches above it: memory is what a
+ * factorisation waits for. */
+static void clothi_front_zero(double *a, size_t m, size_t n) {
+    size_t j;
+    for (j = 0; j < n; j++, a += m) {
+        const size_t from = j > CLOTHI_TILE ? j - CLOTHI_TILE : 0;
+        memset(a + from, 0, (m - from) * sizeof *a);
+    }
+}
+
 static void clothi_front_part(cloth_factor *f, int q, double *pack, int par) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
-    int     own = p->hi - p->mid, nb = P->bound_start[q + 1] - P->bound_start[q], c;
-    size_t  n = 3 * (size_t)own, b = 3 * (size_t)nb;
+    const clothi_part *p = P->part + q;
+    const size_t       n = (size_t)p->n, b = (size_t)p->nb;
+    int                c;
     double *L = f->panel + P->panel[q], *U = f->work + P->update_temp[q];
-    memset(L, 0, n * (n + b) * sizeof *L);
-    memset(U, 0, b * b * sizeof *U);
+    clothi_front_zero(L, n + b, n);
+    clothi_front_zero(U, b, b);
     clothi_front_assemble(f, q, L, n + b);
     for (c = 0; c < 2; c++)
-        if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, own, n + b);
+        if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, p->n / 3, n + b);
     clothi_front_factor(f, q, U, pack, par);
     if (P->update[q] != P->update_temp[q]) memmove(f->work + P->update[q], U, b * b * sizeof *U);
 }
@@ -8356,13 +8319,11 @@ static cloth_status clothi_factor_judge(cloth_factor *f, cloth_factor_report *re
         if (f->pivot[i] < 0 && rep->negative == 1) f->first_bad = i;
         if (f->pivot[i] == 0 && f->first_bad < 0) f->first_bad = i;
     }
-    for (q = 0; q < P->nparts; q++) {
-        size_t m = 3 * (size_t)(P->part[q].hi - P->part[q].mid + P->bound_start[q + 1] -
-                                P->bound_start[q]);
-        for (i = 0; i < 3 * (P->part[q].hi - P->part[q].mid); i++)
-            if (!clothi_finite(f->panel[P->panel[q] + (size_t)i * (m + 1)]))
+    for (q = 0; q < P->nparts; q++)
+        for (i = 0; i < P->part[q].n; i++)
+            if (!clothi_finite(f->panel[P->panel[q] + (size_t)i *
+                                        (size_t)(P->part[q].n + P->part[q].nb + 1)]))
                 return CLOTH_ERR_NONFINITE;
-    }
     if (f->first_bad < 0) return CLOTH_OK;
     rep->bad_vertex = P->verts[f->first_bad / 3];
     rep->bad_axis = f->first_bad % 3;
@@ -8406,9 +8367,8 @@ static void clothi_factor_forward(cloth_factor *f, double *b) {
     double *tmp = f->vec + 3 * (size_t)P->nv;
     int q, i, j, k;
     for (q = 0; q < P->nparts; q++) {
-        int own = P->part[q].hi - P->part[q].mid, n = 3 * own;
-        int nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-        double *x = b + 3 * (size_t)P->part[q].mid;
+        const int     n = P->part[q].n, nb = P->part[q].nb;
+        double       *x = b + 3 * (size_t)P->part[q].mid;
         const double *L = f->panel + P->panel[q];
         memset(tmp, 0, (size_t)nb * sizeof *tmp);
         for (j = 0; j < n; j++, L += n + nb) {
@@ -8429,9 +8389,8 @@ static void clothi_factor_backward(cloth_factor *f, double *b) {
     double *tmp = f->vec + 3 * (size_t)P->nv;
     int q, i, j, k;
     for (q = P->nparts - 1; q >= 0; q--) {
-        int own = P->part[q].hi - P->part[q].mid, n = 3 * own;
-        int nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-        double *x = b + 3 * (size_t)P->part[q].mid;
+        const int n = P->part[q].n, nb = P->part[q].nb;
+        double   *x = b + 3 * (size_t)P->part[q].mid;
         for (i = 0; i < nb; i += 3)
             for (k = 0; k < 3; k++)
                 tmp[i + k] = b[3 * P->bound[P->bound_start[q] + i / 3] + k];
@@ -10432,7 +10391,7 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     double x[12 * CLOTHI_LANES];
-    int    b, k;
+    int    b;
     (void)worker;
     for (b = begin; b < end; b++) {
         double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * CLOTHI_LANES;
@@ -10444,10 +10403,7 @@ static void clothi_start_range(int begin, int end, int worker, void *ctx) {
         } else if (p->g->kind == CLOTHI_HINGE) {
             clothi_theta_lanes(x, start);
         } else if (p->g->kind == CLOTHI_SPRING) {
-            for (k = 0; k < 3 * CLOTHI_LANES; k++) x[k] -= x[3 * CLOTHI_LANES + k];
-            for (k = 0; k < CLOTHI_LANES; k++)
-                start[k] = sqrt(x[k] * x[k] + x[CLOTHI_LANES + k] * x[CLOTHI_LANES + k] +
-                                x[2 * CLOTHI_LANES + k] * x[2 * CLOTHI_LANES + k]);
+            clothi_edge_lengths(x, start);
         } else {
             memcpy(start, x, sizeof x);
         }
@@ -10859,7 +10815,7 @@ static cloth_status clothi_membrane_vjp(void *user, const cloth_eval *e, const d
  *   c = scale D e2/(A1 + A2), D and tau the means of the two faces' materials. */
 
 typedef struct clothi_hinge_vjp_parts {
-    double dc, dtheta0, dtau, drate;        /* derivatives of V by c, theta0, tau at fixed h    */
+    double dc, dtheta0, dtau;               /* derivatives of V by c, theta0, tau at fixed h    */
 } clothi_hinge_vjp_parts;
 
 static void clothi_hinge_vjp_rest(const cloth_eval *e, int h,
@@ -11104,17 +11060,13 @@ CLOTHI_RARE_END
  * to the exact Hessian when the updates have become small: below CLOTHI_EXACT edges, or from
  * iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a trust region
  * (Steihaug [NW06]): where it meets negative curvature it follows it to the radius, which is
- * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it. Measured on
- * the hanging sheet (N = 64, h = 1/60): reflection saves a fifth of the iterations at Y = 1e5; the
- * exact Hessian from the first iteration loses (a redo for each negative curvature); without the
- * exact phase a tolerance of 1e-8 m takes 85 to 95 iterations instead of 13 to 22.
+ * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it.
  * Contact has kinks, where a touch begins and where friction slips, and cloth that is pushed
  * together grows wrinkles through all of a step: directions of negative curvature are many, and
  * each leads CG to the radius after an iteration or two. With contact the exact Hessian is for
- * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins (a T-shirt on a walk: 13 iterations
- * a step without it, 27 with it), and CLOTHI_STUCK updates of it in a row that end at the radius,
- * or short of their length, are followed by one of the definite model, which has no radius and does
- * not end the search: a fifth fewer iterations in a sheet that crumples.
+ * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins, and CLOTHI_STUCK updates of it in
+ * a row that end at the radius, or short of their length, are followed by one of the definite
+ * model, which has no radius and does not end the search.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -11123,11 +11075,9 @@ CLOTHI_RARE_END
  * Where stiff and hardly strained, phi is rougher than that (strain is known to eps, so phi to eps
  * times force times position): a whole update below CLOTHI_TINY edges may show its decrease by the
  * slopes at its two ends instead, which have no such cancellation.
- * Secant steps beyond a = 1, second-order corrections and chord steps with the old matrix were
- * tried and lost.
  *
- * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n: saves 15 to 20 %
- * of the work. The older velocity is part of the state for that reason.
+ * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n. The older velocity
+ * is part of the state for that reason.
  *
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
  * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
@@ -11136,24 +11086,17 @@ CLOTHI_RARE_END
  * shrink on as this one did. A search at negative curvature must not stop, however small its
  * radius, unless phi falls nowhere within a tenth of the tolerance. So the way left to the minimum
  * ahead is near the tolerance or below it, but for a plateau where a minimum has just vanished.
- * Distance to the step solved to 1e-10 m on the hanging sheet (N = 64, Y = 1e4 N/m, 30 frames,
- * tolerance 1e-4 m): median 0.7e-5 m, largest 1.4e-4 m; when the definite model could stop a step
- * and CG was solved to 0.05, 9.2e-5 and 8.3e-4 m, for 0.7 of the CPU time. With contact single
- * vertices slide on kinks and buckle on while nothing else moves, 40 iterations for 1e-5 J of 1.8.
- * There an update that no pair cuts also ends the search when it is below the tolerance in the root
- * mean square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
+ * With contact single vertices slide on kinks and buckle on while nothing else moves. There an
+ * update that no pair cuts also ends the search when it is below the tolerance in the root mean
+ * square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
  * tolerance)^2 sum m/eta^2, of the part a that descends: at rest it is halved over kinks 1e-9 m
- * wide for ever. And contact is asked whether what is left is small beside its friction. A sheet of
- * 32 x 32 on a sphere takes 920 iterations in 90 steps for 1206, none cut short; with self-contact
- * 1023 for 1212.
+ * wide for ever. And contact is asked whether what is left is small beside its friction.
  *
  * Saddles without a definite diagonal. Where a diagonal block of the exact Hessian is not positive,
  * as in cloth pressed below 0.577 of its length, the usual preconditioner is none. On the way the
- * definite model does better there. But it stops on the saddle: a sheet scaled by a half came to
- * rest at 9.6 J after 6 iterations, with its minimum at 1.0 J. So where the updates are below
+ * definite model does better there. But it stops on the saddle. So where the updates are below
  * CLOTHI_SADDLE tolerances CG is preconditioned by bounds of such blocks and follows the curvature
- * out, CLOTHI_ESCAPES times a substep. More often loses: a stiff T-shirt (li2021) then stalls in
- * 13 of 60 frames instead of 2, and points that coincide never end.
+ * out, CLOTHI_ESCAPES times a substep: more often loses.
  *
  * A cloth at rest stops before the first linear solve: for a convex E_pot the way e to the minimum
  * has |e|_M^2/eta^2 <= -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia;
@@ -11162,6 +11105,7 @@ CLOTHI_RARE_END
  * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
  * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
  *
+ * What each of these choices is worth, and what was tried and lost: tests/bench/bench_hard.c.
  * checked: tests/test_newton.c, tests/test_step.c
  */
 
@@ -12269,10 +12213,7 @@ CLOTHI_RARE_END
  * Contact looks at every substep: the drift x(n) -> x(n+1) is brought to the nearest feasible point
  * and v(n+1/2) made to approach nothing that it met there, a projection on a cone, which takes
  * kinetic energy and gives none (obstacles at rest). Looked at over several drifts at once, what
- * had gone far through was brought back against the cloth's own stretch: a sheet of 12 x 12 that
- * fell 5 cm onto a sphere gained 2.5 times its weight times its side when contact looked once in 39
- * substeps, 0.12 of it at every fourth substep (falling on its own side 1.7), and none at
- * every substep.
+ * had gone far through is brought back against the cloth's own stretch: bench_explicit.c.
  *
  * Cost: nf + nh element forces a substep, and all of contact's detection; omega ~
  * sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.

@@ -1271,8 +1271,9 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
  *   descent   Of two overlapping nodes both are opened, or the one that is no leaf. Four pairs at
  *             most go on the stack and one comes off it: no more than 3 * 28 + 1 wait. Touching
  *             counts, NaN overlaps everything: the answer is that of brute force.
- *   order     The pairs of nodes at level CLOTHI_BVH_TASKS are the tasks of a parallel loop. Each
- *             writes into its own segment of the list, sized by what it found last time; a task
+ *   order     A function looks at each pair of items and puts what comes of it into lists. The
+ *             pairs of nodes at level CLOTHI_BVH_TASKS are the tasks of a parallel loop. Each
+ *             writes into its own segment of a list, sized by what it found last time; a task
  *             that needs more counts on, then the segments are laid out anew and the loop runs
  *             again. Hence no allocation in the steady state, one order for any number of workers.
  *   features  One face owns each vertex and each edge, and only the owner reports it [CTM08].
@@ -1348,89 +1349,6 @@ static int clothi_pairs_fit(const cloth_hooks *hooks, clothi_pairs *p, int tasks
     clothi_free(hooks, p->pair);
     p->pair = NULL;
     return 0;
-}
-
-/* What one task puts into the lists. */
-typedef void clothi_task_fn(int task, const void *ctx, clothi_segment *out);
-
-typedef struct clothi_pairs_job {
-    clothi_pairs *const *list;
-    int                  nlists;            /* <= 2                                            */
-    clothi_task_fn      *fn;
-    const void          *ctx;
-} clothi_pairs_job;
-
-static void clothi_pairs_range(int begin, int end, int worker, void *ctx) {
-    const clothi_pairs_job *job = (const clothi_pairs_job *)ctx;
-    int                     task, k;
-    (void)worker;
-    for (task = begin; task < end; task++) {
-        clothi_segment out[2];
-        for (k = 0; k < job->nlists; k++) {
-            const size_t at = job->list[k]->start[task];
-            out[k].pair = job->list[k]->pair + 2 * at;
-            out[k].room = job->list[k]->start[task + 1] - at, out[k].found = 0;
-        }
-        job->fn(task, job->ctx, out);
-        for (k = 0; k < job->nlists; k++) job->list[k]->found[task] = out[k].found;
-    }
-}
-
-/* Runs fn over at most CLOTHI_PAIRS_TASKS tasks, which fill the segments of nlists lists, until all
- * have room. On failure every list is empty. */
-static cloth_status clothi_pairs_run(const cloth_hooks *hooks, clothi_pairs *const *list,
-                                     int nlists, int tasks, clothi_task_fn *fn, const void *ctx) {
-    clothi_pairs_job job = {list, nlists, fn, ctx};
-    cloth_status     status = CLOTH_OK;
-    int              k, fit = 0;
-    for (k = 0; k < nlists; k++) list[k]->count = 0;
-    while (!fit) {
-        for (k = 0; k < nlists; k++)
-            if (clothi_pairs_lay(hooks, list[k]))
-                return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs",
-                                   list[k]->start[CLOTHI_PAIRS_TASKS]);
-        clothi_for(hooks, tasks, 1, clothi_pairs_range, &job);
-        for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(hooks, list[k], tasks);
-    }
-    for (k = 0; k < nlists && status == CLOTH_OK; k++) {
-        clothi_pairs *p = list[k];          /* the segments one behind the other */
-        size_t        at = 0;
-        int           i;
-        for (i = 0; i < tasks; at += p->found[i++])
-            memmove(p->pair + 2 * at, p->pair + 2 * p->start[i], 2 * p->found[i] * sizeof(int));
-        p->count = (int)at;
-        if (at > (size_t)(0x7fffffff / 2))
-            status = clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
-    }
-    for (k = 0; k < nlists && status != CLOTH_OK; k++) list[k]->count = 0;
-    return status;
-}
-
-/* What one pair puts into the lists. */
-typedef void clothi_look_fn(const int *pair, const void *ctx, clothi_segment *out);
-
-typedef struct clothi_look {
-    const clothi_pairs *in;
-    int                 tasks;
-    clothi_look_fn     *fn;
-    const void         *ctx;
-} clothi_look;
-
-static void clothi_look_task(int task, const void *ctx, clothi_segment *out) {
-    const clothi_look *l = (const clothi_look *)ctx;
-    const int          n = l->in->count, each = n / l->tasks, end = (task + 1) * each;
-    int                i;
-    for (i = task * each; i < (task + 1 < l->tasks ? end : n); i++)
-        l->fn(l->in->pair + 2 * (size_t)i, l->ctx, out);
-}
-
-/* Lists made by fn from each pair of `in`, in its order, by tasks of 256 pairs or more. */
-static cloth_status clothi_pairs_look(const cloth_hooks *hooks, const clothi_pairs *in,
-                                      clothi_look_fn *fn, const void *ctx,
-                                      clothi_pairs *const *out, int nout) {
-    const int         n = in->count / 256 + 1;
-    const clothi_look l = {in, n < CLOTHI_PAIRS_TASKS ? n : CLOTHI_PAIRS_TASKS, fn, ctx};
-    return clothi_pairs_run(hooks, out, nout, l.tasks, clothi_look_task, &l);
 }
 
 /* --- boxes --- */
@@ -1593,15 +1511,22 @@ static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv, const dou
 
 /* --- queries --- */
 
+/* What a pair of items, which meet, puts into the lists. */
+typedef void clothi_look_fn(int a, int b, const void *ctx, clothi_segment *out);
+
 typedef struct clothi_bvh_query {
-    const clothi_bvh *a, *b;                /* the same: against itself                        */
-    int               level_a, level_b;     /* of the tasks                                    */
+    const clothi_bvh    *a, *b;             /* the same: against itself                        */
+    int                  level_a, level_b;  /* of the tasks                                    */
+    clothi_look_fn      *fn;
+    const void          *ctx;
+    clothi_pairs *const *list;
+    int                  nlists;            /* <= 2                                            */
 } clothi_bvh_query;
 
-/* All item pairs below the nodes na of a and nb of b, which meet; of the same tree when self. */
-static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b, int nb, int self,
-                               clothi_segment *out) {
-    const int leaf_a = 1 << a->depth, leaf_b = 1 << b->depth;
+/* Looks at all item pairs below the nodes na of q->a and nb of q->b, which meet. */
+static void clothi_bvh_descend(const clothi_bvh_query *q, int na, int nb, clothi_segment *out) {
+    const clothi_bvh *a = q->a, *b = q->b;
+    const int leaf_a = 1 << a->depth, leaf_b = 1 << b->depth, self = a == b;
     int       stack[CLOTHI_BVH_STACK][2], n = 0, i, j;
     for (;;) {
         const int open_a = na < leaf_a, open_b = nb < leaf_b, same = self && na == nb;
@@ -1617,9 +1542,9 @@ static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b,
             const int begin_b = clothi_bvh_item(b, nb - leaf_b, b->depth);
             for (i = clothi_bvh_item(a, na - leaf_a, a->depth); i < end_a; i++)
                 for (j = same ? i + 1 : begin_b; j < end_b; j++) {
-                    const int p = a->first + a->item[i], q = b->first + b->item[j];
+                    const int f = a->first + a->item[i], g = b->first + b->item[j];
                     if (clothi_boxes_meet(a->box + 6 * (size_t)i, b->box + 6 * (size_t)j))
-                        clothi_segment_put(out, self && p > q ? q : p, self && p > q ? p : q);
+                        q->fn(self && f > g ? g : f, self && f > g ? f : g, q->ctx, out);
                 }
         }
         if (n-- == 0) return;
@@ -1628,24 +1553,70 @@ static void clothi_bvh_descend(const clothi_bvh *a, int na, const clothi_bvh *b,
 }
 
 /* Task i is a pair of nodes; of a self query the second must not be before the first. */
-static void clothi_bvh_query_task(int task, const void *ctx, clothi_segment *out) {
+static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
     const clothi_bvh_query *q = (const clothi_bvh_query *)ctx;
-    const int               width = 1 << q->level_b, self = q->a == q->b;
-    const int               na = (1 << q->level_a) + task / width, nb = width + task % width;
-    if ((!self || nb >= na) &&
-        clothi_boxes_meet(q->a->node + 6 * (size_t)na, q->b->node + 6 * (size_t)nb))
-        clothi_bvh_descend(q->a, na, q->b, nb, self, out);
+    const int               width = 1 << q->level_b;
+    int                     task, k;
+    (void)worker;
+    for (task = begin; task < end; task++) {
+        const int      na = (1 << q->level_a) + task / width, nb = width + task % width;
+        clothi_segment out[2];
+        for (k = 0; k < q->nlists; k++) {
+            const size_t at = q->list[k]->start[task];
+            out[k].pair = q->list[k]->pair + 2 * at;
+            out[k].room = q->list[k]->start[task + 1] - at, out[k].found = 0;
+        }
+        if ((q->a != q->b || nb >= na) &&
+            clothi_boxes_meet(q->a->node + 6 * (size_t)na, q->b->node + 6 * (size_t)nb))
+            clothi_bvh_descend(q, na, nb, out);
+        for (k = 0; k < q->nlists; k++) q->list[k]->found[task] = out[k].found;
+    }
 }
 
-/* Every pair (item of a, item of b) whose boxes overlap, touching included, once each, in an order
- * that the trees alone decide; with b the same as a every pair i < j of its items. Empty on
- * failure: CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
+/* Looks by fn at every pair (item of a, item of b) whose boxes overlap, touching included, once
+ * each; with b the same as a at every pair i < j of its items. What that puts into the nlists lists
+ * is in an order that the trees alone decide. All are empty on failure: CLOTH_ERR_MEMORY,
+ * CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
+static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *a,
+                                    const clothi_bvh *b, clothi_look_fn *fn, const void *ctx,
+                                    clothi_pairs *const *list, int nlists) {
+    const int        la = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
+    const int        lb = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
+    const int        tasks = 1 << (la + lb);
+    clothi_bvh_query query = {a, b, la, lb, fn, ctx, list, nlists};
+    cloth_status     status = CLOTH_OK;
+    int              i, k, fit = 0;
+    for (k = 0; k < nlists; k++) list[k]->count = 0;
+    while (!fit) {
+        for (k = 0; k < nlists; k++)
+            if (clothi_pairs_lay(hooks, list[k]))
+                return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs",
+                                   list[k]->start[CLOTHI_PAIRS_TASKS]);
+        clothi_for(hooks, tasks, 1, clothi_bvh_query_range, &query);
+        for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(hooks, list[k], tasks);
+    }
+    for (k = 0; k < nlists && status == CLOTH_OK; k++) {
+        clothi_pairs *p = list[k];          /* the segments one behind the other */
+        size_t        at = 0;
+        for (i = 0; i < tasks; at += p->found[i++])
+            memmove(p->pair + 2 * at, p->pair + 2 * p->start[i], 2 * p->found[i] * sizeof(int));
+        p->count = (int)at;
+        if (at > (size_t)(0x7fffffff / 2))
+            status = clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
+    }
+    for (k = 0; k < nlists && status != CLOTH_OK; k++) list[k]->count = 0;
+    return status;
+}
+
+static void clothi_pair_look(int a, int b, const void *ctx, clothi_segment *out) {
+    (void)ctx;
+    clothi_segment_put(out, a, b);
+}
+
+/* These pairs themselves. */
 static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a,
                                            const clothi_bvh *b, clothi_pairs *pairs) {
-    const int              p = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
-    const int              q = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
-    const clothi_bvh_query query = {a, b, p, q};
-    return clothi_pairs_run(hooks, &pairs, 1, 1 << (p + q), clothi_bvh_query_task, &query);
+    return clothi_bvh_look(hooks, a, b, clothi_pair_look, NULL, &pairs, 1);
 }
 
 /* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
@@ -1690,7 +1661,7 @@ static int clothi_bvh_next(clothi_bvh_walk *w) {
 /* Squared distance m^2 of a point [3] from an item (first + i). */
 typedef double clothi_distance_fn(int item, const double *point, void *ctx);
 
-static double clothi_box_distance2(const double *box, const double *p) {
+static double clothi_bvh_distance2(const double *box, const double *p) {
     double d2 = 0;
     int    k;
     for (k = 0; k < 3; k++) {
@@ -1710,14 +1681,14 @@ static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_d
     int          stack[CLOTHI_BVH_STACK], n = 0, best = -1, i;
     double       reach[CLOTHI_BVH_STACK];
     stack[0] = 1;
-    reach[n++] = slack * clothi_box_distance2(t->node + 6, point);
+    reach[n++] = slack * clothi_bvh_distance2(t->node + 6, point);
     while (n) {
         const int node = stack[--n], leaf = node - (1 << t->depth);
         if (reach[n] > *d2) continue;
         if (leaf < 0) {                     /* the nearer child on top */
             const double *pair = t->node + 12 * (size_t)node;
-            const double  l = slack * clothi_box_distance2(pair, point);
-            const double  r = slack * clothi_box_distance2(pair + 6, point);
+            const double  l = slack * clothi_bvh_distance2(pair, point);
+            const double  r = slack * clothi_bvh_distance2(pair + 6, point);
             const int     right_last = r < l;
             stack[n] = 2 * node + !right_last;
             reach[n++] = right_last ? l : r;
@@ -1790,16 +1761,36 @@ done:
 typedef struct clothi_features_job {
     const clothi_features *s;
     const double          *box, *face_box;  /* [nv x 6], [nf x 6]                              */
+    const unsigned char   *moved;           /* [nmoved] only pairs with such a vertex; NULL: all */
+    int                    nmoved;
 } clothi_features_job;
+
+static int clothi_face_moved(const clothi_features_job *job, int f) {
+    const int *v = job->s->faces + 3 * (size_t)f;
+    int        k = 0;
+    while (k < 3 && !(v[k] < job->nmoved && job->moved[v[k]])) k++;
+    return k < 3;
+}
+
+static inline int clothi_faces_moved(const clothi_features_job *job, int f, int g) {
+    return !job->moved || clothi_face_moved(job, f) || clothi_face_moved(job, g);
+}
+
+/* The faces themselves. */
+static void clothi_faces_look(int f, int g, const void *ctx, clothi_segment *out) {
+    if (clothi_faces_moved((const clothi_features_job *)ctx, f, g)) clothi_segment_put(out, f, g);
+}
 
 /* The vertices that either face owns against the other, the edges that one owns against those that
  * the other owns. */
-static void clothi_features_look(const int *pair, const void *ctx, clothi_segment *out) {
+static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *out) {
     const clothi_features_job *job = (const clothi_features_job *)ctx;
     const int                 *v[2], *e[2];
     const double              *box[2];
     double                     edge[6], other[6];
+    const int                  pair[2] = {f, g};
     int                        owned[2], i, k, l;
+    if (!clothi_faces_moved(job, f, g)) return;
     for (i = 0; i < 2; i++) {
         v[i] = job->s->faces + 3 * (size_t)pair[i];
         e[i] = job->s->face_edges + 3 * (size_t)pair[i];
@@ -1808,8 +1799,8 @@ static void clothi_features_look(const int *pair, const void *ctx, clothi_segmen
     }
     for (i = 0; i < 2; i++)
         for (k = 0; k < 3; k++) {
-            const int p = v[i][k], *g = v[1 - i];
-            if (!(owned[i] >> k & 1) || p == g[0] || p == g[1] || p == g[2]) continue;
+            const int p = v[i][k], *q = v[1 - i];
+            if (!(owned[i] >> k & 1) || p == q[0] || p == q[1] || p == q[2]) continue;
             if (clothi_boxes_meet(job->box + 6 * (size_t)p, box[1 - i]))
                 clothi_segment_put(out, p, pair[1 - i]);
         }
@@ -1828,20 +1819,15 @@ static void clothi_features_look(const int *pair, const void *ctx, clothi_segmen
     }
 }
 
-/* From pairs of faces to the pairs (vertex, face) and (edge, edge), smaller edge first, whose boxes
- * overlap and that share no vertex; each once if each pair of faces is there once.
- * in   faces       pairs of faces of s, in its numbering. All those that the boxes allow between
- *                  two groups of faces: leaving single ones out loses features of their neighbours
- * in   vertex_box  [nv x 6] the boxes that the pairs of faces were made from (clothi_swept_boxes)
- * in   face_box    [nf x 6] those around them (clothi_face_boxes)
- * out  vf, ee      empty on failure */
-static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi_features *s,
-                                          const clothi_pairs *faces, const double *vertex_box,
-                                          const double *face_box, clothi_pairs *vf,
-                                          clothi_pairs *ee) {
-    const clothi_features_job job = {s, vertex_box, face_box};
-    clothi_pairs *const       list[2] = {vf, ee};
-    return clothi_pairs_look(hooks, faces, clothi_features_look, &job, list, 2);
+/* The pairs (vertex, face) and (edge, edge), smaller edge first, of faces of two trees, or of one
+ * with itself, whose boxes overlap and that share no vertex; each once.
+ * in   job   boxes: those that the trees were made from (clothi_swept_boxes, clothi_face_boxes)
+ * out  vf, ee   empty on failure */
+static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi_features_job *job,
+                                          const clothi_bvh *a, const clothi_bvh *b,
+                                          clothi_pairs *vf, clothi_pairs *ee) {
+    clothi_pairs *const list[2] = {vf, ee};
+    return clothi_bvh_look(hooks, a, b, clothi_features_look, job, list, 2);
 }
 
 /* ===== [5.2] TRIANGLES THAT INTERSECT =========================================================
@@ -2034,11 +2020,10 @@ typedef struct clothi_crossing_job {
     const int    *faces;
 } clothi_crossing_job;
 
-static void clothi_crossing_look(const int *pair, const void *ctx, clothi_segment *out) {
+static void clothi_crossing_look(int a, int b, const void *ctx, clothi_segment *out) {
     const clothi_crossing_job *job = (const clothi_crossing_job *)ctx;
     const int                 *f = job->faces;
-    if (clothi_faces_intersect(job->x, f + 3 * pair[0], f + 3 * pair[1]))
-        clothi_segment_put(out, pair[0], pair[1]);
+    if (clothi_faces_intersect(job->x, f + 3 * a, f + 3 * b)) clothi_segment_put(out, a, b);
 }
 
 /* The list in increasing order of (first, second), all in [0, n). */
@@ -2066,9 +2051,8 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     const clothi_crossing_job job = {x, faces};
     cloth_status  status;
     clothi_bvh    tree;
-    clothi_pairs  near_by, found, *const out = &found;
+    clothi_pairs  found, *const out = &found;
     memset(&tree, 0, sizeof tree);
-    memset(&near_by, 0, sizeof near_by);
     memset(&found, 0, sizeof found);
     if (count) *count = 0;
     if ((!x && nv > 0) || (!faces && nf > 0) || (!pairs && max_pairs > 0) || max_pairs < 0)
@@ -2080,9 +2064,8 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     if (status == CLOTH_OK)
         status = clothi_check_vector(hooks, "cloth_intersections: x", x, 3 * nv);
     if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
-    if (status == CLOTH_OK) status = clothi_bvh_cross_pairs(hooks, &tree, &tree, &near_by);
     if (status == CLOTH_OK)                 /* ~0.1 us a candidate */
-        status = clothi_pairs_look(hooks, &near_by, clothi_crossing_look, &job, &out, 1);
+        status = clothi_bvh_look(hooks, &tree, &tree, clothi_crossing_look, &job, &out, 1);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
     if (status != CLOTH_OK) goto done;
     if (count) *count = found.count;
@@ -2090,7 +2073,6 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     if (max_pairs > 0) memcpy(pairs, found.pair, 2 * (size_t)max_pairs * sizeof *pairs);
 done:
     clothi_pairs_free(hooks, &found);
-    clothi_pairs_free(hooks, &near_by);
     clothi_bvh_free(hooks, &tree);
     return status;
 }
@@ -4177,11 +4159,6 @@ static void clothi_world_boxes(cloth_collide *c, const double *p, const double *
     clothi_cloth_boxes(c, p, q, pad);
 }
 
-static int clothi_face_moved(const cloth_collide *c, int f) {
-    const int *v = c->faces + 3 * (size_t)f;
-    return f < c->nf && (c->moved[v[0]] || c->moved[v[1]] || c->moved[v[2]]);
-}
-
 /* Nothing makes pairs: no self-contact, and all obstacles are walls. */
 static int clothi_only_walls(const cloth_collide *c) {
     int o, others = c->self;
@@ -4205,19 +4182,16 @@ static cloth_status clothi_crossings_of(cloth_collide *c);
 /* Pairs of cloth's faces with those of a tree: as `what` says their features into c->pair, or those
  * that cross into c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
-    cloth_status status = clothi_bvh_cross_pairs(c->hooks, &c->tree, with, &c->meet);
-    int          i, n = 0;
-    for (i = 0; i < c->meet.count && (what & CLOTHI_MOVED); i++) {
-        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
-        if (!clothi_face_moved(c, f) && !clothi_face_moved(c, g)) continue;
-        c->meet.pair[2 * n] = f;
-        c->meet.pair[2 * n++ + 1] = g;
+    clothi_features_job job = {&c->features, c->box_v, c->box_f, NULL, c->nv};
+    clothi_pairs       *meet = &c->meet;
+    cloth_status        status;
+    int                 i;
+    if (what & CLOTHI_MOVED) job.moved = c->moved;
+    if (what & CLOTHI_CROSS) {
+        status = clothi_bvh_look(c->hooks, &c->tree, with, clothi_faces_look, &job, &meet, 1);
+        return status ? status : clothi_crossings_of(c);
     }
-    if (what & CLOTHI_MOVED) c->meet.count = n;
-    if (status || c->meet.count == 0) return status;
-    if (what & CLOTHI_CROSS) return clothi_crossings_of(c);
-    status = clothi_pairs_features(c->hooks, &c->features, &c->meet, c->box_v, c->box_f, &c->vf,
-                                   &c->ee);
+    status = clothi_pairs_features(c->hooks, &job, &c->tree, with, &c->vf, &c->ee);
     for (i = 0; i < c->vf.count && !status; i++)
         status = clothi_pair_add(c, CLOTHI_VF, c->vf.pair[2 * i], c->vf.pair[2 * i + 1]);
     for (i = 0; i < c->ee.count && !status; i++)

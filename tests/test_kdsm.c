@@ -1056,7 +1056,7 @@ static void shards_merge_to_the_same_bytes(void) {
     chains_free(&j);
 }
 
-/* A motion's frames from the angles that they are made of: every joint but for where the root is. */
+/* A motion's frames from the angles that they are made of, but for where the root is. */
 static void motion_by_its_angles(void) {
     static const char *name[4] = {"data/body/body.obj", "data/body/weights_cmu.txt",
                                   "data/motion/walk_02_01.skin", "data/body/skeleton_cmu.txt"};

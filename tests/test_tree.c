@@ -306,7 +306,8 @@ static void scene_alloc(scene *s, int nv, int nf) {
 }
 
 static cloth_status scene_find(scene *s, const cloth_hooks *hooks, double pad) {
-    cloth_status status;
+    const clothi_features_job job = {&s->features, s->vbox, s->fbox, NULL, 0};
+    cloth_status              status;
     if (!s->features.faces) {
         status = clothi_features_build(hooks, s->nv, s->nf, s->faces, &s->features);
         if (status) return status;
@@ -317,8 +318,7 @@ static cloth_status scene_find(scene *s, const cloth_hooks *hooks, double pad) {
     else clothi_bvh_refit(hooks, &s->tree, s->fbox), status = CLOTH_OK;
     if (!status) status = clothi_bvh_cross_pairs(hooks, &s->tree, &s->tree, &s->pairs);
     if (!status)
-        status = clothi_pairs_features(hooks, &s->features, &s->pairs, s->vbox, s->fbox, &s->vf,
-                                       &s->ee);
+        status = clothi_pairs_features(hooks, &job, &s->tree, &s->tree, &s->vf, &s->ee);
     return status;
 }
 

@@ -27,7 +27,7 @@
  *     200 chains, --around 0.05     2.33 mm, 0.52, 0.98 (3 seeds, deviations 0.025 mm and less)
  *     400 chains, --around 0.2      5.22 mm, 0.80 (1 seed, decay 1; with 0.3 4.50 mm)
  *     400 chains of all that a person can: 17.4 mm, 0.92, 0.95; before tanh and one scale of inputs
- * Method 2 gives up 3.2 mm whatever is learned; what comes on top is of poses that were not learned,
+ * Method 2 gives up 3.2 mm whatever is learned; what comes on top is of poses not learned from,
  * alike in all three: so the ratio falls as the poses are learned better. Against the frames, which
  * give nothing up, there is none to speak of.
  */

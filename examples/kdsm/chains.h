@@ -80,7 +80,9 @@ static inline const char *chains_poses(job *j, int chain) {
 }
 
 /* The number of a motion's examples: of ten motions the first is tested, the second watches. */
-static inline int chains_number(int motion) { return 1000000 + 10 * (motion / 10) + 9 - motion % 10; }
+static inline int chains_number(int motion) {
+    return 1000000 + 10 * (motion / 10) + 9 - motion % 10;
+}
 
 static inline const char *chains_motion(job *j, int motion) {
     const char *error = figure_read_motion(j->files[3 + motion], &j->f);
@@ -147,7 +149,8 @@ static inline const char *chains_merge(job *j) {
         }
     data_free(&s);
     if (fclose(out) && !error) error = "no space";
-    if (!error) printf("%d examples of %d chains, %d thrown out\n", n, j->chains + j->motions, thrown);
+    if (!error)
+        printf("%d examples of %d chains, %d thrown out\n", n, j->chains + j->motions, thrown);
     return error;
 }
 

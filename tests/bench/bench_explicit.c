@@ -22,6 +22,9 @@
  * 0.96, and looking at the stretch every 8 substeps: 3 %, 1.5 % faster, but a sheet that snaps from
  * stretch 2 gained 35 to 60 % energy, or a swinging one 9 %. The scene turns unstable below 52
  * substeps, 62 are taken: the largest stretch sits at held corners, where the fastest mode is not.
+ * Contact over several drifts at once: a sheet of 12 x 12 that fell 5 cm onto a sphere gained 2.5
+ * times its weight times its side when contact looked once in 39 substeps, 0.12 of it at every
+ * fourth substep (falling on its own side 1.7), and none at every substep.
  */
 #define _XOPEN_SOURCE 600
 #define CLOTHSIM_IMPLEMENTATION

@@ -1329,9 +1329,11 @@ typedef struct clothi_grad {                /* one walk backwards               
     double *x0;                             /* of x at the step's start, by goals              */
     double *gx, *gv;                        /* what the loss says                              */
     double *a, *z, *q, *left;               /* [nv x 3] scratch                                */
+    int     paired;                         /* w.dx holds what Newton's method would add       */
     double *mass;                           /* [nv]                                            */
     double *mu, *lambda, *bending, *damping;/* [nregions] under the params of the sim          */
-    double *pose;                           /* [max_attachments x 3]                           */
+    double *pose, *aim;                     /* [max_attachments x 3] by where attachments are at
+                                               a step's start, by where it takes them          */
     cloth_matrix *elastic;                  /* with contact: H without it                      */
     double *krylov;                         /* [2 CLOTHI_GRAD_KRYLOV + 1][nv x 3]              */
     cloth_contact_grad touch;               /* what contact has results for                    */
@@ -1385,6 +1387,118 @@ static double clothi_grad_residual(const cloth_sim *s, const double *b, const do
 
 #define CLOTHI_GRAD_REFINE 30               /* rounds for a matrix that is not definite        */
 
+/* Rows [0, n) of x -= L r and y -= L s, of three columns of L, `ld` apart. */
+CLOTHI_HOT void clothi_pair_take(const double *CLOTHI_RESTRICT L, size_t ld, int n, const double *r,
+                                 const double *s, double *CLOTHI_RESTRICT x,
+                                 double *CLOTHI_RESTRICT y) {
+    const double *CLOTHI_RESTRICT M = L + ld, *CLOTHI_RESTRICT N = M + ld;
+    const double  r0 = r[0], r1 = r[1], r2 = r[2], s0 = s[0], s1 = s[1], s2 = s[2];
+    int           i;
+    for (i = 0; i < n; i++) {
+        const double l = L[i], m = M[i], o = N[i];
+        x[i] -= l * r0 + m * r1 + o * r2;
+        y[i] -= l * s0 + m * s1 + o * s2;
+    }
+}
+
+/* r -= L'x and s -= L'y, likewise. */
+CLOTHI_HOT void clothi_pair_sum(const double *CLOTHI_RESTRICT L, size_t ld, int n,
+                                const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT y,
+                                double *r, double *s) {
+    enum { W = 4 };
+    double a[W] = {0}, b[W] = {0}, c[W] = {0}, d[W] = {0}, e[W] = {0}, f[W] = {0};
+    int    i, k;
+    for (i = 0; i + W <= n; i += W)
+        for (k = 0; k < W; k++) {
+            const double l = L[i + k], m = L[ld + (size_t)(i + k)];
+            const double o = L[2 * ld + (size_t)(i + k)];
+            a[k] += l * x[i + k], b[k] += m * x[i + k], c[k] += o * x[i + k];
+            d[k] += l * y[i + k], e[k] += m * y[i + k], f[k] += o * y[i + k];
+        }
+    for (; i < n; i++) {
+        const double l = L[i], m = L[ld + (size_t)i], o = L[2 * ld + (size_t)i];
+        a[0] += l * x[i], b[0] += m * x[i], c[0] += o * x[i];
+        d[0] += l * y[i], e[0] += m * y[i], f[0] += o * y[i];
+    }
+    r[0] -= (a[0] + a[1]) + (a[2] + a[3]), s[0] -= (d[0] + d[1]) + (d[2] + d[3]);
+    r[1] -= (b[0] + b[1]) + (b[2] + b[3]), s[1] -= (e[0] + e[1]) + (e[2] + e[3]);
+    r[2] -= (c[0] + c[1]) + (c[2] + c[3]), s[2] -= (f[0] + f[1]) + (f[2] + f[3]);
+}
+
+/* r := l^-1 r of three rows, or l'^-1 r; l the corner where their columns begin. */
+static void clothi_pair_corner(const double *l, size_t ld, int back, double *r) {
+    const double *m = l + ld + 1, *o = m + ld + 1;
+    if (!back) {
+        r[0] /= l[0];
+        r[1] = (r[1] - l[1] * r[0]) / m[0];
+        r[2] = (r[2] - l[2] * r[0] - m[1] * r[1]) / o[0];
+        return;
+    }
+    r[2] /= o[0];
+    r[1] = (r[1] - m[1] * r[2]) / m[0];
+    r[0] = (r[0] - l[1] * r[1] - l[2] * r[2]) / l[0];
+}
+
+/* b and c := (L S L')^-1 of them, by elimination number; t, u: a boundary each. Three columns at a
+ * time, and two vectors: what is loaded of L is used twice, what is stored goes down by three. */
+static void clothi_pair_solve(const cloth_factor *f, double *b, double *c, double *t, double *u) {
+    const clothi_tree *P = f->P;
+    int                q, i, j, back;
+    for (back = 0; back < 2; back++) {
+        for (i = 0; back && i < 3 * P->nv; i++) b[i] *= f->pivot[i], c[i] *= f->pivot[i];
+        for (q = back ? P->nparts - 1 : 0; q >= 0 && q < P->nparts; q += back ? -1 : 1) {
+            const int    *bound = P->bound + P->bound_start[q];
+            const int     n = 3 * (P->part[q].hi - P->part[q].mid);
+            const int     nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
+            const size_t  ld = (size_t)(n + nb);
+            const double *L = f->panel + P->panel[q];
+            double       *x = b + 3 * (size_t)P->part[q].mid, *y = c + 3 * (size_t)P->part[q].mid;
+            for (i = 0; i < nb; i++) {
+                t[i] = back ? b[3 * bound[i / 3] + i % 3] : 0;
+                u[i] = back ? c[3 * bound[i / 3] + i % 3] : 0;
+            }
+            for (j = 0; j < n && !back; j += 3) {
+                const double *l = L + (size_t)j * (ld + 1);
+                clothi_pair_corner(l, ld, 0, x + j);
+                clothi_pair_corner(l, ld, 0, y + j);
+                clothi_pair_take(l + 3, ld, n - j - 3, x + j, y + j, x + j + 3, y + j + 3);
+                clothi_pair_take(L + (size_t)j * ld + n, ld, nb, x + j, y + j, t, u);
+            }
+            for (j = n - 3; j >= 0 && back; j -= 3) {
+                const double *l = L + (size_t)j * (ld + 1);
+                clothi_pair_sum(L + (size_t)j * ld + n, ld, nb, t, u, x + j, y + j);
+                clothi_pair_sum(l + 3, ld, n - j - 3, x + j + 3, y + j + 3, x + j, y + j);
+                clothi_pair_corner(l, ld, 1, x + j);
+                clothi_pair_corner(l, ld, 1, y + j);
+            }
+            for (i = 0; i < nb && !back; i++) {
+                b[3 * bound[i / 3] + i % 3] += t[i];
+                c[3 * bound[i / 3] + i % 3] += u[i];
+            }
+        }
+    }
+}
+
+/* x = H^-1 b and y = H^-1 c with the factor; g->nv and g->np are scratch. */
+static void clothi_grad_pair(clothi_grad *g, const double *b, const double *c, double *x,
+                             double *y) {
+    cloth_factor *f = g->s->solver->factor;
+    const int     n = (int)g->t->nv3;
+    int           i;
+    for (i = 0; i < n; i++) {
+        const int at = 3 * f->P->verts[i / 3] + i % 3;
+        const int on = f->pivot[i] && !(f->fixed[i / 3] >> i % 3 & 1);
+        g->nv[i] = on ? b[at] : 0;
+        g->np[i] = on ? c[at] : 0;
+    }
+    clothi_pair_solve(f, g->nv, g->np, f->vec, f->vec + n);
+    for (i = 0; i < n; i++) {
+        const int at = 3 * f->P->verts[i / 3] + i % 3;
+        x[at] = g->nv[i];
+        y[at] = g->np[i];
+    }
+}
+
 /* With the factor L S L' of H, good also where H has negative pivots; what lies outside the pattern
  * (attachments, ties) is not in it: then it preconditions CG, or, at negative pivots, repeated
  * corrections, of which the residual says whether they came to an end. */
@@ -1402,8 +1516,11 @@ static cloth_status clothi_grad_direct(clothi_grad *g, const double *b, double *
     if (status && !*negative) return status;
     memcpy(g->left, b, (size_t)n * sizeof(double));
     memset(x, 0, (size_t)n * sizeof(double));
+    g->paired = g->t->opt.early > 0 && s->matrix->ne == 0;
+    status = CLOTH_OK;
     for (k = 0; k < CLOTHI_GRAD_REFINE; k++) {
-        status = cloth_factor_solve(s->solver->factor, g->left, g->left);
+        if (k == 0 && g->paired) clothi_grad_pair(g, g->left, s->w.rhs, g->left, s->w.dx);
+        else status = cloth_factor_solve(s->solver->factor, g->left, g->left);
         if (status) return status;
         for (i = 0; i < n; i++) x[i] += g->left[i];
         r = clothi_grad_residual(s, b, x, g->q, g->left);
@@ -1591,6 +1708,7 @@ static cloth_status clothi_grad_solve(clothi_grad *g, clothi_line *line, const d
     cloth_status status;
     double       residual;
     int          negative = 0;
+    g->paired = 0;
     if (g->elastic) return clothi_grad_touching(g, line, b, z, k);
     if (clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY)
         status = clothi_grad_direct(g, b, z, &negative);
@@ -1608,12 +1726,17 @@ static cloth_status clothi_grad_solve(clothi_grad *g, clothi_line *line, const d
     return status;
 }
 
-/* The force that the forward step left, into g->left; the update that it asks for at most, m. */
-static cloth_status clothi_grad_leftover(clothi_grad *g, clothi_line *line, double *most) {
+/* The matrix at w.x; where that is looked at, the force that the forward step left, into w.rhs, and
+ * the update that it asks for at most, m. */
+static cloth_status clothi_grad_assemble(clothi_grad *g, clothi_line *line, double *most) {
     cloth_sim   *s = g->s;
-    cloth_status status = clothi_objective(s, &line->goal, s->w.x, s->w.grad, 0, 0, NULL);
+    const int    look = g->t->opt.early > 0;
+    cloth_status status = clothi_objective(s, &line->goal, s->w.x, look ? s->w.grad : NULL, 1, 0,
+                                           NULL);
     int          i;
     *most = 0;
+    if (!status && s->model->tie) status = clothi_tie_matrix(s);
+    if (!look || status) return status;
     clothi_newton_rhs(s);
     for (i = 0; i < 3 * s->model->nv; i++)
         *most = clothi_max(*most, fabs(s->w.rhs[i]) / s->params.mass[i / 3]);
@@ -1650,13 +1773,14 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
                                       const double *b, const double *z, int k) {
     cloth_sim   *s = g->s;
     const int    n = 3 * s->model->nv;
-    cloth_status status;
+    cloth_status status = CLOTH_OK;
     double       sum = 0, size = 0, left;
     int          i;
     if (line->weight > 0 && most < CLOTHI_GRAD_ARRIVED) return CLOTH_OK;
-    status = clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY && s->matrix->ne == 0
-                 ? cloth_factor_solve(s->solver->factor, s->w.rhs, g->left)
-                 : clothi_grad_again(g, s->w.rhs, 1e-3, g->left);
+    if (g->paired) memcpy(g->left, s->w.dx, (size_t)n * sizeof(double));
+    else status = clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY && s->matrix->ne == 0
+                      ? cloth_factor_solve(s->solver->factor, s->w.rhs, g->left)
+                      : clothi_grad_again(g, s->w.rhs, 1e-3, g->left);
     if (status) return status;
     clothi_tie_spread(s->model, g->left);
     left = clothi_max_abs(g->left, n);
@@ -1719,7 +1843,7 @@ static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const
 }
 
 /* Goals of attachments, for a force by -z: a = -z. */
-static void clothi_grad_goals(clothi_grad *g, const double *a, double share, int k) {
+static void clothi_grad_goals(clothi_grad *g, const double *a, double share) {
     const cloth_sim *s = g->s;
     double           ap[3], w[6];
     int              i, j, v[6];
@@ -1727,21 +1851,18 @@ static void clothi_grad_goals(clothi_grad *g, const double *a, double share, int
         const cloth_step_attachment *q = s->in.attach + i;
         if (!clothi_attach_gap(s->model, NULL, q, a, v, w, ap)) continue;
         for (j = 0; j < 3; j++) {
-            const size_t at = 3 * ((size_t)k * (size_t)s->in.nattach + (size_t)i) + (size_t)j;
-            if (g->out->attach) g->out->attach[at] -= share * q->k * ap[j];
+            g->aim[3 * i + j] -= share * q->k * ap[j];
             g->pose[3 * i + j] -= (1 - share) * q->k * ap[j];
         }
     }
 }
 
-/* The adjoint of poses after step k is that of its targets. */
-static void clothi_grad_arrive(clothi_grad *g, int k) {
+/* The adjoint of poses after a step is that of its targets. */
+static size_t clothi_grad_arrive(clothi_grad *g) {
     const size_t n = 3 * (size_t)g->s->model->desc.max_attachments;
-    size_t       i;
-    for (i = 0; i < n; i++) {
-        if (g->out->attach) g->out->attach[(size_t)k * n + i] += g->pose[i];
-        g->pose[i] = 0;
-    }
+    memcpy(g->aim, g->pose, n * sizeof(double));
+    memset(g->pose, 0, n * sizeof(double));
+    return n;
 }
 
 /* At the start x of a step: poses of what was attached since the last step are points of x. */
@@ -1819,7 +1940,7 @@ static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k)
         g->mass[i / 3] -= wz * (s->w.x[i] - s->w.y[i]);
         g->a[i] = -g->z[i];
     }
-    clothi_grad_goals(g, g->a, s->in.share[1], k);
+    clothi_grad_goals(g, g->a, s->in.share[1]);
     line->goal.e.grad = NULL;
     line->goal.e.hess = NULL;
     line->goal.e.x = s->w.x;
@@ -1839,11 +1960,9 @@ static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k)
 static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k) {
     cloth_sim   *s = g->s;
     const int    look = g->t->opt.early > 0;
-    cloth_report local;
-    cloth_status status = CLOTH_OK;
+    cloth_status status;
     double       most = 0;
     size_t       i;
-    memset(&local, 0, sizeof local);
     for (i = 0; i < g->t->nv3; i++) g->a[i] = g->lx[i] + line->vx * g->lv[i];
     if (g->elastic) {                       /* x moves what contact carries to the next substep */
         cloth_vjp to;
@@ -1853,8 +1972,7 @@ static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k
         if (status) return status;
     }
     clothi_tie_gradient(s->model, g->a);    /* T' a */
-    if (look) status = clothi_grad_leftover(g, line, &most);
-    if (!status) status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    status = clothi_grad_assemble(g, line, &most);
     if (!status) status = clothi_grad_solve(g, line, g->a, g->z, k);
     if (!status && !(line->h > 0) && s->wind_on)
         status = clothi_grad_wind(g, line, g->a, g->z, k);
@@ -1934,7 +2052,7 @@ static cloth_status clothi_leap_back(clothi_grad *g, double hs, const double *x,
     }
     e.x_n = x;
     e.h = 0;
-    clothi_grad_goals(g, g->a, s->in.share[1], k);
+    clothi_grad_goals(g, g->a, s->in.share[1]);
     if (!status && s->wind_on)
         status = s->term[CLOTHI_TERM_WIND].begin(s->term[CLOTHI_TERM_WIND].user, &e);
     if (status) return status;
@@ -2084,11 +2202,12 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
         g->bending = d, d += nr;
         g->damping = d, d += nr;
         g->pose = d, d += na;
+        g->aim = d, d += na;
         g->input = (unsigned char *)d;
         g->kept_input = g->input + input;
         g->kept_motion = g->kept_input + input;
     }
-    return (CLOTHI_GRAD_ARRAYS * n + n / 3 + 4 * nr + na) * sizeof(double) + 2 * input + motion;
+    return (CLOTHI_GRAD_ARRAYS * n + n / 3 + 4 * nr + 2 * na) * sizeof(double) + 2 * input + motion;
 }
 
 static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input) {
@@ -2212,9 +2331,9 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     clothi_grad        *g = w->g;
     const size_t        n = g->t->nv3, bytes = n * sizeof(double);
     const clothi_taped *e = g->t->step + k;
+    const size_t na = clothi_grad_arrive(g);
     cloth_status status = clothi_cancelled(&g->t->hooks, NULL);
     size_t       i;
-    clothi_grad_arrive(g, k);
     memset(g->x0, 0, bytes);
     if (!status && !e->asleep &&
         !(clothi_all_zero(g->lx, n) && clothi_all_zero(g->lv, n) && clothi_all_zero(g->lp, n) &&
@@ -2228,8 +2347,9 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
         memcpy(g->x, slot, bytes);
         for (i = 0; i < n; i++) g->lx[i] += g->x0[i];
         clothi_grad_poses(g, g->x, g->lx);
-    } else if (!status && e->params)
+    } else if (!status && (e->params || !clothi_all_zero(g->aim, na)))
         status = clothi_grad_put(g, k, slot);
+    if (g->out->attach) memcpy(g->out->attach + (size_t)k * na, g->aim, na * sizeof(double));
     if (!status && e->params) clothi_grad_flush(g);     /* steps before it have others */
     if (!status) status = clothi_grad_adjoint(g, CLOTH_ADJOINT_STEP, k + 1);
     memcpy(g->x, slot, bytes);
@@ -2393,6 +2513,7 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     g->touch.part_friction = out->part_friction;
     g->touch.obstacle = out->obstacle;
     g->touch.user = out->user;
+    g->touch.attach = g->aim;
     g->krylov = (double *)clothi_tape_alloc(t, (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3,
                                             sizeof(double));
     if (!g->krylov) return CLOTH_ERR_MEMORY;

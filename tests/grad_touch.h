@@ -1,20 +1,33 @@
 /* grad_touch.h - scenes of cloth in contact, by number, for derivatives: a small sheet that falls
- * or is thrown on a body of some kind, which moves; or on itself. What is moved by a cause, the
- * loss and its differences. Include behind clothsim_grad.h, clothsim_collide.h, test.h. */
+ * or is thrown on a body of some kind, which moves; or on itself. `rich`: all other causes at work
+ * besides (damping, wind, forces, pins that move, attachments to space, to another face and to the
+ * body, a host's term, parts with a friction of their own). What is moved by a cause, the loss and
+ * its differences. Include behind clothsim_grad.h, clothsim_collide.h, test.h. */
 #ifndef CLOTH_GRAD_TOUCH_H
 #define CLOTH_GRAD_TOUCH_H
 
+#include "grad_host.h"
+
+#define TOUCH_ATTACH_MOST 4                 /* desc.max_attachments of what is rich            */
+
 enum { TOUCH_X0, TOUCH_V0, TOUCH_MEMBRANE, TOUCH_BENDING, TOUCH_GRAVITY, TOUCH_FRICTION,
-       TOUCH_OBSTACLE, TOUCH_CAUSES, TOUCH_START, TOUCH_REST };   /* the first two; others */
+       TOUCH_OBSTACLE, TOUCH_CAUSES, TOUCH_START, TOUCH_REST,     /* the first two; others */
+       TOUCH_DENSITY, TOUCH_POISSON, TOUCH_DAMPING, TOUCH_X, TOUCH_THETA0, TOUCH_SCALE, TOUCH_MASS,
+       TOUCH_WIND, TOUCH_FORCE, TOUCH_PIN, TOUCH_ATTACH, TOUCH_ATTACH_K, TOUCH_PART, TOUCH_HOST,
+       TOUCH_ALL, TOUCH_RICH };                                   /* all from density on */
 enum { TOUCH_PLANE, TOUCH_SPHERE, TOUCH_BOX, TOUCH_CAPSULE, TOUCH_MESH, TOUCH_SELF, TOUCH_BODIES };
 
 static const char *const touch_cause[] = {"x0", "v0", "membrane", "bending", "gravity", "friction",
-                                          "obstacle", "", "start", "rest"};
+                                          "obstacle", "", "start", "rest", "density",
+                                          "poisson", "damping", "X", "theta0", "scale", "mass",
+                                          "wind", "force", "pin", "attach", "attach_k", "part",
+                                          "host", "", "rich"};
 static const char *const touch_body[TOUCH_BODIES] = {"plane", "sphere", "box", "capsule", "mesh",
                                                      "self"};
 
 typedef struct touch {                      /* one run                                         */
-    int    body, n, steps, pins, bdf2, substeps, parts;
+    int    body, n, steps, pins, bdf2, substeps;
+    int    rich, given;                     /* given: masses                                   */
     size_t bytes;                           /* of the tape                                     */
     const cloth_hooks *hooks;
     int    cap, blind, leapfrog;            /* max_newton; blind: no estimate of early stops   */
@@ -28,6 +41,8 @@ typedef struct touch {                      /* one run                          
     cloth_sim      *sim;
     cloth_collide  *c;
     cloth_obstacle  id;
+    cloth_attachment hook;                  /* to space                                        */
+    swarm  host;
     double body_x[3 * 162];                 /* m, as it was added                              */
     int    body_nv, failed, inexact, contacts, rows;
 } touch;
@@ -41,14 +56,25 @@ static inline double touch_noise(unsigned i) {
 
 /* Number i of the direction of a cause, in its unit. */
 static inline double touch_dir(const touch *t, int by, int i) {
-    static const double size[TOUCH_CAUSES] = {1e-3, 1e-2, 2, 1e-6, 1e-1, 1e-2, 1e-3};
-    return size[by] * touch_noise(977u * t->seed + 5003u * (unsigned)by + 131u * (unsigned)i);
+    static const double size[TOUCH_ALL] = {1e-3, 1e-2, 2, 1e-6, 1e-1, 1e-2, 1e-3, 0, 0, 0, 2e-3,
+                                           1e-2, 1e-4, 1e-3, 1e-2, 1e-2, 1e-5, 0.1, 1e-3, 1e-3,
+                                           1e-3, 0.1, 1e-2, 0.05};
+    const int stays = by == TOUCH_ATTACH ? i % (3 * TOUCH_ATTACH_MOST) > 2   /* not moved there */
+                                         : by == TOUCH_PIN && i % (3 * t->mesh->nv) > 2;
+    return stays ? 0 : size[by] * touch_noise(977u * t->seed + 5003u * (unsigned)by + 131u * (unsigned)i);
+}
+
+/* Cause `by` is one of `all`. */
+static inline int touch_in(const touch *t, int by, int all) {
+    if (by == (t->given ? TOUCH_DENSITY : TOUCH_MASS)) return 0;
+    if (by == TOUCH_PIN && (!t->pins || t->body == TOUCH_SELF)) return 0;
+    if (by == TOUCH_OBSTACLE && t->body == TOUCH_SELF) return 0;
+    return all == by || all == (by < TOUCH_MEMBRANE ? TOUCH_START
+                                : by < TOUCH_CAUSES ? TOUCH_REST : TOUCH_RICH);
 }
 
 static inline double touch_moved(const touch *t, int by, int i) {
-    const int moves = t->by == by || (by < TOUCH_MEMBRANE ? t->by == TOUCH_START
-                                                          : t->by == TOUCH_REST);
-    return moves ? t->eps * touch_dir(t, by, i) : 0;
+    return touch_in(t, by, t->by) ? t->eps * touch_dir(t, by, i) : 0;
 }
 
 /* Scene number `seed`. */
@@ -155,9 +181,77 @@ static inline void touch_obstacle(touch *t) {
     cloth_mesh_destroy(NULL, bumps);
 }
 
+/* Of the desc, what a rich scene has besides. */
+static inline void touch_rich_desc(const touch *t, cloth_desc *d) {
+    static const double wind[3] = {1, -0.3, -0.5};
+    int                 i;
+    d->material.density += touch_moved(t, TOUCH_DENSITY, 0);
+    d->material.poisson = 0.3 + touch_moved(t, TOUCH_POISSON, 0);
+    d->material.damping = 5e-3 + touch_moved(t, TOUCH_DAMPING, 0);
+    d->max_attachments = TOUCH_ATTACH_MOST;
+    d->air_density = 1.2;
+    d->lift = 0.3;
+    d->wind_on = 1;
+    for (i = 0; i < 3; i++) d->wind[i] = wind[i] + touch_moved(t, TOUCH_WIND, i);
+}
+
+/* What fits write, and the host's term. */
+static inline void touch_rich_params(touch *t) {
+    cloth_params *q = cloth_sim_params(t->sim);
+    const swarm   pull = {1 + touch_moved(t, TOUCH_HOST, 0), {0.05, -0.2, 0.05}, 0};
+    cloth_term    term;
+    int           i;
+    q->mass_given = t->given;
+    for (i = 0; i < q->nv && t->given; i++)
+        q->mass[i] = 4e-4 * (1 + 0.2 * touch_noise(77u + (unsigned)i)) +
+                     touch_moved(t, TOUCH_MASS, i);
+    for (i = 0; i < 6 * q->nf; i++) q->X[i] += touch_moved(t, TOUCH_X, i);
+    for (i = 0; i < q->nh; i++) {
+        q->theta0[i] += touch_moved(t, TOUCH_THETA0, i);
+        q->hinge_scale[i] += touch_moved(t, TOUCH_SCALE, i);
+    }
+    CHECK(cloth_sim_params_changed(t->sim) == CLOTH_OK);
+    t->host = pull;
+    term = swarm_term(&t->host);
+    CHECK(cloth_sim_add_term(t->sim, &term) == CLOTH_OK);
+}
+
+/* Face 5 hangs on a point in space, face 9 on the last but two, face 2 on the body where it has
+ * faces. */
+static inline void touch_rich_attach(touch *t) {
+    static const double at[3] = {0.25, 0.35, 0.4}, to[3] = {0.02, 0.01, 0.01};
+    cloth_attachment    id;
+    CHECK(!cloth_sim_attach(t->sim, 5, at, 4 + touch_moved(t, TOUCH_ATTACH_K, 0), to, &t->hook));
+    CHECK(!cloth_sim_stitch(t->sim, 9, at, 3 + touch_moved(t, TOUCH_ATTACH_K, 1),
+                            t->mesh->nf - 3, at, &id));
+    if (t->body != TOUCH_MESH && t->body != TOUCH_BOX) return;
+    CHECK(!cloth_collide_attach(t->c, t->id, 6, at, 2, at, 5 + touch_moved(t, TOUCH_ATTACH_K, 2),
+                                &id));
+}
+
+/* What the host of a rich scene says before step k. */
+static inline void touch_say(const touch *t, int k) {
+    static double f[3 * 200];
+    double        to[3];
+    int           i, n = 3 * t->mesh->nv;
+    if (!t->rich) return;
+    for (i = 0; i < n; i++)
+        f[i] = 1e-4 * touch_noise((unsigned)(7000 + i + n * k)) +
+               touch_moved(t, TOUCH_FORCE, n * k + i);
+    CHECK(!cloth_sim_set_force(t->sim, f));
+    for (i = 0; i < 3; i++)
+        to[i] = 0.02 - 1e-3 * k * i + touch_moved(t, TOUCH_ATTACH, 3 * TOUCH_ATTACH_MOST * k + i);
+    CHECK(!cloth_sim_attach_move(t->sim, t->hook, to));
+    if (t->body == TOUCH_SELF || !t->pins) return;
+    for (i = 0; i < 3; i++)
+        to[i] = t->mesh->x[i] + 5e-4 * k * (i - 1) + touch_moved(t, TOUCH_PIN, n * k + i);
+    CHECK(!cloth_sim_pin(t->sim, 0, CLOTH_AXIS_ALL, to));
+}
+
 static inline void touch_open(touch *t) {
     cloth_desc         d = cloth_desc_default();
     cloth_collide_desc k = cloth_collide_desc_default();
+    cloth_collide_part part[2];
     cloth_pin          pins[2];
     cloth_state       *s;
     double             g[3] = {0.3, -9.81, 0.2};
@@ -182,11 +276,18 @@ static inline void touch_open(touch *t) {
     if (t->body == TOUCH_SELF)
         pins[0].vertex = t->mesh->nv - 1, pins[1].vertex = t->mesh->nv - 16;
     if (t->pins || t->body == TOUCH_SELF) d.npins = 2, d.pins = pins;
+    if (t->rich) touch_rich_desc(t, &d);
     CHECK(!cloth_model_create(&d, &t->model) && !cloth_sim_create(t->model, &t->sim));
+    if (t->rich) touch_rich_params(t);
     k.thickness = 4e-3;
     k.stiffness = 2e5;
     k.slip = 1e-4;
     k.friction = 0.3 + touch_moved(t, TOUCH_FRICTION, 0);
+    for (i = 0; i < 2 && t->rich; i++) {
+        part[i].self = 1, part[i].category = part[i].mask = 0xffffffffu;
+        part[i].friction = 0.35 - 0.15 * i + touch_moved(t, TOUCH_PART, i);
+        k.nparts = t->body == TOUCH_SELF ? 2 : 1, k.parts = part;
+    }
     s = cloth_sim_state(t->sim);
     for (i = 0; i < 3 * t->mesh->nv; i++) {
         s->x[i] += touch_moved(t, TOUCH_X0, i);
@@ -197,6 +298,7 @@ static inline void touch_open(touch *t) {
     cloth_sim_state_changed(t->sim);
     CHECK(!cloth_collide_create(t->sim, &k, &t->c));
     touch_obstacle(t);
+    if (t->rich) touch_rich_attach(t);
 }
 
 /* The pose of the body at the end of step k: it slides, and what has corners bends a little. */
@@ -250,6 +352,7 @@ static inline double touch_run(touch *t, cloth_tape **tape) {
     touch_loss_at(0, cloth_sim_state(t->sim)->x, cloth_sim_state(t->sim)->v, NULL, NULL, &u);
     for (k = 0; k < t->steps; k++) {
         touch_pose(t, k, x);
+        touch_say(t, k);
         if (t->body != TOUCH_SELF) CHECK(!cloth_collide_move(t->c, t->id, x));
         t->failed += cloth_step(t->sim, t->h, &r) != CLOTH_OK;
         t->inexact += r.outcome == CLOTH_STEP_MAX_ITERATIONS;
@@ -298,6 +401,9 @@ typedef struct touch_results {
     cloth_grad g;
     double     x0[3 * 200], v0[3 * 200], membrane[1], bending[1], gravity[3], friction[2];
     double     obstacle[21 * 3 * 162];      /* [steps + 1 x body_nv x 3]                       */
+    double     density[1], poisson[1], damping[1], X[6 * 128], theta0[256], scale[256], mass[200];
+    double     wind[3], force[20 * 3 * 200], pin[20 * 3 * 200], attach[20 * 3 * TOUCH_ATTACH_MOST];
+    double     attach_k[TOUCH_ATTACH_MOST], part[2];
     int        body_nv;
 } touch_results;
 
@@ -313,19 +419,28 @@ static inline void touch_results_open(touch_results *r, const touch *t) {
     r->g.x0 = r->x0, r->g.v0 = r->v0, r->g.membrane = r->membrane, r->g.bending = r->bending;
     r->g.gravity = r->gravity, r->g.friction = r->friction;
     r->g.obstacle = touch_obstacle_result, r->g.user = r;
+    if (!t->rich) return;
+    r->g.density = r->density, r->g.poisson = r->poisson, r->g.damping = r->damping;
+    r->g.X = r->X, r->g.theta0 = r->theta0, r->g.hinge_scale = r->scale, r->g.mass = r->mass;
+    r->g.wind = r->wind, r->g.force = r->force, r->g.pin = r->pin, r->g.attach = r->attach;
+    r->g.attach_k = r->attach_k, r->g.part_friction = r->part;
 }
 
 static inline double touch_along(const touch_results *r, const touch *t, int by) {
-    const double *a[TOUCH_CAUSES];
+    const cloth_params *p = cloth_sim_params(t->sim);
+    const int     nv3 = 3 * t->mesh->nv;
+    const double *a[TOUCH_ALL] = {
+        r->x0, r->v0, r->membrane, r->bending, r->gravity, r->friction, r->obstacle, NULL, NULL,
+        NULL, r->density, r->poisson, r->damping, r->X, r->theta0, r->scale, r->mass, r->wind,
+        r->force, r->pin, r->attach, r->attach_k, r->part, &t->host.dk};
+    const int     n[TOUCH_ALL] = {
+        nv3, nv3, 1, 1, 3, 2, 3 * t->body_nv * (t->steps + 1), 0, 0, 0, 1, 1, 1, 6 * p->nf, p->nh,
+        p->nh, nv3 / 3, 3, t->steps * nv3, t->steps * nv3, t->steps * 3 * TOUCH_ATTACH_MOST,
+        TOUCH_ATTACH_MOST, 2, 1};
     double        sum = 0;
     int           i, j;
-    const int     n[TOUCH_CAUSES] = {3 * t->mesh->nv, 3 * t->mesh->nv, 1, 1, 3, 2,
-                                     3 * t->body_nv * (t->steps + 1)};
-    a[TOUCH_X0] = r->x0, a[TOUCH_V0] = r->v0, a[TOUCH_MEMBRANE] = r->membrane;
-    a[TOUCH_BENDING] = r->bending, a[TOUCH_GRAVITY] = r->gravity, a[TOUCH_FRICTION] = r->friction;
-    a[TOUCH_OBSTACLE] = r->obstacle;
-    for (j = 0; j < TOUCH_CAUSES; j++)
-        if (by == j || by == (j < TOUCH_MEMBRANE ? TOUCH_START : TOUCH_REST))
+    for (j = 0; j < TOUCH_ALL; j++)
+        if (touch_in(t, j, by))
             for (i = 0; i < n[j]; i++) sum += a[j][i] * touch_dir(t, j, i);
     return sum;
 }

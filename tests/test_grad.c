@@ -6,6 +6,7 @@
 #include "test.h"
 #include "scene.h"
 #include "grad_scene.h"
+#include "grad_host.h"
 
 /* --- differences --- */
 
@@ -328,39 +329,6 @@ static void static_in_a_run(void) {
 
 /* --- a host's own term and its parameter --- */
 
-typedef struct swarm {                      /* E = k/4 sum |x - c|^4 N/m^3                      */
-    double k, c[3], dk;
-} swarm;
-
-static cloth_status swarm_eval(void *user, const cloth_eval *e, double *energy) {
-    const swarm *u = (const swarm *)user;
-    cloth_status status = CLOTH_OK;
-    int          i, j;
-    *energy = 0;
-    for (i = 0; i < e->nv && !status; i++) {
-        double d[3], H[9], d2 = 0;
-        for (j = 0; j < 3; j++) d[j] = e->x[3 * i + j] - u->c[j], d2 += d[j] * d[j];
-        *energy += 0.25 * u->k * d2 * d2;
-        for (j = 0; j < 3; j++)
-            if (e->grad) e->grad[3 * i + j] += u->k * d2 * d[j];
-        for (j = 0; j < 9; j++) H[j] = u->k * (2 * d[j / 3] * d[j % 3] + (j % 4 == 0) * d2);
-        if (e->hess) status = cloth_matrix_add_element(e->hess, 1, &i, H);
-    }
-    return status;
-}
-
-static cloth_status swarm_vjp(void *user, const cloth_eval *e, const double *a, cloth_vjp *out) {
-    swarm *u = (swarm *)user;
-    int    i, j;
-    for (i = 0; i < e->nv && out->own; i++) {
-        double d[3], d2 = 0, ad = 0;
-        for (j = 0; j < 3; j++) d[j] = e->x[3 * i + j] - u->c[j], d2 += d[j] * d[j];
-        for (j = 0; j < 3; j++) ad += a[3 * i + j] * d[j];
-        u->dk += d2 * ad;
-    }
-    return CLOTH_OK;
-}
-
 static double swarm_run(const play *p, swarm *u, cloth_grad_report *rep) {
     cloth_term  term;
     cloth_tape *tape = NULL;
@@ -368,10 +336,9 @@ static double swarm_run(const play *p, swarm *u, cloth_grad_report *rep) {
     loss_user   l;
     scene       s;
     int         k;
-    memset(&term, 0, sizeof term);
     memset(&l, 0, sizeof l);
     memset(&g, 0, sizeof g);
-    term.name = "swarm", term.user = u, term.eval = swarm_eval, term.vjp = swarm_vjp;
+    term = swarm_term(u);
     play_open(p, &s);
     CHECK(cloth_sim_add_term(s.sim, &term) == CLOTH_OK);
     CHECK(cloth_tape_create(s.sim, NULL, &tape) == CLOTH_OK);

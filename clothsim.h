@@ -22,7 +22,7 @@
  *     [3.1] SMALL MATHS                      [3.2] MEMORY, TEXT, RANGES
  *     [4.1] MESH CHECK                       [4.2] TOPOLOGY
  *     [4.3] GENERATORS                       [4.4] REST SHAPE
- *     [4.5] OBJ FILES
+ *     [4.5] OBJ FILES                        [4.6] CLOSED MESHES, WELD, ORIENT
  *     [5.1] MATERIALS
  *     [6.1] SPRING                           [6.2] STVK TRIANGLE
  *     [6.3] HINGE                            [6.4] QUADRATIC BENDING
@@ -368,6 +368,7 @@ typedef struct cloth_mesh {
     double *X;              /* [nf x 3 x 2] m pattern coordinates of the corners, or NULL      */
     int     npart;          /* parts; 0 when part is NULL                                      */
     int    *part;           /* [nf] in [0, npart), or NULL                                     */
+    const char *names;      /* npart texts, each ended by 0: what OBJ calls the parts, or NULL */
     int     nr;             /* render corners: distinct pairs of vertex and texture point; 0:
                                none, and the three arrays below are NULL                       */
     int    *render_vertex;  /* [nr] vertex of each render corner, in order of vertices         */
@@ -864,6 +865,7 @@ typedef enum cloth_obj_parts {
     CLOTH_OBJ_PARTS_NONE    = 0,    /* no part array                                           */
     CLOTH_OBJ_PARTS_OBJECTS = 1,    /* faces under one `o` name are a part                     */
     CLOTH_OBJ_PARTS_GROUPS  = 2,    /* faces under one `g` name are a part                     */
+    CLOTH_OBJ_PARTS_MATERIALS = 3,  /* faces under one `usemtl` name are a part                */
     CLOTH_OBJ_PARTS_FORCE_INT = 0x7fffffff
 } cloth_obj_parts;
 
@@ -872,7 +874,9 @@ typedef struct cloth_obj_options {
     double          scale;          /* m per unit of v, > 0; default 1                         */
     double          pattern_scale;  /* m per unit of vt: > 0: vt become the pattern X, and every
                                        corner must have one; default 0: X stays NULL           */
-    cloth_obj_parts parts;          /* default CLOTH_OBJ_PARTS_NONE                            */
+    cloth_obj_parts parts;          /* default CLOTH_OBJ_PARTS_NONE. Numbered in the order of
+                                       their first faces; mesh->names in that order, "" before
+                                       any name                                                */
 } cloth_obj_options;
 
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
@@ -1150,6 +1154,25 @@ CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, 
 CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *const *meshes,
                                         int count, cloth_mesh **out);
 
+/* Closed, normals outward, centred at 0, without X; for obstacles. A box of size [3] m; a ball of
+ * `around` vertices on its equator and a cylinder along y, both with poles, around >= 3.   [4.6] */
+CLOTH_API cloth_status cloth_mesh_box(const cloth_hooks *hooks, const double size[3],
+                                      cloth_mesh **out);
+CLOTH_API cloth_status cloth_mesh_ball(const cloth_hooks *hooks, double radius, int around,
+                                       cloth_mesh **out);
+CLOTH_API cloth_status cloth_mesh_cylinder(const cloth_hooks *hooks, double radius, double height,
+                                           int around, cloth_mesh **out);
+
+/* For soups: a copy in which vertices within `distance` m (> 0) of an earlier one that stays are
+ * that one. Faces that lose a corner go; X and parts stay with their faces, render corners and
+ * names do not. Then, as a rule:                                                           [4.6] */
+CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mesh *mesh,
+                                       double distance, cloth_mesh **out);
+/* Turns faces, in place, until neighbours agree and closed pieces look outwards; an open piece
+ * keeps the side of most of its faces. X of a turned face is mirrored. turned: how many, may be
+ * NULL. _MESH: a strip with one side only; edges of three faces are not crossed.           [4.6] */
+CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *mesh, int *turned);
+
 CLOTH_API void cloth_mesh_destroy(const cloth_hooks *hooks, cloth_mesh *mesh);
 /* --- elements: one at a time, plain arrays (sections 6.1 to 6.4) ---
  * Shapes and units stand on each line. An output that is not wanted is NULL. Derivatives are exact
@@ -1205,7 +1228,7 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w);
 
 CLOTH_API cloth_obj_options cloth_obj_options_default(void);
 
-/* Reads Wavefront OBJ text: v, vt, f (also o or g when asked); other keywords are skipped. [4.5]
+/* Reads Wavefront OBJ text: v, vt, f (o, g or usemtl when asked); other keywords are skipped. [4.5]
  * Polygons are cut into fans about their first corner. Indices from 1, or negative: back from
  * the last one so far; 1, 1/2, 1//3, 1/2/3. LF, CRLF or CR; # comments; \ at a line's end goes on.
  * Numbers are rounded correctly whatever their length; the locale plays no part.
@@ -2455,13 +2478,13 @@ static size_t clothi_round8(size_t bytes) { return (bytes + 7u) / 8u * 8u; }
 
 /* All arrays of a mesh in one block; nr < 0: no render corners. */
 static cloth_mesh *clothi_mesh_alloc(const cloth_hooks *hooks, int nv, int nf, int with_X,
-                                     int npart, int nr) {
+                                     int npart, int nr, size_t text) {
     const size_t v = (size_t)nv, f = (size_t)nf, r = nr > 0 ? (size_t)nr : 0;
     const size_t head = clothi_round8(sizeof(cloth_mesh));
     const size_t doubles = 3 * v + (with_X ? 6 * f : 0) + 2 * r;
     const size_t ints = 3 * f + (npart > 0 ? f : 0) + r + (r ? 3 * f : 0);
-    cloth_mesh  *m = (cloth_mesh *)clothi_alloc(hooks, head + 8u * doubles + sizeof(int) * ints,
-                                                1);
+    cloth_mesh  *m = (cloth_mesh *)clothi_alloc(hooks, head + 8u * doubles + sizeof(int) * ints
+                                                + text, 1);
     double *d;
     int    *i;
     if (!m) {
@@ -2487,6 +2510,7 @@ static cloth_mesh *clothi_mesh_alloc(const cloth_hooks *hooks, int nv, int nf, i
     if (r) m->render_vertex = i;
     i += r;
     if (r) m->render_faces = i;
+    if (text) m->names = (char *)(i + (r ? 3 * f : 0));
     return m;
 }
 
@@ -2597,7 +2621,7 @@ CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pa
     nf = (ny - 1.0) * (shifted ? 2.0 * nx - 1 : 2.0 * (nx - 1));
     status = clothi_check_total(hooks, nv, nf);
     if (status != CLOTH_OK) return status;
-    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, 1, 0, -1);
+    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, 1, 0, -1, 0);
     if (!*out) return CLOTH_ERR_MEMORY;
     if (shifted) clothi_sheet_shifted(*out, nx, ny, width, height);
     else clothi_sheet_grid(*out, nx, ny, width, height, pattern == CLOTH_SHEET_ALTERNATING);
@@ -2630,7 +2654,7 @@ CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, 
     if (status == CLOTH_OK)
         status = clothi_check_total(hooks, (double)around * along, 2.0 * around * (along - 1.0));
     if (status != CLOTH_OK) return status;
-    *out = clothi_mesh_alloc(hooks, around * along, 2 * around * (along - 1), 1, 0, -1);
+    *out = clothi_mesh_alloc(hooks, around * along, 2 * around * (along - 1), 1, 0, -1, 0);
     if (!*out) return CLOTH_ERR_MEMORY;
     for (j = 0; j < along; j++)
         for (i = 0; i < around; i++) {
@@ -2672,7 +2696,7 @@ CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, 
     if (status == CLOTH_OK)
         status = clothi_check_total(hooks, 1 + 3.0 * rings * (rings + 1.0), 6.0 * rings * rings);
     if (status != CLOTH_OK) return status;
-    *out = clothi_mesh_alloc(hooks, 1 + 3 * rings * (rings + 1), 6 * rings * rings, 1, 0, -1);
+    *out = clothi_mesh_alloc(hooks, 1 + 3 * rings * (rings + 1), 6 * rings * rings, 1, 0, -1, 0);
     if (!*out) return CLOTH_ERR_MEMORY;
     for (k = 1; k <= rings; k++)
         for (i = 0; i < 6 * k; i++) {
@@ -2787,7 +2811,7 @@ CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *co
     for (i = 0; i < count && !status; i++) status = clothi_mesh_arrays(hooks, meshes[i], i);
     if (status) return status;
     *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, with_X, (int)npart,
-                             with_render ? (int)nr : -1);
+                             with_render ? (int)nr : -1, 0);
     if (!*out) return CLOTH_ERR_MEMORY;
     memset(&at, 0, sizeof at);
     for (i = 0; i < count && status == CLOTH_OK; i++) {
@@ -3370,7 +3394,8 @@ static void clothi_obj_set_name(clothi_obj *o) {
 
 static int clothi_obj_names_part(const clothi_obj *o, const clothi_obj_name *keyword) {
     return (o->opt.parts == CLOTH_OBJ_PARTS_OBJECTS && clothi_obj_is(keyword, "o")) ||
-           (o->opt.parts == CLOTH_OBJ_PARTS_GROUPS && clothi_obj_is(keyword, "g"));
+           (o->opt.parts == CLOTH_OBJ_PARTS_GROUPS && clothi_obj_is(keyword, "g")) ||
+           (o->opt.parts == CLOTH_OBJ_PARTS_MATERIALS && clothi_obj_is(keyword, "usemtl"));
 }
 
 static void clothi_obj_rewind(clothi_obj *o, const char *text, size_t size) {
@@ -3453,6 +3478,8 @@ static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
     const int    n = 3 * o->nf, keys = (o->nv > o->nvt ? o->nv : o->nvt) + 1;
     const int    with_X = o->opt.pattern_scale > 0;
     int          i, nr = -1, *order = NULL, *work, *count;
+    char        *name;
+    size_t       text = 0;
     cloth_mesh  *m;
     cloth_status status = CLOTH_OK;
     if (o->nvt > 0) {
@@ -3467,8 +3494,8 @@ static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
         for (i = 0; i < n; i++) o->corner_vt[i]--;
         nr = clothi_obj_render(o, order, NULL);
     }
-    m = clothi_mesh_alloc(o->hooks, o->nv, o->nf, with_X,
-                          o->opt.parts == CLOTH_OBJ_PARTS_NONE ? 0 : o->npart, nr);
+    for (i = 0; o->opt.parts && i < o->npart; i++) text += o->names[i].n + 1;
+    m = clothi_mesh_alloc(o->hooks, o->nv, o->nf, with_X, o->opt.parts ? o->npart : 0, nr, text);
     if (!m) {
         status = CLOTH_ERR_MEMORY;
         goto done;
@@ -3476,6 +3503,10 @@ static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
     memcpy(m->x, o->x, 3 * sizeof(double) * (size_t)o->nv);
     memcpy(m->faces, o->faces, sizeof(int) * (size_t)n);
     if (m->part) memcpy(m->part, o->part, sizeof(int) * (size_t)o->nf);
+    for (i = 0, name = (char *)m->names; m->part && i < o->npart; name += o->names[i++].n + 1) {
+        if (o->names[i].n) memcpy(name, o->names[i].s, o->names[i].n);
+        name[o->names[i].n] = 0;
+    }
     if (nr > 0) clothi_obj_render(o, order, m);
     for (i = 0; with_X && i < 2 * n; i++) {
         m->X[i] = o->opt.pattern_scale * o->vt[2 * o->corner_vt[i / 2] + i % 2];
@@ -3497,8 +3528,7 @@ static cloth_status clothi_obj_check_options(const cloth_hooks *hooks, const clo
     if (o->cookie != CLOTHI_OBJ_COOKIE)
         return clothi_fail(hooks, CLOTH_ERR_UNINIT, "options are not from "
                            "cloth_obj_options_default()");
-    if (o->parts != CLOTH_OBJ_PARTS_NONE && o->parts != CLOTH_OBJ_PARTS_OBJECTS &&
-        o->parts != CLOTH_OBJ_PARTS_GROUPS)
+    if ((unsigned)o->parts > CLOTH_OBJ_PARTS_MATERIALS)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.parts = %i is none of "
                            "CLOTH_OBJ_PARTS_", (int)o->parts);
     if (!clothi_finite(o->pattern_scale) || o->pattern_scale < 0)
@@ -3721,6 +3751,213 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
     status = cloth_obj_format(hooks, mesh, text, size, NULL);
     if (status == CLOTH_OK) status = clothi_write_file(hooks, path, text, size);
     clothi_free(hooks, text);
+    return status;
+}
+
+/* ===== [4.6] CLOSED MESHES, WELD, ORIENT =======================================================
+ *
+ * A ball and a cylinder are rings around the y axis between two poles. Welding looks for a vertex
+ * that stays in the 27 cells of side `distance` about each one. Orienting goes from face to face:
+ *
+ *     a-----b     Two faces agree when they run along their edge in opposite directions: f = abc,
+ *     | f / |     g = bdc. A closed piece looks outwards when its volume is positive, the sum over
+ *     |  / g|     its faces of det(x0, x1, x2)/6 as seen from one of its vertices.
+ *     c-----d
+ * checked: tests/test_first.c */
+
+static cloth_status clothi_closed(const cloth_hooks *hooks, double radius, double height,
+                                  int around, double rings, cloth_mesh **out) {
+    cloth_status status;
+    if (!out) return clothi_null(hooks, "out");
+    *out = NULL;
+    status = clothi_check_size(hooks, "radius or size", radius);
+    if (!status) status = clothi_check_size(hooks, "height or size", height);
+    if (!status) status = clothi_check_least(hooks, "around", around, 3);
+    if (!status) status = clothi_check_total(hooks, 2 + rings * around, 2 * rings * around);
+    if (status) return status;
+    *out = clothi_mesh_alloc(hooks, 2 + (int)rings * around, 2 * (int)rings * around, 0, 0, -1, 0);
+    return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
+}
+
+/* Vertex 0 is the pole below, the last one that above; ball: the rings are its parallels. */
+static void clothi_rings(cloth_mesh *m, int around, int ball, double radius, double height) {
+    const int rings = (m->nv - 2) / around, last = m->nv - 1;
+    int       i, k, f = 0;
+    m->x[1] = -0.5 * height, m->x[3 * last + 1] = 0.5 * height;
+    for (k = 0; k < rings; k++)
+        for (i = 0; i < around; i++) {
+            const int    a = 1 + k * around + i, b = 1 + k * around + (i + 1) % around;
+            const double angle = 2 * CLOTHI_PI * i / around;
+            const double lie = ball ? CLOTHI_PI * ((k + 1.0) / (rings + 1) - 0.5) : 0;
+            m->x[3 * a] = radius * cos(lie) * cos(angle);
+            m->x[3 * a + 1] = ball ? radius * sin(lie) : height * (k - 0.5);
+            m->x[3 * a + 2] = -radius * cos(lie) * sin(angle);
+            clothi_add_face(m, &f, a, b, k + 1 < rings ? a + around : last);
+            clothi_add_face(m, &f, b, a, k > 0 ? b - around : 0);
+        }
+}
+
+CLOTH_API cloth_status cloth_mesh_ball(const cloth_hooks *hooks, double radius, int around,
+                                       cloth_mesh **out) {
+    const int    rings = around < 4 ? 1 : around / 2 - 1;
+    cloth_status status = clothi_closed(hooks, radius, 2 * radius, around, rings, out);
+    if (!status) clothi_rings(*out, around, 1, radius, 2 * radius);
+    return status;
+}
+
+CLOTH_API cloth_status cloth_mesh_cylinder(const cloth_hooks *hooks, double radius, double height,
+                                           int around, cloth_mesh **out) {
+    cloth_status status = clothi_closed(hooks, radius, height, around, 2, out);
+    if (!status) clothi_rings(*out, around, 0, radius, height);
+    return status;
+}
+
+/* Four around, turned by an eighth: the square between (1, 1) and (-1, -1). */
+CLOTH_API cloth_status cloth_mesh_box(const cloth_hooks *hooks, const double size[3],
+                                      cloth_mesh **out) {
+    cloth_status status;
+    int          i;
+    if (!size) return clothi_null(hooks, "cloth_mesh_box: size");
+    status = clothi_closed(hooks, size[0] < size[2] ? size[0] : size[2], size[1], 4, 2, out);
+    if (status) return status;
+    clothi_rings(*out, 4, 0, 1, size[1]);
+    for (i = 1; i < 9; i++) {
+        (*out)->x[3 * i] = (i + 3) % 4 < 2 ? 0.5 * size[0] : -0.5 * size[0];
+        (*out)->x[3 * i + 2] = (i + 2) % 4 < 2 ? -0.5 * size[2] : 0.5 * size[2];
+    }
+    return CLOTH_OK;
+}
+
+/* The first vertex that stays within d of p, or -1; *home: the slot of p's own cell. */
+static int clothi_weld_find(const double *x, const double *p, double d, const int *head,
+                            const int *next, int slots, int *home) {
+    int n, k, w, best = -1;
+    for (n = 0; n < 27; n++) {
+        uint64_t hash = 0;
+        int      step = n;
+        for (k = 0; k < 3; k++, step /= 3) {
+            const double cell = floor(p[k] / d) + (step % 3 - 1) + 0.0;     /* no -0 */
+            uint64_t     bits;
+            memcpy(&bits, &cell, sizeof bits);
+            hash = (hash ^ bits ^ bits >> 31) * 0x9e3779b97f4a7c15u;
+        }
+        step = (int)((hash >> 32) % (unsigned)slots);
+        if (n == 13) *home = step;
+        for (w = head[step] - 1; w >= 0; w = next[w] - 1) {
+            const double *q = x + 3 * w, flat = hypot(p[0] - q[0], p[2] - q[2]);
+            if ((best < 0 || w < best) && hypot(flat, p[1] - q[1]) <= d) best = w;
+        }
+    }
+    return best;
+}
+
+CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mesh *mesh,
+                                       double distance, cloth_mesh **out) {
+    int         *head, *next, *to, i, k, home = 0;
+    cloth_mesh  *m;
+    cloth_status status;
+    if (!out) return clothi_null(hooks, "cloth_mesh_weld: out");
+    *out = NULL;
+    if (!mesh) return clothi_null(hooks, "cloth_mesh_weld: mesh");
+    status = clothi_check_size(hooks, "distance", distance);
+    if (!status) status = clothi_mesh_arrays(hooks, mesh, -1);
+    if (status) return status;
+    m = clothi_mesh_alloc(hooks, mesh->nv, mesh->nf, mesh->X != NULL, mesh->part ? mesh->npart : 0,
+                          -1, 0);
+    head = (int *)clothi_alloc(hooks, 3 * (size_t)mesh->nv + 1, sizeof(int));
+    if (!head || !m) {
+        clothi_free(hooks, head), cloth_mesh_destroy(hooks, m);
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to weld %i vertices", mesh->nv);
+    }
+    next = head + mesh->nv + 1, to = next + mesh->nv;
+    for (i = m->nv = m->nf = 0; i < mesh->nv; i++) {
+        const double *p = mesh->x + 3 * i;
+        to[i] = clothi_weld_find(m->x, p, distance, head, next, mesh->nv + 1, &home);
+        if (to[i] >= 0) continue;
+        to[i] = m->nv++, next[to[i]] = head[home], head[home] = m->nv;
+        memcpy(m->x + 3 * to[i], p, 3 * sizeof *p);
+    }
+    for (i = 0; i < mesh->nf; i++) {
+        int *t = m->faces + 3 * m->nf;
+        for (k = 0; k < 3; k++) t[k] = to[mesh->faces[3 * i + k]];
+        if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
+        if (m->X) memcpy(m->X + 6 * (size_t)m->nf, mesh->X + 6 * (size_t)i, 6 * sizeof *m->X);
+        if (m->part) m->part[m->nf] = mesh->part[i];
+        m->nf++;
+    }
+    clothi_free(hooks, head);
+    *out = m;
+    return CLOTH_OK;
+}
+
+/* Faces of the piece of piece[0] into piece, and how they turn into turn [nf]: 1 not, 2 turned.
+ * pair [3 nf]: the half-edge on the other side + 1, 0: none. Returns how many; 0: one side only. */
+static int clothi_orient_piece(cloth_mesh *m, const int *pair, int *turn, int *piece) {
+    const double *o = m->x + 3 * m->faces[3 * piece[0]];
+    double        volume = 0;
+    int           i, k, n = 1, open = 0, turned = 0;
+    turn[piece[0]] = 1;
+    for (i = 0; i < n; i++) {
+        const int *t = m->faces + 3 * piece[i];
+        double     e[9];
+        for (k = 0; k < 9; k++) e[k] = m->x[3 * t[k / 3] + k % 3] - o[k % 3];
+        volume += (2 * turn[piece[i]] - 3) * (e[0] * (e[5] * e[7] - e[4] * e[8]) +
+                  e[1] * (e[3] * e[8] - e[5] * e[6]) + e[2] * (e[4] * e[6] - e[3] * e[7]));
+        turned += turn[piece[i]] == 2;
+        for (k = 0; k < 3; k++) {
+            const int g = pair[3 * piece[i] + k] - 1;
+            const int want = g >= 0 && t[k] == m->faces[g] ? 3 - turn[piece[i]] : turn[piece[i]];
+            if (g < 0) open = 1;
+            else if (!turn[g / 3]) turn[g / 3] = want, piece[n++] = g / 3;
+            else if (turn[g / 3] != want) return 0;
+        }
+    }
+    if (open ? 2 * turned > n : volume < 0)
+        for (i = 0; i < n; i++) turn[piece[i]] = 3 - turn[piece[i]];
+    return n;
+}
+
+static void clothi_turn_face(cloth_mesh *m, int f) {
+    double   *X = m->X ? m->X + 6 * (size_t)f : NULL, u;
+    const int b = m->faces[3 * f + 1], r = m->nr > 0 ? m->render_faces[3 * f + 1] : 0;
+    m->faces[3 * f + 1] = m->faces[3 * f + 2], m->faces[3 * f + 2] = b;
+    if (m->nr > 0)
+        m->render_faces[3 * f + 1] = m->render_faces[3 * f + 2], m->render_faces[3 * f + 2] = r;
+    if (!X) return;
+    u = X[2], X[2] = -X[4], X[4] = -u, X[0] = -X[0];
+    u = X[3], X[3] = X[5], X[5] = u;
+}
+
+CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *mesh, int *turned) {
+    clothi_edge_sort sort;
+    cloth_status     status;
+    int             *pair, *turn, *piece, i, j, f, n = 0, got;
+    if (turned) *turned = 0;
+    if (!mesh) return clothi_null(hooks, "cloth_mesh_orient: mesh");
+    status = clothi_mesh_arrays(hooks, mesh, -1);
+    if (!status) status = clothi_edge_sort_make(hooks, mesh->nv, mesh->nf, mesh->faces, &sort);
+    if (status) return status;
+    pair = (int *)clothi_alloc(hooks, 5 * (size_t)mesh->nf + 1, sizeof(int));
+    if (!pair) status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to orient");
+    turn = pair + 3 * mesh->nf, piece = turn + mesh->nf;
+    for (i = 0; pair && i < 3 * mesh->nf; i = j) {
+        j = clothi_edge_run(&sort, 3 * mesh->nf, i);
+        if (j != i + 2) continue;
+        pair[sort.order[i]] = sort.order[i + 1] + 1, pair[sort.order[i + 1]] = sort.order[i] + 1;
+    }
+    clothi_edge_sort_free(hooks, &sort);
+    for (f = 0; f < mesh->nf && !status; f++) {
+        if (turn[f]) continue;
+        piece[n] = f;
+        if ((got = clothi_orient_piece(mesh, pair, turn, piece + n)) == 0)
+            status = clothi_fail(hooks, CLOTH_ERR_MESH, "face %i: its piece has one side only", f);
+        n += got;
+    }
+    for (f = 0; f < mesh->nf && !status; f++) {
+        if (turn[f] == 2) clothi_turn_face(mesh, f);
+        if (turned) *turned += turn[f] == 2;
+    }
+    clothi_free(hooks, pair);
     return status;
 }
 

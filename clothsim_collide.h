@@ -7493,12 +7493,17 @@ static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
     return d->kind == CLOTH_OBSTACLE_MESH ? d->nv : nv[d->kind];
 }
 
-/* A body that penetrates itself has an inside: closed, manifold, its faces turned outwards. */
+/* A body that penetrates itself has an inside: closed, manifold, its faces turned outwards. Of
+ * others it is said where they are closed and inside out: a room, or a slip. */
 static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
     clothi_surface_defects defect;
     cloth_status status = clothi_surface_check(hooks, d->nv, d->nf, d->x, d->faces, NULL, &defect);
     const int    turned = defect.turned >= 0, at = turned ? defect.turned : defect.branch;
     if (status) return status;
+    if (!d->self_penetrating && defect.inward >= 0 && defect.volume < 0)
+        clothi_say(hooks, CLOTH_LOG_WARNING, CLOTH_OK, "obstacle.faces: the closed part of face %i "
+                   "looks inwards, as a room does; cloth_mesh_orient turns it", defect.inward);
+    if (!d->self_penetrating) return CLOTH_OK;
     if (defect.open >= 0)
         return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: the mesh is open at "
                            "face %i, corner %i", defect.open / 3, defect.open % 3);
@@ -7540,7 +7545,7 @@ static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.nf = %i, faces %s", nf,
                            d->faces ? "given" : "NULL");
     status = clothi_check_faces(hooks, nv, nf, d->faces);
-    return status || !d->self_penetrating ? status : clothi_obstacle_closed(hooks, d);
+    return status ? status : clothi_obstacle_closed(hooks, d);
 }
 
 static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,

@@ -90,6 +90,136 @@ static void save_obj(void) {
     cloth_mesh_destroy(NULL, m);
 }
 
+/* Six times the volume of a closed mesh, or what a closed one has not: an edge with one face. */
+static double volume6(const cloth_mesh *m) {
+    cloth_topology *t = NULL;
+    double          sum = 0;
+    int             f, e;
+    if (cloth_topology_create(NULL, m->nv, m->nf, m->faces, &t)) return 0;
+    for (e = 0; e < t->ne; e++) CHECK(t->edge_faces[2 * e + 1] >= 0);
+    for (f = 0; f < m->nf; f++) {
+        const double *a = m->x + 3 * m->faces[3 * f], *b = m->x + 3 * m->faces[3 * f + 1];
+        const double *c = m->x + 3 * m->faces[3 * f + 2];
+        sum += a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) +
+               a[2] * (b[0] * c[1] - b[1] * c[0]);
+    }
+    CHECK(m->nv - t->ne + m->nf == 2);
+    cloth_topology_destroy(NULL, t);
+    return sum;
+}
+
+/* volumes: of the box exactly; of a cylinder's prism; of a ball nearly */
+static void closed_meshes(void) {
+    static const double size[3] = {0.3, 2, 0.7};
+    static const int    around[4] = {3, 4, 5, 64};
+    cloth_mesh         *m = NULL;
+    int                 k;
+    CHECK(cloth_mesh_box(NULL, size, &m) == CLOTH_OK);
+    CHECK_REL(volume6(m), 6 * 0.3 * 2 * 0.7, 1e-14);
+    for (k = 0; k < 3 * m->nv; k++)
+        CHECK(fabs(m->x[k]) == 0.5 * size[k % 3] || (k / 3 % 9 == 0 && fabs(m->x[k]) <= 1));
+    cloth_mesh_destroy(NULL, m);
+    for (k = 0; k < 4; k++) {
+        const double n = around[k], pi = 3.14159265358979323846;
+        CHECK(cloth_mesh_cylinder(NULL, 0.4, 1.5, around[k], &m) == CLOTH_OK);
+        CHECK_REL(volume6(m), 6 * 1.5 * 0.16 * 0.5 * n * sin(2 * pi / n), 1e-13);
+        cloth_mesh_destroy(NULL, m);
+        CHECK(cloth_mesh_ball(NULL, 0.4, around[k], &m) == CLOTH_OK);
+        CHECK(volume6(m) > 0 && (k < 3 || fabs(volume6(m) / (8 * pi * 0.064) - 1) < 0.01));
+        for (int i = 0; i < m->nv; i++)
+            CHECK_NEAR(hypot(hypot(m->x[3 * i], m->x[3 * i + 1]), m->x[3 * i + 2]), 0.4, 1e-15);
+        cloth_mesh_destroy(NULL, m);
+    }
+    CHECK(cloth_mesh_ball(NULL, 0, 8, &m) == CLOTH_ERR_ARGUMENT && m == NULL);
+    CHECK(cloth_mesh_ball(NULL, 1, 2, &m) == CLOTH_ERR_ARGUMENT && m == NULL);
+    CHECK(cloth_mesh_box(NULL, NULL, &m) == CLOTH_ERR_ARGUMENT);
+}
+
+/* A mesh taken apart, each face with corners of its own, moved by up to `noise` in x, every third
+ * face turned. */
+static cloth_mesh *soup_of(const cloth_mesh *m, double noise) {
+    cloth_mesh    s = *m, *out = NULL, *list[1];
+    double       *x = (double *)malloc(9 * sizeof *x * (size_t)m->nf);
+    int          *faces = (int *)malloc(3 * sizeof *faces * (size_t)m->nf);
+    for (int c = 0; c < 3 * m->nf; c++) {
+        const int turned = c / 3 % 3 == 0 && c % 3 > 0;
+        faces[c] = turned ? c - c % 3 + 3 - c % 3 : c;
+        memcpy(x + 3 * c, m->x + 3 * m->faces[c], 3 * sizeof *x);
+        x[3 * c] += noise * (c % 7 - 3) / 3;
+    }
+    s.nv = 3 * m->nf, s.x = x, s.faces = faces, s.X = NULL, s.part = NULL, s.nr = 0;
+    list[0] = &s;
+    CHECK(cloth_mesh_merge(NULL, list, 1, &out) == CLOTH_OK);       /* a copy in a block */
+    free(x), free(faces);
+    return out;
+}
+
+static void weld_and_orient(void) {
+    cloth_mesh *ball = NULL, *soup, *w = NULL, *m = sheet(1);
+    double     *X;
+    int         turned = -1, a[3];
+    CHECK(cloth_mesh_ball(NULL, 0.4, 16, &ball) == CLOTH_OK);
+    soup = soup_of(ball, 1e-7);
+    CHECK(cloth_mesh_weld(NULL, soup, 1e-9, &w) == CLOTH_OK && w->nv > 2 * ball->nv);
+    cloth_mesh_destroy(NULL, w);
+    CHECK(cloth_mesh_weld(NULL, soup, 1e-6, &w) == CLOTH_OK);
+    CHECK(w->nv == ball->nv && w->nf == ball->nf && w->part && w->npart == 1);
+    CHECK(cloth_mesh_orient(NULL, w, &turned) == CLOTH_OK && turned == (ball->nf + 2) / 3);
+    CHECK_NEAR(volume6(w), volume6(ball), 1e-6);
+    CHECK(cloth_mesh_orient(NULL, w, &turned) == CLOTH_OK && turned == 0);
+    cloth_mesh_destroy(NULL, w);
+    CHECK(cloth_mesh_weld(NULL, soup, 0.1, &w) == CLOTH_OK && w->nf < ball->nf);
+    cloth_mesh_destroy(NULL, w);
+    CHECK(cloth_mesh_weld(NULL, soup, 0, &w) == CLOTH_ERR_ARGUMENT && w == NULL);
+    for (int f = 0; f < ball->nf; f++) {            /* inside out: all turned */
+        int *t = ball->faces + 3 * f, k = t[0];
+        t[0] = t[1], t[1] = k;
+    }
+    CHECK(cloth_mesh_orient(NULL, ball, &turned) == CLOTH_OK && turned == ball->nf);
+    CHECK(volume6(ball) > 0);
+    /* one face of a sheet turned: turned back, and its pattern is a mirror image, not negative */
+    X = m->X + 6 * 7, memcpy(a, m->faces + 21, sizeof a);
+    m->faces[21] = a[0], m->faces[22] = a[2], m->faces[23] = a[1];
+    CHECK(cloth_mesh_check(NULL, m->nv, m->x, m->nf, m->faces, NULL, NULL) == CLOTH_ERR_MESH);
+    for (int k = 0; k < 6; k += 2) X[k] = -X[k];
+    for (int k = 2; k < 4; k++) { const double u = X[k]; X[k] = X[k + 2], X[k + 2] = u; }
+    CHECK(cloth_mesh_orient(NULL, m, &turned) == CLOTH_OK && turned == 1);
+    CHECK(!memcmp(a, m->faces + 21, sizeof a));
+    CHECK(cloth_mesh_check(NULL, m->nv, m->x, m->nf, m->faces, m->X, NULL) == CLOTH_OK);
+    {   /* five triangles around a Moebius strip */
+        double     x[15] = {1,0,0, 2,1,0, 0,2,0, -2,1,1, -1,0,0};
+        int        faces[15] = {0,1,2, 1,2,3, 2,3,4, 3,4,0, 4,0,1};
+        cloth_mesh strip;
+        memset(&strip, 0, sizeof strip);
+        strip.nv = strip.nf = 5, strip.x = x, strip.faces = faces;
+        CHECK(cloth_mesh_orient(NULL, &strip, &turned) == CLOTH_ERR_MESH && turned == 0);
+        CHECK(faces[4] == 2);
+    }
+    cloth_mesh_destroy(NULL, w), cloth_mesh_destroy(NULL, soup), cloth_mesh_destroy(NULL, ball);
+    cloth_mesh_destroy(NULL, m);
+}
+
+/* parts are numbered by their first faces, whatever was named before; names go with them */
+static void part_names(void) {
+    static const char text[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\n"
+        "g empty\ng back  panel \nusemtl denim\nf 2 4 3\ng sleeve\nf 1 4 3\n"
+        "usemtl silk\ng back  panel\nf 1 2 4\n";
+    static const int  part[3][4] = {{0, 0, 0, 0}, {0, 1, 2, 1}, {0, 1, 1, 2}};
+    static const char group[] = "\0back  panel\0sleeve", material[] = "\0denim\0silk";
+    for (int k = 0; k < 3; k++) {
+        cloth_obj_options o = cloth_obj_options_default();
+        cloth_mesh       *m = NULL;
+        o.parts = k == 0 ? CLOTH_OBJ_PARTS_OBJECTS
+                : k == 1 ? CLOTH_OBJ_PARTS_GROUPS : CLOTH_OBJ_PARTS_MATERIALS;
+        CHECK(cloth_obj_parse(NULL, text, sizeof text - 1, &o, &m) == CLOTH_OK);
+        CHECK(m->npart == (k ? 3 : 1) && !memcmp(m->part, part[k], sizeof part[k]));
+        CHECK(k != 0 || m->names[0] == 0);
+        CHECK(k != 1 || !memcmp(m->names, group, sizeof group));
+        CHECK(k != 2 || !memcmp(m->names, material, sizeof material));
+        cloth_mesh_destroy(NULL, m);
+    }
+}
+
 /* stderr goes into a file for this test, the last of the program */
 static void log_stderr(void) {
     char   text[300];
@@ -124,12 +254,54 @@ static void statuses(void) {
     cloth_sim_destroy(sim), cloth_model_destroy(model), cloth_mesh_destroy(NULL, m);
 }
 
+/* A closed obstacle whose faces look inwards is taken, as a room, and said to be one; a ball with a
+ * hollow in it, whose inner faces look inwards as they should, is not. */
+static void inside_out(void) {
+    cloth_mesh         *m = sheet(0.2), *ball = NULL, *hollow = NULL, *both = NULL;
+    cloth_mesh         *pair[2];
+    cloth_desc          d = cloth_desc_default();
+    cloth_model        *model = NULL;
+    cloth_sim          *sim = NULL;
+    cloth_collide      *c = NULL;
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    int                 turn, i, k;
+    CHECK(cloth_mesh_ball(NULL, 1.0, 12, &ball) == CLOTH_OK);
+    CHECK(cloth_mesh_ball(NULL, 0.5, 12, &hollow) == CLOTH_OK);
+    for (i = 0; i < hollow->nf; i++)
+        k = hollow->faces[3 * i], hollow->faces[3 * i] = hollow->faces[3 * i + 1],
+        hollow->faces[3 * i + 1] = k;
+    pair[0] = ball, pair[1] = hollow;
+    CHECK(cloth_mesh_merge(NULL, pair, 2, &both) == CLOTH_OK);
+    cloth_desc_set_mesh(&d, m);
+    d.contact = CLOTH_CONTACT_OBSTACLES;
+    d.hooks.log.fn = note;
+    CHECK(cloth_model_create(&d, &model) == CLOTH_OK);
+    CHECK(cloth_sim_create(model, &sim) == CLOTH_OK);
+    CHECK(cloth_collide_create(sim, NULL, &c) == CLOTH_OK);
+    for (turn = 0; turn < 3; turn++) {
+        const cloth_mesh *q = turn == 0 ? ball : turn == 1 ? hollow : both;
+        for (i = 0; i < q->nv; i++) q->x[3 * i + 1] += 3;      /* clear of the cloth */
+        o.nv = q->nv, o.nf = q->nf, o.x = q->x, o.faces = q->faces;
+        warnings = 0;
+        CHECK(cloth_collide_add(c, &o, NULL) == CLOTH_OK);
+        CHECK(warnings == (turn == 1));
+        if (turn == 1) CHECK(strstr(said, "looks inwards") != NULL);
+    }
+    cloth_collide_destroy(c), cloth_sim_destroy(sim), cloth_model_destroy(model);
+    cloth_mesh_destroy(NULL, both), cloth_mesh_destroy(NULL, hollow);
+    cloth_mesh_destroy(NULL, ball), cloth_mesh_destroy(NULL, m);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(set_mesh);
     RUN(warns);
     RUN(save_obj);
     RUN(statuses);
+    RUN(closed_meshes);
+    RUN(weld_and_orient);
+    RUN(part_names);
     RUN(log_stderr);
+    RUN(inside_out);
     return TEST_END();
 }

@@ -1247,7 +1247,7 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
  * in   nv       vertices, 1 .. CLOTH_MAX_COUNT
  * in   start    [nelem+1] from 0 or more, vertex [start[nelem]]: element e joins every pair of its
  *               vertices
- * in   x        [nv x 3] m, or NULL; positions are not needed by the orders in use
+ * in   x        [nv x 3] m where vertices are at rest: the better order; or NULL
  * out  *out     owned: cloth_pattern_destroy; const afterwards; NULL on failure
  * returns CLOTH_OK, CLOTH_ERR_ARGUMENT (a sentence names the index), CLOTH_ERR_MEMORY
  * contract: alloc yes | cost O(sum of squares of element sizes + aggregates x nv) */
@@ -1375,7 +1375,7 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #if defined(CLOTHSIM_IMPLEMENTATION) && !defined(CLOTHSIM_IMPLEMENTED)
 #define CLOTHSIM_IMPLEMENTED
 
-#if defined(__FLT_EVAL_METHOD__) && (__FLT_EVAL_METHOD__ < 0 || __FLT_EVAL_METHOD__ > 1)
+#if defined(__FLT_EVAL_METHOD__) && (__FLT_EVAL_METHOD__ < 0 || __FLT_EVAL_METHOD__ == 2)
 #error "clothsim.h needs doubles that are rounded to doubles: add -msse2 -mfpmath=sse"
 #endif
 #include <math.h>
@@ -1395,6 +1395,7 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #if !defined(CLOTH_NO_SIMD) && defined(__AVX__)
 #  include <immintrin.h>
 #  define CLOTHI_AVX 1
+#  define CLOTHI_SSE2 1
 #elif !defined(CLOTH_NO_SIMD) && defined(__SSE2__)
 #  include <emmintrin.h>
 #  define CLOTHI_SSE2 1
@@ -1635,10 +1636,31 @@ CLOTHI_OUTLINE static void clothi_sink_int(clothi_sink *t, long long i) {
     clothi_sink_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
 }
 
+/* 0.d0 d1 .. times 10^point, n >= 1: plain where least <= point <= most, else d0.d1..e-7. */
+static void clothi_sink_digits(clothi_sink *s, const unsigned char *d, int n, int point, int least,
+                               int most) {
+    int i;
+    if (point >= least && point <= most) {
+        if (point <= 0) clothi_sink_string(s, "0.");
+        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
+        for (i = 0; i < n || i < point; i++) {
+            if (i > 0 && i == point) clothi_sink_char(s, '.');
+            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
+        }
+        return;
+    }
+    clothi_sink_char(s, (char)('0' + d[0]));
+    if (n > 1) clothi_sink_char(s, '.');
+    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
+    clothi_sink_char(s, 'e');
+    clothi_sink_int(s, point - 1);
+}
+
 /* Six significant digits: enough for a person to recognise the number. */
 static void clothi_sink_number(clothi_sink *t, double a) {
-    int      e10, i, plain;
-    uint64_t digits, scale = 1;
+    unsigned char d[6];
+    int           e10, i, n = 6;
+    uint64_t      digits;
     if (!clothi_finite(a)) {
         clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
         return;
@@ -1653,18 +1675,9 @@ static void clothi_sink_number(clothi_sink *t, double a) {
     i = 5 - e10;                            /* in two factors: 10^i alone may overflow         */
     digits = (uint64_t)(a * pow(10.0, i / 2) * pow(10.0, i - i / 2) + 0.5);
     if (digits >= 1000000u) digits /= 10u, e10++;
-    plain = e10 >= -4 && e10 < 6;           /* 0.00012 .. 999999 */
-    for (i = plain ? 5 - e10 : 5; i > 0 && digits % 10u == 0; i--) digits /= 10u;
-    while (i-- > 0) scale *= 10u;
-    clothi_sink_uint(t, digits / scale);
-    if (scale > 1) clothi_sink_char(t, '.');
-    while (scale > 1) {
-        scale /= 10u;
-        clothi_sink_char(t, (char)('0' + (int)(digits / scale % 10u)));
-    }
-    if (plain) return;
-    clothi_sink_char(t, 'e');
-    clothi_sink_int(t, e10);
+    for (i = 5; i >= 0; i--, digits /= 10u) d[i] = (unsigned char)(digits % 10u);
+    while (n > 1 && d[n - 1] == 0) n--;
+    clothi_sink_digits(t, d, n, e10 + 1, -3, 6);        /* 0.00012 .. 999999 */
 }
 
 /* A sentence: %s text, %i int, %z size_t, %g double. */
@@ -1869,7 +1882,7 @@ static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out, int *count) {
     int i;
     memset(count, 0, ((size_t)nkeys + 1u) * sizeof *count);
-    for (i = 0; i < n; i++) count[key[i] + 1]++;
+    for (i = 0; i < n; i++) count[key[in ? in[i] : i] + 1]++;
     for (i = 0; i < nkeys; i++) count[i + 1] += count[i];
     for (i = 0; i < n; i++) {
         int item = in ? in[i] : i;
@@ -3103,10 +3116,10 @@ static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
     return n;
 }
 
-/* A finite double, plain between 1e-5 and 1e17, else d.dde-7. */
+/* A finite double, plain between 1e-5 and 1e17. */
 static void clothi_sink_double(clothi_sink *s, double a) {
     unsigned char d[24];
-    int           i, n, point;
+    int           n, point;
     uint64_t      bits;
     memcpy(&bits, &a, sizeof bits);
     if (bits >> 63) clothi_sink_char(s, '-');
@@ -3115,20 +3128,7 @@ static void clothi_sink_double(clothi_sink *s, double a) {
         return;
     }
     n = clothi_shortest_digits(fabs(a), d, &point);
-    if (point > -5 && point <= 17) {
-        if (point <= 0) clothi_sink_string(s, "0.");
-        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
-        for (i = 0; i < n || i < point; i++) {
-            if (i > 0 && i == point) clothi_sink_char(s, '.');
-            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
-        }
-        return;
-    }
-    clothi_sink_char(s, (char)('0' + d[0]));
-    if (n > 1) clothi_sink_char(s, '.');
-    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
-    clothi_sink_char(s, 'e');
-    clothi_sink_int(s, point - 1);
+    clothi_sink_digits(s, d, n, point, -4, 17);
 }
 
 /* --- reading the text --- */
@@ -3634,22 +3634,7 @@ CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_me
 
 /* --- files --- */
 
-#ifdef CLOTH_NO_STDIO
-
-CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
-                                      const cloth_obj_options *options, cloth_mesh **out) {
-    (void)options;
-    if (out) *out = NULL;
-    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
-}
-
-CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path,
-                                      const cloth_mesh *mesh) {
-    (void)mesh;
-    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
-}
-
-#else
+#ifndef CLOTH_NO_STDIO
 
 /* The whole of a file, owned by the caller; pipes too, so its size is found by reading. */
 static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path, char **out,
@@ -3682,6 +3667,32 @@ static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path,
     return status;
 }
 
+static cloth_status clothi_write_file(const cloth_hooks *hooks, const char *path, const char *text,
+                                      size_t size) {
+    FILE *file = fopen(path, "wb");
+    int   whole;
+    if (!file) return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened for writing", path);
+    whole = fwrite(text, 1, size, file) == size;
+    if (fclose(file) == 0 && whole) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be written", path);
+}
+
+#else
+
+static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path, char **out,
+                                     size_t *size) {
+    (void)out, (void)size;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+}
+
+static cloth_status clothi_write_file(const cloth_hooks *hooks, const char *path, const char *text,
+                                      size_t size) {
+    (void)text, (void)size;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+}
+
+#endif
+
 CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
                                       const cloth_obj_options *options, cloth_mesh **out) {
     char        *text = NULL;
@@ -3698,8 +3709,7 @@ CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path
 
 CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path,
                                       const cloth_mesh *mesh) {
-    FILE        *file = NULL;
-    char        *text = NULL;
+    char        *text;
     size_t       size = 0;
     cloth_status status;
     if (!path) return clothi_null(hooks, "cloth_obj_save: path");
@@ -3709,21 +3719,10 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
     if (!text) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
                                   size);
     status = cloth_obj_format(hooks, mesh, text, size, NULL);
-    if (status != CLOTH_OK) goto done;
-    file = fopen(path, "wb");
-    if (!file) {
-        status = clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened for writing", path);
-        goto done;
-    }
-    if (fwrite(text, 1, size, file) != size) status = CLOTH_ERR_IO;
-    if (fclose(file) != 0) status = CLOTH_ERR_IO;
-    if (status != CLOTH_OK) clothi_fail(hooks, status, "%s: cannot be written", path);
-done:
+    if (status == CLOTH_OK) status = clothi_write_file(hooks, path, text, size);
     clothi_free(hooks, text);
     return status;
 }
-
-#endif
 
 /* ===== [5.1] MATERIALS ======================================================================= */
 /*
@@ -4200,6 +4199,9 @@ CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
 
 #define CLOTHI_LANES 8
 
+typedef const double *CLOTHI_RESTRICT clothi_in;       /* arrays of lanes that do not overlap    */
+typedef double *CLOTHI_RESTRICT       clothi_out;
+
 /* psd == 2 asks for the reflected model: a negative principal stress s counts as
  * CLOTHI_REFLECT |s| instead of 0. Still semidefinite, and a better guess of how far compressed
  * cloth moves: one Newton iteration in five is saved at Y = 1e5 N/m (0.1 to 2 differ little). */
@@ -4220,9 +4222,8 @@ CLOTHI_HOT void clothi_sqrt_lanes(double *a) {
 }
 
 /* Positions of 8 elements into out [corners*3][8]: x [nv x 3], index [corners][8] vertices. */
-CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
-                                    const int *CLOTHI_RESTRICT index, int corners,
-                                    double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT void clothi_gather_lanes(clothi_in x, const int *CLOTHI_RESTRICT index, int corners,
+                                    clothi_out out) {
     int c, k;
 #if defined(CLOTHI_AVX)
     for (c = 0; c < corners; c++)
@@ -4269,10 +4270,9 @@ CLOTHI_HOT void clothi_gather_lanes(const double *CLOTHI_RESTRICT x,
 /* f [nv x 3] of the vertices [begin, end) = scale times the sum of their corners' entries in the
  * batches' forces: entry[start[v] .. stop[v]) are offsets of the axis x, y and z lie 8 and 16
  * further. */
-CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
-                                   const int *start, const int *stop,
+CLOTHI_HOT void clothi_sum_corners(clothi_in forces, const int *start, const int *stop,
                                    const int *CLOTHI_RESTRICT entry, int begin, int end,
-                                   double scale, double *CLOTHI_RESTRICT f) {
+                                   double scale, clothi_out f) {
     int v, k;
     for (v = begin; v < end; v++) {
         double s0 = 0.0, s1 = 0.0, s2 = 0.0;
@@ -4288,21 +4288,26 @@ CLOTHI_HOT void clothi_sum_corners(const double *CLOTHI_RESTRICT forces,
     }
 }
 
-/* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
-
-CLOTHI_HOT void clothi_spring_lanes(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
-                                    double *CLOTHI_RESTRICT E, double *CLOTHI_RESTRICT f,
-                                    double *CLOTHI_RESTRICT H, int psd) {
+/* |x1 - x0| */
+CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
     enum { L = CLOTHI_LANES };
-    double len[L], across[L], along[L], u[3][L];
-    int    k, i, j;
+    int k;
     for (k = 0; k < L; k++) {
         const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
         const double d2 = x[5 * L + k] - x[2 * L + k];
-        len[k] = d0 * d0 + d1 * d1 + d2 * d2;
+        l[k] = d0 * d0 + d1 * d1 + d2 * d2;
     }
-    clothi_sqrt_lanes(len);
+    clothi_sqrt_lanes(l);
+}
+
+/* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
+
+CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_out E, clothi_out f,
+                                    clothi_out H, int psd) {
+    enum { L = CLOTHI_LANES };
+    double len[L], across[L], along[L], u[3][L];
+    int    k, i, j;
+    clothi_edge_lengths(x, len);
     for (k = 0; k < L; k++) {
         const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
         const double d2 = x[5 * L + k] - x[2 * L + k], s = rest[k], r = rest[L + k];
@@ -4400,18 +4405,13 @@ CLOTHI_LANE double clothi_tri_energy(double e0, double e1, double e2, const doub
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT void clothi_stretch_forces(const double *CLOTHI_RESTRICT x,
-                                      const double *CLOTHI_RESTRICT rest,
-                                      double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces(clothi_in x, clothi_in rest, clothi_out f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
 }
 
-CLOTHI_HOT void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
-                                             const double *CLOTHI_RESTRICT rest,
-                                             const double *CLOTHI_RESTRICT strain_n,
-                                             const double *CLOTHI_RESTRICT damp,
-                                             double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_stretch_forces_damped(clothi_in x, clothi_in rest, clothi_in strain_n,
+                                             clothi_in damp, clothi_out f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++)
         clothi_tri_force(clothi_tri_damped(clothi_tri_at(x, rest, k), strain_n, damp, k), rest, k,
@@ -4419,9 +4419,7 @@ CLOTHI_HOT void clothi_stretch_forces_damped(const double *CLOTHI_RESTRICT x,
 }
 
 /* strain [3][8]: E11, E22, E12 of x. What a step hands on as strain_n. */
-CLOTHI_HOT void clothi_strain_lanes(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
-                                    double *CLOTHI_RESTRICT strain) {
+CLOTHI_HOT void clothi_strain_lanes(clothi_in x, clothi_in rest, clothi_out strain) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -4445,9 +4443,7 @@ CLOTHI_LANE void clothi_stretch_squares(const double *x, const double *rest, dou
 }
 
 /* The smaller of them, for reports. */
-CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
-                                         const double *CLOTHI_RESTRICT rest,
-                                         double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT void clothi_smallest_stretch2(clothi_in x, clothi_in rest, clothi_out out) {
     double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
     int    k;
     clothi_stretch_squares(x, rest, mean, radius);
@@ -4458,9 +4454,7 @@ CLOTHI_HOT void clothi_smallest_stretch2(const double *CLOTHI_RESTRICT x,
 }
 
 /* The larger ones; returns the largest of the eight. */
-CLOTHI_HOT double clothi_largest_stretch2(const double *CLOTHI_RESTRICT x,
-                                          const double *CLOTHI_RESTRICT rest,
-                                          double *CLOTHI_RESTRICT out) {
+CLOTHI_HOT double clothi_largest_stretch2(clothi_in x, clothi_in rest, clothi_out out) {
     double mean[CLOTHI_LANES], radius[CLOTHI_LANES], big = 0;
     int    k;
     clothi_stretch_squares(x, rest, mean, radius);
@@ -4469,9 +4463,7 @@ CLOTHI_HOT double clothi_largest_stretch2(const double *CLOTHI_RESTRICT x,
     return big;
 }
 
-CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
-                                        const double *CLOTHI_RESTRICT rest,
-                                        double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_stretch_energies(clothi_in x, clothi_in rest, clothi_out E) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
@@ -4479,11 +4471,8 @@ CLOTHI_HOT void clothi_stretch_energies(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_stretch_losses(const double *CLOTHI_RESTRICT x,
-                                      const double *CLOTHI_RESTRICT rest,
-                                      const double *CLOTHI_RESTRICT strain_n,
-                                      const double *CLOTHI_RESTRICT damp,
-                                      double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_stretch_losses(clothi_in x, clothi_in rest, clothi_in strain_n,
+                                      clothi_in damp, clothi_out Ed) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -4504,11 +4493,8 @@ typedef struct clothi_tri_batch {
 } clothi_tri_batch;
 
 /* mu' = (1 + damp) mu: the damping's material part. */
-CLOTHI_HOT void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
-                                       const double *CLOTHI_RESTRICT rest,
-                                       const double *CLOTHI_RESTRICT strain_n,
-                                       const double *CLOTHI_RESTRICT damp,
-                                       clothi_tri_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in rest, clothi_in strain_n,
+                                       clothi_in damp, clothi_tri_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -4544,8 +4530,8 @@ CLOTHI_HOT void clothi_stretch_prepare(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
-                                           clothi_tri_batch *CLOTHI_RESTRICT w, int psd) {
+CLOTHI_HOT void clothi_stretch_stress_part(clothi_in rest, clothi_tri_batch *CLOTHI_RESTRICT w,
+                                           int psd) {
     enum { L = CLOTHI_LANES };
     const double reflect = psd > 1 ? CLOTHI_REFLECT : 0.0;
     const double keep = 0.5 * (1.0 - reflect), turn = 0.5 * (1.0 + reflect);
@@ -4572,8 +4558,7 @@ CLOTHI_HOT void clothi_stretch_stress_part(const double *CLOTHI_RESTRICT rest,
 }
 
 /* Blocks 11, 22 and 21. */
-CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
-                                      double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w, clothi_out H) {
     enum { L = CLOTHI_LANES };
     static const int packed[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
     int              k, r, c;
@@ -4596,8 +4581,7 @@ CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w,
 }
 
 /* As clothi_hinge_close, for three corners. */
-CLOTHI_HOT void clothi_stretch_close(const double *CLOTHI_RESTRICT from,
-                                     double *CLOTHI_RESTRICT to) {
+CLOTHI_HOT void clothi_stretch_close(clothi_in from, clothi_out to) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
@@ -4720,18 +4704,7 @@ CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment
     f[11 * L + k] = -r2;
 }
 
-CLOTHI_HOT void clothi_edge_lengths(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT l) {
-    enum { L = CLOTHI_LANES };
-    int k;
-    for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k];
-        l[k] = d0 * d0 + d1 * d1 + d2 * d2;
-    }
-    clothi_sqrt_lanes(l);
-}
-
-CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT theta) {
+CLOTHI_HOT void clothi_theta_lanes(clothi_in x, clothi_out theta) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -4742,9 +4715,7 @@ CLOTHI_HOT void clothi_theta_lanes(const double *CLOTHI_RESTRICT x, double *CLOT
 }
 
 /* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT rest,
-                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_forces(clothi_in x, clothi_in rest, clothi_out f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -4757,13 +4728,9 @@ CLOTHI_HOT void clothi_hinge_forces(const double *CLOTHI_RESTRICT x,
 }
 
 /* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
-CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
-                                     const double *CLOTHI_RESTRICT rest,
-                                     const double *CLOTHI_RESTRICT theta_n,
-                                     const double *CLOTHI_RESTRICT damp,
-                                     double *CLOTHI_RESTRICT moment,
-                                     double *CLOTHI_RESTRICT E,
-                                     double *CLOTHI_RESTRICT Ed) {
+CLOTHI_HOT void clothi_hinge_moments(clothi_in theta, clothi_in rest, clothi_in theta_n,
+                                     clothi_in damp, clothi_out moment, clothi_out E,
+                                     clothi_out Ed) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double bent = clothi_wrap(theta[k] - rest[CLOTHI_LANES + k]);
@@ -4774,9 +4741,7 @@ CLOTHI_HOT void clothi_hinge_moments(const double *CLOTHI_RESTRICT theta,
     }
 }
 
-CLOTHI_HOT void clothi_hinge_turn(const double *CLOTHI_RESTRICT x,
-                                  const double *CLOTHI_RESTRICT moment,
-                                  double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_turn(clothi_in x, clothi_in moment, clothi_out f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_edge_lengths(x, l);
@@ -4792,8 +4757,7 @@ typedef struct clothi_fold_batch {
     double km[2][3][CLOTHI_LANES], t[2][CLOTHI_LANES], g[3][3][CLOTHI_LANES];
 } clothi_fold_batch;
 
-CLOTHI_HOT void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
-                                     clothi_fold_batch *CLOTHI_RESTRICT w) {
+CLOTHI_HOT void clothi_hinge_prepare(clothi_in x, clothi_fold_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     double l[L], e[3][L], il[L], c1[L], c2[L], k1[L], k2[L], m1[L], m2[L];
     int    k, r;
@@ -4837,9 +4801,8 @@ CLOTHI_HOT void clothi_hinge_prepare(const double *CLOTHI_RESTRICT x,
         }
 }
 
-CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                    const double *CLOTHI_RESTRICT moment,
-                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in moment,
+                                    clothi_out f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (r = 0; r < 3; r++)
@@ -4854,9 +4817,8 @@ CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w,
 }
 
 /* Blocks among the corners 1, 2, 3: square times g g', and moment times the second derivative. */
-CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                    const double *CLOTHI_RESTRICT square,
-                                    double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in square,
+                                    clothi_out H) {
     enum { L = CLOTHI_LANES };
     static const int block[6][3] = {            /* its number, row and column in g */
         {1, 0, 0}, {2, 1, 1}, {3, 2, 2}, {6, 1, 0}, {8, 2, 0}, {9, 2, 1}};
@@ -4864,29 +4826,26 @@ CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w,
     for (b = 0; b < 6; b++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *CLOTHI_RESTRICT g = w->g[block[b][1]][r];
-                const double *CLOTHI_RESTRICT q = w->g[block[b][2]][c];
-                double *CLOTHI_RESTRICT       out = H + (9 * block[b][0] + 3 * r + c) * L;
+                clothi_in  g = w->g[block[b][1]][r], q = w->g[block[b][2]][c];
+                clothi_out out = H + (9 * block[b][0] + 3 * r + c) * L;
                 for (k = 0; k < L; k++) out[k] = square[k] * (g[k] * q[k]);
             }
 }
 
-CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
-                                   const double *CLOTHI_RESTRICT moment,
-                                   double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in moment,
+                                   clothi_out H) {
     enum { L = CLOTHI_LANES };
     int s, r, c, k;
     for (s = 0; s < 2; s++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                const double *CLOTHI_RESTRICT p = w->p[s][r], *CLOTHI_RESTRICT q = w->p[s][c];
-                const double *CLOTHI_RESTRICT zr = w->z1[s][r], *CLOTHI_RESTRICT zc = w->z1[s][c];
-                const double *CLOTHI_RESTRICT yr = w->z2[s][r], *CLOTHI_RESTRICT yc = w->z2[s][c];
-                const double *CLOTHI_RESTRICT kr = w->km[s][r], *CLOTHI_RESTRICT kc = w->km[s][c];
-                const double *CLOTHI_RESTRICT t = w->t[s];
-                double *CLOTHI_RESTRICT       h11 = H + (9 + 3 * r + c) * L;
-                double *CLOTHI_RESTRICT       h22 = H + (9 * (2 + s) + 3 * r + c) * L;
-                double *CLOTHI_RESTRICT       h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
+                clothi_in  p = w->p[s][r], q = w->p[s][c], t = w->t[s];
+                clothi_in  zr = w->z1[s][r], zc = w->z1[s][c];
+                clothi_in  yr = w->z2[s][r], yc = w->z2[s][c];
+                clothi_in  kr = w->km[s][r], kc = w->km[s][c];
+                clothi_out h11 = H + (9 + 3 * r + c) * L;
+                clothi_out h22 = H + (9 * (2 + s) + 3 * r + c) * L;
+                clothi_out h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
                 for (k = 0; k < L; k++) {
                     const double m = moment[k];
                     h22[k] += m * (p[k] * yc[k] + yr[k] * q[k]);
@@ -4898,7 +4857,7 @@ CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w,
 
 /* The blocks of corner 0 by the vanishing sums: from = block 11 of the array that `to` begins. Two
  * pointers, because what is read and what is written do not overlap. */
-CLOTHI_HOT void clothi_hinge_close(const double *CLOTHI_RESTRICT from, double *CLOTHI_RESTRICT to) {
+CLOTHI_HOT void clothi_hinge_close(clothi_in from, clothi_out to) {
     enum { L = CLOTHI_LANES };
     int r, c, k;
     for (r = 0; r < 3; r++)
@@ -4930,10 +4889,9 @@ CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest
     double              e[CLOTHI_LANES], ed[CLOTHI_LANES];
     int                 k;
     clothi_theta_lanes(x, theta);
-    clothi_hinge_moments(theta, rest, damp ? theta_n : none, damp ? damp : none, moment, e, ed);
+    clothi_hinge_moments(theta, rest, damp ? theta_n : none, damp ? damp : none, moment, E ? E : e,
+                         Ed ? Ed : ed);
     if (theta_out) memcpy(theta_out, theta, sizeof theta);
-    if (E) memcpy(E, e, sizeof e);
-    if (Ed) memcpy(Ed, ed, sizeof ed);
     if (f && !H) clothi_hinge_turn(x, moment, f);
     if (H) {
         clothi_fold_batch w;
@@ -4956,9 +4914,7 @@ CLOTHI_LANE double clothi_quadratic_sum(const double *x, const double *rest, int
            + rest[4 * L + k] * (x[(9 + r) * L + k] - x0);
 }
 
-CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
-                                        const double *CLOTHI_RESTRICT rest,
-                                        double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_quadratic_forces(clothi_in x, clothi_in rest, clothi_out f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (r = 0; r < 3; r++)
@@ -4971,9 +4927,7 @@ CLOTHI_HOT void clothi_quadratic_forces(const double *CLOTHI_RESTRICT x,
         }
 }
 
-CLOTHI_HOT void clothi_quadratic_energies(const double *CLOTHI_RESTRICT x,
-                                          const double *CLOTHI_RESTRICT rest,
-                                          double *CLOTHI_RESTRICT E) {
+CLOTHI_HOT void clothi_quadratic_energies(clothi_in x, clothi_in rest, clothi_out E) {
     enum { L = CLOTHI_LANES };
     int r, k;
     for (k = 0; k < L; k++) E[k] = 0.0;
@@ -5014,11 +4968,8 @@ CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *
 
 /* M/l where all eight hinges are flat at rest and below 22 degrees: with w = tan(theta) = l y/x,
  * atan(w)/l = (y/x) (atan(w)/w), an even function of w, so neither a root nor octants. */
-CLOTHI_HOT void clothi_shallow_pulls(const double *CLOTHI_RESTRICT rest,
-                                     const double *CLOTHI_RESTRICT l2,
-                                     const double *CLOTHI_RESTRICT y,
-                                     const double *CLOTHI_RESTRICT x,
-                                     double *CLOTHI_RESTRICT pull) {
+CLOTHI_HOT void clothi_shallow_pulls(clothi_in rest, clothi_in l2, clothi_in y, clothi_in x,
+                                     clothi_out pull) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double slope = y[k] / x[k];
@@ -5026,11 +4977,8 @@ CLOTHI_HOT void clothi_shallow_pulls(const double *CLOTHI_RESTRICT rest,
     }
 }
 
-CLOTHI_HOT void clothi_steep_pulls(const double *CLOTHI_RESTRICT rest,
-                                   const double *CLOTHI_RESTRICT l,
-                                   const double *CLOTHI_RESTRICT y,
-                                   const double *CLOTHI_RESTRICT x,
-                                   double *CLOTHI_RESTRICT pull) {
+CLOTHI_HOT void clothi_steep_pulls(clothi_in rest, clothi_in l, clothi_in y, clothi_in x,
+                                   clothi_out pull) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const double angle = clothi_atan2(l[k] * y[k], x[k]);
@@ -5039,9 +4987,7 @@ CLOTHI_HOT void clothi_steep_pulls(const double *CLOTHI_RESTRICT rest,
 }
 
 /* theta = atan2(l y, x) and l^2. */
-CLOTHI_HOT void clothi_hinge_folds(const double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT l2,
-                                   double *CLOTHI_RESTRICT sine,
-                                   double *CLOTHI_RESTRICT cosine) {
+CLOTHI_HOT void clothi_hinge_folds(clothi_in x, clothi_out l2, clothi_out sine, clothi_out cosine) {
     static const double one[CLOTHI_LANES] = {1, 1, 1, 1, 1, 1, 1, 1};
     int                 k;
     for (k = 0; k < CLOTHI_LANES; k++) {
@@ -5067,9 +5013,7 @@ CLOTHI_UNUSED static void clothi_hinge_pulls(const double *x, const double *rest
     clothi_steep_pulls(rest, l, sine, cosine, pull);
 }
 
-CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
-                                       const double *CLOTHI_RESTRICT rest,
-                                       double *CLOTHI_RESTRICT pull) {
+CLOTHI_HOT void clothi_quadratic_pulls(clothi_in x, clothi_in rest, clothi_out pull) {
     enum { L = CLOTHI_LANES };
     double s[3][L];
     int    r, k;
@@ -5082,10 +5026,7 @@ CLOTHI_HOT void clothi_quadratic_pulls(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
-                                    const double *CLOTHI_RESTRICT side,
-                                    const double *CLOTHI_RESTRICT pull,
-                                    double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_winged_hinge(clothi_in x, clothi_in side, clothi_in pull, clothi_out f) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
@@ -5122,11 +5063,8 @@ CLOTHI_HOT void clothi_winged_hinge(const double *CLOTHI_RESTRICT x,
     }
 }
 
-CLOTHI_HOT void clothi_winged_quadratic(const double *CLOTHI_RESTRICT x,
-                                        const double *CLOTHI_RESTRICT rest,
-                                        const double *CLOTHI_RESTRICT pull,
-                                        const double *CLOTHI_RESTRICT side,
-                                        double *CLOTHI_RESTRICT f) {
+CLOTHI_HOT void clothi_winged_quadratic(clothi_in x, clothi_in rest, clothi_in pull, clothi_in side,
+                                        clothi_out f) {
     enum { L = CLOTHI_LANES };
     int r, k;
     double stress[3][L], F[6][L];
@@ -5278,23 +5216,22 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
  *        |  2  |  |  3  |                S |x  x  x   X |   side, with the same numbers for any
  *        +-----+--+-----+                  +------------+   count of workers.
  *
- *   dissection  a part is walked breadth first from an end of it and cut in the middle of the
- *               walk; of the two sides of the cut the one with fewer vertices at it gives them
- *               to the separator. Parts that do not hang together are walked one after the other.
- *               Leaves: 1 below CLOTHI_ONE_LEAF vertices, 4, 8 from CLOTHI_EIGHT_LEAVES on: a
- *               function of the mesh only.
+ *   dissection  a part is sorted along the longest side of the box around it (without positions:
+ *               walked breadth first from an end of it) and cut in the middle; of the two sides of
+ *               the cut the one with fewer vertices at it gives them to the separator. Its first
+ *               parts are the leaves, 1 below CLOTHI_ONE_LEAF vertices, 4, 8 from
+ *               CLOTHI_EIGHT_LEAVES on; it goes on, down to some 24 vertices, for [7.4].
  *   levels      inside a leaf, rows are sorted by level = 1 + highest level of an earlier
  *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
- *               just before it: 69 us -> 60 us an iteration for a sheet of 64 x 64.
+ *               just before it.
  *   aggregates  nv/85 (4 to 512) seeds, each the farthest from those before it in graph distance;
  *               a vertex joins its nearest seed. They carry the coarse space of [7.3]. Vertices
  *               that no seed reaches (more than 512 pieces) have none. Numbered as a front that
  *               starts at the far end of each piece meets them, neighbours get near numbers, and
  *               the coarse matrix is a band.
- *   lost        natural order, reverse Cuthill-McKee, 8 and 16 leaves differ by less than 10 %
- *               once long waves are deflated [7.3]; random numbering costs 25 %.
  *
- * checked: tests/test_sparse.c (order, domains, star, pieces)
+ * checked: tests/test_sparse.c (order, domains, star, pieces); what was tried and lost is in
+ *          tests/bench/bench_linear.c
  */
 
 #define CLOTHI_ONE_LEAF      500            /* vertices; below: one leaf, no parallel calls    */
@@ -5316,7 +5253,7 @@ struct cloth_pattern {
     int  *agg;                              /* [n] of a row, or -1                             */
     int  *zp, *zj, *vp, *vj;                /* aggregates coupled to a row; those from the
                                                diagonal on (V) have their place in Z in vz     */
-    int  *vz, *zown, *vown;                 /* place of the row's own aggregate, -1: none      */
+    int  *vz, *vown;                        /* place of the row's own aggregate, -1: none      */
     int  *kz, *kv;                          /* [nlow] place of a block in Z of its row, V of
                                                its column, -1: none                            */
     int  *member_start, *member;            /* [nc+2], [n] rows by aggregate, last: of none    */
@@ -5398,119 +5335,188 @@ static int clothi_bfs(const clothi_graph *g, const int *label, int part, const i
     return queue[count - 1];
 }
 
-typedef struct clothi_cut {                 /* scratch of the dissection, each [nv]            */
-    int *order;                             /* vertices, part after part                       */
-    int *label, *mark, *queue, *level;
-    int  stamp;
-} clothi_cut;
-
-/* Cuts the `count` vertices order[begin..] into halves and a separator: order becomes first half,
- * second half, separator, each as walked; size [2] of the halves. label: part, part+1, -1. */
-static void clothi_bisect(const clothi_graph *g, clothi_cut *c, int begin, int count, int part,
-                          int *size) {
-    int *list = c->order + begin, *place = c->level;
-    int  i, k, pass, seed = list[0], half = count / 2, touch[2] = {0, 0}, side, at[3];
-    for (pass = 0; pass < 3; pass++)
-        seed = clothi_bfs(g, c->label, part, list, count, seed, c->mark, ++c->stamp, c->queue);
-    for (i = 0; i < count; i++) place[c->queue[i]] = i >= half;
-    for (pass = 0; pass < 2; pass++)        /* count those at the cut, then label them         */
-        for (i = 0; i < count; i++) {
-            int v = c->queue[i], other = 0;
-            for (k = g->start[v]; k < g->start[v + 1] && !other; k++)
-                other = c->label[g->to[k]] == part && place[g->to[k]] != place[v];
-            if (!pass) touch[place[v]] += other;
-            side = touch[1] > touch[0] ? 0 : 1;
-            if (pass) c->mark[v] = other && place[v] == side ? 2 : place[v];
+/* A quicksort would be shorter, but equal keys must come out in one order on every machine:
+ * merges are stable. Sorts index [n] by (key[index], position); tmp [n]. */
+static void clothi_sort(int *index, int *tmp, int n, const double *key) {
+    int *from = index, *to = tmp, *swap;
+    int  width, lo;
+    for (width = 1; width < n; width = width > n / 2 ? n : 2 * width) {
+        for (lo = 0; lo < n; ) {
+            int mid = n - lo > width ? lo + width : n;
+            int hi = n - mid > width ? mid + width : n;
+            int i = lo, j = mid, k = lo;
+            while (i < mid && j < hi) to[k++] = key[from[j]] < key[from[i]] ? from[j++] : from[i++];
+            while (i < mid) to[k++] = from[i++];
+            while (j < hi) to[k++] = from[j++];
+            lo = hi;
         }
-    size[0] = size[1] = 0;
-    for (i = 0; i < count; i++)
-        if (c->mark[c->queue[i]] < 2) size[c->mark[c->queue[i]]]++;
-    at[0] = 0, at[1] = size[0], at[2] = size[0] + size[1];
-    for (i = 0; i < count; i++) {
-        int v = c->queue[i], m = c->mark[v];
-        list[at[m]++] = v;
-        c->label[v] = m == 2 ? -1 : part + m;
-        c->mark[v] = 0;
+        swap = from, from = to, to = swap;
+    }
+    if (from != index) memcpy(index, from, (size_t)n * sizeof *index);
+}
+
+/* One part of the dissection: verts[lo, hi) are its vertices, verts[mid, hi) the separator that
+ * parts its children (mid == lo in a leaf). */
+typedef struct clothi_part {
+    int lo, mid, hi;
+    int parent, child[2];                   /* -1: none                                        */
+    int n, nb;                              /* unknowns of its front: its own, the boundary's  */
+} clothi_part;
+
+typedef struct clothi_dissection {
+    int           nv, nparts;
+    int           next;                     /* the first part that was not looked at yet       */
+    const clothi_graph *g;
+    const double *coords;                   /* [nv x 3] or NULL                                */
+    int          *verts;                    /* [nv]                                            */
+    int          *tmp, *tag, *queue, *mark; /* tmp [6 nv + 1] holds the others                 */
+    int           stamp;
+    double       *key;                      /* [nv]                                            */
+    clothi_part  *part;                     /* [2 nv] parents before children                  */
+} clothi_dissection;
+
+/* Sorts verts[0, n) along the part: by its longest coordinate axis, or by graph distance from a
+ * vertex at its rim (the last one that a first walk reaches). t: tag of the part. */
+static void clothi_dissect_sort(clothi_dissection *d, int *verts, int n, int t) {
+    double lo[3], hi[3];
+    int    axis = 0, i, k;
+    if (!d->coords) {
+        for (k = 0, i = verts[0]; k < 2; k++)
+            i = clothi_bfs(d->g, d->tag, t, verts, n, i, d->mark, ++d->stamp, d->queue);
+        memcpy(verts, d->queue, (size_t)n * sizeof *verts);
+        return;
+    }
+    for (k = 0; k < 3; k++) lo[k] = hi[k] = d->coords[3 * (size_t)verts[0] + (size_t)k];
+    for (i = 1; i < n; i++)
+        for (k = 0; k < 3; k++) {
+            double c = d->coords[3 * (size_t)verts[i] + (size_t)k];
+            if (c < lo[k]) lo[k] = c;
+            if (c > hi[k]) hi[k] = c;
+        }
+    for (k = 1; k < 3; k++)
+        if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
+    for (i = 0; i < n; i++) d->key[verts[i]] = d->coords[3 * (size_t)verts[i] + (size_t)axis];
+    clothi_sort(verts, d->tmp, n, d->key);
+}
+
+/* True when a neighbour of v carries tag t. */
+static int clothi_dissect_touches(const clothi_dissection *d, int v, int t) {
+    int k;
+    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
+        if (d->tag[d->g->to[k]] == t) return 1;
+    return 0;
+}
+
+/* Halves part id and makes the rim of one half its separator. 0: it stays whole (a clique). */
+static int clothi_dissect_part(clothi_dissection *d, int id) {
+    clothi_part *p = d->part + id;
+    int *verts = d->verts + p->lo;
+    int  n = p->hi - p->lo, half = n / 2, t = 3 * id + 1;
+    int  rim[2] = {0, 0}, side, i, k, count[3];
+    for (i = 0; i < n; i++) d->tag[verts[i]] = t;
+    clothi_dissect_sort(d, verts, n, t);
+    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
+    for (i = 0; i < n; i++)
+        rim[i >= half] += clothi_dissect_touches(d, verts[i], t + 2 - (i >= half));
+    side = rim[1] < rim[0];
+    count[0] = half - (side ? 0 : rim[0]);
+    count[1] = n - half - (side ? rim[1] : 0);
+    count[2] = rim[side];
+    if (count[0] == 0 || count[1] == 0) return 0;
+    count[2] = count[0] + count[1], count[1] = count[0], count[0] = 0;
+    for (i = 0; i < n; i++) {
+        k = i >= half;
+        if (k == side && clothi_dissect_touches(d, verts[i], t + 2 - k)) k = 2;
+        d->tmp[count[k]++] = verts[i];
+    }
+    memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
+    p->mid = p->lo + count[1];
+    for (k = 0; k < 2; k++) {
+        clothi_part *c = d->part + d->nparts;
+        c->lo = c->mid = p->lo + (k ? count[0] : 0);
+        c->hi = p->lo + count[k];
+        c->parent = id;
+        c->child[0] = c->child[1] = -1;
+        p->child[k] = d->nparts++;
+    }
+    return 1;
+}
+
+#define CLOTHI_PART_SIZE 24                 /* vertices of the smallest part that is still cut */
+
+/* Goes on until there are `leaves` parts that are not cut (0: as far as parts can be). Parts are
+ * numbered as they are made, so the list is its own work list. */
+static void clothi_dissect(clothi_dissection *d, int leaves) {
+    for (; d->next < d->nparts && (!leaves || d->nparts < 2 * leaves - 1); d->next++) {
+        const clothi_part *p = d->part + d->next;
+        if (p->hi - p->lo > CLOTHI_PART_SIZE) clothi_dissect_part(d, d->next);
     }
 }
 
-/* Rows [begin, end) sorted by level, stable. */
+static void clothi_dissection_free(const cloth_hooks *hooks, clothi_dissection *d) {
+    clothi_free(hooks, d->verts);
+    clothi_free(hooks, d->tmp);
+    clothi_free(hooks, d->key);
+    clothi_free(hooks, d->part);
+}
+
+/* One part, all vertices in the order of a walk. */
+static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, const clothi_graph *g,
+                                            const double *coords, clothi_dissection *d) {
+    const size_t n = (size_t)nv;
+    int          i;
+    memset(d, 0, sizeof *d);
+    d->nv = nv, d->g = g, d->coords = coords;
+    d->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
+    d->tmp = (int *)clothi_alloc(hooks, 6 * n + 1, sizeof(int));
+    d->key = (double *)clothi_alloc(hooks, n, sizeof(double));
+    d->part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d->part);
+    if (!d->verts || !d->tmp || !d->key || !d->part) return CLOTH_ERR_MEMORY;
+    d->tag = d->tmp + n, d->mark = d->tag + n, d->queue = d->mark + n;
+    for (i = 0; i < nv; i++) d->verts[i] = i;
+    d->part[0].hi = nv, d->nparts = 1;
+    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = -1;
+    clothi_dissect_sort(d, d->verts, nv, 0);
+    return CLOTH_OK;
+}
+
+/* Rows [begin, end) sorted by level, stable. level, sorted [n], count [n + 1] are scratch. */
 static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int end, int *row_of,
                               int *level, int *count, int *sorted) {
-    int i, k, highest = 0, sum = 0;
+    int i, k, highest = 0;
     for (i = begin; i < end; i++) row_of[order[i]] = i;
     for (i = begin; i < end; i++) {
-        level[i] = 0;
-        for (k = g->start[order[i]]; k < g->start[order[i] + 1]; k++) {
-            int r = row_of[g->to[k]];
-            if (r >= begin && r < i && level[r] + 1 > level[i]) level[i] = level[r] + 1;
+        const int v = order[i];
+        level[v] = 0;
+        for (k = g->start[v]; k < g->start[v + 1]; k++) {
+            const int u = g->to[k], r = row_of[u];
+            if (r >= begin && r < i && level[u] + 1 > level[v]) level[v] = level[u] + 1;
         }
-        if (level[i] > highest) highest = level[i];
+        if (level[v] > highest) highest = level[v];
     }
-    memset(count, 0, ((size_t)highest + 1) * sizeof(int));
-    for (i = begin; i < end; i++) count[level[i]]++;
-    for (i = 0; i <= highest; i++) {
-        k = count[i];
-        count[i] = sum;
-        sum += k;
-    }
-    for (i = begin; i < end; i++) sorted[count[level[i]]++] = order[i];
+    clothi_sort_by(end - begin, highest + 1, level, order + begin, sorted, count);
     memcpy(order + begin, sorted, (size_t)(end - begin) * sizeof(int));
     for (i = begin; i < end; i++) row_of[order[i]] = i;
 }
 
-/* Leaves first, separators last, the earliest cut at the very end. Every round halves each part;
- * a part's vertices stay together at its begin [], separators move behind all parts. */
-static cloth_status clothi_pattern_order(cloth_pattern *p, const clothi_graph *g) {
-    const cloth_hooks *hooks = &p->hooks;
-    const size_t n = (size_t)p->n;
-    clothi_cut c;
-    int begin[2 * CLOTHI_LEAVES], size[2 * CLOTHI_LEAVES];
-    int parts = 1, leaves = p->n < CLOTHI_ONE_LEAF ? 1 : p->n < CLOTHI_EIGHT_LEAVES ? 4 : 8;
-    int i, a, end = p->n, *scratch = (int *)clothi_alloc(hooks, 5 * n + 5, sizeof(int)), *next;
-    if (!scratch) return CLOTH_ERR_MEMORY;
-    c.order = p->vertex_of, c.label = scratch, c.mark = c.label + n, c.queue = c.mark + n;
-    c.level = c.queue + n, next = c.level + n, c.stamp = 2, begin[0] = 0, size[0] = p->n;
-    for (i = 0; i < p->n; i++) c.order[i] = i;
-    if (leaves == 1 && p->n > 0)            /* the walk's order, for locality                  */
-        for (a = 0, i = 0; a < 3; a++)
-            i = clothi_bfs(g, c.label, 0, c.order, p->n, i, c.mark, ++c.stamp, c.queue);
-    if (leaves == 1) memcpy(c.order, c.queue, n * sizeof(int));
-    while (parts < leaves) {
-        int tail = end, at = 0, halves[2 * CLOTHI_LEAVES];
-        for (a = parts - 1; a >= 0; a--)    /* labels of halves must not meet: from the top    */
-            for (i = begin[a]; i < begin[a] + size[a]; i++) c.label[c.order[i]] = 2 * a;
-        for (a = 0; a < parts; a++) {
-            halves[2 * a] = halves[2 * a + 1] = 0;
-            if (size[a] > 0) clothi_bisect(g, &c, begin[a], size[a], 2 * a, halves + 2 * a);
-        }
-        for (a = parts - 1; a >= 0; a--)    /* separators to the end, parts closed up          */
-            for (i = begin[a] + size[a] - 1; i >= begin[a] + halves[2 * a] + halves[2 * a + 1];
-                 i--) next[--tail] = c.order[i];
-        for (a = 0; a < 2 * parts; a++) {
-            int from = begin[a / 2] + (a & 1 ? halves[a - 1] : 0);
-            memmove(c.order + at, c.order + from, (size_t)halves[a] * sizeof(int));
-            c.level[a] = at;
-            at += halves[a];
-        }
-        memcpy(c.order + tail, next + tail, (size_t)(end - tail) * sizeof(int));
-        parts *= 2;
-        for (a = 0; a < parts; a++) {
-            begin[a] = c.level[a];
-            size[a] = halves[a];
-        }
-        end = tail;
+/* Leaves first, separators last, the earliest cut at the very end. */
+static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
+    int i, id, leaf = 0, row = 0;
+    for (id = 0; id < d->nparts; id++) {
+        const clothi_part *q = d->part + id;
+        if (q->child[0] >= 0) continue;
+        p->dom[leaf++] = row;
+        for (i = q->lo; i < q->hi; i++) p->vertex_of[row++] = d->verts[i];
     }
-    p->nd = leaves;
-    for (a = 0; a < leaves; a++) p->dom[a] = begin[a];
-    p->dom[leaves] = end;
-    p->dom[leaves + 1] = p->n;
+    while (leaf <= p->nd) p->dom[leaf++] = row;         /* a clique is not cut: fewer leaves   */
+    for (id = d->nparts - 1; id >= 0; id--)
+        for (i = d->part[id].mid; d->part[id].child[0] >= 0 && i < d->part[id].hi; i++)
+            p->vertex_of[row++] = d->verts[i];
+    p->dom[p->nd + 1] = p->n;
     for (i = 0; i < p->n; i++) p->row_of[i] = -1;
-    for (a = 0; a <= leaves; a++)
-        clothi_level_sort(g, c.order, p->dom[a], p->dom[a + 1], p->row_of, c.label, c.mark,
-                          c.queue);
-    clothi_free(hooks, scratch);
-    return CLOTH_OK;
+    for (i = 0; i <= p->nd; i++)
+        clothi_level_sort(d->g, p->vertex_of, p->dom[i], p->dom[i + 1], p->row_of,
+                          d->tmp + 4 * (size_t)p->n, d->tmp + 5 * (size_t)p->n, d->tmp);
 }
 
 /* Lower rows in the new order (written column by column, hence increasing), and where in a row of
@@ -5551,10 +5557,9 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g)
 static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_graph *g) {
     const int infinite = 0x3fffffff;
     int  i, k, a, seed = 0, want = p->n / CLOTHI_AGG_VERTICES;
-    int *dist = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
-    int *queue = (int *)clothi_alloc(&p->hooks, (size_t)p->n, sizeof(int));
+    int *dist = (int *)clothi_alloc(&p->hooks, 2 * (size_t)p->n, sizeof(int)), *queue = dist + p->n;
     p->nc = 0;
-    if (!dist || !queue) goto done;
+    if (!dist) return CLOTH_ERR_MEMORY;
     if (want < CLOTHI_AGG_MIN) want = CLOTHI_AGG_MIN;
     if (want > CLOTHI_AGG_MAX) want = CLOTHI_AGG_MAX;
     for (i = 0; i < p->n; i++) {
@@ -5580,40 +5585,30 @@ static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_gra
             if (dist[i] > dist[seed]) seed = i;
         p->nc = a + 1;
     }
-done:
-    i = dist && queue;
     clothi_free(&p->hooks, dist);
-    clothi_free(&p->hooks, queue);
-    return i ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
 }
 
 /* Aggregates renumbered in the order in which a breadth-first front meets them. The second of two
  * fronts starts, in each piece, where the first one ended. */
 static cloth_status clothi_pattern_band(cloth_pattern *p, const clothi_graph *g) {
     const size_t n = (size_t)p->n;
-    int *label = (int *)clothi_alloc(&p->hooks, n, sizeof(int));       /* 0: all one part */
-    int *mark = (int *)clothi_alloc(&p->hooks, n, sizeof(int));
-    int *back = (int *)clothi_alloc(&p->hooks, 2 * n, sizeof(int));
-    int *name = (int *)clothi_alloc(&p->hooks, (size_t)p->nc + 1, sizeof(int));
-    int  ok = label && mark && back && name, i, a, met = 0;
-    if (ok) {
-        int *queue = back + n;
-        (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
-        for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
-        (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
-        for (a = 0; a < p->nc; a++) name[a] = -1;
-        for (i = 0; i < p->n; i++) {
-            a = p->agg[p->row_of[queue[i]]];
-            if (a >= 0 && name[a] < 0) name[a] = met++;
-        }
-        for (i = 0; i < p->n; i++)
-            if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
+    int *label = (int *)clothi_alloc(&p->hooks, 4 * n + (size_t)p->nc, sizeof(int));
+    int *mark, *back, *queue, *name, i, a, met = 0;
+    if (!label) return CLOTH_ERR_MEMORY;    /* 0: all one part                                 */
+    mark = label + n, back = mark + n, queue = back + n, name = queue + n;
+    (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
+    for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
+    (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
+    for (a = 0; a < p->nc; a++) name[a] = -1;
+    for (i = 0; i < p->n; i++) {
+        a = p->agg[p->row_of[queue[i]]];
+        if (a >= 0 && name[a] < 0) name[a] = met++;
     }
+    for (i = 0; i < p->n; i++)
+        if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
     clothi_free(&p->hooks, label);
-    clothi_free(&p->hooks, mark);
-    clothi_free(&p->hooks, back);
-    clothi_free(&p->hooks, name);
-    return ok ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
 }
 
 /* Place of aggregate a in list [begin, *end), added at the end when new; -1 for a < 0. */
@@ -5640,7 +5635,7 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
         int u = p->vertex_of[i];
         p->zp[i] = z;
         p->vp[i] = v;
-        p->zown[i] = clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
+        clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
         p->vown[i] = clothi_place(p->vj, p->vp[i], &v, p->agg[i]);
         for (k = g->start[u]; k < g->start[u + 1]; k++) {
             j = p->row_of[g->to[k]];
@@ -5688,43 +5683,6 @@ static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int n
 
 /* --- the tree that [7.4] eliminates along --- */
 
-/* A quicksort would be shorter, but equal keys must come out in one order on every machine:
- * merges are stable. Sorts index [n] by (key[index], position); tmp [n]. */
-static void clothi_sort(int *index, int *tmp, int n, const double *key) {
-    int *from = index, *to = tmp, *swap;
-    int  width, lo;
-    for (width = 1; width < n; width = width > n / 2 ? n : 2 * width) {
-        for (lo = 0; lo < n; ) {
-            int mid = n - lo > width ? lo + width : n;
-            int hi = n - mid > width ? mid + width : n;
-            int i = lo, j = mid, k = lo;
-            while (i < mid && j < hi) to[k++] = key[from[j]] < key[from[i]] ? from[j++] : from[i++];
-            while (i < mid) to[k++] = from[i++];
-            while (j < hi) to[k++] = from[j++];
-            lo = hi;
-        }
-        swap = from, from = to, to = swap;
-    }
-    if (from != index) memcpy(index, from, (size_t)n * sizeof *index);
-}
-
-/* One part of the dissection: verts[lo, hi) are its vertices, verts[mid, hi) the separator that
- * parts its children (mid == lo in a leaf). */
-typedef struct clothi_part {
-    int lo, mid, hi;
-    int parent, child[2];                   /* -1: none                                        */
-} clothi_part;
-
-typedef struct clothi_tree_work {
-    int           nv, nparts;
-    const clothi_graph *g;
-    const double *coords;
-    int          *verts, *tmp, *tag, *queue, *mark;
-    int           stamp;
-    double       *key;
-    clothi_part  *part;                     /* parents before children                         */
-} clothi_tree_work;
-
 /* A block of A on its way into a front: slot as in cloth_pattern_slot, front vertices row, col. */
 typedef struct clothi_front_entry {
     int slot2, row, col;
@@ -5754,91 +5712,8 @@ typedef struct clothi_tree {
     double flops;
 } clothi_tree;
 
-/* Sorts verts[0, n) along the part: by its longest coordinate axis, or by graph distance from a
- * vertex at its rim (the last one that a first walk reaches). t: tag of the part. */
-static void clothi_tree_sort(clothi_tree_work *d, int *verts, int n, int t) {
-    double lo[3], hi[3];
-    int    axis = 0, i, k;
-    if (!d->coords) {
-        for (k = 0, i = verts[0]; k < 2; k++)
-            i = clothi_bfs(d->g, d->tag, t, verts, n, i, d->mark, ++d->stamp, d->queue);
-        memcpy(verts, d->queue, (size_t)n * sizeof *verts);
-        return;
-    }
-    for (k = 0; k < 3; k++) lo[k] = hi[k] = d->coords[3 * (size_t)verts[0] + (size_t)k];
-    for (i = 1; i < n; i++)
-        for (k = 0; k < 3; k++) {
-            double c = d->coords[3 * (size_t)verts[i] + (size_t)k];
-            if (c < lo[k]) lo[k] = c;
-            if (c > hi[k]) hi[k] = c;
-        }
-    for (k = 1; k < 3; k++)
-        if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
-    for (i = 0; i < n; i++) d->key[verts[i]] = d->coords[3 * (size_t)verts[i] + (size_t)axis];
-    clothi_sort(verts, d->tmp, n, d->key);
-}
-
-/* True when a neighbour of v carries tag t. */
-static int clothi_tree_touches(const clothi_tree_work *d, int v, int t) {
-    int k;
-    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
-        if (d->tag[d->g->to[k]] == t) return 1;
-    return 0;
-}
-
-/* Halves part id and makes the rim of one half its separator. 0: it stays whole (a clique). */
-static int clothi_tree_split(clothi_tree_work *d, int id) {
-    clothi_part *p = d->part + id;
-    int *verts = d->verts + p->lo;
-    int  n = p->hi - p->lo, half = n / 2, t = 3 * id + 1;
-    int  rim[2] = {0, 0}, side, i, k, count[3];
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t;
-    clothi_tree_sort(d, verts, n, t);
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
-    for (i = 0; i < n; i++) rim[i >= half] += clothi_tree_touches(d, verts[i], t + 2 - (i >= half));
-    side = rim[1] < rim[0];
-    count[0] = half - (side ? 0 : rim[0]);
-    count[1] = n - half - (side ? rim[1] : 0);
-    count[2] = rim[side];
-    if (count[0] == 0 || count[1] == 0) return 0;
-    count[2] = count[0] + count[1], count[1] = count[0], count[0] = 0;
-    for (i = 0; i < n; i++) {
-        k = i >= half;
-        if (k == side && clothi_tree_touches(d, verts[i], t + 2 - k)) k = 2;
-        d->tmp[count[k]++] = verts[i];
-    }
-    memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
-    p->mid = p->lo + count[1];
-    for (k = 0; k < 2; k++) {
-        clothi_part *c = d->part + d->nparts;
-        c->lo = c->mid = p->lo + (k ? count[0] : 0);
-        c->hi = p->lo + count[k];
-        c->parent = id;
-        c->child[0] = c->child[1] = -1;
-        p->child[k] = d->nparts++;
-    }
-    return 1;
-}
-
-#define CLOTHI_PART_SIZE 24                 /* vertices of the smallest part that is still cut */
-
-/* The whole tree. Parts are numbered as they are made, so the list is its own work list. */
-static void clothi_tree_dissect(clothi_tree_work *d) {
-    int i;
-    for (i = 0; i < d->nv; i++) {
-        d->verts[i] = i;
-        d->tag[i] = -1;
-    }
-    d->part[0].lo = d->part[0].mid = 0;
-    d->part[0].hi = d->nv;
-    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = -1;
-    d->nparts = 1;
-    for (i = 0; i < d->nparts; i++)
-        if (d->part[i].hi - d->part[i].lo > CLOTHI_PART_SIZE) clothi_tree_split(d, i);
-}
-
 /* The tree in post-order, without the parts' tags of work: children stand before parents. */
-static void clothi_tree_postorder(const clothi_tree_work *d, clothi_part *out, int *number,
+static void clothi_tree_postorder(const clothi_dissection *d, clothi_part *out, int *number,
                                   int *stack) {
     int top = 0, n = 0, i, k;
     for (i = 0; i < d->nparts; i++) number[i] = -1;
@@ -5887,17 +5762,22 @@ static int clothi_bound_list(const clothi_tree *P, int q, const clothi_graph *g,
     return n;
 }
 
+/* The first of list[low .. high), increasing, that is not below key; high: none. */
+CLOTHI_OUTLINE static int clothi_lower_bound(const int *list, int low, int high, int key) {
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        if (list[mid] < key) low = mid + 1;
+        else high = mid;
+    }
+    return low;
+}
+
 /* Index in the front of part q of the vertex with elimination number e. */
 static int clothi_front_index(const clothi_tree *P, int q, int e) {
     const clothi_part *p = P->part + q;
-    int lo = P->bound_start[q], hi = P->bound_start[q + 1];
+    const int          start = P->bound_start[q], end = P->bound_start[q + 1];
     if (e < p->hi) return e - p->mid;
-    while (lo < hi) {
-        int mid = lo + (hi - lo) / 2;
-        if (P->bound[mid] < e) lo = mid + 1;
-        else hi = mid;
-    }
-    return p->hi - p->mid + lo - P->bound_start[q];
+    return p->hi - p->mid + clothi_lower_bound(P->bound, start, end, e) - start;
 }
 
 /* Boundaries of all parts, ascending. */
@@ -5926,6 +5806,7 @@ static cloth_status clothi_tree_bounds(clothi_tree *P, const clothi_graph *g, co
         used += (size_t)n;
         if (used > 0x7fffffff) return CLOTH_ERR_CAPACITY;
         P->bound_start[q + 1] = (int)used;
+        P->part[q].n = 3 * (P->part[q].hi - P->part[q].mid), P->part[q].nb = 3 * n;
     }
     return CLOTH_OK;
 }
@@ -5963,7 +5844,7 @@ static void clothi_front_maps(clothi_tree *P, const int *where, int *owner) {
 /* Update matrices live on one stack per task, so the place of each is known here. */
 static size_t clothi_front_stack(clothi_tree *P, int q, size_t *top) {
     const clothi_part *p = P->part + q;
-    size_t nb = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]), high;
+    size_t nb = (size_t)p->nb, high;
     P->update_temp[q] = *top;
     high = *top + nb * nb;
     P->update[q] = p->child[0] >= 0 ? P->update[p->child[0]] : *top;
@@ -5975,9 +5856,7 @@ static size_t clothi_front_stack(clothi_tree *P, int q, size_t *top) {
 #define CLOTHI_FRONT_PAD 16                 /* rows of the widest tile                         */
 
 static size_t clothi_front_pack_size(const clothi_tree *P, int q) {
-    size_t m = 3 * (size_t)(P->part[q].hi - P->part[q].mid + P->bound_start[q + 1] -
-                            P->bound_start[q]);
-    return 2 * (m + CLOTHI_FRONT_PAD) * CLOTHI_FRONT_K;
+    return 2 * (size_t)(P->part[q].n + P->part[q].nb + CLOTHI_FRONT_PAD) * CLOTHI_FRONT_K;
 }
 
 /* Chooses the subtrees that run side by side and lays out the numbers. */
@@ -5985,8 +5864,7 @@ static void clothi_front_layout(clothi_tree *P) {
     size_t at = 0, work = 0;
     int    q, t, best, k;
     for (q = 0; q < P->nparts; q++) {
-        size_t n = 3 * (size_t)(P->part[q].hi - P->part[q].mid);
-        size_t b = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]);
+        size_t n = (size_t)P->part[q].n, b = (size_t)P->part[q].nb;
         P->panel[q] = at;
         at += n * (n + b);
         P->flops += (double)n * ((double)n * (double)n / 3 + (double)b * (double)(n + b));
@@ -6026,10 +5904,9 @@ static void clothi_front_layout(clothi_tree *P) {
             k = (int)clothi_front_pack_size(P, q);
     work += (size_t)k;
     for (q = 0; q < P->nparts; q++) {
-        size_t nb = 3 * (size_t)(P->bound_start[q + 1] - P->bound_start[q]);
         if (!P->top[q]) continue;
         P->update[q] = P->update_temp[q] = work;
-        work += nb * nb;
+        work += (size_t)P->part[q].nb * (size_t)P->part[q].nb;
     }
     P->work = work;
 }
@@ -6073,40 +5950,18 @@ static size_t clothi_tree_blocks(const clothi_tree *P, const cloth_hooks *hooks)
     return clothi_blocks(hooks, block, 9);
 }
 
-/* Dissection and symbolic analysis. coords [nv x 3] or NULL. */
-static cloth_status clothi_tree_create(const cloth_pattern *p, const clothi_graph *g,
-                                       const double *coords, clothi_tree **out) {
-    const cloth_hooks *hooks = &p->hooks;
-    cloth_status       status = CLOTH_ERR_MEMORY;
-    clothi_tree_work   d;
-    size_t       n = (size_t)p->n;
-    clothi_tree *P = (clothi_tree *)clothi_alloc(hooks, 1, sizeof *P);
-    memset(&d, 0, sizeof d);
-    *out = NULL;
+/* Symbolic analysis of the whole dissection, whose verts it takes. */
+static cloth_status clothi_tree_create(cloth_pattern *p, clothi_dissection *d) {
+    clothi_tree *P = (clothi_tree *)clothi_alloc(&p->hooks, 1, sizeof *P);
+    p->tree = P;
     if (!P) return CLOTH_ERR_MEMORY;
-    P->hooks = *hooks;                      /* what frees it must be its own                   */
-    P->nv = d.nv = p->n;
-    P->nlow = p->nlow, P->start = p->row, P->col = p->col, P->perm = p->vertex_of;
-    P->rank = p->row_of, d.g = g, d.coords = coords;
-    d.verts = P->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.tmp = (int *)clothi_alloc(hooks, 6 * n, sizeof(int));
-    d.key = (double *)clothi_alloc(hooks, n, sizeof(double));
-    d.part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d.part);
-    if (!P->verts || !d.tmp || !d.key || !d.part) goto done;
-    d.tag = d.tmp + n, d.mark = d.tag + n, d.queue = d.mark + n;
-    clothi_tree_dissect(&d);
-    P->nparts = d.nparts;
-    P->part = (clothi_part *)clothi_alloc(hooks, (size_t)d.nparts, sizeof *P->part);
-    if (!P->part) goto done;
-    clothi_tree_postorder(&d, P->part, d.tmp, d.tmp + 2 * n);
-    status = clothi_tree_analyze(P, g);
-done:
-    clothi_free(hooks, d.tmp);
-    clothi_free(hooks, d.key);
-    clothi_free(hooks, d.part);
-    if (status) (void)clothi_tree_blocks(P, &p->hooks);
-    else *out = P;
-    return status;
+    P->hooks = p->hooks;                    /* what frees it must be its own                   */
+    P->nv = p->n, P->nlow = p->nlow, P->start = p->row, P->col = p->col, P->perm = p->vertex_of;
+    P->rank = p->row_of, P->nparts = d->nparts, P->verts = d->verts, d->verts = NULL;
+    P->part = (clothi_part *)clothi_alloc(&p->hooks, (size_t)d->nparts, sizeof *P->part);
+    if (!P->part) return CLOTH_ERR_MEMORY;
+    clothi_tree_postorder(d, P->part, d->tmp, d->tmp + 2 * (size_t)p->n);
+    return clothi_tree_analyze(P, d->g);
 }
 
 CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, int nelem,
@@ -6115,8 +5970,9 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     cloth_pattern *p = NULL;
     cloth_status   status;
     clothi_graph   g;
+    clothi_dissection d;
     const size_t   n = (size_t)nv;
-    g.start = g.to = NULL;
+    memset(&d, 0, sizeof d);
     if (!out) return CLOTH_ERR_ARGUMENT;
     *out = NULL;
     status = clothi_pattern_check(hooks, nv, nelem, start, vertex);
@@ -6127,18 +5983,24 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!p) goto done;
     if (hooks) p->hooks = *hooks;
     p->n = nv;
-    p->row_of = (int *)clothi_alloc(hooks, 9 * n + 3, sizeof(int));
+    p->row_of = (int *)clothi_alloc(hooks, 8 * n + 3, sizeof(int));
     if (!p->row_of) goto done;
-    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->zown = p->agg + n;
-    p->vown = p->zown + n, p->member = p->vown + n, p->row = p->member + n;
+    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->vown = p->agg + n;
+    p->member = p->vown + n, p->row = p->member + n;
     p->zp = p->row + n + 1, p->vp = p->zp + n + 1;
-    status = clothi_pattern_order(p, &g);
-    if (!status) status = clothi_pattern_rows(p, &g);
+    p->nd = nv < CLOTHI_ONE_LEAF ? 1 : nv < CLOTHI_EIGHT_LEAVES ? 4 : 8;
+    status = clothi_dissection_begin(hooks, nv, &g, x, &d);
+    if (status) goto done;
+    clothi_dissect(&d, p->nd);
+    clothi_pattern_order(p, &d);
+    clothi_dissect(&d, 0);
+    status = clothi_pattern_rows(p, &g);
     if (!status) status = clothi_pattern_aggregates(p, &g);
     if (!status) status = clothi_pattern_band(p, &g);
     if (!status) status = clothi_pattern_coarse(p, &g);
-    if (!status) status = clothi_tree_create(p, &g, x, &p->tree);
+    if (!status) status = clothi_tree_create(p, &d);
 done:
+    clothi_dissection_free(hooks, &d);
     clothi_graph_free(hooks, &g);
     if (status) cloth_pattern_destroy(p);
     else *out = p;
@@ -6174,19 +6036,10 @@ CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex) {
 }
 
 CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
-    int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b, low, high;
-    if (turned) {
-        a = b;
-        b = pattern->row_of[i];
-    }
-    low = pattern->row[a];
-    high = pattern->row[a + 1];
-    while (low < high) {
-        int mid = low + (high - low) / 2;
-        if (pattern->col[mid] < b) low = mid + 1;
-        else high = mid;
-    }
-    return low < pattern->row[a + 1] && pattern->col[low] == b ? 2 * low + turned : -1;
+    const int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b;
+    const int row = turned ? b : a, col = turned ? a : b, end = pattern->row[row + 1];
+    const int at = clothi_lower_bound(pattern->col, pattern->row[row], end, col);
+    return at < end && pattern->col[at] == col ? 2 * at + turned : -1;
 }
 
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
@@ -6479,12 +6332,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *   2 Scaling. D_i = G_i G_i' (3x3 Cholesky factors of the diagonal blocks), A' = G^-1 A G^-T,
  *   x = G^-T x', b' = G^-1 b. A' has unit diagonal blocks: no product with D is left, numbers are
  *   near 1 whatever the units, which suits floats. A D_i that is not positive is the first and
- *   cheapest test for negative curvature. 123 us a matrix of a 64 x 64 sheet.
+ *   cheapest test for negative curvature.
  *
  *   3 Symmetric Gauss-Seidel: with A' = I + L + L', K = I + L, take P = K K'. One sweep forward,
- *   one back; information crosses the leaf in the order of the rows. 34 iterations where block
- *   Jacobi needs 130. Lost: SSOR with omega 1.2 to 1.4 (10 to 20 % fewer iterations alone, nothing
- *   on top of 5), block IC(0) (not fewer, and 4 does not apply).
+ *   one back; information crosses the leaf in the order of the rows. A quarter of the iterations
+ *   of block Jacobi.
  *
  *   4 Eisenstat's trick [E81]. In the variables p = K' t the system is K^-1 A' K^-T, and
  *           A' = K + K' - I     so     K^-1 A' t = t + K^-1 (K' t - t) = t + K^-1 (p - t):
@@ -6493,12 +6345,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *
  *                z_i -= B z_j   gather:  rows of B times z_j     <-- K^-1, rows upward
  *                z_j -= B' z_i  scatter: rows of B times z_i[r]  <-- K^-T, rows downward
- *   One copy of B, three rows of four floats, serves both. 245 us an iteration in the plain form
- *   with doubles, 56 to 65 us in this one.
+ *   One copy of B, three rows of four floats, serves both.
  *
- *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves: 100 to 460 iterations whenever one
- *   is left. Aggregates [7.1] give them a coarse space, the three translations of each: P one
- *   identity block per vertex (0 on fixed axes), P^ = G' P, and
+ *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves. Aggregates [7.1] give them a coarse
+ *   space, the three translations of each: P one identity block per vertex (0 on fixed axes),
+ *   P^ = G' P, and
  *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (a band, 3 nc <= 1536; Ac = U'U)
  *   CG starts at the coarse solution and keeps every direction conjugate to the coarse space:
  *   t <- t - P^ Ac^-1 Z' t. In Eisenstat's variables that is two thin products an iteration (Z
@@ -6513,15 +6364,11 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *     answer G^-T x
  *
  *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
- *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. Iterations per solve of a
- *   hanging sheet at tolerance 0.1: 35 (worst 150) without, 8 (worst 19) with; because long waves
- *   are then right, Newton needs fewer solves too and the steps are ten times as exact. Lost:
- *   adding the coarse correction instead (12 to 18 iterations), weights smoothed over the graph
- *   (fewer iterations, dearer matrices), affine modes (6.6, but 576 unknowns), 24 or 256
- *   aggregates (10 % more; the factor too dear), keeping the coarse factor of another matrix
- *   (Z, V, Ac must belong to A). Aggregates of 85 vertices however many there are: at 60 000
- *   vertices 357 iterations a frame where 128 aggregates need 533. Numbered along a front [7.1],
+ *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of the iterations are
+ *   left, and because long waves are then right, Newton needs fewer solves too. Z, V and Ac must
+ *   belong to A. Aggregates have 85 vertices however many there are. Numbered along a front [7.1],
  *   each is coupled with near numbers; extras between far ones widen the band, at worst to all.
+ *   Iterations with and without each idea, and what was tried and lost: bench_linear.c.
  *
  *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
  *   replaced by the point where its segment crosses it, and a direction with t.A t <= 0 is
@@ -6533,9 +6380,10 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *
  *   Floats, and when not. Rounding of D competes with the mass once stiffness over inertia,
  *   q = max_i tr D_i / mean row sum of traces, times 6e-8 is near 1. (Membranes and hinges do not
- *   feel translations: the rows' sums are the inertia.) q is 1.7e5 at Y = 1e4 N/m, N = 64, 60 Hz,
- *   and 1.6e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles, beyond, and
- *   where the residual got stuck, AUTO takes doubles: the same code, about twice the time.
+ *   feel translations: the rows' sums are the inertia.) q is 1.1e5 at Y = 1e4 N/m, N = 64, 60 Hz,
+ *   and 1.1e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles. Beyond, where
+ *   at 1.1e7 (1e6 N/m) Newton stalled in 12 of 15 frames, and where the residual got stuck, AUTO
+ *   takes doubles: the same code, about 1.5 times the time.
  *   A decision is made afresh for every matrix, so that a restored snapshot goes the same way.
  *
  *   Workers. Leaves run side by side, S alone; two parallel regions an iteration (extras: three);
@@ -6544,9 +6392,6 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
  *       S: forward
  *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
- *   Of a whole step of the sheet (64 x 64, Y = 1e4 N/m) 8 to 10 % of the time is outside of the
- *   loops: two workers are at most 1.83 times as fast as one, with what the leaves differ in size
- *   and 2 us a loop 1.7 times.
  *
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)
@@ -6554,7 +6399,7 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
 
 #define CLOTHI_LINEAR_TOLERANCE    0.05
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* AUTO: tighter ones are solved in doubles        */
-#define CLOTHI_FLOAT_STIFFNESS     4e6      /* AUTO: stiffness over inertia, see the banner    */
+#define CLOTHI_FLOAT_STIFFNESS     8e6      /* AUTO: stiffness over inertia, see the banner    */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
 #define CLOTHI_CG_CAP              20000
 #define CLOTHI_CURVATURE_TOLERANCE 1e-10
@@ -6565,10 +6410,7 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  * this section is written once: `w` is a constant in every call, 0 for float and 1 for double, and
  * the compiler drops the other half. Without SSE2 or with CLOTH_NO_SIMD: plain loops. */
 typedef struct clothi_v4 {
-#if defined(CLOTHI_AVX)
-    __m128  f;
-    __m256d d;
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     __m128  f;
     __m128d d, e;
 #else
@@ -6577,24 +6419,21 @@ typedef struct clothi_v4 {
 #endif
 } clothi_v4;
 
-#if defined(CLOTHI_AVX) && defined(__FMA__)
-#  define CLOTHI_MADDF(a, b, c)  _mm_fmadd_ps(b, c, a)
-#  define CLOTHI_NMADDF(a, b, c) _mm_fnmadd_ps(b, c, a)
-#  define CLOTHI_MADDD(a, b, c)  _mm256_fmadd_pd(b, c, a)
-#  define CLOTHI_NMADDD(a, b, c) _mm256_fnmadd_pd(b, c, a)
-#elif defined(CLOTHI_AVX)
-#  define CLOTHI_MADDF(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
-#  define CLOTHI_NMADDF(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
-#  define CLOTHI_MADDD(a, b, c)  _mm256_add_pd(a, _mm256_mul_pd(b, c))
-#  define CLOTHI_NMADDD(a, b, c) _mm256_sub_pd(a, _mm256_mul_pd(b, c))
+#if defined(CLOTHI_AVX) && defined(__FMA__)         /* a + b c, a - b c */
+#  define CLOTHI_MADD_PS(a, b, c)  _mm_fmadd_ps(b, c, a)
+#  define CLOTHI_NMADD_PS(a, b, c) _mm_fnmadd_ps(b, c, a)
+#  define CLOTHI_MADD_PD(a, b, c)  _mm_fmadd_pd(b, c, a)
+#  define CLOTHI_NMADD_PD(a, b, c) _mm_fnmadd_pd(b, c, a)
+#elif defined(CLOTHI_SSE2)
+#  define CLOTHI_MADD_PS(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
+#  define CLOTHI_NMADD_PS(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
+#  define CLOTHI_MADD_PD(a, b, c)  _mm_add_pd(a, _mm_mul_pd(b, c))
+#  define CLOTHI_NMADD_PD(a, b, c) _mm_sub_pd(a, _mm_mul_pd(b, c))
 #endif
 
 CLOTHI_LANE clothi_v4 clothi_zero4(void) {
     clothi_v4 r;
-#if defined(CLOTHI_AVX)
-    r.f = _mm_setzero_ps();
-    r.d = _mm256_setzero_pd();
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     r.f = _mm_setzero_ps();
     r.d = r.e = _mm_setzero_pd();
 #else
@@ -6606,10 +6445,7 @@ CLOTHI_LANE clothi_v4 clothi_zero4(void) {
 /* Record i of an array of floats or doubles. */
 CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    if (w) r.d = _mm256_load_pd((const double *)a + 4 * i);
-    else r.f = _mm_load_ps((const float *)a + 4 * i);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         r.d = _mm_load_pd((const double *)a + 4 * i);
         r.e = _mm_load_pd((const double *)a + 4 * i + 2);
@@ -6622,10 +6458,7 @@ CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
 }
 
 CLOTHI_LANE void clothi_store4(void *a, size_t i, clothi_v4 r, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) _mm256_store_pd((double *)a + 4 * i, r.d);
-    else _mm_store_ps((float *)a + 4 * i, r.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         _mm_store_pd((double *)a + 4 * i, r.d);
         _mm_store_pd((double *)a + 4 * i + 2, r.e);
@@ -6639,12 +6472,7 @@ CLOTHI_LANE void clothi_store4(void *a, size_t i, clothi_v4 r, const int w) {
 /* (B[0], B[1], B[2], 0) from doubles. */
 CLOTHI_LANE clothi_v4 clothi_cut4(const double *B, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    const __m256d q = _mm256_insertf128_pd(_mm256_castpd128_pd256(_mm_loadu_pd(B)),
-                                           _mm_load_sd(B + 2), 1);
-    if (w) r.d = q;
-    else r.f = _mm256_cvtpd_ps(q);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     r.d = _mm_loadu_pd(B);
     r.e = _mm_load_sd(B + 2);
     if (!w) r.f = _mm_movelh_ps(_mm_cvtpd_ps(r.d), _mm_cvtpd_ps(r.e));
@@ -6659,10 +6487,7 @@ CLOTHI_LANE clothi_v4 clothi_cut4(const double *B, const int w) {
 }
 
 CLOTHI_LANE clothi_v4 clothi_add4(clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = _mm256_add_pd(a.d, b.d);
-    else a.f = _mm_add_ps(a.f, b.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         a.d = _mm_add_pd(a.d, b.d);
         a.e = _mm_add_pd(a.e, b.e);
@@ -6678,10 +6503,7 @@ CLOTHI_LANE clothi_v4 clothi_add4(clothi_v4 a, clothi_v4 b, const int w) {
 }
 
 CLOTHI_LANE clothi_v4 clothi_sub4(clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = _mm256_sub_pd(a.d, b.d);
-    else a.f = _mm_sub_ps(a.f, b.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         a.d = _mm_sub_pd(a.d, b.d);
         a.e = _mm_sub_pd(a.e, b.e);
@@ -6698,14 +6520,11 @@ CLOTHI_LANE clothi_v4 clothi_sub4(clothi_v4 a, clothi_v4 b, const int w) {
 
 /* a + b c */
 CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = CLOTHI_MADDD(a.d, b.d, c.d);
-    else a.f = CLOTHI_MADDF(a.f, b.f, c.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
-        a.d = _mm_add_pd(a.d, _mm_mul_pd(b.d, c.d));
-        a.e = _mm_add_pd(a.e, _mm_mul_pd(b.e, c.e));
-    } else a.f = _mm_add_ps(a.f, _mm_mul_ps(b.f, c.f));
+        a.d = CLOTHI_MADD_PD(a.d, b.d, c.d);
+        a.e = CLOTHI_MADD_PD(a.e, b.e, c.e);
+    } else a.f = CLOTHI_MADD_PS(a.f, b.f, c.f);
 #else
     int k;
     for (k = 0; k < 4; k++) {
@@ -6718,14 +6537,11 @@ CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
 
 /* a - b c */
 CLOTHI_LANE clothi_v4 clothi_nmadd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) a.d = CLOTHI_NMADDD(a.d, b.d, c.d);
-    else a.f = CLOTHI_NMADDF(a.f, b.f, c.f);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
-        a.d = _mm_sub_pd(a.d, _mm_mul_pd(b.d, c.d));
-        a.e = _mm_sub_pd(a.e, _mm_mul_pd(b.e, c.e));
-    } else a.f = _mm_sub_ps(a.f, _mm_mul_ps(b.f, c.f));
+        a.d = CLOTHI_NMADD_PD(a.d, b.d, c.d);
+        a.e = CLOTHI_NMADD_PD(a.e, b.e, c.e);
+    } else a.f = CLOTHI_NMADD_PS(a.f, b.f, c.f);
 #else
     int k;
     for (k = 0; k < 4; k++) {
@@ -6739,10 +6555,7 @@ CLOTHI_LANE clothi_v4 clothi_nmadd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const
 /* u in all four. */
 CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    if (w) r.d = _mm256_set1_pd(u);
-    else r.f = _mm_set1_ps((float)u);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) r.d = r.e = _mm_set1_pd(u);
     else r.f = _mm_set1_ps((float)u);
 #else
@@ -6758,10 +6571,7 @@ CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
 /* Number j of record i in all four. */
 CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_AVX)
-    if (w) r.d = _mm256_broadcast_sd((const double *)a + 4 * i + j);
-    else r.f = _mm_broadcast_ss((const float *)a + 4 * i + j);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) r.d = r.e = _mm_load1_pd((const double *)a + 4 * i + j);
     else r.f = _mm_load1_ps((const float *)a + 4 * i + j);
 #else
@@ -6772,15 +6582,7 @@ CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int 
 
 /* (sum of a, sum of b, sum of c, 0): the rows of a block times a record. */
 CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) {
-        const __m256d ab = _mm256_hadd_pd(a.d, b.d);                /* a01 b01 a23 b23 */
-        const __m256d cz = _mm256_hadd_pd(c.d, _mm256_setzero_pd());
-        a.d = _mm256_add_pd(_mm256_permute2f128_pd(ab, cz, 0x20),
-                            _mm256_permute2f128_pd(ab, cz, 0x31));
-    } else
-        a.f = _mm_hadd_ps(_mm_hadd_ps(a.f, b.f), _mm_hadd_ps(c.f, _mm_setzero_ps()));
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) {
         a.d = _mm_add_pd(a.d, a.e);
         b.d = _mm_add_pd(b.d, b.e);
@@ -6789,9 +6591,13 @@ CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
         a.e = _mm_add_pd(_mm_unpacklo_pd(c.d, _mm_setzero_pd()),
                          _mm_unpackhi_pd(c.d, _mm_setzero_pd()));
     } else {
+#  if defined(CLOTHI_AVX)
+        a.f = _mm_hadd_ps(_mm_hadd_ps(a.f, b.f), _mm_hadd_ps(c.f, _mm_setzero_ps()));
+#  else
         __m128 z = _mm_setzero_ps();
         _MM_TRANSPOSE4_PS(a.f, b.f, c.f, z);
         a.f = _mm_add_ps(_mm_add_ps(a.f, b.f), _mm_add_ps(c.f, z));
+#  endif
     }
 #else
     clothi_v4 r = clothi_zero4();
@@ -6811,10 +6617,7 @@ CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
 
 /* Products of a and b added to four sums, always doubles. */
 CLOTHI_LANE clothi_v4 clothi_dot4(clothi_v4 sum, clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_AVX)
-    if (w) sum.d = CLOTHI_MADDD(sum.d, a.d, b.d);
-    else sum.d = _mm256_add_pd(sum.d, _mm256_cvtps_pd(_mm_mul_ps(a.f, b.f)));
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     if (w) sum = clothi_madd4(sum, a, b, 1);
     else {
         const __m128 q = _mm_mul_ps(a.f, b.f);
@@ -6830,9 +6633,7 @@ CLOTHI_LANE clothi_v4 clothi_dot4(clothi_v4 sum, clothi_v4 a, clothi_v4 b, const
 
 /* Doubles of such sums. */
 CLOTHI_LANE void clothi_spill4(clothi_v4 sum, double *q) {
-#if defined(CLOTHI_AVX)
-    _mm256_storeu_pd(q, sum.d);
-#elif defined(CLOTHI_SSE2)
+#if defined(CLOTHI_SSE2)
     _mm_storeu_pd(q, sum.d);
     _mm_storeu_pd(q + 2, sum.e);
 #else
@@ -6927,7 +6728,6 @@ typedef struct clothi_store {               /* of floats or of doubles          
 typedef struct clothi_tally {               /* one leaf's share of the sums                    */
     double rr, pq, trace, top, big;
     int    bad;                             /* first row whose diagonal block is not positive  */
-    int    pad;
 } clothi_tally;
 
 struct cloth_linear_solver {
@@ -7814,14 +7614,13 @@ static clothi_run clothi_setup(cloth_linear_solver *s) {
     for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
     clothi_setup_rows(s, p->nd);
     clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
+    clothi_setup_rest(s);
     for (d = 0; d <= p->nd; d++) {
         if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
         trace += s->tally[d].trace;
         if (s->tally[d].top > top) top = s->tally[d].top;
     }
     if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
-    clothi_setup_rest(s);
-    trace += s->tally[p->nd].trace;
     for (d = 0; d < s->A->ne; d++)
         trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
                       s->A->extra[9 * (size_t)d + 8]);
@@ -8155,8 +7954,6 @@ CLOTHI_RARE_END
  *             updates split by rows; no sum depends on the number of workers.
  *   extras    blocks outside the pattern are not in the factor: it preconditions CG then, and CG
  *             also refines: without extras one or two iterations reach the tolerance.
- *   lost      as preconditioner kept over Newton iterations it loses to [7.3] in motion: the
- *             matrix changes too much.
  *   shared    the dense kernels factor the coarse matrix of [7.3] too.
  *
  * checked: tests/test_cholesky.c
@@ -8166,75 +7963,69 @@ CLOTHI_RARE_END
 #if defined(CLOTHI_AVX) && defined(__AVX512F__)
 #  define CLOTHI_DV 8
 typedef __m512d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm512_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm512_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm512_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
-    return _mm512_fmadd_pd(a, b, c);
-}
+#  define CLOTHI_DV_LOAD(a)       _mm512_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm512_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm512_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm512_fmadd_pd(a, b, c)
 #elif defined(CLOTHI_AVX)
 #  define CLOTHI_DV 4
 typedef __m256d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm256_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm256_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm256_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
+#  define CLOTHI_DV_LOAD(a)       _mm256_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm256_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm256_set1_pd(a)
 #  if defined(__FMA__)
-    return _mm256_fmadd_pd(a, b, c);
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_fmadd_pd(a, b, c)
 #  else
-    return _mm256_add_pd(_mm256_mul_pd(a, b), c);
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_add_pd(_mm256_mul_pd(a, b), c)
 #  endif
-}
 #elif defined(CLOTHI_SSE2)
 #  define CLOTHI_DV 2
 typedef __m128d clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return _mm_loadu_pd(a); }
-static void clothi_dv_store(double *a, clothi_dv b) { _mm_storeu_pd(a, b); }
-static clothi_dv clothi_dv_splat(double a) { return _mm_set1_pd(a); }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) {
-    return _mm_add_pd(_mm_mul_pd(a, b), c);
-}
+#  define CLOTHI_DV_LOAD(a)       _mm_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm_add_pd(_mm_mul_pd(a, b), c)
 #else
 #  define CLOTHI_DV 1
 typedef double clothi_dv;
-static clothi_dv clothi_dv_load(const double *a) { return *a; }
-static void clothi_dv_store(double *a, clothi_dv b) { *a = b; }
-static clothi_dv clothi_dv_splat(double a) { return a; }
-static clothi_dv clothi_dv_madd(clothi_dv a, clothi_dv b, clothi_dv c) { return a * b + c; }
+#  define CLOTHI_DV_LOAD(a)       (*(a))
+#  define CLOTHI_DV_STORE(a, b)   (*(a) = (b))
+#  define CLOTHI_DV_SPLAT(a)      (a)
+#  define CLOTHI_DV_MADD(a, b, c) ((a) * (b) + (c))
 #endif
 
 #define CLOTHI_TILE (2 * CLOTHI_DV)         /* rows of a tile of C; its columns are 4          */
 
 /* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. */
 static void clothi_front_tile(const double *a, const double *b, int k, double *out) {
-    clothi_dv zero = clothi_dv_splat(0.0), u, v, w;
+    clothi_dv zero = CLOTHI_DV_SPLAT(0.0), u, v, w;
     clothi_dv c0 = zero, c1 = zero, c2 = zero, c3 = zero, d0 = zero, d1 = zero, d2 = zero,
               d3 = zero;
     int p;
     for (p = 0; p < k; p++, a += CLOTHI_TILE, b += 4) {
-        u = clothi_dv_load(a);
-        v = clothi_dv_load(a + CLOTHI_DV);
-        w = clothi_dv_splat(b[0]);
-        c0 = clothi_dv_madd(u, w, c0);
-        d0 = clothi_dv_madd(v, w, d0);
-        w = clothi_dv_splat(b[1]);
-        c1 = clothi_dv_madd(u, w, c1);
-        d1 = clothi_dv_madd(v, w, d1);
-        w = clothi_dv_splat(b[2]);
-        c2 = clothi_dv_madd(u, w, c2);
-        d2 = clothi_dv_madd(v, w, d2);
-        w = clothi_dv_splat(b[3]);
-        c3 = clothi_dv_madd(u, w, c3);
-        d3 = clothi_dv_madd(v, w, d3);
+        u = CLOTHI_DV_LOAD(a);
+        v = CLOTHI_DV_LOAD(a + CLOTHI_DV);
+        w = CLOTHI_DV_SPLAT(b[0]);
+        c0 = CLOTHI_DV_MADD(u, w, c0);
+        d0 = CLOTHI_DV_MADD(v, w, d0);
+        w = CLOTHI_DV_SPLAT(b[1]);
+        c1 = CLOTHI_DV_MADD(u, w, c1);
+        d1 = CLOTHI_DV_MADD(v, w, d1);
+        w = CLOTHI_DV_SPLAT(b[2]);
+        c2 = CLOTHI_DV_MADD(u, w, c2);
+        d2 = CLOTHI_DV_MADD(v, w, d2);
+        w = CLOTHI_DV_SPLAT(b[3]);
+        c3 = CLOTHI_DV_MADD(u, w, c3);
+        d3 = CLOTHI_DV_MADD(v, w, d3);
     }
-    clothi_dv_store(out, c0);
-    clothi_dv_store(out + CLOTHI_DV, d0);
-    clothi_dv_store(out + 2 * CLOTHI_DV, c1);
-    clothi_dv_store(out + 3 * CLOTHI_DV, d1);
-    clothi_dv_store(out + 4 * CLOTHI_DV, c2);
-    clothi_dv_store(out + 5 * CLOTHI_DV, d2);
-    clothi_dv_store(out + 6 * CLOTHI_DV, c3);
-    clothi_dv_store(out + 7 * CLOTHI_DV, d3);
+    CLOTHI_DV_STORE(out, c0);
+    CLOTHI_DV_STORE(out + CLOTHI_DV, d0);
+    CLOTHI_DV_STORE(out + 2 * CLOTHI_DV, c1);
+    CLOTHI_DV_STORE(out + 3 * CLOTHI_DV, d1);
+    CLOTHI_DV_STORE(out + 4 * CLOTHI_DV, c2);
+    CLOTHI_DV_STORE(out + 5 * CLOTHI_DV, d2);
+    CLOTHI_DV_STORE(out + 6 * CLOTHI_DV, c3);
+    CLOTHI_DV_STORE(out + 7 * CLOTHI_DV, d3);
 }
 
 /* C (lower part, rows x cols, column-major) -= A S A' from packed rows. */
@@ -8321,10 +8112,12 @@ static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1
     int k, p, i;
     for (k = k0; k < k1; k++) {
         double *c = panel + (size_t)k * ld, d, inv;
-        for (p = k0; p < k; p++) {
-            const double *b = panel + (size_t)p * ld;
-            const double  s = sign[p] * b[k];
-            for (i = k; i < m; i++) c[i] -= s * b[i];
+        for (p = k0; p < k; p += 3) {           /* three at a time: c is read once for them    */
+            const int     p1 = p + 1 < k ? p + 1 : p, p2 = p + 2 < k ? p + 2 : p;
+            const double *b0 = panel + (size_t)p * ld, *b1 = panel + (size_t)p1 * ld;
+            const double *b2 = panel + (size_t)p2 * ld, s0 = sign[p] * b0[k];
+            const double  s1 = p1 > p ? sign[p1] * b1[k] : 0, s2 = p2 > p ? sign[p2] * b2[k] : 0;
+            for (i = k; i < m; i++) c[i] -= s0 * b0[i] + s1 * b1[i] + s2 * b2[i];
         }
         d = c[k];
         sign[k] = d < 0 ? -1.0 : 1.0;
@@ -8347,9 +8140,9 @@ static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1
 /* Factors the panel of part q and takes its product off the update matrix U. */
 static void clothi_front_factor(cloth_factor *f, int q, double *U, double *pack, int par) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
-    int    n = 3 * (p->hi - p->mid), nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-    size_t m = (size_t)(n + nb);
+    const clothi_part *p = P->part + q;
+    const int    n = p->n, nb = p->nb;
+    const size_t m = (size_t)(n + nb);
     double *L = f->panel + P->panel[q], *sign = f->sign + 3 * (size_t)p->mid;
     const double *limit = f->vec + 3 * (size_t)p->mid;
     int k0, k1;
@@ -8382,7 +8175,7 @@ static void clothi_front_add(double *L, size_t m, int row, int col, const double
 /* The entries of A that part q eliminates. */
 static void clothi_front_assemble(cloth_factor *f, int q, double *L, size_t m) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
+    const clothi_part *p = P->part + q;
     int own = p->hi - p->mid, i, c;
     for (i = 0; i < own; i++) {
         unsigned fixed = f->fixed[p->mid + i];
@@ -8436,15 +8229,15 @@ static void clothi_front_zero(double *a, size_t m, size_t n) {
 
 static void clothi_front_part(cloth_factor *f, int q, double *pack, int par) {
     const clothi_tree *P = f->P;
-    const clothi_part    *p = P->part + q;
-    int     own = p->hi - p->mid, nb = P->bound_start[q + 1] - P->bound_start[q], c;
-    size_t  n = 3 * (size_t)own, b = 3 * (size_t)nb;
+    const clothi_part *p = P->part + q;
+    const size_t       n = (size_t)p->n, b = (size_t)p->nb;
+    int                c;
     double *L = f->panel + P->panel[q], *U = f->work + P->update_temp[q];
     clothi_front_zero(L, n + b, n);
     clothi_front_zero(U, b, b);
     clothi_front_assemble(f, q, L, n + b);
     for (c = 0; c < 2; c++)
-        if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, own, n + b);
+        if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, p->n / 3, n + b);
     clothi_front_factor(f, q, U, pack, par);
     if (P->update[q] != P->update_temp[q]) memmove(f->work + P->update[q], U, b * b * sizeof *U);
 }
@@ -8525,13 +8318,11 @@ static cloth_status clothi_factor_judge(cloth_factor *f, cloth_factor_report *re
         if (f->pivot[i] < 0 && rep->negative == 1) f->first_bad = i;
         if (f->pivot[i] == 0 && f->first_bad < 0) f->first_bad = i;
     }
-    for (q = 0; q < P->nparts; q++) {
-        size_t m = 3 * (size_t)(P->part[q].hi - P->part[q].mid + P->bound_start[q + 1] -
-                                P->bound_start[q]);
-        for (i = 0; i < 3 * (P->part[q].hi - P->part[q].mid); i++)
-            if (!clothi_finite(f->panel[P->panel[q] + (size_t)i * (m + 1)]))
+    for (q = 0; q < P->nparts; q++)
+        for (i = 0; i < P->part[q].n; i++)
+            if (!clothi_finite(f->panel[P->panel[q] + (size_t)i *
+                                        (size_t)(P->part[q].n + P->part[q].nb + 1)]))
                 return CLOTH_ERR_NONFINITE;
-    }
     if (f->first_bad < 0) return CLOTH_OK;
     rep->bad_vertex = P->verts[f->first_bad / 3];
     rep->bad_axis = f->first_bad % 3;
@@ -8575,9 +8366,8 @@ static void clothi_factor_forward(cloth_factor *f, double *b) {
     double *tmp = f->vec + 3 * (size_t)P->nv;
     int q, i, j, k;
     for (q = 0; q < P->nparts; q++) {
-        int own = P->part[q].hi - P->part[q].mid, n = 3 * own;
-        int nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-        double *x = b + 3 * (size_t)P->part[q].mid;
+        const int     n = P->part[q].n, nb = P->part[q].nb;
+        double       *x = b + 3 * (size_t)P->part[q].mid;
         const double *L = f->panel + P->panel[q];
         memset(tmp, 0, (size_t)nb * sizeof *tmp);
         for (j = 0; j < n; j++, L += n + nb) {
@@ -8598,9 +8388,8 @@ static void clothi_factor_backward(cloth_factor *f, double *b) {
     double *tmp = f->vec + 3 * (size_t)P->nv;
     int q, i, j, k;
     for (q = P->nparts - 1; q >= 0; q--) {
-        int own = P->part[q].hi - P->part[q].mid, n = 3 * own;
-        int nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
-        double *x = b + 3 * (size_t)P->part[q].mid;
+        const int n = P->part[q].n, nb = P->part[q].nb;
+        double   *x = b + 3 * (size_t)P->part[q].mid;
         for (i = 0; i < nb; i += 3)
             for (k = 0; k < 3; k++)
                 tmp[i + k] = b[3 * P->bound[P->bound_start[q] + i / 3] + k];
@@ -10342,8 +10131,8 @@ typedef struct clothi_pass {                /* one sweep over one group         
  * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close().
  * A slot's lowest bit says that the matrix holds the transpose. Turning lanes into blocks is a
  * transposition of 4x4 numbers; by single numbers it costs twice as much. */
-CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot,
-                                                const int *id, const double *H) {
+CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot, const int *id,
+                                               const double *H) {
     int lane, q;
     for (lane = 0; lane < CLOTHI_LANES; lane++) {
         double *A = clothi_matrix_block(p->hess, slot[lane]);
@@ -10479,9 +10268,8 @@ static void clothi_batch_lanes(const clothi_pass *p, const double *x, const doub
 }
 
 /* The definite Hessian of eight hinges, c (1+s) dtheta dtheta': its off-diagonal blocks. */
-CLOTHI_HOT void clothi_hinge_definite(const double *CLOTHI_RESTRICT x,
-                                      const double *CLOTHI_RESTRICT rest, const double *damp,
-                                      double *CLOTHI_RESTRICT H) {
+CLOTHI_HOT void clothi_hinge_definite(clothi_in x, clothi_in rest, const double *damp,
+                                      clothi_out H) {
     double one[CLOTHI_LANES], g[12 * CLOTHI_LANES], w[12 * CLOTHI_LANES];
     int    lane, k, q;
     for (lane = 0; lane < CLOTHI_LANES; lane++) one[lane] = 1;
@@ -10530,18 +10318,15 @@ static void clothi_batch(const clothi_pass *p, int b) {
     if (p->hess) clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
 }
 
-static void clothi_pass_chunks(int begin, int end, int worker, void *ctx) {
-    const clothi_pass *p = (const clothi_pass *)ctx;
-    int b, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+static void clothi_pass_batches(int begin, int end, int worker, void *ctx) {
+    int b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) clothi_batch(p, b);
+    for (b = begin; b < end; b++) clothi_batch((const clothi_pass *)ctx, b);
 }
 
 static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
-    int b;
-    (void)worker;
-    for (b = p->g->domain[begin]; b < p->g->domain[end]; b++) clothi_batch(p, b);
+    clothi_pass_batches(p->g->domain[begin], p->g->domain[end], worker, ctx);
 }
 
 /* n a multiple of CLOTHI_LANES. */
@@ -10572,8 +10357,7 @@ static double clothi_sweep(clothi_pass *p, double *loss) {
         clothi_for(p->own->hooks, g->ndomain, 1, clothi_pass_domains, p);
         clothi_pass_domains(g->ndomain, g->ndomain + 1, 0, p);
     } else {
-        clothi_for(p->own->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-                   clothi_pass_chunks, p);
+        clothi_for(p->own->hooks, g->nbatch, CLOTHI_CHUNK, clothi_pass_batches, p);
     }
     if (p->energy) energy = clothi_lane_sum(p->energy, n);
     if (p->energy && p->el->damped && p->inv_h > 0) lost = clothi_lane_sum(p->loss, n);
@@ -10606,9 +10390,9 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     double x[12 * CLOTHI_LANES];
-    int    b, k, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+    int    b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * CLOTHI_LANES;
         double *start = p->el->start + (size_t)b * (size_t)p->el->nstart * CLOTHI_LANES;
         clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
@@ -10618,10 +10402,7 @@ static void clothi_start_range(int begin, int end, int worker, void *ctx) {
         } else if (p->g->kind == CLOTHI_HINGE) {
             clothi_theta_lanes(x, start);
         } else if (p->g->kind == CLOTHI_SPRING) {
-            for (k = 0; k < 3 * CLOTHI_LANES; k++) x[k] -= x[3 * CLOTHI_LANES + k];
-            for (k = 0; k < CLOTHI_LANES; k++)
-                start[k] = sqrt(x[k] * x[k] + x[CLOTHI_LANES + k] * x[CLOTHI_LANES + k] +
-                                x[2 * CLOTHI_LANES + k] * x[2 * CLOTHI_LANES + k]);
+            clothi_edge_lengths(x, start);
         } else {
             memcpy(start, x, sizeof x);
         }
@@ -10634,8 +10415,7 @@ static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
     if (!el->damped) return CLOTH_OK;
     memset(&p, 0, sizeof p);
     p.g = el->group, p.el = el, p.x = e->x_n;
-    clothi_for(el->own->hooks, (p.g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-               clothi_start_range, &p);
+    clothi_for(el->own->hooks, p.g->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
     return CLOTH_OK;
 }
 
@@ -10643,19 +10423,16 @@ static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
 static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     const cloth_model *m = p->model;
-    double            *grad = p->energy;
-    int last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
     (void)worker;
-    clothi_sum_corners(p->own->force, m->gather_start, m->gather_start + 1, m->gather,
-                       begin * CLOTHI_VERTICES, last, 1.0, grad);
+    clothi_sum_corners(p->own->force, m->gather_start, m->gather_start + 1, m->gather, begin, end,
+                       1.0, p->energy);
 }
 
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
     clothi_pass p;
     memset(&p, 0, sizeof p);
     p.model = s->model, p.own = &s->own, p.energy = grad;
-    clothi_for(&s->hooks, (s->model->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, 1,
-               clothi_gather_range, &p);
+    clothi_for(&s->hooks, s->model->nv, CLOTHI_VERTICES, clothi_gather_range, &p);
 }
 
 /* --- gravity and external force --- */
@@ -11037,7 +10814,7 @@ static cloth_status clothi_membrane_vjp(void *user, const cloth_eval *e, const d
  *   c = scale D e2/(A1 + A2), D and tau the means of the two faces' materials. */
 
 typedef struct clothi_hinge_vjp_parts {
-    double dc, dtheta0, dtau, drate;        /* derivatives of V by c, theta0, tau at fixed h    */
+    double dc, dtheta0, dtau;               /* derivatives of V by c, theta0, tau at fixed h    */
 } clothi_hinge_vjp_parts;
 
 static void clothi_hinge_vjp_rest(const cloth_eval *e, int h,
@@ -11282,17 +11059,13 @@ CLOTHI_RARE_END
  * to the exact Hessian when the updates have become small: below CLOTHI_EXACT edges, or from
  * iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a trust region
  * (Steihaug [NW06]): where it meets negative curvature it follows it to the radius, which is
- * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it. Measured on
- * the hanging sheet (N = 64, h = 1/60): reflection saves a fifth of the iterations at Y = 1e5; the
- * exact Hessian from the first iteration loses (a redo for each negative curvature); without the
- * exact phase a tolerance of 1e-8 m takes 85 to 95 iterations instead of 13 to 22.
+ * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it.
  * Contact has kinks, where a touch begins and where friction slips, and cloth that is pushed
  * together grows wrinkles through all of a step: directions of negative curvature are many, and
  * each leads CG to the radius after an iteration or two. With contact the exact Hessian is for
- * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins (a T-shirt on a walk: 13 iterations
- * a step without it, 27 with it), and CLOTHI_STUCK updates of it in a row that end at the radius,
- * or short of their length, are followed by one of the definite model, which has no radius and does
- * not end the search: a fifth fewer iterations in a sheet that crumples.
+ * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins, and CLOTHI_STUCK updates of it in
+ * a row that end at the radius, or short of their length, are followed by one of the definite
+ * model, which has no radius and does not end the search.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -11301,11 +11074,9 @@ CLOTHI_RARE_END
  * Where stiff and hardly strained, phi is rougher than that (strain is known to eps, so phi to eps
  * times force times position): a whole update below CLOTHI_TINY edges may show its decrease by the
  * slopes at its two ends instead, which have no such cancellation.
- * Secant steps beyond a = 1, second-order corrections and chord steps with the old matrix were
- * tried and lost.
  *
- * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n: saves 15 to 20 %
- * of the work. The older velocity is part of the state for that reason.
+ * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n. The older velocity
+ * is part of the state for that reason.
  *
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
  * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
@@ -11314,24 +11085,17 @@ CLOTHI_RARE_END
  * shrink on as this one did. A search at negative curvature must not stop, however small its
  * radius, unless phi falls nowhere within a tenth of the tolerance. So the way left to the minimum
  * ahead is near the tolerance or below it, but for a plateau where a minimum has just vanished.
- * Distance to the step solved to 1e-10 m on the hanging sheet (N = 64, Y = 1e4 N/m, 30 frames,
- * tolerance 1e-4 m): median 0.7e-5 m, largest 1.4e-4 m; when the definite model could stop a step
- * and CG was solved to 0.05, 9.2e-5 and 8.3e-4 m, for 0.7 of the CPU time. With contact single
- * vertices slide on kinks and buckle on while nothing else moves, 40 iterations for 1e-5 J of 1.8.
- * There an update that no pair cuts also ends the search when it is below the tolerance in the root
- * mean square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
+ * With contact single vertices slide on kinks and buckle on while nothing else moves. There an
+ * update that no pair cuts also ends the search when it is below the tolerance in the root mean
+ * square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
  * tolerance)^2 sum m/eta^2, of the part a that descends: at rest it is halved over kinks 1e-9 m
- * wide for ever. And contact is asked whether what is left is small beside its friction. A sheet of
- * 32 x 32 on a sphere takes 920 iterations in 90 steps for 1206, none cut short; with self-contact
- * 1023 for 1212.
+ * wide for ever. And contact is asked whether what is left is small beside its friction.
  *
  * Saddles without a definite diagonal. Where a diagonal block of the exact Hessian is not positive,
  * as in cloth pressed below 0.577 of its length, the usual preconditioner is none. On the way the
- * definite model does better there. But it stops on the saddle: a sheet scaled by a half came to
- * rest at 9.6 J after 6 iterations, with its minimum at 1.0 J. So where the updates are below
+ * definite model does better there. But it stops on the saddle. So where the updates are below
  * CLOTHI_SADDLE tolerances CG is preconditioned by bounds of such blocks and follows the curvature
- * out, CLOTHI_ESCAPES times a substep. More often loses: a stiff T-shirt (li2021) then stalls in
- * 13 of 60 frames instead of 2, and points that coincide never end.
+ * out, CLOTHI_ESCAPES times a substep: more often loses.
  *
  * A cloth at rest stops before the first linear solve: for a convex E_pot the way e to the minimum
  * has |e|_M^2/eta^2 <= -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia;
@@ -11340,6 +11104,7 @@ CLOTHI_RARE_END
  * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
  * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
  *
+ * What each of these choices is worth, and what was tried and lost: tests/bench/bench_hard.c.
  * checked: tests/test_newton.c, tests/test_step.c
  */
 
@@ -11852,16 +11617,21 @@ static int clothi_still_axis(const cloth_sim *s) {
     return -1;
 }
 
+/* Principal stretches of face f at x [nv x 3], the larger one first, and its corners. Returns the
+ * smaller one. */
+static double clothi_face_stretch(const cloth_sim *s, const double *x, int f, double *stretch,
+                                  double *corners) {
+    int k;
+    for (k = 0; k < 9; k++) corners[k] = x[3 * s->model->faces[3 * f + k / 3] + k % 3];
+    cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
+    return stretch[1];
+}
+
 static int clothi_compressed(const cloth_sim *s) {
-    const cloth_model *m = s->model;
-    int                f, k, found = 0;
-    for (f = 0; f < m->nf && !found; f++) {
-        double x[9], stretch[2];
-        for (k = 0; k < 9; k++) x[k] = s->w.x[3 * m->faces[3 * f + k / 3] + k % 3];
-        cloth_stretch_state(x, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
-        found = stretch[1] < 1 - 1e-9;
-    }
-    return found;
+    double stretch[2], corners[9];
+    int    f = 0;
+    while (f < s->model->nf && clothi_face_stretch(s, s->w.x, f, stretch, corners) >= 1 - 1e-9) f++;
+    return f < s->model->nf;
 }
 
 /* A compressed sheet exactly in a plane across an axis feels no force along it: CG cannot see that
@@ -12187,7 +11957,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
 #define CLOTHI_STATIC_ESCAPE 0.07           /* mean edges: first length of a way off a saddle  */
-#define CLOTHI_DROWNED       1e-6           /* of phi: a decrease that its rounding may hide   */
+#define CLOTHI_LOST          1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
 /* Longest side of the box around x [nv x 3]. */
@@ -12250,19 +12020,6 @@ static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, 
     return 0;
 }
 
-/* Near the minimum of a hardly strained sheet the decrease of phi drowns in its rounding, which
- * is of order eps |force| |x|, not eps phi: there the slope at the end of the step decides. */
-static int clothi_static_drowned(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
-    double value;
-    int    i, n = 3 * s->model->nv;
-    if (-nt->slope > CLOTHI_DROWNED * goal->magnitude) return 0;
-    for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
-    if (clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value)) return 0;
-    if (!(fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope)) return 0;
-    nt->value = value;
-    return 1;
-}
-
 /* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
  * negative curvature; lr->negative: singular to rounding even so. */
 static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
@@ -12283,17 +12040,24 @@ static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clo
 }
 
 /* Moves by dx, shortened where phi says so, and evaluates there. An update below the tolerance is
- * taken as it is: phi cannot tell. */
+ * taken as it is: phi cannot tell. Near the minimum of a hardly strained sheet the decrease of phi
+ * is lost to its rounding, which is of order eps |force| |x|, not eps phi: there the slope at the
+ * end of the step decides. */
 static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                        cloth_report *report, double *a) {
+    const int    small = nt->size < s->model->desc.tolerance;
     cloth_status status = CLOTH_OK;
+    double       value;
+    int          whole = small || -nt->slope <= CLOTHI_LOST * goal->magnitude;
     int          i, n = 3 * s->model->nv;
     *a = 1;
-    if (nt->size < s->model->desc.tolerance) {
+    if (whole) {
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
-        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &nt->value);
-    } else if (!clothi_static_drowned(s, goal, nt))
-        status = clothi_line_search(s, goal, nt, a, report);
+        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
+        whole = small || fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope;
+        if (whole) nt->value = value;
+    }
+    if (!status && !whole) status = clothi_line_search(s, goal, nt, a, report);
     if (status) return status;
     memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
     clothi_newton_rhs(s);
@@ -12442,26 +12206,12 @@ CLOTHI_RARE_END
  *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
  *
  * Forces: undamped triangles with bending take the path of [6.5] "stretch and bending in one".
- * Tried, ns per element and substep at N = 32, -O3 -march=x86-64-v3, hinge / quadratic:
- *     12 numbers stored per hinge, 18 summed corners at a vertex                      13.1 / 8.3
- *     forces per triangle from pulls per hinge, scalar loads of the pulls             10.4 / 8.0
- *     no root and no octants where eight hinges are flat at rest and below 22 degrees;
- *       quadratic pulls as points, loaded like positions                               8.0 / 6.7
- *     stretch from the edges' dot products (hinge only)                                7.65
- * At plain -O2, which has no AVX, the same code takes 12.4 / 11.5.
- * A reserve of m/32 substeps instead of m/16 costs no energy and saves 3 %. Lost: safety 0.97 or
- * 0.96, and looking at the stretch every 8 substeps: 3 %, 1.5 % faster, but a sheet that snaps from
- * stretch 2 gained 35 to 60 % energy, or a swinging one 9 %. The scene of bench_explicit.c turns
- * unstable below 52 substeps, 62 are taken: the largest stretch sits at held corners, where the
- * fastest mode does not.
+ * What was tried for it and for the reserve of a substep, and what lost: bench_explicit.c.
  *
  * Contact looks at every substep: the drift x(n) -> x(n+1) is brought to the nearest feasible point
  * and v(n+1/2) made to approach nothing that it met there, a projection on a cone, which takes
  * kinetic energy and gives none (obstacles at rest). Looked at over several drifts at once, what
- * had gone far through was brought back against the cloth's own stretch: a sheet of 12 x 12 that
- * fell 5 cm onto a sphere gained 2.5 times its weight times its side when contact looked once in 39
- * substeps, 0.12 of it at every fourth substep (falling on its own side 1.7), and none at
- * every substep.
+ * had gone far through is brought back against the cloth's own stretch: bench_explicit.c.
  *
  * Cost: nf + nh element forces a substep, and all of contact's detection; omega ~
  * sqrt(Y/rho)/edge, so a second costs ~ 1/edge^3.
@@ -12492,11 +12242,10 @@ typedef struct clothi_leap {
 
 /* Sums the element forces of the vertices [begin, end), kicks them, and drifts when drift > 0.
  * Two sums of every other entry: additions wait for each other. extra [nv x 3] or NULL. */
-CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, const double *CLOTHI_RESTRICT force,
+CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, clothi_in force,
                                  const int *CLOTHI_RESTRICT start, const int *stop,
-                                 const int *CLOTHI_RESTRICT entry,
-                                 const double *CLOTHI_RESTRICT inverse_mass, int begin, int end,
-                                 double *CLOTHI_RESTRICT x, double *CLOTHI_RESTRICT v) {
+                                 const int *CLOTHI_RESTRICT entry, clothi_in inverse_mass,
+                                 int begin, int end, clothi_out x, clothi_out v) {
     enum { L = CLOTHI_LANES };
     const double kick = p->kick, drift = p->drift, *extra = p->extra;
     const double *g = p->s->in.gravity, g0 = kick * g[0], g1 = kick * g[1], g2 = kick * g[2];
@@ -12529,11 +12278,11 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     cloth_sim         *s = p->s;
     const cloth_model *m = s->model;
     double            *x = s->w.x, *v = s->w.trial;
-    int i, j, last = end * CLOTHI_VERTICES < m->nv ? end * CLOTHI_VERTICES : m->nv;
+    int                i, j;
     (void)worker;
-    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.goal,
-                     begin * CLOTHI_VERTICES, last, x, v);
-    for (i = begin * CLOTHI_VERTICES; i < last; i++)
+    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.goal, begin, end, x,
+                     v);
+    for (i = begin; i < end; i++)
         for (j = 0; s->pin[i] && j < 3; j++)
             if (s->pin[i] >> j & 1) {
                 v[3 * i + j] = s->w.y[3 * i + j];
@@ -12551,9 +12300,9 @@ static void clothi_leap_pulls(int begin, int end, int worker, void *ctx) {
     cloth_sim          *s = (cloth_sim *)ctx;
     const clothi_group *g = &s->model->bend;
     double              x[12 * CLOTHI_LANES], *pull = s->own.force + g->force;
-    int b, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    int                 b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         clothi_gather_lanes(s->w.x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
         if (g->kind == CLOTHI_HINGE)
             clothi_hinge_pulls(x, s->own.bend.rest + (size_t)b * 2 * CLOTHI_LANES,
@@ -12569,9 +12318,9 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     const clothi_group *g = &s->model->membrane;
     const double       *all = s->own.force + s->model->bend.force;
     double              x[9 * CLOTHI_LANES], pull[9 * CLOTHI_LANES];
-    int b, i, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    int                 b, i;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         const double *rest = s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES;
         const double *side = s->own.side + (size_t)b * 9 * CLOTHI_LANES;
         const int    *wing = s->model->wing + (size_t)b * 3 * CLOTHI_LANES;
@@ -12594,10 +12343,8 @@ static void clothi_leap_wings(cloth_sim *s) {
     int       k;
     for (k = 0; k < width; k++)             /* of a boundary */
         s->own.force[m->bend.force + m->bend.nbatch * CLOTHI_LANES * width + k] = 0;
-    clothi_for(&s->hooks, (m->bend.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-               clothi_leap_pulls, s);
-    clothi_for(&s->hooks, (m->membrane.nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-               clothi_leap_triangles, s);
+    clothi_for(&s->hooks, m->bend.nbatch, CLOTHI_CHUNK, clothi_leap_pulls, s);
+    clothi_for(&s->hooks, m->membrane.nbatch, CLOTHI_CHUNK, clothi_leap_triangles, s);
     s->own.counts.triangles += m->membrane.count;
     s->own.counts.hinges += m->bend.count;
 }
@@ -12910,7 +12657,7 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_
 static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent,
                                     cloth_ledger *ledger) {
     const cloth_model *m = s->model;
-    int          chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i, k, n = 3 * m->nv;
+    int          i, k, n = 3 * m->nv;
     double       hs = h / substeps, bears = clothi_leap_bears(s, hs);
     clothi_leap  p;
     cloth_eval   e = clothi_eval_of(s);
@@ -12937,7 +12684,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         if (k == substeps || k % CLOTHI_LEAP_WATCH == 1)
             *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
         if (!status && ledger) status = clothi_leap_works(&p, &e, h, hs);
-        if (!status) clothi_for(&s->hooks, chunks, 1, clothi_leap_range, &p);
+        if (!status) clothi_for(&s->hooks, m->nv, CLOTHI_VERTICES, clothi_leap_range, &p);
         if (!status && ledger && s->wind_on)
             ledger->wind_work -=
                 0.5 * p.kick * (p.wind + clothi_dot(s->w.rhs, s->w.trial, (size_t)n));
@@ -13201,21 +12948,13 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     return status;
 }
 
-/* Principal stretches of face f, large one first, and its corners. Returns the smaller one. */
-static double clothi_face_stretch(const cloth_sim *s, int f, double *stretch, double *corners) {
-    int k;
-    for (k = 0; k < 9; k++) corners[k] = s->state.x[3 * s->model->faces[3 * f + k / 3] + k % 3];
-    cloth_stretch_state(corners, s->params.X + 6 * (size_t)f, 0, 0, NULL, NULL, NULL, stretch);
-    return stretch[1];
-}
-
 /* Squares of the smaller stretches of triangles, angles of hinges: one per lane. */
 static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
     double x[12 * CLOTHI_LANES];
-    int    b, last = end * CLOTHI_CHUNK < p->g->nbatch ? end * CLOTHI_CHUNK : p->g->nbatch;
+    int    b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
+    for (b = begin; b < end; b++) {
         clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
                             p->g->width, x);
         if (p->g->kind == CLOTHI_TRIANGLE)
@@ -13232,7 +12971,7 @@ static const double *clothi_shapes(cloth_sim *s, const clothi_group *g, int firs
     memset(&p, 0, sizeof p);
     p.own = &s->own, p.g = g, p.x = s->state.x;
     p.energy = s->own.energy_batch + (size_t)first * CLOTHI_LANES;
-    clothi_for(&s->hooks, (g->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1, clothi_shape_range, &p);
+    clothi_for(&s->hooks, g->nbatch, CLOTHI_CHUNK, clothi_shape_range, &p);
     return p.energy;
 }
 
@@ -13244,7 +12983,7 @@ static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
     int    k, f;
     report->min_stretch = HUGE_VAL;
     for (f = 0; g->kind != CLOTHI_TRIANGLE && f < s->model->nf; f++) {
-        stretch = clothi_face_stretch(s, f, both, corners);
+        stretch = clothi_face_stretch(s, s->state.x, f, both, corners);
         if (stretch < report->min_stretch) report->min_stretch_face = f;
         report->min_stretch = clothi_min(stretch, report->min_stretch);
         report->collapsed += stretch < CLOTHI_COLLAPSED;
@@ -13258,7 +12997,8 @@ static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
             low = square[k], report->min_stretch_face = f;
     }
     if (report->min_stretch_face >= 0)
-        report->min_stretch = clothi_face_stretch(s, report->min_stretch_face, both, corners);
+        report->min_stretch = clothi_face_stretch(s, s->state.x, report->min_stretch_face, both,
+                                                  corners);
 }
 
 static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
@@ -14149,7 +13889,7 @@ CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smalles
     if (!sim) return CLOTH_ERR_ARGUMENT;
     for (f = 0; f < sim->model->nf; f++) {
         double corners[9], stretch[2];
-        (void)clothi_face_stretch(sim, f, stretch, corners);
+        (void)clothi_face_stretch(sim, sim->state.x, f, stretch, corners);
         if (smallest) smallest[f] = stretch[1];
         if (largest) largest[f] = stretch[0];
     }
@@ -14165,7 +13905,7 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
     for (f = 0; draw->triangle && f < m->nf; f++) {
         double   corners[9], stretch[2];
         unsigned hot, cold;
-        (void)clothi_face_stretch(sim, f, stretch, corners);
+        (void)clothi_face_stretch(sim, sim->state.x, f, stretch, corners);
         hot = (unsigned)(255 * fmin(fmax(stretch[0] - 1, 0) * 10, 1));
         cold = (unsigned)(255 * fmin(fmax(1 - stretch[1], 0) * 10, 1));
         draw->triangle(corners, corners + 3, corners + 6,

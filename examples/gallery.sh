@@ -2,7 +2,7 @@
 # gallery.sh - writes out/index.html: a still, a sentence and a link for each page of the examples.
 #   sh gallery.sh NN_name.c ...     run by make -C examples show, in examples/
 # The title is the page's own, the sentence the first line of the program's opening comment. Pages
-# that are not there are left out; out/live.html, where it was made, comes first.
+# that are not there are named at the end; out/live.html, where it was made, comes first.
 LC_ALL=C
 export LC_ALL
 capital() { printf '%s%s' "$(printf '%s' "$1" | cut -c1 | tr '[:lower:]' '[:upper:]')" \
@@ -52,9 +52,11 @@ drag to turn it, press Source to read the program that made it.</p>
 HTML
     [ -f out/live.html ] && card live.html live.png 'Live: pull it yourself' \
         'The kit itself, compiled to WebAssembly, steps while you watch.'
+    missing=
     for file in "$@"; do
         page=$(sed -n 's/^ \* *page: *out\///p' "$file" | sed 's/ *\*\/ *$//' | head -n 1)
-        [ -n "$page" ] && [ -f "out/$page" ] || continue
+        [ -n "$page" ] || continue
+        [ -f "out/$page" ] || { missing="$missing ${file%.c}"; continue; }
         still=${page%.html}.png
         case $page in
         *.svg)
@@ -68,5 +70,8 @@ HTML
             "$file" | sed 's/^[^ ]* [^ ]* - //')
         card "$page" "$still" "$title" "$(capital "$text" | escape)"
     done
-    printf '</main></body></html>\n'
+    printf '</main>'
+    [ -z "$missing" ] || printf "<p>Not run yet, they take longest:%s: %s</p>" \
+        "$(printf '%s' "$missing" | sed 's/\([^ ]\) /\1, /g')" '<code>make -C examples pages</code>'
+    printf '</body></html>\n'
 } >out/index.html

@@ -77,7 +77,9 @@ static const char *const view_page_head[] = {
     ".chip { display: inline-block; width: 11px; height: 11px; border-radius: 3px;\n",
     "  margin-right: 4px; vertical-align: -1px; }\n",
     "@media (max-width: 560px) {\n",
-    "  header { padding: 8px 12px 4px; } footer { padding: 6px 12px 8px; }\n",
+    "  header { padding: 8px 12px 4px; flex-wrap: wrap; } footer { padding: 6px 12px 8px; }\n",
+    "  header > div:first-child { display: contents; } h1 { flex: 1 1 0; min-width: 0; }\n",
+    "  header p { flex: 1 1 100%; order: 1; }\n",
     "  h1 { font-size: 17px; } header p { font-size: 13px; line-height: 1.3;\n",
     "    display: -webkit-box; -webkit-line-clamp: 3; -webkit-box-orient: vertical; "
     "overflow: hidden; }\n",

@@ -1,5 +1,5 @@
 # browser.py - a headless Chromium in real time, through --remote-debugging-pipe: JSON ended by 0 on
-# descriptors 3 and 4. For live_page.py and picture.py.
+# descriptors 3 and 4. For pages.py, live_page.py, picture.py.
 #   b = Browser('900,640'); b.open('file:///...'); b.js('document.title'); b.close()
 import base64, json, os, shutil, subprocess, tempfile
 
@@ -31,7 +31,7 @@ class Browser:
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(to_browser)
         os.close(to_us)
-        self.pending, self.number, self.tab = b'', 0, None
+        self.pending, self.number, self.tab, self.target = b'', 0, None, None
 
     def call(self, method, **params):
         self.number += 1
@@ -52,13 +52,21 @@ class Browser:
                     raise RuntimeError(answer['error']['message'])
                 return answer['result']
 
+    # in a new tab; the one before is closed
     def open(self, url):
-        self.tab = None
-        target = self.call('Target.createTarget', url=url)['targetId']
-        self.tab = self.call('Target.attachToTarget', targetId=target, flatten=True)['sessionId']
+        old, self.tab = self.target, None
+        self.target = self.call('Target.createTarget', url=url)['targetId']
+        if old:
+            self.call('Target.closeTarget', targetId=old)
+        self.tab = self.call('Target.attachToTarget', targetId=self.target,
+                             flatten=True)['sessionId']
+
+    def go(self, url):          # in this tab
+        self.call('Page.navigate', url=url)
 
     def js(self, text):
-        answer = self.call('Runtime.evaluate', expression=text, returnByValue=True)
+        answer = self.call('Runtime.evaluate', expression=text, returnByValue=True,
+                           awaitPromise=True)
         return answer['result'].get('value')
 
     def mouse(self, kind, x, y):

@@ -350,6 +350,8 @@ static void crew_free(void *p, size_t size, void *user) {
 static uint64_t thrown_pairs(cloth_integrator kind, const cloth_hooks *hooks, int *zones,
                              int *rows) {
     static const double center[3] = {0.6, -0.06, 0.2}, half[3] = {1, 0.05, 0.6};
+    static const double up[3] = {0.6, -0.06 + 1e-3, 0.2};
+    double              corner[24];
     cloth_desc          d = cloth_desc_default();
     cloth_mesh         *sheet[18];
     cloth_obstacle      box;
@@ -376,6 +378,8 @@ static uint64_t thrown_pairs(cloth_integrator kind, const cloth_hooks *hooks, in
     CHECK(cloth_collide_create(W.sim, NULL, &W.c) == CLOTH_OK);
     CHECK(world_box(&W, center, half, &box) == CLOTH_OK);
     for (i = 0; i < W.mesh->nv; i++) cloth_sim_state(W.sim)->v[3 * i + 1] = -4;
+    cloth_obstacle_box(up, half, NULL, corner);     /* at rest: no zones */
+    CHECK(cloth_collide_move(W.c, box, corner) == CLOTH_OK);
     for (*zones = *rows = k = 0; k < (kind == CLOTH_INTEGRATOR_LEAPFROG ? 4 : 1); k++) {
         cloth_collide_report r;
         CHECK(cloth_step(W.sim, world_h(kind), NULL) == CLOTH_OK);
@@ -457,6 +461,56 @@ static void pinch(void) {
     CHECK(failed > 0 && failed < 20 && r.status == CLOTH_OK);
     world_close(&W);
     CHECK(H.live == 0);
+}
+
+/* What drags a held vertex: gradient and Hessian are those of its energy, by differences; near its
+ * end a spring, far from it a force that is never more than 9 t of the membrane's stiffness. */
+static void pull(void) {
+    static const double spring[4] = {0, 0.3, 3, 30}, way[3] = {1e-6, 1e-3, 0.1};
+    static const double half[3] = {0.2, 0.05, 0.2}, center[3] = {0.1, -0.06, 0.1};
+    static const double out[3] = {0.6, -0.48, 0.64};        /* of length 1                     */
+    cloth_desc     d = cloth_desc_default();
+    cloth_obstacle box;
+    cloth_hold     h;
+    double         stiff, most, x[3], g[3], H9[9], up[3], down[3], none[9];
+    int            kind, w, i, k;
+    memset(&W, 0, sizeof W);
+    memset(&h, 0, sizeof h);
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 4, 4, 0.2, 0.2, &W.mesh)) exit(2);
+    cloth_desc_set_mesh(&d, W.mesh);
+    d.contact = CLOTH_CONTACT_OBSTACLES;
+    CHECK(cloth_model_create(&d, &W.model) == CLOTH_OK);
+    CHECK(cloth_sim_create(W.model, &W.sim) == CLOTH_OK);
+    CHECK(cloth_collide_create(W.sim, NULL, &W.c) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &box) == CLOTH_OK);
+    stiff = clothi_membrane_stiffness(cloth_sim_params(W.sim)->material);
+    most = 9 * W.c->desc.thickness * stiff;
+    h.vertex = 5;
+    for (kind = 1; kind < 4; kind++)
+        for (w = 0; w < 3; w++) {
+            const double e = 1e-4 * way[w];
+            double       size = 0;
+            W.c->look[h.vertex] = (unsigned char)kind;
+            for (i = 0; i < 3; i++) W.c->hold_to[3 * h.vertex + i] = 0;
+            for (i = 0; i < 3; i++) x[i] = way[w] * out[i];
+            (void)clothi_hold_pull(W.c, &h, x, g, H9);
+            for (i = 0; i < 3; i++) {
+                const double at = x[i];
+                double       more, less;
+                x[i] = at + e, more = clothi_hold_pull(W.c, &h, x, up, none);
+                x[i] = at - e, less = clothi_hold_pull(W.c, &h, x, down, none);
+                x[i] = at;
+                CHECK_NEAR(g[i], (more - less) / (2 * e), 1e-4 * most * way[w] / (way[w] + 1e-3));
+                for (k = 0; k < 3; k++)
+                    CHECK_NEAR(H9[3 * k + i], (up[k] - down[k]) / (2 * e),
+                               1e-6 * spring[kind] * stiff);
+                size += g[i] * out[i];
+            }
+            CHECK(size > 0 && size < most);
+            if (w == 0) CHECK_REL(size, spring[kind] * stiff * way[w], 1e-4);
+            if (w == 2 && kind == 3) CHECK_REL(size, most, 1e-3);
+        }
+    world_close(&W);
 }
 
 /* A ball through the sheet: listed, counted, let pass, guarded again when it has left. */
@@ -610,6 +664,7 @@ int main(int argc, char **argv) {
     RUN(cancel);
     RUN(finish_now);
     RUN(pinch);
+    RUN(pull);
     RUN(shorter);
     RUN(exempt);
     RUN(groups);

@@ -354,7 +354,7 @@ static void weights_are_a_partition(void) {
     }
     d.smooth = 0;
     raw = make(&d);
-    figure_pose(7, 1, T);
+    figure_pose(&body, 7, 1, T);
     body_in_space(space, T, &mean, &worst);
     body_in_space(raw, T, &raw_mean, &raw_worst);
     printf("  %d of %d vertices with several joints; largest step along an edge %.3f, %.3f without "
@@ -450,7 +450,7 @@ static void derivative_by_central_differences(void) {
     double      *xv = (double *)malloc(3 * (size_t)space->nv * sizeof(double)), worst = 0, big = 0;
     int          i, r, c, n = 0;
     if (!xv) exit(2);
-    figure_pose(3, 1, T);
+    figure_pose(&body, 3, 1, T);
     CHECK(kdsm_skin(space, T, 0, NULL, xv) == CLOTH_OK);
     for (i = 0; i < 300; i++) {             /* the middle: no step leaves the tetrahedron */
         const int *v = space->tet + 4 * (int)uniform(0, space->nt);
@@ -531,7 +531,7 @@ static void locate_is_brute_force(void) {
     for (k = 0; k < poses; k++) {
         double *box;
         if (k % 2) arms_in(0.5 + 0.1 * k, T);
-        else figure_pose((uint64_t)k + 1, 1.2, T);
+        else figure_pose(&body, (uint64_t)k + 1, 1.2, T);
         CHECK(kdsm_pose_set(pose, T) == CLOTH_OK);
         i = kdsm_measure(space, pose->x).inverted;
         printf("  pose %d: %d of %d inverted\n", k, i, space->nt);
@@ -598,7 +598,7 @@ static kdsm_pose   *posed;
 static void wrinkled(int k, double *x) {
     int i;
     if (k % 2) arms_in(0.35 + 0.1 * k, T);
-    else figure_pose((uint64_t)k + 20, 1, T);
+    else figure_pose(&body, (uint64_t)k + 20, 1, T);
     CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
     CHECK(kdsm_place(cloth, T, NULL, x, NULL) == CLOTH_OK);
     for (i = 0; i < 3 * shirt.nv; i++)
@@ -660,7 +660,7 @@ static void surface_of_the_body_is_at_rest(void) {
     CHECK(kdsm_cloth_create(space, body.nv, body.x, body.nf, body.faces, &skin) == CLOTH_OK);
     if (!skin) return;
     o.method = KDSM_SURFACE;
-    figure_pose(4, 0.5, T);
+    figure_pose(&body, 4, 0.5, T);
     CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
     CHECK(kdsm_displace(skin, posed, posed->body, &o, d, NULL, &r) == CLOTH_OK);
     for (i = 0; i < body.nv; i++) far += !(sqrt(kdsmi_dot(d + 3 * i, d + 3 * i)) < 1e-12);
@@ -692,7 +692,7 @@ static void carry_is_method_2(const double *x, const double *d) {
 static void surface_keeps_the_offset(void) {
     double *x = vectors(3 * shirt.nv), *d = x + 3 * shirt.nv, n[3], e[2][3], worst = 0;
     int     i, k, flat = 0;
-    figure_pose(4, 0.3, T);
+    figure_pose(&body, 4, 0.3, T);
     CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
     for (i = 0; i < shirt.nv; i++) {
         const int *f = body.faces + 3 * (i * 7 % body.nf);
@@ -826,7 +826,7 @@ static void placing_in_place_and_outside(void) {
     double           *x = vectors(3 * shirt.nv), *y = x + 3 * shirt.nv, *d = y + 3 * shirt.nv;
     kdsm_place_report r;
     int               i;
-    figure_pose(2, 1, T);
+    figure_pose(&body, 2, 1, T);
     CHECK(kdsm_pose_set(posed, T) == CLOTH_OK);
     CHECK(kdsm_place(cloth, T, NULL, x, &r) == CLOTH_OK);
     CHECK(r.outside == cloth->outside && r.skinned > 0 && r.skinned < space->nv);
@@ -1054,6 +1054,69 @@ static void shards_merge_to_the_same_bytes(void) {
     }
     chains_forget(&j), (void)remove("out/test_data");
     chains_free(&j);
+}
+
+/* A motion's frames from the angles that they are made of, but for where the root is. */
+static void motion_by_its_angles(void) {
+    static const char *name[4] = {"data/body/body.obj", "data/body/weights_cmu.txt",
+                                  "data/motion/walk_02_01.skin", "data/body/skeleton_cmu.txt"};
+    char               path[4][1024];
+    figure             f;
+    double             M[12 * 31], A[12 * 31], turn[3 * 31], worst = 0, out = 0;
+    int                i, k, j;
+    for (i = 0; i < 4; i++) strcpy(path[i], test_shared(name[i]));
+    if (!*path[0] || !*path[1] || !*path[2] || !*path[3]) SKIP("no shared data");
+    CHECK(figure_load(path[0], path[1], path[2], &f) == NULL);
+    CHECK(figure_read_skeleton(path[3], &f) == NULL && f.lead == 60);
+    figure_widen(&f);
+    for (k = 0; k < 5; k++) {
+        double shift[3];
+        figure_walk(&f, 0.6 + 0.5 * k, M);
+        for (j = 0; j < f.njoints; j++) figure_turn(M, f.parent[j], j, turn + 3 * j);
+        figure_at(&f, turn, A);
+        for (i = 0; i < 3; i++) shift[i] = M[4 * i + 3] - A[4 * i + 3];
+        for (i = 0; i < 12 * f.njoints; i++)
+            worst = fmax(worst, fabs(A[i] + (i % 4 == 3 ? shift[i % 12 / 4] : 0) - M[i]));
+        figure_angles(&f, (uint64_t)k, 1, turn);
+        for (i = 0; i < 3 * f.njoints; i++)
+            out = fmax(out, fmax(f.range[i / 3][0][i % 3] - turn[i],
+                                 turn[i] - f.range[i / 3][1][i % 3]));
+    }
+    printf("  31 joints, five frames: off by at most %.2g; angles at random out of range by %.2g\n",
+           worst, out);
+    CHECK(worst < 1e-5 && out < 1e-12);     /* the file's numbers are floats */
+    figure_free(&f);
+}
+
+/* Joints hang together, a chain of two right angles is where it must be; what does not fit. */
+static void joints_of_a_skeleton(void) {
+    static const char *text[3] = {"# joints\n0 root -1 0 1 0 0 0 0\n1 arm 0 1 1 0 0 0 0\n"
+                                  "2 hand 1 2 1 0 0 0 0\n", "0 root -1 0 1 0\n1 arm 1 1 1 0\n"
+                                  "2 hand 1 2 1 0\n", "0 root -1 0 1 0\n1 arm 0 1 1 0\n"};
+    const double       right = acos(0.0), turn[9] = {0, 0, 0, 0, 0, right, 0, right, 0};
+    double             A[36], p[3] = {3, 1, 0}, x[3];
+    int                k, r;
+    if (!test_out()) SKIP("there is no directory out");
+    for (k = 0; k < 3; k++) {
+        figure      f;
+        const char *error;
+        FILE       *out = fopen("out/test_skeleton", "w");
+        if (!out || fputs(text[k], out) < 0 || fclose(out)) exit(2);
+        memset(&f, 0, sizeof f);
+        f.njoints = 3;
+        error = figure_read_skeleton("out/test_skeleton", &f);
+        CHECK(k == 0 ? error == NULL : error && strstr(error, "does not fit"));
+        for (r = 0; r < 3 && k == 0; r++) {
+            if (r == 0) figure_at(&f, turn, A);
+            x[r] = A[24 + 4 * r] * p[0] + A[24 + 4 * r + 1] * p[1] + A[24 + 4 * r + 2] * p[2]
+                   + A[24 + 4 * r + 3];
+        }
+        figure_free(&f);
+    }
+    CHECK(fabs(x[0] - 1) < 1e-12 && fabs(x[1] - 2) < 1e-12 && fabs(x[2] + 1) < 1e-12);
+    for (k = 0; k < 30; k++)                /* of ten motions one is tested, one watches */
+        CHECK(data_split(chains_number(k)) == (k % 10 == 0 ? 2 : k % 10 == 1));
+    (void)remove("out/test_skeleton");
 }
 
 /* --- a predictor and its file --- */
@@ -1354,6 +1417,8 @@ int main(int argc, char **argv) {
     RUN(placing_in_place_and_outside);
     RUN(scanned_body_and_shirt);
     RUN(shards_merge_to_the_same_bytes);
+    RUN(joints_of_a_skeleton);
+    RUN(motion_by_its_angles);
     RUN(network_by_central_differences);
     RUN(network_learns);
     RUN(inputs_are_axis_times_angle);

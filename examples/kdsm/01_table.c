@@ -96,16 +96,15 @@ static const char *by_formula(study *s, int chains, int poses) {
     const char *error = NULL;
     int         c, p, i;
     for (c = 0; c < chains && !error; c++) {
-        double from[SHAPES_BONES][3], to[SHAPES_BONES][3];
+        double from[3 * SHAPES_BONES], to[3 * SHAPES_BONES];
         memset(from, 0, sizeof from);
         figure_walk(&s->f, 0, s->T);
         error = garment_wear(&s->g, s->T);
         for (p = 0; p < poses && !error; p++) {
-            figure_angles((uint64_t)(100 * c + p), REACH, to);
+            figure_angles(&s->f, (uint64_t)(100 * c + p), REACH, to);
             for (i = 1; i <= STEPS && !error; i++) {
                 const double t = fmin(1, 2.0 * i / STEPS);
-                figure_between((const double (*)[3])from, (const double (*)[3])to,
-                               t * t * (3 - 2 * t), s->T);
+                figure_between(&s->f, from, to, t * t * (3 - 2 * t), s->T);
                 error = garment_step(&s->g, s->T, 0.1);
             }
             if (!error) error = example(s);

@@ -12,11 +12,13 @@
  *             --every N     steps from example to example of a motion; 12
  *             --shard I/N   only chains I, I + N, I + 2 N .. and no merging
  *             --merge       nothing but that
- *             --on GARMENT.obj BODY.obj WEIGHTS.txt MOTION.skin ..     each is then simulated in
- *                           one, and five examples on end count as a chain
+ *             --skeleton FILE    of the body of --on, for chains of random angles there too
+ *             --on GARMENT.obj BODY.obj WEIGHTS.txt MOTION.skin ..     each motion is a chain more:
+ *                           the first is to be tested, the second watches, others are learned from
  *             seq 0 3 | parallel 02_data out/shirt --chains 100 --poses 5 --shard {}/4
  *   two commands from files to a predictor, DIR/data.net:
- *             02_data DIR --every 6 --on skirt.obj body.obj weights.txt walk.skin jump.skin
+ *             02_data DIR --chains 20 --skeleton skeleton.txt --on skirt.obj body.obj weights.txt
+ *                 walk.skin jump.skin punch.skin
  *             03_learn DIR/data --on skirt.obj body.obj weights.txt walk.skin
  *   expected: 2 examples of 2 chains, 0 thrown out
  *
@@ -41,16 +43,19 @@ static const char *read_arguments(int argc, char **argv, job *j) {
         else if (!strcmp(argv[i], "--around") && i + 1 < argc) j->around = atof(argv[++i]);
         else if (!strcmp(argv[i], "--every") && i + 1 < argc) j->every = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--edge") && i + 1 < argc) j->edge = atof(argv[++i]);
+        else if (!strcmp(argv[i], "--skeleton") && i + 1 < argc) j->skeleton = argv[++i];
         else if (!strcmp(argv[i], "--shard") && i + 1 < argc) {
             if (sscanf(argv[++i], "%d/%d", &j->shard, &j->shards) != 2 || j->shards < 1)
                 return "--shard I/N, I from 0";
         } else if (!strcmp(argv[i], "--on") && i + 4 < argc) {
-            j->files = argv + i + 1, j->motions = j->chains = argc - i - 4;
+            j->files = argv + i + 1, j->motions = argc - i - 4;
+            if (!j->skeleton) j->chains = 0;
             break;
         } else return "an option is not known: see the head of 02_data.c";
     }
     if (j->shard < 0 || j->shard >= j->shards) return "--shard I/N: I from 0, below N";
-    return j->chains > 0 && j->poses > 0 && j->steps > 0 && j->every > 0 ? NULL
+    if (j->skeleton && !j->motions) return "--skeleton is of the body of --on";
+    return j->chains + j->motions > 0 && j->poses > 0 && j->steps > 0 && j->every > 0 ? NULL
                : "--chains, --poses, --steps and --every from 1";
 }
 

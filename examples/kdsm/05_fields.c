@@ -108,15 +108,14 @@ int main(void) {
     view        *v = view_open("A shirt at rest, three ways",
                                "The space round a body, cut; a shirt, simulated; at rest by three "
                                "methods, in the colours of |d|.");
-    double       from[SHAPES_BONES][3], to[SHAPES_BONES][3];
+    double       from[3 * SHAPES_BONES], to[3 * SHAPES_BONES];
     const char  *error = open_scene(&s, v), *wrong;
     int          i, frames = 0;
     memset(from, 0, sizeof from);
-    figure_angles(0, 1.6, to);
+    figure_angles(&s.f, 0, 1.6, to);
     for (i = 0; i <= STEPS && !error; i++) {
         const double t = (double)i / STEPS;
-        figure_between((const double (*)[3])from, (const double (*)[3])to, t * t * (3 - 2 * t),
-                       s.T);
+        figure_between(&s.f, from, to, t * t * (3 - 2 * t), s.T);
         if (i > 0) error = garment_step(&s.g, s.T, 0.1);
         if (!error && i % EVERY == 0) error = frame(&s, v, i * GARMENT_H), frames++;
     }

@@ -20,8 +20,10 @@ typedef struct job {
     const char *stem;       /* of the files' names: "out/shirt/", "out/02_"             */
     double      edge;       /* m, of the shirt by formula                               */
     double      around;     /* > 0: poses near a walk, 1: as far as a person can        */
-    int         chains, poses, steps, every, shard, shards, merge, motions;
+    int         chains, poses, steps, every, shard, shards, merge;
+    int         motions;    /* each a chain more, behind those of random angles         */
     char      **files;      /* GARMENT BODY WEIGHTS MOTION ..                           */
+    const char *skeleton;   /* of that body, for random angles; else NULL               */
     figure      f;
     garment     g;
     double     *u, T[12 * 1000];
@@ -49,27 +51,26 @@ static inline const char *chains_keep(job *j, int chain, int number) {
 }
 
 /* Angles at random; or those of a walk at some time of its stride, and a part of them. */
-static inline void chains_aim(const job *j, uint64_t seed, double (*to)[3]) {
+static inline void chains_aim(const job *j, uint64_t seed, double *to) {
     double turn[SHAPES_BONES][3], shift[3];
     int    i;
-    figure_angles(seed, j->around > 0 ? j->around : 1, to);
-    if (!(j->around > 0)) return;
+    figure_angles(&j->f, seed, j->around > 0 ? j->around : 1, to);
+    if (!(j->around > 0) || j->f.skin) return;
     shapes_walk(2 + figure_random(seed, 99), 0, turn, shift);
-    for (i = 0; i < 3 * SHAPES_BONES; i++) to[i / 3][i % 3] += turn[i / 3][i % 3];
+    for (i = 0; i < 3 * SHAPES_BONES; i++) to[i] += turn[i / 3][i % 3];
 }
 
 /* Poses at random, one after the other, each settled. */
 static inline const char *chains_poses(job *j, int chain) {
     const char *error = NULL;
-    double      from[SHAPES_BONES][3], to[SHAPES_BONES][3];
+    double      from[3 * 1000], to[3 * 1000];
     int         p, i;
     memset(from, 0, sizeof from);
     for (p = 0; p < j->poses && !error; p++) {
         chains_aim(j, 1000 * (uint64_t)chain + (uint64_t)p + 1, to);
         for (i = 1; i <= j->steps && !error; i++) {
             const double t = fmin(1, 2.0 * i / j->steps);
-            figure_between((const double (*)[3])from, (const double (*)[3])to,
-                           t * t * (3 - 2 * t), j->T);
+            figure_between(&j->f, from, to, t * t * (3 - 2 * t), j->T);
             error = garment_step(&j->g, j->T, 0.1);
         }
         if (!error) error = chains_keep(j, chain, p);
@@ -78,16 +79,19 @@ static inline const char *chains_poses(job *j, int chain) {
     return error;
 }
 
-/* A piece of five examples counts as a chain: so a motion is learned from and tested. */
-static inline const char *chains_motion(job *j, int chain) {
-    const char *error = figure_read_motion(j->files[3 + chain], &j->f);
+/* The number of a motion's examples: of ten motions the first is tested, the second watches. */
+static inline int chains_number(int motion) {
+    return 1000000 + 10 * (motion / 10) + 9 - motion % 10;
+}
+
+static inline const char *chains_motion(job *j, int motion) {
+    const char *error = figure_read_motion(j->files[3 + motion], &j->f);
     int         i;
     for (i = 1; !error && 120 * (i - 1) * GARMENT_H < j->f.frames; i++) {
-        const int number = i / j->every - 1;
         figure_walk(&j->f, i * GARMENT_H, j->T);
         error = garment_step(&j->g, j->T, 0.1);
         if (!error && i % j->every == 0)
-            error = chains_keep(j, 1006 * chain + number / 5, number % 5);
+            error = chains_keep(j, chains_number(motion), i / j->every - 1);
     }
     return error;
 }
@@ -111,7 +115,8 @@ static inline const char *chains_one(job *j, int chain) {
     error = garment_wear(&j->g, j->T);
     if (!error && !data_write_head(j->out, j->f.njoints, j->g.nv, 0, 0, j->u))
         error = "a chain cannot be written";
-    if (!error) error = j->motions ? chains_motion(j, chain) : chains_poses(j, chain);
+    if (!error)
+        error = chain < j->chains ? chains_poses(j, chain) : chains_motion(j, chain - j->chains);
     rewind(j->out);                         /* what it holds is known only now */
     if (!error && !data_write_head(j->out, j->f.njoints, j->g.nv, j->n, j->thrown, j->u))
         error = "a chain cannot be written";
@@ -131,7 +136,7 @@ static inline const char *chains_merge(job *j) {
     sprintf(path, "%.900sdata", j->stem);
     if ((out = fopen(path, "wb")) == NULL) return "the directory cannot be written";
     for (pass = 0; pass < 2 && !error; pass++)
-        for (c = 0; c < j->chains && !error; c++) {
+        for (c = 0; c < j->chains + j->motions && !error; c++) {
             chains_part(j, c, "done", path);
             error = data_read(path, &s);
             if (pass == 0) n += s.n, thrown += s.thrown;
@@ -144,14 +149,27 @@ static inline const char *chains_merge(job *j) {
         }
     data_free(&s);
     if (fclose(out) && !error) error = "no space";
-    if (!error) printf("%d examples of %d chains, %d thrown out\n", n, j->chains, thrown);
+    if (!error)
+        printf("%d examples of %d chains, %d thrown out\n", n, j->chains + j->motions, thrown);
+    return error;
+}
+
+/* The body; with a skeleton, what its motions span. */
+static inline const char *chains_figure(job *j) {
+    const char *error = j->motions ? figure_load(j->files[1], j->files[2], j->files[3], &j->f)
+                                   : figure_make(0.03, &j->f);
+    int         i;
+    if (!error && j->skeleton) error = figure_read_skeleton(j->skeleton, &j->f);
+    for (i = 0; i < j->motions && j->skeleton && !error; i++) {
+        error = figure_read_motion(j->files[3 + i], &j->f);
+        if (!error) figure_widen(&j->f);
+    }
     return error;
 }
 
 /* The garment, and where it hangs at rest. */
 static inline const char *chains_dress(job *j) {
-    const char *error = j->motions ? figure_load(j->files[1], j->files[2], j->files[3], &j->f)
-                                   : figure_make(0.03, &j->f);
+    const char *error = chains_figure(j);
     int         i;
     if (!error) error = j->motions ? garment_load(&j->f, j->files[0], &j->g)
                                    : garment_make(&j->f, j->edge, &j->g);
@@ -168,9 +186,10 @@ static inline const char *chains_dress(job *j) {
 /* The chains of the shard, with a line of progress. */
 static inline const char *chains_make(job *j) {
     const char *error = NULL;
+    const int   n = j->chains + j->motions;
     int         c, done = 0, all = 0;
-    for (c = j->shard; c < j->chains; c += j->shards) all++;
-    for (c = j->shard; c < j->chains && !error; c += j->shards) {
+    for (c = j->shard; c < n; c += j->shards) all++;
+    for (c = j->shard; c < n && !error; c += j->shards) {
         error = chains_one(j, c);
         fprintf(stderr, "\rshard %d/%d: %d of %d chains, %.0f s ", j->shard, j->shards, ++done, all,
                 (double)clock() / CLOCKS_PER_SEC);
@@ -183,7 +202,7 @@ static inline const char *chains_make(job *j) {
 static inline void chains_forget(const job *j) {
     char path[1000];
     int  c;
-    for (c = 0; c < j->chains; c++) {
+    for (c = 0; c < j->chains + j->motions; c++) {
         chains_part(j, c, "done", path);
         (void)remove(path);
     }

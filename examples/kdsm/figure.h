@@ -6,10 +6,14 @@
  *              or figure_load("body.obj", "weights.txt", "motion.skin", &f);
  *     figure_body(&f, &desc);                                         into a kdsm_desc
  *     figure_walk(&f, t, T);                                          joints [f.njoints x 12]
+ *     figure_angles(&f, seed, 1, turn), figure_at(&f, turn, T);       joints at random angles
  *     figure_free(&f);
  *
  * Weights: a line 'vertex joint weight' each, # comments. Motion: 8 bytes, then uint32 frames,
- * joints and two more, then frames x joints x 12 floats, rows of [R | t], 120 Hz.
+ * joints, 120 and the frames at the start that only lead in, then frames x joints x 12 floats, rows
+ * of [R | t], 120 Hz. Skeleton, for angles at random: a line 'joint name parent x y z' each, the
+ * parent -1 or smaller, x y z where the joint is at rest; angles are of what the motions span.
+ * checked: tests/test_kdsm.c: joints_of_a_skeleton, motion_by_its_angles
  */
 #ifndef KDSM_EXAMPLE_FIGURE_H
 #define KDSM_EXAMPLE_FIGURE_H
@@ -27,8 +31,11 @@ typedef struct figure {
     const double *x;
     const int    *faces, *joint;
     const double *weight;
-    int           frames;
+    int           frames, lead;     /* of the motion; those that only lead in           */
     float        *skin;             /* [frames x njoints x 12]                          */
+    int          *parent;           /* of a skeleton [njoints]                          */
+    double       *head;             /* [njoints x 3]                                    */
+    double      (*range)[2][3];     /* [njoints] least and largest turn                 */
     int          *own_joint;
     double       *own_weight;
 } figure;
@@ -36,9 +43,8 @@ typedef struct figure {
 static inline void figure_free(figure *f) {
     shapes_body_free(&f->shape);
     cloth_mesh_destroy(NULL, f->mesh);
-    free(f->skin);
-    free(f->own_joint);
-    free(f->own_weight);
+    free(f->skin), free(f->parent), free(f->head), free(f->range);
+    free(f->own_joint), free(f->own_weight);
     memset(f, 0, sizeof *f);
 }
 
@@ -76,6 +82,7 @@ static inline const char *figure_read_motion(const char *path, figure *f) {
     memcpy(n, head + 8, sizeof n);
     if (n[0] < 2 || n[0] > 100000 || n[1] < 1 || n[1] > 1000) goto done;
     f->frames = (int)n[0], f->njoints = (int)n[1];
+    f->lead = n[3] < n[0] ? (int)n[3] : 0;
     count = 12 * (size_t)n[0] * n[1];
     f->skin = (float *)malloc(count * sizeof *f->skin);
     if (f->skin && fread(f->skin, sizeof *f->skin, count, in) == count) error = NULL;
@@ -168,9 +175,117 @@ static inline double figure_random(uint64_t seed, int i) {
     return (double)((z ^ z >> 31) >> 11) / 4503599627370496.0 - 1;
 }
 
-/* Angles of the body by formula at random, `amount` of what a person can: arms, trunk, legs; 0: at
- * rest. turn [SHAPES_BONES] */
-static inline void figure_angles(uint64_t seed, double amount, double (*turn)[3]) {
+/* ----- angles: turn [njoints x 3], of a joint against its parent, axis times angle; of the body by
+ * formula those of shapes.h -------------------------------------------------------------- */
+
+/* The vector of a rotation R, rows: its axis, as long as its angle, which is below pi. */
+static inline void figure_vector(const double *R, double *v) {
+    const double a[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]};
+    const double sine = 0.5 * sqrt(kdsmi_dot(a, a)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1);
+    const double by = sine > 1e-9 ? 0.5 * atan2(sine, cosine) / sine : 0.5;
+    int          c;
+    for (c = 0; c < 3; c++) v[c] = by * a[c];
+}
+
+/* R = cos l + (1 - cos l) a a' + sin l [a]x,  v = l a                          [Rodrigues] */
+static inline void figure_rotation(const double *v, double *R) {
+    const double l = sqrt(kdsmi_dot(v, v)), by = l > 1e-9 ? sin(l) / l : 1;
+    const double part = l > 1e-9 ? (1 - cos(l)) / (l * l) : 0.5;
+    const double cross[9] = {0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0};
+    int          k;
+    for (k = 0; k < 9; k++)
+        R[k] = (k % 4 ? 0 : cos(l)) + part * v[k / 3] * v[k % 3] + by * cross[k];
+}
+
+/* How joint j turns in the frame of its parent p, -1: in space. T [njoints x 12] */
+static inline void figure_turn(const double *T, int p, int j, double *v) {
+    double R[9];
+    int    r, c, k;
+    for (r = 0; r < 3; r++)
+        for (c = 0; c < 3; c++) {
+            double sum = p < 0 ? T[12 * j + 4 * r + c] : 0;
+            for (k = 0; k < 3 && p >= 0; k++)
+                sum += T[12 * p + 4 * k + r] * T[12 * j + 4 * k + c];
+            R[3 * r + c] = sum;
+        }
+    figure_vector(R, v);
+}
+
+/* The joints T [njoints x 12] at the angles `turn`; the root stays where it is at rest. */
+static inline void figure_at(const figure *f, const double *turn, double *T) {
+    const double shift[3] = {0, 0, 0};
+    int          j, r, c, k;
+    if (!f->parent) {
+        double angle[SHAPES_BONES][3];
+        memcpy(angle, turn, sizeof angle);
+        shapes_bones((const double (*)[3])angle, shift, T);
+        return;
+    }
+    for (j = 0; j < f->njoints; j++) {
+        const double *h = f->head + 3 * j, *P = f->parent[j] < 0 ? NULL : T + 12 * f->parent[j];
+        double        R[9], *M = T + 12 * j;
+        figure_rotation(turn + 3 * j, R);
+        for (r = 0; r < 3; r++) {           /* M = P R about h, which P carries */
+            double at = P ? P[4 * r + 3] : h[r];
+            for (c = 0; c < 3; c++) {
+                M[4 * r + c] = P ? 0 : R[3 * r + c];
+                for (k = 0; k < 3 && P; k++) M[4 * r + c] += P[4 * r + k] * R[3 * k + c];
+                at += (P ? P[4 * r + c] * h[c] : 0) - M[4 * r + c] * h[c];
+            }
+            M[4 * r + 3] = at;
+        }
+    }
+}
+
+/* The joints at the angles `part` of the way from a to b. */
+static inline void figure_between(const figure *f, const double *a, const double *b, double part,
+                                  double *T) {
+    double turn[3 * 1000];
+    int    i;
+    for (i = 0; i < 3 * f->njoints; i++) turn[i] = (1 - part) * a[i] + part * b[i];
+    figure_at(f, turn, T);
+}
+
+/* Widens the ranges by the motion that was read last. */
+static inline void figure_widen(figure *f) {
+    double T[12 * 1000], v[3];
+    int    i, j, c;
+    for (i = f->lead; i < f->frames; i++) {
+        figure_walk(f, i / 120.0, T);
+        for (j = 0; j < f->njoints; j++) {
+            figure_turn(T, f->parent[j], j, v);
+            for (c = 0; c < 3; c++) {
+                f->range[j][0][c] = fmin(f->range[j][0][c], v[c]);
+                f->range[j][1][c] = fmax(f->range[j][1][c], v[c]);
+            }
+        }
+    }
+}
+
+/* After a motion, which says how many joints there are. */
+static inline const char *figure_read_skeleton(const char *path, figure *f) {
+    char   line[256];
+    double x[3];
+    int    j, p, n = 0, i;
+    FILE  *in = fopen(path, "r");
+    if (!in) return "the skeleton cannot be opened";
+    f->parent = (int *)malloc((size_t)f->njoints * sizeof(int));
+    f->head = (double *)malloc((size_t)f->njoints * 3 * sizeof(double));
+    f->range = (double(*)[2][3])malloc((size_t)f->njoints * sizeof *f->range);
+    while (f->parent && f->head && f->range && n < f->njoints && fgets(line, sizeof line, in)) {
+        if (sscanf(line, "%d %*s %d %lf %lf %lf", &j, &p, x, x + 1, x + 2) != 5) continue;
+        if (j != n || p < -1 || p >= j) break;
+        f->parent[n] = p, memcpy(f->head + 3 * n, x, sizeof x);
+        for (i = 0; i < 3; i++) f->range[n][0][i] = HUGE_VAL, f->range[n][1][i] = -HUGE_VAL;
+        n++;
+    }
+    fclose(in);
+    return n == f->njoints ? NULL : "the skeleton does not fit the motion's joints";
+}
+
+/* Angles at random, `amount` of what a person can: by formula, arms, trunk, legs, 0: at rest; by a
+ * skeleton about the middle of what the motions span, so that 0 is that middle. */
+static inline void figure_angles(const figure *f, uint64_t seed, double amount, double *turn) {
     /* the largest turn of each bone, about x, y and z, radians, and the middle of its range */
     static const double most[SHAPES_BONES][3] = {
         {0.1, 0.2, 0.1}, {0.3, 0.4, 0.2}, {0.3, 0.4, 0.2}, {0.7, 0.4, 0.4}, {0.7, 0.4, 0.4},
@@ -179,27 +294,20 @@ static inline void figure_angles(uint64_t seed, double amount, double (*turn)[3]
     static const double middle[SHAPES_BONES][3] = {
         {0, 0, 0}, {0.1, 0, 0}, {0, 0, 0}, {0, 0, -0.15}, {0, 0, 0.15}, {-0.5, 0, 0}, {-0.5, 0, 0},
         {-0.2, 0, 0}, {-0.2, 0, 0}, {0.6, 0, 0}, {0.6, 0, 0}, {0, 0, 0}, {0, 0, 0}};
-    int i, k;
-    for (i = 0; i < SHAPES_BONES; i++)
-        for (k = 0; k < 3; k++)
-            turn[i][k] = amount * (most[i][k] * figure_random(seed, 3 * i + k)
-                                   + middle[i][k]);
+    int i;
+    for (i = 0; i < 3 * f->njoints; i++) {
+        const double draw = figure_random(seed, i);
+        if (f->parent) {
+            const double lo = f->range[i / 3][0][i % 3], hi = f->range[i / 3][1][i % 3];
+            turn[i] = 0.5 * (lo + hi) + 0.5 * amount * draw * (hi - lo);
+        } else turn[i] = amount * (most[i / 3][i % 3] * draw + middle[i / 3][i % 3]);
+    }
 }
 
-/* The joints at the angles `part` of the way from a to b. */
-static inline void figure_between(const double (*a)[3], const double (*b)[3], double part,
-                                  double *T) {
-    double turn[SHAPES_BONES][3], shift[3] = {0, 0, 0};
-    int    i;
-    for (i = 0; i < 3 * SHAPES_BONES; i++)
-        turn[i / 3][i % 3] = (1 - part) * a[i / 3][i % 3] + part * b[i / 3][i % 3];
-    shapes_bones((const double (*)[3])turn, shift, T);
-}
-
-static inline void figure_pose(uint64_t seed, double amount, double *T) {
-    double turn[SHAPES_BONES][3];
-    figure_angles(seed, amount, turn);
-    figure_between((const double (*)[3])turn, (const double (*)[3])turn, 0, T);
+static inline void figure_pose(const figure *f, uint64_t seed, double amount, double *T) {
+    double turn[3 * 1000];
+    figure_angles(f, seed, amount, turn);
+    figure_at(f, turn, T);
 }
 
 #endif

@@ -1575,13 +1575,13 @@ typedef struct kdsmi_pose {
     kdsmi_list  found;                      /* kdsm_candidate                                  */
 } kdsmi_pose;
 
-/* What follows x and the body's x. */
-static void kdsmi_pose_refresh(kdsmi_pose *p) {
+/* What follows x and the body's x; grow: builds or refits the hierarchies. */
+static void kdsmi_pose_refresh(kdsmi_pose *p, void (*grow)(kdsmi_tree *t)) {
     const kdsmi_space *s = kdsmi_of(p->pub.space);
     kdsmi_tet_boxes(&p->tree, s, p->pub.x);
-    kdsmi_tree_refit(&p->tree);
+    grow(&p->tree);
     kdsmi_surface_boxes(&p->faces, p->pub.body, s->bf);
-    kdsmi_tree_refit(&p->faces);
+    grow(&p->faces);
     kdsmi_normals(s->nb, p->pub.body, s->fb, s->bf, p->normal);
 }
 
@@ -1604,11 +1604,7 @@ KDSM_API cloth_status kdsm_pose_create(const kdsm_space *space, kdsm_pose **out)
         kdsm_pose_destroy(&p->pub);
         return kdsmi_no_memory(hooks, "a pose");
     }
-    kdsmi_tet_boxes(&p->tree, s, p->pub.x);
-    kdsmi_tree_build(&p->tree);
-    kdsmi_surface_boxes(&p->faces, p->pub.body, s->bf);
-    kdsmi_tree_build(&p->faces);
-    kdsmi_normals(s->nb, p->pub.body, s->fb, s->bf, p->normal);
+    kdsmi_pose_refresh(p, kdsmi_tree_build);
     *out = &p->pub;
     return CLOTH_OK;
 }
@@ -1632,7 +1628,7 @@ KDSM_API cloth_status kdsm_pose_set(kdsm_pose *pose, const double *T) {
     status = kdsm_skin(pose->space, T, s->pub.nv, NULL, pose->x);
     if (status) return status;
     kdsmi_blend(s->bx, s->influences, s->bj, s->bw, T, s->nb, NULL, pose->body);
-    kdsmi_pose_refresh((kdsmi_pose *)(void *)pose);
+    kdsmi_pose_refresh((kdsmi_pose *)(void *)pose, kdsmi_tree_refit);
     return CLOTH_OK;
 }
 
@@ -1758,13 +1754,9 @@ KDSM_API cloth_status kdsm_carry(const kdsm_pose *from, const kdsm_pose *to, int
  *
  * checked: tests/test_kdsm.c: embedding_gives_points_back, derivative_by_central_differences */
 
-typedef struct kdsmi_rest {
-    const kdsm_space *s;
-} kdsmi_rest;
-
 /* Squared distance from p to a tetrahedron at rest. */
 static double kdsmi_rest_far(int i, const double *p, const void *ctx) {
-    const kdsm_space *s = ((const kdsmi_rest *)ctx)->s;
+    const kdsm_space *s = (const kdsm_space *)ctx;
     kdsm_candidate    c;
     double            a[12], w[3], best = HUGE_VAL;
     int               k;
@@ -1779,7 +1771,6 @@ static double kdsmi_rest_far(int i, const double *p, const void *ctx) {
 /* The deepest tetrahedron at rest, or the nearest; returns the distance, 0 inside. */
 static double kdsmi_embed(const kdsm_space *s, const double *p, kdsm_candidate *best) {
     kdsmi_walk     walk;
-    kdsmi_rest     rest;
     kdsm_candidate c;
     double         far2 = 0;
     int            t;
@@ -1789,8 +1780,7 @@ static double kdsmi_embed(const kdsm_space *s, const double *p, kdsm_candidate *
         if (kdsmi_inside(s, s->v, t, p, &c) && c.depth >= 0
             && (best->tet < 0 || kdsmi_deeper(&c, best))) *best = c;
     if (best->tet >= 0) return 0;
-    rest.s = s;
-    t = kdsmi_tree_nearest(&kdsmi_of(s)->tree, p, kdsmi_rest_far, &rest, &far2);
+    t = kdsmi_tree_nearest(&kdsmi_of(s)->tree, p, kdsmi_rest_far, s, &far2);
     (void)kdsmi_inside(s, s->v, t, p, best);
     return sqrt(far2);
 }

@@ -1,7 +1,7 @@
 /* net.h - a small network in plain C: two hidden layers, Adam, the L2 loss.
  * SPDX-License-Identifier: MIT
  *
- *     a_0 = input,  a_l+1 = max(0, a_l W_l + b_l),  the last without the max       [n_l x n_l+1]
+ *     a_0 = input,  a_l+1 = tanh(a_l W_l + b_l),  the last without tanh            W [n_l x n_l+1]
  *     loss = sum_o (a_o - t_o)^2 / (2 outputs)
  *     Adam  [Kingma, Ba 2015, algorithm 1]: m, v running means of g and g^2, each over what is left
  *           of their start at 0; p -= rate (m / (sqrt v + 1e-8) + decay p)
@@ -60,9 +60,9 @@ static inline int net_make(const int n[NET_LAYERS + 1], uint64_t seed, net *w) {
     for (l = 0; l < NET_LAYERS; l++) w->a[l + 1] = w->a[l] + n[l];
     for (l = 0; l <= NET_LAYERS; l++) w->e[l] = w->a[l] + units;
     seed = seed * 0x9e3779b97f4a7c15u + 1;
-    for (l = 0; l < NET_LAYERS; l++)        /* the variance of each layer's sums stays [He 2015] */
+    for (l = 0; l < NET_LAYERS; l++)        /* the variance of each layer's sums stays */
         for (i = 0; i < (size_t)n[l] * (size_t)n[l + 1]; i++)
-            w->p[w->at[l] + i] = net_random(&seed) * sqrt(6.0 / n[l])
+            w->p[w->at[l] + i] = net_random(&seed) * sqrt(3.0 / n[l])
                                  * (l == NET_LAYERS - 1 ? 0.1 : 1);
     return 1;
 }
@@ -78,10 +78,9 @@ static inline const double *net_forward(net *w, const double *in) {
         memcpy(a, W + (size_t)w->n[l] * (size_t)n, (size_t)n * sizeof *a);
         for (i = 0; i < w->n[l]; i++) {
             const double x = w->a[l][i], *row = W + (size_t)i * (size_t)n;
-            if (x == 0) continue;           /* a unit at rest says nothing */
             for (o = 0; o < n; o++) a[o] += x * row[o];
         }
-        for (o = 0; o < n && l < NET_LAYERS - 1; o++) a[o] = a[o] > 0 ? a[o] : 0;
+        for (o = 0; o < n && l < NET_LAYERS - 1; o++) a[o] = tanh(a[o]);
     }
     return w->a[NET_LAYERS];
 }
@@ -105,15 +104,13 @@ static inline double net_backward(net *w, const double *in, const double *target
         for (i = 0; i < w->n[l]; i++) {
             const double *row = W + (size_t)i * (size_t)n, x = w->a[l][i];
             double       *g = G + (size_t)i * (size_t)n, s[4] = {0, 0, 0, 0};
-            w->e[l][i] = 0;
-            if (x == 0) continue;           /* at rest: no share in the loss */
             for (o = 0; o < n; o++) g[o] += x * e[o];
             if (l == 0) continue;
             for (o = 0; o + 3 < n; o += 4)
                 s[0] += row[o] * e[o], s[1] += row[o + 1] * e[o + 1],
                 s[2] += row[o + 2] * e[o + 2], s[3] += row[o + 3] * e[o + 3];
             for (; o < n; o++) s[0] += row[o] * e[o];
-            w->e[l][i] = s[0] + s[1] + s[2] + s[3];
+            w->e[l][i] = (1 - x * x) * (s[0] + s[1] + s[2] + s[3]);     /* tanh' */
         }
     }
     return loss;

@@ -196,28 +196,10 @@ static inline const char *wearer_put(wearer *w, int kind, const double *T, doubl
 
 /* ----- the network's word ------------------------------------------------------------- */
 
-/* The vector of a rotation R, rows: its axis, as long as its angle, which is below pi. */
-static inline void predict_turn(const double *R, double *v) {
-    const double a[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]};
-    const double sine = 0.5 * sqrt(kdsmi_dot(a, a)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1);
-    const double by = sine > 1e-9 ? 0.5 * atan2(sine, cosine) / sine : 0.5;
-    int          c;
-    for (c = 0; c < 3; c++) v[c] = by * a[c];
-}
-
 /* in [njoints x 3]: how R_0 turns, then R_0' R_j. */
 static inline void predict_inputs(const double *T, int njoints, double *in) {
-    int j, r, c, k;
-    for (j = 0; j < njoints; j++) {
-        double R[9];
-        for (r = 0; r < 3; r++)
-            for (c = 0; c < 3; c++) {
-                double sum = j ? 0 : T[4 * r + c];
-                for (k = 0; k < 3 && j; k++) sum += T[4 * k + r] * T[12 * j + 4 * k + c];
-                R[3 * r + c] = sum;
-            }
-        predict_turn(R, in + 3 * j);
-    }
+    int j;
+    for (j = 0; j < njoints; j++) figure_turn(T, j ? 0 : -1, j, in + 3 * j);
 }
 
 /* x [nv x 3]: the garment under the joints T. */

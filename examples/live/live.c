@@ -1,13 +1,18 @@
 /* live.c - the scene of the live page: a curtain of 30 x 30 vertices and a ball, stepped by a host
  * that is a browser. Compiled to WebAssembly by live.sh, or to a program that prints a hash:
- *   cc -std=c99 -O2 -ffp-contract=off -DLIVE_MAIN -I../.. live.c -o live -lm && ./live
+ * and draws the gallery's still, out/live.png:
+ *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I../.. -I.. live.c -lm && ./a.out
  *
  * Notice: the host owns the time. Steps are of 1/60 s whatever the screen does; max_newton bounds
  * what a step costs, and hooks.cancel answers 2 (finish now) where a pull makes it dearer than the
  * frame has: the cloth then moves on less accurately, but without an intersection, and never
  * freezes. Nothing here but [2.4] and [2.5] of clothsim.h and [2.5] of clothsim_collide.h. */
+#ifdef __wasm__
 #define CLOTHSIM_IMPLEMENTATION
+#endif
 #include "clothsim_collide.h"
+#include <math.h>
+#include <string.h>
 
 #define N      30               /* vertices along a side                               */
 #define H      (1.0 / 60)       /* s                                                   */
@@ -173,12 +178,31 @@ EXPORT(live_hash) unsigned live_hash(int high) {
     return (unsigned)(high ? h >> 32 : h & 0xffffffffu);
 }
 
-#ifdef LIVE_MAIN
-#include <stdio.h>
+#ifndef __wasm__
+#include "view.h"
 #include <time.h>
+
+/* The still beside the page, by way of a view of one frame. */
+static const char *still(void) {
+    static double x[3 * VIEW_BALL_NV];
+    view         *page = view_open("Live!", "");
+    int           mesh[2];
+    view_camera(page, 24, 8), view_floor(page, 0);
+    mesh[0] = view_mesh(page, "cloth", VIEW_CLOTH, live_nv(), live_nf(), live_faces());
+    view_pattern(page, mesh[0], live_X()), mesh[1] = view_ball(page, "ball");
+    for (int i = 0; i < VIEW_BALL_NV; i++) {
+        view_ball_point(i, x + 3 * i);
+        for (int k = 0; k < 3; k++) x[3 * i + k] = s.center[k] + s.radius * x[3 * i + k];
+    }
+    view_time(page, 0);
+    view_put(page, mesh[0], live_x(), NULL, NULL), view_put(page, mesh[1], x, NULL, NULL);
+    return view_close(page, "out/live.html");
+}
+
 int main(void) {
-    double worst = 0;
-    int    status = live_start();
+    const char *error;
+    double      worst = 0;
+    int         status = live_start();
     for (int i = 0; i < 60 && !status; i++) {
         const clock_t begin = clock();
         status = live_step();
@@ -188,6 +212,7 @@ int main(void) {
             1e3 * worst);
     if (status) printf("%s\n", cloth_status_text((cloth_status)status));
     else printf("%08x%08x\n", live_hash(1), live_hash(0));
-    return status != 0;
+    if ((error = still()) != NULL) fprintf(stderr, "%s\n", error);
+    return status != 0 || error != NULL;
 }
 #endif

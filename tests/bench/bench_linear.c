@@ -1,7 +1,29 @@
 /* bench_linear.c - the linear solver on sheets of N x N: microseconds per set-up and per iteration.
  *   cc -std=c99 -O3 -march=native -ffp-contract=off -pthread bench/bench_linear.c -lm && ./a.out
  * Matrices as a hanging sheet has them: Y = 1e4 N/m, 60 Hz, taut along one axis and slack across.
- * Minimum of repeated runs; 'plain' is block Jacobi, the textbook CG in doubles. */
+ * Minimum of repeated runs; 'plain' is block Jacobi, the textbook CG in doubles.
+ *
+ * What [7.1] and [7.3] chose between, on a hanging sheet of 64 x 64 when each was built; the parts
+ * are numbered as in [7.3].
+ *   order  natural, reverse Cuthill-McKee, 8 and 16 leaves differ by less than 10 % once long waves
+ *          are deflated; random numbering costs 25 %. Rows by level: 60 us an iteration for 69.
+ *   2      123 us a matrix.
+ *   3      34 iterations where block Jacobi needs 130. Lost: SSOR with omega 1.2 to 1.4 (10 to 20 %
+ *          fewer iterations alone, nothing on top of 5), block IC(0) (not fewer, and 4 does not
+ *          apply).
+ *   4      56 to 65 us an iteration; 245 us in the plain form with doubles.
+ *   5      a solve to 0.1 takes 8 iterations (worst 19) with it and 35 (worst 150) without, 100 to
+ *          460 whenever a long wave is left; steps are ten times as exact. Lost: adding the coarse
+ *          correction instead (12 to 18 iterations), weights smoothed over the graph (fewer
+ *          iterations, dearer matrices), affine modes (6.6, but 576 unknowns), 24 or 256 aggregates
+ *          (10 % more; the factor too dear). At 60 000 vertices 357 iterations a frame where 128
+ *          aggregates need 533. Smoothed aggregation over several levels: 17, 23, 27 iterations at
+ *          N = 64, 128, 180 for 80, 77, 116, each 7 times as dear: even at N = 180 and 1e-6, a loss
+ *          below.
+ *   factor kept over Newton iterations as preconditioner it loses in motion: the matrix changes too
+ *          much.
+ *   workers  8 to 10 % of a step's time is outside of the loops: two are at most 1.83 times as fast
+ *          as one, with what the leaves differ in size and 2 us a loop 1.7 times. */
 #define _POSIX_C_SOURCE 200112L
 #define CLOTHSIM_IMPLEMENTATION
 #include "../../clothsim.h"

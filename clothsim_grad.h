@@ -490,6 +490,9 @@ extern "C" {
 enum { CLOTHI_MOTION, CLOTHI_INPUTS, CLOTHI_PARAMS };   /* kinds of clothi_fields             */
 enum { CLOTHI_TAPE_RECORD, CLOTHI_TAPE_DEAF, CLOTHI_TAPE_TRACE };
 
+/* Of a substep: implicit Euler for BDF2; there is a history after it. */
+enum { CLOTHI_HOW_EULER = 1, CLOTHI_HOW_KEPT = 2 };
+
 typedef struct clothi_taped {               /* one step                                        */
     double   h;                             /* s; 0: statics                                   */
     int      dropped;                       /* before it: bit 1 history, bit 2 sleep           */
@@ -498,12 +501,12 @@ typedef struct clothi_taped {               /* one step                         
     int      slept;                         /* it put the sim to sleep: v became 0             */
     int      inexact;                       /* with contact, whose search may end anywhere: it
                                                did before it converged                         */
-    uint32_t euler, kept;                   /* bits of 32 substeps at most: implicit Euler
-                                               for BDF2; there is a history after it           */
     int      substeps;                      /* LEAPFROG: kicks                                 */
     size_t   size, units, nword;            /* bytes of its input, of units in it; words that
                                                differ                                          */
     uint64_t *word;                         /* [nword], then [nword] uint32_t: which ones      */
+    const unsigned char *how;               /* [substeps] CLOTHI_HOW_... behind them; not of
+                                               LEAPFROG                                        */
     unsigned char *slot;                    /* motion at its start, then the ends of its
                                                substeps but the last [3 nv]; NULL: dropped     */
 } clothi_taped;
@@ -527,7 +530,7 @@ struct cloth_tape {
     size_t        trace_room;               /* doubles                                         */
     int           traced;                   /* substeps in it                                  */
     int           lost;                     /* trace: memory is out                            */
-    uint32_t      euler, kept;              /* of the step that is recorded                    */
+    unsigned char *how;                     /* [substeps] of the step that is recorded         */
     size_t        path;                     /* bytes of the longest trace of LEAPFROG          */
     size_t        bytes, most;
     size_t        work;                     /* bytes that a walk backwards takes, beside slots */
@@ -654,15 +657,19 @@ static int clothi_tape_room(cloth_tape *t, unsigned char **block, size_t size, s
  * blocks of zeros beyond. */
 static int clothi_tape_words(cloth_tape *t, clothi_taped *e, size_t before) {
     const size_t    most = (e->size > before ? e->size : before) / 8;
+    const size_t    hows = t->how && e->substeps > 0 ? (size_t)e->substeps : 0;
     const uint64_t *a = (const uint64_t *)(const void *)t->input;
     const uint64_t *b = (const uint64_t *)(const void *)t->next;
     uint32_t       *which;
     size_t          i, n = 0;
     for (i = 0; i < most; i++) n += a[i] != b[i];
     e->nword = n;
-    e->word = (uint64_t *)clothi_tape_alloc(t, n, sizeof(uint64_t) + sizeof(uint32_t));
+    e->word = (uint64_t *)clothi_tape_alloc(
+        t, n * (sizeof(uint64_t) + sizeof(uint32_t)) + hows, 1);
     if (!e->word) return 0;
     which = (uint32_t *)(void *)(e->word + n);
+    e->how = (unsigned char *)(which + n);
+    if (hows) memcpy(which + n, t->how, hows);
     for (i = 0, n = 0; i < most; i++)
         if (a[i] != b[i]) {
             which[n] = (uint32_t)i;
@@ -759,8 +766,8 @@ static void clothi_tape_outcome(const cloth_tape *t, const cloth_step_record *r,
                clothi_all_zero(r->v, t->nv3);
     e->substeps = e->asleep ? 0 : t->traced;
     e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
-    e->euler = t->euler;
-    e->kept = t->kept | (uint32_t)(t->sim->history != 0) << ((e->substeps - 1) & 31);
+    if (t->how && e->substeps > 0 && t->sim->history)
+        t->how[e->substeps - 1] |= CLOTHI_HOW_KEPT;
 }
 
 /* A step was accepted; r NULL: what it would have begun with was moved. */
@@ -791,10 +798,6 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
                                                sizeof(double));
     if (t->lost || !clothi_tape_take(t, r, e)) {
         clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
-        return;
-    }
-    if (t->sim->contact_on && e->substeps > 32) {
-        clothi_tape_end(t, CLOTH_ERR_CAPACITY, "a step with contact has over 32 substeps");
         return;
     }
     if (t->n) moved = clothi_tape_moved(t->sim, t->end, t->start);
@@ -844,9 +847,11 @@ static void clothi_tape_substep(void *user, const cloth_step_input *in, const do
     size_t       need;
     if (t->mode == CLOTHI_TAPE_RECORD && host->substep) host->substep(host->user, in, x);
     if (t->mode == CLOTHI_TAPE_DEAF || (t->mode == CLOTHI_TAPE_RECORD && t->ended)) return;
-    if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0, t->euler = t->kept = 0;
-    if (t->traced && in->x_prev) t->kept |= (uint32_t)1 << ((t->traced - 1) & 31);
-    if (!(in->eta < 0.9 * in->h)) t->euler |= (uint32_t)1 << (t->traced & 31);
+    if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0;
+    if (t->how) {
+        if (t->traced && in->x_prev) t->how[t->traced - 1] |= CLOTHI_HOW_KEPT;
+        t->how[t->traced] = in->eta < 0.9 * in->h ? 0 : CLOTHI_HOW_EULER;
+    }
     need = (size_t)(t->traced + 1) * each;
     if (leap ? t->mode == CLOTHI_TAPE_RECORD : t->slot == t->motion) need = 0;      /* counted */
     if (need && !clothi_tape_trace(t, need)) t->lost = 1;
@@ -897,19 +902,20 @@ static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input)
 /* Sizes and the arrays that every tape has. */
 static cloth_status clothi_tape_arrays(cloth_tape *t) {
     cloth_sim *s = t->sim;
-    const int  m = s->model->desc.substeps;
+    const int  m = s->model->desc.substeps, leap = s->model->desc.integrator ==
+                                                   CLOTH_INTEGRATOR_LEAPFROG;
+    const size_t how = leap ? 0 : m > 1 ? (size_t)m : 1;
     size_t     need, units = clothi_tape_units(s, CLOTHI_SIZE, NULL, 0);
     t->nv3 = 3 * (size_t)s->model->nv;
     t->motion = clothi_tape_walk(s, CLOTHI_MOTION, CLOTHI_SIZE, NULL);
     t->params = clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_SIZE, NULL);
     t->fixed_input = clothi_tape_walk(s, CLOTHI_INPUTS, CLOTHI_SIZE, NULL) + t->params;
     t->slot = t->motion;
-    if (s->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG && m > 1)
-        t->slot += (size_t)(m - 1) * t->nv3 * sizeof(double);
+    if (!leap && m > 1) t->slot += (size_t)(m - 1) * t->nv3 * sizeof(double);
     t->room = t->fixed_input + units + CLOTHI_PAD8(units);
     t->work = clothi_grad_bytes(s, t->motion, t->room);
     if (s->contact_on) t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
-    need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot +
+    need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot + how +
            (t->room / 8) * 12;
     if (t->opt.bytes && t->opt.bytes < need)
         return clothi_fail(&t->hooks, CLOTH_ERR_CAPACITY, "cloth_tape_create: options.bytes = %z "
@@ -918,7 +924,8 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
     t->end = (unsigned char *)clothi_tape_alloc(t, t->motion, 1);
     t->input = (unsigned char *)clothi_tape_alloc(t, t->room, 1);
     t->next = (unsigned char *)clothi_tape_alloc(t, t->room, 1);
-    if (t->start && t->end && t->input && t->next) return CLOTH_OK;
+    if (how) t->how = (unsigned char *)clothi_tape_alloc(t, how, 1);
+    if (t->start && t->end && t->input && t->next && (t->how || leap)) return CLOTH_OK;
     return clothi_fail(&t->hooks, CLOTH_ERR_MEMORY, "no memory for a tape");
 }
 
@@ -974,6 +981,7 @@ CLOTH_API void cloth_tape_destroy(cloth_tape *tape) {
     clothi_tape_free(tape, tape->input);
     clothi_tape_free(tape, tape->next);
     clothi_tape_free(tape, tape->trace);
+    clothi_tape_free(tape, tape->how);
     clothi_free(&tape->hooks, tape);
 }
 
@@ -1240,8 +1248,7 @@ static cloth_status clothi_line_contact(cloth_sim *s) {
 static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j, int m,
                                      const double *x, clothi_line *q) {
     const double h = e->h;
-    const int    told = s->contact_on || (h > 0 && m <= 32);   /* bits of substeps are kept */
-    const int    kept = !told || (e->kept >> (j & 31) & 1);
+    const int    how = h > 0 && e->how ? e->how[j] : CLOTHI_HOW_KEPT, kept = how / CLOTHI_HOW_KEPT;
     cloth_status status;
     memset(q, 0, sizeof *q);
     q->h = h / m;
@@ -1253,7 +1260,7 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
     clothi_eval_start(s, &q->goal, q->h);
     if (h > 0) {
         q->bdf2 = clothi_predict(s, q->h, &q->goal.eta);
-        if (told && q->bdf2 && (e->euler >> (j & 31) & 1)) clothi_line_restart(s, q);
+        if (q->bdf2 && how & CLOTHI_HOW_EULER) clothi_line_restart(s, q);
         s->in.eta = q->goal.eta;
         s->in.y = s->w.y;
         q->weight = 1 / (q->goal.eta * q->goal.eta);

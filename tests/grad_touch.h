@@ -14,7 +14,7 @@ enum { TOUCH_X0, TOUCH_V0, TOUCH_MEMBRANE, TOUCH_BENDING, TOUCH_GRAVITY, TOUCH_F
        TOUCH_OBSTACLE, TOUCH_CAUSES, TOUCH_START, TOUCH_REST,     /* the first two; others */
        TOUCH_DENSITY, TOUCH_POISSON, TOUCH_DAMPING, TOUCH_X, TOUCH_THETA0, TOUCH_SCALE, TOUCH_MASS,
        TOUCH_WIND, TOUCH_FORCE, TOUCH_PIN, TOUCH_ATTACH, TOUCH_ATTACH_K, TOUCH_PART, TOUCH_HOST,
-       TOUCH_ALL, TOUCH_RICH };                                   /* all from density on */
+       TOUCH_ALL, TOUCH_RICH };             /* all from density on                             */
 enum { TOUCH_PLANE, TOUCH_SPHERE, TOUCH_BOX, TOUCH_CAPSULE, TOUCH_MESH, TOUCH_SELF, TOUCH_BODIES };
 
 static const char *const touch_cause[] = {"x0", "v0", "membrane", "bending", "gravity", "friction",
@@ -45,6 +45,7 @@ typedef struct touch {                      /* one run                          
     swarm  host;
     double body_x[3 * 162];                 /* m, as it was added                              */
     int    body_nv, failed, inexact, contacts, rows;
+    int    again;                           /* substeps of implicit Euler for BDF2             */
 } touch;
 
 static inline double touch_noise(unsigned i) {
@@ -61,7 +62,9 @@ static inline double touch_dir(const touch *t, int by, int i) {
                                            1e-3, 0.1, 1e-2, 0.05};
     const int stays = by == TOUCH_ATTACH ? i % (3 * TOUCH_ATTACH_MOST) > 2   /* not moved there */
                                          : by == TOUCH_PIN && i % (3 * t->mesh->nv) > 2;
-    return stays ? 0 : size[by] * touch_noise(977u * t->seed + 5003u * (unsigned)by + 131u * (unsigned)i);
+    return stays ? 0
+                 : size[by] * touch_noise(977u * t->seed + 5003u * (unsigned)by +
+                                          131u * (unsigned)i);
 }
 
 /* Cause `by` is one of `all`. */
@@ -357,6 +360,7 @@ static inline double touch_run(touch *t, cloth_tape **tape) {
         t->failed += cloth_step(t->sim, t->h, &r) != CLOTH_OK;
         t->inexact += r.outcome == CLOTH_STEP_MAX_ITERATIONS;
         t->contacts += r.contacts;
+        t->again += r.restarts;
         t->rows += cloth_collide_last(t->c).rows;
         touch_loss_at(k + 1, cloth_sim_state(t->sim)->x, cloth_sim_state(t->sim)->v, NULL, NULL,
                       &u);

@@ -100,6 +100,21 @@ static void substeps(void) {
     t.steps = 16;
     t.bdf2 = 1;
     compare(t, TOUCH_START, TOUCH_REST + 1);
+    if (test_quick()) return;
+    t.substeps = 40;
+    t.steps = 4;
+    t.h = 0.02;
+    t.fall = 1;
+    compare(t, TOUCH_START, TOUCH_REST + 1);
+    CHECK(made[0].t.again > 1);             /* the first one has no history */
+}
+
+/* Two steps of BDF2 that have a history turn out to be impacts, and are of implicit Euler. */
+static void impacts(void) {
+    touch t = touch_make(1);
+    t.bdf2 = 1;
+    t.fall = 0.5;
+    compare(t, TOUCH_START, TOUCH_REST + 1);
 }
 
 /* Less memory: steps are run anew, and nothing changes. */
@@ -230,6 +245,7 @@ int main(int argc, char **argv) {
     RUN(all_causes);
     RUN(pins_stay);
     RUN(substeps);
+    RUN(impacts);
     RUN(budget);
     RUN(doubts);
     RUN(refused);

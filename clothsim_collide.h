@@ -1661,7 +1661,7 @@ static int clothi_bvh_next(clothi_bvh_walk *w) {
 /* Squared distance m^2 of a point [3] from an item (first + i). */
 typedef double clothi_distance_fn(int item, const double *point, void *ctx);
 
-static double clothi_bvh_distance2(const double *box, const double *p) {
+static double clothi_node_distance2(const double *box, const double *p) {
     double d2 = 0;
     int    k;
     for (k = 0; k < 3; k++) {
@@ -1681,14 +1681,14 @@ static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_d
     int          stack[CLOTHI_BVH_STACK], n = 0, best = -1, i;
     double       reach[CLOTHI_BVH_STACK];
     stack[0] = 1;
-    reach[n++] = slack * clothi_bvh_distance2(t->node + 6, point);
+    reach[n++] = slack * clothi_node_distance2(t->node + 6, point);
     while (n) {
         const int node = stack[--n], leaf = node - (1 << t->depth);
         if (reach[n] > *d2) continue;
         if (leaf < 0) {                     /* the nearer child on top */
             const double *pair = t->node + 12 * (size_t)node;
-            const double  l = slack * clothi_bvh_distance2(pair, point);
-            const double  r = slack * clothi_bvh_distance2(pair + 6, point);
+            const double  l = slack * clothi_node_distance2(pair, point);
+            const double  r = slack * clothi_node_distance2(pair + 6, point);
             const int     right_last = r < l;
             stack[n] = 2 * node + !right_last;
             reach[n++] = right_last ? l : r;

@@ -12282,16 +12282,16 @@ static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clo
  * end of the step decides. */
 static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                        cloth_report *report, double *a) {
-    const int    small = nt->size < s->model->desc.tolerance;
+    const int    still = nt->size < s->model->desc.tolerance;
     cloth_status status = CLOTH_OK;
     double       value;
-    int          whole = small || -nt->slope <= CLOTHI_LOST * goal->magnitude;
+    int          whole = still || -nt->slope <= CLOTHI_LOST * goal->magnitude;
     int          i, n = 3 * s->model->nv;
     *a = 1;
     if (whole) {
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
         status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
-        whole = small || fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope;
+        whole = still || fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope;
         if (whole) nt->value = value;
     }
     if (!status && !whole) status = clothi_line_search(s, goal, nt, a, report);

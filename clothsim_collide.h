@@ -6045,15 +6045,15 @@ static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, cons
     const int           face = m->topology->vf[m->topology->vf_start[h->vertex]];
     const double k = clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
     const double pull = part[c->look[h->vertex]] * k;
-    const double far = CLOTHI_PULL * c->obstacle[h->slot].thickness * k / pull;     /* m */
+    const double r = CLOTHI_PULL * c->obstacle[h->slot].thickness * k / pull;        /* m */
     double       d[3], s;
     int          i;
     clothi_sub3(x, c->hold_to + 3 * h->vertex, d);
-    s = sqrt(1 + clothi_dot3(d, d) / (far * far));
+    s = sqrt(1 + clothi_dot3(d, d) / (r * r));
     for (i = 0; i < 3; i++) grad[i] = pull / s * d[i];
     for (i = 0; i < 9; i++)
-        hess[i] = pull / s * ((i % 4 == 0) - d[i / 3] * d[i % 3] / (far * far * s * s));
-    return pull * far * far * (s - 1);
+        hess[i] = pull / s * ((i % 4 == 0) - d[i / 3] * d[i % 3] / (r * r * s * s));
+    return pull * r * r * (s - 1);
 }
 
 static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy) {

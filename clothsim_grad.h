@@ -1248,7 +1248,8 @@ static cloth_status clothi_line_contact(cloth_sim *s) {
 static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j, int m,
                                      const double *x, clothi_line *q) {
     const double h = e->h;
-    const int    how = h > 0 && e->how ? e->how[j] : CLOTHI_HOW_KEPT, kept = how / CLOTHI_HOW_KEPT;
+    const int    how = h > 0 && e->how ? e->how[j] : (int)CLOTHI_HOW_KEPT;
+    const int    kept = how / CLOTHI_HOW_KEPT;
     cloth_status status;
     memset(q, 0, sizeof *q);
     q->h = h / m;

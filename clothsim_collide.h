@@ -9067,7 +9067,7 @@ static void clothi_back_carried(const cloth_collide *c, const double *attach) {
     int              i, j;
     for (i = 0; attach && i < s->model->desc.max_attachments; i++) {
         const cloth_step_attachment *q = s->attach + i;
-        const clothi_obstacle       *o = c->obstacle + q->on - 1;
+        const clothi_obstacle       *o = c->obstacle + (q->on > 0 ? q->on - 1 : 0);
         if (!q->used || q->on <= 0) continue;
         for (j = 0; j < 9; j++)
             c->adjoint->pose[0][3 * (o->v0 - c->nv + o->faces[3 * q->other + j / 3]) + j % 3] +=

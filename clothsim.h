@@ -11389,11 +11389,13 @@ CLOTHI_RARE_END
  * tolerance)^2 sum m/eta^2, of the part a that descends: at rest it is halved over kinks 1e-9 m
  * wide for ever. And contact is asked whether what is left is small beside its friction.
  *
- * Saddles without a definite diagonal. Where a diagonal block of the exact Hessian is not positive,
- * as in cloth pressed below 0.577 of its length, the usual preconditioner is none. On the way the
- * definite model does better there. But it stops on the saddle. So where the updates are below
- * CLOTHI_SADDLE tolerances CG is preconditioned by bounds of such blocks and follows the curvature
- * out, CLOTHI_ESCAPES times a substep: more often loses.
+ * Saddles. Where a diagonal block of the exact Hessian is not positive, as in cloth pressed below
+ * 0.577 of its length, the usual preconditioner is none, and the definite model has the word, which
+ * ends on a saddle as well. And a compressed sheet exactly in a plane across an axis feels no force
+ * along it. So where the search would end by the definite model, or with an axis along which
+ * nothing has moved, and some face is compressed, a force of noise is solved for with the exact
+ * Hessian, CG preconditioned by bounds of such blocks: it meets what negative curvature there is,
+ * and along that phi is made less. CLOTHI_ESCAPES times a substep: more often loses.
  *
  * A cloth at rest stops before the first linear solve: for a convex E_pot the way e to the minimum
  * has |e|_M^2/eta^2 <= -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia;
@@ -11419,8 +11421,8 @@ CLOTHI_RARE_END
 #define CLOTHI_EXACT_TOUCH  0.1                 /* of that: tolerance that asks, in contact   */
 #define CLOTHI_STUCK        4               /* see 'Which Hessian'                             */
 #define CLOTHI_LATE         12
-#define CLOTHI_SADDLE       10              /* see 'Saddles without a definite diagonal'       */
-#define CLOTHI_ESCAPES      4
+#define CLOTHI_ESCAPES      4               /* a substep: see 'Saddles'                        */
+#define CLOTHI_ESCAPE       0.01            /* mean edges: first length of a way off a saddle  */
 #define CLOTHI_TRUST_MAX    0.3             /* mean edges: largest trust radius                */
 
 typedef struct clothi_goal {                /* what a substep minimises                        */
@@ -11626,9 +11628,8 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     double older;                           /* m, max|a dx| of the iteration before            */
     double radius;                          /* m, trust radius of the exact phase              */
     int    exact;                           /* the exact Hessian is in use                     */
-    int    escapes;                         /* solves of an exact H without definite diagonal  */
+    int    escapes;                         /* searches for a way off a saddle                 */
     int    refused;                         /* it was tried and led nowhere                    */
-    int    nudged;                          /* clothi_nudge() has looked                       */
     int    stuck;                           /* exact updates in a row that the radius ended    */
 } clothi_newton;
 
@@ -11756,15 +11757,10 @@ static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clo
     if (!status)
         status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, method, report, lr);
     if (!status && nt->exact && lr->negative && !lr->hit) {
-        if (nt->size < CLOTHI_SADDLE * d->tolerance && nt->escapes < CLOTHI_ESCAPES) {
-            nt->escapes++;
-            status = clothi_newton_solve(s, tolerance, nt->radius, CLOTH_LINEAR_JACOBI, report, lr);
-        } else {
-            nt->exact = 0;
-            nt->refused = 1;
-            status = clothi_newton_assemble(s, goal, 0, report);
-            if (!status) status = clothi_newton_solve(s, tolerance, 0, method, report, lr);
-        }
+        nt->exact = 0;
+        nt->refused = 1;
+        status = clothi_newton_assemble(s, goal, 0, report);
+        if (!status) status = clothi_newton_solve(s, tolerance, 0, method, report, lr);
     }
     if (status) return status;
     nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
@@ -11932,26 +11928,45 @@ static int clothi_compressed(const cloth_sim *s) {
     return f < s->model->nf;
 }
 
-/* A compressed sheet exactly in a plane across an axis feels no force along it: CG cannot see that
- * it stands on a saddle. A force of noise, a thousandth of what inertia needs to move by the
- * radius, finds negative curvature; w.x moves along it by the radius, once a substep. */
-static cloth_status clothi_nudge(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                 cloth_report *report, int *done) {
+/* From w.x along +-w.dx: the longest of length, length/4, .. (m) that lowers phi. */
+static int clothi_escape(cloth_sim *s, clothi_goal *goal, double length, double value) {
+    const int    n = 3 * s->model->nv;
+    const double most = clothi_max_abs(s->w.dx, n);
+    int          i, k;
+    for (i = 0; i < n; i++) s->w.dx[i] *= length / most;
+    for (k = 1; k <= 60; k++) {
+        const double turn = k % 2 ? -0.25 : -1;     /* the other side, or shorter */
+        double       trial, part = 1;
+        for (i = 0; i < n; i++) s->w.dx[i] *= k > 1 ? turn : 1;
+        if (s->contact_on && s->contact.max_step(s->contact.user, s->w.x, s->w.dx, &part)) return 0;
+        for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + part * s->w.dx[i];
+        if (clothi_objective(s, goal, s->w.trial, NULL, 0, 0, &trial)) return 0;
+        if (trial < value - 4e-15 * goal->magnitude) {
+            memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* See 'Saddles'. A force of noise, a thousandth of what inertia needs to move by the radius, leads
+ * CG to negative curvature where there is any. *done: there is none, or it leads nowhere. */
+static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                      cloth_report *report, int *done) {
     const double        radius = 0.1 * s->model->desc.tolerance;
-    const int           axis = clothi_still_axis(s);
+    const double        push = 1e-3 * radius / (goal->eta * goal->eta);
     cloth_linear_report lr;
     cloth_status        status;
     uint32_t            noise = 1;
-    double              value;
-    int                 i, n = 3 * s->model->nv;
-    if (axis < 0 || nt->nudged || !(goal->eta > 0) || !clothi_compressed(s)) return CLOTH_OK;
-    nt->nudged = 1;
-    memset(s->w.rhs, 0, (size_t)n * sizeof(double));
-    for (i = axis; i < n; i += 3) {
+    int                 i;
+    if ((nt->exact && clothi_still_axis(s) < 0) || nt->escapes == CLOTHI_ESCAPES ||
+        !(goal->eta > 0) || !clothi_compressed(s))
+        return CLOTH_OK;
+    nt->escapes++;
+    for (i = 0; i < 3 * s->model->nv; i++) {
         noise = noise * 1664525u + 1013904223u;
-        if (!(s->fixed[i / 3] >> axis & 1))
-            s->w.rhs[i] = 1e-3 * radius * s->params.mass[i / 3] / (goal->eta * goal->eta) *
-                          ((double)(noise >> 8) / 8388608 - 1);
+        s->w.rhs[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : push * s->params.mass[i / 3] *
+                                                       ((double)(noise >> 8) / 8388608 - 1);
     }
     status = clothi_newton_assemble(s, goal, 1, report);
     if (!status)
@@ -11959,16 +11974,14 @@ static cloth_status clothi_nudge(cloth_sim *s, clothi_goal *goal, clothi_newton 
                                      report, &lr);
     if (!status && lr.negative && !lr.hit)
         status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_JACOBI, report, &lr);
-    if (status || !lr.hit) return status;
-    for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
-    status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
-    if (status || value > nt->value) return status;     /* noise may well lead uphill */
-    memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
-    nt->value = value;
-    clothi_newton_rhs(s);
-    nt->size = nt->radius = radius;
+    if (status || !lr.hit || !clothi_escape(s, goal, CLOTHI_ESCAPE * s->edge, nt->value))
+        return status;
+    nt->size = nt->radius = CLOTHI_ESCAPE * s->edge;
     nt->older = 0;
-    *done = 0;
+    nt->refused = *done = 0;
+    status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt->value);
+    if (!status) status = clothi_newton_renew(s, goal, nt, done);
+    clothi_newton_rhs(s);
     return status;
 }
 
@@ -12002,7 +12015,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
             nt.size = HUGE_VAL;
             status = CLOTH_OK;
         }
-        if (!status && done) status = clothi_nudge(s, goal, &nt, report, &done);
+        if (!status && done) status = clothi_off_saddle(s, goal, &nt, report, &done);
         if (!status && !done && it >= cap) status = CLOTH_ERR_STEP;
         if (status == CLOTH_ERR_STEP && !s->contact_on) return clothi_stalled(s, report, "step");
         if (status && status != CLOTH_ERR_STEP) return status;
@@ -12254,7 +12267,6 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
 }
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
-#define CLOTHI_STATIC_ESCAPE 0.07           /* mean edges: first length of a way off a saddle  */
 #define CLOTHI_LOST          1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
@@ -12300,22 +12312,6 @@ static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, clo
     for (i = 0; i < n && big > 0; i++) s->w.dx[i] /= big;
     report->negative++;
     return CLOTH_OK;
-}
-
-/* Walks down the saddle along +-w.dx: the longest step of 1, 1/4, ... that lowers phi. */
-static int clothi_static_escape(cloth_sim *s, clothi_goal *goal, double length, double value) {
-    int i, k, side, n = 3 * s->model->nv;
-    for (k = 0; k < 30; k++, length *= 0.25)
-        for (side = -1; side <= 1; side += 2) {
-            double trial;
-            for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + side * length * s->w.dx[i];
-            if (clothi_objective(s, goal, s->w.trial, NULL, 0, 0, &trial)) return 0;
-            if (trial < value - 4e-15 * goal->magnitude) {
-                memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
-                return 1;
-            }
-        }
-    return 0;
 }
 
 /* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
@@ -12447,9 +12443,9 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
         if (status || report->outcome != CLOTH_STEP_CONVERGED) break;
         status = clothi_static_curvature(s, &goal, report, &saddle);
         if (!status && saddle) {
-            double value, length = CLOTHI_STATIC_ESCAPE * s->edge;
+            double value;
             status = clothi_objective(s, &goal, s->w.x, NULL, 0, 0, &value);
-            if (!status) saddle = clothi_static_escape(s, &goal, length, value);
+            if (!status) saddle = clothi_escape(s, &goal, CLOTHI_ESCAPE * s->edge, value);
         }
         if (!status && s->wind_on && !saddle) {
             double moved = 0;

@@ -11,16 +11,22 @@
  *   exact phase  from the first iteration on it loses (a redo for each negative curvature); without
  *                it a tolerance of 1e-8 m takes 85 to 95 iterations instead of 13 to 22. With
  *                contact: a T-shirt on a walk, 27 iterations a step with it and 13 without.
- *   STUCK        a fifth of the iterations in a sheet that crumples.
+ *   STUCK        a fifth of the iterations in a sheet that crumples; without it, or without the
+ *                slopes where rounding hides a decrease, steps with contact at a tolerance of
+ *                1e-12 m do not converge (tests/test_grad_contact.c).
  *   guess        by the older velocity: 15 to 20 % of the work.
  *   stop         distance to the step solved to 1e-10 m at Y = 1e4 N/m and tolerance 1e-4 m: median
  *                0.7e-5 m, largest 1.4e-4 m; when the definite model could stop a step and CG was
  *                solved to 0.05, 9.2e-5 and 8.3e-4 m, for 0.7 of the CPU time. With contact, where
  *                40 iterations were spent on 1e-5 J of 1.8, a sheet of 32 x 32 on a sphere takes
  *                920 in 90 steps for 1206, none cut short; with self-contact 1023 for 1212.
- *   SADDLE       a sheet scaled by a half came to rest at 9.6 J after 6 iterations, with its
+ *   saddles      a sheet scaled by a half came to rest at 9.6 J after 6 iterations, with its
  *                minimum at 1.0 J. More than ESCAPES loses: this T-shirt then stalls in 13 of 60
- *                frames instead of 2, and points that coincide never end.
+ *                frames instead of 2, and points that coincide never end. One search for curvature
+ *                at the end, where there were two, one on the way: this T-shirt, 30 frames, 4975
+ *                Newton and 338 766 CG iterations for 4986 and 316 654; the sheet, Euler, 424 and
+ *                8365 for 424 and 8343. A first length of 0.07 edges instead of 0.01: 5605 and
+ *                396 512, 473 and 8797.
  *   lost         secant steps beyond a = 1, second-order corrections, chord steps with the old
  *                matrix. */
 #define _XOPEN_SOURCE 600

@@ -1432,6 +1432,18 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 extern "C" {
 #endif
 
+/* MinGW's sqrt is x87's, rounded twice: one result in 4000 has another last bit. */
+#if defined(__MINGW32__) && defined(__SSE2__)
+static inline double clothi_sqrt(double a) {
+    __asm__("sqrtsd %0, %0" : "+x"(a));
+    return a;
+}
+#  define CLOTHI_OWN_SQRT 1
+#  pragma push_macro("sqrt")
+#  undef sqrt
+#  define sqrt clothi_sqrt
+#endif
+
 #if defined(__GNUC__)
 #  define CLOTHI_RESTRICT __restrict
 #  define CLOTHI_UNUSED   __attribute__((unused))
@@ -1557,6 +1569,23 @@ CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     const double k2 = k1 + left * (4.0 - 2.0 * k1);                 /* pi - angle */
     const double sign = (1.0 - 2.0 * steep) * (1.0 - 2.0 * left);
     return copysign(k2 * 0.7853981633974483 + (sign * a + k2 * 3.061616997868383e-17), y);
+}
+
+#define CLOTHI_PI 3.14159265358979323846
+
+/* cos and sin of a part of a turn, within 2 ulp of 1: libm's differ in last bits. */
+CLOTHI_OUTLINE static void clothi_circle(double turns, double *c, double *s) {
+    const double quarter = floor(4 * turns + 0.5), side = quarter - 4 * floor(quarter / 4);
+    const double x = 2 * CLOTHI_PI * (turns - 0.25 * quarter), t = x * x;
+    double       a = 1, b = 1;
+    int          k;
+    for (k = 18; k > 0; k -= 2) {           /* their series, |x| <= pi/4 */
+        a = 1 - t / (k * (k - 1)) * a;
+        b = 1 - t / (k * (k + 1)) * b;
+    }
+    b *= side < 2 ? x : -x, a = side < 2 ? a : -a;
+    *c = side == 1 || side == 3 ? -b : a;
+    *s = side == 1 || side == 3 ? a : b;
 }
 
 /* A difference of angles by at most one whole turn nearer to 0: into [-pi, pi] from 3 pi around. */
@@ -2629,8 +2658,6 @@ CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pa
     return CLOTH_OK;
 }
 
-#define CLOTHI_PI 3.14159265358979323846
-
 /* Pattern corner k of face f of a tube: half is twice the steps around, row counts up. */
 static void clothi_tube_corner(cloth_mesh *m, int f, int k, int around, int half, int row,
                                double base, double rise) {
@@ -2643,7 +2670,7 @@ static void clothi_tube_corner(cloth_mesh *m, int f, int k, int around, int half
 CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, double height,
                                        int around, int along, cloth_mesh **out) {
     cloth_status status;
-    double       base, rise, bulge;
+    double       base, rise, bulge, side, c, s;
     int          i, j, f = 0;
     if (!out) return clothi_null(hooks, "cloth_mesh_tube: out");
     *out = NULL;
@@ -2658,15 +2685,17 @@ CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, 
     if (!*out) return CLOTH_ERR_MEMORY;
     for (j = 0; j < along; j++)
         for (i = 0; i < around; i++) {
-            const double angle = CLOTHI_PI * (2.0 * i + j % 2) / around;
-            double      *p = (*out)->x + 3 * (j * around + i);
-            p[0] = radius * cos(angle);
+            double *p = (*out)->x + 3 * (j * around + i);
+            clothi_circle((i + 0.5 * (j % 2)) / around, &c, &s);
+            p[0] = radius * c;
             p[1] = height * j / (along - 1);
-            p[2] = -radius * sin(angle);
+            p[2] = -radius * s;
         }
-    base = 2 * radius * sin(CLOTHI_PI / around);
-    bulge = 2 * radius * sin(0.5 * CLOTHI_PI / around) * sin(0.5 * CLOTHI_PI / around);
-    rise = hypot(height / (along - 1), bulge);
+    clothi_circle(0.5 / around, &c, &s);
+    base = 2 * radius * s;
+    clothi_circle(0.25 / around, &c, &s);
+    bulge = 2 * radius * s * s, side = height / (along - 1);
+    rise = side * sqrt(1 + bulge / side * (bulge / side));
     for (j = 0; j < along - 1; j++)
         for (i = 0; i < around; i++, f += 2) {
             const int h = 2 * i + j % 2;    /* half steps to this vertex of row j              */
@@ -2700,10 +2729,11 @@ CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, 
     if (!*out) return CLOTH_ERR_MEMORY;
     for (k = 1; k <= rings; k++)
         for (i = 0; i < 6 * k; i++) {
-            const double r = radius * k / rings, angle = CLOTHI_PI * i / (3.0 * k);
-            double      *p = (*out)->x + 3 * clothi_ring_vertex(k, i);
-            p[0] = r * cos(angle);
-            p[2] = -r * sin(angle);
+            const double r = radius * k / rings;
+            double      *p = (*out)->x + 3 * clothi_ring_vertex(k, i), c, d;
+            clothi_circle(i / (6.0 * k), &c, &d);
+            p[0] = r * c;
+            p[2] = -r * d;
         }
     for (k = 1; k <= rings; k++)
         for (s = 0; s < 6; s++)
@@ -3786,12 +3816,13 @@ static void clothi_rings(cloth_mesh *m, int around, int ball, double radius, dou
     m->x[1] = -0.5 * height, m->x[3 * last + 1] = 0.5 * height;
     for (k = 0; k < rings; k++)
         for (i = 0; i < around; i++) {
-            const int    a = 1 + k * around + i, b = 1 + k * around + (i + 1) % around;
-            const double angle = 2 * CLOTHI_PI * i / around;
-            const double lie = ball ? CLOTHI_PI * ((k + 1.0) / (rings + 1) - 0.5) : 0;
-            m->x[3 * a] = radius * cos(lie) * cos(angle);
-            m->x[3 * a + 1] = ball ? radius * sin(lie) : height * (k - 0.5);
-            m->x[3 * a + 2] = -radius * cos(lie) * sin(angle);
+            const int a = 1 + k * around + i, b = 1 + k * around + (i + 1) % around;
+            double    c, s, down = 0, flat = 1;
+            clothi_circle((double)i / around, &c, &s);
+            if (ball) clothi_circle(0.5 * (k + 1) / (rings + 1), &down, &flat);
+            m->x[3 * a] = radius * flat * c;
+            m->x[3 * a + 1] = ball ? -radius * down : height * (k - 0.5);
+            m->x[3 * a + 2] = -radius * flat * s;
             clothi_add_face(m, &f, a, b, k + 1 < rings ? a + around : last);
             clothi_add_face(m, &f, b, a, k > 0 ? b - around : 0);
         }
@@ -3844,8 +3875,9 @@ static int clothi_weld_find(const double *x, const double *p, double d, const in
         step = (int)((hash >> 32) % (unsigned)slots);
         if (n == 13) *home = step;
         for (w = head[step] - 1; w >= 0; w = next[w] - 1) {
-            const double *q = x + 3 * w, flat = hypot(p[0] - q[0], p[2] - q[2]);
-            if ((best < 0 || w < best) && hypot(flat, p[1] - q[1]) <= d) best = w;
+            double part[3];
+            for (k = 0; k < 3; k++) part[k] = (p[k] - x[3 * w + k]) / d;
+            if ((best < 0 || w < best) && clothi_dot3(part, part) <= 1) best = w;
         }
     }
     return best;
@@ -11642,7 +11674,7 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
                 double d = fabs(s->w.rhs[3 * i + k]) / s->params.mass[i];
                 if (d > big) big = d;
             }
-    return pow(clothi_max(goal->eta, CLOTHI_REST_TIME), 2) * big;
+    return clothi_max(goal->eta, CLOTHI_REST_TIME) * clothi_max(goal->eta, CLOTHI_REST_TIME) * big;
 }
 
 /* rhs = -g over leaders and free unknowns. */
@@ -11868,7 +11900,7 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                           cloth_report *report, int *done) {
     cloth_linear_report lr;
-    double              a = 1, before = nt->value;
+    double              a = 1, before = nt->value, tiny;
     cloth_status        status = clothi_cancelled(&s->hooks, &s->finish);
     int                 poor, cut;
     if (!status) status = clothi_newton_direction(s, goal, nt, report, &lr);
@@ -11893,9 +11925,9 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     *done = clothi_newton_left(nt, cut ? nt->size : report->residual_m) <
                 s->model->desc.tolerance &&
             (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0;
+    tiny = a * s->model->desc.tolerance;
     if (s->contact_on)                      /* -slope = dx'H dx >= dx'M dx/eta^2; a: overshoot */
-        *done |= !cut && -nt->slope * goal->eta * goal->eta <=
-                               s->total * pow(a * s->model->desc.tolerance, 2);
+        *done |= !cut && -nt->slope * goal->eta * goal->eta <= s->total * (tiny * tiny);
     status = clothi_newton_renew(s, goal, nt, done);
     clothi_newton_rhs(s);
     nt->stuck = s->contact_on && nt->exact && (lr.hit || a < 1) ? nt->stuck + 1 : 0;
@@ -14332,6 +14364,9 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
 
 CLOTHI_RARE_END
 
+#ifdef CLOTHI_OWN_SQRT
+#  pragma pop_macro("sqrt")
+#endif
 #ifdef __cplusplus
 }
 #endif

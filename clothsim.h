@@ -120,8 +120,8 @@
  * Threads. A model is constant and may be shared. A sim belongs to one thread at a time; its
  * step uses the parallel hook if there is one. No global or static variable is ever written.
  *
- * Determinism. Same binary, same inputs: the same bits, for any worker count and scheduling.
- * Not promised across compilers, flags, libm or our versions. Compile with -ffp-contract=off.
+ * Determinism. Same inputs: the same bits, for any worker count and scheduling, and with
+ * -ffp-contract=off on every platform of tests/platforms.sh. Not across AVX2 or our versions.
  */
 
 /* ===== [1.4] CONFIGURATION ===================================================================
@@ -188,7 +188,6 @@
 #error "clothsim.h needs IEEE arithmetic: compile this file without -ffast-math or /fp:fast"
 #endif
 
-/* @@ CLOTH_API: linkage of every public function (all files). */
 #ifndef CLOTH_API
 #  ifdef CLOTHSIM_STATIC
 #    if defined(__GNUC__)
@@ -215,7 +214,7 @@ extern "C" {
     X(CLOTH_ERR_UNINIT,      -2, "the desc was not made by its _default() function")             \
     X(CLOTH_ERR_MEMORY,      -3, "the allocator returned NULL")                                  \
     X(CLOTH_ERR_CAPACITY,    -4, "a fixed capacity is too small")                                \
-    X(CLOTH_ERR_MESH,        -5, "the mesh cannot be simulated, or meets what it may not pass")    \
+    X(CLOTH_ERR_MESH,        -5, "bad mesh, or cloth and obstacle intersect: move them apart")    \
     X(CLOTH_ERR_PARSE,       -6, "the text is not a readable OBJ file")                          \
     X(CLOTH_ERR_IO,          -7, "a file could not be opened, read or written")                  \
     X(CLOTH_ERR_UNSUPPORTED, -8, "not built in, or not asked for: contact needs desc.contact")     \
@@ -1404,8 +1403,6 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #include <math.h>
 #include <stdarg.h>
 #include <string.h>
-/* @@ CLOTH_NO_STDIO: no <stdio.h>; calls that take a path return CLOTH_ERR_UNSUPPORTED
- *    (implementation file only). */
 #ifndef CLOTH_NO_STDIO
 #  include <stdio.h>
 #endif
@@ -1414,7 +1411,6 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #  define CLOTH_MALLOC(size) malloc(size)
 #  define CLOTH_FREE(ptr)    free(ptr)
 #endif
-/* @@ CLOTH_NO_SIMD: plain C only (implementation file). */
 #if !defined(CLOTH_NO_SIMD) && defined(__AVX__)
 #  include <immintrin.h>
 #  define CLOTHI_AVX 1
@@ -1430,6 +1426,18 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 
 #ifdef __cplusplus
 extern "C" {
+#endif
+
+/* MinGW's sqrt is x87's, rounded twice: one result in 4000 has another last bit. */
+#if defined(__MINGW32__) && defined(__SSE2__)
+static inline double clothi_sqrt(double a) {
+    __asm__("sqrtsd %0, %0" : "+x"(a));
+    return a;
+}
+#  define CLOTHI_OWN_SQRT 1
+#  pragma push_macro("sqrt")
+#  undef sqrt
+#  define sqrt clothi_sqrt
 #endif
 
 #if defined(__GNUC__)
@@ -1559,6 +1567,23 @@ CLOTHI_UNUSED static inline double clothi_atan2(double y, double x) {
     return copysign(k2 * 0.7853981633974483 + (sign * a + k2 * 3.061616997868383e-17), y);
 }
 
+#define CLOTHI_PI 3.14159265358979323846
+
+/* cos and sin of a part of a turn, within 2 ulp of 1: libm's differ in last bits. */
+CLOTHI_OUTLINE static void clothi_circle(double turns, double *c, double *s) {
+    const double quarter = floor(4 * turns + 0.5), side = quarter - 4 * floor(quarter / 4);
+    const double x = 2 * CLOTHI_PI * (turns - 0.25 * quarter), t = x * x;
+    double       a = 1, b = 1;
+    int          k;
+    for (k = 18; k > 0; k -= 2) {           /* their series, |x| <= pi/4 */
+        a = 1 - t / (k * (k - 1)) * a;
+        b = 1 - t / (k * (k + 1)) * b;
+    }
+    b *= side < 2 ? x : -x, a = side < 2 ? a : -a;
+    *c = side == 1 || side == 3 ? -b : a;
+    *s = side == 1 || side == 3 ? a : b;
+}
+
 /* A difference of angles by at most one whole turn nearer to 0: into [-pi, pi] from 3 pi around. */
 CLOTHI_UNUSED static inline double clothi_wrap(double angle) {
     const double turn = 0.5 - copysign(0.5, 3.141592653589793 - fabs(angle));
@@ -1679,31 +1704,9 @@ static void clothi_sink_digits(clothi_sink *s, const unsigned char *d, int n, in
     clothi_sink_int(s, point - 1);
 }
 
-/* Six significant digits: enough for a person to recognise the number. */
-static void clothi_sink_number(clothi_sink *t, double a) {
-    unsigned char d[6];
-    int           e10, i, n = 6;
-    uint64_t      digits;
-    if (!clothi_finite(a)) {
-        clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
-        return;
-    }
-    if (a < 0) clothi_sink_char(t, '-');
-    a = a < 0 ? -a : a;
-    if (!(a > 0)) {
-        clothi_sink_char(t, '0');
-        return;
-    }
-    e10 = (int)floor(log10(a));
-    i = 5 - e10;                            /* in two factors: 10^i alone may overflow         */
-    digits = (uint64_t)(a * pow(10.0, i / 2) * pow(10.0, i - i / 2) + 0.5);
-    if (digits >= 1000000u) digits /= 10u, e10++;
-    for (i = 5; i >= 0; i--, digits /= 10u) d[i] = (unsigned char)(digits % 10u);
-    while (n > 1 && d[n - 1] == 0) n--;
-    clothi_sink_digits(t, d, n, e10 + 1, -3, 6);        /* 0.00012 .. 999999 */
-}
+static void clothi_sink_number(clothi_sink *t, double a, int digits, int least, int most);
 
-/* A sentence: %s text, %i int, %z size_t, %g double. */
+/* A sentence: %s text, %i int, %z size_t, %g double in six digits, enough to recognise it. */
 static void clothi_sentence(const cloth_hooks *hooks, cloth_log_level level, cloth_status status,
                             const char *format, va_list args) {
     char        buf[256];
@@ -1718,7 +1721,7 @@ static void clothi_sentence(const cloth_hooks *hooks, cloth_log_level level, clo
         case 's': clothi_sink_string(&t, va_arg(args, const char *)); break;
         case 'i': clothi_sink_int(&t, va_arg(args, int)); break;
         case 'z': clothi_sink_uint(&t, va_arg(args, size_t)); break;
-        case 'g': clothi_sink_number(&t, va_arg(args, double)); break;
+        case 'g': clothi_sink_number(&t, va_arg(args, double), 6, -3, 6); break;
         default: clothi_sink_char(&t, '%'); format -= *format == '\0'; break;
         }
     }
@@ -1734,7 +1737,6 @@ CLOTHI_OUTLINE static void clothi_say(const cloth_hooks *hooks, cloth_log_level 
     va_end(args);
 }
 
-/* Logs an error sentence and returns its status: `return clothi_fail(hooks, CLOTH_ERR_..., ...)` */
 CLOTH_API void cloth_log_stderr(cloth_log_level level, cloth_status status, const char *text,
                                 void *user) {
     const char *part[5] = {"warning: ", text, " (", cloth_status_text(status), ")\n"};
@@ -1748,6 +1750,7 @@ CLOTH_API void cloth_log_stderr(cloth_log_level level, cloth_status status, cons
     (void)user, (void)part;
 }
 
+/* Logs an error sentence and returns its status: `return clothi_fail(hooks, CLOTH_ERR_..., ...)` */
 CLOTHI_OUTLINE static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_status status,
                                                const char *format, ...) {
     va_list args;
@@ -2629,8 +2632,6 @@ CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pa
     return CLOTH_OK;
 }
 
-#define CLOTHI_PI 3.14159265358979323846
-
 /* Pattern corner k of face f of a tube: half is twice the steps around, row counts up. */
 static void clothi_tube_corner(cloth_mesh *m, int f, int k, int around, int half, int row,
                                double base, double rise) {
@@ -2643,7 +2644,7 @@ static void clothi_tube_corner(cloth_mesh *m, int f, int k, int around, int half
 CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, double height,
                                        int around, int along, cloth_mesh **out) {
     cloth_status status;
-    double       base, rise, bulge;
+    double       base, rise, bulge, side, c, s;
     int          i, j, f = 0;
     if (!out) return clothi_null(hooks, "cloth_mesh_tube: out");
     *out = NULL;
@@ -2658,15 +2659,17 @@ CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, 
     if (!*out) return CLOTH_ERR_MEMORY;
     for (j = 0; j < along; j++)
         for (i = 0; i < around; i++) {
-            const double angle = CLOTHI_PI * (2.0 * i + j % 2) / around;
-            double      *p = (*out)->x + 3 * (j * around + i);
-            p[0] = radius * cos(angle);
+            double *p = (*out)->x + 3 * (j * around + i);
+            clothi_circle((i + 0.5 * (j % 2)) / around, &c, &s);
+            p[0] = radius * c;
             p[1] = height * j / (along - 1);
-            p[2] = -radius * sin(angle);
+            p[2] = -radius * s;
         }
-    base = 2 * radius * sin(CLOTHI_PI / around);
-    bulge = 2 * radius * sin(0.5 * CLOTHI_PI / around) * sin(0.5 * CLOTHI_PI / around);
-    rise = hypot(height / (along - 1), bulge);
+    clothi_circle(0.5 / around, &c, &s);
+    base = 2 * radius * s;
+    clothi_circle(0.25 / around, &c, &s);
+    bulge = 2 * radius * s * s, side = height / (along - 1);
+    rise = side * sqrt(1 + bulge / side * (bulge / side));
     for (j = 0; j < along - 1; j++)
         for (i = 0; i < around; i++, f += 2) {
             const int h = 2 * i + j % 2;    /* half steps to this vertex of row j              */
@@ -2700,10 +2703,11 @@ CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, 
     if (!*out) return CLOTH_ERR_MEMORY;
     for (k = 1; k <= rings; k++)
         for (i = 0; i < 6 * k; i++) {
-            const double r = radius * k / rings, angle = CLOTHI_PI * i / (3.0 * k);
-            double      *p = (*out)->x + 3 * clothi_ring_vertex(k, i);
-            p[0] = r * cos(angle);
-            p[2] = -r * sin(angle);
+            const double r = radius * k / rings;
+            double      *p = (*out)->x + 3 * clothi_ring_vertex(k, i), c, d;
+            clothi_circle(i / (6.0 * k), &c, &d);
+            p[0] = r * c;
+            p[2] = -r * d;
         }
     for (k = 1; k <= rings; k++)
         for (s = 0; s < 6; s++)
@@ -3140,19 +3144,22 @@ static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
     return n;
 }
 
-/* A finite double, plain between 1e-5 and 1e17. */
-static void clothi_sink_double(clothi_sink *s, double a) {
-    unsigned char d[24];
-    int           n, point;
-    uint64_t      bits;
-    memcpy(&bits, &a, sizeof bits);
-    if (bits >> 63) clothi_sink_char(s, '-');
-    if (!(fabs(a) > 0)) {
-        clothi_sink_char(s, '0');
+/* The fewest digits that read back, rounded to `digits`; plain with the point in [least, most]. */
+static void clothi_sink_number(clothi_sink *t, double a, int digits, int least, int most) {
+    unsigned char d[24] = {0};
+    int           n = 1, point = 1;
+    if (!clothi_finite(a)) {
+        clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
         return;
     }
-    n = clothi_shortest_digits(fabs(a), d, &point);
-    clothi_sink_digits(s, d, n, point, -4, 17);
+    if (copysign(1, a) < 0) clothi_sink_char(t, '-');
+    if (fabs(a) > 0) n = clothi_shortest_digits(fabs(a), d, &point);
+    if (n > digits && d[n = digits] > 4) {
+        while (n > 0 && ++d[n - 1] > 9) n--;
+        if (n == 0) d[n++] = 1, point++;
+    }
+    while (n > 1 && d[n - 1] == 0) n--;
+    clothi_sink_digits(t, d, n, point, least, most);
 }
 
 /* --- reading the text --- */
@@ -3226,19 +3233,12 @@ static int clothi_obj_token(clothi_obj *o, clothi_obj_name *token) {
 }
 
 static void clothi_obj_skip_line(clothi_obj *o) {
-    int comment = 0;
-    while (o->p < o->end) {
-        int n = clothi_obj_eol(o, o->p);
-        if (n) {
-            o->p += n;
-            clothi_obj_count_line(o);
-            return;
-        }
-        if (*o->p == '#') comment = 1;
-        n = comment ? 0 : clothi_obj_goes_on(o, o->p);
-        if (n) clothi_obj_count_line(o);
-        o->p += n ? n : 1;
-    }
+    clothi_obj_name token;
+    int             n = 0;
+    while (clothi_obj_token(o, &token)) {}
+    while (o->p < o->end && (n = clothi_obj_eol(o, o->p)) == 0) o->p++;     /* a comment */
+    o->p += n;
+    if (n) clothi_obj_count_line(o);
 }
 
 static int clothi_obj_is(const clothi_obj_name *token, const char *word) {
@@ -3580,7 +3580,7 @@ static void clothi_obj_write_numbers(clothi_sink *s, const char *keyword, const 
     clothi_sink_string(s, keyword);
     for (k = 0; k < n; k++) {
         clothi_sink_char(s, ' ');
-        clothi_sink_double(s, a[k]);
+        clothi_sink_number(s, a[k], 17, -4, 17);
     }
     clothi_sink_char(s, '\n');
 }
@@ -3639,7 +3639,7 @@ static cloth_status clothi_obj_check_mesh(const cloth_hooks *hooks, const cloth_
 
 CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_mesh *mesh,
                                         char *buf, size_t capacity, size_t *needed) {
-    clothi_sink  sink;
+    clothi_sink  sink = {buf, buf ? capacity : 0, 0};
     cloth_status status;
     int         *last = NULL;
     if (!mesh) return clothi_null(hooks, "cloth_obj_format: mesh");
@@ -3651,9 +3651,6 @@ CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_me
             return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to write %i vertices",
                                mesh->nv);
     }
-    sink.buf = buf;
-    sink.capacity = buf ? capacity : 0;
-    sink.n = 0;
     clothi_obj_write(mesh, last, &sink);
     clothi_free(hooks, last);
     if (needed) *needed = sink.n;
@@ -3664,11 +3661,13 @@ CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_me
 
 /* --- files --- */
 
-#ifndef CLOTH_NO_STDIO
-
 /* The whole of a file, owned by the caller; pipes too, so its size is found by reading. */
 static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path, char **out,
                                      size_t *size) {
+#ifdef CLOTH_NO_STDIO
+    (void)out, (void)size;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+#else
     FILE        *file = fopen(path, "rb");
     char        *buf = NULL;
     size_t       n = 0, capacity = 0;
@@ -3695,33 +3694,23 @@ static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path,
     else *out = buf, *size = n;
     fclose(file);
     return status;
+#endif
 }
 
 static cloth_status clothi_write_file(const cloth_hooks *hooks, const char *path, const char *text,
                                       size_t size) {
+#ifdef CLOTH_NO_STDIO
+    (void)text, (void)size;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
+#else
     FILE *file = fopen(path, "wb");
     int   whole;
     if (!file) return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened for writing", path);
     whole = fwrite(text, 1, size, file) == size;
     if (fclose(file) == 0 && whole) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be written", path);
-}
-
-#else
-
-static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path, char **out,
-                                     size_t *size) {
-    (void)out, (void)size;
-    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
-}
-
-static cloth_status clothi_write_file(const cloth_hooks *hooks, const char *path, const char *text,
-                                      size_t size) {
-    (void)text, (void)size;
-    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "%s: built with CLOTH_NO_STDIO", path);
-}
-
 #endif
+}
 
 CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
                                       const cloth_obj_options *options, cloth_mesh **out) {
@@ -3786,12 +3775,13 @@ static void clothi_rings(cloth_mesh *m, int around, int ball, double radius, dou
     m->x[1] = -0.5 * height, m->x[3 * last + 1] = 0.5 * height;
     for (k = 0; k < rings; k++)
         for (i = 0; i < around; i++) {
-            const int    a = 1 + k * around + i, b = 1 + k * around + (i + 1) % around;
-            const double angle = 2 * CLOTHI_PI * i / around;
-            const double lie = ball ? CLOTHI_PI * ((k + 1.0) / (rings + 1) - 0.5) : 0;
-            m->x[3 * a] = radius * cos(lie) * cos(angle);
-            m->x[3 * a + 1] = ball ? radius * sin(lie) : height * (k - 0.5);
-            m->x[3 * a + 2] = -radius * cos(lie) * sin(angle);
+            const int a = 1 + k * around + i, b = 1 + k * around + (i + 1) % around;
+            double    c, s, down = 0, flat = 1;
+            clothi_circle((double)i / around, &c, &s);
+            if (ball) clothi_circle(0.5 * (k + 1) / (rings + 1), &down, &flat);
+            m->x[3 * a] = radius * flat * c;
+            m->x[3 * a + 1] = ball ? -radius * down : height * (k - 0.5);
+            m->x[3 * a + 2] = -radius * flat * s;
             clothi_add_face(m, &f, a, b, k + 1 < rings ? a + around : last);
             clothi_add_face(m, &f, b, a, k > 0 ? b - around : 0);
         }
@@ -3844,8 +3834,9 @@ static int clothi_weld_find(const double *x, const double *p, double d, const in
         step = (int)((hash >> 32) % (unsigned)slots);
         if (n == 13) *home = step;
         for (w = head[step] - 1; w >= 0; w = next[w] - 1) {
-            const double *q = x + 3 * w, flat = hypot(p[0] - q[0], p[2] - q[2]);
-            if ((best < 0 || w < best) && hypot(flat, p[1] - q[1]) <= d) best = w;
+            double part[3];
+            for (k = 0; k < 3; k++) part[k] = (p[k] - x[3 * w + k]) / d;
+            if ((best < 0 || w < best) && clothi_dot3(part, part) <= 1) best = w;
         }
     }
     return best;
@@ -11643,7 +11634,7 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
                 double d = fabs(s->w.rhs[3 * i + k]) / s->params.mass[i];
                 if (d > big) big = d;
             }
-    return pow(clothi_max(goal->eta, CLOTHI_REST_TIME), 2) * big;
+    return clothi_max(goal->eta, CLOTHI_REST_TIME) * clothi_max(goal->eta, CLOTHI_REST_TIME) * big;
 }
 
 /* rhs = -g over leaders and free unknowns. */
@@ -11864,7 +11855,7 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                           cloth_report *report, int *done) {
     cloth_linear_report lr;
-    double              a = 1, before = nt->value;
+    double              a = 1, before = nt->value, tiny;
     cloth_status        status = clothi_cancelled(&s->hooks, &s->finish);
     int                 poor, cut;
     if (!status) status = clothi_newton_direction(s, goal, nt, report, &lr);
@@ -11889,9 +11880,9 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     *done = clothi_newton_left(nt, cut ? nt->size : report->residual_m) <
                 s->model->desc.tolerance &&
             (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0;
+    tiny = a * s->model->desc.tolerance;
     if (s->contact_on)                      /* -slope = dx'H dx >= dx'M dx/eta^2; a: overshoot */
-        *done |= !cut && -nt->slope * goal->eta * goal->eta <=
-                               s->total * pow(a * s->model->desc.tolerance, 2);
+        *done |= !cut && -nt->slope * goal->eta * goal->eta <= s->total * (tiny * tiny);
     status = clothi_newton_renew(s, goal, nt, done);
     clothi_newton_rhs(s);
     nt->stuck = s->contact_on && nt->exact && (lr.hit || a < 1) ? nt->stuck + 1 : 0;
@@ -14328,6 +14319,9 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
 
 CLOTHI_RARE_END
 
+#ifdef CLOTHI_OWN_SQRT
+#  pragma pop_macro("sqrt")
+#endif
 #ifdef __cplusplus
 }
 #endif
@@ -14339,8 +14333,9 @@ CLOTHI_RARE_END
  *
  * 0.2.0  [api] cloth_desc_set_mesh(), cloth_log_stderr(), cloth_sim_save_obj(), warnings;
  *        desc.sleep; the cancel hook's answer 2; cloth_term.stiffness. [numbers] contact is part of
- *        the minimisation. [fix] names that windows.h and complex.h take; x87 and fast maths are
- *        refused; BDF2 whose search is cut short; statics that nothing holds.
+ *        the minimisation; angles of round meshes. [fix] names that windows.h and complex.h take;
+ *        x87 and fast maths are refused; MinGW's sqrt; BDF2 whose search is cut short; statics that
+ *        nothing holds.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

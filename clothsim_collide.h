@@ -577,6 +577,11 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
 #define CLOTHSIM_COLLIDE_IMPLEMENTED
 
 #include "clothsim.h"       /* its implementation, where only the interface has been seen so far */
+#ifdef CLOTHI_OWN_SQRT
+#  pragma push_macro("sqrt")
+#  undef sqrt
+#  define sqrt clothi_sqrt
+#endif
 
 #ifdef __cplusplus
 extern "C" {
@@ -4515,6 +4520,17 @@ static double clothi_contact_damping(const cloth_collide *c, const clothi_contac
     return q->stiffness * (q->soft ? clothi_max(tau, CLOTHI_SOFT_TIME) : tau) / c->h;
 }
 
+/* ln a of an ordinary a > 0, within 2 ulp of 1 or of itself: libm's differ in last bits. */
+static double clothi_log(double a) {
+    double m, s, sum = 0;
+    int    k, e;
+    m = frexp(a, &e);
+    if (m < 0.7071067811865476) m *= 2, e--;
+    s = (m - 1) / (m + 1);                  /* ln m = 2 (s + s^3/3 + s^5/5 + ..) */
+    for (k = 21; k > 0; k -= 2) sum = 1.0 / k + s * s * sum;
+    return e * 0.6931471805599453 + 2 * s * sum;
+}
+
 /* K u^2/(t (1 - u/U)), u m into the range t of which U ends at the pole: energy J, force N, slope
  * N/m are added up. */
 static double clothi_barrier(double K, double t, double U, double u, double *force,
@@ -4526,7 +4542,7 @@ static double clothi_barrier(double K, double t, double U, double u, double *for
     if (!(z < 1)) return HUGE_VAL;
     *force += K / t * u * u * r * r;
     *slope += 2 * K / t * u * r * r * r;
-    if (z > 0.1) return K * U / t * U * U * (z + z * r + 2 * log(1 - z));
+    if (z > 0.1) return K * U / t * U * U * (z + z * r + 2 * clothi_log(1 - z));
     for (i = 19; i >= 3; i--)                   /* the same without cancellation */
         series = series * z + (i - 2.0) / i;
     return K / t * u * u * u * series;
@@ -4795,9 +4811,9 @@ static double clothi_contact_friction(const cloth_collide *c, const clothi_conta
     double       u[3], size, bend, less;
     int          i, j;
     clothi_contact_slip(c, q, x, u);
-    size = sqrt(clothi_dot3(u, u));
+    size = sqrt(clothi_dot3(u, u)), less = clothi_max(size, eps);
     bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;        /* force / (limit size) */
-    less = size > 0 ? (1 - q->scale) / (size * pow(clothi_max(size, eps), 2)) : 0;
+    less = size > 0 ? (1 - q->scale) / (size * (less * less)) : 0;
     for (i = 0; i < 3; i++) {
         tangent[i] = q->limit * bend * u[i];
         for (j = 0; j < 3; j++)
@@ -6947,6 +6963,9 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     report->smallest_gap = least;
 }
 
+/* a^8, without pow: libm's differ in last bits. */
+static double clothi_eighth(double a) { return a * a * (a * a) * (a * a * (a * a)); }
+
 /* cloth_contact.balance: work of the contacts over the substep, at its end. */
 static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
     const cloth_collide *c = (const cloth_collide *)user;
@@ -6955,10 +6974,9 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
     for (i = 0; i < c->ncontact; i = j) {
         double part = 0, f, s;
         for (j = clothi_group_end(c, i), k = i; k < j; k++)
-            part += pow(c->contact[k].share *
-                            clothi_contact_elastic(c->contact + k, c->contact[k].gap, &f, &s),
-                        8);
-        ledger->contact += pow(part, 1.0 / 8);
+            part += clothi_eighth(c->contact[k].share * clothi_contact_elastic(
+                c->contact + k, c->contact[k].gap, &f, &s));
+        ledger->contact += sqrt(sqrt(sqrt(part)));
     }
     for (i = 0; i < c->ncontact && c->begun; i++) {
         const clothi_contact *q = c->contact + i;
@@ -7809,7 +7827,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 
 /* `part` of the turn from rotation A to B, about the one axis of B A'. */
 static void clothi_turn_part(const double *A, const double *B, double part, double *out) {
-    double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, u[3], w, angle, size, c, t;
+    double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, u[3], w, size, c, t;
     int    i, j, k, big = 0;
     for (i = 0; i < 27; i++) Q[i / 3] += B[3 * (i / 9) + i % 3] * A[3 * (i / 3 % 3) + i % 3];
     for (k = 1; k < 3; k++) big = Q[4 * k] > Q[4 * big] ? k : big;
@@ -7825,9 +7843,8 @@ static void clothi_turn_part(const double *A, const double *B, double part, doub
         u[k] = (Q[3 * i + k] + Q[3 * k + i]) / (2 * size);
     }
     size = sqrt(clothi_dot3(u, u));
-    angle = 2 * part * atan2(w < 0 ? -size : size, fabs(w));
     for (k = 0; k < 3; k++) u[k] = size > 0 ? u[k] / size : 0;
-    c = cos(angle), t = sin(angle);
+    clothi_circle(part * clothi_atan2(w < 0 ? -size : size, fabs(w)) / CLOTHI_PI, &c, &t);
     for (k = 0; k < 3; k++) {               /* Rodrigues, column by column */
         const double a[3] = {A[k], A[3 + k], A[6 + k]}, along = clothi_dot3(u, a);
         double       turned[3];
@@ -8804,9 +8821,9 @@ static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, cons
     for (i = 0; i < 3 * q->n; i++)
         r[i % 3] += q->w[i / 3] * ((q->v[i / 3] < c->nv ? f->x : c->xb)[3 * q->v[i / 3] + i % 3] -
                                    c->xa[3 * q->v[i / 3] + i % 3]);
-    size = sqrt(clothi_dot3(u, u)), uZ = clothi_dot3(u, Z);
+    size = sqrt(clothi_dot3(u, u)), uZ = clothi_dot3(u, Z), less = clothi_max(size, eps);
     bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;
-    less = size > 0 ? -1 / (size * pow(clothi_max(size, eps), 2)) : 0;
+    less = size > 0 ? -1 / (size * (less * less)) : 0;
     b->force += q->friction * bend * uZ;
     if (f->whole) clothi_back_coefficient(f, q, q->force * bend * uZ);
     for (k = 0; k < 3; k++) to[k] = q->limit * (bend * Z[k] + less * uZ * u[k]);
@@ -8929,12 +8946,12 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
         if (m && !(q[i].gap > mean.gap)) b[i].gap = m->gap, mean.gap = -HUGE_VAL;
         parts += b[i].force * q[i].at.force * q[i].at.part;
         most = clothi_max(most, q[i].at.energy);
-        E += pow(q[i].at.energy, 8);
+        E += clothi_eighth(q[i].at.energy);
     }
-    E = most > 0 ? pow(E, 1.0 / 8) : 0;
+    E = most > 0 ? sqrt(sqrt(sqrt(E))) : 0;
     for (i = 0; i < n; i++) {
         const double r = E > 0 ? q[i].at.energy / E : 0, part = q[i].at.part;
-        const double energy = b[i].force * q[i].at.force * pow(r, 6) - part * parts;
+        const double energy = b[i].force * q[i].at.force * (r * r * r * r * r * r) - part * parts;
         if (!(q[i].force > 0)) continue;
         clothi_back_normal(c, q + i, E > 0 ? 7 / E * energy : 0, part * b[i].force, b[i].force,
                            b + i);
@@ -9111,6 +9128,9 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
  * clothsim.h [11.1]. MIT licence: the text in LICENSE holds for this file.
  */
 
+#ifdef CLOTHI_OWN_SQRT
+#  pragma pop_macro("sqrt")
+#endif
 #ifdef __cplusplus
 }
 #endif

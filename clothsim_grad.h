@@ -455,6 +455,11 @@ CLOTH_API cloth_status cloth_graph_rigidity(const cloth_hooks *hooks, const clot
 #define CLOTHSIM_GRAD_IMPLEMENTED
 
 #include "clothsim.h"       /* its implementation, where only the interface has been seen so far */
+#ifdef CLOTHI_OWN_SQRT
+#  pragma push_macro("sqrt")
+#  undef sqrt
+#  define sqrt clothi_sqrt
+#endif
 
 #ifdef __cplusplus
 extern "C" {
@@ -3434,8 +3439,9 @@ static clothi_graph_turn clothi_graph_rotation(const double *r) {
         t.e = 1.0 / 6 - q / 120 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156))));
         t.s = 1 - q * t.e;
     } else {
-        t.s = sin(l) / l;
-        t.c = (1 - cos(l)) / q;
+        clothi_circle(l / (2 * CLOTHI_PI), &t.c, &t.s);
+        t.s = t.s / l;
+        t.c = (1 - t.c) / q;
         t.e = (1 - t.s) / q;
     }
     return t;
@@ -3674,6 +3680,9 @@ CLOTH_API cloth_status cloth_graph_rigidity(const cloth_hooks *hooks, const clot
  * 0.2.0  first version
  */
 
+#ifdef CLOTHI_OWN_SQRT
+#  pragma pop_macro("sqrt")
+#endif
 #ifdef __cplusplus
 }
 #endif

@@ -1,4 +1,4 @@
-/* 16_walk.c - a garment walks: cloth on a moving body that penetrates itself.
+/* 16_walk.c - a T-shirt walks: cloth on a moving body whose arms enter its trunk.
  *
  * Notice: cloth_collide_move() says where the body shall be at the END of the step;
  * self_penetrating: cloth between parts of the body that come nearer than it has room for (armpits)

@@ -10,7 +10,7 @@
 #   sh checks.sh programs    every test and example compiled as C99, nothing run; [gcc or clang]
 #   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c, [1.1] of clothsim_collide.h
 #                            = examples/12_drape.c = README, of clothsim_grad.h compiles;
-#                            README's other blocks compile and run
+#                            README's other blocks and commands compile and run as they stand
 #   sh checks.sh judges      garments on bodies that move, by the programs of ../shared/judge:
 #                            two hours; ONLY=NAME for one of them, STEPS=N to cut all short
 #   sh checks.sh yardstick DIR          builds the prototype that speed is compared with
@@ -307,7 +307,7 @@ quick_start() {
         skip "[1.1] of $header has no lines between '---- $example ----' and '---- end ----'"
         return
     fi
-    must "[1.1] of $header compiles" $cc -std=c99 $base $warn $warn_c -I../examples \
+    must "[1.1] of $header compiles" $cc -std=c99 -O0 -ffp-contract=off -I.. $warn $warn_c -I../examples \
         "$out/header.c" -lm -o "$out/quickstart"
     must "[1.1] of $header has $(wc -l <"$out/header.c") lines" \
         test "$(wc -l <"$out/header.c")" -le "$lines"
@@ -330,31 +330,75 @@ run_quickstart() {
          on { text = text $0 "\n" }' ../README.md | squeeze >"$out/readme.c"
     must 'the quick start of README is [1.1] of clothsim_collide.h' \
         diff "$out/header.c" "$out/readme.c"
-    must 'it runs' sh -c "'$out/quickstart' >'$out/ran'"
-    must 'README has what it prints' grep -qxF "    $(cat "$out/ran")" ../README.md
     readme_blocks
+    readme_commands
 }
 
 # Every other block of C in README is the inside of a function that has what a program has by then:
-# its lines are compiled and run behind tests/readme.h. Blocks of sh are 'make' targets that exist.
+# its lines are compiled and run behind tests/readme.h, which makes a sim of the hooks that a block
+# has set. Lines of make are targets that exist.
 readme_blocks() {
     awk '/^```c$/ { on = 1; text = ""; next }
          /^```$/ { if (on && text !~ /CLOTHSIM_IMPLEMENTATION/) {
                        n++; printf "static int block%d(readme *r) {\n    README_NAMES(r)\n%s", n, text
-                       print "    return status;\n}" }
+                       print "    return readme_end_block(&desc);\n}" }
                    on = 0 }
          on { text = text "    " $0 "\n" (/status = .*;/ ? "    if (status) return status;\n" : "") }
          END { print "int main(void) {"; print "    readme r;"; print "    int bad = readme_start(&r);"
                for (i = 1; i <= n; i++) print "    if (!bad) bad = block" i "(&r);"
                print "    readme_end(&r);\n    return bad;\n}" }' ../README.md >"$out/blocks.c"
     echo '#define CLOTHSIM_IMPLEMENTATION' | cat - readme.h "$out/blocks.c" >"$out/readme_blocks.c"
-    must 'the blocks of README compile' $cc -std=c99 $base -I. -Wall -Wextra "$out/readme_blocks.c" \
-        -lm -o "$out/readme_blocks"
+    must 'the blocks of README compile' $cc -std=c99 -O0 -ffp-contract=off -I.. -I. \
+        -I../examples -Wall -Wextra "$out/readme_blocks.c" -pthread -lm -o "$out/readme_blocks"
     must 'the blocks of README run' "$out/readme_blocks"
     for target in $(sed -n 's/^    make -C tests \([a-z]*\).*/tests:\1/p; s/^    make -C examples \([a-z]*\).*/examples:\1/p' \
             ../README.md); do
         must "make -C ${target%:*} ${target#*:}" grep -q "^${target#*:}:" "../${target%:*}/Makefile"
     done
+}
+
+# The compilers' lines of README, run as they stand beside drape.c: the quick start. What they make
+# prints what README says. Those of a compiler that is not installed are skipped.
+readme_commands() {
+    dir=$out/user
+    rm -rf "$dir" && mkdir -p "$dir/clothsim"
+    cp ../clothsim.h ../clothsim_collide.h "$dir/clothsim"
+    cp ../clothsim.h ../clothsim_collide.h "$dir"
+    cp "$out/readme.c" "$dir/drape.c"
+    printf '#define CLOTHSIM_IMPLEMENTATION\n#include "clothsim_collide.h"\n' >"$dir/cloth.c"
+    promised=$(grep '^    after .* intersect: ' ../README.md | sed 's/^    //')
+    sed -n 's/^    \(cc\|c++\|x86_64-w64-mingw32-gcc\) -std/\1 -std/p' ../README.md >"$out/commands"
+    must 'README has a line for C, C++ and Windows' test "$(wc -l <"$out/commands")" -eq 3
+    while read -r line; do
+        if ! have "${line%% *}"; then skip "README: ${line%% *} is not installed"; continue; fi
+        rm -f "$dir/a.out"
+        case $line in
+        *'&& ./a.out')
+            must "README: $line" sh -c "cd '$dir' && { $line; } >said"
+            must "README: it prints '$promised'" test "$(cat "$dir/said")" = "$promised" ;;
+        *)  must "README: $line" sh -c "cd '$dir' && $line"
+            for side in '#include <windows.h>' ''; do        # first, last
+                { echo "$side"; cat "$out/readme.c"; echo '#include <windows.h>'; } >"$dir/windows.c"
+                must "windows.h ${side:+first}" ${line%% *} -std=c99 -w -I.. -fsyntax-only "$dir/windows.c"
+            done
+            wine=$(PATH=$PATH:/usr/lib/wine command -v wine64) ||
+                { skip 'README: no wine64 to run drape.exe with'; continue; }
+            WINEDEBUG=-all "$wine" "$dir/drape.exe" 2>/dev/null | tr -d '\r' >"$dir/said"
+            must "README: Windows prints '$promised'" test "$(cat "$dir/said")" = "$promised" ;;
+        esac
+    done <"$out/commands"
+    if have cmake; then
+        { echo 'cmake_minimum_required(VERSION 3.5)'; echo 'project(user C)'
+          awk '/^```cmake$/ { on = 1; next } /^```$/ { on = 0 } on' ../README.md
+          echo 'add_executable(drape drape.c)'; echo 'target_link_libraries(drape cloth)'
+        } >"$dir/CMakeLists.txt"
+        sed '/define CLOTHSIM_IMPLEMENTATION/d' "$out/readme.c" >"$dir/drape.c"
+        must 'README: CMake configures' cmake -S "$dir" -B "$dir/build" -DCMAKE_C_FLAGS=-O1
+        must 'README: CMake builds' cmake --build "$dir/build"
+        "$dir/build/drape" >"$dir/said" 2>&1
+        must "README: CMake's prints '$promised'" test "$(cat "$dir/said")" = "$promised"
+    else skip 'README: cmake is not installed'
+    fi
 }
 
 # Its own header line says how it is built; benches find it as out/bench/yardstick.

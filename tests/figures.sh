@@ -2,8 +2,9 @@
 # figures.sh - the figures of ACCURACY.md and SPEED.md against what their programs have printed.
 #   make -C tests validate && cd tests && sh figures.sh         or: sh figures.sh LOGS
 # figures.txt says where each stands. LOGS: directory of the programs' output, out/o2; examples' is
-# in ../examples/out. A program that has not run is skipped, with a sentence. CPU times are not
-# compared: they belong to a machine. Last line: 'figures.sh: N passed, N failed, N skipped'.
+# in ../examples/out, that of bench/ in out/bench. A program that has not run is skipped, with a
+# sentence. CPU times belong to a machine: only that the program prints one is checked.
+# Last line: 'figures.sh: N passed, N failed, N skipped'.
 LC_ALL=C
 export LC_ALL
 logs=${1:-out/o2}
@@ -25,7 +26,7 @@ awk -F ' [|] ' -v logs="$logs" '
     }
     /^#/ || NF < 6 { next }
     {
-        log_file = $2 ~ /^examples/ ? "../" $2 : logs "/" $2
+        log_file = $2 ~ /^examples/ ? "../" $2 : ($2 ~ /^bench/ ? "out/bench" : logs) "/" $2
         if ($2 ~ /^examples/) sub(/examples/, "examples/out", log_file)
         pattern = substr($3, 2, length($3) - 2)
         n = lines = 0
@@ -38,22 +39,22 @@ awk -F ' [|] ' -v logs="$logs" '
             value = field[at]
             gsub(/^[+]-|[:m]$/, "", value)
             value = value < 0 ? -value : value + 0
-            if (!n++ || $5 == "last" || $5 == "one" || ($5 == "min" ? value < best : value > best))
+            if (!n++ || $5 ~ /^(last|one|time)$/ || ($5 == "min" ? value < best : value > best))
                 best = value
         }
         close(log_file ".log")
         if (!lines) { skipped++; if (!told[$2]++) print "  skipped: " $2 ": not run"; next }
         if (!n) { bad("prints no line " $3); next }
         if ($5 == "one") best = best > 1 ? best - 1 : 1 - best
-        figure = $6
-        got = shown(best, figure)
-        number = figure
+        figure = number = $6
+        sub(/ [a-z].*/, "", number)         # a figure may have words behind it
+        got = shown(best, number)
         sub(/ %/, "", number)
-        near = $5 == "worse" && got + 0 > number / 3.01 && got + 0 < number * 3.01
+        near = $5 == "time" ? best > 0 : $5 == "worse" && got + 0 > number / 3.01 && got + 0 < number * 3.01
         if (got != number && !near) { bad("prints " got ", the document has " figure); next }
         found = 0
         while ((getline line < $1) > 0)
-            if (index(line, figure) && (index(line, $2 ".c") || $2 ~ /^examples/)) found = 1
+            if (index(line, figure) && index(line, NF > 6 ? $7 : $2 ".c")) found = 1
         close($1)
         if (found) passed++
         else bad("its row has no " figure)

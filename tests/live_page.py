@@ -58,12 +58,13 @@ try:
         time.sleep(0.1)
     check(title == 'ready 60 steps ' + want, 'after 60 steps: %s, natively %s' % (title, want))
     time.sleep(2)               # the page has found how finely it can draw
-    spent, drawn = browser.cpu(), js('D.live.drawn')
+    spent, drawn, made = browser.cpu(), js('D.live.drawn'), js('D.live.made')
     time.sleep(4)
     spent, drawn = browser.cpu() - spent, js('D.live.drawn') - drawn
+    made = (js('D.live.made') - made) / max(drawn, 1)
     fps, cost, each = js('D.live.fps'), js('D.live.cost'), 1000 * spent / max(drawn, 1)
-    print('  live page: %.0f frames a second, %.1f ms of CPU each in all processes, %.1f ms a step; '
-          'software drawing on one core' % (fps, each, cost))
+    print('  live page: %.0f frames a second, %.1f ms of CPU each in all processes, %.1f steps a '
+          'frame, %.1f ms a step; software drawing on one core' % (fps, each, made, cost))
     open_bound(each <= 1000 / 60, '%.1f ms of CPU a frame (16.7: 60 frames a second)' % each)
     if len(sys.argv) > 3:
         clip = js('''(function () {

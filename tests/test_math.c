@@ -1,7 +1,7 @@
 /* test_math.c - the small maths under everything else.
  *   cc -std=c99 -O2 -ffp-contract=off test_math.c -lm -o test_math && ./test_math */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim.h"
+#include "../clothsim_collide.h"
 
 #include <float.h>
 
@@ -77,6 +77,32 @@ static void atan2_special(void) {
     }
 }
 
+/* what libm answers otherwise on every platform: against it, in units of 2^-52 */
+static void circle_and_log(void) {
+    const long double  turn = 6.283185307179586476925286766559L;
+    unsigned long long seed = 7;
+    double             worst[2] = {0, 0}, c, s;
+    int                k;
+    for (k = 0; k < 200000; k++) {
+        const double      turns = ref_uniform(&seed, -2, 2) * (k % 2 ? 1 : 500);
+        const double      a = ref_uniform(&seed, 0, 1) * (k % 3 ? 1 : pow(10, -k % 12));
+        const long double exact = logl((long double)a), big = fabsl(exact);
+        clothi_circle(turns, &c, &s);
+        worst[0] = fmax(worst[0], (double)fabsl((long double)c - cosl(turn * turns)));
+        worst[0] = fmax(worst[0], (double)fabsl((long double)s - sinl(turn * turns)));
+        worst[1] = fmax(worst[1], (double)(fabsl((long double)clothi_log(a) - exact) /
+                                           (big > 1 ? big : 1)));
+    }
+    printf("  circle: worst error %.2f ulp of 1; log: %.2f\n", worst[0] / DBL_EPSILON,
+           worst[1] / DBL_EPSILON);
+    CHECK(worst[0] <= 2 * DBL_EPSILON && worst[1] <= 2 * DBL_EPSILON);
+    for (k = -8; k <= 8; k++) {             /* the quarters themselves */
+        clothi_circle(0.25 * k, &c, &s);
+        CHECK_NEAR(c, k % 2 ? 0 : k % 4 ? -1 : 1, 0);
+        CHECK_NEAR(s, k % 2 ? ((k & 3) == 1 ? 1 : -1) : 0, 0);
+    }
+}
+
 static void vectors(void) {
     const double a[3] = {1, 2, 3}, b[3] = {-4, 5, 0.5};
     double       c[3];
@@ -108,6 +134,7 @@ int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(atan2_ulp);
     RUN(atan2_special);
+    RUN(circle_and_log);
     RUN(vectors);
     RUN(finite_by_bits);
     return TEST_END();

@@ -172,7 +172,7 @@ static size_t write_number(double a, char *text) {
     sink.buf = text;
     sink.capacity = 64;
     sink.n = 0;
-    clothi_sink_double(&sink, a);
+    clothi_sink_number(&sink, a, 17, -4, 17);
     text[sink.n] = '\0';
     return sink.n;
 }

@@ -77,6 +77,7 @@ function run(kit) {
         const spent = performance.now() - begin;
         cost = steps < 30 ? spent : cost + 0.05 * (spent - cost);
         live.cost = cost;
+        live.made = (live.made || 0) + 1;
         if (++steps === 60 && !touched) live.hash = hash();
         if (steps === 60) document.title = 'ready 60 steps ' + (live.hash || 'touched');
       }

@@ -54,10 +54,12 @@
  *         cloth_grad_report report;
  *         cloth_pin         pins[2] = {{0, CLOTH_AXIS_ALL}, {19, CLOTH_AXIS_ALL}};
  *         cloth_desc        desc = cloth_desc_default();
- *         int               frame;
+ *         int               frame, v;
  *
  *         if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 20, 20, 1.0, 1.0, &sheet)) return 1;
- *         cloth_desc_set_mesh(&desc, sheet);
+ *         for (v = 0; v < NV; v++)                            // laid flat, rounding would choose
+ *             sheet->x[3 * v + 1] = 0.04 * sin(5 * sheet->x[3 * v] + 3 * sheet->x[3 * v + 2]);
+ *         cloth_desc_set_mesh(&desc, sheet);                  // where it buckles
  *         desc.npins = 2, desc.pins = pins;
  *         desc.tolerance = 1e-8;                              // m: derivatives want more than eyes
  *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
@@ -364,9 +366,12 @@ typedef struct cloth_layer {
      * the cloth is already (cloth_collide_teleport); 0: targets of the step to `frame` (.._move,
      * _pin). CLOTH_ERR_STEP, _MESH, _NONFINITE, _NUMERIC fail the frame, as the step's own do. */
     cloth_status (*place)(cloth_sim *sim, int frame, int start, void *user);
-    void         *user;         /* of place                                                    */
+    void         *user;         /* of place and step                                           */
     double       *y;            /* NULL, or [F x nv x 3]: y_k; frames without are the prediction */
     const cloth_tape_options *tape;         /* NULL: defaults                                  */
+    /* Goes on by h to what place() said; NULL: one cloth_step(). Several shorter steps where one
+     * fails (cloth_collide_step() until its fractions make 1) keep a frame that else fails. */
+    cloth_status (*step)(cloth_sim *sim, double h, void *user);
 } cloth_layer;
 
 CLOTH_API cloth_layer cloth_layer_default(void);
@@ -3231,7 +3236,9 @@ typedef struct clothi_layer {               /* one call                         
     size_t              size, n;            /* n = 3 nv                                        */
     double              t, loss;            /* t: s, of the sim as it was                      */
     double             *g, *gx, *gv;        /* [F x n], NULL: not wanted; [n], [n]             */
-    double             *used;               /* [F] not 0: y_k is compared                      */
+    const cloth_tape   *tape;               /* of the run under way, or NULL                   */
+    double             *used;               /* [F] not 0: y_k is compared, after so many steps of
+                                               its run                                         */
     size_t              a;                  /* n times the first frame of the run's difference */
     int                 from;               /* frame where the run begins                      */
 } clothi_layer;
@@ -3282,27 +3289,38 @@ static cloth_status clothi_layer_step(clothi_layer *l, int k) {
     cloth_status       status = o->place ? o->place(l->s, k, 0, o->user) : CLOTH_OK;
     double             d2 = 0;
     size_t             i;
-    if (!status) status = cloth_step(l->s, o->h, NULL);
+    if (!status)
+        status = o->step ? o->step(l->s, o->h, o->user) : cloth_step(l->s, o->h, NULL);
     if (status) return status;
     for (i = 0; i < l->n; i++) d2 += (y[i] - x[i]) * (y[i] - x[i]);
     d2 /= (double)(l->n / 3);
     if (!(sqrt(d2) <= o->most)) return CLOTH_OK;
-    l->used[k] = 1, l->r->used++;
+    l->used[k] = l->tape ? cloth_tape_steps(l->tape) : 1;
+    l->r->used++;
     l->r->worst = clothi_max(l->r->worst, sqrt(d2));
     l->loss += o->beta * d2;
     if (o->y) memcpy(o->y + (size_t)k * l->n, y, l->n * sizeof(double));
     return CLOTH_OK;
 }
 
+/* The frame to which step k > 0 of a run leads. */
+static int clothi_layer_frame(const clothi_layer *l, int k) {
+    int frame = l->from + 1;
+    while (frame < l->o->frames - 1 && l->used[frame] > 0 && l->used[frame] < k) frame++;
+    return frame;
+}
+
 /* The loss of step k of a run, a cloth_loss_fn: by y here, by the frame to l->g. */
 static void clothi_layer_adds(int k, const double *x, const double *v, double *gx, double *gv,
                               void *user) {
     clothi_layer *l = (clothi_layer *)user;
-    const size_t  at = (size_t)(l->from + k) * l->n;
+    const int     frame = clothi_layer_frame(l, k);
+    const size_t  at = (size_t)frame * l->n;
     const double  scale = 2 * l->o->beta / (double)(l->n / 3);
     size_t        i;
     (void)v, (void)gv;
-    for (i = 0; k > 0 && l->used[l->from + k] > 0 && i < l->n; i++) {
+    if (k == 0 || (int)l->used[frame] != k) return;
+    for (i = 0; i < l->n; i++) {
         const double d = scale * (x[i] - l->o->x[at + i]);
         gx[i] += d;
         l->g[at + i] -= d;
@@ -3310,8 +3328,9 @@ static void clothi_layer_adds(int k, const double *x, const double *v, double *g
 }
 
 /* The report of a run to that of all. */
-static void clothi_layer_merge(cloth_grad_report *to, const cloth_grad_report *q, int from) {
-    if (q->doubt && !to->doubt) to->step = from + q->step + 1;
+static void clothi_layer_merge(const clothi_layer *l, const cloth_grad_report *q) {
+    cloth_grad_report *to = &l->r->grad;
+    if (q->doubt && !to->doubt) to->step = clothi_layer_frame(l, q->step + 1);
     to->status = q->status, to->doubt |= q->doubt, to->valid = !to->status && !to->doubt;
     to->why = clothi_grad_why(to->doubt);
     to->steps += q->steps, to->replayed += q->replayed, to->negative += q->negative;
@@ -3332,7 +3351,7 @@ static cloth_status clothi_layer_back(clothi_layer *l, cloth_tape *tape) {
     memset(&out, 0, sizeof out);
     out.x0 = l->gx, out.v0 = l->gv;
     status = cloth_grad_backward(tape, clothi_layer_adds, l, &out, &q);
-    clothi_layer_merge(&l->r->grad, &q, l->from);
+    clothi_layer_merge(l, &q);
     for (i = 0; i < l->n; i++) {
         const double by_v = l->gv[i] / l->o->h;
         l->g[at + i] += l->gx[i];
@@ -3353,8 +3372,12 @@ static cloth_status clothi_layer_run(clothi_layer *l, int *at) {
     r->starts++;
     status = clothi_layer_start(l);
     if (!status && l->g) status = cloth_tape_create(l->s, l->o->tape, &tape);
+    l->tape = tape;
     for (k = l->from + 1; k < l->o->frames && !status; k++) {
         status = clothi_layer_step(l, k);
+        if (!status && tape && tape->ended)
+            status = clothi_fail(&l->s->hooks, tape->ended_by, "cloth_layer_loss: the tape ends "
+                                 "before frame %i: %s", k, tape->ended);
         if (status || !(l->used[k] > 0)) break;
     }
     if (k < l->o->frames && (!status || status == CLOTH_ERR_STEP || status == CLOTH_ERR_MESH ||
@@ -3364,9 +3387,6 @@ static cloth_status clothi_layer_run(clothi_layer *l, int *at) {
         r->beyond += !status;
         status = CLOTH_OK;
     }
-    if (!status && tape && tape->ended)
-        status = clothi_fail(&l->s->hooks, tape->ended_by, "cloth_layer_loss: the tape ends before "
-                             "frame %i: %s", l->from + tape->n + 1, tape->ended);
     if (!status && tape && l->used[l->from + 1] > 0) status = clothi_layer_back(l, tape);
     cloth_tape_destroy(tape);
     *at = k;

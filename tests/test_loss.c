@@ -506,6 +506,35 @@ static void layer_differences(void) {
         }
 }
 
+/* A host's steps: frame k takes k of them, the last one fails after the first of its own. */
+static cloth_status film_strides(cloth_sim *sim, double h, void *user) {
+    const film  *f = (const film *)user;
+    const int    frame = 1 + (int)(cloth_sim_state(sim)->t / h + 0.5);
+    cloth_status status = CLOTH_OK;
+    int          i;
+    for (i = 0; i < frame && !status; i++)
+        status = i == 1 && frame == f->fails ? CLOTH_ERR_STEP : cloth_step(sim, h / frame, NULL);
+    return status;
+}
+
+static void layer_strides(void) {
+    static film        f;
+    cloth_layer_report r;
+    int                i;
+    for (i = 0; i < 2; i++) {
+        film_open(&f, CLOTH_INTEGRATOR_EULER, 0, WITH_PINS | WITH_DAMPING, NULL);
+        shift(f.x, f.d, 3, FRAMES * f.n, f.x);
+        fill(f.d, FRAMES * f.n, 1e-3, 31);
+        f.o.step = film_strides;
+        if (i) f.fails = FRAMES - 1;
+        r = film_check(&f, i ? "strides, one fails" : "strides", 1e-6);
+        CHECK(r.used == FRAMES - 1 - i && r.failed == i && r.starts == 1);
+        CHECK(r.first_failed == (i ? FRAMES - 1 : -1) && r.grad.steps == (i ? 7 : 10));
+        CHECK(i == (dot(f.g + (FRAMES - 1) * f.n, f.g + (FRAMES - 1) * f.n, f.n) <= 0));
+        film_close(&f);
+    }
+}
+
 /* Frames that the kit made; at rest; in free fall, where forward differences are off by k g h^2. */
 static void layer_own_frames(void) {
     static film        f;
@@ -1106,6 +1135,7 @@ int main(int argc, char **argv) {
     RUN(nearest_mesh);
     RUN(nearest_derivative);
     RUN(layer_differences);
+    RUN(layer_strides);
     RUN(layer_own_frames);
     RUN(layer_apart);
     RUN(layer_failures);

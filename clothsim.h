@@ -24,9 +24,9 @@
  *     [4.3] GENERATORS                       [4.4] REST SHAPE
  *     [4.5] OBJ FILES                        [4.6] CLOSED MESHES, WELD, ORIENT
  *     [5.1] MATERIALS
- *     [6.1] SPRING                           [6.2] STVK TRIANGLE
+ *     [6.1] LANES, SPRING                    [6.2] STVK TRIANGLE
  *     [6.3] HINGE                            [6.4] QUADRATIC BENDING
- *     [6.5] EIGHT ELEMENTS AT A TIME
+ *     [6.5] STRETCH AND BENDING IN ONE
  *     [7.1] ORDERING                         [7.2] BLOCK SPARSE MATRIX
  *     [7.3] CONJUGATE GRADIENTS              [7.4] SPARSE CHOLESKY
  *     [8.1] MODEL                            [8.2] SIM
@@ -4089,351 +4089,67 @@ CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const clot
 
 CLOTHI_RARE_END
 
-/* ===== [6.1] SPRING ========================================================================== */
+/* ===== [6.1] LANES, SPRING =================================================================== */
 /*
+ *   a batch: 8 elements, one array per number           x [9][8]: corner*3 + axis, then the lane
+ *
+ *      lane   0   1   2   3   4   5   6   7             The loops of this chapter run over lanes
+ *   x0.x      .   .   .   .   .   .   .   .             and have no branch, so that gcc and clang
+ *   x0.y      .   .   .   .   .   .   .   .             turn them into vector code by themselves.
+ *   ...                                                 Unused lanes repeat a valid element with
+ *                                                       zero stiffness.
+ *   Each formula stands once, for lanes; cloth_spring and its like are one element in all of them.
+ *   An element has a measure q(x) (length, strain, angle, ...) and an energy that is a square of
+ *   q - q0, q0 at rest. Its functions, whose outputs are all given:
+ *
+ *     _measure  q                                              [numbers][8]
+ *     _lanes    E, Ed and the gradient f of their sum          [8], [8], [3 corners][8]
+ *     _blocks   Hessian, blocks (i, j) of corners i > j        [pairs][9][8], as clothi_pair
+ *     _hvp      Hessian times u, without a matrix              [3 corners][8]
+ *     _vjp      V = a.f, a constant: dV by the numbers of `rest`, by damp and by x^n
+ *
+ *   No force changes when all corners move together: rows of blocks sum to zero, which gives the
+ *   diagonal blocks, once for a matrix and not by element (clothi_matrix_close()). A result beyond
+ *   the range of doubles is left as inf or NaN for the step to refuse. Lengths are expected within
+ *   1e-20 .. 1e20 m.
+ *
+ *   damping   The energy's formula for what q has changed by since the step's start x^n, times
+ *             damp = tau/h, tau the material's time:
+ *               Ed = (tau/h) A ( mu |E - E^n|^2 + lambda/2 tr(E - E^n)^2 ),
+ *               Ed = (tau/h) c/2 (theta - theta^n)^2, ...
+ *             so dEd/dx = tau d/dt of the elastic force for small steps. Strain, angle and length
+ *             do not change in a rigid motion, so that nothing is taken from it. start = q(x^n);
+ *             start and damp are zeros without damping.
+ *   forces    are stored per element and summed per vertex from a list in a fixed order: no
+ *             colouring, no atomics, the same bits for any number of workers.
+ *
  *        x0 o~~~~~~~~~~o x1        symbols  d = x1 - x0,  l = |d|,  u = d/l
- *                                           L rest length m, k stiffness N/m
+ *                                           L rest length m, k stiffness N/m, s = damp
  *   energy    E = k/2 (l - L)^2                                                            J
  *   gradient  dE/dx1 = k (l - L) u = -dE/dx0          as dl/dx1 = u                        N
  *   Hessian   d2E/dx1dx1 = K, d2E/dx0dx1 = -K         as du/dx1 = (I - u u')/l             N/m
  *             K = k [ u u' + (1 - L/l) (I - u u') ] = k [ (1 - L/l) I + (L/l) u u' ]
+ *   damped    p = k (1 + s - (L + s l_n)/l) takes the place of k (1 - L/l): the gradient is p d,
+ *             K = p I + (k (1 + s) - p) u u'
  *   psd       the eigenvalues of K are k along u and k (1 - L/l), twice, across: the second is
  *             negative in compression (l < L) and then replaced by 0. The 6x6 matrix
  *             [K -K; -K K] has v' H v = (v1 - v0)' K (v1 - v0) >= 0.
  *   dropped   nothing. At l = 0 < L the direction u does not exist: below l = 1e-8 L the code takes
  *             u = d / (1e-8 L), which fades to zero, and the force with it. L = 0 is exact there.
- *   code      [6.5]: clothi_spring_lanes, and cloth_spring, which has one spring in all lanes
- *   checked   tests/test_elements.c: spring_derivatives, spring_degenerate, lanes_spring
- */
-/* ===== [6.2] STVK TRIANGLE =================================================================== */
-/*
- *   rest, flat               now, in space
- *       X2                        x2           symbols  Dm = [X1-X0, X2-X0] 2x2, B = Dm^-1
- *      /  \         F            /   \                  Ds = [x1-x0, x2-x0] 3x2
- *     /  A \      ----->        /     \                 A = |det Dm|/2 rest area, m^2
- *   X0 ---- X1                x0 ----- x1               mu, lambda N/m (Pa times thickness)
- *
- *   The map is linear in the triangle, so its derivative is one matrix:
- *     F = Ds B (3x2)                     deformation gradient: edges now = F edges at rest
- *     E = 1/2 (F'F - I) (2x2)            Green strain: dX' E dX = (|dx|^2 - |dX|^2)/2
- *     S = 2 mu E + lambda tr(E) I        stress that is conjugate to E
- *     J = A ( mu |E|^2 + lambda/2 tr(E)^2 ),  dJ = A S:dE                        [BB08]
- *
- *   Write F = sum_i x_i g_i' with the gradients g_i of the corner functions: g_1, g_2 are the rows
- *   of B, and g_0 = -g_1 - g_2 since the three functions sum to one. A change v of corner i gives
- *     dF = v g_i',   dE = 1/2 (F'dF + dF'F),   S:dE = v . F S g_i        (S is symmetric)
- *   so  gradient  dJ/dx_i = A F S g_i.                                                        N
- *   Change that by w at corner j: A [ w (g_j' S g_i) + F dS g_i ]. With q_i = F g_i and g_ij =
- *   g_i.g_j:  dE g_i = 1/2 (F' w g_ij + g_j q_i.w),  tr dE = w.q_j,  hence
- *     Hessian   H_ij = A [ mu ( g_ij F F' + q_j q_i' ) + lambda q_i q_j' + (g_i' S g_j) I ]  N/m
- *   The bracket's last term is the stress at work on the rotation of the triangle: S < 0, as in any
- *   compressed cloth, pushes it out of its plane, and the exact Hessian is then indefinite.
- *
- *   psd       S is replaced in that last term by its positive part S+ (the eigenvalues of a 2x2
- *             matrix are in closed form). Proof: for any corner displacements v_i,
- *               v' H v = A [ 2 mu |dE|^2 + lambda tr(dE)^2 + sum over axes of z' S+ z ],
- *             z = sum_i (v_i)_axis g_i. With dE = dev dE + tr(dE)/2 I the first two terms are
- *             2 mu |dev dE|^2 + (mu + lambda) tr(dE)^2 >= 0, and the third is >= 0 by choice.
- *             What is lost: negative S acting inside the plane, where the material may outweigh
- *             it. Cost: slower Newton steps in strong compression.
- *   limits    in pure compression the force falls again below the stretch 1/sqrt(3) and vanishes at
- *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.
- *   collapse  of the current triangle is harmless (everything is polynomial in x). A rest triangle
- *             with det Dm = 0 has no B: energy and derivatives are 0.
- *   code      below the matrices of one triangle, for states and derivatives by rest shape; [6.5]
- *             energy, gradient and Hessian, of which cloth_stretch is one lane
- *   checked   tests/test_elements.c: stretch_derivatives, stretch_closed_forms, stretch_table,
- *             stretch_psd, stretch_invariance, stretch_degenerate
- */
-
-CLOTHI_RARE_BEGIN
-
-/* B [2x2] and the area; zeros when the rest triangle has none. */
-CLOTHI_OUTLINE static double clothi_rest_inverse(const double *X, double *B) {
-    const double a = X[2] - X[0], b = X[4] - X[0], c = X[3] - X[1], d = X[5] - X[1];
-    const double det = a * d - b * c;
-    memset(B, 0, 4 * sizeof *B);
-    if (!(det < 0.0 || det > 0.0)) return 0.0;
-    B[0] = d / det;
-    B[1] = -b / det;
-    B[2] = -c / det;
-    B[3] = a / det;
-    return 0.5 * fabs(det);
-}
-
-/* F [3x2] = Ds B, Ds of the corners v of x. */
-CLOTHI_OUTLINE static void clothi_deformation(const double *x, const int *v, const double *B,
-                                              double *F) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        const double p = x[3 * v[1] + k] - x[3 * v[0] + k], q = x[3 * v[2] + k] - x[3 * v[0] + k];
-        F[2 * k] = p * B[0] + q * B[2];
-        F[2 * k + 1] = p * B[1] + q * B[3];
-    }
-}
-
-/* out [2x2] = F' G. */
-CLOTHI_OUTLINE static void clothi_ftg(const double *F, const double *G, double *out) {
-    out[0] = F[0] * G[0] + F[2] * G[2] + F[4] * G[4];
-    out[1] = F[0] * G[1] + F[2] * G[3] + F[4] * G[5];
-    out[2] = F[1] * G[0] + F[3] * G[2] + F[5] * G[4];
-    out[3] = F[1] * G[1] + F[3] * G[3] + F[5] * G[5];
-}
-
-/* out [3x2] = F S, S [2x2]. */
-CLOTHI_OUTLINE static void clothi_fs(const double *F, const double *S, double *out) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        out[2 * k] = F[2 * k] * S[0] + F[2 * k + 1] * S[2];
-        out[2 * k + 1] = F[2 * k] * S[1] + F[2 * k + 1] * S[3];
-    }
-}
-
-/* E = 1/2 (F'F - I) */
-CLOTHI_OUTLINE static void clothi_green(const double *F, double *E) {
-    int k;
-    clothi_ftg(F, F, E);
-    for (k = 0; k < 4; k++) E[k] = 0.5 * (E[k] - (k % 3 == 0 ? 1 : 0));
-}
-
-/* S = 2 mu E + lambda tr(E) I */
-CLOTHI_OUTLINE static void clothi_hooke(double mu, double lambda, const double *E, double *S) {
-    int k;
-    for (k = 0; k < 4; k++) S[k] = 2 * mu * E[k] + (k % 3 == 0 ? lambda * (E[0] + E[3]) : 0);
-}
-
-/* a:b */
-static double clothi_double_dot(const double *a, const double *b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-}
-
-/* The stretches are the singular values of F: s1^2 and s2^2 are the eigenvalues of F'F, and s1 s2 =
- * |F1 x F2| keeps the digits of the small one. F is scaled so that no square overflows. */
-static void clothi_principal_stretches(const double *F, double *stretch) {
-    double a[3], b[3], n[3], aa, bb, ab, s1, big = 0.0;
-    int    i;
-    for (i = 0; i < 6; i++) big = clothi_max(big, fabs(F[i]));
-    stretch[0] = stretch[1] = 0.0;
-    if (!(big > 0.0)) return;
-    for (i = 0; i < 3; i++) {
-        a[i] = F[2 * i] / big;
-        b[i] = F[2 * i + 1] / big;
-    }
-    aa = clothi_dot3(a, a);
-    bb = clothi_dot3(b, b);
-    ab = clothi_dot3(a, b);
-    clothi_cross3(a, b, n);
-    s1 = sqrt(0.5 * (aa + bb + sqrt((aa - bb) * (aa - bb) + 4.0 * ab * ab)));
-    stretch[0] = s1 * big;
-    stretch[1] = sqrt(clothi_dot3(n, n)) / s1 * big;
-}
-
-CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu, double lambda,
-                                     double *F, double *E, double *S, double *stretch) {
-    static const int own[3] = {0, 1, 2};
-    double           B[4], f[6] = {0}, e[4] = {0}, s[4] = {0}, st[2];
-    const double     area = clothi_rest_inverse(X, B);
-    if (area > 0.0) {
-        clothi_deformation(x, own, B, f);
-        clothi_settle(f, 6);
-        clothi_green(f, e);
-        clothi_settle(e, 4);
-        clothi_hooke(mu, lambda, e, s);
-        clothi_settle(s, 4);
-    }
-    clothi_principal_stretches(f, st);
-    clothi_settle(st, 2);
-    if (F) memcpy(F, f, sizeof f);
-    if (stretch) memcpy(stretch, st, sizeof st);
-    if (E) memcpy(E, e, sizeof e);
-    if (S) memcpy(S, s, sizeof s);
-    return clothi_finite(area) ? area : CLOTHI_HUGE;
-}
-
-CLOTHI_RARE_END
-
-/* ===== [6.3] HINGE =========================================================================== */
-/*
- *            x2                symbols  e = x1-x0, a = x2-x0, b = x3-x0, l = |e|, u = e/l
- *           /  \                        n1 = e x a, n2 = b x e normals, |n| = twice the area
- *     n1   /    \                       for each wing: nn = n/|n|, height h = |n|/l,
- *         /      \                        foot t = (corner - x0).u/l (0 at x0, 1 at x1),
- *       x0 --e--> x1                      m the unit vector in its plane from edge to corner
- *         \      /             theta    = atan2( (n1 x n2).u, n1.n2 ) = atan2( -l n1.b, n1.n2 )
- *     n2   \    /                       in [-pi, pi]: 0 flat, > 0 convex on the normals' side
- *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped        [GHDS03]
- *            x3                c        = D l^2/(A1 + A2) with rest length and areas, N m
- *
- *   wrap      cloth_bend is the formula as it stands. A sim ([6.5], [9.1]) takes the difference
- *             into [-pi, pi] by a whole turn first: theta leaps from pi to -pi where a fold closes,
- *             and a sharp rest fold, theta0 = 2.5, closes 0.64 beyond it. Unwrapped the energy
- *             leaps there from c/2 0.64^2 to c/2 5.64^2, a wall with no minimum at its foot: no
- *             line search comes to an end on it. Wrapped, J is continuous in x alone, without
- *             memory; its ridge is half a turn from rest, and no minimum rests on a ridge. Both
- *             agree while |theta - theta0| <= pi: always when theta0 = 0. The turn since t^n, of
- *             the damping, is wrapped alike.
- *
- *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
- *
- *   c         A surface with curvatures K_mm across an edge and K_tt along it, sampled at the
- *             corners of equilateral triangles (height h, edge l, l^2/(4 h^2) = 1/3), shows
- *             the hinge angle
- *               theta = h K_mm - l^2/(4 h) K_tt = h (K_mm - K_tt/3).
- *             A cylinder of curvature k at the angle f to m: K_mm = k cos^2 f, K_tt = k sin^2 f, so
- *             theta = h k (1 + 2 cos 2f)/3; over the three edge directions f, f +- 60 degrees the
- *             squares add up to h^2 k^2, whatever f is. Each direction has one edge per l h of area
- *             (and A1 + A2 = l h): the energy per area is (c/2) h^2 k^2/(l h). The plate's is
- *             D k^2/2, so D = c h/l, which is c = D l^2/(A1+A2). On other meshes the same c gives a
- *             rigidity that depends on pattern and direction, up to 3 D.
- *
- *   gradient  Lifting x2 by d along nn1 turns its wing by d/h1 towards the normal, so theta falls:
- *               dtheta/dx2 = -nn1/h1 =: -p1          and dtheta/dx3 = -p2 likewise.
- *             A rigid motion leaves theta alone: no net force and no net torque. Of all ways to
- *             split +p1 between x0 and x1 only the foot's own lever balances the torque:
- *               dtheta/dx_i = -sum over wings of W_i p,   W = (t - 1, -t, 1) on (x0, x1, corner)
- *
- *   Hessian   Each wing's part depends on its own three corners. Frame: u, m, nn with m = nn x u
- *             (left wing; the right one is its mirror image and gets the same formulas). Write
- *             p = nn/h = l n/|n|^2, M = m/h, r = u/l, D = (1, -1, 0) on (x0, x1, corner).
- *             Corner moved by v: dn = e x v = l (nn m' - m nn') v, and d(n/|n|^2) =
- *             (I - 2 nn nn') dn/|n|^2, so dp = -(p M' + M p') v. x1 moved by v: dn = -a x v with
- *             a = t l u + h m, and dl = u.v: dp = [ t (p M' + M p') - r p' ] v. x0: minus the sum.
- *             Together, and with dt from t = a.e/l^2,
- *               dp/dx_j = -W_j (p M' + M p') + D_j r p',    dt/dx_j = W_j r' - D_j (h/l)^2 M'.
- *             W_i changes by D_i dt. So, with z_i = W_i M - D_i r,
- *               d2theta/dx_i dx_j = sum over wings of
- *                 W_j p z_i' + W_i z_j p' + D_i D_j (h/l)^2/2 (p M' + M p').
- *             (The last term comes out as (h/l)^2 p M' = nn m'/l^2; its antisymmetric half is
- *             a rotation about u, opposite in the two wings, and cancels.)
- *   energy    dJ = c (theta - theta0) dtheta;  d2J = c [ dtheta dtheta' + (theta-theta0) d2theta ]
- *   psd       Gauss-Newton: c dtheta dtheta' alone. It is a square, hence >= 0. Dropped is the
- *             second term: nothing at theta = theta0, slower Newton steps at strongly bent hinges.
- *   collapse  p grows like 1/h. With s = |e|^2 + |a|^2 + |b|^2, |n| is not taken
- *             smaller than 1e-6 s, nor l^2 smaller than 1e-12 s, where they divide: derivatives are
- *             exact above and fade to zero below, where the force would be beyond any use. theta
- *             itself is atan2's answer, 0 for a wing with n = 0: a line has no side.
- *   range     theta does not depend on size: coordinates outside 1e-20..1e20 are scaled first.
- *   limits    at theta = +-pi (a wing folded onto the other) theta jumps; count hinges beyond 3.
- *             The Poisson ratio of bending is about -1/3 whatever the user says.
- *   code      [6.5], of which cloth_dihedral_hess is one lane
- *   checked   tests/test_elements.c: hinge_derivatives, hinge_near_degenerate, hinge_sign,
- *             hinge_cylinder, hinge_invariance, hinge_degenerate, lanes_hinge
- */
-
-#define CLOTHI_HINGE_FLOOR 1e-12            /* the square of the smallest relative |n|           */
-#define CLOTHI_HINGE_TINY_L2 1e-60          /* m^2 and m^4: keep 0/0 away when all corners       */
-#define CLOTHI_HINGE_TINY_Q  1e-100         /* coincide                                          */
-
-CLOTH_API double cloth_hinge_coefficient(double D, double e2, double A1, double A2) {
-    const double area = A1 + A2;
-    const double c = area > 0.0 ? D * e2 / area : 0.0;
-    return clothi_finite(c) ? c : CLOTHI_HUGE;
-}
-
-/* ===== [6.4] QUADRATIC BENDING =============================================================== */
-/*
- *   near the flat state   theta = |sum_i w_i x_i| for small angles, so the angle need not be
- *                         computed at all: one weighted sum of the four corners             [BWH06]
- *   symbols   corners, t and h as in [6.3], from the REST shape; c the hinge's, N m
- *   weights   w2 = -1/h1, w3 = -1/h2, w0 = (1-t1)/h1 + (1-t2)/h2, w1 = t1/h1 + t2/h2       1/m
- *             They sum to zero and reproduce the flat rest shape: sum_i w_i X_i = 0, for the foot
- *             (1-t) X0 + t X1 is the corner's projection, and the two unit vectors that remain,
- *             from either corner to the edge, cancel.
- *   energy    J = c/2 |sum_i w_i x_i|^2
- *   gradient  c w_i s, s = sum_j w_j x_j          Hessian  c w_i w_j I, constant: assembled once
- *   link      at the flat state dtheta/dx_i = w_i nn (compare [6.3]), so the hinge's Hessian is
- *             c w_i w_j nn nn': the same in the normal direction, and D means the same. The two
- *             other directions are of second order while the sheet keeps its lengths.
- *   dropped   rest angles (flat only) and large-stretch exactness: stretching a flat sheet unevenly
- *             costs a little bending energy. Its error against [6.3] grows as theta^2.
- *   checked   tests/test_elements.c: quadratic_is_the_flat_hinge, hinge_cylinder,
- *             lanes_quadratic
- */
-
-CLOTH_API double cloth_bend_quadratic(const double *x, const double *w, double c, double *grad,
-                                      double *hess) {
-    double s[3], energy;
-    int    i, j, r;
-    for (r = 0; r < 3; r++)                 /* edges first: far from the origin digits survive   */
-        s[r] = w[1] * (x[3 + r] - x[r]) + w[2] * (x[6 + r] - x[r]) + w[3] * (x[9 + r] - x[r]);
-    energy = 0.5 * c * clothi_dot3(s, s);
-    if (hess) memset(hess, 0, 144 * sizeof *hess);
-    for (i = 0; i < 4; i++)
-        for (r = 0; r < 3; r++) {
-            if (grad) grad[3 * i + r] = c * w[i] * s[r];
-            for (j = 0; hess && j < 4; j++) hess[12 * (3 * i + r) + 3 * j + r] = c * w[i] * w[j];
-        }
-    clothi_settle(grad, 12);
-    clothi_settle(hess, 144);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
-}
-
-CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
-    double e[3], l2;
-    int    k;
-    clothi_sub3(x_rest + 3, x_rest, e);
-    l2 = clothi_dot3(e, e);
-    memset(w, 0, 4 * sizeof *w);
-    for (k = 0; k < 2; k++) {
-        double a[3], n[3], t, h;
-        clothi_sub3(x_rest + 6 + 3 * k, x_rest, a);
-        clothi_cross3(e, a, n);
-        t = l2 > 0.0 ? clothi_dot3(a, e) / l2 : 0.0;
-        h = l2 > 0.0 ? sqrt(clothi_dot3(n, n) / l2) : 0.0;
-        if (!(h > 0.0)) {
-            memset(w, 0, 4 * sizeof *w);
-            return;
-        }
-        w[0] += (1.0 - t) / h;
-        w[1] += t / h;
-        w[2 + k] = -1.0 / h;
-    }
-    clothi_settle(w, 4);
-}
-
-/* ===== [6.5] EIGHT ELEMENTS AT A TIME ======================================================== */
-/*
- *   a batch: 8 elements, one array per number           x [9][8]: corner*3 + axis, then the lane
- *
- *      lane   0   1   2   3   4   5   6   7             The loops below run over lanes and have
- *   x0.x      .   .   .   .   .   .   .   .             no branch, so that gcc and clang turn
- *   x0.y      .   .   .   .   .   .   .   .             them into vector code by themselves.
- *   ...                                                 Unused lanes repeat a valid element with
- *                                                       zero stiffness.
- *   The formulas are those of [6.1] to [6.4]; cloth_spring and its like are one element in all
- *   lanes. One division serves three quotients, Hessian blocks of corner 0 follow from the others
- *   (moving all corners changes no force, so rows of blocks sum to zero), and a result beyond the
- *   range of doubles is left as inf or NaN for the step to refuse. Lengths are expected within
- *   1e-20 .. 1e20 m. Hessians hold one triangle of blocks, each [3x3] row-major: diagonal blocks
- *   first, then (row corner, column corner) = 10 20 21 30 31 32.
- *
- *   damping   of the rate of strain and of the hinge's rate of turning, over the step from x^n:
- *               Ed = (tau/h) A ( mu |E - E^n|^2 + lambda/2 tr(E - E^n)^2 ),
- *               Ed = (tau/h) c/2 (theta - theta^n)^2
- *             with tau the material's time, h the step: dEd/dx = tau d/dt of the elastic force for
- *             small steps. Strain and angle do not change in a rigid motion, so that nothing is
- *             taken from it. damp [8] holds tau/h.
- *   forces    are stored per element and summed per vertex from a list in a fixed order: no
- *             colouring, no atomics, the same bits for any number of workers.
- *   calls     clothi_gather_lanes, then one of
- *               clothi_stretch_forces | _forces_damped | _energies | _losses | _lanes (everything),
- *               clothi_hinge_forces | _lanes (everything), clothi_theta_lanes,
- *               clothi_strain_lanes, clothi_smallest_stretch2, clothi_largest_stretch2,
- *               clothi_quadratic_forces | _energies | _lanes,  clothi_spring_lanes,
- *             then clothi_sum_corners. _lanes calls take NULL for what is not wanted.
- *   checked   tests/test_elements.c: lanes_stretch, lanes_hinge, lanes_quadratic, lanes_spring,
- *             lanes_damping, lanes_gather
+ *   checked   tests/test_elements.c: spring_derivatives, spring_degenerate, lanes_spring,
+ *             lanes_damping, lanes_products, lanes_gather
  */
 
 #define CLOTHI_LANES 8
 
+enum { CLOTHI_SPRING = 0, CLOTHI_TRIANGLE = 1, CLOTHI_HINGE = 2, CLOTHI_QUADRATIC = 3 };
+
 typedef const double *CLOTHI_RESTRICT clothi_in;       /* arrays of lanes that do not overlap    */
 typedef double *CLOTHI_RESTRICT       clothi_out;
 
-/* psd == 2 asks for the reflected model: a negative principal stress s counts as
- * CLOTHI_REFLECT |s| instead of 0. Still semidefinite, and a better guess of how far compressed
- * cloth moves: one Newton iteration in five is saved at Y = 1e5 N/m (0.1 to 2 differ little). */
-#define CLOTHI_REFLECT 0.5
+static const int    clothi_pair[6][2] = {{1, 0}, {2, 0}, {2, 1}, {3, 0}, {3, 1}, {3, 2}};
+static const double clothi_none[3 * CLOTHI_LANES] = {0};        /* start, damp without damping   */
+static const double clothi_one[CLOTHI_LANES] = {1, 1, 1, 1, 1, 1, 1, 1};
 
 /* sqrt may set errno, which keeps compilers from vectorising it. */
 CLOTHI_HOT void clothi_sqrt_lanes(double *a) {
@@ -4516,10 +4232,20 @@ CLOTHI_HOT void clothi_sum_corners(clothi_in forces, const int *start, const int
     }
 }
 
-/* |x1 - x0| */
-CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
+/* Row `row` of lane k in an array of lanes, and the two behind it. */
+CLOTHI_LANE void clothi_put3(double *out, int row, int k, double a, double b, double c) {
+    out[row * CLOTHI_LANES + k] = a;
+    out[(row + 1) * CLOTHI_LANES + k] = b;
+    out[(row + 2) * CLOTHI_LANES + k] = c;
+}
+
+/* --- springs: x [6][8], rest [2][8] = k, L --- */
+
+/* |x1 - x0|; of hinges as well. */
+CLOTHI_HOT void clothi_spring_measure(clothi_in x, clothi_in rest, clothi_out l) {
     enum { L = CLOTHI_LANES };
     int k;
+    (void)rest;
     for (k = 0; k < L; k++) {
         const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
         const double d2 = x[5 * L + k] - x[2 * L + k];
@@ -4528,50 +4254,223 @@ CLOTHI_HOT void clothi_edge_lengths(clothi_in x, clothi_out l) {
     clothi_sqrt_lanes(l);
 }
 
-/* --- springs: x [6][8], rest [2][8] k and L, H [3][9][8] --- */
+typedef struct clothi_bar {                 /* one lane                                          */
+    double d0, d1, d2, inv, pull;           /* x1 - x0, 1/l with its floor, p                    */
+} clothi_bar;
 
-CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_out E, clothi_out f,
-                                    clothi_out H, int psd) {
+CLOTHI_LANE clothi_bar clothi_bar_at(const double *x, const double *rest, const double *start,
+                                     const double *damp, const double *l, int k) {
     enum { L = CLOTHI_LANES };
-    double len[L], across[L], along[L], u[3][L];
-    int    k, i, j;
-    clothi_edge_lengths(x, len);
-    for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k], s = rest[k], r = rest[L + k];
-        const double floor_ = 1e-8 * r, lr = len[k] > floor_ ? len[k] : floor_;
-        const double inv = 1.0 / (lr + 1e-300), stiff = s * (1.0 - r * inv);
-        u[0][k] = d0 * inv;
-        u[1][k] = d1 * inv;
-        u[2][k] = d2 * inv;
-        across[k] = psd ? 0.5 * (stiff + fabs(stiff)) : stiff;
-        along[k] = s - across[k];
-        if (E) E[k] = 0.5 * s * (len[k] - r) * (len[k] - r);
-        if (f) {
-            f[k] = -stiff * d0;
-            f[L + k] = -stiff * d1;
-            f[2 * L + k] = -stiff * d2;
-            f[3 * L + k] = stiff * d0;
-            f[4 * L + k] = stiff * d1;
-            f[5 * L + k] = stiff * d2;
-        }
-    }
-    for (i = 0; H && i < 3; i++)
-        for (j = 0; j < 3; j++)
-            for (k = 0; k < L; k++) {
-                const double K = along[k] * u[i][k] * u[j][k] + (i == j ? across[k] : 0.0);
-                H[(3 * i + j) * L + k] = H[(9 + 3 * i + j) * L + k] = K;
-                H[(18 + 3 * i + j) * L + k] = -K;
-            }
+    const double r = rest[L + k], floor_ = 1e-8 * r, s = damp[k];
+    clothi_bar   b;
+    b.d0 = x[3 * L + k] - x[k];
+    b.d1 = x[4 * L + k] - x[L + k];
+    b.d2 = x[5 * L + k] - x[2 * L + k];
+    b.inv = 1.0 / ((l[k] > floor_ ? l[k] : floor_) + 1e-300);
+    b.pull = rest[k] * (1.0 + s - (r + s * start[k]) * b.inv);
+    return b;
 }
 
-/* --- triangles: x [9][8], rest [7][8] = B row by row, area, mu, lambda ---
- * strain_n [3][8] (E11, E22, E12 at the step's start) and damp [8] come together or are both NULL.
- * f [9][8] is the gradient, H [6][9][8]. */
+CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
+                                    clothi_out E, clothi_out Ed, clothi_out f) {
+    double l[CLOTHI_LANES];
+    int    k;
+    clothi_spring_measure(x, rest, l);
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_bar b = clothi_bar_at(x, rest, start, damp, l, k);
+        const double     longer = l[k] - rest[CLOTHI_LANES + k], change = l[k] - start[k];
+        E[k] = 0.5 * rest[k] * longer * longer;
+        Ed[k] = 0.5 * rest[k] * damp[k] * change * change;
+        clothi_put3(f, 0, k, -b.pull * b.d0, -b.pull * b.d1, -b.pull * b.d2);
+        clothi_put3(f, 3, k, b.pull * b.d0, b.pull * b.d1, b.pull * b.d2);
+    }
+}
 
-typedef struct clothi_tri {                 /* one lane */
-    double f0, f1, f2, f3, f4, f5;          /* F, row-major [3x2]                                */
-    double e0, e1, e2;                      /* E11, E22, E12                                     */
+CLOTHI_HOT void clothi_spring_blocks(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
+                                     int psd, clothi_out H) {
+    enum { L = CLOTHI_LANES };
+    double l[L], across[L], along[L], u[3 * L];
+    int    k, i, j;
+    clothi_spring_measure(x, rest, l);
+    for (k = 0; k < L; k++) {
+        const clothi_bar b = clothi_bar_at(x, rest, start, damp, l, k);
+        across[k] = psd ? 0.5 * (b.pull + fabs(b.pull)) : b.pull;
+        along[k] = rest[k] * (1.0 + damp[k]) - across[k];
+        clothi_put3(u, 0, k, b.d0 * b.inv, b.d1 * b.inv, b.d2 * b.inv);
+    }
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++)
+            for (k = 0; k < L; k++)
+                H[(3 * i + j) * L + k] = -(along[k] * u[i * L + k] * u[j * L + k] +
+                                           (i == j ? across[k] : 0.0));
+}
+
+CLOTHI_HOT void clothi_spring_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
+                                  clothi_in damp, clothi_out f) {
+    enum { L = CLOTHI_LANES };
+    double l[L];
+    int    k;
+    clothi_spring_measure(x, rest, l);
+    for (k = 0; k < L; k++) {
+        const clothi_bar b = clothi_bar_at(x, rest, start, damp, l, k);
+        const double     u0 = u[3 * L + k] - u[k], u1 = u[4 * L + k] - u[L + k];
+        const double     u2 = u[5 * L + k] - u[2 * L + k];
+        const double     along = (b.d0 * u0 + b.d1 * u1 + b.d2 * u2) * b.inv * b.inv;
+        const double     more = (rest[k] * (1.0 + damp[k]) - b.pull) * along;
+        const double     g0 = b.pull * u0 + more * b.d0, g1 = b.pull * u1 + more * b.d1;
+        const double     g2 = b.pull * u2 + more * b.d2;
+        clothi_put3(f, 0, k, -g0, -g1, -g2);
+        clothi_put3(f, 3, k, g0, g1, g2);
+    }
+}
+
+CLOTHI_RARE_BEGIN
+
+/* V = k ((l - L) + s (l - l_n)) u.(a1 - a0) */
+static void clothi_spring_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
+                              clothi_in damp, clothi_out d_rest, clothi_out d_damp,
+                              clothi_out d_x_n) {
+    enum { L = CLOTHI_LANES };
+    double l[L], l_n[L];
+    int    k;
+    clothi_spring_measure(x, rest, l);
+    clothi_spring_measure(x_n, rest, l_n);
+    for (k = 0; k < L; k++) {
+        const clothi_bar b = clothi_bar_at(x, rest, l_n, damp, l, k);
+        const clothi_bar n = clothi_bar_at(x_n, rest, l_n, damp, l_n, k);
+        const double     along = (b.d0 * (a[3 * L + k] - a[k]) + b.d1 * (a[4 * L + k] - a[L + k]) +
+                                  b.d2 * (a[5 * L + k] - a[2 * L + k])) * b.inv;
+        const double     change = l[k] - l_n[k], g = -rest[k] * damp[k] * along * n.inv;
+        d_rest[k] = (l[k] - rest[L + k] + damp[k] * change) * along;
+        d_rest[L + k] = -rest[k] * along;
+        d_damp[k] = rest[k] * change * along;
+        clothi_put3(d_x_n, 0, k, -g * n.d0, -g * n.d1, -g * n.d2);
+        clothi_put3(d_x_n, 3, k, g * n.d0, g * n.d1, g * n.d2);
+    }
+}
+
+/* --- one element: the same in all lanes --- */
+
+static void clothi_to_lanes(const double *x, int n, double *out) {
+    int i;
+    for (i = 0; i < n * CLOTHI_LANES; i++) out[i] = x[i / CLOTHI_LANES];
+}
+
+/* scale times lane 0 of a [n][8], all zero where that is not finite. out may be NULL. */
+static void clothi_from_lanes(const double *a, int n, double scale, double *out) {
+    int i;
+    for (i = 0; out && i < n; i++) out[i] = scale * a[i * CLOTHI_LANES];
+    clothi_settle(out, (size_t)n);
+}
+
+/* Likewise of the blocks H of an element with `width` corners, as a full matrix: diagonal blocks
+ * are minus the symmetric parts of their rows' sums. */
+static void clothi_full_hessian(const double *H, int width, double scale, double *out) {
+    const int n = 3 * width;
+    int       p, k, end;
+    memset(out, 0, (size_t)(n * n) * sizeof *out);
+    for (p = 0; p < width * (width - 1) / 2; p++)
+        for (k = 0; k < 9; k++) {
+            const double h = scale * H[(9 * p + k) * CLOTHI_LANES];
+            const int    r = 3 * clothi_pair[p][0] + k / 3, c = 3 * clothi_pair[p][1] + k % 3;
+            out[n * r + c] = out[n * c + r] = h;
+            for (end = 0; end < 2; end++) {
+                const int d = 3 * clothi_pair[p][end];
+                out[n * (d + k / 3) + d + k % 3] -= 0.5 * h;
+                out[n * (d + k % 3) + d + k / 3] -= 0.5 * h;
+            }
+        }
+    clothi_settle(out, (size_t)(n * n));
+}
+
+CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
+                              double *hess, int psd) {
+    double y[6 * CLOTHI_LANES], rest[2 * CLOTHI_LANES], E[CLOTHI_LANES], Ed[CLOTHI_LANES];
+    double f[6 * CLOTHI_LANES], H[9 * CLOTHI_LANES];
+    clothi_to_lanes(x, 6, y);
+    clothi_to_lanes(&k, 1, rest);
+    clothi_to_lanes(&rest_length, 1, rest + CLOTHI_LANES);
+    clothi_spring_lanes(y, rest, clothi_none, clothi_none, E, Ed, f);
+    clothi_from_lanes(f, 6, 1.0, grad);
+    if (hess) {
+        clothi_spring_blocks(y, rest, clothi_none, clothi_none, psd, H);
+        clothi_full_hessian(H, 2, 1.0, hess);
+    }
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
+}
+
+/* ===== [6.2] STVK TRIANGLE =================================================================== */
+/*
+ *   rest, flat               now, in space
+ *       X2                        x2           symbols  Dm = [X1-X0, X2-X0] 2x2, B = Dm^-1
+ *      /  \         F            /   \                  Ds = [x1-x0, x2-x0] 3x2
+ *     /  A \      ----->        /     \                 A = |det Dm|/2 rest area, m^2
+ *   X0 ---- X1                x0 ----- x1               mu, lambda N/m (Pa times thickness)
+ *
+ *   The map is linear in the triangle, so its derivative is one matrix:
+ *     F = Ds B (3x2)                     deformation gradient: edges now = F edges at rest
+ *     E = 1/2 (F'F - I) (2x2)            Green strain: dX' E dX = (|dx|^2 - |dX|^2)/2
+ *     S = 2 mu E + lambda tr(E) I        stress that is conjugate to E
+ *     J = A ( mu |E|^2 + lambda/2 tr(E)^2 ),  dJ = A S:dE                        [BB08]
+ *
+ *   Write F = sum_i x_i g_i' with the gradients g_i of the corner functions: g_1, g_2 are the rows
+ *   of B, and g_0 = -g_1 - g_2 since the three functions sum to one. A change v of corner i gives
+ *     dF = v g_i',   dE = 1/2 (F'dF + dF'F),   S:dE = v . F S g_i        (S is symmetric)
+ *   so  gradient  dJ/dx_i = A F S g_i.                                                        N
+ *   Change that by w at corner j: A [ w (g_j' S g_i) + F dS g_i ]. With q_i = F g_i and g_ij =
+ *   g_i.g_j:  dE g_i = 1/2 (F' w g_ij + g_j q_i.w),  tr dE = w.q_j,  hence
+ *     Hessian   H_ij = A [ mu ( g_ij F F' + q_j q_i' ) + lambda q_i q_j' + (g_i' S g_j) I ]  N/m
+ *   (in code column by column, w an axis: dE has three numbers and so has dS, and F dS g_i takes
+ *   fewer products than the blocks written out).
+ *   The bracket's last term is the stress at work on the rotation of the triangle: S < 0, as in any
+ *   compressed cloth, pushes it out of its plane, and the exact Hessian is then indefinite.
+ *
+ *   psd       S is replaced in that last term by its positive part S+ (the eigenvalues of a 2x2
+ *             matrix are in closed form). Proof: for any corner displacements v_i,
+ *               v' H v = A [ 2 mu |dE|^2 + lambda tr(dE)^2 + sum over axes of z' S+ z ],
+ *             z = sum_i (v_i)_axis g_i. With dE = dev dE + tr(dE)/2 I the first two terms are
+ *             2 mu |dev dE|^2 + (mu + lambda) tr(dE)^2 >= 0, and the third is >= 0 by choice.
+ *             What is lost: negative S acting inside the plane, where the material may outweigh
+ *             it. Cost: slower Newton steps in strong compression.
+ *   limits    in pure compression the force falls again below the stretch 1/sqrt(3) and vanishes at
+ *             zero area: a triangle can collapse and come out mirrored. See the smallest stretch.
+ *   collapse  of the current triangle is harmless (everything is polynomial in x). A rest triangle
+ *             with det Dm = 0 has no B: energy and derivatives are 0.
+ *   products  along u: A [ F(u) S g_i + F dS g_i ], F(u) = Du B of the edges Du of u, dE =
+ *             sym(F' F(u)), dS = 2 mu dE + lambda tr(dE) I, times 1 + s with damping
+ *   vjp       V = a . dJ/dx = A S:Ea, Ea = sym(F' F(a)); with S of the strain E + s (E - E^n):
+ *               dV/dmu = 2 A (E + s (E - E^n)):Ea,  dV/dlambda = A tr( ) tr( ) of the two,
+ *               dV/ds = A C(E - E^n):Ea,  dV/dx^n_i = -s A F^n C(Ea) g_i,  C(Ea) the stress of Ea
+ *             Rest corners: dX turns Dm into Dm + dDm and B into B - B dDm B, so each F = Ds B
+ *             changes as if the positions behind it moved by -F dX_i, of x, a and x^n alike, and
+ *             dA = A tr(B dDm):
+ *               dV/dX_i = V g_i - F' (H a)_i - F(a)' (dJ/dx)_i - F^n' (dV/dx^n)_i,   i = 1, 2
+ *   checked   tests/test_elements.c: stretch_derivatives, stretch_closed_forms, stretch_table,
+ *             stretch_psd, stretch_invariance, stretch_degenerate, lanes_stretch, lanes_products
+ */
+
+/* B [2x2] and the area; zeros when the rest triangle has none. */
+CLOTHI_OUTLINE static double clothi_rest_inverse(const double *X, double *B) {
+    const double a = X[2] - X[0], b = X[4] - X[0], c = X[3] - X[1], d = X[5] - X[1];
+    const double det = a * d - b * c;
+    memset(B, 0, 4 * sizeof *B);
+    if (!(det < 0.0 || det > 0.0)) return 0.0;
+    B[0] = d / det;
+    B[1] = -b / det;
+    B[2] = -c / det;
+    B[3] = a / det;
+    return 0.5 * fabs(det);
+}
+
+CLOTHI_RARE_END
+
+/* --- x [9][8], rest [7][8] = B row by row, area, mu, lambda; start [3][8] = E11, E22, E12 --- */
+
+typedef struct clothi_sym { double a, b, c; } clothi_sym;       /* 11, 22, 12 of a 2x2 matrix    */
+
+typedef struct clothi_tri {                 /* one lane                                          */
+    double     f0, f1, f2, f3, f4, f5;      /* F, row-major [3x2]                                */
+    clothi_sym e;                           /* E                                                 */
 } clothi_tri;
 
 CLOTHI_LANE clothi_tri clothi_tri_at(const double *x, const double *rest, int k) {
@@ -4587,265 +4486,406 @@ CLOTHI_LANE clothi_tri clothi_tri_at(const double *x, const double *rest, int k)
     t.f3 = d1 * b1 + h1 * b3;
     t.f4 = d2 * b0 + h2 * b2;
     t.f5 = d2 * b1 + h2 * b3;
-    t.e0 = 0.5 * (t.f0 * t.f0 + t.f2 * t.f2 + t.f4 * t.f4 - 1.0);
-    t.e1 = 0.5 * (t.f1 * t.f1 + t.f3 * t.f3 + t.f5 * t.f5 - 1.0);
-    t.e2 = 0.5 * (t.f0 * t.f1 + t.f2 * t.f3 + t.f4 * t.f5);
+    t.e.a = 0.5 * (t.f0 * t.f0 + t.f2 * t.f2 + t.f4 * t.f4 - 1.0);
+    t.e.b = 0.5 * (t.f1 * t.f1 + t.f3 * t.f3 + t.f5 * t.f5 - 1.0);
+    t.e.c = 0.5 * (t.f0 * t.f1 + t.f2 * t.f3 + t.f4 * t.f5);
     return t;
+}
+
+/* dE for a change of positions whose F is that of u. */
+CLOTHI_LANE clothi_sym clothi_tri_change(const clothi_tri *t, const clothi_tri *u) {
+    clothi_sym e;
+    e.a = t->f0 * u->f0 + t->f2 * u->f2 + t->f4 * u->f4;
+    e.b = t->f1 * u->f1 + t->f3 * u->f3 + t->f5 * u->f5;
+    e.c = 0.5 * (t->f0 * u->f1 + t->f1 * u->f0 + t->f2 * u->f3 + t->f3 * u->f2 + t->f4 * u->f5 +
+                 t->f5 * u->f4);
+    return e;
+}
+
+/* E - E^n */
+CLOTHI_LANE clothi_sym clothi_tri_since(clothi_sym e, const double *start, int k) {
+    e.a -= start[k];
+    e.b -= start[CLOTHI_LANES + k];
+    e.c -= start[2 * CLOTHI_LANES + k];
+    return e;
 }
 
 /* E + damp (E - E^n): the strain whose elastic stress is the whole stress. */
-CLOTHI_LANE clothi_tri clothi_tri_damped(clothi_tri t, const double *strain_n, const double *damp,
+CLOTHI_LANE clothi_sym clothi_tri_damped(clothi_sym e, const double *start, const double *damp,
                                          int k) {
-    t.e0 += damp[k] * (t.e0 - strain_n[k]);
-    t.e1 += damp[k] * (t.e1 - strain_n[CLOTHI_LANES + k]);
-    t.e2 += damp[k] * (t.e2 - strain_n[2 * CLOTHI_LANES + k]);
-    return t;
-}
-
-CLOTHI_LANE void clothi_tri_force(clothi_tri t, const double *rest, int k, double *f) {
-    enum { L = CLOTHI_LANES };
-    const double area = rest[4 * L + k], mu2 = 2.0 * rest[5 * L + k];
-    const double tr = rest[6 * L + k] * (t.e0 + t.e1);
-    const double s0 = area * (mu2 * t.e0 + tr), s1 = area * (mu2 * t.e1 + tr);
-    const double s2 = area * (mu2 * t.e2);
-    const double b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
-    const double m0 = s0 * b0 + s2 * b1, m1 = s2 * b0 + s1 * b1;    /* A S g of corner 1 */
-    const double n0 = s0 * b2 + s2 * b3, n1 = s2 * b2 + s1 * b3;    /* and of corner 2 */
-    const double p0 = t.f0 * m0 + t.f1 * m1, p1 = t.f2 * m0 + t.f3 * m1;
-    const double p2 = t.f4 * m0 + t.f5 * m1, q0 = t.f0 * n0 + t.f1 * n1;
-    const double q1 = t.f2 * n0 + t.f3 * n1, q2 = t.f4 * n0 + t.f5 * n1;
-    f[k] = -p0 - q0;
-    f[L + k] = -p1 - q1;
-    f[2 * L + k] = -p2 - q2;
-    f[3 * L + k] = p0;
-    f[4 * L + k] = p1;
-    f[5 * L + k] = p2;
-    f[6 * L + k] = q0;
-    f[7 * L + k] = q1;
-    f[8 * L + k] = q2;
+    const clothi_sym since = clothi_tri_since(e, start, k);
+    e.a += damp[k] * since.a;
+    e.b += damp[k] * since.b;
+    e.c += damp[k] * since.c;
+    return e;
 }
 
 /* A (mu |e|^2 + lambda/2 tr(e)^2) */
-CLOTHI_LANE double clothi_tri_energy(double e0, double e1, double e2, const double *rest, int k) {
+CLOTHI_LANE double clothi_tri_energy(clothi_sym e, const double *rest, int k) {
     enum { L = CLOTHI_LANES };
-    return rest[4 * L + k] * (rest[5 * L + k] * (e0 * e0 + e1 * e1 + 2.0 * e2 * e2)
-                              + 0.5 * rest[6 * L + k] * (e0 + e1) * (e0 + e1));
+    return rest[4 * L + k] * (rest[5 * L + k] * (e.a * e.a + e.b * e.b + 2.0 * e.c * e.c)
+                              + 0.5 * rest[6 * L + k] * (e.a + e.b) * (e.a + e.b));
 }
 
-/* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT void clothi_stretch_forces(clothi_in x, clothi_in rest, clothi_out f) {
-    int k;
-    for (k = 0; k < CLOTHI_LANES; k++) clothi_tri_force(clothi_tri_at(x, rest, k), rest, k, f);
+/* A S of the strain e, times scale. */
+CLOTHI_LANE clothi_sym clothi_tri_stress(clothi_sym e, const double *rest, int k) {
+    enum { L = CLOTHI_LANES };
+    const double area = rest[4 * L + k], mu2 = 2.0 * rest[5 * L + k];
+    const double tr = rest[6 * L + k] * (e.a + e.b);
+    clothi_sym   s;
+    s.a = area * (mu2 * e.a + tr);
+    s.b = area * (mu2 * e.b + tr);
+    s.c = area * (mu2 * e.c);
+    return s;
 }
 
-CLOTHI_HOT void clothi_stretch_forces_damped(clothi_in x, clothi_in rest, clothi_in strain_n,
-                                             clothi_in damp, clothi_out f) {
-    int k;
-    for (k = 0; k < CLOTHI_LANES; k++)
-        clothi_tri_force(clothi_tri_damped(clothi_tri_at(x, rest, k), strain_n, damp, k), rest, k,
-                         f);
+CLOTHI_LANE clothi_sym clothi_tri_times(clothi_sym s, double scale) {
+    s.a *= scale;
+    s.b *= scale;
+    s.c *= scale;
+    return s;
 }
 
-/* strain [3][8]: E11, E22, E12 of x. What a step hands on as strain_n. */
-CLOTHI_HOT void clothi_strain_lanes(clothi_in x, clothi_in rest, clothi_out strain) {
+/* f = F s g of the three corners, F of t. */
+CLOTHI_LANE void clothi_tri_force(const clothi_tri *t, clothi_sym s, const double *rest, int k,
+                                  double *f) {
+    enum { L = CLOTHI_LANES };
+    const double b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
+    const double m0 = s.a * b0 + s.c * b1, m1 = s.c * b0 + s.b * b1;    /* s g of corner 1 */
+    const double n0 = s.a * b2 + s.c * b3, n1 = s.c * b2 + s.b * b3;    /* and of corner 2 */
+    const double p0 = t->f0 * m0 + t->f1 * m1, p1 = t->f2 * m0 + t->f3 * m1;
+    const double p2 = t->f4 * m0 + t->f5 * m1, q0 = t->f0 * n0 + t->f1 * n1;
+    const double q1 = t->f2 * n0 + t->f3 * n1, q2 = t->f4 * n0 + t->f5 * n1;
+    clothi_put3(f, 0, k, -p0 - q0, -p1 - q1, -p2 - q2);
+    clothi_put3(f, 3, k, p0, p1, p2);
+    clothi_put3(f, 6, k, q0, q1, q2);
+}
+
+CLOTHI_HOT void clothi_stretch_measure(clothi_in x, clothi_in rest, clothi_out strain) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        strain[k] = t.e0;
-        strain[CLOTHI_LANES + k] = t.e1;
-        strain[2 * CLOTHI_LANES + k] = t.e2;
+        clothi_put3(strain, 0, k, t.e.a, t.e.b, t.e.c);
     }
 }
 
-/* The eigenvalues of F'F, squares of the principal stretches, are (mean +- radius)/2, good to 1e-16
- * of the larger one. */
-CLOTHI_LANE void clothi_stretch_squares(const double *x, const double *rest, double *mean,
-                                        double *radius) {
+CLOTHI_HOT void clothi_stretch_lanes(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
+                                     clothi_out E, clothi_out Ed, clothi_out f) {
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        mean[k] = 1.0 + t.e0 + t.e1;
-        radius[k] = (t.e0 - t.e1) * (t.e0 - t.e1) + 4.0 * t.e2 * t.e2;
+        const clothi_sym s = clothi_tri_stress(clothi_tri_damped(t.e, start, damp, k), rest, k);
+        E[k] = clothi_tri_energy(t.e, rest, k);
+        Ed[k] = damp[k] * clothi_tri_energy(clothi_tri_since(t.e, start, k), rest, k);
+        clothi_tri_force(&t, s, rest, k, f);
+    }
+}
+
+/* Squares of the principal stretches, the eigenvalues of F'F, good to 1e-16 of the larger one. */
+CLOTHI_HOT void clothi_stretch_squares(clothi_in x, clothi_in rest, clothi_out low,
+                                       clothi_out high) {
+    double radius[CLOTHI_LANES];
+    int    k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k);
+        high[k] = 1.0 + t.e.a + t.e.b;
+        radius[k] = (t.e.a - t.e.b) * (t.e.a - t.e.b) + 4.0 * t.e.c * t.e.c;
     }
     clothi_sqrt_lanes(radius);
-}
-
-/* The smaller of them, for reports. */
-CLOTHI_HOT void clothi_smallest_stretch2(clothi_in x, clothi_in rest, clothi_out out) {
-    double mean[CLOTHI_LANES], radius[CLOTHI_LANES];
-    int    k;
-    clothi_stretch_squares(x, rest, mean, radius);
     for (k = 0; k < CLOTHI_LANES; k++) {
-        const double s = mean[k] - radius[k];
-        out[k] = 0.5 * (s + fabs(s));
+        const double s = high[k] - radius[k];
+        low[k] = 0.5 * (s + fabs(s));
+        high[k] += radius[k];
     }
 }
 
-/* The larger ones; returns the largest of the eight. */
-CLOTHI_HOT double clothi_largest_stretch2(clothi_in x, clothi_in rest, clothi_out out) {
-    double mean[CLOTHI_LANES], radius[CLOTHI_LANES], big = 0;
-    int    k;
-    clothi_stretch_squares(x, rest, mean, radius);
-    for (k = 0; k < CLOTHI_LANES; k++) out[k] = mean[k] + radius[k];
-    for (k = 0; k < CLOTHI_LANES; k++) big = out[k] > big ? out[k] : big;
-    return big;
-}
-
-CLOTHI_HOT void clothi_stretch_energies(clothi_in x, clothi_in rest, clothi_out E) {
-    int k;
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k);
-        E[k] = clothi_tri_energy(t.e0, t.e1, t.e2, rest, k);
-    }
-}
-
-CLOTHI_HOT void clothi_stretch_losses(clothi_in x, clothi_in rest, clothi_in strain_n,
-                                      clothi_in damp, clothi_out Ed) {
-    enum { L = CLOTHI_LANES };
-    int k;
-    for (k = 0; k < L; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k);
-        Ed[k] = damp[k] * clothi_tri_energy(t.e0 - strain_n[k], t.e1 - strain_n[L + k],
-                                            t.e2 - strain_n[2 * L + k], rest, k);
-    }
-}
-
-/* What every Hessian block needs of a lane: q of corners 1 and 2, A mu F F', and the scalars. */
+/* What every Hessian block needs of a lane. */
 typedef struct clothi_tri_batch {
-    double q[2][3][CLOTHI_LANES];
-    double ff[6][CLOTHI_LANES];             /* A mu' F F': 00 11 22 10 20 21                     */
-    double gg[3][CLOTHI_LANES];             /* g_i.g_j: 11 22 21                                 */
-    double sg[3][CLOTHI_LANES];             /* A g_i' S g_j                                      */
-    double mu[CLOTHI_LANES], lambda[CLOTHI_LANES];      /* A mu', A lambda'                      */
-    double stress[3][CLOTHI_LANES], radius[CLOTHI_LANES];
+    double F[6 * CLOTHI_LANES], g[6 * CLOTHI_LANES];    /* g by corners                          */
+    double mu2[CLOTHI_LANES], lambda[CLOTHI_LANES];     /* A (1 + damp) times 2 mu and lambda    */
+    double s[3 * CLOTHI_LANES], radius[CLOTHI_LANES];   /* A S, 11 22 12; squared                */
 } clothi_tri_batch;
 
-/* mu' = (1 + damp) mu: the damping's material part. */
-CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in rest, clothi_in strain_n,
+CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in rest, clothi_in start,
                                        clothi_in damp, clothi_tri_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        const clothi_tri d = clothi_tri_damped(t, strain_n, damp, k);
-        const double     area = rest[4 * L + k], mu = area * rest[5 * L + k];
-        const double     lambda = area * rest[6 * L + k], tr = lambda * (d.e0 + d.e1);
-        const double     b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k];
-        const double     b3 = rest[3 * L + k], m = mu * (1.0 + damp[k]);
-        const double     s0 = 2.0 * mu * d.e0 + tr, s1 = 2.0 * mu * d.e1 + tr;
-        const double     s2 = 2.0 * mu * d.e2, half = 0.5 * (s0 - s1);
-        w->mu[k] = m;
-        w->lambda[k] = lambda * (1.0 + damp[k]);
-        w->q[0][0][k] = t.f0 * b0 + t.f1 * b1;
-        w->q[0][1][k] = t.f2 * b0 + t.f3 * b1;
-        w->q[0][2][k] = t.f4 * b0 + t.f5 * b1;
-        w->q[1][0][k] = t.f0 * b2 + t.f1 * b3;
-        w->q[1][1][k] = t.f2 * b2 + t.f3 * b3;
-        w->q[1][2][k] = t.f4 * b2 + t.f5 * b3;
-        w->ff[0][k] = m * (t.f0 * t.f0 + t.f1 * t.f1);
-        w->ff[1][k] = m * (t.f2 * t.f2 + t.f3 * t.f3);
-        w->ff[2][k] = m * (t.f4 * t.f4 + t.f5 * t.f5);
-        w->ff[3][k] = m * (t.f0 * t.f2 + t.f1 * t.f3);
-        w->ff[4][k] = m * (t.f0 * t.f4 + t.f1 * t.f5);
-        w->ff[5][k] = m * (t.f2 * t.f4 + t.f3 * t.f5);
-        w->gg[0][k] = b0 * b0 + b1 * b1;
-        w->gg[1][k] = b2 * b2 + b3 * b3;
-        w->gg[2][k] = b0 * b2 + b1 * b3;
-        w->stress[0][k] = s0;
-        w->stress[1][k] = s1;
-        w->stress[2][k] = s2;
-        w->radius[k] = half * half + s2 * s2;
+        const clothi_sym s = clothi_tri_stress(clothi_tri_damped(t.e, start, damp, k), rest, k);
+        const double     b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
+        const double     scale = rest[4 * L + k] * (1.0 + damp[k]), half = 0.5 * (s.a - s.b);
+        clothi_put3(w->F, 0, k, t.f0, t.f1, t.f2);
+        clothi_put3(w->F, 3, k, t.f3, t.f4, t.f5);
+        clothi_put3(w->g, 0, k, -b0 - b2, -b1 - b3, b0);
+        clothi_put3(w->g, 3, k, b1, b2, b3);
+        clothi_put3(w->s, 0, k, s.a, s.b, s.c);
+        w->radius[k] = half * half + s.c * s.c;
+        w->mu2[k] = 2.0 * scale * rest[5 * L + k];
+        w->lambda[k] = scale * rest[6 * L + k];
     }
 }
 
-CLOTHI_HOT void clothi_stretch_stress_part(clothi_in rest, clothi_tri_batch *CLOTHI_RESTRICT w,
-                                           int psd) {
+/* psd == 2 asks for the reflected model: a negative principal stress s counts as
+ * CLOTHI_REFLECT |s| instead of 0. Still semidefinite, and a better guess of how far compressed
+ * cloth moves: one Newton iteration in five is saved at Y = 1e5 N/m (0.1 to 2 differ little). */
+#define CLOTHI_REFLECT 0.5
+
+/* S+ = a S + b I, or its reflected twin. */
+CLOTHI_HOT void clothi_stretch_positive(clothi_tri_batch *CLOTHI_RESTRICT w, int psd) {
     enum { L = CLOTHI_LANES };
     const double reflect = psd > 1 ? CLOTHI_REFLECT : 0.0;
     const double keep = 0.5 * (1.0 - reflect), turn = 0.5 * (1.0 + reflect);
-    int k;
-    if (psd) {                              /* [6.2]: S+ = a S + b I, or its reflected twin */
-        clothi_sqrt_lanes(w->radius);
-        for (k = 0; k < L; k++) {
-            const double mean = 0.5 * (w->stress[0][k] + w->stress[1][k]), r = w->radius[k];
-            const double up = mean + r, down = mean - r;
-            const double hi = keep * up + turn * fabs(up), lo = keep * down + turn * fabs(down);
-            const double a = 0.5 * (hi - lo) / (r + 1e-300), b = 0.5 * (hi + lo) - a * mean;
-            w->stress[0][k] = a * w->stress[0][k] + b;
-            w->stress[1][k] = a * w->stress[1][k] + b;
-            w->stress[2][k] = a * w->stress[2][k];
-        }
-    }
+    int          k;
+    clothi_sqrt_lanes(w->radius);
     for (k = 0; k < L; k++) {
-        const double b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
-        const double s0 = w->stress[0][k], s1 = w->stress[1][k], s2 = w->stress[2][k];
-        w->sg[0][k] = s0 * b0 * b0 + s1 * b1 * b1 + 2.0 * s2 * b0 * b1;
-        w->sg[1][k] = s0 * b2 * b2 + s1 * b3 * b3 + 2.0 * s2 * b2 * b3;
-        w->sg[2][k] = s0 * b0 * b2 + s1 * b1 * b3 + s2 * (b0 * b3 + b1 * b2);
+        const double mean = 0.5 * (w->s[k] + w->s[L + k]), r = w->radius[k];
+        const double up = mean + r, down = mean - r;
+        const double hi = keep * up + turn * fabs(up), lo = keep * down + turn * fabs(down);
+        const double a = 0.5 * (hi - lo) / (r + 1e-300), b = 0.5 * (hi + lo) - a * mean;
+        w->s[k] = a * w->s[k] + b;
+        w->s[L + k] = a * w->s[L + k] + b;
+        w->s[2 * L + k] = a * w->s[2 * L + k];
     }
 }
 
-/* Blocks 11, 22 and 21. */
-CLOTHI_HOT void clothi_stretch_blocks(const clothi_tri_batch *CLOTHI_RESTRICT w, clothi_out H) {
+/* Column by column: corner j moves along axis r, dF = e_r g_j' and dE = sym(F'dF); the force on
+ * corner i changes by F dS g_i + (g_i' S g_j) e_r. */
+CLOTHI_HOT void clothi_stretch_columns(const clothi_tri_batch *CLOTHI_RESTRICT w, clothi_out H) {
     enum { L = CLOTHI_LANES };
-    static const int packed[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
-    int              k, r, c;
-    for (r = 0; r < 3; r++)
-        for (c = 0; c < 3; c++) {
-            const int     at = 3 * r + c;
-            const double *ff = w->ff[packed[at]], *p0 = w->q[0][r], *p1 = w->q[1][r];
-            const double *q0 = w->q[0][c], *q1 = w->q[1][c];
-            const double  one = r == c ? 1.0 : 0.0;
+    int p, r, k;
+    for (p = 0; p < 3; p++) {
+        const double *i = w->g + 2 * clothi_pair[p][0] * L, *j = w->g + 2 * clothi_pair[p][1] * L;
+        for (r = 0; r < 3; r++) {
+            const double *F = w->F, *row = F + 2 * r * L;
+            double       *h = H + (9 * p + r) * L;
             for (k = 0; k < L; k++) {
-                const double ml = w->mu[k] + w->lambda[k];
-                H[(9 + at) * L + k] = w->gg[0][k] * ff[k] + ml * (p0[k] * q0[k])
-                                      + one * w->sg[0][k];
-                H[(18 + at) * L + k] = w->gg[1][k] * ff[k] + ml * (p1[k] * q1[k])
-                                       + one * w->sg[1][k];
-                H[(45 + at) * L + k] = w->gg[2][k] * ff[k] + w->mu[k] * (p0[k] * q1[k])
-                                       + w->lambda[k] * (p1[k] * q0[k]) + one * w->sg[2][k];
+                const double a = row[k] * j[k], b = row[L + k] * j[L + k];
+                const double tr = w->lambda[k] * (a + b), s0 = w->mu2[k] * a + tr;
+                const double s1 = w->mu2[k] * b + tr;
+                const double s2 = 0.5 * w->mu2[k] * (row[k] * j[L + k] + row[L + k] * j[k]);
+                const double m0 = s0 * i[k] + s2 * i[L + k], m1 = s2 * i[k] + s1 * i[L + k];
+                h[k] = F[k] * m0 + F[L + k] * m1;
+                h[3 * L + k] = F[2 * L + k] * m0 + F[3 * L + k] * m1;
+                h[6 * L + k] = F[4 * L + k] * m0 + F[5 * L + k] * m1;
             }
         }
-}
-
-/* As clothi_hinge_close, for three corners. */
-CLOTHI_HOT void clothi_stretch_close(clothi_in from, clothi_out to) {
-    enum { L = CLOTHI_LANES };
-    int r, c, k;
-    for (r = 0; r < 3; r++)
-        for (c = 0; c < 3; c++) {
-            const int     at = 3 * r + c, tr = 3 * c + r;
-            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
-            const double *h21 = from + (36 + at) * L, *h12 = from + (36 + tr) * L;
-            double       *h00 = to + at * L, *h10 = to + (27 + at) * L, *h20 = to + (36 + at) * L;
-            for (k = 0; k < L; k++) {
-                h00[k] = (h11[k] + h22[k]) + (h21[k] + h12[k]);
-                h10[k] = -(h11[k] + h12[k]);
-                h20[k] = -(h22[k] + h21[k]);
-            }
+        for (k = 0; k < L; k++) {
+            const double work = w->s[k] * i[k] * j[k] + w->s[L + k] * i[L + k] * j[L + k] +
+                                w->s[2 * L + k] * (i[k] * j[L + k] + i[L + k] * j[k]);
+            H[9 * p * L + k] += work;
+            H[(9 * p + 4) * L + k] += work;
+            H[(9 * p + 8) * L + k] += work;
         }
-}
-
-CLOTHI_UNUSED static void clothi_stretch_lanes(const double *x, const double *rest,
-                                               const double *strain_n, const double *damp,
-                                               double *E, double *Ed, double *f, double *H,
-                                               int psd) {
-    static const double none[3 * CLOTHI_LANES] = {0};
-    if (E) clothi_stretch_energies(x, rest, E);
-    if (Ed) clothi_stretch_losses(x, rest, damp ? strain_n : none, damp ? damp : none, Ed);
-    if (f && damp) clothi_stretch_forces_damped(x, rest, strain_n, damp, f);
-    if (f && !damp) clothi_stretch_forces(x, rest, f);
-    if (H) {
-        clothi_tri_batch w;
-        clothi_stretch_prepare(x, rest, damp ? strain_n : none, damp ? damp : none, &w);
-        clothi_stretch_stress_part(rest, &w, psd);
-        clothi_stretch_blocks(&w, H);
-        clothi_stretch_close(H + 9 * CLOTHI_LANES, H);
     }
 }
 
-/* --- hinges: x [12][8], rest [2][8] = c, theta0 ---
- * theta_n [8] and damp [8] come together or are both NULL. f [12][8], H [10][9][8]. */
+CLOTHI_UNUSED static void clothi_stretch_blocks(clothi_in x, clothi_in rest, clothi_in start,
+                                                clothi_in damp, int psd, clothi_out H) {
+    clothi_tri_batch w;
+    clothi_stretch_prepare(x, rest, start, damp, &w);
+    if (psd) clothi_stretch_positive(&w, psd);
+    clothi_stretch_columns(&w, H);
+}
+
+/* d(F S g) = dF S g + F dS g */
+CLOTHI_HOT void clothi_stretch_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
+                                   clothi_in damp, clothi_out f) {
+    enum { L = CLOTHI_LANES };
+    double more[9 * L];
+    int    k;
+    for (k = 0; k < L; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k), d = clothi_tri_at(u, rest, k);
+        const clothi_sym s = clothi_tri_stress(clothi_tri_damped(t.e, start, damp, k), rest, k);
+        const clothi_sym ds = clothi_tri_stress(clothi_tri_change(&t, &d), rest, k);
+        clothi_tri_force(&d, s, rest, k, f);
+        clothi_tri_force(&t, clothi_tri_times(ds, 1.0 + damp[k]), rest, k, more);
+    }
+    for (k = 0; k < 9 * L; k++) f[k] += more[k];
+}
+
+CLOTHI_RARE_BEGIN
+
+/* X_i -= F' f_i of the corners i = 1, 2; F of t. */
+CLOTHI_LANE void clothi_tri_back(const clothi_tri *t, const double *f, int k, double *X) {
+    enum { L = CLOTHI_LANES };
+    int i;
+    for (i = 0; i < 2; i++) {
+        const double *p = f + (3 + 3 * i) * L + k;
+        X[2 * i * L + k] -= t->f0 * p[0] + t->f2 * p[L] + t->f4 * p[2 * L];
+        X[(2 * i + 1) * L + k] -= t->f1 * p[0] + t->f3 * p[L] + t->f5 * p[2 * L];
+    }
+}
+
+/* d_rest: in place of B the rest corners X1, X2, with what they do to the area; the fifth is 0. */
+static void clothi_stretch_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
+                               clothi_in damp, clothi_out d_rest, clothi_out d_damp,
+                               clothi_out d_x_n) {
+    enum { L = CLOTHI_LANES };
+    double start[3 * L], f[9 * L], Ha[9 * L];
+    int    k, i;
+    clothi_stretch_measure(x_n, rest, start);
+    clothi_stretch_hvp(x, a, rest, start, damp, Ha);
+    for (k = 0; k < L; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k), n = clothi_tri_at(x_n, rest, k);
+        const clothi_tri d = clothi_tri_at(a, rest, k);
+        const clothi_sym da = clothi_tri_change(&t, &d), q = clothi_tri_stress(da, rest, k);
+        const clothi_sym e = clothi_tri_damped(t.e, start, damp, k);
+        const clothi_sym since = clothi_tri_since(t.e, start, k);
+        double           V;
+        d_rest[4 * L + k] = 0;
+        d_rest[5 * L + k] = 2 * rest[4 * L + k] * (e.a * da.a + e.b * da.b + 2 * e.c * da.c);
+        d_rest[6 * L + k] = rest[4 * L + k] * (e.a + e.b) * (da.a + da.b);
+        d_damp[k] = q.a * since.a + q.b * since.b + 2 * q.c * since.c;
+        clothi_tri_force(&n, clothi_tri_times(q, -damp[k]), rest, k, d_x_n);
+        clothi_tri_force(&t, clothi_tri_stress(e, rest, k), rest, k, f);
+        V = rest[5 * L + k] * d_rest[5 * L + k] + rest[6 * L + k] * d_rest[6 * L + k];
+        for (i = 0; i < 4; i++) d_rest[i * L + k] = V * rest[i * L + k];
+        clothi_tri_back(&t, Ha, k, d_rest);
+        clothi_tri_back(&d, f, k, d_rest);
+        clothi_tri_back(&n, d_x_n, k, d_rest);
+    }
+}
+
+/* The stretches are the singular values of F: s1^2 and s2^2 are the eigenvalues of F'F, and s1 s2 =
+ * |F1 x F2| keeps the digits of the small one. F is scaled so that no square overflows. */
+static void clothi_principal_stretches(const double *F, double *stretch) {
+    double a[3], b[3], n[3], aa, bb, ab, s1, big = 0.0;
+    int    i;
+    for (i = 0; i < 6; i++) big = clothi_max(big, fabs(F[i]));
+    stretch[0] = stretch[1] = 0.0;
+    if (!(big > 0.0)) return;
+    for (i = 0; i < 3; i++) {
+        a[i] = F[2 * i] / big;
+        b[i] = F[2 * i + 1] / big;
+    }
+    aa = clothi_dot3(a, a);
+    bb = clothi_dot3(b, b);
+    ab = clothi_dot3(a, b);
+    clothi_cross3(a, b, n);
+    s1 = sqrt(0.5 * (aa + bb + sqrt((aa - bb) * (aa - bb) + 4.0 * ab * ab)));
+    stretch[0] = s1 * big;
+    stretch[1] = sqrt(clothi_dot3(n, n)) / s1 * big;
+}
+
+CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu, double lambda,
+                                     double *F, double *E, double *S, double *stretch) {
+    double       y[9 * CLOTHI_LANES], rest[7 * CLOTHI_LANES], B[7];
+    double       f[6] = {0}, e[4] = {0}, s[4] = {0}, st[2];
+    const double area = clothi_rest_inverse(X, B);
+    B[4] = 1.0, B[5] = mu, B[6] = lambda;
+    clothi_to_lanes(x, 9, y);
+    clothi_to_lanes(B, 7, rest);
+    if (area > 0.0) {
+        const clothi_tri t = clothi_tri_at(y, rest, 0);
+        const clothi_sym stress = clothi_tri_stress(t.e, rest, 0);
+        f[0] = t.f0, f[1] = t.f1, f[2] = t.f2, f[3] = t.f3, f[4] = t.f4, f[5] = t.f5;
+        e[0] = t.e.a, e[1] = e[2] = t.e.c, e[3] = t.e.b;
+        s[0] = stress.a, s[1] = s[2] = stress.c, s[3] = stress.b;
+    }
+    clothi_settle(f, 6);
+    clothi_settle(e, 4);
+    clothi_settle(s, 4);
+    clothi_principal_stretches(f, st);
+    clothi_settle(st, 2);
+    if (F) memcpy(F, f, sizeof f);
+    if (stretch) memcpy(stretch, st, sizeof st);
+    if (E) memcpy(E, e, sizeof e);
+    if (S) memcpy(S, s, sizeof s);
+    return clothi_finite(area) ? area : CLOTHI_HUGE;
+}
+
+CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
+                               double *grad, double *hess, int psd) {
+    double y[9 * CLOTHI_LANES], rest[7 * CLOTHI_LANES], E[CLOTHI_LANES], Ed[CLOTHI_LANES], B[7];
+    double f[9 * CLOTHI_LANES], H[27 * CLOTHI_LANES];
+    B[4] = clothi_rest_inverse(X, B), B[5] = mu, B[6] = lambda;
+    clothi_to_lanes(x, 9, y);
+    clothi_to_lanes(B, 7, rest);
+    clothi_stretch_lanes(y, rest, clothi_none, clothi_none, E, Ed, f);
+    clothi_from_lanes(f, 9, 1.0, grad);
+    if (hess) {
+        clothi_stretch_blocks(y, rest, clothi_none, clothi_none, psd != 0, H);
+        clothi_full_hessian(H, 3, 1.0, hess);
+    }
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
+}
+
+CLOTHI_RARE_END
+
+/* ===== [6.3] HINGE =========================================================================== */
+/*
+ *            x2                symbols  e = x1-x0, a = x2-x0, b = x3-x0, l = |e|, u = e/l
+ *           /  \                        n1 = e x a, n2 = b x e normals, |n| = twice the area
+ *     n1   /    \                       for each wing: nn = n/|n|, height h = |n|/l,
+ *         /      \                        foot t = (corner - x0).u/l (0 at x0, 1 at x1),
+ *       x0 --e--> x1                      m the unit vector in its plane from edge to corner
+ *         \      /             theta    = atan2( (n1 x n2).u, n1.n2 ) = atan2( -l n1.b, n1.n2 )
+ *     n2   \    /                       in [-pi, pi]: 0 flat, > 0 convex on the normals' side
+ *           \  /               energy   J = c/2 (theta - theta0)^2, not wrapped        [GHDS03]
+ *            x3                c        = D l^2/(A1 + A2) with rest length and areas, N m
+ *
+ *   wrap      cloth_bend is the formula as it stands. The lanes of a sim take the difference
+ *             into [-pi, pi] by a whole turn first: theta leaps from pi to -pi where a fold closes,
+ *             and a sharp rest fold, theta0 = 2.5, closes 0.64 beyond it. Unwrapped the energy
+ *             leaps there from c/2 0.64^2 to c/2 5.64^2, a wall with no minimum at its foot: no
+ *             line search comes to an end on it. Wrapped, J is continuous in x alone, without
+ *             memory; its ridge is half a turn from rest, and no minimum rests on a ridge. Both
+ *             agree while |theta - theta0| <= pi: always when theta0 = 0. The turn since t^n, of
+ *             the damping, is wrapped alike.
+ *
+ *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
+ *
+ *   c         A surface with curvatures K_mm across an edge and K_tt along it, sampled at the
+ *             corners of equilateral triangles (height h, edge l, l^2/(4 h^2) = 1/3), shows
+ *             the hinge angle
+ *               theta = h K_mm - l^2/(4 h) K_tt = h (K_mm - K_tt/3).
+ *             A cylinder of curvature k at the angle f to m: K_mm = k cos^2 f, K_tt = k sin^2 f, so
+ *             theta = h k (1 + 2 cos 2f)/3; over the three edge directions f, f +- 60 degrees the
+ *             squares add up to h^2 k^2, whatever f is. Each direction has one edge per l h of area
+ *             (and A1 + A2 = l h): the energy per area is (c/2) h^2 k^2/(l h). The plate's is
+ *             D k^2/2, so D = c h/l, which is c = D l^2/(A1+A2). On other meshes the same c gives a
+ *             rigidity that depends on pattern and direction, up to 3 D.
+ *
+ *   gradient  Lifting x2 by d along nn1 turns its wing by d/h1 towards the normal, so theta falls:
+ *               dtheta/dx2 = -nn1/h1 =: -p1          and dtheta/dx3 = -p2 likewise.
+ *             A rigid motion leaves theta alone: no net force and no net torque. Of all ways to
+ *             split +p1 between x0 and x1 only the foot's own lever balances the torque:
+ *               dtheta/dx_i = -sum over wings of W_i p,   W = (t - 1, -t, 1) on (x0, x1, corner)
+ *
+ *   Hessian   Each wing's part depends on its own three corners. Frame: u, m, nn with m = nn x u
+ *             (left wing; the right one is its mirror image and gets the same formulas). Write
+ *             p = nn/h = l n/|n|^2, M = m/h, r = u/l, D = (1, -1, 0) on (x0, x1, corner).
+ *             Corner moved by v: dn = e x v = l (nn m' - m nn') v, and d(n/|n|^2) =
+ *             (I - 2 nn nn') dn/|n|^2, so dp = -(p M' + M p') v. x1 moved by v: dn = -a x v with
+ *             a = t l u + h m, and dl = u.v: dp = [ t (p M' + M p') - r p' ] v. x0: minus the sum.
+ *             Together, and with dt from t = a.e/l^2,
+ *               dp/dx_j = -W_j (p M' + M p') + D_j r p',    dt/dx_j = W_j r' - D_j (h/l)^2 M'.
+ *             W_i changes by D_i dt. So, with z_i = W_i M - D_i r,
+ *               d2theta/dx_i dx_j = sum over wings of
+ *                 W_j p z_i' + W_i z_j p' + D_i D_j (h/l)^2/2 (p M' + M p').
+ *             (The last term comes out as (h/l)^2 p M' = nn m'/l^2; its antisymmetric half is
+ *             a rotation about u, opposite in the two wings, and cancels.)
+ *   energy    dJ = c (theta - theta0) dtheta;  d2J = c [ dtheta dtheta' + (theta-theta0) d2theta ]
+ *   psd       Gauss-Newton: c dtheta dtheta' alone. It is a square, hence >= 0. Dropped is the
+ *             second term: nothing at theta = theta0, slower Newton steps at strongly bent hinges.
+ *   collapse  p grows like 1/h. With s = |e|^2 + |a|^2 + |b|^2, |n| is not taken
+ *             smaller than 1e-6 s, nor l^2 smaller than 1e-12 s, where they divide: derivatives are
+ *             exact above and fade to zero below, where the force would be beyond any use. theta
+ *             itself is atan2's answer, 0 for a wing with n = 0: a line has no side.
+ *   range     theta does not depend on size: coordinates outside 1e-20..1e20 are scaled first.
+ *   limits    at theta = +-pi (a wing folded onto the other) theta jumps; count hinges beyond 3.
+ *             The Poisson ratio of bending is about -1/3 whatever the user says.
+ *   checked   tests/test_elements.c: hinge_derivatives, hinge_near_degenerate, hinge_sign,
+ *             hinge_cylinder, hinge_invariance, hinge_degenerate, lanes_hinge,
+ *             lanes_hinge_wrapped, lanes_products
+ */
+
+#define CLOTHI_HINGE_FLOOR 1e-12            /* the square of the smallest relative |n|           */
+#define CLOTHI_HINGE_TINY_L2 1e-60          /* m^2 and m^4: keep 0/0 away when all corners       */
+#define CLOTHI_HINGE_TINY_Q  1e-100         /* coincide                                          */
+
+/* --- x [12][8], rest [2][8] = c, theta0; start [8] = theta^n --- */
 
 typedef struct clothi_fold {                /* one lane */
     double e0, e1, e2, a0, a1, a2, b0, b1, b2;
@@ -4853,18 +4893,15 @@ typedef struct clothi_fold {                /* one lane */
     double l2, ae, be, sine, cosine;
 } clothi_fold;
 
+CLOTHI_LANE double clothi_edge(const double *x, int row, int k) {
+    return x[row * CLOTHI_LANES + k] - x[row % 3 * CLOTHI_LANES + k];
+}
+
 CLOTHI_LANE clothi_fold clothi_fold_at(const double *x, const double *l, int k) {
-    enum { L = CLOTHI_LANES };
     clothi_fold h;
-    h.e0 = x[3 * L + k] - x[k];
-    h.e1 = x[4 * L + k] - x[L + k];
-    h.e2 = x[5 * L + k] - x[2 * L + k];
-    h.a0 = x[6 * L + k] - x[k];
-    h.a1 = x[7 * L + k] - x[L + k];
-    h.a2 = x[8 * L + k] - x[2 * L + k];
-    h.b0 = x[9 * L + k] - x[k];
-    h.b1 = x[10 * L + k] - x[L + k];
-    h.b2 = x[11 * L + k] - x[2 * L + k];
+    h.e0 = clothi_edge(x, 3, k), h.e1 = clothi_edge(x, 4, k), h.e2 = clothi_edge(x, 5, k);
+    h.a0 = clothi_edge(x, 6, k), h.a1 = clothi_edge(x, 7, k), h.a2 = clothi_edge(x, 8, k);
+    h.b0 = clothi_edge(x, 9, k), h.b1 = clothi_edge(x, 10, k), h.b2 = clothi_edge(x, 11, k);
     h.n0 = h.e1 * h.a2 - h.e2 * h.a1;
     h.n1 = h.e2 * h.a0 - h.e0 * h.a2;
     h.n2 = h.e0 * h.a1 - h.e1 * h.a0;
@@ -4879,11 +4916,11 @@ CLOTHI_LANE clothi_fold clothi_fold_at(const double *x, const double *l, int k) 
     return h;
 }
 
-/* 1/l^2, 1/|n1|^2, 1/|n2|^2 with the floors of [6.3] */
+/* One division for three quotients, with the floors of the banner. */
 typedef struct clothi_fold_inverse {
-    double l2, q1, q2;                      /* the inverses                                      */
-    double l2c, q1c, q2c;                   /* what they are inverses of                         */
-    double q1r, q2r;                        /* |n|^2 times the inverse: 1 above the floor        */
+    double l2, q1, q2;                      /* 1/l^2, 1/|n1|^2, 1/|n2|^2                         */
+    double l2c;                             /* what the first is the inverse of                  */
+    double n1, n2;                          /* |n1|^2, |n2|^2                                    */
 } clothi_fold_inverse;
 
 CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(const clothi_fold *h) {
@@ -4891,290 +4928,464 @@ CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(const clothi_fold *h) {
                      + (h->b0 * h->b0 + h->b1 * h->b1 + h->b2 * h->b2);
     const double lf = CLOTHI_HINGE_FLOOR * s + CLOTHI_HINGE_TINY_L2;
     const double qf = CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q;
-    const double q1 = h->n0 * h->n0 + h->n1 * h->n1 + h->n2 * h->n2;
-    const double q2 = h->m0 * h->m0 + h->m1 * h->m1 + h->m2 * h->m2;
     clothi_fold_inverse v;
-    double              q12, inv, invl;
+    double              q1c, q2c, q12, inv, invl;
+    v.n1 = h->n0 * h->n0 + h->n1 * h->n1 + h->n2 * h->n2;
+    v.n2 = h->m0 * h->m0 + h->m1 * h->m1 + h->m2 * h->m2;
     v.l2c = h->l2 > lf ? h->l2 : lf;
-    v.q1c = q1 > qf ? q1 : qf;
-    v.q2c = q2 > qf ? q2 : qf;
-    q12 = v.q1c * v.q2c;
+    q1c = v.n1 > qf ? v.n1 : qf;
+    q2c = v.n2 > qf ? v.n2 : qf;
+    q12 = q1c * q2c;
     inv = 1.0 / (v.l2c * q12);
     invl = inv * v.l2c;
     v.l2 = inv * q12;
-    v.q1 = invl * v.q2c;
-    v.q2 = invl * v.q1c;
-    v.q1r = q1 * v.q1;
-    v.q2r = q2 * v.q2;
+    v.q1 = invl * q2c;
+    v.q2 = invl * q1c;
     return v;
 }
 
+/* moment times dtheta/dx */
 CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment, int k,
                                    double *f) {
-    enum { L = CLOTHI_LANES };
     const clothi_fold_inverse v = clothi_fold_invert(h);
     const double t1 = h->ae * v.l2, t2 = h->be * v.l2, ml = moment * l;
     const double k1 = ml * v.q1, k2 = ml * v.q2;
     const double p0 = k1 * h->n0, p1 = k1 * h->n1, p2 = k1 * h->n2;
     const double r0 = k2 * h->m0, r1 = k2 * h->m1, r2 = k2 * h->m2;
     const double g0 = t1 * p0 + t2 * r0, g1 = t1 * p1 + t2 * r1, g2 = t1 * p2 + t2 * r2;
-    f[k] = p0 + r0 - g0;
-    f[L + k] = p1 + r1 - g1;
-    f[2 * L + k] = p2 + r2 - g2;
-    f[3 * L + k] = g0;
-    f[4 * L + k] = g1;
-    f[5 * L + k] = g2;
-    f[6 * L + k] = -p0;
-    f[7 * L + k] = -p1;
-    f[8 * L + k] = -p2;
-    f[9 * L + k] = -r0;
-    f[10 * L + k] = -r1;
-    f[11 * L + k] = -r2;
+    clothi_put3(f, 0, k, p0 + r0 - g0, p1 + r1 - g1, p2 + r2 - g2);
+    clothi_put3(f, 3, k, g0, g1, g2);
+    clothi_put3(f, 6, k, -p0, -p1, -p2);
+    clothi_put3(f, 9, k, -r0, -r1, -r2);
 }
 
-CLOTHI_HOT void clothi_theta_lanes(clothi_in x, clothi_out theta) {
+CLOTHI_HOT void clothi_hinge_measure(clothi_in x, clothi_in rest, clothi_out theta) {
     double l[CLOTHI_LANES];
     int    k;
-    clothi_edge_lengths(x, l);
+    clothi_spring_measure(x, rest, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
         theta[k] = clothi_atan2(h.sine, h.cosine);
     }
 }
 
-/* The explicit step's path: forces and nothing else. */
-CLOTHI_HOT void clothi_hinge_forces(clothi_in x, clothi_in rest, clothi_out f) {
+CLOTHI_HOT void clothi_hinge_lanes(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
+                                   clothi_out E, clothi_out Ed, clothi_out f) {
     double l[CLOTHI_LANES];
     int    k;
-    clothi_edge_lengths(x, l);
+    clothi_spring_measure(x, rest, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
-        const double      angle = clothi_atan2(h.sine, h.cosine);
-        const double      bent = clothi_wrap(angle - rest[CLOTHI_LANES + k]);
-        clothi_fold_force(&h, l[k], rest[k] * bent, k, f);
-    }
-}
-
-/* dJ/dtheta of elastic and damping part, and the energies; from the angles. */
-CLOTHI_HOT void clothi_hinge_moments(clothi_in theta, clothi_in rest, clothi_in theta_n,
-                                     clothi_in damp, clothi_out moment, clothi_out E,
-                                     clothi_out Ed) {
-    int k;
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const double bent = clothi_wrap(theta[k] - rest[CLOTHI_LANES + k]);
-        const double turned = clothi_wrap(theta[k] - theta_n[k]);
-        moment[k] = rest[k] * (bent + damp[k] * turned);
+        const double      theta = clothi_atan2(h.sine, h.cosine);
+        const double      bent = clothi_wrap(theta - rest[CLOTHI_LANES + k]);
+        const double      turned = clothi_wrap(theta - start[k]);
         E[k] = 0.5 * rest[k] * bent * bent;
         Ed[k] = 0.5 * rest[k] * damp[k] * turned * turned;
+        clothi_fold_force(&h, l[k], rest[k] * (bent + damp[k] * turned), k, f);
     }
 }
 
-CLOTHI_HOT void clothi_hinge_turn(clothi_in x, clothi_in moment, clothi_out f) {
+CLOTHI_HOT void clothi_hinge_gradient(clothi_in x, clothi_in moment, clothi_out f) {
     double l[CLOTHI_LANES];
     int    k;
-    clothi_edge_lengths(x, l);
+    clothi_spring_measure(x, moment, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold h = clothi_fold_at(x, l, k);
         clothi_fold_force(&h, l[k], moment[k], k, f);
     }
 }
 
-/* Per wing and lane: p, z of corner 1 and of the wing's corner, (h/l)^2/2 M, foot. */
-typedef struct clothi_fold_batch {
-    double p[2][3][CLOTHI_LANES], z1[2][3][CLOTHI_LANES], z2[2][3][CLOTHI_LANES];
-    double km[2][3][CLOTHI_LANES], t[2][CLOTHI_LANES], g[3][3][CLOTHI_LANES];
-} clothi_fold_batch;
+/* What the second derivative needs, of each wing: p, M, t and (h/l)^2/2; and r. */
+typedef struct clothi_wings {
+    double p[2][3 * CLOTHI_LANES], M[2][3 * CLOTHI_LANES], r[3 * CLOTHI_LANES];
+    double t[2][CLOTHI_LANES], bow[2][CLOTHI_LANES];
+} clothi_wings;
 
-CLOTHI_HOT void clothi_hinge_prepare(clothi_in x, clothi_fold_batch *CLOTHI_RESTRICT w) {
-    enum { L = CLOTHI_LANES };
-    double l[L], e[3][L], il[L], c1[L], c2[L], k1[L], k2[L], m1[L], m2[L];
-    int    k, r;
-    clothi_edge_lengths(x, l);
-    for (k = 0; k < L; k++) {
+CLOTHI_HOT void clothi_hinge_wings(clothi_in x, clothi_wings *CLOTHI_RESTRICT w) {
+    double l[CLOTHI_LANES];
+    int    k;
+    clothi_spring_measure(x, x, l);
+    for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold         h = clothi_fold_at(x, l, k);
         const clothi_fold_inverse v = clothi_fold_invert(&h);
-        e[0][k] = h.e0;
-        e[1][k] = h.e1;
-        e[2][k] = h.e2;
-        w->t[0][k] = h.ae * v.l2;
-        w->t[1][k] = h.be * v.l2;
-        il[k] = v.l2;
-        c1[k] = l[k] * v.q1;
-        c2[k] = l[k] * v.q2;
-        m1[k] = v.l2c * v.q1;
-        m2[k] = v.l2c * v.q2;
-        k1[k] = 0.5 * v.q1r * v.l2;
-        k2[k] = 0.5 * v.q2r * v.l2;
-        w->p[0][0][k] = h.n0 * c1[k];
-        w->p[0][1][k] = h.n1 * c1[k];
-        w->p[0][2][k] = h.n2 * c1[k];
-        w->p[1][0][k] = h.m0 * c2[k];
-        w->p[1][1][k] = h.m1 * c2[k];
-        w->p[1][2][k] = h.m2 * c2[k];
+        const double c1 = l[k] * v.q1, c2 = l[k] * v.q2, m1 = v.l2c * v.q1, m2 = v.l2c * v.q2;
+        const double t1 = h.ae * v.l2, t2 = h.be * v.l2;
+        clothi_put3(w->p[0], 0, k, c1 * h.n0, c1 * h.n1, c1 * h.n2);
+        clothi_put3(w->p[1], 0, k, c2 * h.m0, c2 * h.m1, c2 * h.m2);
+        clothi_put3(w->M[0], 0, k, m1 * (h.a0 - t1 * h.e0), m1 * (h.a1 - t1 * h.e1),
+                    m1 * (h.a2 - t1 * h.e2));
+        clothi_put3(w->M[1], 0, k, m2 * (h.b0 - t2 * h.e0), m2 * (h.b1 - t2 * h.e1),
+                    m2 * (h.b2 - t2 * h.e2));
+        clothi_put3(w->r, 0, k, v.l2 * h.e0, v.l2 * h.e1, v.l2 * h.e2);
+        w->t[0][k] = t1;
+        w->t[1][k] = t2;
+        w->bow[0][k] = 0.5 * v.n1 * v.l2 * v.l2;
+        w->bow[1][k] = 0.5 * v.n2 * v.l2 * v.l2;
     }
-    for (r = 0; r < 3; r++)
-        for (k = 0; k < L; k++) {
-            const double h1 = x[(6 + r) * L + k] - x[r * L + k] - w->t[0][k] * e[r][k];
-            const double h2 = x[(9 + r) * L + k] - x[r * L + k] - w->t[1][k] * e[r][k];
-            const double edge = e[r][k] * il[k], p1 = w->p[0][r][k], p2 = w->p[1][r][k];
-            w->z2[0][r][k] = h1 * m1[k];
-            w->z2[1][r][k] = h2 * m2[k];
-            w->z1[0][r][k] = edge - w->t[0][k] * (h1 * m1[k]);
-            w->z1[1][r][k] = edge - w->t[1][k] * (h2 * m2[k]);
-            w->km[0][r][k] = k1[k] * h1;
-            w->km[1][r][k] = k2[k] * h2;
-            w->g[0][r][k] = w->t[0][k] * p1 + w->t[1][k] * p2;      /* dtheta/dx1 */
-            w->g[1][r][k] = -p1;
-            w->g[2][r][k] = -p2;
-        }
 }
 
-CLOTHI_HOT void clothi_hinge_spread(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in moment,
-                                    clothi_out f) {
-    enum { L = CLOTHI_LANES };
-    int r, k;
-    for (r = 0; r < 3; r++)
-        for (k = 0; k < L; k++) {
-            const double m = moment[k], g1 = w->g[0][r][k], g2 = w->g[1][r][k];
-            const double g3 = w->g[2][r][k];
-            f[r * L + k] = -m * (g1 + g2 + g3);
-            f[(3 + r) * L + k] = m * g1;
-            f[(6 + r) * L + k] = m * g2;
-            f[(9 + r) * L + k] = m * g3;
-        }
-}
-
-/* Blocks among the corners 1, 2, 3: square times g g', and moment times the second derivative. */
-CLOTHI_HOT void clothi_hinge_square(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in square,
-                                    clothi_out H) {
-    enum { L = CLOTHI_LANES };
-    static const int block[6][3] = {            /* its number, row and column in g */
-        {1, 0, 0}, {2, 1, 1}, {3, 2, 2}, {6, 1, 0}, {8, 2, 0}, {9, 2, 1}};
-    int              b, r, c, k;
-    for (b = 0; b < 6; b++)
-        for (r = 0; r < 3; r++)
-            for (c = 0; c < 3; c++) {
-                clothi_in  g = w->g[block[b][1]][r], q = w->g[block[b][2]][c];
-                clothi_out out = H + (9 * block[b][0] + 3 * r + c) * L;
-                for (k = 0; k < L; k++) out[k] = square[k] * (g[k] * q[k]);
-            }
-}
-
-CLOTHI_HOT void clothi_hinge_curve(const clothi_fold_batch *CLOTHI_RESTRICT w, clothi_in moment,
+/* H += moment times the second derivative. Corners 2 and 3 have no wing in common. */
+CLOTHI_HOT void clothi_hinge_curve(const clothi_wings *CLOTHI_RESTRICT w, clothi_in moment,
                                    clothi_out H) {
     enum { L = CLOTHI_LANES };
     int s, r, c, k;
     for (s = 0; s < 2; s++)
         for (r = 0; r < 3; r++)
             for (c = 0; c < 3; c++) {
-                clothi_in  p = w->p[s][r], q = w->p[s][c], t = w->t[s];
-                clothi_in  zr = w->z1[s][r], zc = w->z1[s][c];
-                clothi_in  yr = w->z2[s][r], yc = w->z2[s][c];
-                clothi_in  kr = w->km[s][r], kc = w->km[s][c];
-                clothi_out h11 = H + (9 + 3 * r + c) * L;
-                clothi_out h22 = H + (9 * (2 + s) + 3 * r + c) * L;
-                clothi_out h21 = H + (9 * (s ? 8 : 6) + 3 * r + c) * L;
+                clothi_in  pr = w->p[s] + r * L, pc = w->p[s] + c * L, rr = w->r + r * L;
+                clothi_in  Mr = w->M[s] + r * L, Mc = w->M[s] + c * L, rc = w->r + c * L;
+                clothi_out h10 = H + (3 * r + c) * L;
+                clothi_out h20 = H + (9 * (s ? 3 : 1) + 3 * r + c) * L;
+                clothi_out h21 = H + (9 * (s ? 4 : 2) + 3 * r + c) * L;
                 for (k = 0; k < L; k++) {
-                    const double m = moment[k];
-                    h22[k] += m * (p[k] * yc[k] + yr[k] * q[k]);
-                    h21[k] += m * (zr[k] * q[k] - t[k] * (p[k] * yc[k]));
-                    h11[k] += m * (p[k] * (kc[k] - t[k] * zc[k]) + (kr[k] - t[k] * zr[k]) * q[k]);
+                    const double m = moment[k], t = w->t[s][k], pM = pr[k] * Mc[k] + Mr[k] * pc[k];
+                    const double rp = rr[k] * pc[k], p_r = pr[k] * rc[k];
+                    h10[k] += m * ((t - t * t - w->bow[s][k]) * pM + t * rp - (1.0 - t) * p_r);
+                    h20[k] += m * ((t - 1.0) * pM - rp);
+                    h21[k] += m * (rp - t * pM);
                 }
             }
 }
 
-/* The blocks of corner 0 by the vanishing sums: from = block 11 of the array that `to` begins. Two
- * pointers, because what is read and what is written do not overlap. */
-CLOTHI_HOT void clothi_hinge_close(clothi_in from, clothi_out to) {
+/* H = square times dtheta dtheta', its gradient g. */
+CLOTHI_HOT void clothi_hinge_square(clothi_in g, clothi_in square, clothi_out H) {
     enum { L = CLOTHI_LANES };
-    int r, c, k;
-    for (r = 0; r < 3; r++)
-        for (c = 0; c < 3; c++) {
-            const int     at = 3 * r + c, tr = 3 * c + r;
-            const double *h11 = from + at * L, *h22 = from + (9 + at) * L;
-            const double *h33 = from + (18 + at) * L, *h21 = from + (45 + at) * L;
-            const double *h12 = from + (45 + tr) * L, *h31 = from + (63 + at) * L;
-            const double *h13 = from + (63 + tr) * L, *h32 = from + (72 + at) * L;
-            const double *h23 = from + (72 + tr) * L;
-            double       *h00 = to + at * L, *h10 = to + (36 + at) * L;
-            double       *h20 = to + (45 + at) * L, *h30 = to + (63 + at) * L;
-            for (k = 0; k < L; k++) {
-                h00[k] = (h11[k] + h22[k] + h33[k])
-                         + ((h21[k] + h12[k]) + (h31[k] + h13[k]) + (h32[k] + h23[k]));
-                h10[k] = -(h11[k] + h12[k] + h13[k]);
-                h20[k] = -(h22[k] + h21[k] + h23[k]);
-                h30[k] = -(h33[k] + h31[k] + h32[k]);
+    int p, r, c, k;
+    for (p = 0; p < 6; p++)
+        for (r = 0; r < 3; r++)
+            for (c = 0; c < 3; c++) {
+                clothi_in  a = g + (3 * clothi_pair[p][0] + r) * L;
+                clothi_in  b = g + (3 * clothi_pair[p][1] + c) * L;
+                clothi_out out = H + (9 * p + 3 * r + c) * L;
+                for (k = 0; k < L; k++) out[k] = square[k] * a[k] * b[k];
+            }
+}
+
+/* dJ/dtheta, elastic and of damping */
+CLOTHI_HOT void clothi_hinge_moments(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
+                                     clothi_out moment) {
+    double theta[CLOTHI_LANES];
+    int    k;
+    clothi_hinge_measure(x, rest, theta);
+    for (k = 0; k < CLOTHI_LANES; k++)
+        moment[k] = rest[k] * (clothi_wrap(theta[k] - rest[CLOTHI_LANES + k]) +
+                               damp[k] * clothi_wrap(theta[k] - start[k]));
+}
+
+CLOTHI_UNUSED static void clothi_hinge_blocks(clothi_in x, clothi_in rest, clothi_in start,
+                                              clothi_in damp, int psd, clothi_out H) {
+    double       g[12 * CLOTHI_LANES], square[CLOTHI_LANES], moment[CLOTHI_LANES];
+    clothi_wings w;
+    int          k;
+    for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (1.0 + damp[k]);
+    clothi_hinge_gradient(x, clothi_one, g);
+    clothi_hinge_square(g, square, H);
+    if (psd) return;
+    clothi_hinge_moments(x, rest, start, damp, moment);
+    clothi_hinge_wings(x, &w);
+    clothi_hinge_curve(&w, moment, H);
+}
+
+/* The second derivative times u: with Wu = sum W_j u_j, Du = u_0 - u_1 and b = (h/l)^2/2 a wing has
+ *   a_ = p (M.Wu) + M (p.Wu) - r (p.Du),   d_ = b (p (M.Du) + M (p.Du)) - p (r.Wu)
+ * and gives W_i a_ + D_i d_ to its corners. */
+CLOTHI_HOT void clothi_hinge_turn(const clothi_wings *CLOTHI_RESTRICT w, clothi_in u,
+                                  clothi_in moment, clothi_out f) {
+    enum { L = CLOTHI_LANES };
+    int s, k, i;
+    for (s = 0; s < 2; s++)
+        for (k = 0; k < L; k++) {
+            const double *p = w->p[s] + k, *M = w->M[s] + k, *r = w->r + k, t = w->t[s][k];
+            double        MW = 0, pW = 0, rW = 0, MD = 0, pD = 0;
+            for (i = 0; i < 3; i++) {
+                const double u0 = u[i * L + k], u1 = u[(3 + i) * L + k];
+                const double D = u0 - u1, W = (u[(6 + 3 * s + i) * L + k] - u0) + t * D;
+                MW += M[i * L] * W, pW += p[i * L] * W, rW += r[i * L] * W;
+                MD += M[i * L] * D, pD += p[i * L] * D;
+            }
+            for (i = 0; i < 3; i++) {
+                const double a = moment[k] * (p[i * L] * MW + M[i * L] * pW - r[i * L] * pD);
+                const double d = moment[k] * (w->bow[s][k] * (p[i * L] * MD + M[i * L] * pD) -
+                                              p[i * L] * rW);
+                f[i * L + k] += (t - 1.0) * a + d;
+                f[(3 + i) * L + k] -= t * a + d;
+                f[(6 + 3 * s + i) * L + k] += a;
             }
         }
 }
 
-CLOTHI_UNUSED static void clothi_hinge_lanes(const double *x, const double *rest,
-                                             const double *theta_n, const double *damp, double *E,
-                                             double *Ed, double *theta_out, double *f, double *H,
-                                             int psd) {
-    static const double none[CLOTHI_LANES] = {0};
-    double              theta[CLOTHI_LANES], moment[CLOTHI_LANES], square[CLOTHI_LANES];
-    double              e[CLOTHI_LANES], ed[CLOTHI_LANES];
-    int                 k;
-    clothi_theta_lanes(x, theta);
-    clothi_hinge_moments(theta, rest, damp ? theta_n : none, damp ? damp : none, moment, E ? E : e,
-                         Ed ? Ed : ed);
-    if (theta_out) memcpy(theta_out, theta, sizeof theta);
-    if (f && !H) clothi_hinge_turn(x, moment, f);
-    if (H) {
-        clothi_fold_batch w;
-        for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (damp ? 1.0 + damp[k] : 1.0);
-        clothi_hinge_prepare(x, &w);
-        if (f) clothi_hinge_spread(&w, moment, f);
-        clothi_hinge_square(&w, square, H);
-        if (!psd) clothi_hinge_curve(&w, moment, H);
-        clothi_hinge_close(H + 9 * CLOTHI_LANES, H);
+CLOTHI_HOT void clothi_hinge_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
+                                 clothi_in damp, clothi_out f) {
+    enum { L = CLOTHI_LANES };
+    double       g[12 * L], along[L] = {0}, moment[L];
+    clothi_wings w;
+    int          k, i;
+    clothi_hinge_moments(x, rest, start, damp, moment);
+    clothi_hinge_gradient(x, clothi_one, g);
+    clothi_hinge_wings(x, &w);
+    for (i = 0; i < 12; i++)
+        for (k = 0; k < L; k++) along[k] += g[i * L + k] * u[i * L + k];
+    for (i = 0; i < 12; i++)
+        for (k = 0; k < L; k++)
+            f[i * L + k] = rest[k] * (1.0 + damp[k]) * along[k] * g[i * L + k];
+    clothi_hinge_turn(&w, u, moment, f);
+}
+
+CLOTHI_RARE_BEGIN
+
+/* V = c ((theta - theta0) + s (theta - theta_n)) (dtheta/dx . a) */
+static void clothi_hinge_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
+                             clothi_in damp, clothi_out d_rest, clothi_out d_damp,
+                             clothi_out d_x_n) {
+    enum { L = CLOTHI_LANES };
+    double g[12 * L], theta[L], start[L], along[L] = {0};
+    int    i, k;
+    clothi_hinge_measure(x, rest, theta);
+    clothi_hinge_measure(x_n, rest, start);
+    clothi_hinge_gradient(x, clothi_one, g);
+    clothi_hinge_gradient(x_n, clothi_one, d_x_n);
+    for (i = 0; i < 12 * L; i++) along[i % L] += g[i] * a[i];
+    for (k = 0; k < L; k++) {
+        const double turned = clothi_wrap(theta[k] - start[k]);
+        d_rest[k] = (clothi_wrap(theta[k] - rest[L + k]) + damp[k] * turned) * along[k];
+        d_rest[L + k] = -rest[k] * along[k];
+        d_damp[k] = rest[k] * turned * along[k];
     }
+    for (i = 0; i < 12 * L; i++) d_x_n[i] *= -rest[i % L] * damp[i % L] * along[i % L];
 }
 
-/* --- quadratic bending: x [12][8], rest [5][8] = c, w0 .. w3 --- */
-
-/* Axis r of sum_i w_i x_i, from the edges: far from the origin digits survive. */
-CLOTHI_LANE double clothi_quadratic_sum(const double *x, const double *rest, int r, int k) {
-    enum { L = CLOTHI_LANES };
-    const double x0 = x[r * L + k];
-    return rest[2 * L + k] * (x[(3 + r) * L + k] - x0) + rest[3 * L + k] * (x[(6 + r) * L + k] - x0)
-           + rest[4 * L + k] * (x[(9 + r) * L + k] - x0);
+CLOTH_API double cloth_hinge_coefficient(double D, double e2, double A1, double A2) {
+    const double area = A1 + A2;
+    const double c = area > 0.0 ? D * e2 / area : 0.0;
+    return clothi_finite(c) ? c : CLOTHI_HUGE;
 }
 
-CLOTHI_HOT void clothi_quadratic_forces(clothi_in x, clothi_in rest, clothi_out f) {
+CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess) {
+    double y[12 * CLOTHI_LANES], f[12 * CLOTHI_LANES], theta[CLOTHI_LANES], scale = 1.0;
+    const double big = clothi_max_abs(x, 12);
+    int    i, exponent;
+    if (big > 1e20 || (big < 1e-20 && big > 0.0)) {
+        (void)frexp(big, &exponent);
+        scale = ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
+    }
+    for (i = 0; i < 12 * CLOTHI_LANES; i++) y[i] = scale * x[i / CLOTHI_LANES];
+    clothi_hinge_measure(y, clothi_one, theta);
+    clothi_hinge_gradient(y, clothi_one, f);
+    clothi_from_lanes(f, 12, scale, grad);
+    if (hess) {
+        double       H[54 * CLOTHI_LANES];
+        clothi_wings w;
+        clothi_hinge_wings(y, &w);
+        memset(H, 0, sizeof H);
+        clothi_hinge_curve(&w, clothi_one, H);
+        clothi_full_hessian(H, 4, scale * scale, hess);
+    }
+    return clothi_finite(theta[0]) ? theta[0] : 0.0;
+}
+
+CLOTH_API double cloth_dihedral_grad(const double *x, double *grad) {
+    return cloth_dihedral_hess(x, grad, NULL);
+}
+
+CLOTH_API double cloth_dihedral(const double *x) { return cloth_dihedral_hess(x, NULL, NULL); }
+
+CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
+                            int psd) {
+    double       dtheta[12];
+    int          i, j;
+    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
+    const double bent = theta - theta0;
+    const double energy = 0.5 * c * bent * bent;
+    if (hess)
+        for (i = 0; i < 12; i++)
+            for (j = 0; j < 12; j++)
+                hess[12 * i + j] = c * (dtheta[i] * dtheta[j]
+                                        + (psd ? 0.0 : bent * hess[12 * i + j]));
+    if (grad)
+        for (i = 0; i < 12; i++) grad[i] = c * bent * dtheta[i];
+    clothi_settle(grad, 12);
+    clothi_settle(hess, 144);
+    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
+}
+
+/* ===== [6.4] QUADRATIC BENDING =============================================================== */
+/*
+ *   near the flat state   theta = |sum_i w_i x_i| for small angles, so the angle need not be
+ *                         computed at all: one weighted sum of the four corners             [BWH06]
+ *   symbols   corners, t and h as in [6.3], from the REST shape; c the hinge's, N m
+ *   weights   w2 = -1/h1, w3 = -1/h2, w0 = (1-t1)/h1 + (1-t2)/h2, w1 = t1/h1 + t2/h2       1/m
+ *             They sum to zero and reproduce the flat rest shape: sum_i w_i X_i = 0, for the foot
+ *             (1-t) X0 + t X1 is the corner's projection, and the two unit vectors that remain,
+ *             from either corner to the edge, cancel.
+ *   energy    J = c/2 |sum_i w_i x_i|^2
+ *   gradient  c w_i s, s = sum_j w_j x_j          Hessian  c w_i w_j I, constant: assembled once
+ *   link      at the flat state dtheta/dx_i = w_i nn (compare [6.3]), so the hinge's Hessian is
+ *             c w_i w_j nn nn': the same in the normal direction, and D means the same. The two
+ *             other directions are of second order while the sheet keeps its lengths.
+ *   dropped   rest angles (flat only) and large-stretch exactness: stretching a flat sheet unevenly
+ *             costs a little bending energy. Its error against [6.3] grows as theta^2.
+ *   checked   tests/test_elements.c: quadratic_is_the_flat_hinge, hinge_cylinder,
+ *             lanes_quadratic, lanes_products
+ */
+CLOTHI_RARE_END
+
+/* --- x [12][8], rest [5][8] = c, w0 .. w3; start [3][8] = r^n --- */
+
+/* r = sum_i w_i x_i, from the edges: far from the origin digits survive. */
+CLOTHI_HOT void clothi_quadratic_measure(clothi_in x, clothi_in rest, clothi_out r) {
     enum { L = CLOTHI_LANES };
-    int r, k;
-    for (r = 0; r < 3; r++)
+    int j, k;
+    for (j = 0; j < 3; j++)
+        for (k = 0; k < L; k++)
+            r[j * L + k] = rest[2 * L + k] * clothi_edge(x, 3 + j, k)
+                           + rest[3 * L + k] * clothi_edge(x, 6 + j, k)
+                           + rest[4 * L + k] * clothi_edge(x, 9 + j, k);
+}
+
+CLOTHI_HOT void clothi_quadratic_lanes(clothi_in x, clothi_in rest, clothi_in start,
+                                       clothi_in damp, clothi_out E, clothi_out Ed, clothi_out f) {
+    enum { L = CLOTHI_LANES };
+    double r[3 * L];
+    int    j, k;
+    clothi_quadratic_measure(x, rest, r);
+    for (k = 0; k < L; k++) E[k] = Ed[k] = 0.0;
+    for (j = 0; j < 3; j++)
         for (k = 0; k < L; k++) {
-            const double s = rest[k] * clothi_quadratic_sum(x, rest, r, k);
-            f[r * L + k] = rest[L + k] * s;
-            f[(3 + r) * L + k] = rest[2 * L + k] * s;
-            f[(6 + r) * L + k] = rest[3 * L + k] * s;
-            f[(9 + r) * L + k] = rest[4 * L + k] * s;
+            const double c = rest[k], s = r[j * L + k], since = s - start[j * L + k];
+            const double pull = c * (s + damp[k] * since);
+            E[k] += 0.5 * c * s * s;
+            Ed[k] += 0.5 * c * damp[k] * since * since;
+            f[j * L + k] = rest[L + k] * pull;
+            f[(3 + j) * L + k] = rest[2 * L + k] * pull;
+            f[(6 + j) * L + k] = rest[3 * L + k] * pull;
+            f[(9 + j) * L + k] = rest[4 * L + k] * pull;
         }
 }
 
-CLOTHI_HOT void clothi_quadratic_energies(clothi_in x, clothi_in rest, clothi_out E) {
+/* c (1 + damp) w_i w_j times the 3x3 identity; x, start and psd do not matter. */
+CLOTHI_HOT void clothi_quadratic_blocks(clothi_in x, clothi_in rest, clothi_in start,
+                                        clothi_in damp, int psd, clothi_out H) {
     enum { L = CLOTHI_LANES };
-    int r, k;
-    for (k = 0; k < L; k++) E[k] = 0.0;
-    for (r = 0; r < 3; r++)
+    int p, q, k;
+    (void)x, (void)start, (void)psd;
+    for (p = 0; p < 6; p++)
+        for (q = 0; q < 9; q++)
+            for (k = 0; k < L; k++)
+                H[(9 * p + q) * L + k] = q % 4 ? 0.0
+                                               : rest[k] * rest[(1 + clothi_pair[p][0]) * L + k]
+                                                     * rest[(1 + clothi_pair[p][1]) * L + k]
+                                                     * (1.0 + damp[k]);
+}
+
+/* Linear in x: the gradient for u, as if r^n were 0. */
+CLOTHI_HOT void clothi_quadratic_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
+                                     clothi_in damp, clothi_out f) {
+    double E[CLOTHI_LANES], Ed[CLOTHI_LANES];
+    (void)x, (void)start;
+    clothi_quadratic_lanes(u, rest, clothi_none, damp, E, Ed, f);
+}
+
+CLOTHI_RARE_BEGIN
+
+/* V = c (r + s (r - r_n)).r_a, r_a = sum w_i a_i. dV/dw is up to a constant, the same for all w,
+ * whose sum stays 0. */
+static void clothi_quadratic_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
+                                 clothi_in damp, clothi_out d_rest, clothi_out d_damp,
+                                 clothi_out d_x_n) {
+    enum { L = CLOTHI_LANES };
+    double r[3 * L], r_n[3 * L], r_a[3 * L];
+    int    i, j, k;
+    clothi_quadratic_measure(x, rest, r);
+    clothi_quadratic_measure(x_n, rest, r_n);
+    clothi_quadratic_measure(a, rest, r_a);
+    for (i = 0; i < 5 * L; i++) d_rest[i] = d_damp[i % L] = 0.0;
+    for (j = 0; j < 3; j++)
         for (k = 0; k < L; k++) {
-            const double s = clothi_quadratic_sum(x, rest, r, k);
-            E[k] += 0.5 * rest[k] * s * s;
+            const double s = damp[k], since = r[j * L + k] - r_n[j * L + k];
+            const double all = r[j * L + k] + s * since, ra = r_a[j * L + k];
+            d_rest[k] += all * ra;
+            d_damp[k] += rest[k] * since * ra;
+            for (i = 0; i < 4; i++) {
+                const double d = (1.0 + s) * clothi_edge(x, 3 * i + j, k) -
+                                 s * clothi_edge(x_n, 3 * i + j, k);
+                d_rest[(1 + i) * L + k] += rest[k] * (d * ra + all * clothi_edge(a, 3 * i + j, k));
+                d_x_n[(3 * i + j) * L + k] = -s * rest[k] * rest[(1 + i) * L + k] * ra;
+            }
         }
 }
 
-CLOTHI_UNUSED static void clothi_quadratic_lanes(const double *x, const double *rest, double *E,
-                                                 double *f) {
-    if (E) clothi_quadratic_energies(x, rest, E);
-    if (f) clothi_quadratic_forces(x, rest, f);
+CLOTH_API double cloth_bend_quadratic(const double *x, const double *w, double c, double *grad,
+                                      double *hess) {
+    double y[12 * CLOTHI_LANES], rest[5 * CLOTHI_LANES], E[CLOTHI_LANES], Ed[CLOTHI_LANES];
+    double f[12 * CLOTHI_LANES];
+    int    i;
+    clothi_to_lanes(x, 12, y);
+    clothi_to_lanes(&c, 1, rest);
+    clothi_to_lanes(w, 4, rest + CLOTHI_LANES);
+    clothi_quadratic_lanes(y, rest, clothi_none, clothi_none, E, Ed, f);
+    clothi_from_lanes(f, 12, 1.0, grad);
+    for (i = 0; hess && i < 144; i++)
+        hess[i] = i / 12 % 3 == i % 3 ? c * w[i / 36] * w[i % 12 / 3] : 0.0;
+    clothi_settle(hess, 144);
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
 }
 
-/* --- stretch and bending of a triangle in one: the explicit step's path ---
+/* What wing k, of height 1/q and foot t, adds to the weights. */
+static void clothi_quadratic_wing(double q, double t, int k, double *w) {
+    w[0] += (1.0 - t) * q;
+    w[1] += t * q;
+    w[2 + k] = -q;
+}
+
+CLOTH_API void cloth_bend_quadratic_weights(const double *x_rest, double *w) {
+    double e[3], l2;
+    int    k, flat = 0;
+    clothi_sub3(x_rest + 3, x_rest, e);
+    l2 = clothi_dot3(e, e);
+    memset(w, 0, 4 * sizeof *w);
+    for (k = 0; k < 2; k++) {
+        double a[3], n[3], q;
+        clothi_sub3(x_rest + 6 + 3 * k, x_rest, a);
+        clothi_cross3(e, a, n);
+        q = 1.0 / sqrt(clothi_dot3(n, n) / l2);
+        flat |= !(l2 > 0.0 && q > 0.0 && clothi_finite(q));
+        if (!flat) clothi_quadratic_wing(q, clothi_dot3(a, e) / l2, k, w);
+    }
+    if (flat) memset(w, 0, 4 * sizeof *w);
+    clothi_settle(w, 4);
+}
+
+/* --- the four kinds --- */
+
+typedef struct clothi_kind {
+    int corners, nrest, nmeasure;
+    void (*measure)(clothi_in x, clothi_in rest, clothi_out q);
+    void (*lanes)(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp, clothi_out E,
+                  clothi_out Ed, clothi_out f);
+    void (*blocks)(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp, int psd,
+                   clothi_out H);
+    void (*hvp)(clothi_in x, clothi_in u, clothi_in rest, clothi_in start, clothi_in damp,
+                clothi_out f);
+    void (*vjp)(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest, clothi_in damp,
+                clothi_out d_rest, clothi_out d_damp, clothi_out d_x_n);
+} clothi_kind;
+
+static const clothi_kind clothi_kinds[4] = {
+    {2, 2, 1, clothi_spring_measure, clothi_spring_lanes, clothi_spring_blocks, clothi_spring_hvp,
+     clothi_spring_vjp},
+    {3, 7, 3, clothi_stretch_measure, clothi_stretch_lanes, clothi_stretch_blocks,
+     clothi_stretch_hvp, clothi_stretch_vjp},
+    {4, 2, 1, clothi_hinge_measure, clothi_hinge_lanes, clothi_hinge_blocks, clothi_hinge_hvp,
+     clothi_hinge_vjp},
+    {4, 5, 3, clothi_quadratic_measure, clothi_quadratic_lanes, clothi_quadratic_blocks,
+     clothi_quadratic_hvp, clothi_quadratic_vjp}};
+
+CLOTHI_RARE_END
+
+/* ===== [6.5] STRETCH AND BENDING IN ONE =======================================================
  *
- * A hinge's gradient has a part in each of its two triangles, along that triangle's normal n. With
+ * The explicit step's path: forces of triangles that have those of their hinges in them. A hinge's
+ * gradient has a part in each of its two triangles, along that triangle's normal n. With
  * the pull m = (dJ/dtheta)/l of each edge (m_k: of the one opposite corner k, 0 at a boundary) and
  * a_k the dot product of the two edges at corner k, so that a foot is t = a/l^2, l_i^2 = a_j + a_k,
  * [6.3] reads   G_i = n/|n|^2 [ a_k (m_j - m_i) + a_j (m_k - m_i) ],   i, j, k the three corners.
@@ -5216,10 +5427,9 @@ CLOTHI_HOT void clothi_steep_pulls(clothi_in rest, clothi_in l, clothi_in y, clo
 
 /* theta = atan2(l y, x) and l^2. */
 CLOTHI_HOT void clothi_hinge_folds(clothi_in x, clothi_out l2, clothi_out sine, clothi_out cosine) {
-    static const double one[CLOTHI_LANES] = {1, 1, 1, 1, 1, 1, 1, 1};
-    int                 k;
+    int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_fold h = clothi_fold_at(x, one, k);
+        const clothi_fold h = clothi_fold_at(x, clothi_one, k);
         l2[k] = h.l2;
         sine[k] = h.sine;
         cosine[k] = h.cosine;
@@ -5243,14 +5453,13 @@ CLOTHI_UNUSED static void clothi_hinge_pulls(const double *x, const double *rest
 
 CLOTHI_HOT void clothi_quadratic_pulls(clothi_in x, clothi_in rest, clothi_out pull) {
     enum { L = CLOTHI_LANES };
-    double s[3][L];
-    int    r, k;
-    for (r = 0; r < 3; r++)
-        for (k = 0; k < L; k++) s[r][k] = rest[k] * clothi_quadratic_sum(x, rest, r, k);
+    double r[3 * L];
+    int    k;
+    clothi_quadratic_measure(x, rest, r);
     for (k = 0; k < L; k++) {
-        pull[3 * k] = s[0][k];
-        pull[3 * k + 1] = s[1][k];
-        pull[3 * k + 2] = s[2][k];
+        pull[3 * k] = -rest[k] * r[k];
+        pull[3 * k + 1] = -rest[k] * r[L + k];
+        pull[3 * k + 2] = -rest[k] * r[2 * L + k];
     }
 }
 
@@ -5294,31 +5503,23 @@ CLOTHI_HOT void clothi_winged_hinge(clothi_in x, clothi_in side, clothi_in pull,
 CLOTHI_HOT void clothi_winged_quadratic(clothi_in x, clothi_in rest, clothi_in pull, clothi_in side,
                                         clothi_out f) {
     enum { L = CLOTHI_LANES };
-    int r, k;
-    double stress[3][L], F[6][L];
+    double s[3 * L], F[6 * L];
+    int    r, k;
     for (k = 0; k < L; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        const double     area = rest[4 * L + k], mu2 = 2.0 * rest[5 * L + k];
-        const double     tr = rest[6 * L + k] * (t.e0 + t.e1);
-        stress[0][k] = area * (mu2 * t.e0 + tr);
-        stress[1][k] = area * (mu2 * t.e1 + tr);
-        stress[2][k] = area * (mu2 * t.e2);
-        F[0][k] = t.f0;
-        F[1][k] = t.f1;
-        F[2][k] = t.f2;
-        F[3][k] = t.f3;
-        F[4][k] = t.f4;
-        F[5][k] = t.f5;
+        const clothi_sym stress = clothi_tri_stress(t.e, rest, k);
+        clothi_put3(s, 0, k, stress.a, stress.b, stress.c);
+        clothi_put3(F, 0, k, t.f0, t.f1, t.f2);
+        clothi_put3(F, 3, k, t.f3, t.f4, t.f5);
     }
     for (r = 0; r < 3; r++)
         for (k = 0; k < L; k++) {
-            const double s0 = stress[0][k], s1 = stress[1][k], s2 = stress[2][k];
-            const double F0 = F[2 * r][k], F1 = F[2 * r + 1][k];
+            const double F0 = F[2 * r * L + k], F1 = F[(2 * r + 1) * L + k];
             const double m0 = pull[r * L + k], m1 = pull[(3 + r) * L + k];
             const double m2 = pull[(6 + r) * L + k];
-            const double p0 = F0 * s0 + F1 * s2 +
+            const double p0 = F0 * s[k] + F1 * s[2 * L + k] +
                               (side[k] * m0 + side[2 * L + k] * m1 + side[4 * L + k] * m2);
-            const double p1 = F0 * s2 + F1 * s1 +
+            const double p1 = F0 * s[2 * L + k] + F1 * s[L + k] +
                               (side[L + k] * m0 + side[3 * L + k] * m1 + side[5 * L + k] * m2);
             const double f1 = rest[k] * p0 + rest[L + k] * p1;
             const double f2 = rest[2 * L + k] * p0 + rest[3 * L + k] * p1;
@@ -5327,111 +5528,8 @@ CLOTHI_HOT void clothi_winged_quadratic(clothi_in x, clothi_in rest, clothi_in p
             f[(6 + r) * L + k] = f2;
         }
 }
+
 CLOTHI_RARE_BEGIN
-
-/* --- one element: the same in all lanes --- */
-
-static void clothi_to_lanes(const double *x, int n, double *out) {
-    int i;
-    for (i = 0; i < n * CLOTHI_LANES; i++) out[i] = x[i / CLOTHI_LANES];
-}
-
-/* scale times lane 0 of a [n][8], all zero where that is not finite. out may be NULL. */
-static void clothi_from_lanes(const double *a, int n, double scale, double *out) {
-    int i;
-    for (i = 0; out && i < n; i++) out[i] = scale * a[i * CLOTHI_LANES];
-    clothi_settle(out, (size_t)n);
-}
-
-/* Likewise of the blocks H of an element with `width` corners, as a full matrix. */
-static void clothi_full_hessian(const double *H, int width, double scale, double *out) {
-    int i, j, k;
-    for (i = 0; out && i < width; i++)
-        for (j = 0; j <= i; j++)
-            for (k = 0; k < 9; k++) {
-                const int b = i == j ? i : width + i * (i - 1) / 2 + j, r = 3 * i + k / 3;
-                const int c = 3 * j + k % 3;
-                out[3 * width * r + c] = scale * H[(9 * b + k) * CLOTHI_LANES];
-                out[3 * width * c + r] = out[3 * width * r + c];
-            }
-    clothi_settle(out, 9 * (size_t)width * (size_t)width);
-}
-
-CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
-                              double *hess, int psd) {
-    double y[6 * CLOTHI_LANES], rest[2 * CLOTHI_LANES], E[CLOTHI_LANES];
-    double f[6 * CLOTHI_LANES], H[27 * CLOTHI_LANES];
-    clothi_to_lanes(x, 6, y);
-    clothi_to_lanes(&k, 1, rest);
-    clothi_to_lanes(&rest_length, 1, rest + CLOTHI_LANES);
-    clothi_spring_lanes(y, rest, E, grad ? f : NULL, hess ? H : NULL, psd);
-    clothi_from_lanes(f, 6, 1.0, grad);
-    clothi_full_hessian(H, 2, 1.0, hess);
-    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
-}
-
-CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
-                               double *grad, double *hess, int psd) {
-    double y[9 * CLOTHI_LANES], rest[7 * CLOTHI_LANES], E[CLOTHI_LANES], B[7];
-    double f[9 * CLOTHI_LANES], H[54 * CLOTHI_LANES];
-    B[4] = clothi_rest_inverse(X, B), B[5] = mu, B[6] = lambda;
-    clothi_to_lanes(x, 9, y);
-    clothi_to_lanes(B, 7, rest);
-    clothi_stretch_lanes(y, rest, NULL, NULL, E, NULL, grad ? f : NULL, hess ? H : NULL, psd != 0);
-    clothi_from_lanes(f, 9, 1.0, grad);
-    clothi_full_hessian(H, 3, 1.0, hess);
-    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
-}
-
-CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess) {
-    double y[12 * CLOTHI_LANES], one[CLOTHI_LANES], f[12 * CLOTHI_LANES], H[90 * CLOTHI_LANES];
-    double theta[CLOTHI_LANES], scale = 1.0;
-    const double big = clothi_max_abs(x, 12);
-    int    i, exponent;
-    if (big > 1e20 || (big < 1e-20 && big > 0.0)) {
-        (void)frexp(big, &exponent);
-        scale = ldexp(1.0, exponent > 1000 ? -1000 : exponent < -1000 ? 1000 : -exponent);
-    }
-    for (i = 0; i < 12 * CLOTHI_LANES; i++) y[i] = scale * x[i / CLOTHI_LANES];
-    for (i = 0; i < CLOTHI_LANES; i++) one[i] = 1.0;
-    clothi_theta_lanes(y, theta);
-    if (grad) clothi_hinge_turn(y, one, f);
-    if (hess) {
-        clothi_fold_batch w;
-        clothi_hinge_prepare(y, &w);
-        memset(H, 0, sizeof H);
-        clothi_hinge_curve(&w, one, H);
-        clothi_hinge_close(H + 9 * CLOTHI_LANES, H);
-    }
-    clothi_from_lanes(f, 12, scale, grad);
-    clothi_full_hessian(H, 4, scale * scale, hess);
-    return clothi_finite(theta[0]) ? theta[0] : 0.0;
-}
-
-CLOTH_API double cloth_dihedral_grad(const double *x, double *grad) {
-    return cloth_dihedral_hess(x, grad, NULL);
-}
-
-CLOTH_API double cloth_dihedral(const double *x) { return cloth_dihedral_hess(x, NULL, NULL); }
-
-CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
-                            int psd) {
-    double       dtheta[12];
-    int          i, j;
-    const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
-    const double bent = theta - theta0;
-    const double energy = 0.5 * c * bent * bent;
-    if (hess)
-        for (i = 0; i < 12; i++)
-            for (j = 0; j < 12; j++)
-                hess[12 * i + j] = c * (dtheta[i] * dtheta[j]
-                                        + (psd ? 0.0 : bent * hess[12 * i + j]));
-    if (grad)
-        for (i = 0; i < 12; i++) grad[i] = c * bent * dtheta[i];
-    clothi_settle(grad, 12);
-    clothi_settle(hess, 144);
-    return clothi_finite(energy) ? energy : CLOTHI_HUGE;
-}
 
 /* ===== [7.1] ORDERING ==========================================================================
  *
@@ -8900,7 +8998,6 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
 #define CLOTHI_VERTICES    512              /* vertices that a range takes                     */
 #define CLOTHI_MAX_SUBSTEPS 1000000
 
-enum { CLOTHI_SPRING = 0, CLOTHI_TRIANGLE = 1, CLOTHI_HINGE = 2, CLOTHI_QUADRATIC = 3 };
 
 /* Elements of one kind, eight to a batch. */
 typedef struct clothi_group {
@@ -9297,8 +9394,6 @@ static int clothi_element_domain(const cloth_model *m, const int *v, int width, 
     return domain < 0 ? ndomain : domain;
 }
 
-static const int clothi_pair[6][2] = {{1, 0}, {2, 0}, {2, 1}, {3, 0}, {3, 1}, {3, 2}};
-
 static void clothi_group_fill(const cloth_model *m, clothi_group *g, int at, int e) {
     int        b = at / CLOTHI_LANES, lane = at % CLOTHI_LANES, k;
     int        pairs = g->width * (g->width - 1) / 2;
@@ -9588,12 +9683,13 @@ typedef struct clothi_work {                /* vectors of a step, scratch       
 
 typedef struct clothi_elements {            /* derived from params: what the lanes read        */
     double *rest;                           /* [nbatch x nrest x 8]                            */
-    double *start;                          /* [nbatch x nstart x 8] strain or angle at x_n    */
+    double *start;                          /* [nbatch x nmeasure x 8] measure at x_n          */
     double *tau;                            /* [nbatch x 8] damping s                          */
-    int     nrest, nstart, damped;
+    int     damped;
     int     first;                          /* of its batches, in energy_batch                 */
     double  loss;                           /* J, of the last value                            */
     const clothi_group *group;
+    const clothi_kind  *kind;
     struct clothi_own  *own;                /* whose they are                                  */
 } clothi_elements;
 
@@ -10041,9 +10137,7 @@ static void clothi_quadratic_rest(const cloth_model *m, const cloth_params *p, i
     w[0] = w[1] = 0;
     for (k = 0; k < 2; k++) {
         clothi_quadratic_face(m, p->X, f[k], v[0], v[1], &q, &t);
-        w[2 + k] = q;
-        w[0] -= (1 - t) * q;
-        w[1] -= t * q;
+        clothi_quadratic_wing(q, t, k, w);
     }
 }
 
@@ -10069,7 +10163,7 @@ static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, cloth
     el->damped = 0;
     for (b = 0; b < g->nbatch; b++)
         for (lane = 0; lane < CLOTHI_LANES; lane++) {
-            double *rest = el->rest + (size_t)b * (size_t)el->nrest * CLOTHI_LANES + lane;
+            double *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES + lane;
             double *tau = el->tau + (size_t)b * CLOTHI_LANES + lane;
             int     id = g->id[b * CLOTHI_LANES + lane], unused = id < 0, back = lane;
             while (id < 0) id = g->id[b * CLOTHI_LANES + --back];
@@ -10196,8 +10290,8 @@ static void clothi_derive(cloth_sim *s) {
 
 /* Arrays that only damping needs. */
 static cloth_status clothi_need_damping(cloth_sim *s) {
-    size_t       n = (size_t)s->model->membrane.nbatch * (size_t)s->own.membrane.nstart;
-    size_t       k = (size_t)s->model->bend.nbatch * (size_t)s->own.bend.nstart;
+    size_t       n = (size_t)s->model->membrane.nbatch * (size_t)s->own.membrane.kind->nmeasure;
+    size_t       k = (size_t)s->model->bend.nbatch * (size_t)s->own.bend.kind->nmeasure;
     cloth_status status = CLOTH_OK;
     if (s->own.membrane.damped) status = clothi_need(s, &s->own.membrane.start, n * CLOTHI_LANES);
     if (!status && s->own.bend.damped)
@@ -10266,18 +10360,16 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES;
     const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES;
     cloth_status status;
-    a->nrest = m->membrane.kind == CLOTHI_TRIANGLE ? 7 : 2;
-    a->nstart = m->membrane.kind == CLOTHI_TRIANGLE ? 3 : 1;
+    a->kind = clothi_kinds + m->membrane.kind;
     a->group = &m->membrane;
     b->group = &m->bend;
     a->own = b->own = &s->own;
     b->first = m->membrane.nbatch;
-    b->nrest = m->bend.kind == CLOTHI_QUADRATIC ? 5 : 2;
-    b->nstart = m->bend.kind == CLOTHI_QUADRATIC ? 12 : 1;
+    b->kind = clothi_kinds + m->bend.kind;
     s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)m->nv, 1);
-    status = s->fixed ? clothi_need(s, &a->rest, na * (size_t)a->nrest) : CLOTH_ERR_MEMORY;
+    status = s->fixed ? clothi_need(s, &a->rest, na * (size_t)a->kind->nrest) : CLOTH_ERR_MEMORY;
     if (!status) status = clothi_need(s, &a->tau, na);
-    if (!status) status = clothi_need(s, &b->rest, nb * (size_t)b->nrest);
+    if (!status) status = clothi_need(s, &b->rest, nb * (size_t)b->kind->nrest);
     if (!status) status = clothi_need(s, &b->tau, nb);
     if (!status && m->wing) status = clothi_need(s, &s->own.side, 9 * na);
     return status ? status : clothi_fields_need(s, CLOTHI_LATE);
@@ -10415,11 +10507,9 @@ typedef struct clothi_pass {                /* one sweep over one group         
     double             *energy, *loss;      /* [nbatch x 8]                                    */
 } clothi_pass;
 
-/* Adds the lanes' off-diagonal Hessian blocks to the matrix, H [pairs][9][8] in the order of
- * clothi_pair. No element force changes when all its corners move together, so a row of blocks
- * sums to zero and the diagonal follows from the rest, once per matrix: clothi_matrix_close().
- * A slot's lowest bit says that the matrix holds the transpose. Turning lanes into blocks is a
- * transposition of 4x4 numbers; by single numbers it costs twice as much. */
+/* Adds the lanes' Hessian blocks to the matrix: see [6.1]. A slot's lowest bit says that the matrix
+ * holds the transpose. Turning lanes into blocks is a transposition of 4x4 numbers; by single
+ * numbers it costs twice as much. */
 CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot, const int *id,
                                                const double *H) {
     int lane, q;
@@ -10483,128 +10573,43 @@ static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
     }
 }
 
-/* A damped spring is a spring: k ((l - L) + s (l - l_n)) = k (1+s) (l - (L + s l_n)/(1+s)). */
-static void clothi_spring_damped(const double *x, const double *rest, const double *length_n,
-                                 const double *damp, double *E, double *loss, double *f,
-                                 double *H, int psd) {
-    double both[2 * CLOTHI_LANES], rate[2 * CLOTHI_LANES];
-    int    k;
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        both[k] = rest[k] * (1 + damp[k]);
-        both[CLOTHI_LANES + k] =
-            (rest[CLOTHI_LANES + k] + damp[k] * length_n[k]) / (1 + damp[k]);
-        rate[k] = rest[k] * damp[k];
-        rate[CLOTHI_LANES + k] = length_n[k];
-    }
-    clothi_spring_lanes(x, both, NULL, f, H, psd);
-    clothi_spring_lanes(x, rest, E, NULL, NULL, psd);
-    clothi_spring_lanes(x, rate, loss, NULL, NULL, psd);
+/* Positions of the corners of batch b; a constant number of corners lets compilers unroll. */
+static void clothi_corners(const clothi_group *g, const double *x, int b, double *out) {
+    const int *v = g->vert + (size_t)b * (size_t)g->width * CLOTHI_LANES;
+    if (g->width == 4) clothi_gather_lanes(x, v, 4, out);
+    else if (g->width == 3) clothi_gather_lanes(x, v, 3, out);
+    else clothi_gather_lanes(x, v, 2, out);
 }
 
-/* Quadratic bending is linear in x: its damped force is that of (1+s) x - s x_n. */
-static void clothi_quadratic_damped(const double *x, const double *rest, const double *x_n,
-                                    const double *damp, double *E, double *loss, double *f) {
-    double shifted[12 * CLOTHI_LANES], change[12 * CLOTHI_LANES];
-    int    i;
-    for (i = 0; i < 12 * CLOTHI_LANES; i++) {
-        shifted[i] = x[i] + damp[i % CLOTHI_LANES] * (x[i] - x_n[i]);
-        change[i] = x[i] - x_n[i];
-    }
-    if (f) clothi_quadratic_lanes(shifted, rest, NULL, f);
-    if (E) clothi_quadratic_lanes(x, rest, E, NULL);
-    if (!loss) return;
-    clothi_quadratic_lanes(change, rest, loss, NULL);
-    for (i = 0; i < CLOTHI_LANES; i++) loss[i] *= damp[i];
-}
-
-/* H of eight quadratic hinges: c w_i w_j (1+s) times the 3x3 identity, off-diagonal blocks. */
-static void clothi_quadratic_blocks(const double *rest, const double *damp, double *H) {
-    int b, k, lane;
-    memset(H, 0, 54 * CLOTHI_LANES * sizeof(double));
-    for (b = 0; b < 6; b++) {
-        int i = clothi_pair[b][0], j = clothi_pair[b][1];
-        for (k = 0; k < 9; k += 4)
-            for (lane = 0; lane < CLOTHI_LANES; lane++)
-                H[(9 * b + k) * CLOTHI_LANES + lane] =
-                    rest[lane] * rest[(1 + i) * CLOTHI_LANES + lane] *
-                    rest[(1 + j) * CLOTHI_LANES + lane] * (damp ? 1 + damp[lane] : 1);
-    }
-}
-
-/* The lanes of one batch: E and loss [8], f [width*3][8], H by blocks; each may be NULL. */
-static void clothi_batch_lanes(const clothi_pass *p, const double *x, const double *rest,
-                               const double *start, const double *damp, double *E, double *loss,
-                               double *f, double *H) {
-    switch (p->g->kind) {
-    case CLOTHI_TRIANGLE:
-        clothi_stretch_lanes(x, rest, start, damp, E, loss, f, H, p->psd);
-        break;
-    case CLOTHI_HINGE:
-        if (!E && !loss && !f && !H) break;
-        if (!E && !loss && !H && !damp) clothi_hinge_forces(x, rest, f);
-        else clothi_hinge_lanes(x, rest, start, damp, E, loss, NULL, f, H, p->psd);
-        break;
-    case CLOTHI_SPRING:
-        if (damp) clothi_spring_damped(x, rest, start, damp, E, loss, f, H, p->psd);
-        else clothi_spring_lanes(x, rest, E, f, H, p->psd);
-        break;
-    default:
-        if (damp) clothi_quadratic_damped(x, rest, start, damp, E, loss, f);
-        else clothi_quadratic_lanes(x, rest, E, f);
-        if (H) clothi_quadratic_blocks(rest, damp, H + 4 * 9 * CLOTHI_LANES);
-        break;
-    }
-}
-
-/* The definite Hessian of eight hinges, c (1+s) dtheta dtheta': its off-diagonal blocks. */
-CLOTHI_HOT void clothi_hinge_definite(clothi_in x, clothi_in rest, const double *damp,
-                                      clothi_out H) {
-    double one[CLOTHI_LANES], g[12 * CLOTHI_LANES], w[12 * CLOTHI_LANES];
-    int    lane, k, q;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) one[lane] = 1;
-    clothi_hinge_turn(x, one, g);
-    for (k = 0; k < 12; k++)
-        for (lane = 0; lane < CLOTHI_LANES; lane++)
-            w[k * CLOTHI_LANES + lane] =
-                rest[lane] * (damp ? 1 + damp[lane] : 1) * g[k * CLOTHI_LANES + lane];
-    for (k = 0; k < 6; k++)
-        for (q = 0; q < 9; q++) {
-            const double *a = w + (3 * clothi_pair[k][0] + q / 3) * CLOTHI_LANES;
-            const double *b = g + (3 * clothi_pair[k][1] + q % 3) * CLOTHI_LANES;
-            for (lane = 0; lane < CLOTHI_LANES; lane++)
-                H[(9 * k + q) * CLOTHI_LANES + lane] = a[lane] * b[lane];
-        }
+/* Of batch b: its numbers at rest, at the start of the substep, and damp [8]. */
+static void clothi_batch_rest(const clothi_elements *el, int b, double inv_h, const double **rest,
+                              const double **start, double *damp) {
+    const int on = el->damped && inv_h > 0;
+    int       k;
+    *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES;
+    *start = on ? el->start + (size_t)b * (size_t)el->kind->nmeasure * CLOTHI_LANES : clothi_none;
+    for (k = 0; k < CLOTHI_LANES; k++) damp[k] = on ? el->tau[b * CLOTHI_LANES + k] * inv_h : 0.0;
 }
 
 /* Batch b of a group: energy, element forces and Hessian as asked. */
 static void clothi_batch(const clothi_pass *p, int b) {
-    const clothi_group *g = p->g;
-    clothi_elements    *el = p->el;
-    const double       *start = NULL, *damp = NULL;
-    double  x[12 * CLOTHI_LANES], rate[CLOTHI_LANES], H[90 * CLOTHI_LANES];
-    double *loss = NULL;
-    int     lane, outer = p->hess && p->psd && g->kind == CLOTHI_HINGE;
-    if (el->damped && p->inv_h > 0) {
-        start = el->start + (size_t)b * (size_t)el->nstart * CLOTHI_LANES;
-        for (lane = 0; lane < CLOTHI_LANES; lane++)
-            rate[lane] = el->tau[b * CLOTHI_LANES + lane] * p->inv_h;
-        damp = rate;
-        if (p->energy) loss = p->loss + (size_t)b * CLOTHI_LANES;
-    }
-    /* a constant number of corners lets compilers unroll */
-    if (g->width == 4) clothi_gather_lanes(p->x, g->vert + (size_t)b * 4 * CLOTHI_LANES, 4, x);
-    else if (g->width == 3) clothi_gather_lanes(p->x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, x);
-    else clothi_gather_lanes(p->x, g->vert + (size_t)b * 2 * CLOTHI_LANES, 2, x);
-    clothi_batch_lanes(p, x, el->rest + (size_t)b * (size_t)el->nrest * CLOTHI_LANES, start, damp,
-                       p->energy ? p->energy + (size_t)b * CLOTHI_LANES : NULL, loss,
-                       p->grad ? p->own->force + g->force +
-                                     (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES
-                               : NULL,
-                       p->hess && !outer ? H : NULL);
-    if (outer)
-        clothi_hinge_definite(x, el->rest + (size_t)b * 2 * CLOTHI_LANES, damp,
-                              H + 36 * CLOTHI_LANES);
-    if (p->hess) clothi_scatter(p, b, H + (size_t)g->width * 9 * CLOTHI_LANES);
+    const clothi_elements *el = p->el;
+    const double          *rest, *start;
+    double x[12 * CLOTHI_LANES], damp[CLOTHI_LANES], H[54 * CLOTHI_LANES], unused[2 * CLOTHI_LANES];
+    double f[12 * CLOTHI_LANES];
+    clothi_corners(p->g, p->x, b, x);
+    clothi_batch_rest(el, b, p->inv_h, &rest, &start, damp);
+    if (p->energy || p->grad)
+        el->kind->lanes(x, rest, start, damp,
+                        p->energy ? p->energy + (size_t)b * CLOTHI_LANES : unused,
+                        p->energy && start != clothi_none ? p->loss + (size_t)b * CLOTHI_LANES
+                                                          : unused + CLOTHI_LANES,
+                        p->grad ? p->own->force + p->g->force +
+                                      (size_t)b * (size_t)p->g->width * 3 * CLOTHI_LANES
+                                : f);
+    if (!p->hess) return;
+    el->kind->blocks(x, rest, start, damp, p->psd, H);
+    clothi_scatter(p, b, H);
 }
 
 static void clothi_pass_batches(int begin, int end, int worker, void *ctx) {
@@ -10675,26 +10680,17 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     return CLOTH_OK;
 }
 
-/* Strains and angles at the start of the substep, when something is damped. */
+/* Measures at the start of the substep, when something is damped. */
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
-    const clothi_pass *p = (const clothi_pass *)ctx;
+    const clothi_pass     *p = (const clothi_pass *)ctx;
+    const clothi_elements *el = p->el;
     double x[12 * CLOTHI_LANES];
     int    b;
     (void)worker;
     for (b = begin; b < end; b++) {
-        double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * CLOTHI_LANES;
-        double *start = p->el->start + (size_t)b * (size_t)p->el->nstart * CLOTHI_LANES;
-        clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
-                            p->g->width, x);
-        if (p->g->kind == CLOTHI_TRIANGLE) {
-            clothi_strain_lanes(x, rest, start);
-        } else if (p->g->kind == CLOTHI_HINGE) {
-            clothi_theta_lanes(x, start);
-        } else if (p->g->kind == CLOTHI_SPRING) {
-            clothi_edge_lengths(x, start);
-        } else {
-            memcpy(start, x, sizeof x);
-        }
+        clothi_corners(p->g, p->x, b, x);
+        el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES,
+                          el->start + (size_t)b * (size_t)el->kind->nmeasure * CLOTHI_LANES);
     }
 }
 
@@ -10926,100 +10922,12 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
     return CLOTH_OK;
 }
 
-/* --- vjp of stretch ---
+/* --- vjp of the elements ---
  *
- *   symbols   Dm = [X1-X0, X2-X0], Di = Dm^-1, F = Dx Di, E = 1/2 (F'F - I), A = det(Dm)/2
- *             Ed = (1+s) E - s E_n, s = tau/h: elastic and damping strain in one; S = C Ed
- *             Fa = Da Di with Da the edges of the vector a; Ea = sym(F' Fa), Q = C Ea
- *   value     V = a . grad = A S:Ea
- *   dV/dmu = 2 A Ed:Ea            dV/dlambda = A tr(Ed) tr(Ea)
- *   dV/dtau = A/h C(E-E_n):Ea     dV/dh = -tau/h^2 A C(E-E_n):Ea
- *   dV/dx_n = -s A F_n Q Di'      (rows of the edges, minus their sum for corner 0)
- *   dV/dDm: with every F -> F - F dDm Di and dA = A tr(Di dDm),
- *     G = A ( (S:Ea) I - F'((1+s) F Q + Fa S) - Fa' F S + s F_n' F_n Q ) Di'
- */
+ * The lanes differentiate V = a.f by the numbers of `rest`; from there the transpose of [8.2]'s
+ * derivation leads to params. d: of one element, CLOTHI_LANES apart. */
 
 CLOTHI_RARE_BEGIN
-
-typedef struct clothi_tri_parts {           /* one triangle's matrices, row-major              */
-    double Di[4], A, F[6], Fa[6], Fn[6];    /* F [3 x 2]                                       */
-    double E[4], En[4], Ea[4];
-} clothi_tri_parts;
-
-/* out[corner] += scale * (edge rows G Di') of a [3 x 2] matrix G. */
-CLOTHI_OUTLINE static void clothi_tri_spread(const double *G, const double *Di, const int *v,
-                                             double scale, double *out) {
-    int k;
-    for (k = 0; k < 3; k++) {
-        double p = scale * (G[2 * k] * Di[0] + G[2 * k + 1] * Di[1]);
-        double q = scale * (G[2 * k] * Di[2] + G[2 * k + 1] * Di[3]);
-        out[3 * v[1] + k] += p;
-        out[3 * v[2] + k] += q;
-        out[3 * v[0] + k] -= p + q;
-    }
-}
-
-/* G of the banner for one triangle, into its rest corners. */
-static void clothi_tri_rest_vjp(const clothi_tri_parts *t, const double *S, const double *Q,
-                                double s, double *X) {
-    double FQ[6], FaS[6], FS[6], FnQ[6], a[4], b[4], c[4], G[4], H[2];
-    double SE = clothi_double_dot(S, t->Ea);
-    int    k;
-    clothi_fs(t->F, Q, FQ);
-    clothi_fs(t->Fa, S, FaS);
-    clothi_fs(t->F, S, FS);
-    clothi_fs(t->Fn, Q, FnQ);
-    for (k = 0; k < 6; k++) FQ[k] = (1 + s) * FQ[k] + FaS[k];
-    clothi_ftg(t->F, FQ, a);
-    clothi_ftg(t->Fa, FS, b);
-    clothi_ftg(t->Fn, FnQ, c);
-    for (k = 0; k < 4; k++)
-        G[k] = t->A * ((k % 3 == 0 ? SE : 0) - a[k] - b[k] + s * c[k]);
-    for (k = 0; k < 2; k++) {               /* H = G Di', row by row */
-        H[0] = G[2 * k] * t->Di[0] + G[2 * k + 1] * t->Di[1];
-        H[1] = G[2 * k] * t->Di[2] + G[2 * k + 1] * t->Di[3];
-        X[2 + k] += H[0], X[4 + k] += H[1], X[k] -= H[0] + H[1];
-    }
-}
-
-static void clothi_triangle_vjp(const cloth_eval *e, int f, const double *a, cloth_vjp *out) {
-    const int            *v = e->model->faces + 3 * f;
-    int                   region = e->model->region[f], k;
-    const cloth_material *mat = e->params->material + region;
-    double mu, lambda, rate = e->h > 0 ? mat->damping / e->h : 0, Ed[4], S[4], Q[4], D[4], V;
-    clothi_tri_parts t;
-    cloth_material_lame(mat, &mu, &lambda);
-    t.A = clothi_rest_inverse(e->params->X + 6 * (size_t)f, t.Di);
-    clothi_deformation(e->x, v, t.Di, t.F);
-    clothi_deformation(a, v, t.Di, t.Fa);
-    clothi_deformation(e->x_n, v, t.Di, t.Fn);
-    clothi_green(t.F, t.E);
-    clothi_green(t.Fn, t.En);
-    clothi_ftg(t.F, t.Fa, t.Ea);
-    t.Ea[1] = t.Ea[2] = 0.5 * (t.Ea[1] + t.Ea[2]);
-    for (k = 0; k < 4; k++) {
-        Ed[k] = t.E[k] + rate * (t.E[k] - t.En[k]);
-        D[k] = t.E[k] - t.En[k];
-    }
-    clothi_hooke(mu, lambda, Ed, S);
-    clothi_hooke(mu, lambda, t.Ea, Q);
-    V = t.A * clothi_double_dot(Q, D);
-    if (out->mu) out->mu[region] += 2 * t.A * clothi_double_dot(Ed, t.Ea);
-    if (out->lambda) out->lambda[region] += t.A * (Ed[0] + Ed[3]) * (t.Ea[0] + t.Ea[3]);
-    if (out->damping && e->h > 0) out->damping[region] += V / e->h;
-    if (out->h && e->h > 0) *out->h -= rate * V / e->h;
-    if (out->x_n && rate > 0) {
-        double FnQ[6];
-        clothi_fs(t.Fn, Q, FnQ);
-        clothi_tri_spread(FnQ, t.Di, v, -rate * t.A, out->x_n);
-    }
-    if (out->X) clothi_tri_rest_vjp(&t, S, Q, rate, out->X + 6 * (size_t)f);
-}
-
-/* --- vjp of springs ---
- *   V = k (1 + s) [ (l - L) u.da ] - k s (l_n - L) u.da ... with l the length, u the direction,
- *   da = a1 - a0: the damped spring pulls with k ((l - L) + s (l - l_n)).
- *   k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
 
 /* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
 CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_model *m, const cloth_params *p, int f,
@@ -11043,121 +10951,41 @@ CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_model *m, const cloth_par
     }
 }
 
-static void clothi_spring_vjp(const cloth_eval *e, int i, const double *a, cloth_vjp *out) {
+static void clothi_triangle_params_vjp(const cloth_eval *e, int f, const double *d, double dtau,
+                                cloth_vjp *out) {
+    const int region = e->model->region[f];
+    int       k;
+    if (out->mu) out->mu[region] += d[5 * CLOTHI_LANES];
+    if (out->lambda) out->lambda[region] += d[6 * CLOTHI_LANES];
+    if (out->damping) out->damping[region] += dtau;
+    for (k = 0; out->X && k < 4; k++) {
+        out->X[6 * (size_t)f + (size_t)(2 + k)] += d[k * CLOTHI_LANES];
+        out->X[6 * (size_t)f + (size_t)(k % 2)] -= d[k * CLOTHI_LANES];
+    }
+}
+
+/* k = Y (A1 + A2)/L^2 and Y = 4 mu (lambda + mu)/(lambda + 2 mu) carry V to mu, lambda and X. */
+static void clothi_spring_params_vjp(const cloth_eval *e, int i, const double *rest,
+                                     const double *d, double dtau, cloth_vjp *out) {
     const cloth_model *m = e->model;
     const int *v = m->topology->edges + 2 * (size_t)i, *f = m->topology->edge_faces + 2 * (size_t)i;
-    double rest[2 * CLOTHI_LANES], tau, d[3], dn[3], da[3], l, ln, u_da, rate, k, L, pull, V;
-    int    j, n = f[1] >= 0 ? 2 : 1;
-    clothi_derive_spring(m, e->params, i, rest, &tau);
-    k = rest[0];
-    L = rest[CLOTHI_LANES];
-    rate = e->h > 0 ? tau / e->h : 0;
-    clothi_sub3(e->x + 3 * v[1], e->x + 3 * v[0], d);
-    clothi_sub3(e->x_n + 3 * v[1], e->x_n + 3 * v[0], dn);
-    clothi_sub3(a + 3 * v[1], a + 3 * v[0], da);
-    l = sqrt(clothi_dot3(d, d));
-    ln = sqrt(clothi_dot3(dn, dn));
-    if (!(l > 0) || !(k > 0)) return;
-    u_da = clothi_dot3(d, da) / l;
-    pull = (l - L) + rate * (l - ln);
-    V = pull * u_da;                        /* dV/dk */
-    if (out->h && e->h > 0) *out->h -= rate / e->h * k * (l - ln) * u_da;
-    for (j = 0; out->x_n && rate > 0 && ln > 0 && j < 3; j++) {
-        double g = -k * rate * u_da * dn[j] / ln;
-        out->x_n[3 * v[1] + j] += g;
-        out->x_n[3 * v[0] + j] -= g;
-    }
-    for (j = 0; j < n; j++) {
+    const double k = rest[0], L = rest[CLOTHI_LANES], V = d[0], dL = d[CLOTHI_LANES];
+    int          j, n = f[1] >= 0 ? 2 : 1;
+    for (j = 0; j < n && k > 0; j++) {
         int                   region = m->region[f[j]];
         const cloth_material *mat = e->params->material + region;
-        double A = clothi_rest_area(e->params->X, f[j]), mu, la, q, Y;
+        double A = clothi_rest_area(e->params->X, f[j]), mu, la, q;
         cloth_material_lame(mat, &mu, &la);
-        Y = clothi_young(mat);
         q = la + 2 * mu;
         if (out->mu)
             out->mu[region] += V * A / (L * L) * 4 * (la * la + 2 * la * mu + 2 * mu * mu) /
                                (q * q);
         if (out->lambda) out->lambda[region] += V * A / (L * L) * 4 * mu * mu / (q * q);
-        if (out->damping && e->h > 0) out->damping[region] += k * (l - ln) * u_da / (e->h * n);
+        if (out->damping) out->damping[region] += dtau / n;
         if (out->X)
             clothi_rest_vjp(m, e->params, f[j], v[0], v[1],
-                            (-V * k / (L * L) - 0.5 * k * u_da / L) / n, V * Y / (L * L),
-                            out->X + 6 * (size_t)f[j]);
-    }
-}
-
-static cloth_status clothi_membrane_vjp(void *user, const cloth_eval *e, const double *a,
-                                        cloth_vjp *out) {
-    int i;
-    (void)user;
-    for (i = 0; i < e->model->membrane.count; i++) {
-        if (e->model->membrane.kind == CLOTHI_TRIANGLE) clothi_triangle_vjp(e, i, a, out);
-        else clothi_spring_vjp(e, i, a, out);
-    }
-    return CLOTH_OK;
-}
-
-/* --- vjp of bending ---
- *   hinge      V = c ((theta - theta0) + s (theta - theta_n)) (grad theta . a)
- *   quadratic  V = c (r + s (r - r_n)).ra,   r = sum w_i x_i,  ra = sum w_i a_i
- *   c = scale D e2/(A1 + A2), D and tau the means of the two faces' materials. */
-
-typedef struct clothi_hinge_vjp_parts {
-    double dc, dtheta0, dtau;               /* derivatives of V by c, theta0, tau at fixed h    */
-} clothi_hinge_vjp_parts;
-
-static void clothi_hinge_vjp_rest(const cloth_eval *e, int h,
-                                const clothi_hinge_vjp_parts *d, cloth_vjp *out) {
-    const cloth_model *m = e->model;
-    const int         *v = m->topology->hinges + 4 * (size_t)h;
-    const int         *f = m->topology->hinge_faces + 2 * (size_t)h;
-    clothi_hinge_rest  r = clothi_hinge_of(m, e->params, h);
-    double             A = r.A1 + r.A2, unit = r.e2 / A, scale = e->params->hinge_scale[h];
-    int                k;
-    if (out->theta0) out->theta0[h] += d->dtheta0;
-    if (out->hinge_scale) out->hinge_scale[h] += d->dc * r.bending * unit;
-    for (k = 0; k < 2; k++) {
-        if (out->bending) out->bending[m->region[f[k]]] += 0.5 * d->dc * scale * unit;
-        if (out->damping) out->damping[m->region[f[k]]] += 0.5 * d->dtau;
-        if (out->X)
-            clothi_rest_vjp(m, e->params, f[k], v[0], v[1], 0.5 * d->dc * scale * r.bending / A,
-                            -d->dc * scale * r.bending * unit / A,
-                            out->X + 6 * (size_t)f[k]);
-    }
-}
-
-/* The hinges of batch b. */
-static void clothi_hinge_vjp(const clothi_elements *el, int b, const cloth_eval *e,
-                             const double *a, cloth_vjp *out) {
-    enum { L = CLOTHI_LANES };
-    const int    *vert = el->group->vert + (size_t)b * 4 * L, *id = el->group->id + (size_t)b * L;
-    const double *rest = el->rest + (size_t)b * 2 * L, *tau = el->tau + (size_t)b * L;
-    const double  inv_h = el->damped && e->h > 0 ? 1 / e->h : 0;
-    double x[12 * L], g[12 * L], gn[12 * L], theta[L], start[L], one[L], ga[L] = {0};
-    int    i, k;
-    for (k = 0; k < L; k++) one[k] = 1;
-    clothi_gather_lanes(e->x, vert, 4, x);
-    clothi_theta_lanes(x, theta);
-    clothi_hinge_turn(x, one, g);
-    memcpy(start, theta, sizeof start);
-    if (inv_h > 0) {
-        clothi_gather_lanes(e->x_n, vert, 4, x);
-        clothi_theta_lanes(x, start);
-        clothi_hinge_turn(x, one, gn);
-    }
-    clothi_gather_lanes(a, vert, 4, x);
-    for (i = 0; i < 12 * L; i++) ga[i % L] += g[i] * x[i];
-    for (k = 0; k < L; k++) {
-        const double c = rest[k], rate = tau[k] * inv_h, turned = clothi_wrap(theta[k] - start[k]);
-        clothi_hinge_vjp_parts d;
-        if (id[k] < 0) continue;
-        d.dc = (clothi_wrap(theta[k] - rest[L + k]) + rate * turned) * ga[k];
-        d.dtheta0 = -c * ga[k];
-        d.dtau = c * inv_h * turned * ga[k];
-        if (out->h) *out->h -= rate * inv_h * c * turned * ga[k];
-        for (i = 0; out->x_n && rate > 0 && i < 12; i++)
-            out->x_n[3 * vert[i / 3 * L + k] + i % 3] -= rate * c * ga[k] * gn[i * L + k];
-        clothi_hinge_vjp_rest(e, id[k], &d, out);
+                            (-V * k / (L * L) + 0.5 * dL / L) / n,
+                            V * clothi_young(mat) / (L * L), out->X + 6 * (size_t)f[j]);
     }
 }
 
@@ -11165,12 +10993,13 @@ static void clothi_hinge_vjp(const clothi_elements *el, int b, const cloth_eval 
 static void clothi_quadratic_face_vjp(const cloth_model *m, const cloth_params *p, int f, int va,
                                       int vb, const double *dw, double dw_far, double *X) {
     const double      *pa = p->X, *pb = p->X, *pc = p->X, *base = p->X + 6 * (size_t)f;
+    const double       dw0 = dw[0], dw1 = dw[CLOTHI_LANES];
     double q, t, dq, dt, e[2], d[2], e2, A = clothi_rest_area(p->X, f);
     int    k;
     clothi_quadratic_face(m, p->X, f, va, vb, &q, &t);
     clothi_rest_corners(m, p->X, f, va, vb, &pa, &pb, &pc);
-    dq = dw_far - (1 - t) * dw[0] - t * dw[1];
-    dt = q * (dw[0] - dw[1]);
+    dq = (1 - t) * dw0 + t * dw1 - dw_far;
+    dt = q * (dw1 - dw0);
     for (k = 0; k < 2; k++) {
         e[k] = pb[k] - pa[k];
         d[k] = pc[k] - pa[k];
@@ -11185,55 +11014,59 @@ static void clothi_quadratic_face_vjp(const cloth_model *m, const cloth_params *
     }
 }
 
-static void clothi_quadratic_vjp(const cloth_eval *e, int h, const double *a, cloth_vjp *out) {
+/* c = scale D e2/(A1 + A2), D and tau the means of the two faces' materials; then theta0 or w. */
+static void clothi_bend_params_vjp(const cloth_eval *e, int h, const double *d, double dtau,
+                                   cloth_vjp *out) {
     const cloth_model *m = e->model;
-    const int *v = m->topology->hinges + 4 * (size_t)h;
-    const int *f = m->topology->hinge_faces + 2 * (size_t)h;
-    double     rest[5 * CLOTHI_LANES], tau, rate, c, r[3], rn[3], ra[3], now = 0, start = 0, dw[4];
-    clothi_hinge_vjp_parts d;
-    int        i, k;
-    clothi_derive_hinge(m, e->params, h, 1, rest, &tau);
-    c = rest[0];
-    rate = e->h > 0 ? tau / e->h : 0;
-    for (k = 0; k < 3; k++) {
-        r[k] = rn[k] = ra[k] = 0;
-        for (i = 0; i < 4; i++) {
-            double w = rest[(i + 1) * CLOTHI_LANES];
-            r[k] += w * e->x[3 * v[i] + k];
-            rn[k] += w * e->x_n[3 * v[i] + k];
-            ra[k] += w * a[3 * v[i] + k];
-        }
-        now += r[k] * ra[k];
-        start += rn[k] * ra[k];
+    const int         *v = m->topology->hinges + 4 * (size_t)h;
+    const int         *f = m->topology->hinge_faces + 2 * (size_t)h;
+    clothi_hinge_rest  r = clothi_hinge_of(m, e->params, h);
+    const double       A = r.A1 + r.A2, unit = r.e2 / A, scale = e->params->hinge_scale[h];
+    const int          quadratic = m->bend.kind == CLOTHI_QUADRATIC;
+    int                k;
+    if (out->theta0 && !quadratic) out->theta0[h] += d[CLOTHI_LANES];
+    if (out->hinge_scale) out->hinge_scale[h] += d[0] * r.bending * unit;
+    for (k = 0; k < 2; k++) {
+        double *X = out->X ? out->X + 6 * (size_t)f[k] : NULL;
+        if (out->bending) out->bending[m->region[f[k]]] += 0.5 * d[0] * scale * unit;
+        if (out->damping) out->damping[m->region[f[k]]] += 0.5 * dtau;
+        if (!X) continue;
+        clothi_rest_vjp(m, e->params, f[k], v[0], v[1], 0.5 * d[0] * scale * r.bending / A,
+                        -d[0] * scale * r.bending * unit / A, X);
+        if (quadratic)
+            clothi_quadratic_face_vjp(m, e->params, f[k], v[0], v[1], d + CLOTHI_LANES,
+                                      d[(3 + k) * CLOTHI_LANES], X);
     }
-    d.dc = now + rate * (now - start);
-    d.dtheta0 = 0;
-    d.dtau = e->h > 0 ? c / e->h * (now - start) : 0;
-    if (out->h && e->h > 0) *out->h -= rate / e->h * c * (now - start);
-    for (i = 0; i < 4; i++) {
-        dw[i] = 0;
-        for (k = 0; k < 3; k++) {
-            double xt = (1 + rate) * e->x[3 * v[i] + k] - rate * e->x_n[3 * v[i] + k];
-            double rt = (1 + rate) * r[k] - rate * rn[k];
-            dw[i] += c * (xt * ra[k] + rt * a[3 * v[i] + k]);
-            if (out->x_n && rate > 0)
-                out->x_n[3 * v[i] + k] -= rate * c * rest[(i + 1) * CLOTHI_LANES] * ra[k];
-        }
-    }
-    clothi_hinge_vjp_rest(e, h, &d, out);
-    for (k = 0; out->X && k < 2; k++)
-        clothi_quadratic_face_vjp(m, e->params, f[k], v[0], v[1], dw, dw[2 + k],
-                                  out->X + 6 * (size_t)f[k]);
 }
 
-static cloth_status clothi_bend_vjp(void *user, const cloth_eval *e, const double *a,
-                                    cloth_vjp *out) {
+/* damp = tau/h: by tau, h and x^n here, by the rest above. */
+static cloth_status clothi_elements_vjp(void *user, const cloth_eval *e, const double *a,
+                                        cloth_vjp *out) {
+    enum { L = CLOTHI_LANES };
     const clothi_elements *el = (const clothi_elements *)user;
-    int                    i;
-    for (i = 0; i < el->group->nbatch && el->group->kind == CLOTHI_HINGE; i++)
-        clothi_hinge_vjp(el, i, e, a, out);
-    for (i = 0; i < el->group->count && el->group->kind != CLOTHI_HINGE; i++)
-        clothi_quadratic_vjp(e, i, a, out);
+    const clothi_group    *g = el->group;
+    const double           inv_h = e->h > 0 ? 1 / e->h : 0, *rest, *start;
+    double x[12 * L], x_n[12 * L], y[12 * L], damp[L], d[7 * L], d_damp[L], d_x_n[12 * L];
+    int    b, k, j, id;
+    for (b = 0; b < g->nbatch; b++) {
+        const int *v = g->vert + (size_t)b * (size_t)g->width * L;
+        clothi_corners(g, e->x, b, x);
+        clothi_corners(g, inv_h > 0 ? e->x_n : e->x, b, x_n);
+        clothi_corners(g, a, b, y);
+        clothi_batch_rest(el, b, inv_h, &rest, &start, damp);
+        el->kind->vjp(x, x_n, y, rest, damp, d, d_damp, d_x_n);
+        for (k = 0; k < L; k++) {
+            if ((id = g->id[b * L + k]) < 0) continue;
+            if (g->kind == CLOTHI_TRIANGLE)
+                clothi_triangle_params_vjp(e, id, d + k, d_damp[k] * inv_h, out);
+            else if (g->kind == CLOTHI_SPRING)
+                clothi_spring_params_vjp(e, id, rest + k, d + k, d_damp[k] * inv_h, out);
+            else clothi_bend_params_vjp(e, id, d + k, d_damp[k] * inv_h, out);
+            if (out->h) *out->h -= d_damp[k] * damp[k] * inv_h;
+            for (j = 0; out->x_n && damp[k] > 0 && j < 3 * g->width; j++)
+                out->x_n[3 * v[j / 3 * L + k] + j % 3] += d_x_n[j * L + k];
+        }
+    }
     return CLOTH_OK;
 }
 
@@ -11304,9 +11137,9 @@ static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const doubl
 
 static void clothi_terms_install(cloth_sim *s) {
     static const cloth_term list[CLOTHI_TERM_HOST] = {
-        {"stretch", NULL, clothi_elements_begin, clothi_elements_eval, clothi_membrane_vjp, NULL,
+        {"stretch", NULL, clothi_elements_begin, clothi_elements_eval, clothi_elements_vjp, NULL,
          NULL, NULL, 0},
-        {"bend", NULL, clothi_elements_begin, clothi_elements_eval, clothi_bend_vjp, NULL, NULL,
+        {"bend", NULL, clothi_elements_begin, clothi_elements_eval, clothi_elements_vjp, NULL, NULL,
          NULL, 0},
         {"gravity", NULL, NULL, clothi_gravity_eval, clothi_gravity_vjp, NULL, NULL, NULL, 0},
         {"force", NULL, NULL, clothi_force_eval, clothi_force_vjp, NULL, NULL, NULL, 0},
@@ -11462,8 +11295,9 @@ static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
     p.hess = s->matrix;
     p.g = &s->model->bend;
     for (b = 0; b < p.g->nbatch; b++) {
-        double H[90 * CLOTHI_LANES];
-        clothi_quadratic_blocks(s->own.bend.rest + (size_t)b * 5 * CLOTHI_LANES, NULL, H);
+        double H[54 * CLOTHI_LANES];
+        clothi_quadratic_blocks(clothi_none, s->own.bend.rest + (size_t)b * 5 * CLOTHI_LANES,
+                                clothi_none, clothi_none, 0, H);
         clothi_scatter(&p, b, H);
     }
     memcpy(s->quadratic, s->matrix->diag, clothi_matrix_doubles(s->matrix) * sizeof(double));
@@ -12767,15 +12601,15 @@ static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
  * the triangles' largest when that is below `enough`, else the largest of the vertices' means. */
 static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
     const clothi_group *g = &s->model->membrane;
-    double *factor = s->own.energy_batch, corners[9 * CLOTHI_LANES], big = 1;
+    double *factor = s->own.energy_batch, corners[9 * CLOTHI_LANES], low[CLOTHI_LANES], big = 1;
     int     b, i;
     if (g->kind != CLOTHI_TRIANGLE) return 1;
     for (b = 0; b < g->nbatch; b++) {
         clothi_gather_lanes(x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, corners);
-        big = clothi_max(big, clothi_largest_stretch2(
-            corners, s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
-            factor + (size_t)b * CLOTHI_LANES));
+        clothi_stretch_squares(corners, s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES, low,
+                               factor + (size_t)b * CLOTHI_LANES);
     }
+    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++) big = clothi_max(big, factor[i]);
     if (0.5 * (3 * big - 1) <= enough) return 0.5 * (3 * big - 1);
     for (i = 0; i < g->nbatch * CLOTHI_LANES; i++)
         factor[i] = clothi_max(0.5 * (3 * factor[i] - 1), 1);
@@ -13236,17 +13070,15 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
 /* Squares of the smaller stretches of triangles, angles of hinges: one per lane. */
 static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
-    double x[12 * CLOTHI_LANES];
+    double x[12 * CLOTHI_LANES], high[CLOTHI_LANES], *out;
     int    b;
     (void)worker;
     for (b = begin; b < end; b++) {
-        clothi_gather_lanes(p->x, p->g->vert + (size_t)b * (size_t)p->g->width * CLOTHI_LANES,
-                            p->g->width, x);
-        if (p->g->kind == CLOTHI_TRIANGLE)
-            clothi_smallest_stretch2(x, p->own->membrane.rest + (size_t)b * 7 * CLOTHI_LANES,
-                                     p->energy + (size_t)b * CLOTHI_LANES);
-        else
-            clothi_theta_lanes(x, p->energy + (size_t)b * CLOTHI_LANES);
+        out = p->energy + (size_t)b * CLOTHI_LANES;
+        clothi_corners(p->g, p->x, b, x);
+        if (p->g->kind != CLOTHI_TRIANGLE) clothi_hinge_measure(x, x, out);
+        else clothi_stretch_squares(x, p->own->membrane.rest + (size_t)b * 7 * CLOTHI_LANES, out,
+                                    high);
     }
 }
 

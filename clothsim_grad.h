@@ -1008,21 +1008,12 @@ CLOTH_API const char *cloth_tape_ended(const cloth_tape *tape) {
 
 /* ===== [3.2] HESSIAN TIMES VECTOR ============================================================
  *
- *   H u of stretch and bending, eight elements at a time, without a matrix: the derivative of each
- *   element's force along u.
+ *   H u of stretch and bending, eight elements at a time, without a matrix: the _hvp of clothsim.h
+ *   [6.1] to [6.4], the derivative of each element's force along u. The floors of [6.3] there, for
+ *   triangles near collapse, are taken as constants.
  *
- *   triangle   f = A F S G'         F' = dF/du is F of u, E' = sym(F'F'), S' = C (1+s) E':
- *                                   f' = A (F' S + F S') G'
- *   spring     f = k (1 - L/l) d    f' = k (1 - L/l) d' + k L/l (w.d') w,  w = d/l
- *   quadratic  linear in x          f' is f of (1+s) u
- *   hinge      f = M g, M = c ((theta - theta0) + s (theta - theta_n)), g = grad theta:
- *                                   f' = c (1+s) (g.u) g + M g'
- *     g = (p + r - q, q, -p, -r), p = l n/|n|^2, r = l m/|m|^2, q = (ae p + be r)/l^2; each factor
- *     is differentiated in turn: |n|^2' = 2 n.n', l' = e.e'/l, n' = e' x a + e x a'.
- *     The floors of [6.3] in clothsim.h, for triangles near collapse, are taken as constants.
- *
- * s = tau/h of material damping. What it is for: LEAPFROG's adjoint, which has no matrix, and how
- * the Hessian changes over the update that a forward step left undone.
+ * What it is for: LEAPFROG's adjoint, which has no matrix, and how the Hessian changes over the
+ * update that a forward step left undone.
  * checked: tests/test_grad.c: hessian_times_vector
  */
 
@@ -1033,147 +1024,20 @@ typedef struct clothi_hvp {                 /* one sweep                        
     double                 inv_h;           /* 1/h of damping; 0: none                         */
 } clothi_hvp;
 
-CLOTHI_HOT void clothi_stretch_hvp(const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT u,
-                                   const double *CLOTHI_RESTRICT rest,
-                                   const double *CLOTHI_RESTRICT start,
-                                   const double *CLOTHI_RESTRICT damp,
-                                   double *CLOTHI_RESTRICT f) {
-    enum { L = CLOTHI_LANES };
-    double more[9 * L];
-    int    k;
-    for (k = 0; k < L; k++) {
-        clothi_tri       t = clothi_tri_at(x, rest, k), a = clothi_tri_at(u, rest, k), b = t;
-        const double     s = 1.0 + damp[k];
-        const clothi_tri d = clothi_tri_damped(t, start, damp, k);
-        b.e0 = s * (t.f0 * a.f0 + t.f2 * a.f2 + t.f4 * a.f4);
-        b.e1 = s * (t.f1 * a.f1 + t.f3 * a.f3 + t.f5 * a.f5);
-        b.e2 = 0.5 * s * (t.f0 * a.f1 + t.f1 * a.f0 + t.f2 * a.f3 + t.f3 * a.f2 + t.f4 * a.f5 +
-                          t.f5 * a.f4);
-        a.e0 = d.e0;
-        a.e1 = d.e1;
-        a.e2 = d.e2;
-        clothi_tri_force(a, rest, k, f);
-        clothi_tri_force(b, rest, k, more);
-    }
-    for (k = 0; k < 9 * L; k++) f[k] += more[k];
-}
-
-CLOTHI_HOT void clothi_spring_hvp(const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT u,
-                                  const double *CLOTHI_RESTRICT rest,
-                                  const double *CLOTHI_RESTRICT start,
-                                  const double *CLOTHI_RESTRICT damp, double *CLOTHI_RESTRICT f) {
-    enum { L = CLOTHI_LANES };
-    double len[L];
-    int    k, i;
-    clothi_edge_lengths(x, len);
-    for (k = 0; k < L; k++) {
-        double       d[3], w[3], along = 0;
-        const double inv = 1.0 / (len[k] + 1e-300), s = damp[k];
-        const double pull = rest[k] * (1.0 + s - (rest[L + k] + s * start[k]) * inv);
-        for (i = 0; i < 3; i++) {
-            d[i] = u[(3 + i) * L + k] - u[i * L + k];
-            w[i] = (x[(3 + i) * L + k] - x[i * L + k]) * inv;
-            along += w[i] * d[i];
-        }
-        for (i = 0; i < 3; i++) {
-            const double g = pull * d[i] + (rest[k] * (1.0 + s) - pull) * along * w[i];
-            f[(3 + i) * L + k] = g;
-            f[i * L + k] = -g;
-        }
-    }
-}
-
-/* g' of hinge k of the lanes, times a factor; l its length. */
-CLOTHI_LANE void clothi_fold_turn(const clothi_fold *h, const double *u, double l, double factor,
-                                  int k, double *f) {
-    enum { L = CLOTHI_LANES };
-    const clothi_fold_inverse v = clothi_fold_invert(h);
-    const double n[3] = {h->n0, h->n1, h->n2}, m[3] = {h->m0, h->m1, h->m2};
-    const double e[3] = {h->e0, h->e1, h->e2}, a[3] = {h->a0, h->a1, h->a2};
-    const double b[3] = {h->b0, h->b1, h->b2}, t1 = h->ae * v.l2, t2 = h->be * v.l2;
-    const double k1 = factor * l * v.q1, k2 = factor * l * v.q2;
-    double       de[3], da[3], db[3], dn[3], dm[3], el = 0, q1 = 0, q2 = 0, ae = 0, be = 0;
-    int          i;
-    for (i = 0; i < 3; i++) {
-        de[i] = u[(3 + i) * L + k] - u[i * L + k];
-        da[i] = u[(6 + i) * L + k] - u[i * L + k];
-        db[i] = u[(9 + i) * L + k] - u[i * L + k];
-    }
-    for (i = 0; i < 3; i++) {
-        const int j = i == 2 ? 0 : i + 1, r = j == 2 ? 0 : j + 1;
-        dn[i] = de[j] * a[r] - de[r] * a[j] + e[j] * da[r] - e[r] * da[j];
-        dm[i] = db[j] * e[r] - db[r] * e[j] + b[j] * de[r] - b[r] * de[j];
-        el += e[i] * de[i];
-        ae += da[i] * e[i] + a[i] * de[i];
-        be += db[i] * e[i] + b[i] * de[i];
-    }
-    for (i = 0; i < 3; i++) q1 += n[i] * dn[i], q2 += m[i] * dm[i];
-    el *= v.l2;                             /* l'/l, then the relative change of l/|n|^2       */
-    q1 = el - 2.0 * q1 * v.q1;
-    q2 = el - 2.0 * q2 * v.q2;
-    ae = ae * v.l2 - 2.0 * t1 * el;
-    be = be * v.l2 - 2.0 * t2 * el;
-    for (i = 0; i < 3; i++) {
-        const double p = k1 * n[i], r = k2 * m[i];
-        const double dp = q1 * p + k1 * dn[i], dr = q2 * r + k2 * dm[i];
-        const double dq = ae * p + t1 * dp + be * r + t2 * dr;
-        f[i * L + k] += dp + dr - dq;
-        f[(3 + i) * L + k] += dq;
-        f[(6 + i) * L + k] -= dp;
-        f[(9 + i) * L + k] -= dr;
-    }
-}
-
-CLOTHI_HOT void clothi_hinge_hvp(const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT u,
-                                 const double *CLOTHI_RESTRICT rest,
-                                 const double *CLOTHI_RESTRICT start,
-                                 const double *CLOTHI_RESTRICT damp, double *CLOTHI_RESTRICT f) {
-    enum { L = CLOTHI_LANES };
-    double l[L], g[12 * L], along[L], moment[L];
-    int    k, i;
-    clothi_edge_lengths(x, l);
-    for (k = 0; k < L; k++) {
-        const clothi_fold h = clothi_fold_at(x, l, k);
-        const double      theta = clothi_atan2(h.sine, h.cosine);
-        moment[k] = rest[k] * (clothi_wrap(theta - rest[L + k]) +
-                               damp[k] * clothi_wrap(theta - start[k]));
-        clothi_fold_force(&h, l[k], 1.0, k, g);
-        along[k] = 0;
-    }
-    for (i = 0; i < 12; i++)
-        for (k = 0; k < L; k++) along[k] += g[i * L + k] * u[i * L + k];
-    for (i = 0; i < 12; i++)
-        for (k = 0; k < L; k++)
-            f[i * L + k] = rest[k] * (1.0 + damp[k]) * along[k] * g[i * L + k];
-    for (k = 0; k < L; k++) {
-        const clothi_fold h = clothi_fold_at(x, l, k);
-        clothi_fold_turn(&h, u, l[k], moment[k], k, f);
-    }
-}
-
 static void clothi_hvp_range(int begin, int end, int worker, void *ctx) {
     enum { L = CLOTHI_LANES };
     const clothi_hvp   *p = (const clothi_hvp *)ctx;
     const clothi_group *g = p->el->group;
-    const double zero[12 * L] = {0};
+    const double       *rest, *start;
     double x[12 * L], u[12 * L], damp[L];
-    int    b, k, last = end * CLOTHI_CHUNK < g->nbatch ? end * CLOTHI_CHUNK : g->nbatch;
+    int    b;
     (void)worker;
-    for (b = begin * CLOTHI_CHUNK; b < last; b++) {
-        const int     damped = p->el->damped && p->inv_h > 0;
-        const double *rest = p->el->rest + (size_t)b * (size_t)p->el->nrest * L;
-        const double *start = damped ? p->el->start + (size_t)b * (size_t)p->el->nstart * L : zero;
-        double       *f = p->s->own.force + g->force + (size_t)b * (size_t)g->width * 3 * L;
-        clothi_gather_lanes(p->x, g->vert + (size_t)b * (size_t)g->width * L, g->width, x);
-        clothi_gather_lanes(p->u, g->vert + (size_t)b * (size_t)g->width * L, g->width, u);
-        for (k = 0; k < L; k++) damp[k] = damped ? p->el->tau[b * L + k] * p->inv_h : 0;
-        if (g->kind == CLOTHI_TRIANGLE) clothi_stretch_hvp(x, u, rest, start, damp, f);
-        else if (g->kind == CLOTHI_HINGE) clothi_hinge_hvp(x, u, rest, start, damp, f);
-        else if (g->kind == CLOTHI_SPRING) clothi_spring_hvp(x, u, rest, start, damp, f);
-        else {
-            for (k = 0; k < 12 * L; k++) u[k] *= 1.0 + damp[k % L];
-            clothi_quadratic_lanes(u, rest, NULL, f);
-        }
+    for (b = begin; b < end; b++) {
+        clothi_corners(g, p->x, b, x);
+        clothi_corners(g, p->u, b, u);
+        clothi_batch_rest(p->el, b, p->inv_h, &rest, &start, damp);
+        p->el->kind->hvp(x, u, rest, start, damp, p->s->own.force + g->force +
+                                                      (size_t)b * (size_t)g->width * 3 * L);
     }
 }
 
@@ -1191,8 +1055,7 @@ static void clothi_hessian_times(cloth_sim *s, const double *x, const double *u,
     p.inv_h = h > 0 ? 1 / h : 0;
     for (i = 0; i < 2; i++) {
         p.el = el[i];
-        clothi_for(&s->hooks, (el[i]->group->nbatch + CLOTHI_CHUNK - 1) / CLOTHI_CHUNK, 1,
-                   clothi_hvp_range, &p);
+        clothi_for(&s->hooks, el[i]->group->nbatch, CLOTHI_CHUNK, clothi_hvp_range, &p);
     }
     clothi_gather_forces(s, out);
 }

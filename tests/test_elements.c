@@ -557,14 +557,16 @@ static void from_lane(const double *batch, int n, int lane, double *v) {
 
 /* The full symmetric matrix of corners x corners blocks from one triangle of them. */
 static void full_hessian(const double *H, int corners, int lane, double *full) {
-    static const int row[10] = {0, 1, 2, 3, 1, 2, 2, 3, 3, 3};
-    static const int col[10] = {0, 1, 2, 3, 0, 0, 1, 0, 1, 2};
-    int              b, at, n = 3 * corners;
-    for (b = 0; b < corners * (corners + 1) / 2; b++)
-        for (at = 0; at < 9; at++) {
-            const int from_four = b >= corners ? b + 4 - corners : b;
-            const int i = 3 * row[from_four] + at / 3, j = 3 * col[from_four] + at % 3;
-            full[n * i + j] = full[n * j + i] = H[(9 * b + at) * LANES + lane];
+    int p, k, end, n = 3 * corners;
+    memset(full, 0, (size_t)(n * n) * sizeof *full);
+    for (p = 0; p < corners * (corners - 1) / 2; p++)
+        for (k = 0; k < 9; k++) {
+            const double h = H[(9 * p + k) * LANES + lane];
+            const int    i = 3 * clothi_pair[p][0] + k / 3, j = 3 * clothi_pair[p][1] + k % 3;
+            full[n * i + j] = full[n * j + i] = h;
+            for (end = 0; end < 2; end++)   /* a move of all corners changes nothing */
+                full[n * (3 * clothi_pair[p][end] + (end ? k % 3 : k / 3)) +
+                     3 * clothi_pair[p][end] + (end ? k / 3 : k % 3)] -= h;
         }
 }
 
@@ -572,7 +574,7 @@ static void lanes_stretch(void) {
     unsigned long long seed = 10;
     int                round, k, psd;
     for (round = 0; round < 60; round++) {
-        double x[9 * LANES], rest[7 * LANES], E[LANES], f[9 * LANES], H[54 * LANES];
+        double x[9 * LANES], rest[7 * LANES], E[LANES], Ed[LANES], f[9 * LANES], H[27 * LANES];
         double X[LANES][6], y[LANES][9], mu[LANES], lambda[LANES];
         for (k = 0; k < LANES; k++) {
             double B[5];
@@ -586,14 +588,16 @@ static void lanes_stretch(void) {
             rest[5 * LANES + k] = mu[k];
             rest[6 * LANES + k] = lambda[k];
         }
-        clothi_smallest_stretch2(x, rest, E);
+        clothi_stretch_squares(x, rest, E, Ed);
         for (k = 0; k < LANES; k++) {
             double s[2];
             cloth_stretch_state(y[k], X[k], 1, 1, NULL, NULL, NULL, s);
             CHECK_NEAR(E[k], s[1] * s[1], 1e-14 * (1 + s[0] * s[0]));
+            CHECK_NEAR(Ed[k], s[0] * s[0], 1e-14 * (1 + s[0] * s[0]));
         }
         for (psd = 0; psd < 2; psd++) {
-            clothi_stretch_lanes(x, rest, NULL, NULL, E, NULL, f, H, psd);
+            clothi_stretch_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
+            clothi_stretch_blocks(x, rest, clothi_none, clothi_none, psd, H);
             for (k = 0; k < LANES; k++) {
                 double g[9], h[81], gl[9], hl[81];
                 CHECK_REL(E[k], cloth_stretch(y[k], X[k], mu[k], lambda[k], g, h, psd), 1e-12);
@@ -628,8 +632,8 @@ static void lanes_hinge(void) {
     unsigned long long seed = 11;
     int                round, k, psd;
     for (round = 0; round < 100; round++) {
-        double x[12 * LANES], rest[2 * LANES], E[LANES], theta[LANES], f[12 * LANES];
-        double fast[12 * LANES], H[90 * LANES], y[LANES][12];
+        double x[12 * LANES], rest[2 * LANES], E[LANES], Ed[LANES], theta[LANES], f[12 * LANES];
+        double H[54 * LANES], y[LANES][12];
         for (k = 0; k < LANES; k++) {
             make_lane_hinge(&seed, k, y[k]);
             to_lane(y[k], 12, k, x);
@@ -638,10 +642,10 @@ static void lanes_hinge(void) {
             if (fabs(cloth_dihedral(y[k]) - rest[LANES + k]) > pi)
                 rest[LANES + k] *= -1;      /* where the wrap of the lanes has nothing to do */
         }
-        clothi_hinge_forces(x, rest, fast);
+        clothi_hinge_measure(x, rest, theta);
+        clothi_hinge_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
         for (psd = 0; psd < 2; psd++) {
-            clothi_hinge_lanes(x, rest, NULL, NULL, E, NULL, theta, f, H, psd);
-            CHECK(ref_difference(f, fast, 12 * LANES) < 1e-15);
+            clothi_hinge_blocks(x, rest, clothi_none, clothi_none, psd, H);
             for (k = 0; k < LANES; k++) {
                 double       g[12], h[144], gl[12], hl[144];
                 const double near = k == 4 ? 1e-10 : 1e-12;
@@ -661,8 +665,8 @@ static void lanes_hinge(void) {
  * differences of the wrapped reference, and no leap of the energy where theta leaps. */
 static void lanes_hinge_wrapped(void) {
     static const double foot[2] = {0.4, 0.7}, height[2] = {1, 0.8};
-    double              x[12 * LANES], rest[2 * LANES], E[LANES], theta[LANES], f[12 * LANES];
-    double              fast[12 * LANES], H[90 * LANES], y[LANES][12];
+    double              x[12 * LANES], rest[2 * LANES], E[LANES], Ed[LANES], theta[LANES];
+    double              f[12 * LANES], H[54 * LANES], y[LANES][12];
     int                 k, i;
     for (k = 0; k < LANES; k++) {           /* 6 and 7: either side of the leap */
         const double at = k < 6 ? 1.5 + 0.25 * k : k == 6 ? pi - 1e-9 : pi + 1e-9;
@@ -672,8 +676,9 @@ static void lanes_hinge_wrapped(void) {
         rest[k] = 2;
         rest[LANES + k] = k < 6 ? -2.5 * sign : 2.5;
     }
-    clothi_hinge_forces(x, rest, fast);
-    clothi_hinge_lanes(x, rest, NULL, NULL, E, NULL, theta, f, H, 0);
+    clothi_hinge_measure(x, rest, theta);
+    clothi_hinge_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
+    clothi_hinge_blocks(x, rest, clothi_none, clothi_none, 0, H);
     for (k = 0; k < 6; k++) {
         const ref_hinge h = {2, rest[LANES + k]};
         double          g[12], h12[144], gl[12], hl[144];
@@ -686,8 +691,6 @@ static void lanes_hinge_wrapped(void) {
         from_lane(f, 12, k, gl);
         full_hessian(H, 4, k, hl);
         CHECK(ref_difference(gl, g, 12) < 1e-8 && ref_difference(hl, h12, 144) < 1e-6);
-        from_lane(fast, 12, k, gl);
-        CHECK(ref_difference(gl, g, 12) < 1e-8);
     }
     CHECK(theta[6] > 3 && theta[7] < -3);
     CHECK_NEAR(E[7] - E[6], 4e-9 * (pi - 2.5), 1e-14);
@@ -697,8 +700,8 @@ static void lanes_quadratic(void) {
     unsigned long long seed = 12;
     int                round, k;
     for (round = 0; round < 50; round++) {
-        double x[12 * LANES], rest[5 * LANES], E[LANES], f[12 * LANES], y[LANES][12];
-        double w[LANES][4];
+        double x[12 * LANES], rest[5 * LANES], E[LANES], Ed[LANES], f[12 * LANES], y[LANES][12];
+        double w[LANES][4], H[54 * LANES];
         for (k = 0; k < LANES; k++) {
             double shape[12];
             random_points(&seed, 12, 1, shape);
@@ -708,21 +711,24 @@ static void lanes_quadratic(void) {
             to_lane(w[k], 4, k, rest + LANES);
             to_lane(y[k], 12, k, x);
         }
-        clothi_quadratic_lanes(x, rest, E, f);
+        clothi_quadratic_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
+        clothi_quadratic_blocks(x, rest, clothi_none, clothi_none, 0, H);
         for (k = 0; k < LANES; k++) {
-            double g[12], gl[12];
-            CHECK_REL(E[k], cloth_bend_quadratic(y[k], w[k], rest[k], g, NULL), 1e-12);
+            double g[12], gl[12], h[144], hl[144];
+            CHECK_REL(E[k], cloth_bend_quadratic(y[k], w[k], rest[k], g, h), 1e-12);
             from_lane(f, 12, k, gl);
+            full_hessian(H, 4, k, hl);
             CHECK(ref_difference(gl, g, 12) < 1e-12);
+            CHECK(ref_difference(hl, h, 144) < 1e-12);
         }
     }
 }
 
 static void lanes_spring(void) {
     unsigned long long seed = 13;
-    int                round, k, psd, i, j;
+    int                round, k, psd;
     for (round = 0; round < 50; round++) {
-        double x[6 * LANES], rest[2 * LANES], E[LANES], f[6 * LANES], H[27 * LANES];
+        double x[6 * LANES], rest[2 * LANES], E[LANES], Ed[LANES], f[6 * LANES], H[9 * LANES];
         double y[LANES][6];
         for (k = 0; k < LANES; k++) {
             random_points(&seed, 6, 1, y[k]);
@@ -732,17 +738,13 @@ static void lanes_spring(void) {
             rest[LANES + k] = k == 7 ? 0.0 : ref_uniform(&seed, 0.1, 2);
         }
         for (psd = 0; psd < 2; psd++) {
-            clothi_spring_lanes(x, rest, E, f, H, psd);
+            clothi_spring_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
+            clothi_spring_blocks(x, rest, clothi_none, clothi_none, psd, H);
             for (k = 0; k < LANES; k++) {
                 double g[6], h[36], gl[6], hl[36];
                 CHECK_REL(E[k], cloth_spring(y[k], rest[LANES + k], rest[k], g, h, psd), 1e-12);
                 from_lane(f, 6, k, gl);
-                for (i = 0; i < 3; i++)
-                    for (j = 0; j < 3; j++) {
-                        hl[6 * i + j] = H[(3 * i + j) * LANES + k];
-                        hl[6 * (3 + i) + 3 + j] = H[(9 + 3 * i + j) * LANES + k];
-                        hl[6 * (3 + i) + j] = hl[6 * j + 3 + i] = H[(18 + 3 * i + j) * LANES + k];
-                    }
+                full_hessian(H, 2, k, hl);
                 CHECK(ref_difference(gl, g, 6) < 1e-12);
                 CHECK(ref_difference(hl, h, 36) < 1e-12);
             }
@@ -750,88 +752,171 @@ static void lanes_spring(void) {
     }
 }
 
-/* Elastic plus dissipated energy of one element in a batch, for differences. */
-typedef struct damped { double rest[7], n[3], damp; int corners; } damped;
+/* One element in all lanes, with what it starts from, as the functions of its kind see it. */
+typedef struct one {
+    const clothi_kind *kind;
+    double             rest[7], start[12], damp;        /* start: positions */
+} one;
 
-static double damped_energy(const double *y, const damped *d, double *g, double *full, int psd) {
-    double x[12 * LANES], rest[7 * LANES], n[3 * LANES], damp[LANES], E[LANES], Ed[LANES];
-    double f[12 * LANES], H[90 * LANES];
+static int numbers(const one *d) { return 3 * d->kind->corners; }
+
+static void one_rest(const one *d, double *rest, double *start, double *damp) {
+    double x[12 * LANES];
     int    k;
     for (k = 0; k < LANES; k++) {
-        to_lane(y, 3 * d->corners, k, x);
-        to_lane(d->rest, d->corners == 3 ? 7 : 2, k, rest);
-        to_lane(d->n, 3, k, n);
+        to_lane(d->rest, d->kind->nrest, k, rest);
+        to_lane(d->start, numbers(d), k, x);
         damp[k] = d->damp;
     }
-    if (d->corners == 3) {
-        clothi_stretch_lanes(x, rest, n, damp, E, Ed, f, H, psd);
-    } else {
-        double fast[12 * LANES];
-        clothi_hinge_lanes(x, rest, n, damp, E, Ed, NULL, f, H, psd);
-        clothi_hinge_lanes(x, rest, n, damp, NULL, NULL, NULL, fast, NULL, psd);
-        CHECK(ref_difference(fast, f, 12 * LANES) < 1e-13);
+    d->kind->measure(x, rest, start);
+}
+
+/* Elastic plus dissipated energy. */
+static double one_energy(const double *y, const one *d, double *g, double *full, int psd) {
+    double x[12 * LANES], rest[7 * LANES], start[3 * LANES], damp[LANES], E[LANES], Ed[LANES];
+    double f[12 * LANES], H[54 * LANES];
+    int    k;
+    one_rest(d, rest, start, damp);
+    for (k = 0; k < LANES; k++) to_lane(y, numbers(d), k, x);
+    d->kind->lanes(x, rest, start, damp, E, Ed, f);
+    if (g) from_lane(f, numbers(d), 5, g);
+    if (full) {
+        d->kind->blocks(x, rest, start, damp, psd, H);
+        full_hessian(H, d->kind->corners, 5, full);
     }
-    if (g) from_lane(f, 3 * d->corners, 5, g);
-    if (full) full_hessian(H, d->corners, 5, full);
     return E[5] + Ed[5];
+}
+
+/* An element of a kind, near x and away from rest. */
+static void make_one(unsigned long long *seed, int kind, int round, one *d, double *x) {
+    memset(d, 0, sizeof *d);
+    d->kind = clothi_kinds + kind;
+    d->damp = ref_uniform(seed, 0.1, 3);
+    d->rest[0] = 1.3;
+    if (kind == CLOTHI_TRIANGLE) {
+        double X[6];
+        random_rest(seed, X);
+        make_triangle(seed, round % 3, X, x);
+        d->rest[4] = clothi_rest_inverse(X, d->rest);
+        d->rest[5] = moduli(seed, &d->rest[6]);
+    } else if (kind == CLOTHI_SPRING) {
+        random_points(seed, 6, 1, x);
+        d->rest[1] = round % 2 ? 0.2 : 3;
+    } else {
+        make_lane_hinge(seed, round % 3 ? 2 : 0, x);
+        d->rest[1] = 0.2;
+        if (kind == CLOTHI_QUADRATIC) {
+            double shape[12];
+            make_lane_hinge(seed, 0, shape);
+            cloth_bend_quadratic_weights(shape, d->rest + 1);
+        }
+    }
+    memcpy(d->start, x, sizeof d->start);
 }
 
 static void lanes_damping(void) {
     unsigned long long seed = 14;
     int                round, i, j;
-    for (round = 0; round < 40; round++) {
-        damped d;
-        double x[12], y[12], g[12], H[144], up[12], down[12], gr[12], Hr[144], R[9], shift[3];
+    for (round = 0; round < 80; round++) {
+        const int kind = round % 4;
+        one    d;
+        double x[12] = {0}, y[12], g[12], H[144], up[12], down[12], gr[12], Hr[144], R[9];
+        double shift[3] = {0, 0, 0};
         int    n;
-        d.corners = round % 2 ? 4 : 3;
-        n = 3 * d.corners;
-        d.damp = ref_uniform(&seed, 0.1, 3);
-        memset(d.n, 0, sizeof d.n);
-        if (d.corners == 3) {
-            double X[6], E[4];
-            random_rest(&seed, X);
-            make_triangle(&seed, round % 3, X, x);
-            d.rest[4] = clothi_rest_inverse(X, d.rest);
-            d.rest[5] = moduli(&seed, &d.rest[6]);
-            cloth_stretch_state(x, X, 1, 1, NULL, E, NULL, NULL);
-            d.n[0] = E[0];
-            d.n[1] = E[3];
-            d.n[2] = E[1];
-        } else {
-            make_lane_hinge(&seed, round % 3 ? 2 : 0, x);
-            d.rest[0] = 1.3;
-            d.rest[1] = 0.2;
-            d.n[0] = cloth_dihedral(x);
-        }
+        make_one(&seed, kind, round / 4, &d, x);
+        n = numbers(&d);
         memcpy(y, x, sizeof y);             /* a rigid motion since the step's start: no loss */
         ref_rotation(&seed, R);
-        random_points(&seed, 3, 1, shift);
-        ref_move(R, shift, d.corners, y);
-        damped_energy(y, &d, g, NULL, 0);
+        if (kind != CLOTHI_QUADRATIC) {     /* whose damping is not blind to rotations */
+            random_points(&seed, 3, 1, shift);
+            ref_move(R, shift, d.kind->corners, y);
+        }
+        one_energy(y, &d, g, NULL, 0);
         {
-            damped free = d;
+            one free = d;
             free.damp = 0;
-            CHECK_REL(damped_energy(y, &d, NULL, NULL, 0), damped_energy(y, &free, gr, NULL, 0),
-                      1e-12);
+            CHECK_REL(one_energy(y, &d, NULL, NULL, 0), one_energy(y, &free, gr, NULL, 0), 1e-12);
             CHECK(ref_difference(g, gr, n) < 1e-11);
         }
         for (i = 0; i < n; i++) y[i] += ref_uniform(&seed, -0.05, 0.05);
-        damped_energy(y, &d, g, H, 0);
+        one_energy(y, &d, g, H, 0);
         for (i = 0; i < n; i++) {           /* Hessian against differences of the gradient */
             const double h = 1e-5, at = y[i];
             double       a, b;
             y[i] = at + h;
-            a = damped_energy(y, &d, up, NULL, 0);
+            a = one_energy(y, &d, up, NULL, 0);
             y[i] = at - h;
-            b = damped_energy(y, &d, down, NULL, 0);
+            b = one_energy(y, &d, down, NULL, 0);
             y[i] = at;
             gr[i] = (a - b) / (2 * h);
             for (j = 0; j < n; j++) Hr[n * j + i] = (up[j] - down[j]) / (2 * h);
         }
         CHECK(ref_difference(g, gr, n) < 1e-6);
         CHECK(ref_difference(H, Hr, n * n) < 1e-6);
-        damped_energy(y, &d, g, H, 1);
+        one_energy(y, &d, g, H, 1);
         CHECK(ref_smallest_eigenvalue(H, n) > -1e-12);
+    }
+}
+
+/* a.f of one element. */
+static double one_pull(const double *y, const one *d, const double *a) {
+    double g[12], sum = 0;
+    int    i;
+    one_energy(y, d, g, NULL, 0);
+    for (i = 0; i < numbers(d); i++) sum += a[i] * g[i];
+    return sum;
+}
+
+/* dV of the element d by *at, a number of it, by differences. */
+static double one_slope(const double *y, one *d, const double *a, double *at) {
+    const double h = 1e-5, was = *at;
+    double       up, down;
+    *at = was + h;
+    up = one_pull(y, d, a);
+    *at = was - h;
+    down = one_pull(y, d, a);
+    *at = was;
+    return (up - down) / (2 * h);
+}
+
+/* Hessian times vector against the blocks, and what V = a.f does when rest, damping and start
+ * change against differences; the triangle's rest corners are left to tests/test_terms.c. */
+static void lanes_products(void) {
+    unsigned long long seed = 16;
+    int                round, i, k;
+    for (round = 0; round < 80; round++) {
+        one    d;
+        double y[12], u[12], H[144], Hu[12] = {0}, got[12], want[12], y8[12 * LANES];
+        double u8[12 * LANES], n8[12 * LANES], rest[7 * LANES], start[3 * LANES], damp[LANES];
+        double f[12 * LANES], d_rest[7 * LANES], d_damp[LANES], d_x_n[12 * LANES];
+        int    n;
+        memset(y, 0, sizeof y);
+        make_one(&seed, round % 4, round / 4, &d, y);
+        n = numbers(&d);
+        for (i = 0; i < n; i++) d.start[i] += ref_uniform(&seed, -0.05, 0.05);
+        random_points(&seed, 12, 1, u);
+        one_energy(y, &d, NULL, H, 0);
+        for (i = 0; i < n * n; i++) Hu[i / n] += H[i] * u[i % n];
+        one_rest(&d, rest, start, damp);
+        for (k = 0; k < LANES; k++) {
+            to_lane(y, n, k, y8);
+            to_lane(u, n, k, u8);
+            to_lane(d.start, n, k, n8);
+        }
+        d.kind->hvp(y8, u8, rest, start, damp, f);
+        from_lane(f, n, 5, got);
+        CHECK(ref_difference(got, Hu, n) < 1e-12);
+        d.kind->vjp(y8, n8, u8, rest, damp, d_rest, d_damp, d_x_n);
+        from_lane(d_x_n, n, 5, got);
+        for (i = 0; i < n; i++) want[i] = one_slope(y, &d, u, d.start + i);
+        CHECK(ref_difference(got, want, n) < 1e-7);
+        CHECK_REL(d_damp[5], one_slope(y, &d, u, &d.damp), 1e-7);
+        for (i = round % 4 == CLOTHI_TRIANGLE ? 5 : 0; i < d.kind->nrest; i++) {
+            const int    w = round % 4 == CLOTHI_QUADRATIC && i > 0;    /* their sum stays 0 */
+            const double back = w ? one_slope(y, &d, u, d.rest + 1) : 0;
+            CHECK_REL(d_rest[i * LANES + 5] - (w ? d_rest[LANES + 5] : 0) + 1,
+                      one_slope(y, &d, u, d.rest + i) - back + 1, 1e-6);
+        }
     }
 }
 
@@ -1039,6 +1124,7 @@ int main(int argc, char **argv) {
     RUN(lanes_quadratic);
     RUN(lanes_spring);
     RUN(lanes_damping);
+    RUN(lanes_products);
     RUN(lanes_gather);
     RUN(material_values);
     RUN(material_refusals);

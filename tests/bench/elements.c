@@ -1,6 +1,7 @@
 /* elements.c - nanoseconds per element of the kernels on an N x N sheet; median of repeated runs.
  *   cc -std=c99 -O3 -march=x86-64-v3 -ffp-contract=off bench/elements.c -lm && ./a.out 64
- * 'forces': gather positions, evaluate, store; 'with sums' adds the sum per vertex. */
+ * 'forces': gather positions, evaluate with the energy, store; 'with sums' adds the sum per
+ * vertex. */
 #define _POSIX_C_SOURCE 199309L
 #define CLOTHSIM_IMPLEMENTATION
 #include "../../clothsim.h"
@@ -11,7 +12,7 @@ enum { LANES = CLOTHI_LANES, REPEATS = 31 };
 typedef struct sheet {
     int     nv, nt, nh, bt, bh;             /* vertices, triangles, hinges and batches of them */
     int    *ti, *hi, *start, *entry;
-    double *x, *tr, *hr, *qr, *f, *H, *out, *E;
+    double *x, *tr, *hr, *qr, *f, *H, *out;
 } sheet;
 
 static double now(void) {
@@ -76,7 +77,6 @@ static void build(sheet *s, int n) {
     s->x = (double *)get(3 * (size_t)s->nv, sizeof(double));
     s->out = (double *)get(3 * (size_t)s->nv, sizeof(double));
     s->H = (double *)get(90 * LANES, sizeof(double));
-    s->E = (double *)get(most_h, sizeof(double));
     s->start = (int *)get((size_t)s->nv + 1, sizeof(int));
     s->entry = (int *)get(3 * most_t + 4 * most_h, sizeof(int));
     for (j = 0; j + 1 < n; j++)
@@ -112,37 +112,35 @@ static void build(sheet *s, int n) {
 }
 
 static void triangles(sheet *s, int what) {
-    double x[9 * LANES];
+    double x[9 * LANES], E[LANES], Ed[LANES];
     int    b;
     for (b = 0; b < s->bt; b++) {
         const double *rest = s->tr + b * 7 * LANES;
         double       *f = s->f + b * 9 * LANES;
         clothi_gather_lanes(s->x, s->ti + b * 3 * LANES, 3, x);
         switch (what) {
-        case 0: clothi_stretch_forces(x, rest, f); break;
-        case 1: clothi_stretch_lanes(x, rest, NULL, NULL, NULL, NULL, f, s->H, 0); break;
-        case 2: clothi_stretch_lanes(x, rest, NULL, NULL, NULL, NULL, f, s->H, 1); break;
-        case 3: clothi_stretch_energies(x, rest, s->E + b * LANES); break;
+        case 0: clothi_stretch_lanes(x, rest, clothi_none, clothi_none, E, Ed, f); break;
+        case 1: clothi_stretch_blocks(x, rest, clothi_none, clothi_none, 0, s->H); break;
+        case 2: clothi_stretch_blocks(x, rest, clothi_none, clothi_none, 1, s->H); break;
         default: break;
         }
     }
 }
 
 static void hinges(sheet *s, int what) {
-    double x[12 * LANES];
+    double x[12 * LANES], E[LANES], Ed[LANES];
     int    b;
     for (b = 0; b < s->bh; b++) {
         const double *rest = s->hr + b * 2 * LANES;
         double       *f = s->f + s->bt * 9 * LANES + b * 12 * LANES;
         clothi_gather_lanes(s->x, s->hi + b * 4 * LANES, 4, x);
         switch (what) {
-        case 0: clothi_hinge_forces(x, rest, f); break;
-        case 1: clothi_hinge_lanes(x, rest, NULL, NULL, NULL, NULL, NULL, f, s->H, 0); break;
-        case 2: clothi_hinge_lanes(x, rest, NULL, NULL, NULL, NULL, NULL, f, s->H, 1); break;
+        case 0: clothi_hinge_lanes(x, rest, clothi_none, clothi_none, E, Ed, f); break;
+        case 1: clothi_hinge_blocks(x, rest, clothi_none, clothi_none, 0, s->H); break;
+        case 2: clothi_hinge_blocks(x, rest, clothi_none, clothi_none, 1, s->H); break;
         case 3:
-            clothi_hinge_lanes(x, rest, NULL, NULL, s->E + b * LANES, NULL, NULL, NULL, NULL, 0);
+            clothi_quadratic_lanes(x, s->qr + b * 5 * LANES, clothi_none, clothi_none, E, Ed, f);
             break;
-        case 4: clothi_quadratic_forces(x, s->qr + b * 5 * LANES, f); break;
         default: break;
         }
     }
@@ -175,15 +173,15 @@ static double measure(sheet *s, int tri, int hinge, int sums) {
 static int side = 64;
 
 static void table(void) {
-    static const char *name[5] = {"forces", "exact Hessian", "psd Hessian", "energy", "quadratic"};
+    static const char *name[4] = {"forces", "exact Hessian", "psd Hessian", "quadratic"};
     const int          n = side;
     sheet              s;
     double             both, quadratic;
     int                i;
     build(&s, n);
     printf("%d x %d sheet, %d triangles, %d hinges; ns per element\n", n, n, s.nt, s.nh);
-    for (i = 0; i < 5; i++) {
-        if (i < 4) printf("  %-14s triangle %6.2f", name[i], measure(&s, i, -1, 0) / s.nt);
+    for (i = 0; i < 4; i++) {
+        if (i < 3) printf("  %-14s triangle %6.2f", name[i], measure(&s, i, -1, 0) / s.nt);
         else printf("  %-14s                ", name[i]);
         printf("  hinge %6.2f\n", measure(&s, -1, i, 0) / s.nh);
     }
@@ -192,9 +190,9 @@ static void table(void) {
            measure(&s, -1, 9, 0) / s.nh);
     printf("  all elements   forces %6.2f, with sums %6.2f\n", both,
            measure(&s, 0, 0, 1) / (s.nt + s.nh));
-    quadratic = measure(&s, 0, 4, 0) / (s.nt + s.nh);
+    quadratic = measure(&s, 0, 3, 0) / (s.nt + s.nh);
     printf("  quadratic      forces %6.2f, with sums %6.2f\n", quadratic,
-           measure(&s, 0, 4, 1) / (s.nt + s.nh));
+           measure(&s, 0, 3, 1) / (s.nt + s.nh));
 }
 
 int main(int argc, char **argv) {

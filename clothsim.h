@@ -9676,7 +9676,8 @@ typedef struct clothi_work {                /* vectors of a step, scratch       
     double *x0, *v0;                        /* as before the step, in `kept`                   */
     double *x, *trial, *dx, *grad, *y;      /* [nv x 3]                                        */
     double *free;                           /* [nv x 3] gradient without that of contact       */
-    double *goal;                           /* pin targets of this substep                     */
+    double *goal;                           /* [nv x 3] pin targets of this substep            */
+    double *inv_mass;                       /* [nv] 1/kg, LEAPFROG, then two sums of [nv]      */
     double *rhs;                            /* right-hand side of the Newton system            */
     double *partial;                        /* partial sums of the parallel loops              */
 } clothi_work;
@@ -10438,7 +10439,8 @@ static size_t clothi_own_blocks(const clothi_own *o, const cloth_hooks *hooks) {
 static size_t clothi_work_blocks(const cloth_sim *s, const cloth_hooks *hooks) {
     const clothi_work *w = &s->w;
     const void *const  block[] = {w->x, w->trial, w->dx, w->grad, w->y, w->free, w->goal, w->rhs,
-                                  w->partial, s->kept, s->touching, s->fixed, s->quadratic};
+                                  w->inv_mass, w->partial, s->kept, s->touching, s->fixed,
+                                  s->quadratic};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
@@ -12399,8 +12401,8 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     double            *x = s->w.x, *v = s->w.trial;
     int                i, j;
     (void)worker;
-    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.goal, begin, end, x,
-                     v);
+    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.inv_mass, begin, end,
+                     x, v);
     for (i = begin; i < end; i++)
         for (j = 0; s->pin[i] && j < 3; j++)
             if (s->pin[i] >> j & 1) {
@@ -12574,7 +12576,7 @@ CLOTHI_RARE_END
 static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
     const clothi_group *g = &s->model->membrane;
     const int nv = s->model->nv;
-    double   *sum = s->w.goal + nv, *weight = s->w.goal + 2 * (size_t)nv, big = 1;
+    double   *sum = s->w.inv_mass + nv, *weight = sum + nv, big = 1;
     int       b, lane, k, i;
     memset(sum, 0, 2 * (size_t)nv * sizeof(double));
     for (b = 0; b < g->nbatch; b++)
@@ -12621,7 +12623,7 @@ CLOTHI_RARE_BEGIN
 /* omega^2 that attachments and hosts' terms add, at most: the largest row sum of |M^-1 K|, of
  * attachments K_ij = k w_i w_j, of terms as declared, at the lightest vertex. */
 static double clothi_leap_attach(const cloth_sim *s) {
-    double *sum = s->w.goal + s->model->nv, big = 0, stiff = 0, host = 0, r[3], w[6], all;
+    double *sum = s->w.inv_mass + s->model->nv, big = 0, stiff = 0, host = 0, r[3], w[6], all;
     int     i, k, n, v[6];
     for (i = s->nbuiltin; i < s->nterms; i++) stiff += s->term[i].stiffness;
     for (i = 0; stiff > 0 && i < s->model->nv; i++)
@@ -12786,7 +12788,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     p.ledger = ledger;
     memcpy(s->w.x, s->w.x0, (size_t)n * sizeof(double));
     memcpy(s->w.trial, s->w.v0, (size_t)n * sizeof(double));
-    for (i = 0; i < m->nv; i++) s->w.goal[i] = 1 / s->params.mass[i];
+    for (i = 0; i < m->nv; i++) s->w.inv_mass[i] = 1 / s->params.mass[i];
     clothi_leap_pins(&p, h);
     for (k = 0; k <= substeps && !status; k++) {
         e.t = s->state.t + k * hs;
@@ -12917,7 +12919,8 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     const int    damped = s->own.membrane.damped || s->own.bend.damped;
     const struct { double **array; size_t n; int wanted; } need[] = {
         {&s->w.x, n, 1}, {&s->w.trial, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1},
-        {&s->w.y, n, 1}, {&s->w.goal, n, 1}, {&s->w.rhs, n, 1},
+        {&s->w.y, n, 1}, {&s->w.goal, n, implicit}, {&s->w.rhs, n, 1},
+        {&s->w.inv_mass, n, !implicit},
         {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->own.energy_batch, lanes, 1},
         {&s->own.loss_batch, lanes, damped}, {&s->own.force, (size_t)m->force_size, 1},
         {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->x_prev, n, bdf2},

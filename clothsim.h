@@ -12401,8 +12401,8 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     double            *x = s->w.x, *v = s->w.trial;
     int                i, j;
     (void)worker;
-    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.inv_mass, begin, end,
-                     x, v);
+    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.inv_mass, begin,
+                     end, x, v);
     for (i = begin; i < end; i++)
         for (j = 0; s->pin[i] && j < 3; j++)
             if (s->pin[i] >> j & 1) {

@@ -9692,7 +9692,7 @@ struct cloth_sim {
     cloth_contact contact;
     int           contact_on;
     double        contact_energy;           /* J, in the last value of the objective           */
-    double       *landing;                  /* [2 x nv x 3] LEAPFROG, of a tape: x and v that contact
+    double       *landing;                  /* [2 x nv x 3] LEAPFROG, of a tape: x, v that contact
                                                is given in this substep; NULL: not wanted      */
     int           finish;                   /* the host's time is up                           */
     int           balance;                  /* a report is wanted: keep the ledger             */

@@ -8534,13 +8534,13 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  * alone, as a linear solver does. Then what is left of a goes to all other causes, once a substep;
  * what an anchor got is kept for the contacts of the substep before.
  *
- * LEAPFROG has rows of impact zones instead [8.4]: clothsim_grad.h [4.3] hands their normals, weights
- * and bounds back. Those are of the pair at its time of impact, which moves too.
+ * LEAPFROG has rows of impact zones instead [8.4]: clothsim_grad.h [4.3] hands back what goes by
+ * their normals, weights and bounds, of the pair at its time of impact, which moves too.
  *
  * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
  * stiffness. Taken as such though they move, and told (vjp.frozen): the way that turning spheres
- * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex, zones
- * that went on as one body.
+ * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex,
+ * zones that went on as one body.
  * checked: tests/test_grad_contact.c
  */
 

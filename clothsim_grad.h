@@ -2112,7 +2112,7 @@ static double clothi_row_pair(const cloth_sim *s, const cloth_contact_row *p,
 }
 
 static cloth_status clothi_rows_open(clothi_grad *g, clothi_rows *q) {
-    int *at, i, most = 0, n = 0;
+    int *at, i, most = 0;
     memset(q, 0, sizeof *q);
     q->row = g->s->contact.rows(g->s->contact.user, &q->n);
     for (i = 0; i < q->n; i++)
@@ -2128,7 +2128,7 @@ static cloth_status clothi_rows_open(clothi_grad *g, clothi_rows *q) {
         q->start[i] += q->start[i - 1];
     }
     for (i = 0; i < q->n; i++)
-        if (q->row[i].zone >= 0) q->order[q->start[q->row[i].zone + 1]++] = i, n++;
+        if (q->row[i].zone >= 0) q->order[q->start[q->row[i].zone + 1]++] = i;
     q->most = (size_t)most;
     q->rate = (double *)clothi_alloc(&g->t->hooks, (size_t)q->n * (CLOTH_ROW_RATES + 1) +
                                                    q->most * q->most + 1, sizeof(double));
@@ -2252,8 +2252,8 @@ static void clothi_rows_back(clothi_grad *g, clothi_rows *q, int speeds, double 
             g->mass[l / 3] -= a[l] / s->params.mass[l / 3] * (x[l] - x0[l]);
 }
 
-/* What made the rows: to g->lx, by x*; g->np, by x; g->nv, by x'. */
-static void clothi_rows_made(clothi_grad *g, clothi_rows *q) {
+/* What made the rows: to g->lx, by x*; g->np, by x; g->nv, by x'. 1: something was frozen. */
+static int clothi_rows_made(clothi_grad *g, clothi_rows *q) {
     cloth_sim       *s = g->s;
     const cloth_eval e = clothi_eval_of(s);
     cloth_vjp        to;
@@ -2261,7 +2261,7 @@ static void clothi_rows_made(clothi_grad *g, clothi_rows *q) {
     to.x = g->lx, to.x_n = g->np, to.x_end = g->nv;
     memset(g->nv, 0, g->t->nv3 * sizeof(double));
     s->contact.rows_vjp(s->contact.user, &e, q->rate, &to);
-    if (to.frozen) g->rep->doubt |= 0x80000000u;
+    return to.frozen;
 }
 
 /* Contact at the end of the drift from x, v at a kick, which are followed by what it was given, to
@@ -2273,7 +2273,7 @@ static cloth_status clothi_leap_touch(clothi_grad *g, double hs, const double *x
     const double *given = x + 2 * n;
     clothi_rows   q;
     cloth_status  status;
-    int           round;
+    int           round, frozen;
     size_t        i;
     memset(g->np, 0, bytes);
     if (memcmp(given, next, 2 * bytes) == 0) return CLOTH_OK;
@@ -2286,24 +2286,21 @@ static cloth_status clothi_leap_touch(clothi_grad *g, double hs, const double *x
     if (status) return status;
     status = clothi_rows_open(g, &q);
     if (!status) {
-        if (memcmp(s->w.x, next, bytes) != 0 || memcmp(s->w.trial, next + n, bytes) != 0)
-            g->rep->doubt |= 0x80000000u;   /* it remembers what a step does not begin with */
+        frozen = memcmp(s->w.x, next, bytes) != 0 ||    /* it remembers more than a step's start */
+                 memcmp(s->w.trial, next + n, bytes) != 0;
         clothi_rows_back(g, &q, 1, hs, s->w.trial, given + n, g->lv);
         clothi_rows_back(g, &q, 0, hs, s->w.x, given, g->lx);
-        clothi_rows_made(g, &q);
+        frozen |= clothi_rows_made(g, &q);
         for (round = 0; round < CLOTHI_GRAD_ROUNDS && !clothi_all_zero(g->nv, n); round++) {
             memcpy(g->nw, g->nv, bytes);
             memset(q.rate, 0, (size_t)q.n * CLOTH_ROW_RATES * sizeof(double));
             clothi_rows_back(g, &q, 0, hs, s->w.x, given, g->nw);
             for (i = 0; i < n; i++) g->lx[i] += g->nw[i];
-            clothi_rows_made(g, &q);
+            frozen |= clothi_rows_made(g, &q);
         }
+        if (frozen) clothi_grad_doubt(g, CLOTH_GRAD_FROZEN, k);
     }
     clothi_rows_close(g, &q);
-    if (g->rep->doubt & 0x80000000u) {
-        g->rep->doubt &= 0x7fffffffu;
-        clothi_grad_doubt(g, CLOTH_GRAD_FROZEN, k);
-    }
     return status;
 }
 
@@ -2389,7 +2386,7 @@ static cloth_status clothi_leap_adjoint(clothi_grad *g, double h, const double *
     size_t        i;
     for (j = m; j >= 0 && !status; j--) {
         const double *x = g->t->trace + each * (size_t)j, *v = x + n;
-        const double *after = j < m ? v + 2 * n : v_end;        /* with contact: what it was given */
+        const double *after = j < m ? v + 2 * n : v_end;        /* contact: what it was given */
         clothi_input(s, hs, (double)j / m, (double)(j + 1) / m);
         s->in.x = x;
         s->in.v = v;
@@ -2560,7 +2557,8 @@ static cloth_status clothi_grad_replay(clothi_grad *g, int k, int mode) {
 static cloth_status clothi_grad_leap(clothi_grad *g, int k, const unsigned char *slot) {
     const clothi_taped *e = g->t->step + k;
     cloth_status status = CLOTH_OK;
-    if (!clothi_tape_trace(g->t, clothi_tape_each(g->t) * (size_t)e->substeps)) return CLOTH_ERR_MEMORY;
+    if (!clothi_tape_trace(g->t, clothi_tape_each(g->t) * (size_t)e->substeps))
+        return CLOTH_ERR_MEMORY;
     status = clothi_grad_replay(g, k, CLOTHI_TAPE_TRACE);
     if (!status) status = clothi_grad_put(g, k, slot);
     if (!status) status = clothi_leap_adjoint(g, e->h, g->v, g->t->traced, k);

@@ -756,7 +756,9 @@ typedef struct cloth_vjp {
     double *attach;                         /* [max_attachments x 3] targets                   */
     double *attach_k;                       /* [max_attachments]                               */
     double *h;                              /* [1]                                             */
-    double *x;                              /* [nv x 3] of contact: by e->x, alone             */
+    double *x;                              /* [nv x 3] of contact: by e->x, alone; rows_vjp:
+                                               by the x that resolve() was given               */
+    double *x_end;                          /* [nv x 3] rows_vjp: by the x that it returned    */
     int     frozen, own;                    /* out: of contact, something that moves was taken as
                                                constant; 1: add to the term's parameters too   */
 } cloth_vjp;
@@ -781,6 +783,20 @@ typedef struct cloth_term {
      * stiffer. A spring to a fixed point has its k, one between two vertices 2 k */
     double stiffness;
 } cloth_term;
+
+/* n . sum w x >= bound of an impact zone and, where multiplier > 0, n . sum w v >= speed; sums over
+ * vertices of cloth, v < nv. What is of obstacles is in bound and speed. */
+#define CLOTH_ROW_RATES 9
+typedef struct cloth_contact_row {
+    int    kind, a, b;                      /* the pair                                        */
+    int    n, v[4];                         /* world vertices                                  */
+    double w[4], normal[3];
+    double bound, multiplier;               /* m, kg m: M (x - x*) = sum multiplier w n        */
+    double speed, impulse;                  /* m/s, N s: its multiplier                        */
+    double slack;                           /* m, of bound over what detection asks for        */
+    double toi;                             /* of the way to where it was found                */
+    int    zone, pass;                      /* pass: in which its frame was made               */
+} cloth_contact_row;
 
 struct cloth_obstacle;
 enum { CLOTH_ADJOINT_BEGIN, CLOTH_ADJOINT_STEP, CLOTH_ADJOINT_END };
@@ -842,6 +858,11 @@ typedef struct cloth_contact {
     /* around calls of vjp along a tape, from its end: BEGIN; STEP when all substeps of recorded
      * step k are done; END, k = 0, out NULL: results are not wanted. NULL: gradients are refused */
     cloth_status (*adjoint)(void *user, int what, int k, const cloth_contact_grad *out);
+    /* LEAPFROG, for gradients: the rows [*n] of the last resolve, with their multipliers; NULL:
+     * gradients are refused. rows_vjp adds what rate [n x CLOTH_ROW_RATES] does: dL/d{normal [3], w
+     * [4], bound, speed} of each row */
+    const cloth_contact_row *(*rows)(void *user, int *n);
+    void (*rows_vjp)(void *user, const cloth_eval *e, const double *rate, cloth_vjp *out);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */
@@ -9759,6 +9780,8 @@ struct cloth_sim {
     cloth_contact contact;
     int           contact_on;
     double        contact_energy;           /* J, in the last value of the objective           */
+    double       *landing;                  /* [2 x nv x 3] LEAPFROG, of a tape: x, v that contact
+                                               is given in this substep; NULL: not wanted      */
     int           finish;                   /* the host's time is up                           */
     int           balance;                  /* a report is wanted: keep the ledger             */
     /* solver */
@@ -12767,6 +12790,10 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_
     if (end && l) {
         memcpy(s->w.dx, s->w.x, bytes);
         memcpy(s->w.rhs, s->w.trial, bytes);
+    }
+    if (end && s->landing) {
+        memcpy(s->landing, s->w.x, bytes);
+        memcpy(s->landing + bytes / sizeof(double), s->w.trial, bytes);
     }
     status = end ? s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial)
                  : s->contact.begin(s->contact.user, &goal.e);

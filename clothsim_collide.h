@@ -3510,16 +3510,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     double gap, force, tangent[3];          /* m, N: normal force; friction on w > 0           */
 } clothi_contact;
 
-typedef struct clothi_row {                 /* n . sum w x >= bound: a constraint of a zone    */
-    int    kind, a, b;
-    int    n, v[4];                         /* world vertices                                  */
-    double w[4], normal[3];
-    double bound, multiplier;
-    double slack;                           /* m, of bound over what detection asks for        */
-    double speed;                           /* m/s, -n . sum w v of the obstacle's vertices    */
-    double toi;                             /* of the way to where it was found                */
-    int    zone, pass;                      /* pass: in which its frame was made               */
-} clothi_row;
+typedef cloth_contact_row clothi_row;       /* a constraint of a zone                          */
 
 typedef struct clothi_zone {                /* its slices of the scratch                 [8.4] */
     cloth_qp     qp;                        /* of row, col, val, h, minv, x0                   */
@@ -6699,6 +6690,9 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
         status = q->status;
         c->report.qp_iterations += q->iterations;
         for (i = 0; i < q->qp.n && q->solved; i++) v[3 * q->member[i / 3] + i % 3] = q->x[i];
+        for (i = k = 0; i < q->rows && q->solved; i++)
+            if (c->row[q->order[i]].multiplier > 0)
+                c->row[q->order[i]].impulse = q->lambda[k++] * q->mean;
     }
     for (i = 0; i < c->nv; i++)             /* what became rigid moves as it moved */
         for (k = 0; c->frozen[i] && k < 3; k++)
@@ -7386,6 +7380,9 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
                                        cloth_vjp *out);
 static cloth_status clothi_contact_adjoint(void *user, int what, int k,
                                            const cloth_contact_grad *out);
+static const cloth_contact_row *clothi_contact_rows(void *user, int *n);
+static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const double *rate,
+                                    cloth_vjp *out);
 
 static void clothi_collide_connect(cloth_collide *c) {
     const cloth_contact k = {
@@ -7396,7 +7393,7 @@ static void clothi_collide_connect(cloth_collide *c) {
         clothi_contact_save, clothi_contact_load, clothi_contact_vjp, clothi_contact_bytes,
         clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
         sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan,
-        clothi_contact_adjoint};
+        clothi_contact_adjoint, clothi_contact_rows, clothi_contact_rows_vjp};
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -8554,9 +8551,13 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  * alone, as a linear solver does. Then what is left of a goes to all other causes, once a substep;
  * what an anchor got is kept for the contacts of the substep before.
  *
+ * LEAPFROG has rows of impact zones instead [8.4]: clothsim_grad.h [4.3] hands back what goes by
+ * their normals, weights and bounds, of the pair at its time of impact, which moves too.
+ *
  * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
  * stiffness. Taken as such though they move, and told (vjp.frozen): the way that turning spheres
- * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex.
+ * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex,
+ * zones that went on as one body.
  * checked: tests/test_grad_contact.c
  */
 
@@ -8596,14 +8597,12 @@ static void clothi_flow_add(const clothi_flow *f, int end, int v, double s, cons
     for (to += 3 * (v < nv ? v : v - nv), k = 0; k < 3; k++) to[k] += s * d[k];
 }
 
-/* Gap, normal and weights, of x^n (end 0) or of x, to the points. */
-static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int end,
-                              const clothi_frame *at, const clothi_rates *b) {
-    const cloth_collide *c = f->c;
-    const double         d = at->gap + q->radius, nn = clothi_dot3(b->n, at->normal);
-    double p[12], rate[8], along[6], D[3], s[2] = {0, 0}, g[3], det, more[3];
+/* Gap, normal and weights of points p to these: to [4 x 3]. */
+static void clothi_back_points(const clothi_contact *q, const clothi_frame *at, const double *p,
+                               const clothi_rates *b, double *to) {
+    const double d = at->gap + q->radius, nn = clothi_dot3(b->n, at->normal);
+    double rate[8], along[6], D[3], s[2] = {0, 0}, g[3], det, more[3];
     int    m = 0, i, j, k;
-    clothi_pair_points(c, end ? f->x : c->xa, end ? c->xb : c->xa, q->v, q->n, p);
     if (q->kind != CLOTHI_VP && d > 0) m = clothi_frame_rates(q, at->w, p, rate, along);
     for (k = 0; k < 3; k++)
         D[k] = (q->kind == CLOTHI_VP ? 0 : (b->n[k] - nn * at->normal[k]) / d) +
@@ -8620,13 +8619,22 @@ static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int
     more[0] = det * (g[2] * s[0] - g[1] * s[1]);
     s[1] = det * (g[0] * s[1] - g[1] * s[0]);
     s[0] = more[0];
-    for (i = 0; i < q->n; i++) {
+    for (i = 0; i < q->n; i++)
         for (k = 0; k < 3; k++)
-            for (more[k] = at->w[i] * D[k], j = 0; j < m; j++)
-                more[k] += s[j] * (rate[4 * j + i] * d * at->normal[k] +
-                                   at->w[i] * along[3 * j + k]);
-        clothi_flow_add(f, end, q->v[i], 1, more);
-    }
+            for (to[3 * i + k] = at->w[i] * D[k], j = 0; j < m; j++)
+                to[3 * i + k] += s[j] * (rate[4 * j + i] * d * at->normal[k] +
+                                         at->w[i] * along[3 * j + k]);
+}
+
+/* The same of x^n (end 0) or of x. */
+static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int end,
+                              const clothi_frame *at, const clothi_rates *b) {
+    const cloth_collide *c = f->c;
+    double p[12], to[12];
+    int    i;
+    clothi_pair_points(c, end ? f->x : c->xa, end ? c->xb : c->xa, q->v, q->n, p);
+    clothi_back_points(q, at, p, b, to);
+    for (i = 0; i < q->n; i++) clothi_flow_add(f, end, q->v[i], 1, to + 3 * i);
 }
 
 /* clothi_falls_off backwards, of vertices v, o and the edge at x^n: rate of what it returns. */
@@ -9044,6 +9052,117 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     }
     if (f.whole) clothi_back_end(&f, e->in->share);
     return CLOTH_OK;
+}
+
+/* --- rows of impact zones --- */
+
+/* What is of obstacles in bound and speed of row r, to them and to n and w; returns the bound's own
+ * part, radius and gap. */
+static double clothi_back_fixed(const clothi_flow *f, const clothi_row *r, const double *rate,
+                                clothi_rates *b) {
+    const cloth_collide *c = f->c;
+    double               bound = r->bound;
+    int                  i, k;
+    for (i = 0; i < r->n; i++)
+        for (k = 0; r->v[i] >= c->nv && k < 3; k++) {
+            const double x = c->xb[3 * r->v[i] + k], v = (x - c->xa[3 * r->v[i] + k]) / c->h;
+            const double to = rate[7] * x + rate[8] * v;
+            bound += r->w[i] * r->normal[k] * x;
+            b->n[k] -= r->w[i] * to;
+            b->w[i] -= r->normal[k] * to;
+        }
+    for (i = 0; i < r->n; i++) {
+        if (r->v[i] < c->nv) continue;
+        clothi_flow_add(f, 1, r->v[i], -r->w[i] * (rate[7] + rate[8] / c->h), r->normal);
+        clothi_flow_add(f, 0, r->v[i], r->w[i] * rate[8] / c->h, r->normal);
+    }
+    return bound;
+}
+
+/* One row backwards. Its frame is that of the pair on the way from x^n to f->x, at toi, where its
+ * gap is d_min: d(toi) = (d(d_min) - n . sum w dx)/(n . sum w way). d_min is a constant, or half of
+ * what the gap was at x^n and its pole; the bound that gap, that along n, or 1.1 d_min. */
+static void clothi_back_row(const clothi_flow *f, const clothi_row *r, const double *rate) {
+    cloth_collide *c = f->c;
+    clothi_contact q;
+    clothi_frame   at;
+    clothi_rates   b, first;
+    double         xa[12], xe[12], p[12] = {0}, to[12], gap, sep = 0, come = 0, dt = 0, t;
+    int            i, k;
+    memset(&q, 0, sizeof q);
+    memset(&b, 0, sizeof b);
+    memset(&first, 0, sizeof first);
+    q.kind = r->kind, q.a = r->a, q.b = r->b, q.n = r->n;
+    q.slot = clothi_pair_slot(c, r->kind, r->a, r->b);
+    q.radius = clothi_slot_radius(c, q.slot);
+    memcpy(q.v, r->v, sizeof q.v);
+    memcpy(q.w, r->w, sizeof q.w);
+    memcpy(q.normal, r->normal, sizeof q.normal);
+    memcpy(b.n, rate, sizeof b.n);
+    memcpy(b.w, rate + 3, sizeof b.w);
+    t = clothi_pair_thickness(c, r->kind, q.slot, r->a, r->b, r->v);
+    gap = clothi_back_fixed(f, r, rate, &b) - q.radius;
+    clothi_pair_points(c, c->xa, c->xa, q.v, q.n, xa);
+    clothi_pair_points(c, f->x, c->xb, q.v, q.n, xe);
+    if (gap < (1 - 1e-12) * CLOTHI_GAP * t) {
+        if (gap <= (1 + 1e-9) * 1.1 * (gap - r->slack)) sep = 1.1 * rate[7];
+        else for (i = 0; i < 3 * q.n; i++) {            /* n . sum w x^n */
+            b.n[i % 3] += rate[7] * r->w[i / 3] * xa[i];
+            b.w[i / 3] += rate[7] * r->normal[i % 3] * xa[i];
+            to[i] = rate[7] * r->w[i / 3] * r->normal[i % 3];
+            if (i % 3 == 2) clothi_flow_add(f, 0, q.v[i / 3], 1, to + i - 2);
+        }
+    }
+    for (i = 0; i < 3 * q.n; i++) {
+        p[i] = (1 - r->toi) * xa[i] + r->toi * xe[i];
+        come += r->w[i / 3] * r->normal[i % 3] * (xe[i] - xa[i]);
+    }
+    memcpy(at.w, r->w, sizeof at.w);
+    memcpy(at.normal, r->normal, sizeof at.normal);
+    for (at.gap = -q.radius, i = 0; i < 3 * q.n; i++)
+        at.gap += r->w[i / 3] * r->normal[i % 3] * p[i];
+    if (q.kind != CLOTHI_VP) {
+        clothi_back_points(&q, &at, p, &b, to);
+        for (i = 0; i < 3 * q.n; i++) dt += to[i] * (xe[i] - xa[i]);
+        dt = come < 0 && r->toi > 0 ? dt / come : 0;
+        sep += dt;
+        for (i = 0; i < q.n; i++) {
+            for (k = 0; k < 3; k++) to[3 * i + k] -= dt * r->w[i] * r->normal[k];
+            clothi_flow_add(f, 0, q.v[i], 1 - r->toi, to + 3 * i);
+            clothi_flow_add(f, 1, q.v[i], r->toi, to + 3 * i);
+        }
+    }
+    if (gap - r->slack > (1 - 1e-12) * CLOTHI_SEPARATION * t) return;
+    clothi_contact_frame_at(c, &q, c->xa, c->xa, &at);
+    first.gap = 0.5 * sep * (1 + (c->approach * at.gap < CLOTHI_POLE * t ? c->approach : 0));
+    clothi_back_frame(f, &q, 0, &at, &first);
+}
+
+/* cloth_contact.rows. */
+static const cloth_contact_row *clothi_contact_rows(void *user, int *n) {
+    const cloth_collide *c = (const cloth_collide *)user;
+    *n = c->nrow;
+    return c->row;
+}
+
+/* cloth_contact.rows_vjp: frames of the first pass are those of the way to where resolve() began,
+ * later ones those of the way to where it ended. */
+static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const double *rate,
+                                    cloth_vjp *out) {
+    cloth_collide *c = (cloth_collide *)user;
+    clothi_flow    f;
+    int            i, k;
+    f.c = c, f.to = c->adjoint, f.a = NULL, f.whole = 1;
+    f.cloth[0] = out->x_n;
+    out->frozen |= c->nholding > 0 || c->report.rigid_zones > 0;
+    for (i = 0; i < c->nrow; i++) {
+        for (k = 0; k < CLOTH_ROW_RATES && !(fabs(rate[CLOTH_ROW_RATES * i + k]) > 0); k++) {}
+        if (k == CLOTH_ROW_RATES) continue;
+        f.x = c->row[i].pass ? c->xb : c->x_ie;
+        f.cloth[1] = c->row[i].pass ? out->x_end : out->x;
+        clothi_back_row(&f, c->row + i, rate + CLOTH_ROW_RATES * i);
+    }
+    clothi_back_end(&f, e->in->share);
 }
 
 static void clothi_adjoint_free(cloth_collide *c) {

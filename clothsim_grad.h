@@ -112,8 +112,11 @@
  * one solve. It asks more of the forward steps: desc.tolerance 1e-8 m and below; a step that its
  * cap ended is called in doubt.
  *
- * NOT BUILT: contact under LEAPFROG, hosts' terms without vjp, hosts' terms under LEAPFROG: refused
- * by CLOTH_ERR_UNSUPPORTED.
+ * LEAPFROG's contact is impact zones: the derivative goes through their programs, by the rows that
+ * push, and through what made these rows (clothsim_collide.h [8.8]). report.margin says how far, in
+ * m, the nearest row is from pushing no more or beginning to.
+ *
+ * NOT BUILT: hosts' terms without vjp: refused by CLOTH_ERR_UNSUPPORTED.
  */
 
 /* ===== [1.3] REFERENCES ======================================================================
@@ -238,6 +241,9 @@ typedef struct cloth_grad_report {
     double   early;             /* relative error of the gradient by that, estimated           */
     size_t   bytes;             /* most that the tape held                                     */
     double   ms;                /* 0 without a clock hook                                      */
+    int      rows, redundant;   /* LEAPFROG's contact: rows that push, of all substeps; of them,
+                                   that follow from others and are dropped                     */
+    double   margin;            /* m, of the row that is nearest to a change; HUGE_VAL: no row */
 } cloth_grad_report;
 
 /* The derivative of the loss by all that `out` asks for. The sim steps on from where it was: its
@@ -780,6 +786,11 @@ static void clothi_tape_outcome(const cloth_tape *t, const cloth_step_record *r,
         t->how[e->substeps - 1] |= CLOTHI_HOW_KEPT;
 }
 
+/* Doubles of LEAPFROG's path a kick: x and v; with contact, those that it is given too. */
+static size_t clothi_tape_each(const cloth_tape *t) {
+    return (t->sim->contact_on ? 4 : 2) * t->nv3;
+}
+
 /* A step was accepted; r NULL: what it would have begun with was moved. */
 static void clothi_tape_step(void *user, const cloth_step_record *r) {
     cloth_tape    *t = (cloth_tape *)user;
@@ -804,7 +815,7 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     e->h = r->h;
     clothi_tape_outcome(t, r, e);
     if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
-        t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * 2 * t->nv3 *
+        t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * clothi_tape_each(t) *
                                                sizeof(double));
     if (t->lost || !clothi_tape_take(t, r, e)) {
         clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
@@ -853,8 +864,9 @@ static void clothi_tape_substep(void *user, const cloth_step_input *in, const do
     cloth_tape  *t = (cloth_tape *)user;
     cloth_recorder *host = &t->sim->host;
     const int    leap = in->y == NULL && in->h > 0;
-    const size_t each = leap ? 2 * t->nv3 : t->nv3;
+    const size_t each = leap ? clothi_tape_each(t) : t->nv3;
     size_t       need;
+    t->sim->landing = NULL;
     if (t->mode == CLOTHI_TAPE_RECORD && host->substep) host->substep(host->user, in, x);
     if (t->mode == CLOTHI_TAPE_DEAF || (t->mode == CLOTHI_TAPE_RECORD && t->ended)) return;
     if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0;
@@ -869,6 +881,7 @@ static void clothi_tape_substep(void *user, const cloth_step_input *in, const do
         double *to = t->trace + (size_t)t->traced * each;
         memcpy(to, x, t->nv3 * sizeof(double));
         if (leap) memcpy(to + t->nv3, in->v, t->nv3 * sizeof(double));
+        if (leap && t->sim->contact_on) t->sim->landing = to + 2 * t->nv3;
     }
     t->traced++;
 }
@@ -924,7 +937,7 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
     if (!leap && m > 1) t->slot += (size_t)(m - 1) * t->nv3 * sizeof(double);
     t->room = t->fixed_input + units + CLOTHI_PAD8(units);
     t->work = clothi_grad_bytes(s, t->motion, t->room);
-    if (s->contact_on) t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
+    if (s->contact_on && !leap) t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
     need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot + how +
            (t->room / 8) * 12;
     if (t->opt.bytes && t->opt.bytes < need)
@@ -1215,7 +1228,8 @@ typedef struct clothi_grad {                /* one walk backwards               
     double *mu, *lambda, *bending, *damping;/* [nregions] under the params of the sim          */
     double *pose, *aim;                     /* [max_attachments x 3] by where attachments are at
                                                a step's start, by where it takes them          */
-    cloth_matrix *elastic;                  /* with contact: H without it                      */
+    cloth_pattern *pattern;                 /* LEAPFROG with hosts' terms: of no element       */
+    cloth_matrix *elastic;                  /* with contact: H without it; LEAPFROG: hosts' H  */
     double *krylov;                         /* [2 CLOTHI_GRAD_KRYLOV + 1][nv x 3]              */
     cloth_contact_grad touch;               /* what contact has results for                    */
 } clothi_grad;
@@ -1875,10 +1889,18 @@ static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k
  *   kick               u = -c_k lv/M on free axes;   lx += H u + vjp_x(u),  lv += vjp_v(u),
  *                      dL/dp = u' dF/dp,  dL/dG = c_k sum lv,  dL/dm = c_k lv.(F/m)/m
  *
+ *   contact    min |x' - x*|^2_M/2, G x' >= b, then the same of v by the rows that push, x* and v*
+ *              what drift and kick have made; l = dL/dx', multipliers lambda; G: of active rows
+ *              S mu = G M^-1 l, S = G M^-1 G';    l <- l - G'mu, z = M^-1 l
+ *              dL/db = mu,  dL/dG_r = lambda_r z - mu_r x',  dL/dm = -z.(x' - x*)
+ *              S is factored with pivots; rows that depend on others get mu = 0. What made b and G
+ *              (the places at the time of impact) is contact's to tell; of rows that a later pass
+ *              has made, x' itself: that part is taken again until it is spent.
+ *
  * H u by [3.2], without a matrix. F depends on v by material damping, whose strain rate is taken
  * against x - hs v, and by wind. x and v at every kick come from running the step anew: the path of
  * a step is long, and its start is kept.
- * checked: tests/test_grad.c: differences_leapfrog
+ * checked: tests/test_grad.c: differences_leapfrog, host_term; tests/test_grad_contact.c: zones
  */
 
 /* F' u by the terms that are no elements. */
@@ -1890,6 +1912,264 @@ static void clothi_leap_times(const cloth_sim *s, const double *u, double *out) 
         for (j = 0; j < 3 * n; j++)
             out[3 * v[j / 3] + j % 3] += s->in.attach[i].k * w[j / 3] * up[j % 3];
     }
+}
+
+/* H u of hosts' terms, whose matrix this is. */
+static cloth_status clothi_leap_hosts(clothi_grad *g, cloth_eval e, const double *u, double *out) {
+    cloth_sim   *s = g->s;
+    cloth_status status = CLOTH_OK;
+    double       energy;
+    size_t       i;
+    int          k;
+    cloth_matrix_clear(g->elastic);
+    e.hess = g->elastic;
+    for (k = s->nbuiltin; k < s->nterms && !status; k++) {
+        if (s->term[k].begin) status = s->term[k].begin(s->term[k].user, &e);
+        if (!status) status = s->term[k].eval(s->term[k].user, &e, &energy);
+    }
+    cloth_matrix_mul(g->elastic, NULL, u, g->left);
+    for (i = 0; i < g->t->nv3; i++) out[i] += g->left[i];
+    return status;
+}
+
+/* --- impact zones --- */
+
+#define CLOTHI_GRAD_RANK   1e-11            /* of the largest pivot: a row that others imply   */
+#define CLOTHI_GRAD_ROUNDS 20               /* of what later passes have made                  */
+
+typedef struct clothi_rows {                /* rows of a resolve, by their zones               */
+    const cloth_contact_row *row;
+    int     n, nzone;
+    int    *start, *order;                  /* [nzone + 1], [n]                                */
+    int    *list, *perm;                    /* [n] of a zone: active ones; by pivots           */
+    double *rate;                           /* [n x CLOTH_ROW_RATES]                           */
+    double *mu, *S;                         /* [n], [m x m], m the most active ones of a zone  */
+    size_t  most;                           /* m                                               */
+} clothi_rows;
+
+static int clothi_row_pushes(const cloth_contact_row *r, int speeds) {
+    return r->zone >= 0 && r->multiplier > 0 && (!speeds || r->impulse > 0);
+}
+
+/* n . sum w a over what is of cloth; by_mass: of a/m where it may move. */
+static double clothi_row_along(const cloth_sim *s, const cloth_contact_row *r, const double *a,
+                               int by_mass) {
+    double sum = 0;
+    int    i, k;
+    for (i = 0; i < r->n; i++)
+        for (k = 0; r->v[i] < s->model->nv && k < 3; k++) {
+            const double term = r->w[i] * r->normal[k] * a[3 * r->v[i] + k];
+            if (!by_mass) sum += term;
+            else if (!(s->pin[r->v[i]] >> k & 1)) sum += term / s->params.mass[r->v[i]];
+        }
+    return sum;
+}
+
+/* The entry of S of two rows. */
+static double clothi_row_pair(const cloth_sim *s, const cloth_contact_row *p,
+                              const cloth_contact_row *q) {
+    double sum = 0;
+    int    i, j, k;
+    for (i = 0; i < p->n; i++)
+        for (j = 0; j < q->n; j++)
+            for (k = 0; p->v[i] == q->v[j] && p->v[i] < s->model->nv && k < 3; k++)
+                if (!(s->pin[p->v[i]] >> k & 1))
+                    sum += p->w[i] * q->w[j] * p->normal[k] * q->normal[k] /
+                           s->params.mass[p->v[i]];
+    return sum;
+}
+
+static cloth_status clothi_rows_open(clothi_grad *g, clothi_rows *q) {
+    int *at, i, most = 0;
+    memset(q, 0, sizeof *q);
+    q->row = g->s->contact.rows(g->s->contact.user, &q->n);
+    for (i = 0; i < q->n; i++)
+        if (q->row[i].zone >= q->nzone) q->nzone = q->row[i].zone + 1;
+    at = (int *)clothi_alloc(&g->t->hooks, (size_t)(3 * q->n + q->nzone + 2), sizeof(int));
+    if (!at) return CLOTH_ERR_MEMORY;
+    q->start = at, q->order = at + q->nzone + 2, q->list = q->order + q->n;
+    q->perm = q->list + q->n;
+    for (i = 0; i < q->n; i++)
+        if (q->row[i].zone >= 0) q->start[q->row[i].zone + 2]++;
+    for (i = 2; i < q->nzone + 2; i++) {
+        most = q->start[i] > most ? q->start[i] : most;
+        q->start[i] += q->start[i - 1];
+    }
+    for (i = 0; i < q->n; i++)
+        if (q->row[i].zone >= 0) q->order[q->start[q->row[i].zone + 1]++] = i;
+    q->most = (size_t)most;
+    q->rate = (double *)clothi_alloc(&g->t->hooks, (size_t)q->n * (CLOTH_ROW_RATES + 1) +
+                                                   q->most * q->most + 1, sizeof(double));
+    if (!q->rate) return CLOTH_ERR_MEMORY;
+    q->mu = q->rate + CLOTH_ROW_RATES * q->n, q->S = q->mu + q->n;
+    return CLOTH_OK;
+}
+
+static void clothi_rows_close(clothi_grad *g, clothi_rows *q) {
+    clothi_free(&g->t->hooks, q->start);
+    clothi_free(&g->t->hooks, q->rate);
+}
+
+/* S of the rows in list [m] is factored, pivots first; returns its rank. */
+static int clothi_rows_factor(const cloth_sim *s, clothi_rows *q, int m) {
+    const size_t ld = q->most;
+    double      *S = q->S, first = 0;
+    int          i, j, k;
+    for (i = 0; i < m; i++)
+        for (q->perm[i] = i, j = 0; j <= i; j++)
+            S[(size_t)i * ld + (size_t)j] = S[(size_t)j * ld + (size_t)i] =
+                clothi_row_pair(s, q->row + q->list[i], q->row + q->list[j]);
+    for (k = 0; k < m; k++) {
+        double root;
+        int    p = k;
+        for (i = k; i < m; i++)
+            if (S[(size_t)i * (ld + 1)] > S[(size_t)p * (ld + 1)]) p = i;
+        root = S[(size_t)p * (ld + 1)];
+        if (k == 0) first = root;
+        if (!(root > CLOTHI_GRAD_RANK * first)) return k;
+        for (i = 0; i < m; i++) {           /* rows and columns k and p change places */
+            const double t = S[(size_t)k * ld + (size_t)i];
+            S[(size_t)k * ld + (size_t)i] = S[(size_t)p * ld + (size_t)i];
+            S[(size_t)p * ld + (size_t)i] = t;
+        }
+        for (i = 0; i < m; i++) {
+            const double t = S[(size_t)i * ld + (size_t)k];
+            S[(size_t)i * ld + (size_t)k] = S[(size_t)i * ld + (size_t)p];
+            S[(size_t)i * ld + (size_t)p] = t;
+        }
+        i = q->perm[k], q->perm[k] = q->perm[p], q->perm[p] = i;
+        root = sqrt(root);
+        for (i = k; i < m; i++) S[(size_t)i * ld + (size_t)k] /= root;
+        for (i = k + 1; i < m; i++)
+            for (j = k + 1; j < m; j++)
+                S[(size_t)i * ld + (size_t)j] -=
+                    S[(size_t)i * ld + (size_t)k] * S[(size_t)j * ld + (size_t)k];
+    }
+    return m;
+}
+
+/* mu of the rows in list [m] for l = a, which becomes a - G'mu. */
+static void clothi_rows_solve(clothi_grad *g, clothi_rows *q, int m, double *a) {
+    const cloth_sim *s = g->s;
+    const int        rank = clothi_rows_factor(s, q, m);
+    const size_t     ld = q->most;
+    int              i, j, k;
+    g->rep->rows += m, g->rep->redundant += m - rank;
+    for (i = 0; i < m; i++) q->mu[q->list[i]] = 0;
+    for (i = 0; i < rank; i++) {
+        double t = clothi_row_along(s, q->row + q->list[q->perm[i]], a, 1);
+        for (j = 0; j < i; j++)
+            t -= q->S[(size_t)i * ld + (size_t)j] * q->mu[q->list[q->perm[j]]];
+        q->mu[q->list[q->perm[i]]] = t / q->S[(size_t)i * (ld + 1)];
+    }
+    for (i = rank - 1; i >= 0; i--) {
+        double t = q->mu[q->list[q->perm[i]]];
+        for (j = i + 1; j < rank; j++)
+            t -= q->S[(size_t)j * ld + (size_t)i] * q->mu[q->list[q->perm[j]]];
+        q->mu[q->list[q->perm[i]]] = t / q->S[(size_t)i * (ld + 1)];
+    }
+    for (i = 0; i < m; i++) {
+        const cloth_contact_row *r = q->row + q->list[i];
+        for (j = 0; j < r->n; j++)
+            for (k = 0; r->v[j] < s->model->nv && k < 3; k++)
+                a[3 * r->v[j] + k] -= q->mu[q->list[i]] * r->w[j] * r->normal[k];
+    }
+}
+
+/* How far, m, row r is from a change at x (or v, over `hs`). */
+static double clothi_row_margin(const cloth_sim *s, const cloth_contact_row *r, const double *x,
+                                int speeds, double hs) {
+    const double scale = speeds ? hs : 1;
+    if (clothi_row_pushes(r, speeds))
+        return scale * (speeds ? r->impulse : r->multiplier) * clothi_row_pair(s, r, r);
+    return scale * fabs(clothi_row_along(s, r, x, 0) - (speeds ? r->speed : r->bound));
+}
+
+/* The program on places (or speeds) backwards: a = dL/dx' becomes dL/dx*; x' and x* given. */
+static void clothi_rows_back(clothi_grad *g, clothi_rows *q, int speeds, double hs,
+                             const double *x, const double *x0, double *a) {
+    const cloth_sim *s = g->s;
+    int              z, i, j, k, m;
+    size_t           l;
+    for (z = 0; z < q->nzone; z++) {
+        for (i = q->start[z], m = 0; i < q->start[z + 1]; i++) {
+            const cloth_contact_row *r = q->row + q->order[i];
+            if (clothi_row_pushes(r, speeds)) q->list[m++] = q->order[i];
+            if (!speeds || r->multiplier > 0)
+                g->rep->margin = clothi_min(g->rep->margin,
+                                            clothi_row_margin(s, r, x, speeds, hs));
+        }
+        clothi_rows_solve(g, q, m, a);
+        for (i = 0; i < m; i++) {
+            const cloth_contact_row *r = q->row + q->list[i];
+            const double lambda = speeds ? r->impulse : r->multiplier, mu = q->mu[q->list[i]];
+            double      *rate = q->rate + CLOTH_ROW_RATES * q->list[i];
+            rate[7 + speeds] += mu;
+            for (j = 0; j < r->n; j++)
+                for (k = 0; r->v[j] < s->model->nv && k < 3; k++) {
+                    const int    at = 3 * r->v[j] + k, held = s->pin[r->v[j]] >> k & 1;
+                    const double c = (held ? 0 : lambda * a[at] / s->params.mass[r->v[j]]) -
+                                     mu * x[at];
+                    rate[k] += r->w[j] * c;
+                    rate[3 + j] += r->normal[k] * c;
+                }
+        }
+    }
+    for (l = 0; l < g->t->nv3; l++)
+        if (!(s->pin[l / 3] >> l % 3 & 1))
+            g->mass[l / 3] -= a[l] / s->params.mass[l / 3] * (x[l] - x0[l]);
+}
+
+/* What made the rows: to g->lx, by x*; g->np, by x; g->nv, by x'. 1: something was frozen. */
+static int clothi_rows_made(clothi_grad *g, clothi_rows *q) {
+    cloth_sim       *s = g->s;
+    const cloth_eval e = clothi_eval_of(s);
+    cloth_vjp        to;
+    memset(&to, 0, sizeof to);
+    to.x = g->lx, to.x_n = g->np, to.x_end = g->nv;
+    memset(g->nv, 0, g->t->nv3 * sizeof(double));
+    s->contact.rows_vjp(s->contact.user, &e, q->rate, &to);
+    return to.frozen;
+}
+
+/* Contact at the end of the drift from x, v at a kick, which are followed by what it was given, to
+ * `next`: lx and lv before it, and into g->np what goes to x. */
+static cloth_status clothi_leap_touch(clothi_grad *g, double hs, const double *x,
+                                      const double *next, int k) {
+    cloth_sim    *s = g->s;
+    const size_t  n = g->t->nv3, bytes = n * sizeof(double);
+    const double *given = x + 2 * n;
+    clothi_rows   q;
+    cloth_status  status;
+    int           round, frozen;
+    size_t        i;
+    memset(g->np, 0, bytes);
+    if (memcmp(given, next, 2 * bytes) == 0) return CLOTH_OK;
+    memcpy(s->w.x, x, bytes);
+    memcpy(s->w.trial, x + n, bytes);
+    status = clothi_leap_contact(s, hs, 0, NULL);
+    memcpy(s->w.x, given, bytes);
+    memcpy(s->w.trial, given + n, bytes);
+    if (!status) status = clothi_leap_contact(s, hs, 1, NULL);
+    if (status) return status;
+    status = clothi_rows_open(g, &q);
+    if (!status) {
+        frozen = memcmp(s->w.x, next, bytes) != 0 ||    /* it remembers more than a step's start */
+                 memcmp(s->w.trial, next + n, bytes) != 0;
+        clothi_rows_back(g, &q, 1, hs, s->w.trial, given + n, g->lv);
+        clothi_rows_back(g, &q, 0, hs, s->w.x, given, g->lx);
+        frozen |= clothi_rows_made(g, &q);
+        for (round = 0; round < CLOTHI_GRAD_ROUNDS && !clothi_all_zero(g->nv, n); round++) {
+            memcpy(g->nw, g->nv, bytes);
+            memset(q.rate, 0, (size_t)q.n * CLOTH_ROW_RATES * sizeof(double));
+            clothi_rows_back(g, &q, 0, hs, s->w.x, given, g->nw);
+            for (i = 0; i < n; i++) g->lx[i] += g->nw[i];
+            frozen |= clothi_rows_made(g, &q);
+        }
+        if (frozen) clothi_grad_doubt(g, CLOTH_GRAD_FROZEN, k);
+    }
+    clothi_rows_close(g, &q);
+    return status;
 }
 
 /* u of kick k at x, v with v' after it; gravity and masses take theirs. */
@@ -1933,6 +2213,7 @@ static cloth_status clothi_leap_back(clothi_grad *g, double hs, const double *x,
     }
     e.x_n = x;
     e.h = 0;
+    if (!status && s->nterms > s->nbuiltin) status = clothi_leap_hosts(g, e, g->a, g->lx);
     clothi_grad_goals(g, g->a, s->in.share[1]);
     if (!status && s->wind_on)
         status = s->term[CLOTHI_TERM_WIND].begin(s->term[CLOTHI_TERM_WIND].user, &e);
@@ -1965,22 +2246,25 @@ static void clothi_leap_held(clothi_grad *g, double h, double share, int drift, 
 static cloth_status clothi_leap_adjoint(clothi_grad *g, double h, const double *v_end, int kicks,
                                         int k) {
     cloth_sim    *s = g->s;
-    const size_t  n = g->t->nv3;
-    const int     m = kicks - 1;
+    const size_t  n = g->t->nv3, each = clothi_tape_each(g->t);
+    const int     m = kicks - 1, touches = s->contact_on;
     const double  hs = h / m;
     cloth_status  status = CLOTH_OK;
     int           j;
     size_t        i;
     for (j = m; j >= 0 && !status; j--) {
-        const double *x = g->t->trace + 2 * n * (size_t)j, *v = x + n;
-        const double *after = j < m ? v + 2 * n : v_end;
+        const double *x = g->t->trace + each * (size_t)j, *v = x + n;
+        const double *after = j < m ? v + 2 * n : v_end;        /* contact: what it was given */
         clothi_input(s, hs, (double)j / m, (double)(j + 1) / m);
-        s->in.share[1] = s->in.share[0];
         s->in.x = x;
         s->in.v = v;
+        if (touches && j < m) status = clothi_leap_touch(g, hs, x, x + each, k);
+        s->in.share[1] = s->in.share[0];
         for (i = 0; i < n && j < m; i++)
             if (!(s->pin[i / 3] >> i % 3 & 1)) g->lv[i] += hs * g->lx[i];
         clothi_leap_held(g, h, (double)(j + 1) / m, j < m, k);
+        for (i = 0; i < n && touches && j < m; i++) g->lx[i] += g->np[i];
+        if (status) break;
         clothi_leap_impulse(g, j == 0 || j == m ? 0.5 * hs : hs, v, after);
         status = clothi_leap_back(g, hs, x, v, k);
     }
@@ -2133,6 +2417,7 @@ static cloth_status clothi_grad_replay(clothi_grad *g, int k, int mode) {
     g->rep->replayed++;
     status = h > 0 ? cloth_step(g->s, h, NULL) : cloth_solve_static(g->s, NULL);
     g->t->mode = CLOTHI_TAPE_DEAF;
+    g->s->landing = NULL;
     return g->t->lost ? CLOTH_ERR_MEMORY : status;
 }
 
@@ -2140,10 +2425,13 @@ static cloth_status clothi_grad_replay(clothi_grad *g, int k, int mode) {
 static cloth_status clothi_grad_leap(clothi_grad *g, int k, const unsigned char *slot) {
     const clothi_taped *e = g->t->step + k;
     cloth_status status = CLOTH_OK;
-    if (!clothi_tape_trace(g->t, 2 * g->t->nv3 * (size_t)e->substeps)) return CLOTH_ERR_MEMORY;
+    if (!clothi_tape_trace(g->t, clothi_tape_each(g->t) * (size_t)e->substeps))
+        return CLOTH_ERR_MEMORY;
     status = clothi_grad_replay(g, k, CLOTHI_TAPE_TRACE);
     if (!status) status = clothi_grad_put(g, k, slot);
-    return status ? status : clothi_leap_adjoint(g, e->h, g->v, g->t->traced, k);
+    if (!status) status = clothi_leap_adjoint(g, e->h, g->v, g->t->traced, k);
+    if (g->s->contact_on) g->s->contact.rollback(g->s->contact.user, NULL);
+    return status;
 }
 
 /* The substeps of step k from its motion in `slot` to g->x, last one first. */
@@ -2341,21 +2629,17 @@ static cloth_status clothi_grad_check(const cloth_tape *t, const cloth_grad *o) 
     if (t->n == 0)
         return clothi_fail(&t->hooks, CLOTH_ERR_ARGUMENT, "cloth_grad: no step is recorded%s%s",
                            t->ended ? ": " : "", t->ended ? t->ended : "");
-    if (s->contact_on && s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
-        return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: contact under LEAPFROG, "
-                           "whose zones have no derivative");
-    if (s->contact_on && !(s->contact.vjp && s->contact.adjoint))
+    if (s->contact_on && !(s->contact.vjp && s->contact.adjoint && s->contact.rows &&
+                           s->contact.rows_vjp))
         return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: the contact of this sim "
                            "has no vjp");
     if (!s->contact_on && o && (o->friction || o->part_friction || o->obstacle))
         return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: friction or obstacle is "
                            "asked for, but this sim has no contact");
     for (i = s->nbuiltin; i < s->nterms; i++)
-        if (!s->term[i].vjp || s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        if (!s->term[i].vjp)
             return clothi_fail(&t->hooks, CLOTH_ERR_UNSUPPORTED, "cloth_grad: the host's term "
-                               "'%s' %s", s->term[i].name ? s->term[i].name : "?",
-                               s->term[i].vjp ? "under LEAPFROG, which has no Hessian of it"
-                                              : "has no vjp");
+                               "'%s' has no vjp", s->term[i].name ? s->term[i].name : "?");
     return CLOTH_OK;
 }
 
@@ -2377,7 +2661,8 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
                                      cloth_grad_report *rep, unsigned char **block) {
     const size_t units = clothi_tape_units(t->sim, CLOTHI_SIZE, NULL, 0);
     const size_t input = clothi_max_size(t->room, t->fixed_input + units + CLOTHI_PAD8(units));
-    cloth_status status;
+    const int    leap = t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG, none = 0;
+    cloth_status status = CLOTH_OK;
     memset(g, 0, sizeof *g);
     g->t = t;
     g->s = t->sim;
@@ -2389,12 +2674,19 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     if (!*block) return CLOTH_ERR_MEMORY;
     (void)clothi_grad_arrays(t->sim, t->motion, input, g, *block);
     g->here = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
-    if (!g->here || !t->sim->contact_on) return g->here ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    if (!g->here) return CLOTH_ERR_MEMORY;
+    if (leap && t->sim->nterms > t->sim->nbuiltin)
+        status = cloth_pattern_create(&t->sim->hooks, t->sim->model->nv, 0, &none, &none, NULL,
+                                      &g->pattern);
+    if (!status && g->pattern)
+        status = cloth_matrix_create(&t->sim->hooks, g->pattern, &g->elastic);
+    if (status || !t->sim->contact_on) return status;
     g->touch.friction = out->friction;
     g->touch.part_friction = out->part_friction;
     g->touch.obstacle = out->obstacle;
     g->touch.user = out->user;
     g->touch.attach = g->aim;
+    if (leap) return clothi_grad_adjoint(g, CLOTH_ADJOINT_BEGIN, 0);
     g->krylov = (double *)clothi_tape_alloc(t, (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3,
                                             sizeof(double));
     if (!g->krylov) return CLOTH_ERR_MEMORY;
@@ -2443,6 +2735,7 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
     memset(r, 0, sizeof *r);
     r->step = -1;
     r->why = "";
+    r->margin = HUGE_VAL;
     r->status = CLOTH_ERR_ARGUMENT;
     if (!tape) return CLOTH_ERR_ARGUMENT;
     if (!loss || !out)
@@ -2465,9 +2758,10 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
         tape->mode = CLOTHI_TAPE_RECORD;
         if (status) clothi_grad_clear(tape, out);
     }
-    if (status && g.elastic && tape->sim->contact_on)   /* its scratch goes, without results */
+    if (status && tape->sim->contact_on)    /* its scratch goes, without results */
         (void)tape->sim->contact.adjoint(tape->sim->contact.user, CLOTH_ADJOINT_END, 0, NULL);
     cloth_matrix_destroy(g.elastic);
+    cloth_pattern_destroy(g.pattern);
     clothi_tape_free(tape, g.krylov);
     clothi_tape_free(tape, g.here);
     clothi_tape_free(tape, block);

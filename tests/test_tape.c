@@ -304,6 +304,39 @@ static void bad_options(scene *s) {
     CHECK(cloth_tape_steps(NULL) == 0 && cloth_tape_bytes(NULL, NULL) == 0);
 }
 
+/* A sim without a tape pays nothing: where one was made, recorded and went, bytes, blocks and bits
+ * are those of a sim that never had one, and steps allocate nothing. (Instructions: bench_grad.) */
+static void nothing_without(void) {
+    static host       never;
+    const cloth_hooks without = host_hooks(&never);
+    int               kind, k, calls[2];
+    FOR_INTEGRATORS(kind) {
+        play        p = play_default();
+        cloth_tape *tape = NULL;
+        scene       s, other;
+        p.integrator = (cloth_integrator)kind;
+        p.tolerance = 1e-6;
+        hooks = host_hooks(&told);
+        p.hooks = &hooks;
+        (void)play_run(&p, &s, &tape, -1);
+        CHECK(cloth_tape_steps(tape) == p.steps);
+        cloth_tape_destroy(tape);
+        p.hooks = &without;
+        (void)play_run(&p, &other, NULL, -1);
+        CHECK(told.bytes == never.bytes && told.live == never.live && told.bytes > 0);
+        calls[0] = told.calls, calls[1] = never.calls;
+        for (k = 0; k < 3; k++) {
+            CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+            CHECK(cloth_step(other.sim, p.h, NULL) == CLOTH_OK);
+        }
+        CHECK(told.calls == calls[0] && never.calls == calls[1]);
+        CHECK(cloth_sim_hash(s.sim) == cloth_sim_hash(other.sim));
+        scene_close(&s);
+        scene_close(&other);
+        CHECK(told.bytes == 0 && never.bytes == 0);
+    }
+}
+
 static void tape_bad_input(void) {
     play              p = play_default();
     cloth_tape       *tape = NULL;
@@ -378,6 +411,7 @@ int main(int argc, char **argv) {
     RUN(tape_ends);
     RUN(tape_orphan);
     RUN(tape_memory);
+    RUN(nothing_without);
     RUN(tape_bad_input);
     RUN(contact_refused);
     return TEST_END();

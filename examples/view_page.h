@@ -540,7 +540,7 @@ static const char *const view_page_code[] = {
     "const DS = 'precision highp float;varying vec3 N,C,P;varying vec4 U;void main(){' +\n",
     "  'vec4 e=fract(gl_FragCoord.z*vec4(1.,255.,65025.,16581375.));' +\n",
     "  'gl_FragColor=e-e.yzww*vec4(vec3(1./255.),0.);}';\n",
-    "/* wave() is a square wave, grey where it is finer than pixels; weave(): gingham, "
+    "/* wave() is a square wave, grey where w, a pixel in periods, is too wide; weave(): gingham, "
     "stripes, squares\n",
     " * with a thin line, plaid. Textures count only where U.w says so; U.z is 1 at a rim: "
     "the hem. */\n",
@@ -552,14 +552,14 @@ static const char *const view_page_code[] = {
     "  'for(int i=-1;i<3;i++)for(int j=-1;j<3;j++)k+=step(min(s.z,1.)-texel.y,' +\n",
     "  'dot(texture2D(map,s.xy+1.2*texel.x*vec2(float(i)-.5,float(j)-.5)),' +\n",
     "  'vec4(1.,1./255.,1./65025.,1./16581375.)));return k/16.;}' +\n",
-    "  'float wave(float x,float part){float w=clamp(1.2*length(vec2(dFdx(x),dFdy(x))),1e-3,."
-    "5);' +\n",
-    "  'return mix(smoothstep(part-w,part+w,2.*abs(fract(x)-.5)),1.-part,smoothstep(.25,.5,w)"
-    ");}' +\n",
-    "  'float weave(vec2 u,float k){float a=wave(u.x,.5),b=wave(u.y,.5);' +\n",
-    "  'if(k<1.5)return .5*(a+b);if(k<2.5)return wave(u.x,.62);' +\n",
-    "  'if(k<3.5)return .85*max(wave(u.x,.86),wave(u.y,.86));' +\n",
-    "  'return .42*(a+b)+.3*wave(u.x+.25,.92)*wave(u.y+.25,.5);}' +\n",
+    "  'float wave(float x,float w,float part){return mix(' +\n",
+    "  'smoothstep(part-w,part+w,2.*abs(fract(x)-.5)),1.-part,smoothstep(.25,.5,w));}' +\n",
+    "  'float weave(vec2 u,float k){vec2 s=dFdx(u),t=dFdy(u),w=clamp(1.2*sqrt(s*s+t*t),1e-3,.5);"
+    "' +\n",
+    "  'if(k>1.5&&k<2.5)return wave(u.x,w.x,.62);else if(k>2.5&&k<3.5)' +\n",
+    "  'return .85*max(wave(u.x,w.x,.86),wave(u.y,w.y,.86));' +\n",
+    "  'float c=.5*(wave(u.x,w.x,.5)+wave(u.y,w.y,.5));if(k<1.5)return c;' +\n",
+    "  'return .84*c+.3*wave(u.x+.25,w.x,.92)*wave(u.y+.25,w.y,.5);}' +\n",
     "  'void main(){if(flat_.a<0.){' +\n",
     "  'gl_FragColor=vec4(0.,0.,0.,-flat_.a*(1.-lit(P)));return;}' +\n",
     "  'if(flat_.a>0.){gl_FragColor=vec4(flat_.rgb*flat_.a,flat_.a);return;}' +\n",

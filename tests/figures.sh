@@ -39,7 +39,9 @@ awk -F ' [|] ' -v logs="$logs" '
             value = field[at]
             gsub(/^[+]-|[:m]$/, "", value)
             value = value < 0 ? -value : value + 0
-            if (!n++ || $5 ~ /^(last|one|time)$/ || ($5 == "min" ? value < best : value > best))
+            n++
+            if ($5 ~ /^[0-9]+$/ ? n == $5 : n == 1 || $5 ~ /^(last|one|time)$/ ||
+                                            ($5 == "min" ? value < best : value > best))
                 best = value
         }
         close(log_file ".log")

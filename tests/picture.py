@@ -14,7 +14,10 @@ strips = [Image.new('RGB', (SIDE * len(pages), SIDE)) for f in range(FRAMES)]
 for i, (name, t0, t1) in enumerate(pages):
     browser = Browser('%d,%d' % (2 * SIDE, 2 * SIDE))
     try:
-        browser.open('file://%s/%s.html#light&t=%g' % (os.path.abspath(out), name, t0))
+        browser.open('about:blank')         # a stage of the whole square: the window has a bar
+        browser.call('Emulation.setDeviceMetricsOverride', width=2 * SIDE, height=2 * SIDE,
+                     deviceScaleFactor=1, mobile=False)
+        browser.go('file://%s/%s.html#light&t=%g' % (os.path.abspath(out), name, t0))
         while not (browser.js('document.title') or '').startswith('ready'):
             pass
         browser.js("""['header', 'footer', '#hint'].forEach(function (s) {
@@ -29,7 +32,6 @@ for i, (name, t0, t1) in enumerate(pages):
             strips[f].paste(shot.convert('RGB'), (SIDE * i, 0))
     finally:
         browser.close()
-strips = [s.crop((0, 0, SIDE * len(pages), 276)) for s in strips]      # what the stage fills
 path = os.path.join(here, '..', 'examples', 'moving.webp')
 strips[0].save(path, save_all=True, append_images=strips[1:], duration=45, loop=0, quality=62,
                method=4)

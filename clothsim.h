@@ -5107,49 +5107,54 @@ CLOTHI_UNUSED static void clothi_hinge_blocks(clothi_in x, clothi_in rest, cloth
     clothi_hinge_curve(&w, moment, H);
 }
 
-/* The second derivative times u: with Wu = sum W_j u_j, Du = u_0 - u_1 and b = (h/l)^2/2 a wing has
- *   a_ = p (M.Wu) + M (p.Wu) - r (p.Du),   d_ = b (p (M.Du) + M (p.Du)) - p (r.Wu)
- * and gives W_i a_ + D_i d_ to its corners. */
-CLOTHI_HOT void clothi_hinge_turn(const clothi_wings *CLOTHI_RESTRICT w, clothi_in u,
-                                  clothi_in moment, clothi_out f) {
-    enum { L = CLOTHI_LANES };
-    int s, k, i;
-    for (s = 0; s < 2; s++)
-        for (k = 0; k < L; k++) {
-            const double *p = w->p[s] + k, *M = w->M[s] + k, *r = w->r + k, t = w->t[s][k];
-            double        MW = 0, pW = 0, rW = 0, MD = 0, pD = 0;
-            for (i = 0; i < 3; i++) {
-                const double u0 = u[i * L + k], u1 = u[(3 + i) * L + k];
-                const double D = u0 - u1, W = (u[(6 + 3 * s + i) * L + k] - u0) + t * D;
-                MW += M[i * L] * W, pW += p[i * L] * W, rW += r[i * L] * W;
-                MD += M[i * L] * D, pD += p[i * L] * D;
-            }
-            for (i = 0; i < 3; i++) {
-                const double a = moment[k] * (p[i * L] * MW + M[i * L] * pW - r[i * L] * pD);
-                const double d = moment[k] * (w->bow[s][k] * (p[i * L] * MD + M[i * L] * pD) -
-                                              p[i * L] * rW);
-                f[i * L + k] += (t - 1.0) * a + d;
-                f[(3 + i) * L + k] -= t * a + d;
-                f[(6 + 3 * s + i) * L + k] += a;
-            }
-        }
+CLOTHI_LANE double clothi_lane_dot(const double *a, int k, double b0, double b1, double b2) {
+    return a[k] * b0 + a[CLOTHI_LANES + k] * b1 + a[2 * CLOTHI_LANES + k] * b2;
 }
 
-CLOTHI_HOT void clothi_hinge_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
-                                 clothi_in damp, clothi_out f) {
+/* With Wu = sum W_j u_j and Du = u_0 - u_1 a wing gives W_i a + D_i d to its corners:
+ *   a = moment (p (M.Wu) + M (p.Wu) - r (p.Du)) + c (1 + damp) p (p.Wu of both wings),
+ *   d = moment ((h/l)^2/2 (p (M.Du) + M (p.Du)) - p (r.Wu)) */
+CLOTHI_HOT void clothi_hinge_products(const clothi_wings *CLOTHI_RESTRICT w, clothi_in u,
+                                      clothi_in moment, clothi_in square, clothi_out f) {
     enum { L = CLOTHI_LANES };
-    double       g[12 * L], along[L] = {0}, moment[L];
+    double MW[2][L], pW[2][L], rW[2][L], MD[2][L], pD[2][L];
+    int    s, r, k;
+    for (s = 0; s < 2; s++)
+        for (k = 0; k < L; k++) {
+            const double *e = u + k, *c = u + (6 + 3 * s) * L + k, t = w->t[s][k];
+            const double  D0 = e[0] - e[3 * L], D1 = e[L] - e[4 * L], D2 = e[2 * L] - e[5 * L];
+            const double  W0 = c[0] - e[0] + t * D0, W1 = c[L] - e[L] + t * D1;
+            const double  W2 = c[2 * L] - e[2 * L] + t * D2;
+            MW[s][k] = clothi_lane_dot(w->M[s], k, W0, W1, W2);
+            pW[s][k] = clothi_lane_dot(w->p[s], k, W0, W1, W2);
+            rW[s][k] = clothi_lane_dot(w->r, k, W0, W1, W2);
+            MD[s][k] = clothi_lane_dot(w->M[s], k, D0, D1, D2);
+            pD[s][k] = clothi_lane_dot(w->p[s], k, D0, D1, D2);
+        }
+    for (r = 0; r < 6 * L; r++) f[r] = 0.0;
+    for (s = 0; s < 2; s++)
+        for (r = 0; r < 3; r++)
+            for (k = 0; k < L; k++) {
+                const double p = w->p[s][r * L + k], M = w->M[s][r * L + k], t = w->t[s][k];
+                const double pM = p * MW[s][k] + M * pW[s][k] - w->r[r * L + k] * pD[s][k];
+                const double bow = w->bow[s][k] * (p * MD[s][k] + M * pD[s][k]);
+                const double a = moment[k] * pM + square[k] * p * (pW[0][k] + pW[1][k]);
+                const double d = moment[k] * (bow - p * rW[s][k]);
+                f[r * L + k] += (t - 1.0) * a + d;
+                f[(3 + r) * L + k] -= t * a + d;
+                f[(6 + 3 * s + r) * L + k] = a;
+            }
+}
+
+CLOTHI_UNUSED static void clothi_hinge_hvp(clothi_in x, clothi_in u, clothi_in rest,
+                                           clothi_in start, clothi_in damp, clothi_out f) {
+    double       square[CLOTHI_LANES], moment[CLOTHI_LANES];
     clothi_wings w;
-    int          k, i;
+    int          k;
+    for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (1.0 + damp[k]);
     clothi_hinge_moments(x, rest, start, damp, moment);
-    clothi_hinge_gradient(x, clothi_one, g);
     clothi_hinge_wings(x, &w);
-    for (i = 0; i < 12; i++)
-        for (k = 0; k < L; k++) along[k] += g[i * L + k] * u[i * L + k];
-    for (i = 0; i < 12; i++)
-        for (k = 0; k < L; k++)
-            f[i * L + k] = rest[k] * (1.0 + damp[k]) * along[k] * g[i * L + k];
-    clothi_hinge_turn(&w, u, moment, f);
+    clothi_hinge_products(&w, u, moment, square, f);
 }
 
 CLOTHI_RARE_BEGIN

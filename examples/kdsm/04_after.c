@@ -94,11 +94,14 @@ static const char *after(lesson *s, predictor *p) {
     sums        row[STEPS + 2];
     double     *most = (double *)malloc((size_t)s->g.nf * sizeof(double));
     const char *error = most ? NULL : "out of memory";
-    int         e, n = 0;
+    int         e, n = 0, still = 0;
     memset(row, 0, sizeof row);
+    for (e = 0; e < s->s.n; e++)
+        still += data_split(s->s.id[e][0]) == 2 && learn_sort(s, e) == LEARN_STILL;
     for (e = 0; e < s->s.n && !error; e++) {
         const double *said;
         if (data_split(s->s.id[e][0]) != 2) continue;
+        if (still && learn_sort(s, e) != LEARN_STILL) continue; /* steps would end their swing */
         said = learn_predict(s, p, e);
         error = said ? example(s, e, said, most, row) : "nothing is predicted";
         n++;

@@ -57,6 +57,7 @@ typedef struct wearer {
     kdsm_cloth   *cloth;
     skin_point   *anchors;      /* [nv]                                                     */
     double       *body, *normal;        /* [f->nv x 3]                                      */
+    double       *T;            /* [joints x 12] of `pose`; 0 at first, which is no pose    */
     uint64_t      id;           /* of body and garment                                      */
 } wearer;
 
@@ -81,7 +82,7 @@ static inline uint64_t predict_hash(uint64_t h, const void *data, size_t n) {
 static inline void wearer_free(wearer *w) {
     kdsm_cloth_destroy(w->cloth), kdsm_pose_destroy(w->pose), kdsm_pose_destroy(w->rest);
     kdsm_destroy(w->space);
-    free(w->anchors), free(w->body);
+    free(w->anchors), free(w->body), free(w->T);
     memset(w, 0, sizeof *w);
 }
 
@@ -118,7 +119,8 @@ static inline const char *wearer_make(const figure *f, int nv, const double *u, 
         return "the garment cannot be embedded";
     w->anchors = (skin_point *)calloc((size_t)nv, sizeof *w->anchors);
     w->body = (double *)calloc(nb, 2 * sizeof(double));
-    if (!w->anchors || !w->body) return "out of memory";
+    w->T = (double *)calloc((size_t)f->njoints, 12 * sizeof(double));
+    if (!w->anchors || !w->body || !w->T) return "out of memory";
     w->normal = w->body + nb;
     w->id = predict_hash(PREDICT_HASH, f->x, nb * sizeof(double));
     w->id = predict_hash(w->id, f->faces, 3 * (size_t)f->nf * sizeof(int));
@@ -172,31 +174,43 @@ static inline void wearer_offsets(wearer *w, const double *T, double *x, int bac
     }
 }
 
+/* The space in the pose T, where it is not in it yet. */
+static inline const char *wearer_pose(wearer *w, const double *T) {
+    const size_t n = 12 * (size_t)w->space->njoints * sizeof *T;
+    if (memcmp(w->T, T, n) == 0) return NULL;
+    if (kdsm_pose_set(w->pose, T)) return "the space cannot be posed";
+    memcpy(w->T, T, n);
+    return NULL;
+}
+
 /* The numbers of kind [nv x 3] for the garment x [nv x 3] under the joints T. */
 static inline const char *wearer_take(wearer *w, int kind, const double *T, const double *x,
                                       double *numbers, kdsm_displace_report *report) {
     kdsm_options o = kdsm_options_default();
+    const char  *error = kind == PREDICT_FRAMES ? NULL : wearer_pose(w, T);
+    if (error) return error;
     if (kind == PREDICT_FRAMES) {
         memcpy(numbers, x, 3 * (size_t)w->cloth->nv * sizeof *x);
         wearer_offsets(w, T, numbers, 0);
         return NULL;
     }
     o.method = kind == PREDICT_UVN ? KDSM_SURFACE : KDSM_HYBRID;
-    if (kdsm_pose_set(w->pose, T)) return "the space cannot be posed";
     return kdsm_displace(w->cloth, w->pose, x, &o, numbers, NULL, report) ? "no displacement"
                                                                           : NULL;
 }
 
 /* The garment from its numbers, in place. */
 static inline const char *wearer_put(wearer *w, int kind, const double *T, double *x) {
-    const int nv = w->cloth->nv;
-    int       i;
+    const int   nv = w->cloth->nv;
+    const char *error;
+    int         i;
     if (kind == PREDICT_SPACE)
         return kdsm_place(w->cloth, T, x, x, NULL) ? "the garment cannot be placed" : NULL;
     if (kind == PREDICT_FRAMES) wearer_offsets(w, T, x, 1);
     if (kind == PREDICT_FRAMES || kind == PREDICT_OWN) return NULL;
     for (i = 0; i < 3 * nv; i++) x[i] += w->cloth->u[i];
-    if (kdsm_pose_set(w->pose, T)) return "the space cannot be posed";
+    error = wearer_pose(w, T);
+    if (error) return error;
     return kdsm_carry(w->rest, w->pose, nv, x, x) ? "the garment cannot be carried" : NULL;
 }
 

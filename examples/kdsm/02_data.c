@@ -9,6 +9,7 @@
  *             --chains N    how many; 2          --poses N    of each, settled; 2
  *             --edge M      of the shirt by formula; 0.03    --steps N   to a pose; 40
  *             --around A    poses of a walk and A of what a person can; 0: all of that alone
+ *             --moves N     motions at random more, 150 steps each, kept while they move; 0
  *             --every N     steps from example to example of a motion; 12
  *             --shard I/N   only chains I, I + N, I + 2 N .. and no merging
  *             --merge       nothing but that
@@ -38,6 +39,7 @@ static const char *read_arguments(int argc, char **argv, job *j) {
     for (i = 2; i < argc; i++) {
         if (!strcmp(argv[i], "--merge")) j->merge = 1;
         else if (!strcmp(argv[i], "--chains") && i + 1 < argc) j->chains = atoi(argv[++i]);
+        else if (!strcmp(argv[i], "--moves") && i + 1 < argc) j->moves = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--poses") && i + 1 < argc) j->poses = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--steps") && i + 1 < argc) j->steps = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--around") && i + 1 < argc) j->around = atof(argv[++i]);
@@ -49,13 +51,13 @@ static const char *read_arguments(int argc, char **argv, job *j) {
                 return "--shard I/N, I from 0";
         } else if (!strcmp(argv[i], "--on") && i + 4 < argc) {
             j->files = argv + i + 1, j->motions = argc - i - 4;
-            if (!j->skeleton) j->chains = 0;
+            if (!j->skeleton) j->chains = j->moves = 0;
             break;
         } else return "an option is not known: see the head of 02_data.c";
     }
     if (j->shard < 0 || j->shard >= j->shards) return "--shard I/N: I from 0, below N";
     if (j->skeleton && !j->motions) return "--skeleton is of the body of --on";
-    return j->chains + j->motions > 0 && j->poses > 0 && j->steps > 0 && j->every > 0 ? NULL
+    return chains_count(j) > 0 && j->poses > 0 && j->steps > 0 && j->every > 0 ? NULL
                : "--chains, --poses, --steps and --every from 1";
 }
 

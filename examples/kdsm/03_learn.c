@@ -7,7 +7,7 @@
  *
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. -I. kdsm/03_learn.c -lm
  *   run:      03_learn FILE [options]             FILE: what 02_data wrote, DIRECTORY/data
- *             --seeds N     trainings of each; 3      --epochs N    200
+ *             --seeds N     trainings of each; 3      --epochs N    100
  *             --hidden N    units a layer; 128        --edge M      of the shirt; 0.03
  *             --few N       learn from chains below N; all
  *             --walk S      seconds of it; 2          --on GARMENT.obj BODY.obj WEIGHTS.txt MOTION
@@ -43,8 +43,11 @@ static const char *const kind_name[PREDICT_KINDS] = {"space (hybrid)", "surface,
 
 typedef struct school {     /* what was learned, and how it did                         */
     predictor of[PREDICT_KINDS][SEEDS], plain[PREDICT_KINDS];
-    double    error[PREDICT_KINDS][SEEDS], volume[PREDICT_KINDS];   /* tested            */
-    double    mean[PREDICT_KINDS], nothing[PREDICT_KINDS];          /* over seeds; untaught */
+    double    error[PREDICT_KINDS][LEARN_SORTS][SEEDS];     /* mm, tested                */
+    double    mean[PREDICT_KINDS][LEARN_SORTS];             /* over the seeds            */
+    double    volume[PREDICT_KINDS][LEARN_SORTS];           /* %                         */
+    double    nothing[PREDICT_KINDS];                       /* mm, untaught              */
+    int       count[LEARN_SORTS];
 } school;
 
 typedef struct steady {     /* a garment along the walk                                 */
@@ -57,42 +60,59 @@ static double since(clock_t start) { return (double)(clock() - start) / CLOCKS_P
 
 /* ----- trained and tested ------------------------------------------------------------- */
 
+/* The deviation of a seed from the mean. */
+static double spread(const double *a, int n, double mean) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < n; i++) sum += pow(a[i] - mean, 2) / (n > 1 ? n - 1 : 1);
+    return sqrt(sum);
+}
+
 static const char *study(lesson *s, school *c, int kind) {
-    const char *error = learn_mean(s, kind, &c->plain[kind]);
-    double      known = 0, spread = 0;
+    const char *error = learn_mean(s, kind, 1, &c->plain[kind]);
+    double      known = 0;
     marks       m;
-    int         i;
-    if (!error) error = learn_judge(s, &c->plain[kind], 2, &m);
+    int         i, k;
+    if (!error) error = learn_judge(s, &c->plain[kind], 2, LEARN_ALL, &m);
     if (error) return error;
-    c->nothing[kind] = 1e3 * m.error;
+    c->nothing[kind] = 1e3 * m.error[LEARN_ALL];
     for (i = 0; i < s->seeds; i++) {
         error = learn_train(s, kind, i, &c->of[kind][i]);
-        if (!error) error = learn_judge(s, &c->of[kind][i], 0, &m);
-        known += 1e3 * m.error / s->seeds;
-        if (!error) error = learn_judge(s, &c->of[kind][i], 2, &m);
+        if (!error) error = learn_judge(s, &c->of[kind][i], 0, LEARN_ALL, &m);
+        known += 1e3 * m.error[LEARN_ALL] / s->seeds;
+        if (!error) error = learn_judge(s, &c->of[kind][i], 2, LEARN_ALL, &m);
         if (error) return error;
-        c->error[kind][i] = 1e3 * m.error, c->mean[kind] += 1e3 * m.error / s->seeds;
-        c->volume[kind] += 100 * m.volume / s->seeds;
+        for (k = 0; k < LEARN_SORTS; k++) {
+            c->error[kind][k][i] = 1e3 * m.error[k], c->count[k] = m.count[k];
+            c->mean[kind][k] += 1e3 * m.error[k] / s->seeds;
+            c->volume[kind][k] += 100 * m.volume[k] / s->seeds;
+        }
     }
-    for (i = 0; i < s->seeds; i++)
-        spread += pow(c->error[kind][i] - c->mean[kind], 2) / (s->seeds > 1 ? s->seeds - 1 : 1);
-    printf("%-18s %8.2f %10.3f %10.2f %10.2f %8.2f %9.2f\n", kind_name[kind], c->mean[kind],
-           sqrt(spread), known, c->nothing[kind], 1e3 * s->lost[kind], c->volume[kind]);
+    printf("%-18s", kind_name[kind]);
+    for (k = LEARN_STILL; k < LEARN_SORTS; k++)
+        printf("%8.2f +-%5.3f %5.2f", c->mean[kind][k],
+               spread(c->error[kind][k], s->seeds, c->mean[kind][k]), c->volume[kind][k]);
+    printf("%9.2f %9.2f %8.2f\n", known, c->nothing[kind], 1e3 * s->lost[kind]);
     fflush(stdout);
     return NULL;
 }
 
 static const char *compare(lesson *s, school *c) {
+    static const char *const sort[LEARN_SORTS] = {"all", "settled", "moving"};
     const clock_t start = clock();
     const char   *error = NULL;
     int           k;
-    printf("mean error, mm       tested  deviation    learned  the mean's  given up  volume %%\n");
+    printf("tested             settled: mm    vol %%   moving: mm    vol %%  learned  the mean's "
+           "given up\n");
     for (k = 0; k < PREDICT_KINDS && !error; k++) error = study(s, c, k);
     if (error) return error;
-    printf("%.0f s of learning; %d seeds; space / surface by frames %.2f, by method 2 %.2f "
-           "(the paper's: about 0.5); volume %.2f, %.2f\n", since(start), s->seeds,
-           c->mean[0] / c->mean[1], c->mean[0] / c->mean[2], c->volume[0] / c->volume[1],
-           c->volume[0] / c->volume[2]);
+    printf("%.0f s of learning, %d seeds; space over surface by method 2 (the paper's: about 0.5), "
+           "by frames:\n", since(start), s->seeds);
+    for (k = 0; k < LEARN_SORTS; k++)
+        if (c->count[k])
+            printf("  %-8s %3d examples: error %.3f, %.2f; volume %.2f, %.2f\n", sort[k],
+                   c->count[k], c->mean[0][k] / c->mean[2][k], c->mean[0][k] / c->mean[1][k],
+                   c->volume[0][k] / c->volume[2][k], c->volume[0][k] / c->volume[1][k]);
     return NULL;
 }
 
@@ -118,7 +138,8 @@ static void shift(double *x, int n, double by) {
 }
 
 /* All predictors of all seeds and the truth as it is now. steady: the truth's, then theirs. */
-static const char *walk_frame(lesson *s, school *c, steady *w, const double *T, view *v,
+static const char *walk_frame(lesson *s, school *c, steady *w, const double *T,
+                              const double *before, view *v,
                               const int *mesh) {
     const double *truth = garment_x(&s->g);
     const char   *error = NULL;
@@ -127,7 +148,7 @@ static const char *walk_frame(lesson *s, school *c, steady *w, const double *T, 
     view_put(v, mesh[0], s->g.body, NULL, NULL), view_put(v, mesh[1], truth, NULL, NULL);
     for (k = 0; k < PREDICT_KINDS; k++)
         for (i = 0; i < s->seeds; i++) {
-            error = predict(&s->w, &c->of[k][i], T, s->x);
+            error = predict(&s->w, &c->of[k][i], T, before, s->x);
             if (error) return error;
             follow(s, w + 1 + k * SEEDS + i, s->x, truth);
             if (k || i || !v) continue;
@@ -139,36 +160,45 @@ static const char *walk_frame(lesson *s, school *c, steady *w, const double *T, 
 }
 
 static void walk_print(const lesson *s, const steady *w) {
-    int k, i;
-    printf("the walk             error mm   volume %%   unsteady mm (true: %.3f)\n",
-           1e3 * sqrt(w->second / w->n2));
+    const double true_second = 1e3 * sqrt(w->second / w->n2);
+    double       sum[PREDICT_KINDS][3];     /* mm, %, mm: means over the seeds */
+    int          k, i;
+    printf("the walk             error mm   volume %%   unsteady mm (true: %.3f)\n", true_second);
     for (k = 0; k < PREDICT_KINDS; k++) {
-        double e = 0, v = 0, u = 0;
+        double *a = sum[k];
+        a[0] = a[1] = a[2] = 0;
         for (i = 0; i < s->seeds; i++) {
             const steady *one = w + 1 + k * SEEDS + i;
-            e += one->error / one->n / s->seeds, v += one->volume / one->n / s->seeds;
-            u += sqrt(one->second / one->n2) / s->seeds;
+            a[0] += 1e3 * one->error / one->n / s->seeds;
+            a[1] += 100 * one->volume / one->n / s->seeds;
+            a[2] += 1e3 * sqrt(one->second / one->n2) / s->seeds;
         }
-        printf("%-18s %10.2f %10.2f %10.3f\n", kind_name[k], 1e3 * e, 100 * v, 1e3 * u);
+        printf("%-18s %10.2f %10.2f %10.3f\n", kind_name[k], a[0], a[1], a[2]);
     }
+    printf("space over surface by method 2: error %.2f, volume %.2f, unsteady beyond what is true "
+           "%.2f\n",
+           sum[0][0] / sum[2][0], sum[0][1] / sum[2][1],
+           fabs(sum[0][2] - true_second) / fabs(sum[2][2] - true_second));
 }
 
 /* From where it hangs at rest, simulated; each frame compared. */
 static const char *walk_along(lesson *s, school *c, steady *w, double length, view *v,
                               const int *mesh) {
     const char *error;
-    double     *T = (double *)malloc(12 * (size_t)s->s.njoints * sizeof(double));
+    const size_t n = 12 * (size_t)s->s.njoints;
+    double     *T = (double *)malloc(2 * n * sizeof(double));
     const int   last = (int)(length / GARMENT_H + 0.5);
     int         i;
     if (!T) return "out of memory";
     figure_walk(&s->f, 0, T);
     error = garment_wear_at(&s->g, T, s->s.u);
     for (i = 1; i <= last && !error; i++) {
+        memcpy(T + n, T, n * sizeof(double));
         figure_walk(&s->f, i * GARMENT_H, T);
         error = garment_step(&s->g, T, 0.1);
         if (error || i % EVERY || i < last / 4) continue;   /* the start is not yet a walk */
         if (i % (2 * EVERY) == 0) view_time(v, i * GARMENT_H);
-        error = walk_frame(s, c, w, T, i % (2 * EVERY) ? NULL : v, mesh);
+        error = walk_frame(s, c, w, T, T + n, i % (2 * EVERY) ? NULL : v, mesh);
     }
     free(T);
     return error;
@@ -212,13 +242,14 @@ static const char *keep(school *c, const wearer *w, const char *data) {
     if (!error) error = predictor_fits(p, w);
     if (!error)
         printf("%s: %d joints to %d vertices, %d numbers\n", path, p->njoints, p->nv,
-               (int)p->w.at[NET_LAYERS]);
+               (int)(p->still.at[NET_LAYERS] + p->swing.at[NET_LAYERS]));
     return error;
 }
 
 static const char *read_arguments(int argc, char **argv, lesson *s, double *edge, double *length) {
     int i;
-    s->seeds = argc > 1 ? 3 : 1, s->epochs = argc > 1 ? 200 : 120, s->hidden = argc > 1 ? 128 : 64;
+    s->seeds = argc > 1 ? 3 : 1, s->epochs = argc > 1 ? 100 : 120;
+    s->hidden = argc > 1 ? 128 : 64, s->modes = 64;
     *edge = argc > 1 ? 0.03 : 0.05, *length = 2;
     for (i = 2; i < argc; i++) {
         if (!strcmp(argv[i], "--seeds") && i + 1 < argc) s->seeds = atoi(argv[++i]);
@@ -253,7 +284,7 @@ int main(int argc, char **argv) {
     if (!error) error = compare(&s, &c);
     if (!error) error = keep(&c, &s.w, path);
     if (!error) error = walk(&s, &c, length, argc < 2);
-    for (k = 0; k < PREDICT_KINDS; k++) nearer &= c.mean[k] < c.nothing[k];
+    for (k = 0; k < PREDICT_KINDS; k++) nearer &= c.mean[k][LEARN_ALL] < c.nothing[k];
     if (error) fprintf(stderr, "%s\n", error);
     else printf("what was learned is nearer than the mean: %s\n", nearer ? "yes" : "no");
     for (k = 0; k < PREDICT_KINDS; k++) {

@@ -23,7 +23,7 @@ typedef struct sums {       /* over the examples; then the means                
 
 /* The garment as it is now against the truth of example e. */
 static const char *measure(lesson *s, int e, double *most, sums *to) {
-    const double *x = garment_x(&s->g), *truth = s->s.x + (size_t)e * (size_t)s->outputs;
+    const double *x = garment_x(&s->g), *truth = learn_x(s, e);
     int           i, pairs = 0;
     double        worst = 0;
     if (cloth_collide_intersections(s->g.contact, 0, NULL, &pairs)) return "not searched";
@@ -36,7 +36,7 @@ static const char *measure(lesson *s, int e, double *most, sums *to) {
 
 /* Prediction, untangling, steps: rows 0, 1, 2 .. */
 static const char *example(lesson *s, int e, const double *said, double *most, sums *row) {
-    const double *T = s->s.T + (size_t)e * 12 * (size_t)s->s.njoints;
+    const double *T = learn_T(s, e);
     const char   *error = garment_wear_at(&s->g, T, said);
     int           i, k;
     if (!error) error = measure(s, e, most, row);
@@ -94,11 +94,14 @@ static const char *after(lesson *s, predictor *p) {
     sums        row[STEPS + 2];
     double     *most = (double *)malloc((size_t)s->g.nf * sizeof(double));
     const char *error = most ? NULL : "out of memory";
-    int         e, n = 0;
+    int         e, n = 0, still = 0;
     memset(row, 0, sizeof row);
+    for (e = 0; e < s->s.n; e++)
+        still += data_split(s->s.id[e][0]) == 2 && learn_sort(s, e) == LEARN_STILL;
     for (e = 0; e < s->s.n && !error; e++) {
         const double *said;
         if (data_split(s->s.id[e][0]) != 2) continue;
+        if (still && learn_sort(s, e) != LEARN_STILL) continue; /* steps would end their swing */
         said = learn_predict(s, p, e);
         error = said ? example(s, e, said, most, row) : "nothing is predicted";
         n++;
@@ -110,7 +113,7 @@ static const char *after(lesson *s, predictor *p) {
 
 static const char *read_arguments(int argc, char **argv, lesson *s, double *edge) {
     int i;
-    s->seeds = 1, s->epochs = 120, s->hidden = 64;
+    s->seeds = 1, s->epochs = 120, s->hidden = s->modes = 64;
     *edge = argc > 1 ? 0.03 : 0.05;
     for (i = 3; i < argc; i++) {
         if (!strcmp(argv[i], "--edge") && i + 1 < argc) *edge = atof(argv[++i]);

@@ -77,7 +77,8 @@ static const char *judge(lesson *s, predictor *p, predictor *q, int split, doubl
     for (e = 0; e < s->s.n; e++) {
         const double *truth = learn_x(s, e);
         if (split ? data_split(s->s.id[e][0]) != split : !learn_learns(s, e)) continue;
-        if (q && predict(&s->w, q, learn_T(s, e), slid)) return "no slide is predicted";
+        if (q && predict(&s->w, q, learn_T(s, e), learn_before(s, e), slid))
+            return "no slide is predicted";
         if (!learn_predict(s, p, e)) return "nothing is predicted";
         error[0] += learn_distance(s->s.nv, s->x, truth);
         if (q) error[1] += print_error(s, s->x, truth, slid);
@@ -117,7 +118,7 @@ static const char *compare(lesson *s, predictor *p, predictor *q) {
 
 static const char *read_arguments(int argc, char **argv, lesson *s, double *edge) {
     int i;
-    s->epochs = 120, s->hidden = 64, *edge = argc > 1 ? 0.03 : 0.05;
+    s->epochs = 120, s->hidden = s->modes = 64, *edge = argc > 1 ? 0.03 : 0.05;
     for (i = 2; i + 1 < argc; i += 2) {
         if (!strcmp(argv[i], "--edge")) *edge = atof(argv[i + 1]);
         else if (!strcmp(argv[i], "--few")) s->few = atoi(argv[i + 1]);

@@ -1,7 +1,7 @@
 /* chains.h - chains of poses, simulated one after the other: the work of 02_data.c.
  * SPDX-License-Identifier: MIT
  *
- *     job         j = chains_job("out/shirt/");       then chains, poses, edge, shard ..
+ *     job         j = chains_job("out/shirt/");       then chains, moves, poses, edge, shard ..
  *     const char *error = chains_dress(&j);
  *     if (!error) error = chains_make(&j);            its shard of the chains
  *     if (!error) error = chains_merge(&j);           all of them into out/shirt/data
@@ -15,18 +15,22 @@
 #include <time.h>
 
 #define CHAINS_STEPS 40     /* of 1/60 s to each pose: half of them on the way          */
+#define CHAINS_MOVE  150    /* of 1/60 s, of a motion at random                         */
+#define CHAINS_PASS  30     /* from pose to pose of it, where it is no walk             */
 
 typedef struct job {
     const char *stem;       /* of the files' names: "out/shirt/", "out/02_"             */
     double      edge;       /* m, of the shirt by formula                               */
     double      around;     /* > 0: poses near a walk, 1: as far as a person can        */
     int         chains, poses, steps, every, shard, shards, merge;
-    int         motions;    /* each a chain more, behind those of random angles         */
+    int         moves;      /* motions at random, each a chain more behind those of poses */
+    int         move;       /* steps of each                                            */
+    int         motions;    /* of files, each a chain more, behind all at random        */
     char      **files;      /* GARMENT BODY WEIGHTS MOTION ..                           */
     const char *skeleton;   /* of that body, for random angles; else NULL               */
     figure      f;
     garment     g;
-    double     *u, T[12 * 1000];
+    double     *u, T[2 * 12 * 1000];                /* joints now, a step before        */
     FILE       *out;        /* of the chain                                             */
     int         n, thrown;  /* of it                                                    */
 } job;
@@ -36,7 +40,7 @@ static inline job chains_job(const char *stem) {
     job j;
     memset(&j, 0, sizeof j);
     j.stem = stem, j.edge = 0.03, j.chains = j.poses = 2, j.shards = 1, j.steps = CHAINS_STEPS;
-    j.every = 12;
+    j.every = 12, j.move = CHAINS_MOVE;
     return j;
 }
 
@@ -48,6 +52,14 @@ static inline const char *chains_keep(job *j, int chain, int number) {
         return "an example cannot be written";
     else j->n++;
     return NULL;
+}
+
+static inline int chains_count(const job *j) { return j->chains + j->moves + j->motions; }
+
+/* Before the joints move on: where they are is where they were. */
+static inline void chains_before(job *j) {
+    const size_t n = 12 * (size_t)j->f.njoints;
+    memcpy(j->T + n, j->T, n * sizeof(double));
 }
 
 /* Angles at random; or those of a walk at some time of its stride, and a part of them. */
@@ -70,11 +82,49 @@ static inline const char *chains_poses(job *j, int chain) {
         chains_aim(j, 1000 * (uint64_t)chain + (uint64_t)p + 1, to);
         for (i = 1; i <= j->steps && !error; i++) {
             const double t = fmin(1, 2.0 * i / j->steps);
+            chains_before(j);
             figure_between(&j->f, from, to, t * t * (3 - 2 * t), j->T);
             error = garment_step(&j->g, j->T, 0.1);
         }
         if (!error) error = chains_keep(j, chain, p);
         memcpy(from, to, sizeof from);
+    }
+    return error;
+}
+
+/* The joints at step i of a motion at random: a walk at a tempo, of a width and about angles of its
+ * own; where there is none, from pose to pose. */
+static inline void chains_way(job *j, int chain, int i) {
+    const uint64_t seed = 1000 * (uint64_t)chain + 1;
+    const double   apart = fmin(0.3, 3 * j->around);
+    double         from[3 * 1000], to[3 * 1000], turn[SHAPES_BONES][3], shift[3], t, s;
+    int            k;
+    if (!(j->around > 0) || j->f.skin) {
+        const int pass = i / CHAINS_PASS;
+        memset(from, 0, sizeof from);
+        if (pass) chains_aim(j, seed + (uint64_t)pass - 1, from);
+        chains_aim(j, seed + (uint64_t)pass, to);
+        t = (double)(i % CHAINS_PASS) / CHAINS_PASS;
+        figure_between(&j->f, from, to, t * t * (3 - 2 * t), j->T);
+        return;
+    }
+    t = i * GARMENT_H, s = fmin(t, 1), s = s * s * (3 - 2 * s);
+    figure_angles(&j->f, seed, j->around, to);
+    shapes_walk(t * (1 + apart * figure_random(seed, 97)), 0, turn, shift);
+    for (k = 0; k < 3 * SHAPES_BONES; k++)
+        turn[k / 3][k % 3] = turn[k / 3][k % 3] * (1 + apart * figure_random(seed, 98)) + s * to[k];
+    shapes_bones((const double (*)[3])turn, shift, j->T);
+}
+
+/* A motion at random, kept while it moves. */
+static inline const char *chains_move(job *j, int chain) {
+    const char *error = NULL;
+    int         i;
+    for (i = 1; i <= j->move && !error; i++) {
+        chains_before(j);
+        chains_way(j, chain, i);
+        error = garment_step(&j->g, j->T, 0.1);
+        if (!error && i % j->every == 0) error = chains_keep(j, chain, i / j->every - 1);
     }
     return error;
 }
@@ -88,6 +138,7 @@ static inline const char *chains_motion(job *j, int motion) {
     const char *error = figure_read_motion(j->files[3 + motion], &j->f);
     int         i;
     for (i = 1; !error && 120 * (i - 1) * GARMENT_H < j->f.frames; i++) {
+        chains_before(j);
         figure_walk(&j->f, i * GARMENT_H, j->T);
         error = garment_step(&j->g, j->T, 0.1);
         if (!error && i % j->every == 0)
@@ -116,7 +167,9 @@ static inline const char *chains_one(job *j, int chain) {
     if (!error && !data_write_head(j->out, j->f.njoints, j->g.nv, 0, 0, j->u))
         error = "a chain cannot be written";
     if (!error)
-        error = chain < j->chains ? chains_poses(j, chain) : chains_motion(j, chain - j->chains);
+        error = chain < j->chains ? chains_poses(j, chain)
+                : chain < j->chains + j->moves ? chains_move(j, chain)
+                : chains_motion(j, chain - j->chains - j->moves);
     rewind(j->out);                         /* what it holds is known only now */
     if (!error && !data_write_head(j->out, j->f.njoints, j->g.nv, j->n, j->thrown, j->u))
         error = "a chain cannot be written";
@@ -136,7 +189,7 @@ static inline const char *chains_merge(job *j) {
     sprintf(path, "%.900sdata", j->stem);
     if ((out = fopen(path, "wb")) == NULL) return "the directory cannot be written";
     for (pass = 0; pass < 2 && !error; pass++)
-        for (c = 0; c < j->chains + j->motions && !error; c++) {
+        for (c = 0; c < chains_count(j) && !error; c++) {
             chains_part(j, c, "done", path);
             error = data_read(path, &s);
             if (pass == 0) n += s.n, thrown += s.thrown;
@@ -144,13 +197,13 @@ static inline const char *chains_merge(job *j) {
                 && !data_write_head(out, s.njoints, s.nv, n, thrown, s.u)) error = "no space";
             for (i = 0; i < s.n && pass == 1 && !error; i++)
                 if (!data_write(out, s.njoints, s.nv, s.id[i],
-                                s.T + (size_t)i * (size_t)s.njoints * 12,
+                                s.T + (size_t)i * (size_t)s.njoints * 24,
                                 s.x + (size_t)i * (size_t)s.nv * 3)) error = "no space";
         }
     data_free(&s);
     if (fclose(out) && !error) error = "no space";
     if (!error)
-        printf("%d examples of %d chains, %d thrown out\n", n, j->chains + j->motions, thrown);
+        printf("%d examples of %d chains, %d thrown out\n", n, chains_count(j), thrown);
     return error;
 }
 
@@ -186,7 +239,7 @@ static inline const char *chains_dress(job *j) {
 /* The chains of the shard, with a line of progress. */
 static inline const char *chains_make(job *j) {
     const char *error = NULL;
-    const int   n = j->chains + j->motions;
+    const int   n = chains_count(j);
     int         c, done = 0, all = 0;
     for (c = j->shard; c < n; c += j->shards) all++;
     for (c = j->shard; c < n && !error; c += j->shards) {
@@ -202,7 +255,7 @@ static inline const char *chains_make(job *j) {
 static inline void chains_forget(const job *j) {
     char path[1000];
     int  c;
-    for (c = 0; c < j->chains + j->motions; c++) {
+    for (c = 0; c < chains_count(j); c++) {
         chains_part(j, c, "done", path);
         (void)remove(path);
     }

@@ -7,12 +7,14 @@
  *     figure_body(&f, &desc);                                         into a kdsm_desc
  *     figure_walk(&f, t, T);                                          joints [f.njoints x 12]
  *     figure_angles(&f, seed, 1, turn), figure_at(&f, turn, T);       joints at random angles
+ *     error = figure_arms_out(&f);                                    a T-pose is the rest now
  *     figure_free(&f);
  *
  * Weights: a line 'vertex joint weight' each, # comments. Motion: 8 bytes, then uint32 frames,
  * joints, 120 and the frames at the start that only lead in, then frames x joints x 12 floats, rows
  * of [R | t], 120 Hz. Skeleton, for angles at random: a line 'joint name parent x y z' each, the
- * parent -1 or smaller, x y z where the joint is at rest; angles are of what the motions span.
+ * parent -1 or smaller, x y z where the joint is at rest (behind it where the bone ends: needed of
+ * LeftArm and RightArm for a T-pose); angles are of what the motions span.
  * checked: tests/test_kdsm.c: joints_of_a_skeleton, motion_by_its_angles
  */
 #ifndef KDSM_EXAMPLE_FIGURE_H
@@ -36,6 +38,10 @@ typedef struct figure {
     int          *parent;           /* of a skeleton [njoints]                          */
     double       *head;             /* [njoints x 3]                                    */
     double      (*range)[2][3];     /* [njoints] least and largest turn                 */
+    int           arm[2];           /* joints of the upper arms, -1: not known          */
+    double        reach[2][3];      /* where each goes at rest                          */
+    double       *own_x, *back;     /* of another rest: the body there; joints to it, turned
+                                     * round [njoints x 12]                             */
     int          *own_joint;
     double       *own_weight;
 } figure;
@@ -44,18 +50,24 @@ static inline void figure_free(figure *f) {
     shapes_body_free(&f->shape);
     cloth_mesh_destroy(NULL, f->mesh);
     free(f->skin), free(f->parent), free(f->head), free(f->range);
-    free(f->own_joint), free(f->own_weight);
+    free(f->own_joint), free(f->own_weight), free(f->own_x), free(f->back);
     memset(f, 0, sizeof *f);
 }
 
 /* The body of shapes.h with edges of about `edge` m. Returns NULL or what went wrong. */
 static inline const char *figure_make(double edge, figure *f) {
     const char *error;
+    int         k;
     memset(f, 0, sizeof *f);
     error = shapes_body_make(edge, &f->shape);
     f->nv = f->shape.nv, f->nf = f->shape.nf, f->x = f->shape.x, f->faces = f->shape.faces;
     f->joint = f->shape.bone, f->weight = f->shape.weight;
     f->njoints = SHAPES_BONES, f->influences = 4;
+    for (k = 0; k < 2; k++) {               /* the one of +x first */
+        f->arm[k] = 3 + k;
+        memcpy(f->reach[k], shapes_arm, sizeof shapes_arm);
+        f->reach[k][0] *= k ? -1 : 1;
+    }
     return error;
 }
 
@@ -115,7 +127,7 @@ static inline const char *figure_load(const char *body, const char *weights, con
     memset(f, 0, sizeof *f);
     if (cloth_obj_load(NULL, body, NULL, &f->mesh)) return "the body's OBJ cannot be read";
     f->nv = f->mesh->nv, f->nf = f->mesh->nf, f->x = f->mesh->x, f->faces = f->mesh->faces;
-    f->influences = FIGURE_INFLUENCES;
+    f->influences = FIGURE_INFLUENCES, f->arm[0] = f->arm[1] = -1;
     f->own_joint = (int *)calloc((size_t)f->nv * FIGURE_INFLUENCES, sizeof(int));
     f->own_weight = (double *)calloc((size_t)f->nv * FIGURE_INFLUENCES, sizeof(double));
     f->joint = f->own_joint, f->weight = f->own_weight;
@@ -130,6 +142,21 @@ static inline void figure_body(const figure *f, kdsm_desc *desc) {
     desc->joint = f->joint, desc->weight = f->weight;
 }
 
+/* Joints told against the rest as it was made, to those against the rest as it is: T back. */
+static inline void figure_against(const figure *f, double *T) {
+    int j, r, c, k;
+    for (j = 0; j < f->njoints && f->back; j++) {
+        const double *B = f->back + 12 * j;
+        double        M[12];
+        for (r = 0; r < 3; r++)
+            for (c = 0; c < 4; c++) {
+                M[4 * r + c] = c == 3 ? T[12 * j + 4 * r + 3] : 0;
+                for (k = 0; k < 3; k++) M[4 * r + c] += T[12 * j + 4 * r + k] * B[4 * k + c];
+            }
+        memcpy(T + 12 * j, M, sizeof M);
+    }
+}
+
 /* The joints at time t >= 0, s: at rest first. Files are held at their end. */
 static inline void figure_walk(const figure *f, double t, double *T) {
     double turn[SHAPES_BONES][3], shift[3], at, part;
@@ -137,6 +164,7 @@ static inline void figure_walk(const figure *f, double t, double *T) {
     if (!f->skin) {
         shapes_walk(t, 0, turn, shift);
         shapes_bones((const double (*)[3])turn, shift, T);
+        figure_against(f, T);
         return;
     }
     at = fmin(120 * t, f->frames - 1);
@@ -147,6 +175,7 @@ static inline void figure_walk(const figure *f, double t, double *T) {
         const double b = (double)f->skin[(size_t)(frame + 1) * (size_t)n + (size_t)i];
         T[i] = a + part * (b - a);
     }
+    figure_against(f, T);
 }
 
 /* The body itself, x [nv x 3], under the joints T. */
@@ -197,18 +226,22 @@ static inline void figure_rotation(const double *v, double *R) {
         R[k] = (k % 4 ? 0 : cos(l)) + part * v[k / 3] * v[k % 3] + by * cross[k];
 }
 
-/* How joint j turns in the frame of its parent p, -1: in space. T [njoints x 12] */
-static inline void figure_turn(const double *T, int p, int j, double *v) {
+/* How J [12] turns in the frame of P [12], NULL: in space. */
+static inline void figure_between_frames(const double *P, const double *J, double *v) {
     double R[9];
     int    r, c, k;
     for (r = 0; r < 3; r++)
         for (c = 0; c < 3; c++) {
-            double sum = p < 0 ? T[12 * j + 4 * r + c] : 0;
-            for (k = 0; k < 3 && p >= 0; k++)
-                sum += T[12 * p + 4 * k + r] * T[12 * j + 4 * k + c];
+            double sum = P ? 0 : J[4 * r + c];
+            for (k = 0; k < 3 && P; k++) sum += P[4 * k + r] * J[4 * k + c];
             R[3 * r + c] = sum;
         }
     figure_vector(R, v);
+}
+
+/* How joint j turns in the frame of its parent p, -1: in space. T [njoints x 12] */
+static inline void figure_turn(const double *T, int p, int j, double *v) {
+    figure_between_frames(p < 0 ? NULL : T + 12 * p, T + 12 * j, v);
 }
 
 /* The joints T [njoints x 12] at the angles `turn`; the root stays where it is at rest. */
@@ -219,6 +252,7 @@ static inline void figure_at(const figure *f, const double *turn, double *T) {
         double angle[SHAPES_BONES][3];
         memcpy(angle, turn, sizeof angle);
         shapes_bones((const double (*)[3])angle, shift, T);
+        figure_against(f, T);
         return;
     }
     for (j = 0; j < f->njoints; j++) {
@@ -235,6 +269,7 @@ static inline void figure_at(const figure *f, const double *turn, double *T) {
             M[4 * r + 3] = at;
         }
     }
+    figure_against(f, T);
 }
 
 /* The joints at the angles `part` of the way from a to b. */
@@ -264,17 +299,23 @@ static inline void figure_widen(figure *f) {
 
 /* After a motion, which says how many joints there are. */
 static inline const char *figure_read_skeleton(const char *path, figure *f) {
-    char   line[256];
-    double x[3];
+    char   line[256], name[40];
+    double x[3], to[2];             /* from there a bone goes */
     int    j, p, n = 0, i;
     FILE  *in = fopen(path, "r");
     if (!in) return "the skeleton cannot be opened";
+    f->arm[0] = f->arm[1] = -1;
     f->parent = (int *)malloc((size_t)f->njoints * sizeof(int));
     f->head = (double *)malloc((size_t)f->njoints * 3 * sizeof(double));
     f->range = (double(*)[2][3])malloc((size_t)f->njoints * sizeof *f->range);
     while (f->parent && f->head && f->range && n < f->njoints && fgets(line, sizeof line, in)) {
-        if (sscanf(line, "%d %*s %d %lf %lf %lf", &j, &p, x, x + 1, x + 2) != 5) continue;
+        const int told = sscanf(line, "%d %39s %d %lf %lf %lf %lf %lf", &j, name, &p, x, x + 1,
+                                x + 2, to, to + 1);
+        if (told < 6) continue;
         if (j != n || p < -1 || p >= j) break;
+        for (i = 0; i < 2; i++)
+            if (told == 8 && !strcmp(name, i ? "RightArm" : "LeftArm"))
+                f->arm[i] = n, f->reach[i][0] = to[0] - x[0], f->reach[i][1] = to[1] - x[1];
         f->parent[n] = p, memcpy(f->head + 3 * n, x, sizeof x);
         for (i = 0; i < 3; i++) f->range[n][0][i] = HUGE_VAL, f->range[n][1][i] = -HUGE_VAL;
         n++;
@@ -302,6 +343,39 @@ static inline void figure_angles(const figure *f, uint64_t seed, double amount, 
             turn[i] = 0.5 * (lo + hi) + 0.5 * amount * draw * (hi - lo);
         } else turn[i] = amount * (most[i / 3][i % 3] * draw + middle[i / 3][i % 3]);
     }
+}
+
+/* The angles that hold both upper arms straight out to their sides. */
+static inline void figure_arms(const figure *f, double *turn) {
+    int k;
+    memset(turn, 0, 3 * (size_t)f->njoints * sizeof *turn);
+    for (k = 0; k < 2; k++) {
+        const double *r = f->reach[k];
+        turn[3 * f->arm[k] + 2] = (r[0] > 0 ? -1 : 1) * atan2(r[1], fabs(r[0]));
+    }
+}
+
+/* The rest is from now on that of these arms, as a paper's T-pose; after skeleton and motions. */
+static inline const char *figure_arms_out(figure *f) {
+    double turn[3 * 1000], *T = (double *)malloc(12 * (size_t)f->njoints * sizeof(double));
+    int    j, r, c;
+    if (f->arm[0] < 0 || f->arm[1] < 0 || f->back) return "the body's arms are not known";
+    f->own_x = (double *)malloc(3 * (size_t)f->nv * sizeof(double));
+    if (!T || !f->own_x) return "out of memory";
+    figure_arms(f, turn);
+    figure_at(f, turn, T);
+    figure_skin(f, T, f->own_x);
+    for (j = 0; j < f->njoints; j++) {      /* [R | t] turned round: [R' | -R' t] */
+        double M[12];
+        for (r = 0; r < 3; r++) {
+            for (c = 0; c < 3; c++) M[4 * r + c] = T[12 * j + 4 * c + r];
+            for (M[4 * r + 3] = 0, c = 0; c < 3; c++)
+                M[4 * r + 3] -= T[12 * j + 4 * c + r] * T[12 * j + 4 * c + 3];
+        }
+        memcpy(T + 12 * j, M, sizeof M);
+    }
+    f->x = f->own_x, f->back = T;
+    return NULL;
 }
 
 static inline void figure_pose(const figure *f, uint64_t seed, double amount, double *T) {

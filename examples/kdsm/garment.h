@@ -26,6 +26,7 @@ typedef struct garment {
     int            nv, nf;
     const int     *faces;
     const double  *x0;              /* as it was made, round the body at rest           */
+    const double  *X;               /* flat, or NULL                                    */
     cloth_model   *model;
     cloth_sim     *sim;
     cloth_collide *contact;
@@ -49,16 +50,27 @@ static inline void garment_free(garment *g) {
     memset(g, 0, sizeof *g);
 }
 
-static inline const char *garment_model(const figure *f, const double *X, garment *g) {
+static inline const char *garment_model(garment *g, cloth_integrator integrator) {
     cloth_desc desc = cloth_desc_default();
     desc.nv = g->nv, desc.nf = g->nf, desc.faces = g->faces, desc.x_rest = g->x0;
-    if (X) desc.X = X, desc.rest_angle = CLOTH_REST_ANGLE_FLAT;
+    if (g->X) desc.X = g->X, desc.rest_angle = CLOTH_REST_ANGLE_FLAT;
     desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
-    desc.contact = CLOTH_CONTACT_SELF;
+    desc.contact = CLOTH_CONTACT_SELF, desc.integrator = integrator;
+    return cloth_model_create(&desc, &g->model) ? "the garment cannot be simulated" : NULL;
+}
+
+static inline const char *garment_on(const figure *f, garment *g) {
     g->f = f;
     g->body = (double *)malloc(3 * (size_t)f->nv * sizeof *g->body);
-    if (!g->body) return "out of memory";
-    return cloth_model_create(&desc, &g->model) ? "the garment cannot be simulated" : NULL;
+    return g->body ? garment_model(g, CLOTH_INTEGRATOR_EULER) : "out of memory";
+}
+
+/* The same by another integrator, not worn. */
+static inline const char *garment_again(garment *g, cloth_integrator integrator) {
+    garment_take_off(g);
+    cloth_model_destroy(g->model);
+    g->model = NULL;
+    return garment_model(g, integrator);
 }
 
 static inline const char *garment_make(const figure *f, double edge, garment *g) {
@@ -67,14 +79,15 @@ static inline const char *garment_make(const figure *f, double edge, garment *g)
     error = shapes_shirt_make(edge, &g->shirt);
     if (error) return error;
     g->nv = g->shirt.nv, g->nf = g->shirt.nf, g->faces = g->shirt.faces, g->x0 = g->shirt.x;
-    return garment_model(f, g->shirt.X, g);
+    g->X = g->shirt.X;
+    return garment_on(f, g);
 }
 
 static inline const char *garment_load(const figure *f, const char *path, garment *g) {
     memset(g, 0, sizeof *g);
     if (cloth_obj_load(NULL, path, NULL, &g->mesh)) return "the garment's OBJ cannot be read";
     g->nv = g->mesh->nv, g->nf = g->mesh->nf, g->faces = g->mesh->faces, g->x0 = g->mesh->x;
-    return garment_model(f, NULL, g);
+    return garment_on(f, g);
 }
 
 /* A new sim: what it does depends on nothing before. T: the figure's joints at the start; the
@@ -99,15 +112,15 @@ static inline const char *garment_wear(garment *g, const double *T) {
     return garment_wear_at(g, T, g->x0);
 }
 
-/* One step towards the joints T; `calm` in [0, 1]: part of the velocity taken away after. */
-static inline const char *garment_step(garment *g, const double *T, double calm) {
+/* One step of h s to the joints T; `calm` in [0, 1]: part of the velocity taken away after. */
+static inline const char *garment_step_by(garment *g, const double *T, double h, double calm) {
     cloth_state *s = cloth_sim_state(g->sim);
     cloth_report r;
     int          i;
     figure_skin(g->f, T, g->body);
     if (cloth_collide_move(g->contact, g->id, g->body)) return "the body cannot move";
     g->steps++;
-    if (cloth_collide_step(g->contact, GARMENT_H, 3, &r)) {
+    if (cloth_collide_step(g->contact, h, 3, &r)) {
         g->failed++;
         return r.outcome == CLOTH_STEP_NONE ? "the step was refused" : NULL;
     }
@@ -116,16 +129,21 @@ static inline const char *garment_step(garment *g, const double *T, double calm)
     return NULL;
 }
 
+static inline const char *garment_step(garment *g, const double *T, double calm) {
+    return garment_step_by(g, T, GARMENT_H, calm);
+}
+
 static inline const double *garment_x(const garment *g) { return cloth_sim_state(g->sim)->x; }
 
 /* How many vertices of the cloth are more than 3 mm inside of the body as it is now, -1: unknown.
- * By the sign of a distance grid: that of the winding number. */
+ * By a distance grid, whose sign is that of the winding number; its cells are a millimetre off
+ * where a body is as thin as an arm. */
 static inline int garment_inside(const garment *g) {
     cloth_grid_desc d = cloth_grid_desc_default();
     cloth_grid     *grid = NULL;
     int             i, inside = 0;
     d.nv = g->f->nv, d.x = g->body, d.nf = g->f->nf, d.faces = g->f->faces;
-    d.cell = 0.015, d.band = 0.04;
+    d.cell = 0.02, d.band = 0.04;
     if (cloth_grid_create(&d, &grid)) return -1;
     for (i = 0; i < g->nv; i++) {
         double phi = 0;

@@ -2,7 +2,7 @@
  * SPDX-License-Identifier: MIT
  *
  *     a_0 = input,  a_l+1 = tanh(a_l W_l + b_l),  the last without tanh            W [n_l x n_l+1]
- *     loss = sum_o (a_o - t_o)^2 / (2 outputs)
+ *     loss = sum_o (gain a_o - t_o)^2 / (2 outputs)
  *     Adam  [Kingma, Ba 2015, algorithm 1]: m, v running means of g and g^2, each over what is left
  *           of their start at 0; p -= rate (m / (sqrt v + 1e-8) + decay p)
  *           [Loshchilov, Hutter 2019]
@@ -86,15 +86,15 @@ static inline const double *net_forward(net *w, const double *in) {
 }
 
 /* The loss of an example; its gradient is added to w->g. */
-static inline double net_backward(net *w, const double *in, const double *target) {
+static inline double net_backward(net *w, const double *in, const double *target, double gain) {
     const int outputs = w->n[NET_LAYERS];
     double    loss = 0;
     int       l, i, o;
     (void)net_forward(w, in);
     for (o = 0; o < outputs; o++) {
-        const double d = w->a[NET_LAYERS][o] - target[o];
+        const double d = gain * w->a[NET_LAYERS][o] - target[o];
         loss += 0.5 * d * d / outputs;
-        w->e[NET_LAYERS][o] = d / outputs;
+        w->e[NET_LAYERS][o] = gain * d / outputs;
     }
     for (l = NET_LAYERS - 1; l >= 0; l--) {
         const int     n = w->n[l + 1];

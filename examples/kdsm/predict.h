@@ -6,7 +6,8 @@
  *     const char      *error = predictor_read("out/predictor", &p);
  *     if (!error) error = wearer_make(&f, p.nv, p.u, nf, faces, &w);
  *     if (!error) error = predictor_fits(&p, &w);
- *     if (!error) error = predict(&w, &p, T, x);      the garment [nv x 3] under the joints T
+ *     if (!error) error = predict(&w, &p, T, before, x);  the garment [nv x 3] under the joints T,
+ *                                                     which were `before` 1/60 s earlier
  *     wearer_free(&w), predictor_free(&p);
  *
  * Three sets of numbers for a garment in a pose, each [nv x 3]; the network learns one of them:
@@ -15,10 +16,14 @@
  *   PREDICT_UVN     d of method 2: the nearest point of the body, and how far along its normal,
  *                   both taken to the body at rest; put back by kdsm_carry(). Not exact
  *
- * The file: KDSMNET1; uint32 kind, joints, vertices of garment and of body, faces of the garment,
- * four sizes of the network; uint64 of body and garment (what they are made of, hashed); doubles:
- * u [3 nv], mean and deviation of each input and of each output, the network's parameters; uint64,
- * the hash of all before. Little-endian machines.
+ * Two networks: one says where the garment hangs when the joints are held still; the other what
+ * their motion adds, times g = s/(1 + s), s the sum of the squared rates over their deviation: 0
+ * where nothing moves.
+ *
+ * The file: KDSMNET2; uint32 kind, joints, vertices of garment and of body, faces of the garment,
+ * four sizes of the first network (the second has twice the inputs); uint64 of body and garment
+ * (what they are made of, hashed); doubles: u [3 nv], mean and deviation of each input and of each
+ * output, the parameters of both; uint64, the hash of all before. Little-endian machines.
  * checked: tests/test_kdsm.c: predictor_comes_back, predictor_refuses
  */
 #ifndef KDSM_EXAMPLE_PREDICT_H
@@ -34,6 +39,7 @@ enum { PREDICT_SPACE, PREDICT_FRAMES, PREDICT_UVN, PREDICT_KINDS };
 
 #define PREDICT_HASH 14695981039346656037u      /* the start of FNV-1a, 64 bits             */
 #define PREDICT_HEAD 9
+#define PREDICT_STEP (1.0 / 60)                 /* s, from `before` to now                  */
 
 typedef struct skin_point {     /* of a vertex of cloth: a face of the body, where on it    */
     int    face;
@@ -51,15 +57,16 @@ typedef struct wearer {
     kdsm_cloth   *cloth;
     skin_point   *anchors;      /* [nv]                                                     */
     double       *body, *normal;        /* [f->nv x 3]                                      */
+    double       *T;            /* [joints x 12] of `pose`; 0 at first, which is no pose    */
     uint64_t      id;           /* of body and garment                                      */
 } wearer;
 
 typedef struct predictor {
     int      kind, njoints, nv, nf, body;       /* of the garment; the body's vertices      */
     uint64_t id;
-    net      w;
+    net      still, swing;      /* of the turns; of the turns and their rates               */
     double  *u;                 /* [nv x 3] the garment at rest                             */
-    double  *mean[2], *over[2]; /* of each input, of each output                            */
+    double  *mean[2], *over[2]; /* of each turn and rate (that is 0), of each output        */
     char     said[200];         /* what is wrong with a file                                */
 } predictor;
 
@@ -75,7 +82,7 @@ static inline uint64_t predict_hash(uint64_t h, const void *data, size_t n) {
 static inline void wearer_free(wearer *w) {
     kdsm_cloth_destroy(w->cloth), kdsm_pose_destroy(w->pose), kdsm_pose_destroy(w->rest);
     kdsm_destroy(w->space);
-    free(w->anchors), free(w->body);
+    free(w->anchors), free(w->body), free(w->T);
     memset(w, 0, sizeof *w);
 }
 
@@ -112,7 +119,8 @@ static inline const char *wearer_make(const figure *f, int nv, const double *u, 
         return "the garment cannot be embedded";
     w->anchors = (skin_point *)calloc((size_t)nv, sizeof *w->anchors);
     w->body = (double *)calloc(nb, 2 * sizeof(double));
-    if (!w->anchors || !w->body) return "out of memory";
+    w->T = (double *)calloc((size_t)f->njoints, 12 * sizeof(double));
+    if (!w->anchors || !w->body || !w->T) return "out of memory";
     w->normal = w->body + nb;
     w->id = predict_hash(PREDICT_HASH, f->x, nb * sizeof(double));
     w->id = predict_hash(w->id, f->faces, 3 * (size_t)f->nf * sizeof(int));
@@ -166,67 +174,103 @@ static inline void wearer_offsets(wearer *w, const double *T, double *x, int bac
     }
 }
 
+/* The space in the pose T, where it is not in it yet. */
+static inline const char *wearer_pose(wearer *w, const double *T) {
+    const size_t n = 12 * (size_t)w->space->njoints * sizeof *T;
+    if (memcmp(w->T, T, n) == 0) return NULL;
+    if (kdsm_pose_set(w->pose, T)) return "the space cannot be posed";
+    memcpy(w->T, T, n);
+    return NULL;
+}
+
 /* The numbers of kind [nv x 3] for the garment x [nv x 3] under the joints T. */
 static inline const char *wearer_take(wearer *w, int kind, const double *T, const double *x,
                                       double *numbers, kdsm_displace_report *report) {
     kdsm_options o = kdsm_options_default();
+    const char  *error = kind == PREDICT_FRAMES ? NULL : wearer_pose(w, T);
+    if (error) return error;
     if (kind == PREDICT_FRAMES) {
         memcpy(numbers, x, 3 * (size_t)w->cloth->nv * sizeof *x);
         wearer_offsets(w, T, numbers, 0);
         return NULL;
     }
     o.method = kind == PREDICT_UVN ? KDSM_SURFACE : KDSM_HYBRID;
-    if (kdsm_pose_set(w->pose, T)) return "the space cannot be posed";
     return kdsm_displace(w->cloth, w->pose, x, &o, numbers, NULL, report) ? "no displacement"
                                                                           : NULL;
 }
 
 /* The garment from its numbers, in place. */
 static inline const char *wearer_put(wearer *w, int kind, const double *T, double *x) {
-    const int nv = w->cloth->nv;
-    int       i;
+    const int   nv = w->cloth->nv;
+    const char *error;
+    int         i;
     if (kind == PREDICT_SPACE)
         return kdsm_place(w->cloth, T, x, x, NULL) ? "the garment cannot be placed" : NULL;
     if (kind == PREDICT_FRAMES) wearer_offsets(w, T, x, 1);
     if (kind == PREDICT_FRAMES || kind == PREDICT_OWN) return NULL;
     for (i = 0; i < 3 * nv; i++) x[i] += w->cloth->u[i];
-    if (kdsm_pose_set(w->pose, T)) return "the space cannot be posed";
+    error = wearer_pose(w, T);
+    if (error) return error;
     return kdsm_carry(w->rest, w->pose, nv, x, x) ? "the garment cannot be carried" : NULL;
 }
 
 /* ----- the network's word ------------------------------------------------------------- */
 
-/* in [njoints x 3]: how R_0 turns, then R_0' R_j. */
-static inline void predict_inputs(const double *T, int njoints, double *in) {
-    int j;
-    for (j = 0; j < njoints; j++) figure_turn(T, j ? 0 : -1, j, in + 3 * j);
+/* in [2 x njoints x 3]: how R_0 turns, then R_0' R_j; then how far each would turn at its present
+ * rate in 0.1 s: how fast a body moves is what swings a garment. */
+static inline void predict_inputs(const double *T, const double *before, int njoints, double *in) {
+    double *rate = in + 3 * njoints;
+    int     j, c;
+    for (j = 0; j < njoints; j++) {
+        figure_turn(T, j ? 0 : -1, j, in + 3 * j);
+        figure_between_frames(before + 12 * j, T + 12 * j, rate + 3 * j);
+        for (c = 0; c < 3; c++) rate[3 * j + c] *= 0.1 / PREDICT_STEP;
+    }
 }
 
-/* x [nv x 3]: the garment under the joints T. */
-static inline const char *predict(wearer *w, predictor *p, const double *T, double *x) {
-    double       *in = p->w.e[0];           /* free while nothing is learned */
-    const double *said;
+/* Inputs over their spread, in place; g. */
+static inline double predictor_scale(const predictor *p, double *in) {
+    double s = 0;
+    int    i;
+    for (i = 0; i < p->swing.n[0]; i++) {
+        in[i] = (in[i] - p->mean[0][i]) / p->over[0][i];
+        if (i >= p->still.n[0]) s += in[i] * in[i];
+    }
+    return s / (1 + s);
+}
+
+/* The outputs [nv x 3] of scaled inputs; by the first network alone where g is 0. */
+static inline void predictor_say(predictor *p, double g, const double *in, double *out) {
+    const double *still = net_forward(&p->still, in);
+    const double *swing = g > 0 ? net_forward(&p->swing, in) : NULL;
     int           i;
-    predict_inputs(T, p->njoints, in);
-    for (i = 0; i < p->w.n[0]; i++) in[i] = (in[i] - p->mean[0][i]) / p->over[0][i];
-    said = net_forward(&p->w, in);
-    for (i = 0; i < 3 * p->nv; i++) x[i] = p->mean[1][i] + p->over[1][i] * said[i];
+    for (i = 0; i < 3 * p->nv; i++)
+        out[i] = p->mean[1][i] + p->over[1][i] * (still[i] + (swing ? g * swing[i] : 0));
+}
+
+/* x [nv x 3]: the garment under the joints T, which were `before` 1/60 s earlier; T: held still. */
+static inline const char *predict(wearer *w, predictor *p, const double *T, const double *before,
+                                  double *x) {
+    double *in = p->swing.e[0];             /* free while nothing is learned */
+    predict_inputs(T, before, p->njoints, in);
+    predictor_say(p, predictor_scale(p, in), in, x);
     return wearer_put(w, p->kind, T, x);
 }
 
 /* ----- the file ----------------------------------------------------------------------- */
 
 static inline void predictor_free(predictor *p) {
-    net_free(&p->w);
+    net_free(&p->still), net_free(&p->swing);
     free(p->u);
     memset(p, 0, sizeof *p);
 }
 
-/* Room for n and what the network begins with; 1, or 0 without memory. */
+/* Room for n and what the networks begin with; 1, or 0 without memory. */
 static inline int predictor_room(const int n[NET_LAYERS + 1], uint64_t seed, predictor *p) {
-    const size_t in = (size_t)n[0], out = (size_t)n[NET_LAYERS];
+    const int    m[NET_LAYERS + 1] = {2 * n[0], n[1], n[2], n[3]};
+    const size_t in = 2 * (size_t)n[0], out = (size_t)n[NET_LAYERS];
     p->u = (double *)calloc(3 * out + 2 * in, sizeof(double));
-    if (!p->u || !net_make(n, seed, &p->w)) return 0;
+    if (!p->u || !net_make(n, seed, &p->still) || !net_make(m, seed + 1, &p->swing)) return 0;
     p->mean[0] = p->u + out, p->over[0] = p->mean[0] + in;
     p->mean[1] = p->over[0] + in, p->over[1] = p->mean[1] + out;
     return 1;
@@ -268,21 +312,24 @@ static inline const char *predictor_fits(predictor *p, const wearer *w) {
 
 /* NULL or what is wrong. */
 static inline const char *predictor_write(const char *path, const predictor *p) {
-    const int     *n = p->w.n;
+    const int     *n = p->still.n;
     const uint32_t head[PREDICT_HEAD] = {(uint32_t)p->kind, (uint32_t)p->njoints, (uint32_t)p->nv,
                                          (uint32_t)p->body, (uint32_t)p->nf, (uint32_t)n[0],
                                          (uint32_t)n[1], (uint32_t)n[2], (uint32_t)n[3]};
-    const size_t   lead = (size_t)(3 * n[NET_LAYERS] + 2 * n[0]), np = p->w.at[NET_LAYERS];
-    uint64_t       h = predict_hash(PREDICT_HASH, "KDSMNET1", 8);
+    const size_t   lead = (size_t)(3 * n[NET_LAYERS] + 4 * n[0]), np = p->still.at[NET_LAYERS];
+    const size_t   nq = p->swing.at[NET_LAYERS];
+    uint64_t       h = predict_hash(PREDICT_HASH, "KDSMNET2", 8);
     FILE          *f = fopen(path, "wb");
     int            ok;
     if (!f) return "the predictor's file cannot be written";
     h = predict_hash(h, head, sizeof head), h = predict_hash(h, &p->id, sizeof p->id);
     h = predict_hash(h, p->u, lead * sizeof(double));
-    h = predict_hash(h, p->w.p, np * sizeof(double));
-    ok = fwrite("KDSMNET1", 1, 8, f) == 8 && fwrite(head, sizeof head, 1, f) == 1
+    h = predict_hash(h, p->still.p, np * sizeof(double));
+    h = predict_hash(h, p->swing.p, nq * sizeof(double));
+    ok = fwrite("KDSMNET2", 1, 8, f) == 8 && fwrite(head, sizeof head, 1, f) == 1
          && fwrite(&p->id, sizeof p->id, 1, f) == 1 && fwrite(p->u, sizeof(double), lead, f) == lead
-         && fwrite(p->w.p, sizeof(double), np, f) == np && fwrite(&h, sizeof h, 1, f) == 1;
+         && fwrite(p->still.p, sizeof(double), np, f) == np
+         && fwrite(p->swing.p, sizeof(double), nq, f) == nq && fwrite(&h, sizeof h, 1, f) == 1;
     return fclose(f) || !ok ? "the predictor's file is not written: no space" : NULL;
 }
 
@@ -308,16 +355,18 @@ static inline int predictor_head(const uint32_t *head, predictor *p) {
 
 /* Every number is one, every deviation is positive. */
 static inline int predictor_numbers(predictor *p) {
-    static const char *const name[6] = {"u", "mean of inputs", "deviation of inputs",
-                                        "mean of outputs", "deviation of outputs", "parameter"};
-    const double *row[6];
-    size_t        count[6], i;
+    static const char *const name[7] = {"u", "mean of inputs", "deviation of inputs",
+                                        "mean of outputs", "deviation of outputs", "parameter",
+                                        "parameter of swing"};
+    const double *row[7];
+    size_t        count[7], i;
     int           k;
-    row[0] = p->u, row[5] = p->w.p;
-    count[0] = count[3] = count[4] = (size_t)p->w.n[NET_LAYERS], count[5] = p->w.at[NET_LAYERS];
-    count[1] = count[2] = (size_t)p->w.n[0];
+    row[0] = p->u, row[5] = p->still.p, row[6] = p->swing.p;
+    count[0] = count[3] = count[4] = (size_t)p->still.n[NET_LAYERS];
+    count[1] = count[2] = (size_t)p->swing.n[0];
+    count[5] = p->still.at[NET_LAYERS], count[6] = p->swing.at[NET_LAYERS];
     for (k = 0; k < 2; k++) row[1 + 2 * k] = p->mean[k], row[2 + 2 * k] = p->over[k];
-    for (k = 0; k < 6; k++)
+    for (k = 0; k < 7; k++)
         for (i = 0; i < count[k]; i++) {
             const double a = row[k][i];
             if (fabs(a) <= 1e6 && ((k != 2 && k != 4) || a > 0)) continue;
@@ -331,28 +380,31 @@ static inline int predictor_numbers(predictor *p) {
 /* All of a file up to its end, after the head; 0: p->said. */
 static inline int predictor_body(FILE *f, const uint32_t *head, predictor *p) {
     const int    n[NET_LAYERS + 1] = {(int)head[5], (int)head[6], (int)head[7], (int)head[8]};
-    const size_t lead = 3 * (size_t)n[3] + 2 * (size_t)n[0];
-    size_t       np = 0, bytes;
-    uint64_t     h = predict_hash(PREDICT_HASH, "KDSMNET1", 8), want;
+    const size_t lead = 3 * (size_t)n[3] + 4 * (size_t)n[0];
+    size_t       np = 0, nq, bytes;
+    uint64_t     h = predict_hash(PREDICT_HASH, "KDSMNET2", 8), want;
     long         size;
     int          l;
     for (l = 0; l < NET_LAYERS; l++) np += ((size_t)n[l] + 1) * (size_t)n[l + 1];
-    bytes = 8 + 4 * PREDICT_HEAD + 16 + (lead + np) * sizeof(double);
+    nq = np + (size_t)n[0] * (size_t)n[1];
+    bytes = 8 + 4 * PREDICT_HEAD + 16 + (lead + np + nq) * sizeof(double);
     size = fseek(f, 0, SEEK_END) ? -1 : ftell(f);
     sprintf(p->said, "the predictor's file has %ld bytes, by its head %lu", size,
             (unsigned long)bytes);
     if (size < 0 || (size_t)size != bytes) return 0;
     if (fseek(f, (long)(8 + 4 * PREDICT_HEAD + 8), SEEK_SET)) return 0;
-    sprintf(p->said, "out of memory for the predictor's %lu parameters", (unsigned long)np);
+    sprintf(p->said, "out of memory for the predictor's %lu parameters", (unsigned long)(np + nq));
     if (!predictor_room(n, 0, p)) return 0;
     sprintf(p->said, "the predictor's file cannot be read to its end");
     if (fread(p->u, sizeof(double), lead, f) != lead) return 0;
-    if (fread(p->w.p, sizeof(double), np, f) != np) return 0;
+    if (fread(p->still.p, sizeof(double), np, f) != np) return 0;
+    if (fread(p->swing.p, sizeof(double), nq, f) != nq) return 0;
     if (fread(&want, sizeof want, 1, f) != 1) return 0;
     if (!predictor_numbers(p)) return 0;
     h = predict_hash(h, head, 4 * PREDICT_HEAD), h = predict_hash(h, &p->id, sizeof p->id);
     h = predict_hash(h, p->u, lead * sizeof(double));
-    h = predict_hash(h, p->w.p, np * sizeof(double));
+    h = predict_hash(h, p->still.p, np * sizeof(double));
+    h = predict_hash(h, p->swing.p, nq * sizeof(double));
     sprintf(p->said, "the predictor's hash: %08lx, of what is in the file %08lx",
             (unsigned long)(want & 0xffffffffu), (unsigned long)(h & 0xffffffffu));
     return h == want;
@@ -366,8 +418,8 @@ static inline const char *predictor_read(const char *path, predictor *p) {
     FILE    *f = fopen(path, "rb");
     memset(p, 0, sizeof *p);
     if (!f) return "the predictor's file cannot be opened";
-    sprintf(p->said, "the predictor's file does not begin with KDSMNET1");
-    ok = fread(magic, 1, 8, f) == 8 && memcmp(magic, "KDSMNET1", 8) == 0;
+    sprintf(p->said, "the predictor's file does not begin with KDSMNET2");
+    ok = fread(magic, 1, 8, f) == 8 && memcmp(magic, "KDSMNET2", 8) == 0;
     if (ok) sprintf(p->said, "the predictor's head is cut short");
     ok = ok && fread(head, 4, PREDICT_HEAD, f) == PREDICT_HEAD
          && fread(&p->id, sizeof p->id, 1, f) == 1;

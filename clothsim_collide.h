@@ -8613,7 +8613,7 @@ static void clothi_back_points(const clothi_contact *q, const clothi_frame *at, 
 static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int end,
                               const clothi_frame *at, const clothi_rates *b) {
     const cloth_collide *c = f->c;
-    double p[12], to[12];
+    double p[12] = {0}, to[12];
     int    i;
     clothi_pair_points(c, end ? f->x : c->xa, end ? c->xb : c->xa, q->v, q->n, p);
     clothi_back_points(q, at, p, b, to);

@@ -1,0 +1,256 @@
+/* test_tangent.c - the dot-product test where the kit has no tangent of its own: LEAPFROG, with and
+ * without its impact zones. A tangent goes forwards, kick by kick: forces by rows of their Jacobian
+ * (the vjp of unit vectors), zones by their KKT systems solved forwards. Weights times tangent are
+ * what the adjoint finds for the same direction, to rounding.
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_tangent.c -lm */
+#define CLOTHSIM_IMPLEMENTATION
+#include "../clothsim_collide.h"
+#include "../clothsim_grad.h"
+#include "test.h"
+#include "host.h"
+#include "grad_touch.h"
+
+enum { ROOM = 3 * 64, STEPS = 6, ROWS = 400 };
+
+typedef struct tangent {
+    touch       t;
+    clothi_grad g;
+    int         n;                          /* 3 nv                                            */
+    double      w[STEPS + 1][2][ROOM];      /* of the loss, by x and v of each state           */
+    double      dx[ROOM], dv[ROOM];
+    int         zones;                      /* substeps with rows                              */
+} tangent;
+
+static tangent T;
+
+static void weigh(int k, const double *x, const double *v, double *gx, double *gv, void *user) {
+    tangent *q = (tangent *)user;
+    int      i;
+    (void)x, (void)v;
+    for (i = 0; i < q->n; i++) {
+        gx[i] = q->w[k][0][i] = touch_noise(77u + (unsigned)(k * q->n + i));
+        gv[i] = q->w[k][1][i] = 0.01 * touch_noise(99991u + (unsigned)(k * q->n + i));
+    }
+}
+
+static double along(const double *a, const double *b, int n) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* v of kick `c` of which x, v, v' are: dv goes on. */
+static void kick(tangent *q, double c, double hs, const double *x, const double *v,
+                 const double *after) {
+    clothi_grad *g = &q->g;
+    double       next[ROOM] = {0};
+    int          i;
+    for (i = 0; i < q->n; i++) {
+        memset(g->lx, 0, (size_t)q->n * sizeof(double));
+        memset(g->lv, 0, (size_t)q->n * sizeof(double));
+        g->lv[i] = 1;
+        clothi_leap_impulse(g, c, v, after);
+        CHECK(clothi_leap_back(g, hs, x, v, 0) == CLOTH_OK);
+        next[i] = along(g->lx, q->dx, q->n) + along(g->lv, q->dv, q->n);
+    }
+    memcpy(q->dv, next, sizeof next);
+}
+
+/* What row r of those that pushed is moved by: d [9] of d{normal, w, bound, speed}. */
+static void row_moves(tangent *q, const clothi_rows *z, int r, const double *start,
+                      const double *given, const double *end, double *d) {
+    clothi_grad *g = &q->g;
+    int          i;
+    for (i = 0; i < CLOTH_ROW_RATES; i++) {
+        memset(z->rate, 0, (size_t)z->n * CLOTH_ROW_RATES * sizeof(double));
+        memset(g->lx, 0, (size_t)q->n * sizeof(double));
+        memset(g->np, 0, (size_t)q->n * sizeof(double));
+        z->rate[CLOTH_ROW_RATES * r + i] = 1;
+        CHECK(!clothi_rows_made(g, (clothi_rows *)(uintptr_t)z));
+        d[i] = along(g->np, start, q->n) + along(g->lx, given, q->n) + along(g->nv, end, q->n);
+    }
+}
+
+/* A dense system by elimination with pivots; b becomes x. */
+static void solve(double (*A)[ROWS], double *b, int n) {
+    int i, j, k;
+    for (k = 0; k < n; k++) {
+        int p = k;
+        for (i = k; i < n; i++)
+            if (fabs(A[i][k]) > fabs(A[p][k])) p = i;
+        for (j = 0; j < n; j++) {
+            const double t = A[k][j];
+            A[k][j] = A[p][j], A[p][j] = t;
+        }
+        { const double t = b[k]; b[k] = b[p], b[p] = t; }
+        for (i = k + 1; i < n; i++) {
+            const double f = A[i][k] / A[k][k];
+            for (j = k; j < n; j++) A[i][j] -= f * A[k][j];
+            b[i] -= f * b[k];
+        }
+    }
+    for (i = n - 1; i >= 0; i--) {
+        for (j = i + 1; j < n; j++) b[i] -= A[i][j] * b[j];
+        b[i] /= A[i][i];
+    }
+}
+
+/* One program forwards: d [n] of x* becomes that of x', whose rows move by move [rows x 9]:
+ *   G dx' = db - dG x',   M (dx' - dx*) = G' dlambda + dG' lambda */
+static void program(tangent *q, const clothi_rows *z, int speeds, const double *x,
+                    double (*move)[CLOTH_ROW_RATES], double *d) {
+    static double A[ROWS][ROWS], b[ROWS];
+    const double *mass = q->g.s->params.mass;
+    int           list[ROWS], m = 0, r, i, k, p;
+    for (r = 0; r < z->n; r++)
+        if (clothi_row_pushes(z->row + r, speeds)) list[m++] = r;
+    for (r = 0; r < m; r++) {               /* dG' lambda/m joins dx* */
+        const cloth_contact_row *row = z->row + list[r];
+        for (i = 0; i < row->n; i++)
+            for (k = 0; row->v[i] < q->n / 3 && k < 3; k++)
+                d[3 * row->v[i] + k] += (speeds ? row->impulse : row->multiplier) /
+                                        mass[row->v[i]] *
+                                        (row->w[i] * move[list[r]][k] +
+                                         row->normal[k] * move[list[r]][3 + i]);
+    }
+    for (r = 0; r < m; r++) {
+        const cloth_contact_row *row = z->row + list[r];
+        b[r] = move[list[r]][7 + speeds];
+        for (i = 0; i < row->n; i++)
+            for (k = 0; row->v[i] < q->n / 3 && k < 3; k++)
+                b[r] -= row->w[i] * row->normal[k] * d[3 * row->v[i] + k] +
+                        (row->w[i] * move[list[r]][k] + row->normal[k] * move[list[r]][3 + i]) *
+                            x[3 * row->v[i] + k];
+        for (p = 0; p < m; p++) A[r][p] = clothi_row_pair(q->g.s, row, z->row + list[p]);
+    }
+    solve(A, b, m);
+    for (r = 0; r < m; r++) {
+        const cloth_contact_row *row = z->row + list[r];
+        for (i = 0; i < row->n; i++)
+            for (k = 0; row->v[i] < q->n / 3 && k < 3; k++)
+                d[3 * row->v[i] + k] += b[r] * row->w[i] * row->normal[k] / mass[row->v[i]];
+    }
+}
+
+/* The zones of a drift from `start`, d of the x where it began; dx, dv of what they were given go
+ * on. Rows of later passes move with where they end: found by repetition. */
+static void zones(tangent *q, double hs, const double *x, const double *next,
+                  const double *start) {
+    static double move[ROWS][CLOTH_ROW_RATES];
+    cloth_sim    *s = q->g.s;
+    const size_t  bytes = (size_t)q->n * sizeof(double);
+    const double *given = x + 2 * q->n;
+    double        end[ROOM], was[ROOM];
+    clothi_rows   z;
+    int           r, i;
+    if (memcmp(given, next, 2 * bytes) == 0) return;
+    q->zones++;
+    memcpy(s->w.x, x, bytes);
+    memcpy(s->w.trial, x + q->n, bytes);
+    CHECK(clothi_leap_contact(s, hs, 0, NULL) == CLOTH_OK);
+    memcpy(s->w.x, given, bytes);
+    memcpy(s->w.trial, given + q->n, bytes);
+    CHECK(clothi_leap_contact(s, hs, 1, NULL) == CLOTH_OK);
+    CHECK(memcmp(s->w.x, next, bytes) == 0 && memcmp(s->w.trial, next + q->n, bytes) == 0);
+    CHECK(clothi_rows_open(&q->g, &z) == CLOTH_OK && z.n <= ROWS);
+    memcpy(end, q->dx, bytes);
+    for (i = 0; i < 30; i++) {
+        memcpy(was, end, bytes);
+        for (r = 0; r < z.n; r++)
+            if (clothi_row_pushes(z.row + r, 0)) row_moves(q, &z, r, start, q->dx, was, move[r]);
+        memcpy(end, q->dx, bytes);
+        program(q, &z, 0, s->w.x, move, end);
+        if (memcmp(end, was, bytes) == 0) break;
+    }
+    program(q, &z, 1, s->w.trial, move, q->dv);
+    memcpy(q->dx, end, bytes);
+    clothi_rows_close(&q->g, &z);
+}
+
+/* A step along its path. */
+static void step(tangent *q, int k) {
+    clothi_grad  *g = &q->g;
+    const size_t  n = g->t->nv3, each = clothi_tape_each(g->t);
+    const double  h = g->t->step[k].h, *end = (const double *)(const void *)g->t->end;
+    const unsigned char *slot = g->t->step[k].slot;
+    double        start[ROOM], hs;
+    int           j, i, m;
+    if (k + 1 < g->t->n) end = (const double *)(const void *)g->t->step[k + 1].slot;
+    CHECK(clothi_grad_put(g, k, slot) == CLOTH_OK);
+    CHECK(clothi_tape_trace(g->t, each * (size_t)g->t->step[k].substeps));
+    CHECK(clothi_grad_replay(g, k, CLOTHI_TAPE_TRACE) == CLOTH_OK);
+    CHECK(clothi_grad_put(g, k, slot) == CLOTH_OK);
+    m = g->t->traced - 1, hs = h / m;
+    for (j = 0; j <= m; j++) {
+        const double *x = g->t->trace + each * (size_t)j, *v = x + n;
+        clothi_input(g->s, hs, (double)j / m, (double)(j + 1) / m);
+        g->s->in.x = x, g->s->in.v = v;
+        g->s->in.share[1] = g->s->in.share[0];
+        kick(q, j == 0 || j == m ? 0.5 * hs : hs, hs, x, v,
+             j < m ? v + 2 * n : end + n + CLOTHI_PAD8(n * 8) / 8);
+        if (j == m) break;
+        g->s->in.share[1] = (double)(j + 1) / m;
+        memcpy(start, q->dx, sizeof start);
+        for (i = 0; i < q->n; i++) q->dx[i] += hs * q->dv[i];
+        if (g->s->contact_on) zones(q, hs, x, x + each, start);
+    }
+    if (g->s->contact_on) g->s->contact.rollback(g->s->contact.user, NULL);
+}
+
+static double dot_product(unsigned seed, int rich) {
+    static double     x0[ROOM], v0[ROOM];
+    cloth_tape       *tape = NULL;
+    cloth_grad        out;
+    cloth_grad_report rep;
+    unsigned char    *block = NULL;
+    double            forwards = 0, back;
+    int               k, i;
+    memset(&T, 0, sizeof T);
+    memset(&out, 0, sizeof out);
+    T.t = touch_make(seed);
+    T.t.leapfrog = 1, T.t.steps = STEPS, T.t.pins = 0, T.t.rich = rich;
+    (void)touch_run(&T.t, &tape);
+    T.n = 3 * T.t.mesh->nv;
+    CHECK(T.n <= ROOM && T.t.failed == 0);
+    out.x0 = x0, out.v0 = v0;
+    CHECK(cloth_grad_backward(tape, weigh, &T, &out, &rep) == CLOTH_OK && rep.valid);
+    for (i = 0; i < T.n; i++) {
+        T.dx[i] = touch_noise(5u + (unsigned)i);
+        T.dv[i] = touch_noise(505u + (unsigned)i);
+    }
+    back = along(x0, T.dx, T.n) + along(v0, T.dv, T.n);
+    CHECK(clothi_grad_open(&T.g, tape, &out, &rep, &block) == CLOTH_OK);
+    tape->mode = CLOTHI_TAPE_DEAF;
+    forwards = along(T.w[0][0], T.dx, T.n) + along(T.w[0][1], T.dv, T.n);
+    for (k = 0; k < STEPS; k++) {
+        step(&T, k);
+        forwards += along(T.w[k + 1][0], T.dx, T.n) + along(T.w[k + 1][1], T.dv, T.n);
+    }
+    CHECK(clothi_grad_adjoint(&T.g, CLOTH_ADJOINT_END, 0) == CLOTH_OK);
+    tape->mode = CLOTHI_TAPE_RECORD;
+    cloth_matrix_destroy(T.g.elastic);
+    cloth_pattern_destroy(T.g.pattern);
+    clothi_tape_free(tape, T.g.here);
+    clothi_tape_free(tape, block);
+    cloth_tape_destroy(tape);
+    touch_close(&T.t);
+    printf("  %-8s %s%17.10e %17.10e  %.1e, %d substeps with rows\n", touch_body[T.t.body],
+           rich ? "rich " : "", back, forwards, fabs(back / forwards - 1), T.zones);
+    return fabs(back - forwards) / fmax(fabs(back), fabs(forwards));
+}
+
+static void leapfrog_zones(void) {
+    static const unsigned seed[] = {1, 0, 2, 3, 5};
+    int                   i;
+    for (i = 0; i < (test_quick() ? 1 : test_full() ? 5 : 3); i++) {
+        CHECK(dot_product(seed[i], 0) <= 1e-10);
+        CHECK(T.zones > 0);
+    }
+}
+
+int main(int argc, char **argv) {
+    TEST_BEGIN(argc, argv);
+    RUN(leapfrog_zones);
+    return TEST_END();
+}

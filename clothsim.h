@@ -214,7 +214,7 @@ extern "C" {
     X(CLOTH_ERR_UNINIT,      -2, "the desc was not made by its _default() function")             \
     X(CLOTH_ERR_MEMORY,      -3, "the allocator returned NULL")                                  \
     X(CLOTH_ERR_CAPACITY,    -4, "a fixed capacity is too small")                                \
-    X(CLOTH_ERR_MESH,        -5, "bad mesh, or cloth and obstacle intersect: move them apart")    \
+    X(CLOTH_ERR_MESH,        -5, "the mesh is bad, or cloth and obstacle intersect: part them")   \
     X(CLOTH_ERR_PARSE,       -6, "the text is not a readable OBJ file")                          \
     X(CLOTH_ERR_IO,          -7, "a file could not be opened, read or written")                  \
     X(CLOTH_ERR_UNSUPPORTED, -8, "not built in, or not asked for: contact needs desc.contact")     \

@@ -4548,7 +4548,7 @@ CLOTHI_LANE double clothi_tri_energy(clothi_sym e, const double *rest, int k) {
                               + 0.5 * rest[6 * L + k] * (e.a + e.b) * (e.a + e.b));
 }
 
-/* A S of the strain e, times scale. */
+/* A S of the strain e. */
 CLOTHI_LANE clothi_sym clothi_tri_stress(clothi_sym e, const double *rest, int k) {
     enum { L = CLOTHI_LANES };
     const double area = rest[4 * L + k], mu2 = 2.0 * rest[5 * L + k];
@@ -5196,7 +5196,7 @@ CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess
     }
     for (i = 0; i < 12 * CLOTHI_LANES; i++) y[i] = scale * x[i / CLOTHI_LANES];
     clothi_hinge_measure(y, clothi_one, theta);
-    clothi_hinge_gradient(y, clothi_one, f);
+    if (grad) clothi_hinge_gradient(y, clothi_one, f);
     clothi_from_lanes(f, 12, scale, grad);
     if (hess) {
         double       H[54 * CLOTHI_LANES];

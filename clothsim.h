@@ -1270,7 +1270,7 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
  * in   nv       vertices, 1 .. CLOTH_MAX_COUNT
  * in   start    [nelem+1] from 0 or more, vertex [start[nelem]]: element e joins every pair of its
  *               vertices
- * in   x        [nv x 3] m, or NULL; positions are not needed by the orders in use
+ * in   x        [nv x 3] m where vertices are at rest: the better order; or NULL
  * out  *out     owned: cloth_pattern_destroy; const afterwards; NULL on failure
  * returns CLOTH_OK, CLOTH_ERR_ARGUMENT (a sentence names the index), CLOTH_ERR_MEMORY
  * contract: alloc yes | cost O(sum of squares of element sizes + aggregates x nv) */
@@ -5453,11 +5453,11 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
  *        |  2  |  |  3  |                S |x  x  x   X |   side, with the same numbers for any
  *        +-----+--+-----+                  +------------+   count of workers.
  *
- *   dissection  a part is walked breadth first from an end of it and cut in the middle of the
- *               walk; of the two sides of the cut the one with fewer vertices at it gives them
- *               to the separator. Parts that do not hang together are walked one after the other.
- *               Leaves: 1 below CLOTHI_ONE_LEAF vertices, 4, 8 from CLOTHI_EIGHT_LEAVES on: a
- *               function of the mesh only.
+ *   dissection  a part is sorted along the longest side of the box around it (without positions:
+ *               walked breadth first from an end of it) and cut in the middle; of the two sides of
+ *               the cut the one with fewer vertices at it gives them to the separator. Its first
+ *               parts are the leaves, 1 below CLOTHI_ONE_LEAF vertices, 4, 8 from
+ *               CLOTHI_EIGHT_LEAVES on; it goes on, down to some 24 vertices, for [7.4].
  *   levels      inside a leaf, rows are sorted by level = 1 + highest level of an earlier
  *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
  *               just before it.
@@ -5572,40 +5572,149 @@ static int clothi_bfs(const clothi_graph *g, const int *label, int part, const i
     return queue[count - 1];
 }
 
-typedef struct clothi_cut {                 /* scratch of the dissection, each [nv]            */
-    int *order;                             /* vertices, part after part                       */
-    int *label, *mark, *queue, *level;
-    int  stamp;
-} clothi_cut;
-
-/* Cuts the `count` vertices order[begin..] into halves and a separator: order becomes first half,
- * second half, separator, each as walked; size [2] of the halves. label: part, part+1, -1. */
-static void clothi_bisect(const clothi_graph *g, clothi_cut *c, int begin, int count, int part,
-                          int *size) {
-    int *list = c->order + begin, *place = c->level;
-    int  i, k, pass, seed = list[0], half = count / 2, touch[2] = {0, 0}, side, at[3];
-    for (pass = 0; pass < 3; pass++)
-        seed = clothi_bfs(g, c->label, part, list, count, seed, c->mark, ++c->stamp, c->queue);
-    for (i = 0; i < count; i++) place[c->queue[i]] = i >= half;
-    for (pass = 0; pass < 2; pass++)        /* count those at the cut, then label them         */
-        for (i = 0; i < count; i++) {
-            int v = c->queue[i], other = 0;
-            for (k = g->start[v]; k < g->start[v + 1] && !other; k++)
-                other = c->label[g->to[k]] == part && place[g->to[k]] != place[v];
-            if (!pass) touch[place[v]] += other;
-            side = touch[1] > touch[0] ? 0 : 1;
-            if (pass) c->mark[v] = other && place[v] == side ? 2 : place[v];
+/* A quicksort would be shorter, but equal keys must come out in one order on every machine:
+ * merges are stable. Sorts index [n] by (key[index], position); tmp [n]. */
+static void clothi_sort(int *index, int *tmp, int n, const double *key) {
+    int *from = index, *to = tmp, *swap;
+    int  width, lo;
+    for (width = 1; width < n; width = width > n / 2 ? n : 2 * width) {
+        for (lo = 0; lo < n; ) {
+            int mid = n - lo > width ? lo + width : n;
+            int hi = n - mid > width ? mid + width : n;
+            int i = lo, j = mid, k = lo;
+            while (i < mid && j < hi) to[k++] = key[from[j]] < key[from[i]] ? from[j++] : from[i++];
+            while (i < mid) to[k++] = from[i++];
+            while (j < hi) to[k++] = from[j++];
+            lo = hi;
         }
-    size[0] = size[1] = 0;
-    for (i = 0; i < count; i++)
-        if (c->mark[c->queue[i]] < 2) size[c->mark[c->queue[i]]]++;
-    at[0] = 0, at[1] = size[0], at[2] = size[0] + size[1];
-    for (i = 0; i < count; i++) {
-        int v = c->queue[i], m = c->mark[v];
-        list[at[m]++] = v;
-        c->label[v] = m == 2 ? -1 : part + m;
-        c->mark[v] = 0;
+        swap = from, from = to, to = swap;
     }
+    if (from != index) memcpy(index, from, (size_t)n * sizeof *index);
+}
+
+/* One part of the dissection: verts[lo, hi) are its vertices, verts[mid, hi) the separator that
+ * parts its children (mid == lo in a leaf). */
+typedef struct clothi_part {
+    int lo, mid, hi;
+    int parent, child[2];                   /* -1: none                                        */
+    int n, nb;                              /* unknowns of its front: its own, the boundary's  */
+} clothi_part;
+
+typedef struct clothi_dissection {
+    int           nv, nparts;
+    int           next;                     /* the first part that was not looked at yet       */
+    const clothi_graph *g;
+    const double *coords;                   /* [nv x 3] or NULL                                */
+    int          *verts;                    /* [nv]                                            */
+    int          *tmp, *tag, *queue, *mark; /* tmp [6 nv + 1] holds the others                 */
+    int           stamp;
+    double       *key;                      /* [nv]                                            */
+    clothi_part  *part;                     /* [2 nv] parents before children                  */
+} clothi_dissection;
+
+/* Sorts verts[0, n) along the part: by its longest coordinate axis, or by graph distance from a
+ * vertex at its rim (the last one that a first walk reaches). t: tag of the part. */
+static void clothi_dissect_sort(clothi_dissection *d, int *verts, int n, int t) {
+    double lo[3], hi[3];
+    int    axis = 0, i, k;
+    if (!d->coords) {
+        for (k = 0, i = verts[0]; k < 2; k++)
+            i = clothi_bfs(d->g, d->tag, t, verts, n, i, d->mark, ++d->stamp, d->queue);
+        memcpy(verts, d->queue, (size_t)n * sizeof *verts);
+        return;
+    }
+    for (k = 0; k < 3; k++) lo[k] = hi[k] = d->coords[3 * (size_t)verts[0] + (size_t)k];
+    for (i = 1; i < n; i++)
+        for (k = 0; k < 3; k++) {
+            double c = d->coords[3 * (size_t)verts[i] + (size_t)k];
+            if (c < lo[k]) lo[k] = c;
+            if (c > hi[k]) hi[k] = c;
+        }
+    for (k = 1; k < 3; k++)
+        if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
+    for (i = 0; i < n; i++) d->key[verts[i]] = d->coords[3 * (size_t)verts[i] + (size_t)axis];
+    clothi_sort(verts, d->tmp, n, d->key);
+}
+
+/* True when a neighbour of v carries tag t. */
+static int clothi_dissect_touches(const clothi_dissection *d, int v, int t) {
+    int k;
+    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
+        if (d->tag[d->g->to[k]] == t) return 1;
+    return 0;
+}
+
+/* Halves part id and makes the rim of one half its separator. 0: it stays whole (a clique). */
+static int clothi_dissect_part(clothi_dissection *d, int id) {
+    clothi_part *p = d->part + id;
+    int *verts = d->verts + p->lo;
+    int  n = p->hi - p->lo, half = n / 2, t = 3 * id + 1;
+    int  rim[2] = {0, 0}, side, i, k, count[3];
+    for (i = 0; i < n; i++) d->tag[verts[i]] = t;
+    clothi_dissect_sort(d, verts, n, t);
+    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
+    for (i = 0; i < n; i++)
+        rim[i >= half] += clothi_dissect_touches(d, verts[i], t + 2 - (i >= half));
+    side = rim[1] < rim[0];
+    count[0] = half - (side ? 0 : rim[0]);
+    count[1] = n - half - (side ? rim[1] : 0);
+    count[2] = rim[side];
+    if (count[0] == 0 || count[1] == 0) return 0;
+    count[2] = count[0] + count[1], count[1] = count[0], count[0] = 0;
+    for (i = 0; i < n; i++) {
+        k = i >= half;
+        if (k == side && clothi_dissect_touches(d, verts[i], t + 2 - k)) k = 2;
+        d->tmp[count[k]++] = verts[i];
+    }
+    memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
+    p->mid = p->lo + count[1];
+    for (k = 0; k < 2; k++) {
+        clothi_part *c = d->part + d->nparts;
+        c->lo = c->mid = p->lo + (k ? count[0] : 0);
+        c->hi = p->lo + count[k];
+        c->parent = id;
+        c->child[0] = c->child[1] = -1;
+        p->child[k] = d->nparts++;
+    }
+    return 1;
+}
+
+#define CLOTHI_PART_SIZE 24                 /* vertices of the smallest part that is still cut */
+
+/* Goes on until there are `leaves` parts that are not cut (0: as far as parts can be). Parts are
+ * numbered as they are made, so the list is its own work list. */
+static void clothi_dissect(clothi_dissection *d, int leaves) {
+    for (; d->next < d->nparts && (!leaves || d->nparts < 2 * leaves - 1); d->next++) {
+        const clothi_part *p = d->part + d->next;
+        if (p->hi - p->lo > CLOTHI_PART_SIZE) clothi_dissect_part(d, d->next);
+    }
+}
+
+static void clothi_dissection_free(const cloth_hooks *hooks, clothi_dissection *d) {
+    clothi_free(hooks, d->verts);
+    clothi_free(hooks, d->tmp);
+    clothi_free(hooks, d->key);
+    clothi_free(hooks, d->part);
+}
+
+/* One part, all vertices in the order of a walk. */
+static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, const clothi_graph *g,
+                                            const double *coords, clothi_dissection *d) {
+    const size_t n = (size_t)nv;
+    int          i;
+    memset(d, 0, sizeof *d);
+    d->nv = nv, d->g = g, d->coords = coords;
+    d->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
+    d->tmp = (int *)clothi_alloc(hooks, 6 * n + 1, sizeof(int));
+    d->key = (double *)clothi_alloc(hooks, n, sizeof(double));
+    d->part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d->part);
+    if (!d->verts || !d->tmp || !d->key || !d->part) return CLOTH_ERR_MEMORY;
+    d->tag = d->tmp + n, d->mark = d->tag + n, d->queue = d->mark + n;
+    for (i = 0; i < nv; i++) d->verts[i] = i;
+    d->part[0].hi = nv, d->nparts = 1;
+    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = -1;
+    clothi_dissect_sort(d, d->verts, nv, 0);
+    return CLOTH_OK;
 }
 
 /* Rows [begin, end) sorted by level, stable. level, sorted [n], count [n + 1] are scratch. */
@@ -5627,58 +5736,24 @@ static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int 
     for (i = begin; i < end; i++) row_of[order[i]] = i;
 }
 
-/* Leaves first, separators last, the earliest cut at the very end. Every round halves each part;
- * a part's vertices stay together at its begin [], separators move behind all parts. */
-static cloth_status clothi_pattern_order(cloth_pattern *p, const clothi_graph *g) {
-    const cloth_hooks *hooks = &p->hooks;
-    const size_t n = (size_t)p->n;
-    clothi_cut c;
-    int begin[2 * CLOTHI_LEAVES], size[2 * CLOTHI_LEAVES];
-    int parts = 1, leaves = p->n < CLOTHI_ONE_LEAF ? 1 : p->n < CLOTHI_EIGHT_LEAVES ? 4 : 8;
-    int i, a, end = p->n, *scratch = (int *)clothi_alloc(hooks, 5 * n + 5, sizeof(int)), *next;
-    if (!scratch) return CLOTH_ERR_MEMORY;
-    c.order = p->vertex_of, c.label = scratch, c.mark = c.label + n, c.queue = c.mark + n;
-    c.level = c.queue + n, next = c.level + n, c.stamp = 2, begin[0] = 0, size[0] = p->n;
-    for (i = 0; i < p->n; i++) c.order[i] = i;
-    if (leaves == 1 && p->n > 0)            /* the walk's order, for locality                  */
-        for (a = 0, i = 0; a < 3; a++)
-            i = clothi_bfs(g, c.label, 0, c.order, p->n, i, c.mark, ++c.stamp, c.queue);
-    if (leaves == 1) memcpy(c.order, c.queue, n * sizeof(int));
-    while (parts < leaves) {
-        int tail = end, at = 0, halves[2 * CLOTHI_LEAVES];
-        for (a = parts - 1; a >= 0; a--)    /* labels of halves must not meet: from the top    */
-            for (i = begin[a]; i < begin[a] + size[a]; i++) c.label[c.order[i]] = 2 * a;
-        for (a = 0; a < parts; a++) {
-            halves[2 * a] = halves[2 * a + 1] = 0;
-            if (size[a] > 0) clothi_bisect(g, &c, begin[a], size[a], 2 * a, halves + 2 * a);
-        }
-        for (a = parts - 1; a >= 0; a--)    /* separators to the end, parts closed up          */
-            for (i = begin[a] + size[a] - 1; i >= begin[a] + halves[2 * a] + halves[2 * a + 1];
-                 i--) next[--tail] = c.order[i];
-        for (a = 0; a < 2 * parts; a++) {
-            int from = begin[a / 2] + (a & 1 ? halves[a - 1] : 0);
-            memmove(c.order + at, c.order + from, (size_t)halves[a] * sizeof(int));
-            c.level[a] = at;
-            at += halves[a];
-        }
-        memcpy(c.order + tail, next + tail, (size_t)(end - tail) * sizeof(int));
-        parts *= 2;
-        for (a = 0; a < parts; a++) {
-            begin[a] = c.level[a];
-            size[a] = halves[a];
-        }
-        end = tail;
+/* Leaves first, separators last, the earliest cut at the very end. */
+static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
+    int i, id, leaf = 0, row = 0;
+    for (id = 0; id < d->nparts; id++) {
+        const clothi_part *q = d->part + id;
+        if (q->child[0] >= 0) continue;
+        p->dom[leaf++] = row;
+        for (i = q->lo; i < q->hi; i++) p->vertex_of[row++] = d->verts[i];
     }
-    p->nd = leaves;
-    for (a = 0; a < leaves; a++) p->dom[a] = begin[a];
-    p->dom[leaves] = end;
-    p->dom[leaves + 1] = p->n;
+    while (leaf <= p->nd) p->dom[leaf++] = row;         /* a clique is not cut: fewer leaves   */
+    for (id = d->nparts - 1; id >= 0; id--)
+        for (i = d->part[id].mid; d->part[id].child[0] >= 0 && i < d->part[id].hi; i++)
+            p->vertex_of[row++] = d->verts[i];
+    p->dom[p->nd + 1] = p->n;
     for (i = 0; i < p->n; i++) p->row_of[i] = -1;
-    for (a = 0; a <= leaves; a++)
-        clothi_level_sort(g, c.order, p->dom[a], p->dom[a + 1], p->row_of, c.label, c.mark,
-                          c.queue);
-    clothi_free(hooks, scratch);
-    return CLOTH_OK;
+    for (i = 0; i <= p->nd; i++)
+        clothi_level_sort(d->g, p->vertex_of, p->dom[i], p->dom[i + 1], p->row_of,
+                          d->tmp + 4 * (size_t)p->n, d->tmp + 5 * (size_t)p->n, d->tmp);
 }
 
 /* Lower rows in the new order (written column by column, hence increasing), and where in a row of
@@ -5845,44 +5920,6 @@ static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int n
 
 /* --- the tree that [7.4] eliminates along --- */
 
-/* A quicksort would be shorter, but equal keys must come out in one order on every machine:
- * merges are stable. Sorts index [n] by (key[index], position); tmp [n]. */
-static void clothi_sort(int *index, int *tmp, int n, const double *key) {
-    int *from = index, *to = tmp, *swap;
-    int  width, lo;
-    for (width = 1; width < n; width = width > n / 2 ? n : 2 * width) {
-        for (lo = 0; lo < n; ) {
-            int mid = n - lo > width ? lo + width : n;
-            int hi = n - mid > width ? mid + width : n;
-            int i = lo, j = mid, k = lo;
-            while (i < mid && j < hi) to[k++] = key[from[j]] < key[from[i]] ? from[j++] : from[i++];
-            while (i < mid) to[k++] = from[i++];
-            while (j < hi) to[k++] = from[j++];
-            lo = hi;
-        }
-        swap = from, from = to, to = swap;
-    }
-    if (from != index) memcpy(index, from, (size_t)n * sizeof *index);
-}
-
-/* One part of the dissection: verts[lo, hi) are its vertices, verts[mid, hi) the separator that
- * parts its children (mid == lo in a leaf). */
-typedef struct clothi_part {
-    int lo, mid, hi;
-    int parent, child[2];                   /* -1: none                                        */
-    int n, nb;                              /* unknowns of its front: its own, the boundary's  */
-} clothi_part;
-
-typedef struct clothi_tree_work {
-    int           nv, nparts;
-    const clothi_graph *g;
-    const double *coords;
-    int          *verts, *tmp, *tag, *queue, *mark;
-    int           stamp;
-    double       *key;
-    clothi_part  *part;                     /* parents before children                         */
-} clothi_tree_work;
-
 /* A block of A on its way into a front: slot as in cloth_pattern_slot, front vertices row, col. */
 typedef struct clothi_front_entry {
     int slot2, row, col;
@@ -5912,91 +5949,8 @@ typedef struct clothi_tree {
     double flops;
 } clothi_tree;
 
-/* Sorts verts[0, n) along the part: by its longest coordinate axis, or by graph distance from a
- * vertex at its rim (the last one that a first walk reaches). t: tag of the part. */
-static void clothi_tree_sort(clothi_tree_work *d, int *verts, int n, int t) {
-    double lo[3], hi[3];
-    int    axis = 0, i, k;
-    if (!d->coords) {
-        for (k = 0, i = verts[0]; k < 2; k++)
-            i = clothi_bfs(d->g, d->tag, t, verts, n, i, d->mark, ++d->stamp, d->queue);
-        memcpy(verts, d->queue, (size_t)n * sizeof *verts);
-        return;
-    }
-    for (k = 0; k < 3; k++) lo[k] = hi[k] = d->coords[3 * (size_t)verts[0] + (size_t)k];
-    for (i = 1; i < n; i++)
-        for (k = 0; k < 3; k++) {
-            double c = d->coords[3 * (size_t)verts[i] + (size_t)k];
-            if (c < lo[k]) lo[k] = c;
-            if (c > hi[k]) hi[k] = c;
-        }
-    for (k = 1; k < 3; k++)
-        if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
-    for (i = 0; i < n; i++) d->key[verts[i]] = d->coords[3 * (size_t)verts[i] + (size_t)axis];
-    clothi_sort(verts, d->tmp, n, d->key);
-}
-
-/* True when a neighbour of v carries tag t. */
-static int clothi_tree_touches(const clothi_tree_work *d, int v, int t) {
-    int k;
-    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
-        if (d->tag[d->g->to[k]] == t) return 1;
-    return 0;
-}
-
-/* Halves part id and makes the rim of one half its separator. 0: it stays whole (a clique). */
-static int clothi_tree_split(clothi_tree_work *d, int id) {
-    clothi_part *p = d->part + id;
-    int *verts = d->verts + p->lo;
-    int  n = p->hi - p->lo, half = n / 2, t = 3 * id + 1;
-    int  rim[2] = {0, 0}, side, i, k, count[3];
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t;
-    clothi_tree_sort(d, verts, n, t);
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
-    for (i = 0; i < n; i++) rim[i >= half] += clothi_tree_touches(d, verts[i], t + 2 - (i >= half));
-    side = rim[1] < rim[0];
-    count[0] = half - (side ? 0 : rim[0]);
-    count[1] = n - half - (side ? rim[1] : 0);
-    count[2] = rim[side];
-    if (count[0] == 0 || count[1] == 0) return 0;
-    count[2] = count[0] + count[1], count[1] = count[0], count[0] = 0;
-    for (i = 0; i < n; i++) {
-        k = i >= half;
-        if (k == side && clothi_tree_touches(d, verts[i], t + 2 - k)) k = 2;
-        d->tmp[count[k]++] = verts[i];
-    }
-    memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
-    p->mid = p->lo + count[1];
-    for (k = 0; k < 2; k++) {
-        clothi_part *c = d->part + d->nparts;
-        c->lo = c->mid = p->lo + (k ? count[0] : 0);
-        c->hi = p->lo + count[k];
-        c->parent = id;
-        c->child[0] = c->child[1] = -1;
-        p->child[k] = d->nparts++;
-    }
-    return 1;
-}
-
-#define CLOTHI_PART_SIZE 24                 /* vertices of the smallest part that is still cut */
-
-/* The whole tree. Parts are numbered as they are made, so the list is its own work list. */
-static void clothi_tree_dissect(clothi_tree_work *d) {
-    int i;
-    for (i = 0; i < d->nv; i++) {
-        d->verts[i] = i;
-        d->tag[i] = -1;
-    }
-    d->part[0].lo = d->part[0].mid = 0;
-    d->part[0].hi = d->nv;
-    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = -1;
-    d->nparts = 1;
-    for (i = 0; i < d->nparts; i++)
-        if (d->part[i].hi - d->part[i].lo > CLOTHI_PART_SIZE) clothi_tree_split(d, i);
-}
-
 /* The tree in post-order, without the parts' tags of work: children stand before parents. */
-static void clothi_tree_postorder(const clothi_tree_work *d, clothi_part *out, int *number,
+static void clothi_tree_postorder(const clothi_dissection *d, clothi_part *out, int *number,
                                   int *stack) {
     int top = 0, n = 0, i, k;
     for (i = 0; i < d->nparts; i++) number[i] = -1;
@@ -6233,40 +6187,18 @@ static size_t clothi_tree_blocks(const clothi_tree *P, const cloth_hooks *hooks)
     return clothi_blocks(hooks, block, 9);
 }
 
-/* Dissection and symbolic analysis. coords [nv x 3] or NULL. */
-static cloth_status clothi_tree_create(const cloth_pattern *p, const clothi_graph *g,
-                                       const double *coords, clothi_tree **out) {
-    const cloth_hooks *hooks = &p->hooks;
-    cloth_status       status = CLOTH_ERR_MEMORY;
-    clothi_tree_work   d;
-    size_t       n = (size_t)p->n;
-    clothi_tree *P = (clothi_tree *)clothi_alloc(hooks, 1, sizeof *P);
-    memset(&d, 0, sizeof d);
-    *out = NULL;
+/* Symbolic analysis of the whole dissection, whose verts it takes. */
+static cloth_status clothi_tree_create(cloth_pattern *p, clothi_dissection *d) {
+    clothi_tree *P = (clothi_tree *)clothi_alloc(&p->hooks, 1, sizeof *P);
+    p->tree = P;
     if (!P) return CLOTH_ERR_MEMORY;
-    P->hooks = *hooks;                      /* what frees it must be its own                   */
-    P->nv = d.nv = p->n;
-    P->nlow = p->nlow, P->start = p->row, P->col = p->col, P->perm = p->vertex_of;
-    P->rank = p->row_of, d.g = g, d.coords = coords;
-    d.verts = P->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.tmp = (int *)clothi_alloc(hooks, 6 * n, sizeof(int));
-    d.key = (double *)clothi_alloc(hooks, n, sizeof(double));
-    d.part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d.part);
-    if (!P->verts || !d.tmp || !d.key || !d.part) goto done;
-    d.tag = d.tmp + n, d.mark = d.tag + n, d.queue = d.mark + n;
-    clothi_tree_dissect(&d);
-    P->nparts = d.nparts;
-    P->part = (clothi_part *)clothi_alloc(hooks, (size_t)d.nparts, sizeof *P->part);
-    if (!P->part) goto done;
-    clothi_tree_postorder(&d, P->part, d.tmp, d.tmp + 2 * n);
-    status = clothi_tree_analyze(P, g);
-done:
-    clothi_free(hooks, d.tmp);
-    clothi_free(hooks, d.key);
-    clothi_free(hooks, d.part);
-    if (status) (void)clothi_tree_blocks(P, &p->hooks);
-    else *out = P;
-    return status;
+    P->hooks = p->hooks;                    /* what frees it must be its own                   */
+    P->nv = p->n, P->nlow = p->nlow, P->start = p->row, P->col = p->col, P->perm = p->vertex_of;
+    P->rank = p->row_of, P->nparts = d->nparts, P->verts = d->verts, d->verts = NULL;
+    P->part = (clothi_part *)clothi_alloc(&p->hooks, (size_t)d->nparts, sizeof *P->part);
+    if (!P->part) return CLOTH_ERR_MEMORY;
+    clothi_tree_postorder(d, P->part, d->tmp, d->tmp + 2 * (size_t)p->n);
+    return clothi_tree_analyze(P, d->g);
 }
 
 CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, int nelem,
@@ -6275,8 +6207,9 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     cloth_pattern *p = NULL;
     cloth_status   status;
     clothi_graph   g;
+    clothi_dissection d;
     const size_t   n = (size_t)nv;
-    g.start = g.to = NULL;
+    memset(&d, 0, sizeof d);
     if (!out) return CLOTH_ERR_ARGUMENT;
     *out = NULL;
     status = clothi_pattern_check(hooks, nv, nelem, start, vertex);
@@ -6292,13 +6225,19 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->vown = p->agg + n;
     p->member = p->vown + n, p->row = p->member + n;
     p->zp = p->row + n + 1, p->vp = p->zp + n + 1;
-    status = clothi_pattern_order(p, &g);
-    if (!status) status = clothi_pattern_rows(p, &g);
+    p->nd = nv < CLOTHI_ONE_LEAF ? 1 : nv < CLOTHI_EIGHT_LEAVES ? 4 : 8;
+    status = clothi_dissection_begin(hooks, nv, &g, x, &d);
+    if (status) goto done;
+    clothi_dissect(&d, p->nd);
+    clothi_pattern_order(p, &d);
+    clothi_dissect(&d, 0);
+    status = clothi_pattern_rows(p, &g);
     if (!status) status = clothi_pattern_aggregates(p, &g);
     if (!status) status = clothi_pattern_band(p, &g);
     if (!status) status = clothi_pattern_coarse(p, &g);
-    if (!status) status = clothi_tree_create(p, &g, x, &p->tree);
+    if (!status) status = clothi_tree_create(p, &d);
 done:
+    clothi_dissection_free(hooks, &d);
     clothi_graph_free(hooks, &g);
     if (status) cloth_pattern_destroy(p);
     else *out = p;
@@ -6678,9 +6617,10 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
  *
  *   Floats, and when not. Rounding of D competes with the mass once stiffness over inertia,
  *   q = max_i tr D_i / mean row sum of traces, times 6e-8 is near 1. (Membranes and hinges do not
- *   feel translations: the rows' sums are the inertia.) q is 1.7e5 at Y = 1e4 N/m, N = 64, 60 Hz,
- *   and 1.6e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles, beyond, and
- *   where the residual got stuck, AUTO takes doubles: the same code, about twice the time.
+ *   feel translations: the rows' sums are the inertia.) q is 1.1e5 at Y = 1e4 N/m, N = 64, 60 Hz,
+ *   and 1.1e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles. Beyond, where
+ *   at 1.1e7 (1e6 N/m) Newton stalled in 12 of 15 frames, and where the residual got stuck, AUTO
+ *   takes doubles: the same code, about 1.5 times the time.
  *   A decision is made afresh for every matrix, so that a restored snapshot goes the same way.
  *
  *   Workers. Leaves run side by side, S alone; two parallel regions an iteration (extras: three);
@@ -6696,7 +6636,7 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
 
 #define CLOTHI_LINEAR_TOLERANCE    0.05
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* AUTO: tighter ones are solved in doubles        */
-#define CLOTHI_FLOAT_STIFFNESS     4e6      /* AUTO: stiffness over inertia, see the banner    */
+#define CLOTHI_FLOAT_STIFFNESS     8e6      /* AUTO: stiffness over inertia, see the banner    */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
 #define CLOTHI_CG_CAP              20000
 #define CLOTHI_CURVATURE_TOLERANCE 1e-10
@@ -7911,14 +7851,13 @@ static clothi_run clothi_setup(cloth_linear_solver *s) {
     for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
     clothi_setup_rows(s, p->nd);
     clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
+    clothi_setup_rest(s);
     for (d = 0; d <= p->nd; d++) {
         if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
         trace += s->tally[d].trace;
         if (s->tally[d].top > top) top = s->tally[d].top;
     }
     if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
-    clothi_setup_rest(s);
-    trace += s->tally[p->nd].trace;
     for (d = 0; d < s->A->ne; d++)
         trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
                       s->A->extra[9 * (size_t)d + 8]);

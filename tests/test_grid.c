@@ -533,7 +533,7 @@ static void refusals(void) {
         CHECK(status == CLOTH_ERR_MEMORY && g == NULL && refusing.live == 0);
     }
     refusing.fail_at = 0;
-    CHECK(i > 10 && i < 100 && refusing.live == 1);
+    CHECK(i > 5 && i < 100 && refusing.live == 1);
     CHECK(cloth_grid_bytes(g) >= 8 * nodes_of(g) && cloth_grid_bytes(g) <= 8 * nodes_of(g) + 400);
     cloth_grid_destroy(g);
     CHECK(refusing.live == 0);

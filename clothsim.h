@@ -421,17 +421,8 @@ typedef enum cloth_linear {
     CLOTH_LINEAR_FORCE_INT = 0x7fffffff
 } cloth_linear;
 
-typedef enum cloth_precision {      /* of the arrays inside SGS; sums are always doubles       */
-    CLOTH_PRECISION_AUTO   = 0,     /* float; double where the matrix is too stiff for it, the
-                                       tolerance below 1e-4, or float got stuck (default)      */
-    CLOTH_PRECISION_FLOAT  = 1,     /* double only where float met no answer at all            */
-    CLOTH_PRECISION_DOUBLE = 2,
-    CLOTH_PRECISION_FORCE_INT = 0x7fffffff
-} cloth_precision;
-
 typedef struct cloth_linear_options {
     cloth_linear         method;            /* default AUTO                                    */
-    cloth_precision      precision;         /* default AUTO                                    */
     double               tolerance;         /* of the residual, relative; default 0.05         */
     double               radius;            /* m, trust radius on max |x|; default 0: none     */
     int                  max_iterations;    /* default 0: 20000                                */
@@ -439,13 +430,12 @@ typedef struct cloth_linear_options {
 } cloth_linear_options;
 
 typedef struct cloth_linear_report {
-    int             iterations;
-    int             negative;               /* met a direction of no positive curvature        */
-    int             hit;                    /* x ends at the radius                            */
-    int             factorizations;
-    cloth_precision precision;              /* of the last run                                 */
-    double          residual;               /* relative, in the norm of the preconditioner     */
-    double          decrease;               /* J, b.x - x.A x / 2 of the answer                */
+    int    iterations;
+    int    negative;                        /* met a direction of no positive curvature        */
+    int    hit;                             /* x ends at the radius                            */
+    int    factorizations;
+    double residual;                        /* relative, in the norm of the preconditioner     */
+    double decrease;                        /* J, b.x - x.A x / 2 of the answer                */
 } cloth_linear_report;
 
 /* --- the ladder: a scene takes the lowest rung that meets its tolerance --- */
@@ -1290,7 +1280,7 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
  * in   nv       vertices, 1 .. CLOTH_MAX_COUNT
  * in   start    [nelem+1] from 0 or more, vertex [start[nelem]]: element e joins every pair of its
  *               vertices
- * in   x        [nv x 3] m, or NULL; positions are not needed by the orders in use
+ * in   x        [nv x 3] m where vertices are at rest: the better order; or NULL
  * out  *out     owned: cloth_pattern_destroy; const afterwards; NULL on failure
  * returns CLOTH_OK, CLOTH_ERR_ARGUMENT (a sentence names the index), CLOTH_ERR_MEMORY
  * contract: alloc yes | cost O(sum of squares of element sizes + aggregates x nv) */
@@ -1354,8 +1344,8 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void);
  * b.x >= 0 always: x goes downhill. Stopping at max_iterations is no failure: see the residual.
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option;
  *   CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY; CLOTH_ERR_UNSUPPORTED.
- * contract: alloc at the first call in a precision and where the list of extra pairs outgrew the
- *   last one | cost per iteration ~ 2 passes over the lower triangle | same bits for any worker
+ * contract: alloc at the first call and where the pairs outside the pattern outgrew those before
+ *   | cost per iteration ~ 2 passes over the lower triangle | same bits for any worker
  *   count | one call at a time per solver */
 CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *solver, const cloth_matrix *A,
                                           const double *b, double *x,
@@ -1384,7 +1374,8 @@ typedef struct cloth_factor_report {
     double entries;                         /* doubles in the factor                           */
 } cloth_factor_report;
 
-/* Takes no memory for numbers: the first compute does.  returns CLOTH_OK, _ARGUMENT, _MEMORY */
+/* The elimination's plan. Memory for numbers is taken by the first compute.
+ * returns CLOTH_OK, _ARGUMENT, _MEMORY, _CAPACITY */
 CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth_pattern *pattern,
                                            cloth_factor **out);
 CLOTH_API void   cloth_factor_destroy(cloth_factor *f);              /* NULL is allowed        */
@@ -5559,58 +5550,68 @@ CLOTHI_RARE_BEGIN
 
 /* ===== [7.1] ORDERING ==========================================================================
  *
- *   vertices of the mesh ---> rows of the matrix           leaves 0..3        separators S
+ *   vertices of the mesh ---> rows of the matrix           subdomains 0..3    separators S
  *
- *        +-----+--+-----+           leaf 0 |X          x|   A row of a leaf only couples with
- *        |  0  |  |  1  |                1 |   X       x|   rows of its leaf and of S, so that
- *        |     |S1|     |                2 |      X    x|   Gauss-Seidel sweeps, products and the
- *        +--S2-+  +-S3--+                3 |         X x|   assembly run leaf by leaf, side by
- *        |  2  |  |  3  |                S |x  x  x   X |   side, with the same numbers for any
- *        +-----+--+-----+                  +------------+   count of workers.
+ *        +-----+--+-----+      subdomain 0 |X          x|   A row of a subdomain only couples
+ *        |  0  |  |  1  |                1 |   X       x|   with rows of its own and of S, so
+ *        |     |S1|     |                2 |      X    x|   that Gauss-Seidel sweeps, products
+ *        +--S2-+  +-S3--+                3 |         X x|   and the assembly run subdomain by
+ *        |  2  |  |  3  |                S |x  x  x   X |   subdomain, side by side, with the
+ *        +-----+--+-----+                  +------------+   same numbers for any worker count.
  *
- *   dissection  a part is walked breadth first from an end of it and cut in the middle of the
- *               walk; of the two sides of the cut the one with fewer vertices at it gives them
- *               to the separator. Parts that do not hang together are walked one after the other.
- *               Leaves: 1 below CLOTHI_ONE_LEAF vertices, 4, 8 from CLOTHI_EIGHT_LEAVES on: a
- *               function of the mesh only.
- *   levels      inside a leaf, rows are sorted by level = 1 + highest level of an earlier
+ *   dissection  a part is sorted along the longest side of the box around it (without positions:
+ *               by graph distance from a vertex at its rim) and cut in the middle; of the two
+ *               sides of the cut the one with fewer vertices at it gives them to the separator.
+ *               Its first parts are the subdomains, 1 below CLOTHI_ONE_DOMAIN vertices, 4, 8 from
+ *               CLOTHI_EIGHT_DOMAINS on; it goes on, down to some 24 vertices, and [7.4]
+ *               eliminates along its tree.
+ *   levels      inside a subdomain, rows are sorted by level = 1 + highest level of an earlier
  *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
  *               just before it.
  *   aggregates  nv/85 (4 to 512) seeds, each the farthest from those before it in graph distance;
  *               a vertex joins its nearest seed. They carry the coarse space of [7.3]. Vertices
  *               that no seed reaches (more than 512 pieces) have none. Numbered as a front that
- *               starts at the far end of each piece meets them, neighbours get near numbers, and
- *               the coarse matrix is a band.
+ *               sweeps along the mesh meets them, neighbours get near numbers, and the coarse
+ *               matrix is a band.
  *
  * checked: tests/test_sparse.c (order, domains, star, pieces); what was tried and lost is in
  *          tests/bench/bench_linear.c
  */
 
-#define CLOTHI_ONE_LEAF      500            /* vertices; below: one leaf, no parallel calls    */
-#define CLOTHI_EIGHT_LEAVES  16384
-#define CLOTHI_LEAVES        8              /* at most                                         */
+#define CLOTHI_ONE_DOMAIN    500            /* vertices; below: one domain, no parallel calls  */
+#define CLOTHI_EIGHT_DOMAINS 16384
+#define CLOTHI_DOMAINS       8              /* at most                                         */
+#define CLOTHI_PART_SIZE     24             /* vertices of the smallest part that is still cut */
 #define CLOTHI_AGG_VERTICES  85             /* per aggregate                                   */
 #define CLOTHI_AGG_MIN       4
 #define CLOTHI_AGG_MAX       512
 
+/* One part of the dissection: verts[lo, hi) are its vertices, verts[mid, hi) the separator that
+ * parts its children (mid == lo in a leaf of the tree). */
+typedef struct clothi_part {
+    int lo, mid, hi;
+    int parent, child[2];                   /* -1: none                                        */
+    int first;                              /* first part of its subtree, in post-order        */
+} clothi_part;
+
 struct cloth_pattern {
     cloth_hooks hooks;
     int   n, nlow;                          /* rows; blocks strictly below the diagonal        */
-    int   nd;                               /* leaves                                          */
-    int   dom[CLOTHI_LEAVES + 2];           /* rows of leaf d: [dom[d], dom[d+1]); last: S     */
+    int   nd;                               /* subdomains                                      */
+    int   dom[CLOTHI_DOMAINS + 2];          /* rows of d: [dom[d], dom[d+1]); last: S          */
     int  *row_of, *vertex_of;               /* [n]                                             */
     int  *row, *col;                        /* [n+1], [nlow] increasing in a row               */
-    int  *seg;                              /* [ns x (nd+1)] where in a row of S leaf d begins */
+    int  *seg;                              /* [ns x (nd+1)] where in a row of S the blocks of
+                                               subdomain d begin                               */
     int   nc;                               /* aggregates                                      */
     int  *agg;                              /* [n] of a row, or -1                             */
-    int  *zp, *zj, *vp, *vj;                /* aggregates coupled to a row; those from the
-                                               diagonal on (V) have their place in Z in vz     */
-    int  *vz, *vown;                        /* place of the row's own aggregate, -1: none      */
-    int  *kz, *kv;                          /* [nlow] place of a block in Z of its row, V of
-                                               its column, -1: none                            */
-    int  *member_start, *member;            /* [nc+2], [n] rows by aggregate, last: of none    */
-    int  *reach;                            /* [nc] row a of Ac and of its factor ends there   */
-    struct clothi_tree *tree;               /* of [7.4]                                        */
+    int  *vp, *vj;                          /* [n+1] aggregates coupled to a row from the
+                                               diagonal on, its own first                      */
+    int  *envelope;                         /* [nc] row a of the coarse matrix ends there      */
+    int  *verts;                            /* [n] vertices in the order of elimination        */
+    int   nparts;
+    clothi_part *part;                      /* in post-order: children before parents          */
+    int   domain_part[CLOTHI_DOMAINS];      /* of the subdomains, -1: none                     */
 };
 
 typedef struct clothi_graph {               /* neighbours of each vertex, increasing           */
@@ -5664,302 +5665,6 @@ done:
     return status;
 }
 
-/* Vertices of a part (label[v] == part) breadth first from `first`, later pieces by index, into
- * queue; mark[v] becomes stamp. from [count]: the part's vertices. Returns the last one. */
-static int clothi_bfs(const clothi_graph *g, const int *label, int part, const int *from,
-                       int count, int first, int *mark, int stamp, int *queue) {
-    int head = 0, tail = 0, next = 0, k;
-    queue[tail++] = first;
-    mark[first] = stamp;
-    while (tail < count || head < tail) {
-        if (head == tail) {
-            while (mark[from[next]] == stamp) next++;
-            queue[tail++] = from[next];
-            mark[from[next]] = stamp;
-        }
-        for (k = g->start[queue[head]]; k < g->start[queue[head] + 1]; k++)
-            if (label[g->to[k]] == part && mark[g->to[k]] != stamp) {
-                mark[g->to[k]] = stamp;
-                queue[tail++] = g->to[k];
-            }
-        head++;
-    }
-    return queue[count - 1];
-}
-
-typedef struct clothi_cut {                 /* scratch of the dissection, each [nv]            */
-    int *order;                             /* vertices, part after part                       */
-    int *label, *mark, *queue, *level;
-    int  stamp;
-} clothi_cut;
-
-/* Cuts the `count` vertices order[begin..] into halves and a separator: order becomes first half,
- * second half, separator, each as walked; size [2] of the halves. label: part, part+1, -1. */
-static void clothi_bisect(const clothi_graph *g, clothi_cut *c, int begin, int count, int part,
-                          int *size) {
-    int *list = c->order + begin, *place = c->level;
-    int  i, k, pass, seed = list[0], half = count / 2, touch[2] = {0, 0}, side, at[3];
-    for (pass = 0; pass < 3; pass++)
-        seed = clothi_bfs(g, c->label, part, list, count, seed, c->mark, ++c->stamp, c->queue);
-    for (i = 0; i < count; i++) place[c->queue[i]] = i >= half;
-    for (pass = 0; pass < 2; pass++)        /* count those at the cut, then label them         */
-        for (i = 0; i < count; i++) {
-            int v = c->queue[i], other = 0;
-            for (k = g->start[v]; k < g->start[v + 1] && !other; k++)
-                other = c->label[g->to[k]] == part && place[g->to[k]] != place[v];
-            if (!pass) touch[place[v]] += other;
-            side = touch[1] > touch[0] ? 0 : 1;
-            if (pass) c->mark[v] = other && place[v] == side ? 2 : place[v];
-        }
-    size[0] = size[1] = 0;
-    for (i = 0; i < count; i++)
-        if (c->mark[c->queue[i]] < 2) size[c->mark[c->queue[i]]]++;
-    at[0] = 0, at[1] = size[0], at[2] = size[0] + size[1];
-    for (i = 0; i < count; i++) {
-        int v = c->queue[i], m = c->mark[v];
-        list[at[m]++] = v;
-        c->label[v] = m == 2 ? -1 : part + m;
-        c->mark[v] = 0;
-    }
-}
-
-/* Rows [begin, end) sorted by level, stable. level, sorted [n], count [n + 1] are scratch. */
-static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int end, int *row_of,
-                              int *level, int *count, int *sorted) {
-    int i, k, highest = 0;
-    for (i = begin; i < end; i++) row_of[order[i]] = i;
-    for (i = begin; i < end; i++) {
-        const int v = order[i];
-        level[v] = 0;
-        for (k = g->start[v]; k < g->start[v + 1]; k++) {
-            const int u = g->to[k], r = row_of[u];
-            if (r >= begin && r < i && level[u] + 1 > level[v]) level[v] = level[u] + 1;
-        }
-        if (level[v] > highest) highest = level[v];
-    }
-    clothi_sort_by(end - begin, highest + 1, level, order + begin, sorted, count);
-    memcpy(order + begin, sorted, (size_t)(end - begin) * sizeof(int));
-    for (i = begin; i < end; i++) row_of[order[i]] = i;
-}
-
-/* Leaves first, separators last, the earliest cut at the very end. Every round halves each part;
- * a part's vertices stay together at its begin [], separators move behind all parts. */
-static cloth_status clothi_pattern_order(cloth_pattern *p, const clothi_graph *g) {
-    const cloth_hooks *hooks = &p->hooks;
-    const size_t n = (size_t)p->n;
-    clothi_cut c;
-    int begin[2 * CLOTHI_LEAVES], size[2 * CLOTHI_LEAVES];
-    int parts = 1, leaves = p->n < CLOTHI_ONE_LEAF ? 1 : p->n < CLOTHI_EIGHT_LEAVES ? 4 : 8;
-    int i, a, end = p->n, *scratch = (int *)clothi_alloc(hooks, 5 * n + 5, sizeof(int)), *next;
-    if (!scratch) return CLOTH_ERR_MEMORY;
-    c.order = p->vertex_of, c.label = scratch, c.mark = c.label + n, c.queue = c.mark + n;
-    c.level = c.queue + n, next = c.level + n, c.stamp = 2, begin[0] = 0, size[0] = p->n;
-    for (i = 0; i < p->n; i++) c.order[i] = i;
-    if (leaves == 1 && p->n > 0)            /* the walk's order, for locality                  */
-        for (a = 0, i = 0; a < 3; a++)
-            i = clothi_bfs(g, c.label, 0, c.order, p->n, i, c.mark, ++c.stamp, c.queue);
-    if (leaves == 1) memcpy(c.order, c.queue, n * sizeof(int));
-    while (parts < leaves) {
-        int tail = end, at = 0, halves[2 * CLOTHI_LEAVES];
-        for (a = parts - 1; a >= 0; a--)    /* labels of halves must not meet: from the top    */
-            for (i = begin[a]; i < begin[a] + size[a]; i++) c.label[c.order[i]] = 2 * a;
-        for (a = 0; a < parts; a++) {
-            halves[2 * a] = halves[2 * a + 1] = 0;
-            if (size[a] > 0) clothi_bisect(g, &c, begin[a], size[a], 2 * a, halves + 2 * a);
-        }
-        for (a = parts - 1; a >= 0; a--)    /* separators to the end, parts closed up          */
-            for (i = begin[a] + size[a] - 1; i >= begin[a] + halves[2 * a] + halves[2 * a + 1];
-                 i--) next[--tail] = c.order[i];
-        for (a = 0; a < 2 * parts; a++) {
-            int from = begin[a / 2] + (a & 1 ? halves[a - 1] : 0);
-            memmove(c.order + at, c.order + from, (size_t)halves[a] * sizeof(int));
-            c.level[a] = at;
-            at += halves[a];
-        }
-        memcpy(c.order + tail, next + tail, (size_t)(end - tail) * sizeof(int));
-        parts *= 2;
-        for (a = 0; a < parts; a++) {
-            begin[a] = c.level[a];
-            size[a] = halves[a];
-        }
-        end = tail;
-    }
-    p->nd = leaves;
-    for (a = 0; a < leaves; a++) p->dom[a] = begin[a];
-    p->dom[leaves] = end;
-    p->dom[leaves + 1] = p->n;
-    for (i = 0; i < p->n; i++) p->row_of[i] = -1;
-    for (a = 0; a <= leaves; a++)
-        clothi_level_sort(g, c.order, p->dom[a], p->dom[a + 1], p->row_of, c.label, c.mark,
-                          c.queue);
-    clothi_free(hooks, scratch);
-    return CLOTH_OK;
-}
-
-/* Lower rows in the new order (written column by column, hence increasing), and where in a row of
- * S each leaf begins. */
-static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g) {
-    int i, j, k, d, first = p->dom[p->nd], ns = p->n - first;
-    int *at = (int *)clothi_alloc(&p->hooks, (size_t)p->n + 1, sizeof(int));
-    p->nlow = g->start[p->n] / 2;
-    p->col = (int *)clothi_alloc(
-        &p->hooks, (size_t)p->nlow + (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
-    if (at && p->col) {
-        p->seg = p->col + p->nlow;
-        for (i = 0; i < p->n; i++) {
-            int v = p->vertex_of[i];
-            p->row[i + 1] = p->row[i];
-            for (k = g->start[v]; k < g->start[v + 1]; k++)
-                p->row[i + 1] += p->row_of[g->to[k]] < i;
-        }
-        memcpy(at, p->row, (size_t)p->n * sizeof(int));
-        for (j = 0; j < p->n; j++) {
-            int v = p->vertex_of[j];
-            for (k = g->start[v]; k < g->start[v + 1]; k++) {
-                i = p->row_of[g->to[k]];
-                if (i > j) p->col[at[i]++] = j;
-            }
-        }
-        for (i = first; i < p->n; i++)
-            for (d = 0, k = p->row[i]; d <= p->nd; d++) {
-                while (k < p->row[i + 1] && p->col[k] < p->dom[d]) k++;
-                p->seg[(i - first) * (p->nd + 1) + d] = k;
-            }
-    }
-    clothi_free(&p->hooks, at);
-    return at && p->col ? CLOTH_OK : CLOTH_ERR_MEMORY;
-}
-
-/* Aggregates: seeds by farthest point (ties: lowest row), members by distance. */
-static cloth_status clothi_pattern_aggregates(cloth_pattern *p, const clothi_graph *g) {
-    const int infinite = 0x3fffffff;
-    int  i, k, a, seed = 0, want = p->n / CLOTHI_AGG_VERTICES;
-    int *dist = (int *)clothi_alloc(&p->hooks, 2 * (size_t)p->n, sizeof(int)), *queue = dist + p->n;
-    p->nc = 0;
-    if (!dist) return CLOTH_ERR_MEMORY;
-    if (want < CLOTHI_AGG_MIN) want = CLOTHI_AGG_MIN;
-    if (want > CLOTHI_AGG_MAX) want = CLOTHI_AGG_MAX;
-    for (i = 0; i < p->n; i++) {
-        dist[i] = infinite;
-        p->agg[i] = -1;
-    }
-    for (a = 0; a < want && p->n > 0 && dist[seed] > 0; a++) {
-        int head = 0, tail = 0;
-        dist[seed] = 0;
-        p->agg[seed] = a;
-        queue[tail++] = seed;
-        while (head < tail) {
-            int r = queue[head++], v = p->vertex_of[r];
-            for (k = g->start[v]; k < g->start[v + 1]; k++) {
-                int s = p->row_of[g->to[k]];
-                if (dist[s] <= dist[r] + 1) continue;
-                dist[s] = dist[r] + 1;
-                p->agg[s] = a;
-                queue[tail++] = s;
-            }
-        }
-        for (i = 0; i < p->n; i++)
-            if (dist[i] > dist[seed]) seed = i;
-        p->nc = a + 1;
-    }
-    clothi_free(&p->hooks, dist);
-    return CLOTH_OK;
-}
-
-/* Aggregates renumbered in the order in which a breadth-first front meets them. The second of two
- * fronts starts, in each piece, where the first one ended. */
-static cloth_status clothi_pattern_band(cloth_pattern *p, const clothi_graph *g) {
-    const size_t n = (size_t)p->n;
-    int *label = (int *)clothi_alloc(&p->hooks, 4 * n + (size_t)p->nc, sizeof(int));
-    int *mark, *back, *queue, *name, i, a, met = 0;
-    if (!label) return CLOTH_ERR_MEMORY;    /* 0: all one part                                 */
-    mark = label + n, back = mark + n, queue = back + n, name = queue + n;
-    (void)clothi_bfs(g, label, 0, p->vertex_of, p->n, p->vertex_of[0], mark, 1, queue);
-    for (i = 0; i < p->n; i++) back[i] = queue[p->n - 1 - i];
-    (void)clothi_bfs(g, label, 0, back, p->n, back[0], mark, 2, queue);
-    for (a = 0; a < p->nc; a++) name[a] = -1;
-    for (i = 0; i < p->n; i++) {
-        a = p->agg[p->row_of[queue[i]]];
-        if (a >= 0 && name[a] < 0) name[a] = met++;
-    }
-    for (i = 0; i < p->n; i++)
-        if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
-    clothi_free(&p->hooks, label);
-    return CLOTH_OK;
-}
-
-/* Place of aggregate a in list [begin, *end), added at the end when new; -1 for a < 0. */
-static int clothi_place(int *list, int begin, int *end, int a) {
-    int k;
-    if (a < 0) return -1;
-    for (k = begin; k < *end; k++)
-        if (list[k] == a) return k;
-    list[(*end)++] = a;
-    return k;
-}
-
-/* Aggregates coupled to each row: Z over all neighbours, V over those from the diagonal on. A row
- * touches few, so that linear searches do; where it touches many (a hub), at most nc. */
-static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *g) {
-    const size_t most = (size_t)g->start[p->n] + (size_t)p->n, nlow = (size_t)p->nlow;
-    int i, j, k, m, z = 0, v = 0;
-    p->zj = (int *)clothi_alloc(&p->hooks, 3 * most + 2 * nlow + 2 * (size_t)p->nc + 4,
-                                sizeof(int));
-    if (!p->zj) return CLOTH_ERR_MEMORY;
-    p->vj = p->zj + most, p->vz = p->vj + most, p->kz = p->vz + most, p->kv = p->kz + nlow;
-    p->member_start = p->kv + nlow, p->reach = p->member_start + p->nc + 3;
-    for (i = 0; i < p->n; i++) {
-        int u = p->vertex_of[i];
-        p->zp[i] = z;
-        p->vp[i] = v;
-        clothi_place(p->zj, p->zp[i], &z, p->agg[i]);
-        p->vown[i] = clothi_place(p->vj, p->vp[i], &v, p->agg[i]);
-        for (k = g->start[u]; k < g->start[u + 1]; k++) {
-            j = p->row_of[g->to[k]];
-            clothi_place(p->zj, p->zp[i], &z, p->agg[j]);
-            if (j > i) clothi_place(p->vj, p->vp[i], &v, p->agg[j]);
-        }
-        for (m = p->vp[i]; m < v; m++) p->vz[m] = clothi_place(p->zj, p->zp[i], &z, p->vj[m]);
-    }
-    p->zp[p->n] = z;
-    p->vp[p->n] = v;
-    for (i = 0; i < p->n; i++)
-        for (k = p->row[i]; k < p->row[i + 1]; k++) {
-            j = p->col[k], z = p->zp[i + 1], v = p->vp[j + 1];
-            p->kz[k] = clothi_place(p->zj, p->zp[i], &z, p->agg[j]);
-            p->kv[k] = clothi_place(p->vj, p->vp[j], &v, p->agg[i]);
-        }
-    for (i = 0; i < p->n; i++)
-        for (k = p->zp[i]; k < p->zp[i + 1] && p->agg[i] >= 0; k++)
-            if (p->reach[p->agg[i]] < 3 * p->zj[k] + 3) p->reach[p->agg[i]] = 3 * p->zj[k] + 3;
-    for (i = 0; i < p->n; i++) p->member_start[(p->agg[i] < 0 ? p->nc : p->agg[i]) + 2]++;
-    for (k = 0; k <= p->nc; k++) p->member_start[k + 2] += p->member_start[k + 1];
-    for (i = 0; i < p->n; i++)
-        p->member[p->member_start[(p->agg[i] < 0 ? p->nc : p->agg[i]) + 1]++] = i;
-    return CLOTH_OK;
-}
-
-static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int nelem,
-                                         const int *start, const int *vertex) {
-    int e, a;
-    if (nv < 1 || nv > CLOTH_MAX_COUNT || nelem < 0 || (nelem > 0 && (!start || !vertex)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                           "pattern: nv = %i, nelem = %i, or a list is NULL", nv, nelem);
-    if (nelem > 0 && start[0] < 0)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[0] = %i", start[0]);
-    for (e = 0; e < nelem; e++) {
-        if (start[e + 1] < start[e])
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[%i] decreases", e + 1);
-        for (a = start[e]; a < start[e + 1]; a++)
-            if (vertex[a] < 0 || vertex[a] >= nv)
-                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                                   "pattern: vertex[%i] = %i but nv = %i", a, vertex[a], nv);
-    }
-    return CLOTH_OK;
-}
-
-/* --- the tree that [7.4] eliminates along --- */
-
 /* A quicksort would be shorter, but equal keys must come out in one order on every machine:
  * merges are stable. Sorts index [n] by (key[index], position); tmp [n]. */
 static void clothi_sort(int *index, int *tmp, int n, const double *key) {
@@ -5980,186 +5685,6 @@ static void clothi_sort(int *index, int *tmp, int n, const double *key) {
     if (from != index) memcpy(index, from, (size_t)n * sizeof *index);
 }
 
-/* One part of the dissection: verts[lo, hi) are its vertices, verts[mid, hi) the separator that
- * parts its children (mid == lo in a leaf). */
-typedef struct clothi_part {
-    int lo, mid, hi;
-    int parent, child[2];                   /* -1: none                                        */
-    int n, nb;                              /* unknowns of its front: its own, the boundary's  */
-} clothi_part;
-
-typedef struct clothi_tree_work {
-    int           nv, nparts;
-    const clothi_graph *g;
-    const double *coords;
-    int          *verts, *tmp, *tag, *queue, *mark;
-    int           stamp;
-    double       *key;
-    clothi_part  *part;                     /* parents before children                         */
-} clothi_tree_work;
-
-/* A block of A on its way into a front: slot as in cloth_pattern_slot, front vertices row, col. */
-typedef struct clothi_front_entry {
-    int slot2, row, col;
-} clothi_front_entry;
-
-#define CLOTHI_MAX_TASKS 16                 /* subtrees that are factored side by side          */
-
-/* What the graph decides for the factor. Constant after create. */
-typedef struct clothi_tree {
-    cloth_hooks hooks;
-    int  nv, nlow;
-    const int *start, *col, *perm, *rank;   /* borrowed from the pattern                       */
-    int   nparts;                           /* of the dissection, in post-order                */
-    int  *verts;                            /* [nv] order of elimination                       */
-    clothi_part *part;
-    int  *bound_start, *bound;              /* [nparts+1] boundary of a part's front           */
-    int  *relative;                         /* [bounds] its place in the parent's front        */
-    int  *entry_start;                      /* [nparts+1] blocks of A by part                  */
-    clothi_front_entry *entry;              /* [nlow]                                          */
-    size_t *panel;                          /* [nparts+1] where L of a part begins, doubles    */
-    size_t *update, *update_temp;           /* [nparts] its update matrix in the workspace     */
-    size_t work;                            /* doubles of the workspace                        */
-    int  *first;                            /* [nparts] first part of the subtree              */
-    unsigned char *top;                     /* [nparts] 1: above the parallel subtrees         */
-    int   ntasks, task[CLOTHI_MAX_TASKS]; /* roots of those subtrees                         */
-    size_t task_pack[CLOTHI_MAX_TASKS + 1];
-    double flops;
-} clothi_tree;
-
-/* Sorts verts[0, n) along the part: by its longest coordinate axis, or by graph distance from a
- * vertex at its rim (the last one that a first walk reaches). t: tag of the part. */
-static void clothi_tree_sort(clothi_tree_work *d, int *verts, int n, int t) {
-    double lo[3], hi[3];
-    int    axis = 0, i, k;
-    if (!d->coords) {
-        for (k = 0, i = verts[0]; k < 2; k++)
-            i = clothi_bfs(d->g, d->tag, t, verts, n, i, d->mark, ++d->stamp, d->queue);
-        memcpy(verts, d->queue, (size_t)n * sizeof *verts);
-        return;
-    }
-    for (k = 0; k < 3; k++) lo[k] = hi[k] = d->coords[3 * (size_t)verts[0] + (size_t)k];
-    for (i = 1; i < n; i++)
-        for (k = 0; k < 3; k++) {
-            double c = d->coords[3 * (size_t)verts[i] + (size_t)k];
-            if (c < lo[k]) lo[k] = c;
-            if (c > hi[k]) hi[k] = c;
-        }
-    for (k = 1; k < 3; k++)
-        if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
-    for (i = 0; i < n; i++) d->key[verts[i]] = d->coords[3 * (size_t)verts[i] + (size_t)axis];
-    clothi_sort(verts, d->tmp, n, d->key);
-}
-
-/* True when a neighbour of v carries tag t. */
-static int clothi_tree_touches(const clothi_tree_work *d, int v, int t) {
-    int k;
-    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
-        if (d->tag[d->g->to[k]] == t) return 1;
-    return 0;
-}
-
-/* Halves part id and makes the rim of one half its separator. 0: it stays whole (a clique). */
-static int clothi_tree_split(clothi_tree_work *d, int id) {
-    clothi_part *p = d->part + id;
-    int *verts = d->verts + p->lo;
-    int  n = p->hi - p->lo, half = n / 2, t = 3 * id + 1;
-    int  rim[2] = {0, 0}, side, i, k, count[3];
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t;
-    clothi_tree_sort(d, verts, n, t);
-    for (i = 0; i < n; i++) d->tag[verts[i]] = t + 1 + (i >= half);
-    for (i = 0; i < n; i++) rim[i >= half] += clothi_tree_touches(d, verts[i], t + 2 - (i >= half));
-    side = rim[1] < rim[0];
-    count[0] = half - (side ? 0 : rim[0]);
-    count[1] = n - half - (side ? rim[1] : 0);
-    count[2] = rim[side];
-    if (count[0] == 0 || count[1] == 0) return 0;
-    count[2] = count[0] + count[1], count[1] = count[0], count[0] = 0;
-    for (i = 0; i < n; i++) {
-        k = i >= half;
-        if (k == side && clothi_tree_touches(d, verts[i], t + 2 - k)) k = 2;
-        d->tmp[count[k]++] = verts[i];
-    }
-    memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
-    p->mid = p->lo + count[1];
-    for (k = 0; k < 2; k++) {
-        clothi_part *c = d->part + d->nparts;
-        c->lo = c->mid = p->lo + (k ? count[0] : 0);
-        c->hi = p->lo + count[k];
-        c->parent = id;
-        c->child[0] = c->child[1] = -1;
-        p->child[k] = d->nparts++;
-    }
-    return 1;
-}
-
-#define CLOTHI_PART_SIZE 24                 /* vertices of the smallest part that is still cut */
-
-/* The whole tree. Parts are numbered as they are made, so the list is its own work list. */
-static void clothi_tree_dissect(clothi_tree_work *d) {
-    int i;
-    for (i = 0; i < d->nv; i++) {
-        d->verts[i] = i;
-        d->tag[i] = -1;
-    }
-    d->part[0].lo = d->part[0].mid = 0;
-    d->part[0].hi = d->nv;
-    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = -1;
-    d->nparts = 1;
-    for (i = 0; i < d->nparts; i++)
-        if (d->part[i].hi - d->part[i].lo > CLOTHI_PART_SIZE) clothi_tree_split(d, i);
-}
-
-/* The tree in post-order, without the parts' tags of work: children stand before parents. */
-static void clothi_tree_postorder(const clothi_tree_work *d, clothi_part *out, int *number,
-                                  int *stack) {
-    int top = 0, n = 0, i, k;
-    for (i = 0; i < d->nparts; i++) number[i] = -1;
-    stack[top++] = 0;
-    while (top) {
-        int id = stack[top - 1], pushed = 0;
-        for (k = 1; k >= 0; k--) {
-            int c = d->part[id].child[k];
-            if (c < 0 || number[c] >= 0) continue;
-            stack[top++] = c;
-            pushed = 1;
-        }
-        if (pushed) continue;
-        top--;
-        out[n] = d->part[id];
-        number[id] = n++;
-    }
-    for (i = 0; i < n; i++) {
-        if (out[i].parent >= 0) out[i].parent = number[out[i].parent];
-        for (k = 0; k < 2; k++)
-            if (out[i].child[k] >= 0) out[i].child[k] = number[out[i].child[k]];
-    }
-}
-
-
-/* Symbolic part, in the pattern. Vertices are numbered by elimination here: part q owns
- * verts[mid, hi) and its front has these first, then its boundary. */
-static void clothi_bound_mark(const clothi_tree *P, int q, int e, int *mark, int *bound, int *n) {
-    if (e < P->part[q].hi || mark[e] == q + 1) return;
-    mark[e] = q + 1;
-    bound[(*n)++] = e;
-}
-
-/* The boundary of part q into bound; where: vertex -> elimination number. */
-static int clothi_bound_list(const clothi_tree *P, int q, const clothi_graph *g, const int *where,
-                             int *mark, int *bound) {
-    const clothi_part *p = P->part + q;
-    int n = 0, i, k, c;
-    for (i = p->mid; i < p->hi; i++)
-        for (k = g->start[P->verts[i]]; k < g->start[P->verts[i] + 1]; k++)
-            clothi_bound_mark(P, q, where[g->to[k]], mark, bound, &n);
-    for (c = 0; c < 2; c++)
-        if (p->child[c] >= 0)
-            for (k = P->bound_start[p->child[c]]; k < P->bound_start[p->child[c] + 1]; k++)
-                clothi_bound_mark(P, q, P->bound[k], mark, bound, &n);
-    return n;
-}
-
 /* The first of list[low .. high), increasing, that is not below key; high: none. */
 CLOTHI_OUTLINE static int clothi_lower_bound(const int *list, int low, int high, int key) {
     while (low < high) {
@@ -6170,218 +5695,338 @@ CLOTHI_OUTLINE static int clothi_lower_bound(const int *list, int low, int high,
     return low;
 }
 
-/* Index in the front of part q of the vertex with elimination number e. */
-static int clothi_front_index(const clothi_tree *P, int q, int e) {
-    const clothi_part *p = P->part + q;
-    const int          start = P->bound_start[q], end = P->bound_start[q + 1];
-    if (e < p->hi) return e - p->mid;
-    return p->hi - p->mid + clothi_lower_bound(P->bound, start, end, e) - start;
+/* --- dissection --- */
+
+typedef struct clothi_dissection {
+    int           nv, nparts;
+    int           next;                     /* the first part that was not looked at yet       */
+    const clothi_graph *g;
+    const double *coords;                   /* [nv x 3] or NULL                                */
+    int          *verts;                    /* [nv]                                            */
+    int          *tmp, *tag, *dist;         /* [nv] each, one block                            */
+    double       *key;                      /* [nv]                                            */
+    clothi_part  *part;                     /* [2 nv] parents before children                  */
+} clothi_dissection;
+
+#define CLOTHI_FAR 0x3fffffff               /* graph distance of what no walk has reached      */
+
+/* Breadth first from seed over vertices with its tag: dist is lowered, and owner (or NULL) becomes
+ * name, where the seed is nearer than what was there. Returns the last vertex that it reaches. */
+static int clothi_spread(const clothi_graph *g, const int *tag, int seed, int *dist, int *owner,
+                         int name, int *queue) {
+    int head = 0, tail = 0, k;
+    dist[seed] = 0;
+    if (owner) owner[seed] = name;
+    queue[tail++] = seed;
+    for (; head < tail; head++) {
+        const int v = queue[head];
+        for (k = g->start[v]; k < g->start[v + 1]; k++) {
+            const int u = g->to[k];
+            if (tag[u] != tag[seed] || dist[u] <= dist[v] + 1) continue;
+            dist[u] = dist[v] + 1;
+            if (owner) owner[u] = name;
+            queue[tail++] = u;
+        }
+    }
+    return queue[tail - 1];
 }
 
-/* Boundaries of all parts, ascending. */
-static cloth_status clothi_tree_bounds(clothi_tree *P, const clothi_graph *g, const int *where,
-                                       int *scratch, double *key) {
-    int nv = P->nv, *mark = scratch, *list = scratch + nv, *tmp = list + nv;
-    size_t capacity = 16 * (size_t)nv + 64, used = 0;
-    int q, i, n;
-    P->bound = (int *)clothi_alloc(&P->hooks, capacity, sizeof(int));
-    if (!P->bound) return CLOTH_ERR_MEMORY;
-    memset(mark, 0, (size_t)nv * sizeof *mark);
-    for (i = 0; i < nv; i++) key[i] = i;
-    for (q = 0; q < P->nparts; q++) {
-        n = clothi_bound_list(P, q, g, where, mark, list);
-        clothi_sort(list, tmp, n, key);
-        if (used + (size_t)n > capacity) {
-            int *more;
-            capacity = 2 * capacity + (size_t)n;
-            more = (int *)clothi_alloc(&P->hooks, capacity, sizeof(int));
-            if (!more) return CLOTH_ERR_MEMORY;
-            memcpy(more, P->bound, used * sizeof(int));
-            clothi_free(&P->hooks, P->bound);
-            P->bound = more;
+/* Sorts verts[0, n), all of one tag, along the part: by its longest coordinate axis, or without
+ * coordinates by graph distance from a vertex at its rim. */
+static void clothi_dissect_sort(clothi_dissection *d, int *verts, int n) {
+    double lo[3], hi[3];
+    int    axis = 0, seed = verts[0], i, k;
+    for (k = 0; k < 3 && d->coords; k++) {
+        lo[k] = hi[k] = d->coords[3 * (size_t)verts[0] + (size_t)k];
+        for (i = 1; i < n; i++) {
+            const double c = d->coords[3 * (size_t)verts[i] + (size_t)k];
+            lo[k] = clothi_min(c, lo[k]), hi[k] = clothi_max(c, hi[k]);
         }
-        if (n) memcpy(P->bound + used, list, (size_t)n * sizeof(int));
-        used += (size_t)n;
-        if (used > 0x7fffffff) return CLOTH_ERR_CAPACITY;
-        P->bound_start[q + 1] = (int)used;
-        P->part[q].n = 3 * (P->part[q].hi - P->part[q].mid), P->part[q].nb = 3 * n;
+        if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
+    }
+    for (k = 0; k < 2 && !d->coords; k++) {
+        for (i = 0; i < n; i++) d->dist[verts[i]] = CLOTHI_FAR;
+        seed = clothi_spread(d->g, d->tag, seed, d->dist, NULL, 0, d->tmp);
+    }
+    for (i = 0; i < n; i++)
+        d->key[verts[i]] = d->coords ? d->coords[3 * (size_t)verts[i] + (size_t)axis]
+                                     : d->dist[verts[i]];
+    clothi_sort(verts, d->tmp, n, d->key);
+}
+
+/* True when a neighbour of v carries tag t. */
+static int clothi_dissect_touches(const clothi_dissection *d, int v, int t) {
+    int k;
+    for (k = d->g->start[v]; k < d->g->start[v + 1]; k++)
+        if (d->tag[d->g->to[k]] == t) return 1;
+    return 0;
+}
+
+/* Halves part id and makes the rim of one half its separator. A clique stays whole. */
+static void clothi_dissect_part(clothi_dissection *d, int id) {
+    clothi_part *p = d->part + id;
+    int *verts = d->verts + p->lo;
+    int  n = p->hi - p->lo, half = n / 2, t = 2 * id + 1;
+    int  rim[2] = {0, 0}, at[3], side, i, k;
+    for (i = 0; i < n; i++) d->tag[verts[i]] = t;
+    clothi_dissect_sort(d, verts, n);
+    for (i = half; i < n; i++) d->tag[verts[i]] = t + 1;
+    for (i = 0; i < n; i++) rim[i >= half] += clothi_dissect_touches(d, verts[i], t + (i < half));
+    side = rim[1] < rim[0];
+    at[0] = 0;
+    at[1] = half - (side ? 0 : rim[0]);
+    at[2] = n - rim[side];
+    if (at[1] == 0 || at[1] == at[2]) return;
+    p->mid = p->lo + at[2];
+    for (k = 0; k < 2; k++) {
+        clothi_part *c = d->part + d->nparts;
+        c->lo = c->mid = p->lo + at[k];
+        c->hi = p->lo + at[k + 1];
+        c->parent = id;
+        c->child[0] = c->child[1] = -1;
+        p->child[k] = d->nparts++;
+    }
+    for (i = 0; i < n; i++) {
+        k = i >= half;
+        if (k == side && clothi_dissect_touches(d, verts[i], t + 1 - k)) k = 2;
+        d->tmp[at[k]++] = verts[i];
+    }
+    memcpy(verts, d->tmp, (size_t)n * sizeof *verts);
+}
+
+/* Goes on until there are `leaves` parts that are not cut (0: as far as parts can be). Parts are
+ * numbered as they are made, so the list is its own work list. */
+static void clothi_dissect(clothi_dissection *d, int leaves) {
+    for (; d->next < d->nparts && (!leaves || d->nparts < 2 * leaves - 1); d->next++) {
+        const clothi_part *p = d->part + d->next;
+        if (p->hi - p->lo > CLOTHI_PART_SIZE) clothi_dissect_part(d, d->next);
+    }
+}
+
+static void clothi_dissection_free(const cloth_hooks *hooks, clothi_dissection *d) {
+    const void *const block[] = {d->verts, d->tmp, d->key, d->part};
+    (void)clothi_blocks(hooks, block, sizeof block / sizeof *block);
+}
+
+/* One part, all vertices along the longest axis. */
+static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, const clothi_graph *g,
+                                            const double *coords, clothi_dissection *d) {
+    const size_t n = (size_t)nv;
+    int          i;
+    memset(d, 0, sizeof *d);
+    d->nv = nv, d->g = g, d->coords = coords;
+    d->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
+    d->tmp = (int *)clothi_alloc(hooks, 3 * n + 1, sizeof(int));
+    d->key = (double *)clothi_alloc(hooks, n, sizeof(double));
+    d->part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d->part);
+    if (!d->verts || !d->tmp || !d->key || !d->part) return CLOTH_ERR_MEMORY;
+    d->tag = d->tmp + n, d->dist = d->tag + n;
+    for (i = 0; i < nv; i++) d->verts[i] = i;
+    d->part[0].hi = nv, d->nparts = 1;
+    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = -1;
+    clothi_dissect_sort(d, d->verts, nv);
+    return CLOTH_OK;
+}
+
+/* Parts into post-order: a subtree ends with its root, and the second child stands just before its
+ * parent. What d had as scratch, two numbers a vertex and one more, holds the new numbers. */
+static void clothi_pattern_parts(cloth_pattern *p, clothi_dissection *d) {
+    int *number = d->tmp, i, k;
+    for (i = d->nparts - 1; i >= 0; i--) {          /* sizes of the subtrees                   */
+        const int *c = d->part[i].child;
+        d->part[i].first = c[0] < 0 ? 1 : 1 + d->part[c[0]].first + d->part[c[1]].first;
+    }
+    number[0] = d->nparts - 1;
+    for (i = 0; i < d->nparts; i++) {
+        const int   *c = d->part[i].child;
+        clothi_part *q = p->part + number[i];
+        if (c[0] >= 0) {
+            number[c[1]] = number[i] - 1;
+            number[c[0]] = number[c[1]] - d->part[c[1]].first;
+        }
+        *q = d->part[i];
+        q->first = number[i] + 1 - d->part[i].first;
+        if (q->parent >= 0) q->parent = number[q->parent];
+        for (k = 0; k < 2 && c[0] >= 0; k++) q->child[k] = number[c[k]];
+    }
+    for (i = 0; i < p->nd; i++)
+        if (p->domain_part[i] >= 0) p->domain_part[i] = number[p->domain_part[i]];
+    memcpy(p->verts, d->verts, (size_t)p->n * sizeof *p->verts);
+}
+
+/* --- rows --- */
+
+/* Rows [begin, end) sorted by level, stable. level, sorted [n], count [n + 1] are scratch. */
+static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int end, int *row_of,
+                              int *level, int *count, int *sorted) {
+    int i, k, highest = 0;
+    for (i = begin; i < end; i++) row_of[order[i]] = i;
+    for (i = begin; i < end; i++) {
+        const int v = order[i];
+        level[v] = 0;
+        for (k = g->start[v]; k < g->start[v + 1]; k++) {
+            const int u = g->to[k], r = row_of[u];
+            if (r >= begin && r < i && level[u] + 1 > level[v]) level[v] = level[u] + 1;
+        }
+        if (level[v] > highest) highest = level[v];
+    }
+    clothi_sort_by(end - begin, highest + 1, level, order + begin, sorted, count);
+    memcpy(order + begin, sorted, (size_t)(end - begin) * sizeof(int));
+    for (i = begin; i < end; i++) row_of[order[i]] = i;
+}
+
+/* Subdomains first, separators last, the earliest cut at the very end. */
+static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
+    int i, id, domain = 0, row = 0;
+    for (id = 0; id < d->nparts; id++) {
+        const clothi_part *q = d->part + id;
+        if (q->child[0] >= 0) continue;
+        p->domain_part[domain] = id;
+        p->dom[domain++] = row;
+        for (i = q->lo; i < q->hi; i++) p->vertex_of[row++] = d->verts[i];
+    }
+    for (i = domain; i < p->nd; i++) p->domain_part[i] = -1;    /* a clique is not cut        */
+    while (domain <= p->nd) p->dom[domain++] = row;
+    for (id = d->nparts - 1; id >= 0; id--)
+        for (i = d->part[id].mid; d->part[id].child[0] >= 0 && i < d->part[id].hi; i++)
+            p->vertex_of[row++] = d->verts[i];
+    p->dom[p->nd + 1] = p->n;
+    for (i = 0; i < p->n; i++) p->row_of[i] = -1;
+    for (i = 0; i <= p->nd; i++)
+        clothi_level_sort(d->g, p->vertex_of, p->dom[i], p->dom[i + 1], p->row_of, d->tag,
+                          d->dist, d->tmp);
+    memset(d->tag, 0, (size_t)p->n * sizeof(int));
+}
+
+/* Lower rows in the new order (written column by column, hence increasing), and where in a row of
+ * S each subdomain begins. at [n] is scratch. */
+static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g, int *at) {
+    int i, j, k, d, first = p->dom[p->nd], ns = p->n - first;
+    p->nlow = g->start[p->n] / 2;
+    p->col = (int *)clothi_alloc(
+        &p->hooks, (size_t)p->nlow + (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
+    if (!p->col) return CLOTH_ERR_MEMORY;
+    p->seg = p->col + p->nlow;
+    for (i = 0; i < p->n; i++) {
+        int v = p->vertex_of[i];
+        p->row[i + 1] = at[i] = p->row[i];
+        for (k = g->start[v]; k < g->start[v + 1]; k++) p->row[i + 1] += p->row_of[g->to[k]] < i;
+    }
+    for (j = 0; j < p->n; j++) {
+        int v = p->vertex_of[j];
+        for (k = g->start[v]; k < g->start[v + 1]; k++) {
+            i = p->row_of[g->to[k]];
+            if (i > j) p->col[at[i]++] = j;
+        }
+    }
+    for (i = first; i < p->n; i++)
+        for (d = 0, k = p->row[i]; d <= p->nd; d++) {
+            while (k < p->row[i + 1] && p->col[k] < p->dom[d]) k++;
+            p->seg[(i - first) * (p->nd + 1) + d] = k;
+        }
+    return CLOTH_OK;
+}
+
+/* --- aggregates --- */
+
+/* Aggregates of the vertices into p->agg: seeds by farthest point, members by distance; renumbered
+ * as the vertices along the mesh's longest axis, verts, meet them. */
+static void clothi_pattern_aggregates(cloth_pattern *p, const clothi_dissection *d) {
+    int i, a, met = 0, seed = d->verts[0], want = p->n / CLOTHI_AGG_VERTICES;
+    int name[CLOTHI_AGG_MAX];
+    if (want < CLOTHI_AGG_MIN) want = CLOTHI_AGG_MIN;
+    if (want > CLOTHI_AGG_MAX) want = CLOTHI_AGG_MAX;
+    for (i = 0; i < p->n; i++) d->dist[i] = CLOTHI_FAR, p->agg[i] = -1;
+    for (p->nc = 0; p->nc < want && d->dist[seed] > 0; p->nc++) {
+        name[p->nc] = -1;
+        (void)clothi_spread(d->g, d->tag, seed, d->dist, p->agg, p->nc, d->tmp);
+        for (i = 0; i < p->n; i++)
+            if (d->dist[i] > d->dist[seed]) seed = i;
+    }
+    for (i = 0; i < p->n; i++) {
+        a = p->agg[d->verts[i]];
+        if (a >= 0 && name[a] < 0) name[a] = met++;
+    }
+    for (i = 0; i < p->n; i++)
+        if (p->agg[i] >= 0) p->agg[i] = name[p->agg[i]];
+}
+
+/* Place of aggregate a in list [begin, *end), added at the end when new; nothing for a < 0. */
+static void clothi_place(int *list, int begin, int *end, int a) {
+    int k;
+    for (k = begin; k < *end; k++)
+        if (list[k] == a) return;
+    if (a >= 0) list[(*end)++] = a;
+}
+
+/* Aggregates coupled to each row from the diagonal on, and what they couple in the coarse matrix.
+ * A row touches few, so that linear searches do; where it touches many (a hub), at most nc. */
+static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *g) {
+    int *list = (int *)clothi_alloc(&p->hooks, (size_t)p->n + (size_t)p->nlow, sizeof(int));
+    int i, j, k, v = 0;
+    if (!list) return CLOTH_ERR_MEMORY;
+    for (i = 0; i < p->n; i++) {
+        const int u = p->vertex_of[i];
+        p->vp[i] = v;
+        clothi_place(list, v, &v, p->agg[i]);
+        for (k = g->start[u]; k < g->start[u + 1]; k++) {
+            j = p->row_of[g->to[k]];
+            if (j > i) clothi_place(list, p->vp[i], &v, p->agg[j]);
+        }
+    }
+    p->vp[p->n] = v;
+    p->vj = (int *)clothi_alloc(&p->hooks, (size_t)v + (size_t)p->nc, sizeof(int));
+    if (p->vj) {
+        memcpy(p->vj, list, (size_t)v * sizeof(int));
+        p->envelope = p->vj + v;
+        for (i = 0; i < p->n; i++)
+            for (k = p->vp[i]; k < p->vp[i + 1]; k++) {
+                const int a = p->agg[i], b = p->vj[k], low = a < b ? a : b;
+                if (p->envelope[low] < a + b - low + 1) p->envelope[low] = a + b - low + 1;
+            }
+    }
+    clothi_free(&p->hooks, list);
+    return p->vj ? CLOTH_OK : CLOTH_ERR_MEMORY;
+}
+
+/* --- the pattern --- */
+
+static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int nelem,
+                                         const int *start, const int *vertex) {
+    int e, a;
+    if (nv < 1 || nv > CLOTH_MAX_COUNT || nelem < 0 || (nelem > 0 && (!start || !vertex)))
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "pattern: nv = %i, nelem = %i, or a list is NULL", nv, nelem);
+    if (nelem > 0 && start[0] < 0)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[0] = %i", start[0]);
+    for (e = 0; e < nelem; e++) {
+        if (start[e + 1] < start[e])
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[%i] decreases", e + 1);
+        for (a = start[e]; a < start[e + 1]; a++)
+            if (vertex[a] < 0 || vertex[a] >= nv)
+                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                                   "pattern: vertex[%i] = %i but nv = %i", a, vertex[a], nv);
     }
     return CLOTH_OK;
 }
 
-/* Where each block of A goes: entry [nlow] by part, and each boundary vertex's place in the front
- * of the parent. owner [nv] part that eliminates a vertex. */
-static void clothi_front_maps(clothi_tree *P, const int *where, int *owner) {
-    int q, k, i;
-    for (q = 0; q < P->nparts; q++) {
-        int up = P->part[q].parent;
-        for (i = P->part[q].mid; i < P->part[q].hi; i++) owner[i] = q;
-        for (k = P->bound_start[q]; k < P->bound_start[q + 1]; k++)
-            P->relative[k] = clothi_front_index(P, up, P->bound[k]);
-    }
-    for (k = 0; k < P->nv; k++)                     /* count, then place */
-        for (i = P->start[k]; i < P->start[k + 1]; i++) {
-            int a = where[P->perm[k]], b = where[P->perm[P->col[i]]];
-            P->entry_start[owner[a < b ? a : b] + 1]++;
-        }
-    for (q = 0; q < P->nparts; q++) P->entry_start[q + 1] += P->entry_start[q];
-    for (k = 0; k < P->nv; k++)
-        for (i = P->start[k]; i < P->start[k + 1]; i++) {
-            int a = where[P->perm[k]], b = where[P->perm[P->col[i]]], flip = a < b;
-            clothi_front_entry *e;
-            q = owner[flip ? a : b];
-            e = P->entry + P->entry_start[q]++;
-            e->slot2 = 2 * i + flip;
-            e->row = clothi_front_index(P, q, flip ? b : a);
-            e->col = (flip ? a : b) - P->part[q].mid;
-        }
-    for (q = P->nparts; q > 0; q--) P->entry_start[q] = P->entry_start[q - 1];
-    P->entry_start[0] = 0;
-}
-
-/* Update matrices live on one stack per task, so the place of each is known here. */
-static size_t clothi_front_stack(clothi_tree *P, int q, size_t *top) {
-    const clothi_part *p = P->part + q;
-    size_t nb = (size_t)p->nb, high;
-    P->update_temp[q] = *top;
-    high = *top + nb * nb;
-    P->update[q] = p->child[0] >= 0 ? P->update[p->child[0]] : *top;
-    *top = P->update[q] + nb * nb;
-    return high;
-}
-
-#define CLOTHI_FRONT_K 64                   /* columns that one pass of the kernel takes       */
-#define CLOTHI_FRONT_PAD 16                 /* rows of the widest tile                         */
-
-static size_t clothi_front_pack_size(const clothi_tree *P, int q) {
-    return 2 * (size_t)(P->part[q].n + P->part[q].nb + CLOTHI_FRONT_PAD) * CLOTHI_FRONT_K;
-}
-
-/* Chooses the subtrees that run side by side and lays out the numbers. */
-static void clothi_front_layout(clothi_tree *P) {
-    size_t at = 0, work = 0;
-    int    q, t, best, k;
-    for (q = 0; q < P->nparts; q++) {
-        size_t n = (size_t)P->part[q].n, b = (size_t)P->part[q].nb;
-        P->panel[q] = at;
-        at += n * (n + b);
-        P->flops += (double)n * ((double)n * (double)n / 3 + (double)b * (double)(n + b));
-        P->first[q] = P->part[q].child[0] >= 0 ? P->first[P->part[q].child[0]] : q;
-    }
-    P->panel[P->nparts] = at;
-    P->ntasks = 1;
-    P->task[0] = P->nparts - 1;
-    while (P->ntasks < CLOTHI_MAX_TASKS) {
-        for (best = -1, t = 0; t < P->ntasks; t++) {
-            q = P->task[t];
-            if (q - P->first[q] < 8) continue;
-            if (best < 0 || q - P->first[q] > P->task[best] - P->first[P->task[best]]) best = t;
-        }
-        if (best < 0) break;
-        q = P->task[best];
-        for (t = P->ntasks++; t > best + 1; t--) P->task[t] = P->task[t - 1];
-        P->task[best] = P->part[q].child[0];
-        P->task[best + 1] = P->part[q].child[1];
-    }
-    for (q = 0; q < P->nparts; q++) P->top[q] = 1;
-    for (t = 0; t < P->ntasks; t++) {
-        size_t top = work, high = work, pack = 0, need;
-        for (q = P->first[P->task[t]]; q <= P->task[t]; q++) {
-            P->top[q] = 0;
-            need = clothi_front_stack(P, q, &top);
-            if (need > high) high = need;
-            need = clothi_front_pack_size(P, q);
-            if (need > pack) pack = need;
-        }
-        P->task_pack[t] = high;
-        work = high + pack;
-    }
-    P->task_pack[P->ntasks] = work;
-    for (q = 0, k = 0; q < P->nparts; q++)
-        if (P->top[q] && clothi_front_pack_size(P, q) > (size_t)k)
-            k = (int)clothi_front_pack_size(P, q);
-    work += (size_t)k;
-    for (q = 0; q < P->nparts; q++) {
-        if (!P->top[q]) continue;
-        P->update[q] = P->update_temp[q] = work;
-        work += (size_t)P->part[q].nb * (size_t)P->part[q].nb;
-    }
-    P->work = work;
-}
-
-/* The whole analysis. */
-static cloth_status clothi_tree_analyze(clothi_tree *P, const clothi_graph *g) {
-    const cloth_hooks *hooks = &P->hooks;
-    cloth_status status = CLOTH_ERR_MEMORY;
-    size_t nv = (size_t)P->nv, np = (size_t)P->nparts;
-    int   *where = (int *)clothi_alloc(hooks, nv, 4 * sizeof(int));
-    double *key = (double *)clothi_alloc(hooks, nv, sizeof *key);
-    int    i;
-    P->bound_start = (int *)clothi_alloc(hooks, 3 * np + 2, sizeof(int));
-    P->entry = (clothi_front_entry *)clothi_alloc(hooks, (size_t)P->nlow, sizeof *P->entry);
-    P->panel = (size_t *)clothi_alloc(hooks, 3 * np + 1, sizeof(size_t));
-    P->top = (unsigned char *)clothi_alloc(hooks, np, 1);
-    if (!where || !key || !P->bound_start || !P->entry || !P->panel || !P->top) goto done;
-    P->entry_start = P->bound_start + np + 1, P->first = P->entry_start + np + 1;
-    P->update = P->panel + np + 1, P->update_temp = P->update + np;
-    for (i = 0; i < P->nv; i++) where[P->verts[i]] = i;
-    status = clothi_tree_bounds(P, g, where, where + nv, key);
-    if (status != CLOTH_OK) goto done;
-    status = CLOTH_ERR_MEMORY;
-    P->relative = (int *)clothi_alloc(hooks, (size_t)P->bound_start[P->nparts], sizeof(int));
-    if (!P->relative) goto done;
-    clothi_front_maps(P, where, where + nv);
-    clothi_front_layout(P);
-    status = CLOTH_OK;
-done:
-    clothi_free(hooks, where);
-    clothi_free(hooks, key);
-    return status;
-}
-
-/* Bytes; frees where hooks, no part of it, say how. */
-static size_t clothi_tree_blocks(const clothi_tree *P, const cloth_hooks *hooks) {
-    const void *block[9] = {P};
-    if (!P) return 0;
-    block[1] = P->verts, block[2] = P->part, block[3] = P->bound_start, block[4] = P->bound;
-    block[5] = P->relative, block[6] = P->entry, block[7] = P->panel, block[8] = P->top;
-    return clothi_blocks(hooks, block, 9);
-}
-
-/* Dissection and symbolic analysis. coords [nv x 3] or NULL. */
-static cloth_status clothi_tree_create(const cloth_pattern *p, const clothi_graph *g,
-                                       const double *coords, clothi_tree **out) {
-    const cloth_hooks *hooks = &p->hooks;
-    cloth_status       status = CLOTH_ERR_MEMORY;
-    clothi_tree_work   d;
-    size_t       n = (size_t)p->n;
-    clothi_tree *P = (clothi_tree *)clothi_alloc(hooks, 1, sizeof *P);
-    memset(&d, 0, sizeof d);
-    *out = NULL;
-    if (!P) return CLOTH_ERR_MEMORY;
-    P->hooks = *hooks;                      /* what frees it must be its own                   */
-    P->nv = d.nv = p->n;
-    P->nlow = p->nlow, P->start = p->row, P->col = p->col, P->perm = p->vertex_of;
-    P->rank = p->row_of, d.g = g, d.coords = coords;
-    d.verts = P->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d.tmp = (int *)clothi_alloc(hooks, 6 * n, sizeof(int));
-    d.key = (double *)clothi_alloc(hooks, n, sizeof(double));
-    d.part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d.part);
-    if (!P->verts || !d.tmp || !d.key || !d.part) goto done;
-    d.tag = d.tmp + n, d.mark = d.tag + n, d.queue = d.mark + n;
-    clothi_tree_dissect(&d);
-    P->nparts = d.nparts;
-    P->part = (clothi_part *)clothi_alloc(hooks, (size_t)d.nparts, sizeof *P->part);
-    if (!P->part) goto done;
-    clothi_tree_postorder(&d, P->part, d.tmp, d.tmp + 2 * n);
-    status = clothi_tree_analyze(P, g);
-done:
-    clothi_free(hooks, d.tmp);
-    clothi_free(hooks, d.key);
-    clothi_free(hooks, d.part);
-    if (status) (void)clothi_tree_blocks(P, &p->hooks);
-    else *out = P;
-    return status;
+/* Everything that p holds, from the graph. Aggregates are found by vertex, kept by row. */
+static cloth_status clothi_pattern_fill(cloth_pattern *p, const clothi_graph *g,
+                                        clothi_dissection *d) {
+    cloth_status status;
+    int          i;
+    clothi_pattern_aggregates(p, d);
+    clothi_dissect(d, p->nd);
+    clothi_pattern_order(p, d);
+    memcpy(d->dist, p->agg, (size_t)p->n * sizeof(int));
+    for (i = 0; i < p->n; i++) p->agg[i] = d->dist[p->vertex_of[i]];
+    clothi_dissect(d, 0);
+    p->nparts = d->nparts;
+    p->part = (clothi_part *)clothi_alloc(&p->hooks, (size_t)p->nparts, sizeof *p->part);
+    if (!p->part) return CLOTH_ERR_MEMORY;
+    clothi_pattern_parts(p, d);
+    status = clothi_pattern_rows(p, g, d->tmp);
+    return status ? status : clothi_pattern_coarse(p, g);
 }
 
 CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, int nelem,
@@ -6390,8 +6035,9 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     cloth_pattern *p = NULL;
     cloth_status   status;
     clothi_graph   g;
+    clothi_dissection d;
     const size_t   n = (size_t)nv;
-    g.start = g.to = NULL;
+    memset(&d, 0, sizeof d);
     if (!out) return CLOTH_ERR_ARGUMENT;
     *out = NULL;
     status = clothi_pattern_check(hooks, nv, nelem, start, vertex);
@@ -6402,18 +6048,15 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!p) goto done;
     if (hooks) p->hooks = *hooks;
     p->n = nv;
-    p->row_of = (int *)clothi_alloc(hooks, 8 * n + 3, sizeof(int));
+    p->row_of = (int *)clothi_alloc(hooks, 6 * n + 2, sizeof(int));
     if (!p->row_of) goto done;
-    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->vown = p->agg + n;
-    p->member = p->vown + n, p->row = p->member + n;
-    p->zp = p->row + n + 1, p->vp = p->zp + n + 1;
-    status = clothi_pattern_order(p, &g);
-    if (!status) status = clothi_pattern_rows(p, &g);
-    if (!status) status = clothi_pattern_aggregates(p, &g);
-    if (!status) status = clothi_pattern_band(p, &g);
-    if (!status) status = clothi_pattern_coarse(p, &g);
-    if (!status) status = clothi_tree_create(p, &g, x, &p->tree);
+    p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->verts = p->agg + n;
+    p->row = p->verts + n, p->vp = p->row + n + 1;
+    p->nd = nv < CLOTHI_ONE_DOMAIN ? 1 : nv < CLOTHI_EIGHT_DOMAINS ? 4 : 8;
+    status = clothi_dissection_begin(hooks, nv, &g, x, &d);
+    if (!status) status = clothi_pattern_fill(p, &g, &d);
 done:
+    clothi_dissection_free(hooks, &d);
     clothi_graph_free(hooks, &g);
     if (status) cloth_pattern_destroy(p);
     else *out = p;
@@ -6421,9 +6064,8 @@ done:
 }
 
 static size_t clothi_pattern_blocks(const cloth_pattern *p, const cloth_hooks *hooks) {
-    const void *const block[] = {p->row_of, p->col, p->zj, p};
-    return clothi_tree_blocks(p->tree, hooks) +
-           clothi_blocks(hooks, block, sizeof block / sizeof *block);
+    const void *const block[] = {p->row_of, p->col, p->vj, p->part, p};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
 CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
@@ -6734,87 +6376,274 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
 
 /* ===== [7.3] CONJUGATE GRADIENTS ===============================================================
  *
- *   A x = b, A symmetric, as few and as cheap iterations as we know how. Five ideas, in turn.
+ *   A x = b, A symmetric. CG [HS52] minimises q(x) = x.A x/2 - b.x over growing spaces; with a
+ *   preconditioner P ~ A:
  *
- *   1 CG [HS52] minimises q(x) = x.A x/2 - b.x over growing spaces. With a preconditioner
- *   P ~ A, z = P^-1 r:    alpha = r.z / d.A d     x += alpha d     r -= alpha A d
- *                         beta = (r.z)new/(r.z)   d = z + beta d
- *   Every step lowers q by alpha r.z / 2: their sum is report->decrease. One product with A and
- *   one solve with P an iteration; clothi_jacobi_solve() below is just that, with P = D.
+ *        x = 0   r = b   z = P^-1 r   d = z
+ *        repeat until r.z <= tolerance^2 b.P^-1 b:
+ *            alpha = r.z / d.A d      x += alpha d      r -= alpha A d
+ *            z = P^-1 r               beta = (r.z)new / (r.z)      d = z + beta d
  *
- *   2 Scaling. D_i = G_i G_i' (3x3 Cholesky factors of the diagonal blocks), A' = G^-1 A G^-T,
+ *   Every step lowers q by alpha r.z / 2: their sum is report->decrease. clothi_plain_cg() is these
+ *   lines, in doubles, for any P: P = D, the diagonal blocks, is CLOTH_LINEAR_JACOBI, to read and
+ *   to compare with; with the factor of [7.4] it is CLOTH_LINEAR_CHOLESKY.
+ *
+ *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
+ *   replaced by the point where its segment crosses it, and a direction with d.A d <= 0 is
+ *   followed to there: a step that still lowers q.
+ *
+ *   Four additions make the iterations of CLOTH_LINEAR_SGS few and cheap.
+ *
+ *   1 Scaling. D_i = G_i G_i' (3x3 Cholesky factors of the diagonal blocks), A' = G^-1 A G^-T,
  *   x = G^-T x', b' = G^-1 b. A' has unit diagonal blocks: no product with D is left, numbers are
  *   near 1 whatever the units, which suits floats. A D_i that is not positive is the first and
  *   cheapest test for negative curvature.
  *
- *   3 Symmetric Gauss-Seidel: with A' = I + L + L', K = I + L, take P = K K'. One sweep forward,
- *   one back; information crosses the leaf in the order of the rows. A quarter of the iterations
- *   of block Jacobi.
+ *   2 Symmetric Gauss-Seidel: with A' = I + L + L', K = I + L, take P = K K'. One sweep forward,
+ *   one back; information crosses the subdomain in the order of the rows. A quarter of the
+ *   iterations of block Jacobi.
  *
- *   4 Eisenstat's trick [E81]. In the variables p = K' t the system is K^-1 A' K^-T, and
+ *   3 Eisenstat's trick [E81]. In the variables p = K' t the system is K^-1 A' K^-T, and
  *           A' = K + K' - I     so     K^-1 A' t = t + K^-1 (K' t - t) = t + K^-1 (p - t):
  *   one back sweep (s = K^-T r) and one forward sweep do the work of product and preconditioner,
- *   2 passes over the triangle instead of 4. No product with P is needed on top.
+ *   2 passes over the triangle instead of 4.
  *
  *                z_i -= B z_j   gather:  rows of B times z_j     <-- K^-1, rows upward
  *                z_j -= B' z_i  scatter: rows of B times z_i[r]  <-- K^-T, rows downward
- *   One copy of B, three rows of four floats, serves both.
+ *   One copy of B, three rows of four numbers, serves both.
  *
- *   5 Deflation [N87]. Gauss-Seidel hardly moves long waves. Aggregates [7.1] give them a coarse
+ *   4 Deflation [N87]. Gauss-Seidel hardly moves long waves. Aggregates [7.1] give them a coarse
  *   space, the three translations of each: P one identity block per vertex (0 on fixed axes),
- *   P^ = G' P, and
- *           Z = A' P^     V = K' P^     Ac = P^' A' P^ (a band, 3 nc <= 1536; Ac = U'U)
- *   CG starts at the coarse solution and keeps every direction conjugate to the coarse space:
- *   t <- t - P^ Ac^-1 Z' t. In Eisenstat's variables that is two thin products an iteration (Z
- *   1.6, V 1.4 blocks a vertex against 4.9 of L) and K' t = p still holds:
+ *   P^ = G' P, V = K' P^ and Ac = P'A P, a band of 3 nc <= 1536 rows, Ac = U'U. CG starts at the
+ *   coarse solution and keeps every direction conjugate to the coarse space: t <- t - P^ m with
+ *   m = Ac^-1 P^'A' s. That needs V alone: K' P^ m = V m keeps p = K' t, and as K' s = r,
+ *           P^'A' s = P^'(K + K' - I) s = V's + P^'(r - s).
  *
- *     y = Ac^-1 P'b    x = P^ y    r = b' - Z y    c0 = |K^-1 b'|^2 + P'b.y    r <- K^-1 r
- *     p = t = 0    beta = 0    rr = r.r    Q = P'b.y/2
- *     while rr > tolerance^2 c0:
- *       s = K^-T r      m = Ac^-1 Z's     p = r + beta p - V m     t = s + beta t - P^ m
- *       w = t + K^-1 (p - t)      alpha = rr / p.w
- *       x += alpha t    r -= alpha w    Q += alpha rr/2    beta = r.r/rr    rr = r.r
+ *     r = K^-1 b'    c0 = |r|^2 + P'b.m    m = Ac^-1 P'b    rr = P'b.m    Q = 0
+ *     p = V m        t = P^ m                          the coarse solution is the first direction,
+ *     w = K^-1 (p - t)     alpha = 1                   its length is known
+ *     repeat:
+ *       x += alpha t    r -= alpha (t + w)    Q += alpha rr/2
+ *       beta = r.r/rr   (0 the first time)    rr = r.r; stop at rr <= tolerance^2 c0
+ *       s = K^-T r      m = Ac^-1 (V's + P^'(r - s))
+ *       p = r + beta p - V m     t = s + beta t - P^ m
+ *       w = K^-1 (p - t)         alpha = rr / p.(t + w)
  *     answer G^-T x
  *
  *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
  *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of the iterations are
- *   left, and because long waves are then right, Newton needs fewer solves too. Z, V and Ac must
- *   belong to A. Aggregates have 85 vertices however many there are. Numbered along a front [7.1],
- *   each is coupled with near numbers; extras between far ones widen the band, at worst to all.
- *   Iterations with and without each idea, and what was tried and lost: bench_linear.c.
+ *   left, and because long waves are then right, Newton needs fewer solves too. Chosen instead of
+ *   smoothed aggregation over several levels: a third of the iterations, each 7 times as dear;
+ *   rigid-body and affine modes lose as well. What else was tried, and iterations with and without
+ *   each addition: tests/bench/bench_linear.c.
  *
- *   Trust region [S83]. With options.radius, the first iterate that leaves max|x| <= radius is
- *   replaced by the point where its segment crosses it, and a direction with t.A t <= 0 is
- *   followed to there: a step that still lowers q, more than the coarse solution alone. A coarse
- *   solution that is outside itself is shortened.
- *
- *   Extra pairs C [7.2] are outside K: w = t + K^-1 (p - t + C't), Z's gains P^'C's, Ac gains
- *   P'CP and r at the start loses C'P^ y. The sweeps stay as they are.
+ *   Blocks C outside the pattern [7.2] are outside K: w = K^-1 (p - t + C t), P^'A's gains P^'C s,
+ *   Ac gains P'CP. The sweeps stay as they are.
  *
  *   Floats, and when not. Rounding of D competes with the mass once stiffness over inertia,
  *   q = max_i tr D_i / mean row sum of traces, times 6e-8 is near 1. (Membranes and hinges do not
- *   feel translations: the rows' sums are the inertia.) q is 1.7e5 at Y = 1e4 N/m, N = 64, 60 Hz,
- *   and 1.6e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles, beyond, and
- *   where the residual got stuck, AUTO takes doubles: the same code, about twice the time.
- *   A decision is made afresh for every matrix, so that a restored snapshot goes the same way.
+ *   feel translations: the rows' sums are the inertia.) q is 1.1e5 at Y = 1e4 N/m, N = 64, 60 Hz,
+ *   and 1.1e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles. Beyond, where
+ *   at 1.1e7 (1e6 N/m) Newton stalled in 12 of 15 frames, and where the residual got stuck, the
+ *   same code runs in doubles, in the same memory, for about 1.5 times the time. (A factor instead
+ *   of doubles: 1.5 times the time of bench_hard's T-shirt.) A decision is made afresh for every
+ *   matrix, so that a restored snapshot goes the same way.
  *
- *   Workers. Leaves run side by side, S alone; two parallel regions an iteration (extras: three);
- *   the factor of Ac beside what a solve begins with in the leaves, where nothing needs it yet:
- *       S: advance, back        | leaves: advance x r, back sweep, their Z's
- *       m = Ac^-1 sum of Z's    | leaves: p t, forward sweep, p.w, what S gathers from them
+ *   Workers. Subdomains run side by side, the separators S alone; two parallel regions an iteration
+ *   (blocks outside the pattern: three):
+ *       S: advance, back        | subdomains: advance x r, back sweep, their V's + P^'(r - s)
+ *       m = Ac^-1 of the sums   | subdomains: p t, forward sweep, p.w, what S gathers from them
  *       S: forward
- *   Every sum is made leaf by leaf and added in order: the same bits for any count of workers.
+ *   The factor of Ac runs beside the first forward sweep. Every sum is made subdomain by subdomain
+ *   and added in order: the same bits for any count of workers.
  *
  *   checked: tests/test_sparse.c (all of it against dense algebra), tests/test_sparse_plain.c (the
  *   plain loops), tests/bench/bench_linear.c (times)
  */
 
 #define CLOTHI_LINEAR_TOLERANCE    0.05
-#define CLOTHI_FLOAT_TOLERANCE     1e-4     /* AUTO: tighter ones are solved in doubles        */
-#define CLOTHI_FLOAT_STIFFNESS     4e6      /* AUTO: stiffness over inertia, see the banner    */
+#define CLOTHI_FLOAT_TOLERANCE     1e-4     /* tighter ones are solved in doubles              */
+#define CLOTHI_FLOAT_STIFFNESS     8e6      /* stiffness over inertia, see the banner          */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
 #define CLOTHI_CG_CAP              20000
 #define CLOTHI_CURVATURE_TOLERANCE 1e-10
+
+typedef struct clothi_store {               /* of floats or of doubles, in one block           */
+    void *L, *G, *P, *V;                    /* A' below the diagonal by rows; G^-1, G'P, V by
+                                               columns                                         */
+    void *r, *p, *t, *w, *x;                /* [n] records; s and w share one: a row of s is
+                                               read before the row of w is written             */
+    void *sep;                              /* [nd x ns] what subdomains give rows of S        */
+    void *zpart, *m;                        /* [(nd+1) x nc] sums of P^'A's; [nc]              */
+} clothi_store;
+
+typedef struct clothi_tally {               /* one subdomain's share of the sums               */
+    double rr, pq, trace, top, big;
+    int    bad;                             /* some diagonal block is not positive             */
+    int    narrow;                          /* one is, but not in floats                       */
+} clothi_tally;
+
+struct cloth_linear_solver {
+    cloth_hooks hooks;
+    const cloth_pattern *p;
+    void   *block;                          /* the store's arrays, or r z d q and one more of
+                                               the plain CG: one solve at a time needs it      */
+    clothi_store st;
+    void   *E;                              /* blocks outside the pattern, scaled, by rows     */
+    int     extras;                         /* room in E                                       */
+    double *Ac;                             /* band of 3 nc rows, then packed rows of a panel  */
+    void   *U;                              /* its factor in blocks by rows, diagonals inverse */
+    int     band;                           /* aggregates that a row of Ac and U has room for  */
+    double *cd;                             /* [(nd+3) x 3nc]: two to work in, then P'b of each
+                                               subdomain and of S                              */
+    int    *envelope;                       /* [nc + 1] where rows of Ac end with all blocks,
+                                               increasing; then places for gather and scatter  */
+    struct cloth_factor *factor;            /* [7.4], made when first asked for                */
+    int     only;                           /* 0; 1, 2: floats, doubles only (tests)           */
+    /* the solve in hand */
+    const cloth_matrix  *A;
+    const unsigned char *fixed;
+    const double        *b;
+    const void *given;                      /* what becomes `to` [n x 3] in the end            */
+    double *to;
+    int     wide, first, radius_on, bad_pivot;
+    double  alpha, beta;
+    clothi_tally tally[CLOTHI_DOMAINS + 1];
+};
+
+/* --- the textbook, in doubles --- */
+
+typedef struct clothi_cg {                  /* the numbers of a run                            */
+    int    factorizations;
+    double tolerance, radius;
+    double c0, rr, pq, Q;
+    int    it, most, patient;               /* patient: no second run to turn to               */
+    int    negative, hit;
+    double best;                            /* smallest rr, and since when                     */
+    int    best_at;
+} clothi_cg;
+
+/* Bits of the fixed axes of a row. */
+CLOTHI_LANE int clothi_mask(const cloth_linear_solver *s, int row) {
+    return s->fixed ? s->fixed[s->p->vertex_of[row]] & 7 : 0;
+}
+
+/* B without the rows of mi and the columns of mj: B itself when there are none, else in out. */
+CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double *out) {
+    int k;
+    if (!(mi | mj)) return B;
+    for (k = 0; k < 9; k++) out[k] = (mi >> (k / 3) & 1) || (mj >> (k % 3) & 1) ? 0 : B[k];
+    return out;
+}
+
+/* The diagonal block of a row, 1 on fixed axes, into d [9]; returns their bits. */
+CLOTHI_LANE int clothi_diagonal(const cloth_linear_solver *s, int row, double *d) {
+    const int m = clothi_mask(s, row);
+    int       c;
+    clothi_masked(s->A->diag + 9 * (size_t)row, m | 8, m, d);
+    for (c = 0; c < 3; c++)
+        if (m >> c & 1) d[4 * c] = 1;
+    return m;
+}
+
+/* The least tau >= 0 at which |x + tau d| reaches the radius (largest component); `tau` before:
+ * of other numbers, -1: there were none. */
+static double clothi_reach(double tau, const double *x, const double *d, size_t n, double radius) {
+    size_t i;
+    for (i = 0; i < n; i++)
+        if (fabs(d[i]) > 0) {
+            const double u = (radius - (d[i] > 0 ? x[i] : -x[i])) / fabs(d[i]);
+            if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
+        }
+    return tau;
+}
+
+CLOTHI_RARE_BEGIN
+
+/* z = P^-1 r, fixed axes 0; 1 when P is not positive. */
+typedef int clothi_precondition_fn(cloth_linear_solver *s, const double *r, double *z);
+
+/* P = D. With a radius a block that is not positive is replaced by one at least as large. */
+static int clothi_jacobi(cloth_linear_solver *s, const double *r, double *z) {
+    int i, k, m;
+    for (i = 0; i < s->p->n; i++) {
+        const int     v = s->p->vertex_of[i];
+        const double *q = r + 3 * (size_t)v;
+        double        d[9], c[3], det, *out = z + 3 * (size_t)v;
+        m = clothi_diagonal(s, i, d);
+        clothi_cross3(d + 3, d + 6, c);
+        det = clothi_dot3(d, c);
+        if (!(d[0] > 0) || !(d[0] * d[4] - d[1] * d[3] > 0) || !(det > 0)) {
+            if (!s->radius_on) return 1;
+            for (k = 0; k < 3; k++) {
+                const double sum = fabs(d[3 * k]) + fabs(d[3 * k + 1]) + fabs(d[3 * k + 2]);
+                out[k] = m >> k & 1 ? 0 : q[k] / (sum > 0 ? sum : 1);
+            }
+            continue;
+        }
+        for (k = 0; k < 3; k++) {           /* D^-1 q by Cramer's rule                         */
+            double e[9];
+            memcpy(e, d, sizeof e);
+            e[k] = q[0];
+            e[3 + k] = q[1];
+            e[6 + k] = q[2];
+            clothi_cross3(e + 3, e + 6, c);
+            out[k] = m >> k & 1 ? 0 : clothi_dot3(e, c) / det;
+        }
+    }
+    return 0;
+}
+
+/* x, from 0, by the pseudo-code of the banner. Where it meets negative curvature, *last (may be
+ * NULL) is the direction that has it. */
+static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_fn *precondition,
+                                    double *x, clothi_cg *g, const double **last) {
+    const size_t n = 3 * (size_t)s->p->n;
+    double      *r = (double *)s->block, *z = r + n, *d = z + n, *q = d + n, big, alpha, rr;
+    size_t       i;
+    s->wide = 1;
+    for (i = 0; i < n; i++) r[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : s->b[i];
+    if (precondition(s, r, z)) {
+        g->negative = 1;
+        g->rr = g->c0 = 1;
+        return clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) < 0
+                   ? CLOTH_OK : CLOTH_ERR_NONFINITE;
+    }
+    memcpy(d, z, n * sizeof(double));
+    g->rr = g->c0 = clothi_dot(r, z, n);
+    if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
+    while (g->rr > g->tolerance * g->tolerance * g->c0 && g->it < g->most) {
+        cloth_matrix_mul(s->A, s->fixed, d, q);
+        g->pq = clothi_dot(d, q, n);
+        if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
+        g->negative = !(g->pq > 0);
+        if (g->negative && last) *last = d;
+        alpha = g->negative ? 0 : g->rr / g->pq;
+        for (i = 0, big = 0; i < n; i++) big = clothi_max(fabs(x[i] + alpha * d[i]), big);
+        if (g->radius > 0 && (g->negative || !(big <= g->radius))) {
+            const double tau = clothi_max(clothi_reach(-1, x, d, n, g->radius), 0);
+            for (i = 0; i < n; i++) x[i] += tau * d[i];
+            g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
+            g->hit = 1;
+            g->it++;
+            break;
+        }
+        if (g->negative) {
+            if (g->it == 0) memcpy(x, d, n * sizeof(double));
+            break;
+        }
+        for (i = 0; i < n; i++) x[i] += alpha * d[i], r[i] -= alpha * q[i];
+        (void)precondition(s, r, z);
+        rr = clothi_dot(r, z, n);
+        for (i = 0; i < n; i++) d[i] = z[i] + rr / g->rr * d[i];
+        g->Q += 0.5 * alpha * g->rr;
+        g->rr = rr;
+        g->it++;
+    }
+    return clothi_finite(g->rr) ? CLOTH_OK : CLOTH_ERR_NONFINITE;
+}
+
+CLOTHI_RARE_END
 
 /* --- four numbers at a time, floats or doubles --- */
 
@@ -6831,16 +6660,12 @@ typedef struct clothi_v4 {
 #endif
 } clothi_v4;
 
-#if defined(CLOTHI_AVX) && defined(__FMA__)         /* a + b c, a - b c */
+#if defined(CLOTHI_AVX) && defined(__FMA__)         /* a + b c */
 #  define CLOTHI_MADD_PS(a, b, c)  _mm_fmadd_ps(b, c, a)
-#  define CLOTHI_NMADD_PS(a, b, c) _mm_fnmadd_ps(b, c, a)
 #  define CLOTHI_MADD_PD(a, b, c)  _mm_fmadd_pd(b, c, a)
-#  define CLOTHI_NMADD_PD(a, b, c) _mm_fnmadd_pd(b, c, a)
 #elif defined(CLOTHI_SSE2)
 #  define CLOTHI_MADD_PS(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
-#  define CLOTHI_NMADD_PS(a, b, c) _mm_sub_ps(a, _mm_mul_ps(b, c))
 #  define CLOTHI_MADD_PD(a, b, c)  _mm_add_pd(a, _mm_mul_pd(b, c))
-#  define CLOTHI_NMADD_PD(a, b, c) _mm_sub_pd(a, _mm_mul_pd(b, c))
 #endif
 
 CLOTHI_LANE clothi_v4 clothi_zero4(void) {
@@ -6942,23 +6767,6 @@ CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
     for (k = 0; k < 4; k++) {
         if (w) a.d[k] += b.d[k] * c.d[k];
         else a.f[k] += b.f[k] * c.f[k];
-    }
-#endif
-    return a;
-}
-
-/* a - b c */
-CLOTHI_LANE clothi_v4 clothi_nmadd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_SSE2)
-    if (w) {
-        a.d = CLOTHI_NMADD_PD(a.d, b.d, c.d);
-        a.e = CLOTHI_NMADD_PD(a.e, b.e, c.e);
-    } else a.f = CLOTHI_NMADD_PS(a.f, b.f, c.f);
-#else
-    int k;
-    for (k = 0; k < 4; k++) {
-        if (w) a.d[k] -= b.d[k] * c.d[k];
-        else a.f[k] -= b.f[k] * c.f[k];
     }
 #endif
     return a;
@@ -7067,10 +6875,10 @@ CLOTHI_LANE void clothi_put(void *a, size_t i, double u, const int w) {
     else ((float *)a)[i] = (float)u;
 }
 
-/* B [9] into block i of a. */
+/* B [9] into block i of a, the fourth numbers 0. */
 CLOTHI_LANE void clothi_put9(void *a, size_t i, const double *B, const int w) {
     size_t k;
-    for (k = 0; k < 9; k++) clothi_put(a, 12 * i + k / 3 * 4 + k % 3, B[k], w);
+    for (k = 0; k < 12; k++) clothi_put(a, 12 * i + k, k % 4 < 3 ? B[k / 4 * 3 + k % 4] : 0, w);
 }
 
 /* M u of record i, M in the records 3k, 3k+1, 3k+2 by columns; its transpose times u when M is
@@ -7084,7 +6892,7 @@ CLOTHI_LANE clothi_v4 clothi_columns4(const void *M, size_t k, const void *u, si
 }
 
 /* M' u, M the block k by columns. */
-CLOTHI_LANE clothi_v4 clothi_turned4(const void *M, size_t k, clothi_v4 u, const int w) {
+CLOTHI_LANE clothi_v4 clothi_transposed4(const void *M, size_t k, clothi_v4 u, const int w) {
     const clothi_v4 o = clothi_zero4();
     return clothi_rows4(clothi_madd4(o, clothi_load4(M, 3 * k, w), u, w),
                         clothi_madd4(o, clothi_load4(M, 3 * k + 1, w), u, w),
@@ -7108,1269 +6916,26 @@ CLOTHI_LANE clothi_v4 clothi_gather4(const void *L, const int *col, int k0, int 
 /* z[col[k]] -= L[k]' u, u record i of z, k0 <= k < k1. */
 CLOTHI_LANE void clothi_scatter4(const void *L, const int *col, int k0, int k1, void *z, size_t i,
                                  const int w) {
-    const clothi_v4 u0 = clothi_lane4(z, i, 0, w), u1 = clothi_lane4(z, i, 1, w);
-    const clothi_v4 u2 = clothi_lane4(z, i, 2, w);
+    const clothi_v4 o = clothi_zero4(), u0 = clothi_sub4(o, clothi_lane4(z, i, 0, w), w);
+    const clothi_v4 u1 = clothi_sub4(o, clothi_lane4(z, i, 1, w), w);
+    const clothi_v4 u2 = clothi_sub4(o, clothi_lane4(z, i, 2, w), w);
     int k;
     for (k = k0; k < k1; k++) {
         const size_t j = (size_t)col[k], b = 3 * (size_t)k;
-        clothi_v4 v = clothi_nmadd4(clothi_load4(z, j, w), clothi_load4(L, b, w), u0, w);
-        clothi_v4 q = clothi_madd4(clothi_zero4(), clothi_load4(L, b + 1, w), u1, w);
+        clothi_v4 v = clothi_madd4(clothi_load4(z, j, w), clothi_load4(L, b, w), u0, w);
+        clothi_v4 q = clothi_madd4(o, clothi_load4(L, b + 1, w), u1, w);
         q = clothi_madd4(q, clothi_load4(L, b + 2, w), u2, w);
-        clothi_store4(z, j, clothi_sub4(v, q, w), w);
+        clothi_store4(z, j, clothi_add4(v, q, w), w);
     }
 }
 
 /* Calls f with its last argument a constant: 1 for doubles, 0 for floats. */
 #define CLOTHI_BY_WIDTH(wide, f, ...) ((wide) ? f(__VA_ARGS__, 1) : f(__VA_ARGS__, 0))
 
-/* --- the solver's arrays --- */
+/* --- dense panels, of the coarse matrix below and of the fronts of [7.4] --- */
 
-typedef struct clothi_store {               /* of floats or of doubles                         */
-    void *block;                            /* owns all but E                                  */
-    void *L, *G, *P, *Z, *V;                /* A' below the diagonal by rows; G^-1, G'P, V by
-                                               columns; Z by rows                              */
-    void *r, *p, *t, *w, *x, *s;            /* [n] records                                     */
-    void *sep;                              /* [nd x ns] what leaves give rows of S            */
-    void *zpart, *m;                        /* [(nd+1) x 4 x nc] sums of Z's; [nc]             */
-    void *U, *Ut, *c;                       /* [3nc x 3nc] factor by rows, by columns; [3nc]   */
-    void *E;                                /* extras, scaled, by rows                         */
-    int   extras;                           /* room in E                                       */
-} clothi_store;
-
-typedef struct clothi_tally {               /* one leaf's share of the sums                    */
-    double rr, pq, trace, top, big;
-    int    bad;                             /* first row whose diagonal block is not positive  */
-} clothi_tally;
-
-struct cloth_linear_solver {
-    cloth_hooks hooks;
-    const cloth_pattern *p;
-    clothi_store store[2];
-    double *Ac, *cd;                        /* [3nc x 3nc] and packed rows; [(nd+3) x 3nc]:
-                                               two to work in, then P'b of each leaf and S     */
-    int    *reach;                          /* [nc + 1] of Ac with the extras, increasing      */
-    double *jacobi;                         /* [4n x 3], made by the sim or when asked for     */
-    struct cloth_factor *factor;            /* [7.4], made when first asked for                */
-    int     use_factor;
-    /* the solve in hand */
-    const cloth_matrix  *A;
-    const unsigned char *fixed;
-    const double        *b;
-    const void *given;                      /* what becomes `to` [n x 3] in the end            */
-    double *to;
-    int     wide, step, radius_on, part;
-    double  alpha, beta;
-    int     bad_row, bad_pivot;             /* where the set-up met no positive curvature, -1  */
-    double  bad_value;
-    clothi_tally tally[CLOTHI_LEAVES + 1];
-};
-
-#define CLOTHI_COARSE_BLOCK 24              /* columns of the coarse factor at a time          */
-#define CLOTHI_COPIES 4                     /* sums of Z's in turn: no store waits for a load  */
-
-CLOTHI_RARE_BEGIN
-
-/* Lays the arrays of one precision into one block; with base NULL only counts its bytes. */
-static size_t clothi_store_lay(const cloth_pattern *p, size_t real, clothi_store *st, char *base) {
-    const size_t n = (size_t)p->n, nc = (size_t)p->nc, nd = (size_t)p->nd;
-    const size_t ns = n - (size_t)p->dom[p->nd];
-    size_t at = 0, k, records[17];
-    void **field[17];
-    records[0] = 3 * (size_t)p->nlow;       field[0] = &st->L;
-    records[1] = 3 * n;                     field[1] = &st->G;
-    records[2] = 3 * n;                     field[2] = &st->P;
-    records[3] = 3 * (size_t)p->zp[p->n];   field[3] = &st->Z;
-    records[4] = 3 * (size_t)p->vp[p->n];   field[4] = &st->V;
-    records[5] = n;                         field[5] = &st->r;
-    records[6] = n;                         field[6] = &st->p;
-    records[7] = n;                         field[7] = &st->t;
-    records[8] = n;                         field[8] = &st->w;
-    records[9] = n;                         field[9] = &st->x;
-    records[10] = n;                        field[10] = &st->s;
-    records[11] = nd * ns;                  field[11] = &st->sep;
-    records[12] = (nd + 1) * CLOTHI_COPIES * nc; field[12] = &st->zpart;
-    records[13] = nc;                       field[13] = &st->m;
-    records[14] = (9 * nc * nc + 3) / 4;    field[14] = &st->U;
-    records[15] = (9 * nc * nc + 3) / 4;    field[15] = &st->Ut;
-    records[16] = (3 * nc + 3) / 4;         field[16] = &st->c;
-    for (k = 0; k < 17; k++) {
-        if (base) *field[k] = base + at;
-        at += (4 * real * records[k] + CLOTHI_ALIGN - 1) / CLOTHI_ALIGN * CLOTHI_ALIGN;
-    }
-    return at;
-}
-
-static cloth_status clothi_store_make(cloth_linear_solver *s, int wide) {
-    clothi_store *st = &s->store[wide];
-    const size_t  real = wide ? sizeof(double) : sizeof(float);
-    if (!st->block) {
-        st->block = clothi_alloc(&s->hooks, clothi_store_lay(s->p, real, st, NULL), 1);
-        if (!st->block) return CLOTH_ERR_MEMORY;
-        clothi_store_lay(s->p, real, st, (char *)st->block);
-    }
-    if (st->extras < s->A->ne) {
-        void *more = clothi_alloc(&s->hooks, (size_t)s->A->capacity, 12 * real);
-        if (!more) return CLOTH_ERR_MEMORY;
-        clothi_free(&s->hooks, st->E);
-        st->E = more;
-        st->extras = s->A->capacity;
-    }
-    return CLOTH_OK;
-}
-
-static cloth_status clothi_jacobi_make(cloth_linear_solver *s) {
-    if (!s->jacobi)
-        s->jacobi = (double *)clothi_alloc(&s->hooks, 12 * (size_t)s->p->n, sizeof(double));
-    return s->jacobi ? CLOTH_OK : CLOTH_ERR_MEMORY;
-}
-
-CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
-                                                  const cloth_pattern *pattern,
-                                                  cloth_linear_solver **out) {
-    cloth_linear_solver *s;
-    size_t               nc3;
-    if (out) *out = NULL;
-    if (!out || !pattern)
-        return clothi_null(hooks, out ? "cloth_linear_solver_create: pattern"
-                                      : "cloth_linear_solver_create: out");
-    nc3 = 3 * (size_t)pattern->nc;
-    s = (cloth_linear_solver *)clothi_alloc(hooks, 1, sizeof *s);
-    if (!s) return CLOTH_ERR_MEMORY;
-    if (hooks) s->hooks = *hooks;
-    s->p = pattern;
-    s->Ac = (double *)clothi_alloc(hooks, nc3 * nc3 + 2 * (nc3 + CLOTHI_FRONT_PAD) *
-                                              CLOTHI_COARSE_BLOCK, sizeof(double));
-    s->cd = (double *)clothi_alloc(hooks, nc3 * (size_t)(pattern->nd + 3), sizeof(double));
-    s->reach = (int *)clothi_alloc(hooks, (size_t)pattern->nc + 1, sizeof(int));
-    if (!s->Ac || !s->cd || !s->reach) {
-        cloth_linear_solver_destroy(s);
-        return CLOTH_ERR_MEMORY;
-    }
-    *out = s;
-    return CLOTH_OK;
-}
-
-static size_t clothi_solver_blocks(const cloth_linear_solver *s, const cloth_hooks *hooks) {
-    const void *const block[] = {s->store[0].block, s->store[0].E, s->store[1].block,
-                                 s->store[1].E, s->Ac, s->cd, s->reach, s->jacobi, s};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
-
-CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
-    cloth_hooks hooks;
-    if (!s) return;
-    hooks = s->hooks;
-    cloth_factor_destroy(s->factor);
-    (void)clothi_solver_blocks(s, &hooks);
-}
-
-CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
-    return s ? cloth_factor_bytes(s->factor) + clothi_solver_blocks(s, NULL) : 0;
-}
-
-CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
-    cloth_linear_options o;
-    memset(&o, 0, sizeof o);
-    o.tolerance = CLOTHI_LINEAR_TOLERANCE;
-    return o;
-}
-
-CLOTHI_RARE_END
-
-/* --- set-up: scaling, Z, V, the coarse matrix --- */
-
-/* Bits of the fixed axes of a row. */
-CLOTHI_LANE int clothi_mask(const cloth_linear_solver *s, int row) {
-    return s->fixed ? s->fixed[s->p->vertex_of[row]] & 7 : 0;
-}
-
-/* B without the rows of mi and the columns of mj: B itself when there are none, else in out. */
-CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double *out) {
-    int k;
-    if (!(mi | mj)) return B;
-    for (k = 0; k < 9; k++) out[k] = (mi >> (k / 3) & 1) || (mj >> (k % 3) & 1) ? 0 : B[k];
-    return out;
-}
-
-/* The diagonal block of a row, 1 on fixed axes, into d [9]; returns their bits. */
-CLOTHI_LANE int clothi_diagonal(const cloth_linear_solver *s, int row, double *d) {
-    const int m = clothi_mask(s, row);
-    int       c;
-    clothi_masked(s->A->diag + 9 * (size_t)row, m | 8, m, d);
-    for (c = 0; c < 3; c++)
-        if (m >> c & 1) d[4 * c] = 1;
-    return m;
-}
-
-/* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
-CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
-                                              clothi_tally *y) {
-    const clothi_store *st = &s->store[s->wide];
-    const double        least = s->wide ? 1e-13 : 1e-7;
-    int i;
-    for (i = begin; i < end; i++) {
-        const double *D = s->A->diag + 9 * (size_t)i;
-        double        d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
-        const int     m = clothi_diagonal(s, i, d);
-        q = d[4] - d[3] * (d[3] / d[0]);
-        if (!(d[0] > 0) || !(q > least * d[4])) break;
-        l00 = sqrt(d[0]);
-        l10 = d[3] / l00;
-        l20 = d[6] / l00;
-        l11 = sqrt(q);
-        l21 = (d[7] - l20 * l10) / l11;
-        r = d[8] - l20 * l20 - l21 * l21;
-        if (!(r > least * d[8])) break;
-        l22 = sqrt(r);
-        G[3] = G[6] = G[7] = 0;
-        G[0] = 1 / l00;
-        G[1] = -l10 / (l00 * l11);
-        G[2] = -(l20 / l00 + l21 * G[1]) / l22;
-        G[4] = 1 / l11;
-        G[5] = -l21 / (l11 * l22);
-        G[8] = 1 / l22;
-        P[1] = P[2] = P[5] = 0;
-        P[0] = m & 1 ? 0 : l00;
-        P[3] = m & 2 ? 0 : l10;
-        P[4] = m & 2 ? 0 : l11;
-        P[6] = m & 4 ? 0 : l20;
-        P[7] = m & 4 ? 0 : l21;
-        P[8] = m & 4 ? 0 : l22;
-        clothi_put9(st->G, (size_t)i, G, s->wide);
-        clothi_put9(st->P, (size_t)i, P, s->wide);
-        r = D[0] + D[4] + D[8];
-        y->trace += r;
-        if (r > y->top) y->top = r;
-    }
-    if (i < end && y->bad < 0) y->bad = i;
-}
-
-/* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
-CLOTHI_LANE clothi_v4 clothi_mix4(const double *B, clothi_v4 a, clothi_v4 b, clothi_v4 c,
-                                  const int w) {
-    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_all4(B[0], w), a, w);
-    r = clothi_madd4(r, clothi_all4(B[1], w), b, w);
-    return clothi_madd4(r, clothi_all4(B[2], w), c, w);
-}
-
-CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) {
-    clothi_store4(a, i, clothi_add4(clothi_load4(a, i, w), v, w), w);
-}
-
-/* out <- G_i^-1 B, the records b0, b1, b2 of B and of out by rows. */
-CLOTHI_LANE void clothi_scale_rows(const clothi_store *st, int i, clothi_v4 b0, clothi_v4 b1,
-                                   clothi_v4 b2, void *out, size_t k, const int w) {
-    const size_t    g = 3 * (size_t)i;
-    const clothi_v4 z = clothi_zero4();
-    clothi_v4       r = clothi_madd4(z, clothi_lane4(st->G, g, 0, w), b0, w);
-    clothi_store4(out, 3 * k, r, w);
-    r = clothi_madd4(z, clothi_lane4(st->G, g, 1, w), b0, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), b1, w);
-    clothi_store4(out, 3 * k + 1, r, w);
-    r = clothi_madd4(z, clothi_lane4(st->G, g, 2, w), b0, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), b1, w);
-    r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), b2, w);
-    clothi_store4(out, 3 * k + 2, r, w);
-}
-
-/* out <- G_i^-1 B G_j^-T, three records by rows. */
-CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const double *B,
-                                    void *out, size_t k, const int w) {
-    const size_t    gj = 3 * (size_t)j;
-    const clothi_v4 q0 = clothi_load4(st->G, gj, w), q1 = clothi_load4(st->G, gj + 1, w);
-    const clothi_v4 q2 = clothi_load4(st->G, gj + 2, w);
-    clothi_scale_rows(st, i, clothi_mix4(B, q0, q1, q2, w), clothi_mix4(B + 3, q0, q1, q2, w),
-                      clothi_mix4(B + 6, q0, q1, q2, w), out, k, w);
-}
-
-/* Blocks [k0, k1) of row i: into Z of the row, and into V of the columns with scaling. */
-CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1, int z, int v,
-                                  clothi_tally *y, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const int mi = clothi_mask(s, i);
-    double    cut[9], trace = 0;
-    int       k;
-    for (k = k0; k < k1; k++) {
-        const int     j = p->col[k];
-        const double *raw = s->A->low + 9 * (size_t)k;
-        const double *B = clothi_masked(raw, mi, clothi_mask(s, j), cut);
-        const clothi_v4 b0 = clothi_cut4(B, w), b1 = clothi_cut4(B + 3, w);
-        const clothi_v4 b2 = clothi_cut4(B + 6, w);
-        if (z && p->kz[k] >= 0) {
-            const size_t at = 3 * (size_t)p->kz[k];
-            clothi_add_record(st->Z, at, b0, w);
-            clothi_add_record(st->Z, at + 1, b1, w);
-            clothi_add_record(st->Z, at + 2, b2, w);
-        }
-        if (!v) continue;
-        if (p->kv[k] >= 0) {                /* columns of B' are the rows of B                 */
-            const size_t at = 3 * (size_t)p->kv[k];
-            clothi_add_record(st->V, at, b0, w);
-            clothi_add_record(st->V, at + 1, b1, w);
-            clothi_add_record(st->V, at + 2, b2, w);
-        }
-        trace += raw[0] + raw[4] + raw[8];
-        clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
-    }
-    y->trace += 2 * trace;
-}
-
-CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1, int z,
-                                               int v, clothi_tally *y) {
-    CLOTHI_BY_WIDTH(s->wide, clothi_setup_any, s, i, k0, k1, z, v, y);
-}
-
-/* Z and V of leaf d, or of S, to zero, then D into V. */
-CLOTHI_LANE void clothi_setup_own(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const size_t record = 4 * (w ? sizeof(double) : sizeof(float));
-    const int    begin = p->dom[d], end = p->dom[d + 1];
-    double       cut[9];
-    int          i, c;
-    memset((char *)st->Z + 3 * record * (size_t)p->zp[begin], 0,
-           3 * record * (size_t)(p->zp[end] - p->zp[begin]));
-    memset((char *)st->V + 3 * record * (size_t)p->vp[begin], 0,
-           3 * record * (size_t)(p->vp[end] - p->vp[begin]));
-    for (i = begin; i < end; i++) {
-        const int     m = clothi_mask(s, i);
-        const double *B = clothi_masked(s->A->diag + 9 * (size_t)i, m, m, cut);
-        for (c = 0; c < 3 && p->vown[i] >= 0; c++)
-            clothi_store4(st->V, 3 * (size_t)p->vown[i] + (size_t)c, clothi_cut4(B + 3 * c, w), w);
-    }
-}
-
-/* What of leaf d, or of S, is of its rows alone: G and P, and the diagonal's part of V. */
-CLOTHI_OUTLINE static void clothi_setup_rows(cloth_linear_solver *s, int d) {
-    clothi_factor_rows(s, s->p->dom[d], s->p->dom[d + 1], s->tally + d);
-    if (s->tally[d].bad >= 0) return;
-    CLOTHI_BY_WIDTH(s->wide, clothi_setup_own, s, d);
-}
-
-CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    const cloth_pattern *p = s->p;
-    const int            first = p->dom[p->nd];
-    int                  d, i;
-    (void)worker;
-    for (d = begin; d < end; d++) {
-        clothi_tally *y = s->tally + d;
-        clothi_setup_rows(s, d);
-        for (i = p->dom[d]; y->bad < 0 && i < p->dom[d + 1]; i++)
-            clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], 1, 1, y);
-        for (i = first; y->bad < 0 && i < p->n; i++) {
-            const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
-            clothi_setup_blocks(s, i, seg[0], seg[1], 0, 1, y);
-        }
-    }
-}
-
-/* Rows of S after the leaves: their Z, and the blocks within S. */
-static void clothi_setup_rest(cloth_linear_solver *s) {
-    const cloth_pattern *p = s->p;
-    int i, first = p->dom[p->nd];
-    for (i = first; i < p->n; i++) {
-        const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
-        clothi_setup_blocks(s, i, p->row[i], at, 1, 0, s->tally + p->nd);
-        clothi_setup_blocks(s, i, at, p->row[i + 1], 1, 1, s->tally + p->nd);
-    }
-}
-
-/* Row i: the upper part V' added to Z, Z into the rows of the coarse matrix. */
-CLOTHI_LANE void clothi_coarse_row(cloth_linear_solver *s, int i, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const size_t n3 = 3 * (size_t)p->nc;
-    int          m, a, c;
-    for (m = p->vp[i]; m < p->vp[i + 1]; m++)
-        for (a = 0; a < 3; a++)
-            for (c = 0; c < 3; c++) {
-                const size_t to = 12 * (size_t)p->vz[m] + (size_t)(4 * a + c);
-                clothi_put(st->Z, to, clothi_get(st->Z, to, w) +
-                           clothi_get(st->V, 12 * (size_t)m + (size_t)(4 * c + a), w), w);
-            }
-    for (m = p->zp[i]; m < p->zp[i + 1] && p->agg[i] >= 0; m++)
-        if (p->zj[m] >= p->agg[i])
-            for (a = 0; a < 3; a++)
-                for (c = 0; c < 3; c++)
-                    s->Ac[(size_t)(3 * p->agg[i] + a) * n3 + (size_t)(3 * p->zj[m] + c)] +=
-                        clothi_get(st->Z, 12 * (size_t)m + (size_t)(4 * a + c), w);
-}
-
-/* Z and V of row i scaled. */
-CLOTHI_LANE void clothi_scale_row(const cloth_linear_solver *s, int i, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    int m;
-    for (m = p->zp[i]; m < p->zp[i + 1]; m++) {
-        const size_t    z = 3 * (size_t)m;
-        const clothi_v4 z0 = clothi_load4(st->Z, z, w), z1 = clothi_load4(st->Z, z + 1, w);
-        clothi_scale_rows(st, i, z0, z1, clothi_load4(st->Z, z + 2, w), st->Z, (size_t)m, w);
-    }
-    for (m = 3 * p->vp[i]; m < 3 * p->vp[i + 1]; m++)
-        clothi_store4(st->V, (size_t)m,
-                      clothi_columns4(st->G, (size_t)i, st->V, (size_t)m, w), w);
-}
-
-/* Aggregates, and last the rows without one. */
-CLOTHI_OUTLINE static void clothi_coarse_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    const cloth_pattern *p = s->p;
-    const size_t         n3 = 3 * (size_t)p->nc;
-    int                  a, k;
-    (void)worker;
-    for (a = begin; a < end; a++) {
-        if (a < p->nc) memset(s->Ac + 3 * (size_t)a * n3, 0, 3 * n3 * sizeof(double));
-        for (k = p->member_start[a]; k < p->member_start[a + 1]; k++)
-            CLOTHI_BY_WIDTH(s->wide, clothi_coarse_row, s, p->member[k]);
-    }
-}
-
-/* Extras: scaled into E; P'CP into the coarse matrix. Then how far its rows reach: elimination
- * fills them up to where those above reach. */
-static void clothi_setup_extras(cloth_linear_solver *s) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[s->wide];
-    const size_t n3 = 3 * (size_t)p->nc;
-    int          e, a, c, u, v, *reach = s->reach;
-    memcpy(reach, p->reach, (size_t)p->nc * sizeof(int));
-    for (e = 0; e < s->A->ne; e++) {
-        const int i = s->A->pair[2 * e], j = s->A->pair[2 * e + 1];
-        double    cut[9];
-        const double *B = clothi_masked(s->A->extra + 9 * (size_t)e, clothi_mask(s, i),
-                                        clothi_mask(s, j), cut);
-        CLOTHI_BY_WIDTH(s->wide, clothi_scale_block, st, i, j, B, st->E, (size_t)e);
-        u = p->agg[i], v = p->agg[j];
-        if (u < 0 || v < 0) continue;
-        for (a = 0; a < 3; a++)
-            for (c = 0; c < 3; c++) {
-                if (u <= v) s->Ac[(size_t)(3 * u + a) * n3 + (size_t)(3 * v + c)] += B[3 * a + c];
-                if (v <= u) s->Ac[(size_t)(3 * v + c) * n3 + (size_t)(3 * u + a)] += B[3 * a + c];
-            }
-        if (u < v && reach[u] < 3 * v + 3) reach[u] = 3 * v + 3;
-        if (v < u && reach[v] < 3 * u + 3) reach[v] = 3 * u + 3;
-    }
-    for (a = 1; a < p->nc; a++)
-        if (reach[a] < reach[a - 1]) reach[a] = reach[a - 1];
-}
-
-/* Dense kernels of [7.4]. */
-static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
-                                 signed char *pivot, const double *limit);
-static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
-                                int row0, int cols, int k0, int k1, const double *sign, double *c,
-                                size_t ldc, double *pack, int par);
-
-/* Ac = U'U in place, upper by rows, which is U' lower by columns. A translation that nothing holds
- * (all its axes fixed, or a piece without mass) gives a zero pivot: it is left out, its row and
- * 1/pivot being zero. Returns the first pivot that is negative beyond rounding, or -1. */
-CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
-    const int     n = 3 * s->p->nc;
-    clothi_store *st = &s->store[s->wide];
-    double       *A = s->Ac, *sign = s->cd + n;
-    signed char   pivot[3 * CLOTHI_AGG_MAX];
-    size_t        i, j, ld = (size_t)n;
-    int           k, k1, m;
-    for (k = 0; k < n; k++)
-        s->cd[k] = (s->wide ? 1e-12 : 1e-6) * fabs(A[(size_t)k * (ld + 1)]);
-    for (k = 0; k < n; k = k1) {
-        k1 = k + CLOTHI_COARSE_BLOCK < n ? k + CLOTHI_COARSE_BLOCK : n;
-        m = s->reach[(k1 - 1) / 3];
-        clothi_front_columns(A, ld, m, k, k1, sign, pivot, s->cd);
-        if (k1 < m)
-            clothi_front_update(&s->hooks, A, ld, m, k1, m - k1, k, k1, sign,
-                                A + (size_t)k1 * (ld + 1), ld, A + ld * ld, 0);
-    }
-    for (k = 0; k < n; k++) {
-        s->bad_value = pivot[k] * A[(size_t)k * (ld + 1)] * A[(size_t)k * (ld + 1)];
-        if (pivot[k] < 0 || !clothi_finite(s->bad_value)) return k;
-    }
-    for (i = 0; i < ld; i++)
-        for (j = i; j < (size_t)s->reach[i / 3]; j++) {
-            const double u = i < j ? A[i * ld + j] : pivot[i] / A[i * ld + i];
-            clothi_put(st->U, i * ld + j, u, s->wide);
-            clothi_put(st->Ut, j * ld + i, u, s->wide);
-        }
-    return -1;
-}
-
-/* c <- (U'U)^-1 c, both substitutions as sums of rows, those of one aggregate together; the
- * diagonals hold reciprocals. Rows of U end at reach; those of U' begin at the first that reaches
- * them. One text for floats and doubles. */
-#define CLOTHI_COARSE_SOLVE(name, real)                                                           \
-    CLOTHI_OUTLINE static void name(const real *CLOTHI_RESTRICT U, const real *CLOTHI_RESTRICT Ut, \
-                                    real *CLOTHI_RESTRICT c, int n, const int *reach) {           \
-        int j, k, first = n / 3 - 1;                                                              \
-        for (k = 0; k < n; k += 3) {                                                              \
-            const real *R = U + (size_t)k * (size_t)n, *S = R + n, *T = S + n;                    \
-            const real  f = c[k] *= R[k], g = c[k + 1] = (c[k + 1] - f * R[k + 1]) * S[k + 1];    \
-            const real  h = c[k + 2] = (c[k + 2] - f * R[k + 2] - g * S[k + 2]) * T[k + 2];       \
-            for (j = k + 3; j < reach[k / 3]; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];        \
-        }                                                                                         \
-        for (k = n - 3; k >= 0; k -= 3) {                                                         \
-            const real *R = Ut + (size_t)k * (size_t)n, *S = R + n, *T = S + n;                   \
-            const real  h = c[k + 2] *= T[k + 2];                                                 \
-            const real  g = c[k + 1] = (c[k + 1] - h * T[k + 1]) * S[k + 1];                      \
-            const real  f = c[k] = (c[k] - h * T[k] - g * S[k]) * R[k];                           \
-            while (first > 0 && reach[first - 1] > k) first--;                                    \
-            for (j = 3 * first; j < k; j++) c[j] -= f * R[j] + g * S[j] + h * T[j];               \
-        }                                                                                         \
-    }
-CLOTHI_COARSE_SOLVE(clothi_coarse_solve_f, float)
-CLOTHI_COARSE_SOLVE(clothi_coarse_solve_d, double)
-
-/* cd [3nc] -> records m = Ac^-1 cd. */
-static void clothi_coarse_apply(cloth_linear_solver *s) {
-    const clothi_store *st = &s->store[s->wide];
-    int a, k, n = 3 * s->p->nc;
-    for (a = 0; a < n; a++) clothi_put(st->c, (size_t)a, s->cd[a], s->wide);
-    if (s->wide)
-        clothi_coarse_solve_d((const double *)st->U, (const double *)st->Ut, (double *)st->c, n,
-                              s->reach);
-    else
-        clothi_coarse_solve_f((const float *)st->U, (const float *)st->Ut, (float *)st->c, n,
-                              s->reach);
-    for (a = 0; a < s->p->nc; a++)
-        for (k = 0; k < 3; k++)
-            clothi_put(st->m, (size_t)(4 * a + k),
-                       clothi_get(st->c, (size_t)(3 * a + k), s->wide), s->wide);
-}
-
-typedef enum clothi_run {                   /* how a run in one precision ended                */
-    CLOTHI_RUN_DONE, CLOTHI_RUN_WIDE, CLOTHI_RUN_INDEFINITE, CLOTHI_RUN_NONFINITE
-} clothi_run;
-
-/* --- sweeps --- */
-
-/* The first block of row i within its leaf, or within S. */
-CLOTHI_LANE int clothi_within(const cloth_pattern *p, int d, int i) {
-    return d < p->nd ? p->row[i] : p->seg[(i - p->dom[p->nd]) * (p->nd + 1) + p->nd];
-}
-
-/* What leaf d gives the rows of S in a forward sweep of z. */
-CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const int first = p->dom[p->nd], ns = p->n - first;
-    int       i;
-    for (i = 0; i < ns; i++) {
-        const int *seg = p->seg + i * (p->nd + 1) + d;
-        clothi_store4(st->sep, (size_t)d * (size_t)ns + (size_t)i,
-                      clothi_gather4(st->L, p->col, seg[0], seg[1], z, w), w);
-    }
-}
-
-/* zi minus what K of row i takes of z: its blocks; of S (d == nd), what the leaves gave and the
- * blocks within S. */
-CLOTHI_LANE clothi_v4 clothi_forward_row(const cloth_linear_solver *s, int d, int i, clothi_v4 zi,
-                                         const void *z, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const size_t first = (size_t)p->dom[p->nd], ns = (size_t)p->n - first;
-    size_t       k;
-    for (k = 0; d == p->nd && k < (size_t)d; k++)
-        zi = clothi_sub4(zi, clothi_load4(st->sep, k * ns + (size_t)i - first, w), w);
-    return clothi_sub4(zi, clothi_gather4(st->L, p->col, clothi_within(p, d, i), p->row[i + 1], z,
-                                          w), w);
-}
-
-/* z <- K^-1 z of leaf d, with |z|^2 in tally.rr; of S after the leaves. */
-CLOTHI_LANE void clothi_forward_any(cloth_linear_solver *s, int d, void *z, const int w) {
-    const cloth_pattern *p = s->p;
-    clothi_v4 sum = clothi_zero4();
-    int       i;
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const clothi_v4 v = clothi_forward_row(s, d, i, clothi_load4(z, (size_t)i, w), z, w);
-        clothi_store4(z, (size_t)i, v, w);
-        sum = clothi_dot4(sum, v, v, w);
-    }
-    s->tally[d].rr = clothi_sum4(sum);
-    if (d < p->nd) clothi_give_rest(s, d, z, w);
-}
-
-CLOTHI_OUTLINE static void clothi_forward(cloth_linear_solver *s, int d, void *z) {
-    CLOTHI_BY_WIDTH(s->wide, clothi_forward_any, s, d, z);
-}
-
-/* S, after the leaves; returns |z|^2 of all rows. */
-static double clothi_forward_last(cloth_linear_solver *s, void *z) {
-    double total = 0;
-    int    d;
-    clothi_forward(s, s->p->nd, z);
-    for (d = 0; d <= s->p->nd; d++) total += s->tally[d].rr;
-    return total;
-}
-
-/* G^-T of record i of z, metres again: q [4]. */
-CLOTHI_LANE void clothi_metres_any(const clothi_store *st, const void *z, int i, double *q,
-                                   const int w) {
-    const clothi_v4 v = clothi_turned4(st->G, (size_t)i, clothi_load4(z, (size_t)i, w), w);
-    clothi_spill4(clothi_dot4(clothi_zero4(), v, clothi_all4(1, w), w), q);
-}
-
-CLOTHI_OUTLINE static void clothi_metres(const clothi_store *st, const void *z, int i, double *q,
-                                         int w) {
-    CLOTHI_BY_WIDTH(w, clothi_metres_any, st, z, i, q);
-}
-
-/* max |G^-T x| of leaf d, or of S */
-static double clothi_biggest(const cloth_linear_solver *s, int d) {
-    const clothi_store *st = &s->store[s->wide];
-    double big = 0, q[4];
-    int    i, k;
-    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
-        clothi_metres(st, st->x, i, q, s->wide);
-        for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
-    }
-    return big;
-}
-
-/* Leaf d, or S: x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a radius is
- * set. */
-CLOTHI_LANE void clothi_advance_leaf(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const clothi_v4      alpha = clothi_all4(s->alpha, w);
-    clothi_v4            sum = clothi_zero4();
-    int                  i;
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const size_t at = (size_t)i;
-        clothi_v4    r = clothi_load4(st->r, at, w);
-        if (s->step) {
-            const clothi_v4 t = clothi_load4(st->t, at, w);
-            clothi_store4(st->x, at, clothi_madd4(clothi_load4(st->x, at, w), alpha, t, w), w);
-            r = clothi_nmadd4(r, alpha, clothi_add4(t, clothi_load4(st->w, at, w), w), w);
-            clothi_store4(st->r, at, r, w);
-        }
-        clothi_store4(st->s, at, r, w);
-        sum = clothi_dot4(sum, r, r, w);
-    }
-    s->tally[d].rr = clothi_sum4(sum);
-    s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
-}
-
-/* Z's of leaf d, or of S, into its sums. */
-CLOTHI_LANE void clothi_project_leaf(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const size_t first = (size_t)d * CLOTHI_COPIES * (size_t)p->nc;
-    size_t       c;
-    int          i, k;
-    for (c = 0; c < CLOTHI_COPIES * (size_t)p->nc; c++)
-        clothi_store4(st->zpart, first + c, clothi_zero4(), w);
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++)
-        for (k = p->zp[i]; k < p->zp[i + 1]; k++) {
-            const size_t at = first + (size_t)(i % CLOTHI_COPIES) * (size_t)p->nc;
-            clothi_add_record(st->zpart, at + (size_t)p->zj[k],
-                              clothi_columns4(st->Z, (size_t)k, st->s, (size_t)i, w), w);
-        }
-    for (k = 0; k < p->nc; k++) {           /* the copies into the first                       */
-        const size_t at = first + (size_t)k, nc = (size_t)p->nc;
-        clothi_v4    sum = clothi_load4(st->zpart, at, w);
-        for (c = 1; c < CLOTHI_COPIES; c++)
-            sum = clothi_add4(sum, clothi_load4(st->zpart, at + c * nc, w), w);
-        clothi_store4(st->zpart, at, sum, w);
-    }
-}
-
-/* First half of an iteration in leaf d: advance, s = K^-T r, Z's; in S before the leaves. */
-CLOTHI_LANE void clothi_back_leaf(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const int first = p->dom[p->nd];
-    int       i;
-    clothi_advance_leaf(s, d, w);
-    for (i = p->n - 1; d < p->nd && i >= first; i--) {
-        const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
-        clothi_scatter4(st->L, p->col, seg[0], seg[1], st->s, (size_t)i, w);
-    }
-    for (i = p->dom[d + 1] - 1; i >= p->dom[d]; i--)
-        clothi_scatter4(st->L, p->col, clothi_within(p, d, i), p->row[i + 1], st->s, (size_t)i, w);
-    clothi_project_leaf(s, d, w);
-}
-
-CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_back_leaf, s, d);
-}
-
-static void clothi_back(cloth_linear_solver *s) {
-    clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
-    clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
-}
-
-/* P^' u for a record u of row i, into the sums of S. */
-CLOTHI_LANE void clothi_extra_coarse(cloth_linear_solver *s, size_t i, clothi_v4 u, const int w) {
-    const clothi_store *st = &s->store[w];
-    clothi_add_record(st->zpart, (size_t)(s->p->nd * CLOTHI_COPIES * s->p->nc + s->p->agg[i]),
-                      clothi_turned4(st->P, i, u, w), w);
-}
-
-/* y += f C v, or with y NULL P^' C v: a block acts on its row and, turned, on its column. */
-CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, double f, const void *v, void *y,
-                                   const int w) {
-    const void     *E = s->store[w].E;
-    const int      *pair = s->A->pair, *agg = s->p->agg;
-    const clothi_v4 by = clothi_all4(f, w);
-    int             e;
-    for (e = 0; e < s->A->ne; e++) {
-        const size_t    i = (size_t)pair[2 * e], j = (size_t)pair[2 * e + 1];
-        const clothi_v4 a = clothi_gather4(E, pair + 1 + e, e, e + 1, v, w);
-        const clothi_v4 b = clothi_columns4(E, (size_t)e, v, i, w);
-        if (y) {
-            clothi_store4(y, i, clothi_madd4(clothi_load4(y, i, w), by, a, w), w);
-            clothi_store4(y, j, clothi_madd4(clothi_load4(y, j, w), by, b, w), w);
-            continue;
-        }
-        if (agg[i] >= 0) clothi_extra_coarse(s, i, a, w);
-        if (agg[j] >= 0) clothi_extra_coarse(s, j, b, w);
-    }
-}
-
-CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, double f, const void *v,
-                                               void *y) {
-    CLOTHI_BY_WIDTH(s->wide, clothi_extras_any, s, f, v, y);
-}
-
-/* m = Ac^-1 (Z's + P^' C s) */
-static void clothi_project(cloth_linear_solver *s) {
-    const cloth_pattern *p = s->p;
-    const void *part = s->store[s->wide].zpart;
-    size_t      a, k, d, nc = (size_t)p->nc;
-    if (s->A->ne) clothi_extras_apply(s, 1, s->store[s->wide].s, NULL);
-    for (a = 0; a < nc; a++)
-        for (k = 0; k < 3; k++) {
-            double sum = 0;
-            for (d = 0; d <= (size_t)p->nd; d++)
-                sum += clothi_get(part, 4 * (d * CLOTHI_COPIES * nc + a) + k, s->wide);
-            s->cd[3 * a + k] = sum;
-        }
-    clothi_coarse_apply(s);
-}
-
-/* Row i: p = r + beta p - V m, t = s + beta t - P^ m; returns p - t. */
-CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, clothi_v4 beta,
-                                      const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const size_t at = (size_t)i;
-    clothi_v4    u = clothi_madd4(clothi_load4(st->r, at, w), beta, clothi_load4(st->p, at, w), w);
-    clothi_v4    v = clothi_madd4(clothi_load4(st->s, at, w), beta, clothi_load4(st->t, at, w), w);
-    int          k;
-    for (k = p->vp[i]; k < p->vp[i + 1]; k++)
-        u = clothi_sub4(u, clothi_columns4(st->V, (size_t)k, st->m, (size_t)p->vj[k], w), w);
-    if (p->agg[i] >= 0)
-        v = clothi_sub4(v, clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w), w);
-    clothi_store4(st->p, at, u, w);
-    clothi_store4(st->t, at, v, w);
-    return clothi_sub4(u, v, w);
-}
-
-/* Second half of an iteration in leaf d: p, t, w = K^-1 (p - t), p.(t + w); in S after the leaves.
- * With extras, w = p - t + C t is there already: C t needs all of t. */
-CLOTHI_LANE void clothi_turn_leaf(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    const clothi_v4      beta = clothi_all4(s->beta, w);
-    clothi_v4            sum = clothi_zero4();
-    const int            turn = s->A->ne == 0;
-    int                  i;
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const size_t at = (size_t)i;
-        clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
-        v = clothi_forward_row(s, d, i, v, st->w, w);
-        clothi_store4(st->w, at, v, w);
-        sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
-                          clothi_add4(v, clothi_load4(st->t, at, w), w), w);
-    }
-    s->tally[d].pq = clothi_sum4(sum);
-    if (d < p->nd) clothi_give_rest(s, d, st->w, w);
-}
-
-CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_turn_leaf, s, d);
-}
-
-/* With extras, what comes before them. */
-CLOTHI_OUTLINE static void clothi_turn_rows(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    const clothi_store  *st = &s->store[s->wide];
-    const clothi_v4      beta0 = clothi_all4(s->beta, 0), beta1 = clothi_all4(s->beta, 1);
-    int                  i;
-    (void)worker;
-    for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
-        if (s->wide) clothi_store4(st->w, (size_t)i, clothi_turn_row(s, i, beta1, 1), 1);
-        else clothi_store4(st->w, (size_t)i, clothi_turn_row(s, i, beta0, 0), 0);
-    }
-}
-
-/* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
-static double clothi_turn(cloth_linear_solver *s) {
-    const int nd = s->p->nd;
-    double    pq = 0;
-    int       d;
-    if (s->A->ne) {
-        clothi_for(&s->hooks, nd + 1, nd > 1 ? 1 : 2, clothi_turn_rows, s);
-        clothi_extras_apply(s, 1, s->store[s->wide].t, s->store[s->wide].w);
-    }
-    clothi_for(&s->hooks, nd, 1, clothi_turn_range, s);
-    clothi_turn_range(nd, nd + 1, 0, s);
-    for (d = 0; d <= nd; d++) pq += s->tally[d].pq;
-    return pq;
-}
-
-/* --- one solve --- */
-
-/* z += f y */
-static void clothi_axpy(cloth_linear_solver *s, void *z, double f, const void *y) {
-    size_t k, n = 4 * (size_t)s->p->n;
-    for (k = 0; k < n; k++)
-        clothi_put(z, k, clothi_get(z, k, s->wide) + f * clothi_get(y, k, s->wide), s->wide);
-}
-
-/* The least tau >= 0 at which |x + tau d| reaches the radius (largest component); `tau` before:
- * of other numbers, -1: there were none. */
-static double clothi_reach(double tau, const double *x, const double *d, size_t n, double radius) {
-    size_t i;
-    for (i = 0; i < n; i++)
-        if (fabs(d[i]) > 0) {
-            const double u = (radius - (d[i] > 0 ? x[i] : -x[i])) / fabs(d[i]);
-            if (tau < 0 || u < tau) tau = u > 0 ? u : 0;
-        }
-    return tau;
-}
-
-/* The same along t from x, in metres. */
-static double clothi_to_radius(const cloth_linear_solver *s, double radius) {
-    const clothi_store *st = &s->store[s->wide];
-    double tau = -1, x[4], t[4];
-    int    i;
-    for (i = 0; i < s->p->n; i++) {
-        clothi_metres(st, st->x, i, x, s->wide);
-        clothi_metres(st, st->t, i, t, s->wide);
-        tau = clothi_reach(tau, x, t, 3, radius);
-    }
-    return clothi_max(tau, 0);
-}
-
-CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
-    const cloth_linear_solver *s = (const cloth_linear_solver *)ctx;
-    double q[4];
-    int    i;
-    (void)worker;
-    for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
-        clothi_metres(&s->store[s->wide], s->given, i, q, s->wide);
-        memcpy(s->to + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
-    }
-}
-
-/* Vector z in metres and in the order of the vertices. */
-static void clothi_give(cloth_linear_solver *s, const void *z, double *x) {
-    s->given = z;
-    s->to = x;
-    clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, s);
-}
-
-/* Rows of leaf d (nd: of S): Z and V scaled, r = w = G^-1 b, p = t = 0, their share of P'b. */
-CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    double   *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
-    clothi_v4 o = clothi_zero4();
-    int       i, k;
-    memset(cd, 0, 3 * (size_t)p->nc * sizeof(double));
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const double *b = s->b + 3 * (size_t)p->vertex_of[i];
-        const int     m = clothi_mask(s, i);
-        const size_t  at = (size_t)i;
-        double        u[3];
-        clothi_scale_row(s, i, w);
-        for (k = 0; k < 3; k++) {
-            u[k] = m >> k & 1 ? 0 : b[k];
-            if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
-            clothi_put(st->w, 4 * at + (size_t)k, u[k], w);
-        }
-        clothi_put(st->w, 4 * at + 3, 0, w);
-        clothi_store4(st->w, at, clothi_columns4(st->G, at, st->w, at, w), w);
-        clothi_store4(st->r, at, clothi_load4(st->w, at, w), w);
-        clothi_store4(st->p, at, o, w);
-        clothi_store4(st->t, at, o, w);
-    }
-}
-
-/* The coarse factor, which takes longest, beside the rest: 0, 1 + d. */
-CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) {
-        if (d == 0) s->bad_pivot = clothi_coarse_factor(s);
-        else CLOTHI_BY_WIDTH(s->wide, clothi_enter_rows, s, d - 1);
-        if (d > 0 && d <= s->p->nd) clothi_forward(s, d - 1, s->store[s->wide].w);
-    }
-}
-
-/* All of the set-up, and what needs no more of a solve. Three parallel regions. */
-static clothi_run clothi_setup(cloth_linear_solver *s) {
-    const cloth_pattern *p = s->p;
-    double    trace = 0, top = 0;
-    int       d;
-    s->bad_row = s->bad_pivot = -1;
-    memset(s->tally, 0, sizeof s->tally);
-    for (d = 0; d <= p->nd; d++) s->tally[d].bad = -1;
-    clothi_setup_rows(s, p->nd);
-    clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
-    for (d = 0; d <= p->nd; d++) {
-        if (s->tally[d].bad >= 0 && s->bad_row < 0) s->bad_row = s->tally[d].bad;
-        trace += s->tally[d].trace;
-        if (s->tally[d].top > top) top = s->tally[d].top;
-    }
-    if (s->bad_row >= 0) return CLOTHI_RUN_INDEFINITE;
-    clothi_setup_rest(s);
-    trace += s->tally[p->nd].trace;
-    for (d = 0; d < s->A->ne; d++)
-        trace += 2 * (s->A->extra[9 * (size_t)d] + s->A->extra[9 * (size_t)d + 4] +
-                      s->A->extra[9 * (size_t)d + 8]);
-    /* stiffness against inertia per vertex: beyond this, floats lose the mass */
-    if (!s->wide && !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)) return CLOTHI_RUN_WIDE;
-    clothi_for(&s->hooks, p->nc + 1, p->nd > 1 ? p->nc / 8 + 1 : p->nc + 1, clothi_coarse_range,
-               s);
-    clothi_setup_extras(s);
-    clothi_for(&s->hooks, p->nd + 2, p->nd > 1 ? 1 : 3, clothi_enter_range, s);
-    return s->bad_pivot >= 0 ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_DONE;
-}
-
-/* Rows of leaf d (nd: of S), of the coarse solution y: x = P^ y, r = b' - A' x, not yet swept. */
-CLOTHI_LANE void clothi_start_rows(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->store[w];
-    int i;
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const size_t    at = (size_t)i;
-        const clothi_v4 y = clothi_gather4(st->Z, p->zj, p->zp[i], p->zp[i + 1], st->m, w);
-        clothi_v4       x = clothi_zero4();
-        if (p->agg[i] >= 0) x = clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w);
-        clothi_store4(st->x, at, x, w);
-        clothi_store4(st->r, at, clothi_sub4(clothi_load4(st->r, at, w), y, w), w);
-    }
-    s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
-}
-
-/* part 1 or 2 of it alone with extras: they change r before it is swept. S is swept last. */
-CLOTHI_OUTLINE static void clothi_start_leaves(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) {
-        if (s->part != 2) CLOTHI_BY_WIDTH(s->wide, clothi_start_rows, s, d);
-        if (s->part != 1 && d < s->p->nd) clothi_forward(s, d, s->store[s->wide].r);
-    }
-}
-
-CLOTHI_RARE_BEGIN
-
-typedef struct clothi_cg {
-    int    factorizations;                  /* a run's numbers                                 */
-    double tolerance, radius;
-    double c0, rr, pq, Q;
-    int    it, most, patient;               /* patient: no second run to turn to               */
-    int    negative, hit;
-    double best;                            /* smallest rr, and since when                     */
-    int    best_at;
-} clothi_cg;
-
-/* Goes along t to the radius and ends there. */
-static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
-    const double tau = clothi_to_radius(s, g->radius);
-    clothi_axpy(s, s->store[s->wide].x, tau, s->store[s->wide].t);
-    g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
-    g->hit = 1;
-    g->it++;
-}
-
-/* From the coarse solution: x, r, c0. Returns 1 when the coarse solution leaves the radius: it is
- * then shortened to it. */
-CLOTHI_OUTLINE static int clothi_start(cloth_linear_solver *s, clothi_cg *g) {
-    const cloth_pattern *p = s->p;
-    clothi_store *st = &s->store[s->wide];
-    const int     n3 = 3 * p->nc;
-    double        cs = 0, big = 0;
-    int           i, d;
-    memset(s->cd, 0, (size_t)n3 * sizeof(double));
-    for (d = 0; d <= p->nd; d++)
-        for (i = 0; i < n3; i++) s->cd[i] += s->cd[(d + 2) * n3 + i];
-    memcpy(s->cd + n3, s->cd, (size_t)n3 * sizeof(double));
-    clothi_coarse_apply(s);
-    for (i = 0; i < n3; i++) cs += s->cd[n3 + i] * clothi_get(st->c, (size_t)i, s->wide);
-    g->c0 = clothi_forward_last(s, st->w) + cs;
-    g->Q = 0.5 * cs;
-    for (s->part = s->A->ne ? 1 : 0;; s->part = 2) {
-        clothi_start_leaves(p->nd, p->nd + 1, 0, s);
-        clothi_for(&s->hooks, p->nd, 1, clothi_start_leaves, s);
-        if (s->part != 1) break;
-        clothi_extras_apply(s, -1, st->x, st->r);
-    }
-    for (d = 0; d <= p->nd; d++) big = clothi_max(s->tally[d].big, big);
-    if (s->radius_on && big > g->radius) {
-        const double f = g->radius / big;
-        clothi_axpy(s, st->x, f - 1, st->x);
-        g->Q = f * cs - 0.5 * f * f * cs, g->hit = 1, g->rr = g->c0;
-        return 1;
-    }
-    g->rr = clothi_forward_last(s, st->r);
-    return 0;
-}
-
-/* After a step: 1 when the run is over. */
-static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, clothi_run *run) {
-    double rr = 0, big = 0;
-    int    d;
-    for (d = 0; d <= s->p->nd; d++) {
-        rr += s->tally[d].rr;
-        if (s->tally[d].big > big) big = s->tally[d].big;
-    }
-    if (s->step && s->radius_on && !(big <= g->radius)) {
-        clothi_axpy(s, s->store[s->wide].x, -s->alpha, s->store[s->wide].t);
-        clothi_boundary(s, g);
-        return 1;
-    }
-    if (s->step) {
-        g->Q += 0.5 * s->alpha * g->rr;
-        s->beta = rr / g->rr;
-        g->it++;
-    } else s->beta = 0;
-    g->rr = rr;
-    if (!clothi_finite(rr)) {
-        *run = s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
-        return 1;
-    }
-    if (!(rr > g->tolerance * g->tolerance * g->c0) || g->it >= g->most) return 1;
-    if (!s->step || rr < 0.5 * g->best) {
-        g->best = rr;
-        g->best_at = g->it;
-    } else if (!s->wide && g->it - g->best_at > CLOTHI_STAGNATION) {
-        if (!g->patient) *run = CLOTHI_RUN_WIDE;
-        return 1;
-    }
-    return 0;
-}
-
-/* Deflated Eisenstat CG in one precision, to the end of the banner's pseudo-code. */
-static clothi_run clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
-    clothi_run run = clothi_setup(s);
-    if (run != CLOTHI_RUN_DONE) return run;
-    s->step = 0;
-    if (clothi_start(s, g)) return CLOTHI_RUN_DONE;
-    if (!clothi_finite(g->c0)) return s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
-    for (;;) {
-        clothi_back(s);
-        if (clothi_judge(s, g, &run)) return run;
-        clothi_project(s);
-        g->pq = clothi_turn(s);
-        if (!(g->pq > 0)) break;
-        s->alpha = g->rr / g->pq;
-        s->step = 1;
-    }
-    if (!clothi_finite(g->pq)) return s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
-    g->negative = 1;
-    if (s->radius_on) clothi_boundary(s, g);
-    else if (g->it == 0 && !(g->Q > 0))     /* nothing yet: the preconditioned gradient        */
-        clothi_axpy(s, s->store[s->wide].x, 1, s->store[s->wide].t);
-    return CLOTHI_RUN_DONE;
-}
-
-/* Where the set-up met a pivot <= 0, d = (-D11^-1 d1, 1) has that pivot as its curvature: of a
- * diagonal block, or of the coarse matrix. d into x [3n]; returns its curvature. */
-static double clothi_pivot_direction(cloth_linear_solver *s, double *x) {
-    const cloth_pattern *p = s->p;
-    const size_t n3 = 3 * (size_t)p->nc;
-    int i, k, l, row = s->bad_row;
-    memset(x, 0, 3 * (size_t)p->n * sizeof(double));
-    if (row >= 0) {
-        double *out = x + 3 * (size_t)p->vertex_of[row], d[9], u;
-        (void)clothi_diagonal(s, row, d);
-        out[0] = out[1] = out[2] = 0;
-        if (!(d[0] > 0)) out[0] = 1;
-        else if (!(d[4] - d[3] * d[3] / d[0] > 1e-13 * d[4])) {
-            out[0] = -d[3] / d[0];
-            out[1] = 1;
-        } else {
-            u = d[0] * d[4] - d[3] * d[3];
-            out[0] = -(d[4] * d[6] - d[3] * d[7]) / u;
-            out[1] = -(d[0] * d[7] - d[3] * d[6]) / u;
-            out[2] = 1;
-        }
-        for (k = 0, u = 0; k < 3; k++)
-            for (l = 0; l < 3; l++) u += out[k] * d[3 * k + l] * out[l];
-        return u;
-    }
-    memset(s->cd, 0, n3 * sizeof(double));
-    s->cd[s->bad_pivot] = 1;
-    for (k = s->bad_pivot - 1; k >= 0; k--) {
-        const double *U = s->Ac + (size_t)k * n3;
-        for (l = k + 1; l <= s->bad_pivot; l++) s->cd[k] -= U[l] * s->cd[l];
-        s->cd[k] = U[k] > 0 ? s->cd[k] / U[k] : 0;
-    }
-    for (i = 0; i < p->n; i++)
-        for (k = 0; k < 3; k++)
-            if (p->agg[i] >= 0 && !(clothi_mask(s, i) >> k & 1))
-                x[3 * (size_t)p->vertex_of[i] + (size_t)k] = s->cd[3 * p->agg[i] + k];
-    return s->bad_value;
-}
-
-/* Both precisions in turn. */
-static cloth_status clothi_sgs_solve(cloth_linear_solver *s, const cloth_linear_options *o,
-                                     double *x, clothi_cg *g) {
-    cloth_status status;
-    clothi_run   run = CLOTHI_RUN_WIDE;
-    const clothi_cg clean = *g;
-    s->wide = o->precision == CLOTH_PRECISION_DOUBLE ||
-              (o->precision == CLOTH_PRECISION_AUTO && o->tolerance < CLOTHI_FLOAT_TOLERANCE);
-    for (;;) {
-        status = clothi_store_make(s, s->wide);
-        if (status) return status;
-        *g = clean;
-        g->patient = o->precision == CLOTH_PRECISION_FLOAT;
-        run = clothi_run_cg(s, g);
-        if (s->wide || run == CLOTHI_RUN_DONE) break;
-        s->wide = 1;                        /* too stiff, stuck, or a pivot lost in rounding   */
-    }
-    if (run == CLOTHI_RUN_NONFINITE ||
-        (run == CLOTHI_RUN_INDEFINITE &&
-         (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0 ||
-          clothi_find_nonfinite(s->A->extra, 9 * (size_t)s->A->ne) >= 0)))
-        return CLOTH_ERR_NONFINITE;
-    if (run == CLOTHI_RUN_INDEFINITE) {     /* the caller's matrix is not worth a search       */
-        g->negative = 1;
-        g->rr = g->c0 = 1;
-    } else clothi_give(s, s->store[s->wide].x, x);
-    return CLOTH_OK;
-}
-
-/* --- block Jacobi: the textbook, in doubles, to read and to compare with --- */
-
-/* z = D^-1 r by blocks, fixed axes 0; 1 when a block is not positive. */
-static int clothi_jacobi_apply(cloth_linear_solver *s, const double *r, double *z) {
-    int i, k, m;
-    if (s->use_factor) return cloth_factor_solve(s->factor, r, z) != CLOTH_OK;
-    for (i = 0; i < s->p->n; i++) {
-        const int     v = s->p->vertex_of[i];
-        const double *q = r + 3 * (size_t)v;
-        double        d[9], c[3], det, *out = z + 3 * (size_t)v;
-        m = clothi_diagonal(s, i, d);
-        clothi_cross3(d + 3, d + 6, c);
-        det = clothi_dot3(d, c);
-        if (!(d[0] > 0) || !(d[0] * d[4] - d[1] * d[3] > 0) || !(det > 0)) {
-            s->bad_row = i;
-            if (!s->radius_on) return 1;
-            for (k = 0; k < 3; k++) {       /* at least as large as the block, and definite    */
-                const double sum = fabs(d[3 * k]) + fabs(d[3 * k + 1]) + fabs(d[3 * k + 2]);
-                out[k] = m >> k & 1 ? 0 : q[k] / (sum > 0 ? sum : 1);
-            }
-            continue;
-        }
-        for (k = 0; k < 3; k++) {           /* D^-1 q by Cramer's rule                         */
-            double e[9];
-            memcpy(e, d, sizeof e);
-            e[k] = q[0];
-            e[3 + k] = q[1];
-            e[6 + k] = q[2];
-            clothi_cross3(e + 3, e + 6, c);
-            out[k] = m >> k & 1 ? 0 : clothi_dot3(e, c) / det;
-        }
-    }
-    return 0;
-}
-
-static cloth_status clothi_jacobi_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
-    const size_t n = 3 * (size_t)s->p->n;
-    double      *r, *z, *d, *q, big;
-    size_t       i;
-    s->wide = 1;
-    s->bad_row = s->bad_pivot = -1;
-    if (clothi_jacobi_make(s)) return CLOTH_ERR_MEMORY;
-    r = s->jacobi, z = r + n, d = z + n, q = d + n;
-    for (i = 0; i < n; i++) r[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : s->b[i];
-    if (clothi_jacobi_apply(s, r, z)) {
-        if (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0)
-            return CLOTH_ERR_NONFINITE;
-        g->negative = 1;
-        g->rr = g->c0 = 1;
-        return CLOTH_OK;
-    }
-    memcpy(d, z, n * sizeof(double));
-    g->rr = g->c0 = clothi_dot(r, z, n);
-    if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
-    while (g->rr > g->tolerance * g->tolerance * g->c0 && g->it < g->most) {
-        double alpha, tau, rr;
-        cloth_matrix_mul(s->A, s->fixed, d, q);
-        g->pq = clothi_dot(d, q, n);
-        if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
-        g->negative = !(g->pq > 0);
-        alpha = g->negative ? 0 : g->rr / g->pq;
-        for (i = 0, big = 0; i < n; i++)
-            if (fabs(x[i] + alpha * d[i]) > big) big = fabs(x[i] + alpha * d[i]);
-        if (g->radius > 0 && (g->negative || !(big <= g->radius))) {
-            tau = clothi_max(clothi_reach(-1, x, d, n, g->radius), 0);
-            for (i = 0; i < n; i++) x[i] += tau * d[i];
-            g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
-            g->hit = 1;
-            g->it++;
-            break;
-        }
-        if (g->negative) {
-            if (g->it == 0) memcpy(x, d, n * sizeof(double));
-            break;
-        }
-        for (i = 0; i < n; i++) {
-            x[i] += alpha * d[i];
-            r[i] -= alpha * q[i];
-        }
-        clothi_jacobi_apply(s, r, z);
-        rr = clothi_dot(r, z, n);
-        for (i = 0; i < n; i++) d[i] = z[i] + rr / g->rr * d[i];
-        g->Q += 0.5 * alpha * g->rr;
-        g->rr = rr;
-        g->it++;
-    }
-    return clothi_finite(g->rr) ? CLOTH_OK : CLOTH_ERR_NONFINITE;
-}
-
-CLOTHI_RARE_END
-
-/* ===== [7.4] SPARSE CHOLESKY =================================================================
- *
- *        +-----+--+-----+            The dissection goes on, down to parts of about 24 vertices.
- *        |  0  |S2|  1  |            A part is eliminated after its children; its front holds its
- *        +-----+--+-----+            own unknowns and the boundary, those later ones they touch:
- *        |      S6      |
- *        +-----+--+-----+               front of a part     own  | L11      |     L11 = chol
- *        |  3  |S5|  4  |                               boundary | L21    U |     U -= L21 L21'
- *        +-----+--+-----+
- *                                    U, the update matrix, is added into the parent's front
- *      elimination 0 1 S2 3 4 S5 S6  ("extend-add"): the multifrontal method [DR83] [D06].
- *
- *   A = L S L',  S = diag(+-1). No pivoting: the sign of each pivot is kept, and by Sylvester's
- *   law the negative ones count the negative eigenvalues of A. A pivot below 1e-14 of its diagonal
- *   entry counts as zero and its unknown as fixed. For the first bad pivot k, d = L'^-1 e_k has
- *   d'Ad = s_k: a direction of negative curvature, which statics walks down.
- *
- *   cost      a sheet of n vertices: O(n^1.5) flops, O(n log n) numbers. Nearly all flops are the
- *             rank-k updates, done on packed tiles of 2 registers by 4 columns (AVX-512, AVX, SSE2
- *             or plain C, one text). Subtrees run side by side, then the top of the tree with its
- *             updates split by rows; no sum depends on the number of workers.
- *   extras    blocks outside the pattern are not in the factor: it preconditions CG then, and CG
- *             also refines: without extras one or two iterations reach the tolerance.
- *   shared    the dense kernels factor the coarse matrix of [7.3] too.
- *
- * checked: tests/test_cholesky.c
- */
+#define CLOTHI_PANEL_K   64                 /* columns that one pass of the kernel takes       */
+#define CLOTHI_PANEL_PAD 16                 /* rows of the widest tile                         */
 
 /* Doubles of one register: AVX-512, AVX, SSE2 or one at a time; the kernel is written once. */
 #if defined(CLOTHI_AVX) && defined(__AVX512F__)
@@ -8410,7 +6975,7 @@ typedef double clothi_dv;
 #define CLOTHI_TILE (2 * CLOTHI_DV)         /* rows of a tile of C; its columns are 4          */
 
 /* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. */
-static void clothi_front_tile(const double *a, const double *b, int k, double *out) {
+static void clothi_panel_tile(const double *a, const double *b, int k, double *out) {
     clothi_dv zero = CLOTHI_DV_SPLAT(0.0), u, v, w;
     clothi_dv c0 = zero, c1 = zero, c2 = zero, c3 = zero, d0 = zero, d1 = zero, d2 = zero,
               d3 = zero;
@@ -8442,15 +7007,15 @@ static void clothi_front_tile(const double *a, const double *b, int k, double *o
 }
 
 /* C (lower part, rows x cols, column-major) -= A S A' from packed rows. */
-typedef struct clothi_front_job {
+typedef struct clothi_panel_job {
     double       *c;
     size_t        ldc;
     int           rows, cols, k;
     const double *a, *b;
-} clothi_front_job;
+} clothi_panel_job;
 
-static void clothi_front_tiles(int begin, int end, int worker, void *ctx) {
-    const clothi_front_job *g = (const clothi_front_job *)ctx;
+static void clothi_panel_tiles(int begin, int end, int worker, void *ctx) {
+    const clothi_panel_job *g = (const clothi_panel_job *)ctx;
     double acc[4 * CLOTHI_TILE];
     int    tile, i, j, r, c;
     (void)worker;
@@ -8460,7 +7025,7 @@ static void clothi_front_tiles(int begin, int end, int worker, void *ctx) {
         for (j = 0; j < g->cols && j < row + nr; j += 4) {
             int     nc = g->cols - j < 4 ? g->cols - j : 4;
             double *to = g->c + (size_t)j * g->ldc + row;
-            clothi_front_tile(g->a + (size_t)row * (size_t)g->k, g->b + (size_t)j * (size_t)g->k,
+            clothi_panel_tile(g->a + (size_t)row * (size_t)g->k, g->b + (size_t)j * (size_t)g->k,
                               g->k, acc);
             if (nr == CLOTHI_TILE && nc == 4) {
                 for (c = 0; c < 4; c++, to += g->ldc)
@@ -8475,7 +7040,7 @@ static void clothi_front_tiles(int begin, int end, int worker, void *ctx) {
 
 /* Rows [row0, row1) and columns [k0, k1) of a panel, `width` rows side by side, rest zero;
  * sign NULL or one factor per column. */
-static void clothi_front_pack(const double *panel, size_t ld, int row0, int row1, int k0, int k1,
+static void clothi_panel_pack(const double *panel, size_t ld, int row0, int row1, int k0, int k1,
                               int width, const double *sign, double *out) {
     int i, p, r;
     for (i = row0; i < row1; i += width) {
@@ -8489,38 +7054,24 @@ static void clothi_front_pack(const double *panel, size_t ld, int row0, int row1
     }
 }
 
-struct cloth_factor {
-    const clothi_tree *P;                /* borrowed                                        */
-    cloth_hooks hooks;
-    double *panel;                          /* all L, part by part, column-major               */
-    double *work;                           /* update matrices and packed rows                 */
-    double *sign;                           /* [3 nv] +1 -1 by elimination                     */
-    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary      */
-    unsigned char *fixed;                   /* [nv] by elimination number                      */
-    signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
-    const cloth_matrix *A;                  /* during compute                                  */
-    double  shift;
-    int     ready, first_bad;               /* elimination index 3 e + axis, -1                */
-};
-
 /* A S A' of panel columns [k0, k1), rows [row0, m), taken off C. par: the rows in parallel. */
-static void clothi_front_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
+static void clothi_panel_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
                                 int row0, int cols, int k0, int k1, const double *sign, double *c,
                                 size_t ldc, double *pack, int par) {
-    clothi_front_job g;
+    clothi_panel_job g;
     int tiles = (m - row0 + CLOTHI_TILE - 1) / CLOTHI_TILE;
     g.c = c, g.ldc = ldc, g.rows = m - row0, g.cols = cols, g.k = k1 - k0, g.a = pack;
-    g.b = pack + (size_t)(g.rows + CLOTHI_FRONT_PAD) * (size_t)g.k;
-    clothi_front_pack(panel, ld, row0, m, k0, k1, CLOTHI_TILE, NULL, pack);
-    clothi_front_pack(panel, ld, row0, row0 + cols, k0, k1, 4, sign,
-                pack + (size_t)(g.rows + CLOTHI_FRONT_PAD) * (size_t)g.k);
-    if (par) clothi_for(hooks, tiles, 4, clothi_front_tiles, &g);
-    else clothi_front_tiles(0, tiles, 0, &g);
+    g.b = pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k;
+    clothi_panel_pack(panel, ld, row0, m, k0, k1, CLOTHI_TILE, NULL, pack);
+    clothi_panel_pack(panel, ld, row0, row0 + cols, k0, k1, 4, sign,
+                pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k);
+    if (par) clothi_for(hooks, tiles, 4, clothi_panel_tiles, &g);
+    else clothi_panel_tiles(0, tiles, 0, &g);
 }
 
 /* Columns [k0, k1) of a panel of m rows, their earlier updates done: signed Cholesky, one by one.
  * limit [n]: a pivot below it counts as zero and its column as fixed. */
-static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
+static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
                                  signed char *pivot, const double *limit) {
     int k, p, i;
     for (k = k0; k < k1; k++) {
@@ -8547,29 +7098,1159 @@ static void clothi_front_columns(double *panel, size_t ld, int m, int k0, int k1
     }
 }
 
+/* --- memory --- */
+
+#define CLOTHI_COARSE_BLOCK 24              /* columns of the coarse factor at a time          */
+
+CLOTHI_RARE_BEGIN
+
+/* Lays the store's arrays into one block; with base NULL only counts its bytes. */
+static size_t clothi_store_lay(const cloth_pattern *p, size_t real, clothi_store *st, char *base) {
+    const size_t n = (size_t)p->n, nc = (size_t)p->nc, nd = (size_t)p->nd;
+    const size_t ns = n - (size_t)p->dom[p->nd];
+    const size_t records[12] = {3 * (size_t)p->nlow, 3 * n, 3 * n, 3 * (size_t)p->vp[p->n],
+                                n, n, n, n, n, nd * ns, (nd + 1) * nc, nc};
+    void **const field[12] = {&st->L, &st->G, &st->P, &st->V, &st->r, &st->p,
+                              &st->t, &st->w, &st->x, &st->sep, &st->zpart, &st->m};
+    size_t at = 0, k;
+    for (k = 0; k < 12; k++) {
+        if (base) *field[k] = base + at;
+        at += (4 * real * records[k] + CLOTHI_ALIGN - 1) / CLOTHI_ALIGN * CLOTHI_ALIGN;
+    }
+    return at;
+}
+
+/* How far the rows of Ac reach: what the pattern couples, what blocks outside of it do, and what
+ * elimination fills up. Returns the longest row, in aggregates. */
+static int clothi_coarse_envelope(const cloth_linear_solver *s, const cloth_matrix *A, int *to) {
+    const cloth_pattern *p = s->p;
+    int e, a, longest = 0;
+    memcpy(to, p->envelope, (size_t)p->nc * sizeof(int));
+    for (e = 0; e < A->ne; e++) {
+        const int u = p->agg[A->pair[2 * e]], v = p->agg[A->pair[2 * e + 1]];
+        const int low = u < v ? u : v, high = u < v ? v : u;
+        if (low >= 0 && to[low] < high + 1) to[low] = high + 1;
+    }
+    for (a = 0; a < p->nc; a++) {
+        if (a > 0 && to[a] < to[a - 1]) to[a] = to[a - 1];
+        if (to[a] - a > longest) longest = to[a] - a;
+    }
+    return longest;
+}
+
+/* Numbers from a row of Ac to the next: a panel takes its columns to the end of the longest, and
+ * its tiles spoil what is just above the diagonal. */
+static size_t clothi_coarse_ld(int band) {
+    return 3 * (size_t)band + CLOTHI_COARSE_BLOCK + CLOTHI_PANEL_PAD;
+}
+
+/* The columns of Ac that its row k may fill while the panel with it is factored. */
+static int clothi_coarse_end(const cloth_linear_solver *s, int k) {
+    const int last = (k / CLOTHI_COARSE_BLOCK + 1) * CLOTHI_COARSE_BLOCK / 3 - 1;
+    return 3 * s->envelope[last < s->p->nc ? last : s->p->nc - 1];
+}
+
+/* Room for solves with A: in doubles, so that no later one that needs them must allocate. */
+static cloth_status clothi_solver_reserve(cloth_linear_solver *s, const cloth_matrix *A) {
+    const int    band = clothi_coarse_envelope(s, A, s->envelope);
+    const size_t n3 = 3 * (size_t)s->p->nc;
+    if (!s->block) {
+        size_t store = clothi_store_lay(s->p, sizeof(double), &s->st, NULL);
+        const size_t plain = 15 * (size_t)s->p->n * sizeof(double);
+        s->block = clothi_alloc(&s->hooks, store > plain ? store : plain, 1);
+        if (!s->block) return CLOTH_ERR_MEMORY;
+    }
+    if (s->extras < A->ne) {
+        void *more = clothi_alloc(&s->hooks, (size_t)A->capacity, 12 * sizeof(double));
+        if (!more) return CLOTH_ERR_MEMORY;
+        clothi_free(&s->hooks, s->E);
+        s->E = more;
+        s->extras = A->capacity;
+    }
+    if (s->band < band) {
+        const int    room = s->band == 0 ? band : 2 * band < s->p->nc ? 2 * band : s->p->nc;
+        const size_t ld = clothi_coarse_ld(room);
+        double *Ac = (double *)clothi_alloc(
+            &s->hooks, (n3 + 1) * (ld + 1) + 2 * (ld + CLOTHI_PANEL_PAD) * CLOTHI_COARSE_BLOCK,
+            sizeof(double));
+        void   *U = clothi_alloc(&s->hooks, (size_t)s->p->nc * (size_t)room, 12 * sizeof(double));
+        if (!Ac || !U) {
+            clothi_free(&s->hooks, Ac);
+            clothi_free(&s->hooks, U);
+            return CLOTH_ERR_MEMORY;
+        }
+        clothi_free(&s->hooks, s->Ac);
+        clothi_free(&s->hooks, s->U);
+        s->Ac = Ac, s->U = U, s->band = room;
+    }
+    return CLOTH_OK;
+}
+
+CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
+                                                  const cloth_pattern *pattern,
+                                                  cloth_linear_solver **out) {
+    cloth_linear_solver *s;
+    size_t               nc, a;
+    if (out) *out = NULL;
+    if (!out || !pattern)
+        return clothi_null(hooks, out ? "cloth_linear_solver_create: pattern"
+                                      : "cloth_linear_solver_create: out");
+    nc = (size_t)pattern->nc;
+    s = (cloth_linear_solver *)clothi_alloc(hooks, 1, sizeof *s);
+    if (!s) return CLOTH_ERR_MEMORY;
+    if (hooks) s->hooks = *hooks;
+    s->p = pattern;
+    s->cd = (double *)clothi_alloc(hooks, 3 * nc * (size_t)(pattern->nd + 3), sizeof(double));
+    s->envelope = (int *)clothi_alloc(hooks, 2 * nc + 1, sizeof(int));
+    if (!s->cd || !s->envelope) {
+        cloth_linear_solver_destroy(s);
+        return CLOTH_ERR_MEMORY;
+    }
+    for (a = 0; a < nc; a++) s->envelope[nc + 1 + a] = (int)a;
+    *out = s;
+    return CLOTH_OK;
+}
+
+static size_t clothi_solver_blocks(const cloth_linear_solver *s, const cloth_hooks *hooks) {
+    const void *const block[] = {s->block, s->E, s->Ac, s->U, s->cd, s->envelope, s};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
+}
+
+CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
+    cloth_hooks hooks;
+    if (!s) return;
+    hooks = s->hooks;
+    cloth_factor_destroy(s->factor);
+    (void)clothi_solver_blocks(s, &hooks);
+}
+
+CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
+    return s ? cloth_factor_bytes(s->factor) + clothi_solver_blocks(s, NULL) : 0;
+}
+
+CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
+    cloth_linear_options o;
+    memset(&o, 0, sizeof o);
+    o.tolerance = CLOTHI_LINEAR_TOLERANCE;
+    return o;
+}
+
+CLOTHI_RARE_END
+
+/* --- set-up: scaling and V --- */
+
+/* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
+CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
+                                              clothi_tally *y) {
+    const clothi_store *st = &s->st;
+    int i;
+    for (i = begin; i < end; i++) {
+        const double *D = s->A->diag + 9 * (size_t)i;
+        double        d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
+        const int     m = clothi_diagonal(s, i, d);
+        q = d[4] - d[3] * (d[3] / d[0]);
+        if (!(d[0] > 0) || !(q > 1e-13 * d[4])) break;
+        l00 = sqrt(d[0]);
+        l10 = d[3] / l00;
+        l20 = d[6] / l00;
+        l11 = sqrt(q);
+        l21 = (d[7] - l20 * l10) / l11;
+        r = d[8] - l20 * l20 - l21 * l21;
+        if (!(r > 1e-13 * d[8])) break;
+        if (!(q > 1e-7 * d[4]) || !(r > 1e-7 * d[8])) y->narrow = 1;
+        l22 = sqrt(r);
+        G[3] = G[6] = G[7] = 0;
+        G[0] = 1 / l00;
+        G[1] = -l10 / (l00 * l11);
+        G[2] = -(l20 / l00 + l21 * G[1]) / l22;
+        G[4] = 1 / l11;
+        G[5] = -l21 / (l11 * l22);
+        G[8] = 1 / l22;
+        P[1] = P[2] = P[5] = 0;
+        P[0] = m & 1 ? 0 : l00;
+        P[3] = m & 2 ? 0 : l10;
+        P[4] = m & 2 ? 0 : l11;
+        P[6] = m & 4 ? 0 : l20;
+        P[7] = m & 4 ? 0 : l21;
+        P[8] = m & 4 ? 0 : l22;
+        clothi_put9(st->G, (size_t)i, G, s->wide);
+        clothi_put9(st->P, (size_t)i, P, s->wide);
+        r = D[0] + D[4] + D[8];
+        y->trace += r;
+        if (r > y->top) y->top = r;
+    }
+    if (i < end) y->bad = 1;
+}
+
+/* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
+CLOTHI_LANE clothi_v4 clothi_mix4(const double *B, clothi_v4 a, clothi_v4 b, clothi_v4 c,
+                                  const int w) {
+    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_all4(B[0], w), a, w);
+    r = clothi_madd4(r, clothi_all4(B[1], w), b, w);
+    return clothi_madd4(r, clothi_all4(B[2], w), c, w);
+}
+
+/* out <- G_i^-1 B G_j^-T, three records by rows. */
+CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const double *B,
+                                    void *out, size_t k, const int w) {
+    const size_t    g = 3 * (size_t)i, gj = 3 * (size_t)j;
+    const clothi_v4 q0 = clothi_load4(st->G, gj, w), q1 = clothi_load4(st->G, gj + 1, w);
+    const clothi_v4 q2 = clothi_load4(st->G, gj + 2, w), z = clothi_zero4();
+    const clothi_v4 b0 = clothi_mix4(B, q0, q1, q2, w), b1 = clothi_mix4(B + 3, q0, q1, q2, w);
+    const clothi_v4 b2 = clothi_mix4(B + 6, q0, q1, q2, w);
+    clothi_v4       r = clothi_madd4(z, clothi_lane4(st->G, g, 0, w), b0, w);
+    clothi_store4(out, 3 * k, r, w);
+    r = clothi_madd4(z, clothi_lane4(st->G, g, 1, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), b1, w);
+    clothi_store4(out, 3 * k + 1, r, w);
+    r = clothi_madd4(z, clothi_lane4(st->G, g, 2, w), b0, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), b1, w);
+    r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), b2, w);
+    clothi_store4(out, 3 * k + 2, r, w);
+}
+
+CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) {
+    clothi_store4(a, i, clothi_add4(clothi_load4(a, i, w), v, w), w);
+}
+
+/* Blocks [k0, k1) of row i: scaled, and added to V of their columns. */
+CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1, clothi_tally *y,
+                                  const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
+    const int mi = clothi_mask(s, i);
+    double    cut[9], trace = 0;
+    int       k;
+    for (k = k0; k < k1; k++) {
+        const int     j = p->col[k];
+        const double *raw = s->A->low + 9 * (size_t)k;
+        const double *B = clothi_masked(raw, mi, clothi_mask(s, j), cut);
+        if (p->agg[i] >= 0) {               /* columns of B' are the rows of B                 */
+            size_t at = (size_t)p->vp[j];
+            while (p->vj[at] != p->agg[i]) at++;
+            clothi_add_record(st->V, 3 * at, clothi_cut4(B, w), w);
+            clothi_add_record(st->V, 3 * at + 1, clothi_cut4(B + 3, w), w);
+            clothi_add_record(st->V, 3 * at + 2, clothi_cut4(B + 6, w), w);
+        }
+        trace += raw[0] + raw[4] + raw[8];
+        clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
+    }
+    y->trace += 2 * trace;
+}
+
+CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1,
+                                               clothi_tally *y) {
+    CLOTHI_BY_WIDTH(s->wide, clothi_setup_any, s, i, k0, k1, y);
+}
+
+/* What of subdomain d, or of S, is of its rows alone: G and P, and D in V. */
+CLOTHI_LANE void clothi_setup_rows(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
+    const size_t block = 12 * (w ? sizeof(double) : sizeof(float));
+    const int    begin = p->dom[d], end = p->dom[d + 1];
+    double       cut[9];
+    int          i, c;
+    clothi_factor_rows(s, begin, end, s->tally + d);
+    memset((char *)st->V + block * (size_t)p->vp[begin], 0,
+           block * (size_t)(p->vp[end] - p->vp[begin]));
+    for (i = begin; i < end; i++) {
+        const int     m = clothi_mask(s, i);
+        const double *B = clothi_masked(s->A->diag + 9 * (size_t)i, m, m, cut);
+        for (c = 0; c < 3 && p->agg[i] >= 0; c++)
+            clothi_store4(st->V, 3 * (size_t)p->vp[i] + (size_t)c, clothi_cut4(B + 3 * c, w), w);
+    }
+}
+
+CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    const cloth_pattern *p = s->p;
+    const int            first = p->dom[p->nd];
+    int                  d, i;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        clothi_tally *y = s->tally + d;
+        CLOTHI_BY_WIDTH(s->wide, clothi_setup_rows, s, d);
+        for (i = p->dom[d]; d < p->nd && !y->bad && i < p->dom[d + 1]; i++)
+            clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], y);
+        for (i = first; d < p->nd && !y->bad && i < p->n; i++) {
+            const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+            clothi_setup_blocks(s, i, seg[0], seg[1], y);
+        }
+    }
+}
+
+/* --- the coarse matrix --- */
+
+/* B, a block of rows of aggregate u and columns of v, and its transposed, into the upper band. */
+static void clothi_coarse_add(double *Ac, size_t ld, int u, int v, const double *B) {
+    size_t a, c;
+    for (a = 0; a < 3; a++)
+        for (c = 0; c < 3; c++) {
+            if (u <= v) Ac[(3 * (size_t)u + a) * ld + 3 * (size_t)v + c] += B[3 * a + c];
+            if (v <= u) Ac[(3 * (size_t)v + c) * ld + 3 * (size_t)u + a] += B[3 * a + c];
+        }
+}
+
+/* Ac = P'A P = W + W' - P'D P, W = P'V before V is scaled. Blocks outside the pattern: scaled into
+ * E, added here. Row k of Ac begins at Ac + k ld, its column k at Ac + k (ld + 1). */
+CLOTHI_OUTLINE static void clothi_coarse_matrix(cloth_linear_solver *s, size_t ld) {
+    const cloth_pattern *p = s->p;
+    double B[9], cut[9];
+    int    i, k, m;
+    for (k = 0; k < 3 * p->nc; k++)
+        memset(s->Ac + (size_t)k * (ld + 1), 0,
+               (size_t)(clothi_coarse_end(s, k) - k) * sizeof(double));
+    for (i = 0; i < p->n; i++)
+        for (m = p->vp[i]; m < p->vp[i + 1] && p->agg[i] >= 0; m++) {
+            const int own = m == p->vp[i];
+            for (k = 0; k < 9; k++)
+                B[k] = clothi_get(s->st.V, 12 * (size_t)m + (size_t)(k % 3 * 4 + k / 3), s->wide);
+            if (own) {
+                const int     f = clothi_mask(s, i);
+                const double *D = clothi_masked(s->A->diag + 9 * (size_t)i, f, f, cut);
+                for (k = 0; k < 9; k++) B[k] -= 0.5 * D[k];
+            }
+            clothi_coarse_add(s->Ac, ld, p->agg[i], p->vj[m], B);
+        }
+    for (k = 0; k < s->A->ne; k++) {
+        const int     r = s->A->pair[2 * k], c = s->A->pair[2 * k + 1];
+        const double *C = clothi_masked(s->A->extra + 9 * (size_t)k, clothi_mask(s, r),
+                                        clothi_mask(s, c), cut);
+        CLOTHI_BY_WIDTH(s->wide, clothi_scale_block, &s->st, r, c, C, s->E, (size_t)k);
+        if (p->agg[r] >= 0 && p->agg[c] >= 0)
+            clothi_coarse_add(s->Ac, ld, p->agg[r], p->agg[c], C);
+    }
+}
+
+/* Block (a, b) of U from row 3a of the factor; of the diagonal its inverse, zero at zero pivots. */
+CLOTHI_LANE void clothi_coarse_block(cloth_linear_solver *s, const double *row, size_t ld, int a,
+                                     int b, const signed char *pivot, const int w) {
+    double B[9], T[9];
+    int    k;
+    for (k = 0; k < 9; k++) B[k] = row[(size_t)(k / 3) * ld + 3 * (size_t)b + (size_t)(k % 3)];
+    if (a == b) {
+        memset(T, 0, sizeof T);
+        for (k = 0; k < 3; k++) T[4 * k] = pivot[3 * a + k] / B[4 * k];
+        T[1] = -T[0] * B[1] * T[4];
+        T[5] = -T[4] * B[5] * T[8];
+        T[2] = -(T[0] * B[2] + T[1] * B[5]) * T[8];
+        memcpy(B, T, sizeof B);
+    }
+    clothi_put9(s->U, (size_t)a * (size_t)s->band + (size_t)(b - a), B, w);
+}
+
+/* Ac = U'U in place, upper by rows, which is U' lower by columns. A translation that nothing holds
+ * (all its axes fixed, or a piece without mass) gives a zero pivot and is left out. False where a
+ * pivot is negative beyond rounding. */
+CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
+    const int    n = 3 * s->p->nc;
+    const size_t ld = clothi_coarse_ld(s->band);
+    double      *A = s->Ac, *pack = A + (size_t)(n + 1) * (ld + 1), *sign = s->cd + n;
+    signed char  pivot[3 * CLOTHI_AGG_MAX];
+    int          k, k1, m, a, b;
+    clothi_coarse_matrix(s, ld);
+    for (k = 0; k < n; k++)
+        s->cd[k] = (s->wide ? 1e-12 : 1e-6) * fabs(A[(size_t)k * (ld + 1)]);
+    for (k = 0; k < n; k = k1) {
+        k1 = k + CLOTHI_COARSE_BLOCK < n ? k + CLOTHI_COARSE_BLOCK : n;
+        m = clothi_coarse_end(s, k);
+        clothi_panel_columns(A, ld, m, k, k1, sign, pivot, s->cd);
+        if (k1 < m)
+            clothi_panel_update(&s->hooks, A, ld, m, k1, m - k1, k, k1, sign,
+                                A + (size_t)k1 * (ld + 1), ld, pack, 0);
+    }
+    for (k = 0; k < n; k++)
+        if (pivot[k] < 0 || !clothi_finite(A[(size_t)k * (ld + 1)])) return 0;
+    for (a = 0; a < s->p->nc; a++)
+        for (b = a; b < s->envelope[a]; b++)
+            CLOTHI_BY_WIDTH(s->wide, clothi_coarse_block, s, A + 3 * (size_t)a * ld, ld, a, b,
+                            pivot);
+    return 1;
+}
+
+/* Block k of an array of records. */
+CLOTHI_LANE const void *clothi_at4(const void *a, size_t k, const int w) {
+    return w ? (const void *)((const double *)a + 12 * k)
+             : (const void *)((const float *)a + 12 * k);
+}
+
+/* m <- Ac^-1 m: U' down the rows by scattering, U up them by gathering. */
+CLOTHI_LANE void clothi_coarse_any(cloth_linear_solver *s, const int w) {
+    const int  *number = s->envelope + s->p->nc + 1;
+    const void *U;
+    void       *m = s->st.m;
+    int         i, length;
+    for (i = 0; i < s->p->nc; i++) {
+        const size_t at = (size_t)i;
+        U = clothi_at4(s->U, at * (size_t)s->band, w), length = s->envelope[i] - i;
+        clothi_store4(m, at, clothi_columns4(U, 0, m, at, w), w);
+        clothi_scatter4(U, number + i, 1, length, m, at, w);
+    }
+    for (i = s->p->nc - 1; i >= 0; i--) {
+        const size_t at = (size_t)i;
+        U = clothi_at4(s->U, at * (size_t)s->band, w), length = s->envelope[i] - i;
+        clothi_store4(m, at, clothi_sub4(clothi_load4(m, at, w),
+                                         clothi_gather4(U, number + i, 1, length, m, w), w), w);
+        clothi_store4(m, at, clothi_gather4(U, number + i, 0, 1, m, w), w);
+    }
+}
+
+/* cd [3nc] -> records m = Ac^-1 cd. */
+CLOTHI_OUTLINE static void clothi_coarse_apply(cloth_linear_solver *s) {
+    size_t a, k;
+    for (a = 0; a < (size_t)s->p->nc; a++)
+        for (k = 0; k < 4; k++)
+            clothi_put(s->st.m, 4 * a + k, k < 3 ? s->cd[3 * a + k] : 0, s->wide);
+    CLOTHI_BY_WIDTH(s->wide, clothi_coarse_any, s);
+}
+
+/* --- sweeps --- */
+
+/* The first block of row i within its subdomain, or within S. */
+CLOTHI_LANE int clothi_within(const cloth_pattern *p, int d, int i) {
+    return d < p->nd ? p->row[i] : p->seg[(i - p->dom[p->nd]) * (p->nd + 1) + p->nd];
+}
+
+/* What subdomain d gives the rows of S in a forward sweep of z. */
+CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
+    const cloth_pattern *p = s->p;
+    const int first = p->dom[p->nd], ns = p->n - first;
+    int       i;
+    for (i = 0; d < p->nd && i < ns; i++) {
+        const int *seg = p->seg + i * (p->nd + 1) + d;
+        clothi_store4(s->st.sep, (size_t)d * (size_t)ns + (size_t)i,
+                      clothi_gather4(s->st.L, p->col, seg[0], seg[1], z, w), w);
+    }
+}
+
+/* zi minus what K of row i takes of z: its blocks; of S (d == nd), what the subdomains gave and the
+ * blocks within S. */
+CLOTHI_LANE clothi_v4 clothi_forward_row(const cloth_linear_solver *s, int d, int i, clothi_v4 zi,
+                                         const void *z, const int w) {
+    const cloth_pattern *p = s->p;
+    const size_t first = (size_t)p->dom[p->nd], ns = (size_t)p->n - first;
+    size_t       k;
+    for (k = 0; d == p->nd && k < (size_t)d; k++)
+        zi = clothi_sub4(zi, clothi_load4(s->st.sep, k * ns + (size_t)i - first, w), w);
+    return clothi_sub4(zi, clothi_gather4(s->st.L, p->col, clothi_within(p, d, i), p->row[i + 1],
+                                          z, w), w);
+}
+
+/* z <- K^-T z of subdomain d, after S; of S before the subdomains. */
+CLOTHI_LANE void clothi_back_sweep(cloth_linear_solver *s, int d, void *z, const int w) {
+    const cloth_pattern *p = s->p;
+    const int first = p->dom[p->nd];
+    int       i;
+    for (i = p->n - 1; d < p->nd && i >= first; i--) {
+        const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+        clothi_scatter4(s->st.L, p->col, seg[0], seg[1], z, (size_t)i, w);
+    }
+    for (i = p->dom[d + 1] - 1; i >= p->dom[d]; i--)
+        clothi_scatter4(s->st.L, p->col, clothi_within(p, d, i), p->row[i + 1], z, (size_t)i, w);
+}
+
+/* G^-T of record i of z, metres again: q [4]. */
+CLOTHI_LANE void clothi_metres_any(const clothi_store *st, const void *z, int i, double *q,
+                                   const int w) {
+    const clothi_v4 v = clothi_transposed4(st->G, (size_t)i, clothi_load4(z, (size_t)i, w), w);
+    clothi_spill4(clothi_dot4(clothi_zero4(), v, clothi_all4(1, w), w), q);
+}
+
+CLOTHI_OUTLINE static void clothi_metres(const cloth_linear_solver *s, const void *z, int i,
+                                         double *q) {
+    CLOTHI_BY_WIDTH(s->wide, clothi_metres_any, &s->st, z, i, q);
+}
+
+/* --- one iteration --- */
+
+/* Subdomain d, or S, of the start: b' into w, and its share of P'b. */
+CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
+    double *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
+    int     i, k;
+    memset(cd, 0, 3 * (size_t)p->nc * sizeof(double));
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+        const double *b = s->b + 3 * (size_t)p->vertex_of[i];
+        const int     m = clothi_mask(s, i);
+        const size_t  at = (size_t)i;
+        double        u[3];
+        for (k = 0; k < 3; k++) {
+            u[k] = m >> k & 1 ? 0 : b[k];
+            if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
+        }
+        clothi_store4(st->r, at, clothi_cut4(u, w), w);
+        clothi_store4(st->r, at, clothi_columns4(st->G, at, st->r, at, w), w);
+    }
+}
+
+/* r <- K^-1 b' of subdomain d, with |r|^2 in tally.rr; of S after the subdomains. */
+CLOTHI_LANE void clothi_enter_sweep(cloth_linear_solver *s, int d, const int w) {
+    clothi_v4 sum = clothi_zero4();
+    int       i;
+    if (d < s->p->nd) clothi_enter_rows(s, d, w);
+    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
+        const clothi_v4 r = clothi_load4(s->st.r, (size_t)i, w);
+        const clothi_v4 v = clothi_forward_row(s, d, i, r, s->st.r, w);
+        clothi_store4(s->st.r, (size_t)i, v, w);
+        sum = clothi_dot4(sum, v, v, w);
+    }
+    s->tally[d].rr = clothi_sum4(sum);
+    clothi_give_rest(s, d, s->st.r, w);
+}
+
+/* The coarse factor, which takes longest, beside the subdomains' sweeps: 0, 1 + d. */
+CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) {
+        if (d == 0) s->bad_pivot = !clothi_coarse_factor(s);
+        else CLOTHI_BY_WIDTH(s->wide, clothi_enter_sweep, s, d - 1);
+    }
+}
+
+/* V of subdomain d, or of S, scaled; x = 0. */
+CLOTHI_LANE void clothi_scale_rows(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    int i, m;
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+        for (m = 3 * p->vp[i]; m < 3 * p->vp[i + 1]; m++)
+            clothi_store4(s->st.V, (size_t)m,
+                          clothi_columns4(s->st.G, (size_t)i, s->st.V, (size_t)m, w), w);
+        clothi_store4(s->st.x, (size_t)i, clothi_zero4(), w);
+    }
+}
+
+CLOTHI_OUTLINE static void clothi_scale_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_scale_rows, s, d);
+}
+
+/* max |G^-T x| of subdomain d, or of S */
+static double clothi_biggest(const cloth_linear_solver *s, int d) {
+    double big = 0, q[4];
+    int    i, k;
+    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
+        clothi_metres(s, s->st.x, i, q);
+        for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
+    }
+    return big;
+}
+
+/* Subdomain d, or S: x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a radius
+ * is set. */
+CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int d, const int w) {
+    const clothi_store *st = &s->st;
+    const clothi_v4     alpha = clothi_all4(s->alpha, w), minus = clothi_all4(-s->alpha, w);
+    clothi_v4           sum = clothi_zero4();
+    int                 i;
+    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
+        const size_t    at = (size_t)i;
+        const clothi_v4 t = clothi_load4(st->t, at, w);
+        clothi_v4       r = clothi_load4(st->r, at, w);
+        clothi_store4(st->x, at, clothi_madd4(clothi_load4(st->x, at, w), alpha, t, w), w);
+        r = clothi_madd4(r, minus, clothi_add4(t, clothi_load4(st->w, at, w), w), w);
+        clothi_store4(st->r, at, r, w);
+        clothi_store4(st->w, at, r, w);
+        sum = clothi_dot4(sum, r, r, w);
+    }
+    s->tally[d].rr = clothi_sum4(sum);
+    s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
+}
+
+/* V's + P^'(r - s) of subdomain d, or of S, into its sums. */
+CLOTHI_LANE void clothi_restrict(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
+    const size_t first = (size_t)d * (size_t)p->nc;
+    const clothi_v4 o = clothi_zero4();
+    size_t       c;
+    int          i, k;
+    for (c = 0; c < (size_t)p->nc; c++) clothi_store4(st->zpart, first + c, o, w);
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+        const clothi_v4 v = clothi_load4(st->w, (size_t)i, w);
+        for (k = p->vp[i]; k < p->vp[i + 1]; k++) {
+            const size_t b = 3 * (size_t)k, q = 3 * (size_t)i;
+            clothi_v4    a0 = clothi_madd4(o, clothi_load4(st->V, b, w), v, w);
+            clothi_v4    a1 = clothi_madd4(o, clothi_load4(st->V, b + 1, w), v, w);
+            clothi_v4    a2 = clothi_madd4(o, clothi_load4(st->V, b + 2, w), v, w);
+            if (k == p->vp[i] && p->agg[i] >= 0) {
+                const clothi_v4 u = clothi_sub4(clothi_load4(st->r, (size_t)i, w), v, w);
+                a0 = clothi_madd4(a0, clothi_load4(st->P, q, w), u, w);
+                a1 = clothi_madd4(a1, clothi_load4(st->P, q + 1, w), u, w);
+                a2 = clothi_madd4(a2, clothi_load4(st->P, q + 2, w), u, w);
+            }
+            clothi_add_record(st->zpart, first + (size_t)p->vj[k], clothi_rows4(a0, a1, a2, w), w);
+        }
+    }
+}
+
+/* First half of an iteration in subdomain d; in S before the subdomains. */
+CLOTHI_LANE void clothi_back_any(cloth_linear_solver *s, int d, const int w) {
+    clothi_advance_rows(s, d, w);
+    clothi_back_sweep(s, d, s->st.w, w);
+    clothi_restrict(s, d, w);
+}
+
+CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_back_any, s, d);
+}
+
+static void clothi_back(cloth_linear_solver *s) {
+    clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
+    clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
+}
+
+/* Blocks outside the pattern: y += C v, or with y NULL P^' C v into the sums of S. A block acts on
+ * its row and, transposed, on its column. */
+CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, const void *v, void *y, const int w) {
+    const clothi_store *st = &s->st;
+    const int          *pair = s->A->pair, *agg = s->p->agg;
+    const int           first = s->p->nd * s->p->nc;
+    int                 e;
+    for (e = 0; e < s->A->ne; e++) {
+        const size_t    i = (size_t)pair[2 * e], j = (size_t)pair[2 * e + 1];
+        const clothi_v4 a = clothi_gather4(s->E, pair + 1 + e, e, e + 1, v, w);
+        const clothi_v4 b = clothi_columns4(s->E, (size_t)e, v, i, w);
+        if (y) {
+            clothi_add_record(y, i, a, w);
+            clothi_add_record(y, j, b, w);
+            continue;
+        }
+        if (agg[i] >= 0)
+            clothi_add_record(st->zpart, (size_t)(first + agg[i]),
+                              clothi_transposed4(st->P, i, a, w), w);
+        if (agg[j] >= 0)
+            clothi_add_record(st->zpart, (size_t)(first + agg[j]),
+                              clothi_transposed4(st->P, j, b, w), w);
+    }
+}
+
+CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, const void *v, void *y) {
+    CLOTHI_BY_WIDTH(s->wide, clothi_extras_any, s, v, y);
+}
+
+/* m = Ac^-1 P^'A's */
+static void clothi_coarse_step(cloth_linear_solver *s) {
+    const size_t nc = (size_t)s->p->nc;
+    size_t       a, k;
+    int          d;
+    if (s->A->ne) clothi_extras_apply(s, s->st.w, NULL);
+    for (a = 0; a < nc; a++)
+        for (k = 0; k < 3; k++) {
+            double sum = 0;
+            for (d = 0; d <= s->p->nd; d++)
+                sum += clothi_get(s->st.zpart, 4 * ((size_t)d * nc + a) + k, s->wide);
+            s->cd[3 * a + k] = sum;
+        }
+    clothi_coarse_apply(s);
+}
+
+/* Row i: p = r + beta p - V m, t = s + beta t - P^ m; returns p - t. The coarse solution m, the
+ * first direction, stands alone: p = V m, t = P^ m with -m for m. */
+CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, clothi_v4 beta,
+                                      const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
+    const size_t at = (size_t)i;
+    clothi_v4    u = clothi_zero4(), v = u;
+    int          k;
+    if (!s->first) {
+        u = clothi_madd4(clothi_load4(st->r, at, w), beta, clothi_load4(st->p, at, w), w);
+        v = clothi_madd4(clothi_load4(st->w, at, w), beta, clothi_load4(st->t, at, w), w);
+    }
+    for (k = p->vp[i]; k < p->vp[i + 1]; k++)
+        u = clothi_sub4(u, clothi_columns4(st->V, (size_t)k, st->m, (size_t)p->vj[k], w), w);
+    if (p->agg[i] >= 0)
+        v = clothi_sub4(v, clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w), w);
+    clothi_store4(st->p, at, u, w);
+    clothi_store4(st->t, at, v, w);
+    return clothi_sub4(u, v, w);
+}
+
+/* Second half of an iteration in subdomain d: p, t, w = K^-1 (p - t), p.(t + w); in S after the
+ * subdomains. With blocks outside the pattern, w = p - t + C t is there already: C t needs all of
+ * t. */
+CLOTHI_LANE void clothi_turn_any(cloth_linear_solver *s, int d, const int w) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
+    const clothi_v4      beta = clothi_all4(s->beta, w);
+    clothi_v4            sum = clothi_zero4();
+    const int            turn = s->A->ne == 0;
+    int                  i;
+    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+        const size_t at = (size_t)i;
+        clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
+        v = clothi_forward_row(s, d, i, v, st->w, w);
+        clothi_store4(st->w, at, v, w);
+        sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
+                          clothi_add4(v, clothi_load4(st->t, at, w), w), w);
+    }
+    s->tally[d].pq = clothi_sum4(sum);
+    clothi_give_rest(s, d, st->w, w);
+}
+
+CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_turn_any, s, d);
+}
+
+/* With blocks outside the pattern, what comes before them. */
+CLOTHI_LANE void clothi_turn_before(cloth_linear_solver *s, int d, const int w) {
+    const clothi_v4 beta = clothi_all4(s->beta, w);
+    int             i;
+    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++)
+        clothi_store4(s->st.w, (size_t)i, clothi_turn_row(s, i, beta, w), w);
+}
+
+CLOTHI_OUTLINE static void clothi_before_range(int begin, int end, int worker, void *ctx) {
+    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+    int                  d;
+    (void)worker;
+    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_turn_before, s, d);
+}
+
+/* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
+static double clothi_turn(cloth_linear_solver *s) {
+    const int nd = s->p->nd;
+    double    pq = 0;
+    int       d;
+    if (s->A->ne) {
+        clothi_for(&s->hooks, nd + 1, nd > 1 ? 1 : 2, clothi_before_range, s);
+        clothi_extras_apply(s, s->st.t, s->st.w);
+    }
+    clothi_for(&s->hooks, nd, 1, clothi_turn_range, s);
+    clothi_turn_range(nd, nd + 1, 0, s);
+    for (d = 0; d <= nd; d++) pq += s->tally[d].pq;
+    return pq;
+}
+
+/* --- one solve --- */
+
+typedef enum clothi_run {                   /* how a run in one precision ended                */
+    CLOTHI_RUN_DONE, CLOTHI_RUN_WIDE, CLOTHI_RUN_INDEFINITE, CLOTHI_RUN_NONFINITE
+} clothi_run;
+
+CLOTHI_RARE_BEGIN
+
+/* All of the set-up: r = K^-1 b', m = -Ac^-1 P'b, c0, and rr = pq = P'b.m. */
+static clothi_run clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
+    const cloth_pattern *p = s->p;
+    const int n3 = 3 * p->nc, grain = p->nd > 1 ? 1 : 3;
+    double    trace = 0, top = 0, *sum = s->cd, *Pb = s->cd + n3;
+    int       d, i, bad = 0, narrow = 0;
+    memset(s->tally, 0, sizeof s->tally);
+    clothi_setup_range(p->nd, p->nd + 1, 0, s);
+    clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
+    for (i = p->dom[p->nd]; i < p->n && !s->tally[p->nd].bad; i++)
+        clothi_setup_blocks(s, i, clothi_within(p, p->nd, i), p->row[i + 1], s->tally + p->nd);
+    for (d = 0; d <= p->nd; d++) {
+        bad |= s->tally[d].bad, narrow |= s->tally[d].narrow;
+        trace += s->tally[d].trace;
+        top = clothi_max(s->tally[d].top, top);
+    }
+    for (d = 0; d < s->A->ne; d++)
+        for (i = 0; i < 9; i += 4) trace += 2 * s->A->extra[9 * d + i];
+    if (bad) return CLOTHI_RUN_INDEFINITE;
+    if (!s->wide && (narrow || !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)))
+        return CLOTHI_RUN_WIDE;
+    CLOTHI_BY_WIDTH(s->wide, clothi_enter_rows, s, p->nd);
+    clothi_for(&s->hooks, p->nd + 1, grain, clothi_enter_range, s);
+    if (s->bad_pivot) return s->wide ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_WIDE;
+    clothi_enter_range(p->nd + 1, p->nd + 2, 0, s);
+    clothi_for(&s->hooks, p->nd + 1, grain, clothi_scale_range, s);
+    memset(Pb, 0, (size_t)n3 * sizeof(double));
+    for (d = 0; d <= p->nd; d++) {
+        g->c0 += s->tally[d].rr;
+        for (i = 0; i < n3; i++) Pb[i] -= s->cd[(d + 2) * n3 + i];
+    }
+    memcpy(sum, Pb, (size_t)n3 * sizeof(double));
+    clothi_coarse_apply(s);
+    for (i = 0; i < n3; i++)
+        g->rr += Pb[i] * clothi_get(s->st.m, (size_t)(4 * (i / 3) + i % 3), s->wide);
+    g->pq = g->rr;
+    g->c0 += g->rr;
+    return clothi_finite(g->c0) ? CLOTHI_RUN_DONE
+                                : s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+}
+
+/* x += f t */
+static void clothi_along(cloth_linear_solver *s, double f) {
+    size_t k, n = 4 * (size_t)s->p->n;
+    for (k = 0; k < n; k++)
+        clothi_put(s->st.x, k, clothi_get(s->st.x, k, s->wide) +
+                               f * clothi_get(s->st.t, k, s->wide), s->wide);
+}
+
+/* Goes along t to the radius and ends there. */
+static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
+    double tau = -1, x[4], t[4];
+    int    i;
+    for (i = 0; i < s->p->n; i++) {
+        clothi_metres(s, s->st.x, i, x);
+        clothi_metres(s, s->st.t, i, t);
+        tau = clothi_reach(tau, x, t, 3, g->radius);
+    }
+    tau = clothi_max(tau, 0);
+    clothi_along(s, tau);
+    g->Q += tau * g->rr - 0.5 * tau * tau * g->pq;
+    g->hit = 1;
+    if (s->first) g->rr = g->c0;
+    else g->it++;
+}
+
+/* After a step: 1 when the run is over. */
+static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, clothi_run *run) {
+    double rr = 0, big = 0;
+    int    d;
+    for (d = 0; d <= s->p->nd; d++) {
+        rr += s->tally[d].rr;
+        big = clothi_max(s->tally[d].big, big);
+    }
+    if (s->radius_on && !(big <= g->radius)) {
+        clothi_along(s, -s->alpha);
+        clothi_boundary(s, g);
+        return 1;
+    }
+    g->Q += 0.5 * s->alpha * g->rr;
+    s->beta = s->first ? 0 : rr / g->rr;
+    g->it += !s->first;
+    g->rr = rr;
+    if (!clothi_finite(rr)) {
+        *run = s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+        return 1;
+    }
+    if (!(rr > g->tolerance * g->tolerance * g->c0) || g->it >= g->most) return 1;
+    if (s->first || rr < 0.5 * g->best) {
+        g->best = rr;
+        g->best_at = g->it;
+    } else if (!s->wide && g->it - g->best_at > CLOTHI_STAGNATION) {
+        if (!g->patient) *run = CLOTHI_RUN_WIDE;
+        return 1;
+    }
+    return 0;
+}
+
+/* The banner's second pseudo-code, in one precision. */
+static clothi_run clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
+    clothi_run run;
+    (void)clothi_store_lay(s->p, s->wide ? sizeof(double) : sizeof(float), &s->st,
+                           (char *)s->block);
+    run = clothi_setup(s, g);
+    if (run != CLOTHI_RUN_DONE) return run;
+    for (s->first = 1;; s->first = 0) {
+        const double pq = clothi_turn(s);
+        if (!s->first) g->pq = pq;
+        if (!s->first && !(pq > 0)) break;
+        s->alpha = s->first ? 1 : g->rr / pq;
+        clothi_back(s);
+        if (clothi_judge(s, g, &run)) return run;
+        clothi_coarse_step(s);
+    }
+    if (!clothi_finite(g->pq)) return s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+    g->negative = 1;
+    if (s->radius_on) clothi_boundary(s, g);
+    else if (g->it == 0 && !(g->Q > 0))     /* nothing yet: the preconditioned gradient        */
+        clothi_along(s, 1);
+    return CLOTHI_RUN_DONE;
+}
+
+CLOTHI_RARE_END
+
+/* Rows [dom[begin], dom[end]) of the answer, in metres and in the order of the vertices. */
+CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
+    const cloth_linear_solver *s = (const cloth_linear_solver *)ctx;
+    double q[4];
+    int    i;
+    (void)worker;
+    for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
+        clothi_metres(s, s->st.x, i, q);
+        memcpy(s->to + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
+    }
+}
+
+CLOTHI_RARE_BEGIN
+
+/* In floats, or where they do not do in doubles. */
+static cloth_status clothi_sgs_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
+    const clothi_cg clean = *g;
+    clothi_run      run;
+    s->wide = s->only ? s->only == 2 : g->tolerance < CLOTHI_FLOAT_TOLERANCE;
+    for (;; s->wide = 1) {
+        *g = clean;
+        g->patient = s->only == 1;
+        run = clothi_run_cg(s, g);
+        if (run != CLOTHI_RUN_WIDE) break;
+    }
+    if (run == CLOTHI_RUN_NONFINITE ||
+        (run == CLOTHI_RUN_INDEFINITE &&
+         (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0 ||
+          clothi_find_nonfinite(s->A->extra, 9 * (size_t)s->A->ne) >= 0)))
+        return CLOTH_ERR_NONFINITE;
+    if (run == CLOTHI_RUN_INDEFINITE) {     /* the caller's matrix is not worth a search       */
+        g->negative = 1;
+        g->rr = g->c0 = 1;
+        return CLOTH_OK;
+    }
+    s->to = x;
+    clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, s);
+    return CLOTH_OK;
+}
+
+CLOTHI_RARE_END
+
+/* ===== [7.4] SPARSE CHOLESKY =================================================================
+ *
+ *        +-----+--+-----+            The dissection of [7.1] goes on, down to parts of about 24
+ *        |  0  |S2|  1  |            vertices. Elimination fills in what it couples, and two parts
+ *        +-----+--+-----+            are coupled through their separators only: all that the
+ *        |      S6      |            elimination of a part changes lies on its boundary, the later
+ *        +-----+--+-----+            vertices that it or its children touch. Its front is the
+ *        |  3  |S5|  4  |            dense matrix of its own unknowns and those:
+ *        +-----+--+-----+
+ *                                       own      | L11      |     L11 = chol
+ *      elimination 0 1 S2 3 4 S5 S6     boundary | L21    U |     U -= L21 L21'
+ *
+ *   A front is assembled from the blocks of A whose earlier vertex the part owns, and from the
+ *   update matrices U of its children, each added at the places that its boundary has in the
+ *   parent's front ("extend-add"). Then its own columns are factored, and its U waits for the
+ *   parent: the multifrontal method [DR83] [D06].
+ *
+ *   A = L S L',  S = diag(+-1). No pivoting: the sign of each pivot is kept, and by Sylvester's
+ *   law the negative ones count the negative eigenvalues of A. A pivot below 1e-14 of its diagonal
+ *   entry counts as zero and its unknown as fixed. For the first bad pivot k, d = L'^-1 e_k has
+ *   d'Ad = s_k: a direction of negative curvature, which statics walks down.
+ *
+ *   cost      a sheet of n vertices: O(n^1.5) flops, O(n log n) numbers. Nearly all flops are the
+ *             rank-k updates of dense panels [7.3]. The subdomains' subtrees run side by side, then
+ *             the separators above them with their updates split by rows; no sum depends on the
+ *             number of workers.
+ *   extras    blocks outside the pattern are not in the factor: it preconditions CG then, and CG
+ *             also refines: without them one or two iterations reach the tolerance.
+ *
+ * checked: tests/test_cholesky.c
+ */
+
+/* A block of A on its way into a front: slot as in cloth_pattern_slot, front vertices row, col. */
+typedef struct clothi_front_entry {
+    int slot2, row, col;
+} clothi_front_entry;
+
+typedef struct clothi_front {               /* of a part                                       */
+    int    mid, hi;                         /* it eliminates verts[mid, hi)                    */
+    int    n, nb;                           /* unknowns: its own, the boundary's               */
+    int    domain;                          /* of the subdomain, -1: a separator above them    */
+    int    bound, entry;                    /* where its lists begin; the next front ends them */
+    size_t panel;                           /* where its L begins, doubles                     */
+    size_t temp, update;                    /* U in the workspace: made, kept for the parent   */
+} clothi_front;
+
+struct cloth_factor {
+    cloth_hooks hooks;
+    const cloth_pattern *p;                 /* borrowed                                        */
+    /* what the pattern decides */
+    clothi_front *front;                    /* [nparts+1]                                      */
+    int    *bound, *relative;               /* boundaries by elimination number; their places
+                                               in the parents' fronts                          */
+    clothi_front_entry *entry;              /* [nlow] blocks of A by part                      */
+    size_t  nwork, npack;                   /* doubles of the workspace; of packed rows a task */
+    double  flops;
+    /* numbers */
+    double *panel;                          /* all L, part by part, column-major               */
+    double *work;                           /* packed rows, and update matrices                */
+    double *sign;                           /* [3 nv] +1 -1 by elimination                     */
+    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary      */
+    unsigned char *fixed;                   /* [nv] by elimination number                      */
+    signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
+    const cloth_matrix *A;                  /* during compute                                  */
+    double  shift;
+    int     ready, first_bad;               /* elimination index 3 e + axis, -1                */
+};
+
+CLOTHI_RARE_BEGIN
+
+/* --- the fronts --- */
+
+/* Blocks of A by the part that owns their earlier vertex; row holds the later vertex's elimination
+ * number for now. where [nv]: of a vertex, owner [nv]: of an elimination number. */
+static void clothi_front_entries(cloth_factor *f, const int *where, const int *owner) {
+    const cloth_pattern *p = f->p;
+    int i, k, q, pass;
+    for (pass = 0; pass < 2; pass++) {      /* count, then place                               */
+        for (i = 0; i < p->n; i++)
+            for (k = p->row[i]; k < p->row[i + 1]; k++) {
+                const int a = where[p->vertex_of[i]], b = where[p->vertex_of[p->col[k]]];
+                const int flip = a < b, low = flip ? a : b;
+                clothi_front_entry *e;
+                q = owner[low];
+                if (!pass) {
+                    f->front[q + 1].entry++;
+                    continue;
+                }
+                e = f->entry + f->front[q].entry++;
+                e->slot2 = 2 * k + flip;
+                e->row = a + b - low;
+                e->col = low - f->front[q].mid;
+            }
+        for (q = 0; q < p->nparts && !pass; q++) f->front[q + 1].entry += f->front[q].entry;
+    }
+    for (q = p->nparts; q > 0; q--) f->front[q].entry = f->front[q - 1].entry;
+    f->front[0].entry = 0;
+}
+
+/* Elimination number e into the boundary list of part q, once. */
+static void clothi_bound_add(const cloth_factor *f, int q, int e, int *mark, int *list, int *n) {
+    if (e < f->front[q].hi || mark[e] == q + 1) return;
+    mark[e] = q + 1;
+    list[(*n)++] = e;
+}
+
+/* Boundaries of all parts, ascending: later vertices that blocks of A or the children's boundaries
+ * name. mark (zeros), list, tmp [nv] and key [nv] are scratch. */
+static cloth_status clothi_front_bounds(cloth_factor *f, int *mark, int *list, int *tmp,
+                                        double *key) {
+    const cloth_pattern *p = f->p;
+    size_t capacity = 0, used = 0;
+    int    q, i, c, n;
+    for (i = 0; i < p->n; i++) key[i] = i;
+    for (q = 0; q < p->nparts; q++) {
+        n = 0;
+        for (i = f->front[q].entry; i < f->front[q + 1].entry; i++)
+            clothi_bound_add(f, q, f->entry[i].row, mark, list, &n);
+        for (c = 0; c < 2 && p->part[q].child[c] >= 0; c++) {
+            const clothi_front *child = f->front + p->part[q].child[c];
+            for (i = child->bound; i < child[1].bound; i++)
+                clothi_bound_add(f, q, f->bound[i], mark, list, &n);
+        }
+        clothi_sort(list, tmp, n, key);
+        if (used + (size_t)n > capacity) {
+            int *more;
+            capacity = 2 * capacity + 16 * (size_t)p->n + (size_t)n;
+            more = (int *)clothi_alloc(&f->hooks, capacity, sizeof(int));
+            if (!more) return CLOTH_ERR_MEMORY;
+            if (used) memcpy(more, f->bound, used * sizeof(int));
+            clothi_free(&f->hooks, f->bound);
+            f->bound = more;
+        }
+        if (n) memcpy(f->bound + used, list, (size_t)n * sizeof(int));
+        used += (size_t)n;
+        if (used > 0x7fffffff) return CLOTH_ERR_CAPACITY;
+        f->front[q + 1].bound = (int)used;
+        f->front[q].n = 3 * (f->front[q].hi - f->front[q].mid), f->front[q].nb = 3 * n;
+    }
+    return CLOTH_OK;
+}
+
+/* Index in the front of part q of the vertex with elimination number e. */
+static int clothi_front_index(const cloth_factor *f, int q, int e) {
+    const clothi_front *w = f->front + q;
+    if (e < w->hi) return e - w->mid;
+    return w->hi - w->mid + clothi_lower_bound(f->bound, w->bound, w[1].bound, e) - w->bound;
+}
+
+/* Places of all numbers. Update matrices of a subdomain live on one stack: those of the children
+ * are on its top when a front is assembled above them, and its own then takes their place. */
+static void clothi_front_layout(cloth_factor *f) {
+    const cloth_pattern *p = f->p;
+    size_t panel = 0, top = 0, high = 0;
+    int    q;
+    for (q = 0; q < p->nparts; q++) {
+        clothi_front *w = f->front + q;
+        const size_t  n = (size_t)w->n, b = (size_t)w->nb;
+        const size_t  pack = 2 * (n + b + CLOTHI_PANEL_PAD) * CLOTHI_PANEL_K;
+        w->panel = panel;
+        panel += n * (n + b);
+        if (pack > f->npack) f->npack = pack;
+        f->flops += (double)n * ((double)n * (double)n / 3 + (double)b * (double)(n + b));
+    }
+    f->front[p->nparts].panel = panel;
+    high = (size_t)(p->nd + 1) * f->npack;
+    for (q = 0; q < p->nparts; q++) {
+        clothi_front *w = f->front + q;
+        const int     c = p->part[q].child[0];
+        const size_t  size = (size_t)w->nb * (size_t)w->nb;
+        if (w->domain < 0 || q == 0 || w[-1].domain != w->domain) top = high;
+        w->temp = top;
+        w->update = w->domain < 0 || c < 0 ? top : f->front[c].update;
+        top = w->update + size;
+        if (w->temp + size > high) high = w->temp + size;
+    }
+    f->nwork = high;
+}
+
+/* What the pattern decides. */
+static cloth_status clothi_factor_analyze(cloth_factor *f) {
+    const cloth_pattern *p = f->p;
+    const size_t n = (size_t)p->n, np = (size_t)p->nparts;
+    cloth_status status = CLOTH_ERR_MEMORY;
+    int    *where = (int *)clothi_alloc(&f->hooks, 5 * n, sizeof(int)), *owner = where + n;
+    double *key = (double *)clothi_alloc(&f->hooks, n, sizeof(double));
+    int     q, i, d;
+    f->front = (clothi_front *)clothi_alloc(&f->hooks, np + 1, sizeof *f->front);
+    f->entry = (clothi_front_entry *)clothi_alloc(&f->hooks, (size_t)p->nlow, sizeof *f->entry);
+    if (!where || !key || !f->front || !f->entry) goto done;
+    for (i = 0; i < p->n; i++) where[p->verts[i]] = i;
+    for (q = 0; q < p->nparts; q++) {
+        f->front[q].mid = p->part[q].mid, f->front[q].hi = p->part[q].hi;
+        f->front[q].domain = -1;
+        for (i = p->part[q].mid; i < p->part[q].hi; i++) owner[i] = q;
+    }
+    for (d = 0; d < p->nd && p->domain_part[d] >= 0; d++)
+        for (q = p->part[p->domain_part[d]].first; q <= p->domain_part[d]; q++)
+            f->front[q].domain = d;
+    clothi_front_entries(f, where, owner);
+    status = clothi_front_bounds(f, owner + n, owner + 2 * n, owner + 3 * n, key);
+    if (status) goto done;
+    status = CLOTH_ERR_MEMORY;
+    f->relative = (int *)clothi_alloc(&f->hooks, (size_t)f->front[np].bound, sizeof(int));
+    if (!f->relative) goto done;
+    for (q = 0; q < p->nparts; q++) {
+        for (i = f->front[q].entry; i < f->front[q + 1].entry; i++)
+            f->entry[i].row = clothi_front_index(f, q, f->entry[i].row);
+        for (i = f->front[q].bound; i < f->front[q + 1].bound; i++)
+            f->relative[i] = clothi_front_index(f, p->part[q].parent, f->bound[i]);
+    }
+    clothi_front_layout(f);
+    status = CLOTH_OK;
+done:
+    clothi_free(&f->hooks, where);
+    clothi_free(&f->hooks, key);
+    return status;
+}
+
+CLOTHI_RARE_END
+
+/* --- numbers --- */
+
 #define CLOTHI_ZERO_PIVOT 1e-14             /* of the diagonal of A: smaller pivots are zero   */
 #define CLOTHI_FRONT_BLOCK 24               /* columns factored one by one                     */
 
-/* Factors the panel of part q and takes its product off the update matrix U. */
-static void clothi_front_factor(cloth_factor *f, int q, double *U, double *pack, int par) {
-    const clothi_tree *P = f->P;
-    const clothi_part *p = P->part + q;
-    const int    n = p->n, nb = p->nb;
-    const size_t m = (size_t)(n + nb);
-    double *L = f->panel + P->panel[q], *sign = f->sign + 3 * (size_t)p->mid;
-    const double *limit = f->vec + 3 * (size_t)p->mid;
+/* Factors the front's panel and takes its product off the update matrix U. */
+static void clothi_front_factor(cloth_factor *f, const clothi_front *w, double *U, double *pack,
+                                int par) {
+    const int    n = w->n, nb = w->nb;
+    const size_t m = (size_t)(n + nb), at = 3 * (size_t)w->mid;
+    double *L = f->panel + w->panel, *sign = f->sign + at;
     int k0, k1;
     for (k0 = 0; k0 < n; k0 = k1) {
         k1 = k0 + CLOTHI_FRONT_BLOCK < n ? k0 + CLOTHI_FRONT_BLOCK : n;
-        clothi_front_columns(L, m, n + nb, k0, k1, sign, f->pivot + 3 * (size_t)p->mid, limit);
+        clothi_panel_columns(L, m, n + nb, k0, k1, sign, f->pivot + at, f->vec + at);
         if (k1 < n)
-            clothi_front_update(&f->hooks, L, m, n + nb, k1, n - k1, k0, k1, sign,
+            clothi_panel_update(&f->hooks, L, m, n + nb, k1, n - k1, k0, k1, sign,
                                 L + (size_t)k1 * m + k1, m, pack, par);
     }
-    if (!nb) return;
-    for (k0 = 0; k0 < n; k0 = k1) {
-        k1 = k0 + CLOTHI_FRONT_K < n ? k0 + CLOTHI_FRONT_K : n;
-        clothi_front_update(&f->hooks, L, m, n + nb, n, nb, k0, k1, sign, U, (size_t)nb, pack,
+    for (k0 = 0; nb && k0 < n; k0 = k1) {
+        k1 = k0 + CLOTHI_PANEL_K < n ? k0 + CLOTHI_PANEL_K : n;
+        clothi_panel_update(&f->hooks, L, m, n + nb, n, nb, k0, k1, sign, U, (size_t)nb, pack,
                             par);
     }
 }
@@ -8585,49 +8266,45 @@ static void clothi_front_add(double *L, size_t m, int row, int col, const double
                     flip ? B[3 * c + r] : B[3 * r + c];
 }
 
-/* The entries of A that part q eliminates. */
-static void clothi_front_assemble(cloth_factor *f, int q, double *L, size_t m) {
-    const clothi_tree *P = f->P;
-    const clothi_part *p = P->part + q;
-    int own = p->hi - p->mid, i, c;
+/* The blocks of A that the front eliminates. */
+static void clothi_front_assemble(cloth_factor *f, const clothi_front *w, double *L, size_t m) {
+    const cloth_pattern *p = f->p;
+    int own = w->hi - w->mid, i, c;
     for (i = 0; i < own; i++) {
-        unsigned fixed = f->fixed[p->mid + i];
-        size_t   row = (size_t)P->rank[P->verts[p->mid + i]];
+        unsigned fixed = f->fixed[w->mid + i];
+        size_t   row = (size_t)p->row_of[p->verts[w->mid + i]];
         clothi_front_add(L, m, i, i, f->A->diag + 9 * row, 0, fixed, fixed);
         for (c = 0; c < 3; c++) {
             double *d = L + (size_t)(3 * i + c) * (m + 1);
             *d += fixed >> c & 1u ? 1.0 : f->shift;
-            f->vec[3 * (p->mid + i) + c] = CLOTHI_ZERO_PIVOT * fabs(*d);
+            f->vec[3 * (w->mid + i) + c] = CLOTHI_ZERO_PIVOT * fabs(*d);
         }
     }
-    for (i = P->entry_start[q]; i < P->entry_start[q + 1]; i++) {
-        const clothi_front_entry *e = P->entry + i;
-        int v = e->row < own ? p->mid + e->row : P->bound[P->bound_start[q] + e->row - own];
+    for (i = w->entry; i < w[1].entry; i++) {
+        const clothi_front_entry *e = f->entry + i;
+        int v = e->row < own ? w->mid + e->row : f->bound[w->bound + e->row - own];
         clothi_front_add(L, m, e->row, e->col, f->A->low + 9 * (size_t)(e->slot2 >> 1),
-                         e->slot2 & 1, f->fixed[v], f->fixed[p->mid + e->col]);
+                         e->slot2 & 1, f->fixed[v], f->fixed[w->mid + e->col]);
     }
 }
 
-/* Extend-add: the update matrix V of child c into the parent's panel and update matrix. */
-static void clothi_front_extend(const cloth_factor *f, int c, double *L, double *U, int own,
-                                size_t m) {
-    const clothi_tree *P = f->P;
-    const int *relative = P->relative + P->bound_start[c];
-    int nb = P->bound_start[c + 1] - P->bound_start[c], i, j, a;
-    size_t ldv = 3 * (size_t)nb, n = 3 * (size_t)own;
-    const double *V = f->work + P->update[c];
-    for (j = 0; j < nb; j++)
-        for (a = 0; a < 3; a++) {
-            const double *from = V + (3 * (size_t)j + (size_t)a) * ldv;
-            size_t  col = 3 * (size_t)relative[j] + (size_t)a;
-            double *to = relative[j] < own ? L + col * m : U + (col - n) * (m - n) - n;
-            for (i = j; i < nb; i++) {
-                double *t = to + 3 * (size_t)relative[i];
-                t[0] += from[3 * i];
-                t[1] += from[3 * i + 1];
-                t[2] += from[3 * i + 2];
-            }
+/* Extend-add: the update matrix of a child into the parent's panel and update matrix. */
+static void clothi_front_extend(const cloth_factor *f, const clothi_front *child, double *L,
+                                double *U, size_t n, size_t m) {
+    const int    *relative = f->relative + child->bound;
+    const int     nb = child[1].bound - child->bound;
+    const double *from = f->work + child->update;
+    int           i, j;
+    for (j = 0; j < 3 * nb; j++, from += 3 * nb) {
+        const size_t col = 3 * (size_t)relative[j / 3] + (size_t)(j % 3);
+        double      *to = col < n ? L + col * m : U + (col - n) * (m - n) - n;
+        for (i = j / 3; i < nb; i++) {
+            double *t = to + 3 * (size_t)relative[i];
+            t[0] += from[3 * i];
+            t[1] += from[3 * i + 1];
+            t[2] += from[3 * i + 2];
         }
+    }
 }
 
 /* The lower part of n columns of m rows to zero, and what a tile touches above it: memory is what a
@@ -8641,28 +8318,28 @@ static void clothi_front_zero(double *a, size_t m, size_t n) {
 }
 
 static void clothi_front_part(cloth_factor *f, int q, double *pack, int par) {
-    const clothi_tree *P = f->P;
-    const clothi_part *p = P->part + q;
-    const size_t       n = (size_t)p->n, b = (size_t)p->nb;
-    int                c;
-    double *L = f->panel + P->panel[q], *U = f->work + P->update_temp[q];
+    const clothi_front *w = f->front + q;
+    const size_t        n = (size_t)w->n, b = (size_t)w->nb;
+    double *L = f->panel + w->panel, *U = f->work + w->temp;
+    int     c;
     clothi_front_zero(L, n + b, n);
     clothi_front_zero(U, b, b);
-    clothi_front_assemble(f, q, L, n + b);
-    for (c = 0; c < 2; c++)
-        if (p->child[c] >= 0) clothi_front_extend(f, p->child[c], L, U, p->n / 3, n + b);
-    clothi_front_factor(f, q, U, pack, par);
-    if (P->update[q] != P->update_temp[q]) memmove(f->work + P->update[q], U, b * b * sizeof *U);
+    clothi_front_assemble(f, w, L, n + b);
+    for (c = 0; c < 2 && f->p->part[q].child[c] >= 0; c++)
+        clothi_front_extend(f, f->front + f->p->part[q].child[c], L, U, n, n + b);
+    clothi_front_factor(f, w, U, pack, par);
+    if (w->update != w->temp) memmove(f->work + w->update, U, b * b * sizeof *U);
 }
 
-static void clothi_front_task(int begin, int end, int worker, void *ctx) {
+/* Subtrees of subdomains. */
+static void clothi_front_range(int begin, int end, int worker, void *ctx) {
     cloth_factor *f = (cloth_factor *)ctx;
-    const clothi_tree *P = f->P;
-    int t, q;
+    int           d, q;
     (void)worker;
-    for (t = begin; t < end; t++)
-        for (q = P->first[P->task[t]]; q <= P->task[t]; q++)
-            clothi_front_part(f, q, f->work + P->task_pack[t], 0);
+    for (d = begin; d < end; d++)
+        for (q = 0; q < f->p->nparts; q++)
+            if (f->front[q].domain == d)
+                clothi_front_part(f, q, f->work + (size_t)d * f->npack, 0);
 }
 
 CLOTHI_RARE_BEGIN
@@ -8670,15 +8347,24 @@ CLOTHI_RARE_BEGIN
 CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth_pattern *pattern,
                                            cloth_factor **out) {
     cloth_factor *f;
+    cloth_status  status;
     if (!out) return clothi_null(hooks, "factor: out");
     *out = NULL;
     if (!pattern) return clothi_null(hooks, "factor: pattern");
     f = (cloth_factor *)clothi_alloc(hooks, 1, sizeof *f);
     if (!f) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "factor: out of memory");
     if (hooks) f->hooks = *hooks;
-    f->P = pattern->tree;
-    *out = f;
-    return CLOTH_OK;
+    f->p = pattern;
+    status = clothi_factor_analyze(f);
+    if (status) cloth_factor_destroy(f);
+    else *out = f;
+    return status ? clothi_fail(hooks, status, "factor: out of memory") : CLOTH_OK;
+}
+
+/* What create took, and the numbers' blocks. */
+static size_t clothi_factor_symbols(const cloth_factor *f, const cloth_hooks *hooks) {
+    const void *const block[] = {f->front, f->bound, f->relative, f->entry, f};
+    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
 static size_t clothi_factor_blocks(const cloth_factor *f, const cloth_hooks *hooks) {
@@ -8686,58 +8372,54 @@ static size_t clothi_factor_blocks(const cloth_factor *f, const cloth_hooks *hoo
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
-static void clothi_factor_release(cloth_factor *f) {
-    (void)clothi_factor_blocks(f, &f->hooks);
-    f->panel = f->work = f->sign = f->vec = NULL;
-    f->fixed = NULL, f->pivot = NULL, f->ready = 0;
-}
-
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
     cloth_hooks hooks;
     if (!f) return;
     hooks = f->hooks;
-    clothi_factor_release(f);
-    clothi_free(&hooks, f);
+    (void)clothi_factor_blocks(f, &hooks);
+    (void)clothi_factor_symbols(f, &hooks);
 }
 
 CLOTH_API size_t cloth_factor_bytes(const cloth_factor *f) {
-    return f ? clothi_block_size(f) + clothi_factor_blocks(f, NULL) : 0;
+    return f ? clothi_factor_symbols(f, NULL) + clothi_factor_blocks(f, NULL) : 0;
 }
 
 static cloth_status clothi_factor_reserve(cloth_factor *f) {
-    const clothi_tree *P = f->P;
-    size_t n = 3 * (size_t)P->nv;
+    const size_t n = 3 * (size_t)f->p->n, panel = f->front[f->p->nparts].panel;
     if (f->pivot) return CLOTH_OK;
-    f->panel = (double *)clothi_alloc(&f->hooks, P->panel[P->nparts], sizeof(double));
-    f->work = (double *)clothi_alloc(&f->hooks, P->work, sizeof(double));
+    f->panel = (double *)clothi_alloc(&f->hooks, panel, sizeof(double));
+    f->work = (double *)clothi_alloc(&f->hooks, f->nwork, sizeof(double));
     f->sign = (double *)clothi_alloc(&f->hooks, n, sizeof(double));
     f->vec = (double *)clothi_alloc(&f->hooks, 2 * n, sizeof(double));
     f->fixed = (unsigned char *)clothi_alloc(&f->hooks, n / 3, 1);
     f->pivot = (signed char *)clothi_alloc(&f->hooks, n, 1);
     if (f->panel && f->work && f->sign && f->vec && f->fixed && f->pivot) return CLOTH_OK;
-    clothi_factor_release(f);
+    (void)clothi_factor_blocks(f, &f->hooks);
+    f->panel = f->work = f->sign = f->vec = NULL;
+    f->fixed = NULL, f->pivot = NULL;
     return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles",
-                       P->panel[P->nparts] + P->work);
+                       panel + f->nwork);
 }
 
 /* Counts pivots; the first bad one in the order of elimination. */
 static cloth_status clothi_factor_judge(cloth_factor *f, cloth_factor_report *rep) {
-    const clothi_tree *P = f->P;
-    int n = 3 * P->nv, i, q;
+    const int n = 3 * f->p->n;
+    int       i, q;
     f->first_bad = -1;
-    for (i = 0; i < n; i++) {               /* the first negative one, else the first zero */
+    for (i = 0; i < n; i++) {               /* the first negative one, else the first zero     */
         rep->negative += f->pivot[i] < 0;
         rep->zero += f->pivot[i] == 0;
         if (f->pivot[i] < 0 && rep->negative == 1) f->first_bad = i;
         if (f->pivot[i] == 0 && f->first_bad < 0) f->first_bad = i;
     }
-    for (q = 0; q < P->nparts; q++)
-        for (i = 0; i < P->part[q].n; i++)
-            if (!clothi_finite(f->panel[P->panel[q] + (size_t)i *
-                                        (size_t)(P->part[q].n + P->part[q].nb + 1)]))
+    for (q = 0; q < f->p->nparts; q++) {
+        const clothi_front *w = f->front + q;
+        for (i = 0; i < w->n; i++)
+            if (!clothi_finite(f->panel[w->panel + (size_t)i * (size_t)(w->n + w->nb + 1)]))
                 return CLOTH_ERR_NONFINITE;
+    }
     if (f->first_bad < 0) return CLOTH_OK;
-    rep->bad_vertex = P->verts[f->first_bad / 3];
+    rep->bad_vertex = f->p->verts[f->first_bad / 3];
     rep->bad_axis = f->first_bad % 3;
     return CLOTH_ERR_NUMERIC;
 }
@@ -8747,41 +8429,42 @@ CLOTHI_RARE_END
 CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix *A,
                                             const unsigned char *fixed, double shift,
                                             cloth_factor_report *report) {
-    cloth_factor_report rep;
-    const clothi_tree *P;
+    cloth_factor_report  rep;
+    const cloth_pattern *p;
     cloth_status status;
-    int e, q;
+    int          e, q;
     memset(&rep, 0, sizeof rep);
     rep.bad_vertex = rep.bad_axis = -1;
     if (report) *report = rep;
-    if (!f || !A || A->p->tree != f->P || !clothi_finite(shift))
+    if (!f || !A || A->p != f->p || !clothi_finite(shift))
         return clothi_fail(f ? &f->hooks : NULL, CLOTH_ERR_ARGUMENT,
                            "factor: a pointer is NULL, of another pattern, or shift = %g", shift);
     status = clothi_factor_reserve(f);
     if (status != CLOTH_OK) return status;
-    P = f->P, f->A = A, f->shift = shift;
-    for (e = 0; e < P->nv; e++)
-        f->fixed[e] = (unsigned char)(fixed ? fixed[P->verts[e]] & 7u : 0u);
-    clothi_for(&f->hooks, P->ntasks, 1, clothi_front_task, f);
-    for (q = 0; q < P->nparts; q++)
-        if (P->top[q]) clothi_front_part(f, q, f->work + P->task_pack[P->ntasks], 1);
+    p = f->p, f->A = A, f->shift = shift;
+    for (e = 0; e < p->n; e++)
+        f->fixed[e] = (unsigned char)(fixed ? fixed[p->verts[e]] & 7u : 0u);
+    clothi_for(&f->hooks, p->nd, 1, clothi_front_range, f);
+    for (q = 0; q < p->nparts; q++)
+        if (f->front[q].domain < 0)
+            clothi_front_part(f, q, f->work + (size_t)p->nd * f->npack, 1);
     status = clothi_factor_judge(f, &rep);
     f->ready = status != CLOTH_ERR_NONFINITE;
-    rep.flops = P->flops;
-    rep.entries = (double)P->panel[P->nparts];
+    rep.flops = f->flops;
+    rep.entries = (double)f->front[p->nparts].panel;
     if (report) *report = rep;
     return status;
 }
 
 /* b := L^-1 b by elimination number */
 static void clothi_factor_forward(cloth_factor *f, double *b) {
-    const clothi_tree *P = f->P;
-    double *tmp = f->vec + 3 * (size_t)P->nv;
-    int q, i, j, k;
-    for (q = 0; q < P->nparts; q++) {
-        const int     n = P->part[q].n, nb = P->part[q].nb;
-        double       *x = b + 3 * (size_t)P->part[q].mid;
-        const double *L = f->panel + P->panel[q];
+    double *tmp = f->vec + 3 * (size_t)f->p->n;
+    int q, i, j;
+    for (q = 0; q < f->p->nparts; q++) {
+        const clothi_front *w = f->front + q;
+        const int           n = w->n, nb = w->nb, *bound = f->bound + w->bound;
+        const double       *L = f->panel + w->panel;
+        double             *x = b + 3 * (size_t)w->mid;
         memset(tmp, 0, (size_t)nb * sizeof *tmp);
         for (j = 0; j < n; j++, L += n + nb) {
             const double *below = L + n;
@@ -8789,43 +8472,31 @@ static void clothi_factor_forward(cloth_factor *f, double *b) {
             for (i = j + 1; i < n; i++) x[i] -= s * L[i];
             for (i = 0; i < nb; i++) tmp[i] += s * below[i];
         }
-        for (i = 0; i < nb; i += 3)
-            for (k = 0; k < 3; k++)
-                b[3 * P->bound[P->bound_start[q] + i / 3] + k] -= tmp[i + k];
+        for (i = 0; i < nb; i++) b[3 * bound[i / 3] + i % 3] -= tmp[i];
     }
 }
 
 /* b := L'^-1 b */
 static void clothi_factor_backward(cloth_factor *f, double *b) {
-    const clothi_tree *P = f->P;
-    double *tmp = f->vec + 3 * (size_t)P->nv;
-    int q, i, j, k;
-    for (q = P->nparts - 1; q >= 0; q--) {
-        const int n = P->part[q].n, nb = P->part[q].nb;
-        double   *x = b + 3 * (size_t)P->part[q].mid;
-        for (i = 0; i < nb; i += 3)
-            for (k = 0; k < 3; k++)
-                tmp[i + k] = b[3 * P->bound[P->bound_start[q] + i / 3] + k];
+    double *tmp = f->vec + 3 * (size_t)f->p->n;
+    int q, i, j;
+    for (q = f->p->nparts - 1; q >= 0; q--) {
+        const clothi_front *w = f->front + q;
+        const int           n = w->n, nb = w->nb, *bound = f->bound + w->bound;
+        double             *x = b + 3 * (size_t)w->mid;
+        for (i = 0; i < nb; i++) tmp[i] = b[3 * bound[i / 3] + i % 3];
         for (j = n - 1; j >= 0; j--) {
-            const double *L = f->panel + P->panel[q] + (size_t)j * (size_t)(n + nb);
-            const double *below = L + n;
-            double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
-            for (i = 0; i + 3 < nb; i += 4) {
-                s0 += tmp[i] * below[i];
-                s1 += tmp[i + 1] * below[i + 1];
-                s2 += tmp[i + 2] * below[i + 2];
-                s3 += tmp[i + 3] * below[i + 3];
-            }
-            for (; i < nb; i++) s0 += tmp[i] * below[i];
-            for (i = j + 1; i < n; i++) s1 += x[i] * L[i];
-            x[j] = (x[j] - ((s0 + s1) + (s2 + s3))) / L[j];
+            const double *L = f->panel + w->panel + (size_t)j * (size_t)(n + nb);
+            const double  s = clothi_dot(tmp, L + n, (size_t)nb) +
+                              clothi_dot(x + j + 1, L + j + 1, (size_t)(n - j - 1));
+            x[j] = (x[j] - s) / L[j];
         }
     }
 }
 
 /* f->vec := (L S L')^-1 f->vec; fixed unknowns and zero pivots give 0 */
 static void clothi_factor_apply(cloth_factor *f) {
-    int n = 3 * f->P->nv, i;
+    int n = 3 * f->p->n, i;
     for (i = 0; i < n; i++)
         if ((unsigned)f->fixed[i / 3] >> i % 3 & 1u || !f->pivot[i]) f->vec[i] = 0;
     clothi_factor_forward(f, f->vec);
@@ -8834,66 +8505,68 @@ static void clothi_factor_apply(cloth_factor *f) {
 }
 
 CLOTH_API cloth_status cloth_factor_solve(cloth_factor *f, const double *b, double *x) {
-    int e, c;
+    int i, n;
     if (!f || !f->ready || !b || !x)
         return clothi_fail(f ? &f->hooks : NULL, CLOTH_ERR_ARGUMENT,
                            "factor: a pointer is NULL or nothing was computed");
-    for (e = 0; e < f->P->nv; e++)
-        for (c = 0; c < 3; c++) f->vec[3 * e + c] = b[3 * f->P->verts[e] + c];
+    n = 3 * f->p->n;
+    for (i = 0; i < n; i++) f->vec[i] = b[3 * f->p->verts[i / 3] + i % 3];
     clothi_factor_apply(f);
-    for (e = 0; e < f->P->nv; e++)
-        for (c = 0; c < 3; c++) x[3 * f->P->verts[e] + c] = f->vec[3 * e + c];
+    for (i = 0; i < n; i++) x[3 * f->p->verts[i / 3] + i % 3] = f->vec[i];
     return CLOTH_OK;
 }
 
 CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d) {
-    int    n, e, c;
+    int    n, i;
     double norm2;
     if (!f || !f->ready || !d) return 0;
-    n = 3 * f->P->nv;
+    n = 3 * f->p->n;
     memset(d, 0, (size_t)n * sizeof *d);
     if (f->first_bad < 0) return 0;
     memset(f->vec, 0, (size_t)n * sizeof *f->vec);
     f->vec[f->first_bad] = 1;
     clothi_factor_backward(f, f->vec);
     norm2 = clothi_dot(f->vec, f->vec, (size_t)n);
-    for (e = 0; e < f->P->nv; e++)
-        for (c = 0; c < 3; c++) d[3 * f->P->verts[e] + c] = f->vec[3 * e + c] / sqrt(norm2);
+    for (i = 0; i < n; i++) d[3 * f->p->verts[i / 3] + i % 3] = f->vec[i] / sqrt(norm2);
     return f->pivot[f->first_bad] / norm2;
 }
 
 CLOTHI_RARE_BEGIN
 
-/* --- as a solver --- */
+/* --- the solver's calls --- */
 
-/* CG preconditioned by the factor: exact but for rounding, and right with extras too. */
-static cloth_status clothi_cholesky_solve(cloth_linear_solver *s, const cloth_linear_options *o,
-                                          double *x, clothi_cg *g) {
-    cloth_status status = CLOTH_OK;
-    if (!s->factor) status = cloth_factor_create(&s->hooks, s->p, &s->factor);
-    if (!status) status = cloth_factor_compute(s->factor, s->A, o->fixed, 0, NULL);
-    g->factorizations = 1;
-    if (status == CLOTH_ERR_NUMERIC) {
-        g->negative = 1;
-        g->rr = g->c0 = 1;
-        return CLOTH_OK;
-    }
-    if (status) return status;
-    s->use_factor = 1;
-    status = clothi_jacobi_solve(s, x, g);
-    s->use_factor = 0;
-    return status;
+static int clothi_by_factor(cloth_linear_solver *s, const double *r, double *z) {
+    return cloth_factor_solve(s->factor, r, z) != CLOTH_OK;
 }
 
-/* --- the call --- */
+/* The factor of A without its blocks outside the pattern. */
+static cloth_status clothi_solver_factor(cloth_linear_solver *s, const cloth_matrix *A,
+                                         const unsigned char *fixed, cloth_factor_report *rep) {
+    cloth_status status = CLOTH_OK;
+    if (!s->factor) status = cloth_factor_create(&s->hooks, s->p, &s->factor);
+    return status ? status : cloth_factor_compute(s->factor, A, fixed, 0, rep);
+}
 
-static void clothi_linear_begin(cloth_linear_solver *s, const cloth_matrix *A, const double *b,
-                                const cloth_linear_options *o, clothi_cg *g) {
+static cloth_status clothi_linear_begin(cloth_linear_solver *s, const cloth_matrix *A,
+                                        const double *b, const cloth_linear_options *o,
+                                        clothi_cg *g) {
     s->A = A, s->b = b, s->fixed = o->fixed, s->radius_on = o->radius > 0;
     memset(g, 0, sizeof *g);
     g->tolerance = o->tolerance;
     g->radius = o->radius;
     g->most = o->max_iterations > 0 ? o->max_iterations : CLOTHI_CG_CAP;
+    return clothi_solver_reserve(s, A);
+}
+
+/* CG preconditioned by the factor: exact but for rounding, and right with blocks outside too. */
+static cloth_status clothi_cholesky_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
+    const cloth_status status = clothi_solver_factor(s, s->A, s->fixed, NULL);
+    g->factorizations = 1;
+    if (!status) return clothi_plain_cg(s, clothi_by_factor, x, g, NULL);
+    if (status != CLOTH_ERR_NUMERIC) return status;
+    g->negative = 1;
+    g->rr = g->c0 = 1;
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_matrix *A,
@@ -8912,17 +8585,16 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
         return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_linear_solve: A, b or x is NULL, or A of another pattern");
     if (o.method < CLOTH_LINEAR_AUTO || o.method > CLOTH_LINEAR_CHOLESKY ||
-        o.precision < CLOTH_PRECISION_AUTO || o.precision > CLOTH_PRECISION_DOUBLE ||
         !(o.tolerance >= 0) || !(o.radius >= 0) || o.max_iterations < 0)
-        return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "cloth_linear_solve: method %i, precision"
-                           " %i, tolerance %g, radius %g, max_iterations %i: one is out of range",
-                           (int)o.method, (int)o.precision, o.tolerance, o.radius,
-                           o.max_iterations);
-    clothi_linear_begin(s, A, b, &o, &g);
+        return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "cloth_linear_solve: method %i, tolerance"
+                           " %g, radius %g, max_iterations %i: one is out of range",
+                           (int)o.method, o.tolerance, o.radius, o.max_iterations);
     memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
-    if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_jacobi_solve(s, x, &g);
-    else if (o.method == CLOTH_LINEAR_CHOLESKY) status = clothi_cholesky_solve(s, &o, x, &g);
-    else status = clothi_sgs_solve(s, &o, x, &g);
+    status = clothi_linear_begin(s, A, b, &o, &g);
+    if (status) return status;
+    if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_plain_cg(s, clothi_jacobi, x, &g, NULL);
+    else if (o.method == CLOTH_LINEAR_CHOLESKY) status = clothi_cholesky_solve(s, x, &g);
+    else status = clothi_sgs_solve(s, x, &g);
     if (!status && clothi_find_nonfinite(x, 3 * (size_t)s->p->n) >= 0)
         status = CLOTH_ERR_NONFINITE;
     if (status) {
@@ -8933,38 +8605,39 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     r.hit = g.hit;
     r.residual = g.c0 > 0 ? sqrt(g.rr / g.c0) : 0;
     r.decrease = g.Q;
-    r.precision = s->wide ? CLOTH_PRECISION_DOUBLE : CLOTH_PRECISION_FLOAT;
     if (report) *report = r;
     return CLOTH_OK;
 }
 
-/* With extras the factor is not of A: CG from a right-hand side without symmetry or pattern meets
- * what negative curvature there is. b [nv x 3] is scratch. *found: x holds a direction. */
+/* Blocks outside the pattern are not in the factor: CG from a right-hand side b without symmetry or
+ * pattern meets what negative curvature there is, preconditioned by the factor where that is
+ * positive. */
 static cloth_status clothi_wander(cloth_linear_solver *s, const cloth_matrix *A,
-                                  const unsigned char *fixed, double *b, double *x, int *found) {
+                                  const unsigned char *fixed, int positive, double *x,
+                                  int *found) {
+    const size_t         n = 3 * (size_t)s->p->n;
     cloth_linear_options o = cloth_linear_options_default();
+    const double        *last = NULL;
+    double              *b;
     clothi_cg            g;
-    clothi_run           run;
     cloth_status         status;
-    size_t               i, n = 3 * (size_t)s->p->n;
     uint64_t             seed = 1;
+    size_t               i;
+    o.fixed = fixed;
+    o.tolerance = CLOTHI_CURVATURE_TOLERANCE;
+    status = clothi_linear_begin(s, A, NULL, &o, &g);
+    if (status) return status;
+    s->b = b = (double *)s->block + 4 * n;
     for (i = 0; i < n; i++) {
         seed = seed * 6364136223846793005u + 1442695040888963407u;
         b[i] = ((double)(seed >> 40) / 16777216.0 - 0.5) *
                sqrt(fabs(A->diag[9 * (size_t)s->p->row_of[i / 3] + 4 * (i % 3)]));
     }
-    o.fixed = fixed;
-    o.tolerance = CLOTHI_CURVATURE_TOLERANCE;
-    clothi_linear_begin(s, A, b, &o, &g);
-    s->wide = 1;
-    status = clothi_store_make(s, 1);
-    if (status) return status;
-    run = clothi_run_cg(s, &g);
-    if (run == CLOTHI_RUN_NONFINITE) return CLOTH_ERR_NONFINITE;
-    *found = run == CLOTHI_RUN_INDEFINITE || g.negative;
-    if (run == CLOTHI_RUN_INDEFINITE) clothi_pivot_direction(s, x);
-    else if (g.negative) clothi_give(s, s->store[1].t, x);
-    return CLOTH_OK;
+    s->radius_on = 1;                       /* a block that is not positive is bounded         */
+    status = clothi_plain_cg(s, positive ? clothi_by_factor : clothi_jacobi, x, &g, &last);
+    *found = !status && g.negative && last;
+    if (*found) memcpy(x, last, n * sizeof(double));
+    return status;
 }
 
 CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
@@ -8972,25 +8645,20 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
                                                        const unsigned char *fixed, double *x,
                                                        int *found) {
     cloth_factor_report rep;
-    cloth_status        status = CLOTH_OK;
+    cloth_status        status;
     double             *b, curvature, size = 0;
     size_t              i, n;
     if (found) *found = 0;
     if (!s || !A || !x || !found || A->p != s->p) return CLOTH_ERR_ARGUMENT;
     n = 3 * (size_t)s->p->n;
-    if (clothi_jacobi_make(s)) return CLOTH_ERR_MEMORY;
-    b = s->jacobi;
     memset(x, 0, n * sizeof(double));
-    if (A->ne > 0) {
-        status = clothi_wander(s, A, fixed, b, x, found);
-    } else {
-        if (!s->factor) status = cloth_factor_create(&s->hooks, s->p, &s->factor);
-        if (!status) status = cloth_factor_compute(s->factor, A, fixed, 0, &rep);
-        if (status == CLOTH_ERR_NUMERIC && rep.negative > 0) {
-            (void)cloth_factor_direction(s->factor, x);
-            *found = 1;
-        }
-        if (status == CLOTH_ERR_NUMERIC) status = CLOTH_OK;
+    status = clothi_solver_factor(s, A, fixed, &rep);
+    if (status && status != CLOTH_ERR_NUMERIC) return status;
+    if (A->ne > 0) status = clothi_wander(s, A, fixed, !status, x, found);
+    else {
+        status = CLOTH_OK;
+        *found = rep.negative > 0;
+        if (*found) (void)cloth_factor_direction(s->factor, x);
     }
     if (status || !*found) return status;
     *found = 0;
@@ -8998,6 +8666,7 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
         memset(x, 0, n * sizeof(double));
         return CLOTH_ERR_NONFINITE;
     }
+    b = s->factor->vec;
     cloth_matrix_mul(A, fixed, x, b);       /* rounding of a semidefinite matrix is no saddle  */
     curvature = clothi_dot(x, b, n);
     for (i = 0; i < n; i++)
@@ -12968,11 +12637,7 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     if (!status && !s->solver)
         status = cloth_linear_solver_create(&s->hooks, m->pattern, &s->solver);
     if (status) return status;
-    /* both precisions now: a later step that needs the other must not allocate */
-    s->solver->A = s->matrix;
-    status = clothi_store_make(s->solver, 0);
-    if (!status) status = clothi_store_make(s->solver, 1);
-    return status ? status : clothi_jacobi_make(s->solver);
+    return clothi_solver_reserve(s->solver, s->matrix);
 }
 
 static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {

@@ -1257,11 +1257,9 @@ static cloth_status clothi_grad_again(clothi_grad *g, const double *b, double to
     opt.fixed = s->fixed;
     if (opt.method != CLOTH_LINEAR_CHOLESKY)
         return cloth_linear_solve(s->solver, s->matrix, b, x, &opt, NULL);
-    clothi_linear_begin(s->solver, s->matrix, b, &opt, &cg);
     memset(x, 0, 3 * (size_t)s->model->nv * sizeof(double));
-    s->solver->use_factor = 1;
-    status = clothi_jacobi_solve(s->solver, x, &cg);
-    s->solver->use_factor = 0;
+    status = clothi_linear_begin(s->solver, s->matrix, b, &opt, &cg);
+    if (!status) status = clothi_plain_cg(s->solver, clothi_by_factor, x, &cg, NULL);
     g->rep->iterations += cg.it;
     return status;
 }
@@ -1337,17 +1335,16 @@ static void clothi_pair_corner(const double *l, size_t ld, int back, double *r) 
 /* b and c := (L S L')^-1 of them, by elimination number; t, u: a boundary each. Three columns at a
  * time, and two vectors: what is loaded of L is used twice, what is stored goes down by three. */
 static void clothi_pair_solve(const cloth_factor *f, double *b, double *c, double *t, double *u) {
-    const clothi_tree *P = f->P;
-    int                q, i, j, back;
+    const int nparts = f->p->nparts;
+    int       q, i, j, back;
     for (back = 0; back < 2; back++) {
-        for (i = 0; back && i < 3 * P->nv; i++) b[i] *= f->pivot[i], c[i] *= f->pivot[i];
-        for (q = back ? P->nparts - 1 : 0; q >= 0 && q < P->nparts; q += back ? -1 : 1) {
-            const int    *bound = P->bound + P->bound_start[q];
-            const int     n = 3 * (P->part[q].hi - P->part[q].mid);
-            const int     nb = 3 * (P->bound_start[q + 1] - P->bound_start[q]);
+        for (i = 0; back && i < 3 * f->p->n; i++) b[i] *= f->pivot[i], c[i] *= f->pivot[i];
+        for (q = back ? nparts - 1 : 0; q >= 0 && q < nparts; q += back ? -1 : 1) {
+            const clothi_front *w = f->front + q;
+            const int     n = w->n, nb = w->nb, *bound = f->bound + w->bound;
             const size_t  ld = (size_t)(n + nb);
-            const double *L = f->panel + P->panel[q];
-            double       *x = b + 3 * (size_t)P->part[q].mid, *y = c + 3 * (size_t)P->part[q].mid;
+            const double *L = f->panel + w->panel;
+            double       *x = b + 3 * (size_t)w->mid, *y = c + 3 * (size_t)w->mid;
             for (i = 0; i < nb; i++) {
                 t[i] = back ? b[3 * bound[i / 3] + i % 3] : 0;
                 u[i] = back ? c[3 * bound[i / 3] + i % 3] : 0;
@@ -1381,14 +1378,14 @@ static void clothi_grad_pair(clothi_grad *g, const double *b, const double *c, d
     const int     n = (int)g->t->nv3;
     int           i;
     for (i = 0; i < n; i++) {
-        const int at = 3 * f->P->verts[i / 3] + i % 3;
+        const int at = 3 * f->p->verts[i / 3] + i % 3;
         const int on = f->pivot[i] && !(f->fixed[i / 3] >> i % 3 & 1);
         g->nv[i] = on ? b[at] : 0;
         g->np[i] = on ? c[at] : 0;
     }
     clothi_pair_solve(f, g->nv, g->np, f->vec, f->vec + n);
     for (i = 0; i < n; i++) {
-        const int at = 3 * f->P->verts[i / 3] + i % 3;
+        const int at = 3 * f->p->verts[i / 3] + i % 3;
         x[at] = g->nv[i];
         y[at] = g->np[i];
     }
@@ -1400,12 +1397,9 @@ static void clothi_grad_pair(clothi_grad *g, const double *b, const double *c, d
 static cloth_status clothi_grad_direct(clothi_grad *g, const double *b, double *x, int *negative) {
     const double tolerance = g->t->opt.tolerance;
     cloth_sim   *s = g->s;
-    cloth_status status = clothi_jacobi_make(s->solver);
+    cloth_status status = clothi_solver_factor(s->solver, s->matrix, s->fixed, NULL);
     double       r, last = HUGE_VAL;
     int          i, k, n = 3 * s->model->nv;
-    if (!status && !s->solver->factor)
-        status = cloth_factor_create(&s->hooks, s->model->pattern, &s->solver->factor);
-    if (!status) status = cloth_factor_compute(s->solver->factor, s->matrix, s->fixed, 0, NULL);
     g->rep->factorizations++;
     *negative = status == CLOTH_ERR_NUMERIC;
     if (status && !*negative) return status;
@@ -1479,11 +1473,8 @@ static cloth_status clothi_grad_matrices(clothi_grad *g, clothi_line *line, int 
     cloth_sim    *s = g->s;
     cloth_matrix *with = s->matrix;
     cloth_report  local;
-    cloth_status  status = clothi_jacobi_make(s->solver);
+    cloth_status  status = clothi_solver_factor(s->solver, with, s->fixed, NULL);
     memset(&local, 0, sizeof local);
-    if (!status && !s->solver->factor)
-        status = cloth_factor_create(&s->hooks, s->model->pattern, &s->solver->factor);
-    if (!status) status = cloth_factor_compute(s->solver->factor, with, s->fixed, 0, NULL);
     g->rep->factorizations++;
     *negative = status == CLOTH_ERR_NUMERIC;
     if (status && !*negative) return status;

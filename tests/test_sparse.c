@@ -279,13 +279,12 @@ static void order(void) {
 
 static const cloth_linear    methods[4] = {CLOTH_LINEAR_JACOBI, CLOTH_LINEAR_SGS, CLOTH_LINEAR_SGS,
                                            CLOTH_LINEAR_AUTO};
-static const cloth_precision precisions[4] = {CLOTH_PRECISION_AUTO, CLOTH_PRECISION_FLOAT,
-                                              CLOTH_PRECISION_DOUBLE, CLOTH_PRECISION_AUTO};
+static const int only[4] = {0, 1, 2, 0};       /* as chosen, floats, doubles, as chosen */
 
-static cloth_linear_options way(int k) {
+static cloth_linear_options way(int k, cloth_linear_solver *solver) {
     cloth_linear_options o = cloth_linear_options_default();
     o.method = methods[k];
-    o.precision = precisions[k];
+    solver->only = only[k];
     return o;
 }
 
@@ -306,7 +305,7 @@ static void check_downhill(problem *q, const unsigned char *fixed) {
     CHECK(dot(q->x, q->y, 3 * q->n) < 0);
 }
 
-/* Every method, precision and mask, with and without far pairs. */
+/* Every method, width and mask, with and without far pairs. */
 static void solve_all(void) {
     const double tight[4] = {1e-12, 1e-6, 1e-12, 1e-5};
     const int    width[3] = {1, 6, 25}, height[3] = {1, 5, 21};
@@ -322,7 +321,7 @@ static void solve_all(void) {
                 fix_some(&q, how);
                 if (size < 2) dense_solve(&q, exact);
                 for (k = 0; k < 4; k++) {
-                    cloth_linear_options o = way(k);
+                    cloth_linear_options o = way(k, q.solver);
                     cloth_linear_report  r;
                     double               residual, Q, size_of = largest(exact, 3 * q.n);
                     o.fixed = q.fixed;
@@ -360,7 +359,7 @@ static void indefinite(void) {
         fix_some(&q, 1);
         for (i = 0; i < q.n; i++) add_both(&q, 1, &i, H);
         for (k = 0; k < 4; k++) {
-            cloth_linear_options o = way(k);
+            cloth_linear_options o = way(k, q.solver);
             cloth_linear_report  r;
             o.fixed = q.fixed;
             o.tolerance = 1e-6;
@@ -392,7 +391,7 @@ static void no_diagonal(void) {
         cloth_linear_options o = cloth_linear_options_default();
         cloth_linear_report  r;
         o.method = methods[k];
-        o.precision = precisions[k];
+        q.solver->only = only[k];
         o.tolerance = 1e-6;
         o.radius = 0.25;
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
@@ -413,7 +412,7 @@ static void radius(void) {
     int     k, i, found, hits = 0;
     start_grid(&q, 24, 23, 1, 200, NULL, 1);
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = way(k);
+        cloth_linear_options o = way(k, q.solver);
         cloth_linear_report  r;
         double               free_size, last = 0;
         o.fixed = q.fixed;
@@ -451,7 +450,7 @@ static void radius(void) {
         add_both(&q, 4, v, H);
     }
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = way(k);
+        cloth_linear_options o = way(k, q.solver);
         cloth_linear_report  r;
         o.tolerance = 1e-6;
         o.radius = 0.3;
@@ -479,7 +478,7 @@ static void singular(void) {
         cloth_linear_report  r;
         double               residual;
         o.method = methods[k];
-        o.precision = precisions[k] == CLOTH_PRECISION_FLOAT ? CLOTH_PRECISION_AUTO : precisions[k];
+        q.solver->only = only[k] == 1 ? 0 : only[k];
         o.tolerance = 1e-6;
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
         model(&q, &residual);
@@ -489,7 +488,7 @@ static void singular(void) {
     CHECK(found == 0);
     cloth_matrix_clear(q.A);                /* nothing at all: said, and no hang */
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = way(k);
+        cloth_linear_options o = way(k, q.solver);
         cloth_linear_report  r;
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
         CHECK(r.negative == 1);
@@ -513,7 +512,7 @@ static void not_finite(void) {
         else if (what / 2 < 3) cloth_matrix_add_element(q.A, 2, v, H);
         else q.b[17] = bad;
         for (k = 0; k < 4; k++) {
-            cloth_linear_options o = way(k);
+            cloth_linear_options o = way(k, q.solver);
             cloth_linear_report  r;
             CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_ERR_NONFINITE);
             CHECK(!(largest(q.x, 3 * q.n) > 0));
@@ -526,7 +525,7 @@ static void not_finite(void) {
 static void check_large(problem *q) {
     int k, i;
     for (k = 0; k < 4; k++) {
-        cloth_linear_options o = way(k);
+        cloth_linear_options o = way(k, q->solver);
         cloth_linear_report  r;
         double               rr = 0, bb = 0;
         o.tolerance = 1e-5;
@@ -629,7 +628,7 @@ static void workers(void) {
             for (k = 1; k < 3; k++) {
                 const size_t         bytes = 3 * (size_t)q.n * sizeof(double);
                 cloth_linear_options o = cloth_linear_options_default();
-                o.precision = precisions[k];
+                q.solver->only = only[k];
                 o.tolerance = 1e-3;
                 o.radius = k == 2 ? 100 : 0;
                 CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_OK);
@@ -689,7 +688,7 @@ static cloth_status everything(const cloth_hooks *hooks, ration *r) {
     }
     for (i = 0; i < 4 && !status; i++) {
         o.method = methods[i];
-        o.precision = precisions[i];
+        s->only = only[i];
         status = cloth_linear_solve(s, A, b, x, &o, NULL);
         if (status) CHECK(!(largest(x, 3 * 24 * 23) > 0));
     }
@@ -697,7 +696,7 @@ static cloth_status everything(const cloth_hooks *hooks, ration *r) {
         const long calls = r->calls;
         for (i = 0; i < 4; i++) {
             o.method = methods[i];
-            o.precision = precisions[i];
+            s->only = only[i];
             CHECK(cloth_linear_solve(s, A, b, x, &o, NULL) == CLOTH_OK);
         }
         CHECK(r->calls == calls);           /* none after the first */
@@ -739,9 +738,9 @@ static void arguments(void) {
     cloth_linear_options o = cloth_linear_options_default();
     const int            start[2] = {0, 2}, below[2] = {-2, 0}, bad[2] = {0, 99}, v[1] = {-1};
     double               H[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    static const char *const said[9] = {"method -1", "method 44", "precision 9", "precision -1",
-                                        "max_iterations -4", "tolerance -1", "v[0] = -1",
-                                        "pattern is NULL", "pattern is NULL"};
+    static const char *const said[8] = {"method -1", "method 44", "radius -1", "max_iterations -4",
+                                        "tolerance -1", "v[0] = -1", "pattern is NULL",
+                                        "pattern is NULL"};
     cloth_matrix         *A = NULL;
     cloth_linear_solver  *solver = NULL;
     host                  h;
@@ -761,20 +760,20 @@ static void arguments(void) {
     CHECK(cloth_linear_solve(q.solver, q.A, q.b, NULL, &o, NULL) == CLOTH_ERR_ARGUMENT);
     o.radius = (double)NAN;
     CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
-    for (k = 0; k < 9; k++) {               /* one option of four, and what was not given */
+    for (k = 0; k < 8; k++) {               /* one option of four, and what was not given */
         o = cloth_linear_options_default();
         if (k < 2) o.method = (cloth_linear)(k ? 44 : -1);
-        if (k == 2 || k == 3) o.precision = (cloth_precision)(k == 2 ? 9 : -1);
-        if (k == 4) o.max_iterations = -4;
-        if (k == 5) o.tolerance = -1;
+        if (k == 2) o.radius = -1;
+        if (k == 3) o.max_iterations = -4;
+        if (k == 4) o.tolerance = -1;
         q.solver->hooks.log = told.log;
         q.A->hooks.log = told.log;
         host_forget(&h);
-        if (k < 6)
+        if (k < 5)
             CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
-        if (k == 6) CHECK(cloth_matrix_add_element(q.A, 1, v, H) == CLOTH_ERR_ARGUMENT);
-        if (k == 7) CHECK(cloth_matrix_create(&told, NULL, &A) == CLOTH_ERR_ARGUMENT && !A);
-        if (k == 8) CHECK(cloth_linear_solver_create(&told, NULL, &solver) == CLOTH_ERR_ARGUMENT);
+        if (k == 5) CHECK(cloth_matrix_add_element(q.A, 1, v, H) == CLOTH_ERR_ARGUMENT);
+        if (k == 6) CHECK(cloth_matrix_create(&told, NULL, &A) == CLOTH_ERR_ARGUMENT && !A);
+        if (k == 7) CHECK(cloth_linear_solver_create(&told, NULL, &solver) == CLOTH_ERR_ARGUMENT);
         CHECK(h.lines == 1 && strstr(h.text, said[k]) != NULL);
     }
     o = cloth_linear_options_default();
@@ -797,7 +796,7 @@ static void stiff(void) {
         double               residual;
         start_grid(&q, 24, 23, 1, k ? 1e7 : 1e3, NULL, 1);
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
-        CHECK(r.precision == (k ? CLOTH_PRECISION_DOUBLE : CLOTH_PRECISION_FLOAT));
+        CHECK(q.solver->wide == k);
         model(&q, &residual);
         CHECK(r.residual <= 0.05);
         end_problem(&q);

@@ -177,7 +177,7 @@ static void measure(int n, const cloth_hooks *hooks, int workers) {
         cloth_linear_options o = cloth_linear_options_default();
         int                  few, many, need, plain;
         double               t1, t2, t3;
-        o.precision = k ? CLOTH_PRECISION_DOUBLE : CLOTH_PRECISION_FLOAT;
+        s->only = k ? 2 : 1;
         o.fixed = fixed;
         solve(s, A, b, x, o, 0, 1, &need);
         o.tolerance = 1e-6;

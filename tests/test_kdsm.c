@@ -1168,6 +1168,31 @@ static void predictor_comes_back(void) {
     wearer_free(&w), free(x);
 }
 
+/* What the second network says counts where joints move, and not at all where they are still; g is
+ * s/(1 + s) of the rates alone. */
+static void held_still_nothing_swings(void) {
+    static wearer w;
+    predictor     p;
+    double       *x = vectors(3 * shirt.nv), *y = x + 3 * shirt.nv, *z = y + 3 * shirt.nv;
+    double        before[12 * SHAPES_BONES], in[6 * SHAPES_BONES], was[6 * SHAPES_BONES], s = 0;
+    int           i;
+    wear_shirt(&w);
+    arms_in(0.48, before), arms_in(0.5, T);
+    made_up(&w, PREDICT_FRAMES, &p);
+    for (i = 3 * SHAPES_BONES; i < 6 * SHAPES_BONES; i++) p.mean[0][i] = 0;
+    predict_inputs(T, before, SHAPES_BONES, in);
+    for (i = 3 * SHAPES_BONES; i < 6 * SHAPES_BONES; i++) s += pow(in[i] / p.over[0][i], 2);
+    memcpy(was, in, sizeof was);
+    CHECK_NEAR(predictor_scale(&p, in), s / (1 + s), 1e-14);
+    CHECK_NEAR(in[7], (was[7] - p.mean[0][7]) / p.over[0][7], 1e-14);
+    CHECK(predict(&w, &p, T, T, x) == NULL && predict(&w, &p, T, before, z) == NULL);
+    CHECK(learn_distance(shirt.nv, x, z) > 1e-5);
+    memset(p.swing.p, 0, p.swing.at[NET_LAYERS] * sizeof(double));
+    CHECK(predict(&w, &p, T, T, y) == NULL && predict(&w, &p, T, before, z) == NULL);
+    CHECK(learn_distance(shirt.nv, x, y) == 0 && learn_distance(shirt.nv, x, z) == 0);
+    predictor_free(&p), wearer_free(&w), free(x);
+}
+
 static int reads(const unsigned char *bytes, size_t n, const char *word, const char *value) {
     predictor   p;
     const char *error;
@@ -1516,6 +1541,7 @@ int main(int argc, char **argv) {
     RUN(arms_out_at_rest);
     RUN(inputs_are_axis_times_angle);
     RUN(predictor_comes_back);
+    RUN(held_still_nothing_swings);
     RUN(predictor_refuses);
     RUN(predictor_of_another);
     RUN(from_poses_to_a_predictor);

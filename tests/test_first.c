@@ -232,7 +232,7 @@ static void log_stderr(void) {
     rewind(file);
     n = fread(text, 1, sizeof text - 1, file);
     text[n] = 0;
-    CHECK(strstr(text, "error: face 4 is missing (bad mesh") == text);
+    CHECK(strstr(text, "error: face 4 is missing (the mesh") == text);
     CHECK(strstr(text, "\nwarning: odd (ok)\n") != NULL);
     remove("out/test_first.log");
 }

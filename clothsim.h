@@ -4581,6 +4581,15 @@ CLOTHI_HOT void clothi_stretch_measure(clothi_in x, clothi_in rest, clothi_out s
     }
 }
 
+/* LEAPFROG's path without bending: nothing but elastic forces. */
+CLOTHI_HOT void clothi_stretch_forces(clothi_in x, clothi_in rest, clothi_out f) {
+    int k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k);
+        clothi_tri_force(&t, clothi_tri_stress(t.e, rest, k), rest, k, f);
+    }
+}
+
 CLOTHI_HOT void clothi_stretch_lanes(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
                                      clothi_out E, clothi_out Ed, clothi_out f) {
     int k;
@@ -10295,17 +10304,18 @@ static void clothi_batch(const clothi_pass *p, int b) {
     const clothi_elements *el = p->el;
     const double          *rest, *start;
     double x[12 * CLOTHI_LANES], damp[CLOTHI_LANES], H[54 * CLOTHI_LANES], unused[2 * CLOTHI_LANES];
-    double f[12 * CLOTHI_LANES];
+    double f[12 * CLOTHI_LANES], *to = f;
     clothi_corners(p->g, p->x, b, x);
     clothi_batch_rest(el, b, p->inv_h, &rest, &start, damp);
-    if (p->energy || p->grad)
+    if (p->grad)
+        to = p->own->force + p->g->force + (size_t)b * (size_t)p->g->width * 3 * CLOTHI_LANES;
+    if (p->grad && !p->energy && start == clothi_none && p->g->kind == CLOTHI_TRIANGLE)
+        clothi_stretch_forces(x, rest, to);
+    else if (p->energy || p->grad)
         el->kind->lanes(x, rest, start, damp,
                         p->energy ? p->energy + (size_t)b * CLOTHI_LANES : unused,
                         p->energy && start != clothi_none ? p->loss + (size_t)b * CLOTHI_LANES
-                                                          : unused + CLOTHI_LANES,
-                        p->grad ? p->own->force + p->g->force +
-                                      (size_t)b * (size_t)p->g->width * 3 * CLOTHI_LANES
-                                : f);
+                                                          : unused + CLOTHI_LANES, to);
     if (!p->hess) return;
     el->kind->blocks(x, rest, start, damp, p->psd, H);
     clothi_scatter(p, b, H);

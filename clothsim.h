@@ -5813,8 +5813,10 @@ static void clothi_dissect(clothi_dissection *d, int leaves) {
 }
 
 static void clothi_dissection_free(const cloth_hooks *hooks, clothi_dissection *d) {
-    const void *const block[] = {d->verts, d->tmp, d->key, d->part};
-    (void)clothi_blocks(hooks, block, sizeof block / sizeof *block);
+    clothi_free(hooks, d->verts);
+    clothi_free(hooks, d->tmp);
+    clothi_free(hooks, d->key);
+    clothi_free(hooks, d->part);
 }
 
 /* One part, all vertices along the longest axis. */

@@ -61,6 +61,7 @@
  *             sheet->x[3 * v + 1] = 0.04 * sin(5 * sheet->x[3 * v] + 3 * sheet->x[3 * v + 2]);
  *         cloth_desc_set_mesh(&desc, sheet);                  // where it buckles
  *         desc.npins = 2, desc.pins = pins;
+ *         desc.material.bending = 1e-3;                       // N m: what is softer wrinkles
  *         desc.tolerance = 1e-8;                              // m: derivatives want more than eyes
  *         if (cloth_model_create(&desc, &model) || cloth_sim_create(model, &sim)) return 1;
  *         if (cloth_tape_create(sim, NULL, &tape)) return 1;
@@ -68,7 +69,7 @@
  *             if (cloth_step(sim, 1.0 / 60, NULL)) return 1;
  *         grad.membrane = &stiffness, grad.v0 = v0;           // what is asked for
  *         if (cloth_grad_backward(tape, corner, NULL, &grad, &report)) return 1;
- *         printf("dL/dY = %.3e m per N/m, dL/dv0y of that corner = %.3f s; %s\n", stiffness,
+ *         printf("dL/dY = %.3e m per N/m, dL/dv0y of that corner = %.4f s; %s\n", stiffness,
  *                v0[3 * (NV - 1) + 1], report.valid ? "valid" : report.why);
  *         cloth_tape_destroy(tape), cloth_sim_destroy(sim), cloth_model_destroy(model);
  *         cloth_mesh_destroy(NULL, sheet);

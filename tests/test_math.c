@@ -87,9 +87,10 @@ static void circle_and_log(void) {
         const double      turns = ref_uniform(&seed, -2, 2) * (k % 2 ? 1 : 500);
         const double      a = ref_uniform(&seed, 0, 1) * (k % 3 ? 1 : pow(10, -k % 12));
         const long double exact = logl((long double)a), big = fabsl(exact);
+        const long double angle = turn * (long double)turns;
         clothi_circle(turns, &c, &s);
-        worst[0] = fmax(worst[0], (double)fabsl((long double)c - cosl(turn * turns)));
-        worst[0] = fmax(worst[0], (double)fabsl((long double)s - sinl(turn * turns)));
+        worst[0] = fmax(worst[0], (double)fabsl((long double)c - cosl(angle)));
+        worst[0] = fmax(worst[0], (double)fabsl((long double)s - sinl(angle)));
         worst[1] = fmax(worst[1], (double)(fabsl((long double)clothi_log(a) - exact) /
                                            (big > 1 ? big : 1)));
     }

@@ -11,6 +11,9 @@
  * The one at 1e-10 m, free, is itself compared with central differences of such runs by the moduli;
  * on the sphere differences over 20 steps say nothing, of any width from 1e-4 to 1e-7: contacts and
  * their sticking change in between (steps of it: tests/test_grad_contact.c).
+ * A sim without a tape pays nothing: 8 steps of 32 x 32 take 513.69 million instructions where
+ * clothsim_grad.h is not included, 513.66 where it is or a tape has gone; LEAPFROG's 382.46 each
+ * way (callgrind).
  * Charts: out/bench/grad_ratio.svg, grad_error.svg. */
 #define _XOPEN_SOURCE 600
 #include "../../clothsim_collide.h"

@@ -11495,8 +11495,8 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
     cloth_status        status;
     uint32_t            noise = 1;
     int                 i;
-    if ((nt->exact && clothi_still_axis(s) < 0) || nt->escapes == CLOTHI_ESCAPES ||
-        !(goal->eta > 0) || !clothi_compressed(s))
+    if (((nt->exact || !nt->refused) && clothi_still_axis(s) < 0) || !(goal->eta > 0) ||
+        nt->escapes == CLOTHI_ESCAPES || !clothi_compressed(s))
         return CLOTH_OK;
     nt->escapes++;
     for (i = 0; i < 3 * s->model->nv; i++) {

@@ -13876,10 +13876,11 @@ CLOTHI_RARE_END
  * Until 1.0 a minor version may change the interface; a patch changes neither it nor numbers.
  *
  * 0.2.0  [api] cloth_desc_set_mesh(), cloth_log_stderr(), cloth_sim_save_obj(), warnings;
- *        desc.sleep; the cancel hook's answer 2; cloth_term.stiffness. [numbers] contact is part of
- *        the minimisation; angles of round meshes. [fix] names that windows.h and complex.h take;
- *        x87 and fast maths are refused; MinGW's sqrt; BDF2 whose search is cut short; statics that
- *        nothing holds.
+ *        desc.sleep; the cancel hook's answer 2; cloth_term.stiffness; cloth_layer.step; the linear
+ *        solver chooses its precision itself. [numbers] contact is part of the minimisation; one
+ *        order of the unknowns for all solvers; angles of round meshes. [fix] names that windows.h
+ *        and complex.h take; x87 and fast maths are refused; MinGW's sqrt; BDF2 whose search is cut
+ *        short; statics that nothing holds.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

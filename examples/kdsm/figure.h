@@ -357,11 +357,15 @@ static inline void figure_arms(const figure *f, double *turn) {
 
 /* The rest is from now on that of these arms, as a paper's T-pose; after skeleton and motions. */
 static inline const char *figure_arms_out(figure *f) {
-    double turn[3 * 1000], *T = (double *)malloc(12 * (size_t)f->njoints * sizeof(double));
+    double turn[3 * 1000], *T;
     int    j, r, c;
     if (f->arm[0] < 0 || f->arm[1] < 0 || f->back) return "the body's arms are not known";
+    T = (double *)malloc(12 * (size_t)f->njoints * sizeof(double));
     f->own_x = (double *)malloc(3 * (size_t)f->nv * sizeof(double));
-    if (!T || !f->own_x) return "out of memory";
+    if (!T || !f->own_x) {
+        free(T);
+        return "out of memory";
+    }
     figure_arms(f, turn);
     figure_at(f, turn, T);
     figure_skin(f, T, f->own_x);

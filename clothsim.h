@@ -6660,61 +6660,78 @@ CLOTHI_RARE_END
 
 /* A vertex has a record of four numbers (three and a zero), a block three records. The code of
  * this section is written once: `w` is a constant in every call, 0 for float and 1 for double, and
- * the compiler drops the other half. Without SSE2 or with CLOTH_NO_SIMD: plain loops. */
-typedef struct clothi_v4 {
+ * the compiler drops the other half. PS(op) is of four floats, PD(op) of two doubles: intrinsics,
+ * or without SSE2 or with CLOTH_NO_SIMD plain loops. */
 #if defined(CLOTHI_SSE2)
-    __m128  f;
-    __m128d d, e;
+typedef __m128  clothi_f4;
+typedef __m128d clothi_d2;
+#  define CLOTHI_PS(op) _mm_##op##_ps
+#  define CLOTHI_PD(op) _mm_##op##_pd
 #else
-    float  f[4];
-    double d[4];
+#  define CLOTHI_PS(op) clothi_##op##_ps
+#  define CLOTHI_PD(op) clothi_##op##_pd
+#  define CLOTHI_LOOP(V, n, name, op)                                                            \
+    CLOTHI_LANE V name(V a, V b) {                                                               \
+        int k;                                                                                   \
+        for (k = 0; k < n; k++) a.q[k] = a.q[k] op b.q[k];                                       \
+        return a;                                                                                \
+    }
+#  define CLOTHI_LOOPS(T, V, n, p)                                                               \
+    typedef struct V { T q[n]; } V;                                                              \
+    CLOTHI_LOOP(V, n, clothi_add_##p, +)                                                         \
+    CLOTHI_LOOP(V, n, clothi_sub_##p, -)                                                         \
+    CLOTHI_LOOP(V, n, clothi_mul_##p, *)                                                         \
+    CLOTHI_LANE void clothi_store_##p(T *a, V r) { memcpy(a, r.q, sizeof r.q); }                 \
+    CLOTHI_LANE V clothi_load_##p(const T *a) {                                                  \
+        V r;                                                                                     \
+        memcpy(r.q, a, sizeof r.q);                                                              \
+        return r;                                                                                \
+    }                                                                                            \
+    CLOTHI_LANE V clothi_set1_##p(T u) {                                                         \
+        V   r;                                                                                   \
+        int k;                                                                                   \
+        for (k = 0; k < n; k++) r.q[k] = u;                                                      \
+        return r;                                                                                \
+    }
+CLOTHI_LOOPS(float, clothi_f4, 4, ps)
+CLOTHI_LOOPS(double, clothi_d2, 2, pd)
 #endif
-} clothi_v4;
 
 #if defined(CLOTHI_AVX) && defined(__FMA__)         /* a + b c */
 #  define CLOTHI_MADD_PS(a, b, c)  _mm_fmadd_ps(b, c, a)
 #  define CLOTHI_MADD_PD(a, b, c)  _mm_fmadd_pd(b, c, a)
-#elif defined(CLOTHI_SSE2)
-#  define CLOTHI_MADD_PS(a, b, c)  _mm_add_ps(a, _mm_mul_ps(b, c))
-#  define CLOTHI_MADD_PD(a, b, c)  _mm_add_pd(a, _mm_mul_pd(b, c))
+#else
+#  define CLOTHI_MADD_PS(a, b, c)  CLOTHI_PS(add)(a, CLOTHI_PS(mul)(b, c))
+#  define CLOTHI_MADD_PD(a, b, c)  CLOTHI_PD(add)(a, CLOTHI_PD(mul)(b, c))
 #endif
+
+typedef struct clothi_v4 {
+    clothi_f4 f;
+    clothi_d2 d, e;
+} clothi_v4;
 
 CLOTHI_LANE clothi_v4 clothi_zero4(void) {
     clothi_v4 r;
-#if defined(CLOTHI_SSE2)
-    r.f = _mm_setzero_ps();
-    r.d = r.e = _mm_setzero_pd();
-#else
-    memset(&r, 0, sizeof r);
-#endif
+    r.f = CLOTHI_PS(set1)(0);
+    r.d = r.e = CLOTHI_PD(set1)(0);
     return r;
 }
 
 /* Record i of an array of floats or doubles. */
 CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_SSE2)
     if (w) {
-        r.d = _mm_load_pd((const double *)a + 4 * i);
-        r.e = _mm_load_pd((const double *)a + 4 * i + 2);
-    } else r.f = _mm_load_ps((const float *)a + 4 * i);
-#else
-    if (w) memcpy(r.d, (const double *)a + 4 * i, sizeof r.d);
-    else memcpy(r.f, (const float *)a + 4 * i, sizeof r.f);
-#endif
+        r.d = CLOTHI_PD(load)((const double *)a + 4 * i);
+        r.e = CLOTHI_PD(load)((const double *)a + 4 * i + 2);
+    } else r.f = CLOTHI_PS(load)((const float *)a + 4 * i);
     return r;
 }
 
 CLOTHI_LANE void clothi_store4(void *a, size_t i, clothi_v4 r, const int w) {
-#if defined(CLOTHI_SSE2)
     if (w) {
-        _mm_store_pd((double *)a + 4 * i, r.d);
-        _mm_store_pd((double *)a + 4 * i + 2, r.e);
-    } else _mm_store_ps((float *)a + 4 * i, r.f);
-#else
-    if (w) memcpy((double *)a + 4 * i, r.d, sizeof r.d);
-    else memcpy((float *)a + 4 * i, r.f, sizeof r.f);
-#endif
+        CLOTHI_PD(store)((double *)a + 4 * i, r.d);
+        CLOTHI_PD(store)((double *)a + 4 * i + 2, r.e);
+    } else CLOTHI_PS(store)((float *)a + 4 * i, r.f);
 }
 
 /* (B[0], B[1], B[2], 0) from doubles. */
@@ -6726,88 +6743,45 @@ CLOTHI_LANE clothi_v4 clothi_cut4(const double *B, const int w) {
     if (!w) r.f = _mm_movelh_ps(_mm_cvtpd_ps(r.d), _mm_cvtpd_ps(r.e));
 #else
     int k;
-    for (k = 0; k < 3; k++) {
-        r.d[k] = B[k];
-        if (!w) r.f[k] = (float)B[k];
-    }
+    r.d.q[0] = B[0], r.d.q[1] = B[1], r.e.q[0] = B[2];
+    for (k = 0; !w && k < 3; k++) r.f.q[k] = (float)B[k];
 #endif
     return r;
 }
 
-CLOTHI_LANE clothi_v4 clothi_add4(clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_SSE2)
-    if (w) {
-        a.d = _mm_add_pd(a.d, b.d);
-        a.e = _mm_add_pd(a.e, b.e);
-    } else a.f = _mm_add_ps(a.f, b.f);
-#else
-    int k;
-    for (k = 0; k < 4; k++) {
-        if (w) a.d[k] += b.d[k];
-        else a.f[k] += b.f[k];
+#define CLOTHI_OP4(name, op)                                                                     \
+    CLOTHI_LANE clothi_v4 name(clothi_v4 a, clothi_v4 b, const int w) {                          \
+        if (w) {                                                                                 \
+            a.d = CLOTHI_PD(op)(a.d, b.d);                                                       \
+            a.e = CLOTHI_PD(op)(a.e, b.e);                                                       \
+        } else a.f = CLOTHI_PS(op)(a.f, b.f);                                                    \
+        return a;                                                                                \
     }
-#endif
-    return a;
-}
-
-CLOTHI_LANE clothi_v4 clothi_sub4(clothi_v4 a, clothi_v4 b, const int w) {
-#if defined(CLOTHI_SSE2)
-    if (w) {
-        a.d = _mm_sub_pd(a.d, b.d);
-        a.e = _mm_sub_pd(a.e, b.e);
-    } else a.f = _mm_sub_ps(a.f, b.f);
-#else
-    int k;
-    for (k = 0; k < 4; k++) {
-        if (w) a.d[k] -= b.d[k];
-        else a.f[k] -= b.f[k];
-    }
-#endif
-    return a;
-}
+CLOTHI_OP4(clothi_add4, add)
+CLOTHI_OP4(clothi_sub4, sub)
 
 /* a + b c */
 CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
-#if defined(CLOTHI_SSE2)
     if (w) {
         a.d = CLOTHI_MADD_PD(a.d, b.d, c.d);
         a.e = CLOTHI_MADD_PD(a.e, b.e, c.e);
     } else a.f = CLOTHI_MADD_PS(a.f, b.f, c.f);
-#else
-    int k;
-    for (k = 0; k < 4; k++) {
-        if (w) a.d[k] += b.d[k] * c.d[k];
-        else a.f[k] += b.f[k] * c.f[k];
-    }
-#endif
     return a;
 }
 
 /* u in all four. */
 CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_SSE2)
-    if (w) r.d = r.e = _mm_set1_pd(u);
-    else r.f = _mm_set1_ps((float)u);
-#else
-    int k;
-    for (k = 0; k < 4; k++) {
-        if (w) r.d[k] = u;
-        else r.f[k] = (float)u;
-    }
-#endif
+    if (w) r.d = r.e = CLOTHI_PD(set1)(u);
+    else r.f = CLOTHI_PS(set1)((float)u);
     return r;
 }
 
 /* Number j of record i in all four. */
 CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int w) {
     clothi_v4 r = clothi_zero4();
-#if defined(CLOTHI_SSE2)
-    if (w) r.d = r.e = _mm_load1_pd((const double *)a + 4 * i + j);
-    else r.f = _mm_load1_ps((const float *)a + 4 * i + j);
-#else
-    r = clothi_all4(w ? ((const double *)a)[4 * i + j] : (double)((const float *)a)[4 * i + j], w);
-#endif
+    if (w) r.d = r.e = CLOTHI_PD(set1)(((const double *)a)[4 * i + j]);
+    else r.f = CLOTHI_PS(set1)(((const float *)a)[4 * i + j]);
     return r;
 }
 
@@ -6830,46 +6804,37 @@ CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
         a.f = _mm_add_ps(_mm_add_ps(a.f, b.f), _mm_add_ps(c.f, z));
 #  endif
     }
-#else
-    clothi_v4 r = clothi_zero4();
-    if (w) {
-        r.d[0] = (a.d[0] + a.d[1]) + (a.d[2] + a.d[3]);
-        r.d[1] = (b.d[0] + b.d[1]) + (b.d[2] + b.d[3]);
-        r.d[2] = (c.d[0] + c.d[1]) + (c.d[2] + c.d[3]);
-    } else {
-        r.f[0] = (a.f[0] + a.f[1]) + (a.f[2] + a.f[3]);
-        r.f[1] = (b.f[0] + b.f[1]) + (b.f[2] + b.f[3]);
-        r.f[2] = (c.f[0] + c.f[1]) + (c.f[2] + c.f[3]);
-    }
-    a = r;
-#endif
     return a;
+#else
+    const clothi_v4 v[3] = {a, b, c};
+    double          sum[4] = {0, 0, 0, 0};
+    clothi_v4       r = clothi_zero4();
+    int             k;
+    for (k = 0; k < 3; k++)
+        if (w) sum[k] = (v[k].d.q[0] + v[k].d.q[1]) + (v[k].e.q[0] + v[k].e.q[1]);
+        else r.f.q[k] = (v[k].f.q[0] + v[k].f.q[1]) + (v[k].f.q[2] + v[k].f.q[3]);
+    return w ? clothi_load4(sum, 0, 1) : r;
+#endif
 }
 
 /* Products of a and b added to four sums, always doubles. */
 CLOTHI_LANE clothi_v4 clothi_dot4(clothi_v4 sum, clothi_v4 a, clothi_v4 b, const int w) {
+    if (w) return clothi_madd4(sum, a, b, 1);
+    a.f = CLOTHI_PS(mul)(a.f, b.f);
 #if defined(CLOTHI_SSE2)
-    if (w) sum = clothi_madd4(sum, a, b, 1);
-    else {
-        const __m128 q = _mm_mul_ps(a.f, b.f);
-        sum.d = _mm_add_pd(sum.d, _mm_cvtps_pd(q));
-        sum.e = _mm_add_pd(sum.e, _mm_cvtps_pd(_mm_movehl_ps(q, q)));
-    }
+    sum.d = _mm_add_pd(sum.d, _mm_cvtps_pd(a.f));
+    sum.e = _mm_add_pd(sum.e, _mm_cvtps_pd(_mm_movehl_ps(a.f, a.f)));
 #else
-    int k;
-    for (k = 0; k < 4; k++) sum.d[k] += w ? a.d[k] * b.d[k] : (double)(a.f[k] * b.f[k]);
+    sum.d.q[0] += (double)a.f.q[0], sum.d.q[1] += (double)a.f.q[1];
+    sum.e.q[0] += (double)a.f.q[2], sum.e.q[1] += (double)a.f.q[3];
 #endif
     return sum;
 }
 
 /* Doubles of such sums. */
 CLOTHI_LANE void clothi_spill4(clothi_v4 sum, double *q) {
-#if defined(CLOTHI_SSE2)
-    _mm_storeu_pd(q, sum.d);
-    _mm_storeu_pd(q + 2, sum.e);
-#else
-    memcpy(q, sum.d, sizeof sum.d);
-#endif
+    memcpy(q, &sum.d, sizeof sum.d);
+    memcpy(q + 2, &sum.e, sizeof sum.e);
 }
 
 CLOTHI_LANE double clothi_sum4(clothi_v4 sum) {
@@ -6942,6 +6907,15 @@ CLOTHI_LANE void clothi_scatter4(const void *L, const int *col, int k0, int k1, 
 
 /* Calls f with its last argument a constant: 1 for doubles, 0 for floats. */
 #define CLOTHI_BY_WIDTH(wide, f, ...) ((wide) ? f(__VA_ARGS__, 1) : f(__VA_ARGS__, 0))
+
+/* The range of a parallel loop over subdomains, d = nd standing for S: f(s, d, w) of each. */
+#define CLOTHI_BY_DOMAIN(name, f)                                                                \
+    CLOTHI_OUTLINE static void name(int begin, int end, int worker, void *ctx) {                 \
+        cloth_linear_solver *s = (cloth_linear_solver *)ctx;                                     \
+        int                  d;                                                                  \
+        (void)worker;                                                                            \
+        for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, f, s, d);                         \
+    }
 
 /* --- dense panels, of the coarse matrix below and of the fronts of [7.4] --- */
 
@@ -7634,12 +7608,7 @@ CLOTHI_LANE void clothi_scale_rows(cloth_linear_solver *s, int d, const int w) {
     }
 }
 
-CLOTHI_OUTLINE static void clothi_scale_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_scale_rows, s, d);
-}
+CLOTHI_BY_DOMAIN(clothi_scale_range, clothi_scale_rows)
 
 /* max |G^-T x| of subdomain d, or of S */
 static double clothi_biggest(const cloth_linear_solver *s, int d) {
@@ -7707,12 +7676,7 @@ CLOTHI_LANE void clothi_back_any(cloth_linear_solver *s, int d, const int w) {
     clothi_restrict(s, d, w);
 }
 
-CLOTHI_OUTLINE static void clothi_back_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_back_any, s, d);
-}
+CLOTHI_BY_DOMAIN(clothi_back_range, clothi_back_any)
 
 static void clothi_back(cloth_linear_solver *s) {
     clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
@@ -7808,12 +7772,7 @@ CLOTHI_LANE void clothi_turn_any(cloth_linear_solver *s, int d, const int w) {
     clothi_give_rest(s, d, st->w, w);
 }
 
-CLOTHI_OUTLINE static void clothi_turn_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_turn_any, s, d);
-}
+CLOTHI_BY_DOMAIN(clothi_turn_range, clothi_turn_any)
 
 /* With blocks outside the pattern, what comes before them. */
 CLOTHI_LANE void clothi_turn_before(cloth_linear_solver *s, int d, const int w) {
@@ -7823,12 +7782,7 @@ CLOTHI_LANE void clothi_turn_before(cloth_linear_solver *s, int d, const int w) 
         clothi_store4(s->st.w, (size_t)i, clothi_turn_row(s, i, beta, w), w);
 }
 
-CLOTHI_OUTLINE static void clothi_before_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, clothi_turn_before, s, d);
-}
+CLOTHI_BY_DOMAIN(clothi_before_range, clothi_turn_before)
 
 /* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
 static double clothi_turn(cloth_linear_solver *s) {

@@ -2538,17 +2538,32 @@ static cloth_status clothi_check_size(const cloth_hooks *hooks, const char *name
     return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s = %g must be finite and > 0", name, a);
 }
 
-static cloth_status clothi_check_least(const cloth_hooks *hooks, const char *name, int n,
-                                       int least) {
-    if (n >= least) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s = %i must be at least %i", name, n, least);
-}
+/* What a generator is given: a size in m, or (least > 0) a number of vertices or rings. */
+typedef struct clothi_given {
+    const char *name;
+    double      size;
+    int         n, least;
+} clothi_given;
 
-/* nv and nf as computed in double, so that no product overflows on the way. */
-static cloth_status clothi_check_total(const cloth_hooks *hooks, double nv, double nf) {
-    if (nv <= CLOTH_MAX_COUNT && nf <= CLOTH_MAX_COUNT) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%g vertices and %g faces: at most %i of each",
-                       nv, nf, CLOTH_MAX_COUNT);
+/* How every generator begins: refusals, then a mesh to fill. nv and nf are computed in double, so
+ * that no product overflows on the way. */
+static cloth_status clothi_generate(const cloth_hooks *hooks, const char *call,
+                                    const clothi_given *given, int count, double nv, double nf,
+                                    int with_X, cloth_mesh **out) {
+    const clothi_given *q;
+    if (!out) return clothi_null(hooks, call);
+    *out = NULL;
+    for (q = given; q < given + count; q++) {
+        if (q->least == 0 && clothi_check_size(hooks, q->name, q->size)) return CLOTH_ERR_ARGUMENT;
+        if (q->n < q->least)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s = %i must be at least %i", q->name,
+                               q->n, q->least);
+    }
+    if (nv > CLOTH_MAX_COUNT || nf > CLOTH_MAX_COUNT)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "%g vertices and %g faces: at most %i of each", nv, nf, CLOTH_MAX_COUNT);
+    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, with_X, 0, -1, 0);
+    return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 /* Appends face a b c at *f. */
@@ -2566,14 +2581,25 @@ static void clothi_flat_pattern(cloth_mesh *m) {
     }
 }
 
-static void clothi_sheet_grid(cloth_mesh *m, int nx, int ny, double width, double height,
-                              int alternating) {
-    int i, j, f = 0;
-    for (j = 0; j < ny; j++)
-        for (i = 0; i < nx; i++) {
-            m->x[3 * (j * nx + i)] = width * i / (nx - 1);
-            m->x[3 * (j * nx + i) + 2] = height * j / (ny - 1);
+/* First vertex of row j of a sheet. */
+static int clothi_sheet_row(int nx, int j, int shifted) { return j * nx + (shifted ? j / 2 : 0); }
+
+static void clothi_sheet_points(cloth_mesh *m, int nx, int ny, double width, double height,
+                                int shifted) {
+    int i, j;
+    for (j = 0; j < ny; j++) {
+        const int odd = shifted && j % 2;
+        for (i = 0; i < nx + odd; i++) {
+            double *p = m->x + 3 * (clothi_sheet_row(nx, j, shifted) + i);
+            p[0] = odd ? width * (i == 0 ? 0.0 : i == nx ? 1.0 : (i - 0.5) / (nx - 1))
+                       : width * i / (nx - 1);
+            p[2] = height * j / (ny - 1);
         }
+    }
+}
+
+static void clothi_sheet_grid(cloth_mesh *m, int nx, int ny, int alternating) {
+    int i, j, f = 0;
     for (j = 0; j < ny - 1; j++)
         for (i = 0; i < nx - 1; i++) {
             const int a = j * nx + i, b = a + 1, c = a + nx, d = c + 1;
@@ -2587,20 +2613,11 @@ static void clothi_sheet_grid(cloth_mesh *m, int nx, int ny, double width, doubl
         }
 }
 
-static void clothi_sheet_shifted(cloth_mesh *m, int nx, int ny, double width, double height) {
+static void clothi_sheet_shifted(cloth_mesh *m, int nx, int ny) {
     int i, j, f = 0;
-    for (j = 0; j < ny; j++) {
-        const int row = j * nx + j / 2, odd = j % 2;
-        for (i = 0; i < nx + odd; i++) {
-            double *p = m->x + 3 * (row + i);
-            p[0] = odd ? width * (i == 0 ? 0.0 : i == nx ? 1.0 : (i - 0.5) / (nx - 1))
-                       : width * i / (nx - 1);
-            p[2] = height * j / (ny - 1);
-        }
-    }
     for (j = 0; j < ny - 1; j++) {
-        const int row = j * nx + j / 2, next = (j + 1) * nx + (j + 1) / 2, odd = j % 2;
-        const int even_row = odd ? next : row, odd_row = odd ? row : next;
+        const int odd = j % 2, odd_row = clothi_sheet_row(nx, j + !odd, 1);
+        const int even_row = clothi_sheet_row(nx, j + odd, 1);
         for (i = 0; i < nx; i++) {          /* base on the odd row, tip on the even one        */
             const int a = odd_row + i, tip = even_row + i;
             if (odd) clothi_add_face(m, &f, a, tip, a + 1);
@@ -2616,59 +2633,40 @@ CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pa
                                         int nx, int ny, double width, double height,
                                         cloth_mesh **out) {
     const int    shifted = pattern == CLOTH_SHEET_EQUILATERAL;
+    clothi_given given[4] = {
+        {"width", width, 0, 0}, {"height", height, 0, 0}, {"nx", 0, nx, 2}, {"ny", 0, ny, 2}};
     cloth_status status;
-    double       nv, nf;
-    if (!out) return clothi_null(hooks, "cloth_mesh_sheet: out");
-    *out = NULL;
+    if (out) *out = NULL;
     if (!shifted && pattern != CLOTH_SHEET_ALTERNATING && pattern != CLOTH_SHEET_DIAGONAL)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern = %i is none of CLOTH_SHEET_",
                            (int)pattern);
-    status = clothi_check_size(hooks, "width", width);
-    if (status == CLOTH_OK) status = clothi_check_size(hooks, "height", height);
-    if (status == CLOTH_OK) status = clothi_check_least(hooks, "nx", nx, 2);
-    if (status == CLOTH_OK && shifted && ny == 0) {
+    if (shifted && ny == 0) {
         const double rows = height / width * (nx - 1) / sqrt(0.75);
         ny = rows < 1.5 ? 2 : rows < CLOTH_MAX_COUNT ? (int)(rows + 0.5) + 1 : CLOTH_MAX_COUNT;
+        given[3].n = ny;
     }
-    if (status == CLOTH_OK) status = clothi_check_least(hooks, "ny", ny, 2);
-    if (status != CLOTH_OK) return status;
-    nv = (double)nx * ny + (shifted ? ny / 2 : 0);
-    nf = (ny - 1.0) * (shifted ? 2.0 * nx - 1 : 2.0 * (nx - 1));
-    status = clothi_check_total(hooks, nv, nf);
-    if (status != CLOTH_OK) return status;
-    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, 1, 0, -1, 0);
-    if (!*out) return CLOTH_ERR_MEMORY;
-    if (shifted) clothi_sheet_shifted(*out, nx, ny, width, height);
-    else clothi_sheet_grid(*out, nx, ny, width, height, pattern == CLOTH_SHEET_ALTERNATING);
+    status = clothi_generate(hooks, "cloth_mesh_sheet: out", given, 4,
+                             (double)nx * ny + (shifted ? ny / 2 : 0),
+                             (ny - 1.0) * (shifted ? 2.0 * nx - 1 : 2.0 * (nx - 1.0)), 1, out);
+    if (status) return status;
+    clothi_sheet_points(*out, nx, ny, width, height, shifted);
+    if (shifted) clothi_sheet_shifted(*out, nx, ny);
+    else clothi_sheet_grid(*out, nx, ny, pattern == CLOTH_SHEET_ALTERNATING);
     clothi_flat_pattern(*out);
     return CLOTH_OK;
 }
 
-/* Pattern corner k of face f of a tube: half is twice the steps around, row counts up. */
-static void clothi_tube_corner(cloth_mesh *m, int f, int k, int around, int half, int row,
-                               double base, double rise) {
-    double *P = m->X + 6 * (size_t)f + 2 * k;
-    m->faces[3 * f + k] = row * around + (half - row % 2) / 2 % around;
-    P[0] = 0.5 * base * half;
-    P[1] = rise * row;
-}
-
 CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, double height,
                                        int around, int along, cloth_mesh **out) {
-    cloth_status status;
-    double       base, rise, bulge, side, c, s;
-    int          i, j, f = 0;
-    if (!out) return clothi_null(hooks, "cloth_mesh_tube: out");
-    *out = NULL;
-    status = clothi_check_size(hooks, "radius", radius);
-    if (status == CLOTH_OK) status = clothi_check_size(hooks, "height", height);
-    if (status == CLOTH_OK) status = clothi_check_least(hooks, "around", around, 3);
-    if (status == CLOTH_OK) status = clothi_check_least(hooks, "along", along, 2);
-    if (status == CLOTH_OK)
-        status = clothi_check_total(hooks, (double)around * along, 2.0 * around * (along - 1.0));
-    if (status != CLOTH_OK) return status;
-    *out = clothi_mesh_alloc(hooks, around * along, 2 * around * (along - 1), 1, 0, -1, 0);
-    if (!*out) return CLOTH_ERR_MEMORY;
+    static const int   corner[6][2] = {{0, 0}, {2, 0}, {1, 1}, {2, 0}, {3, 1}, {1, 1}};
+    const clothi_given given[4] = {{"radius", radius, 0, 0}, {"height", height, 0, 0},
+                                   {"around", 0, around, 3}, {"along", 0, along, 2}};
+    double             base, rise, bulge, side, c, s;
+    int                i, j, k, at = 0;
+    cloth_status       status = clothi_generate(hooks, "cloth_mesh_tube: out", given, 4,
+                                                (double)around * along,
+                                                2.0 * around * (along - 1.0), 1, out);
+    if (status) return status;
     for (j = 0; j < along; j++)
         for (i = 0; i < around; i++) {
             double *p = (*out)->x + 3 * (j * around + i);
@@ -2683,15 +2681,13 @@ CLOTH_API cloth_status cloth_mesh_tube(const cloth_hooks *hooks, double radius, 
     bulge = 2 * radius * s * s, side = height / (along - 1);
     rise = side * sqrt(1 + bulge / side * (bulge / side));
     for (j = 0; j < along - 1; j++)
-        for (i = 0; i < around; i++, f += 2) {
-            const int h = 2 * i + j % 2;    /* half steps to this vertex of row j              */
-            clothi_tube_corner(*out, f, 0, around, h, j, base, rise);
-            clothi_tube_corner(*out, f, 1, around, h + 2, j, base, rise);
-            clothi_tube_corner(*out, f, 2, around, h + 1, j + 1, base, rise);
-            clothi_tube_corner(*out, f + 1, 0, around, h + 2, j, base, rise);
-            clothi_tube_corner(*out, f + 1, 1, around, h + 3, j + 1, base, rise);
-            clothi_tube_corner(*out, f + 1, 2, around, h + 1, j + 1, base, rise);
-        }
+        for (i = 0; i < around; i++)
+            for (k = 0; k < 6; k++, at++) { /* two faces: half steps around, and the row       */
+                const int half = 2 * i + j % 2 + corner[k][0], row = j + corner[k][1];
+                (*out)->faces[at] = row * around + (half - row % 2) / 2 % around;
+                (*out)->X[2 * (size_t)at] = 0.5 * base * half;
+                (*out)->X[2 * (size_t)at + 1] = rise * row;
+            }
     return CLOTH_OK;
 }
 
@@ -2702,17 +2698,12 @@ static int clothi_ring_vertex(int k, int i) {
 
 CLOTH_API cloth_status cloth_mesh_disc(const cloth_hooks *hooks, double radius, int rings,
                                        cloth_mesh **out) {
-    cloth_status status;
-    int          i, k, s, f = 0;
-    if (!out) return clothi_null(hooks, "cloth_mesh_disc: out");
-    *out = NULL;
-    status = clothi_check_size(hooks, "radius", radius);
-    if (status == CLOTH_OK) status = clothi_check_least(hooks, "rings", rings, 1);
-    if (status == CLOTH_OK)
-        status = clothi_check_total(hooks, 1 + 3.0 * rings * (rings + 1.0), 6.0 * rings * rings);
-    if (status != CLOTH_OK) return status;
-    *out = clothi_mesh_alloc(hooks, 1 + 3 * rings * (rings + 1), 6 * rings * rings, 1, 0, -1, 0);
-    if (!*out) return CLOTH_ERR_MEMORY;
+    const clothi_given given[2] = {{"radius", radius, 0, 0}, {"rings", 0, rings, 1}};
+    int                i, k, s, f = 0;
+    cloth_status       status = clothi_generate(hooks, "cloth_mesh_disc: out", given, 2,
+                                                1 + 3.0 * rings * (rings + 1.0),
+                                                6.0 * rings * rings, 1, out);
+    if (status) return status;
     for (k = 1; k <= rings; k++)
         for (i = 0; i < 6 * k; i++) {
             const double r = radius * k / rings;
@@ -3766,52 +3757,42 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
  *     c-----d
  * checked: tests/test_first.c */
 
-static cloth_status clothi_closed(const cloth_hooks *hooks, double radius, double height,
-                                  int around, double rings, cloth_mesh **out) {
-    cloth_status status;
-    if (!out) return clothi_null(hooks, "out");
-    *out = NULL;
-    status = clothi_check_size(hooks, "radius or size", radius);
-    if (!status) status = clothi_check_size(hooks, "height or size", height);
-    if (!status) status = clothi_check_least(hooks, "around", around, 3);
-    if (!status) status = clothi_check_total(hooks, 2 + rings * around, 2 * rings * around);
-    if (status) return status;
-    *out = clothi_mesh_alloc(hooks, 2 + (int)rings * around, 2 * (int)rings * around, 0, 0, -1, 0);
-    return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
-}
-
 /* Vertex 0 is the pole below, the last one that above; ball: the rings are its parallels. */
-static void clothi_rings(cloth_mesh *m, int around, int ball, double radius, double height) {
-    const int rings = (m->nv - 2) / around, last = m->nv - 1;
-    int       i, k, f = 0;
-    m->x[1] = -0.5 * height, m->x[3 * last + 1] = 0.5 * height;
+static cloth_status clothi_closed(const cloth_hooks *hooks, double radius, double height,
+                                  int around, int rings, int ball, cloth_mesh **out) {
+    const clothi_given given[3] = {{"radius or size", radius, 0, 0},
+                                   {"height or size", height, 0, 0}, {"around", 0, around, 3}};
+    int          i, k, f = 0, last;
+    double      *x;
+    cloth_status status = clothi_generate(hooks, "out", given, 3, 2 + (double)rings * around,
+                                          2.0 * rings * around, 0, out);
+    if (status) return status;
+    x = (*out)->x, last = (*out)->nv - 1;
+    x[1] = -0.5 * height, x[3 * last + 1] = 0.5 * height;
     for (k = 0; k < rings; k++)
         for (i = 0; i < around; i++) {
             const int a = 1 + k * around + i, b = 1 + k * around + (i + 1) % around;
             double    c, s, down = 0, flat = 1;
             clothi_circle((double)i / around, &c, &s);
             if (ball) clothi_circle(0.5 * (k + 1) / (rings + 1), &down, &flat);
-            m->x[3 * a] = radius * flat * c;
-            m->x[3 * a + 1] = ball ? -radius * down : height * (k - 0.5);
-            m->x[3 * a + 2] = -radius * flat * s;
-            clothi_add_face(m, &f, a, b, k + 1 < rings ? a + around : last);
-            clothi_add_face(m, &f, b, a, k > 0 ? b - around : 0);
+            x[3 * a] = radius * flat * c;
+            x[3 * a + 1] = ball ? -radius * down : height * (k - 0.5);
+            x[3 * a + 2] = -radius * flat * s;
+            clothi_add_face(*out, &f, a, b, k + 1 < rings ? a + around : last);
+            clothi_add_face(*out, &f, b, a, k > 0 ? b - around : 0);
         }
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_mesh_ball(const cloth_hooks *hooks, double radius, int around,
                                        cloth_mesh **out) {
-    const int    rings = around < 4 ? 1 : around / 2 - 1;
-    cloth_status status = clothi_closed(hooks, radius, 2 * radius, around, rings, out);
-    if (!status) clothi_rings(*out, around, 1, radius, 2 * radius);
-    return status;
+    const int rings = around < 4 ? 1 : around / 2 - 1;
+    return clothi_closed(hooks, radius, 2 * radius, around, rings, 1, out);
 }
 
 CLOTH_API cloth_status cloth_mesh_cylinder(const cloth_hooks *hooks, double radius, double height,
                                            int around, cloth_mesh **out) {
-    cloth_status status = clothi_closed(hooks, radius, height, around, 2, out);
-    if (!status) clothi_rings(*out, around, 0, radius, height);
-    return status;
+    return clothi_closed(hooks, radius, height, around, 2, 0, out);
 }
 
 /* Four around, turned by an eighth: the square between (1, 1) and (-1, -1). */
@@ -3820,9 +3801,8 @@ CLOTH_API cloth_status cloth_mesh_box(const cloth_hooks *hooks, const double siz
     cloth_status status;
     int          i;
     if (!size) return clothi_null(hooks, "cloth_mesh_box: size");
-    status = clothi_closed(hooks, size[0] < size[2] ? size[0] : size[2], size[1], 4, 2, out);
+    status = clothi_closed(hooks, size[0] < size[2] ? size[0] : size[2], size[1], 4, 2, 0, out);
     if (status) return status;
-    clothi_rings(*out, 4, 0, 1, size[1]);
     for (i = 1; i < 9; i++) {
         (*out)->x[3 * i] = (i + 3) % 4 < 2 ? 0.5 * size[0] : -0.5 * size[0];
         (*out)->x[3 * i + 2] = (i + 2) % 4 < 2 ? -0.5 * size[2] : 0.5 * size[2];

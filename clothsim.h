@@ -3191,7 +3191,11 @@ typedef struct clothi_obj {
     size_t  table_size;
     clothi_obj_name name;   /* in force                                                        */
     int     npart, current; /* parts so far; part of `name`, -1: not yet looked up             */
+    char    quote[32];      /* of a sentence                                                   */
 } clothi_obj;
+
+#define CLOTHI_OBJ_FAIL(o, format, ...)                                                          \
+    clothi_fail((o)->hooks, CLOTH_ERR_PARSE, "line %i: " format, (o)->line, __VA_ARGS__)
 
 CLOTH_API cloth_obj_options cloth_obj_options_default(void) {
     cloth_obj_options o;
@@ -3249,32 +3253,30 @@ static int clothi_obj_is(const clothi_obj_name *token, const char *word) {
 }
 
 /* A piece of the text for a sentence: at most 31 bytes, printable. */
-static const char *clothi_obj_quote(const clothi_obj_name *token, char *out) {
+static const char *clothi_obj_quote(clothi_obj *o, const clothi_obj_name *token) {
     size_t i;
     for (i = 0; i < 31 && i < token->n; i++)
-        out[i] = token->s[i] >= ' ' && token->s[i] <= '~' ? token->s[i] : '?';
-    out[i] = '\0';
-    return out;
+        o->quote[i] = token->s[i] >= ' ' && token->s[i] <= '~' ? token->s[i] : '?';
+    o->quote[i] = '\0';
+    return o->quote;
 }
 
 /* Up to n numbers of this line into out, of which `least` must be there. */
 static cloth_status clothi_obj_numbers(clothi_obj *o, const char *keyword, int n, int least,
                                        double *out) {
-    char quote[32];
-    int  i;
+    int i;
     for (i = 0; i < n; i++) {
         clothi_obj_name token;
         if (!clothi_obj_token(o, &token)) {
             if (i >= least) return CLOTH_OK;
-            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: %s has %i numbers but needs "
-                               "%i", o->line, keyword, i, least);
+            return CLOTHI_OBJ_FAIL(o, "%s has %i numbers but needs %i", keyword, i, least);
         }
         if (!clothi_parse_double(token.s, token.n, out + i))
-            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: %s: '%s' is not a number",
-                               o->line, keyword, clothi_obj_quote(&token, quote));
+            return CLOTHI_OBJ_FAIL(o, "%s: '%s' is not a number", keyword,
+                                   clothi_obj_quote(o, &token));
         if (!clothi_finite(out[i]))
-            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: %s: '%s' is too large",
-                               o->line, keyword, clothi_obj_quote(&token, quote));
+            return CLOTHI_OBJ_FAIL(o, "%s: '%s' is too large", keyword,
+                                   clothi_obj_quote(o, &token));
     }
     return CLOTH_OK;
 }
@@ -3287,11 +3289,16 @@ static cloth_status clothi_obj_vertex(clothi_obj *o) {
     for (k = 0; k < 3; k++) {
         p[k] *= o->opt.scale;
         if (!clothi_finite(p[k]))
-            return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: v times scale %g is too large",
-                               o->line, o->opt.scale);
+            return CLOTHI_OBJ_FAIL(o, "v times scale %g is too large", o->opt.scale);
     }
     o->v++;
     return CLOTH_OK;
+}
+
+static cloth_status clothi_obj_texture(clothi_obj *o) {
+    double *p = o->vt + 2 * o->t++;
+    p[1] = 0;
+    return clothi_obj_numbers(o, "vt", 2, 1, p);
 }
 
 /* An index of a corner at *s: 1 and *out (0: empty, up to the next slash) or 0: no integer. */
@@ -3319,29 +3326,25 @@ static cloth_status clothi_obj_corner(clothi_obj *o, const clothi_obj_name *toke
                                       int *texture) {
     const char *s = token->s, *end = s + token->n;
     long long   index[3] = {0, 0, 0};
-    char        quote[32];
     int         n = 0, ok;
     do {
         ok = clothi_obj_index(&s, end, &index[n++]);
     } while (ok && n < 3 && s < end && *s++ == '/');
     if (!ok || s != end || index[0] == 0)
-        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s' is not a face corner "
-                           "v/vt/vn", o->line, clothi_obj_quote(token, quote));
+        return CLOTHI_OBJ_FAIL(o, "'%s' is not a face corner v/vt/vn", clothi_obj_quote(o, token));
     *vertex = clothi_obj_resolve(index[0], o->v, o->nv);
     if (*vertex < 0)
-        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s': no such vertex; %i of %i "
-                           "have been given", o->line, clothi_obj_quote(token, quote), o->v,
-                           o->nv);
+        return CLOTHI_OBJ_FAIL(o, "'%s': no such vertex; %i of %i have been given",
+                               clothi_obj_quote(o, token), o->v, o->nv);
     *texture = -1;
     if (index[1] == 0 && o->opt.pattern_scale > 0)
-        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s' has no vt, but pattern_scale "
-                           "= %g asks for a pattern", o->line, clothi_obj_quote(token, quote),
-                           o->opt.pattern_scale);
+        return CLOTHI_OBJ_FAIL(o, "'%s' has no vt, but pattern_scale = %g asks for a pattern",
+                               clothi_obj_quote(o, token), o->opt.pattern_scale);
     if (index[1] == 0) return CLOTH_OK;
     *texture = clothi_obj_resolve(index[1], o->t, o->nvt);
     if (*texture < 0)
-        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: '%s': no such vt; %i of %i have "
-                           "been given", o->line, clothi_obj_quote(token, quote), o->t, o->nvt);
+        return CLOTHI_OBJ_FAIL(o, "'%s': no such vt; %i of %i have been given",
+                               clothi_obj_quote(o, token), o->t, o->nvt);
     return CLOTH_OK;
 }
 
@@ -3378,70 +3381,57 @@ static cloth_status clothi_obj_face(clothi_obj *o) {
         }
         memcpy(last, now, sizeof now);
     }
-    if (n < 3)
-        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "line %i: f has %i corners but needs 3",
-                           o->line, n);
-    return CLOTH_OK;
+    return n < 3 ? CLOTHI_OBJ_FAIL(o, "f has %i corners but needs 3", n) : CLOTH_OK;
 }
 
 /* The rest of the line, blanks at its ends left out, is the name of the faces that follow. */
-static void clothi_obj_set_name(clothi_obj *o) {
+static cloth_status clothi_obj_set_name(clothi_obj *o) {
     clothi_obj_name token;
     o->current = -1;
     o->name.n = 0;
-    if (!clothi_obj_token(o, &token)) return;
+    if (!clothi_obj_token(o, &token)) return CLOTH_OK;
     o->name.s = token.s;
     do o->name.n = (size_t)(token.s + token.n - o->name.s);
     while (clothi_obj_token(o, &token));
-}
-
-static int clothi_obj_names_part(const clothi_obj *o, const clothi_obj_name *keyword) {
-    return (o->opt.parts == CLOTH_OBJ_PARTS_OBJECTS && clothi_obj_is(keyword, "o")) ||
-           (o->opt.parts == CLOTH_OBJ_PARTS_GROUPS && clothi_obj_is(keyword, "g")) ||
-           (o->opt.parts == CLOTH_OBJ_PARTS_MATERIALS && clothi_obj_is(keyword, "usemtl"));
-}
-
-static void clothi_obj_rewind(clothi_obj *o, const char *text, size_t size) {
-    o->p = text, o->end = text + size, o->line = 1;
-    if (size >= 3 && memcmp(text, "\xef\xbb\xbf", 3) == 0) o->p += 3;        /* byte order mark */
-}
-
-/* First run: totals. */
-static cloth_status clothi_obj_count(clothi_obj *o) {
-    for (; o->p < o->end; clothi_obj_skip_line(o)) {
-        clothi_obj_name keyword, token;
-        if (!clothi_obj_token(o, &keyword)) continue;
-        if (clothi_obj_is(&keyword, "v")) o->nv++;
-        else if (clothi_obj_is(&keyword, "vt")) o->nvt++;
-        else if (clothi_obj_names_part(o, &keyword)) o->nname++;
-        else if (clothi_obj_is(&keyword, "f")) {
-            int n = 0;
-            while (o->nf <= CLOTH_MAX_COUNT && clothi_obj_token(o, &token)) o->nf += ++n >= 3;
-        }
-        if (o->nv > CLOTH_MAX_COUNT || o->nvt > CLOTH_MAX_COUNT || o->nf > CLOTH_MAX_COUNT ||
-            o->nname >= CLOTH_MAX_COUNT)
-            return clothi_fail(o->hooks, CLOTH_ERR_CAPACITY, "line %i: more than %i of a kind",
-                               o->line, CLOTH_MAX_COUNT);
-    }
     return CLOTH_OK;
 }
 
-static cloth_status clothi_obj_read(clothi_obj *o) {
+/* The statements that count, towards which total, and what reads them; of the last three, which
+ * stand in the order of cloth_obj_parts, the one that names parts. */
+static const struct {
+    const char  *word;
+    size_t       total;
+    cloth_status (*read)(clothi_obj *o);
+} clothi_obj_statements[] = {{"v", offsetof(clothi_obj, nv), clothi_obj_vertex},
+                             {"vt", offsetof(clothi_obj, nvt), clothi_obj_texture},
+                             {"f", offsetof(clothi_obj, nf), clothi_obj_face},
+                             {"o", offsetof(clothi_obj, nname), clothi_obj_set_name},
+                             {"g", offsetof(clothi_obj, nname), clothi_obj_set_name},
+                             {"usemtl", offsetof(clothi_obj, nname), clothi_obj_set_name}};
+
+/* Statement k counts in the first run; the triangles of a face. */
+static cloth_status clothi_obj_count(clothi_obj *o, int k) {
+    int            *total = (int *)(void *)((char *)o + clothi_obj_statements[k].total), n = 0;
+    clothi_obj_name token;
+    if (k != 2) ++*total;
+    while (k == 2 && *total <= CLOTH_MAX_COUNT && clothi_obj_token(o, &token)) *total += ++n >= 3;
+    if (*total <= CLOTH_MAX_COUNT - (k > 2)) return CLOTH_OK;
+    return clothi_fail(o->hooks, CLOTH_ERR_CAPACITY, "line %i: more than %i of a kind", o->line,
+                       CLOTH_MAX_COUNT);
+}
+
+/* A run over the text: the first one, without arrays yet, only counts. */
+static cloth_status clothi_obj_run(clothi_obj *o, const char *text, size_t size) {
     cloth_status status = CLOTH_OK;
+    o->p = text, o->end = text + size, o->line = 1;
+    if (size >= 3 && memcmp(text, "\xef\xbb\xbf", 3) == 0) o->p += 3;        /* byte order mark */
     for (; o->p < o->end && status == CLOTH_OK; clothi_obj_skip_line(o)) {
         clothi_obj_name keyword;
+        int             k = 0;
         if (!clothi_obj_token(o, &keyword)) continue;
-        if (clothi_obj_is(&keyword, "v")) {
-            status = clothi_obj_vertex(o);
-        } else if (clothi_obj_is(&keyword, "vt")) {
-            o->vt[2 * o->t + 1] = 0;
-            status = clothi_obj_numbers(o, "vt", 2, 1, o->vt + 2 * o->t);
-            o->t++;
-        } else if (clothi_obj_is(&keyword, "f")) {
-            status = clothi_obj_face(o);
-        } else if (clothi_obj_names_part(o, &keyword)) {
-            clothi_obj_set_name(o);
-        }
+        while (k < 6 && !clothi_obj_is(&keyword, clothi_obj_statements[k].word)) k++;
+        if (k == 6 || (k > 2 && k - 2 != (int)o->opt.parts)) continue;
+        status = o->x ? clothi_obj_statements[k].read(o) : clothi_obj_count(o, k);
     }
     return status;
 }
@@ -3553,23 +3543,17 @@ CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *tex
     o.current = -1;
     status = clothi_obj_check_options(hooks, &o.opt);
     if (status != CLOTH_OK) return status;
-    clothi_obj_rewind(&o, text, size);
-    status = clothi_obj_count(&o);
+    status = clothi_obj_run(&o, text, size);
     if (status != CLOTH_OK) return status;
     if (o.nv == 0)
         return clothi_fail(hooks, CLOTH_ERR_PARSE, "%i lines, %z bytes: no vertex (v)", o.line,
                            size);
     status = clothi_obj_alloc(&o);
-    if (status != CLOTH_OK) goto done;
-    clothi_obj_rewind(&o, text, size);
-    status = clothi_obj_read(&o);
-    if (status != CLOTH_OK) goto done;
-    if (o.nf == 0)
+    if (!status) status = clothi_obj_run(&o, text, size);
+    if (!status && o.nf == 0)
         status = clothi_fail(hooks, CLOTH_ERR_PARSE, "%i lines, %i vertices: no face (f)", o.line,
                              o.nv);
-    else
-        status = clothi_obj_finish(&o, out);
-done:
+    if (!status) status = clothi_obj_finish(&o, out);
     clothi_free(hooks, o.x);
     clothi_free(hooks, o.faces);
     clothi_free(hooks, o.names);

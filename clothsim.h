@@ -1914,18 +1914,32 @@ static int clothi_triangle_shape(const double *a, const double *b, const double 
 
 static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
 
+/* start [nv + 1] from the number of items that each vertex has, in start[vertex + 1]; and back
+ * to the starts after filling has advanced start[vertex] to its end. */
+static void clothi_csr_starts(int nv, int *start) {
+    int v;
+    for (v = 0; v < nv; v++) start[v + 1] += start[v];
+}
+
+static void clothi_csr_rewind(int nv, int *start) {
+    int v;
+    for (v = nv; v > 0; v--) start[v] = start[v - 1];
+    start[0] = 0;
+}
+
 /* out = the items of `in` (NULL: 0, 1, 2, ...) sorted by key[item] in [0, nkeys), equal keys in
- * the order of `in`. count [nkeys + 1] is scratch. The sort of a whole record is one call per
- * field, the least important first. */
-static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out, int *count) {
+ * the order of `in`; those of key k begin at start[k], [nkeys + 1]. The sort of a whole record is
+ * one call per field, the least important first. */
+static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out, int *start) {
     int i;
-    memset(count, 0, ((size_t)nkeys + 1u) * sizeof *count);
-    for (i = 0; i < n; i++) count[key[in ? in[i] : i] + 1]++;
-    for (i = 0; i < nkeys; i++) count[i + 1] += count[i];
+    memset(start, 0, ((size_t)nkeys + 1u) * sizeof *start);
+    for (i = 0; i < n; i++) start[key[in ? in[i] : i] + 1]++;
+    clothi_csr_starts(nkeys, start);
     for (i = 0; i < n; i++) {
         int item = in ? in[i] : i;
-        out[count[key[item]]++] = item;
+        out[start[key[item]]++] = item;
     }
+    clothi_csr_rewind(nkeys, start);
 }
 
 /* Half-edges sorted by their vertices (smaller, larger), then by number. */
@@ -2412,30 +2426,13 @@ static void clothi_topology_loops(const int *faces, cloth_topology *t, int *seen
     }
 }
 
-/* start [nv + 1] from the number of items that each vertex has, in start[vertex + 1]; and back
- * to the starts after filling has advanced start[vertex] to its end. */
-static void clothi_csr_starts(int nv, int *start) {
-    int v;
-    for (v = 0; v < nv; v++) start[v + 1] += start[v];
-}
-
-static void clothi_csr_rewind(int nv, int *start) {
-    int v;
-    for (v = nv; v > 0; v--) start[v] = start[v - 1];
-    start[0] = 0;
-}
-
+/* Edges come sorted, so each vertex meets its smaller neighbours first, each kind in order. */
 static void clothi_topology_incidence(const int *faces, cloth_topology *t) {
     int i;
-    for (i = 0; i < 3 * t->nf; i++) t->vf_start[faces[i] + 1]++;
-    clothi_csr_starts(t->nv, t->vf_start);
-    for (i = 0; i < 3 * t->nf; i++) t->vf[t->vf_start[faces[i]]++] = i / 3;
-    clothi_csr_rewind(t->nv, t->vf_start);
-    /* edges come sorted, so each vertex meets its smaller neighbours first, each kind in order */
-    for (i = 0; i < 2 * t->ne; i++) t->vv_start[t->edges[i] + 1]++;
-    clothi_csr_starts(t->nv, t->vv_start);
-    for (i = 0; i < 2 * t->ne; i++) t->vv[t->vv_start[t->edges[i]]++] = t->edges[i ^ 1];
-    clothi_csr_rewind(t->nv, t->vv_start);
+    clothi_sort_by(3 * t->nf, t->nv, faces, NULL, t->vf, t->vf_start);
+    for (i = 0; i < 3 * t->nf; i++) t->vf[i] /= 3;
+    clothi_sort_by(2 * t->ne, t->nv, t->edges, NULL, t->vv, t->vv_start);
+    for (i = 0; i < 2 * t->ne; i++) t->vv[i] = t->edges[t->vv[i] ^ 1];
 }
 
 CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, int nf,
@@ -2489,13 +2486,11 @@ CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *
  * stretch: base c = 2 r sin(pi/around), height H with H^2 = dy^2 + r^2 (1 - cos(pi/around))^2.
  * checked: tests/test_mesh.c */
 
-static size_t clothi_round8(size_t bytes) { return (bytes + 7u) / 8u * 8u; }
-
 /* All arrays of a mesh in one block; nr < 0: no render corners. */
 static cloth_mesh *clothi_mesh_alloc(const cloth_hooks *hooks, int nv, int nf, int with_X,
                                      int npart, int nr, size_t text) {
     const size_t v = (size_t)nv, f = (size_t)nf, r = nr > 0 ? (size_t)nr : 0;
-    const size_t head = clothi_round8(sizeof(cloth_mesh));
+    const size_t head = (sizeof(cloth_mesh) + 7u) / 8u * 8u;
     const size_t doubles = 3 * v + (with_X ? 6 * f : 0) + 2 * r;
     const size_t ints = 3 * f + (npart > 0 ? f : 0) + r + (r ? 3 * f : 0);
     cloth_mesh  *m = (cloth_mesh *)clothi_alloc(hooks, head + 8u * doubles + sizeof(int) * ints
@@ -3612,26 +3607,19 @@ static void clothi_obj_write(const cloth_mesh *m, int *last, clothi_sink *s) {
     }
 }
 
-/* Finite numbers, indices in range: a mesh that the caller wrote into may have neither. */
-static cloth_status clothi_obj_check_mesh(const cloth_hooks *hooks, const cloth_mesh *m) {
-    cloth_status status = clothi_mesh_arrays(hooks, m, -1);
-    if (status != CLOTH_OK) return status;
-    if (clothi_find_nonfinite(m->x, 3 * (size_t)m->nv) >= 0 ||
-        (m->nr > 0 && clothi_find_nonfinite(m->vt, 2 * (size_t)m->nr) >= 0) ||
-        (m->X && clothi_find_nonfinite(m->X, 6 * (size_t)m->nf) >= 0))
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_obj_format: a number of the mesh is "
-                           "NaN or infinite: OBJ cannot hold it");
-    return CLOTH_OK;
-}
-
 CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_mesh *mesh,
                                         char *buf, size_t capacity, size_t *needed) {
     clothi_sink  sink = {buf, buf ? capacity : 0, 0};
     cloth_status status;
     int         *last = NULL;
     if (!mesh) return clothi_null(hooks, "cloth_obj_format: mesh");
-    status = clothi_obj_check_mesh(hooks, mesh);
+    status = clothi_mesh_arrays(hooks, mesh, -1);       /* the caller may have written into it */
     if (status != CLOTH_OK) return status;
+    if (clothi_find_nonfinite(mesh->x, 3 * (size_t)mesh->nv) >= 0 ||
+        (mesh->nr > 0 && clothi_find_nonfinite(mesh->vt, 2 * (size_t)mesh->nr) >= 0) ||
+        (mesh->X && clothi_find_nonfinite(mesh->X, 6 * (size_t)mesh->nf) >= 0))
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_obj_format: a number of the mesh is "
+                           "NaN or infinite: OBJ cannot hold it");
     if (mesh->nr == 0 && mesh->X) {
         last = (int *)clothi_alloc(hooks, 2 * (size_t)mesh->nv, sizeof(int));
         if (!last)
@@ -5478,15 +5466,9 @@ CLOTHI_HOT void clothi_winged_hinge(clothi_in x, clothi_in side, clothi_in pull,
         const double p0 = d0 * s1 + h0 * s12 + c1 * n0, q0 = d0 * s12 + h0 * s2 + c2 * n0;
         const double p1 = d1 * s1 + h1 * s12 + c1 * n1, q1 = d1 * s12 + h1 * s2 + c2 * n1;
         const double p2 = d2 * s1 + h2 * s12 + c1 * n2, q2 = d2 * s12 + h2 * s2 + c2 * n2;
-        f[k] = -p0 - q0;
-        f[L + k] = -p1 - q1;
-        f[2 * L + k] = -p2 - q2;
-        f[3 * L + k] = p0;
-        f[4 * L + k] = p1;
-        f[5 * L + k] = p2;
-        f[6 * L + k] = q0;
-        f[7 * L + k] = q1;
-        f[8 * L + k] = q2;
+        clothi_put3(f, 0, k, -p0 - q0, -p1 - q1, -p2 - q2);
+        clothi_put3(f, 3, k, p0, p1, p2);
+        clothi_put3(f, 6, k, q0, q1, q2);
     }
 }
 
@@ -7642,11 +7624,6 @@ CLOTHI_LANE void clothi_back_any(cloth_linear_solver *s, int d, const int w) {
 
 CLOTHI_BY_DOMAIN(clothi_back_range, clothi_back_any)
 
-static void clothi_back(cloth_linear_solver *s) {
-    clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
-    clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
-}
-
 /* Blocks outside the pattern: y += C v, or with y NULL P^' C v into the sums of S. A block acts on
  * its row and, transposed, on its column. */
 CLOTHI_LANE void clothi_extras_any(cloth_linear_solver *s, const void *v, void *y, const int w) {
@@ -7881,7 +7858,8 @@ static clothi_run clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
         if (!s->first) g->pq = pq;
         if (!s->first && !(pq > 0)) break;
         s->alpha = s->first ? 1 : g->rr / pq;
-        clothi_back(s);
+        clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
+        clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
         if (clothi_judge(s, g, &run)) return run;
         clothi_coarse_step(s);
     }
@@ -9915,17 +9893,6 @@ static void clothi_derive(cloth_sim *s) {
     s->omega_rest = 0;
 }
 
-/* Arrays that only damping needs. */
-static cloth_status clothi_need_damping(cloth_sim *s) {
-    size_t       n = (size_t)s->model->membrane.nbatch * (size_t)s->own.membrane.kind->nmeasure;
-    size_t       k = (size_t)s->model->bend.nbatch * (size_t)s->own.bend.kind->nmeasure;
-    cloth_status status = CLOTH_OK;
-    if (s->own.membrane.damped) status = clothi_need(s, &s->own.membrane.start, n * CLOTHI_LANES);
-    if (!status && s->own.bend.damped)
-        status = clothi_need(s, &s->own.bend.start, k * CLOTHI_LANES);
-    return status;
-}
-
 /* Copies values, not pointers. */
 static void clothi_params_copy(const cloth_model *m, const cloth_params *from, int nh,
                                cloth_params *to) {
@@ -10254,19 +10221,11 @@ static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
 
 /* n a multiple of CLOTHI_LANES. */
 static double clothi_lane_sum(const double *a, int n) {
-    double s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0, s6 = 0, s7 = 0;
-    int    i;
-    for (i = 0; i < n; i += 8) {
-        s0 += a[i];
-        s1 += a[i + 1];
-        s2 += a[i + 2];
-        s3 += a[i + 3];
-        s4 += a[i + 4];
-        s5 += a[i + 5];
-        s6 += a[i + 6];
-        s7 += a[i + 7];
-    }
-    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7));
+    double s[CLOTHI_LANES] = {0};
+    int    i, k;
+    for (i = 0; i < n; i += CLOTHI_LANES)
+        for (k = 0; k < CLOTHI_LANES; k++) s[k] += a[i + k];
+    return ((s[0] + s[1]) + (s[2] + s[3])) + ((s[4] + s[5]) + (s[6] + s[7]));
 }
 
 /* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
@@ -10886,17 +10845,17 @@ typedef struct clothi_goal {                /* what a substep minimises         
 } clothi_goal;
 
 typedef struct clothi_inertia {
-    const cloth_sim   *s;
-    const clothi_goal *goal;
-    const double      *x;
-    double            *grad, *partial;
+    const cloth_sim *s;
+    double           w;                     /* 1/eta^2                                         */
+    const double    *x;
+    double          *grad, *partial;
 } clothi_inertia;
 
 static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
     const clothi_inertia *q = (const clothi_inertia *)ctx;
     const cloth_sim      *s = q->s;
-    double w = q->goal->eta > 0 ? 1 / (q->goal->eta * q->goal->eta) : 0;
-    int    c, i, k;
+    const double          w = q->w;
+    int                   c, i, k;
     (void)worker;
     for (c = begin; c < end; c++) {
         int    last = (c + 1) * CLOTHI_VERTICES < s->model->nv ? (c + 1) * CLOTHI_VERTICES
@@ -10944,12 +10903,6 @@ static cloth_status clothi_matrix_start(cloth_sim *s) {
         memcpy(s->matrix->diag, s->quadratic, clothi_matrix_doubles(s->matrix) * sizeof(double));
     }
     return CLOTH_OK;
-}
-
-/* After the elements: the diagonal from the rows' sums, then inertia M (1/eta^2 + sigma). */
-static void clothi_matrix_inertia(cloth_sim *s, const clothi_goal *goal) {
-    clothi_matrix_close(s->matrix, s->params.mass,
-                        (goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0) + goal->sigma);
 }
 
 CLOTHI_RARE_BEGIN
@@ -11020,8 +10973,8 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
     int            chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
     clothi_inertia q;
     cloth_status   status = CLOTH_OK;
-    double         sum = 0;
-    q.s = s, q.goal = goal, q.x = x, q.grad = grad, q.partial = s->w.partial;
+    double         sum = 0, w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
+    q.s = s, q.w = w, q.x = x, q.grad = grad, q.partial = s->w.partial;
     goal->e.x = x;
     goal->e.grad = grad;
     goal->e.hess = hess ? s->matrix : NULL;
@@ -11033,7 +10986,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
     for (i = 0; i < s->nterms && !status; i++) {
         if (i == CLOTHI_TERM_BEND + 1) {    /* element forces first: gathering sets, not adds */
             if (grad) clothi_gather_forces(s, grad);
-            if (hess) clothi_matrix_inertia(s, goal);
+            if (hess) clothi_matrix_close(s->matrix, s->params.mass, w + goal->sigma);
             if (grad || value) clothi_for(&s->hooks, chunks, 1, clothi_inertia_range, &q);
         }
         status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);
@@ -11622,11 +11575,16 @@ static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
     goal->e.x_n = s->state.x, goal->e.v_n = s->state.v;
 }
 
-static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
+/* Terms i .. end - 1 alone. */
+static cloth_status clothi_terms_some(cloth_sim *s, const cloth_eval *e, int i, int end) {
     cloth_status status = CLOTH_OK;
-    int          i;
-    for (i = 0; i < s->nterms && !status; i++)
-        if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, &goal->e);
+    for (; i < end && !status; i++)
+        if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
+    return status;
+}
+
+static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
+    cloth_status status = clothi_terms_some(s, &goal->e, 0, s->nterms);
     if (!status && s->contact_on) {
         s->own.counts.contact_calls++;
         status = s->contact.begin(s->contact.user, &goal->e);
@@ -12112,8 +12070,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
         for (i = 0; i < 3 * s->model->nv; i++)
             s->w.dx[i] = s->w.x[i] - e->h * s->w.trial[i];
         e->x_n = s->w.dx;
-        for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
-            if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, e);
+        status = clothi_terms_some(s, e, 0, CLOTHI_TERM_BEND + 1);
     }
     s->own.force_only = !(s->balance && (el[0]->damped || el[1]->damped));
     if (clothi_leap_winged(s)) clothi_leap_wings(s);
@@ -12544,24 +12501,26 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
 static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;
     const size_t n = 3 * (size_t)m->nv;
-    const size_t lanes = ((size_t)m->membrane.nbatch + (size_t)m->bend.nbatch) * CLOTHI_LANES;
+    const clothi_elements *a = &s->own.membrane, *b = &s->own.bend;
+    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES, ma = (size_t)a->kind->nmeasure;
+    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES, mb = (size_t)b->kind->nmeasure;
     const int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
     const int    bdf2 = m->desc.integrator == CLOTH_INTEGRATOR_BDF2;
-    const int    damped = s->own.membrane.damped || s->own.bend.damped;
     const struct { double **array; size_t n; int wanted; } need[] = {
         {&s->w.x, n, 1}, {&s->w.trial, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1},
         {&s->w.y, n, 1}, {&s->w.goal, n, implicit}, {&s->w.rhs, n, 1},
         {&s->w.inv_mass, n, !implicit},
-        {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->own.energy_batch, lanes, 1},
-        {&s->own.loss_batch, lanes, damped}, {&s->own.force, (size_t)m->force_size, 1},
+        {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->own.energy_batch, na + nb, 1},
+        {&s->own.loss_batch, na + nb, a->damped || b->damped},
+        {&s->own.force, (size_t)m->force_size, 1},
         {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->x_prev, n, bdf2},
         {&s->v_prev, n, implicit}, {&s->still_x, n, m->desc.sleep > 0},
-        {&s->w.free, n, s->contact_on && implicit}};
+        {&s->w.free, n, s->contact_on && implicit},
+        {&s->own.membrane.start, na * ma, a->damped}, {&s->own.bend.start, nb * mb, b->damped}};
     cloth_status status = CLOTH_OK;
     size_t       i;
     for (i = 0; i < sizeof need / sizeof *need && !status; i++)
         if (need[i].wanted) status = clothi_need(s, need[i].array, need[i].n);
-    if (!status) status = clothi_need_damping(s);
     if (status || !implicit) return status;
     if (!s->matrix) status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
     if (!status && !s->solver)
@@ -12632,13 +12591,11 @@ static void clothi_ledger_total(const cloth_sim *s, const double *v, cloth_ledge
 CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v,
                                                     int grad, cloth_ledger *l) {
     clothi_goal  goal;
-    cloth_status status = CLOTH_OK;
+    cloth_status status;
     double       value;
-    int          i;
     clothi_eval_start(s, &goal, 0);
     goal.e.x_n = x, goal.e.v_n = v;
-    for (i = s->nbuiltin; i < s->nterms && !status; i++)
-        if (s->term[i].begin) status = s->term[i].begin(s->term[i].user, &goal.e);
+    status = clothi_terms_some(s, &goal.e, s->nbuiltin, s->nterms);
     if (!status) status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
     if (status) return status;
     clothi_ledger_terms(s, l);
@@ -13061,7 +13018,7 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     clothi_goal  goal;
     cloth_status status;
     double       value;
-    int          i, n, vertex;
+    int          n, vertex;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!x) return clothi_null(&sim->hooks, "cloth_sim_potential: x");
     n = 3 * sim->model->nv;
@@ -13071,8 +13028,7 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     if (status) return status;
     clothi_input(sim, 0, 1, 1);
     clothi_eval_start(sim, &goal, 0);
-    for (i = 0; i < sim->nterms && !status; i++)
-        if (sim->term[i].begin) status = sim->term[i].begin(sim->term[i].user, &goal.e);
+    status = clothi_terms_some(sim, &goal.e, 0, sim->nterms);
     if (!status) status = clothi_objective(sim, &goal, x, sim->w.grad, 0, 0, &value);
     if (status) return status;
     if (!clothi_finite(value) || clothi_find_nonfinite(sim->w.grad, (size_t)n) >= 0)

@@ -6070,6 +6070,9 @@ CLOTHI_RARE_END
  *   extras  pairs outside the pattern (a host's term, a contact): a list of (row, column, block), a
  *           pair once, by a hash table, until the matrix is cleared. It keeps its size. Operator,
  *           coarse space and the curvature tests of [7.3] see it; Gauss-Seidel sweeps do not.
+ *   panels  columns of a dense factor L S L', S = diag(+-1): a few are factored one by one, then
+ *           their product is taken off what is to their right, tile by tile. So are the coarse
+ *           matrix of [7.3] and the fronts of [7.4].
  *
  * checked: tests/test_sparse.c (mul, extras, memory)
  */
@@ -6329,6 +6332,172 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
     for (i = 0; fixed && i < p->n; i++)
         for (j = 0; j < 3; j++)
             if (fixed[i] >> j & 1) y[3 * (size_t)i + (size_t)j] = 0;
+}
+
+/* --- dense panels --- */
+
+#define CLOTHI_PANEL_K   64                 /* columns that one pass of the kernel takes       */
+#define CLOTHI_PANEL_PAD 16                 /* rows of the widest tile                         */
+
+/* Doubles of one register: AVX-512, AVX, SSE2 or one at a time; the kernel is written once. */
+#if defined(CLOTHI_AVX) && defined(__AVX512F__)
+#  define CLOTHI_DV 8
+typedef __m512d clothi_dv;
+#  define CLOTHI_DV_LOAD(a)       _mm512_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm512_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm512_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm512_fmadd_pd(a, b, c)
+#elif defined(CLOTHI_AVX)
+#  define CLOTHI_DV 4
+typedef __m256d clothi_dv;
+#  define CLOTHI_DV_LOAD(a)       _mm256_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm256_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm256_set1_pd(a)
+#  if defined(__FMA__)
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_fmadd_pd(a, b, c)
+#  else
+#    define CLOTHI_DV_MADD(a, b, c) _mm256_add_pd(_mm256_mul_pd(a, b), c)
+#  endif
+#elif defined(CLOTHI_SSE2)
+#  define CLOTHI_DV 2
+typedef __m128d clothi_dv;
+#  define CLOTHI_DV_LOAD(a)       _mm_loadu_pd(a)
+#  define CLOTHI_DV_STORE(a, b)   _mm_storeu_pd(a, b)
+#  define CLOTHI_DV_SPLAT(a)      _mm_set1_pd(a)
+#  define CLOTHI_DV_MADD(a, b, c) _mm_add_pd(_mm_mul_pd(a, b), c)
+#else
+#  define CLOTHI_DV 1
+typedef double clothi_dv;
+#  define CLOTHI_DV_LOAD(a)       (*(a))
+#  define CLOTHI_DV_STORE(a, b)   (*(a) = (b))
+#  define CLOTHI_DV_SPLAT(a)      (a)
+#  define CLOTHI_DV_MADD(a, b, c) ((a) * (b) + (c))
+#endif
+
+#define CLOTHI_TILE (2 * CLOTHI_DV)         /* rows of a tile of C; its columns are 4          */
+
+/* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. */
+static void clothi_panel_tile(const double *a, const double *b, int k, double *out) {
+    clothi_dv zero = CLOTHI_DV_SPLAT(0.0), u, v, w;
+    clothi_dv c0 = zero, c1 = zero, c2 = zero, c3 = zero, d0 = zero, d1 = zero, d2 = zero,
+              d3 = zero;
+    int p;
+    for (p = 0; p < k; p++, a += CLOTHI_TILE, b += 4) {
+        u = CLOTHI_DV_LOAD(a);
+        v = CLOTHI_DV_LOAD(a + CLOTHI_DV);
+        w = CLOTHI_DV_SPLAT(b[0]);
+        c0 = CLOTHI_DV_MADD(u, w, c0);
+        d0 = CLOTHI_DV_MADD(v, w, d0);
+        w = CLOTHI_DV_SPLAT(b[1]);
+        c1 = CLOTHI_DV_MADD(u, w, c1);
+        d1 = CLOTHI_DV_MADD(v, w, d1);
+        w = CLOTHI_DV_SPLAT(b[2]);
+        c2 = CLOTHI_DV_MADD(u, w, c2);
+        d2 = CLOTHI_DV_MADD(v, w, d2);
+        w = CLOTHI_DV_SPLAT(b[3]);
+        c3 = CLOTHI_DV_MADD(u, w, c3);
+        d3 = CLOTHI_DV_MADD(v, w, d3);
+    }
+    CLOTHI_DV_STORE(out, c0);
+    CLOTHI_DV_STORE(out + CLOTHI_DV, d0);
+    CLOTHI_DV_STORE(out + 2 * CLOTHI_DV, c1);
+    CLOTHI_DV_STORE(out + 3 * CLOTHI_DV, d1);
+    CLOTHI_DV_STORE(out + 4 * CLOTHI_DV, c2);
+    CLOTHI_DV_STORE(out + 5 * CLOTHI_DV, d2);
+    CLOTHI_DV_STORE(out + 6 * CLOTHI_DV, c3);
+    CLOTHI_DV_STORE(out + 7 * CLOTHI_DV, d3);
+}
+
+/* C (lower part, rows x cols, column-major) -= A S A' from packed rows. */
+typedef struct clothi_panel_job {
+    double       *c;
+    size_t        ldc;
+    int           rows, cols, k;
+    const double *a, *b;
+} clothi_panel_job;
+
+static void clothi_panel_tiles(int begin, int end, int worker, void *ctx) {
+    const clothi_panel_job *g = (const clothi_panel_job *)ctx;
+    double acc[4 * CLOTHI_TILE];
+    int    tile, i, j, r, c;
+    (void)worker;
+    for (tile = begin; tile < end; tile++) {
+        int row = tile * CLOTHI_TILE;
+        int nr = g->rows - row < CLOTHI_TILE ? g->rows - row : CLOTHI_TILE;
+        for (j = 0; j < g->cols && j < row + nr; j += 4) {
+            int     nc = g->cols - j < 4 ? g->cols - j : 4;
+            double *to = g->c + (size_t)j * g->ldc + row;
+            clothi_panel_tile(g->a + (size_t)row * (size_t)g->k, g->b + (size_t)j * (size_t)g->k,
+                              g->k, acc);
+            if (nr == CLOTHI_TILE && nc == 4) {
+                for (c = 0; c < 4; c++, to += g->ldc)
+                    for (i = 0; i < CLOTHI_TILE; i++) to[i] -= acc[c * CLOTHI_TILE + i];
+            } else {
+                for (c = 0; c < nc; c++, to += g->ldc)
+                    for (r = 0; r < nr; r++) to[r] -= acc[c * CLOTHI_TILE + r];
+            }
+        }
+    }
+}
+
+/* Rows [row0, row1) and columns [k0, k1) of a panel, `width` rows side by side, rest zero;
+ * sign NULL or one factor per column. */
+static void clothi_panel_pack(const double *panel, size_t ld, int row0, int row1, int k0, int k1,
+                              int width, const double *sign, double *out) {
+    int i, p, r;
+    for (i = row0; i < row1; i += width) {
+        int n = row1 - i < width ? row1 - i : width;
+        for (p = k0; p < k1; p++, out += width) {
+            const double *from = panel + (size_t)p * ld + i;
+            const double  s = sign ? sign[p] : 1.0;
+            for (r = 0; r < n; r++) out[r] = s * from[r];
+            for (; r < width; r++) out[r] = 0;
+        }
+    }
+}
+
+/* A S A' of panel columns [k0, k1), rows [row0, m), taken off C. par: the rows in parallel. */
+static void clothi_panel_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
+                                int row0, int cols, int k0, int k1, const double *sign, double *c,
+                                size_t ldc, double *pack, int par) {
+    clothi_panel_job g;
+    int tiles = (m - row0 + CLOTHI_TILE - 1) / CLOTHI_TILE;
+    g.c = c, g.ldc = ldc, g.rows = m - row0, g.cols = cols, g.k = k1 - k0, g.a = pack;
+    g.b = pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k;
+    clothi_panel_pack(panel, ld, row0, m, k0, k1, CLOTHI_TILE, NULL, pack);
+    clothi_panel_pack(panel, ld, row0, row0 + cols, k0, k1, 4, sign,
+                pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k);
+    if (par) clothi_for(hooks, tiles, 4, clothi_panel_tiles, &g);
+    else clothi_panel_tiles(0, tiles, 0, &g);
+}
+
+/* Columns [k0, k1) of a panel of m rows, their earlier updates done: signed Cholesky, one by one.
+ * limit [n]: a pivot below it counts as zero and its column as fixed. */
+static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
+                                 signed char *pivot, const double *limit) {
+    int k, p, i;
+    for (k = k0; k < k1; k++) {
+        double *c = panel + (size_t)k * ld, d, inv;
+        for (p = k0; p < k; p += 3) {           /* three at a time: c is read once for them    */
+            const int     p1 = p + 1 < k ? p + 1 : p, p2 = p + 2 < k ? p + 2 : p;
+            const double *b0 = panel + (size_t)p * ld, *b1 = panel + (size_t)p1 * ld;
+            const double *b2 = panel + (size_t)p2 * ld, s0 = sign[p] * b0[k];
+            const double  s1 = p1 > p ? sign[p1] * b1[k] : 0, s2 = p2 > p ? sign[p2] * b2[k] : 0;
+            for (i = k; i < m; i++) c[i] -= s0 * b0[i] + s1 * b1[i] + s2 * b2[i];
+        }
+        d = c[k];
+        sign[k] = d < 0 ? -1.0 : 1.0;
+        pivot[k] = (signed char)(d > limit[k] ? 1 : d < -limit[k] ? -1 : 0);
+        if (!pivot[k]) {
+            for (i = k; i < m; i++) c[i] = 0;
+            c[k] = clothi_finite(d) ? 1.0 : d;          /* NaN stays, for judge to find        */
+            sign[k] = 1;
+            continue;
+        }
+        c[k] = sqrt(fabs(d));
+        inv = sign[k] / c[k];
+        for (i = k + 1; i < m; i++) c[i] *= inv;
+    }
 }
 
 /* ===== [7.3] CONJUGATE GRADIENTS ===============================================================
@@ -6862,172 +7031,6 @@ CLOTHI_LANE void clothi_scatter4(const void *L, const int *col, int k0, int k1, 
         (void)worker;                                                                            \
         for (d = begin; d < end; d++) CLOTHI_BY_WIDTH(s->wide, f, s, d);                         \
     }
-
-/* --- dense panels, of the coarse matrix below and of the fronts of [7.4] --- */
-
-#define CLOTHI_PANEL_K   64                 /* columns that one pass of the kernel takes       */
-#define CLOTHI_PANEL_PAD 16                 /* rows of the widest tile                         */
-
-/* Doubles of one register: AVX-512, AVX, SSE2 or one at a time; the kernel is written once. */
-#if defined(CLOTHI_AVX) && defined(__AVX512F__)
-#  define CLOTHI_DV 8
-typedef __m512d clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       _mm512_loadu_pd(a)
-#  define CLOTHI_DV_STORE(a, b)   _mm512_storeu_pd(a, b)
-#  define CLOTHI_DV_SPLAT(a)      _mm512_set1_pd(a)
-#  define CLOTHI_DV_MADD(a, b, c) _mm512_fmadd_pd(a, b, c)
-#elif defined(CLOTHI_AVX)
-#  define CLOTHI_DV 4
-typedef __m256d clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       _mm256_loadu_pd(a)
-#  define CLOTHI_DV_STORE(a, b)   _mm256_storeu_pd(a, b)
-#  define CLOTHI_DV_SPLAT(a)      _mm256_set1_pd(a)
-#  if defined(__FMA__)
-#    define CLOTHI_DV_MADD(a, b, c) _mm256_fmadd_pd(a, b, c)
-#  else
-#    define CLOTHI_DV_MADD(a, b, c) _mm256_add_pd(_mm256_mul_pd(a, b), c)
-#  endif
-#elif defined(CLOTHI_SSE2)
-#  define CLOTHI_DV 2
-typedef __m128d clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       _mm_loadu_pd(a)
-#  define CLOTHI_DV_STORE(a, b)   _mm_storeu_pd(a, b)
-#  define CLOTHI_DV_SPLAT(a)      _mm_set1_pd(a)
-#  define CLOTHI_DV_MADD(a, b, c) _mm_add_pd(_mm_mul_pd(a, b), c)
-#else
-#  define CLOTHI_DV 1
-typedef double clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       (*(a))
-#  define CLOTHI_DV_STORE(a, b)   (*(a) = (b))
-#  define CLOTHI_DV_SPLAT(a)      (a)
-#  define CLOTHI_DV_MADD(a, b, c) ((a) * (b) + (c))
-#endif
-
-#define CLOTHI_TILE (2 * CLOTHI_DV)         /* rows of a tile of C; its columns are 4          */
-
-/* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. */
-static void clothi_panel_tile(const double *a, const double *b, int k, double *out) {
-    clothi_dv zero = CLOTHI_DV_SPLAT(0.0), u, v, w;
-    clothi_dv c0 = zero, c1 = zero, c2 = zero, c3 = zero, d0 = zero, d1 = zero, d2 = zero,
-              d3 = zero;
-    int p;
-    for (p = 0; p < k; p++, a += CLOTHI_TILE, b += 4) {
-        u = CLOTHI_DV_LOAD(a);
-        v = CLOTHI_DV_LOAD(a + CLOTHI_DV);
-        w = CLOTHI_DV_SPLAT(b[0]);
-        c0 = CLOTHI_DV_MADD(u, w, c0);
-        d0 = CLOTHI_DV_MADD(v, w, d0);
-        w = CLOTHI_DV_SPLAT(b[1]);
-        c1 = CLOTHI_DV_MADD(u, w, c1);
-        d1 = CLOTHI_DV_MADD(v, w, d1);
-        w = CLOTHI_DV_SPLAT(b[2]);
-        c2 = CLOTHI_DV_MADD(u, w, c2);
-        d2 = CLOTHI_DV_MADD(v, w, d2);
-        w = CLOTHI_DV_SPLAT(b[3]);
-        c3 = CLOTHI_DV_MADD(u, w, c3);
-        d3 = CLOTHI_DV_MADD(v, w, d3);
-    }
-    CLOTHI_DV_STORE(out, c0);
-    CLOTHI_DV_STORE(out + CLOTHI_DV, d0);
-    CLOTHI_DV_STORE(out + 2 * CLOTHI_DV, c1);
-    CLOTHI_DV_STORE(out + 3 * CLOTHI_DV, d1);
-    CLOTHI_DV_STORE(out + 4 * CLOTHI_DV, c2);
-    CLOTHI_DV_STORE(out + 5 * CLOTHI_DV, d2);
-    CLOTHI_DV_STORE(out + 6 * CLOTHI_DV, c3);
-    CLOTHI_DV_STORE(out + 7 * CLOTHI_DV, d3);
-}
-
-/* C (lower part, rows x cols, column-major) -= A S A' from packed rows. */
-typedef struct clothi_panel_job {
-    double       *c;
-    size_t        ldc;
-    int           rows, cols, k;
-    const double *a, *b;
-} clothi_panel_job;
-
-static void clothi_panel_tiles(int begin, int end, int worker, void *ctx) {
-    const clothi_panel_job *g = (const clothi_panel_job *)ctx;
-    double acc[4 * CLOTHI_TILE];
-    int    tile, i, j, r, c;
-    (void)worker;
-    for (tile = begin; tile < end; tile++) {
-        int row = tile * CLOTHI_TILE;
-        int nr = g->rows - row < CLOTHI_TILE ? g->rows - row : CLOTHI_TILE;
-        for (j = 0; j < g->cols && j < row + nr; j += 4) {
-            int     nc = g->cols - j < 4 ? g->cols - j : 4;
-            double *to = g->c + (size_t)j * g->ldc + row;
-            clothi_panel_tile(g->a + (size_t)row * (size_t)g->k, g->b + (size_t)j * (size_t)g->k,
-                              g->k, acc);
-            if (nr == CLOTHI_TILE && nc == 4) {
-                for (c = 0; c < 4; c++, to += g->ldc)
-                    for (i = 0; i < CLOTHI_TILE; i++) to[i] -= acc[c * CLOTHI_TILE + i];
-            } else {
-                for (c = 0; c < nc; c++, to += g->ldc)
-                    for (r = 0; r < nr; r++) to[r] -= acc[c * CLOTHI_TILE + r];
-            }
-        }
-    }
-}
-
-/* Rows [row0, row1) and columns [k0, k1) of a panel, `width` rows side by side, rest zero;
- * sign NULL or one factor per column. */
-static void clothi_panel_pack(const double *panel, size_t ld, int row0, int row1, int k0, int k1,
-                              int width, const double *sign, double *out) {
-    int i, p, r;
-    for (i = row0; i < row1; i += width) {
-        int n = row1 - i < width ? row1 - i : width;
-        for (p = k0; p < k1; p++, out += width) {
-            const double *from = panel + (size_t)p * ld + i;
-            const double  s = sign ? sign[p] : 1.0;
-            for (r = 0; r < n; r++) out[r] = s * from[r];
-            for (; r < width; r++) out[r] = 0;
-        }
-    }
-}
-
-/* A S A' of panel columns [k0, k1), rows [row0, m), taken off C. par: the rows in parallel. */
-static void clothi_panel_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
-                                int row0, int cols, int k0, int k1, const double *sign, double *c,
-                                size_t ldc, double *pack, int par) {
-    clothi_panel_job g;
-    int tiles = (m - row0 + CLOTHI_TILE - 1) / CLOTHI_TILE;
-    g.c = c, g.ldc = ldc, g.rows = m - row0, g.cols = cols, g.k = k1 - k0, g.a = pack;
-    g.b = pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k;
-    clothi_panel_pack(panel, ld, row0, m, k0, k1, CLOTHI_TILE, NULL, pack);
-    clothi_panel_pack(panel, ld, row0, row0 + cols, k0, k1, 4, sign,
-                pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k);
-    if (par) clothi_for(hooks, tiles, 4, clothi_panel_tiles, &g);
-    else clothi_panel_tiles(0, tiles, 0, &g);
-}
-
-/* Columns [k0, k1) of a panel of m rows, their earlier updates done: signed Cholesky, one by one.
- * limit [n]: a pivot below it counts as zero and its column as fixed. */
-static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1, double *sign,
-                                 signed char *pivot, const double *limit) {
-    int k, p, i;
-    for (k = k0; k < k1; k++) {
-        double *c = panel + (size_t)k * ld, d, inv;
-        for (p = k0; p < k; p += 3) {           /* three at a time: c is read once for them    */
-            const int     p1 = p + 1 < k ? p + 1 : p, p2 = p + 2 < k ? p + 2 : p;
-            const double *b0 = panel + (size_t)p * ld, *b1 = panel + (size_t)p1 * ld;
-            const double *b2 = panel + (size_t)p2 * ld, s0 = sign[p] * b0[k];
-            const double  s1 = p1 > p ? sign[p1] * b1[k] : 0, s2 = p2 > p ? sign[p2] * b2[k] : 0;
-            for (i = k; i < m; i++) c[i] -= s0 * b0[i] + s1 * b1[i] + s2 * b2[i];
-        }
-        d = c[k];
-        sign[k] = d < 0 ? -1.0 : 1.0;
-        pivot[k] = (signed char)(d > limit[k] ? 1 : d < -limit[k] ? -1 : 0);
-        if (!pivot[k]) {
-            for (i = k; i < m; i++) c[i] = 0;
-            c[k] = clothi_finite(d) ? 1.0 : d;          /* NaN stays, for judge to find        */
-            sign[k] = 1;
-            continue;
-        }
-        c[k] = sqrt(fabs(d));
-        inv = sign[k] / c[k];
-        for (i = k + 1; i < m; i++) c[i] *= inv;
-    }
-}
 
 /* --- memory --- */
 
@@ -7938,7 +7941,7 @@ CLOTHI_RARE_END
  *   d'Ad = s_k: a direction of negative curvature, which statics walks down.
  *
  *   cost      a sheet of n vertices: O(n^1.5) flops, O(n log n) numbers. Nearly all flops are the
- *             rank-k updates of dense panels [7.3]. The subdomains' subtrees run side by side, then
+ *             rank-k updates of dense panels [7.2]. The subdomains' subtrees run side by side, then
  *             the separators above them with their updates split by rows; no sum depends on the
  *             number of workers.
  *   extras    blocks outside the pattern are not in the factor: it preconditions CG then, and CG
@@ -8878,13 +8881,14 @@ CLOTHI_OUTLINE static double clothi_rest_area(const double *X, int f) {
 static int clothi_normal(double a) { return a > 1e-300 && a < 1e300; }
 
 /* A mesh may pass every check and still be too small or large for its areas. */
-static cloth_status clothi_model_areas(const cloth_model *m) {
+static cloth_status clothi_check_areas(const cloth_hooks *hooks, const char *name, const double *X,
+                                       int nf) {
     int f;
-    for (f = 0; f < m->nf; f++)
-        if (!clothi_normal(clothi_rest_area(m->X, f)))
-            return clothi_fail(&m->hooks, CLOTH_ERR_MESH, "desc.%s: triangle %i has rest area %g: "
-                               "choose other units", m->desc.X ? "X" : "x_rest", f,
-                               clothi_rest_area(m->X, f));
+    for (f = 0; f < nf; f++)
+        if (!clothi_normal(clothi_rest_area(X, f)))
+            return clothi_fail(hooks, CLOTH_ERR_MESH, "%s: triangle %i has rest area %g, not > 0 "
+                               "and in the range of doubles: choose other units", name, f,
+                               clothi_rest_area(X, f));
     return CLOTH_OK;
 }
 
@@ -9239,7 +9243,8 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
     m->hooks = desc->hooks, m->desc = *desc, m->nv = desc->nv, m->nf = desc->nf;
     m->nregions = desc->nregions > 0 ? desc->nregions : 1;
     status = clothi_model_copy(m, desc);
-    if (!status) status = clothi_model_areas(m);
+    if (!status)
+        status = clothi_check_areas(&m->hooks, desc->X ? "desc.X" : "desc.x_rest", m->X, m->nf);
     m->desc.x_rest = m->desc.X = m->desc.x = m->desc.v = m->desc.vertex_mass = NULL;
     m->desc.faces = m->desc.part = m->desc.region = NULL;
     m->desc.materials = NULL, m->desc.pins = NULL, m->desc.ties = NULL;
@@ -9866,12 +9871,8 @@ static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *
                                p->theta0[i]);
     }
     status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
+    if (!status) status = clothi_check_areas(hooks, "params.X", p->X, m->nf);
     if (status) return status;
-    for (i = 0; i < m->nf; i++)
-        if (!clothi_normal(clothi_rest_area(p->X, i)))
-            return clothi_fail(hooks, CLOTH_ERR_MESH,
-                               "params.X: triangle %i has rest area %g, not > 0 and in the range "
-                               "of doubles", i, clothi_rest_area(p->X, i));
     for (i = 0; p->mass_given && i < m->nv; i++)
         if (!clothi_finite(p->mass[i]) || !(p->mass[i] > 0))
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "params.mass[%i] = %g must be > 0", i,
@@ -11153,7 +11154,14 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     return status;
 }
 
-/* Hessian and direction. See 'Saddles without a definite diagonal'. */
+/* What there is to know of w.dx before a step along it. */
+static void clothi_newton_measure(const cloth_sim *s, clothi_newton *nt) {
+    const size_t n = 3 * (size_t)s->model->nv;
+    nt->slope = -clothi_dot(s->w.rhs, s->w.dx, n);
+    nt->size = clothi_max_abs(s->w.dx, (int)n);
+}
+
+/* Hessian and direction: see 'Which Hessian' and 'Saddles'. */
 static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                             cloth_report *report, cloth_linear_report *lr) {
     const cloth_desc  *d = &s->model->desc;
@@ -11170,13 +11178,12 @@ static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clo
         if (!status) status = clothi_newton_solve(s, tolerance, 0, method, report, lr);
     }
     if (status) return status;
-    nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
-    if (!(nt->slope < 0)) {                 /* no descent: the preconditioned gradient is one */
-        nt->slope = 0;
-        for (i = 0; i < n; i++) {
-            s->w.dx[i] = goal->eta * goal->eta * s->w.rhs[i] / s->params.mass[i / 3];
-            nt->slope -= s->w.rhs[i] * s->w.dx[i];
-        }
+    clothi_newton_measure(s, nt);
+    if (nt->slope < 0) return CLOTH_OK;
+    nt->slope = 0;                          /* no descent: the preconditioned gradient is one */
+    for (i = 0; i < n; i++) {
+        s->w.dx[i] = goal->eta * goal->eta * s->w.rhs[i] / s->params.mass[i / 3];
+        nt->slope -= s->w.rhs[i] * s->w.dx[i];
     }
     nt->size = clothi_max_abs(s->w.dx, n);
     return CLOTH_OK;
@@ -11249,7 +11256,6 @@ static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, con
  * with the stiffness that they will have: a matrix that is the more definite, still downhill. */
 static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a,
                                       cloth_report *report, cloth_linear_report *lr) {
-    const int    n = 3 * s->model->nv;
     cloth_status status = CLOTH_OK;
     int          tries, blocked;
     if (!s->contact_on) return CLOTH_OK;
@@ -11261,9 +11267,7 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
                                      clothi_newton_method(s, CLOTH_LINEAR_SGS), report, lr);
         if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
-    if (!tries) return status;
-    nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
-    nt->size = clothi_max_abs(s->w.dx, n);
+    if (tries) clothi_newton_measure(s, nt);
     return status;
 }
 
@@ -11704,8 +11708,8 @@ static double clothi_static_sigma(const cloth_sim *s) {
     return (g > 0 ? g : 1) / (size > 0 ? size : 1);
 }
 
-/* At a converged point: a direction of negative curvature of the exact Hessian into w.dx with
- * length `tolerance`-scaled, or status CLOTH_OK and *saddle = 0 when there is none. */
+/* At a converged point: a direction of negative curvature of the exact Hessian into w.dx; *saddle
+ * 0: there is none. */
 static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, cloth_report *report,
                                             int *saddle) {
     cloth_status status;
@@ -11731,7 +11735,7 @@ static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, clo
 static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                             cloth_report *report, cloth_linear_report *lr) {
     cloth_status status = CLOTH_OK;
-    int          exact, n = 3 * s->model->nv;
+    int          exact;
     for (exact = 1; exact >= 0; exact--) {
         status = clothi_newton_assemble(s, goal, exact, report);
         if (!status)
@@ -11740,8 +11744,7 @@ static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clo
         if (status || !lr->negative) break;
     }
     report->newton++;
-    nt->slope = -clothi_dot(s->w.rhs, s->w.dx, (size_t)n);
-    nt->size = clothi_max_abs(s->w.dx, n);
+    clothi_newton_measure(s, nt);
     return status;
 }
 

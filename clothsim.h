@@ -4313,7 +4313,7 @@ static void clothi_spring_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in
     }
 }
 
-/* --- one element: the same in all lanes --- */
+/* --- one element: the same in all lanes; see also [6.4] --- */
 
 static void clothi_to_lanes(const double *x, int n, double *out) {
     int i;
@@ -4345,22 +4345,6 @@ static void clothi_full_hessian(const double *H, int width, double scale, double
             }
         }
     clothi_settle(out, (size_t)(n * n));
-}
-
-CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
-                              double *hess, int psd) {
-    double y[6 * CLOTHI_LANES], rest[2 * CLOTHI_LANES], E[CLOTHI_LANES], Ed[CLOTHI_LANES];
-    double f[6 * CLOTHI_LANES], H[9 * CLOTHI_LANES];
-    clothi_to_lanes(x, 6, y);
-    clothi_to_lanes(&k, 1, rest);
-    clothi_to_lanes(&rest_length, 1, rest + CLOTHI_LANES);
-    clothi_spring_lanes(y, rest, clothi_none, clothi_none, E, Ed, f);
-    clothi_from_lanes(f, 6, 1.0, grad);
-    if (hess) {
-        clothi_spring_blocks(y, rest, clothi_none, clothi_none, psd, H);
-        clothi_full_hessian(H, 2, 1.0, hess);
-    }
-    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
 }
 
 /* ===== [6.2] STVK TRIANGLE =================================================================== */
@@ -4766,22 +4750,6 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
     if (E) memcpy(E, e, sizeof e);
     if (S) memcpy(S, s, sizeof s);
     return clothi_finite(area) ? area : CLOTHI_HUGE;
-}
-
-CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
-                               double *grad, double *hess, int psd) {
-    double y[9 * CLOTHI_LANES], rest[7 * CLOTHI_LANES], E[CLOTHI_LANES], Ed[CLOTHI_LANES], B[7];
-    double f[9 * CLOTHI_LANES], H[27 * CLOTHI_LANES];
-    B[4] = clothi_rest_inverse(X, B), B[5] = mu, B[6] = lambda;
-    clothi_to_lanes(x, 9, y);
-    clothi_to_lanes(B, 7, rest);
-    clothi_stretch_lanes(y, rest, clothi_none, clothi_none, E, Ed, f);
-    clothi_from_lanes(f, 9, 1.0, grad);
-    if (hess) {
-        clothi_stretch_blocks(y, rest, clothi_none, clothi_none, psd != 0, H);
-        clothi_full_hessian(H, 3, 1.0, hess);
-    }
-    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
 }
 
 CLOTHI_RARE_END
@@ -5292,22 +5260,6 @@ static void clothi_quadratic_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi
         }
 }
 
-CLOTH_API double cloth_bend_quadratic(const double *x, const double *w, double c, double *grad,
-                                      double *hess) {
-    double y[12 * CLOTHI_LANES], rest[5 * CLOTHI_LANES], E[CLOTHI_LANES], Ed[CLOTHI_LANES];
-    double f[12 * CLOTHI_LANES];
-    int    i;
-    clothi_to_lanes(x, 12, y);
-    clothi_to_lanes(&c, 1, rest);
-    clothi_to_lanes(w, 4, rest + CLOTHI_LANES);
-    clothi_quadratic_lanes(y, rest, clothi_none, clothi_none, E, Ed, f);
-    clothi_from_lanes(f, 12, 1.0, grad);
-    for (i = 0; hess && i < 144; i++)
-        hess[i] = i / 12 % 3 == i % 3 ? c * w[i / 36] * w[i % 12 / 3] : 0.0;
-    clothi_settle(hess, 144);
-    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
-}
-
 /* What wing k, of height 1/q and foot t, adds to the weights. */
 static void clothi_quadratic_wing(double q, double t, int k, double *w) {
     w[0] += (1.0 - t) * q;
@@ -5357,6 +5309,48 @@ static const clothi_kind clothi_kinds[4] = {
      clothi_hinge_vjp},
     {4, 5, 3, clothi_quadratic_measure, clothi_quadratic_lanes, clothi_quadratic_blocks,
      clothi_quadratic_hvp, clothi_quadratic_vjp}};
+
+/* --- one element of a kind with an energy in `rest` alone: the same in all lanes --- */
+
+static double clothi_one_element(int kind, const double *x, const double *rest, double *grad,
+                                 double *hess, int psd) {
+    const clothi_kind *q = clothi_kinds + kind;
+    double y[12 * CLOTHI_LANES], r[7 * CLOTHI_LANES], f[12 * CLOTHI_LANES], H[54 * CLOTHI_LANES];
+    double E[CLOTHI_LANES], Ed[CLOTHI_LANES];
+    clothi_to_lanes(x, 3 * q->corners, y);
+    clothi_to_lanes(rest, q->nrest, r);
+    q->lanes(y, r, clothi_none, clothi_none, E, Ed, f);
+    clothi_from_lanes(f, 3 * q->corners, 1.0, grad);
+    if (hess) {
+        q->blocks(y, r, clothi_none, clothi_none, psd, H);
+        clothi_full_hessian(H, q->corners, 1.0, hess);
+    }
+    return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
+}
+
+CLOTH_API double cloth_spring(const double *x, double rest_length, double k, double *grad,
+                              double *hess, int psd) {
+    const double rest[2] = {k, rest_length};
+    return clothi_one_element(CLOTHI_SPRING, x, rest, grad, hess, psd);
+}
+
+CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, double lambda,
+                               double *grad, double *hess, int psd) {
+    double B[7];
+    B[4] = clothi_rest_inverse(X, B), B[5] = mu, B[6] = lambda;
+    return clothi_one_element(CLOTHI_TRIANGLE, x, B, grad, hess, psd != 0);
+}
+
+CLOTH_API double cloth_bend_quadratic(const double *x, const double *w, double c, double *grad,
+                                      double *hess) {
+    const double rest[5] = {c, w[0], w[1], w[2], w[3]};
+    const double energy = clothi_one_element(CLOTHI_QUADRATIC, x, rest, grad, NULL, 0);
+    int          i;
+    for (i = 0; hess && i < 144; i++)
+        hess[i] = i / 12 % 3 == i % 3 ? c * w[i / 36] * w[i % 12 / 3] : 0.0;
+    clothi_settle(hess, 144);
+    return energy;
+}
 
 CLOTHI_RARE_END
 

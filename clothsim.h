@@ -4070,7 +4070,8 @@ CLOTHI_RARE_END
  *     _lanes    E, Ed and the gradient f of their sum          [8], [8], [3 corners][8]
  *     _blocks   Hessian, blocks (i, j) of corners i > j        [pairs][9][8], as clothi_pair
  *     _hvp      Hessian times u, without a matrix              [3 corners][8]
- *     _vjp      V = a.f, a constant: dV by the numbers of `rest`, by damp and by x^n
+ *     _vjp      V = a.f, a constant: dV by the numbers of `rest`, by damp and by x^n, and Ha, that
+ *               by x; x^n NULL: damp is zeros, dV by it and by x^n is not asked for
  *
  *   No force changes when all corners move together: rows of blocks sum to zero, which gives the
  *   diagonal blocks, once for a matrix and not by element (clothi_matrix_close()). A result beyond
@@ -4288,17 +4289,17 @@ CLOTHI_HOT void clothi_spring_hvp(clothi_in x, clothi_in u, clothi_in rest, clot
     }
 }
 
-CLOTHI_RARE_BEGIN
-
 /* V = k ((l - L) + s (l - l_n)) u.(a1 - a0) */
-static void clothi_spring_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
-                              clothi_in damp, clothi_out d_rest, clothi_out d_damp,
-                              clothi_out d_x_n) {
+CLOTHI_UNUSED static void clothi_spring_vjp(clothi_in x, const double *x_n, clothi_in a,
+                                            clothi_in rest, clothi_in damp, clothi_out d_rest,
+                                            clothi_out d_damp, clothi_out d_x_n, clothi_out Ha) {
     enum { L = CLOTHI_LANES };
     double l[L], l_n[L];
     int    k;
+    if (!x_n) x_n = x;
     clothi_spring_measure(x, rest, l);
     clothi_spring_measure(x_n, rest, l_n);
+    clothi_spring_hvp(x, a, rest, l_n, damp, Ha);
     for (k = 0; k < L; k++) {
         const clothi_bar b = clothi_bar_at(x, rest, l_n, damp, l, k);
         const clothi_bar n = clothi_bar_at(x_n, rest, l_n, damp, l_n, k);
@@ -4312,6 +4313,8 @@ static void clothi_spring_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in
         clothi_put3(d_x_n, 3, k, g * n.d0, g * n.d1, g * n.d2);
     }
 }
+
+CLOTHI_RARE_BEGIN
 
 /* --- one element: the same in all lanes; see also [6.4] --- */
 
@@ -4661,8 +4664,6 @@ CLOTHI_HOT void clothi_stretch_hvp(clothi_in x, clothi_in u, clothi_in rest, clo
     for (k = 0; k < 9 * L; k++) f[k] += more[k];
 }
 
-CLOTHI_RARE_BEGIN
-
 /* X_i -= F' f_i of the corners i = 1, 2; F of t. */
 CLOTHI_LANE void clothi_tri_back(const clothi_tri *t, const double *f, int k, double *X) {
     enum { L = CLOTHI_LANES };
@@ -4674,35 +4675,54 @@ CLOTHI_LANE void clothi_tri_back(const clothi_tri *t, const double *f, int k, do
     }
 }
 
-/* d_rest: in place of B the rest corners X1, X2, with what they do to the area; the fifth is 0. */
-static void clothi_stretch_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
-                               clothi_in damp, clothi_out d_rest, clothi_out d_damp,
-                               clothi_out d_x_n) {
+/* d_rest: in place of B the rest corners X1, X2, with what they do to the area; the fifth is 0.
+ * V = mu dV/dmu + lambda dV/dlambda; f, more: scratch. */
+CLOTHI_HOT void clothi_stretch_rest_vjp(clothi_in x, clothi_in a, clothi_in rest, clothi_in start,
+                                        clothi_in damp, clothi_out d_rest, clothi_out Ha,
+                                        clothi_out f, clothi_out more) {
     enum { L = CLOTHI_LANES };
-    double start[3 * L], f[9 * L], Ha[9 * L];
-    int    k, i;
-    clothi_stretch_measure(x_n, rest, start);
-    clothi_stretch_hvp(x, a, rest, start, damp, Ha);
+    int k;
     for (k = 0; k < L; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k), d = clothi_tri_at(a, rest, k);
+        const clothi_sym e = clothi_tri_damped(t.e, start, damp, k);
+        const clothi_sym da = clothi_tri_change(&t, &d);
+        const double     mu = 2 * rest[4 * L + k] * (e.a * da.a + e.b * da.b + 2 * e.c * da.c);
+        const double     lambda = rest[4 * L + k] * (e.a + e.b) * (da.a + da.b);
+        const double     V = rest[5 * L + k] * mu + rest[6 * L + k] * lambda;
+        const clothi_sym s = clothi_tri_stress(e, rest, k), ds = clothi_tri_stress(da, rest, k);
+        clothi_tri_force(&t, s, rest, k, f);
+        clothi_tri_force(&d, s, rest, k, Ha);
+        clothi_tri_force(&t, clothi_tri_times(ds, 1.0 + damp[k]), rest, k, more);
+        d_rest[k] = V * rest[k], d_rest[L + k] = V * rest[L + k];
+        clothi_put3(d_rest, 2, k, V * rest[2 * L + k], V * rest[3 * L + k], 0.0);
+        d_rest[5 * L + k] = mu, d_rest[6 * L + k] = lambda;
+        clothi_tri_back(&t, Ha, k, d_rest);
+        clothi_tri_back(&t, more, k, d_rest);
+        clothi_tri_back(&d, f, k, d_rest);
+    }
+    for (k = 0; k < 9 * L; k++) Ha[k] += more[k];
+}
+
+CLOTHI_UNUSED static void clothi_stretch_vjp(clothi_in x, const double *x_n, clothi_in a,
+                                             clothi_in rest, clothi_in damp, clothi_out d_rest,
+                                             clothi_out d_damp, clothi_out d_x_n, clothi_out Ha) {
+    enum { L = CLOTHI_LANES };
+    double start[3 * L], f[9 * L], more[9 * L];
+    int    k;
+    if (x_n) clothi_stretch_measure(x_n, rest, start);
+    clothi_stretch_rest_vjp(x, a, rest, x_n ? start : clothi_none, damp, d_rest, Ha, f, more);
+    for (k = 0; x_n && k < L; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k), n = clothi_tri_at(x_n, rest, k);
         const clothi_tri d = clothi_tri_at(a, rest, k);
-        const clothi_sym da = clothi_tri_change(&t, &d), q = clothi_tri_stress(da, rest, k);
-        const clothi_sym e = clothi_tri_damped(t.e, start, damp, k);
+        const clothi_sym q = clothi_tri_stress(clothi_tri_change(&t, &d), rest, k);
         const clothi_sym since = clothi_tri_since(t.e, start, k);
-        double           V;
-        d_rest[4 * L + k] = 0;
-        d_rest[5 * L + k] = 2 * rest[4 * L + k] * (e.a * da.a + e.b * da.b + 2 * e.c * da.c);
-        d_rest[6 * L + k] = rest[4 * L + k] * (e.a + e.b) * (da.a + da.b);
         d_damp[k] = q.a * since.a + q.b * since.b + 2 * q.c * since.c;
         clothi_tri_force(&n, clothi_tri_times(q, -damp[k]), rest, k, d_x_n);
-        clothi_tri_force(&t, clothi_tri_stress(e, rest, k), rest, k, f);
-        V = rest[5 * L + k] * d_rest[5 * L + k] + rest[6 * L + k] * d_rest[6 * L + k];
-        for (i = 0; i < 4; i++) d_rest[i * L + k] = V * rest[i * L + k];
-        clothi_tri_back(&t, Ha, k, d_rest);
-        clothi_tri_back(&d, f, k, d_rest);
         clothi_tri_back(&n, d_x_n, k, d_rest);
     }
 }
+
+CLOTHI_RARE_BEGIN
 
 /* The stretches are the singular values of F: s1^2 and s2^2 are the eigenvalues of F'F, and s1 s2 =
  * |F1 x F2| keeps the digits of the small one. F is scaled so that no square overflows. */
@@ -5033,9 +5053,10 @@ CLOTHI_LANE double clothi_lane_dot(const double *a, int k, double b0, double b1,
 
 /* With Wu = sum W_j u_j and Du = u_0 - u_1 a wing gives W_i a + D_i d to its corners:
  *   a = moment (p (M.Wu) + M (p.Wu) - r (p.Du)) + c (1 + damp) p (p.Wu of both wings),
- *   d = moment ((h/l)^2/2 (p (M.Du) + M (p.Du)) - p (r.Wu)) */
+ *   d = moment ((h/l)^2/2 (p (M.Du) + M (p.Du)) - p (r.Wu)); along = dtheta/dx . u */
 CLOTHI_HOT void clothi_hinge_products(const clothi_wings *CLOTHI_RESTRICT w, clothi_in u,
-                                      clothi_in moment, clothi_in square, clothi_out f) {
+                                      clothi_in moment, clothi_in square, clothi_out along,
+                                      clothi_out f) {
     enum { L = CLOTHI_LANES };
     double MW[2][L], pW[2][L], rW[2][L], MD[2][L], pD[2][L];
     int    s, r, k;
@@ -5051,6 +5072,7 @@ CLOTHI_HOT void clothi_hinge_products(const clothi_wings *CLOTHI_RESTRICT w, clo
             MD[s][k] = clothi_lane_dot(w->M[s], k, D0, D1, D2);
             pD[s][k] = clothi_lane_dot(w->p[s], k, D0, D1, D2);
         }
+    for (k = 0; k < L; k++) along[k] = -(pW[0][k] + pW[1][k]);
     for (r = 0; r < 6 * L; r++) f[r] = 0.0;
     for (s = 0; s < 2; s++)
         for (r = 0; r < 3; r++)
@@ -5058,7 +5080,7 @@ CLOTHI_HOT void clothi_hinge_products(const clothi_wings *CLOTHI_RESTRICT w, clo
                 const double p = w->p[s][r * L + k], M = w->M[s][r * L + k], t = w->t[s][k];
                 const double pM = p * MW[s][k] + M * pW[s][k] - w->r[r * L + k] * pD[s][k];
                 const double bow = w->bow[s][k] * (p * MD[s][k] + M * pD[s][k]);
-                const double a = moment[k] * pM + square[k] * p * (pW[0][k] + pW[1][k]);
+                const double a = moment[k] * pM - square[k] * p * along[k];
                 const double d = moment[k] * (bow - p * rW[s][k]);
                 f[r * L + k] += (t - 1.0) * a + d;
                 f[(3 + r) * L + k] -= t * a + d;
@@ -5068,37 +5090,45 @@ CLOTHI_HOT void clothi_hinge_products(const clothi_wings *CLOTHI_RESTRICT w, clo
 
 CLOTHI_UNUSED static void clothi_hinge_hvp(clothi_in x, clothi_in u, clothi_in rest,
                                            clothi_in start, clothi_in damp, clothi_out f) {
-    double       square[CLOTHI_LANES], moment[CLOTHI_LANES];
+    double       square[CLOTHI_LANES], moment[CLOTHI_LANES], along[CLOTHI_LANES];
     clothi_wings w;
     int          k;
     for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (1.0 + damp[k]);
     clothi_hinge_moments(x, rest, start, damp, moment);
     clothi_hinge_wings(x, &w);
-    clothi_hinge_products(&w, u, moment, square, f);
+    clothi_hinge_products(&w, u, moment, square, along, f);
+}
+
+/* V = c ((theta - theta0) + s (theta - theta_n)) (dtheta/dx . a) */
+CLOTHI_UNUSED static void clothi_hinge_vjp(clothi_in x, const double *x_n, clothi_in a,
+                                           clothi_in rest, clothi_in damp, clothi_out d_rest,
+                                           clothi_out d_damp, clothi_out d_x_n, clothi_out Ha) {
+    enum { L = CLOTHI_LANES };
+    double       theta[L], start[L], turned[L], square[L], moment[L], along[L];
+    clothi_wings w;
+    int          i, k;
+    clothi_hinge_measure(x, rest, theta);
+    clothi_hinge_wings(x, &w);
+    if (x_n) clothi_hinge_measure(x_n, rest, start);
+    else memcpy(start, theta, sizeof start);
+    for (k = 0; k < L; k++) {
+        turned[k] = clothi_wrap(theta[k] - start[k]);
+        d_rest[k] = clothi_wrap(theta[k] - rest[L + k]) + damp[k] * turned[k];
+        moment[k] = rest[k] * d_rest[k];
+        square[k] = rest[k] * (1.0 + damp[k]);
+    }
+    clothi_hinge_products(&w, a, moment, square, along, Ha);
+    for (k = 0; k < L; k++) {
+        d_rest[k] *= along[k];
+        d_rest[L + k] = -rest[k] * along[k];
+    }
+    if (!x_n) return;
+    for (k = 0; k < L; k++) d_damp[k] = rest[k] * turned[k] * along[k];
+    clothi_hinge_gradient(x_n, clothi_one, d_x_n);
+    for (i = 0; i < 12 * L; i++) d_x_n[i] *= -rest[i % L] * damp[i % L] * along[i % L];
 }
 
 CLOTHI_RARE_BEGIN
-
-/* V = c ((theta - theta0) + s (theta - theta_n)) (dtheta/dx . a) */
-static void clothi_hinge_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
-                             clothi_in damp, clothi_out d_rest, clothi_out d_damp,
-                             clothi_out d_x_n) {
-    enum { L = CLOTHI_LANES };
-    double g[12 * L], theta[L], start[L], along[L] = {0};
-    int    i, k;
-    clothi_hinge_measure(x, rest, theta);
-    clothi_hinge_measure(x_n, rest, start);
-    clothi_hinge_gradient(x, clothi_one, g);
-    clothi_hinge_gradient(x_n, clothi_one, d_x_n);
-    for (i = 0; i < 12 * L; i++) along[i % L] += g[i] * a[i];
-    for (k = 0; k < L; k++) {
-        const double turned = clothi_wrap(theta[k] - start[k]);
-        d_rest[k] = (clothi_wrap(theta[k] - rest[L + k]) + damp[k] * turned) * along[k];
-        d_rest[L + k] = -rest[k] * along[k];
-        d_damp[k] = rest[k] * turned * along[k];
-    }
-    for (i = 0; i < 12 * L; i++) d_x_n[i] *= -rest[i % L] * damp[i % L] * along[i % L];
-}
 
 CLOTH_API double cloth_hinge_coefficient(double D, double e2, double A1, double A2) {
     const double area = A1 + A2;
@@ -5231,16 +5261,17 @@ CLOTHI_HOT void clothi_quadratic_hvp(clothi_in x, clothi_in u, clothi_in rest, c
     clothi_quadratic_lanes(u, rest, clothi_none, damp, E, Ed, f);
 }
 
-CLOTHI_RARE_BEGIN
-
 /* V = c (r + s (r - r_n)).r_a, r_a = sum w_i a_i. dV/dw is up to a constant, the same for all w,
  * whose sum stays 0. */
-static void clothi_quadratic_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
-                                 clothi_in damp, clothi_out d_rest, clothi_out d_damp,
-                                 clothi_out d_x_n) {
+CLOTHI_UNUSED static void clothi_quadratic_vjp(clothi_in x, const double *x_n, clothi_in a,
+                                               clothi_in rest, clothi_in damp, clothi_out d_rest,
+                                               clothi_out d_damp, clothi_out d_x_n,
+                                               clothi_out Ha) {
     enum { L = CLOTHI_LANES };
     double r[3 * L], r_n[3 * L], r_a[3 * L];
     int    i, j, k;
+    if (!x_n) x_n = x;
+    clothi_quadratic_hvp(x, a, rest, clothi_none, damp, Ha);
     clothi_quadratic_measure(x, rest, r);
     clothi_quadratic_measure(x_n, rest, r_n);
     clothi_quadratic_measure(a, rest, r_a);
@@ -5259,6 +5290,8 @@ static void clothi_quadratic_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi
             }
         }
 }
+
+CLOTHI_RARE_BEGIN
 
 /* What wing k, of height 1/q and foot t, adds to the weights. */
 static void clothi_quadratic_wing(double q, double t, int k, double *w) {
@@ -5296,8 +5329,8 @@ typedef struct clothi_kind {
                    clothi_out H);
     void (*hvp)(clothi_in x, clothi_in u, clothi_in rest, clothi_in start, clothi_in damp,
                 clothi_out f);
-    void (*vjp)(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest, clothi_in damp,
-                clothi_out d_rest, clothi_out d_damp, clothi_out d_x_n);
+    void (*vjp)(clothi_in x, const double *x_n, clothi_in a, clothi_in rest, clothi_in damp,
+                clothi_out d_rest, clothi_out d_damp, clothi_out d_x_n, clothi_out Ha);
 } clothi_kind;
 
 static const clothi_kind clothi_kinds[4] = {
@@ -10622,6 +10655,23 @@ static void clothi_bend_params_vjp(const cloth_eval *e, int h, const double *d, 
     }
 }
 
+/* dV by the numbers of batch b's rest, d, and by its tau, to params. */
+static void clothi_batch_params_vjp(const clothi_elements *el, const cloth_eval *e, int b,
+                                    const double *d, const double *dtau, cloth_vjp *out) {
+    enum { L = CLOTHI_LANES };
+    const clothi_group *g = el->group;
+    const double       *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * L;
+    int                 k, id;
+    for (k = 0; k < L; k++) {
+        if ((id = g->id[b * L + k]) < 0) continue;
+        if (g->kind == CLOTHI_TRIANGLE)
+            clothi_triangle_params_vjp(e, id, d + k, dtau[k], out);
+        else if (g->kind == CLOTHI_SPRING)
+            clothi_spring_params_vjp(e, id, rest + k, d + k, dtau[k], out);
+        else clothi_bend_params_vjp(e, id, d + k, dtau[k], out);
+    }
+}
+
 /* damp = tau/h: by tau, h and x^n here, by the rest above. */
 static cloth_status clothi_elements_vjp(void *user, const cloth_eval *e, const double *a,
                                         cloth_vjp *out) {
@@ -10629,26 +10679,23 @@ static cloth_status clothi_elements_vjp(void *user, const cloth_eval *e, const d
     const clothi_elements *el = (const clothi_elements *)user;
     const clothi_group    *g = el->group;
     const double           inv_h = e->h > 0 ? 1 / e->h : 0, *rest, *start;
-    double x[12 * L], x_n[12 * L], y[12 * L], damp[L], d[7 * L], d_damp[L], d_x_n[12 * L];
-    int    b, k, j, id;
+    double x[12 * L], x_n[12 * L], y[12 * L], damp[L], d[7 * L], dtau[L], d_x_n[12 * L], Ha[12 * L];
+    int    b, k, j;
     for (b = 0; b < g->nbatch; b++) {
         const int *v = g->vert + (size_t)b * (size_t)g->width * L;
         clothi_corners(g, e->x, b, x);
         clothi_corners(g, inv_h > 0 ? e->x_n : e->x, b, x_n);
         clothi_corners(g, a, b, y);
         clothi_batch_rest(el, b, inv_h, &rest, &start, damp);
-        el->kind->vjp(x, x_n, y, rest, damp, d, d_damp, d_x_n);
+        el->kind->vjp(x, x_n, y, rest, damp, d, dtau, d_x_n, Ha);
         for (k = 0; k < L; k++) {
-            if ((id = g->id[b * L + k]) < 0) continue;
-            if (g->kind == CLOTHI_TRIANGLE)
-                clothi_triangle_params_vjp(e, id, d + k, d_damp[k] * inv_h, out);
-            else if (g->kind == CLOTHI_SPRING)
-                clothi_spring_params_vjp(e, id, rest + k, d + k, d_damp[k] * inv_h, out);
-            else clothi_bend_params_vjp(e, id, d + k, d_damp[k] * inv_h, out);
-            if (out->h) *out->h -= d_damp[k] * damp[k] * inv_h;
+            dtau[k] *= inv_h;
+            if (g->id[b * L + k] < 0) continue;
+            if (out->h) *out->h -= dtau[k] * damp[k];
             for (j = 0; out->x_n && damp[k] > 0 && j < 3 * g->width; j++)
                 out->x_n[3 * v[j / 3 * L + k] + j % 3] += d_x_n[j * L + k];
         }
+        clothi_batch_params_vjp(el, e, b, d, dtau, out);
     }
     return CLOTH_OK;
 }

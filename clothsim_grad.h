@@ -104,8 +104,10 @@
  *   CLOTH_GRAD_FROZEN     contact took for constant what moves (clothsim_collide.h [8.8])
  *
  * COST. A backward step is one assembly, one factorisation and two to three passes over the
- * elements. Memory: the motion of every step (12 to 18 numbers a vertex), or options.bytes, and
- * then part of the steps are run anew. A sim without a tape pays nothing.
+ * elements: 0.4 of a step to 1e-8 m. LEAPFROG: each step anew and one pass a kick, 4 to 5 of a
+ * step, however many causes are asked for. Memory: the motion of every step (12 to 18 numbers a
+ * vertex), or options.bytes, and then part of the steps are run anew. A sim without a tape pays
+ * nothing.
  *
  * CONTACT of clothsim_collide.h is part of it: its potential, friction with the normal forces and
  * frames of the step's end, and what anchors carry to the next step. Which pairs there are is a
@@ -1226,6 +1228,8 @@ typedef struct clothi_grad {                /* one walk backwards               
     double *a, *z, *q, *left;               /* [nv x 3] scratch                                */
     int     paired;                         /* w.dx holds what Newton's method would add       */
     double *mass;                           /* [nv]                                            */
+    double *sum[2];                         /* [nbatch x (nrest + 1) x 8] of stretch, bending: by
+                                               the numbers of rest, by tau, under these params */
     double *mu, *lambda, *bending, *damping;/* [nregions] under the params of the sim          */
     double *pose, *aim;                     /* [max_attachments x 3] by where attachments are at
                                                a step's start, by where it takes them          */
@@ -1700,6 +1704,65 @@ static int clothi_grad_wanted(const clothi_grad *g) {
            o->hinge_scale || g->s->own.membrane.damped || g->s->own.bend.damped;
 }
 
+typedef struct clothi_worth {               /* stretch or bending, backwards                   */
+    const cloth_sim       *s;
+    const clothi_elements *el;
+    const double          *x, *x_n, *a;     /* x_n NULL: without damping                       */
+    double                 inv_h;
+    int                    by_x_n;          /* forces: a' d(grad)/dx_n, else H a               */
+    double                *sum;
+} clothi_worth;
+
+static void clothi_worth_range(int begin, int end, int worker, void *ctx) {
+    enum { L = CLOTHI_LANES };
+    const clothi_worth *p = (const clothi_worth *)ctx;
+    const clothi_group *g = p->el->group;
+    const int           nd = p->el->kind->nrest * L;
+    const double       *rest, *start;
+    double x[12 * L], x_n[12 * L], a[12 * L], damp[L], d[8 * L], other[12 * L];
+    int    b, k;
+    (void)worker;
+    for (k = 0; k < L; k++) d[nd + k] = 0;
+    for (b = begin; b < end; b++) {
+        double *force = p->s->own.force + g->force + (size_t)b * (size_t)g->width * 3 * L;
+        double *sum = p->sum + (size_t)b * (size_t)(nd + L);
+        clothi_corners(g, p->x, b, x);
+        clothi_corners(g, p->a, b, a);
+        if (p->x_n) clothi_corners(g, p->x_n, b, x_n);
+        clothi_batch_rest(p->el, b, p->inv_h, &rest, &start, damp);
+        p->el->kind->vjp(x, p->x_n ? x_n : NULL, a, rest, damp, d, d + nd,
+                         p->by_x_n ? force : other, p->by_x_n ? other : force);
+        for (k = 0; k < nd; k++) sum[k] += d[k];
+        for (k = 0; k < L; k++) sum[nd + k] += p->inv_h * d[nd + k];
+    }
+}
+
+/* What the elements' rest is worth joins the sums. Ha NULL: a' d(grad)/dx_n of damping is added to
+ * x_n, where given; else H a becomes Ha, of what is not damped. */
+static void clothi_grad_elements(clothi_grad *g, const cloth_eval *e, const double *a, double *x_n,
+                                 double *Ha) {
+    cloth_sim   *s = g->s;
+    const int    damped = e->h > 0 && (s->own.membrane.damped || s->own.bend.damped);
+    clothi_worth p;
+    size_t       i;
+    p.s = s;
+    p.x = e->x;
+    p.x_n = damped || (e->h > 0 && g->out->damping && !Ha) ? e->x_n : NULL;
+    p.a = a;
+    p.inv_h = p.x_n ? 1 / e->h : 0;
+    p.by_x_n = !Ha;
+    for (i = 0; i < 2; i++) {
+        p.el = i ? &s->own.bend : &s->own.membrane;
+        p.sum = g->sum[i];
+        clothi_for(&s->hooks, p.el->group->nbatch, CLOTHI_CHUNK, clothi_worth_range, &p);
+    }
+    if (Ha) clothi_gather_forces(s, Ha);
+    else if (damped && x_n) {
+        clothi_gather_forces(s, g->left);
+        for (i = 0; i < g->t->nv3; i++) x_n[i] += g->left[i];
+    }
+}
+
 /* Terms [from, to) of step k: a' d(grad)/d{...} to where it belongs; x_n, v_n may be NULL. */
 static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const double *a, int k,
                                       int from, int to, double *x_n, double *v_n) {
@@ -1715,15 +1778,7 @@ static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const
     to_p.own = 1;
     to_p.gravity = g->out->gravity;
     to_p.wind = g->out->wind;
-    to_p.mu = g->mu;
-    to_p.lambda = g->lambda;
-    to_p.bending = g->bending;
-    to_p.damping = g->damping;
-    to_p.theta0 = g->out->theta0;
-    to_p.hinge_scale = g->out->hinge_scale;
-    to_p.X = g->out->X;
     to_p.attach_k = g->out->attach_k;
-    if (from == 0 && !clothi_grad_wanted(g)) from = CLOTHI_TERM_BEND + 1;
     for (i = from; i < to && !status; i++)
         status = s->term[i].vjp(s->term[i].user, e, a, &to_p);
     return status;
@@ -1831,7 +1886,9 @@ static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k)
     line->goal.e.grad = NULL;
     line->goal.e.hess = NULL;
     line->goal.e.x = s->w.x;
-    status = clothi_grad_terms(g, &line->goal.e, g->a, k, 0, s->nterms,
+    if (clothi_grad_wanted(g))
+        clothi_grad_elements(g, &line->goal.e, g->a, line->h > 0 ? g->nx : NULL, NULL);
+    status = clothi_grad_terms(g, &line->goal.e, g->a, k, CLOTHI_TERM_BEND + 1, s->nterms,
                                line->h > 0 ? g->nx : NULL, line->h > 0 ? g->nv : NULL);
     if (!status && s->contact_on) {
         cloth_vjp to;
@@ -2185,23 +2242,27 @@ static cloth_status clothi_leap_back(clothi_grad *g, double hs, const double *x,
     cloth_eval   e = clothi_eval_of(s);
     cloth_status status = CLOTH_OK;
     const int    damped = s->own.membrane.damped || s->own.bend.damped;
+    const int    wanted = clothi_grad_wanted(g);
     int          i, n = (int)g->t->nv3;
     e.x = x;
     e.h = hs;
     e.x_n = x;
-    for (i = 0; i < n; i++) g->left[i] = x[i] - hs * v[i];
-    if (damped) e.x_n = g->left;
+    for (i = 0; i < n && damped; i++) g->nx[i] = x[i] - hs * v[i];
+    if (damped) e.x_n = g->nx;
     e.v_n = v;
     for (i = 0; i <= CLOTHI_TERM_BEND && damped && !status; i++)
         status = s->term[i].begin(s->term[i].user, &e);
-    clothi_hessian_times(s, x, g->a, damped ? hs : 0, g->q);
+    if (damped || !wanted) clothi_hessian_times(s, x, g->a, damped ? hs : 0, g->q);
+    else clothi_grad_elements(g, &e, g->a, NULL, g->q);
     clothi_leap_times(s, g->a, g->q);
-    memset(g->z, 0, (size_t)n * sizeof(double));
-    if (!status && clothi_grad_wanted(g))
-        status = clothi_grad_terms(g, &e, g->a, k, 0, CLOTHI_TERM_BEND + 1, g->z, NULL);
-    for (i = 0; i < n; i++) {
-        g->lx[i] += g->q[i] + g->z[i];
-        g->lv[i] -= hs * g->z[i];
+    for (i = 0; i < n; i++) g->lx[i] += g->q[i];
+    if (damped) {
+        memset(g->z, 0, (size_t)n * sizeof(double));
+        clothi_grad_elements(g, &e, g->a, g->z, NULL);
+        for (i = 0; i < n; i++) {
+            g->lx[i] += g->z[i];
+            g->lv[i] -= hs * g->z[i];
+        }
     }
     e.x_n = x;
     e.h = 0;
@@ -2316,12 +2377,33 @@ static void clothi_grad_lumped(clothi_grad *g) {
     }
 }
 
+/* Sums of an element's numbers: to params, which derive from them once and not once a kick. */
+static void clothi_grad_rest(clothi_grad *g) {
+    const cloth_sim *s = g->s;
+    const cloth_eval e = clothi_eval_of(s);
+    cloth_vjp        to;
+    int              i, b;
+    memset(&to, 0, sizeof to);
+    to.mu = g->mu, to.lambda = g->lambda, to.bending = g->bending, to.damping = g->damping;
+    to.theta0 = g->out->theta0, to.hinge_scale = g->out->hinge_scale, to.X = g->out->X;
+    for (i = 0; i < 2; i++) {
+        const clothi_elements *el = i ? &s->own.bend : &s->own.membrane;
+        const size_t nd = (size_t)el->kind->nrest * CLOTHI_LANES, each = nd + CLOTHI_LANES;
+        for (b = 0; b < el->group->nbatch; b++) {
+            const double *d = g->sum[i] + (size_t)b * each;
+            clothi_batch_params_vjp(el, &e, b, d, d + nd, &to);
+        }
+        memset(g->sum[i], 0, (size_t)el->group->nbatch * each * sizeof(double));
+    }
+}
+
 /* What was gathered under the sim's present params goes to the results: once for each set of them,
  * so that the order of sums is that of the tape, whatever was run anew. */
 static void clothi_grad_flush(clothi_grad *g) {
     const cloth_sim *s = g->s;
     const int        nr = s->model->nregions, nv = s->model->nv;
     int              i;
+    if (clothi_grad_wanted(g)) clothi_grad_rest(g);
     for (i = 0; i < nr; i++) clothi_grad_material(g, s->params.material + i, i);
     for (i = 0; g->out->mass && i < nv; i++) g->out->mass[i] += g->mass[i];
     if (!s->params.mass_given && (g->out->density || g->out->X)) clothi_grad_lumped(g);
@@ -2346,13 +2428,18 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
     const size_t na = 3 * (size_t)s->model->desc.max_attachments;
     double     **vec[CLOTHI_GRAD_ARRAYS];
     double      *d = (double *)(void *)block;
-    size_t       i;
+    size_t       i, sums[2];
+    for (i = 0; i < 2; i++) {
+        const clothi_elements *el = i ? &s->own.bend : &s->own.membrane;
+        sums[i] = (size_t)el->group->nbatch * (size_t)(el->kind->nrest + 1) * CLOTHI_LANES;
+    }
     if (block) {
         double **all[CLOTHI_GRAD_ARRAYS] = {
             &g->x, &g->v, &g->lx, &g->lv, &g->lp, &g->lw, &g->nx, &g->nv, &g->np, &g->nw, &g->x0,
             &g->gx, &g->gv, &g->a, &g->z, &g->q, &g->left};
         memcpy(vec, all, sizeof vec);
         for (i = 0; i < CLOTHI_GRAD_ARRAYS; i++, d += n) *vec[i] = d;
+        for (i = 0; i < 2; i++, d += sums[i - 1]) g->sum[i] = d;
         g->mass = d, d += n / 3;            /* then the four of regions: see _flush */
         g->mu = d, d += nr;
         g->lambda = d, d += nr;
@@ -2364,7 +2451,8 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
         g->kept_input = g->input + input;
         g->kept_motion = g->kept_input + input;
     }
-    return (CLOTHI_GRAD_ARRAYS * n + n / 3 + 4 * nr + 2 * na) * sizeof(double) + 2 * input + motion;
+    return (CLOTHI_GRAD_ARRAYS * n + sums[0] + sums[1] + n / 3 + 4 * nr + 2 * na) * sizeof(double) +
+           2 * input + motion;
 }
 
 static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input) {

@@ -889,6 +889,7 @@ static void lanes_products(void) {
         double y[12], u[12], H[144], Hu[12] = {0}, got[12], want[12], y8[12 * LANES];
         double u8[12 * LANES], n8[12 * LANES], rest[7 * LANES], start[3 * LANES], damp[LANES];
         double f[12 * LANES], d_rest[7 * LANES], d_damp[LANES], d_x_n[12 * LANES];
+        double Ha[12 * LANES], undamped[7 * LANES];
         int    n;
         memset(y, 0, sizeof y);
         make_one(&seed, round % 4, round / 4, &d, y);
@@ -906,7 +907,8 @@ static void lanes_products(void) {
         d.kind->hvp(y8, u8, rest, start, damp, f);
         from_lane(f, n, 5, got);
         CHECK(ref_difference(got, Hu, n) < 1e-12);
-        d.kind->vjp(y8, n8, u8, rest, damp, d_rest, d_damp, d_x_n);
+        d.kind->vjp(y8, n8, u8, rest, damp, d_rest, d_damp, d_x_n, Ha);
+        CHECK(ref_difference(Ha, f, n * LANES) < 1e-14);
         from_lane(d_x_n, n, 5, got);
         for (i = 0; i < n; i++) want[i] = one_slope(y, &d, u, d.start + i);
         CHECK(ref_difference(got, want, n) < 1e-7);
@@ -917,6 +919,10 @@ static void lanes_products(void) {
             CHECK_REL(d_rest[i * LANES + 5] - (w ? d_rest[LANES + 5] : 0) + 1,
                       one_slope(y, &d, u, d.rest + i) - back + 1, 1e-6);
         }
+        for (k = 0; k < LANES; k++) damp[k] = 0;
+        d.kind->vjp(y8, n8, u8, rest, damp, d_rest, d_damp, d_x_n, Ha);
+        d.kind->vjp(y8, NULL, u8, rest, damp, undamped, d_damp, d_x_n, Ha);
+        CHECK(ref_difference(undamped, d_rest, d.kind->nrest * LANES) < 1e-14);
     }
 }
 

@@ -13,8 +13,8 @@
  * their sticking change in between (steps of it: tests/test_grad_contact.c).
  * What the elements' numbers at rest are worth is summed in lanes, together with H u, and carried
  * to X, moduli and D once: LEAPFROG 17.3 of forward before, 4.4 now. What lost, N = 32 and 64: a
- * factor that serves every second step and CG with it (141 to 3221 iterations; a factorisation costs
- * as much as 5), and CG with SGS, forward's own solver (190 to 300 iterations, 1.1 to 1.5 of
+ * factor that serves every second step and CG with it (141 to 3221 iterations; a factorisation
+ * costs as much as 5), and CG with SGS, forward's own solver (190 to 300 iterations, 1.1 to 1.5 of
  * forward: no start from the last step's solution could save three of four).
  * A sim without a tape pays nothing: 8 steps of 32 x 32 take 513.69 million instructions where
  * clothsim_grad.h is not included, 513.66 where it is or a tape has gone; LEAPFROG's 382.46 each

@@ -40,8 +40,7 @@ main a { display: block; background: var(--panel); border: 1px solid var(--line)
   border-radius: 10px; overflow: hidden; color: inherit; text-decoration: none; }
 main a:hover { border-color: var(--accent); }
 main a:focus-visible { outline: 2px solid var(--accent); outline-offset: 2px; }
-img, .none { display: block; width: 100%; height: auto; aspect-ratio: 8 / 5; background: #f4f4f4;
-  object-fit: contain; }
+img, .none { display: block; width: 100%; height: auto; aspect-ratio: 8 / 5; object-fit: contain; }
 h2 { font-size: 16px; margin: 10px 14px 0; color: var(--accent); }
 main p { margin: 2px 14px 12px; color: var(--soft); }
 </style></head><body>

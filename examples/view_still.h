@@ -2,18 +2,20 @@
  * SPDX-License-Identifier: MIT
  *
  * Included by view.h after its types. Perspective, a depth buffer, four samples a pixel, the light
- * and colours of the page's first view; shadows on the floor alone. The PNG is not compressed. */
+ * and colours of the page's first view; shadows on the floor alone; where nothing is, nothing is
+ * painted, so that it serves light and dark pages. The PNG is not compressed. */
 #ifndef CLOTHSIM_EXAMPLE_VIEW_STILL_H
 #define CLOTHSIM_EXAMPLE_VIEW_STILL_H
 
 #define VIEW_STILL_W 480
 #define VIEW_STILL_H 300
 #define VIEW_STILL_S 2              /* samples along a pixel's side */
+#define VIEW_STILL_SHADOW 31        /* of 255: how dark             */
 
 typedef struct view_raster {
     int            w, h;
     float         *depth;           /* [w x h] distance along the axis; 0: nothing */
-    unsigned char *rgb;             /* [w x h x 3]                                 */
+    unsigned char *rgba;            /* [w x h x 4]                                 */
     double         r[3], u[3], b[3], at[3], far_off, light[3], focus;
     double         floor_y;
 } view_raster;
@@ -73,7 +75,7 @@ typedef struct view_paint {
 } view_paint;
 
 static inline void view_shade(const view_raster *a, const view_paint *p, const double *w, int front,
-                              unsigned char *rgb) {
+                              unsigned char *rgba) {
     double n[3], size = 0, k, sky, part = 0;
     for (int i = 0; i < 3; i++) {
         n[i] = w[0] * p->n[i] + w[1] * p->n[3 + i] + w[2] * p->n[6 + i];
@@ -90,8 +92,9 @@ static inline void view_shade(const view_raster *a, const view_paint *p, const d
         const unsigned char *c = view_fabric[p->tone];
         double base = !p->cloth ? 186 - 9 * i : !front ? c[6 + i] : c[i] + part * (c[3 + i] - c[i]);
         base *= pow(k, 1 / 2.2);
-        rgb[i] = (unsigned char)(base < 255 ? base : 255);
+        rgba[i] = (unsigned char)(base < 255 ? base : 255);
     }
+    rgba[3] = 255;
 }
 
 static inline void view_fill(view_raster *a, const double *s, const view_paint *p) {
@@ -112,10 +115,10 @@ static inline void view_fill(view_raster *a, const double *s, const view_paint *
         if (w[0] < 0 || w[1] < 0 || w[2] < 0) continue;
         z = w[0] * s[2] + w[1] * s[5] + w[2] * s[8];
         if (p == NULL) {
-            memset(a->rgb + 3 * i, 214, 3);
+            a->rgba[4 * i + 3] = VIEW_STILL_SHADOW;
         } else if (!(a->depth[i] > 0) || z < (double)a->depth[i]) {
             a->depth[i] = (float)z;
-            view_shade(a, p, w, area < 0, a->rgb + 3 * i);
+            view_shade(a, p, w, area < 0, a->rgba + 4 * i);
         }
     }
 }
@@ -228,11 +231,11 @@ static inline void view_png_chunk(view_buffer *out, const char *kind, const unsi
 }
 
 /* z: a zlib stream of stored blocks of the rows, each behind a filter byte of 0 */
-static inline void view_png(view_buffer *out, const unsigned char *rgb, int w, int h) {
+static inline void view_png(view_buffer *out, const unsigned char *rgba, int w, int h) {
     const unsigned char head[13] = {(unsigned char)(w >> 24), (unsigned char)(w >> 16),
         (unsigned char)(w >> 8), (unsigned char)w, (unsigned char)(h >> 24),
-        (unsigned char)(h >> 16), (unsigned char)(h >> 8), (unsigned char)h, 8, 2, 0, 0, 0};
-    const size_t   row = 3 * (size_t)w, line = row + 1;
+        (unsigned char)(h >> 16), (unsigned char)(h >> 8), (unsigned char)h, 8, 6, 0, 0, 0};
+    const size_t   row = 4 * (size_t)w, line = row + 1;
     unsigned       a = 1, b = 0;
     unsigned char *z = (unsigned char *)malloc((line + 5) * (size_t)h + 6), *p = z;
     if (z == NULL) {
@@ -245,7 +248,7 @@ static inline void view_png(view_buffer *out, const unsigned char *rgb, int w, i
         *p++ = (unsigned char)line, *p++ = (unsigned char)(line >> 8);
         *p++ = (unsigned char)~line, *p++ = (unsigned char)(~line >> 8);
         *p = 0;
-        memcpy(p + 1, rgb + row * (size_t)y, row);
+        memcpy(p + 1, rgba + row * (size_t)y, row);
         for (size_t i = 0; i < line; i++) a = (a + p[i]) % 65521, b = (b + a) % 65521;
         p += line;
     }
@@ -257,34 +260,41 @@ static inline void view_png(view_buffer *out, const unsigned char *rgb, int w, i
     free(z);
 }
 
+/* The mean of a pixel's samples, each by how much it covers. */
+static inline void view_pixel(const view_raster *a, int x, int y, unsigned char *rgba) {
+    enum { S = VIEW_STILL_S };
+    int sum[4] = {0};
+    for (int k = 0; k < S * S; k++) {
+        const unsigned char *q = a->rgba + 4 * ((y * S + k / S) * a->w + x * S + k % S);
+        for (int i = 0; i < 3; i++) sum[i] += q[i] * q[3];
+        sum[3] += q[3];
+    }
+    for (int i = 0; i < 3; i++) rgba[i] = (unsigned char)(sum[3] > 0 ? sum[i] / sum[3] : 0);
+    rgba[3] = (unsigned char)(sum[3] / (S * S));
+}
+
 /* Frame f as PNG, appended to out. */
 static inline void view_still(view_buffer *out, const view *v, int f) {
     const int      w = VIEW_STILL_W, h = VIEW_STILL_H, s = VIEW_STILL_S;
     int            tone = view_tone(v);
     view_raster    a;
-    unsigned char *rgb = (unsigned char *)malloc(3 * (size_t)(w * h));
+    unsigned char *rgba = (unsigned char *)malloc(4 * (size_t)(w * h));
     memset(&a, 0, sizeof a);
     a.w = w * s, a.h = h * s;
     a.depth = (float *)calloc((size_t)(a.w * a.h), sizeof *a.depth);
-    a.rgb = (unsigned char *)malloc(3 * (size_t)(a.w * a.h));
-    if (rgb == NULL || a.depth == NULL || a.rgb == NULL) out->failed = 1;
+    a.rgba = (unsigned char *)calloc((size_t)(a.w * a.h), 4);
+    if (rgba == NULL || a.depth == NULL || a.rgba == NULL) out->failed = 1;
     else {
-        memset(a.rgb, 244, 3 * (size_t)(a.w * a.h));
         view_aim(&a, v, f);
         for (int m = 0; m < v->nmesh; m++) view_draw_shadow(&a, v, m, f);
         for (int m = 0; m < v->nmesh; m++) {
             view_draw_mesh(&a, v, m, f, tone);
             tone += v->mesh[m].kind == VIEW_CLOTH;
         }
-        for (int i = 0; i < 3 * w * h; i++) {
-            int sum = 0, c = i % 3, x = i / 3 % w, y = i / 3 / w;
-            for (int k = 0; k < s * s; k++)
-                sum += a.rgb[3 * ((y * s + k / s) * a.w + x * s + k % s) + c];
-            rgb[i] = (unsigned char)(sum / (s * s));
-        }
-        view_png(out, rgb, w, h);
+        for (int i = 0; i < w * h; i++) view_pixel(&a, i % w, i / w, rgba + 4 * i);
+        view_png(out, rgba, w, h);
     }
-    free(rgb), free(a.depth), free(a.rgb);
+    free(rgba), free(a.depth), free(a.rgba);
 }
 
 #endif

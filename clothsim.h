@@ -589,7 +589,7 @@ typedef struct cloth_ledger {
     double contact;                         /* held by E_col at the end; no part of the total  */
 } cloth_ledger;
 
-typedef struct cloth_times {                /* ms, 0 without a clock hook                      */
+typedef struct cloth_times {                /* ms, 0 without a clock hook; each moment once     */
     double total, assemble, linear, line_search, contact, other;
 } cloth_times;
 
@@ -9402,7 +9402,8 @@ struct cloth_sim {
     cloth_linear_solver *solver;
     unsigned char *fixed;                   /* [nv] axes that the solver must not move         */
     clothi_work   w;
-    cloth_times   ms;
+    cloth_times   ms;                       /* s, of the step that runs; clothi_charge()       */
+    double       *charged, since;
     long long     allocations;
     size_t        bytes;                    /* held through the counted allocator              */
 };
@@ -11007,6 +11008,15 @@ static cloth_status clothi_tie_matrix(cloth_sim *s) {
     return status;
 }
 
+/* From here on time counts as *to; returns what it counted as. */
+static double *clothi_charge(cloth_sim *s, double *to) {
+    const double now = clothi_now(&s->hooks);
+    double      *was = s->charged;
+    if (was) *was += now - s->since;
+    s->charged = to, s->since = now;
+    return was;
+}
+
 /* phi at x; value, gradient [nv x 3] and the matrix as asked (NULL, 0: not). */
 CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *goal,
                                                     const double *x, double *grad, int hess,
@@ -11036,9 +11046,11 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
         goal->magnitude += fabs(s->term_energy[i]);
     }
     if (!status && s->contact_on) {
+        double *was = clothi_charge(s, &s->ms.contact);
         s->own.counts.contact_calls++;
         if (grad && s->w.free) memcpy(s->w.free, grad, 3 * (size_t)m->nv * sizeof(double));
         status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
+        (void)clothi_charge(s, was);
         sum += s->contact_energy;
         goal->magnitude += fabs(s->contact_energy);
     }
@@ -11121,7 +11133,7 @@ static cloth_status clothi_nonfinite_terms(const cloth_sim *s, double value, int
 CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal,
                                                       clothi_newton *nt, double *a,
                                                       cloth_report *report) {
-    const double start = clothi_now(&s->hooks);
+    double      *was = clothi_charge(s, &s->ms.line_search);
     double       rounding = 4e-15 * goal->magnitude, value = 0;
     cloth_status status = CLOTH_OK;
     int          i, k, n = 3 * s->model->nv;
@@ -11135,7 +11147,7 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
         }
         report->halvings++;
     }
-    s->ms.line_search += clothi_now(&s->hooks) - start;
+    (void)clothi_charge(s, was);
     if (status) return status;
     if (k > CLOTHI_HALVINGS)
         return clothi_finite(value) ? CLOTH_ERR_STEP
@@ -11149,13 +11161,13 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
 /* Hessian at w.x: exact, or the definite model. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
                                                           int exact, cloth_report *report) {
-    const double start = clothi_now(&s->hooks);
+    double      *was = clothi_charge(s, &s->ms.assemble);
     double       magnitude = goal->magnitude;           /* of the value, not asked here */
     cloth_status status = clothi_objective(s, goal, s->w.x, NULL, 1, exact ? 0 : 2, NULL);
     goal->magnitude = magnitude;
     report->projected += !exact;
     if (!status && s->model->tie) status = clothi_tie_matrix(s);
-    s->ms.assemble += clothi_now(&s->hooks) - start;
+    (void)clothi_charge(s, was);
     return status;
 }
 
@@ -11174,7 +11186,7 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
                                                        double radius, cloth_linear method,
                                                        cloth_report *report,
                                                        cloth_linear_report *lr) {
-    const double         start = clothi_now(&s->hooks);
+    double              *was = clothi_charge(s, &s->ms.linear);
     cloth_linear_options opt = cloth_linear_options_default();
     cloth_status         status;
     opt.method = method, opt.tolerance = tolerance, opt.radius = radius, opt.fixed = s->fixed;
@@ -11190,7 +11202,7 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     report->linear_solves++;
     report->cg += lr->iterations;
     clothi_tie_spread(s->model, s->w.dx);
-    s->ms.linear += clothi_now(&s->hooks) - start;
+    (void)clothi_charge(s, was);
     if (status == CLOTH_ERR_NONFINITE) status = clothi_nonfinite_terms(s, 0, &report->vertex);
     return status;
 }
@@ -11255,14 +11267,17 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
 static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                         int *done) {
     const double before = s->contact_energy;
+    double      *was;
     cloth_status status;
     if (!s->contact_on) return CLOTH_OK;
+    was = clothi_charge(s, &s->ms.contact);
     clothi_newton_rhs(s);
     status = s->contact.update(s->contact.user, s->w.x, s->w.rhs, done);
     memcpy(s->w.grad, s->w.free, 3 * (size_t)s->model->nv * sizeof(double));
     goal->e.x = s->w.x, goal->e.grad = s->w.grad, goal->e.hess = NULL;
     if (!status) status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
     nt->value += s->contact_energy - before;
+    (void)clothi_charge(s, was);
     return status;
 }
 
@@ -11298,8 +11313,10 @@ static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, con
 static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a,
                                       cloth_report *report, cloth_linear_report *lr) {
     cloth_status status = CLOTH_OK;
+    double      *was;
     int          tries, blocked;
     if (!s->contact_on) return CLOTH_OK;
+    was = clothi_charge(s, &s->ms.contact);
     status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
         status = s->contact.block(s->contact.user, s->matrix, &blocked);
@@ -11308,6 +11325,7 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
                                      clothi_newton_method(s, CLOTH_LINEAR_SGS), report, lr);
         if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
+    (void)clothi_charge(s, was);
     if (tries) clothi_newton_measure(s, nt);
     return status;
 }
@@ -11444,10 +11462,13 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     const int         cap = s->contact_on ? CLOTHI_CONTACT_CAP : CLOTHI_NEWTON_CAP;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
+    double           *was;
     int               it, done = 0;
     memset(&nt, 0, sizeof nt);
     nt.size = HUGE_VAL;
+    was = clothi_charge(s, &s->ms.contact);
     if (s->contact_on) status = s->contact.update(s->contact.user, s->w.x, NULL, NULL);
+    (void)clothi_charge(s, was);
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     if (!status && (!clothi_finite(nt.value) ||
                     clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))
@@ -11631,8 +11652,10 @@ static cloth_status clothi_terms_some(cloth_sim *s, const cloth_eval *e, int i, 
 static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
     cloth_status status = clothi_terms_some(s, &goal->e, 0, s->nterms);
     if (!status && s->contact_on) {
+        double *was = clothi_charge(s, &s->ms.contact);
         s->own.counts.contact_calls++;
         status = s->contact.begin(s->contact.user, &goal->e);
+        (void)clothi_charge(s, was);
     }
     return status;
 }
@@ -11670,7 +11693,7 @@ static cloth_status clothi_better_start(cloth_sim *s, clothi_goal *goal) {
  * implicit Euler. */
 static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *bdf2, int *impact,
                                          cloth_report *report) {
-    const double start = clothi_now(&s->hooks);
+    double      *was = clothi_charge(s, &s->ms.contact);
     cloth_status status;
     int          i;
     s->own.counts.contact_calls++;
@@ -11684,7 +11707,7 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
         report->restarts++;
     }
     if (!status) status = clothi_better_start(s, goal);
-    s->ms.contact += clothi_now(&s->hooks) - start;
+    (void)clothi_charge(s, was);
     if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
     return status ? status : clothi_finite_result(s, report);
 }
@@ -11712,7 +11735,9 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
     if (!status) status = clothi_minimise(s, &goal, report);
     if (!status) status = clothi_finite_result(s, report);
     if (!status && s->contact_on) {
+        double *was = clothi_charge(s, &s->ms.contact);
         status = s->contact.close(s->contact.user, s->w.x, &impact);
+        (void)clothi_charge(s, was);
         s->fresh = 0;
     }
     if (!status && s->balance) status = clothi_balance(s, &goal, report);
@@ -12384,11 +12409,12 @@ static cloth_status clothi_leap_balance(cloth_sim *s, double hs, cloth_ledger *l
 /* Contact over the drift of a substep, from w.x: before it, and at its end, where x and v become
  * feasible. l: NULL where no report is wanted. */
 static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_ledger *l) {
-    const double start = clothi_now(&s->hooks);
     const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
+    double      *was;
     clothi_goal  goal;
     cloth_status status;
     if (clothi_find_nonfinite(s->w.x, bytes / sizeof(double)) >= 0) return CLOTH_OK;
+    was = clothi_charge(s, &s->ms.contact);
     clothi_eval_start(s, &goal, hs);
     goal.e.x_n = s->w.x, goal.e.v_n = s->w.trial;
     s->own.counts.contact_calls++;
@@ -12402,7 +12428,7 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_
     }
     status = end ? s->contact.resolve(s->contact.user, &goal.e, s->w.x, s->w.trial)
                  : s->contact.begin(s->contact.user, &goal.e);
-    s->ms.contact += clothi_now(&s->hooks) - start;
+    (void)clothi_charge(s, was);
     return status || !end || !l ? status : clothi_leap_balance(s, hs, l);
 }
 
@@ -12927,13 +12953,12 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before, cloth_
 
 static void clothi_report_end(cloth_sim *s, double start, long long allocations,
                               cloth_report *report) {
-    double total = clothi_now(&s->hooks) - start;
+    (void)clothi_charge(s, &s->ms.other);
     s->own.counts.allocations = s->allocations - allocations;
-    report->counts = s->own.counts, report->ms.total = 1e3 * total;
+    report->counts = s->own.counts, report->ms.total = 1e3 * (s->since - start);
     report->ms.assemble = 1e3 * s->ms.assemble, report->ms.linear = 1e3 * s->ms.linear;
     report->ms.line_search = 1e3 * s->ms.line_search, report->ms.contact = 1e3 * s->ms.contact;
-    report->ms.other = 1e3 * (total - s->ms.assemble - s->ms.linear - s->ms.line_search -
-                              s->ms.contact);
+    report->ms.other = 1e3 * s->ms.other;
 }
 
 typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report);
@@ -12986,6 +13011,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     memset(&before, 0, sizeof before);
     memset(&s->own.counts, 0, sizeof s->own.counts);
     memset(&s->ms, 0, sizeof s->ms);
+    s->charged = &s->ms.other, s->since = start;
     s->known = s->fresh = s->finish = s->calm = 0;
     report->h = h, report->vertex = report->min_stretch_face = -1;
     status = clothi_check_step(s, h, report);

@@ -399,7 +399,7 @@ typedef struct cloth_collide_report {       /* of the last step                 
     int    exempt_pairs;                    /* that intersected and have not parted            */
     double push;                            /* m, root mean square of the worst zone           */
     double fraction;                        /* of the step that was taken: cloth_collide_step  */
-    double ms_begin, ms_detect, ms_zones;   /* 0 without a clock                               */
+    double ms_begin, ms_detect, ms_zones;   /* parts of cloth_report.ms.contact                */
 } cloth_collide_report;
 
 typedef struct cloth_collide_pair {

@@ -44,7 +44,7 @@ typedef struct stage {
     int         miscounted;                 /* steps whose crossings the kit counts otherwise  */
     int         passes, zones, rows, zone, rigid;   /* the most in a step; rigid: all          */
     int         newton[STAGE_STEPS], newtons;       /* of each step                            */
-    double      push, ms, ms_begin, ms_detect, ms_zones, ms_worst;
+    double      push, ms, ms_contact, ms_worst;
     double      gap;                        /* m, least of cloth_collide_gap() after a step    */
     long double least;                      /* m, to spheres and planes                        */
 } stage;
@@ -344,9 +344,7 @@ static inline int stage_step(stage *s, double h) {
             *x = k.fraction < 1 ? *x + k.fraction * (to - *x) : to;
         }
     s->ms += r.ms.total;
-    s->ms_begin += k.ms_begin;
-    s->ms_detect += k.ms_detect;
-    s->ms_zones += k.ms_zones;
+    s->ms_contact += r.ms.contact;
     s->ms_worst = fmax(s->ms_worst, r.ms.total);
     if (s->newtons < STAGE_STEPS) s->newton[s->newtons++] = r.newton;
     s->passes = k.passes > s->passes ? k.passes : s->passes;
@@ -375,7 +373,7 @@ static inline int stage_step(stage *s, double h) {
 
 static inline void stage_title(void) {
     printf("  whole: accepted at full length; gap/t: smallest distance after any step; clear: from "
-           "spheres and\n  planes; share: begin, detection and zones in the time of the step\n");
+           "spheres and\n  planes; share: contact's in the time of the step\n");
     printf("  %-17s %5s %6s %5s %4s %5s %6s %8s %10s %6s %5s %6s %6s %5s %7s %7s %7s %5s\n",
            "scene", "steps", "whole%", "short", "fail", "pairs", "gap/t", "clear m", "newton",
            "passes", "zones", "rows", "zone", "rigid", "push m", "ms/step", "worst", "share");
@@ -396,14 +394,13 @@ static inline int stage_median(int *count, int n, int *most) {
 
 static inline void stage_print(stage *s, const char *name) {
     const double n = s->steps > 0 ? s->steps : 1;
-    const double contact = s->ms_begin + s->ms_detect + s->ms_zones;
     char         newton[32];
     int          most, median = stage_median(s->newton, s->newtons, &most);
     (void)sprintf(newton, "%d/%d", median, most);
     printf("  %-17s %5d %6.2f %5d %4d %5d %6.3f %8.1Le %10s %6d %5d %6d %6d %5d %7.1e %7.1f %7.0f "
            "%5.2f\n", name, s->steps, 100 * s->whole / n, s->shorter, s->failed, s->new_pairs,
            s->gap / s->contact.thickness, s->least, newton, s->passes, s->zones, s->rows, s->zone,
-           s->rigid, s->push, s->ms / n, s->ms_worst, s->ms > 0 ? contact / s->ms : 0);
+           s->rigid, s->push, s->ms / n, s->ms_worst, s->ms > 0 ? s->ms_contact / s->ms : 0);
     fflush(stdout);
 }
 

@@ -142,6 +142,36 @@ static void no_cost(void) {
     stage_end(&s);
 }
 
+/* --- time --- */
+
+static double ticks(void *user) { return *(double *)user += 1; }
+
+/* Each moment of a step counts once, and all that contact does as contact. */
+static void times(void) {
+    cloth_collide_report k;
+    cloth_report         r;
+    double               clock = 0, sum;
+    stage                s;
+    int                  i, most = 0;
+    stage_sheet(&s, 8, 1);
+    s.desc.hooks.clock.fn = ticks, s.desc.hooks.clock.user = &clock;
+    CHECK(stage_start(&s));
+    stage_sphere(&s, 0.5, -0.3, 0.5, 0.29);
+    for (i = 0; i < 20; i++) {
+        CHECK(cloth_step(s.sim, 1.0 / 60, &r) == CLOTH_OK);
+        k = cloth_collide_last(s.c);
+        sum = r.ms.assemble + r.ms.linear + r.ms.line_search + r.ms.contact + r.ms.other;
+        CHECK_REL(sum, r.ms.total, 1e-12);
+        CHECK(k.ms_begin + k.ms_detect + k.ms_zones < r.ms.contact);
+        CHECK(r.ms.linear >= 1e3 * r.linear_solves);    /* a tick each at least */
+        most = r.contacts > most ? r.contacts : most;
+        /* begin, start, close; an iteration evaluates twice, cuts its move, renews what it lags */
+        CHECK(r.ms.contact >= 1e3 * (4 * r.newton + 3));
+    }
+    CHECK(most > 0);
+    stage_end(&s);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     stage_title();
@@ -158,5 +188,6 @@ int main(int argc, char **argv) {
     RUN(stage_rows_left);
     RUN(momentum);
     RUN(no_cost);
+    RUN(times);
     return TEST_END();
 }

@@ -394,7 +394,7 @@ static void walk_step(walk *w) {
     w->newton[w->steps] = r.newton;
     w->ms[w->steps++] = r.ms.total;
     w->total += r.ms.total;
-    w->contact += k.ms_begin + k.ms_detect + k.ms_zones;
+    w->contact += r.ms.contact;
     w->zones += k.ms_zones;
     leaving = w->leaving, spread = w->spread;
     if (status == CLOTH_OK) examine(w, &fresh, &pinched);

@@ -3494,6 +3494,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     double room;                            /* m, from there to where the force has no bound   */
     double start;                           /* m, gap at x^n                                   */
     double away;                            /* m into the range: there is no damping before    */
+    double base;                            /* J, what both parts have there                   */
     double stiffness;                       /* N/m: k area                                     */
     double friction;                        /* coefficient                                     */
     double slip[3];                         /* m, elastic slip at x^n                          */
@@ -3595,6 +3596,7 @@ struct cloth_collide {
     clothi_pair_id    *pair;                   /* of the broad phase                              */
     int             npair, pair_cap;
     double         *slack;                  /* [hit_cap] m, from its range: not less at x_list */
+    double         *thick;                  /* [hit_cap] m, of a pair; 0: not known yet        */
     double         *hit_time;               /* [hit_cap] part of a segment that it leaves free */
     unsigned char  *hit;                    /* [hit_cap] CLOTHI_HIT_ bits of a pair            */
     int             hit_cap;
@@ -4522,30 +4524,39 @@ static double clothi_log(double a) {
     return e * 0.6931471805599453 + 2 * s * sum;
 }
 
-/* K u^2/(t (1 - u/U)), u m into the range t of which U ends at the pole: energy J, force N, slope
- * N/m are added up. */
-static double clothi_barrier(double K, double t, double U, double u, double *force,
-                             double *slope) {
+/* K u^2/(t (1 - u/U)^2), u m into the range t of which U ends at the pole: force N and slope N/m
+ * are added up. */
+static void clothi_barrier(double K, double t, double U, double u, double *force, double *slope) {
+    const double r = U / (U - u);
+    if (!(u > 0 && u / U < 1)) return;
+    *force += K / t * u * u * r * r;
+    *slope += 2 * K / t * u * r * r * r;
+}
+
+/* Its energy, J. */
+static double clothi_barrier_energy(double K, double t, double U, double u) {
     const double z = u / U, r = U / (U - u);
     double       series = 0;
     int          i;
     if (!(u > 0)) return 0;
     if (!(z < 1)) return HUGE_VAL;
-    *force += K / t * u * u * r * r;
-    *slope += 2 * K / t * u * r * r * r;
     if (z > 0.1) return K * U / t * U * U * (z + z * r + 2 * clothi_log(1 - z));
     for (i = 19; i >= 3; i--)                   /* the same without cancellation */
         series = series * z + (i - 2.0) / i;
     return K / t * u * u * u * series;
 }
 
-/* Elastic part of the potential at gap g: J, with its force N and slope N/m. */
-static double clothi_contact_elastic(const clothi_contact *q, double g, double *force,
-                                     double *slope) {
+/* Elastic part of the potential at gap g: force N and slope N/m. A grid's force is capped. */
+static void clothi_contact_elastic(const clothi_contact *q, double g, double *force,
+                                   double *slope) {
+    const int capped = q->soft && q->range - g > q->range;
+    *force = capped ? q->stiffness * q->range : 0, *slope = 0;
+    if (!capped) clothi_barrier(q->stiffness, q->range, q->room, q->range - g, force, slope);
+}
+
+static double clothi_elastic_energy(const clothi_contact *q, double g) {
     const double K = q->stiffness, t = q->range, u = t - g;
-    *force = *slope = 0;
-    if (!(q->soft && u > t)) return clothi_barrier(K, t, q->room, u, force, slope);
-    *force = K * t;                         /* a grid: the force is capped */
+    if (!(q->soft && u > t)) return clothi_barrier_energy(K, t, q->room, u);
     return K * t * (u - 2 * t / 3);
 }
 
@@ -4561,40 +4572,60 @@ static double clothi_contact_away(const cloth_collide *c, const clothi_contact *
         (damp * (in + U) + sqrt(damp * damp * (in - U) * (in - U) + 4 * a * U * damp * in * U));
     for (i = 0; i < CLOTHI_AWAY; i++) {
         force = slope = 0;
-        (void)clothi_barrier(q->stiffness, q->range, U, u, &force, &slope);
+        clothi_barrier(q->stiffness, q->range, U, u, &force, &slope);
         u -= (force - damp * (in - u)) / (slope + damp);
     }
     return q->soft && u > q->range ? in - q->stiffness * q->range / damp : u;
 }
 
-/* Energy, force and slope of a contact by its gap: its share of the elastic part and of the
- * damping, 0 beyond the gap where both balance, and the guard of what has no full share. */
-static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *q,
-                                  clothi_frame *f) {
-    const double damp = clothi_contact_damping(c, q), in = q->range - q->start, U = q->room;
-    const double away = q->away;
-    double       force, slope;
-    f->energy = f->force = f->slope = f->own[0] = f->own[1] = f->own[2] = 0;
-    if (!(f->gap < q->range - away)) return;
-    if (!(q->range - f->gap < U)) f->energy = f->force = HUGE_VAL;      /* at the pole or beyond */
+/* What a contact has where its damping ends, J: its energy begins there. */
+static double clothi_contact_base(const cloth_collide *c, const clothi_contact *q) {
+    const double damp = clothi_contact_damping(c, q), in = q->range - q->start;
+    if (!(damp > 0 && in > 0)) return 0;
+    return clothi_elastic_energy(q, q->range - q->away) +
+           0.5 * damp * (in - q->away) * (in - q->away);
+}
+
+/* Force and slope of a contact by its gap: its share of the elastic part and of the damping, 0
+ * beyond the gap where both balance, and the guard of what has no full share. */
+static void clothi_contact_push(const cloth_collide *c, const clothi_contact *q, clothi_frame *f) {
+    const double damp = clothi_contact_damping(c, q), U = q->room;
+    f->force = f->slope = f->own[1] = f->own[2] = 0;
+    if (!(f->gap < q->range - q->away)) return;
+    if (!(q->range - f->gap < U)) f->force = HUGE_VAL;      /* at the pole or beyond */
     if (!(q->range - f->gap < U)) return;
-    f->energy = clothi_contact_elastic(q, f->gap, &f->force, &f->slope);
+    clothi_contact_elastic(q, f->gap, &f->force, &f->slope);
     if (damp > 0) {
-        force = damp * (f->gap - clothi_min(q->start, q->range));
-        f->energy += 0.5 * force * force / damp;
-        f->force -= force;
+        f->force -= damp * (f->gap - clothi_min(q->start, q->range));
         f->slope += damp;
     }
-    if (damp > 0 && in > 0)
-        f->energy -= clothi_contact_elastic(q, q->range - away, &force, &slope) +
-                     0.5 * damp * (in - away) * (in - away);
-    f->energy = q->share * clothi_max(f->energy, 0);
     f->force *= q->share;
     f->slope *= q->share;
     if (q->share < 1)
-        f->own[0] =
-            clothi_barrier((1 - q->share) * q->stiffness, CLOTHI_GUARD * q->range, CLOTHI_GUARD * U,
-                           q->range - f->gap - (1 - CLOTHI_GUARD) * U, f->own + 1, f->own + 2);
+        clothi_barrier((1 - q->share) * q->stiffness, CLOTHI_GUARD * q->range, CLOTHI_GUARD * U,
+                       q->range - f->gap - (1 - CLOTHI_GUARD) * U, f->own + 1, f->own + 2);
+}
+
+/* The same with its energy. */
+static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *q,
+                                  clothi_frame *f) {
+    const double damp = clothi_contact_damping(c, q), U = q->room;
+    double       force;
+    clothi_contact_push(c, q, f);
+    f->energy = f->own[0] = 0;
+    if (!(f->gap < q->range - q->away)) return;
+    f->energy = HUGE_VAL;
+    if (!(q->range - f->gap < U)) return;
+    f->energy = clothi_elastic_energy(q, f->gap);
+    if (damp > 0) {
+        force = damp * (f->gap - clothi_min(q->start, q->range));
+        f->energy += 0.5 * force * force / damp;
+    }
+    f->energy = q->share * clothi_max(f->energy - q->base, 0);
+    if (q->share < 1)
+        f->own[0] = clothi_barrier_energy((1 - q->share) * q->stiffness, CLOTHI_GUARD * q->range,
+                                          CLOTHI_GUARD * U,
+                                          q->range - f->gap - (1 - CLOTHI_GUARD) * U);
     if (!q->beside) return;
     f->own[0] += f->energy, f->own[1] += f->force, f->own[2] += f->slope;
     f->energy = f->force = f->slope = 0;
@@ -5217,6 +5248,7 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
         memcpy(q->slip, anchor->slip, sizeof q->slip);
     }
     q->away = clothi_contact_away(c, q);
+    q->base = clothi_contact_base(c, q);
     clothi_contact_frame_at(c, q, x, c->xb, &q->at);
     clothi_contact_renew(c, q, x);
     clothi_contact_normal(c, q, &q->at);
@@ -5308,11 +5340,12 @@ enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* c->hit of a list    
 static cloth_status clothi_hits_reserve(cloth_collide *c) {
     if (c->npair <= c->hit_cap) return CLOTH_OK;
     clothi_free(c->hooks, c->slack);
-    c->slack = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 2 * sizeof(double) + 1);
+    c->slack = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 3 * sizeof(double) + 1);
     c->hit_cap = c->slack ? c->pair_cap : 0;
     if (!c->slack)
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair);
-    c->hit_time = c->slack + c->hit_cap;
+    c->thick = c->slack + c->hit_cap;
+    c->hit_time = c->thick + c->hit_cap;
     c->hit = (unsigned char *)(c->hit_time + c->hit_cap);
     return CLOTH_OK;
 }
@@ -5334,6 +5367,15 @@ static double clothi_list_covers(const cloth_collide *c, const double *x, const 
     return part;
 }
 
+/* The contact thickness of pair i of the list, m, worked out once. */
+static double clothi_listed_thickness(const cloth_collide *c, int i, const int *v) {
+    const clothi_pair_id *p = c->pair + i;
+    const int             slot = clothi_pair_slot(c, p->kind, p->a, p->b);
+    if (!(c->thick[i] > 0))
+        c->thick[i] = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, v);
+    return c->thick[i];
+}
+
 /* How far pair i is from its range, m, or less: cheaper; cloth at x, obstacles where they end. */
 static double clothi_pair_slack(const cloth_collide *c, int i, const double *x, int exact) {
     const clothi_pair_id *p = c->pair + i;
@@ -5344,7 +5386,7 @@ static double clothi_pair_slack(const cloth_collide *c, int i, const double *x, 
     if (clothi_is_soft(c, p)) return -HUGE_VAL;
     if (exact || p->kind == CLOTHI_VP)
         return clothi_pair_gap(c, x, c->xb, p->kind, p->a, p->b) -
-               clothi_pair_thickness(c, p->kind, slot, p->a, p->b, v);
+               clothi_listed_thickness(c, i, v);
     clothi_pair_points(c, x, c->xb, v, n, r);
     return clothi_pair_beyond(p->kind, r) - clothi_slot_radius(c, slot) -
            (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
@@ -5390,6 +5432,7 @@ static cloth_status clothi_list_make(cloth_collide *c, const double *x, const do
     if (status) return status;
     memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
     if (c->npair) memset(c->hit, 0, (size_t)c->npair);
+    if (c->npair) memset(c->thick, 0, (size_t)c->npair * sizeof(double));
     clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_slack_range, c);
     c->listed = 1;
     return clothi_list_keep(c);
@@ -5457,7 +5500,7 @@ static double clothi_pair_free(cloth_collide *c, int i) {
     if (!(come > 0) || c->slack[i] - come > 0) return 1;
     (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
     slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    t = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, v);
+    t = clothi_listed_thickness(c, i, v);
     gap = clothi_pair_gap(c, c->at, c->xb, p->kind, p->a, p->b);
     c->slack[i] = gap - t;
     if (gap - come > CLOTHI_SEPARATION * t || clothi_is_exempt(c, p->kind, p->a, p->b)) return 1;
@@ -5547,7 +5590,7 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
     for (i = 0; i < 20; i++) {
         const double a = 0.5 * (low + high);
         f.gap = q->gap - a;
-        clothi_contact_normal(c, q, &f);
+        clothi_contact_push(c, q, &f);
         if (clothi_frame_force(&f, 1) < clothi_max(aim, K * (come - a))) low = a;
         else high = a;
     }
@@ -5571,7 +5614,7 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
         q->aim = clothi_frame_force(&f, 1) + (clothi_frame_slope(&f, 1) + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
-        clothi_contact_normal(c, q, &f);
+        clothi_contact_push(c, q, &f);
         if (clothi_frame_force(&f, 1) <= 2 * q->aim) continue;
         more = clothi_contact_secant(c, q, q->aim, come) - q->spring;
         if (!(more > 0)) continue;
@@ -6966,10 +7009,10 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
     int                  i, j, k;
     ledger->contact = 0;                    /* J, without their damping */
     for (i = 0; i < c->ncontact; i = j) {
-        double part = 0, f, s;
+        double part = 0;
         for (j = clothi_group_end(c, i), k = i; k < j; k++)
-            part += clothi_eighth(c->contact[k].share * clothi_contact_elastic(
-                c->contact + k, c->contact[k].gap, &f, &s));
+            part += clothi_eighth(c->contact[k].share *
+                                  clothi_elastic_energy(c->contact + k, c->contact[k].gap));
         ledger->contact += sqrt(sqrt(sqrt(part)));
     }
     for (i = 0; i < c->ncontact && c->begun; i++) {
@@ -8863,11 +8906,13 @@ static void clothi_back_normal(const cloth_collide *c, const clothi_contact *q, 
     const double damp = clothi_contact_damping(c, q), U = q->room, t = q->range, s = q->share;
     const double u = t - q->gap, in = t - q->start, G = CLOTHI_GUARD, v = u - (1 - G) * U;
     const int    ends = damp > 0 && in > 0;
-    double       F, slope, last, bend, e, at = 0, room = 0, guard = 0, rise = 0;
+    double       F, slope, last = 0, bend = 0, e, at = 0, room = 0, guard = 0, rise = 0;
     if (q->beside) force += own;
     if (u > q->away && u < U) {
-        e = clothi_contact_elastic(q, q->gap, &F, &slope);
-        if (ends) at = clothi_contact_elastic(q, t - q->away, &last, &bend);
+        clothi_contact_elastic(q, q->gap, &F, &slope);
+        if (ends) clothi_contact_elastic(q, t - q->away, &last, &bend);
+        e = clothi_elastic_energy(q, q->gap);
+        at = ends ? clothi_elastic_energy(q, t - q->away) : 0;
         room = s * (energy * (3 * (e - at) - u * F + (ends ? q->away * last : 0)) +
                     force * (2 * F - u * slope)) / U;
         last = clothi_max(in, 0) - u;
@@ -8878,7 +8923,7 @@ static void clothi_back_normal(const cloth_collide *c, const clothi_contact *q, 
         if (ends) b->start += s * damp * (energy * (u - q->away) + force);
     }
     if (s < 1 && u < U) {
-        (void)clothi_barrier((1 - s) * q->stiffness, G * t, G * U, v, &guard, &rise);
+        clothi_barrier((1 - s) * q->stiffness, G * t, G * U, v, &guard, &rise);
         b->gap -= rise * own;
         b->share -= guard / (1 - s) * own;
         room += own * (v > 0 ? (2 * guard - v * rise) / U - (1 - G) * rise : 0);

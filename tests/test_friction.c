@@ -51,21 +51,27 @@ static void barrier(void) {
                                          (long double)u, 4000);
             const double right = (double)law((long double)K, (long double)t, (long double)pole,
                                              (long double)u);
-            e = clothi_barrier(K, t, pole, u, &f, &s);
+            clothi_barrier(K, t, pole, u, &f, &s);
+            e = clothi_barrier_energy(K, t, pole, u);
             worst = fmax(worst, fabs((double)((long double)e / want - 1)));
             CHECK_REL(e, want, 1e-12);
             CHECK_REL(f, right, 1e-14);
-            (void)clothi_barrier(K, t, pole, u * (1 + 1e-5), &f1, &unused);
-            (void)clothi_barrier(K, t, pole, u * (1 - 1e-5), &f0, &unused);
+            clothi_barrier(K, t, pole, u * (1 + 1e-5), &f1, &unused);
+            clothi_barrier(K, t, pole, u * (1 - 1e-5), &f0, &unused);
             CHECK_REL(s, (f1 - f0) / (2e-5 * u), 1e-3);
         }
     printf("  the barrier's energy off its force's integral by %.1e at most\n", worst);
     {
         double f = 3, s = 4;                /* both are added up */
-        CHECK(!(clothi_barrier(K, T, U, 0, &f, &s) > 0) && f >= 3 && f <= 3 && s >= 4 && s <= 4);
-        CHECK(!(clothi_barrier(K, T, U, -1, &f, &s) > 0) && f >= 3 && f <= 3);
-        CHECK(clothi_barrier(K, T, U, U, &f, &s) > 1e300);
-        CHECK(clothi_barrier(K, T, U, 2 * U, &f, &s) > 1e300);
+        clothi_barrier(K, T, U, 0, &f, &s);
+        clothi_barrier(K, T, U, -1, &f, &s);
+        clothi_barrier(K, T, U, U, &f, &s);
+        CHECK(f >= 3 && f <= 3 && s >= 4 && s <= 4);
+        clothi_barrier(K, T, U, 0.5 * U, &f, &s);
+        CHECK(f > 3 && s > 4);
+        CHECK(!(clothi_barrier_energy(K, T, U, 0) > 0 || clothi_barrier_energy(K, T, U, -1) > 0));
+        CHECK(clothi_barrier_energy(K, T, U, U) > 1e300);
+        CHECK(clothi_barrier_energy(K, T, U, 2 * U) > 1e300);
     }
 }
 

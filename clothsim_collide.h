@@ -1613,17 +1613,6 @@ static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *
     return status;
 }
 
-static void clothi_pair_look(int a, int b, const void *ctx, clothi_segment *out) {
-    (void)ctx;
-    clothi_segment_put(out, a, b);
-}
-
-/* These pairs themselves. */
-static cloth_status clothi_bvh_cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a,
-                                           const clothi_bvh *b, clothi_pairs *pairs) {
-    return clothi_bvh_look(hooks, a, b, clothi_pair_look, NULL, &pairs, 1);
-}
-
 /* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
  *     clothi_bvh_walk w = clothi_bvh_walk_over(tree, box);
  *     while ((item = clothi_bvh_next(&w)) >= 0) ... */
@@ -1770,24 +1759,18 @@ typedef struct clothi_features_job {
     int                    nmoved;
 } clothi_features_job;
 
-static int clothi_face_moved(const clothi_features_job *job, int f) {
-    const int *v = job->s->faces + 3 * (size_t)f;
-    int        k = 0;
-    while (k < 3 && !(v[k] < job->nmoved && job->moved[v[k]])) k++;
-    return k < 3;
-}
-
 static inline int clothi_faces_moved(const clothi_features_job *job, int f, int g) {
-    return !job->moved || clothi_face_moved(job, f) || clothi_face_moved(job, g);
+    int i;
+    for (i = 0; job->moved && i < 6; i++) {
+        const int v = job->s->faces[3 * (size_t)(i < 3 ? f : g) + (size_t)(i % 3)];
+        if (v < job->nmoved && job->moved[v]) return 1;
+    }
+    return !job->moved;
 }
 
-/* The faces themselves. */
-static void clothi_faces_look(int f, int g, const void *ctx, clothi_segment *out) {
-    if (clothi_faces_moved((const clothi_features_job *)ctx, f, g)) clothi_segment_put(out, f, g);
-}
-
-/* The vertices that either face owns against the other, the edges that one owns against those that
- * the other owns. */
+/* Of faces of two trees, or of one with itself, over clothi_swept_boxes and clothi_face_boxes:
+ * pairs (vertex, face) into the first list, (edge, edge), smaller edge first, into the second,
+ * whose boxes overlap and that share no vertex; of what the faces own: each once. */
 static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *out) {
     const clothi_features_job *job = (const clothi_features_job *)ctx;
     const int                 *v[2], *e[2];
@@ -1822,17 +1805,6 @@ static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *
                 clothi_segment_put(out + 1, p < q ? p : q, p < q ? q : p);
         }
     }
-}
-
-/* The pairs (vertex, face) and (edge, edge), smaller edge first, of faces of two trees, or of one
- * with itself, whose boxes overlap and that share no vertex; each once.
- * in   job   boxes: those that the trees were made from (clothi_swept_boxes, clothi_face_boxes)
- * out  vf, ee   empty on failure */
-static cloth_status clothi_pairs_features(const cloth_hooks *hooks, const clothi_features_job *job,
-                                          const clothi_bvh *a, const clothi_bvh *b,
-                                          clothi_pairs *vf, clothi_pairs *ee) {
-    clothi_pairs *const list[2] = {vf, ee};
-    return clothi_bvh_look(hooks, a, b, clothi_features_look, job, list, 2);
 }
 
 /* ===== [5.2] TRIANGLES THAT INTERSECT =========================================================
@@ -3157,19 +3129,19 @@ static int clothi_surface_nearest(const clothi_surface *s, const double *p, doub
  * cost a ray a face and the pairs of boxes, 45 ms for 26 000 faces */
 static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const clothi_surface *s,
                                            int nf, unsigned char *covered) {
-    clothi_pairs pairs;
+    const clothi_crossing_job job = {s->x, s->faces};
+    clothi_pairs pairs, *const out = &pairs;
     cloth_status status;
     double       size = 0;
     int          i, k;
     memset(&pairs, 0, sizeof pairs);
     for (i = 0; i < nf; i++) covered[i] = 1;
-    status = clothi_bvh_cross_pairs(hooks, s->tree, s->tree, &pairs);
+    status = clothi_bvh_look(hooks, s->tree, s->tree, clothi_crossing_look, &job, &out, 1);
     for (i = 0; i < pairs.count; i++) {
         const int     *f = pairs.pair + 2 * i;
         const double  *c[2][3];
-        int            sign[3], cut;
+        int            sign[3], cut = 1;
         for (k = 0; k < 6; k++) c[k / 3][k % 3] = s->x + 3 * s->faces[3 * f[k / 3] + k % 3];
-        cut = clothi_faces_intersect(s->x, s->faces + 3 * f[0], s->faces + 3 * f[1]);
         for (k = 0; k < 2 && cut; k++) {
             (void)clothi_plane_signs(c[k], c[1 - k], sign);
             cut = !clothi_one_sign(sign[0], sign[1], sign[2]);
@@ -3484,9 +3456,9 @@ typedef struct clothi_frame {               /* of a pair at some x              
 } clothi_frame;
 
 typedef struct clothi_contact {             /* a pair of the proximity potential         [8.2] */
+    clothi_key key;                         /* sorted by it and by their id                    */
     int    kind, a, b;                      /* its id                                          */
     int    slot;
-    clothi_key key;
     int    n, v[4];                         /* world vertices                                  */
     int    soft;                            /* with a grid: gap may be below 0                 */
     int    beside;                          /* in the template, with less range for that       */
@@ -3514,7 +3486,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
 typedef cloth_contact_row clothi_row;       /* a constraint of a zone                          */
 
 typedef struct clothi_zone {                /* its slices of the scratch                 [8.4] */
-    cloth_qp     qp;                        /* of row, col, val, h, minv, x0                   */
+    int          m, n;                      /* rows and unknowns of its QP                     */
     int          rows, size, fresh;         /* rows, vertices; a row is of this pass           */
     int         *order, *row, *col, *member;            /* order [rows]: which; member [size]  */
     double      *val, *h, *lambda, *guess, *norm, *minv, *x0, *x;
@@ -3577,13 +3549,12 @@ struct cloth_collide {
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
-    double         *travel;                 /* [nw + me + mf] m, a move of vertices, edges and
-                                               faces; 0 for obstacles'                         */
     int             solid_known;            /* which way the obstacles' boxes hold             */
     double *x_ie;                           /* [nv x 3] the candidate                          */
+    double *travel;                         /* [nv] m, how far a move goes                     */
     int    *vertex_part;                    /* [nv]                                            */
     unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
-    clothi_pairs   meet, vf, ee;
+    clothi_pairs   vf, ee;
 
     /* the substep */
     clothi_contact *contact, *spare;        /* sorted by key; spare: scratch                   */
@@ -3601,7 +3572,6 @@ struct cloth_collide {
     unsigned char  *hit;                    /* [hit_cap] CLOTHI_HIT_ bits of a pair            */
     int             hit_cap;
     double          h;
-    const double   *v_n;                    /* [nv x 3] m/s at its start, the core's           */
     int             begun;                  /* a step is under way                             */
     int             inexact;                /* the last one ended before Newton converged      */
     int             trying;                 /* a point that is not needed: no sentence         */
@@ -3672,6 +3642,10 @@ static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int need
 #define CLOTHI_ROOM(c, list, need)          /* the same in c->list                             */ \
     clothi_grow((c)->hooks, (void **)&(c)->list, need, &(c)->list##_cap, sizeof *(c)->list)
 
+#define CLOTHI_PUSH(c, list, one)           /* one more in c->list                             */ \
+    (CLOTHI_ROOM(c, list, (c)->n##list + 1) ? CLOTH_ERR_MEMORY                                    \
+                                            : ((c)->list[(c)->n##list++] = (one), CLOTH_OK))
+
 /* The list `from` of c becomes its list `to`; what `to` was is room for the next. */
 #define CLOTHI_TAKE(type, c, to, from)                                                            \
     do {                                                                                          \
@@ -3681,20 +3655,41 @@ static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int need
         (c)->from = was, (c)->n##from = 0, (c)->from##_cap = cap;                                 \
     } while (0)
 
-/* --- things by pair: open addressing --- */
+/* --- things that begin with integers: in their order, or by open addressing --- */
+
+/* Order of n integers that p and q begin with: -1, 0, 1. */
+static int clothi_order(const void *p, const void *q, int n) {
+    const int *a = (const int *)p, *b = (const int *)q;
+    while (n > 1 && *a == *b) a++, b++, n--;
+    return (*a > *b) - (*a < *b);
+}
+
+/* Where what begins with the m integers of `key` is among things [n x stride bytes] that are sorted
+ * by them, or belongs; *there: it is. */
+static int clothi_find(const void *things, size_t stride, int n, const void *key, int m,
+                       int *there) {
+    const char *at = (const char *)things;
+    int         low = 0, high = n;
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        if (clothi_order(at + (size_t)mid * stride, key, m) < 0) low = mid + 1;
+        else high = mid;
+    }
+    *there = low < n && clothi_order(at + (size_t)low * stride, key, m) == 0;
+    return low;
+}
 
 /* Number of the one in things [t->size/2 x stride bytes] with this id, or -1; *at: where it is in
  * the table, or belongs. */
-static int clothi_table_find(const clothi_table *t, const void *things, size_t stride, int kind,
-                             int a, int b, uint32_t *at) {
-    const int id[3] = {kind, a, b};
-    uint64_t  h = (uint64_t)(uint32_t)a * 0x9e3779b97f4a7c15u ^ (uint64_t)(uint32_t)b;
-    uint32_t  i;
-    h = (h ^ (uint64_t)(unsigned)kind << 60) * 0xff51afd7ed558ccdu;
+static int clothi_table_find(const clothi_table *t, const void *things, size_t stride,
+                             const void *id, uint32_t *at) {
+    const int *p = (const int *)id;         /* kind, a, b */
+    uint64_t   h = (uint64_t)(uint32_t)p[1] * 0x9e3779b97f4a7c15u ^ (uint64_t)(uint32_t)p[2];
+    uint32_t   i;
+    h = (h ^ (uint64_t)(unsigned)p[0] << 60) * 0xff51afd7ed558ccdu;
     for (i = (uint32_t)(h >> 33) & (uint32_t)(t->size - 1); t->entry[i];
          i = (i + 1) & (uint32_t)(t->size - 1))
-        if (memcmp((const char *)things + (size_t)(t->entry[i] - 1) * stride, id, sizeof id) == 0)
-            break;
+        if (!clothi_order((const char *)things + (size_t)(t->entry[i] - 1) * stride, id, 3)) break;
     *at = i;
     return t->entry[i] - 1;
 }
@@ -3702,7 +3697,7 @@ static int clothi_table_find(const clothi_table *t, const void *things, size_t s
 /* Enters n things; room for as many more. */
 static cloth_status clothi_table_fill(const cloth_hooks *hooks, clothi_table *t,
                                       const void *things, size_t stride, int n) {
-    int i, id[3], size = t->size > 256 ? t->size : 256;
+    int i, size = t->size > 256 ? t->size : 256;
     while (size < 4 * n) size *= 2;
     if (size != t->size) {
         int *entry = (int *)clothi_alloc(hooks, (size_t)size, sizeof(int));
@@ -3713,18 +3708,10 @@ static cloth_status clothi_table_fill(const cloth_hooks *hooks, clothi_table *t,
         memset(t->entry, 0, (size_t)size * sizeof(int));
     for (i = 0; i < n; i++) {
         uint32_t at;
-        memcpy(id, (const char *)things + (size_t)i * stride, sizeof id);
-        (void)clothi_table_find(t, things, stride, id[0], id[1], id[2], &at);
+        (void)clothi_table_find(t, things, stride, (const char *)things + (size_t)i * stride, &at);
         t->entry[at] = i + 1;
     }
     return CLOTH_OK;
-}
-
-static int clothi_key_compare(const clothi_key *p, const clothi_key *q) {
-    if (p->feature != q->feature) return p->feature < q->feature ? -1 : 1;
-    if (p->cloth != q->cloth) return p->cloth < q->cloth ? -1 : 1;
-    if (p->a != q->a) return p->a < q->a ? -1 : 1;
-    return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
 }
 
 static const int clothi_box_faces[36] = {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4,
@@ -3757,6 +3744,11 @@ static double *clothi_pose(const clothi_obstacle *o, int which) {
     return o->x + 3 * (size_t)o->nv * (size_t)which;
 }
 
+#define CLOTHI_OBSTACLES(c, o)              /* for each slot o that has an obstacle            */ \
+    for (o = 0; o < (c)->nobstacle; o++)                                                          \
+        if (!(c)->obstacle[o].used) continue;                                                     \
+        else
+
 static clothi_obstacle *clothi_obstacle_of(const cloth_collide *c, cloth_obstacle id) {
     const uint32_t slot = id.id & 0xffffu;
     if (!c || slot == 0 || (int)slot > c->nobstacle) return NULL;
@@ -3780,25 +3772,31 @@ static void clothi_world_take(cloth_collide *c, const cloth_collide *from) {
 
 /* Bytes of these arrays; frees them where hooks say how. */
 static size_t clothi_world_blocks(const cloth_collide *c, const cloth_hooks *hooks) {
-    const void *const block[] = {c->faces, c->edges, c->edge_face, c->slot, c->area, c->xa, c->xb,
-                                 c->box_v, c->box_f, c->travel, c->pinched, c->features.edges,
-                                 c->tree.node, c->solid.node};
+    const void *const block[] = {c->faces, c->edges, c->features.edges, c->tree.node,
+                                 c->solid.node};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
-typedef struct clothi_array {                /* an array to be                                  */
+typedef struct clothi_array {               /* an array to be                                  */
     void  *at;                              /* address of its pointer                          */
-    size_t n, size;                         /* 0: none                                         */
+    size_t n, size;                         /* 0: none, NULL                                   */
 } clothi_array;
 
+/* At most 32 of them, in one block: its address is that of the first. */
 static cloth_status clothi_arrays(const cloth_hooks *hooks, const clothi_array *need, size_t n) {
-    size_t i;
+    size_t i, bytes = 0;
+    char  *at;
     for (i = 0; i < n; i++) {
-        void *made = need[i].n ? clothi_alloc(hooks, need[i].n, need[i].size) : NULL;
-        if (need[i].n && !made) return CLOTH_ERR_MEMORY;
-        memcpy(need[i].at, &made, sizeof made);
+        if (need[i].n > (size_t)-1 / 64 / need[i].size) return CLOTH_ERR_MEMORY;
+        bytes += (need[i].n * need[i].size + 15) / 16 * 16;
     }
-    return CLOTH_OK;
+    at = (char *)clothi_alloc(hooks, bytes, 1);
+    for (i = 0; i < n && at; i++) {
+        void *made = need[i].n ? at : NULL;
+        memcpy(need[i].at, &made, sizeof made);
+        at += (need[i].n * need[i].size + 15) / 16 * 16;
+    }
+    return at ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 /* Areas of the template and of obstacles as they were added: not of now, which is no state. */
@@ -3812,10 +3810,9 @@ static void clothi_world_area(cloth_collide *c) {
         clothi_sub3(x + 3 * c->faces[f], x + 3 * c->faces[f % 3 == 2 ? f - 2 : f + 1], d);
         c->length += sqrt(clothi_dot3(d, d)) / (3 * c->nf);
     }
-    for (o = 0; o < c->nobstacle; o++)
-        if (c->obstacle[o].used)
-            memcpy(x + 3 * c->obstacle[o].v0, clothi_pose(c->obstacle + o, 2),
-                   3 * (size_t)c->obstacle[o].nv * sizeof(double));
+    CLOTHI_OBSTACLES(c, o)
+        memcpy(x + 3 * c->obstacle[o].v0, clothi_pose(c->obstacle + o, 2),
+               3 * (size_t)c->obstacle[o].nv * sizeof(double));
     for (f = 0; f < c->mf; f++) {
         double n[3];
         clothi_face_cross(x, c->faces + 3 * f, n);
@@ -3828,9 +3825,8 @@ static int clothi_world_count(cloth_collide *c) {
     int o, capsules = 0;
     c->nw = c->nv, c->mf = c->nf;
     c->thickest = c->desc.thickness;
-    for (o = 0; o < c->nobstacle; o++) {
+    CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
         b->v0 = c->nw, b->f0 = c->mf;
         c->nw += b->nv, c->mf += b->nf;
         c->thickest = clothi_max(c->thickest, b->thickness);
@@ -3843,9 +3839,8 @@ static int clothi_world_count(cloth_collide *c) {
 static void clothi_world_edges(cloth_collide *c) {
     int o, at = c->features.ne, e = 0;
     while (e < at && c->edges[2 * e] < c->nv) e++;
-    for (o = 0; o < c->nobstacle; o++) {
+    CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
         b->e0 = e;
         while (e < c->features.ne && c->edges[2 * e] < b->v0 + b->nv) e++;
         if (b->kind != CLOTH_OBSTACLE_CAPSULE) continue;
@@ -3855,37 +3850,22 @@ static void clothi_world_edges(cloth_collide *c) {
     }
 }
 
-/* Vertices of the obstacles behind those of the cloth. */
-static void clothi_world_fill(cloth_collide *c) {
-    int o, i;
-    for (o = 0; o < c->nobstacle; o++) {
-        const clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
-        for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
-        memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
-        for (i = 0; i < 3 * b->nf; i++) c->faces[3 * b->f0 + i] = b->faces[i] + b->v0;
-        memset(c->dragging + b->f0, b->self_penetrating ? 1 : 0, (size_t)b->nf);
-    }
-}
-
 /* Edges, and the faces at edges and around vertices. */
 static cloth_status clothi_world_stars(cloth_collide *c) {
     const size_t ne = (size_t)c->features.ne, nw = (size_t)c->nw, mf = (size_t)c->mf;
-    const clothi_array need[] = {{&c->edges, 2 * (size_t)c->me, sizeof(int)},
-                                {&c->travel, nw + (size_t)c->me + mf, sizeof(double)},
-                                {&c->edge_face, 2 * ne + nw + 2 + 3 * mf, sizeof(int)}};
-    int               i;
-    if (clothi_arrays(c->hooks, need, 3)) return CLOTH_ERR_MEMORY;
+    const clothi_array need[] = {
+        {&c->edges, 2 * (size_t)c->me, sizeof(int)}, {&c->edge_face, 2 * ne, sizeof(int)},
+        {&c->star, nw + 1, sizeof(int)}, {&c->star_face, 3 * mf, sizeof(int)}};
+    int i;
+    if (clothi_arrays(c->hooks, need, 4)) return CLOTH_ERR_MEMORY;
     memcpy(c->edges, c->features.edges, 2 * ne * sizeof(int));
-    c->star = c->edge_face + 2 * ne, c->star_face = c->star + nw + 2;
     for (i = 0; i < 2 * c->features.ne; i++) c->edge_face[i] = -1;
     for (i = 0; i < 3 * c->mf; i++) {
         int *f = c->edge_face + 2 * c->features.face_edges[i];
         f[f[0] >= 0] = i / 3;
-        c->star[c->faces[i] + 2]++;
     }
-    for (i = 0; i < c->nw; i++) c->star[i + 2] += c->star[i + 1];
-    for (i = 0; i < 3 * c->mf; i++) c->star_face[c->star[c->faces[i] + 1]++] = i / 3;
+    clothi_sort_by(3 * c->mf, c->nw, c->faces, NULL, c->star_face, c->star);
+    for (i = 0; i < 3 * c->mf; i++) c->star_face[i] /= 3;
     return CLOTH_OK;
 }
 
@@ -3895,18 +3875,23 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     const int    capsules = clothi_world_count(c);
     cloth_status status;
     const size_t nw = (size_t)c->nw, mf = (size_t)c->mf, one = sizeof(int), real = sizeof(double);
-    const clothi_array plain[] = {{&c->faces, 3 * mf, one}, {&c->slot, nw, one},
-                                 {&c->area, nw, real}, {&c->xa, 3 * nw, real},
-                                 {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real},
-                                 {&c->box_f, 6 * mf, real}, {&c->pinched, 2 * mf, 1}};
-    int               i;
+    const clothi_array plain[] = {
+        {&c->faces, 3 * mf, one}, {&c->slot, nw, one}, {&c->area, nw, real}, {&c->xa, 3 * nw, real},
+        {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real}, {&c->box_f, 6 * mf, real},
+        {&c->pinched, mf, 1}, {&c->dragging, mf, 1}};
+    int i, o;
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
     if (status) return status;
-    c->dragging = c->pinched + mf;
     memcpy(c->faces, m->faces, 3 * (size_t)c->nf * sizeof(int));
     memcpy(c->xa, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->nv; i++) c->slot[i] = -1;
-    clothi_world_fill(c);
+    CLOTHI_OBSTACLES(c, o) {                /* behind the cloth */
+        const clothi_obstacle *b = c->obstacle + o;
+        for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
+        memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
+        for (i = 0; i < 3 * b->nf; i++) c->faces[3 * b->f0 + i] = b->faces[i] + b->v0;
+        memset(c->dragging + b->f0, b->self_penetrating ? 1 : 0, (size_t)b->nf);
+    }
     status = clothi_features_build(c->hooks, c->nw, c->mf, c->faces, &c->features);
     if (status) return status;
     c->me = c->features.ne + capsules;
@@ -3927,10 +3912,10 @@ static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, 
     int o, i;
     memcpy(c->xa, x, 3 * (size_t)c->nv * sizeof(double));
     memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
-    for (o = 0; o < c->nobstacle; o++) {
+    CLOTHI_OBSTACLES(c, o) {
         const clothi_obstacle *b = c->obstacle + o;
-        const double *p = b->used ? clothi_pose(b, 0) : NULL, *q = b->used ? clothi_pose(b, 1) : p;
-        for (i = 0; b->used && i < 3 * b->nv; i++) {
+        const double *p = clothi_pose(b, 0), *q = clothi_pose(b, 1);
+        for (i = 0; i < 3 * b->nv; i++) {
             c->xa[3 * b->v0 + i] = alpha0 > 0 ? p[i] + alpha0 * (q[i] - p[i]) : p[i];
             c->xb[3 * b->v0 + i] = alpha1 < 1 ? p[i] + alpha1 * (q[i] - p[i]) : q[i];
         }
@@ -4038,26 +4023,22 @@ static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, 
     return clothi_min(t, 0.5 * clothi_max(apart, clothi_max(way[0], way[1])));
 }
 
-/* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
-static void clothi_move_far(cloth_collide *c, const double *dx) {
-    double *v = c->travel, *e = v + c->nw, *f = e + c->me;
-    int     i;
-    for (i = 0; i < c->nv; i++) v[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
-    for (i = 0; i < c->me; i++) {
-        const int *w = c->edges + 2 * i;
-        if (w[0] < c->nv) e[i] = clothi_max(v[w[0]], v[w[1]]);
+/* How much nearer a pair comes at most where vertices of cloth go as far as c->travel says. */
+static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
+    double    far[2] = {0, 0};
+    int       v[4], i;
+    const int n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+    for (i = 0; i < n; i++) {
+        double *to = far + (i >= (p->kind == CLOTHI_EE ? 2 : 1));
+        if (v[i] < c->nv) *to = clothi_max(*to, c->travel[v[i]]);
     }
-    for (i = 0; i < c->nf; i++) {
-        const int *w = c->faces + 3 * i;
-        f[i] = clothi_max(clothi_max(v[w[0]], v[w[1]]), v[w[2]]);
-    }
+    return far[0] + far[1];
 }
 
-/* How much nearer a pair comes in that move at most. */
-static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
-    const double *v = c->travel, *e = v + c->nw, *f = e + c->me;
-    if (p->kind == CLOTHI_EE) return e[p->a] + e[p->b];
-    return v[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
+/* c->travel along dx [nv x 3], m. */
+static void clothi_move_far(cloth_collide *c, const double *dx) {
+    int i;
+    for (i = 0; i < c->nv; i++) c->travel[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
 }
 
 /* The same, taking off what its sides move together: the longest difference of the motions of two
@@ -4098,15 +4079,11 @@ static double clothi_pair_gap(const cloth_collide *c, const double *x, const dou
 /* --- broad phase --- */
 
 static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
-    cloth_status status;
-    int          v[4];
+    const clothi_pair_id p = {kind, a, b};
+    int                  v[4];
     (void)clothi_pair_vertices(c, kind, a, b, v);
-    if (!clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1])) return CLOTH_OK;
-    status = CLOTHI_ROOM(c, pair, c->npair + 1);
-    if (status) return status;
-    c->pair[c->npair].kind = kind, c->pair[c->npair].a = a, c->pair[c->npair].b = b;
-    c->npair++;
-    return CLOTH_OK;
+    return clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1]) ? CLOTHI_PUSH(c, pair, p)
+                                                                   : CLOTH_OK;
 }
 
 /* A sphere's centre, a capsule's ends against faces; its axis against edges. */
@@ -4132,36 +4109,33 @@ static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
 enum { CLOTHI_SWEPT = 1, CLOTHI_ENDED = 2 };    /* of obstacles: their whole way; where it ends */
 enum { CLOTHI_MOVED = 1, CLOTHI_CROSS = 2 };    /* only of what c->moved names; faces that cross */
 
-static void clothi_cloth_boxes(cloth_collide *c, const double *p, const double *q, double pad) {
-    clothi_swept_boxes(c->nv, p, q, pad, c->box_v);
-    clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
-    clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+/* Boxes and tree of cloth or, in the world, of obstacles on the way from p to q (NULL: at rest). */
+static void clothi_tree_boxes(cloth_collide *c, clothi_bvh *tree, const double *p, const double *q,
+                              double pad) {
+    const int    solid = tree == &c->solid, nf = solid ? c->mf - c->nf : c->nf;
+    const size_t v = solid ? (size_t)c->nv : 0, f = solid ? (size_t)c->nf : 0;
+    clothi_swept_boxes(solid ? c->nw - c->nv : c->nv, p + 3 * v, q ? q + 3 * v : NULL, pad,
+                       c->box_v + 6 * v);
+    clothi_face_boxes(nf, c->faces + 3 * f, c->box_v, c->box_f + 6 * f);
+    clothi_bvh_refit(c->hooks, tree, c->box_f + 6 * f);
 }
 
 /* Boxes and trees for pairs within `reach` (m): cloth on its way from p to q [nv x 3], obstacles as
  * `solid` says. */
 static void clothi_world_boxes(cloth_collide *c, const double *p, const double *q, int solid,
                                double reach) {
-    const double pad = 0.5 * reach;
-    const size_t skip = (size_t)c->nv;
     if (c->solid_known != solid) {          /* their pad is the thickest, whatever is asked now */
-        const double own = clothi_max(pad, 0.5 * c->thickest);
-        clothi_swept_boxes(c->nw - c->nv, c->xb + 3 * skip,
-                           solid == CLOTHI_SWEPT ? c->xa + 3 * skip : NULL, own,
-                           c->box_v + 6 * skip);
-        clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
-                          c->box_f + 6 * (size_t)c->nf);
-        clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
+        clothi_tree_boxes(c, &c->solid, c->xb, solid == CLOTHI_SWEPT ? c->xa : NULL,
+                          0.5 * clothi_max(reach, c->thickest));
         c->solid_known = reach > c->thickest ? 0 : solid;
     }
-    clothi_cloth_boxes(c, p, q, pad);
+    clothi_tree_boxes(c, &c->tree, p, q, 0.5 * reach);
 }
 
 /* Nothing makes pairs: no self-contact, and all obstacles are walls. */
 static int clothi_only_walls(const cloth_collide *c) {
     int o, others = c->self;
-    for (o = 0; o < c->nobstacle; o++)
-        others |= c->obstacle[o].used && !clothi_is_wall(c->obstacle + o);
+    CLOTHI_OBSTACLES(c, o) others |= !clothi_is_wall(c->obstacle + o);
     return !others;
 }
 
@@ -4172,27 +4146,46 @@ static void clothi_self_boxes(cloth_collide *c, const double *p, const double *q
     int    i;
     for (i = 0; i < 3 * c->nv; i++) mean[i % 3] += (q[i] - p[i]) / c->nv;
     for (i = 0; i < 3 * c->nv; i++) to[i] = q[i] - mean[i % 3];
-    clothi_cloth_boxes(c, p, to, 0.5 * reach);
+    clothi_tree_boxes(c, &c->tree, p, to, 0.5 * reach);
 }
 
-static cloth_status clothi_crossings_of(cloth_collide *c);
+typedef struct clothi_cross {               /* a search for features, or faces that cross at xb */
+    clothi_features_job  job;               /* first: its address is this one's                */
+    const cloth_collide *c;
+} clothi_cross;
+
+static int clothi_faces_cross(const cloth_collide *c, const double *x, int f, int g) {
+    return clothi_faces_intersect(x, c->faces + 3 * f, c->faces + 3 * g);
+}
+
+static void clothi_cross_look(int f, int g, const void *ctx, clothi_segment *out) {
+    const clothi_cross  *q = (const clothi_cross *)ctx;
+    const cloth_collide *c = q->c;
+    if (clothi_faces_moved(&q->job, f, g) &&
+        clothi_may_touch(c, c->faces[3 * f], c->faces[3 * g]) && clothi_faces_cross(c, c->xb, f, g))
+        clothi_segment_put(out, f, g);
+}
+
+static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b);
 
 /* Pairs of cloth's faces with those of a tree: as `what` says their features into c->pair, or those
  * that cross into c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
-    clothi_features_job job = {&c->features, c->box_v, c->box_f, NULL, c->nv};
-    clothi_pairs       *meet = &c->meet;
+    clothi_cross        q = {{&c->features, c->box_v, c->box_f, NULL, c->nv}, c};
+    clothi_pairs *const list[2] = {&c->vf, &c->ee};
+    const int           cross = what & CLOTHI_CROSS;
     cloth_status        status;
     int                 i;
-    if (what & CLOTHI_MOVED) job.moved = c->moved;
-    if (what & CLOTHI_CROSS) {
-        status = clothi_bvh_look(c->hooks, &c->tree, with, clothi_faces_look, &job, &meet, 1);
-        return status ? status : clothi_crossings_of(c);
+    if (what & CLOTHI_MOVED) q.job.moved = c->moved;
+    status = clothi_bvh_look(c->hooks, &c->tree, with,
+                             cross ? clothi_cross_look : clothi_features_look, &q, list,
+                             cross ? 1 : 2);
+    for (i = 0; i < c->vf.count && !status; i++) {
+        const int *p = c->vf.pair + 2 * i;
+        status = cross ? clothi_exempt_add(c, CLOTHI_FF, p[0], p[1])
+                       : clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
     }
-    status = clothi_pairs_features(c->hooks, &job, &c->tree, with, &c->vf, &c->ee);
-    for (i = 0; i < c->vf.count && !status; i++)
-        status = clothi_pair_add(c, CLOTHI_VF, c->vf.pair[2 * i], c->vf.pair[2 * i + 1]);
-    for (i = 0; i < c->ee.count && !status; i++)
+    for (i = 0; i < c->ee.count && !cross && !status; i++)
         status = clothi_pair_add(c, CLOTHI_EE, c->ee.pair[2 * i], c->ee.pair[2 * i + 1]);
     return status;
 }
@@ -4205,9 +4198,8 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
     cloth_status status = CLOTH_OK;
     int          i, o, edge = c->features.ne;
     c->npair = 0;
-    for (o = 0; o < c->nobstacle; o++)      /* walls: with all vertices */
-        for (i = 0; c->obstacle[o].used && clothi_is_wall(c->obstacle + o) && i < c->nv && !status;
-             i++)
+    CLOTHI_OBSTACLES(c, o)                  /* walls: with all vertices */
+        for (i = 0; clothi_is_wall(c->obstacle + o) && i < c->nv && !status; i++)
             status = clothi_pair_add(c, CLOTHI_VP, i, o);
     if (status || clothi_only_walls(c)) return status;
     if (flies) clothi_self_boxes(c, p, q, reach);
@@ -4215,8 +4207,8 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
     clothi_world_boxes(c, p, q, solid, reach);
     if (!status) status = clothi_tree_phase(c, &c->solid, what);
     if (!status && c->self && !flies) status = clothi_tree_phase(c, &c->tree, what);
-    for (o = 0; o < c->nobstacle && !status; o++) {
-        if (!c->obstacle[o].used || c->obstacle[o].nf || clothi_is_wall(c->obstacle + o)) continue;
+    CLOTHI_OBSTACLES(c, o) {
+        if (status || c->obstacle[o].nf || clothi_is_wall(c->obstacle + o)) continue;
         status = clothi_pairs_round(c, o, edge);
         edge += c->obstacle[o].kind == CLOTH_OBSTACLE_CAPSULE;
     }
@@ -4225,32 +4217,11 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
 
 /* --- what intersects from the start --- */
 
-/* By kind (-1: faces), a, b. */
-static int clothi_pair_compare(const clothi_pair_id *p, const clothi_pair_id *q) {
-    if (p->kind != q->kind) return p->kind < q->kind ? -1 : 1;
-    if (p->a != q->a) return p->a < q->a ? -1 : 1;
-    return p->b != q->b ? (p->b < q->b ? -1 : 1) : 0;
-}
-
-/* Where p is in the sorted list, or belongs; *there: it is. */
-static int clothi_exempt_find(const cloth_collide *c, const clothi_pair_id *p, int *there) {
-    int low = 0, high = c->nnow;
-    while (low < high) {
-        const int mid = low + (high - low) / 2;
-        if (clothi_pair_compare(c->now + mid, p) < 0) low = mid + 1;
-        else high = mid;
-    }
-    *there = low < c->nnow && clothi_pair_compare(c->now + low, p) == 0;
-    return low;
-}
-
 /* Into the sorted list, once. */
 static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) {
-    clothi_pair_id  p;
-    cloth_status status;
-    int          low, there = 0;
-    p.kind = kind, p.a = a, p.b = b;
-    low = clothi_exempt_find(c, &p, &there);
+    const clothi_pair_id p = {kind, a, b};
+    cloth_status         status;
+    int                  there, low = clothi_find(c->now, sizeof p, c->nnow, &p, 3, &there);
     if (there) return CLOTH_OK;
     status = CLOTHI_ROOM(c, now, c->nnow + 1);
     if (status) return status;
@@ -4276,12 +4247,10 @@ static int clothi_outside(const cloth_collide *c, int v, int face) {
 }
 
 static int clothi_listed(const cloth_collide *c, int kind, int a, int b) {
-    clothi_pair_id p;
-    int            there;
-    p.kind = kind;
-    p.a = kind < 0 && b < a ? b : a;
-    p.b = kind < 0 && b < a ? a : b;
-    (void)clothi_exempt_find(c, &p, &there);
+    const int            turned = kind < 0 && b < a;
+    const clothi_pair_id p = {kind, turned ? b : a, turned ? a : b};
+    int                  there;
+    (void)clothi_find(c->now, sizeof p, c->nnow, &p, 3, &there);
     return there;
 }
 
@@ -4301,23 +4270,6 @@ static int clothi_is_exempt(const cloth_collide *c, int kind, int a, int b) {
         if (f >= 0 && g >= 0 && clothi_listed(c, CLOTHI_FF, f, g)) return 1;
     }
     return 0;
-}
-
-static int clothi_faces_cross(const cloth_collide *c, const double *x, int f, int g) {
-    return clothi_faces_intersect(x, c->faces + 3 * f, c->faces + 3 * g);
-}
-
-/* Pairs of faces in c->meet that cross at xb. */
-static cloth_status clothi_crossings_of(cloth_collide *c) {
-    cloth_status status = CLOTH_OK;
-    int          i;
-    for (i = 0; i < c->meet.count && !status; i++) {
-        const int f = c->meet.pair[2 * i], g = c->meet.pair[2 * i + 1];
-        if (clothi_may_touch(c, c->faces[3 * f], c->faces[3 * g]) &&
-            clothi_faces_cross(c, c->xb, f, g))
-            status = clothi_exempt_add(c, CLOTHI_FF, f, g);
-    }
-    return status;
 }
 
 /* Everything that intersects now, cloth and obstacles where xb has them, into c->now. */
@@ -4356,11 +4308,8 @@ static cloth_collide_pair clothi_public_pair(const cloth_collide *c, const cloth
 
 /* One more of what failed. */
 static cloth_status clothi_list_failed(cloth_collide *c, int kind, int a, int b) {
-    clothi_pair_id  p;
-    cloth_status status = CLOTHI_ROOM(c, failed, c->nfailed + 1);
-    p.kind = kind, p.a = a, p.b = b;
-    if (!status) c->failed[c->nfailed++] = clothi_public_pair(c, &p);
-    return status;
+    const clothi_pair_id p = {kind, a, b};
+    return CLOTHI_PUSH(c, failed, clothi_public_pair(c, &p));
 }
 
 /* Says what is wrong with what is listed as failed, and what may be done. */
@@ -4578,54 +4527,28 @@ static double clothi_contact_away(const cloth_collide *c, const clothi_contact *
     return q->soft && u > q->range ? in - q->stiffness * q->range / damp : u;
 }
 
-/* What a contact has where its damping ends, J: its energy begins there. */
-static double clothi_contact_base(const cloth_collide *c, const clothi_contact *q) {
-    const double damp = clothi_contact_damping(c, q), in = q->range - q->start;
-    if (!(damp > 0 && in > 0)) return 0;
-    return clothi_elastic_energy(q, q->range - q->away) +
-           0.5 * damp * (in - q->away) * (in - q->away);
-}
-
-/* Force and slope of a contact by its gap: its share of the elastic part and of the damping, 0
- * beyond the gap where both balance, and the guard of what has no full share. */
-static void clothi_contact_push(const cloth_collide *c, const clothi_contact *q, clothi_frame *f) {
-    const double damp = clothi_contact_damping(c, q), U = q->room;
-    f->force = f->slope = f->own[1] = f->own[2] = 0;
-    if (!(f->gap < q->range - q->away)) return;
-    if (!(q->range - f->gap < U)) f->force = HUGE_VAL;      /* at the pole or beyond */
-    if (!(q->range - f->gap < U)) return;
-    clothi_contact_elastic(q, f->gap, &f->force, &f->slope);
-    if (damp > 0) {
-        f->force -= damp * (f->gap - clothi_min(q->start, q->range));
-        f->slope += damp;
-    }
-    f->force *= q->share;
-    f->slope *= q->share;
-    if (q->share < 1)
-        clothi_barrier((1 - q->share) * q->stiffness, CLOTHI_GUARD * q->range, CLOTHI_GUARD * U,
-                       q->range - f->gap - (1 - CLOTHI_GUARD) * U, f->own + 1, f->own + 2);
-}
-
-/* The same with its energy. */
-static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *q,
+/* Force and slope of a contact by its gap, and where asked its energy: its share of the elastic
+ * part and of the damping, 0 beyond the gap where both balance; the guard of what has no share. */
+static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *q, int energy,
                                   clothi_frame *f) {
-    const double damp = clothi_contact_damping(c, q), U = q->room;
-    double       force;
-    clothi_contact_push(c, q, f);
-    f->energy = f->own[0] = 0;
+    const double damp = clothi_contact_damping(c, q), U = q->room, u = q->range - f->gap;
+    const double K = (1 - q->share) * q->stiffness, v = u - (1 - CLOTHI_GUARD) * U;
+    const double back = damp * (f->gap - clothi_min(q->start, q->range));
+    f->force = f->slope = f->energy = f->own[0] = f->own[1] = f->own[2] = 0;
     if (!(f->gap < q->range - q->away)) return;
-    f->energy = HUGE_VAL;
-    if (!(q->range - f->gap < U)) return;
-    f->energy = clothi_elastic_energy(q, f->gap);
-    if (damp > 0) {
-        force = damp * (f->gap - clothi_min(q->start, q->range));
-        f->energy += 0.5 * force * force / damp;
-    }
+    if (!(u < U)) f->force = f->energy = HUGE_VAL;          /* at the pole or beyond */
+    if (!(u < U)) return;
+    clothi_contact_elastic(q, f->gap, &f->force, &f->slope);
+    if (energy) f->energy = clothi_elastic_energy(q, f->gap);
+    if (energy && damp > 0) f->energy += 0.5 * back * back / damp;
+    if (damp > 0) f->force -= back, f->slope += damp;
+    f->force *= q->share, f->slope *= q->share;
     f->energy = q->share * clothi_max(f->energy - q->base, 0);
-    if (q->share < 1)
-        f->own[0] = clothi_barrier_energy((1 - q->share) * q->stiffness, CLOTHI_GUARD * q->range,
-                                          CLOTHI_GUARD * U,
-                                          q->range - f->gap - (1 - CLOTHI_GUARD) * U);
+    if (q->share < 1) {
+        const double t = CLOTHI_GUARD * q->range, top = CLOTHI_GUARD * U;
+        clothi_barrier(K, t, top, v, f->own + 1, f->own + 2);
+        if (energy) f->own[0] = clothi_barrier_energy(K, t, top, v);
+    }
     if (!q->beside) return;
     f->own[0] += f->energy, f->own[1] += f->force, f->own[2] += f->slope;
     f->energy = f->force = f->slope = 0;
@@ -4640,18 +4563,23 @@ static double clothi_frame_slope(const clothi_frame *f, double part) {
     return part * f->slope + f->own[2];
 }
 
-/* How far the neighbour o of a feature at p falls off on the side that d looks to: 0 when it does
- * not, 1 from the angle CLOTHI_CONVEX on. */
-static double clothi_falls_off(const double *p, const double *o, const double *e, const double *d) {
-    double r[3], along, size, fall;
+/* r [3]: from a feature at p to its neighbour o, across the edge e (NULL: none), of which *along is
+ * taken off. Returns how far that falls off on the side that d looks to, in CLOTHI_CONVEX. */
+static double clothi_fall(const double *p, const double *o, const double *e, const double *d,
+                          double *r, double *along) {
+    double size;
     int    k;
     clothi_sub3(o, p, r);
-    if (e) {                                /* across the edge e */
-        along = clothi_dot3(r, e) / clothi_dot3(e, e);
-        for (k = 0; k < 3; k++) r[k] -= along * e[k];
-    }
+    *along = e ? clothi_dot3(r, e) / clothi_dot3(e, e) : 0;
+    for (k = 0; e && k < 3; k++) r[k] -= *along * e[k];
     size = sqrt(clothi_dot3(r, r));
-    fall = size > 0 ? -clothi_dot3(r, d) / (CLOTHI_CONVEX * size) : 1;
+    return size > 0 ? -clothi_dot3(r, d) / (CLOTHI_CONVEX * size) : 1;
+}
+
+/* 0 when it does not, 1 from the angle CLOTHI_CONVEX on. */
+static double clothi_falls_off(const double *p, const double *o, const double *e, const double *d) {
+    double       r[3], along;
+    const double fall = clothi_fall(p, o, e, d, r, &along);
     return fall > 0 ? fall < 1 ? fall * fall * (3 - 2 * fall) : 1 : 0;
 }
 
@@ -4757,23 +4685,21 @@ static void clothi_frame_range(int begin, int end, int worker, void *ctx) {
     for (i = begin; i < end; i++) {
         clothi_contact *q = c->contact + i;
         clothi_contact_frame_at(c, q, c->x_frame, c->xb, &q->at);
-        clothi_contact_normal(c, q, &q->at);
+        clothi_contact_normal(c, q, 1, &q->at);
     }
 }
+
+/* a^8, without pow: libm's differ in last bits. */
+static double clothi_eighth(double a) { return a * a * (a * a) * (a * a * (a * a)); }
 
 /* Contacts of one key are one: E = |(e_1, e_2, ...)|_p, p = 8. Sets the parts of contacts
  * q [n], returns E, J. */
 static double clothi_contact_group(clothi_contact *q, int n) {
     double most = 0, sum = 0, E;
     int    i;
-    for (i = 0; i < n; i++) most = clothi_max(most, q[i].at.energy);
-    for (i = 0; i < n; i++) q[i].at.part = 0;
+    for (i = 0; i < n; i++) most = clothi_max(most, q[i].at.energy), q[i].at.part = 0;
     if (!(most > 0)) return 0;
-    for (i = 0; i < n; i++) {
-        double r = q[i].at.energy / most;
-        r *= r, r *= r;
-        sum += r * r;
-    }
+    for (i = 0; i < n; i++) sum += clothi_eighth(q[i].at.energy / most);
     E = most * sqrt(sqrt(sqrt(sum)));
     for (i = 0; i < n; i++) {
         const double r = q[i].at.energy / E, r2 = r * r;
@@ -4785,7 +4711,7 @@ static double clothi_contact_group(clothi_contact *q, int n) {
 /* End of the group that contact i begins. */
 static int clothi_group_end(const cloth_collide *c, int i) {
     int j = i + 1;
-    while (j < c->ncontact && clothi_key_compare(&c->contact[j].key, &c->contact[i].key) == 0) j++;
+    while (j < c->ncontact && clothi_order(c->contact + j, c->contact + i, 4) == 0) j++;
     return j;
 }
 
@@ -4826,6 +4752,14 @@ static void clothi_contact_renew(const cloth_collide *c, clothi_contact *q, cons
     q->size = size;
 }
 
+/* Friction by its limit and slip, 1/m, at a slip of `size`; *less, 1/m^3: how much less it is along
+ * the slip, beyond it. */
+static double clothi_friction_law(double eps, double size, double *less) {
+    const double most = clothi_max(size, eps);
+    *less = size > 0 ? 1 / (size * (most * most)) : 0;
+    return size < eps ? 2 / eps - size / (eps * eps) : 1 / size;
+}
+
 /* Friction of a contact: energy J; tangent [3] N, K [3x3] N/m on sum w x. */
 static double clothi_contact_friction(const cloth_collide *c, const clothi_contact *q,
                                       const double *x, double *tangent, double *K) {
@@ -4833,14 +4767,13 @@ static double clothi_contact_friction(const cloth_collide *c, const clothi_conta
     double       u[3], size, bend, less;
     int          i, j;
     clothi_contact_slip(c, q, x, u);
-    size = sqrt(clothi_dot3(u, u)), less = clothi_max(size, eps);
-    bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;        /* force / (limit size) */
-    less = size > 0 ? (1 - q->scale) / (size * (less * less)) : 0;
+    size = sqrt(clothi_dot3(u, u));
+    bend = clothi_friction_law(eps, size, &less);
     for (i = 0; i < 3; i++) {
         tangent[i] = q->limit * bend * u[i];
         for (j = 0; j < 3; j++)
             K[3 * i + j] = q->limit * (bend * ((i == j) - q->normal[i] * q->normal[j]) -
-                                       less * u[i] * u[j]);
+                                       (1 - q->scale) * less * u[i] * u[j]);
     }
     return q->limit * (size < eps ? size * size * (1 / eps - size / (3 * eps * eps))
                                   : size - eps / 3);
@@ -4872,10 +4805,12 @@ static cloth_status clothi_contact_add(const clothi_contact *q, int n, const int
     return cloth_matrix_add_element(A, n, v, H);
 }
 
-/* K alone. */
-static cloth_status clothi_contact_spring(const cloth_collide *c, const clothi_contact *q,
-                                          const double *K, cloth_matrix *A) {
-    int at[4];
+/* A spring of s N/m along v [3] alone. */
+static cloth_status clothi_contact_spring(const cloth_collide *c, const clothi_contact *q, double s,
+                                          const double *v, cloth_matrix *A) {
+    double K[9];
+    int    at[4], i;
+    for (i = 0; i < 9; i++) K[i] = s * v[i / 3] * v[i % 3];
     return clothi_contact_add(q, clothi_contact_cloth(c, q, at), at, NULL, 0, K, A);
 }
 
@@ -5020,9 +4955,8 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
                     e->grad[3 * q->v[l] + k] += q->w[l] * tangent[k];
             if (e->hess && (push > 0 || q->limit > 0))
                 status = clothi_contact_hessian(c, q, e->x, q->limit > 0 ? K : NULL, e->hess);
-            for (l = 0; l < 9; l++) K[l] = q->spring * q->normal[l / 3] * q->normal[l % 3];
             if (e->hess && q->spring > 0 && !status)
-                status = clothi_contact_spring(c, q, K, e->hess);
+                status = clothi_contact_spring(c, q, q->spring, q->normal, e->hess);
         }
     }
     return status;
@@ -5166,20 +5100,13 @@ static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, 
 
 /* --- the list --- */
 
-static int clothi_contact_before(const clothi_contact *p, const clothi_contact *q) {
-    const int order = clothi_key_compare(&p->key, &q->key);
-    if (order) return order < 0;
-    if (p->kind != q->kind) return p->kind < q->kind;
-    return p->a != q->a ? p->a < q->a : p->b < q->b;
-}
-
 /* Shell's sort of numbers [n] of contacts t. */
 static void clothi_contact_shell(const clothi_contact *t, int *order, int n) {
     int gap, i, j;
     for (gap = n / 2; gap > 0; gap = gap == 2 ? 1 : (int)(gap * 0.45))
         for (i = gap; i < n; i++) {
             const int q = order[i];
-            for (j = i; j >= gap && clothi_contact_before(t + q, t + order[j - gap]); j -= gap)
+            for (j = i; j >= gap && clothi_order(t + q, t + order[j - gap], 7) < 0; j -= gap)
                 order[j] = order[j - gap];
             order[j] = q;
         }
@@ -5200,7 +5127,7 @@ static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
     clothi_contact_shell(t, c->order, n - sorted);
     for (k = 0; k < n; k++) {
         const int last = j == n - sorted;
-        if (last || (i < sorted && clothi_contact_before(t + i, t + c->order[j])))
+        if (last || (i < sorted && clothi_order(t + i, t + c->order[j], 7) < 0))
             c->spare[k] = t[i++];
         else
             c->spare[k] = t[c->order[j++]];
@@ -5210,31 +5137,17 @@ static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
     return CLOTH_OK;
 }
 
-/* Number of the one in things [n x stride bytes], sorted by the keys that they begin with, that has
- * this key, or -1. */
-static int clothi_key_find(const void *things, size_t stride, int n, const clothi_key *key) {
-    int low = 0, high = n;
-    while (low < high) {
-        const int   mid = low + (high - low) / 2;
-        const void *at = (const char *)things + (size_t)mid * stride;
-        const int   order = clothi_key_compare((const clothi_key *)at, key);
-        if (order == 0) return mid;
-        if (order < 0) low = mid + 1;
-        else high = mid;
-    }
-    return -1;
-}
-
-/* What the step before left under a key, or NULL. */
-static const clothi_anchor *clothi_anchor_of(const cloth_collide *c, const clothi_key *key) {
-    const int at = clothi_key_find(c->next, sizeof *c->next, c->nnext, key);
-    return at < 0 ? NULL : c->next + at;
+/* The anchor of a key in a list [n] of them, or NULL. */
+static clothi_anchor *clothi_anchor_of(clothi_anchor *list, int n, const clothi_key *key) {
+    int there, at = clothi_find(list, sizeof *list, n, key, 4, &there);
+    return there ? list + at : NULL;
 }
 
 /* Fills contact q of a pair as it is at x, with what its anchor remembers; 0: it is none. */
 static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, const double *x,
                               clothi_contact *q) {
     const clothi_anchor *anchor;
+    double               left;
     if (!clothi_contact_fill(c, p, x, q)) return 0;
     q->stiffness = c->stiffness * clothi_pair_area(c, q->kind, q->slot, q->a, q->b);
     if (q->slot < 0) q->stiffness *= c->desc.thickness / q->range;
@@ -5242,16 +5155,18 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     q->key = clothi_key_of(c, q);
     q->size = -1, q->scale = 1;
     clothi_contact_carry(c, q);
-    anchor = clothi_anchor_of(c, &q->key);
+    anchor = clothi_anchor_of(c->next, c->nnext, &q->key);
     if (anchor) {
         q->start = clothi_min(q->start, anchor->gap);
         memcpy(q->slip, anchor->slip, sizeof q->slip);
     }
     q->away = clothi_contact_away(c, q);
-    q->base = clothi_contact_base(c, q);
+    left = clothi_max(q->range - q->start - q->away, 0);        /* of what is damped */
+    q->base = clothi_elastic_energy(q, q->range - q->away) +
+              0.5 * clothi_contact_damping(c, q) * left * left;
     clothi_contact_frame_at(c, q, x, c->xb, &q->at);
     clothi_contact_renew(c, q, x);
-    clothi_contact_normal(c, q, &q->at);
+    clothi_contact_normal(c, q, 1, &q->at);
     return 1;
 }
 
@@ -5284,39 +5199,31 @@ static int clothi_contact_settled(cloth_collide *c, const double *residual) {
     return settled >= 0.5 * all;
 }
 
-/* Limits of the contacts q [n] of one key at the start: the force of the step before, on them as
- * their forces are, on the nearest one where none has any. */
-static void clothi_limits_start(const cloth_collide *c, clothi_contact *q, int n) {
-    const clothi_anchor *a = clothi_anchor_of(c, &q->key);
-    double               sum = 0;
-    int                  i, least = 0;
-    for (i = 0; i < n; i++) {
-        sum += q[i].force;
-        if (q[i].gap < q[least].gap) least = i;
-    }
-    for (i = 0; i < n; i++)
-        q[i].limit = (a ? q[i].friction * a->force : 0) *
-                     (sum > 0 ? q[i].force / sum : i == least);
-}
-
-/* Normal forces. start: limits of friction are those of the step before. follow, 0 to 1: so far
- * they go to those of these forces; returns by how much they change, in parts of all. */
+/* Normal forces. start: limits of friction are those of the step before, on the contacts of a key
+ * as their forces are, on the nearest one where none has any. follow, 0 to 1: so far they go to
+ * those of these forces; returns by how much they change, in parts of all. */
 static double clothi_contact_limits(cloth_collide *c, double follow, int start) {
     double change = 0, all = 0, more;
     int    i, j, k;
     for (i = 0; i < c->ncontact; i = j) {
+        clothi_contact      *q = c->contact;
+        const clothi_anchor *a = start ? clothi_anchor_of(c->next, c->nnext, &q[i].key) : NULL;
+        double               sum = 0;
+        int                  least = i;
         j = clothi_group_end(c, i);
-        (void)clothi_contact_group(c->contact + i, j - i);
+        (void)clothi_contact_group(q + i, j - i);
         for (k = i; k < j; k++) {
-            clothi_contact *q = c->contact + k;
-            q->force = clothi_frame_force(&q->at, q->at.part);
+            sum += q[k].force = clothi_frame_force(&q[k].at, q[k].at.part);
+            if (q[k].gap < q[least].gap) least = k;
             if (!(follow > 0)) continue;
-            more = follow * (q->friction * q->force - q->limit);
-            q->limit += more;
+            more = follow * (q[k].friction * q[k].force - q[k].limit);
+            q[k].limit += more;
             change += fabs(more);
-            all += q->limit;
+            all += q[k].limit;
         }
-        if (start) clothi_limits_start(c, c->contact + i, j - i);
+        for (k = i; k < j && start; k++)
+            q[k].limit = (a ? q[k].friction * a->force : 0) *
+                         (sum > 0 ? q[k].force / sum : k == least);
     }
     return all > 0 ? change / all : change > 0;
 }
@@ -5338,15 +5245,15 @@ enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* c->hit of a list    
 
 /* Room for what is known of each pair. */
 static cloth_status clothi_hits_reserve(cloth_collide *c) {
+    const size_t       n = (size_t)c->pair_cap, real = sizeof(double);
+    const clothi_array need[] = {
+        {&c->slack, n, real}, {&c->thick, n, real}, {&c->hit_time, n, real}, {&c->hit, n, 1}};
     if (c->npair <= c->hit_cap) return CLOTH_OK;
     clothi_free(c->hooks, c->slack);
-    c->slack = (double *)clothi_alloc(c->hooks, (size_t)c->pair_cap, 3 * sizeof(double) + 1);
-    c->hit_cap = c->slack ? c->pair_cap : 0;
-    if (!c->slack)
+    c->slack = NULL, c->hit_cap = 0;
+    if (clothi_arrays(c->hooks, need, 4))
         return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair);
-    c->thick = c->slack + c->hit_cap;
-    c->hit_time = c->thick + c->hit_cap;
-    c->hit = (unsigned char *)(c->hit_time + c->hit_cap);
+    c->hit_cap = c->pair_cap;
     return CLOTH_OK;
 }
 
@@ -5405,15 +5312,16 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
     clothi_contact *q = c->contact;
     int             i, n = 0;
     uint32_t        at;
-    cloth_status    status = clothi_table_fill(c->hooks, &c->contact_of, q, sizeof *q, c->ncontact);
-    if (!status) status = CLOTHI_ROOM(c, order, c->ncontact);
+    cloth_status    status = CLOTHI_ROOM(c, order, c->ncontact);
     if (status || c->ncontact == 0) return status;
+    status = clothi_table_fill(c->hooks, &c->contact_of, &q->kind, sizeof *q, c->ncontact);
+    if (status) return status;
     memset(c->order, 0, (size_t)c->ncontact * sizeof(int));
     for (i = 0; i < c->npair; i++) {
         const clothi_pair_id *p = c->pair + i;
         int                   was = -1;
         if (!(c->slack[i] > reach))
-            was = clothi_table_find(&c->contact_of, q, sizeof *q, p->kind, p->a, p->b, &at);
+            was = clothi_table_find(&c->contact_of, &q->kind, sizeof *q, p, &at);
         if (was >= 0) c->slack[i] = clothi_pair_slack(c, i, c->x_list, 1);
         if (was >= 0 && !(c->slack[i] > reach)) c->order[was] = c->hit[i] = CLOTHI_HIT_CONTACT;
     }
@@ -5479,49 +5387,39 @@ static double clothi_pole_guard(double pole, double d) {
     return d > pole ? pole + 0.1 * (d - pole) : 0.5 * d;
 }
 
-/* The part of the way from c->at along c->way that a vertex and a plane leave free. */
-static double clothi_plane_free(const cloth_collide *c, const clothi_pair_id *p, double gap) {
-    const clothi_obstacle *o = c->obstacle + p->b;
-    const double fall = -clothi_dot3(c->way + 3 * p->a, o->normal);
-    double       start;
-    if (o->grid || gap - fall > CLOTHI_SEPARATION * o->thickness) return 1;
-    start = clothi_pair_gap(c, c->xa, c->xa, CLOTHI_VP, p->a, p->b);
-    start = clothi_pair_pole(c, o->thickness, start);
-    return clothi_max((gap - clothi_pole_guard(start, gap)) / fall, 0);
-}
-
-/* The same for any pair of the list; 1: all of it. */
-static double clothi_pair_free(cloth_collide *c, int i) {
-    const clothi_pair_id *p = c->pair + i;
-    double x[12], y[12], w[4], come, gap, start, t, radius, toi;
-    int    v[4], slot, j, k;
-    if (c->slack[i] - clothi_pair_far(c, p) > 0 || c->hit[i] == CLOTHI_HIT_EXEMPT) return 1;
-    come = clothi_pair_come(c, p, c->way);
-    if (!(come > 0) || c->slack[i] - come > 0) return 1;
-    (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-    slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    t = clothi_listed_thickness(c, i, v);
-    gap = clothi_pair_gap(c, c->at, c->xb, p->kind, p->a, p->b);
-    c->slack[i] = gap - t;
-    if (gap - come > CLOTHI_SEPARATION * t || clothi_is_exempt(c, p->kind, p->a, p->b)) return 1;
-    if (p->kind == CLOTHI_VP) return clothi_plane_free(c, p, gap);
-    radius = clothi_slot_radius(c, slot);
-    clothi_pair_points(c, c->xa, c->xa, v, 4, x);
-    start = clothi_pair_distance(p->kind, x, w) - radius;
-    start = clothi_pole_guard(clothi_pair_pole(c, t, start), gap);
-    clothi_pair_points(c, c->at, c->xb, v, 4, x);
-    for (j = 0; j < 4; j++)
-        for (k = 0; k < 3; k++)
-            y[3 * j + k] = x[3 * j + k] + (v[j] < c->nv ? c->way[3 * v[j] + k] : 0);
-    (void)clothi_ccd_pair(p->kind == CLOTHI_EE, x, y, start + radius, &toi);
-    return toi;
-}
-
+/* The part of the way from c->at along c->way that each pair of the list leaves free; 1: all. */
 static void clothi_free_range(int begin, int end, int worker, void *ctx) {
     cloth_collide *c = (cloth_collide *)ctx;
-    int            i;
+    int            i, k;
     (void)worker;
-    for (i = begin; i < end; i++) c->hit_time[i] = clothi_pair_free(c, i);
+    for (i = begin; i < end; i++) {
+        const clothi_pair_id *p = c->pair + i;
+        double x[12], y[12], come, gap, least, t, fall, *part = c->hit_time + i;
+        int    v[4];
+        *part = 1;
+        if (c->slack[i] - clothi_pair_far(c, p) > 0 || c->hit[i] == CLOTHI_HIT_EXEMPT) continue;
+        come = clothi_pair_come(c, p, c->way);
+        if (!(come > 0) || c->slack[i] - come > 0) continue;
+        (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+        t = clothi_listed_thickness(c, i, v);
+        gap = clothi_pair_gap(c, c->at, c->xb, p->kind, p->a, p->b);
+        c->slack[i] = gap - t;
+        if (gap - come > CLOTHI_SEPARATION * t || clothi_is_soft(c, p) ||
+            clothi_is_exempt(c, p->kind, p->a, p->b))
+            continue;
+        least = clothi_pair_pole(c, t, clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b));
+        least = clothi_pole_guard(least, gap);
+        if (p->kind == CLOTHI_VP) {
+            fall = -clothi_dot3(c->way + 3 * p->a, c->obstacle[p->b].normal);
+            if (!(gap - fall > CLOTHI_SEPARATION * t)) *part = clothi_max((gap - least) / fall, 0);
+            continue;
+        }
+        clothi_pair_points(c, c->at, c->xb, v, 4, x);
+        for (k = 0; k < 12; k++)
+            y[k] = x[k] + (v[k / 3] < c->nv ? c->way[3 * v[k / 3] + k % 3] : 0);
+        least += clothi_slot_radius(c, clothi_pair_slot(c, p->kind, p->a, p->b));
+        (void)clothi_ccd_pair(p->kind == CLOTHI_EE, x, y, least, part);
+    }
 }
 
 /* cloth_contact.max_step. */
@@ -5555,11 +5453,11 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
  * along the slip, that of the majorizer, joins the matrix. */
 static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int *blocked) {
     cloth_status status = CLOTH_OK;
-    int          i, j, k;
+    int          i, j;
     *blocked = 0;
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
-        double          u[3], to = 0, K[9], size;
+        double          u[3], to = 0, size;
         if (!(q->limit > 0) || q->scale > 0 || !(q->size > 0)) continue;
         clothi_contact_slip(c, q, c->at, u);
         size = sqrt(clothi_dot3(u, u));
@@ -5567,8 +5465,7 @@ static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int
             if (q->v[j] < c->nv) to += q->w[j] * clothi_dot3(u, c->dx + 3 * q->v[j]);
         if (!(to < -size * size)) continue;
         q->scale = 1;
-        for (k = 0; k < 9; k++) K[k] = q->limit / (size * size * size) * u[k / 3] * u[k % 3];
-        status = clothi_contact_spring(c, q, K, A);
+        status = clothi_contact_spring(c, q, q->limit / (size * size * size), u, A);
         (*blocked)++;
     }
     return status;
@@ -5590,7 +5487,7 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
     for (i = 0; i < 20; i++) {
         const double a = 0.5 * (low + high);
         f.gap = q->gap - a;
-        clothi_contact_push(c, q, &f);
+        clothi_contact_normal(c, q, 0, &f);
         if (clothi_frame_force(&f, 1) < clothi_max(aim, K * (come - a))) low = a;
         else high = a;
     }
@@ -5607,20 +5504,19 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
         clothi_frame    f = q->at;
-        double          come = 0, more, N[9];
+        double          come = 0, more;
         for (j = 0; j < q->n; j++)
             if (q->v[j] < c->nv)
                 come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
         q->aim = clothi_frame_force(&f, 1) + (clothi_frame_slope(&f, 1) + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
-        clothi_contact_push(c, q, &f);
+        clothi_contact_normal(c, q, 0, &f);
         if (clothi_frame_force(&f, 1) <= 2 * q->aim) continue;
         more = clothi_contact_secant(c, q, q->aim, come) - q->spring;
         if (!(more > 0)) continue;
         q->spring += more;
-        for (j = 0; j < 9; j++) N[j] = more * q->normal[j / 3] * q->normal[j % 3];
-        status = clothi_contact_spring(c, q, N, A);
+        status = clothi_contact_spring(c, q, more, q->normal, A);
         (*blocked)++;
     }
     return status;
@@ -5632,7 +5528,7 @@ static void clothi_renew_range(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (i = begin; i < end; i++) {
         clothi_contact_renew(c, c->contact + i, c->x_frame);
-        clothi_contact_normal(c, c->contact + i, &c->contact[i].at);
+        clothi_contact_normal(c, c->contact + i, 1, &c->contact[i].at);
         c->contact[i].spring = clothi_contact_secant(c, c->contact + i, c->contact[i].aim, 0);
     }
 }
@@ -5937,11 +5833,7 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double
 /* The hierarchy of the obstacles as they begin, and how far each goes. */
 static void clothi_pinch_boxes(cloth_collide *c) {
     int o, i;
-    clothi_swept_boxes(c->nw - c->nv, c->xa + 3 * (size_t)c->nv, NULL, 0,
-                       c->box_v + 6 * (size_t)c->nv);
-    clothi_face_boxes(c->mf - c->nf, c->faces + 3 * (size_t)c->nf, c->box_v,
-                      c->box_f + 6 * (size_t)c->nf);
-    clothi_bvh_refit(c->hooks, &c->solid, c->box_f + 6 * (size_t)c->nf);
+    clothi_tree_boxes(c, &c->solid, c->xa, NULL, 0);
     c->solid_known = 0;
     for (o = 0; o < c->nobstacle; o++) {
         clothi_obstacle *b = c->obstacle + o;
@@ -6181,44 +6073,39 @@ static cloth_status clothi_row_put(cloth_collide *c, const clothi_row *row) {
     if (2 * c->nrow >= c->row_of.size)
         status = clothi_table_fill(c->hooks, &c->row_of, c->row, sizeof *row, c->nrow);
     if (status) return status;
-    i = clothi_table_find(&c->row_of, c->row, sizeof *row, row->kind, row->a, row->b, &at);
+    i = clothi_table_find(&c->row_of, c->row, sizeof *row, row, &at);
     if (i >= 0) {
         const double multiplier = c->row[i].multiplier;
         c->row[i] = *row;
         c->row[i].multiplier = multiplier;
         return CLOTH_OK;
     }
-    status = CLOTHI_ROOM(c, row, c->nrow + 1);
-    if (status) return status;
-    c->row[c->nrow++] = *row;
-    c->row_of.entry[at] = c->nrow;
-    return CLOTH_OK;
+    status = CLOTHI_PUSH(c, row, *row);
+    if (!status) c->row_of.entry[at] = c->nrow;
+    return status;
+}
+
+/* A row as a contact, without friction. */
+static clothi_contact clothi_row_contact(const cloth_collide *c, const clothi_row *row) {
+    clothi_contact q;
+    memset(&q, 0, sizeof q);
+    q.kind = row->kind, q.a = row->a, q.b = row->b, q.n = row->n;
+    q.slot = clothi_pair_slot(c, row->kind, row->a, row->b);
+    q.radius = clothi_slot_radius(c, q.slot);
+    memcpy(q.v, row->v, sizeof q.v);
+    memcpy(q.w, row->w, sizeof q.w);
+    memcpy(q.normal, row->normal, sizeof q.normal);
+    return q;
 }
 
 /* --- detection --- */
 
-/* Bound and speed of a row whose frame is known. start: gap at x^n; held: the same along n. */
-static void clothi_row_bound(const cloth_collide *c, double t, double radius, double separation,
-                             double held, clothi_row *row) {
-    const double gap = clothi_min(CLOTHI_GAP * t, clothi_max(held, 1.1 * separation));
-    int          i, k;
-    row->bound = radius + gap;
-    row->slack = gap - separation;
-    for (i = 0; i < row->n; i++)
-        for (k = 0; row->v[i] >= c->nv && k < 3; k++) {
-            const double a = c->xa[3 * row->v[i] + k], b = c->xb[3 * row->v[i] + k];
-            row->bound -= row->w[i] * row->normal[k] * b;
-            row->speed -= row->w[i] * row->normal[k] * (b - a) / c->h;
-        }
-    row->zone = -1;
-    row->pass = c->report.passes;
-}
-
 /* Looks at one pair over the substep; *hit counts, a row is made. */
 static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p, int *hit) {
     clothi_row   row;
-    double       xa[12], xb[12], toi, held, start, sep, radius, t;
+    double       xa[12], xb[12], toi, held, start, sep, radius, t, gap;
     const int    slot = clothi_pair_slot(c, p->kind, p->a, p->b);
+    int          i, k;
     memset(&row, 0, sizeof row);
     row.kind = p->kind, row.a = p->a, row.b = p->b;
     row.n = clothi_pair_vertices(c, p->kind, p->a, p->b, row.v);
@@ -6246,17 +6133,17 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
         return CLOTH_OK;
     else
         held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
-    row.toi = toi;
-    clothi_row_bound(c, t, radius, sep, held - radius, &row);
+    gap = clothi_min(CLOTHI_GAP * t, clothi_max(held - radius, 1.1 * sep));
+    row.toi = toi, row.bound = radius + gap, row.slack = gap - sep;
+    for (i = 0; i < row.n; i++)             /* what is of obstacles */
+        for (k = 0; row.v[i] >= c->nv && k < 3; k++) {
+            const double a = c->xa[3 * row.v[i] + k], b = c->xb[3 * row.v[i] + k];
+            row.bound -= row.w[i] * row.normal[k] * b;
+            row.speed -= row.w[i] * row.normal[k] * (b - a) / c->h;
+        }
+    row.zone = -1, row.pass = c->report.passes;
     ++*hit;
     return clothi_row_put(c, &row);
-}
-
-static int clothi_pair_moved(const cloth_collide *c, const clothi_pair_id *p) {
-    int v[4], i, n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-    for (i = 0; i < n; i++)
-        if (v[i] < c->nv && c->moved[v[i]]) return 1;
-    return 0;
 }
 
 enum { CLOTHI_HIT_MOVED = 1, CLOTHI_HIT_NEAR = 2 };
@@ -6270,12 +6157,12 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
         const clothi_pair_id *p = c->pair + i;
         const int slot = clothi_pair_slot(c, p->kind, p->a, p->b);
         double xa[12], xb[12], toi, reach = clothi_slot_radius(c, slot);
-        int    v[4];
+        int    v[4], k, moved = 0, n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+        for (k = 0; k < n; k++) moved |= v[k] < c->nv && c->moved[v[k]];
         c->hit[i] = 0;
-        if (!clothi_pair_moved(c, p) || clothi_is_soft(c, p)) continue;
+        if (!moved || clothi_is_soft(c, p)) continue;
         c->hit[i] = p->kind == CLOTHI_VP ? CLOTHI_HIT_NEAR : CLOTHI_HIT_MOVED;
         if (p->kind == CLOTHI_VP) continue;
-        (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
         clothi_pair_points(c, c->xa, c->xa, v, 4, xa);
         clothi_pair_points(c, c->xb, c->xb, v, 4, xb);
         reach += CLOTHI_SEPARATION * (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
@@ -6331,15 +6218,14 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
 
 /* Room for what zones need: a zone, sixteen numbers and fifteen integers a row. */
 static cloth_status clothi_zone_reserve(cloth_collide *c) {
-    const size_t n = (size_t)c->row_cap;
+    const size_t       n = (size_t)c->row_cap;
+    const clothi_array need[] = {
+        {&c->zone, n, sizeof *c->zone}, {&c->qp_val, 16 * n, sizeof(double)},
+        {&c->zone_order, 15 * n, sizeof(int)}};
     if (c->zone_cap >= c->row_cap) return CLOTH_OK;
     clothi_free(c->hooks, c->zone);
-    c->zone_cap = 0;
-    c->zone = (clothi_zone *)clothi_alloc(c->hooks, n, sizeof *c->zone + 16 * sizeof(double) +
-                                                           15 * sizeof(int));
-    if (!c->zone) return CLOTH_ERR_MEMORY;
-    c->qp_val = (double *)(void *)(c->zone + n);
-    c->zone_order = (int *)(void *)(c->qp_val + 16 * n);
+    c->zone = NULL, c->zone_cap = 0;
+    if (clothi_arrays(c->hooks, need, 3)) return CLOTH_ERR_MEMORY;
     c->zone_cap = c->row_cap;
     return CLOTH_OK;
 }
@@ -6422,8 +6308,7 @@ static void clothi_zone_qp(const cloth_collide *c, clothi_zone *q) {
         q->minv[i] = c->sim->pin[v] >> i % 3 & 1 ? 0 : q->mean / mass[v];
         q->x0[i] = from[3 * v + i % 3];
     }
-    q->qp.n = 3 * q->size, q->qp.m = m, q->qp.minv = q->minv, q->qp.x0 = q->x0;
-    q->qp.row = q->row, q->qp.col = q->col, q->qp.val = q->val, q->qp.h = q->h;
+    q->n = 3 * q->size, q->m = m;
 }
 
 /* Lets row r of the QP have its way: lambda, and x with it. Returns how far it moved, m. */
@@ -6446,8 +6331,8 @@ static double clothi_sweep_row(const clothi_zone *q, int r) {
  * that push. 1 when that came. */
 static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double enough) {
     int sweep, i, j, r;
-    for (i = 0; i < q->qp.n; i++) q->x[i] = q->x0[i];
-    for (r = 0; r < q->qp.m; r++)
+    for (i = 0; i < q->n; i++) q->x[i] = q->x0[i];
+    for (r = 0; r < q->m; r++)
         for (q->norm[r] = 0, i = q->row[r]; i < q->row[r + 1]; i++) {
             const double g = q->val[i] * q->minv[q->col[i]];
             q->norm[r] += g * q->val[i];
@@ -6456,8 +6341,8 @@ static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double eno
     for (sweep = 0; sweep < CLOTHI_SWEEPS; sweep++) {
         const int all = sweep % 4 == 0;
         int       late = 0;
-        for (j = 0; j < q->qp.m; j++) {
-            r = sweep & 1 ? q->qp.m - 1 - j : j;
+        for (j = 0; j < q->m; j++) {
+            r = sweep & 1 ? q->m - 1 - j : j;
             if (!all && !(q->lambda[r] > 0)) continue;
             late += clothi_sweep_row(q, r) >
                     (enough > 0 ? enough : 0.1 * c->row[q->order[r]].slack);
@@ -6471,12 +6356,13 @@ static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double eno
 /* The QP itself, in the worker's memory. Refused, as numbers are too large: it is not solved. */
 static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const double *guess,
                               int worker, const cloth_cancel *cancel) {
+    const cloth_qp   qp = {q->n, q->m, q->minv, q->x0, q->row, q->col, q->val, q->h};
     cloth_qp_options o = c->qp_options;
     cloth_qp_report  rep;
     memset(&rep, 0, sizeof rep);
     o.work = c->work[worker], o.guess = guess;
     if (cancel) o.hooks.cancel = *cancel;
-    q->status = cloth_qp_solve(&q->qp, &o, q->x, q->lambda, &rep);
+    q->status = cloth_qp_solve(&qp, &o, q->x, q->lambda, &rep);
     q->iterations += rep.iterations;
     if (q->status != CLOTH_ERR_MEMORY && q->status != CLOTH_ERR_CANCELLED) q->status = CLOTH_OK;
     q->solved = !q->status && rep.outcome == CLOTH_QP_SOLVED;
@@ -6491,15 +6377,15 @@ static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
         clothi_zone *q = c->zone + z;
         if (!v && !q->fresh) continue;
         clothi_zone_qp(c, q);
-        for (r = 0; r < q->qp.m; r++) {     /* what the last pass found; the new rows may hold */
+        for (r = 0; r < q->m; r++) {     /* what the last pass found; the new rows may hold */
             const clothi_row *row = c->row + q->order[r];
             q->guess[r] = row->pass == c->report.passes ? 1 : row->multiplier;
             q->lambda[r] = v ? 0 : row->multiplier / q->mean;
         }
-        if (q->qp.m > CLOTHI_EXACT_ROWS)
+        if (q->m > CLOTHI_EXACT_ROWS)
             q->solved = clothi_zone_sweeps(c, q, v ? 0.01 * c->desc.thickness / c->h : 0) || v ||
                         c->report.passes < CLOTHI_SWEPT_PASSES;
-        else if (q->qp.m > 0)
+        else if (q->m > 0)
             clothi_zone_exact(c, q, v ? NULL : q->guess, worker, NULL);
     }
 }
@@ -6508,8 +6394,8 @@ static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
 static void clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
     double push = 0, mass = 0;
     int    i, k, r;
-    for (r = 0; r < q->qp.m; r++) c->row[q->order[r]].multiplier = q->lambda[r] * q->mean;
-    for (i = 0; i < q->qp.n / 3; i++) {
+    for (r = 0; r < q->m; r++) c->row[q->order[r]].multiplier = q->lambda[r] * q->mean;
+    for (i = 0; i < q->n / 3; i++) {
         const int v = q->member[i];
         for (k = 0; k < 3; k++) {
             const double d = q->x[3 * i + k] - c->x_ie[3 * v + k];
@@ -6523,17 +6409,17 @@ static void clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
     c->report.push = clothi_max(c->report.push, sqrt(push / mass));
 }
 
-/* Mean motion of the obstacles that a zone touches and of what is pinned; where there is none, that
- * of its own momentum. */
-static void clothi_zone_motion(const cloth_collide *c, const clothi_zone *q, double *motion) {
+/* A zone becomes rigid: it goes as a whole, as the obstacles that it touches and what is pinned do
+ * in the mean; where there is none, by its own momentum. */
+static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
     const double *mass = c->sim->params.mass;
-    double        weight = 0;
-    int           r, i, k, held = 0;
-    motion[0] = motion[1] = motion[2] = 0;
+    double        motion[3] = {0, 0, 0}, weight = 0;
+    int           r, i, k, v, held = 0;
     for (r = 0; r < q->rows; r++) {
-        const clothi_row *row = c->row + q->order[r];
+        clothi_row *row = c->row + q->order[r];
+        row->multiplier = 0;
         for (i = 0; i < row->n; i++) {
-            const int v = row->v[i];
+            v = row->v[i];
             if (v < c->nv && !c->sim->pin[v] && !c->frozen[v]) continue;
             held = 1;
             weight += fabs(row->w[i]);
@@ -6542,21 +6428,13 @@ static void clothi_zone_motion(const cloth_collide *c, const clothi_zone *q, dou
         }
     }
     for (i = 0; i < q->size && !held; i++) {
-        const int v = q->member[i];
+        v = q->member[i];
         weight += mass[v];
         for (k = 0; k < 3; k++) motion[k] += mass[v] * (c->x_ie[3 * v + k] - c->xa[3 * v + k]);
     }
     for (k = 0; k < 3 && weight > 0; k++) motion[k] /= weight;
-}
-
-/* A zone becomes rigid: it goes as a whole. */
-static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
-    double motion[3];
-    int    i, k;
-    clothi_zone_motion(c, q, motion);
-    for (i = 0; i < q->rows; i++) c->row[q->order[i]].multiplier = 0;
     for (i = 0; i < q->size; i++) {
-        const int v = q->member[i];
+        v = q->member[i];
         for (k = 0; k < 3; k++)
             if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k] + motion[k];
         c->moved[v] = 1;
@@ -6732,7 +6610,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
         const clothi_zone *q = c->zone + z;
         status = q->status;
         c->report.qp_iterations += q->iterations;
-        for (i = 0; i < q->qp.n && q->solved; i++) v[3 * q->member[i / 3] + i % 3] = q->x[i];
+        for (i = 0; i < q->n && q->solved; i++) v[3 * q->member[i / 3] + i % 3] = q->x[i];
         for (i = k = 0; i < q->rows && q->solved; i++)
             if (c->row[q->order[i]].multiplier > 0)
                 c->row[q->order[i]].impulse = q->lambda[k++] * q->mean;
@@ -6807,7 +6685,6 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
-    c->v_n = e->v_n;
     c->share = e->in->share[1] - e->in->share[0];
     if (!c->begun) {
         memset(&c->report, 0, sizeof c->report);
@@ -6818,12 +6695,9 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
             clothi_world_pose(c, c->sim->state.x, 0, 0);
             status = clothi_contact_check(c);
         } else {
-            status = CLOTHI_ROOM(c, now, c->nexempt);
-            if (!status) status = CLOTHI_ROOM(c, next, c->nanchor);
-            if (!status) status = CLOTHI_ROOM(c, holding, c->nhold);
-            for (i = 0; i < c->nexempt && !status; i++) c->now[c->nnow++] = c->exempt[i];
-            for (i = 0; i < c->nanchor && !status; i++) c->next[c->nnext++] = c->anchor[i];
-            for (i = 0; i < c->nhold && !status; i++) c->holding[c->nholding++] = c->hold[i];
+            for (i = 0; i < c->nexempt && !status; i++) status = CLOTHI_PUSH(c, now, c->exempt[i]);
+            for (i = 0; i < c->nanchor && !status; i++) status = CLOTHI_PUSH(c, next, c->anchor[i]);
+            for (i = 0; i < c->nhold && !status; i++) status = CLOTHI_PUSH(c, holding, c->hold[i]);
         }
     }
     clothi_world_pose(c, e->x_n, e->in->share[0], e->in->share[1]);
@@ -6895,9 +6769,8 @@ static cloth_status clothi_contact_close(void *user, const double *x, int *impac
         clothi_contact_slip(c, q, x, a.slip);
         clothi_contact_turn(c, q, a.slip);
         for (k = 0; k < 3; k++) a.slip[k] *= a.force;
-        if (!last || clothi_key_compare(&last->key, &a.key) != 0) {
-            status = CLOTHI_ROOM(c, next, c->nnext + 1);
-            if (!status) c->next[c->nnext++] = a;
+        if (!last || clothi_order(last, &a, 4) != 0) {
+            status = CLOTHI_PUSH(c, next, a);
             continue;
         }
         last->force += a.force;
@@ -6944,13 +6817,13 @@ static int clothi_contact_moves(void *user) {
     static const int     corners[3] = {0, 1, 2};
     const cloth_collide *c = (const cloth_collide *)user;
     int                  o, i, k;
-    for (o = 0; o < c->nobstacle; o++) {
+    CLOTHI_OBSTACLES(c, o) {
         const clothi_obstacle *b = c->obstacle + o;
         const double           reach = b->thickness + clothi_slot_radius(c, o);
         const size_t           bytes = 3 * (size_t)b->nv * sizeof(double);
         double                 own[6], box[6], face[18];
-        if (!b->used || (!memcmp(clothi_pose(b, 0), clothi_pose(b, 1), bytes) &&
-                         !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0])))
+        if (!memcmp(clothi_pose(b, 0), clothi_pose(b, 1), bytes) &&
+            !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0]))
             continue;
         if (clothi_is_wall(b)) return 1;
         for (i = 0; i < 2 * b->nv; i++) {   /* both poses */
@@ -6972,9 +6845,8 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     cloth_collide *c = (cloth_collide *)user;
     double         least = c->thickest;
     int            i, active = 0;
-    for (i = 0; i < c->nobstacle; i++) {
+    CLOTHI_OBSTACLES(c, i) {
         clothi_obstacle *b = c->obstacle + i;
-        if (!b->used) continue;
         memcpy(clothi_pose(b, 0), clothi_pose(b, 1), 3 * (size_t)b->nv * sizeof(double));
         memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
     }
@@ -6999,9 +6871,6 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     report->failed_pairs = 0;
     report->smallest_gap = least;
 }
-
-/* a^8, without pow: libm's differ in last bits. */
-static double clothi_eighth(double a) { return a * a * (a * a) * (a * a * (a * a)); }
 
 /* cloth_contact.balance: work of the contacts over the substep, at its end. */
 static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
@@ -7115,7 +6984,7 @@ static uint64_t clothi_contact_kind(const cloth_collide *c) {
 
 static int clothi_contact_poses(const cloth_collide *c) {
     int o, n = 0;
-    for (o = 0; o < c->nobstacle; o++) n += c->obstacle[o].used ? 6 * c->obstacle[o].nv + 25 : 0;
+    CLOTHI_OBSTACLES(c, o) n += 6 * c->obstacle[o].nv + 25;
     return n;
 }
 
@@ -7127,9 +6996,8 @@ static void clothi_saved(void *field, size_t bytes, unsigned char **out, const u
 /* What a snapshot has behind its head, to `out` or from `in`; the lists have their lengths. */
 static void clothi_contact_state(cloth_collide *c, unsigned char *out, const unsigned char *in) {
     int o;
-    for (o = 0; o < c->nobstacle; o++) {
+    CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
         clothi_saved(b->x, 6 * (size_t)b->nv * sizeof *b->x, &out, &in);
         clothi_saved(b->turn, sizeof b->turn, &out, &in);
         clothi_saved(b->surface, sizeof b->surface, &out, &in);
@@ -7202,7 +7070,7 @@ static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in,
                                : a.key.cloth == 1 && a.key.b >= 0 && a.key.b < 2 * parts) ||
             !clothi_finite(a.force) || !clothi_finite(a.gap) ||
             clothi_find_nonfinite(a.slip, 3) >= 0 ||
-            (i > 0 && clothi_key_compare(&before.key, &a.key) >= 0))
+            (i > 0 && clothi_order(&before, &a, 4) >= 0))
             return 0;
     }
     return 1;
@@ -7214,7 +7082,7 @@ static int clothi_exempt_valid(const cloth_collide *c, const unsigned char *in, 
     int            i;
     for (i = 0; i < n; i++, before = p) {
         memcpy(&p, in + (size_t)i * sizeof p, sizeof p);
-        if (p.a < 0 || p.b < 0 || (i > 0 && clothi_pair_compare(&before, &p) >= 0)) return 0;
+        if (p.a < 0 || p.b < 0 || (i > 0 && clothi_order(&before, &p, 3) >= 0)) return 0;
         if (!(p.kind == CLOTHI_FF   ? p.a < p.b && p.b < c->mf
               : p.kind == CLOTHI_VF ? p.a < c->nw && p.b < c->mf
               : p.kind == CLOTHI_EE ? p.a < c->me && p.b < c->me
@@ -7259,13 +7127,9 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
-        c->held_of, c->look, c->caught, c->hold_to, c->hold, c->holding, c->meet.pair,
-        c->vf.pair, c->ee.pair, c->zone, c->work,
-        c->qp_minv, c->qp_x0, c->qp_x, c->part, c->vertex_part, c->x_ie, c->x_list, c->x_frame,
-        c->way_in, c->moved, c->frozen, c->zone_of, c->zone_number, c->local, c->member,
-        c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
-        c->slack, c->anchor, c->next, c->exempt, c->now, c->failed,
-        c->obstacle};
+        c->travel, c->hold, c->holding, c->vf.pair, c->ee.pair, c->zone, c->contact,
+        c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair, c->slack,
+        c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
     int    o;
     for (o = 0; o < c->nobstacle; o++) {
@@ -7311,9 +7175,8 @@ static void clothi_contact_reset(void *user) {
     clothi_contact_forget(c);
     c->nanchor = c->nexempt = c->nhold = 0;
     c->seen = 0;
-    for (o = 0; o < c->nobstacle; o++) {
+    CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
-        if (!b->used) continue;
         memcpy(clothi_pose(b, 0), clothi_pose(b, 2), 3 * (size_t)b->nv * sizeof(double));
         memcpy(clothi_pose(b, 1), clothi_pose(b, 2), 3 * (size_t)b->nv * sizeof(double));
         clothi_no_turn(b->turn);
@@ -7385,12 +7248,13 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
 static cloth_status clothi_collide_arrays(cloth_collide *c) {
     const size_t nv = (size_t)c->nv, one = sizeof(int), real = sizeof(double);
     const clothi_array need[] = {
-        {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real}, {&c->x_list, 3 * nv, real},
-        {&c->x_frame, 3 * nv, real}, {&c->way_in, 3 * nv, real}, {&c->moved, nv, 1},
-        {&c->frozen, nv, 1}, {&c->zone_of, nv, one}, {&c->zone_number, nv, one},
-        {&c->local, nv, one}, {&c->member, nv, one}, {&c->qp_minv, 3 * nv, real},
-        {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real}, {&c->held_of, nv, one},
-        {&c->look, nv, 1}, {&c->caught, nv, sizeof *c->caught}, {&c->hold_to, 3 * nv, real},
+        {&c->travel, nv, real}, {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real},
+        {&c->x_list, 3 * nv, real}, {&c->x_frame, 3 * nv, real}, {&c->way_in, 3 * nv, real},
+        {&c->moved, nv, 1}, {&c->frozen, nv, 1}, {&c->zone_of, nv, one},
+        {&c->zone_number, nv, one}, {&c->local, nv, one}, {&c->member, nv, one},
+        {&c->qp_minv, 3 * nv, real}, {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
+        {&c->held_of, nv, one}, {&c->look, nv, 1}, {&c->caught, nv, sizeof *c->caught},
+        {&c->hold_to, 3 * nv, real},
         {&c->work, (size_t)c->nwork, sizeof *c->work},
         {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
     return clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
@@ -7912,10 +7776,9 @@ static size_t clothi_targets(cloth_collide *c, double *t, double part) {
     int        i;
     for (i = 0; i < s->model->desc.max_attachments; i++)
         n += clothi_shorten(s->attach[i].target, s->attach[i].pose, t ? t + n : NULL, 3, part);
-    for (i = 0; i < c->nobstacle; i++) {
+    CLOTHI_OBSTACLES(c, i) {
         clothi_obstacle *b = c->obstacle + i;
         double          *x = clothi_pose(b, 1), *turn = b->turn[0];
-        if (!b->used) continue;
         n += clothi_shorten(x, clothi_pose(b, 0), t ? t + n : NULL, 3 * b->nv, part);
         n += clothi_shorten(b->turn[1], turn, t ? t + n : NULL, 9, part);
         if (part > 0 && part < 1 && memcmp(turn, t + n - 9, sizeof b->turn[0]) != 0)
@@ -7980,20 +7843,12 @@ static int clothi_cloth_second(const cloth_collide_contact *q) {
     return sum < 0;
 }
 
-/* Contact i of all: those of the potential, then the active rows of zones, which are such without
- * friction. */
+/* Contact i of all: those of the potential, then the active rows of zones. */
 static clothi_contact clothi_contact_at(const cloth_collide *c, int i) {
-    const clothi_row *row;
-    clothi_contact    q;
+    clothi_contact q;
     if (i < c->ncontact) return c->contact[i];
-    row = c->row + (i - c->ncontact);
-    memset(&q, 0, sizeof q);
-    q.kind = row->kind, q.a = row->a, q.b = row->b, q.n = row->n;
-    memcpy(q.v, row->v, sizeof q.v);
-    memcpy(q.w, row->w, sizeof q.w);
-    memcpy(q.normal, row->normal, sizeof q.normal);
-    q.radius = clothi_slot_radius(c, clothi_pair_slot(c, q.kind, q.a, q.b));
-    q.force = row->multiplier / (c->h * c->h);
+    q = clothi_row_contact(c, c->row + (i - c->ncontact));
+    q.force = c->row[i - c->ncontact].multiplier / (c->h * c->h);
     return q;
 }
 
@@ -8215,7 +8070,6 @@ struct clothi_tangle {
 };
 
 static void clothi_tangle_free(const cloth_hooks *k, clothi_tangle *u) {
-    clothi_free(k, u->pair);
     clothi_free(k, u->line.cut);
     clothi_free(k, u->d);
 }
@@ -8404,20 +8258,19 @@ static void clothi_tangle_lone(const cloth_collide *c, clothi_tangle *u, const c
 
 /* The pairs c->now at xa: cuts, ways out, G, the measure. *u is 0. */
 static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
-    const size_t nw = (size_t)c->nw, reals = 7 * nw + 2 * (size_t)c->me;
-    cloth_status status;
+    const size_t nw = (size_t)c->nw, one = sizeof(int), real = sizeof(double);
+    const clothi_array need[] = {
+        {&u->d, 3 * nw, real}, {&u->g, 3 * nw, real}, {&u->size, nw, real},
+        {&u->span, 2 * (size_t)c->me, real}, {&u->area, nw, one}, {&u->in, nw, one},
+        {&u->drives, nw, 1}, {&u->mask, (size_t)c->mf, 1},
+        {&u->pair, (size_t)c->nnow + 1, sizeof *u->pair}};
+    cloth_status status = clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
     int          i, o;
-    u->d = (double *)clothi_alloc(c->hooks, reals * sizeof(double) + 2 * nw * sizeof(int) + nw +
-                                                (size_t)c->mf, 1);
-    u->pair = (clothi_pair_id *)clothi_alloc(c->hooks, (size_t)c->nnow + 1, sizeof *u->pair);
-    if (!u->d || !u->pair) return CLOTH_ERR_MEMORY;
-    u->g = u->d + 3 * nw, u->size = u->g + 3 * nw, u->span = u->size + nw;
-    u->area = (int *)(void *)(u->d + reals), u->in = u->area + nw;
-    u->drives = (unsigned char *)(u->in + nw), u->mask = u->drives + nw;
+    if (status) return status;
     for (i = 0; i < c->nnow; i++) u->pair[u->npair++] = c->now[i];
     status = clothi_contour_find(c, u->pair, u->npair, &u->line);
-    for (o = 0; o < c->nobstacle && !status; o++)
-        if (c->obstacle[o].used && c->obstacle[o].nf) status = clothi_tangle_inside(c, u, o);
+    CLOTHI_OBSTACLES(c, o)
+        if (c->obstacle[o].nf && !status) status = clothi_tangle_inside(c, u, o);
     if (status) return status;
     clothi_tangle_areas(c, u);
     clothi_contour_shrink(c, &u->line, u->g);
@@ -8604,11 +8457,6 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  * checked: tests/test_grad_contact.c
  */
 
-typedef struct clothi_memory {              /* what an anchor gets                             */
-    clothi_key key;
-    double     gap, slip[3];
-} clothi_memory;
-
 typedef struct clothi_rates {                /* adjoint of one contact                          */
     double force, gap, share, start, w[4], n[3];
 } clothi_rates;
@@ -8618,7 +8466,7 @@ struct clothi_adjoint {                     /* a walk backwards                 
     double        *pose[2];                 /* [nw - nv x 3] by the step's end, by its start   */
     double        *world[2];                /* the same by xa and xb of a substep              */
     double        *friction;                /* [1 + nobstacle + nparts]                        */
-    clothi_memory *after, *before;          /* by anchors after the substep, and before it     */
+    clothi_anchor *after, *before;          /* by what anchors after it and before it hold     */
     clothi_rates   *back;                    /* of a group                                      */
     int            nafter, nbefore, after_cap, before_cap, back_cap;
 };
@@ -8684,16 +8532,11 @@ static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int
 static void clothi_back_falls(const clothi_flow *f, int v, int o, const int *edge, const double *d,
                               double rate, double *to_d) {
     const double *x = f->c->xa;
-    double        r[3], e[3], n[3], along = 0, ee = 1, size, fall;
+    double        r[3], e[3], n[3], along, size, fall;
     int           k;
-    clothi_sub3(x + 3 * o, x + 3 * v, r);
-    if (edge) {
-        clothi_sub3(x + 3 * edge[1], x + 3 * edge[0], e);
-        ee = clothi_dot3(e, e), along = clothi_dot3(r, e) / ee;
-        for (k = 0; k < 3; k++) r[k] -= along * e[k];
-    }
+    if (edge) clothi_sub3(x + 3 * edge[1], x + 3 * edge[0], e);
+    fall = clothi_fall(x + 3 * v, x + 3 * o, edge ? e : NULL, d, r, &along);
     size = sqrt(clothi_dot3(r, r));
-    fall = size > 0 ? -clothi_dot3(r, d) / (CLOTHI_CONVEX * size) : 1;
     if (!(fall > 0 && fall < 1)) return;
     rate *= 6 * fall * (1 - fall) / (CLOTHI_CONVEX * size);
     for (k = 0; k < 3; k++) {
@@ -8701,7 +8544,7 @@ static void clothi_back_falls(const clothi_flow *f, int v, int o, const int *edg
         n[k] = -rate * (d[k] + fall * CLOTHI_CONVEX * r[k] / size);
     }
     if (edge) {
-        size = clothi_dot3(n, e) / ee;
+        size = clothi_dot3(n, e) / clothi_dot3(e, e);
         for (k = 0; k < 3; k++) n[k] -= size * e[k], r[k] = -along * n[k] - size * r[k];
         clothi_flow_add(f, 0, edge[1], 1, r);
         clothi_flow_add(f, 0, edge[0], -1, r);
@@ -8832,12 +8675,6 @@ static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, cons
     clothi_back_frame(f, q, 0, &at, &start);
 }
 
-/* What an anchor gets, or NULL; sorted by key, as contacts are. */
-static clothi_memory *clothi_memory_of(clothi_memory *m, int n, const clothi_key *key) {
-    const int at = clothi_key_find(m, sizeof *m, n, key);
-    return at < 0 ? NULL : m + at;
-}
-
 /* Derivative by the coefficient of a contact to those that made it. */
 static void clothi_back_coefficient(const clothi_flow *f, const clothi_contact *q, double rate) {
     const cloth_collide *c = f->c;
@@ -8863,8 +8700,7 @@ static void clothi_back_coefficient(const clothi_flow *f, const clothi_contact *
 static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, const double *Z,
                              const clothi_anchor *mean, const double *by, clothi_rates *b) {
     const cloth_collide *c = f->c;
-    const double         eps = c->desc.slip;
-    clothi_memory       *m;
+    clothi_anchor       *m;
     double u[3], r[3], to[3] = {0, 0, 0}, y[3], size, bend, less, uZ, un;
     int    i, k;
     clothi_contact_slip(c, q, f->x, u);
@@ -8872,12 +8708,11 @@ static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, cons
     for (i = 0; i < 3 * q->n; i++)
         r[i % 3] += q->w[i / 3] * ((q->v[i / 3] < c->nv ? f->x : c->xb)[3 * q->v[i / 3] + i % 3] -
                                    c->xa[3 * q->v[i / 3] + i % 3]);
-    size = sqrt(clothi_dot3(u, u)), uZ = clothi_dot3(u, Z), less = clothi_max(size, eps);
-    bend = size < eps ? 2 / eps - size / (eps * eps) : 1 / size;
-    less = size > 0 ? -1 / (size * (less * less)) : 0;
+    size = sqrt(clothi_dot3(u, u)), uZ = clothi_dot3(u, Z);
+    bend = clothi_friction_law(c->desc.slip, size, &less);
     b->force += q->friction * bend * uZ;
     if (f->whole) clothi_back_coefficient(f, q, q->force * bend * uZ);
-    for (k = 0; k < 3; k++) to[k] = q->limit * (bend * Z[k] + less * uZ * u[k]);
+    for (k = 0; k < 3; k++) to[k] = q->limit * (bend * Z[k] - less * uZ * u[k]);
     if (by) {
         memcpy(y, u, sizeof y);
         clothi_contact_turn(c, q, y);
@@ -8894,7 +8729,7 @@ static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, cons
         clothi_flow_add(f, 1, q->v[i], q->w[i], to);
         clothi_flow_add(f, 0, q->v[i], -q->w[i], to);
     }
-    m = f->whole ? clothi_memory_of(f->to->before, f->to->nbefore, &q->key) : NULL;
+    m = f->whole ? clothi_anchor_of(f->to->before, f->to->nbefore, &q->key) : NULL;
     for (k = 0; m && k < 3; k++) m->slip[k] += to[k];
 }
 
@@ -8931,27 +8766,13 @@ static void clothi_back_normal(const cloth_collide *c, const clothi_contact *q, 
     if (!q->soft && c->approach * q->start < CLOTHI_POLE * t) b->start -= c->approach * room;
 }
 
-/* What a contact has of x^n: its share; its start, of the gap there or of its key's anchor. */
-static void clothi_back_start(const clothi_flow *f, const clothi_contact *q,
-                              const clothi_rates *b) {
-    clothi_memory *m = clothi_memory_of(f->to->before, f->to->nbefore, &q->key);
-    clothi_frame   at;
-    clothi_rates    start;
-    clothi_contact_frame_at(f->c, q, f->c->xa, f->c->xa, &at);
-    memset(&start, 0, sizeof start);
-    if (m && q->start < at.gap) m->gap += b->start;
-    else start.gap = b->start;
-    clothi_back_share(f, q, &at, b->share, &start);
-    clothi_back_frame(f, q, 0, &at, &start);
-}
-
 /* What the anchor of contacts q [n] of one key will be, before its slip is cut: their mean; by [3]:
  * by its slip. NULL: nothing asks for it. */
-static const clothi_memory *clothi_back_anchor(const clothi_flow *f, const clothi_contact *q, int n,
+static const clothi_anchor *clothi_back_anchor(const clothi_flow *f, const clothi_contact *q, int n,
                                                clothi_anchor *mean, double *by) {
     const cloth_collide *c = f->c;
-    const clothi_memory *m =
-        f->whole || !f->a ? clothi_memory_of(f->to->after, f->to->nafter, &q->key) : NULL;
+    const clothi_anchor *m =
+        f->whole || !f->a ? clothi_anchor_of(f->to->after, f->to->nafter, &q->key) : NULL;
     double               u[3], size, along;
     int                  i, k;
     memset(mean, 0, sizeof *mean);
@@ -8976,10 +8797,11 @@ static const clothi_memory *clothi_back_anchor(const clothi_flow *f, const cloth
 /* Contacts q [n] of one key. */
 static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int n) {
     const cloth_collide *c = f->c;
-    clothi_rates         *b = f->to->back;
-    clothi_anchor        mean;
+    clothi_rates        *b = f->to->back, start;
+    clothi_anchor        mean, *before = clothi_anchor_of(f->to->before, f->to->nbefore, &q->key);
+    clothi_frame         at;
     double               by[3], Z[3], T[3], K[9], parts = 0, E = 0, most = 0;
-    const clothi_memory *m = clothi_back_anchor(f, q, n, &mean, by);
+    const clothi_anchor *m = clothi_back_anchor(f, q, n, &mean, by);
     int                  i, l, k;
     memset(b, 0, (size_t)n * sizeof *b);
     for (i = 0; i < n; i++) {
@@ -9009,7 +8831,13 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
         clothi_back_normal(c, q + i, E > 0 ? 7 / E * energy : 0, part * b[i].force, b[i].force,
                            b + i);
         clothi_back_frame(f, q + i, 1, &q[i].at, b + i);
-        if (f->whole) clothi_back_start(f, q + i, b + i);
+        if (!f->whole) continue;
+        memset(&start, 0, sizeof start);    /* of x^n: share, and the gap or what its anchor has */
+        clothi_contact_frame_at(c, q + i, c->xa, c->xa, &at);
+        if (before && q[i].start < at.gap) before->gap += b[i].start;
+        else start.gap = b[i].start;
+        clothi_back_share(f, q + i, &at, b[i].share, &start);
+        clothi_back_frame(f, q + i, 0, &at, &start);
     }
 }
 
@@ -9044,14 +8872,6 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     clothi_flow_add(f, 0, h->vertex, 1, to);
 }
 
-/* Something moves in contact q that is taken as constant. */
-static int clothi_back_frozen(const cloth_collide *c, const clothi_contact *q) {
-    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
-    if (!o || !(q->force > 0)) return 0;
-    return q->soft || clothi_dot3(o->surface + 3, o->surface + 3) > 0 ||
-           (!clothi_is_mesh(o) && memcmp(o->turn[0], o->turn[1], sizeof o->turn[0]) != 0);
-}
-
 /* A substep's end: its poses to those of the step; anchors before it are those after the last. */
 static void clothi_back_end(clothi_flow *f, const double *share) {
     cloth_collide *c = f->c;
@@ -9063,7 +8883,7 @@ static void clothi_back_end(clothi_flow *f, const double *share) {
             to->pose[1][i] += (1 - share[k]) * to->world[k][i];
             to->world[k][i] = 0;
         }
-    CLOTHI_TAKE(clothi_memory, to, after, before);
+    CLOTHI_TAKE(clothi_anchor, to, after, before);
 }
 
 /* cloth_contact.vjp, at the x where the substep ended, of which update() was told. */
@@ -9071,18 +8891,16 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
                                        cloth_vjp *out) {
     cloth_collide  *c = (cloth_collide *)user;
     clothi_adjoint *to = c->adjoint;
+    const clothi_obstacle *o;
+    const clothi_contact  *q;
     cloth_status    status = CLOTH_OK;
     clothi_flow     f;
-    int             i, j, most = 0;
+    int             i, j;
     f.c = c, f.to = to, f.a = a, f.x = e->x;
     f.cloth[0] = out->x_n, f.cloth[1] = out->x;
     f.whole = out->x_n != NULL;
     memcpy(c->xb, e->x, 3 * (size_t)c->nv * sizeof(double));
-    for (i = 0; i < c->ncontact; i = j) {
-        j = clothi_group_end(c, i);
-        most = j - i > most ? j - i : most;
-    }
-    status = CLOTHI_ROOM(to, back, most);
+    status = CLOTHI_ROOM(to, back, c->ncontact);
     if (!status && f.whole) status = CLOTHI_ROOM(to, before, c->nnext);
     if (status) return status;
     if (f.whole && c->nnext) memset(to->before, 0, (size_t)c->nnext * sizeof *to->before);
@@ -9092,7 +8910,10 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     out->frozen |= c->nholding > 0;
     for (i = 0; i < c->ncontact; i = j) {
         j = clothi_group_end(c, i);
-        out->frozen |= clothi_back_frozen(c, c->contact + i);
+        q = c->contact + i, o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
+        out->frozen |= q->slot >= 0 && q->force > 0 &&
+                       (q->soft || clothi_dot3(o->surface + 3, o->surface + 3) > 0 ||
+                        (!clothi_is_mesh(o) && memcmp(o->turn[0], o->turn[1], sizeof o->turn[0])));
         clothi_back_group(&f, c->contact + i, j - i);
     }
     if (f.whole) clothi_back_end(&f, e->in->share);
@@ -9108,16 +8929,15 @@ static double clothi_back_fixed(const clothi_flow *f, const clothi_row *r, const
     const cloth_collide *c = f->c;
     double               bound = r->bound;
     int                  i, k;
-    for (i = 0; i < r->n; i++)
-        for (k = 0; r->v[i] >= c->nv && k < 3; k++) {
+    for (i = 0; i < r->n; i++) {
+        if (r->v[i] < c->nv) continue;
+        for (k = 0; k < 3; k++) {
             const double x = c->xb[3 * r->v[i] + k], v = (x - c->xa[3 * r->v[i] + k]) / c->h;
             const double to = rate[7] * x + rate[8] * v;
             bound += r->w[i] * r->normal[k] * x;
             b->n[k] -= r->w[i] * to;
             b->w[i] -= r->normal[k] * to;
         }
-    for (i = 0; i < r->n; i++) {
-        if (r->v[i] < c->nv) continue;
         clothi_flow_add(f, 1, r->v[i], -r->w[i] * (rate[7] + rate[8] / c->h), r->normal);
         clothi_flow_add(f, 0, r->v[i], r->w[i] * rate[8] / c->h, r->normal);
     }
@@ -9128,21 +8948,14 @@ static double clothi_back_fixed(const clothi_flow *f, const clothi_row *r, const
  * gap is d_min: d(toi) = (d(d_min) - n . sum w dx)/(n . sum w way). d_min is a constant, or half of
  * what the gap was at x^n and its pole; the bound that gap, that along n, or 1.1 d_min. */
 static void clothi_back_row(const clothi_flow *f, const clothi_row *r, const double *rate) {
-    cloth_collide *c = f->c;
-    clothi_contact q;
-    clothi_frame   at;
-    clothi_rates   b, first;
-    double         xa[12], xe[12], p[12] = {0}, to[12], gap, sep = 0, come = 0, dt = 0, t;
-    int            i, k;
-    memset(&q, 0, sizeof q);
+    const cloth_collide *c = f->c;
+    const clothi_contact q = clothi_row_contact(c, r);
+    clothi_frame         at;
+    clothi_rates         b, first;
+    double xa[12], xe[12], p[12] = {0}, to[12], gap, sep = 0, come = 0, dt = 0, t;
+    int    i, k;
     memset(&b, 0, sizeof b);
     memset(&first, 0, sizeof first);
-    q.kind = r->kind, q.a = r->a, q.b = r->b, q.n = r->n;
-    q.slot = clothi_pair_slot(c, r->kind, r->a, r->b);
-    q.radius = clothi_slot_radius(c, q.slot);
-    memcpy(q.v, r->v, sizeof q.v);
-    memcpy(q.w, r->w, sizeof q.w);
-    memcpy(q.normal, r->normal, sizeof q.normal);
     memcpy(b.n, rate, sizeof b.n);
     memcpy(b.w, rate + 3, sizeof b.w);
     t = clothi_pair_thickness(c, r->kind, q.slot, r->a, r->b, r->v);
@@ -9211,33 +9024,27 @@ static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const doubl
 }
 
 static void clothi_adjoint_free(cloth_collide *c) {
-    clothi_adjoint *to = c->adjoint;
-    if (to) {
-        clothi_free(c->hooks, to->pose[0]);
-        clothi_free(c->hooks, to->friction);
-        clothi_free(c->hooks, to->after);
-        clothi_free(c->hooks, to->before);
-        clothi_free(c->hooks, to->back);
-    }
-    clothi_free(c->hooks, to);
+    clothi_adjoint   *to = c->adjoint;
+    const void *const block[] = {to ? to->pose[0] : NULL, to ? to->after : NULL,
+                                 to ? to->before : NULL, to ? to->back : NULL, to};
+    (void)clothi_blocks(c->hooks, block, sizeof block / sizeof *block);
     c->adjoint = NULL;
 }
 
 /* A walk backwards begins. */
 static cloth_status clothi_adjoint_open(cloth_collide *c) {
-    const size_t    n = 3 * (size_t)(c->nw - c->nv);
+    const size_t    n = 3 * (size_t)(c->nw - c->nv), real = sizeof(double);
+    const size_t    mus = (size_t)(1 + c->nobstacle + c->desc.nparts);
     clothi_adjoint *to;
-    int             i;
     clothi_adjoint_free(c);
     c->adjoint = to = (clothi_adjoint *)clothi_alloc(c->hooks, 1, sizeof *to);
-    if (!to) return CLOTH_ERR_MEMORY;
-    to->hooks = c->hooks;
-    to->pose[0] = (double *)clothi_alloc(c->hooks, 4 * n + 1, sizeof(double));
-    to->friction = (double *)clothi_alloc(
-        c->hooks, (size_t)(1 + c->nobstacle + c->desc.nparts), sizeof(double));
-    for (i = 0; i < 2 && to->pose[0]; i++)
-        to->pose[i] = to->pose[0] + (size_t)i * n, to->world[i] = to->pose[0] + (size_t)(2 + i) * n;
-    if (to->pose[0] && to->friction) return CLOTH_OK;
+    if (to) {
+        const clothi_array need[] = {
+            {&to->pose[0], n + 1, real}, {&to->pose[1], n + 1, real}, {&to->world[0], n + 1, real},
+            {&to->world[1], n + 1, real}, {&to->friction, mus, real}};
+        to->hooks = c->hooks;
+        if (!clothi_arrays(c->hooks, need, sizeof need / sizeof *need)) return CLOTH_OK;
+    }
     clothi_adjoint_free(c);
     return CLOTH_ERR_MEMORY;
 }

@@ -203,7 +203,7 @@ static void step(tangent *q, int k) {
 
 typedef struct memories {                   /* d of the anchors                                */
     int           n;
-    clothi_memory m[ROWS];
+    clothi_anchor m[ROWS];
 } memories;
 
 /* What a vjp of contact got for anchors before the substep, times theirs; the list is emptied. */
@@ -212,7 +212,7 @@ static double by_anchors(clothi_adjoint *to, const memories *d) {
     int    i, j;
     for (i = 0; i < to->nafter; i++)
         for (j = 0; j < d->n; j++)
-            if (clothi_key_compare(&to->after[i].key, &d->m[j].key) == 0)
+            if (clothi_order(to->after + i, d->m + j, 4) == 0)
                 sum += to->after[i].gap * d->m[j].gap +
                        along(to->after[i].slip, d->m[j].slip, 3);
     to->nafter = 0;

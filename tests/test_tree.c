@@ -55,6 +55,23 @@ static int overlap(const double *a, const double *b) {
 
 /* --- lists of pairs --- */
 
+static void pair_look(int a, int b, const void *ctx, clothi_segment *out) {
+    (void)ctx;
+    clothi_segment_put(out, a, b);
+}
+
+static cloth_status cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a, const clothi_bvh *b,
+                                clothi_pairs *pairs) {
+    return clothi_bvh_look(hooks, a, b, pair_look, NULL, &pairs, 1);
+}
+
+static cloth_status features_pairs(const cloth_hooks *hooks, const clothi_features_job *job,
+                                   const clothi_bvh *a, const clothi_bvh *b, clothi_pairs *vf,
+                                   clothi_pairs *ee) {
+    clothi_pairs *const list[2] = {vf, ee};
+    return clothi_bvh_look(hooks, a, b, clothi_features_look, job, list, 2);
+}
+
 static int compare_pairs(const void *a, const void *b) {
     const int *p = (const int *)a, *q = (const int *)b;
     return p[0] != q[0] ? (p[0] < q[0] ? -1 : 1) : p[1] != q[1] ? (p[1] < q[1] ? -1 : 1) : 0;
@@ -108,14 +125,14 @@ static void pairs_equal_brute_force(void) {
             make_boxes((kind)how, na, box_a);
             if (!CHECK(clothi_bvh_build(NULL, na, box_a, &a) == CLOTH_OK)) return;
             for (round = 0; round < 2; round++) {       /* as built, and refitted to other boxes */
-                CHECK(clothi_bvh_cross_pairs(NULL, &a, &a, &pairs) == CLOTH_OK);
+                CHECK(cross_pairs(NULL, &a, &a, &pairs) == CLOTH_OK);
                 CHECK(same_pairs(na, box_a, 0, na, box_a, 0, 1, &pairs));
                 for (j = i % 2; j < NSIZES; j += 2) {
                     const int nb = sizes[j];
                     make_boxes((kind)((how + round) % KINDS), nb, box_b);
                     if (!CHECK(clothi_bvh_build(NULL, nb, box_b, &b) == CLOTH_OK)) return;
                     b.first = 1000;
-                    CHECK(clothi_bvh_cross_pairs(NULL, &a, &b, &pairs) == CLOTH_OK);
+                    CHECK(cross_pairs(NULL, &a, &b, &pairs) == CLOTH_OK);
                     CHECK(same_pairs(na, box_a, 0, nb, box_b, 1000, 0, &pairs));
                     clothi_bvh_free(NULL, &b);
                 }
@@ -141,7 +158,7 @@ static void last_digit(void) {
             box[flip + 3 + axis] = edge;
             box[6 - flip + axis] = gap ? nextafter(edge, 1e300) : edge;
             if (clothi_bvh_build(NULL, 2, box, &t) != CLOTH_OK) return;
-            if (clothi_bvh_cross_pairs(NULL, &t, &t, &pairs) != CLOTH_OK) return;
+            if (cross_pairs(NULL, &t, &t, &pairs) != CLOTH_OK) return;
             wrong += pairs.count != !gap;
             clothi_bvh_free(NULL, &t);
         }
@@ -316,9 +333,9 @@ static cloth_status scene_find(scene *s, const cloth_hooks *hooks, double pad) {
     clothi_face_boxes(s->nf, s->faces, s->vbox, s->fbox);
     if (!s->tree.n) status = clothi_bvh_build(hooks, s->nf, s->fbox, &s->tree);
     else clothi_bvh_refit(hooks, &s->tree, s->fbox), status = CLOTH_OK;
-    if (!status) status = clothi_bvh_cross_pairs(hooks, &s->tree, &s->tree, &s->pairs);
+    if (!status) status = cross_pairs(hooks, &s->tree, &s->tree, &s->pairs);
     if (!status)
-        status = clothi_pairs_features(hooks, &job, &s->tree, &s->tree, &s->vf, &s->ee);
+        status = features_pairs(hooks, &job, &s->tree, &s->tree, &s->vf, &s->ee);
     return status;
 }
 
@@ -590,7 +607,7 @@ static void workers_do_not_matter(void) {
     scene_alloc(&serial, nv, nf);
     make_mesh(nv, nf, serial.xa, serial.xb, serial.faces);
     CHECK(scene_find(&serial, NULL, 0.01) == CLOTH_OK);
-    CHECK(clothi_bvh_cross_pairs(NULL, &serial.tree, &serial.tree, &cross) == CLOTH_OK);
+    CHECK(cross_pairs(NULL, &serial.tree, &serial.tree, &cross) == CLOTH_OK);
     for (p.workers = 1; p.workers <= 16; p.workers++) {
         clothi_pairs again;
         memset(&again, 0, sizeof again);
@@ -605,7 +622,7 @@ static void workers_do_not_matter(void) {
         CHECK(same_list(&serial.pairs, &other.pairs));
         CHECK(same_list(&serial.vf, &other.vf));
         CHECK(same_list(&serial.ee, &other.ee));
-        CHECK(clothi_bvh_cross_pairs(&hooks, &other.tree, &other.tree, &again) == CLOTH_OK);
+        CHECK(cross_pairs(&hooks, &other.tree, &other.tree, &again) == CLOTH_OK);
         CHECK(same_list(&cross, &again));
         clothi_pairs_free(NULL, &again);
         scene_free(&other);

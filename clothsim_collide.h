@@ -1382,15 +1382,13 @@ static inline void clothi_box_join(const double *a, const double *b, double *out
     }
 }
 
-/* The box [6] of face v [3] from those of the vertices, vertex_box [nv x 6]. */
-static inline void clothi_face_box(const double *vertex_box, const int *v, double *box) {
-    clothi_box_join(vertex_box + 6 * v[0], vertex_box + 6 * v[1], box);
-    clothi_box_join(box, vertex_box + 6 * v[2], box);
-}
-
+/* The boxes [nf x 6] of faces from those of the vertices, vertex_box [nv x 6]. */
 static void clothi_face_boxes(int nf, const int *faces, const double *vertex_box, double *box) {
     int f;
-    for (f = 0; f < nf; f++) clothi_face_box(vertex_box, faces + 3 * f, box + 6 * f);
+    for (f = 0; f < nf; f++, faces += 3, box += 6) {
+        clothi_box_join(vertex_box + 6 * faces[0], vertex_box + 6 * faces[1], box);
+        clothi_box_join(box, vertex_box + 6 * faces[2], box);
+    }
 }
 
 /* [6] against [6], touching included; NaN overlaps. */
@@ -3549,9 +3547,10 @@ struct cloth_collide {
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
+    double         *travel;                 /* [nw + me + mf] m, a move of vertices, edges and
+                                               faces; 0 for obstacles'                         */
     int             solid_known;            /* which way the obstacles' boxes hold             */
     double *x_ie;                           /* [nv x 3] the candidate                          */
-    double *travel;                         /* [nv] m, how far a move goes                     */
     int    *vertex_part;                    /* [nv]                                            */
     unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
     clothi_pairs   vf, ee;
@@ -3576,8 +3575,8 @@ struct cloth_collide {
     int             inexact;                /* the last one ended before Newton converged      */
     int             trying;                 /* a point that is not needed: no sentence         */
     double          toi;                    /* of the way to the guess: before it all is free  */
-    const double   *at, *way;               /* [nv x 3] segment under detection                */
-    double         *way_in;                 /* [nv x 3] of a move, as far as the list reaches  */
+    const double   *at;                     /* [nv x 3] where a move begins                    */
+    double         *way;                    /* [nv x 3] it, as far as the list reaches         */
     const double   *dx;                     /* [nv x 3] all of that move                       */
     double          length;                 /* m, mean edge of the template                    */
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
@@ -3855,9 +3854,10 @@ static cloth_status clothi_world_stars(cloth_collide *c) {
     const size_t ne = (size_t)c->features.ne, nw = (size_t)c->nw, mf = (size_t)c->mf;
     const clothi_array need[] = {
         {&c->edges, 2 * (size_t)c->me, sizeof(int)}, {&c->edge_face, 2 * ne, sizeof(int)},
-        {&c->star, nw + 1, sizeof(int)}, {&c->star_face, 3 * mf, sizeof(int)}};
+        {&c->star, nw + 1, sizeof(int)}, {&c->star_face, 3 * mf, sizeof(int)},
+        {&c->travel, nw + (size_t)c->me + mf, sizeof(double)}};
     int i;
-    if (clothi_arrays(c->hooks, need, 4)) return CLOTH_ERR_MEMORY;
+    if (clothi_arrays(c->hooks, need, 5)) return CLOTH_ERR_MEMORY;
     memcpy(c->edges, c->features.edges, 2 * ne * sizeof(int));
     for (i = 0; i < 2 * c->features.ne; i++) c->edge_face[i] = -1;
     for (i = 0; i < 3 * c->mf; i++) {
@@ -4023,22 +4023,26 @@ static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, 
     return clothi_min(t, 0.5 * clothi_max(apart, clothi_max(way[0], way[1])));
 }
 
-/* How much nearer a pair comes at most where vertices of cloth go as far as c->travel says. */
-static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
-    double    far[2] = {0, 0};
-    int       v[4], i;
-    const int n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-    for (i = 0; i < n; i++) {
-        double *to = far + (i >= (p->kind == CLOTHI_EE ? 2 : 1));
-        if (v[i] < c->nv) *to = clothi_max(*to, c->travel[v[i]]);
+/* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
+static void clothi_move_far(cloth_collide *c, const double *dx) {
+    double *v = c->travel, *e = v + c->nw, *f = e + c->me;
+    int     i;
+    for (i = 0; i < c->nv; i++) v[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
+    for (i = 0; i < c->me; i++) {
+        const int *w = c->edges + 2 * i;
+        if (w[0] < c->nv) e[i] = clothi_max(v[w[0]], v[w[1]]);
     }
-    return far[0] + far[1];
+    for (i = 0; i < c->nf; i++) {
+        const int *w = c->faces + 3 * i;
+        f[i] = clothi_max(clothi_max(v[w[0]], v[w[1]]), v[w[2]]);
+    }
 }
 
-/* c->travel along dx [nv x 3], m. */
-static void clothi_move_far(cloth_collide *c, const double *dx) {
-    int i;
-    for (i = 0; i < c->nv; i++) c->travel[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
+/* How much nearer a pair comes in that move at most. */
+static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
+    const double *v = c->travel, *e = v + c->nw, *f = e + c->me;
+    if (p->kind == CLOTHI_EE) return e[p->a] + e[p->b];
+    return v[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
 }
 
 /* The same, taking off what its sides move together: the longest difference of the motions of two
@@ -5432,10 +5436,10 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
     most /= clothi_max(clothi_max_abs(dx, 3 * c->nv), most);
     clothi_list_drift(c, x);
     for (;;) {
-        for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + most * dx[i], c->way_in[i] = y[i] - x[i];
-        covers = clothi_list_covers(c, x, c->way_in);
-        for (i = 0; i < 3 * c->nv; i++) c->way_in[i] *= clothi_max(covers, 0);
-        c->at = x, c->way = c->way_in, c->dx = dx;
+        for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + most * dx[i], c->way[i] = y[i] - x[i];
+        covers = clothi_list_covers(c, x, c->way);
+        for (i = 0; i < 3 * c->nv; i++) c->way[i] *= clothi_max(covers, 0);
+        c->at = x, c->dx = dx;
         clothi_move_far(c, c->way);
         clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
         for (least = 1, i = 0; i < c->npair; i++) least = clothi_min(least, c->hit_time[i]);
@@ -5663,9 +5667,8 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
                                cloth_hold *h) {
     const double *p = c->xa + 3 * v, t = c->obstacle[slot].thickness, way = c->obstacle[slot].way;
     double        A[6], n[6], m[3], from[3], d[3], start;
-    clothi_catch  q;
+    clothi_catch  q = {c, slot, NULL, NULL};
     int           i, k, f;
-    q.c = c, q.slot = slot, q.from = q.turned = NULL;
     memset(h, 0, sizeof *h);
     h->vertex = v, h->slot = slot;
     for (k = 0; k < 2; k++) {
@@ -5716,12 +5719,11 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
 static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, int k, double *b) {
     const double *p = c->xa + 3 * h->vertex;
     double        A[3], n[3], d[3], d2 = CLOTHI_HUGE;
-    clothi_catch  q;
+    clothi_catch  q = {c, h->slot, NULL, n};
     int           f;
     clothi_hold_point(c, h, k, c->xa, A, n);
     clothi_sub3(p, A, d);
     if (!(clothi_dot3(d, n) < 0)) return -1;
-    q.c = c, q.slot = h->slot, q.from = NULL, q.turned = n;
     f = clothi_bvh_nearest(&c->solid, p, clothi_catch_far, &q, &d2);
     if (f >= 0) (void)clothi_face_distance2(c->xa, c->faces + 3 * f, p, b);
     return f;
@@ -5788,31 +5790,13 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, cloth_hold *h, dou
 
 /* --- which faces --- */
 
-typedef struct clothi_mark {                /* faces no farther than reach                     */
-    cloth_collide *c;
-    int            slot;
-    const double  *to;                      /* where the vertex goes                           */
-    double         reach;                   /* m                                               */
-} clothi_mark;
-
-static double clothi_mark_far(int face, const double *p, void *ctx) {
-    const clothi_mark *q = (const clothi_mark *)ctx;
-    const int         *v = q->c->faces + 3 * (size_t)face;
-    const double       r2 = q->reach * q->reach;
-    double             w[3];
-    if (q->c->slot[v[0]] == q->slot && !q->c->pinched[face])
-        q->c->pinched[face] = clothi_face_distance2(q->c->xa, v, p, w) < r2 ||
-                              clothi_face_distance2(q->c->xb, v, q->to, w) < r2;
-    return HUGE_VAL;                        /* none is the nearest: all are asked */
-}
-
 /* Faces around a held vertex, at either pose, as far as cloth hangs on it, are c->pinched. */
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
     const cloth_topology *top = c->sim->model->topology;
     const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
-    double                reach2 = 0, d[3], radius2;
-    clothi_mark           q;
-    int                   i, k;
+    double                reach2 = 0, d[3], b[3], far, box[6];
+    clothi_bvh_walk       w;
+    int                   i, k, f;
     for (i = top->vf_start[h->vertex]; i < top->vf_start[h->vertex + 1]; i++)
         for (k = 0; k < 3; k++) {
             const int v = c->faces[3 * top->vf[i] + k];
@@ -5821,12 +5805,16 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double
             clothi_sub3(c->xa + 3 * v, p, d);
             reach2 = clothi_max(reach2, clothi_dot3(d, d));
         }
-    q.c = c, q.slot = h->slot, q.to = to;
-    q.reach = sqrt(reach2) + c->obstacle[h->slot].thickness;
+    far = sqrt(reach2) + c->obstacle[h->slot].thickness, reach2 = far * far;
     clothi_sub3(to, p, d);
-    radius2 = q.reach + sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
-    radius2 *= radius2;
-    (void)clothi_bvh_nearest(&c->solid, p, clothi_mark_far, &q, &radius2);
+    far += sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
+    clothi_swept_boxes(1, p, NULL, far, box);
+    for (w = clothi_bvh_walk_over(&c->solid, box); (f = clothi_bvh_next(&w)) >= 0;) {
+        const int *v = c->faces + 3 * (size_t)f;
+        if (c->slot[v[0]] == h->slot && !c->pinched[f])
+            c->pinched[f] = clothi_face_distance2(c->xa, v, p, b) < reach2 ||
+                            clothi_face_distance2(c->xb, v, to, b) < reach2;
+    }
     for (k = 0; k < 2; k++) c->pinched[c->obstacle[h->slot].f0 + h->face[k]] = 1;
 }
 
@@ -5863,8 +5851,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
     int          o, i;
     for (o = 0; o < c->nobstacle && !status; o++) {
-        clothi_catch job;
-        job.c = c, job.slot = o, job.from = job.turned = NULL;
+        clothi_catch job = {c, o, NULL, NULL};
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
@@ -6814,14 +6801,13 @@ static void clothi_contact_rollback(void *user, cloth_report *report) {
 
 /* cloth_contact.moves: the box of an obstacle's way meets that of a face; a wall; a pinch. */
 static int clothi_contact_moves(void *user) {
-    static const int     corners[3] = {0, 1, 2};
     const cloth_collide *c = (const cloth_collide *)user;
-    int                  o, i, k;
+    int                  o, i;
     CLOTHI_OBSTACLES(c, o) {
         const clothi_obstacle *b = c->obstacle + o;
         const double           reach = b->thickness + clothi_slot_radius(c, o);
         const size_t           bytes = 3 * (size_t)b->nv * sizeof(double);
-        double                 own[6], box[6], face[18];
+        double                 own[6], box[6], face[6];
         if (!memcmp(clothi_pose(b, 0), clothi_pose(b, 1), bytes) &&
             !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0]))
             continue;
@@ -6830,11 +6816,10 @@ static int clothi_contact_moves(void *user) {
             clothi_swept_boxes(1, b->x + 3 * i, NULL, reach, box);
             clothi_box_join(box, i ? own : box, own);
         }
-        for (i = 0; i < 3 * c->nf; i += 3) {
-            for (k = 0; k < 3; k++)
-                clothi_swept_boxes(1, c->sim->state.x + 3 * c->faces[i + k], NULL, 0, face + 6 * k);
-            clothi_face_box(face, corners, box);
-            if (clothi_boxes_meet(own, box)) return 1;
+        for (i = 0; i < 3 * c->nf; i++) {
+            clothi_swept_boxes(1, c->sim->state.x + 3 * c->faces[i], NULL, 0, box);
+            clothi_box_join(box, i % 3 ? face : box, face);
+            if (i % 3 == 2 && clothi_boxes_meet(own, face)) return 1;
         }
     }
     return c->nhold > 0 || (c->begun && c->nholding > 0);
@@ -7127,7 +7112,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
-        c->travel, c->hold, c->holding, c->vf.pair, c->ee.pair, c->zone, c->contact,
+        c->vertex_part, c->hold, c->holding, c->vf.pair, c->ee.pair, c->zone, c->contact,
         c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair, c->slack,
         c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
@@ -7248,8 +7233,8 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
 static cloth_status clothi_collide_arrays(cloth_collide *c) {
     const size_t nv = (size_t)c->nv, one = sizeof(int), real = sizeof(double);
     const clothi_array need[] = {
-        {&c->travel, nv, real}, {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real},
-        {&c->x_list, 3 * nv, real}, {&c->x_frame, 3 * nv, real}, {&c->way_in, 3 * nv, real},
+        {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real},
+        {&c->x_list, 3 * nv, real}, {&c->x_frame, 3 * nv, real}, {&c->way, 3 * nv, real},
         {&c->moved, nv, 1}, {&c->frozen, nv, 1}, {&c->zone_of, nv, one},
         {&c->zone_number, nv, one}, {&c->local, nv, one}, {&c->member, nv, one},
         {&c->qp_minv, 3 * nv, real}, {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
@@ -7258,14 +7243,6 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
         {&c->work, (size_t)c->nwork, sizeof *c->work},
         {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
     return clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
-}
-
-/* Pa/m: a sheet under 30 times its weight rests where the force is k t/4, at t/2. */
-static double clothi_collide_stiffness(const cloth_sim *s, double thickness) {
-    double area = 0;
-    int    i;
-    for (i = 0; i < s->model->nf; i++) area += clothi_rest_area(s->params.X, i);
-    return 30 * 9.81 * clothi_total_mass(s) / area / (0.25 * thickness);
 }
 
 /* cloth_contact.orphan: all goes that was counted by the sim; *c waits for its destruction. */
@@ -7327,6 +7304,7 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     cloth_collide_desc d;
     cloth_collide     *c;
     cloth_status       status;
+    double             area = 0;
     int                i;
     if (!out) return CLOTH_ERR_ARGUMENT;
     *out = NULL;
@@ -7342,7 +7320,10 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     c->desc.parts = NULL;
     c->self = sim->model->desc.contact == CLOTH_CONTACT_SELF;
     c->nv = sim->model->nv, c->nf = sim->model->nf;
-    c->stiffness = d.stiffness > 0 ? d.stiffness : clothi_collide_stiffness(sim, d.thickness);
+    for (i = 0; i < c->nf; i++) area += clothi_rest_area(sim->params.X, i);
+    c->stiffness = d.stiffness;             /* Pa/m: 30 times the weight rests at k t/4, at t/2 */
+    if (!(d.stiffness > 0))
+        c->stiffness = 30 * 9.81 * clothi_total_mass(sim) / area / (0.25 * d.thickness);
     c->qp_options = cloth_qp_options_default();
     c->qp_options.hooks.allocator = sim->hooks.allocator;
     c->nwork = sim->hooks.parallel.run ? sim->hooks.parallel.max_workers : 1;
@@ -8894,11 +8875,8 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     const clothi_obstacle *o;
     const clothi_contact  *q;
     cloth_status    status = CLOTH_OK;
-    clothi_flow     f;
+    clothi_flow     f = {c, to, out->x_n != NULL, a, e->x, {out->x_n, out->x}};
     int             i, j;
-    f.c = c, f.to = to, f.a = a, f.x = e->x;
-    f.cloth[0] = out->x_n, f.cloth[1] = out->x;
-    f.whole = out->x_n != NULL;
     memcpy(c->xb, e->x, 3 * (size_t)c->nv * sizeof(double));
     status = CLOTHI_ROOM(to, back, c->ncontact);
     if (!status && f.whole) status = CLOTHI_ROOM(to, before, c->nnext);
@@ -9008,10 +8986,8 @@ static const cloth_contact_row *clothi_contact_rows(void *user, int *n) {
 static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const double *rate,
                                     cloth_vjp *out) {
     cloth_collide *c = (cloth_collide *)user;
-    clothi_flow    f;
+    clothi_flow    f = {c, c->adjoint, 1, NULL, NULL, {out->x_n, NULL}};
     int            i, k;
-    f.c = c, f.to = c->adjoint, f.a = NULL, f.whole = 1;
-    f.cloth[0] = out->x_n;
     out->frozen |= c->nholding > 0 || c->report.rigid_zones > 0;
     for (i = 0; i < c->nrow; i++) {
         for (k = 0; k < CLOTH_ROW_RATES && !(fabs(rate[CLOTH_ROW_RATES * i + k]) > 0); k++) {}

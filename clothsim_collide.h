@@ -656,11 +656,6 @@ static int clothi_exp_sign(const double *e, int n) {
     return (top > 0) - (top < 0);
 }
 
-/* out [2] = a - b. */
-static void clothi_exp_difference(double a, double b, double *out) {
-    clothi_two_sum(a, -b, out + 1, out);
-}
-
 /* out [16] = a d - b c, each of two doubles; returns the length. */
 static int clothi_exp_minor(const double *a, const double *b, const double *c, const double *d,
                             double *out) {
@@ -675,8 +670,8 @@ static int clothi_orient2d(const double *a, const double *b, const double *c) {
     int          i;
     if (det > bound || -det > bound) return det > 0 ? 1 : -1;
     for (i = 0; i < 2; i++) {
-        clothi_exp_difference(a[i], c[i], u[i]);
-        clothi_exp_difference(b[i], c[i], v[i]);
+        clothi_two_sum(a[i], -c[i], u[i] + 1, u[i]);
+        clothi_two_sum(b[i], -c[i], v[i] + 1, v[i]);
     }
     return clothi_exp_sign(e, clothi_exp_minor(u[0], u[1], v[0], v[1], e));
 }
@@ -700,7 +695,7 @@ static int clothi_orient3d(const double *a, const double *b, const double *c, co
     bound *= 1.2e-15;                       /* at most 9 roundings of 2^-53 in each product     */
     if (det > bound || -det > bound) return det > 0 ? 1 : -1;
     for (i = 0; i < 3; i++)
-        for (k = 0; k < 3; k++) clothi_exp_difference(x[i][k], d[k], e[i][k]);
+        for (k = 0; k < 3; k++) clothi_two_sum(x[i][k], -d[k], e[i][k] + 1, e[i][k]);
     for (i = 0; i < 3; i++) {
         const int j = (i + 1) % 3, l = (i + 2) % 3;
         const int nm = clothi_exp_minor(e[1][j], e[1][l], e[2][j], e[2][l], m);
@@ -1329,16 +1324,6 @@ static inline void clothi_segment_put(clothi_segment *s, int a, int b) {
     s->found++;
 }
 
-/* Memory for the segments of all tasks, new ones with room for 64 pairs; 1 when there is none. */
-static int clothi_pairs_lay(const cloth_hooks *hooks, clothi_pairs *p) {
-    int i;
-    if (p->pair) return 0;
-    for (i = 0; i < CLOTHI_PAIRS_TASKS && !p->start[CLOTHI_PAIRS_TASKS]; i++)
-        p->start[i + 1] = 64 * ((size_t)i + 1u);
-    p->pair = (int *)clothi_alloc(hooks, p->start[CLOTHI_PAIRS_TASKS], 2 * sizeof *p->pair);
-    return !p->pair;
-}
-
 /* 1 when every task had room; else gives back the memory, and room to those that had not. */
 static int clothi_pairs_fit(const cloth_hooks *hooks, clothi_pairs *p, int tasks) {
     size_t end = 0;
@@ -1591,10 +1576,14 @@ static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *
     int              i, k, fit = 0;
     for (k = 0; k < nlists; k++) list[k]->count = 0;
     while (!fit) {
-        for (k = 0; k < nlists; k++)
-            if (clothi_pairs_lay(hooks, list[k]))
-                return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs",
-                                   list[k]->start[CLOTHI_PAIRS_TASKS]);
+        for (k = 0; k < nlists; k++) {      /* segments of all tasks, new ones with room for 64 */
+            clothi_pairs *p = list[k];
+            size_t       *end = p->start + CLOTHI_PAIRS_TASKS;
+            for (i = 1; i <= CLOTHI_PAIRS_TASKS && !*end; i++) p->start[i] = 64 * (size_t)i;
+            if (!p->pair) p->pair = (int *)clothi_alloc(hooks, *end, 2 * sizeof *p->pair);
+            if (!p->pair)
+                return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", *end);
+        }
         clothi_for(hooks, tasks, 1, clothi_bvh_query_range, &query);
         for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(hooks, list[k], tasks);
     }
@@ -3537,7 +3526,7 @@ struct cloth_collide {
     /* its arrays, from faces to solid_known: they come and go together */
     int    *faces, *edges;                  /* [mf x 3], [me x 2] those of capsules last       */
     int     me;
-    int    *edge_face;                      /* [features.ne x 2] faces at an edge, -1: none    */
+    int    *edge_face;                      /* [me x 2] faces at an edge, -1: none             */
     int    *star, *star_face;               /* [nw + 1], [3 mf] faces around a vertex          */
     int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
     double *area;                           /* [nw] m^2, a third of the faces around           */
@@ -3604,7 +3593,6 @@ struct cloth_collide {
     const double *zone_v;                   /* [nv x 3] m/s: of velocities; NULL: of x_IE      */
     int     nwork;
     cloth_qp_work  **work;                  /* [nwork], of each worker                         */
-    cloth_qp_options qp_options;
 
     /* state */
     clothi_anchor *anchor, *next;           /* accepted; of the step under way                 */
@@ -3851,15 +3839,15 @@ static void clothi_world_edges(cloth_collide *c) {
 
 /* Edges, and the faces at edges and around vertices. */
 static cloth_status clothi_world_stars(cloth_collide *c) {
-    const size_t ne = (size_t)c->features.ne, nw = (size_t)c->nw, mf = (size_t)c->mf;
+    const size_t me = (size_t)c->me, nw = (size_t)c->nw, mf = (size_t)c->mf;
     const clothi_array need[] = {
-        {&c->edges, 2 * (size_t)c->me, sizeof(int)}, {&c->edge_face, 2 * ne, sizeof(int)},
+        {&c->edges, 2 * me, sizeof(int)}, {&c->edge_face, 2 * me, sizeof(int)},
         {&c->star, nw + 1, sizeof(int)}, {&c->star_face, 3 * mf, sizeof(int)},
-        {&c->travel, nw + (size_t)c->me + mf, sizeof(double)}};
+        {&c->travel, nw + me + mf, sizeof(double)}};
     int i;
     if (clothi_arrays(c->hooks, need, 5)) return CLOTH_ERR_MEMORY;
-    memcpy(c->edges, c->features.edges, 2 * ne * sizeof(int));
-    for (i = 0; i < 2 * c->features.ne; i++) c->edge_face[i] = -1;
+    memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
+    for (i = 0; i < 2 * c->me; i++) c->edge_face[i] = -1;
     for (i = 0; i < 3 * c->mf; i++) {
         int *f = c->edge_face + 2 * c->features.face_edges[i];
         f[f[0] >= 0] = i / 3;
@@ -3971,7 +3959,7 @@ static int clothi_pair_slot(const cloth_collide *c, int kind, int a, int b) {
 
 /* What is taken off every distance to obstacle `slot`, m. */
 static double clothi_slot_radius(const cloth_collide *c, int slot) {
-    return slot < 0 || clothi_is_mesh(c->obstacle + slot) ? 0 : c->obstacle[slot].radius;
+    return slot < 0 ? 0 : c->obstacle[slot].radius;
 }
 
 /* Points of a pair: cloth at x [nv x 3], obstacles at `world` (xa or xb). */
@@ -4269,7 +4257,7 @@ static int clothi_is_exempt(const cloth_collide *c, int kind, int a, int b) {
     if (kind == CLOTHI_VF)
         for (i = c->star[a]; i < c->star[a + 1]; i++)
             if (clothi_listed(c, CLOTHI_FF, c->star_face[i], b)) return !clothi_outside(c, a, b);
-    for (i = 0; i < 4 && kind == CLOTHI_EE && a < c->features.ne && b < c->features.ne; i++) {
+    for (i = 0; i < 4 && kind == CLOTHI_EE; i++) {
         const int f = c->edge_face[2 * a + i / 2], g = c->edge_face[2 * b + i % 2];
         if (f >= 0 && g >= 0 && clothi_listed(c, CLOTHI_FF, f, g)) return 1;
     }
@@ -4361,9 +4349,9 @@ static void clothi_exempt_part(cloth_collide *c) {
     int i, n = 0;
     for (i = 0; i < c->nnow; i++) {
         const clothi_pair_id p = c->now[i];
-        const int still = p.kind < 0 ? clothi_faces_cross(c, c->xb, p.a, p.b)
-                                     : !(clothi_pair_gap(c, c->xb, c->xb, p.kind, p.a, p.b) > 0);
-        if (still) c->now[n++] = p;
+        if (p.kind < 0 ? clothi_faces_cross(c, c->xb, p.a, p.b)
+                       : !(clothi_pair_gap(c, c->xb, c->xb, p.kind, p.a, p.b) > 0))
+            c->now[n++] = p;
     }
     c->nnow = n;
 }
@@ -4594,7 +4582,6 @@ static double clothi_edge_convex(const cloth_collide *c, int e, const double *d)
     const double *at = c->xa;
     double        r[3], share = 1;
     int           k;
-    if (e >= c->features.ne) return 1;
     clothi_sub3(at + 3 * v[1], at + 3 * v[0], r);
     for (k = 0; k < 2 && f[k] >= 0; k++) {
         const int *w = c->faces + 3 * f[k], third = w[0] + w[1] + w[2] - v[0] - v[1];
@@ -4603,14 +4590,16 @@ static double clothi_edge_convex(const cloth_collide *c, int e, const double *d)
     return share;
 }
 
-static double clothi_vertex_convex(const cloth_collide *c, int v, const double *d) {
+/* *least: the first of the neighbours that fall off least, -1: all do fully. */
+static double clothi_vertex_convex(const cloth_collide *c, int v, const double *d, int *least) {
     double share = 1;
     int    i, k;
+    *least = -1;
     for (i = c->star[v]; i < c->star[v + 1]; i++)
         for (k = 0; k < 3; k++) {
-            const int w = c->faces[3 * c->star_face[i] + k];
-            if (w == v) continue;
-            share = clothi_min(share, clothi_falls_off(c->xa + 3 * v, c->xa + 3 * w, NULL, d));
+            const int    w = c->faces[3 * c->star_face[i] + k];
+            const double own = w == v ? 1 : clothi_falls_off(c->xa + 3 * v, c->xa + 3 * w, NULL, d);
+            if (own < share) share = own, *least = w;
         }
     return share;
 }
@@ -4624,7 +4613,7 @@ static double clothi_contact_share(const cloth_collide *c, const clothi_contact 
     int    k;
     if (q->radius > 0 || q->kind == CLOTHI_VP || q->at.gap > 2 * q->range) return 1;
     for (k = 0; k < 3; k++) d[k] = -q->at.normal[k];
-    if (q->kind == CLOTHI_VF) return q->a < c->nv ? 1 : clothi_vertex_convex(c, q->a, d);
+    if (q->kind == CLOTHI_VF) return q->a < c->nv ? 1 : clothi_vertex_convex(c, q->a, d, &k);
     clothi_pair_points(c, c->xa, c->xa, q->v, 4, p);
     clothi_sub3(p + 3, p, e);
     clothi_sub3(p + 9, p + 6, r);
@@ -6344,9 +6333,10 @@ static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double eno
 static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const double *guess,
                               int worker, const cloth_cancel *cancel) {
     const cloth_qp   qp = {q->n, q->m, q->minv, q->x0, q->row, q->col, q->val, q->h};
-    cloth_qp_options o = c->qp_options;
+    cloth_qp_options o = cloth_qp_options_default();
     cloth_qp_report  rep;
     memset(&rep, 0, sizeof rep);
+    o.hooks.allocator = c->hooks->allocator;
     o.work = c->work[worker], o.guess = guess;
     if (cancel) o.hooks.cancel = *cancel;
     q->status = cloth_qp_solve(&qp, &o, q->x, q->lambda, &rep);
@@ -7324,8 +7314,6 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     c->stiffness = d.stiffness;             /* Pa/m: 30 times the weight rests at k t/4, at t/2 */
     if (!(d.stiffness > 0))
         c->stiffness = 30 * 9.81 * clothi_total_mass(sim) / area / (0.25 * d.thickness);
-    c->qp_options = cloth_qp_options_default();
-    c->qp_options.hooks.allocator = sim->hooks.allocator;
     c->nwork = sim->hooks.parallel.run ? sim->hooks.parallel.max_workers : 1;
     status = clothi_collide_arrays(c);
     if (!status) {
@@ -8542,7 +8530,7 @@ static void clothi_back_edge(const clothi_flow *f, const clothi_frame *at, int e
     const int *v = c->edges + 2 * e, *g = c->edge_face + 2 * e;
     double     d[3], to[3] = {0, 0, 0}, r[3], own;
     int        k;
-    if (e >= c->features.ne || v[0] < c->nv) return;
+    if (v[0] < c->nv) return;
     for (k = 0; k < 3; k++) d[k] = dn * at->normal[k];
     clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], r);
     for (k = 0; k < 2 && g[k] >= 0; k++) {
@@ -8558,15 +8546,10 @@ static void clothi_back_vertex(const clothi_flow *f, const clothi_contact *q,
                                const clothi_frame *at, double rate, double *to_n) {
     const cloth_collide *c = f->c;
     double d[3], to[3] = {0, 0, 0};
-    int    i, k, found = 0;
+    int    least, k;
     for (k = 0; k < 3; k++) d[k] = -at->normal[k];
-    for (i = c->star[q->a]; i < c->star[q->a + 1] && !found; i++)
-        for (k = 0; k < 3 && !found; k++) {
-            const int w = c->faces[3 * c->star_face[i] + k];
-            if (w == q->a) continue;
-            found = clothi_falls_off(c->xa + 3 * q->a, c->xa + 3 * w, NULL, d) <= q->share;
-            if (found) clothi_back_falls(f, q->a, w, NULL, d, rate, to);
-        }
+    (void)clothi_vertex_convex(c, q->a, d, &least);
+    if (least >= 0) clothi_back_falls(f, q->a, least, NULL, d, rate, to);
     for (k = 0; k < 3; k++) to_n[k] -= to[k];
 }
 

@@ -6640,7 +6640,9 @@ struct cloth_linear_solver {
     cloth_hooks hooks;
     const cloth_pattern *p;
     void   *block;                          /* the store's arrays, or r z d q and one more of
-                                               the plain CG: one solve at a time needs it      */
+                                               the plain CG, or between solves what a sim puts
+                                               there: one at a time needs it                   */
+    size_t  least;                          /* bytes that the sim asks for                     */
     clothi_store st;
     void   *E;                              /* blocks outside the pattern, scaled, by rows     */
     int     extras;                         /* room in E                                       */
@@ -6657,8 +6659,7 @@ struct cloth_linear_solver {
     const cloth_matrix  *A;
     const unsigned char *fixed;
     const double        *b;
-    const void *given;                      /* what becomes `to` [n x 3] in the end            */
-    double *to;
+    double *to;                             /* [n x 3] the answer                              */
     int     wide, first, radius_on, bad_pivot;
     double  alpha, beta;
     clothi_tally tally[CLOTHI_DOMAINS + 1];
@@ -7116,9 +7117,10 @@ static cloth_status clothi_solver_reserve(cloth_linear_solver *s, const cloth_ma
     const int    band = clothi_coarse_envelope(s, A, s->envelope);
     const size_t n3 = 3 * (size_t)s->p->nc;
     if (!s->block) {
-        size_t store = clothi_store_lay(s->p, sizeof(double), &s->st, NULL);
+        const size_t store = clothi_store_lay(s->p, sizeof(double), &s->st, NULL);
         const size_t plain = 15 * (size_t)s->p->n * sizeof(double);
-        s->block = clothi_alloc(&s->hooks, store > plain ? store : plain, 1);
+        const size_t most = store > plain ? store : plain;
+        s->block = clothi_alloc(&s->hooks, most > s->least ? most : s->least, 1);
         if (!s->block) return CLOTH_ERR_MEMORY;
     }
     if (s->extras < A->ne) {
@@ -8648,7 +8650,7 @@ struct cloth_model {
     cloth_hooks hooks;
     cloth_desc  desc;                       /* scalars only: its pointers are cleared          */
     int nv, nf, nregions, nparts;
-    double *x_rest, *x, *v;                 /* [nv x 3]                                        */
+    double *x_rest, *x, *v;                 /* [nv x 3]; x may be x_rest, v NULL: 0            */
     int    *faces;                          /* [nf x 3]                                        */
     int    *part, *region;                  /* [nf]                                            */
     double *X;                              /* [nf x 3 x 2]                                    */
@@ -8872,8 +8874,7 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
     size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
     int    i;
     m->x_rest = (double *)clothi_copy(hooks, d->x_rest, 3 * nv, sizeof(double));
-    m->x = (double *)clothi_copy(hooks, d->x ? d->x : d->x_rest, 3 * nv, sizeof(double));
-    m->v = (double *)clothi_copy(hooks, d->v, 3 * nv, sizeof(double));
+    m->x = d->x ? (double *)clothi_copy(hooks, d->x, 3 * nv, sizeof(double)) : m->x_rest;
     m->faces = (int *)clothi_copy(hooks, d->faces, 3 * nf, sizeof(int));
     m->part = (int *)clothi_copy(hooks, d->part, nf, sizeof(int));
     m->region = (int *)clothi_copy(hooks, d->region, nf, sizeof(int));
@@ -8882,13 +8883,12 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
     m->material = (cloth_material *)clothi_copy(
         hooks, d->nregions > 0 ? d->materials : &d->material, (size_t)m->nregions,
         sizeof(cloth_material));
-    if (!m->x_rest || !m->x || !m->v || !m->faces || !m->part || !m->region || !m->X || !m->pin ||
-        !m->material)
-        return CLOTH_ERR_MEMORY;
-    if (d->vertex_mass) {
+    if (d->v) m->v = (double *)clothi_copy(hooks, d->v, 3 * nv, sizeof(double));
+    if (d->vertex_mass)
         m->vertex_mass = (double *)clothi_copy(hooks, d->vertex_mass, nv, sizeof(double));
-        if (!m->vertex_mass) return CLOTH_ERR_MEMORY;
-    }
+    if (!m->x_rest || !m->x || !m->faces || !m->part || !m->region || !m->X || !m->pin ||
+        !m->material || (d->v && !m->v) || (d->vertex_mass && !m->vertex_mass))
+        return CLOTH_ERR_MEMORY;
     for (i = 0; i < d->npins; i++)
         m->pin[d->pins[i].vertex] =
             (unsigned char)(m->pin[d->pins[i].vertex] | d->pins[i].axes);
@@ -9164,16 +9164,16 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 /* --- hash, create, destroy --- */
 
 /* As FNV-1a, but 8 bytes at a time, with a shift that brings their high bits down; then the tail
- * byte by byte: equal bytes, equal hash. */
+ * byte by byte: equal bytes, equal hash. data NULL: zeros. */
 CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
     const unsigned char *p = (const unsigned char *)data;
-    for (; size >= 8; size -= 8, p += 8) {
-        uint64_t word;
-        memcpy(&word, p, 8);
+    uint64_t             word = 0;
+    for (; size >= 8; size -= 8) {
+        if (p) memcpy(&word, p, 8), p += 8;
         hash = (hash ^ word) * 0x100000001b3u;
         hash ^= hash >> 29;
     }
-    for (; size > 0; size--, p++) hash = (hash ^ *p) * 0x100000001b3u;
+    for (; size > 0; size--) hash = (hash ^ (p ? *p++ : 0u)) * 0x100000001b3u;
     return hash;
 }
 
@@ -9212,8 +9212,9 @@ static void clothi_model_hash(cloth_model *m) {
 }
 
 static size_t clothi_model_mesh(const cloth_model *m, const cloth_hooks *hooks) {
-    const void *const block[] = {m->x_rest, m->x, m->v, m->faces, m->part, m->region, m->X, m->pin,
-                                 m->tie, m->material, m->vertex_mass, m->theta0};
+    const void *const block[] = {m->x_rest, m->x == m->x_rest ? NULL : m->x, m->v, m->faces,
+                                 m->part, m->region, m->X, m->pin, m->tie, m->material,
+                                 m->vertex_mass, m->theta0};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
@@ -9308,18 +9309,20 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
 
 typedef struct clothi_work {                /* vectors of a step, scratch                      */
     double *x0, *v0;                        /* as before the step, in `kept`                   */
-    double *x, *trial, *dx, *grad, *y;      /* [nv x 3]                                        */
+    double *x, *dx, *grad;                  /* [nv x 3]                                        */
+    double *y;                              /* [nv x 3], where there are pins their goals      */
+    double *trial;                          /* [nv x 3] behind own.energy_batch                */
     double *free;                           /* [nv x 3] gradient without that of contact       */
-    double *goal;                           /* [nv x 3] pin targets of this substep            */
     double *inv_mass;                       /* [nv] 1/kg, LEAPFROG, then two sums of [nv]      */
     double *rhs;                            /* right-hand side of the Newton system            */
     double *partial;                        /* partial sums of the parallel loops              */
+    double *room;                           /* of own.force and what is behind it, LEAPFROG    */
 } clothi_work;
 
 typedef struct clothi_elements {            /* derived from params: what the lanes read        */
     double *rest;                           /* [nbatch x nrest x 8]                            */
-    double *start;                          /* [nbatch x nmeasure x 8] measure at x_n          */
-    double *tau;                            /* [nbatch x 8] damping s                          */
+    double *start;                          /* [nbatch x (nmeasure + 1) x 8] measure at x_n,
+                                               then damping s                                  */
     int     damped;
     int     first;                          /* of its batches, in energy_batch                 */
     double  loss;                           /* J, of the last value                            */
@@ -9333,9 +9336,11 @@ typedef struct clothi_own {                 /* all that the built-in terms have 
     const cloth_hooks *hooks;
     clothi_elements    membrane, bend;
     double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
-    double *energy_batch;                   /* [batches x 8] elastic energy                    */
+    double *force;                          /* element forces, model->force_size; with a solver
+                                               in its block, else in w.room: no solve goes on
+                                               while elements are evaluated                    */
+    double *energy_batch;                   /* [batches x 8] elastic energy, behind them       */
     double *loss_batch;                     /* [batches x 8] dissipation potential             */
-    double *force;                          /* element forces, model->force_size               */
     double *wind;                           /* [nf x 5] lagged drag direction and coefficients */
     int     force_only;                     /* energies are not wanted                         */
     cloth_counts counts;
@@ -9507,12 +9512,7 @@ static unsigned char *clothi_field_data(const cloth_sim *s, const clothi_field *
 }
 
 CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, unsigned char *data, size_t size) {
-    static const unsigned char zero[64] = {0};
-    size_t                     k;
-    if (w->verb == CLOTHI_HASH && data) w->hash = clothi_hash(w->hash, data, size);
-    else if (w->verb == CLOTHI_HASH)
-        for (k = 0; k < size; k += 64)
-            w->hash = clothi_hash(w->hash, zero, size - k < 64 ? size - k : 64);
+    if (w->verb == CLOTHI_HASH) w->hash = clothi_hash(w->hash, data, size);
     else if (w->verb == CLOTHI_SAVE && data) memcpy(w->buf + w->at, data, size);
     else if (w->verb == CLOTHI_SAVE) memset(w->buf + w->at, 0, size);
     else if (w->verb == CLOTHI_LOAD && data) memcpy(data, w->buf + w->at, size);
@@ -9701,7 +9701,7 @@ static double clothi_rest_edge2(const cloth_model *m, const double *X, int f, in
 /* Rest geometry of a hinge: mean squared edge length of its two faces, and their areas. The two
  * differ where pattern pieces of unequal edge are sewn. */
 typedef struct clothi_hinge_rest {
-    double e2, A1, A2, bending, damping;
+    double e2, A1, A2, bending;
 } clothi_hinge_rest;
 
 CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p,
@@ -9715,41 +9715,42 @@ CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, co
     r.A1 = clothi_rest_area(p->X, f[0]);
     r.A2 = clothi_rest_area(p->X, f[1]);
     r.bending = 0.5 * (cloth_material_rigidity(a) + cloth_material_rigidity(b));
-    r.damping = 0.5 * (a->damping + b->damping);
     return r;
 }
 
+/* Damping of element i, s: the mean of its faces' materials. */
+static double clothi_element_tau(const cloth_model *m, const cloth_params *p, int kind, int i) {
+    const int *f = kind == CLOTHI_TRIANGLE ? &i : kind == CLOTHI_SPRING
+                       ? m->topology->edge_faces + 2 * (size_t)i
+                       : m->topology->hinge_faces + 2 * (size_t)i;
+    double     tau = p->material[m->region[f[0]]].damping;
+    if (kind == CLOTHI_TRIANGLE || f[1] < 0) return tau;
+    return 0.5 * (tau + p->material[m->region[f[1]]].damping);
+}
+
 static void clothi_derive_triangle(const cloth_model *m, const cloth_params *p, int f,
-                                   double *rest, double *tau) {
-    const cloth_material *mat = p->material + m->region[f];
-    double                B[7];
-    int                   k;
+                                   double *rest) {
+    double B[7];
+    int    k;
     B[4] = clothi_rest_inverse(p->X + 6 * (size_t)f, B);
-    cloth_material_lame(mat, B + 5, B + 6);
+    cloth_material_lame(p->material + m->region[f], B + 5, B + 6);
     for (k = 0; k < 7; k++) rest[k * CLOTHI_LANES] = B[k];
-    *tau = mat->damping;
 }
 
 /* An edge's spring: k = Y (A1 + A2) / L^2 with Y the membrane stiffness, which gives Y exactly
  * on an equilateral mesh (with Poisson's ratio 1/3, whatever the material says). */
 static void clothi_derive_spring(const cloth_model *m, const cloth_params *p, int e,
-                                 double *rest, double *tau) {
+                                 double *rest) {
     const int *v = m->topology->edges + 2 * (size_t)e;
     const int *f = m->topology->edge_faces + 2 * (size_t)e;
-    double     L2 = 0, YA = 0, damping = 0;
-    int        k, n = 0;
-    for (k = 0; k < 2; k++) {
-        const cloth_material *mat;
-        if (f[k] < 0) continue;
-        mat = p->material + m->region[f[k]];
+    double     L2 = 0, YA = 0;
+    int        k, n = f[1] < 0 ? 1 : 2;
+    for (k = 0; k < n; k++) {
         L2 += clothi_rest_edge2(m, p->X, f[k], v[0], v[1]);
-        YA += clothi_young(mat) * clothi_rest_area(p->X, f[k]);
-        damping += mat->damping;
-        n++;
+        YA += clothi_young(p->material + m->region[f[k]]) * clothi_rest_area(p->X, f[k]);
     }
     rest[0] = YA / (L2 / n);
     rest[CLOTHI_LANES] = sqrt(L2 / n);
-    *tau = damping / n;
 }
 
 /* A face's share of the flat hinge: q = |e|/(2 A), 1 over the height of the far corner, and t,
@@ -9780,12 +9781,11 @@ static void clothi_quadratic_rest(const cloth_model *m, const cloth_params *p, i
 }
 
 static void clothi_derive_hinge(const cloth_model *m, const cloth_params *p, int h, int quadratic,
-                                double *rest, double *tau) {
+                                double *rest) {
     clothi_hinge_rest r = clothi_hinge_of(m, p, h);
     double            w[4];
     int               k;
     rest[0] = p->hinge_scale[h] * cloth_hinge_coefficient(r.bending, r.e2, r.A1, r.A2);
-    *tau = r.damping;
     if (!quadratic) {
         rest[CLOTHI_LANES] = p->theta0[h];
         return;
@@ -9802,20 +9802,17 @@ static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, cloth
     for (b = 0; b < g->nbatch; b++)
         for (lane = 0; lane < CLOTHI_LANES; lane++) {
             double *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES + lane;
-            double *tau = el->tau + (size_t)b * CLOTHI_LANES + lane;
             int     id = g->id[b * CLOTHI_LANES + lane], unused = id < 0, back = lane;
             while (id < 0) id = g->id[b * CLOTHI_LANES + --back];
             if (g->kind == CLOTHI_TRIANGLE) {
-                clothi_derive_triangle(m, &s->params, id, rest, tau);
+                clothi_derive_triangle(m, &s->params, id, rest);
                 if (unused) rest[5 * CLOTHI_LANES] = rest[6 * CLOTHI_LANES] = 0;
-            } else if (g->kind == CLOTHI_SPRING) {
-                clothi_derive_spring(m, &s->params, id, rest, tau);
-                if (unused) rest[0] = 0;
             } else {
-                clothi_derive_hinge(m, &s->params, id, g->kind == CLOTHI_QUADRATIC, rest, tau);
+                if (g->kind == CLOTHI_SPRING) clothi_derive_spring(m, &s->params, id, rest);
+                else clothi_derive_hinge(m, &s->params, id, g->kind == CLOTHI_QUADRATIC, rest);
                 if (unused) rest[0] = 0;
             }
-            if (*tau > 0) el->damped = 1;
+            el->damped |= clothi_element_tau(m, &s->params, g->kind, id) > 0;
         }
 }
 
@@ -9991,9 +9988,7 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     b->kind = clothi_kinds + m->bend.kind;
     s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)m->nv, 1);
     status = s->fixed ? clothi_need(s, &a->rest, na * (size_t)a->kind->nrest) : CLOTH_ERR_MEMORY;
-    if (!status) status = clothi_need(s, &a->tau, na);
     if (!status) status = clothi_need(s, &b->rest, nb * (size_t)b->kind->nrest);
-    if (!status) status = clothi_need(s, &b->tau, nb);
     if (!status && m->wing) status = clothi_need(s, &s->own.side, 9 * na);
     return status ? status : clothi_fields_need(s, CLOTHI_LATE);
 }
@@ -10006,7 +10001,7 @@ static void clothi_sim_start(cloth_sim *s) {
     int    i;
     (void)clothi_walked(s, CLOTHI_CLEAR, NULL, CLOTHI_PARAM, 0);
     memcpy(s->state.x, m->x, 3 * nv * sizeof(double));
-    memcpy(s->state.v, m->v, 3 * nv * sizeof(double));
+    if (m->v) memcpy(s->state.v, m->v, 3 * nv * sizeof(double));
     memcpy(s->pin, m->pin, nv);
     memcpy(s->target, m->x, 3 * nv * sizeof(double));
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
@@ -10052,16 +10047,15 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
 
 /* Bytes of what the elements are derived to and evaluated in; freed where hooks say how. */
 static size_t clothi_own_blocks(const clothi_own *o, const cloth_hooks *hooks) {
-    const void *const block[] = {o->membrane.rest, o->membrane.start, o->membrane.tau,
-                                 o->bend.rest, o->bend.start, o->bend.tau, o->side, o->force,
-                                 o->energy_batch, o->loss_batch, o->wind};
+    const void *const block[] = {o->membrane.rest, o->membrane.start, o->bend.rest, o->bend.start,
+                                 o->side, o->loss_batch, o->wind};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
 static size_t clothi_work_blocks(const cloth_sim *s, const cloth_hooks *hooks) {
     const clothi_work *w = &s->w;
-    const void *const  block[] = {w->x, w->trial, w->dx, w->grad, w->y, w->free, w->goal, w->rhs,
-                                  w->inv_mass, w->partial, s->kept, s->touching, s->fixed,
+    const void *const  block[] = {w->x, w->dx, w->grad, w->y, w->free, w->rhs, w->inv_mass,
+                                  w->partial, w->room, s->kept, s->touching, s->fixed,
                                   s->quadratic};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
@@ -10121,6 +10115,7 @@ CLOTHI_RARE_END
 
 typedef struct clothi_pass {                /* one sweep over one group                        */
     const cloth_model  *model;
+    const cloth_params *params;             /* of begin                                        */
     clothi_own         *own;
     const clothi_group *g;
     clothi_elements    *el;
@@ -10208,11 +10203,12 @@ static void clothi_corners(const clothi_group *g, const double *x, int b, double
 /* Of batch b: its numbers at rest, at the start of the substep, and damp [8]. */
 static void clothi_batch_rest(const clothi_elements *el, int b, double inv_h, const double **rest,
                               const double **start, double *damp) {
-    const int on = el->damped && inv_h > 0;
-    int       k;
+    const int    on = el->damped && inv_h > 0;
+    const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
+    int          k;
     *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES;
-    *start = on ? el->start + (size_t)b * (size_t)el->kind->nmeasure * CLOTHI_LANES : clothi_none;
-    for (k = 0; k < CLOTHI_LANES; k++) damp[k] = on ? el->tau[b * CLOTHI_LANES + k] * inv_h : 0.0;
+    *start = on ? el->start + (size_t)b * (n + CLOTHI_LANES) : clothi_none;
+    for (k = 0; k < CLOTHI_LANES; k++) damp[k] = on ? (*start)[n + (size_t)k] * inv_h : 0.0;
 }
 
 /* Batch b of a group: energy, element forces and Hessian as asked. */
@@ -10297,17 +10293,21 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     return CLOTH_OK;
 }
 
-/* Measures at the start of the substep, when something is damped. */
+/* Measures at the start of the substep and damping, when something is damped. */
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass     *p = (const clothi_pass *)ctx;
     const clothi_elements *el = p->el;
-    double x[12 * CLOTHI_LANES];
-    int    b;
+    const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
+    double       x[12 * CLOTHI_LANES], *start = el->start + (size_t)begin * (n + CLOTHI_LANES);
+    int          b, k;
     (void)worker;
-    for (b = begin; b < end; b++) {
+    for (b = begin; b < end; b++, start += n + CLOTHI_LANES) {
+        const int *id = p->g->id + (size_t)b * CLOTHI_LANES;
         clothi_corners(p->g, p->x, b, x);
-        el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES,
-                          el->start + (size_t)b * (size_t)el->kind->nmeasure * CLOTHI_LANES);
+        el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES, start);
+        for (k = 0; k < CLOTHI_LANES; k++)
+            start[n + (size_t)k] =
+                id[k] < 0 ? 0 : clothi_element_tau(p->model, p->params, p->g->kind, id[k]);
     }
 }
 
@@ -10316,7 +10316,7 @@ static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
     clothi_pass      p;
     if (!el->damped) return CLOTH_OK;
     memset(&p, 0, sizeof p);
-    p.g = el->group, p.el = el, p.x = e->x_n;
+    p.model = e->model, p.params = e->params, p.g = el->group, p.el = el, p.x = e->x_n;
     clothi_for(el->own->hooks, p.g->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
     return CLOTH_OK;
 }
@@ -11606,8 +11606,8 @@ CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s) {
     int i, n = 3 * s->model->nv;
     for (i = 0; i < n; i++)
         if (s->pin[i / 3] >> (i % 3) & 1)
-            s->w.goal[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
-    s->in.goal = s->w.goal;
+            s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
+    s->in.goal = s->w.y;
 }
 
 /* What the solver must not move: pins, and followers of ties. */
@@ -11626,7 +11626,7 @@ static void clothi_guess(cloth_sim *s, double h) {
     for (i = 0; i < n; i++) {
         s->w.x[i] = s->state.x[i] + h * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
                                              : s->state.v[i]);
-        if (s->pin[i / 3] >> (i % 3) & 1) s->w.x[i] = s->w.y[i] = s->w.goal[i];
+        if (s->pin[i / 3] >> (i % 3) & 1) s->w.x[i] = s->w.y[i];
     }
     for (i = 0; m->tie && i < n; i++)
         if (m->tie[i] >= 0) {
@@ -12572,17 +12572,16 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;
     const size_t n = 3 * (size_t)m->nv;
     const clothi_elements *a = &s->own.membrane, *b = &s->own.bend;
-    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES, ma = (size_t)a->kind->nmeasure;
-    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES, mb = (size_t)b->kind->nmeasure;
+    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES, ma = (size_t)a->kind->nmeasure + 1;
+    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES, mb = (size_t)b->kind->nmeasure + 1;
     const int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
     const int    bdf2 = m->desc.integrator == CLOTH_INTEGRATOR_BDF2;
+    const size_t room = (size_t)m->force_size + na + nb + n;
     const struct { double **array; size_t n; int wanted; } need[] = {
-        {&s->w.x, n, 1}, {&s->w.trial, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1},
-        {&s->w.y, n, 1}, {&s->w.goal, n, implicit}, {&s->w.rhs, n, 1},
-        {&s->w.inv_mass, n, !implicit},
-        {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->own.energy_batch, na + nb, 1},
+        {&s->w.x, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1}, {&s->w.y, n, 1},
+        {&s->w.rhs, n, 1}, {&s->w.inv_mass, n, !implicit},
+        {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->w.room, room, !implicit},
         {&s->own.loss_batch, na + nb, a->damped || b->damped},
-        {&s->own.force, (size_t)m->force_size, 1},
         {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->x_prev, n, bdf2},
         {&s->v_prev, n, implicit}, {&s->still_x, n, m->desc.sleep > 0},
         {&s->w.free, n, s->contact_on && implicit},
@@ -12591,12 +12590,19 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     size_t       i;
     for (i = 0; i < sizeof need / sizeof *need && !status; i++)
         if (need[i].wanted) status = clothi_need(s, need[i].array, need[i].n);
-    if (status || !implicit) return status;
-    if (!s->matrix) status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
-    if (!status && !s->solver)
+    if (!status && implicit && !s->matrix)
+        status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
+    if (!status && implicit && !s->solver)
         status = cloth_linear_solver_create(&s->hooks, m->pattern, &s->solver);
+    if (!status && implicit) {
+        s->solver->least = room * sizeof(double);
+        status = clothi_solver_reserve(s->solver, s->matrix);
+    }
     if (status) return status;
-    return clothi_solver_reserve(s->solver, s->matrix);
+    s->own.force = implicit ? (double *)s->solver->block : s->w.room;
+    s->own.energy_batch = s->own.force + m->force_size;
+    s->w.trial = s->own.energy_batch + na + nb;
+    return CLOTH_OK;
 }
 
 static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {

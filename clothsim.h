@@ -1665,6 +1665,30 @@ CLOTHI_OUTLINE static size_t clothi_blocks(const cloth_hooks *hooks, const void 
 
 CLOTHI_RARE_BEGIN
 
+/* An object that begins with its hooks, zeroed; NULL: no memory. */
+static void *clothi_object(const cloth_hooks *hooks, size_t size) {
+    void *object = clothi_alloc(hooks, 1, size);
+    if (object && hooks) memcpy(object, hooks, sizeof *hooks);
+    return object;
+}
+
+/* Bytes of such an object and of the n blocks whose pointers are `at` bytes into it; NULL: 0. Frees
+ * them all where `done`. */
+static size_t clothi_object_blocks(const void *object, const size_t *at, size_t n, int done) {
+    cloth_hooks hooks;
+    size_t      k, sum = clothi_block_size(object);
+    if (!object) return 0;
+    memcpy(&hooks, object, sizeof hooks);
+    for (k = 0; k < n; k++) {
+        void *block;
+        memcpy(&block, (const unsigned char *)object + at[k], sizeof block);
+        sum += clothi_block_size(block);
+        if (done) clothi_free(&hooks, block);
+    }
+    if (done) clothi_free(&hooks, object);
+    return sum;
+}
+
 /* Where text goes: counted beyond the capacity, kept within. No printf: its output depends on the
  * locale and the host may lack it. */
 typedef struct clothi_sink {
@@ -6028,9 +6052,8 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!status) status = clothi_graph_build(hooks, nv, nelem, start, vertex, &g);
     if (status) return status;
     status = CLOTH_ERR_MEMORY;
-    p = (cloth_pattern *)clothi_alloc(hooks, 1, sizeof *p);
+    p = (cloth_pattern *)clothi_object(hooks, sizeof *p);
     if (!p) goto done;
-    if (hooks) p->hooks = *hooks;
     p->n = nv;
     p->row_of = (int *)clothi_alloc(hooks, 6 * n + 2, sizeof(int));
     if (!p->row_of) goto done;
@@ -6047,20 +6070,16 @@ done:
     return status;
 }
 
-static size_t clothi_pattern_blocks(const cloth_pattern *p, const cloth_hooks *hooks) {
-    const void *const block[] = {p->row_of, p->col, p->vj, p->part, p};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
+static const size_t clothi_pattern_at[4] = {
+    offsetof(cloth_pattern, row_of), offsetof(cloth_pattern, col), offsetof(cloth_pattern, vj),
+    offsetof(cloth_pattern, part)};
 
 CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
-    cloth_hooks hooks;
-    if (!pattern) return;
-    hooks = pattern->hooks;
-    (void)clothi_pattern_blocks(pattern, &hooks);
+    (void)clothi_object_blocks(pattern, clothi_pattern_at, 4, 1);
 }
 
 CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern) {
-    return pattern ? clothi_pattern_blocks(pattern, NULL) : 0;
+    return clothi_object_blocks(pattern, clothi_pattern_at, 4, 0);
 }
 
 CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) {
@@ -6084,8 +6103,6 @@ CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
     return pattern ? 1 + 2.0 * pattern->nlow / pattern->n : 0;
 }
-
-CLOTHI_RARE_END
 
 /* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
  *
@@ -6121,9 +6138,8 @@ CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth
     if (!out || !pattern)
         return clothi_null(hooks, out ? "cloth_matrix_create: pattern"
                                       : "cloth_matrix_create: out");
-    A = (cloth_matrix *)clothi_alloc(hooks, 1, sizeof *A);
+    A = (cloth_matrix *)clothi_object(hooks, sizeof *A);
     if (!A) return CLOTH_ERR_MEMORY;
-    if (hooks) A->hooks = *hooks;
     A->p = pattern;
     A->diag = (double *)clothi_alloc(hooks, (size_t)pattern->n + (size_t)pattern->nlow + 1,
                                      9 * sizeof(double));
@@ -6136,21 +6152,18 @@ CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth
     return CLOTH_OK;
 }
 
+static const size_t clothi_matrix_at[3] = {
+    offsetof(cloth_matrix, diag), offsetof(cloth_matrix, pair), offsetof(cloth_matrix, extra)};
+
 CLOTH_API void cloth_matrix_destroy(cloth_matrix *A) {
-    cloth_hooks hooks;
-    if (!A) return;
-    hooks = A->hooks;
-    clothi_free(&hooks, A->pair);
-    clothi_free(&hooks, A->extra);
-    clothi_free(&hooks, A->diag);
-    clothi_free(&hooks, A);
+    (void)clothi_object_blocks(A, clothi_matrix_at, 3, 1);
 }
 
 CLOTH_API size_t cloth_matrix_bytes(const cloth_matrix *A) {
-    return A ? clothi_block_size(A) + clothi_block_size(A->diag) + clothi_block_size(A->pair) +
-                   clothi_block_size(A->extra)
-             : 0;
+    return clothi_object_blocks(A, clothi_matrix_at, 3, 0);
 }
+
+CLOTHI_RARE_END
 
 /* to += B, turned: += B'. */
 static void clothi_block_add(double *to, const double *B, int turned) {
@@ -6257,6 +6270,8 @@ static int *clothi_matrix_extra(const cloth_matrix *A, int a, int b) {
     }
 }
 
+CLOTHI_RARE_BEGIN
+
 /* Room for `more` extras; the table is at most half full. */
 static cloth_status clothi_matrix_reserve(cloth_matrix *A, size_t more) {
     const cloth_matrix old = *A;
@@ -6282,6 +6297,8 @@ static cloth_status clothi_matrix_reserve(cloth_matrix *A, size_t more) {
     clothi_free(&A->hooks, old.extra);
     return CLOTH_OK;
 }
+
+CLOTHI_RARE_END
 
 static void clothi_matrix_add_extra(cloth_matrix *A, int i, int j, const double *B) {
     const int a = A->p->row_of[i], b = A->p->row_of[j], high = a < b ? b : a, low = a + b - high;
@@ -6660,7 +6677,7 @@ struct cloth_linear_solver {
     const unsigned char *fixed;
     const double        *b;
     double *to;                             /* [n x 3] the answer                              */
-    int     wide, first, radius_on, bad_pivot;
+    int     wide, first, part, radius_on, bad_pivot;
     double  alpha, beta;
     clothi_tally tally[CLOTHI_DOMAINS + 1];
 };
@@ -7159,9 +7176,8 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
         return clothi_null(hooks, out ? "cloth_linear_solver_create: pattern"
                                       : "cloth_linear_solver_create: out");
     nc = (size_t)pattern->nc;
-    s = (cloth_linear_solver *)clothi_alloc(hooks, 1, sizeof *s);
+    s = (cloth_linear_solver *)clothi_object(hooks, sizeof *s);
     if (!s) return CLOTH_ERR_MEMORY;
-    if (hooks) s->hooks = *hooks;
     s->p = pattern;
     s->cd = (double *)clothi_alloc(hooks, 3 * nc * (size_t)(pattern->nd + 3), sizeof(double));
     s->envelope = (int *)clothi_alloc(hooks, 2 * nc + 1, sizeof(int));
@@ -7174,21 +7190,18 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
     return CLOTH_OK;
 }
 
-static size_t clothi_solver_blocks(const cloth_linear_solver *s, const cloth_hooks *hooks) {
-    const void *const block[] = {s->block, s->E, s->Ac, s->U, s->cd, s->envelope, s};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
+static const size_t clothi_solver_at[6] = {
+    offsetof(cloth_linear_solver, block), offsetof(cloth_linear_solver, E),
+    offsetof(cloth_linear_solver, Ac), offsetof(cloth_linear_solver, U),
+    offsetof(cloth_linear_solver, cd), offsetof(cloth_linear_solver, envelope)};
 
 CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
-    cloth_hooks hooks;
-    if (!s) return;
-    hooks = s->hooks;
-    cloth_factor_destroy(s->factor);
-    (void)clothi_solver_blocks(s, &hooks);
+    if (s) cloth_factor_destroy(s->factor);
+    (void)clothi_object_blocks(s, clothi_solver_at, 6, 1);
 }
 
 CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
-    return s ? cloth_factor_bytes(s->factor) + clothi_solver_blocks(s, NULL) : 0;
+    return s ? cloth_factor_bytes(s->factor) + clothi_object_blocks(s, clothi_solver_at, 6, 0) : 0;
 }
 
 CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
@@ -7552,7 +7565,7 @@ CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
 CLOTHI_LANE void clothi_enter_sweep(cloth_linear_solver *s, int d, const int w) {
     clothi_v4 sum = clothi_zero4();
     int       i;
-    if (d < s->p->nd) clothi_enter_rows(s, d, w);
+    clothi_enter_rows(s, d, w);
     for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
         const clothi_v4 r = clothi_load4(s->st.r, (size_t)i, w);
         const clothi_v4 v = clothi_forward_row(s, d, i, r, s->st.r, w);
@@ -7724,47 +7737,39 @@ CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, cloth
 }
 
 /* Second half of an iteration in subdomain d: p, t, w = K^-1 (p - t), p.(t + w); in S after the
- * subdomains. With blocks outside the pattern, w = p - t + C t is there already: C t needs all of
- * t. */
+ * subdomains. With blocks outside the pattern C t, which needs all of t, joins w = p - t: part 1
+ * comes before it, part 2 after; 0: the whole. */
 CLOTHI_LANE void clothi_turn_any(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->st;
     const clothi_v4      beta = clothi_all4(s->beta, w);
     clothi_v4            sum = clothi_zero4();
-    const int            turn = s->A->ne == 0;
+    const int            part = s->part;
     int                  i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const size_t at = (size_t)i;
-        clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
-        v = clothi_forward_row(s, d, i, v, st->w, w);
+        clothi_v4    v = part < 2 ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
+        if (part != 1) v = clothi_forward_row(s, d, i, v, st->w, w);
         clothi_store4(st->w, at, v, w);
         sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
                           clothi_add4(v, clothi_load4(st->t, at, w), w), w);
     }
     s->tally[d].pq = clothi_sum4(sum);
-    clothi_give_rest(s, d, st->w, w);
+    if (part != 1) clothi_give_rest(s, d, st->w, w);
 }
 
 CLOTHI_BY_DOMAIN(clothi_turn_range, clothi_turn_any)
-
-/* With blocks outside the pattern, what comes before them. */
-CLOTHI_LANE void clothi_turn_before(cloth_linear_solver *s, int d, const int w) {
-    const clothi_v4 beta = clothi_all4(s->beta, w);
-    int             i;
-    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++)
-        clothi_store4(s->st.w, (size_t)i, clothi_turn_row(s, i, beta, w), w);
-}
-
-CLOTHI_BY_DOMAIN(clothi_before_range, clothi_turn_before)
 
 /* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
 static double clothi_turn(cloth_linear_solver *s) {
     const int nd = s->p->nd;
     double    pq = 0;
     int       d;
-    if (s->A->ne) {
-        clothi_for(&s->hooks, nd + 1, nd > 1 ? 1 : 2, clothi_before_range, s);
+    s->part = s->A->ne > 0;
+    if (s->part) {
+        clothi_for(&s->hooks, nd + 1, nd > 1 ? 1 : 2, clothi_turn_range, s);
         clothi_extras_apply(s, s->st.t, s->st.w);
+        s->part = 2;
     }
     clothi_for(&s->hooks, nd, 1, clothi_turn_range, s);
     clothi_turn_range(nd, nd + 1, 0, s);
@@ -7801,7 +7806,6 @@ static clothi_run clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
     if (bad) return CLOTHI_RUN_INDEFINITE;
     if (!s->wide && (narrow || !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)))
         return CLOTHI_RUN_WIDE;
-    CLOTHI_BY_WIDTH(s->wide, clothi_enter_rows, s, p->nd);
     clothi_for(&s->hooks, p->nd + 1, grain, clothi_enter_range, s);
     if (s->bad_pivot) return s->wide ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_WIDE;
     clothi_enter_range(p->nd + 1, p->nd + 2, 0, s);
@@ -8007,9 +8011,10 @@ struct cloth_factor {
     double *panel;                          /* all L, part by part, column-major               */
     double *work;                           /* packed rows, and update matrices                */
     double *sign;                           /* [3 nv] +1 -1 by elimination                     */
-    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary      */
-    unsigned char *fixed;                   /* [nv] by elimination number                      */
+    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary;
+                                               behind sign                                     */
     signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
+    unsigned char *fixed;                   /* [nv] by elimination number; behind pivot        */
     const cloth_matrix *A;                  /* during compute                                  */
     double  shift;
     int     ready, first_bad;               /* elimination index 3 e + axis, -1                */
@@ -8290,9 +8295,8 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
     if (!out) return clothi_null(hooks, "factor: out");
     *out = NULL;
     if (!pattern) return clothi_null(hooks, "factor: pattern");
-    f = (cloth_factor *)clothi_alloc(hooks, 1, sizeof *f);
+    f = (cloth_factor *)clothi_object(hooks, sizeof *f);
     if (!f) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "factor: out of memory");
-    if (hooks) f->hooks = *hooks;
     f->p = pattern;
     status = clothi_factor_analyze(f);
     if (status) cloth_factor_destroy(f);
@@ -8300,44 +8304,31 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
     return status ? clothi_fail(hooks, status, "factor: out of memory") : CLOTH_OK;
 }
 
-/* What create took, and the numbers' blocks. */
-static size_t clothi_factor_symbols(const cloth_factor *f, const cloth_hooks *hooks) {
-    const void *const block[] = {f->front, f->bound, f->relative, f->entry, f};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
-
-static size_t clothi_factor_blocks(const cloth_factor *f, const cloth_hooks *hooks) {
-    const void *const block[] = {f->panel, f->work, f->sign, f->vec, f->fixed, f->pivot};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
+static const size_t clothi_factor_at[8] = {
+    offsetof(cloth_factor, front), offsetof(cloth_factor, bound), offsetof(cloth_factor, relative),
+    offsetof(cloth_factor, entry), offsetof(cloth_factor, panel), offsetof(cloth_factor, work),
+    offsetof(cloth_factor, sign), offsetof(cloth_factor, pivot)};
 
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
-    cloth_hooks hooks;
-    if (!f) return;
-    hooks = f->hooks;
-    (void)clothi_factor_blocks(f, &hooks);
-    (void)clothi_factor_symbols(f, &hooks);
+    (void)clothi_object_blocks(f, clothi_factor_at, 8, 1);
 }
 
 CLOTH_API size_t cloth_factor_bytes(const cloth_factor *f) {
-    return f ? clothi_factor_symbols(f, NULL) + clothi_factor_blocks(f, NULL) : 0;
+    return clothi_object_blocks(f, clothi_factor_at, 8, 0);
 }
 
+/* The numbers' blocks; those that there are when memory is out wait for the next try. */
 static cloth_status clothi_factor_reserve(cloth_factor *f) {
     const size_t n = 3 * (size_t)f->p->n, panel = f->front[f->p->nparts].panel;
-    if (f->pivot) return CLOTH_OK;
-    f->panel = (double *)clothi_alloc(&f->hooks, panel, sizeof(double));
-    f->work = (double *)clothi_alloc(&f->hooks, f->nwork, sizeof(double));
-    f->sign = (double *)clothi_alloc(&f->hooks, n, sizeof(double));
-    f->vec = (double *)clothi_alloc(&f->hooks, 2 * n, sizeof(double));
-    f->fixed = (unsigned char *)clothi_alloc(&f->hooks, n / 3, 1);
-    f->pivot = (signed char *)clothi_alloc(&f->hooks, n, 1);
-    if (f->panel && f->work && f->sign && f->vec && f->fixed && f->pivot) return CLOTH_OK;
-    (void)clothi_factor_blocks(f, &f->hooks);
-    f->panel = f->work = f->sign = f->vec = NULL;
-    f->fixed = NULL, f->pivot = NULL;
-    return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles",
-                       panel + f->nwork);
+    if (!f->panel) f->panel = (double *)clothi_alloc(&f->hooks, panel, sizeof(double));
+    if (!f->work) f->work = (double *)clothi_alloc(&f->hooks, f->nwork, sizeof(double));
+    if (!f->sign) f->sign = (double *)clothi_alloc(&f->hooks, 3 * n, sizeof(double));
+    if (!f->pivot) f->pivot = (signed char *)clothi_alloc(&f->hooks, n + n / 3, 1);
+    if (!f->panel || !f->work || !f->sign || !f->pivot)
+        return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles",
+                           panel + f->nwork);
+    f->vec = f->sign + n, f->fixed = (unsigned char *)f->pivot + n;
+    return CLOTH_OK;
 }
 
 /* Counts pivots; the first bad one in the order of elimination. */
@@ -8362,8 +8353,6 @@ static cloth_status clothi_factor_judge(cloth_factor *f, cloth_factor_report *re
     rep->bad_axis = f->first_bad % 3;
     return CLOTH_ERR_NUMERIC;
 }
-
-CLOTHI_RARE_END
 
 CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix *A,
                                             const unsigned char *fixed, double shift,
@@ -8394,6 +8383,8 @@ CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix 
     if (report) *report = rep;
     return status;
 }
+
+CLOTHI_RARE_END
 
 /* b := L^-1 b by elimination number */
 static void clothi_factor_forward(cloth_factor *f, double *b) {
@@ -8455,6 +8446,8 @@ CLOTH_API cloth_status cloth_factor_solve(cloth_factor *f, const double *b, doub
     return CLOTH_OK;
 }
 
+CLOTHI_RARE_BEGIN
+
 CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d) {
     int    n, i;
     double norm2;
@@ -8469,8 +8462,6 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d) {
     for (i = 0; i < n; i++) d[3 * f->p->verts[i / 3] + i % 3] = f->vec[i] / sqrt(norm2);
     return f->pivot[f->first_bad] / norm2;
 }
-
-CLOTHI_RARE_BEGIN
 
 /* --- the solver's calls --- */
 
@@ -9407,7 +9398,7 @@ struct cloth_sim {
     cloth_linear_solver *solver;
     unsigned char *fixed;                   /* [nv] axes that the solver must not move         */
     clothi_work   w;
-    cloth_times   ms;                       /* s, of the step that runs; clothi_charge()       */
+    cloth_times   ms;                       /* of the step that runs; clothi_charge()          */
     double       *charged, since;
     long long     allocations;
     size_t        bytes;                    /* held through the counted allocator              */
@@ -10253,6 +10244,8 @@ static double clothi_lane_sum(const double *a, int n) {
     return ((s[0] + s[1]) + (s[2] + s[3])) + ((s[4] + s[5]) + (s[6] + s[7]));
 }
 
+CLOTHI_RARE_BEGIN
+
 /* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
 static double clothi_sweep(clothi_pass *p, double *loss) {
     const clothi_group *g = p->g;
@@ -10292,6 +10285,8 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     *energy = clothi_sweep(&p, &el->loss);
     return CLOTH_OK;
 }
+
+CLOTHI_RARE_END
 
 /* Measures at the start of the substep and damping, when something is damped. */
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
@@ -10914,6 +10909,8 @@ static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
+CLOTHI_RARE_BEGIN
+
 /* The constant Hessian of quadratic bending, made once in the (cleared) matrix and kept. */
 static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
     clothi_pass  p;
@@ -10947,8 +10944,6 @@ static cloth_status clothi_matrix_start(cloth_sim *s) {
     }
     return CLOTH_OK;
 }
-
-CLOTHI_RARE_BEGIN
 
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
 
@@ -11012,7 +11007,7 @@ static cloth_status clothi_tie_matrix(cloth_sim *s) {
 static double *clothi_charge(cloth_sim *s, double *to) {
     const double now = clothi_now(&s->hooks);
     double      *was = s->charged;
-    if (was) *was += now - s->since;
+    if (was) *was += 1e3 * (now - s->since);
     s->charged = to, s->since = now;
     return was;
 }
@@ -12111,6 +12106,8 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     }
 }
 
+CLOTHI_RARE_BEGIN
+
 /* All elastic forces at w.x, as forces of triangles. */
 static void clothi_leap_wings(cloth_sim *s) {
     const cloth_model *m = s->model;
@@ -12157,8 +12154,6 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     *extra = s->w.grad;
     return status;
 }
-
-CLOTHI_RARE_BEGIN
 
 /* grad [nv x 3] = elastic gradient at w.x, undamped. */
 static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
@@ -12575,18 +12570,15 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES, ma = (size_t)a->kind->nmeasure + 1;
     const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES, mb = (size_t)b->kind->nmeasure + 1;
     const int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
-    const int    bdf2 = m->desc.integrator == CLOTH_INTEGRATOR_BDF2;
     const size_t room = (size_t)m->force_size + na + nb + n;
     const struct { double **array; size_t n; int wanted; } need[] = {
         {&s->w.x, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1}, {&s->w.y, n, 1},
         {&s->w.rhs, n, 1}, {&s->w.inv_mass, n, !implicit},
         {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->w.room, room, !implicit},
         {&s->own.loss_batch, na + nb, a->damped || b->damped},
-        {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->x_prev, n, bdf2},
-        {&s->v_prev, n, implicit}, {&s->still_x, n, m->desc.sleep > 0},
-        {&s->w.free, n, s->contact_on && implicit},
+        {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->w.free, n, s->contact_on && implicit},
         {&s->own.membrane.start, na * ma, a->damped}, {&s->own.bend.start, nb * mb, b->damped}};
-    cloth_status status = CLOTH_OK;
+    cloth_status status = clothi_fields_need(s, CLOTHI_INPUT);
     size_t       i;
     for (i = 0; i < sizeof need / sizeof *need && !status; i++)
         if (need[i].wanted) status = clothi_need(s, need[i].array, need[i].n);
@@ -12961,10 +12953,8 @@ static void clothi_report_end(cloth_sim *s, double start, long long allocations,
                               cloth_report *report) {
     (void)clothi_charge(s, &s->ms.other);
     s->own.counts.allocations = s->allocations - allocations;
-    report->counts = s->own.counts, report->ms.total = 1e3 * (s->since - start);
-    report->ms.assemble = 1e3 * s->ms.assemble, report->ms.linear = 1e3 * s->ms.linear;
-    report->ms.line_search = 1e3 * s->ms.line_search, report->ms.contact = 1e3 * s->ms.contact;
-    report->ms.other = 1e3 * s->ms.other;
+    s->ms.total = 1e3 * (s->since - start);
+    report->counts = s->own.counts, report->ms = s->ms;
 }
 
 typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report);

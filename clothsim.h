@@ -1801,6 +1801,108 @@ CLOTHI_OUTLINE static cloth_status clothi_null(const cloth_hooks *hooks, const c
     return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s is NULL", what);
 }
 
+/* --- what a call or desc may say. A refusal names field and value; who: what stands before the
+ * field --- */
+
+enum { CLOTHI_OVER = 1, CLOTHI_UNDER = 2 }; /* low, or high, itself is refused                 */
+
+CLOTHI_OUTLINE static cloth_status clothi_check_range(const cloth_hooks *hooks, const char *who,
+                                                      const char *field, double a, double low,
+                                                      double high, int open) {
+    const int under = open & CLOTHI_OVER ? !(a > low) : a < low;
+    if (!clothi_finite(a))
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s%s = %g is not finite", who, field, a);
+    if (!under && (open & CLOTHI_UNDER ? a < high : a <= high)) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %g must be %s %g", who, field, a,
+                       under ? open & CLOTHI_OVER ? "above" : "at least"
+                             : open & CLOTHI_UNDER ? "below" : "at most", under ? low : high);
+}
+
+CLOTHI_OUTLINE static cloth_status clothi_check_count(const cloth_hooks *hooks, const char *who,
+                                                      const char *field, int n, int low, int high) {
+    if (n >= low && n <= high) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %i must be %i to %i", who, field, n, low,
+                       high);
+}
+
+/* The numbers of a struct: a table of them, each `n` doubles from byte `at` on; n = 0: an int. */
+typedef struct clothi_rule {
+    char   field[16];
+    int    n, open;
+    double low, high;
+    size_t at;
+} clothi_rule;
+
+#define CLOTHI_RULE(type, field, n, open, low, high)                                             \
+    {#field, n, open, low, high, offsetof(type, field)}
+
+static cloth_status clothi_check_rules(const cloth_hooks *hooks, const char *who, const void *of,
+                                       const clothi_rule *rule, size_t count) {
+    cloth_status status = CLOTH_OK;
+    double       a[3];
+    int          k, whole;
+    for (; count > 0 && !status; count--, rule++) {
+        const unsigned char *at = (const unsigned char *)of + rule->at;
+        memcpy(&whole, at, sizeof whole);
+        memcpy(a, at, (size_t)rule->n * sizeof *a);
+        for (k = 0; k < rule->n && !status; k++)
+            status = clothi_check_range(hooks, who, rule->field, a[k], rule->low, rule->high,
+                                        rule->open);
+        if (rule->n == 0)
+            status = clothi_check_count(hooks, who, rule->field, whole, (int)rule->low,
+                                        (int)rule->high);
+    }
+    return status;
+}
+
+/* Each number of a [n]; NULL: nothing to check. */
+CLOTHI_OUTLINE static cloth_status clothi_check_each(const cloth_hooks *hooks, const char *name,
+                                                     const double *a, int n, double low,
+                                                     int open) {
+    ptrdiff_t at = a ? clothi_find_nonfinite(a, (size_t)n) : -1;
+    if (at >= 0)
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g is not finite", name, (int)at,
+                           a[at]);
+    for (at = 0; a && at < n && (open ? a[at] > low : a[at] >= low); at++) {}
+    if (!a || at == n) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s[%i] = %g must be %s %g", name, (int)at, a[at],
+                       open ? "above" : "at least", low);
+}
+
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *name,
+                                                       const double *a, int n) {
+    return clothi_check_each(hooks, name, a, n, -HUGE_VAL, 0);
+}
+
+/* Each index of list [n x width] is in [0, end); NULL: nothing to check. */
+CLOTHI_OUTLINE static cloth_status clothi_check_indices(const cloth_hooks *hooks,
+                                                        cloth_status status, const char *who,
+                                                        const char *name, const int *list, int n,
+                                                        int width, int end) {
+    int i;
+    for (i = 0; list && i < n * width && list[i] >= 0 && list[i] < end; i++) {}
+    if (!list || i >= n * width) return CLOTH_OK;
+    if (width == 1)
+        return clothi_fail(hooks, status, "%s%s[%i] = %i is outside 0 .. %i", who, name, i, list[i],
+                           end - 1);
+    return clothi_fail(hooks, status, "%s%s[%i] corner %i = %i is outside 0 .. %i", who, name,
+                       i / width, i % width, list[i], end - 1);
+}
+
+/* "list[at]." in name; "" where at < 0. */
+static const char *clothi_member(char name[32], const char *list, int at) {
+    clothi_sink s = {NULL, 31, 0};
+    s.buf = name;
+    if (at >= 0) {
+        clothi_sink_string(&s, list);
+        clothi_sink_char(&s, '[');
+        clothi_sink_int(&s, at);
+        clothi_sink_string(&s, "].");
+    }
+    name[s.n < 31 ? s.n : 31] = '\0';
+    return name;
+}
+
 /* fn over [0, count) in ranges of about `grain` items; serial without a parallel hook. */
 CLOTHI_OUTLINE static void clothi_for(const cloth_hooks *hooks, int count, int grain,
                                       cloth_range_fn *fn, void *ctx) {
@@ -2011,13 +2113,8 @@ static int clothi_edge_run(const clothi_edge_sort *s, int n, int i) {
 }
 
 static cloth_status clothi_check_counts(const cloth_hooks *hooks, int nv, int nf) {
-    if (nv < 0 || nv > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nv = %i is outside 0 .. %i", nv,
-                           CLOTH_MAX_COUNT);
-    if (nf < 0 || nf > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nf = %i is outside 0 .. %i", nf,
-                           CLOTH_MAX_COUNT);
-    return CLOTH_OK;
+    const cloth_status status = clothi_check_count(hooks, "", "nv", nv, 0, CLOTH_MAX_COUNT);
+    return status ? status : clothi_check_count(hooks, "", "nf", nf, 0, CLOTH_MAX_COUNT);
 }
 
 typedef struct clothi_checker {
@@ -2317,18 +2414,16 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
 
 /* The first face that cannot be used at all. */
 static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf, const int *faces) {
-    int f, k;
-    for (f = 0; f < nf; f++) {
+    const cloth_status status = clothi_check_indices(hooks, CLOTH_ERR_MESH, "", "faces", faces, nf,
+                                                     3, nv);
+    int f;
+    for (f = 0; f < nf && !status; f++) {
         const int *t = faces + 3 * f;
-        for (k = 0; k < 3; k++)
-            if (t[k] < 0 || t[k] >= nv)
-                return clothi_fail(hooks, CLOTH_ERR_MESH, "faces[%i] corner %i = %i but nv = %i",
-                                   f, k, t[k], nv);
         if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0])
             return clothi_fail(hooks, CLOTH_ERR_MESH, "faces[%i] = %i %i %i repeats a corner", f,
                                t[0], t[1], t[2]);
     }
-    return CLOTH_OK;
+    return status;
 }
 
 /* Counts edges, hinges and boundary edges, or refuses the first edge that is none of them. */
@@ -2755,31 +2850,20 @@ static cloth_status clothi_mesh_arrays(const cloth_hooks *hooks, const cloth_mes
         {"faces", m->faces, m->nf, 3, m->nv}, {"part", m->part, m->part ? m->nf : 0, 1, m->npart},
         {"render_vertex", m->render_vertex, at < 0 ? 0 : nr, 1, m->nv},
         {"render_faces", m->render_faces, corners, 3, nr}};
-    const char *missing = m->nv > 0 && !m->x ? "x" : nr > 0 && !m->vt ? "vt" : NULL;
-    char        name[32] = "";
-    clothi_sink who = {NULL, sizeof name - 1, 0};
-    int         i, k;
-    who.buf = name;
-    if (at >= 0) {
-        clothi_sink_string(&who, "meshes[");
-        clothi_sink_int(&who, at);
-        clothi_sink_string(&who, "].");
-    }
-    for (k = 0; k < 4; k++)
-        if (count[k].n < 0 || count[k].n > count[k].most)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %i is outside 0 .. %i", name,
-                               count[k].name, count[k].n, count[k].most);
-    for (k = 0; k < 4 && !missing; k++) {
+    const char  *missing = m->nv > 0 && !m->x ? "x" : nr > 0 && !m->vt ? "vt" : NULL;
+    char         name[32];
+    const char  *who = clothi_member(name, "meshes", at);
+    cloth_status status = CLOTH_OK;
+    int          k;
+    for (k = 0; k < 4 && !status; k++)
+        status = clothi_check_count(hooks, who, count[k].name, count[k].n, 0, count[k].most);
+    for (k = 0; k < 4 && !status && !missing; k++) {
         if (index[k].n > 0 && !index[k].a) missing = index[k].name;
-        for (i = 0; !missing && i < index[k].n * index[k].width; i++)
-            if (index[k].a[i] < 0 || index[k].a[i] >= index[k].end)
-                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                                   "%s%s[%i] corner %i = %i is outside 0 .. %i", name,
-                                   index[k].name, i / index[k].width, i % index[k].width,
-                                   index[k].a[i], index[k].end - 1);
+        else status = clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, who, index[k].name,
+                                           index[k].a, index[k].n, index[k].width, index[k].end);
     }
-    if (!missing) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", name, missing);
+    if (status || !missing) return status;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", who, missing);
 }
 
 /* What the mesh `a` adds to `m` behind the vertices, faces, parts and render corners that the
@@ -4043,35 +4127,29 @@ CLOTH_API double cloth_material_rigidity(const cloth_material *m) {
 
 CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const cloth_material *m,
                                             int region) {
-    static const char *const name[7] = {"density", "young",   "thickness", "membrane",
-                                        "poisson", "bending", "damping"};
-    const double value[7] = {m->density, m->young,   m->thickness, m->membrane,
-                             m->poisson, m->bending, m->damping};
-    const char  *rule = NULL;
+    static const clothi_rule rule[7] = {
+        CLOTHI_RULE(cloth_material, density, 1, CLOTHI_OVER, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, young, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, thickness, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, membrane, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, poisson, 1, CLOTHI_OVER, -1, 0.5),
+        CLOTHI_RULE(cloth_material, bending, 1, 0, -HUGE_VAL, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, damping, 1, 0, 0, HUGE_VAL)};
+    char         name[32];
+    const char  *who = clothi_member(name, "material", region);
     double       mu, lambda;
-    int          i;
-    for (i = 0; i < 7; i++)
-        if (!clothi_finite(value[i]))
-            return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "material[%i].%s = %g", region, name[i],
-                               value[i]);
-    if (m->plane != CLOTH_PLANE_STRESS && m->plane != CLOTH_PLANE_STRAIN_3D)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "material[%i].plane = %i is no cloth_plane",
-                           region, (int)m->plane);
-    for (i = 0; i < 7 && !rule; i++) {
-        if (i == 0 && !(value[i] > 0.0)) rule = "must be above 0";
-        if ((i == 1 || i == 2 || i == 3 || i == 6) && value[i] < 0.0) rule = "must not be negative";
-        if (i == 4 && !(value[i] > -1.0 && value[i] <= 0.5)) rule = "must lie in (-1, 0.5]";
-        if (i == 4 && m->plane == CLOTH_PLANE_STRAIN_3D && !(value[i] < 0.5))
-            rule = "must be below 0.5 for CLOTH_PLANE_STRAIN_3D";
-    }
-    if (rule)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "material[%i].%s = %g %s", region,
-                           name[i - 1], value[i - 1], rule);
+    cloth_status status = clothi_check_rules(hooks, who, m, rule, 7);
+    if (!status && m->plane != CLOTH_PLANE_STRESS && m->plane != CLOTH_PLANE_STRAIN_3D)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%splane = %i is no cloth_plane", who,
+                           (int)m->plane);
+    if (!status && m->plane == CLOTH_PLANE_STRAIN_3D)
+        status = clothi_check_range(hooks, who, "CLOTH_PLANE_STRAIN_3D: poisson", m->poisson, -1,
+                                    0.5, CLOTHI_OVER | CLOTHI_UNDER);
+    if (status) return status;
     cloth_material_lame(m, &mu, &lambda);
     if (!clothi_finite(mu) || !clothi_finite(lambda) || !clothi_finite(cloth_material_rigidity(m)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                           "material[%i]: young = %g times thickness = %g is beyond any double",
-                           region, m->young, m->thickness);
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%syoung = %g times thickness = %g is beyond "
+                           "any double", who, m->young, m->thickness);
     return CLOTH_OK;
 }
 
@@ -6001,21 +6079,17 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
 
 static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int nelem,
                                          const int *start, const int *vertex) {
-    int e, a;
+    int e;
     if (nv < 1 || nv > CLOTH_MAX_COUNT || nelem < 0 || (nelem > 0 && (!start || !vertex)))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "pattern: nv = %i, nelem = %i, or a list is NULL", nv, nelem);
     if (nelem > 0 && start[0] < 0)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[0] = %i", start[0]);
-    for (e = 0; e < nelem; e++) {
+    for (e = 0; e < nelem; e++)
         if (start[e + 1] < start[e])
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[%i] decreases", e + 1);
-        for (a = start[e]; a < start[e + 1]; a++)
-            if (vertex[a] < 0 || vertex[a] >= nv)
-                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                                   "pattern: vertex[%i] = %i but nv = %i", a, vertex[a], nv);
-    }
-    return CLOTH_OK;
+    return clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "pattern: ", "vertex", vertex,
+                                nelem > 0 ? start[nelem] : 0, 1, nv);
 }
 
 /* Everything that p holds, from the graph. Aggregates are found by vertex, kept by row. */
@@ -6320,11 +6394,9 @@ CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const in
     if (n < 0 || (n > 0 && (!v || !H)))
         return clothi_fail(&A->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_matrix_add_element: n = %i, or v or H is NULL", n);
-    for (a = 0; a < n; a++)
-        if (v[a] < 0 || v[a] >= A->p->n)
-            return clothi_fail(&A->hooks, CLOTH_ERR_ARGUMENT, "cloth_matrix_add_element: v[%i] = "
-                               "%i but nv = %i", a, v[a], A->p->n);
-    status = n > 1 ? clothi_matrix_reserve(A, (size_t)n * ((size_t)n - 1) / 2) : CLOTH_OK;
+    status = clothi_check_indices(&A->hooks, CLOTH_ERR_ARGUMENT, "cloth_matrix_add_element: ", "v",
+                                  v, n, 1, A->p->n);
+    if (!status && n > 1) status = clothi_matrix_reserve(A, (size_t)n * ((size_t)n - 1) / 2);
     if (status) return status;
     for (a = 0; a < n; a++)
         for (b = 0; b <= a; b++) {
@@ -8677,25 +8749,6 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field,
-                                                       double a, double low, int open) {
-    if (!clothi_finite(a))
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
-    if (a < low || (open && !(a > low)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.%s = %g must be %s %g", field, a,
-                           open ? "above" : "at least", low);
-    return CLOTH_OK;
-}
-
-/* name: the call and its argument, or the field. a NULL: nothing to check. */
-CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *name,
-                                                       const double *a, int n) {
-    const ptrdiff_t at = a ? clothi_find_nonfinite(a, (size_t)n) : -1;
-    if (at < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g is not finite", name, (int)at,
-                       a[at]);
-}
-
 static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_desc *d) {
     const struct { const char *field, *kind; int value, low, high; } rung[6] = {
         {"membrane", "MEMBRANE", (int)d->membrane, CLOTH_MEMBRANE_SPRINGS, CLOTH_MEMBRANE_STVK},
@@ -8717,32 +8770,6 @@ static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_de
     return CLOTH_OK;
 }
 
-static cloth_status clothi_check_desc_numbers(const cloth_hooks *hooks, const cloth_desc *d) {
-    const struct { const char *field; int n, most; } count[3] = {
-        {"substeps", d->substeps, CLOTHI_MAX_SUBSTEPS}, {"max_newton", d->max_newton, 0x7fffffff},
-        {"max_attachments", d->max_attachments, 0xffff}};
-    cloth_status status = CLOTH_OK;
-    int k;
-    for (k = 0; k < 3 && !status; k++) {
-        status = clothi_check_number(hooks, "gravity", d->gravity[k], -HUGE_VAL, 0);
-        if (!status) status = clothi_check_number(hooks, "wind", d->wind[k], -HUGE_VAL, 0);
-    }
-    if (!status) status = clothi_check_number(hooks, "air_density", d->air_density, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "drag", d->drag, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "lift", d->lift, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "tolerance", d->tolerance, 0, 1);
-    if (!status) status = clothi_check_number(hooks, "sleep", d->sleep, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "cg_tolerance", d->cg_tolerance, 0, 1);
-    if (!status && !(d->cg_tolerance < 1))
-        status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.cg_tolerance = %g must be below 1",
-                             d->cg_tolerance);
-    for (k = 0; k < 3 && !status; k++)
-        if (count[k].n < 0 || count[k].n > count[k].most)
-            status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.%s = %i must be 0 to %i",
-                                 count[k].field, count[k].n, count[k].most);
-    return status;
-}
-
 static cloth_status clothi_check_list(const cloth_hooks *hooks, const char *count, int n,
                                       const char *name, const void *list) {
     if (n >= 0 && (n == 0 || list)) return CLOTH_OK;
@@ -8750,68 +8777,54 @@ static cloth_status clothi_check_list(const cloth_hooks *hooks, const char *coun
                        : "desc.%s = %i without desc.%s", count, n, name);
 }
 
+static cloth_status clothi_check_axes(const cloth_hooks *hooks, const char *who, unsigned axes) {
+    return clothi_check_count(hooks, who, "axes", (int)axes, 1, CLOTH_AXIS_ALL);
+}
+
 static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_desc *d) {
-    int          i;
+    char         name[32];
+    int          i, last = d->nv - 1;
     cloth_status status = clothi_check_list(hooks, "npins", d->npins, "pins", d->pins);
     if (!status) status = clothi_check_list(hooks, "nties", d->nties, "ties", d->ties);
     if (status) return status;
     if (d->nties > 0 && d->integrator == CLOTH_INTEGRATOR_LEAPFROG)
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
                            "desc.nties = %i: CLOTH_INTEGRATOR_LEAPFROG has no ties", d->nties);
-    for (i = 0; i < d->npins; i++) {
+    for (i = 0; i < d->npins && !status; i++) {
         const cloth_pin *p = d->pins + i;
-        if (p->vertex < 0 || p->vertex >= d->nv)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.pins[%i].vertex = %i but nv = %i", i, p->vertex, d->nv);
-        if (p->axes == 0 || p->axes > CLOTH_AXIS_ALL)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.pins[%i].axes = %i must be 1 to 7", i, (int)p->axes);
+        const char      *who = clothi_member(name, "desc.pins", i);
+        status = clothi_check_count(hooks, who, "vertex", p->vertex, 0, last);
+        if (!status) status = clothi_check_axes(hooks, who, p->axes);
     }
-    for (i = 0; i < d->nties; i++) {
+    for (i = 0; i < d->nties && !status; i++) {
         const cloth_tie *t = d->ties + i;
-        if (t->leader < 0 || t->leader >= d->nv || t->follower < 0 || t->follower >= d->nv ||
-            t->leader == t->follower)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.ties[%i] = leader %i, follower %i but nv = %i", i, t->leader,
-                               t->follower, d->nv);
-        if (t->axes == 0 || t->axes > CLOTH_AXIS_ALL)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.ties[%i].axes = %i must be 1 to 7", i, (int)t->axes);
+        const char      *who = clothi_member(name, "desc.ties", i);
+        status = clothi_check_count(hooks, who, "leader", t->leader, 0, last);
+        if (!status) status = clothi_check_count(hooks, who, "follower", t->follower, 0, last);
+        if (!status && t->leader == t->follower)
+            status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%sleader = %i is its follower", who,
+                                 t->leader);
+        if (!status) status = clothi_check_axes(hooks, who, t->axes);
     }
-    return CLOTH_OK;
+    return status;
 }
 
 static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc *d) {
     cloth_mesh_report faults;
     cloth_status      status;
-    int               i, nregions = d->nregions > 0 ? d->nregions : 1;
-    if (d->nv < 3 || d->nv > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nv = %i must be 3 to %i", d->nv,
-                           CLOTH_MAX_COUNT);
-    if (d->nf < 1 || d->nf > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nf = %i must be 1 to %i", d->nf,
-                           CLOTH_MAX_COUNT);
     if (!d->x_rest) return clothi_null(hooks, "desc.x_rest");
     if (!d->faces) return clothi_null(hooks, "desc.faces");
     status = cloth_mesh_check(hooks, d->nv, d->x_rest, d->nf, d->faces, d->X, &faults);
     if (!status) status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
     if (!status) status = clothi_check_vector(hooks, "desc.v", d->v, 3 * d->nv);
-    if (!status) status = clothi_check_vector(hooks, "desc.vertex_mass", d->vertex_mass, d->nv);
+    if (!status)
+        status = clothi_check_each(hooks, "desc.vertex_mass", d->vertex_mass, d->nv, 0, 1);
+    if (!status)
+        status = clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "desc.", "part", d->part, d->nf, 1,
+                                      d->nf);
     if (status) return status;
-    for (i = 0; d->vertex_mass && i < d->nv; i++)
-        if (!(d->vertex_mass[i] > 0))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.vertex_mass[%i] = %g must be > 0",
-                               i, d->vertex_mass[i]);
-    for (i = 0; i < d->nf; i++) {
-        if (d->part && (d->part[i] < 0 || d->part[i] >= d->nf))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.part[%i] = %i is out of range", i,
-                               d->part[i]);
-        if (d->region && (d->region[i] < 0 || d->region[i] >= nregions))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.region[%i] = %i but there are %i materials", i, d->region[i],
-                               nregions);
-    }
-    return CLOTH_OK;
+    return clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "desc.", "region", d->region, d->nf, 1,
+                                d->nregions > 0 ? d->nregions : 1);
 }
 
 /* Whether sums are rounded as written: not where a flag that no macro shows makes (a + b) - a b. */
@@ -8826,6 +8839,20 @@ static int clothi_ieee(void) {
 
 /* Every refusal that needs no allocation of the model's own. */
 static cloth_status clothi_check_desc(const cloth_desc *d) {
+    static const clothi_rule rule[] = {
+        CLOTHI_RULE(cloth_desc, gravity, 3, 0, -HUGE_VAL, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, wind, 3, 0, -HUGE_VAL, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, air_density, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, drag, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, lift, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, tolerance, 1, CLOTHI_OVER, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, sleep, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, cg_tolerance, 1, CLOTHI_OVER | CLOTHI_UNDER, 0, 1),
+        CLOTHI_RULE(cloth_desc, substeps, 0, 0, 0, CLOTHI_MAX_SUBSTEPS),
+        CLOTHI_RULE(cloth_desc, max_newton, 0, 0, 0, 0x7fffffff),
+        CLOTHI_RULE(cloth_desc, max_attachments, 0, 0, 0, 0xffff),
+        CLOTHI_RULE(cloth_desc, nv, 0, 0, 3, CLOTH_MAX_COUNT),
+        CLOTHI_RULE(cloth_desc, nf, 0, 0, 1, CLOTH_MAX_COUNT)};
     const cloth_hooks *hooks = &d->hooks;
     cloth_status       status;
     int                i;
@@ -8840,7 +8867,7 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "compiled for other than IEEE arithmetic: "
                            "-funsafe-math-optimizations?");
     status = clothi_check_ladder(hooks, d);
-    if (!status) status = clothi_check_desc_numbers(hooks, d);
+    if (!status) status = clothi_check_rules(hooks, "desc.", d, rule, sizeof rule / sizeof *rule);
     if (!status)
         status = clothi_check_list(hooks, "nregions", d->nregions, "materials", d->materials);
     if (!status) status = clothi_check_mesh(hooks, d);
@@ -9866,34 +9893,22 @@ static double clothi_total_mass(const cloth_sim *s) {
 static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *p) {
     const cloth_model  *m = s->model;
     const cloth_hooks  *hooks = &s->hooks;
-    cloth_status        status;
-    int                 i;
-    for (i = 0; i < m->nregions; i++) {
+    cloth_status        status = CLOTH_OK;
+    int                 i, nh = s->params.nh;
+    for (i = 0; i < m->nregions && !status; i++)
         status = cloth_material_check(hooks, p->material + i, i);
-        if (status) return status;
-    }
-    for (i = 0; i < s->params.nh; i++) {
-        if (!clothi_finite(p->hinge_scale[i]) || !clothi_finite(p->theta0[i]))
-            return clothi_fail(hooks, CLOTH_ERR_NONFINITE,
-                               "params.hinge_scale[%i] = %g, theta0 = %g must be finite", i,
-                               p->hinge_scale[i], p->theta0[i]);
-        if (p->hinge_scale[i] < 0)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "params.hinge_scale[%i] = %g must be at least 0", i,
-                               p->hinge_scale[i]);
-        if (m->bend.kind == CLOTHI_QUADRATIC && fabs(p->theta0[i]) > 1e-9)
-            return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
-                               "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
-                               p->theta0[i]);
-    }
-    status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
-    if (!status) status = clothi_check_areas(hooks, "params.X", p->X, m->nf);
     if (status) return status;
-    for (i = 0; p->mass_given && i < m->nv; i++)
-        if (!clothi_finite(p->mass[i]) || !(p->mass[i] > 0))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "params.mass[%i] = %g must be > 0", i,
-                               p->mass[i]);
-    return CLOTH_OK;
+    status = clothi_check_each(hooks, "params.hinge_scale", p->hinge_scale, nh, 0, 0);
+    if (!status) status = clothi_check_vector(hooks, "params.theta0", p->theta0, nh);
+    for (i = 0; i < nh && m->bend.kind == CLOTHI_QUADRATIC && !status; i++)
+        if (fabs(p->theta0[i]) > 1e-9)
+            status = clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                                 "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
+                                 p->theta0[i]);
+    if (!status) status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
+    if (!status) status = clothi_check_areas(hooks, "params.X", p->X, m->nf);
+    if (status || !p->mass_given) return status;
+    return clothi_check_each(hooks, "params.mass", p->mass, m->nv, 0, 1);
 }
 
 static void clothi_derive(cloth_sim *s) {
@@ -12614,9 +12629,9 @@ static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
 }
 
 static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *report) {
-    if (!clothi_finite(h) || !(h > 0))
-        return clothi_fail(&s->hooks, clothi_finite(h) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
-                           "cloth_step: h = %g must be finite and > 0", h);
+    const cloth_status status = clothi_check_range(&s->hooks, "cloth_step: ", "h", h, 0,
+                                                   HUGE_VAL, CLOTHI_OVER);
+    if (status) return status;
     if (s->model->desc.contact != CLOTH_CONTACT_NONE && !s->contact_on)
         return clothi_fail(&s->hooks, CLOTH_ERR_UNSUPPORTED, "desc.contact = %s needs "
                            "clothsim_collide.h: this sim has no contact",
@@ -13136,9 +13151,8 @@ static int clothi_leader(const cloth_model *m, int vertex, int axis) {
 }
 
 static cloth_status clothi_check_pin(const cloth_sim *s, const char *call, int vertex) {
-    if (!s || (vertex >= 0 && vertex < s->model->nv)) return s ? CLOTH_OK : CLOTH_ERR_ARGUMENT;
-    return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "%s: vertex %i but nv = %i", call, vertex,
-                       s->model->nv);
+    if (!s) return CLOTH_ERR_ARGUMENT;
+    return clothi_check_count(&s->hooks, call, "vertex", vertex, 0, s->model->nv - 1);
 }
 
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
@@ -13146,11 +13160,9 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
     unsigned char pin;
     double        to;
     int           k;
-    cloth_status  status = clothi_check_pin(sim, "cloth_sim_pin", vertex);
+    cloth_status  status = clothi_check_pin(sim, "cloth_sim_pin: ", vertex);
+    if (!status) status = clothi_check_axes(&sim->hooks, "cloth_sim_pin: ", axes);
     if (status) return status;
-    if (axes == 0 || axes > CLOTH_AXIS_ALL)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: axes %i must be 1 to 7",
-                           (int)axes);
     for (k = 0; target && k < 3; k++)
         if ((axes >> k & 1) && !clothi_finite(target[k]))
             return clothi_fail(&sim->hooks, CLOTH_ERR_NONFINITE, "cloth_sim_pin: target[%i] = %g",
@@ -13170,7 +13182,7 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
 CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
     unsigned char pin;
     int           k;
-    cloth_status  status = clothi_check_pin(sim, "cloth_sim_unpin", vertex);
+    cloth_status  status = clothi_check_pin(sim, "cloth_sim_unpin: ", vertex);
     for (k = 0; k < 3 && !status; k++) {
         const int v = clothi_leader(sim->model, vertex, k);
         pin = (unsigned char)(sim->pin[v] & ~(1u << k));
@@ -13215,9 +13227,8 @@ static cloth_status clothi_attach_add(cloth_sim *s, int face, const double *bary
                                p[0] + p[1] + p[2]);
         memcpy(!i ? q.bary : on ? q.at : q.target, p, sizeof q.at);
     }
-    if (!clothi_finite(k) || k < 0)
-        return clothi_fail(&s->hooks, clothi_finite(k) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
-                           "attachment: k = %g must be finite and at least 0", k);
+    status = clothi_check_range(&s->hooks, "attachment: ", "k", k, 0, HUGE_VAL, 0);
+    if (status) return status;
     for (i = 0; i < s->model->desc.max_attachments && s->attach[i].used; i++) {}
     if (i == s->model->desc.max_attachments)
         return clothi_fail(&s->hooks, CLOTH_ERR_CAPACITY,
@@ -13309,11 +13320,9 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const 
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!m) return clothi_null(&sim->hooks, "cloth_sim_set_material: m");
-    if (region < 0 || region >= sim->model->nregions)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_sim_set_material: region %i but there are %i", region,
-                           sim->model->nregions);
-    status = cloth_material_check(&sim->hooks, m, region);
+    status = clothi_check_count(&sim->hooks, "cloth_sim_set_material: ", "region", region, 0,
+                                sim->model->nregions - 1);
+    if (!status) status = cloth_material_check(&sim->hooks, m, region);
     if (status) return status;
     sim->params.material[region] = *m;
     clothi_derive(sim);

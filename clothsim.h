@@ -1665,6 +1665,30 @@ CLOTHI_OUTLINE static size_t clothi_blocks(const cloth_hooks *hooks, const void 
 
 CLOTHI_RARE_BEGIN
 
+/* An object that begins with its hooks, zeroed; NULL: no memory. */
+static void *clothi_object(const cloth_hooks *hooks, size_t size) {
+    void *object = clothi_alloc(hooks, 1, size);
+    if (object && hooks) memcpy(object, hooks, sizeof *hooks);
+    return object;
+}
+
+/* Bytes of such an object and of the n blocks whose pointers are `at` bytes into it; NULL: 0. Frees
+ * them all where `done`. */
+static size_t clothi_object_blocks(const void *object, const size_t *at, size_t n, int done) {
+    cloth_hooks hooks;
+    size_t      k, sum = clothi_block_size(object);
+    if (!object) return 0;
+    memcpy(&hooks, object, sizeof hooks);
+    for (k = 0; k < n; k++) {
+        void *block;
+        memcpy(&block, (const unsigned char *)object + at[k], sizeof block);
+        sum += clothi_block_size(block);
+        if (done) clothi_free(&hooks, block);
+    }
+    if (done) clothi_free(&hooks, object);
+    return sum;
+}
+
 /* Where text goes: counted beyond the capacity, kept within. No printf: its output depends on the
  * locale and the host may lack it. */
 typedef struct clothi_sink {
@@ -1775,6 +1799,108 @@ CLOTHI_OUTLINE static cloth_status clothi_fail(const cloth_hooks *hooks, cloth_s
 /* Refuses a call for what it was not given. */
 CLOTHI_OUTLINE static cloth_status clothi_null(const cloth_hooks *hooks, const char *what) {
     return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s is NULL", what);
+}
+
+/* --- what a call or desc may say. A refusal names field and value; who: what stands before the
+ * field --- */
+
+enum { CLOTHI_OVER = 1, CLOTHI_UNDER = 2 }; /* low, or high, itself is refused                 */
+
+CLOTHI_OUTLINE static cloth_status clothi_check_range(const cloth_hooks *hooks, const char *who,
+                                                      const char *field, double a, double low,
+                                                      double high, int open) {
+    const int under = open & CLOTHI_OVER ? !(a > low) : a < low;
+    if (!clothi_finite(a))
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s%s = %g is not finite", who, field, a);
+    if (!under && (open & CLOTHI_UNDER ? a < high : a <= high)) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %g must be %s %g", who, field, a,
+                       under ? open & CLOTHI_OVER ? "above" : "at least"
+                             : open & CLOTHI_UNDER ? "below" : "at most", under ? low : high);
+}
+
+CLOTHI_OUTLINE static cloth_status clothi_check_count(const cloth_hooks *hooks, const char *who,
+                                                      const char *field, int n, int low, int high) {
+    if (n >= low && n <= high) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %i must be %i to %i", who, field, n, low,
+                       high);
+}
+
+/* The numbers of a struct: a table of them, each `n` doubles from byte `at` on; n = 0: an int. */
+typedef struct clothi_rule {
+    char   field[16];
+    int    n, open;
+    double low, high;
+    size_t at;
+} clothi_rule;
+
+#define CLOTHI_RULE(type, field, n, open, low, high)                                             \
+    {#field, n, open, low, high, offsetof(type, field)}
+
+static cloth_status clothi_check_rules(const cloth_hooks *hooks, const char *who, const void *of,
+                                       const clothi_rule *rule, size_t count) {
+    cloth_status status = CLOTH_OK;
+    double       a[3];
+    int          k, whole;
+    for (; count > 0 && !status; count--, rule++) {
+        const unsigned char *at = (const unsigned char *)of + rule->at;
+        memcpy(&whole, at, sizeof whole);
+        memcpy(a, at, (size_t)rule->n * sizeof *a);
+        for (k = 0; k < rule->n && !status; k++)
+            status = clothi_check_range(hooks, who, rule->field, a[k], rule->low, rule->high,
+                                        rule->open);
+        if (rule->n == 0)
+            status = clothi_check_count(hooks, who, rule->field, whole, (int)rule->low,
+                                        (int)rule->high);
+    }
+    return status;
+}
+
+/* Each number of a [n]; NULL: nothing to check. */
+CLOTHI_OUTLINE static cloth_status clothi_check_each(const cloth_hooks *hooks, const char *name,
+                                                     const double *a, int n, double low,
+                                                     int open) {
+    ptrdiff_t at = a ? clothi_find_nonfinite(a, (size_t)n) : -1;
+    if (at >= 0)
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g is not finite", name, (int)at,
+                           a[at]);
+    for (at = 0; a && at < n && (open ? a[at] > low : a[at] >= low); at++) {}
+    if (!a || at == n) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s[%i] = %g must be %s %g", name, (int)at, a[at],
+                       open ? "above" : "at least", low);
+}
+
+CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *name,
+                                                       const double *a, int n) {
+    return clothi_check_each(hooks, name, a, n, -HUGE_VAL, 0);
+}
+
+/* Each index of list [n x width] is in [0, end); NULL: nothing to check. */
+CLOTHI_OUTLINE static cloth_status clothi_check_indices(const cloth_hooks *hooks,
+                                                        cloth_status status, const char *who,
+                                                        const char *name, const int *list, int n,
+                                                        int width, int end) {
+    int i;
+    for (i = 0; list && i < n * width && list[i] >= 0 && list[i] < end; i++) {}
+    if (!list || i >= n * width) return CLOTH_OK;
+    if (width == 1)
+        return clothi_fail(hooks, status, "%s%s[%i] = %i is outside 0 .. %i", who, name, i, list[i],
+                           end - 1);
+    return clothi_fail(hooks, status, "%s%s[%i] corner %i = %i is outside 0 .. %i", who, name,
+                       i / width, i % width, list[i], end - 1);
+}
+
+/* "list[at]." in name; "" where at < 0. */
+static const char *clothi_member(char name[32], const char *list, int at) {
+    clothi_sink s = {NULL, 31, 0};
+    s.buf = name;
+    if (at >= 0) {
+        clothi_sink_string(&s, list);
+        clothi_sink_char(&s, '[');
+        clothi_sink_int(&s, at);
+        clothi_sink_string(&s, "].");
+    }
+    name[s.n < 31 ? s.n : 31] = '\0';
+    return name;
 }
 
 /* fn over [0, count) in ranges of about `grain` items; serial without a parallel hook. */
@@ -1987,13 +2113,8 @@ static int clothi_edge_run(const clothi_edge_sort *s, int n, int i) {
 }
 
 static cloth_status clothi_check_counts(const cloth_hooks *hooks, int nv, int nf) {
-    if (nv < 0 || nv > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nv = %i is outside 0 .. %i", nv,
-                           CLOTH_MAX_COUNT);
-    if (nf < 0 || nf > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "nf = %i is outside 0 .. %i", nf,
-                           CLOTH_MAX_COUNT);
-    return CLOTH_OK;
+    const cloth_status status = clothi_check_count(hooks, "", "nv", nv, 0, CLOTH_MAX_COUNT);
+    return status ? status : clothi_check_count(hooks, "", "nf", nf, 0, CLOTH_MAX_COUNT);
 }
 
 typedef struct clothi_checker {
@@ -2293,18 +2414,16 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
 
 /* The first face that cannot be used at all. */
 static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf, const int *faces) {
-    int f, k;
-    for (f = 0; f < nf; f++) {
+    const cloth_status status = clothi_check_indices(hooks, CLOTH_ERR_MESH, "", "faces", faces, nf,
+                                                     3, nv);
+    int f;
+    for (f = 0; f < nf && !status; f++) {
         const int *t = faces + 3 * f;
-        for (k = 0; k < 3; k++)
-            if (t[k] < 0 || t[k] >= nv)
-                return clothi_fail(hooks, CLOTH_ERR_MESH, "faces[%i] corner %i = %i but nv = %i",
-                                   f, k, t[k], nv);
         if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0])
             return clothi_fail(hooks, CLOTH_ERR_MESH, "faces[%i] = %i %i %i repeats a corner", f,
                                t[0], t[1], t[2]);
     }
-    return CLOTH_OK;
+    return status;
 }
 
 /* Counts edges, hinges and boundary edges, or refuses the first edge that is none of them. */
@@ -2731,31 +2850,20 @@ static cloth_status clothi_mesh_arrays(const cloth_hooks *hooks, const cloth_mes
         {"faces", m->faces, m->nf, 3, m->nv}, {"part", m->part, m->part ? m->nf : 0, 1, m->npart},
         {"render_vertex", m->render_vertex, at < 0 ? 0 : nr, 1, m->nv},
         {"render_faces", m->render_faces, corners, 3, nr}};
-    const char *missing = m->nv > 0 && !m->x ? "x" : nr > 0 && !m->vt ? "vt" : NULL;
-    char        name[32] = "";
-    clothi_sink who = {NULL, sizeof name - 1, 0};
-    int         i, k;
-    who.buf = name;
-    if (at >= 0) {
-        clothi_sink_string(&who, "meshes[");
-        clothi_sink_int(&who, at);
-        clothi_sink_string(&who, "].");
-    }
-    for (k = 0; k < 4; k++)
-        if (count[k].n < 0 || count[k].n > count[k].most)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s = %i is outside 0 .. %i", name,
-                               count[k].name, count[k].n, count[k].most);
-    for (k = 0; k < 4 && !missing; k++) {
+    const char  *missing = m->nv > 0 && !m->x ? "x" : nr > 0 && !m->vt ? "vt" : NULL;
+    char         name[32];
+    const char  *who = clothi_member(name, "meshes", at);
+    cloth_status status = CLOTH_OK;
+    int          k;
+    for (k = 0; k < 4 && !status; k++)
+        status = clothi_check_count(hooks, who, count[k].name, count[k].n, 0, count[k].most);
+    for (k = 0; k < 4 && !status && !missing; k++) {
         if (index[k].n > 0 && !index[k].a) missing = index[k].name;
-        for (i = 0; !missing && i < index[k].n * index[k].width; i++)
-            if (index[k].a[i] < 0 || index[k].a[i] >= index[k].end)
-                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                                   "%s%s[%i] corner %i = %i is outside 0 .. %i", name,
-                                   index[k].name, i / index[k].width, i % index[k].width,
-                                   index[k].a[i], index[k].end - 1);
+        else status = clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, who, index[k].name,
+                                           index[k].a, index[k].n, index[k].width, index[k].end);
     }
-    if (!missing) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", name, missing);
+    if (status || !missing) return status;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", who, missing);
 }
 
 /* What the mesh `a` adds to `m` behind the vertices, faces, parts and render corners that the
@@ -4019,35 +4127,29 @@ CLOTH_API double cloth_material_rigidity(const cloth_material *m) {
 
 CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const cloth_material *m,
                                             int region) {
-    static const char *const name[7] = {"density", "young",   "thickness", "membrane",
-                                        "poisson", "bending", "damping"};
-    const double value[7] = {m->density, m->young,   m->thickness, m->membrane,
-                             m->poisson, m->bending, m->damping};
-    const char  *rule = NULL;
+    static const clothi_rule rule[7] = {
+        CLOTHI_RULE(cloth_material, density, 1, CLOTHI_OVER, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, young, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, thickness, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, membrane, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, poisson, 1, CLOTHI_OVER, -1, 0.5),
+        CLOTHI_RULE(cloth_material, bending, 1, 0, -HUGE_VAL, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, damping, 1, 0, 0, HUGE_VAL)};
+    char         name[32];
+    const char  *who = clothi_member(name, "material", region);
     double       mu, lambda;
-    int          i;
-    for (i = 0; i < 7; i++)
-        if (!clothi_finite(value[i]))
-            return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "material[%i].%s = %g", region, name[i],
-                               value[i]);
-    if (m->plane != CLOTH_PLANE_STRESS && m->plane != CLOTH_PLANE_STRAIN_3D)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "material[%i].plane = %i is no cloth_plane",
-                           region, (int)m->plane);
-    for (i = 0; i < 7 && !rule; i++) {
-        if (i == 0 && !(value[i] > 0.0)) rule = "must be above 0";
-        if ((i == 1 || i == 2 || i == 3 || i == 6) && value[i] < 0.0) rule = "must not be negative";
-        if (i == 4 && !(value[i] > -1.0 && value[i] <= 0.5)) rule = "must lie in (-1, 0.5]";
-        if (i == 4 && m->plane == CLOTH_PLANE_STRAIN_3D && !(value[i] < 0.5))
-            rule = "must be below 0.5 for CLOTH_PLANE_STRAIN_3D";
-    }
-    if (rule)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "material[%i].%s = %g %s", region,
-                           name[i - 1], value[i - 1], rule);
+    cloth_status status = clothi_check_rules(hooks, who, m, rule, 7);
+    if (!status && m->plane != CLOTH_PLANE_STRESS && m->plane != CLOTH_PLANE_STRAIN_3D)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%splane = %i is no cloth_plane", who,
+                           (int)m->plane);
+    if (!status && m->plane == CLOTH_PLANE_STRAIN_3D)
+        status = clothi_check_range(hooks, who, "CLOTH_PLANE_STRAIN_3D: poisson", m->poisson, -1,
+                                    0.5, CLOTHI_OVER | CLOTHI_UNDER);
+    if (status) return status;
     cloth_material_lame(m, &mu, &lambda);
     if (!clothi_finite(mu) || !clothi_finite(lambda) || !clothi_finite(cloth_material_rigidity(m)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                           "material[%i]: young = %g times thickness = %g is beyond any double",
-                           region, m->young, m->thickness);
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%syoung = %g times thickness = %g is beyond "
+                           "any double", who, m->young, m->thickness);
     return CLOTH_OK;
 }
 
@@ -5977,21 +6079,17 @@ static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *
 
 static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int nelem,
                                          const int *start, const int *vertex) {
-    int e, a;
+    int e;
     if (nv < 1 || nv > CLOTH_MAX_COUNT || nelem < 0 || (nelem > 0 && (!start || !vertex)))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "pattern: nv = %i, nelem = %i, or a list is NULL", nv, nelem);
     if (nelem > 0 && start[0] < 0)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[0] = %i", start[0]);
-    for (e = 0; e < nelem; e++) {
+    for (e = 0; e < nelem; e++)
         if (start[e + 1] < start[e])
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: start[%i] decreases", e + 1);
-        for (a = start[e]; a < start[e + 1]; a++)
-            if (vertex[a] < 0 || vertex[a] >= nv)
-                return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                                   "pattern: vertex[%i] = %i but nv = %i", a, vertex[a], nv);
-    }
-    return CLOTH_OK;
+    return clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "pattern: ", "vertex", vertex,
+                                nelem > 0 ? start[nelem] : 0, 1, nv);
 }
 
 /* Everything that p holds, from the graph. Aggregates are found by vertex, kept by row. */
@@ -6028,9 +6126,8 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (!status) status = clothi_graph_build(hooks, nv, nelem, start, vertex, &g);
     if (status) return status;
     status = CLOTH_ERR_MEMORY;
-    p = (cloth_pattern *)clothi_alloc(hooks, 1, sizeof *p);
+    p = (cloth_pattern *)clothi_object(hooks, sizeof *p);
     if (!p) goto done;
-    if (hooks) p->hooks = *hooks;
     p->n = nv;
     p->row_of = (int *)clothi_alloc(hooks, 6 * n + 2, sizeof(int));
     if (!p->row_of) goto done;
@@ -6047,20 +6144,16 @@ done:
     return status;
 }
 
-static size_t clothi_pattern_blocks(const cloth_pattern *p, const cloth_hooks *hooks) {
-    const void *const block[] = {p->row_of, p->col, p->vj, p->part, p};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
+static const size_t clothi_pattern_at[4] = {
+    offsetof(cloth_pattern, row_of), offsetof(cloth_pattern, col), offsetof(cloth_pattern, vj),
+    offsetof(cloth_pattern, part)};
 
 CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
-    cloth_hooks hooks;
-    if (!pattern) return;
-    hooks = pattern->hooks;
-    (void)clothi_pattern_blocks(pattern, &hooks);
+    (void)clothi_object_blocks(pattern, clothi_pattern_at, 4, 1);
 }
 
 CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern) {
-    return pattern ? clothi_pattern_blocks(pattern, NULL) : 0;
+    return clothi_object_blocks(pattern, clothi_pattern_at, 4, 0);
 }
 
 CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) {
@@ -6084,8 +6177,6 @@ CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
 CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
     return pattern ? 1 + 2.0 * pattern->nlow / pattern->n : 0;
 }
-
-CLOTHI_RARE_END
 
 /* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
  *
@@ -6121,9 +6212,8 @@ CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth
     if (!out || !pattern)
         return clothi_null(hooks, out ? "cloth_matrix_create: pattern"
                                       : "cloth_matrix_create: out");
-    A = (cloth_matrix *)clothi_alloc(hooks, 1, sizeof *A);
+    A = (cloth_matrix *)clothi_object(hooks, sizeof *A);
     if (!A) return CLOTH_ERR_MEMORY;
-    if (hooks) A->hooks = *hooks;
     A->p = pattern;
     A->diag = (double *)clothi_alloc(hooks, (size_t)pattern->n + (size_t)pattern->nlow + 1,
                                      9 * sizeof(double));
@@ -6136,21 +6226,18 @@ CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth
     return CLOTH_OK;
 }
 
+static const size_t clothi_matrix_at[3] = {
+    offsetof(cloth_matrix, diag), offsetof(cloth_matrix, pair), offsetof(cloth_matrix, extra)};
+
 CLOTH_API void cloth_matrix_destroy(cloth_matrix *A) {
-    cloth_hooks hooks;
-    if (!A) return;
-    hooks = A->hooks;
-    clothi_free(&hooks, A->pair);
-    clothi_free(&hooks, A->extra);
-    clothi_free(&hooks, A->diag);
-    clothi_free(&hooks, A);
+    (void)clothi_object_blocks(A, clothi_matrix_at, 3, 1);
 }
 
 CLOTH_API size_t cloth_matrix_bytes(const cloth_matrix *A) {
-    return A ? clothi_block_size(A) + clothi_block_size(A->diag) + clothi_block_size(A->pair) +
-                   clothi_block_size(A->extra)
-             : 0;
+    return clothi_object_blocks(A, clothi_matrix_at, 3, 0);
 }
+
+CLOTHI_RARE_END
 
 /* to += B, turned: += B'. */
 static void clothi_block_add(double *to, const double *B, int turned) {
@@ -6257,6 +6344,8 @@ static int *clothi_matrix_extra(const cloth_matrix *A, int a, int b) {
     }
 }
 
+CLOTHI_RARE_BEGIN
+
 /* Room for `more` extras; the table is at most half full. */
 static cloth_status clothi_matrix_reserve(cloth_matrix *A, size_t more) {
     const cloth_matrix old = *A;
@@ -6283,6 +6372,8 @@ static cloth_status clothi_matrix_reserve(cloth_matrix *A, size_t more) {
     return CLOTH_OK;
 }
 
+CLOTHI_RARE_END
+
 static void clothi_matrix_add_extra(cloth_matrix *A, int i, int j, const double *B) {
     const int a = A->p->row_of[i], b = A->p->row_of[j], high = a < b ? b : a, low = a + b - high;
     int      *slot = clothi_matrix_extra(A, high, low);
@@ -6303,11 +6394,9 @@ CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const in
     if (n < 0 || (n > 0 && (!v || !H)))
         return clothi_fail(&A->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_matrix_add_element: n = %i, or v or H is NULL", n);
-    for (a = 0; a < n; a++)
-        if (v[a] < 0 || v[a] >= A->p->n)
-            return clothi_fail(&A->hooks, CLOTH_ERR_ARGUMENT, "cloth_matrix_add_element: v[%i] = "
-                               "%i but nv = %i", a, v[a], A->p->n);
-    status = n > 1 ? clothi_matrix_reserve(A, (size_t)n * ((size_t)n - 1) / 2) : CLOTH_OK;
+    status = clothi_check_indices(&A->hooks, CLOTH_ERR_ARGUMENT, "cloth_matrix_add_element: ", "v",
+                                  v, n, 1, A->p->n);
+    if (!status && n > 1) status = clothi_matrix_reserve(A, (size_t)n * ((size_t)n - 1) / 2);
     if (status) return status;
     for (a = 0; a < n; a++)
         for (b = 0; b <= a; b++) {
@@ -6640,7 +6729,9 @@ struct cloth_linear_solver {
     cloth_hooks hooks;
     const cloth_pattern *p;
     void   *block;                          /* the store's arrays, or r z d q and one more of
-                                               the plain CG: one solve at a time needs it      */
+                                               the plain CG, or between solves what a sim puts
+                                               there: one at a time needs it                   */
+    size_t  least;                          /* bytes that the sim asks for                     */
     clothi_store st;
     void   *E;                              /* blocks outside the pattern, scaled, by rows     */
     int     extras;                         /* room in E                                       */
@@ -6657,9 +6748,8 @@ struct cloth_linear_solver {
     const cloth_matrix  *A;
     const unsigned char *fixed;
     const double        *b;
-    const void *given;                      /* what becomes `to` [n x 3] in the end            */
-    double *to;
-    int     wide, first, radius_on, bad_pivot;
+    double *to;                             /* [n x 3] the answer                              */
+    int     wide, first, part, radius_on, bad_pivot;
     double  alpha, beta;
     clothi_tally tally[CLOTHI_DOMAINS + 1];
 };
@@ -7116,9 +7206,10 @@ static cloth_status clothi_solver_reserve(cloth_linear_solver *s, const cloth_ma
     const int    band = clothi_coarse_envelope(s, A, s->envelope);
     const size_t n3 = 3 * (size_t)s->p->nc;
     if (!s->block) {
-        size_t store = clothi_store_lay(s->p, sizeof(double), &s->st, NULL);
+        const size_t store = clothi_store_lay(s->p, sizeof(double), &s->st, NULL);
         const size_t plain = 15 * (size_t)s->p->n * sizeof(double);
-        s->block = clothi_alloc(&s->hooks, store > plain ? store : plain, 1);
+        const size_t most = store > plain ? store : plain;
+        s->block = clothi_alloc(&s->hooks, most > s->least ? most : s->least, 1);
         if (!s->block) return CLOTH_ERR_MEMORY;
     }
     if (s->extras < A->ne) {
@@ -7157,9 +7248,8 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
         return clothi_null(hooks, out ? "cloth_linear_solver_create: pattern"
                                       : "cloth_linear_solver_create: out");
     nc = (size_t)pattern->nc;
-    s = (cloth_linear_solver *)clothi_alloc(hooks, 1, sizeof *s);
+    s = (cloth_linear_solver *)clothi_object(hooks, sizeof *s);
     if (!s) return CLOTH_ERR_MEMORY;
-    if (hooks) s->hooks = *hooks;
     s->p = pattern;
     s->cd = (double *)clothi_alloc(hooks, 3 * nc * (size_t)(pattern->nd + 3), sizeof(double));
     s->envelope = (int *)clothi_alloc(hooks, 2 * nc + 1, sizeof(int));
@@ -7172,21 +7262,18 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
     return CLOTH_OK;
 }
 
-static size_t clothi_solver_blocks(const cloth_linear_solver *s, const cloth_hooks *hooks) {
-    const void *const block[] = {s->block, s->E, s->Ac, s->U, s->cd, s->envelope, s};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
+static const size_t clothi_solver_at[6] = {
+    offsetof(cloth_linear_solver, block), offsetof(cloth_linear_solver, E),
+    offsetof(cloth_linear_solver, Ac), offsetof(cloth_linear_solver, U),
+    offsetof(cloth_linear_solver, cd), offsetof(cloth_linear_solver, envelope)};
 
 CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
-    cloth_hooks hooks;
-    if (!s) return;
-    hooks = s->hooks;
-    cloth_factor_destroy(s->factor);
-    (void)clothi_solver_blocks(s, &hooks);
+    if (s) cloth_factor_destroy(s->factor);
+    (void)clothi_object_blocks(s, clothi_solver_at, 6, 1);
 }
 
 CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
-    return s ? cloth_factor_bytes(s->factor) + clothi_solver_blocks(s, NULL) : 0;
+    return s ? cloth_factor_bytes(s->factor) + clothi_object_blocks(s, clothi_solver_at, 6, 0) : 0;
 }
 
 CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
@@ -7550,7 +7637,7 @@ CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
 CLOTHI_LANE void clothi_enter_sweep(cloth_linear_solver *s, int d, const int w) {
     clothi_v4 sum = clothi_zero4();
     int       i;
-    if (d < s->p->nd) clothi_enter_rows(s, d, w);
+    clothi_enter_rows(s, d, w);
     for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
         const clothi_v4 r = clothi_load4(s->st.r, (size_t)i, w);
         const clothi_v4 v = clothi_forward_row(s, d, i, r, s->st.r, w);
@@ -7722,47 +7809,39 @@ CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, cloth
 }
 
 /* Second half of an iteration in subdomain d: p, t, w = K^-1 (p - t), p.(t + w); in S after the
- * subdomains. With blocks outside the pattern, w = p - t + C t is there already: C t needs all of
- * t. */
+ * subdomains. With blocks outside the pattern C t, which needs all of t, joins w = p - t: part 1
+ * comes before it, part 2 after; 0: the whole. */
 CLOTHI_LANE void clothi_turn_any(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->st;
     const clothi_v4      beta = clothi_all4(s->beta, w);
     clothi_v4            sum = clothi_zero4();
-    const int            turn = s->A->ne == 0;
+    const int            part = s->part;
     int                  i;
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const size_t at = (size_t)i;
-        clothi_v4    v = turn ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
-        v = clothi_forward_row(s, d, i, v, st->w, w);
+        clothi_v4    v = part < 2 ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
+        if (part != 1) v = clothi_forward_row(s, d, i, v, st->w, w);
         clothi_store4(st->w, at, v, w);
         sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
                           clothi_add4(v, clothi_load4(st->t, at, w), w), w);
     }
     s->tally[d].pq = clothi_sum4(sum);
-    clothi_give_rest(s, d, st->w, w);
+    if (part != 1) clothi_give_rest(s, d, st->w, w);
 }
 
 CLOTHI_BY_DOMAIN(clothi_turn_range, clothi_turn_any)
-
-/* With blocks outside the pattern, what comes before them. */
-CLOTHI_LANE void clothi_turn_before(cloth_linear_solver *s, int d, const int w) {
-    const clothi_v4 beta = clothi_all4(s->beta, w);
-    int             i;
-    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++)
-        clothi_store4(s->st.w, (size_t)i, clothi_turn_row(s, i, beta, w), w);
-}
-
-CLOTHI_BY_DOMAIN(clothi_before_range, clothi_turn_before)
 
 /* p, t, w and p.(t + w) = p.K^-1 A K^-T p. */
 static double clothi_turn(cloth_linear_solver *s) {
     const int nd = s->p->nd;
     double    pq = 0;
     int       d;
-    if (s->A->ne) {
-        clothi_for(&s->hooks, nd + 1, nd > 1 ? 1 : 2, clothi_before_range, s);
+    s->part = s->A->ne > 0;
+    if (s->part) {
+        clothi_for(&s->hooks, nd + 1, nd > 1 ? 1 : 2, clothi_turn_range, s);
         clothi_extras_apply(s, s->st.t, s->st.w);
+        s->part = 2;
     }
     clothi_for(&s->hooks, nd, 1, clothi_turn_range, s);
     clothi_turn_range(nd, nd + 1, 0, s);
@@ -7799,7 +7878,6 @@ static clothi_run clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
     if (bad) return CLOTHI_RUN_INDEFINITE;
     if (!s->wide && (narrow || !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)))
         return CLOTHI_RUN_WIDE;
-    CLOTHI_BY_WIDTH(s->wide, clothi_enter_rows, s, p->nd);
     clothi_for(&s->hooks, p->nd + 1, grain, clothi_enter_range, s);
     if (s->bad_pivot) return s->wide ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_WIDE;
     clothi_enter_range(p->nd + 1, p->nd + 2, 0, s);
@@ -8005,9 +8083,10 @@ struct cloth_factor {
     double *panel;                          /* all L, part by part, column-major               */
     double *work;                           /* packed rows, and update matrices                */
     double *sign;                           /* [3 nv] +1 -1 by elimination                     */
-    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary      */
-    unsigned char *fixed;                   /* [nv] by elimination number                      */
+    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary;
+                                               behind sign                                     */
     signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
+    unsigned char *fixed;                   /* [nv] by elimination number; behind pivot        */
     const cloth_matrix *A;                  /* during compute                                  */
     double  shift;
     int     ready, first_bad;               /* elimination index 3 e + axis, -1                */
@@ -8288,9 +8367,8 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
     if (!out) return clothi_null(hooks, "factor: out");
     *out = NULL;
     if (!pattern) return clothi_null(hooks, "factor: pattern");
-    f = (cloth_factor *)clothi_alloc(hooks, 1, sizeof *f);
+    f = (cloth_factor *)clothi_object(hooks, sizeof *f);
     if (!f) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "factor: out of memory");
-    if (hooks) f->hooks = *hooks;
     f->p = pattern;
     status = clothi_factor_analyze(f);
     if (status) cloth_factor_destroy(f);
@@ -8298,44 +8376,31 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
     return status ? clothi_fail(hooks, status, "factor: out of memory") : CLOTH_OK;
 }
 
-/* What create took, and the numbers' blocks. */
-static size_t clothi_factor_symbols(const cloth_factor *f, const cloth_hooks *hooks) {
-    const void *const block[] = {f->front, f->bound, f->relative, f->entry, f};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
-
-static size_t clothi_factor_blocks(const cloth_factor *f, const cloth_hooks *hooks) {
-    const void *const block[] = {f->panel, f->work, f->sign, f->vec, f->fixed, f->pivot};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
+static const size_t clothi_factor_at[8] = {
+    offsetof(cloth_factor, front), offsetof(cloth_factor, bound), offsetof(cloth_factor, relative),
+    offsetof(cloth_factor, entry), offsetof(cloth_factor, panel), offsetof(cloth_factor, work),
+    offsetof(cloth_factor, sign), offsetof(cloth_factor, pivot)};
 
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
-    cloth_hooks hooks;
-    if (!f) return;
-    hooks = f->hooks;
-    (void)clothi_factor_blocks(f, &hooks);
-    (void)clothi_factor_symbols(f, &hooks);
+    (void)clothi_object_blocks(f, clothi_factor_at, 8, 1);
 }
 
 CLOTH_API size_t cloth_factor_bytes(const cloth_factor *f) {
-    return f ? clothi_factor_symbols(f, NULL) + clothi_factor_blocks(f, NULL) : 0;
+    return clothi_object_blocks(f, clothi_factor_at, 8, 0);
 }
 
+/* The numbers' blocks; those that there are when memory is out wait for the next try. */
 static cloth_status clothi_factor_reserve(cloth_factor *f) {
     const size_t n = 3 * (size_t)f->p->n, panel = f->front[f->p->nparts].panel;
-    if (f->pivot) return CLOTH_OK;
-    f->panel = (double *)clothi_alloc(&f->hooks, panel, sizeof(double));
-    f->work = (double *)clothi_alloc(&f->hooks, f->nwork, sizeof(double));
-    f->sign = (double *)clothi_alloc(&f->hooks, n, sizeof(double));
-    f->vec = (double *)clothi_alloc(&f->hooks, 2 * n, sizeof(double));
-    f->fixed = (unsigned char *)clothi_alloc(&f->hooks, n / 3, 1);
-    f->pivot = (signed char *)clothi_alloc(&f->hooks, n, 1);
-    if (f->panel && f->work && f->sign && f->vec && f->fixed && f->pivot) return CLOTH_OK;
-    (void)clothi_factor_blocks(f, &f->hooks);
-    f->panel = f->work = f->sign = f->vec = NULL;
-    f->fixed = NULL, f->pivot = NULL;
-    return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles",
-                       panel + f->nwork);
+    if (!f->panel) f->panel = (double *)clothi_alloc(&f->hooks, panel, sizeof(double));
+    if (!f->work) f->work = (double *)clothi_alloc(&f->hooks, f->nwork, sizeof(double));
+    if (!f->sign) f->sign = (double *)clothi_alloc(&f->hooks, 3 * n, sizeof(double));
+    if (!f->pivot) f->pivot = (signed char *)clothi_alloc(&f->hooks, n + n / 3, 1);
+    if (!f->panel || !f->work || !f->sign || !f->pivot)
+        return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles",
+                           panel + f->nwork);
+    f->vec = f->sign + n, f->fixed = (unsigned char *)f->pivot + n;
+    return CLOTH_OK;
 }
 
 /* Counts pivots; the first bad one in the order of elimination. */
@@ -8360,8 +8425,6 @@ static cloth_status clothi_factor_judge(cloth_factor *f, cloth_factor_report *re
     rep->bad_axis = f->first_bad % 3;
     return CLOTH_ERR_NUMERIC;
 }
-
-CLOTHI_RARE_END
 
 CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix *A,
                                             const unsigned char *fixed, double shift,
@@ -8392,6 +8455,8 @@ CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix 
     if (report) *report = rep;
     return status;
 }
+
+CLOTHI_RARE_END
 
 /* b := L^-1 b by elimination number */
 static void clothi_factor_forward(cloth_factor *f, double *b) {
@@ -8453,6 +8518,8 @@ CLOTH_API cloth_status cloth_factor_solve(cloth_factor *f, const double *b, doub
     return CLOTH_OK;
 }
 
+CLOTHI_RARE_BEGIN
+
 CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d) {
     int    n, i;
     double norm2;
@@ -8467,8 +8534,6 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d) {
     for (i = 0; i < n; i++) d[3 * f->p->verts[i / 3] + i % 3] = f->vec[i] / sqrt(norm2);
     return f->pivot[f->first_bad] / norm2;
 }
-
-CLOTHI_RARE_BEGIN
 
 /* --- the solver's calls --- */
 
@@ -8648,7 +8713,7 @@ struct cloth_model {
     cloth_hooks hooks;
     cloth_desc  desc;                       /* scalars only: its pointers are cleared          */
     int nv, nf, nregions, nparts;
-    double *x_rest, *x, *v;                 /* [nv x 3]                                        */
+    double *x_rest, *x, *v;                 /* [nv x 3]; x may be x_rest, v NULL: 0            */
     int    *faces;                          /* [nf x 3]                                        */
     int    *part, *region;                  /* [nf]                                            */
     double *X;                              /* [nf x 3 x 2]                                    */
@@ -8684,25 +8749,6 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-CLOTHI_OUTLINE static cloth_status clothi_check_number(const cloth_hooks *hooks, const char *field,
-                                                       double a, double low, int open) {
-    if (!clothi_finite(a))
-        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "desc.%s = %g is not finite", field, a);
-    if (a < low || (open && !(a > low)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.%s = %g must be %s %g", field, a,
-                           open ? "above" : "at least", low);
-    return CLOTH_OK;
-}
-
-/* name: the call and its argument, or the field. a NULL: nothing to check. */
-CLOTHI_OUTLINE static cloth_status clothi_check_vector(const cloth_hooks *hooks, const char *name,
-                                                       const double *a, int n) {
-    const ptrdiff_t at = a ? clothi_find_nonfinite(a, (size_t)n) : -1;
-    if (at < 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g is not finite", name, (int)at,
-                       a[at]);
-}
-
 static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_desc *d) {
     const struct { const char *field, *kind; int value, low, high; } rung[6] = {
         {"membrane", "MEMBRANE", (int)d->membrane, CLOTH_MEMBRANE_SPRINGS, CLOTH_MEMBRANE_STVK},
@@ -8724,32 +8770,6 @@ static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_de
     return CLOTH_OK;
 }
 
-static cloth_status clothi_check_desc_numbers(const cloth_hooks *hooks, const cloth_desc *d) {
-    const struct { const char *field; int n, most; } count[3] = {
-        {"substeps", d->substeps, CLOTHI_MAX_SUBSTEPS}, {"max_newton", d->max_newton, 0x7fffffff},
-        {"max_attachments", d->max_attachments, 0xffff}};
-    cloth_status status = CLOTH_OK;
-    int k;
-    for (k = 0; k < 3 && !status; k++) {
-        status = clothi_check_number(hooks, "gravity", d->gravity[k], -HUGE_VAL, 0);
-        if (!status) status = clothi_check_number(hooks, "wind", d->wind[k], -HUGE_VAL, 0);
-    }
-    if (!status) status = clothi_check_number(hooks, "air_density", d->air_density, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "drag", d->drag, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "lift", d->lift, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "tolerance", d->tolerance, 0, 1);
-    if (!status) status = clothi_check_number(hooks, "sleep", d->sleep, 0, 0);
-    if (!status) status = clothi_check_number(hooks, "cg_tolerance", d->cg_tolerance, 0, 1);
-    if (!status && !(d->cg_tolerance < 1))
-        status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.cg_tolerance = %g must be below 1",
-                             d->cg_tolerance);
-    for (k = 0; k < 3 && !status; k++)
-        if (count[k].n < 0 || count[k].n > count[k].most)
-            status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.%s = %i must be 0 to %i",
-                                 count[k].field, count[k].n, count[k].most);
-    return status;
-}
-
 static cloth_status clothi_check_list(const cloth_hooks *hooks, const char *count, int n,
                                       const char *name, const void *list) {
     if (n >= 0 && (n == 0 || list)) return CLOTH_OK;
@@ -8757,68 +8777,54 @@ static cloth_status clothi_check_list(const cloth_hooks *hooks, const char *coun
                        : "desc.%s = %i without desc.%s", count, n, name);
 }
 
+static cloth_status clothi_check_axes(const cloth_hooks *hooks, const char *who, unsigned axes) {
+    return clothi_check_count(hooks, who, "axes", (int)axes, 1, CLOTH_AXIS_ALL);
+}
+
 static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_desc *d) {
-    int          i;
+    char         name[32];
+    int          i, last = d->nv - 1;
     cloth_status status = clothi_check_list(hooks, "npins", d->npins, "pins", d->pins);
     if (!status) status = clothi_check_list(hooks, "nties", d->nties, "ties", d->ties);
     if (status) return status;
     if (d->nties > 0 && d->integrator == CLOTH_INTEGRATOR_LEAPFROG)
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
                            "desc.nties = %i: CLOTH_INTEGRATOR_LEAPFROG has no ties", d->nties);
-    for (i = 0; i < d->npins; i++) {
+    for (i = 0; i < d->npins && !status; i++) {
         const cloth_pin *p = d->pins + i;
-        if (p->vertex < 0 || p->vertex >= d->nv)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.pins[%i].vertex = %i but nv = %i", i, p->vertex, d->nv);
-        if (p->axes == 0 || p->axes > CLOTH_AXIS_ALL)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.pins[%i].axes = %i must be 1 to 7", i, (int)p->axes);
+        const char      *who = clothi_member(name, "desc.pins", i);
+        status = clothi_check_count(hooks, who, "vertex", p->vertex, 0, last);
+        if (!status) status = clothi_check_axes(hooks, who, p->axes);
     }
-    for (i = 0; i < d->nties; i++) {
+    for (i = 0; i < d->nties && !status; i++) {
         const cloth_tie *t = d->ties + i;
-        if (t->leader < 0 || t->leader >= d->nv || t->follower < 0 || t->follower >= d->nv ||
-            t->leader == t->follower)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.ties[%i] = leader %i, follower %i but nv = %i", i, t->leader,
-                               t->follower, d->nv);
-        if (t->axes == 0 || t->axes > CLOTH_AXIS_ALL)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.ties[%i].axes = %i must be 1 to 7", i, (int)t->axes);
+        const char      *who = clothi_member(name, "desc.ties", i);
+        status = clothi_check_count(hooks, who, "leader", t->leader, 0, last);
+        if (!status) status = clothi_check_count(hooks, who, "follower", t->follower, 0, last);
+        if (!status && t->leader == t->follower)
+            status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%sleader = %i is its follower", who,
+                                 t->leader);
+        if (!status) status = clothi_check_axes(hooks, who, t->axes);
     }
-    return CLOTH_OK;
+    return status;
 }
 
 static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc *d) {
     cloth_mesh_report faults;
     cloth_status      status;
-    int               i, nregions = d->nregions > 0 ? d->nregions : 1;
-    if (d->nv < 3 || d->nv > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nv = %i must be 3 to %i", d->nv,
-                           CLOTH_MAX_COUNT);
-    if (d->nf < 1 || d->nf > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.nf = %i must be 1 to %i", d->nf,
-                           CLOTH_MAX_COUNT);
     if (!d->x_rest) return clothi_null(hooks, "desc.x_rest");
     if (!d->faces) return clothi_null(hooks, "desc.faces");
     status = cloth_mesh_check(hooks, d->nv, d->x_rest, d->nf, d->faces, d->X, &faults);
     if (!status) status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
     if (!status) status = clothi_check_vector(hooks, "desc.v", d->v, 3 * d->nv);
-    if (!status) status = clothi_check_vector(hooks, "desc.vertex_mass", d->vertex_mass, d->nv);
+    if (!status)
+        status = clothi_check_each(hooks, "desc.vertex_mass", d->vertex_mass, d->nv, 0, 1);
+    if (!status)
+        status = clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "desc.", "part", d->part, d->nf, 1,
+                                      d->nf);
     if (status) return status;
-    for (i = 0; d->vertex_mass && i < d->nv; i++)
-        if (!(d->vertex_mass[i] > 0))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.vertex_mass[%i] = %g must be > 0",
-                               i, d->vertex_mass[i]);
-    for (i = 0; i < d->nf; i++) {
-        if (d->part && (d->part[i] < 0 || d->part[i] >= d->nf))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.part[%i] = %i is out of range", i,
-                               d->part[i]);
-        if (d->region && (d->region[i] < 0 || d->region[i] >= nregions))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "desc.region[%i] = %i but there are %i materials", i, d->region[i],
-                               nregions);
-    }
-    return CLOTH_OK;
+    return clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "desc.", "region", d->region, d->nf, 1,
+                                d->nregions > 0 ? d->nregions : 1);
 }
 
 /* Whether sums are rounded as written: not where a flag that no macro shows makes (a + b) - a b. */
@@ -8833,6 +8839,20 @@ static int clothi_ieee(void) {
 
 /* Every refusal that needs no allocation of the model's own. */
 static cloth_status clothi_check_desc(const cloth_desc *d) {
+    static const clothi_rule rule[] = {
+        CLOTHI_RULE(cloth_desc, gravity, 3, 0, -HUGE_VAL, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, wind, 3, 0, -HUGE_VAL, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, air_density, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, drag, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, lift, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, tolerance, 1, CLOTHI_OVER, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, sleep, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, cg_tolerance, 1, CLOTHI_OVER | CLOTHI_UNDER, 0, 1),
+        CLOTHI_RULE(cloth_desc, substeps, 0, 0, 0, CLOTHI_MAX_SUBSTEPS),
+        CLOTHI_RULE(cloth_desc, max_newton, 0, 0, 0, 0x7fffffff),
+        CLOTHI_RULE(cloth_desc, max_attachments, 0, 0, 0, 0xffff),
+        CLOTHI_RULE(cloth_desc, nv, 0, 0, 3, CLOTH_MAX_COUNT),
+        CLOTHI_RULE(cloth_desc, nf, 0, 0, 1, CLOTH_MAX_COUNT)};
     const cloth_hooks *hooks = &d->hooks;
     cloth_status       status;
     int                i;
@@ -8847,7 +8867,7 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "compiled for other than IEEE arithmetic: "
                            "-funsafe-math-optimizations?");
     status = clothi_check_ladder(hooks, d);
-    if (!status) status = clothi_check_desc_numbers(hooks, d);
+    if (!status) status = clothi_check_rules(hooks, "desc.", d, rule, sizeof rule / sizeof *rule);
     if (!status)
         status = clothi_check_list(hooks, "nregions", d->nregions, "materials", d->materials);
     if (!status) status = clothi_check_mesh(hooks, d);
@@ -8872,8 +8892,7 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
     size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
     int    i;
     m->x_rest = (double *)clothi_copy(hooks, d->x_rest, 3 * nv, sizeof(double));
-    m->x = (double *)clothi_copy(hooks, d->x ? d->x : d->x_rest, 3 * nv, sizeof(double));
-    m->v = (double *)clothi_copy(hooks, d->v, 3 * nv, sizeof(double));
+    m->x = d->x ? (double *)clothi_copy(hooks, d->x, 3 * nv, sizeof(double)) : m->x_rest;
     m->faces = (int *)clothi_copy(hooks, d->faces, 3 * nf, sizeof(int));
     m->part = (int *)clothi_copy(hooks, d->part, nf, sizeof(int));
     m->region = (int *)clothi_copy(hooks, d->region, nf, sizeof(int));
@@ -8882,13 +8901,12 @@ static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
     m->material = (cloth_material *)clothi_copy(
         hooks, d->nregions > 0 ? d->materials : &d->material, (size_t)m->nregions,
         sizeof(cloth_material));
-    if (!m->x_rest || !m->x || !m->v || !m->faces || !m->part || !m->region || !m->X || !m->pin ||
-        !m->material)
-        return CLOTH_ERR_MEMORY;
-    if (d->vertex_mass) {
+    if (d->v) m->v = (double *)clothi_copy(hooks, d->v, 3 * nv, sizeof(double));
+    if (d->vertex_mass)
         m->vertex_mass = (double *)clothi_copy(hooks, d->vertex_mass, nv, sizeof(double));
-        if (!m->vertex_mass) return CLOTH_ERR_MEMORY;
-    }
+    if (!m->x_rest || !m->x || !m->faces || !m->part || !m->region || !m->X || !m->pin ||
+        !m->material || (d->v && !m->v) || (d->vertex_mass && !m->vertex_mass))
+        return CLOTH_ERR_MEMORY;
     for (i = 0; i < d->npins; i++)
         m->pin[d->pins[i].vertex] =
             (unsigned char)(m->pin[d->pins[i].vertex] | d->pins[i].axes);
@@ -9164,16 +9182,16 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 /* --- hash, create, destroy --- */
 
 /* As FNV-1a, but 8 bytes at a time, with a shift that brings their high bits down; then the tail
- * byte by byte: equal bytes, equal hash. */
+ * byte by byte: equal bytes, equal hash. data NULL: zeros. */
 CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
     const unsigned char *p = (const unsigned char *)data;
-    for (; size >= 8; size -= 8, p += 8) {
-        uint64_t word;
-        memcpy(&word, p, 8);
+    uint64_t             word = 0;
+    for (; size >= 8; size -= 8) {
+        if (p) memcpy(&word, p, 8), p += 8;
         hash = (hash ^ word) * 0x100000001b3u;
         hash ^= hash >> 29;
     }
-    for (; size > 0; size--, p++) hash = (hash ^ *p) * 0x100000001b3u;
+    for (; size > 0; size--) hash = (hash ^ (p ? *p++ : 0u)) * 0x100000001b3u;
     return hash;
 }
 
@@ -9212,8 +9230,9 @@ static void clothi_model_hash(cloth_model *m) {
 }
 
 static size_t clothi_model_mesh(const cloth_model *m, const cloth_hooks *hooks) {
-    const void *const block[] = {m->x_rest, m->x, m->v, m->faces, m->part, m->region, m->X, m->pin,
-                                 m->tie, m->material, m->vertex_mass, m->theta0};
+    const void *const block[] = {m->x_rest, m->x == m->x_rest ? NULL : m->x, m->v, m->faces,
+                                 m->part, m->region, m->X, m->pin, m->tie, m->material,
+                                 m->vertex_mass, m->theta0};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
@@ -9308,18 +9327,20 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
 
 typedef struct clothi_work {                /* vectors of a step, scratch                      */
     double *x0, *v0;                        /* as before the step, in `kept`                   */
-    double *x, *trial, *dx, *grad, *y;      /* [nv x 3]                                        */
+    double *x, *dx, *grad;                  /* [nv x 3]                                        */
+    double *y;                              /* [nv x 3], where there are pins their goals      */
+    double *trial;                          /* [nv x 3] behind own.energy_batch                */
     double *free;                           /* [nv x 3] gradient without that of contact       */
-    double *goal;                           /* [nv x 3] pin targets of this substep            */
     double *inv_mass;                       /* [nv] 1/kg, LEAPFROG, then two sums of [nv]      */
     double *rhs;                            /* right-hand side of the Newton system            */
     double *partial;                        /* partial sums of the parallel loops              */
+    double *room;                           /* of own.force and what is behind it, LEAPFROG    */
 } clothi_work;
 
 typedef struct clothi_elements {            /* derived from params: what the lanes read        */
     double *rest;                           /* [nbatch x nrest x 8]                            */
-    double *start;                          /* [nbatch x nmeasure x 8] measure at x_n          */
-    double *tau;                            /* [nbatch x 8] damping s                          */
+    double *start;                          /* [nbatch x (nmeasure + 1) x 8] measure at x_n,
+                                               then damping s                                  */
     int     damped;
     int     first;                          /* of its batches, in energy_batch                 */
     double  loss;                           /* J, of the last value                            */
@@ -9333,9 +9354,11 @@ typedef struct clothi_own {                 /* all that the built-in terms have 
     const cloth_hooks *hooks;
     clothi_elements    membrane, bend;
     double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
-    double *energy_batch;                   /* [batches x 8] elastic energy                    */
+    double *force;                          /* element forces, model->force_size; with a solver
+                                               in its block, else in w.room: no solve goes on
+                                               while elements are evaluated                    */
+    double *energy_batch;                   /* [batches x 8] elastic energy, behind them       */
     double *loss_batch;                     /* [batches x 8] dissipation potential             */
-    double *force;                          /* element forces, model->force_size               */
     double *wind;                           /* [nf x 5] lagged drag direction and coefficients */
     int     force_only;                     /* energies are not wanted                         */
     cloth_counts counts;
@@ -9402,7 +9425,7 @@ struct cloth_sim {
     cloth_linear_solver *solver;
     unsigned char *fixed;                   /* [nv] axes that the solver must not move         */
     clothi_work   w;
-    cloth_times   ms;                       /* s, of the step that runs; clothi_charge()       */
+    cloth_times   ms;                       /* of the step that runs; clothi_charge()          */
     double       *charged, since;
     long long     allocations;
     size_t        bytes;                    /* held through the counted allocator              */
@@ -9507,12 +9530,7 @@ static unsigned char *clothi_field_data(const cloth_sim *s, const clothi_field *
 }
 
 CLOTHI_OUTLINE static void clothi_walk_bytes(clothi_walk *w, unsigned char *data, size_t size) {
-    static const unsigned char zero[64] = {0};
-    size_t                     k;
-    if (w->verb == CLOTHI_HASH && data) w->hash = clothi_hash(w->hash, data, size);
-    else if (w->verb == CLOTHI_HASH)
-        for (k = 0; k < size; k += 64)
-            w->hash = clothi_hash(w->hash, zero, size - k < 64 ? size - k : 64);
+    if (w->verb == CLOTHI_HASH) w->hash = clothi_hash(w->hash, data, size);
     else if (w->verb == CLOTHI_SAVE && data) memcpy(w->buf + w->at, data, size);
     else if (w->verb == CLOTHI_SAVE) memset(w->buf + w->at, 0, size);
     else if (w->verb == CLOTHI_LOAD && data) memcpy(data, w->buf + w->at, size);
@@ -9701,7 +9719,7 @@ static double clothi_rest_edge2(const cloth_model *m, const double *X, int f, in
 /* Rest geometry of a hinge: mean squared edge length of its two faces, and their areas. The two
  * differ where pattern pieces of unequal edge are sewn. */
 typedef struct clothi_hinge_rest {
-    double e2, A1, A2, bending, damping;
+    double e2, A1, A2, bending;
 } clothi_hinge_rest;
 
 CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, const cloth_params *p,
@@ -9715,41 +9733,42 @@ CLOTHI_OUTLINE static clothi_hinge_rest clothi_hinge_of(const cloth_model *m, co
     r.A1 = clothi_rest_area(p->X, f[0]);
     r.A2 = clothi_rest_area(p->X, f[1]);
     r.bending = 0.5 * (cloth_material_rigidity(a) + cloth_material_rigidity(b));
-    r.damping = 0.5 * (a->damping + b->damping);
     return r;
 }
 
+/* Damping of element i, s: the mean of its faces' materials. */
+static double clothi_element_tau(const cloth_model *m, const cloth_params *p, int kind, int i) {
+    const int *f = kind == CLOTHI_TRIANGLE ? &i : kind == CLOTHI_SPRING
+                       ? m->topology->edge_faces + 2 * (size_t)i
+                       : m->topology->hinge_faces + 2 * (size_t)i;
+    double     tau = p->material[m->region[f[0]]].damping;
+    if (kind == CLOTHI_TRIANGLE || f[1] < 0) return tau;
+    return 0.5 * (tau + p->material[m->region[f[1]]].damping);
+}
+
 static void clothi_derive_triangle(const cloth_model *m, const cloth_params *p, int f,
-                                   double *rest, double *tau) {
-    const cloth_material *mat = p->material + m->region[f];
-    double                B[7];
-    int                   k;
+                                   double *rest) {
+    double B[7];
+    int    k;
     B[4] = clothi_rest_inverse(p->X + 6 * (size_t)f, B);
-    cloth_material_lame(mat, B + 5, B + 6);
+    cloth_material_lame(p->material + m->region[f], B + 5, B + 6);
     for (k = 0; k < 7; k++) rest[k * CLOTHI_LANES] = B[k];
-    *tau = mat->damping;
 }
 
 /* An edge's spring: k = Y (A1 + A2) / L^2 with Y the membrane stiffness, which gives Y exactly
  * on an equilateral mesh (with Poisson's ratio 1/3, whatever the material says). */
 static void clothi_derive_spring(const cloth_model *m, const cloth_params *p, int e,
-                                 double *rest, double *tau) {
+                                 double *rest) {
     const int *v = m->topology->edges + 2 * (size_t)e;
     const int *f = m->topology->edge_faces + 2 * (size_t)e;
-    double     L2 = 0, YA = 0, damping = 0;
-    int        k, n = 0;
-    for (k = 0; k < 2; k++) {
-        const cloth_material *mat;
-        if (f[k] < 0) continue;
-        mat = p->material + m->region[f[k]];
+    double     L2 = 0, YA = 0;
+    int        k, n = f[1] < 0 ? 1 : 2;
+    for (k = 0; k < n; k++) {
         L2 += clothi_rest_edge2(m, p->X, f[k], v[0], v[1]);
-        YA += clothi_young(mat) * clothi_rest_area(p->X, f[k]);
-        damping += mat->damping;
-        n++;
+        YA += clothi_young(p->material + m->region[f[k]]) * clothi_rest_area(p->X, f[k]);
     }
     rest[0] = YA / (L2 / n);
     rest[CLOTHI_LANES] = sqrt(L2 / n);
-    *tau = damping / n;
 }
 
 /* A face's share of the flat hinge: q = |e|/(2 A), 1 over the height of the far corner, and t,
@@ -9780,12 +9799,11 @@ static void clothi_quadratic_rest(const cloth_model *m, const cloth_params *p, i
 }
 
 static void clothi_derive_hinge(const cloth_model *m, const cloth_params *p, int h, int quadratic,
-                                double *rest, double *tau) {
+                                double *rest) {
     clothi_hinge_rest r = clothi_hinge_of(m, p, h);
     double            w[4];
     int               k;
     rest[0] = p->hinge_scale[h] * cloth_hinge_coefficient(r.bending, r.e2, r.A1, r.A2);
-    *tau = r.damping;
     if (!quadratic) {
         rest[CLOTHI_LANES] = p->theta0[h];
         return;
@@ -9802,20 +9820,17 @@ static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, cloth
     for (b = 0; b < g->nbatch; b++)
         for (lane = 0; lane < CLOTHI_LANES; lane++) {
             double *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES + lane;
-            double *tau = el->tau + (size_t)b * CLOTHI_LANES + lane;
             int     id = g->id[b * CLOTHI_LANES + lane], unused = id < 0, back = lane;
             while (id < 0) id = g->id[b * CLOTHI_LANES + --back];
             if (g->kind == CLOTHI_TRIANGLE) {
-                clothi_derive_triangle(m, &s->params, id, rest, tau);
+                clothi_derive_triangle(m, &s->params, id, rest);
                 if (unused) rest[5 * CLOTHI_LANES] = rest[6 * CLOTHI_LANES] = 0;
-            } else if (g->kind == CLOTHI_SPRING) {
-                clothi_derive_spring(m, &s->params, id, rest, tau);
-                if (unused) rest[0] = 0;
             } else {
-                clothi_derive_hinge(m, &s->params, id, g->kind == CLOTHI_QUADRATIC, rest, tau);
+                if (g->kind == CLOTHI_SPRING) clothi_derive_spring(m, &s->params, id, rest);
+                else clothi_derive_hinge(m, &s->params, id, g->kind == CLOTHI_QUADRATIC, rest);
                 if (unused) rest[0] = 0;
             }
-            if (*tau > 0) el->damped = 1;
+            el->damped |= clothi_element_tau(m, &s->params, g->kind, id) > 0;
         }
 }
 
@@ -9878,34 +9893,22 @@ static double clothi_total_mass(const cloth_sim *s) {
 static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *p) {
     const cloth_model  *m = s->model;
     const cloth_hooks  *hooks = &s->hooks;
-    cloth_status        status;
-    int                 i;
-    for (i = 0; i < m->nregions; i++) {
+    cloth_status        status = CLOTH_OK;
+    int                 i, nh = s->params.nh;
+    for (i = 0; i < m->nregions && !status; i++)
         status = cloth_material_check(hooks, p->material + i, i);
-        if (status) return status;
-    }
-    for (i = 0; i < s->params.nh; i++) {
-        if (!clothi_finite(p->hinge_scale[i]) || !clothi_finite(p->theta0[i]))
-            return clothi_fail(hooks, CLOTH_ERR_NONFINITE,
-                               "params.hinge_scale[%i] = %g, theta0 = %g must be finite", i,
-                               p->hinge_scale[i], p->theta0[i]);
-        if (p->hinge_scale[i] < 0)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
-                               "params.hinge_scale[%i] = %g must be at least 0", i,
-                               p->hinge_scale[i]);
-        if (m->bend.kind == CLOTHI_QUADRATIC && fabs(p->theta0[i]) > 1e-9)
-            return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
-                               "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
-                               p->theta0[i]);
-    }
-    status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
-    if (!status) status = clothi_check_areas(hooks, "params.X", p->X, m->nf);
     if (status) return status;
-    for (i = 0; p->mass_given && i < m->nv; i++)
-        if (!clothi_finite(p->mass[i]) || !(p->mass[i] > 0))
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "params.mass[%i] = %g must be > 0", i,
-                               p->mass[i]);
-    return CLOTH_OK;
+    status = clothi_check_each(hooks, "params.hinge_scale", p->hinge_scale, nh, 0, 0);
+    if (!status) status = clothi_check_vector(hooks, "params.theta0", p->theta0, nh);
+    for (i = 0; i < nh && m->bend.kind == CLOTHI_QUADRATIC && !status; i++)
+        if (fabs(p->theta0[i]) > 1e-9)
+            status = clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                                 "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
+                                 p->theta0[i]);
+    if (!status) status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
+    if (!status) status = clothi_check_areas(hooks, "params.X", p->X, m->nf);
+    if (status || !p->mass_given) return status;
+    return clothi_check_each(hooks, "params.mass", p->mass, m->nv, 0, 1);
 }
 
 static void clothi_derive(cloth_sim *s) {
@@ -9991,9 +9994,7 @@ static cloth_status clothi_sim_arrays(cloth_sim *s) {
     b->kind = clothi_kinds + m->bend.kind;
     s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)m->nv, 1);
     status = s->fixed ? clothi_need(s, &a->rest, na * (size_t)a->kind->nrest) : CLOTH_ERR_MEMORY;
-    if (!status) status = clothi_need(s, &a->tau, na);
     if (!status) status = clothi_need(s, &b->rest, nb * (size_t)b->kind->nrest);
-    if (!status) status = clothi_need(s, &b->tau, nb);
     if (!status && m->wing) status = clothi_need(s, &s->own.side, 9 * na);
     return status ? status : clothi_fields_need(s, CLOTHI_LATE);
 }
@@ -10006,7 +10007,7 @@ static void clothi_sim_start(cloth_sim *s) {
     int    i;
     (void)clothi_walked(s, CLOTHI_CLEAR, NULL, CLOTHI_PARAM, 0);
     memcpy(s->state.x, m->x, 3 * nv * sizeof(double));
-    memcpy(s->state.v, m->v, 3 * nv * sizeof(double));
+    if (m->v) memcpy(s->state.v, m->v, 3 * nv * sizeof(double));
     memcpy(s->pin, m->pin, nv);
     memcpy(s->target, m->x, 3 * nv * sizeof(double));
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
@@ -10052,16 +10053,15 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
 
 /* Bytes of what the elements are derived to and evaluated in; freed where hooks say how. */
 static size_t clothi_own_blocks(const clothi_own *o, const cloth_hooks *hooks) {
-    const void *const block[] = {o->membrane.rest, o->membrane.start, o->membrane.tau,
-                                 o->bend.rest, o->bend.start, o->bend.tau, o->side, o->force,
-                                 o->energy_batch, o->loss_batch, o->wind};
+    const void *const block[] = {o->membrane.rest, o->membrane.start, o->bend.rest, o->bend.start,
+                                 o->side, o->loss_batch, o->wind};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
 static size_t clothi_work_blocks(const cloth_sim *s, const cloth_hooks *hooks) {
     const clothi_work *w = &s->w;
-    const void *const  block[] = {w->x, w->trial, w->dx, w->grad, w->y, w->free, w->goal, w->rhs,
-                                  w->inv_mass, w->partial, s->kept, s->touching, s->fixed,
+    const void *const  block[] = {w->x, w->dx, w->grad, w->y, w->free, w->rhs, w->inv_mass,
+                                  w->partial, w->room, s->kept, s->touching, s->fixed,
                                   s->quadratic};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
@@ -10121,6 +10121,7 @@ CLOTHI_RARE_END
 
 typedef struct clothi_pass {                /* one sweep over one group                        */
     const cloth_model  *model;
+    const cloth_params *params;             /* of begin                                        */
     clothi_own         *own;
     const clothi_group *g;
     clothi_elements    *el;
@@ -10208,11 +10209,12 @@ static void clothi_corners(const clothi_group *g, const double *x, int b, double
 /* Of batch b: its numbers at rest, at the start of the substep, and damp [8]. */
 static void clothi_batch_rest(const clothi_elements *el, int b, double inv_h, const double **rest,
                               const double **start, double *damp) {
-    const int on = el->damped && inv_h > 0;
-    int       k;
+    const int    on = el->damped && inv_h > 0;
+    const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
+    int          k;
     *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES;
-    *start = on ? el->start + (size_t)b * (size_t)el->kind->nmeasure * CLOTHI_LANES : clothi_none;
-    for (k = 0; k < CLOTHI_LANES; k++) damp[k] = on ? el->tau[b * CLOTHI_LANES + k] * inv_h : 0.0;
+    *start = on ? el->start + (size_t)b * (n + CLOTHI_LANES) : clothi_none;
+    for (k = 0; k < CLOTHI_LANES; k++) damp[k] = on ? (*start)[n + (size_t)k] * inv_h : 0.0;
 }
 
 /* Batch b of a group: energy, element forces and Hessian as asked. */
@@ -10257,6 +10259,8 @@ static double clothi_lane_sum(const double *a, int n) {
     return ((s[0] + s[1]) + (s[2] + s[3])) + ((s[4] + s[5]) + (s[6] + s[7]));
 }
 
+CLOTHI_RARE_BEGIN
+
 /* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
 static double clothi_sweep(clothi_pass *p, double *loss) {
     const clothi_group *g = p->g;
@@ -10297,17 +10301,23 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     return CLOTH_OK;
 }
 
-/* Measures at the start of the substep, when something is damped. */
+CLOTHI_RARE_END
+
+/* Measures at the start of the substep and damping, when something is damped. */
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass     *p = (const clothi_pass *)ctx;
     const clothi_elements *el = p->el;
-    double x[12 * CLOTHI_LANES];
-    int    b;
+    const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
+    double       x[12 * CLOTHI_LANES], *start = el->start + (size_t)begin * (n + CLOTHI_LANES);
+    int          b, k;
     (void)worker;
-    for (b = begin; b < end; b++) {
+    for (b = begin; b < end; b++, start += n + CLOTHI_LANES) {
+        const int *id = p->g->id + (size_t)b * CLOTHI_LANES;
         clothi_corners(p->g, p->x, b, x);
-        el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES,
-                          el->start + (size_t)b * (size_t)el->kind->nmeasure * CLOTHI_LANES);
+        el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES, start);
+        for (k = 0; k < CLOTHI_LANES; k++)
+            start[n + (size_t)k] =
+                id[k] < 0 ? 0 : clothi_element_tau(p->model, p->params, p->g->kind, id[k]);
     }
 }
 
@@ -10316,7 +10326,7 @@ static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
     clothi_pass      p;
     if (!el->damped) return CLOTH_OK;
     memset(&p, 0, sizeof p);
-    p.g = el->group, p.el = el, p.x = e->x_n;
+    p.model = e->model, p.params = e->params, p.g = el->group, p.el = el, p.x = e->x_n;
     clothi_for(el->own->hooks, p.g->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
     return CLOTH_OK;
 }
@@ -10914,6 +10924,8 @@ static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
+CLOTHI_RARE_BEGIN
+
 /* The constant Hessian of quadratic bending, made once in the (cleared) matrix and kept. */
 static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
     clothi_pass  p;
@@ -10947,8 +10959,6 @@ static cloth_status clothi_matrix_start(cloth_sim *s) {
     }
     return CLOTH_OK;
 }
-
-CLOTHI_RARE_BEGIN
 
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
 
@@ -11012,7 +11022,7 @@ static cloth_status clothi_tie_matrix(cloth_sim *s) {
 static double *clothi_charge(cloth_sim *s, double *to) {
     const double now = clothi_now(&s->hooks);
     double      *was = s->charged;
-    if (was) *was += now - s->since;
+    if (was) *was += 1e3 * (now - s->since);
     s->charged = to, s->since = now;
     return was;
 }
@@ -11606,8 +11616,8 @@ CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s) {
     int i, n = 3 * s->model->nv;
     for (i = 0; i < n; i++)
         if (s->pin[i / 3] >> (i % 3) & 1)
-            s->w.goal[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
-    s->in.goal = s->w.goal;
+            s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
+    s->in.goal = s->w.y;
 }
 
 /* What the solver must not move: pins, and followers of ties. */
@@ -11626,7 +11636,7 @@ static void clothi_guess(cloth_sim *s, double h) {
     for (i = 0; i < n; i++) {
         s->w.x[i] = s->state.x[i] + h * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
                                              : s->state.v[i]);
-        if (s->pin[i / 3] >> (i % 3) & 1) s->w.x[i] = s->w.y[i] = s->w.goal[i];
+        if (s->pin[i / 3] >> (i % 3) & 1) s->w.x[i] = s->w.y[i];
     }
     for (i = 0; m->tie && i < n; i++)
         if (m->tie[i] >= 0) {
@@ -12111,6 +12121,8 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     }
 }
 
+CLOTHI_RARE_BEGIN
+
 /* All elastic forces at w.x, as forces of triangles. */
 static void clothi_leap_wings(cloth_sim *s) {
     const cloth_model *m = s->model;
@@ -12157,8 +12169,6 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     *extra = s->w.grad;
     return status;
 }
-
-CLOTHI_RARE_BEGIN
 
 /* grad [nv x 3] = elastic gradient at w.x, undamped. */
 static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
@@ -12572,31 +12582,34 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;
     const size_t n = 3 * (size_t)m->nv;
     const clothi_elements *a = &s->own.membrane, *b = &s->own.bend;
-    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES, ma = (size_t)a->kind->nmeasure;
-    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES, mb = (size_t)b->kind->nmeasure;
+    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES, ma = (size_t)a->kind->nmeasure + 1;
+    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES, mb = (size_t)b->kind->nmeasure + 1;
     const int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
-    const int    bdf2 = m->desc.integrator == CLOTH_INTEGRATOR_BDF2;
+    const size_t room = (size_t)m->force_size + na + nb + n;
     const struct { double **array; size_t n; int wanted; } need[] = {
-        {&s->w.x, n, 1}, {&s->w.trial, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1},
-        {&s->w.y, n, 1}, {&s->w.goal, n, implicit}, {&s->w.rhs, n, 1},
-        {&s->w.inv_mass, n, !implicit},
-        {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->own.energy_batch, na + nb, 1},
+        {&s->w.x, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1}, {&s->w.y, n, 1},
+        {&s->w.rhs, n, 1}, {&s->w.inv_mass, n, !implicit},
+        {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->w.room, room, !implicit},
         {&s->own.loss_batch, na + nb, a->damped || b->damped},
-        {&s->own.force, (size_t)m->force_size, 1},
-        {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->x_prev, n, bdf2},
-        {&s->v_prev, n, implicit}, {&s->still_x, n, m->desc.sleep > 0},
-        {&s->w.free, n, s->contact_on && implicit},
+        {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->w.free, n, s->contact_on && implicit},
         {&s->own.membrane.start, na * ma, a->damped}, {&s->own.bend.start, nb * mb, b->damped}};
-    cloth_status status = CLOTH_OK;
+    cloth_status status = clothi_fields_need(s, CLOTHI_INPUT);
     size_t       i;
     for (i = 0; i < sizeof need / sizeof *need && !status; i++)
         if (need[i].wanted) status = clothi_need(s, need[i].array, need[i].n);
-    if (status || !implicit) return status;
-    if (!s->matrix) status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
-    if (!status && !s->solver)
+    if (!status && implicit && !s->matrix)
+        status = cloth_matrix_create(&s->hooks, m->pattern, &s->matrix);
+    if (!status && implicit && !s->solver)
         status = cloth_linear_solver_create(&s->hooks, m->pattern, &s->solver);
+    if (!status && implicit) {
+        s->solver->least = room * sizeof(double);
+        status = clothi_solver_reserve(s->solver, s->matrix);
+    }
     if (status) return status;
-    return clothi_solver_reserve(s->solver, s->matrix);
+    s->own.force = implicit ? (double *)s->solver->block : s->w.room;
+    s->own.energy_batch = s->own.force + m->force_size;
+    s->w.trial = s->own.energy_batch + na + nb;
+    return CLOTH_OK;
 }
 
 static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
@@ -12616,9 +12629,9 @@ static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
 }
 
 static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *report) {
-    if (!clothi_finite(h) || !(h > 0))
-        return clothi_fail(&s->hooks, clothi_finite(h) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
-                           "cloth_step: h = %g must be finite and > 0", h);
+    const cloth_status status = clothi_check_range(&s->hooks, "cloth_step: ", "h", h, 0,
+                                                   HUGE_VAL, CLOTHI_OVER);
+    if (status) return status;
     if (s->model->desc.contact != CLOTH_CONTACT_NONE && !s->contact_on)
         return clothi_fail(&s->hooks, CLOTH_ERR_UNSUPPORTED, "desc.contact = %s needs "
                            "clothsim_collide.h: this sim has no contact",
@@ -12955,10 +12968,8 @@ static void clothi_report_end(cloth_sim *s, double start, long long allocations,
                               cloth_report *report) {
     (void)clothi_charge(s, &s->ms.other);
     s->own.counts.allocations = s->allocations - allocations;
-    report->counts = s->own.counts, report->ms.total = 1e3 * (s->since - start);
-    report->ms.assemble = 1e3 * s->ms.assemble, report->ms.linear = 1e3 * s->ms.linear;
-    report->ms.line_search = 1e3 * s->ms.line_search, report->ms.contact = 1e3 * s->ms.contact;
-    report->ms.other = 1e3 * s->ms.other;
+    s->ms.total = 1e3 * (s->since - start);
+    report->counts = s->own.counts, report->ms = s->ms;
 }
 
 typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report);
@@ -13140,9 +13151,8 @@ static int clothi_leader(const cloth_model *m, int vertex, int axis) {
 }
 
 static cloth_status clothi_check_pin(const cloth_sim *s, const char *call, int vertex) {
-    if (!s || (vertex >= 0 && vertex < s->model->nv)) return s ? CLOTH_OK : CLOTH_ERR_ARGUMENT;
-    return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "%s: vertex %i but nv = %i", call, vertex,
-                       s->model->nv);
+    if (!s) return CLOTH_ERR_ARGUMENT;
+    return clothi_check_count(&s->hooks, call, "vertex", vertex, 0, s->model->nv - 1);
 }
 
 CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
@@ -13150,11 +13160,9 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
     unsigned char pin;
     double        to;
     int           k;
-    cloth_status  status = clothi_check_pin(sim, "cloth_sim_pin", vertex);
+    cloth_status  status = clothi_check_pin(sim, "cloth_sim_pin: ", vertex);
+    if (!status) status = clothi_check_axes(&sim->hooks, "cloth_sim_pin: ", axes);
     if (status) return status;
-    if (axes == 0 || axes > CLOTH_AXIS_ALL)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_sim_pin: axes %i must be 1 to 7",
-                           (int)axes);
     for (k = 0; target && k < 3; k++)
         if ((axes >> k & 1) && !clothi_finite(target[k]))
             return clothi_fail(&sim->hooks, CLOTH_ERR_NONFINITE, "cloth_sim_pin: target[%i] = %g",
@@ -13174,7 +13182,7 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
 CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
     unsigned char pin;
     int           k;
-    cloth_status  status = clothi_check_pin(sim, "cloth_sim_unpin", vertex);
+    cloth_status  status = clothi_check_pin(sim, "cloth_sim_unpin: ", vertex);
     for (k = 0; k < 3 && !status; k++) {
         const int v = clothi_leader(sim->model, vertex, k);
         pin = (unsigned char)(sim->pin[v] & ~(1u << k));
@@ -13219,9 +13227,8 @@ static cloth_status clothi_attach_add(cloth_sim *s, int face, const double *bary
                                p[0] + p[1] + p[2]);
         memcpy(!i ? q.bary : on ? q.at : q.target, p, sizeof q.at);
     }
-    if (!clothi_finite(k) || k < 0)
-        return clothi_fail(&s->hooks, clothi_finite(k) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
-                           "attachment: k = %g must be finite and at least 0", k);
+    status = clothi_check_range(&s->hooks, "attachment: ", "k", k, 0, HUGE_VAL, 0);
+    if (status) return status;
     for (i = 0; i < s->model->desc.max_attachments && s->attach[i].used; i++) {}
     if (i == s->model->desc.max_attachments)
         return clothi_fail(&s->hooks, CLOTH_ERR_CAPACITY,
@@ -13313,11 +13320,9 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const 
     cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!m) return clothi_null(&sim->hooks, "cloth_sim_set_material: m");
-    if (region < 0 || region >= sim->model->nregions)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_sim_set_material: region %i but there are %i", region,
-                           sim->model->nregions);
-    status = cloth_material_check(&sim->hooks, m, region);
+    status = clothi_check_count(&sim->hooks, "cloth_sim_set_material: ", "region", region, 0,
+                                sim->model->nregions - 1);
+    if (!status) status = cloth_material_check(&sim->hooks, m, region);
     if (status) return status;
     sim->params.material[region] = *m;
     clothi_derive(sim);

@@ -3256,9 +3256,11 @@ static cloth_status clothi_grid_plan(const cloth_grid_desc *d, cloth_grid *g) {
     g->cell = d->cell;
     g->band = d->band != 0 ? d->band : CLOTH_DEFAULT_GRID_BAND * d->cell;
     margin = d->margin != 0 ? d->margin : g->band;
-    status = clothi_check_number(hooks, "cell", d->cell, CLOTHI_GRID_TINY, 0);
-    if (!status) status = clothi_check_number(hooks, "band", g->band, 2 * d->cell, 0);
-    if (!status) status = clothi_check_number(hooks, "margin", margin, d->cell, 0);
+    status = clothi_check_range(hooks, "desc.", "cell", d->cell, CLOTHI_GRID_TINY, HUGE_VAL, 0);
+    if (!status)
+        status = clothi_check_range(hooks, "desc.", "band", g->band, 2 * d->cell, HUGE_VAL, 0);
+    if (!status)
+        status = clothi_check_range(hooks, "desc.", "margin", margin, d->cell, HUGE_VAL, 0);
     if (!status) status = clothi_grid_check_mesh(d, lo, hi);
     if (status != CLOTH_OK) return status;
     for (a = 0; a < 3; a++) {

@@ -168,7 +168,7 @@ static void bad_part_and_region(void) {
     tag[4] = -1;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.part[4]", "-1"));
     tag[4] = d.nf;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.part[4]", "out of range"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.part[4]", "is outside 0 .. "));
     d = good();
     d.region = tag;
     tag[4] = 1;
@@ -177,7 +177,7 @@ static void bad_part_and_region(void) {
     d.nregions = 2;
     d.materials = two;
     tag[4] = 2;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.region[4] = 2", "2 materials"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.region[4] = 2", "is outside 0 .. 1"));
     tag[4] = -3;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.region[4]", "-3"));
     tag[4] = 1;
@@ -296,7 +296,7 @@ static void bad_pins(void) {
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.npins", "2"));
     d.pins = pin;
     pin[1].vertex = d.nv;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.pins[1].vertex", "nv"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.pins[1].vertex", "must be 0 to "));
     pin[1].vertex = -1;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.pins[1].vertex", "-1"));
     pin[1].vertex = 1;
@@ -323,7 +323,7 @@ static void bad_ties(void) {
     tie[1].leader = d.nv;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.ties[1]", "leader"));
     tie[1].leader = 2;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.ties[1]", "follower 2"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.ties[1].leader = 2", "follower"));
     tie[1].leader = 1;
     tie[2].axes = 9;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.ties[2].axes", "9"));

@@ -171,7 +171,7 @@ static void topology_refusals(void) {
         {4, 2, {0, 1, 2, 0, 1, 3}, CLOTH_ERR_MESH, "faces 0 and 1 both run 0 -> 1"},
         {3, 2, {0, 1, 2, 0, 2, 1}, CLOTH_ERR_MESH, "faces 0 and 1 have the same corners"},
         {3, 2, {0, 1, 2, 1, 2, 0}, CLOTH_ERR_MESH, "faces 0 and 1 both run"},
-        {3, 1, {0, 1, 3}, CLOTH_ERR_MESH, "faces[0] corner 2 = 3 but nv = 3"},
+        {3, 1, {0, 1, 3}, CLOTH_ERR_MESH, "faces[0] corner 2 = 3 is outside 0 .. 2"},
         {3, 1, {0, -1, 2}, CLOTH_ERR_MESH, "faces[0] corner 1 = -1"},
         {3, 1, {0, 1, 0}, CLOTH_ERR_MESH, "faces[0] = 0 1 0 repeats"},
         {-1, 1, {0, 1, 2}, CLOTH_ERR_ARGUMENT, "nv = -1"},
@@ -490,9 +490,9 @@ static void generator_merge_checks(void) {
     static const char *const said[13] = {
         "meshes[1].x is NULL", "meshes[1].nv = -3", "meshes[1].faces is NULL",
         "meshes[1].faces[0] corner 2 = 77", "meshes[1].faces[0] corner 1 = -5",
-        "meshes[1].part[0] corner 0 = 5 is outside 0 .. 0", "meshes[1].npart = -1",
+        "meshes[1].part[0] = 5 is outside 0 .. 0", "meshes[1].npart = -1",
         "meshes[1].part[0]", "meshes[1].vt is NULL", "meshes[1].nr = -1", "meshes[1].nf = -1",
-        "meshes[1].render_vertex[1] corner 0 = 3", "meshes[1].render_faces[0] corner 2 = 3"};
+        "meshes[1].render_vertex[1] = 3", "meshes[1].render_faces[0] corner 2 = 3"};
     cloth_mesh *sheet = NULL, *all = NULL, *list[2], bad;
     int         k;
     CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 2, 2, 1, 1, &sheet) == CLOTH_OK);

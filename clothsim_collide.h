@@ -5811,9 +5811,10 @@ static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
 /* --- which faces --- */
 
 /* Faces around a held vertex, at either pose, as far as cloth hangs on it, are c->pinched. */
-static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double *to) {
+static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
     const cloth_topology *top = c->sim->model->topology;
     const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
+    const double         *to = c->hold_to + 3 * h->vertex;
     double                reach2 = 0, d[3], b[3], far, box[6];
     clothi_bvh_walk       w;
     int                   i, k, f;
@@ -5827,7 +5828,7 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h, const double
         }
     far = sqrt(reach2) + c->obstacle[h->slot].thickness, reach2 = far * far;
     clothi_sub3(to, p, d);
-    far += sqrt(clothi_dot3(d, d)) + c->obstacle[h->slot].way;
+    far += sqrt(clothi_dot3(d, d));
     clothi_swept_boxes(1, p, NULL, far, box);
     for (w = clothi_bvh_walk_over(&c->solid, box); (f = clothi_bvh_next(&w)) >= 0;) {
         const int *v = c->faces + 3 * (size_t)f;
@@ -5881,9 +5882,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
             status = CLOTHI_ROOM(c, holding, c->nholding + 1);
             if (status) break;
             c->held_of[i] = c->nholding;
-            c->holding[c->nholding] = c->caught[i];
-            clothi_hold_aside(c, c->holding + c->nholding);
-            clothi_hold_mark(c, c->holding + c->nholding++, c->hold_to + 3 * i);
+            c->holding[c->nholding++] = c->caught[i];
         }
     }
     return status;
@@ -5920,10 +5919,6 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
             if (c->held_of[v[k]] < 0 && (c->sim->pin[v[k]] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL)
                 status = clothi_pinch_out(c, v[k], c->slot[c->faces[3 * p->b]]);
     }
-    for (i = n; i < c->nholding && !status; i++) {
-        clothi_hold_aside(c, c->holding + i);
-        clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
-    }
     return status;
 }
 
@@ -5948,12 +5943,12 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
         c->holding[n++] = h;
     }
     c->nholding = n;
-    for (i = 0; i < n; i++) {
-        clothi_hold_aside(c, c->holding + i);
-        clothi_hold_mark(c, c->holding + i, c->hold_to + 3 * c->holding[i].vertex);
-    }
     status = clothi_pinch_catch(c);
     if (!status) status = clothi_pinch_lead(c);
+    for (i = 0; i < c->nholding && !status; i++) {
+        clothi_hold_aside(c, c->holding + i);
+        clothi_hold_mark(c, c->holding + i);
+    }
     c->pinching |= c->nholding > n;
     return status;
 }

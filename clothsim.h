@@ -4128,13 +4128,13 @@ CLOTH_API double cloth_material_rigidity(const cloth_material *m) {
 CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const cloth_material *m,
                                             int region) {
     static const clothi_rule rule[7] = {
-        CLOTHI_RULE(cloth_material, density, 1, CLOTHI_OVER, 0, HUGE_VAL),
-        CLOTHI_RULE(cloth_material, young, 1, 0, 0, HUGE_VAL),
-        CLOTHI_RULE(cloth_material, thickness, 1, 0, 0, HUGE_VAL),
-        CLOTHI_RULE(cloth_material, membrane, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_material, density, 1, CLOTHI_OVER, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_material, young, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_material, thickness, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_material, membrane, 1, 0, 0, CLOTHI_HUGE),
         CLOTHI_RULE(cloth_material, poisson, 1, CLOTHI_OVER, -1, 0.5),
-        CLOTHI_RULE(cloth_material, bending, 1, 0, -HUGE_VAL, HUGE_VAL),
-        CLOTHI_RULE(cloth_material, damping, 1, 0, 0, HUGE_VAL)};
+        CLOTHI_RULE(cloth_material, bending, 1, 0, -CLOTHI_HUGE, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_material, damping, 1, 0, 0, CLOTHI_HUGE)};
     char         name[32];
     const char  *who = clothi_member(name, "material", region);
     double       mu, lambda;
@@ -8840,13 +8840,13 @@ static int clothi_ieee(void) {
 /* Every refusal that needs no allocation of the model's own. */
 static cloth_status clothi_check_desc(const cloth_desc *d) {
     static const clothi_rule rule[] = {
-        CLOTHI_RULE(cloth_desc, gravity, 3, 0, -HUGE_VAL, HUGE_VAL),
-        CLOTHI_RULE(cloth_desc, wind, 3, 0, -HUGE_VAL, HUGE_VAL),
-        CLOTHI_RULE(cloth_desc, air_density, 1, 0, 0, HUGE_VAL),
-        CLOTHI_RULE(cloth_desc, drag, 1, 0, 0, HUGE_VAL),
-        CLOTHI_RULE(cloth_desc, lift, 1, 0, 0, HUGE_VAL),
-        CLOTHI_RULE(cloth_desc, tolerance, 1, CLOTHI_OVER, 0, HUGE_VAL),
-        CLOTHI_RULE(cloth_desc, sleep, 1, 0, 0, HUGE_VAL),
+        CLOTHI_RULE(cloth_desc, gravity, 3, 0, -CLOTHI_HUGE, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_desc, wind, 3, 0, -CLOTHI_HUGE, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_desc, air_density, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_desc, drag, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_desc, lift, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_desc, tolerance, 1, CLOTHI_OVER, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_desc, sleep, 1, 0, 0, CLOTHI_HUGE),
         CLOTHI_RULE(cloth_desc, cg_tolerance, 1, CLOTHI_OVER | CLOTHI_UNDER, 0, 1),
         CLOTHI_RULE(cloth_desc, substeps, 0, 0, 0, CLOTHI_MAX_SUBSTEPS),
         CLOTHI_RULE(cloth_desc, max_newton, 0, 0, 0, 0x7fffffff),
@@ -11472,13 +11472,14 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     const int         cap = s->contact_on ? CLOTHI_CONTACT_CAP : CLOTHI_NEWTON_CAP;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
-    double           *was;
     int               it, done = 0;
     memset(&nt, 0, sizeof nt);
     nt.size = HUGE_VAL;
-    was = clothi_charge(s, &s->ms.contact);
-    if (s->contact_on) status = s->contact.update(s->contact.user, s->w.x, NULL, NULL);
-    (void)clothi_charge(s, was);
+    if (s->contact_on) {
+        double *was = clothi_charge(s, &s->ms.contact);
+        status = s->contact.update(s->contact.user, s->w.x, NULL, NULL);
+        (void)clothi_charge(s, was);
+    }
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     if (!status && (!clothi_finite(nt.value) ||
                     clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))

@@ -5815,7 +5815,7 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
     const cloth_topology *top = c->sim->model->topology;
     const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
     const double         *to = c->hold_to + 3 * h->vertex;
-    double                reach2 = 0, d[3], b[3], far, box[6];
+    double                reach2 = 0, d[3], b[3], reach, box[6];
     clothi_bvh_walk       w;
     int                   i, k, f;
     for (i = top->vf_start[h->vertex]; i < top->vf_start[h->vertex + 1]; i++)
@@ -5826,10 +5826,10 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
             clothi_sub3(c->xa + 3 * v, p, d);
             reach2 = clothi_max(reach2, clothi_dot3(d, d));
         }
-    far = sqrt(reach2) + c->obstacle[h->slot].thickness, reach2 = far * far;
+    reach = sqrt(reach2) + c->obstacle[h->slot].thickness, reach2 = reach * reach;
     clothi_sub3(to, p, d);
-    far += sqrt(clothi_dot3(d, d));
-    clothi_swept_boxes(1, p, NULL, far, box);
+    reach += sqrt(clothi_dot3(d, d));
+    clothi_swept_boxes(1, p, NULL, reach, box);
     for (w = clothi_bvh_walk_over(&c->solid, box); (f = clothi_bvh_next(&w)) >= 0;) {
         const int *v = c->faces + 3 * (size_t)f;
         if (c->slot[v[0]] == h->slot && !c->pinched[f])

@@ -853,6 +853,10 @@ typedef struct cloth_contact {
      * [4], bound, speed} of each row */
     const cloth_contact_row *(*rows)(void *user, int *n);
     void (*rows_vjp)(void *user, const cloth_eval *e, const double *rate, cloth_vjp *out);
+    /* forwards, for checks, what vjp has: adds how grad moves with dx_n and dx (NULL: 0) and with
+     * anchors to out [nv x 3]; out NULL: moves anchors on over the substep. NULL: no such check */
+    cloth_status (*jvp)(void *user, const cloth_eval *e, const double *dx_n, const double *dx,
+                        double *out);
 } cloth_contact;
 
 /* What cloth_advise() found: the groups that decide which rung a scene needs. */

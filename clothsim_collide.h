@@ -7285,6 +7285,8 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
                                        cloth_vjp *out);
 static cloth_status clothi_contact_adjoint(void *user, int what, int k,
                                            const cloth_contact_grad *out);
+static cloth_status clothi_contact_jvp(void *user, const cloth_eval *e, const double *dx_n,
+                                       const double *dx, double *out);
 static const cloth_contact_row *clothi_contact_rows(void *user, int *n);
 static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const double *rate,
                                     cloth_vjp *out);
@@ -7298,7 +7300,8 @@ static void clothi_collide_connect(cloth_collide *c) {
         clothi_contact_save, clothi_contact_load, clothi_contact_vjp, clothi_contact_bytes,
         clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
         sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan,
-        clothi_contact_adjoint, clothi_contact_rows, clothi_contact_rows_vjp};
+        clothi_contact_adjoint, clothi_contact_rows, clothi_contact_rows_vjp,
+        clothi_contact_jvp};
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 
@@ -8466,9 +8469,11 @@ struct clothi_adjoint {                     /* a walk backwards                 
     double        *pose[2];                 /* [nw - nv x 3] by the step's end, by its start   */
     double        *world[2];                /* the same by xa and xb of a substep              */
     double        *friction;                /* [1 + nobstacle + nparts]                        */
-    clothi_anchor *after, *before;          /* by what anchors after it and before it hold     */
+    clothi_anchor *after, *before;          /* by anchors after the substep, and before it     */
+    clothi_anchor *moved, *going;           /* forwards: how these move                        */
     clothi_rates   *back;                    /* of a group                                      */
-    int            nafter, nbefore, after_cap, before_cap, back_cap;
+    int            nafter, nbefore, nmoved, ngoing, after_cap, before_cap, moved_cap, going_cap;
+    int            back_cap;
 };
 
 typedef struct clothi_flow {                /* one call of vjp                                 */
@@ -8797,7 +8802,11 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
     clothi_frame         at;
     double               by[3], Z[3], T[3], K[9], parts = 0, E = 0, most = 0;
     const clothi_anchor *m = clothi_back_anchor(f, q, n, &mean, by);
-    int                  i, l, k;
+    int                  i, l, k, asked = m != NULL;
+    for (i = 0; f->a && i < n && !asked; i++)
+        for (l = 0; l < q[i].n; l++)
+            for (k = 0; q[i].v[l] < c->nv && k < 3; k++) asked |= fabs(f->a[3 * q[i].v[l] + k]) > 0;
+    if (!asked) return;
     memset(b, 0, (size_t)n * sizeof *b);
     for (i = 0; i < n; i++) {
         const double push = q[i].force;
@@ -8914,6 +8923,68 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     return CLOTH_OK;
 }
 
+/* --- forwards --- */
+
+/* A vjp of a (NULL: by anchors alone), times d [2], dx_n and dx (NULL: 0), and how anchors move;
+ * row [2 x nv x 3]: scratch. */
+static cloth_status clothi_contact_worth(cloth_collide *c, const cloth_eval *e, const double *a,
+                                         double *row, const double *const *d, double *worth) {
+    clothi_adjoint *to = c->adjoint;
+    const int       n = 3 * c->nv;
+    cloth_vjp       by;
+    cloth_status    status;
+    int             i;
+    memset(&by, 0, sizeof by);
+    memset(row, 0, 2 * (size_t)n * sizeof *row);
+    by.x_n = d[0] ? row : NULL, by.x = d[1] ? row + n : NULL;
+    status = clothi_contact_vjp(c, e, a, &by);
+    for (i = 0, *worth = 0; i < 2 * n; i++)
+        if (d[i / n]) *worth += row[i] * d[i / n][i % n];
+    for (i = 0; i < to->nafter; i++) {
+        const clothi_anchor *p = to->after + i;
+        const clothi_anchor *m = clothi_anchor_of(to->moved, to->nmoved, &p->key);
+        if (m) *worth += p->gap * m->gap + clothi_dot3(p->slip, m->slip);
+    }
+    to->nafter = 0;
+    return status;
+}
+
+/* cloth_contact.jvp, by vjp of unit vectors. */
+static cloth_status clothi_contact_jvp(void *user, const cloth_eval *e, const double *dx_n,
+                                       const double *dx, double *out) {
+    cloth_collide  *c = (cloth_collide *)user;
+    clothi_adjoint *to = c->adjoint;
+    const double   *d[2] = {dx_n, dx};
+    const int       n = 3 * c->nv;
+    double         *a = (double *)clothi_alloc(c->hooks, 3 * (size_t)n, sizeof *a), worth;
+    cloth_status    status = a ? CLOTHI_ROOM(to, going, c->ncontact) : CLOTH_ERR_MEMORY;
+    clothi_anchor   m;
+    int             i, k;
+    for (i = 0; out && i < n && !status; i++) {
+        a[i] = 1;
+        status = clothi_contact_worth(c, e, a, a + n, d, &worth);
+        a[i] = 0;
+        out[i] += worth;
+    }
+    for (i = 0; !out && i < c->ncontact && !status; i = clothi_group_end(c, i)) {
+        for (k = 0; k < 4 && !status; k++) {
+            memset(&m, 0, sizeof m);
+            m.key = c->contact[i].key;
+            *(k ? m.slip + k - 1 : &m.gap) = 1;
+            status = CLOTHI_ROOM(to, after, 1);
+            if (status) break;
+            to->after[0] = m, to->nafter = 1;
+            status = clothi_contact_worth(c, e, NULL, a + n, d, &worth);
+            to->going[to->ngoing].key = m.key;
+            *(k ? to->going[to->ngoing].slip + k - 1 : &to->going[to->ngoing].gap) = worth;
+        }
+        to->ngoing++;
+    }
+    if (!out && !status) CLOTHI_TAKE(clothi_anchor, to, moved, going);
+    clothi_free(c->hooks, a);
+    return status;
+}
+
 /* --- rows of impact zones --- */
 
 /* What is of obstacles in bound and speed of row r, to them and to n and w; returns the bound's own
@@ -9018,7 +9089,8 @@ static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const doubl
 static void clothi_adjoint_free(cloth_collide *c) {
     clothi_adjoint   *to = c->adjoint;
     const void *const block[] = {to ? to->pose[0] : NULL, to ? to->after : NULL,
-                                 to ? to->before : NULL, to ? to->back : NULL, to};
+                                 to ? to->before : NULL, to ? to->moved : NULL,
+                                 to ? to->going : NULL, to ? to->back : NULL, to};
     (void)clothi_blocks(c->hooks, block, sizeof block / sizeof *block);
     c->adjoint = NULL;
 }

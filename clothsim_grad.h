@@ -111,15 +111,13 @@
  *
  * CONTACT of clothsim_collide.h is part of it: its potential, friction with the normal forces and
  * frames of the step's end, and what anchors carry to the next step. Which pairs there are is a
- * choice. Its Jacobian is not symmetric: GMRES, preconditioned by the factor, takes the place of
+ * choice. Its Jacobian is not symmetric: GCR, preconditioned by the factor, takes the place of
  * one solve. It asks more of the forward steps: desc.tolerance 1e-8 m and below; a step that its
  * cap ended is called in doubt.
  *
  * LEAPFROG's contact is impact zones: the derivative goes through their programs, by the rows that
  * push, and through what made these rows (clothsim_collide.h [8.8]). report.margin says how far, in
  * m, the nearest row is from pushing no more or beginning to.
- *
- * NOT BUILT: hosts' terms without vjp: refused by CLOTH_ERR_UNSUPPORTED.
  */
 
 /* ===== [1.3] REFERENCES ======================================================================
@@ -128,8 +126,8 @@
  * [CLPS03] Cao, Li, Petzold, Serban: Adjoint Sensitivity Analysis for Differential-Algebraic
  *          Equations, SIAM J. Sci. Comput. 24, 2003.
  * [R82]    Ridders: Accurate computation of F'(x) and F'(x) F''(x). Adv. Eng. Software 4, 1982.
- * [S93]    Saad: A flexible inner-outer preconditioned GMRES algorithm, SIAM J. Sci. Comput. 14,
- *          1993.
+ * [EES83]  Eisenstat, Elman, Schultz: Variational iterative methods for nonsymmetric systems of
+ *          linear equations, SIAM J. Numer. Anal. 20, 1983.
  * [LHT21]  Li, Habermann, Thomaszewski, Coros, Beeler, Theobalt: Deep physics-aware inference of
  *          cloth deformation for monocular human performance capture, 3DV 2021.
  * [SSP07]  Sumner, Schmid, Pauly: Embedded deformation for shape manipulation, SIGGRAPH 2007.
@@ -284,14 +282,14 @@ typedef struct cloth_check_row {
 } cloth_check_row;
 
 /* History, anchors and the time asleep are dropped where the run begins. After the call the sim is
- * where it was. What the run sets itself (gravity, wind, materials) has no row; neither have
- * contact and LEAPFROG one of the dot product.
+ * where it was. What the run sets itself (gravity, wind, materials) has no row.
  * out  row   [CLOTH_CHECK_ROWS]
  * out  *rows how many
  * out  rep   of the gradient; may be NULL
  * returns CLOTH_OK: the table is made, whatever it says; _ARGUMENT (NULL, a tape is there, a run of
  *   another length); as cloth_grad_backward, and as run: that ends the check
- * contract: alloc scratch | cost 12 runs a cause, 3 nv passes over the terms a substep */
+ * contract: alloc scratch | cost 12 runs a cause, 3 nv passes over the terms a substep or kick,
+ *   with contact some ten times as many */
 CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void *run_user,
                                         cloth_loss_fn *loss, void *user,
                                         cloth_check_row *row, int *rows, cloth_grad_report *rep);
@@ -504,7 +502,7 @@ extern "C" {
  */
 
 #define CLOTHI_TAPE_COOKIE 0x7a9e0010u
-#define CLOTHI_GRAD_KRYLOV 30               /* directions of GMRES, [4.2], between restarts    */
+#define CLOTHI_GRAD_KRYLOV 30               /* directions of GCR, [4.2], between restarts      */
 
 enum { CLOTHI_MOTION, CLOTHI_INPUTS, CLOTHI_PARAMS };   /* kinds of clothi_fields             */
 enum { CLOTHI_TAPE_RECORD, CLOTHI_TAPE_DEAF, CLOTHI_TAPE_TRACE };
@@ -1063,11 +1061,8 @@ static void clothi_hessian_times(cloth_sim *s, const double *x, const double *u,
     const clothi_elements *el[2];
     clothi_hvp             p;
     int                    i;
-    el[0] = &s->own.membrane;
-    el[1] = &s->own.bend;
-    p.s = s;
-    p.x = x;
-    p.u = u;
+    el[0] = &s->own.membrane, el[1] = &s->own.bend;
+    p.s = s, p.x = x, p.u = u;
     p.inv_h = h > 0 ? 1 / h : 0;
     for (i = 0; i < 2; i++) {
         p.el = el[i];
@@ -1199,7 +1194,7 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * point itself where it was attached since.
  *
  * Contact's vjp gives J'z alone for J = dF/dx, F its forces with all that Newton's search lags
- * taken at x, where it has arrived. J'z = a by the flexible GMRES [S93] with the factor of H,
+ * taken at x, where it has arrived. J'z = a by GCR [EES83] with the factor of H,
  * contact's definite model in it; J - H is small: 3 to 10 directions. What anchors carry to the
  * next substep depends on x too and joins a.
  *
@@ -1222,11 +1217,12 @@ typedef struct clothi_grad {                /* one walk backwards               
     unsigned char *here;                    /* a slot                                          */
     double *x, *v;                          /* [nv x 3] after the step under way               */
     double *lx, *lv, *lp, *lw;              /* [nv x 3] adjoint after the substep under way    */
-    double *nx, *nv, *np, *nw;              /* before it                                       */
+    double *nx, *nv, *np, *nw;              /* before it, one behind the other as those        */
     double *x0;                             /* of x at the step's start, by goals              */
-    double *gx, *gv;                        /* what the loss says                              */
+    double *gx, *gv;                        /* what the loss says, likewise                    */
     double *a, *z, *q, *left;               /* [nv x 3] scratch                                */
     int     paired;                         /* w.dx holds what Newton's method would add       */
+    int     forwards;                       /* the tangent                                     */
     double *mass;                           /* [nv]                                            */
     double *sum[2];                         /* [nbatch x (nrest + 1) x 8] of stretch, bending: by
                                                the numbers of rest, by tau, under these params */
@@ -1285,175 +1281,139 @@ static double clothi_grad_residual(const cloth_sim *s, const double *b, const do
 
 #define CLOTHI_GRAD_REFINE 30               /* rounds for a matrix that is not definite        */
 
-/* Rows [0, n) of x -= L r and y -= L s, of three columns of L, `ld` apart. */
+/* Rows [0, n) of x -= L r, of three columns of L, `ld` apart. */
 CLOTHI_HOT void clothi_pair_take(const double *CLOTHI_RESTRICT L, size_t ld, int n, const double *r,
-                                 const double *s, double *CLOTHI_RESTRICT x,
-                                 double *CLOTHI_RESTRICT y) {
+                                 double *CLOTHI_RESTRICT x) {
     const double *CLOTHI_RESTRICT M = L + ld, *CLOTHI_RESTRICT N = M + ld;
-    const double  r0 = r[0], r1 = r[1], r2 = r[2], s0 = s[0], s1 = s[1], s2 = s[2];
+    const double  r0 = r[0], r1 = r[1], r2 = r[2];
     int           i;
-    for (i = 0; i < n; i++) {
-        const double l = L[i], m = M[i], o = N[i];
-        x[i] -= l * r0 + m * r1 + o * r2;
-        y[i] -= l * s0 + m * s1 + o * s2;
-    }
+    for (i = 0; i < n; i++) x[i] -= L[i] * r0 + M[i] * r1 + N[i] * r2;
 }
 
-/* r -= L'x and s -= L'y, likewise. */
+/* r -= L'x, likewise. */
 CLOTHI_HOT void clothi_pair_sum(const double *CLOTHI_RESTRICT L, size_t ld, int n,
-                                const double *CLOTHI_RESTRICT x, const double *CLOTHI_RESTRICT y,
-                                double *r, double *s) {
+                                const double *CLOTHI_RESTRICT x, double *r) {
     enum { W = 4 };
-    double a[W] = {0}, b[W] = {0}, c[W] = {0}, d[W] = {0}, e[W] = {0}, f[W] = {0};
+    const double *CLOTHI_RESTRICT M = L + ld, *CLOTHI_RESTRICT N = M + ld;
+    double a[W] = {0}, b[W] = {0}, c[W] = {0};
     int    i, k;
     for (i = 0; i + W <= n; i += W)
-        for (k = 0; k < W; k++) {
-            const double l = L[i + k], m = L[ld + (size_t)(i + k)];
-            const double o = L[2 * ld + (size_t)(i + k)];
-            a[k] += l * x[i + k], b[k] += m * x[i + k], c[k] += o * x[i + k];
-            d[k] += l * y[i + k], e[k] += m * y[i + k], f[k] += o * y[i + k];
-        }
-    for (; i < n; i++) {
-        const double l = L[i], m = L[ld + (size_t)i], o = L[2 * ld + (size_t)i];
-        a[0] += l * x[i], b[0] += m * x[i], c[0] += o * x[i];
-        d[0] += l * y[i], e[0] += m * y[i], f[0] += o * y[i];
-    }
-    r[0] -= (a[0] + a[1]) + (a[2] + a[3]), s[0] -= (d[0] + d[1]) + (d[2] + d[3]);
-    r[1] -= (b[0] + b[1]) + (b[2] + b[3]), s[1] -= (e[0] + e[1]) + (e[2] + e[3]);
-    r[2] -= (c[0] + c[1]) + (c[2] + c[3]), s[2] -= (f[0] + f[1]) + (f[2] + f[3]);
+        for (k = 0; k < W; k++)
+            a[k] += L[i + k] * x[i + k], b[k] += M[i + k] * x[i + k], c[k] += N[i + k] * x[i + k];
+    for (; i < n; i++) a[0] += L[i] * x[i], b[0] += M[i] * x[i], c[0] += N[i] * x[i];
+    r[0] -= (a[0] + a[1]) + (a[2] + a[3]);
+    r[1] -= (b[0] + b[1]) + (b[2] + b[3]);
+    r[2] -= (c[0] + c[1]) + (c[2] + c[3]);
 }
 
-/* r := l^-1 r of three rows, or l'^-1 r; l the corner where their columns begin. */
-static void clothi_pair_corner(const double *l, size_t ld, int back, double *r) {
-    const double *m = l + ld + 1, *o = m + ld + 1;
-    if (!back) {
-        r[0] /= l[0];
-        r[1] = (r[1] - l[1] * r[0]) / m[0];
-        r[2] = (r[2] - l[2] * r[0] - m[1] * r[1]) / o[0];
-        return;
-    }
-    r[2] /= o[0];
-    r[1] = (r[1] - m[1] * r[2]) / m[0];
-    r[0] = (r[0] - l[1] * r[1] - l[2] * r[2]) / l[0];
-}
-
-/* b and c := (L S L')^-1 of them, by elimination number; t, u: a boundary each. Three columns at a
- * time, and two vectors: what is loaded of L is used twice, what is stored goes down by three. */
-static void clothi_pair_solve(const cloth_factor *f, double *b, double *c, double *t, double *u) {
+/* b [2] := (L S L')^-1 of them, by elimination number; t [2]: a boundary each. Three columns at a
+ * time, for one vector after the other: what is loaded of L is used twice, what is stored goes down
+ * by three. */
+static void clothi_pair_solve(const cloth_factor *f, double *const *b, double *const *t) {
     const int nparts = f->p->nparts;
-    int       q, i, j, back;
+    int       q, i, k, h, back;
     for (back = 0; back < 2; back++) {
-        for (i = 0; back && i < 3 * f->p->n; i++) b[i] *= f->pivot[i], c[i] *= f->pivot[i];
+        for (i = 0; back && i < 6 * f->p->n; i++) b[i & 1][i / 2] *= f->pivot[i / 2];
         for (q = back ? nparts - 1 : 0; q >= 0 && q < nparts; q += back ? -1 : 1) {
             const clothi_front *w = f->front + q;
             const int     n = w->n, nb = w->nb, *bound = f->bound + w->bound;
             const size_t  ld = (size_t)(n + nb);
-            const double *L = f->panel + w->panel;
-            double       *x = b + 3 * (size_t)w->mid, *y = c + 3 * (size_t)w->mid;
-            for (i = 0; i < nb; i++) {
-                t[i] = back ? b[3 * bound[i / 3] + i % 3] : 0;
-                u[i] = back ? c[3 * bound[i / 3] + i % 3] : 0;
+            for (i = 0; i < 2 * nb; i++)
+                t[i & 1][i / 2] = back ? b[i & 1][3 * bound[i / 6] + i / 2 % 3] : 0;
+            for (i = 0; i < n / 3 * 2; i++) {
+                const int     j = back ? n - 3 - i / 2 * 3 : i / 2 * 3;
+                const double *l = f->panel + w->panel + (size_t)j * (ld + 1), *edge = l + (n - j);
+                double       *x = b[i & 1] + 3 * (size_t)w->mid + j;
+                if (back) {
+                    clothi_pair_sum(edge, ld, nb, t[i & 1], x);
+                    clothi_pair_sum(l + 3, ld, n - j - 3, x + 3, x);
+                }
+                for (k = back ? 2 : 0; k >= 0 && k < 3; k += back ? -1 : 1) {
+                    if (!back) x[k] /= l[(size_t)k * (ld + 1)];
+                    for (h = k + 1; h < 3; h++)
+                        x[back ? k : h] -= l[(size_t)k * ld + (size_t)h] * x[back ? h : k];
+                    if (back) x[k] /= l[(size_t)k * (ld + 1)];
+                }
+                if (back) continue;
+                clothi_pair_take(l + 3, ld, n - j - 3, x, x + 3);
+                clothi_pair_take(edge, ld, nb, x, t[i & 1]);
             }
-            for (j = 0; j < n && !back; j += 3) {
-                const double *l = L + (size_t)j * (ld + 1);
-                clothi_pair_corner(l, ld, 0, x + j);
-                clothi_pair_corner(l, ld, 0, y + j);
-                clothi_pair_take(l + 3, ld, n - j - 3, x + j, y + j, x + j + 3, y + j + 3);
-                clothi_pair_take(L + (size_t)j * ld + n, ld, nb, x + j, y + j, t, u);
-            }
-            for (j = n - 3; j >= 0 && back; j -= 3) {
-                const double *l = L + (size_t)j * (ld + 1);
-                clothi_pair_sum(L + (size_t)j * ld + n, ld, nb, t, u, x + j, y + j);
-                clothi_pair_sum(l + 3, ld, n - j - 3, x + j + 3, y + j + 3, x + j, y + j);
-                clothi_pair_corner(l, ld, 1, x + j);
-                clothi_pair_corner(l, ld, 1, y + j);
-            }
-            for (i = 0; i < nb && !back; i++) {
-                b[3 * bound[i / 3] + i % 3] += t[i];
-                c[3 * bound[i / 3] + i % 3] += u[i];
-            }
+            for (i = 0; i < 2 * nb && !back; i++)
+                b[i & 1][3 * bound[i / 6] + i / 2 % 3] += t[i & 1][i / 2];
         }
     }
 }
 
-/* x = H^-1 b and y = H^-1 c with the factor; g->nv and g->np are scratch. */
-static void clothi_grad_pair(clothi_grad *g, const double *b, const double *c, double *x,
-                             double *y) {
+/* x [2] = H^-1 b [2] with the factor; g->nv and g->np are scratch. */
+static void clothi_grad_pair(clothi_grad *g, const double *const *b, double *const *x) {
     cloth_factor *f = g->s->solver->factor;
     const int     n = (int)g->t->nv3;
-    int           i;
-    for (i = 0; i < n; i++) {
-        const int at = 3 * f->p->verts[i / 3] + i % 3;
-        const int on = f->pivot[i] && !(f->fixed[i / 3] >> i % 3 & 1);
-        g->nv[i] = on ? b[at] : 0;
-        g->np[i] = on ? c[at] : 0;
+    double       *to[2], *edge[2];
+    int           i, k;
+    to[0] = g->nv, to[1] = g->np, edge[0] = f->vec, edge[1] = f->vec + n;
+    for (i = 0; i < 2 * n; i++) {
+        k = i / 2;
+        to[i & 1][k] = f->pivot[k] && !(f->fixed[k / 3] >> k % 3 & 1)
+                           ? b[i & 1][3 * f->p->verts[k / 3] + k % 3] : 0;
     }
-    clothi_pair_solve(f, g->nv, g->np, f->vec, f->vec + n);
-    for (i = 0; i < n; i++) {
-        const int at = 3 * f->p->verts[i / 3] + i % 3;
-        x[at] = g->nv[i];
-        y[at] = g->np[i];
-    }
+    clothi_pair_solve(f, to, edge);
+    for (i = 0; i < 2 * n; i++) x[i & 1][3 * f->p->verts[i / 6] + i / 2 % 3] = to[i & 1][i / 2];
 }
 
-/* With the factor L S L' of H, good also where H has negative pivots; what lies outside the pattern
- * (attachments, ties) is not in it: then it preconditions CG, or, at negative pivots, repeated
- * corrections, of which the residual says whether they came to an end. */
-static cloth_status clothi_grad_direct(clothi_grad *g, const double *b, double *x, int *negative) {
+/* A x = b to a residual *r, corrected until it is small enough. CHOLESKY: with the factor L S L',
+ * good also where pivots are negative; what lies outside the pattern (attachments, ties) is not in
+ * it: then it preconditions CG, or, at negative pivots, the residual says whether corrections came
+ * to an end. Else the kit's CG. */
+static cloth_status clothi_grad_refine(clothi_grad *g, cloth_linear method, const double *b,
+                                       double *x, int *negative, double *r) {
     const double tolerance = g->t->opt.tolerance;
+    const int    direct = method == CLOTH_LINEAR_CHOLESKY;
     cloth_sim   *s = g->s;
-    cloth_status status = clothi_solver_factor(s->solver, s->matrix, s->fixed, NULL);
-    double       r, last = HUGE_VAL;
-    int          i, k, n = 3 * s->model->nv;
-    g->rep->factorizations++;
-    *negative = status == CLOTH_ERR_NUMERIC;
-    if (status && !*negative) return status;
-    memcpy(g->left, b, (size_t)n * sizeof(double));
-    memset(x, 0, (size_t)n * sizeof(double));
-    g->paired = g->t->opt.early > 0 && s->matrix->ne == 0;
-    status = CLOTH_OK;
-    for (k = 0; k < CLOTHI_GRAD_REFINE; k++) {
-        if (k == 0 && g->paired) clothi_grad_pair(g, g->left, s->w.rhs, g->left, s->w.dx);
-        else status = cloth_factor_solve(s->solver->factor, g->left, g->left);
-        if (status) return status;
-        for (i = 0; i < n; i++) x[i] += g->left[i];
-        r = clothi_grad_residual(s, b, x, g->q, g->left);
-        if (r <= tolerance) return CLOTH_OK;
-        if (!(r < 0.1 * last) && (!*negative || !(r < 0.9 * last))) break;
-        last = r;
-    }
-    return *negative ? CLOTH_OK : clothi_grad_again(g, b, 0.1 * tolerance, x);
-}
-
-/* The kit's CG: to a residual in the norm of its preconditioner first, then in ours. */
-static cloth_status clothi_grad_iterate(clothi_grad *g, const double *b, double *x,
-                                        int *negative) {
-    cloth_sim           *s = g->s;
     cloth_linear_options opt = cloth_linear_options_default();
     cloth_linear_report  lr;
-    cloth_status         status = CLOTH_OK;
-    double               r;
-    int                  k;
-    opt.method = g->t->opt.linear;
-    opt.fixed = s->fixed;
-    opt.tolerance = g->t->opt.tolerance;
-    *negative = 0;
-    for (k = 0; k < 3 && !status; k++) {
-        status = cloth_linear_solve(s->solver, s->matrix, b, x, &opt, &lr);
-        g->rep->iterations += lr.iterations;
-        *negative |= lr.negative;
-        r = clothi_grad_residual(s, b, x, g->q, g->left);
-        if (*negative || r <= g->t->opt.tolerance) break;
-        opt.tolerance *= 0.5 * g->t->opt.tolerance / r;
+    cloth_status status = CLOTH_OK;
+    double       last = HUGE_VAL;
+    const double *from[2];
+    double      *to[2];
+    size_t       i, bytes = g->t->nv3 * sizeof(double);
+    int          k;
+    from[0] = g->left, from[1] = s->w.rhs, to[0] = g->q, to[1] = s->w.dx;
+    if (direct) status = clothi_solver_factor(s->solver, s->matrix, s->fixed, NULL);
+    g->rep->factorizations += direct;
+    *negative = status == CLOTH_ERR_NUMERIC;
+    if (status && !*negative) return status;
+    memcpy(g->left, b, bytes);
+    memset(x, 0, bytes);
+    g->paired = direct && g->t->opt.early > 0 && s->matrix->ne == 0;
+    opt.method = method, opt.fixed = s->fixed, opt.tolerance = tolerance;
+    for (k = 0, status = CLOTH_OK; k < CLOTHI_GRAD_REFINE; k++) {
+        memset(g->q, 0, bytes);
+        if (k == 0 && g->paired) clothi_grad_pair(g, from, to);
+        else if (direct) status = cloth_factor_solve(s->solver->factor, g->left, g->q);
+        else {
+            status = cloth_linear_solve(s->solver, s->matrix, g->left, g->q, &opt, &lr);
+            g->rep->iterations += lr.iterations;
+            *negative |= lr.negative;
+        }
+        if (status) return status;
+        for (i = 0; i < g->t->nv3; i++) x[i] += g->q[i];
+        *r = clothi_grad_residual(s, b, x, g->q, g->left);
+        if (*r <= tolerance) return CLOTH_OK;
+        if (!(*r < 0.1 * last) && (!*negative || !(*r < 0.9 * last))) break;
+        last = *r;
+        opt.tolerance = 0.5 * tolerance / last;
     }
+    if (*negative || !direct) return CLOTH_OK;
+    status = clothi_grad_again(g, b, 0.1 * tolerance, x);
+    *r = clothi_grad_residual(s, b, x, g->q, g->left);
     return status;
 }
 
 /* --- with contact --- */
 
-#define CLOTHI_GRAD_RESTARTS 6
+#define CLOTHI_GRAD_TURNS 6
 
-/* out = J' z over all rows, J = dF/dx of all terms and contact. */
+/* out = J' z over all rows, J = dF/dx of all terms and contact; forwards J z. */
 static cloth_status clothi_grad_apply(clothi_grad *g, const cloth_eval *e, const double *z,
                                       double *out) {
     cloth_sim    *s = g->s;
@@ -1466,7 +1426,8 @@ static cloth_status clothi_grad_apply(clothi_grad *g, const cloth_eval *e, const
     memcpy(g->nx, z, bytes);
     memset(g->nv, 0, bytes);
     clothi_tie_spread(s->model, g->nx);
-    status = s->contact.vjp(s->contact.user, e, g->nx, &to);
+    status = g->forwards ? s->contact.jvp(s->contact.user, e, NULL, g->nx, g->nv)
+                         : s->contact.vjp(s->contact.user, e, g->nx, &to);
     clothi_tie_gradient(s->model, g->nv);
     cloth_matrix_mul(g->elastic, NULL, z, out);
     for (i = 0; i < g->t->nv3; i++) out[i] += g->nv[i];
@@ -1513,107 +1474,75 @@ static double clothi_grad_left(const clothi_grad *g, const double *b, const doub
     return sqrt(clothi_grad_dot(r, r, g->t->nv3));
 }
 
-/* Column j of GMRES's matrix H [M + 1 x M], whose rotations are c, s, joins its triangle. */
-static void clothi_grad_rotate(double (*H)[CLOTHI_GRAD_KRYLOV], double *c, double *s, double *y,
-                               int j) {
-    double size;
-    int    i;
-    for (i = 0; i < j; i++) {
-        const double t = c[i] * H[i][j] + s[i] * H[i + 1][j];
-        H[i + 1][j] = c[i] * H[i + 1][j] - s[i] * H[i][j];
-        H[i][j] = t;
-    }
-    size = sqrt(H[j][j] * H[j][j] + H[j + 1][j] * H[j + 1][j]);
-    c[j] = size > 0 ? H[j][j] / size : 1, s[j] = size > 0 ? H[j + 1][j] / size : 0;
-    H[j][j] = size;
-    y[j + 1] = -s[j] * y[j], y[j] *= c[j];
-}
-
-/* Up to CLOTHI_GRAD_KRYLOV directions of GMRES from z on; g->krylov begins with the residual, of
- * length `size`. Each is preconditioned by the model of H with contact: by its factor, or, where it
- * has entries outside the pattern, by CG with that, so that the method is the flexible one [S93].
- * */
-static cloth_status clothi_grad_gmres(clothi_grad *g, const cloth_eval *e, double size, double most,
-                                      double *z) {
-    enum { M = CLOTHI_GRAD_KRYLOV };
+/* Direction `it` of GCR [EES83] from z on; g->krylov has the residual, of length *left, then the
+ * others, each with what J' makes of it. Preconditioned by the model of H with contact: by its
+ * factor, or, where it has entries outside the pattern, by CG with that. */
+static cloth_status clothi_grad_gcr(clothi_grad *g, const cloth_eval *e, int it, double *z,
+                                    double *left) {
     const size_t n = g->t->nv3;
-    double      *V = g->krylov, *Z = V + (M + 1) * n, H[M + 1][M], c[M], s[M], y[M + 1];
-    cloth_status status = CLOTH_OK;
-    int          i, j, k;
+    double      *r = g->krylov, *p = r + n + 2 * n * (size_t)it, *q = p + n, *o, size, along;
+    cloth_status status = g->s->matrix->ne ? clothi_grad_again(g, r, 1e-2, p)
+                                           : cloth_factor_solve(g->s->solver->factor, r, p);
     size_t       l;
-    for (l = 0; l < n; l++) V[l] /= size;
-    y[0] = size;
-    for (j = 0; j < M && fabs(y[j]) > most; j++) {
-        double *u = V + (size_t)j * n, *v = u + n, *p = Z + (size_t)j * n;
-        status = g->s->matrix->ne ? clothi_grad_again(g, u, 1e-2, p)
-                                  : cloth_factor_solve(g->s->solver->factor, u, p);
-        clothi_grad_free(g, p);
-        if (!status) status = clothi_grad_apply(g, e, p, v);
-        if (status) return status;
-        g->rep->iterations++;
-        clothi_grad_free(g, v);
-        for (i = 0; i <= j; i++) {          /* Gram and Schmidt, modified */
-            H[i][j] = clothi_grad_dot(V + (size_t)i * n, v, n);
-            for (l = 0; l < n; l++) v[l] -= H[i][j] * V[(size_t)i * n + l];
-        }
-        H[j + 1][j] = sqrt(clothi_grad_dot(v, v, n));
-        for (l = 0; l < n && H[j + 1][j] > 0; l++) v[l] /= H[j + 1][j];
-        clothi_grad_rotate(H, c, s, y, j);
+    clothi_grad_free(g, p);
+    if (!status) status = clothi_grad_apply(g, e, p, q);
+    if (status) return status;
+    g->rep->iterations++;
+    clothi_grad_free(g, q);
+    for (o = r + n; o < p; o += 2 * n) {
+        along = clothi_grad_dot(o + n, q, n);
+        for (l = 0; l < n; l++) p[l] -= along * o[l], q[l] -= along * o[n + l];
     }
-    for (i = j - 1; i >= 0; i--) {
-        for (k = i + 1; k < j; k++) y[i] -= H[i][k] * y[k];
-        y[i] = H[i][i] > 0 ? y[i] / H[i][i] : 0;
-        for (l = 0; l < n; l++) z[l] += y[i] * Z[(size_t)i * n + l];
+    size = sqrt(clothi_grad_dot(q, q, n));
+    along = size > 0 ? clothi_grad_dot(q, r, n) / size : 0;
+    for (l = 0; l < n && size > 0; l++) {
+        p[l] /= size, q[l] /= size;
+        z[l] += along * p[l], r[l] -= along * q[l];
     }
+    *left = sqrt(clothi_grad_dot(r, r, n));
     return CLOTH_OK;
 }
 
-/* J' z = b over the free leaders, J not symmetric; g->q = J' z, all rows. */
+/* J' z = b over the free leaders to a residual *r, J not symmetric; g->q = J' z, all rows. */
 static cloth_status clothi_grad_touching(clothi_grad *g, clothi_line *line, const double *b,
-                                         double *z, int k) {
+                                         double *z, int *negative, double *r) {
     const size_t n = g->t->nv3;
     const double most = g->t->opt.tolerance;
     double       size, left;
-    int          negative = 0, it;
-    cloth_status status = clothi_grad_matrices(g, line, &negative);
+    int          it, turn;
+    cloth_status status = clothi_grad_matrices(g, line, negative);
     memset(z, 0, n * sizeof(double));
     memset(g->q, 0, n * sizeof(double));
     line->goal.e.x = g->s->w.x;
     size = left = clothi_grad_left(g, b, g->q, g->krylov);
-    for (it = 0; it < CLOTHI_GRAD_RESTARTS && !status && left > most * size; it++) {
-        status = clothi_grad_gmres(g, &line->goal.e, left, 0.5 * most * size, z);
+    for (turn = 0; turn < CLOTHI_GRAD_TURNS && !status && left > most * size; turn++) {
+        for (it = 0; it < CLOTHI_GRAD_KRYLOV && !status && left > 0.5 * most * size; it++)
+            status = clothi_grad_gcr(g, &line->goal.e, it, z, &left);
         if (!status) status = clothi_grad_apply(g, &line->goal.e, z, g->q);
         left = clothi_grad_left(g, b, g->q, g->krylov);
     }
-    g->rep->solves++;
-    g->rep->negative += negative;
-    if (negative) clothi_grad_doubt(g, CLOTH_GRAD_SADDLE, k);
-    if (size > 0) g->rep->residual = clothi_max(g->rep->residual, left / size);
-    if (!(left <= 1e3 * most * size)) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
+    *r = size <= 0 ? 0 : left / size;
     return status;
 }
 
 /* z = H^-1 b over the free leaders; g->q = H z, all rows. */
 static cloth_status clothi_grad_solve(clothi_grad *g, clothi_line *line, const double *b, double *z,
                                       int k) {
+    const cloth_linear method = clothi_grad_method(g);
     cloth_status status;
-    double       residual;
+    double       r = 0;
     int          negative = 0;
     g->paired = 0;
-    if (g->elastic) return clothi_grad_touching(g, line, b, z, k);
-    if (clothi_grad_method(g) == CLOTH_LINEAR_CHOLESKY)
-        status = clothi_grad_direct(g, b, z, &negative);
-    else {
-        status = clothi_grad_iterate(g, b, z, &negative);
-        if (!status && negative) status = clothi_grad_direct(g, b, z, &negative);
-    }
+    if (g->elastic) status = clothi_grad_touching(g, line, b, z, &negative, &r);
+    else status = clothi_grad_refine(g, method, b, z, &negative, &r);
+    if (!g->elastic && !status && negative && method != CLOTH_LINEAR_CHOLESKY)
+        status = clothi_grad_refine(g, CLOTH_LINEAR_CHOLESKY, b, z, &negative, &r);
     if (status) return status;
     g->rep->solves++;
     g->rep->negative += negative;
     if (negative) clothi_grad_doubt(g, CLOTH_GRAD_SADDLE, k);
-    residual = clothi_grad_residual(g->s, b, z, g->q, g->left);
-    g->rep->residual = clothi_max(g->rep->residual, residual);
-    if (!(residual <= 1e3 * g->t->opt.tolerance)) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
+    g->rep->residual = clothi_max(g->rep->residual, r);
+    if (!(r <= 1e3 * g->t->opt.tolerance)) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
     return status;
 }
 
@@ -1991,7 +1920,7 @@ typedef struct clothi_rows {                /* rows of a resolve, by their zones
     int     n, nzone;
     int    *start, *order;                  /* [nzone + 1], [n]                                */
     int    *list, *perm;                    /* [n] of a zone: active ones; by pivots           */
-    double *rate;                           /* [n x CLOTH_ROW_RATES]                           */
+    double *rate, *moved;                   /* [n x CLOTH_ROW_RATES] adjoint; forwards, tangent */
     double *mu, *S;                         /* [n], [m x m], m the most active ones of a zone  */
     size_t  most;                           /* m                                               */
 } clothi_rows;
@@ -2030,7 +1959,6 @@ static double clothi_row_pair(const cloth_sim *s, const cloth_contact_row *p,
 
 static cloth_status clothi_rows_open(clothi_grad *g, clothi_rows *q) {
     int *at, i, most = 0;
-    memset(q, 0, sizeof *q);
     q->row = g->s->contact.rows(g->s->contact.user, &q->n);
     for (i = 0; i < q->n; i++)
         if (q->row[i].zone >= q->nzone) q->nzone = q->row[i].zone + 1;
@@ -2047,10 +1975,11 @@ static cloth_status clothi_rows_open(clothi_grad *g, clothi_rows *q) {
     for (i = 0; i < q->n; i++)
         if (q->row[i].zone >= 0) q->order[q->start[q->row[i].zone + 1]++] = i;
     q->most = (size_t)most;
-    q->rate = (double *)clothi_alloc(&g->t->hooks, (size_t)q->n * (CLOTH_ROW_RATES + 1) +
+    q->rate = (double *)clothi_alloc(&g->t->hooks, (size_t)q->n * (2 * CLOTH_ROW_RATES + 1) +
                                                    q->most * q->most + 1, sizeof(double));
     if (!q->rate) return CLOTH_ERR_MEMORY;
-    q->mu = q->rate + CLOTH_ROW_RATES * q->n, q->S = q->mu + q->n;
+    q->moved = q->rate + CLOTH_ROW_RATES * q->n, q->mu = q->moved + CLOTH_ROW_RATES * q->n;
+    q->S = q->mu + q->n;
     return CLOTH_OK;
 }
 
@@ -2059,69 +1988,52 @@ static void clothi_rows_close(clothi_grad *g, clothi_rows *q) {
     clothi_free(&g->t->hooks, q->rate);
 }
 
-/* S of the rows in list [m] is factored, pivots first; returns its rank. */
+/* S of the rows in list [m] is factored, pivots first, by perm; returns its rank. */
 static int clothi_rows_factor(const cloth_sim *s, clothi_rows *q, int m) {
     const size_t ld = q->most;
     double      *S = q->S, first = 0;
-    int          i, j, k;
+    int          i, j, k, p;
     for (i = 0; i < m; i++)
         for (q->perm[i] = i, j = 0; j <= i; j++)
             S[(size_t)i * ld + (size_t)j] = S[(size_t)j * ld + (size_t)i] =
                 clothi_row_pair(s, q->row + q->list[i], q->row + q->list[j]);
     for (k = 0; k < m; k++) {
-        double root;
-        int    p = k;
-        for (i = k; i < m; i++)
-            if (S[(size_t)i * (ld + 1)] > S[(size_t)p * (ld + 1)]) p = i;
-        root = S[(size_t)p * (ld + 1)];
+        double root, *from;
+        for (p = i = k; i < m; i++)
+            if (S[(size_t)q->perm[i] * (ld + 1)] > S[(size_t)q->perm[p] * (ld + 1)]) p = i;
+        i = q->perm[k], q->perm[k] = q->perm[p], q->perm[p] = i;
+        from = S + q->perm[k];
+        root = from[(size_t)q->perm[k] * ld];
         if (k == 0) first = root;
         if (!(root > CLOTHI_GRAD_RANK * first)) return k;
-        for (i = 0; i < m; i++) {           /* rows and columns k and p change places */
-            const double t = S[(size_t)k * ld + (size_t)i];
-            S[(size_t)k * ld + (size_t)i] = S[(size_t)p * ld + (size_t)i];
-            S[(size_t)p * ld + (size_t)i] = t;
-        }
-        for (i = 0; i < m; i++) {
-            const double t = S[(size_t)i * ld + (size_t)k];
-            S[(size_t)i * ld + (size_t)k] = S[(size_t)i * ld + (size_t)p];
-            S[(size_t)i * ld + (size_t)p] = t;
-        }
-        i = q->perm[k], q->perm[k] = q->perm[p], q->perm[p] = i;
         root = sqrt(root);
-        for (i = k; i < m; i++) S[(size_t)i * ld + (size_t)k] /= root;
+        for (i = k; i < m; i++) from[(size_t)q->perm[i] * ld] /= root;
         for (i = k + 1; i < m; i++)
             for (j = k + 1; j < m; j++)
-                S[(size_t)i * ld + (size_t)j] -=
-                    S[(size_t)i * ld + (size_t)k] * S[(size_t)j * ld + (size_t)k];
+                S[(size_t)q->perm[i] * ld + (size_t)q->perm[j]] -=
+                    from[(size_t)q->perm[i] * ld] * from[(size_t)q->perm[j] * ld];
     }
     return m;
 }
 
-/* mu of the rows in list [m] for l = a, which becomes a - G'mu. */
-static void clothi_rows_solve(clothi_grad *g, clothi_rows *q, int m, double *a) {
-    const cloth_sim *s = g->s;
-    const int        rank = clothi_rows_factor(s, q, m);
-    const size_t     ld = q->most;
-    int              i, j, k;
+/* S mu = mu for the rows in list [m]. */
+static void clothi_rows_solve(clothi_grad *g, clothi_rows *q, int m) {
+    const int     rank = clothi_rows_factor(g->s, q, m), *p = q->perm;
+    const size_t  ld = q->most;
+    const double *S = q->S;
+    int           i, j;
     g->rep->rows += m, g->rep->redundant += m - rank;
-    for (i = 0; i < m; i++) q->mu[q->list[i]] = 0;
+    for (i = rank; i < m; i++) q->mu[q->list[p[i]]] = 0;
     for (i = 0; i < rank; i++) {
-        double t = clothi_row_along(s, q->row + q->list[q->perm[i]], a, 1);
-        for (j = 0; j < i; j++)
-            t -= q->S[(size_t)i * ld + (size_t)j] * q->mu[q->list[q->perm[j]]];
-        q->mu[q->list[q->perm[i]]] = t / q->S[(size_t)i * (ld + 1)];
+        double *t = q->mu + q->list[p[i]];
+        for (j = 0; j < i; j++) *t -= S[(size_t)p[i] * ld + (size_t)p[j]] * q->mu[q->list[p[j]]];
+        *t /= S[(size_t)p[i] * (ld + 1)];
     }
     for (i = rank - 1; i >= 0; i--) {
-        double t = q->mu[q->list[q->perm[i]]];
+        double *t = q->mu + q->list[p[i]];
         for (j = i + 1; j < rank; j++)
-            t -= q->S[(size_t)j * ld + (size_t)i] * q->mu[q->list[q->perm[j]]];
-        q->mu[q->list[q->perm[i]]] = t / q->S[(size_t)i * (ld + 1)];
-    }
-    for (i = 0; i < m; i++) {
-        const cloth_contact_row *r = q->row + q->list[i];
-        for (j = 0; j < r->n; j++)
-            for (k = 0; r->v[j] < s->model->nv && k < 3; k++)
-                a[3 * r->v[j] + k] -= q->mu[q->list[i]] * r->w[j] * r->normal[k];
+            *t -= S[(size_t)p[j] * ld + (size_t)p[i]] * q->mu[q->list[p[j]]];
+        *t /= S[(size_t)p[i] * (ld + 1)];
     }
 }
 
@@ -2148,7 +2060,15 @@ static void clothi_rows_back(clothi_grad *g, clothi_rows *q, int speeds, double 
                 g->rep->margin = clothi_min(g->rep->margin,
                                             clothi_row_margin(s, r, x, speeds, hs));
         }
-        clothi_rows_solve(g, q, m, a);
+        for (i = 0; i < m; i++)
+            q->mu[q->list[i]] = clothi_row_along(s, q->row + q->list[i], a, 1);
+        clothi_rows_solve(g, q, m);
+        for (i = 0; i < m; i++) {
+            const cloth_contact_row *r = q->row + q->list[i];
+            for (j = 0; j < r->n; j++)
+                for (k = 0; r->v[j] < s->model->nv && k < 3; k++)
+                    a[3 * r->v[j] + k] -= q->mu[q->list[i]] * r->w[j] * r->normal[k];
+        }
         for (i = 0; i < m; i++) {
             const cloth_contact_row *r = q->row + q->list[i];
             const double lambda = speeds ? r->impulse : r->multiplier, mu = q->mu[q->list[i]];
@@ -2182,7 +2102,24 @@ static int clothi_rows_made(clothi_grad *g, clothi_rows *q) {
 }
 
 /* Contact at the end of the drift from x, v at a kick, which are followed by what it was given, to
- * `next`: lx and lv before it, and into g->np what goes to x. */
+ * `next`: its rows. *frozen: it remembers more than a step's start. */
+static cloth_status clothi_leap_resolve(clothi_grad *g, double hs, const double *x,
+                                        const double *next, clothi_rows *q, int *frozen) {
+    cloth_sim   *s = g->s;
+    const size_t n = g->t->nv3, bytes = n * sizeof(double);
+    cloth_status status;
+    memset(q, 0, sizeof *q);
+    memcpy(s->w.x, x, bytes);
+    memcpy(s->w.trial, x + n, bytes);
+    status = clothi_leap_contact(s, hs, 0, NULL);
+    memcpy(s->w.x, x + 2 * n, bytes);
+    memcpy(s->w.trial, x + 3 * n, bytes);
+    if (!status) status = clothi_leap_contact(s, hs, 1, NULL);
+    *frozen = memcmp(s->w.x, next, bytes) != 0 || memcmp(s->w.trial, next + n, bytes) != 0;
+    return status ? status : clothi_rows_open(g, q);
+}
+
+/* That backwards: lx and lv before it, and into g->np what goes to x. */
 static cloth_status clothi_leap_touch(clothi_grad *g, double hs, const double *x,
                                       const double *next, int k) {
     cloth_sim    *s = g->s;
@@ -2194,17 +2131,8 @@ static cloth_status clothi_leap_touch(clothi_grad *g, double hs, const double *x
     size_t        i;
     memset(g->np, 0, bytes);
     if (memcmp(given, next, 2 * bytes) == 0) return CLOTH_OK;
-    memcpy(s->w.x, x, bytes);
-    memcpy(s->w.trial, x + n, bytes);
-    status = clothi_leap_contact(s, hs, 0, NULL);
-    memcpy(s->w.x, given, bytes);
-    memcpy(s->w.trial, given + n, bytes);
-    if (!status) status = clothi_leap_contact(s, hs, 1, NULL);
-    if (status) return status;
-    status = clothi_rows_open(g, &q);
+    status = clothi_leap_resolve(g, hs, x, next, &q, &frozen);
     if (!status) {
-        frozen = memcmp(s->w.x, next, bytes) != 0 ||    /* it remembers more than a step's start */
-                 memcmp(s->w.trial, next + n, bytes) != 0;
         clothi_rows_back(g, &q, 1, hs, s->w.trial, given + n, g->lv);
         clothi_rows_back(g, &q, 0, hs, s->w.x, given, g->lx);
         frozen |= clothi_rows_made(g, &q);
@@ -2235,43 +2163,53 @@ static void clothi_leap_impulse(clothi_grad *g, double kick, const double *v, co
     }
 }
 
+/* H u of the forces at a kick at x, v into out; *e: where elements take them, with damping's x_n in
+ * g->nx, *o: the other terms, which have begun. Returns whether it damps; *status. */
+static int clothi_leap_forces(clothi_grad *g, double hs, const double *x, const double *v,
+                              const double *u, double *out, cloth_eval *e, cloth_eval *o,
+                              cloth_status *status) {
+    cloth_sim *s = g->s;
+    const int  damped = s->own.membrane.damped || s->own.bend.damped;
+    size_t     i;
+    *o = clothi_eval_of(s);
+    o->x = o->x_n = x;
+    o->v_n = v;
+    *e = *o;
+    o->h = 0, e->h = hs;
+    for (i = 0; i < g->t->nv3 && damped; i++) g->nx[i] = x[i] - hs * v[i];
+    if (damped) e->x_n = g->nx;
+    *status = CLOTH_OK;
+    for (i = 0; i <= CLOTHI_TERM_BEND && damped && !*status; i++)
+        *status = s->term[i].begin(s->term[i].user, e);
+    if (damped || g->forwards || !clothi_grad_wanted(g))
+        clothi_hessian_times(s, x, u, damped ? hs : 0, out);
+    else clothi_grad_elements(g, e, u, NULL, out);
+    clothi_leap_times(s, u, out);
+    if (!*status && s->nterms > s->nbuiltin) *status = clothi_leap_hosts(g, *o, u, out);
+    if (!*status && s->wind_on)
+        *status = s->term[CLOTHI_TERM_WIND].begin(s->term[CLOTHI_TERM_WIND].user, o);
+    return damped;
+}
+
 /* The kick k of m at x, v: lx, lv from after it to before it. */
 static cloth_status clothi_leap_back(clothi_grad *g, double hs, const double *x, const double *v,
                                      int k) {
-    cloth_sim   *s = g->s;
-    cloth_eval   e = clothi_eval_of(s);
-    cloth_status status = CLOTH_OK;
-    const int    damped = s->own.membrane.damped || s->own.bend.damped;
-    const int    wanted = clothi_grad_wanted(g);
-    int          i, n = (int)g->t->nv3;
-    e.x = x;
-    e.h = hs;
-    e.x_n = x;
-    for (i = 0; i < n && damped; i++) g->nx[i] = x[i] - hs * v[i];
-    if (damped) e.x_n = g->nx;
-    e.v_n = v;
-    for (i = 0; i <= CLOTHI_TERM_BEND && damped && !status; i++)
-        status = s->term[i].begin(s->term[i].user, &e);
-    if (damped || !wanted) clothi_hessian_times(s, x, g->a, damped ? hs : 0, g->q);
-    else clothi_grad_elements(g, &e, g->a, NULL, g->q);
-    clothi_leap_times(s, g->a, g->q);
+    cloth_eval   e, o;
+    cloth_status status;
+    const int    damped = clothi_leap_forces(g, hs, x, v, g->a, g->q, &e, &o, &status);
+    size_t       i, n = g->t->nv3;
     for (i = 0; i < n; i++) g->lx[i] += g->q[i];
     if (damped) {
-        memset(g->z, 0, (size_t)n * sizeof(double));
+        memset(g->z, 0, n * sizeof(double));
         clothi_grad_elements(g, &e, g->a, g->z, NULL);
         for (i = 0; i < n; i++) {
             g->lx[i] += g->z[i];
             g->lv[i] -= hs * g->z[i];
         }
     }
-    e.x_n = x;
-    e.h = 0;
-    if (!status && s->nterms > s->nbuiltin) status = clothi_leap_hosts(g, e, g->a, g->lx);
-    clothi_grad_goals(g, g->a, s->in.share[1]);
-    if (!status && s->wind_on)
-        status = s->term[CLOTHI_TERM_WIND].begin(s->term[CLOTHI_TERM_WIND].user, &e);
-    if (status) return status;
-    return clothi_grad_terms(g, &e, g->a, k, CLOTHI_TERM_FORCE, s->nterms, g->lx, g->lv);
+    clothi_grad_goals(g, g->a, g->s->in.share[1]);
+    return status ? status : clothi_grad_terms(g, &o, g->a, k, CLOTHI_TERM_FORCE, g->s->nterms,
+                                               g->lx, g->lv);
 }
 
 /* Pinned axes before the kick k: their v, and their x at the drift's end, are given. */
@@ -2426,7 +2364,6 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
                                  unsigned char *block) {
     const size_t n = 3 * (size_t)s->model->nv, nr = (size_t)s->model->nregions;
     const size_t na = 3 * (size_t)s->model->desc.max_attachments;
-    double     **vec[CLOTHI_GRAD_ARRAYS];
     double      *d = (double *)(void *)block;
     size_t       i, sums[2];
     for (i = 0; i < 2; i++) {
@@ -2437,8 +2374,7 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
         double **all[CLOTHI_GRAD_ARRAYS] = {
             &g->x, &g->v, &g->lx, &g->lv, &g->lp, &g->lw, &g->nx, &g->nv, &g->np, &g->nw, &g->x0,
             &g->gx, &g->gv, &g->a, &g->z, &g->q, &g->left};
-        memcpy(vec, all, sizeof vec);
-        for (i = 0; i < CLOTHI_GRAD_ARRAYS; i++, d += n) *vec[i] = d;
+        for (i = 0; i < CLOTHI_GRAD_ARRAYS; i++, d += n) *all[i] = d;
         for (i = 0; i < 2; i++, d += sums[i - 1]) g->sum[i] = d;
         g->mass = d, d += n / 3;            /* then the four of regions: see _flush */
         g->mu = d, d += nr;
@@ -2501,15 +2437,19 @@ static cloth_status clothi_grad_replay(clothi_grad *g, int k, int mode) {
     return g->t->lost ? CLOTH_ERR_MEMORY : status;
 }
 
-/* Step k of LEAPFROG from `slot`: once forwards for its path, then back along it. */
-static cloth_status clothi_grad_leap(clothi_grad *g, int k, const unsigned char *slot) {
-    const clothi_taped *e = g->t->step + k;
-    cloth_status status = CLOTH_OK;
-    if (!clothi_tape_trace(g->t, clothi_tape_each(g->t) * (size_t)e->substeps))
-        return CLOTH_ERR_MEMORY;
+/* Step k of LEAPFROG from `slot` once forwards for its path. */
+static cloth_status clothi_leap_path(clothi_grad *g, int k, const unsigned char *slot) {
+    const size_t each = clothi_tape_each(g->t);
+    cloth_status status;
+    if (!clothi_tape_trace(g->t, each * (size_t)g->t->step[k].substeps)) return CLOTH_ERR_MEMORY;
     status = clothi_grad_replay(g, k, CLOTHI_TAPE_TRACE);
-    if (!status) status = clothi_grad_put(g, k, slot);
-    if (!status) status = clothi_leap_adjoint(g, e->h, g->v, g->t->traced, k);
+    return status ? status : clothi_grad_put(g, k, slot);
+}
+
+/* Then back along it. */
+static cloth_status clothi_grad_leap(clothi_grad *g, int k, const unsigned char *slot) {
+    cloth_status status = clothi_leap_path(g, k, slot);
+    if (!status) status = clothi_leap_adjoint(g, g->t->step[k].h, g->v, g->t->traced, k);
     if (g->s->contact_on) g->s->contact.rollback(g->s->contact.user, NULL);
     return status;
 }
@@ -2523,11 +2463,8 @@ static cloth_status clothi_grad_implicit(clothi_grad *g, int k, const unsigned c
     clothi_line   line;
     cloth_status  status = CLOTH_OK;
     int           i, j;
-    if (e->slept || !(e->h > 0)) {          /* v = 0 and no history, whatever came before */
-        memset(g->lv, 0, t->nv3 * sizeof(double));
-        memset(g->lp, 0, t->nv3 * sizeof(double));
-        memset(g->lw, 0, t->nv3 * sizeof(double));
-    }
+    if (e->slept || !(e->h > 0))            /* v = 0 and no history, whatever came before */
+        memset(g->lv, 0, 3 * t->nv3 * sizeof(double));
     for (j = m - 1; j >= 0 && !status; j--) {
         if (j < m - 1) status = clothi_grad_put(g, k, slot);
         if (!status) status = clothi_keep(g->s);
@@ -2537,10 +2474,7 @@ static cloth_status clothi_grad_implicit(clothi_grad *g, int k, const unsigned c
             if (!status && i < j) status = clothi_line_close(g->s, &line);
         }
         if (!status) status = clothi_grad_substep(g, &line, k);
-        memcpy(g->lx, g->nx, t->nv3 * sizeof(double));
-        memcpy(g->lv, g->nv, t->nv3 * sizeof(double));
-        memcpy(g->lp, g->np, t->nv3 * sizeof(double));
-        memcpy(g->lw, g->nw, t->nv3 * sizeof(double));
+        memcpy(g->lx, g->nx, 4 * t->nv3 * sizeof(double));
     }
     return status;
 }
@@ -2550,15 +2484,13 @@ static cloth_status clothi_grad_loss(clothi_grad *g, int k, cloth_loss_fn *loss,
     const size_t n = g->t->nv3;
     size_t       i;
     ptrdiff_t    at;
-    memset(g->gx, 0, n * sizeof(double));
-    memset(g->gv, 0, n * sizeof(double));
+    memset(g->gx, 0, 2 * n * sizeof(double));
     loss(k, g->x, g->v, g->gx, g->gv, user);
-    at = clothi_find_nonfinite(g->gx, n);
-    if (at < 0) at = clothi_find_nonfinite(g->gv, n);
+    at = clothi_find_nonfinite(g->gx, 2 * n);
     if (at >= 0)
         return clothi_fail(&g->t->hooks, CLOTH_ERR_NONFINITE, "cloth_grad_backward: the loss wrote "
-                           "NaN or infinity at k = %i, vertex %i", k, (int)(at / 3));
-    for (i = 0; i < n; i++) g->lx[i] += g->gx[i], g->lv[i] += g->gv[i];
+                           "NaN or infinity at k = %i, vertex %i", k, (int)(at % (ptrdiff_t)n / 3));
+    for (i = 0; i < 2 * n; i++) g->lx[i] += g->gx[i];
     return CLOTH_OK;
 }
 
@@ -2584,9 +2516,7 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     cloth_status status = clothi_cancelled(&g->t->hooks, NULL);
     size_t       i;
     memset(g->x0, 0, bytes);
-    if (!status && !e->asleep &&
-        !(clothi_all_zero(g->lx, n) && clothi_all_zero(g->lv, n) && clothi_all_zero(g->lp, n) &&
-          clothi_all_zero(g->lw, n))) {
+    if (!status && !e->asleep && !clothi_all_zero(g->lx, 4 * n)) {
         if (e->inexact) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
         status = clothi_grad_put(g, k, slot);
         if (!status && g->s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
@@ -2744,11 +2674,7 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     const int    leap = t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG, none = 0;
     cloth_status status = CLOTH_OK;
     memset(g, 0, sizeof *g);
-    g->t = t;
-    g->s = t->sim;
-    g->out = out;
-    g->rep = rep;
-    g->at = -1;
+    g->t = t, g->s = t->sim, g->out = out, g->rep = rep, g->at = -1;
     *block = (unsigned char *)clothi_tape_alloc(
         t, clothi_grad_arrays(t->sim, t->motion, input, g, NULL), 1);
     if (!*block) return CLOTH_ERR_MEMORY;
@@ -2761,10 +2687,8 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     if (!status && g->pattern)
         status = cloth_matrix_create(&t->sim->hooks, g->pattern, &g->elastic);
     if (status || !t->sim->contact_on) return status;
-    g->touch.friction = out->friction;
-    g->touch.part_friction = out->part_friction;
-    g->touch.obstacle = out->obstacle;
-    g->touch.user = out->user;
+    g->touch.friction = out->friction, g->touch.part_friction = out->part_friction;
+    g->touch.obstacle = out->obstacle, g->touch.user = out->user;
     g->touch.attach = g->aim;
     if (leap) return clothi_grad_adjoint(g, CLOTH_ADJOINT_BEGIN, 0);
     g->krylov = (double *)clothi_tape_alloc(t, (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3,
@@ -2774,6 +2698,16 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     return status ? status : clothi_grad_adjoint(g, CLOTH_ADJOINT_BEGIN, 0);
 }
 
+static void clothi_grad_close(clothi_grad *g, unsigned char *block) {
+    if (g->s->contact_on)                   /* scratch of a walk that came to no end */
+        (void)g->s->contact.adjoint(g->s->contact.user, CLOTH_ADJOINT_END, 0, NULL);
+    cloth_matrix_destroy(g->elastic);
+    cloth_pattern_destroy(g->pattern);
+    clothi_tape_free(g->t, g->krylov);
+    clothi_tape_free(g->t, g->here);
+    clothi_tape_free(g->t, block);
+}
+
 /* From the end of the tape to its start. */
 static cloth_status clothi_grad_walk(clothi_grad *g, cloth_loss_fn *loss, void *user) {
     cloth_tape   *t = g->t;
@@ -2781,9 +2715,7 @@ static cloth_status clothi_grad_walk(clothi_grad *g, cloth_loss_fn *loss, void *
     clothi_walker w;
     cloth_status  status;
     int           a, b = t->n;
-    w.g = g;
-    w.loss = loss;
-    w.user = user;
+    w.g = g, w.loss = loss, w.user = user;
     memcpy(g->x, t->end, bytes);
     memcpy(g->v, t->end + bytes + CLOTHI_PAD8(bytes), bytes);
     status = clothi_grad_loss(g, t->n, loss, user);
@@ -2838,13 +2770,7 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
         tape->mode = CLOTHI_TAPE_RECORD;
         if (status) clothi_grad_clear(tape, out);
     }
-    if (status && tape->sim->contact_on)    /* its scratch goes, without results */
-        (void)tape->sim->contact.adjoint(tape->sim->contact.user, CLOTH_ADJOINT_END, 0, NULL);
-    cloth_matrix_destroy(g.elastic);
-    cloth_pattern_destroy(g.pattern);
-    clothi_tape_free(tape, g.krylov);
-    clothi_tape_free(tape, g.here);
-    clothi_tape_free(tape, block);
+    clothi_grad_close(&g, block);
     r->status = status;
     r->valid = !status && !r->doubt;
     r->why = clothi_grad_why(r->doubt);
@@ -2861,9 +2787,9 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
  *
  * The same linearised substeps as the adjoint's, one after the other: for a loss of fixed weights w
  * the sum of w.dx over all states is what the adjoint has to find for the same direction, to
- * rounding: the dot-product test. Terms know their transposed derivative alone: row i of d(grad E)/
- * d{..} is the vjp of the unit vector i. That costs 3 nv vjps a substep; it is for checks. Contact
- * keeps what anchors get to itself, LEAPFROG has no matrix: there differences alone are taken.
+ * rounding: the dot-product test. Terms and contact know their transposed derivative alone: row i
+ * of d(grad E)/d{..} is the vjp of the unit vector i. What solves, and what takes all this from
+ * substep to substep, is written anew, LEAPFROG's programs too. It is for checks.
  *
  * Differences: of the sum of w.x and w.v, w the loss's gradient at the run as it is; central, at
  * steps that shrink by 4, extrapolated; of all those the one that differs least from the two that
@@ -2889,7 +2815,9 @@ typedef struct clothi_check {
     void          *user;
     cloth_grad     g;
     double        *w;                       /* [n + 1][2][nv x 3] gradient of the loss         */
-    double        *block, *dx, *dv, *dp, *dq;           /* tangent of x, v and those before    */
+    double        *dx, *dv, *dp, *dq;       /* tangent of x, v and those before                */
+    double        *block;                   /* [results], behind them                          */
+    size_t         results;
     double         sum;
     int            k, n;                    /* states seen; steps of the tape                  */
     clothi_cause   cause[CLOTHI_CHECK_CAUSES];
@@ -2928,8 +2856,7 @@ static void clothi_check_loss(int k, const double *x, const double *v, double *g
     clothi_check *c = (clothi_check *)user;
     const size_t  n = 3 * (size_t)c->s->model->nv;
     c->loss(k, x, v, gx, gv, c->user);
-    memcpy(c->w + 2 * n * (size_t)k, gx, n * sizeof(double));
-    memcpy(c->w + 2 * n * (size_t)k + n, gv, n * sizeof(double));
+    memcpy(c->w + 2 * n * (size_t)k, gx, 2 * n * sizeof(double));      /* and gv */
 }
 
 /* Weights of state k times x, v. */
@@ -2947,9 +2874,10 @@ static void clothi_check_heard(void *user, const cloth_step_record *r) {
 
 /* --- tangent --- */
 
-/* g->q = d(grad E)/d{x^n, v^n, gravity} times dx, dv and the direction in gravity. */
-static cloth_status clothi_tangent_terms(clothi_grad *g, clothi_check *c, const clothi_line *line,
-                                         const clothi_cause *gravity) {
+/* g->q = d(grad)/d{x^n, v^n, gravity} of terms [from, to) times u, w and the direction in
+ * gravity. */
+static cloth_status clothi_tangent_terms(clothi_grad *g, const clothi_check *c, const cloth_eval *e,
+                                         int from, int to, const double *u, const double *w) {
     cloth_sim   *s = g->s;
     const size_t n = g->t->nv3, bytes = n * sizeof(double);
     cloth_status status = CLOTH_OK;
@@ -2958,18 +2886,17 @@ static cloth_status clothi_tangent_terms(clothi_grad *g, clothi_check *c, const 
     int          k;
     memset(g->a, 0, bytes);
     for (i = 0; i < n && !status; i++) {
-        cloth_vjp to;
-        memset(&to, 0, sizeof to);
-        memset(g->nx, 0, bytes);
-        memset(g->nv, 0, bytes);
+        cloth_vjp row;
+        memset(&row, 0, sizeof row);
+        memset(g->np, 0, 2 * bytes);        /* and nw */
         memset(by, 0, sizeof by);
-        to.x_n = g->nx, to.v_n = g->nv, to.gravity = by;
+        row.x_n = g->np, row.v_n = g->nw, row.gravity = by;
         g->a[i] = 1;
-        for (k = 0; k < s->nterms && !status; k++)
-            status = s->term[k].vjp(s->term[k].user, &line->goal.e, g->a, &to);
+        for (k = from; k < to && !status; k++)
+            status = s->term[k].vjp(s->term[k].user, e, g->a, &row);
         g->a[i] = 0;
-        for (j = 0, g->q[i] = 0; j < n; j++) g->q[i] += g->nx[j] * c->dx[j] + g->nv[j] * c->dv[j];
-        for (k = 0; k < 3; k++) g->q[i] += by[k] * clothi_check_dir(gravity, k);
+        for (j = 0, g->q[i] = 0; j < n; j++) g->q[i] += g->np[j] * u[j] + g->nw[j] * w[j];
+        for (k = 0; k < 3; k++) g->q[i] += by[k] * clothi_check_dir(c->cause + 2, k);
     }
     return status;
 }
@@ -2993,26 +2920,37 @@ static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clot
                                            int k) {
     cloth_sim   *s = g->s;
     const size_t n = g->t->nv3;
+    const int    touches = s->contact_on;
     cloth_report local;
-    cloth_status status = clothi_tangent_terms(g, c, line, c->cause + 2);
+    cloth_status status = clothi_tangent_terms(g, c, &line->goal.e, 0, s->nterms, c->dx, c->dv);
     size_t       i;
     memset(&local, 0, sizeof local);
     if (!status) clothi_tangent_poses(s, g->x0, g->q);
+    for (i = 0; i < n; i++)
+        g->lv[i] = s->pin[i / 3] >> i % 3 & 1 && !(s->model->tie && s->model->tie[i] >= 0)
+                       ? (1 - s->in.share[1]) * g->x0[i] : 0;
+    memcpy(g->nx, g->lv, n * sizeof(double));
+    clothi_tie_spread(s->model, g->nx);
+    if (!status && touches)
+        status = s->contact.jvp(s->contact.user, &line->goal.e, c->dx, g->nx, g->q);
     for (i = 0; i < n; i++) {
         const double dy = line->yx * c->dx[i] + line->yv * c->dv[i] + line->yp * c->dp[i] +
                           line->yw * c->dq[i];
         g->lx[i] = line->weight * s->params.mass[i / 3] * dy - g->q[i];
-        g->lv[i] = s->pin[i / 3] >> i % 3 & 1 && !(s->model->tie && s->model->tie[i] >= 0)
-                       ? (1 - s->in.share[1]) * g->x0[i] : 0;
     }
+    s->contact_on = 0;                      /* H of the rest, then with contact's model */
     if (!status) status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    s->contact_on = touches;
     if (status) return status;
     clothi_tie_gradient(s->model, g->lx);
     cloth_matrix_mul(s->matrix, NULL, g->lv, g->q);
     for (i = 0; i < n; i++) g->lx[i] -= g->q[i];
-    status = clothi_grad_solve(g, line, g->lx, g->z, k);
+    if (touches) status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    if (!status) status = clothi_grad_solve(g, line, g->lx, g->z, k);
     for (i = 0; i < n; i++) g->z[i] += g->lv[i];
     clothi_tie_spread(s->model, g->z);
+    if (!status && touches)
+        status = s->contact.jvp(s->contact.user, &line->goal.e, c->dx, g->z, NULL);
     for (i = 0; i < n; i++) {
         const double dv = line->vx * g->z[i] + line->vn * c->dx[i] + line->vp * c->dp[i];
         c->dp[i] = c->dx[i], c->dq[i] = c->dv[i];
@@ -3021,9 +2959,122 @@ static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clot
     return status;
 }
 
+/* A kick at x, v: dv. */
+static cloth_status clothi_tangent_kick(clothi_grad *g, clothi_check *c, double hs, double kick,
+                                        const double *x, const double *v) {
+    cloth_sim   *s = g->s;
+    const size_t n = g->t->nv3;
+    cloth_eval   e, o;
+    cloth_status status;
+    const int    damped = clothi_leap_forces(g, hs, x, v, c->dx, g->lx, &e, &o, &status);
+    size_t       i;
+    for (i = 0; i < n; i++) g->lv[i] = c->dx[i] - hs * c->dv[i];
+    if (!status && damped)
+        status = clothi_tangent_terms(g, c, &e, 0, CLOTHI_TERM_BEND + 1, g->lv, c->dv);
+    for (i = 0; i < n && damped; i++) g->lx[i] += g->q[i];
+    if (!status)
+        status = clothi_tangent_terms(g, c, &o, CLOTHI_TERM_FORCE, s->nterms, c->dx, c->dv);
+    clothi_tangent_poses(s, g->x0, g->q);
+    for (i = 0; i < n; i++)
+        if (!(s->pin[i / 3] >> i % 3 & 1))
+            c->dv[i] += kick * (clothi_check_dir(c->cause + 2, (int)i % 3) -
+                                (g->lx[i] + g->q[i]) / s->params.mass[i / 3]);
+    return status;
+}
+
+/* The program on places (or speeds) at its result x: d of what it was given becomes that of x. */
+static void clothi_tangent_rows(clothi_grad *g, clothi_rows *q, int speeds, const double *x,
+                                double *d) {
+    const cloth_sim *s = g->s;
+    int              z, i, j, m, turn;
+    for (z = 0; z < q->nzone; z++) {
+        for (i = q->start[z], m = 0; i < q->start[z + 1]; i++)
+            if (clothi_row_pushes(q->row + q->order[i], speeds)) q->list[m++] = q->order[i];
+        for (turn = 0; turn < 2; turn++) {  /* M^-1 dG' lambda joins d; then M^-1 G' mu */
+            for (i = 0; i < 12 * m; i++) {
+                const int                r = q->list[i / 12], k = i % 3, l = i / 3 % 4;
+                const cloth_contact_row *p = q->row + r;
+                const double            *by = q->moved + CLOTH_ROW_RATES * r;
+                const double turned = by[k] * p->w[l] + by[3 + l] * p->normal[k];
+                const double lambda = speeds ? p->impulse : p->multiplier;
+                if (!turn && i % 12 == 0) q->mu[r] = by[7 + speeds];
+                if (l >= p->n || p->v[l] >= s->model->nv) continue;
+                j = 3 * p->v[l] + k;
+                if (!turn) q->mu[r] -= turned * x[j];
+                if (!(s->pin[p->v[l]] >> k & 1))
+                    d[j] += (turn ? q->mu[r] * p->w[l] * p->normal[k] : lambda * turned) /
+                            s->params.mass[p->v[l]];
+            }
+            for (i = 0; i < m * !turn; i++)
+                q->mu[q->list[i]] -= clothi_row_along(s, q->row + q->list[i], d, 0);
+            if (!turn) clothi_rows_solve(g, q, m);
+        }
+    }
+}
+
+/* Contact at the end of a drift, as clothi_leap_touch; rows move by rows_vjp of unit vectors. */
+static cloth_status clothi_tangent_touch(clothi_grad *g, clothi_check *c, double hs,
+                                         const double *x, const double *next) {
+    const size_t n = g->t->nv3, bytes = n * sizeof(double);
+    clothi_rows  q;
+    cloth_status status;
+    int          i, round, frozen;
+    if (memcmp(x + 2 * n, next, 2 * bytes) == 0) return CLOTH_OK;
+    status = clothi_leap_resolve(g, hs, x, next, &q, &frozen);
+    memcpy(g->z, c->dx, bytes);
+    memset(g->q, 0, bytes);
+    for (round = 0; !status && round <= CLOTHI_GRAD_ROUNDS && memcmp(g->q, c->dx, bytes); round++) {
+        for (i = 0; i < CLOTH_ROW_RATES * q.n; i++) {
+            if (!(q.row[i / CLOTH_ROW_RATES].multiplier > 0)) continue;
+            memset(g->lx, 0, bytes);
+            memset(g->np, 0, bytes);
+            q.rate[i] = 1;
+            (void)clothi_rows_made(g, &q);
+            q.rate[i] = 0;
+            q.moved[i] = clothi_grad_dot(g->lx, g->z, n) + clothi_grad_dot(g->np, c->dp, n) +
+                         clothi_grad_dot(g->nv, c->dx, n);
+        }
+        memcpy(g->q, c->dx, bytes);
+        memcpy(c->dx, g->z, bytes);
+        clothi_tangent_rows(g, &q, 0, g->s->w.x, c->dx);
+    }
+    if (!status) clothi_tangent_rows(g, &q, 1, g->s->w.trial, c->dv);
+    clothi_rows_close(g, &q);
+    return status;
+}
+
+/* Step k of LEAPFROG. */
+static cloth_status clothi_tangent_leap(clothi_grad *g, clothi_check *c, int k) {
+    cloth_sim    *s = g->s;
+    const size_t  n = g->t->nv3, each = clothi_tape_each(g->t);
+    const double  h = g->t->step[k].h;
+    cloth_status  status = clothi_leap_path(g, k, g->t->step[k].slot);
+    const int     m = g->t->traced - 1;
+    int           j;
+    size_t        i;
+    for (j = 0; j <= m && !status; j++) {
+        const double *x = g->t->trace + each * (size_t)j, hs = h / m, share = (double)(j + 1) / m;
+        clothi_input(s, hs, (double)j / m, share);
+        s->in.x = x, s->in.v = x + n, s->in.share[1] = s->in.share[0];
+        for (i = 0; i < n; i++)
+            if (s->pin[i / 3] >> i % 3 & 1) c->dv[i] = -g->x0[i] / h;
+        status = clothi_tangent_kick(g, c, hs, j == 0 || j == m ? 0.5 * hs : hs, x, x + n);
+        memcpy(c->dp, c->dx, n * sizeof(double));
+        for (i = 0; i < n && j < m; i++)
+            c->dx[i] = s->pin[i / 3] >> i % 3 & 1 ? (1 - share) * g->x0[i]
+                                                  : c->dx[i] + hs * c->dv[i];
+        s->in.share[1] = share;
+        if (!status && s->contact_on && j < m)
+            status = clothi_tangent_touch(g, c, hs, x, x + each);
+    }
+    if (s->contact_on) s->contact.rollback(s->contact.user, NULL);
+    return status;
+}
+
 /* Sum of the weights times the tangent of all states, for x0, v0 and gravity at once. */
 static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
     cloth_tape  *t = g->t;
+    cloth_sim   *s = g->s;
     const size_t n = t->nv3;
     cloth_status status = CLOTH_OK;
     clothi_line  line;
@@ -3035,19 +3086,21 @@ static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
     clothi_check_weigh(c, 0, c->dx, c->dv);
     for (k = 0; k < t->n && !status; k++) {
         const clothi_taped  *e = t->step + k;
-        const int            m = e->substeps > 1 ? e->substeps : 1;
+        const int            leap = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
+        const int            m = leap || e->asleep ? 0 : e->substeps > 1 ? e->substeps : 1;
         const unsigned char *end = k + 1 < t->n ? t->step[k + 1].slot : t->end;
         const double *ends = (const double *)(const void *)(e->slot + t->motion);
         memcpy(g->x0, c->dx, n * sizeof(double));
         status = clothi_grad_put(g, k, e->slot);
-        if (!status && !e->asleep) status = clothi_keep(g->s);
-        for (i = 0; i < m && !status && !e->asleep; i++) {
-            status = clothi_line_open(g->s, e, i, m, i < m - 1
+        if (!status && leap && !e->asleep) status = clothi_tangent_leap(g, c, k);
+        if (!status && m) status = clothi_keep(s);
+        for (i = 0; i < m && !status; i++) {
+            status = clothi_line_open(s, e, i, m, i < m - 1
                                                          ? ends + (size_t)i * n
                                                          : (const double *)(const void *)end,
                                       &line);
             if (!status) status = clothi_tangent_substep(g, c, &line, k);
-            if (!status) status = clothi_line_close(g->s, &line);
+            if (!status) status = clothi_line_close(s, &line);
         }
         if (e->slept) memset(c->dv, 0, n * sizeof(double));
         clothi_check_weigh(c, k + 1, c->dx, c->dv);
@@ -3058,50 +3111,44 @@ static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
 /* --- differences --- */
 
 static void clothi_check_add(clothi_check *c, const char *name, double *at, int n, size_t stride,
-                             const double *g, double size, int host) {
+                             double **g, double size, int host) {
     clothi_cause *q = c->cause + c->causes++;
-    q->name = name, q->at = at, q->n = n, q->stride = stride, q->g = g, q->size = size;
+    if (c->block) *g = c->block + c->results;
+    c->results += (size_t)n;
+    q->name = name, q->at = at, q->n = n, q->stride = stride, q->g = *g, q->size = size;
     q->host = host;
 }
 
-/* What can be moved, x0, v0 and gravity first; results into c->block. Returns its doubles. */
-static size_t clothi_check_causes(clothi_check *c, double *d) {
+/* What can be moved, x0, v0 and gravity first; results into c->block, where it is. */
+static void clothi_check_causes(clothi_check *c) {
     cloth_sim      *s = c->s;
     cloth_params   *p = cloth_sim_params(s);
     cloth_material *m = p ? p->material : NULL;
     cloth_grad     *g = &c->g;
     const size_t    one = sizeof(double), all = sizeof *m;
     const int       n = 3 * s->model->nv, nr = s->model->nregions;
-    const size_t    need = 2 * (size_t)n + 6 + 5 * (size_t)nr + 8 * (size_t)s->model->nf +
-                        2 * (size_t)(p ? p->nh : 0) + (size_t)s->model->nv;
-    const int       bends = s->model->bend.kind == CLOTHI_HINGE;
-    c->causes = 0;
-    if (!d || !p) return need;
-    g->x0 = d, d += n, g->v0 = d, d += n, g->gravity = d, d += 3, g->wind = d, d += 3;
-    g->membrane = d, d += nr, g->poisson = d, d += nr, g->bending = d, d += nr;
-    g->damping = d, d += nr, g->density = d, d += nr;
-    g->X = d, d += 6 * p->nf, g->theta0 = d, d += p->nh, g->hinge_scale = d, d += p->nh;
-    g->mass = d;
-    clothi_check_add(c, "x0", s->state.x, n, one, g->x0, 1e-3 * s->edge, 0);
-    clothi_check_add(c, "v0", s->state.v, n, one, g->v0, 1e-2, 0);
-    clothi_check_add(c, "gravity", s->gravity, 3, one, g->gravity, 0.1, 1);
-    if (s->wind_on) clothi_check_add(c, "wind", s->wind, 3, one, g->wind, 0.1, 1);
+    c->causes = 0, c->results = 0;
+    if (!p) return;
+    clothi_check_add(c, "x0", s->state.x, n, one, &g->x0, 1e-3 * s->edge, 0);
+    clothi_check_add(c, "v0", s->state.v, n, one, &g->v0, 1e-2, 0);
+    clothi_check_add(c, "gravity", s->gravity, 3, one, &g->gravity, 0.1, 1);
+    if (s->wind_on) clothi_check_add(c, "wind", s->wind, 3, one, &g->wind, 0.1, 1);
     if (m->membrane > 0)
-        clothi_check_add(c, "membrane", &m->membrane, nr, all, g->membrane, 0.01 * m->membrane, 1);
+        clothi_check_add(c, "membrane", &m->membrane, nr, all, &g->membrane, 0.01 * m->membrane, 1);
     if (s->model->membrane.kind == CLOTHI_TRIANGLE)
-        clothi_check_add(c, "poisson", &m->poisson, nr, all, g->poisson, 0.01, 1);
+        clothi_check_add(c, "poisson", &m->poisson, nr, all, &g->poisson, 0.01, 1);
     if (m->bending > 0)
-        clothi_check_add(c, "bending", &m->bending, nr, all, g->bending, 0.01 * m->bending, 1);
+        clothi_check_add(c, "bending", &m->bending, nr, all, &g->bending, 0.01 * m->bending, 1);
     if (m->damping > 0)
-        clothi_check_add(c, "damping", &m->damping, nr, all, g->damping, 0.01 * m->damping, 1);
+        clothi_check_add(c, "damping", &m->damping, nr, all, &g->damping, 0.01 * m->damping, 1);
     if (!p->mass_given)
-        clothi_check_add(c, "density", &m->density, nr, all, g->density, 0.01 * m->density, 1);
-    else clothi_check_add(c, "mass", p->mass, p->nv, one, g->mass, 0.01 * p->mass[0], 0);
-    clothi_check_add(c, "X", p->X, 6 * p->nf, one, g->X, 1e-3 * s->edge, 0);
-    if (bends) clothi_check_add(c, "theta0", p->theta0, p->nh, one, g->theta0, 0.01, 0);
+        clothi_check_add(c, "density", &m->density, nr, all, &g->density, 0.01 * m->density, 1);
+    else clothi_check_add(c, "mass", p->mass, p->nv, one, &g->mass, 0.01 * p->mass[0], 0);
+    clothi_check_add(c, "X", p->X, 6 * p->nf, one, &g->X, 1e-3 * s->edge, 0);
+    if (s->model->bend.kind == CLOTHI_HINGE)
+        clothi_check_add(c, "theta0", p->theta0, p->nh, one, &g->theta0, 0.01, 0);
     if (p->nh)
-        clothi_check_add(c, "hinge_scale", p->hinge_scale, p->nh, one, g->hinge_scale, 0.01, 0);
-    return need;
+        clothi_check_add(c, "hinge_scale", p->hinge_scale, p->nh, one, &g->hinge_scale, 0.01, 0);
 }
 
 /* Moves q; poses of attachments that are points of x stay so, as in the adjoint. */
@@ -3202,17 +3249,21 @@ static cloth_status clothi_check_adjoint(clothi_check *c, const clothi_script *p
         status = c->w ? cloth_grad_backward(tape, clothi_check_loss, c, &c->g, rep)
                       : CLOTH_ERR_MEMORY;
     }
-    walks = !status && !s->contact_on && s->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
+    if (!status && s->contact_on) {         /* J is ill-conditioned: solved to rounding */
+        tape->opt.tolerance = 1e-14;
+        status = cloth_grad_backward(tape, clothi_check_loss, c, &c->g, &local);
+    }
+    walks = !status && (!s->contact_on || s->contact.jvp);
     for (k = 0; walks && k < c->n; k++) walks = tape->step[k].h > 0;
     if (walks) {
         memset(&local, 0, sizeof local);
         status = clothi_grad_open(&g, tape, &c->g, &local, &block);
         tape->mode = CLOTHI_TAPE_DEAF;
         c->sum = 0;
+        g.forwards = 1;
         if (!status) status = clothi_tangent_walk(&g, c);
         tape->mode = CLOTHI_TAPE_RECORD;
-        clothi_tape_free(tape, g.here);
-        clothi_tape_free(tape, block);
+        clothi_grad_close(&g, block);
         memset(row, 0, sizeof *row);
         row->cause = "dot product";
         for (k = 0; k < 3; k++) row->adjoint += clothi_check_along(c->cause + k);
@@ -3233,7 +3284,7 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
     clothi_check      c;
     clothi_script     p;
     cloth_status      status;
-    size_t            need, n;
+    size_t            n;
     int               i, set;
     if (rows) *rows = 0;
     if (!sim) return CLOTH_ERR_ARGUMENT;
@@ -3245,16 +3296,16 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
     memset(&c, 0, sizeof c);
     c.s = sim, c.loss = loss, c.user = user;
     n = 3 * (size_t)sim->model->nv;
-    need = clothi_check_causes(&c, NULL);
+    clothi_check_causes(&c);
     p.run = run, p.user = run_user;
     p.size = cloth_sim_save_size(sim);
     p.start = clothi_alloc(&sim->hooks, p.size, 1);
-    c.block = (double *)clothi_alloc(&sim->hooks, need + 4 * n, sizeof(double));
+    c.dx = (double *)clothi_alloc(&sim->hooks, 4 * n + c.results, sizeof(double));
     host = sim->recorder;
-    status = p.start && c.block ? cloth_sim_save(sim, p.start, p.size) : CLOTH_ERR_MEMORY;
+    status = p.start && c.dx && c.causes ? cloth_sim_save(sim, p.start, p.size) : CLOTH_ERR_MEMORY;
     if (!status) {
-        c.dx = c.block + need, c.dv = c.dx + n, c.dp = c.dv + n, c.dq = c.dp + n;
-        (void)clothi_check_causes(&c, c.block);
+        c.dv = c.dx + n, c.dp = c.dv + n, c.dq = c.dp + n, c.block = c.dq + n;
+        clothi_check_causes(&c);
         memset(&sim->recorder, 0, sizeof host);
         status = clothi_check_adjoint(&c, &p, row, rows, rep ? rep : &local);
         memset(&ours, 0, sizeof ours);
@@ -3268,7 +3319,7 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
         if (cloth_sim_restore(sim, p.start, p.size) && !status) status = CLOTH_ERR_MEMORY;
     }
     clothi_free(&sim->hooks, c.w);
-    clothi_free(&sim->hooks, c.block);
+    clothi_free(&sim->hooks, c.dx);
     clothi_free(&sim->hooks, p.start);
     return status;
 }

@@ -154,6 +154,7 @@ static void zones(tangent *q, double hs, const double *x, const double *next,
     memcpy(s->w.trial, given + q->n, bytes);
     CHECK(clothi_leap_contact(s, hs, 1, NULL) == CLOTH_OK);
     CHECK(memcmp(s->w.x, next, bytes) == 0 && memcmp(s->w.trial, next + q->n, bytes) == 0);
+    memset(&z, 0, sizeof z);
     CHECK(clothi_rows_open(&q->g, &z) == CLOTH_OK && z.n <= ROWS);
     memcpy(end, q->dx, bytes);
     for (i = 0; i < 30; i++) {
@@ -233,13 +234,10 @@ static void implicit_solve(tangent *q, clothi_check *c, clothi_line *line, const
     static double A[ROWS][ROWS];
     clothi_grad  *g = &q->g;
     cloth_sim    *s = g->s;
-    clothi_cause  none;
     double        a[ROOM], most;
     int           i, negative;
-    memset(&none, 0, sizeof none);
-    none.name = "x0";
     memset(a, 0, sizeof a);
-    CHECK(clothi_tangent_terms(g, c, line, &none) == CLOTH_OK);
+    CHECK(clothi_tangent_terms(g, c, &line->goal.e, 0, s->nterms, c->dx, c->dv) == CLOTH_OK);
     for (i = 0; i < q->n; i++)
         out[i] = line->weight * s->params.mass[i / 3] *
                  (line->yx * c->dx[i] + line->yv * c->dv[i] + line->yp * c->dp[i] +
@@ -324,6 +322,7 @@ static void implicit_walk(tangent *q, double *forwards) {
     memset(&c, 0, sizeof c);
     memset(&d, 0, sizeof d);
     memset(dp, 0, sizeof dp), memset(dq, 0, sizeof dq);
+    c.cause[2].name = "x0";                 /* gravity stays: a direction of size 0        */
     c.s = q->g.s, c.dx = q->dx, c.dv = q->dv, c.dp = dp, c.dq = dq;
     for (k = 0; k < q->t.steps; k++) {
         implicit_step(q, &c, k, &d);

@@ -181,7 +181,7 @@ static void ratios(void) {
                                   "residual,early,directions,bytes");
     int   i, side;
     printf("  %-14s %3s %6s %8s %8s %9s %6s %9s %8s %6s %7s %s\n", "", "N", "tol m", "fwd ms",
-           "taped", "backward", "ratio", "residual", "early", "GMRES", "MB", "valid");
+           "taped", "backward", "ratio", "residual", "early", "GCR", "MB", "valid");
     for (i = 0; i < (int)(sizeof rows / sizeof *rows); i++)
         for (side = 32; side <= 64; side *= 2) {
             scene             q = rows[i];

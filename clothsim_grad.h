@@ -2037,13 +2037,19 @@ static void clothi_rows_solve(clothi_grad *g, clothi_rows *q, int m) {
     }
 }
 
-/* How far, m, row r is from a change at x (or v, over `hs`). */
-static double clothi_row_margin(const cloth_sim *s, const cloth_contact_row *r, const double *x,
-                                int speeds, double hs) {
-    const double scale = speeds ? hs : 1;
-    if (clothi_row_pushes(r, speeds))
-        return scale * (speeds ? r->impulse : r->multiplier) * clothi_row_pair(s, r, r);
-    return scale * fabs(clothi_row_along(s, r, x, 0) - (speeds ? r->speed : r->bound));
+/* report.margin: how far row r is from a change, unless it repeats one of the m that push. */
+static void clothi_row_margin(clothi_grad *g, const clothi_rows *q, int m,
+                              const cloth_contact_row *r, const double *x, int speeds, double hs) {
+    const double own = clothi_row_pair(g->s, r, r);
+    double       off = fabs(clothi_row_along(g->s, r, x, 0) - (speeds ? r->speed : r->bound));
+    if (clothi_row_pushes(r, speeds)) off = (speeds ? r->impulse : r->multiplier) * own, m = 0;
+    while (m-- > 0) {                       /* |cos| = 1 between their normals */
+        const cloth_contact_row *p = q->row + q->list[m];
+        const double             both = clothi_row_pair(g->s, r, p);
+        if (both * both >= (1 - 1e-12) * own * clothi_row_pair(g->s, p, p)) return;
+    }
+    if (speeds && !(r->multiplier > 0)) return;
+    g->rep->margin = clothi_min(g->rep->margin, off * (speeds ? hs : 1));
 }
 
 /* The program on places (or speeds) backwards: a = dL/dx' becomes dL/dx*; x' and x* given. */
@@ -2053,13 +2059,10 @@ static void clothi_rows_back(clothi_grad *g, clothi_rows *q, int speeds, double 
     int              z, i, j, k, m;
     size_t           l;
     for (z = 0; z < q->nzone; z++) {
-        for (i = q->start[z], m = 0; i < q->start[z + 1]; i++) {
-            const cloth_contact_row *r = q->row + q->order[i];
-            if (clothi_row_pushes(r, speeds)) q->list[m++] = q->order[i];
-            if (!speeds || r->multiplier > 0)
-                g->rep->margin = clothi_min(g->rep->margin,
-                                            clothi_row_margin(s, r, x, speeds, hs));
-        }
+        for (i = q->start[z], m = 0; i < q->start[z + 1]; i++)
+            if (clothi_row_pushes(q->row + q->order[i], speeds)) q->list[m++] = q->order[i];
+        for (i = q->start[z]; i < q->start[z + 1]; i++)
+            clothi_row_margin(g, q, m, q->row + q->order[i], x, speeds, hs);
         for (i = 0; i < m; i++)
             q->mu[q->list[i]] = clothi_row_along(s, q->row + q->list[i], a, 1);
         clothi_rows_solve(g, q, m);

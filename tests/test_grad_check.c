@@ -132,7 +132,7 @@ static void contact(void) {
         if (i) t.steps = 10;
         touching(t, i == 0);
     }
-    printf("  adjoint against tangent: off by at most %.1e\n", worst_dot);
+    printf("  in contact, adjoint against tangent: off by at most %.1e\n", worst_dot);
 }
 
 /* A run that is another one each time is refused, and the sim is where it was. */

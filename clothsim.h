@@ -8468,7 +8468,7 @@ static void clothi_factor_forward(cloth_factor *f, double *b) {
     int q, i, j;
     for (q = 0; q < f->p->nparts; q++) {
         const clothi_front *w = f->front + q;
-        const int           n = w->n, nb = w->nb, *bound = f->bound + w->bound;
+        const int           n = w->n, nb = w->nb, *bound = nb ? f->bound + w->bound : NULL;
         const double       *L = f->panel + w->panel;
         double             *x = b + 3 * (size_t)w->mid;
         memset(tmp, 0, (size_t)nb * sizeof *tmp);
@@ -8488,7 +8488,7 @@ static void clothi_factor_backward(cloth_factor *f, double *b) {
     int q, i, j;
     for (q = f->p->nparts - 1; q >= 0; q--) {
         const clothi_front *w = f->front + q;
-        const int           n = w->n, nb = w->nb, *bound = f->bound + w->bound;
+        const int           n = w->n, nb = w->nb, *bound = nb ? f->bound + w->bound : NULL;
         double             *x = b + 3 * (size_t)w->mid;
         for (i = 0; i < nb; i++) tmp[i] = b[3 * bound[i / 3] + i % 3];
         for (j = n - 1; j >= 0; j--) {

@@ -5035,11 +5035,11 @@ static void clothi_obstacle_turn(const clothi_obstacle *o, const double *r, doub
 /* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do: a
  * sphere or a plane that turns, a conveyor. */
 static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
-    const clothi_obstacle *o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
+    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
     double r[3] = {0, 0, 0}, s[3], side = 0;
     int    i, k;
     memset(q->carry, 0, sizeof q->carry);
-    if (q->slot < 0) return;
+    if (!o) return;
     for (i = 0; i < q->n; i++)              /* from the first vertex to the contact */
         for (k = 0; q->v[i] >= c->nv && k < 3; k++) {
             side += k ? 0 : q->w[i];

@@ -1316,7 +1316,7 @@ static void clothi_pair_solve(const cloth_factor *f, double *const *b, double *c
         for (i = 0; back && i < 6 * f->p->n; i++) b[i & 1][i / 2] *= f->pivot[i / 2];
         for (q = back ? nparts - 1 : 0; q >= 0 && q < nparts; q += back ? -1 : 1) {
             const clothi_front *w = f->front + q;
-            const int     n = w->n, nb = w->nb, *bound = f->bound + w->bound;
+            const int     n = w->n, nb = w->nb, *bound = nb ? f->bound + w->bound : NULL;
             const size_t  ld = (size_t)(n + nb);
             for (i = 0; i < 2 * nb; i++)
                 t[i & 1][i / 2] = back ? b[i & 1][3 * bound[i / 6] + i / 2 % 3] : 0;

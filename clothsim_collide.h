@@ -5742,10 +5742,11 @@ static int clothi_hold_tension(const cloth_collide *c, int v, double *u) {
     memset(u, 0, sizeof d);
     for (i = 3 * top->vf_start[v]; i < 3 * top->vf_start[v + 1]; i++) {      /* each edge twice */
         const int w = c->faces[3 * top->vf[i / 3] + i % 3];
+        if (w == v) continue;
         clothi_sub3(c->xa + 3 * w, c->xa + 3 * v, d);
         clothi_sub3(rest + 3 * w, rest + 3 * v, e);
         size = sqrt(clothi_dot3(d, d));
-        for (k = 0; w != v && k < 3; k++)
+        for (k = 0; k < 3; k++)             /* (|d|/|e| - 1) d/|d| */
             u[k] += 0.5 * clothi_max(1 / sqrt(clothi_dot3(e, e)) - 1 / size, 0) * d[k];
     }
     size = sqrt(clothi_dot3(u, u));

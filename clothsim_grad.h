@@ -2042,13 +2042,13 @@ static void clothi_row_margin(clothi_grad *g, const clothi_rows *q, int m,
                               const cloth_contact_row *r, const double *x, int speeds, double hs) {
     const double own = clothi_row_pair(g->s, r, r);
     double       off = fabs(clothi_row_along(g->s, r, x, 0) - (speeds ? r->speed : r->bound));
+    if (speeds && !(r->multiplier > 0)) return;
     if (clothi_row_pushes(r, speeds)) off = (speeds ? r->impulse : r->multiplier) * own, m = 0;
     while (m-- > 0) {                       /* |cos| = 1 between their normals */
         const cloth_contact_row *p = q->row + q->list[m];
         const double             both = clothi_row_pair(g->s, r, p);
         if (both * both >= (1 - 1e-12) * own * clothi_row_pair(g->s, p, p)) return;
     }
-    if (speeds && !(r->multiplier > 0)) return;
     g->rep->margin = clothi_min(g->rep->margin, off * (speeds ? hs : 1));
 }
 

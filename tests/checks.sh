@@ -4,6 +4,7 @@
 #   sh checks.sh comments    every program starts with its compile line
 #   sh checks.sh commands    those lines, run as they stand
 #   sh checks.sh names       only cloth names leave the object, only CLOTH macros the header
+#                            no word is one that windows.h or complex.h takes; tcc compiles it
 #   sh checks.sh units       declarations and implementation in two units, C and C++ mixed
 #   sh checks.sh size        the object's bytes; seconds to compile
 #   sh checks.sh compile     compile_only.c: compilers x standards x orders x configurations

@@ -492,6 +492,34 @@ static void distances(void) {
     CHECK(worst < 1e-10);
 }
 
+/* Points of needles, whose angle is down to 1e-7, and just off them. A determinant of angle^2, as of
+ * normal equations, takes points that are on a needle of 1e-5 for points beside it: off by 1e-7. */
+static void needles(void) {
+    unsigned long long seed = 6;
+    double             worst = 0;
+    int                k, j;
+    for (k = 0; k < 20000; k++) {
+        const double thin = pow(10, ref_uniform(&seed, -7, 0)), s = ref_uniform(&seed, 0, 1);
+        const double off = pow(10, ref_uniform(&seed, -12, 0)), t = ref_uniform(&seed, 0, 1);
+        const double length = ref_uniform(&seed, -2, 2);
+        double       x[24], w[4];
+        for (j = 0; j < 3; j++) {
+            const double e = ref_uniform(&seed, -1, 1);
+            const double f = length * e + thin * ref_uniform(&seed, -1, 1);
+            const double at = s * e + (k & 1 ? -t : t * (1 - s)) * f;
+            x[j] = ref_uniform(&seed, -1, 1);
+            x[3 + j] = x[j] + (k & 1 ? e : off * ref_uniform(&seed, -1, 1) - at);
+            x[6 + j] = k & 1 ? x[j] + off * ref_uniform(&seed, -1, 1) + at : x[3 + j] + e;
+            x[9 + j] = (k & 1 ? x[6 + j] : x[3 + j]) + f;
+        }
+        memcpy(x + 12, x, 12 * sizeof *x);
+        worst = fmax(worst, fabs((double)((ref_real)clothi_pair_distance(k & 1, x, w) -
+                                          ccd_distance(k & 1, x, 0))) / ccd_size(x));
+    }
+    printf("  worst error of the distance of a needle: %.1e of the size\n", worst);
+    CHECK(worst < 1e-8);
+}
+
 /* Side, unit length, sum of weights; on hits of random motions and of the hard ones. */
 static int frame_is_good(int ee, const double *x, double toi, double *w, double *n) {
     const double g = clothi_contact_frame(ee, x, x + 12, toi, w, n);
@@ -548,6 +576,7 @@ int main(int argc, char **argv) {
     RUN(tiny_face);
     RUN(arguments);
     RUN(distances);
+    RUN(needles);
     RUN(frames);
     return TEST_END();
 }

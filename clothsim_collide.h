@@ -5584,7 +5584,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 0.3 of the membrane's
  * stiffness K on what is held, 3 on what is led out, 30 on what goes out of a part, that never
  * pulls harder than F = 9 K t. So cloth stays whole: without that bound edges of trousers between a
- * hand and a hip grew to 3.8 times their length, now to 2.4; with 15 K t a skirt's step failed. It
+ * hand and a hip grew to 3.8 times their length, now to 2.5; with 15 K t a skirt's step failed. It
  * begins anew at x^n in every substep: a drag. Nailed to `to`, as in [BWK03], edges of a T-shirt's
  * armpit grew to 4 to 18 times their length, and held layers crossed.
  *

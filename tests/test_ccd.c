@@ -492,8 +492,8 @@ static void distances(void) {
     CHECK(worst < 1e-10);
 }
 
-/* Points of needles, whose angle is down to 1e-7, and just off them. A determinant of angle^2, as of
- * normal equations, takes points that are on a needle of 1e-5 for points beside it: off by 1e-7. */
+/* Points of needles, whose angle is down to 1e-7, and just off them. Normal equations, whose
+ * determinant is of angle^2, take points on a needle of 1e-5 for points beside it: off by 1e-7. */
 static void needles(void) {
     unsigned long long seed = 6;
     double             worst = 0;

@@ -1,6 +1,7 @@
 /* test_pinch.c - cloth between two parts of a body that penetrates itself: held in order while the
- * parts close and pass each other, counted, listed, let go when they open; no bit of difference
- * where no two parts come near; snapshots and workers in a pinch.
+ * parts close and pass each other, counted, listed, let go when they open; an edge that a part is
+ * through goes out; no bit of difference where no two parts come near; snapshots and workers in a
+ * pinch.
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I. test_pinch.c -lm
  * tier: quick */
 #include "../clothsim_collide.h"
@@ -432,6 +433,39 @@ static void inside_out(void) {
     close_scene(&q);
 }
 
+/* A square of two faces, its corner 0 between two plates. A rod of the same body is through the
+ * edge from 1 to 3, of the face of 0: its ends are held too, to go out. */
+static void threaded(void) {
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_mesh         *mesh;
+    cloth_report        r;
+    cloth_hold          hold[4];
+    shape               body;
+    stage               s;
+    int                 i, n = 0, rod;
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_DIAGONAL, 2, 2, 0.1, 0.1, &mesh)) exit(2);
+    stage_cloth(&s, mesh);
+    memset(s.desc.gravity, 0, sizeof s.desc.gravity);
+    s.contact.thickness = T, s.contact.initial = CLOTH_INITIAL_EXEMPT;
+    if (!stage_start(&s)) exit(2);
+    memset(&body, 0, sizeof body);
+    plate(&body, 2, 0.04, -0.0115, 0.01);
+    plate(&body, 2, 0.04, 0.0015, 0.01);
+    rod = body.nv;
+    plate(&body, 1, 0.006, -0.01, 0.02);
+    for (i = rod; i < body.nv; i++) body.x[3 * i] += 0.101, body.x[3 * i + 2] += 0.05;
+    o.nv = body.nv, o.x = body.x, o.nf = body.nf, o.faces = body.faces, o.self_penetrating = 1;
+    (void)stage_add(&s, &o);
+    CHECK(cloth_step(s.sim, H, &r) == CLOTH_OK);
+    CHECK(cloth_collide_holds(s.c, 4, hold, &n) == CLOTH_OK && n == 3);
+    for (i = 0; i < n; i++) {               /* which goes out is of one face */
+        CHECK(hold[i].vertex != 2);
+        CHECK((hold[i].face[0] == hold[i].face[1]) == (hold[i].vertex > 0));
+    }
+    shape_free(&body);
+    stage_end(&s);
+}
+
 static void refusals(void) {
     cloth_hold hold[2];
     scene      q;
@@ -455,6 +489,7 @@ int main(int argc, char **argv) {
     RUN(removed);
     RUN(workers);
     RUN(inside_out);
+    RUN(threaded);
     RUN(refusals);
     return TEST_END();
 }

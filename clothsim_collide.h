@@ -6714,12 +6714,11 @@ static int clothi_contact_axes(const cloth_collide *c, const clothi_contact *q, 
 
 /* The elastic slip turns with the surface in the substep. */
 static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q, double *slip) {
-    const clothi_obstacle *o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
     clothi_frame f;
     double       a[6], b[6], s[3];
     int          k;
-    if (q->slot >= 0 && !clothi_is_mesh(o)) {           /* R1 R0', whole at the step's end */
-        clothi_obstacle_turn(o, slip, s);
+    if (q->slot >= 0 && !clothi_is_mesh(c->obstacle + q->slot)) {
+        clothi_obstacle_turn(c->obstacle + q->slot, slip, s);   /* R1 R0', whole at the end */
         memcpy(slip, s, sizeof s);
         return;
     }
@@ -8695,7 +8694,7 @@ static void clothi_back_axes(const clothi_flow *f, const clothi_contact *q, int 
 static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, const double *u,
                              const double *y, double *to_u, clothi_rates *b) {
     const cloth_collide   *c = f->c;
-    const clothi_obstacle *o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
+    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
     clothi_frame           at;
     clothi_rates            start;
     double a[6], e[6], to[6], from[6], back[3] = {0, 0, 0};
@@ -8961,7 +8960,7 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     out->frozen |= c->nholding > 0;
     for (i = 0; i < c->ncontact; i = j) {
         j = clothi_group_end(c, i);
-        q = c->contact + i, o = c->obstacle + (q->slot < 0 ? 0 : q->slot);
+        q = c->contact + i, o = q->slot < 0 ? NULL : c->obstacle + q->slot;
         out->frozen |= q->slot >= 0 && q->force > 0 &&
                        (q->soft || clothi_dot3(o->surface + 3, o->surface + 3) > 0 ||
                         (!clothi_is_mesh(o) && memcmp(o->turn[0], o->turn[1], sizeof o->turn[0])));
@@ -9167,7 +9166,7 @@ static void clothi_back_carried(const cloth_collide *c, const double *attach) {
     int              i, j;
     for (i = 0; attach && i < s->model->desc.max_attachments; i++) {
         const cloth_step_attachment *q = s->attach + i;
-        const clothi_obstacle       *o = c->obstacle + (q->on > 0 ? q->on - 1 : 0);
+        const clothi_obstacle       *o = q->on > 0 ? c->obstacle + q->on - 1 : NULL;
         if (!q->used || q->on <= 0) continue;
         for (j = 0; j < 9; j++)
             c->adjoint->pose[0][3 * (o->v0 - c->nv + o->faces[3 * q->other + j / 3]) + j % 3] +=

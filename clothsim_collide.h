@@ -5581,7 +5581,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            begins where it was. (From above it trousers halved 10 steps of 120 for 4)
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep; so
  *            does an edge across from a vertex that is held: in a finger, among features that hold
- *            it, it could go nowhere, and trousers' steps failed from there on for good
+ *            it, it could go nowhere, and trousers' steps failed from there on for good. (Where
+ *            its ends are nearest to the finger along the edge it stays, exempt, till that leaves)
  *
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 10 times the membrane's
  * stiffness K, that never pulls harder than F = K t on what is held, 9 K t on what goes out. So
@@ -6115,7 +6116,6 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
 #define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
-#define CLOTHI_MOST_ROWS    20              /* a vertex; more have led nowhere: 600 took 50 s  */
 
 /* --- rows --- */
 
@@ -6599,8 +6599,7 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
         if (hit == 0) return CLOTH_OK;
         status = clothi_cancelled(c->hooks, NULL);
         if (status) return status;
-        if (c->report.passes > c->desc.max_passes + CLOTHI_RIGID_PASSES ||
-            c->nrow > CLOTHI_MOST_ROWS * (double)c->nv)
+        if (c->report.passes > c->desc.max_passes + CLOTHI_RIGID_PASSES)
             return clothi_failed_pairs(c);
         status = clothi_zones(c);
         c->report.ms_zones += 1e3 * (clothi_now(c->hooks) - then);

@@ -34,6 +34,32 @@ static void twist(void) { scene_twist(size(16, 24), size(1, 3), size(60, 480), 1
 static void spin(void) { scene_spin(size(14, 32), size(60, 300), 1.0 / 60); }
 static void ball(void) { scene_ball(size(12, 24), size(20, 60)); }
 
+/* Two faces are lifted by a dome of thousands: rows by the hundred for each vertex of cloth. */
+static void coarse(void) {
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    cloth_mesh         *dome = NULL;
+    stage               s;
+    int                 i, k;
+    stage_sheet(&s, 2, 0.4);
+    if (!stage_start(&s)) exit(2);
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 40, 40, 0.3, 0.3, &dome)) exit(2);
+    for (i = 0; i < dome->nv; i++) {
+        double *x = dome->x + 3 * i;
+        x[1] = -0.02 - 0.5 * (pow(x[0] - 0.15, 2) + pow(x[2] - 0.15, 2));
+        x[0] += 0.05, x[2] += 0.05;
+    }
+    d.nv = dome->nv, d.x = dome->x, d.nf = dome->nf, d.faces = dome->faces;
+    (void)stage_add(&s, &d);
+    for (k = 0; k < 10; k++) {
+        for (i = 0; i < dome->nv; i++) s.thing[0].next[3 * i + 1] += 0.02;
+        (void)stage_step(&s, 1.0 / 60);
+    }
+    CHECK(s.whole == 10 && s.rows > 100 * s.mesh->nv);
+    stage_judge(&s, "coarse, dome");
+    cloth_mesh_destroy(NULL, dome);
+    stage_end(&s);
+}
+
 /* --- momentum --- */
 
 /* Changes that the zones made to the candidate's momenta, to the sum of the sizes: linear, angular
@@ -185,6 +211,7 @@ int main(int argc, char **argv) {
     RUN(twist);
     RUN(spin);
     RUN(ball);
+    RUN(coarse);
     RUN(stage_rows_left);
     RUN(momentum);
     RUN(no_cost);

@@ -1,6 +1,6 @@
 /* test_pinch.c - cloth between two parts of a body that penetrates itself: held in order while the
  * parts close and pass each other, counted, listed, let go when they open; an edge that a part is
- * through goes out; no bit of difference where no two parts come near; snapshots and workers in a
+ * through is led; no bit of difference where no two parts come near; snapshots and workers in a
  * pinch.
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I. test_pinch.c -lm
  * tier: quick */

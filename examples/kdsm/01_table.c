@@ -132,7 +132,7 @@ static const char *example(study *s) {
 /* Chains of poses at random, each chain from rest. */
 static const char *by_formula(study *s, int chains, int poses) {
     const char *error = NULL;
-    int         c, p, i;
+    int         c, p;
     for (c = 0; c < chains && !error; c++) {
         double from[3 * SHAPES_BONES], to[3 * SHAPES_BONES];
         memset(from, 0, sizeof from);
@@ -140,11 +140,7 @@ static const char *by_formula(study *s, int chains, int poses) {
         error = garment_wear(&s->g, s->T);
         for (p = 0; p < poses && !error; p++) {
             figure_angles(&s->f, (uint64_t)(100 * c + p), REACH, to);
-            for (i = 1; i <= STEPS && !error; i++) {
-                const double t = fmin(1, 2.0 * i / STEPS);
-                figure_between(&s->f, from, to, t * t * (3 - 2 * t), s->T);
-                error = garment_step(&s->g, s->T, 0.1);
-            }
+            error = garment_bring(&s->g, from, to, STEPS, s->T);
             if (!error) error = example(s);
             memcpy(from, to, sizeof from);
         }

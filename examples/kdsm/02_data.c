@@ -9,7 +9,8 @@
  *             --chains N    how many; 2          --poses N    of each, settled; 2
  *             --edge M      of the shirt by formula; 0.03    --steps N   to a pose; 40
  *             --around A    poses of a walk and A of what a person can; 0: all of that alone
- *             --moves N     motions at random more, 150 steps each, kept while they move; 0
+ *             --moves N     motions at random more, kept while they move; 0
+ *             --move N      steps of each; 150
  *             --every N     steps from example to example of a motion; 12
  *             --shard I/N   only chains I, I + N, I + 2 N .. and no merging
  *             --merge       nothing but that
@@ -40,6 +41,7 @@ static const char *read_arguments(int argc, char **argv, job *j) {
         if (!strcmp(argv[i], "--merge")) j->merge = 1;
         else if (!strcmp(argv[i], "--chains") && i + 1 < argc) j->chains = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--moves") && i + 1 < argc) j->moves = atoi(argv[++i]);
+        else if (!strcmp(argv[i], "--move") && i + 1 < argc) j->move = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--poses") && i + 1 < argc) j->poses = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--steps") && i + 1 < argc) j->steps = atoi(argv[++i]);
         else if (!strcmp(argv[i], "--around") && i + 1 < argc) j->around = atof(argv[++i]);
@@ -57,8 +59,8 @@ static const char *read_arguments(int argc, char **argv, job *j) {
     }
     if (j->shard < 0 || j->shard >= j->shards) return "--shard I/N: I from 0, below N";
     if (j->skeleton && !j->motions) return "--skeleton is of the body of --on";
-    return chains_count(j) > 0 && j->poses > 0 && j->steps > 0 && j->every > 0 ? NULL
-               : "--chains, --poses, --steps and --every from 1";
+    return chains_count(j) > 0 && j->poses > 0 && j->steps > 0 && j->every > 0 && j->move > 0 ? NULL
+               : "--chains, --poses, --steps, --move and --every from 1";
 }
 
 int main(int argc, char **argv) {

@@ -76,16 +76,12 @@ static inline void chains_aim(const job *j, uint64_t seed, double *to) {
 static inline const char *chains_poses(job *j, int chain) {
     const char *error = NULL;
     double      from[3 * 1000], to[3 * 1000];
-    int         p, i;
+    int         p;
     memset(from, 0, sizeof from);
     for (p = 0; p < j->poses && !error; p++) {
         chains_aim(j, 1000 * (uint64_t)chain + (uint64_t)p + 1, to);
-        for (i = 1; i <= j->steps && !error; i++) {
-            const double t = fmin(1, 2.0 * i / j->steps);
-            chains_before(j);
-            figure_between(&j->f, from, to, t * t * (3 - 2 * t), j->T);
-            error = garment_step(&j->g, j->T, 0.1);
-        }
+        error = garment_bring(&j->g, from, to, j->steps, j->T);
+        chains_before(j);
         if (!error) error = chains_keep(j, chain, p);
         memcpy(from, to, sizeof from);
     }

@@ -272,6 +272,21 @@ static inline void figure_at(const figure *f, const double *turn, double *T) {
     figure_against(f, T);
 }
 
+/* The angles of figure_walk() at time t; 0: of files without a skeleton they are not known. */
+static inline int figure_walk_angles(const figure *f, double t, double *turn) {
+    double angle[SHAPES_BONES][3], shift[3], T[12 * 1000];
+    int    j;
+    if (!f->skin) {
+        shapes_walk(t, 0, angle, shift);
+        memcpy(turn, angle, sizeof angle);
+        return 1;
+    }
+    if (!f->parent || f->back) return 0;
+    figure_walk(f, t, T);
+    for (j = 0; j < f->njoints; j++) figure_turn(T, f->parent[j], j, turn + 3 * j);
+    return 1;
+}
+
 /* The joints at the angles `part` of the way from a to b. */
 static inline void figure_between(const figure *f, const double *a, const double *b, double part,
                                   double *T) {

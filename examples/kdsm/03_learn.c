@@ -72,7 +72,7 @@ typedef struct school {     /* what was learned, and how it did                 
 typedef struct steady {     /* a garment along the walk                                 */
     double *x[5];           /* the last frames, the newest first                        */
     double  error, volume, second, fourth;  /* sums                                     */
-    int     n, n2, n4;
+    int     n;              /* frames                                                   */
 } steady;
 
 typedef struct stroll {
@@ -147,15 +147,14 @@ static const char *compare(lesson *s, school *c) {
 
 /* x is the newest frame of w, truth that of what is true. */
 static void follow(const lesson *s, steady *w, const double *x, const double *truth) {
-    double *const *y = (double *const *)w->x;
-    double        *last = w->x[4], v = learn_volume(s, truth);
-    int            i;
-    for (i = 4; i > 0; i--) w->x[i] = w->x[i - 1];
-    w->x[0] = last;
+    double **y = w->x, *last = y[4], v = learn_volume(s, truth);
+    int      i;
+    for (i = 4; i > 0; i--) y[i] = y[i - 1];
+    y[0] = last;
     memcpy(last, x, (size_t)s->outputs * sizeof(double));
     w->error += learn_distance(s->s.nv, x, truth);
     w->volume += fabs(learn_volume(s, x) - v) / fabs(v);
-    w->n++, w->n2 += w->n >= 3, w->n4 += w->n >= 5;
+    w->n++;
     for (i = 0; i < s->outputs && w->n >= 3; i++)
         w->second += pow(y[0][i] - 2 * y[1][i] + y[2][i], 2) / s->s.nv;
     for (i = 0; i < s->outputs && w->n >= 5; i++)
@@ -190,9 +189,9 @@ static const char *walk_frame(lesson *s, school *c, steady *w, const double *T,
 
 /* Root mean squares, mm: of second differences; how far a frame is from a smooth motion, whose
  * fourth differences are 0: those of noise of 1 are sqrt 70. */
-static double unsteady(const steady *w) { return 1e3 * sqrt(w->second / w->n2); }
+static double unsteady(const steady *w) { return 1e3 * sqrt(w->second / (w->n - 2)); }
 
-static double jitter(const steady *w) { return 1e3 * sqrt(w->fourth / w->n4 / 70); }
+static double jitter(const steady *w) { return 1e3 * sqrt(w->fourth / (w->n - 4) / 70); }
 
 static void walk_print(const lesson *s, const steady *w, const char *name) {
     const double truth = unsteady(w);
@@ -265,7 +264,7 @@ static const char *walk(lesson *s, school *c, const stroll *how, int resting) {
     for (i = 0; i < 5 * n; i++) w[i / 5].x[i % 5] = x + i * no;
     error = resting ? walk_resting(s, c, w, how, x + 5 * n * no)
                     : walk_moving(s, c, w, how, x + 5 * n * no);
-    if (!error && w->n4 > 0) walk_print(s, w, resting ? "the walk, settled" : "the walk");
+    if (!error && w->n > 4) walk_print(s, w, resting ? "the walk, settled" : "the walk");
     free(x);
     return error;
 }

@@ -13,7 +13,9 @@
 #                            = examples/12_drape.c = README, of clothsim_grad.h compiles;
 #                            README's other blocks and commands compile and run as they stand
 #   sh checks.sh judges      garments on bodies that move, by the programs of ../shared/judge:
-#                            two hours; ONLY=NAME for one of them, STEPS=N to cut all short
+#                            two hours; ONLY=NAME for one of them, STEPS=N to cut all short,
+#                            STARTS=N: each from N starts a nanometre apart, for figures of one
+#                            walk are chance
 #   sh checks.sh yardstick DIR          builds the prototype that speed is compared with
 #   sh checks.sh fuzz SECONDS FILES     runs each libFuzzer entry
 # Run from tests/. Each prints 'checks.sh NAME: N passed, N failed, N skipped (S s)' last.
@@ -420,22 +422,35 @@ run_yardstick() {
     must 'the yardstick builds' sh -c "$line"
 }
 
-# judge GARMENT BODY MOTION STEPS: one garment dressed and judged, a line of the table. A step
-# counts as whole when nothing of it was halved; dress.c counts the halvings, so there are at least
-# so many whole steps.
+# judge GARMENT BODY MOTION STEPS: one garment dressed and judged from each start.
 judge() {
-    garment=$1 body=$2 motion=$3 steps=${STEPS:-$4}
+    garment=$1 body=$2 motion=$3 steps=${STEPS:-$4} start=0
     case $garment,$motion in *"${ONLY:-}"*) ;; *) return ;; esac
     data=$shared/data
     for file in garments/$garment.obj $body/body.obj $body/weights_cmu.txt motion/$motion.skin; do
         [ -f "$data/$file" ] || { skip "$garment on $motion: no $file"; return; }
     done
-    "$out/dress" "$out/judged.seq" "$steps" "$data/garments/$garment.obj" "$data/$body/body.obj" \
+    while [ $start -lt "${STARTS:-1}" ]; do
+        judge_start
+        start=$((start + 1))
+    done
+}
+
+# A line of the table. A step counts as whole when nothing of it was halved; dress.c counts the
+# halvings, so there are at least so many whole steps. Start n: the first vertex n nm along x.
+judge_start() {
+    name="$garment $motion" worn=$data/garments/$garment.obj
+    if [ $start -gt 0 ]; then
+        name="$name +$start nm" worn=$out/garment.obj
+        awk -v by=$start '$1 == "v" && !n++ { $2 = sprintf("%.12f", $2 + 1e-9 * by) } { print }' \
+            "$data/garments/$garment.obj" >"$worn"
+    fi
+    "$out/dress" "$out/judged.seq" "$steps" "$worn" "$data/$body/body.obj" \
         "$data/$body/weights_cmu.txt" "$data/motion/$motion.skin" >"$out/dressed" 2>&1
     sum=$(sed -n 's/.*SUMMARY //p' "$out/dressed")
-    case $sum in *', failed '*) ;; *) bad "$garment on $motion: $sum"; return ;; esac
+    case $sum in *', failed '*) ;; *) bad "$name: $sum"; return ;; esac
     "$out/swallowed" "$out/judged.seq" >"$out/swallow"
-    echo "$sum $(cat "$out/swallow")" | awk -v name="$garment $motion" -v line="$out/line" '
+    echo "$sum $(cat "$out/swallow")" | awk -v name="$name" -v line="$out/line" '
         function after(what,   rest) {
             rest = substr($0, index($0, what " ") + length(what) + 1)
             sub(/[ ,].*/, "", rest)
@@ -455,7 +470,7 @@ judge() {
                                                           steps)
             print substr(over, 3) >line }'
     if [ -s "$out/line" ] && [ -n "$(cat "$out/line")" ]; then
-        open "$garment on $motion" "$(cat "$out/line")"
+        open "$name" "$(cat "$out/line")"
     else ok
     fi
     rm -f "$out/judged.seq"

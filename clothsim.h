@@ -1269,7 +1269,7 @@ CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path
  * out  needed  bytes of the text, may be NULL
  * returns CLOTH_OK; CLOTH_ERR_CAPACITY: buf holds the first `capacity` bytes; CLOTH_ERR_ARGUMENT:
  *   NULL, an index of the mesh out of range; CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY
- * contract: alloc scratch [nv] | cost O(size), 0.15 to 0.5 us a number */
+ * contract: alloc scratch [nv + 3 nf] | cost O(size), 0.15 to 0.5 us a number */
 CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_mesh *mesh,
                                         char *buf, size_t capacity, size_t *needed);
 
@@ -1680,16 +1680,14 @@ static void *clothi_object(const cloth_hooks *hooks, size_t size) {
  * them all where `done`. */
 static size_t clothi_object_blocks(const void *object, const size_t *at, size_t n, int done) {
     cloth_hooks hooks;
-    size_t      k, sum = clothi_block_size(object);
+    size_t      k, sum = 0;
     if (!object) return 0;
     memcpy(&hooks, object, sizeof hooks);
-    for (k = 0; k < n; k++) {
-        void *block;
-        memcpy(&block, (const unsigned char *)object + at[k], sizeof block);
-        sum += clothi_block_size(block);
-        if (done) clothi_free(&hooks, block);
+    for (k = 0; k <= n; k++) {
+        const void *block = object;         /* itself last                                     */
+        if (k < n) memcpy(&block, (const unsigned char *)object + at[k], sizeof block);
+        sum += clothi_blocks(done ? &hooks : NULL, &block, 1);
     }
-    if (done) clothi_free(&hooks, object);
     return sum;
 }
 
@@ -1722,26 +1720,6 @@ static void clothi_sink_uint(clothi_sink *t, uint64_t u) {
 CLOTHI_OUTLINE static void clothi_sink_int(clothi_sink *t, long long i) {
     if (i < 0) clothi_sink_char(t, '-');
     clothi_sink_uint(t, i < 0 ? (uint64_t)0 - (uint64_t)i : (uint64_t)i);
-}
-
-/* 0.d0 d1 .. times 10^point, n >= 1: plain where least <= point <= most, else d0.d1..e-7. */
-static void clothi_sink_digits(clothi_sink *s, const unsigned char *d, int n, int point, int least,
-                               int most) {
-    int i;
-    if (point >= least && point <= most) {
-        if (point <= 0) clothi_sink_string(s, "0.");
-        for (i = point; i < 0; i++) clothi_sink_char(s, '0');
-        for (i = 0; i < n || i < point; i++) {
-            if (i > 0 && i == point) clothi_sink_char(s, '.');
-            clothi_sink_char(s, (char)('0' + (i < n ? d[i] : 0)));
-        }
-        return;
-    }
-    clothi_sink_char(s, (char)('0' + d[0]));
-    if (n > 1) clothi_sink_char(s, '.');
-    for (i = 1; i < n; i++) clothi_sink_char(s, (char)('0' + d[i]));
-    clothi_sink_char(s, 'e');
-    clothi_sink_int(s, point - 1);
 }
 
 static void clothi_sink_number(clothi_sink *t, double a, int digits, int least, int most);
@@ -1779,9 +1757,9 @@ CLOTHI_OUTLINE static void clothi_say(const cloth_hooks *hooks, cloth_log_level 
 
 CLOTH_API void cloth_log_stderr(cloth_log_level level, cloth_status status, const char *text,
                                 void *user) {
-    const char *part[5] = {"warning: ", text, " (", cloth_status_text(status), ")\n"};
+    const char *part[5] = {level == CLOTH_LOG_ERROR ? "error: " : "warning: ", text, " (",
+                           cloth_status_text(status), ")\n"};
     int         i;
-    if (level == CLOTH_LOG_ERROR) part[0] = "error: ";
     for (i = 0; i < 5 && text; i++) {
 #ifndef CLOTH_NO_STDIO
         (void)fwrite(part[i], 1, strlen(part[i]), stderr);
@@ -1967,8 +1945,8 @@ CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
 #define CLOTHI_SLIVER    1e-4               /* height over longest edge: a warning             */
 
 typedef struct clothi_triangle {
-    double l, p, q;     /* m; all zero when the triangle is degenerate                         */
-    double shape;       /* height / longest edge; 0 when degenerate                            */
+    double l, p, q;     /* m                                                                   */
+    double shape;       /* height / longest edge                                               */
 } clothi_triangle;
 
 /* Four sums side by side: no addition waits for the one before it. */
@@ -2002,13 +1980,12 @@ CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
 }
 
 /* Corners a, b, c, finite. Works on numbers scaled by a power of two, so that no square over- or
- * underflows. Returns 0 when degenerate (or when its size overflows), else 1. */
+ * underflows. Returns 0 when degenerate (or when its size overflows), else 1 and *t. */
 static int clothi_triangle_shape(const double *a, const double *b, const double *c,
                                  clothi_triangle *t) {
-    double e[9], n[3], size, back, l, d2, d12, longest, coord, height;
+    double e[9], n[3], size, back, l, p, q, d2, d12, longest, coord, height;
     double *d = e + 3, *g = e + 6;
     int    k, exponent;
-    memset(t, 0, sizeof *t);
     for (k = 0; k < 3; k++) {               /* quarters: the difference cannot overflow        */
         e[k] = 0.25 * b[k] - 0.25 * a[k], d[k] = 0.25 * c[k] - 0.25 * a[k];
         g[k] = 0.25 * c[k] - 0.25 * b[k];
@@ -2025,37 +2002,17 @@ static int clothi_triangle_shape(const double *a, const double *b, const double 
     longest = fmax(l, sqrt(fmax(d2, d12)));
     if (!(l > 0)) return 0;
     clothi_cross3(e, d12 < d2 ? g : d, n);
-    t->q = sqrt(clothi_dot3(n, n)) / l;
-    t->p = d12 < d2 ? l + clothi_dot3(e, g) / l : clothi_dot3(e, d) / l;
-    height = l * t->q / longest;
-    if (!(height > CLOTHI_EPS_AREA * longest && height > CLOTHI_EPS_COORD * coord)) {
-        memset(t, 0, sizeof *t);
-        return 0;
-    }
+    q = sqrt(clothi_dot3(n, n)) / l;
+    p = d12 < d2 ? l + clothi_dot3(e, g) / l : clothi_dot3(e, d) / l;
+    height = l * q / longest;
+    if (!(height > CLOTHI_EPS_AREA * longest && height > CLOTHI_EPS_COORD * coord)) return 0;
     back = ldexp(1.0, exponent) * 4.0;
     t->shape = height / longest;
-    t->l = l * back;
-    t->p *= back;
-    t->q *= back;
-    if (clothi_finite(t->l) && clothi_finite(t->p) && clothi_finite(t->q)) return 1;
-    memset(t, 0, sizeof *t);
-    return 0;
+    t->l = l * back, t->p = p * back, t->q = q * back;
+    return clothi_finite(t->l) && clothi_finite(t->p) && clothi_finite(t->q);
 }
 
 static int clothi_halfedge_next(int h) { return h % 3 == 2 ? h - 2 : h + 1; }
-
-/* start [nv + 1] from the number of items that each vertex has, in start[vertex + 1]; and back
- * to the starts after filling has advanced start[vertex] to its end. */
-static void clothi_csr_starts(int nv, int *start) {
-    int v;
-    for (v = 0; v < nv; v++) start[v + 1] += start[v];
-}
-
-static void clothi_csr_rewind(int nv, int *start) {
-    int v;
-    for (v = nv; v > 0; v--) start[v] = start[v - 1];
-    start[0] = 0;
-}
 
 /* out = the items of `in` (NULL: 0, 1, 2, ...) sorted by key[item] in [0, nkeys), equal keys in
  * the order of `in`; those of key k begin at start[k], [nkeys + 1]. The sort of a whole record is
@@ -2063,41 +2020,31 @@ static void clothi_csr_rewind(int nv, int *start) {
 static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int *out, int *start) {
     int i;
     memset(start, 0, ((size_t)nkeys + 1u) * sizeof *start);
-    for (i = 0; i < n; i++) start[key[in ? in[i] : i] + 1]++;
-    clothi_csr_starts(nkeys, start);
-    for (i = 0; i < n; i++) {
-        int item = in ? in[i] : i;
-        out[start[key[item]]++] = item;
+    for (i = 0; i < n; i++) start[key[in ? in[i] : i]]++;
+    for (i = 0; i < nkeys; i++) start[i + 1] += start[i];
+    for (i = n - 1; i >= 0; i--) {          /* from its end back to its start                  */
+        const int item = in ? in[i] : i;
+        out[--start[key[item]]] = item;
     }
-    clothi_csr_rewind(nkeys, start);
 }
 
 /* Half-edges sorted by their vertices (smaller, larger), then by number. */
 typedef struct clothi_edge_sort {
-    int *lo, *hi;       /* [3 nf] smaller and larger end of each half-edge                     */
+    int *lo, *hi;       /* [3 nf] smaller and larger end of each half-edge; lo: to be freed    */
     int *order;         /* [3 nf] half-edges; those of one edge stand together                 */
     int *work;          /* [3 nf] scratch                                                      */
     int *count;         /* [nv + 1] scratch                                                    */
 } clothi_edge_sort;
-
-static void clothi_edge_sort_free(const cloth_hooks *hooks, clothi_edge_sort *s) {
-    clothi_free(hooks, s->lo);
-    clothi_free(hooks, s->count);
-    memset(s, 0, sizeof *s);
-}
 
 /* Every index of faces is in [0, nv). */
 static cloth_status clothi_edge_sort_make(const cloth_hooks *hooks, int nv, int nf,
                                           const int *faces, clothi_edge_sort *s) {
     const size_t n = 3 * (size_t)nf;
     int h;
-    s->lo = (int *)clothi_alloc(hooks, 4 * n, sizeof(int));
-    s->count = (int *)clothi_alloc(hooks, (size_t)nv + 1u, sizeof(int));
-    if (!s->lo || !s->count) {
-        clothi_edge_sort_free(hooks, s);
+    s->lo = (int *)clothi_alloc(hooks, 4 * n + (size_t)nv + 1u, sizeof(int));
+    if (!s->lo)
         return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort the edges of %i faces", nf);
-    }
-    s->hi = s->lo + n, s->order = s->hi + n, s->work = s->order + n;
+    s->hi = s->lo + n, s->order = s->hi + n, s->work = s->order + n, s->count = s->work + n;
     for (h = 0; h < 3 * nf; h++) {
         int a = faces[h], b = faces[clothi_halfedge_next(h)];
         s->lo[h] = a < b ? a : b;
@@ -2127,80 +2074,69 @@ typedef struct clothi_checker {
     int     nv, nf;
     const double *x, *X;
     const int    *faces;
-    int    *kept;       /* [nf x 3] the faces whose edges can be looked at                     */
-    int    *id;         /* [nf] their numbers in faces                                         */
-    int     nk;
+    int    *kept;       /* [nf x 3] faces, zeros in place of those whose edges are not looked at */
     int    *corners;    /* [nv] corners at a vertex, of any face                               */
+    int    *key;        /* [5 nf + nv + 1] scratch                                             */
 } clothi_checker;
 
-static const struct { int error; const char *text; } clothi_faults[] = {
-#define CLOTH_X(name, value, error, text) {error, text},
+static const struct { cloth_log_level level; cloth_status status; const char *text; }
+clothi_faults[] = {
+#define CLOTH_X(name, value, error, text)                                                        \
+    {error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING, !error ? CLOTH_OK :                            \
+     value == CLOTH_MESH_NONFINITE ? CLOTH_ERR_NONFINITE : CLOTH_ERR_MESH, text},
     CLOTH_MESH_FAULT_LIST(CLOTH_X)
 #undef CLOTH_X
 };
 
-static cloth_status clothi_fault_status(cloth_mesh_fault kind) {
-    if (!clothi_faults[kind].error) return CLOTH_OK;
-    return kind == CLOTH_MESH_NONFINITE ? CLOTH_ERR_NONFINITE : CLOTH_ERR_MESH;
-}
-
-/* Counts a fault; true when it is to be spelled out. */
-static int clothi_fault_count(clothi_checker *c, cloth_mesh_fault kind, int index) {
+/* Counts a fault; the first few of a kind are spelled out. */
+static void clothi_fault(clothi_checker *c, cloth_mesh_fault kind, int index, const char *format,
+                         ...) {
+    va_list args;
     if (c->report.count[kind] == 0) c->report.first[kind] = index;
-    if (clothi_faults[kind].error) c->report.errors++;
+    if (clothi_faults[kind].level == CLOTH_LOG_ERROR) c->report.errors++;
     else c->report.warnings++;
-    return c->report.count[kind]++ < CLOTH_MESH_FAULTS_LOGGED;
+    if (c->report.count[kind]++ >= CLOTH_MESH_FAULTS_LOGGED) return;
+    va_start(args, format);
+    clothi_sentence(c->hooks, clothi_faults[kind].level, clothi_faults[kind].status, format, args);
+    va_end(args);
 }
-
-#define CLOTHI_FAULT(c, kind, index, ...)                                                        \
-    do {                                                                                         \
-        if (clothi_fault_count(c, kind, index))                                                  \
-            clothi_say((c)->hooks,                                                               \
-                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,          \
-                       clothi_fault_status(kind), __VA_ARGS__);                                  \
-    } while (0)
 
 static void clothi_check_numbers(clothi_checker *c) {
     static const char *const axis[] = {"x", "y", "z"};
     int i;
     for (i = 0; i < 3 * c->nv; i++)
         if (!clothi_finite(c->x[i]))
-            CLOTHI_FAULT(c, CLOTH_MESH_NONFINITE, i, "vertex %i: %s is %g: give it a number",
+            clothi_fault(c, CLOTH_MESH_NONFINITE, i, "vertex %i: %s is %g: give it a number",
                          i / 3, axis[i % 3], c->x[i]);
     for (i = 0; c->X && i < 6 * c->nf; i++)
         if (!clothi_finite(c->X[i]))
-            CLOTHI_FAULT(c, CLOTH_MESH_NONFINITE, 3 * c->nv + i,
+            clothi_fault(c, CLOTH_MESH_NONFINITE, 3 * c->nv + i,
                          "pattern: corner %i of face %i: %s is %g: give it a number", i / 2 % 3,
                          i / 6, axis[i % 2], c->X[i]);
 }
 
 /* Pattern corners P [3 x 2], finite, of face f: a counter-clockwise triangle. */
 static void clothi_check_pattern(clothi_checker *c, int f, const double *P) {
-    double          P3[9];
+    const double    P3[9] = {P[0], P[1], 0, P[2], P[3], 0, P[4], P[5], 0};
     clothi_triangle t;
-    int             k;
-    for (k = 0; k < 3; k++) {
-        P3[3 * k] = P[2 * k];
-        P3[3 * k + 1] = P[2 * k + 1];
-        P3[3 * k + 2] = 0;
-    }
     if (!clothi_triangle_shape(P3, P3 + 3, P3 + 6, &t))
-        CLOTHI_FAULT(c, CLOTH_MESH_PATTERN, f, "pattern: face %i has no area: move its corners "
+        clothi_fault(c, CLOTH_MESH_PATTERN, f, "pattern: face %i has no area: move its corners "
                      "apart or leave the pattern out", f);
     else if ((0.5 * P[2] - 0.5 * P[0]) * (0.5 * P[5] / t.q - 0.5 * P[1] / t.q) <
              (0.5 * P[4] - 0.5 * P[0]) * (0.5 * P[3] / t.q - 0.5 * P[1] / t.q))
-        CLOTHI_FAULT(c, CLOTH_MESH_PATTERN, f, "pattern: face %i is mirrored (negative area): "
+        clothi_fault(c, CLOTH_MESH_PATTERN, f, "pattern: face %i is mirrored (negative area): "
                      "mirror its panel or reverse its corners", f);
 }
 
 /* One face: indices, corners, area, pattern. True when its edges can be looked at. */
 static int clothi_check_face(clothi_checker *c, int f) {
-    const int *t = c->faces + 3 * f;
-    int        k, bad = 0, finite = 1;
+    const int      *t = c->faces + 3 * f;
+    clothi_triangle s;
+    int             k, bad = 0, finite = 1;
     for (k = 0; k < 3; k++) {
         if (t[k] < 0 || t[k] >= c->nv) {
             bad = 1;
-            CLOTHI_FAULT(c, CLOTH_MESH_INDEX, f, "face %i: corner %i = %i but nv = %i: use 0 .. "
+            clothi_fault(c, CLOTH_MESH_INDEX, f, "face %i: corner %i = %i but nv = %i: use 0 .. "
                          "nv-1 or remove the face", f, k, t[k], c->nv);
         } else {
             c->corners[t[k]]++;
@@ -2211,60 +2147,45 @@ static int clothi_check_face(clothi_checker *c, int f) {
         clothi_check_pattern(c, f, c->X + 6 * (size_t)f);
     if (bad) return 0;
     if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
-        CLOTHI_FAULT(c, CLOTH_MESH_REPEATED, f, "face %i: corners %i %i %i repeat a vertex: "
+        clothi_fault(c, CLOTH_MESH_REPEATED, f, "face %i: corners %i %i %i repeat a vertex: "
                      "remove the face", f, t[0], t[1], t[2]);
         return 0;
     }
-    if (finite) {
-        clothi_triangle s;
-        if (!clothi_triangle_shape(c->x + 3 * t[0], c->x + 3 * t[1], c->x + 3 * t[2], &s))
-            CLOTHI_FAULT(c, CLOTH_MESH_ZERO_AREA, f, "face %i: corners %i %i %i span no area: "
-                         "move one or merge vertices and remove the face", f, t[0], t[1], t[2]);
-        else if (s.shape < CLOTHI_SLIVER)
-            CLOTHI_FAULT(c, CLOTH_MESH_SLIVER, f, "face %i: a sliver, %g times longer than high:"
-                         " it will be stiff; remesh there", f, 1 / s.shape);
-    }
+    if (!finite) return 1;
+    if (!clothi_triangle_shape(c->x + 3 * t[0], c->x + 3 * t[1], c->x + 3 * t[2], &s))
+        clothi_fault(c, CLOTH_MESH_ZERO_AREA, f, "face %i: corners %i %i %i span no area: "
+                     "move one or merge vertices and remove the face", f, t[0], t[1], t[2]);
+    else if (s.shape < CLOTHI_SLIVER)
+        clothi_fault(c, CLOTH_MESH_SLIVER, f, "face %i: a sliver, %g times longer than high:"
+                     " it will be stiff; remesh there", f, 1 / s.shape);
     return 1;
 }
 
 /* Removes from kept every face whose three vertices an earlier face has. */
-static cloth_status clothi_check_duplicates(clothi_checker *c) {
-    const size_t n = (size_t)c->nk;
-    int *key = (int *)clothi_alloc(c->hooks, 6 * n + (size_t)c->nv + 1u, sizeof(int));
-    int *order, *work, *drop, *count, i, j, k;
-    if (!key) return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory to check %i faces", c->nf);
-    order = key + 3 * n, work = order + n, drop = work + n, count = drop + n;
-    for (i = 0; i < c->nk; i++) {           /* key: lowest [nk], middle [nk], highest [nk]     */
-        const int *t = c->kept + 3 * i;
-        const int  lo = t[0] < t[1] ? (t[0] < t[2] ? t[0] : t[2]) : (t[1] < t[2] ? t[1] : t[2]);
-        const int  hi = t[0] > t[1] ? (t[0] > t[2] ? t[0] : t[2]) : (t[1] > t[2] ? t[1] : t[2]);
-        key[i] = lo;
-        key[n + (size_t)i] = (int)((long long)t[0] + t[1] + t[2] - lo - hi);
-        key[2 * n + (size_t)i] = hi;
+static void clothi_check_duplicates(clothi_checker *c) {
+    const int n = c->nf;
+    int      *lo = c->key, *mid = lo + n, *hi = mid + n, *order = hi + n, *work = order + n;
+    int       i, f, first = 0;
+    for (f = 0; f < n; f++) {
+        const int *t = c->kept + 3 * f;
+        lo[f] = t[0] < t[1] ? (t[0] < t[2] ? t[0] : t[2]) : (t[1] < t[2] ? t[1] : t[2]);
+        hi[f] = t[0] > t[1] ? (t[0] > t[2] ? t[0] : t[2]) : (t[1] > t[2] ? t[1] : t[2]);
+        mid[f] = (int)((long long)t[0] + t[1] + t[2] - lo[f] - hi[f]);
     }
-    clothi_sort_by(c->nk, c->nv, key + 2 * n, NULL, order, count);
-    clothi_sort_by(c->nk, c->nv, key + n, order, work, count);
-    clothi_sort_by(c->nk, c->nv, key, work, order, count);
-    for (i = 1, j = 0; i < c->nk; i++) {    /* j: first of the run of equal faces              */
-        const size_t a = (size_t)order[j], b = (size_t)order[i];
-        if (key[a] != key[b] || key[n + a] != key[n + b] || key[2 * n + a] != key[2 * n + b])
-            j = i;
-        else
-            drop[b] = 1 + order[j];
+    clothi_sort_by(n, c->nv, hi, NULL, order, work + n);
+    clothi_sort_by(n, c->nv, mid, order, work, work + n);
+    clothi_sort_by(n, c->nv, lo, work, order, work + n);
+    for (i = 0; i < n; i++) {               /* work [n]: the first face with these corners     */
+        f = order[i];
+        if (i == 0 || lo[f] != lo[first] || mid[f] != mid[first] || hi[f] != hi[first]) first = f;
+        work[f] = first;
     }
-    for (i = 0, j = 0; i < c->nk; i++) {
-        if (drop[i]) {
-            CLOTHI_FAULT(c, CLOTH_MESH_DUPLICATE, c->id[i], "face %i has the corners of face %i:"
-                         " remove one of them", c->id[i], work[drop[i] - 1]);
-            continue;
-        }
-        work[i] = c->id[i];                 /* id[] moves down; copies come after their first  */
-        for (k = 0; k < 3; k++) c->kept[3 * j + k] = c->kept[3 * i + k];
-        c->id[j++] = c->id[i];
+    for (f = 0; f < n; f++) {
+        if (work[f] == f || lo[f] == hi[f]) continue;
+        clothi_fault(c, CLOTH_MESH_DUPLICATE, f, "face %i has the corners of face %i: remove one "
+                     "of them", f, work[f]);
+        memset(c->kept + 3 * f, 0, 3 * sizeof(int));
     }
-    c->nk = j;
-    clothi_free(c->hooks, key);
-    return CLOTH_OK;
 }
 
 static int clothi_find_root(int *parent, int i) {
@@ -2293,11 +2214,13 @@ static int clothi_corner_at(const int *faces, int g, int v) {
 /* Faults of edges; fans [nv] loses one for every pair of corners that an edge joins. */
 static void clothi_check_edges(clothi_checker *c, const clothi_edge_sort *s, int *fans) {
     int *parent = s->work;
-    int  i, j, end, n = 3 * c->nk;
+    int  i, j, end, n = 3 * c->nf;
     for (i = 0; i < n; i++) parent[i] = i;
     for (i = 0; i < n; i = end) {
-        const int g = s->order[i], a = s->lo[g], b = s->hi[g];
+        const int g = s->order[i], second = i + 1 < n ? s->order[i + 1] : 0;
+        const int a = s->lo[g], b = s->hi[g];
         end = clothi_edge_run(s, n, i);
+        if (a == b) continue;               /* not kept                                        */
         for (j = i + 1; j < end; j++) {
             const int h = s->order[j];
             fans[a] -= clothi_join(parent, clothi_corner_at(c->kept, g, a),
@@ -2306,58 +2229,35 @@ static void clothi_check_edges(clothi_checker *c, const clothi_edge_sort *s, int
                                    clothi_corner_at(c->kept, h, b));
         }
         if (end - i > 2)
-            CLOTHI_FAULT(c, CLOTH_MESH_THREE_FACES, c->id[g / 3], "edge %i-%i has %i faces, among "
-                         "them %i, %i and %i: cut all but two off by doubling its vertices", a, b,
-                         end - i, c->id[g / 3], c->id[s->order[i + 1] / 3],
-                         c->id[s->order[i + 2] / 3]);
-        else if (end - i == 2 && c->kept[g] == c->kept[s->order[i + 1]])
-            CLOTHI_FAULT(c, CLOTH_MESH_ORIENTATION, c->id[g / 3], "faces %i and %i both run "
-                         "%i -> %i: reverse the corners of one (a one-sided surface must be cut)",
-                         c->id[g / 3], c->id[s->order[i + 1] / 3], c->kept[g],
-                         c->kept[clothi_halfedge_next(g)]);
+            clothi_fault(c, CLOTH_MESH_THREE_FACES, g / 3, "edge %i-%i has %i faces, among them "
+                         "%i, %i and %i: cut all but two off by doubling its vertices", a, b,
+                         end - i, g / 3, second / 3, s->order[i + 2] / 3);
+        else if (end - i == 2 && c->kept[g] == c->kept[second])
+            clothi_fault(c, CLOTH_MESH_ORIENTATION, g / 3, "faces %i and %i both run %i -> %i: "
+                         "reverse the corners of one (a one-sided surface must be cut)", g / 3,
+                         second / 3, c->kept[g], c->kept[clothi_halfedge_next(g)]);
     }
 }
 
 static cloth_status clothi_check_surface(clothi_checker *c) {
     clothi_edge_sort sort;
-    cloth_status     status;
-    int             *fans = NULL, i, v;
-    status = clothi_check_duplicates(c);
+    int             *fans, i, v;
+    cloth_status     status = clothi_edge_sort_make(c->hooks, c->nv, c->nf, c->kept, &sort);
     if (status != CLOTH_OK) return status;
-    status = clothi_edge_sort_make(c->hooks, c->nv, c->nk, c->kept, &sort);
-    if (status != CLOTH_OK) return status;
-    fans = (int *)clothi_alloc(c->hooks, (size_t)c->nv, sizeof(int));
-    if (!fans) {
-        status = clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory to check %i vertices", c->nv);
-        goto done;
-    }
-    for (i = 0; i < 3 * c->nk; i++) fans[c->kept[i]]++;
+    fans = sort.count;
+    memset(fans, 0, (size_t)c->nv * sizeof *fans);
+    for (i = 0; i < 3 * c->nf; i++) fans[c->kept[i]] += sort.lo[i] != sort.hi[i];
     clothi_check_edges(c, &sort, fans);
     for (v = 0; v < c->nv; v++) {
         if (c->corners[v] == 0)
-            CLOTHI_FAULT(c, CLOTH_MESH_ISOLATED, v, "vertex %i has no face: it moves as a point"
+            clothi_fault(c, CLOTH_MESH_ISOLATED, v, "vertex %i has no face: it moves as a point"
                          " without mass; remove it", v);
         else if (fans[v] > 1)
-            CLOTHI_FAULT(c, CLOTH_MESH_BOW_TIE, v, "vertex %i joins %i surfaces in a point: "
+            clothi_fault(c, CLOTH_MESH_BOW_TIE, v, "vertex %i joins %i surfaces in a point: "
                          "double it, or accept a ball joint", v, fans[v]);
     }
-done:
-    clothi_free(c->hooks, fans);
-    clothi_edge_sort_free(c->hooks, &sort);
-    return status;
-}
-
-static void clothi_check_summary(const clothi_checker *c) {
-    int kind;
-    for (kind = 0; kind < CLOTH_MESH_FAULT_COUNT; kind++) {
-        const cloth_mesh_fault fault = (cloth_mesh_fault)kind;
-        if (c->report.count[kind] > CLOTH_MESH_FAULTS_LOGGED)
-            clothi_say(c->hooks,
-                       clothi_faults[kind].error ? CLOTH_LOG_ERROR : CLOTH_LOG_WARNING,
-                       clothi_fault_status(fault), "%s: %i in all, %i not listed",
-                       clothi_faults[kind].text, c->report.count[kind],
-                       c->report.count[kind] - CLOTH_MESH_FAULTS_LOGGED);
-    }
+    clothi_free(c->hooks, sort.lo);
+    return CLOTH_OK;
 }
 
 CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const double *x, int nf,
@@ -2373,25 +2273,26 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
     if (nv == 0 || nf == 0)
         return clothi_fail(hooks, CLOTH_ERR_MESH, "the mesh has %i vertices and %i faces", nv, nf);
     if (!x || !faces)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_mesh_check: %s is NULL",
-                           x ? "faces" : "x");
+        return clothi_null(hooks, x ? "cloth_mesh_check: faces" : "cloth_mesh_check: x");
     c.hooks = hooks, c.nv = nv, c.nf = nf, c.x = x, c.X = X, c.faces = faces;
     for (k = 0; k < CLOTH_MESH_FAULT_COUNT; k++) c.report.first[k] = -1;
-    c.kept = (int *)clothi_alloc(hooks, 4 * (size_t)nf + (size_t)nv, sizeof(int));
+    c.kept = (int *)clothi_alloc(hooks, 8 * (size_t)nf + 2 * (size_t)nv + 1u, sizeof(int));
     if (!c.kept)
         return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to check %i faces", nf);
-    c.id = c.kept + 3 * (size_t)nf;
-    c.corners = c.id + nf;
+    c.corners = c.kept + 3 * (size_t)nf;
+    c.key = c.corners + nv;
     clothi_check_numbers(&c);
-    for (f = 0; f < nf; f++) {
-        if (!clothi_check_face(&c, f)) continue;
-        for (k = 0; k < 3; k++) c.kept[3 * c.nk + k] = faces[3 * f + k];
-        c.id[c.nk++] = f;
-    }
+    for (f = 0; f < nf; f++)
+        if (clothi_check_face(&c, f)) memcpy(c.kept + 3 * f, faces + 3 * f, 3 * sizeof(int));
+    clothi_check_duplicates(&c);
     status = clothi_check_surface(&c);
     clothi_free(hooks, c.kept);
     if (status != CLOTH_OK) return status;
-    clothi_check_summary(&c);
+    for (k = 0; k < CLOTH_MESH_FAULT_COUNT; k++)
+        if (c.report.count[k] > CLOTH_MESH_FAULTS_LOGGED)
+            clothi_say(hooks, clothi_faults[k].level, clothi_faults[k].status,
+                       "%s: %i in all, %i not listed", clothi_faults[k].text, c.report.count[k],
+                       c.report.count[k] - CLOTH_MESH_FAULTS_LOGGED);
     if (report) *report = c.report;
     if (c.report.errors == 0) return CLOTH_OK;
     return c.report.count[CLOTH_MESH_NONFINITE] ? CLOTH_ERR_NONFINITE : CLOTH_ERR_MESH;
@@ -2415,6 +2316,11 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
  * face of the same fan. Turning about b face by face finds it, and keeps two fans that touch in
  * one vertex (a bow-tie) apart, which a table 'next boundary vertex' would not.
  * checked: tests/test_mesh.c */
+
+/* The corner opposite half-edge h. */
+static int clothi_opposite(const int *faces, int h) {
+    return faces[clothi_halfedge_next(clothi_halfedge_next(h))];
+}
 
 /* The first face that cannot be used at all. */
 static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf, const int *faces) {
@@ -2449,8 +2355,7 @@ static cloth_status clothi_count_edges(const cloth_hooks *hooks, int nf, const i
             return clothi_fail(hooks, CLOTH_ERR_MESH, "faces %i and %i both run %i -> %i: reverse"
                                " one of them", g / 3, h / 3, faces[g],
                                faces[clothi_halfedge_next(g)]);
-        if (faces[clothi_halfedge_next(clothi_halfedge_next(g))] ==
-            faces[clothi_halfedge_next(clothi_halfedge_next(h))])
+        if (clothi_opposite(faces, g) == clothi_opposite(faces, h))
             return clothi_fail(hooks, CLOTH_ERR_MESH, "faces %i and %i have the same corners:"
                                " remove one of them", g / 3, h / 3);
     }
@@ -2489,30 +2394,23 @@ static cloth_topology *clothi_topology_alloc(const cloth_hooks *hooks, int nv, i
 static void clothi_topology_edges(const int *faces, const clothi_edge_sort *s, cloth_topology *t) {
     int i, end, e = 0, j = 0;
     for (i = 0; i < 3 * t->nf; i = end, e++) {
-        int left = s->order[i], right;
+        const int g = s->order[i], h = i + 1 < 3 * t->nf ? s->order[i + 1] : 0;
+        const int turned = faces[g] != s->lo[g], left = turned ? h : g, right = turned ? g : h;
         end = clothi_edge_run(s, 3 * t->nf, i);
-        t->edges[2 * e] = s->lo[left];
-        t->edges[2 * e + 1] = s->hi[left];
-        t->edge_faces[2 * e] = left / 3;
+        t->edges[2 * e] = s->lo[g];
+        t->edges[2 * e + 1] = s->hi[g];
+        t->edge_faces[2 * e] = g / 3;
         t->edge_faces[2 * e + 1] = -1;
-        t->face_edges[left] = e;
+        t->face_edges[g] = e;
         if (end - i == 1) continue;
-        right = s->order[i + 1];
-        t->face_edges[right] = e;
-        if (faces[left] != t->edges[2 * e]) {
-            left = right;
-            right = s->order[i];
-        }
-        t->edge_faces[2 * e] = left / 3;
-        t->edge_faces[2 * e + 1] = right / 3;
-        t->hinges[4 * j] = t->edges[2 * e];
-        t->hinges[4 * j + 1] = t->edges[2 * e + 1];
-        t->hinges[4 * j + 2] = faces[clothi_halfedge_next(clothi_halfedge_next(left))];
-        t->hinges[4 * j + 3] = faces[clothi_halfedge_next(clothi_halfedge_next(right))];
-        t->hinge_edge[j] = e;
-        t->hinge_faces[2 * j] = left / 3;
-        t->hinge_faces[2 * j + 1] = right / 3;
-        j++;
+        t->face_edges[h] = e;
+        t->edge_faces[2 * e] = t->hinge_faces[2 * j] = left / 3;
+        t->edge_faces[2 * e + 1] = t->hinge_faces[2 * j + 1] = right / 3;
+        t->hinges[4 * j] = s->lo[g];
+        t->hinges[4 * j + 1] = s->hi[g];
+        t->hinges[4 * j + 2] = clothi_opposite(faces, left);
+        t->hinges[4 * j + 3] = clothi_opposite(faces, right);
+        t->hinge_edge[j++] = e;
     }
 }
 
@@ -2568,23 +2466,19 @@ CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, i
     if (!faces && nf > 0)
         return clothi_null(hooks, "cloth_topology_create: faces");
     status = clothi_check_counts(hooks, nv, nf);
-    if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
-    if (status != CLOTH_OK) return status;
-    status = clothi_edge_sort_make(hooks, nv, nf, faces, &sort);
-    if (status != CLOTH_OK) return status;
+    if (!status) status = clothi_check_faces(hooks, nv, nf, faces);
+    if (!status) status = clothi_edge_sort_make(hooks, nv, nf, faces, &sort);
+    if (status) return status;
     status = clothi_count_edges(hooks, nf, faces, &sort, &ne, &nh);
-    if (status != CLOTH_OK) goto done;
-    *out = clothi_topology_alloc(hooks, nv, nf, ne, nh);
-    if (!*out) {
+    if (!status && !(*out = clothi_topology_alloc(hooks, nv, nf, ne, nh)))
         status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a topology of %i edges", ne);
-        goto done;
+    if (*out) {
+        clothi_topology_edges(faces, &sort, *out);
+        memset(sort.work, 0, 3 * (size_t)nf * sizeof(int));         /* ne <= 3 nf */
+        clothi_topology_loops(faces, *out, sort.work);
+        clothi_topology_incidence(faces, *out);
     }
-    clothi_topology_edges(faces, &sort, *out);
-    memset(sort.work, 0, 3 * (size_t)nf * sizeof(int));             /* ne <= 3 nf */
-    clothi_topology_loops(faces, *out, sort.work);
-    clothi_topology_incidence(faces, *out);
-done:
-    clothi_edge_sort_free(hooks, &sort);
+    clothi_free(hooks, sort.lo);
     return status;
 }
 
@@ -2609,41 +2503,31 @@ CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *
  * stretch: base c = 2 r sin(pi/around), height H with H^2 = dy^2 + r^2 (1 - cos(pi/around))^2.
  * checked: tests/test_mesh.c */
 
-/* All arrays of a mesh in one block; nr < 0: no render corners. */
+/* All arrays of a mesh in one block; npart, nr or text 0: without these. */
 static cloth_mesh *clothi_mesh_alloc(const cloth_hooks *hooks, int nv, int nf, int with_X,
                                      int npart, int nr, size_t text) {
-    const size_t v = (size_t)nv, f = (size_t)nf, r = nr > 0 ? (size_t)nr : 0;
-    const size_t head = (sizeof(cloth_mesh) + 7u) / 8u * 8u;
-    const size_t doubles = 3 * v + (with_X ? 6 * f : 0) + 2 * r;
-    const size_t ints = 3 * f + (npart > 0 ? f : 0) + r + (r ? 3 * f : 0);
+    const size_t v = (size_t)nv, f = (size_t)nf, r = (size_t)nr;
+    const size_t head = (sizeof(cloth_mesh) + 7u) / 8u * 8u, nX = with_X ? 6 * f : 0;
+    const size_t doubles = 3 * v + nX + 2 * r, parts = npart ? f : 0;
+    const size_t ints = 3 * f + parts + (r ? r + 3 * f : 0);
     cloth_mesh  *m = (cloth_mesh *)clothi_alloc(hooks, head + 8u * doubles + sizeof(int) * ints
                                                 + text, 1);
-    double *d;
-    int    *i;
     if (!m) {
         clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a mesh of %i vertices and %i faces",
                     nv, nf);
         return NULL;
     }
-    d = (double *)(void *)((char *)m + head);
-    i = (int *)(void *)(d + doubles);
-    m->nv = nv;
-    m->nf = nf;
-    m->npart = npart > 0 ? npart : 0;
-    m->nr = (int)r;
-    m->x = d;
-    d += 3 * v;
-    if (with_X) m->X = d;
-    d += with_X ? 6 * f : 0;
-    if (r) m->vt = d;
-    m->faces = i;
-    i += 3 * f;
-    if (npart > 0) m->part = i;
-    i += npart > 0 ? f : 0;
-    if (r) m->render_vertex = i;
-    i += r;
-    if (r) m->render_faces = i;
-    if (text) m->names = (char *)(i + (r ? 3 * f : 0));
+    m->nv = nv, m->nf = nf, m->npart = npart, m->nr = nr;
+    m->x = (double *)(void *)((char *)m + head);
+    m->faces = (int *)(void *)(m->x + doubles);
+    if (with_X) m->X = m->x + 3 * v;
+    if (npart) m->part = m->faces + 3 * f;
+    if (r) {
+        m->vt = m->x + 3 * v + nX;
+        m->render_vertex = m->faces + 3 * f + parts;
+        m->render_faces = m->render_vertex + r;
+    }
+    if (text) m->names = (char *)(m->faces + ints);
     return m;
 }
 
@@ -2680,7 +2564,7 @@ static cloth_status clothi_generate(const cloth_hooks *hooks, const char *call,
     if (nv > CLOTH_MAX_COUNT || nf > CLOTH_MAX_COUNT)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "%g vertices and %g faces: at most %i of each", nv, nf, CLOTH_MAX_COUNT);
-    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, with_X, 0, -1, 0);
+    *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, with_X, 0, 0, 0);
     return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
@@ -2699,16 +2583,13 @@ static void clothi_flat_pattern(cloth_mesh *m) {
     }
 }
 
-/* First vertex of row j of a sheet. */
-static int clothi_sheet_row(int nx, int j, int shifted) { return j * nx + (shifted ? j / 2 : 0); }
-
 static void clothi_sheet_points(cloth_mesh *m, int nx, int ny, double width, double height,
                                 int shifted) {
-    int i, j;
+    double *p = m->x;
+    int     i, j;
     for (j = 0; j < ny; j++) {
         const int odd = shifted && j % 2;
-        for (i = 0; i < nx + odd; i++) {
-            double *p = m->x + 3 * (clothi_sheet_row(nx, j, shifted) + i);
+        for (i = 0; i < nx + odd; i++, p += 3) {
             p[0] = odd ? width * (i == 0 ? 0.0 : i == nx ? 1.0 : (i - 0.5) / (nx - 1))
                        : width * i / (nx - 1);
             p[2] = height * j / (ny - 1);
@@ -2721,28 +2602,21 @@ static void clothi_sheet_grid(cloth_mesh *m, int nx, int ny, int alternating) {
     for (j = 0; j < ny - 1; j++)
         for (i = 0; i < nx - 1; i++) {
             const int a = j * nx + i, b = a + 1, c = a + nx, d = c + 1;
-            if (alternating && (i + j) % 2 == 1) {
-                clothi_add_face(m, &f, a, c, b);
-                clothi_add_face(m, &f, b, c, d);
-            } else {
-                clothi_add_face(m, &f, a, d, b);
-                clothi_add_face(m, &f, a, c, d);
-            }
+            const int turned = alternating && (i + j) % 2 == 1;
+            clothi_add_face(m, &f, a, turned ? c : d, b);
+            clothi_add_face(m, &f, turned ? b : a, c, d);
         }
 }
 
 static void clothi_sheet_shifted(cloth_mesh *m, int nx, int ny) {
     int i, j, f = 0;
-    for (j = 0; j < ny - 1; j++) {
-        const int odd = j % 2, odd_row = clothi_sheet_row(nx, j + !odd, 1);
-        const int even_row = clothi_sheet_row(nx, j + odd, 1);
+    for (j = 0; j < ny - 1; j++) {          /* row j begins at j nx + j/2                      */
+        const int odd = j % 2, above = j + !odd, below = j + odd;
         for (i = 0; i < nx; i++) {          /* base on the odd row, tip on the even one        */
-            const int a = odd_row + i, tip = even_row + i;
-            if (odd) clothi_add_face(m, &f, a, tip, a + 1);
-            else clothi_add_face(m, &f, a, a + 1, tip);
+            const int a = above * nx + above / 2 + i, tip = below * nx + below / 2 + i;
+            clothi_add_face(m, &f, a, odd ? tip : a + 1, odd ? a + 1 : tip);
             if (i == nx - 1) continue;      /* base on the even row, tip on the odd one        */
-            if (odd) clothi_add_face(m, &f, tip, tip + 1, a + 1);
-            else clothi_add_face(m, &f, tip, a + 1, tip + 1);
+            clothi_add_face(m, &f, tip, odd ? tip + 1 : a + 1, odd ? a + 1 : tip + 1);
         }
     }
 }
@@ -2871,9 +2745,9 @@ static cloth_status clothi_mesh_arrays(const cloth_hooks *hooks, const cloth_mes
 }
 
 /* What the mesh `a` adds to `m` behind the vertices, faces, parts and render corners that the
- * counts in `at` say are there. */
+ * counts in `at` say are there, and to them. */
 static cloth_status clothi_mesh_append(const cloth_hooks *hooks, cloth_mesh *m,
-                                       const cloth_mesh *a, const cloth_mesh *at) {
+                                       const cloth_mesh *a, cloth_mesh *at) {
     const int *rf = a->nr > 0 ? a->render_faces : a->faces;
     const int  nr = a->nr > 0 ? a->nr : a->nv;
     int        i;
@@ -2889,11 +2763,12 @@ static cloth_status clothi_mesh_append(const cloth_hooks *hooks, cloth_mesh *m,
             return clothi_fail(hooks, status, "cloth_mesh_merge: a mesh without pattern cannot be "
                                "laid flat: cloth_mesh_check says where");
     }
-    if (m->nr == 0) return CLOTH_OK;
-    for (i = 0; i < 3 * a->nf; i++) m->render_faces[3 * at->nf + i] = at->nr + rf[i];
-    for (i = 0; i < nr; i++)
+    for (i = 0; m->nr > 0 && i < 3 * a->nf; i++)
+        m->render_faces[3 * at->nf + i] = at->nr + rf[i];
+    for (i = 0; m->nr > 0 && i < nr; i++)
         m->render_vertex[at->nr + i] = at->nv + (a->nr > 0 ? a->render_vertex[i] : i);
     if (a->nr > 0) memcpy(m->vt + 2 * at->nr, a->vt, 2 * sizeof(double) * (size_t)nr);
+    at->nv += a->nv, at->nf += a->nf, at->npart += a->part ? a->npart : 1, at->nr += nr;
     return CLOTH_OK;
 }
 
@@ -2925,18 +2800,12 @@ CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *co
     for (i = 0; i < count && !status; i++) status = clothi_mesh_arrays(hooks, meshes[i], i);
     if (status) return status;
     *out = clothi_mesh_alloc(hooks, (int)nv, (int)nf, with_X, (int)npart,
-                             with_render ? (int)nr : -1, 0);
+                             with_render ? (int)nr : 0, 0);
     if (!*out) return CLOTH_ERR_MEMORY;
     memset(&at, 0, sizeof at);
-    for (i = 0; i < count && status == CLOTH_OK; i++) {
-        const cloth_mesh *a = meshes[i];
-        status = clothi_mesh_append(hooks, *out, a, &at);
-        at.nv += a->nv;
-        at.nf += a->nf;
-        at.npart += a->part ? a->npart : 1;
-        at.nr += a->nr > 0 ? a->nr : a->nv;
-    }
-    if (status != CLOTH_OK) {
+    for (i = 0; i < count && !status; i++)
+        status = clothi_mesh_append(hooks, *out, meshes[i], &at);
+    if (status) {
         cloth_mesh_destroy(hooks, *out);
         *out = NULL;
     }
@@ -2963,16 +2832,15 @@ CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *co
 
 CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int *faces, double *X) {
     clothi_triangle t;
-    int             f, k, write;
+    int             f, write;
     if (clothi_check_counts(NULL, nv, nf) != CLOTH_OK) return CLOTH_ERR_ARGUMENT;
     if ((nv > 0 && !x) || (nf > 0 && (!faces || !X))) return CLOTH_ERR_ARGUMENT;
     if (clothi_find_nonfinite(x, 3 * (size_t)nv) >= 0) return CLOTH_ERR_NONFINITE;
+    if (clothi_check_faces(NULL, nv, nf, faces) != CLOTH_OK) return CLOTH_ERR_MESH;
     for (write = 0; write < 2; write++) {
         for (f = 0; f < nf; f++) {
             const int *v = faces + 3 * f;
             double    *P = X + 6 * (size_t)f;
-            for (k = 0; k < 3; k++)
-                if (v[k] < 0 || v[k] >= nv) return CLOTH_ERR_MESH;
             if (!clothi_triangle_shape(x + 3 * v[0], x + 3 * v[1], x + 3 * v[2], &t))
                 return CLOTH_ERR_MESH;
             if (!write) continue;
@@ -2986,108 +2854,62 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
 /* ===== [4.5] OBJ FILES =========================================================================
  *
  *   text --- lines, tokens ---> statements --- twice ---> counts, then arrays ---> cloth_mesh
- *   decimal digits  <--- big integers --->  double
+ *   decimal digits  <--- doubled, halved --->  double
  *
  * Numbers. libc's strtod and printf follow the locale (a German one reads 0,5), so the two
- * conversions are our own. Both are exact arithmetic on integers.
+ * conversions are our own. Both are exact arithmetic on decimal digits.
  *   Reading: the text is D 10^e. Up to 15 digits and |e| <= 22 both factors are doubles, and one
- *   multiplication or division rounds once: done [Cli90]. Otherwise N/M = D 10^e as integers,
- *   shifted by 2^b until N/M is in (1/2, 2); 64 steps of long division give 64 bits and a
- *   remainder; one rounding, half to even, also for subnormals. 800 digits decide every case (a
- *   midpoint between doubles has at most 768); what follows them only counts as 'not zero'.
- *   Writing: digits of v = R/S are generated until what is left is below half the distance to a
- *   neighbour; then any reader that rounds correctly returns to v: the fewest digits that do,
- *   at most 17 [SW90].
+ *   multiplication or division rounds once: done [Cli90]. Otherwise the decimal digits are doubled
+ *   or halved until the integer part has 60 to 64 bits, which loses nothing: a half is 5 tenths.
+ *   One rounding, half to even, also for subnormals. 800 digits decide every case (a midpoint
+ *   between doubles has at most 768); what follows them only counts as 'not zero'.
+ *   Writing: v and the midpoints to its neighbours are written out, likewise exactly. Digits of v
+ *   are taken until they, or the last one raised by 1, lie between the midpoints; then any reader
+ *   that rounds correctly returns to v: the fewest digits that do, at most 17 [SW90].
  * Reading runs over the text twice, first to count: one allocation of the right size, and an
  * index is checked where it stands, so that the sentence can name its line.
  * Render corners: distinct (vertex, vt) pairs by two counting sorts of the corners.
  * checked: tests/test_obj.c, tests/fuzz_mesh.c */
 
-/* A natural number: n words, least first, no zero at the top. Reading needs 10^1131 2^2, that is
- * 3760 bits; writing 2^1130. */
-#define CLOTHI_BIG_WORDS 128
+/* A number as decimal digits in fixed point, nine to a word: the point stands before w[POINT].
+ * Reading meets 10^309 .. 10^-1458 (801 digits from 10^309 on, divided by 2^966), writing 2^1024 ..
+ * 2^-1075. Words before first and from end on count as 0. */
+#define CLOTHI_FIXED_POINT 35
+#define CLOTHI_FIXED_WORDS 200
 
-typedef struct clothi_big {
-    int      n;
-    uint32_t w[CLOTHI_BIG_WORDS];
-} clothi_big;
+typedef struct clothi_fixed {
+    int      first, end;
+    uint32_t w[CLOTHI_FIXED_WORDS];
+} clothi_fixed;
 
-static void clothi_big_set(clothi_big *a, uint64_t u) {
-    a->w[0] = (uint32_t)(u & 0xffffffffu);
-    a->w[1] = (uint32_t)(u >> 32);
-    a->n = a->w[1] ? 2 : a->w[0] ? 1 : 0;
+static uint32_t clothi_fixed_word(const clothi_fixed *a, int i) {
+    return i >= a->first && i < a->end ? a->w[i] : 0u;
 }
 
-/* a = a m + c */
-static void clothi_big_mul(clothi_big *a, uint32_t m, uint32_t c) {
-    uint64_t carry = c;
-    int      i;
-    for (i = 0; i < a->n; i++) {
-        carry += (uint64_t)a->w[i] * m;
-        a->w[i] = (uint32_t)(carry & 0xffffffffu);
-        carry >>= 32;
+/* a > 0 times 2^e, exactly; afterwards its last word is not 0. */
+static void clothi_fixed_scale(clothi_fixed *a, int e) {
+    const uint64_t base = 1000000000u;
+    uint64_t       carry;
+    int            i, bits;
+    for (; e > 0; e -= bits) {
+        bits = e < 32 ? e : 32;
+        for (carry = 0, i = a->end - 1; i >= a->first || carry; i--, carry /= base) {
+            carry += (uint64_t)clothi_fixed_word(a, i) << bits;
+            a->w[i] = (uint32_t)(carry % base);
+        }
+        a->first = i + 1;
     }
-    if (carry) a->w[a->n++] = (uint32_t)carry;
-    CLOTH_ASSERT(a->n < CLOTHI_BIG_WORDS);
-}
-
-static void clothi_big_mul_pow10(clothi_big *a, int e) {
-    for (; e >= 9; e -= 9) clothi_big_mul(a, 1000000000u, 0);
-    for (; e > 0; e--) clothi_big_mul(a, 10u, 0);
-}
-
-static void clothi_big_shift(clothi_big *a, int bits) {
-    const int words = bits / 32, rest = bits % 32;
-    int       i;
-    if (a->n == 0) return;
-    CLOTH_ASSERT(a->n + words + 1 < CLOTHI_BIG_WORDS);
-    for (i = a->n - 1; i >= 0; i--) a->w[i + words] = a->w[i];
-    for (i = 0; i < words; i++) a->w[i] = 0;
-    a->n += words;
-    if (rest) clothi_big_mul(a, (uint32_t)1 << rest, 0);
-}
-
-static int clothi_big_bits(const clothi_big *a) {
-    uint32_t top = a->n ? a->w[a->n - 1] : 0;
-    int      bits = 32 * (a->n ? a->n - 1 : 0);
-    for (; top; top >>= 1) bits++;
-    return bits;
-}
-
-static int clothi_big_compare(const clothi_big *a, const clothi_big *b) {
-    int i;
-    if (a->n != b->n) return a->n < b->n ? -1 : 1;
-    for (i = a->n - 1; i >= 0; i--)
-        if (a->w[i] != b->w[i]) return a->w[i] < b->w[i] ? -1 : 1;
-    return 0;
-}
-
-/* a -= b, b <= a */
-static void clothi_big_sub(clothi_big *a, const clothi_big *b) {
-    uint64_t borrow = 0;
-    int      i;
-    for (i = 0; i < a->n; i++) {
-        const uint64_t s = borrow + (i < b->n ? b->w[i] : 0u);
-        borrow = a->w[i] < s;
-        a->w[i] = (uint32_t)((a->w[i] + (borrow << 32) - s) & 0xffffffffu);
+    for (; e < 0; e += bits) {
+        bits = e > -32 ? -e : 32;
+        for (carry = 0, i = a->first; i < a->end || carry; i++) {
+            carry = carry * base + clothi_fixed_word(a, i);
+            a->w[i] = (uint32_t)(carry >> bits);
+            carry &= ((uint64_t)1 << bits) - 1u;
+        }
+        a->end = i;
+        while (a->w[a->first] == 0) a->first++;
     }
-    while (a->n > 0 && a->w[a->n - 1] == 0) a->n--;
-}
-
-/* a + b compared with c */
-static int clothi_big_compare_sum(const clothi_big *a, const clothi_big *b, const clothi_big *c) {
-    clothi_big sum;
-    uint64_t   carry = 0;
-    const int  n = a->n > b->n ? a->n : b->n;
-    int        i;
-    for (i = 0; i < n; i++) {
-        carry += (uint64_t)(i < a->n ? a->w[i] : 0u) + (i < b->n ? b->w[i] : 0u);
-        sum.w[i] = (uint32_t)(carry & 0xffffffffu);
-        carry >>= 32;
-    }
-    sum.n = n;
-    if (carry) sum.w[sum.n++] = (uint32_t)carry;
-    return clothi_big_compare(&sum, c);
+    while (a->w[a->end - 1] == 0) a->end--;
 }
 
 /* --- reading a number --- */
@@ -3111,20 +2933,16 @@ static int clothi_decimal_scan(const char *s, size_t n, clothi_decimal *d) {
     d->negative = d->n = 0;
     d->point = 0;
     if (s < end && (*s == '+' || *s == '-')) d->negative = *s++ == '-';
-    for (; s < end; s++) {
-        if (*s == '.' && !after_point) {
+    for (; s < end && (clothi_is_digit(*s) || (*s == '.' && !after_point)); s++) {
+        if (*s == '.') {
             after_point = 1;
             continue;
         }
-        if (!clothi_is_digit(*s)) break;
         any = 1;
-        if (d->n > 0 || *s != '0') {
-            if (d->n < CLOTHI_DIGITS) d->d[d->n++] = (unsigned char)(*s - '0');
-            else more |= *s != '0';
-            d->point += !after_point;
-        } else {
-            d->point -= after_point;
-        }
+        d->point += !after_point;
+        if (d->n == 0 && *s == '0') d->point--;
+        else if (d->n < CLOTHI_DIGITS) d->d[d->n++] = (unsigned char)(*s - '0');
+        else more |= *s != '0';
     }
     if (more) d->d[d->n++] = 1;
     if (!any) return 0;
@@ -3139,49 +2957,39 @@ static int clothi_decimal_scan(const char *s, size_t n, clothi_decimal *d) {
     return s == end;
 }
 
-/* The double nearest to q 2^e (plus less than one unit of q when more != 0); q has 63 or 64 bits.
+/* The double nearest to q 2^(lead-63), plus less than one unit of q when more != 0; q has 64 bits.
  * Bits are put together by hand: rounding up may carry into the exponent, as it should. */
-static double clothi_round_to_double(uint64_t q, int e, int more, int negative) {
-    const int top = (q >> 63) ? 64 : 63, lead = e + top - 1;        /* 2^lead <= value */
-    const int bits = lead >= -1022 ? 53 : lead + 1075;
-    uint64_t  kept, rest, half, out;
-    double    a;
+static double clothi_round_to_double(uint64_t q, int lead, int more) {
+    const int      drop = lead >= -1022 ? 11 : -1011 - lead;        /* bits of q; 65: beyond all */
+    const uint64_t half = (uint64_t)1 << 63;
+    uint64_t       out = 0;
+    double         a;
     if (lead > 1023) {
         out = (uint64_t)0x7ff << 52;
-    } else if (bits < 0) {
-        out = 0;
-    } else {
-        const int drop = top - bits;                                /* 10 .. 64 */
-        half = (uint64_t)1 << (drop - 1);
-        kept = drop == 64 ? 0 : q >> drop;
-        rest = drop == 64 ? q : q & (((uint64_t)1 << drop) - 1u);
-        kept += rest > half || (rest == half && (more || (kept & 1u)));
-        out = lead >= -1022 ? ((uint64_t)(lead + 1022) << 52) + kept : kept;
+    } else if (drop <= 64) {
+        const uint64_t rest = q << (64 - drop);
+        out = q >> (drop - 1) >> 1;
+        out += rest > half || (rest == half && (more || (out & 1u)));
+        if (lead >= -1022) out += (uint64_t)(lead + 1022) << 52;
     }
-    out |= (uint64_t)(negative != 0) << 63;
     memcpy(&a, &out, sizeof a);
     return a;
 }
 
 static double clothi_decimal_exact(const clothi_decimal *d) {
-    clothi_big num, den;
-    uint64_t   q = 0;
-    int        i, b, exponent = (int)d->point - d->n;
-    clothi_big_set(&num, 0);
-    clothi_big_set(&den, 1);
-    for (i = 0; i < d->n; i++) clothi_big_mul(&num, 10u, d->d[i]);
-    clothi_big_mul_pow10(exponent >= 0 ? &num : &den, exponent >= 0 ? exponent : -exponent);
-    b = clothi_big_bits(&num) - clothi_big_bits(&den);
-    clothi_big_shift(b < 0 ? &num : &den, b < 0 ? -b : b);          /* now in (1/2, 2) */
-    for (i = 0; i < 64; i++) {
-        q <<= 1;
-        if (clothi_big_compare(&num, &den) >= 0) {
-            clothi_big_sub(&num, &den);
-            q |= 1u;
-        }
-        clothi_big_shift(&num, 1);
-    }
-    return clothi_round_to_double(q, b - 63, num.n > 0, d->negative);
+    const int    lead = (int)floor((double)d->point * 3.3219280948873623);   /* or 1 to 4 less */
+    int          i, g = 9 * CLOTHI_FIXED_POINT - (int)d->point;     /* g: a digit's place */
+    uint64_t     q = 0;
+    clothi_fixed a;
+    a.first = g / 9;
+    a.w[a.first] = 0;
+    for (i = 0; i < d->n || g % 9; i++, g++)
+        a.w[g / 9] = (g % 9 ? 10u * a.w[g / 9] : 0u) + (i < d->n ? d->d[i] : 0u);
+    a.end = g / 9;
+    clothi_fixed_scale(&a, 63 - lead);
+    for (i = 3; i > 0; i--) q = q * 1000000000u + clothi_fixed_word(&a, CLOTHI_FIXED_POINT - i);
+    for (i = 0; q >> 63 == 0; i++) q <<= 1;
+    return clothi_round_to_double(q, lead - i, a.end > CLOTHI_FIXED_POINT);
 }
 
 /* 1 and the nearest double (infinite when too large) when the n bytes are a decimal number. */
@@ -3190,74 +2998,79 @@ static int clothi_parse_double(const char *s, size_t n, double *out) {
                                   1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
                                   1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
     clothi_decimal d;
+    double         a = 0;
+    int            i;
     if (!clothi_decimal_scan(s, n, &d)) return 0;
-    if (d.n == 0 || d.point < -330 || d.point > 310) {
-        const int power = d.n && d.point > 310 ? 2000 : -2000;
-        *out = clothi_round_to_double((uint64_t)1 << 63, power, 0, d.negative);
-        return 1;
-    }
-    if (d.n <= 15 && d.point - d.n >= -22 && d.point - d.n <= 22) {
-        double a = 0;
-        int    i, exponent = (int)d.point - d.n;
+    if (d.n > 0 && d.point > 310) {
+        a = HUGE_VAL;
+    } else if (d.n <= 15 && d.point - d.n >= -22 && d.point - d.n <= 22) {
+        const int exponent = (int)d.point - d.n;
         for (i = 0; i < d.n; i++) a = 10 * a + d.d[i];
         a = exponent < 0 ? a / tens[-exponent] : a * tens[exponent];
-        *out = d.negative ? -a : a;
-        return 1;
+    } else if (d.n > 0 && d.point >= -330) {
+        a = clothi_decimal_exact(&d);
     }
-    *out = clothi_decimal_exact(&d);
+    *out = d.negative ? -a : a;
     return 1;
 }
 
 /* --- writing a number --- */
 
-/* The fewest digits (at most 17) of a > 0, finite, that read back as a: a = 0.d0 d1 .. 10^point. */
+/* a = u 2^e */
+static void clothi_fixed_set(clothi_fixed *a, uint64_t u, int e) {
+    int i;
+    a->end = CLOTHI_FIXED_POINT, a->first = a->end - 3;
+    for (i = a->end - 1; i >= a->first; i--, u /= 1000000000u)
+        a->w[i] = (uint32_t)(u % 1000000000u);
+    clothi_fixed_scale(a, e);
+}
+
+/* The digit at place g, from 0 at w[0]; *more: not the last one that is not 0. */
+static int clothi_fixed_digit(const clothi_fixed *a, int g, int *more) {
+    static const uint32_t tens[9] = {100000000, 10000000, 1000000, 100000, 10000, 1000, 100, 10, 1};
+    const uint32_t        w = clothi_fixed_word(a, g / 9);
+    *more = a->end > g / 9 + 1 || w % tens[g % 9] != 0;
+    return (int)(w / tens[g % 9] % 10u);
+}
+
+/* The fewest digits (at most 17) of a > 0, finite, that read back as a: a = 0.d0 d1 .. 10^point.
+ * Those of a up to some place are enough when, as they stand or one up in the last place, they lie
+ * between the midpoints to the neighbours; on a midpoint, when a's last bit is 0. */
 static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
-    clothi_big r, s, below, above;          /* a = r/s; distances to the neighbours' midpoints */
-    uint64_t   bits, f;
-    int        e, k, n = 0, edge, even, low, high;
+    clothi_fixed exact, below, above;
+    uint64_t     bits, f;
+    int          e, g, n = 0, edge, even, low = 0, high = 0, differ = 0, up = 0, more;
     memcpy(&bits, &a, sizeof bits);
     f = bits & (((uint64_t)1 << 52) - 1u);
     e = (int)(bits >> 52 & 0x7ffu);
     edge = f == 0 && e > 1;                 /* a power of two: its lower neighbour is nearer   */
     f |= (uint64_t)(e > 0) << 52;
     e = (e > 0 ? e : 1) - 1075;             /* a = f 2^e                                       */
-    even = (f & 1u) == 0;                   /* a midpoint itself reads back as an even f       */
-    clothi_big_set(&r, f);
-    clothi_big_set(&s, 1);
-    clothi_big_set(&below, 1);
-    clothi_big_set(&above, 1);
-    clothi_big_shift(&r, (e > 0 ? e : 0) + 1 + edge);
-    clothi_big_shift(&s, (e < 0 ? -e : 0) + 1 + edge);
-    clothi_big_shift(&below, e > 0 ? e : 0);
-    clothi_big_shift(&above, (e > 0 ? e : 0) + edge);
-    k = (int)ceil(log10(a) - 1e-10);        /* right or one too small                          */
-    clothi_big_mul_pow10(&s, k > 0 ? k : 0);
-    clothi_big_mul_pow10(&r, k < 0 ? -k : 0);
-    clothi_big_mul_pow10(&below, k < 0 ? -k : 0);
-    clothi_big_mul_pow10(&above, k < 0 ? -k : 0);
-    if (clothi_big_compare_sum(&r, &above, &s) >= !even) {
-        clothi_big_mul(&s, 10u, 0);
-        k++;
-    }
-    do {
-        int d = 0;
-        clothi_big_mul(&r, 10u, 0);
-        clothi_big_mul(&below, 10u, 0);
-        clothi_big_mul(&above, 10u, 0);
-        for (; clothi_big_compare(&r, &s) >= 0; d++) clothi_big_sub(&r, &s);
-        low = clothi_big_compare(&r, &below) < even;
-        high = clothi_big_compare_sum(&r, &above, &s) >= !even;
-        if (high && (!low || clothi_big_compare_sum(&r, &r, &s) >= 0)) d++;
+    even = (f & 1u) == 0;
+    clothi_fixed_set(&exact, f, e);
+    clothi_fixed_set(&above, 2 * f + 1, e - 1);
+    clothi_fixed_set(&below, (edge ? 4 : 2) * f - 1, e - (edge ? 2 : 1));
+    g = 9 * above.first;
+    while (clothi_fixed_digit(&above, g, &more) == 0) g++;
+    *point = 9 * CLOTHI_FIXED_POINT - g;
+    for (; !low && !high; g++) {            /* up: what `above` has beyond the digits, 2: or more */
+        int d = clothi_fixed_digit(&exact, g, &more);
+        differ |= clothi_fixed_digit(&below, g, &more) != d;
+        low = differ || (even && !more);
+        up = 10 * up + clothi_fixed_digit(&above, g, &more) - d;
+        up = up > 2 ? 2 : up;
+        high = up == 2 || (up == 1 && (even || more));
+        if (high && (!low || clothi_fixed_digit(&exact, g + 1, &more) >= 5)) d++;
         digits[n++] = (unsigned char)d;
-    } while (!low && !high);
-    *point = k;
+    }
     return n;
 }
 
-/* The fewest digits that read back, rounded to `digits`; plain with the point in [least, most]. */
+/* The fewest digits that read back, rounded to `digits`: plain where 0.d0 d1 .. has its point moved
+ * by least .. most, else d0.d1..e-7. */
 static void clothi_sink_number(clothi_sink *t, double a, int digits, int least, int most) {
     unsigned char d[24] = {0};
-    int           n = 1, point = 1;
+    int           n = 1, point = 1, plain, at, i;
     if (!clothi_finite(a)) {
         clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
         return;
@@ -3269,7 +3082,16 @@ static void clothi_sink_number(clothi_sink *t, double a, int digits, int least, 
         if (n == 0) d[n++] = 1, point++;
     }
     while (n > 1 && d[n - 1] == 0) n--;
-    clothi_sink_digits(t, d, n, point, least, most);
+    plain = point >= least && point <= most, at = plain ? point : 1;
+    if (at <= 0) clothi_sink_string(t, "0.");
+    for (i = at; i < 0; i++) clothi_sink_char(t, '0');
+    for (i = 0; i < n || i < at; i++) {
+        if (i > 0 && i == at) clothi_sink_char(t, '.');
+        clothi_sink_char(t, (char)('0' + (i < n ? d[i] : 0)));
+    }
+    if (plain) return;
+    clothi_sink_char(t, 'e');
+    clothi_sink_int(t, point - 1);
 }
 
 /* --- reading the text --- */
@@ -3285,24 +3107,26 @@ typedef struct clothi_obj {
     const cloth_hooks *hooks;
     cloth_obj_options  opt;
     const char *p, *end;    /* the rest of the text                                            */
-    int     line;           /* of p, from 1                                                    */
+    size_t  line;           /* of p, from 1                                                    */
     int     nv, nvt, nf, nname;                     /* totals, from the first run              */
     int     v, t, f;                                /* so far, in the second run               */
     double *x;              /* [nv x 3]                                                        */
     double *vt;             /* [nvt x 2]                                                       */
     int    *faces;          /* [nf x 3]                                                        */
-    int    *corner_vt;      /* [nf x 3] -1: none                                               */
+    int    *corner_vt;      /* [nf x 3] vt + 1, 0: none                                        */
     int    *part;           /* [nf]                                                            */
     clothi_obj_name *names; /* [nname + 1] of the parts                                        */
     int    *table;          /* [table_size] open hash: part + 1, 0 empty                       */
     size_t  table_size;
+    int    *order;          /* [6 nf + nkey + 1] where nvt > 0: corners by vertex and vt; scratch */
+    int     nkey;
     clothi_obj_name name;   /* in force                                                        */
     int     npart, current; /* parts so far; part of `name`, -1: not yet looked up             */
     char    quote[32];      /* of a sentence                                                   */
 } clothi_obj;
 
 #define CLOTHI_OBJ_FAIL(o, format, ...)                                                          \
-    clothi_fail((o)->hooks, CLOTH_ERR_PARSE, "line %i: " format, (o)->line, __VA_ARGS__)
+    clothi_fail((o)->hooks, CLOTH_ERR_PARSE, "line %z: " format, (o)->line, __VA_ARGS__)
 
 CLOTH_API cloth_obj_options cloth_obj_options_default(void) {
     cloth_obj_options o;
@@ -3318,30 +3142,19 @@ static int clothi_obj_eol(const clothi_obj *o, const char *p) {
     return *p == '\n';
 }
 
-/* Bytes of a continuation at p, a backslash and a line end: 0, 2 or 3. */
-static int clothi_obj_goes_on(const clothi_obj *o, const char *p) {
-    const int eol = p < o->end && *p == '\\' ? clothi_obj_eol(o, p + 1) : 0;
-    return eol ? 1 + eol : 0;
-}
-
-static void clothi_obj_count_line(clothi_obj *o) { o->line += o->line < 0x7fffffff; }
-
-static int clothi_obj_is_blank(char c) {
-    return c == ' ' || c == '\t' || c == '\v' || c == '\f';
+/* What stands between tokens at p, in bytes: a blank 1, a backslash and a line end 2 or 3; 0: it is
+ * a token's; -1: nothing more is said on this line. */
+static int clothi_obj_gap(const clothi_obj *o, const char *p) {
+    if (p == o->end || *p == '#' || clothi_obj_eol(o, p)) return -1;
+    if (*p == '\\' && clothi_obj_eol(o, p + 1)) return 1 + clothi_obj_eol(o, p + 1);
+    return *p == ' ' || *p == '\t' || *p == '\v' || *p == '\f';
 }
 
 /* The next token of this line; 0 at its end or at a comment. */
 static int clothi_obj_token(clothi_obj *o, clothi_obj_name *token) {
-    while (o->p < o->end) {
-        const int n = clothi_obj_goes_on(o, o->p);
-        if (n) clothi_obj_count_line(o);
-        else if (!clothi_obj_is_blank(*o->p)) break;
-        o->p += n ? n : 1;
-    }
-    token->s = o->p;
-    while (o->p < o->end && !clothi_obj_is_blank(*o->p) && *o->p != '#' &&
-           !clothi_obj_eol(o, o->p) && !clothi_obj_goes_on(o, o->p))
-        o->p++;
+    int n;
+    for (; (n = clothi_obj_gap(o, o->p)) > 0; o->p += n) o->line += n > 1;
+    for (token->s = o->p; n == 0; n = clothi_obj_gap(o, o->p)) o->p++;
     token->n = (size_t)(o->p - token->s);
     return token->n > 0;
 }
@@ -3352,11 +3165,7 @@ static void clothi_obj_skip_line(clothi_obj *o) {
     while (clothi_obj_token(o, &token)) {}
     while (o->p < o->end && (n = clothi_obj_eol(o, o->p)) == 0) o->p++;     /* a comment */
     o->p += n;
-    if (n) clothi_obj_count_line(o);
-}
-
-static int clothi_obj_is(const clothi_obj_name *token, const char *word) {
-    return token->n == strlen(word) && memcmp(token->s, word, token->n) == 0;
+    o->line += n > 0;
 }
 
 /* A piece of the text for a sentence: at most 31 bytes, printable. */
@@ -3393,11 +3202,9 @@ static cloth_status clothi_obj_vertex(clothi_obj *o) {
     int          k;
     cloth_status status = clothi_obj_numbers(o, "v", 3, 3, p);
     if (status != CLOTH_OK) return status;
-    for (k = 0; k < 3; k++) {
-        p[k] *= o->opt.scale;
-        if (!clothi_finite(p[k]))
-            return CLOTHI_OBJ_FAIL(o, "v times scale %g is too large", o->opt.scale);
-    }
+    for (k = 0; k < 3; k++) p[k] *= o->opt.scale;
+    if (clothi_find_nonfinite(p, 3) >= 0)
+        return CLOTHI_OBJ_FAIL(o, "v times scale %g is too large", o->opt.scale);
     o->v++;
     return CLOTH_OK;
 }
@@ -3408,51 +3215,39 @@ static cloth_status clothi_obj_texture(clothi_obj *o) {
     return clothi_obj_numbers(o, "vt", 2, 1, p);
 }
 
-/* An index of a corner at *s: 1 and *out (0: empty, up to the next slash) or 0: no integer. */
-static int clothi_obj_index(const char **s, const char *end, long long *out) {
-    int minus = 0;
-    *out = 0;
-    if (*s == end || **s == '/') return 1;
-    if (**s == '+' || **s == '-') minus = *(*s)++ == '-';
-    if (*s == end || !clothi_is_digit(**s)) return 0;
-    for (; *s < end && clothi_is_digit(**s); ++*s)
-        if (*out < 1000000000000) *out = 10 * *out + (**s - '0');
-    if (*out == 0) *out = 1000000000000;    /* index 0 is out of range, not empty              */
+/* An index of a corner at s, *out = 0: none. Returns where it ends. */
+static const char *clothi_obj_index(const char *s, const char *end, long long *out) {
+    const char *first;
+    int         minus = 0;
+    if (end - s > 1 && (*s == '+' || *s == '-') && clothi_is_digit(s[1])) minus = *s++ == '-';
+    for (*out = 0, first = s; s < end && clothi_is_digit(*s); s++)
+        if (*out < 1000000000000) *out = 10 * *out + (*s - '0');
+    if (s > first && *out == 0) *out = 1000000000000;   /* index 0 is out of range, not none   */
     if (minus) *out = -*out;
-    return *s == end || **s == '/';
+    return s;
 }
 
-/* An OBJ index to ours, -1 when out of range: from 1, or from the last of `so_far`. */
-static int clothi_obj_resolve(long long i, int so_far, int total) {
-    if (i > 0) return i <= total ? (int)(i - 1) : -1;
-    return i < 0 && -i <= so_far ? (int)(so_far + i) : -1;
-}
-
-/* v, v/vt, v//vn or v/vt/vn; any of vt and vn may be empty. */
-static cloth_status clothi_obj_corner(clothi_obj *o, const clothi_obj_name *token, int *vertex,
-                                      int *texture) {
+/* v, v/vt, v//vn or v/vt/vn; any of vt and vn may be empty. Indices from 1, or from the last one
+ * so far. corner [2]: vertex and vt from 0, -1: none */
+static cloth_status clothi_obj_corner(clothi_obj *o, const clothi_obj_name *token, int *corner) {
     const char *s = token->s, *end = s + token->n;
     long long   index[3] = {0, 0, 0};
-    int         n = 0, ok;
-    do {
-        ok = clothi_obj_index(&s, end, &index[n++]);
-    } while (ok && n < 3 && s < end && *s++ == '/');
-    if (!ok || s != end || index[0] == 0)
+    int         n = 0;
+    do s = clothi_obj_index(s + (n > 0), end, &index[n]);
+    while (++n < 3 && s < end && *s == '/');
+    if (s != end || index[0] == 0)
         return CLOTHI_OBJ_FAIL(o, "'%s' is not a face corner v/vt/vn", clothi_obj_quote(o, token));
-    *vertex = clothi_obj_resolve(index[0], o->v, o->nv);
-    if (*vertex < 0)
-        return CLOTHI_OBJ_FAIL(o, "'%s': no such vertex; %i of %i have been given",
-                               clothi_obj_quote(o, token), o->v, o->nv);
-    *texture = -1;
-    if (index[1] == 0 && o->opt.pattern_scale > 0)
-        return CLOTHI_OBJ_FAIL(o, "'%s' has no vt, but pattern_scale = %g asks for a pattern",
-                               clothi_obj_quote(o, token), o->opt.pattern_scale);
-    if (index[1] == 0) return CLOTH_OK;
-    *texture = clothi_obj_resolve(index[1], o->t, o->nvt);
-    if (*texture < 0)
-        return CLOTHI_OBJ_FAIL(o, "'%s': no such vt; %i of %i have been given",
-                               clothi_obj_quote(o, token), o->t, o->nvt);
-    return CLOTH_OK;
+    for (n = 0; n < 2; n++) {
+        const int       so_far = n ? o->t : o->v, total = n ? o->nvt : o->nv;
+        const long long i = index[n] < 0 ? so_far + index[n] : index[n] - 1;
+        corner[n] = i >= 0 && i < total ? (int)i : -1;
+        if (corner[n] < 0 && index[n])
+            return CLOTHI_OBJ_FAIL(o, "'%s': no such %s; %i of %i have been given",
+                                   clothi_obj_quote(o, token), n ? "vt" : "vertex", so_far, total);
+    }
+    if (index[1] || !(o->opt.pattern_scale > 0)) return CLOTH_OK;
+    return CLOTHI_OBJ_FAIL(o, "'%s' has no vt, but pattern_scale = %g asks for a pattern",
+                           clothi_obj_quote(o, token), o->opt.pattern_scale);
 }
 
 /* The part of the name in force; a new one gets the next number. */
@@ -3473,20 +3268,19 @@ static int clothi_obj_find_part(clothi_obj *o) {
 }
 
 static cloth_status clothi_obj_face(clothi_obj *o) {
-    int             first[2] = {0, 0}, last[2] = {0, 0}, now[2] = {0, 0}, n = 0;
+    int             c[3][2] = {{0}}, n, k;  /* corners: the first, the last, this one          */
     clothi_obj_name token;
-    for (; clothi_obj_token(o, &token); n++) {
-        cloth_status status = clothi_obj_corner(o, &token, &now[0], &now[1]);
+    for (n = 0; clothi_obj_token(o, &token); n++) {
+        cloth_status status = clothi_obj_corner(o, &token, c[n < 2 ? n : 2]);
         if (status != CLOTH_OK) return status;
-        if (n == 0) memcpy(first, now, sizeof now);
-        if (n >= 2) {
-            int *v = o->faces + 3 * o->f, *t = o->corner_vt + 3 * o->f;
-            v[0] = first[0], v[1] = last[0], v[2] = now[0], t[0] = first[1], t[1] = last[1];
-            t[2] = now[1];
-            if (o->current < 0) o->current = clothi_obj_find_part(o);
-            o->part[o->f++] = o->current;
+        if (n < 2) continue;
+        for (k = 0; k < 3; k++) {
+            o->faces[3 * o->f + k] = c[k][0];
+            o->corner_vt[3 * o->f + k] = c[k][1] + 1;
         }
-        memcpy(last, now, sizeof now);
+        if (o->current < 0) o->current = clothi_obj_find_part(o);
+        o->part[o->f++] = o->current;
+        memcpy(c[1], c[2], sizeof c[1]);
     }
     return n < 3 ? CLOTHI_OBJ_FAIL(o, "f has %i corners but needs 3", n) : CLOTH_OK;
 }
@@ -3523,7 +3317,7 @@ static cloth_status clothi_obj_count(clothi_obj *o, int k) {
     if (k != 2) ++*total;
     while (k == 2 && *total <= CLOTH_MAX_COUNT && clothi_obj_token(o, &token)) *total += ++n >= 3;
     if (*total <= CLOTH_MAX_COUNT - (k > 2)) return CLOTH_OK;
-    return clothi_fail(o->hooks, CLOTH_ERR_CAPACITY, "line %i: more than %i of a kind", o->line,
+    return clothi_fail(o->hooks, CLOTH_ERR_CAPACITY, "line %z: more than %i of a kind", o->line,
                        CLOTH_MAX_COUNT);
 }
 
@@ -3536,7 +3330,9 @@ static cloth_status clothi_obj_run(clothi_obj *o, const char *text, size_t size)
         clothi_obj_name keyword;
         int             k = 0;
         if (!clothi_obj_token(o, &keyword)) continue;
-        while (k < 6 && !clothi_obj_is(&keyword, clothi_obj_statements[k].word)) k++;
+        while (k < 6 && (keyword.n != strlen(clothi_obj_statements[k].word) ||
+                         memcmp(keyword.s, clothi_obj_statements[k].word, keyword.n) != 0))
+            k++;
         if (k == 6 || (k > 2 && k - 2 != (int)o->opt.parts)) continue;
         status = o->x ? clothi_obj_statements[k].read(o) : clothi_obj_count(o, k);
     }
@@ -3546,28 +3342,29 @@ static cloth_status clothi_obj_run(clothi_obj *o, const char *text, size_t size)
 /* Arrays for the second run, in two blocks: doubles, ints. */
 static cloth_status clothi_obj_alloc(clothi_obj *o) {
     const size_t v = (size_t)o->nv, t = (size_t)o->nvt, f = (size_t)o->nf;
-    o->table_size = 2 * (size_t)o->nname + 3u;
+    o->table_size = 2 * (size_t)o->nname + 3u, o->nkey = (o->nv > o->nvt ? o->nv : o->nvt) + 1;
     o->x = (double *)clothi_alloc(o->hooks, 3 * v + 2 * t, sizeof(double));
-    o->faces = (int *)clothi_alloc(o->hooks, 7 * f + o->table_size, sizeof(int));
+    o->faces = (int *)clothi_alloc(o->hooks, 7 * f + o->table_size +
+                                   (t ? 6 * f + (size_t)o->nkey + 1u : 0), sizeof(int));
     o->names = (clothi_obj_name *)clothi_alloc(o->hooks, (size_t)o->nname + 1u,
                                                sizeof(clothi_obj_name));
     if (!o->x || !o->faces || !o->names)
         return clothi_fail(o->hooks, CLOTH_ERR_MEMORY, "no memory to read %i vertices and %i "
                            "faces", o->nv, o->nf);
     o->vt = o->x + 3 * v, o->corner_vt = o->faces + 3 * f, o->part = o->corner_vt + 3 * f;
-    o->table = o->part + f;
+    o->table = o->part + f, o->order = o->table + o->table_size;
     return CLOTH_OK;
 }
 
-/* Render corners of a mesh from order [3 nf], corners by (vertex, vt). mesh NULL: only counts. */
-static int clothi_obj_render(const clothi_obj *o, const int *order, cloth_mesh *mesh) {
-    int i, nr = 0;
+/* Render corners of a mesh from `order`. mesh NULL: only counts. */
+static int clothi_obj_render(const clothi_obj *o, cloth_mesh *mesh) {
+    int i, nr = 0, last = 0;
     for (i = 0; i < 3 * o->nf; i++) {
-        const int c = order[i], v = o->faces[c], t = o->corner_vt[c];
-        if (i == 0 || v != o->faces[order[i - 1]] || t != o->corner_vt[order[i - 1]]) {
+        const int c = o->order[i], v = o->faces[c], t = o->corner_vt[c];
+        if (i == 0 || v != o->faces[last] || t != o->corner_vt[last]) {
             if (mesh) mesh->render_vertex[nr] = v;
-            if (mesh && t >= 0) memcpy(mesh->vt + 2 * nr, o->vt + 2 * t, 2 * sizeof(double));
-            nr++;
+            if (mesh && t) memcpy(mesh->vt + 2 * nr, o->vt + 2 * (t - 1), 2 * sizeof(double));
+            nr++, last = c;
         }
         if (mesh) mesh->render_faces[c] = nr - 1;
     }
@@ -3575,31 +3372,19 @@ static int clothi_obj_render(const clothi_obj *o, const int *order, cloth_mesh *
 }
 
 static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
-    const int    n = 3 * o->nf, keys = (o->nv > o->nvt ? o->nv : o->nvt) + 1;
-    const int    with_X = o->opt.pattern_scale > 0;
-    int          i, nr = -1, *order = NULL, *work, *count;
-    char        *name;
-    size_t       text = 0;
-    cloth_mesh  *m;
-    cloth_status status = CLOTH_OK;
+    const int   n = 3 * o->nf, with_X = o->opt.pattern_scale > 0;
+    int         i, nr = 0, *work = o->order + n;
+    char       *name;
+    size_t      text = 0;
+    cloth_mesh *m;
     if (o->nvt > 0) {
-        order = (int *)clothi_alloc(o->hooks, 2 * (size_t)n + (size_t)keys + 1u, sizeof(int));
-        if (!order)
-            return clothi_fail(o->hooks, CLOTH_ERR_MEMORY, "no memory for render corners");
-        work = order + n;
-        count = work + n;
-        for (i = 0; i < n; i++) o->corner_vt[i]++;                  /* keys from 0 */
-        clothi_sort_by(n, keys, o->corner_vt, NULL, work, count);
-        clothi_sort_by(n, keys, o->faces, work, order, count);
-        for (i = 0; i < n; i++) o->corner_vt[i]--;
-        nr = clothi_obj_render(o, order, NULL);
+        clothi_sort_by(n, o->nkey, o->corner_vt, NULL, work, work + n);
+        clothi_sort_by(n, o->nkey, o->faces, work, o->order, work + n);
+        nr = clothi_obj_render(o, NULL);
     }
     for (i = 0; o->opt.parts && i < o->npart; i++) text += o->names[i].n + 1;
     m = clothi_mesh_alloc(o->hooks, o->nv, o->nf, with_X, o->opt.parts ? o->npart : 0, nr, text);
-    if (!m) {
-        status = CLOTH_ERR_MEMORY;
-        goto done;
-    }
+    if (!m) return CLOTH_ERR_MEMORY;
     memcpy(m->x, o->x, 3 * sizeof(double) * (size_t)o->nv);
     memcpy(m->faces, o->faces, sizeof(int) * (size_t)n);
     if (m->part) memcpy(m->part, o->part, sizeof(int) * (size_t)o->nf);
@@ -3607,21 +3392,16 @@ static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
         if (o->names[i].n) memcpy(name, o->names[i].s, o->names[i].n);
         name[o->names[i].n] = 0;
     }
-    if (nr > 0) clothi_obj_render(o, order, m);
+    if (nr > 0) clothi_obj_render(o, m);
     for (i = 0; with_X && i < 2 * n; i++) {
-        m->X[i] = o->opt.pattern_scale * o->vt[2 * o->corner_vt[i / 2] + i % 2];
-        if (!clothi_finite(m->X[i])) {
-            status = clothi_fail(o->hooks, CLOTH_ERR_PARSE, "face %i: vt times pattern_scale %g is"
-                                 " too large", i / 6, o->opt.pattern_scale);
-            goto done;
-        }
+        m->X[i] = o->opt.pattern_scale * o->vt[2 * (o->corner_vt[i / 2] - 1) + i % 2];
+        if (clothi_finite(m->X[i])) continue;
+        cloth_mesh_destroy(o->hooks, m);
+        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "face %i: vt times pattern_scale %g is too "
+                           "large", i / 6, o->opt.pattern_scale);
     }
     *out = m;
-    m = NULL;
-done:
-    cloth_mesh_destroy(o->hooks, m);
-    clothi_free(o->hooks, order);
-    return status;
+    return CLOTH_OK;
 }
 
 static cloth_status clothi_obj_check_options(const cloth_hooks *hooks, const cloth_obj_options *o) {
@@ -3649,16 +3429,14 @@ CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *tex
     o.opt = options ? *options : cloth_obj_options_default();
     o.current = -1;
     status = clothi_obj_check_options(hooks, &o.opt);
-    if (status != CLOTH_OK) return status;
-    status = clothi_obj_run(&o, text, size);
-    if (status != CLOTH_OK) return status;
-    if (o.nv == 0)
-        return clothi_fail(hooks, CLOTH_ERR_PARSE, "%i lines, %z bytes: no vertex (v)", o.line,
-                           size);
-    status = clothi_obj_alloc(&o);
+    if (!status) status = clothi_obj_run(&o, text, size);
+    if (!status && o.nv == 0)
+        status = clothi_fail(hooks, CLOTH_ERR_PARSE, "%z lines, %z bytes: no vertex (v)", o.line,
+                             size);
+    if (!status) status = clothi_obj_alloc(&o);
     if (!status) status = clothi_obj_run(&o, text, size);
     if (!status && o.nf == 0)
-        status = clothi_fail(hooks, CLOTH_ERR_PARSE, "%i lines, %i vertices: no face (f)", o.line,
+        status = clothi_fail(hooks, CLOTH_ERR_PARSE, "%z lines, %i vertices: no face (f)", o.line,
                              o.nv);
     if (!status) status = clothi_obj_finish(&o, out);
     clothi_free(hooks, o.x);
@@ -3679,30 +3457,23 @@ static void clothi_obj_write_numbers(clothi_sink *s, const char *keyword, const 
     clothi_sink_char(s, '\n');
 }
 
-/* The pattern as vt: a corner with the same numbers as the last vt of its vertex shares it. True
- * when corner starts a vt of its own, number ++*n. last, last_corner [nv] are kept in between. */
-static int clothi_obj_new_pattern_vt(const cloth_mesh *m, int *last, int *last_corner, int corner,
-                                     int *n) {
-    const int v = m->faces[corner];
-    if (last[v] > 0 && memcmp(m->X + 2 * (size_t)last_corner[v], m->X + 2 * (size_t)corner,
-                              2 * sizeof(double)) == 0)
-        return 0;
-    last[v] = ++*n;
-    last_corner[v] = corner;
-    return 1;
-}
-
-static void clothi_obj_write(const cloth_mesh *m, int *last, clothi_sink *s) {
-    const int pattern = m->nr == 0 && m->X != NULL;
-    int      *corner = last ? last + m->nv : NULL;
-    int       i, n = 0;
+/* The pattern as vt: a corner with the same numbers as the last vt of its vertex shares it. Then
+ * vt [3 nf] of the corners, last [nv] corner + 1 that the vertex's last vt is from: zeros. */
+static void clothi_obj_write(const cloth_mesh *m, int *vt, int *last, clothi_sink *s) {
+    const int *corner = vt ? vt : m->nr > 0 ? m->render_faces : NULL;
+    int        i, n = 0;
     for (i = 0; i < m->nv; i++) clothi_obj_write_numbers(s, "v", m->x + 3 * i, 3);
     for (i = 0; i < m->nr; i++) clothi_obj_write_numbers(s, "vt", m->vt + 2 * i, 2);
-    for (i = 0; pattern && i < 3 * m->nf; i++)
-        if (clothi_obj_new_pattern_vt(m, last, corner, i, &n))
-            clothi_obj_write_numbers(s, "vt", m->X + 2 * (size_t)i, 2);
-    if (pattern) memset(last, 0, 2 * sizeof *last * (size_t)m->nv);
-    for (n = 0, i = 0; i < 3 * m->nf; i++) {
+    for (i = 0; vt && i < 3 * m->nf; i++) {
+        const double *X = m->X + 2 * (size_t)i;
+        int          *j = last + m->faces[i];
+        if (*j == 0 || memcmp(m->X + 2 * (size_t)(*j - 1), X, 2 * sizeof *X) != 0) {
+            clothi_obj_write_numbers(s, "vt", X, 2);
+            *j = i + 1, vt[i] = n++;
+        }
+        vt[i] = vt[*j - 1];
+    }
+    for (i = 0; i < 3 * m->nf; i++) {
         if (i % 3 == 0 && m->part && (i == 0 || m->part[i / 3] != m->part[i / 3 - 1])) {
             clothi_sink_string(s, "g part");
             clothi_sink_int(s, m->part[i / 3]);
@@ -3710,10 +3481,9 @@ static void clothi_obj_write(const cloth_mesh *m, int *last, clothi_sink *s) {
         }
         clothi_sink_string(s, i % 3 ? " " : "f ");
         clothi_sink_int(s, m->faces[i] + 1);
-        if (pattern) (void)clothi_obj_new_pattern_vt(m, last, corner, i, &n);
-        if (pattern || m->nr > 0) {
+        if (corner) {
             clothi_sink_char(s, '/');
-            clothi_sink_int(s, pattern ? last[m->faces[i]] : m->render_faces[i] + 1);
+            clothi_sink_int(s, corner[i] + 1);
         }
         if (i % 3 == 2) clothi_sink_char(s, '\n');
     }
@@ -3723,7 +3493,7 @@ CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_me
                                         char *buf, size_t capacity, size_t *needed) {
     clothi_sink  sink = {buf, buf ? capacity : 0, 0};
     cloth_status status;
-    int         *last = NULL;
+    int         *vt = NULL;
     if (!mesh) return clothi_null(hooks, "cloth_obj_format: mesh");
     status = clothi_mesh_arrays(hooks, mesh, -1);       /* the caller may have written into it */
     if (status != CLOTH_OK) return status;
@@ -3733,13 +3503,13 @@ CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_me
         return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "cloth_obj_format: a number of the mesh is "
                            "NaN or infinite: OBJ cannot hold it");
     if (mesh->nr == 0 && mesh->X) {
-        last = (int *)clothi_alloc(hooks, 2 * (size_t)mesh->nv, sizeof(int));
-        if (!last)
+        vt = (int *)clothi_alloc(hooks, 3 * (size_t)mesh->nf + (size_t)mesh->nv, sizeof(int));
+        if (!vt)
             return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to write %i vertices",
                                mesh->nv);
     }
-    clothi_obj_write(mesh, last, &sink);
-    clothi_free(hooks, last);
+    clothi_obj_write(mesh, vt, vt ? vt + 3 * mesh->nf : NULL, &sink);
+    clothi_free(hooks, vt);
     if (needed) *needed = sink.n;
     if (!buf || sink.n <= capacity) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "the OBJ text has %z bytes but capacity = %z",
@@ -3757,22 +3527,19 @@ static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path,
 #else
     FILE        *file = fopen(path, "rb");
     char        *buf = NULL;
-    size_t       n = 0, capacity = 0;
+    size_t       n = 0, capacity = 32768;
     cloth_status status = CLOTH_OK;
-    *out = NULL;
     if (!file) return clothi_fail(hooks, CLOTH_ERR_IO, "%s: cannot be opened", path);
     do {
-        if (n == capacity) {
-            char *larger = (char *)clothi_alloc(hooks, capacity ? 2 * capacity : 65536u, 1);
-            if (!larger)
-                status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
-                                     2 * capacity);
-            if (!larger) break;
-            if (n) memcpy(larger, buf, n);
-            clothi_free(hooks, buf);
-            buf = larger;
-            capacity = capacity ? 2 * capacity : 65536u;
+        char *larger = (char *)clothi_alloc(hooks, capacity *= 2, 1);
+        if (!larger) {
+            status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
+                                 capacity);
+            break;
         }
+        if (n) memcpy(larger, buf, n);
+        clothi_free(hooks, buf);
+        buf = larger;
         n += fread(buf + n, 1, capacity - n, file);
     } while (n == capacity);
     if (!status && ferror(file))
@@ -3930,7 +3697,7 @@ CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mes
     if (!status) status = clothi_mesh_arrays(hooks, mesh, -1);
     if (status) return status;
     m = clothi_mesh_alloc(hooks, mesh->nv, mesh->nf, mesh->X != NULL, mesh->part ? mesh->npart : 0,
-                          -1, 0);
+                          0, 0);
     head = (int *)clothi_alloc(hooks, 3 * (size_t)mesh->nv + 1, sizeof(int));
     if (!head || !m) {
         clothi_free(hooks, head), cloth_mesh_destroy(hooks, m);
@@ -3966,10 +3733,10 @@ static int clothi_orient_piece(cloth_mesh *m, const int *pair, int *turn, int *p
     turn[piece[0]] = 1;
     for (i = 0; i < n; i++) {
         const int *t = m->faces + 3 * piece[i];
-        double     e[9];
+        double     e[9], n12[3];
         for (k = 0; k < 9; k++) e[k] = m->x[3 * t[k / 3] + k % 3] - o[k % 3];
-        volume += (2 * turn[piece[i]] - 3) * (e[0] * (e[5] * e[7] - e[4] * e[8]) +
-                  e[1] * (e[3] * e[8] - e[5] * e[6]) + e[2] * (e[4] * e[6] - e[3] * e[7]));
+        clothi_cross3(e + 6, e + 3, n12);
+        volume += (2 * turn[piece[i]] - 3) * clothi_dot3(e, n12);
         turned += turn[piece[i]] == 2;
         for (k = 0; k < 3; k++) {
             const int g = pair[3 * piece[i] + k] - 1;
@@ -4012,7 +3779,7 @@ CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *m
         if (j != i + 2) continue;
         pair[sort.order[i]] = sort.order[i + 1] + 1, pair[sort.order[i + 1]] = sort.order[i] + 1;
     }
-    clothi_edge_sort_free(hooks, &sort);
+    clothi_free(hooks, sort.lo);
     for (f = 0; f < mesh->nf && !status; f++) {
         if (turn[f]) continue;
         piece[n] = f;

@@ -1735,7 +1735,7 @@ static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int 
         if (!sort.count[faces[h]]++)
             s->owned[h / 3] = (unsigned char)(s->owned[h / 3] | 1 << h % 3);
 done:
-    clothi_edge_sort_free(hooks, &sort);
+    clothi_free(hooks, sort.lo);
     return status;
 }
 
@@ -2303,16 +2303,15 @@ static cloth_status clothi_qp_columns(clothi_qp *s) {
     double          most = 0;
     int             i, p, *start = s->cstart;
     memset(start, 0, ((size_t)s->n + 1) * sizeof *start);
-    for (p = 0; p < q->row[s->m]; p++) start[q->col[p] + 1] += clothi_qp_couples(s, p);
-    clothi_csr_starts(s->n, start);
-    for (i = 0; i < s->m; i++)
-        for (p = q->row[i]; p < q->row[i + 1]; p++)
+    for (p = 0; p < q->row[s->m]; p++) start[q->col[p]] += clothi_qp_couples(s, p);
+    for (i = 0; i < s->n; i++) start[i + 1] += start[i];
+    for (i = s->m - 1; i >= 0; i--)         /* as in clothi_sort_by                            */
+        for (p = q->row[i + 1] - 1; p >= q->row[i]; p--)
             if (clothi_qp_couples(s, p)) {
-                const int to = start[q->col[p]]++;
+                const int to = --start[q->col[p]];
                 s->crow[to] = i;
                 s->centry[to] = p;
             }
-    clothi_csr_rewind(s->n, start);
     for (i = 0; i < s->n; i++) {
         const double len = start[i + 1] - start[i];
         most += len * len;
@@ -3052,7 +3051,7 @@ static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int n
         if (volume[f] < -CLOTHI_VOLUME * fabs(d->volume)) d->inward = f;
 done:
     clothi_free(hooks, volume);
-    clothi_edge_sort_free(hooks, &s);
+    clothi_free(hooks, s.lo);
     return status;
 }
 

@@ -1676,16 +1676,18 @@ static void *clothi_object(const cloth_hooks *hooks, size_t size) {
     return object;
 }
 
-/* Bytes of such an object and of the n blocks whose pointers are `at` bytes into it; NULL: 0. Frees
- * them all where `done`. */
-static size_t clothi_object_blocks(const void *object, const size_t *at, size_t n, int done) {
+/* Bytes of such an object and of the n blocks whose pointers come first behind its hooks; NULL: 0.
+ * Frees them all where `done`. */
+static size_t clothi_object_blocks(const void *object, size_t n, int done) {
     cloth_hooks hooks;
     size_t      k, sum = 0;
     if (!object) return 0;
     memcpy(&hooks, object, sizeof hooks);
     for (k = 0; k <= n; k++) {
         const void *block = object;         /* itself last                                     */
-        if (k < n) memcpy(&block, (const unsigned char *)object + at[k], sizeof block);
+        if (k < n)
+            memcpy(&block, (const unsigned char *)object + sizeof hooks + k * sizeof block,
+                   sizeof block);
         sum += clothi_blocks(done ? &hooks : NULL, &block, 1);
     }
     return sum;
@@ -5446,27 +5448,29 @@ CLOTHI_RARE_BEGIN
 typedef struct clothi_part {
     int lo, mid, hi;
     int parent, child[2];                   /* -1: none                                        */
-    int first;                              /* first part of its subtree, in post-order        */
+    int domain;                             /* of its subdomain, -1: a separator above them    */
 } clothi_part;
 
 struct cloth_pattern {
     cloth_hooks hooks;
-    int   n, nlow;                          /* rows; blocks strictly below the diagonal        */
+    int  *row_of;                           /* [n] of a vertex; the block of vertex_of, row, agg,
+                                               vp and verts too                                */
+    int  *col;                              /* [nlow] increasing in a row; and of seg          */
+    int  *vj;                               /* aggregates coupled to a row; and of envelope    */
+    clothi_part *part;                      /* in post-order: children before parents          */
+    int   n, nlow, nparts;                  /* rows; blocks strictly below the diagonal; parts */
     int   nd;                               /* subdomains                                      */
     int   dom[CLOTHI_DOMAINS + 2];          /* rows of d: [dom[d], dom[d+1]); last: S          */
-    int  *row_of, *vertex_of;               /* [n]                                             */
-    int  *row, *col;                        /* [n+1], [nlow] increasing in a row               */
+    int  *vertex_of;                        /* [n] of a row                                    */
+    int  *row;                              /* [n+1] where rows begin in col                   */
     int  *seg;                              /* [ns x (nd+1)] where in a row of S the blocks of
                                                subdomain d begin                               */
     int   nc;                               /* aggregates                                      */
     int  *agg;                              /* [n] of a row, or -1                             */
-    int  *vp, *vj;                          /* [n+1] aggregates coupled to a row from the
-                                               diagonal on, its own first                      */
+    int  *vp;                               /* [n+1] where rows begin in vj: aggregates from the
+                                               diagonal on, their own first                    */
     int  *envelope;                         /* [nc] row a of the coarse matrix ends there      */
     int  *verts;                            /* [n] vertices in the order of elimination        */
-    int   nparts;
-    clothi_part *part;                      /* in post-order: children before parents          */
-    int   domain_part[CLOTHI_DOMAINS];      /* of the subdomains, -1: none                     */
 };
 
 typedef struct clothi_graph {               /* neighbours of each vertex, increasing           */
@@ -5553,13 +5557,13 @@ CLOTHI_OUTLINE static int clothi_lower_bound(const int *list, int low, int high,
 /* --- dissection --- */
 
 typedef struct clothi_dissection {
-    int           nv, nparts;
+    int           nparts;
     int           next;                     /* the first part that was not looked at yet       */
     const clothi_graph *g;
     const double *coords;                   /* [nv x 3] or NULL                                */
-    int          *verts;                    /* [nv]                                            */
-    int          *tmp, *tag, *dist;         /* [nv] each, one block                            */
+    int          *verts;                    /* [nv] those of the pattern                       */
     double       *key;                      /* [nv]                                            */
+    int          *tmp, *tag, *dist;         /* [nv] each and one more, behind key              */
     clothi_part  *part;                     /* [2 nv] parents before children                  */
 } clothi_dissection;
 
@@ -5635,6 +5639,7 @@ static void clothi_dissect_part(clothi_dissection *d, int id) {
     p->mid = p->lo + at[2];
     for (k = 0; k < 2; k++) {
         clothi_part *c = d->part + d->nparts;
+        *c = *p;
         c->lo = c->mid = p->lo + at[k];
         c->hi = p->lo + at[k + 1];
         c->parent = id;
@@ -5658,57 +5663,21 @@ static void clothi_dissect(clothi_dissection *d, int leaves) {
     }
 }
 
-static void clothi_dissection_free(const cloth_hooks *hooks, clothi_dissection *d) {
-    clothi_free(hooks, d->verts);
-    clothi_free(hooks, d->tmp);
-    clothi_free(hooks, d->key);
-    clothi_free(hooks, d->part);
-}
-
-/* One part, all vertices along the longest axis. */
-static cloth_status clothi_dissection_begin(const cloth_hooks *hooks, int nv, const clothi_graph *g,
-                                            const double *coords, clothi_dissection *d) {
-    const size_t n = (size_t)nv;
-    int          i;
-    memset(d, 0, sizeof *d);
-    d->nv = nv, d->g = g, d->coords = coords;
-    d->verts = (int *)clothi_alloc(hooks, n, sizeof(int));
-    d->tmp = (int *)clothi_alloc(hooks, 3 * n + 1, sizeof(int));
-    d->key = (double *)clothi_alloc(hooks, n, sizeof(double));
-    d->part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d->part);
-    if (!d->verts || !d->tmp || !d->key || !d->part) return CLOTH_ERR_MEMORY;
-    d->tag = d->tmp + n, d->dist = d->tag + n;
-    for (i = 0; i < nv; i++) d->verts[i] = i;
-    d->part[0].hi = nv, d->nparts = 1;
-    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = -1;
-    clothi_dissect_sort(d, d->verts, nv);
-    return CLOTH_OK;
-}
-
 /* Parts into post-order: a subtree ends with its root, and the second child stands just before its
- * parent. What d had as scratch, two numbers a vertex and one more, holds the new numbers. */
-static void clothi_pattern_parts(cloth_pattern *p, clothi_dissection *d) {
-    int *number = d->tmp, i, k;
-    for (i = d->nparts - 1; i >= 0; i--) {          /* sizes of the subtrees                   */
-        const int *c = d->part[i].child;
-        d->part[i].first = c[0] < 0 ? 1 : 1 + d->part[c[0]].first + d->part[c[1]].first;
-    }
-    number[0] = d->nparts - 1;
-    for (i = 0; i < d->nparts; i++) {
-        const int   *c = d->part[i].child;
-        clothi_part *q = p->part + number[i];
-        if (c[0] >= 0) {
-            number[c[1]] = number[i] - 1;
-            number[c[0]] = number[c[1]] - d->part[c[1]].first;
+ * parent. From the end on, each takes the next place and tells it its parent and its children. */
+static void clothi_pattern_parts(cloth_pattern *p, const clothi_dissection *d) {
+    int *stack = d->tmp, top = 0, q, k;
+    stack[top++] = 0;
+    for (q = p->nparts - 1; q >= 0; q--) {
+        const clothi_part *from = d->part + stack[--top];
+        const int          parent = from->parent;
+        p->part[q] = *from;
+        if (parent >= 0) p->part[parent].child[parent == q + 1] = q;
+        for (k = 0; k < 2 && from->child[0] >= 0; k++) {
+            d->part[from->child[k]].parent = q;
+            stack[top++] = from->child[k];
         }
-        *q = d->part[i];
-        q->first = number[i] + 1 - d->part[i].first;
-        if (q->parent >= 0) q->parent = number[q->parent];
-        for (k = 0; k < 2 && c[0] >= 0; k++) q->child[k] = number[c[k]];
     }
-    for (i = 0; i < p->nd; i++)
-        if (p->domain_part[i] >= 0) p->domain_part[i] = number[p->domain_part[i]];
-    memcpy(p->verts, d->verts, (size_t)p->n * sizeof *p->verts);
 }
 
 /* --- rows --- */
@@ -5736,14 +5705,13 @@ static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int 
 static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
     int i, id, domain = 0, row = 0;
     for (id = 0; id < d->nparts; id++) {
-        const clothi_part *q = d->part + id;
+        clothi_part *q = d->part + id;
         if (q->child[0] >= 0) continue;
-        p->domain_part[domain] = id;
+        q->domain = domain;
         p->dom[domain++] = row;
         for (i = q->lo; i < q->hi; i++) p->vertex_of[row++] = d->verts[i];
     }
-    for (i = domain; i < p->nd; i++) p->domain_part[i] = -1;    /* a clique is not cut        */
-    while (domain <= p->nd) p->dom[domain++] = row;
+    while (domain <= p->nd) p->dom[domain++] = row;             /* a clique is not cut         */
     for (id = d->nparts - 1; id >= 0; id--)
         for (i = d->part[id].mid; d->part[id].child[0] >= 0 && i < d->part[id].hi; i++)
             p->vertex_of[row++] = d->verts[i];
@@ -5756,8 +5724,8 @@ static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
 }
 
 /* Lower rows in the new order (written column by column, hence increasing), and where in a row of
- * S each subdomain begins. at [n] is scratch. */
-static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g, int *at) {
+ * S each subdomain begins. */
+static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g) {
     int i, j, k, d, first = p->dom[p->nd], ns = p->n - first;
     p->nlow = g->start[p->n] / 2;
     p->col = (int *)clothi_alloc(
@@ -5766,21 +5734,20 @@ static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g,
     p->seg = p->col + p->nlow;
     for (i = 0; i < p->n; i++) {
         int v = p->vertex_of[i];
-        p->row[i + 1] = at[i] = p->row[i];
-        for (k = g->start[v]; k < g->start[v + 1]; k++) p->row[i + 1] += p->row_of[g->to[k]] < i;
+        for (k = g->start[v]; k < g->start[v + 1]; k++) p->row[i] += p->row_of[g->to[k]] < i;
     }
-    for (j = 0; j < p->n; j++) {
+    for (i = 0; i < p->n; i++) p->row[i + 1] += p->row[i];
+    for (j = p->n - 1; j >= 0; j--) {       /* from a row's end back to its start              */
         int v = p->vertex_of[j];
         for (k = g->start[v]; k < g->start[v + 1]; k++) {
             i = p->row_of[g->to[k]];
-            if (i > j) p->col[at[i]++] = j;
+            if (i > j) p->col[--p->row[i]] = j;
         }
     }
     for (i = first; i < p->n; i++)
-        for (d = 0, k = p->row[i]; d <= p->nd; d++) {
-            while (k < p->row[i + 1] && p->col[k] < p->dom[d]) k++;
-            p->seg[(i - first) * (p->nd + 1) + d] = k;
-        }
+        for (d = 0; d <= p->nd; d++)
+            p->seg[(i - first) * (p->nd + 1) + d] =
+                clothi_lower_bound(p->col, p->row[i], p->row[i + 1], p->dom[d]);
     return CLOTH_OK;
 }
 
@@ -5864,10 +5831,13 @@ static cloth_status clothi_pattern_check(const cloth_hooks *hooks, int nv, int n
 }
 
 /* Everything that p holds, from the graph. Aggregates are found by vertex, kept by row. */
-static cloth_status clothi_pattern_fill(cloth_pattern *p, const clothi_graph *g,
-                                        clothi_dissection *d) {
+static cloth_status clothi_pattern_fill(cloth_pattern *p, clothi_dissection *d) {
     cloth_status status;
     int          i;
+    for (i = 0; i < p->n; i++) d->verts[i] = i;
+    d->part[0].hi = p->n, d->nparts = 1;
+    d->part[0].parent = d->part[0].child[0] = d->part[0].child[1] = d->part[0].domain = -1;
+    clothi_dissect_sort(d, d->verts, p->n);     /* all vertices along the longest axis         */
     clothi_pattern_aggregates(p, d);
     clothi_dissect(d, p->nd);
     clothi_pattern_order(p, d);
@@ -5878,8 +5848,8 @@ static cloth_status clothi_pattern_fill(cloth_pattern *p, const clothi_graph *g,
     p->part = (clothi_part *)clothi_alloc(&p->hooks, (size_t)p->nparts, sizeof *p->part);
     if (!p->part) return CLOTH_ERR_MEMORY;
     clothi_pattern_parts(p, d);
-    status = clothi_pattern_rows(p, g, d->tmp);
-    return status ? status : clothi_pattern_coarse(p, g);
+    status = clothi_pattern_rows(p, d->g);
+    return status ? status : clothi_pattern_coarse(p, d->g);
 }
 
 CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, int nelem,
@@ -5898,33 +5868,32 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (status) return status;
     status = CLOTH_ERR_MEMORY;
     p = (cloth_pattern *)clothi_object(hooks, sizeof *p);
-    if (!p) goto done;
+    if (p) p->row_of = (int *)clothi_alloc(hooks, 6 * n + 2, sizeof(int));
+    d.key = (double *)clothi_alloc(hooks, 3 * n, sizeof(double));
+    d.part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d.part);
+    if (!p || !p->row_of || !d.key || !d.part) goto done;
     p->n = nv;
-    p->row_of = (int *)clothi_alloc(hooks, 6 * n + 2, sizeof(int));
-    if (!p->row_of) goto done;
+    p->nd = nv < CLOTHI_ONE_DOMAIN ? 1 : nv < CLOTHI_EIGHT_DOMAINS ? 4 : 8;
     p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->verts = p->agg + n;
     p->row = p->verts + n, p->vp = p->row + n + 1;
-    p->nd = nv < CLOTHI_ONE_DOMAIN ? 1 : nv < CLOTHI_EIGHT_DOMAINS ? 4 : 8;
-    status = clothi_dissection_begin(hooks, nv, &g, x, &d);
-    if (!status) status = clothi_pattern_fill(p, &g, &d);
+    d.g = &g, d.coords = x, d.verts = p->verts;
+    d.tmp = (int *)(d.key + n), d.tag = d.tmp + n, d.dist = d.tag + n;
+    status = clothi_pattern_fill(p, &d);
 done:
-    clothi_dissection_free(hooks, &d);
+    clothi_free(hooks, d.key);
+    clothi_free(hooks, d.part);
     clothi_graph_free(hooks, &g);
     if (status) cloth_pattern_destroy(p);
     else *out = p;
     return status;
 }
 
-static const size_t clothi_pattern_at[4] = {
-    offsetof(cloth_pattern, row_of), offsetof(cloth_pattern, col), offsetof(cloth_pattern, vj),
-    offsetof(cloth_pattern, part)};
-
 CLOTH_API void cloth_pattern_destroy(cloth_pattern *pattern) {
-    (void)clothi_object_blocks(pattern, clothi_pattern_at, 4, 1);
+    (void)clothi_object_blocks(pattern, 4, 1);
 }
 
 CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern) {
-    return clothi_object_blocks(pattern, clothi_pattern_at, 4, 0);
+    return clothi_object_blocks(pattern, 4, 0);
 }
 
 CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) {
@@ -5968,12 +5937,13 @@ CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
 
 struct cloth_matrix {
     cloth_hooks hooks;
+    double *diag;                           /* [n x 9]; the block of low and one spare too     */
+    double *extra;                          /* [ne x 9]; and of pair and table                 */
     const cloth_pattern *p;
-    double *diag, *low;                     /* one block: [n x 9], [nlow x 9], one spare       */
+    double *low;                            /* [nlow x 9]                                      */
     int     ne, capacity, mask;             /* mask: slots of the table - 1                    */
     int    *pair;                           /* [ne x 2] rows, the first the larger             */
-    int    *table;                          /* [mask + 1] of extras, -1: none; behind pair     */
-    double *extra;                          /* [ne x 9]                                        */
+    int    *table;                          /* [mask + 1] of extras, -1: none                  */
 };
 
 CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth_pattern *pattern,
@@ -5984,28 +5954,25 @@ CLOTH_API cloth_status cloth_matrix_create(const cloth_hooks *hooks, const cloth
         return clothi_null(hooks, out ? "cloth_matrix_create: pattern"
                                       : "cloth_matrix_create: out");
     A = (cloth_matrix *)clothi_object(hooks, sizeof *A);
-    if (!A) return CLOTH_ERR_MEMORY;
-    A->p = pattern;
-    A->diag = (double *)clothi_alloc(hooks, (size_t)pattern->n + (size_t)pattern->nlow + 1,
-                                     9 * sizeof(double));
-    if (!A->diag) {
-        clothi_free(hooks, A);
+    if (A)
+        A->diag = (double *)clothi_alloc(hooks, (size_t)pattern->n + (size_t)pattern->nlow + 1,
+                                         9 * sizeof(double));
+    if (!A || !A->diag) {
+        cloth_matrix_destroy(A);
         return CLOTH_ERR_MEMORY;
     }
+    A->p = pattern;
     A->low = A->diag + 9 * (size_t)pattern->n;
     *out = A;
     return CLOTH_OK;
 }
 
-static const size_t clothi_matrix_at[3] = {
-    offsetof(cloth_matrix, diag), offsetof(cloth_matrix, pair), offsetof(cloth_matrix, extra)};
-
 CLOTH_API void cloth_matrix_destroy(cloth_matrix *A) {
-    (void)clothi_object_blocks(A, clothi_matrix_at, 3, 1);
+    (void)clothi_object_blocks(A, 2, 1);
 }
 
 CLOTH_API size_t cloth_matrix_bytes(const cloth_matrix *A) {
-    return clothi_object_blocks(A, clothi_matrix_at, 3, 0);
+    return clothi_object_blocks(A, 2, 0);
 }
 
 CLOTHI_RARE_END
@@ -6048,6 +6015,16 @@ static double *clothi_matrix_block(cloth_matrix *A, int slot) {
     return A->low + 9 * (size_t)(slot >> 1);
 }
 
+/* Where in row i of S the blocks of subdomain d begin; in [1], where they end. */
+CLOTHI_LANE const int *clothi_row_part(const cloth_pattern *p, int d, int i) {
+    return p->seg + (i - p->dom[p->nd]) * (p->nd + 1) + d;
+}
+
+/* The first block of row i within its subdomain, or within S. */
+CLOTHI_LANE int clothi_within(const cloth_pattern *p, int d, int i) {
+    return d < p->nd ? p->row[i] : *clothi_row_part(p, d, i);
+}
+
 /* Blocks [k0, k1) of row i taken from the diagonals of their row and of their columns. */
 static void clothi_close_blocks(cloth_matrix *A, int i, int k0, int k1, int own, int other) {
     double *d = A->diag + 9 * (size_t)i;
@@ -6066,25 +6043,23 @@ typedef struct clothi_closing {
     double        f;
 } clothi_closing;
 
-static void clothi_close_mass(const clothi_closing *c, int begin, int end) {
-    int i, k;
-    for (i = begin; i < end; i++)
-        for (k = 0; k < 9; k += 4)
-            c->A->diag[9 * (size_t)i + (size_t)k] += c->f * c->m[c->A->p->vertex_of[i]];
-}
-
+/* Of subdomain d, and after all of them of S. */
 CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, void *ctx) {
     const clothi_closing *c = (const clothi_closing *)ctx;
     cloth_matrix         *A = c->A;
     const cloth_pattern  *p = A->p;
-    int d, i, first = p->dom[p->nd];
+    int                   d, i, k;
     (void)worker;
     for (d = begin; d < end; d++) {
-        clothi_close_mass(c, p->dom[d], p->dom[d + 1]);
-        for (i = p->dom[d]; i < p->dom[d + 1]; i++)
-            clothi_close_blocks(A, i, p->row[i], p->row[i + 1], 1, 1);
-        for (i = first; i < p->n; i++) {
-            const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+        for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+            const int at = clothi_within(p, d, i);
+            for (k = 0; k < 9; k += 4)
+                A->diag[9 * (size_t)i + (size_t)k] += c->f * c->m[p->vertex_of[i]];
+            clothi_close_blocks(A, i, p->row[i], at, 1, 0);
+            clothi_close_blocks(A, i, at, p->row[i + 1], 1, 1);
+        }
+        for (i = p->dom[p->nd]; d < p->nd && i < p->n; i++) {
+            const int *seg = clothi_row_part(p, d, i);
             clothi_close_blocks(A, i, seg[0], seg[1], 0, 1);
         }
     }
@@ -6093,17 +6068,11 @@ CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, vo
 /* D_i += f m_i - sum of the blocks of row i: inertia (m [n] of the vertices) and what elements
  * that do not feel translations leave to the diagonal. Extras bring their own diagonals. */
 static void clothi_matrix_close(cloth_matrix *A, const double *m, double f) {
-    const cloth_pattern *p = A->p;
-    clothi_closing       c;
-    int                  i, first = p->dom[p->nd];
+    const int      nd = A->p->nd;
+    clothi_closing c;
     c.A = A, c.m = m, c.f = f;
-    clothi_for(&A->hooks, p->nd, 1, clothi_close_range, &c);
-    clothi_close_mass(&c, first, p->n);
-    for (i = first; i < p->n; i++) {
-        const int at = p->seg[(i - first) * (p->nd + 1) + p->nd];
-        clothi_close_blocks(A, i, p->row[i], at, 1, 0);
-        clothi_close_blocks(A, i, at, p->row[i + 1], 1, 1);
-    }
+    clothi_for(&A->hooks, nd, 1, clothi_close_range, &c);
+    clothi_close_range(nd, nd + 1, 0, &c);
 }
 
 /* Where the table has the pair of rows a > b, or would have it: after what is in its way. */
@@ -6121,24 +6090,22 @@ CLOTHI_RARE_BEGIN
 static cloth_status clothi_matrix_reserve(cloth_matrix *A, size_t more) {
     const cloth_matrix old = *A;
     const size_t       need = (size_t)A->ne + more;
-    int                e, mask = 1;
+    size_t             room = 1;
+    int                e;
     if (need > 100000000) return CLOTH_ERR_CAPACITY;
     if (need <= (size_t)A->capacity) return CLOTH_OK;
-    while ((size_t)mask < 4 * need) mask = 2 * mask + 1;
-    A->pair = (int *)clothi_alloc(&A->hooks, 2 * (size_t)mask + 2, sizeof(int));
-    A->extra = (double *)clothi_alloc(&A->hooks, (size_t)mask / 2 + 1, 9 * sizeof(double));
-    if (!A->pair || !A->extra) {
-        clothi_free(&A->hooks, A->pair);
-        clothi_free(&A->hooks, A->extra);
-        *A = old;
+    while (room <= 2 * need) room *= 2;     /* 9 doubles each, and 2 + 2 ints                  */
+    A->extra = (double *)clothi_alloc(&A->hooks, room, 11 * sizeof(double));
+    if (!A->extra) {
+        A->extra = old.extra;
         return CLOTH_ERR_MEMORY;
     }
-    A->table = A->pair + mask + 1, A->capacity = mask / 2, A->mask = mask;
-    memset(A->table, 255, ((size_t)mask + 1) * sizeof(int));
+    A->pair = (int *)(A->extra + 9 * room), A->table = A->pair + 2 * room;
+    A->capacity = (int)room - 1, A->mask = 2 * (int)room - 1;
+    memset(A->table, 255, 2 * room * sizeof(int));
     if (A->ne) memcpy(A->pair, old.pair, (size_t)A->ne * 2 * sizeof(int));
     if (A->ne) memcpy(A->extra, old.extra, (size_t)A->ne * 9 * sizeof(double));
     for (e = 0; e < A->ne; e++) *clothi_matrix_extra(A, A->pair[2 * e], A->pair[2 * e + 1]) = e;
-    clothi_free(&A->hooks, old.pair);
     clothi_free(&A->hooks, old.extra);
     return CLOTH_OK;
 }
@@ -6199,7 +6166,7 @@ static void clothi_block_mul(const double *B, const double *xi, const double *xj
 CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixed, const double *x,
                                 double *y) {
     const cloth_pattern *p = A->p;
-    int i, j, k, a;
+    int i, k, a;
     for (i = 0; i < p->n; i++) {
         const double *D = A->diag + 9 * (size_t)p->row_of[i], *u = x + 3 * (size_t)i;
         for (a = 0; a < 3; a++)
@@ -6217,8 +6184,8 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
         clothi_block_mul(A->extra + 9 * (size_t)k, x + u, x + v, y + u, y + v);
     }
     for (i = 0; fixed && i < p->n; i++)
-        for (j = 0; j < 3; j++)
-            if (fixed[i] >> j & 1) y[3 * (size_t)i + (size_t)j] = 0;
+        for (a = 0; a < 3; a++)
+            if (fixed[i] >> a & 1) y[3 * (size_t)i + (size_t)a] = 0;
 }
 
 /* --- dense panels --- */
@@ -6226,73 +6193,98 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
 #define CLOTHI_PANEL_K   64                 /* columns that one pass of the kernel takes       */
 #define CLOTHI_PANEL_PAD 16                 /* rows of the widest tile                         */
 
-/* Doubles of one register: AVX-512, AVX, SSE2 or one at a time; the kernel is written once. */
-#if defined(CLOTHI_AVX) && defined(__AVX512F__)
-#  define CLOTHI_DV 8
-typedef __m512d clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       _mm512_loadu_pd(a)
-#  define CLOTHI_DV_STORE(a, b)   _mm512_storeu_pd(a, b)
-#  define CLOTHI_DV_SPLAT(a)      _mm512_set1_pd(a)
-#  define CLOTHI_DV_MADD(a, b, c) _mm512_fmadd_pd(a, b, c)
-#elif defined(CLOTHI_AVX)
-#  define CLOTHI_DV 4
-typedef __m256d clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       _mm256_loadu_pd(a)
-#  define CLOTHI_DV_STORE(a, b)   _mm256_storeu_pd(a, b)
-#  define CLOTHI_DV_SPLAT(a)      _mm256_set1_pd(a)
-#  if defined(__FMA__)
-#    define CLOTHI_DV_MADD(a, b, c) _mm256_fmadd_pd(a, b, c)
-#  else
-#    define CLOTHI_DV_MADD(a, b, c) _mm256_add_pd(_mm256_mul_pd(a, b), c)
-#  endif
-#elif defined(CLOTHI_SSE2)
-#  define CLOTHI_DV 2
-typedef __m128d clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       _mm_loadu_pd(a)
-#  define CLOTHI_DV_STORE(a, b)   _mm_storeu_pd(a, b)
-#  define CLOTHI_DV_SPLAT(a)      _mm_set1_pd(a)
-#  define CLOTHI_DV_MADD(a, b, c) _mm_add_pd(_mm_mul_pd(a, b), c)
+/* PS(op) is of four floats, PD(op) of two doubles: intrinsics; without SSE2 or with CLOTH_NO_SIMD
+ * plain loops. */
+#if defined(CLOTHI_SSE2)
+typedef __m128  clothi_f4;
+typedef __m128d clothi_d2;
+#  define CLOTHI_PS(op) _mm_##op##_ps
+#  define CLOTHI_PD(op) _mm_##op##_pd
 #else
-#  define CLOTHI_DV 1
-typedef double clothi_dv;
-#  define CLOTHI_DV_LOAD(a)       (*(a))
-#  define CLOTHI_DV_STORE(a, b)   (*(a) = (b))
-#  define CLOTHI_DV_SPLAT(a)      (a)
-#  define CLOTHI_DV_MADD(a, b, c) ((a) * (b) + (c))
+#  define CLOTHI_PS(op) clothi_##op##_ps
+#  define CLOTHI_PD(op) clothi_##op##_pd
+#  define CLOTHI_LOOP(V, n, name, op)                                                            \
+    CLOTHI_LANE V name(V a, V b) {                                                               \
+        int k;                                                                                   \
+        for (k = 0; k < n; k++) a.q[k] = a.q[k] op b.q[k];                                       \
+        return a;                                                                                \
+    }
+#  define CLOTHI_LOOPS(T, V, n, p)                                                               \
+    typedef struct V { T q[n]; } V;                                                              \
+    CLOTHI_LOOP(V, n, clothi_add_##p, +)                                                         \
+    CLOTHI_LOOP(V, n, clothi_sub_##p, -)                                                         \
+    CLOTHI_LOOP(V, n, clothi_mul_##p, *)                                                         \
+    CLOTHI_LANE void clothi_storeu_##p(T *a, V r) { memcpy(a, r.q, sizeof r.q); }                \
+    CLOTHI_LANE V clothi_load_##p(const T *a) {                                                  \
+        V r;                                                                                     \
+        memcpy(r.q, a, sizeof r.q);                                                              \
+        return r;                                                                                \
+    }                                                                                            \
+    CLOTHI_LANE V clothi_set1_##p(T u) {                                                         \
+        V   r;                                                                                   \
+        int k;                                                                                   \
+        for (k = 0; k < n; k++) r.q[k] = u;                                                      \
+        return r;                                                                                \
+    }
+CLOTHI_LOOPS(float, clothi_f4, 4, ps)
+CLOTHI_LOOPS(double, clothi_d2, 2, pd)
 #endif
 
-#define CLOTHI_TILE (2 * CLOTHI_DV)         /* rows of a tile of C; its columns are 4          */
+/* DV(op) is of the doubles of the widest register; the kernel is written once. */
+#if defined(CLOTHI_AVX) && defined(__AVX512F__)
+#  define CLOTHI_DV(op) _mm512_##op##_pd
+typedef __m512d   clothi_dv;
+#elif defined(CLOTHI_AVX)
+#  define CLOTHI_DV(op) _mm256_##op##_pd
+typedef __m256d   clothi_dv;
+#else
+#  define CLOTHI_DV(op) CLOTHI_PD(op)
+typedef clothi_d2 clothi_dv;
+#endif
 
-/* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. */
+/* a + b c; V: PS, PD or DV */
+#if defined(CLOTHI_AVX) && defined(__FMA__)
+#  define CLOTHI_MADD(V, a, b, c) V(fmadd)(b, c, a)
+#else
+#  define CLOTHI_MADD(V, a, b, c) V(add)(a, V(mul)(b, c))
+#endif
+
+enum {
+    CLOTHI_WIDTH = sizeof(clothi_dv) / sizeof(double),
+    CLOTHI_TILE = 2 * CLOTHI_WIDTH          /* rows of a tile of C; its columns are 4          */
+};
+
+/* out [4][CLOTHI_TILE] = sum over p < k of a[p] b[p]': eight registers hold the tile. a begins a
+ * cache line. */
 static void clothi_panel_tile(const double *a, const double *b, int k, double *out) {
-    clothi_dv zero = CLOTHI_DV_SPLAT(0.0), u, v, w;
+    clothi_dv zero = CLOTHI_DV(set1)(0.0), u, v, w;
     clothi_dv c0 = zero, c1 = zero, c2 = zero, c3 = zero, d0 = zero, d1 = zero, d2 = zero,
               d3 = zero;
     int p;
     for (p = 0; p < k; p++, a += CLOTHI_TILE, b += 4) {
-        u = CLOTHI_DV_LOAD(a);
-        v = CLOTHI_DV_LOAD(a + CLOTHI_DV);
-        w = CLOTHI_DV_SPLAT(b[0]);
-        c0 = CLOTHI_DV_MADD(u, w, c0);
-        d0 = CLOTHI_DV_MADD(v, w, d0);
-        w = CLOTHI_DV_SPLAT(b[1]);
-        c1 = CLOTHI_DV_MADD(u, w, c1);
-        d1 = CLOTHI_DV_MADD(v, w, d1);
-        w = CLOTHI_DV_SPLAT(b[2]);
-        c2 = CLOTHI_DV_MADD(u, w, c2);
-        d2 = CLOTHI_DV_MADD(v, w, d2);
-        w = CLOTHI_DV_SPLAT(b[3]);
-        c3 = CLOTHI_DV_MADD(u, w, c3);
-        d3 = CLOTHI_DV_MADD(v, w, d3);
+        u = CLOTHI_DV(load)(a);
+        v = CLOTHI_DV(load)(a + CLOTHI_WIDTH);
+        w = CLOTHI_DV(set1)(b[0]);
+        c0 = CLOTHI_MADD(CLOTHI_DV, c0, u, w);
+        d0 = CLOTHI_MADD(CLOTHI_DV, d0, v, w);
+        w = CLOTHI_DV(set1)(b[1]);
+        c1 = CLOTHI_MADD(CLOTHI_DV, c1, u, w);
+        d1 = CLOTHI_MADD(CLOTHI_DV, d1, v, w);
+        w = CLOTHI_DV(set1)(b[2]);
+        c2 = CLOTHI_MADD(CLOTHI_DV, c2, u, w);
+        d2 = CLOTHI_MADD(CLOTHI_DV, d2, v, w);
+        w = CLOTHI_DV(set1)(b[3]);
+        c3 = CLOTHI_MADD(CLOTHI_DV, c3, u, w);
+        d3 = CLOTHI_MADD(CLOTHI_DV, d3, v, w);
     }
-    CLOTHI_DV_STORE(out, c0);
-    CLOTHI_DV_STORE(out + CLOTHI_DV, d0);
-    CLOTHI_DV_STORE(out + 2 * CLOTHI_DV, c1);
-    CLOTHI_DV_STORE(out + 3 * CLOTHI_DV, d1);
-    CLOTHI_DV_STORE(out + 4 * CLOTHI_DV, c2);
-    CLOTHI_DV_STORE(out + 5 * CLOTHI_DV, d2);
-    CLOTHI_DV_STORE(out + 6 * CLOTHI_DV, c3);
-    CLOTHI_DV_STORE(out + 7 * CLOTHI_DV, d3);
+    CLOTHI_DV(storeu)(out, c0);
+    CLOTHI_DV(storeu)(out + CLOTHI_WIDTH, d0);
+    CLOTHI_DV(storeu)(out + 2 * CLOTHI_WIDTH, c1);
+    CLOTHI_DV(storeu)(out + 3 * CLOTHI_WIDTH, d1);
+    CLOTHI_DV(storeu)(out + 4 * CLOTHI_WIDTH, c2);
+    CLOTHI_DV(storeu)(out + 5 * CLOTHI_WIDTH, d2);
+    CLOTHI_DV(storeu)(out + 6 * CLOTHI_WIDTH, c3);
+    CLOTHI_DV(storeu)(out + 7 * CLOTHI_WIDTH, d3);
 }
 
 /* C (lower part, rows x cols, column-major) -= A S A' from packed rows. */
@@ -6343,19 +6335,18 @@ static void clothi_panel_pack(const double *panel, size_t ld, int row0, int row1
     }
 }
 
-/* A S A' of panel columns [k0, k1), rows [row0, m), taken off C. par: the rows in parallel. */
+/* A S A' of panel columns [k0, k1), rows [row0, m), taken off C. hooks NULL: serial. */
 static void clothi_panel_update(const cloth_hooks *hooks, const double *panel, size_t ld, int m,
                                 int row0, int cols, int k0, int k1, const double *sign, double *c,
-                                size_t ldc, double *pack, int par) {
+                                size_t ldc, double *pack) {
     clothi_panel_job g;
+    double          *b;
     int tiles = (m - row0 + CLOTHI_TILE - 1) / CLOTHI_TILE;
     g.c = c, g.ldc = ldc, g.rows = m - row0, g.cols = cols, g.k = k1 - k0, g.a = pack;
-    g.b = pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k;
+    g.b = b = pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k;
     clothi_panel_pack(panel, ld, row0, m, k0, k1, CLOTHI_TILE, NULL, pack);
-    clothi_panel_pack(panel, ld, row0, row0 + cols, k0, k1, 4, sign,
-                pack + (size_t)(g.rows + CLOTHI_PANEL_PAD) * (size_t)g.k);
-    if (par) clothi_for(hooks, tiles, 4, clothi_panel_tiles, &g);
-    else clothi_panel_tiles(0, tiles, 0, &g);
+    clothi_panel_pack(panel, ld, row0, row0 + cols, k0, k1, 4, sign, b);
+    clothi_for(hooks, tiles, 4, clothi_panel_tiles, &g);
 }
 
 /* Columns [k0, k1) of a panel of m rows, their earlier updates done: signed Cholesky, one by one.
@@ -6498,19 +6489,20 @@ typedef struct clothi_tally {               /* one subdomain's share of the sums
 
 struct cloth_linear_solver {
     cloth_hooks hooks;
-    const cloth_pattern *p;
     void   *block;                          /* the store's arrays, or r z d q and one more of
                                                the plain CG, or between solves what a sim puts
                                                there: one at a time needs it                   */
+    void   *E;                              /* blocks outside the pattern, scaled, by rows     */
+    double *pack;                           /* rows of a panel; the block of U and Ac too      */
+    double *cd;                             /* [(nd+3) x 3nc]: two to work in, then P'b of each
+                                               subdomain and of S; the block of envelope too   */
+    const cloth_pattern *p;
     size_t  least;                          /* bytes that the sim asks for                     */
     clothi_store st;
-    void   *E;                              /* blocks outside the pattern, scaled, by rows     */
     int     extras;                         /* room in E                                       */
-    double *Ac;                             /* band of 3 nc rows, then packed rows of a panel  */
-    void   *U;                              /* its factor in blocks by rows, diagonals inverse */
+    void   *U;                              /* factor of Ac: blocks by rows, diagonals inverse */
+    double *Ac;                             /* band of 3 nc rows                               */
     int     band;                           /* aggregates that a row of Ac and U has room for  */
-    double *cd;                             /* [(nd+3) x 3nc]: two to work in, then P'b of each
-                                               subdomain and of S                              */
     int    *envelope;                       /* [nc + 1] where rows of Ac end with all blocks,
                                                increasing; then places for gather and scatter  */
     struct cloth_factor *factor;            /* [7.4], made when first asked for                */
@@ -6528,10 +6520,9 @@ struct cloth_linear_solver {
 /* --- the textbook, in doubles --- */
 
 typedef struct clothi_cg {                  /* the numbers of a run                            */
-    int    factorizations;
     double tolerance, radius;
     double c0, rr, pq, Q;
-    int    it, most, patient;               /* patient: no second run to turn to               */
+    int    it, most;
     int    negative, hit;
     double best;                            /* smallest rr, and since when                     */
     int    best_at;
@@ -6617,12 +6608,9 @@ static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_
     size_t       i;
     s->wide = 1;
     for (i = 0; i < n; i++) r[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : s->b[i];
-    if (precondition(s, r, z)) {
-        g->negative = 1;
-        g->rr = g->c0 = 1;
+    if (precondition(s, r, z))
         return clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) < 0
-                   ? CLOTH_OK : CLOTH_ERR_NONFINITE;
-    }
+                   ? CLOTH_ERR_NUMERIC : CLOTH_ERR_NONFINITE;
     memcpy(d, z, n * sizeof(double));
     g->rr = g->c0 = clothi_dot(r, z, n);
     if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
@@ -6663,51 +6651,7 @@ CLOTHI_RARE_END
 
 /* A vertex has a record of four numbers (three and a zero), a block three records. The code of
  * this section is written once: `w` is a constant in every call, 0 for float and 1 for double, and
- * the compiler drops the other half. PS(op) is of four floats, PD(op) of two doubles: intrinsics,
- * or without SSE2 or with CLOTH_NO_SIMD plain loops. */
-#if defined(CLOTHI_SSE2)
-typedef __m128  clothi_f4;
-typedef __m128d clothi_d2;
-#  define CLOTHI_PS(op) _mm_##op##_ps
-#  define CLOTHI_PD(op) _mm_##op##_pd
-#else
-#  define CLOTHI_PS(op) clothi_##op##_ps
-#  define CLOTHI_PD(op) clothi_##op##_pd
-#  define CLOTHI_LOOP(V, n, name, op)                                                            \
-    CLOTHI_LANE V name(V a, V b) {                                                               \
-        int k;                                                                                   \
-        for (k = 0; k < n; k++) a.q[k] = a.q[k] op b.q[k];                                       \
-        return a;                                                                                \
-    }
-#  define CLOTHI_LOOPS(T, V, n, p)                                                               \
-    typedef struct V { T q[n]; } V;                                                              \
-    CLOTHI_LOOP(V, n, clothi_add_##p, +)                                                         \
-    CLOTHI_LOOP(V, n, clothi_sub_##p, -)                                                         \
-    CLOTHI_LOOP(V, n, clothi_mul_##p, *)                                                         \
-    CLOTHI_LANE void clothi_store_##p(T *a, V r) { memcpy(a, r.q, sizeof r.q); }                 \
-    CLOTHI_LANE V clothi_load_##p(const T *a) {                                                  \
-        V r;                                                                                     \
-        memcpy(r.q, a, sizeof r.q);                                                              \
-        return r;                                                                                \
-    }                                                                                            \
-    CLOTHI_LANE V clothi_set1_##p(T u) {                                                         \
-        V   r;                                                                                   \
-        int k;                                                                                   \
-        for (k = 0; k < n; k++) r.q[k] = u;                                                      \
-        return r;                                                                                \
-    }
-CLOTHI_LOOPS(float, clothi_f4, 4, ps)
-CLOTHI_LOOPS(double, clothi_d2, 2, pd)
-#endif
-
-#if defined(CLOTHI_AVX) && defined(__FMA__)         /* a + b c */
-#  define CLOTHI_MADD_PS(a, b, c)  _mm_fmadd_ps(b, c, a)
-#  define CLOTHI_MADD_PD(a, b, c)  _mm_fmadd_pd(b, c, a)
-#else
-#  define CLOTHI_MADD_PS(a, b, c)  CLOTHI_PS(add)(a, CLOTHI_PS(mul)(b, c))
-#  define CLOTHI_MADD_PD(a, b, c)  CLOTHI_PD(add)(a, CLOTHI_PD(mul)(b, c))
-#endif
-
+ * the compiler drops the other half. */
 typedef struct clothi_v4 {
     clothi_f4 f;
     clothi_d2 d, e;
@@ -6732,9 +6676,9 @@ CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
 
 CLOTHI_LANE void clothi_store4(void *a, size_t i, clothi_v4 r, const int w) {
     if (w) {
-        CLOTHI_PD(store)((double *)a + 4 * i, r.d);
-        CLOTHI_PD(store)((double *)a + 4 * i + 2, r.e);
-    } else CLOTHI_PS(store)((float *)a + 4 * i, r.f);
+        CLOTHI_PD(storeu)((double *)a + 4 * i, r.d);
+        CLOTHI_PD(storeu)((double *)a + 4 * i + 2, r.e);
+    } else CLOTHI_PS(storeu)((float *)a + 4 * i, r.f);
 }
 
 /* (B[0], B[1], B[2], 0) from doubles. */
@@ -6766,9 +6710,9 @@ CLOTHI_OP4(clothi_sub4, sub)
 /* a + b c */
 CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
     if (w) {
-        a.d = CLOTHI_MADD_PD(a.d, b.d, c.d);
-        a.e = CLOTHI_MADD_PD(a.e, b.e, c.e);
-    } else a.f = CLOTHI_MADD_PS(a.f, b.f, c.f);
+        a.d = CLOTHI_MADD(CLOTHI_PD, a.d, b.d, c.d);
+        a.e = CLOTHI_MADD(CLOTHI_PD, a.e, b.e, c.e);
+    } else a.f = CLOTHI_MADD(CLOTHI_PS, a.f, b.f, c.f);
     return a;
 }
 
@@ -6780,12 +6724,13 @@ CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
     return r;
 }
 
+CLOTHI_LANE double clothi_get(const void *a, size_t i, const int w) {
+    return w ? ((const double *)a)[i] : (double)((const float *)a)[i];
+}
+
 /* Number j of record i in all four. */
 CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int w) {
-    clothi_v4 r = clothi_zero4();
-    if (w) r.d = r.e = CLOTHI_PD(set1)(((const double *)a)[4 * i + j]);
-    else r.f = CLOTHI_PS(set1)(((const float *)a)[4 * i + j]);
-    return r;
+    return clothi_all4(clothi_get(a, 4 * i + j, w), w);
 }
 
 /* (sum of a, sum of b, sum of c, 0): the rows of a block times a record. */
@@ -6846,9 +6791,6 @@ CLOTHI_LANE double clothi_sum4(clothi_v4 sum) {
     return (q[0] + q[1]) + (q[2] + q[3]);
 }
 
-CLOTHI_LANE double clothi_get(const void *a, size_t i, const int w) {
-    return w ? ((const double *)a)[i] : (double)((const float *)a)[i];
-}
 CLOTHI_LANE void clothi_put(void *a, size_t i, double u, const int w) {
     if (w) ((double *)a)[i] = u;
     else ((float *)a)[i] = (float)u;
@@ -6992,19 +6934,14 @@ static cloth_status clothi_solver_reserve(cloth_linear_solver *s, const cloth_ma
     }
     if (s->band < band) {
         const int    room = s->band == 0 ? band : 2 * band < s->p->nc ? 2 * band : s->p->nc;
-        const size_t ld = clothi_coarse_ld(room);
-        double *Ac = (double *)clothi_alloc(
-            &s->hooks, (n3 + 1) * (ld + 1) + 2 * (ld + CLOTHI_PANEL_PAD) * CLOTHI_COARSE_BLOCK,
-            sizeof(double));
-        void   *U = clothi_alloc(&s->hooks, (size_t)s->p->nc * (size_t)room, 12 * sizeof(double));
-        if (!Ac || !U) {
-            clothi_free(&s->hooks, Ac);
-            clothi_free(&s->hooks, U);
-            return CLOTH_ERR_MEMORY;
-        }
-        clothi_free(&s->hooks, s->Ac);
-        clothi_free(&s->hooks, s->U);
-        s->Ac = Ac, s->U = U, s->band = room;
+        const size_t ld = clothi_coarse_ld(room), packed = 2 * (ld + CLOTHI_PANEL_PAD) *
+                                                           CLOTHI_COARSE_BLOCK;
+        const size_t factor = 4 * n3 * (size_t)room;
+        double      *pack = (double *)clothi_alloc(
+            &s->hooks, packed + factor + (n3 + 1) * (ld + 1), sizeof(double));
+        if (!pack) return CLOTH_ERR_MEMORY;
+        clothi_free(&s->hooks, s->pack);
+        s->pack = pack, s->U = pack + packed, s->Ac = pack + packed + factor, s->band = room;
     }
     return CLOTH_OK;
 }
@@ -7013,38 +6950,33 @@ CLOTH_API cloth_status cloth_linear_solver_create(const cloth_hooks *hooks,
                                                   const cloth_pattern *pattern,
                                                   cloth_linear_solver **out) {
     cloth_linear_solver *s;
-    size_t               nc, a;
+    size_t               nc, n, a;
     if (out) *out = NULL;
     if (!out || !pattern)
         return clothi_null(hooks, out ? "cloth_linear_solver_create: pattern"
                                       : "cloth_linear_solver_create: out");
     nc = (size_t)pattern->nc;
+    n = 3 * nc * (size_t)(pattern->nd + 3);
     s = (cloth_linear_solver *)clothi_object(hooks, sizeof *s);
-    if (!s) return CLOTH_ERR_MEMORY;
-    s->p = pattern;
-    s->cd = (double *)clothi_alloc(hooks, 3 * nc * (size_t)(pattern->nd + 3), sizeof(double));
-    s->envelope = (int *)clothi_alloc(hooks, 2 * nc + 1, sizeof(int));
-    if (!s->cd || !s->envelope) {
+    if (s) s->cd = (double *)clothi_alloc(hooks, n + nc + 1, sizeof(double));
+    if (!s || !s->cd) {
         cloth_linear_solver_destroy(s);
         return CLOTH_ERR_MEMORY;
     }
+    s->p = pattern;
+    s->envelope = (int *)(s->cd + n);
     for (a = 0; a < nc; a++) s->envelope[nc + 1 + a] = (int)a;
     *out = s;
     return CLOTH_OK;
 }
 
-static const size_t clothi_solver_at[6] = {
-    offsetof(cloth_linear_solver, block), offsetof(cloth_linear_solver, E),
-    offsetof(cloth_linear_solver, Ac), offsetof(cloth_linear_solver, U),
-    offsetof(cloth_linear_solver, cd), offsetof(cloth_linear_solver, envelope)};
-
 CLOTH_API void cloth_linear_solver_destroy(cloth_linear_solver *s) {
     if (s) cloth_factor_destroy(s->factor);
-    (void)clothi_object_blocks(s, clothi_solver_at, 6, 1);
+    (void)clothi_object_blocks(s, 4, 1);
 }
 
 CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *s) {
-    return s ? cloth_factor_bytes(s->factor) + clothi_object_blocks(s, clothi_solver_at, 6, 0) : 0;
+    return s ? cloth_factor_bytes(s->factor) + clothi_object_blocks(s, 4, 0) : 0;
 }
 
 CLOTH_API cloth_linear_options cloth_linear_options_default(void) {
@@ -7065,35 +6997,28 @@ CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin,
     int i;
     for (i = begin; i < end; i++) {
         const double *D = s->A->diag + 9 * (size_t)i;
-        double        d[9], G[9], P[9], l00, l10, l11, l20, l21, l22, q, r;
+        double        d[9], G[9], L[9], P[9], q, r;
         const int     m = clothi_diagonal(s, i, d);
         q = d[4] - d[3] * (d[3] / d[0]);
         if (!(d[0] > 0) || !(q > 1e-13 * d[4])) break;
-        l00 = sqrt(d[0]);
-        l10 = d[3] / l00;
-        l20 = d[6] / l00;
-        l11 = sqrt(q);
-        l21 = (d[7] - l20 * l10) / l11;
-        r = d[8] - l20 * l20 - l21 * l21;
+        L[1] = L[2] = L[5] = G[3] = G[6] = G[7] = 0;
+        L[0] = sqrt(d[0]);
+        L[3] = d[3] / L[0];
+        L[6] = d[6] / L[0];
+        L[4] = sqrt(q);
+        L[7] = (d[7] - L[6] * L[3]) / L[4];
+        r = d[8] - L[6] * L[6] - L[7] * L[7];
         if (!(r > 1e-13 * d[8])) break;
         if (!(q > 1e-7 * d[4]) || !(r > 1e-7 * d[8])) y->narrow = 1;
-        l22 = sqrt(r);
-        G[3] = G[6] = G[7] = 0;
-        G[0] = 1 / l00;
-        G[1] = -l10 / (l00 * l11);
-        G[2] = -(l20 / l00 + l21 * G[1]) / l22;
-        G[4] = 1 / l11;
-        G[5] = -l21 / (l11 * l22);
-        G[8] = 1 / l22;
-        P[1] = P[2] = P[5] = 0;
-        P[0] = m & 1 ? 0 : l00;
-        P[3] = m & 2 ? 0 : l10;
-        P[4] = m & 2 ? 0 : l11;
-        P[6] = m & 4 ? 0 : l20;
-        P[7] = m & 4 ? 0 : l21;
-        P[8] = m & 4 ? 0 : l22;
+        L[8] = sqrt(r);
+        G[0] = 1 / L[0];
+        G[1] = -L[3] / (L[0] * L[4]);
+        G[2] = -(L[6] / L[0] + L[7] * G[1]) / L[8];
+        G[4] = 1 / L[4];
+        G[5] = -L[7] / (L[4] * L[8]);
+        G[8] = 1 / L[8];
         clothi_put9(st->G, (size_t)i, G, s->wide);
-        clothi_put9(st->P, (size_t)i, P, s->wide);
+        clothi_put9(st->P, (size_t)i, clothi_masked(L, m, 0, P), s->wide);
         r = D[0] + D[4] + D[8];
         y->trace += r;
         if (r > y->top) y->top = r;
@@ -7133,7 +7058,7 @@ CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) 
 }
 
 /* Blocks [k0, k1) of row i: scaled, and added to V of their columns. */
-CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1, clothi_tally *y,
+CLOTHI_LANE void clothi_setup_row(cloth_linear_solver *s, int i, int k0, int k1, clothi_tally *y,
                                   const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->st;
@@ -7159,7 +7084,7 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int i, int k0, int k1,
 
 CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1,
                                                clothi_tally *y) {
-    CLOTHI_BY_WIDTH(s->wide, clothi_setup_any, s, i, k0, k1, y);
+    CLOTHI_BY_WIDTH(s->wide, clothi_setup_row, s, i, k0, k1, y);
 }
 
 /* What of subdomain d, or of S, is of its rows alone: G and P, and D in V. */
@@ -7181,23 +7106,21 @@ CLOTHI_LANE void clothi_setup_rows(cloth_linear_solver *s, int d, const int w) {
     }
 }
 
-CLOTHI_OUTLINE static void clothi_setup_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
+/* Subdomain d; of S no blocks yet. */
+CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
-    const int            first = p->dom[p->nd];
-    int                  d, i;
-    (void)worker;
-    for (d = begin; d < end; d++) {
-        clothi_tally *y = s->tally + d;
-        CLOTHI_BY_WIDTH(s->wide, clothi_setup_rows, s, d);
-        for (i = p->dom[d]; d < p->nd && !y->bad && i < p->dom[d + 1]; i++)
-            clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], y);
-        for (i = first; d < p->nd && !y->bad && i < p->n; i++) {
-            const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
-            clothi_setup_blocks(s, i, seg[0], seg[1], y);
-        }
+    clothi_tally        *y = s->tally + d;
+    int                  i;
+    clothi_setup_rows(s, d, w);
+    for (i = p->dom[d]; d < p->nd && !y->bad && i < p->dom[d + 1]; i++)
+        clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], y);
+    for (i = p->dom[p->nd]; d < p->nd && !y->bad && i < p->n; i++) {
+        const int *seg = clothi_row_part(p, d, i);
+        clothi_setup_blocks(s, i, seg[0], seg[1], y);
     }
 }
+
+CLOTHI_BY_DOMAIN(clothi_setup_range, clothi_setup_any)
 
 /* --- the coarse matrix --- */
 
@@ -7265,7 +7188,7 @@ CLOTHI_LANE void clothi_coarse_block(cloth_linear_solver *s, const double *row, 
 CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
     const int    n = 3 * s->p->nc;
     const size_t ld = clothi_coarse_ld(s->band);
-    double      *A = s->Ac, *pack = A + (size_t)(n + 1) * (ld + 1), *sign = s->cd + n;
+    double      *A = s->Ac, *sign = s->cd + n;
     signed char  pivot[3 * CLOTHI_AGG_MAX];
     int          k, k1, m, a, b;
     clothi_coarse_matrix(s, ld);
@@ -7276,8 +7199,8 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
         m = clothi_coarse_end(s, k);
         clothi_panel_columns(A, ld, m, k, k1, sign, pivot, s->cd);
         if (k1 < m)
-            clothi_panel_update(&s->hooks, A, ld, m, k1, m - k1, k, k1, sign,
-                                A + (size_t)k1 * (ld + 1), ld, pack, 0);
+            clothi_panel_update(NULL, A, ld, m, k1, m - k1, k, k1, sign,
+                                A + (size_t)k1 * (ld + 1), ld, s->pack);
     }
     for (k = 0; k < n; k++)
         if (pivot[k] < 0 || !clothi_finite(A[(size_t)k * (ld + 1)])) return 0;
@@ -7290,8 +7213,7 @@ CLOTHI_OUTLINE static int clothi_coarse_factor(cloth_linear_solver *s) {
 
 /* Block k of an array of records. */
 CLOTHI_LANE const void *clothi_at4(const void *a, size_t k, const int w) {
-    return w ? (const void *)((const double *)a + 12 * k)
-             : (const void *)((const float *)a + 12 * k);
+    return (const char *)a + 12 * k * (w ? sizeof(double) : sizeof(float));
 }
 
 /* m <- Ac^-1 m: U' down the rows by scattering, U up them by gathering. */
@@ -7315,21 +7237,16 @@ CLOTHI_LANE void clothi_coarse_any(cloth_linear_solver *s, const int w) {
     }
 }
 
-/* cd [3nc] -> records m = Ac^-1 cd. */
-CLOTHI_OUTLINE static void clothi_coarse_apply(cloth_linear_solver *s) {
+/* b [3nc] -> records m = Ac^-1 b. */
+CLOTHI_OUTLINE static void clothi_coarse_apply(cloth_linear_solver *s, const double *b) {
     size_t a, k;
     for (a = 0; a < (size_t)s->p->nc; a++)
         for (k = 0; k < 4; k++)
-            clothi_put(s->st.m, 4 * a + k, k < 3 ? s->cd[3 * a + k] : 0, s->wide);
+            clothi_put(s->st.m, 4 * a + k, k < 3 ? b[3 * a + k] : 0, s->wide);
     CLOTHI_BY_WIDTH(s->wide, clothi_coarse_any, s);
 }
 
 /* --- sweeps --- */
-
-/* The first block of row i within its subdomain, or within S. */
-CLOTHI_LANE int clothi_within(const cloth_pattern *p, int d, int i) {
-    return d < p->nd ? p->row[i] : p->seg[(i - p->dom[p->nd]) * (p->nd + 1) + p->nd];
-}
 
 /* What subdomain d gives the rows of S in a forward sweep of z. */
 CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
@@ -7337,7 +7254,7 @@ CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, 
     const int first = p->dom[p->nd], ns = p->n - first;
     int       i;
     for (i = 0; d < p->nd && i < ns; i++) {
-        const int *seg = p->seg + i * (p->nd + 1) + d;
+        const int *seg = clothi_row_part(p, d, first + i);
         clothi_store4(s->st.sep, (size_t)d * (size_t)ns + (size_t)i,
                       clothi_gather4(s->st.L, p->col, seg[0], seg[1], z, w), w);
     }
@@ -7359,10 +7276,9 @@ CLOTHI_LANE clothi_v4 clothi_forward_row(const cloth_linear_solver *s, int d, in
 /* z <- K^-T z of subdomain d, after S; of S before the subdomains. */
 CLOTHI_LANE void clothi_back_sweep(cloth_linear_solver *s, int d, void *z, const int w) {
     const cloth_pattern *p = s->p;
-    const int first = p->dom[p->nd];
-    int       i;
-    for (i = p->n - 1; d < p->nd && i >= first; i--) {
-        const int *seg = p->seg + (i - first) * (p->nd + 1) + d;
+    int i;
+    for (i = p->n - 1; d < p->nd && i >= p->dom[p->nd]; i--) {
+        const int *seg = clothi_row_part(p, d, i);
         clothi_scatter4(s->st.L, p->col, seg[0], seg[1], z, (size_t)i, w);
     }
     for (i = p->dom[d + 1] - 1; i >= p->dom[d]; i--)
@@ -7370,65 +7286,48 @@ CLOTHI_LANE void clothi_back_sweep(cloth_linear_solver *s, int d, void *z, const
 }
 
 /* G^-T of record i of z, metres again: q [4]. */
-CLOTHI_LANE void clothi_metres_any(const clothi_store *st, const void *z, int i, double *q,
-                                   const int w) {
+CLOTHI_LANE void clothi_metres(const clothi_store *st, const void *z, int i, double *q,
+                               const int w) {
     const clothi_v4 v = clothi_transposed4(st->G, (size_t)i, clothi_load4(z, (size_t)i, w), w);
     clothi_spill4(clothi_dot4(clothi_zero4(), v, clothi_all4(1, w), w), q);
 }
 
-CLOTHI_OUTLINE static void clothi_metres(const cloth_linear_solver *s, const void *z, int i,
-                                         double *q) {
-    CLOTHI_BY_WIDTH(s->wide, clothi_metres_any, &s->st, z, i, q);
-}
-
 /* --- one iteration --- */
 
-/* Subdomain d, or S, of the start: b' into w, and its share of P'b. */
+/* r <- K^-1 b' of subdomain d, with its shares of |r|^2 and of P'b; of S after the subdomains. */
 CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->st;
-    double *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
-    int     i, k;
+    void      *r = s->st.r;
+    double    *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
+    clothi_v4  sum = clothi_zero4();
+    int        i, k;
     memset(cd, 0, 3 * (size_t)p->nc * sizeof(double));
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const double *b = s->b + 3 * (size_t)p->vertex_of[i];
         const int     m = clothi_mask(s, i);
         const size_t  at = (size_t)i;
+        clothi_v4     v;
         double        u[3];
         for (k = 0; k < 3; k++) {
             u[k] = m >> k & 1 ? 0 : b[k];
             if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
         }
-        clothi_store4(st->r, at, clothi_cut4(u, w), w);
-        clothi_store4(st->r, at, clothi_columns4(st->G, at, st->r, at, w), w);
-    }
-}
-
-/* r <- K^-1 b' of subdomain d, with |r|^2 in tally.rr; of S after the subdomains. */
-CLOTHI_LANE void clothi_enter_sweep(cloth_linear_solver *s, int d, const int w) {
-    clothi_v4 sum = clothi_zero4();
-    int       i;
-    clothi_enter_rows(s, d, w);
-    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
-        const clothi_v4 r = clothi_load4(s->st.r, (size_t)i, w);
-        const clothi_v4 v = clothi_forward_row(s, d, i, r, s->st.r, w);
-        clothi_store4(s->st.r, (size_t)i, v, w);
+        clothi_store4(r, at, clothi_cut4(u, w), w);
+        v = clothi_forward_row(s, d, i, clothi_columns4(s->st.G, at, r, at, w), r, w);
+        clothi_store4(r, at, v, w);
         sum = clothi_dot4(sum, v, v, w);
     }
     s->tally[d].rr = clothi_sum4(sum);
-    clothi_give_rest(s, d, s->st.r, w);
+    clothi_give_rest(s, d, r, w);
 }
 
 /* The coarse factor, which takes longest, beside the subdomains' sweeps: 0, 1 + d. */
-CLOTHI_OUTLINE static void clothi_enter_range(int begin, int end, int worker, void *ctx) {
-    cloth_linear_solver *s = (cloth_linear_solver *)ctx;
-    int                  d;
-    (void)worker;
-    for (d = begin; d < end; d++) {
-        if (d == 0) s->bad_pivot = !clothi_coarse_factor(s);
-        else CLOTHI_BY_WIDTH(s->wide, clothi_enter_sweep, s, d - 1);
-    }
+CLOTHI_LANE void clothi_enter_any(cloth_linear_solver *s, int d, const int w) {
+    if (d == 0) s->bad_pivot = !clothi_coarse_factor(s);
+    else clothi_enter_rows(s, d - 1, w);
 }
+
+CLOTHI_BY_DOMAIN(clothi_enter_range, clothi_enter_any)
 
 /* V of subdomain d, or of S, scaled; x = 0. */
 CLOTHI_LANE void clothi_scale_rows(cloth_linear_solver *s, int d, const int w) {
@@ -7445,11 +7344,11 @@ CLOTHI_LANE void clothi_scale_rows(cloth_linear_solver *s, int d, const int w) {
 CLOTHI_BY_DOMAIN(clothi_scale_range, clothi_scale_rows)
 
 /* max |G^-T x| of subdomain d, or of S */
-static double clothi_biggest(const cloth_linear_solver *s, int d) {
+CLOTHI_LANE double clothi_biggest(const cloth_linear_solver *s, int d, const int w) {
     double big = 0, q[4];
     int    i, k;
     for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
-        clothi_metres(s, s->st.x, i, q);
+        clothi_metres(&s->st, s->st.x, i, q, w);
         for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
     }
     return big;
@@ -7473,7 +7372,7 @@ CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int d, const int w)
         sum = clothi_dot4(sum, r, r, w);
     }
     s->tally[d].rr = clothi_sum4(sum);
-    s->tally[d].big = s->radius_on ? clothi_biggest(s, d) : 0;
+    s->tally[d].big = s->radius_on ? clothi_biggest(s, d, w) : 0;
 }
 
 /* V's + P^'(r - s) of subdomain d, or of S, into its sums. */
@@ -7554,7 +7453,7 @@ static void clothi_coarse_step(cloth_linear_solver *s) {
                 sum += clothi_get(s->st.zpart, 4 * ((size_t)d * nc + a) + k, s->wide);
             s->cd[3 * a + k] = sum;
         }
-    clothi_coarse_apply(s);
+    clothi_coarse_apply(s, s->cd);
 }
 
 /* Row i: p = r + beta p - V m, t = s + beta t - P^ m; returns p - t. The coarse solution m, the
@@ -7620,19 +7519,28 @@ static double clothi_turn(cloth_linear_solver *s) {
     return pq;
 }
 
-/* --- one solve --- */
+/* Rows of subdomain d, or of S, of the answer, in metres and in the order of the vertices. */
+CLOTHI_LANE void clothi_give_rows(cloth_linear_solver *s, int d, const int w) {
+    double q[4];
+    int    i;
+    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
+        clothi_metres(&s->st, s->st.x, i, q, w);
+        memcpy(s->to + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
+    }
+}
 
-typedef enum clothi_run {                   /* how a run in one precision ended                */
-    CLOTHI_RUN_DONE, CLOTHI_RUN_WIDE, CLOTHI_RUN_INDEFINITE, CLOTHI_RUN_NONFINITE
-} clothi_run;
+CLOTHI_BY_DOMAIN(clothi_give_range, clothi_give_rows)
+
+/* --- one solve: CLOTH_ERR_NUMERIC where the matrix is not positive; CLOTH_ERR_NONFINITE, which in
+ * floats says that they do not do --- */
 
 CLOTHI_RARE_BEGIN
 
 /* All of the set-up: r = K^-1 b', m = -Ac^-1 P'b, c0, and rr = pq = P'b.m. */
-static clothi_run clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
+static cloth_status clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
     const cloth_pattern *p = s->p;
     const int n3 = 3 * p->nc, grain = p->nd > 1 ? 1 : 3;
-    double    trace = 0, top = 0, *sum = s->cd, *Pb = s->cd + n3;
+    double    trace = 0, top = 0, *Pb = s->cd + n3;
     int       d, i, bad = 0, narrow = 0;
     memset(s->tally, 0, sizeof s->tally);
     clothi_setup_range(p->nd, p->nd + 1, 0, s);
@@ -7646,11 +7554,11 @@ static clothi_run clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
     }
     for (d = 0; d < s->A->ne; d++)
         for (i = 0; i < 9; i += 4) trace += 2 * s->A->extra[9 * d + i];
-    if (bad) return CLOTHI_RUN_INDEFINITE;
+    if (bad) return CLOTH_ERR_NUMERIC;
     if (!s->wide && (narrow || !(top * p->n <= CLOTHI_FLOAT_STIFFNESS * trace)))
-        return CLOTHI_RUN_WIDE;
+        return CLOTH_ERR_NONFINITE;
     clothi_for(&s->hooks, p->nd + 1, grain, clothi_enter_range, s);
-    if (s->bad_pivot) return s->wide ? CLOTHI_RUN_INDEFINITE : CLOTHI_RUN_WIDE;
+    if (s->bad_pivot) return s->wide ? CLOTH_ERR_NUMERIC : CLOTH_ERR_NONFINITE;
     clothi_enter_range(p->nd + 1, p->nd + 2, 0, s);
     clothi_for(&s->hooks, p->nd + 1, grain, clothi_scale_range, s);
     memset(Pb, 0, (size_t)n3 * sizeof(double));
@@ -7658,14 +7566,12 @@ static clothi_run clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
         g->c0 += s->tally[d].rr;
         for (i = 0; i < n3; i++) Pb[i] -= s->cd[(d + 2) * n3 + i];
     }
-    memcpy(sum, Pb, (size_t)n3 * sizeof(double));
-    clothi_coarse_apply(s);
+    clothi_coarse_apply(s, Pb);
     for (i = 0; i < n3; i++)
         g->rr += Pb[i] * clothi_get(s->st.m, (size_t)(4 * (i / 3) + i % 3), s->wide);
     g->pq = g->rr;
     g->c0 += g->rr;
-    return clothi_finite(g->c0) ? CLOTHI_RUN_DONE
-                                : s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+    return clothi_finite(g->c0) ? CLOTH_OK : CLOTH_ERR_NONFINITE;
 }
 
 /* x += f t */
@@ -7681,8 +7587,8 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
     double tau = -1, x[4], t[4];
     int    i;
     for (i = 0; i < s->p->n; i++) {
-        clothi_metres(s, s->st.x, i, x);
-        clothi_metres(s, s->st.t, i, t);
+        CLOTHI_BY_WIDTH(s->wide, clothi_metres, &s->st, s->st.x, i, x);
+        CLOTHI_BY_WIDTH(s->wide, clothi_metres, &s->st, s->st.t, i, t);
         tau = clothi_reach(tau, x, t, 3, g->radius);
     }
     tau = clothi_max(tau, 0);
@@ -7694,7 +7600,7 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 }
 
 /* After a step: 1 when the run is over. */
-static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, clothi_run *run) {
+static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, cloth_status *status) {
     double rr = 0, big = 0;
     int    d;
     for (d = 0; d <= s->p->nd; d++) {
@@ -7711,7 +7617,7 @@ static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, clothi_run *run) {
     g->it += !s->first;
     g->rr = rr;
     if (!clothi_finite(rr)) {
-        *run = s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+        *status = CLOTH_ERR_NONFINITE;
         return 1;
     }
     if (!(rr > g->tolerance * g->tolerance * g->c0) || g->it >= g->most) return 1;
@@ -7719,19 +7625,19 @@ static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, clothi_run *run) {
         g->best = rr;
         g->best_at = g->it;
     } else if (!s->wide && g->it - g->best_at > CLOTHI_STAGNATION) {
-        if (!g->patient) *run = CLOTHI_RUN_WIDE;
+        if (s->only != 1) *status = CLOTH_ERR_NONFINITE;
         return 1;
     }
     return 0;
 }
 
 /* The banner's second pseudo-code, in one precision. */
-static clothi_run clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
-    clothi_run run;
+static cloth_status clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
+    cloth_status status;
     (void)clothi_store_lay(s->p, s->wide ? sizeof(double) : sizeof(float), &s->st,
                            (char *)s->block);
-    run = clothi_setup(s, g);
-    if (run != CLOTHI_RUN_DONE) return run;
+    status = clothi_setup(s, g);
+    if (status) return status;
     for (s->first = 1;; s->first = 0) {
         const double pq = clothi_turn(s);
         if (!s->first) g->pq = pq;
@@ -7739,54 +7645,32 @@ static clothi_run clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
         s->alpha = s->first ? 1 : g->rr / pq;
         clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
         clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
-        if (clothi_judge(s, g, &run)) return run;
+        if (clothi_judge(s, g, &status)) return status;
         clothi_coarse_step(s);
     }
-    if (!clothi_finite(g->pq)) return s->wide ? CLOTHI_RUN_NONFINITE : CLOTHI_RUN_WIDE;
+    if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
     g->negative = 1;
     if (s->radius_on) clothi_boundary(s, g);
     else if (g->it == 0 && !(g->Q > 0))     /* nothing yet: the preconditioned gradient        */
         clothi_along(s, 1);
-    return CLOTHI_RUN_DONE;
+    return CLOTH_OK;
 }
-
-CLOTHI_RARE_END
-
-/* Rows [dom[begin], dom[end]) of the answer, in metres and in the order of the vertices. */
-CLOTHI_OUTLINE static void clothi_give_range(int begin, int end, int worker, void *ctx) {
-    const cloth_linear_solver *s = (const cloth_linear_solver *)ctx;
-    double q[4];
-    int    i;
-    (void)worker;
-    for (i = s->p->dom[begin]; i < s->p->dom[end]; i++) {
-        clothi_metres(s, s->st.x, i, q);
-        memcpy(s->to + 3 * (size_t)s->p->vertex_of[i], q, 3 * sizeof(double));
-    }
-}
-
-CLOTHI_RARE_BEGIN
 
 /* In floats, or where they do not do in doubles. */
 static cloth_status clothi_sgs_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
     const clothi_cg clean = *g;
-    clothi_run      run;
+    cloth_status    status;
     s->wide = s->only ? s->only == 2 : g->tolerance < CLOTHI_FLOAT_TOLERANCE;
     for (;; s->wide = 1) {
         *g = clean;
-        g->patient = s->only == 1;
-        run = clothi_run_cg(s, g);
-        if (run != CLOTHI_RUN_WIDE) break;
+        status = clothi_run_cg(s, g);
+        if (s->wide || status != CLOTH_ERR_NONFINITE) break;
     }
-    if (run == CLOTHI_RUN_NONFINITE ||
-        (run == CLOTHI_RUN_INDEFINITE &&
-         (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0 ||
-          clothi_find_nonfinite(s->A->extra, 9 * (size_t)s->A->ne) >= 0)))
+    if (status == CLOTH_ERR_NUMERIC &&
+        (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0 ||
+         clothi_find_nonfinite(s->A->extra, 9 * (size_t)s->A->ne) >= 0))
         return CLOTH_ERR_NONFINITE;
-    if (run == CLOTHI_RUN_INDEFINITE) {     /* the caller's matrix is not worth a search       */
-        g->negative = 1;
-        g->rr = g->c0 = 1;
-        return CLOTH_OK;
-    }
+    if (status) return status;
     s->to = x;
     clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, s);
     return CLOTH_OK;
@@ -7834,29 +7718,30 @@ typedef struct clothi_front_entry {
 typedef struct clothi_front {               /* of a part                                       */
     int    mid, hi;                         /* it eliminates verts[mid, hi)                    */
     int    n, nb;                           /* unknowns: its own, the boundary's               */
-    int    domain;                          /* of the subdomain, -1: a separator above them    */
     int    bound, entry;                    /* where its lists begin; the next front ends them */
     size_t panel;                           /* where its L begins, doubles                     */
-    size_t temp, update;                    /* U in the workspace: made, kept for the parent   */
+    size_t temp, update;                    /* U on the stack: made, kept for the parent       */
 } clothi_front;
 
 struct cloth_factor {
     cloth_hooks hooks;
-    const cloth_pattern *p;                 /* borrowed                                        */
     /* what the pattern decides */
     clothi_front *front;                    /* [nparts+1]                                      */
     int    *bound, *relative;               /* boundaries by elimination number; their places
                                                in the parents' fronts                          */
     clothi_front_entry *entry;              /* [nlow] blocks of A by part                      */
-    size_t  nwork, npack;                   /* doubles of the workspace; of packed rows a task */
-    double  flops;
     /* numbers */
     double *panel;                          /* all L, part by part, column-major               */
-    double *work;                           /* packed rows, and update matrices                */
+    double *work;                           /* [(nd+1) x npack] packed rows                    */
     double *sign;                           /* [3 nv] +1 -1 by elimination                     */
+    signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
+    /* and what is no block of its own */
+    const cloth_pattern *p;                 /* borrowed                                        */
+    size_t  npack, nstack;                  /* doubles of packed rows a task; of the stack     */
+    double  flops;
+    double *stack;                          /* [nstack] update matrices; behind work           */
     double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary;
                                                behind sign                                     */
-    signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
     unsigned char *fixed;                   /* [nv] by elimination number; behind pivot        */
     const cloth_matrix *A;                  /* during compute                                  */
     double  shift;
@@ -7948,30 +7833,24 @@ static int clothi_front_index(const cloth_factor *f, int q, int e) {
  * are on its top when a front is assembled above them, and its own then takes their place. */
 static void clothi_front_layout(cloth_factor *f) {
     const cloth_pattern *p = f->p;
-    size_t panel = 0, top = 0, high = 0;
+    size_t panel = 0, top = 0;
     int    q;
     for (q = 0; q < p->nparts; q++) {
         clothi_front *w = f->front + q;
+        const int     c = p->part[q].child[0], domain = p->part[q].domain;
         const size_t  n = (size_t)w->n, b = (size_t)w->nb;
         const size_t  pack = 2 * (n + b + CLOTHI_PANEL_PAD) * CLOTHI_PANEL_K;
         w->panel = panel;
         panel += n * (n + b);
         if (pack > f->npack) f->npack = pack;
         f->flops += (double)n * ((double)n * (double)n / 3 + (double)b * (double)(n + b));
+        if (domain < 0 || q == 0 || p->part[q - 1].domain != domain) top = f->nstack;
+        w->temp = top;
+        w->update = domain < 0 || c < 0 ? top : f->front[c].update;
+        top = w->update + b * b;
+        if (w->temp + b * b > f->nstack) f->nstack = w->temp + b * b;
     }
     f->front[p->nparts].panel = panel;
-    high = (size_t)(p->nd + 1) * f->npack;
-    for (q = 0; q < p->nparts; q++) {
-        clothi_front *w = f->front + q;
-        const int     c = p->part[q].child[0];
-        const size_t  size = (size_t)w->nb * (size_t)w->nb;
-        if (w->domain < 0 || q == 0 || w[-1].domain != w->domain) top = high;
-        w->temp = top;
-        w->update = w->domain < 0 || c < 0 ? top : f->front[c].update;
-        top = w->update + size;
-        if (w->temp + size > high) high = w->temp + size;
-    }
-    f->nwork = high;
 }
 
 /* What the pattern decides. */
@@ -7981,19 +7860,15 @@ static cloth_status clothi_factor_analyze(cloth_factor *f) {
     cloth_status status = CLOTH_ERR_MEMORY;
     int    *where = (int *)clothi_alloc(&f->hooks, 5 * n, sizeof(int)), *owner = where + n;
     double *key = (double *)clothi_alloc(&f->hooks, n, sizeof(double));
-    int     q, i, d;
+    int     q, i;
     f->front = (clothi_front *)clothi_alloc(&f->hooks, np + 1, sizeof *f->front);
     f->entry = (clothi_front_entry *)clothi_alloc(&f->hooks, (size_t)p->nlow, sizeof *f->entry);
     if (!where || !key || !f->front || !f->entry) goto done;
     for (i = 0; i < p->n; i++) where[p->verts[i]] = i;
     for (q = 0; q < p->nparts; q++) {
         f->front[q].mid = p->part[q].mid, f->front[q].hi = p->part[q].hi;
-        f->front[q].domain = -1;
         for (i = p->part[q].mid; i < p->part[q].hi; i++) owner[i] = q;
     }
-    for (d = 0; d < p->nd && p->domain_part[d] >= 0; d++)
-        for (q = p->part[p->domain_part[d]].first; q <= p->domain_part[d]; q++)
-            f->front[q].domain = d;
     clothi_front_entries(f, where, owner);
     status = clothi_front_bounds(f, owner + n, owner + 2 * n, owner + 3 * n, key);
     if (status) goto done;
@@ -8022,8 +7897,8 @@ CLOTHI_RARE_END
 #define CLOTHI_FRONT_BLOCK 24               /* columns factored one by one                     */
 
 /* Factors the front's panel and takes its product off the update matrix U. */
-static void clothi_front_factor(cloth_factor *f, const clothi_front *w, double *U, double *pack,
-                                int par) {
+static void clothi_front_factor(cloth_factor *f, const cloth_hooks *hooks, const clothi_front *w,
+                                double *U, double *pack) {
     const int    n = w->n, nb = w->nb;
     const size_t m = (size_t)(n + nb), at = 3 * (size_t)w->mid;
     double *L = f->panel + w->panel, *sign = f->sign + at;
@@ -8032,13 +7907,12 @@ static void clothi_front_factor(cloth_factor *f, const clothi_front *w, double *
         k1 = k0 + CLOTHI_FRONT_BLOCK < n ? k0 + CLOTHI_FRONT_BLOCK : n;
         clothi_panel_columns(L, m, n + nb, k0, k1, sign, f->pivot + at, f->vec + at);
         if (k1 < n)
-            clothi_panel_update(&f->hooks, L, m, n + nb, k1, n - k1, k0, k1, sign,
-                                L + (size_t)k1 * m + k1, m, pack, par);
+            clothi_panel_update(hooks, L, m, n + nb, k1, n - k1, k0, k1, sign,
+                                L + (size_t)k1 * m + k1, m, pack);
     }
     for (k0 = 0; nb && k0 < n; k0 = k1) {
         k1 = k0 + CLOTHI_PANEL_K < n ? k0 + CLOTHI_PANEL_K : n;
-        clothi_panel_update(&f->hooks, L, m, n + nb, n, nb, k0, k1, sign, U, (size_t)nb, pack,
-                            par);
+        clothi_panel_update(hooks, L, m, n + nb, n, nb, k0, k1, sign, U, (size_t)nb, pack);
     }
 }
 
@@ -8080,7 +7954,7 @@ static void clothi_front_extend(const cloth_factor *f, const clothi_front *child
                                 double *U, size_t n, size_t m) {
     const int    *relative = f->relative + child->bound;
     const int     nb = child[1].bound - child->bound;
-    const double *from = f->work + child->update;
+    const double *from = f->stack + child->update;
     int           i, j;
     for (j = 0; j < 3 * nb; j++, from += 3 * nb) {
         const size_t col = 3 * (size_t)relative[j / 3] + (size_t)(j % 3);
@@ -8104,18 +7978,19 @@ static void clothi_front_zero(double *a, size_t m, size_t n) {
     }
 }
 
-static void clothi_front_part(cloth_factor *f, int q, double *pack, int par) {
+/* hooks NULL: serial. */
+static void clothi_front_part(cloth_factor *f, const cloth_hooks *hooks, int q, double *pack) {
     const clothi_front *w = f->front + q;
     const size_t        n = (size_t)w->n, b = (size_t)w->nb;
-    double *L = f->panel + w->panel, *U = f->work + w->temp;
+    double *L = f->panel + w->panel, *U = f->stack + w->temp;
     int     c;
     clothi_front_zero(L, n + b, n);
     clothi_front_zero(U, b, b);
     clothi_front_assemble(f, w, L, n + b);
     for (c = 0; c < 2 && f->p->part[q].child[c] >= 0; c++)
         clothi_front_extend(f, f->front + f->p->part[q].child[c], L, U, n, n + b);
-    clothi_front_factor(f, w, U, pack, par);
-    if (w->update != w->temp) memmove(f->work + w->update, U, b * b * sizeof *U);
+    clothi_front_factor(f, hooks, w, U, pack);
+    if (w->update != w->temp) memmove(f->stack + w->update, U, b * b * sizeof *U);
 }
 
 /* Subtrees of subdomains. */
@@ -8125,8 +8000,62 @@ static void clothi_front_range(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (d = begin; d < end; d++)
         for (q = 0; q < f->p->nparts; q++)
-            if (f->front[q].domain == d)
-                clothi_front_part(f, q, f->work + (size_t)d * f->npack, 0);
+            if (f->p->part[q].domain == d)
+                clothi_front_part(f, NULL, q, f->work + (size_t)d * f->npack);
+}
+
+/* b := L^-1 b by elimination number */
+static void clothi_factor_forward(cloth_factor *f, double *b) {
+    double *tmp = f->vec + 3 * (size_t)f->p->n;
+    int q, i, j;
+    for (q = 0; q < f->p->nparts; q++) {
+        const clothi_front *w = f->front + q;
+        const int           n = w->n, nb = w->nb, *bound = nb ? f->bound + w->bound : NULL;
+        const double       *L = f->panel + w->panel;
+        double             *x = b + 3 * (size_t)w->mid;
+        memset(tmp, 0, (size_t)nb * sizeof *tmp);
+        for (j = 0; j < n; j++, L += n + nb) {
+            const double *below = L + n;
+            double s = x[j] /= L[j];
+            for (i = j + 1; i < n; i++) x[i] -= s * L[i];
+            for (i = 0; i < nb; i++) tmp[i] += s * below[i];
+        }
+        for (i = 0; i < nb; i++) b[3 * bound[i / 3] + i % 3] -= tmp[i];
+    }
+}
+
+/* b := L'^-1 b */
+static void clothi_factor_backward(cloth_factor *f, double *b) {
+    double *tmp = f->vec + 3 * (size_t)f->p->n;
+    int q, i, j;
+    for (q = f->p->nparts - 1; q >= 0; q--) {
+        const clothi_front *w = f->front + q;
+        const int           n = w->n, nb = w->nb, *bound = nb ? f->bound + w->bound : NULL;
+        double             *x = b + 3 * (size_t)w->mid;
+        for (i = 0; i < nb; i++) tmp[i] = b[3 * bound[i / 3] + i % 3];
+        for (j = n - 1; j >= 0; j--) {
+            const double *L = f->panel + w->panel + (size_t)j * (size_t)(n + nb);
+            const double  s = clothi_dot(tmp, L + n, (size_t)nb) +
+                              clothi_dot(x + j + 1, L + j + 1, (size_t)(n - j - 1));
+            x[j] = (x[j] - s) / L[j];
+        }
+    }
+}
+
+CLOTH_API cloth_status cloth_factor_solve(cloth_factor *f, const double *b, double *x) {
+    int i, n;
+    if (!f || !f->ready || !b || !x)
+        return clothi_fail(f ? &f->hooks : NULL, CLOTH_ERR_ARGUMENT,
+                           "factor: a pointer is NULL or nothing was computed");
+    n = 3 * f->p->n;
+    for (i = 0; i < n; i++)                 /* fixed unknowns and zero pivots give 0           */
+        f->vec[i] = (unsigned)f->fixed[i / 3] >> i % 3 & 1u || !f->pivot[i]
+                        ? 0 : b[3 * f->p->verts[i / 3] + i % 3];
+    clothi_factor_forward(f, f->vec);
+    for (i = 0; i < n; i++) f->vec[i] *= f->pivot[i];
+    clothi_factor_backward(f, f->vec);
+    for (i = 0; i < n; i++) x[3 * f->p->verts[i / 3] + i % 3] = f->vec[i];
+    return CLOTH_OK;
 }
 
 CLOTHI_RARE_BEGIN
@@ -8147,30 +8076,27 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
     return status ? clothi_fail(hooks, status, "factor: out of memory") : CLOTH_OK;
 }
 
-static const size_t clothi_factor_at[8] = {
-    offsetof(cloth_factor, front), offsetof(cloth_factor, bound), offsetof(cloth_factor, relative),
-    offsetof(cloth_factor, entry), offsetof(cloth_factor, panel), offsetof(cloth_factor, work),
-    offsetof(cloth_factor, sign), offsetof(cloth_factor, pivot)};
-
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
-    (void)clothi_object_blocks(f, clothi_factor_at, 8, 1);
+    (void)clothi_object_blocks(f, 8, 1);
 }
 
 CLOTH_API size_t cloth_factor_bytes(const cloth_factor *f) {
-    return clothi_object_blocks(f, clothi_factor_at, 8, 0);
+    return clothi_object_blocks(f, 8, 0);
 }
 
 /* The numbers' blocks; those that there are when memory is out wait for the next try. */
 static cloth_status clothi_factor_reserve(cloth_factor *f) {
     const size_t n = 3 * (size_t)f->p->n, panel = f->front[f->p->nparts].panel;
+    const size_t packed = (size_t)(f->p->nd + 1) * f->npack;
     if (!f->panel) f->panel = (double *)clothi_alloc(&f->hooks, panel, sizeof(double));
-    if (!f->work) f->work = (double *)clothi_alloc(&f->hooks, f->nwork, sizeof(double));
+    if (!f->work) f->work = (double *)clothi_alloc(&f->hooks, packed + f->nstack, sizeof(double));
     if (!f->sign) f->sign = (double *)clothi_alloc(&f->hooks, 3 * n, sizeof(double));
     if (!f->pivot) f->pivot = (signed char *)clothi_alloc(&f->hooks, n + n / 3, 1);
     if (!f->panel || !f->work || !f->sign || !f->pivot)
         return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles",
-                           panel + f->nwork);
-    f->vec = f->sign + n, f->fixed = (unsigned char *)f->pivot + n;
+                           panel + packed + f->nstack);
+    f->stack = f->work + packed, f->vec = f->sign + n;
+    f->fixed = (unsigned char *)f->pivot + n;
     return CLOTH_OK;
 }
 
@@ -8217,8 +8143,8 @@ CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix 
         f->fixed[e] = (unsigned char)(fixed ? fixed[p->verts[e]] & 7u : 0u);
     clothi_for(&f->hooks, p->nd, 1, clothi_front_range, f);
     for (q = 0; q < p->nparts; q++)
-        if (f->front[q].domain < 0)
-            clothi_front_part(f, q, f->work + (size_t)p->nd * f->npack, 1);
+        if (p->part[q].domain < 0)
+            clothi_front_part(f, &f->hooks, q, f->work + (size_t)p->nd * f->npack);
     status = clothi_factor_judge(f, &rep);
     f->ready = status != CLOTH_ERR_NONFINITE;
     rep.flops = f->flops;
@@ -8226,70 +8152,6 @@ CLOTH_API cloth_status cloth_factor_compute(cloth_factor *f, const cloth_matrix 
     if (report) *report = rep;
     return status;
 }
-
-CLOTHI_RARE_END
-
-/* b := L^-1 b by elimination number */
-static void clothi_factor_forward(cloth_factor *f, double *b) {
-    double *tmp = f->vec + 3 * (size_t)f->p->n;
-    int q, i, j;
-    for (q = 0; q < f->p->nparts; q++) {
-        const clothi_front *w = f->front + q;
-        const int           n = w->n, nb = w->nb, *bound = nb ? f->bound + w->bound : NULL;
-        const double       *L = f->panel + w->panel;
-        double             *x = b + 3 * (size_t)w->mid;
-        memset(tmp, 0, (size_t)nb * sizeof *tmp);
-        for (j = 0; j < n; j++, L += n + nb) {
-            const double *below = L + n;
-            double s = x[j] /= L[j];
-            for (i = j + 1; i < n; i++) x[i] -= s * L[i];
-            for (i = 0; i < nb; i++) tmp[i] += s * below[i];
-        }
-        for (i = 0; i < nb; i++) b[3 * bound[i / 3] + i % 3] -= tmp[i];
-    }
-}
-
-/* b := L'^-1 b */
-static void clothi_factor_backward(cloth_factor *f, double *b) {
-    double *tmp = f->vec + 3 * (size_t)f->p->n;
-    int q, i, j;
-    for (q = f->p->nparts - 1; q >= 0; q--) {
-        const clothi_front *w = f->front + q;
-        const int           n = w->n, nb = w->nb, *bound = nb ? f->bound + w->bound : NULL;
-        double             *x = b + 3 * (size_t)w->mid;
-        for (i = 0; i < nb; i++) tmp[i] = b[3 * bound[i / 3] + i % 3];
-        for (j = n - 1; j >= 0; j--) {
-            const double *L = f->panel + w->panel + (size_t)j * (size_t)(n + nb);
-            const double  s = clothi_dot(tmp, L + n, (size_t)nb) +
-                              clothi_dot(x + j + 1, L + j + 1, (size_t)(n - j - 1));
-            x[j] = (x[j] - s) / L[j];
-        }
-    }
-}
-
-/* f->vec := (L S L')^-1 f->vec; fixed unknowns and zero pivots give 0 */
-static void clothi_factor_apply(cloth_factor *f) {
-    int n = 3 * f->p->n, i;
-    for (i = 0; i < n; i++)
-        if ((unsigned)f->fixed[i / 3] >> i % 3 & 1u || !f->pivot[i]) f->vec[i] = 0;
-    clothi_factor_forward(f, f->vec);
-    for (i = 0; i < n; i++) f->vec[i] *= f->pivot[i];
-    clothi_factor_backward(f, f->vec);
-}
-
-CLOTH_API cloth_status cloth_factor_solve(cloth_factor *f, const double *b, double *x) {
-    int i, n;
-    if (!f || !f->ready || !b || !x)
-        return clothi_fail(f ? &f->hooks : NULL, CLOTH_ERR_ARGUMENT,
-                           "factor: a pointer is NULL or nothing was computed");
-    n = 3 * f->p->n;
-    for (i = 0; i < n; i++) f->vec[i] = b[3 * f->p->verts[i / 3] + i % 3];
-    clothi_factor_apply(f);
-    for (i = 0; i < n; i++) x[3 * f->p->verts[i / 3] + i % 3] = f->vec[i];
-    return CLOTH_OK;
-}
-
-CLOTHI_RARE_BEGIN
 
 CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d) {
     int    n, i;
@@ -8331,17 +8193,6 @@ static cloth_status clothi_linear_begin(cloth_linear_solver *s, const cloth_matr
     return clothi_solver_reserve(s, A);
 }
 
-/* CG preconditioned by the factor: exact but for rounding, and right with blocks outside too. */
-static cloth_status clothi_cholesky_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
-    const cloth_status status = clothi_solver_factor(s, s->A, s->fixed, NULL);
-    g->factorizations = 1;
-    if (!status) return clothi_plain_cg(s, clothi_by_factor, x, g, NULL);
-    if (status != CLOTH_ERR_NUMERIC) return status;
-    g->negative = 1;
-    g->rr = g->c0 = 1;
-    return CLOTH_OK;
-}
-
 CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_matrix *A,
                                           const double *b, double *x,
                                           const cloth_linear_options *options,
@@ -8366,16 +8217,23 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     status = clothi_linear_begin(s, A, b, &o, &g);
     if (status) return status;
     if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_plain_cg(s, clothi_jacobi, x, &g, NULL);
-    else if (o.method == CLOTH_LINEAR_CHOLESKY) status = clothi_cholesky_solve(s, x, &g);
-    else status = clothi_sgs_solve(s, x, &g);
+    else if (o.method != CLOTH_LINEAR_CHOLESKY) status = clothi_sgs_solve(s, x, &g);
+    else {                                  /* right with blocks outside the pattern too       */
+        status = clothi_solver_factor(s, A, o.fixed, NULL);
+        if (!status) status = clothi_plain_cg(s, clothi_by_factor, x, &g, NULL);
+    }
+    if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
+        g.negative = 1, g.rr = g.c0 = 1;
+        status = CLOTH_OK;
+    }
     if (!status && clothi_find_nonfinite(x, 3 * (size_t)s->p->n) >= 0)
         status = CLOTH_ERR_NONFINITE;
     if (status) {
         memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
         return status;
     }
-    r.iterations = g.it, r.factorizations = g.factorizations, r.negative = g.negative;
-    r.hit = g.hit;
+    r.iterations = g.it, r.factorizations = o.method == CLOTH_LINEAR_CHOLESKY;
+    r.negative = g.negative, r.hit = g.hit;
     r.residual = g.c0 > 0 ? sqrt(g.rr / g.c0) : 0;
     r.decrease = g.Q;
     if (report) *report = r;

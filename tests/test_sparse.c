@@ -726,7 +726,7 @@ static void memory(void) {
         CHECK(status == CLOTH_OK || status == CLOTH_ERR_MEMORY);
         CHECK(r.live == 0);
     }
-    CHECK(status == CLOTH_OK && k > 30);
+    CHECK(status == CLOTH_OK && k > 20);
     cloth_linear_solver_destroy(NULL);
     cloth_matrix_destroy(NULL);
     cloth_pattern_destroy(NULL);

@@ -8324,12 +8324,11 @@ CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
 #define CLOTHI_VERTICES    512              /* vertices that a range takes                     */
 #define CLOTHI_MAX_SUBSTEPS 1000000
 
-
 /* Elements of one kind, eight to a batch. */
 typedef struct clothi_group {
     int  kind, width, count, nbatch;        /* width: vertices of an element                   */
     int  ndomain;                           /* domains of the solver, then the shared rest     */
-    int *domain;                            /* [ndomain+2] first batch of each; last = nbatch  */
+    int  domain[CLOTHI_DOMAINS + 2];        /* first batch of each; behind the last: nbatch    */
     int *id;                                /* [nbatch x 8] element, -1: an unused lane        */
     int *vert;                              /* [nbatch x width x 8]                            */
     int *slot;                              /* [nbatch x pairs x 8] off-diagonal matrix slots  */
@@ -8551,18 +8550,16 @@ CLOTHI_OUTLINE static double clothi_rest_area(const double *X, int f) {
     return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
 }
 
-/* Positive, and neither it nor its reciprocal beyond the range of doubles. */
-static int clothi_normal(double a) { return a > 1e-300 && a < 1e300; }
-
-/* A mesh may pass every check and still be too small or large for its areas. */
+/* A mesh may pass every check and still be too small or large for its areas, or their inverses. */
 static cloth_status clothi_check_areas(const cloth_hooks *hooks, const char *name, const double *X,
                                        int nf) {
     int f;
-    for (f = 0; f < nf; f++)
-        if (!clothi_normal(clothi_rest_area(X, f)))
+    for (f = 0; f < nf; f++) {
+        const double area = clothi_rest_area(X, f);
+        if (!(area > 1e-300 && area < 1e300))
             return clothi_fail(hooks, CLOTH_ERR_MESH, "%s: triangle %i has rest area %g, not > 0 "
-                               "and in the range of doubles: choose other units", name, f,
-                               clothi_rest_area(X, f));
+                               "and in the range of doubles: choose other units", name, f, area);
+    }
     return CLOTH_OK;
 }
 
@@ -8632,51 +8629,47 @@ static const int *clothi_stencil(const cloth_model *m, int kind, int i) {
 /* The pattern of the Hessian: a block for each pair of vertices of a stencil; with ties, the
  * leaders join the stencil, since their rows take the followers' entries. */
 static cloth_status clothi_model_pattern(cloth_model *m) {
-    const clothi_group *group[2];
+    const int    first = m->membrane.count, nelem = first + m->bend.count, per = m->tie ? 16 : 4;
+    int         *start = (int *)clothi_alloc(&m->hooks, (size_t)nelem + 1, sizeof(int));
+    int         *vertex = (int *)clothi_alloc(&m->hooks, (size_t)nelem * (size_t)per, sizeof(int));
+    int          i, k, a, n = 0;
     cloth_status status = CLOTH_ERR_MEMORY;
-    int   g, i, k, a, n = 0, nelem = m->membrane.count + m->bend.count, per = m->tie ? 16 : 4;
-    int  *start = NULL, *vertex = NULL;
-    group[0] = &m->membrane;
-    group[1] = &m->bend;
-    start = (int *)clothi_alloc(&m->hooks, (size_t)nelem + 1, sizeof(int));
-    vertex = (int *)clothi_alloc(&m->hooks, (size_t)nelem * (size_t)per, sizeof(int));
-    if (!start || !vertex) goto done;
-    for (g = 0, nelem = 0; g < 2; g++)
-        for (i = 0; i < group[g]->count; i++) {
-            const int *v = clothi_stencil(m, group[g]->kind, i);
-            int        first = n;
-            start[nelem++] = n;
-            for (k = 0; k < group[g]->width; k++) vertex[n++] = v[k];
-            for (k = 0; m->tie && k < 3 * group[g]->width; k++) {
-                int lead = m->tie[3 * v[k / 3] + k % 3];
-                for (a = first; a < n && vertex[a] != lead; a++) {}
-                if (lead >= 0 && a == n) vertex[n++] = lead;
-            }
+    for (i = 0; i < nelem && start && vertex; i++, start[i] = n) {
+        const clothi_group *g = i < first ? &m->membrane : &m->bend;
+        const int          *v = clothi_stencil(m, g->kind, i < first ? i : i - first);
+        for (k = 0; k < g->width; k++) vertex[n++] = v[k];
+        for (k = 0; m->tie && k < 3 * g->width; k++) {
+            int lead = m->tie[3 * v[k / 3] + k % 3];
+            for (a = start[i]; a < n && vertex[a] != lead; a++) {}
+            if (lead >= 0 && a == n) vertex[n++] = lead;
         }
-    start[nelem] = n;
-    status = cloth_pattern_create(&m->hooks, m->nv, nelem, start, vertex, m->x_rest, &m->pattern);
-done:
+    }
+    if (start && vertex)
+        status = cloth_pattern_create(&m->hooks, m->nv, nelem, start, vertex, m->x_rest,
+                                      &m->pattern);
     clothi_free(&m->hooks, vertex);
     clothi_free(&m->hooks, start);
     return status;
 }
 
-/* Domain of an element: the one that holds its vertices, but for one on a separator; with two
+static int clothi_group_pairs(const clothi_group *g) { return g->width * (g->width - 1) / 2; }
+
+/* Domain of element e: the one that holds its vertices, but for one on a separator; with two
  * there it writes to a block that others may write to: ndomain. */
-static int clothi_element_domain(const cloth_model *m, const int *v, int width, int ndomain) {
-    int k, domain = -1, outside = 0;
+static int clothi_element_domain(const cloth_model *m, const clothi_group *g, int e) {
+    const int *v = clothi_stencil(m, g->kind, e);
+    int        k, domain = -1, outside = 0;
     if (!m->pattern) return 0;
-    for (k = 0; k < width; k++) {
+    for (k = 0; k < g->width; k++) {
         int d = cloth_pattern_domain(m->pattern, v[k]);
-        if (d < 0 ? outside++ > 0 : domain >= 0 && d != domain) return ndomain;
+        if (d < 0 ? outside++ > 0 : domain >= 0 && d != domain) return g->ndomain;
         if (d >= 0) domain = d;
     }
-    return domain < 0 ? ndomain : domain;
+    return domain < 0 ? g->ndomain : domain;
 }
 
 static void clothi_group_fill(const cloth_model *m, clothi_group *g, int at, int e) {
-    int        b = at / CLOTHI_LANES, lane = at % CLOTHI_LANES, k;
-    int        pairs = g->width * (g->width - 1) / 2;
+    int        b = at / CLOTHI_LANES, lane = at % CLOTHI_LANES, pairs = clothi_group_pairs(g), k;
     const int *v = clothi_stencil(m, g->kind, e);
     for (k = 0; k < g->width; k++) g->vert[(b * g->width + k) * CLOTHI_LANES + lane] = v[k];
     for (k = 0; m->pattern && k < pairs; k++)
@@ -8687,32 +8680,25 @@ static void clothi_group_fill(const cloth_model *m, clothi_group *g, int at, int
 /* Sorts elements by domain (counting sort, in element order), pads each domain to whole batches
  * by repeating its last element in lanes whose id is -1. */
 static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
-    const cloth_hooks *hooks = &m->hooks;
-    cloth_status status = CLOTH_ERR_MEMORY;
-    int  pairs = g->width * (g->width - 1) / 2, d, e, k, *next = NULL;
-    int *home = NULL;
+    int d, e, next[CLOTHI_DOMAINS + 2] = {0};
+    size_t n;
     g->ndomain = m->pattern ? cloth_pattern_domains(m->pattern) : 1;
-    home = (int *)clothi_alloc(hooks, (size_t)g->count, sizeof(int));
-    next = (int *)clothi_alloc(hooks, (size_t)g->ndomain + 2, sizeof(int));
-    g->domain = (int *)clothi_alloc(hooks, (size_t)g->ndomain + 2, sizeof(int));
-    if (!home || !next || !g->domain) goto done;
-    for (e = 0; e < g->count; e++) {
-        home[e] = clothi_element_domain(m, clothi_stencil(m, g->kind, e), g->width, g->ndomain);
-        next[home[e]]++;
-    }
+    for (e = 0; e < g->count; e++) next[clothi_element_domain(m, g, e)]++;
     for (d = 0; d <= g->ndomain; d++) {
         g->domain[d + 1] = g->domain[d] + (next[d] + CLOTHI_LANES - 1) / CLOTHI_LANES;
         next[d] = g->domain[d] * CLOTHI_LANES;
     }
     g->nbatch = g->domain[g->ndomain + 1];
-    k = g->nbatch * CLOTHI_LANES;
-    g->id = (int *)clothi_alloc(hooks, (size_t)k, sizeof(int));
-    g->vert = (int *)clothi_alloc(hooks, (size_t)k * (size_t)g->width, sizeof(int));
-    if (m->pattern) g->slot = (int *)clothi_alloc(hooks, (size_t)k * (size_t)pairs, sizeof(int));
-    if (!g->id || !g->vert || (m->pattern && !g->slot)) goto done;
+    n = (size_t)g->nbatch * CLOTHI_LANES;
+    g->id = (int *)clothi_alloc(&m->hooks, n, sizeof(int));
+    g->vert = (int *)clothi_alloc(&m->hooks, n * (size_t)g->width, sizeof(int));
+    if (m->pattern)
+        g->slot = (int *)clothi_alloc(&m->hooks, n * (size_t)clothi_group_pairs(g), sizeof(int));
+    if (!g->id || !g->vert || (m->pattern && !g->slot)) return CLOTH_ERR_MEMORY;
     for (e = 0; e < g->count; e++) {
-        g->id[next[home[e]]] = e;
-        clothi_group_fill(m, g, next[home[e]]++, e);
+        d = clothi_element_domain(m, g, e);
+        g->id[next[d]] = e;
+        clothi_group_fill(m, g, next[d]++, e);
     }
     for (d = 0; d <= g->ndomain; d++)
         for (; next[d] < g->domain[d + 1] * CLOTHI_LANES; next[d]++) {
@@ -8720,43 +8706,35 @@ static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
             for (e = next[d] - 1; g->id[e] < 0; e--) {}
             clothi_group_fill(m, g, next[d], g->id[e]);
         }
-    status = CLOTH_OK;
-done:
-    clothi_free(hooks, next);
-    clothi_free(hooks, home);
-    return status;
+    return CLOTH_OK;
 }
 
 /* For each vertex the places of its element forces: forces are summed by gathering, in an order
  * that no worker count changes. */
 static cloth_status clothi_model_gather(cloth_model *m) {
-    clothi_group *group[2];
-    int g, b, k, lane, pass;
-    group[0] = &m->membrane;
-    group[1] = &m->bend;
-    m->gather_start = (int *)clothi_alloc(&m->hooks, (size_t)m->nv + 2, sizeof(int));
-    m->gather_mid = (int *)clothi_alloc(&m->hooks, (size_t)m->nv, sizeof(int));
+    const size_t nv = (size_t)m->nv;
+    int          g, i, pass;
+    m->gather_start = (int *)clothi_alloc(&m->hooks, nv + 2, sizeof(int));
+    m->gather_mid = (int *)clothi_alloc(&m->hooks, nv, sizeof(int));
     if (!m->gather_start || !m->gather_mid) return CLOTH_ERR_MEMORY;
-    for (pass = 0; pass < 2; pass++) {
+    for (pass = 0; pass < 2; pass++) {      /* counts, one behind, then places */
         int *fill = m->gather_start + (pass == 0 ? 2 : 1);
         m->force_size = 0;
         for (g = 0; g < 2; g++) {
-            int width = group[g]->width;
-            group[g]->force = m->force_size;
-            for (b = 0; b < group[g]->nbatch; b++)
-                for (k = 0; k < width; k++)
-                    for (lane = 0; lane < CLOTHI_LANES; lane++) {
-                        int v = group[g]->vert[(b * width + k) * CLOTHI_LANES + lane];
-                        if (group[g]->id[b * CLOTHI_LANES + lane] < 0) continue;
-                        if (pass == 0) fill[v]++;
-                        else m->gather[fill[v]++] =
-                                 m->force_size + (b * width + k) * 3 * CLOTHI_LANES + lane;
-                    }
-            m->force_size += group[g]->nbatch * width * 3 * CLOTHI_LANES;
-            for (k = 0; pass == 1 && g == 0 && k < m->nv; k++) m->gather_mid[k] = fill[k];
+            clothi_group *q = g ? &m->bend : &m->membrane;
+            const int     each = q->width * CLOTHI_LANES;
+            q->force = m->force_size;
+            for (i = 0; i < q->nbatch * each; i++) {
+                if (q->id[i / each * CLOTHI_LANES + i % CLOTHI_LANES] < 0) continue;
+                if (pass == 0) fill[q->vert[i]]++;
+                else m->gather[fill[q->vert[i]]++] =
+                         q->force + i / CLOTHI_LANES * 3 * CLOTHI_LANES + i % CLOTHI_LANES;
+            }
+            m->force_size += 3 * q->nbatch * each;
+            if (g == 0) memcpy(m->gather_mid, fill, nv * sizeof(int));
         }
         if (pass == 1) break;
-        for (k = 2; k <= m->nv + 1; k++) m->gather_start[k] += m->gather_start[k - 1];
+        for (i = 1; i <= m->nv; i++) m->gather_start[i + 1] += m->gather_start[i];
         m->gather = (int *)clothi_alloc(&m->hooks, (size_t)m->gather_start[m->nv + 1],
                                         sizeof(int));
         if (!m->gather) return CLOTH_ERR_MEMORY;
@@ -8867,8 +8845,8 @@ static size_t clothi_model_mesh(const cloth_model *m, const cloth_hooks *hooks) 
 
 static size_t clothi_model_stencils(const cloth_model *m, const cloth_hooks *hooks) {
     const clothi_group *a = &m->membrane, *b = &m->bend;
-    const void *const   block[] = {a->domain, a->id, a->vert, a->slot, b->domain, b->id, b->vert,
-                                   b->slot, m->gather, m->gather_start, m->gather_mid, m->wing};
+    const void *const   block[] = {a->id, a->vert, a->slot, b->id, b->vert, b->slot,
+                                   m->gather, m->gather_start, m->gather_mid, m->wing};
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
@@ -9036,12 +9014,10 @@ struct cloth_sim {
     double        term_energy[CLOTHI_MAX_TERMS];
     int           nterms, nbuiltin;
     unsigned char *kept;                    /* the fields and hosts' terms as before the step  */
-    size_t        kept_size;
     cloth_recorder    recorder, host;       /* a tape's, which tells the host's; else host: 0  */
     void            (*tape_gone)(void *user);   /* the sim is destroyed; NULL: no tape         */
     size_t        recorded;                 /* bytes of `kept`                                 */
-    unsigned char *touching;                /* [touching_size] contacts of the record          */
-    size_t        touching_size;
+    unsigned char *touching;                /* contacts of the record                          */
     cloth_contact contact;
     int           contact_on;
     double        contact_energy;           /* J, in the last value of the objective           */
@@ -9057,7 +9033,6 @@ struct cloth_sim {
     cloth_times   ms;                       /* of the step that runs; clothi_charge()          */
     double       *charged, since;
     long long     allocations;
-    size_t        bytes;                    /* held through the counted allocator              */
 };
 
 /* The built-in terms, in the order of the list. */
@@ -9219,30 +9194,26 @@ static size_t clothi_unit_size(const clothi_unit *u) {
     return u->size && u->save && u->load ? u->size(u->user) : 0;
 }
 
-/* id, bytes, then the unit's own bytes: it may hold more or fewer than it did at the snapshot. */
-static void clothi_walk_unit(clothi_walk *w, clothi_unit *u, unsigned char *scratch) {
-    uint64_t head[2];
-    clothi_walk_pad(w);
-    head[0] = u->id;
-    head[1] = clothi_unit_size(u);
-    clothi_walk_bytes(w, (unsigned char *)head, sizeof head);   /* loading: as many as were saved */
-    if (head[1] && w->verb == CLOTHI_HASH) {
-        memset(scratch, 0, (size_t)head[1]);
-        u->save(u->user, scratch);
-        w->hash = clothi_hash(w->hash, scratch, (size_t)head[1]);
-    } else if (head[1] && w->verb == CLOTHI_SAVE) {
-        u->save(u->user, w->buf + w->at);
-    } else if (head[1] && w->verb == CLOTHI_LOAD) {
-        u->load(u->user, w->buf + w->at);
-    }
-    w->at += (size_t)head[1];
-}
-
-/* The first n of them. */
+/* The first n of them: id, bytes, then the unit's own: it may hold more or fewer than it did at the
+ * snapshot. */
 static void clothi_walk_units(const cloth_sim *s, clothi_walk *w, int n, unsigned char *scratch) {
     clothi_unit u;
+    uint64_t    head[2];
     int         i;
-    for (i = 0; i < n && clothi_unit_at(s, i, &u); i++) clothi_walk_unit(w, &u, scratch);
+    for (i = 0; i < n && clothi_unit_at(s, i, &u); i++, w->at += (size_t)head[1]) {
+        clothi_walk_pad(w);
+        head[0] = u.id, head[1] = clothi_unit_size(&u);
+        clothi_walk_bytes(w, (unsigned char *)head, sizeof head);   /* loading: as was saved */
+        if (head[1] && w->verb == CLOTHI_HASH) {
+            memset(scratch, 0, (size_t)head[1]);
+            u.save(u.user, scratch);
+            w->hash = clothi_hash(w->hash, scratch, (size_t)head[1]);
+        } else if (head[1] && w->verb == CLOTHI_SAVE) {
+            u.save(u.user, w->buf + w->at);
+        } else if (head[1] && w->verb == CLOTHI_LOAD) {
+            u.load(u.user, w->buf + w->at);
+        }
+    }
 }
 
 /* A walk over fields and the first `units` units; returns their bytes. */
@@ -9262,16 +9233,12 @@ static void *clothi_counted_alloc(size_t size, void *user) {
     const cloth_hooks *base = &s->model->hooks;
     void *ptr = base->allocator.alloc ? base->allocator.alloc(size, base->allocator.user)
                                       : CLOTH_MALLOC(size);
-    if (!ptr) return NULL;
-    s->allocations++;
-    s->bytes += size;
+    s->allocations += ptr != NULL;
     return ptr;
 }
 
 static void clothi_counted_free(void *ptr, size_t size, void *user) {
-    cloth_sim         *s = (cloth_sim *)user;
-    const cloth_hooks *base = &s->model->hooks;
-    s->bytes -= size;
+    const cloth_hooks *base = &((const cloth_sim *)user)->model->hooks;
     if (base->allocator.free) base->allocator.free(ptr, size, base->allocator.user);
     else CLOTH_FREE(ptr);
 }
@@ -9325,23 +9292,15 @@ static double clothi_young(const cloth_material *mat) {
     return lambda + 2 * mu > 0 ? 4 * mu * (lambda + mu) / (lambda + 2 * mu) : 0;
 }
 
-/* Corners of face f's rest shape that belong to vertices a, b and to the third. */
-static void clothi_rest_corners(const cloth_model *m, const double *X, int f, int a, int b,
-                                const double **pa, const double **pb, const double **pc) {
+/* Where in X [nf x 3 x 2] the corner of face f at vertex v is. */
+static size_t clothi_corner(const cloth_model *m, int f, int v) {
     const int *face = m->faces + 3 * (size_t)f;
-    int        k;
-    for (k = 0; k < 3; k++) {
-        const double *corner = X + 6 * (size_t)f + 2 * k;
-        if (face[k] == a) *pa = corner;
-        else if (face[k] == b) *pb = corner;
-        else *pc = corner;
-    }
+    return 6 * (size_t)f + (face[0] == v ? 0 : face[1] == v ? 2 : 4);
 }
 
 /* Squared rest length of the edge from vertex a to b as face f has it. */
 static double clothi_rest_edge2(const cloth_model *m, const double *X, int f, int a, int b) {
-    const double *p = X, *q = X, *other = X;
-    clothi_rest_corners(m, X, f, a, b, &p, &q, &other);
+    const double *p = X + clothi_corner(m, f, a), *q = X + clothi_corner(m, f, b);
     return (q[0] - p[0]) * (q[0] - p[0]) + (q[1] - p[1]) * (q[1] - p[1]);
 }
 
@@ -9375,15 +9334,6 @@ static double clothi_element_tau(const cloth_model *m, const cloth_params *p, in
     return 0.5 * (tau + p->material[m->region[f[1]]].damping);
 }
 
-static void clothi_derive_triangle(const cloth_model *m, const cloth_params *p, int f,
-                                   double *rest) {
-    double B[7];
-    int    k;
-    B[4] = clothi_rest_inverse(p->X + 6 * (size_t)f, B);
-    cloth_material_lame(p->material + m->region[f], B + 5, B + 6);
-    for (k = 0; k < 7; k++) rest[k * CLOTHI_LANES] = B[k];
-}
-
 /* An edge's spring: k = Y (A1 + A2) / L^2 with Y the membrane stiffness, which gives Y exactly
  * on an equilateral mesh (with Poisson's ratio 1/3, whatever the material says). */
 static void clothi_derive_spring(const cloth_model *m, const cloth_params *p, int e,
@@ -9397,70 +9347,65 @@ static void clothi_derive_spring(const cloth_model *m, const cloth_params *p, in
         YA += clothi_young(p->material + m->region[f[k]]) * clothi_rest_area(p->X, f[k]);
     }
     rest[0] = YA / (L2 / n);
-    rest[CLOTHI_LANES] = sqrt(L2 / n);
+    rest[1] = sqrt(L2 / n);
 }
 
-/* A face's share of the flat hinge: q = |e|/(2 A), 1 over the height of the far corner, and t,
- * the foot of that height along the edge. */
-static void clothi_quadratic_face(const cloth_model *m, const double *X, int f, int a, int b,
-                                  double *q, double *t) {
-    const double *pa = X, *pb = X, *pc = X;
-    double        e[2], d[2], e2;
-    int           k;
-    clothi_rest_corners(m, X, f, a, b, &pa, &pb, &pc);
-    for (k = 0; k < 2; k++) e[k] = pb[k] - pa[k], d[k] = pc[k] - pa[k];
+/* Face k's share of the flat hinge h: q = |e|/(2 A), 1 over the height of the far corner, and t,
+ * the foot of that height along the edge e; d: from its start to that corner. Returns |e|^2. */
+static double clothi_quadratic_face(const cloth_model *m, const double *X, int h, int k, double *e,
+                                    double *d, double *q, double *t) {
+    const int    *v = m->topology->hinges + 4 * (size_t)h;
+    const int     f = m->topology->hinge_faces[2 * (size_t)h + (size_t)k];
+    const double *pa = X + clothi_corner(m, f, v[0]), *pb = X + clothi_corner(m, f, v[1]);
+    const double *pc = X + clothi_corner(m, f, v[2 + k]);
+    double        e2;
+    int           i;
+    for (i = 0; i < 2; i++) e[i] = pb[i] - pa[i], d[i] = pc[i] - pa[i];
     e2 = e[0] * e[0] + e[1] * e[1];
     *q = sqrt(e2) / (2 * clothi_rest_area(X, f));
     *t = (e[0] * d[0] + e[1] * d[1]) / e2;
+    return e2;
 }
 
-/* Weights [4] 1/m of hinge h: what [6.4] makes of a flat stencil, each face in its own plane. */
-static void clothi_quadratic_rest(const cloth_model *m, const cloth_params *p, int h, double *w) {
-    const int *v = m->topology->hinges + 4 * (size_t)h;
-    const int *f = m->topology->hinge_faces + 2 * (size_t)h;
-    double     q, t;
-    int        k;
-    w[0] = w[1] = 0;
-    for (k = 0; k < 2; k++) {
-        clothi_quadratic_face(m, p->X, f[k], v[0], v[1], &q, &t);
-        clothi_quadratic_wing(q, t, k, w);
-    }
-}
-
-static void clothi_derive_hinge(const cloth_model *m, const cloth_params *p, int h, int quadratic,
-                                double *rest) {
-    clothi_hinge_rest r = clothi_hinge_of(m, p, h);
-    double            w[4];
-    int               k;
+/* Of QUADRATIC also the weights [4] 1/m: what [6.4] makes of a flat stencil, each face in its own
+ * plane. */
+static void clothi_derive_hinge(const cloth_model *m, const cloth_params *p, int h, double *rest) {
+    const clothi_hinge_rest r = clothi_hinge_of(m, p, h);
+    double                  e[2], d[2], q, t;
+    int                     k;
     rest[0] = p->hinge_scale[h] * cloth_hinge_coefficient(r.bending, r.e2, r.A1, r.A2);
-    if (!quadratic) {
-        rest[CLOTHI_LANES] = p->theta0[h];
-        return;
+    rest[1] = m->bend.kind == CLOTHI_QUADRATIC ? 0 : p->theta0[h];
+    rest[2] = 0;
+    for (k = 0; k < 2 && m->bend.kind == CLOTHI_QUADRATIC; k++) {
+        (void)clothi_quadratic_face(m, p->X, h, k, e, d, &q, &t);
+        clothi_quadratic_wing(q, t, k, rest + 1);
     }
-    clothi_quadratic_rest(m, p, h, w);
-    for (k = 0; k < 4; k++) rest[(k + 1) * CLOTHI_LANES] = w[k];
 }
 
 /* Fills the rest arrays of one group; a lane without an element gets zero stiffness. */
-static void clothi_derive_group(const cloth_sim *s, const clothi_group *g, clothi_elements *el) {
-    const cloth_model *m = s->model;
-    int b, lane;
+static void clothi_derive_group(const cloth_sim *s, clothi_elements *el) {
+    const cloth_model  *m = s->model;
+    const cloth_params *p = &s->params;
+    const clothi_group *g = el->group;
+    double              rest[7];
+    int                 i, k;
     el->damped = 0;
-    for (b = 0; b < g->nbatch; b++)
-        for (lane = 0; lane < CLOTHI_LANES; lane++) {
-            double *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES + lane;
-            int     id = g->id[b * CLOTHI_LANES + lane], unused = id < 0, back = lane;
-            while (id < 0) id = g->id[b * CLOTHI_LANES + --back];
-            if (g->kind == CLOTHI_TRIANGLE) {
-                clothi_derive_triangle(m, &s->params, id, rest);
-                if (unused) rest[5 * CLOTHI_LANES] = rest[6 * CLOTHI_LANES] = 0;
-            } else {
-                if (g->kind == CLOTHI_SPRING) clothi_derive_spring(m, &s->params, id, rest);
-                else clothi_derive_hinge(m, &s->params, id, g->kind == CLOTHI_QUADRATIC, rest);
-                if (unused) rest[0] = 0;
-            }
-            el->damped |= clothi_element_tau(m, &s->params, g->kind, id) > 0;
-        }
+    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++) {
+        const int stiff = g->kind == CLOTHI_TRIANGLE ? 5 : 0;
+        int       id, back = i;
+        while ((id = g->id[back]) < 0) back--;
+        if (g->kind == CLOTHI_TRIANGLE) {
+            rest[4] = clothi_rest_inverse(p->X + 6 * (size_t)id, rest);
+            cloth_material_lame(p->material + m->region[id], rest + 5, rest + 6);
+        } else if (g->kind == CLOTHI_SPRING)
+            clothi_derive_spring(m, p, id, rest);
+        else clothi_derive_hinge(m, p, id, rest);
+        if (back < i) rest[stiff] = rest[stiff ? 6 : 0] = 0;
+        for (k = 0; k < el->kind->nrest; k++)
+            el->rest[(i / CLOTHI_LANES * el->kind->nrest + k) * CLOTHI_LANES +
+                     i % CLOTHI_LANES] = rest[k];
+        el->damped |= clothi_element_tau(m, p, g->kind, id) > 0;
+    }
 }
 
 /* What triangles with hinges read, of [6.5]: QUADRATIC the unit vectors across the edges, else the
@@ -9499,23 +9444,19 @@ static void clothi_derive_sides(cloth_sim *s) {
 /* Lumped masses: a third of each triangle's to each corner. */
 static void clothi_derive_mass(cloth_sim *s) {
     const cloth_model *m = s->model;
-    int f, k, i;
-    if (s->params.mass_given) return;
-    for (i = 0; i < m->nv; i++) s->params.mass[i] = 0;
-    for (f = 0; f < m->nf; f++) {
+    const int lumped = !s->params.mass_given;
+    double   *mass = s->params.mass;
+    int       f, k, i;
+    if (lumped) memset(mass, 0, (size_t)m->nv * sizeof *mass);
+    for (f = 0; lumped && f < m->nf; f++) {
         double third = s->params.material[m->region[f]].density *
                        clothi_rest_area(s->params.X, f) / 3;
-        for (k = 0; k < 3; k++) s->params.mass[m->faces[3 * f + k]] += third;
+        for (k = 0; k < 3; k++) mass[m->faces[3 * f + k]] += third;
     }
-    for (i = 0; i < m->nv; i++)             /* a vertex of no triangle: the lightest of the rest */
-        if (!(s->params.mass[i] > 0)) s->params.mass[i] = s->params.mass[m->faces[0]];
-}
-
-static double clothi_total_mass(const cloth_sim *s) {
-    double sum = 0;
-    int    i;
-    for (i = 0; i < s->model->nv; i++) sum += s->params.mass[i];
-    return sum;
+    for (i = 0, s->total = 0; i < m->nv; i++) {
+        if (lumped && !(mass[i] > 0)) mass[i] = mass[m->faces[0]];  /* of no triangle */
+        s->total += mass[i];
+    }
 }
 
 /* Everything that a host may have written, p in place of the accepted params. */
@@ -9540,57 +9481,44 @@ static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *
     return clothi_check_each(hooks, "params.mass", p->mass, m->nv, 0, 1);
 }
 
+/* Values of `from` into the arrays of `to`, of which those that are not there yet are made. */
+static cloth_status clothi_params_copy(cloth_sim *s, const cloth_params *from, cloth_params *to) {
+    size_t f;
+    for (f = 0; f < CLOTHI_FIELDS; f++) {
+        const clothi_field *q = clothi_fields + f;
+        const size_t        n = clothi_field_count(s, q), at = q->at - offsetof(cloth_sim, params);
+        void               *a, *b;
+        if (!(q->flags & CLOTHI_ARRAY && q->flags & CLOTHI_PARAM) || q->within) continue;
+        memcpy(&a, (const unsigned char *)from + at, sizeof a);
+        memcpy(&b, (unsigned char *)to + at, sizeof b);
+        if (!b) b = clothi_alloc(&s->hooks, n, q->stride);
+        memcpy((unsigned char *)to + at, &b, sizeof b);
+        if (!b) return CLOTH_ERR_MEMORY;
+        memcpy(b, a, n * q->stride);
+    }
+    to->nregions = s->params.nregions, to->nh = s->params.nh, to->nf = s->params.nf;
+    to->nv = s->params.nv, to->mass_given = from->mass_given != 0;
+    return CLOTH_OK;
+}
+
+/* All that follows from params, and the host's copy of them. */
 static void clothi_derive(cloth_sim *s) {
     double area = 0;
     int    f;
     for (f = 0; f < s->model->nf; f++) area += clothi_rest_area(s->params.X, f);
     s->edge = sqrt(4 / sqrt(3.0) * area / s->model->nf);
     clothi_derive_mass(s);
-    s->total = clothi_total_mass(s);
-    clothi_derive_group(s, &s->model->membrane, &s->own.membrane);
-    clothi_derive_group(s, &s->model->bend, &s->own.bend);
+    clothi_derive_group(s, &s->own.membrane);
+    clothi_derive_group(s, &s->own.bend);
     if (s->own.side) clothi_derive_sides(s);
     s->quadratic_ready = s->known = 0, s->rested.outcome = CLOTH_STEP_NONE;
     s->omega_rest = 0;
-}
-
-/* Copies values, not pointers. */
-static void clothi_params_copy(const cloth_model *m, const cloth_params *from, int nh,
-                               cloth_params *to) {
-    const size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
-    to->nregions = m->nregions, to->nh = nh, to->nf = m->nf, to->nv = m->nv;
-    to->mass_given = from->mass_given != 0;
-    memcpy(to->material, from->material, (size_t)m->nregions * sizeof *to->material);
-    memcpy(to->hinge_scale, from->hinge_scale, (size_t)nh * sizeof(double));
-    memcpy(to->theta0, from->theta0, (size_t)nh * sizeof(double));
-    memcpy(to->X, from->X, 6 * nf * sizeof(double));
-    memcpy(to->mass, from->mass, nv * sizeof(double));
-}
-
-/* The host's copy follows what was accepted. */
-static void clothi_params_publish(cloth_sim *s) {
-    if (s->edit.mass) clothi_params_copy(s->model, &s->params, s->params.nh, &s->edit);
-}
-
-/* Arrays of the host's copy; what there is when memory is out waits for the next try. */
-static cloth_status clothi_params_alloc(cloth_sim *s, cloth_params *p) {
-    const size_t nh = (size_t)s->params.nh;
-    cloth_status status = CLOTH_OK;
-    if (!p->material)
-        p->material = (cloth_material *)clothi_alloc(&s->hooks, (size_t)s->model->nregions,
-                                                     sizeof *p->material);
-    if (!p->material) return CLOTH_ERR_MEMORY;
-    status = clothi_need(s, &p->hinge_scale, nh);
-    if (!status) status = clothi_need(s, &p->theta0, nh);
-    if (!status) status = clothi_need(s, &p->X, 6 * (size_t)s->model->nf);
-    return status ? status : clothi_need(s, &p->mass, (size_t)s->model->nv);
+    if (s->edit.mass) (void)clothi_params_copy(s, &s->params, &s->edit);
 }
 
 CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim) {
     if (!sim) return NULL;
-    if (sim->edit.mass) return &sim->edit;
-    if (clothi_params_alloc(sim, &sim->edit)) return NULL;
-    clothi_params_publish(sim);
+    if (!sim->edit.mass && clothi_params_copy(sim, &sim->params, &sim->edit)) return NULL;
     return &sim->edit;
 }
 
@@ -9600,9 +9528,8 @@ CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
     if (!sim->edit.mass) return CLOTH_OK;   /* nobody asked for them: nothing was written */
     status = clothi_check_params(sim, &sim->edit);
     if (status) return status;
-    clothi_params_copy(sim->model, &sim->edit, sim->params.nh, &sim->params);
-    clothi_derive(sim);
-    clothi_params_publish(sim);             /* masses that were lumped anew */
+    (void)clothi_params_copy(sim, &sim->edit, &sim->params);
+    clothi_derive(sim);                     /* masses may be lumped anew */
     clothi_forget(sim);
     return CLOTH_OK;
 }
@@ -9611,21 +9538,20 @@ CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
 
 static cloth_status clothi_sim_arrays(cloth_sim *s) {
     const cloth_model *m = s->model;
-    clothi_elements   *a = &s->own.membrane, *b = &s->own.bend;
-    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES;
-    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES;
-    cloth_status status;
-    a->kind = clothi_kinds + m->membrane.kind;
-    a->group = &m->membrane;
-    b->group = &m->bend;
-    a->own = b->own = &s->own;
-    b->first = m->membrane.nbatch;
-    b->kind = clothi_kinds + m->bend.kind;
+    const size_t       lanes = (size_t)m->membrane.nbatch * CLOTHI_LANES;
+    cloth_status       status = clothi_fields_need(s, CLOTHI_LATE);
+    int                i;
+    for (i = 0; i < 2 && !status; i++) {
+        clothi_elements *el = i ? &s->own.bend : &s->own.membrane;
+        el->group = i ? &m->bend : &m->membrane, el->own = &s->own;
+        el->kind = clothi_kinds + el->group->kind, el->first = i ? m->membrane.nbatch : 0;
+        status = clothi_need(s, &el->rest, (size_t)(el->group->nbatch * el->kind->nrest) *
+                                               CLOTHI_LANES);
+    }
+    if (!status && m->wing) status = clothi_need(s, &s->own.side, 9 * lanes);
+    if (status) return status;
     s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)m->nv, 1);
-    status = s->fixed ? clothi_need(s, &a->rest, na * (size_t)a->kind->nrest) : CLOTH_ERR_MEMORY;
-    if (!status) status = clothi_need(s, &b->rest, nb * (size_t)b->kind->nrest);
-    if (!status && m->wing) status = clothi_need(s, &s->own.side, 9 * na);
-    return status ? status : clothi_fields_need(s, CLOTHI_LATE);
+    return s->fixed ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 /* State, inputs and params as the model has them. */
@@ -9646,13 +9572,10 @@ static void clothi_sim_start(cloth_sim *s) {
     p->nh = m->bend.count ? m->topology->nh : 0;
     memcpy(p->material, m->material, (size_t)m->nregions * sizeof(cloth_material));
     memcpy(p->X, m->X, 6 * (size_t)m->nf * sizeof(double));
-    for (i = 0; i < p->nh; i++) {
-        p->hinge_scale[i] = 1, p->theta0[i] = m->theta0[i];
-    }
+    for (i = 0; i < p->nh; i++) p->hinge_scale[i] = 1, p->theta0[i] = m->theta0[i];
     p->mass_given = m->vertex_mass != NULL;
     if (m->vertex_mass) memcpy(p->mass, m->vertex_mass, nv * sizeof(double));
     clothi_derive(s);
-    clothi_params_publish(s);
 }
 
 static void clothi_terms_install(cloth_sim *s);          /* [9.1] */
@@ -9749,34 +9672,16 @@ CLOTHI_RARE_END
 /* --- elements: gather positions, evaluate eight, keep or scatter --- */
 
 typedef struct clothi_pass {                /* one sweep over one group                        */
-    const cloth_model  *model;
-    const cloth_params *params;             /* of begin                                        */
-    clothi_own         *own;
-    const clothi_group *g;
-    clothi_elements    *el;
-    const double       *x;
-    double              inv_h;              /* 1/h for damping, 0: none                        */
-    int                 grad, psd;
-    cloth_matrix       *hess;               /* NULL: not wanted                                */
-    double             *energy, *loss;      /* [nbatch x 8]                                    */
+    const cloth_eval *e;
+    clothi_elements  *el;
+    double            inv_h;                /* 1/h for damping, 0: none                        */
+    cloth_matrix     *hess;                 /* NULL: not wanted                                */
+    double           *energy, *loss;        /* [nbatch x 8]                                    */
 } clothi_pass;
 
 /* Adds the lanes' Hessian blocks to the matrix: see [6.1]. A slot's lowest bit says that the matrix
  * holds the transpose. Turning lanes into blocks is a transposition of 4x4 numbers; by single
  * numbers it costs twice as much. */
-CLOTHI_UNUSED static void clothi_scatter_plain(const clothi_pass *p, const int *slot, const int *id,
-                                               const double *H) {
-    int lane, q;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) {
-        double *A = clothi_matrix_block(p->hess, slot[lane]);
-        if (id[lane] < 0) continue;
-        if (slot[lane] & 1)
-            for (q = 0; q < 9; q++) A[q] += H[(3 * (q % 3) + q / 3) * CLOTHI_LANES + lane];
-        else
-            for (q = 0; q < 9; q++) A[q] += H[q * CLOTHI_LANES + lane];
-    }
-}
-
 #if defined(CLOTHI_AVX)
 /* out[lane] = numbers r0 r1 r2 r3 of four lanes. */
 CLOTHI_LANE void clothi_turn4(const double *H, int r0, int r1, int r2, int r3, __m256d *out) {
@@ -9792,8 +9697,8 @@ CLOTHI_LANE void clothi_turn4(const double *H, int r0, int r1, int r2, int r3, _
     out[3] = _mm256_permute2f128_pd(ab1, cd1, 0x31);
 }
 
-static void clothi_scatter_turned(const clothi_pass *p, const int *slot, const int *id,
-                                  const double *H) {
+static void clothi_scatter_pair(cloth_matrix *to, const int *slot, const int *id,
+                                const double *H) {
     int half, k;
     for (half = 0; half < CLOTHI_LANES; half += 4) {
         __m256d head[2][4], tail[2][4];     /* as it is, and transposed */
@@ -9803,7 +9708,7 @@ static void clothi_scatter_turned(const clothi_pass *p, const int *slot, const i
         clothi_turn4(H + half, 4, 7, 2, 5, tail[1]);
         for (k = 0; k < 4; k++) {
             int     at = slot[half + k];
-            double *A = clothi_matrix_block(p->hess, at);
+            double *A = clothi_matrix_block(to, at);
             if (id[half + k] < 0) continue;
             _mm256_storeu_pd(A, _mm256_add_pd(_mm256_loadu_pd(A), head[at & 1][k]));
             _mm256_storeu_pd(A + 4, _mm256_add_pd(_mm256_loadu_pd(A + 4), tail[at & 1][k]));
@@ -9811,20 +9716,26 @@ static void clothi_scatter_turned(const clothi_pass *p, const int *slot, const i
         }
     }
 }
+#else
+static void clothi_scatter_pair(cloth_matrix *to, const int *slot, const int *id,
+                                const double *H) {
+    int lane, q;
+    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+        double *A = clothi_matrix_block(to, slot[lane]);
+        if (id[lane] < 0) continue;
+        if (slot[lane] & 1)
+            for (q = 0; q < 9; q++) A[q] += H[(3 * (q % 3) + q / 3) * CLOTHI_LANES + lane];
+        else
+            for (q = 0; q < 9; q++) A[q] += H[q * CLOTHI_LANES + lane];
+    }
+}
 #endif
 
-static void clothi_scatter(const clothi_pass *p, int b, const double *H) {
-    const clothi_group *g = p->g;
-    int        pairs = g->width * (g->width - 1) / 2, k;
-    const int *id = g->id + (size_t)b * CLOTHI_LANES;
-    for (k = 0; k < pairs; k++) {
-        const int *slot = g->slot + (size_t)(b * pairs + k) * CLOTHI_LANES;
-#if defined(CLOTHI_AVX)
-        clothi_scatter_turned(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
-#else
-        clothi_scatter_plain(p, slot, id, H + (size_t)k * 9 * CLOTHI_LANES);
-#endif
-    }
+static void clothi_scatter(const clothi_group *g, cloth_matrix *to, int b, const double *H) {
+    int k, pairs = clothi_group_pairs(g);
+    for (k = 0; k < pairs; k++)
+        clothi_scatter_pair(to, g->slot + (size_t)(b * pairs + k) * CLOTHI_LANES,
+                            g->id + (size_t)b * CLOTHI_LANES, H + (size_t)k * 9 * CLOTHI_LANES);
 }
 
 /* Positions of the corners of batch b; a constant number of corners lets compilers unroll. */
@@ -9849,23 +9760,24 @@ static void clothi_batch_rest(const clothi_elements *el, int b, double inv_h, co
 /* Batch b of a group: energy, element forces and Hessian as asked. */
 static void clothi_batch(const clothi_pass *p, int b) {
     const clothi_elements *el = p->el;
+    const clothi_group    *g = el->group;
     const double          *rest, *start;
     double x[12 * CLOTHI_LANES], damp[CLOTHI_LANES], H[54 * CLOTHI_LANES], unused[2 * CLOTHI_LANES];
     double f[12 * CLOTHI_LANES], *to = f;
-    clothi_corners(p->g, p->x, b, x);
+    clothi_corners(g, p->e->x, b, x);
     clothi_batch_rest(el, b, p->inv_h, &rest, &start, damp);
-    if (p->grad)
-        to = p->own->force + p->g->force + (size_t)b * (size_t)p->g->width * 3 * CLOTHI_LANES;
-    if (p->grad && !p->energy && start == clothi_none && p->g->kind == CLOTHI_TRIANGLE)
+    if (p->e->grad)
+        to = el->own->force + g->force + (size_t)b * (size_t)g->width * 3 * CLOTHI_LANES;
+    if (p->e->grad && !p->energy && start == clothi_none && g->kind == CLOTHI_TRIANGLE)
         clothi_stretch_forces(x, rest, to);
-    else if (p->energy || p->grad)
+    else if (p->energy || p->e->grad)
         el->kind->lanes(x, rest, start, damp,
                         p->energy ? p->energy + (size_t)b * CLOTHI_LANES : unused,
                         p->energy && start != clothi_none ? p->loss + (size_t)b * CLOTHI_LANES
                                                           : unused + CLOTHI_LANES, to);
     if (!p->hess) return;
-    el->kind->blocks(x, rest, start, damp, p->psd, H);
-    clothi_scatter(p, b, H);
+    el->kind->blocks(x, rest, start, damp, p->e->psd, H);
+    clothi_scatter(g, p->hess, b, H);
 }
 
 static void clothi_pass_batches(int begin, int end, int worker, void *ctx) {
@@ -9876,7 +9788,7 @@ static void clothi_pass_batches(int begin, int end, int worker, void *ctx) {
 
 static void clothi_pass_domains(int begin, int end, int worker, void *ctx) {
     const clothi_pass *p = (const clothi_pass *)ctx;
-    clothi_pass_batches(p->g->domain[begin], p->g->domain[end], worker, ctx);
+    clothi_pass_batches(p->el->group->domain[begin], p->el->group->domain[end], worker, ctx);
 }
 
 /* n a multiple of CLOTHI_LANES. */
@@ -9890,43 +9802,30 @@ static double clothi_lane_sum(const double *a, int n) {
 
 CLOTHI_RARE_BEGIN
 
-/* A sweep over a group; returns the sum of energies, in batch order whatever the workers did. */
-static double clothi_sweep(clothi_pass *p, double *loss) {
-    const clothi_group *g = p->g;
-    cloth_counts       *counts = &p->own->counts;
-    double energy = 0, lost = 0;
-    int    n = g->nbatch * CLOTHI_LANES;
-    if (g->count == 0) return 0;
-    if (p->hess) {                          /* domains side by side, then what they share */
-        clothi_for(p->own->hooks, g->ndomain, 1, clothi_pass_domains, p);
-        clothi_pass_domains(g->ndomain, g->ndomain + 1, 0, p);
-    } else {
-        clothi_for(p->own->hooks, g->nbatch, CLOTHI_CHUNK, clothi_pass_batches, p);
-    }
-    if (p->energy) energy = clothi_lane_sum(p->energy, n);
-    if (p->energy && p->el->damped && p->inv_h > 0) lost = clothi_lane_sum(p->loss, n);
-    if (loss) *loss = lost;
-    if (g->kind == CLOTHI_TRIANGLE) counts->triangles += g->count;
-    else if (g->kind == CLOTHI_SPRING) counts->springs += g->count;
-    else counts->hinges += g->count;
-    if (p->hess) counts->hessians += g->count;
-    return energy + lost;
-}
-
+/* A sweep over a group; energies are summed in batch order whatever the workers did. */
 static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double *energy) {
     clothi_elements    *el = (clothi_elements *)user;
     clothi_own         *own = el->own;
     const clothi_group *g = el->group;
+    const size_t        first = (size_t)el->first * CLOTHI_LANES;
     clothi_pass         p;
-    p.model = e->model, p.own = own, p.g = g, p.el = el, p.x = e->x;
-    p.inv_h = e->h > 0 ? 1 / e->h : 0;
-    p.grad = e->grad != NULL;
+    *energy = el->loss = 0;
+    if (g->count == 0) return CLOTH_OK;
+    p.e = e, p.el = el, p.inv_h = e->h > 0 ? 1 / e->h : 0;
     p.hess = g->kind == CLOTHI_QUADRATIC && !el->damped ? NULL : e->hess;   /* else constant */
-    p.psd = e->psd;
-    p.energy = own->force_only ? NULL : own->energy_batch + (size_t)el->first * CLOTHI_LANES;
-    p.loss = own->loss_batch ? own->loss_batch + (size_t)el->first * CLOTHI_LANES : NULL;
-    own->counts.bend_assemblies += p.hess && g->count && el == &own->bend;
-    *energy = clothi_sweep(&p, &el->loss);
+    p.energy = own->force_only ? NULL : own->energy_batch + first;
+    p.loss = own->loss_batch ? own->loss_batch + first : NULL;
+    if (p.hess) {                           /* domains side by side, then what they share */
+        clothi_for(own->hooks, g->ndomain, 1, clothi_pass_domains, &p);
+        clothi_pass_domains(g->ndomain, g->ndomain + 1, 0, &p);
+        own->counts.hessians += g->count, own->counts.bend_assemblies += el == &own->bend;
+    } else
+        clothi_for(own->hooks, g->nbatch, CLOTHI_CHUNK, clothi_pass_batches, &p);
+    *(g->kind == CLOTHI_TRIANGLE ? &own->counts.triangles : g->kind == CLOTHI_SPRING
+          ? &own->counts.springs : &own->counts.hinges) += g->count;
+    if (!p.energy) return CLOTH_OK;
+    if (el->damped && p.inv_h > 0) el->loss = clothi_lane_sum(p.loss, g->nbatch * CLOTHI_LANES);
+    *energy = clothi_lane_sum(p.energy, g->nbatch * CLOTHI_LANES) + el->loss;
     return CLOTH_OK;
 }
 
@@ -9936,44 +9835,49 @@ CLOTHI_RARE_END
 static void clothi_start_range(int begin, int end, int worker, void *ctx) {
     const clothi_pass     *p = (const clothi_pass *)ctx;
     const clothi_elements *el = p->el;
+    const clothi_group    *g = el->group;
     const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
     double       x[12 * CLOTHI_LANES], *start = el->start + (size_t)begin * (n + CLOTHI_LANES);
     int          b, k;
     (void)worker;
     for (b = begin; b < end; b++, start += n + CLOTHI_LANES) {
-        const int *id = p->g->id + (size_t)b * CLOTHI_LANES;
-        clothi_corners(p->g, p->x, b, x);
+        const int *id = g->id + (size_t)b * CLOTHI_LANES;
+        clothi_corners(g, p->e->x_n, b, x);
         el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES, start);
         for (k = 0; k < CLOTHI_LANES; k++)
             start[n + (size_t)k] =
-                id[k] < 0 ? 0 : clothi_element_tau(p->model, p->params, p->g->kind, id[k]);
+                id[k] < 0 ? 0 : clothi_element_tau(p->e->model, p->e->params, g->kind, id[k]);
     }
 }
 
 static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
-    clothi_elements *el = (clothi_elements *)user;
-    clothi_pass      p;
-    if (!el->damped) return CLOTH_OK;
-    memset(&p, 0, sizeof p);
-    p.model = e->model, p.params = e->params, p.g = el->group, p.el = el, p.x = e->x_n;
-    clothi_for(el->own->hooks, p.g->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
+    clothi_pass p;
+    p.e = e, p.el = (clothi_elements *)user;
+    if (p.el->damped)
+        clothi_for(p.el->own->hooks, p.el->group->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
     return CLOTH_OK;
 }
 
+typedef struct clothi_vertices {            /* one sweep over vertices                         */
+    const cloth_sim *s;
+    double           w;                     /* 1/eta^2                                         */
+    const double    *x;
+    double          *grad, *partial;
+} clothi_vertices;
+
 /* grad = gathered element forces. */
 static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
-    const clothi_pass *p = (const clothi_pass *)ctx;
-    const cloth_model *m = p->model;
+    const clothi_vertices *q = (const clothi_vertices *)ctx;
+    const cloth_model     *m = q->s->model;
     (void)worker;
-    clothi_sum_corners(p->own->force, m->gather_start, m->gather_start + 1, m->gather, begin, end,
-                       1.0, p->energy);
+    clothi_sum_corners(q->s->own.force, m->gather_start, m->gather_start + 1, m->gather, begin, end,
+                       1.0, q->grad);
 }
 
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
-    clothi_pass p;
-    memset(&p, 0, sizeof p);
-    p.model = s->model, p.own = &s->own, p.energy = grad;
-    clothi_for(&s->hooks, s->model->nv, CLOTHI_VERTICES, clothi_gather_range, &p);
+    clothi_vertices q;
+    q.s = s, q.grad = grad;
+    clothi_for(&s->hooks, s->model->nv, CLOTHI_VERTICES, clothi_gather_range, &q);
 }
 
 /* --- gravity and external force --- */
@@ -10185,25 +10089,21 @@ static cloth_status clothi_wind_eval(void *user, const cloth_eval *e, double *en
 
 CLOTHI_RARE_BEGIN
 
-/* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners. */
+/* dV/d(rest edge^2 of face f) and dV/d(area of f) into its corners in X [nf x 3 x 2]. */
 CLOTHI_OUTLINE static void clothi_rest_vjp(const cloth_model *m, const cloth_params *p, int f,
                                            int va, int vb, double de2, double dA, double *X) {
-    const int    *face = m->faces + 3 * (size_t)f;
-    const double *c = p->X + 6 * (size_t)f;
-    int           i = 0, j = 0, k;
-    for (k = 0; k < 3; k++) {
-        if (face[k] == va) i = k;
-        if (face[k] == vb) j = k;
-    }
+    const size_t  a = clothi_corner(m, f, va), b = clothi_corner(m, f, vb), at = 6 * (size_t)f;
+    const double *c = p->X + at;
+    int           k;
     for (k = 0; k < 2; k++) {
-        double d = 2 * de2 * (c[2 * j + k] - c[2 * i + k]);
-        X[2 * j + k] += d;
-        X[2 * i + k] -= d;
+        double d = 2 * de2 * (p->X[b + (size_t)k] - p->X[a + (size_t)k]);
+        X[b + (size_t)k] += d;
+        X[a + (size_t)k] -= d;
     }
     for (k = 0; k < 3; k++) {               /* 2 A = sum of cross products around */
         const double *q = c + 2 * ((k + 1) % 3), *r = c + 2 * ((k + 2) % 3);
-        X[2 * k] += 0.5 * dA * (q[1] - r[1]);
-        X[2 * k + 1] += 0.5 * dA * (r[0] - q[0]);
+        X[at + 2 * (size_t)k] += 0.5 * dA * (q[1] - r[1]);
+        X[at + 2 * (size_t)k + 1] += 0.5 * dA * (r[0] - q[0]);
     }
 }
 
@@ -10241,32 +10141,27 @@ static void clothi_spring_params_vjp(const cloth_eval *e, int i, const double *r
         if (out->X)
             clothi_rest_vjp(m, e->params, f[j], v[0], v[1],
                             (-V * k / (L * L) + 0.5 * dL / L) / n,
-                            V * clothi_young(mat) / (L * L), out->X + 6 * (size_t)f[j]);
+                            V * clothi_young(mat) / (L * L), out->X);
     }
 }
 
-/* dV/dw [4] through one face's share (q, t) of the weights into its rest corners. */
-static void clothi_quadratic_face_vjp(const cloth_model *m, const cloth_params *p, int f, int va,
-                                      int vb, const double *dw, double dw_far, double *X) {
-    const double      *pa = p->X, *pb = p->X, *pc = p->X, *base = p->X + 6 * (size_t)f;
-    const double       dw0 = dw[0], dw1 = dw[CLOTHI_LANES];
-    double q, t, dq, dt, e[2], d[2], e2, A = clothi_rest_area(p->X, f);
-    int    k;
-    clothi_quadratic_face(m, p->X, f, va, vb, &q, &t);
-    clothi_rest_corners(m, p->X, f, va, vb, &pa, &pb, &pc);
-    dq = (1 - t) * dw0 + t * dw1 - dw_far;
-    dt = q * (dw1 - dw0);
-    for (k = 0; k < 2; k++) {
-        e[k] = pb[k] - pa[k];
-        d[k] = pc[k] - pa[k];
-    }
-    e2 = e[0] * e[0] + e[1] * e[1];
-    clothi_rest_vjp(m, p, f, va, vb, dq * q / (2 * e2), -dq * q / A, X);
-    for (k = 0; k < 2; k++) {
-        double de = dt * (d[k] - 2 * t * e[k]) / e2, dd = dt * e[k] / e2;
-        X[pb - base + k] += de;
-        X[pc - base + k] += dd;
-        X[pa - base + k] -= de + dd;
+/* dV/dw [4], CLOTHI_LANES apart, through face k's share (q, t) of the weights into its corners. */
+static void clothi_quadratic_face_vjp(const cloth_model *m, const cloth_params *p, int h, int k,
+                                      const double *dw, double *X) {
+    enum { L = CLOTHI_LANES };
+    const int   *v = m->topology->hinges + 4 * (size_t)h;
+    const int    f = m->topology->hinge_faces[2 * (size_t)h + (size_t)k];
+    double       q, t, e[2], d[2], *a = X + clothi_corner(m, f, v[0]);
+    double      *b = X + clothi_corner(m, f, v[1]), *c = X + clothi_corner(m, f, v[2 + k]);
+    const double e2 = clothi_quadratic_face(m, p->X, h, k, e, d, &q, &t);
+    const double dq = (1 - t) * dw[0] + t * dw[L] - dw[(2 + k) * L], dt = q * (dw[L] - dw[0]);
+    int          i;
+    clothi_rest_vjp(m, p, f, v[0], v[1], dq * q / (2 * e2), -dq * q / clothi_rest_area(p->X, f), X);
+    for (i = 0; i < 2; i++) {
+        double de = dt * (d[i] - 2 * t * e[i]) / e2, dd = dt * e[i] / e2;
+        b[i] += de;
+        c[i] += dd;
+        a[i] -= de + dd;
     }
 }
 
@@ -10283,15 +10178,13 @@ static void clothi_bend_params_vjp(const cloth_eval *e, int h, const double *d, 
     if (out->theta0 && !quadratic) out->theta0[h] += d[CLOTHI_LANES];
     if (out->hinge_scale) out->hinge_scale[h] += d[0] * r.bending * unit;
     for (k = 0; k < 2; k++) {
-        double *X = out->X ? out->X + 6 * (size_t)f[k] : NULL;
         if (out->bending) out->bending[m->region[f[k]]] += 0.5 * d[0] * scale * unit;
         if (out->damping) out->damping[m->region[f[k]]] += 0.5 * dtau;
-        if (!X) continue;
+        if (!out->X) continue;
         clothi_rest_vjp(m, e->params, f[k], v[0], v[1], 0.5 * d[0] * scale * r.bending / A,
-                        -d[0] * scale * r.bending * unit / A, X);
+                        -d[0] * scale * r.bending * unit / A, out->X);
         if (quadratic)
-            clothi_quadratic_face_vjp(m, e->params, f[k], v[0], v[1], d + CLOTHI_LANES,
-                                      d[(3 + k) * CLOTHI_LANES], X);
+            clothi_quadratic_face_vjp(m, e->params, h, k, d + CLOTHI_LANES, out->X);
     }
 }
 
@@ -10526,17 +10419,10 @@ typedef struct clothi_goal {                /* what a substep minimises         
     double     magnitude;                   /* J, sum of absolute parts of the last value      */
 } clothi_goal;
 
-typedef struct clothi_inertia {
-    const cloth_sim *s;
-    double           w;                     /* 1/eta^2                                         */
-    const double    *x;
-    double          *grad, *partial;
-} clothi_inertia;
-
 static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
-    const clothi_inertia *q = (const clothi_inertia *)ctx;
-    const cloth_sim      *s = q->s;
-    const double          w = q->w;
+    const clothi_vertices *q = (const clothi_vertices *)ctx;
+    const cloth_sim       *s = q->s;
+    const double           w = q->w;
     int                   c, i, k;
     (void)worker;
     for (c = begin; c < end; c++) {
@@ -10555,52 +10441,30 @@ static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
 
 CLOTHI_RARE_BEGIN
 
-/* The constant Hessian of quadratic bending, made once in the (cleared) matrix and kept. */
-static cloth_status clothi_quadratic_hessian(cloth_sim *s) {
-    clothi_pass  p;
-    cloth_status status;
-    int          b;
-    if (s->quadratic_ready) return CLOTH_OK;
-    status = clothi_need(s, &s->quadratic, clothi_matrix_doubles(s->matrix));
-    if (status) return status;
-    memset(&p, 0, sizeof p);
-    p.hess = s->matrix;
-    p.g = &s->model->bend;
-    for (b = 0; b < p.g->nbatch; b++) {
-        double H[54 * CLOTHI_LANES];
+/* The matrix begins empty, or as the Hessian of quadratic bending, which is constant: made once. */
+static cloth_status clothi_matrix_start(cloth_sim *s) {
+    const clothi_group *g = &s->model->bend;
+    const size_t        n = clothi_matrix_doubles(s->matrix);
+    cloth_status        status;
+    double              H[54 * CLOTHI_LANES];
+    int                 b;
+    cloth_matrix_clear(s->matrix);
+    if (g->kind != CLOTHI_QUADRATIC || !g->count || s->own.bend.damped) return CLOTH_OK;
+    status = clothi_need(s, &s->quadratic, n);
+    if (s->quadratic_ready) memcpy(s->matrix->diag, s->quadratic, n * sizeof(double));
+    if (status || s->quadratic_ready) return status;
+    for (b = 0; b < g->nbatch; b++) {
         clothi_quadratic_blocks(clothi_none, s->own.bend.rest + (size_t)b * 5 * CLOTHI_LANES,
                                 clothi_none, clothi_none, 0, H);
-        clothi_scatter(&p, b, H);
+        clothi_scatter(g, s->matrix, b, H);
     }
-    memcpy(s->quadratic, s->matrix->diag, clothi_matrix_doubles(s->matrix) * sizeof(double));
+    memcpy(s->quadratic, s->matrix->diag, n * sizeof(double));
     s->quadratic_ready = 1;
     s->own.counts.bend_assemblies++;
     return CLOTH_OK;
 }
 
-/* The matrix begins empty, or as the constant bending Hessian. */
-static cloth_status clothi_matrix_start(cloth_sim *s) {
-    cloth_matrix_clear(s->matrix);
-    if (s->model->bend.kind == CLOTHI_QUADRATIC && s->model->bend.count && !s->own.bend.damped) {
-        cloth_status status = clothi_quadratic_hessian(s);
-        if (status) return status;
-        memcpy(s->matrix->diag, s->quadratic, clothi_matrix_doubles(s->matrix) * sizeof(double));
-    }
-    return CLOTH_OK;
-}
-
 /* --- ties: with T the map from leaders to all unknowns, T' H T in place --- */
-
-/* Adds h to entries (i, j) and (j, i) of two vertices; scalar indices. */
-static cloth_status clothi_tie_add(cloth_matrix *A, int i, int j, double h) {
-    double H[36];
-    int    v[2];
-    memset(H, 0, sizeof H);
-    v[0] = j / 3;
-    v[1] = i / 3;
-    H[6 * (3 + i % 3) + j % 3] = h;
-    return cloth_matrix_add_element(A, 2, v, H);
-}
 
 /* Moves entries (i, j) of the block of vertices u, v that name a follower to those of the leaders.
  * A block off the diagonal stands for its mirror image too; diagonal blocks hold both triangles. */
@@ -10619,8 +10483,12 @@ static cloth_status clothi_tie_block(cloth_sim *s, double *block, int u, int v) 
                 double *to = clothi_matrix_diag(s->matrix, i / 3);
                 to[3 * a + b] += h;
                 if (u != v) to[3 * b + a] += h;
-            } else
-                status = clothi_tie_add(s->matrix, i, j, u == v ? 0.5 * h : h);
+            } else {                        /* and at (j, i) */
+                const int to[2] = {j / 3, i / 3};
+                double    H[36] = {0};
+                H[6 * (3 + a) + b] = u == v ? 0.5 * h : h;
+                status = cloth_matrix_add_element(s->matrix, 2, to, H);
+            }
         }
     return status;
 }
@@ -10661,16 +10529,15 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
                                                     const double *x, double *grad, int hess,
                                                     int psd, double *value) {
     const cloth_model *m = s->model;
-    int            chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
-    clothi_inertia q;
-    cloth_status   status = CLOTH_OK;
-    double         sum = 0, w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
+    int             chunks = (m->nv + CLOTHI_VERTICES - 1) / CLOTHI_VERTICES, i;
+    clothi_vertices q;
+    cloth_status    status = CLOTH_OK;
+    double          sum = 0, magnitude = 0, w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
     q.s = s, q.w = w, q.x = x, q.grad = grad, q.partial = s->w.partial;
     goal->e.x = x;
     goal->e.grad = grad;
     goal->e.hess = hess ? s->matrix : NULL;
     goal->e.psd = psd;
-    goal->magnitude = 0;
     s->own.force_only = value == NULL;
     s->fresh = 0;
     if (hess) status = clothi_matrix_start(s);
@@ -10682,7 +10549,7 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
         }
         status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);
         sum += s->term_energy[i];
-        goal->magnitude += fabs(s->term_energy[i]);
+        magnitude += fabs(s->term_energy[i]);
     }
     if (!status && s->contact_on) {
         double *was = clothi_charge(s, &s->ms.contact);
@@ -10691,14 +10558,14 @@ CLOTHI_OUTLINE static cloth_status clothi_objective(cloth_sim *s, clothi_goal *g
         status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
         (void)clothi_charge(s, was);
         sum += s->contact_energy;
-        goal->magnitude += fabs(s->contact_energy);
+        magnitude += fabs(s->contact_energy);
     }
     for (i = 0; i < chunks; i++) {
         sum += s->w.partial[i];
-        goal->magnitude += s->w.partial[i];
+        magnitude += s->w.partial[i];
     }
     s->own.force_only = 0;
-    if (value) *value = sum;
+    if (value) *value = sum, goal->magnitude = magnitude;
     return status;
 }
 
@@ -10801,9 +10668,7 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
 CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
                                                           int exact, cloth_report *report) {
     double      *was = clothi_charge(s, &s->ms.assemble);
-    double       magnitude = goal->magnitude;           /* of the value, not asked here */
     cloth_status status = clothi_objective(s, goal, s->w.x, NULL, 1, exact ? 0 : 2, NULL);
-    goal->magnitude = magnitude;
     report->projected += !exact;
     if (!status && s->model->tie) status = clothi_tie_matrix(s);
     (void)clothi_charge(s, was);
@@ -10814,13 +10679,8 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
  * many were not enough, rounding never meets the tolerance; the general cap would only cost. */
 #define CLOTHI_CG_SMALL 300                 /* vertices                                        */
 
-/* What desc.linear says, or its default here. */
-static cloth_linear clothi_newton_method(const cloth_sim *s, cloth_linear automatic) {
-    const cloth_linear method = s->model->desc.linear;
-    return method == CLOTH_LINEAR_AUTO ? automatic : method;
-}
-
-/* One linear solve, w.dx = H^-1 w.rhs. radius > 0 (m): inside a trust region. */
+/* One linear solve, w.dx = H^-1 w.rhs, by `method` where desc.linear leaves it open; radius > 0
+ * (m): inside a trust region. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
                                                        double radius, cloth_linear method,
                                                        cloth_report *report,
@@ -10828,7 +10688,9 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     double              *was = clothi_charge(s, &s->ms.linear);
     cloth_linear_options opt = cloth_linear_options_default();
     cloth_status         status;
-    opt.method = method, opt.tolerance = tolerance, opt.radius = radius, opt.fixed = s->fixed;
+    opt.method = s->model->desc.linear, opt.tolerance = tolerance, opt.radius = radius;
+    if (opt.method == CLOTH_LINEAR_AUTO || method == CLOTH_LINEAR_JACOBI) opt.method = method;
+    opt.fixed = s->fixed;
     if (s->model->nv < CLOTHI_CG_SMALL)
         opt.max_iterations = 60 * s->model->nv + 200;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
@@ -10856,20 +10718,16 @@ static void clothi_newton_measure(const cloth_sim *s, clothi_newton *nt) {
 /* Hessian and direction: see 'Which Hessian' and 'Saddles'. */
 static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
                                             cloth_report *report, cloth_linear_report *lr) {
-    const cloth_desc  *d = &s->model->desc;
-    const cloth_linear method = clothi_newton_method(s, CLOTH_LINEAR_SGS);
-    const double       tolerance = d->cg_tolerance;
-    cloth_status       status = clothi_newton_assemble(s, goal, nt->exact, report);
-    int                i, n = 3 * s->model->nv;
-    if (!status)
-        status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, method, report, lr);
-    if (!status && nt->exact && lr->negative && !lr->hit) {
-        nt->exact = 0;
-        nt->refused = 1;
-        status = clothi_newton_assemble(s, goal, 0, report);
-        if (!status) status = clothi_newton_solve(s, tolerance, 0, method, report, lr);
+    cloth_status status;
+    int          i, n = 3 * s->model->nv;
+    for (;; nt->exact = 0, nt->refused = 1) {
+        status = clothi_newton_assemble(s, goal, nt->exact, report);
+        if (!status)
+            status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
+                                         CLOTH_LINEAR_SGS, report, lr);
+        if (status) return status;
+        if (!nt->exact || !lr->negative || lr->hit) break;
     }
-    if (status) return status;
     clothi_newton_measure(s, nt);
     if (nt->slope < 0) return CLOTH_OK;
     nt->slope = 0;                          /* no descent: the preconditioned gradient is one */
@@ -10961,7 +10819,7 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
         status = s->contact.block(s->contact.user, s->matrix, &blocked);
         if (status || !blocked) break;
         status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
-                                     clothi_newton_method(s, CLOTH_LINEAR_SGS), report, lr);
+                                     CLOTH_LINEAR_SGS, report, lr);
         if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
     (void)clothi_charge(s, was);
@@ -11078,9 +10936,7 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
                                                        ((double)(noise >> 8) / 8388608 - 1);
     }
     status = clothi_newton_assemble(s, goal, 1, report);
-    if (!status)
-        status = clothi_newton_solve(s, 1e-4, radius, clothi_newton_method(s, CLOTH_LINEAR_SGS),
-                                     report, &lr);
+    if (!status) status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_SGS, report, &lr);
     if (!status && lr.negative && !lr.hit)
         status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_JACOBI, report, &lr);
     if (status || !lr.hit || !clothi_escape(s, goal, CLOTHI_ESCAPE * s->edge, nt->value))
@@ -11241,38 +11097,25 @@ CLOTHI_OUTLINE static cloth_eval clothi_eval_of(const cloth_sim *s) {
     return e;
 }
 
-/* Pin goals of this substep: its end's share of the way from the step's start to the targets. */
-CLOTHI_OUTLINE static void clothi_pin_goals(cloth_sim *s) {
-    int i, n = 3 * s->model->nv;
-    for (i = 0; i < n; i++)
-        if (s->pin[i / 3] >> (i % 3) & 1)
-            s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
-    s->in.goal = s->w.y;
-}
-
-/* What the solver must not move: pins, and followers of ties. */
-static void clothi_fix(cloth_sim *s) {
-    const cloth_model *m = s->model;
-    int                i;
-    for (i = 0; i < m->nv; i++) s->fixed[i] = s->pin[i];
-    for (i = 0; m->tie && i < 3 * m->nv; i++)
-        if (m->tie[i] >= 0) s->fixed[i / 3] = (unsigned char)(s->fixed[i / 3] | 1u << (i % 3));
-}
-
-/* The starting guess obeys pins and ties. */
+/* Pin goals of this substep, its end's share of the way from the step's start to the targets; what
+ * the solver must not move, pins and followers of ties; and a starting guess that obeys both. */
 static void clothi_guess(cloth_sim *s, double h) {
     const cloth_model *m = s->model;
     int                i, n = 3 * m->nv, old = s->history && !s->calm;
+    memcpy(s->fixed, s->pin, (size_t)m->nv);
     for (i = 0; i < n; i++) {
         s->w.x[i] = s->state.x[i] + h * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
                                              : s->state.v[i]);
-        if (s->pin[i / 3] >> (i % 3) & 1) s->w.x[i] = s->w.y[i];
+        if (s->pin[i / 3] >> (i % 3) & 1)
+            s->w.x[i] = s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
     }
     for (i = 0; m->tie && i < n; i++)
         if (m->tie[i] >= 0) {
             int lead = 3 * m->tie[i] + i % 3;
+            s->fixed[i / 3] = (unsigned char)(s->fixed[i / 3] | 1u << (i % 3));
             s->w.x[i] = s->w.x[lead] + (m->x[i] - m->x[lead]);
         }
+    s->in.goal = s->w.y;
 }
 
 static void clothi_eval_start(cloth_sim *s, clothi_goal *goal, double h) {
@@ -11302,11 +11145,11 @@ static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
 
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report);
 
-static cloth_status clothi_finite_result(const cloth_sim *s, cloth_report *report) {
-    const ptrdiff_t at = clothi_find_nonfinite(s->w.x, 3 * (size_t)s->model->nv);
+static cloth_status clothi_finite_result(const cloth_sim *s, const double *x,
+                                         cloth_report *report) {
+    const ptrdiff_t at = clothi_find_nonfinite(x, 3 * (size_t)s->model->nv);
     if (at < 0) return CLOTH_OK;
     report->vertex = (int)(at / 3);
-    report->outcome = CLOTH_STEP_NONE;
     return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
                        report->vertex);
 }
@@ -11348,8 +11191,7 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
     }
     if (!status) status = clothi_better_start(s, goal);
     (void)clothi_charge(s, was);
-    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-    return status ? status : clothi_finite_result(s, report);
+    return status ? status : clothi_finite_result(s, s->w.x, report);
 }
 
 static void clothi_recorded(const cloth_sim *s, const double *x) {
@@ -11365,15 +11207,13 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
     bdf2 = clothi_predict(s, h, &goal.eta);
     s->in.eta = goal.eta, s->in.y = s->w.y;
     if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) report->restarts++;
-    clothi_pin_goals(s);
-    clothi_fix(s);
     clothi_guess(s, h);
     status = clothi_terms_begin(s, &goal);
-    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
     if (!status && s->contact_on)
         status = clothi_contact_start(s, &goal, &bdf2, &impact, report);
+    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
     if (!status) status = clothi_minimise(s, &goal, report);
-    if (!status) status = clothi_finite_result(s, report);
+    if (!status) status = clothi_finite_result(s, s->w.x, report);
     if (!status && s->contact_on) {
         double *was = clothi_charge(s, &s->ms.contact);
         status = s->contact.close(s->contact.user, s->w.x, &impact);
@@ -11407,13 +11247,6 @@ static double clothi_extent(const double *x, int nv) {
     return size;
 }
 
-/* Scale of sigma: the largest gravity mode of the model, g over its extent, 1/s^2. */
-static double clothi_static_sigma(const cloth_sim *s) {
-    const double size = clothi_extent(s->state.x, s->model->nv);
-    const double g = sqrt(clothi_dot3(s->in.gravity, s->in.gravity));
-    return (g > 0 ? g : 1) / (size > 0 ? size : 1);
-}
-
 /* At a converged point: a direction of negative curvature of the exact Hessian into w.dx; *saddle
  * 0: there is none. */
 static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, cloth_report *report,
@@ -11445,8 +11278,7 @@ static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clo
     for (exact = 1; exact >= 0; exact--) {
         status = clothi_newton_assemble(s, goal, exact, report);
         if (!status)
-            status = clothi_newton_solve(
-                s, 1e-10, 0, clothi_newton_method(s, CLOTH_LINEAR_CHOLESKY), report, lr);
+            status = clothi_newton_solve(s, 1e-10, 0, CLOTH_LINEAR_CHOLESKY, report, lr);
         if (status || !lr->negative) break;
     }
     report->newton++;
@@ -11480,11 +11312,14 @@ static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_n
     return CLOTH_OK;
 }
 
-/* Newton with a falling diagonal sigma M. It falls to zero, or to the least value at which H is
- * not singular to rounding (a free cloth), and there the last update counts. */
+/* Newton with a diagonal sigma M that falls from ten times the largest gravity mode, g over the
+ * extent, 1/s^2, to zero, or to the least value at which H is not singular to rounding (a free
+ * cloth), and there the last update counts. */
 static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
     const cloth_desc *d = &s->model->desc;
-    const double  sigma0 = clothi_static_sigma(s) * 10;
+    const double  size = clothi_extent(s->state.x, s->model->nv);
+    const double  g = sqrt(clothi_dot3(s->in.gravity, s->in.gravity));
+    const double  sigma0 = (g > 0 ? g : 1) / (size > 0 ? size : 1) * 10;
     double        sigma = sigma0, least = 0, a;
     clothi_newton nt;
     cloth_status  status;
@@ -11553,8 +11388,6 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
     clothi_eval_start(s, &goal, 0);
     memcpy(s->w.y, s->state.x, (size_t)n * sizeof(double));
     clothi_input(s, 0, 0, 1);
-    clothi_pin_goals(s);
-    clothi_fix(s);
     clothi_guess(s, 0);
     for (round = 0; round < CLOTHI_STATIC_ROUNDS && saddle && !status; round++) {
         double relax = s->wind_on && round > 1 ? 0.5 : 1;   /* or the cloth flaps for ever */
@@ -11568,13 +11401,8 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
             status = clothi_objective(s, &goal, s->w.x, NULL, 0, 0, &value);
             if (!status) saddle = clothi_escape(s, &goal, CLOTHI_ESCAPE * s->edge, value);
         }
-        if (!status && s->wind_on && !saddle) {
-            double moved = 0;
-            for (i = 0; i < n; i++)
-                if (fabs(s->w.x[i] - s->state.x[i]) > moved)
-                    moved = fabs(s->w.x[i] - s->state.x[i]);
-            saddle = moved > s->model->desc.tolerance;
-        }
+        for (i = 0; s->wind_on && i < n && !saddle; i++)
+            saddle = fabs(s->w.x[i] - s->state.x[i]) > s->model->desc.tolerance;
     }
     memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
     if (!status && saddle && report->outcome == CLOTH_STEP_CONVERGED) {
@@ -11769,21 +11597,19 @@ static void clothi_leap_wings(cloth_sim *s) {
 /* Element forces at w.x into the force buffer, and the other terms into w.grad when there are
  * any; *extra is w.grad or NULL. */
 static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double **extra) {
-    clothi_elements *el[2];
+    const int    damped = s->own.membrane.damped || s->own.bend.damped;
     cloth_status status = CLOTH_OK;
     double energy;
     int    i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin;
-    el[0] = &s->own.membrane;
-    el[1] = &s->own.bend;
     e->x = s->w.x, e->grad = s->w.grad, e->hess = NULL;
     *extra = NULL;
-    if (el[0]->damped || el[1]->damped) {   /* strain rates: against x - h v, the last substep */
+    if (damped) {                           /* strain rates: against x - h v, the last substep */
         for (i = 0; i < 3 * s->model->nv; i++)
             s->w.dx[i] = s->w.x[i] - e->h * s->w.trial[i];
         e->x_n = s->w.dx;
         status = clothi_terms_some(s, e, 0, CLOTHI_TERM_BEND + 1);
     }
-    s->own.force_only = !(s->balance && (el[0]->damped || el[1]->damped));
+    s->own.force_only = !(s->balance && damped);
     if (clothi_leap_winged(s)) clothi_leap_wings(s);
     else for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
         status = s->term[i].eval(s->term[i].user, e, &energy);
@@ -12157,7 +11983,6 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
     double       after, limit, omega;
     cloth_status status;
     cloth_ledger ledger;
-    ptrdiff_t    at;
     size_t       i;
     int          m, tries = s->model->desc.substeps > 0 ? CLOTHI_LEAP_RETRIES : 0;   /* one */
     if (!(s->omega_rest > 0)) clothi_leap_omega(s);
@@ -12168,23 +11993,19 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
         memset(&ledger, 0, sizeof ledger);
         status = clothi_leap_run(s, h, m, &after, s->balance ? &ledger : NULL);
         report->substeps += m;
-        if (status && (status != CLOTH_ERR_STEP || tries >= CLOTHI_LEAP_RETRIES ||
-                       h / m <= clothi_leap_limit(s, after, &omega))) {
-            if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-            return status;
-        }
-        at = clothi_find_nonfinite(s->w.x, n);
-        if (at < 0) at = clothi_find_nonfinite(s->w.trial, n);
         limit = clothi_leap_limit(s, after, &omega);
-        if (at < 0 && h / m <= limit) break;
-        if (tries < CLOTHI_LEAP_RETRIES) {
+        if (!status && h / m <= limit && clothi_find_nonfinite(s->w.x, n) < 0 &&
+            clothi_find_nonfinite(s->w.trial, n) < 0)
+            break;
+        if (tries < CLOTHI_LEAP_RETRIES &&
+            (!status || (status == CLOTH_ERR_STEP && !(h / m <= limit)))) {
             if (s->contact_on) s->contact.rollback(s->contact.user, NULL);
             continue;
         }
-        if (at < 0) return clothi_leap_unstable(s, h, m, limit);
-        report->vertex = (int)(at / 3);
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
-                           report->vertex);
+        if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
+        if (!status) status = clothi_finite_result(s, s->w.x, report);
+        if (!status) status = clothi_finite_result(s, s->w.trial, report);
+        return status ? status : clothi_leap_unstable(s, h, m, limit);
     }
     for (i = (size_t)s->nbuiltin; i < (size_t)s->nterms; i++)   /* forces alone do not show it */
         if (!clothi_finite(s->term_energy[i]))
@@ -12275,15 +12096,6 @@ static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *repo
 
 /* --- ledger --- */
 
-/* Kinetic energy of velocities v [nv x 3]; what is pinned counts too. */
-static double clothi_kinetic(const cloth_sim *s, const double *v) {
-    double sum = 0;
-    int    i;
-    for (i = 0; i < s->model->nv; i++)
-        sum += 0.5 * s->params.mass[i] * clothi_dot3(v + 3 * i, v + 3 * i);
-    return sum;
-}
-
 /* Energies of the last evaluation into the ledger. */
 static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
     int i;
@@ -12295,8 +12107,11 @@ static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
     for (i = s->nbuiltin; i < s->nterms; i++) l->other += s->term_energy[i];
 }
 
+/* Velocities v [nv x 3]; what is pinned counts too. */
 static void clothi_ledger_total(const cloth_sim *s, const double *v, cloth_ledger *l) {
-    l->kinetic = clothi_kinetic(s, v);
+    int i;
+    for (i = 0, l->kinetic = 0; i < s->model->nv; i++)
+        l->kinetic += 0.5 * s->params.mass[i] * clothi_dot3(v + 3 * i, v + 3 * i);
     l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
 }
 
@@ -12369,82 +12184,68 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
 
 /* Squares of the smaller stretches of triangles, angles of hinges: one per lane. */
 static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
-    const clothi_pass *p = (const clothi_pass *)ctx;
+    const clothi_pass  *p = (const clothi_pass *)ctx;
+    const clothi_group *g = p->el->group;
     double x[12 * CLOTHI_LANES], high[CLOTHI_LANES], *out;
     int    b;
     (void)worker;
     for (b = begin; b < end; b++) {
         out = p->energy + (size_t)b * CLOTHI_LANES;
-        clothi_corners(p->g, p->x, b, x);
-        if (p->g->kind != CLOTHI_TRIANGLE) clothi_hinge_measure(x, x, out);
-        else clothi_stretch_squares(x, p->own->membrane.rest + (size_t)b * 7 * CLOTHI_LANES, out,
-                                    high);
+        clothi_corners(g, p->e->x, b, x);
+        if (g->kind != CLOTHI_TRIANGLE) clothi_hinge_measure(x, x, out);
+        else clothi_stretch_squares(x, p->el->rest + (size_t)b * 7 * CLOTHI_LANES, out, high);
     }
 }
 
-/* The same for a group, in the scratch of its energies: its first batch there is `first`. */
-static const double *clothi_shapes(cloth_sim *s, const clothi_group *g, int first) {
+/* The same for a group at the state, in the scratch of its energies. */
+static const double *clothi_shapes(cloth_sim *s, clothi_elements *el) {
+    cloth_eval  e;
     clothi_pass p;
-    memset(&p, 0, sizeof p);
-    p.own = &s->own, p.g = g, p.x = s->state.x;
-    p.energy = s->own.energy_batch + (size_t)first * CLOTHI_LANES;
-    clothi_for(&s->hooks, g->nbatch, CLOTHI_CHUNK, clothi_shape_range, &p);
+    e.x = s->state.x;
+    p.e = &e, p.el = el, p.energy = s->own.energy_batch + (size_t)el->first * CLOTHI_LANES;
+    clothi_for(&s->hooks, el->group->nbatch, CLOTHI_CHUNK, clothi_shape_range, &p);
     return p.energy;
 }
 
 /* Smallest stretch; eight triangles at a time, and the smallest one once more, exactly. */
-static void clothi_report_stretch(cloth_sim *s, cloth_report *report) {
-    const clothi_group *g = &s->model->membrane;
-    const double *square;
-    double low = HUGE_VAL, stretch, both[2], corners[9];
-    int    k, f;
-    report->min_stretch = HUGE_VAL;
-    for (f = 0; g->kind != CLOTHI_TRIANGLE && f < s->model->nf; f++) {
-        stretch = clothi_face_stretch(s, s->state.x, f, both, corners);
-        if (stretch < report->min_stretch) report->min_stretch_face = f;
-        report->min_stretch = clothi_min(stretch, report->min_stretch);
-        report->collapsed += stretch < CLOTHI_COLLAPSED;
-    }
-    if (g->kind != CLOTHI_TRIANGLE) return;
-    square = clothi_shapes(s, g, 0);
-    for (k = 0; k < g->nbatch * CLOTHI_LANES; k++) {
-        if ((f = g->id[k]) < 0) continue;
-        report->collapsed += square[k] < CLOTHI_COLLAPSED * CLOTHI_COLLAPSED;
-        if (square[k] < low || (square[k] <= low && f < report->min_stretch_face))
-            low = square[k], report->min_stretch_face = f;
-    }
-    if (report->min_stretch_face >= 0)
-        report->min_stretch = clothi_face_stretch(s, s->state.x, report->min_stretch_face, both,
-                                                  corners);
-}
-
 static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
-    const clothi_group *g = &s->model->bend;
-    const double *theta;
-    int k;
-    clothi_report_stretch(s, report);
-    theta = clothi_shapes(s, g, s->model->membrane.nbatch);
-    for (k = 0; k < g->nbatch * CLOTHI_LANES; k++)
-        report->folded += g->id[k] >= 0 && fabs(theta[k]) > CLOTHI_FOLDED;
-}
-
-static void clothi_report_momentum(const cloth_sim *s, cloth_report *report) {
-    int i, k;
-    for (i = 0; i < s->model->nv; i++) {
-        double c[3], m = s->params.mass[i];
-        clothi_cross3(s->state.x + 3 * i, s->state.v + 3 * i, c);
-        for (k = 0; k < 3; k++) {
-            report->momentum[k] += m * s->state.v[3 * i + k];
-            report->angular[k] += m * c[k];
-        }
+    const clothi_group *g = &s->model->membrane, *b = &s->model->bend;
+    const int     lanes = g->kind == CLOTHI_TRIANGLE;
+    const double *shape = lanes ? clothi_shapes(s, &s->own.membrane) : NULL;
+    double        low = HUGE_VAL, both[2], corners[9];
+    int           k, f;
+    for (f = 0; !lanes && f < s->model->nf; f++) {
+        const double stretch = clothi_face_stretch(s, s->state.x, f, both, corners);
+        report->collapsed += stretch < CLOTHI_COLLAPSED;
+        if (stretch < low) low = stretch, report->min_stretch_face = f;
     }
+    for (k = 0; lanes && k < g->nbatch * CLOTHI_LANES; k++) {
+        if ((f = g->id[k]) < 0) continue;
+        report->collapsed += shape[k] < CLOTHI_COLLAPSED * CLOTHI_COLLAPSED;
+        if (shape[k] < low || (shape[k] <= low && f < report->min_stretch_face))
+            low = shape[k], report->min_stretch_face = f;
+    }
+    f = report->min_stretch_face;
+    report->min_stretch = f < 0 ? HUGE_VAL
+                                : clothi_face_stretch(s, s->state.x, f, both, corners);
+    shape = clothi_shapes(s, &s->own.bend);
+    for (k = 0; k < b->nbatch * CLOTHI_LANES; k++)
+        report->folded += b->id[k] >= 0 && fabs(shape[k]) > CLOTHI_FOLDED;
 }
 
 static void clothi_report_state(cloth_sim *s, cloth_report *report) {
     const cloth_model *m = s->model;
     cloth_bytes       *b = &report->bytes;
+    double             c[3];
+    int                i, k;
     clothi_report_shape(s, report);
-    clothi_report_momentum(s, report);
+    for (i = 0; i < m->nv; i++) {
+        clothi_cross3(s->state.x + 3 * i, s->state.v + 3 * i, c);
+        for (k = 0; k < 3; k++) {
+            report->momentum[k] += s->params.mass[i] * s->state.v[3 * i + k];
+            report->angular[k] += s->params.mass[i] * c[k];
+        }
+    }
     b->mesh = clothi_model_mesh(m, NULL) + clothi_block_size(m->topology) + clothi_block_size(m);
     b->elements = clothi_model_stencils(m, NULL) + clothi_own_blocks(&s->own, NULL);
     b->matrix = cloth_pattern_bytes(m->pattern) + cloth_matrix_bytes(s->matrix);
@@ -12457,13 +12258,12 @@ static void clothi_report_state(cloth_sim *s, cloth_report *report) {
 
 /* --- the driver --- */
 
-/* Room for `need` bytes in *block of *size; `more` when it has to grow. */
-static cloth_status clothi_room(cloth_sim *s, unsigned char **block, size_t *size, size_t need,
-                                size_t more) {
-    if (need <= *size) return CLOTH_OK;
+/* Room for `need` bytes in *block; `more` when it has to grow. */
+static cloth_status clothi_room(cloth_sim *s, unsigned char **block, size_t need, size_t more) {
+    const size_t extra = CLOTHI_ALIGN + sizeof(clothi_block_header);
+    if (need == 0 || need + extra <= clothi_block_size(*block)) return CLOTH_OK;
     clothi_free(&s->hooks, *block);
     *block = (unsigned char *)clothi_alloc(&s->hooks, need + more, 1);
-    *size = *block ? need + more : 0;
     return *block ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
@@ -12473,7 +12273,7 @@ static cloth_status clothi_keep(cloth_sim *s) {
     const int    units = s->nterms - s->nbuiltin + (s->recorder.step != NULL);
     const size_t fields = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, 0);
     const size_t all = clothi_walked(s, CLOTHI_SIZE, NULL, CLOTHI_PARAM, units);
-    cloth_status status = clothi_room(s, &s->kept, &s->kept_size, all, all - fields);
+    cloth_status status = clothi_room(s, &s->kept, all, all - fields);
     if (status) return status;
     s->recorded = clothi_walked(s, CLOTHI_SAVE, s->kept, CLOTHI_PARAM, units);
     s->w.x0 = (double *)(void *)s->kept;
@@ -12491,7 +12291,7 @@ static cloth_status clothi_record_need(cloth_sim *s, int *n) {
     size_t need;
     *n = s->contact_on && s->contact.contacts ? s->contact.contacts(s->contact.user, 0, NULL) : 0;
     need = (size_t)*n * s->contact.contact_size;
-    return clothi_room(s, &s->touching, &s->touching_size, need, need);
+    return clothi_room(s, &s->touching, need, need);
 }
 
 /* After it was. */
@@ -12594,14 +12394,6 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before, cloth_
     return status;
 }
 
-static void clothi_report_end(cloth_sim *s, double start, long long allocations,
-                              cloth_report *report) {
-    (void)clothi_charge(s, &s->ms.other);
-    s->own.counts.allocations = s->allocations - allocations;
-    s->ms.total = 1e3 * (s->since - start);
-    report->counts = s->own.counts, report->ms = s->ms;
-}
-
 typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report);
 
 #define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
@@ -12679,8 +12471,10 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
                 clothi_record_give(s, run == clothi_static_run ? 0 : h, contacts, report);
         }
     }
-    clothi_report_end(s, start, allocations, report);
-    report->status = status;
+    (void)clothi_charge(s, &s->ms.other);
+    s->own.counts.allocations = s->allocations - allocations;
+    s->ms.total = 1e3 * (s->since - start);
+    report->counts = s->own.counts, report->ms = s->ms, report->status = status;
     return status;
 }
 
@@ -12910,40 +12704,37 @@ CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
     return CLOTH_OK;
 }
 
+/* An input of n numbers, checked; none switches *on off, which may be NULL where there are some. */
+static cloth_status clothi_set_input(cloth_sim *s, const char *name, double *to, const double *from,
+                                     int n, int *on) {
+    const int          given = from != NULL;
+    const cloth_status status = clothi_check_vector(&s->hooks, name, from, n);
+    if (!status && from) clothi_set(s, to, from, (size_t)n * sizeof *to);
+    if (!status && on) clothi_set(s, on, &given, sizeof given);
+    return status;
+}
+
 CLOTH_API cloth_status cloth_sim_set_force(cloth_sim *sim, const double *f) {
-    const int    on = f != NULL;
     cloth_status status;
     size_t       n;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     n = 3 * (size_t)sim->model->nv;
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_force: f", f, (int)n);
-    if (!status && f) status = clothi_need(sim, &sim->force, n);
+    status = f ? clothi_need(sim, &sim->force, n) : CLOTH_OK;
     if (status) return status;
-    if (f) clothi_set(sim, sim->force, f, n * sizeof(double));
-    else if (sim->force) memset(sim->force, 0, n * sizeof(double));
-    clothi_set(sim, &sim->force_on, &on, sizeof on);
-    return CLOTH_OK;
+    if (!f && sim->force) memset(sim->force, 0, n * sizeof(double));
+    return clothi_set_input(sim, "cloth_sim_set_force: f", sim->force, f, (int)n, &sim->force_on);
 }
 
 CLOTH_API cloth_status cloth_sim_set_gravity(cloth_sim *sim, const double g[3]) {
-    cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!g) return clothi_null(&sim->hooks, "cloth_sim_set_gravity: g");
-    status = clothi_check_vector(&sim->hooks, "cloth_sim_set_gravity: g", g, 3);
-    if (!status) clothi_set(sim, sim->gravity, g, sizeof sim->gravity);
     sim->known = 0;
-    return status;
+    return clothi_set_input(sim, "cloth_sim_set_gravity: g", sim->gravity, g, 3, NULL);
 }
 
 CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]) {
-    const int    on = w != NULL;
-    cloth_status status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    status = w ? clothi_check_vector(&sim->hooks, "cloth_sim_set_wind: w", w, 3) : CLOTH_OK;
-    if (status) return status;
-    if (w) clothi_set(sim, sim->wind, w, sizeof sim->wind);
-    clothi_set(sim, &sim->wind_on, &on, sizeof on);
-    return CLOTH_OK;
+    return clothi_set_input(sim, "cloth_sim_set_wind: w", sim->wind, w, 3, &sim->wind_on);
 }
 
 CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const cloth_material *m) {
@@ -12956,7 +12747,6 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const 
     if (status) return status;
     sim->params.material[region] = *m;
     clothi_derive(sim);
-    clothi_params_publish(sim);
     clothi_forget(sim);
     return CLOTH_OK;
 }
@@ -13111,7 +12901,7 @@ static cloth_status clothi_load(cloth_sim *s, const void *buf, size_t bytes, int
     const char  *forged;
     int          i;
     if (!status) status = clothi_fields_need(s, 0);
-    if (!status) status = clothi_room(s, &s->kept, &s->kept_size, fields, 0);
+    if (!status) status = clothi_room(s, &s->kept, fields, 0);
     if (status) return status;
     (void)clothi_walked(s, CLOTHI_SAVE, s->kept, skip, 0);
     (void)clothi_walked(s, CLOTHI_LOAD, buf, skip, 0);
@@ -13140,7 +12930,6 @@ CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t
         status = clothi_load(sim, (const unsigned char *)buf + head, (size_t)bytes - head, 0);
     if (status) return status;
     clothi_derive(sim);
-    clothi_params_publish(sim);
     return CLOTH_OK;
 }
 
@@ -13157,14 +12946,12 @@ CLOTH_API cloth_status cloth_sim_set_recorder(cloth_sim *sim, const cloth_record
 
 CLOTH_API cloth_status cloth_step_replay(cloth_sim *sim, const cloth_step_record *record,
                                          cloth_report *report) {
-    cloth_status status;
-    if (!sim) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
-    if (!record) return clothi_refused(report, clothi_null(&sim->hooks,
-                                                           "cloth_step_replay: record"));
-    if (record->model != sim->model->hash)
-        return clothi_refused(report, clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_step_"
-                                                  "replay: the record is of another model"));
-    status = clothi_load(sim, record->state, record->bytes, CLOTHI_PARAM);
+    cloth_status status = CLOTH_ERR_ARGUMENT;
+    if (sim && !record) status = clothi_null(&sim->hooks, "cloth_step_replay: record");
+    else if (sim && record->model != sim->model->hash)
+        status = clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                             "cloth_step_replay: the record is of another model");
+    else if (sim) status = clothi_load(sim, record->state, record->bytes, CLOTHI_PARAM);
     if (status) return clothi_refused(report, status);
     return record->h > 0 ? cloth_step(sim, record->h, report) : cloth_solve_static(sim, report);
 }

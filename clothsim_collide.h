@@ -7392,7 +7392,7 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     for (i = 0; i < c->nf; i++) area += clothi_rest_area(sim->params.X, i);
     c->stiffness = d.stiffness;             /* Pa/m: 30 times the weight rests at k t/4, at t/2 */
     if (!(d.stiffness > 0))
-        c->stiffness = 30 * 9.81 * clothi_total_mass(sim) / area / (0.25 * d.thickness);
+        c->stiffness = 30 * 9.81 * sim->total / area / (0.25 * d.thickness);
     c->nwork = sim->hooks.parallel.run ? sim->hooks.parallel.max_workers : 1;
     status = clothi_collide_arrays(c);
     if (!status) {

@@ -1151,8 +1151,6 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
         q->weight = 1 / (q->goal.eta * q->goal.eta);
     } else memcpy(s->w.y, x, 3 * (size_t)s->model->nv * sizeof(double));
     clothi_line_weights(q, kept);
-    clothi_pin_goals(s);
-    clothi_fix(s);
     clothi_guess(s, q->h);                  /* w.y of what is pinned */
     status = clothi_terms_begin(s, &q->goal);
     memcpy(s->w.x, x, 3 * (size_t)s->model->nv * sizeof(double));
@@ -2314,7 +2312,7 @@ static void clothi_grad_lumped(clothi_grad *g) {
         if (o->density) o->density[r] += sum * A;
         if (o->X)
             clothi_rest_vjp(m, &s->params, f, m->faces[3 * f], m->faces[3 * f + 1], 0,
-                            sum * s->params.material[r].density, o->X + 6 * (size_t)f);
+                            sum * s->params.material[r].density, o->X);
     }
 }
 

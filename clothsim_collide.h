@@ -651,29 +651,23 @@ static int clothi_exp_add(double *e, int n, const double *a, int na, const doubl
     return n;
 }
 
-static int clothi_exp_sign(const double *e, int n) {
-    const double top = n > 0 ? e[n - 1] : 0;
-    return (top > 0) - (top < 0);
-}
+static int clothi_exp_sign(const double *e, int n) { return (e[n - 1] > 0) - (e[n - 1] < 0); }
 
-/* out [16] = a d - b c, each of two doubles; returns the length. */
-static int clothi_exp_minor(const double *a, const double *b, const double *c, const double *d,
-                            double *out) {
-    return clothi_exp_add(out, clothi_exp_add(out, 0, a, 2, d, 2, 1), b, 2, c, 2, -1);
-}
-
-/* Sign of (a-c) x (b-c): 1 when a, b, c [2] turn counter-clockwise, 0 on one line. */
-static int clothi_orient2d(const double *a, const double *b, const double *c) {
-    const double p = (a[0] - c[0]) * (b[1] - c[1]), q = (a[1] - c[1]) * (b[0] - c[0]);
+/* Sign of (a-c) x (b-c) along an axis: 1 when a, b, c turn counter-clockwise seen from its end, 0
+ * when their projection is on one line. In a plane [2] it is axis 2. */
+static int clothi_turn_of(const double *a, const double *b, const double *c, int axis) {
+    const int    i = (axis + 1) % 3, j = (axis + 2) % 3;
+    const double p = (a[i] - c[i]) * (b[j] - c[j]), q = (a[j] - c[j]) * (b[i] - c[i]);
     const double det = p - q, bound = 4.5e-16 * (fabs(p) + fabs(q));  /* 3 roundings of 2^-53 */
-    double       u[2][2], v[2][2], e[16];
-    int          i;
+    double       ai[2], aj[2], bi[2], bj[2], e[16];
+    int          n;
     if (det > bound || -det > bound) return det > 0 ? 1 : -1;
-    for (i = 0; i < 2; i++) {
-        clothi_two_sum(a[i], -c[i], u[i] + 1, u[i]);
-        clothi_two_sum(b[i], -c[i], v[i] + 1, v[i]);
-    }
-    return clothi_exp_sign(e, clothi_exp_minor(u[0], u[1], v[0], v[1], e));
+    clothi_two_sum(a[i], -c[i], ai + 1, ai);
+    clothi_two_sum(a[j], -c[j], aj + 1, aj);
+    clothi_two_sum(b[i], -c[i], bi + 1, bi);
+    clothi_two_sum(b[j], -c[j], bj + 1, bj);
+    n = clothi_exp_add(e, 0, ai, 2, bj, 2, 1);
+    return clothi_exp_sign(e, clothi_exp_add(e, n, aj, 2, bi, 2, -1));
 }
 
 /* Sign of (a-d) . (b-d) x (c-d), six times the volume a b c d: 1 when a, b, c turn
@@ -698,7 +692,8 @@ static int clothi_orient3d(const double *a, const double *b, const double *c, co
         for (k = 0; k < 3; k++) clothi_two_sum(x[i][k], -d[k], e[i][k] + 1, e[i][k]);
     for (i = 0; i < 3; i++) {
         const int j = (i + 1) % 3, l = (i + 2) % 3;
-        const int nm = clothi_exp_minor(e[1][j], e[1][l], e[2][j], e[2][l], m);
+        int       nm = clothi_exp_add(m, 0, e[1][j], 2, e[2][l], 2, 1);
+        nm = clothi_exp_add(m, nm, e[1][l], 2, e[2][j], 2, -1);
         n = clothi_exp_add(sum, n, m, nm, e[0][i], 2, 1);
     }
     return clothi_exp_sign(sum, n);
@@ -844,19 +839,17 @@ static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
 /* No more than that distance, m, for less: how far the polygon lies along its normal, or along the
  * way to its middle. */
 static double clothi_pair_beyond(int edge_edge, const double *x) {
-    double    r[12], e[6], u[6], best = 0;
+    double    r[12], e[6], u[3], size, least, best;
     const int n = clothi_pair_polygon(edge_edge, x, r);
-    int       i, k;
+    int       k;
     clothi_polygon_plane(r, n, e, u);
-    for (k = 0; k < 3; k++) u[3 + k] = r[k] + r[3 + k] + r[6 + k] + (n == 4 ? r[9 + k] : 0);
-    for (i = 0; i < 2; i++) {
-        const double size = sqrt(clothi_dot3(u + 3 * i, u + 3 * i));
-        double       least = clothi_dot3(u + 3 * i, r);
-        if (i == 0) least = fabs(least);
-        for (k = 1; i && k < n; k++) least = clothi_min(least, clothi_dot3(u + 3, r + 3 * k));
-        if (size > 0) best = clothi_max(best, least / size);
-    }
-    return best;
+    size = sqrt(clothi_dot3(u, u));
+    best = size > 0 ? fabs(clothi_dot3(u, r)) / size : 0;
+    for (k = 0; k < 3; k++) u[k] = r[k] + r[3 + k] + r[6 + k] + (n == 4 ? r[9 + k] : 0);
+    size = sqrt(clothi_dot3(u, u));
+    least = clothi_dot3(u, r);
+    for (k = 1; k < n; k++) least = clothi_min(least, clothi_dot3(u, r + 3 * k));
+    return size > 0 ? clothi_max(best, least / size) : best;
 }
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================
@@ -942,8 +935,7 @@ static double clothi_ccd_turning(const clothi_ccd *q, const double *r, const dou
     }
     clothi_cross3(e + 3, normal, across[0]);
     clothi_cross3(normal, e, across[1]);
-    size = clothi_dot3(normal, normal);
-    if (!(size > 0)) return t;              /* no plane */
+    size = clothi_dot3(normal, normal);     /* not 0: n has a direction */
     for (k = 0; k < 3; k++) W[k] = (to[0] * across[0][k] + to[1] * across[1][k]) / size;
     ww = clothi_dot3(W, W);
     size = fabs(W[0]) + fabs(W[1]) + fabs(W[2]);
@@ -1101,11 +1093,12 @@ static int clothi_dd_direction(const clothi_dd *r, int n, int side, clothi_dd *o
     return 1;
 }
 
-/* From *toi on for min_sep = 0: 0 when the rest of the motion is free, else 1 and the time. */
-static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m, double *toi) {
+/* From `start` on for min_sep = 0: 0 when the rest of the motion is free, else 1 and the time. */
+static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double m, double start,
+                         double *toi) {
     const double    E = 1.262177448353619e-29 * m;                 /* 2^-96 */
     const clothi_dd one = clothi_dd_of(1, 0);
-    clothi_dd       t = clothi_dd_of(*toi, 0), r[12], dir[3];
+    clothi_dd       t = clothi_dd_of(start, 0), r[12], dir[3];
     int             step, side, k;
     for (step = 0; step < CLOTHI_CCD_STEPS; step++) {
         double next = 0;                    /* certified fraction of [t,1]; 2: all of it */
@@ -1126,7 +1119,7 @@ static int clothi_dd_run(int n, const clothi_dd *r0, const clothi_dd *r1, double
         clothi_dd_mix(&t, &one, clothi_dd_of(next, 0), 1, &t);
     }
     /* t is off by rounding over slope: 4e-20 beyond a contact at 4e-7 was seen in 200 000 */
-    *toi = clothi_max(*toi, clothi_min(1, t.h - 1e-15));
+    *toi = clothi_max(start, clothi_min(1, t.h - 1e-15));
     return 1;
 }
 
@@ -1161,7 +1154,7 @@ static int clothi_ccd_plain(const clothi_ccd *q, double t) {
     return abs(signs) == 2;
 }
 
-/* The differences, their size and the bounds; 0 when the largest is 0 or too large. */
+/* The differences, their size and the bounds; 0 when the largest is too large. */
 static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa, const double *xb,
                            double min_sep) {
     int i;
@@ -1169,9 +1162,8 @@ static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa, const
     clothi_pair_polygon(edge_edge, xb, q->r1);
     q->s = min_sep > 0 ? min_sep : 0;
     q->scale = 1;
-    for (q->m = 0, i = 0; i < 3 * q->n; i++)
-        q->m = clothi_max(q->m, clothi_max(fabs(q->r0[i]), fabs(q->r1[i])));
-    if (!(q->m > 0 && q->m < 1e307)) return 0;
+    q->m = clothi_max(clothi_max_abs(q->r0, 3 * q->n), clothi_max_abs(q->r1, 3 * q->n));
+    if (!(q->m < 1e307)) return 0;
     if (!(q->m > 1e-30 && q->m < 1e30)) {
         q->scale = clothi_unit_scale(q->m);
         q->m *= q->scale;
@@ -1186,7 +1178,8 @@ static int clothi_ccd_load(clothi_ccd *q, int edge_edge, const double *xa, const
 static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, double min_sep,
                            double *toi) {
     clothi_ccd q;
-    double     unasked;
+    clothi_dd  r0[12], r1[12];
+    double     unasked, start;
     if (!toi) toi = &unasked;
     *toi = 0;
     if (clothi_find_nonfinite(xa, 12) >= 0 || clothi_find_nonfinite(xb, 12) >= 0 ||
@@ -1195,24 +1188,17 @@ static int clothi_ccd_pair(int edge_edge, const double *xa, const double *xb, do
     if (!clothi_ccd_load(&q, edge_edge, xa, xb, min_sep)) {
         double scaled[24];
         int    i;
-        if (q.m <= 0) return 1;
         for (i = 0; i < 24; i++)            /* a difference may be beyond the doubles           */
             scaled[i] = (1.0 / 256) * (i < 12 ? xa[i] : xb[i - 12]);
         return clothi_ccd_pair(edge_edge, scaled, scaled + 12, (1.0 / 256) * min_sep, toi);
     }
-    if (!(q.s < 4 * q.m)) return 1;         /* all of it is within min_sep                      */
     *toi = 1;
     if (!clothi_ccd_run(&q, toi)) return 0;
-    if (q.s <= 0 && !clothi_ccd_plain(&q, *toi)) {
-        clothi_dd r0[12], r1[12];
-        clothi_dd_polygon(edge_edge, xa, q.scale, r0);
-        clothi_dd_polygon(edge_edge, xb, q.scale, r1);
-        if (!clothi_dd_run(q.n, r0, r1, q.m, toi)) {
-            *toi = 1;
-            return 0;
-        }
-    }
-    return 1;
+    if (q.s > 0 || clothi_ccd_plain(&q, *toi)) return 1;
+    clothi_dd_polygon(edge_edge, xa, q.scale, r0);
+    clothi_dd_polygon(edge_edge, xb, q.scale, r1);
+    start = *toi, *toi = 1;
+    return clothi_dd_run(q.n, r0, r1, q.m, start, toi);
 }
 
 CLOTH_API int cloth_ccd_vf(const double *xa, const double *xb, double min_sep, double *toi) {
@@ -1271,7 +1257,7 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
  *   descent   Of two overlapping nodes both are opened, or the one that is no leaf. Four pairs at
  *             most go on the stack and one comes off it: no more than 3 * 28 + 1 wait. Touching
  *             counts, NaN overlaps everything: the answer is that of brute force.
- *   order     A function looks at each pair of items and puts what comes of it into lists. The
+ *   order     A function looks at each pair of items and puts what comes of it into a list. The
  *             pairs of nodes at level CLOTHI_BVH_TASKS are the tasks of a parallel loop. Each
  *             writes into its own segment of a list, sized by what it found last time; a task
  *             that needs more counts on, then the segments are laid out anew and the loop runs
@@ -1327,15 +1313,15 @@ static inline void clothi_segment_put(clothi_segment *s, int a, int b) {
 /* 1 when every task had room; else gives back the memory, and room to those that had not. */
 static int clothi_pairs_fit(const cloth_hooks *hooks, clothi_pairs *p, int tasks) {
     size_t end = 0;
-    int    i = 0;
-    while (i < tasks && p->found[i] <= p->start[i + 1] - p->start[i]) i++;
-    if (i == tasks) return 1;
+    int    i, fit = 1;
     for (i = 0; i < CLOTHI_PAIRS_TASKS; i++) {
         size_t room = p->start[i + 1] - end;
-        if (i < tasks && p->found[i] > room) room = p->found[i] + p->found[i] / 4u + 16u;
+        if (i < tasks && p->found[i] > room)
+            fit = 0, room = p->found[i] + p->found[i] / 4u + 16u;
         end = p->start[i + 1];
         p->start[i + 1] = p->start[i] + room;
     }
+    if (fit) return 1;
     clothi_free(hooks, p->pair);
     p->pair = NULL;
     return 0;
@@ -1499,7 +1485,7 @@ static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv, const dou
 
 /* --- queries --- */
 
-/* What a pair of items, which meet, puts into the lists. */
+/* What a pair of items, which meet, puts into the list. */
 typedef void clothi_look_fn(int a, int b, const void *ctx, clothi_segment *out);
 
 typedef struct clothi_bvh_query {
@@ -1507,8 +1493,7 @@ typedef struct clothi_bvh_query {
     int                  level_a, level_b;  /* of the tasks                                    */
     clothi_look_fn      *fn;
     const void          *ctx;
-    clothi_pairs *const *list;
-    int                  nlists;            /* <= 2                                            */
+    clothi_pairs        *list;
 } clothi_bvh_query;
 
 /* Looks at all item pairs below the nodes na of q->a and nb of q->b, which meet. */
@@ -1544,60 +1529,47 @@ static void clothi_bvh_descend(const clothi_bvh_query *q, int na, int nb, clothi
 static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
     const clothi_bvh_query *q = (const clothi_bvh_query *)ctx;
     const int               width = 1 << q->level_b;
-    int                     task, k;
+    int                     task;
     (void)worker;
     for (task = begin; task < end; task++) {
         const int      na = (1 << q->level_a) + task / width, nb = width + task % width;
-        clothi_segment out[2];
-        for (k = 0; k < q->nlists; k++) {
-            const size_t at = q->list[k]->start[task];
-            out[k].pair = q->list[k]->pair + 2 * at;
-            out[k].room = q->list[k]->start[task + 1] - at, out[k].found = 0;
-        }
+        const size_t   at = q->list->start[task];
+        clothi_segment out = {q->list->pair + 2 * at, q->list->start[task + 1] - at, 0};
         if ((q->a != q->b || nb >= na) &&
             clothi_boxes_meet(q->a->node + 6 * (size_t)na, q->b->node + 6 * (size_t)nb))
-            clothi_bvh_descend(q, na, nb, out);
-        for (k = 0; k < q->nlists; k++) q->list[k]->found[task] = out[k].found;
+            clothi_bvh_descend(q, na, nb, &out);
+        q->list->found[task] = out.found;
     }
 }
 
 /* Looks by fn at every pair (item of a, item of b) whose boxes overlap, touching included, once
- * each; with b the same as a at every pair i < j of its items. What that puts into the nlists lists
- * is in an order that the trees alone decide. All are empty on failure: CLOTH_ERR_MEMORY,
+ * each; with b the same as a at every pair i < j of its items. What that puts into the list is in
+ * an order that the trees alone decide. It is empty on failure: CLOTH_ERR_MEMORY,
  * CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
 static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *a,
                                     const clothi_bvh *b, clothi_look_fn *fn, const void *ctx,
-                                    clothi_pairs *const *list, int nlists) {
+                                    clothi_pairs *list) {
     const int        la = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
     const int        lb = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
     const int        tasks = 1 << (la + lb);
-    clothi_bvh_query query = {a, b, la, lb, fn, ctx, list, nlists};
-    cloth_status     status = CLOTH_OK;
-    int              i, k, fit = 0;
-    for (k = 0; k < nlists; k++) list[k]->count = 0;
-    while (!fit) {
-        for (k = 0; k < nlists; k++) {      /* segments of all tasks, new ones with room for 64 */
-            clothi_pairs *p = list[k];
-            size_t       *end = p->start + CLOTHI_PAIRS_TASKS;
-            for (i = 1; i <= CLOTHI_PAIRS_TASKS && !*end; i++) p->start[i] = 64 * (size_t)i;
-            if (!p->pair) p->pair = (int *)clothi_alloc(hooks, *end, 2 * sizeof *p->pair);
-            if (!p->pair)
-                return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", *end);
-        }
+    clothi_bvh_query query = {a, b, la, lb, fn, ctx, list};
+    size_t          *room = list->start + CLOTHI_PAIRS_TASKS, at = 0;
+    int              i;
+    list->count = 0;
+    do {                                    /* segments of all tasks, new ones with room for 64 */
+        for (i = 1; i <= CLOTHI_PAIRS_TASKS && !*room; i++) list->start[i] = 64 * (size_t)i;
+        if (!list->pair) list->pair = (int *)clothi_alloc(hooks, *room, 2 * sizeof *list->pair);
+        if (!list->pair)
+            return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", *room);
         clothi_for(hooks, tasks, 1, clothi_bvh_query_range, &query);
-        for (fit = 1, k = 0; k < nlists; k++) fit &= clothi_pairs_fit(hooks, list[k], tasks);
-    }
-    for (k = 0; k < nlists && status == CLOTH_OK; k++) {
-        clothi_pairs *p = list[k];          /* the segments one behind the other */
-        size_t        at = 0;
-        for (i = 0; i < tasks; at += p->found[i++])
-            memmove(p->pair + 2 * at, p->pair + 2 * p->start[i], 2 * p->found[i] * sizeof(int));
-        p->count = (int)at;
-        if (at > (size_t)(0x7fffffff / 2))
-            status = clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
-    }
-    for (k = 0; k < nlists && status != CLOTH_OK; k++) list[k]->count = 0;
-    return status;
+    } while (!clothi_pairs_fit(hooks, list, tasks));
+    for (i = 0; i < tasks; at += list->found[i++])      /* one segment behind the other */
+        memmove(list->pair + 2 * at, list->pair + 2 * list->start[i],
+                2 * list->found[i] * sizeof(int));
+    if (at > (size_t)(0x7fffffff / 2))
+        return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
+    list->count = (int)at;
+    return CLOTH_OK;
 }
 
 /* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
@@ -1640,7 +1612,7 @@ static int clothi_bvh_next(clothi_bvh_walk *w) {
 }
 
 /* Squared distance m^2 of a point [3] from an item (first + i). */
-typedef double clothi_distance_fn(int item, const double *point, void *ctx);
+typedef double clothi_distance_fn(int item, const double *point, const void *ctx);
 
 static double clothi_node_distance2(const double *box, const double *p) {
     double d2 = 0;
@@ -1657,24 +1629,21 @@ static double clothi_node_distance2(const double *box, const double *p) {
  * smallest. Returns it and sets *d2; returns -1 and leaves *d2 when there is none. fn must not be
  * less than the distance from the item's box by more than a relative 1e-9. cost O(log n) near by */
 static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_distance_fn *fn,
-                              void *ctx, double *d2) {
+                              const void *ctx, double *d2) {
     const double slack = 1 - 1e-9;
-    int          stack[CLOTHI_BVH_STACK], n = 0, best = -1, i;
+    int          stack[CLOTHI_BVH_STACK], n = 1, best = -1, i;
     double       reach[CLOTHI_BVH_STACK];
-    stack[0] = 1;
-    reach[n++] = slack * clothi_node_distance2(t->node + 6, point);
+    stack[0] = 1, reach[0] = 0;
     while (n) {
         const int node = stack[--n], leaf = node - (1 << t->depth);
         if (reach[n] > *d2) continue;
         if (leaf < 0) {                     /* the nearer child on top */
-            const double *pair = t->node + 12 * (size_t)node;
-            const double  l = slack * clothi_node_distance2(pair, point);
-            const double  r = slack * clothi_node_distance2(pair + 6, point);
-            const int     right_last = r < l;
-            stack[n] = 2 * node + !right_last;
-            reach[n++] = right_last ? l : r;
-            stack[n] = 2 * node + right_last;
-            reach[n++] = right_last ? r : l;
+            const double *box = t->node + 12 * (size_t)node;
+            const double  d[2] = {slack * clothi_node_distance2(box, point),
+                                  slack * clothi_node_distance2(box + 6, point)};
+            const int     right = d[1] < d[0];
+            stack[n] = 2 * node + !right, reach[n++] = d[!right];
+            stack[n] = 2 * node + right, reach[n++] = d[right];
             continue;
         }
         for (i = clothi_bvh_item(t, leaf, t->depth); i < clothi_bvh_item(t, leaf + 1, t->depth);
@@ -1707,7 +1676,6 @@ static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int 
     cloth_status     status;
     int              i, end, h, ne = 0;
     memset(s, 0, sizeof *s);
-    memset(&sort, 0, sizeof sort);
     status = clothi_check_counts(hooks, nv, nf);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
     if (status == CLOTH_OK) status = clothi_edge_sort_make(hooks, nv, nf, faces, &sort);
@@ -1756,8 +1724,8 @@ static inline int clothi_faces_moved(const clothi_features_job *job, int f, int 
 }
 
 /* Of faces of two trees, or of one with itself, over clothi_swept_boxes and clothi_face_boxes:
- * pairs (vertex, face) into the first list, (edge, edge), smaller edge first, into the second,
- * whose boxes overlap and that share no vertex; of what the faces own: each once. */
+ * pairs v, f of a vertex and a face, and ~p, ~q, below 0, of edges p < q, whose boxes overlap and
+ * that share no vertex; of what the faces own: each once. */
 static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *out) {
     const clothi_features_job *job = (const clothi_features_job *)ctx;
     const int                 *v[2], *e[2];
@@ -1789,7 +1757,7 @@ static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *
             if (!(owned[1] >> (3 + l) & 1) || a == c || a == d || b == c || b == d) continue;
             clothi_box_join(job->box + 6 * (size_t)c, job->box + 6 * (size_t)d, other);
             if (clothi_boxes_meet(edge, other))
-                clothi_segment_put(out + 1, p < q ? p : q, p < q ? q : p);
+                clothi_segment_put(out, p < q ? ~p : ~q, p < q ? ~q : ~p);
         }
     }
 }
@@ -1815,13 +1783,6 @@ static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *
  *   the plane, plane geometry in a projection that does not flatten it. On one line the order is
  *   that of coordinates, x first, then y, then z. No rounding decides; there is no epsilon.
  * checked: tests/test_intersect.c, against rational arithmetic (tests/exact.h) */
-
-/* Turn of the projection of a, b, c along an axis: 0 when on a line. */
-static int clothi_turn_of(const double *a, const double *b, const double *c, int axis) {
-    const int    i = (axis + 1) % 3, j = (axis + 2) % 3;
-    const double p[3][2] = {{a[i], a[j]}, {b[i], b[j]}, {c[i], c[j]}};
-    return clothi_orient2d(p[0], p[1], p[2]);
-}
 
 /* An axis along which the triangle keeps an area, -1 when it has none. */
 static int clothi_open_axis(const double *a, const double *b, const double *c) {
@@ -1849,18 +1810,15 @@ static int clothi_beside(const double *p, const double *a, const double *b) {
  * they may be anywhere. On one line every turn is 0, along any axis. */
 static int clothi_segments_meet(const double *p, const double *q, const double *r,
                                 const double *s, int axis) {
-    int sr, ss, sp, sq;
+    const double *const t[4][3] = {{p, q, r}, {p, q, s}, {r, s, p}, {r, s, q}};
+    int                 turn[4], k, touch = 0;
     if (axis < 0 && clothi_orient3d(p, q, r, s)) return 0;
-    if (axis < 0) axis = clothi_open_axis(p, q, r);
-    if (axis < 0) axis = clothi_open_axis(p, q, s);
-    if (axis < 0) axis = clothi_open_axis(r, s, p);
-    if (axis < 0) axis = clothi_open_axis(r, s, q);
-    if (axis < 0) axis = 0;
-    sr = clothi_turn_of(p, q, r, axis), ss = clothi_turn_of(p, q, s, axis);
-    sp = clothi_turn_of(r, s, p, axis), sq = clothi_turn_of(r, s, q, axis);
-    if (sr * ss < 0 && sp * sq < 0) return 1;
-    return (sr == 0 && clothi_beside(r, p, q) == 0) || (ss == 0 && clothi_beside(s, p, q) == 0) ||
-           (sp == 0 && clothi_beside(p, r, s) == 0) || (sq == 0 && clothi_beside(q, r, s) == 0);
+    for (k = 0; k < 4 && axis < 0; k++) axis = clothi_open_axis(t[k][0], t[k][1], t[k][2]);
+    for (k = 0; k < 4; k++) {
+        turn[k] = clothi_turn_of(t[k][0], t[k][1], t[k][2], axis < 0 ? 0 : axis);
+        touch |= !turn[k] && !clothi_beside(t[k][2], t[k][0], t[k][1]);
+    }
+    return touch || (turn[0] * turn[1] < 0 && turn[2] * turn[3] < 0);
 }
 
 /* 1 when the signs do not have both -1 and 1. */
@@ -1918,11 +1876,10 @@ static int clothi_one_way(const double *v, const double *a, const double *c) {
  * none and is its two sides. */
 static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p,
                            int axis) {
-    int turn;
     if (axis < 0) return clothi_one_way(v, c, p) || clothi_one_way(v, d, p);
-    if (clothi_point_order(p, v) == 0) return 0;
-    turn = clothi_turn_of(v, c, d, axis);
-    return clothi_turn_of(v, c, p, axis) * turn >= 0 && clothi_turn_of(v, p, d, axis) * turn >= 0;
+    return clothi_point_order(p, v) != 0 &&
+           clothi_one_sign(clothi_turn_of(v, c, d, axis), clothi_turn_of(v, c, p, axis),
+                           clothi_turn_of(v, p, d, axis));
 }
 
 /* Triangles f = v a b and g = v c d. Where their planes cross, b A - a B and c D - d C are one
@@ -2015,7 +1972,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
     const clothi_crossing_job job = {x, faces};
     cloth_status  status;
     clothi_bvh    tree;
-    clothi_pairs  found, *const out = &found;
+    clothi_pairs  found;
     memset(&tree, 0, sizeof tree);
     memset(&found, 0, sizeof found);
     if (count) *count = 0;
@@ -2029,13 +1986,12 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
         status = clothi_check_vector(hooks, "cloth_intersections: x", x, 3 * nv);
     if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK)                 /* ~0.1 us a candidate */
-        status = clothi_bvh_look(hooks, &tree, &tree, clothi_crossing_look, &job, &out, 1);
+        status = clothi_bvh_look(hooks, &tree, &tree, clothi_crossing_look, &job, &found);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
-    if (status != CLOTH_OK) goto done;
-    if (count) *count = found.count;
+    if (status == CLOTH_OK && count) *count = found.count;
     if (found.count < max_pairs) max_pairs = found.count;
-    if (max_pairs > 0) memcpy(pairs, found.pair, 2 * (size_t)max_pairs * sizeof *pairs);
-done:
+    if (status == CLOTH_OK && max_pairs > 0)
+        memcpy(pairs, found.pair, 2 * (size_t)max_pairs * sizeof *pairs);
     clothi_pairs_free(hooks, &found);
     clothi_bvh_free(hooks, &tree);
     return status;
@@ -2124,23 +2080,17 @@ CLOTH_API cloth_qp_options cloth_qp_options_default(void) {
 
 CLOTH_API cloth_status cloth_qp_work_create(const cloth_hooks *hooks, cloth_qp_work **out) {
     if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "out = NULL: pass an address");
-    *out = (cloth_qp_work *)clothi_alloc(hooks, 1, sizeof **out);
-    if (!*out) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the work of a QP");
-    if (hooks) (*out)->hooks = *hooks;
-    return CLOTH_OK;
+    *out = (cloth_qp_work *)clothi_object(hooks, sizeof **out);
+    return *out ? CLOTH_OK
+                : clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the work of a QP");
 }
 
 CLOTH_API void cloth_qp_work_destroy(cloth_qp_work *work) {
-    cloth_hooks hooks;
-    if (!work) return;
-    hooks = work->hooks;
-    (void)clothi_blocks(&hooks, (const void *const *)work->data, CLOTHI_QP_BUFFERS);
-    clothi_free(&hooks, work);
+    (void)clothi_object_blocks(work, CLOTHI_QP_BUFFERS, 1);
 }
 
 CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work) {
-    return work ? clothi_block_size(work) + clothi_blocks(NULL, (const void *const *)work->data,
-                                                          CLOTHI_QP_BUFFERS) : 0;
+    return clothi_object_blocks(work, CLOTHI_QP_BUFFERS, 0);
 }
 
 /* A buffer of at least count * size bytes, the first `keep` of them as they were; NULL: no memory,
@@ -2920,8 +2870,8 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
     if (status || rep->outcome == CLOTH_QP_INFEASIBLE) return status;
     clothi_qp_measure(s);
     if (!(rep->residual <= o->tolerance)) rep->outcome = CLOTH_QP_MAX_ITERATIONS;
-    if (rep->outcome == CLOTH_QP_SOLVED) return CLOTH_OK;
-    clothi_qp_prove(s);                     /* multipliers that grew without end may be a proof */
+    if (rep->outcome != CLOTH_QP_SOLVED)    /* multipliers that grew without end may be a proof */
+        clothi_qp_prove(s);
     return CLOTH_OK;
 }
 
@@ -3089,7 +3039,7 @@ static int clothi_surface_pierced(const double *p, const double *q, const double
     return sp > sq ? 1 : -1;
 }
 
-static double clothi_surface_far(int f, const double *p, void *ctx) {
+static double clothi_surface_far(int f, const double *p, const void *ctx) {
     const clothi_surface *s = (const clothi_surface *)ctx;
     double                b[3];
     if ((s->skip && s->skip[f]) || (s->closed && !s->closed[f])) return HUGE_VAL;
@@ -3101,8 +3051,7 @@ static double clothi_surface_far(int f, const double *p, void *ctx) {
  * in/out d2    m^2, in: no farther than this, finite; out: its squared distance
  * out    b     [3] barycentric coordinates of the nearest point */
 static int clothi_surface_nearest(const clothi_surface *s, const double *p, double *d2, double *b) {
-    clothi_surface look = *s;
-    const int      f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, &look, d2);
+    const int f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, s, d2);
     if (f >= 0) (void)clothi_face_distance2(s->x, s->faces + 3 * (size_t)f, p, b);
     return f;
 }
@@ -3116,13 +3065,13 @@ static int clothi_surface_nearest(const clothi_surface *s, const double *p, doub
 static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const clothi_surface *s,
                                            int nf, unsigned char *covered) {
     const clothi_crossing_job job = {s->x, s->faces};
-    clothi_pairs pairs, *const out = &pairs;
+    clothi_pairs pairs;
     cloth_status status;
     double       size = 0;
     int          i, k;
     memset(&pairs, 0, sizeof pairs);
     for (i = 0; i < nf; i++) covered[i] = 1;
-    status = clothi_bvh_look(hooks, s->tree, s->tree, clothi_crossing_look, &job, &out, 1);
+    status = clothi_bvh_look(hooks, s->tree, s->tree, clothi_crossing_look, &job, &pairs);
     for (i = 0; i < pairs.count; i++) {
         const int     *f = pairs.pair + 2 * i;
         const double  *c[2][3];
@@ -3310,15 +3259,14 @@ CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid
                                "and %i faces", nodes, desc->nf);
     if (!status)
         status = clothi_surface_covered(&desc->hooks, &job.surface, desc->nf, job.covered);
-    if (status != CLOTH_OK) goto done;
-    made->grid = plan;
-    made->grid.phi = (double *)(void *)made + head;
-    made->hooks = desc->hooks;
-    job.grid = &made->grid;
-    clothi_for(&desc->hooks, plan.n[1] * plan.n[2], 16, clothi_grid_measure, &job);
-    *out = &made->grid;
-    made = NULL;
-done:
+    if (!status) {
+        made->grid = plan;
+        made->grid.phi = (double *)(void *)made + head;
+        made->hooks = desc->hooks;
+        job.grid = *out = &made->grid;
+        clothi_for(&desc->hooks, plan.n[1] * plan.n[2], 16, clothi_grid_measure, &job);
+        made = NULL;
+    }
     clothi_bvh_free(&desc->hooks, &job.tree);
     clothi_free(&desc->hooks, job.covered);
     clothi_free(&desc->hooks, made);
@@ -3543,7 +3491,7 @@ struct cloth_collide {
     double *x_ie;                           /* [nv x 3] the candidate                          */
     int    *vertex_part;                    /* [nv]                                            */
     unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
-    clothi_pairs   vf, ee;
+    clothi_pairs   found;                   /* by the hierarchy                                */
 
     /* the substep */
     clothi_contact *contact, *spare;        /* sorted by key; spare: scratch                   */
@@ -4165,22 +4113,20 @@ static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b);
 /* Pairs of cloth's faces with those of a tree: as `what` says their features into c->pair, or those
  * that cross into c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
-    clothi_cross        q = {{&c->features, c->box_v, c->box_f, NULL, c->nv}, c};
-    clothi_pairs *const list[2] = {&c->vf, &c->ee};
-    const int           cross = what & CLOTHI_CROSS;
-    cloth_status        status;
-    int                 i;
+    clothi_cross q = {{&c->features, c->box_v, c->box_f, NULL, c->nv}, c};
+    const int    cross = what & CLOTHI_CROSS;
+    cloth_status status;
+    int          i, ee;
     if (what & CLOTHI_MOVED) q.job.moved = c->moved;
     status = clothi_bvh_look(c->hooks, &c->tree, with,
-                             cross ? clothi_cross_look : clothi_features_look, &q, list,
-                             cross ? 1 : 2);
-    for (i = 0; i < c->vf.count && !status; i++) {
-        const int *p = c->vf.pair + 2 * i;
-        status = cross ? clothi_exempt_add(c, CLOTHI_FF, p[0], p[1])
-                       : clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
-    }
-    for (i = 0; i < c->ee.count && !cross && !status; i++)
-        status = clothi_pair_add(c, CLOTHI_EE, c->ee.pair[2 * i], c->ee.pair[2 * i + 1]);
+                             cross ? clothi_cross_look : clothi_features_look, &q, &c->found);
+    for (ee = 0; ee < (cross ? 1 : 2); ee++)                /* edges behind all others */
+        for (i = 0; i < c->found.count && !status; i++) {
+            const int *p = c->found.pair + 2 * i;
+            if (cross) status = clothi_exempt_add(c, CLOTHI_FF, p[0], p[1]);
+            else if (!ee && p[0] >= 0) status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
+            else if (ee && p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
+        }
     return status;
 }
 
@@ -5645,7 +5591,7 @@ typedef struct clothi_catch {               /* a search for the nearest face    
     const double        *turned;            /* unit, of a face that p is to be inside of       */
 } clothi_catch;
 
-static double clothi_catch_far(int face, const double *p, void *ctx) {
+static double clothi_catch_far(int face, const double *p, const void *ctx) {
     const clothi_catch  *q = (const clothi_catch *)ctx;
     const cloth_collide *c = q->c;
     const int           *v = c->faces + 3 * (size_t)face;
@@ -7178,7 +7124,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
-        c->vertex_part, c->hold, c->holding, c->vf.pair, c->ee.pair, c->zone, c->contact,
+        c->vertex_part, c->hold, c->holding, c->found.pair, c->zone, c->contact,
         c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair, c->slack,
         c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
@@ -8097,6 +8043,7 @@ typedef struct clothi_crossing {            /* edge through face                
     int    edge, face;
     int    end;                             /* 0, 1: the wrong end; -1: neither; 2: has a way  */
     double s, b[3], at[3], r[3];            /* as above; at: c, m; r 0: not known              */
+    double n[3], e[3];                      /* unit normal of the face; the edge, m            */
 } clothi_crossing;
 
 typedef struct clothi_contour {
@@ -8133,18 +8080,18 @@ static int clothi_contour_cut(const cloth_collide *c, int f, int k, int g, cloth
     const int     edge = c->features.face_edges[3 * f + k];
     const int    *v = c->faces + 3 * g, *ends = c->edges + 2 * edge;
     const double *p = c->xa + 3 * ends[0], *q = c->xa + 3 * ends[1], *a = c->xa + 3 * v[0];
-    double        n[3], d[3], e[3], high;
+    double        d[3], high;
     if (clothi_face_has(c, g, ends[0]) || clothi_face_has(c, g, ends[1]) ||
         !clothi_surface_pierced(p, q, a, c->xa + 3 * v[1], c->xa + 3 * v[2]))
         return 0;
     memset(cut, 0, sizeof *cut);
-    clothi_face_normal(c->xa, v, n);
+    clothi_face_normal(c->xa, v, cut->n);
     clothi_sub3(a, p, d);
-    clothi_sub3(q, p, e);
-    high = clothi_dot3(n, e);
+    clothi_sub3(q, p, cut->e);
+    high = clothi_dot3(cut->n, cut->e);
     cut->edge = edge, cut->face = g, cut->end = -1;
-    cut->s = fabs(high) > 0 ? clothi_max(0, clothi_min(1, clothi_dot3(n, d) / high)) : 0.5;
-    for (k = 0; k < 3; k++) cut->at[k] = p[k] + cut->s * e[k];
+    cut->s = fabs(high) > 0 ? clothi_max(0, clothi_min(1, clothi_dot3(cut->n, d) / high)) : 0.5;
+    for (k = 0; k < 3; k++) cut->at[k] = p[k] + cut->s * cut->e[k];
     (void)clothi_face_distance2(c->xa, c->faces + 3 * g, cut->at, cut->b);
     return 1;
 }
@@ -8184,16 +8131,14 @@ static void clothi_contour_shrink(const cloth_collide *c, const clothi_contour *
     for (i = 0; i < line->n; i++) {
         const clothi_crossing *cut = line->cut + i;
         const int *v = c->edges + 2 * cut->edge, *f = c->faces + 3 * cut->face;
-        double     n[3], e[3], slope, size, a;
+        double     slope, size, a;
         if (cut->end > 1) continue;
-        clothi_face_normal(c->xa, f, n);
-        clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], e);
-        size = sqrt(clothi_dot3(e, e));
-        slope = clothi_dot3(e, n) / size;
+        size = sqrt(clothi_dot3(cut->e, cut->e));
+        slope = clothi_dot3(cut->e, cut->n) / size;
         slope = fabs(slope) > 0.05 ? slope : slope < 0 ? -0.05 : 0.05;
-        a = cut->end < 0 ? clothi_dot3(cut->r, e) / size : cut->end ? 1 : -1;
+        a = cut->end < 0 ? clothi_dot3(cut->r, cut->e) / size : cut->end ? 1 : -1;
         for (k = 0; k < 3 && size > 0; k++) {
-            const double across = a / slope * n[k], along = cut->end < 0 ? cut->r[k] : 0;
+            const double across = a / slope * cut->n[k], along = cut->end < 0 ? cut->r[k] : 0;
             for (j = 0; j < 2; j++)
                 g[3 * v[j] + k] += (j ? cut->s : 1 - cut->s) * (along - across);
             for (j = 0; j < 3; j++) g[3 * f[j] + k] += cut->b[j] * across;
@@ -8238,11 +8183,8 @@ static cloth_status clothi_tangle_inside(const cloth_collide *c, clothi_tangle *
     for (i = 0; i < u->line.n && !status; i++) {
         clothi_crossing *cut = u->line.cut + i;
         const int       *v = c->edges + 2 * cut->edge;
-        double           n[3], e[3];
         if (!u->mask[cut->face]) continue;
-        clothi_face_normal(c->xa, c->faces + 3 * cut->face, n);
-        clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], e);
-        cut->end = clothi_dot3(n, e) < 0;
+        cut->end = clothi_dot3(cut->n, cut->e) < 0;
         if (u->in[v[0]] == slot + 1 || u->in[v[1]] == slot + 1) cut->end = 2;
     }
     return status;

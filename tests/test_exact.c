@@ -52,8 +52,8 @@ static void against_integers(void) {
             zeros += three == 0;
             wrong += clothi_orient3d(p[0], p[1], p[2], p[3]) != three;
             wrong += clothi_orient3d(p[1], p[0], p[2], p[3]) != -three;
-            wrong += clothi_orient2d(p[0], p[1], p[2]) != two;
-            wrong += clothi_orient2d(p[1], p[0], p[2]) != -two;
+            wrong += clothi_turn_of(p[0], p[1], p[2], 2) != two;
+            wrong += clothi_turn_of(p[1], p[0], p[2], 2) != -two;
         }
     }
     printf("  200000 tetrahedra, %d flat\n", zeros);
@@ -71,15 +71,15 @@ static void one_ulp(void) {
     CHECK(clothi_orient3d(a, b, c, d) == -1);
     d[0] = 0.5 - u;
     CHECK(clothi_orient3d(a, b, c, d) == 1);
-    CHECK(clothi_orient2d(r, p, q) == 0);
+    CHECK(clothi_turn_of(r, p, q, 2) == 0);
     r[1] += 2 * u;
-    CHECK(clothi_orient2d(r, p, q) == 1);
+    CHECK(clothi_turn_of(r, p, q, 2) == 1);
     r[1] = 0.5 - u;
-    CHECK(clothi_orient2d(r, p, q) == -1);
+    CHECK(clothi_turn_of(r, p, q, 2) == -1);
     r[0] = ldexp(1, -200);                  /* lost in the difference from p and q */
     r[1] = 0;
-    CHECK(clothi_orient2d(r, p, q) == -1);
-    CHECK(clothi_orient2d(a, d, a) == 0);
+    CHECK(clothi_turn_of(r, p, q, 2) == -1);
+    CHECK(clothi_turn_of(a, d, a, 2) == 0);
 }
 
 /* Points on a grid of one ulp around (1/2, 1/2) against the line through (12, 12), (24, 24). */
@@ -91,9 +91,9 @@ static void grid(void) {
             double r[2];
             r[0] = 0.5 + 2 * i * u;
             r[1] = 0.5 + 2 * k * u;
-            wrong += clothi_orient2d(r, p, q) != (k > i) - (k < i);
-            wrong += clothi_orient2d(p, q, r) != (k > i) - (k < i);
-            wrong += clothi_orient2d(q, r, p) != (k > i) - (k < i);
+            wrong += clothi_turn_of(r, p, q, 2) != (k > i) - (k < i);
+            wrong += clothi_turn_of(p, q, r, 2) != (k > i) - (k < i);
+            wrong += clothi_turn_of(q, r, p, 2) != (k > i) - (k < i);
         }
     CHECK(wrong == 0);
 }

@@ -3379,16 +3379,25 @@ typedef struct clothi_anchor {
     double     slip[3];                     /* m, elastic slip, turned with the surface        */
 } clothi_anchor;
 
-typedef struct clothi_pair_id {                /* features, by kind; faces: a < b                 */
+typedef struct clothi_pair_id {             /* features, by kind; faces: a < b                 */
     int kind, a, b;
 } clothi_pair_id;
+
+typedef struct clothi_near {                /* a pair of the broad phase                       */
+    clothi_pair_id id;
+    int    hit;                             /* CLOTHI_HIT_ bits                                */
+    double slack;                           /* m, from its range: not less at x_list           */
+    double thick;                           /* m, its contact thickness; 0: not known yet      */
+    double time;                            /* part of a segment that it leaves free           */
+} clothi_near;
 
 typedef struct clothi_frame {               /* of a pair at some x                             */
     double w[4], normal[3];                 /* sum w = 0; towards w > 0                        */
     double gap;                             /* m                                               */
     double energy, force, slope;            /* J, N, N/m by its gap: what the group joins      */
-    double part;                            /* dE/d energy in the group's E, 0 to 1            */
     double own[3];                          /* J, N, N/m: beside the group                     */
+    double part;                            /* dE/d energy in the group's E, 0 to 1; by itself */
+                                            /* a contact has force + own[1], slope + own[2]    */
 } clothi_frame;
 
 typedef struct clothi_contact {             /* a pair of the proximity potential         [8.2] */
@@ -3419,10 +3428,8 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     double gap, force, tangent[3];          /* m, N: normal force; friction on w > 0           */
 } clothi_contact;
 
-typedef cloth_contact_row clothi_row;       /* a constraint of a zone                          */
-
 typedef struct clothi_zone {                /* its slices of the scratch                 [8.4] */
-    int          m, n;                      /* rows and unknowns of its QP                     */
+    int          m;                         /* rows of its QP, of 3 size unknowns              */
     int          rows, size, fresh;         /* rows, vertices; a row is of this pass           */
     int         *order, *row, *col, *member;            /* order [rows]: which; member [size]  */
     double      *val, *h, *lambda, *guess, *norm, *minv, *x0, *x;
@@ -3494,20 +3501,15 @@ struct cloth_collide {
     clothi_pairs   found;                   /* by the hierarchy                                */
 
     /* the substep */
-    clothi_contact *contact, *spare;        /* sorted by key; spare: scratch                   */
+    clothi_contact *contact, *spare;        /* sorted by key; spare: those to be sorted in     */
     int             ncontact, contact_cap, spare_cap;
     int            *order;                  /* [order_cap] scratch of sorting                  */
     int             order_cap;
-    clothi_row     *row;
+    cloth_contact_row *row;                 /* constraints of zones                            */
     int             nrow, row_cap;
     clothi_table    row_of, contact_of;
-    clothi_pair_id    *pair;                   /* of the broad phase                              */
+    clothi_near    *pair;                   /* of the broad phase                              */
     int             npair, pair_cap;
-    double         *slack;                  /* [hit_cap] m, from its range: not less at x_list */
-    double         *thick;                  /* [hit_cap] m, of a pair; 0: not known yet        */
-    double         *hit_time;               /* [hit_cap] part of a segment that it leaves free */
-    unsigned char  *hit;                    /* [hit_cap] CLOTHI_HIT_ bits of a pair            */
-    int             hit_cap;
     double          h;
     int             begun;                  /* a step is under way                             */
     int             inexact;                /* the last one ended before Newton converged      */
@@ -3535,10 +3537,10 @@ struct cloth_collide {
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
     int    *local, *member;                 /* [nv] number in a zone; by zone, its vertices    */
-    clothi_zone *zone;                      /* [zone_cap], then qp_val and zone_order          */
-    int     zone_cap;
-    int    *zone_order;                     /* rows by zone, then row and col of the QPs       */
-    double *qp_val;                         /* values, then h, lambda, guess, norm             */
+    clothi_zone *zone;
+    int    *zone_order;                     /* [15 nrow] rows by zone, then row, col of QPs    */
+    double *qp_val;                         /* [16 nrow] values, then h, lambda, guess, norm   */
+    int     zone_cap, zone_order_cap, qp_val_cap;
     double *qp_minv, *qp_x0, *qp_x;         /* [3 nv]                                          */
     const double *zone_v;                   /* [nv x 3] m/s: of velocities; NULL: of x_IE      */
     int     nwork;
@@ -3775,11 +3777,10 @@ static int clothi_world_count(cloth_collide *c) {
 /* Where the edges of the obstacles begin; capsules bring theirs. */
 static void clothi_world_edges(cloth_collide *c) {
     int o, at = c->features.ne, e = 0;
-    while (e < at && c->edges[2 * e] < c->nv) e++;
     CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
+        while (e < c->features.ne && c->edges[2 * e] < b->v0) e++;
         b->e0 = e;
-        while (e < c->features.ne && c->edges[2 * e] < b->v0 + b->nv) e++;
         if (b->kind != CLOTH_OBSTACLE_CAPSULE) continue;
         b->e0 = at;
         c->edges[2 * at] = b->v0;
@@ -3863,48 +3864,42 @@ static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, 
 
 /* --- who may touch whom --- */
 
-/* Category of what a world vertex belongs to. */
-static uint32_t clothi_category(const cloth_collide *c, int v, uint32_t *mask) {
-    const clothi_obstacle    *o = c->slot[v] < 0 ? NULL : c->obstacle + c->slot[v];
-    const cloth_collide_part *part = o || !c->part ? NULL : c->part + c->vertex_part[v];
-    *mask = o ? o->mask : part ? part->mask : 0xffffffffu;
-    return o ? o->category : part ? part->category : 1u;
-}
-
-/* Two world vertices. */
+/* Two world vertices: not both of obstacles, and both of cloth where that collides with itself. */
 static int clothi_may_touch(const cloth_collide *c, int v, int w) {
-    uint32_t  mask_v, mask_w, of_v, of_w;
-    if (c->slot[v] >= 0 && c->slot[w] >= 0) return 0;
-    if (c->slot[v] < 0 && c->slot[w] < 0 &&
-        (!c->self || (c->part && !(c->part[c->vertex_part[v]].self &&
-                                   c->part[c->vertex_part[w]].self))))
-        return 0;
-    of_v = clothi_category(c, v, &mask_v);
-    of_w = clothi_category(c, w, &mask_w);
-    return (of_v & mask_w) != 0 && (of_w & mask_v) != 0;
+    const int at[2] = {v, w}, self = c->slot[v] < 0 && c->slot[w] < 0;
+    uint32_t  category[2] = {1, 1}, mask[2] = {0xffffffffu, 0xffffffffu};
+    int       i;
+    if ((self && !c->self) || (c->slot[v] >= 0 && c->slot[w] >= 0)) return 0;
+    for (i = 0; i < 2; i++) {
+        const int                 slot = c->slot[at[i]];
+        const cloth_collide_part *part = c->part ? c->part + c->vertex_part[at[i]] : NULL;
+        if (slot >= 0) category[i] = c->obstacle[slot].category, mask[i] = c->obstacle[slot].mask;
+        else if (part) category[i] = part->category, mask[i] = part->mask;
+        if (self && part && !part->self) return 0;
+    }
+    return (category[0] & mask[1]) != 0 && (category[1] & mask[0]) != 0;
 }
 
 /* World vertices of a pair and how many they are. */
-static int clothi_pair_vertices(const cloth_collide *c, int kind, int a, int b, int *v) {
-    if (kind == CLOTHI_EE) {
-        v[0] = c->edges[2 * a], v[1] = c->edges[2 * a + 1];
-        v[2] = c->edges[2 * b], v[3] = c->edges[2 * b + 1];
+static int clothi_pair_vertices(const cloth_collide *c, const clothi_pair_id *p, int *v) {
+    if (p->kind == CLOTHI_EE) {
+        v[0] = c->edges[2 * p->a], v[1] = c->edges[2 * p->a + 1];
+        v[2] = c->edges[2 * p->b], v[3] = c->edges[2 * p->b + 1];
         return 4;
     }
-    v[0] = a;
-    if (kind == CLOTHI_VF) {
-        v[1] = c->faces[3 * b], v[2] = c->faces[3 * b + 1], v[3] = c->faces[3 * b + 2];
+    v[0] = p->a;
+    if (p->kind == CLOTHI_VF) {
+        memcpy(v + 1, c->faces + 3 * p->b, 3 * sizeof *v);
         return 4;
     }
-    v[1] = c->obstacle[b].v0;               /* VP: b is the slot */
+    v[1] = c->obstacle[p->b].v0;            /* VP: b is the slot */
     return 2;
 }
 
-static int clothi_pair_slot(const cloth_collide *c, int kind, int a, int b) {
-    if (kind == CLOTHI_VP) return b;
-    a = kind == CLOTHI_EE ? c->edges[2 * a] : a;
-    b = kind == CLOTHI_EE ? c->edges[2 * b] : c->faces[3 * b];
-    return c->slot[a] >= 0 ? c->slot[a] : c->slot[b];
+static int clothi_pair_slot(const cloth_collide *c, const clothi_pair_id *p) {
+    const int ee = p->kind == CLOTHI_EE, slot = c->slot[ee ? c->edges[2 * p->a] : p->a];
+    if (p->kind == CLOTHI_VP) return p->b;
+    return slot >= 0 ? slot : c->slot[ee ? c->edges[2 * p->b] : c->faces[3 * p->b]];
 }
 
 /* What is taken off every distance to obstacle `slot`, m. */
@@ -3912,12 +3907,21 @@ static double clothi_slot_radius(const cloth_collide *c, int slot) {
     return slot < 0 ? 0 : c->obstacle[slot].radius;
 }
 
+
 /* Points of a pair: cloth at x [nv x 3], obstacles at `world` (xa or xb). */
 static void clothi_pair_points(const cloth_collide *c, const double *x, const double *world,
                                const int *v, int n, double *out) {
     int k;
     for (k = 0; k < n; k++)
         memcpy(out + 3 * k, (v[k] < c->nv ? x : world) + 3 * v[k], 3 * sizeof(double));
+}
+
+/* The faces [*n] around a side of a pair, 0 or 1, -1: none; not of a wall. */
+static const int *clothi_pair_faces(const cloth_collide *c, const clothi_pair_id *p, int side,
+                                    int *n) {
+    const int at = side ? p->b : p->a;
+    *n = p->kind == CLOTHI_EE ? 2 : side ? 1 : c->star[at + 1] - c->star[at];
+    return p->kind == CLOTHI_EE ? c->edge_face + 2 * at : side ? &p->b : c->star_face + c->star[at];
 }
 
 /* How far it is in the template from the point |w| of a feature, of vertices v [n], out of the
@@ -3942,23 +3946,23 @@ static double clothi_way_out(const cloth_collide *c, const int *faces, int nf, c
 /* The contact thickness of a pair: that of the obstacle, else t; for two places of one cloth that
  * are nearer than 2 t along the template, as far as their faces tell, half of that: a fine mesh is
  * not in contact with itself at rest, and layers of a fold are. */
-static double clothi_pair_thickness(const cloth_collide *c, int kind, int slot, int a, int b,
+static double clothi_pair_thickness(const cloth_collide *c, const clothi_pair_id *p,
                                     const int *v) {
     const double t = c->desc.thickness;
-    double       x[12], w[4], apart, way[2];
+    const int    slot = clothi_pair_slot(c, p), first = p->kind == CLOTHI_EE ? 2 : 1;
+    const int   *faces;
+    double       x[12], w[4], apart;
+    int          n;
     if (slot >= 0) return c->obstacle[slot].thickness;
     if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return t;
     clothi_pair_points(c, c->sim->model->x_rest, c->xa, v, 4, x);
-    apart = clothi_pair_beyond(kind, x) < 2 * t ? clothi_pair_distance(kind, x, w) : 2 * t;
+    apart = clothi_pair_beyond(p->kind, x) < 2 * t ? clothi_pair_distance(p->kind, x, w) : 2 * t;
     if (!(apart < 2 * t)) return t;
-    if (kind == CLOTHI_EE) {
-        way[0] = clothi_way_out(c, c->edge_face + 2 * a, 2, v, 2, w);
-        way[1] = clothi_way_out(c, c->edge_face + 2 * b, 2, v + 2, 2, w + 2);
-    } else {
-        way[0] = clothi_way_out(c, c->star_face + c->star[a], c->star[a + 1] - c->star[a], v, 1, w);
-        way[1] = clothi_way_out(c, &b, 1, v + 1, 3, w + 1);
-    }
-    return clothi_min(t, 0.5 * clothi_max(apart, clothi_max(way[0], way[1])));
+    faces = clothi_pair_faces(c, p, 0, &n);
+    apart = clothi_max(apart, clothi_way_out(c, faces, n, v, first, w));
+    faces = clothi_pair_faces(c, p, 1, &n);
+    apart = clothi_max(apart, clothi_way_out(c, faces, n, v + first, 4 - first, w + first));
+    return clothi_min(t, 0.5 * apart);
 }
 
 /* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
@@ -3988,8 +3992,7 @@ static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
 static double clothi_pair_come(const cloth_collide *c, const clothi_pair_id *p, const double *dx) {
     double most = 0, d[3];
     int    v[4], i, j, k;
-    const int n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-    const int side = p->kind == CLOTHI_EE ? 2 : 1;
+    const int n = clothi_pair_vertices(c, p, v), side = p->kind == CLOTHI_EE ? 2 : 1;
     for (i = 0; i < side; i++)
         for (j = side; j < n; j++) {
             for (k = 0; k < 3; k++) {
@@ -4004,33 +4007,33 @@ static double clothi_pair_come(const cloth_collide *c, const clothi_pair_id *p, 
 /* Distance left between a cloth feature and what it is paired with, m; cloth at x, obstacles at
  * `world`. */
 static double clothi_pair_gap(const cloth_collide *c, const double *x, const double *world,
-                              int kind, int a, int b) {
-    double p[12], w[4];
-    int    v[4];
-    const int n = clothi_pair_vertices(c, kind, a, b, v);
-    clothi_pair_points(c, x, world, v, n, p);
-    if (kind != CLOTHI_VP)
-        return clothi_pair_distance(kind, p, w) -
-               clothi_slot_radius(c, clothi_pair_slot(c, kind, a, b));
-    clothi_sub3(p, p + 3, p);
-    if (!c->obstacle[b].grid) return clothi_dot3(p, c->obstacle[b].normal);
-    return cloth_grid_sample(c->obstacle[b].grid, p, w, NULL) ? HUGE_VAL
-                                                              : w[0] - c->obstacle[b].radius;
+                              const clothi_pair_id *p) {
+    const clothi_obstacle *o;
+    double                 r[12], w[4];
+    int                    v[4];
+    const int              n = clothi_pair_vertices(c, p, v);
+    clothi_pair_points(c, x, world, v, n, r);
+    if (p->kind != CLOTHI_VP)
+        return clothi_pair_distance(p->kind, r, w) - clothi_slot_radius(c, clothi_pair_slot(c, p));
+    o = c->obstacle + p->b;
+    clothi_sub3(r, r + 3, r);
+    if (!o->grid) return clothi_dot3(r, o->normal);
+    return cloth_grid_sample(o->grid, r, w, NULL) ? HUGE_VAL : w[0] - o->radius;
 }
 
 /* --- broad phase --- */
 
 static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
-    const clothi_pair_id p = {kind, a, b};
-    int                  v[4];
-    (void)clothi_pair_vertices(c, kind, a, b, v);
-    return clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1]) ? CLOTHI_PUSH(c, pair, p)
-                                                                   : CLOTH_OK;
+    const clothi_near p = {{kind, a, b}, 0, 0, 0, 0};
+    int               v[4];
+    (void)clothi_pair_vertices(c, &p.id, v);
+    if (!clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1]) || !CLOTHI_PUSH(c, pair, p))
+        return CLOTH_OK;
+    return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair + 1);
 }
 
 /* A sphere's centre, a capsule's ends against faces; its axis against edges. */
-static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
-    const clothi_obstacle *o = c->obstacle + slot;
+static cloth_status clothi_pairs_round(cloth_collide *c, const clothi_obstacle *o) {
     cloth_status    status = CLOTH_OK;
     double          box[6];
     clothi_bvh_walk w;
@@ -4043,7 +4046,7 @@ static cloth_status clothi_pairs_round(cloth_collide *c, int slot, int edge) {
         for (k = 0; k < o->nv && !status; k++) status = clothi_pair_add(c, CLOTHI_VF, o->v0 + k, f);
         for (k = 0; k < 3 && o->nv == 2 && !status; k++)
             if (c->features.owned[f] >> (3 + k) & 1)
-                status = clothi_pair_add(c, CLOTHI_EE, c->features.face_edges[3 * f + k], edge);
+                status = clothi_pair_add(c, CLOTHI_EE, c->features.face_edges[3 * f + k], o->e0);
     }
     return status;
 }
@@ -4062,17 +4065,6 @@ static void clothi_tree_boxes(cloth_collide *c, clothi_bvh *tree, const double *
     clothi_bvh_refit(c->hooks, tree, c->box_f + 6 * f);
 }
 
-/* Boxes and trees for pairs within `reach` (m): cloth on its way from p to q [nv x 3], obstacles as
- * `solid` says. */
-static void clothi_world_boxes(cloth_collide *c, const double *p, const double *q, int solid,
-                               double reach) {
-    if (c->solid_known != solid) {          /* their pad is the thickest, whatever is asked now */
-        clothi_tree_boxes(c, &c->solid, c->xb, solid == CLOTHI_SWEPT ? c->xa : NULL,
-                          0.5 * clothi_max(reach, c->thickest));
-        c->solid_known = reach > c->thickest ? 0 : solid;
-    }
-    clothi_tree_boxes(c, &c->tree, p, q, 0.5 * reach);
-}
 
 /* Nothing makes pairs: no self-contact, and all obstacles are walls. */
 static int clothi_only_walls(const cloth_collide *c) {
@@ -4081,34 +4073,33 @@ static int clothi_only_walls(const cloth_collide *c) {
     return !others;
 }
 
-/* Boxes of cloth for pairs with itself. Where it flies as a whole the mean of its motion is left
- * out: a sheet thrown through a room meets itself no more than at rest. */
-static void clothi_self_boxes(cloth_collide *c, const double *p, const double *q, double reach) {
-    double mean[3] = {0, 0, 0}, *to = c->qp_x0;
-    int    i;
-    for (i = 0; i < 3 * c->nv; i++) mean[i % 3] += (q[i] - p[i]) / c->nv;
-    for (i = 0; i < 3 * c->nv; i++) to[i] = q[i] - mean[i % 3];
-    clothi_tree_boxes(c, &c->tree, p, to, 0.5 * reach);
-}
 
 typedef struct clothi_cross {               /* a search for features, or faces that cross at xb */
     clothi_features_job  job;               /* first: its address is this one's                */
     const cloth_collide *c;
 } clothi_cross;
 
-static int clothi_faces_cross(const cloth_collide *c, const double *x, int f, int g) {
-    return clothi_faces_intersect(x, c->faces + 3 * f, c->faces + 3 * g);
-}
 
 static void clothi_cross_look(int f, int g, const void *ctx, clothi_segment *out) {
     const clothi_cross  *q = (const clothi_cross *)ctx;
     const cloth_collide *c = q->c;
-    if (clothi_faces_moved(&q->job, f, g) &&
-        clothi_may_touch(c, c->faces[3 * f], c->faces[3 * g]) && clothi_faces_cross(c, c->xb, f, g))
+    const int           *v = c->faces + 3 * f, *w = c->faces + 3 * g;
+    if (clothi_faces_moved(&q->job, f, g) && clothi_may_touch(c, *v, *w) &&
+        clothi_faces_intersect(c->xb, v, w))
         clothi_segment_put(out, f, g);
 }
 
-static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b);
+
+/* What intersects, into the sorted list, once. */
+static cloth_status clothi_exempt_add(cloth_collide *c, const clothi_pair_id *p) {
+    cloth_status status = CLOTH_OK;
+    int          there, at = clothi_find(c->now, sizeof *p, c->nnow, p, 3, &there);
+    if (!there) status = CLOTHI_ROOM(c, now, c->nnow + 1);
+    if (there || status) return status;
+    memmove(c->now + at + 1, c->now + at, (size_t)(c->nnow++ - at) * sizeof *p);
+    c->now[at] = *p;
+    return CLOTH_OK;
+}
 
 /* Pairs of cloth's faces with those of a tree: as `what` says their features into c->pair, or those
  * that cross into c->now. */
@@ -4122,58 +4113,55 @@ static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, 
                              cross ? clothi_cross_look : clothi_features_look, &q, &c->found);
     for (ee = 0; ee < (cross ? 1 : 2); ee++)                /* edges behind all others */
         for (i = 0; i < c->found.count && !status; i++) {
-            const int *p = c->found.pair + 2 * i;
-            if (cross) status = clothi_exempt_add(c, CLOTHI_FF, p[0], p[1]);
+            const int           *p = c->found.pair + 2 * i;
+            const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
+            if (cross) status = clothi_exempt_add(c, &face);
             else if (!ee && p[0] >= 0) status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
             else if (ee && p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
         }
     return status;
 }
 
-/* c->pair: what comes within `reach` (m); cloth and obstacles as for clothi_world_boxes. what: bits
- * of CLOTHI_MOVED, CLOTHI_CROSS; pairs with walls and round obstacles are listed anyway. */
+/* c->pair: what comes within `reach` (m); cloth on its way from p to q [nv x 3] (NULL: at rest),
+ * obstacles as `solid` says. what: bits of CLOTHI_MOVED, CLOTHI_CROSS; pairs with walls and round
+ * obstacles are listed anyway. Where cloth flies the mean of its motion is left out for pairs with
+ * itself: a sheet thrown through a room meets itself no more than at rest. */
 static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const double *q,
                                        int solid, double reach, int what) {
-    const int    flies = c->self && solid == CLOTHI_SWEPT && q;
+    const int    swept = solid == CLOTHI_SWEPT, flies = c->self && swept;
+    double       mean[3] = {0, 0, 0}, *to = c->qp_x0;
     cloth_status status = CLOTH_OK;
-    int          i, o, edge = c->features.ne;
+    int          i, o;
     c->npair = 0;
     CLOTHI_OBSTACLES(c, o)                  /* walls: with all vertices */
         for (i = 0; clothi_is_wall(c->obstacle + o) && i < c->nv && !status; i++)
             status = clothi_pair_add(c, CLOTHI_VP, i, o);
     if (status || clothi_only_walls(c)) return status;
-    if (flies) clothi_self_boxes(c, p, q, reach);
-    if (flies) status = clothi_tree_phase(c, &c->tree, what);
-    clothi_world_boxes(c, p, q, solid, reach);
+    if (flies) {
+        for (i = 0; i < 3 * c->nv; i++) mean[i % 3] += (q[i] - p[i]) / c->nv;
+        for (i = 0; i < 3 * c->nv; i++) to[i] = q[i] - mean[i % 3];
+        clothi_tree_boxes(c, &c->tree, p, to, 0.5 * reach);
+        status = clothi_tree_phase(c, &c->tree, what);
+    }
+    if (c->solid_known != solid) {          /* their pad is the thickest, whatever is asked now */
+        clothi_tree_boxes(c, &c->solid, c->xb, swept ? c->xa : NULL,
+                          0.5 * clothi_max(reach, c->thickest));
+        c->solid_known = reach > c->thickest ? 0 : solid;
+    }
+    clothi_tree_boxes(c, &c->tree, p, q, 0.5 * reach);
     if (!status) status = clothi_tree_phase(c, &c->solid, what);
     if (!status && c->self && !flies) status = clothi_tree_phase(c, &c->tree, what);
-    CLOTHI_OBSTACLES(c, o) {
-        if (status || c->obstacle[o].nf || clothi_is_wall(c->obstacle + o)) continue;
-        status = clothi_pairs_round(c, o, edge);
-        edge += c->obstacle[o].kind == CLOTH_OBSTACLE_CAPSULE;
-    }
+    CLOTHI_OBSTACLES(c, o)
+        if (!status && !c->obstacle[o].nf && !clothi_is_wall(c->obstacle + o))
+            status = clothi_pairs_round(c, c->obstacle + o);
     return status;
 }
 
 /* --- what intersects from the start --- */
 
-/* Into the sorted list, once. */
-static cloth_status clothi_exempt_add(cloth_collide *c, int kind, int a, int b) {
-    const clothi_pair_id p = {kind, a, b};
-    cloth_status         status;
-    int                  there, low = clothi_find(c->now, sizeof p, c->nnow, &p, 3, &there);
-    if (there) return CLOTH_OK;
-    status = CLOTHI_ROOM(c, now, c->nnow + 1);
-    if (status) return status;
-    memmove(c->now + low + 1, c->now + low, (size_t)(c->nnow - low) * sizeof p);
-    c->now[low] = p;
-    c->nnow++;
-    return CLOTH_OK;
-}
-
-static int clothi_pair_held(const cloth_collide *c, int kind, int a, int b);
+static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p);
 static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy);
-static int clothi_tangle_passes(const cloth_collide *c, int kind, int a, int b);
+static int clothi_tangle_passes(const cloth_collide *c, const clothi_pair_id *p);
 
 /* 1 when a vertex of cloth is, where the substep begins, outside of a world face of a body that
  * penetrates itself: nothing lets it in. */
@@ -4186,29 +4174,23 @@ static int clothi_outside(const cloth_collide *c, int v, int face) {
     return clothi_dot3(n, d) > 0;
 }
 
-static int clothi_listed(const cloth_collide *c, int kind, int a, int b) {
-    const int            turned = kind < 0 && b < a;
-    const clothi_pair_id p = {kind, turned ? b : a, turned ? a : b};
-    int                  there;
-    (void)clothi_find(c->now, sizeof p, c->nnow, &p, 3, &there);
-    return there;
-}
-
 /* A pair is exempt when it is held in a pinch, when it is listed, or when it belongs to a listed
  * pair of faces. */
-static int clothi_is_exempt(const cloth_collide *c, int kind, int a, int b) {
-    int i;
-    if (c->nholding > 0 && clothi_pair_held(c, kind, a, b)) return 1;
-    if (c->tangle && clothi_tangle_passes(c, kind, a, b)) return 1;
-    if (c->nnow == 0) return 0;
-    if (clothi_listed(c, kind, a, b)) return 1;
-    if (kind == CLOTHI_VF)
-        for (i = c->star[a]; i < c->star[a + 1]; i++)
-            if (clothi_listed(c, CLOTHI_FF, c->star_face[i], b)) return !clothi_outside(c, a, b);
-    for (i = 0; i < 4 && kind == CLOTHI_EE; i++) {
-        const int f = c->edge_face[2 * a + i / 2], g = c->edge_face[2 * b + i % 2];
-        if (f >= 0 && g >= 0 && clothi_listed(c, CLOTHI_FF, f, g)) return 1;
-    }
+static int clothi_is_exempt(const cloth_collide *c, const clothi_pair_id *p) {
+    const int *f, *g;
+    int        i, j, n, m, there = 0;
+    if (c->nholding > 0 && clothi_pair_held(c, p)) return 1;
+    if (c->tangle && clothi_tangle_passes(c, p)) return 1;
+    if (c->nnow) (void)clothi_find(c->now, sizeof *p, c->nnow, p, 3, &there);
+    if (there || c->nnow == 0 || p->kind == CLOTHI_VP) return there;
+    f = clothi_pair_faces(c, p, 0, &n), g = clothi_pair_faces(c, p, 1, &m);
+    for (i = 0; i < n; i++)
+        for (j = 0; j < m; j++) {
+            const clothi_pair_id ff = {CLOTHI_FF, f[i] < g[j] ? f[i] : g[j],
+                                       f[i] < g[j] ? g[j] : f[i]};
+            (void)clothi_find(c->now, sizeof ff, c->nnow, &ff, 3, &there);
+            if (ff.a >= 0 && there) return p->kind == CLOTHI_EE || !clothi_outside(c, p->a, p->b);
+        }
     return 0;
 }
 
@@ -4219,67 +4201,55 @@ static cloth_status clothi_crossings(cloth_collide *c) {
     c->nnow = 0;
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_CROSS);
     for (i = 0; i < c->npair && !status; i++) {
-        const clothi_pair_id p = c->pair[i];
-        if (!clothi_is_soft(c, &p) && !(clothi_pair_gap(c, c->xb, c->xb, p.kind, p.a, p.b) > 0))
-            status = clothi_exempt_add(c, p.kind, p.a, p.b);
+        const clothi_pair_id *p = &c->pair[i].id;
+        if (!clothi_is_soft(c, p) && !(clothi_pair_gap(c, c->xb, c->xb, p) > 0))
+            status = clothi_exempt_add(c, p);
     }
     return status;
 }
 
 /* Names of a pair outside: what is of an obstacle counts in its own mesh. */
 static cloth_collide_pair clothi_public_pair(const cloth_collide *c, const clothi_pair_id *q) {
-    cloth_collide_pair p;
-    int                slot;
+    const clothi_obstacle *o;
+    cloth_collide_pair     p;
+    int                    slot;
     memset(&p, 0, sizeof p);
     p.a = q->a, p.b = q->b;
     p.faces = q->kind == CLOTHI_FF;
     p.edge_edge = q->kind == CLOTHI_EE;
-    slot = p.faces ? c->slot[c->faces[3 * q->b]] : clothi_pair_slot(c, q->kind, q->a, q->b);
+    slot = p.faces ? c->slot[c->faces[3 * q->b]] : clothi_pair_slot(c, q);
     p.obstacle = clothi_obstacle_id(c, slot);
     if (slot < 0) return p;
+    o = c->obstacle + slot;
     p.reversed = !p.faces && c->slot[p.edge_edge ? c->edges[2 * q->a] : q->a] >= 0;
-    if (p.faces) p.b -= c->obstacle[slot].f0;
-    else if (q->kind == CLOTHI_VP) p.b = 0;
-    else if (p.edge_edge) *(p.reversed ? &p.a : &p.b) -= c->obstacle[slot].e0;
-    else if (p.reversed) p.a -= c->obstacle[slot].v0;
-    else p.b -= c->obstacle[slot].f0;
+    if (p.reversed) p.a -= p.edge_edge ? o->e0 : o->v0;
+    else p.b -= q->kind == CLOTHI_VP ? p.b : p.edge_edge ? o->e0 : o->f0;
     return p;
 }
 
-/* One more of what failed. */
-static cloth_status clothi_list_failed(cloth_collide *c, int kind, int a, int b) {
-    const clothi_pair_id p = {kind, a, b};
-    return CLOTHI_PUSH(c, failed, clothi_public_pair(c, &p));
-}
-
-/* Says what is wrong with what is listed as failed, and what may be done. */
-static cloth_status clothi_fail_listed(const cloth_collide *c, const char *what,
-                                       const char *advice) {
-    const cloth_collide_pair *p = c->failed;
-    if (!c->nfailed) return CLOTH_ERR_STEP;
+/* Lists pairs [n] as what failed; says what is wrong with them, and what may be done. */
+static cloth_status clothi_fail_pairs(cloth_collide *c, const clothi_pair_id *pair, int n,
+                                      const char *what, const char *advice) {
+    const cloth_collide_pair *p;
+    cloth_status              status = n ? CLOTH_OK : CLOTH_ERR_STEP;
+    int                       i;
+    for (c->nfailed = 0, i = 0; i < n && !status; i++)
+        status = CLOTHI_PUSH(c, failed, clothi_public_pair(c, pair + i));
+    if (status) return status;
+    p = c->failed;
     return clothi_fail(c->hooks, CLOTH_ERR_STEP, "contact at t = %g s: %i pairs %s; the first: "
-                       "cloth's %s %i and %s %i of %s%s", c->sim->state.t, c->nfailed, what,
+                       "cloth's %s %i and %s %i of %s%s", c->sim->state.t, n, what,
                        p->faces ? "face" : p->edge_edge ? "edge" : "vertex", p->a,
                        p->faces ? "face" : p->edge_edge ? "edge" : "face or slot", p->b,
                        p->obstacle.id ? "an obstacle" : "cloth", advice);
-}
-
-/* Lists c->now as what failed. */
-static cloth_status clothi_fail_now(cloth_collide *c, const char *what, const char *advice) {
-    cloth_status status = CLOTH_OK;
-    int          i;
-    c->nfailed = 0;
-    for (i = 0; i < c->nnow && !status; i++)
-        status = clothi_list_failed(c, c->now[i].kind, c->now[i].a, c->now[i].b);
-    return status ? status : clothi_fail_listed(c, what, advice);
 }
 
 /* Looks for intersections; refuses or exempts them as the desc says. */
 static cloth_status clothi_contact_check(cloth_collide *c) {
     const cloth_status status = clothi_crossings(c);
     if (status || c->nnow == 0 || c->desc.initial == CLOTH_INITIAL_EXEMPT) return status;
-    return clothi_fail_now(c, "intersect before the step",
-                           ". CLOTH_INITIAL_EXEMPT lets them pass until they part");
+    return clothi_fail_pairs(c, c->now, c->nnow, "intersect before the step",
+                             ". CLOTH_INITIAL_EXEMPT lets them pass until they part");
 }
 
 static uint64_t clothi_contact_seen(const cloth_collide *c) {
@@ -4297,8 +4267,8 @@ static void clothi_exempt_part(cloth_collide *c) {
     int i, n = 0;
     for (i = 0; i < c->nnow; i++) {
         const clothi_pair_id p = c->now[i];
-        if (p.kind < 0 ? clothi_faces_cross(c, c->xb, p.a, p.b)
-                       : !(clothi_pair_gap(c, c->xb, c->xb, p.kind, p.a, p.b) > 0))
+        if (p.kind < 0 ? clothi_faces_intersect(c->xb, c->faces + 3 * p.a, c->faces + 3 * p.b)
+                       : !(clothi_pair_gap(c, c->xb, c->xb, &p) > 0))
             c->now[n++] = p;
     }
     c->nnow = n;
@@ -4494,14 +4464,6 @@ static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *
     f->energy = f->force = f->slope = 0;
 }
 
-/* Force of a contact, N, and its slope, N/m: in its group, or (part 1) by itself. */
-static double clothi_frame_force(const clothi_frame *f, double part) {
-    return part * f->force + f->own[1];
-}
-
-static double clothi_frame_slope(const clothi_frame *f, double part) {
-    return part * f->slope + f->own[2];
-}
 
 /* r [3]: from a feature at p to its neighbour o, across the edge e (NULL: none), of which *along is
  * taken off. Returns how far that falls off on the side that d looks to, in CLOTHI_CONVEX. */
@@ -4552,15 +4514,16 @@ static double clothi_vertex_convex(const cloth_collide *c, int v, const double *
     return share;
 }
 
-/* Share of its force that a pair has, by its frame at x^n, q->at: where surfaces are flat or
+/* Share of its force that a pair has, by its frame f at x^n: where surfaces are flat or
  * hollow, vertices near faces say all of their distance; a vertex of an obstacle counts where it
  * is convex. Were it renewed at every iterate, edges that slide over others would keep the search
  * from its end. */
-static double clothi_contact_share(const cloth_collide *c, const clothi_contact *q) {
-    double p[12], e[3], r[3], n[3], d[3], s = q->at.w[1], t = -q->at.w[3], sine, a, b;
+static double clothi_contact_share(const cloth_collide *c, const clothi_contact *q,
+                                   const clothi_frame *f) {
+    double p[12], e[3], r[3], n[3], d[3], s = f->w[1], t = -f->w[3], sine, a, b;
     int    k;
-    if (q->radius > 0 || q->kind == CLOTHI_VP || q->at.gap > 2 * q->range) return 1;
-    for (k = 0; k < 3; k++) d[k] = -q->at.normal[k];
+    if (q->radius > 0 || q->kind == CLOTHI_VP || f->gap > 2 * q->range) return 1;
+    for (k = 0; k < 3; k++) d[k] = -f->normal[k];
     if (q->kind == CLOTHI_VF) return q->a < c->nv ? 1 : clothi_vertex_convex(c, q->a, d, &k);
     clothi_pair_points(c, c->xa, c->xa, q->v, 4, p);
     clothi_sub3(p + 3, p, e);
@@ -4571,7 +4534,7 @@ static double clothi_contact_share(const cloth_collide *c, const clothi_contact 
     b = 16 * s * (1 - s) * t * (1 - t);
     b *= b * (sine < 1 ? sine * (2 - sine) : 1);
     if (b > 0 && q->v[0] >= c->nv) b *= clothi_edge_convex(c, q->a, d);
-    if (b > 0 && q->v[2] >= c->nv) b *= clothi_edge_convex(c, q->b, q->at.normal);
+    if (b > 0 && q->v[2] >= c->nv) b *= clothi_edge_convex(c, q->b, f->normal);
     return b;
 }
 
@@ -4597,8 +4560,10 @@ static int clothi_contact_soft(const cloth_collide *c, clothi_contact *q, const 
     if (!(d < close) || !(slope > CLOTHI_SOFT_FLAT)) return 0;
     for (k = 0; k < 3; k++) q->normal[k] /= slope;
     q->start = d - s * clothi_dot3(way, q->normal);
-    q->w[0] = 1, q->w[1] = -1;
-    q->soft = 1;
+    clothi_sub3(a + v, a + at, p);
+    q->radius = clothi_dot3(p, q->normal) - q->start;
+    q->room = CLOTHI_SOFT_ROOM * t;
+    q->soft = 1, q->share = 1;
     return 1;
 }
 
@@ -4829,12 +4794,12 @@ static int clothi_frame_bends(const cloth_collide *c, const clothi_contact *q, c
 static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_contact *q,
                                            const double *x, const double *K, cloth_matrix *A) {
     const clothi_frame *f = &q->at;
-    double    row[36], press = clothi_frame_force(f, f->part);
+    double    row[36], press = f->part * f->force + f->own[1];
     int       at[4], m, i, k;
     const int n = clothi_contact_cloth(c, q, at);
     m = press > 0 ? clothi_frame_bends(c, q, x, at, n, row + 12) : 0;
     for (i = 0; i < 3 * n; i++) {
-        row[i] = sqrt(clothi_frame_slope(f, f->part)) * f->w[at[i / 3]] * f->normal[i % 3];
+        row[i] = sqrt(f->part * f->slope + f->own[2]) * f->w[at[i / 3]] * f->normal[i % 3];
         for (k = 1; k <= m; k++) row[12 * k + i] *= sqrt(press);
     }
     return clothi_contact_add(q, n, at, row, m + 1, K, A);
@@ -4885,7 +4850,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
             const clothi_contact *q = c->contact + m;
             const clothi_frame   *f = &q->at;
             double                K[9], tangent[3];
-            const double          push = clothi_frame_force(f, f->part);
+            const double          push = f->part * f->force + f->own[1];
             *energy += f->own[0];
             for (l = 0; e->grad && push > 0 && l < q->n; l++)
                 for (k = 0; q->v[l] < c->nv && k < 3; k++)
@@ -4905,54 +4870,38 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
 
 /* --- who is a contact --- */
 
-/* Which side of the cloth around vertex v a normal lies on. */
-static int clothi_vertex_side(const cloth_collide *c, int v, const double *normal) {
-    const cloth_topology *t = c->sim->model->topology;
-    double sum = 0;
-    int    i;
-    for (i = t->vf_start[v]; i < t->vf_start[v + 1]; i++) {
-        double n[3];
-        clothi_face_cross(c->xa, c->faces + 3 * t->vf[i], n);
-        sum += clothi_dot3(n, normal);
-    }
-    return sum < 0;
-}
-
-/* The side is that of x^n: within a substep a pair has one key. */
+/* The side is that on which the normal lies of the faces around the first vertex, at x^n: within a
+ * substep a pair has one key. */
 static clothi_key clothi_key_of(const cloth_collide *c, const clothi_contact *q) {
     clothi_key key;
-    double     x[12], w[4], n[3] = {0, 0, 0};
-    int        a = q->a, b = q->b, i;
+    double     x[12], w[4], n[3] = {0, 0, 0}, face[3], side = 0;
+    const int  ee = q->kind == CLOTHI_EE, *v = q->v;
+    int        i;
     memset(&key, 0, sizeof key);
-    key.feature = q->kind == CLOTHI_EE;
-    key.a = a, key.b = q->slot;
-    if (q->kind == CLOTHI_VF && a >= c->nv) key.feature = 2, key.a = b;     /* the cloth's face */
-    else if (q->kind == CLOTHI_EE && c->edges[2 * a] >= c->nv) key.a = b;
+    key.feature = ee, key.a = q->a, key.b = q->slot;
+    if (v[0] >= c->nv) key.feature = ee ? 1 : 2, key.a = q->b;  /* the cloth's edge or face */
     if (q->slot >= 0) return key;
-    key.cloth = 1;
-    a = q->kind == CLOTHI_EE ? c->edges[2 * a] : a;
-    b = q->kind == CLOTHI_EE ? c->edges[2 * b] : c->faces[3 * b];
-    clothi_pair_points(c, c->xa, c->xa, q->v, 4, x);
+    clothi_pair_points(c, c->xa, c->xa, v, 4, x);
     (void)clothi_pair_distance(q->kind, x, w);
     for (i = 0; i < 12; i++) n[i % 3] += w[i / 3] * x[i];
-    key.b = 2 * c->vertex_part[b] + clothi_vertex_side(c, a, n);
+    for (i = c->star[v[0]]; i < c->star[v[0] + 1]; i++) {
+        clothi_face_cross(c->xa, c->faces + 3 * c->star_face[i], face);
+        side += clothi_dot3(face, n);
+    }
+    key.cloth = 1, key.b = 2 * c->vertex_part[v[ee ? 2 : 1]] + (side < 0);
     return key;
 }
 
 /* The area that a pair stands for, m^2: that of its smaller half, vertex, edge or face; spheres and
  * capsules have none. Cloth meets cloth from both sides: half. */
-static double clothi_pair_area(const cloth_collide *c, int kind, int slot, int a, int b) {
-    double p, q;
-    if (kind == CLOTHI_VP) return c->area[a];
-    if (kind == CLOTHI_VF) {
-        const int *f = c->faces + 3 * b;
-        p = c->area[a];
-        q = (c->area[f[0]] + c->area[f[1]] + c->area[f[2]]) / 6;
-    } else {                                /* 3 edges a vertex */
-        p = (c->area[c->edges[2 * a]] + c->area[c->edges[2 * a + 1]]) / 6;
-        q = (c->area[c->edges[2 * b]] + c->area[c->edges[2 * b + 1]]) / 6;
-    }
-    return (slot < 0 ? 0.5 : 1) * (p > 0 && (p < q || !(q > 0)) ? p : q);
+static double clothi_contact_area(const cloth_collide *c, const clothi_contact *q) {
+    const double *area = c->area;
+    const int    *v = q->v;
+    double        a = area[v[0]], b;
+    if (q->kind == CLOTHI_VP) return a;
+    if (q->kind == CLOTHI_EE) a = (a + area[v[1]]) / 6, b = (area[v[2]] + area[v[3]]) / 6;
+    else b = (area[v[1]] + area[v[2]] + area[v[3]]) / 6;    /* 3 edges, 6 faces a vertex */
+    return (q->slot < 0 ? 0.5 : 1) * (a > 0 && (a < b || !(b > 0)) ? a : b);
 }
 
 /* Coefficient of a pair: the geometric mean of what both sides say. A part without a coefficient of
@@ -5004,77 +4953,30 @@ static double clothi_pair_pole(const cloth_collide *c, double t, double start) {
     return clothi_min(CLOTHI_POLE * t, c->approach * start);
 }
 
-/* Fills contact q of a pair, cloth at x, obstacles where they end: 0 when it is none. */
-static int clothi_contact_fill(const cloth_collide *c, const clothi_pair_id *p, const double *x,
-                               clothi_contact *q) {
-    clothi_frame f;
-    memset(q, 0, sizeof *q);
-    q->kind = p->kind, q->a = p->a, q->b = p->b;
-    q->slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    q->n = clothi_pair_vertices(c, p->kind, p->a, p->b, q->v);
-    q->radius = clothi_slot_radius(c, q->slot);
-    q->range = clothi_pair_thickness(c, q->kind, q->slot, q->a, q->b, q->v);
-    q->beside = q->slot < 0 && q->range < c->desc.thickness;
-    if (q->kind == CLOTHI_VP) {
-        q->w[0] = 1, q->w[1] = -1;
-        memcpy(q->normal, c->obstacle[q->b].normal, sizeof q->normal);
-        if (c->obstacle[q->b].grid) {
-            double r[3];
-            if (!clothi_contact_soft(c, q, x)) return 0;
-            clothi_sub3(c->xa + 3 * q->v[0], c->xa + 3 * q->v[1], r);
-            q->radius = clothi_dot3(r, q->normal) - q->start;
-            q->room = CLOTHI_SOFT_ROOM * q->range, q->share = 1;
-            return 1;
-        }
-    }
-    clothi_contact_frame_at(c, q, x, c->xb, &f);
-    if (!(f.gap > 0)) return 0;
-    clothi_contact_frame_at(c, q, c->xa, c->xa, &q->at);
-    q->start = q->at.gap;
-    q->share = clothi_contact_share(c, q);
-    q->room = q->range - clothi_pair_pole(c, q->range, q->start);
-    if (!(f.gap > q->range - q->room)) return 0;
-    memcpy(q->w, f.w, sizeof f.w);
-    memcpy(q->normal, f.normal, sizeof f.normal);
-    return q->start > 0;
-}
-
 /* --- the list --- */
 
-/* Shell's sort of numbers [n] of contacts t. */
-static void clothi_contact_shell(const clothi_contact *t, int *order, int n) {
-    int gap, i, j;
-    for (gap = n / 2; gap > 0; gap = gap == 2 ? 1 : (int)(gap * 0.45))
-        for (i = gap; i < n; i++) {
-            const int q = order[i];
-            for (j = i; j >= gap && clothi_order(t + q, t + order[j - gap], 7) < 0; j -= gap)
-                order[j] = order[j - gap];
-            order[j] = q;
-        }
-}
-
-/* The contacts from `sorted` on take their places among those before them: by key, then by
- * features. Everything moves once, to c->spare, which becomes c->contact. */
-static cloth_status clothi_contact_sort(cloth_collide *c, int sorted) {
+/* The contacts from i on, by Shell's sort of their numbers, take their places among those before
+ * them, from the last one on: by key, then by features. */
+static cloth_status clothi_contact_sort(cloth_collide *c, int i) {
     clothi_contact *t = c->contact;
-    const int       n = c->ncontact, cap = c->contact_cap;
-    int             i = 0, j = 0, k;
-    cloth_status    status;
+    int            *order, j = c->ncontact - i, gap, k, l;
+    cloth_status    status = CLOTHI_ROOM(c, order, j);
     c->framed = 0;
-    status = CLOTHI_ROOM(c, order, n);
-    if (!status) status = CLOTHI_ROOM(c, spare, n);
+    if (!status) status = CLOTHI_ROOM(c, spare, j);
     if (status) return status;
-    for (k = 0; k < n - sorted; k++) c->order[k] = sorted + k;
-    clothi_contact_shell(t, c->order, n - sorted);
-    for (k = 0; k < n; k++) {
-        const int last = j == n - sorted;
-        if (last || (i < sorted && clothi_order(t + i, t + c->order[j], 7) < 0))
-            c->spare[k] = t[i++];
-        else
-            c->spare[k] = t[c->order[j++]];
+    for (order = c->order, k = 0; k < j; k++) order[k] = i + k;
+    for (gap = j / 2; gap > 0; gap = gap == 2 ? 1 : (int)(gap * 0.45))
+        for (k = gap; k < j; k++) {
+            const int q = order[k];
+            for (l = k; l >= gap && clothi_order(t + q, t + order[l - gap], 7) < 0; l -= gap)
+                order[l] = order[l - gap];
+            order[l] = q;
+        }
+    for (k = 0; k < j; k++) c->spare[k] = t[order[k]];
+    for (k = c->ncontact - 1; j > 0; k--) {
+        const int old = i > 0 && clothi_order(t + i - 1, c->spare + j - 1, 7) > 0;
+        t[k] = old ? t[--i] : c->spare[--j];
     }
-    c->contact = c->spare, c->contact_cap = c->spare_cap;
-    c->spare = t, c->spare_cap = cap;
     return CLOTH_OK;
 }
 
@@ -5084,13 +4986,37 @@ static clothi_anchor *clothi_anchor_of(clothi_anchor *list, int n, const clothi_
     return there ? list + at : NULL;
 }
 
-/* Fills contact q of a pair as it is at x, with what its anchor remembers; 0: it is none. */
+/* Fills contact q of a pair, cloth at x, obstacles where they end, with what its anchor remembers;
+ * 0: it is none. */
 static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, const double *x,
                               clothi_contact *q) {
     const clothi_anchor *anchor;
+    clothi_frame         first;             /* at x^n */
     double               left;
-    if (!clothi_contact_fill(c, p, x, q)) return 0;
-    q->stiffness = c->stiffness * clothi_pair_area(c, q->kind, q->slot, q->a, q->b);
+    memset(q, 0, sizeof *q);
+    q->kind = p->kind, q->a = p->a, q->b = p->b;
+    q->slot = clothi_pair_slot(c, p);
+    q->n = clothi_pair_vertices(c, p, q->v);
+    q->radius = clothi_slot_radius(c, q->slot);
+    q->range = clothi_pair_thickness(c, p, q->v);
+    q->beside = q->slot < 0 && q->range < c->desc.thickness;
+    if (q->kind == CLOTHI_VP) {
+        q->w[0] = 1, q->w[1] = -1;
+        memcpy(q->normal, c->obstacle[q->b].normal, sizeof q->normal);
+    }
+    if (clothi_is_soft(c, p) && !clothi_contact_soft(c, q, x)) return 0;
+    clothi_contact_frame_at(c, q, x, c->xb, &q->at);
+    if (!q->soft) {
+        if (!(q->at.gap > 0)) return 0;
+        clothi_contact_frame_at(c, q, c->xa, c->xa, &first);
+        q->start = first.gap;
+        q->share = clothi_contact_share(c, q, &first);
+        q->room = q->range - clothi_pair_pole(c, q->range, q->start);
+        if (!(q->at.gap > q->range - q->room && q->start > 0)) return 0;
+        memcpy(q->w, q->at.w, sizeof q->w);
+        memcpy(q->normal, q->at.normal, sizeof q->normal);
+    }
+    q->stiffness = c->stiffness * clothi_contact_area(c, q);
     if (q->slot < 0) q->stiffness *= c->desc.thickness / q->range;
     q->friction = clothi_pair_friction(c, q);
     q->key = clothi_key_of(c, q);
@@ -5105,7 +5031,6 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     left = clothi_max(q->range - q->start - q->away, 0);        /* of what is damped */
     q->base = clothi_elastic_energy(q, q->range - q->away) +
               0.5 * clothi_contact_damping(c, q) * left * left;
-    clothi_contact_frame_at(c, q, x, c->xb, &q->at);
     clothi_contact_renew(c, q, x);
     clothi_contact_normal(c, q, 1, &q->at);
     return 1;
@@ -5154,7 +5079,7 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
         j = clothi_group_end(c, i);
         (void)clothi_contact_group(q + i, j - i);
         for (k = i; k < j; k++) {
-            sum += q[k].force = clothi_frame_force(&q[k].at, q[k].at.part);
+            sum += q[k].force = q[k].at.part * q[k].at.force + q[k].at.own[1];
             if (q[k].gap < q[least].gap) least = k;
             if (!(follow > 0)) continue;
             more = follow * (q[k].friction * q[k].force - q[k].limit);
@@ -5182,21 +5107,8 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
 #define CLOTHI_LEAP       4                 /* mean edges of cloth, most of a move's axes      */
 #define CLOTHI_HIT_GRAIN  256               /* pairs a range                                   */
 
-enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* c->hit of a list                   */
+enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* of a list                          */
 
-/* Room for what is known of each pair. */
-static cloth_status clothi_hits_reserve(cloth_collide *c) {
-    const size_t       n = (size_t)c->pair_cap, real = sizeof(double);
-    const clothi_array need[] = {
-        {&c->slack, n, real}, {&c->thick, n, real}, {&c->hit_time, n, real}, {&c->hit, n, 1}};
-    if (c->npair <= c->hit_cap) return CLOTH_OK;
-    clothi_free(c->hooks, c->slack);
-    c->slack = NULL, c->hit_cap = 0;
-    if (clothi_arrays(c->hooks, need, 4))
-        return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair);
-    c->hit_cap = c->pair_cap;
-    return CLOTH_OK;
-}
 
 /* The part of dx (NULL: none) from x on which every vertex of cloth stays t/2 inside of its box: so
  * far the list is whole. Negative: not even at x. */
@@ -5215,28 +5127,24 @@ static double clothi_list_covers(const cloth_collide *c, const double *x, const 
     return part;
 }
 
-/* The contact thickness of pair i of the list, m, worked out once. */
-static double clothi_listed_thickness(const cloth_collide *c, int i, const int *v) {
-    const clothi_pair_id *p = c->pair + i;
-    const int             slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    if (!(c->thick[i] > 0))
-        c->thick[i] = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, v);
-    return c->thick[i];
+/* The contact thickness of a pair of the list, m, worked out once. */
+static double clothi_near_thickness(const cloth_collide *c, clothi_near *p, const int *v) {
+    if (!(p->thick > 0)) p->thick = clothi_pair_thickness(c, &p->id, v);
+    return p->thick;
 }
 
-/* How far pair i is from its range, m, or less: cheaper; cloth at x, obstacles where they end. */
-static double clothi_pair_slack(const cloth_collide *c, int i, const double *x, int exact) {
-    const clothi_pair_id *p = c->pair + i;
+/* How far a pair is from its range, m, or less: cheaper; cloth at x, obstacles where they end. */
+static double clothi_near_slack(const cloth_collide *c, clothi_near *p, const double *x,
+                                int exact) {
+    const int slot = clothi_pair_slot(c, &p->id);
     double    r[12];
     int       v[4];
-    const int n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-    const int slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    if (clothi_is_soft(c, p)) return -HUGE_VAL;
-    if (exact || p->kind == CLOTHI_VP)
-        return clothi_pair_gap(c, x, c->xb, p->kind, p->a, p->b) -
-               clothi_listed_thickness(c, i, v);
-    clothi_pair_points(c, x, c->xb, v, n, r);
-    return clothi_pair_beyond(p->kind, r) - clothi_slot_radius(c, slot) -
+    if (clothi_is_soft(c, &p->id)) return -HUGE_VAL;
+    (void)clothi_pair_vertices(c, &p->id, v);
+    if (exact || p->id.kind == CLOTHI_VP)
+        return clothi_pair_gap(c, x, c->xb, &p->id) - clothi_near_thickness(c, p, v);
+    clothi_pair_points(c, x, c->xb, v, 4, r);
+    return clothi_pair_beyond(p->id.kind, r) - clothi_slot_radius(c, slot) -
            (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
 }
 
@@ -5244,7 +5152,8 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     cloth_collide *c = (cloth_collide *)ctx;
     int            i;
     (void)worker;
-    for (i = begin; i < end; i++) c->slack[i] = clothi_pair_slack(c, i, c->x_list, 0);
+    for (i = begin; i < end; i++)
+        c->pair[i].slack = clothi_near_slack(c, c->pair + i, c->x_list, 0);
 }
 
 /* Contacts whose pair is in the new list and near, or with a grid, stay with what is lagged. */
@@ -5259,12 +5168,12 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
     if (status) return status;
     memset(c->order, 0, (size_t)c->ncontact * sizeof(int));
     for (i = 0; i < c->npair; i++) {
-        const clothi_pair_id *p = c->pair + i;
-        int                   was = -1;
-        if (!(c->slack[i] > reach))
+        clothi_near *p = c->pair + i;
+        int          was = -1;
+        if (!(p->slack > reach))
             was = clothi_table_find(&c->contact_of, &q->kind, sizeof *q, p, &at);
-        if (was >= 0) c->slack[i] = clothi_pair_slack(c, i, c->x_list, 1);
-        if (was >= 0 && !(c->slack[i] > reach)) c->order[was] = c->hit[i] = CLOTHI_HIT_CONTACT;
+        if (was >= 0) p->slack = clothi_near_slack(c, p, c->x_list, 1);
+        if (was >= 0 && !(p->slack > reach)) c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
     }
     for (i = 0; i < c->ncontact; i++)
         if (c->order[i]) q[n++] = q[i];
@@ -5277,11 +5186,8 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
 static cloth_status clothi_list_make(cloth_collide *c, const double *x, const double *y) {
     const double reach = (1 + 2 * CLOTHI_LIST_SLACK) * c->thickest;
     cloth_status status = clothi_broad_phase(c, x, y, CLOTHI_ENDED, reach, 0);
-    if (!status) status = clothi_hits_reserve(c);
     if (status) return status;
     memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
-    if (c->npair) memset(c->hit, 0, (size_t)c->npair);
-    if (c->npair) memset(c->thick, 0, (size_t)c->npair * sizeof(double));
     clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_slack_range, c);
     c->listed = 1;
     return clothi_list_keep(c);
@@ -5295,38 +5201,36 @@ static void clothi_list_drift(cloth_collide *c, const double *x) {
     if (memcmp(c->x_list, x, (size_t)n * sizeof(double)) == 0) return;
     for (i = 0; i < n; i++) dx[i] = x[i] - c->x_list[i];
     clothi_move_far(c, dx);
-    for (i = 0; i < c->npair; i++) c->slack[i] -= clothi_pair_far(c, c->pair + i);
+    for (i = 0; i < c->npair; i++) c->pair[i].slack -= clothi_pair_far(c, &c->pair[i].id);
     memcpy(c->x_list, x, (size_t)n * sizeof(double));
 }
 
 /* Pairs of the list that come within range, and `reach`, on the way from x to x + part dx, of which
- * c->far and c->hit_time are (NULL: at x), become contacts. */
+ * c->travel and their times are (NULL: at x), become contacts. */
 static cloth_status clothi_list_join(cloth_collide *c, const double *x, const double *dx,
                                      double part, double reach) {
     const int    sorted = c->ncontact;
     cloth_status status = CLOTH_OK;
     int          i;
     for (i = 0; i < c->npair && !status; i++) {
-        const clothi_pair_id *p = c->pair + i;
-        const int             stops = dx && c->hit_time[i] < 1;
-        if (c->hit[i]) continue;
-        if (!stops && c->slack[i] - (dx ? part * clothi_pair_far(c, p) : 0) > reach) continue;
-        c->slack[i] = clothi_pair_slack(c, i, x, 1);
-        if (!stops && c->slack[i] - (dx ? part * clothi_pair_come(c, p, dx) : 0) > reach) continue;
-        c->hit[i] = CLOTHI_HIT_EXEMPT;
-        if (clothi_is_exempt(c, p->kind, p->a, p->b)) continue;
+        clothi_near *p = c->pair + i;
+        const int    stops = dx && p->time < 1;
+        double       come;
+        if (p->hit) continue;
+        if (!stops && p->slack - (dx ? part * clothi_pair_far(c, &p->id) : 0) > reach) continue;
+        p->slack = clothi_near_slack(c, p, x, 1);
+        come = dx ? part * clothi_pair_come(c, &p->id, dx) : 0;
+        if (!stops && p->slack - come > reach) continue;
+        p->hit = CLOTHI_HIT_EXEMPT;
+        if (clothi_is_exempt(c, &p->id)) continue;
         status = CLOTHI_ROOM(c, contact, c->ncontact + 1);
         if (status) break;
-        c->hit[i] = clothi_contact_new(c, p, x, c->contact + c->ncontact) ? CLOTHI_HIT_CONTACT : 0;
-        c->ncontact += c->hit[i];
+        p->hit = clothi_contact_new(c, &p->id, x, c->contact + c->ncontact);    /* _CONTACT */
+        c->ncontact += p->hit;
     }
     return status || c->ncontact == sorted ? status : clothi_contact_sort(c, sorted);
 }
 
-/* How near a pair at gap d may come in a move with its pole at `pole`: nine tenths of the way. */
-static double clothi_pole_guard(double pole, double d) {
-    return d > pole ? pole + 0.1 * (d - pole) : 0.5 * d;
-}
 
 /* The part of the way from c->at along c->way that each pair of the list leaves free; 1: all. */
 static void clothi_free_range(int begin, int end, int worker, void *ctx) {
@@ -5334,32 +5238,33 @@ static void clothi_free_range(int begin, int end, int worker, void *ctx) {
     int            i, k;
     (void)worker;
     for (i = begin; i < end; i++) {
-        const clothi_pair_id *p = c->pair + i;
-        double x[12], y[12], come, gap, least, t, fall, *part = c->hit_time + i;
+        clothi_near          *q = c->pair + i;
+        const clothi_pair_id *p = &q->id;
+        double x[12], y[12], come, gap, least, t, fall;
         int    v[4];
-        *part = 1;
-        if (c->slack[i] - clothi_pair_far(c, p) > 0 || c->hit[i] == CLOTHI_HIT_EXEMPT) continue;
+        q->time = 1;
+        if (q->slack - clothi_pair_far(c, p) > 0 || q->hit == CLOTHI_HIT_EXEMPT) continue;
         come = clothi_pair_come(c, p, c->way);
-        if (!(come > 0) || c->slack[i] - come > 0) continue;
-        (void)clothi_pair_vertices(c, p->kind, p->a, p->b, v);
-        t = clothi_listed_thickness(c, i, v);
-        gap = clothi_pair_gap(c, c->at, c->xb, p->kind, p->a, p->b);
-        c->slack[i] = gap - t;
-        if (gap - come > CLOTHI_SEPARATION * t || clothi_is_soft(c, p) ||
-            clothi_is_exempt(c, p->kind, p->a, p->b))
+        if (!(come > 0) || q->slack - come > 0) continue;
+        (void)clothi_pair_vertices(c, p, v);
+        t = clothi_near_thickness(c, q, v);
+        gap = clothi_pair_gap(c, c->at, c->xb, p);
+        q->slack = gap - t;
+        if (gap - come > CLOTHI_SEPARATION * t || clothi_is_soft(c, p) || clothi_is_exempt(c, p))
             continue;
-        least = clothi_pair_pole(c, t, clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b));
-        least = clothi_pole_guard(least, gap);
+        least = clothi_pair_pole(c, t, clothi_pair_gap(c, c->xa, c->xa, p));
+        least = gap > least ? least + 0.1 * (gap - least) : 0.5 * gap;  /* 9/10 of the way */
         if (p->kind == CLOTHI_VP) {
             fall = -clothi_dot3(c->way + 3 * p->a, c->obstacle[p->b].normal);
-            if (!(gap - fall > CLOTHI_SEPARATION * t)) *part = clothi_max((gap - least) / fall, 0);
+            if (!(gap - fall > CLOTHI_SEPARATION * t))
+                q->time = clothi_max((gap - least) / fall, 0);
             continue;
         }
         clothi_pair_points(c, c->at, c->xb, v, 4, x);
         for (k = 0; k < 12; k++)
             y[k] = x[k] + (v[k / 3] < c->nv ? c->way[3 * v[k / 3] + k % 3] : 0);
-        least += clothi_slot_radius(c, clothi_pair_slot(c, p->kind, p->a, p->b));
-        (void)clothi_ccd_pair(p->kind == CLOTHI_EE, x, y, least, part);
+        least += clothi_slot_radius(c, clothi_pair_slot(c, p));
+        (void)clothi_ccd_pair(p->kind == CLOTHI_EE, x, y, least, &q->time);
     }
 }
 
@@ -5379,7 +5284,7 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
         c->at = x, c->dx = dx;
         clothi_move_far(c, c->way);
         clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
-        for (least = 1, i = 0; i < c->npair; i++) least = clothi_min(least, c->hit_time[i]);
+        for (least = 1, i = 0; i < c->npair; i++) least = clothi_min(least, c->pair[i].time);
         if (least < 1 || !(covers < 1) || c->made) break;
         status = clothi_list_make(c, x, y);     /* nothing stops it before the list ends */
         if (status) return status;
@@ -5418,7 +5323,7 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
                                     double come) {
     double       low = 0, high = clothi_min(q->gap - (q->range - q->room), c->length), give = 0, K;
     clothi_frame f = q->at;
-    const double force = clothi_frame_force(&f, 1), slope = clothi_frame_slope(&f, 1);
+    const double force = f.force + f.own[1], slope = f.slope + f.own[2];
     int          i;
     if (!(come > 0) && !(aim > force)) return 0;
     if (come > 0) low = clothi_max(q->gap - q->range + 0.5 * clothi_min(q->room, q->range), 0);
@@ -5429,7 +5334,7 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
         const double a = 0.5 * (low + high);
         f.gap = q->gap - a;
         clothi_contact_normal(c, q, 0, &f);
-        if (clothi_frame_force(&f, 1) < clothi_max(aim, K * (come - a))) low = a;
+        if (f.force + f.own[1] < clothi_max(aim, K * (come - a))) low = a;
         else high = a;
     }
     return clothi_max((clothi_max(aim, K * (come - high)) - force) / high - slope, 0);
@@ -5449,11 +5354,11 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
         for (j = 0; j < q->n; j++)
             if (q->v[j] < c->nv)
                 come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
-        q->aim = clothi_frame_force(&f, 1) + (clothi_frame_slope(&f, 1) + q->spring) * come;
+        q->aim = f.force + f.own[1] + (f.slope + f.own[2] + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
         clothi_contact_normal(c, q, 0, &f);
-        if (clothi_frame_force(&f, 1) <= 2 * q->aim) continue;
+        if (f.force + f.own[1] <= 2 * q->aim) continue;
         more = clothi_contact_secant(c, q, q->aim, come) - q->spring;
         if (!(more > 0)) continue;
         q->spring += more;
@@ -5469,7 +5374,6 @@ static void clothi_renew_range(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (i = begin; i < end; i++) {
         clothi_contact_renew(c, c->contact + i, c->x_frame);
-        clothi_contact_normal(c, c->contact + i, 1, &c->contact[i].at);
         c->contact[i].spring = clothi_contact_secant(c, c->contact + i, c->contact[i].aim, 0);
     }
 }
@@ -5686,13 +5590,12 @@ static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, int k
 
 /* Where cloth pulls vertex v at x^n, u [3] unit; 0 where its edges' strains add up to little. */
 static int clothi_hold_tension(const cloth_collide *c, int v, double *u) {
-    const cloth_topology *top = c->sim->model->topology;
-    const double         *rest = c->sim->model->x_rest;
-    double                d[3], e[3], size;
-    int                   i, k;
+    const double *rest = c->sim->model->x_rest;
+    double        d[3], e[3], size;
+    int           i, k;
     memset(u, 0, sizeof d);
-    for (i = 3 * top->vf_start[v]; i < 3 * top->vf_start[v + 1]; i++) {      /* each edge twice */
-        const int w = c->faces[3 * top->vf[i / 3] + i % 3];
+    for (i = 3 * c->star[v]; i < 3 * c->star[v + 1]; i++) {     /* each edge twice */
+        const int w = c->faces[3 * c->star_face[i / 3] + i % 3];
         if (w == v) continue;
         clothi_sub3(c->xa + 3 * w, c->xa + 3 * v, d);
         clothi_sub3(rest + 3 * w, rest + 3 * v, e);
@@ -5798,20 +5701,18 @@ static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
 
 /* Faces around a held vertex, at either pose, as far as cloth hangs on it, are c->pinched. */
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
-    const cloth_topology *top = c->sim->model->topology;
-    const double         *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
-    const double         *to = c->hold_to + 3 * h->vertex;
-    double                reach2 = 0, d[3], b[3], reach, box[6];
-    clothi_bvh_walk       w;
-    int                   i, k, f;
-    for (i = top->vf_start[h->vertex]; i < top->vf_start[h->vertex + 1]; i++)
-        for (k = 0; k < 3; k++) {
-            const int v = c->faces[3 * top->vf[i] + k];
-            clothi_sub3(rest + 3 * v, rest + 3 * h->vertex, d);
-            reach2 = clothi_max(reach2, clothi_dot3(d, d));
-            clothi_sub3(c->xa + 3 * v, p, d);
-            reach2 = clothi_max(reach2, clothi_dot3(d, d));
-        }
+    const double   *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
+    const double   *to = c->hold_to + 3 * h->vertex;
+    double          reach2 = 0, d[3], b[3], reach, box[6];
+    clothi_bvh_walk w;
+    int             i, k, f;
+    for (i = 3 * c->star[h->vertex]; i < 3 * c->star[h->vertex + 1]; i++) {
+        const int v = c->faces[3 * c->star_face[i / 3] + i % 3];
+        clothi_sub3(rest + 3 * v, rest + 3 * h->vertex, d);
+        reach2 = clothi_max(reach2, clothi_dot3(d, d));
+        clothi_sub3(c->xa + 3 * v, p, d);
+        reach2 = clothi_max(reach2, clothi_dot3(d, d));
+    }
     reach = sqrt(reach2) + c->obstacle[h->slot].thickness, reach2 = reach * reach;
     clothi_sub3(to, p, d);
     reach += sqrt(clothi_dot3(d, d));
@@ -5865,10 +5766,8 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
             if (c->held_of[i] >= 0 || !c->look[i]) continue;
             c->look[i] = clothi_hold_keep(c, c->caught + i, c->hold_to + 3 * i);
             if (c->look[i] == CLOTHI_LET_GO) continue;
-            status = CLOTHI_ROOM(c, holding, c->nholding + 1);
-            if (status) break;
             c->held_of[i] = c->nholding;
-            c->holding[c->nholding++] = c->caught[i];
+            status = CLOTHI_PUSH(c, holding, c->caught[i]);
         }
     }
     return status;
@@ -5876,17 +5775,15 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
 
 /* Vertex v goes out. */
 static cloth_status clothi_pinch_out(cloth_collide *c, int v, int slot) {
-    cloth_status status = CLOTHI_ROOM(c, holding, c->nholding + 1);
-    cloth_hold  *h = c->holding + c->nholding;
-    if (status) return status;
-    memset(h, 0, sizeof *h);
-    h->vertex = v, h->slot = slot;
-    if (!clothi_hold_out(c, h, 0, c->hold_to + 3 * v)) return CLOTH_OK;
-    h->face[1] = h->face[0];
-    memcpy(h->weight[1], h->weight[0], sizeof h->weight[0]);
-    c->held_of[v] = c->nholding++;
+    cloth_hold h;
+    memset(&h, 0, sizeof h);
+    h.vertex = v, h.slot = slot;
+    if (!clothi_hold_out(c, &h, 0, c->hold_to + 3 * v)) return CLOTH_OK;
+    h.face[1] = h.face[0];
+    memcpy(h.weight[1], h.weight[0], sizeof h.weight[0]);
+    c->held_of[v] = c->nholding;
     c->look[v] = CLOTHI_OUT;
-    return CLOTH_OK;
+    return CLOTHI_PUSH(c, holding, h);
 }
 
 /* A face that crosses a body though no vertex of it is held, or an edge of it, is left from a pinch
@@ -5917,6 +5814,7 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
 /* What is held in the substep, at the poses in xa and xb: of what was, what stays, and what is
  * caught. */
 static cloth_status clothi_pinch_begin(cloth_collide *c) {
+    const int    was = c->nholding;
     cloth_status status;
     int          i, n = 0;
     c->pinching = 0;
@@ -5924,13 +5822,10 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     memset(c->pinched, 0, (size_t)c->mf);
     clothi_pinch_boxes(c);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
-    for (i = 0; i < c->nholding; i++) {
+    for (i = 0; i < was; i++) {
         cloth_hold h = c->holding[i];
         c->look[h.vertex] = clothi_hold_keep(c, &h, c->hold_to + 3 * h.vertex);
-        if (c->look[h.vertex] == CLOTHI_LET_GO) {
-            c->pinching = 1;                /* nothing may be extrapolated over it */
-            continue;
-        }
+        if (c->look[h.vertex] == CLOTHI_LET_GO) continue;
         c->held_of[h.vertex] = n;
         c->holding[n++] = h;
     }
@@ -5941,7 +5836,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
         clothi_hold_aside(c, c->holding + i);
         clothi_hold_mark(c, c->holding + i);
     }
-    c->pinching |= c->nholding > n;
+    c->pinching = n < was || c->nholding > n;       /* nothing may be extrapolated over that */
     return status;
 }
 
@@ -5949,33 +5844,21 @@ static int clothi_held(const cloth_collide *c, int v) {
     return c->nholding > 0 && v < c->nv && c->held_of[v] >= 0;
 }
 
-/* A face of the body in a pinch: one of those at feature a of pair kind, which is the body's. */
-static int clothi_pinched_feature(const cloth_collide *c, int kind, int a, int vertex) {
-    int i;
-    if (kind == CLOTHI_EE) {
-        for (i = 0; i < 2 && a < c->features.ne; i++) {
-            const int f = c->edge_face[2 * a + i];
-            if (f >= 0 && c->pinched[f]) return 1;
-        }
-        return 0;
-    }
-    if (!vertex) return c->pinched[a];
-    for (i = c->star[a]; i < c->star[a + 1]; i++)
-        if (c->pinched[c->star_face[i]]) return 1;
-    return 0;
-}
-
-/* Exempt since the body holds vertices of it. */
-static int clothi_pair_held(const cloth_collide *c, int kind, int a, int b) {
-    const int slot = clothi_pair_slot(c, kind, a, b);
-    int       v[4], n = clothi_pair_vertices(c, kind, a, b, v), i, held = 0, cloth = 0;
+/* Exempt since the body holds vertices of it: all of the cloth's, or the body's side is at a face
+ * in a pinch. */
+static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p) {
+    const int  slot = clothi_pair_slot(c, p);
+    const int *f;
+    int        v[4], n = clothi_pair_vertices(c, p, v), i, held = 0, cloth = 0;
     for (i = 0; i < n; i++) {
         cloth += v[i] < c->nv;
         held += clothi_held(c, v[i]) && c->holding[c->held_of[v[i]]].slot == slot;
     }
     if (held == 0 || held == cloth) return held > 0;
-    return v[0] >= c->nv ? clothi_pinched_feature(c, kind, a, 1)
-                         : clothi_pinched_feature(c, kind, b, 0);
+    f = clothi_pair_faces(c, p, v[0] < c->nv, &n);
+    for (i = 0; i < n; i++)
+        if (f[i] >= 0 && c->pinched[f[i]]) return 1;
+    return 0;
 }
 
 /* What pulls a held vertex at x [3]: energy J, grad [3] N, hess [3x3] N/m. */
@@ -6065,7 +5948,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 /* --- rows --- */
 
 /* One row a pair: a new one, or the latest frame of the one that it has. */
-static cloth_status clothi_row_put(cloth_collide *c, const clothi_row *row) {
+static cloth_status clothi_row_put(cloth_collide *c, cloth_contact_row *row) {
     cloth_status status = CLOTH_OK;
     uint32_t     at;
     int          i;
@@ -6073,23 +5956,22 @@ static cloth_status clothi_row_put(cloth_collide *c, const clothi_row *row) {
         status = clothi_table_fill(c->hooks, &c->row_of, c->row, sizeof *row, c->nrow);
     if (status) return status;
     i = clothi_table_find(&c->row_of, c->row, sizeof *row, row, &at);
-    if (i >= 0) {
-        const double multiplier = c->row[i].multiplier;
-        c->row[i] = *row;
-        c->row[i].multiplier = multiplier;
-        return CLOTH_OK;
+    if (i < 0) {
+        c->row_of.entry[at] = c->nrow + 1;
+        return CLOTHI_PUSH(c, row, *row);
     }
-    status = CLOTHI_PUSH(c, row, *row);
-    if (!status) c->row_of.entry[at] = c->nrow;
-    return status;
+    row->multiplier = c->row[i].multiplier;
+    c->row[i] = *row;
+    return CLOTH_OK;
 }
 
 /* A row as a contact, without friction. */
-static clothi_contact clothi_row_contact(const cloth_collide *c, const clothi_row *row) {
-    clothi_contact q;
+static clothi_contact clothi_row_contact(const cloth_collide *c, const cloth_contact_row *row) {
+    const clothi_pair_id p = {row->kind, row->a, row->b};
+    clothi_contact       q;
     memset(&q, 0, sizeof q);
     q.kind = row->kind, q.a = row->a, q.b = row->b, q.n = row->n;
-    q.slot = clothi_pair_slot(c, row->kind, row->a, row->b);
+    q.slot = clothi_pair_slot(c, &p);
     q.radius = clothi_slot_radius(c, q.slot);
     memcpy(q.v, row->v, sizeof q.v);
     memcpy(q.w, row->w, sizeof q.w);
@@ -6101,28 +5983,24 @@ static clothi_contact clothi_row_contact(const cloth_collide *c, const clothi_ro
 
 /* Looks at one pair over the substep; *hit counts, a row is made. */
 static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p, int *hit) {
-    clothi_row   row;
-    double       xa[12], xb[12], toi, held, start, sep, radius, t, gap;
-    const int    slot = clothi_pair_slot(c, p->kind, p->a, p->b);
-    int          i, k;
+    cloth_contact_row row;
+    double            xa[12], xb[12], toi, held, start, sep, radius, t, gap;
+    const int         slot = clothi_pair_slot(c, p);
+    int               i, k;
+    if (clothi_is_exempt(c, p)) return CLOTH_OK;
     memset(&row, 0, sizeof row);
     row.kind = p->kind, row.a = p->a, row.b = p->b;
-    row.n = clothi_pair_vertices(c, p->kind, p->a, p->b, row.v);
-    if (clothi_is_exempt(c, p->kind, p->a, p->b)) return CLOTH_OK;
+    row.n = clothi_pair_vertices(c, p, row.v);
     clothi_pair_points(c, c->xa, c->xa, row.v, row.n, xa);
     clothi_pair_points(c, c->xb, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
-    start = clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b);
-    if (!(start > 0)) {                     /* no side to be kept on: rounding took its gap */
-        cloth_status status;
-        c->nfailed = 0;
-        status = clothi_list_failed(c, p->kind, p->a, p->b);
-        return status ? status : clothi_fail_listed(c, "have no gap", "");
-    }
-    t = clothi_pair_thickness(c, p->kind, slot, p->a, p->b, row.v);
+    start = clothi_pair_gap(c, c->xa, c->xa, p);
+    if (!(start > 0))                       /* no side to be kept on: rounding took its gap */
+        return clothi_fail_pairs(c, p, 1, "have no gap", "");
+    t = clothi_pair_thickness(c, p, row.v);
     sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
-        held = clothi_pair_gap(c, c->xb, c->xb, p->kind, p->a, p->b);
+        held = clothi_pair_gap(c, c->xb, c->xb, p);
         if (held >= sep) return CLOTH_OK;
         toi = (start - sep) / (start - held);
         row.w[0] = 1, row.w[1] = -1;
@@ -6153,20 +6031,19 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
     int            i;
     (void)worker;
     for (i = begin; i < end; i++) {
-        const clothi_pair_id *p = c->pair + i;
-        const int slot = clothi_pair_slot(c, p->kind, p->a, p->b);
+        const clothi_pair_id *p = &c->pair[i].id;
+        const int slot = clothi_pair_slot(c, p);
         double xa[12], xb[12], toi, reach = clothi_slot_radius(c, slot);
-        int    v[4], k, moved = 0, n = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+        int    v[4], k, moved = 0, n = clothi_pair_vertices(c, p, v);
         for (k = 0; k < n; k++) moved |= v[k] < c->nv && c->moved[v[k]];
-        c->hit[i] = 0;
         if (!moved || clothi_is_soft(c, p)) continue;
-        c->hit[i] = p->kind == CLOTHI_VP ? CLOTHI_HIT_NEAR : CLOTHI_HIT_MOVED;
+        c->pair[i].hit = p->kind == CLOTHI_VP ? CLOTHI_HIT_NEAR : CLOTHI_HIT_MOVED;
         if (p->kind == CLOTHI_VP) continue;
         clothi_pair_points(c, c->xa, c->xa, v, 4, xa);
         clothi_pair_points(c, c->xb, c->xb, v, 4, xb);
         reach += CLOTHI_SEPARATION * (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
         if (clothi_ccd_pair(p->kind == CLOTHI_EE, xa, xb, reach, &toi))
-            c->hit[i] |= CLOTHI_HIT_NEAR;
+            c->pair[i].hit |= CLOTHI_HIT_NEAR;
     }
 }
 
@@ -6177,11 +6054,10 @@ static cloth_status clothi_detect(cloth_collide *c, int *hit) {
     *hit = 0;
     status = clothi_broad_phase(c, c->xa, c->xb, CLOTHI_SWEPT, CLOTHI_SEPARATION * c->thickest,
                                 c->report.passes > 0 ? CLOTHI_MOVED : 0);
-    if (!status) status = clothi_hits_reserve(c);
     if (!status) clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_hit_range, c);
     for (i = 0; i < c->npair && !status; i++) {
-        c->report.candidates += c->hit[i] & CLOTHI_HIT_MOVED;
-        if (c->hit[i] & CLOTHI_HIT_NEAR) status = clothi_detect_pair(c, c->pair + i, hit);
+        c->report.candidates += c->pair[i].hit & CLOTHI_HIT_MOVED;
+        if (c->pair[i].hit & CLOTHI_HIT_NEAR) status = clothi_detect_pair(c, &c->pair[i].id, hit);
     }
     c->report.impacts += *hit;
     return status;
@@ -6193,11 +6069,11 @@ static int clothi_movable(const cloth_collide *c, int v) {
     return v < c->nv && !c->frozen[v] && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL;
 }
 
-/* Numbers the zones 0 .. *nzone-1 in the order of their first row. Rows without a movable vertex
- * get zone -1. */
-static void clothi_zone_number(cloth_collide *c, int *nzone) {
-    int *parent = c->zone_of, *number = c->zone_number, i, k;
-    for (i = 0; i < c->nv; i++) parent[i] = i, number[i] = -1;
+/* Numbers the zones in the order of their first row and counts their rows and vertices; returns how
+ * many zones there are. Rows without a movable vertex get zone -1. */
+static int clothi_zone_number(cloth_collide *c) {
+    int *parent = c->zone_of, *number = c->zone_number, nzone = 0, i, k;
+    for (i = 0; i < c->nv; i++) parent[i] = i, number[i] = c->local[i] = -1;
     for (i = 0; i < c->nrow; i++) {
         int first = -1;
         for (k = 0; k < c->row[i].n; k++) {
@@ -6207,40 +6083,34 @@ static void clothi_zone_number(cloth_collide *c, int *nzone) {
         }
         c->row[i].zone = first;
     }
-    *nzone = 0;
     for (i = 0; i < c->nrow; i++) {
-        int *at = c->row[i].zone < 0 ? NULL : number + clothi_find_root(parent, c->row[i].zone);
-        if (at && *at < 0) *at = (*nzone)++;
-        c->row[i].zone = at ? *at : -1;
+        cloth_contact_row *row = c->row + i;
+        int               *at = row->zone < 0 ? NULL : number + clothi_find_root(parent, row->zone);
+        if (!at) continue;
+        if (*at < 0) memset(c->zone + nzone, 0, sizeof *c->zone), *at = nzone++;
+        row->zone = *at;
+        c->zone[*at].rows++;
+        c->zone[*at].fresh |= row->pass == c->report.passes;
     }
+    for (i = 0; i < c->nv; i++) {
+        k = number[clothi_find_root(parent, i)];
+        if (k >= 0) c->zone[k].size++;
+    }
+    return nzone;
 }
 
-/* Room for what zones need: a zone, sixteen numbers and fifteen integers a row. */
-static cloth_status clothi_zone_reserve(cloth_collide *c) {
-    const size_t       n = (size_t)c->row_cap;
-    const clothi_array need[] = {
-        {&c->zone, n, sizeof *c->zone}, {&c->qp_val, 16 * n, sizeof(double)},
-        {&c->zone_order, 15 * n, sizeof(int)}};
-    if (c->zone_cap >= c->row_cap) return CLOTH_OK;
-    clothi_free(c->hooks, c->zone);
-    c->zone = NULL, c->zone_cap = 0;
-    if (clothi_arrays(c->hooks, need, 3)) return CLOTH_ERR_MEMORY;
-    c->zone_cap = c->row_cap;
-    return CLOTH_OK;
-}
-
-/* Rows and vertices of each zone, and its slices of the scratch: by rows or by vertices. */
-static void clothi_zone_slices(cloth_collide *c, int nzone) {
-    const size_t n = (size_t)c->zone_cap;
-    int          z, i, k, r = 0, at = 0;
-    for (z = 0; z < nzone; z++) memset(c->zone + z, 0, sizeof *c->zone);
-    for (i = 0; i < c->nrow; i++)
-        if (c->row[i].zone >= 0) c->zone[c->row[i].zone].rows++;
-    for (i = c->nv - 1; i >= 0; i--) {      /* the root of a set is its smallest */
-        z = c->zone_of[i] = c->zone_number[clothi_find_root(c->zone_of, i)];
-        if (z >= 0) c->zone[z].size++, c->local[i] = -1;
-    }
-    for (z = 0; z < nzone; z++) {
+/* The zones of the rows, and their slices of the scratch, by rows or by vertices. Workers do not
+ * ask the allocator: what their QPs take, they have. */
+static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double *v) {
+    const size_t n = (size_t)c->nrow;
+    cloth_status status = CLOTHI_ROOM(c, zone, c->nrow);
+    int          z, i, k, r = 0, at = 0, most = 0;
+    if (!status) status = CLOTHI_ROOM(c, zone_order, 15 * c->nrow);
+    if (!status) status = CLOTHI_ROOM(c, qp_val, 16 * c->nrow);
+    if (status) return status;
+    c->zone_v = v;
+    *nzone = clothi_zone_number(c);
+    for (z = 0; z < *nzone; z++) {
         clothi_zone *q = c->zone + z;
         q->order = c->zone_order + r, q->row = c->zone_order + n + r + z;
         q->col = c->zone_order + 3 * n + 12 * r;
@@ -6248,33 +6118,22 @@ static void clothi_zone_slices(cloth_collide *c, int nzone) {
         q->guess = q->lambda + n, q->norm = q->guess + n;
         q->member = c->member + at, q->minv = c->qp_minv + 3 * at;
         q->x0 = c->qp_x0 + 3 * at, q->x = c->qp_x + 3 * at;
+        if (v || q->rows <= CLOTHI_EXACT_ROWS) most = q->rows > most ? q->rows : most;
         r += q->rows, at += q->size, q->rows = q->size = 0;
     }
     for (i = 0; i < c->nrow; i++) {
-        const clothi_row *row = c->row + i;
-        clothi_zone      *q = c->zone + (row->zone < 0 ? 0 : row->zone);
+        const cloth_contact_row *row = c->row + i;
+        clothi_zone             *q = c->zone + (row->zone < 0 ? 0 : row->zone);
         if (row->zone < 0) continue;
         q->order[q->rows++] = i;
-        q->fresh |= row->pass == c->report.passes;
         for (k = 0; k < row->n; k++)
             if (clothi_movable(c, row->v[k]) && c->local[row->v[k]] < 0)
                 q->member[c->local[row->v[k]] = q->size++] = row->v[k];
     }
-}
-
-/* The zones of the rows. Workers do not ask the allocator: what their QPs take, they have. */
-static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double *v) {
-    cloth_status status = clothi_zone_reserve(c);
-    int          m = 0, z;
-    if (status) return status;
-    c->zone_v = v;
-    clothi_zone_number(c, nzone);
-    clothi_zone_slices(c, *nzone);
-    for (z = 0; z < *nzone && c->hooks->parallel.run; z++)
-        if ((v || c->zone[z].rows <= CLOTHI_EXACT_ROWS) && c->zone[z].rows > m) m = c->zone[z].rows;
-    for (z = 0; z < c->nwork && m > 0; z++)
-        if (!clothi_qp_reserve(c->work[z], m < CLOTHI_EXACT_ROWS ? m : CLOTHI_EXACT_ROWS, 12 * m,
-                               12 * CLOTHI_EXACT_ROWS)) return CLOTH_ERR_MEMORY;
+    k = most < CLOTHI_EXACT_ROWS ? most : CLOTHI_EXACT_ROWS;
+    for (z = 0; z < c->nwork && c->hooks->parallel.run && most > 0; z++)
+        if (!clothi_qp_reserve(c->work[z], k, 12 * most, 12 * CLOTHI_EXACT_ROWS))
+            return CLOTH_ERR_MEMORY;
     return CLOTH_OK;
 }
 
@@ -6284,7 +6143,7 @@ static void clothi_zone_qp(const cloth_collide *c, clothi_zone *q) {
     const double *mass = c->sim->params.mass, *from = c->zone_v ? c->zone_v : c->x_ie;
     int    m = 0, nnz = 0, r, i, k;
     for (r = 0; r < q->rows; r++) {
-        const clothi_row *row = c->row + q->order[r];
+        const cloth_contact_row *row = c->row + q->order[r];
         if (c->zone_v && !(row->multiplier > 0)) continue;
         q->row[m] = nnz;
         q->h[m] = c->zone_v ? -row->speed : -row->bound;
@@ -6307,7 +6166,7 @@ static void clothi_zone_qp(const cloth_collide *c, clothi_zone *q) {
         q->minv[i] = c->sim->pin[v] >> i % 3 & 1 ? 0 : q->mean / mass[v];
         q->x0[i] = from[3 * v + i % 3];
     }
-    q->n = 3 * q->size, q->m = m;
+    q->m = m;
 }
 
 /* Lets row r of the QP have its way: lambda, and x with it. Returns how far it moved, m. */
@@ -6330,7 +6189,7 @@ static double clothi_sweep_row(const clothi_zone *q, int r) {
  * that push. 1 when that came. */
 static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double enough) {
     int sweep, i, j, r;
-    for (i = 0; i < q->n; i++) q->x[i] = q->x0[i];
+    memcpy(q->x, q->x0, 3 * (size_t)q->size * sizeof *q->x);
     for (r = 0; r < q->m; r++)
         for (q->norm[r] = 0, i = q->row[r]; i < q->row[r + 1]; i++) {
             const double g = q->val[i] * q->minv[q->col[i]];
@@ -6355,7 +6214,7 @@ static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double eno
 /* The QP itself, in the worker's memory. Refused, as numbers are too large: it is not solved. */
 static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const double *guess,
                               int worker, const cloth_cancel *cancel) {
-    const cloth_qp   qp = {q->n, q->m, q->minv, q->x0, q->row, q->col, q->val, q->h};
+    const cloth_qp   qp = {3 * q->size, q->m, q->minv, q->x0, q->row, q->col, q->val, q->h};
     cloth_qp_options o = cloth_qp_options_default();
     cloth_qp_report  rep;
     memset(&rep, 0, sizeof rep);
@@ -6378,7 +6237,7 @@ static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
         if (!v && !q->fresh) continue;
         clothi_zone_qp(c, q);
         for (r = 0; r < q->m; r++) {     /* what the last pass found; the new rows may hold */
-            const clothi_row *row = c->row + q->order[r];
+            const cloth_contact_row *row = c->row + q->order[r];
             q->guess[r] = row->pass == c->report.passes ? 1 : row->multiplier;
             q->lambda[r] = v ? 0 : row->multiplier / q->mean;
         }
@@ -6395,7 +6254,7 @@ static void clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
     double push = 0, mass = 0;
     int    i, k, r;
     for (r = 0; r < q->m; r++) c->row[q->order[r]].multiplier = q->lambda[r] * q->mean;
-    for (i = 0; i < q->n / 3; i++) {
+    for (i = 0; i < q->size; i++) {
         const int v = q->member[i];
         for (k = 0; k < 3; k++) {
             const double d = q->x[3 * i + k] - c->x_ie[3 * v + k];
@@ -6416,7 +6275,7 @@ static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
     double        motion[3] = {0, 0, 0}, weight = 0;
     int           r, i, k, v, held = 0;
     for (r = 0; r < q->rows; r++) {
-        clothi_row *row = c->row + q->order[r];
+        cloth_contact_row *row = c->row + q->order[r];
         row->multiplier = 0;
         for (i = 0; i < row->n; i++) {
             v = row->v[i];
@@ -6444,7 +6303,7 @@ static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
 }
 
 /* A hit among rigid zones alone: they stay where they were. 0: nothing is left to try. */
-static int clothi_still(cloth_collide *c, const clothi_row *row) {
+static int clothi_still(cloth_collide *c, const cloth_contact_row *row) {
     int i, k, v, found = 0;
     for (i = 0; i < row->n; i++) {
         v = row->v[i];
@@ -6463,11 +6322,11 @@ static cloth_status clothi_failed_pairs(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
     int          i;
     if (c->trying) return CLOTH_ERR_STEP;
-    c->nfailed = 0;
-    for (i = 0; i < c->nrow && !status; i++)
-        if (c->row[i].pass >= c->report.passes - 1)
-            status = clothi_list_failed(c, c->row[i].kind, c->row[i].a, c->row[i].b);
-    return status ? status : clothi_fail_listed(c, "could not be resolved", "");
+    for (c->nnow = 0, i = 0; i < c->nrow && !status; i++) {
+        const clothi_pair_id p = {c->row[i].kind, c->row[i].a, c->row[i].b};
+        if (c->row[i].pass >= c->report.passes - 1) status = CLOTHI_PUSH(c, now, p);
+    }
+    return status ? status : clothi_fail_pairs(c, c->now, c->nnow, "could not be resolved", "");
 }
 
 /* One pass over the rows, of which those of this pass are new. Large zones that sweeps did not
@@ -6610,7 +6469,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
         const clothi_zone *q = c->zone + z;
         status = q->status;
         c->report.qp_iterations += q->iterations;
-        for (i = 0; i < q->n && q->solved; i++) v[3 * q->member[i / 3] + i % 3] = q->x[i];
+        for (i = 0; i < 3 * q->size && q->solved; i++) v[3 * q->member[i / 3] + i % 3] = q->x[i];
         for (i = k = 0; i < q->rows && q->solved; i++)
             if (c->row[q->order[i]].multiplier > 0)
                 c->row[q->order[i]].impulse = q->lambda[k++] * q->mean;
@@ -7124,8 +6983,8 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 /* Bytes of all that a collide owns; frees it too, but for *c itself. */
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
-        c->vertex_part, c->hold, c->holding, c->found.pair, c->zone, c->contact,
-        c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair, c->slack,
+        c->vertex_part, c->hold, c->holding, c->found.pair, c->zone, c->zone_order, c->qp_val,
+        c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
         c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
     int    o;
@@ -7963,8 +7822,7 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, range, 0);
     for (i = 0; i < c->npair && !status; i++)
-        *gap = clothi_min(*gap, clothi_pair_gap(c, c->xb, c->xb, c->pair[i].kind, c->pair[i].a,
-                                                c->pair[i].b));
+        *gap = clothi_min(*gap, clothi_pair_gap(c, c->xb, c->xb, &c->pair[i].id));
     return status;
 }
 
@@ -8230,9 +8088,9 @@ static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
 
 /* The way out of a sphere, a capsule, a plane: n . sum w x grows, shared as by equal masses. */
 static void clothi_tangle_lone(const cloth_collide *c, clothi_tangle *u, const clothi_pair_id *p) {
-    const double gap = clothi_pair_gap(c, c->xa, c->xa, p->kind, p->a, p->b);
+    const double gap = clothi_pair_gap(c, c->xa, c->xa, p);
     double       x[12], w[4] = {1, -1, 0, 0}, n[3], sum = 0;
-    int          v[4], i, count = clothi_pair_vertices(c, p->kind, p->a, p->b, v);
+    int          v[4], i, count = clothi_pair_vertices(c, p, v);
     clothi_pair_points(c, c->xa, c->xa, v, count, x);
     if (p->kind == CLOTHI_VP) memcpy(n, c->obstacle[p->b].normal, sizeof n);
     else (void)clothi_contact_frame(p->kind == CLOTHI_EE, x, x, 0, w, n);
@@ -8298,16 +8156,14 @@ static int clothi_tangle_knew(const cloth_collide *c, int f, int g) {
 }
 
 /* Pairs that detection lets through while a tangle is moved: all their faces are such. */
-static int clothi_tangle_passes(const cloth_collide *c, int kind, int a, int b) {
-    const int  ee = kind == CLOTHI_EE, ne = c->features.ne;
-    const int *f = ee ? c->edge_face + 2 * a : c->star_face + c->star[a];
-    const int *g = ee ? c->edge_face + 2 * b : &b;
-    int        i, n = ee ? 4 : c->star[a + 1] - c->star[a];
-    if (kind == CLOTHI_VP || (ee && (a >= ne || b >= ne)) || !n) return 0;
-    for (i = 0; i < n; i++) {
-        const int p = f[ee ? i / 2 : i], q = g[ee ? i % 2 : 0];
-        if (p >= 0 && q >= 0 && !clothi_tangle_knew(c, p, q)) return 0;
-    }
+static int clothi_tangle_passes(const cloth_collide *c, const clothi_pair_id *p) {
+    const int *f, *g;
+    int        i, n, m;
+    if (p->kind == CLOTHI_VP) return 0;
+    f = clothi_pair_faces(c, p, 0, &n), g = clothi_pair_faces(c, p, 1, &m);
+    if (n == 0 || f[0] < 0 || g[0] < 0) return 0;
+    for (i = 0; i < n * m; i++)
+        if (f[i / m] >= 0 && g[i % m] >= 0 && !clothi_tangle_knew(c, f[i / m], g[i % m])) return 0;
     return 1;
 }
 
@@ -8410,8 +8266,9 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     if (r->stalled) {
         memcpy(c->now, u.pair, (size_t)u.npair * sizeof *c->now);
         c->nnow = u.npair;
-        status = clothi_fail_now(c, "intersect, and no motion that was tried makes them less",
-                                 ". Pinned vertices are not moved");
+        status = clothi_fail_pairs(c, c->now, c->nnow,
+                                   "intersect, and no motion that was tried makes them less",
+                                   ". Pinned vertices are not moved");
         if (c->nfailed) r->pair = c->failed[0];
     }
     clothi_tangle_free(hooks, &u);
@@ -8976,8 +8833,8 @@ static cloth_status clothi_contact_jvp(void *user, const cloth_eval *e, const do
 
 /* What is of obstacles in bound and speed of row r, to them and to n and w; returns the bound's own
  * part, radius and gap. */
-static double clothi_back_fixed(const clothi_flow *f, const clothi_row *r, const double *rate,
-                                clothi_rates *b) {
+static double clothi_back_fixed(const clothi_flow *f, const cloth_contact_row *r,
+                                const double *rate, clothi_rates *b) {
     const cloth_collide *c = f->c;
     double               bound = r->bound;
     int                  i, k;
@@ -8999,9 +8856,10 @@ static double clothi_back_fixed(const clothi_flow *f, const clothi_row *r, const
 /* One row backwards. Its frame is that of the pair on the way from x^n to f->x, at toi, where its
  * gap is d_min: d(toi) = (d(d_min) - n . sum w dx)/(n . sum w way). d_min is a constant, or half of
  * what the gap was at x^n and its pole; the bound that gap, that along n, or 1.1 d_min. */
-static void clothi_back_row(const clothi_flow *f, const clothi_row *r, const double *rate) {
+static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, const double *rate) {
     const cloth_collide *c = f->c;
     const clothi_contact q = clothi_row_contact(c, r);
+    const clothi_pair_id id = {r->kind, r->a, r->b};
     clothi_frame         at;
     clothi_rates         b, first;
     double xa[12], xe[12], p[12] = {0}, to[12], gap, sep = 0, come = 0, dt = 0, t;
@@ -9010,7 +8868,7 @@ static void clothi_back_row(const clothi_flow *f, const clothi_row *r, const dou
     memset(&first, 0, sizeof first);
     memcpy(b.n, rate, sizeof b.n);
     memcpy(b.w, rate + 3, sizeof b.w);
-    t = clothi_pair_thickness(c, r->kind, q.slot, r->a, r->b, r->v);
+    t = clothi_pair_thickness(c, &id, r->v);
     gap = clothi_back_fixed(f, r, rate, &b) - q.radius;
     clothi_pair_points(c, c->xa, c->xa, q.v, q.n, xa);
     clothi_pair_points(c, f->x, c->xb, q.v, q.n, xe);

@@ -3688,12 +3688,16 @@ static double *clothi_pose(const clothi_obstacle *o, int which) {
         if (!(c)->obstacle[o].used) continue;                                                     \
         else
 
-static clothi_obstacle *clothi_obstacle_of(const cloth_collide *c, cloth_obstacle id) {
-    const uint32_t slot = id.id & 0xffffu;
-    if (!c || slot == 0 || (int)slot > c->nobstacle) return NULL;
-    if (!c->obstacle[slot - 1].used || c->obstacle[slot - 1].generation != id.id >> 16)
-        return NULL;
-    return c->obstacle + slot - 1;
+/* NULL, and said by `call`: it is not there. */
+static clothi_obstacle *clothi_obstacle_of(const cloth_collide *c, cloth_obstacle id,
+                                           const char *call) {
+    const uint32_t   slot = id.id & 0xffffu;
+    clothi_obstacle *o = c && slot > 0 && (int)slot <= c->nobstacle ? c->obstacle + slot - 1 : NULL;
+    if (o && o->used && o->generation == id.id >> 16) return o;
+    if (c)
+        (void)clothi_fail(c->hooks, CLOTH_ERR_HANDLE,
+                          "%s: obstacle %i is not there, or no more", call, (int)slot);
+    return NULL;
 }
 
 static cloth_obstacle clothi_obstacle_id(const cloth_collide *c, int slot) {
@@ -3907,7 +3911,6 @@ static double clothi_slot_radius(const cloth_collide *c, int slot) {
     return slot < 0 ? 0 : c->obstacle[slot].radius;
 }
 
-
 /* Points of a pair: cloth at x [nv x 3], obstacles at `world` (xa or xb). */
 static void clothi_pair_points(const cloth_collide *c, const double *x, const double *world,
                                const int *v, int n, double *out) {
@@ -4065,7 +4068,6 @@ static void clothi_tree_boxes(cloth_collide *c, clothi_bvh *tree, const double *
     clothi_bvh_refit(c->hooks, tree, c->box_f + 6 * f);
 }
 
-
 /* Nothing makes pairs: no self-contact, and all obstacles are walls. */
 static int clothi_only_walls(const cloth_collide *c) {
     int o, others = c->self;
@@ -4073,12 +4075,10 @@ static int clothi_only_walls(const cloth_collide *c) {
     return !others;
 }
 
-
 typedef struct clothi_cross {               /* a search for features, or faces that cross at xb */
     clothi_features_job  job;               /* first: its address is this one's                */
     const cloth_collide *c;
 } clothi_cross;
-
 
 static void clothi_cross_look(int f, int g, const void *ctx, clothi_segment *out) {
     const clothi_cross  *q = (const clothi_cross *)ctx;
@@ -4088,7 +4088,6 @@ static void clothi_cross_look(int f, int g, const void *ctx, clothi_segment *out
         clothi_faces_intersect(c->xb, v, w))
         clothi_segment_put(out, f, g);
 }
-
 
 /* What intersects, into the sorted list, once. */
 static cloth_status clothi_exempt_add(cloth_collide *c, const clothi_pair_id *p) {
@@ -4463,7 +4462,6 @@ static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *
     f->own[0] += f->energy, f->own[1] += f->force, f->own[2] += f->slope;
     f->energy = f->force = f->slope = 0;
 }
-
 
 /* r [3]: from a feature at p to its neighbour o, across the edge e (NULL: none), of which *along is
  * taken off. Returns how far that falls off on the side that d looks to, in CLOTHI_CONVEX. */
@@ -5109,7 +5107,6 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
 
 enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* of a list                          */
 
-
 /* The part of dx (NULL: none) from x on which every vertex of cloth stays t/2 inside of its box: so
  * far the list is whole. Negative: not even at x. */
 static double clothi_list_covers(const cloth_collide *c, const double *x, const double *dx) {
@@ -5230,7 +5227,6 @@ static cloth_status clothi_list_join(cloth_collide *c, const double *x, const do
     }
     return status || c->ncontact == sorted ? status : clothi_contact_sort(c, sorted);
 }
-
 
 /* The part of the way from c->at along c->way that each pair of the list leaves free; 1: all. */
 static void clothi_free_range(int begin, int end, int worker, void *ctx) {
@@ -6593,58 +6589,63 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
         c->trying = 0;
         if (status && status != CLOTH_ERR_STEP) return status;
         memcpy(other, status ? x : c->xb, bytes);
-    } else {
+    } else if (c->nrow)
+        clothi_part_way(c, other);
+    else
         memcpy(other, x, bytes);
-        if (c->nrow) clothi_part_way(c, other);
-    }
     status = clothi_list_make(c, x, x);
     return status ? status : clothi_list_join(c, x, NULL, 0, 0);
 }
 
+/* What the anchor of contacts q [n] of one key is before its slip is cut: the mean of theirs at x,
+ * weighted by their forces. 0: none pushes. */
+static int clothi_anchor_mean(const cloth_collide *c, const clothi_contact *q, int n,
+                              const double *x, clothi_anchor *mean) {
+    double u[3];
+    int    i, k;
+    memset(mean, 0, sizeof *mean);
+    mean->key = q->key, mean->gap = HUGE_VAL;
+    for (k = 0; k < 3; k++) mean->slip[k] = -0.0;           /* of one contact it is that slip */
+    for (i = 0; i < n; i++) {
+        if (!(q[i].force > 0)) continue;
+        clothi_contact_slip(c, q + i, x, u);
+        clothi_contact_turn(c, q + i, u);
+        for (k = 0; k < 3; k++) mean->slip[k] += q[i].force * u[k];
+        mean->force += q[i].force;
+        mean->gap = clothi_min(mean->gap, q[i].gap);
+    }
+    for (k = 0; k < 3 && mean->force > 0; k++) mean->slip[k] /= mean->force;
+    return mean->force > 0;
+}
+
 /* cloth_contact.close: forces of the contacts at the accepted x, and what the substep leaves to the
- * next one: an anchor for each key with a normal force. Its slip is that of its contacts, weighted
- * by their forces and cut to the length desc.slip. Sorted, as the contacts are. */
+ * next one: an anchor for each key with a normal force, its slip cut to the length desc.slip.
+ * Sorted, as the contacts are. */
 static cloth_status clothi_contact_close(void *user, const double *x, int *impact) {
     cloth_collide *c = (cloth_collide *)user;
     cloth_status   status = CLOTH_OK;
-    int            i, k;
+    int            i, j, k;
     memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
     c->nnext = c->nrow = 0;
     clothi_contact_frames(c, x);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
     (void)clothi_contact_limits(c, 1, 0);
-    for (i = 0; i < c->ncontact && !status; i++) {
-        clothi_contact *q = c->contact + i;
-        clothi_anchor   a, *last = c->nnext > 0 ? c->next + c->nnext - 1 : NULL;
-        double          K[9];
-        memset(q->tangent, 0, sizeof q->tangent);
-        if (q->limit > 0) (void)clothi_contact_friction(c, q, x, q->tangent, K);
-        if (!(q->force > 0)) continue;
-        memset(&a, 0, sizeof a);
-        a.key = q->key;
-        a.force = q->force;
-        a.gap = q->gap;
-        clothi_contact_slip(c, q, x, a.slip);
-        clothi_contact_turn(c, q, a.slip);
-        for (k = 0; k < 3; k++) a.slip[k] *= a.force;
-        if (!last || clothi_order(last, &a, 4) != 0) {
-            status = CLOTHI_PUSH(c, next, a);
-            continue;
+    for (i = 0; i < c->ncontact && !status; i = j) {
+        clothi_anchor a;
+        double        size, K[9];
+        j = clothi_group_end(c, i);
+        for (k = i; k < j; k++) {
+            clothi_contact *q = c->contact + k;
+            memset(q->tangent, 0, sizeof q->tangent);
+            if (q->limit > 0) (void)clothi_contact_friction(c, q, x, q->tangent, K);
+            *impact |= q->force > 0 && !(q->start < q->range);
         }
-        last->force += a.force;
-        last->gap = clothi_min(last->gap, a.gap);
-        for (k = 0; k < 3; k++) last->slip[k] += a.slip[k];
-    }
-    for (i = 0; i < c->nnext && !status; i++) {
-        clothi_anchor *a = c->next + i;
-        double         size;
-        for (k = 0; k < 3; k++) a->slip[k] /= a->force;
-        size = sqrt(clothi_dot3(a->slip, a->slip));
-        for (k = 0; k < 3 && size > c->desc.slip; k++) a->slip[k] *= c->desc.slip / size;
+        if (!clothi_anchor_mean(c, c->contact + i, j - i, x, &a)) continue;
+        size = sqrt(clothi_dot3(a.slip, a.slip));
+        for (k = 0; k < 3 && size > c->desc.slip; k++) a.slip[k] *= c->desc.slip / size;
+        status = CLOTHI_PUSH(c, next, a);
     }
     if (!status) status = clothi_pinch_list(c);
-    for (i = 0; i < c->ncontact && !status; i++)
-        *impact |= c->contact[i].force > 0 && !(c->contact[i].start < c->contact[i].range);
     c->report.contacts = c->ncontact;
     return status;
 }
@@ -6714,14 +6715,13 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
         clothi_exempt_part(c);
         clothi_exempt_accept(c);
         c->begun = 0;
-        c->inexact = report && report->outcome == CLOTH_STEP_MAX_ITERATIONS;
+        c->inexact = report->outcome == CLOTH_STEP_MAX_ITERATIONS;
     }
     for (i = 0; i < c->ncontact; i++) {
         active += c->contact[i].force > 0;
         if (!c->contact[i].soft) least = clothi_min(least, c->contact[i].gap);
     }
     c->report.exempt_pairs = c->nexempt;
-    if (!report) return;
     report->contacts = active;
     report->exempt_pairs = c->nexempt;
     report->failed_pairs = 0;
@@ -6838,54 +6838,49 @@ static uint64_t clothi_contact_kind(const cloth_collide *c) {
     return h;
 }
 
-static int clothi_contact_poses(const cloth_collide *c) {
-    int o, n = 0;
-    CLOTHI_OBSTACLES(c, o) n += 6 * c->obstacle[o].nv + 25;
-    return n;
-}
-
-static void clothi_saved(void *field, size_t bytes, unsigned char **out, const unsigned char **in) {
-    if (*out && bytes) memcpy(*out, field, bytes), *out += bytes;
-    if (*in && bytes) memcpy(field, *in, bytes), *in += bytes;
-}
-
-/* What a snapshot has behind its head, to `out` or from `in`; the lists have their lengths. */
-static void clothi_contact_state(cloth_collide *c, unsigned char *out, const unsigned char *in) {
-    int o;
+/* What is behind a snapshot's head, by a walk over it: poses, then as many anchors, holds and pairs
+ * as the head says, which is told how many numbers the poses are. Returns the bytes of all; pairs
+ * end where a double may begin. */
+static size_t clothi_contact_walk(cloth_collide *c, int verb, const void *buf,
+                                  clothi_contact_head *head) {
+    clothi_walk w;
+    int         o;
+    memset(&w, 0, sizeof w);
+    w.verb = verb, w.buf = (unsigned char *)(uintptr_t)buf, w.at = sizeof *head;
     CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
-        clothi_saved(b->x, 6 * (size_t)b->nv * sizeof *b->x, &out, &in);
-        clothi_saved(b->turn, sizeof b->turn, &out, &in);
-        clothi_saved(b->surface, sizeof b->surface, &out, &in);
-        clothi_saved(&b->friction, sizeof b->friction, &out, &in);
+        clothi_walk_bytes(&w, (unsigned char *)b->x, 6 * (size_t)b->nv * sizeof *b->x);
+        clothi_walk_bytes(&w, (unsigned char *)b->turn, sizeof b->turn);
+        clothi_walk_bytes(&w, (unsigned char *)b->surface, sizeof b->surface);
+        clothi_walk_bytes(&w, (unsigned char *)&b->friction, sizeof b->friction);
     }
-    clothi_saved(c->anchor, (size_t)c->nanchor * sizeof *c->anchor, &out, &in);
-    clothi_saved(c->hold, (size_t)c->nhold * sizeof *c->hold, &out, &in);
-    clothi_saved(c->exempt, (size_t)c->nexempt * sizeof *c->exempt, &out, &in);
+    head->npose = (int32_t)((w.at - sizeof *head) / sizeof(double));
+    clothi_walk_bytes(&w, (unsigned char *)c->anchor, (size_t)head->nanchor * sizeof *c->anchor);
+    clothi_walk_bytes(&w, (unsigned char *)c->hold, (size_t)head->nhold * sizeof *c->hold);
+    clothi_walk_bytes(&w, (unsigned char *)c->exempt, (size_t)head->nexempt * sizeof *c->exempt);
+    return w.at + (size_t)(head->nexempt % 2) * sizeof *c->exempt;
 }
 
-/* Of a snapshot with as many of each; pairs end where a double may begin. */
-static size_t clothi_contact_size(const cloth_collide *c, int anchors, int holds, int pairs) {
-    return sizeof(clothi_contact_head) + (size_t)clothi_contact_poses(c) * sizeof(double) +
-           (size_t)anchors * sizeof(clothi_anchor) + (size_t)holds * sizeof(cloth_hold) +
-           ((size_t)pairs + 1) / 2 * 2 * sizeof(clothi_pair_id);
+/* The head of a snapshot now, but for its kind; returns the bytes of all. */
+static size_t clothi_contact_now(cloth_collide *c, clothi_contact_head *head) {
+    memset(head, 0, sizeof *head);
+    head->seen = c->seen, head->nobstacle = c->nobstacle;
+    head->nanchor = c->nanchor, head->nexempt = c->nexempt, head->nhold = c->nhold;
+    return clothi_contact_walk(c, CLOTHI_SIZE, NULL, head);
 }
 
 static size_t clothi_contact_save_size(void *user) {
-    const cloth_collide *c = (const cloth_collide *)user;
-    return clothi_contact_size(c, c->nanchor, c->nhold, c->nexempt);
+    clothi_contact_head head;
+    return clothi_contact_now((cloth_collide *)user, &head);
 }
 
 static void clothi_contact_save(void *user, void *buf) {
     cloth_collide      *c = (cloth_collide *)user;
     clothi_contact_head head;
-    memset(&head, 0, sizeof head);
-    memset(buf, 0, clothi_contact_save_size(user));
-    head.seen = c->seen, head.kind = clothi_contact_kind(c);
-    head.nanchor = c->nanchor, head.nexempt = c->nexempt, head.nhold = c->nhold;
-    head.nobstacle = c->nobstacle, head.npose = clothi_contact_poses(c);
+    memset(buf, 0, clothi_contact_now(c, &head));
+    head.kind = clothi_contact_kind(c);
     memcpy(buf, &head, sizeof head);
-    clothi_contact_state(c, (unsigned char *)buf + sizeof head, NULL);
+    (void)clothi_contact_walk(c, CLOTHI_SAVE, buf, &head);
 }
 
 /* Obstacle `slot` is there. */
@@ -6893,86 +6888,67 @@ static int clothi_slot_valid(const cloth_collide *c, int slot) {
     return slot >= 0 && slot < c->nobstacle && c->obstacle[slot].used;
 }
 
-/* Holds of a snapshot name vertices and faces that are there. */
-static int clothi_holds_valid(const cloth_collide *c, const unsigned char *in, int n) {
-    int i, k;
-    for (i = 0; i < n; i++) {
-        const clothi_obstacle *o;
-        cloth_hold             h;
-        memcpy(&h, in + (size_t)i * sizeof h, sizeof h);
-        if (h.vertex < 0 || h.vertex >= c->nv || !clothi_slot_valid(c, h.slot)) return 0;
-        o = c->obstacle + h.slot;
-        for (k = 0; k < 2; k++)
-            if (!o->self_penetrating || h.face[k] < 0 || h.face[k] >= o->nf ||
-                clothi_find_nonfinite(h.weight[k], 3) >= 0)
-                return 0;
-        if (!clothi_finite(h.share)) return 0;
-    }
-    return 1;
-}
-
-/* Anchors of a snapshot: features, parts and obstacles that are there, numbers, in their order. */
-static int clothi_anchors_valid(const cloth_collide *c, const unsigned char *in, int n) {
-    const int     most[3] = {c->nv, c->me, c->nf};
-    clothi_anchor a, before;
-    int           i, parts = 0;
-    for (i = 0; i < c->nv; i++)
-        parts = c->vertex_part[i] < parts ? parts : c->vertex_part[i] + 1;
-    for (i = 0, memset(&before, 0, sizeof before); i < n; i++, before = a) {
-        memcpy(&a, in + (size_t)i * sizeof a, sizeof a);
+/* What the lists of a snapshot, at `in`, name that is not there, or not in order; else NULL. */
+static const char *clothi_contact_forged(const cloth_collide *c, const clothi_contact_head *head,
+                                         const unsigned char *in) {
+    const int      most[3] = {c->nv, c->me, c->nf}, sides = 2 * c->sim->model->nparts;
+    const char    *fault = NULL;
+    clothi_anchor  a, last;
+    cloth_hold     h;
+    clothi_pair_id p, before;
+    int            i, k, there;
+    for (i = 0; i < head->nanchor; i++, last = a, in += sizeof a) {
+        memcpy(&a, in, sizeof a);
         if (a.key.feature < 0 || a.key.feature > 2 || a.key.a < 0 ||
             a.key.a >= most[a.key.feature] ||
             !(a.key.cloth == 0 ? clothi_slot_valid(c, a.key.b)
-                               : a.key.cloth == 1 && a.key.b >= 0 && a.key.b < 2 * parts) ||
+                               : a.key.cloth == 1 && a.key.b >= 0 && a.key.b < sides) ||
             !clothi_finite(a.force) || !clothi_finite(a.gap) ||
-            clothi_find_nonfinite(a.slip, 3) >= 0 ||
-            (i > 0 && clothi_order(&before, &a, 4) >= 0))
-            return 0;
+            clothi_find_nonfinite(a.slip, 3) >= 0 || (i > 0 && clothi_order(&last, &a, 4) >= 0))
+            fault = "has an anchor of contact that is not there, or not a number";
     }
-    return 1;
-}
-
-/* Exempt pairs of a snapshot: features that are there, in their order. */
-static int clothi_exempt_valid(const cloth_collide *c, const unsigned char *in, int n) {
-    clothi_pair_id p, before;
-    int            i;
-    for (i = 0; i < n; i++, before = p) {
-        memcpy(&p, in + (size_t)i * sizeof p, sizeof p);
-        if (p.a < 0 || p.b < 0 || (i > 0 && clothi_order(&before, &p, 3) >= 0)) return 0;
-        if (!(p.kind == CLOTHI_FF   ? p.a < p.b && p.b < c->mf
-              : p.kind == CLOTHI_VF ? p.a < c->nw && p.b < c->mf
-              : p.kind == CLOTHI_EE ? p.a < c->me && p.b < c->me
-              : p.kind == CLOTHI_VP ? p.a < c->nv && clothi_slot_valid(c, p.b) &&
-                                          clothi_is_wall(c->obstacle + p.b)
-                                    : 0))
-            return 0;
+    for (i = 0; i < head->nhold; i++, in += sizeof h) {
+        memcpy(&h, in, sizeof h);
+        there = h.vertex >= 0 && h.vertex < c->nv && clothi_slot_valid(c, h.slot) &&
+                c->obstacle[h.slot].self_penetrating && clothi_finite(h.share);
+        for (k = 0; k < 2 && there; k++)
+            there = h.face[k] >= 0 && h.face[k] < c->obstacle[h.slot].nf &&
+                    clothi_find_nonfinite(h.weight[k], 3) < 0;
+        if (!there) fault = "holds a vertex that is not there";
     }
-    return 1;
+    for (i = 0, memset(&before, 0, sizeof before); i < head->nexempt;
+         i++, before = p, in += sizeof p) {
+        memcpy(&p, in, sizeof p);
+        there = p.kind == CLOTHI_FF   ? p.a < p.b && p.b < c->mf
+                : p.kind == CLOTHI_VF ? p.a < c->nw && p.b < c->mf
+                : p.kind == CLOTHI_EE ? p.a < c->me && p.b < c->me
+                : p.kind == CLOTHI_VP ? p.a < c->nv && clothi_slot_valid(c, p.b) &&
+                                            clothi_is_wall(c->obstacle + p.b)
+                                      : 0;
+        if (!there || p.a < 0 || p.b < 0 || (i > 0 && clothi_order(&before, &p, 3) >= 0))
+            fault = "exempts a pair that is not there";
+    }
+    return fault;
 }
 
 /* A snapshot of these obstacles, whole; then there is room for it. */
 static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t size) {
     cloth_collide      *c = (cloth_collide *)user;
-    clothi_contact_head head;
-    const unsigned char *in = (const unsigned char *)buf;
-    const char          *fault = NULL;
-    cloth_status         status;
+    clothi_contact_head head, now;
+    const char         *fault;
+    cloth_status        status;
+    (void)clothi_contact_now(c, &now);
     memset(&head, 0, sizeof head);
     if (size >= sizeof head) memcpy(&head, buf, sizeof head);
-    if (size < sizeof head || head.nobstacle != c->nobstacle ||
-        head.npose != clothi_contact_poses(c) || head.nanchor < 0 || head.nexempt < 0 ||
-        head.nhold < 0 || head.kind != clothi_contact_kind(c) ||
-        size != clothi_contact_size(c, head.nanchor, head.nhold, head.nexempt))
+    if (size < sizeof head || head.nobstacle != now.nobstacle || head.npose != now.npose ||
+        head.nanchor < 0 || head.nexempt < 0 || head.nhold < 0 ||
+        head.kind != clothi_contact_kind(c) ||
+        size != clothi_contact_walk(c, CLOTHI_SIZE, NULL, &head))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot has other obstacles, or another "
                            "cloth_collide_desc, than this sim");
-    in += sizeof head + (size_t)head.npose * sizeof(double);
-    if (!clothi_anchors_valid(c, in, head.nanchor))
-        fault = "has an anchor of contact that is not there, or not a number";
-    in += (size_t)head.nanchor * sizeof(clothi_anchor);
-    if (!clothi_holds_valid(c, in, head.nhold)) fault = "holds a vertex that is not there";
-    in += (size_t)head.nhold * sizeof(cloth_hold);
-    if (!clothi_exempt_valid(c, in, head.nexempt)) fault = "exempts a pair that is not there";
+    fault = clothi_contact_forged(c, &head, (const unsigned char *)buf + sizeof head +
+                                                (size_t)head.npose * sizeof(double));
     if (fault)
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot %s", fault);
     status = CLOTHI_ROOM(c, anchor, head.nanchor);
@@ -7013,7 +6989,7 @@ static void clothi_contact_load(void *user, const void *buf) {
     memcpy(&head, buf, sizeof head);
     clothi_contact_forget(c);
     c->nanchor = head.nanchor, c->nexempt = head.nexempt, c->nhold = head.nhold;
-    clothi_contact_state(c, NULL, (const unsigned char *)buf + sizeof head);
+    (void)clothi_contact_walk(c, CLOTHI_LOAD, buf, &head);
     c->report.exempt_pairs = c->nexempt, c->report.held = c->nhold;
     c->seen = head.seen;
 }
@@ -7067,9 +7043,8 @@ static cloth_status clothi_check_places(const cloth_hooks *hooks, const char *ca
 
 static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
     const cloth_hooks *hooks = &sim->hooks;
+    const double       big = clothi_max_abs(sim->state.x, 3 * sim->model->nv);
     cloth_status       status;
-    double             big = 0;
-    int                i;
     if (d->cookie != CLOTHI_COLLIDE_COOKIE) return CLOTH_ERR_UNINIT;
     status = clothi_desc_number(hooks, "collide.thickness", d->thickness, 1);
     if (!status) status = clothi_desc_number(hooks, "collide.stiffness", d->stiffness, 0);
@@ -7080,8 +7055,6 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
     if (d->max_passes < 1 || d->max_passes > CLOTHI_MOST_PASSES)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.max_passes = %i is not in 1 .. %i",
                            d->max_passes, CLOTHI_MOST_PASSES);
-    for (i = 0; i < 3 * sim->model->nv; i++)
-        big = clothi_max(big, fabs(sim->state.x[i]));
     if (d->thickness < CLOTHI_FINEST * big)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "collide.thickness = %g is lost in the rounding of x = %g",
@@ -7131,29 +7104,7 @@ static int clothi_contact_list(void *user, int max, void *contact) {
     return n;
 }
 
-static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const double *a,
-                                       cloth_vjp *out);
-static cloth_status clothi_contact_adjoint(void *user, int what, int k,
-                                           const cloth_contact_grad *out);
-static cloth_status clothi_contact_jvp(void *user, const cloth_eval *e, const double *dx_n,
-                                       const double *dx, double *out);
-static const cloth_contact_row *clothi_contact_rows(void *user, int *n);
-static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const double *rate,
-                                    cloth_vjp *out);
-
-static void clothi_collide_connect(cloth_collide *c) {
-    const cloth_contact k = {
-        c, clothi_contact_begin, clothi_contact_update, clothi_contact_eval,
-        clothi_contact_max_step, clothi_contact_block, clothi_contact_start_at,
-        clothi_contact_close, clothi_contact_resolve, clothi_contact_commit,
-        clothi_contact_rollback, clothi_contact_reset, clothi_contact_save_size,
-        clothi_contact_save, clothi_contact_load, clothi_contact_vjp, clothi_contact_bytes,
-        clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
-        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan,
-        clothi_contact_adjoint, clothi_contact_rows, clothi_contact_rows_vjp,
-        clothi_contact_jvp};
-    (void)cloth_sim_set_contact(c->sim, &k);
-}
+static void clothi_collide_connect(cloth_collide *c);
 
 /* Outside a step: what a host wrote into x is a number. */
 static cloth_status clothi_look_check(const cloth_collide *c) {
@@ -7331,8 +7282,7 @@ static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
     int               k;
     if (status) return status;
     if (!g || !g->phi)
-        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid%s is NULL",
-                           g ? "->phi" : "");
+        return clothi_null(c->hooks, g ? "obstacle.grid->phi" : "obstacle.grid");
     for (k = 0; k < 3; k++)
         if (g->n[k] < 2)
             return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid->n[%i] = %i is below 2",
@@ -7362,15 +7312,14 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     o->kind = d->kind;
     o->nv = clothi_obstacle_shape(d, &o->nf);
     o->x = (double *)clothi_alloc(c->hooks, 9 * (size_t)o->nv, sizeof(double));
-    o->faces = (int *)clothi_alloc(c->hooks, 3 * (size_t)o->nf, sizeof(int));
+    o->faces = (int *)clothi_copy(c->hooks, d->kind == CLOTH_OBSTACLE_BOX ? clothi_box_faces
+                                                                          : d->faces,
+                                  3 * (size_t)o->nf, sizeof(int));
     if (!o->x || !o->faces) return CLOTH_ERR_MEMORY;
     for (k = 0; k < 3; k++) {
         memcpy(clothi_pose(o, k), d->x, 3 * (size_t)o->nv * sizeof(double));
         o->normal[k] = d->kind == CLOTH_OBSTACLE_PLANE ? normal[k] / size : 0;
     }
-    if (o->nf)
-        memcpy(o->faces, d->kind == CLOTH_OBSTACLE_BOX ? clothi_box_faces : d->faces,
-               3 * (size_t)o->nf * sizeof(int));
     o->grid = d->kind == CLOTH_OBSTACLE_GRID ? d->grid : NULL;
     o->radius = d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE || o->grid
                     ? d->radius : 0;
@@ -7390,7 +7339,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     int              slot = 0, known;
     if (id) id->id = 0;
     if (!c) return CLOTH_ERR_ARGUMENT;
-    if (!desc) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_add: desc is NULL");
+    if (!desc) return clothi_null(c->hooks, "cloth_collide_add: desc");
     known = c->nobstacle;
     status = clothi_obstacle_check(c->hooks, desc);
     if (!status && desc->kind == CLOTH_OBSTACLE_GRID) status = clothi_obstacle_check_grid(c, desc);
@@ -7410,13 +7359,6 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     } else if (id)
         *id = clothi_obstacle_id(c, slot);
     return status;
-}
-
-static cloth_status clothi_obstacle_gone(const cloth_collide *c, cloth_obstacle id,
-                                         const char *call) {
-    if (!c) return CLOTH_ERR_HANDLE;
-    return clothi_fail(c->hooks, CLOTH_ERR_HANDLE, "%s: obstacle %i is not there, or no more", call,
-                       (int)(id.id & 0xffffu));
 }
 
 /* What friction and pinches remember of one obstacle; features of the cloth keep their numbers. */
@@ -7449,9 +7391,9 @@ static cloth_status clothi_carry(cloth_collide *c, const clothi_obstacle *o, int
 }
 
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id) {
-    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_remove");
     cloth_status     status;
-    if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_remove");
+    if (!o) return CLOTH_ERR_HANDLE;
     status = clothi_world_change(c, o);
     if (status) return status;
     clothi_obstacle_free(c->hooks, o);
@@ -7462,10 +7404,10 @@ CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id)
 CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id, int obstacle_face,
                                             const double at[3], int face, const double bary[3],
                                             double k, cloth_attachment *attachment) {
-    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_attach");
     cloth_status     status;
     if (attachment) attachment->id = 0;
-    if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_attach");
+    if (!o) return CLOTH_ERR_HANDLE;
     if (obstacle_face < 0 || obstacle_face >= o->nf)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_attach: obstacle_face %i "
                            "but obstacle %i has %i", obstacle_face, (int)(id.id & 0xffffu), o->nf);
@@ -7474,18 +7416,18 @@ CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id,
     return status ? status : clothi_carry(c, o, 0);
 }
 
-static cloth_status clothi_pose_check(const cloth_collide *c, cloth_obstacle id, const char *call,
-                                      const double *x) {
-    const clothi_obstacle *o = clothi_obstacle_of(c, id);
-    if (!o) return clothi_obstacle_gone(c, id, call);
+/* x: where vertices of o (NULL: none there) are to be. */
+static cloth_status clothi_pose_check(const cloth_collide *c, const clothi_obstacle *o,
+                                      const char *call, const double *x) {
+    if (!o) return CLOTH_ERR_HANDLE;
     if (!x) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: x is NULL", call);
     return clothi_check_places(c->hooks, call, ": x", x, o->nv);
 }
 
 CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
                                           const double *x_end) {
-    clothi_obstacle *o = clothi_obstacle_of(c, id);
-    cloth_status     status = clothi_pose_check(c, id, "cloth_collide_move", x_end);
+    clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_move");
+    cloth_status     status = clothi_pose_check(c, o, "cloth_collide_move", x_end);
     if (status) return status;
     memcpy(clothi_pose(o, 1), x_end, 3 * (size_t)o->nv * sizeof(double));
     return clothi_carry(c, o, 0);
@@ -7495,14 +7437,14 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 
 CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, const double R[9],
                                           const double p[3]) {
-    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_pose");
     double           none[2][9], off = 0, up[3];
     const double    *turn = R ? R : none[0];
     cloth_status     status;
     int              i, j, k;
     clothi_no_turn(none);
-    if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_pose");
-    if (!p) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_pose: p is NULL");
+    if (!o) return CLOTH_ERR_HANDLE;
+    if (!p) return clothi_null(c->hooks, "cloth_collide_pose: p");
     status = clothi_check_places(c->hooks, "cloth_collide_pose", ": R", turn, 3);
     if (!status) status = clothi_check_places(c->hooks, "cloth_collide_pose", ": p", p, 1);
     if (status) return status;
@@ -7530,9 +7472,9 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
 
 CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstacle id,
                                                   double friction) {
-    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_set_friction");
     cloth_status     status;
-    if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_set_friction");
+    if (!o) return CLOTH_ERR_HANDLE;
     status = clothi_desc_number(c->hooks, "cloth_collide_set_friction: friction", friction, 0);
     if (!status) clothi_set(c->sim, &o->friction, &friction, sizeof friction);
     return status;
@@ -7540,10 +7482,10 @@ CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstac
 
 CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacle id,
                                                  const double v[3], const double omega[3]) {
-    clothi_obstacle *o = clothi_obstacle_of(c, id);
+    clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_set_surface");
     double           zero[3] = {0, 0, 0};
     cloth_status     status;
-    if (!o) return clothi_obstacle_gone(c, id, "cloth_collide_set_surface");
+    if (!o) return CLOTH_ERR_HANDLE;
     status = clothi_check_places(c->hooks, "cloth_collide_set_surface", ": v", v ? v : zero, 1);
     if (!status)
         status = clothi_check_places(c->hooks, "cloth_collide_set_surface", ": omega",
@@ -7556,28 +7498,24 @@ CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacl
 
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x) {
-    clothi_obstacle *o = clothi_obstacle_of(c, id);
-    cloth_status     status = clothi_pose_check(c, id, "cloth_collide_teleport", x);
-    double          *spare, *pose;
+    clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_teleport");
+    cloth_status     status = clothi_pose_check(c, o, "cloth_collide_teleport", x);
+    void            *spare;
     size_t           bytes;
     if (status) return status;
     bytes = 3 * (size_t)o->nv * sizeof(double);
-    pose = clothi_pose(o, 0);
-    spare = (double *)clothi_alloc(c->hooks, 6 * (size_t)o->nv, sizeof(double));
+    spare = clothi_copy(c->hooks, o->x, 2, bytes);
     if (!spare) return CLOTH_ERR_MEMORY;
-    memcpy(spare, pose, 2 * bytes);
-    memcpy(pose, x, bytes);
+    memcpy(clothi_pose(o, 0), x, bytes);
     memcpy(clothi_pose(o, 1), x, bytes);
     status = clothi_collide_look(c);
-    if (status)
-        memcpy(pose, spare, 2 * bytes);
-    else {
-        clothi_obstacle_forget(c, (int)(o - c->obstacle));
-        clothi_tape_break(c->sim);
-    }
+    if (status) memcpy(o->x, spare, 2 * bytes);
     clothi_free(c->hooks, spare);
     c->sim->still = 0;
-    return status ? status : clothi_carry(c, o, 1);
+    if (status) return status;
+    clothi_obstacle_forget(c, (int)(o - c->obstacle));
+    clothi_tape_break(c->sim);
+    return clothi_carry(c, o, 1);
 }
 
 /* --- a step that may be shorter --- */
@@ -7612,32 +7550,31 @@ static void clothi_turn_part(const double *A, const double *B, double part, doub
 }
 
 /* n numbers `to`: kept (part 0), at `part` of the way from `from` to what was kept, or as kept (1).
- * kept NULL: only counts. */
-static size_t clothi_shorten(double *to, const double *from, double *kept, int n, double part) {
+ * Returns the end of what is kept. */
+static double *clothi_shorten(double *to, const double *from, double *kept, int n, double part) {
     int i;
-    for (i = 0; kept && i < n; i++) {
+    for (i = 0; i < n; i++) {
         if (part > 0) to[i] = part < 1 ? from[i] + part * (kept[i] - from[i]) : kept[i];
         else kept[i] = to[i];
     }
-    return (size_t)n;
+    return kept + n;
 }
 
 /* The targets of pins, attachments and obstacles, so. */
-static size_t clothi_targets(cloth_collide *c, double *t, double part) {
+static double *clothi_targets(cloth_collide *c, double *kept, double part) {
     cloth_sim *s = c->sim;
-    size_t     n = clothi_shorten(s->target, s->state.x, t, 3 * c->nv, part);
     int        i;
+    kept = clothi_shorten(s->target, s->state.x, kept, 3 * c->nv, part);
     for (i = 0; i < s->model->desc.max_attachments; i++)
-        n += clothi_shorten(s->attach[i].target, s->attach[i].pose, t ? t + n : NULL, 3, part);
+        kept = clothi_shorten(s->attach[i].target, s->attach[i].pose, kept, 3, part);
     CLOTHI_OBSTACLES(c, i) {
         clothi_obstacle *b = c->obstacle + i;
-        double          *x = clothi_pose(b, 1), *turn = b->turn[0];
-        n += clothi_shorten(x, clothi_pose(b, 0), t ? t + n : NULL, 3 * b->nv, part);
-        n += clothi_shorten(b->turn[1], turn, t ? t + n : NULL, 9, part);
-        if (part > 0 && part < 1 && memcmp(turn, t + n - 9, sizeof b->turn[0]) != 0)
-            clothi_turn_part(turn, t + n - 9, part, b->turn[1]);
+        kept = clothi_shorten(clothi_pose(b, 1), clothi_pose(b, 0), kept, 3 * b->nv, part);
+        kept = clothi_shorten(b->turn[1], b->turn[0], kept, 9, part);
+        if (part > 0 && part < 1 && memcmp(b->turn[0], kept - 9, sizeof b->turn[0]) != 0)
+            clothi_turn_part(b->turn[0], kept - 9, part, b->turn[1]);
     }
-    return n;
+    return kept;
 }
 
 /* Failed in a way that a shorter step may not. */
@@ -7657,7 +7594,8 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
                            "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings);
     status = cloth_step(c->sim, h, r);
     if (!clothi_shortens(r) || halvings == 0) return status;
-    targets = (double *)clothi_alloc(c->hooks, clothi_targets(c, NULL, 0), sizeof(double));
+    targets = (double *)clothi_alloc(c->hooks, 3 * ((size_t)c->nw + 3 * (size_t)c->nobstacle +
+                                     (size_t)c->sim->model->desc.max_attachments), sizeof(double));
     if (!targets) return r->status;         /* as the whole step said */
     (void)clothi_targets(c, targets, 0);
     for (k = 0; k < halvings && clothi_shortens(r); k++) {
@@ -7686,14 +7624,6 @@ static cloth_status clothi_query_check(const cloth_collide *c, const char *call,
     if (max < 0) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: max = %i", call, max);
     if (max == 0 || given) return CLOTH_OK;
     return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: its output is NULL", call);
-}
-
-/* Whether the cloth of a contact with an obstacle is its second side; a weight may be 0. */
-static int clothi_cloth_second(const cloth_collide_contact *q) {
-    double sum = 0;
-    int    i;
-    for (i = 0; i < q->n; i++) sum += q->weight[i];
-    return sum < 0;
 }
 
 /* Contact i of all: those of the potential, then the active rows of zones. */
@@ -7727,7 +7657,7 @@ static void clothi_contact_out(const cloth_collide *c, int i, cloth_collide_cont
     for (k = 0; k < 3; k++) out->gap += (out->point[0][k] - out->point[1][k]) * q.normal[k];
     for (k = 0; k < 3 && q.kind == CLOTHI_VP; k++)      /* the foot of the vertex */
         out->point[1][k] = out->point[0][k] - out->gap * q.normal[k];
-    j = !clothi_cloth_second(out);          /* the obstacle's side */
+    j = !out->pair.reversed;                /* the obstacle's side */
     for (k = 0; k < 3; k++) out->point[j][k] += (j ? q.radius : -q.radius) * q.normal[k];
     out->gap = i < c->ncontact ? q.gap : out->gap - q.radius;
     out->force = q.force;
@@ -7759,15 +7689,15 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
     cloth_collide_contact q;
     cloth_status status = CLOTH_OK;
     int          i, k;
-    if (!clothi_obstacle_of(c, id)) status = clothi_obstacle_gone(c, id, "cloth_collide_wrench");
-    if (!status) status = clothi_query_check(c, "cloth_collide_wrench", 1, force && torque);
+    if (!clothi_obstacle_of(c, id, "cloth_collide_wrench")) return CLOTH_ERR_HANDLE;
+    status = clothi_query_check(c, "cloth_collide_wrench", 1, force && torque);
     if (status) return status;
     for (k = 0; k < 3; k++) force[k] = torque[k] = 0;
     for (i = 0; i < c->ncontact + c->nrow; i++) {
         double f[3], r[3], t[3], side;
         clothi_contact_out(c, i, &q);
         if (q.pair.obstacle.id != id.id || !(q.force > 0)) continue;
-        side = clothi_cloth_second(&q) ? 1 : -1;
+        side = q.pair.reversed ? 1 : -1;
         for (k = 0; k < 3; k++) {
             f[k] = side * (q.force * q.normal[k] + q.friction[k]);
             r[k] = q.point[side < 0][k] - (about ? about[k] : 0);
@@ -8421,29 +8351,21 @@ static void clothi_back_edge(const clothi_flow *f, const clothi_frame *at, int e
     for (k = 0; k < 3; k++) to_n[k] += dn * to[k];
 }
 
-/* clothi_vertex_convex of an obstacle's vertex, which is the share. */
-static void clothi_back_vertex(const clothi_flow *f, const clothi_contact *q,
-                               const clothi_frame *at, double rate, double *to_n) {
-    const cloth_collide *c = f->c;
-    double d[3], to[3] = {0, 0, 0};
-    int    least, k;
-    for (k = 0; k < 3; k++) d[k] = -at->normal[k];
-    (void)clothi_vertex_convex(c, q->a, d, &least);
-    if (least >= 0) clothi_back_falls(f, q->a, least, NULL, d, rate, to);
-    for (k = 0; k < 3; k++) to_n[k] -= to[k];
-}
-
 /* clothi_contact_share backwards, to the frame `at` of x^n: share, its rate, into b. */
 static void clothi_back_share(const clothi_flow *f, const clothi_contact *q, const clothi_frame *at,
                               double share, clothi_rates *b) {
     const cloth_collide *c = f->c;
     const double s = at->w[1], t = -at->w[3], rate = share * q->share;
-    double       p[12], e[6], d[3], ee, rr, er, sine, by;
+    double       p[12], e[6], d[3], to[3] = {0, 0, 0}, ee, rr, er, sine, by;
     int          i, k;
     if (q->radius > 0 || q->kind == CLOTHI_VP || at->gap > 2 * q->range || !(fabs(rate) > 0))
         return;
-    if (q->kind == CLOTHI_VF) {
-        if (q->a >= c->nv) clothi_back_vertex(f, q, at, share, b->n);
+    if (q->kind == CLOTHI_VF) {             /* of an obstacle's vertex it is how convex that is */
+        if (q->a < c->nv) return;
+        for (k = 0; k < 3; k++) d[k] = -at->normal[k];
+        (void)clothi_vertex_convex(c, q->a, d, &i);
+        if (i >= 0) clothi_back_falls(f, q->a, i, NULL, d, share, to);
+        for (k = 0; k < 3; k++) b->n[k] -= to[k];
         return;
     }
     b->w[1] += rate * 2 * (1 - 2 * s) / (s * (1 - s));
@@ -8610,27 +8532,17 @@ static void clothi_back_normal(const cloth_collide *c, const clothi_contact *q, 
     if (!q->soft && c->approach * q->start < CLOTHI_POLE * t) b->start -= c->approach * room;
 }
 
-/* What the anchor of contacts q [n] of one key will be, before its slip is cut: their mean; by [3]:
- * by its slip. NULL: nothing asks for it. */
+/* By the anchor that contacts q [n] of one key leave; their mean, and by [3]: by the slip of it.
+ * NULL: nothing asks for it. */
 static const clothi_anchor *clothi_back_anchor(const clothi_flow *f, const clothi_contact *q, int n,
                                                clothi_anchor *mean, double *by) {
     const cloth_collide *c = f->c;
     const clothi_anchor *m =
         f->whole || !f->a ? clothi_anchor_of(f->to->after, f->to->nafter, &q->key) : NULL;
-    double               u[3], size, along;
-    int                  i, k;
-    memset(mean, 0, sizeof *mean);
-    mean->gap = HUGE_VAL;
-    for (i = 0; m && i < n; i++) {
-        if (!(q[i].force > 0)) continue;
-        clothi_contact_slip(c, q + i, f->x, u);
-        clothi_contact_turn(c, q + i, u);
-        for (k = 0; k < 3; k++) mean->slip[k] += q[i].force * u[k];
-        mean->force += q[i].force;
-        mean->gap = clothi_min(mean->gap, q[i].gap);
-    }
-    if (!(mean->force > 0)) return NULL;
-    for (k = 0; k < 3; k++) mean->slip[k] /= mean->force, by[k] = m->slip[k];
+    double               size, along;
+    int                  k;
+    if (!m || !clothi_anchor_mean(c, q, n, f->x, mean)) return NULL;
+    memcpy(by, m->slip, sizeof m->slip);
     size = sqrt(clothi_dot3(mean->slip, mean->slip));
     if (!(size > c->desc.slip)) return m;
     along = clothi_dot3(by, mean->slip) / (size * size);
@@ -8644,7 +8556,7 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
     clothi_rates        *b = f->to->back, start;
     clothi_anchor        mean, *before = clothi_anchor_of(f->to->before, f->to->nbefore, &q->key);
     clothi_frame         at;
-    double               by[3], Z[3], T[3], K[9], parts = 0, E = 0, most = 0;
+    double               by[3], Z[3], T[3], K[9], parts = 0, E = 0;
     const clothi_anchor *m = clothi_back_anchor(f, q, n, &mean, by);
     int                  i, l, k, asked = m != NULL;
     for (i = 0; f->a && i < n && !asked; i++)
@@ -8668,10 +8580,9 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
         clothi_back_slip(f, q + i, Z, &mean, m ? by : NULL, b + i);
         if (m && !(q[i].gap > mean.gap)) b[i].gap = m->gap, mean.gap = -HUGE_VAL;
         parts += b[i].force * q[i].at.force * q[i].at.part;
-        most = clothi_max(most, q[i].at.energy);
         E += clothi_eighth(q[i].at.energy);
     }
-    E = most > 0 ? sqrt(sqrt(sqrt(E))) : 0;
+    E = sqrt(sqrt(sqrt(E)));
     for (i = 0; i < n; i++) {
         const double r = E > 0 ? q[i].at.energy / E : 0, part = q[i].at.part;
         const double energy = b[i].force * q[i].at.force * (r * r * r * r * r * r) - part * parts;
@@ -8743,16 +8654,17 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     clothi_adjoint *to = c->adjoint;
     const clothi_obstacle *o;
     const clothi_contact  *q;
-    cloth_status    status = CLOTH_OK;
+    cloth_status    status = CLOTHI_ROOM(to, back, c->ncontact);
     clothi_flow     f = {c, to, out->x_n != NULL, a, e->x, {out->x_n, out->x}};
+    clothi_anchor   none;
     int             i, j;
     memcpy(c->xb, e->x, 3 * (size_t)c->nv * sizeof(double));
-    status = CLOTHI_ROOM(to, back, c->ncontact);
-    if (!status && f.whole) status = CLOTHI_ROOM(to, before, c->nnext);
+    memset(&none, 0, sizeof none);
+    for (to->nbefore = i = 0; f.whole && i < c->nnext && !status; i++) {
+        none.key = c->next[i].key;
+        status = CLOTHI_PUSH(to, before, none);
+    }
     if (status) return status;
-    if (f.whole && c->nnext) memset(to->before, 0, (size_t)c->nnext * sizeof *to->before);
-    for (i = 0; f.whole && i < c->nnext; i++) to->before[i].key = c->next[i].key;
-    to->nbefore = f.whole ? c->nnext : 0;
     for (i = 0; i < c->nholding && a; i++) clothi_back_hold(&f, c->holding + i);
     out->frozen |= c->nholding > 0;
     for (i = 0; i < c->ncontact; i = j) {
@@ -8800,9 +8712,8 @@ static cloth_status clothi_contact_jvp(void *user, const cloth_eval *e, const do
     clothi_adjoint *to = c->adjoint;
     const double   *d[2] = {dx_n, dx};
     const int       n = 3 * c->nv;
-    double         *a = (double *)clothi_alloc(c->hooks, 3 * (size_t)n, sizeof *a), worth;
+    double         *a = (double *)clothi_alloc(c->hooks, 3 * (size_t)n, sizeof *a), worth = 0;
     cloth_status    status = a ? CLOTHI_ROOM(to, going, c->ncontact) : CLOTH_ERR_MEMORY;
-    clothi_anchor   m;
     int             i, k;
     for (i = 0; out && i < n && !status; i++) {
         a[i] = 1;
@@ -8811,18 +8722,16 @@ static cloth_status clothi_contact_jvp(void *user, const cloth_eval *e, const do
         out[i] += worth;
     }
     for (i = 0; !out && i < c->ncontact && !status; i = clothi_group_end(c, i)) {
+        clothi_anchor *go = to->going + to->ngoing++;
         for (k = 0; k < 4 && !status; k++) {
+            clothi_anchor m;
             memset(&m, 0, sizeof m);
-            m.key = c->contact[i].key;
+            go->key = m.key = c->contact[i].key;
             *(k ? m.slip + k - 1 : &m.gap) = 1;
-            status = CLOTHI_ROOM(to, after, 1);
-            if (status) break;
-            to->after[0] = m, to->nafter = 1;
-            status = clothi_contact_worth(c, e, NULL, a + n, d, &worth);
-            to->going[to->ngoing].key = m.key;
-            *(k ? to->going[to->ngoing].slip + k - 1 : &to->going[to->ngoing].gap) = worth;
+            status = CLOTHI_PUSH(to, after, m);
+            if (!status) status = clothi_contact_worth(c, e, NULL, a + n, d, &worth);
+            *(k ? go->slip + k - 1 : &go->gap) = worth;
         }
-        to->ngoing++;
     }
     if (!out && !status) CLOTHI_TAKE(clothi_anchor, to, moved, going);
     clothi_free(c->hooks, a);
@@ -8919,43 +8828,40 @@ static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const doubl
                                     cloth_vjp *out) {
     cloth_collide *c = (cloth_collide *)user;
     clothi_flow    f = {c, c->adjoint, 1, NULL, NULL, {out->x_n, NULL}};
-    int            i, k;
+    int            i;
     out->frozen |= c->nholding > 0 || c->report.rigid_zones > 0;
-    for (i = 0; i < c->nrow; i++) {
-        for (k = 0; k < CLOTH_ROW_RATES && !(fabs(rate[CLOTH_ROW_RATES * i + k]) > 0); k++) {}
-        if (k == CLOTH_ROW_RATES) continue;
+    for (i = 0; i < c->nrow; i++, rate += CLOTH_ROW_RATES) {
+        if (!(clothi_max_abs(rate, CLOTH_ROW_RATES) > 0)) continue;
         f.x = c->row[i].pass ? c->xb : c->x_ie;
         f.cloth[1] = c->row[i].pass ? out->x_end : out->x;
-        clothi_back_row(&f, c->row + i, rate + CLOTH_ROW_RATES * i);
+        clothi_back_row(&f, c->row + i, rate);
     }
     clothi_back_end(&f, e->in->share);
 }
 
 static void clothi_adjoint_free(cloth_collide *c) {
-    clothi_adjoint   *to = c->adjoint;
-    const void *const block[] = {to ? to->pose[0] : NULL, to ? to->after : NULL,
-                                 to ? to->before : NULL, to ? to->moved : NULL,
-                                 to ? to->going : NULL, to ? to->back : NULL, to};
-    (void)clothi_blocks(c->hooks, block, sizeof block / sizeof *block);
+    const clothi_adjoint *to = c->adjoint;
+    if (to) {
+        const void *const block[] = {to->after, to->before, to->moved, to->going, to->back, to};
+        (void)clothi_blocks(c->hooks, block, sizeof block / sizeof *block);
+    }
     c->adjoint = NULL;
 }
 
-/* A walk backwards begins. */
+/* A walk backwards begins: in one block, the adjoint first. */
 static cloth_status clothi_adjoint_open(cloth_collide *c) {
-    const size_t    n = 3 * (size_t)(c->nw - c->nv), real = sizeof(double);
-    const size_t    mus = (size_t)(1 + c->nobstacle + c->desc.nparts);
-    clothi_adjoint *to;
+    const size_t   n = 3 * (size_t)(c->nw - c->nv) + 1, real = sizeof(double);
+    clothi_adjoint to;
+    const clothi_array need[] = {
+        {&c->adjoint, 1, sizeof to}, {&to.pose[0], n, real}, {&to.pose[1], n, real},
+        {&to.world[0], n, real}, {&to.world[1], n, real},
+        {&to.friction, (size_t)(1 + c->nobstacle + c->desc.nparts), real}};
     clothi_adjoint_free(c);
-    c->adjoint = to = (clothi_adjoint *)clothi_alloc(c->hooks, 1, sizeof *to);
-    if (to) {
-        const clothi_array need[] = {
-            {&to->pose[0], n + 1, real}, {&to->pose[1], n + 1, real}, {&to->world[0], n + 1, real},
-            {&to->world[1], n + 1, real}, {&to->friction, mus, real}};
-        to->hooks = c->hooks;
-        if (!clothi_arrays(c->hooks, need, sizeof need / sizeof *need)) return CLOTH_OK;
-    }
-    clothi_adjoint_free(c);
-    return CLOTH_ERR_MEMORY;
+    memset(&to, 0, sizeof to);
+    to.hooks = c->hooks;
+    if (clothi_arrays(c->hooks, need, sizeof need / sizeof *need)) return CLOTH_ERR_MEMORY;
+    *c->adjoint = to;
+    return CLOTH_OK;
 }
 
 /* What obstacles carry aims at a point of a face where it ends. */
@@ -9001,6 +8907,21 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
         memcpy(out->part_friction, to->friction + 1 + c->nobstacle, parts * sizeof(double));
     clothi_adjoint_free(c);
     return CLOTH_OK;
+}
+
+/* What the sim calls from now on. */
+static void clothi_collide_connect(cloth_collide *c) {
+    const cloth_contact k = {
+        c, clothi_contact_begin, clothi_contact_update, clothi_contact_eval,
+        clothi_contact_max_step, clothi_contact_block, clothi_contact_start_at,
+        clothi_contact_close, clothi_contact_resolve, clothi_contact_commit,
+        clothi_contact_rollback, clothi_contact_reset, clothi_contact_save_size,
+        clothi_contact_save, clothi_contact_load, clothi_contact_vjp, clothi_contact_bytes,
+        clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
+        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan,
+        clothi_contact_adjoint, clothi_contact_rows, clothi_contact_rows_vjp,
+        clothi_contact_jvp};
+    (void)cloth_sim_set_contact(c->sim, &k);
 }
 
 /* ===== [9.1] CHANGES =========================================================================

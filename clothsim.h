@@ -8377,62 +8377,27 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 
 /* --- what a desc may say --- */
 
-static cloth_status clothi_check_ladder(const cloth_hooks *hooks, const cloth_desc *d) {
-    const struct { const char *field, *kind; int value, low, high; } rung[6] = {
-        {"membrane", "MEMBRANE", (int)d->membrane, CLOTH_MEMBRANE_SPRINGS, CLOTH_MEMBRANE_STVK},
-        {"bend", "BEND", (int)d->bend, CLOTH_BEND_NONE, CLOTH_BEND_HINGE},
-        {"integrator", "INTEGRATOR", (int)d->integrator, CLOTH_INTEGRATOR_LEAPFROG,
-         CLOTH_INTEGRATOR_BDF2},
-        {"contact", "CONTACT", (int)d->contact, CLOTH_CONTACT_NONE, CLOTH_CONTACT_SELF},
-        {"rest_angle", "REST_ANGLE", (int)d->rest_angle, CLOTH_REST_ANGLE_TEMPLATE,
-         CLOTH_REST_ANGLE_FLAT},
-        {"linear", "LINEAR", (int)d->linear, CLOTH_LINEAR_AUTO, CLOTH_LINEAR_CHOLESKY}};
-    int k;
-    if (d->bend == CLOTH_BEND_SHELL)
-        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
-                           "desc.bend = CLOTH_BEND_SHELL is not built in this version");
-    for (k = 0; k < 6; k++)
-        if (rung[k].value < rung[k].low || rung[k].value > rung[k].high)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "desc.%s = %i is no CLOTH_%s_",
-                               rung[k].field, rung[k].value, rung[k].kind);
-    return CLOTH_OK;
-}
-
-static cloth_status clothi_check_list(const cloth_hooks *hooks, const char *count, int n,
-                                      const char *name, const void *list) {
-    if (n >= 0 && (n == 0 || list)) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, n < 0 ? "desc.%s = %i must be at least 0"
-                       : "desc.%s = %i without desc.%s", count, n, name);
-}
-
-static cloth_status clothi_check_axes(const cloth_hooks *hooks, const char *who, unsigned axes) {
-    return clothi_check_count(hooks, who, "axes", (int)axes, 1, CLOTH_AXIS_ALL);
-}
-
 static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_desc *d) {
+    const clothi_rule pin[2] = {CLOTHI_RULE(cloth_pin, vertex, 0, 0, 0, d->nv - 1),
+                                CLOTHI_RULE(cloth_pin, axes, 0, 0, 1, CLOTH_AXIS_ALL)};
+    const clothi_rule tie[3] = {CLOTHI_RULE(cloth_tie, leader, 0, 0, 0, d->nv - 1),
+                                CLOTHI_RULE(cloth_tie, follower, 0, 0, 0, d->nv - 1),
+                                CLOTHI_RULE(cloth_tie, axes, 0, 0, 1, CLOTH_AXIS_ALL)};
     char         name[32];
-    int          i, last = d->nv - 1;
-    cloth_status status = clothi_check_list(hooks, "npins", d->npins, "pins", d->pins);
-    if (!status) status = clothi_check_list(hooks, "nties", d->nties, "ties", d->ties);
-    if (status) return status;
+    int          i;
+    cloth_status status = CLOTH_OK;
     if (d->nties > 0 && d->integrator == CLOTH_INTEGRATOR_LEAPFROG)
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
                            "desc.nties = %i: CLOTH_INTEGRATOR_LEAPFROG has no ties", d->nties);
-    for (i = 0; i < d->npins && !status; i++) {
-        const cloth_pin *p = d->pins + i;
-        const char      *who = clothi_member(name, "desc.pins", i);
-        status = clothi_check_count(hooks, who, "vertex", p->vertex, 0, last);
-        if (!status) status = clothi_check_axes(hooks, who, p->axes);
-    }
+    for (i = 0; i < d->npins && !status; i++)
+        status = clothi_check_rules(hooks, clothi_member(name, "desc.pins", i), d->pins + i, pin,
+                                    2);
     for (i = 0; i < d->nties && !status; i++) {
-        const cloth_tie *t = d->ties + i;
-        const char      *who = clothi_member(name, "desc.ties", i);
-        status = clothi_check_count(hooks, who, "leader", t->leader, 0, last);
-        if (!status) status = clothi_check_count(hooks, who, "follower", t->follower, 0, last);
-        if (!status && t->leader == t->follower)
+        const char *who = clothi_member(name, "desc.ties", i);
+        status = clothi_check_rules(hooks, who, d->ties + i, tie, 3);
+        if (!status && d->ties[i].leader == d->ties[i].follower)
             status = clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%sleader = %i is its follower", who,
-                                 t->leader);
-        if (!status) status = clothi_check_axes(hooks, who, t->axes);
+                                 d->ties[i].leader);
     }
     return status;
 }
@@ -8440,8 +8405,6 @@ static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_des
 static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc *d) {
     cloth_mesh_report faults;
     cloth_status      status;
-    if (!d->x_rest) return clothi_null(hooks, "desc.x_rest");
-    if (!d->faces) return clothi_null(hooks, "desc.faces");
     status = cloth_mesh_check(hooks, d->nv, d->x_rest, d->nf, d->faces, d->X, &faults);
     if (!status) status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
     if (!status) status = clothi_check_vector(hooks, "desc.v", d->v, 3 * d->nv);
@@ -8479,8 +8442,21 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
         CLOTHI_RULE(cloth_desc, substeps, 0, 0, 0, CLOTHI_MAX_SUBSTEPS),
         CLOTHI_RULE(cloth_desc, max_newton, 0, 0, 0, 0x7fffffff),
         CLOTHI_RULE(cloth_desc, max_attachments, 0, 0, 0, 0xffff),
+        CLOTHI_RULE(cloth_desc, membrane, 0, 0, CLOTH_MEMBRANE_SPRINGS, CLOTH_MEMBRANE_STVK),
+        CLOTHI_RULE(cloth_desc, bend, 0, 0, CLOTH_BEND_NONE, CLOTH_BEND_HINGE),
+        CLOTHI_RULE(cloth_desc, integrator, 0, 0, CLOTH_INTEGRATOR_LEAPFROG, CLOTH_INTEGRATOR_BDF2),
+        CLOTHI_RULE(cloth_desc, contact, 0, 0, CLOTH_CONTACT_NONE, CLOTH_CONTACT_SELF),
+        CLOTHI_RULE(cloth_desc, rest_angle, 0, 0, CLOTH_REST_ANGLE_TEMPLATE, CLOTH_REST_ANGLE_FLAT),
+        CLOTHI_RULE(cloth_desc, linear, 0, 0, CLOTH_LINEAR_AUTO, CLOTH_LINEAR_CHOLESKY),
+        CLOTHI_RULE(cloth_desc, nregions, 0, 0, 0, 0x7fffffff),
+        CLOTHI_RULE(cloth_desc, npins, 0, 0, 0, 0x7fffffff),
+        CLOTHI_RULE(cloth_desc, nties, 0, 0, 0, 0x7fffffff),
         CLOTHI_RULE(cloth_desc, nv, 0, 0, 3, CLOTH_MAX_COUNT),
         CLOTHI_RULE(cloth_desc, nf, 0, 0, 1, CLOTH_MAX_COUNT)};
+    const struct { const char *name; const void *list; int n; } given[] = {
+        {"desc.x_rest", d->x_rest, 1}, {"desc.faces", d->faces, 1},
+        {"desc.materials", d->materials, d->nregions}, {"desc.pins", d->pins, d->npins},
+        {"desc.ties", d->ties, d->nties}};
     const cloth_hooks *hooks = &d->hooks;
     cloth_status       status;
     int                i;
@@ -8494,10 +8470,12 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
     if (!clothi_ieee())
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "compiled for other than IEEE arithmetic: "
                            "-funsafe-math-optimizations?");
-    status = clothi_check_ladder(hooks, d);
-    if (!status) status = clothi_check_rules(hooks, "desc.", d, rule, sizeof rule / sizeof *rule);
-    if (!status)
-        status = clothi_check_list(hooks, "nregions", d->nregions, "materials", d->materials);
+    if (d->bend == CLOTH_BEND_SHELL)
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
+                           "desc.bend = CLOTH_BEND_SHELL is not built in this version");
+    status = clothi_check_rules(hooks, "desc.", d, rule, sizeof rule / sizeof *rule);
+    for (i = 0; i < 5 && !status; i++)
+        if (given[i].n > 0 && !given[i].list) status = clothi_null(hooks, given[i].name);
     if (!status) status = clothi_check_mesh(hooks, d);
     if (!status) status = clothi_check_holds(hooks, d);
     for (i = 0; i < d->nregions && !status; i++)
@@ -8668,44 +8646,34 @@ static int clothi_element_domain(const cloth_model *m, const clothi_group *g, in
     return domain < 0 ? g->ndomain : domain;
 }
 
-static void clothi_group_fill(const cloth_model *m, clothi_group *g, int at, int e) {
-    int        b = at / CLOTHI_LANES, lane = at % CLOTHI_LANES, pairs = clothi_group_pairs(g), k;
-    const int *v = clothi_stencil(m, g->kind, e);
-    for (k = 0; k < g->width; k++) g->vert[(b * g->width + k) * CLOTHI_LANES + lane] = v[k];
-    for (k = 0; m->pattern && k < pairs; k++)
-        g->slot[(b * pairs + k) * CLOTHI_LANES + lane] =
-            cloth_pattern_slot(m->pattern, v[clothi_pair[k][0]], v[clothi_pair[k][1]]);
-}
-
 /* Sorts elements by domain (counting sort, in element order), pads each domain to whole batches
  * by repeating its last element in lanes whose id is -1. */
 static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
-    int d, e, next[CLOTHI_DOMAINS + 2] = {0};
-    size_t n;
+    enum { L = CLOTHI_LANES };
+    const int pairs = clothi_group_pairs(g);
+    int       d, e, i, k, n, next[CLOTHI_DOMAINS + 2] = {0};
     g->ndomain = m->pattern ? cloth_pattern_domains(m->pattern) : 1;
     for (e = 0; e < g->count; e++) next[clothi_element_domain(m, g, e)]++;
     for (d = 0; d <= g->ndomain; d++) {
-        g->domain[d + 1] = g->domain[d] + (next[d] + CLOTHI_LANES - 1) / CLOTHI_LANES;
-        next[d] = g->domain[d] * CLOTHI_LANES;
+        g->domain[d + 1] = g->domain[d] + (next[d] + L - 1) / L;
+        next[d] = g->domain[d] * L;
     }
     g->nbatch = g->domain[g->ndomain + 1];
-    n = (size_t)g->nbatch * CLOTHI_LANES;
-    g->id = (int *)clothi_alloc(&m->hooks, n, sizeof(int));
-    g->vert = (int *)clothi_alloc(&m->hooks, n * (size_t)g->width, sizeof(int));
+    n = g->nbatch * L;
+    g->id = (int *)clothi_alloc(&m->hooks, (size_t)n, sizeof(int));
+    g->vert = (int *)clothi_alloc(&m->hooks, (size_t)n * (size_t)g->width, sizeof(int));
     if (m->pattern)
-        g->slot = (int *)clothi_alloc(&m->hooks, n * (size_t)clothi_group_pairs(g), sizeof(int));
+        g->slot = (int *)clothi_alloc(&m->hooks, (size_t)n * (size_t)pairs, sizeof(int));
     if (!g->id || !g->vert || (m->pattern && !g->slot)) return CLOTH_ERR_MEMORY;
-    for (e = 0; e < g->count; e++) {
-        d = clothi_element_domain(m, g, e);
-        g->id[next[d]] = e;
-        clothi_group_fill(m, g, next[d]++, e);
+    for (i = 0; i < n; i++) g->id[i] = -1;
+    for (e = 0; e < g->count; e++) g->id[next[clothi_element_domain(m, g, e)]++] = e;
+    for (i = 0, e = 0; i < n; i++) {
+        const int *v = clothi_stencil(m, g->kind, e = g->id[i] < 0 ? e : g->id[i]);
+        for (k = 0; k < g->width; k++) g->vert[(i / L * g->width + k) * L + i % L] = v[k];
+        for (k = 0; m->pattern && k < pairs; k++)
+            g->slot[(i / L * pairs + k) * L + i % L] =
+                cloth_pattern_slot(m->pattern, v[clothi_pair[k][0]], v[clothi_pair[k][1]]);
     }
-    for (d = 0; d <= g->ndomain; d++)
-        for (; next[d] < g->domain[d + 1] * CLOTHI_LANES; next[d]++) {
-            g->id[next[d]] = -1;
-            for (e = next[d] - 1; g->id[e] < 0; e--) {}
-            clothi_group_fill(m, g, next[d], g->id[e]);
-        }
     return CLOTH_OK;
 }
 
@@ -9166,43 +9134,33 @@ static void clothi_walk_fields(const cloth_sim *s, clothi_walk *w) {
 
 /* --- units: what hosts' terms and the contact keep of their own --- */
 
-typedef struct clothi_unit {
-    uint64_t id;                            /* of the term's name                              */
-    void    *user;
-    size_t (*size)(void *user);
-    void   (*save)(void *user, void *buf);
-    void   (*load)(void *user, const void *buf);
-    cloth_status (*check)(void *user, const void *buf, size_t size);
-} clothi_unit;
-
-/* Unit i of a sim, in the order of the list, contact last; 0 when there is none. */
-static int clothi_unit_at(const cloth_sim *s, int i, clothi_unit *u) {
-    const int   at = s->nbuiltin + i;
-    const char *name = at < s->nterms ? s->term[at].name : "contact";
-    memset(u, 0, sizeof *u);
-    if (at > s->nterms || (at == s->nterms && !s->contact_on)) return 0;
-    u->id = clothi_hash(0xcbf29ce484222325u, name ? name : "", name ? strlen(name) : 0);
-    u->user = at < s->nterms ? s->term[at].user : s->contact.user;
-    u->size = at < s->nterms ? s->term[at].save_size : s->contact.save_size;
-    u->save = at < s->nterms ? s->term[at].save : s->contact.save;
-    u->load = at < s->nterms ? s->term[at].load : s->contact.load;
-    u->check = at < s->nterms ? NULL : s->contact.check;
-    return 1;
+/* Unit i of a sim, in the order of the list; contact, last, as a term. 0 when there is none. */
+static int clothi_unit_at(const cloth_sim *s, int i, cloth_term *u) {
+    const cloth_contact *c = &s->contact;
+    const cloth_term     contact = {"contact", c->user, NULL, NULL, NULL, c->save_size, c->save,
+                                    c->load, 0};
+    i += s->nbuiltin;
+    *u = i < s->nterms ? s->term[i] : contact;
+    return i < s->nterms + s->contact_on;
 }
 
-static size_t clothi_unit_size(const clothi_unit *u) {
-    return u->size && u->save && u->load ? u->size(u->user) : 0;
+static uint64_t clothi_unit_id(const cloth_term *u) {
+    return clothi_hash(0xcbf29ce484222325u, u->name, u->name ? strlen(u->name) : 0);
+}
+
+static size_t clothi_unit_size(const cloth_term *u) {
+    return u->save_size && u->save && u->load ? u->save_size(u->user) : 0;
 }
 
 /* The first n of them: id, bytes, then the unit's own: it may hold more or fewer than it did at the
  * snapshot. */
 static void clothi_walk_units(const cloth_sim *s, clothi_walk *w, int n, unsigned char *scratch) {
-    clothi_unit u;
-    uint64_t    head[2];
-    int         i;
+    cloth_term u;
+    uint64_t   head[2];
+    int        i;
     for (i = 0; i < n && clothi_unit_at(s, i, &u); i++, w->at += (size_t)head[1]) {
         clothi_walk_pad(w);
-        head[0] = u.id, head[1] = clothi_unit_size(&u);
+        head[0] = clothi_unit_id(&u), head[1] = clothi_unit_size(&u);
         clothi_walk_bytes(w, (unsigned char *)head, sizeof head);   /* loading: as was saved */
         if (head[1] && w->verb == CLOTHI_HASH) {
             memset(scratch, 0, (size_t)head[1]);
@@ -12585,7 +12543,8 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
     double        to;
     int           k;
     cloth_status  status = clothi_check_pin(sim, "cloth_sim_pin: ", vertex);
-    if (!status) status = clothi_check_axes(&sim->hooks, "cloth_sim_pin: ", axes);
+    if (!status) status = clothi_check_count(&sim->hooks, "cloth_sim_pin: ", "axes", (int)axes, 1,
+                                             CLOTH_AXIS_ALL);
     if (status) return status;
     for (k = 0; target && k < 3; k++)
         if ((axes >> k & 1) && !clothi_finite(target[k]))
@@ -12821,8 +12780,8 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
 /* The units of a snapshot, from byte `at` of the walk on, are this sim's, and end with it. */
 static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char *buf, size_t at,
                                        size_t end) {
-    clothi_unit  u;
-    cloth_status status;
+    cloth_term   u;
+    cloth_status status = CLOTH_OK;
     uint64_t     head[2];
     int          i;
     for (i = 0; clothi_unit_at(sim, i, &u); i++) {
@@ -12830,10 +12789,11 @@ static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char
         if (at > end || end - at < sizeof head) break;
         memcpy(head, buf + at, sizeof head);
         at += sizeof head;
-        if (head[0] != u.id || head[1] > end - at || (head[1] > 0 && !u.load))
+        if (head[0] != clothi_unit_id(&u) || head[1] > end - at || (head[1] > 0 && !u.load))
             return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the state of "
                                "the host's term %i is not in the snapshot", i);
-        status = u.check ? u.check(u.user, buf + at, (size_t)head[1]) : CLOTH_OK;
+        if (sim->nbuiltin + i == sim->nterms && sim->contact.check)
+            status = sim->contact.check(u.user, buf + at, (size_t)head[1]);
         if (status) return status;
         at += (size_t)head[1];
     }
@@ -12960,7 +12920,7 @@ CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
     clothi_walk    w;
     unsigned char *scratch = NULL;
     size_t         hosts = 0;
-    clothi_unit    u;
+    cloth_term     u;
     int            i;
     if (!sim) return 0;
     for (i = 0; clothi_unit_at(sim, i, &u); i++)

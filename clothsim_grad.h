@@ -2403,7 +2403,7 @@ static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *
     cloth_sim    *s = g->s;
     const unsigned char *p = g->input + t->fixed_input - t->params;
     cloth_status  status;
-    clothi_unit   u;
+    cloth_term    u;
     while (g->at < k) clothi_tape_xor(t->step + ++g->at, g->input);
     while (g->at > k) clothi_tape_xor(t->step + g->at--, g->input);
     (void)clothi_tape_walk(s, CLOTHI_INPUTS, CLOTHI_LOAD, g->input);
@@ -2658,7 +2658,7 @@ static cloth_status clothi_grad_check(const cloth_tape *t, const cloth_grad *o) 
 static void clothi_grad_keep(clothi_grad *g, int verb) {
     cloth_sim *s = g->s;
     size_t     at = clothi_tape_walk(s, CLOTHI_INPUTS, verb, g->kept_input);
-    clothi_unit u;
+    cloth_term u;
     at += clothi_tape_walk(s, CLOTHI_PARAMS, verb, g->kept_input + at);
     if (clothi_unit_at(s, 0, &u)) (void)clothi_tape_units(s, verb, g->kept_input, at);
     (void)clothi_tape_walk(s, CLOTHI_MOTION, verb, g->kept_motion);

@@ -184,10 +184,10 @@ static void bad_part_and_region(void) {
     two[1].density = 0;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "[1].density", "0"));
     d.materials = NULL;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.nregions", "2"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.materials", "NULL"));
     d.nregions = -1;
     d.materials = two;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.nregions", "-1 must be at least 0"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.nregions", "-1 must be 0 to "));
 }
 
 static void bad_material(void) {
@@ -293,7 +293,7 @@ static void bad_pins(void) {
     memset(pin, 0, sizeof pin);
     pin[0].axes = pin[1].axes = CLOTH_AXIS_ALL;
     d.npins = 2;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.npins", "2"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.pins", "NULL"));
     d.pins = pin;
     pin[1].vertex = d.nv;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.pins[1].vertex", "must be 0 to "));
@@ -305,7 +305,7 @@ static void bad_pins(void) {
     pin[1].axes = 8;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.pins[1].axes", "8"));
     d.npins = -1;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.npins", "-1 must be at least 0"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.npins", "-1 must be 0 to "));
 }
 
 static void bad_ties(void) {
@@ -318,7 +318,7 @@ static void bad_ties(void) {
         tie[i].axes = CLOTH_AXIS_Y;
     }
     d.nties = 3;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.nties", "3"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.ties", "NULL"));
     d.ties = tie;
     tie[1].leader = d.nv;
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.ties[1]", "leader"));
@@ -334,7 +334,7 @@ static void bad_ties(void) {
     tie[2].follower = 1;                    /* 1 already follows 0 */
     CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.ties[2]", "already follows 0"));
     d.nties = -1;
-    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.nties", "-1 must be at least 0"));
+    CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "desc.nties", "-1 must be 0 to "));
     d = good();
     d.nties = 1;
     d.ties = tie;

@@ -8359,6 +8359,8 @@ struct cloth_model {
     int *gather;                            /* offsets of x components in the force buffer     */
     int  force_size;                        /* doubles in the force buffer                     */
     uint64_t hash, aspect[CLOTHI_ASPECTS];  /* of all, and of its aspects                      */
+    const void *block[22];                  /* all these arrays, those of the mesh first       */
+    int  nblock, nmesh, lost;               /* lost: one could not be made                     */
 };
 
 CLOTH_API cloth_desc cloth_desc_default(void) {
@@ -8478,9 +8480,8 @@ static cloth_status clothi_check_desc(const cloth_desc *d) {
         if (given[i].n > 0 && !given[i].list) status = clothi_null(hooks, given[i].name);
     if (!status) status = clothi_check_mesh(hooks, d);
     if (!status) status = clothi_check_holds(hooks, d);
-    for (i = 0; i < d->nregions && !status; i++)
-        status = cloth_material_check(hooks, d->materials + i, i);
-    if (!status && d->nregions == 0) status = cloth_material_check(hooks, &d->material, 0);
+    for (i = 0; (i < d->nregions || i == 0) && !status; i++)
+        status = cloth_material_check(hooks, d->nregions ? d->materials + i : &d->material, i);
     return status;
 }
 
@@ -8493,26 +8494,31 @@ CLOTHI_OUTLINE static void *clothi_copy(const cloth_hooks *hooks, const void *fr
     return to;
 }
 
+/* An array of the model, which is freed and counted with it; from NULL: of zeros. */
+static void *clothi_model_array(cloth_model *m, const void *from, size_t count, size_t size) {
+    void *to = clothi_copy(&m->hooks, from, count, size);
+    m->lost |= !to;
+    if (to) m->block[m->nblock++] = to;
+    return to;
+}
+
 static cloth_status clothi_model_copy(cloth_model *m, const cloth_desc *d) {
-    const cloth_hooks *hooks = &m->hooks;
     size_t nv = (size_t)m->nv, nf = (size_t)m->nf;
     int    i;
-    m->x_rest = (double *)clothi_copy(hooks, d->x_rest, 3 * nv, sizeof(double));
-    m->x = d->x ? (double *)clothi_copy(hooks, d->x, 3 * nv, sizeof(double)) : m->x_rest;
-    m->faces = (int *)clothi_copy(hooks, d->faces, 3 * nf, sizeof(int));
-    m->part = (int *)clothi_copy(hooks, d->part, nf, sizeof(int));
-    m->region = (int *)clothi_copy(hooks, d->region, nf, sizeof(int));
-    m->X = (double *)clothi_copy(hooks, d->X, 6 * nf, sizeof(double));
-    m->pin = (unsigned char *)clothi_alloc(hooks, nv, 1);
-    m->material = (cloth_material *)clothi_copy(
-        hooks, d->nregions > 0 ? d->materials : &d->material, (size_t)m->nregions,
+    m->x_rest = (double *)clothi_model_array(m, d->x_rest, 3 * nv, sizeof(double));
+    m->x = d->x ? (double *)clothi_model_array(m, d->x, 3 * nv, sizeof(double)) : m->x_rest;
+    m->faces = (int *)clothi_model_array(m, d->faces, 3 * nf, sizeof(int));
+    m->part = (int *)clothi_model_array(m, d->part, nf, sizeof(int));
+    m->region = (int *)clothi_model_array(m, d->region, nf, sizeof(int));
+    m->X = (double *)clothi_model_array(m, d->X, 6 * nf, sizeof(double));
+    m->pin = (unsigned char *)clothi_model_array(m, NULL, nv, 1);
+    m->material = (cloth_material *)clothi_model_array(
+        m, d->nregions > 0 ? d->materials : &d->material, (size_t)m->nregions,
         sizeof(cloth_material));
-    if (d->v) m->v = (double *)clothi_copy(hooks, d->v, 3 * nv, sizeof(double));
+    if (d->v) m->v = (double *)clothi_model_array(m, d->v, 3 * nv, sizeof(double));
     if (d->vertex_mass)
-        m->vertex_mass = (double *)clothi_copy(hooks, d->vertex_mass, nv, sizeof(double));
-    if (!m->x_rest || !m->x || !m->faces || !m->part || !m->region || !m->X || !m->pin ||
-        !m->material || (d->v && !m->v) || (d->vertex_mass && !m->vertex_mass))
-        return CLOTH_ERR_MEMORY;
+        m->vertex_mass = (double *)clothi_model_array(m, d->vertex_mass, nv, sizeof(double));
+    if (m->lost) return CLOTH_ERR_MEMORY;
     for (i = 0; i < d->npins; i++)
         m->pin[d->pins[i].vertex] =
             (unsigned char)(m->pin[d->pins[i].vertex] | d->pins[i].axes);
@@ -8545,7 +8551,7 @@ static cloth_status clothi_check_areas(const cloth_hooks *hooks, const char *nam
 static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
     int i, k;
     if (d->nties == 0) return CLOTH_OK;
-    m->tie = (int *)clothi_alloc(&m->hooks, 3 * (size_t)m->nv, sizeof(int));
+    m->tie = (int *)clothi_model_array(m, NULL, 3 * (size_t)m->nv, sizeof(int));
     if (!m->tie) return CLOTH_ERR_MEMORY;
     for (i = 0; i < 3 * m->nv; i++) m->tie[i] = -1;
     for (i = 0; i < d->nties; i++)
@@ -8579,7 +8585,7 @@ static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
 static cloth_status clothi_model_angles(cloth_model *m) {
     const cloth_topology *t = m->topology;
     int h, k;
-    m->theta0 = (double *)clothi_alloc(&m->hooks, (size_t)t->nh, sizeof(double));
+    m->theta0 = (double *)clothi_model_array(m, NULL, (size_t)t->nh, sizeof(double));
     if (!m->theta0) return CLOTH_ERR_MEMORY;
     for (h = 0; h < t->nh && m->desc.rest_angle == CLOTH_REST_ANGLE_TEMPLATE; h++) {
         double x[12];
@@ -8660,11 +8666,11 @@ static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
     }
     g->nbatch = g->domain[g->ndomain + 1];
     n = g->nbatch * L;
-    g->id = (int *)clothi_alloc(&m->hooks, (size_t)n, sizeof(int));
-    g->vert = (int *)clothi_alloc(&m->hooks, (size_t)n * (size_t)g->width, sizeof(int));
+    g->id = (int *)clothi_model_array(m, NULL, (size_t)n, sizeof(int));
+    g->vert = (int *)clothi_model_array(m, NULL, (size_t)n * (size_t)g->width, sizeof(int));
     if (m->pattern)
-        g->slot = (int *)clothi_alloc(&m->hooks, (size_t)n * (size_t)pairs, sizeof(int));
-    if (!g->id || !g->vert || (m->pattern && !g->slot)) return CLOTH_ERR_MEMORY;
+        g->slot = (int *)clothi_model_array(m, NULL, (size_t)n * (size_t)pairs, sizeof(int));
+    if (m->lost) return CLOTH_ERR_MEMORY;
     for (i = 0; i < n; i++) g->id[i] = -1;
     for (e = 0; e < g->count; e++) g->id[next[clothi_element_domain(m, g, e)]++] = e;
     for (i = 0, e = 0; i < n; i++) {
@@ -8682,9 +8688,9 @@ static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
 static cloth_status clothi_model_gather(cloth_model *m) {
     const size_t nv = (size_t)m->nv;
     int          g, i, pass;
-    m->gather_start = (int *)clothi_alloc(&m->hooks, nv + 2, sizeof(int));
-    m->gather_mid = (int *)clothi_alloc(&m->hooks, nv, sizeof(int));
-    if (!m->gather_start || !m->gather_mid) return CLOTH_ERR_MEMORY;
+    m->gather_start = (int *)clothi_model_array(m, NULL, nv + 2, sizeof(int));
+    m->gather_mid = (int *)clothi_model_array(m, NULL, nv, sizeof(int));
+    if (m->lost) return CLOTH_ERR_MEMORY;
     for (pass = 0; pass < 2; pass++) {      /* counts, one behind, then places */
         int *fill = m->gather_start + (pass == 0 ? 2 : 1);
         m->force_size = 0;
@@ -8703,7 +8709,7 @@ static cloth_status clothi_model_gather(cloth_model *m) {
         }
         if (pass == 1) break;
         for (i = 1; i <= m->nv; i++) m->gather_start[i + 1] += m->gather_start[i];
-        m->gather = (int *)clothi_alloc(&m->hooks, (size_t)m->gather_start[m->nv + 1],
+        m->gather = (int *)clothi_model_array(m, NULL, (size_t)m->gather_start[m->nv + 1],
                                         sizeof(int));
         if (!m->gather) return CLOTH_ERR_MEMORY;
     }
@@ -8717,7 +8723,7 @@ static cloth_status clothi_model_wings(cloth_model *m) {
     const cloth_topology *t = m->topology;
     int      *place, i, k;
     place = (int *)clothi_alloc(&m->hooks, (size_t)t->ne, sizeof(int));
-    m->wing = (int *)clothi_alloc(&m->hooks, (size_t)g->nbatch * 3 * CLOTHI_LANES, sizeof(int));
+    m->wing = (int *)clothi_model_array(m, NULL, (size_t)g->nbatch * 3 * CLOTHI_LANES, sizeof(int));
     if (place && m->wing) {
         for (i = 0; i < t->ne; i++) place[i] = b->nbatch * CLOTHI_LANES;
         for (i = 0; i < b->nbatch * CLOTHI_LANES; i++)
@@ -8744,6 +8750,7 @@ static cloth_status clothi_model_elements(cloth_model *m) {
         return clothi_fail(&m->hooks, CLOTH_ERR_CAPACITY, "desc.nf = %i: the force buffer of a "
                            "model holds at most 2e9 numbers", m->nf);
     if (m->bend.count) status = clothi_model_angles(m);
+    m->nmesh = m->nblock;
     if (!status && d->integrator != CLOTH_INTEGRATOR_LEAPFROG) status = clothi_model_pattern(m);
     if (!status) status = clothi_group_build(m, &m->membrane);
     if (!status) status = clothi_group_build(m, &m->bend);
@@ -8804,28 +8811,13 @@ static void clothi_model_hash(cloth_model *m) {
     m->hash = clothi_hash(CLOTH_VERSION_NUM, m->aspect, sizeof m->aspect);
 }
 
-static size_t clothi_model_mesh(const cloth_model *m, const cloth_hooks *hooks) {
-    const void *const block[] = {m->x_rest, m->x == m->x_rest ? NULL : m->x, m->v, m->faces,
-                                 m->part, m->region, m->X, m->pin, m->tie, m->material,
-                                 m->vertex_mass, m->theta0};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
-
-static size_t clothi_model_stencils(const cloth_model *m, const cloth_hooks *hooks) {
-    const clothi_group *a = &m->membrane, *b = &m->bend;
-    const void *const   block[] = {a->id, a->vert, a->slot, b->id, b->vert, b->slot,
-                                   m->gather, m->gather_start, m->gather_mid, m->wing};
-    return clothi_blocks(hooks, block, sizeof block / sizeof *block);
-}
-
 CLOTH_API void cloth_model_destroy(cloth_model *model) {
     cloth_hooks hooks;
     if (!model) return;
     hooks = model->hooks;
-    (void)clothi_model_stencils(model, &hooks);
     cloth_pattern_destroy(model->pattern);
     cloth_topology_destroy(&hooks, model->topology);
-    (void)clothi_model_mesh(model, &hooks);
+    (void)clothi_blocks(&hooks, model->block, (size_t)model->nblock);
     clothi_free(&hooks, model);
 }
 
@@ -10772,13 +10764,13 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
     int          tries, blocked;
     if (!s->contact_on) return CLOTH_OK;
     was = clothi_charge(s, &s->ms.contact);
-    status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
-    for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
+    for (tries = 0; !status; tries++) {
+        status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
+        if (status || tries == CLOTHI_BLOCKS) break;
         status = s->contact.block(s->contact.user, s->matrix, &blocked);
         if (status || !blocked) break;
         status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
                                      CLOTH_LINEAR_SGS, report, lr);
-        if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
     (void)clothi_charge(s, was);
     if (tries) clothi_newton_measure(s, nt);
@@ -11101,7 +11093,97 @@ static cloth_status clothi_terms_begin(cloth_sim *s, const clothi_goal *goal) {
     return status;
 }
 
-static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report);
+/* --- ledger --- */
+
+/* Energies of the last evaluation into the ledger. */
+static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
+    int i;
+    l->stretch = s->term_energy[CLOTHI_TERM_MEMBRANE] - s->own.membrane.loss;
+    l->bend = s->term_energy[CLOTHI_TERM_BEND] - s->own.bend.loss;
+    l->gravity = s->term_energy[CLOTHI_TERM_GRAVITY];
+    l->attach = s->term_energy[CLOTHI_TERM_ATTACH];
+    l->other = 0;
+    for (i = s->nbuiltin; i < s->nterms; i++) l->other += s->term_energy[i];
+}
+
+/* Velocities v [nv x 3]; what is pinned counts too. */
+static void clothi_ledger_total(const cloth_sim *s, const double *v, cloth_ledger *l) {
+    int i;
+    for (i = 0, l->kinetic = 0; i < s->model->nv; i++)
+        l->kinetic += 0.5 * s->params.mass[i] * clothi_dot3(v + 3 * i, v + 3 * i);
+    l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
+}
+
+/* Energies at x, v without inertia; gradient into w.grad when asked. */
+CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v,
+                                                    int grad, cloth_ledger *l) {
+    clothi_goal  goal;
+    cloth_status status;
+    double       value;
+    clothi_eval_start(s, &goal, 0);
+    goal.e.x_n = x, goal.e.v_n = v;
+    status = clothi_terms_some(s, &goal.e, s->nbuiltin, s->nterms);
+    if (!status) status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
+    if (status) return status;
+    clothi_ledger_terms(s, l);
+    clothi_ledger_total(s, v, l);
+    return status;
+}
+
+/* Work of the attachments' hands while their targets move by `part` of the step, forces at x. */
+static double clothi_attach_work(const cloth_sim *s, const double *x, double part) {
+    double r[3], w[6], sum = 0;
+    int    i, k, v[6];
+    for (i = 0; i < s->in.nattach; i++) {
+        const cloth_step_attachment *q = s->in.attach + i;
+        if (!clothi_attach_gap(s->model, &s->in, q, x, v, w, r)) continue;
+        for (k = 0; k < 3; k++) sum -= q->k * r[k] * part * (q->target[k] - q->pose[k]);
+    }
+    return sum;
+}
+
+/* Work and losses of an implicit substep, from the gradient at its minimiser w.x: what is left of
+ * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives; on
+ * an axis that contact holds it is contact's. */
+static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
+    cloth_ledger *l = &report->energy;
+    double        value, big = 0;
+    cloth_status  status = CLOTH_OK;
+    int           i, n = 3 * s->model->nv;
+    if (!s->fresh) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
+    if (status) return status;
+    s->fresh = 1;
+    goal->e.x = s->w.x;
+    l->damping_loss += 2 * (s->own.membrane.loss + s->own.bend.loss);
+    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
+    clothi_tie_gradient(s->model, s->w.rhs);
+    for (i = 0; i < n; i++) {
+        double dx = s->w.x[i] - s->state.x[i];
+        const int pinned = s->pin[i / 3] >> (i % 3) & 1;
+        if (s->force_on) l->force_work += s->force[i] * dx;
+        if (pinned || (s->contact_on && s->fixed[i / 3] == CLOTH_AXIS_ALL && !s->model->tie)) {
+            double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i), f = s->w.rhs[i];
+            double w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
+            *(pinned ? &l->pin_work : &l->contact_work) +=
+                (f + w * s->params.mass[i / 3] * (s->w.x[i] - y)) * dx;
+        }
+    }
+    if (s->contact_on && s->contact.balance) s->contact.balance(s->contact.user, l);
+    l->pin_work += clothi_attach_work(s, s->w.x, s->in.share[1] - s->in.share[0]);
+    for (i = 0; i < n; i++)
+        if (!(s->fixed[i / 3] >> (i % 3) & 1) && fabs(s->w.rhs[i]) > big) big = fabs(s->w.rhs[i]);
+    report->residual_N = big;
+    if (s->wind_on) {
+        double *wind = s->w.trial;
+        memset(wind, 0, (size_t)n * sizeof(double));
+        goal->e.grad = wind, goal->e.hess = NULL;
+        status = s->term[CLOTHI_TERM_WIND].eval(&s->own, &goal->e, &value);
+        for (i = 0; i < n; i++) l->wind_work -= wind[i] * (s->w.x[i] - s->state.x[i]);
+    }
+    return status;
+}
+
+/* --- a substep --- */
 
 static cloth_status clothi_finite_result(const cloth_sim *s, const double *x,
                                          cloth_report *report) {
@@ -11539,11 +11621,17 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
 
 CLOTHI_RARE_BEGIN
 
-/* All elastic forces at w.x, as forces of triangles. */
-static void clothi_leap_wings(cloth_sim *s) {
+/* Element forces at e->x, w.x, into the force buffer; winged: all as forces of triangles. */
+static void clothi_leap_elements(cloth_sim *s, const cloth_eval *e, int winged) {
     const cloth_model *m = s->model;
     const int width = m->bend.kind == CLOTHI_QUADRATIC ? 3 : 1;
+    double    energy;
     int       k;
+    if (!winged) {
+        (void)clothi_elements_eval(&s->own.membrane, e, &energy);
+        (void)clothi_elements_eval(&s->own.bend, e, &energy);
+        return;
+    }
     for (k = 0; k < width; k++)             /* of a boundary */
         s->own.force[m->bend.force + m->bend.nbatch * CLOTHI_LANES * width + k] = 0;
     clothi_for(&s->hooks, m->bend.nbatch, CLOTHI_CHUNK, clothi_leap_pulls, s);
@@ -11557,8 +11645,7 @@ static void clothi_leap_wings(cloth_sim *s) {
 static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double **extra) {
     const int    damped = s->own.membrane.damped || s->own.bend.damped;
     cloth_status status = CLOTH_OK;
-    double energy;
-    int    i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin;
+    int i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin;
     e->x = s->w.x, e->grad = s->w.grad, e->hess = NULL;
     *extra = NULL;
     if (damped) {                           /* strain rates: against x - h v, the last substep */
@@ -11568,9 +11655,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
         status = clothi_terms_some(s, e, 0, CLOTHI_TERM_BEND + 1);
     }
     s->own.force_only = !(s->balance && damped);
-    if (clothi_leap_winged(s)) clothi_leap_wings(s);
-    else for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
-        status = s->term[i].eval(s->term[i].user, e, &energy);
+    clothi_leap_elements(s, e, clothi_leap_winged(s));
     s->own.force_only = 0;
     if (!others || status) return status;
     memset(s->w.grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
@@ -11584,24 +11669,13 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     return status;
 }
 
-/* grad [nv x 3] = elastic gradient at w.x, undamped. */
-static cloth_status clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
-    cloth_status status = CLOTH_OK;
-    double       energy;
-    int          i;
-    e->x = s->w.x, e->grad = grad, e->hess = NULL;
-    e->h = 0;                               /* no damping */
-    if (s->model->wing) {
-        clothi_leap_wings(s);
-        clothi_sum_corners(s->own.force, s->model->gather_start, s->model->gather_mid,
-                           s->model->gather, 0, s->model->nv, 1.0, grad);
-        return CLOTH_OK;
-    }
-    memset(grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
-    for (i = 0; i <= CLOTHI_TERM_BEND && !status; i++)
-        status = s->term[i].eval(s->term[i].user, e, &energy);
-    clothi_gather_forces(s, grad);
-    return status;
+/* grad [nv x 3] = elastic gradient at w.x, undamped: e->h is 0. */
+static void clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
+    const cloth_model *m = s->model;
+    e->x = s->w.x, e->grad = grad;
+    clothi_leap_elements(s, e, m->wing != NULL);
+    clothi_sum_corners(s->own.force, m->gather_start, m->wing ? m->gather_mid : m->gather_start + 1,
+                       m->gather, 0, m->nv, 1.0, grad);
 }
 
 /* One power iteration: w.y = M^-1 K u by central differences; returns the Rayleigh quotient. */
@@ -11611,9 +11685,9 @@ static double clothi_leap_power(cloth_sim *s, cloth_eval *e, double *u, double l
     double eps = 1e-6 * length / (big > 0 ? big : 1);
     int    n = 3 * s->model->nv, i;
     for (i = 0; i < n; i++) s->w.x[i] = rest[i] + eps * u[i];
-    (void)clothi_leap_elastic(s, e, s->w.rhs);
+    clothi_leap_elastic(s, e, s->w.rhs);
     for (i = 0; i < n; i++) s->w.x[i] = rest[i] - eps * u[i];
-    (void)clothi_leap_elastic(s, e, s->w.grad);
+    clothi_leap_elastic(s, e, s->w.grad);
     for (i = 0; i < n; i++) {
         double ku = (s->w.rhs[i] - s->w.grad[i]) / (2 * eps);
         norm += mass[i / 3] * u[i] * u[i];
@@ -11753,18 +11827,6 @@ static void clothi_leap_pins(clothi_leap *p, double h) {
     }
 }
 
-/* Work of the attachments' hands while their targets move by `part` of the step, forces at x. */
-static double clothi_attach_work(const cloth_sim *s, const double *x, double part) {
-    double r[3], w[6], sum = 0;
-    int    i, k, v[6];
-    for (i = 0; i < s->in.nattach; i++) {
-        const cloth_step_attachment *q = s->in.attach + i;
-        if (!clothi_attach_gap(s->model, &s->in, q, x, v, w, r)) continue;
-        for (k = 0; k < 3; k++) sum -= q->k * r[k] * part * (q->target[k] - q->pose[k]);
-    }
-    return sum;
-}
-
 /* Before a kick with the forces of clothi_leap_force(). A kick by F does the work kick F.(v + v')/2
  * on the velocities v before and v' after it, exactly. h: of the step, hs: of the substep. */
 static cloth_status clothi_leap_works(clothi_leap *p, cloth_eval *e, double h, double hs) {
@@ -11794,10 +11856,6 @@ static cloth_status clothi_leap_works(clothi_leap *p, cloth_eval *e, double h, d
     p->wind = clothi_dot(s->w.rhs, s->w.trial, 3 * (size_t)m->nv);
     return status;
 }
-
-static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v, int grad,
-                                     cloth_ledger *l);
-static void clothi_ledger_total(const cloth_sim *s, const double *v, cloth_ledger *l);
 
 /* Energy of x with the velocity w.rhs, which takes the half kick that ends a substep. */
 static cloth_status clothi_leap_energy(cloth_sim *s, const double *x, double hs, cloth_ledger *l) {
@@ -12052,43 +12110,6 @@ static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *repo
 #define CLOTHI_COLLAPSED 0.57735026918962576 /* 1/sqrt(3), where StVK softens              */
 #define CLOTHI_FOLDED    3.0                /* rad                                             */
 
-/* --- ledger --- */
-
-/* Energies of the last evaluation into the ledger. */
-static void clothi_ledger_terms(const cloth_sim *s, cloth_ledger *l) {
-    int i;
-    l->stretch = s->term_energy[CLOTHI_TERM_MEMBRANE] - s->own.membrane.loss;
-    l->bend = s->term_energy[CLOTHI_TERM_BEND] - s->own.bend.loss;
-    l->gravity = s->term_energy[CLOTHI_TERM_GRAVITY];
-    l->attach = s->term_energy[CLOTHI_TERM_ATTACH];
-    l->other = 0;
-    for (i = s->nbuiltin; i < s->nterms; i++) l->other += s->term_energy[i];
-}
-
-/* Velocities v [nv x 3]; what is pinned counts too. */
-static void clothi_ledger_total(const cloth_sim *s, const double *v, cloth_ledger *l) {
-    int i;
-    for (i = 0, l->kinetic = 0; i < s->model->nv; i++)
-        l->kinetic += 0.5 * s->params.mass[i] * clothi_dot3(v + 3 * i, v + 3 * i);
-    l->total = l->kinetic + l->stretch + l->bend + l->gravity + l->attach + l->other;
-}
-
-/* Energies at x, v without inertia; gradient into w.grad when asked. */
-CLOTHI_OUTLINE static cloth_status clothi_energy_at(cloth_sim *s, const double *x, const double *v,
-                                                    int grad, cloth_ledger *l) {
-    clothi_goal  goal;
-    cloth_status status;
-    double       value;
-    clothi_eval_start(s, &goal, 0);
-    goal.e.x_n = x, goal.e.v_n = v;
-    status = clothi_terms_some(s, &goal.e, s->nbuiltin, s->nterms);
-    if (!status) status = clothi_objective(s, &goal, x, grad ? s->w.grad : NULL, 0, 0, &value);
-    if (status) return status;
-    clothi_ledger_terms(s, l);
-    clothi_ledger_total(s, v, l);
-    return status;
-}
-
 /* The energies at the start of a step are those at the end of the last one, bit for bit, while
  * nothing that they depend on has changed: x is compared, what else could change clears `known`. */
 static cloth_status clothi_energy_before(cloth_sim *s, int known, cloth_ledger *l) {
@@ -12097,47 +12118,6 @@ static cloth_status clothi_energy_before(cloth_sim *s, int known, cloth_ledger *
     *l = s->ledger;                         /* only its total is read */
     clothi_ledger_total(s, s->state.v, l);
     return CLOTH_OK;
-}
-
-/* Work and losses of an implicit substep, from the gradient at its minimiser w.x: what is left of
- * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives; on
- * an axis that contact holds it is contact's. */
-static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
-    cloth_ledger *l = &report->energy;
-    double        value, big = 0;
-    cloth_status  status = CLOTH_OK;
-    int           i, n = 3 * s->model->nv;
-    if (!s->fresh) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
-    if (status) return status;
-    s->fresh = 1;
-    goal->e.x = s->w.x;
-    l->damping_loss += 2 * (s->own.membrane.loss + s->own.bend.loss);
-    memcpy(s->w.rhs, s->w.grad, (size_t)n * sizeof(double));
-    clothi_tie_gradient(s->model, s->w.rhs);
-    for (i = 0; i < n; i++) {
-        double dx = s->w.x[i] - s->state.x[i];
-        const int pinned = s->pin[i / 3] >> (i % 3) & 1;
-        if (s->force_on) l->force_work += s->force[i] * dx;
-        if (pinned || (s->contact_on && s->fixed[i / 3] == CLOTH_AXIS_ALL && !s->model->tie)) {
-            double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i), f = s->w.rhs[i];
-            double w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
-            *(pinned ? &l->pin_work : &l->contact_work) +=
-                (f + w * s->params.mass[i / 3] * (s->w.x[i] - y)) * dx;
-        }
-    }
-    if (s->contact_on && s->contact.balance) s->contact.balance(s->contact.user, l);
-    l->pin_work += clothi_attach_work(s, s->w.x, s->in.share[1] - s->in.share[0]);
-    for (i = 0; i < n; i++)
-        if (!(s->fixed[i / 3] >> (i % 3) & 1) && fabs(s->w.rhs[i]) > big) big = fabs(s->w.rhs[i]);
-    report->residual_N = big;
-    if (s->wind_on) {
-        double *wind = s->w.trial;
-        memset(wind, 0, (size_t)n * sizeof(double));
-        goal->e.grad = wind, goal->e.hess = NULL;
-        status = s->term[CLOTHI_TERM_WIND].eval(&s->own, &goal->e, &value);
-        for (i = 0; i < n; i++) l->wind_work -= wind[i] * (s->w.x[i] - s->state.x[i]);
-    }
-    return status;
 }
 
 /* Squares of the smaller stretches of triangles, angles of hinges: one per lane. */
@@ -12204,8 +12184,10 @@ static void clothi_report_state(cloth_sim *s, cloth_report *report) {
             report->angular[k] += s->params.mass[i] * c[k];
         }
     }
-    b->mesh = clothi_model_mesh(m, NULL) + clothi_block_size(m->topology) + clothi_block_size(m);
-    b->elements = clothi_model_stencils(m, NULL) + clothi_own_blocks(&s->own, NULL);
+    b->mesh = clothi_blocks(NULL, m->block, (size_t)m->nmesh) + clothi_block_size(m->topology) +
+              clothi_block_size(m);
+    b->elements = clothi_blocks(NULL, m->block + m->nmesh, (size_t)(m->nblock - m->nmesh)) +
+                  clothi_own_blocks(&s->own, NULL);
     b->matrix = cloth_pattern_bytes(m->pattern) + cloth_matrix_bytes(s->matrix);
     b->factor = cloth_linear_solver_bytes(s->solver);
     b->state = clothi_state_blocks(s, NULL);

@@ -5422,6 +5422,9 @@ CLOTHI_RARE_BEGIN
  *               Its first parts are the subdomains, 1 below CLOTHI_ONE_DOMAIN vertices, 4, 8 from
  *               CLOTHI_EIGHT_DOMAINS on; it goes on, down to some 24 vertices, and [7.4]
  *               eliminates along its tree.
+ *   strips      the blocks of one row in the columns of one subdomain, or of S. Strips of subdomain
+ *               0 come first: those of its rows, then those of all rows of S; S in S comes last.
+ *               What works on the columns of a subdomain goes through its strips, in one loop.
  *   levels      inside a subdomain, rows are sorted by level = 1 + highest level of an earlier
  *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
  *               just before it.
@@ -5453,18 +5456,19 @@ typedef struct clothi_part {
 
 struct cloth_pattern {
     cloth_hooks hooks;
-    int  *row_of;                           /* [n] of a vertex; the block of vertex_of, row, agg,
+    int  *row_of;                           /* [n] of a vertex; the block of vertex_of, own, agg,
                                                vp and verts too                                */
-    int  *col;                              /* [nlow] increasing in a row; and of seg          */
+    int  *col;                              /* [nlow] increasing in a strip; and of row, start */
     int  *vj;                               /* aggregates coupled to a row; and of envelope    */
     clothi_part *part;                      /* in post-order: children before parents          */
     int   n, nlow, nparts;                  /* rows; blocks strictly below the diagonal; parts */
     int   nd;                               /* subdomains                                      */
     int   dom[CLOTHI_DOMAINS + 2];          /* rows of d: [dom[d], dom[d+1]); last: S          */
     int  *vertex_of;                        /* [n] of a row                                    */
-    int  *row;                              /* [n+1] where rows begin in col                   */
-    int  *seg;                              /* [ns x (nd+1)] where in a row of S the blocks of
-                                               subdomain d begin                               */
+    int   strip[CLOTHI_DOMAINS + 2];        /* of d: [strip[d], strip[d+1]); last: of S        */
+    int  *own;                              /* [n] of a row: the strip in its own columns      */
+    int  *row;                              /* [strip[nd+1]] of a strip                        */
+    int  *start;                            /* [strip[nd+1] + 1] where strips begin in col     */
     int   nc;                               /* aggregates                                      */
     int  *agg;                              /* [n] of a row, or -1                             */
     int  *vp;                               /* [n+1] where rows begin in vj: aggregates from the
@@ -5723,31 +5727,47 @@ static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
     memset(d->tag, 0, (size_t)p->n * sizeof(int));
 }
 
-/* Lower rows in the new order (written column by column, hence increasing), and where in a row of
- * S each subdomain begins. */
-static cloth_status clothi_pattern_rows(cloth_pattern *p, const clothi_graph *g) {
-    int i, j, k, d, first = p->dom[p->nd], ns = p->n - first;
+/* Of row i, of S, the strip in the columns of subdomain d. */
+CLOTHI_LANE int clothi_shared(const cloth_pattern *p, int d, int i) {
+    return p->strip[d + 1] + i - p->n;
+}
+
+/* Of row i, the strip that column j < i is in if it couples with it. */
+CLOTHI_LANE int clothi_strip(const cloth_pattern *p, int i, int j) {
+    int d = 0;
+    if (i < p->dom[p->nd] || j >= p->dom[p->nd]) return p->own[i];
+    while (j >= p->dom[d + 1]) d++;
+    return clothi_shared(p, d, i);
+}
+
+/* Strips and their blocks below the diagonal, written column by column, hence increasing. */
+static cloth_status clothi_pattern_strips(cloth_pattern *p, const clothi_graph *g) {
+    const int first = p->dom[p->nd], strips = p->n + p->nd * (p->n - first);
+    int i, j, k, d, q = 0;
     p->nlow = g->start[p->n] / 2;
-    p->col = (int *)clothi_alloc(
-        &p->hooks, (size_t)p->nlow + (size_t)ns * (size_t)(p->nd + 1), sizeof(int));
+    p->col = (int *)clothi_alloc(&p->hooks, (size_t)p->nlow + 2 * (size_t)strips + 1, sizeof(int));
     if (!p->col) return CLOTH_ERR_MEMORY;
-    p->seg = p->col + p->nlow;
-    for (i = 0; i < p->n; i++) {
-        int v = p->vertex_of[i];
-        for (k = g->start[v]; k < g->start[v + 1]; k++) p->row[i] += p->row_of[g->to[k]] < i;
+    p->row = p->col + p->nlow, p->start = p->row + strips;
+    for (d = 0; d <= p->nd; d++) {
+        for (i = p->dom[d]; i < p->dom[d + 1]; i++) p->own[i] = q, p->row[q++] = i;
+        for (i = first; d < p->nd && i < p->n; i++) p->row[q++] = i;
+        p->strip[d + 1] = q;
     }
-    for (i = 0; i < p->n; i++) p->row[i + 1] += p->row[i];
-    for (j = p->n - 1; j >= 0; j--) {       /* from a row's end back to its start              */
-        int v = p->vertex_of[j];
+    for (j = 0; j < p->n; j++) {
+        const int v = p->vertex_of[j];
         for (k = g->start[v]; k < g->start[v + 1]; k++) {
             i = p->row_of[g->to[k]];
-            if (i > j) p->col[--p->row[i]] = j;
+            if (i > j) p->start[clothi_strip(p, i, j)]++;
         }
     }
-    for (i = first; i < p->n; i++)
-        for (d = 0; d <= p->nd; d++)
-            p->seg[(i - first) * (p->nd + 1) + d] =
-                clothi_lower_bound(p->col, p->row[i], p->row[i + 1], p->dom[d]);
+    for (q = 0; q < strips; q++) p->start[q + 1] += p->start[q];
+    for (j = p->n - 1; j >= 0; j--) {       /* from a strip's end back to its start            */
+        const int v = p->vertex_of[j];
+        for (k = g->start[v]; k < g->start[v + 1]; k++) {
+            i = p->row_of[g->to[k]];
+            if (i > j) p->col[--p->start[clothi_strip(p, i, j)]] = j;
+        }
+    }
     return CLOTH_OK;
 }
 
@@ -5848,7 +5868,7 @@ static cloth_status clothi_pattern_fill(cloth_pattern *p, clothi_dissection *d) 
     p->part = (clothi_part *)clothi_alloc(&p->hooks, (size_t)p->nparts, sizeof *p->part);
     if (!p->part) return CLOTH_ERR_MEMORY;
     clothi_pattern_parts(p, d);
-    status = clothi_pattern_rows(p, d->g);
+    status = clothi_pattern_strips(p, d->g);
     return status ? status : clothi_pattern_coarse(p, d->g);
 }
 
@@ -5868,14 +5888,14 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     if (status) return status;
     status = CLOTH_ERR_MEMORY;
     p = (cloth_pattern *)clothi_object(hooks, sizeof *p);
-    if (p) p->row_of = (int *)clothi_alloc(hooks, 6 * n + 2, sizeof(int));
+    if (p) p->row_of = (int *)clothi_alloc(hooks, 6 * n + 1, sizeof(int));
     d.key = (double *)clothi_alloc(hooks, 3 * n, sizeof(double));
     d.part = (clothi_part *)clothi_alloc(hooks, 2 * n, sizeof *d.part);
     if (!p || !p->row_of || !d.key || !d.part) goto done;
     p->n = nv;
     p->nd = nv < CLOTHI_ONE_DOMAIN ? 1 : nv < CLOTHI_EIGHT_DOMAINS ? 4 : 8;
     p->vertex_of = p->row_of + n, p->agg = p->vertex_of + n, p->verts = p->agg + n;
-    p->row = p->verts + n, p->vp = p->row + n + 1;
+    p->own = p->verts + n, p->vp = p->own + n;
     d.g = &g, d.coords = x, d.verts = p->verts;
     d.tmp = (int *)(d.key + n), d.tag = d.tmp + n, d.dist = d.tag + n;
     status = clothi_pattern_fill(p, &d);
@@ -5909,8 +5929,9 @@ CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex) {
 
 CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
     const int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b;
-    const int row = turned ? b : a, col = turned ? a : b, end = pattern->row[row + 1];
-    const int at = clothi_lower_bound(pattern->col, pattern->row[row], end, col);
+    const int row = turned ? b : a, col = turned ? a : b;
+    const int q = clothi_strip(pattern, row, col), end = pattern->start[q + 1];
+    const int at = clothi_lower_bound(pattern->col, pattern->start[q], end, col);
     return at < end && pattern->col[at] == col ? 2 * at + turned : -1;
 }
 
@@ -5920,9 +5941,9 @@ CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
 
 /* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
  *
- *   A = | D0        sym |     values    D0 D1 ... D(n-1)  then the blocks below the diagonal, row
- *       | A10 D1        |               by row in the order of [7.1], each [3x3] doubles: one
- *       |     A21 D2    |               array, so that assembly walks it nearly in order
+ *   A = | D0        sym |     values    D0 D1 ... D(n-1)  then the blocks below the diagonal,
+ *       | A10 D1        |               strip by strip [7.1], each [3x3] doubles: one array, so
+ *       |     A21 D2    |               that assembly walks it nearly in order
  *       | A30     A32 D3|     slot      2 k + t of a pair (i, j): block k, t = 1 when it is stored
  *                                       transposed, because row(i) < row(j)
  *   extras  pairs outside the pattern (a host's term, a contact): a list of (row, column, block), a
@@ -5990,11 +6011,11 @@ static void clothi_block_add(double *to, const double *B, int turned) {
 static void clothi_clear_range(int begin, int end, int worker, void *ctx) {
     cloth_matrix        *A = (cloth_matrix *)ctx;
     const cloth_pattern *p = A->p;
-    const int            i = p->dom[begin], j = p->dom[end];
+    const int            i = p->dom[begin], k = p->start[p->strip[begin]];
     (void)worker;
-    memset(A->diag + 9 * (size_t)i, 0, 9 * (size_t)(j - i) * sizeof(double));
-    memset(A->low + 9 * (size_t)p->row[i], 0,
-           9 * (size_t)(p->row[j] - p->row[i]) * sizeof(double));
+    memset(A->diag + 9 * (size_t)i, 0, 9 * (size_t)(p->dom[end] - i) * sizeof(double));
+    memset(A->low + 9 * (size_t)k, 0,
+           9 * (size_t)(p->start[p->strip[end]] - k) * sizeof(double));
 }
 
 CLOTH_API void cloth_matrix_clear(cloth_matrix *A) {
@@ -6015,25 +6036,15 @@ static double *clothi_matrix_block(cloth_matrix *A, int slot) {
     return A->low + 9 * (size_t)(slot >> 1);
 }
 
-/* Where in row i of S the blocks of subdomain d begin; in [1], where they end. */
-CLOTHI_LANE const int *clothi_row_part(const cloth_pattern *p, int d, int i) {
-    return p->seg + (i - p->dom[p->nd]) * (p->nd + 1) + d;
-}
-
-/* The first block of row i within its subdomain, or within S. */
-CLOTHI_LANE int clothi_within(const cloth_pattern *p, int d, int i) {
-    return d < p->nd ? p->row[i] : *clothi_row_part(p, d, i);
-}
-
-/* Blocks [k0, k1) of row i taken from the diagonals of their row and of their columns. */
-static void clothi_close_blocks(cloth_matrix *A, int i, int k0, int k1, int own, int other) {
-    double *d = A->diag + 9 * (size_t)i;
-    int     k, q;
-    for (k = k0; k < k1; k++) {
+/* Blocks of strip q taken from the diagonals of its row and of their columns. */
+static void clothi_close_strip(cloth_matrix *A, int q, int own, int other) {
+    double *d = A->diag + 9 * (size_t)A->p->row[q];
+    int     k, c;
+    for (k = A->p->start[q]; k < A->p->start[q + 1]; k++) {
         const double *b = A->low + 9 * (size_t)k;
         double       *e = A->diag + 9 * (size_t)A->p->col[k];
-        for (q = 0; own && q < 9; q++) d[q] -= b[q];
-        for (q = 0; other && q < 9; q++) e[q] -= b[3 * (q % 3) + q / 3];
+        for (c = 0; own && c < 9; c++) d[c] -= b[c];
+        for (c = 0; other && c < 9; c++) e[c] -= b[3 * (c % 3) + c / 3];
     }
 }
 
@@ -6048,21 +6059,17 @@ CLOTHI_OUTLINE static void clothi_close_range(int begin, int end, int worker, vo
     const clothi_closing *c = (const clothi_closing *)ctx;
     cloth_matrix         *A = c->A;
     const cloth_pattern  *p = A->p;
-    int                   d, i, k;
+    int                   d, q, k;
     (void)worker;
-    for (d = begin; d < end; d++) {
-        for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-            const int at = clothi_within(p, d, i);
-            for (k = 0; k < 9; k += 4)
+    for (d = begin; d < end; d++)
+        for (q = p->strip[d]; q < p->strip[d + 1]; q++) {
+            const int i = p->row[q], own = i < p->dom[d + 1];
+            for (k = 0; own && k < 9; k += 4)
                 A->diag[9 * (size_t)i + (size_t)k] += c->f * c->m[p->vertex_of[i]];
-            clothi_close_blocks(A, i, p->row[i], at, 1, 0);
-            clothi_close_blocks(A, i, at, p->row[i + 1], 1, 1);
+            for (k = 0; d == p->nd && k < d; k++)
+                clothi_close_strip(A, clothi_shared(p, k, i), 1, 0);
+            clothi_close_strip(A, q, own, 1);
         }
-        for (i = p->dom[p->nd]; d < p->nd && i < p->n; i++) {
-            const int *seg = clothi_row_part(p, d, i);
-            clothi_close_blocks(A, i, seg[0], seg[1], 0, 1);
-        }
-    }
 }
 
 /* D_i += f m_i - sum of the blocks of row i: inertia (m [n] of the vertices) and what elements
@@ -6173,11 +6180,13 @@ CLOTH_API void cloth_matrix_mul(const cloth_matrix *A, const unsigned char *fixe
             y[3 * (size_t)i + (size_t)a] =
                 D[3 * a] * u[0] + D[3 * a + 1] * u[1] + D[3 * a + 2] * u[2];
     }
-    for (i = 0; i < p->n; i++)
-        for (k = p->row[i]; k < p->row[i + 1]; k++) {
-            size_t u = 3 * (size_t)p->vertex_of[i], v = 3 * (size_t)p->vertex_of[p->col[k]];
+    for (i = 0; i < p->strip[p->nd + 1]; i++) {
+        const size_t u = 3 * (size_t)p->vertex_of[p->row[i]];
+        for (k = p->start[i]; k < p->start[i + 1]; k++) {
+            const size_t v = 3 * (size_t)p->vertex_of[p->col[k]];
             clothi_block_mul(A->low + 9 * (size_t)k, x + u, x + v, y + u, y + v);
         }
+    }
     for (k = 0; k < A->ne; k++) {
         size_t u = 3 * (size_t)p->vertex_of[A->pair[2 * k]];
         size_t v = 3 * (size_t)p->vertex_of[A->pair[2 * k + 1]];
@@ -6799,7 +6808,7 @@ CLOTHI_LANE void clothi_put(void *a, size_t i, double u, const int w) {
 /* B [9] into block i of a, the fourth numbers 0. */
 CLOTHI_LANE void clothi_put9(void *a, size_t i, const double *B, const int w) {
     size_t k;
-    for (k = 0; k < 12; k++) clothi_put(a, 12 * i + k, k % 4 < 3 ? B[k / 4 * 3 + k % 4] : 0, w);
+    for (k = 0; k < 3; k++) clothi_store4(a, 3 * i + k, clothi_cut4(B + 3 * k, w), w);
 }
 
 /* M u of record i, M in the records 3k, 3k+1, 3k+2 by columns; its transpose times u when M is
@@ -6990,15 +6999,23 @@ CLOTHI_RARE_END
 
 /* --- set-up: scaling and V --- */
 
-/* D = G G' of rows [begin, end): G^-1 and P^ = G' P by columns. Fixed axes: D is 1 and P is 0. */
-CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int begin, int end,
-                                              clothi_tally *y) {
-    const clothi_store *st = &s->st;
-    int i;
+/* What of a subdomain, or of S, is of its rows alone. D = G G': G^-1 and P^ = G' P by columns; D in
+ * V. Fixed axes: D is 1 and P is 0. */
+CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int part) {
+    const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
+    clothi_tally        *y = s->tally + part;
+    const size_t block = 12 * (s->wide ? sizeof(double) : sizeof(float));
+    const int    begin = p->dom[part], end = p->dom[part + 1];
+    int          i;
+    memset((char *)st->V + block * (size_t)p->vp[begin], 0,
+           block * (size_t)(p->vp[end] - p->vp[begin]));
     for (i = begin; i < end; i++) {
         const double *D = s->A->diag + 9 * (size_t)i;
         double        d[9], G[9], L[9], P[9], q, r;
         const int     m = clothi_diagonal(s, i, d);
+        if (p->agg[i] >= 0)
+            clothi_put9(st->V, (size_t)p->vp[i], clothi_masked(D, m, m, P), s->wide);
         q = d[4] - d[3] * (d[3] / d[0]);
         if (!(d[0] > 0) || !(q > 1e-13 * d[4])) break;
         L[1] = L[2] = L[5] = G[3] = G[6] = G[7] = 0;
@@ -7057,66 +7074,32 @@ CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) 
     clothi_store4(a, i, clothi_add4(clothi_load4(a, i, w), v, w), w);
 }
 
-/* Blocks [k0, k1) of row i: scaled, and added to V of their columns. */
-CLOTHI_LANE void clothi_setup_row(cloth_linear_solver *s, int i, int k0, int k1, clothi_tally *y,
-                                  const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->st;
-    const int mi = clothi_mask(s, i);
-    double    cut[9], trace = 0;
-    int       k;
-    for (k = k0; k < k1; k++) {
-        const int     j = p->col[k];
-        const double *raw = s->A->low + 9 * (size_t)k;
-        const double *B = clothi_masked(raw, mi, clothi_mask(s, j), cut);
-        if (p->agg[i] >= 0) {               /* columns of B' are the rows of B                 */
-            size_t at = (size_t)p->vp[j];
-            while (p->vj[at] != p->agg[i]) at++;
-            clothi_add_record(st->V, 3 * at, clothi_cut4(B, w), w);
-            clothi_add_record(st->V, 3 * at + 1, clothi_cut4(B + 3, w), w);
-            clothi_add_record(st->V, 3 * at + 2, clothi_cut4(B + 6, w), w);
-        }
-        trace += raw[0] + raw[4] + raw[8];
-        clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
-    }
-    y->trace += 2 * trace;
-}
-
-CLOTHI_OUTLINE static void clothi_setup_blocks(cloth_linear_solver *s, int i, int k0, int k1,
-                                               clothi_tally *y) {
-    CLOTHI_BY_WIDTH(s->wide, clothi_setup_row, s, i, k0, k1, y);
-}
-
-/* What of subdomain d, or of S, is of its rows alone: G and P, and D in V. */
-CLOTHI_LANE void clothi_setup_rows(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->st;
-    const size_t block = 12 * (w ? sizeof(double) : sizeof(float));
-    const int    begin = p->dom[d], end = p->dom[d + 1];
-    double       cut[9];
-    int          i, c;
-    clothi_factor_rows(s, begin, end, s->tally + d);
-    memset((char *)st->V + block * (size_t)p->vp[begin], 0,
-           block * (size_t)(p->vp[end] - p->vp[begin]));
-    for (i = begin; i < end; i++) {
-        const int     m = clothi_mask(s, i);
-        const double *B = clothi_masked(s->A->diag + 9 * (size_t)i, m, m, cut);
-        for (c = 0; c < 3 && p->agg[i] >= 0; c++)
-            clothi_store4(st->V, 3 * (size_t)p->vp[i] + (size_t)c, clothi_cut4(B + 3 * c, w), w);
-    }
-}
-
-/* Subdomain d; of S no blocks yet. */
+/* Subdomain d, after S: its rows, then its blocks, scaled and added to V of their columns. */
 CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
+    const clothi_store  *st = &s->st;
     clothi_tally        *y = s->tally + d;
-    int                  i;
-    clothi_setup_rows(s, d, w);
-    for (i = p->dom[d]; d < p->nd && !y->bad && i < p->dom[d + 1]; i++)
-        clothi_setup_blocks(s, i, p->row[i], p->row[i + 1], y);
-    for (i = p->dom[p->nd]; d < p->nd && !y->bad && i < p->n; i++) {
-        const int *seg = clothi_row_part(p, d, i);
-        clothi_setup_blocks(s, i, seg[0], seg[1], y);
+    double               cut[9];
+    int                  q, k;
+    clothi_factor_rows(s, d);
+    for (q = p->strip[d]; q < p->strip[d + 1] && !y->bad; q++) {
+        const int i = p->row[q], mi = clothi_mask(s, i);
+        double    trace = 0;
+        for (k = p->start[q]; k < p->start[q + 1]; k++) {
+            const int     j = p->col[k];
+            const double *raw = s->A->low + 9 * (size_t)k;
+            const double *B = clothi_masked(raw, mi, clothi_mask(s, j), cut);
+            if (p->agg[i] >= 0) {           /* columns of B' are the rows of B                 */
+                size_t at = (size_t)p->vp[j];
+                while (p->vj[at] != p->agg[i]) at++;
+                clothi_add_record(st->V, 3 * at, clothi_cut4(B, w), w);
+                clothi_add_record(st->V, 3 * at + 1, clothi_cut4(B + 3, w), w);
+                clothi_add_record(st->V, 3 * at + 2, clothi_cut4(B + 6, w), w);
+            }
+            trace += raw[0] + raw[4] + raw[8];
+            clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
+        }
+        y->trace += 2 * trace;
     }
 }
 
@@ -7248,41 +7231,39 @@ CLOTHI_OUTLINE static void clothi_coarse_apply(cloth_linear_solver *s, const dou
 
 /* --- sweeps --- */
 
-/* What subdomain d gives the rows of S in a forward sweep of z. */
-CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
-    const cloth_pattern *p = s->p;
-    const int first = p->dom[p->nd], ns = p->n - first;
-    int       i;
-    for (i = 0; d < p->nd && i < ns; i++) {
-        const int *seg = clothi_row_part(p, d, first + i);
-        clothi_store4(s->st.sep, (size_t)d * (size_t)ns + (size_t)i,
-                      clothi_gather4(s->st.L, p->col, seg[0], seg[1], z, w), w);
-    }
+/* Sum of the blocks of strip q times the records of their columns. */
+CLOTHI_LANE clothi_v4 clothi_gather_strip(const cloth_linear_solver *s, int q, const void *z,
+                                          const int w) {
+    return clothi_gather4(s->st.L, s->p->col, s->p->start[q], s->p->start[q + 1], z, w);
 }
 
-/* zi minus what K of row i takes of z: its blocks; of S (d == nd), what the subdomains gave and the
- * blocks within S. */
-CLOTHI_LANE clothi_v4 clothi_forward_row(const cloth_linear_solver *s, int d, int i, clothi_v4 zi,
+/* What subdomain d gives the rows of S in a forward sweep of z. */
+CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
+    const int first = s->p->dom[s->p->nd], ns = s->p->n - first;
+    int       i;
+    for (i = 0; d < s->p->nd && i < ns; i++)
+        clothi_store4(s->st.sep, (size_t)d * (size_t)ns + (size_t)i,
+                      clothi_gather_strip(s, clothi_shared(s->p, d, first + i), z, w), w);
+}
+
+/* zi minus what K of a row takes of z. Of a subdomain, the blocks of strip q; of S, what the
+ * subdomains gave and the blocks within S. */
+CLOTHI_LANE clothi_v4 clothi_forward_row(const cloth_linear_solver *s, int d, int q, clothi_v4 zi,
                                          const void *z, const int w) {
     const cloth_pattern *p = s->p;
-    const size_t first = (size_t)p->dom[p->nd], ns = (size_t)p->n - first;
-    size_t       k;
-    for (k = 0; d == p->nd && k < (size_t)d; k++)
-        zi = clothi_sub4(zi, clothi_load4(s->st.sep, k * ns + (size_t)i - first, w), w);
-    return clothi_sub4(zi, clothi_gather4(s->st.L, p->col, clothi_within(p, d, i), p->row[i + 1],
-                                          z, w), w);
+    const int ns = p->n - p->dom[p->nd];
+    int       k;
+    for (k = 0; d == p->nd && k < d; k++)
+        zi = clothi_sub4(zi, clothi_load4(s->st.sep, (size_t)(k * ns + q - p->strip[d]), w), w);
+    return clothi_sub4(zi, clothi_gather_strip(s, q, z, w), w);
 }
 
 /* z <- K^-T z of subdomain d, after S; of S before the subdomains. */
 CLOTHI_LANE void clothi_back_sweep(cloth_linear_solver *s, int d, void *z, const int w) {
     const cloth_pattern *p = s->p;
-    int i;
-    for (i = p->n - 1; d < p->nd && i >= p->dom[p->nd]; i--) {
-        const int *seg = clothi_row_part(p, d, i);
-        clothi_scatter4(s->st.L, p->col, seg[0], seg[1], z, (size_t)i, w);
-    }
-    for (i = p->dom[d + 1] - 1; i >= p->dom[d]; i--)
-        clothi_scatter4(s->st.L, p->col, clothi_within(p, d, i), p->row[i + 1], z, (size_t)i, w);
+    int q;
+    for (q = p->strip[d + 1] - 1; q >= p->strip[d]; q--)
+        clothi_scatter4(s->st.L, p->col, p->start[q], p->start[q + 1], z, (size_t)p->row[q], w);
 }
 
 /* G^-T of record i of z, metres again: q [4]. */
@@ -7300,7 +7281,7 @@ CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
     void      *r = s->st.r;
     double    *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
     clothi_v4  sum = clothi_zero4();
-    int        i, k;
+    int        i, k, q = p->strip[d];
     memset(cd, 0, 3 * (size_t)p->nc * sizeof(double));
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const double *b = s->b + 3 * (size_t)p->vertex_of[i];
@@ -7313,7 +7294,7 @@ CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
             if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
         }
         clothi_store4(r, at, clothi_cut4(u, w), w);
-        v = clothi_forward_row(s, d, i, clothi_columns4(s->st.G, at, r, at, w), r, w);
+        v = clothi_forward_row(s, d, q++, clothi_columns4(s->st.G, at, r, at, w), r, w);
         clothi_store4(r, at, v, w);
         sum = clothi_dot4(sum, v, v, w);
     }
@@ -7487,11 +7468,11 @@ CLOTHI_LANE void clothi_turn_any(cloth_linear_solver *s, int d, const int w) {
     const clothi_v4      beta = clothi_all4(s->beta, w);
     clothi_v4            sum = clothi_zero4();
     const int            part = s->part;
-    int                  i;
+    int                  i, q = p->strip[d];
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
         const size_t at = (size_t)i;
         clothi_v4    v = part < 2 ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
-        if (part != 1) v = clothi_forward_row(s, d, i, v, st->w, w);
+        if (part != 1) v = clothi_forward_row(s, d, q++, v, st->w, w);
         clothi_store4(st->w, at, v, w);
         sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
                           clothi_add4(v, clothi_load4(st->t, at, w), w), w);
@@ -7545,8 +7526,6 @@ static cloth_status clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
     memset(s->tally, 0, sizeof s->tally);
     clothi_setup_range(p->nd, p->nd + 1, 0, s);
     clothi_for(&s->hooks, p->nd, 1, clothi_setup_range, s);
-    for (i = p->dom[p->nd]; i < p->n && !s->tally[p->nd].bad; i++)
-        clothi_setup_blocks(s, i, clothi_within(p, p->nd, i), p->row[i + 1], s->tally + p->nd);
     for (d = 0; d <= p->nd; d++) {
         bad |= s->tally[d].bad, narrow |= s->tally[d].narrow;
         trace += s->tally[d].trace;
@@ -7758,9 +7737,9 @@ static void clothi_front_entries(cloth_factor *f, const int *where, const int *o
     const cloth_pattern *p = f->p;
     int i, k, q, pass;
     for (pass = 0; pass < 2; pass++) {      /* count, then place                               */
-        for (i = 0; i < p->n; i++)
-            for (k = p->row[i]; k < p->row[i + 1]; k++) {
-                const int a = where[p->vertex_of[i]], b = where[p->vertex_of[p->col[k]]];
+        for (i = 0; i < p->strip[p->nd + 1]; i++)
+            for (k = p->start[i]; k < p->start[i + 1]; k++) {
+                const int a = where[p->vertex_of[p->row[i]]], b = where[p->vertex_of[p->col[k]]];
                 const int flip = a < b, low = flip ? a : b;
                 clothi_front_entry *e;
                 q = owner[low];
@@ -10448,12 +10427,15 @@ static cloth_status clothi_tie_matrix(cloth_sim *s) {
     const cloth_pattern *p = A->p;
     const int            ne = A->ne;
     cloth_status         status = CLOTH_OK;
-    int                  i, k;
+    int                  i, k, d;
     for (i = 0; i < p->n && !status; i++) {
         const int u = p->vertex_of[i];
         status = clothi_tie_block(s, clothi_matrix_diag(A, u), u, u);
-        for (k = p->row[i]; k < p->row[i + 1] && !status; k++)
-            status = clothi_tie_block(s, A->low + 9 * (size_t)k, u, p->vertex_of[p->col[k]]);
+        for (d = i < p->dom[p->nd] ? p->nd : 0; d <= p->nd; d++) {
+            const int q = d < p->nd ? clothi_shared(p, d, i) : p->own[i];
+            for (k = p->start[q]; k < p->start[q + 1] && !status; k++)
+                status = clothi_tie_block(s, A->low + 9 * (size_t)k, u, p->vertex_of[p->col[k]]);
+        }
     }
     for (k = 0; k < ne && !status; k++) {   /* pairs outside the pattern; the list may grow    */
         double block[9];

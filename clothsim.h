@@ -5481,51 +5481,42 @@ typedef struct clothi_graph {               /* neighbours of each vertex, increa
     int *start, *to;
 } clothi_graph;
 
-static void clothi_graph_free(const cloth_hooks *hooks, clothi_graph *g) {
-    clothi_free(hooks, g->start);
-    clothi_free(hooks, g->to);
-    g->start = g->to = NULL;
-}
-
-/* Neighbours by elements: listed per vertex, transposed (which sorts), repeats dropped. */
+/* Neighbours by elements: each vertex, in increasing order, joins once the lists of all that it
+ * shares an element with. */
 static cloth_status clothi_graph_build(const cloth_hooks *hooks, int nv, int nelem,
                                        const int *start, const int *vertex, clothi_graph *g) {
-    cloth_status status = CLOTH_ERR_MEMORY;
-    int    e, a, b, i, k, z, *raw = NULL, *at = NULL;
-    size_t total = 0;
-    g->start = g->to = NULL;
+    const int base = nelem > 0 ? start[0] : 0, n = nelem > 0 ? start[nelem] - base : 0;
+    int       pass, e, v, i, k, *owner, *order, *first, *last;
+    double    pairs = 0;
     for (e = 0; e < nelem; e++)
-        total += (size_t)(start[e + 1] - start[e]) * (size_t)(start[e + 1] - start[e]);
-    if (total > 2000000000u) return CLOTH_ERR_ARGUMENT;
+        pairs += (double)(start[e + 1] - start[e]) * (double)(start[e + 1] - start[e]);
+    if (pairs > 2e9) return CLOTH_ERR_ARGUMENT;
+    owner = (int *)clothi_alloc(hooks, 2 * (size_t)n + 2 * (size_t)nv + 1, sizeof(int));
     g->start = (int *)clothi_alloc(hooks, (size_t)nv + 2, sizeof(int));
-    at = (int *)clothi_alloc(hooks, (size_t)nv + 2, sizeof(int));
-    raw = (int *)clothi_alloc(hooks, total, sizeof(int));
-    g->to = (int *)clothi_alloc(hooks, total, sizeof(int));
-    if (!g->start || !at || !raw || !g->to) goto done;
+    if (!owner || !g->start) goto done;
+    order = owner + n, first = order + n, last = first + nv + 1;
     for (e = 0; e < nelem; e++)
-        for (a = start[e]; a < start[e + 1]; a++)
-            g->start[vertex[a] + 1] += start[e + 1] - start[e];
-    for (i = 0; i < nv; i++) g->start[i + 1] += g->start[i];
-    memcpy(at, g->start, (size_t)nv * sizeof(int));
-    for (e = 0; e < nelem; e++)
-        for (a = start[e]; a < start[e + 1]; a++)
-            for (b = start[e]; b < start[e + 1]; b++) raw[at[vertex[a]]++] = vertex[b];
-    memcpy(at, g->start, (size_t)nv * sizeof(int));
-    for (i = 0; i < nv; i++)
-        for (k = g->start[i]; k < g->start[i + 1]; k++) g->to[at[raw[k]]++] = i;
-    for (i = 0, z = 0; i < nv; i++) {
-        int first = z, from = g->start[i];
-        g->start[i] = first;
-        for (k = from; k < at[i]; k++)
-            if (g->to[k] != i && (z == first || g->to[z - 1] != g->to[k])) g->to[z++] = g->to[k];
+        for (k = start[e]; k < start[e + 1]; k++) owner[k - base] = e;
+    clothi_sort_by(n, nv, n ? vertex + base : NULL, NULL, order, first);
+    for (pass = 0; pass < 2; pass++) {      /* count, then list                                */
+        memset(last, 255, (size_t)nv * sizeof(int));
+        for (v = 0; v < nv; v++)
+            for (k = first[v]; k < first[v + 1]; k++)
+                for (e = owner[order[k]], i = start[e]; i < start[e + 1]; i++) {
+                    const int u = vertex[i];
+                    if (u == v || last[u] == v) continue;
+                    last[u] = v;
+                    if (pass) g->to[g->start[u + 1]++] = v;
+                    else g->start[u + 2]++;
+                }
+        if (pass) break;
+        for (v = 0; v < nv; v++) g->start[v + 2] += g->start[v + 1];
+        g->to = (int *)clothi_alloc(hooks, (size_t)g->start[nv + 1], sizeof(int));
+        if (!g->to) break;
     }
-    g->start[nv] = z;
-    status = CLOTH_OK;
 done:
-    clothi_free(hooks, raw);
-    clothi_free(hooks, at);
-    if (status) clothi_graph_free(hooks, g);
-    return status;
+    clothi_free(hooks, owner);
+    return g->to ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 /* A quicksort would be shorter, but equal keys must come out in one order on every machine:
@@ -5686,23 +5677,22 @@ static void clothi_pattern_parts(cloth_pattern *p, const clothi_dissection *d) {
 
 /* --- rows --- */
 
-/* Rows [begin, end) sorted by level, stable. level, sorted [n], count [n + 1] are scratch. */
-static void clothi_level_sort(const clothi_graph *g, int *order, int begin, int end, int *row_of,
-                              int *level, int *count, int *sorted) {
-    int i, k, highest = 0;
-    for (i = begin; i < end; i++) row_of[order[i]] = i;
+/* Rows [begin, end) sorted by level, stable. */
+static void clothi_level_sort(cloth_pattern *p, const clothi_dissection *d, int begin, int end) {
+    int *level = d->tag, *order = p->vertex_of, i, k, highest = 0;
+    for (i = begin; i < end; i++) p->row_of[order[i]] = i;
     for (i = begin; i < end; i++) {
         const int v = order[i];
         level[v] = 0;
-        for (k = g->start[v]; k < g->start[v + 1]; k++) {
-            const int u = g->to[k], r = row_of[u];
+        for (k = d->g->start[v]; k < d->g->start[v + 1]; k++) {
+            const int u = d->g->to[k], r = p->row_of[u];
             if (r >= begin && r < i && level[u] + 1 > level[v]) level[v] = level[u] + 1;
         }
         if (level[v] > highest) highest = level[v];
     }
-    clothi_sort_by(end - begin, highest + 1, level, order + begin, sorted, count);
-    memcpy(order + begin, sorted, (size_t)(end - begin) * sizeof(int));
-    for (i = begin; i < end; i++) row_of[order[i]] = i;
+    clothi_sort_by(end - begin, highest + 1, level, order + begin, d->tmp, d->dist);
+    memcpy(order + begin, d->tmp, (size_t)(end - begin) * sizeof(int));
+    for (i = begin; i < end; i++) p->row_of[order[i]] = i;
 }
 
 /* Subdomains first, separators last, the earliest cut at the very end. */
@@ -5721,9 +5711,7 @@ static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
             p->vertex_of[row++] = d->verts[i];
     p->dom[p->nd + 1] = p->n;
     for (i = 0; i < p->n; i++) p->row_of[i] = -1;
-    for (i = 0; i <= p->nd; i++)
-        clothi_level_sort(d->g, p->vertex_of, p->dom[i], p->dom[i + 1], p->row_of, d->tag,
-                          d->dist, d->tmp);
+    for (i = 0; i <= p->nd; i++) clothi_level_sort(p, d, p->dom[i], p->dom[i + 1]);
     memset(d->tag, 0, (size_t)p->n * sizeof(int));
 }
 
@@ -5806,31 +5794,26 @@ static void clothi_place(int *list, int begin, int *end, int a) {
 /* Aggregates coupled to each row from the diagonal on, and what they couple in the coarse matrix.
  * A row touches few, so that linear searches do; where it touches many (a hub), at most nc. */
 static cloth_status clothi_pattern_coarse(cloth_pattern *p, const clothi_graph *g) {
-    int *list = (int *)clothi_alloc(&p->hooks, (size_t)p->n + (size_t)p->nlow, sizeof(int));
+    const size_t most = (size_t)p->n + (size_t)p->nlow;
     int i, j, k, v = 0;
-    if (!list) return CLOTH_ERR_MEMORY;
+    p->vj = (int *)clothi_alloc(&p->hooks, most + (size_t)p->nc, sizeof(int));
+    if (!p->vj) return CLOTH_ERR_MEMORY;
+    p->envelope = p->vj + most;
     for (i = 0; i < p->n; i++) {
-        const int u = p->vertex_of[i];
+        const int u = p->vertex_of[i], a = p->agg[i];
         p->vp[i] = v;
-        clothi_place(list, v, &v, p->agg[i]);
+        clothi_place(p->vj, v, &v, a);
         for (k = g->start[u]; k < g->start[u + 1]; k++) {
             j = p->row_of[g->to[k]];
-            if (j > i) clothi_place(list, p->vp[i], &v, p->agg[j]);
+            if (j > i) clothi_place(p->vj, p->vp[i], &v, p->agg[j]);
+        }
+        for (k = p->vp[i]; k < v; k++) {
+            const int b = p->vj[k], low = a < b ? a : b;
+            if (p->envelope[low] < a + b - low + 1) p->envelope[low] = a + b - low + 1;
         }
     }
     p->vp[p->n] = v;
-    p->vj = (int *)clothi_alloc(&p->hooks, (size_t)v + (size_t)p->nc, sizeof(int));
-    if (p->vj) {
-        memcpy(p->vj, list, (size_t)v * sizeof(int));
-        p->envelope = p->vj + v;
-        for (i = 0; i < p->n; i++)
-            for (k = p->vp[i]; k < p->vp[i + 1]; k++) {
-                const int a = p->agg[i], b = p->vj[k], low = a < b ? a : b;
-                if (p->envelope[low] < a + b - low + 1) p->envelope[low] = a + b - low + 1;
-            }
-    }
-    clothi_free(&p->hooks, list);
-    return p->vj ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return CLOTH_OK;
 }
 
 /* --- the pattern --- */
@@ -5883,9 +5866,10 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
     memset(&d, 0, sizeof d);
     if (!out) return CLOTH_ERR_ARGUMENT;
     *out = NULL;
+    g.start = g.to = NULL;
     status = clothi_pattern_check(hooks, nv, nelem, start, vertex);
     if (!status) status = clothi_graph_build(hooks, nv, nelem, start, vertex, &g);
-    if (status) return status;
+    if (status) goto done;
     status = CLOTH_ERR_MEMORY;
     p = (cloth_pattern *)clothi_object(hooks, sizeof *p);
     if (p) p->row_of = (int *)clothi_alloc(hooks, 6 * n + 1, sizeof(int));
@@ -5902,7 +5886,8 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
 done:
     clothi_free(hooks, d.key);
     clothi_free(hooks, d.part);
-    clothi_graph_free(hooks, &g);
+    clothi_free(hooks, g.start);
+    clothi_free(hooks, g.to);
     if (status) cloth_pattern_destroy(p);
     else *out = p;
     return status;
@@ -6666,12 +6651,15 @@ typedef struct clothi_v4 {
     clothi_d2 d, e;
 } clothi_v4;
 
-CLOTHI_LANE clothi_v4 clothi_zero4(void) {
+/* u in all four; what the width does not use is dropped. */
+CLOTHI_LANE clothi_v4 clothi_all4(double u) {
     clothi_v4 r;
-    r.f = CLOTHI_PS(set1)(0);
-    r.d = r.e = CLOTHI_PD(set1)(0);
+    r.f = CLOTHI_PS(set1)((float)u);
+    r.d = r.e = CLOTHI_PD(set1)(u);
     return r;
 }
+
+CLOTHI_LANE clothi_v4 clothi_zero4(void) { return clothi_all4(0); }
 
 /* Record i of an array of floats or doubles. */
 CLOTHI_LANE clothi_v4 clothi_load4(const void *a, size_t i, const int w) {
@@ -6725,21 +6713,13 @@ CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
     return a;
 }
 
-/* u in all four. */
-CLOTHI_LANE clothi_v4 clothi_all4(double u, const int w) {
-    clothi_v4 r = clothi_zero4();
-    if (w) r.d = r.e = CLOTHI_PD(set1)(u);
-    else r.f = CLOTHI_PS(set1)((float)u);
-    return r;
-}
-
 CLOTHI_LANE double clothi_get(const void *a, size_t i, const int w) {
     return w ? ((const double *)a)[i] : (double)((const float *)a)[i];
 }
 
 /* Number j of record i in all four. */
 CLOTHI_LANE clothi_v4 clothi_lane4(const void *a, size_t i, size_t j, const int w) {
-    return clothi_all4(clothi_get(a, 4 * i + j, w), w);
+    return clothi_all4(clothi_get(a, 4 * i + j, w));
 }
 
 /* (sum of a, sum of b, sum of c, 0): the rows of a block times a record. */
@@ -7046,9 +7026,9 @@ CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int part) 
 /* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
 CLOTHI_LANE clothi_v4 clothi_mix4(const double *B, clothi_v4 a, clothi_v4 b, clothi_v4 c,
                                   const int w) {
-    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_all4(B[0], w), a, w);
-    r = clothi_madd4(r, clothi_all4(B[1], w), b, w);
-    return clothi_madd4(r, clothi_all4(B[2], w), c, w);
+    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_all4(B[0]), a, w);
+    r = clothi_madd4(r, clothi_all4(B[1]), b, w);
+    return clothi_madd4(r, clothi_all4(B[2]), c, w);
 }
 
 /* out <- G_i^-1 B G_j^-T, three records by rows. */
@@ -7270,7 +7250,7 @@ CLOTHI_LANE void clothi_back_sweep(cloth_linear_solver *s, int d, void *z, const
 CLOTHI_LANE void clothi_metres(const clothi_store *st, const void *z, int i, double *q,
                                const int w) {
     const clothi_v4 v = clothi_transposed4(st->G, (size_t)i, clothi_load4(z, (size_t)i, w), w);
-    clothi_spill4(clothi_dot4(clothi_zero4(), v, clothi_all4(1, w), w), q);
+    clothi_spill4(clothi_dot4(clothi_zero4(), v, clothi_all4(1), w), q);
 }
 
 /* --- one iteration --- */
@@ -7324,24 +7304,15 @@ CLOTHI_LANE void clothi_scale_rows(cloth_linear_solver *s, int d, const int w) {
 
 CLOTHI_BY_DOMAIN(clothi_scale_range, clothi_scale_rows)
 
-/* max |G^-T x| of subdomain d, or of S */
-CLOTHI_LANE double clothi_biggest(const cloth_linear_solver *s, int d, const int w) {
-    double big = 0, q[4];
-    int    i, k;
-    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
-        clothi_metres(&s->st, s->st.x, i, q, w);
-        for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
-    }
-    return big;
-}
-
 /* Subdomain d, or S: x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a radius
  * is set. */
 CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int d, const int w) {
     const clothi_store *st = &s->st;
-    const clothi_v4     alpha = clothi_all4(s->alpha, w), minus = clothi_all4(-s->alpha, w);
+    const clothi_v4     alpha = clothi_all4(s->alpha), minus = clothi_all4(-s->alpha);
     clothi_v4           sum = clothi_zero4();
-    int                 i;
+    double              big = 0, q[4];
+    const int           bounded = s->radius_on;
+    int                 i, k;
     for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
         const size_t    at = (size_t)i;
         const clothi_v4 t = clothi_load4(st->t, at, w);
@@ -7351,9 +7322,12 @@ CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int d, const int w)
         clothi_store4(st->r, at, r, w);
         clothi_store4(st->w, at, r, w);
         sum = clothi_dot4(sum, r, r, w);
+        if (!bounded) continue;
+        clothi_metres(st, st->x, i, q, w);
+        for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
     }
     s->tally[d].rr = clothi_sum4(sum);
-    s->tally[d].big = s->radius_on ? clothi_biggest(s, d, w) : 0;
+    s->tally[d].big = big;
 }
 
 /* V's + P^'(r - s) of subdomain d, or of S, into its sums. */
@@ -7465,7 +7439,7 @@ CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, cloth
 CLOTHI_LANE void clothi_turn_any(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
     const clothi_store  *st = &s->st;
-    const clothi_v4      beta = clothi_all4(s->beta, w);
+    const clothi_v4      beta = clothi_all4(s->beta);
     clothi_v4            sum = clothi_zero4();
     const int            part = s->part;
     int                  i, q = p->strip[d];

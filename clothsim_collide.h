@@ -2062,7 +2062,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
 
 /* ----- memory -------------------------------------------------------------------------------- */
 
-enum { CLOTHI_QP_KNOWN, CLOTHI_QP_COUPLED, CLOTHI_QP_A, CLOTHI_QP_L, CLOTHI_QP_BUFFERS };
+enum { CLOTHI_QP_KNOWN, CLOTHI_QP_A, CLOTHI_QP_L, CLOTHI_QP_BUFFERS };
 
 struct cloth_qp_work {
     cloth_hooks hooks;
@@ -2123,6 +2123,7 @@ typedef struct clothi_qp {
     cloth_qp_report   *rep;
     int      m, n, k, most;                 /* rows, unknowns, rows of the factor; sets tried  */
     int      precise;                       /* 1: twice the digits; 0: all .l are 0            */
+    int      wrong;                         /* rows that the set tried has on the wrong side   */
     int     *keep;          /* [m] 1: a row with a free unknown, no copy of another            */
     int     *act;           /* [m] 1: in the set tried                                         */
     int     *at;            /* [m] place in the factor; -1: not in it; -2: it depends on others */
@@ -2131,7 +2132,7 @@ typedef struct clothi_qp {
     int     *mark, *exponent;               /* [m]                                             */
     int     *cstart, *crow, *centry;        /* [n+1] entries by column: row, place in g        */
     int     *astart, *acol; /* [m+1] A = G minv G' by rows, both triangles, a_ii first         */
-    size_t  *lstart;        /* [m+1] factor L: row i from column first[i] to i                 */
+    size_t  *lstart;        /* [m] factor L: row i from column first[i] to i                   */
     double  *g, *h;         /* scaled                                                          */
     double  *size;          /* [m] |h| + sum |g| r, as in the report: the measure of rounding  */
     double  *v;             /* [n] r                                                           */
@@ -2192,14 +2193,14 @@ static clothi_dd clothi_qp_minus_dot(const clothi_qp *s, clothi_dd sum, const cl
 static int clothi_qp_layout(clothi_qp *s, size_t nz) {
     const size_t m = (size_t)s->m, n = (size_t)s->n, twos = 5 * m + 2 * n, reals = nz + 2 * m + n;
     const size_t bytes = twos * sizeof(clothi_dd) + reals * sizeof(double) +
-                         (m + 1) * sizeof(size_t) + (9 * m + n + 2 + 2 * nz) * sizeof(int);
+                         m * sizeof(size_t) + (9 * m + n + 2 + 2 * nz) * sizeof(int);
     clothi_dd *t = (clothi_dd *)clothi_qp_take(s->work, CLOTHI_QP_KNOWN, bytes, 1, 0);
     double    *d;
     int       *i;
     if (!t) return 0;
     d = (double *)(void *)(t + twos);
     s->lstart = (size_t *)(void *)(d + reals);
-    i = (int *)(void *)(s->lstart + m + 1);
+    i = (int *)(void *)(s->lstart + m);
     s->keep = i, s->act = i + m, s->at = i + 2 * m, s->order = i + 3 * m, s->list = i + 4 * m;
     s->first = i + 5 * m, s->mark = i + 6 * m, s->exponent = i + 7 * m;
     s->astart = i + 8 * m, s->cstart = i + 9 * m + 1, s->crow = s->cstart + n + 1;
@@ -2216,8 +2217,7 @@ static int clothi_qp_reserve(cloth_qp_work *work, int m, int n, size_t nz) {
     clothi_qp    s;
     s.work = work, s.m = m, s.n = n;
     return clothi_qp_layout(&s, nz) &&
-           clothi_qp_take(work, CLOTHI_QP_COUPLED, most, sizeof(int), 0) &&
-           clothi_qp_take(work, CLOTHI_QP_A, most, sizeof(double), 0) &&
+           clothi_qp_take(work, CLOTHI_QP_A, most, sizeof *s.a + sizeof *s.acol, 0) &&
            clothi_qp_take(work, CLOTHI_QP_L, most / 2 + 1, sizeof *s.L, 0);
 }
 
@@ -2270,9 +2270,11 @@ static cloth_status clothi_qp_columns(clothi_qp *s) {
     if (most > 2147483647.0)
         return clothi_fail(s->hooks, CLOTH_ERR_CAPACITY, "qp.m = %i: its rows share so many "
                            "unknowns that %g pairs of rows couple", s->m, most);
-    s->acol = (int *)clothi_qp_take(s->work, CLOTHI_QP_COUPLED, (size_t)most, sizeof(int), 0);
-    s->a = (double *)clothi_qp_take(s->work, CLOTHI_QP_A, (size_t)most, sizeof(double), 0);
-    return s->acol && s->a ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    s->a = (double *)clothi_qp_take(s->work, CLOTHI_QP_A, (size_t)most,
+                                    sizeof *s->a + sizeof *s->acol, 0);
+    if (!s->a) return CLOTH_ERR_MEMORY;
+    s->acol = (int *)(void *)(s->a + (size_t)most);
+    return CLOTH_OK;
 }
 
 /* A = G minv G'. */
@@ -2415,13 +2417,24 @@ static void clothi_qp_order(clothi_qp *s) {
 
 /* ----- the factor ---------------------------------------------------------------------------- */
 
+/* y [k], 0 before `low`, becomes L^-1 y. */
+static void clothi_qp_forward(const clothi_qp *s, clothi_dd *y, int low) {
+    int i;
+    for (i = low; i < s->k; i++) {
+        const int        from = s->first[i] > low ? s->first[i] : low;
+        const clothi_dd *row = s->L + s->lstart[i] + (from - s->first[i]);
+        y[i] = clothi_qp_over(s, clothi_qp_minus_dot(s, y[i], row, y + from, i - from),
+                              row[i - from]);
+    }
+}
+
 /* y = L^-1 (column r of A), from its first entry on, *low; returns what is left of a_rr. For twice
  * the digits the column is made anew: most are never asked for. */
 static clothi_dd clothi_qp_reduce(const clothi_qp *s, int r, clothi_dd *y, int *low) {
     const cloth_qp *q = s->q;
     const int       k = s->k;
     clothi_dd       own = clothi_qp_one(s->precise ? 0 : clothi_qp_diagonal(s, r));
-    int             e, f, j, p;
+    int             e, f, p;
     for (*low = k, e = s->astart[r]; e < s->astart[r + 1]; e++) {
         const int at = s->at[s->acol[e]];
         if (at >= 0 && at < *low) *low = at;
@@ -2439,63 +2452,47 @@ static clothi_dd clothi_qp_reduce(const clothi_qp *s, int r, clothi_dd *y, int *
             if (to) *to = clothi_qp_plus(s, *to, t, clothi_qp_one(s->g[s->centry[f]]));
         }
     }
-    for (j = *low; j < k; j++) {
-        const int        from = s->first[j] > *low ? s->first[j] : *low;
-        const clothi_dd *row = s->L + s->lstart[j] + (from - s->first[j]);
-        y[j] = clothi_qp_over(s, clothi_qp_minus_dot(s, y[j], row, y + from, j - from),
-                              row[j - from]);
-    }
+    clothi_qp_forward(s, y, *low);
     return clothi_qp_minus_dot(s, own, y + *low, y + *low, k - *low);
 }
 
-/* Row r becomes the last of the factor, unless the square of its distance from the others is at
- * most `least` of its length: at = -2. 0: no memory. */
-static int clothi_qp_append(clothi_qp *s, int r, double least) {
-    const size_t used = s->lstart[s->k];
-    clothi_dd    pivot, root;
-    size_t       more;
-    int          low;
-    s->at[r] = -1;
-    pivot = clothi_qp_reduce(s, r, s->rhs, &low);
-    if (!(pivot.h > least * clothi_qp_diagonal(s, r))) {
-        s->at[r] = -2;
-        return 1;
-    }
-    more = (size_t)(s->k - low);
-    s->L = (clothi_dd *)clothi_qp_take(s->work, CLOTHI_QP_L, used + more + 1, sizeof *s->L,
-                                       used * sizeof *s->L);
-    if (!s->L) return 0;
-    memcpy(s->L + used, s->rhs + low, more * sizeof *s->L);
-    root = clothi_qp_one(sqrt(pivot.h));
-    pivot = clothi_qp_plus(s, pivot, clothi_dd_neg(root), root);
-    s->L[used + more] = s->precise ? clothi_dd_of(root.h, 0.5 * pivot.h / root.h) : root;
-    s->first[s->k] = low;
-    s->list[s->k] = r;
-    s->at[r] = s->k++;
-    s->lstart[s->k] = used + more + 1;
-    return 1;
-}
-
-/* Factors the rows with act in order. 0: no memory. */
+/* Factors the rows with act in order, but those the square of whose distance from the others is at
+ * most `least` of their length: at = -2. 0: no memory. */
 static int clothi_qp_factor(clothi_qp *s, double least) {
-    int i, p;
+    size_t used = 0, more;
+    int    i, p, low;
     for (i = 0; i < s->m; i++) s->at[i] = -1;
     s->k = 0;
-    s->lstart[0] = 0;
     s->rep->factorizations++;
-    for (p = 0; p < s->m; p++)
-        if (s->act[s->order[p]] && !clothi_qp_append(s, s->order[p], least)) return 0;
+    for (p = 0; p < s->m; p++) {
+        const int r = s->order[p];
+        clothi_dd pivot, root;
+        if (!s->act[r]) continue;
+        pivot = clothi_qp_reduce(s, r, s->rhs, &low);
+        if (!(pivot.h > least * clothi_qp_diagonal(s, r))) {
+            s->at[r] = -2;
+            continue;
+        }
+        more = (size_t)(s->k - low);
+        s->L = (clothi_dd *)clothi_qp_take(s->work, CLOTHI_QP_L, used + more + 1, sizeof *s->L,
+                                           used * sizeof *s->L);
+        if (!s->L) return 0;
+        memcpy(s->L + used, s->rhs + low, more * sizeof *s->L);
+        root = clothi_qp_one(sqrt(pivot.h));
+        pivot = clothi_qp_plus(s, pivot, clothi_dd_neg(root), root);
+        s->L[used + more] = s->precise ? clothi_dd_of(root.h, 0.5 * pivot.h / root.h) : root;
+        s->first[s->k] = low;
+        s->list[s->k] = r;
+        s->lstart[s->k] = used;
+        s->at[r] = s->k++;
+        used += more + 1;
+    }
     return 1;
 }
 
-/* y [k] becomes (L L')^-1 y; only_upper: L'^-1 y. */
-static void clothi_qp_back(const clothi_qp *s, clothi_dd *y, int only_upper) {
+/* y [k] becomes L'^-1 y. */
+static void clothi_qp_back(const clothi_qp *s, clothi_dd *y) {
     int i, j;
-    for (i = 0; i < s->k && !only_upper; i++) {
-        const clothi_dd *row = s->L + s->lstart[i];
-        const int        f = s->first[i];
-        y[i] = clothi_qp_over(s, clothi_qp_minus_dot(s, y[i], row, y + f, i - f), row[i - f]);
-    }
     for (i = s->k - 1; i >= 0; i--) {
         const clothi_dd *row = s->L + s->lstart[i];
         const int        f = s->first[i];
@@ -2513,7 +2510,8 @@ static int clothi_qp_equations(clothi_qp *s) {
     for (i = 0; i < s->k; i++) s->rhs[i] = s->b[s->list[i]];
     for (pass = 0; pass < passes; pass++) {
         double worst = 0;
-        clothi_qp_back(s, s->rhs, 0);
+        clothi_qp_forward(s, s->rhs, 0);
+        clothi_qp_back(s, s->rhs);
         for (i = 0; i < s->k; i++) {
             clothi_dd *l = s->lambda + s->list[i];
             *l = clothi_qp_plus(s, *l, clothi_qp_one(1), s->rhs[i]);
@@ -2558,45 +2556,44 @@ static int clothi_qp_shadowed(const clothi_qp *s, int i) {
     return 0;
 }
 
-/* Solves with act as equations. *wrong: rows on the wrong side of complementarity, which get a
+/* Solves with act as equations. s->wrong: rows on the wrong side of complementarity, which get a
  * mark; 0: the optimum is in x and lambda; -1: none, but doubles cannot tell: a row outside the
  * factor that looks active must stand well off the span of the factored rows, or it decides where x
  * lies by less than its slack is known to. */
-static cloth_status clothi_qp_try(clothi_qp *s, int *wrong) {
+static cloth_status clothi_qp_try(clothi_qp *s) {
     double big = 0;
     int    i, exact, low;
     if (!clothi_qp_factor(s, CLOTHI_QP_DEPENDENT)) return CLOTH_ERR_MEMORY;
     exact = clothi_qp_equations(s);
     for (i = 0; i < s->m; i++) big = clothi_max(big, fabs(s->lambda[i].h));
-    for (i = 0, *wrong = 0; i < s->m; i++) {
+    for (i = 0, s->wrong = 0; i < s->m; i++) {
         s->mark[i] = s->at[i] >= 0 ? s->lambda[i].h < -CLOTHI_QP_SMALL * big
                                    : s->keep[i] && s->at[i] == -1 &&
                                      s->w[i].h < -CLOTHI_QP_SMALL * s->size[i];
-        *wrong += s->mark[i];
+        s->wrong += s->mark[i];
     }
-    if (*wrong) return CLOTH_OK;
+    if (s->wrong) return CLOTH_OK;
     for (i = 0; i < s->m && exact; i++)
         if (s->keep[i] && s->at[i] < 0 && !(s->w[i].h > CLOTHI_QP_SMALL * s->size[i]))
             exact = s->at[i] != -2 && clothi_qp_reduce(s, i, s->rhs, &low).h >
                                           CLOTHI_QP_DEPENDENT * clothi_qp_diagonal(s, i);
     if (exact) clothi_qp_clamp(s);
-    else *wrong = -1;
+    else s->wrong = -1;
     return CLOTH_OK;
 }
 
 /* Exchanges all rows on the wrong side at once as long as that lowers their number, or has done so
- * within the last few tries. done: the optimum is in x and lambda; else act is where to go on. */
-static cloth_status clothi_qp_pivot(clothi_qp *s, int *done) {
-    int best = s->m + 1, patience = CLOTHI_QP_PATIENCE, wrong = 1, i;
-    *done = 0;
-    while (s->rep->iterations < s->most) {
+ * within the last few tries. s->wrong 0: the optimum is in x and lambda; else act is where to go
+ * on. */
+static cloth_status clothi_qp_pivot(clothi_qp *s) {
+    int best = s->m + 1, patience = CLOTHI_QP_PATIENCE, i;
+    for (s->wrong = 1; s->rep->iterations < s->most;) {
         cloth_status status = clothi_cancelled(s->hooks, NULL);
         s->rep->iterations++;
-        if (!status) status = clothi_qp_try(s, &wrong);
-        *done = !status && wrong == 0;
-        if (status || wrong <= 0) return status;
-        patience = wrong < best ? CLOTHI_QP_PATIENCE : patience - 1;
-        if (wrong < best) best = wrong;
+        if (!status) status = clothi_qp_try(s);
+        if (status || s->wrong <= 0) return status;
+        patience = s->wrong < best ? CLOTHI_QP_PATIENCE : patience - 1;
+        if (s->wrong < best) best = s->wrong;
         if (patience < 0) break;
         for (i = 0; i < s->m; i++)
             if (s->mark[i]) s->act[i] = s->at[i] < 0 && !clothi_qp_shadowed(s, i);
@@ -2649,7 +2646,7 @@ static cloth_status clothi_qp_bring(clothi_qp *s, int p, int *endless) {
         s->at[p] = -1;
         pivot = clothi_qp_reduce(s, p, ray, &low);
         memset(ray, 0, (size_t)low * sizeof *ray);
-        clothi_qp_back(s, ray, 1);
+        clothi_qp_back(s, ray);
         if (pivot.h > least) t = clothi_qp_over(s, v, pivot);
         else if (v.h <= CLOTHI_QP_COPY * s->size[p] && !moved) {
             s->mark[p] = -3;
@@ -2720,10 +2717,9 @@ static int clothi_qp_prove(clothi_qp *s) {
 static cloth_status clothi_qp_active_set(clothi_qp *s) {
     const size_t bytes = (size_t)s->m * sizeof *s->ray;
     cloth_status status;
-    int          i, p, ray, wrong;
+    int          i, p, ray;
     clothi_qp_digits(s, 1);
     if (!clothi_qp_thin(s)) return CLOTH_ERR_MEMORY;
-    s->rep->outcome = CLOTH_QP_MAX_ITERATIONS;
     for (i = 0; i < s->m; i++) s->mark[i] = 0;
     while ((p = clothi_qp_worst(s)) >= 0 && s->rep->iterations < s->most) {
         s->rep->iterations++;
@@ -2747,8 +2743,8 @@ static cloth_status clothi_qp_active_set(clothi_qp *s) {
     memcpy(s->ray, s->lambda, bytes);
     for (i = 0; i < s->m; i++) s->act[i] = s->lambda[i].h > 0;
     clothi_qp_digits(s, 0);
-    status = clothi_qp_try(s, &wrong);
-    if (status || wrong == 0) return status;
+    status = clothi_qp_try(s);
+    if (status || s->wrong == 0) return status;
     memcpy(s->lambda, s->ray, bytes);
     s->precise = 1;
     clothi_qp_point(s);
@@ -2791,52 +2787,36 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
     const cloth_hooks *hooks = &o->hooks;
     cloth_status       status;
     int                i, nz;
-    if (!q) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp = NULL: pass a problem");
-    if (q->n < 1 || q->n > 0x3fffffff)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.n = %i: give it 1 .. 2^30 unknowns",
-                           q->n);
-    if (q->m < 0 || q->m > 0x0fffffff)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.m = %i: give it 0 .. 2^28 rows", q->m);
+    if (!q) return clothi_null(hooks, "qp");
     if (!q->minv || !q->x0 || (q->m && (!q->row || !q->col || !q->val || !q->h)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.%s = NULL",
-                           !q->minv ? "minv" : !q->x0 ? "x0" : !q->row ? "row" :
-                           !q->col ? "col" : !q->val ? "val" : "h");
+        return clothi_null(hooks, !q->minv ? "qp.minv" : !q->x0 ? "qp.x0" : !q->row ? "qp.row" :
+                                  !q->col ? "qp.col" : !q->val ? "qp.val" : "qp.h");
     if (!(o->tolerance > 0) || !clothi_finite(o->tolerance))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.tolerance = %g: it is above 0",
                            o->tolerance);
-    if (o->max_iterations < 0)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.max_iterations = %i: 0 or more",
-                           o->max_iterations);
-    if ((status = clothi_check_vector(hooks, "qp.minv", q->minv, q->n)) != CLOTH_OK ||
-        (status = clothi_check_vector(hooks, "qp.x0", q->x0, q->n)) != CLOTH_OK)
-        return status;
-    for (i = 0; i < q->n; i++)
-        if (q->minv[i] < 0)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.minv[%i] = %g: an inverse mass is "
-                               "not negative", i, q->minv[i]);
-    if (!q->m) return CLOTH_OK;
-    if (q->row[0] != 0)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.row[0] = %i: it is 0", q->row[0]);
-    for (i = 0; i < q->m; i++)
-        if (q->row[i + 1] < q->row[i])
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.row[%i] = %i but qp.row[%i] = %i",
-                               i + 1, q->row[i + 1], i, q->row[i]);
+    status = clothi_check_count(hooks, "options.", "max_iterations", o->max_iterations, 0,
+                                0x7fffffff);
+    if (!status) status = clothi_check_count(hooks, "qp.", "n", q->n, 1, 0x3fffffff);
+    if (!status) status = clothi_check_count(hooks, "qp.", "m", q->m, 0, 0x0fffffff);
+    if (!status) status = clothi_check_each(hooks, "qp.minv", q->minv, q->n, 0, 0);
+    if (!status) status = clothi_check_vector(hooks, "qp.x0", q->x0, q->n);
+    if (status || !q->m) return status;
+    for (i = 0; i <= q->m; i++)
+        if (i ? q->row[i] < q->row[i - 1] : q->row[i] != 0)
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.row[%i] = %i: rows begin at 0, and "
+                               "each where the last one ends", i, q->row[i]);
     nz = q->row[q->m];
-    for (i = 0; i < nz; i++)
-        if (q->col[i] < 0 || q->col[i] >= q->n)
-            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.col[%i] = %i but qp.n = %i", i,
-                               q->col[i], q->n);
-    status = clothi_check_vector(hooks, "qp.val", q->val, nz);
+    status = clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "qp.", "col", q->col, nz, 1, q->n);
+    if (!status) status = clothi_check_vector(hooks, "qp.val", q->val, nz);
     if (!status) status = clothi_check_vector(hooks, "qp.h", q->h, q->m);
-    if (!status && o->guess)
-        status = clothi_check_vector(hooks, "options.guess", o->guess, q->m);
+    if (!status) status = clothi_check_vector(hooks, "options.guess", o->guess, q->m);
     return status;
 }
 
 static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
     cloth_qp_report *rep = s->rep;
     cloth_status     status;
-    int              i, done = 0, violated = -1;
+    int              i, violated = -1;
     if (!clothi_qp_layout(s, (size_t)s->q->row[s->m])) return CLOTH_ERR_MEMORY;
     status = clothi_qp_scale(s);
     if (!status) status = clothi_qp_columns(s);
@@ -2858,10 +2838,10 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
     for (i = 0; i < s->m; i++)
         s->act[i] = s->keep[i] && (o->guess ? o->guess[i] > 0
                                             : s->w[i].h < 0 && !clothi_qp_shadowed(s, i));
-    status = clothi_qp_pivot(s, &done);
+    status = clothi_qp_pivot(s);
     if (status) return status;
-    if (done) clothi_qp_measure(s);
-    if (done && rep->residual <= o->tolerance) {
+    if (!s->wrong) clothi_qp_measure(s);
+    if (!s->wrong && rep->residual <= o->tolerance) {
         rep->outcome = CLOTH_QP_SOLVED;
         return CLOTH_OK;
     }

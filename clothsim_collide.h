@@ -1281,15 +1281,22 @@ typedef struct clothi_bvh {
     int    *item;                           /* [n] items in leaf order                         */
     double *box;                            /* [n x 6] theirs, min xyz, max xyz                */
     double *node;                           /* [2^(depth+1) x 6] from 1                        */
+    const double *from;                     /* [n x 6] by item, borrowed while they are taken  */
 } clothi_bvh;
+
+/* Where a task writes: a part of the list. */
+typedef struct clothi_segment {
+    int   *pair;                            /* [room x 2]                                      */
+    size_t begin, room;                     /* in the list                                     */
+    size_t found;                           /* pairs that it has, also beyond its room         */
+} clothi_segment;
 
 /* A growing list of pairs. memset to 0 before the first use; the memory is kept from one query to
  * the next, so that its size is a high-water mark. */
 typedef struct clothi_pairs {
-    int     count;
-    int    *pair;                           /* [count x 2]                                     */
-    size_t  start[CLOTHI_PAIRS_TASKS + 1];  /* segment of each task                            */
-    size_t  found[CLOTHI_PAIRS_TASKS];      /* pairs that it has, also beyond its room         */
+    int            count;
+    int           *pair;                    /* [count x 2]                                     */
+    clothi_segment task[CLOTHI_PAIRS_TASKS];
 } clothi_pairs;
 
 /* --- the list of pairs --- */
@@ -1299,32 +1306,9 @@ static void clothi_pairs_free(const cloth_hooks *hooks, clothi_pairs *p) {
     memset(p, 0, sizeof *p);
 }
 
-/* Where a task writes. */
-typedef struct clothi_segment {
-    int   *pair;
-    size_t room, found;
-} clothi_segment;
-
 static inline void clothi_segment_put(clothi_segment *s, int a, int b) {
     if (s->found < s->room) s->pair[2 * s->found] = a, s->pair[2 * s->found + 1] = b;
     s->found++;
-}
-
-/* 1 when every task had room; else gives back the memory, and room to those that had not. */
-static int clothi_pairs_fit(const cloth_hooks *hooks, clothi_pairs *p, int tasks) {
-    size_t end = 0;
-    int    i, fit = 1;
-    for (i = 0; i < CLOTHI_PAIRS_TASKS; i++) {
-        size_t room = p->start[i + 1] - end;
-        if (i < tasks && p->found[i] > room)
-            fit = 0, room = p->found[i] + p->found[i] / 4u + 16u;
-        end = p->start[i + 1];
-        p->start[i + 1] = p->start[i] + room;
-    }
-    if (fit) return 1;
-    clothi_free(hooks, p->pair);
-    p->pair = NULL;
-    return 0;
 }
 
 /* --- boxes --- */
@@ -1380,15 +1364,9 @@ static void clothi_bvh_free(const cloth_hooks *hooks, clothi_bvh *t) {
     memset(t, 0, sizeof *t);
 }
 
-typedef struct clothi_bvh_job {
-    clothi_bvh   *tree;
-    const double *box;
-} clothi_bvh_job;
-
 static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
-    const clothi_bvh_job *job = (const clothi_bvh_job *)ctx;
-    clothi_bvh           *t = job->tree;
-    int                   leaf;
+    const clothi_bvh *t = (const clothi_bvh *)ctx;
+    int               leaf;
     (void)worker;
     for (leaf = begin; leaf < end; leaf++) {
         const int last = clothi_bvh_item(t, leaf + 1, t->depth);
@@ -1396,7 +1374,7 @@ static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
         int       i = clothi_bvh_item(t, leaf, t->depth), k;
         for (k = 0; k < 6; k++) node[k] = k < 3 ? HUGE_VAL : -HUGE_VAL;
         for (; i < last; i++) {
-            const double *from = job->box + 6 * (size_t)t->item[i];
+            const double *from = t->from + 6 * (size_t)t->item[i];
             double       *box = t->box + 6 * (size_t)i;
             for (k = 0; k < 3; k++) {       /* what is no number is everywhere */
                 box[k] = from[k] >= -HUGE_VAL ? from[k] : -HUGE_VAL;
@@ -1409,9 +1387,9 @@ static void clothi_bvh_refit_leaves(int begin, int end, int worker, void *ctx) {
 
 /* Takes other boxes, box [n x 6], for the same items: ~15 ns an item, leaves in parallel. */
 static void clothi_bvh_refit(const cloth_hooks *hooks, clothi_bvh *t, const double *box) {
-    clothi_bvh_job job = {t, box};
-    int            i;
-    clothi_for(hooks, 1 << t->depth, 256, clothi_bvh_refit_leaves, &job);
+    int i;
+    t->from = box;
+    clothi_for(hooks, 1 << t->depth, 256, clothi_bvh_refit_leaves, t);
     for (i = (1 << t->depth) - 1; i > 0; i--)
         clothi_box_join(t->node + 12 * (size_t)i, t->node + 12 * (size_t)i + 6,
                         t->node + 6 * (size_t)i);
@@ -1427,14 +1405,14 @@ static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const doub
     size_t       nodes;
     int         *tmp, i, j, k, level;
     memset(t, 0, sizeof *t);
-    if (!key) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i boxes", n);
     t->n = n;
     while (n > CLOTHI_BVH_LEAF && ((n - 1) >> t->depth) + 1 > CLOTHI_BVH_LEAF) t->depth++;
     nodes = (size_t)2 << t->depth;
     t->node = (double *)clothi_alloc(hooks, 6 * (nodes + m) * sizeof *t->node +
                                                 m * sizeof *t->item, 1);
-    if (!t->node) {
+    if (!key || !t->node) {
         clothi_free(hooks, key);
+        clothi_bvh_free(hooks, t);
         return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a tree of %i boxes", n);
     }
     t->box = t->node + 6 * nodes;
@@ -1533,12 +1511,12 @@ static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (task = begin; task < end; task++) {
         const int      na = (1 << q->level_a) + task / width, nb = width + task % width;
-        const size_t   at = q->list->start[task];
-        clothi_segment out = {q->list->pair + 2 * at, q->list->start[task + 1] - at, 0};
+        clothi_segment out = q->list->task[task];
+        out.pair = q->list->pair + 2 * out.begin, out.found = 0;
         if ((q->a != q->b || nb >= na) &&
             clothi_boxes_meet(q->a->node + 6 * (size_t)na, q->b->node + 6 * (size_t)nb))
             clothi_bvh_descend(q, na, nb, &out);
-        q->list->found[task] = out.found;
+        q->list->task[task].found = out.found;
     }
 }
 
@@ -1553,19 +1531,25 @@ static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *
     const int        lb = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
     const int        tasks = 1 << (la + lb);
     clothi_bvh_query query = {a, b, la, lb, fn, ctx, list};
-    size_t          *room = list->start + CLOTHI_PAIRS_TASKS, at = 0;
-    int              i;
+    size_t           all, at = 0;
+    int              i, fit;
     list->count = 0;
-    do {                                    /* segments of all tasks, new ones with room for 64 */
-        for (i = 1; i <= CLOTHI_PAIRS_TASKS && !*room; i++) list->start[i] = 64 * (size_t)i;
-        if (!list->pair) list->pair = (int *)clothi_alloc(hooks, *room, 2 * sizeof *list->pair);
+    do {                                    /* a new list: more room where it was too little */
+        for (i = 0, all = 0; i < CLOTHI_PAIRS_TASKS; i++) {
+            clothi_segment *s = list->task + i;
+            if (!list->pair && s->found >= s->room) s->room = s->found + s->found / 4u + 64u;
+            s->begin = all, all += s->room;
+        }
+        if (!list->pair) list->pair = (int *)clothi_alloc(hooks, all, 2 * sizeof *list->pair);
         if (!list->pair)
-            return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", *room);
+            return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", all);
         clothi_for(hooks, tasks, 1, clothi_bvh_query_range, &query);
-    } while (!clothi_pairs_fit(hooks, list, tasks));
-    for (i = 0; i < tasks; at += list->found[i++])      /* one segment behind the other */
-        memmove(list->pair + 2 * at, list->pair + 2 * list->start[i],
-                2 * list->found[i] * sizeof(int));
+        for (fit = 1, i = 0; i < tasks; i++) fit &= list->task[i].found <= list->task[i].room;
+        if (!fit) clothi_free(hooks, list->pair), list->pair = NULL;
+    } while (!fit);
+    for (i = 0; i < tasks; at += list->task[i++].found)     /* one segment behind the other */
+        memmove(list->pair + 2 * at, list->pair + 2 * list->task[i].begin,
+                2 * list->task[i].found * sizeof(int));
     if (at > (size_t)(0x7fffffff / 2))
         return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
     list->count = (int)at;
@@ -1573,41 +1557,34 @@ static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *
 }
 
 /* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
- *     clothi_bvh_walk w = clothi_bvh_walk_over(tree, box);
+ *     clothi_bvh_walk w = {tree, box, 1, 0, 0};
  *     while ((item = clothi_bvh_next(&w)) >= 0) ... */
 typedef struct clothi_bvh_walk {
     const clothi_bvh *tree;
     const double     *box;                  /* borrowed                                        */
-    int               stack[CLOTHI_BVH_STACK], n;
+    int               node;                 /* the next one, 0: none                           */
     int               at, end;              /* of the leaf: items still to be looked at        */
 } clothi_bvh_walk;
-
-static clothi_bvh_walk clothi_bvh_walk_over(const clothi_bvh *t, const double *box) {
-    clothi_bvh_walk w;
-    w.tree = t, w.box = box;
-    w.stack[0] = w.n = 1;
-    w.at = w.end = 0;
-    return w;
-}
 
 /* The next item, -1 when there is none. */
 static int clothi_bvh_next(clothi_bvh_walk *w) {
     const clothi_bvh *t = w->tree;
     for (;;) {
-        int node, leaf;
+        const int leaf = w->node - (1 << t->depth);
+        int       meets;
         while (w->at < w->end)
             if (clothi_boxes_meet(t->box + 6 * (size_t)w->at++, w->box))
                 return t->first + t->item[w->at - 1];
-        if (!w->n) return -1;
-        node = w->stack[--w->n], leaf = node - (1 << t->depth);
-        if (!clothi_boxes_meet(t->node + 6 * (size_t)node, w->box)) continue;
-        if (leaf < 0) {
-            w->stack[w->n++] = 2 * node + 1;
-            w->stack[w->n++] = 2 * node;
-        } else {
-            w->at = clothi_bvh_item(t, leaf, t->depth);
-            w->end = clothi_bvh_item(t, leaf + 1, t->depth);
+        if (!w->node) return -1;
+        meets = clothi_boxes_meet(t->node + 6 * (size_t)w->node, w->box);
+        if (meets && leaf < 0) {
+            w->node *= 2;
+            continue;
         }
+        if (meets) w->at = clothi_bvh_item(t, leaf, t->depth);
+        if (meets) w->end = clothi_bvh_item(t, leaf + 1, t->depth);
+        while (w->node & 1) w->node /= 2;   /* up from right children, on to the right one */
+        w->node += w->node > 0;
     }
 }
 
@@ -2989,7 +2966,7 @@ done:
  * cost O(log nf + faces on the ray), 0.4 us of 26 000 */
 static int clothi_surface_winding(const clothi_surface *s, const double *p) {
     const double    ray[6] = {p[0], p[1], p[2], CLOTHI_HUGE, p[1], p[2]};
-    clothi_bvh_walk w = clothi_bvh_walk_over(s->tree, ray);
+    clothi_bvh_walk w = {s->tree, ray, 1, 0, 0};
     int             f, k, sum = 0;
     while ((f = clothi_bvh_next(&w)) >= 0) {
         const int    *v = s->faces + 3 * f;
@@ -4019,12 +3996,11 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
 static cloth_status clothi_pairs_round(cloth_collide *c, const clothi_obstacle *o) {
     cloth_status    status = CLOTH_OK;
     double          box[6];
-    clothi_bvh_walk w;
+    clothi_bvh_walk w = {&c->tree, box, 1, 0, 0};
     int             f, k;
     memcpy(box, c->box_v + 6 * o->v0, sizeof box);
     if (o->nv == 2) clothi_box_join(box, c->box_v + 6 * (o->v0 + 1), box);
     for (k = 0; k < 3; k++) box[k] -= o->radius, box[3 + k] += o->radius;
-    w = clothi_bvh_walk_over(&c->tree, box);
     while (!status && (f = clothi_bvh_next(&w)) >= 0) {
         for (k = 0; k < o->nv && !status; k++) status = clothi_pair_add(c, CLOTHI_VF, o->v0 + k, f);
         for (k = 0; k < 3 && o->nv == 2 && !status; k++)
@@ -5680,7 +5656,7 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
     const double   *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
     const double   *to = c->hold_to + 3 * h->vertex;
     double          reach2 = 0, d[3], b[3], reach, box[6];
-    clothi_bvh_walk w;
+    clothi_bvh_walk w = {&c->solid, box, 1, 0, 0};
     int             i, k, f;
     for (i = 3 * c->star[h->vertex]; i < 3 * c->star[h->vertex + 1]; i++) {
         const int v = c->faces[3 * c->star_face[i / 3] + i % 3];
@@ -5693,7 +5669,7 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
     clothi_sub3(to, p, d);
     reach += sqrt(clothi_dot3(d, d));
     clothi_swept_boxes(1, p, NULL, reach, box);
-    for (w = clothi_bvh_walk_over(&c->solid, box); (f = clothi_bvh_next(&w)) >= 0;) {
+    while ((f = clothi_bvh_next(&w)) >= 0) {
         const int *v = c->faces + 3 * (size_t)f;
         if (c->slot[v[0]] == h->slot && !c->pinched[f])
             c->pinched[f] = clothi_face_distance2(c->xa, v, p, b) < reach2 ||
@@ -7815,8 +7791,8 @@ typedef struct clothi_crossing {            /* edge through face                
 } clothi_crossing;
 
 typedef struct clothi_contour {
-    clothi_crossing *cut;
-    int              n, cap;
+    clothi_crossing *cut;                   /* [n]                                             */
+    int              n;
     double           length;                /* m                                               */
 } clothi_contour;
 
@@ -7831,11 +7807,6 @@ struct clothi_tangle {
     unsigned char  *drives, *mask;          /* [nw] d is given; [mf] closed faces of an obstacle */
     double          measure;                /* m^3                                             */
 };
-
-static void clothi_tangle_free(const cloth_hooks *k, clothi_tangle *u) {
-    clothi_free(k, u->line.cut);
-    clothi_free(k, u->d);
-}
 
 static int clothi_face_has(const cloth_collide *c, int f, int v) {
     return c->faces[3 * f] == v || c->faces[3 * f + 1] == v || c->faces[3 * f + 2] == v;
@@ -7864,33 +7835,30 @@ static int clothi_contour_cut(const cloth_collide *c, int f, int k, int g, cloth
     return 1;
 }
 
-/* Adds the cuts of n pairs at c->xa: of each pair the two farthest from each other end its line. */
-static cloth_status clothi_contour_find(const cloth_collide *c, const clothi_pair_id *pair, int n,
-                                        clothi_contour *line) {
+/* Adds the cuts of n pairs at c->xa, six of each at most: the two farthest from each other end its
+ * line. */
+static void clothi_contour_find(const cloth_collide *c, const clothi_pair_id *pair, int n,
+                                clothi_contour *line) {
     int i, j, k, ends[2] = {0, 0};
     for (i = 0; i < n; i++) {
         const int first = line->n, face[2] = {pair[i].a, pair[i].b};
         double    length = 0, d[3];
         for (k = 0; k < 6 && pair[i].kind == CLOTHI_FF; k++) {
-            clothi_crossing cut;
-            cloth_status    status;
-            if (!clothi_contour_cut(c, face[k / 3], k % 3, face[1 - k / 3], &cut)) continue;
-            status = clothi_grow(c->hooks, (void **)&line->cut, line->n + 1, &line->cap,
-                                 sizeof cut);
-            if (status) return status;
-            for (line->cut[line->n++] = cut, j = first; j < line->n - 1; j++) {
-                clothi_sub3(cut.at, line->cut[j].at, d);
+            clothi_crossing *cut = line->cut + line->n;
+            if (!clothi_contour_cut(c, face[k / 3], k % 3, face[1 - k / 3], cut)) continue;
+            for (j = first; j < line->n; j++) {
+                clothi_sub3(cut->at, line->cut[j].at, d);
                 if (!(sqrt(clothi_dot3(d, d)) > length)) continue;
                 length = sqrt(clothi_dot3(d, d));
-                ends[0] = j, ends[1] = line->n - 1;
+                ends[0] = j, ends[1] = line->n;
             }
+            line->n++;
         }
         line->length += length;
         for (k = 0; k < 6 && length > 0; k++)
             line->cut[ends[k / 3]].r[k % 3] = (line->cut[ends[1 - k / 3]].at[k % 3] -
                                                line->cut[ends[k / 3]].at[k % 3]) / length;
     }
-    return CLOTH_OK;
 }
 
 /* g [nw x 3] += G of the cuts, but of those that have another way. */
@@ -8021,12 +7989,13 @@ static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
         {&u->d, 3 * nw, real}, {&u->g, 3 * nw, real}, {&u->size, nw, real},
         {&u->span, 2 * (size_t)c->me, real}, {&u->area, nw, one}, {&u->in, nw, one},
         {&u->drives, nw, 1}, {&u->mask, (size_t)c->mf, 1},
-        {&u->pair, (size_t)c->nnow + 1, sizeof *u->pair}};
+        {&u->pair, (size_t)c->nnow, sizeof *u->pair},
+        {&u->line.cut, 6 * (size_t)c->nnow, sizeof *u->line.cut}};
     cloth_status status = clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
     int          i, o;
     if (status) return status;
     for (i = 0; i < c->nnow; i++) u->pair[u->npair++] = c->now[i];
-    status = clothi_contour_find(c, u->pair, u->npair, &u->line);
+    clothi_contour_find(c, u->pair, u->npair, &u->line);
     CLOTHI_OBSTACLES(c, o)
         if (c->obstacle[o].nf && !status) status = clothi_tangle_inside(c, u, o);
     if (status) return status;
@@ -8106,7 +8075,7 @@ static cloth_status clothi_tangle_try(cloth_collide *c, clothi_tangle *u, double
     memset(&w, 0, sizeof w);
     if (!status) status = clothi_tangle_look(c, &w);
     *good = !status && w.measure <= (1 - CLOTHI_UNTANGLE_FALL) * u->measure;
-    clothi_tangle_free(c->hooks, &w);
+    clothi_free(c->hooks, w.d);
     return status;
 }
 
@@ -8181,7 +8150,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
                                    ". Pinned vertices are not moved");
         if (c->nfailed) r->pair = c->failed[0];
     }
-    clothi_tangle_free(hooks, &u);
+    clothi_free(hooks, u.d);
     return status;
 }
 

@@ -299,7 +299,7 @@ static void segments_through_meshes(void) {
                 sum += way;
             }
             hits += left;
-            w = clothi_bvh_walk_over(&tree, box);
+            w.tree = &tree, w.box = box, w.node = 1, w.at = w.end = 0;
             while ((f = clothi_bvh_next(&w)) >= 0) left -= pierced_face(&s, f, p, q) != 0;
             wrong += left || clothi_surface_winding(&u, p) - clothi_surface_winding(&u, q) != sum;
         }

@@ -239,7 +239,7 @@ static void walk_and_nearest(void) {
             if (!CHECK(clothi_bvh_build(NULL, n, box, &t) == CLOTH_OK)) return;
             t.first = 7;
             make_boxes((kind)how, 1, ask);
-            w = clothi_bvh_walk_over(&t, ask);
+            w.tree = &t, w.box = ask, w.node = 1, w.at = w.end = 0;
             while ((found = clothi_bvh_next(&w)) >= 0) met[found - 7]++;
             for (i = 0; i < n; i++) bad += met[i] != overlap(ask, box + 6 * i);
             for (k = 0; k < 3; k++) p[k] = 3 * uniform() - 1;

@@ -294,7 +294,7 @@ static void slotted(void) {
         CHECK(clothi_tangle_look(s.c, &u) == CLOTH_OK);
         for (i = 0; i < u.line.n; i++) CHECK(u.line.cut[i].end == -1);
         CHECK(u.line.n > 0);
-        clothi_tangle_free(s.c->hooks, &u);
+        clothi_free(s.c->hooks, u.d);
         (void)untangle(&s, "slotted", 120, 0);
     }
     stage_end(&s);
@@ -497,7 +497,10 @@ static void shortening(void) {
     if (!stage_start(&s)) goto done;
     clothi_world_pose(s.c, s.state->x, 0, 0);
     CHECK(clothi_crossings(s.c) == CLOTH_OK);
-    CHECK(clothi_contour_find(s.c, s.c->now, s.c->nnow, &cuts) == CLOTH_OK);
+    cuts.cut = (clothi_crossing *)clothi_alloc(&s.desc.hooks, 6 * (size_t)s.c->nnow,
+                                               sizeof *cuts.cut);
+    if (!cuts.cut) exit(2);
+    clothi_contour_find(s.c, s.c->now, s.c->nnow, &cuts);
     CHECK(cuts.n > 10);
     clothi_contour_shrink(s.c, &cuts, g);
     for (n = 0, i = 0; i < 3 * s.mesh->nv; i++) {

@@ -6979,13 +6979,6 @@ static size_t clothi_contact_bytes(void *user) {
 
 /* --- create --- */
 
-static cloth_status clothi_desc_number(const cloth_hooks *hooks, const char *name, double a,
-                                       int above) {
-    if (clothi_finite(a) && (above ? a > 0 : a >= 0)) return CLOTH_OK;
-    return clothi_fail(hooks, clothi_finite(a) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
-                       "%s = %g must be finite and %s 0", name, a, above ? ">" : ">=");
-}
-
 /* x [n x 3]: finite, and no farther out than that areas' squares have room. */
 static cloth_status clothi_check_places(const cloth_hooks *hooks, const char *call,
                                         const char *name, const double *x, int n) {
@@ -6998,26 +6991,25 @@ static cloth_status clothi_check_places(const cloth_hooks *hooks, const char *ca
 }
 
 static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
+    static const clothi_rule rule[] = {
+        CLOTHI_RULE(cloth_collide_desc, thickness, 1, CLOTHI_OVER, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_collide_desc, stiffness, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_collide_desc, relaxation, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_collide_desc, friction, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_collide_desc, slip, 1, CLOTHI_OVER, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_collide_desc, max_passes, 0, 0, 1, CLOTHI_MOST_PASSES),
+        CLOTHI_RULE(cloth_collide_desc, initial, 0, 0, CLOTH_INITIAL_REFUSE,
+                    CLOTH_INITIAL_EXEMPT)};
     const cloth_hooks *hooks = &sim->hooks;
     const double       big = clothi_max_abs(sim->state.x, 3 * sim->model->nv);
     cloth_status       status;
     if (d->cookie != CLOTHI_COLLIDE_COOKIE) return CLOTH_ERR_UNINIT;
-    status = clothi_desc_number(hooks, "collide.thickness", d->thickness, 1);
-    if (!status) status = clothi_desc_number(hooks, "collide.stiffness", d->stiffness, 0);
-    if (!status) status = clothi_desc_number(hooks, "collide.relaxation", d->relaxation, 0);
-    if (!status) status = clothi_desc_number(hooks, "collide.friction", d->friction, 0);
-    if (!status) status = clothi_desc_number(hooks, "collide.slip", d->slip, 1);
+    status = clothi_check_rules(hooks, "collide.", d, rule, sizeof rule / sizeof *rule);
     if (status) return status;
-    if (d->max_passes < 1 || d->max_passes > CLOTHI_MOST_PASSES)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.max_passes = %i is not in 1 .. %i",
-                           d->max_passes, CLOTHI_MOST_PASSES);
     if (d->thickness < CLOTHI_FINEST * big)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "collide.thickness = %g is lost in the rounding of x = %g",
                            d->thickness, big);
-    if (d->initial != CLOTH_INITIAL_REFUSE && d->initial != CLOTH_INITIAL_EXEMPT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.initial = %i is no CLOTH_INITIAL_",
-                           (int)d->initial);
     if (d->nparts != 0 && (d->nparts != sim->model->nparts || !d->parts))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.nparts = %i, the model has %i%s",
                            d->nparts, sim->model->nparts, d->parts ? "" : "; parts is NULL");
@@ -7175,6 +7167,11 @@ static int clothi_obstacle_shape(const cloth_obstacle_desc *d, int *nf) {
     return d->kind == CLOTH_OBSTACLE_MESH ? d->nv : nv[d->kind];
 }
 
+static int clothi_has_radius(cloth_obstacle_kind kind) {
+    return kind == CLOTH_OBSTACLE_SPHERE || kind == CLOTH_OBSTACLE_CAPSULE ||
+           kind == CLOTH_OBSTACLE_GRID;
+}
+
 /* A body that penetrates itself has an inside: closed, manifold, its faces turned outwards. Of
  * others it is said where they are closed and inside out: a room, or a slip. */
 static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
@@ -7198,65 +7195,64 @@ static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth
                        "inside out, its faces look inwards", defect.inward);
 }
 
-static cloth_status clothi_obstacle_check(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
-    cloth_status status;
-    int          nf, nv;
-    if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
-    if (d->kind < CLOTH_OBSTACLE_MESH || d->kind > CLOTH_OBSTACLE_GRID)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.kind = %i is no CLOTH_OBSTACLE_",
-                           (int)d->kind);
-    nv = clothi_obstacle_shape(d, &nf);
-    if (!d->x || nv < 1 || nv > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.nv = %i, x %s", nv,
-                           d->x ? "given" : "NULL");
-    status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv);
-    if (!status) status = clothi_desc_number(hooks, "obstacle.friction", d->friction, 0);
-    if (!status) status = clothi_desc_number(hooks, "obstacle.thickness", d->thickness, 0);
-    if (!status && (d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE))
-        status = clothi_desc_number(hooks, "obstacle.radius", d->radius, 1);
+/* What is said of a grid, of which a potential is all that there is. */
+static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
+                                               const cloth_obstacle_desc *d) {
+    const cloth_hooks *hooks = c->hooks;
+    const cloth_grid  *g = d->grid;
+    cloth_status       status;
+    ptrdiff_t          at;
+    if (!g || !g->phi) return clothi_null(hooks, g ? "obstacle.grid->phi" : "obstacle.grid");
+    status = clothi_check_vector(hooks, "obstacle.grid->origin", g->origin, 3);
+    if (!status)
+        status = clothi_check_range(hooks, "obstacle.grid->", "cell", g->cell, 0, HUGE_VAL,
+                                    CLOTHI_OVER);
+    if (!status)
+        status = clothi_check_range(hooks, "obstacle.grid->", "band", g->band,
+                                    d->radius + c->desc.thickness, HUGE_VAL, CLOTHI_OVER);
+    for (at = 0; at < 3 && !status; at++)
+        status = clothi_check_count(hooks, "obstacle.grid->", "n", g->n[at], 2, 0x7fffffff);
     if (status) return status;
-    if (clothi_finite(d->radius) && d->radius > CLOTHI_FARTHEST)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.radius = %g is over %g", d->radius,
-                           CLOTHI_FARTHEST);
+    at = clothi_find_nonfinite(g->phi, (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2]);
+    if (at >= 0)
+        return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->phi[%i] = %g", (int)at,
+                           g->phi[at]);
+    if (c->sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "obstacle.kind = %i: leapfrog has no "
+                       "proximity potential, which is all that a grid has", (int)d->kind);
+}
+
+static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_obstacle_desc *d) {
+    static const clothi_rule rule[] = {
+        CLOTHI_RULE(cloth_obstacle_desc, friction, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_obstacle_desc, thickness, 1, 0, 0, CLOTHI_HUGE)};
+    const cloth_hooks *hooks = c->hooks;
+    const int          grid = d->kind == CLOTH_OBSTACLE_GRID;
+    cloth_status       status;
+    int                nf, nv;
+    if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
+    status = clothi_check_count(hooks, "obstacle.", "kind", (int)d->kind, CLOTH_OBSTACLE_MESH,
+                                CLOTH_OBSTACLE_GRID);
+    if (status) return status;
+    nv = clothi_obstacle_shape(d, &nf);
+    status = clothi_check_count(hooks, "obstacle.", "nv", nv, 1, CLOTH_MAX_COUNT);
+    if (!status && !d->x) status = clothi_null(hooks, "obstacle.x");
+    if (!status) status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv);
+    if (!status) status = clothi_check_rules(hooks, "obstacle.", d, rule, 2);
+    if (!status && clothi_has_radius(d->kind))
+        status = clothi_check_range(hooks, "obstacle.", "radius", d->radius, 0, CLOTHI_FARTHEST,
+                                    grid ? 0 : CLOTHI_OVER);
+    if (status) return status;
     if (d->kind == CLOTH_OBSTACLE_PLANE &&
         (clothi_find_nonfinite(d->normal, 3) >= 0 || !(clothi_max_abs(d->normal, 3) > 0)))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.normal = (%g, %g, %g)",
                            d->normal[0], d->normal[1], d->normal[2]);
+    if (grid) return clothi_obstacle_check_grid(c, d);
     if (d->kind != CLOTH_OBSTACLE_MESH) return CLOTH_OK;
-    if (!d->faces || nf < 1 || nf > CLOTH_MAX_COUNT)
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.nf = %i, faces %s", nf,
-                           d->faces ? "given" : "NULL");
-    status = clothi_check_faces(hooks, nv, nf, d->faces);
+    status = clothi_check_count(hooks, "obstacle.", "nf", nf, 1, CLOTH_MAX_COUNT);
+    if (!status && !d->faces) status = clothi_null(hooks, "obstacle.faces");
+    if (!status) status = clothi_check_faces(hooks, nv, nf, d->faces);
     return status ? status : clothi_obstacle_closed(hooks, d);
-}
-
-static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
-                                               const cloth_obstacle_desc *d) {
-    const cloth_grid *g = d->grid;
-    cloth_status      status = clothi_desc_number(c->hooks, "obstacle.radius", d->radius, 0);
-    ptrdiff_t         at;
-    int               k;
-    if (status) return status;
-    if (!g || !g->phi)
-        return clothi_null(c->hooks, g ? "obstacle.grid->phi" : "obstacle.grid");
-    for (k = 0; k < 3; k++)
-        if (g->n[k] < 2)
-            return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid->n[%i] = %i is below 2",
-                               k, g->n[k]);
-    status = clothi_desc_number(c->hooks, "obstacle.grid->cell", g->cell, 1);
-    if (!status) status = clothi_desc_number(c->hooks, "obstacle.grid->band", g->band, 1);
-    if (!status) status = clothi_check_vector(c->hooks, "obstacle.grid->origin", g->origin, 3);
-    if (status) return status;
-    at = clothi_find_nonfinite(g->phi, (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2]);
-    if (at >= 0)
-        return clothi_fail(c->hooks, CLOTH_ERR_NONFINITE, "obstacle.grid->phi[%i] = %g", (int)at,
-                           g->phi[at]);
-    if (!(g->band > d->radius + c->desc.thickness))
-        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "obstacle.grid->band = %g must be over "
-                           "radius %g + thickness %g", g->band, d->radius, c->desc.thickness);
-    if (c->sim->model->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG) return CLOTH_OK;
-    return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED, "obstacle.kind = %i: leapfrog has no "
-                       "proximity potential, which is all that a grid has", (int)d->kind);
 }
 
 static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
@@ -7277,8 +7273,7 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
         o->normal[k] = d->kind == CLOTH_OBSTACLE_PLANE ? normal[k] / size : 0;
     }
     o->grid = d->kind == CLOTH_OBSTACLE_GRID ? d->grid : NULL;
-    o->radius = d->kind == CLOTH_OBSTACLE_SPHERE || d->kind == CLOTH_OBSTACLE_CAPSULE || o->grid
-                    ? d->radius : 0;
+    o->radius = clothi_has_radius(d->kind) ? d->radius : 0;
     o->friction = o->first_friction = d->friction;
     o->category = d->category, o->mask = d->mask;
     o->generation = (o->generation + 1) & 0xffffu;
@@ -7297,8 +7292,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     if (!c) return CLOTH_ERR_ARGUMENT;
     if (!desc) return clothi_null(c->hooks, "cloth_collide_add: desc");
     known = c->nobstacle;
-    status = clothi_obstacle_check(c->hooks, desc);
-    if (!status && desc->kind == CLOTH_OBSTACLE_GRID) status = clothi_obstacle_check_grid(c, desc);
+    status = clothi_obstacle_check(c, desc);
     if (status) return status;
     while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
     if (slot >= 0xffff)
@@ -7431,7 +7425,8 @@ CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstac
     clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_set_friction");
     cloth_status     status;
     if (!o) return CLOTH_ERR_HANDLE;
-    status = clothi_desc_number(c->hooks, "cloth_collide_set_friction: friction", friction, 0);
+    status = clothi_check_range(c->hooks, "cloth_collide_set_friction: ", "friction", friction, 0,
+                                HUGE_VAL, 0);
     if (!status) clothi_set(c->sim, &o->friction, &friction, sizeof friction);
     return status;
 }
@@ -7701,7 +7696,9 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
     cloth_status status;
     int          i;
     status = clothi_query_check(c, "cloth_collide_gap", 1, gap != NULL);
-    if (!status) status = clothi_desc_number(c->hooks, "cloth_collide_gap: range", range, 1);
+    if (!status)
+        status = clothi_check_range(c->hooks, "cloth_collide_gap: ", "range", range, 0, HUGE_VAL,
+                                    CLOTHI_OVER);
     if (!status) status = clothi_look_check(c);
     if (status) return status;
     *gap = range;
@@ -8127,7 +8124,8 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     memset(r, 0, sizeof *r);
     memset(&u, 0, sizeof u);
     if (!c) return CLOTH_ERR_ARGUMENT;
-    status = clothi_desc_number(c->hooks, "cloth_collide_untangle: max_move", max_move, 0);
+    status = clothi_check_range(c->hooks, "cloth_collide_untangle: ", "max_move", max_move, 0,
+                                HUGE_VAL, 0);
     if (!status) status = clothi_look_check(c);
     if (status) return status;
     if (!(max_move > 0)) max_move = CLOTHI_UNTANGLE_MOVE * c->desc.thickness;

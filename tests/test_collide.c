@@ -122,7 +122,7 @@ static void obstacles(void) {
     o.nv = 3, o.nf = 1, o.x = x, o.faces = wrong;
     CHECK(add_refused(&o, CLOTH_ERR_MESH, "9"));
     o.faces = NULL;
-    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "faces NULL"));
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.faces is NULL"));
     o.faces = faces, o.nf = 0;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.nf = 0"));
     o.nf = 1, o.nv = 0;
@@ -130,7 +130,7 @@ static void obstacles(void) {
     o.nv = 0x7fffffff;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.nv = 2147483647"));
     o.nv = 3, o.x = NULL;
-    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "x NULL"));
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.x is NULL"));
     o.x = x, o.friction = NAN;
     CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.friction = NaN"));
     o.faces = faces, o.friction = -1;

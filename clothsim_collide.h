@@ -3362,6 +3362,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     int    kind, a, b;                      /* its id                                          */
     int    slot;
     int    n, v[4];                         /* world vertices                                  */
+    int    first, end;                      /* of them cloth's: v[first] .. v[end - 1]         */
     int    soft;                            /* with a grid: gap may be below 0                 */
     int    beside;                          /* in the template, with less range for that       */
     double range, radius;                   /* m: activation distance; taken off the distance  */
@@ -3868,10 +3869,11 @@ static double clothi_slot_radius(const cloth_collide *c, int slot) {
     return slot < 0 ? 0 : c->obstacle[slot].radius;
 }
 
-/* Points of a pair: cloth at x [nv x 3], obstacles at `world` (xa or xb). */
-static void clothi_pair_points(const cloth_collide *c, const double *x, const double *world,
-                               const int *v, int n, double *out) {
-    int k;
+/* Points of a pair: cloth at x [nv x 3], obstacles at xa where that is x, else where they end. */
+static void clothi_pair_points(const cloth_collide *c, const double *x, const int *v, int n,
+                               double *out) {
+    const double *world = x == c->xa ? x : c->xb;
+    int           k;
     for (k = 0; k < n; k++)
         memcpy(out + 3 * k, (v[k] < c->nv ? x : world) + 3 * v[k], 3 * sizeof(double));
 }
@@ -3915,7 +3917,7 @@ static double clothi_pair_thickness(const cloth_collide *c, const clothi_pair_id
     int          n;
     if (slot >= 0) return c->obstacle[slot].thickness;
     if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return t;
-    clothi_pair_points(c, c->sim->model->x_rest, c->xa, v, 4, x);
+    clothi_pair_points(c, c->sim->model->x_rest, v, 4, x);
     apart = clothi_pair_beyond(p->kind, x) < 2 * t ? clothi_pair_distance(p->kind, x, w) : 2 * t;
     if (!(apart < 2 * t)) return t;
     faces = clothi_pair_faces(c, p, 0, &n);
@@ -3964,15 +3966,13 @@ static double clothi_pair_come(const cloth_collide *c, const clothi_pair_id *p, 
     return sqrt(most);
 }
 
-/* Distance left between a cloth feature and what it is paired with, m; cloth at x, obstacles at
- * `world`. */
-static double clothi_pair_gap(const cloth_collide *c, const double *x, const double *world,
-                              const clothi_pair_id *p) {
+/* Distance left between the sides of a pair, m; x: as in clothi_pair_points. */
+static double clothi_pair_gap(const cloth_collide *c, const double *x, const clothi_pair_id *p) {
     const clothi_obstacle *o;
     double                 r[12], w[4];
     int                    v[4];
     const int              n = clothi_pair_vertices(c, p, v);
-    clothi_pair_points(c, x, world, v, n, r);
+    clothi_pair_points(c, x, v, n, r);
     if (p->kind != CLOTHI_VP)
         return clothi_pair_distance(p->kind, r, w) - clothi_slot_radius(c, clothi_pair_slot(c, p));
     o = c->obstacle + p->b;
@@ -4157,7 +4157,7 @@ static cloth_status clothi_crossings(cloth_collide *c) {
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_CROSS);
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_pair_id *p = &c->pair[i].id;
-        if (!clothi_is_soft(c, p) && !(clothi_pair_gap(c, c->xb, c->xb, p) > 0))
+        if (!clothi_is_soft(c, p) && !(clothi_pair_gap(c, c->xb, p) > 0))
             status = clothi_exempt_add(c, p);
     }
     return status;
@@ -4223,7 +4223,7 @@ static void clothi_exempt_part(cloth_collide *c) {
     for (i = 0; i < c->nnow; i++) {
         const clothi_pair_id p = c->now[i];
         if (p.kind < 0 ? clothi_faces_intersect(c->xb, c->faces + 3 * p.a, c->faces + 3 * p.b)
-                       : !(clothi_pair_gap(c, c->xb, c->xb, &p) > 0))
+                       : !(clothi_pair_gap(c, c->xb, &p) > 0))
             c->now[n++] = p;
     }
     c->nnow = n;
@@ -4419,52 +4419,59 @@ static void clothi_contact_normal(const cloth_collide *c, const clothi_contact *
     f->energy = f->force = f->slope = 0;
 }
 
-/* r [3]: from a feature at p to its neighbour o, across the edge e (NULL: none), of which *along is
- * taken off. Returns how far that falls off on the side that d looks to, in CLOTHI_CONVEX. */
-static double clothi_fall(const double *p, const double *o, const double *e, const double *d,
-                          double *r, double *along) {
-    double size;
-    int    k;
-    clothi_sub3(o, p, r);
-    *along = e ? clothi_dot3(r, e) / clothi_dot3(e, e) : 0;
-    for (k = 0; e && k < 3; k++) r[k] -= *along * e[k];
+/* r [3]: from vertex v to its neighbour o at x^n, across the edge e [3] of vertices `edge` (NULL:
+ * none), of which *along is taken off. Returns how far that falls off on the side that d looks to,
+ * in CLOTHI_CONVEX. */
+static double clothi_fall(const cloth_collide *c, int v, int o, const int *edge, const double *d,
+                          double *r, double *e, double *along) {
+    const double *x = c->xa;
+    double        size;
+    int           k;
+    clothi_sub3(x + 3 * o, x + 3 * v, r);
+    if (edge) {
+        clothi_sub3(x + 3 * edge[1], x + 3 * edge[0], e);
+        *along = clothi_dot3(r, e) / clothi_dot3(e, e);
+        for (k = 0; k < 3; k++) r[k] -= *along * e[k];
+    }
     size = sqrt(clothi_dot3(r, r));
     return size > 0 ? -clothi_dot3(r, d) / (CLOTHI_CONVEX * size) : 1;
 }
 
 /* 0 when it does not, 1 from the angle CLOTHI_CONVEX on. */
-static double clothi_falls_off(const double *p, const double *o, const double *e, const double *d) {
-    double       r[3], along;
-    const double fall = clothi_fall(p, o, e, d, r, &along);
+static double clothi_falls_off(const cloth_collide *c, int v, int o, const int *edge,
+                               const double *d) {
+    double       r[3], e[3], along;
+    const double fall = clothi_fall(c, v, o, edge, d, r, e, &along);
     return fall > 0 ? fall < 1 ? fall * fall * (3 - 2 * fall) : 1 : 0;
 }
 
-/* The same for both faces at edge e, and for all neighbours of vertex v, at x^n. d [3]: away from
- * the feature, towards what it meets. */
+/* The corner of face k at edge e that is across from it; -1: no such face. */
+static int clothi_edge_across(const cloth_collide *c, int e, int k) {
+    const int *v = c->edges + 2 * e, f = 3 * c->edge_face[2 * e + k];
+    return f < 0 ? -1 : c->faces[f] + c->faces[f + 1] + c->faces[f + 2] - v[0] - v[1];
+}
+
+/* The same for both faces at edge e, and for all neighbours of vertex v. d [3]: away from the
+ * feature, towards what it meets. */
 static double clothi_edge_convex(const cloth_collide *c, int e, const double *d) {
-    const int    *v = c->edges + 2 * e, *f = c->edge_face + 2 * e;
-    const double *at = c->xa;
-    double        r[3], share = 1;
-    int           k;
-    clothi_sub3(at + 3 * v[1], at + 3 * v[0], r);
-    for (k = 0; k < 2 && f[k] >= 0; k++) {
-        const int *w = c->faces + 3 * f[k], third = w[0] + w[1] + w[2] - v[0] - v[1];
-        share *= clothi_falls_off(at + 3 * v[0], at + 3 * third, r, d);
-    }
+    const int *v = c->edges + 2 * e;
+    double     share = 1;
+    int        k, o;
+    for (k = 0; k < 2; k++)
+        if ((o = clothi_edge_across(c, e, k)) >= 0) share *= clothi_falls_off(c, *v, o, v, d);
     return share;
 }
 
 /* *least: the first of the neighbours that fall off least, -1: all do fully. */
 static double clothi_vertex_convex(const cloth_collide *c, int v, const double *d, int *least) {
     double share = 1;
-    int    i, k;
+    int    i;
     *least = -1;
-    for (i = c->star[v]; i < c->star[v + 1]; i++)
-        for (k = 0; k < 3; k++) {
-            const int    w = c->faces[3 * c->star_face[i] + k];
-            const double own = w == v ? 1 : clothi_falls_off(c->xa + 3 * v, c->xa + 3 * w, NULL, d);
-            if (own < share) share = own, *least = w;
-        }
+    for (i = 3 * c->star[v]; i < 3 * c->star[v + 1]; i++) {
+        const int    w = c->faces[3 * c->star_face[i / 3] + i % 3];
+        const double own = w == v ? 1 : clothi_falls_off(c, v, w, NULL, d);
+        if (own < share) share = own, *least = w;
+    }
     return share;
 }
 
@@ -4479,7 +4486,7 @@ static double clothi_contact_share(const cloth_collide *c, const clothi_contact 
     if (q->radius > 0 || q->kind == CLOTHI_VP || f->gap > 2 * q->range) return 1;
     for (k = 0; k < 3; k++) d[k] = -f->normal[k];
     if (q->kind == CLOTHI_VF) return q->a < c->nv ? 1 : clothi_vertex_convex(c, q->a, d, &k);
-    clothi_pair_points(c, c->xa, c->xa, q->v, 4, p);
+    clothi_pair_points(c, c->xa, q->v, 4, p);
     clothi_sub3(p + 3, p, e);
     clothi_sub3(p + 9, p + 6, r);
     clothi_cross3(e, r, n);
@@ -4523,10 +4530,10 @@ static int clothi_contact_soft(const cloth_collide *c, clothi_contact *q, const 
 
 /* Gap, weights and normal of a contact at x. */
 static void clothi_contact_frame_at(const cloth_collide *c, const clothi_contact *q,
-                                    const double *x, const double *obstacles, clothi_frame *f) {
+                                    const double *x, clothi_frame *f) {
     double p[12], r[3] = {0, 0, 0}, d = 0;
     int    i, k;
-    clothi_pair_points(c, x, obstacles, q->v, q->n, p);
+    clothi_pair_points(c, x, q->v, q->n, p);
     if (q->kind != CLOTHI_VP) d = clothi_pair_distance(q->kind, p, f->w);
     if (!(d > 0)) {
         memcpy(f->w, q->w, sizeof f->w);
@@ -4544,7 +4551,7 @@ static void clothi_frame_range(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (i = begin; i < end; i++) {
         clothi_contact *q = c->contact + i;
-        clothi_contact_frame_at(c, q, c->x_frame, c->xb, &q->at);
+        clothi_contact_frame_at(c, q, c->x_frame, &q->at);
         clothi_contact_normal(c, q, 1, &q->at);
     }
 }
@@ -4584,16 +4591,23 @@ static void clothi_contact_frames(cloth_collide *c, const double *x) {
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_frame_range, c);
 }
 
-/* Tangential part of the elastic slip since the anchor was set, m, in the lagged frame. */
-static void clothi_contact_slip(const cloth_collide *c, const clothi_contact *q, const double *x,
-                                double *u) {
-    double along;
-    int    i, k;
+/* Way of a contact since its anchor was set, m, by its lagged weights. */
+static void clothi_contact_way(const cloth_collide *c, const clothi_contact *q, const double *x,
+                               double *u) {
+    int i, k;
     for (k = 0; k < 3; k++) u[k] = q->slip[k] + q->carry[k];
     for (i = 0; i < q->n; i++) {
         const double *to = (q->v[i] < c->nv ? x : c->xb) + 3 * q->v[i], *at = c->xa + 3 * q->v[i];
         for (k = 0; k < 3; k++) u[k] += q->w[i] * (to[k] - at[k]);
     }
+}
+
+/* Its tangential part, the elastic slip. */
+static void clothi_contact_slip(const cloth_collide *c, const clothi_contact *q, const double *x,
+                                double *u) {
+    double along;
+    int    k;
+    clothi_contact_way(c, q, x, u);
     along = clothi_dot3(u, q->normal);
     for (k = 0; k < 3; k++) u[k] -= along * q->normal[k];
 }
@@ -4639,39 +4653,31 @@ static double clothi_contact_friction(const cloth_collide *c, const clothi_conta
                                   : size - eps / 3);
 }
 
-/* Which vertices of a contact are cloth, at [4], and how many. */
-static int clothi_contact_cloth(const cloth_collide *c, const clothi_contact *q, int *at) {
-    int n = 0, i;
-    for (i = 0; i < q->n; i++)
-        if (q->v[i] < c->nv) at[n++] = i;
-    return n;
-}
-
-/* Adds the squares of rows [m x 12] by the coordinates of vertices at [n], and K [3x3] (NULL: none)
- * on sum w x, to the matrix. */
-static cloth_status clothi_contact_add(const clothi_contact *q, int n, const int *at,
-                                       const double *row, int m, const double *K,
-                                       cloth_matrix *A) {
-    double H[144];
-    int    v[4], i, j, k;
-    for (i = 0; i < n; i++) v[i] = q->v[at[i]];
-    for (i = 0; i < 3 * n; i++)
+/* Adds the squares of rows [m x 12] by the coordinates of its cloth, and K [3x3] (NULL: none) on
+ * sum w x, to the matrix. */
+static cloth_status clothi_contact_add(const clothi_contact *q, const double *row, int m,
+                                       const double *K, cloth_matrix *A) {
+    const double *w = q->w + q->first;
+    const int     n = 3 * (q->end - q->first);
+    double        H[144];
+    int           i, j, k;
+    for (i = 0; i < n; i++)
         for (j = 0; j < 3 * (i / 3 + 1); j++) {         /* what the matrix reads */
             double h = 0;
             for (k = 0; k < m; k++) h += row[12 * k + i] * row[12 * k + j];
-            if (K) h += q->w[at[i / 3]] * q->w[at[j / 3]] * K[3 * (i % 3) + j % 3];
-            H[3 * n * i + j] = h;
+            if (K) h += w[i / 3] * w[j / 3] * K[3 * (i % 3) + j % 3];
+            H[n * i + j] = h;
         }
-    return cloth_matrix_add_element(A, n, v, H);
+    return cloth_matrix_add_element(A, n / 3, q->v + q->first, H);
 }
 
 /* A spring of s N/m along v [3] alone. */
-static cloth_status clothi_contact_spring(const cloth_collide *c, const clothi_contact *q, double s,
-                                          const double *v, cloth_matrix *A) {
+static cloth_status clothi_contact_spring(const clothi_contact *q, double s, const double *v,
+                                          cloth_matrix *A) {
     double K[9];
-    int    at[4], i;
+    int    i;
     for (i = 0; i < 9; i++) K[i] = s * v[i / 3] * v[i % 3];
-    return clothi_contact_add(q, clothi_contact_cloth(c, q, at), at, NULL, 0, K, A);
+    return clothi_contact_add(q, NULL, 0, K, A);
 }
 
 /* How the weights of a frame change along what the closest points can slide on: rate [2 x 4] by the
@@ -4707,11 +4713,13 @@ static int clothi_frame_rates(const clothi_contact *q, const double *w, const do
  * Across them it is negative and left out. a and b are orthogonal, so that a a' + a b' + b a' has
  * one positive eigenvalue. */
 static int clothi_frame_bends(const cloth_collide *c, const clothi_contact *q, const double *x,
-                              const int *at, int n, double *row) {
+                              double *row) {
     const clothi_frame *f = &q->at;
+    const double       *w = f->w + q->first;
+    const int           n = q->end - q->first;
     double    p[12], rate[8], along[6], G[3], d = f->gap + q->radius;
     int       m, i, j, k, used = 0;
-    clothi_pair_points(c, x, c->xb, q->v, q->n, p);
+    clothi_pair_points(c, x, q->v, q->n, p);
     m = d > 0 ? clothi_frame_rates(q, f->w, p, rate, along) : 0;
     if (!m) return 0;
     G[0] = sqrt(clothi_dot3(along, along));
@@ -4727,17 +4735,15 @@ static int clothi_frame_bends(const cloth_collide *c, const clothi_contact *q, c
         if (m > 1) along[3 + k] = (along[3 + k] - G[1] * along[k]) / sqrt(G[2]);
     }
     for (j = 0; j < m; j++) {
-        double a2 = 0, b2 = 0, most, size;
-        for (i = 0; i < n; i++) {
-            a2 += rate[4 * j + at[i]] * rate[4 * j + at[i]];
-            b2 += f->w[at[i]] * f->w[at[i]] / (d * d);
-        }
+        const double *a = rate + 4 * j + q->first;
+        double        a2 = 0, b2 = 0, most, size;
+        for (i = 0; i < n; i++) a2 += a[i] * a[i], b2 += w[i] * w[i] / (d * d);
         if (!(a2 > 0)) continue;
         most = 0.5 * (a2 + sqrt(a2 * a2 + 4 * a2 * b2));
         size = sqrt(d * most * a2 / (most * most + a2 * b2));
         for (i = 0; i < 3 * n; i++)
-            row[12 * used + i] = size * (most / a2 * rate[4 * j + at[i / 3]] * f->normal[i % 3] +
-                                         f->w[at[i / 3]] * along[3 * j + i % 3] / d);
+            row[12 * used + i] = size * (most / a2 * a[i / 3] * f->normal[i % 3] +
+                                         w[i / 3] * along[3 * j + i % 3] / d);
         used++;
     }
     return used;
@@ -4749,32 +4755,28 @@ static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_
                                            const double *x, const double *K, cloth_matrix *A) {
     const clothi_frame *f = &q->at;
     double    row[36], press = f->part * f->force + f->own[1];
-    int       at[4], m, i, k;
-    const int n = clothi_contact_cloth(c, q, at);
-    m = press > 0 ? clothi_frame_bends(c, q, x, at, n, row + 12) : 0;
-    for (i = 0; i < 3 * n; i++) {
-        row[i] = sqrt(f->part * f->slope + f->own[2]) * f->w[at[i / 3]] * f->normal[i % 3];
+    const int m = press > 0 ? clothi_frame_bends(c, q, x, row + 12) : 0;
+    int       i, k;
+    for (i = 0; i < 3 * (q->end - q->first); i++) {
+        row[i] = sqrt(f->part * f->slope + f->own[2]) * f->w[q->first + i / 3] * f->normal[i % 3];
         for (k = 1; k <= m; k++) row[12 * k + i] *= sqrt(press);
     }
-    return clothi_contact_add(q, n, at, row, m + 1, K, A);
+    return clothi_contact_add(q, row, m + 1, K, A);
 }
 
 /* What couples the contacts q [n] of one cloth feature with one obstacle: (p - 1)/E times
  * (sum r^(p-2) g g' - G G'), g = de/dx, r = e/E, G = dE/dx. */
-static cloth_status clothi_group_hessian(const cloth_collide *c, const clothi_contact *q, int n,
-                                         double E, cloth_matrix *A) {
-    double H[81], G[9];
-    int    v[3], m = 0, i, j, k;
-    for (i = 0; i < q->n; i++)
-        if (q->v[i] < c->nv) v[m++] = q->v[i];
+static cloth_status clothi_group_hessian(const clothi_contact *q, int n, double E,
+                                         cloth_matrix *A) {
+    const int *v = q->v + q->first, m = 3 * (q->end - q->first);
+    double     H[81], G[9], g[9];
+    int        j, k;
     memset(H, 0, sizeof H);
     memset(G, 0, sizeof G);
-    for (i = 0; i < n; i++, q++) {
+    for (; n > 0; n--, q++) {
         const double pull = q->at.force, r = q->at.energy / E, r2 = r * r;
-        double       g[9];
         if (!(r > 0.01)) continue;
-        for (m = 0, j = 0; j < q->n; j++)
-            for (k = 0; q->v[j] < c->nv && k < 3; k++) g[m++] = pull * q->at.w[j] * q->at.normal[k];
+        for (j = 0; j < m; j++) g[j] = pull * q->at.w[q->first + j / 3] * q->at.normal[j % 3];
         for (j = 0; j < m; j++) {
             for (k = 0; k < m; k++) H[m * j + k] += 7 / E * r2 * r2 * r2 * g[j] * g[k];
             G[j] += r2 * r2 * r2 * r * g[j];
@@ -4799,24 +4801,23 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
         j = clothi_group_end(c, i);
         *energy += E = clothi_contact_group(c->contact + i, j - i);
         if (e->hess && j - i > 1 && E > 0 && c->contact[i].slot >= 0)
-            status = clothi_group_hessian(c, c->contact + i, j - i, E, e->hess);
+            status = clothi_group_hessian(c->contact + i, j - i, E, e->hess);
         for (m = i; m < j && !status; m++) {
             const clothi_contact *q = c->contact + m;
             const clothi_frame   *f = &q->at;
             double                K[9], tangent[3];
             const double          push = f->part * f->force + f->own[1];
             *energy += f->own[0];
-            for (l = 0; e->grad && push > 0 && l < q->n; l++)
-                for (k = 0; q->v[l] < c->nv && k < 3; k++)
+            for (l = q->first; e->grad && push > 0 && l < q->end; l++)
+                for (k = 0; k < 3; k++)
                     e->grad[3 * q->v[l] + k] -= f->w[l] * push * f->normal[k];
             if (q->limit > 0) *energy += clothi_contact_friction(c, q, e->x, tangent, K);
-            for (l = 0; e->grad && q->limit > 0 && l < q->n; l++)
-                for (k = 0; q->v[l] < c->nv && k < 3; k++)
-                    e->grad[3 * q->v[l] + k] += q->w[l] * tangent[k];
+            for (l = q->first; e->grad && q->limit > 0 && l < q->end; l++)
+                for (k = 0; k < 3; k++) e->grad[3 * q->v[l] + k] += q->w[l] * tangent[k];
             if (e->hess && (push > 0 || q->limit > 0))
                 status = clothi_contact_hessian(c, q, e->x, q->limit > 0 ? K : NULL, e->hess);
             if (e->hess && q->spring > 0 && !status)
-                status = clothi_contact_spring(c, q, q->spring, q->normal, e->hess);
+                status = clothi_contact_spring(q, q->spring, q->normal, e->hess);
         }
     }
     return status;
@@ -4835,7 +4836,7 @@ static clothi_key clothi_key_of(const cloth_collide *c, const clothi_contact *q)
     key.feature = ee, key.a = q->a, key.b = q->slot;
     if (v[0] >= c->nv) key.feature = ee ? 1 : 2, key.a = q->b;  /* the cloth's edge or face */
     if (q->slot >= 0) return key;
-    clothi_pair_points(c, c->xa, c->xa, v, 4, x);
+    clothi_pair_points(c, c->xa, v, 4, x);
     (void)clothi_pair_distance(q->kind, x, w);
     for (i = 0; i < 12; i++) n[i % 3] += w[i / 3] * x[i];
     for (i = c->star[v[0]]; i < c->star[v[0] + 1]; i++) {
@@ -4858,26 +4859,29 @@ static double clothi_contact_area(const cloth_collide *c, const clothi_contact *
     return (q->slot < 0 ? 0.5 : 1) * (a > 0 && (a < b || !(b > 0)) ? a : b);
 }
 
-/* Coefficient of a pair: the geometric mean of what both sides say. A part without a coefficient of
- * its own has desc.friction against cloth and leaves the word to obstacles. */
-static double clothi_pair_friction(const cloth_collide *c, const clothi_contact *q) {
-    const double mu = c->desc.friction;
-    double       own[2] = {0, 0};
-    int          i, n = 0;
-    for (i = 0; i < q->n && n < 2; i += q->kind == CLOTHI_EE ? 2 : 1)
-        if (q->v[i] < c->nv) own[n++] = c->part ? c->part[c->vertex_part[q->v[i]]].friction : 0;
-    if (q->slot >= 0)
-        return own[0] > 0 ? sqrt(own[0] * c->obstacle[q->slot].friction)
-                          : c->obstacle[q->slot].friction;
-    return sqrt((own[0] > 0 ? own[0] : mu) * (own[1] > 0 ? own[1] : mu));
+/* The coefficients mu [2] of a pair's sides, of which its own is the geometric mean, and where they
+ * are in [1 + nobstacle + nparts]; returns how many: a part without one of its own has
+ * desc.friction against cloth and leaves the word to obstacles. */
+static int clothi_pair_friction(const cloth_collide *c, const clothi_contact *q, int *at,
+                                double *mu) {
+    int i, n = 0;
+    for (i = 0; i < 2; i++) {
+        const int    v = q->v[i && q->kind == CLOTHI_EE ? 2 : i], slot = c->slot[v];
+        const int    part = slot < 0 && c->part ? c->vertex_part[v] : -1;
+        const double own = part < 0 ? 0 : c->part[part].friction;
+        if (slot < 0 && q->slot >= 0 && !(own > 0)) continue;
+        at[n] = slot >= 0 ? 1 + slot : own > 0 ? 1 + c->nobstacle + part : 0;
+        mu[n++] = slot >= 0 ? c->obstacle[slot].friction : own > 0 ? own : c->desc.friction;
+    }
+    return n;
 }
 
-/* to = R1 R0' r: with an obstacle given by poses, in the whole step. */
-static void clothi_obstacle_turn(const clothi_obstacle *o, const double *r, double *to) {
+/* out = R1 R0' r: with an obstacle that is turned from R0 to R1. */
+static void clothi_turned(const double *R0, const double *R1, const double *r, double *out) {
     double back[3] = {0, 0, 0};
     int    i;
-    for (i = 0; i < 9; i++) back[i % 3] += o->turn[0][i] * r[i / 3];
-    for (i = 0; i < 3; i++) to[i] = clothi_dot3(o->turn[1] + 3 * i, back);
+    for (i = 0; i < 9; i++) back[i % 3] += R0[i] * r[i / 3];
+    for (i = 0; i < 3; i++) out[i] = clothi_dot3(R1 + 3 * i, back);
 }
 
 /* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do: a
@@ -4897,7 +4901,7 @@ static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
         r[k] = r[k] / side - side * q->radius * q->normal[k];
     clothi_cross3(o->surface + 3, r, s);
     for (k = 0; k < 3; k++) q->carry[k] = side * c->h * (o->surface[k] + s[k]);
-    clothi_obstacle_turn(o, r, s);
+    clothi_turned(o->turn[0], o->turn[1], r, s);            /* in the whole step */
     for (k = 0; k < 3 && !clothi_is_mesh(o); k++) q->carry[k] += side * c->share * (s[k] - r[k]);
 }
 
@@ -4940,18 +4944,26 @@ static clothi_anchor *clothi_anchor_of(clothi_anchor *list, int n, const clothi_
     return there ? list + at : NULL;
 }
 
+/* Contact q of a pair, without more than its sides. */
+static void clothi_contact_of(const cloth_collide *c, const clothi_pair_id *p, clothi_contact *q) {
+    memset(q, 0, sizeof *q);
+    q->kind = p->kind, q->a = p->a, q->b = p->b;
+    q->slot = clothi_pair_slot(c, p);
+    q->radius = clothi_slot_radius(c, q->slot);
+    q->n = clothi_pair_vertices(c, p, q->v);
+    while (q->v[q->first] >= c->nv) q->first++;
+    for (q->end = q->first; q->end < q->n && q->v[q->end] < c->nv;) q->end++;
+}
+
 /* Fills contact q of a pair, cloth at x, obstacles where they end, with what its anchor remembers;
  * 0: it is none. */
 static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, const double *x,
                               clothi_contact *q) {
     const clothi_anchor *anchor;
     clothi_frame         first;             /* at x^n */
-    double               left;
-    memset(q, 0, sizeof *q);
-    q->kind = p->kind, q->a = p->a, q->b = p->b;
-    q->slot = clothi_pair_slot(c, p);
-    q->n = clothi_pair_vertices(c, p, q->v);
-    q->radius = clothi_slot_radius(c, q->slot);
+    double               left, mu[2];
+    int                  at[2];
+    clothi_contact_of(c, p, q);
     q->range = clothi_pair_thickness(c, p, q->v);
     q->beside = q->slot < 0 && q->range < c->desc.thickness;
     if (q->kind == CLOTHI_VP) {
@@ -4959,10 +4971,10 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
         memcpy(q->normal, c->obstacle[q->b].normal, sizeof q->normal);
     }
     if (clothi_is_soft(c, p) && !clothi_contact_soft(c, q, x)) return 0;
-    clothi_contact_frame_at(c, q, x, c->xb, &q->at);
+    clothi_contact_frame_at(c, q, x, &q->at);
     if (!q->soft) {
         if (!(q->at.gap > 0)) return 0;
-        clothi_contact_frame_at(c, q, c->xa, c->xa, &first);
+        clothi_contact_frame_at(c, q, c->xa, &first);
         q->start = first.gap;
         q->share = clothi_contact_share(c, q, &first);
         q->room = q->range - clothi_pair_pole(c, q->range, q->start);
@@ -4972,7 +4984,7 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     }
     q->stiffness = c->stiffness * clothi_contact_area(c, q);
     if (q->slot < 0) q->stiffness *= c->desc.thickness / q->range;
-    q->friction = clothi_pair_friction(c, q);
+    q->friction = clothi_pair_friction(c, q, at, mu) < 2 ? mu[0] : sqrt(mu[0] * mu[1]);
     q->key = clothi_key_of(c, q);
     q->size = -1, q->scale = 1;
     clothi_contact_carry(c, q);
@@ -5007,10 +5019,10 @@ static int clothi_contact_settled(cloth_collide *c, const double *residual) {
     double      *limit = c->qp_x, settled = 0, all = 0; /* [nv] N */
     int          i, j;
     memset(limit, 0, (size_t)c->nv * sizeof(double));
-    for (i = 0; i < c->ncontact; i++)
-        for (j = 0; j < c->contact[i].n; j++)
-            if (c->contact[i].v[j] < c->nv)
-                limit[c->contact[i].v[j]] += fabs(c->contact[i].w[j]) * c->contact[i].limit;
+    for (i = 0; i < c->ncontact; i++) {
+        const clothi_contact *q = c->contact + i;
+        for (j = q->first; j < q->end; j++) limit[q->v[j]] += fabs(q->w[j]) * q->limit;
+    }
     for (i = 0; i < c->nv; i++) {
         const double *r = residual + 3 * i, most = part * limit[i];
         all += limit[i];
@@ -5095,8 +5107,8 @@ static double clothi_near_slack(const cloth_collide *c, clothi_near *p, const do
     if (clothi_is_soft(c, &p->id)) return -HUGE_VAL;
     (void)clothi_pair_vertices(c, &p->id, v);
     if (exact || p->id.kind == CLOTHI_VP)
-        return clothi_pair_gap(c, x, c->xb, &p->id) - clothi_near_thickness(c, p, v);
-    clothi_pair_points(c, x, c->xb, v, 4, r);
+        return clothi_pair_gap(c, x, &p->id) - clothi_near_thickness(c, p, v);
+    clothi_pair_points(c, x, v, 4, r);
     return clothi_pair_beyond(p->id.kind, r) - clothi_slot_radius(c, slot) -
            (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
 }
@@ -5200,11 +5212,11 @@ static void clothi_free_range(int begin, int end, int worker, void *ctx) {
         if (!(come > 0) || q->slack - come > 0) continue;
         (void)clothi_pair_vertices(c, p, v);
         t = clothi_near_thickness(c, q, v);
-        gap = clothi_pair_gap(c, c->at, c->xb, p);
+        gap = clothi_pair_gap(c, c->at, p);
         q->slack = gap - t;
         if (gap - come > CLOTHI_SEPARATION * t || clothi_is_soft(c, p) || clothi_is_exempt(c, p))
             continue;
-        least = clothi_pair_pole(c, t, clothi_pair_gap(c, c->xa, c->xa, p));
+        least = clothi_pair_pole(c, t, clothi_pair_gap(c, c->xa, p));
         least = gap > least ? least + 0.1 * (gap - least) : 0.5 * gap;  /* 9/10 of the way */
         if (p->kind == CLOTHI_VP) {
             fall = -clothi_dot3(c->way + 3 * p->a, c->obstacle[p->b].normal);
@@ -5212,7 +5224,7 @@ static void clothi_free_range(int begin, int end, int worker, void *ctx) {
                 q->time = clothi_max((gap - least) / fall, 0);
             continue;
         }
-        clothi_pair_points(c, c->at, c->xb, v, 4, x);
+        clothi_pair_points(c, c->at, v, 4, x);
         for (k = 0; k < 12; k++)
             y[k] = x[k] + (v[k / 3] < c->nv ? c->way[3 * v[k / 3] + k % 3] : 0);
         least += clothi_slot_radius(c, clothi_pair_slot(c, p));
@@ -5255,15 +5267,14 @@ static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int
     *blocked = 0;
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
-        double          u[3], to = 0, size;
-        if (!(q->limit > 0) || q->scale > 0 || !(q->size > 0)) continue;
-        clothi_contact_slip(c, q, c->at, u);
-        size = sqrt(clothi_dot3(u, u));
-        for (j = 0; j < q->n; j++)
-            if (q->v[j] < c->nv) to += q->w[j] * clothi_dot3(u, c->dx + 3 * q->v[j]);
+        const double   *u = q->last, size = q->size;
+        double          to = 0;
+        if (!(q->limit > 0) || q->scale > 0 || !(size > 0)) continue;
+        for (j = q->first; j < q->end; j++)
+            to += q->w[j] * clothi_dot3(u, c->dx + 3 * q->v[j]);
         if (!(to < -size * size)) continue;
         q->scale = 1;
-        status = clothi_contact_spring(c, q, q->limit / (size * size * size), u, A);
+        status = clothi_contact_spring(q, q->limit / (size * size * size), u, A);
         (*blocked)++;
     }
     return status;
@@ -5279,8 +5290,8 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
     int          i;
     if (!(come > 0) && !(aim > force)) return 0;
     if (come > 0) low = clothi_max(q->gap - q->range + 0.5 * clothi_min(q->room, q->range), 0);
-    for (i = 0; come > 0 && i < q->n; i++)
-        if (q->v[i] < c->nv) give += q->w[i] * q->w[i] / c->sim->params.mass[q->v[i]];
+    for (i = q->first; come > 0 && i < q->end; i++)
+        give += q->w[i] * q->w[i] / c->sim->params.mass[q->v[i]];
     K = give > 0 ? 1 / (give * c->h * c->h) : 0;
     for (i = 0; i < 20; i++) {
         const double a = 0.5 * (low + high);
@@ -5303,9 +5314,8 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
         clothi_contact *q = c->contact + i;
         clothi_frame    f = q->at;
         double          come = 0, more;
-        for (j = 0; j < q->n; j++)
-            if (q->v[j] < c->nv)
-                come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
+        for (j = q->first; j < q->end; j++)
+            come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
         q->aim = f.force + f.own[1] + (f.slope + f.own[2] + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
@@ -5314,7 +5324,7 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
         more = clothi_contact_secant(c, q, q->aim, come) - q->spring;
         if (!(more > 0)) continue;
         q->spring += more;
-        status = clothi_contact_spring(c, q, more, q->normal, A);
+        status = clothi_contact_spring(q, more, q->normal, A);
         (*blocked)++;
     }
     return status;
@@ -5921,11 +5931,7 @@ static cloth_status clothi_row_put(cloth_collide *c, cloth_contact_row *row) {
 static clothi_contact clothi_row_contact(const cloth_collide *c, const cloth_contact_row *row) {
     const clothi_pair_id p = {row->kind, row->a, row->b};
     clothi_contact       q;
-    memset(&q, 0, sizeof q);
-    q.kind = row->kind, q.a = row->a, q.b = row->b, q.n = row->n;
-    q.slot = clothi_pair_slot(c, &p);
-    q.radius = clothi_slot_radius(c, q.slot);
-    memcpy(q.v, row->v, sizeof q.v);
+    clothi_contact_of(c, &p, &q);
     memcpy(q.w, row->w, sizeof q.w);
     memcpy(q.normal, row->normal, sizeof q.normal);
     return q;
@@ -5943,16 +5949,16 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     memset(&row, 0, sizeof row);
     row.kind = p->kind, row.a = p->a, row.b = p->b;
     row.n = clothi_pair_vertices(c, p, row.v);
-    clothi_pair_points(c, c->xa, c->xa, row.v, row.n, xa);
-    clothi_pair_points(c, c->xb, c->xb, row.v, row.n, xb);
+    clothi_pair_points(c, c->xa, row.v, row.n, xa);
+    clothi_pair_points(c, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
-    start = clothi_pair_gap(c, c->xa, c->xa, p);
+    start = clothi_pair_gap(c, c->xa, p);
     if (!(start > 0))                       /* no side to be kept on: rounding took its gap */
         return clothi_fail_pairs(c, p, 1, "have no gap", "");
     t = clothi_pair_thickness(c, p, row.v);
     sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
-        held = clothi_pair_gap(c, c->xb, c->xb, p);
+        held = clothi_pair_gap(c, c->xb, p);
         if (held >= sep) return CLOTH_OK;
         toi = (start - sep) / (start - held);
         row.w[0] = 1, row.w[1] = -1;
@@ -5991,8 +5997,8 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
         if (!moved || clothi_is_soft(c, p)) continue;
         c->pair[i].hit = p->kind == CLOTHI_VP ? CLOTHI_HIT_NEAR : CLOTHI_HIT_MOVED;
         if (p->kind == CLOTHI_VP) continue;
-        clothi_pair_points(c, c->xa, c->xa, v, 4, xa);
-        clothi_pair_points(c, c->xb, c->xb, v, 4, xb);
+        clothi_pair_points(c, c->xa, v, 4, xa);
+        clothi_pair_points(c, c->xb, v, 4, xb);
         reach += CLOTHI_SEPARATION * (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
         if (clothi_ccd_pair(p->kind == CLOTHI_EE, xa, xb, reach, &toi))
             c->pair[i].hit |= CLOTHI_HIT_NEAR;
@@ -6469,15 +6475,15 @@ static int clothi_contact_axes(const cloth_collide *c, const clothi_contact *q, 
 
 /* The elastic slip turns with the surface in the substep. */
 static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q, double *slip) {
-    clothi_frame f;
-    double       a[6], b[6], s[3];
-    int          k;
-    if (q->slot >= 0 && !clothi_is_mesh(c->obstacle + q->slot)) {
-        clothi_obstacle_turn(c->obstacle + q->slot, slip, s);   /* R1 R0', whole at the end */
-        memcpy(slip, s, sizeof s);
+    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
+    clothi_frame           f;
+    double                 a[6], b[6], s[3];
+    int                    k;
+    if (o && !clothi_is_mesh(o)) {
+        clothi_turned(o->turn[0], o->turn[1], slip, slip);      /* whole at the end */
         return;
     }
-    clothi_contact_frame_at(c, q, c->xa, c->xa, &f);
+    clothi_contact_frame_at(c, q, c->xa, &f);
     if (!clothi_contact_axes(c, q, c->xa, f.normal, a) ||
         !clothi_contact_axes(c, q, c->xb, q->normal, b))
         return;
@@ -6553,10 +6559,10 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     return status ? status : clothi_list_join(c, x, NULL, 0, 0);
 }
 
-/* What the anchor of contacts q [n] of one key is before its slip is cut: the mean of theirs at x,
+/* What the anchor of contacts q [n] of one key is before its slip is cut: the mean of theirs,
  * weighted by their forces. 0: none pushes. */
 static int clothi_anchor_mean(const cloth_collide *c, const clothi_contact *q, int n,
-                              const double *x, clothi_anchor *mean) {
+                              clothi_anchor *mean) {
     double u[3];
     int    i, k;
     memset(mean, 0, sizeof *mean);
@@ -6564,7 +6570,7 @@ static int clothi_anchor_mean(const cloth_collide *c, const clothi_contact *q, i
     for (k = 0; k < 3; k++) mean->slip[k] = -0.0;           /* of one contact it is that slip */
     for (i = 0; i < n; i++) {
         if (!(q[i].force > 0)) continue;
-        clothi_contact_slip(c, q + i, x, u);
+        memcpy(u, q[i].last, sizeof u);
         clothi_contact_turn(c, q + i, u);
         for (k = 0; k < 3; k++) mean->slip[k] += q[i].force * u[k];
         mean->force += q[i].force;
@@ -6596,7 +6602,7 @@ static cloth_status clothi_contact_close(void *user, const double *x, int *impac
             if (q->limit > 0) (void)clothi_contact_friction(c, q, x, q->tangent, K);
             *impact |= q->force > 0 && !(q->start < q->range);
         }
-        if (!clothi_anchor_mean(c, c->contact + i, j - i, x, &a)) continue;
+        if (!clothi_anchor_mean(c, c->contact + i, j - i, &a)) continue;
         size = sqrt(clothi_dot3(a.slip, a.slip));
         for (k = 0; k < 3 && size > c->desc.slip; k++) a.slip[k] *= c->desc.slip / size;
         status = CLOTHI_PUSH(c, next, a);
@@ -6629,26 +6635,23 @@ static void clothi_contact_rollback(void *user, cloth_report *report) {
 
 /* cloth_contact.moves: the box of an obstacle's way meets that of a face; a wall; a pinch. */
 static int clothi_contact_moves(void *user) {
-    const cloth_collide *c = (const cloth_collide *)user;
-    int                  o, i;
+    cloth_collide *c = (cloth_collide *)user;
+    double         way[6], box[6];
+    int            o, i;
     CLOTHI_OBSTACLES(c, o) {
+        clothi_bvh_walk        w = {&c->tree, way, 1, 0, 0};
         const clothi_obstacle *b = c->obstacle + o;
-        const double           reach = b->thickness + clothi_slot_radius(c, o);
-        const size_t           bytes = 3 * (size_t)b->nv * sizeof(double);
-        double                 own[6], box[6], face[6];
-        if (!memcmp(clothi_pose(b, 0), clothi_pose(b, 1), bytes) &&
+        const double          *p = clothi_pose(b, 0), *q = clothi_pose(b, 1);
+        if (!memcmp(p, q, 3 * (size_t)b->nv * sizeof *p) &&
             !memcmp(b->turn[0], b->turn[1], sizeof b->turn[0]))
             continue;
         if (clothi_is_wall(b)) return 1;
-        for (i = 0; i < 2 * b->nv; i++) {   /* both poses */
-            clothi_swept_boxes(1, b->x + 3 * i, NULL, reach, box);
-            clothi_box_join(box, i ? own : box, own);
+        for (i = 0; i < b->nv; i++) {
+            clothi_swept_boxes(1, p + 3 * i, q + 3 * i, b->thickness + b->radius, box);
+            clothi_box_join(i ? way : box, box, way);
         }
-        for (i = 0; i < 3 * c->nf; i++) {
-            clothi_swept_boxes(1, c->sim->state.x + 3 * c->faces[i], NULL, 0, box);
-            clothi_box_join(box, i % 3 ? face : box, face);
-            if (i % 3 == 2 && clothi_boxes_meet(own, face)) return 1;
-        }
+        clothi_tree_boxes(c, &c->tree, c->sim->state.x, NULL, 0);
+        if (clothi_bvh_next(&w) >= 0) return 1;
     }
     return c->nhold > 0 || (c->begun && c->nholding > 0);
 }
@@ -7177,19 +7180,17 @@ static int clothi_has_radius(cloth_obstacle_kind kind) {
 static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth_obstacle_desc *d) {
     clothi_surface_defects defect;
     cloth_status status = clothi_surface_check(hooks, d->nv, d->nf, d->x, d->faces, NULL, &defect);
-    const int    turned = defect.turned >= 0, at = turned ? defect.turned : defect.branch;
+    const int    open = defect.open >= 0, turned = defect.turned >= 0;
+    const int    at = open ? defect.open : turned ? defect.turned : defect.branch;
     if (status) return status;
     if (!d->self_penetrating && defect.inward >= 0 && defect.volume < 0)
         clothi_say(hooks, CLOTH_LOG_WARNING, CLOTH_OK, "obstacle.faces: the closed part of face %i "
                    "looks inwards, as a room does; cloth_mesh_orient turns it", defect.inward);
     if (!d->self_penetrating) return CLOTH_OK;
-    if (defect.open >= 0)
-        return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: the mesh is open at "
-                           "face %i, corner %i", defect.open / 3, defect.open % 3);
     if (at >= 0)
         return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: face %i %s at corner "
-                           "%i", at / 3, turned ? "is turned against its neighbour"
-                           : "shares an edge with more than one other", at % 3);
+                           "%i", at / 3, open ? "is open" : turned ? "is turned against its "
+                           "neighbour" : "shares an edge with more than one other", at % 3);
     if (defect.inward < 0) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: the part of face %i is "
                        "inside out, its faces look inwards", defect.inward);
@@ -7239,7 +7240,8 @@ static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_ob
     if (!status && !d->x) status = clothi_null(hooks, "obstacle.x");
     if (!status) status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv);
     if (!status) status = clothi_check_rules(hooks, "obstacle.", d, rule, 2);
-    if (!status && clothi_has_radius(d->kind))
+    if (!status && (clothi_has_radius(d->kind) ||
+                    (clothi_finite(d->radius) && d->radius > CLOTHI_FARTHEST)))
         status = clothi_check_range(hooks, "obstacle.", "radius", d->radius, 0, CLOTHI_FARTHEST,
                                     grid ? 0 : CLOTHI_OVER);
     if (status) return status;
@@ -7434,17 +7436,16 @@ CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstac
 CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacle id,
                                                  const double v[3], const double omega[3]) {
     clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_set_surface");
-    double           zero[3] = {0, 0, 0};
-    cloth_status     status;
-    if (!o) return CLOTH_ERR_HANDLE;
-    status = clothi_check_places(c->hooks, "cloth_collide_set_surface", ": v", v ? v : zero, 1);
-    if (!status)
-        status = clothi_check_places(c->hooks, "cloth_collide_set_surface", ": omega",
-                                     omega ? omega : zero, 1);
-    if (status) return status;
-    clothi_set(c->sim, o->surface, v ? v : zero, sizeof zero);
-    clothi_set(c->sim, o->surface + 3, omega ? omega : zero, sizeof zero);
-    return CLOTH_OK;
+    double           surface[6] = {0, 0, 0, 0, 0, 0};
+    cloth_status     status = o ? CLOTH_OK : CLOTH_ERR_HANDLE;
+    int              i;
+    if (v) memcpy(surface, v, 3 * sizeof *v);
+    if (omega) memcpy(surface + 3, omega, 3 * sizeof *omega);
+    for (i = 0; i < 2 && !status; i++)
+        status = clothi_check_places(c->hooks, "cloth_collide_set_surface", i ? ": omega" : ": v",
+                                     surface + 3 * i, 1);
+    if (!status) clothi_set(c->sim, o->surface, surface, sizeof surface);
+    return status;
 }
 
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
@@ -7677,8 +7678,8 @@ static cloth_status clothi_contact_forces(const cloth_collide *c, const char *ca
     memset(f, 0, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->ncontact + c->nrow; i++) {
         const clothi_contact q = clothi_contact_at(c, i);
-        for (j = 0; j < q.n; j++)
-            for (k = 0; q.v[j] < c->nv && k < 3; k++)
+        for (j = q.first; j < q.end; j++)
+            for (k = 0; k < 3; k++)
                 f[3 * q.v[j] + k] += q.w[j] * ((all ? q.force * q.normal[k] : 0) - q.tangent[k]);
     }
     return CLOTH_OK;
@@ -7705,7 +7706,7 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, range, 0);
     for (i = 0; i < c->npair && !status; i++)
-        *gap = clothi_min(*gap, clothi_pair_gap(c, c->xb, c->xb, &c->pair[i].id));
+        *gap = clothi_min(*gap, clothi_pair_gap(c, c->xb, &c->pair[i].id));
     return status;
 }
 
@@ -7963,10 +7964,10 @@ static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
 
 /* The way out of a sphere, a capsule, a plane: n . sum w x grows, shared as by equal masses. */
 static void clothi_tangle_lone(const cloth_collide *c, clothi_tangle *u, const clothi_pair_id *p) {
-    const double gap = clothi_pair_gap(c, c->xa, c->xa, p);
+    const double gap = clothi_pair_gap(c, c->xa, p);
     double       x[12], w[4] = {1, -1, 0, 0}, n[3], sum = 0;
     int          v[4], i, count = clothi_pair_vertices(c, p, v);
-    clothi_pair_points(c, c->xa, c->xa, v, count, x);
+    clothi_pair_points(c, c->xa, v, count, x);
     if (p->kind == CLOTHI_VP) memcpy(n, c->obstacle[p->b].normal, sizeof n);
     else (void)clothi_contact_frame(p->kind == CLOTHI_EE, x, x, 0, w, n);
     for (i = 0; i < count; i++) sum += v[i] < c->nv ? w[i] * w[i] : 0;
@@ -8201,7 +8202,7 @@ typedef struct clothi_flow {                /* one call of vjp                  
     cloth_collide  *c;
     clothi_adjoint *to;
     int             whole;                  /* 0: by x alone                                   */
-    const double  *a, *x;                   /* [nv x 3]; a NULL: by anchors alone              */
+    const double  *a;                       /* [nv x 3]; NULL: by anchors alone                */
     double        *cloth[2];                /* [nv x 3] by x^n, by x; NULL: not wanted         */
 } clothi_flow;
 
@@ -8243,13 +8244,13 @@ static void clothi_back_points(const clothi_contact *q, const clothi_frame *at, 
                                          at->w[i] * along[3 * j + k]);
 }
 
-/* The same of x^n (end 0) or of x. */
+/* The same of x^n (end 0) or of x, which is in xb. */
 static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int end,
                               const clothi_frame *at, const clothi_rates *b) {
     const cloth_collide *c = f->c;
     double p[12] = {0}, to[12];
     int    i;
-    clothi_pair_points(c, end ? f->x : c->xa, end ? c->xb : c->xa, q->v, q->n, p);
+    clothi_pair_points(c, end ? c->xb : c->xa, q->v, q->n, p);
     clothi_back_points(q, at, p, b, to);
     for (i = 0; i < q->n; i++) clothi_flow_add(f, end, q->v[i], 1, to + 3 * i);
 }
@@ -8257,11 +8258,9 @@ static void clothi_back_frame(const clothi_flow *f, const clothi_contact *q, int
 /* clothi_falls_off backwards, of vertices v, o and the edge at x^n: rate of what it returns. */
 static void clothi_back_falls(const clothi_flow *f, int v, int o, const int *edge, const double *d,
                               double rate, double *to_d) {
-    const double *x = f->c->xa;
-    double        r[3], e[3], n[3], along, size, fall;
-    int           k;
-    if (edge) clothi_sub3(x + 3 * edge[1], x + 3 * edge[0], e);
-    fall = clothi_fall(x + 3 * v, x + 3 * o, edge ? e : NULL, d, r, &along);
+    double       r[3], e[3], n[3], along, size;
+    const double fall = clothi_fall(f->c, v, o, edge, d, r, e, &along);
+    int          k;
     size = sqrt(clothi_dot3(r, r));
     if (!(fall > 0 && fall < 1)) return;
     rate *= 6 * fall * (1 - fall) / (CLOTHI_CONVEX * size);
@@ -8279,32 +8278,13 @@ static void clothi_back_falls(const clothi_flow *f, int v, int o, const int *edg
     clothi_flow_add(f, 0, v, -1, n);
 }
 
-/* clothi_edge_convex of an obstacle's edge e backwards, a factor of the share, of which rate is;
- * the direction is dn times the normal. */
-static void clothi_back_edge(const clothi_flow *f, const clothi_frame *at, int e, double dn,
-                             double rate, double *to_n) {
-    const cloth_collide *c = f->c;
-    const int *v = c->edges + 2 * e, *g = c->edge_face + 2 * e;
-    double     d[3], to[3] = {0, 0, 0}, r[3], own;
-    int        k;
-    if (v[0] < c->nv) return;
-    for (k = 0; k < 3; k++) d[k] = dn * at->normal[k];
-    clothi_sub3(c->xa + 3 * v[1], c->xa + 3 * v[0], r);
-    for (k = 0; k < 2 && g[k] >= 0; k++) {
-        const int *w = c->faces + 3 * g[k], third = w[0] + w[1] + w[2] - v[0] - v[1];
-        own = clothi_falls_off(c->xa + 3 * v[0], c->xa + 3 * third, r, d);
-        clothi_back_falls(f, v[0], third, v, d, rate / own, to);
-    }
-    for (k = 0; k < 3; k++) to_n[k] += dn * to[k];
-}
-
 /* clothi_contact_share backwards, to the frame `at` of x^n: share, its rate, into b. */
 static void clothi_back_share(const clothi_flow *f, const clothi_contact *q, const clothi_frame *at,
                               double share, clothi_rates *b) {
     const cloth_collide *c = f->c;
     const double s = at->w[1], t = -at->w[3], rate = share * q->share;
-    double       p[12], e[6], d[3], to[3] = {0, 0, 0}, ee, rr, er, sine, by;
-    int          i, k;
+    double       p[12], r[6], d[3], to[3] = {0, 0, 0}, ee, rr, er, sine, by;
+    int          i, k, o;
     if (q->radius > 0 || q->kind == CLOTHI_VP || at->gap > 2 * q->range || !(fabs(rate) > 0))
         return;
     if (q->kind == CLOTHI_VF) {             /* of an obstacle's vertex it is how convex that is */
@@ -8317,21 +8297,29 @@ static void clothi_back_share(const clothi_flow *f, const clothi_contact *q, con
     }
     b->w[1] += rate * 2 * (1 - 2 * s) / (s * (1 - s));
     b->w[3] -= rate * 2 * (1 - 2 * t) / (t * (1 - t));
-    clothi_pair_points(c, c->xa, c->xa, q->v, 4, p);
-    clothi_sub3(p + 3, p, e);
-    clothi_sub3(p + 9, p + 6, e + 3);
-    ee = clothi_dot3(e, e), rr = clothi_dot3(e + 3, e + 3), er = clothi_dot3(e, e + 3);
-    clothi_cross3(e, e + 3, d);
+    clothi_pair_points(c, c->xa, q->v, 4, p);
+    clothi_sub3(p + 3, p, r);
+    clothi_sub3(p + 9, p + 6, r + 3);
+    ee = clothi_dot3(r, r), rr = clothi_dot3(r + 3, r + 3), er = clothi_dot3(r, r + 3);
+    clothi_cross3(r, r + 3, d);
     sine = clothi_dot3(d, d) / (ee * rr) / CLOTHI_PARALLEL;
     by = -4 * rate * (1 - sine) / (sine * (2 - sine)) / CLOTHI_PARALLEL * er / (ee * rr);
     for (i = 0; i < 2 && sine < 1; i++) {   /* sin^2 = 1 - (e.r)^2/(e.e r.r) */
         for (k = 0; k < 3; k++)
-            d[k] = by * (e[3 * (1 - i) + k] - er / (i ? rr : ee) * e[3 * i + k]);
+            d[k] = by * (r[3 * (1 - i) + k] - er / (i ? rr : ee) * r[3 * i + k]);
         clothi_flow_add(f, 0, q->v[2 * i + 1], 1, d);
         clothi_flow_add(f, 0, q->v[2 * i], -1, d);
     }
-    clothi_back_edge(f, at, q->a, -1, rate, b->n);
-    clothi_back_edge(f, at, q->b, 1, rate, b->n);
+    for (i = 0; i < 2; i++) {               /* how convex an obstacle's edge is, a factor */
+        const int     e = i ? q->b : q->a, *v = c->edges + 2 * e;
+        const double *n = at->normal;
+        if (*v < c->nv) continue;
+        for (k = 0; k < 3; k++) d[k] = i ? n[k] : -n[k], to[k] = 0;
+        for (k = 0; k < 2; k++)
+            if ((o = clothi_edge_across(c, e, k)) >= 0)
+                clothi_back_falls(f, *v, o, v, d, rate / clothi_falls_off(c, *v, o, v, d), to);
+        for (k = 0; k < 3; k++) b->n[k] += i ? to[k] : -to[k];
+    }
 }
 
 /* Axes of clothi_contact_axes at x (end 1) or x^n backwards: to [6] by them, n the normal. */
@@ -8339,10 +8327,10 @@ static void clothi_back_axes(const clothi_flow *f, const clothi_contact *q, int 
                              const double *n, const double *axes, const double *to, double *to_n) {
     const cloth_collide *c = f->c;
     const int *v = q->v + (q->kind == CLOTHI_VF ? 1 : q->slot >= 0 && q->v[0] >= c->nv ? 0 : 2);
-    double     p[6], e[3], g[3], h[3], along, size = 0;
+    const double *x = end ? c->xb : c->xa;
+    double     e[3], g[3], h[3], along, size = 0;
     int        k;
-    clothi_pair_points(c, end ? f->x : c->xa, end ? c->xb : c->xa, v, 2, p);
-    clothi_sub3(p + 3, p, e);
+    clothi_sub3(x + 3 * v[1], x + 3 * v[0], e);
     clothi_cross3(to + 3, n, g);            /* the second axis is n x the first */
     clothi_cross3(axes, to + 3, h);
     along = clothi_dot3(e, n);
@@ -8363,15 +8351,15 @@ static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, cons
     const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
     clothi_frame           at;
     clothi_rates            start;
-    double a[6], e[6], to[6], from[6], back[3] = {0, 0, 0};
+    double a[6], e[6], to[6], from[6], back[3];
     int    k, i;
-    if (q->slot >= 0 && !clothi_is_mesh(o)) {
-        for (i = 0; i < 9; i++) back[i % 3] += o->turn[1][i] * y[i / 3];
-        for (i = 0; i < 3; i++) to_u[i] += clothi_dot3(o->turn[0] + 3 * i, back);
+    if (o && !clothi_is_mesh(o)) {
+        clothi_turned(o->turn[1], o->turn[0], y, back);
+        for (i = 0; i < 3; i++) to_u[i] += back[i];
         return;
     }
     memset(&start, 0, sizeof start);
-    clothi_contact_frame_at(c, q, c->xa, c->xa, &at);
+    clothi_contact_frame_at(c, q, c->xa, &at);
     if (!clothi_contact_axes(c, q, c->xa, at.normal, a) ||
         !clothi_contact_axes(c, q, c->xb, q->normal, e)) {
         for (k = 0; k < 3; k++) to_u[k] += y[k];
@@ -8390,22 +8378,12 @@ static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, cons
 
 /* Derivative by the coefficient of a contact to those that made it. */
 static void clothi_back_coefficient(const clothi_flow *f, const clothi_contact *q, double rate) {
-    const cloth_collide *c = f->c;
-    double              *to = f->to->friction, *parts = to + 1 + c->nobstacle;
-    const double         half = 0.5 * rate * q->friction;
-    int                  i, n = q->slot >= 0, part, own = 0;
-    for (i = 0; i < q->n && n < 2; i += q->kind == CLOTHI_EE ? 2 : 1) {
-        if (q->v[i] >= c->nv) continue;
-        n++;
-        part = c->part ? c->vertex_part[q->v[i]] : -1;
-        if (part >= 0 && c->part[part].friction > 0)
-            parts[part] += half / c->part[part].friction, own = 1;
-        else if (q->slot < 0 && c->desc.friction > 0) to[0] += half / c->desc.friction;
-    }
-    if (q->slot < 0) return;
-    if (!own) to[1 + q->slot] += rate;
-    else if (c->obstacle[q->slot].friction > 0)
-        to[1 + q->slot] += half / c->obstacle[q->slot].friction;
+    double    mu[2];
+    int       at[2], i;
+    const int n = clothi_pair_friction(f->c, q, at, mu);
+    for (i = 0; i < n; i++)
+        if (n < 2) f->to->friction[at[i]] += rate;
+        else if (mu[i] > 0) f->to->friction[at[i]] += 0.5 * rate * q->friction / mu[i];
 }
 
 /* Friction of a contact, and by `mean` (its slip: the key's mean, force the sum; gap, slip: their
@@ -8414,15 +8392,11 @@ static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, cons
                              const clothi_anchor *mean, const double *by, clothi_rates *b) {
     const cloth_collide *c = f->c;
     clothi_anchor       *m;
-    double u[3], r[3], to[3] = {0, 0, 0}, y[3], size, bend, less, uZ, un;
+    const double  *u = q->last, uZ = clothi_dot3(u, Z);
+    double r[3], to[3] = {0, 0, 0}, y[3], bend, less, un;
     int    i, k;
-    clothi_contact_slip(c, q, f->x, u);
-    for (k = 0; k < 3; k++) r[k] = q->slip[k] + q->carry[k];
-    for (i = 0; i < 3 * q->n; i++)
-        r[i % 3] += q->w[i / 3] * ((q->v[i / 3] < c->nv ? f->x : c->xb)[3 * q->v[i / 3] + i % 3] -
-                                   c->xa[3 * q->v[i / 3] + i % 3]);
-    size = sqrt(clothi_dot3(u, u)), uZ = clothi_dot3(u, Z);
-    bend = clothi_friction_law(c->desc.slip, size, &less);
+    clothi_contact_way(c, q, c->xb, r);
+    bend = clothi_friction_law(c->desc.slip, q->size, &less);
     b->force += q->friction * bend * uZ;
     if (f->whole) clothi_back_coefficient(f, q, q->force * bend * uZ);
     for (k = 0; k < 3; k++) to[k] = q->limit * (bend * Z[k] - less * uZ * u[k]);
@@ -8437,7 +8411,7 @@ static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, cons
     for (k = 0; k < 3; k++) b->n[k] -= un * r[k] + clothi_dot3(r, q->normal) * to[k];
     for (k = 0; k < 3; k++) to[k] -= un * q->normal[k];
     for (i = 0; i < q->n; i++) {
-        clothi_sub3((q->v[i] < c->nv ? f->x : c->xb) + 3 * q->v[i], c->xa + 3 * q->v[i], r);
+        clothi_sub3(c->xb + 3 * q->v[i], c->xa + 3 * q->v[i], r);
         b->w[i] += clothi_dot3(to, r);
         clothi_flow_add(f, 1, q->v[i], q->w[i], to);
         clothi_flow_add(f, 0, q->v[i], -q->w[i], to);
@@ -8488,7 +8462,7 @@ static const clothi_anchor *clothi_back_anchor(const clothi_flow *f, const cloth
         f->whole || !f->a ? clothi_anchor_of(f->to->after, f->to->nafter, &q->key) : NULL;
     double               size, along;
     int                  k;
-    if (!m || !clothi_anchor_mean(c, q, n, f->x, mean)) return NULL;
+    if (!m || !clothi_anchor_mean(c, q, n, mean)) return NULL;
     memcpy(by, m->slip, sizeof m->slip);
     size = sqrt(clothi_dot3(mean->slip, mean->slip));
     if (!(size > c->desc.slip)) return m;
@@ -8507,8 +8481,8 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
     const clothi_anchor *m = clothi_back_anchor(f, q, n, &mean, by);
     int                  i, l, k, asked = m != NULL;
     for (i = 0; f->a && i < n && !asked; i++)
-        for (l = 0; l < q[i].n; l++)
-            for (k = 0; q[i].v[l] < c->nv && k < 3; k++) asked |= fabs(f->a[3 * q[i].v[l] + k]) > 0;
+        for (l = q[i].first; l < q[i].end; l++)
+            asked |= clothi_max_abs(f->a + 3 * q[i].v[l], 3) > 0;
     if (!asked) return;
     memset(b, 0, (size_t)n * sizeof *b);
     for (i = 0; i < n; i++) {
@@ -8516,13 +8490,12 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
         if (!(push > 0)) continue;
         memset(Z, 0, sizeof Z);
         memset(T, 0, sizeof T);
-        for (l = 0; f->a && l < q[i].n; l++)
-            for (k = 0; q[i].v[l] < c->nv && k < 3; k++)
-                Z[k] += q[i].w[l] * f->a[3 * q[i].v[l] + k];
-        if (q[i].limit > 0) (void)clothi_contact_friction(c, q + i, f->x, T, K);
+        for (l = q[i].first; f->a && l < q[i].end; l++)
+            for (k = 0; k < 3; k++) Z[k] += q[i].w[l] * f->a[3 * q[i].v[l] + k];
+        if (q[i].limit > 0) (void)clothi_contact_friction(c, q + i, c->xb, T, K);
         for (k = 0; k < 3; k++) T[k] -= push * q[i].normal[k], b[i].n[k] = -push * Z[k];
-        for (l = 0; l < q[i].n; l++)
-            if (f->a && q[i].v[l] < c->nv) b[i].w[l] = clothi_dot3(T, f->a + 3 * q[i].v[l]);
+        for (l = q[i].first; f->a && l < q[i].end; l++)
+            b[i].w[l] = clothi_dot3(T, f->a + 3 * q[i].v[l]);
         b[i].force = -clothi_dot3(Z, q[i].normal);
         clothi_back_slip(f, q + i, Z, &mean, m ? by : NULL, b + i);
         if (m && !(q[i].gap > mean.gap)) b[i].gap = m->gap, mean.gap = -HUGE_VAL;
@@ -8539,7 +8512,7 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
         clothi_back_frame(f, q + i, 1, &q[i].at, b + i);
         if (!f->whole) continue;
         memset(&start, 0, sizeof start);    /* of x^n: share, and the gap or what its anchor has */
-        clothi_contact_frame_at(c, q + i, c->xa, c->xa, &at);
+        clothi_contact_frame_at(c, q + i, c->xa, &at);
         if (before && q[i].start < at.gap) before->gap += b[i].start;
         else start.gap = b[i].start;
         clothi_back_share(f, q + i, &at, b[i].share, &start);
@@ -8556,7 +8529,7 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     const double        *a = f->a + 3 * h->vertex;
     double A[6], n[6], out[3], to[3], H[9], along;
     int    i, k;
-    (void)clothi_hold_pull(c, h, f->x + 3 * h->vertex, to, H);
+    (void)clothi_hold_pull(c, h, c->xb + 3 * h->vertex, to, H);
     for (k = 0; k < 3; k++) to[k] = clothi_dot3(H + 3 * k, a);
     if (!f->whole) {
         clothi_flow_add(f, 1, h->vertex, 1, to);
@@ -8602,7 +8575,7 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     const clothi_obstacle *o;
     const clothi_contact  *q;
     cloth_status    status = CLOTHI_ROOM(to, back, c->ncontact);
-    clothi_flow     f = {c, to, out->x_n != NULL, a, e->x, {out->x_n, out->x}};
+    clothi_flow     f = {c, to, out->x_n != NULL, a, {out->x_n, out->x}};
     clothi_anchor   none;
     int             i, j;
     memcpy(c->xb, e->x, 3 * (size_t)c->nv * sizeof(double));
@@ -8709,10 +8682,11 @@ static double clothi_back_fixed(const clothi_flow *f, const cloth_contact_row *r
     return bound;
 }
 
-/* One row backwards. Its frame is that of the pair on the way from x^n to f->x, at toi, where its
+/* One row backwards. Its frame is that of the pair on the way from x^n to x, at toi, where its
  * gap is d_min: d(toi) = (d(d_min) - n . sum w dx)/(n . sum w way). d_min is a constant, or half of
  * what the gap was at x^n and its pole; the bound that gap, that along n, or 1.1 d_min. */
-static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, const double *rate) {
+static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, const double *x,
+                            const double *rate) {
     const cloth_collide *c = f->c;
     const clothi_contact q = clothi_row_contact(c, r);
     const clothi_pair_id id = {r->kind, r->a, r->b};
@@ -8726,8 +8700,8 @@ static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, co
     memcpy(b.w, rate + 3, sizeof b.w);
     t = clothi_pair_thickness(c, &id, r->v);
     gap = clothi_back_fixed(f, r, rate, &b) - q.radius;
-    clothi_pair_points(c, c->xa, c->xa, q.v, q.n, xa);
-    clothi_pair_points(c, f->x, c->xb, q.v, q.n, xe);
+    clothi_pair_points(c, c->xa, q.v, q.n, xa);
+    clothi_pair_points(c, x, q.v, q.n, xe);
     if (gap < (1 - 1e-12) * CLOTHI_GAP * t) {
         if (gap <= (1 + 1e-9) * 1.1 * (gap - r->slack)) sep = 1.1 * rate[7];
         else for (i = 0; i < 3 * q.n; i++) {            /* n . sum w x^n */
@@ -8757,7 +8731,7 @@ static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, co
         }
     }
     if (gap - r->slack > (1 - 1e-12) * CLOTHI_SEPARATION * t) return;
-    clothi_contact_frame_at(c, &q, c->xa, c->xa, &at);
+    clothi_contact_frame_at(c, &q, c->xa, &at);
     first.gap = 0.5 * sep * (1 + (c->approach * at.gap < CLOTHI_POLE * t ? c->approach : 0));
     clothi_back_frame(f, &q, 0, &at, &first);
 }
@@ -8774,14 +8748,13 @@ static const cloth_contact_row *clothi_contact_rows(void *user, int *n) {
 static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const double *rate,
                                     cloth_vjp *out) {
     cloth_collide *c = (cloth_collide *)user;
-    clothi_flow    f = {c, c->adjoint, 1, NULL, NULL, {out->x_n, NULL}};
+    clothi_flow    f = {c, c->adjoint, 1, NULL, {out->x_n, NULL}};
     int            i;
     out->frozen |= c->nholding > 0 || c->report.rigid_zones > 0;
     for (i = 0; i < c->nrow; i++, rate += CLOTH_ROW_RATES) {
         if (!(clothi_max_abs(rate, CLOTH_ROW_RATES) > 0)) continue;
-        f.x = c->row[i].pass ? c->xb : c->x_ie;
         f.cloth[1] = c->row[i].pass ? out->x_end : out->x;
-        clothi_back_row(&f, c->row + i, rate);
+        clothi_back_row(&f, c->row + i, c->row[i].pass ? c->xb : c->x_ie, rate);
     }
     clothi_back_end(&f, e->in->share);
 }

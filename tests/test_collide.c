@@ -178,7 +178,7 @@ static void obstacles(void) {
     CHECK(cloth_collide_remove(NULL, W.ball) == CLOTH_ERR_HANDLE);
     stale = id;
     o.self_penetrating = 1;                 /* an open mesh has no inside */
-    CHECK(said(cloth_collide_add(W.c, &o, &id), CLOTH_ERR_MESH, "open at face 0"));
+    CHECK(said(cloth_collide_add(W.c, &o, &id), CLOTH_ERR_MESH, "face 0 is open"));
     o.self_penetrating = 0;
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK && id.id != stale.id);
     CHECK(cloth_collide_move(W.c, stale, x) == CLOTH_ERR_HANDLE);

@@ -118,7 +118,7 @@ static void pair_set(rig *r, int at, int kind, int key, double start, double sha
     q->kind = kind, q->a = key, q->b = 7;
     q->slot = -1;
     q->key.cloth = 1, q->key.a = key;
-    q->n = kind == CLOTHI_VP ? 2 : 4;
+    q->n = q->end = kind == CLOTHI_VP ? 2 : 4;
     for (i = 0; i < q->n; i++) q->v[i] = i;
     q->range = T, q->room = U;
     q->start = start, q->stiffness = 50, q->share = share;

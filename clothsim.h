@@ -3946,7 +3946,7 @@ CLOTHI_RARE_END
  *     _blocks   Hessian, blocks (i, j) of corners i > j        [pairs][9][8], as clothi_pair
  *     _hvp      Hessian times u, without a matrix              [3 corners][8]
  *     _vjp      V = a.f, a constant: dV by the numbers of `rest`, by damp and by x^n, and Ha, that
- *               by x; x^n NULL: damp is zeros, dV by it and by x^n is not asked for
+ *               by x; x^n is x itself: damp is zeros, dV by it and by x^n is not asked for
  *
  *   No force changes when all corners move together: rows of blocks sum to zero, which gives the
  *   diagonal blocks, once for a matrix and not by element (clothi_matrix_close()). A result beyond
@@ -4072,43 +4072,86 @@ CLOTHI_HOT void clothi_sum_corners(clothi_in forces, const int *start, const int
     }
 }
 
+/* --- one lane of a vector --- */
+
+typedef struct clothi_vec { double x, y, z; } clothi_vec;
+
+CLOTHI_LANE clothi_vec clothi_vec_of(double x, double y, double z) {
+    const clothi_vec v = {x, y, z};
+    return v;
+}
+
 /* Row `row` of lane k in an array of lanes, and the two behind it. */
-CLOTHI_LANE void clothi_put3(double *out, int row, int k, double a, double b, double c) {
-    out[row * CLOTHI_LANES + k] = a;
-    out[(row + 1) * CLOTHI_LANES + k] = b;
-    out[(row + 2) * CLOTHI_LANES + k] = c;
+CLOTHI_LANE clothi_vec clothi_vec_at(const double *a, int row, int k) {
+    return clothi_vec_of(a[row * CLOTHI_LANES + k], a[(row + 1) * CLOTHI_LANES + k],
+                         a[(row + 2) * CLOTHI_LANES + k]);
+}
+
+CLOTHI_LANE void clothi_vec_put(double *out, int row, int k, clothi_vec a) {
+    out[row * CLOTHI_LANES + k] = a.x;
+    out[(row + 1) * CLOTHI_LANES + k] = a.y;
+    out[(row + 2) * CLOTHI_LANES + k] = a.z;
+}
+
+CLOTHI_LANE clothi_vec clothi_vec_times(double s, clothi_vec a) {
+    return clothi_vec_of(s * a.x, s * a.y, s * a.z);
+}
+
+/* a + t b */
+CLOTHI_LANE clothi_vec clothi_vec_plus(clothi_vec a, double t, clothi_vec b) {
+    return clothi_vec_of(a.x + t * b.x, a.y + t * b.y, a.z + t * b.z);
+}
+
+/* s a + t b */
+CLOTHI_LANE clothi_vec clothi_vec_mix(double s, clothi_vec a, double t, clothi_vec b) {
+    return clothi_vec_plus(clothi_vec_times(s, a), t, b);
+}
+
+CLOTHI_LANE double clothi_vec_dot(clothi_vec a, clothi_vec b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+CLOTHI_LANE clothi_vec clothi_vec_cross(clothi_vec a, clothi_vec b) {
+    return clothi_vec_of(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
+/* x_i - x_0 */
+CLOTHI_LANE clothi_vec clothi_edge(const double *x, int i, int k) {
+    return clothi_vec_plus(clothi_vec_at(x, 3 * i, k), -1.0, clothi_vec_at(x, 0, k));
 }
 
 /* --- springs: x [6][8], rest [2][8] = k, L --- */
 
 /* |x1 - x0|; of hinges as well. */
 CLOTHI_HOT void clothi_spring_measure(clothi_in x, clothi_in rest, clothi_out l) {
-    enum { L = CLOTHI_LANES };
     int k;
     (void)rest;
-    for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k];
-        l[k] = d0 * d0 + d1 * d1 + d2 * d2;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_vec d = clothi_edge(x, 1, k);
+        l[k] = clothi_vec_dot(d, d);
     }
     clothi_sqrt_lanes(l);
 }
 
 typedef struct clothi_bar {                 /* one lane                                          */
-    double d0, d1, d2, inv, pull;           /* x1 - x0, 1/l with its floor, p                    */
+    clothi_vec d;                           /* x1 - x0                                           */
+    double     inv, pull;                   /* 1/l with its floor, p                             */
 } clothi_bar;
 
 CLOTHI_LANE clothi_bar clothi_bar_at(const double *x, const double *rest, const double *start,
                                      const double *damp, const double *l, int k) {
-    enum { L = CLOTHI_LANES };
-    const double r = rest[L + k], floor_ = 1e-8 * r, s = damp[k];
+    const double r = rest[CLOTHI_LANES + k], floor_ = 1e-8 * r, s = damp[k];
     clothi_bar   b;
-    b.d0 = x[3 * L + k] - x[k];
-    b.d1 = x[4 * L + k] - x[L + k];
-    b.d2 = x[5 * L + k] - x[2 * L + k];
+    b.d = clothi_edge(x, 1, k);
     b.inv = 1.0 / ((l[k] > floor_ ? l[k] : floor_) + 1e-300);
     b.pull = rest[k] * (1.0 + s - (r + s * start[k]) * b.inv);
     return b;
+}
+
+/* g for corner 1, -g for corner 0 */
+CLOTHI_LANE void clothi_bar_put(double *f, int k, clothi_vec g) {
+    clothi_vec_put(f, 0, k, clothi_vec_times(-1.0, g));
+    clothi_vec_put(f, 3, k, g);
 }
 
 CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
@@ -4121,8 +4164,7 @@ CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_in start
         const double     longer = l[k] - rest[CLOTHI_LANES + k], change = l[k] - start[k];
         E[k] = 0.5 * rest[k] * longer * longer;
         Ed[k] = 0.5 * rest[k] * damp[k] * change * change;
-        clothi_put3(f, 0, k, -b.pull * b.d0, -b.pull * b.d1, -b.pull * b.d2);
-        clothi_put3(f, 3, k, b.pull * b.d0, b.pull * b.d1, b.pull * b.d2);
+        clothi_bar_put(f, k, clothi_vec_times(b.pull, b.d));
     }
 }
 
@@ -4136,7 +4178,7 @@ CLOTHI_HOT void clothi_spring_blocks(clothi_in x, clothi_in rest, clothi_in star
         const clothi_bar b = clothi_bar_at(x, rest, start, damp, l, k);
         across[k] = psd ? 0.5 * (b.pull + fabs(b.pull)) : b.pull;
         along[k] = rest[k] * (1.0 + damp[k]) - across[k];
-        clothi_put3(u, 0, k, b.d0 * b.inv, b.d1 * b.inv, b.d2 * b.inv);
+        clothi_vec_put(u, 0, k, clothi_vec_times(b.inv, b.d));
     }
     for (i = 0; i < 3; i++)
         for (j = 0; j < 3; j++)
@@ -4147,45 +4189,37 @@ CLOTHI_HOT void clothi_spring_blocks(clothi_in x, clothi_in rest, clothi_in star
 
 CLOTHI_HOT void clothi_spring_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
                                   clothi_in damp, clothi_out f) {
-    enum { L = CLOTHI_LANES };
-    double l[L];
+    double l[CLOTHI_LANES];
     int    k;
     clothi_spring_measure(x, rest, l);
-    for (k = 0; k < L; k++) {
+    for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_bar b = clothi_bar_at(x, rest, start, damp, l, k);
-        const double     u0 = u[3 * L + k] - u[k], u1 = u[4 * L + k] - u[L + k];
-        const double     u2 = u[5 * L + k] - u[2 * L + k];
-        const double     along = (b.d0 * u0 + b.d1 * u1 + b.d2 * u2) * b.inv * b.inv;
+        const clothi_vec du = clothi_edge(u, 1, k);
+        const double     along = clothi_vec_dot(b.d, du) * b.inv * b.inv;
         const double     more = (rest[k] * (1.0 + damp[k]) - b.pull) * along;
-        const double     g0 = b.pull * u0 + more * b.d0, g1 = b.pull * u1 + more * b.d1;
-        const double     g2 = b.pull * u2 + more * b.d2;
-        clothi_put3(f, 0, k, -g0, -g1, -g2);
-        clothi_put3(f, 3, k, g0, g1, g2);
+        clothi_bar_put(f, k, clothi_vec_mix(b.pull, du, more, b.d));
     }
 }
 
 /* V = k ((l - L) + s (l - l_n)) u.(a1 - a0) */
-CLOTHI_UNUSED static void clothi_spring_vjp(clothi_in x, const double *x_n, clothi_in a,
-                                            clothi_in rest, clothi_in damp, clothi_out d_rest,
-                                            clothi_out d_damp, clothi_out d_x_n, clothi_out Ha) {
+CLOTHI_HOT void clothi_spring_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
+                                  clothi_in damp, clothi_out d_rest, clothi_out d_damp,
+                                  clothi_out d_x_n, clothi_out Ha) {
     enum { L = CLOTHI_LANES };
     double l[L], l_n[L];
     int    k;
-    if (!x_n) x_n = x;
     clothi_spring_measure(x, rest, l);
     clothi_spring_measure(x_n, rest, l_n);
     clothi_spring_hvp(x, a, rest, l_n, damp, Ha);
     for (k = 0; k < L; k++) {
         const clothi_bar b = clothi_bar_at(x, rest, l_n, damp, l, k);
         const clothi_bar n = clothi_bar_at(x_n, rest, l_n, damp, l_n, k);
-        const double     along = (b.d0 * (a[3 * L + k] - a[k]) + b.d1 * (a[4 * L + k] - a[L + k]) +
-                                  b.d2 * (a[5 * L + k] - a[2 * L + k])) * b.inv;
-        const double     change = l[k] - l_n[k], g = -rest[k] * damp[k] * along * n.inv;
+        const double     along = clothi_vec_dot(b.d, clothi_edge(a, 1, k)) * b.inv;
+        const double     change = l[k] - l_n[k];
         d_rest[k] = (l[k] - rest[L + k] + damp[k] * change) * along;
         d_rest[L + k] = -rest[k] * along;
         d_damp[k] = rest[k] * change * along;
-        clothi_put3(d_x_n, 0, k, -g * n.d0, -g * n.d1, -g * n.d2);
-        clothi_put3(d_x_n, 3, k, g * n.d0, g * n.d1, g * n.d2);
+        clothi_bar_put(d_x_n, k, clothi_vec_times(-rest[k] * damp[k] * along * n.inv, n.d));
     }
 }
 
@@ -4292,107 +4326,77 @@ CLOTHI_RARE_END
 
 /* --- x [9][8], rest [7][8] = B row by row, area, mu, lambda; start [3][8] = E11, E22, E12 --- */
 
-typedef struct clothi_sym { double a, b, c; } clothi_sym;       /* 11, 22, 12 of a 2x2 matrix    */
-
 typedef struct clothi_tri {                 /* one lane                                          */
-    double     f0, f1, f2, f3, f4, f5;      /* F, row-major [3x2]                                */
-    clothi_sym e;                           /* E                                                 */
+    clothi_vec F1, F2;                      /* columns of F                                      */
+    clothi_vec E;                           /* 11, 22, 12, as of every 2x2 matrix here           */
 } clothi_tri;
 
 CLOTHI_LANE clothi_tri clothi_tri_at(const double *x, const double *rest, int k) {
     enum { L = CLOTHI_LANES };
-    const double b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
-    const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-    const double d2 = x[5 * L + k] - x[2 * L + k], h0 = x[6 * L + k] - x[k];
-    const double h1 = x[7 * L + k] - x[L + k], h2 = x[8 * L + k] - x[2 * L + k];
-    clothi_tri   t;
-    t.f0 = d0 * b0 + h0 * b2;
-    t.f1 = d0 * b1 + h0 * b3;
-    t.f2 = d1 * b0 + h1 * b2;
-    t.f3 = d1 * b1 + h1 * b3;
-    t.f4 = d2 * b0 + h2 * b2;
-    t.f5 = d2 * b1 + h2 * b3;
-    t.e.a = 0.5 * (t.f0 * t.f0 + t.f2 * t.f2 + t.f4 * t.f4 - 1.0);
-    t.e.b = 0.5 * (t.f1 * t.f1 + t.f3 * t.f3 + t.f5 * t.f5 - 1.0);
-    t.e.c = 0.5 * (t.f0 * t.f1 + t.f2 * t.f3 + t.f4 * t.f5);
+    const clothi_vec d = clothi_edge(x, 1, k), h = clothi_edge(x, 2, k);
+    clothi_tri       t;
+    t.F1 = clothi_vec_mix(rest[k], d, rest[2 * L + k], h);
+    t.F2 = clothi_vec_mix(rest[L + k], d, rest[3 * L + k], h);
+    t.E.x = 0.5 * (clothi_vec_dot(t.F1, t.F1) - 1.0);
+    t.E.y = 0.5 * (clothi_vec_dot(t.F2, t.F2) - 1.0);
+    t.E.z = 0.5 * clothi_vec_dot(t.F1, t.F2);
     return t;
 }
 
 /* dE for a change of positions whose F is that of u. */
-CLOTHI_LANE clothi_sym clothi_tri_change(const clothi_tri *t, const clothi_tri *u) {
-    clothi_sym e;
-    e.a = t->f0 * u->f0 + t->f2 * u->f2 + t->f4 * u->f4;
-    e.b = t->f1 * u->f1 + t->f3 * u->f3 + t->f5 * u->f5;
-    e.c = 0.5 * (t->f0 * u->f1 + t->f1 * u->f0 + t->f2 * u->f3 + t->f3 * u->f2 + t->f4 * u->f5 +
-                 t->f5 * u->f4);
-    return e;
-}
-
-/* E - E^n */
-CLOTHI_LANE clothi_sym clothi_tri_since(clothi_sym e, const double *start, int k) {
-    e.a -= start[k];
-    e.b -= start[CLOTHI_LANES + k];
-    e.c -= start[2 * CLOTHI_LANES + k];
-    return e;
+CLOTHI_LANE clothi_vec clothi_tri_change(const clothi_tri *t, const clothi_tri *u) {
+    return clothi_vec_of(clothi_vec_dot(t->F1, u->F1), clothi_vec_dot(t->F2, u->F2),
+                         0.5 * (t->F1.x * u->F2.x + t->F2.x * u->F1.x + t->F1.y * u->F2.y +
+                                t->F2.y * u->F1.y + t->F1.z * u->F2.z + t->F2.z * u->F1.z));
 }
 
 /* E + damp (E - E^n): the strain whose elastic stress is the whole stress. */
-CLOTHI_LANE clothi_sym clothi_tri_damped(clothi_sym e, const double *start, const double *damp,
-                                         int k) {
-    const clothi_sym since = clothi_tri_since(e, start, k);
-    e.a += damp[k] * since.a;
-    e.b += damp[k] * since.b;
-    e.c += damp[k] * since.c;
-    return e;
+CLOTHI_LANE clothi_vec clothi_tri_damped(clothi_vec e, clothi_vec start, double damp) {
+    return clothi_vec_plus(e, damp, clothi_vec_plus(e, -1.0, start));
 }
 
 /* A (mu |e|^2 + lambda/2 tr(e)^2) */
-CLOTHI_LANE double clothi_tri_energy(clothi_sym e, const double *rest, int k) {
+CLOTHI_LANE double clothi_tri_energy(clothi_vec e, const double *rest, int k) {
     enum { L = CLOTHI_LANES };
-    return rest[4 * L + k] * (rest[5 * L + k] * (e.a * e.a + e.b * e.b + 2.0 * e.c * e.c)
-                              + 0.5 * rest[6 * L + k] * (e.a + e.b) * (e.a + e.b));
+    return rest[4 * L + k] * (rest[5 * L + k] * (e.x * e.x + e.y * e.y + 2.0 * e.z * e.z)
+                              + 0.5 * rest[6 * L + k] * (e.x + e.y) * (e.x + e.y));
 }
 
 /* A S of the strain e. */
-CLOTHI_LANE clothi_sym clothi_tri_stress(clothi_sym e, const double *rest, int k) {
+CLOTHI_LANE clothi_vec clothi_tri_stress(clothi_vec e, const double *rest, int k) {
     enum { L = CLOTHI_LANES };
     const double area = rest[4 * L + k], mu2 = 2.0 * rest[5 * L + k];
-    const double tr = rest[6 * L + k] * (e.a + e.b);
-    clothi_sym   s;
-    s.a = area * (mu2 * e.a + tr);
-    s.b = area * (mu2 * e.b + tr);
-    s.c = area * (mu2 * e.c);
-    return s;
+    const double tr = rest[6 * L + k] * (e.x + e.y);
+    return clothi_vec_of(area * (mu2 * e.x + tr), area * (mu2 * e.y + tr), area * (mu2 * e.z));
 }
 
-CLOTHI_LANE clothi_sym clothi_tri_times(clothi_sym s, double scale) {
-    s.a *= scale;
-    s.b *= scale;
-    s.c *= scale;
-    return s;
-}
-
-/* f = F s g of the three corners, F of t. */
-CLOTHI_LANE void clothi_tri_force(const clothi_tri *t, clothi_sym s, const double *rest, int k,
-                                  double *f) {
+/* F s g of corners 1 and 2, F of t. */
+CLOTHI_LANE void clothi_tri_pull(const clothi_tri *t, clothi_vec s, const double *rest, int k,
+                                 clothi_vec *p) {
     enum { L = CLOTHI_LANES };
     const double b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
-    const double m0 = s.a * b0 + s.c * b1, m1 = s.c * b0 + s.b * b1;    /* s g of corner 1 */
-    const double n0 = s.a * b2 + s.c * b3, n1 = s.c * b2 + s.b * b3;    /* and of corner 2 */
-    const double p0 = t->f0 * m0 + t->f1 * m1, p1 = t->f2 * m0 + t->f3 * m1;
-    const double p2 = t->f4 * m0 + t->f5 * m1, q0 = t->f0 * n0 + t->f1 * n1;
-    const double q1 = t->f2 * n0 + t->f3 * n1, q2 = t->f4 * n0 + t->f5 * n1;
-    clothi_put3(f, 0, k, -p0 - q0, -p1 - q1, -p2 - q2);
-    clothi_put3(f, 3, k, p0, p1, p2);
-    clothi_put3(f, 6, k, q0, q1, q2);
+    p[0] = clothi_vec_mix(s.x * b0 + s.z * b1, t->F1, s.z * b0 + s.y * b1, t->F2);
+    p[1] = clothi_vec_mix(s.x * b2 + s.z * b3, t->F1, s.z * b2 + s.y * b3, t->F2);
+}
+
+/* f of the three corners from those of corners 1 and 2. */
+CLOTHI_LANE void clothi_tri_put(double *f, int k, clothi_vec p, clothi_vec q) {
+    clothi_vec_put(f, 0, k, clothi_vec_mix(-1.0, p, -1.0, q));
+    clothi_vec_put(f, 3, k, p);
+    clothi_vec_put(f, 6, k, q);
+}
+
+CLOTHI_LANE void clothi_tri_force(const clothi_tri *t, clothi_vec s, const double *rest, int k,
+                                  double *f) {
+    clothi_vec p[2];
+    clothi_tri_pull(t, s, rest, k, p);
+    clothi_tri_put(f, k, p[0], p[1]);
 }
 
 CLOTHI_HOT void clothi_stretch_measure(clothi_in x, clothi_in rest, clothi_out strain) {
     int k;
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k);
-        clothi_put3(strain, 0, k, t.e.a, t.e.b, t.e.c);
-    }
+    for (k = 0; k < CLOTHI_LANES; k++)
+        clothi_vec_put(strain, 0, k, clothi_tri_at(x, rest, k).E);
 }
 
 /* LEAPFROG's path without bending: nothing but elastic forces. */
@@ -4400,7 +4404,7 @@ CLOTHI_HOT void clothi_stretch_forces(clothi_in x, clothi_in rest, clothi_out f)
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        clothi_tri_force(&t, clothi_tri_stress(t.e, rest, k), rest, k, f);
+        clothi_tri_force(&t, clothi_tri_stress(t.E, rest, k), rest, k, f);
     }
 }
 
@@ -4409,10 +4413,10 @@ CLOTHI_HOT void clothi_stretch_lanes(clothi_in x, clothi_in rest, clothi_in star
     int k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        const clothi_sym s = clothi_tri_stress(clothi_tri_damped(t.e, start, damp, k), rest, k);
-        E[k] = clothi_tri_energy(t.e, rest, k);
-        Ed[k] = damp[k] * clothi_tri_energy(clothi_tri_since(t.e, start, k), rest, k);
-        clothi_tri_force(&t, s, rest, k, f);
+        const clothi_vec n = clothi_vec_at(start, 0, k), e = clothi_tri_damped(t.E, n, damp[k]);
+        E[k] = clothi_tri_energy(t.E, rest, k);
+        Ed[k] = damp[k] * clothi_tri_energy(clothi_vec_plus(t.E, -1.0, n), rest, k);
+        clothi_tri_force(&t, clothi_tri_stress(e, rest, k), rest, k, f);
     }
 }
 
@@ -4423,8 +4427,8 @@ CLOTHI_HOT void clothi_stretch_squares(clothi_in x, clothi_in rest, clothi_out l
     int    k;
     for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        high[k] = 1.0 + t.e.a + t.e.b;
-        radius[k] = (t.e.a - t.e.b) * (t.e.a - t.e.b) + 4.0 * t.e.c * t.e.c;
+        high[k] = 1.0 + t.E.x + t.E.y;
+        radius[k] = (t.E.x - t.E.y) * (t.E.x - t.E.y) + 4.0 * t.E.z * t.E.z;
     }
     clothi_sqrt_lanes(radius);
     for (k = 0; k < CLOTHI_LANES; k++) {
@@ -4436,7 +4440,7 @@ CLOTHI_HOT void clothi_stretch_squares(clothi_in x, clothi_in rest, clothi_out l
 
 /* What every Hessian block needs of a lane. */
 typedef struct clothi_tri_batch {
-    double F[6 * CLOTHI_LANES], g[6 * CLOTHI_LANES];    /* g by corners                          */
+    double F[6 * CLOTHI_LANES], g[6 * CLOTHI_LANES];    /* F by columns, g by corners            */
     double mu2[CLOTHI_LANES], lambda[CLOTHI_LANES];     /* A (1 + damp) times 2 mu and lambda    */
     double s[3 * CLOTHI_LANES], radius[CLOTHI_LANES];   /* A S, 11 22 12; squared                */
 } clothi_tri_batch;
@@ -4447,15 +4451,16 @@ CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in rest, clothi_in st
     int k;
     for (k = 0; k < L; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        const clothi_sym s = clothi_tri_stress(clothi_tri_damped(t.e, start, damp, k), rest, k);
+        const clothi_vec e = clothi_tri_damped(t.E, clothi_vec_at(start, 0, k), damp[k]);
+        const clothi_vec s = clothi_tri_stress(e, rest, k);
         const double     b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
-        const double     scale = rest[4 * L + k] * (1.0 + damp[k]), half = 0.5 * (s.a - s.b);
-        clothi_put3(w->F, 0, k, t.f0, t.f1, t.f2);
-        clothi_put3(w->F, 3, k, t.f3, t.f4, t.f5);
-        clothi_put3(w->g, 0, k, -b0 - b2, -b1 - b3, b0);
-        clothi_put3(w->g, 3, k, b1, b2, b3);
-        clothi_put3(w->s, 0, k, s.a, s.b, s.c);
-        w->radius[k] = half * half + s.c * s.c;
+        const double     scale = rest[4 * L + k] * (1.0 + damp[k]), half = 0.5 * (s.x - s.y);
+        clothi_vec_put(w->F, 0, k, t.F1);
+        clothi_vec_put(w->F, 3, k, t.F2);
+        clothi_vec_put(w->g, 0, k, clothi_vec_of(-b0 - b2, -b1 - b3, b0));
+        clothi_vec_put(w->g, 3, k, clothi_vec_of(b1, b2, b3));
+        clothi_vec_put(w->s, 0, k, s);
+        w->radius[k] = half * half + s.z * s.z;
         w->mu2[k] = 2.0 * scale * rest[5 * L + k];
         w->lambda[k] = scale * rest[6 * L + k];
     }
@@ -4492,17 +4497,17 @@ CLOTHI_HOT void clothi_stretch_columns(const clothi_tri_batch *CLOTHI_RESTRICT w
     for (p = 0; p < 3; p++) {
         const double *i = w->g + 2 * clothi_pair[p][0] * L, *j = w->g + 2 * clothi_pair[p][1] * L;
         for (r = 0; r < 3; r++) {
-            const double *F = w->F, *row = F + 2 * r * L;
+            const double *F1 = w->F, *F2 = F1 + 3 * L, *r1 = F1 + r * L, *r2 = F2 + r * L;
             double       *h = H + (9 * p + r) * L;
             for (k = 0; k < L; k++) {
-                const double a = row[k] * j[k], b = row[L + k] * j[L + k];
+                const double a = r1[k] * j[k], b = r2[k] * j[L + k];
                 const double tr = w->lambda[k] * (a + b), s0 = w->mu2[k] * a + tr;
                 const double s1 = w->mu2[k] * b + tr;
-                const double s2 = 0.5 * w->mu2[k] * (row[k] * j[L + k] + row[L + k] * j[k]);
+                const double s2 = 0.5 * w->mu2[k] * (r1[k] * j[L + k] + r2[k] * j[k]);
                 const double m0 = s0 * i[k] + s2 * i[L + k], m1 = s2 * i[k] + s1 * i[L + k];
-                h[k] = F[k] * m0 + F[L + k] * m1;
-                h[3 * L + k] = F[2 * L + k] * m0 + F[3 * L + k] * m1;
-                h[6 * L + k] = F[4 * L + k] * m0 + F[5 * L + k] * m1;
+                h[k] = F1[k] * m0 + F2[k] * m1;
+                h[3 * L + k] = F1[L + k] * m0 + F2[L + k] * m1;
+                h[6 * L + k] = F1[2 * L + k] * m0 + F2[2 * L + k] * m1;
             }
         }
         for (k = 0; k < L; k++) {
@@ -4523,77 +4528,70 @@ CLOTHI_UNUSED static void clothi_stretch_blocks(clothi_in x, clothi_in rest, clo
     clothi_stretch_columns(&w, H);
 }
 
-/* d(F S g) = dF S g + F dS g */
-CLOTHI_HOT void clothi_stretch_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
-                                   clothi_in damp, clothi_out f) {
-    enum { L = CLOTHI_LANES };
-    double more[9 * L];
-    int    k;
-    for (k = 0; k < L; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k), d = clothi_tri_at(u, rest, k);
-        const clothi_sym s = clothi_tri_stress(clothi_tri_damped(t.e, start, damp, k), rest, k);
-        const clothi_sym ds = clothi_tri_stress(clothi_tri_change(&t, &d), rest, k);
-        clothi_tri_force(&d, s, rest, k, f);
-        clothi_tri_force(&t, clothi_tri_times(ds, 1.0 + damp[k]), rest, k, more);
-    }
-    for (k = 0; k < 9 * L; k++) f[k] += more[k];
+/* d(F S g) = dF S g + F dS g, dF of d, A S and A dS given. */
+CLOTHI_LANE void clothi_tri_product(const clothi_tri *t, const clothi_tri *d, clothi_vec s,
+                                    clothi_vec ds, const double *rest, int k, double *f) {
+    clothi_vec p[2], q[2];
+    clothi_tri_pull(d, s, rest, k, p);
+    clothi_tri_pull(t, ds, rest, k, q);
+    clothi_vec_put(f, 0, k, clothi_vec_plus(clothi_vec_mix(-1.0, p[0], -1.0, p[1]), 1.0,
+                                            clothi_vec_mix(-1.0, q[0], -1.0, q[1])));
+    clothi_vec_put(f, 3, k, clothi_vec_plus(p[0], 1.0, q[0]));
+    clothi_vec_put(f, 6, k, clothi_vec_plus(p[1], 1.0, q[1]));
 }
 
-/* X_i -= F' f_i of the corners i = 1, 2; F of t. */
-CLOTHI_LANE void clothi_tri_back(const clothi_tri *t, const double *f, int k, double *X) {
-    enum { L = CLOTHI_LANES };
-    int i;
-    for (i = 0; i < 2; i++) {
-        const double *p = f + (3 + 3 * i) * L + k;
-        X[2 * i * L + k] -= t->f0 * p[0] + t->f2 * p[L] + t->f4 * p[2 * L];
-        X[(2 * i + 1) * L + k] -= t->f1 * p[0] + t->f3 * p[L] + t->f5 * p[2 * L];
+CLOTHI_HOT void clothi_stretch_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
+                                   clothi_in damp, clothi_out f) {
+    int k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_tri t = clothi_tri_at(x, rest, k), d = clothi_tri_at(u, rest, k);
+        const clothi_vec e = clothi_tri_damped(t.E, clothi_vec_at(start, 0, k), damp[k]);
+        const clothi_vec ds = clothi_tri_stress(clothi_tri_change(&t, &d), rest, k);
+        clothi_tri_product(&t, &d, clothi_tri_stress(e, rest, k),
+                           clothi_vec_times(1.0 + damp[k], ds), rest, k, f);
     }
+}
+
+/* X_i -= F' (of t) F s g_i (of u), of the corners i = 1, 2 */
+CLOTHI_LANE void clothi_tri_back(const clothi_tri *t, const clothi_tri *u, clothi_vec s,
+                                 const double *rest, int k, double *X) {
+    enum { L = CLOTHI_LANES };
+    clothi_vec p[2];
+    clothi_tri_pull(u, s, rest, k, p);
+    X[k] -= clothi_vec_dot(t->F1, p[0]);
+    X[L + k] -= clothi_vec_dot(t->F2, p[0]);
+    X[2 * L + k] -= clothi_vec_dot(t->F1, p[1]);
+    X[3 * L + k] -= clothi_vec_dot(t->F2, p[1]);
 }
 
 /* d_rest: in place of B the rest corners X1, X2, with what they do to the area; the fifth is 0.
- * V = mu dV/dmu + lambda dV/dlambda; f, more: scratch. */
-CLOTHI_HOT void clothi_stretch_rest_vjp(clothi_in x, clothi_in a, clothi_in rest, clothi_in start,
-                                        clothi_in damp, clothi_out d_rest, clothi_out Ha,
-                                        clothi_out f, clothi_out more) {
+ * V = mu dV/dmu + lambda dV/dlambda. */
+CLOTHI_HOT void clothi_stretch_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
+                                   clothi_in damp, clothi_out d_rest, clothi_out d_damp,
+                                   clothi_out d_x_n, clothi_out Ha) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k), d = clothi_tri_at(a, rest, k);
-        const clothi_sym e = clothi_tri_damped(t.e, start, damp, k);
-        const clothi_sym da = clothi_tri_change(&t, &d);
-        const double     mu = 2 * rest[4 * L + k] * (e.a * da.a + e.b * da.b + 2 * e.c * da.c);
-        const double     lambda = rest[4 * L + k] * (e.a + e.b) * (da.a + da.b);
-        const double     V = rest[5 * L + k] * mu + rest[6 * L + k] * lambda;
-        const clothi_sym s = clothi_tri_stress(e, rest, k), ds = clothi_tri_stress(da, rest, k);
-        clothi_tri_force(&t, s, rest, k, f);
-        clothi_tri_force(&d, s, rest, k, Ha);
-        clothi_tri_force(&t, clothi_tri_times(ds, 1.0 + damp[k]), rest, k, more);
-        d_rest[k] = V * rest[k], d_rest[L + k] = V * rest[L + k];
-        clothi_put3(d_rest, 2, k, V * rest[2 * L + k], V * rest[3 * L + k], 0.0);
-        d_rest[5 * L + k] = mu, d_rest[6 * L + k] = lambda;
-        clothi_tri_back(&t, Ha, k, d_rest);
-        clothi_tri_back(&t, more, k, d_rest);
-        clothi_tri_back(&d, f, k, d_rest);
-    }
-    for (k = 0; k < 9 * L; k++) Ha[k] += more[k];
-}
-
-CLOTHI_UNUSED static void clothi_stretch_vjp(clothi_in x, const double *x_n, clothi_in a,
-                                             clothi_in rest, clothi_in damp, clothi_out d_rest,
-                                             clothi_out d_damp, clothi_out d_x_n, clothi_out Ha) {
-    enum { L = CLOTHI_LANES };
-    double start[3 * L], f[9 * L], more[9 * L];
-    int    k;
-    if (x_n) clothi_stretch_measure(x_n, rest, start);
-    clothi_stretch_rest_vjp(x, a, rest, x_n ? start : clothi_none, damp, d_rest, Ha, f, more);
-    for (k = 0; x_n && k < L; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k), n = clothi_tri_at(x_n, rest, k);
         const clothi_tri d = clothi_tri_at(a, rest, k);
-        const clothi_sym q = clothi_tri_stress(clothi_tri_change(&t, &d), rest, k);
-        const clothi_sym since = clothi_tri_since(t.e, start, k);
-        d_damp[k] = q.a * since.a + q.b * since.b + 2 * q.c * since.c;
-        clothi_tri_force(&n, clothi_tri_times(q, -damp[k]), rest, k, d_x_n);
-        clothi_tri_back(&n, d_x_n, k, d_rest);
+        const clothi_vec since = clothi_vec_plus(t.E, -1.0, n.E), da = clothi_tri_change(&t, &d);
+        const clothi_vec e = clothi_tri_damped(t.E, n.E, damp[k]);
+        const double     mu = 2 * rest[4 * L + k] * (e.x * da.x + e.y * da.y + 2 * e.z * da.z);
+        const double     lambda = rest[4 * L + k] * (e.x + e.y) * (da.x + da.y);
+        const double     V = rest[5 * L + k] * mu + rest[6 * L + k] * lambda;
+        const clothi_vec s = clothi_tri_stress(e, rest, k), ds = clothi_tri_stress(da, rest, k);
+        const clothi_vec ds_x = clothi_vec_times(1.0 + damp[k], ds);
+        const clothi_vec ds_n = clothi_vec_times(-damp[k], ds);
+        d_rest[k] = V * rest[k], d_rest[L + k] = V * rest[L + k];
+        clothi_vec_put(d_rest, 2, k, clothi_vec_of(V * rest[2 * L + k], V * rest[3 * L + k], 0.0));
+        d_rest[5 * L + k] = mu, d_rest[6 * L + k] = lambda;
+        clothi_tri_back(&t, &d, s, rest, k, d_rest);
+        clothi_tri_back(&t, &t, ds_x, rest, k, d_rest);
+        clothi_tri_back(&d, &t, s, rest, k, d_rest);
+        clothi_tri_back(&n, &n, ds_n, rest, k, d_rest);
+        clothi_tri_product(&t, &d, s, ds_x, rest, k, Ha);
+        clothi_tri_force(&n, ds_n, rest, k, d_x_n);
+        d_damp[k] = ds.x * since.x + ds.y * since.y + 2 * ds.z * since.z;
     }
 }
 
@@ -4630,10 +4628,10 @@ CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu
     clothi_to_lanes(B, 7, rest);
     if (area > 0.0) {
         const clothi_tri t = clothi_tri_at(y, rest, 0);
-        const clothi_sym stress = clothi_tri_stress(t.e, rest, 0);
-        f[0] = t.f0, f[1] = t.f1, f[2] = t.f2, f[3] = t.f3, f[4] = t.f4, f[5] = t.f5;
-        e[0] = t.e.a, e[1] = e[2] = t.e.c, e[3] = t.e.b;
-        s[0] = stress.a, s[1] = s[2] = stress.c, s[3] = stress.b;
+        const clothi_vec stress = clothi_tri_stress(t.E, rest, 0);
+        f[0] = t.F1.x, f[2] = t.F1.y, f[4] = t.F1.z, f[1] = t.F2.x, f[3] = t.F2.y, f[5] = t.F2.z;
+        e[0] = t.E.x, e[1] = e[2] = t.E.z, e[3] = t.E.y;
+        s[0] = stress.x, s[1] = s[2] = stress.z, s[3] = stress.y;
     }
     clothi_settle(f, 6);
     clothi_settle(e, 4);
@@ -4723,32 +4721,22 @@ CLOTHI_RARE_END
 
 /* --- x [12][8], rest [2][8] = c, theta0; start [8] = theta^n --- */
 
-typedef struct clothi_fold {                /* one lane */
-    double e0, e1, e2, a0, a1, a2, b0, b1, b2;
-    double n0, n1, n2, m0, m1, m2;          /* normals of the left and right wing                */
-    double l2, ae, be, sine, cosine;
+typedef struct clothi_fold {                /* one lane                                          */
+    clothi_vec e, a, b;
+    clothi_vec n, m;                        /* normals of the left and right wing                */
+    double     l2, ae, be, sine, cosine;
 } clothi_fold;
-
-CLOTHI_LANE double clothi_edge(const double *x, int row, int k) {
-    return x[row * CLOTHI_LANES + k] - x[row % 3 * CLOTHI_LANES + k];
-}
 
 CLOTHI_LANE clothi_fold clothi_fold_at(const double *x, const double *l, int k) {
     clothi_fold h;
-    h.e0 = clothi_edge(x, 3, k), h.e1 = clothi_edge(x, 4, k), h.e2 = clothi_edge(x, 5, k);
-    h.a0 = clothi_edge(x, 6, k), h.a1 = clothi_edge(x, 7, k), h.a2 = clothi_edge(x, 8, k);
-    h.b0 = clothi_edge(x, 9, k), h.b1 = clothi_edge(x, 10, k), h.b2 = clothi_edge(x, 11, k);
-    h.n0 = h.e1 * h.a2 - h.e2 * h.a1;
-    h.n1 = h.e2 * h.a0 - h.e0 * h.a2;
-    h.n2 = h.e0 * h.a1 - h.e1 * h.a0;
-    h.m0 = h.b1 * h.e2 - h.b2 * h.e1;
-    h.m1 = h.b2 * h.e0 - h.b0 * h.e2;
-    h.m2 = h.b0 * h.e1 - h.b1 * h.e0;
-    h.l2 = h.e0 * h.e0 + h.e1 * h.e1 + h.e2 * h.e2;
-    h.ae = h.a0 * h.e0 + h.a1 * h.e1 + h.a2 * h.e2;
-    h.be = h.b0 * h.e0 + h.b1 * h.e1 + h.b2 * h.e2;
-    h.sine = -l[k] * (h.n0 * h.b0 + h.n1 * h.b1 + h.n2 * h.b2);
-    h.cosine = h.n0 * h.m0 + h.n1 * h.m1 + h.n2 * h.m2;
+    h.e = clothi_edge(x, 1, k), h.a = clothi_edge(x, 2, k), h.b = clothi_edge(x, 3, k);
+    h.n = clothi_vec_cross(h.e, h.a);
+    h.m = clothi_vec_cross(h.b, h.e);
+    h.l2 = clothi_vec_dot(h.e, h.e);
+    h.ae = clothi_vec_dot(h.a, h.e);
+    h.be = clothi_vec_dot(h.b, h.e);
+    h.sine = -l[k] * clothi_vec_dot(h.n, h.b);
+    h.cosine = clothi_vec_dot(h.n, h.m);
     return h;
 }
 
@@ -4760,14 +4748,13 @@ typedef struct clothi_fold_inverse {
 } clothi_fold_inverse;
 
 CLOTHI_LANE clothi_fold_inverse clothi_fold_invert(const clothi_fold *h) {
-    const double s = h->l2 + (h->a0 * h->a0 + h->a1 * h->a1 + h->a2 * h->a2)
-                     + (h->b0 * h->b0 + h->b1 * h->b1 + h->b2 * h->b2);
+    const double s = h->l2 + clothi_vec_dot(h->a, h->a) + clothi_vec_dot(h->b, h->b);
     const double lf = CLOTHI_HINGE_FLOOR * s + CLOTHI_HINGE_TINY_L2;
     const double qf = CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q;
     clothi_fold_inverse v;
     double              q1c, q2c, q12, inv, invl;
-    v.n1 = h->n0 * h->n0 + h->n1 * h->n1 + h->n2 * h->n2;
-    v.n2 = h->m0 * h->m0 + h->m1 * h->m1 + h->m2 * h->m2;
+    v.n1 = clothi_vec_dot(h->n, h->n);
+    v.n2 = clothi_vec_dot(h->m, h->m);
     v.l2c = h->l2 > lf ? h->l2 : lf;
     q1c = v.n1 > qf ? v.n1 : qf;
     q2c = v.n2 > qf ? v.n2 : qf;
@@ -4785,14 +4772,13 @@ CLOTHI_LANE void clothi_fold_force(const clothi_fold *h, double l, double moment
                                    double *f) {
     const clothi_fold_inverse v = clothi_fold_invert(h);
     const double t1 = h->ae * v.l2, t2 = h->be * v.l2, ml = moment * l;
-    const double k1 = ml * v.q1, k2 = ml * v.q2;
-    const double p0 = k1 * h->n0, p1 = k1 * h->n1, p2 = k1 * h->n2;
-    const double r0 = k2 * h->m0, r1 = k2 * h->m1, r2 = k2 * h->m2;
-    const double g0 = t1 * p0 + t2 * r0, g1 = t1 * p1 + t2 * r1, g2 = t1 * p2 + t2 * r2;
-    clothi_put3(f, 0, k, p0 + r0 - g0, p1 + r1 - g1, p2 + r2 - g2);
-    clothi_put3(f, 3, k, g0, g1, g2);
-    clothi_put3(f, 6, k, -p0, -p1, -p2);
-    clothi_put3(f, 9, k, -r0, -r1, -r2);
+    const clothi_vec p = clothi_vec_times(ml * v.q1, h->n);
+    const clothi_vec r = clothi_vec_times(ml * v.q2, h->m);
+    const clothi_vec g = clothi_vec_mix(t1, p, t2, r);
+    clothi_vec_put(f, 0, k, clothi_vec_plus(clothi_vec_plus(p, 1.0, r), -1.0, g));
+    clothi_vec_put(f, 3, k, g);
+    clothi_vec_put(f, 6, k, clothi_vec_times(-1.0, p));
+    clothi_vec_put(f, 9, k, clothi_vec_times(-1.0, r));
 }
 
 CLOTHI_HOT void clothi_hinge_measure(clothi_in x, clothi_in rest, clothi_out theta) {
@@ -4821,48 +4807,52 @@ CLOTHI_HOT void clothi_hinge_lanes(clothi_in x, clothi_in rest, clothi_in start,
     }
 }
 
-CLOTHI_HOT void clothi_hinge_gradient(clothi_in x, clothi_in moment, clothi_out f) {
-    double l[CLOTHI_LANES];
-    int    k;
-    clothi_spring_measure(x, moment, l);
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_fold h = clothi_fold_at(x, l, k);
-        clothi_fold_force(&h, l[k], moment[k], k, f);
-    }
-}
-
-/* What the second derivative needs, of each wing: p, M, t and (h/l)^2/2; and r. */
-typedef struct clothi_wings {
-    double p[2][3 * CLOTHI_LANES], M[2][3 * CLOTHI_LANES], r[3 * CLOTHI_LANES];
-    double t[2][CLOTHI_LANES], bow[2][CLOTHI_LANES];
-} clothi_wings;
-
-CLOTHI_HOT void clothi_hinge_wings(clothi_in x, clothi_wings *CLOTHI_RESTRICT w) {
+/* dtheta/dx */
+CLOTHI_HOT void clothi_hinge_gradient(clothi_in x, clothi_out f) {
     double l[CLOTHI_LANES];
     int    k;
     clothi_spring_measure(x, x, l);
     for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_fold h = clothi_fold_at(x, l, k);
+        clothi_fold_force(&h, l[k], 1.0, k, f);
+    }
+}
+
+/* What the second derivative needs, of each wing: p, M, t and (h/l)^2/2; r; and theta and
+ * dJ/dtheta, elastic and of damping. */
+typedef struct clothi_wings {
+    double p[2][3 * CLOTHI_LANES], M[2][3 * CLOTHI_LANES], r[3 * CLOTHI_LANES];
+    double t[2][CLOTHI_LANES], bow[2][CLOTHI_LANES], theta[CLOTHI_LANES], moment[CLOTHI_LANES];
+} clothi_wings;
+
+CLOTHI_HOT void clothi_hinge_wings(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
+                                   clothi_wings *CLOTHI_RESTRICT w) {
+    double l[CLOTHI_LANES];
+    int    k;
+    clothi_spring_measure(x, rest, l);
+    for (k = 0; k < CLOTHI_LANES; k++) {
         const clothi_fold         h = clothi_fold_at(x, l, k);
         const clothi_fold_inverse v = clothi_fold_invert(&h);
-        const double c1 = l[k] * v.q1, c2 = l[k] * v.q2, m1 = v.l2c * v.q1, m2 = v.l2c * v.q2;
-        const double t1 = h.ae * v.l2, t2 = h.be * v.l2;
-        clothi_put3(w->p[0], 0, k, c1 * h.n0, c1 * h.n1, c1 * h.n2);
-        clothi_put3(w->p[1], 0, k, c2 * h.m0, c2 * h.m1, c2 * h.m2);
-        clothi_put3(w->M[0], 0, k, m1 * (h.a0 - t1 * h.e0), m1 * (h.a1 - t1 * h.e1),
-                    m1 * (h.a2 - t1 * h.e2));
-        clothi_put3(w->M[1], 0, k, m2 * (h.b0 - t2 * h.e0), m2 * (h.b1 - t2 * h.e1),
-                    m2 * (h.b2 - t2 * h.e2));
-        clothi_put3(w->r, 0, k, v.l2 * h.e0, v.l2 * h.e1, v.l2 * h.e2);
+        const double t1 = h.ae * v.l2, t2 = h.be * v.l2, theta = clothi_atan2(h.sine, h.cosine);
+        clothi_vec_put(w->p[0], 0, k, clothi_vec_times(l[k] * v.q1, h.n));
+        clothi_vec_put(w->p[1], 0, k, clothi_vec_times(l[k] * v.q2, h.m));
+        clothi_vec_put(w->M[0], 0, k, clothi_vec_times(v.l2c * v.q1,
+                                                       clothi_vec_plus(h.a, -t1, h.e)));
+        clothi_vec_put(w->M[1], 0, k, clothi_vec_times(v.l2c * v.q2,
+                                                       clothi_vec_plus(h.b, -t2, h.e)));
+        clothi_vec_put(w->r, 0, k, clothi_vec_times(v.l2, h.e));
         w->t[0][k] = t1;
         w->t[1][k] = t2;
         w->bow[0][k] = 0.5 * v.n1 * v.l2 * v.l2;
         w->bow[1][k] = 0.5 * v.n2 * v.l2 * v.l2;
+        w->theta[k] = theta;
+        w->moment[k] = rest[k] * (clothi_wrap(theta - rest[CLOTHI_LANES + k]) +
+                                  damp[k] * clothi_wrap(theta - start[k]));
     }
 }
 
 /* H += moment times the second derivative. Corners 2 and 3 have no wing in common. */
-CLOTHI_HOT void clothi_hinge_curve(const clothi_wings *CLOTHI_RESTRICT w, clothi_in moment,
-                                   clothi_out H) {
+CLOTHI_HOT void clothi_hinge_curve(const clothi_wings *CLOTHI_RESTRICT w, clothi_out H) {
     enum { L = CLOTHI_LANES };
     int s, r, c, k;
     for (s = 0; s < 2; s++)
@@ -4874,8 +4864,8 @@ CLOTHI_HOT void clothi_hinge_curve(const clothi_wings *CLOTHI_RESTRICT w, clothi
                 clothi_out h20 = H + (9 * (s ? 3 : 1) + 3 * r + c) * L;
                 clothi_out h21 = H + (9 * (s ? 4 : 2) + 3 * r + c) * L;
                 for (k = 0; k < L; k++) {
-                    const double m = moment[k], t = w->t[s][k], pM = pr[k] * Mc[k] + Mr[k] * pc[k];
-                    const double rp = rr[k] * pc[k], p_r = pr[k] * rc[k];
+                    const double t = w->t[s][k], pM = pr[k] * Mc[k] + Mr[k] * pc[k];
+                    const double m = w->moment[k], rp = rr[k] * pc[k], p_r = pr[k] * rc[k];
                     h10[k] += m * ((t - t * t - w->bow[s][k]) * pM + t * rp - (1.0 - t) * p_r);
                     h20[k] += m * ((t - 1.0) * pM - rp);
                     h21[k] += m * (rp - t * pM);
@@ -4897,109 +4887,93 @@ CLOTHI_HOT void clothi_hinge_square(clothi_in g, clothi_in square, clothi_out H)
             }
 }
 
-/* dJ/dtheta, elastic and of damping */
-CLOTHI_HOT void clothi_hinge_moments(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
-                                     clothi_out moment) {
-    double theta[CLOTHI_LANES];
-    int    k;
-    clothi_hinge_measure(x, rest, theta);
-    for (k = 0; k < CLOTHI_LANES; k++)
-        moment[k] = rest[k] * (clothi_wrap(theta[k] - rest[CLOTHI_LANES + k]) +
-                               damp[k] * clothi_wrap(theta[k] - start[k]));
-}
-
 CLOTHI_UNUSED static void clothi_hinge_blocks(clothi_in x, clothi_in rest, clothi_in start,
                                               clothi_in damp, int psd, clothi_out H) {
-    double       g[12 * CLOTHI_LANES], square[CLOTHI_LANES], moment[CLOTHI_LANES];
+    double       g[12 * CLOTHI_LANES], square[CLOTHI_LANES];
     clothi_wings w;
     int          k;
     for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (1.0 + damp[k]);
-    clothi_hinge_gradient(x, clothi_one, g);
+    clothi_hinge_gradient(x, g);
     clothi_hinge_square(g, square, H);
     if (psd) return;
-    clothi_hinge_moments(x, rest, start, damp, moment);
-    clothi_hinge_wings(x, &w);
-    clothi_hinge_curve(&w, moment, H);
+    clothi_hinge_wings(x, rest, start, damp, &w);
+    clothi_hinge_curve(&w, H);
 }
 
-CLOTHI_LANE double clothi_lane_dot(const double *a, int k, double b0, double b1, double b2) {
-    return a[k] * b0 + a[CLOTHI_LANES + k] * b1 + a[2 * CLOTHI_LANES + k] * b2;
+/* sum_j W_j u_j of wing s */
+CLOTHI_LANE clothi_vec clothi_wing_sum(const clothi_wings *w, int s, const double *u, int k) {
+    return clothi_vec_plus(clothi_edge(u, 2 + s, k), -w->t[s][k], clothi_edge(u, 1, k));
 }
 
-/* With Wu = sum W_j u_j and Du = u_0 - u_1 a wing gives W_i a + D_i d to its corners:
+/* What wing s gives: with Wu = sum W_j u_j and Du = u_0 - u_1, W_i a + D_i d to its corners,
  *   a = moment (p (M.Wu) + M (p.Wu) - r (p.Du)) + c (1 + damp) p (p.Wu of both wings),
- *   d = moment ((h/l)^2/2 (p (M.Du) + M (p.Du)) - p (r.Wu)); along = dtheta/dx . u */
+ *   d = moment ((h/l)^2/2 (p (M.Du) + M (p.Du)) - p (r.Wu)).
+ * That of the corner is written to f, those of the edge's ends are added to f0 and f1. */
+CLOTHI_LANE void clothi_wing_product(const clothi_wings *w, int s, const double *u, double square,
+                                     double along, int k, clothi_vec *f0, clothi_vec *f1,
+                                     double *f) {
+    const clothi_vec p = clothi_vec_at(w->p[s], 0, k), M = clothi_vec_at(w->M[s], 0, k);
+    const clothi_vec r = clothi_vec_at(w->r, 0, k), W = clothi_wing_sum(w, s, u, k);
+    const clothi_vec D = clothi_vec_times(-1.0, clothi_edge(u, 1, k));
+    const double     pW = clothi_vec_dot(p, W), MW = clothi_vec_dot(M, W);
+    const double     pD = clothi_vec_dot(p, D), MD = clothi_vec_dot(M, D), t = w->t[s][k];
+    const clothi_vec pM = clothi_vec_plus(clothi_vec_mix(MW, p, pW, M), -pD, r);
+    const clothi_vec bow = clothi_vec_times(w->bow[s][k], clothi_vec_mix(MD, p, pD, M));
+    const clothi_vec a = clothi_vec_plus(clothi_vec_times(w->moment[k], pM), -along,
+                                         clothi_vec_times(square, p));
+    const clothi_vec d = clothi_vec_times(w->moment[k],
+                                          clothi_vec_plus(bow, -clothi_vec_dot(r, W), p));
+    *f0 = clothi_vec_plus(*f0, 1.0, clothi_vec_mix(t - 1.0, a, 1.0, d));
+    *f1 = clothi_vec_plus(*f1, -1.0, clothi_vec_mix(t, a, 1.0, d));
+    clothi_vec_put(f, 6 + 3 * s, k, a);
+}
+
+/* along = dtheta/dx . u */
 CLOTHI_HOT void clothi_hinge_products(const clothi_wings *CLOTHI_RESTRICT w, clothi_in u,
-                                      clothi_in moment, clothi_in square, clothi_out along,
+                                      clothi_in rest, clothi_in damp, clothi_out along,
                                       clothi_out f) {
-    enum { L = CLOTHI_LANES };
-    double MW[2][L], pW[2][L], rW[2][L], MD[2][L], pD[2][L];
-    int    s, r, k;
-    for (s = 0; s < 2; s++)
-        for (k = 0; k < L; k++) {
-            const double *e = u + k, *c = u + (6 + 3 * s) * L + k, t = w->t[s][k];
-            const double  D0 = e[0] - e[3 * L], D1 = e[L] - e[4 * L], D2 = e[2 * L] - e[5 * L];
-            const double  W0 = c[0] - e[0] + t * D0, W1 = c[L] - e[L] + t * D1;
-            const double  W2 = c[2 * L] - e[2 * L] + t * D2;
-            MW[s][k] = clothi_lane_dot(w->M[s], k, W0, W1, W2);
-            pW[s][k] = clothi_lane_dot(w->p[s], k, W0, W1, W2);
-            rW[s][k] = clothi_lane_dot(w->r, k, W0, W1, W2);
-            MD[s][k] = clothi_lane_dot(w->M[s], k, D0, D1, D2);
-            pD[s][k] = clothi_lane_dot(w->p[s], k, D0, D1, D2);
-        }
-    for (k = 0; k < L; k++) along[k] = -(pW[0][k] + pW[1][k]);
-    for (r = 0; r < 6 * L; r++) f[r] = 0.0;
-    for (s = 0; s < 2; s++)
-        for (r = 0; r < 3; r++)
-            for (k = 0; k < L; k++) {
-                const double p = w->p[s][r * L + k], M = w->M[s][r * L + k], t = w->t[s][k];
-                const double pM = p * MW[s][k] + M * pW[s][k] - w->r[r * L + k] * pD[s][k];
-                const double bow = w->bow[s][k] * (p * MD[s][k] + M * pD[s][k]);
-                const double a = moment[k] * pM - square[k] * p * along[k];
-                const double d = moment[k] * (bow - p * rW[s][k]);
-                f[r * L + k] += (t - 1.0) * a + d;
-                f[(3 + r) * L + k] -= t * a + d;
-                f[(6 + 3 * s + r) * L + k] = a;
-            }
+    int k;
+    for (k = 0; k < CLOTHI_LANES; k++) {
+        const clothi_vec W0 = clothi_wing_sum(w, 0, u, k), W1 = clothi_wing_sum(w, 1, u, k);
+        const double     square = rest[k] * (1.0 + damp[k]);
+        const double     both = -(clothi_vec_dot(clothi_vec_at(w->p[0], 0, k), W0) +
+                                  clothi_vec_dot(clothi_vec_at(w->p[1], 0, k), W1));
+        clothi_vec       f0 = {0, 0, 0}, f1 = {0, 0, 0};
+        clothi_wing_product(w, 0, u, square, both, k, &f0, &f1, f);
+        clothi_wing_product(w, 1, u, square, both, k, &f0, &f1, f);
+        clothi_vec_put(f, 0, k, f0);
+        clothi_vec_put(f, 3, k, f1);
+        along[k] = both;
+    }
 }
 
 CLOTHI_UNUSED static void clothi_hinge_hvp(clothi_in x, clothi_in u, clothi_in rest,
                                            clothi_in start, clothi_in damp, clothi_out f) {
-    double       square[CLOTHI_LANES], moment[CLOTHI_LANES], along[CLOTHI_LANES];
+    double       along[CLOTHI_LANES];
     clothi_wings w;
-    int          k;
-    for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (1.0 + damp[k]);
-    clothi_hinge_moments(x, rest, start, damp, moment);
-    clothi_hinge_wings(x, &w);
-    clothi_hinge_products(&w, u, moment, square, along, f);
+    clothi_hinge_wings(x, rest, start, damp, &w);
+    clothi_hinge_products(&w, u, rest, damp, along, f);
 }
 
 /* V = c ((theta - theta0) + s (theta - theta_n)) (dtheta/dx . a) */
-CLOTHI_UNUSED static void clothi_hinge_vjp(clothi_in x, const double *x_n, clothi_in a,
+CLOTHI_UNUSED static void clothi_hinge_vjp(clothi_in x, clothi_in x_n, clothi_in a,
                                            clothi_in rest, clothi_in damp, clothi_out d_rest,
                                            clothi_out d_damp, clothi_out d_x_n, clothi_out Ha) {
     enum { L = CLOTHI_LANES };
-    double       theta[L], start[L], turned[L], square[L], moment[L], along[L];
+    double       start[L] = {0}, along[L];
     clothi_wings w;
     int          i, k;
-    clothi_hinge_measure(x, rest, theta);
-    clothi_hinge_wings(x, &w);
-    if (x_n) clothi_hinge_measure(x_n, rest, start);
-    else memcpy(start, theta, sizeof start);
+    if (x_n != x) clothi_hinge_measure(x_n, rest, start);
+    clothi_hinge_wings(x, rest, start, damp, &w);
+    clothi_hinge_products(&w, a, rest, damp, along, Ha);
     for (k = 0; k < L; k++) {
-        turned[k] = clothi_wrap(theta[k] - start[k]);
-        d_rest[k] = clothi_wrap(theta[k] - rest[L + k]) + damp[k] * turned[k];
-        moment[k] = rest[k] * d_rest[k];
-        square[k] = rest[k] * (1.0 + damp[k]);
-    }
-    clothi_hinge_products(&w, a, moment, square, along, Ha);
-    for (k = 0; k < L; k++) {
-        d_rest[k] *= along[k];
+        const double turned = clothi_wrap(w.theta[k] - start[k]);
+        d_rest[k] = (clothi_wrap(w.theta[k] - rest[L + k]) + damp[k] * turned) * along[k];
         d_rest[L + k] = -rest[k] * along[k];
+        d_damp[k] = rest[k] * turned * along[k];
     }
-    if (!x_n) return;
-    for (k = 0; k < L; k++) d_damp[k] = rest[k] * turned[k] * along[k];
-    clothi_hinge_gradient(x_n, clothi_one, d_x_n);
+    if (x_n == x) return;
+    clothi_hinge_gradient(x_n, d_x_n);
     for (i = 0; i < 12 * L; i++) d_x_n[i] *= -rest[i % L] * damp[i % L] * along[i % L];
 }
 
@@ -5021,14 +4995,15 @@ CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess
     }
     for (i = 0; i < 12 * CLOTHI_LANES; i++) y[i] = scale * x[i / CLOTHI_LANES];
     clothi_hinge_measure(y, clothi_one, theta);
-    if (grad) clothi_hinge_gradient(y, clothi_one, f);
+    if (grad) clothi_hinge_gradient(y, f);
     clothi_from_lanes(f, 12, scale, grad);
     if (hess) {
         double       H[54 * CLOTHI_LANES];
         clothi_wings w;
-        clothi_hinge_wings(y, &w);
+        clothi_hinge_wings(y, clothi_none, clothi_none, clothi_none, &w);
+        memcpy(w.moment, clothi_one, sizeof w.moment);
         memset(H, 0, sizeof H);
-        clothi_hinge_curve(&w, clothi_one, H);
+        clothi_hinge_curve(&w, H);
         clothi_full_hessian(H, 4, scale * scale, hess);
     }
     return clothi_finite(theta[0]) ? theta[0] : 0.0;
@@ -5083,34 +5058,33 @@ CLOTHI_RARE_END
 /* --- x [12][8], rest [5][8] = c, w0 .. w3; start [3][8] = r^n --- */
 
 /* r = sum_i w_i x_i, from the edges: far from the origin digits survive. */
-CLOTHI_HOT void clothi_quadratic_measure(clothi_in x, clothi_in rest, clothi_out r) {
+CLOTHI_LANE clothi_vec clothi_quadratic_at(const double *x, const double *rest, int k) {
     enum { L = CLOTHI_LANES };
-    int j, k;
-    for (j = 0; j < 3; j++)
-        for (k = 0; k < L; k++)
-            r[j * L + k] = rest[2 * L + k] * clothi_edge(x, 3 + j, k)
-                           + rest[3 * L + k] * clothi_edge(x, 6 + j, k)
-                           + rest[4 * L + k] * clothi_edge(x, 9 + j, k);
+    const clothi_vec r = clothi_vec_mix(rest[2 * L + k], clothi_edge(x, 1, k), rest[3 * L + k],
+                                        clothi_edge(x, 2, k));
+    return clothi_vec_plus(r, rest[4 * L + k], clothi_edge(x, 3, k));
+}
+
+CLOTHI_HOT void clothi_quadratic_measure(clothi_in x, clothi_in rest, clothi_out r) {
+    int k;
+    for (k = 0; k < CLOTHI_LANES; k++) clothi_vec_put(r, 0, k, clothi_quadratic_at(x, rest, k));
 }
 
 CLOTHI_HOT void clothi_quadratic_lanes(clothi_in x, clothi_in rest, clothi_in start,
                                        clothi_in damp, clothi_out E, clothi_out Ed, clothi_out f) {
     enum { L = CLOTHI_LANES };
-    double r[3 * L];
-    int    j, k;
-    clothi_quadratic_measure(x, rest, r);
-    for (k = 0; k < L; k++) E[k] = Ed[k] = 0.0;
-    for (j = 0; j < 3; j++)
-        for (k = 0; k < L; k++) {
-            const double c = rest[k], s = r[j * L + k], since = s - start[j * L + k];
-            const double pull = c * (s + damp[k] * since);
-            E[k] += 0.5 * c * s * s;
-            Ed[k] += 0.5 * c * damp[k] * since * since;
-            f[j * L + k] = rest[L + k] * pull;
-            f[(3 + j) * L + k] = rest[2 * L + k] * pull;
-            f[(6 + j) * L + k] = rest[3 * L + k] * pull;
-            f[(9 + j) * L + k] = rest[4 * L + k] * pull;
-        }
+    int k;
+    for (k = 0; k < L; k++) {
+        const clothi_vec r = clothi_quadratic_at(x, rest, k);
+        const clothi_vec since = clothi_vec_plus(r, -1.0, clothi_vec_at(start, 0, k));
+        const clothi_vec pull = clothi_vec_times(rest[k], clothi_vec_plus(r, damp[k], since));
+        E[k] = clothi_vec_dot(clothi_vec_times(0.5 * rest[k], r), r);
+        Ed[k] = clothi_vec_dot(clothi_vec_times(0.5 * rest[k] * damp[k], since), since);
+        clothi_vec_put(f, 0, k, clothi_vec_times(rest[L + k], pull));
+        clothi_vec_put(f, 3, k, clothi_vec_times(rest[2 * L + k], pull));
+        clothi_vec_put(f, 6, k, clothi_vec_times(rest[3 * L + k], pull));
+        clothi_vec_put(f, 9, k, clothi_vec_times(rest[4 * L + k], pull));
+    }
 }
 
 /* c (1 + damp) w_i w_j times the 3x3 identity; x, start and psd do not matter. */
@@ -5138,32 +5112,30 @@ CLOTHI_HOT void clothi_quadratic_hvp(clothi_in x, clothi_in u, clothi_in rest, c
 
 /* V = c (r + s (r - r_n)).r_a, r_a = sum w_i a_i. dV/dw is up to a constant, the same for all w,
  * whose sum stays 0. */
-CLOTHI_UNUSED static void clothi_quadratic_vjp(clothi_in x, const double *x_n, clothi_in a,
-                                               clothi_in rest, clothi_in damp, clothi_out d_rest,
-                                               clothi_out d_damp, clothi_out d_x_n,
-                                               clothi_out Ha) {
+CLOTHI_HOT void clothi_quadratic_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
+                                     clothi_in damp, clothi_out d_rest, clothi_out d_damp,
+                                     clothi_out d_x_n, clothi_out Ha) {
     enum { L = CLOTHI_LANES };
-    double r[3 * L], r_n[3 * L], r_a[3 * L];
-    int    i, j, k;
-    if (!x_n) x_n = x;
+    int i, k;
     clothi_quadratic_hvp(x, a, rest, clothi_none, damp, Ha);
-    clothi_quadratic_measure(x, rest, r);
-    clothi_quadratic_measure(x_n, rest, r_n);
-    clothi_quadratic_measure(a, rest, r_a);
-    for (i = 0; i < 5 * L; i++) d_rest[i] = d_damp[i % L] = 0.0;
-    for (j = 0; j < 3; j++)
-        for (k = 0; k < L; k++) {
-            const double s = damp[k], since = r[j * L + k] - r_n[j * L + k];
-            const double all = r[j * L + k] + s * since, ra = r_a[j * L + k];
-            d_rest[k] += all * ra;
-            d_damp[k] += rest[k] * since * ra;
-            for (i = 0; i < 4; i++) {
-                const double d = (1.0 + s) * clothi_edge(x, 3 * i + j, k) -
-                                 s * clothi_edge(x_n, 3 * i + j, k);
-                d_rest[(1 + i) * L + k] += rest[k] * (d * ra + all * clothi_edge(a, 3 * i + j, k));
-                d_x_n[(3 * i + j) * L + k] = -s * rest[k] * rest[(1 + i) * L + k] * ra;
-            }
+    for (k = 0; k < L; k++) {
+        const clothi_vec r = clothi_quadratic_at(x, rest, k);
+        const clothi_vec since = clothi_vec_plus(r, -1.0, clothi_quadratic_at(x_n, rest, k));
+        const clothi_vec all = clothi_vec_plus(r, damp[k], since);
+        const clothi_vec ra = clothi_quadratic_at(a, rest, k);
+        const double     c = rest[k];
+        d_rest[k] = clothi_vec_dot(all, ra);
+        d_damp[k] = clothi_vec_dot(clothi_vec_times(c, since), ra);
+        for (i = 0; i < 4; i++) {
+            const clothi_vec d = clothi_vec_mix(1.0 + damp[k], clothi_edge(x, i, k), -damp[k],
+                                                clothi_edge(x_n, i, k)), da = clothi_edge(a, i, k);
+            d_rest[(1 + i) * L + k] = c * (d.x * ra.x + all.x * da.x) +
+                                      c * (d.y * ra.y + all.y * da.y) +
+                                      c * (d.z * ra.z + all.z * da.z);
+            clothi_vec_put(d_x_n, 3 * i, k,
+                           clothi_vec_times(-damp[k] * c * rest[(1 + i) * L + k], ra));
         }
+    }
 }
 
 CLOTHI_RARE_BEGIN
@@ -5204,7 +5176,7 @@ typedef struct clothi_kind {
                    clothi_out H);
     void (*hvp)(clothi_in x, clothi_in u, clothi_in rest, clothi_in start, clothi_in damp,
                 clothi_out f);
-    void (*vjp)(clothi_in x, const double *x_n, clothi_in a, clothi_in rest, clothi_in damp,
+    void (*vjp)(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest, clothi_in damp,
                 clothi_out d_rest, clothi_out d_damp, clothi_out d_x_n, clothi_out Ha);
 } clothi_kind;
 
@@ -5332,14 +5304,13 @@ CLOTHI_UNUSED static void clothi_hinge_pulls(const double *x, const double *rest
 }
 
 CLOTHI_HOT void clothi_quadratic_pulls(clothi_in x, clothi_in rest, clothi_out pull) {
-    enum { L = CLOTHI_LANES };
-    double r[3 * L];
+    double r[3 * CLOTHI_LANES];
     int    k;
     clothi_quadratic_measure(x, rest, r);
-    for (k = 0; k < L; k++) {
+    for (k = 0; k < CLOTHI_LANES; k++) {
         pull[3 * k] = -rest[k] * r[k];
-        pull[3 * k + 1] = -rest[k] * r[L + k];
-        pull[3 * k + 2] = -rest[k] * r[2 * L + k];
+        pull[3 * k + 1] = -rest[k] * r[CLOTHI_LANES + k];
+        pull[3 * k + 2] = -rest[k] * r[2 * CLOTHI_LANES + k];
     }
 }
 
@@ -5347,14 +5318,10 @@ CLOTHI_HOT void clothi_winged_hinge(clothi_in x, clothi_in side, clothi_in pull,
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
-        const double d0 = x[3 * L + k] - x[k], d1 = x[4 * L + k] - x[L + k];
-        const double d2 = x[5 * L + k] - x[2 * L + k], h0 = x[6 * L + k] - x[k];
-        const double h1 = x[7 * L + k] - x[L + k], h2 = x[8 * L + k] - x[2 * L + k];
-        const double g0 = h0 - d0, g1 = h1 - d1, g2 = h2 - d2;
-        const double n0 = d1 * h2 - d2 * h1, n1 = d2 * h0 - d0 * h2, n2 = d0 * h1 - d1 * h0;
-        const double a0 = d0 * h0 + d1 * h1 + d2 * h2, a1 = -(d0 * g0 + d1 * g1 + d2 * g2);
-        const double a2 = g0 * h0 + g1 * h1 + g2 * h2, s = a0 + a1 + a2;
-        const double q = n0 * n0 + n1 * n1 + n2 * n2;
+        const clothi_vec d = clothi_edge(x, 1, k), h = clothi_edge(x, 2, k);
+        const clothi_vec g = clothi_vec_plus(h, -1.0, d), n = clothi_vec_cross(d, h);
+        const double a0 = clothi_vec_dot(d, h), a1 = -clothi_vec_dot(d, g);
+        const double a2 = clothi_vec_dot(g, h), s = a0 + a1 + a2, q = clothi_vec_dot(n, n);
         const double qf = CLOTHI_HINGE_FLOOR * s * s + CLOTHI_HINGE_TINY_Q;
         const double inv = 1.0 / (q > qf ? q : qf);
         const double m01 = pull[k] - pull[L + k], m12 = pull[L + k] - pull[2 * L + k];
@@ -5365,42 +5332,34 @@ CLOTHI_HOT void clothi_winged_hinge(clothi_in x, clothi_in side, clothi_in pull,
         const double s1 = side[3 * L + k] * u + side[4 * L + k] * v + p * (w + w);
         const double s2 = side[4 * L + k] * u + side[5 * L + k] * v + r * (w + w);
         const double s12 = p * u + r * v + z * w;
-        const double p0 = d0 * s1 + h0 * s12 + c1 * n0, q0 = d0 * s12 + h0 * s2 + c2 * n0;
-        const double p1 = d1 * s1 + h1 * s12 + c1 * n1, q1 = d1 * s12 + h1 * s2 + c2 * n1;
-        const double p2 = d2 * s1 + h2 * s12 + c1 * n2, q2 = d2 * s12 + h2 * s2 + c2 * n2;
-        clothi_put3(f, 0, k, -p0 - q0, -p1 - q1, -p2 - q2);
-        clothi_put3(f, 3, k, p0, p1, p2);
-        clothi_put3(f, 6, k, q0, q1, q2);
+        clothi_tri_put(f, k, clothi_vec_plus(clothi_vec_mix(s1, d, s12, h), c1, n),
+                       clothi_vec_plus(clothi_vec_mix(s12, d, s2, h), c2, n));
     }
+}
+
+/* sum_i M_i (u_i)_axis, M = pull */
+CLOTHI_LANE clothi_vec clothi_winged_pull(const double *pull, const double *side, int axis,
+                                          int k) {
+    enum { L = CLOTHI_LANES };
+    const clothi_vec m = clothi_vec_mix(side[axis * L + k], clothi_vec_at(pull, 0, k),
+                                        side[(2 + axis) * L + k], clothi_vec_at(pull, 3, k));
+    return clothi_vec_plus(m, side[(4 + axis) * L + k], clothi_vec_at(pull, 6, k));
 }
 
 CLOTHI_HOT void clothi_winged_quadratic(clothi_in x, clothi_in rest, clothi_in pull, clothi_in side,
                                         clothi_out f) {
     enum { L = CLOTHI_LANES };
-    double s[3 * L], F[6 * L];
-    int    r, k;
+    int k;
     for (k = 0; k < L; k++) {
         const clothi_tri t = clothi_tri_at(x, rest, k);
-        const clothi_sym stress = clothi_tri_stress(t.e, rest, k);
-        clothi_put3(s, 0, k, stress.a, stress.b, stress.c);
-        clothi_put3(F, 0, k, t.f0, t.f1, t.f2);
-        clothi_put3(F, 3, k, t.f3, t.f4, t.f5);
+        const clothi_vec s = clothi_tri_stress(t.E, rest, k);
+        const clothi_vec p = clothi_vec_plus(clothi_vec_mix(s.x, t.F1, s.z, t.F2), 1.0,
+                                             clothi_winged_pull(pull, side, 0, k));
+        const clothi_vec q = clothi_vec_plus(clothi_vec_mix(s.z, t.F1, s.y, t.F2), 1.0,
+                                             clothi_winged_pull(pull, side, 1, k));
+        clothi_tri_put(f, k, clothi_vec_mix(rest[k], p, rest[L + k], q),
+                       clothi_vec_mix(rest[2 * L + k], p, rest[3 * L + k], q));
     }
-    for (r = 0; r < 3; r++)
-        for (k = 0; k < L; k++) {
-            const double F0 = F[2 * r * L + k], F1 = F[(2 * r + 1) * L + k];
-            const double m0 = pull[r * L + k], m1 = pull[(3 + r) * L + k];
-            const double m2 = pull[(6 + r) * L + k];
-            const double p0 = F0 * s[k] + F1 * s[2 * L + k] +
-                              (side[k] * m0 + side[2 * L + k] * m1 + side[4 * L + k] * m2);
-            const double p1 = F0 * s[2 * L + k] + F1 * s[L + k] +
-                              (side[L + k] * m0 + side[3 * L + k] * m1 + side[5 * L + k] * m2);
-            const double f1 = rest[k] * p0 + rest[L + k] * p1;
-            const double f2 = rest[2 * L + k] * p0 + rest[3 * L + k] * p1;
-            f[r * L + k] = -f1 - f2;
-            f[(3 + r) * L + k] = f1;
-            f[(6 + r) * L + k] = f2;
-        }
 }
 
 CLOTHI_RARE_BEGIN

@@ -1657,7 +1657,7 @@ static void clothi_worth_range(int begin, int end, int worker, void *ctx) {
         clothi_corners(g, p->a, b, a);
         if (p->x_n) clothi_corners(g, p->x_n, b, x_n);
         clothi_batch_rest(p->el, b, p->inv_h, &rest, &start, damp);
-        p->el->kind->vjp(x, p->x_n ? x_n : NULL, a, rest, damp, d, d + nd,
+        p->el->kind->vjp(x, p->x_n ? x_n : x, a, rest, damp, d, d + nd,
                          p->by_x_n ? force : other, p->by_x_n ? other : force);
         for (k = 0; k < nd; k++) sum[k] += d[k];
         for (k = 0; k < L; k++) sum[nd + k] += p->inv_h * d[nd + k];

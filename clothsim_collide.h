@@ -7006,6 +7006,7 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
     const cloth_hooks *hooks = &sim->hooks;
     const double       big = clothi_max_abs(sim->state.x, 3 * sim->model->nv);
     cloth_status       status;
+    int                i;
     if (d->cookie != CLOTHI_COLLIDE_COOKIE) return CLOTH_ERR_UNINIT;
     status = clothi_check_rules(hooks, "collide.", d, rule, sizeof rule / sizeof *rule);
     if (status) return status;
@@ -7016,6 +7017,12 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
     if (d->nparts != 0 && (d->nparts != sim->model->nparts || !d->parts))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.nparts = %i, the model has %i%s",
                            d->nparts, sim->model->nparts, d->parts ? "" : "; parts is NULL");
+    for (i = 0; i < d->nparts; i++)
+        if (!(d->parts[i].friction >= 0 && d->parts[i].friction <= CLOTHI_HUGE))
+            return clothi_fail(hooks, clothi_finite(d->parts[i].friction) ? CLOTH_ERR_ARGUMENT
+                                                                          : CLOTH_ERR_NONFINITE,
+                               "collide.parts[%i].friction = %g must be at least 0", i,
+                               d->parts[i].friction);
     if (sim->model->desc.contact == CLOTH_CONTACT_NONE)
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_collide_create: the model's desc.contact is CLOTH_CONTACT_NONE");
@@ -7199,8 +7206,10 @@ static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth
 /* What is said of a grid, of which a potential is all that there is. */
 static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
                                                const cloth_obstacle_desc *d) {
+    static const char *const count[3] = {"n[0]", "n[1]", "n[2]"};
     const cloth_hooks *hooks = c->hooks;
     const cloth_grid  *g = d->grid;
+    const double       t = d->thickness > 0 ? d->thickness : c->desc.thickness;
     cloth_status       status;
     ptrdiff_t          at;
     if (!g || !g->phi) return clothi_null(hooks, g ? "obstacle.grid->phi" : "obstacle.grid");
@@ -7209,10 +7218,10 @@ static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
         status = clothi_check_range(hooks, "obstacle.grid->", "cell", g->cell, 0, HUGE_VAL,
                                     CLOTHI_OVER);
     if (!status)
-        status = clothi_check_range(hooks, "obstacle.grid->", "band", g->band,
-                                    d->radius + c->desc.thickness, HUGE_VAL, CLOTHI_OVER);
+        status = clothi_check_range(hooks, "obstacle.grid->", "band", g->band, d->radius + t,
+                                    HUGE_VAL, CLOTHI_OVER);
     for (at = 0; at < 3 && !status; at++)
-        status = clothi_check_count(hooks, "obstacle.grid->", "n", g->n[at], 2, 0x7fffffff);
+        status = clothi_check_count(hooks, "obstacle.grid->", count[at], g->n[at], 2, 0x7fffffff);
     if (status) return status;
     at = clothi_find_nonfinite(g->phi, (size_t)g->n[0] * (size_t)g->n[1] * (size_t)g->n[2]);
     if (at >= 0)

@@ -27,6 +27,7 @@ static int desc_refused(const cloth_collide_desc *d, cloth_status want, const ch
 static void refusals(void) {
     cloth_hooks         hooks = host_hooks(&H);
     cloth_collide_desc  d;
+    cloth_collide_part  part;
     cloth_collide      *c = NULL;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
     d = cloth_collide_desc_default();
@@ -53,6 +54,12 @@ static void refusals(void) {
     REFUSE(max_passes, -3, CLOTH_ERR_ARGUMENT, "collide.max_passes = -3");
     REFUSE(nparts, 3, CLOTH_ERR_ARGUMENT, "collide.nparts = 3");
     REFUSE(nparts, 1, CLOTH_ERR_ARGUMENT, "parts is NULL");
+    memset(&part, 0, sizeof part);
+    part.friction = -0.5;
+    d.nparts = 1, d.parts = &part;
+    CHECK(desc_refused(&d, CLOTH_ERR_ARGUMENT, "collide.parts[0].friction = -0.5"));
+    part.friction = NAN;
+    CHECK(desc_refused(&d, CLOTH_ERR_NONFINITE, "collide.parts[0].friction = NaN"));
     d.cookie = 0;
     CHECK(cloth_collide_create(W.sim, &d, &c) == CLOTH_ERR_UNINIT && !c);
     CHECK(cloth_collide_create(NULL, NULL, &c) == CLOTH_ERR_ARGUMENT && !c);

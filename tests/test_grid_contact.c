@@ -576,11 +576,12 @@ static void refusals(void) {
     e = d, e.x = NULL, refused(&s, &e, CLOTH_ERR_ARGUMENT, "obstacle.x is NULL");
     e = d, e.radius = -1, refused(&s, &e, CLOTH_ERR_ARGUMENT, "obstacle.radius = -1");
     e = d, e.radius = 0.199, refused(&s, &e, CLOTH_ERR_ARGUMENT, "grid->band = 0.2 ");
+    e = d, e.thickness = 0.25, refused(&s, &e, CLOTH_ERR_ARGUMENT, "grid->band = 0.2 ");
     e = d, e.friction = HOST_NAN, refused(&s, &e, CLOTH_ERR_NONFINITE, "obstacle.friction");
     e = d, e.kind = (cloth_obstacle_kind)7, refused(&s, &e, CLOTH_ERR_ARGUMENT, "kind = 7");
     e = d, e.grid = &bad;
     bad = g, bad.phi = NULL, refused(&s, &e, CLOTH_ERR_ARGUMENT, "obstacle.grid->phi is NULL");
-    bad = g, bad.n[2] = 1, refused(&s, &e, CLOTH_ERR_ARGUMENT, "grid->n = 1");
+    bad = g, bad.n[2] = 1, refused(&s, &e, CLOTH_ERR_ARGUMENT, "grid->n[2] = 1");
     bad = g, bad.cell = 0, refused(&s, &e, CLOTH_ERR_ARGUMENT, "grid->cell = 0");
     bad = g, bad.band = HOST_INFINITY, refused(&s, &e, CLOTH_ERR_NONFINITE, "grid->band = inf");
     bad = g, bad.origin[1] = HOST_NAN, refused(&s, &e, CLOTH_ERR_NONFINITE, "origin[1] = NaN");

@@ -8292,10 +8292,11 @@ CLOTH_API cloth_desc cloth_desc_default(void) {
 /* --- what a desc may say --- */
 
 static cloth_status clothi_check_holds(const cloth_hooks *hooks, const cloth_desc *d) {
-    const clothi_rule pin[2] = {CLOTHI_RULE(cloth_pin, vertex, 0, 0, 0, d->nv - 1),
+    const double      last = d->nv - 1.0;
+    const clothi_rule pin[2] = {CLOTHI_RULE(cloth_pin, vertex, 0, 0, 0, last),
                                 CLOTHI_RULE(cloth_pin, axes, 0, 0, 1, CLOTH_AXIS_ALL)};
-    const clothi_rule tie[3] = {CLOTHI_RULE(cloth_tie, leader, 0, 0, 0, d->nv - 1),
-                                CLOTHI_RULE(cloth_tie, follower, 0, 0, 0, d->nv - 1),
+    const clothi_rule tie[3] = {CLOTHI_RULE(cloth_tie, leader, 0, 0, 0, last),
+                                CLOTHI_RULE(cloth_tie, follower, 0, 0, 0, last),
                                 CLOTHI_RULE(cloth_tie, axes, 0, 0, 1, CLOTH_AXIS_ALL)};
     char         name[32];
     int          i;

@@ -6639,7 +6639,7 @@ static void clothi_contact_rollback(void *user, cloth_report *report) {
 static int clothi_contact_moves(void *user) {
     cloth_collide *c = (cloth_collide *)user;
     double         way[6], box[6];
-    int            o, i;
+    int            o, i, known = 0;         /* the boxes of the cloth's tree                   */
     CLOTHI_OBSTACLES(c, o) {
         clothi_bvh_walk        w = {&c->tree, way, 1, 0, 0};
         const clothi_obstacle *b = c->obstacle + o;
@@ -6652,7 +6652,7 @@ static int clothi_contact_moves(void *user) {
             clothi_swept_boxes(1, p + 3 * i, q + 3 * i, b->thickness + b->radius, box);
             clothi_box_join(i ? way : box, box, way);
         }
-        clothi_tree_boxes(c, &c->tree, c->sim->state.x, NULL, 0);
+        if (!known++) clothi_tree_boxes(c, &c->tree, c->sim->state.x, NULL, 0);
         if (clothi_bvh_next(&w) >= 0) return 1;
     }
     return c->nhold > 0 || (c->begun && c->nholding > 0);

@@ -5988,7 +5988,8 @@ static void clothi_close_strip(cloth_matrix *A, int q, int own, int other) {
         const double *b = A->low + 9 * (size_t)k;
         double       *e = A->diag + 9 * (size_t)A->p->col[k];
         for (c = 0; own && c < 9; c++) d[c] -= b[c];
-        for (c = 0; other && c < 9; c++) e[c] -= b[3 * (c % 3) + c / 3];
+        for (c = 0; other && c < 3; c++)
+            e[3 * c] -= b[c], e[3 * c + 1] -= b[3 + c], e[3 * c + 2] -= b[6 + c];
     }
 }
 
@@ -6425,6 +6426,8 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
 #define CLOTHI_CG_CAP              20000
 #define CLOTHI_CURVATURE_TOLERANCE 1e-10
 
+/* Sweeps work on a copy of it: stores of vectors may alias what a pointer leads to, so that fields
+ * of the solver and its pattern would be read again after each. */
 typedef struct clothi_store {               /* of floats or of doubles, in one block           */
     void *L, *G, *P, *V;                    /* A' below the diagonal by rows; G^-1, G'P, V by
                                                columns                                         */
@@ -6432,6 +6435,8 @@ typedef struct clothi_store {               /* of floats or of doubles, in one b
                                                read before the row of w is written             */
     void *sep;                              /* [nd x ns] what subdomains give rows of S        */
     void *zpart, *m;                        /* [(nd+1) x nc] sums of P^'A's; [nc]              */
+    const int *row, *start, *col, *agg, *vp, *vj;           /* the pattern's                   */
+    int   nc, ns;                           /* aggregates, rows of S                           */
 } clothi_store;
 
 typedef struct clothi_tally {               /* one subdomain's share of the sums               */
@@ -6662,6 +6667,7 @@ CLOTHI_LANE clothi_v4 clothi_cut4(const double *B, const int w) {
     }
 CLOTHI_OP4(clothi_add4, add)
 CLOTHI_OP4(clothi_sub4, sub)
+CLOTHI_OP4(clothi_mul4, mul)
 
 /* a + b c */
 CLOTHI_LANE clothi_v4 clothi_madd4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const int w) {
@@ -6754,18 +6760,16 @@ CLOTHI_LANE void clothi_put9(void *a, size_t i, const double *B, const int w) {
  * there by rows. */
 CLOTHI_LANE clothi_v4 clothi_columns4(const void *M, size_t k, const void *u, size_t i,
                                       const int w) {
-    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_load4(M, 3 * k, w),
-                               clothi_lane4(u, i, 0, w), w);
+    clothi_v4 r = clothi_mul4(clothi_load4(M, 3 * k, w), clothi_lane4(u, i, 0, w), w);
     r = clothi_madd4(r, clothi_load4(M, 3 * k + 1, w), clothi_lane4(u, i, 1, w), w);
     return clothi_madd4(r, clothi_load4(M, 3 * k + 2, w), clothi_lane4(u, i, 2, w), w);
 }
 
 /* M' u, M the block k by columns. */
 CLOTHI_LANE clothi_v4 clothi_transposed4(const void *M, size_t k, clothi_v4 u, const int w) {
-    const clothi_v4 o = clothi_zero4();
-    return clothi_rows4(clothi_madd4(o, clothi_load4(M, 3 * k, w), u, w),
-                        clothi_madd4(o, clothi_load4(M, 3 * k + 1, w), u, w),
-                        clothi_madd4(o, clothi_load4(M, 3 * k + 2, w), u, w), w);
+    return clothi_rows4(clothi_mul4(clothi_load4(M, 3 * k, w), u, w),
+                        clothi_mul4(clothi_load4(M, 3 * k + 1, w), u, w),
+                        clothi_mul4(clothi_load4(M, 3 * k + 2, w), u, w), w);
 }
 
 /* Sum of blocks L[k], by rows, times records z[col[k]], k0 <= k < k1. */
@@ -6792,7 +6796,7 @@ CLOTHI_LANE void clothi_scatter4(const void *L, const int *col, int k0, int k1, 
     for (k = k0; k < k1; k++) {
         const size_t j = (size_t)col[k], b = 3 * (size_t)k;
         clothi_v4 v = clothi_madd4(clothi_load4(z, j, w), clothi_load4(L, b, w), u0, w);
-        clothi_v4 q = clothi_madd4(o, clothi_load4(L, b + 1, w), u1, w);
+        clothi_v4 q = clothi_mul4(clothi_load4(L, b + 1, w), u1, w);
         q = clothi_madd4(q, clothi_load4(L, b + 2, w), u2, w);
         clothi_store4(z, j, clothi_add4(v, q, w), w);
     }
@@ -6829,6 +6833,8 @@ static size_t clothi_store_lay(const cloth_pattern *p, size_t real, clothi_store
         if (base) *field[k] = base + at;
         at += (4 * real * records[k] + CLOTHI_ALIGN - 1) / CLOTHI_ALIGN * CLOTHI_ALIGN;
     }
+    st->row = p->row, st->start = p->start, st->col = p->col, st->agg = p->agg;
+    st->vp = p->vp, st->vj = p->vj, st->nc = p->nc, st->ns = (int)ns;
     return at;
 }
 
@@ -6982,31 +6988,58 @@ CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int part) 
     if (i < end) y->bad = 1;
 }
 
-/* The record (u lane 0) a + (lane 1) b + (lane 2) c. */
-CLOTHI_LANE clothi_v4 clothi_mix4(const double *B, clothi_v4 a, clothi_v4 b, clothi_v4 c,
-                                  const int w) {
-    clothi_v4 r = clothi_madd4(clothi_zero4(), clothi_all4(B[0]), a, w);
-    r = clothi_madd4(r, clothi_all4(B[1]), b, w);
-    return clothi_madd4(r, clothi_all4(B[2]), c, w);
+/* Number j < 3 of a record in all four. */
+CLOTHI_LANE clothi_v4 clothi_pick4(clothi_v4 a, const int j, const int w) {
+#if defined(CLOTHI_SSE2)
+    if (w) a.d = j == 1 ? _mm_unpackhi_pd(a.d, a.d) : j ? _mm_unpacklo_pd(a.e, a.e)
+                                                        : _mm_unpacklo_pd(a.d, a.d);
+    else a.f = j == 1 ? _mm_shuffle_ps(a.f, a.f, 0x55) : j ? _mm_shuffle_ps(a.f, a.f, 0xaa)
+                                                           : _mm_shuffle_ps(a.f, a.f, 0);
+    a.e = a.d;
+    return a;
+#else
+    return clothi_all4(!w ? (double)a.f.q[j] : j < 2 ? a.d.q[j] : a.e.q[0]);
+#endif
 }
 
-/* out <- G_i^-1 B G_j^-T, three records by rows. */
-CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const double *B,
+/* A row of B times G_j^-T, whose records are q [3]. */
+CLOTHI_LANE clothi_v4 clothi_scale_row(const clothi_v4 *q, clothi_v4 B, const int w) {
+    clothi_v4 r = clothi_mul4(clothi_pick4(B, 0, w), q[0], w);
+    r = clothi_madd4(r, clothi_pick4(B, 1, w), q[1], w);
+    return clothi_madd4(r, clothi_pick4(B, 2, w), q[2], w);
+}
+
+/* Block k of out, by rows: G_i^-1 B G_j^-T; B [3] by rows. */
+CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const clothi_v4 *B,
                                     void *out, size_t k, const int w) {
     const size_t    g = 3 * (size_t)i, gj = 3 * (size_t)j;
-    const clothi_v4 q0 = clothi_load4(st->G, gj, w), q1 = clothi_load4(st->G, gj + 1, w);
-    const clothi_v4 q2 = clothi_load4(st->G, gj + 2, w), z = clothi_zero4();
-    const clothi_v4 b0 = clothi_mix4(B, q0, q1, q2, w), b1 = clothi_mix4(B + 3, q0, q1, q2, w);
-    const clothi_v4 b2 = clothi_mix4(B + 6, q0, q1, q2, w);
-    clothi_v4       r = clothi_madd4(z, clothi_lane4(st->G, g, 0, w), b0, w);
+    const clothi_v4 q[3] = {clothi_load4(st->G, gj, w), clothi_load4(st->G, gj + 1, w),
+                            clothi_load4(st->G, gj + 2, w)};
+    const clothi_v4 b0 = clothi_scale_row(q, B[0], w), b1 = clothi_scale_row(q, B[1], w);
+    const clothi_v4 b2 = clothi_scale_row(q, B[2], w);
+    clothi_v4       r = clothi_mul4(clothi_lane4(st->G, g, 0, w), b0, w);
     clothi_store4(out, 3 * k, r, w);
-    r = clothi_madd4(z, clothi_lane4(st->G, g, 1, w), b0, w);
+    r = clothi_mul4(clothi_lane4(st->G, g, 1, w), b0, w);
     r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 1, w), b1, w);
     clothi_store4(out, 3 * k + 1, r, w);
-    r = clothi_madd4(z, clothi_lane4(st->G, g, 2, w), b0, w);
+    r = clothi_mul4(clothi_lane4(st->G, g, 2, w), b0, w);
     r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), b1, w);
     r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), b2, w);
     clothi_store4(out, 3 * k + 2, r, w);
+}
+
+/* The rows of B [9] as records. */
+CLOTHI_LANE void clothi_rows_of(const double *B, clothi_v4 *out, const int w) {
+    int c;
+    for (c = 0; c < 3; c++) out[c] = clothi_cut4(B + 3 * c, w);
+}
+
+/* A block outside the pattern into E. */
+CLOTHI_LANE void clothi_scale_extra(cloth_linear_solver *s, int i, int j, const double *C, int k,
+                                    const int w) {
+    clothi_v4 B[3];
+    clothi_rows_of(C, B, w);
+    clothi_scale_block(&s->st, i, j, B, s->E, (size_t)k, w);
 }
 
 CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) {
@@ -7015,28 +7048,28 @@ CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) 
 
 /* Subdomain d, after S: its rows, then its blocks, scaled and added to V of their columns. */
 CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->st;
-    clothi_tally        *y = s->tally + d;
-    double               cut[9];
-    int                  q, k;
+    const clothi_store st = s->st;
+    clothi_tally      *y = s->tally + d;
+    const int          end = s->p->strip[d + 1];
+    double             cut[9];
+    size_t             c;
+    int                q, k;
     clothi_factor_rows(s, d);
-    for (q = p->strip[d]; q < p->strip[d + 1] && !y->bad; q++) {
-        const int i = p->row[q], mi = clothi_mask(s, i);
+    for (q = s->p->strip[d]; q < end && !y->bad; q++) {
+        const int i = st.row[q], own = st.agg[i], mi = clothi_mask(s, i), last = st.start[q + 1];
         double    trace = 0;
-        for (k = p->start[q]; k < p->start[q + 1]; k++) {
-            const int     j = p->col[k];
+        for (k = st.start[q]; k < last; k++) {
+            const int     j = st.col[k];
             const double *raw = s->A->low + 9 * (size_t)k;
-            const double *B = clothi_masked(raw, mi, clothi_mask(s, j), cut);
-            if (p->agg[i] >= 0) {           /* columns of B' are the rows of B                 */
-                size_t at = (size_t)p->vp[j];
-                while (p->vj[at] != p->agg[i]) at++;
-                clothi_add_record(st->V, 3 * at, clothi_cut4(B, w), w);
-                clothi_add_record(st->V, 3 * at + 1, clothi_cut4(B + 3, w), w);
-                clothi_add_record(st->V, 3 * at + 2, clothi_cut4(B + 6, w), w);
+            clothi_v4     B[3];
+            clothi_rows_of(clothi_masked(raw, mi, clothi_mask(s, j), cut), B, w);
+            if (own >= 0) {                 /* columns of B' are the rows of B                 */
+                size_t at = (size_t)st.vp[j];
+                while (st.vj[at] != own) at++;
+                for (c = 0; c < 3; c++) clothi_add_record(st.V, 3 * at + c, B[c], w);
             }
             trace += raw[0] + raw[4] + raw[8];
-            clothi_scale_block(st, i, j, B, st->L, (size_t)k, w);
+            clothi_scale_block(&st, i, j, B, st.L, (size_t)k, w);
         }
         y->trace += 2 * trace;
     }
@@ -7048,12 +7081,12 @@ CLOTHI_BY_DOMAIN(clothi_setup_range, clothi_setup_any)
 
 /* B, a block of rows of aggregate u and columns of v, and its transposed, into the upper band. */
 static void clothi_coarse_add(double *Ac, size_t ld, int u, int v, const double *B) {
-    size_t a, c;
-    for (a = 0; a < 3; a++)
-        for (c = 0; c < 3; c++) {
-            if (u <= v) Ac[(3 * (size_t)u + a) * ld + 3 * (size_t)v + c] += B[3 * a + c];
-            if (v <= u) Ac[(3 * (size_t)v + c) * ld + 3 * (size_t)u + a] += B[3 * a + c];
-        }
+    double *to = Ac + 3 * (size_t)(u < v ? u : v) * ld + 3 * (size_t)(u < v ? v : u), *at;
+    int     a;
+    for (a = 0, at = to; a < 3 && u <= v; a++, at += ld)
+        at[0] += B[3 * a], at[1] += B[3 * a + 1], at[2] += B[3 * a + 2];
+    for (a = 0, at = to; a < 3 && v <= u; a++, at += ld)
+        at[0] += B[a], at[1] += B[3 + a], at[2] += B[6 + a];
 }
 
 /* Ac = P'A P = W + W' - P'D P, W = P'V before V is scaled. Blocks outside the pattern: scaled into
@@ -7061,16 +7094,17 @@ static void clothi_coarse_add(double *Ac, size_t ld, int u, int v, const double 
 CLOTHI_OUTLINE static void clothi_coarse_matrix(cloth_linear_solver *s, size_t ld) {
     const cloth_pattern *p = s->p;
     double B[9], cut[9];
-    int    i, k, m;
+    int    i, k, m, a;
     for (k = 0; k < 3 * p->nc; k++)
         memset(s->Ac + (size_t)k * (ld + 1), 0,
                (size_t)(clothi_coarse_end(s, k) - k) * sizeof(double));
     for (i = 0; i < p->n; i++)
         for (m = p->vp[i]; m < p->vp[i + 1] && p->agg[i] >= 0; m++) {
-            const int own = m == p->vp[i];
-            for (k = 0; k < 9; k++)
-                B[k] = clothi_get(s->st.V, 12 * (size_t)m + (size_t)(k % 3 * 4 + k / 3), s->wide);
-            if (own) {
+            for (a = 0; a < 3; a++)
+                for (k = 0; k < 3; k++)
+                    B[3 * a + k] = clothi_get(s->st.V, 12 * (size_t)m + (size_t)(4 * k + a),
+                                              s->wide);
+            if (m == p->vp[i]) {
                 const int     f = clothi_mask(s, i);
                 const double *D = clothi_masked(s->A->diag + 9 * (size_t)i, f, f, cut);
                 for (k = 0; k < 9; k++) B[k] -= 0.5 * D[k];
@@ -7081,7 +7115,7 @@ CLOTHI_OUTLINE static void clothi_coarse_matrix(cloth_linear_solver *s, size_t l
         const int     r = s->A->pair[2 * k], c = s->A->pair[2 * k + 1];
         const double *C = clothi_masked(s->A->extra + 9 * (size_t)k, clothi_mask(s, r),
                                         clothi_mask(s, c), cut);
-        CLOTHI_BY_WIDTH(s->wide, clothi_scale_block, &s->st, r, c, C, s->E, (size_t)k);
+        CLOTHI_BY_WIDTH(s->wide, clothi_scale_extra, s, r, c, C, k);
         if (p->agg[r] >= 0 && p->agg[c] >= 0)
             clothi_coarse_add(s->Ac, ld, p->agg[r], p->agg[c], C);
     }
@@ -7171,38 +7205,38 @@ CLOTHI_OUTLINE static void clothi_coarse_apply(cloth_linear_solver *s, const dou
 /* --- sweeps --- */
 
 /* Sum of the blocks of strip q times the records of their columns. */
-CLOTHI_LANE clothi_v4 clothi_gather_strip(const cloth_linear_solver *s, int q, const void *z,
+CLOTHI_LANE clothi_v4 clothi_gather_strip(const clothi_store *st, int q, const void *z,
                                           const int w) {
-    return clothi_gather4(s->st.L, s->p->col, s->p->start[q], s->p->start[q + 1], z, w);
+    return clothi_gather4(st->L, st->col, st->start[q], st->start[q + 1], z, w);
 }
 
 /* What subdomain d gives the rows of S in a forward sweep of z. */
 CLOTHI_LANE void clothi_give_rest(cloth_linear_solver *s, int d, const void *z, const int w) {
-    const int first = s->p->dom[s->p->nd], ns = s->p->n - first;
-    int       i;
-    for (i = 0; d < s->p->nd && i < ns; i++)
-        clothi_store4(s->st.sep, (size_t)d * (size_t)ns + (size_t)i,
-                      clothi_gather_strip(s, clothi_shared(s->p, d, first + i), z, w), w);
+    const clothi_store st = s->st;
+    const int          first = s->p->n - st.ns;
+    int                i;
+    for (i = 0; d < s->p->nd && i < st.ns; i++)
+        clothi_store4(st.sep, (size_t)d * (size_t)st.ns + (size_t)i,
+                      clothi_gather_strip(&st, clothi_shared(s->p, d, first + i), z, w), w);
 }
 
-/* zi minus what K of a row takes of z. Of a subdomain, the blocks of strip q; of S, what the
- * subdomains gave and the blocks within S. */
-CLOTHI_LANE clothi_v4 clothi_forward_row(const cloth_linear_solver *s, int d, int q, clothi_v4 zi,
-                                         const void *z, const int w) {
-    const cloth_pattern *p = s->p;
-    const int ns = p->n - p->dom[p->nd];
-    int       k;
-    for (k = 0; d == p->nd && k < d; k++)
-        zi = clothi_sub4(zi, clothi_load4(s->st.sep, (size_t)(k * ns + q - p->strip[d]), w), w);
-    return clothi_sub4(zi, clothi_gather_strip(s, q, z, w), w);
+/* zi minus what K takes of z in strip q: in a subdomain by the blocks of its row; in S by those
+ * within S, and what `given` subdomains gave its row i. */
+CLOTHI_LANE clothi_v4 clothi_forward_row(const clothi_store *st, int given, int i, int q,
+                                         clothi_v4 zi, const void *z, const int w) {
+    int k;
+    for (k = 0; k < given; k++)
+        zi = clothi_sub4(zi, clothi_load4(st->sep, (size_t)(k * st->ns + i), w), w);
+    return clothi_sub4(zi, clothi_gather_strip(st, q, z, w), w);
 }
 
 /* z <- K^-T z of subdomain d, after S; of S before the subdomains. */
 CLOTHI_LANE void clothi_back_sweep(cloth_linear_solver *s, int d, void *z, const int w) {
-    const cloth_pattern *p = s->p;
-    int q;
-    for (q = p->strip[d + 1] - 1; q >= p->strip[d]; q--)
-        clothi_scatter4(s->st.L, p->col, p->start[q], p->start[q + 1], z, (size_t)p->row[q], w);
+    const clothi_store st = s->st;
+    const int          end = s->p->strip[d];
+    int                q;
+    for (q = s->p->strip[d + 1] - 1; q >= end; q--)
+        clothi_scatter4(st.L, st.col, st.start[q], st.start[q + 1], z, (size_t)st.row[q], w);
 }
 
 /* G^-T of record i of z, metres again: q [4]. */
@@ -7217,7 +7251,9 @@ CLOTHI_LANE void clothi_metres(const clothi_store *st, const void *z, int i, dou
 /* r <- K^-1 b' of subdomain d, with its shares of |r|^2 and of P'b; of S after the subdomains. */
 CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
     const cloth_pattern *p = s->p;
-    void      *r = s->st.r;
+    const clothi_store   st = s->st;
+    const int  first = p->dom[d], given = d == p->nd ? d : 0;
+    void      *r = st.r;
     double    *cd = s->cd + (size_t)(d + 2) * 3 * (size_t)p->nc;
     clothi_v4  sum = clothi_zero4();
     int        i, k, q = p->strip[d];
@@ -7233,7 +7269,8 @@ CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
             if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
         }
         clothi_store4(r, at, clothi_cut4(u, w), w);
-        v = clothi_forward_row(s, d, q++, clothi_columns4(s->st.G, at, r, at, w), r, w);
+        v = clothi_forward_row(&st, given, i - first, q++, clothi_columns4(st.G, at, r, at, w), r,
+                               w);
         clothi_store4(r, at, v, w);
         sum = clothi_dot4(sum, v, v, w);
     }
@@ -7266,23 +7303,23 @@ CLOTHI_BY_DOMAIN(clothi_scale_range, clothi_scale_rows)
 /* Subdomain d, or S: x += alpha t, r -= alpha (t + w), s = r; |r|^2, and max |G^-T x| when a radius
  * is set. */
 CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int d, const int w) {
-    const clothi_store *st = &s->st;
-    const clothi_v4     alpha = clothi_all4(s->alpha), minus = clothi_all4(-s->alpha);
-    clothi_v4           sum = clothi_zero4();
-    double              big = 0, q[4];
-    const int           bounded = s->radius_on;
-    int                 i, k;
-    for (i = s->p->dom[d]; i < s->p->dom[d + 1]; i++) {
+    const clothi_store st = s->st;
+    const clothi_v4    alpha = clothi_all4(s->alpha), minus = clothi_all4(-s->alpha);
+    clothi_v4          sum = clothi_zero4();
+    double             big = 0, q[4];
+    const int          bounded = s->radius_on, end = s->p->dom[d + 1];
+    int                i, k;
+    for (i = s->p->dom[d]; i < end; i++) {
         const size_t    at = (size_t)i;
-        const clothi_v4 t = clothi_load4(st->t, at, w);
-        clothi_v4       r = clothi_load4(st->r, at, w);
-        clothi_store4(st->x, at, clothi_madd4(clothi_load4(st->x, at, w), alpha, t, w), w);
-        r = clothi_madd4(r, minus, clothi_add4(t, clothi_load4(st->w, at, w), w), w);
-        clothi_store4(st->r, at, r, w);
-        clothi_store4(st->w, at, r, w);
+        const clothi_v4 t = clothi_load4(st.t, at, w);
+        clothi_v4       r = clothi_load4(st.r, at, w);
+        clothi_store4(st.x, at, clothi_madd4(clothi_load4(st.x, at, w), alpha, t, w), w);
+        r = clothi_madd4(r, minus, clothi_add4(t, clothi_load4(st.w, at, w), w), w);
+        clothi_store4(st.r, at, r, w);
+        clothi_store4(st.w, at, r, w);
         sum = clothi_dot4(sum, r, r, w);
         if (!bounded) continue;
-        clothi_metres(st, st->x, i, q, w);
+        clothi_metres(&st, st.x, i, q, w);
         for (k = 0; k < 3; k++) big = clothi_max(fabs(q[k]), big);
     }
     s->tally[d].rr = clothi_sum4(sum);
@@ -7291,27 +7328,26 @@ CLOTHI_LANE void clothi_advance_rows(cloth_linear_solver *s, int d, const int w)
 
 /* V's + P^'(r - s) of subdomain d, or of S, into its sums. */
 CLOTHI_LANE void clothi_restrict(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->st;
-    const size_t first = (size_t)d * (size_t)p->nc;
-    const clothi_v4 o = clothi_zero4();
+    const clothi_store st = s->st;
+    const size_t first = (size_t)d * (size_t)st.nc;
+    const int    end = s->p->dom[d + 1];
     size_t       c;
     int          i, k;
-    for (c = 0; c < (size_t)p->nc; c++) clothi_store4(st->zpart, first + c, o, w);
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const clothi_v4 v = clothi_load4(st->w, (size_t)i, w);
-        for (k = p->vp[i]; k < p->vp[i + 1]; k++) {
+    for (c = 0; c < (size_t)st.nc; c++) clothi_store4(st.zpart, first + c, clothi_zero4(), w);
+    for (i = s->p->dom[d]; i < end; i++) {
+        const clothi_v4 v = clothi_load4(st.w, (size_t)i, w);
+        for (k = st.vp[i]; k < st.vp[i + 1]; k++) {
             const size_t b = 3 * (size_t)k, q = 3 * (size_t)i;
-            clothi_v4    a0 = clothi_madd4(o, clothi_load4(st->V, b, w), v, w);
-            clothi_v4    a1 = clothi_madd4(o, clothi_load4(st->V, b + 1, w), v, w);
-            clothi_v4    a2 = clothi_madd4(o, clothi_load4(st->V, b + 2, w), v, w);
-            if (k == p->vp[i] && p->agg[i] >= 0) {
-                const clothi_v4 u = clothi_sub4(clothi_load4(st->r, (size_t)i, w), v, w);
-                a0 = clothi_madd4(a0, clothi_load4(st->P, q, w), u, w);
-                a1 = clothi_madd4(a1, clothi_load4(st->P, q + 1, w), u, w);
-                a2 = clothi_madd4(a2, clothi_load4(st->P, q + 2, w), u, w);
+            clothi_v4    a0 = clothi_mul4(clothi_load4(st.V, b, w), v, w);
+            clothi_v4    a1 = clothi_mul4(clothi_load4(st.V, b + 1, w), v, w);
+            clothi_v4    a2 = clothi_mul4(clothi_load4(st.V, b + 2, w), v, w);
+            if (k == st.vp[i] && st.agg[i] >= 0) {
+                const clothi_v4 u = clothi_sub4(clothi_load4(st.r, (size_t)i, w), v, w);
+                a0 = clothi_madd4(a0, clothi_load4(st.P, q, w), u, w);
+                a1 = clothi_madd4(a1, clothi_load4(st.P, q + 1, w), u, w);
+                a2 = clothi_madd4(a2, clothi_load4(st.P, q + 2, w), u, w);
             }
-            clothi_add_record(st->zpart, first + (size_t)p->vj[k], clothi_rows4(a0, a1, a2, w), w);
+            clothi_add_record(st.zpart, first + (size_t)st.vj[k], clothi_rows4(a0, a1, a2, w), w);
         }
     }
 }
@@ -7372,21 +7408,19 @@ static void clothi_coarse_step(cloth_linear_solver *s) {
 
 /* Row i: p = r + beta p - V m, t = s + beta t - P^ m; returns p - t. The coarse solution m, the
  * first direction, stands alone: p = V m, t = P^ m with -m for m. */
-CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, clothi_v4 beta,
+CLOTHI_LANE clothi_v4 clothi_turn_row(const clothi_store *st, int first, int i, clothi_v4 beta,
                                       const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->st;
     const size_t at = (size_t)i;
     clothi_v4    u = clothi_zero4(), v = u;
     int          k;
-    if (!s->first) {
+    if (!first) {
         u = clothi_madd4(clothi_load4(st->r, at, w), beta, clothi_load4(st->p, at, w), w);
         v = clothi_madd4(clothi_load4(st->w, at, w), beta, clothi_load4(st->t, at, w), w);
     }
-    for (k = p->vp[i]; k < p->vp[i + 1]; k++)
-        u = clothi_sub4(u, clothi_columns4(st->V, (size_t)k, st->m, (size_t)p->vj[k], w), w);
-    if (p->agg[i] >= 0)
-        v = clothi_sub4(v, clothi_columns4(st->P, at, st->m, (size_t)p->agg[i], w), w);
+    for (k = st->vp[i]; k < st->vp[i + 1]; k++)
+        u = clothi_sub4(u, clothi_columns4(st->V, (size_t)k, st->m, (size_t)st->vj[k], w), w);
+    if (st->agg[i] >= 0)
+        v = clothi_sub4(v, clothi_columns4(st->P, at, st->m, (size_t)st->agg[i], w), w);
     clothi_store4(st->p, at, u, w);
     clothi_store4(st->t, at, v, w);
     return clothi_sub4(u, v, w);
@@ -7396,22 +7430,23 @@ CLOTHI_LANE clothi_v4 clothi_turn_row(const cloth_linear_solver *s, int i, cloth
  * subdomains. With blocks outside the pattern C t, which needs all of t, joins w = p - t: part 1
  * comes before it, part 2 after; 0: the whole. */
 CLOTHI_LANE void clothi_turn_any(cloth_linear_solver *s, int d, const int w) {
-    const cloth_pattern *p = s->p;
-    const clothi_store  *st = &s->st;
-    const clothi_v4      beta = clothi_all4(s->beta);
-    clothi_v4            sum = clothi_zero4();
-    const int            part = s->part;
-    int                  i, q = p->strip[d];
-    for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
+    const clothi_store st = s->st;
+    const clothi_v4    beta = clothi_all4(s->beta);
+    clothi_v4          sum = clothi_zero4();
+    const int part = s->part, first = s->first, given = d == s->p->nd ? d : 0;
+    const int begin = s->p->dom[d], end = s->p->dom[d + 1];
+    int       i, q = s->p->strip[d];
+    for (i = begin; i < end; i++) {
         const size_t at = (size_t)i;
-        clothi_v4    v = part < 2 ? clothi_turn_row(s, i, beta, w) : clothi_load4(st->w, at, w);
-        if (part != 1) v = clothi_forward_row(s, d, q++, v, st->w, w);
-        clothi_store4(st->w, at, v, w);
-        sum = clothi_dot4(sum, clothi_load4(st->p, at, w),
-                          clothi_add4(v, clothi_load4(st->t, at, w), w), w);
+        clothi_v4    v = part < 2 ? clothi_turn_row(&st, first, i, beta, w)
+                                  : clothi_load4(st.w, at, w);
+        if (part != 1) v = clothi_forward_row(&st, given, i - begin, q++, v, st.w, w);
+        clothi_store4(st.w, at, v, w);
+        sum = clothi_dot4(sum, clothi_load4(st.p, at, w),
+                          clothi_add4(v, clothi_load4(st.t, at, w), w), w);
     }
     s->tally[d].pq = clothi_sum4(sum);
-    if (part != 1) clothi_give_rest(s, d, st->w, w);
+    if (part != 1) clothi_give_rest(s, d, st.w, w);
 }
 
 CLOTHI_BY_DOMAIN(clothi_turn_range, clothi_turn_any)
@@ -9582,14 +9617,17 @@ static void clothi_scatter_pair(cloth_matrix *to, const int *slot, const int *id
 #else
 static void clothi_scatter_pair(cloth_matrix *to, const int *slot, const int *id,
                                 const double *H) {
-    int lane, q;
-    for (lane = 0; lane < CLOTHI_LANES; lane++) {
+    enum { L = CLOTHI_LANES };
+    int lane;
+    for (lane = 0; lane < L; lane++, H++) {
         double *A = clothi_matrix_block(to, slot[lane]);
         if (id[lane] < 0) continue;
         if (slot[lane] & 1)
-            for (q = 0; q < 9; q++) A[q] += H[(3 * (q % 3) + q / 3) * CLOTHI_LANES + lane];
+            A[0] += H[0], A[1] += H[3 * L], A[2] += H[6 * L], A[3] += H[L], A[4] += H[4 * L],
+            A[5] += H[7 * L], A[6] += H[2 * L], A[7] += H[5 * L], A[8] += H[8 * L];
         else
-            for (q = 0; q < 9; q++) A[q] += H[q * CLOTHI_LANES + lane];
+            A[0] += H[0], A[1] += H[L], A[2] += H[2 * L], A[3] += H[3 * L], A[4] += H[4 * L],
+            A[5] += H[5 * L], A[6] += H[6 * L], A[7] += H[7 * L], A[8] += H[8 * L];
     }
 }
 #endif
@@ -10482,10 +10520,11 @@ static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
 /* rhs = -g over leaders and free unknowns. */
 CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
     double *r = s->w.rhs;
-    int     i;
+    int     i, k;
     memcpy(r, s->w.grad, 3 * (size_t)s->model->nv * sizeof(double));
     clothi_tie_gradient(s->model, r);
-    for (i = 0; i < 3 * s->model->nv; i++) r[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : -r[i];
+    for (i = 0; i < s->model->nv; i++, r += 3)
+        for (k = 0; k < 3; k++) r[k] = s->fixed[i] >> k & 1 ? 0 : -r[k];
 }
 
 /* Each element is finite by promise: their sum, a host's term, contact or a matrix need not be.

@@ -4805,7 +4805,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
         for (m = i; m < j && !status; m++) {
             const clothi_contact *q = c->contact + m;
             const clothi_frame   *f = &q->at;
-            double                K[9], tangent[3];
+            double                K[9], tangent[3] = {0, 0, 0};
             const double          push = f->part * f->force + f->own[1];
             *energy += f->own[0];
             for (l = q->first; e->grad && push > 0 && l < q->end; l++)

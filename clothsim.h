@@ -6566,9 +6566,7 @@ static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_
     size_t       i;
     s->wide = 1;
     for (i = 0; i < n; i++) r[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : s->b[i];
-    if (precondition(s, r, z))
-        return clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) < 0
-                   ? CLOTH_ERR_NUMERIC : CLOTH_ERR_NONFINITE;
+    if (precondition(s, r, z)) return CLOTH_ERR_NUMERIC;
     memcpy(d, z, n * sizeof(double));
     g->rr = g->c0 = clothi_dot(r, z, n);
     if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
@@ -7613,10 +7611,6 @@ static cloth_status clothi_sgs_solve(cloth_linear_solver *s, double *x, clothi_c
         status = clothi_run_cg(s, g);
         if (s->wide || status != CLOTH_ERR_NONFINITE) break;
     }
-    if (status == CLOTH_ERR_NUMERIC &&
-        (clothi_find_nonfinite(s->A->diag, clothi_matrix_doubles(s->A)) >= 0 ||
-         clothi_find_nonfinite(s->A->extra, 9 * (size_t)s->A->ne) >= 0))
-        return CLOTH_ERR_NONFINITE;
     if (status) return status;
     s->to = x;
     clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, s);
@@ -8171,7 +8165,9 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     }
     if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
         g.negative = 1, g.rr = g.c0 = 1;
-        status = CLOTH_OK;
+        status = clothi_find_nonfinite(A->diag, clothi_matrix_doubles(A)) < 0 &&
+                         clothi_find_nonfinite(A->extra, 9 * (size_t)A->ne) < 0
+                     ? CLOTH_OK : CLOTH_ERR_NONFINITE;
     }
     if (!status && clothi_find_nonfinite(x, 3 * (size_t)s->p->n) >= 0)
         status = CLOTH_ERR_NONFINITE;
@@ -9058,18 +9054,22 @@ static void clothi_walk_pad(clothi_walk *w) {
 }
 
 /* The cast is for the one verb that writes. */
+static void clothi_walk_field(const cloth_sim *s, const clothi_field *q, clothi_walk *w) {
+    const size_t   n = clothi_field_count(s, q);
+    unsigned char *data = clothi_field_data(s, q);
+    size_t         i;
+    if (n == 0) return;
+    if (q->size == q->stride) clothi_walk_bytes(w, data, n * q->size);
+    else for (i = 0; i < n; i++)
+        clothi_walk_bytes(w, data + q->within + i * q->stride, q->size);
+    clothi_walk_pad(w);
+}
+
 static void clothi_walk_fields(const cloth_sim *s, clothi_walk *w) {
-    size_t f, i;
-    for (f = 0; f < CLOTHI_FIELDS; f++) {
-        const clothi_field *q = clothi_fields + f;
-        const size_t        n = clothi_field_count(s, q), size = q->size;
-        unsigned char      *data = clothi_field_data(s, q);
-        if (n == 0 || q->flags & w->skip || (q->flags & CLOTHI_HANDLE && w->verb == CLOTHI_HASH))
-            continue;
-        if (size == q->stride) clothi_walk_bytes(w, data, n * size);
-        else for (i = 0; i < n; i++) clothi_walk_bytes(w, data + q->within + i * q->stride, size);
-        clothi_walk_pad(w);
-    }
+    const clothi_field *q = clothi_fields;
+    for (; q < clothi_fields + CLOTHI_FIELDS; q++)
+        if (!(q->flags & w->skip || (q->flags & CLOTHI_HANDLE && w->verb == CLOTHI_HASH)))
+            clothi_walk_field(s, q, w);
 }
 
 /* --- units: what hosts' terms and the contact keep of their own --- */

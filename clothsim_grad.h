@@ -576,21 +576,13 @@ static int clothi_field_kind(const clothi_field *q) {
 
 /* Fields of a kind from the sim (CLOTHI_SAVE) or to it (CLOTHI_LOAD); returns their bytes. */
 static size_t clothi_tape_walk(const cloth_sim *s, int kind, int verb, const void *packed) {
-    clothi_walk w;
-    size_t      f, i;
+    const clothi_field *q = clothi_fields;
+    clothi_walk         w;
     memset(&w, 0, sizeof w);
     w.verb = verb;
     w.buf = (unsigned char *)(uintptr_t)packed;
-    for (f = 0; f < CLOTHI_FIELDS; f++) {
-        const clothi_field *q = clothi_fields + f;
-        const size_t        n = clothi_field_count(s, q);
-        unsigned char      *data = clothi_field_data(s, q);
-        if (n == 0 || clothi_field_kind(q) != kind) continue;
-        if (q->size == q->stride) clothi_walk_bytes(&w, data, n * q->size);
-        else for (i = 0; i < n; i++)
-            clothi_walk_bytes(&w, data + q->within + i * q->stride, q->size);
-        clothi_walk_pad(&w);
-    }
+    for (; q < clothi_fields + CLOTHI_FIELDS; q++)
+        if (clothi_field_kind(q) == kind) clothi_walk_field(s, q, &w);
     return w.at;
 }
 

@@ -501,16 +501,20 @@ static void not_finite(void) {
     int     k, what;
     double  H[36];
     memset(H, 0, sizeof H);
-    for (what = 0; what < 8; what++) {
+    for (what = 0; what < 10; what++) {     /* a diagonal, a pair, one outside the pattern, b; such
+                                               a pair with a diagonal that is negative */
         const double bad = what & 1 ? HUGE_VAL : (double)NAN;
-        const int    v[2] = {what / 2 == 2 ? 10 : 3, what / 2 == 2 ? 500 : 4}, one = 5;
+        const int    outside = what / 2 == 2 || what / 2 == 4, one = 5;
+        const int    v[2] = {outside ? 10 : 3, outside ? 500 : 4};
         start_grid(&q, 24, 23, 1, 10, NULL, 0);
         memset(H, 0, sizeof H);
         if (what / 2 == 0) H[4] = bad;
         else H[6 * 4 + 1] = bad;
         if (what / 2 == 0) cloth_matrix_add_element(q.A, 1, &one, H);
-        else if (what / 2 < 3) cloth_matrix_add_element(q.A, 2, v, H);
+        else if (what / 2 != 3) cloth_matrix_add_element(q.A, 2, v, H);
         else q.b[17] = bad;
+        memset(H, 0, sizeof H);
+        if (what / 2 == 4) H[0] = -1e9, cloth_matrix_add_element(q.A, 1, &one, H);
         for (k = 0; k < 4; k++) {
             cloth_linear_options o = way(k, q.solver);
             cloth_linear_report  r;

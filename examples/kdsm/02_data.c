@@ -22,6 +22,9 @@
  *             02_data DIR --chains 20 --skeleton skeleton.txt --on skirt.obj body.obj weights.txt
  *                 walk.skin jump.skin punch.skin
  *             03_learn DIR/data --on skirt.obj body.obj weights.txt walk.skin
+ *                 (14 min and 2 on one core. A smallest setting: 50 of its 103 examples were thrown
+ *                 out, a skirt's hem between the legs; what is predicted of poses at random is off
+ *                 by 38 mm, the mean by 67; of a walk when a punch alone was learned, 123)
  *   expected: 2 examples of 2 chains, 0 thrown out
  *
  * A directory is of one garment, body and number of poses. Without one: one pose each of a coarse

@@ -5398,15 +5398,15 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 10 times the membrane's
  * stiffness K, that never pulls harder than F = K t on what is held, 9 K t on what goes out. So
  * cloth stays whole: without a bound edges of trousers between a hand and a hip grew to 3.8 times
- * their length, now to 2.7. It begins anew at x^n in every substep: a drag. Nailed to `to`, as in
+ * their length, now to 2.6. It begins anew at x^n in every substep: a drag. Nailed to `to`, as in
  * [BWK03], edges of a T-shirt's armpit grew to 4 to 18 times their length, and held layers crossed;
  * 9 K t on what is held is that again: 2.4, and its steps fail from the 50th of a walk on. Figures
  * of one walk move by a third with the last bits. Of four that begin a microsecond apart a skirt's
- * have swallowed, in the mean: three springs of 0.3, 3 and 30 K, 9 K t for all, 0.24 to 0.36 %; now
- * 0.21 to 0.30. Of one or two: F by the root of a vertex's area 0.25, and failed steps; 3 K t on
- * what is held likewise; out along the line of intersection [VM06] 0.28, all that crosses 1.2.
- * F by the strain e of its edges at x^n, K t (1 + 8 max(0, 1 - e)) for both: 0.16 to 0.27, but
- * trousers 0.10 for 0.06; to e = 0.5: 0.21 to 0.28, trousers 0.14, edges of 3.0.
+ * have swallowed, in the mean: three springs of 0.3, 3 and 30 K, 9 K t for all, 0.24 to 0.36 %;
+ * now, of three, 0.21 to 0.27. Of one or two: F by the root of a vertex's area 0.25, and failed
+ * steps; 3 K t on what is held likewise; out along the line of intersection [VM06] 0.28, all that
+ * crosses 1.2. F by the strain e of its edges at x^n, K t (1 + 8 max(0, 1 - e)) for both: 0.16 to
+ * 0.27, but trousers 0.10 for 0.06; to e = 0.5: 0.21 to 0.28, trousers 0.14, edges of 3.0.
  *
  * Exempt are pairs with the body of which it holds a vertex, where all faces around the body's side
  * are in the pinch: no farther from where that vertex was or is pulled to than cloth hangs on it.

@@ -7026,17 +7026,10 @@ CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const 
     clothi_store4(out, 3 * k + 2, r, w);
 }
 
-/* The rows of B [9] as records. */
-CLOTHI_LANE void clothi_rows_of(const double *B, clothi_v4 *out, const int w) {
-    int c;
-    for (c = 0; c < 3; c++) out[c] = clothi_cut4(B + 3 * c, w);
-}
-
 /* A block outside the pattern into E. */
 CLOTHI_LANE void clothi_scale_extra(cloth_linear_solver *s, int i, int j, const double *C, int k,
                                     const int w) {
-    clothi_v4 B[3];
-    clothi_rows_of(C, B, w);
+    const clothi_v4 B[3] = {clothi_cut4(C, w), clothi_cut4(C + 3, w), clothi_cut4(C + 6, w)};
     clothi_scale_block(&s->st, i, j, B, s->E, (size_t)k, w);
 }
 
@@ -7059,8 +7052,9 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int d, const int w) {
         for (k = st.start[q]; k < last; k++) {
             const int     j = st.col[k];
             const double *raw = s->A->low + 9 * (size_t)k;
-            clothi_v4     B[3];
-            clothi_rows_of(clothi_masked(raw, mi, clothi_mask(s, j), cut), B, w);
+            const double *b = clothi_masked(raw, mi, clothi_mask(s, j), cut);
+            const clothi_v4 B[3] = {clothi_cut4(b, w), clothi_cut4(b + 3, w),
+                                    clothi_cut4(b + 6, w)};
             if (own >= 0) {                 /* columns of B' are the rows of B                 */
                 size_t at = (size_t)st.vp[j];
                 while (st.vj[at] != own) at++;
@@ -9053,7 +9047,6 @@ static void clothi_walk_pad(clothi_walk *w) {
     w->at += CLOTHI_PAD8(w->at);
 }
 
-/* The cast is for the one verb that writes. */
 static void clothi_walk_field(const cloth_sim *s, const clothi_field *q, clothi_walk *w) {
     const size_t   n = clothi_field_count(s, q);
     unsigned char *data = clothi_field_data(s, q);

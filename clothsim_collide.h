@@ -5819,6 +5819,7 @@ static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p) {
     int        v[4], n = clothi_pair_vertices(c, p, v), i, held = 0;
     for (i = 0; i < n; i++)
         held |= clothi_held(c, v[i]) && c->holding[c->held_of[v[i]]].slot == slot;
+    if (!held) return 0;
     f = clothi_pair_faces(c, p, v[0] < c->nv, &n);
     for (i = 0; i < n && held; i++) held = f[i] < 0 || c->pinched[f[i]];
     return held;

@@ -9095,7 +9095,7 @@ static void clothi_walk_units(const cloth_sim *s, clothi_walk *w, int n, unsigne
         clothi_walk_pad(w);
         head[0] = clothi_unit_id(&u), head[1] = clothi_unit_size(&u);
         clothi_walk_bytes(w, (unsigned char *)head, sizeof head);   /* loading: as was saved */
-        if (head[1] && w->verb == CLOTHI_HASH) {
+        if (head[1] && w->verb == CLOTHI_HASH && scratch) {
             memset(scratch, 0, (size_t)head[1]);
             u.save(u.user, scratch);
             w->hash = clothi_hash(w->hash, scratch, (size_t)head[1]);

@@ -825,7 +825,7 @@ static double clothi_unit_scale(double m) {
 /* Distance of a pair x [4x3], m; w [4]: weights of the nearest points, so that sum w_i x_i spans
  * the distance. */
 static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
-    double       r[12], lambda[4], v[3];
+    double       r[12], lambda[4], v[3] = {0, 0, 0};
     const int    n = clothi_pair_polygon(edge_edge, x, r);
     const double m = clothi_max_abs(r, 3 * n);
     const double scale = m > 1e-60 && m < 1e60 ? 1 : clothi_unit_scale(m);

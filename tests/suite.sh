@@ -65,8 +65,9 @@ select_programs() {
 build() {
     src=$1 exe=$2
     rm -f "$exe" "$exe.log"
-    object=$X_OBJECT
-    if has_implementation "$src"; then object=
+    object=$X_OBJECT own=
+    # what a program does not call of an implementation of its own is not compiled
+    if has_implementation "$src"; then object= own=-DCLOTHSIM_STATIC
     elif [ ! -f "$object" ]; then
         echo "$object did not build" >"$exe.build"
         return 0
@@ -79,7 +80,7 @@ build() {
     fi
     rm -f "$exe.probe" "$exe.skip"
     # libraries follow the source; -x none ends the forced language before the object file
-    $X_CC $X_FLAGS ${X_CXX:+-x c++} "$src" ${X_CXX:+-x none} $object $flags -lm -o "$exe" \
+    $X_CC $X_FLAGS $own ${X_CXX:+-x c++} "$src" ${X_CXX:+-x none} $object $flags -lm -o "$exe" \
         >"$exe.build" 2>&1
     return 0
 }

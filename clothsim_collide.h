@@ -5170,30 +5170,72 @@ static void clothi_list_drift(cloth_collide *c, const double *x) {
     memcpy(c->x_list, x, (size_t)n * sizeof(double));
 }
 
+typedef struct clothi_joining {             /* who becomes a contact, see clothi_list_join    */
+    cloth_collide *c;
+    const double  *x, *dx;
+    double         part, reach;
+    int            first;                   /* of the new contacts                             */
+} clothi_joining;
+
+/* Of a block of pairs those that join, into its part of `order`; how many, behind all of these. */
+static void clothi_join_range(int begin, int end, int worker, void *ctx) {
+    const clothi_joining q = *(const clothi_joining *)ctx;
+    cloth_collide       *c = q.c;
+    int                  b, i;
+    (void)worker;
+    for (b = begin; b < end; b++) {
+        const int first = b * CLOTHI_HIT_GRAIN, last = first + CLOTHI_HIT_GRAIN;
+        int       n = 0;
+        for (i = first; i < last && i < c->npair; i++) {
+            clothi_near *p = c->pair + i;
+            const int    stops = q.dx && p->time < 1;
+            double       come = 0;
+            if (p->hit) continue;
+            if (q.dx) come = q.part * clothi_pair_far(c, &p->id);
+            if (!stops && p->slack - come > q.reach) continue;
+            p->slack = clothi_near_slack(c, p, q.x, 1);
+            if (q.dx) come = q.part * clothi_pair_come(c, &p->id, q.dx);
+            if (!stops && p->slack - come > q.reach) continue;
+            if (clothi_is_exempt(c, &p->id)) p->hit = CLOTHI_HIT_EXEMPT;
+            else c->order[first + n++] = i;
+        }
+        c->order[c->npair + b] = n;
+    }
+}
+
+static void clothi_new_range(int begin, int end, int worker, void *ctx) {
+    const clothi_joining *q = (const clothi_joining *)ctx;
+    cloth_collide        *c = q->c;
+    int                   i;
+    (void)worker;
+    for (i = begin; i < end; i++) {
+        clothi_near *p = c->pair + c->order[i];
+        p->hit = clothi_contact_new(c, &p->id, q->x, c->contact + q->first + i);    /* _CONTACT */
+    }
+}
+
 /* Pairs of the list that come within range, and `reach`, on the way from x to x + part dx, of which
  * c->travel and their times are (NULL: at x), become contacts. */
 static cloth_status clothi_list_join(cloth_collide *c, const double *x, const double *dx,
                                      double part, double reach) {
-    const int    sorted = c->ncontact;
-    cloth_status status = CLOTH_OK;
-    int          i;
-    for (i = 0; i < c->npair && !status; i++) {
-        clothi_near *p = c->pair + i;
-        const int    stops = dx && p->time < 1;
-        double       come;
-        if (p->hit) continue;
-        if (!stops && p->slack - (dx ? part * clothi_pair_far(c, &p->id) : 0) > reach) continue;
-        p->slack = clothi_near_slack(c, p, x, 1);
-        come = dx ? part * clothi_pair_come(c, &p->id, dx) : 0;
-        if (!stops && p->slack - come > reach) continue;
-        p->hit = CLOTHI_HIT_EXEMPT;
-        if (clothi_is_exempt(c, &p->id)) continue;
-        status = CLOTHI_ROOM(c, contact, c->ncontact + 1);
-        if (status) break;
-        p->hit = clothi_contact_new(c, &p->id, x, c->contact + c->ncontact);    /* _CONTACT */
-        c->ncontact += p->hit;
+    const int      blocks = (c->npair + CLOTHI_HIT_GRAIN - 1) / CLOTHI_HIT_GRAIN;
+    clothi_joining q = {c, x, dx, part, reach, c->ncontact};
+    cloth_status   status = CLOTHI_ROOM(c, order, c->npair + blocks);
+    int            b, i, n = 0;
+    if (status) return status;
+    clothi_for(c->hooks, blocks, 1, clothi_join_range, &q);
+    for (b = 0; b < blocks; b++)
+        for (i = 0; i < c->order[c->npair + b]; i++)
+            c->order[n++] = c->order[b * CLOTHI_HIT_GRAIN + i];
+    status = CLOTHI_ROOM(c, contact, c->ncontact + n);
+    if (status) return status;
+    clothi_for(c->hooks, n, CLOTHI_CONTACT_GRAIN, clothi_new_range, &q);
+    for (i = 0; i < n; i++) {
+        const int to = c->ncontact, from = q.first + i;
+        if (to < from) c->contact[to] = c->contact[from];
+        c->ncontact += c->pair[c->order[i]].hit;
     }
-    return status || c->ncontact == sorted ? status : clothi_contact_sort(c, sorted);
+    return c->ncontact == q.first ? CLOTH_OK : clothi_contact_sort(c, q.first);
 }
 
 /* The part of the way from c->at along c->way that each pair of the list leaves free; 1: all. */

@@ -428,7 +428,7 @@ static void pinch(void) {
     cloth_obstacle      low, high;
     cloth_report        r;
     double              x[24], center[3] = {0.1, -0.052, 0.1}, half[3] = {0.2, 0.05, 0.2};
-    int                 i, count, failed = 0, frame;
+    int                 i, count = 0, failed = 0, frame;
     memset(&W, 0, sizeof W);
     if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 8, 8, 0.2, 0.2, &W.mesh)) exit(2);
     d.hooks = hooks;

@@ -912,7 +912,9 @@ static const char *const view_page_code[] = {
     "  const under = s.min < s.lo - 1e-9 * (s.hi - s.lo), over = s.max > s.hi + 1e-9 * (s.hi "
     "- s.lo);\n",
     "  const d = digits(s.hi - s.lo), a = under ? 16 : 0, b = over ? 84 : 100, stops = [];\n",
-    "  const marks = under ? [[0, s.min]] : [];\n",
+    "  const few = function (v) { return 2 - Math.floor(Math.log10(Math.abs(v) || 1)); };\n",
+    "  const text = function (v) { return v.toFixed(Math.max(0, Math.min(d, few(v)))); };\n",
+    "  const marks = under ? [[0, text(s.min)]] : [];\n",
     "  for (let i = 0; i <= 16; i++) stops.push('rgb(' + shade(s, i / 16).map(Math.round) + "
     "') ' +\n",
     "    (a + (b - a) * i / 16) + '%');\n",
@@ -921,13 +923,13 @@ static const char *const view_page_code[] = {
     "  $('scale').querySelectorAll('span').forEach(function (e) { e.remove(); });\n",
     "  const w = Math.max(-s.lo, s.hi).toFixed(d).length, skip = w > 5 || under || over ? 2 "
     ": 1;\n",
-    "  for (let i = 0; i <= 4; i += skip) marks.push([a + (b - a) * i / 4, s.lo + (s.hi - "
-    "s.lo) * i / 4]);\n",
-    "  if (over) marks.push([100, s.max]);\n",
+    "  for (let i = 0; i <= 4; i += skip)\n",
+    "    marks.push([a + (b - a) * i / 4, (s.lo + (s.hi - s.lo) * i / 4).toFixed(d)]);\n",
+    "  if (over) marks.push([100, text(s.max)]);\n",
     "  marks.forEach(function (m) {\n",
     "    const e = document.createElement('span');\n",
     "    e.style.left = m[0] + '%';\n",
-    "    e.textContent = m[1].toFixed(d);\n",
+    "    e.textContent = m[1];\n",
     "    $('scale').appendChild(e);\n",
     "  });\n",
     "}\n",

@@ -6,7 +6,7 @@
  * times are CPU time, medians of steps.
  * Walk: the skirt and the T-shirt of ../shared/data on their walking body, 30 steps.
  * The share is all that contact does (cloth_report.ms.contact), its energy and its cuts of moves
- * included: 0.58 to 0.68 of a drape, 0.86 of the skirt, 0.79 of the T-shirt. Without those, as it
+ * included: 0.58 to 0.68 of a drape, 0.82 of the skirt, 0.77 of the T-shirt. Without those, as it
  * was counted once, 0.07 to 0.17.
  * Workers: the time by the clock that contact takes of the T-shirt's first steps, one and two
  * workers in turns. 1.55 times as fast; 1.4 when one thread chose contacts among the pairs. */

@@ -6448,12 +6448,11 @@ static void clothi_carried(cloth_collide *c, int all) {
     }
 }
 
-/* A feasible point: from x_IE in xb, what is held where it goes; for minimising to go on from also
- * from where cloth is carried. last: it is to be where the step ends. */
+/* A feasible point into xb: from x_IE, what is held where it goes; for minimising to go on from,
+ * once more from where cloth is carried. last: it is to be where the step ends. */
 static cloth_status clothi_feasible(cloth_collide *c, int last) {
     cloth_status status;
     int          i;
-    memcpy(c->x_ie, c->xb, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->nholding; i++) {
         const size_t at = 3 * (size_t)c->holding[i].vertex;
         memcpy(c->x_ie + at, c->hold_by + at, 3 * sizeof(double));
@@ -6586,7 +6585,6 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     memcpy(c->x_ie, x, bytes);
     rests = clothi_ends_rest(c);
     if (!rests) clothi_carried(c, 0);
-    memcpy(c->xb, c->x_ie, bytes);
     status = clothi_feasible(c, 0);
     if (status) return status;
     memcpy(x, c->xb, bytes);
@@ -6659,7 +6657,7 @@ static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, doub
     cloth_status   status;
     (void)e;
     if (clothi_find_nonfinite(x, 3 * (size_t)c->nv) >= 0) return CLOTH_OK;  /* the core says so */
-    memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
+    memcpy(c->x_ie, x, 3 * (size_t)c->nv * sizeof(double));
     status = clothi_feasible(c, 1);
     if (status) return status;
     memcpy(x, c->xb, 3 * (size_t)c->nv * sizeof(double));

@@ -60,6 +60,11 @@ static void coarse(void) {
     stage_end(&s);
 }
 
+/* m, of the layers and plates of pressed(). */
+static double pressed_wave(const double *x) {
+    return 0.004 * sin(20 * x[0]) * cos(17 * x[2]);
+}
+
 /* Three layers between wavy plates that slide 5 mm a step and come nearer by 0.5 mm: four gaps of
  * 0.28 t = 0.56 mm, which detection leaves, have room down to 2.2 mm. (Rows that asked for the gap
  * before the step found no point from 4 mm on.) */
@@ -72,8 +77,7 @@ static void pressed(void) {
     stage_layers(&s, 3, 7, 0);              /* 2 cm apart, to be 3 mm */
     for (i = 0; i < s.mesh->nv; i++) {
         double *x = s.mesh->x + 3 * i;
-        x[1] *= 0.15;
-        x[1] += 0.004 * sin(20 * x[0]) * cos(17 * x[2]);
+        x[1] = 0.15 * x[1] + pressed_wave(x);
     }
     if (!stage_start(&s)) exit(2);
     for (j = 0; j < 2; j++) {
@@ -81,7 +85,7 @@ static void pressed(void) {
         for (i = 0; i < plate[j]->nv; i++) {
             double *x = plate[j]->x + 3 * i;
             x[0] -= 0.1, x[2] -= 0.1;
-            x[1] = j * room + 0.004 * sin(20 * x[0]) * cos(17 * x[2]);
+            x[1] = j * room + pressed_wave(x);
         }
         d.nv = plate[j]->nv, d.x = plate[j]->x, d.nf = plate[j]->nf, d.faces = plate[j]->faces;
         (void)stage_add(&s, &d);

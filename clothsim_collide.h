@@ -4263,7 +4263,8 @@ static void clothi_exempt_part(cloth_collide *c) {
  * are also pairs near in the template: ranges of micrometres say nothing in a norm with those of t.
  *
  * Hessian: e'' grad grad' and the curvature of the gap by itself where that is positive, which
- * rocking faces need (clothi_frame_bends); for groups that of the norm.
+ * rocking faces need (clothi_frame_bends); for groups that of the norm, by all their vertices: a
+ * vertex in a fold of two faces has up to seven times the stiffness of both by themselves.
  *
  * A step of Newton's that would run into the pole says little: f is not linear. A contact that dx
  * runs into farther than its slope tells gets the stiffness of the secant to the force that the
@@ -4292,7 +4293,8 @@ static void clothi_exempt_part(cloth_collide *c) {
  * N/m, took three times the iterations), of the third (no better); N from the step before (a step
  * without friction); a secant by what the matrix's diagonal has behind a contact (a thousand times
  * too stiff where layers move together); one stiffness for all ranges (forces of slivers of a mesh,
- * newtons, came 1e-7 m above the pole, at 10^12 N/m).
+ * newtons, came 1e-7 m above the pole, at 10^12 N/m); secants for what is not yet the nearest of
+ * its group (ten times CG's iterations).
  *
  * Distance grids. No detection stands behind the potential, and cloth may be inside: along the way
  * of a vertex the grid is sampled, and where it comes nearer than 3 t, gap and n are taken and
@@ -4475,24 +4477,27 @@ static double clothi_vertex_convex(const cloth_collide *c, int v, const double *
     return share;
 }
 
-/* Share of its force that a pair has, by its frame f at x^n: where surfaces are flat or
- * hollow, vertices near faces say all of their distance; a vertex of an obstacle counts where it
- * is convex. Were it renewed at every iterate, edges that slide over others would keep the search
- * from its end. */
+/* Share of its force that a pair has, by its frame f at x^n: where surfaces are flat or hollow,
+ * vertices near faces say all of their distance; a vertex of an obstacle counts where it is convex.
+ * Edges near to parallel have none, as their closest point jumps from end to end: nor have those
+ * along a capsule, which others of their ends' edges touch as well (a strip around one took 35
+ * iterations a step, and takes 4). Were it renewed at every iterate, edges that slide over others
+ * would keep the search from its end. */
 static double clothi_contact_share(const cloth_collide *c, const clothi_contact *q,
                                    const clothi_frame *f) {
     double p[12], e[3], r[3], n[3], d[3], s = f->w[1], t = -f->w[3], sine, a, b;
     int    k;
-    if (q->radius > 0 || q->kind == CLOTHI_VP || f->gap > 2 * q->range) return 1;
+    if (q->kind == CLOTHI_VP || f->gap > 2 * q->range) return 1;
     for (k = 0; k < 3; k++) d[k] = -f->normal[k];
-    if (q->kind == CLOTHI_VF) return q->a < c->nv ? 1 : clothi_vertex_convex(c, q->a, d, &k);
+    if (q->kind == CLOTHI_VF)
+        return q->a < c->nv || q->radius > 0 ? 1 : clothi_vertex_convex(c, q->a, d, &k);
     clothi_pair_points(c, c->xa, q->v, 4, p);
     clothi_sub3(p + 3, p, e);
     clothi_sub3(p + 9, p + 6, r);
     clothi_cross3(e, r, n);
     a = clothi_dot3(e, e) * clothi_dot3(r, r);
     sine = a > 0 ? clothi_dot3(n, n) / a / CLOTHI_PARALLEL : 0;
-    b = 16 * s * (1 - s) * t * (1 - t);
+    b = q->radius > 0 ? 1 : 16 * s * (1 - s) * t * (1 - t);
     b *= b * (sine < 1 ? sine * (2 - sine) : 1);
     if (b > 0 && q->v[0] >= c->nv) b *= clothi_edge_convex(c, q->a, d);
     if (b > 0 && q->v[2] >= c->nv) b *= clothi_edge_convex(c, q->b, f->normal);
@@ -4764,27 +4769,48 @@ static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_
     return clothi_contact_add(q, row, m + 1, K, A);
 }
 
-/* What couples the contacts q [n] of one cloth feature with one obstacle: (p - 1)/E times
- * (sum r^(p-2) g g' - G G'), g = de/dx, r = e/E, G = dE/dx. */
+#define CLOTHI_GROUP 16                     /* vertices whose contacts of a key are coupled    */
+#define CLOTHI_LOUD  0.3                    /* of the energy of a key: contacts that are       */
+
+/* The cloth of contact q joins the vertices v [*m] of its key, where there is room; row [3 x *m]:
+ * de/dx of the contact there, 0: it has little of it, or is not among them. */
+static int clothi_group_row(const clothi_contact *q, double E, int *v, int *m, double *row) {
+    int at[4], n = *m, i, k;
+    if (!(q->at.energy > CLOTHI_LOUD * E)) return 0;
+    for (i = q->first; i < q->end; i++) {
+        for (k = 0; k < n && v[k] != q->v[i]; k++) {}
+        if (k == CLOTHI_GROUP) return 0;
+        at[i] = k;
+        if (k == n) v[n++] = q->v[i];
+    }
+    *m = n;
+    memset(row, 0, 3 * (size_t)n * sizeof(double));
+    for (i = q->first; i < q->end; i++)
+        for (k = 0; k < 3; k++) row[3 * at[i] + k] = q->at.force * q->at.w[i] * q->at.normal[k];
+    return 1;
+}
+
+/* What couples the contacts q [n] of one key: (p - 1)/E times (sum r^(p-2) g g' - G G'), g = de/dx,
+ * r = e/E, G = dE/dx. Without it a vertex in a fold goes to and fro between two faces. */
 static cloth_status clothi_group_hessian(const clothi_contact *q, int n, double E,
                                          cloth_matrix *A) {
-    const int *v = q->v + q->first, m = 3 * (q->end - q->first);
-    double     H[81], G[9], g[9];
-    int        j, k;
-    memset(H, 0, sizeof H);
-    memset(G, 0, sizeof G);
-    for (; n > 0; n--, q++) {
-        const double pull = q->at.force, r = q->at.energy / E, r2 = r * r;
-        if (!(r > 0.01)) continue;
-        for (j = 0; j < m; j++) g[j] = pull * q->at.w[q->first + j / 3] * q->at.normal[j % 3];
-        for (j = 0; j < m; j++) {
-            for (k = 0; k < m; k++) H[m * j + k] += 7 / E * r2 * r2 * r2 * g[j] * g[k];
-            G[j] += r2 * r2 * r2 * r * g[j];
+    double H[9 * CLOTHI_GROUP * CLOTHI_GROUP], G[3 * CLOTHI_GROUP], row[3 * CLOTHI_GROUP];
+    int    v[CLOTHI_GROUP], m = 0, loud = 0, i, j, k;
+    for (i = 0; i < n; i++) loud += clothi_group_row(q + i, E, v, &m, row);
+    if (loud < 2) return CLOTH_OK;
+    memset(H, 0, 9 * (size_t)(m * m) * sizeof(double));
+    memset(G, 0, 3 * (size_t)m * sizeof(double));
+    for (i = 0; i < n; i++) {
+        const double r = q[i].at.energy / E, r2 = r * r, r6 = r2 * r2 * r2;
+        if (!clothi_group_row(q + i, E, v, &m, row)) continue;
+        for (j = 0; j < 3 * m; j++) {
+            for (k = 0; k < 3 * (j / 3 + 1); k++) H[3 * m * j + k] += 7 / E * r6 * row[j] * row[k];
+            G[j] += r6 * r * row[j];
         }
     }
-    for (j = 0; j < m; j++)
-        for (k = 0; k < m; k++) H[m * j + k] -= 7 / E * G[j] * G[k];
-    return cloth_matrix_add_element(A, m / 3, v, H);
+    for (j = 0; j < 3 * m; j++)
+        for (k = 0; k < 3 * (j / 3 + 1); k++) H[3 * m * j + k] -= 7 / E * G[j] * G[k];
+    return cloth_matrix_add_element(A, m, v, H);
 }
 
 /* cloth_contact.eval: outside a step there is nothing, E_col belongs to the motion from x^n. */
@@ -4800,7 +4826,7 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
         double E;
         j = clothi_group_end(c, i);
         *energy += E = clothi_contact_group(c->contact + i, j - i);
-        if (e->hess && j - i > 1 && E > 0 && c->contact[i].slot >= 0)
+        if (e->hess && j - i > 1 && E > 0)
             status = clothi_group_hessian(c->contact + i, j - i, E, e->hess);
         for (m = i; m < j && !status; m++) {
             const clothi_contact *q = c->contact + m;
@@ -8333,18 +8359,19 @@ static void clothi_back_share(const clothi_flow *f, const clothi_contact *q, con
     const double s = at->w[1], t = -at->w[3], rate = share * q->share;
     double       p[12], r[6], d[3], to[3] = {0, 0, 0}, ee, rr, er, sine, by;
     int          i, k, o;
-    if (q->radius > 0 || q->kind == CLOTHI_VP || at->gap > 2 * q->range || !(fabs(rate) > 0))
-        return;
+    if (q->kind == CLOTHI_VP || at->gap > 2 * q->range || !(fabs(rate) > 0)) return;
     if (q->kind == CLOTHI_VF) {             /* of an obstacle's vertex it is how convex that is */
-        if (q->a < c->nv) return;
+        if (q->a < c->nv || q->radius > 0) return;
         for (k = 0; k < 3; k++) d[k] = -at->normal[k];
         (void)clothi_vertex_convex(c, q->a, d, &i);
         if (i >= 0) clothi_back_falls(f, q->a, i, NULL, d, share, to);
         for (k = 0; k < 3; k++) b->n[k] -= to[k];
         return;
     }
-    b->w[1] += rate * 2 * (1 - 2 * s) / (s * (1 - s));
-    b->w[3] -= rate * 2 * (1 - 2 * t) / (t * (1 - t));
+    if (!(q->radius > 0)) {
+        b->w[1] += rate * 2 * (1 - 2 * s) / (s * (1 - s));
+        b->w[3] -= rate * 2 * (1 - 2 * t) / (t * (1 - t));
+    }
     clothi_pair_points(c, c->xa, q->v, 4, p);
     clothi_sub3(p + 3, p, r);
     clothi_sub3(p + 9, p + 6, r + 3);

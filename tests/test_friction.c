@@ -1,10 +1,10 @@
 /* test_friction.c - the proximity potential and friction by themselves: the barrier against the
  * integral of its force, E_col of one pair and of joined pairs against differences, friction that
  * sticks and slides, what a contact leaves to the next step.
- *   cc -std=c99 -O2 -ffp-contract=off -I. test_friction.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. test_friction.c -lm
  */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "test.h"
 
@@ -324,6 +324,58 @@ static void hessian(void) {
     cloth_pattern_destroy(pattern);
 }
 
+/* A vertex in a fold of 90 degrees, near to both faces, one key: their distances are linear in it,
+ * so that the matrix knows its second derivatives, what couples both distances among them, but for
+ * a little that keeps it definite. */
+static void fold(void) {
+    static const double place[15] = {0,    0,    0,    0,    0,     -0.03, 0,   0,
+                                     0.03, 0.05, 0.05, 0,    -0.05, 0.05,  0};
+    static const int    all[5] = {0, 1, 2, 3, 4}, ends[2] = {0, 5};
+    static const int    face[2][3] = {{1, 2, 3}, {2, 1, 4}};
+    static const double gaps[4][2] = {{1e-3, 1e-3}, {1e-3, 1.01e-3}, {7e-4, 6.9e-4},
+                                      {1e-3, 1.6e-3}};
+    cloth_pattern      *pattern = NULL;
+    cloth_matrix       *A = NULL;
+    int                 i, j, k;
+    CHECK(cloth_pattern_create(NULL, 5, 1, ends, all, NULL, &pattern) == CLOTH_OK);
+    CHECK(cloth_matrix_create(NULL, pattern, &A) == CLOTH_OK);
+    for (k = 0; k < 4 && A; k++) {
+        const double a = gaps[k][0] * sqrt(0.5), b = gaps[k][1] * sqrt(0.5), step = 1e-9;
+        double       x[15], g1[15], g0[15], H[225], most = 0;
+        rig          r;
+        rig_start(&r, 2, 5);
+        memcpy(x, place, sizeof x);
+        x[0] = b - a, x[1] = a + b;
+        for (i = 0; i < 2; i++) {
+            pair_set(&r, i, CLOTHI_VF, 0, 1.9e-3, 1);
+            r.q[i].b = i;
+            memcpy(r.q[i].v + 1, face[i], sizeof face[i]);
+        }
+        cloth_matrix_clear(A);
+        r.e.hess = A;
+        (void)energy(&r, x, r.grad);
+        r.e.hess = NULL;
+        dense(A, 5, H);
+        for (i = 0; i < 3; i++) most = fmax(most, H[16 * i]);
+        for (j = 0; j < 3; j++) {
+            const double old = x[j];
+            x[j] = old + step, (void)energy(&r, x, g1);
+            x[j] = old - step, (void)energy(&r, x, g0);
+            x[j] = old;
+            for (i = 0; i < 3; i++)
+                CHECK_NEAR(H[15 * i + j], (g1[i] - g0[i]) / (2 * step), 5e-3 * most);
+        }
+        for (i = 0; i < 400; i++) {
+            double m = 0, p[15];
+            for (j = 0; j < 15; j++) p[j] = sin(1.7 * i * (j + 1) + j);
+            for (j = 0; j < 225; j++) m += p[j / 15] * H[j] * p[j % 15];
+            CHECK(m >= -1e-9 * most);
+        }
+    }
+    cloth_matrix_destroy(A);
+    cloth_pattern_destroy(pattern);
+}
+
 /* --- friction --- */
 
 /* A pair moved u m across and `in` m along its normal, with limit 0.01 N: the gradient is that of
@@ -431,6 +483,7 @@ int main(int argc, char **argv) {
     RUN(forces);
     RUN(joined);
     RUN(hessian);
+    RUN(fold);
     RUN(coulomb);
     RUN(anchors);
     return TEST_END();

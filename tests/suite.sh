@@ -65,13 +65,6 @@ select_programs() {
 build() {
     src=$1 exe=$2
     rm -f "$exe" "$exe.log"
-    object=$X_OBJECT own=
-    # what a program does not call of an implementation of its own is not compiled
-    if has_implementation "$src"; then object= own=-DCLOTHSIM_STATIC
-    elif [ ! -f "$object" ]; then
-        echo "$object did not build" >"$exe.build"
-        return 0
-    fi
     flags=$(extra_flags "$src")
     if [ -n "$flags" ] && ! echo 'int main(void) { return 0; }' |
             $X_CC $X_FLAGS $flags -x ${X_CXX:-c} - -o "$exe.probe" -lm >"$exe.build" 2>&1; then
@@ -79,8 +72,21 @@ build() {
         return 0
     fi
     rm -f "$exe.probe" "$exe.skip"
+    # a program that looks at private functions compiles those that it calls (inside.awk), or all that
+    # it calls, when it is compiled otherwise than the object, and an example
+    object=$X_OBJECT inside=
+    if has_implementation "$src"; then
+        case $flags in
+        *-D*) object=-DCLOTHSIM_STATIC ;;
+        *) if [ -d "$X_OUT/inside" ]; then inside=-I$X_OUT/inside; else object=-DCLOTHSIM_STATIC; fi ;;
+        esac
+    fi
+    case $object in
+    -*) ;;
+    *) [ -f "$object" ] || { echo "$object did not build" >"$exe.build"; return 0; } ;;
+    esac
     # libraries follow the source; -x none ends the forced language before the object file
-    $X_CC $X_FLAGS $own ${X_CXX:+-x c++} "$src" ${X_CXX:+-x none} $object $flags -lm -o "$exe" \
+    $X_CC $inside $X_FLAGS ${X_CXX:+-x c++} "$src" ${X_CXX:+-x none} $object $flags -lm -o "$exe" \
         >"$exe.build" 2>&1
     return 0
 }

@@ -3,7 +3,7 @@
  *   cc -std=c99 -O2 -ffp-contract=off -I.. test_attach.c -lm
  * tier: quick */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "test.h"
 #include "host.h"

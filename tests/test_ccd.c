@@ -1,8 +1,8 @@
 /* test_ccd.c - continuous detection: the public queries, hard ones, closed forms, and random
  * motions against distances sampled in long double.
- *   cc -std=c99 -O2 -ffp-contract=off test_ccd.c -lm -o test_ccd && ./test_ccd */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_ccd.c -lm -o test_ccd && ./test_ccd */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "ccd.h"
 

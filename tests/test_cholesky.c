@@ -2,7 +2,7 @@
  *   cc -std=c99 -O2 -ffp-contract=off -I.. test_cholesky.c -lm
  * tier: quick */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim.h"
+#include "clothsim.h"
 #include "test.h"
 
 static uint64_t seed = 1;

@@ -3,7 +3,7 @@
  *   cc -std=c99 -O2 -ffp-contract=off -pthread -I.. test_collide_state.c -lm
  * tier: quick */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include <limits.h>
 #include "test.h"

@@ -1,9 +1,9 @@
 /* test_contact.c - contact in the step: small scenes, momentum, and no cost when not asked for.
- *   cc -std=c99 -O2 -ffp-contract=off -I. test_contact.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. test_contact.c -lm
  * tier: default
  * FULL=1: thousands of states. SHOW_STEPS=1 prints every step. */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "test.h"
 #include "shapes.h"

@@ -1,7 +1,7 @@
 /* test_elements.c - springs, triangles, hinges: derivatives, closed forms, degenerate states.
- *   cc -std=c99 -O2 -ffp-contract=off test_elements.c -lm -o test_elements && ./test_elements */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_elements.c -lm && ./test_elements */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim.h"
+#include "clothsim.h"
 
 #include "test.h"
 #include "reference.h"

@@ -1,7 +1,7 @@
 /* test_exact.c - signs of determinants against integer arithmetic.
- *   cc -std=c99 -O2 -ffp-contract=off test_exact.c -lm -o test_exact && ./test_exact */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_exact.c -lm -o test_exact && ./test_exact */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "test.h"
 #include "reference.h"

@@ -1,9 +1,9 @@
 /* test_grid_contact.c - a distance grid as an obstacle: rest, differences, friction, motion, impact
  * at speed, the way out from inside, state, refusals.
- *   cc -std=c99 -O2 -ffp-contract=off -I. test_grid_contact.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. test_grid_contact.c -lm
  * tier: quick */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "test.h"
 #include "host.h"

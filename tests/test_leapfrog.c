@@ -1,8 +1,8 @@
 /* test_leapfrog.c - the explicit integrator: stability limit, automatic substeps, energy, time
  * reversal, damping, moving pins, no matrix, forces by triangles.
- *   cc -std=c99 -O2 -ffp-contract=off test_leapfrog.c -lm */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_leapfrog.c -lm */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim.h"
+#include "clothsim.h"
 
 #include "test.h"
 #include "reference.h"

@@ -1,7 +1,7 @@
 /* test_math.c - the small maths under everything else.
- *   cc -std=c99 -O2 -ffp-contract=off test_math.c -lm -o test_math && ./test_math */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_math.c -lm -o test_math && ./test_math */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include <float.h>
 

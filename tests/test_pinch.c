@@ -2,10 +2,10 @@
  * parts close and pass each other, counted, listed, let go when they open; nothing let in where
  * parts sweep over it; an edge that a part is through is led; no bit of difference where no two
  * parts come near; snapshots and workers in a pinch.
- *   cc -std=c99 -O2 -ffp-contract=off -I. test_pinch.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. test_pinch.c -lm
  * tier: quick */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "test.h"
 #include "shapes.h"

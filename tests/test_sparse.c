@@ -1,7 +1,7 @@
 /* test_sparse.c - block matrices and linear solvers against dense algebra.
- *   cc -std=c99 -O2 -ffp-contract=off test_sparse.c -lm -o test_sparse && ./test_sparse */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_sparse.c -lm -o test_sparse && ./test_sparse */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim.h"
+#include "clothsim.h"
 
 #include "test.h"
 #include "host.h"

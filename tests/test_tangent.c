@@ -5,8 +5,8 @@
  * times tangent are what the adjoint finds for the same direction, to rounding.
  *   cc -std=c99 -O2 -ffp-contract=off -I.. test_tangent.c -lm */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
-#include "../clothsim_grad.h"
+#include "clothsim_collide.h"
+#include "clothsim_grad.h"
 #include "test.h"
 #include "host.h"
 #include "grad_touch.h"

@@ -1,12 +1,12 @@
 /* test_untangle.c - cloth that begins inside obstacles and itself is pushed apart, call by call.
- *   cc -std=c99 -O2 -ffp-contract=off -I. test_untangle.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. test_untangle.c -lm
  * tier: default
  * After every call exact arithmetic (exact.h) lists the pairs of faces that intersect. A pair that
  * was not there before must be beside one that was (a vertex shared on either side) or have had a
  * vertex inside of the obstacle, and be counted in report.wandered.
  * SHOW_STEPS=1 in the environment prints every call. */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "test.h"
 #include "shapes.h"

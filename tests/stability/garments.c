@@ -25,7 +25,7 @@
  *            a face that looks the other way is nearer than 2 t and neither is beside the other
  *   parity   steps after which cloth_collide_intersections() is not what is counted here: none */
 #define CLOTHSIM_IMPLEMENTATION
-#include "../../clothsim_collide.h"
+#include "clothsim_collide.h"
 
 #include "../test.h"
 #include "../exact.h"

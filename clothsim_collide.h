@@ -3430,6 +3430,7 @@ struct cloth_collide {
     cloth_collide_part *part;               /* [nparts]                                        */
     int                self;                /* CLOTH_CONTACT_SELF                              */
     double             stiffness;           /* Pa/m                                            */
+    double             mean_area;           /* m^2 of a vertex of cloth                        */
 
     /* world */
     clothi_obstacle *obstacle;
@@ -4770,7 +4771,7 @@ static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_
 }
 
 #define CLOTHI_GROUP 16                     /* vertices whose contacts of a key are coupled    */
-#define CLOTHI_LOUD  0.3                    /* of the energy of a key: contacts that are       */
+#define CLOTHI_LOUD  0.3                    /* of the energy of a key: from here on coupled    */
 
 /* The cloth of contact q joins the vertices v [*m] of its key, where there is room; row [3 x *m]:
  * de/dx of the contact there, 0: it has little of it, or is not among them. */
@@ -4874,11 +4875,13 @@ static clothi_key clothi_key_of(const cloth_collide *c, const clothi_contact *q)
 }
 
 /* The area that a pair stands for, m^2: that of its smaller half, vertex, edge or face; spheres and
- * capsules have none. Cloth meets cloth from both sides: half. */
+ * capsules have none. Cloth meets cloth from both sides: half. Pairs near in the template stand for
+ * a vertex of the mean: slivers press with the forces of their neighbours. */
 static double clothi_contact_area(const cloth_collide *c, const clothi_contact *q) {
     const double *area = c->area;
     const int    *v = q->v;
     double        a = area[v[0]], b;
+    if (q->beside) return 0.5 * c->mean_area;
     if (q->kind == CLOTHI_VP) return a;
     if (q->kind == CLOTHI_EE) a = (a + area[v[1]]) / 6, b = (area[v[2]] + area[v[3]]) / 6;
     else b = (area[v[1]] + area[v[2]] + area[v[3]]) / 6;    /* 3 edges, 6 faces a vertex */
@@ -7169,6 +7172,7 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     c->self = sim->model->desc.contact == CLOTH_CONTACT_SELF;
     c->nv = sim->model->nv, c->nf = sim->model->nf;
     for (i = 0; i < c->nf; i++) area += clothi_rest_area(sim->params.X, i);
+    c->mean_area = area / c->nv;
     c->stiffness = d.stiffness;             /* Pa/m: 30 times the weight rests at k t/4, at t/2 */
     if (!(d.stiffness > 0))
         c->stiffness = 30 * 9.81 * sim->total / area / (0.25 * d.thickness);

@@ -4773,14 +4773,15 @@ static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_
 #define CLOTHI_GROUP 16                     /* vertices whose contacts of a key are coupled    */
 #define CLOTHI_LOUD  0.3                    /* of the energy of a key: from here on coupled    */
 
-/* The cloth of contact q joins the vertices v [*m] of its key, where there is room; row [3 x *m]:
- * de/dx of the contact there, 0: it has little of it, or is not among them. */
-static int clothi_group_row(const clothi_contact *q, double E, int *v, int *m, double *row) {
+/* The cloth of contact q joins the vertices v [*m] of its key, of at most `most`; row [3 x *m]:
+ * de/dx of the contact there. Returns 0: it has little of it, or no room. */
+static int clothi_group_row(const clothi_contact *q, double E, int most, int *v, int *m,
+                            double *row) {
     int at[4], n = *m, i, k;
     if (!(q->at.energy > CLOTHI_LOUD * E)) return 0;
     for (i = q->first; i < q->end; i++) {
         for (k = 0; k < n && v[k] != q->v[i]; k++) {}
-        if (k == CLOTHI_GROUP) return 0;
+        if (k == most) return 0;
         at[i] = k;
         if (k == n) v[n++] = q->v[i];
     }
@@ -4797,13 +4798,13 @@ static cloth_status clothi_group_hessian(const clothi_contact *q, int n, double 
                                          cloth_matrix *A) {
     double H[9 * CLOTHI_GROUP * CLOTHI_GROUP], G[3 * CLOTHI_GROUP], row[3 * CLOTHI_GROUP];
     int    v[CLOTHI_GROUP], m = 0, loud = 0, i, j, k;
-    for (i = 0; i < n; i++) loud += clothi_group_row(q + i, E, v, &m, row);
+    for (i = 0; i < n; i++) loud += clothi_group_row(q + i, E, CLOTHI_GROUP, v, &m, row);
     if (loud < 2) return CLOTH_OK;
     memset(H, 0, 9 * (size_t)(m * m) * sizeof(double));
     memset(G, 0, 3 * (size_t)m * sizeof(double));
     for (i = 0; i < n; i++) {
         const double r = q[i].at.energy / E, r2 = r * r, r6 = r2 * r2 * r2;
-        if (!clothi_group_row(q + i, E, v, &m, row)) continue;
+        if (!clothi_group_row(q + i, E, m, v, &m, row)) continue;
         for (j = 0; j < 3 * m; j++) {
             for (k = 0; k < 3 * (j / 3 + 1); k++) H[3 * m * j + k] += 7 / E * r6 * row[j] * row[k];
             G[j] += r6 * r * row[j];

@@ -72,21 +72,20 @@ build() {
         return 0
     fi
     rm -f "$exe.probe" "$exe.skip"
-    # a program that looks at private functions compiles those that it calls (inside.awk), or all that
-    # it calls, when it is compiled otherwise than the object, and an example
-    object=$X_OBJECT inside=
+    # a program that looks at private functions compiles those that it calls (inside.awk); an example,
+    # or one with flags that the object has not, all that it calls
+    object=$X_OBJECT own=
     if has_implementation "$src"; then
-        case $flags in
-        *-D*) object=-DCLOTHSIM_STATIC ;;
-        *) if [ -d "$X_OUT/inside" ]; then inside=-I$X_OUT/inside; else object=-DCLOTHSIM_STATIC; fi ;;
-        esac
+        own=-I$X_OUT/inside
+        case $flags in *-D*) own= ;; esac
+        [ -n "$own" ] && [ -d "$X_OUT/inside" ] || { object= own=-DCLOTHSIM_STATIC; }
     fi
-    case $object in
-    -*) ;;
-    *) [ -f "$object" ] || { echo "$object did not build" >"$exe.build"; return 0; } ;;
-    esac
+    if [ -n "$object" ] && [ ! -f "$object" ]; then
+        echo "$object did not build" >"$exe.build"
+        return 0
+    fi
     # libraries follow the source; -x none ends the forced language before the object file
-    $X_CC $inside $X_FLAGS ${X_CXX:+-x c++} "$src" ${X_CXX:+-x none} $object $flags -lm -o "$exe" \
+    $X_CC $own $X_FLAGS ${X_CXX:+-x c++} "$src" ${X_CXX:+-x none} $object $flags -lm -o "$exe" \
         >"$exe.build" 2>&1
     return 0
 }

@@ -87,9 +87,9 @@ static int capstan_steps, capstan_newton;
 /* Way in m of the held end: half a second with the same force at both ends, a second in which the
  * pull grows to `ratio` T1, and one more. */
 static double capstan_way(double phi, double mu, double ratio) {
-    cloth_report r;
     const double h = 1.0 / 60;
     double       way = NAN, start = 0, *f = NULL;
+    cloth_report r;
     fric         s;
     int          step;
     if (!capstan_start(&s, phi, mu)) goto done;

@@ -4467,8 +4467,7 @@ CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in rest, clothi_in st
 }
 
 /* psd == 2 asks for the reflected model: a negative principal stress s counts as
- * CLOTHI_REFLECT |s| instead of 0. Still semidefinite, and a better guess of how far compressed
- * cloth moves: one Newton iteration in five is saved at Y = 1e5 N/m (0.1 to 2 differ little). */
+ * CLOTHI_REFLECT |s| instead of 0: still semidefinite, and shorter steps. */
 #define CLOTHI_REFLECT 0.5
 
 /* S+ = a S + b I, or its reflected twin. */
@@ -10234,11 +10233,11 @@ CLOTHI_RARE_END
  *
  * Which Hessian. The exact one converges quadratically but is indefinite where cloth is
  * compressed; far from the minimum its directions are wasted. So the iterations begin with a
- * definite model (hinges Gauss-Newton, negative principal stresses reflected, [6.5]) and turn
- * to the exact Hessian when the updates have become small: below CLOTHI_EXACT edges, or from
- * iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a trust region
- * (Steihaug [NW06]): where it meets negative curvature it follows it to the radius, which is
- * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it.
+ * definite model (hinges Gauss-Newton, negative principal stresses reflected, [6.2]; with contact
+ * left out) and turn to the exact Hessian when the updates have become small: below CLOTHI_EXACT
+ * edges, or from iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a
+ * trust region (Steihaug [NW06]): where it meets negative curvature it follows it to the radius,
+ * which is also how saddles are left; CHOLESKY hands an iteration with negative pivots to it.
  * Contact has kinks, where a touch begins and where friction slips, and cloth that is pushed
  * together grows wrinkles through all of a step: directions of negative curvature are many, and
  * each leads CG to the radius after an iteration or two. With contact the exact Hessian is for
@@ -10566,7 +10565,8 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
 CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
                                                           int exact, cloth_report *report) {
     double      *was = clothi_charge(s, &s->ms.assemble);
-    cloth_status status = clothi_objective(s, goal, s->w.x, NULL, 1, exact ? 0 : 2, NULL);
+    const int    psd = exact ? 0 : s->contact_on ? 1 : 2;
+    cloth_status status = clothi_objective(s, goal, s->w.x, NULL, 1, psd, NULL);
     report->projected += !exact;
     if (!status && s->model->tie) status = clothi_tie_matrix(s);
     (void)clothi_charge(s, was);

@@ -4262,7 +4262,7 @@ static void clothi_exempt_part(cloth_collide *c) {
  * needed at x^n: where both surfaces are convex there, where their middles cross and where they are
  * not parallel; what has no full share has a guard, a barrier of its own in the last quarter above
  * the pole, beside the group, so that every pair that detection guards has one. What has none, two
- * thirds of the pairs within range of a T-shirt, is a contact from its guard on. Beside their groups
+ * thirds of a T-shirt's pairs in range, is a contact from its guard on. Beside their groups
  * are also pairs near in the template: ranges of micrometres say nothing in a norm with those of t.
  *
  * Hessian: e'' grad grad' and the curvature of the gap by itself where that is positive, which

@@ -10233,17 +10233,18 @@ CLOTHI_RARE_END
  *
  * Which Hessian. The exact one converges quadratically but is indefinite where cloth is
  * compressed; far from the minimum its directions are wasted. So the iterations begin with a
- * definite model (hinges Gauss-Newton, negative principal stresses reflected, [6.2]; with contact
- * left out) and turn to the exact Hessian when the updates have become small: below CLOTHI_EXACT
- * edges, or from iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a
- * trust region (Steihaug [NW06]): where it meets negative curvature it follows it to the radius,
- * which is also how saddles are left; CHOLESKY hands an iteration with negative pivots to it.
+ * definite model (hinges Gauss-Newton, negative principal stresses reflected, [6.2]) and turn
+ * to the exact Hessian when the updates have become small: below CLOTHI_EXACT edges, or from
+ * iteration CLOTHI_LATE on below CLOTHI_EXACT_LATE edges. There CG runs inside a trust region
+ * (Steihaug [NW06]): where it meets negative curvature it follows it to the radius, which is
+ * also how saddles are left; CHOLESKY hands an iteration with negative pivots to it.
  * Contact has kinks, where a touch begins and where friction slips, and cloth that is pushed
  * together grows wrinkles through all of a step: directions of negative curvature are many, and
  * each leads CG to the radius after an iteration or two. With contact the exact Hessian is for
  * tolerances below CLOTHI_EXACT_TOUCH of where its phase begins, and CLOTHI_STUCK updates of it in
  * a row that end at the radius, or short of their length, are followed by one of the definite
- * model, which has no radius and does not end the search.
+ * model, which has no radius and does not end the search. For others there is the definite model
+ * alone, in which negative stresses are left out: reflected, they shorten the update that ends it.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -10561,11 +10562,18 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
     return CLOTH_OK;
 }
 
-/* Hessian at w.x: exact, or the definite model. */
+/* With contact the exact Hessian is for tolerances far below where its phase begins. */
+static int clothi_exact_asked(const cloth_sim *s) {
+    return !s->contact_on ||
+           s->model->desc.tolerance < CLOTHI_EXACT_TOUCH * CLOTHI_EXACT * s->edge;
+}
+
+/* Hessian at w.x: exact, or the definite model, with negative stresses left out where it ends the
+ * search by the length of an update. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
                                                           int exact, cloth_report *report) {
     double      *was = clothi_charge(s, &s->ms.assemble);
-    const int    psd = exact ? 0 : s->contact_on ? 1 : 2;
+    const int    psd = exact ? 0 : clothi_exact_asked(s) ? 2 : 1;
     cloth_status status = clothi_objective(s, goal, s->w.x, NULL, 1, psd, NULL);
     report->projected += !exact;
     if (!status && s->model->tie) status = clothi_tie_matrix(s);
@@ -10874,7 +10882,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     for (it = 1; !done; it++) {
         nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
                    (it > CLOTHI_LATE && nt.size <= CLOTHI_EXACT_LATE * s->edge);
-        nt.exact &= !s->contact_on || d->tolerance < CLOTHI_EXACT_TOUCH * CLOTHI_EXACT * s->edge;
+        nt.exact &= clothi_exact_asked(s);
         if (nt.stuck >= CLOTHI_STUCK) nt.exact = 0, nt.stuck = -1;
         status = clothi_newton_iterate(s, goal, &nt, report, &done);
         if (status == CLOTH_ERR_STEP && nt.exact) {     /* no decrease: once more, definite */

@@ -3439,6 +3439,7 @@ struct cloth_collide {
     int     nv, nf;                         /* cloth's                                         */
     int     nw, mf;                         /* world's                                         */
     double  thickest;                       /* m, largest contact thickness                    */
+    double  stride;                         /* m, longest way of anything in the substep; or t */
     /* its arrays, from faces to solid_known: they come and go together */
     int    *faces, *edges;                  /* [mf x 3], [me x 2] those of capsules last       */
     int     me;
@@ -5968,15 +5969,16 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  *              min sum m_i |x_i - x_IE,i|^2 / 2     s.t. all its rows so far              [6.1]
  *
  * is looked at again, and what it hits joins, until nothing does [BFA02] [HVTG08]. A zone that the
- * program cannot solve, or not within desc.max_passes, goes on as one body that does not turn; if
- * that hits too, it stays where it was. (To let it turn was worse: two spinning sheets that meet at
- * 70 m/s, leapfrog, max_passes 2: 23 of 24 steps failed for none; with 3 the angular momentum was
- * 1.1 % off for 0.3.) Where that leads nowhere an implicit step tries once more, with all that is
- * near obstacles carried by them and rows that ask for no more room than detection leaves: layers
- * between an arm and a chest that come nearer have no point at their gaps of x^n (trousers on a
- * jump failed a step). Then the step fails. (To hold what zones cannot part was worse: a shirt's
- * jump ended at once. More passes, or a guess between both surfaces by its share of the way from
- * one to the other, helped no step that failed.)
+ * program cannot solve, or not within desc.max_passes, or whose sweeps lead ten times as far off as
+ * anything goes, goes on as one body that does not turn; if that hits too, it stays where it was.
+ * (To let it turn was worse: two spinning sheets that meet at 70 m/s, leapfrog, max_passes 2: 23 of
+ * 24 steps failed for none; with 3 the angular momentum was 1.1 % off for 0.3.) Where that leads
+ * nowhere an implicit step tries once more, with all that is near obstacles carried by them and
+ * rows that ask for no more room than detection leaves: layers between an arm and a chest that come
+ * nearer have no point at their gaps of x^n (trousers on a jump failed a step). Then the step
+ * fails. (To hold what zones cannot part was worse: a shirt's jump ended at once. More passes, or a
+ * guess between both surfaces by its share of the way from one to the other, helped no step that
+ * failed.)
  *
  * Under implicit steps this is where minimising begins, not where it ends: no strain of the
  * projection stays, and no row is in the accepted state. Where obstacles move, x_IE near them is
@@ -5999,6 +6001,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_CARRIED       20             /* t: so far obstacles carry cloth in a guess      */
 #define CLOTHI_START_ROWS   2               /* a vertex: more for a start of minimising are dear */
 #define CLOTHI_SWEPT_PASSES 12              /* in which unfinished sweeps may go on            */
+#define CLOTHI_ASTRAY       10              /* longest ways of anything; up to 1.4 were needed */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
 #define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
 
@@ -6282,6 +6285,15 @@ static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const doub
 }
 
 /* Slices, vertices and work are their own and no hook is called: same bits for any workers. */
+/* Rows that no point meets drive sweeps apart, and what is hit from there makes rows without end: a
+ * shirt's step had two million. */
+static int clothi_zone_astray(const cloth_collide *c, const clothi_zone *q) {
+    double off = 0;
+    int    i;
+    for (i = 0; i < 3 * q->size; i++) off = clothi_max(off, fabs(q->x[i] - q->x0[i]));
+    return !(off <= CLOTHI_ASTRAY * c->stride);
+}
+
 static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
     const cloth_collide *c = (const cloth_collide *)ctx;
     const double        *v = c->zone_v;
@@ -6297,7 +6309,7 @@ static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
         }
         if (q->m > CLOTHI_EXACT_ROWS)
             q->solved = clothi_zone_sweeps(c, q, v ? 0.01 * c->desc.thickness / c->h : 0) || v ||
-                        c->report.passes < CLOTHI_SWEPT_PASSES;
+                        (c->report.passes < CLOTHI_SWEPT_PASSES && !clothi_zone_astray(c, q));
         else if (q->m > 0)
             clothi_zone_exact(c, q, v ? NULL : q->guess, worker, NULL);
     }
@@ -6436,6 +6448,8 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     int          i, hit = 0;
     c->toi = 1;
     memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
+    for (c->stride = c->thickest, i = 0; i < 3 * c->nw; i++)
+        c->stride = clothi_max(c->stride, fabs(c->xb[i] - c->xa[i]));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
     c->nrow = 0;

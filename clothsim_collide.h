@@ -6284,7 +6284,6 @@ static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const doub
     q->solved = !q->status && rep.outcome == CLOTH_QP_SOLVED;
 }
 
-/* Slices, vertices and work are their own and no hook is called: same bits for any workers. */
 /* Rows that no point meets drive sweeps apart, and what is hit from there makes rows without end: a
  * shirt's step had two million. */
 static int clothi_zone_astray(const cloth_collide *c, const clothi_zone *q) {
@@ -6294,6 +6293,7 @@ static int clothi_zone_astray(const cloth_collide *c, const clothi_zone *q) {
     return !(off <= CLOTHI_ASTRAY * c->stride);
 }
 
+/* Slices, vertices and work are their own and no hook is called: same bits for any workers. */
 static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
     const cloth_collide *c = (const cloth_collide *)ctx;
     const double        *v = c->zone_v;

@@ -3872,6 +3872,10 @@ static double clothi_slot_radius(const cloth_collide *c, int slot) {
     return slot < 0 ? 0 : c->obstacle[slot].radius;
 }
 
+static double clothi_slot_thickness(const cloth_collide *c, int slot) {
+    return slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness;
+}
+
 /* Points of a pair: cloth at x [nv x 3], obstacles at xa where that is x, else where they end. */
 static void clothi_pair_points(const cloth_collide *c, const double *x, const int *v, int n,
                                double *out) {
@@ -5144,7 +5148,7 @@ static void clothi_near_range(const cloth_collide *c, clothi_near *p) {
 static double clothi_near_slack(const cloth_collide *c, clothi_near *p, const double *x,
                                 int exact) {
     const int    slot = clothi_pair_slot(c, &p->id);
-    const double most = slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness;
+    const double most = clothi_slot_thickness(c, slot);
     double       r[12], gap;
     int          v[4];
     if (clothi_is_soft(c, &p->id)) return -HUGE_VAL;
@@ -6098,7 +6102,7 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
         if (p->kind == CLOTHI_VP) continue;
         clothi_pair_points(c, c->xa, v, 4, xa);
         clothi_pair_points(c, c->xb, v, 4, xb);
-        reach += CLOTHI_SEPARATION * (slot < 0 ? c->desc.thickness : c->obstacle[slot].thickness);
+        reach += CLOTHI_SEPARATION * clothi_slot_thickness(c, slot);
         if (clothi_ccd_pair(p->kind == CLOTHI_EE, xa, xb, reach, &toi))
             c->pair[i].hit |= CLOTHI_HIT_NEAR;
     }
@@ -6284,13 +6288,18 @@ static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const doub
     q->solved = !q->status && rep.outcome == CLOTH_QP_SOLVED;
 }
 
+/* The most that numbers of a [n] and b [n] are apart. */
+static double clothi_farthest(int n, const double *a, const double *b) {
+    double most = 0;
+    int    i;
+    for (i = 0; i < n; i++) most = clothi_max(most, fabs(a[i] - b[i]));
+    return most;
+}
+
 /* Rows that no point meets drive sweeps apart, and what is hit from there makes rows without end: a
  * shirt's step had two million. */
 static int clothi_zone_astray(const cloth_collide *c, const clothi_zone *q) {
-    double off = 0;
-    int    i;
-    for (i = 0; i < 3 * q->size; i++) off = clothi_max(off, fabs(q->x[i] - q->x0[i]));
-    return !(off <= CLOTHI_ASTRAY * c->stride);
+    return !(clothi_farthest(3 * q->size, q->x, q->x0) <= CLOTHI_ASTRAY * c->stride);
 }
 
 /* Slices, vertices and work are their own and no hook is called: same bits for any workers. */
@@ -6448,8 +6457,7 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     int          i, hit = 0;
     c->toi = 1;
     memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
-    for (c->stride = c->thickest, i = 0; i < 3 * c->nw; i++)
-        c->stride = clothi_max(c->stride, fabs(c->xb[i] - c->xa[i]));
+    c->stride = clothi_max(clothi_farthest(3 * c->nw, c->xb, c->xa), c->thickest);
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
     c->nrow = 0;

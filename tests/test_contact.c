@@ -66,7 +66,8 @@ static double pressed_wave(const double *x) {
 }
 
 /* Three layers between wavy plates, 12 mm apart, that slide 5 mm a step and come nearer by `down`,
- * to `least` m or until a step fails. Returns how many pairs the search had room for. */
+ * to `least` m or until a step fails; judged by that name, NULL: not. Returns how many pairs the
+ * search had room for. */
 static int press(double down, double least, const char *judged) {
     cloth_obstacle_desc d = cloth_obstacle_desc_default();
     cloth_mesh         *plate[2] = {NULL, NULL};

@@ -1591,22 +1591,26 @@ static int clothi_bvh_next(clothi_bvh_walk *w) {
 /* Squared distance m^2 of a point [3] from an item (first + i). */
 typedef double clothi_distance_fn(int item, const double *point, const void *ctx);
 
-static double clothi_node_distance2(const double *box, const double *p) {
-    double d2 = 0;
+/* Of a box from p [3]; HUGE_VAL where nothing of it is on the side of p that `side` [3] looks to
+ * (NULL: it is). */
+static double clothi_node_distance2(const double *box, const double *p, const double *side) {
+    double d2 = 0, beyond = 0;
     int    k;
     for (k = 0; k < 3; k++) {
         const double below = box[k] - p[k], above = p[k] - box[3 + k];
         const double d = below > above ? below : above;
         if (d > 0) d2 += d * d;
+        if (side) beyond += side[k] > 0 ? -side[k] * above : side[k] * below;
     }
-    return d2;
+    return !side || beyond > 0 ? d2 : HUGE_VAL;
 }
 
 /* The item nearest to a point [3] by fn, if its squared distance is at most *d2; of several the
- * smallest. Returns it and sets *d2; returns -1 and leaves *d2 when there is none. fn must not be
- * less than the distance from the item's box by more than a relative 1e-9. cost O(log n) near by */
-static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_distance_fn *fn,
-                              const void *ctx, double *d2) {
+ * smallest. Returns it and sets *d2; returns -1 and leaves *d2 when there is none. side [3]: only
+ * what is on that side of the point (NULL: all), as fn is to know as well. fn must not be less than
+ * the distance from the item's box by more than a relative 1e-9. cost O(log n) near by */
+static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, const double *side,
+                              clothi_distance_fn *fn, const void *ctx, double *d2) {
     const double slack = 1 - 1e-9;
     int          stack[CLOTHI_BVH_STACK], n = 1, best = -1, i;
     double       reach[CLOTHI_BVH_STACK];
@@ -1616,8 +1620,8 @@ static int clothi_bvh_nearest(const clothi_bvh *t, const double *point, clothi_d
         if (reach[n] > *d2) continue;
         if (leaf < 0) {                     /* the nearer child on top */
             const double *box = t->node + 12 * (size_t)node;
-            const double  d[2] = {slack * clothi_node_distance2(box, point),
-                                  slack * clothi_node_distance2(box + 6, point)};
+            const double  d[2] = {slack * clothi_node_distance2(box, point, side),
+                                  slack * clothi_node_distance2(box + 6, point, side)};
             const int     right = d[1] < d[0];
             stack[n] = 2 * node + !right, reach[n++] = d[!right];
             stack[n] = 2 * node + right, reach[n++] = d[right];
@@ -3008,7 +3012,7 @@ static double clothi_surface_far(int f, const double *p, const void *ctx) {
  * in/out d2    m^2, in: no farther than this, finite; out: its squared distance
  * out    b     [3] barycentric coordinates of the nearest point */
 static int clothi_surface_nearest(const clothi_surface *s, const double *p, double *d2, double *b) {
-    const int f = clothi_bvh_nearest(s->tree, p, clothi_surface_far, s, d2);
+    const int f = clothi_bvh_nearest(s->tree, p, NULL, clothi_surface_far, s, d2);
     if (f >= 0) (void)clothi_face_distance2(s->x, s->faces + 3 * (size_t)f, p, b);
     return f;
 }
@@ -3999,6 +4003,12 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
     return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair + 1);
 }
 
+/* As clothi_features_look has put it. */
+static cloth_status clothi_pair_found(cloth_collide *c, const int *p) {
+    return p[0] < 0 ? clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1])
+                    : clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
+}
+
 /* A sphere's centre, a capsule's ends against faces; its axis against edges. */
 static cloth_status clothi_pairs_round(cloth_collide *c, const clothi_obstacle *o) {
     cloth_status    status = CLOTH_OK;
@@ -4078,9 +4088,18 @@ static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, 
             const int           *p = c->found.pair + 2 * i;
             const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
             if (cross) status = clothi_exempt_add(c, &face);
-            else if (!ee && p[0] >= 0) status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
-            else if (ee && p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
+            else if (ee == (p[0] < 0)) status = clothi_pair_found(c, p);
         }
+    return status;
+}
+
+/* All spheres and capsules. */
+static cloth_status clothi_all_round(cloth_collide *c) {
+    cloth_status status = CLOTH_OK;
+    int          o;
+    CLOTHI_OBSTACLES(c, o)
+        if (!status && !c->obstacle[o].nf && !clothi_is_wall(c->obstacle + o))
+            status = clothi_pairs_round(c, c->obstacle + o);
     return status;
 }
 
@@ -4113,10 +4132,7 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
     clothi_tree_boxes(c, &c->tree, p, q, 0.5 * reach);
     if (!status) status = clothi_tree_phase(c, &c->solid, what);
     if (!status && c->self && !flies) status = clothi_tree_phase(c, &c->tree, what);
-    CLOTHI_OBSTACLES(c, o)
-        if (!status && !c->obstacle[o].nf && !clothi_is_wall(c->obstacle + o))
-            status = clothi_pairs_round(c, c->obstacle + o);
-    return status;
+    return status ? status : clothi_all_round(c);
 }
 
 /* --- what intersects from the start --- */
@@ -5100,11 +5116,13 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
 /* --- moves from a feasible point ---
  *
  * From there on every move of the cloth is cut where a pair would come near its pole. The broad
- * phase is made for a segment and some slack around it and serves while the iterates stay there. Of
- * each pair a bound of the way to its range is known, exact when last looked at and less by what
- * has moved since: one comparison for most. What may come into range on a move is a contact. */
+ * phase is made for a segment and some slack around it and serves while the iterates stay there;
+ * a vertex that leaves has its pairs sought anew. Of each pair a bound of the way to its range is
+ * known, exact when last looked at and less by what has moved since: one comparison for most. What
+ * may come into range on a move is a contact. */
 
-#define CLOTHI_LIST_SLACK 1.0               /* t, around the segment that a list is made for   */
+#define CLOTHI_LIST_SLACK 0.5               /* t, around the segment that a list is made for   */
+#define CLOTHI_LEAVE      8                 /* of cloth: where more leaves, the list is new     */
 #define CLOTHI_REACH      0.1               /* t: how much farther than in range is a contact  */
 #define CLOTHI_MOVE       0.9               /* of the way to where a pair is at d_min          */
 #define CLOTHI_LEAP       4                 /* mean edges of cloth, most of a move's axes      */
@@ -5112,20 +5130,28 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
 
 enum { CLOTHI_HIT_CONTACT = 1, CLOTHI_HIT_EXEMPT = 2 };  /* of a list                          */
 
-/* The part of dx (NULL: none) from x on which every vertex of cloth stays t/2 inside of its box: so
- * far the list is whole. Negative: not even at x. */
-static double clothi_list_covers(const cloth_collide *c, const double *x, const double *dx) {
+/* The part of d [3] (NULL: none) from p [3] on which vertex i of cloth stays t/2 inside of its box.
+ * Negative: not even at p. */
+static double clothi_box_covers(const cloth_collide *c, int i, const double *p, const double *d) {
     const double t = 0.5 * c->thickest;
-    double       part = c->listed ? 1 : -1;
-    int          i, k;
+    double       part = 1;
+    int          k;
+    for (k = 0; k < 3; k++) {
+        const double *box = c->box_v + 6 * i + k, go = d ? d[k] : 0;
+        const double  low = p[k] - t - box[0], high = box[3] - t - p[k];
+        if (low < 0 || high < 0) return -1;
+        if (part * go > high) part = high / go;
+        else if (-part * go > low) part = -low / go;
+    }
+    return part;
+}
+
+/* The same of all vertices: so far the list is whole. */
+static double clothi_list_covers(const cloth_collide *c, const double *x, const double *dx) {
+    double part = c->listed ? 1 : -1;
+    int    i;
     for (i = 0; i < c->nv && !(part < 0) && !clothi_only_walls(c); i++)
-        for (k = 0; k < 3; k++) {
-            const double *box = c->box_v + 6 * i + k, d = dx ? dx[3 * i + k] : 0;
-            const double  low = x[3 * i + k] - t - box[0], high = box[3] - t - x[3 * i + k];
-            if (low < 0 || high < 0) part = -1;
-            else if (part * d > high) part = high / d;
-            else if (-part * d > low) part = -low / d;
-        }
+        part = clothi_min(part, clothi_box_covers(c, i, x + 3 * i, dx ? dx + 3 * i : NULL));
     return part;
 }
 
@@ -5171,8 +5197,29 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
         c->pair[i].slack = clothi_near_slack(c, c->pair + i, c->x_list, 0);
 }
 
-/* Contacts whose pair is in the new list and near, or with a grid, stay with what is lagged. */
-static cloth_status clothi_list_keep(cloth_collide *c) {
+/* 1: of the world vertices v [n] there are some that c->moved names. */
+static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
+    int i;
+    for (i = 0; i < n; i++)
+        if (v[i] < c->nv && c->moved[v[i]]) return 1;
+    return 0;
+}
+
+/* Of the pairs from `first` on those stay that have moved, or have not; all with walls. */
+static void clothi_list_cut(cloth_collide *c, int first, int moved) {
+    int i, n = first, v[4];
+    for (i = first; i < c->npair; i++) {
+        const clothi_near p = c->pair[i];
+        if (p.id.kind == CLOTHI_VP ||
+            clothi_any_moved(c, v, clothi_pair_vertices(c, &p.id, v)) == moved)
+            c->pair[n++] = p;
+    }
+    c->npair = n;
+}
+
+/* Contacts stay with what is lagged where their pair has not moved, or is among those of the list
+ * from `first` on and near, or with a grid. */
+static cloth_status clothi_list_keep(cloth_collide *c, int first) {
     const double    reach = CLOTHI_REACH * c->thickest;
     clothi_contact *q = c->contact;
     int             i, n = 0;
@@ -5181,8 +5228,9 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
     if (status || c->ncontact == 0) return status;
     status = clothi_table_fill(c->hooks, &c->contact_of, &q->kind, sizeof *q, c->ncontact);
     if (status) return status;
-    memset(c->order, 0, (size_t)c->ncontact * sizeof(int));
-    for (i = 0; i < c->npair; i++) {
+    for (i = 0; i < c->ncontact; i++)
+        c->order[i] = first && (q[i].kind == CLOTHI_VP || !clothi_any_moved(c, q[i].v, q[i].n));
+    for (i = first; i < c->npair; i++) {
         clothi_near *p = c->pair + i;
         int          was = -1;
         if (!(p->slack > reach))
@@ -5197,17 +5245,6 @@ static cloth_status clothi_list_keep(cloth_collide *c) {
     return CLOTH_OK;
 }
 
-/* Pairs for segments near that from x to y, of walls all; contacts as they were. */
-static cloth_status clothi_list_make(cloth_collide *c, const double *x, const double *y) {
-    const double reach = (1 + 2 * CLOTHI_LIST_SLACK) * c->thickest;
-    cloth_status status = clothi_broad_phase(c, x, y, CLOTHI_ENDED, reach, 0);
-    if (status) return status;
-    memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
-    clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_slack_range, c);
-    c->listed = 1;
-    return clothi_list_keep(c);
-}
-
 /* The iterate is x, inside of the list: bounds of the gaps go down by what has moved. */
 static void clothi_list_drift(cloth_collide *c, const double *x) {
     const int n = 3 * c->nv;
@@ -5218,6 +5255,58 @@ static void clothi_list_drift(cloth_collide *c, const double *x) {
     clothi_move_far(c, dx);
     for (i = 0; i < c->npair; i++) c->pair[i].slack -= clothi_pair_far(c, &c->pair[i].id);
     memcpy(c->x_list, x, (size_t)n * sizeof(double));
+}
+
+/* Pairs of what c->moved names join the list, by its boxes. */
+static cloth_status clothi_list_mend(cloth_collide *c) {
+    const clothi_features_job job = {&c->features, c->box_v, c->box_f, NULL, 0};
+    cloth_status              status = clothi_all_round(c);
+    int                       f, g, k, i, pair[2 * 15];
+    for (f = 0; f < c->nf; f++)
+        for (k = 0; clothi_any_moved(c, c->faces + 3 * f, 3) && k <= c->self; k++) {
+            clothi_bvh_walk w = {k ? &c->tree : &c->solid, c->box_f + 6 * (size_t)f, 1, 0, 0};
+            while (!status && (g = clothi_bvh_next(&w)) >= 0) {
+                clothi_segment out = {pair, 0, 15, 0};
+                if (g == f || (g < f && clothi_any_moved(c, c->faces + 3 * g, 3))) continue;
+                clothi_features_look(f < g ? f : g, f < g ? g : f, &job, &out);
+                for (i = 0; i < (int)out.found && !status; i++)
+                    status = clothi_pair_found(c, pair + 2 * i);
+            }
+        }
+    return status;
+}
+
+/* Pairs for segments near that from x to y, of walls all; contacts as they were. Of a list that is
+ * there only those of vertices that leave their boxes, mostly one of thousands, are made anew. */
+static cloth_status clothi_list_make(cloth_collide *c, const double *x, const double *y) {
+    const double reach = (1 + 2 * CLOTHI_LIST_SLACK) * c->thickest;
+    cloth_status status;
+    double       d[3];
+    int          first = 0, leave = 0, i;
+    for (i = 0; i < c->nv && c->listed; i++) {
+        clothi_sub3(y + 3 * i, x + 3 * i, d);
+        leave += c->moved[i] = clothi_box_covers(c, i, x + 3 * i, d) < 1;
+    }
+    if (!c->listed || leave > c->nv / CLOTHI_LEAVE) {
+        memset(c->moved, 1, (size_t)c->nv);
+        status = clothi_broad_phase(c, x, y, CLOTHI_ENDED, reach, 0);
+        memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
+        clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_slack_range, c);
+    } else {
+        clothi_list_drift(c, x);
+        for (i = 0; i < c->nv; i++)
+            if (c->moved[i])
+                clothi_swept_boxes(1, x + 3 * i, y + 3 * i, 0.5 * reach, c->box_v + 6 * i);
+        clothi_face_boxes(c->nf, c->faces, c->box_v, c->box_f);
+        clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
+        clothi_list_cut(c, 0, 0);
+        first = c->npair;
+        status = clothi_list_mend(c);
+        clothi_list_cut(c, first, 1);       /* faces that moved have features that have not */
+        clothi_slack_range(first, c->npair, 0, c);
+    }
+    c->listed = 1;
+    return status ? status : clothi_list_keep(c, first);
 }
 
 typedef struct clothi_joining {             /* who becomes a contact, see clothi_list_join    */
@@ -5584,7 +5673,7 @@ static int clothi_catch_vertex(const cloth_collide *c, int v, int slot, double r
     h->vertex = v, h->slot = slot;
     for (k = 0; k < 2; k++) {
         double d2 = (room * t + (k + 1) * way) * (room * t + (k + 1) * way);
-        f = clothi_bvh_nearest(&c->solid, p, clothi_catch_far, &q, &d2);
+        f = clothi_bvh_nearest(&c->solid, p, q.from, clothi_catch_far, &q, &d2);
         if (f < 0) return 0;
         (void)clothi_face_distance2(c->xa, c->faces + 3 * f, p, h->weight[k]);
         h->face[k] = f - c->obstacle[slot].f0;
@@ -5631,7 +5720,7 @@ static int clothi_hold_turned(const cloth_collide *c, int slot, const double *x,
                               const double *n, double *b) {
     double       d2 = CLOTHI_HUGE;
     clothi_catch q = {c, slot, x, NULL, n};
-    const int    f = clothi_bvh_nearest(&c->solid, p, clothi_catch_far, &q, &d2);
+    const int    f = clothi_bvh_nearest(&c->solid, p, NULL, clothi_catch_far, &q, &d2);
     if (f >= 0) (void)clothi_face_distance2(x, c->faces + 3 * f, p, b);
     return f;
 }

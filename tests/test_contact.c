@@ -6,6 +6,7 @@
 #include "clothsim_collide.h"
 
 #include "test.h"
+#include "reference.h"
 #include "shapes.h"
 #include "exact.h"
 #include "stage.h"
@@ -206,6 +207,86 @@ static void momentum(void) {
     CHECK(collide_free(16, 1.0 / 120, 12, CLOTH_INTEGRATOR_LEAPFROG) > 0);
 }
 
+/* --- the list of pairs --- */
+
+/* Pairs of features a and b that the list at x has not once though they are near, or whose slack is
+ * more than there is, or that are contacts by one of list and contacts alone. */
+static int mislisted(cloth_collide *c, const double *x, int kind, int a, int b) {
+    const clothi_pair_id p = {kind, a, b};
+    const int            side = kind == CLOTHI_EE ? 2 : 1;
+    int                  i, j, v[4], n = 0, bad = 0, contacts = 0, shared = 0;
+    const double         gap = clothi_pair_gap(c, x, &p);
+    (void)clothi_pair_vertices(c, &p, v);
+    for (i = 0; i < side; i++)
+        for (j = side; j < 4; j++) shared |= v[i] == v[j];
+    if (shared || !clothi_may_touch(c, v[0], v[side])) return 0;
+    for (i = 0; i < c->ncontact; i++) contacts += clothi_order(&c->contact[i].kind, &p, 3) == 0;
+    for (i = 0; i < c->npair; i++) {
+        clothi_near q = c->pair[i];
+        if (clothi_order(&q.id, &p, 3)) continue;
+        clothi_near_range(c, &q);
+        n++;
+        bad |= q.slack > gap - q.felt + 1e-12;
+        bad |= contacts != (q.hit == CLOTHI_HIT_CONTACT);
+    }
+    return bad || n != (n || gap < c->thickest) || contacts > n;
+}
+
+/* Two sheets among a ball, a bar, a box and a floor move at random, a few vertices or all. */
+static void lists(void) {
+    const double        lo[3] = {-0.15, -0.1, -0.15}, hi[3] = {0.05, 0.012, 0.05};
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    double              x[150], dx[150], bar[6] = {-0.2, 0.005, 0.1, 0.3, 0.01, 0.12};
+    unsigned long long  seed = 3;
+    shape               box = {0};
+    stage               s;
+    int                 move, i, a, b, bad = 0, mended = 0, made = 0;
+    stage_layers(&s, 2, 5, 0.05);
+    s.contact.thickness = 0.01;
+    if (!stage_start(&s) || !CHECK(s.mesh->nv == 50)) exit(2);
+    (void)stage_plane(&s, -0.01, 0.5);
+    (void)stage_sphere(&s, 0.1, -0.1, -0.1, 0.11);
+    d.kind = CLOTH_OBSTACLE_CAPSULE, d.x = bar, d.radius = 0.008;
+    (void)stage_add(&s, &d);
+    shape_box(&box, lo, hi);
+    (void)stage_mesh(&s, &box, 0.5);
+    clothi_world_pose(s.c, s.state->x, 0, 1);
+    s.c->h = 1.0 / 60;
+    s.c->approach = CLOTHI_APPROACH;
+    memcpy(x, s.state->x, sizeof x);
+    CHECK(clothi_list_make(s.c, x, x) == CLOTH_OK);
+    CHECK(clothi_list_join(s.c, x, NULL, 0, 0) == CLOTH_OK);
+    for (move = 0; move < 24; move++) {
+        const double far = (1 + move % 3) * s.c->thickest;
+        double       y[150];
+        for (i = 0; i < 150; i++) {
+            const int goes = move % 8 == 7 || i / 3 % 13 == move % 13;
+            dx[i] = goes ? ref_uniform(&seed, -far, far) : 0;
+            y[i] = x[i] + dx[i];
+        }
+        clothi_list_drift(s.c, x);
+        if (clothi_list_covers(s.c, x, dx) < 1) {
+            CHECK(clothi_list_make(s.c, x, y) == CLOTH_OK);
+            for (a = 0, i = 0; i < 50; i++) a += s.c->moved[i];
+            *(a < 50 ? &mended : &made) += 1;
+        }
+        memcpy(x, y, sizeof x);
+        CHECK(!(clothi_list_covers(s.c, x, NULL) < 0));
+        clothi_list_drift(s.c, x);
+        CHECK(clothi_list_join(s.c, x, NULL, 0, 0) == CLOTH_OK);
+        for (a = 0; a < s.c->nw; a++)
+            for (b = 0; b < s.c->mf; b++) bad += mislisted(s.c, x, CLOTHI_VF, a, b);
+        for (a = 0; a < s.c->me; a++)
+            for (b = a + 1; b < s.c->me; b++) bad += mislisted(s.c, x, CLOTHI_EE, a, b);
+    }
+    printf("  %d lists mended, %d made, %d pairs, %d contacts\n", mended, made, s.c->npair,
+           s.c->ncontact);
+    CHECK(mended > 12 && made > 1 && s.c->ncontact > 50);
+    CHECK(bad == 0);
+    shape_free(&box);
+    stage_end(&s);
+}
+
 /* --- not asked for --- */
 
 static void no_cost(void) {
@@ -271,6 +352,7 @@ int main(int argc, char **argv) {
     RUN(pressed);
     RUN(stage_rows_left);
     RUN(momentum);
+    RUN(lists);
     RUN(no_cost);
     RUN(times);
     return TEST_END();

@@ -213,15 +213,23 @@ static void nodes_contain_their_items(void) {
 
 /* --- queries --- */
 
+typedef struct asked {
+    const double *box, *side;
+} asked;
+
+/* Of a box; with a side, of its centre, which is to be there. */
 static double box_distance2(int item, const double *p, const void *ctx) {
-    const double *b = (const double *)ctx + 6 * (item - 7);
-    double        d2 = 0;
+    const asked  *a = (const asked *)ctx;
+    const double *b = a->box + 6 * (item - 7);
+    double        d2 = 0, beyond = 0;
     int           k;
     for (k = 0; k < 3; k++) {
-        const double d = fmax(fmax(b[k] - p[k], p[k] - b[3 + k]), 0);
+        const double c = 0.5 * (b[k] + b[3 + k]) - p[k];
+        const double d = a->side ? c : fmax(fmax(b[k] - p[k], p[k] - b[3 + k]), 0);
+        if (a->side) beyond += a->side[k] * c;
         d2 += d * d;
     }
-    return d2;
+    return !a->side || beyond > 0 ? d2 : HUGE_VAL;
 }
 
 static void walk_and_nearest(void) {
@@ -231,7 +239,8 @@ static void walk_and_nearest(void) {
     for (how = 0; how < KINDS - 1; how++)               /* distances to NaN mean nothing */
         for (q = 0; q < 400; q++) {
             const int   n = 1 + (q * 37) % MAX_N;
-            double      ask[6], p[3], best = HUGE_VAL, d2 = q % 2 ? 1e300 : 0.05;
+            double      ask[6], p[3], side[3], best = HUGE_VAL, d2 = q % 2 ? 1e300 : 0.05;
+            const asked from = {box, q % 3 ? NULL : side};
             int         met[MAX_N] = {0}, nearest = -1, found;
             clothi_bvh_walk w;
             if (q % 40 == 0) seed += 11;
@@ -242,15 +251,15 @@ static void walk_and_nearest(void) {
             w.tree = &t, w.box = ask, w.node = 1, w.at = w.end = 0;
             while ((found = clothi_bvh_next(&w)) >= 0) met[found - 7]++;
             for (i = 0; i < n; i++) bad += met[i] != overlap(ask, box + 6 * i);
-            for (k = 0; k < 3; k++) p[k] = 3 * uniform() - 1;
+            for (k = 0; k < 3; k++) p[k] = 3 * uniform() - 1, side[k] = uniform() - 0.5;
             for (i = 0; i < n; i++) {
-                const double d = box_distance2(i + 7, p, box);
+                const double d = box_distance2(i + 7, p, &from);
                 if (d <= d2 && d < best) {
                     best = d;
                     nearest = i + 7;
                 }
             }
-            found = clothi_bvh_nearest(&t, p, box_distance2, box, &d2);
+            found = clothi_bvh_nearest(&t, p, from.side, box_distance2, &from, &d2);
             bad_near += found != nearest || (found >= 0 && fabs(d2 - best) > 0);
             clothi_bvh_free(NULL, &t);
         }

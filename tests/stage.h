@@ -103,7 +103,7 @@ static inline void stage_sheet(stage *s, int n, double size) {
 /* Sheets of 0.4 m, n x n vertices each: 2 cm apart, each turned by 0.3 rad against the one below
  * and sloped by `slope` more. */
 static inline void stage_layers(stage *s, int layers, int n, double slope) {
-    cloth_mesh *layer[16], *all = NULL;
+    cloth_mesh *layer[16] = {NULL}, *all = NULL;
     int         i, k;
     for (k = 0; k < layers; k++) {
         const double a = 0.3 * k;

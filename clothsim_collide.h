@@ -5148,9 +5148,10 @@ static double clothi_box_covers(const cloth_collide *c, int i, const double *p, 
 
 /* The same of all vertices: so far the list is whole. */
 static double clothi_list_covers(const cloth_collide *c, const double *x, const double *dx) {
-    double part = c->listed ? 1 : -1;
-    int    i;
-    for (i = 0; i < c->nv && !(part < 0) && !clothi_only_walls(c); i++)
+    const int n = clothi_only_walls(c) ? 0 : c->nv;
+    double    part = c->listed ? 1 : -1;
+    int       i;
+    for (i = 0; i < n && !(part < 0); i++)
         part = clothi_min(part, clothi_box_covers(c, i, x + 3 * i, dx ? dx + 3 * i : NULL));
     return part;
 }
@@ -5262,17 +5263,19 @@ static cloth_status clothi_list_mend(cloth_collide *c) {
     const clothi_features_job job = {&c->features, c->box_v, c->box_f, NULL, 0};
     cloth_status              status = clothi_all_round(c);
     int                       f, g, k, i, pair[2 * 15];
-    for (f = 0; f < c->nf; f++)
-        for (k = 0; clothi_any_moved(c, c->faces + 3 * f, 3) && k <= c->self; k++) {
+    for (f = 0; f < c->nf; f++) {
+        if (!clothi_any_moved(c, c->faces + 3 * f, 3)) continue;
+        for (k = 0; k <= c->self; k++) {
             clothi_bvh_walk w = {k ? &c->tree : &c->solid, c->box_f + 6 * (size_t)f, 1, 0, 0};
             while (!status && (g = clothi_bvh_next(&w)) >= 0) {
-                clothi_segment out = {pair, 0, 15, 0};
+                clothi_segment out = {pair, 0, 15, 0};      /* 6 vertices, 9 pairs of edges */
                 if (g == f || (g < f && clothi_any_moved(c, c->faces + 3 * g, 3))) continue;
                 clothi_features_look(f < g ? f : g, f < g ? g : f, &job, &out);
                 for (i = 0; i < (int)out.found && !status; i++)
                     status = clothi_pair_found(c, pair + 2 * i);
             }
         }
+    }
     return status;
 }
 
@@ -6188,9 +6191,9 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
         const clothi_pair_id *p = &c->pair[i].id;
         const int slot = clothi_pair_slot(c, p);
         double xa[12], xb[12], toi, reach = clothi_slot_radius(c, slot);
-        int    v[4], k, moved = 0, n = clothi_pair_vertices(c, p, v);
-        for (k = 0; k < n; k++) moved |= v[k] < c->nv && c->moved[v[k]];
-        if (!moved || clothi_is_soft(c, p)) continue;
+        int    v[4];
+        if (!clothi_any_moved(c, v, clothi_pair_vertices(c, p, v)) || clothi_is_soft(c, p))
+            continue;
         c->pair[i].hit = p->kind == CLOTHI_VP ? CLOTHI_HIT_NEAR : CLOTHI_HIT_MOVED;
         if (p->kind == CLOTHI_VP) continue;
         clothi_pair_points(c, c->xa, v, 4, xa);

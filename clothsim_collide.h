@@ -3419,11 +3419,6 @@ typedef struct clothi_obstacle {
     const cloth_grid   *grid;               /* borrowed; NULL but for a GRID                   */
 } clothi_obstacle;
 
-typedef struct clothi_table {               /* of things that begin with a pair's id           */
-    int *entry;                             /* [size] number + 1, 0 empty; size a power of two */
-    int  size;
-} clothi_table;
-
 typedef struct clothi_tangle clothi_tangle;
 typedef struct clothi_adjoint clothi_adjoint;
 
@@ -3470,9 +3465,10 @@ struct cloth_collide {
     int             ncontact, contact_cap, spare_cap;
     int            *order;                  /* [order_cap] scratch of sorting                  */
     int             order_cap;
+    int            *place;                  /* [places] by open addressing: a contact's number */
+    int             places, place_cap;      /* + 1, 0 empty; places: a power of two            */
     cloth_contact_row *row;                 /* constraints of zones                            */
     int             nrow, row_cap;
-    clothi_table    row_of, contact_of;
     clothi_near    *pair;                   /* of the broad phase                              */
     int             npair, pair_cap;
     double          h;
@@ -3559,7 +3555,7 @@ static cloth_status clothi_grow(const cloth_hooks *hooks, void **array, int need
         (c)->from = was, (c)->n##from = 0, (c)->from##_cap = cap;                                 \
     } while (0)
 
-/* --- things that begin with integers: in their order, or by open addressing --- */
+/* --- things that begin with integers, in their order --- */
 
 /* Order of n integers that p and q begin with: -1, 0, 1. */
 static int clothi_order(const void *p, const void *q, int n) {
@@ -3581,41 +3577,6 @@ static int clothi_find(const void *things, size_t stride, int n, const void *key
     }
     *there = low < n && clothi_order(at + (size_t)low * stride, key, m) == 0;
     return low;
-}
-
-/* Number of the one in things [t->size/2 x stride bytes] with this id, or -1; *at: where it is in
- * the table, or belongs. */
-static int clothi_table_find(const clothi_table *t, const void *things, size_t stride,
-                             const void *id, uint32_t *at) {
-    const int *p = (const int *)id;         /* kind, a, b */
-    uint64_t   h = (uint64_t)(uint32_t)p[1] * 0x9e3779b97f4a7c15u ^ (uint64_t)(uint32_t)p[2];
-    uint32_t   i;
-    h = (h ^ (uint64_t)(unsigned)p[0] << 60) * 0xff51afd7ed558ccdu;
-    for (i = (uint32_t)(h >> 33) & (uint32_t)(t->size - 1); t->entry[i];
-         i = (i + 1) & (uint32_t)(t->size - 1))
-        if (!clothi_order((const char *)things + (size_t)(t->entry[i] - 1) * stride, id, 3)) break;
-    *at = i;
-    return t->entry[i] - 1;
-}
-
-/* Enters n things; room for as many more. */
-static cloth_status clothi_table_fill(const cloth_hooks *hooks, clothi_table *t,
-                                      const void *things, size_t stride, int n) {
-    int i, size = t->size > 256 ? t->size : 256;
-    while (size < 4 * n) size *= 2;
-    if (size != t->size) {
-        int *entry = (int *)clothi_alloc(hooks, (size_t)size, sizeof(int));
-        if (!entry) return CLOTH_ERR_MEMORY;
-        clothi_free(hooks, t->entry);
-        t->entry = entry, t->size = size;
-    } else
-        memset(t->entry, 0, (size_t)size * sizeof(int));
-    for (i = 0; i < n; i++) {
-        uint32_t at;
-        (void)clothi_table_find(t, things, stride, (const char *)things + (size_t)i * stride, &at);
-        t->entry[at] = i + 1;
-    }
-    return CLOTH_OK;
 }
 
 static const int clothi_box_faces[36] = {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4,
@@ -5218,26 +5179,49 @@ static void clothi_list_cut(cloth_collide *c, int first, int moved) {
     c->npair = n;
 }
 
+/* Where the contact of a pair is among the places, or would be. */
+static int *clothi_contact_place(const cloth_collide *c, const clothi_pair_id *p) {
+    uint64_t h = (uint64_t)(uint32_t)p->a * 0x9e3779b97f4a7c15u ^ (uint64_t)(uint32_t)p->b;
+    uint32_t i;
+    h = (h ^ (uint64_t)(unsigned)p->kind << 60) * 0xff51afd7ed558ccdu;
+    for (i = (uint32_t)(h >> 33);; i++) {
+        int *at = c->place + (i & (uint32_t)(c->places - 1));
+        if (!*at || !clothi_order(&c->contact[*at - 1].kind, p, 3)) return at;
+    }
+}
+
+/* A place for every contact. */
+static cloth_status clothi_contact_places(cloth_collide *c) {
+    int i, n = 256;
+    while (n < 4 * c->ncontact) n *= 2;
+    if (CLOTHI_ROOM(c, place, n)) return CLOTH_ERR_MEMORY;
+    memset(c->place, 0, (size_t)n * sizeof(int));
+    c->places = n;
+    for (i = 0; i < c->ncontact; i++) {
+        const clothi_pair_id p = {c->contact[i].kind, c->contact[i].a, c->contact[i].b};
+        *clothi_contact_place(c, &p) = i + 1;
+    }
+    return CLOTH_OK;
+}
+
 /* Contacts stay with what is lagged where their pair has not moved, or is among those of the list
  * from `first` on and near, or with a grid. */
 static cloth_status clothi_list_keep(cloth_collide *c, int first) {
     const double    reach = CLOTHI_REACH * c->thickest;
     clothi_contact *q = c->contact;
     int             i, n = 0;
-    uint32_t        at;
     cloth_status    status = CLOTHI_ROOM(c, order, c->ncontact);
     if (status || c->ncontact == 0) return status;
-    status = clothi_table_fill(c->hooks, &c->contact_of, &q->kind, sizeof *q, c->ncontact);
+    status = clothi_contact_places(c);
     if (status) return status;
     for (i = 0; i < c->ncontact; i++)
         c->order[i] = first && (q[i].kind == CLOTHI_VP || !clothi_any_moved(c, q[i].v, q[i].n));
     for (i = first; i < c->npair; i++) {
         clothi_near *p = c->pair + i;
-        int          was = -1;
-        if (!(p->slack > reach))
-            was = clothi_table_find(&c->contact_of, &q->kind, sizeof *q, p, &at);
-        if (was >= 0) p->slack = clothi_near_slack(c, p, c->x_list, 1);
-        if (was >= 0 && !(p->slack > reach)) c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
+        const int    was = p->slack > reach ? -1 : *clothi_contact_place(c, &p->id) - 1;
+        if (was < 0) continue;
+        p->slack = clothi_near_slack(c, p, c->x_list, 1);
+        if (!(p->slack > reach)) c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
     }
     for (i = 0; i < c->ncontact; i++)
         if (c->order[i]) q[n++] = q[i];
@@ -6071,14 +6055,16 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * is looked at again, and what it hits joins, until nothing does [BFA02] [HVTG08]. A zone that the
  * program cannot solve, or not within desc.max_passes, or whose sweeps lead ten times as far off as
  * anything goes, goes on as one body that does not turn; if that hits too, it stays where it was.
- * (To let it turn was worse: two spinning sheets that meet at 70 m/s, leapfrog, max_passes 2: 23 of
- * 24 steps failed for none; with 3 the angular momentum was 1.1 % off for 0.3.) Where that leads
- * nowhere an implicit step tries once more, with all that is near obstacles carried by them and
- * rows that ask for no more room than detection leaves: layers between an arm and a chest that come
- * nearer have no point at their gaps of x^n (trousers on a jump failed a step). Then the step
- * fails. (To hold what zones cannot part was worse: a shirt's jump ended at once. More passes, or a
- * guess between both surfaces by its share of the way from one to the other, helped no step that
- * failed.)
+ * (The latest row of a pair alone was worse: poked by a capsule's end one sheet in four went round
+ * in circles for all 40 passes, where with all rows 9 were the most; a heap's largest zone has 849
+ * rows for 820. To let it turn was worse: two spinning sheets that meet at 70 m/s, leapfrog,
+ * max_passes 2: 23 of 24 steps failed for none; with 3 the angular momentum was 1.1 % off for 0.3.)
+ * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
+ * carried by them and rows that ask for no more room than detection leaves: layers between an arm
+ * and a chest that come nearer have no point at their gaps of x^n (trousers on a jump failed a
+ * step). Then the step fails. (To hold what zones cannot part was worse: a shirt's jump ended at
+ * once. More passes, or a guess between both surfaces by its share of the way from one to the
+ * other, helped no step that failed.)
  *
  * Under implicit steps this is where minimising begins, not where it ends: no strain of the
  * projection stays, and no row is in the accepted state. Where obstacles move, x_IE near them is
@@ -6106,24 +6092,6 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
 
 /* --- rows --- */
-
-/* One row a pair: a new one, or the latest frame of the one that it has. */
-static cloth_status clothi_row_put(cloth_collide *c, cloth_contact_row *row) {
-    cloth_status status = CLOTH_OK;
-    uint32_t     at;
-    int          i;
-    if (2 * c->nrow >= c->row_of.size)
-        status = clothi_table_fill(c->hooks, &c->row_of, c->row, sizeof *row, c->nrow);
-    if (status) return status;
-    i = clothi_table_find(&c->row_of, c->row, sizeof *row, row, &at);
-    if (i < 0) {
-        c->row_of.entry[at] = c->nrow + 1;
-        return CLOTHI_PUSH(c, row, *row);
-    }
-    row->multiplier = c->row[i].multiplier;
-    c->row[i] = *row;
-    return CLOTH_OK;
-}
 
 /* A row as a contact, without friction. */
 static clothi_contact clothi_row_contact(const cloth_collide *c, const cloth_contact_row *row) {
@@ -6177,7 +6145,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
         }
     row.zone = -1, row.pass = c->report.passes;
     ++*hit;
-    return clothi_row_put(c, &row);
+    return CLOTHI_PUSH(c, row, row);
 }
 
 enum { CLOTHI_HIT_MOVED = 1, CLOTHI_HIT_NEAR = 2 };
@@ -6557,7 +6525,6 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
     c->nrow = 0;
-    if (c->row_of.size) memset(c->row_of.entry, 0, (size_t)c->row_of.size * sizeof(int));
     for (c->report.passes = 0; !status; c->report.passes++) {
         const double start = clothi_now(c->hooks);
         double       then;
@@ -7122,7 +7089,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
         c->vertex_part, c->hold, c->holding, c->found.pair, c->zone, c->zone_order, c->qp_val,
-        c->contact, c->spare, c->order, c->contact_of.entry, c->row, c->row_of.entry, c->pair,
+        c->contact, c->spare, c->order, c->place, c->row, c->pair,
         c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
     int    o;

@@ -61,6 +61,39 @@ static void coarse(void) {
     stage_end(&s);
 }
 
+/* The end of a capsule that all but touches a sheet pokes it, at random and to a side: wherever the
+ * nearest points go, zones find a way in a few passes, and none as a rigid body. */
+static void poke(void) {
+    unsigned long long  seed = 1;
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    stage               s;
+    int                 n, k, most = 0;
+    d.kind = CLOTH_OBSTACLE_CAPSULE, d.radius = 0.03;
+    for (n = size(60, 300); n > 0; n--) {
+        double end[6];
+        stage_sheet(&s, 8, 0.2);
+        s.contact.thickness = 0.004;
+        if (!stage_start(&s)) exit(2);
+        for (k = 0; k < 8; k++) CHECK(!cloth_sim_pin(s.sim, k, CLOTH_AXIS_ALL, NULL));
+        for (k = 0; k < 3; k += 2) {
+            end[k] = ref_uniform(&seed, 0.06, 0.16);
+            end[3 + k] = end[k] + ref_uniform(&seed, -0.05, 0.05);
+        }
+        end[1] = -d.radius - ref_uniform(&seed, 3e-5, 1.3e-4);
+        end[4] = end[1] - 0.3;
+        d.x = end;
+        (void)stage_add(&s, &d);
+        for (k = 0; k < 6; k++)
+            s.thing[0].next[k] += k % 3 == 1 ? ref_uniform(&seed, 0.004, 0.024)
+                                             : ref_uniform(&seed, -0.02, 0.02);
+        (void)stage_step(&s, 1.0 / 30);
+        CHECK(s.whole == 1 && s.rigid == 0);
+        most = s.passes > most ? s.passes : most;
+        stage_end(&s);
+    }
+    CHECK(most > 4 && most <= 12);
+}
+
 /* m, of the layers and plates of pressed(). */
 static double pressed_wave(const double *x) {
     return 0.004 * sin(20 * x[0]) * cos(17 * x[2]);
@@ -349,6 +382,7 @@ int main(int argc, char **argv) {
     RUN(spin);
     RUN(ball);
     RUN(coarse);
+    RUN(poke);
     RUN(pressed);
     RUN(stage_rows_left);
     RUN(momentum);

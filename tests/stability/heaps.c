@@ -10,8 +10,8 @@
  *
  * Times depend on the machine and are only printed. What is asked is counted: Newton and CG
  * iterations of the slowest step at most 10 times the median's, once things touch, and rows of the
- * largest zone, each pair one, at most 4 a vertex. Calls of contact and ms are printed beside them.
- * No step may fail, no pair may cross at the end (exact.h). */
+ * largest zone, one for each time that a pair was hit, at most 4 a vertex. Calls of contact and ms
+ * are printed beside them. No step may fail, no pair may cross at the end (exact.h). */
 #include "../../clothsim_collide.h"
 
 #include "../test.h"

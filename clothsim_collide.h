@@ -6463,7 +6463,7 @@ static cloth_status clothi_failed_pairs(cloth_collide *c) {
     if (c->trying) return CLOTH_ERR_STEP;
     for (c->nnow = 0, i = 0; i < c->nrow && !status; i++) {
         const clothi_pair_id p = {c->row[i].kind, c->row[i].a, c->row[i].b};
-        if (c->row[i].pass >= c->report.passes - 1) status = CLOTHI_PUSH(c, now, p);
+        if (c->row[i].pass == c->report.passes) status = CLOTHI_PUSH(c, now, p);
     }
     return status ? status : clothi_fail_pairs(c, c->now, c->nnow, "could not be resolved", "");
 }
@@ -7089,8 +7089,8 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
         c->vertex_part, c->hold, c->holding, c->found.pair, c->zone, c->zone_order, c->qp_val,
-        c->contact, c->spare, c->order, c->place, c->row, c->pair,
-        c->anchor, c->next, c->exempt, c->now, c->failed, c->obstacle};
+        c->contact, c->spare, c->order, c->place, c->row, c->pair, c->anchor, c->next, c->exempt,
+        c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
     int    o;
     for (o = 0; o < c->nobstacle; o++) {

@@ -6052,12 +6052,12 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  *
  *              min sum m_i |x_i - x_IE,i|^2 / 2     s.t. all its rows so far              [6.1]
  *
- * is looked at again, and what it hits joins, until nothing does [BFA02] [HVTG08]. A zone that the
- * program cannot solve, or not within desc.max_passes, or whose sweeps lead ten times as far off as
- * anything goes, goes on as one body that does not turn; if that hits too, it stays where it was.
- * (The latest row of a pair alone was worse: poked by a capsule's end one sheet in four went round
- * in circles for all 40 passes, where with all rows 9 were the most; a heap's largest zone has 849
- * rows for 820. To let it turn was worse: two spinning sheets that meet at 70 m/s, leapfrog,
+ * is looked at again, and what it hits joins, until nothing does [BFA02] [HVTG08]. (The latest row
+ * of a pair alone was worse: poked by a capsule's end one sheet in four went round in circles for
+ * all 40 passes, where with all rows 9 were the most. A heap's largest zone has 849 rows for 820.)
+ * A zone that the program cannot solve, or not within desc.max_passes, or whose sweeps lead ten
+ * times as far off as anything goes, goes on as one body that does not turn; if that hits too, it
+ * stays where it was. (To let it turn was worse: two spinning sheets that meet at 70 m/s, leapfrog,
  * max_passes 2: 23 of 24 steps failed for none; with 3 the angular momentum was 1.1 % off for 0.3.)
  * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
  * carried by them and rows that ask for no more room than detection leaves: layers between an arm

@@ -566,6 +566,47 @@ static void threaded(void) {
     stage_end(&s);
 }
 
+/* A rod thinner than the cloth's faces goes through one into a block of the same body, 3 mm below,
+ * and out again, farther than it came from: no vertex need be in the pinch, and no step may fail.
+ * What the rod is through stays on it. */
+static void poked(void) {
+    unsigned long long seed = 5;
+    int                n, k, i, held = 0, failed = 0, cross = 0;
+    for (n = test_full() ? 40 : test_quick() ? 2 : 8; n > 0; n--) {
+        cloth_obstacle_desc o = cloth_obstacle_desc_default();
+        shape               body;
+        stage               s;
+        int                 rod;
+        double              at[2];
+        for (k = 0; k < 2; k++) at[k] = ref_uniform(&seed, -0.08, 0.08);
+        stage_sheet(&s, 5, 0.2);
+        for (i = 0; i < 3 * s.nv; i++) s.x[i] -= i % 3 == 1 ? 0 : 0.1;
+        s.contact.thickness = T;
+        if (!stage_start(&s)) exit(2);
+        memset(&body, 0, sizeof body);
+        plate(&body, 8, 0.24, -0.043, 0.04);
+        rod = body.nv;
+        plate(&body, 2, 0.006, 0.003, 0.06);
+        for (i = rod; i < body.nv; i++) body.x[3 * i] += at[0], body.x[3 * i + 2] += at[1];
+        o.nv = body.nv, o.x = body.x, o.nf = body.nf, o.faces = body.faces, o.self_penetrating = 1;
+        (void)stage_add(&s, &o);
+        for (k = 0; k < 60; k++) {
+            for (i = rod; i < body.nv && k < 30; i++)
+                s.thing[0].next[3 * i + 1] += k < 12 ? -2e-3 : 2e-3;
+            failed += !stage_step(&s, H);
+            held = (int)fmax(held, cloth_collide_last(s.c).held);
+        }
+        CHECK(cloth_collide_intersections(s.c, 0, NULL, &i) == CLOTH_OK);
+        cross += i;
+        shape_free(&body);
+        stage_end(&s);
+    }
+    printf("  poked: %d steps failed; %d vertices held at most; %d pairs 0.5 s after\n", failed,
+           held, cross);
+    CHECK(failed == 0 && held > 0);
+    OPEN_MOST(cross, 0, "pairs of sheets that the rod is through, 0.5 s after");
+}
+
 static void refusals(void) {
     cloth_hold hold[2];
     scene      q;
@@ -592,6 +633,7 @@ int main(int argc, char **argv) {
     RUN(workers);
     RUN(inside_out);
     RUN(threaded);
+    RUN(poked);
     RUN(refusals);
     return TEST_END();
 }

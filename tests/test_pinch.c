@@ -572,7 +572,7 @@ static void threaded(void) {
 static void poked(void) {
     unsigned long long seed = 5;
     int                n, k, i, held = 0, failed = 0, cross = 0;
-    for (n = test_full() ? 40 : test_quick() ? 2 : 8; n > 0; n--) {
+    for (n = test_full() ? 40 : test_quick() ? 4 : 8; n > 0; n--) {
         cloth_obstacle_desc o = cloth_obstacle_desc_default();
         shape               body;
         stage               s;

@@ -6068,7 +6068,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * lies farther from the guess than the last, and none comes twice. (The latest row of a pair alone
  * was worse: poked by a capsule's end one sheet in four went round in circles for all 40 passes,
  * where now 11 are the most. All rows were worse as well: pinched trousers had zones of 24 vertices
- * and 778 rows that no point meets, and 9 steps of a walk that had to be halved, where now 3 are.)
+ * and 778 rows that no point meets; of a walk's steps 9 had to be halved, then 3, now 2.)
  * A zone that the program cannot solve, or not within desc.max_passes, or whose sweeps lead ten
  * times as far off as anything goes, goes on as one body that does not turn; if that hits too, it
  * stays where it was. (To let it turn was worse: two spinning sheets that meet at 70 m/s, leapfrog,

@@ -5962,6 +5962,14 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
     return status;
 }
 
+/* What has been caught, holds from `first` on: where it begins and which faces are in its pinch. */
+static void clothi_pinch_settle(cloth_collide *c, int first) {
+    for (; first < c->nholding; first++) {
+        clothi_hold_aside(c, c->holding + first);
+        clothi_hold_mark(c, c->holding + first);
+    }
+}
+
 /* What is held in the substep, at the poses in xa and xb: of what was, what stays, and what is
  * caught. */
 static cloth_status clothi_pinch_begin(cloth_collide *c) {
@@ -5983,10 +5991,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     c->nholding = n;
     status = clothi_pinch_catch(c);
     if (!status) status = clothi_pinch_lead(c);
-    for (i = 0; i < c->nholding && !status; i++) {
-        clothi_hold_aside(c, c->holding + i);
-        clothi_hold_mark(c, c->holding + i);
-    }
+    if (!status) clothi_pinch_settle(c, 0);
     c->pinching = n < was || c->nholding > n;       /* nothing may be extrapolated over that */
     return status;
 }
@@ -6543,18 +6548,23 @@ static void clothi_part_way(const cloth_collide *c, double *x) {
         x[i] = c->xa[i] + CLOTHI_MOVE * c->toi * (c->x_ie[i] - c->xa[i]);
 }
 
+/* The way to x_IE, none of which has been looked at. */
+static void clothi_try_guess(cloth_collide *c) {
+    memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
+    memset(c->moved, 1, (size_t)c->nv);
+    memset(c->frozen, 0, (size_t)c->nv);
+    c->nrow = c->report.passes = 0;
+}
+
 /* From x_IE, zones until detection finds nothing. */
 static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     const int    rests = clothi_ends_rest(c) && !last;
     cloth_status status = CLOTH_OK;
     int          i, hit = 0;
     c->toi = 1;
-    memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
+    clothi_try_guess(c);
     c->stride = clothi_max(clothi_farthest(3 * c->nw, c->xb, c->xa), c->thickest);
-    memset(c->moved, 1, (size_t)c->nv);
-    memset(c->frozen, 0, (size_t)c->nv);
-    c->nrow = 0;
-    for (c->report.passes = 0; !status; c->report.passes++) {
+    for (; !status; c->report.passes++) {
         const double start = clothi_now(c->hooks);
         double       then;
         status = clothi_detect(c, &hit);
@@ -6634,10 +6644,7 @@ static cloth_status clothi_pinch_rows(cloth_collide *c) {
     const int    n = c->nholding;
     cloth_status status;
     int          i, hit;
-    memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
-    memset(c->moved, 1, (size_t)c->nv);
-    memset(c->frozen, 0, (size_t)c->nv);
-    c->nrow = c->report.passes = 0;
+    clothi_try_guess(c);
     status = clothi_detect(c, &hit);
     clothi_pinch_boxes(c);
     for (i = 0; i < c->nrow && !status; i++) {
@@ -6648,11 +6655,8 @@ static cloth_status clothi_pinch_rows(cloth_collide *c) {
         clothi_hold_goal(c, &h, c->hold_to + 3 * h.vertex);
         status = CLOTHI_PUSH(c, holding, h);
     }
-    for (i = n; i < c->nholding && !status; i++) {
-        clothi_hold_aside(c, c->holding + i);
-        clothi_hold_mark(c, c->holding + i);
-        c->pinching = 1;
-    }
+    if (!status) clothi_pinch_settle(c, n);
+    c->pinching |= c->nholding > n;
     return status;
 }
 

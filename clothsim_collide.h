@@ -5547,22 +5547,19 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            of vertices but where a finger presses the inside of a face: only if the step failed
  *            else [8.4]; what the finger is through then stays on it till it leaves by its end
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
- *            between the points so found. 1: the part that it is in has passed it: it goes out by
- *            the side that taut cloth pulls it to; else by the one that it came in by, to the
- *            nearest face that is turned as A0's or A1's, which it is behind, but where another
- *            part is there. (To the nearest face of all: cloth in a finger went out both ways, and
- *            stayed. Never by tension: wrists carried a skirt off that hung round them, 0.32 % of
- *            it in the body in the mean for 0.18, edges of 2.0 for 1.8; by tension or to what is
- *            nearest alone 0.21, 3 halved steps for none. No farther than 20 t by either: three
- *            of 580 such ways of a skirt are, and in an armpit one of 5 cm, of a vertex 4 mm below
- *            a face, left an edge of 11 times its length.) Else, where parts overlap, both points
+ *            between the points so found. 1: the part that it is in has passed it. It goes where
+ *            its motion takes it, y = x^n + h v^n of an implicit step, as cloth around it does; if
+ *            that is inside when the substep ends, to above what is nearest to y then, but where
+ *            another part is there. (From x^n, with what is nearest to it there: cloth in a
+ *            hand was carried with it, was left behind, and stayed in. So it was by the side that
+ *            taut cloth pulls to, or that it came in by.) Else, where parts overlap, both points
  *            slide from face to face, of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
  *            the share s of the way from A0 to A1 that it had when it was caught. Where the points
  *            slid, s comes back by at most t a substep. Where that ends inside of one part, as it
  *            does behind a wrist that leaves a hip, p is pulled to above the nearer of both
- *            surfaces: a skirt's walk has 0.8 % of it in the body at worst for 1.4. Minimising
- *            begins where it was. (From above it trousers halved 10 steps of 120 for 4)
+ *            surfaces (of all that there is: 0.30 for 0.26 %, below). Minimising begins where
+ *            it was. (From above it trousers halved 10 steps of 120 for 4)
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep; so
  *            does an edge across from a vertex that is held: in a finger, among features that hold
  *            it, it could go nowhere, and trousers' steps failed from there on for good. (Where
@@ -5571,15 +5568,17 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 10 times the membrane's
  * stiffness K, that never pulls harder than F = K t on what is held, 9 K t on what goes out. So
  * cloth stays whole: without a bound edges of trousers between a hand and a hip grew to 3.8 times
- * their length, now to 2.6. It begins anew at x^n in every substep: a drag. Nailed to `to`, as in
+ * their length, now to 2.8. It begins anew at x^n in every substep: a drag. Nailed to `to`, as in
  * [BWK03], edges of a T-shirt's armpit grew to 4 to 18 times their length, and held layers crossed;
  * 9 K t on what is held is that again: 2.4, and its steps fail from the 50th of a walk on. Figures
- * of one walk move by a third with the last bits. Of four that begin a microsecond apart a skirt's
- * have swallowed, in the mean: three springs of 0.3, 3 and 30 K, 9 K t for all, 0.24 to 0.36 %;
- * now, of three, 0.21 to 0.27. Of one or two: F by the root of a vertex's area 0.25, and failed
- * steps; 3 K t on what is held likewise; out along the line of intersection [VM06] 0.28, all that
- * crosses 1.2. F by the strain e of its edges at x^n, K t (1 + 8 max(0, 1 - e)) for both: 0.16 to
- * 0.27, but trousers 0.10 for 0.06; to e = 0.5: 0.21 to 0.28, trousers 0.14, edges of 3.0.
+ * of one walk move by a third with the last bits. Of six walks that begin a nanometre apart a
+ * skirt's has 0.22 % in the body in the mean, 0.8 in the worst frame (1.2 in one); from x^n and by
+ * tension, of eight, 0.28 and 1.3 (2.2). Of three or four with that, in the mean: three springs of
+ * 0.3, 3 and 30 K, 9 K t for all, 0.24 to 0.36 %; F by the root of a vertex's area 0.25, and
+ * failed steps; 3 K t on what is held likewise; out along the line of intersection [VM06] 0.28, all
+ * that crosses 1.2. F by the strain e of its edges at x^n, K t (1 + 8 max(0, 1 - e)) for both: 0.16
+ * to 0.27, but trousers 0.10 for 0.06; to e = 0.5: 0.21 to 0.28, trousers 0.14, edges of 3.0. No
+ * pull on what is outside when the substep ends: 0.34.
  *
  * Exempt are pairs with the body of which it holds a vertex, where all faces around the body's side
  * are in the pinch: no farther from where that vertex was or is pulled to than cloth hangs on it.
@@ -5598,8 +5597,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_DRAG     10                  /* of the membrane's stiffness: what pulls         */
 #define CLOTHI_HOLD     1                   /* t of that stiffness, N: the most on what is held */
 #define CLOTHI_PULL     9                   /* of it: on what goes out                         */
-#define CLOTHI_TAUT     0.3                 /* sum of strains that says which way out          */
-#define CLOTHI_DEEP     20                  /* t: farther that side is not the way out         */
+#define CLOTHI_DEEP     20                  /* t: farther in neither surface is the way aside  */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
 /* Point and normal of side k of a hold in the world's pose x. */
@@ -5707,85 +5705,31 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
     }
 }
 
-/* The nearest face that p is inside of in the pose x, turned as n [3] is, whose weights go into b;
- * -1: none within CLOTHI_DEEP. */
-static int clothi_hold_turned(const cloth_collide *c, int slot, const double *x, const double *p,
-                              const double *n, double *b) {
-    const double deep = CLOTHI_DEEP * c->obstacle[slot].thickness;
-    double       d2 = deep * deep;
-    clothi_catch q = {c, slot, x, NULL, n};
-    const int    f = clothi_bvh_nearest(&c->solid, p, NULL, clothi_catch_far, &q, &d2);
-    if (f >= 0) (void)clothi_face_distance2(x, c->faces + 3 * f, p, b);
+/* Where point k of a hold is on the surface of the part that p has sunk into when the substep ends:
+ * a face turned as the point's is. -1: p is outside of it, or farther in than CLOTHI_DEEP. */
+static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, int k, const double *p,
+                              double *b) {
+    const double deep = CLOTHI_DEEP * c->obstacle[h->slot].thickness;
+    double       A[3], n[3], d[3], d2 = deep * deep;
+    clothi_catch q = {c, h->slot, c->xb, NULL, n};
+    int          f = -1;
+    clothi_hold_point(c, h, k, c->xb, A, n);
+    clothi_sub3(p, A, d);
+    if (clothi_dot3(d, n) < 0)
+        f = clothi_bvh_nearest(&c->solid, p, NULL, clothi_catch_far, &q, &d2);
+    if (f >= 0) (void)clothi_face_distance2(c->xb, c->faces + 3 * f, p, b);
     return f;
 }
 
-/* Where point k of a hold is on the surface of the part that p has sunk into: a face turned as the
- * point's is; -1: p is outside of it. */
-static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, int k, const double *x,
-                              const double *p, double *b) {
-    double A[3], n[3], d[3];
-    clothi_hold_point(c, h, k, x, A, n);
-    clothi_sub3(p, A, d);
-    return clothi_dot3(d, n) < 0 ? clothi_hold_turned(c, h->slot, x, p, n, b) : -1;
+/* Above point 0 of a hold when the substep ends. */
+static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, double *to) {
+    double n[3];
+    int    k;
+    clothi_hold_point(c, h, 0, c->xb, to, n);
+    for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * c->obstacle[h->slot].thickness * n[k];
 }
 
-/* Where cloth pulls vertex v at x^n, u [3] unit; 0 where its edges' strains add up to little. */
-static int clothi_hold_tension(const cloth_collide *c, int v, double *u) {
-    const double *rest = c->sim->model->x_rest;
-    double        d[3], e[3], size;
-    int           i, k;
-    memset(u, 0, sizeof d);
-    for (i = 3 * c->star[v]; i < 3 * c->star[v + 1]; i++) {     /* each edge twice */
-        const int w = c->faces[3 * c->star_face[i / 3] + i % 3];
-        if (w == v) continue;
-        clothi_sub3(c->xa + 3 * w, c->xa + 3 * v, d);
-        clothi_sub3(rest + 3 * w, rest + 3 * v, e);
-        size = sqrt(clothi_dot3(d, d));
-        for (k = 0; k < 3; k++)             /* (|d|/|e| - 1) d/|d| */
-            u[k] += 0.5 * clothi_max(1 / sqrt(clothi_dot3(e, e)) - 1 / size, 0) * d[k];
-    }
-    size = sqrt(clothi_dot3(u, u));
-    for (k = 0; k < 3 && size > CLOTHI_TAUT; k++) u[k] /= size;
-    return size > CLOTHI_TAUT;
-}
-
-/* The way out, `to`, by a point of the surface, A0 of h then: of what is inside of one part, to
- * above the side that taut cloth pulls it to, or that it came in by, or what is nearest; of what is
- * outside, t away from what is nearest. 0: another part is there. */
-static int clothi_hold_out(const cloth_collide *c, cloth_hold *h, int inside, double *to) {
-    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
-    const double        *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
-    double               A[3], n[3], above[3], d2 = CLOTHI_HUGE;
-    cloth_hold           out = *h;
-    int                  side, f = -1, i;
-    side = !inside ? 3 : clothi_hold_tension(c, h->vertex, n) ? 0 : 1;
-    for (; side < 4 && f < 0; side++) {
-        f = side == 0  ? clothi_hold_turned(c, h->slot, c->xa, p, n, out.weight[0])
-            : side < 3 ? clothi_hold_behind(c, h, side - 1, c->xa, p, out.weight[0])
-                       : clothi_surface_nearest(&body, p, &d2, out.weight[0]);
-        if (f < 0) continue;
-        out.face[0] = f - c->obstacle[h->slot].f0;
-        clothi_hold_point(c, &out, 0, c->xa, A, n);
-        clothi_sub3(p, A, to);
-        for (i = 0; i < 3; i++) above[i] = A[i] + CLOTHI_GAP * t * n[i];
-        if (inside && clothi_surface_winding(&body, above) != 0) {
-            if (side > 0) return 0;
-            f = -1;
-        }
-        if (inside && clothi_dot3(to, n) > 0) f = -1;
-    }
-    if (f < 0) return 0;
-    if (side == 3) {                        /* by A1, which is A0 from now on */
-        out.face[1] = h->face[0], out.share = 1 - h->share;
-        memcpy(out.weight[1], h->weight[0], sizeof out.weight[1]);
-    }
-    *h = out;
-    clothi_hold_point(c, h, 0, c->xb, A, n);
-    for (i = 0; i < 3; i++) to[i] = A[i] + (inside ? CLOTHI_GAP * t * n[i] : to[i] + t * n[i]);
-    return 1;
-}
-
-enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_OUT, CLOTHI_ASIDE };
+enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_OUT, CLOTHI_PASSED };
 
 /* Where a vertex that is held is to go from x^n. */
 static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
@@ -5805,12 +5749,35 @@ static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double
     for (k = 0; k < 3; k++) to[k] += along * m[k];
 }
 
-/* What becomes of a held vertex at x^n; where it goes into `to`. */
-static unsigned char clothi_hold_keep(const cloth_collide *c, cloth_hold *h, double *to) {
+/* Where what is inside of one part is to go: where y is, if that is outside when the substep ends;
+ * else to above what is nearest to it then, point 0 of h; CLOTHI_LET_GO: another part is there. */
+static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cloth_hold *h,
+                                     double *to) {
+    const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
+    cloth_hold           out = *h;
+    double               d2 = CLOTHI_HUGE;
+    int                  f;
+    memcpy(to, y, 3 * sizeof *to);
+    if (clothi_surface_winding(&body, y) == 0) return CLOTHI_PASSED;
+    f = clothi_surface_nearest(&body, y, &d2, out.weight[0]);
+    out.slot = c->slot[c->faces[3 * f]];
+    out.face[0] = f - c->obstacle[out.slot].f0;
+    clothi_hold_above(c, &out, to);
+    if (clothi_surface_winding(&body, to) != 0) return CLOTHI_LET_GO;
+    *h = out;
+    return CLOTHI_OUT;
+}
+
+/* What becomes of a held vertex at x^n; where it goes into `to`. y [3]: where it would go alone. */
+static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, cloth_hold *h,
+                                      double *to) {
     const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
-    const double *p = c->xa + 3 * h->vertex, share = h->share;
-    int           k, wind = clothi_surface_winding(&body, p);
-    if (wind == 1 && clothi_hold_out(c, h, 1, to)) return CLOTHI_OUT;
+    const double        *p = c->xa + 3 * h->vertex, share = h->share;
+    const int            wind = clothi_surface_winding(&body, p);
+    unsigned char        look = CLOTHI_LET_GO;
+    int                  k;
+    if (wind == 1) look = clothi_hold_out(c, y, h, to);
+    if (look != CLOTHI_LET_GO) return look;
     if (wind <= 0) {
         if (!clothi_catch_point(c, p, h->vertex, h->slot, CLOTHI_OPENED, h)) return CLOTHI_LET_GO;
         h->share = share;
@@ -5824,23 +5791,21 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, cloth_hold *h, dou
  * above the nearer of both surfaces where no other part is; its point there is in c->caught. */
 static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
     const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
-    const double         t = c->obstacle[h->slot].thickness;
     double              *from = c->hold_by + 3 * h->vertex, *to = c->hold_to + 3 * h->vertex;
-    double               A[3], n[3], d[3], least = HUGE_VAL;
+    double               above[3], d[3], least = HUGE_VAL;
     cloth_hold           aside = *h;
-    int                  k, i, f;
-    memcpy(from, to, sizeof A);
+    int                  k, f;
+    memcpy(from, to, 3 * sizeof *to);
     if (c->look[h->vertex] != CLOTHI_HELD || clothi_surface_winding(&body, from) != 1) return;
     for (k = 0; k < 2; k++) {
-        f = clothi_hold_behind(c, h, k, c->xb, from, aside.weight[0]);
+        f = clothi_hold_behind(c, h, k, from, aside.weight[0]);
         if (f < 0) continue;
         aside.face[0] = f - c->obstacle[h->slot].f0;
-        clothi_hold_point(c, &aside, 0, c->xb, A, n);
-        for (i = 0; i < 3; i++) A[i] += CLOTHI_GAP * t * n[i];
-        clothi_sub3(A, from, d);
-        if (clothi_dot3(d, d) >= least || clothi_surface_winding(&body, A) != 0) continue;
+        clothi_hold_above(c, &aside, above);
+        clothi_sub3(above, from, d);
+        if (clothi_dot3(d, d) >= least || clothi_surface_winding(&body, above) != 0) continue;
         least = clothi_dot3(d, d);
-        memcpy(to, A, sizeof A);
+        memcpy(to, above, sizeof above);
         c->caught[h->vertex] = aside, c->look[h->vertex] = CLOTHI_ASIDE;
     }
 }
@@ -5906,7 +5871,7 @@ static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
 }
 
 /* Holds vertices that are between parts of a body. */
-static cloth_status clothi_pinch_catch(cloth_collide *c) {
+static cloth_status clothi_pinch_catch(cloth_collide *c, const double *y) {
     cloth_status status = CLOTH_OK;
     int          o, i;
     for (o = 0; o < c->nobstacle && !status; o++) {
@@ -5915,7 +5880,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
             if (c->held_of[i] >= 0 || !c->look[i]) continue;
-            c->look[i] = clothi_hold_keep(c, c->caught + i, c->hold_to + 3 * i);
+            c->look[i] = clothi_hold_keep(c, y + 3 * i, c->caught + i, c->hold_to + 3 * i);
             if (c->look[i] == CLOTHI_LET_GO) continue;
             c->held_of[i] = c->nholding;
             status = CLOTHI_PUSH(c, holding, c->caught[i]);
@@ -5924,14 +5889,21 @@ static cloth_status clothi_pinch_catch(cloth_collide *c) {
     return status;
 }
 
-/* Vertex v goes out. */
-static cloth_status clothi_pinch_out(cloth_collide *c, int v, int slot) {
-    cloth_hold h;
+/* Vertex v, outside, goes t away from what is nearest. */
+static cloth_status clothi_pinch_out(cloth_collide *c, int v) {
+    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
+    double               A[3], n[3], d2 = CLOTHI_HUGE, *to = c->hold_to + 3 * v;
+    cloth_hold           h;
+    int                  f, k;
     memset(&h, 0, sizeof h);
-    h.vertex = v, h.slot = slot;
-    if (!clothi_hold_out(c, &h, 0, c->hold_to + 3 * v)) return CLOTH_OK;
-    h.face[1] = h.face[0];
+    f = clothi_surface_nearest(&body, c->xa + 3 * v, &d2, h.weight[0]);
+    h.vertex = v, h.slot = c->slot[c->faces[3 * f]];
+    h.face[0] = h.face[1] = f - c->obstacle[h.slot].f0;
     memcpy(h.weight[1], h.weight[0], sizeof h.weight[0]);
+    clothi_hold_point(c, &h, 0, c->xa, A, n);
+    clothi_hold_point(c, &h, 0, c->xb, to, n);
+    for (k = 0; k < 3; k++)
+        to[k] += c->xa[3 * v + k] - A[k] + c->obstacle[h.slot].thickness * n[k];
     c->held_of[v] = c->nholding;
     c->look[v] = CLOTHI_OUT;
     return CLOTHI_PUSH(c, holding, h);
@@ -5957,7 +5929,7 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
             continue;
         for (k = 0; k < 3 && !status; k++)
             if (c->held_of[v[k]] < 0 && (c->sim->pin[v[k]] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL)
-                status = clothi_pinch_out(c, v[k], c->slot[c->faces[3 * p->b]]);
+                status = clothi_pinch_out(c, v[k]);
     }
     return status;
 }
@@ -5971,8 +5943,8 @@ static void clothi_pinch_settle(cloth_collide *c, int first) {
 }
 
 /* What is held in the substep, at the poses in xa and xb: of what was, what stays, and what is
- * caught. */
-static cloth_status clothi_pinch_begin(cloth_collide *c) {
+ * caught. y [nv x 3]: where cloth would go by itself. */
+static cloth_status clothi_pinch_begin(cloth_collide *c, const double *y) {
     const int    was = c->nholding;
     cloth_status status;
     int          i, n = 0;
@@ -5983,13 +5955,13 @@ static cloth_status clothi_pinch_begin(cloth_collide *c) {
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
     for (i = 0; i < was; i++) {
         cloth_hold h = c->holding[i];
-        c->look[h.vertex] = clothi_hold_keep(c, &h, c->hold_to + 3 * h.vertex);
+        c->look[h.vertex] = clothi_hold_keep(c, y + 3 * h.vertex, &h, c->hold_to + 3 * h.vertex);
         if (c->look[h.vertex] == CLOTHI_LET_GO) continue;
         c->held_of[h.vertex] = n;
         c->holding[n++] = h;
     }
     c->nholding = n;
-    status = clothi_pinch_catch(c);
+    status = clothi_pinch_catch(c, y);
     if (!status) status = clothi_pinch_lead(c);
     if (!status) clothi_pinch_settle(c, 0);
     c->pinching = n < was || c->nholding > n;       /* nothing may be extrapolated over that */
@@ -6021,7 +5993,7 @@ static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, cons
     const int          face = m->topology->vf[m->topology->vf_start[h->vertex]];
     const double pull = CLOTHI_DRAG *
                         clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
-    const double most = c->look[h->vertex] == CLOTHI_OUT ? CLOTHI_PULL : CLOTHI_HOLD;
+    const double most = c->look[h->vertex] >= CLOTHI_OUT ? CLOTHI_PULL : CLOTHI_HOLD;
     const double r = most * c->obstacle[h->slot].thickness / CLOTHI_DRAG;            /* m */
     double       d[3], s;
     int          i;
@@ -6074,10 +6046,11 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * was worse: poked by a capsule's end one sheet in four went round in circles for all 40 passes,
  * where now 11 are the most. All rows were worse as well: pinched trousers had zones of 24 vertices
  * and 778 rows that no point meets; of a walk's steps 9 had to be halved, then 3, now 2.)
- * A zone that the program cannot solve, or not within desc.max_passes, or whose sweeps lead ten
- * times as far off as anything goes, goes on as one body that does not turn; if that hits too, it
- * stays where it was. (To let it turn was worse: two spinning sheets that meet at 70 m/s, leapfrog,
- * max_passes 2: 23 of 24 steps failed for none; with 3 the angular momentum was 1.1 % off for 0.3.)
+ * A zone that the program cannot solve, or not within desc.max_passes, or whose sweeps lead three
+ * times as far off as anything goes (ten: a vertex of a skirt 0.6 m, for three steps), goes on as
+ * one body that does not turn; if that hits too, it stays where it was. (To let it
+ * turn was worse: two spinning sheets that meet at 70 m/s, leapfrog, max_passes 2: 23 of 24 steps
+ * failed for none; with 3 the angular momentum was 1.1 % off for 0.3.)
  * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
  * carried by them and rows that ask for no more room than detection leaves: layers between an arm
  * and a chest that come nearer have no point at their gaps of x^n (trousers on a jump failed a
@@ -6108,7 +6081,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_SWEEPS       300
 #define CLOTHI_CARRIED       20             /* t: so far obstacles carry cloth in a guess      */
 #define CLOTHI_START_ROWS   2               /* a vertex: more for a start of minimising are dear */
-#define CLOTHI_ASTRAY       10              /* longest ways of anything; up to 1.4 were needed */
+#define CLOTHI_ASTRAY       3               /* longest ways of anything; up to 1.4 were needed */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
 #define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
 
@@ -6788,7 +6761,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     clothi_world_pose(c, e->x_n, e->in->share[0], e->in->share[1]);
     c->ncontact = c->nrow = c->listed = 0;
     c->approach = CLOTHI_APPROACH;
-    if (!status) status = clothi_pinch_begin(c);
+    if (!status) status = clothi_pinch_begin(c, e->in->y ? e->in->y : e->x_n);
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
     return status;
 }
@@ -8444,7 +8417,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
  * stiffness. Taken as such though they move, and told (vjp.frozen): the way that turning spheres
  * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex,
- * zones that went on as one body.
+ * v^n by which one goes out, zones that went on as one body.
  * checked: tests/test_grad_contact.c
  */
 
@@ -8787,37 +8760,53 @@ static void clothi_back_group(const clothi_flow *f, const clothi_contact *q, int
     }
 }
 
-/* What holds cloth in pinches: where it goes to what carries it, and to x^n. */
+/* d/d{to} of what is above point 0 of a hold: along its normal with the face; the rest stays. */
+static void clothi_back_above(const clothi_flow *f, const cloth_hold *h, double *to) {
+    const int *v = f->c->faces + 3 * (size_t)(f->c->obstacle[h->slot].f0 + h->face[0]);
+    double     A[3], n[3], along;
+    int        k;
+    clothi_hold_point(f->c, h, 0, f->c->xb, A, n);
+    along = clothi_dot3(to, n);
+    for (k = 0; k < 3; k++) clothi_flow_add(f, 1, v[k], along * h->weight[0][k], n);
+    for (k = 0; k < 3; k++) to[k] -= along * n[k];
+}
+
+/* d/d{to} of what is held between both points: along `out` by its share of them, or late, by t
+ * from where it was; else by the mean of their ways. */
+static void clothi_back_between(const clothi_flow *f, const cloth_hold *h, double *to) {
+    const cloth_collide *c = f->c;
+    const double         t = c->obstacle[h->slot].thickness;
+    double               A[6], n[6], out[3], d[3], room, along;
+    int                  i, k, late;
+    clothi_hold_goal(c, h, d);
+    room = clothi_hold_room(c, h, c->xb, A, n, out);
+    clothi_sub3(d, A, d);
+    late = fabs(clothi_dot3(d, out) - h->share * room) > 1e-9 * t;
+    along = clothi_dot3(to, out);
+    for (k = 0; k < 3; k++) to[k] -= along * out[k];
+    for (i = 0; i < 6; i++) {
+        const int   *v = c->faces + 3 * (size_t)(c->obstacle[h->slot].f0 + h->face[i / 3]);
+        const double w = h->weight[i / 3][i % 3], part = w * (i < 3 ? 1 - h->share : h->share);
+        for (k = 0; k < 2; k++) clothi_flow_add(f, k, v[i % 3], k ? 0.5 * w : -0.5 * w, to);
+        clothi_flow_add(f, 1, v[i % 3], part * along, out);
+        if (late) clothi_flow_add(f, 0, v[i % 3], -part * along, out);
+    }
+    for (k = 0; k < 3 && late; k++) to[k] += along * out[k];
+}
+
+/* What holds cloth in pinches, a pull to `to`: by x, or by what carries it there and x^n. */
 static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     const cloth_collide *c = f->c;
     const unsigned char  look = c->look[h->vertex];
-    const int            leaves = look != CLOTHI_HELD;
-    const cloth_hold    *by = look == CLOTHI_ASIDE ? c->caught + h->vertex : h;
-    const double        *a = f->a + 3 * h->vertex;
-    double A[6], n[6], out[3], to[3], H[9], along;
-    int    i, k;
+    double               to[3], H[9];
+    int                  k;
     (void)clothi_hold_pull(c, h, c->xb + 3 * h->vertex, to, H);
-    for (k = 0; k < 3; k++) to[k] = clothi_dot3(H + 3 * k, a);
-    if (!f->whole) {
-        clothi_flow_add(f, 1, h->vertex, 1, to);
-        return;
-    }
-    for (i = 0; i < 3 && leaves; i++)       /* with the point of the surface where h is */
-        clothi_flow_add(f, 1, c->faces[3 * (c->obstacle[h->slot].f0 + by->face[0]) + i],
-                        by->weight[0][i], to);
-    if (leaves) return;
-    (void)clothi_hold_room(c, h, c->xb, A, n, out);
-    along = clothi_dot3(to, out);
-    for (i = 0; i < 6; i++) {               /* along `out` their share, else the mean of ways */
-        const int *v = c->faces + 3 * (size_t)(c->obstacle[h->slot].f0 + h->face[i / 3]);
-        double     d[3];
-        for (k = 0; k < 3; k++) d[k] = -0.5 * (to[k] - along * out[k]);
-        clothi_flow_add(f, 0, v[i % 3], -h->weight[i / 3][i % 3], d);
-        for (k = 0; k < 3; k++) d[k] -= (i < 3 ? 1 - h->share : h->share) * along * out[k];
-        clothi_flow_add(f, 1, v[i % 3], h->weight[i / 3][i % 3], d);
-    }
-    for (k = 0; k < 3; k++) to[k] = along * out[k] - to[k];
-    clothi_flow_add(f, 0, h->vertex, 1, to);
+    for (k = 0; k < 3; k++)
+        to[k] = (f->whole ? -1 : 1) * clothi_dot3(H + 3 * k, f->a + 3 * h->vertex);
+    if (f->whole && look == CLOTHI_OUT) clothi_back_above(f, h, to);
+    if (f->whole && look == CLOTHI_ASIDE) clothi_back_above(f, c->caught + h->vertex, to);
+    if (f->whole && look <= CLOTHI_ASIDE) clothi_back_between(f, h, to);
+    clothi_flow_add(f, f->whole ? 0 : 1, h->vertex, 1, to);
 }
 
 /* A substep's end: its poses to those of the step; anchors before it are those after the last. */

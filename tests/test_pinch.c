@@ -1,7 +1,7 @@
 /* test_pinch.c - cloth between two parts of a body that penetrates itself: held in order while the
  * parts close and pass each other, counted, listed, let go when they open; nothing let in where
  * parts sweep over it; an edge that a part is through is led; no bit of difference where no two
- * parts come near; snapshots and workers in a pinch.
+ * parts come near; snapshots and workers in a pinch; what it pulls, backwards.
  *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. test_pinch.c -lm
  * tier: quick */
 #define CLOTHSIM_IMPLEMENTATION
@@ -293,12 +293,13 @@ static void without(void) {
     close_scene(&q);
 }
 
-/* A vertex 3 mm in a block of 10 cm, which its neighbours pull to the other side: out by the near
- * one. In one of 3 cm: where they pull. */
+/* A vertex 3 mm in a block of 3 cm: out by the near side; by the far one where it goes there by
+ * itself; where the block leaves it, it stays as it goes. */
 static void way_out(void) {
-    int thin, i, k;
-    for (thin = 0; thin < 2; thin++) {
-        const double lo[3] = {-0.3, thin ? -0.03 : -0.1, -0.3}, hi[3] = {0.3, -1e-3, 0.3};
+    int turn, i, k;
+    for (turn = 0; turn < 3; turn++) {
+        const double lo[3] = {-0.3, -0.03, -0.3}, hi[3] = {0.3, -1e-3, 0.3};
+        const double by[3] = {0.01, turn == 1 ? -27e-3 : -5e-3, 0};
         cloth_obstacle_desc d = cloth_obstacle_desc_default();
         shape      block = {0};
         cloth_hold h;
@@ -310,14 +311,20 @@ static void way_out(void) {
         shape_box(&block, lo, hi);
         d.nv = block.nv, d.x = block.x, d.nf = block.nf, d.faces = block.faces;
         d.self_penetrating = 1;
-        h.slot = (int)(q.s.thing[stage_add(&q.s, &d)].id.id & 0xffffu) - 1;
-        for (i = 0; i < q.half; i++) q.s.state->x[3 * i + 1] = i == 40 ? -4e-3 : -28e-3;
+        i = stage_add(&q.s, &d);
+        h.slot = (int)(q.s.thing[i].id.id & 0xffffu) - 1;
+        for (k = 0; k < block.nv && turn == 2; k++) block.x[3 * k + 1] -= 5e-3;
+        CHECK(cloth_collide_move(q.s.c, q.s.thing[i].id, block.x) == CLOTH_OK);
+        for (i = 0; i < q.half; i++) q.s.state->x[3 * i + 1] = -4e-3;
         clothi_world_pose(q.s.c, q.s.state->x, 0, 1);
         clothi_pinch_boxes(q.s.c);
         h.vertex = 40;
         for (k = 0; k < 2; k++) h.weight[k][0] = 1;
-        CHECK(clothi_hold_out(q.s.c, &h, 1, to));
-        CHECK_NEAR(to[1], thin ? -0.03 - CLOTHI_GAP * T : -1e-3 + CLOTHI_GAP * T, 1e-9);
+        CHECK(clothi_hold_keep(q.s.c, by, &h, to) == (turn == 2 ? CLOTHI_PASSED : CLOTHI_OUT));
+        CHECK_NEAR(to[0], by[0], 1e-9);
+        CHECK_NEAR(to[1], turn == 2   ? by[1]
+                          : turn == 1 ? -0.03 - CLOTHI_GAP * T
+                                      : -1e-3 + CLOTHI_GAP * T, 1e-9);
         shape_free(&block);
         close_scene(&q);
     }
@@ -607,6 +614,91 @@ static void poked(void) {
     OPEN_MOST(cross, 0, "pairs of sheets that the rod is through, 0.5 s after");
 }
 
+/* --- backwards: where cloth is pulled to moves with the body and with x^n --- */
+
+/* `to` of a hold, at the poses that the collide has: `y` is where it would go by itself. */
+static void pulled_to(const cloth_collide *c, const cloth_hold *h, const double *y, double *to) {
+    const unsigned char look = c->look[h->vertex];
+    const cloth_hold   *by = look == CLOTHI_ASIDE ? c->caught + h->vertex : h;
+    double              A[3], n[3], d = 0;
+    int                 k;
+    if (look < CLOTHI_OUT) clothi_hold_goal(c, h, to);
+    else memcpy(to, y, 3 * sizeof *to);
+    if (look == CLOTHI_HELD || look == CLOTHI_PASSED) return;
+    clothi_hold_point(c, by, 0, c->xb, A, n);
+    for (k = 0; k < 3; k++) d += n[k] * (A[k] - to[k]);
+    for (k = 0; k < 3; k++) to[k] += (d + CLOTHI_GAP * T) * n[k];
+}
+
+/* Both plates at both poses, and the held vertex at x^n, go eps along `way`: what the walk
+ * backwards says of a . (force of the pull) is its difference. */
+static double pull_rates(scene *q, const cloth_hold *h, const double *way, const double *a) {
+    const double    eps = 1e-7;
+    cloth_collide  *c = q->s.c;
+    clothi_adjoint  got;
+    double         *flow[4], start[3], to[3], y[3], hess[9], worst = 0;
+    clothi_flow     f;
+    int             i, k, part, n = c->nw - c->nv;
+    memset(&got, 0, sizeof got);
+    for (k = 0; k < 4; k++) flow[k] = (double *)calloc(3 * (size_t)c->nw, sizeof(double));
+    got.world[0] = flow[0], got.world[1] = flow[1];
+    f.c = c, f.to = &got, f.whole = 1, f.a = a, f.cloth[0] = flow[2], f.cloth[1] = flow[3];
+    clothi_back_hold(&f, h);
+    (void)clothi_hold_pull(c, h, c->xb + 3 * h->vertex, start, hess);
+    memcpy(y, c->hold_to + 3 * h->vertex, sizeof y);
+    pulled_to(c, h, y, start);
+    for (part = 0; part < 5; part++) {      /* plate 0, 1 at the start, at the end; the vertex */
+        double *x = part < 2 ? c->xa : c->xb, said = 0, is = 0;
+        int     first = c->nv + part % 2 * n / 2, end = first + n / 2;
+        if (part == 4) x = c->xa, first = h->vertex, end = first + 1;
+        for (i = first; i < end; i++)
+            for (k = 0; k < 3; k++) {
+                x[3 * i + k] += eps * way[k];
+                said += way[k] * (part == 4 ? flow[2] : flow[part / 2] - 3 * c->nv)[3 * i + k];
+            }
+        for (k = 0; k < 3 && part == 4; k++) y[k] += eps * way[k];
+        pulled_to(c, h, y, to);
+        for (i = 0; i < 9; i++)             /* of the force, -hess dto */
+            is -= a[3 * h->vertex + i / 3] * hess[i] * (to[i % 3] - start[i % 3]) / eps;
+        for (i = first; i < end; i++)
+            for (k = 0; k < 3; k++) x[3 * i + k] -= eps * way[k];
+        worst = fmax(worst, fabs(said - is) / hess[0]);
+    }
+    for (k = 0; k < 4; k++) free(flow[k]);
+    return worst;
+}
+
+static void backwards(void) {
+    unsigned long long seed = 3;
+    double             worst = 0;
+    int                looks[5] = {0}, turn, step, i, k;
+    for (turn = 0; turn < (test_full() ? 6 : test_quick() ? 1 : 2); turn++) {
+        const double fast = ref_uniform(&seed, 0.2e-3, 3e-3);
+        scene        q;
+        open_scene(&q, 1, 10e-3, 1, NULL);
+        for (step = 0; step < 50; step++) {
+            double room = room_at(step, -8e-3), *a;
+            plates_at(&q, room, fast * (step % 20 - 10));
+            if (!stage_step(&q.s, H)) continue;
+            a = (double *)malloc(3 * (size_t)q.s.nv * sizeof(double));
+            for (i = 0; i < 3 * q.s.nv; i++) a[i] = ref_uniform(&seed, -1, 1);
+            for (i = 0; i < q.s.c->nhold; i++) {
+                const cloth_hold *h = q.s.c->hold + i;
+                double            way[3];
+                for (k = 0; k < 3; k++) way[k] = ref_uniform(&seed, -1, 1);
+                looks[q.s.c->look[h->vertex]]++;
+                worst = fmax(worst, pull_rates(&q, h, way, a));
+            }
+            free(a);
+        }
+        close_scene(&q);
+    }
+    printf("  backwards: %d held, %d aside, %d out, %d passed; worst %.1e\n", looks[CLOTHI_HELD],
+           looks[CLOTHI_ASIDE], looks[CLOTHI_OUT], looks[CLOTHI_PASSED], worst);
+    CHECK(looks[CLOTHI_HELD] > 0 && looks[CLOTHI_OUT] > 0);
+    CHECK(worst < 1e-6);
+}
+
 static void refusals(void) {
     cloth_hold hold[2];
     scene      q;
@@ -634,6 +726,7 @@ int main(int argc, char **argv) {
     RUN(inside_out);
     RUN(threaded);
     RUN(poked);
+    RUN(backwards);
     RUN(refusals);
     return TEST_END();
 }

@@ -5,8 +5,8 @@
 #   sh checks.sh commands    those lines, run as they stand
 #   sh checks.sh names       only cloth names leave the object, only CLOTH macros the header
 #                            no word is one that windows.h or complex.h takes; tcc compiles it
-#   sh checks.sh units       declarations and implementation in two units, C and C++ mixed
-#   sh checks.sh size        the object's bytes; seconds to compile
+#   sh checks.sh units       declarations and implementation in two units, C and C++ mixed; the
+#                            object's bytes; seconds to compile
 #   sh checks.sh compile     compile_only.c: compilers x standards x orders x configurations
 #   sh checks.sh programs    every test and example compiled as C99, nothing run; [gcc or clang]
 #   sh checks.sh quickstart  [1.1] of clothsim.h = examples/01_hang.c, [1.1] of clothsim_collide.h
@@ -18,6 +18,7 @@
 #                            walk are chance
 #   sh checks.sh yardstick DIR          builds the prototype that speed is compared with
 #   sh checks.sh fuzz SECONDS FILES     runs each libFuzzer entry
+# FULL=1: what compile, units and quickstart leave to the long tier is done too.
 # Run from tests/. Each prints 'checks.sh NAME: N passed, N failed, N skipped (S s)' last.
 LC_ALL=C
 export LC_ALL
@@ -42,6 +43,7 @@ must() {
 # a list of offenders must be empty
 none() { if [ -s "$2" ]; then bad "$1"; sed 's/^/    /' "$2"; else ok; fi; }
 have() { command -v "$1" >/dev/null 2>&1; }
+full() { [ "${FULL:-}" = 1 ]; }
 # CPU seconds of the children so far, in $now; a subshell would only see its own
 cpu() {
     times >"$out/times"
@@ -181,16 +183,23 @@ run_names() {
     done
 }
 
+# Unit b in C is the kit as a user compiles it: the object that is measured. In C++ only its names
+# matter, so there it is optimised in the long tier alone.
 run_units() {
     languages=c
     cxx=
     for try in g++ clang++ c++; do have $try && { cxx=$try; break; }; done
     if [ -n "$cxx" ]; then languages='c c++'; else skip 'two units in C++: no compiler'; fi
     for side in a b; do for as in $languages; do
-        if [ $as = c ]; then set -- $cc -std=c99 $warn $warn_c
-        else set -- $cxx -std=c++11 $warn
+        if [ $as = c ]; then set -- $cc -std=c99 $warn $warn_c $base
+        else
+            set -- $cxx -std=c++11 $warn $base
+            full || set -- "$@" -O0
         fi
-        must "unit $side as $as" "$@" $base -x $as -c two_units_$side.c -o "$out/$side.$as.o"
+        cpu; t0=$now
+        must "unit $side as $as" "$@" -x $as -c two_units_$side.c -o "$out/$side.$as.o"
+        cpu
+        [ $side$as = bc ] && unit_size
     done; done
     for a in $languages; do for b in $languages; do
         case $a$b in *+*) link=$cxx ;; *) link=$cc ;; esac
@@ -199,13 +208,9 @@ run_units() {
     done; done
 }
 
-run_size() {
+unit_size() {
     h=clothsim.h
-    printf '#define CLOTHSIM_IMPLEMENTATION\n#include "%s"\n' $h >"$out/one.c"
-    cpu; t0=$now
-    must "$h compiles" $cc $std $base $lang -c "$out/one.c" -o "$out/one.o"
-    cpu
-    size=$(($(wc -c <"$out/one.o" 2>/dev/null || echo 0)))
+    size=$(($(wc -c <"$out/b.c.o" 2>/dev/null || echo 0)))
     echo "  $h: $(wc -l <../$h) lines, object $size bytes," \
          "compiled in $(awk "BEGIN { print $now - $t0 }") s at -O2"
     if [ $size -ge 291500 ]; then open object "$h: $size bytes (291500)"; else ok; fi
@@ -236,50 +241,74 @@ compile_words() {
 }
 
 # What lets a compiler round otherwise than written is refused: where a macro shows it by #error, else
-# when a model is made.
+# when a model is made. Without FULL=1 the test that a model makes is asked alone.
 compile_ieee() {
+    awk -f inside.awk ../clothsim.h >"$out/clothsim.h"
+    { echo '#define CLOTHSIM_IMPLEMENTATION'; echo '#include "clothsim.h"'
+      echo 'int main(void) { return !clothi_ieee(); }'; } >"$out/ieee.c"
     for c in gcc clang; do
         have $c || continue
+        compile="$c -std=c99 -w -O1 -I$out $out/ieee.c -o $out/fast -lm"
+        must "taken: $c" sh -c "$compile && $out/fast"
+        full && compile="$c -std=c99 -w -O1 -DCLOTHSIM_STATIC -I.. -I../examples \
+            ../examples/01_hang.c -o $out/fast -lm"
         for flag in -ffast-math -funsafe-math-optimizations; do
-            must "refused: $c $flag" sh -c "! { $c -std=c99 -w -O1 $flag -DCLOTHSIM_STATIC -I.. \
-                -I../examples ../examples/01_hang.c -o '$out/fast' -lm && '$out/fast'; }"
+            must "refused: $c $flag" sh -c "! { $compile $flag && $out/fast; }"
         done
     done
 }
 
+# The other orders of the headers; without FULL=1 by tcc, in no time, and the last by $cc.
+compile_orders() {
+    orders >"$out/orders"
+    sed 1d "$out/orders" >"$out/others"         # the first has been
+    last=$(tail -n 1 "$out/others")
+    while read -r order; do
+        if full || ! have tcc || [ "$order" = "$last" ]; then
+            one_compile $cc -std=c99 $order -fsyntax-only
+        else must "compile_only.c: tcc $order" tcc -std=c99 -Werror -I.. -c compile_only.c $order \
+            -o "$out/one.o"
+        fi
+    done <"$out/others"
+}
+
 # A compiler makes code of the kit once a language, and once with wider registers; the rest is asked
-# of its front end, which with clang also knows what an option leaves unused.
+# of its front end, which with clang also knows what an option leaves unused. Without FULL=1 code is
+# made by clang of C alone, gcc's is the object of the tests and in C++ a unit of `units`; and gcc
+# is spared options that clang is asked.
 run_compile() {
     for pair in gcc:g++ clang:clang++; do
         c=${pair%:*} cxx=${pair#*:}
         kit_warn=$warn
         [ $c = clang ] && echo | clang -Werror -Wreserved-identifier -x c -c - -o "$out/one.o" \
             2>/dev/null && kit_warn="$warn -Wreserved-identifier"
-        full=$(orders | head -n 1)
+        kit=$(orders | head -n 1)
+        options='-DNDEBUG -DCLOTH_NO_STDIO -DCLOTH_ENABLE_VALIDATE' code= code_cxx=
+        if ! full; then
+            [ $c = gcc ] && code=-fsyntax-only && have clang && options=
+            code_cxx=-fsyntax-only
+        fi
         if have $c; then
             kit_warn="$kit_warn $warn_c"
-            one_compile $c -std=c99 $full
-            [ "$(uname -m)" = x86_64 ] && one_compile $c -std=c99 $full -mavx2 -mfma
-            one_compile $c -std=c11 $full -fsyntax-only
-            for option in -DCLOTHSIM_STATIC -DNDEBUG -DCLOTH_NO_STDIO -DCLOTH_NO_SIMD \
-                -DCLOTH_ENABLE_VALIDATE; do
-                one_compile $c -std=c99 $full $option -fsyntax-only
+            one_compile $c -std=c99 $kit $code
+            [ "$(uname -m)" = x86_64 ] && one_compile $c -std=c99 $kit -mavx2 -mfma $code
+            one_compile $c -std=c11 $kit -fsyntax-only
+            for option in -DCLOTHSIM_STATIC -DCLOTH_NO_SIMD $options; do
+                one_compile $c -std=c99 $kit $option -fsyntax-only
             done
             kit_warn=${kit_warn%"$warn_c"}
         else skip "compile with $c: not installed"
         fi
         if have $cxx; then
-            one_compile $cxx -x c++ -std=c++11 $full
-            one_compile $cxx -x c++ -std=c++17 $full -fsyntax-only
-            one_compile $cxx -x c++ -std=c++11 $full -DCLOTHSIM_STATIC -fsyntax-only
+            one_compile $cxx -x c++ -std=c++11 $kit $code_cxx
+            one_compile $cxx -x c++ -std=c++17 $kit -fsyntax-only
+            one_compile $cxx -x c++ -std=c++11 $kit -DCLOTHSIM_STATIC -fsyntax-only
         else skip "compile with $cxx: not installed"
         fi
     done
     kit_warn="$warn $warn_c"
     compile_ieee
-    orders >"$out/orders"
-    sed 1d "$out/orders" >"$out/others"         # the first has been
-    while read -r order; do one_compile $cc -std=c99 $order -fsyntax-only; done <"$out/others"
+    compile_orders
 }
 
 run_programs() {                # of one compiler, or of both
@@ -367,8 +396,9 @@ readme_blocks() {
     done
 }
 
-# The compilers' lines of README, run as they stand beside drape.c: the quick start. What they make
-# prints what README says. Those of a compiler that is not installed are skipped.
+# The compilers' lines of README beside drape.c, the quick start: run as they stand, and what they
+# make prints what README says; without FULL=1 the first, the others' front ends take theirs, and
+# CMake's program is built and not run. Those of a compiler that is not installed are skipped.
 readme_commands() {
     dir=$out/user
     rm -rf "$dir" && mkdir -p "$dir/clothsim"
@@ -383,32 +413,48 @@ readme_commands() {
         if ! have "${line%% *}"; then skip "README: ${line%% *} is not installed"; continue; fi
         rm -f "$dir/a.out"
         case $line in
+        cc*'&& ./a.out') readme_run ;;
         *'&& ./a.out')
-            must "README: $line" sh -c "cd '$dir' && { $line; } >said"
-            must "README: it prints '$promised'" test "$(cat "$dir/said")" = "$promised" ;;
-        *)  must "README: $line" sh -c "cd '$dir' && $line"
+            if full; then readme_run; else readme_take "${line%'&& ./a.out'}"; fi ;;
+        *)  if full; then readme_windows; else readme_take "$line"; fi
             for side in '#include <windows.h>' ''; do        # first, last
                 { echo "$side"; cat "$out/readme.c"; echo '#include <windows.h>'; } >"$dir/windows.c"
                 must "windows.h ${side:+first}" ${line%% *} -std=c99 -w -I.. -fsyntax-only "$dir/windows.c"
-            done
-            wine=$(PATH=$PATH:/usr/lib/wine command -v wine64) ||
-                { skip 'README: no wine64 to run drape.exe with'; continue; }
-            WINEDEBUG=-all "$wine" "$dir/drape.exe" 2>/dev/null | tr -d '\r' >"$dir/said"
-            must "README: Windows prints '$promised'" test "$(cat "$dir/said")" = "$promised" ;;
+            done ;;
         esac
     done <"$out/commands"
-    if have cmake; then
-        { echo 'cmake_minimum_required(VERSION 3.5)'; echo 'project(user C)'
-          awk '/^```cmake$/ { on = 1; next } /^```$/ { on = 0 } on' ../README.md
-          echo 'add_executable(drape drape.c)'; echo 'target_link_libraries(drape cloth)'
-        } >"$dir/CMakeLists.txt"
-        sed '/define CLOTHSIM_IMPLEMENTATION/d' "$out/readme.c" >"$dir/drape.c"
-        must 'README: CMake configures' cmake -S "$dir" -B "$dir/build" -DCMAKE_C_FLAGS=-O1
-        must 'README: CMake builds' cmake --build "$dir/build"
-        "$dir/build/drape" >"$dir/said" 2>&1
-        must "README: CMake's prints '$promised'" test "$(cat "$dir/said")" = "$promised"
-    else skip 'README: cmake is not installed'
-    fi
+    readme_cmake
+}
+
+readme_run() {
+    must "README: $line" sh -c "cd '$dir' && { $line; } >said"
+    must "README: it prints '$promised'" test "$(cat "$dir/said")" = "$promised"
+}
+
+readme_take() { must "README: $1" sh -c "cd '$dir' && $1 -fsyntax-only"; }
+
+readme_windows() {
+    must "README: $line" sh -c "cd '$dir' && $line"
+    wine=$(PATH=$PATH:/usr/lib/wine command -v wine64) ||
+        { skip 'README: no wine64 to run drape.exe with'; return; }
+    WINEDEBUG=-all "$wine" "$dir/drape.exe" 2>/dev/null | tr -d '\r' >"$dir/said"
+    must "README: Windows prints '$promised'" test "$(cat "$dir/said")" = "$promised"
+}
+
+readme_cmake() {
+    have cmake || { skip 'README: cmake is not installed'; return; }
+    { echo 'cmake_minimum_required(VERSION 3.5)'; echo 'project(user C)'
+      awk '/^```cmake$/ { on = 1; next } /^```$/ { on = 0 } on' ../README.md
+      echo 'add_executable(drape drape.c)'; echo 'target_link_libraries(drape cloth)'
+    } >"$dir/CMakeLists.txt"
+    sed '/define CLOTHSIM_IMPLEMENTATION/d' "$out/readme.c" >"$dir/drape.c"
+    level=-O0
+    full && level=-O1                           # at -O0 it runs for a minute
+    must 'README: CMake configures' cmake -S "$dir" -B "$dir/build" -DCMAKE_C_FLAGS=$level
+    must 'README: CMake builds' cmake --build "$dir/build"
+    full || return
+    "$dir/build/drape" >"$dir/said" 2>&1
+    must "README: CMake's prints '$promised'" test "$(cat "$dir/said")" = "$promised"
 }
 
 # Its own header line says how it is built; benches find it as out/bench/yardstick.
@@ -530,7 +576,7 @@ run_fuzz() {
 }
 
 case $check in
-text|comments|commands|names|units|size|compile|programs|quickstart|judges|yardstick|fuzz)
+text|comments|commands|names|units|compile|programs|quickstart|judges|yardstick|fuzz)
     run_"$check" "$@" ;;
 *) echo "checks.sh: there is no check '$check'" >&2; exit 2 ;;
 esac

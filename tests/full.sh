@@ -59,7 +59,7 @@ mkdir -p out
 FULL=1 && export FULL
 SECONDS_MAX=7200 && export SECONDS_MAX
 stage 'every test, full size' o2 TIER=full \
-    CHECKS='judges text comments commands names units size compile programs quickstart'
+    CHECKS='judges text comments commands names units compile programs quickstart'
 unset FULL
 QUICK=1 && export QUICK
 if have gcc; then

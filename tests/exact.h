@@ -386,6 +386,20 @@ static int exact_parted(const double *w, const double *x, const int *f, const in
     return shared ? top < -size && bottom > size : bottom - top > 2 * size;
 }
 
+/* Where the edges of g at o point, less those of f: in a plane mesh of squares, cut in two, this
+ * parts faces at one vertex whose edges are in line, as no normal of an edge does. */
+static void exact_bisect(const double *x, const int *f, const int *g, const double *o, double *w) {
+    int i, k;
+    for (k = 0; k < 3; k++) w[k] = 0;
+    for (i = 0; i < 6; i++) {
+        const double *p = x + 3 * (i < 3 ? f[i] : g[i - 3]);
+        double        size = 0;
+        for (k = 0; k < 3; k++) size += (p[k] - o[k]) * (p[k] - o[k]);
+        if (!(size > 0)) continue;
+        for (k = 0; k < 3; k++) w[k] += (i < 3 ? o[k] - p[k] : p[k] - o[k]) / sqrt(size);
+    }
+}
+
 static int exact_parted_somehow(const double *x, const int *f, const int *g, const double *o,
                                 const int *f_common, const int *g_common, int shared) {
     double n[2][3], w[3];
@@ -402,6 +416,10 @@ static int exact_parted_somehow(const double *x, const int *f, const int *g, con
         w[k] = (x[3 * g[0] + k] + x[3 * g[1] + k] + x[3 * g[2] + k]) -
                (x[3 * f[0] + k] + x[3 * f[1] + k] + x[3 * f[2] + k]);
     if (exact_parted(w, x, f, g, o, f_common, g_common, shared)) return 1;
+    if (shared) {
+        exact_bisect(x, f, g, o, w);
+        if (exact_parted(w, x, f, g, o, f_common, g_common, shared)) return 1;
+    }
     for (i = 0; i < 12; i++) {
         const int *s = i % 2 ? g : f;
         for (k = 0; k < 3; k++) {
@@ -445,6 +463,29 @@ static int exact_shortcut(const double *x, const int *f, const int *g, const int
     for (k = 0; k < 3; k++)
         if (f_common[k]) o = x + 3 * f[k];
     return exact_parted_somehow(x, f, g, o, f_common, g_common, shared);
+}
+
+/* The sign of exact_det(), 0 where rounding may have made it. */
+static int exact_sign(const double *x, int o, int a, int b, int c) {
+    double       bound;
+    const double det = exact_det(x + 3 * o, x + 3 * a, x + 3 * b, x + 3 * c, &bound);
+    return fabs(det) > bound && fabs(det) < 1e290 ? (det > 0 ? 1 : -1) : 0;
+}
+
+/* An edge of one goes through the inside of the other. */
+static int exact_through(const double *x, const int *f, const int *g) {
+    int i;
+    for (i = 0; i < 6; i++) {
+        const int *s = i < 3 ? f : g, *t = i < 3 ? g : f, p = s[i % 3], q = s[(i + 1) % 3];
+        const int  side = exact_sign(x, t[0], t[1], t[2], p);
+        int        turn;
+        if (!side || exact_sign(x, t[0], t[1], t[2], q) != -side) continue;
+        turn = exact_sign(x, p, q, t[0], t[1]);
+        if (turn && exact_sign(x, p, q, t[1], t[2]) == turn &&
+            exact_sign(x, p, q, t[2], t[0]) == turn)
+            return 1;
+    }
+    return 0;
 }
 
 /* The power of two that all six corners are multiples of. */
@@ -500,6 +541,7 @@ static inline int exact_triangles(const double *x, const int *f, const int *g) {
             }
     if (shared == 3) return 0;
     if (!exact_no_shortcuts && exact_shortcut(x, f, g, f_common, g_common, shared)) return 0;
+    if (!exact_no_shortcuts && exact_through(x, f, g)) return 1;
     return exact_slowly(x, f, g, f_common);
 }
 

@@ -304,9 +304,11 @@ static void absurd_zone(void) {
     CHECK(said(cloth_step(W.sim, 1.0 / 60, &r), CLOTH_ERR_STEP, "could not be resolved"));
     CHECK(r.outcome == CLOTH_STEP_COLLISION_FAILED && r.failed_pairs > 0);
     CHECK(cloth_sim_hash(W.sim) == before);
-    live = H.live;
-    CHECK(said(cloth_step(W.sim, 1.0 / 60, NULL), CLOTH_ERR_STEP, "could not be resolved"));
-    CHECK(H.live == live);
+    if (test_full()) {                      /* again: seconds for no memory more */
+        live = H.live;
+        CHECK(said(cloth_step(W.sim, 1.0 / 60, NULL), CLOTH_ERR_STEP, "could not be resolved"));
+        CHECK(H.live == live);
+    }
     CHECK(cloth_collide_contacts(W.c, 8, touch, &count) == CLOTH_OK && count == 0);
     CHECK(cloth_collide_move(W.c, W.ground, ground) == CLOTH_OK);
     CHECK(world_run(&W, 1, 1.0 / 60) && cloth_sim_hash(W.sim) == after);

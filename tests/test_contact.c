@@ -30,8 +30,8 @@ static void drape_leapfrog(void) {
 static void fold(void) { scene_fold(size(14, 32), size(90, 300), 1.0 / 120); }
 static void crumple(void) { scene_crumple(size(14, 32), size(60, 240), 1.0 / 120); }
 static void stack(void) { scene_stack(size(8, 20), size(50, 240), 1.0 / 60); }
-static void ring(void) { scene_ring(size(8, 20), size(120, 480), 1.0 / 120); }
-static void twist(void) { scene_twist(size(16, 24), size(1, 3), size(60, 480), 1.0 / 120); }
+static void ring(void) { scene_ring(size(7, 20), size(80, 480), 1.0 / 120); }
+static void twist(void) { scene_twist(size(12, 24), size(1, 3), size(50, 480), 1.0 / 120); }
 static void spin(void) { scene_spin(size(14, 32), size(60, 300), 1.0 / 60); }
 static void ball(void) { scene_ball(size(12, 24), size(20, 60)); }
 

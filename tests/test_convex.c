@@ -191,7 +191,7 @@ static void swept(void) {
 }
 
 static void pressed(void) {
-    const int steps = test_full() ? 40 : test_quick() ? 8 : 16;
+    const int steps = test_full() ? 40 : test_quick() ? 8 : 12;
     int       kind, crossed = 0, differ = 0, miscounted = 0;
     title();
     for (kind = 0; kind < BODIES; kind++)

@@ -154,17 +154,18 @@ static void errors(const cloth_grid *g, distance_fn *fn, double reach, double *e
 }
 
 static void order_of(const char *name, const shape *s, distance_fn *fn, double reach) {
-    double e[3], slope[3], cell = 0.1;
-    int    i;
-    for (i = 0; i < 3; i++, cell /= 2) {
+    const int n = test_full() ? 3 : 2;      /* the finest takes most of the time */
+    double    e[3], slope[3], cell = 0.1;
+    int       i;
+    for (i = 0; i < n; i++, cell /= 2) {
         cloth_grid *g = make(s, cell, reach + 2 * cell);
         errors(g, fn, reach, &e[i], &slope[i]);
         printf("    %s cell %.3f: error %.2e, of the gradient %.2e\n", name, cell, e[i], slope[i]);
         cloth_grid_destroy(g);
     }
     /* the mesh itself is 1e-4 off at the finest */
-    CHECK(e[0] / e[1] > 3.4 && e[0] / e[1] < 4.6 && e[1] / e[2] > 2.8 && e[1] / e[2] < 4.6);
-    CHECK(slope[0] / slope[1] > 1.7 && slope[1] / slope[2] > 1.6);
+    CHECK(e[0] / e[1] > 3.4 && e[0] / e[1] < 4.6 && slope[0] / slope[1] > 1.7);
+    if (n > 2) CHECK(e[1] / e[2] > 2.8 && e[1] / e[2] < 4.6 && slope[1] / slope[2] > 1.6);
 }
 
 static void sphere(void) {
@@ -247,7 +248,7 @@ static void overlapping_spheres(void) {
     shape_sphere(&s, at[0], 1, 48);
     shape_sphere(&s, at[1], 1, 48);
     shape_sphere(&s, third, 0.3, 20);           /* wholly inside */
-    g = make(&s, 0.05, 1);
+    g = make(&s, test_full() ? 0.05 : 0.07, 1);
     for (i = 0; i < nodes_of(g); i++) {
         double p[3], r[2], near_by;
         node_at(g, i, p);
@@ -354,7 +355,7 @@ static void check_body(const double *x, const cloth_mesh *m, double cell, int sa
 }
 
 static void walking_body(void) {
-    const int frames[3] = {0, 174, 288}, samples = test_full() ? 3000 : 80;
+    const int frames[3] = {0, 174, 288}, samples = test_full() ? 3000 : 40;
     body      b;
     double   *x;
     int       i;
@@ -362,7 +363,7 @@ static void walking_body(void) {
     x = (double *)malloc(3 * (size_t)b.mesh->nv * sizeof *x);
     for (i = 0; i < 3; i++) {
         body_pose(&b, frames[i], x);
-        check_body(x, b.mesh, i == 0 ? 0.01 : 0.02, samples);
+        check_body(x, b.mesh, i == 0 && test_full() ? 0.01 : 0.02, samples);
     }
     free(x);
     body_free(&b);

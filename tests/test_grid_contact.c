@@ -535,7 +535,7 @@ static void cost(void) {
         if (k == 2) d.kind = CLOTH_OBSTACLE_MESH, d.nv = m.nv, d.x = m.x;
         if (k == 2) d.nf = m.nf, d.faces = m.faces;
         CHECK(cloth_collide_add(s.c, &d, &s.id) == CLOTH_OK);
-        for (contact[k] = 0, i = 0; i < (test_full() ? 90 : test_quick() ? 8 : 30); i++) {
+        for (contact[k] = 0, i = 0; i < (test_full() ? 90 : test_quick() ? 8 : 15); i++) {
             cloth_collide_report c;
             CHECK(cloth_step(s.sim, 1.0 / 60, &rep) == CLOTH_OK);
             c = cloth_collide_last(s.c);

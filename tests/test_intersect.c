@@ -178,7 +178,7 @@ static void make_points(kind how, double *x) {
 }
 
 static void random_pairs(void) {
-    const int rounds = test_full() ? 400000 : test_quick() ? 4000 : 20000;
+    const int rounds = test_full() ? 400000 : test_quick() ? 4000 : 10000;
     int       how, i, k;
     for (how = 0; how < KINDS; how++) {
         int wrong = 0, hits = 0, lost = 0;
@@ -319,7 +319,7 @@ static void walking_body(void) {
     if (!*path || cloth_obj_load(NULL, path, NULL, &m) != CLOTH_OK) SKIP("no ../../shared/data");
     x = (double *)malloc(3 * (size_t)m->nv * sizeof *x);
     if (!x) exit(1);
-    for (i = 0; i < (test_quick() ? 2 : 5) && CHECK(pose(m, frames[i], x)); i++) {
+    for (i = 0; i < (test_full() ? 5 : 2) && CHECK(pose(m, frames[i], x)); i++) {
         const int n = compare(m->nv, x, m->nf, m->faces, &pierce);
         printf("  frame %d: %d, of them %d pierce widely\n", frames[i], n, pierce);
         CHECK(pierce == published[i]);

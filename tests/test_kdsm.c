@@ -175,7 +175,7 @@ static void mesh_hangs_together(void) {
     weight = (double *)malloc((size_t)balls.nv * sizeof(double));
     if (!joint || !weight) exit(2);
     for (k = 0; k < balls.nv; k++) weight[k] = 1;
-    for (level = 0; level <= (test_full() ? 5 : test_quick() ? 3 : 4); level++) {
+    for (level = 0; level <= (test_full() ? 5 : 3); level++) {
         kdsm_desc   d = basic;
         kdsm_space *s;
         d.nv = balls.nv, d.x = balls.x, d.nf = balls.nf, d.faces = balls.faces;
@@ -192,7 +192,7 @@ static void mesh_hangs_together(void) {
 /* Parts cut at random, far from how the surface would have them cut: the closure bears it. */
 static void mesh_of_random_cuts_hangs_together(void) {
     int round, k;
-    for (k = 0; k < (test_quick() ? 3 : 8); k++) {
+    for (k = 0; k < (test_full() ? 8 : 3); k++) {
         kdsm_desc    d = basic;
         cloth_grid  *grid;
         kdsm_space   s;
@@ -1029,7 +1029,7 @@ static int test_out(void) {
     return 1;
 }
 
-/* One run, two shards and a run that was broken off leave the same file. */
+/* One run, two shards and, in the long tier, a run that was broken off leave the same file. */
 static void shards_merge_to_the_same_bytes(void) {
     static unsigned char was[1 << 20], is[1 << 20];
     job                  j;
@@ -1041,7 +1041,7 @@ static void shards_merge_to_the_same_bytes(void) {
     j = chains_job("out/test_");
     j.edge = 0.05, j.poses = 1, j.steps = 6, j.chains = j.moves = 1, j.move = 12, j.every = 6;
     CHECK(chains_dress(&j) == NULL);
-    for (way = 0; way < 3; way++) {
+    for (way = 0; way < (test_full() ? 3 : 2); way++) {
         if (way < 2) chains_forget(&j);
         else (void)remove("out/test_chain_00001.done");
         j.shards = way == 1 ? 2 : 1;

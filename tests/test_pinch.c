@@ -269,11 +269,12 @@ static void closes(void) {
     judge(pinch(1, -4e-3, 20), 1);
 }
 
-/* Two and three layers, which keep their order. */
+/* Two and three layers, which keep their order; once they did not where plates had passed. */
 static void layers(void) {
     if (test_quick()) SKIP("long");
-    judge(pinch(2, 1e-3, 30), 2);
     judge(pinch(2, -3e-3, 30), 2);
+    if (!test_full()) return;
+    judge(pinch(2, 1e-3, 30), 2);
     judge(pinch(3, 0.5e-3, 30), 3);
 }
 

@@ -494,7 +494,7 @@ static void shirt(void) {
     shapes_shirt s;
     walk         w;
     cloth_desc   desc = cloth_desc_default();
-    const int    steps = test_full() ? 90 : 20;
+    const int    steps = test_full() ? 90 : 12;
     double      *x;
     const char  *error = shapes_body_make(0.029, &b);
     int          i;
@@ -556,7 +556,7 @@ static int steps_most(void) {
 }
 
 static void skirt(void) {
-    scanned("data/garments/skirt_f_clean.obj", "skirt", test_full() ? steps_most() : 12, 0.99, 0);
+    scanned("data/garments/skirt_f_clean.obj", "skirt", test_full() ? steps_most() : 8, 0.99, 0);
 }
 static void long_skirt(void) {
     scanned("data/garments/longskirt_f_clean.obj", "long skirt", steps_most(), 0.99, 0);

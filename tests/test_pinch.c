@@ -673,7 +673,7 @@ static void backwards(void) {
     unsigned long long seed = 3;
     double             worst = 0;
     int                looks[5] = {0}, turn, step, i, k;
-    for (turn = 0; turn < (test_full() ? 6 : test_quick() ? 1 : 2); turn++) {
+    for (turn = 0; turn < (test_full() ? 6 : 2); turn++) {
         const double fast = ref_uniform(&seed, 0.2e-3, 3e-3);
         scene        q;
         open_scene(&q, 1, 10e-3, 1, NULL);

@@ -5729,10 +5729,11 @@ static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, doubl
     for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * c->obstacle[h->slot].thickness * n[k];
 }
 
+/* Of cloth_collide.look: held between both points, or aside of there; goes out, or has. */
 enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_OUT, CLOTHI_PASSED };
 
-/* Where a vertex that is held is to go from x^n. */
-static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
+/* Where a vertex that is held is to go from x^n; 1: its share comes back by t, not all of it. */
+static int clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
     const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
     double        A[6], B[6], n[6], m[3], d[3], end[6], room, along, drift;
     int           k;
@@ -5747,6 +5748,23 @@ static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double
     drift = h->share * room - clothi_dot3(d, m) - along;
     along += clothi_max(clothi_min(drift, t), -t);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
+    return fabs(drift) > t;
+}
+
+/* Point 0 of a hold is what is nearest to p in the pose x, and point 1 too if it was of another
+ * body. */
+static void clothi_hold_nearest(const cloth_collide *c, const double *x, const double *p,
+                                cloth_hold *h) {
+    const clothi_surface body = {x, c->faces, c->dragging, NULL, &c->solid};
+    double               d2 = CLOTHI_HUGE;
+    const int            f = clothi_surface_nearest(&body, p, &d2, h->weight[0]);
+    const int            slot = c->slot[c->faces[3 * f]];
+    h->face[0] = f - c->obstacle[slot].f0;
+    if (slot != h->slot) {
+        h->face[1] = h->face[0];
+        memcpy(h->weight[1], h->weight[0], sizeof h->weight[0]);
+    }
+    h->slot = slot;
 }
 
 /* Where what is inside of one part is to go: where y is, if that is outside when the substep ends;
@@ -5755,13 +5773,9 @@ static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cl
                                      double *to) {
     const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
     cloth_hold           out = *h;
-    double               d2 = CLOTHI_HUGE;
-    int                  f;
     memcpy(to, y, 3 * sizeof *to);
     if (clothi_surface_winding(&body, y) == 0) return CLOTHI_PASSED;
-    f = clothi_surface_nearest(&body, y, &d2, out.weight[0]);
-    out.slot = c->slot[c->faces[3 * f]];
-    out.face[0] = f - c->obstacle[out.slot].f0;
+    clothi_hold_nearest(c, c->xb, y, &out);
     clothi_hold_above(c, &out, to);
     if (clothi_surface_winding(&body, to) != 0) return CLOTHI_LET_GO;
     *h = out;
@@ -5783,7 +5797,7 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, c
         h->share = share;
     }
     for (k = 0; k < 2 && wind > 0; k++) clothi_hold_slide(c, h, k, p);
-    clothi_hold_goal(c, h, to);
+    (void)clothi_hold_goal(c, h, to);
     return CLOTHI_HELD;
 }
 
@@ -5891,15 +5905,12 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, const double *y) {
 
 /* Vertex v, outside, goes t away from what is nearest. */
 static cloth_status clothi_pinch_out(cloth_collide *c, int v) {
-    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
-    double               A[3], n[3], d2 = CLOTHI_HUGE, *to = c->hold_to + 3 * v;
-    cloth_hold           h;
-    int                  f, k;
+    double     A[3], n[3], *to = c->hold_to + 3 * v;
+    cloth_hold h;
+    int        k;
     memset(&h, 0, sizeof h);
-    f = clothi_surface_nearest(&body, c->xa + 3 * v, &d2, h.weight[0]);
-    h.vertex = v, h.slot = c->slot[c->faces[3 * f]];
-    h.face[0] = h.face[1] = f - c->obstacle[h.slot].f0;
-    memcpy(h.weight[1], h.weight[0], sizeof h.weight[0]);
+    h.vertex = v, h.slot = -1;
+    clothi_hold_nearest(c, c->xa, c->xa + 3 * v, &h);
     clothi_hold_point(c, &h, 0, c->xa, A, n);
     clothi_hold_point(c, &h, 0, c->xb, to, n);
     for (k = 0; k < 3; k++)
@@ -6048,9 +6059,9 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * and 778 rows that no point meets; of a walk's steps 9 had to be halved, then 3, now 2.)
  * A zone that the program cannot solve, or not within desc.max_passes, or whose sweeps lead three
  * times as far off as anything goes (ten: a vertex of a skirt 0.6 m, for three steps), goes on as
- * one body that does not turn; if that hits too, it stays where it was. (To let it
- * turn was worse: two spinning sheets that meet at 70 m/s, leapfrog, max_passes 2: 23 of 24 steps
- * failed for none; with 3 the angular momentum was 1.1 % off for 0.3.)
+ * one body that does not turn; if that hits too, it stays where it was. (To let it turn was worse:
+ * two spinning sheets that meet at 70 m/s, leapfrog, max_passes 2: 23 of 24 steps failed for none;
+ * with 3 the angular momentum was 1.1 % off for 0.3.)
  * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
  * carried by them and rows that ask for no more room than detection leaves: layers between an arm
  * and a chest that come nearer have no point at their gaps of x^n (trousers on a jump failed a
@@ -6625,7 +6636,7 @@ static cloth_status clothi_pinch_rows(cloth_collide *c) {
         if (!clothi_row_hold(c, c->row + i, &h)) continue;
         c->look[h.vertex] = CLOTHI_HELD;
         c->held_of[h.vertex] = c->nholding;
-        clothi_hold_goal(c, &h, c->hold_to + 3 * h.vertex);
+        (void)clothi_hold_goal(c, &h, c->hold_to + 3 * h.vertex);
         status = CLOTHI_PUSH(c, holding, h);
     }
     if (!status) clothi_pinch_settle(c, n);
@@ -8775,19 +8786,17 @@ static void clothi_back_above(const clothi_flow *f, const cloth_hold *h, double 
  * from where it was; else by the mean of their ways. */
 static void clothi_back_between(const clothi_flow *f, const cloth_hold *h, double *to) {
     const cloth_collide *c = f->c;
-    const double         t = c->obstacle[h->slot].thickness;
-    double               A[6], n[6], out[3], d[3], room, along;
-    int                  i, k, late;
-    clothi_hold_goal(c, h, d);
-    room = clothi_hold_room(c, h, c->xb, A, n, out);
-    clothi_sub3(d, A, d);
-    late = fabs(clothi_dot3(d, out) - h->share * room) > 1e-9 * t;
+    double               A[6], n[6], out[3], along;
+    const int            late = clothi_hold_goal(c, h, out);
+    int                  i, k;
+    (void)clothi_hold_room(c, h, c->xb, A, n, out);
     along = clothi_dot3(to, out);
     for (k = 0; k < 3; k++) to[k] -= along * out[k];
     for (i = 0; i < 6; i++) {
         const int   *v = c->faces + 3 * (size_t)(c->obstacle[h->slot].f0 + h->face[i / 3]);
         const double w = h->weight[i / 3][i % 3], part = w * (i < 3 ? 1 - h->share : h->share);
-        for (k = 0; k < 2; k++) clothi_flow_add(f, k, v[i % 3], k ? 0.5 * w : -0.5 * w, to);
+        clothi_flow_add(f, 0, v[i % 3], -0.5 * w, to);
+        clothi_flow_add(f, 1, v[i % 3], 0.5 * w, to);
         clothi_flow_add(f, 1, v[i % 3], part * along, out);
         if (late) clothi_flow_add(f, 0, v[i % 3], -part * along, out);
     }
@@ -8801,12 +8810,16 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     double               to[3], H[9];
     int                  k;
     (void)clothi_hold_pull(c, h, c->xb + 3 * h->vertex, to, H);
-    for (k = 0; k < 3; k++)
-        to[k] = (f->whole ? -1 : 1) * clothi_dot3(H + 3 * k, f->a + 3 * h->vertex);
-    if (f->whole && look == CLOTHI_OUT) clothi_back_above(f, h, to);
-    if (f->whole && look == CLOTHI_ASIDE) clothi_back_above(f, c->caught + h->vertex, to);
-    if (f->whole && look <= CLOTHI_ASIDE) clothi_back_between(f, h, to);
-    clothi_flow_add(f, f->whole ? 0 : 1, h->vertex, 1, to);
+    for (k = 0; k < 3; k++) to[k] = clothi_dot3(H + 3 * k, f->a + 3 * h->vertex);
+    if (!f->whole) {
+        clothi_flow_add(f, 1, h->vertex, 1, to);
+        return;
+    }
+    for (k = 0; k < 3; k++) to[k] = -to[k];
+    if (look == CLOTHI_OUT) clothi_back_above(f, h, to);
+    if (look == CLOTHI_ASIDE) clothi_back_above(f, c->caught + h->vertex, to);
+    if (look <= CLOTHI_ASIDE) clothi_back_between(f, h, to);
+    clothi_flow_add(f, 0, h->vertex, 1, to);
 }
 
 /* A substep's end: its poses to those of the step; anchors before it are those after the last. */

@@ -464,10 +464,10 @@ static void pinch(void) {
 }
 
 /* What drags a held vertex: gradient and Hessian are those of its energy, by differences; near its
- * end a spring, far from it a force that is never more than t of the membrane's stiffness, 9 t on
+ * end a spring, far from it a force that is never more than t/2 of the membrane's stiffness, 9 t on
  * what goes out. */
 static void pull(void) {
-    static const double spring = 10, way[3] = {1e-6, 1e-3, 0.1};
+    static const double spring = 10, way[3] = {1e-7, 1e-3, 0.1};
     static const double half[3] = {0.2, 0.05, 0.2}, center[3] = {0.1, -0.06, 0.1};
     static const double out[3] = {0.6, -0.48, 0.64};        /* of length 1                     */
     cloth_desc     d = cloth_desc_default();
@@ -490,7 +490,7 @@ static void pull(void) {
         const double dist = way[w / 2], e = 1e-4 * dist;
         double       size = 0;
         W.c->look[h.vertex] = w % 2 ? CLOTHI_OUT : CLOTHI_HELD;
-        most = (w % 2 ? 9 : 1) * W.c->desc.thickness * stiff;
+        most = (w % 2 ? 9 : 0.5) * W.c->desc.thickness * stiff;
         for (i = 0; i < 3; i++) W.c->hold_to[3 * h.vertex + i] = 0;
         for (i = 0; i < 3; i++) x[i] = dist * out[i];
         (void)clothi_hold_pull(W.c, &h, x, g, H9);

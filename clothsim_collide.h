@@ -5550,37 +5550,24 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            between the points so found. 1: the part that it is in has passed it. It goes where
  *            its motion takes it, y = x^n + h v^n of an implicit step, as cloth around it does; if
  *            that is inside when the substep ends, to above what is nearest to y then, but where
- *            another part is there. (From x^n, with what is nearest to it there: cloth in a
- *            hand was carried with it, was left behind, and stayed in. So it was by the side that
- *            taut cloth pulls to, or that it came in by.) Else, where parts overlap, both points
- *            slide from face to face, of those that look at the other one, nearest to p.
+ *            another part is there. Else, where parts overlap, both points slide from face to face,
+ *            of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
  *            the share s of the way from A0 to A1 that it had when it was caught. Where the points
  *            slid, s comes back by at most t a substep. Where that ends inside of one part, as it
  *            does behind a wrist that leaves a hip, p is pulled to above the nearer of both
- *            surfaces (of all that there is: 0.30 for 0.26 %, below). Minimising begins where
- *            it was. (From above it trousers halved 10 steps of 120 for 4)
+ *            surfaces. Minimising begins where it was
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep; so
  *            does an edge across from a vertex that is held: in a finger, among features that hold
  *            it, it could go nowhere, and trousers' steps failed from there on for good. (Where
  *            its ends are nearest to the finger along the edge it stays, exempt, till that leaves)
  *
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 10 times the membrane's
- * stiffness K, that never pulls harder than F = K t/2 on what is held, 9 K t on what goes out. So
- * cloth stays whole: without a bound edges of trousers between a hand and a hip grew to 3.8 times
- * their length, with K t on what is held to 2.8, now to 2.5. It begins anew at x^n in every
- * substep: a drag. Nailed to `to`, as in [BWK03], edges of a T-shirt's armpit grew to 4 to 18 times
- * their length, and held layers crossed; 9 K t on what is held is that again: 2.4, and its steps
- * fail from the 50th of a walk on. Figures of one walk move by a third with the last bits. Of seven
- * walks that begin a nanometre apart a skirt's has 0.19 % in the body in the mean, 0.9 in the worst
- * frame (1.5 in one). With K t 0.22 and 0.8 (1.2 in one); K t/4 0.18 and 0.7 (0.8), but the armpits
- * of three random motions of eight hold 0.7 to 1.2 % of a shirt, for two with 0.4. The rest with K
- * t, in the mean: from x^n and by tension 0.28; three springs of 0.3, 3 and 30 K, 9 K t for all,
- * 0.24 to 0.36; F by the root of a vertex's area 0.25, and failed steps; 3 K t on what is held
- * likewise; out along the line of intersection [VM06] 0.28, all that crosses 1.2. F by the strain e
- * of its edges at x^n, K t (1 + 8 max(0, 1 - e)) for both: 0.16 to 0.27, but trousers 0.10 for
- * 0.06; to e = 0.5: 0.21 to 0.28, trousers 0.14, edges of 3.0. On what is outside when the substep
- * ends K t or no pull: 0.30, 0.34.
+ * stiffness K, that never pulls harder than F: K t/2 on what is held, 27 K t on what goes out, and
+ * less of that where an edge beside it is longer at x^n than 1.5 of its length, a twentieth at 2.5.
+ * It begins anew at x^n in every substep: a drag. So cloth stays whole: nailed to `to`, as in
+ * [BWK03], edges of a T-shirt's armpit grew to 4 to 18 times their length, and held layers crossed;
+ * without a bound those of trousers to 3.8. What was tried for F: stability/random_motions.c.
  *
  * Exempt are pairs with the body of which it holds a vertex, where all faces around the body's side
  * are in the pinch: no farther from where that vertex was or is pulled to than cloth hangs on it.
@@ -5589,8 +5576,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * cloth does not pass cloth. Faces that intersect when the substep ends are listed, and exempt
  * until they part [8.1], but for a vertex that is outside of the body: it may not go in.
  *
- * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003. [VM06]: [8.7]
- * checked: tests/test_pinch.c */
+ * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
+ * checked: tests/test_pinch.c, test_collide_state.c (the pull) */
 
 #define CLOTHI_FACING   (-0.3)              /* cosine between what is on two sides             */
 #define CLOTHI_PINCHED  2                   /* t: less room than that at either pose           */
@@ -5598,7 +5585,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_WALK     100                 /* faces that a point slides over in a substep     */
 #define CLOTHI_DRAG     10                  /* of the membrane's stiffness: what pulls         */
 #define CLOTHI_HOLD     0.5                 /* t of that stiffness, N: the most on what is held */
-#define CLOTHI_PULL     9                   /* the same: on what goes out                      */
+#define CLOTHI_PULL     27                  /* the same: on what goes out                      */
+#define CLOTHI_TAUT     2.5                 /* stretch of an edge beside: that is none then    */
+#define CLOTHI_SLIP     0.05                /* of it: but for that                             */
 #define CLOTHI_DEEP     20                  /* t: farther in neither surface is the way aside  */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
@@ -5999,6 +5988,22 @@ static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p) {
     return held;
 }
 
+/* The part of a pull out that cloth around vertex v bears: all while its edges at x^n are shorter
+ * than CLOTHI_TAUT - 1 of their length. */
+static double clothi_hold_borne(const cloth_collide *c, int v) {
+    const double *rest = c->sim->model->x_rest;
+    double        stretch2 = 0, d[3], r[3];
+    int           i;
+    for (i = 3 * c->star[v]; i < 3 * c->star[v + 1]; i++) {
+        const int u = c->faces[3 * c->star_face[i / 3] + i % 3];
+        if (u == v) continue;
+        clothi_sub3(c->xa + 3 * u, c->xa + 3 * v, d);
+        clothi_sub3(rest + 3 * u, rest + 3 * v, r);
+        stretch2 = clothi_max(stretch2, clothi_dot3(d, d) / clothi_dot3(r, r));
+    }
+    return clothi_max(clothi_min(CLOTHI_TAUT - sqrt(stretch2), 1), CLOTHI_SLIP);
+}
+
 /* What pulls a held vertex at x [3]: energy J, grad [3] N, hess [3x3] N/m. */
 static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, const double *x,
                                double *grad, double *hess) {
@@ -6006,7 +6011,8 @@ static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, cons
     const int          face = m->topology->vf[m->topology->vf_start[h->vertex]];
     const double pull = CLOTHI_DRAG *
                         clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
-    const double most = c->look[h->vertex] >= CLOTHI_OUT ? CLOTHI_PULL : CLOTHI_HOLD;
+    const double most = c->look[h->vertex] < CLOTHI_OUT
+                            ? CLOTHI_HOLD : CLOTHI_PULL * clothi_hold_borne(c, h->vertex);
     const double r = most * c->obstacle[h->slot].thickness / CLOTHI_DRAG;            /* m */
     double       d[3], s;
     int          i;
@@ -6015,7 +6021,7 @@ static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, cons
     for (i = 0; i < 3; i++) grad[i] = pull / s * d[i];
     for (i = 0; i < 9; i++)
         hess[i] = pull / s * ((i % 4 == 0) - d[i / 3] * d[i % 3] / (r * r * s * s));
-    return pull * r * r * (s - 1);
+    return pull * clothi_dot3(d, d) / (s + 1);
 }
 
 static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy) {
@@ -8429,8 +8435,8 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  *
  * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
  * stiffness. Taken as such though they move, and told (vjp.frozen): the way that turning spheres
- * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex,
- * v^n by which one goes out, zones that went on as one body.
+ * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex, v^n
+ * and the edges by which one goes out, zones that went on as one body.
  * checked: tests/test_grad_contact.c
  */
 

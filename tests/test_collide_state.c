@@ -467,7 +467,7 @@ static void pinch(void) {
  * end a spring, far from it a force that is never more than t/2 of the membrane's stiffness, 9 t on
  * what goes out. */
 static void pull(void) {
-    static const double spring = 10, way[3] = {1e-7, 1e-3, 0.1};
+    static const double spring = 10, way[3] = {1e-7, 1e-3, 1};
     static const double half[3] = {0.2, 0.05, 0.2}, center[3] = {0.1, -0.06, 0.1};
     static const double out[3] = {0.6, -0.48, 0.64};        /* of length 1                     */
     cloth_desc     d = cloth_desc_default();
@@ -490,7 +490,7 @@ static void pull(void) {
         const double dist = way[w / 2], e = 1e-4 * dist;
         double       size = 0;
         W.c->look[h.vertex] = w % 2 ? CLOTHI_OUT : CLOTHI_HELD;
-        most = (w % 2 ? 9 : 0.5) * W.c->desc.thickness * stiff;
+        most = (w % 2 ? 27 : 0.5) * W.c->desc.thickness * stiff;
         for (i = 0; i < 3; i++) W.c->hold_to[3 * h.vertex + i] = 0;
         for (i = 0; i < 3; i++) x[i] = dist * out[i];
         (void)clothi_hold_pull(W.c, &h, x, g, H9);
@@ -508,6 +508,18 @@ static void pull(void) {
         CHECK(size > 0 && size < most);
         if (w < 2) CHECK_REL(size, spring * stiff * dist, 1e-4);
         if (w > 3) CHECK_REL(size, most, 1e-3);
+    }
+    for (w = 0; w < 4; w++) {               /* far away it is the most, of which an edge leaves */
+        static const double longer[4] = {1.45, 1.8, 2.4, 3}, left[4] = {1, 0.7, 0.1, 0.05};
+        const double       *rest = W.model->x_rest;
+        double              size = 0;
+        memcpy(W.c->xa, rest, 3 * (size_t)W.mesh->nv * sizeof(double));
+        for (i = 0; i < 3; i++)
+            W.c->xa[3 * 6 + i] = rest[3 * 5 + i] + longer[w] * (rest[3 * 6 + i] - rest[3 * 5 + i]);
+        for (i = 0; i < 3; i++) x[i] = 100 * out[i];
+        (void)clothi_hold_pull(W.c, &h, x, g, H9);
+        for (i = 0; i < 3; i++) size += g[i] * out[i];
+        CHECK_REL(size, 27 * left[w] * W.c->desc.thickness * stiff, 1e-3);
     }
     world_close(&W);
 }

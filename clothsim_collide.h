@@ -5586,8 +5586,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_DRAG     10                  /* of the membrane's stiffness: what pulls         */
 #define CLOTHI_HOLD     0.5                 /* t of that stiffness, N: the most on what is held */
 #define CLOTHI_PULL     27                  /* the same: on what goes out                      */
-#define CLOTHI_TAUT     2.5                 /* stretch of an edge beside: that is none then    */
-#define CLOTHI_SLIP     0.05                /* of it: but for that                             */
+#define CLOTHI_TAUT     2.5                 /* stretch of an edge beside that leaves of that   */
+#define CLOTHI_SLIP     0.05                /* so much                                         */
 #define CLOTHI_DEEP     20                  /* t: farther in neither surface is the way aside  */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
@@ -5988,8 +5988,8 @@ static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p) {
     return held;
 }
 
-/* The part of a pull out that cloth around vertex v bears: all while its edges at x^n are shorter
- * than CLOTHI_TAUT - 1 of their length. */
+/* The part of a pull out that cloth around vertex v bears: all of it up to a stretch of its edges
+ * at x^n of CLOTHI_TAUT - 1, CLOTHI_SLIP from CLOTHI_TAUT on. */
 static double clothi_hold_borne(const cloth_collide *c, int v) {
     const double *rest = c->sim->model->x_rest;
     double        stretch2 = 0, d[3], r[3];

@@ -464,8 +464,8 @@ static void pinch(void) {
 }
 
 /* What drags a held vertex: gradient and Hessian are those of its energy, by differences; near its
- * end a spring, far from it a force that is never more than t/2 of the membrane's stiffness, 9 t on
- * what goes out. */
+ * end a spring, far from it a force that is never more than t/2 of the membrane's stiffness, 27 t
+ * on what goes out, and of that what edges beside it bear. */
 static void pull(void) {
     static const double spring = 10, way[3] = {1e-7, 1e-3, 1};
     static const double half[3] = {0.2, 0.05, 0.2}, center[3] = {0.1, -0.06, 0.1};

@@ -5991,15 +5991,16 @@ static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p) {
 /* The part of a pull out that cloth around vertex v bears: all of it up to a stretch of its edges
  * at x^n of CLOTHI_TAUT - 1, CLOTHI_SLIP from CLOTHI_TAUT on. */
 static double clothi_hold_borne(const cloth_collide *c, int v) {
-    const double *rest = c->sim->model->x_rest;
-    double        stretch2 = 0, d[3], r[3];
-    int           i;
-    for (i = 3 * c->star[v]; i < 3 * c->star[v + 1]; i++) {
-        const int u = c->faces[3 * c->star_face[i / 3] + i % 3];
-        if (u == v) continue;
-        clothi_sub3(c->xa + 3 * u, c->xa + 3 * v, d);
-        clothi_sub3(rest + 3 * u, rest + 3 * v, r);
-        stretch2 = clothi_max(stretch2, clothi_dot3(d, d) / clothi_dot3(r, r));
+    double stretch2 = 0, d[3];
+    int    i, k;
+    for (i = c->star[v]; i < c->star[v + 1]; i++) {
+        const int    *of = c->faces + 3 * c->star_face[i], at = of[0] == v ? 0 : of[1] == v ? 1 : 2;
+        const double *X = c->sim->params.X + 6 * (size_t)c->star_face[i];
+        for (k = 0; k < 3; k++) {
+            const double x = X[2 * k] - X[2 * at], y = X[2 * k + 1] - X[2 * at + 1];
+            clothi_sub3(c->xa + 3 * of[k], c->xa + 3 * v, d);
+            if (k != at) stretch2 = clothi_max(stretch2, clothi_dot3(d, d) / (x * x + y * y));
+        }
     }
     return clothi_max(clothi_min(CLOTHI_TAUT - sqrt(stretch2), 1), CLOTHI_SLIP);
 }

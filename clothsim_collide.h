@@ -4100,6 +4100,7 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
 
 static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p);
 static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy);
+static cloth_status clothi_hold_block(const cloth_collide *c, cloth_matrix *A, int *blocked);
 static int clothi_tangle_passes(const cloth_collide *c, const clothi_pair_id *p);
 
 /* 1 when a vertex of cloth is, where the substep begins, outside of a world face of a body that
@@ -5479,6 +5480,7 @@ static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *block
     cloth_collide *c = (cloth_collide *)user;
     cloth_status   status = clothi_friction_block(c, A, blocked);
     int            i, j;
+    if (!status) status = clothi_hold_block(c, A, blocked);
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
         clothi_frame    f = q->at;
@@ -6034,6 +6036,25 @@ static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e
         *energy += clothi_hold_pull(c, c->holding + i, e->x + 3 * v, grad, hess);
         for (k = 0; e->grad && k < 3; k++) e->grad[3 * v + k] += grad[k];
         if (e->hess) status = cloth_matrix_add_element(e->hess, 1, &v, hess);
+    }
+    return status;
+}
+
+/* What dx takes past where it is pulled to: what the majorizer, pull/s on all axes, has and the
+ * Hessian has not joins the matrix, and it comes to rest there instead. */
+static cloth_status clothi_hold_block(const cloth_collide *c, cloth_matrix *A, int *blocked) {
+    cloth_status status = CLOTH_OK;
+    double       d[3], grad[3], hess[9];
+    int          i, k;
+    for (i = 0; i < c->nholding && !status; i++) {
+        const int v = c->holding[i].vertex;
+        clothi_sub3(c->at + 3 * v, c->hold_to + 3 * v, d);
+        if (!(clothi_dot3(d, c->dx + 3 * v) < -clothi_dot3(d, d))) continue;
+        (void)clothi_hold_pull(c, c->holding + i, c->at + 3 * v, grad, hess);
+        for (k = 0; k < 9; k++)
+            hess[k] = (k % 4 == 0) * clothi_dot3(grad, d) / clothi_dot3(d, d) - hess[k];
+        status = cloth_matrix_add_element(A, 1, &v, hess);
+        (*blocked)++;
     }
     return status;
 }

@@ -3347,7 +3347,7 @@ typedef struct clothi_pair_id {             /* features, by kind; faces: a < b  
 typedef struct clothi_near {                /* a pair of the broad phase                       */
     clothi_pair_id id;
     int    hit;                             /* CLOTHI_HIT_ bits                                */
-    double slack;                           /* m, to where it is felt: not less at x_list      */
+    double slack;                           /* m, to where it is felt, or less, with no way gone */
     double thick;                           /* m, its contact thickness; 0: not known yet      */
     double felt;                            /* m, the gap that it is felt from                 */
     double time;                            /* part of a segment that it leaves free           */
@@ -3452,8 +3452,9 @@ struct cloth_collide {
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
-    double         *travel;                 /* [nw + me + mf] m, a move of vertices, edges and
-                                               faces; 0 for obstacles'                         */
+    double         *gone, *travel;          /* [nw + me + mf] m, ways of vertices, edges and
+                                               faces since there is a list; with a move's; 0 of
+                                               obstacles                                       */
     int             solid_known;            /* which way the obstacles' boxes hold             */
     double *x_ie;                           /* [nv x 3] the candidate                          */
     int    *vertex_part;                    /* [nv]                                            */
@@ -3724,9 +3725,9 @@ static cloth_status clothi_world_stars(cloth_collide *c) {
     const clothi_array need[] = {
         {&c->edges, 2 * me, sizeof(int)}, {&c->edge_face, 2 * me, sizeof(int)},
         {&c->star, nw + 1, sizeof(int)}, {&c->star_face, 3 * mf, sizeof(int)},
-        {&c->travel, nw + me + mf, sizeof(double)}};
+        {&c->travel, nw + me + mf, sizeof(double)}, {&c->gone, nw + me + mf, sizeof(double)}};
     int i;
-    if (clothi_arrays(c->hooks, need, 5)) return CLOTH_ERR_MEMORY;
+    if (clothi_arrays(c->hooks, need, 6)) return CLOTH_ERR_MEMORY;
     memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
     for (i = 0; i < 2 * c->me; i++) c->edge_face[i] = -1;
     for (i = 0; i < 3 * c->mf; i++) {
@@ -3899,26 +3900,29 @@ static double clothi_pair_thickness(const cloth_collide *c, const clothi_pair_id
     return clothi_min(t, 0.5 * apart);
 }
 
-/* How far the vertices, edges and faces of cloth go along dx [nv x 3] at most, m. */
+/* c->travel: how far the vertices, edges and faces of cloth have gone and go along dx [nv x 3] at
+ * most, m. */
 static void clothi_move_far(cloth_collide *c, const double *dx) {
-    double *v = c->travel, *e = v + c->nw, *f = e + c->me;
-    int     i;
+    double       *v = c->travel, *e = v + c->nw, *f = e + c->me;
+    const double *gone_e = c->gone + c->nw, *gone_f = gone_e + c->me;
+    int           i;
     for (i = 0; i < c->nv; i++) v[i] = sqrt(clothi_dot3(dx + 3 * i, dx + 3 * i));
     for (i = 0; i < c->me; i++) {
         const int *w = c->edges + 2 * i;
-        if (w[0] < c->nv) e[i] = clothi_max(v[w[0]], v[w[1]]);
+        if (w[0] < c->nv) e[i] = gone_e[i] + clothi_max(v[w[0]], v[w[1]]);
     }
     for (i = 0; i < c->nf; i++) {
         const int *w = c->faces + 3 * i;
-        f[i] = clothi_max(clothi_max(v[w[0]], v[w[1]]), v[w[2]]);
+        f[i] = gone_f[i] + clothi_max(clothi_max(v[w[0]], v[w[1]]), v[w[2]]);
     }
+    for (i = 0; i < c->nv; i++) v[i] += c->gone[i];
 }
 
-/* How much nearer a pair comes in that move at most. */
-static double clothi_pair_far(const cloth_collide *c, const clothi_pair_id *p) {
-    const double *v = c->travel, *e = v + c->nw, *f = e + c->me;
+/* How much nearer a pair has come at most by ways: c->gone, c->travel. */
+static double clothi_pair_far(const cloth_collide *c, const double *ways, const clothi_pair_id *p) {
+    const double *e = ways + c->nw, *f = e + c->me;
     if (p->kind == CLOTHI_EE) return e[p->a] + e[p->b];
-    return v[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
+    return ways[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
 }
 
 /* The same, taking off what its sides move together: the longest difference of the motions of two
@@ -5080,8 +5084,8 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
  * From there on every move of the cloth is cut where a pair would come near its pole. The broad
  * phase is made for a segment and some slack around it and serves while the iterates stay there;
  * a vertex that leaves has its pairs sought anew. Of each pair a bound of the way to its range is
- * known, exact when last looked at and less by what has moved since: one comparison for most. What
- * may come into range on a move is a contact. */
+ * known, exact when last looked at, less by what its sides have gone since: mostly one comparison.
+ * What may come into range on a move is a contact. */
 
 #define CLOTHI_LIST_SLACK 0.5               /* t, around the segment that a list is made for   */
 #define CLOTHI_LEAVE      8                 /* of cloth: where more leaves, the list is new     */
@@ -5132,32 +5136,32 @@ static void clothi_near_range(const cloth_collide *c, clothi_near *p) {
         p->felt *= 1 - (1 - CLOTHI_GUARD) * (1 - CLOTHI_POLE);
 }
 
-/* How far a pair is from where it is felt, m, or less: cheaper; cloth at x, obstacles where they
- * end. */
+/* How far a pair is from where it is felt, m, or less: cheaper; cloth at x, that of c->gone,
+ * obstacles where they end. */
 static double clothi_near_slack(const cloth_collide *c, clothi_near *p, const double *x,
                                 int exact) {
     const int    slot = clothi_pair_slot(c, &p->id);
     const double most = clothi_slot_thickness(c, slot);
-    double       r[12], gap;
+    double       r[12], left = -HUGE_VAL;
     int          v[4];
-    if (clothi_is_soft(c, &p->id)) return -HUGE_VAL;
-    if (exact || p->id.kind == CLOTHI_VP) {
-        gap = clothi_pair_gap(c, x, &p->id);
-        if (gap - most > CLOTHI_REACH * c->thickest) return gap - most;
-        clothi_near_range(c, p);
-        return gap - p->felt;
+    if (!clothi_is_soft(c, &p->id) && (exact || p->id.kind == CLOTHI_VP)) {
+        const double gap = clothi_pair_gap(c, x, &p->id);
+        left = gap - most;
+        if (!(left > CLOTHI_REACH * c->thickest)) clothi_near_range(c, p), left = gap - p->felt;
+    } else if (!clothi_is_soft(c, &p->id)) {
+        (void)clothi_pair_vertices(c, &p->id, v);
+        clothi_pair_points(c, x, v, 4, r);
+        left = clothi_pair_beyond(p->id.kind, r) - clothi_slot_radius(c, slot) - most;
     }
-    (void)clothi_pair_vertices(c, &p->id, v);
-    clothi_pair_points(c, x, v, 4, r);
-    return clothi_pair_beyond(p->id.kind, r) - clothi_slot_radius(c, slot) - most;
+    p->slack = left + clothi_pair_far(c, c->gone, &p->id);
+    return left;
 }
 
 static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     cloth_collide *c = (cloth_collide *)ctx;
     int            i;
     (void)worker;
-    for (i = begin; i < end; i++)
-        c->pair[i].slack = clothi_near_slack(c, c->pair + i, c->x_list, 0);
+    for (i = begin; i < end; i++) (void)clothi_near_slack(c, c->pair + i, c->x_list, 0);
 }
 
 /* 1: of the world vertices v [n] there are some that c->moved names. */
@@ -5219,10 +5223,10 @@ static cloth_status clothi_list_keep(cloth_collide *c, int first) {
         c->order[i] = first && (q[i].kind == CLOTHI_VP || !clothi_any_moved(c, q[i].v, q[i].n));
     for (i = first; i < c->npair; i++) {
         clothi_near *p = c->pair + i;
-        const int    was = p->slack > reach ? -1 : *clothi_contact_place(c, &p->id) - 1;
-        if (was < 0) continue;
-        p->slack = clothi_near_slack(c, p, c->x_list, 1);
-        if (!(p->slack > reach)) c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
+        const int    was = p->slack - clothi_pair_far(c, c->gone, &p->id) > reach
+                               ? -1 : *clothi_contact_place(c, &p->id) - 1;
+        if (was >= 0 && !(clothi_near_slack(c, p, c->x_list, 1) > reach))
+            c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
     }
     for (i = 0; i < c->ncontact; i++)
         if (c->order[i]) q[n++] = q[i];
@@ -5231,7 +5235,7 @@ static cloth_status clothi_list_keep(cloth_collide *c, int first) {
     return CLOTH_OK;
 }
 
-/* The iterate is x, inside of the list: bounds of the gaps go down by what has moved. */
+/* The iterate is x, inside of the list. */
 static void clothi_list_drift(cloth_collide *c, const double *x) {
     const int n = 3 * c->nv;
     double   *dx = c->qp_x;
@@ -5239,7 +5243,7 @@ static void clothi_list_drift(cloth_collide *c, const double *x) {
     if (memcmp(c->x_list, x, (size_t)n * sizeof(double)) == 0) return;
     for (i = 0; i < n; i++) dx[i] = x[i] - c->x_list[i];
     clothi_move_far(c, dx);
-    for (i = 0; i < c->npair; i++) c->pair[i].slack -= clothi_pair_far(c, &c->pair[i].id);
+    memcpy(c->gone, c->travel, (size_t)(c->nw + c->me + c->mf) * sizeof(double));
     memcpy(c->x_list, x, (size_t)n * sizeof(double));
 }
 
@@ -5264,6 +5268,23 @@ static cloth_status clothi_list_mend(cloth_collide *c) {
     return status;
 }
 
+/* Of a new list walls stay and what can meet while its vertices are inside of their boxes: by their
+ * ways from x to y, and as far aside of these as a box reaches. Half of a T-shirt's do not. */
+static void clothi_list_trim(cloth_collide *c, const double *x, const double *y) {
+    const double aside = sqrt(3.0) * CLOTHI_LIST_SLACK * c->thickest;
+    int          i, n = 0;
+    for (i = 0; i < 3 * c->nv; i++) c->qp_x[i] = y[i] - x[i];
+    clothi_move_far(c, c->qp_x);
+    for (i = 0; i < c->npair; i++) {
+        const clothi_near *p = c->pair + i;
+        const double       most = clothi_pair_far(c, c->travel, &p->id) +
+                            (clothi_pair_slot(c, &p->id) < 0 ? 2 : 1) * aside;
+        if (p->id.kind == CLOTHI_VP || p->slack <= most + CLOTHI_REACH * c->thickest)
+            c->pair[n++] = *p;
+    }
+    c->npair = n;
+}
+
 /* Pairs for segments near that from x to y, of walls all; contacts as they were. Of a list that is
  * there only those of vertices that leave their boxes, mostly one of thousands, are made anew. */
 static cloth_status clothi_list_make(cloth_collide *c, const double *x, const double *y) {
@@ -5279,7 +5300,9 @@ static cloth_status clothi_list_make(cloth_collide *c, const double *x, const do
         memset(c->moved, 1, (size_t)c->nv);
         status = clothi_broad_phase(c, x, y, CLOTHI_ENDED, reach, 0);
         memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
+        memset(c->gone, 0, (size_t)(c->nw + c->me + c->mf) * sizeof(double));
         clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_slack_range, c);
+        clothi_list_trim(c, x, y);
     } else {
         clothi_list_drift(c, x);
         for (i = 0; i < c->nv; i++)
@@ -5297,37 +5320,102 @@ static cloth_status clothi_list_make(cloth_collide *c, const double *x, const do
     return status ? status : clothi_list_keep(c, first);
 }
 
-typedef struct clothi_joining {             /* who becomes a contact, see clothi_list_join    */
+/* The part of the way from c->at along c->way that a pair of the list leaves free: its time. */
+static void clothi_near_free(const cloth_collide *c, clothi_near *q) {
+    const clothi_pair_id *p = &q->id;
+    const double gone = clothi_pair_far(c, c->gone, p);
+    double       x[12], y[12], come, gap, least, fall;
+    int          v[4], k;
+    if (q->slack - clothi_pair_far(c, c->travel, p) > 0) return;
+    come = clothi_pair_come(c, p, c->way);
+    if (!(come > 0) || q->slack - gone - come > 0) return;
+    clothi_near_range(c, q);
+    gap = clothi_pair_gap(c, c->at, p);
+    q->slack = gap - q->felt + gone;
+    if (gap - come > CLOTHI_SEPARATION * q->thick || clothi_is_soft(c, p) || clothi_is_exempt(c, p))
+        return;
+    least = clothi_pair_pole(c, q->thick, clothi_pair_gap(c, c->xa, p));
+    least = gap > least ? least + 0.1 * (gap - least) : 0.5 * gap;      /* 9/10 of the way */
+    if (p->kind == CLOTHI_VP) {
+        fall = -clothi_dot3(c->way + 3 * p->a, c->obstacle[p->b].normal);
+        if (!(gap - fall > CLOTHI_SEPARATION * q->thick))
+            q->time = clothi_max((gap - least) / fall, 0);
+        return;
+    }
+    (void)clothi_pair_vertices(c, p, v);
+    clothi_pair_points(c, c->at, v, 4, x);
+    for (k = 0; k < 12; k++)
+        y[k] = x[k] + (v[k / 3] < c->nv ? c->way[3 * v[k / 3] + k % 3] : 0);
+    least += clothi_slot_radius(c, clothi_pair_slot(c, p));
+    (void)clothi_ccd_pair(p->kind == CLOTHI_EE, x, y, least, &q->time);
+}
+
+typedef struct clothi_joining {             /* who becomes a contact                           */
     cloth_collide *c;
-    const double  *x, *dx;
-    double         part, reach;
-    int            first;                   /* of the new contacts                             */
+    const double  *x, *dx;                  /* [nv x 3] m; dx NULL: no move                    */
+    double         part, reach;             /* of dx; m                                        */
+    int            n, first;                /* picked, in c->order; of the new contacts        */
 } clothi_joining;
 
-/* Of a block of pairs those that join, into its part of `order`; how many, behind all of these. */
-static void clothi_join_range(int begin, int end, int worker, void *ctx) {
-    const clothi_joining q = *(const clothi_joining *)ctx;
-    cloth_collide       *c = q.c;
-    int                  b, i;
+/* Of a block of pairs those that dx may bring within reach, with their times, into its part of
+ * `order`; how many, behind all of these. */
+static void clothi_pick_range(int begin, int end, int worker, void *ctx) {
+    const clothi_joining *q = (const clothi_joining *)ctx;
+    cloth_collide        *c = q->c;
+    const double         *ways = q->dx ? c->travel : c->gone;
+    int                   b, i, n;
     (void)worker;
     for (b = begin; b < end; b++) {
         const int first = b * CLOTHI_HIT_GRAIN, last = first + CLOTHI_HIT_GRAIN;
-        int       n = 0;
-        for (i = first; i < last && i < c->npair; i++) {
+        for (n = first, i = first; i < last && i < c->npair; i++) {
             clothi_near *p = c->pair + i;
-            const int    stops = q.dx && p->time < 1;
-            double       come = 0;
-            if (p->hit) continue;
-            if (q.dx) come = q.part * clothi_pair_far(c, &p->id);
-            if (!stops && p->slack - come > q.reach) continue;
-            p->slack = clothi_near_slack(c, p, q.x, 1);
-            if (q.dx) come = q.part * clothi_pair_come(c, &p->id, q.dx);
-            if (!stops && p->slack - come > q.reach) continue;
-            if (clothi_is_exempt(c, &p->id)) p->hit = CLOTHI_HIT_EXEMPT;
-            else c->order[first + n++] = i;
+            if (p->slack - clothi_pair_far(c, ways, &p->id) > q->reach ||
+                p->hit == CLOTHI_HIT_EXEMPT)
+                continue;
+            c->order[n++] = i;
+            p->time = 1;
+            if (q->dx) clothi_near_free(c, p);
         }
         c->order[c->npair + b] = n;
     }
+}
+
+/* *least: the part of dx that all leave free. */
+static cloth_status clothi_list_pick(clothi_joining *q, double *least) {
+    cloth_collide *c = q->c;
+    const int      blocks = (c->npair + CLOTHI_HIT_GRAIN - 1) / CLOTHI_HIT_GRAIN;
+    cloth_status   status = CLOTHI_ROOM(c, order, c->npair + blocks);
+    int            b, i;
+    if (status) return status;
+    clothi_for(c->hooks, blocks, 1, clothi_pick_range, q);
+    for (*least = 1, q->n = 0, b = 0; b < blocks; b++)
+        for (i = b * CLOTHI_HIT_GRAIN; i < c->order[c->npair + b]; i++) {
+            *least = clothi_min(*least, c->pair[c->order[i]].time);
+            c->order[q->n++] = c->order[i];
+        }
+    return CLOTH_OK;
+}
+
+/* Whether a pair that was picked comes within reach on the part of dx. */
+static int clothi_joins(const clothi_joining *q, clothi_near *p) {
+    const cloth_collide *c = q->c;
+    const double         reach = q->reach + clothi_pair_far(c, c->gone, &p->id) +
+                         (q->dx ? q->part * clothi_pair_come(c, &p->id, q->dx) : 0);
+    if (p->hit || (!(p->time < 1) && p->slack > reach)) return 0;
+    if (!(p->time < 1)) {
+        (void)clothi_near_slack(c, p, q->x, 1);
+        if (p->slack > reach) return 0;
+    }
+    p->hit = clothi_is_exempt(c, &p->id) ? CLOTHI_HIT_EXEMPT : 0;
+    return !p->hit;
+}
+
+static void clothi_join_range(int begin, int end, int worker, void *ctx) {
+    const clothi_joining *q = (const clothi_joining *)ctx;
+    int                  *order = q->c->order, i;
+    (void)worker;
+    for (i = begin; i < end; i++)
+        if (!clothi_joins(q, q->c->pair + order[i])) order[i] = -1;
 }
 
 static void clothi_new_range(int begin, int end, int worker, void *ctx) {
@@ -5341,73 +5429,42 @@ static void clothi_new_range(int begin, int end, int worker, void *ctx) {
     }
 }
 
-/* Pairs of the list that come within range, and `reach`, on the way from x to x + part dx, of which
- * c->travel and their times are (NULL: at x), become contacts. */
-static cloth_status clothi_list_join(cloth_collide *c, const double *x, const double *dx,
-                                     double part, double reach) {
-    const int      blocks = (c->npair + CLOTHI_HIT_GRAIN - 1) / CLOTHI_HIT_GRAIN;
-    clothi_joining q = {c, x, dx, part, reach, c->ncontact};
-    cloth_status   status = CLOTHI_ROOM(c, order, c->npair + blocks);
-    int            b, i, n = 0;
-    if (status) return status;
-    clothi_for(c->hooks, blocks, 1, clothi_join_range, &q);
-    for (b = 0; b < blocks; b++)
-        for (i = 0; i < c->order[c->npair + b]; i++)
-            c->order[n++] = c->order[b * CLOTHI_HIT_GRAIN + i];
+/* What was picked and comes within range, and `reach`, on the way from x to x + part dx becomes
+ * contacts. */
+static cloth_status clothi_list_join(clothi_joining *q) {
+    cloth_collide *c = q->c;
+    cloth_status   status;
+    int            i, n = 0;
+    q->first = c->ncontact;
+    clothi_for(c->hooks, q->n, CLOTHI_HIT_GRAIN, clothi_join_range, q);
+    for (i = 0; i < q->n; i++)
+        if (c->order[i] >= 0) c->order[n++] = c->order[i];
     status = CLOTHI_ROOM(c, contact, c->ncontact + n);
     if (status) return status;
-    clothi_for(c->hooks, n, CLOTHI_CONTACT_GRAIN, clothi_new_range, &q);
+    clothi_for(c->hooks, n, CLOTHI_CONTACT_GRAIN, clothi_new_range, q);
     for (i = 0; i < n; i++) {
-        const int to = c->ncontact, from = q.first + i;
+        const int to = c->ncontact, from = q->first + i;
         if (to < from) c->contact[to] = c->contact[from];
         c->ncontact += c->pair[c->order[i]].hit;
     }
-    return c->ncontact == q.first ? CLOTH_OK : clothi_contact_sort(c, q.first);
+    return c->ncontact == q->first ? CLOTH_OK : clothi_contact_sort(c, q->first);
 }
 
-/* The part of the way from c->at along c->way that each pair of the list leaves free; 1: all. */
-static void clothi_free_range(int begin, int end, int worker, void *ctx) {
-    cloth_collide *c = (cloth_collide *)ctx;
-    int            i, k;
-    (void)worker;
-    for (i = begin; i < end; i++) {
-        clothi_near          *q = c->pair + i;
-        const clothi_pair_id *p = &q->id;
-        double x[12], y[12], come, gap, least, fall;
-        int    v[4];
-        q->time = 1;
-        if (q->slack - clothi_pair_far(c, p) > 0 || q->hit == CLOTHI_HIT_EXEMPT) continue;
-        come = clothi_pair_come(c, p, c->way);
-        if (!(come > 0) || q->slack - come > 0) continue;
-        clothi_near_range(c, q);
-        gap = clothi_pair_gap(c, c->at, p);
-        q->slack = gap - q->felt;
-        if (gap - come > CLOTHI_SEPARATION * q->thick || clothi_is_soft(c, p) ||
-            clothi_is_exempt(c, p))
-            continue;
-        least = clothi_pair_pole(c, q->thick, clothi_pair_gap(c, c->xa, p));
-        least = gap > least ? least + 0.1 * (gap - least) : 0.5 * gap;  /* 9/10 of the way */
-        if (p->kind == CLOTHI_VP) {
-            fall = -clothi_dot3(c->way + 3 * p->a, c->obstacle[p->b].normal);
-            if (!(gap - fall > CLOTHI_SEPARATION * q->thick))
-                q->time = clothi_max((gap - least) / fall, 0);
-            continue;
-        }
-        (void)clothi_pair_vertices(c, p, v);
-        clothi_pair_points(c, c->at, v, 4, x);
-        for (k = 0; k < 12; k++)
-            y[k] = x[k] + (v[k / 3] < c->nv ? c->way[3 * v[k / 3] + k % 3] : 0);
-        least += clothi_slot_radius(c, clothi_pair_slot(c, p));
-        (void)clothi_ccd_pair(p->kind == CLOTHI_EE, x, y, least, &q->time);
-    }
+/* What is within range at x, where a list was made, becomes contacts. */
+static cloth_status clothi_list_begin(cloth_collide *c, const double *x) {
+    clothi_joining q = {c, x, NULL, 0, 0, 0, 0};
+    double         least;
+    cloth_status   status = clothi_list_pick(&q, &least);
+    return status ? status : clothi_list_join(&q);
 }
 
 /* cloth_contact.max_step. */
 static cloth_status clothi_contact_max_step(void *user, const double *x, const double *dx,
                                             double *part) {
     cloth_collide *c = (cloth_collide *)user;
+    clothi_joining q = {c, x, c->way, 1, CLOTHI_REACH * c->thickest, 0, 0};
     double         covers, least, most = CLOTHI_LEAP * c->length, *y = c->qp_x0;
-    cloth_status   status = CLOTH_OK;
+    cloth_status   status;
     int            i;
     most /= clothi_max(clothi_max_abs(dx, 3 * c->nv), most);
     clothi_list_drift(c, x);
@@ -5417,16 +5474,16 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
         for (i = 0; i < 3 * c->nv; i++) c->way[i] *= clothi_max(covers, 0);
         c->at = x, c->dx = dx;
         clothi_move_far(c, c->way);
-        clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_free_range, c);
-        for (least = 1, i = 0; i < c->npair; i++) least = clothi_min(least, c->pair[i].time);
+        status = clothi_list_pick(&q, &least);
+        if (status) return status;
         if (least < 1 || !(covers < 1) || c->made) break;
         status = clothi_list_make(c, x, y);     /* nothing stops it before the list ends */
         if (status) return status;
         c->made = 1;
     }
-    least = least < 1 ? CLOTHI_MOVE * least : 1;
-    *part = most * covers * least;
-    return clothi_list_join(c, x, c->way, least, CLOTHI_REACH * c->thickest);
+    q.part = least < 1 ? CLOTHI_MOVE * least : 1;
+    *part = most * covers * q.part;
+    return clothi_list_join(&q);
 }
 
 /* Friction that slides and would, by dx, turn round: it is to come to rest instead. Its curvature
@@ -5520,9 +5577,12 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     double         change;
     int            settled;
     c->made = 0;
-    if (clothi_list_covers(c, x, NULL) < 0) status = clothi_list_make(c, x, x);
-    else clothi_list_drift(c, x);
-    if (!status) status = clothi_list_join(c, x, NULL, 0, 0);
+    if (clothi_list_covers(c, x, NULL) < 0) {       /* else all that is near has joined */
+        status = clothi_list_make(c, x, x);
+        if (!status) status = clothi_list_begin(c, x);
+    } else {
+        clothi_list_drift(c, x);
+    }
     c->at = x;
     clothi_contact_frames(c, x);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
@@ -6827,7 +6887,7 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     memcpy(other, x, bytes);
     if (c->nrow && rests) clothi_part_way(c, other);
     status = clothi_list_make(c, x, x);
-    return status ? status : clothi_list_join(c, x, NULL, 0, 0);
+    return status ? status : clothi_list_begin(c, x);
 }
 
 /* What the anchor of contacts q [n] of one key is before its slip is cut: the mean of theirs,

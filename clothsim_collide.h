@@ -5450,11 +5450,14 @@ static cloth_status clothi_list_join(clothi_joining *q) {
     return c->ncontact == q->first ? CLOTH_OK : clothi_contact_sort(c, q->first);
 }
 
-/* What is within range at x, where a list was made, becomes contacts. */
-static cloth_status clothi_list_begin(cloth_collide *c, const double *x) {
+/* What is within range at x becomes contacts. */
+static cloth_status clothi_list_at(cloth_collide *c, const double *x) {
     clothi_joining q = {c, x, NULL, 0, 0, 0, 0};
     double         least;
-    cloth_status   status = clothi_list_pick(&q, &least);
+    cloth_status   status = CLOTH_OK;
+    if (clothi_list_covers(c, x, NULL) < 0) status = clothi_list_make(c, x, x);
+    else clothi_list_drift(c, x);
+    if (!status) status = clothi_list_pick(&q, &least);
     return status ? status : clothi_list_join(&q);
 }
 
@@ -5577,12 +5580,10 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     double         change;
     int            settled;
     c->made = 0;
-    if (clothi_list_covers(c, x, NULL) < 0) {       /* else all that is near has joined */
-        status = clothi_list_make(c, x, x);
-        if (!status) status = clothi_list_begin(c, x);
-    } else {
-        clothi_list_drift(c, x);
-    }
+    if (residual && !(clothi_list_covers(c, x, NULL) < 0))
+        clothi_list_drift(c, x);            /* what is near has joined on the move             */
+    else
+        status = clothi_list_at(c, x);
     c->at = x;
     clothi_contact_frames(c, x);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
@@ -6886,8 +6887,7 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     *impact |= c->pinching;
     memcpy(other, x, bytes);
     if (c->nrow && rests) clothi_part_way(c, other);
-    status = clothi_list_make(c, x, x);
-    return status ? status : clothi_list_begin(c, x);
+    return clothi_list_at(c, x);
 }
 
 /* What the anchor of contacts q [n] of one key is before its slip is cut: the mean of theirs,

@@ -265,12 +265,18 @@ static int mislisted(cloth_collide *c, const double *x, int kind, int a, int b) 
     return bad || n != (n || gap < c->thickest) || contacts > n;
 }
 
+/* At x, where contacts are renewed, none is missing. */
+static int all_joined(cloth_collide *c, const double *x) {
+    const int n = c->ncontact;
+    return clothi_list_at(c, x) == CLOTH_OK && c->ncontact == n;
+}
+
 /* The iterate is x, which the list covers: pairs that are mislisted there. */
 static int lists_wrong(cloth_collide *c, const double *x) {
     int a, b, bad = 0;
     CHECK(!(clothi_list_covers(c, x, NULL) < 0));
-    clothi_list_drift(c, x);
-    CHECK(clothi_list_begin(c, x) == CLOTH_OK);
+    CHECK(clothi_contact_update(c, x, NULL, NULL) == CLOTH_OK);
+    CHECK(all_joined(c, x));
     for (a = 0; a < c->nw; a++)             /* nv is a point of the plane, which is no feature */
         for (b = 0; b < c->mf && a != c->nv; b++) bad += mislisted(c, x, CLOTHI_VF, a, b);
     for (a = 0; a < c->me; a++)
@@ -286,7 +292,7 @@ static void lists(void) {
     unsigned long long  seed = 3;
     shape               box = {0};
     stage               s;
-    int                 move, i, a, bad = 0, mended = 0, made = 0;
+    int                 move, i, a, bad = 0, mended = 0, made = 0, joined = 0;
     stage_layers(&s, 2, 5, 0.05);
     s.contact.thickness = 0.01;
     if (!stage_start(&s) || !CHECK(s.mesh->nv == 50)) exit(2);
@@ -300,8 +306,7 @@ static void lists(void) {
     s.c->h = 1.0 / 60;
     s.c->approach = CLOTHI_APPROACH;
     memcpy(x, s.state->x, sizeof x);
-    CHECK(clothi_list_make(s.c, x, x) == CLOTH_OK);
-    CHECK(clothi_list_begin(s.c, x) == CLOTH_OK);
+    CHECK(clothi_list_at(s.c, x) == CLOTH_OK);
     for (move = 0; move < 24; move++) {
         const double far = (1 + move % 3) * s.c->thickest;
         double       y[150];
@@ -321,15 +326,27 @@ static void lists(void) {
     }
     for (move = 0; move < 12; move++) {     /* a new list, and as far as it serves */
         s.c->listed = s.c->ncontact = 0;
-        CHECK(clothi_list_make(s.c, x, x) == CLOTH_OK);
-        CHECK(clothi_list_begin(s.c, x) == CLOTH_OK);
+        CHECK(clothi_list_at(s.c, x) == CLOTH_OK);
         for (i = 0; i < 150; i++)
             x[i] += (ref_uniform(&seed, -1, 1) < 0 ? -0.499 : 0.499) * s.c->thickest;
         bad += lists_wrong(s.c, x);
     }
+    memcpy(x, s.state->x, sizeof x);
+    s.c->listed = s.c->ncontact = 0;
+    CHECK(clothi_list_at(s.c, x) == CLOTH_OK);
+    for (move = 0; move < 40; move++) {     /* moves that nothing is looked for after          */
+        const double far = ref_uniform(&seed, 0, 1) * s.c->thickest;
+        double       part = 0, none[150] = {0};
+        for (i = 0; i < 150; i++) dx[i] = ref_uniform(&seed, -far, far);
+        CHECK(clothi_contact_max_step(s.c, x, dx, &part) == CLOTH_OK && part > 0);
+        for (i = 0; i < 150; i++) x[i] += part * dx[i];
+        CHECK(clothi_contact_update(s.c, x, none, NULL) == CLOTH_OK);
+        CHECK(all_joined(s.c, x));
+        joined += s.c->ncontact;
+    }
     printf("  %d lists mended, %d made, %d pairs, %d contacts\n", mended, made, s.c->npair,
            s.c->ncontact);
-    CHECK(mended > 12 && made > 1 && s.c->ncontact > 50);
+    CHECK(mended > 12 && made > 1 && joined > 1000);
     CHECK(bad == 0);
     shape_free(&box);
     stage_end(&s);

@@ -3347,7 +3347,7 @@ typedef struct clothi_pair_id {             /* features, by kind; faces: a < b  
 typedef struct clothi_near {                /* a pair of the broad phase                       */
     clothi_pair_id id;
     int    hit;                             /* CLOTHI_HIT_ bits                                */
-    double slack;                           /* m, to where it is felt, or less, with no way gone */
+    double slack;                           /* m, to where it is felt, or less; and c->gone    */
     double thick;                           /* m, its contact thickness; 0: not known yet      */
     double felt;                            /* m, the gap that it is felt from                 */
     double time;                            /* part of a segment that it leaves free           */
@@ -3925,7 +3925,7 @@ static double clothi_pair_far(const cloth_collide *c, const double *ways, const 
     return ways[p->a] + (p->kind == CLOTHI_VF ? f[p->b] : 0);
 }
 
-/* The same, taking off what its sides move together: the longest difference of the motions of two
+/* That of dx, less what its sides move together: the longest difference of the motions of two
  * vertices, as the gap is that of two points between them. */
 static double clothi_pair_come(const cloth_collide *c, const clothi_pair_id *p, const double *dx) {
     double most = 0, d[3];
@@ -5358,7 +5358,7 @@ typedef struct clothi_joining {             /* who becomes a contact            
 } clothi_joining;
 
 /* Of a block of pairs those that dx may bring within reach, with their times, into its part of
- * `order`; how many, behind all of these. */
+ * `order`; where they end there, behind all of these. */
 static void clothi_pick_range(int begin, int end, int worker, void *ctx) {
     const clothi_joining *q = (const clothi_joining *)ctx;
     cloth_collide        *c = q->c;
@@ -5401,11 +5401,9 @@ static int clothi_joins(const clothi_joining *q, clothi_near *p) {
     const cloth_collide *c = q->c;
     const double         reach = q->reach + clothi_pair_far(c, c->gone, &p->id) +
                          (q->dx ? q->part * clothi_pair_come(c, &p->id, q->dx) : 0);
-    if (p->hit || (!(p->time < 1) && p->slack > reach)) return 0;
-    if (!(p->time < 1)) {
-        (void)clothi_near_slack(c, p, q->x, 1);
-        if (p->slack > reach) return 0;
-    }
+    if (p->hit) return 0;
+    if (!(p->time < 1 || p->slack > reach)) (void)clothi_near_slack(c, p, q->x, 1);
+    if (!(p->time < 1) && p->slack > reach) return 0;
     p->hit = clothi_is_exempt(c, &p->id) ? CLOTHI_HIT_EXEMPT : 0;
     return !p->hit;
 }

@@ -5578,9 +5578,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     double         change;
     int            settled;
     c->made = 0;
-    if (residual && !(clothi_list_covers(c, x, NULL) < 0))
-        clothi_list_drift(c, x);            /* what is near has joined on the move             */
-    else
+    if (!residual || clothi_list_covers(c, x, NULL) < 0)    /* else it has joined on the move   */
         status = clothi_list_at(c, x);
     c->at = x;
     clothi_contact_frames(c, x);

@@ -1691,18 +1691,7 @@ done:
 typedef struct clothi_features_job {
     const clothi_features *s;
     const double          *box, *face_box;  /* [nv x 6], [nf x 6]                              */
-    const unsigned char   *moved;           /* [nmoved] only pairs with such a vertex; NULL: all */
-    int                    nmoved;
 } clothi_features_job;
-
-static inline int clothi_faces_moved(const clothi_features_job *job, int f, int g) {
-    int i;
-    for (i = 0; job->moved && i < 6; i++) {
-        const int v = job->s->faces[3 * (size_t)(i < 3 ? f : g) + (size_t)(i % 3)];
-        if (v < job->nmoved && job->moved[v]) return 1;
-    }
-    return !job->moved;
-}
 
 /* Of faces of two trees, or of one with itself, over clothi_swept_boxes and clothi_face_boxes:
  * pairs v, f of a vertex and a face, and ~p, ~q, below 0, of edges p < q, whose boxes overlap and
@@ -1714,7 +1703,6 @@ static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *
     double                     edge[6], other[6];
     const int                  pair[2] = {f, g};
     int                        owned[2], i, k, l;
-    if (!clothi_faces_moved(job, f, g)) return;
     for (i = 0; i < 2; i++) {
         v[i] = job->s->faces + 3 * (size_t)pair[i];
         e[i] = job->s->face_edges + 3 * (size_t)pair[i];
@@ -4013,17 +4001,11 @@ static int clothi_only_walls(const cloth_collide *c) {
     return !others;
 }
 
-typedef struct clothi_cross {               /* a search for features, or faces that cross at xb */
-    clothi_features_job  job;               /* first: its address is this one's                */
-    const cloth_collide *c;
-} clothi_cross;
-
+/* Faces that cross at xb. */
 static void clothi_cross_look(int f, int g, const void *ctx, clothi_segment *out) {
-    const clothi_cross  *q = (const clothi_cross *)ctx;
-    const cloth_collide *c = q->c;
+    const cloth_collide *c = (const cloth_collide *)ctx;
     const int           *v = c->faces + 3 * f, *w = c->faces + 3 * g;
-    if (clothi_faces_moved(&q->job, f, g) && clothi_may_touch(c, *v, *w) &&
-        clothi_faces_intersect(c->xb, v, w))
+    if (clothi_may_touch(c, *v, *w) && clothi_faces_intersect(c->xb, v, w))
         clothi_segment_put(out, f, g);
 }
 
@@ -4038,23 +4020,51 @@ static cloth_status clothi_exempt_add(cloth_collide *c, const clothi_pair_id *p)
     return CLOTH_OK;
 }
 
-/* Pairs of cloth's faces with those of a tree: as `what` says their features into c->pair, or those
- * that cross into c->now. */
-static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
-    clothi_cross q = {{&c->features, c->box_v, c->box_f, NULL, c->nv}, c};
+/* 1: of the world vertices v [n] there are some that c->moved names. */
+static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
+    int i;
+    for (i = 0; i < n; i++)
+        if (v[i] < c->nv && c->moved[v[i]]) return 1;
+    return 0;
+}
+
+/* Pairs p [n x 2] as `what` says: of features, edges behind all others, into c->pair; of faces that
+ * cross into c->now. */
+static cloth_status clothi_found_add(cloth_collide *c, const int *p, int n, int what) {
     const int    cross = what & CLOTHI_CROSS;
-    cloth_status status;
-    int          i, ee;
-    if (what & CLOTHI_MOVED) q.job.moved = c->moved;
-    status = clothi_bvh_look(c->hooks, &c->tree, with,
-                             cross ? clothi_cross_look : clothi_features_look, &q, &c->found);
-    for (ee = 0; ee < (cross ? 1 : 2); ee++)                /* edges behind all others */
-        for (i = 0; i < c->found.count && !status; i++) {
-            const int           *p = c->found.pair + 2 * i;
-            const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
+    cloth_status status = CLOTH_OK;
+    int          i, edges;
+    for (edges = 0; edges < (cross ? 1 : 2); edges++)
+        for (i = 0; i < 2 * n && !status; i += 2) {
+            const clothi_pair_id face = {CLOTHI_FF, p[i], p[i + 1]};
             if (cross) status = clothi_exempt_add(c, &face);
-            else if (ee == (p[0] < 0)) status = clothi_pair_found(c, p);
+            else if (edges == (p[i] < 0)) status = clothi_pair_found(c, p + i);
         }
+    return status;
+}
+
+/* Pairs of cloth's faces with those of a tree, by the boxes of both. Of what c->moved names, which
+ * is little, each face is sought for itself. */
+static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
+    const clothi_features_job job = {&c->features, c->box_v, c->box_f};
+    clothi_look_fn *look = what & CLOTHI_CROSS ? clothi_cross_look : clothi_features_look;
+    const void     *ctx = what & CLOTHI_CROSS ? (const void *)c : &job;
+    cloth_status    status = CLOTH_OK;
+    int             f, g, pair[2 * 15];                     /* 6 vertices, 9 pairs of edges */
+    if (!(what & CLOTHI_MOVED)) {
+        status = clothi_bvh_look(c->hooks, &c->tree, with, look, ctx, &c->found);
+        return status ? status : clothi_found_add(c, c->found.pair, c->found.count, what);
+    }
+    for (f = 0; f < c->nf; f++) {
+        clothi_bvh_walk w = {with, c->box_f + 6 * (size_t)f, 1, 0, 0};
+        if (!clothi_any_moved(c, c->faces + 3 * f, 3)) continue;
+        while (!status && (g = clothi_bvh_next(&w)) >= 0) {
+            clothi_segment out = {pair, 0, 15, 0};
+            if (g == f || (g < f && clothi_any_moved(c, c->faces + 3 * g, 3))) continue;
+            look(f < g ? f : g, f < g ? g : f, ctx, &out);
+            status = clothi_found_add(c, pair, (int)out.found, what);
+        }
+    }
     return status;
 }
 
@@ -5164,14 +5174,6 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     for (i = begin; i < end; i++) (void)clothi_near_slack(c, c->pair + i, c->x_list, 0);
 }
 
-/* 1: of the world vertices v [n] there are some that c->moved names. */
-static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
-    int i;
-    for (i = 0; i < n; i++)
-        if (v[i] < c->nv && c->moved[v[i]]) return 1;
-    return 0;
-}
-
 /* Of the pairs from `first` on those stay that have moved, or have not; all with walls. */
 static void clothi_list_cut(cloth_collide *c, int first, int moved) {
     int i, n = first, v[4];
@@ -5247,27 +5249,6 @@ static void clothi_list_drift(cloth_collide *c, const double *x) {
     memcpy(c->x_list, x, (size_t)n * sizeof(double));
 }
 
-/* Pairs of what c->moved names join the list, by its boxes. */
-static cloth_status clothi_list_mend(cloth_collide *c) {
-    const clothi_features_job job = {&c->features, c->box_v, c->box_f, NULL, 0};
-    cloth_status              status = clothi_all_round(c);
-    int                       f, g, k, i, pair[2 * 15];
-    for (f = 0; f < c->nf; f++) {
-        if (!clothi_any_moved(c, c->faces + 3 * f, 3)) continue;
-        for (k = 0; k <= c->self; k++) {
-            clothi_bvh_walk w = {k ? &c->tree : &c->solid, c->box_f + 6 * (size_t)f, 1, 0, 0};
-            while (!status && (g = clothi_bvh_next(&w)) >= 0) {
-                clothi_segment out = {pair, 0, 15, 0};      /* 6 vertices, 9 pairs of edges */
-                if (g == f || (g < f && clothi_any_moved(c, c->faces + 3 * g, 3))) continue;
-                clothi_features_look(f < g ? f : g, f < g ? g : f, &job, &out);
-                for (i = 0; i < (int)out.found && !status; i++)
-                    status = clothi_pair_found(c, pair + 2 * i);
-            }
-        }
-    }
-    return status;
-}
-
 /* Of a new list walls stay and what can meet while its vertices are inside of their boxes: by their
  * ways from x to y, and as far aside of these as a box reaches. Half of a T-shirt's do not. */
 static void clothi_list_trim(cloth_collide *c, const double *x, const double *y) {
@@ -5312,7 +5293,9 @@ static cloth_status clothi_list_make(cloth_collide *c, const double *x, const do
         clothi_bvh_refit(c->hooks, &c->tree, c->box_f);
         clothi_list_cut(c, 0, 0);
         first = c->npair;
-        status = clothi_list_mend(c);
+        status = clothi_all_round(c);
+        if (!status) status = clothi_tree_phase(c, &c->solid, CLOTHI_MOVED);
+        if (!status && c->self) status = clothi_tree_phase(c, &c->tree, CLOTHI_MOVED);
         clothi_list_cut(c, first, 1);       /* faces that moved have features that have not */
         clothi_slack_range(first, c->npair, 0, c);
     }

@@ -346,7 +346,7 @@ static void scene_alloc(scene *s, int nv, int nf) {
 }
 
 static cloth_status scene_find(scene *s, const cloth_hooks *hooks, double pad) {
-    const clothi_features_job job = {&s->features, s->vbox, s->fbox, NULL, 0};
+    const clothi_features_job job = {&s->features, s->vbox, s->fbox};
     cloth_status              status;
     if (!s->features.faces) {
         status = clothi_features_build(hooks, s->nv, s->nf, s->faces, &s->features);

@@ -4028,41 +4028,41 @@ static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
     return 0;
 }
 
-/* Pairs p [n x 2] as `what` says: of features, edges behind all others, into c->pair; of faces that
- * cross into c->now. */
-static cloth_status clothi_found_add(cloth_collide *c, const int *p, int n, int what) {
-    const int    cross = what & CLOTHI_CROSS;
+/* Of pairs p [n x 2], as `what` says, those of edges or the others into c->pair; faces that cross
+ * into c->now. */
+static cloth_status clothi_found_add(cloth_collide *c, const int *p, int n, int what, int edges) {
     cloth_status status = CLOTH_OK;
-    int          i, edges;
-    for (edges = 0; edges < (cross ? 1 : 2); edges++)
-        for (i = 0; i < 2 * n && !status; i += 2) {
-            const clothi_pair_id face = {CLOTHI_FF, p[i], p[i + 1]};
-            if (cross) status = clothi_exempt_add(c, &face);
-            else if (edges == (p[i] < 0)) status = clothi_pair_found(c, p + i);
-        }
+    int          i;
+    for (i = 0; i < 2 * n && !status; i += 2) {
+        const clothi_pair_id face = {CLOTHI_FF, p[i], p[i + 1]};
+        if (what & CLOTHI_CROSS) status = clothi_exempt_add(c, &face);
+        else if (edges == (p[i] < 0)) status = clothi_pair_found(c, p + i);
+    }
     return status;
 }
 
-/* Pairs of cloth's faces with those of a tree, by the boxes of both. Of what c->moved names, which
- * is little, each face is sought for itself. */
+/* Pairs of cloth's faces with those of a tree, by the boxes of both, edges behind all others: with
+ * them between, sweeps of zones went farther off the guess. Of what c->moved names, which is
+ * little, each face is sought for itself. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
     const clothi_features_job job = {&c->features, c->box_v, c->box_f};
     clothi_look_fn *look = what & CLOTHI_CROSS ? clothi_cross_look : clothi_features_look;
     const void     *ctx = what & CLOTHI_CROSS ? (const void *)c : &job;
+    const int       moved = what & CLOTHI_MOVED, kinds = what & CLOTHI_CROSS ? 1 : 2;
     cloth_status    status = CLOTH_OK;
-    int             f, g, pair[2 * 15];                     /* 6 vertices, 9 pairs of edges */
-    if (!(what & CLOTHI_MOVED)) {
-        status = clothi_bvh_look(c->hooks, &c->tree, with, look, ctx, &c->found);
-        return status ? status : clothi_found_add(c, c->found.pair, c->found.count, what);
-    }
-    for (f = 0; f < c->nf; f++) {
-        clothi_bvh_walk w = {with, c->box_f + 6 * (size_t)f, 1, 0, 0};
-        if (!clothi_any_moved(c, c->faces + 3 * f, 3)) continue;
-        while (!status && (g = clothi_bvh_next(&w)) >= 0) {
-            clothi_segment out = {pair, 0, 15, 0};
-            if (g == f || (g < f && clothi_any_moved(c, c->faces + 3 * g, 3))) continue;
-            look(f < g ? f : g, f < g ? g : f, ctx, &out);
-            status = clothi_found_add(c, pair, (int)out.found, what);
+    int             edges, f, g, pair[2 * 15];              /* 6 vertices, 9 pairs of edges */
+    if (!moved) status = clothi_bvh_look(c->hooks, &c->tree, with, look, ctx, &c->found);
+    for (edges = 0; edges < kinds && !status; edges++) {
+        if (!moved) status = clothi_found_add(c, c->found.pair, c->found.count, what, edges);
+        for (f = 0; moved && f < c->nf; f++) {
+            clothi_bvh_walk w = {with, c->box_f + 6 * (size_t)f, 1, 0, 0};
+            if (!clothi_any_moved(c, c->faces + 3 * f, 3)) continue;
+            while (!status && (g = clothi_bvh_next(&w)) >= 0) {
+                clothi_segment out = {pair, 0, 15, 0};
+                if (g == f || (g < f && clothi_any_moved(c, c->faces + 3 * g, 3))) continue;
+                look(f < g ? f : g, f < g ? g : f, ctx, &out);
+                status = clothi_found_add(c, pair, (int)out.found, what, edges);
+            }
         }
     }
     return status;

@@ -8902,7 +8902,8 @@ struct cloth_sim {
     int     known;                          /* still holds; known: if it is the state yet      */
     int     asleep, calm;                   /* the step under way moves t alone; BDF2: is one of
                                                implicit Euler, see clothi_booked()             */
-    cloth_report rested;                    /* of such a step; its outcome NONE: not known     */
+    cloth_report report;                    /* of the step that runs                           */
+    cloth_report rested;                    /* of a step asleep; its outcome NONE: not known   */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
     double  total;                          /* kg                                              */
@@ -8925,6 +8926,7 @@ struct cloth_sim {
     /* solver */
     cloth_matrix *matrix;
     cloth_linear_solver *solver;
+    cloth_linear_report linear;             /* of the last solve                               */
     unsigned char *fixed;                   /* [nv] axes that the solver must not move         */
     clothi_work   w;
     cloth_times   ms;                       /* of the step that runs; clothi_charge()          */
@@ -10495,6 +10497,8 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     int    escapes;                         /* searches for a way off a saddle                 */
     int    refused;                         /* it was tried and led nowhere                    */
     int    stuck;                           /* exact updates in a row that the radius ended    */
+    int    poor;                            /* phi falls nowhere within the least radius       */
+    int    done;
 } clothi_newton;
 
 /* Largest eta^2 |g| / m over the free unknowns, m; eta at least CLOTHI_REST_TIME. */
@@ -10521,22 +10525,21 @@ CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
 }
 
 /* Each element is finite by promise: their sum, a host's term, contact or a matrix need not be.
- * value: an energy, or 0; then w.grad is finite or at fault. vertex: of a report. */
-static cloth_status clothi_nonfinite_terms(const cloth_sim *s, double value, int *vertex) {
+ * value: an energy, or 0; then w.grad is finite or at fault. */
+static cloth_status clothi_nonfinite_terms(cloth_sim *s, double value) {
     const ptrdiff_t at = clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv);
     if (at < 0)
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, clothi_finite(value)
                            ? "the matrix of the linear solve or its answer is not finite"
                            : "the energy of the terms is %g", value);
-    *vertex = (int)(at / 3);
+    s->report.vertex = (int)(at / 3);
     return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "the gradient of the terms at vertex %i has "
-                       "an entry %g", *vertex, s->w.grad[at]);
+                       "an entry %g", s->report.vertex, s->w.grad[at]);
 }
 
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
 CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal,
-                                                      clothi_newton *nt, double *a,
-                                                      cloth_report *report) {
+                                                      clothi_newton *nt, double *a) {
     double      *was = clothi_charge(s, &s->ms.line_search);
     double       rounding = 4e-15 * goal->magnitude, value = 0;
     cloth_status status = CLOTH_OK;
@@ -10549,15 +10552,14 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
             double slope = clothi_dot(s->w.grad, s->w.dx, (size_t)n);
             if (slope <= (2 * CLOTHI_ARMIJO - 1) * nt->slope) break;
         }
-        report->halvings++;
+        s->report.halvings++;
     }
     (void)clothi_charge(s, was);
     if (status) return status;
     if (k > CLOTHI_HALVINGS)
-        return clothi_finite(value) ? CLOTH_ERR_STEP
-                                    : clothi_nonfinite_terms(s, value, &report->vertex);
+        return clothi_finite(value) ? CLOTH_ERR_STEP : clothi_nonfinite_terms(s, value);
     if (clothi_find_nonfinite(s->w.grad, (size_t)n) >= 0)
-        return clothi_nonfinite_terms(s, value, &report->vertex);
+        return clothi_nonfinite_terms(s, value);
     nt->value = value;
     return CLOTH_OK;
 }
@@ -10571,11 +10573,11 @@ static int clothi_exact_asked(const cloth_sim *s) {
 /* Hessian at w.x: exact, or the definite model, with negative stresses left out where it ends the
  * search by the length of an update. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
-                                                          int exact, cloth_report *report) {
+                                                          int exact) {
     double      *was = clothi_charge(s, &s->ms.assemble);
     const int    psd = exact ? 0 : clothi_exact_asked(s) ? 2 : 1;
     cloth_status status = clothi_objective(s, goal, s->w.x, NULL, 1, psd, NULL);
-    report->projected += !exact;
+    s->report.projected += !exact;
     if (!status && s->model->tie) status = clothi_tie_matrix(s);
     (void)clothi_charge(s, was);
     return status;
@@ -10588,10 +10590,9 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
 /* One linear solve, w.dx = H^-1 w.rhs, by `method` where desc.linear leaves it open; radius > 0
  * (m): inside a trust region. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
-                                                       double radius, cloth_linear method,
-                                                       cloth_report *report,
-                                                       cloth_linear_report *lr) {
+                                                       double radius, cloth_linear method) {
     double              *was = clothi_charge(s, &s->ms.linear);
+    cloth_linear_report *lr = &s->linear;
     cloth_linear_options opt = cloth_linear_options_default();
     cloth_status         status;
     opt.method = s->model->desc.linear, opt.tolerance = tolerance, opt.radius = radius;
@@ -10600,17 +10601,17 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     if (s->model->nv < CLOTHI_CG_SMALL)
         opt.max_iterations = 60 * s->model->nv + 200;
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
-    report->factorizations += lr->factorizations;
-    report->negative += lr->negative;
+    s->report.factorizations += lr->factorizations;
+    s->report.negative += lr->negative;
     if (!status && opt.method == CLOTH_LINEAR_CHOLESKY && radius > 0 && lr->negative) {
         opt.method = CLOTH_LINEAR_SGS;      /* a factor follows no negative curvature: CG does */
         status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
     }
-    report->linear_solves++;
-    report->cg += lr->iterations;
+    s->report.linear_solves++;
+    s->report.cg += lr->iterations;
     clothi_tie_spread(s->model, s->w.dx);
     (void)clothi_charge(s, was);
-    if (status == CLOTH_ERR_NONFINITE) status = clothi_nonfinite_terms(s, 0, &report->vertex);
+    if (status == CLOTH_ERR_NONFINITE) status = clothi_nonfinite_terms(s, 0);
     return status;
 }
 
@@ -10622,17 +10623,16 @@ static void clothi_newton_measure(const cloth_sim *s, clothi_newton *nt) {
 }
 
 /* Hessian and direction: see 'Which Hessian' and 'Saddles'. */
-static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                            cloth_report *report, cloth_linear_report *lr) {
+static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
     cloth_status status;
     int          i, n = 3 * s->model->nv;
     for (;; nt->exact = 0, nt->refused = 1) {
-        status = clothi_newton_assemble(s, goal, nt->exact, report);
+        status = clothi_newton_assemble(s, goal, nt->exact);
         if (!status)
             status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
-                                         CLOTH_LINEAR_SGS, report, lr);
+                                         CLOTH_LINEAR_SGS);
         if (status) return status;
-        if (!nt->exact || !lr->negative || lr->hit) break;
+        if (!nt->exact || !s->linear.negative || s->linear.hit) break;
     }
     clothi_newton_measure(s, nt);
     if (nt->slope < 0) return CLOTH_OK;
@@ -10647,35 +10647,33 @@ static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clo
 
 /* The radius after a step of length a: how well the quadratic model foretold the decrease. Where
  * rounding hides it, the trapezoid of the slopes at both ends tells it. Never below a tenth of the
- * tolerance: what lowers phi nowhere within that has arrived, and *poor says so. */
+ * tolerance: what lowers phi nowhere within that has arrived: nt->poor. */
 static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, clothi_newton *nt,
-                                 double before, double a, const cloth_linear_report *lr,
-                                 int *poor) {
+                                 double before, double a) {
     const double least = 0.1 * s->model->desc.tolerance, most = CLOTHI_TRUST_MAX * s->edge;
-    double       foretold = lr->decrease, got = before - nt->value;
+    double       foretold = s->linear.decrease, got = before - nt->value;
     if (foretold < CLOTHI_HIDDEN * goal->magnitude)
         got = -0.5 * (nt->slope + clothi_dot(s->w.grad, s->w.dx, 3 * (size_t)s->model->nv));
-    *poor = nt->exact && (a < 1 || got < 0.25 * foretold) && nt->size <= 2 * least;
+    nt->poor = nt->exact && (a < 1 || got < 0.25 * foretold) && nt->size <= 2 * least;
     if (!nt->exact || a < 1)
         nt->radius = a * nt->size;
     else if (got < 0.25 * foretold)
         nt->radius = 0.5 * nt->size;
-    else if (got > 0.75 * foretold && lr->hit && nt->radius < 2 * nt->size)
+    else if (got > 0.75 * foretold && s->linear.hit && nt->radius < 2 * nt->size)
         nt->radius = 2 * nt->size;
     nt->radius = clothi_max(clothi_min(nt->radius, most), least);
 }
 
-/* An iterate was accepted: contact renews what it lags, and value and gradient with it; *done as
+/* An iterate was accepted: contact renews what it lags, and value and gradient with it; nt->done as
  * for its update. */
-static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                        int *done) {
+static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
     const double before = s->contact_energy;
     double      *was;
     cloth_status status;
     if (!s->contact_on) return CLOTH_OK;
     was = clothi_charge(s, &s->ms.contact);
     clothi_newton_rhs(s);
-    status = s->contact.update(s->contact.user, s->w.x, s->w.rhs, done);
+    status = s->contact.update(s->contact.user, s->w.x, s->w.rhs, &nt->done);
     memcpy(s->w.grad, s->w.free, 3 * (size_t)s->model->nv * sizeof(double));
     goal->e.x = s->w.x, goal->e.grad = s->w.grad, goal->e.hess = NULL;
     if (!status) status = s->contact.eval(s->contact.user, &goal->e, &s->contact_energy);
@@ -10692,29 +10690,28 @@ static double clothi_newton_left(const clothi_newton *nt, double s) {
 }
 
 /* The sentence about a search that came to no end, and the vertex farthest from balance. */
-static cloth_status clothi_stalled(const cloth_sim *s, cloth_report *report, const char *what) {
+static cloth_status clothi_stalled(cloth_sim *s, const char *what) {
     double big = -1;
     int    i;
     for (i = 0; i < s->model->nv; i++) {
         double f = clothi_dot3(s->w.rhs + 3 * i, s->w.rhs + 3 * i);
         if (f > big) {
             big = f;
-            report->vertex = i;
+            s->report.vertex = i;
         }
     }
-    report->outcome = CLOTH_STEP_STALLED;
+    s->report.outcome = CLOTH_STEP_STALLED;
     return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
                        "%s: stalled after %i iterations at t = %g s; last update %g m, largest "
-                       "force left %g N at vertex %i", what, report->newton, s->state.t,
-                       report->residual_m, sqrt(clothi_max(big, 0)), report->vertex);
+                       "force left %g N at vertex %i", what, s->report.newton, s->state.t,
+                       s->report.residual_m, sqrt(clothi_max(big, 0)), s->report.vertex);
 }
 
 #define CLOTHI_BLOCKS   2                   /* solves more where moves are cut                 */
 
 /* The part of w.dx that contact leaves free. Where dx runs into contacts it is looked for again
  * with the stiffness that they will have: a matrix that is the more definite, still downhill. */
-static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a,
-                                      cloth_report *report, cloth_linear_report *lr) {
+static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a) {
     cloth_status status = CLOTH_OK;
     double      *was;
     int          tries, blocked;
@@ -10726,49 +10723,47 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
         status = s->contact.block(s->contact.user, s->matrix, &blocked);
         if (status || !blocked) break;
         status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
-                                     CLOTH_LINEAR_SGS, report, lr);
+                                     CLOTH_LINEAR_SGS);
     }
     (void)clothi_charge(s, was);
     if (tries) clothi_newton_measure(s, nt);
     return status;
 }
 
-/* One Newton iteration: w.x moves; *done when its update is below the tolerance. */
-static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                          cloth_report *report, int *done) {
-    cloth_linear_report lr;
-    double              a = 1, before = nt->value, tiny;
-    cloth_status        status = clothi_cancelled(&s->hooks, &s->finish);
-    int                 poor, cut;
-    if (!status) status = clothi_newton_direction(s, goal, nt, report, &lr);
+/* One Newton iteration: w.x moves; nt->done when its update is below the tolerance. */
+static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    double       a = 1, before = nt->value, tiny;
+    cloth_status status = clothi_cancelled(&s->hooks, &s->finish);
+    int          cut;
+    if (!status) status = clothi_newton_direction(s, goal, nt);
     if (status) return status;
-    report->newton++;
-    status = clothi_newton_cut(s, nt, &a, report, &lr);
+    s->report.newton++;
+    status = clothi_newton_cut(s, nt, &a);
     if (status) return status;
     cut = a < 1;
-    status = clothi_line_search(s, goal, nt, &a, report);
+    status = clothi_line_search(s, goal, nt, &a);
     if (status == CLOTH_ERR_STEP && nt->size < s->model->desc.tolerance &&
-        !(nt->exact && lr.hit)) {           /* the whole update is below the tolerance, and too
+        !(nt->exact && s->linear.hit)) {    /* the whole update is below the tolerance, and too
                                                small for the value to show it: arrived */
-        report->residual_m = nt->size;
-        *done = 1;
+        s->report.residual_m = nt->size;
+        nt->done = 1;
         return CLOTH_OK;
     }
     if (status) return status;
-    clothi_newton_radius(s, goal, nt, before, a, &lr, &poor);
+    clothi_newton_radius(s, goal, nt, before, a);
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
     s->fresh = !s->contact_on;
-    report->residual_m = a * nt->size;
-    *done = clothi_newton_left(nt, cut ? nt->size : report->residual_m) <
-                s->model->desc.tolerance &&
-            (nt->exact ? !lr.hit || poor : nt->refused) && nt->stuck >= 0;
+    s->report.residual_m = a * nt->size;
+    nt->done = clothi_newton_left(nt, cut ? nt->size : s->report.residual_m) <
+                   s->model->desc.tolerance &&
+               (nt->exact ? !s->linear.hit || nt->poor : nt->refused) && nt->stuck >= 0;
     tiny = a * s->model->desc.tolerance;
     if (s->contact_on)                      /* -slope = dx'H dx >= dx'M dx/eta^2; a: overshoot */
-        *done |= !cut && -nt->slope * goal->eta * goal->eta <= s->total * (tiny * tiny);
-    status = clothi_newton_renew(s, goal, nt, done);
+        nt->done |= !cut && -nt->slope * goal->eta * goal->eta <= s->total * (tiny * tiny);
+    status = clothi_newton_renew(s, goal, nt);
     clothi_newton_rhs(s);
-    nt->stuck = s->contact_on && nt->exact && (lr.hit || a < 1) ? nt->stuck + 1 : 0;
-    nt->older = report->residual_m;
+    nt->stuck = s->contact_on && nt->exact && (s->linear.hit || a < 1) ? nt->stuck + 1 : 0;
+    nt->older = s->report.residual_m;
     return status;
 }
 
@@ -10823,15 +10818,13 @@ static int clothi_escape(cloth_sim *s, clothi_goal *goal, double length, double 
 }
 
 /* See 'Saddles'. A force of noise, a thousandth of what inertia needs to move by the radius, leads
- * CG to negative curvature where there is any. *done: there is none, or it leads nowhere. */
-static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                      cloth_report *report, int *done) {
-    const double        radius = 0.1 * s->model->desc.tolerance;
-    const double        push = 1e-3 * radius / (goal->eta * goal->eta);
-    cloth_linear_report lr;
-    cloth_status        status;
-    uint32_t            noise = 1;
-    int                 i;
+ * CG to negative curvature where there is any. Done: there is none, or it leads nowhere. */
+static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    const double radius = 0.1 * s->model->desc.tolerance;
+    const double push = 1e-3 * radius / (goal->eta * goal->eta);
+    cloth_status status;
+    uint32_t     noise = 1;
+    int          i;
     if (((nt->exact || !nt->refused) && clothi_still_axis(s) < 0) || !(goal->eta > 0) ||
         nt->escapes == CLOTHI_ESCAPES || !clothi_compressed(s))
         return CLOTH_OK;
@@ -10841,29 +10834,29 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
         s->w.rhs[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : push * s->params.mass[i / 3] *
                                                        ((double)(noise >> 8) / 8388608 - 1);
     }
-    status = clothi_newton_assemble(s, goal, 1, report);
-    if (!status) status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_SGS, report, &lr);
-    if (!status && lr.negative && !lr.hit)
-        status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_JACOBI, report, &lr);
-    if (status || !lr.hit || !clothi_escape(s, goal, CLOTHI_ESCAPE * s->edge, nt->value))
+    status = clothi_newton_assemble(s, goal, 1);
+    if (!status) status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_SGS);
+    if (!status && s->linear.negative && !s->linear.hit)
+        status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_JACOBI);
+    if (status || !s->linear.hit || !clothi_escape(s, goal, CLOTHI_ESCAPE * s->edge, nt->value))
         return status;
     nt->size = nt->radius = CLOTHI_ESCAPE * s->edge;
     nt->older = 0;
-    nt->refused = *done = 0;
+    nt->refused = nt->done = 0;
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt->value);
-    if (!status) status = clothi_newton_renew(s, goal, nt, done);
+    if (!status) status = clothi_newton_renew(s, goal, nt);
     clothi_newton_rhs(s);
     return status;
 }
 
-/* Moves w.x to a minimum of phi. On CLOTH_OK report->outcome says how it ended. With contact every
- * iterate is feasible and may be accepted. */
-static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
+/* Moves w.x to a minimum of phi. On CLOTH_OK the report's outcome says how it ended. With contact
+ * every iterate is feasible and may be accepted. */
+static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     const cloth_desc *d = &s->model->desc;
     const int         cap = s->contact_on ? CLOTHI_CONTACT_CAP : CLOTHI_NEWTON_CAP;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
-    int               it, done = 0;
+    int               it;
     memset(&nt, 0, sizeof nt);
     nt.size = HUGE_VAL;
     if (s->contact_on) {
@@ -10874,28 +10867,28 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal, cloth_repor
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     if (!status && (!clothi_finite(nt.value) ||
                     clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))
-        status = clothi_nonfinite_terms(s, nt.value, &report->vertex);
+        status = clothi_nonfinite_terms(s, nt.value);
     if (status) return status;
     clothi_newton_rhs(s);
     s->fresh = 1;
     if (clothi_rest_measure(s, goal) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
-    for (it = 1; !done; it++) {
+    for (it = 1; !nt.done; it++) {
         nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
                    (it > CLOTHI_LATE && nt.size <= CLOTHI_EXACT_LATE * s->edge);
         nt.exact &= clothi_exact_asked(s);
         if (nt.stuck >= CLOTHI_STUCK) nt.exact = 0, nt.stuck = -1;
-        status = clothi_newton_iterate(s, goal, &nt, report, &done);
+        status = clothi_newton_iterate(s, goal, &nt);
         if (status == CLOTH_ERR_STEP && nt.exact) {     /* no decrease: once more, definite */
             nt.refused = 1;
             nt.size = HUGE_VAL;
             status = CLOTH_OK;
         }
-        if (!status && done) status = clothi_off_saddle(s, goal, &nt, report, &done);
-        if (!status && !done && it >= cap) status = CLOTH_ERR_STEP;
-        if (status == CLOTH_ERR_STEP && !s->contact_on) return clothi_stalled(s, report, "step");
+        if (!status && nt.done) status = clothi_off_saddle(s, goal, &nt);
+        if (!status && !nt.done && it >= cap) status = CLOTH_ERR_STEP;
+        if (status == CLOTH_ERR_STEP && !s->contact_on) return clothi_stalled(s, "step");
         if (status && status != CLOTH_ERR_STEP) return status;
-        if (status || s->finish || (!done && d->max_newton > 0 && it >= d->max_newton)) {
-            report->outcome = CLOTH_STEP_MAX_ITERATIONS;
+        if (status || s->finish || (!nt.done && d->max_newton > 0 && it >= d->max_newton)) {
+            s->report.outcome = CLOTH_STEP_MAX_ITERATIONS;
             return CLOTH_OK;
         }
     }
@@ -11101,8 +11094,8 @@ static double clothi_attach_work(const cloth_sim *s, const double *x, double par
 /* Work and losses of an implicit substep, from the gradient at its minimiser w.x: what is left of
  * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives; on
  * an axis that contact holds it is contact's. */
-static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
-    cloth_ledger *l = &report->energy;
+static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal) {
+    cloth_ledger *l = &s->report.energy;
     double        value, big = 0;
     cloth_status  status = CLOTH_OK;
     int           i, n = 3 * s->model->nv;
@@ -11128,7 +11121,7 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
     l->pin_work += clothi_attach_work(s, s->w.x, s->in.share[1] - s->in.share[0]);
     for (i = 0; i < n; i++)
         if (!(s->fixed[i / 3] >> (i % 3) & 1) && fabs(s->w.rhs[i]) > big) big = fabs(s->w.rhs[i]);
-    report->residual_N = big;
+    s->report.residual_N = big;
     if (s->wind_on) {
         double *wind = s->w.trial;
         memset(wind, 0, (size_t)n * sizeof(double));
@@ -11141,13 +11134,12 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal, cloth_report
 
 /* --- a substep --- */
 
-static cloth_status clothi_finite_result(const cloth_sim *s, const double *x,
-                                         cloth_report *report) {
+static cloth_status clothi_finite_result(cloth_sim *s, const double *x) {
     const ptrdiff_t at = clothi_find_nonfinite(x, 3 * (size_t)s->model->nv);
     if (at < 0) return CLOTH_OK;
-    report->vertex = (int)(at / 3);
+    s->report.vertex = (int)(at / 3);
     return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
-                       report->vertex);
+                       s->report.vertex);
 }
 
 /* Of two feasible points, w.x and w.trial, the one with the smaller objective into w.x: a
@@ -11170,8 +11162,7 @@ static cloth_status clothi_better_start(cloth_sim *s, clothi_goal *goal) {
 /* Contact takes the guess in w.x to a feasible point, from which every move is cut; what was
  * minimised is closed. Where the way to the feasible point was an impact the substep is one of
  * implicit Euler. */
-static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *bdf2, int *impact,
-                                         cloth_report *report) {
+static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *bdf2, int *impact) {
     double      *was = clothi_charge(s, &s->ms.contact);
     cloth_status status;
     int          i;
@@ -11183,18 +11174,18 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
                 s->w.y[i] = clothi_predicted(s, goal->e.h, 0, i);
         s->in.eta = goal->eta = goal->e.h;
         *bdf2 = 0;
-        report->restarts++;
+        s->report.restarts++;
     }
     if (!status) status = clothi_better_start(s, goal);
     (void)clothi_charge(s, was);
-    return status ? status : clothi_finite_result(s, s->w.x, report);
+    return status ? status : clothi_finite_result(s, s->w.x);
 }
 
 static void clothi_recorded(const cloth_sim *s, const double *x) {
     if (s->recorder.substep) s->recorder.substep(s->recorder.user, &s->in, x);
 }
 
-static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) {
+static cloth_status clothi_substep_implicit(cloth_sim *s) {
     const double h = s->in.h;
     clothi_goal  goal;
     cloth_status status;
@@ -11202,25 +11193,25 @@ static cloth_status clothi_substep_implicit(cloth_sim *s, cloth_report *report) 
     clothi_eval_start(s, &goal, h);
     bdf2 = clothi_predict(s, h, &goal.eta);
     s->in.eta = goal.eta, s->in.y = s->w.y;
-    if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) report->restarts++;
+    if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) s->report.restarts++;
     clothi_guess(s, h);
     status = clothi_terms_begin(s, &goal);
     if (!status && s->contact_on)
-        status = clothi_contact_start(s, &goal, &bdf2, &impact, report);
-    if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-    if (!status) status = clothi_minimise(s, &goal, report);
-    if (!status) status = clothi_finite_result(s, s->w.x, report);
+        status = clothi_contact_start(s, &goal, &bdf2, &impact);
+    if (status == CLOTH_ERR_STEP) s->report.outcome = CLOTH_STEP_COLLISION_FAILED;
+    if (!status) status = clothi_minimise(s, &goal);
+    if (!status) status = clothi_finite_result(s, s->w.x);
     if (!status && s->contact_on) {
         double *was = clothi_charge(s, &s->ms.contact);
         status = s->contact.close(s->contact.user, s->w.x, &impact);
         (void)clothi_charge(s, was);
         s->fresh = 0;
     }
-    if (!status && s->balance) status = clothi_balance(s, &goal, report);
+    if (!status && s->balance) status = clothi_balance(s, &goal);
     if (status) return status;
     clothi_recorded(s, s->w.x);
     clothi_advance(s, h, bdf2, !impact && !s->calm);
-    report->substeps++;
+    s->report.substeps++;
     return CLOTH_OK;
 }
 
@@ -11245,39 +11236,36 @@ static double clothi_extent(const double *x, int nv) {
 
 /* At a converged point: a direction of negative curvature of the exact Hessian into w.dx; *saddle
  * 0: there is none. */
-static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, cloth_report *report,
-                                            int *saddle) {
+static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int *saddle) {
     cloth_status status;
     int          i, n = 3 * s->model->nv;
     double       big;
     *saddle = 0;
     goal->sigma = 0;
-    status = clothi_newton_assemble(s, goal, 1, report);
+    status = clothi_newton_assemble(s, goal, 1);
     if (!status)
         status = cloth_linear_negative_direction(s->solver, s->matrix, s->fixed, s->w.dx, saddle);
-    report->factorizations++;
+    s->report.factorizations++;
     if (status || !*saddle) return status;
     clothi_tie_spread(s->model, s->w.dx);
     big = clothi_max_abs(s->w.dx, n);
     if (!(big > 0)) *saddle = 0;
     for (i = 0; i < n && big > 0; i++) s->w.dx[i] /= big;
-    report->negative++;
+    s->report.negative++;
     return CLOTH_OK;
 }
 
 /* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
- * negative curvature; lr->negative: singular to rounding even so. */
-static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                            cloth_report *report, cloth_linear_report *lr) {
+ * negative curvature; s->linear.negative: singular to rounding even so. */
+static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
     cloth_status status = CLOTH_OK;
     int          exact;
     for (exact = 1; exact >= 0; exact--) {
-        status = clothi_newton_assemble(s, goal, exact, report);
-        if (!status)
-            status = clothi_newton_solve(s, 1e-10, 0, CLOTH_LINEAR_CHOLESKY, report, lr);
-        if (status || !lr->negative) break;
+        status = clothi_newton_assemble(s, goal, exact);
+        if (!status) status = clothi_newton_solve(s, 1e-10, 0, CLOTH_LINEAR_CHOLESKY);
+        if (status || !s->linear.negative) break;
     }
-    report->newton++;
+    s->report.newton++;
     clothi_newton_measure(s, nt);
     return status;
 }
@@ -11287,7 +11275,7 @@ static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clo
  * is lost to its rounding, which is of order eps |force| |x|, not eps phi: there the slope at the
  * end of the step decides. */
 static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                       cloth_report *report, double *a) {
+                                       double *a) {
     const int    still = nt->size < s->model->desc.tolerance;
     cloth_status status = CLOTH_OK;
     double       value;
@@ -11300,18 +11288,18 @@ static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_n
         whole = still || fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope;
         if (whole) nt->value = value;
     }
-    if (!status && !whole) status = clothi_line_search(s, goal, nt, a, report);
+    if (!status && !whole) status = clothi_line_search(s, goal, nt, a);
     if (status) return status;
     memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
     clothi_newton_rhs(s);
-    report->residual_m = *a * nt->size;
+    s->report.residual_m = *a * nt->size;
     return CLOTH_OK;
 }
 
 /* Newton with a diagonal sigma M that falls from ten times the largest gravity mode, g over the
  * extent, 1/s^2, to zero, or to the least value at which H is not singular to rounding (a free
  * cloth), and there the last update counts. */
-static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_report *report) {
+static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal) {
     const cloth_desc *d = &s->model->desc;
     const double  size = clothi_extent(s->state.x, s->model->nv);
     const double  g = sqrt(clothi_dot3(s->in.gravity, s->in.gravity));
@@ -11324,14 +11312,14 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     clothi_newton_rhs(s);
     for (it = 1; !status; it++) {
-        cloth_linear_report lr;
         status = clothi_cancelled(&s->hooks, &s->finish);
         goal->sigma = sigma;
-        if (!status) status = clothi_static_direction(s, goal, &nt, report, &lr);
+        if (!status) status = clothi_static_direction(s, goal, &nt);
         if (status) break;
-        if (!lr.negative) status = clothi_static_move(s, goal, &nt, report, &a);
-        if (lr.negative || status == CLOTH_ERR_STEP) {
-            if (lr.negative && sigma <= least) least = least > 0 ? 10 * least : 1e-6 * sigma0;
+        if (!s->linear.negative) status = clothi_static_move(s, goal, &nt, &a);
+        if (s->linear.negative || status == CLOTH_ERR_STEP) {
+            if (s->linear.negative && sigma <= least)
+                least = least > 0 ? 10 * least : 1e-6 * sigma0;
             sigma = sigma > 0 ? 10 * sigma : 1e-6 * sigma0;
             status = sigma > 1e12 * sigma0 ? CLOTH_ERR_STEP : CLOTH_OK;
             continue;
@@ -11345,17 +11333,17 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal, cloth_
         else if (a < 0.25)
             sigma = sigma > 0 ? 4 * sigma : 1e-6 * sigma0;
         if (it >= cap || s->finish) {
-            report->outcome = CLOTH_STEP_MAX_ITERATIONS;
+            s->report.outcome = CLOTH_STEP_MAX_ITERATIONS;
             if (d->max_newton > 0 || s->finish) return CLOTH_OK;
             status = CLOTH_ERR_STEP;
         }
     }
-    return status == CLOTH_ERR_STEP ? clothi_stalled(s, report, "static") : status;
+    return status == CLOTH_ERR_STEP ? clothi_stalled(s, "static") : status;
 }
 
 /* Moved along an axis on which nothing is held the cloth keeps its shape: what pulls there finds no
  * rest, and the search would end far out. */
-static cloth_status clothi_static_held(const cloth_sim *s, cloth_report *report) {
+static cloth_status clothi_static_held(cloth_sim *s) {
     double net[3] = {0, 0, 0}, all = 0, f;
     int    i, held = s->nattach || s->wind_on || s->contact_on ||
                            s->nterms > s->nbuiltin ? CLOTH_AXIS_ALL : 0;
@@ -11365,21 +11353,21 @@ static cloth_status clothi_static_held(const cloth_sim *s, cloth_report *report)
     }
     for (i = 0; i < 3; i++)
         if (!(held >> i & 1) && fabs(net[i]) > 1e-9 * all) {
-            report->outcome = CLOTH_STEP_STALLED;
+            s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "statics: %g N along axis %i and nothing "
                                "is pinned or attached there", net[i], i);
         }
     return CLOTH_OK;
 }
 
-static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *report) {
+static cloth_status clothi_static_run(cloth_sim *s, double h) {
     clothi_goal  goal;
-    cloth_status status = clothi_static_held(s, report);
+    cloth_status status = clothi_static_held(s);
     int          i, round, n = 3 * s->model->nv, saddle = 1;
     (void)h;
     if (status) return status;
-    report->h = 0;
-    report->outcome = CLOTH_STEP_CONVERGED;
+    s->report.h = 0;
+    s->report.outcome = CLOTH_STEP_CONVERGED;
     memset(s->state.v, 0, (size_t)n * sizeof(double));
     clothi_eval_start(s, &goal, 0);
     memcpy(s->w.y, s->state.x, (size_t)n * sizeof(double));
@@ -11389,9 +11377,9 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
         double relax = s->wind_on && round > 1 ? 0.5 : 1;   /* or the cloth flaps for ever */
         for (i = 0; i < n; i++) s->state.x[i] += relax * (s->w.x[i] - s->state.x[i]);
         status = clothi_terms_begin(s, &goal);          /* wind is lagged to where we are */
-        if (!status) status = clothi_static_newton(s, &goal, report);
-        if (status || report->outcome != CLOTH_STEP_CONVERGED) break;
-        status = clothi_static_curvature(s, &goal, report, &saddle);
+        if (!status) status = clothi_static_newton(s, &goal);
+        if (status || s->report.outcome != CLOTH_STEP_CONVERGED) break;
+        status = clothi_static_curvature(s, &goal, &saddle);
         if (!status && saddle) {
             double value;
             status = clothi_objective(s, &goal, s->w.x, NULL, 0, 0, &value);
@@ -11401,12 +11389,12 @@ static cloth_status clothi_static_run(cloth_sim *s, double h, cloth_report *repo
             saddle = fabs(s->w.x[i] - s->state.x[i]) > s->model->desc.tolerance;
     }
     memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
-    if (!status && saddle && report->outcome == CLOTH_STEP_CONVERGED) {
-        report->outcome = CLOTH_STEP_STALLED;           /* wind and shape do not agree */
+    if (!status && saddle && s->report.outcome == CLOTH_STEP_CONVERGED) {
+        s->report.outcome = CLOTH_STEP_STALLED;         /* wind and shape do not agree */
         status = CLOTH_ERR_STEP;
     }
     if (status) return status;
-    if (s->balance) status = clothi_balance(s, &goal, report);
+    if (s->balance) status = clothi_balance(s, &goal);
     clothi_recorded(s, s->w.x);
     memcpy(s->state.x, s->w.x, (size_t)n * sizeof(double));
     clothi_forget(s);
@@ -11931,15 +11919,15 @@ static cloth_status clothi_leap_unstable(const cloth_sim *s, double h, int m, do
 }
 
 /* The substeps of a step of h from w.x0: what the desc asks for, if that is stable, or enough. */
-static cloth_status clothi_leap_count(cloth_sim *s, double h, cloth_report *report, int *m) {
+static cloth_status clothi_leap_count(cloth_sim *s, double h, int *m) {
     const double limit = clothi_leap_limit(s, clothi_leap_tangent(s, s->w.x0, 1),
-                                           &report->omega_max);
+                                           &s->report.omega_max);
     const double safe = CLOTHI_LEAP_SAFETY * limit;
     *m = s->model->desc.substeps;
-    if (!clothi_finite(report->omega_max) || !(limit >= 0))
+    if (!clothi_finite(s->report.omega_max) || !(limit >= 0))
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "LEAPFROG: the stability limit is %g s "
-                           "at omega = %g 1/s", limit, report->omega_max);
-    report->outcome = CLOTH_STEP_STALLED;
+                           "at omega = %g 1/s", limit, s->report.omega_max);
+    s->report.outcome = CLOTH_STEP_STALLED;
     if (*m > 0 && h / *m > limit)
         return clothi_leap_unstable(s, h, *m, limit);
     if (*m == 0 && !(h / safe < CLOTHI_MAX_SUBSTEPS))
@@ -11950,7 +11938,7 @@ static cloth_status clothi_leap_count(cloth_sim *s, double h, cloth_report *repo
     return CLOTH_OK;
 }
 
-static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *report) {
+static cloth_status clothi_step_leapfrog(cloth_sim *s, double h) {
     const size_t n = 3 * (size_t)s->model->nv;
     double       after, limit, omega;
     cloth_status status;
@@ -11958,13 +11946,13 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
     size_t       i;
     int          m, tries = s->model->desc.substeps > 0 ? CLOTHI_LEAP_RETRIES : 0;   /* one */
     if (!(s->omega_rest > 0)) clothi_leap_omega(s);
-    status = clothi_leap_count(s, h, report, &m);
+    status = clothi_leap_count(s, h, &m);
     if (status) return status;
     for (;; tries++, m *= 2) {
         after = 0;
         memset(&ledger, 0, sizeof ledger);
         status = clothi_leap_run(s, h, m, &after, s->balance ? &ledger : NULL);
-        report->substeps += m;
+        s->report.substeps += m;
         limit = clothi_leap_limit(s, after, &omega);
         if (!status && h / m <= limit && clothi_find_nonfinite(s->w.x, n) < 0 &&
             clothi_find_nonfinite(s->w.trial, n) < 0)
@@ -11974,22 +11962,22 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h, cloth_report *r
             if (s->contact_on) s->contact.rollback(s->contact.user, NULL);
             continue;
         }
-        if (status == CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_COLLISION_FAILED;
-        if (!status) status = clothi_finite_result(s, s->w.x, report);
-        if (!status) status = clothi_finite_result(s, s->w.trial, report);
+        if (status == CLOTH_ERR_STEP) s->report.outcome = CLOTH_STEP_COLLISION_FAILED;
+        if (!status) status = clothi_finite_result(s, s->w.x);
+        if (!status) status = clothi_finite_result(s, s->w.trial);
         return status ? status : clothi_leap_unstable(s, h, m, limit);
     }
     for (i = (size_t)s->nbuiltin; i < (size_t)s->nterms; i++)   /* forces alone do not show it */
         if (!clothi_finite(s->term_energy[i]))
-            return clothi_nonfinite_terms(s, s->term_energy[i], &report->vertex);
-    report->energy = ledger;
+            return clothi_nonfinite_terms(s, s->term_energy[i]);
+    s->report.energy = ledger;
     for (i = 0; s->force_on && i < n; i++)
-        report->energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
+        s->report.energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
     memcpy(s->state.x, s->w.x, n * sizeof(double));
     memcpy(s->state.v, s->w.trial, n * sizeof(double));
     s->state.t += h;
     s->h_prev = h / m;
-    report->outcome = CLOTH_STEP_CONVERGED;
+    s->report.outcome = CLOTH_STEP_CONVERGED;
     return CLOTH_OK;
 }
 
@@ -12035,7 +12023,7 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     return CLOTH_OK;
 }
 
-static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
+static cloth_status clothi_check_state(cloth_sim *s) {
     const struct { const char *name; const double *a; } array[3] = {
         {"state.x", s->state.x}, {"state.v", s->state.v}, {"target", s->target}};
     int k;
@@ -12044,14 +12032,14 @@ static cloth_status clothi_check_state(const cloth_sim *s, int *vertex) {
     for (k = 0; k < 3; k++) {
         ptrdiff_t at = clothi_find_nonfinite(array[k].a, 3 * (size_t)s->model->nv);
         if (at < 0) continue;
-        *vertex = (int)(at / 3);
+        s->report.vertex = (int)(at / 3);
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g (vertex %i)",
                            array[k].name, (int)at, array[k].a[at], (int)(at / 3));
     }
     return CLOTH_OK;
 }
 
-static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *report) {
+static cloth_status clothi_check_step(cloth_sim *s, double h) {
     const cloth_status status = clothi_check_range(&s->hooks, "cloth_step: ", "h", h, 0,
                                                    HUGE_VAL, CLOTHI_OVER);
     if (status) return status;
@@ -12060,7 +12048,7 @@ static cloth_status clothi_check_step(cloth_sim *s, double h, cloth_report *repo
                            "clothsim_collide.h: this sim has no contact",
                            s->model->desc.contact == CLOTH_CONTACT_SELF
                                ? "CLOTH_CONTACT_SELF" : "CLOTH_CONTACT_OBSTACLES");
-    return clothi_check_state(s, &report->vertex);
+    return clothi_check_state(s);
 }
 
 #define CLOTHI_COLLAPSED 0.57735026918962576 /* 1/sqrt(3), where StVK softens              */
@@ -12102,10 +12090,11 @@ static const double *clothi_shapes(cloth_sim *s, clothi_elements *el) {
 }
 
 /* Smallest stretch; eight triangles at a time, and the smallest one once more, exactly. */
-static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
+static void clothi_report_shape(cloth_sim *s) {
     const clothi_group *g = &s->model->membrane, *b = &s->model->bend;
     const int     lanes = g->kind == CLOTHI_TRIANGLE;
     const double *shape = lanes ? clothi_shapes(s, &s->own.membrane) : NULL;
+    cloth_report *report = &s->report;
     double        low = HUGE_VAL, both[2], corners[9];
     int           k, f;
     for (f = 0; !lanes && f < s->model->nf; f++) {
@@ -12127,17 +12116,17 @@ static void clothi_report_shape(cloth_sim *s, cloth_report *report) {
         report->folded += b->id[k] >= 0 && fabs(shape[k]) > CLOTHI_FOLDED;
 }
 
-static void clothi_report_state(cloth_sim *s, cloth_report *report) {
+static void clothi_report_state(cloth_sim *s) {
     const cloth_model *m = s->model;
-    cloth_bytes       *b = &report->bytes;
+    cloth_bytes       *b = &s->report.bytes;
     double             c[3];
     int                i, k;
-    clothi_report_shape(s, report);
+    clothi_report_shape(s);
     for (i = 0; i < m->nv; i++) {
         clothi_cross3(s->state.x + 3 * i, s->state.v + 3 * i, c);
         for (k = 0; k < 3; k++) {
-            report->momentum[k] += s->params.mass[i] * s->state.v[3 * i + k];
-            report->angular[k] += s->params.mass[i] * c[k];
+            s->report.momentum[k] += s->params.mass[i] * s->state.v[3 * i + k];
+            s->report.angular[k] += s->params.mass[i] * c[k];
         }
     }
     b->mesh = clothi_blocks(NULL, m->block, (size_t)m->nmesh) + clothi_block_size(m->topology) +
@@ -12191,9 +12180,9 @@ static cloth_status clothi_record_need(cloth_sim *s, int *n) {
 }
 
 /* After it was. */
-static void clothi_record_give(cloth_sim *s, double h, int n, const cloth_report *report) {
+static void clothi_record_give(cloth_sim *s, double h, int n) {
     cloth_step_record r = {s->model->hash, h, s->kept, s->recorded, s->model->nv, s->state.x,
-                           s->state.v, report->outcome, n, NULL};
+                           s->state.v, s->report.outcome, n, NULL};
     r.contact = (const struct cloth_collide_contact *)(void *)s->touching;
     if (n) (void)s->contact.contacts(s->contact.user, n, s->touching);
     s->recorder.step(s->recorder.user, &r);
@@ -12241,38 +12230,38 @@ static void clothi_watch(cloth_sim *s, double h) {
     s->still = still;
 }
 
-static cloth_status clothi_step_run(cloth_sim *s, double h, cloth_report *report) {
+static cloth_status clothi_step_run(cloth_sim *s, double h) {
     const int    leap = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
     cloth_status status = CLOTH_OK;
     int          k, m = s->model->desc.substeps > 0 ? s->model->desc.substeps : 1;
     if (s->asleep) {
         s->state.t += h;
-        report->outcome = CLOTH_STEP_ASLEEP;
+        s->report.outcome = CLOTH_STEP_ASLEEP;
         if (s->balance && !s->rested.outcome && s->contact_on && s->contact.balance)
-            s->contact.balance(s->contact.user, &report->energy);
+            s->contact.balance(s->contact.user, &s->report.energy);
         return CLOTH_OK;
     }
-    if (leap) status = clothi_step_leapfrog(s, h, report);
-    else report->outcome = CLOTH_STEP_CONVERGED;
+    if (leap) status = clothi_step_leapfrog(s, h);
+    else s->report.outcome = CLOTH_STEP_CONVERGED;
     for (k = 0; k < m && !status && !leap; k++) {
         clothi_input(s, h / m, (double)k / m, (double)(k + 1) / m);
-        status = clothi_substep_implicit(s, report);
+        status = clothi_substep_implicit(s);
     }
     if (!status) clothi_watch(s, h);
     return status;
 }
 
 /* Accepted: attachments have arrived, contact anchors become state. */
-static void clothi_accept(cloth_sim *s, cloth_report *report) {
+static void clothi_accept(cloth_sim *s) {
     int i;
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++)
         memcpy(s->attach[i].pose, s->attach[i].target, sizeof s->attach[i].pose);
-    if (s->contact_on) s->contact.commit(s->contact.user, report);
+    if (s->contact_on) s->contact.commit(s->contact.user, &s->report);
 }
 
 /* The ledger of a step, where a report is wanted or BDF2 watches it. */
-static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before, cloth_report *report) {
-    cloth_ledger l = report->energy;
+static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
+    cloth_ledger l = s->report.energy;
     cloth_status status = CLOTH_OK;
     const int    builtin = s->nterms == s->nbuiltin;    /* a host's energy may depend on h */
     clothi_input(s, 0, 1, 1);
@@ -12286,11 +12275,11 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before, cloth_
                !s->own.bend.damped;
     l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work + l.contact_work -
                        l.damping_loss - l.friction_loss - l.zone_loss - l.total;
-    report->energy = l;
+    s->report.energy = l;
     return status;
 }
 
-typedef cloth_status clothi_run_fn(cloth_sim *s, double h, cloth_report *report);
+typedef cloth_status clothi_run_fn(cloth_sim *s, double h);
 
 #define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
 #define CLOTHI_GROWN  0.5                   /* the same in a step of implicit Euler: given up  */
@@ -12305,24 +12294,24 @@ static int clothi_watched(const cloth_sim *s, clothi_run_fn *run) {
 /* A run with its ledger. A step of BDF2 whose energy no work explains is taken again by implicit
  * Euler, which forgets, as the next one does. */
 static cloth_status clothi_booked(cloth_sim *s, double h, clothi_run_fn *run,
-                                  const cloth_ledger *before, cloth_report *report) {
-    const cloth_ledger *l = &report->energy;
+                                  const cloth_ledger *before) {
+    const cloth_ledger *l = &s->report.energy;
     cloth_status status = CLOTH_OK;
     double       most = CLOTHI_GROWTH;
     for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
-        status = run(s, h, report);
-        if (!status) status = clothi_book(s, before, report);
+        status = run(s, h);
+        if (!status) status = clothi_book(s, before);
         most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
         if (status || !clothi_watched(s, run) || l->numerical_loss >= -most) break;
         if (s->calm) {
-            report->outcome = CLOTH_STEP_STALLED;
+            s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
                                "desc.max_newton or tolerance?", -l->numerical_loss);
         }
         clothi_put_back(s, NULL);
-        memset(&report->energy, 0, sizeof report->energy);
-        report->substeps = report->restarts = 0;
+        memset(&s->report.energy, 0, sizeof s->report.energy);
+        s->report.substeps = s->report.restarts = 0;
     }
     return status;
 }
@@ -12333,7 +12322,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     const double start = clothi_now(&s->hooks);
     long long    allocations = s->allocations;
     int          known = s->known && !s->nattach, contacts = 0, news;
-    cloth_report local, *report = wanted ? wanted : &local;
+    cloth_report *report = &s->report;
     cloth_ledger before;
     cloth_status status;
     memset(report, 0, sizeof *report);
@@ -12343,7 +12332,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     s->charged = &s->ms.other, s->since = start;
     s->known = s->fresh = s->finish = s->calm = 0;
     report->h = h, report->vertex = report->min_stretch_face = -1;
-    status = clothi_check_step(s, h, report);
+    status = clothi_check_step(s, h);
     if (!status) status = clothi_need_work(s);
     if (!status) status = clothi_keep(s);
     if (!status) {
@@ -12353,24 +12342,24 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
         news = s->balance && !(s->asleep && s->rested.outcome);
         if (wanted && !news) *report = s->rested, report->h = h;
         if (news) status = clothi_energy_before(s, known, &before);
-        if (!status)
-            status = news ? clothi_booked(s, h, run, &before, report) : run(s, h, report);
-        if (!status && wanted && news) clothi_report_state(s, report);
+        if (!status) status = news ? clothi_booked(s, h, run, &before) : run(s, h);
+        if (!status && wanted && news) clothi_report_state(s);
         if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
         if (status) {
             clothi_put_back(s, report);
             if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;
         } else {
-            clothi_accept(s, report);
+            clothi_accept(s);
             if (news && s->asleep) s->rested = *report;
             if (s->recorder.step)
-                clothi_record_give(s, run == clothi_static_run ? 0 : h, contacts, report);
+                clothi_record_give(s, run == clothi_static_run ? 0 : h, contacts);
         }
     }
     (void)clothi_charge(s, &s->ms.other);
     s->own.counts.allocations = s->allocations - allocations;
     s->ms.total = 1e3 * (s->since - start);
     report->counts = s->own.counts, report->ms = s->ms, report->status = status;
+    if (wanted) *wanted = *report;
     return status;
 }
 
@@ -12398,11 +12387,10 @@ CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report) 
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger) {
     cloth_ledger l;
     cloth_status status;
-    int          vertex;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!ledger) return clothi_null(&sim->hooks, "cloth_sim_energy: ledger");
     memset(&l, 0, sizeof l);
-    status = clothi_check_state(sim, &vertex);
+    status = clothi_check_state(sim);
     if (!status) status = clothi_need_work(sim);
     clothi_input(sim, 0, 0, 0);
     if (!status) status = clothi_energy_at(sim, sim->state.x, sim->state.v, 0, &l);
@@ -12419,12 +12407,12 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     clothi_goal  goal;
     cloth_status status;
     double       value;
-    int          n, vertex;
+    int          n;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!x) return clothi_null(&sim->hooks, "cloth_sim_potential: x");
     n = 3 * sim->model->nv;
     status = clothi_check_vector(&sim->hooks, "cloth_sim_potential: x", x, n);
-    if (!status) status = clothi_check_state(sim, &vertex);
+    if (!status) status = clothi_check_state(sim);
     if (!status) status = clothi_need_work(sim);
     if (status) return status;
     clothi_input(sim, 0, 1, 1);
@@ -12433,7 +12421,7 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     if (!status) status = clothi_objective(sim, &goal, x, sim->w.grad, 0, 0, &value);
     if (status) return status;
     if (!clothi_finite(value) || clothi_find_nonfinite(sim->w.grad, (size_t)n) >= 0)
-        return clothi_nonfinite_terms(sim, value, &vertex);
+        return clothi_nonfinite_terms(sim, value);
     if (energy) *energy = value;
     if (grad) memcpy(grad, sim->w.grad, (size_t)n * sizeof(double));
     return CLOTH_OK;

@@ -1428,15 +1428,13 @@ static cloth_status clothi_grad_apply(clothi_grad *g, const cloth_eval *e, const
 static cloth_status clothi_grad_matrices(clothi_grad *g, clothi_line *line, int *negative) {
     cloth_sim    *s = g->s;
     cloth_matrix *with = s->matrix;
-    cloth_report  local;
     cloth_status  status = clothi_solver_factor(s->solver, with, s->fixed, NULL);
-    memset(&local, 0, sizeof local);
     g->rep->factorizations++;
     *negative = status == CLOTH_ERR_NUMERIC;
     if (status && !*negative) return status;
     s->matrix = g->elastic;
     s->contact_on = 0;
-    status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    status = clothi_newton_assemble(s, &line->goal, 1);
     s->contact_on = 1;
     s->matrix = with;
     return status;
@@ -2914,10 +2912,8 @@ static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clot
     cloth_sim   *s = g->s;
     const size_t n = g->t->nv3;
     const int    touches = s->contact_on;
-    cloth_report local;
     cloth_status status = clothi_tangent_terms(g, c, &line->goal.e, 0, s->nterms, c->dx, c->dv);
     size_t       i;
-    memset(&local, 0, sizeof local);
     if (!status) clothi_tangent_poses(s, g->x0, g->q);
     for (i = 0; i < n; i++)
         g->lv[i] = s->pin[i / 3] >> i % 3 & 1 && !(s->model->tie && s->model->tie[i] >= 0)
@@ -2932,13 +2928,13 @@ static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clot
         g->lx[i] = line->weight * s->params.mass[i / 3] * dy - g->q[i];
     }
     s->contact_on = 0;                      /* H of the rest, then with contact's model */
-    if (!status) status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    if (!status) status = clothi_newton_assemble(s, &line->goal, 1);
     s->contact_on = touches;
     if (status) return status;
     clothi_tie_gradient(s->model, g->lx);
     cloth_matrix_mul(s->matrix, NULL, g->lv, g->q);
     for (i = 0; i < n; i++) g->lx[i] -= g->q[i];
-    if (touches) status = clothi_newton_assemble(s, &line->goal, 1, &local);
+    if (touches) status = clothi_newton_assemble(s, &line->goal, 1);
     if (!status) status = clothi_grad_solve(g, line, g->lx, g->z, k);
     for (i = 0; i < n; i++) g->z[i] += g->lv[i];
     clothi_tie_spread(s->model, g->z);

@@ -10524,17 +10524,20 @@ CLOTHI_OUTLINE static void clothi_newton_rhs(cloth_sim *s) {
         for (k = 0; k < 3; k++) r[k] = s->fixed[i] >> k & 1 ? 0 : -r[k];
 }
 
-/* Each element is finite by promise: their sum, a host's term, contact or a matrix need not be.
- * value: an energy, or 0; then w.grad is finite or at fault. */
-static cloth_status clothi_nonfinite_terms(cloth_sim *s, double value) {
-    const ptrdiff_t at = clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv);
-    if (at < 0)
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, clothi_finite(value)
-                           ? "the matrix of the linear solve or its answer is not finite"
-                           : "the energy of the terms is %g", value);
+/* Numbers a [nv x 3] are finite; the vertex of one that is not goes into the report. */
+static cloth_status clothi_check_vertices(cloth_sim *s, const char *name, const double *a) {
+    const ptrdiff_t at = clothi_find_nonfinite(a, 3 * (size_t)s->model->nv);
+    if (at < 0) return CLOTH_OK;
     s->report.vertex = (int)(at / 3);
-    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "the gradient of the terms at vertex %i has "
-                       "an entry %g", s->report.vertex, s->w.grad[at]);
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g (vertex %i)", name, (int)at,
+                       a[at], s->report.vertex);
+}
+
+/* Each element is finite by promise: their sum, a host's term or contact need not be. */
+static cloth_status clothi_check_terms(cloth_sim *s, double value) {
+    const cloth_status status = clothi_check_vertices(s, "gradient of the terms", s->w.grad);
+    if (status || clothi_finite(value)) return status;
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "the energy of the terms is %g", value);
 }
 
 /* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
@@ -10556,12 +10559,9 @@ CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal 
     }
     (void)clothi_charge(s, was);
     if (status) return status;
-    if (k > CLOTHI_HALVINGS)
-        return clothi_finite(value) ? CLOTH_ERR_STEP : clothi_nonfinite_terms(s, value);
-    if (clothi_find_nonfinite(s->w.grad, (size_t)n) >= 0)
-        return clothi_nonfinite_terms(s, value);
+    if (k > CLOTHI_HALVINGS && clothi_finite(value)) return CLOTH_ERR_STEP;
     nt->value = value;
-    return CLOTH_OK;
+    return clothi_check_terms(s, value);
 }
 
 /* With contact the exact Hessian is for tolerances far below where its phase begins. */
@@ -10611,8 +10611,9 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     s->report.cg += lr->iterations;
     clothi_tie_spread(s->model, s->w.dx);
     (void)clothi_charge(s, was);
-    if (status == CLOTH_ERR_NONFINITE) status = clothi_nonfinite_terms(s, 0);
-    return status;
+    if (status != CLOTH_ERR_NONFINITE || clothi_check_terms(s, 0)) return status;
+    return clothi_fail(&s->hooks, status,
+                       "the matrix of the linear solve or its answer is not finite");
 }
 
 /* What there is to know of w.dx before a step along it. */
@@ -10865,9 +10866,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
         (void)clothi_charge(s, was);
     }
     if (!status) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
-    if (!status && (!clothi_finite(nt.value) ||
-                    clothi_find_nonfinite(s->w.grad, 3 * (size_t)s->model->nv) >= 0))
-        status = clothi_nonfinite_terms(s, nt.value);
+    if (!status) status = clothi_check_terms(s, nt.value);
     if (status) return status;
     clothi_newton_rhs(s);
     s->fresh = 1;
@@ -11134,14 +11133,6 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal) {
 
 /* --- a substep --- */
 
-static cloth_status clothi_finite_result(cloth_sim *s, const double *x) {
-    const ptrdiff_t at = clothi_find_nonfinite(x, 3 * (size_t)s->model->nv);
-    if (at < 0) return CLOTH_OK;
-    s->report.vertex = (int)(at / 3);
-    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "step: vertex %i became non-finite",
-                       s->report.vertex);
-}
-
 /* Of two feasible points, w.x and w.trial, the one with the smaller objective into w.x: a
  * projection may have strained what had no time to give. */
 static cloth_status clothi_better_start(cloth_sim *s, clothi_goal *goal) {
@@ -11178,7 +11169,7 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
     }
     if (!status) status = clothi_better_start(s, goal);
     (void)clothi_charge(s, was);
-    return status ? status : clothi_finite_result(s, s->w.x);
+    return status ? status : clothi_check_vertices(s, "step: x", s->w.x);
 }
 
 static void clothi_recorded(const cloth_sim *s, const double *x) {
@@ -11200,7 +11191,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
         status = clothi_contact_start(s, &goal, &bdf2, &impact);
     if (status == CLOTH_ERR_STEP) s->report.outcome = CLOTH_STEP_COLLISION_FAILED;
     if (!status) status = clothi_minimise(s, &goal);
-    if (!status) status = clothi_finite_result(s, s->w.x);
+    if (!status) status = clothi_check_vertices(s, "step: x", s->w.x);
     if (!status && s->contact_on) {
         double *was = clothi_charge(s, &s->ms.contact);
         status = s->contact.close(s->contact.user, s->w.x, &impact);
@@ -11963,13 +11954,13 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h) {
             continue;
         }
         if (status == CLOTH_ERR_STEP) s->report.outcome = CLOTH_STEP_COLLISION_FAILED;
-        if (!status) status = clothi_finite_result(s, s->w.x);
-        if (!status) status = clothi_finite_result(s, s->w.trial);
+        if (!status) status = clothi_check_vertices(s, "step: x", s->w.x);
+        if (!status) status = clothi_check_vertices(s, "step: v", s->w.trial);
         return status ? status : clothi_leap_unstable(s, h, m, limit);
     }
     for (i = (size_t)s->nbuiltin; i < (size_t)s->nterms; i++)   /* forces alone do not show it */
         if (!clothi_finite(s->term_energy[i]))
-            return clothi_nonfinite_terms(s, s->term_energy[i]);
+            return clothi_check_terms(s, s->term_energy[i]);
     s->report.energy = ledger;
     for (i = 0; s->force_on && i < n; i++)
         s->report.energy.force_work += s->force[i] * (s->w.x[i] - s->w.x0[i]);
@@ -12024,19 +12015,11 @@ static cloth_status clothi_need_work(cloth_sim *s) {
 }
 
 static cloth_status clothi_check_state(cloth_sim *s) {
-    const struct { const char *name; const double *a; } array[3] = {
-        {"state.x", s->state.x}, {"state.v", s->state.v}, {"target", s->target}};
-    int k;
-    if (!clothi_finite(s->state.t))
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "state.t = %g", s->state.t);
-    for (k = 0; k < 3; k++) {
-        ptrdiff_t at = clothi_find_nonfinite(array[k].a, 3 * (size_t)s->model->nv);
-        if (at < 0) continue;
-        s->report.vertex = (int)(at / 3);
-        return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "%s[%i] = %g (vertex %i)",
-                           array[k].name, (int)at, array[k].a[at], (int)(at / 3));
-    }
-    return CLOTH_OK;
+    cloth_status status = clothi_check_vertices(s, "state.x", s->state.x);
+    if (!status) status = clothi_check_vertices(s, "state.v", s->state.v);
+    if (!status) status = clothi_check_vertices(s, "target", s->target);
+    if (status || clothi_finite(s->state.t)) return status;
+    return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "state.t = %g", s->state.t);
 }
 
 static cloth_status clothi_check_step(cloth_sim *s, double h) {
@@ -12419,9 +12402,8 @@ CLOTH_API cloth_status cloth_sim_potential(cloth_sim *sim, const double *x, doub
     clothi_eval_start(sim, &goal, 0);
     status = clothi_terms_some(sim, &goal.e, 0, sim->nterms);
     if (!status) status = clothi_objective(sim, &goal, x, sim->w.grad, 0, 0, &value);
+    if (!status) status = clothi_check_terms(sim, value);
     if (status) return status;
-    if (!clothi_finite(value) || clothi_find_nonfinite(sim->w.grad, (size_t)n) >= 0)
-        return clothi_nonfinite_terms(sim, value);
     if (energy) *energy = value;
     if (grad) memcpy(grad, sim->w.grad, (size_t)n * sizeof(double));
     return CLOTH_OK;

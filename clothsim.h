@@ -1536,6 +1536,14 @@ CLOTHI_UNUSED static void clothi_cross3(const double *a, const double *b, double
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
+/* Normal of the face v [3] at x, twice its area long. */
+CLOTHI_UNUSED static void clothi_face_cross(const double *x, const int *v, double *n) {
+    double d[3], e[3];
+    clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
+    clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
+    clothi_cross3(d, e, n);
+}
+
 CLOTHI_UNUSED static double clothi_max(double a, double b) { return a > b ? a : b; }
 CLOTHI_UNUSED static double clothi_min(double a, double b) { return a < b ? a : b; }
 
@@ -9901,6 +9909,18 @@ static cloth_status clothi_attach_vjp(void *user, const cloth_eval *e, const dou
  * lift, perpendicular to the flow, results from c_n > c_t. Where there is no h (statics, LEAPFROG,
  * cloth_sim_potential) r is taken at v^n: a constant force f, P = -f.(p - p^n), no Hessian. */
 
+/* Velocity of the centroid of the face v [3] relative to the air: over a substep of h, or at its
+ * start when h = 0. */
+static void clothi_wind_air(const cloth_eval *e, const int *v, double h, double *u) {
+    int j, k;
+    for (k = 0; k < 3; k++) {
+        double sum = 0;
+        for (j = 0; j < 3; j++)
+            sum += h > 0 ? (e->x[3 * v[j] + k] - e->x_n[3 * v[j] + k]) / h : e->v_n[3 * v[j] + k];
+        u[k] = sum / 3 - e->in->wind[k];
+    }
+}
+
 static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
     clothi_own        *own = (clothi_own *)user;
     const cloth_model *m = e->model;
@@ -9909,14 +9929,10 @@ static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
     own->counts.wind_faces += m->nf;
     for (f = 0; f < m->nf; f++) {
         const int *v = m->faces + 3 * f;
-        double    *w = own->wind + 5 * (size_t)f, a[3], b[3], n[3], u[3], len, speed;
-        clothi_sub3(e->x_n + 3 * v[1], e->x_n + 3 * v[0], a);
-        clothi_sub3(e->x_n + 3 * v[2], e->x_n + 3 * v[0], b);
-        clothi_cross3(a, b, n);
+        double    *w = own->wind + 5 * (size_t)f, n[3], u[3], len, speed;
+        clothi_face_cross(e->x_n, v, n);
+        clothi_wind_air(e, v, 0, u);
         len = sqrt(clothi_dot3(n, n));
-        for (k = 0; k < 3; k++)
-            u[k] = (e->v_n[3 * v[0] + k] + e->v_n[3 * v[1] + k] + e->v_n[3 * v[2] + k]) / 3 -
-                   e->in->wind[k];
         speed = sqrt(clothi_dot3(u, u));
         for (k = 0; k < 3; k++) w[k] = len > 0 ? n[k] / len : 0;
         w[3] = 0.5 * m->desc.air_density * m->desc.drag * 0.5 * len * speed;
@@ -9925,20 +9941,12 @@ static cloth_status clothi_wind_begin(void *user, const cloth_eval *e) {
     return CLOTH_OK;
 }
 
-/* Velocity of the centroid relative to the air at x, and its parts: along n and across. */
+/* That velocity at x: its parts along n and across. */
 static double clothi_wind_slip(const clothi_own *own, const cloth_eval *e, int f, double *r) {
-    const int    *v = e->model->faces + 3 * f;
     const double *n = own->wind + 5 * (size_t)f;
     double        along;
     int           k;
-    for (k = 0; k < 3; k++) {
-        double sum = 0;
-        int    j;
-        for (j = 0; j < 3; j++)
-            sum += e->h > 0 ? (e->x[3 * v[j] + k] - e->x_n[3 * v[j] + k]) / e->h
-                            : e->v_n[3 * v[j] + k];
-        r[k] = sum / 3 - e->in->wind[k];
-    }
+    clothi_wind_air(e, e->model->faces + 3 * f, e->h, r);
     along = clothi_dot3(n, r);
     for (k = 0; k < 3; k++) r[k] -= along * n[k];
     return along;
@@ -10145,15 +10153,14 @@ static cloth_status clothi_wind_vjp(void *user, const cloth_eval *e, const doubl
     for (f = 0; f < m->nf; f++) {
         const double *w = own->wind + 5 * (size_t)f;
         const int    *v = m->faces + 3 * f;
-        double r[3], t[3], ap[3], u[3], along, speed2 = 0, an, work, gn[3], gN[3], len2, along_n;
+        double r[3], t[3], ap[3], u[3], along, speed2, an, work, gn[3], gN[3], len2, along_n;
         double e1[3], e2[3], N[3], g1[3], g2[3], tangent_a;
         along = clothi_wind_slip(own, e, f, t);
+        clothi_wind_air(e, v, 0, u);
+        speed2 = clothi_dot3(u, u);
         for (k = 0; k < 3; k++) {
             r[k] = t[k] + along * w[k];
             ap[k] = (a[3 * v[0] + k] + a[3 * v[1] + k] + a[3 * v[2] + k]) / 3;
-            u[k] = (e->v_n[3 * v[0] + k] + e->v_n[3 * v[1] + k] + e->v_n[3 * v[2] + k]) / 3 -
-                   e->in->wind[k];
-            speed2 += u[k] * u[k];
         }
         an = clothi_dot3(ap, w);
         tangent_a = clothi_dot3(ap, r) - an * along;
@@ -11614,10 +11621,10 @@ static void clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
 }
 
 /* One power iteration: w.y = M^-1 K u by central differences; returns the Rayleigh quotient. */
-static double clothi_leap_power(cloth_sim *s, cloth_eval *e, double *u, double length) {
+static double clothi_leap_power(cloth_sim *s, cloth_eval *e, double *u) {
     const double *rest = s->model->x_rest, *mass = s->params.mass;
     double norm = 0, rayleigh = 0, big = clothi_max_abs(u, 3 * s->model->nv);
-    double eps = 1e-6 * length / (big > 0 ? big : 1);
+    double eps = 1e-6 * s->edge / (big > 0 ? big : 1);
     int    n = 3 * s->model->nv, i;
     for (i = 0; i < n; i++) s->w.x[i] = rest[i] + eps * u[i];
     clothi_leap_elastic(s, e, s->w.rhs);
@@ -11636,17 +11643,16 @@ static double clothi_leap_power(cloth_sim *s, cloth_eval *e, double *u, double l
  * params. The power method comes from below, so CLOTHI_LEAP_MARGIN is added. */
 static void clothi_leap_omega(cloth_sim *s) {
     const cloth_model *m = s->model;
-    double     *u = s->w.dx, lambda = 0, length = 0, big;
+    double     *u = s->w.dx, lambda = 0, big;
     int         n = 3 * m->nv, i, k;
     uint64_t    seed = 0x9e3779b97f4a7c15u;
     cloth_eval  e = clothi_eval_of(s);
-    for (i = 0; i < m->nf; i++) length += sqrt(clothi_rest_area(s->params.X, i)) / m->nf;
     for (i = 0; i < n; i++) {
         seed = seed * 6364136223846793005u + 1442695040888963407u;
         u[i] = (double)(seed >> 11) / 9007199254740992.0 - 0.5;
     }
     for (k = 0; k < CLOTHI_LEAP_POWER; k++) {
-        double quotient = clothi_leap_power(s, &e, u, length);
+        double quotient = clothi_leap_power(s, &e, u);
         if (quotient > lambda) lambda = quotient;
         big = clothi_max_abs(s->w.y, n);
         if (!(big > 0)) break;
@@ -12858,14 +12864,11 @@ CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model) {
 /* Area-weighted normal of vertex i: the sum of its faces' cross products. */
 CLOTHI_OUTLINE static void clothi_vertex_normal(const cloth_sim *s, int i, double *n) {
     const cloth_topology *t = s->model->topology;
-    double                a[3], b[3], c[3], len;
+    double                c[3], len;
     int                   k;
     n[0] = n[1] = n[2] = 0;
     for (k = t->vf_start[i]; k < t->vf_start[i + 1]; k++) {
-        const int *v = s->model->faces + 3 * t->vf[k];
-        clothi_sub3(s->state.x + 3 * v[1], s->state.x + 3 * v[0], a);
-        clothi_sub3(s->state.x + 3 * v[2], s->state.x + 3 * v[0], b);
-        clothi_cross3(a, b, c);
+        clothi_face_cross(s->state.x, s->model->faces + 3 * t->vf[k], c);
         n[0] += c[0], n[1] += c[1], n[2] += c[2];
     }
     len = sqrt(clothi_dot3(n, n));

@@ -788,15 +788,7 @@ static void clothi_pair_weights(int edge_edge, const double *lambda, double *w) 
     if (!edge_edge) w[1] = -1 - w[2] - w[3];
 }
 
-/* Normal of the face v [3] at x, twice its area long. */
-static void clothi_face_cross(const double *x, const int *v, double *n) {
-    double d[3], e[3];
-    clothi_sub3(x + 3 * v[1], x + 3 * v[0], d);
-    clothi_sub3(x + 3 * v[2], x + 3 * v[0], e);
-    clothi_cross3(d, e, n);
-}
-
-/* The same of length 1; 0 without an area. */
+/* Unit normal of the face v [3] at x; 0 without an area. */
 static void clothi_face_normal(const double *x, const int *v, double *n) {
     double size;
     int    k;

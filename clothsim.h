@@ -10630,20 +10630,28 @@ static void clothi_newton_measure(const cloth_sim *s, clothi_newton *nt) {
     nt->size = clothi_max_abs(s->w.dx, (int)n);
 }
 
-/* Hessian and direction: see 'Which Hessian' and 'Saddles'. */
-static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+/* Hessian and solve: see 'Which Hessian'; the exact one gives way to the definite one where it has
+ * negative curvature and no radius was hit. */
+static cloth_status clothi_newton_system(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
+                                         double tolerance, cloth_linear method) {
     cloth_status status;
-    int          i, n = 3 * s->model->nv;
     for (;; nt->exact = 0, nt->refused = 1) {
         status = clothi_newton_assemble(s, goal, nt->exact);
         if (!status)
-            status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
-                                         CLOTH_LINEAR_SGS);
-        if (status) return status;
-        if (!nt->exact || !s->linear.negative || s->linear.hit) break;
+            status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, method);
+        if (status || !nt->exact || !s->linear.negative || s->linear.hit) break;
     }
+    s->report.newton++;
     clothi_newton_measure(s, nt);
-    if (nt->slope < 0) return CLOTH_OK;
+    return status;
+}
+
+/* A direction down; see 'Saddles'. */
+static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    cloth_status status = clothi_newton_system(s, goal, nt, s->model->desc.cg_tolerance,
+                                               CLOTH_LINEAR_SGS);
+    int          i, n = 3 * s->model->nv;
+    if (status || nt->slope < 0) return status;
     nt->slope = 0;                          /* no descent: the preconditioned gradient is one */
     for (i = 0; i < n; i++) {
         s->w.dx[i] = goal->eta * goal->eta * s->w.rhs[i] / s->params.mass[i / 3];
@@ -10744,9 +10752,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     cloth_status status = clothi_cancelled(&s->hooks, &s->finish);
     int          cut;
     if (!status) status = clothi_newton_direction(s, goal, nt);
-    if (status) return status;
-    s->report.newton++;
-    status = clothi_newton_cut(s, nt, &a);
+    if (!status) status = clothi_newton_cut(s, nt, &a);
     if (status) return status;
     cut = a < 1;
     status = clothi_line_search(s, goal, nt, &a);
@@ -11236,8 +11242,6 @@ static double clothi_extent(const double *x, int nv) {
  * 0: there is none. */
 static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int *saddle) {
     cloth_status status;
-    int          i, n = 3 * s->model->nv;
-    double       big;
     *saddle = 0;
     goal->sigma = 0;
     status = clothi_newton_assemble(s, goal, 1);
@@ -11246,26 +11250,9 @@ static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int
     s->report.factorizations++;
     if (status || !*saddle) return status;
     clothi_tie_spread(s->model, s->w.dx);
-    big = clothi_max_abs(s->w.dx, n);
-    if (!(big > 0)) *saddle = 0;
-    for (i = 0; i < n && big > 0; i++) s->w.dx[i] /= big;
+    *saddle = clothi_max_abs(s->w.dx, 3 * s->model->nv) > 0;
     s->report.negative++;
     return CLOTH_OK;
-}
-
-/* One solve of (H + sigma M) dx = -g with the exact H, or the definite one where that has
- * negative curvature; s->linear.negative: singular to rounding even so. */
-static cloth_status clothi_static_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
-    cloth_status status = CLOTH_OK;
-    int          exact;
-    for (exact = 1; exact >= 0; exact--) {
-        status = clothi_newton_assemble(s, goal, exact);
-        if (!status) status = clothi_newton_solve(s, 1e-10, 0, CLOTH_LINEAR_CHOLESKY);
-        if (status || !s->linear.negative) break;
-    }
-    s->report.newton++;
-    clothi_newton_measure(s, nt);
-    return status;
 }
 
 /* Moves by dx, shortened where phi says so, and evaluates there. An update below the tolerance is
@@ -11312,7 +11299,8 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal) {
     for (it = 1; !status; it++) {
         status = clothi_cancelled(&s->hooks, &s->finish);
         goal->sigma = sigma;
-        if (!status) status = clothi_static_direction(s, goal, &nt);
+        nt.exact = 1;                       /* and negative: singular to rounding even so */
+        if (!status) status = clothi_newton_system(s, goal, &nt, 1e-10, CLOTH_LINEAR_CHOLESKY);
         if (status) break;
         if (!s->linear.negative) status = clothi_static_move(s, goal, &nt, &a);
         if (s->linear.negative || status == CLOTH_ERR_STEP) {

@@ -13009,17 +13009,15 @@ typedef struct clothi_scene {               /* what the groups are made of      
     double Y, D, L, edge, g, tau;           /* Y, D: over rho                                  */
 } clothi_scene;
 
-static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene) {
+static void clothi_scene_of(const cloth_desc *desc, clothi_scene *scene) {
     const cloth_material *mat = desc->nregions > 0 ? desc->materials : &desc->material;
-    const int    nregions = desc->nregions > 0 ? desc->nregions : 1;
-    double       area = 0, *X;
-    cloth_status status;
-    int          i, nf = desc->nf;
-    X = (double *)clothi_alloc(&desc->hooks, 6 * (size_t)nf, sizeof(double));
-    if (!X) return CLOTH_ERR_MEMORY;
-    status = cloth_flatten(desc->nv, desc->x_rest, nf, desc->faces, X);
-    for (i = 0; i < nf && !status; i++) area += clothi_rest_area(desc->X ? desc->X : X, i);
-    clothi_free(&desc->hooks, X);
+    const int nregions = desc->nregions > 0 ? desc->nregions : 1;
+    double    area = 0, n[3];
+    int       i;
+    for (i = 0; i < desc->nf; i++) {
+        clothi_face_cross(desc->x_rest, desc->faces + 3 * i, n);
+        area += desc->X ? clothi_rest_area(desc->X, i) : 0.5 * sqrt(clothi_dot3(n, n));
+    }
     scene->Y = scene->D = scene->tau = 0;
     for (i = 0; i < nregions; i++, mat++) {
         scene->Y = clothi_max(scene->Y, clothi_young(mat) / mat->density);
@@ -13027,9 +13025,8 @@ static cloth_status clothi_scene_of(const cloth_desc *desc, clothi_scene *scene)
         scene->tau = clothi_max(scene->tau, mat->damping);
     }
     scene->g = sqrt(clothi_dot3(desc->gravity, desc->gravity));
-    scene->edge = sqrt(4 / sqrt(3.0) * area / nf);
+    scene->edge = sqrt(4 / sqrt(3.0) * area / desc->nf);
     scene->L = clothi_extent(desc->x_rest, desc->nv);
-    return status;
 }
 
 /* The rungs that the groups imply; swing = sqrt(g/L), 1/s. */
@@ -13070,8 +13067,8 @@ CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tol
                            "cloth_advise: h = %g and tolerance = %g must be finite and > 0", h,
                            tolerance);
     status = clothi_check_desc(desc);
-    if (!status) status = clothi_scene_of(desc, &sc);
     if (status) return status;
+    clothi_scene_of(desc, &sc);
     swing = sqrt(sc.g > 0 ? sc.g / sc.L : 1);
     advice->gravity_bending = sc.D > 0 ? sc.g * sc.L * sc.L * sc.L / sc.D : HUGE_VAL;
     advice->step_membrane = h * 2 * sqrt(2 * sc.Y) / sc.edge;

@@ -8631,33 +8631,30 @@ static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
 /* For each vertex the places of its element forces: forces are summed by gathering, in an order
  * that no worker count changes. */
 static cloth_status clothi_model_gather(cloth_model *m) {
-    const size_t nv = (size_t)m->nv;
-    int          g, i, pass;
-    m->gather_start = (int *)clothi_model_array(m, NULL, nv + 2, sizeof(int));
-    m->gather_mid = (int *)clothi_model_array(m, NULL, nv, sizeof(int));
-    if (m->lost) return CLOTH_ERR_MEMORY;
-    for (pass = 0; pass < 2; pass++) {      /* counts, one behind, then places */
-        int *fill = m->gather_start + (pass == 0 ? 2 : 1);
-        m->force_size = 0;
-        for (g = 0; g < 2; g++) {
-            clothi_group *q = g ? &m->bend : &m->membrane;
-            const int     each = q->width * CLOTHI_LANES;
-            q->force = m->force_size;
-            for (i = 0; i < q->nbatch * each; i++) {
-                if (q->id[i / each * CLOTHI_LANES + i % CLOTHI_LANES] < 0) continue;
-                if (pass == 0) fill[q->vert[i]]++;
-                else m->gather[fill[q->vert[i]]++] =
-                         q->force + i / CLOTHI_LANES * 3 * CLOTHI_LANES + i % CLOTHI_LANES;
-            }
-            m->force_size += 3 * q->nbatch * each;
-            if (g == 0) memcpy(m->gather_mid, fill, nv * sizeof(int));
-        }
-        if (pass == 1) break;
-        for (i = 1; i <= m->nv; i++) m->gather_start[i + 1] += m->gather_start[i];
-        m->gather = (int *)clothi_model_array(m, NULL, (size_t)m->gather_start[m->nv + 1],
-                                        sizeof(int));
-        if (!m->gather) return CLOTH_ERR_MEMORY;
+    enum { L = CLOTHI_LANES };
+    const int middle = m->membrane.nbatch * m->membrane.width * L;
+    const int n = middle + m->bend.nbatch * m->bend.width * L;
+    int      *key = (int *)clothi_alloc(&m->hooks, (size_t)n, sizeof(int)), i, k;
+    m->gather_start = (int *)clothi_model_array(m, NULL, (size_t)m->nv + 2, sizeof(int));
+    m->gather_mid = (int *)clothi_model_array(m, NULL, (size_t)m->nv, sizeof(int));
+    m->gather = (int *)clothi_model_array(m, NULL, (size_t)n, sizeof(int));
+    m->bend.force = 3 * middle, m->force_size = 3 * n;
+    if (m->lost || !key) {
+        clothi_free(&m->hooks, key);
+        return CLOTH_ERR_MEMORY;
     }
+    for (i = 0; i < n; i++) {   /* unused lanes: behind all vertices */
+        const clothi_group *g = i < middle ? &m->membrane : &m->bend;
+        const int           at = i < middle ? i : i - middle, each = g->width * L;
+        key[i] = g->id[at / each * L + at % L] < 0 ? m->nv : g->vert[at];
+    }
+    clothi_sort_by(n, m->nv + 1, key, NULL, m->gather, m->gather_start);
+    for (i = 0; i < m->nv; i++) {
+        for (k = m->gather_start[i]; k < m->gather_start[i + 1] && m->gather[k] < middle; k++) {}
+        m->gather_mid[i] = k;
+    }
+    for (i = 0; i < n; i++) m->gather[i] = m->gather[i] / L * 3 * L + m->gather[i] % L;
+    clothi_free(&m->hooks, key);
     return CLOTH_OK;
 }
 

@@ -9700,6 +9700,80 @@ static double clothi_lane_sum(const double *a, int n) {
     return ((s[0] + s[1]) + (s[2] + s[3])) + ((s[4] + s[5]) + (s[6] + s[7]));
 }
 
+/* Measures at the start of the substep and damping, when something is damped. */
+static void clothi_start_range(int begin, int end, int worker, void *ctx) {
+    const clothi_pass     *p = (const clothi_pass *)ctx;
+    const clothi_elements *el = p->el;
+    const clothi_group    *g = el->group;
+    const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
+    double       x[12 * CLOTHI_LANES], *start = el->start + (size_t)begin * (n + CLOTHI_LANES);
+    int          b, k;
+    (void)worker;
+    for (b = begin; b < end; b++, start += n + CLOTHI_LANES) {
+        const int *id = g->id + (size_t)b * CLOTHI_LANES;
+        clothi_corners(g, p->e->x_n, b, x);
+        el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES, start);
+        for (k = 0; k < CLOTHI_LANES; k++)
+            start[n + (size_t)k] =
+                id[k] < 0 ? 0 : clothi_element_tau(p->e->model, p->e->params, g->kind, id[k]);
+    }
+}
+
+typedef struct clothi_vertices {            /* one sweep over vertices                         */
+    const cloth_sim *s;
+    double           w;                     /* 1/eta^2                                         */
+    const double    *x;
+    double          *grad, *partial;
+} clothi_vertices;
+
+/* grad = gathered element forces. */
+static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
+    const clothi_vertices *q = (const clothi_vertices *)ctx;
+    const cloth_model     *m = q->s->model;
+    (void)worker;
+    clothi_sum_corners(q->s->own.force, m->gather_start, m->gather_start + 1, m->gather, begin, end,
+                       1.0, q->grad);
+}
+
+/* 1/2 w |x - y|^2_M by chunks of vertices, w = 1/eta^2: see [9.2]. */
+static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
+    const clothi_vertices *q = (const clothi_vertices *)ctx;
+    const cloth_sim       *s = q->s;
+    const double           w = q->w;
+    int                   c, i, k;
+    (void)worker;
+    for (c = begin; c < end; c++) {
+        int    last = (c + 1) * CLOTHI_VERTICES < s->model->nv ? (c + 1) * CLOTHI_VERTICES
+                                                               : s->model->nv;
+        double sum = 0;
+        for (i = c * CLOTHI_VERTICES; i < last; i++)
+            for (k = 0; k < 3; k++) {
+                double m = w * s->params.mass[i], d = q->x[3 * i + k] - s->w.y[3 * i + k];
+                sum += 0.5 * m * d * d;
+                if (q->grad) q->grad[3 * i + k] += m * d;
+            }
+        q->partial[c] = sum;
+    }
+}
+
+static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double *energy) {
+    const double *m = e->params->mass, *g = e->in->gravity;
+    double        sum = 0, s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    int           i, k;
+    (void)user;
+    for (i = 0; i + 4 <= e->nv; i += 4) {   /* no addition waits for the one before it         */
+        s0 += m[i] * clothi_dot3(g, e->x + 3 * i);
+        s1 += m[i + 1] * clothi_dot3(g, e->x + 3 * i + 3);
+        s2 += m[i + 2] * clothi_dot3(g, e->x + 3 * i + 6);
+        s3 += m[i + 3] * clothi_dot3(g, e->x + 3 * i + 9);
+    }
+    for (; i < e->nv; i++) sum += m[i] * clothi_dot3(g, e->x + 3 * i);
+    for (i = 0; e->grad && i < e->nv; i++)
+        for (k = 0; k < 3; k++) e->grad[3 * i + k] -= m[i] * g[k];
+    *energy = -(((s0 + s1) + (s2 + s3)) + sum);
+    return CLOTH_OK;
+}
+
 CLOTHI_RARE_BEGIN
 
 /* A sweep over a group; energies are summed in batch order whatever the workers did. */
@@ -9729,49 +9803,12 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     return CLOTH_OK;
 }
 
-CLOTHI_RARE_END
-
-/* Measures at the start of the substep and damping, when something is damped. */
-static void clothi_start_range(int begin, int end, int worker, void *ctx) {
-    const clothi_pass     *p = (const clothi_pass *)ctx;
-    const clothi_elements *el = p->el;
-    const clothi_group    *g = el->group;
-    const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
-    double       x[12 * CLOTHI_LANES], *start = el->start + (size_t)begin * (n + CLOTHI_LANES);
-    int          b, k;
-    (void)worker;
-    for (b = begin; b < end; b++, start += n + CLOTHI_LANES) {
-        const int *id = g->id + (size_t)b * CLOTHI_LANES;
-        clothi_corners(g, p->e->x_n, b, x);
-        el->kind->measure(x, el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES, start);
-        for (k = 0; k < CLOTHI_LANES; k++)
-            start[n + (size_t)k] =
-                id[k] < 0 ? 0 : clothi_element_tau(p->e->model, p->e->params, g->kind, id[k]);
-    }
-}
-
 static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
     clothi_pass p;
     p.e = e, p.el = (clothi_elements *)user;
     if (p.el->damped)
         clothi_for(p.el->own->hooks, p.el->group->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
     return CLOTH_OK;
-}
-
-typedef struct clothi_vertices {            /* one sweep over vertices                         */
-    const cloth_sim *s;
-    double           w;                     /* 1/eta^2                                         */
-    const double    *x;
-    double          *grad, *partial;
-} clothi_vertices;
-
-/* grad = gathered element forces. */
-static void clothi_gather_range(int begin, int end, int worker, void *ctx) {
-    const clothi_vertices *q = (const clothi_vertices *)ctx;
-    const cloth_model     *m = q->s->model;
-    (void)worker;
-    clothi_sum_corners(q->s->own.force, m->gather_start, m->gather_start + 1, m->gather, begin, end,
-                       1.0, q->grad);
 }
 
 static void clothi_gather_forces(cloth_sim *s, double *grad) {
@@ -9781,26 +9818,6 @@ static void clothi_gather_forces(cloth_sim *s, double *grad) {
 }
 
 /* --- gravity and external force --- */
-
-static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double *energy) {
-    const double *m = e->params->mass, *g = e->in->gravity;
-    double        sum = 0, s0 = 0, s1 = 0, s2 = 0, s3 = 0;
-    int           i, k;
-    (void)user;
-    for (i = 0; i + 4 <= e->nv; i += 4) {   /* no addition waits for the one before it         */
-        s0 += m[i] * clothi_dot3(g, e->x + 3 * i);
-        s1 += m[i + 1] * clothi_dot3(g, e->x + 3 * i + 3);
-        s2 += m[i + 2] * clothi_dot3(g, e->x + 3 * i + 6);
-        s3 += m[i + 3] * clothi_dot3(g, e->x + 3 * i + 9);
-    }
-    for (; i < e->nv; i++) sum += m[i] * clothi_dot3(g, e->x + 3 * i);
-    for (i = 0; e->grad && i < e->nv; i++)
-        for (k = 0; k < 3; k++) e->grad[3 * i + k] -= m[i] * g[k];
-    *energy = -(((s0 + s1) + (s2 + s3)) + sum);
-    return CLOTH_OK;
-}
-
-CLOTHI_RARE_BEGIN
 
 static cloth_status clothi_gravity_vjp(void *user, const cloth_eval *e, const double *a,
                                        cloth_vjp *out) {
@@ -10215,8 +10232,6 @@ static void clothi_terms_install(cloth_sim *s) {
     s->nbuiltin = s->nterms = CLOTHI_TERM_HOST;
 }
 
-CLOTHI_RARE_END
-
 /* ===== [9.2] NEWTON ==========================================================================
  *
  *   minimise   phi(x) = 1/(2 eta^2) |x - y|^2_M + E_pot(x)         over the unpinned unknowns
@@ -10318,28 +10333,6 @@ typedef struct clothi_goal {                /* what a substep minimises         
     double     sigma;                       /* 1/s^2, extra diagonal sigma m of the solve      */
     double     magnitude;                   /* J, sum of absolute parts of the last value      */
 } clothi_goal;
-
-static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
-    const clothi_vertices *q = (const clothi_vertices *)ctx;
-    const cloth_sim       *s = q->s;
-    const double           w = q->w;
-    int                   c, i, k;
-    (void)worker;
-    for (c = begin; c < end; c++) {
-        int    last = (c + 1) * CLOTHI_VERTICES < s->model->nv ? (c + 1) * CLOTHI_VERTICES
-                                                               : s->model->nv;
-        double sum = 0;
-        for (i = c * CLOTHI_VERTICES; i < last; i++)
-            for (k = 0; k < 3; k++) {
-                double m = w * s->params.mass[i], d = q->x[3 * i + k] - s->w.y[3 * i + k];
-                sum += 0.5 * m * d * d;
-                if (q->grad) q->grad[3 * i + k] += m * d;
-            }
-        q->partial[c] = sum;
-    }
-}
-
-CLOTHI_RARE_BEGIN
 
 /* The matrix begins empty, or as the Hessian of quadratic bending, which is constant: made once. */
 static cloth_status clothi_matrix_start(cloth_sim *s) {
@@ -10904,8 +10897,6 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     return CLOTH_OK;
 }
 
-CLOTHI_RARE_END
-
 /* ===== [9.3] IMPLICIT STEPS AND STATICS ======================================================
  *
  *   Euler   y = x^n + h v^n                                    eta = h      v = (x - x^n)/h
@@ -10944,8 +10935,6 @@ CLOTHI_RARE_END
  * run in time flaps there for ever, and the call says CLOTH_STEP_STALLED.
  * checked: tests/test_order.c (orders 1 and 2), tests/test_step.c (cut_short), tests/validate/
  */
-
-CLOTHI_RARE_BEGIN
 
 /* Where unknown i would go without forces. */
 static double clothi_predicted(const cloth_sim *s, double h, int bdf2, int i) {
@@ -11546,6 +11535,53 @@ static void clothi_leap_triangles(int begin, int end, int worker, void *ctx) {
     }
 }
 
+/* The mean of the triangles' factors around each free vertex, weighted by what they add to its
+ * diagonal entry of K, area (2 mu + lambda) |g|^2; their largest. factor [batches x 8]. */
+static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
+    const clothi_group *g = &s->model->membrane;
+    const int nv = s->model->nv;
+    double   *sum = s->w.inv_mass + nv, *weight = sum + nv, big = 1;
+    int       b, lane, k, i;
+    memset(sum, 0, 2 * (size_t)nv * sizeof(double));
+    for (b = 0; b < g->nbatch; b++)
+        for (lane = 0; lane < CLOTHI_LANES; lane++) {
+            const double *r = s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
+            const double  stiff = r[4 * CLOTHI_LANES] *
+                                 (2 * r[5 * CLOTHI_LANES] + r[6 * CLOTHI_LANES]);
+            const double  gx[3] = {-r[0] - r[2 * CLOTHI_LANES], r[0], r[2 * CLOTHI_LANES]};
+            const double  gy[3] = {-r[CLOTHI_LANES] - r[3 * CLOTHI_LANES], r[CLOTHI_LANES],
+                                   r[3 * CLOTHI_LANES]};
+            for (k = 0; k < 3; k++) {
+                const int    v = g->vert[(b * 3 + k) * CLOTHI_LANES + lane];
+                const double w = stiff * (gx[k] * gx[k] + gy[k] * gy[k]);
+                sum[v] += w * factor[b * CLOTHI_LANES + lane];
+                weight[v] += w;
+            }
+        }
+    for (i = 0; i < nv; i++)
+        if (s->pin[i] != CLOTH_AXIS_ALL && sum[i] > big * weight[i]) big = sum[i] / weight[i];
+    return big;
+}
+
+/* The factor by which stretch raises the largest eigenvalue over the rest shape's, at least 1:
+ * the triangles' largest when that is below `enough`, else the largest of the vertices' means. */
+static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
+    const clothi_group *g = &s->model->membrane;
+    double *factor = s->own.energy_batch, corners[9 * CLOTHI_LANES], low[CLOTHI_LANES], big = 1;
+    int     b, i;
+    if (g->kind != CLOTHI_TRIANGLE) return 1;
+    for (b = 0; b < g->nbatch; b++) {
+        clothi_gather_lanes(x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, corners);
+        clothi_stretch_squares(corners, s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES, low,
+                               factor + (size_t)b * CLOTHI_LANES);
+    }
+    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++) big = clothi_max(big, factor[i]);
+    if (0.5 * (3 * big - 1) <= enough) return 0.5 * (3 * big - 1);
+    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++)
+        factor[i] = clothi_max(0.5 * (3 * factor[i] - 1), 1);
+    return clothi_leap_rings(s, factor);
+}
+
 CLOTHI_RARE_BEGIN
 
 /* Element forces at e->x, w.x, into the force buffer; winged: all as forces of triangles. */
@@ -11645,57 +11681,6 @@ static void clothi_leap_omega(cloth_sim *s) {
     }
     s->omega_rest = sqrt(lambda) * CLOTHI_LEAP_MARGIN;
 }
-
-CLOTHI_RARE_END
-
-/* The mean of the triangles' factors around each free vertex, weighted by what they add to its
- * diagonal entry of K, area (2 mu + lambda) |g|^2; their largest. factor [batches x 8]. */
-static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
-    const clothi_group *g = &s->model->membrane;
-    const int nv = s->model->nv;
-    double   *sum = s->w.inv_mass + nv, *weight = sum + nv, big = 1;
-    int       b, lane, k, i;
-    memset(sum, 0, 2 * (size_t)nv * sizeof(double));
-    for (b = 0; b < g->nbatch; b++)
-        for (lane = 0; lane < CLOTHI_LANES; lane++) {
-            const double *r = s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES + lane;
-            const double  stiff = r[4 * CLOTHI_LANES] *
-                                 (2 * r[5 * CLOTHI_LANES] + r[6 * CLOTHI_LANES]);
-            const double  gx[3] = {-r[0] - r[2 * CLOTHI_LANES], r[0], r[2 * CLOTHI_LANES]};
-            const double  gy[3] = {-r[CLOTHI_LANES] - r[3 * CLOTHI_LANES], r[CLOTHI_LANES],
-                                   r[3 * CLOTHI_LANES]};
-            for (k = 0; k < 3; k++) {
-                const int    v = g->vert[(b * 3 + k) * CLOTHI_LANES + lane];
-                const double w = stiff * (gx[k] * gx[k] + gy[k] * gy[k]);
-                sum[v] += w * factor[b * CLOTHI_LANES + lane];
-                weight[v] += w;
-            }
-        }
-    for (i = 0; i < nv; i++)
-        if (s->pin[i] != CLOTH_AXIS_ALL && sum[i] > big * weight[i]) big = sum[i] / weight[i];
-    return big;
-}
-
-/* The factor by which stretch raises the largest eigenvalue over the rest shape's, at least 1:
- * the triangles' largest when that is below `enough`, else the largest of the vertices' means. */
-static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
-    const clothi_group *g = &s->model->membrane;
-    double *factor = s->own.energy_batch, corners[9 * CLOTHI_LANES], low[CLOTHI_LANES], big = 1;
-    int     b, i;
-    if (g->kind != CLOTHI_TRIANGLE) return 1;
-    for (b = 0; b < g->nbatch; b++) {
-        clothi_gather_lanes(x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, corners);
-        clothi_stretch_squares(corners, s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES, low,
-                               factor + (size_t)b * CLOTHI_LANES);
-    }
-    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++) big = clothi_max(big, factor[i]);
-    if (0.5 * (3 * big - 1) <= enough) return 0.5 * (3 * big - 1);
-    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++)
-        factor[i] = clothi_max(0.5 * (3 * factor[i] - 1), 1);
-    return clothi_leap_rings(s, factor);
-}
-
-CLOTHI_RARE_BEGIN
 
 /* omega^2 that attachments and hosts' terms add, at most: the largest row sum of |M^-1 K|, of
  * attachments K_ij = k w_i w_j, of terms as declared, at the lightest vertex. */

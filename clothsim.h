@@ -8850,7 +8850,6 @@ typedef struct clothi_elements {            /* derived from params: what the lan
     double *rest;                           /* [nbatch x nrest x 8]                            */
     double *start;                          /* [nbatch x (nmeasure + 1) x 8] measure at x_n,
                                                then damping s                                  */
-    int     damped;
     int     first;                          /* of its batches, in energy_batch                 */
     double  loss;                           /* J, of the last value                            */
     const clothi_group *group;
@@ -8862,6 +8861,7 @@ typedef struct clothi_own {                 /* all that the built-in terms have 
                                                cloth_eval shows: they do not know the sim      */
     const cloth_hooks *hooks;
     clothi_elements    membrane, bend;
+    double  tau;                            /* s, largest damping of a region; 0: none damped  */
     double *side;                           /* [membrane batches x 9 x 8] of [6.5], or NULL    */
     double *force;                          /* element forces, model->force_size; with a solver
                                                in its block, else in w.room: no solve goes on
@@ -9286,7 +9286,6 @@ static void clothi_derive_group(const cloth_sim *s, clothi_elements *el) {
     const clothi_group *g = el->group;
     double              rest[7];
     int                 i, k;
-    el->damped = 0;
     for (i = 0; i < g->nbatch * CLOTHI_LANES; i++) {
         const int stiff = g->kind == CLOTHI_TRIANGLE ? 5 : 0;
         int       id, back = i;
@@ -9301,7 +9300,6 @@ static void clothi_derive_group(const cloth_sim *s, clothi_elements *el) {
         for (k = 0; k < el->kind->nrest; k++)
             el->rest[(i / CLOTHI_LANES * el->kind->nrest + k) * CLOTHI_LANES +
                      i % CLOTHI_LANES] = rest[k];
-        el->damped |= clothi_element_tau(m, p, g->kind, id) > 0;
     }
 }
 
@@ -9401,10 +9399,12 @@ static cloth_status clothi_params_copy(cloth_sim *s, const cloth_params *from, c
 /* All that follows from params, and the host's copy of them. */
 static void clothi_derive(cloth_sim *s) {
     double area = 0;
-    int    f;
-    for (f = 0; f < s->model->nf; f++) area += clothi_rest_area(s->params.X, f);
+    int    i;
+    for (i = 0; i < s->model->nf; i++) area += clothi_rest_area(s->params.X, i);
     s->edge = sqrt(4 / sqrt(3.0) * area / s->model->nf);
     clothi_derive_mass(s);
+    for (i = 0, s->own.tau = 0; i < s->model->nregions; i++)
+        s->own.tau = clothi_max(s->own.tau, s->params.material[i].damping);
     clothi_derive_group(s, &s->own.membrane);
     clothi_derive_group(s, &s->own.bend);
     if (s->own.side) clothi_derive_sides(s);
@@ -9649,7 +9649,7 @@ static void clothi_corners(const clothi_group *g, const double *x, int b, double
 /* Of batch b: its numbers at rest, at the start of the substep, and damp [8]. */
 static void clothi_batch_rest(const clothi_elements *el, int b, double inv_h, const double **rest,
                               const double **start, double *damp) {
-    const int    on = el->damped && inv_h > 0;
+    const int    on = el->own->tau > 0 && inv_h > 0;
     const size_t n = (size_t)el->kind->nmeasure * CLOTHI_LANES;
     int          k;
     *rest = el->rest + (size_t)b * (size_t)el->kind->nrest * CLOTHI_LANES;
@@ -9786,7 +9786,7 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     *energy = el->loss = 0;
     if (g->count == 0) return CLOTH_OK;
     p.e = e, p.el = el, p.inv_h = e->h > 0 ? 1 / e->h : 0;
-    p.hess = g->kind == CLOTHI_QUADRATIC && !el->damped ? NULL : e->hess;   /* else constant */
+    p.hess = g->kind == CLOTHI_QUADRATIC && !(own->tau > 0) ? NULL : e->hess;   /* else constant */
     p.energy = own->force_only ? NULL : own->energy_batch + first;
     p.loss = own->loss_batch ? own->loss_batch + first : NULL;
     if (p.hess) {                           /* domains side by side, then what they share */
@@ -9798,7 +9798,7 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     *(g->kind == CLOTHI_TRIANGLE ? &own->counts.triangles : g->kind == CLOTHI_SPRING
           ? &own->counts.springs : &own->counts.hinges) += g->count;
     if (!p.energy) return CLOTH_OK;
-    if (el->damped && p.inv_h > 0) el->loss = clothi_lane_sum(p.loss, g->nbatch * CLOTHI_LANES);
+    if (own->tau > 0 && p.inv_h > 0) el->loss = clothi_lane_sum(p.loss, g->nbatch * CLOTHI_LANES);
     *energy = clothi_lane_sum(p.energy, g->nbatch * CLOTHI_LANES) + el->loss;
     return CLOTH_OK;
 }
@@ -9806,7 +9806,7 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
 static cloth_status clothi_elements_begin(void *user, const cloth_eval *e) {
     clothi_pass p;
     p.e = e, p.el = (clothi_elements *)user;
-    if (p.el->damped)
+    if (p.el->own->tau > 0)
         clothi_for(p.el->own->hooks, p.el->group->nbatch, CLOTHI_CHUNK, clothi_start_range, &p);
     return CLOTH_OK;
 }
@@ -10342,7 +10342,7 @@ static cloth_status clothi_matrix_start(cloth_sim *s) {
     double              H[54 * CLOTHI_LANES];
     int                 b;
     cloth_matrix_clear(s->matrix);
-    if (g->kind != CLOTHI_QUADRATIC || !g->count || s->own.bend.damped) return CLOTH_OK;
+    if (g->kind != CLOTHI_QUADRATIC || !g->count || s->own.tau > 0) return CLOTH_OK;
     status = clothi_need(s, &s->quadratic, n);
     if (s->quadratic_ready) memcpy(s->matrix->diag, s->quadratic, n * sizeof(double));
     if (status || s->quadratic_ready) return status;
@@ -11492,7 +11492,7 @@ static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
 
 /* Bending by triangles: see [6.5]. With damping, elements keep their own forces. */
 static int clothi_leap_winged(const cloth_sim *s) {
-    return s->model->wing && !s->own.membrane.damped && !s->own.bend.damped;
+    return s->model->wing && !(s->own.tau > 0);
 }
 
 static void clothi_leap_pulls(int begin, int end, int worker, void *ctx) {
@@ -11606,7 +11606,7 @@ static void clothi_leap_elements(cloth_sim *s, const cloth_eval *e, int winged) 
 /* Element forces at w.x into the force buffer, and the other terms into w.grad when there are
  * any; *extra is w.grad or NULL. */
 static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double **extra) {
-    const int    damped = s->own.membrane.damped || s->own.bend.damped;
+    const int    damped = s->own.tau > 0;
     cloth_status status = CLOTH_OK;
     int i, others = s->force_on || s->nattach > 0 || s->wind_on || s->nterms > s->nbuiltin;
     e->x = s->w.x, e->grad = s->w.grad, e->hess = NULL;
@@ -11701,24 +11701,17 @@ static double clothi_leap_attach(const cloth_sim *s) {
     return big + host;
 }
 
-static double clothi_leap_tau(const cloth_sim *s) {
-    double tau = 0;
-    int    i;
-    for (i = 0; i < s->params.nregions; i++) tau = clothi_max(tau, s->params.material[i].damping);
-    return tau;
-}
-
 /* The tangent factor up to which a substep of hs is stable: clothi_leap_limit() turned round,
  * omega^2 = 1 / (hs^2/4 + tau hs/2). */
 static double clothi_leap_bears(const cloth_sim *s, double hs) {
-    return (1 / (0.25 * hs * hs + 0.5 * clothi_leap_tau(s) * hs) - clothi_leap_attach(s)) /
+    return (1 / (0.25 * hs * hs + 0.5 * s->own.tau * hs) - clothi_leap_attach(s)) /
            (s->omega_rest * s->omega_rest);
 }
 
 /* Largest stable substep, s, for a tangent factor. */
 static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omega_out) {
     const double omega = sqrt(s->omega_rest * s->omega_rest * tangent + clothi_leap_attach(s)),
-                 z = 0.5 * clothi_leap_tau(s) * omega;
+                 z = 0.5 * s->own.tau * omega;
     *omega_out = omega;
     return omega > 0 ? 2 / omega * (sqrt(1 + z * z) - z) : HUGE_VAL;
 }
@@ -11959,18 +11952,20 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h) {
 static cloth_status clothi_need_work(cloth_sim *s) {
     const cloth_model *m = s->model;
     const size_t n = 3 * (size_t)m->nv;
-    const clothi_elements *a = &s->own.membrane, *b = &s->own.bend;
-    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES, ma = (size_t)a->kind->nmeasure + 1;
-    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES, mb = (size_t)b->kind->nmeasure + 1;
+    const size_t na = (size_t)m->membrane.nbatch * CLOTHI_LANES;
+    const size_t nb = (size_t)m->bend.nbatch * CLOTHI_LANES;
+    const size_t ma = (size_t)s->own.membrane.kind->nmeasure + 1;
+    const size_t mb = (size_t)s->own.bend.kind->nmeasure + 1;
     const int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
+    const int    damped = s->own.tau > 0;
     const size_t room = (size_t)m->force_size + na + nb + n;
     const struct { double **array; size_t n; int wanted; } need[] = {
         {&s->w.x, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1}, {&s->w.y, n, 1},
         {&s->w.rhs, n, 1}, {&s->w.inv_mass, n, !implicit},
         {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->w.room, room, !implicit},
-        {&s->own.loss_batch, na + nb, a->damped || b->damped},
+        {&s->own.loss_batch, na + nb, damped},
         {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->w.free, n, s->contact_on && implicit},
-        {&s->own.membrane.start, na * ma, a->damped}, {&s->own.bend.start, nb * mb, b->damped}};
+        {&s->own.membrane.start, na * ma, damped}, {&s->own.bend.start, nb * mb, damped}};
     cloth_status status = clothi_fields_need(s, CLOTHI_INPUT);
     size_t       i;
     for (i = 0; i < sizeof need / sizeof *need && !status; i++)
@@ -12230,8 +12225,7 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
     } else
         status = clothi_energy_at(s, s->state.x, s->state.v, 0, &l);
     s->ledger = l;
-    s->known = s->fresh && builtin && !s->contact_on && !s->nattach && !s->own.membrane.damped &&
-               !s->own.bend.damped;
+    s->known = s->fresh && builtin && !s->contact_on && !s->nattach && !(s->own.tau > 0);
     l.numerical_loss = before->total + l.wind_work + l.force_work + l.pin_work + l.contact_work -
                        l.damping_loss - l.friction_loss - l.zone_loss - l.total;
     s->report.energy = l;

@@ -1618,7 +1618,7 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
 static int clothi_grad_wanted(const clothi_grad *g) {
     const cloth_grad *o = g->out;
     return o->membrane || o->poisson || o->bending || o->damping || o->theta0 || o->X ||
-           o->hinge_scale || g->s->own.membrane.damped || g->s->own.bend.damped;
+           o->hinge_scale || g->s->own.tau > 0;
 }
 
 typedef struct clothi_worth {               /* stretch or bending, backwards                   */
@@ -1659,7 +1659,7 @@ static void clothi_worth_range(int begin, int end, int worker, void *ctx) {
 static void clothi_grad_elements(clothi_grad *g, const cloth_eval *e, const double *a, double *x_n,
                                  double *Ha) {
     cloth_sim   *s = g->s;
-    const int    damped = e->h > 0 && (s->own.membrane.damped || s->own.bend.damped);
+    const int    damped = e->h > 0 && s->own.tau > 0;
     clothi_worth p;
     size_t       i;
     p.s = s;
@@ -2160,7 +2160,7 @@ static int clothi_leap_forces(clothi_grad *g, double hs, const double *x, const 
                               const double *u, double *out, cloth_eval *e, cloth_eval *o,
                               cloth_status *status) {
     cloth_sim *s = g->s;
-    const int  damped = s->own.membrane.damped || s->own.bend.damped;
+    const int  damped = s->own.tau > 0;
     size_t     i;
     *o = clothi_eval_of(s);
     o->x = o->x_n = x;

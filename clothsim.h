@@ -12018,56 +12018,37 @@ static cloth_status clothi_energy_before(cloth_sim *s, int known, cloth_ledger *
     return CLOTH_OK;
 }
 
-/* Squares of the smaller stretches of triangles, angles of hinges: one per lane. */
-static void clothi_shape_range(int begin, int end, int worker, void *ctx) {
-    const clothi_pass  *p = (const clothi_pass *)ctx;
-    const clothi_group *g = p->el->group;
-    double x[12 * CLOTHI_LANES], high[CLOTHI_LANES], *out;
-    int    b;
-    (void)worker;
-    for (b = begin; b < end; b++) {
-        out = p->energy + (size_t)b * CLOTHI_LANES;
-        clothi_corners(g, p->e->x, b, x);
-        if (g->kind != CLOTHI_TRIANGLE) clothi_hinge_measure(x, x, out);
-        else clothi_stretch_squares(x, p->el->rest + (size_t)b * 7 * CLOTHI_LANES, out, high);
-    }
-}
-
-/* The same for a group at the state, in the scratch of its energies. */
-static const double *clothi_shapes(cloth_sim *s, clothi_elements *el) {
-    cloth_eval  e;
-    clothi_pass p;
-    e.x = s->state.x;
-    p.e = &e, p.el = el, p.energy = s->own.energy_batch + (size_t)el->first * CLOTHI_LANES;
-    clothi_for(&s->hooks, el->group->nbatch, CLOTHI_CHUNK, clothi_shape_range, &p);
-    return p.energy;
-}
-
 /* Smallest stretch; eight triangles at a time, and the smallest one once more, exactly. */
 static void clothi_report_shape(cloth_sim *s) {
-    const clothi_group *g = &s->model->membrane, *b = &s->model->bend;
+    enum { L = CLOTHI_LANES };
+    const clothi_group *g = &s->model->membrane, *h = &s->model->bend;
     const int     lanes = g->kind == CLOTHI_TRIANGLE;
-    const double *shape = lanes ? clothi_shapes(s, &s->own.membrane) : NULL;
     cloth_report *report = &s->report;
-    double        low = HUGE_VAL, both[2], corners[9];
-    int           k, f;
+    double        x[12 * L], shape[L], high[L], low = HUGE_VAL, both[2], corners[9];
+    int           b, k, f;
     for (f = 0; !lanes && f < s->model->nf; f++) {
         const double stretch = clothi_face_stretch(s, s->state.x, f, both, corners);
         report->collapsed += stretch < CLOTHI_COLLAPSED;
         if (stretch < low) low = stretch, report->min_stretch_face = f;
     }
-    for (k = 0; lanes && k < g->nbatch * CLOTHI_LANES; k++) {
-        if ((f = g->id[k]) < 0) continue;
-        report->collapsed += shape[k] < CLOTHI_COLLAPSED * CLOTHI_COLLAPSED;
-        if (shape[k] < low || (shape[k] <= low && f < report->min_stretch_face))
-            low = shape[k], report->min_stretch_face = f;
+    for (b = 0; lanes && b < g->nbatch; b++) {
+        clothi_corners(g, s->state.x, b, x);
+        clothi_stretch_squares(x, s->own.membrane.rest + (size_t)b * 7 * L, shape, high);
+        for (k = 0; k < L; k++) {
+            if ((f = g->id[b * L + k]) < 0) continue;
+            report->collapsed += shape[k] < CLOTHI_COLLAPSED * CLOTHI_COLLAPSED;
+            if (shape[k] < low || (shape[k] <= low && f < report->min_stretch_face))
+                low = shape[k], report->min_stretch_face = f;
+        }
     }
     f = report->min_stretch_face;
-    report->min_stretch = f < 0 ? HUGE_VAL
-                                : clothi_face_stretch(s, s->state.x, f, both, corners);
-    shape = clothi_shapes(s, &s->own.bend);
-    for (k = 0; k < b->nbatch * CLOTHI_LANES; k++)
-        report->folded += b->id[k] >= 0 && fabs(shape[k]) > CLOTHI_FOLDED;
+    report->min_stretch = f < 0 ? HUGE_VAL : clothi_face_stretch(s, s->state.x, f, both, corners);
+    for (b = 0; b < h->nbatch; b++) {
+        clothi_corners(h, s->state.x, b, x);
+        clothi_hinge_measure(x, x, shape);
+        for (k = 0; k < L; k++)
+            report->folded += h->id[b * L + k] >= 0 && fabs(shape[k]) > CLOTHI_FOLDED;
+    }
 }
 
 static void clothi_report_state(cloth_sim *s) {

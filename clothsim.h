@@ -10498,17 +10498,13 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     int    done;
 } clothi_newton;
 
-/* Largest eta^2 |g| / m over the free unknowns, m; eta at least CLOTHI_REST_TIME. */
-static double clothi_rest_measure(const cloth_sim *s, const clothi_goal *goal) {
+/* Largest |w.rhs| / m, m/s^2. */
+static double clothi_newton_pull(const cloth_sim *s) {
     double big = 0;
-    int    i, k;
-    for (i = 0; i < s->model->nv; i++)
-        for (k = 0; k < 3; k++)
-            if (!(s->fixed[i] >> k & 1)) {
-                double d = fabs(s->w.rhs[3 * i + k]) / s->params.mass[i];
-                if (d > big) big = d;
-            }
-    return clothi_max(goal->eta, CLOTHI_REST_TIME) * clothi_max(goal->eta, CLOTHI_REST_TIME) * big;
+    int    i;
+    for (i = 0; i < 3 * s->model->nv; i++)
+        big = clothi_max(big, fabs(s->w.rhs[i]) / s->params.mass[i / 3]);
+    return big;
 }
 
 /* rhs = -g over leaders and free unknowns. */
@@ -10858,6 +10854,7 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
 static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     const cloth_desc *d = &s->model->desc;
     const int         cap = s->contact_on ? CLOTHI_CONTACT_CAP : CLOTHI_NEWTON_CAP;
+    const double      eta = clothi_max(goal->eta, CLOTHI_REST_TIME);
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
     int               it;
@@ -10873,7 +10870,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     if (status) return status;
     clothi_newton_rhs(s);
     s->fresh = 1;
-    if (clothi_rest_measure(s, goal) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
+    if (eta * eta * clothi_newton_pull(s) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
     for (it = 1; !nt.done; it++) {
         nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
                    (it > CLOTHI_LATE && nt.size <= CLOTHI_EXACT_LATE * s->edge);

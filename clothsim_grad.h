@@ -1541,14 +1541,11 @@ static cloth_status clothi_grad_assemble(clothi_grad *g, clothi_line *line, doub
     const int    look = g->t->opt.early > 0;
     cloth_status status = clothi_objective(s, &line->goal, s->w.x, look ? s->w.grad : NULL, 1, 0,
                                            NULL);
-    int          i;
     *most = 0;
     if (!status && s->model->tie) status = clothi_tie_matrix(s);
     if (!look || status) return status;
     clothi_newton_rhs(s);
-    for (i = 0; i < 3 * s->model->nv; i++)
-        *most = clothi_max(*most, fabs(s->w.rhs[i]) / s->params.mass[i / 3]);
-    *most *= line->weight > 0 ? 1 / line->weight : 1;
+    *most = clothi_newton_pull(s) * (line->weight > 0 ? 1 / line->weight : 1);
     return status;
 }
 

@@ -11329,13 +11329,11 @@ static cloth_status clothi_static_held(cloth_sim *s) {
     return CLOTH_OK;
 }
 
-static cloth_status clothi_static_run(cloth_sim *s, double h) {
+static cloth_status clothi_static_run(cloth_sim *s) {
     clothi_goal  goal;
     cloth_status status = clothi_static_held(s);
     int          i, round, n = 3 * s->model->nv, saddle = 1;
-    (void)h;
     if (status) return status;
-    s->report.h = 0;
     s->report.outcome = CLOTH_STEP_CONVERGED;
     memset(s->state.v, 0, (size_t)n * sizeof(double));
     clothi_eval_start(s, &goal, 0);
@@ -11990,10 +11988,7 @@ static cloth_status clothi_check_state(cloth_sim *s) {
     return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "state.t = %g", s->state.t);
 }
 
-static cloth_status clothi_check_step(cloth_sim *s, double h) {
-    const cloth_status status = clothi_check_range(&s->hooks, "cloth_step: ", "h", h, 0,
-                                                   HUGE_VAL, CLOTHI_OVER);
-    if (status) return status;
+static cloth_status clothi_check_step(cloth_sim *s) {
     if (s->model->desc.contact != CLOTH_CONTACT_NONE && !s->contact_on)
         return clothi_fail(&s->hooks, CLOTH_ERR_UNSUPPORTED, "desc.contact = %s needs "
                            "clothsim_collide.h: this sim has no contact",
@@ -12162,10 +12157,12 @@ static void clothi_watch(cloth_sim *s, double h) {
     s->still = still;
 }
 
+/* A step of h, or statics where that is 0. */
 static cloth_status clothi_step_run(cloth_sim *s, double h) {
     const int    leap = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
     cloth_status status = CLOTH_OK;
     int          k, m = s->model->desc.substeps > 0 ? s->model->desc.substeps : 1;
+    if (!(h > 0)) return clothi_static_run(s);
     if (s->asleep) {
         s->state.t += h;
         s->report.outcome = CLOTH_STEP_ASLEEP;
@@ -12210,31 +12207,28 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
     return status;
 }
 
-typedef cloth_status clothi_run_fn(cloth_sim *s, double h);
-
 #define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
 #define CLOTHI_GROWN  0.5                   /* the same in a step of implicit Euler: given up  */
 
 /* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever. Not
  * looked at where a host's term may work unseen. */
-static int clothi_watched(const cloth_sim *s, clothi_run_fn *run) {
-    return s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && run == clothi_step_run &&
+static int clothi_watched(const cloth_sim *s, double h) {
+    return s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && h > 0 &&
            s->nterms == s->nbuiltin && !s->asleep;
 }
 
 /* A run with its ledger. A step of BDF2 whose energy no work explains is taken again by implicit
  * Euler, which forgets, as the next one does. */
-static cloth_status clothi_booked(cloth_sim *s, double h, clothi_run_fn *run,
-                                  const cloth_ledger *before) {
+static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
     cloth_status status = CLOTH_OK;
     double       most = CLOTHI_GROWTH;
     for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
-        status = run(s, h);
+        status = clothi_step_run(s, h);
         if (!status) status = clothi_book(s, before);
         most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
-        if (status || !clothi_watched(s, run) || l->numerical_loss >= -most) break;
+        if (status || !clothi_watched(s, h) || l->numerical_loss >= -most) break;
         if (s->calm) {
             s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
@@ -12247,9 +12241,8 @@ static cloth_status clothi_booked(cloth_sim *s, double h, clothi_run_fn *run,
     return status;
 }
 
-/* Everything around a run that moves the state: checks, the copy, the ledger, roll-back. */
-static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
-                                   cloth_report *wanted) {
+/* Everything around a step, or statics where h = 0: checks, the copy, the ledger, roll-back. */
+static cloth_status clothi_guarded(cloth_sim *s, double h, cloth_report *wanted) {
     const double start = clothi_now(&s->hooks);
     long long    allocations = s->allocations;
     int          known = s->known && !s->nattach, contacts = 0, news;
@@ -12263,17 +12256,17 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
     s->charged = &s->ms.other, s->since = start;
     s->known = s->fresh = s->finish = s->calm = 0;
     report->h = h, report->vertex = report->min_stretch_face = -1;
-    status = clothi_check_step(s, h);
+    status = clothi_check_step(s);
     if (!status) status = clothi_need_work(s);
     if (!status) status = clothi_keep(s);
     if (!status) {
         clothi_input(s, 0, 0, 0);           /* at the step's start */
-        s->asleep = run == clothi_step_run && clothi_sleeps(s);
-        s->balance = wanted || clothi_watched(s, run);
+        s->asleep = h > 0 && clothi_sleeps(s);
+        s->balance = wanted || clothi_watched(s, h);
         news = s->balance && !(s->asleep && s->rested.outcome);
         if (wanted && !news) *report = s->rested, report->h = h;
         if (news) status = clothi_energy_before(s, known, &before);
-        if (!status) status = news ? clothi_booked(s, h, run, &before) : run(s, h);
+        if (!status) status = news ? clothi_booked(s, h, &before) : clothi_step_run(s, h);
         if (!status && wanted && news) clothi_report_state(s);
         if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
         if (status) {
@@ -12282,8 +12275,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, clothi_run_fn *run,
         } else {
             clothi_accept(s);
             if (news && s->asleep) s->rested = *report;
-            if (s->recorder.step)
-                clothi_record_give(s, run == clothi_static_run ? 0 : h, contacts);
+            if (s->recorder.step) clothi_record_give(s, h, contacts);
         }
     }
     (void)clothi_charge(s, &s->ms.other);
@@ -12303,8 +12295,10 @@ static cloth_status clothi_refused(cloth_report *report, cloth_status status) {
 }
 
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report) {
+    cloth_status status;
     if (!sim) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
-    return clothi_guarded(sim, h, clothi_step_run, report);
+    status = clothi_check_range(&sim->hooks, "cloth_step: ", "h", h, 0, HUGE_VAL, CLOTHI_OVER);
+    return status ? clothi_refused(report, status) : clothi_guarded(sim, h, report);
 }
 
 CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report) {
@@ -12312,7 +12306,7 @@ CLOTH_API cloth_status cloth_solve_static(cloth_sim *sim, cloth_report *report) 
     if (sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
         return clothi_refused(report, clothi_fail(&sim->hooks, CLOTH_ERR_UNSUPPORTED,
                                   "cloth_solve_static needs a matrix: LEAPFROG has none"));
-    return clothi_guarded(sim, 1.0, clothi_static_run, report);
+    return clothi_guarded(sim, 0, report);
 }
 
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger) {

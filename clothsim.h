@@ -9013,6 +9013,7 @@ enum { CLOTHI_SIZE, CLOTHI_HASH, CLOTHI_SAVE, CLOTHI_LOAD, CLOTHI_CLEAR };
 
 typedef struct clothi_walk {
     int            verb, skip;              /* skip: flags of fields to leave out              */
+    int            lost;                    /* no memory for a unit's hash                     */
     unsigned char *buf;                     /* written to, or read from                        */
     size_t         at;                      /* in it; every field begins at a multiple of 8    */
     uint64_t       hash;
@@ -9093,23 +9094,24 @@ static size_t clothi_unit_size(const cloth_term *u) {
 
 /* The first n of them: id, bytes, then the unit's own: it may hold more or fewer than it did at the
  * snapshot. */
-static void clothi_walk_units(const cloth_sim *s, clothi_walk *w, int n, unsigned char *scratch) {
-    cloth_term u;
-    uint64_t   head[2];
-    int        i;
+static void clothi_walk_units(const cloth_sim *s, clothi_walk *w, int n) {
+    const cloth_hooks *hooks = &s->model->hooks;
+    unsigned char     *own;
+    cloth_term         u;
+    uint64_t           head[2];
+    int                i;
     for (i = 0; i < n && clothi_unit_at(s, i, &u); i++, w->at += (size_t)head[1]) {
         clothi_walk_pad(w);
         head[0] = clothi_unit_id(&u), head[1] = clothi_unit_size(&u);
         clothi_walk_bytes(w, (unsigned char *)head, sizeof head);   /* loading: as was saved */
-        if (head[1] && w->verb == CLOTHI_HASH && scratch) {
-            memset(scratch, 0, (size_t)head[1]);
-            u.save(u.user, scratch);
-            w->hash = clothi_hash(w->hash, scratch, (size_t)head[1]);
-        } else if (head[1] && w->verb == CLOTHI_SAVE) {
-            u.save(u.user, w->buf + w->at);
-        } else if (head[1] && w->verb == CLOTHI_LOAD) {
-            u.load(u.user, w->buf + w->at);
-        }
+        if (head[1] && w->verb == CLOTHI_SAVE) u.save(u.user, w->buf + w->at);
+        if (head[1] && w->verb == CLOTHI_LOAD) u.load(u.user, w->buf + w->at);
+        if (!head[1] || w->verb != CLOTHI_HASH) continue;
+        own = (unsigned char *)clothi_alloc(hooks, (size_t)head[1], 1);
+        if (own) u.save(u.user, own);
+        if (own) w->hash = clothi_hash(w->hash, own, (size_t)head[1]);
+        w->lost |= !own;
+        clothi_free(hooks, own);
     }
 }
 
@@ -9119,7 +9121,7 @@ static size_t clothi_walked(const cloth_sim *s, int verb, const void *buf, int s
     memset(&w, 0, sizeof w);
     w.verb = verb, w.skip = skip, w.buf = (unsigned char *)(uintptr_t)buf;
     clothi_walk_fields(s, &w);
-    if (units) clothi_walk_units(s, &w, units, NULL);
+    clothi_walk_units(s, &w, units);
     return w.at;
 }
 
@@ -12767,22 +12769,13 @@ CLOTH_API cloth_status cloth_step_replay(cloth_sim *sim, const cloth_step_record
 }
 
 CLOTH_API uint64_t cloth_sim_hash(const cloth_sim *sim) {
-    clothi_walk    w;
-    unsigned char *scratch = NULL;
-    size_t         hosts = 0;
-    cloth_term     u;
-    int            i;
+    clothi_walk w;
     if (!sim) return 0;
-    for (i = 0; clothi_unit_at(sim, i, &u); i++)
-        if (clothi_unit_size(&u) > hosts) hosts = clothi_unit_size(&u);
-    if (hosts) scratch = (unsigned char *)clothi_alloc(&sim->model->hooks, hosts, 1);
-    if (hosts && !scratch) return 0;
     memset(&w, 0, sizeof w);
     w.verb = CLOTHI_HASH, w.hash = 0xcbf29ce484222325u ^ sim->model->hash;
     clothi_walk_fields(sim, &w);
-    clothi_walk_units(sim, &w, CLOTHI_MAX_TERMS, scratch);
-    clothi_free(&sim->model->hooks, scratch);
-    return w.hash;
+    clothi_walk_units(sim, &w, CLOTHI_MAX_TERMS);
+    return w.lost ? 0 : w.hash;
 }
 
 CLOTH_API uint64_t cloth_model_hash(const cloth_model *model) { return model ? model->hash : 0; }

@@ -593,7 +593,7 @@ static size_t clothi_tape_units(const cloth_sim *s, int verb, const void *packed
     w.verb = verb;
     w.buf = (unsigned char *)(uintptr_t)packed;
     w.at = at;
-    clothi_walk_units(s, &w, CLOTHI_MAX_TERMS, NULL);
+    clothi_walk_units(s, &w, CLOTHI_MAX_TERMS);
     return w.at - at;
 }
 

@@ -10320,6 +10320,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_REST_TIME    (1.0 / 60)      /* s: see 'When to stop'                           */
 #define CLOTHI_TINY         1e-6            /* mean edges: updates judged by slopes too        */
 #define CLOTHI_HIDDEN       1e-12           /* of phi: a decrease that its rounding hides      */
+#define CLOTHI_LOST         1e-6            /* the same in statics: may hide                   */
 #define CLOTHI_EXACT        1.2e-2          /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
 #define CLOTHI_EXACT_TOUCH  0.1                 /* of that: tolerance that asks, in contact   */
@@ -10535,21 +10536,26 @@ static cloth_status clothi_check_terms(cloth_sim *s, double value) {
     return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "the energy of the terms is %g", value);
 }
 
-/* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. */
+/* phi(x + a dx) and its gradient for a, a/2, ...; leaves the accepted point in w.trial. A whole
+ * update may show its decrease by the slope at its end: see 'Line search'. In statics also where
+ * that of a hardly strained sheet is lost in rounding of order eps |force| |x|, not eps phi; and
+ * one below the tolerance is taken as it is. */
 CLOTHI_OUTLINE static cloth_status clothi_line_search(cloth_sim *s, clothi_goal *goal,
                                                       clothi_newton *nt, double *a) {
     double      *was = clothi_charge(s, &s->ms.line_search);
     double       rounding = 4e-15 * goal->magnitude, value = 0;
+    const int    rest = !(goal->eta > 0), still = rest && nt->size < s->model->desc.tolerance;
+    const double part = nt->size < CLOTHI_TINY * s->edge ? 1 - 2 * CLOTHI_ARMIJO
+                            : rest && -nt->slope <= CLOTHI_LOST * goal->magnitude ? 0.5 : 0;
     cloth_status status = CLOTH_OK;
     int          i, k, n = 3 * s->model->nv;
     for (k = 0; k <= CLOTHI_HALVINGS; k++, *a *= 0.5) {
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + *a * s->w.dx[i];
         status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
         if (status || value <= nt->value + CLOTHI_ARMIJO * *a * nt->slope + rounding) break;
-        if (k == 0 && nt->size < CLOTHI_TINY * s->edge) {   /* the trapezoid of the slopes */
-            double slope = clothi_dot(s->w.grad, s->w.dx, (size_t)n);
-            if (slope <= (2 * CLOTHI_ARMIJO - 1) * nt->slope) break;
-        }
+        if (k == 0 && (still || (part > 0 && clothi_dot(s->w.grad, s->w.dx, (size_t)n) <=
+                                                 -part * nt->slope)))
+            break;
         s->report.halvings++;
     }
     (void)clothi_charge(s, was);
@@ -11205,7 +11211,6 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
 }
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
-#define CLOTHI_LOST          1e-6           /* of phi: a decrease that its rounding may hide   */
 /* --- statics --- */
 
 /* Longest side of the box around x [nv x 3]. */
@@ -11240,32 +11245,6 @@ static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int
     return CLOTH_OK;
 }
 
-/* Moves by dx, shortened where phi says so, and evaluates there. An update below the tolerance is
- * taken as it is: phi cannot tell. Near the minimum of a hardly strained sheet the decrease of phi
- * is lost to its rounding, which is of order eps |force| |x|, not eps phi: there the slope at the
- * end of the step decides. */
-static cloth_status clothi_static_move(cloth_sim *s, clothi_goal *goal, clothi_newton *nt,
-                                       double *a) {
-    const int    still = nt->size < s->model->desc.tolerance;
-    cloth_status status = CLOTH_OK;
-    double       value;
-    int          whole = still || -nt->slope <= CLOTHI_LOST * goal->magnitude;
-    int          i, n = 3 * s->model->nv;
-    *a = 1;
-    if (whole) {
-        for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + s->w.dx[i];
-        status = clothi_objective(s, goal, s->w.trial, s->w.grad, 0, 0, &value);
-        whole = still || fabs(clothi_dot(s->w.grad, s->w.dx, (size_t)n)) <= -0.5 * nt->slope;
-        if (whole) nt->value = value;
-    }
-    if (!status && !whole) status = clothi_line_search(s, goal, nt, a);
-    if (status) return status;
-    memcpy(s->w.x, s->w.trial, (size_t)n * sizeof(double));
-    clothi_newton_rhs(s);
-    s->report.residual_m = *a * nt->size;
-    return CLOTH_OK;
-}
-
 /* Newton with a diagonal sigma M that falls from ten times the largest gravity mode, g over the
  * extent, 1/s^2, to zero, or to the least value at which H is not singular to rounding (a free
  * cloth), and there the last update counts. */
@@ -11287,7 +11266,8 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal) {
         nt.exact = 1;                       /* and negative: singular to rounding even so */
         if (!status) status = clothi_newton_system(s, goal, &nt, 1e-10, CLOTH_LINEAR_CHOLESKY);
         if (status) break;
-        if (!s->linear.negative) status = clothi_static_move(s, goal, &nt, &a);
+        a = 1;
+        if (!s->linear.negative) status = clothi_line_search(s, goal, &nt, &a);
         if (s->linear.negative || status == CLOTH_ERR_STEP) {
             if (s->linear.negative && sigma <= least)
                 least = least > 0 ? 10 * least : 1e-6 * sigma0;
@@ -11296,6 +11276,9 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal) {
             continue;
         }
         if (status) break;
+        memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
+        clothi_newton_rhs(s);
+        s->report.residual_m = a * nt.size;
         if (nt.size < d->tolerance) {
             if (sigma <= least) return CLOTH_OK;
             sigma = least;

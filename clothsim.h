@@ -8534,8 +8534,7 @@ static cloth_status clothi_model_angles(cloth_model *m) {
     if (!m->theta0) return CLOTH_ERR_MEMORY;
     for (h = 0; h < t->nh && m->desc.rest_angle == CLOTH_REST_ANGLE_TEMPLATE; h++) {
         double x[12];
-        for (k = 0; k < 4; k++)
-            memcpy(x + 3 * k, m->x_rest + 3 * t->hinges[4 * h + k], 3 * sizeof(double));
+        for (k = 0; k < 12; k++) x[k] = m->x_rest[3 * t->hinges[4 * h + k / 3] + k % 3];
         m->theta0[h] = cloth_dihedral(x);
         if (m->desc.bend == CLOTH_BEND_QUADRATIC && fabs(m->theta0[h]) > 1e-9)
             return clothi_fail(&m->hooks, CLOTH_ERR_UNSUPPORTED,
@@ -12564,11 +12563,10 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
 
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
-    if (contact && (!contact->begin || !contact->update || !contact->eval ||
-                    !contact->block ||
-                    !contact->max_step || !contact->start || !contact->close ||
+    if (contact && (!contact->begin || !contact->start || !contact->update || !contact->eval ||
+                    !contact->block || !contact->max_step || !contact->close ||
                     !contact->resolve || !contact->commit))
-        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, start, update, eval, "
+        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, start, update, eval, block, "
                                         "max_step, close, resolve or commit");
     sim->contact_on = contact != NULL, sim->still = 0;
     if (contact) sim->contact = *contact;
@@ -12811,17 +12809,15 @@ CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double
     return CLOTH_OK;
 }
 
-/* Ray o + t d against one triangle by the volumes that the ray spans with its edges:
+/* Ray o + t d against the face v [3] of x by the volumes that the ray spans with its edges:
  *   w_2 = d . ((x0 - o) x (x1 - o)), and so on around; bary = w / sum w.
  * All of one sign: hit. An edge's volume is exactly the negative of what the face beyond it gets,
  * so that no ray slips through between two faces. */
-static int clothi_ray_face(const double *o, const double *d, const double *x0, const double *x1,
-                           const double *x2, double *t, double *bary) {
+static int clothi_ray_face(const double *o, const double *d, const double *x, const int *v,
+                           double *t, double *bary) {
     double r[9], c[3], sum, at = 0;
     int    k;
-    clothi_sub3(x0, o, r);
-    clothi_sub3(x1, o, r + 3);
-    clothi_sub3(x2, o, r + 6);
+    for (k = 0; k < 3; k++) clothi_sub3(x + 3 * v[k], o, r + 3 * k);
     for (k = 0; k < 3; k++) {
         clothi_cross3(r + 3 * ((k + 1) % 3), r + 3 * ((k + 2) % 3), c);
         bary[k] = clothi_dot3(d, c);
@@ -12847,9 +12843,8 @@ CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const doubl
     (void)frexp(clothi_max_abs(d, 3), &e);
     for (k = 0; k < 3; k++) u[k] = ldexp(d[k], -e);     /* its square is a double */
     for (f = 0; f < sim->model->nf; f++) {
-        const int *v = sim->model->faces + 3 * f;
-        if (!clothi_ray_face(o, u, sim->state.x + 3 * v[0], sim->state.x + 3 * v[1],
-                             sim->state.x + 3 * v[2], &at, b) || !(at < best))
+        if (!clothi_ray_face(o, u, sim->state.x, sim->model->faces + 3 * f, &at, b) ||
+            !(at < best))
             continue;
         best = at;
         hit = f;

@@ -1262,7 +1262,7 @@ CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *tex
 CLOTH_API cloth_status cloth_obj_load(const cloth_hooks *hooks, const char *path,
                                       const cloth_obj_options *options, cloth_mesh **out);
 
-/* Writes a mesh as OBJ text, each number in the fewest digits that read back as the same double.
+/* Writes a mesh as OBJ text, each number rounded to the fewest digits that read back as itself.
  * vt: the render corners; without them the pattern X, if any (read it with pattern_scale 1).
  * Parts become `g part0`, `g part1`, ... Call once with buf NULL for the size, then again.
  * out  buf     [capacity], no 0 at the end; NULL: only *needed
@@ -2873,9 +2873,9 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
  *   or halved until the integer part has 60 to 64 bits, which loses nothing: a half is 5 tenths.
  *   One rounding, half to even, also for subnormals. 800 digits decide every case (a midpoint
  *   between doubles has at most 768); what follows them only counts as 'not zero'.
- *   Writing: v and the midpoints to its neighbours are written out, likewise exactly. Digits of v
- *   are taken until they, or the last one raised by 1, lie between the midpoints; then any reader
- *   that rounds correctly returns to v: the fewest digits that do, at most 17 [SW90].
+ *   Writing: all digits of v, found likewise, are rounded to 15 of them, to 16 and 17, until they
+ *   read back as v; 17 always do [SW90]. 15 always come back from a double: a number that has
+ *   fewer shows zeros behind them. (Beside a power of two 16 others may do where those of v fail.)
  * Reading runs over the text twice, first to count: one allocation of the right size, and an
  * index is checked where it stands, so that the sentence can name its line.
  * Render corners: distinct (vertex, vt) pairs by two counting sorts of the corners.
@@ -2883,7 +2883,7 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
 
 /* A number as decimal digits in fixed point, nine to a word: the point stands before w[POINT].
  * Reading meets 10^309 .. 10^-1458 (801 digits from 10^309 on, divided by 2^966), writing 2^1024 ..
- * 2^-1075. Words before first and from end on count as 0. */
+ * 2^-1074. Words before first and from end on count as 0. */
 #define CLOTHI_FIXED_POINT 35
 #define CLOTHI_FIXED_WORDS 200
 
@@ -2968,22 +2968,13 @@ static int clothi_decimal_scan(const char *s, size_t n, clothi_decimal *d) {
 }
 
 /* The double nearest to q 2^(lead-63), plus less than one unit of q when more != 0; q has 64 bits.
- * Bits are put together by hand: rounding up may carry into the exponent, as it should. */
+ * Rounded by hand to the bits that the double has, so that ldexp has nothing to round. */
 static double clothi_round_to_double(uint64_t q, int lead, int more) {
     const int      drop = lead >= -1022 ? 11 : -1011 - lead;        /* bits of q; 65: beyond all */
-    const uint64_t half = (uint64_t)1 << 63;
-    uint64_t       out = 0;
-    double         a;
-    if (lead > 1023) {
-        out = (uint64_t)0x7ff << 52;
-    } else if (drop <= 64) {
-        const uint64_t rest = q << (64 - drop);
-        out = q >> (drop - 1) >> 1;
-        out += rest > half || (rest == half && (more || (out & 1u)));
-        if (lead >= -1022) out += (uint64_t)(lead + 1022) << 52;
-    }
-    memcpy(&a, &out, sizeof a);
-    return a;
+    const uint64_t half = (uint64_t)1 << 63, rest = drop <= 64 ? q << (64 - drop) : 0;
+    uint64_t       out = drop <= 64 ? q >> (drop - 1) >> 1 : 0;
+    out += rest > half || (rest == half && (more || (out & 1u)));
+    return ldexp((double)out, lead - 63 + drop);
 }
 
 static double clothi_decimal_exact(const clothi_decimal *d) {
@@ -3002,106 +2993,94 @@ static double clothi_decimal_exact(const clothi_decimal *d) {
     return clothi_round_to_double(q, lead - i, a.end > CLOTHI_FIXED_POINT);
 }
 
-/* 1 and the nearest double (infinite when too large) when the n bytes are a decimal number. */
-static int clothi_parse_double(const char *s, size_t n, double *out) {
+/* The nearest double, without the sign; infinite when too large. */
+static double clothi_decimal_value(const clothi_decimal *d) {
     static const double tens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
                                   1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
                                   1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+    const int64_t exponent = d->point - d->n;
+    double        a = 0;
+    int           i;
+    if (d->n == 0 || d->point < -330) return 0;
+    if (d->point > 310) return HUGE_VAL;
+    if (d->n > 15 || exponent < -22 || exponent > 22) return clothi_decimal_exact(d);
+    for (i = 0; i < d->n; i++) a = 10 * a + d->d[i];
+    return exponent < 0 ? a / tens[-exponent] : a * tens[exponent];
+}
+
+/* 1 and the nearest double when the n bytes are a decimal number. */
+static int clothi_parse_double(const char *s, size_t n, double *out) {
     clothi_decimal d;
-    double         a = 0;
-    int            i;
     if (!clothi_decimal_scan(s, n, &d)) return 0;
-    if (d.n > 0 && d.point > 310) {
-        a = HUGE_VAL;
-    } else if (d.n <= 15 && d.point - d.n >= -22 && d.point - d.n <= 22) {
-        const int exponent = (int)d.point - d.n;
-        for (i = 0; i < d.n; i++) a = 10 * a + d.d[i];
-        a = exponent < 0 ? a / tens[-exponent] : a * tens[exponent];
-    } else if (d.n > 0 && d.point >= -330) {
-        a = clothi_decimal_exact(&d);
-    }
-    *out = d.negative ? -a : a;
+    *out = d.negative ? -clothi_decimal_value(&d) : clothi_decimal_value(&d);
     return 1;
 }
 
 /* --- writing a number --- */
 
-/* a = u 2^e */
-static void clothi_fixed_set(clothi_fixed *a, uint64_t u, int e) {
-    int i;
-    a->end = CLOTHI_FIXED_POINT, a->first = a->end - 3;
-    for (i = a->end - 1; i >= a->first; i--, u /= 1000000000u)
-        a->w[i] = (uint32_t)(u % 1000000000u);
-    clothi_fixed_scale(a, e);
+/* All digits of a > 0, finite. Returns how many always survive a: from them to it and back. */
+static int clothi_decimal_of(double a, clothi_decimal *d) {
+    int          e, i, bits;
+    uint64_t     u = (uint64_t)ldexp(frexp(a, &e), 53);             /* a = u 2^(e-53) */
+    uint32_t     unit;
+    clothi_fixed w;
+    w.end = CLOTHI_FIXED_POINT, w.first = w.end - 2;
+    w.w[w.first] = (uint32_t)(u / 1000000000u), w.w[w.first + 1] = (uint32_t)(u % 1000000000u);
+    clothi_fixed_scale(&w, e - 53);
+    d->n = 0, d->point = 9 * (CLOTHI_FIXED_POINT - w.first);
+    for (i = w.first; i < w.end; i++)
+        for (unit = 100000000; unit > 0; unit /= 10) {
+            d->d[d->n] = (unsigned char)(w.w[i] / unit % 10u);
+            if (d->n > 0 || d->d[0] > 0) d->n++;
+            else d->point--;
+        }
+    while (d->d[d->n - 1] == 0) d->n--;
+    bits = e < -1021 ? e + 1073 : 52;       /* of a, but for the first one                     */
+    return (int)(0.3010299956639812 * bits);
 }
 
-/* The digit at place g, from 0 at w[0]; *more: not the last one that is not 0. */
-static int clothi_fixed_digit(const clothi_fixed *a, int g, int *more) {
-    static const uint32_t tens[9] = {100000000, 10000000, 1000000, 100000, 10000, 1000, 100, 10, 1};
-    const uint32_t        w = clothi_fixed_word(a, g / 9);
-    *more = a->end > g / 9 + 1 || w % tens[g % 9] != 0;
-    return (int)(w / tens[g % 9] % 10u);
+/* out = a rounded to `most` > 0 digits, a tie to even; no 0 at its end. */
+static void clothi_decimal_round(const clothi_decimal *a, int most, clothi_decimal *out) {
+    int n = a->n < most ? a->n : most;
+    int up = n < a->n && (a->d[n] > 5 || (a->d[n] == 5 && (n + 1 < a->n || a->d[n - 1] % 2)));
+    memcpy(out->d, a->d, (size_t)n);
+    out->point = a->point;
+    if (up)
+        while (n > 0 && ++out->d[n - 1] > 9) n--;
+    if (n == 0) out->d[n++] = 1, out->point++;
+    while (out->d[n - 1] == 0) n--;
+    out->n = n;
 }
 
-/* The fewest digits (at most 17) of a > 0, finite, that read back as a: a = 0.d0 d1 .. 10^point.
- * Those of a up to some place are enough when, as they stand or one up in the last place, they lie
- * between the midpoints to the neighbours; on a midpoint, when a's last bit is 0. */
-static int clothi_shortest_digits(double a, unsigned char *digits, int *point) {
-    clothi_fixed exact, below, above;
-    uint64_t     bits, f;
-    int          e, g, n = 0, edge, even, low = 0, high = 0, differ = 0, up = 0, more;
-    memcpy(&bits, &a, sizeof bits);
-    f = bits & (((uint64_t)1 << 52) - 1u);
-    e = (int)(bits >> 52 & 0x7ffu);
-    edge = f == 0 && e > 1;                 /* a power of two: its lower neighbour is nearer   */
-    f |= (uint64_t)(e > 0) << 52;
-    e = (e > 0 ? e : 1) - 1075;             /* a = f 2^e                                       */
-    even = (f & 1u) == 0;
-    clothi_fixed_set(&exact, f, e);
-    clothi_fixed_set(&above, 2 * f + 1, e - 1);
-    clothi_fixed_set(&below, (edge ? 4 : 2) * f - 1, e - (edge ? 2 : 1));
-    g = 9 * above.first;
-    while (clothi_fixed_digit(&above, g, &more) == 0) g++;
-    *point = 9 * CLOTHI_FIXED_POINT - g;
-    for (; !low && !high; g++) {            /* up: what `above` has beyond the digits, 2: or more */
-        int d = clothi_fixed_digit(&exact, g, &more);
-        differ |= clothi_fixed_digit(&below, g, &more) != d;
-        low = differ || (even && !more);
-        up = 10 * up + clothi_fixed_digit(&above, g, &more) - d;
-        up = up > 2 ? 2 : up;
-        high = up == 2 || (up == 1 && (even || more));
-        if (high && (!low || clothi_fixed_digit(&exact, g + 1, &more) >= 5)) d++;
-        digits[n++] = (unsigned char)d;
-    }
-    return n;
-}
-
-/* The fewest digits that read back, rounded to `digits`: plain where 0.d0 d1 .. has its point moved
- * by least .. most, else d0.d1..e-7. */
+/* Rounded to the fewest digits that read back, or to `digits`: plain where 0.d0 d1 .. has its point
+ * moved by least .. most, else d0.d1..e-7. */
 static void clothi_sink_number(clothi_sink *t, double a, int digits, int least, int most) {
-    unsigned char d[24] = {0};
-    int           n = 1, point = 1, plain, at, i;
+    clothi_decimal all, d;
+    int            n, plain, point, i;
     if (!clothi_finite(a)) {
         clothi_sink_string(t, a != a ? "NaN" : a > 0 ? "inf" : "-inf");
         return;
     }
     if (copysign(1, a) < 0) clothi_sink_char(t, '-');
-    if (fabs(a) > 0) n = clothi_shortest_digits(fabs(a), d, &point);
-    if (n > digits && d[n = digits] > 4) {
-        while (n > 0 && ++d[n - 1] > 9) n--;
-        if (n == 0) d[n++] = 1, point++;
+    a = fabs(a);
+    if (!(a > 0)) {
+        clothi_sink_char(t, '0');
+        return;
     }
-    while (n > 1 && d[n - 1] == 0) n--;
-    plain = point >= least && point <= most, at = plain ? point : 1;
-    if (at <= 0) clothi_sink_string(t, "0.");
-    for (i = at; i < 0; i++) clothi_sink_char(t, '0');
-    for (i = 0; i < n || i < at; i++) {
-        if (i > 0 && i == at) clothi_sink_char(t, '.');
-        clothi_sink_char(t, (char)('0' + (i < n ? d[i] : 0)));
+    n = clothi_decimal_of(a, &all);         /* a number of fewer digits has zeros behind them  */
+    n = n < 1 ? 1 : n;
+    do clothi_decimal_round(&all, n < digits ? n : digits, &d);
+    while (n++ < digits && clothi_decimal_value(&d) != a);
+    plain = d.point >= least && d.point <= most, point = plain ? (int)d.point : 1;
+    if (point <= 0) clothi_sink_string(t, "0.");
+    for (i = point; i < 0; i++) clothi_sink_char(t, '0');
+    for (i = 0; i < d.n || i < point; i++) {
+        if (i > 0 && i == point) clothi_sink_char(t, '.');
+        clothi_sink_char(t, (char)('0' + (i < d.n ? d.d[i] : 0)));
     }
     if (plain) return;
     clothi_sink_char(t, 'e');
-    clothi_sink_int(t, point - 1);
+    clothi_sink_int(t, d.point - 1);
 }
 
 /* --- reading the text --- */

@@ -1933,8 +1933,8 @@ CLOTH_API int cloth_version(void) { return CLOTH_VERSION_NUM; }
 /* ===== [4.1] MESH CHECK ========================================================================
  *
  * A mesh from outside is read by a person who must mend it: every fault is named with its index
- * and a remedy, all in one call. Three passes: numbers and corners face by face; copies of a
- * face by sorting faces; edges by sorting half-edges (the sort serves [4.2] too).
+ * and a remedy, all in one call. Two passes: numbers and corners face by face; edges, and copies
+ * of a face, by sorting half-edges (sort and pass serve [4.2] too).
  *
  *      x2                       The shape of a triangle, seen from its edge e = x1 - x0:
  *      /|\                         l = |e|,  p = e.(x2 - x0)/l,  q = |e x (x2 - x0)|/l
@@ -2042,8 +2042,9 @@ static void clothi_sort_by(int n, int nkeys, const int *key, const int *in, int 
 typedef struct clothi_edge_sort {
     int *lo, *hi;       /* [3 nf] smaller and larger end of each half-edge; lo: to be freed    */
     int *order;         /* [3 nf] half-edges; those of one edge stand together                 */
-    int *work;          /* [3 nf] scratch                                                      */
-    int *count;         /* [nv + 1] scratch                                                    */
+    int *work;          /* [3 nf] scratch; clothi_check_edges(): the corners' union-find, -1: of
+                           a copy of a face                                                    */
+    int *count;         /* [nv + 1] scratch; there: the last half-edge seen from this corner   */
 } clothi_edge_sort;
 
 /* Every index of faces is in [0, nv). */
@@ -2084,9 +2085,10 @@ typedef struct clothi_checker {
     int     nv, nf;
     const double *x, *X;
     const int    *faces;
-    int    *kept;       /* [nf x 3] faces, zeros in place of those whose edges are not looked at */
+    const int    *kept; /* [nf x 3] faces, zeros in place of those whose edges are not looked at */
     int    *corners;    /* [nv] corners at a vertex, of any face                               */
-    int    *key;        /* [5 nf + nv + 1] scratch                                             */
+    int    *fans;       /* [nv] fans at a vertex; NULL: not wanted, the first fault is enough  */
+    int     ne;         /* edges                                                               */
 } clothi_checker;
 
 static const struct { cloth_log_level level; cloth_status status; const char *text; }
@@ -2171,33 +2173,6 @@ static int clothi_check_face(clothi_checker *c, int f) {
     return 1;
 }
 
-/* Removes from kept every face whose three vertices an earlier face has. */
-static void clothi_check_duplicates(clothi_checker *c) {
-    const int n = c->nf;
-    int      *lo = c->key, *mid = lo + n, *hi = mid + n, *order = hi + n, *work = order + n;
-    int       i, f, first = 0;
-    for (f = 0; f < n; f++) {
-        const int *t = c->kept + 3 * f;
-        lo[f] = t[0] < t[1] ? (t[0] < t[2] ? t[0] : t[2]) : (t[1] < t[2] ? t[1] : t[2]);
-        hi[f] = t[0] > t[1] ? (t[0] > t[2] ? t[0] : t[2]) : (t[1] > t[2] ? t[1] : t[2]);
-        mid[f] = (int)((long long)t[0] + t[1] + t[2] - lo[f] - hi[f]);
-    }
-    clothi_sort_by(n, c->nv, hi, NULL, order, work + n);
-    clothi_sort_by(n, c->nv, mid, order, work, work + n);
-    clothi_sort_by(n, c->nv, lo, work, order, work + n);
-    for (i = 0; i < n; i++) {               /* work [n]: the first face with these corners     */
-        f = order[i];
-        if (i == 0 || lo[f] != lo[first] || mid[f] != mid[first] || hi[f] != hi[first]) first = f;
-        work[f] = first;
-    }
-    for (f = 0; f < n; f++) {
-        if (work[f] == f || lo[f] == hi[f]) continue;
-        clothi_fault(c, CLOTH_MESH_DUPLICATE, f, "face %i has the corners of face %i: remove one "
-                     "of them", f, work[f]);
-        memset(c->kept + 3 * f, 0, 3 * sizeof(int));
-    }
-}
-
 static int clothi_find_root(int *parent, int i) {
     while (parent[i] != i) {
         parent[i] = parent[parent[i]];
@@ -2221,50 +2196,74 @@ static int clothi_corner_at(const int *faces, int g, int v) {
     return faces[g] == v ? g : clothi_halfedge_next(g);
 }
 
-/* Faults of edges; fans [nv] loses one for every pair of corners that an edge joins. */
-static void clothi_check_edges(clothi_checker *c, const clothi_edge_sort *s, int *fans) {
+/* The corner opposite half-edge h. */
+static int clothi_opposite(const int *faces, int h) {
+    return faces[clothi_halfedge_next(clothi_halfedge_next(h))];
+}
+
+/* Takes copies of a face out of the half-edges order[i .. end) of an edge; returns how many stay.
+ * A face and its copy share all edges: the first of these shows it, before anything is counted. */
+static int clothi_drop_copies(clothi_checker *c, const clothi_edge_sort *s, int i, int end) {
+    int j, k, n = i;
+    for (j = i; j < end; j++) {
+        const int h = s->order[j], corner = clothi_opposite(c->kept, h), g = s->count[corner];
+        if (s->work[h] < 0) continue;
+        if (g < h && s->lo[g] == s->lo[h] && s->hi[g] == s->hi[h] &&
+            clothi_opposite(c->kept, g) == corner) {
+            clothi_fault(c, CLOTH_MESH_DUPLICATE, h / 3, "face %i has the corners of face %i: "
+                         "remove one of them", h / 3, g / 3);
+            for (k = 0; k < 3; k++) s->work[h / 3 * 3 + k] = -1;
+        } else {
+            s->order[n++] = s->count[corner] = h;
+        }
+    }
+    return n - i;
+}
+
+/* Counts edges and fans and names the faults of edges. */
+static void clothi_check_edges(clothi_checker *c, const clothi_edge_sort *s) {
     int *parent = s->work;
-    int  i, j, end, n = 3 * c->nf;
+    int  i, j, end, faces, n = 3 * c->nf;
     for (i = 0; i < n; i++) parent[i] = i;
-    for (i = 0; i < n; i = end) {
-        const int g = s->order[i], second = i + 1 < n ? s->order[i + 1] : 0;
-        const int a = s->lo[g], b = s->hi[g];
+    memset(s->count, 0, (size_t)c->nv * sizeof(int));
+    for (i = 0; i < n && (c->fans || c->report.errors == 0); i = end) {
+        const int g = s->order[i], *at = s->order + i, a = s->lo[g], b = s->hi[g];
         end = clothi_edge_run(s, n, i);
         if (a == b) continue;               /* not kept                                        */
-        for (j = i + 1; j < end; j++) {
-            const int h = s->order[j];
-            fans[a] -= clothi_join(parent, clothi_corner_at(c->kept, g, a),
-                                   clothi_corner_at(c->kept, h, a));
-            fans[b] -= clothi_join(parent, clothi_corner_at(c->kept, g, b),
-                                   clothi_corner_at(c->kept, h, b));
+        c->ne++;
+        faces = clothi_drop_copies(c, s, i, end);
+        for (j = 0; c->fans && j < faces; j++) {
+            c->fans[c->kept[at[j]]]++;
+            c->fans[a] -= clothi_join(parent, clothi_corner_at(c->kept, at[0], a),
+                                      clothi_corner_at(c->kept, at[j], a));
+            c->fans[b] -= clothi_join(parent, clothi_corner_at(c->kept, at[0], b),
+                                      clothi_corner_at(c->kept, at[j], b));
         }
-        if (end - i > 2)
-            clothi_fault(c, CLOTH_MESH_THREE_FACES, g / 3, "edge %i-%i has %i faces, among them "
-                         "%i, %i and %i: cut all but two off by doubling its vertices", a, b,
-                         end - i, g / 3, second / 3, s->order[i + 2] / 3);
-        else if (end - i == 2 && c->kept[g] == c->kept[second])
-            clothi_fault(c, CLOTH_MESH_ORIENTATION, g / 3, "faces %i and %i both run %i -> %i: "
-                         "reverse the corners of one (a one-sided surface must be cut)", g / 3,
-                         second / 3, c->kept[g], c->kept[clothi_halfedge_next(g)]);
+        if (faces > 2)
+            clothi_fault(c, CLOTH_MESH_THREE_FACES, at[0] / 3, "edge %i-%i has %i faces, among "
+                         "them %i, %i and %i: cut all but two off by doubling its vertices", a, b,
+                         faces, at[0] / 3, at[1] / 3, at[2] / 3);
+        else if (faces == 2 && c->kept[at[0]] == c->kept[at[1]])
+            clothi_fault(c, CLOTH_MESH_ORIENTATION, at[0] / 3, "faces %i and %i both run %i -> %i:"
+                         " reverse the corners of one (a one-sided surface must be cut)",
+                         at[0] / 3, at[1] / 3, c->kept[at[0]],
+                         c->kept[clothi_halfedge_next(at[0])]);
     }
 }
 
 static cloth_status clothi_check_surface(clothi_checker *c) {
     clothi_edge_sort sort;
-    int             *fans, i, v;
+    int              v;
     cloth_status     status = clothi_edge_sort_make(c->hooks, c->nv, c->nf, c->kept, &sort);
     if (status != CLOTH_OK) return status;
-    fans = sort.count;
-    memset(fans, 0, (size_t)c->nv * sizeof *fans);
-    for (i = 0; i < 3 * c->nf; i++) fans[c->kept[i]] += sort.lo[i] != sort.hi[i];
-    clothi_check_edges(c, &sort, fans);
+    clothi_check_edges(c, &sort);
     for (v = 0; v < c->nv; v++) {
         if (c->corners[v] == 0)
             clothi_fault(c, CLOTH_MESH_ISOLATED, v, "vertex %i has no face: it moves as a point"
                          " without mass; remove it", v);
-        else if (fans[v] > 1)
+        else if (c->fans[v] > 1)
             clothi_fault(c, CLOTH_MESH_BOW_TIE, v, "vertex %i joins %i surfaces in a point: "
-                         "double it, or accept a ball joint", v, fans[v]);
+                         "double it, or accept a ball joint", v, c->fans[v]);
     }
     clothi_free(c->hooks, sort.lo);
     return CLOTH_OK;
@@ -2275,7 +2274,7 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
                                         cloth_mesh_report *report) {
     clothi_checker c;
     cloth_status   status;
-    int            f, k;
+    int            f, k, *kept;
     memset(&c, 0, sizeof c);
     if (report) *report = c.report;
     status = clothi_check_counts(hooks, nv, nf);
@@ -2286,17 +2285,16 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
         return clothi_null(hooks, x ? "cloth_mesh_check: faces" : "cloth_mesh_check: x");
     c.hooks = hooks, c.nv = nv, c.nf = nf, c.x = x, c.X = X, c.faces = faces;
     for (k = 0; k < CLOTH_MESH_FAULT_COUNT; k++) c.report.first[k] = -1;
-    c.kept = (int *)clothi_alloc(hooks, 8 * (size_t)nf + 2 * (size_t)nv + 1u, sizeof(int));
-    if (!c.kept)
+    c.kept = kept = (int *)clothi_alloc(hooks, 3 * (size_t)nf + 2 * (size_t)nv, sizeof(int));
+    if (!kept)
         return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to check %i faces", nf);
-    c.corners = c.kept + 3 * (size_t)nf;
-    c.key = c.corners + nv;
+    c.corners = kept + 3 * (size_t)nf;
+    c.fans = c.corners + nv;
     clothi_check_numbers(&c);
     for (f = 0; f < nf; f++)
-        if (clothi_check_face(&c, f)) memcpy(c.kept + 3 * f, faces + 3 * f, 3 * sizeof(int));
-    clothi_check_duplicates(&c);
+        if (clothi_check_face(&c, f)) memcpy(kept + 3 * f, faces + 3 * f, 3 * sizeof(int));
     status = clothi_check_surface(&c);
-    clothi_free(hooks, c.kept);
+    clothi_free(hooks, kept);
     if (status != CLOTH_OK) return status;
     for (k = 0; k < CLOTH_MESH_FAULT_COUNT; k++)
         if (c.report.count[k] > CLOTH_MESH_FAULTS_LOGGED)
@@ -2327,11 +2325,6 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
  * one vertex (a bow-tie) apart, which a table 'next boundary vertex' would not.
  * checked: tests/test_mesh.c */
 
-/* The corner opposite half-edge h. */
-static int clothi_opposite(const int *faces, int h) {
-    return faces[clothi_halfedge_next(clothi_halfedge_next(h))];
-}
-
 /* The first face that cannot be used at all. */
 static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf, const int *faces) {
     const cloth_status status = clothi_check_indices(hooks, CLOTH_ERR_MESH, "", "faces", faces, nf,
@@ -2344,32 +2337,6 @@ static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf,
                                t[0], t[1], t[2]);
     }
     return status;
-}
-
-/* Counts edges, hinges and boundary edges, or refuses the first edge that is none of them. */
-static cloth_status clothi_count_edges(const cloth_hooks *hooks, int nf, const int *faces,
-                                       const clothi_edge_sort *s, int *ne, int *nh) {
-    int i, end;
-    *ne = *nh = 0;
-    for (i = 0; i < 3 * nf; i = end) {
-        const int g = s->order[i], h = i + 1 < 3 * nf ? s->order[i + 1] : 0;
-        end = clothi_edge_run(s, 3 * nf, i);
-        if (end - i > 2)
-            return clothi_fail(hooks, CLOTH_ERR_MESH,
-                               "edge %i-%i has %i faces, among them %i, %i and %i: at most 2",
-                               s->lo[g], s->hi[g], end - i, g / 3, h / 3, s->order[i + 2] / 3);
-        ++*ne;
-        if (end - i == 1) continue;
-        ++*nh;
-        if (faces[g] == faces[h])
-            return clothi_fail(hooks, CLOTH_ERR_MESH, "faces %i and %i both run %i -> %i: reverse"
-                               " one of them", g / 3, h / 3, faces[g],
-                               faces[clothi_halfedge_next(g)]);
-        if (clothi_opposite(faces, g) == clothi_opposite(faces, h))
-            return clothi_fail(hooks, CLOTH_ERR_MESH, "faces %i and %i have the same corners:"
-                               " remove one of them", g / 3, h / 3);
-    }
-    return CLOTH_OK;
 }
 
 /* The struct and its arrays in one block. Loops: at most one vertex per boundary edge and at
@@ -2469,8 +2436,8 @@ static void clothi_topology_incidence(const int *faces, cloth_topology *t) {
 CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, int nf,
                                              const int *faces, cloth_topology **out) {
     clothi_edge_sort sort;
+    clothi_checker   c;
     cloth_status     status;
-    int              ne, nh;
     if (!out) return clothi_null(hooks, "cloth_topology_create: out");
     *out = NULL;
     if (!faces && nf > 0)
@@ -2479,9 +2446,12 @@ CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, i
     if (!status) status = clothi_check_faces(hooks, nv, nf, faces);
     if (!status) status = clothi_edge_sort_make(hooks, nv, nf, faces, &sort);
     if (status) return status;
-    status = clothi_count_edges(hooks, nf, faces, &sort, &ne, &nh);
-    if (!status && !(*out = clothi_topology_alloc(hooks, nv, nf, ne, nh)))
-        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a topology of %i edges", ne);
+    memset(&c, 0, sizeof c);
+    c.hooks = hooks, c.nv = nv, c.nf = nf, c.kept = faces;
+    clothi_check_edges(&c, &sort);
+    if (c.report.errors) status = CLOTH_ERR_MESH;
+    else if (!(*out = clothi_topology_alloc(hooks, nv, nf, c.ne, 3 * nf - c.ne)))
+        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a topology of %i edges", c.ne);
     if (*out) {
         clothi_topology_edges(faces, &sort, *out);
         memset(sort.work, 0, 3 * (size_t)nf * sizeof(int));         /* ne <= 3 nf */

@@ -169,8 +169,8 @@ static void topology_refusals(void) {
     } bad[] = {
         {5, 3, {0, 1, 2, 1, 0, 3, 0, 1, 4}, CLOTH_ERR_MESH, "edge 0-1 has 3 faces"},
         {4, 2, {0, 1, 2, 0, 1, 3}, CLOTH_ERR_MESH, "faces 0 and 1 both run 0 -> 1"},
-        {3, 2, {0, 1, 2, 0, 2, 1}, CLOTH_ERR_MESH, "faces 0 and 1 have the same corners"},
-        {3, 2, {0, 1, 2, 1, 2, 0}, CLOTH_ERR_MESH, "faces 0 and 1 both run"},
+        {3, 2, {0, 1, 2, 0, 2, 1}, CLOTH_ERR_MESH, "face 1 has the corners of face 0"},
+        {3, 2, {0, 1, 2, 1, 2, 0}, CLOTH_ERR_MESH, "face 1 has the corners of face 0"},
         {3, 1, {0, 1, 3}, CLOTH_ERR_MESH, "faces[0] corner 2 = 3 is outside 0 .. 2"},
         {3, 1, {0, -1, 2}, CLOTH_ERR_MESH, "faces[0] corner 1 = -1"},
         {3, 1, {0, 1, 0}, CLOTH_ERR_MESH, "faces[0] = 0 1 0 repeats"},

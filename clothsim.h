@@ -3950,14 +3950,10 @@ static const double clothi_one[CLOTHI_LANES] = {1, 1, 1, 1, 1, 1, 1, 1};
 
 /* sqrt may set errno, which keeps compilers from vectorising it. */
 CLOTHI_HOT void clothi_sqrt_lanes(double *a) {
-#if defined(CLOTHI_AVX)
-    _mm256_storeu_pd(a, _mm256_sqrt_pd(_mm256_loadu_pd(a)));
-    _mm256_storeu_pd(a + 4, _mm256_sqrt_pd(_mm256_loadu_pd(a + 4)));
-#elif defined(CLOTHI_SSE2)
     int k;
+#if defined(CLOTHI_SSE2)
     for (k = 0; k < CLOTHI_LANES; k += 2) _mm_storeu_pd(a + k, _mm_sqrt_pd(_mm_loadu_pd(a + k)));
 #else
-    int k;
     for (k = 0; k < CLOTHI_LANES; k++) a[k] = sqrt(a[k]);
 #endif
 }
@@ -5180,12 +5176,7 @@ CLOTH_API double cloth_stretch(const double *x, const double *X, double mu, doub
 CLOTH_API double cloth_bend_quadratic(const double *x, const double *w, double c, double *grad,
                                       double *hess) {
     const double rest[5] = {c, w[0], w[1], w[2], w[3]};
-    const double energy = clothi_one_element(CLOTHI_QUADRATIC, x, rest, grad, NULL, 0);
-    int          i;
-    for (i = 0; hess && i < 144; i++)
-        hess[i] = i / 12 % 3 == i % 3 ? c * w[i / 36] * w[i % 12 / 3] : 0.0;
-    clothi_settle(hess, 144);
-    return energy;
+    return clothi_one_element(CLOTHI_QUADRATIC, x, rest, grad, hess, 0);
 }
 
 CLOTHI_RARE_END

@@ -1677,6 +1677,20 @@ CLOTHI_OUTLINE static size_t clothi_blocks(const cloth_hooks *hooks, const void 
 
 CLOTHI_RARE_BEGIN
 
+/* As FNV-1a, but 8 bytes at a time, with a shift that brings their high bits down; then the tail
+ * byte by byte: equal bytes, equal hash. data NULL: zeros. */
+CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
+    const unsigned char *p = (const unsigned char *)data;
+    uint64_t             word = 0;
+    for (; size >= 8; size -= 8) {
+        if (p) memcpy(&word, p, 8), p += 8;
+        hash = (hash ^ word) * 0x100000001b3u;
+        hash ^= hash >> 29;
+    }
+    for (; size > 0; size--) hash = (hash ^ (p ? *p++ : 0u)) * 0x100000001b3u;
+    return hash;
+}
+
 /* An object that begins with its hooks, zeroed; NULL: no memory. */
 static void *clothi_object(const cloth_hooks *hooks, size_t size) {
     void *object = clothi_alloc(hooks, 1, size);
@@ -3139,19 +3153,17 @@ static const char *clothi_obj_quote(clothi_obj *o, const clothi_obj_name *token)
 /* Up to n numbers of this line into out, of which `least` must be there. */
 static cloth_status clothi_obj_numbers(clothi_obj *o, const char *keyword, int n, int least,
                                        double *out) {
-    int i;
+    int i, number;
     for (i = 0; i < n; i++) {
         clothi_obj_name token;
         if (!clothi_obj_token(o, &token)) {
             if (i >= least) return CLOTH_OK;
             return CLOTHI_OBJ_FAIL(o, "%s has %i numbers but needs %i", keyword, i, least);
         }
-        if (!clothi_parse_double(token.s, token.n, out + i))
-            return CLOTHI_OBJ_FAIL(o, "%s: '%s' is not a number", keyword,
-                                   clothi_obj_quote(o, &token));
-        if (!clothi_finite(out[i]))
-            return CLOTHI_OBJ_FAIL(o, "%s: '%s' is too large", keyword,
-                                   clothi_obj_quote(o, &token));
+        number = clothi_parse_double(token.s, token.n, out + i);
+        if (!number || !clothi_finite(out[i]))
+            return CLOTHI_OBJ_FAIL(o, "%s: '%s' is %s", keyword, clothi_obj_quote(o, &token),
+                                   number ? "too large" : "not a number");
     }
     return CLOTH_OK;
 }
@@ -3211,10 +3223,8 @@ static cloth_status clothi_obj_corner(clothi_obj *o, const clothi_obj_name *toke
 
 /* The part of the name in force; a new one gets the next number. */
 static int clothi_obj_find_part(clothi_obj *o) {
-    uint64_t hash = 0xcbf29ce484222325u;                            /* FNV-1a */
-    size_t   i;
-    for (i = 0; i < o->name.n; i++)
-        hash = (hash ^ (unsigned char)o->name.s[i]) * 0x100000001b3u;
+    const uint64_t hash = clothi_hash(0xcbf29ce484222325u, o->name.s, o->name.n);
+    size_t         i;
     for (i = (size_t)(hash ^ hash >> 32) % o->table_size; o->table[i];
          i = (i + 1u) % o->table_size) {
         const clothi_obj_name *n = o->names + (o->table[i] - 1);
@@ -3623,19 +3633,15 @@ CLOTH_API cloth_status cloth_mesh_box(const cloth_hooks *hooks, const double siz
 /* The first vertex that stays within d of p, or -1; *home: the slot of p's own cell. */
 static int clothi_weld_find(const double *x, const double *p, double d, const int *head,
                             const int *next, int slots, int *home) {
-    int n, k, w, best = -1;
+    double own[3], cell[3];
+    int    n, k, w, best = -1;
+    for (k = 0; k < 3; k++) own[k] = floor(p[k] / d);
     for (n = 0; n < 27; n++) {
-        uint64_t hash = 0;
-        int      step = n;
-        for (k = 0; k < 3; k++, step /= 3) {
-            const double cell = floor(p[k] / d) + (step % 3 - 1) + 0.0;     /* no -0 */
-            uint64_t     bits;
-            memcpy(&bits, &cell, sizeof bits);
-            hash = (hash ^ bits ^ bits >> 31) * 0x9e3779b97f4a7c15u;
-        }
-        step = (int)((hash >> 32) % (unsigned)slots);
-        if (n == 13) *home = step;
-        for (w = head[step] - 1; w >= 0; w = next[w] - 1) {
+        int step = n, slot;
+        for (k = 0; k < 3; k++, step /= 3) cell[k] = own[k] + (step % 3 - 1) + 0.0; /* no -0 */
+        slot = (int)((clothi_hash(0, cell, sizeof cell) >> 32) % (unsigned)slots);
+        if (n == 13) *home = slot;
+        for (w = head[slot] - 1; w >= 0; w = next[w] - 1) {
             double part[3];
             for (k = 0; k < 3; k++) part[k] = (p[k] - x[3 * w + k]) / d;
             if ((best < 0 || w < best) && clothi_dot3(part, part) <= 1) best = w;
@@ -8643,20 +8649,6 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 }
 
 /* --- hash, create, destroy --- */
-
-/* As FNV-1a, but 8 bytes at a time, with a shift that brings their high bits down; then the tail
- * byte by byte: equal bytes, equal hash. data NULL: zeros. */
-CLOTHI_OUTLINE static uint64_t clothi_hash(uint64_t hash, const void *data, size_t size) {
-    const unsigned char *p = (const unsigned char *)data;
-    uint64_t             word = 0;
-    for (; size >= 8; size -= 8) {
-        if (p) memcpy(&word, p, 8), p += 8;
-        hash = (hash ^ word) * 0x100000001b3u;
-        hash ^= hash >> 29;
-    }
-    for (; size > 0; size--) hash = (hash ^ (p ? *p++ : 0u)) * 0x100000001b3u;
-    return hash;
-}
 
 /* What decides whether a snapshot fits: all of the model that steps read, and what reset goes back
  * to. In a snapshot's head side by side, for a sentence that says what differs. */

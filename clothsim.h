@@ -4492,10 +4492,7 @@ CLOTHI_LANE void clothi_tri_product(const clothi_tri *t, const clothi_tri *d, cl
     clothi_vec p[2], q[2];
     clothi_tri_pull(d, s, rest, k, p);
     clothi_tri_pull(t, ds, rest, k, q);
-    clothi_vec_put(f, 0, k, clothi_vec_plus(clothi_vec_mix(-1.0, p[0], -1.0, p[1]), 1.0,
-                                            clothi_vec_mix(-1.0, q[0], -1.0, q[1])));
-    clothi_vec_put(f, 3, k, clothi_vec_plus(p[0], 1.0, q[0]));
-    clothi_vec_put(f, 6, k, clothi_vec_plus(p[1], 1.0, q[1]));
+    clothi_tri_put(f, k, clothi_vec_plus(p[0], 1.0, q[0]), clothi_vec_plus(p[1], 1.0, q[1]));
 }
 
 CLOTHI_HOT void clothi_stretch_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
@@ -4976,17 +4973,13 @@ CLOTH_API double cloth_dihedral(const double *x) { return cloth_dihedral_hess(x,
 CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *grad, double *hess,
                             int psd) {
     double       dtheta[12];
-    int          i, j;
+    int          i;
     const double theta = cloth_dihedral_hess(x, grad || hess ? dtheta : NULL, psd ? NULL : hess);
     const double bent = theta - theta0;
     const double energy = 0.5 * c * bent * bent;
-    if (hess)
-        for (i = 0; i < 12; i++)
-            for (j = 0; j < 12; j++)
-                hess[12 * i + j] = c * (dtheta[i] * dtheta[j]
-                                        + (psd ? 0.0 : bent * hess[12 * i + j]));
-    if (grad)
-        for (i = 0; i < 12; i++) grad[i] = c * bent * dtheta[i];
+    for (i = 0; hess && i < 144; i++)
+        hess[i] = c * (dtheta[i / 12] * dtheta[i % 12] + (psd ? 0.0 : bent * hess[i]));
+    for (i = 0; grad && i < 12; i++) grad[i] = c * bent * dtheta[i];
     clothi_settle(grad, 12);
     clothi_settle(hess, 144);
     return clothi_finite(energy) ? energy : CLOTHI_HUGE;

@@ -7306,6 +7306,7 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
                     CLOTH_INITIAL_EXEMPT)};
     const cloth_hooks *hooks = &sim->hooks;
     const double       big = clothi_max_abs(sim->state.x, 3 * sim->model->nv);
+    char               name[32];
     cloth_status       status;
     int                i;
     if (d->cookie != CLOTHI_COLLIDE_COOKIE) return CLOTH_ERR_UNINIT;
@@ -7318,12 +7319,10 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
     if (d->nparts != 0 && (d->nparts != sim->model->nparts || !d->parts))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "collide.nparts = %i, the model has %i%s",
                            d->nparts, sim->model->nparts, d->parts ? "" : "; parts is NULL");
-    for (i = 0; i < d->nparts; i++)
-        if (!(d->parts[i].friction >= 0 && d->parts[i].friction <= CLOTHI_HUGE))
-            return clothi_fail(hooks, clothi_finite(d->parts[i].friction) ? CLOTH_ERR_ARGUMENT
-                                                                          : CLOTH_ERR_NONFINITE,
-                               "collide.parts[%i].friction = %g must be at least 0", i,
-                               d->parts[i].friction);
+    for (i = 0; i < d->nparts && !status; i++)
+        status = clothi_check_range(hooks, clothi_member(name, "collide.parts", i), "friction",
+                                    d->parts[i].friction, 0, CLOTHI_HUGE, 0);
+    if (status) return status;
     if (sim->model->desc.contact == CLOTH_CONTACT_NONE)
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_collide_create: the model's desc.contact is CLOTH_CONTACT_NONE");

@@ -1685,28 +1685,29 @@ typedef struct clothi_features_job {
     const double          *box, *face_box;  /* [nv x 6], [nf x 6]                              */
 } clothi_features_job;
 
+static inline int clothi_face_has(const int *face, int v) {
+    return face[0] == v || face[1] == v || face[2] == v;
+}
+
 /* Of faces of two trees, or of one with itself, over clothi_swept_boxes and clothi_face_boxes:
  * pairs v, f of a vertex and a face, and ~p, ~q, below 0, of edges p < q, whose boxes overlap and
  * that share no vertex; of what the faces own: each once. */
 static void clothi_features_look(int f, int g, const void *ctx, clothi_segment *out) {
     const clothi_features_job *job = (const clothi_features_job *)ctx;
-    const int                 *v[2], *e[2];
-    const double              *box[2];
+    const clothi_features     *s = job->s;
+    const size_t               at[2] = {3 * (size_t)f, 3 * (size_t)g};
+    const int                 *v[2] = {s->faces + at[0], s->faces + at[1]};
+    const int                 *e[2] = {s->face_edges + at[0], s->face_edges + at[1]};
+    const double              *box[2] = {job->face_box + 2 * at[0], job->face_box + 2 * at[1]};
+    const int                  owned[2] = {s->owned[f], s->owned[g]};
     double                     edge[6], other[6];
-    const int                  pair[2] = {f, g};
-    int                        owned[2], i, k, l;
-    for (i = 0; i < 2; i++) {
-        v[i] = job->s->faces + 3 * (size_t)pair[i];
-        e[i] = job->s->face_edges + 3 * (size_t)pair[i];
-        owned[i] = job->s->owned[pair[i]];
-        box[i] = job->face_box + 6 * (size_t)pair[i];
-    }
+    int                        i, k, l;
     for (i = 0; i < 2; i++)
         for (k = 0; k < 3; k++) {
-            const int p = v[i][k], *q = v[1 - i];
-            if (!(owned[i] >> k & 1) || p == q[0] || p == q[1] || p == q[2]) continue;
-            if (clothi_boxes_meet(job->box + 6 * (size_t)p, box[1 - i]))
-                clothi_segment_put(out, p, pair[1 - i]);
+            const int p = v[i][k];
+            if (owned[i] >> k & 1 && !clothi_face_has(v[1 - i], p) &&
+                clothi_boxes_meet(job->box + 6 * (size_t)p, box[1 - i]))
+                clothi_segment_put(out, p, i ? f : g);
         }
     for (k = 0; owned[0] >= 8 && owned[1] >= 8 && k < 3; k++) {
         const int a = v[0][k], b = v[0][k == 2 ? 0 : k + 1];
@@ -8116,10 +8117,6 @@ struct clothi_tangle {
     double          measure;                /* m^3                                             */
 };
 
-static int clothi_face_has(const cloth_collide *c, int f, int v) {
-    return c->faces[3 * f] == v || c->faces[3 * f + 1] == v || c->faces[3 * f + 2] == v;
-}
-
 /* --- the line of intersection: nothing here knows of a call or a step --- */
 
 /* The edge k of face f through face g at c->xa: 1 and the cut, when it crosses. */
@@ -8128,7 +8125,7 @@ static int clothi_contour_cut(const cloth_collide *c, int f, int k, int g, cloth
     const int    *v = c->faces + 3 * g, *ends = c->edges + 2 * edge;
     const double *p = c->xa + 3 * ends[0], *q = c->xa + 3 * ends[1], *a = c->xa + 3 * v[0];
     double        d[3], high;
-    if (clothi_face_has(c, g, ends[0]) || clothi_face_has(c, g, ends[1]) ||
+    if (clothi_face_has(v, ends[0]) || clothi_face_has(v, ends[1]) ||
         !clothi_surface_pierced(p, q, a, c->xa + 3 * v[1], c->xa + 3 * v[2]))
         return 0;
     memset(cut, 0, sizeof *cut);
@@ -8319,9 +8316,8 @@ static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
 
 /* Faces with a vertex in common. */
 static int clothi_faces_beside(const cloth_collide *c, int f, int g) {
-    const int *v = c->faces + 3 * g;
-    return clothi_face_has(c, f, v[0]) || clothi_face_has(c, f, v[1]) ||
-           clothi_face_has(c, f, v[2]);
+    const int *v = c->faces + 3 * f, *w = c->faces + 3 * g;
+    return clothi_face_has(v, w[0]) || clothi_face_has(v, w[1]) || clothi_face_has(v, w[2]);
 }
 
 /* 1: faces f and g intersected; 2: beside two that did, or a vertex of f was inside; else 0. */

@@ -1834,10 +1834,9 @@ static int clothi_one_way(const double *v, const double *a, const double *c) {
     return order && clothi_point_order(c, v) == order && clothi_open_axis(v, a, c) < 0;
 }
 
-/* p, not v, in the closed angle c v d, in one plane, whose area keeps along the axis; -1: it has
- * none and is its two sides. */
-static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p,
-                           int axis) {
+/* p, not v, in the closed angle c v d, in one plane; without an area it is its two sides. */
+static int clothi_in_angle(const double *v, const double *c, const double *d, const double *p) {
+    const int axis = clothi_open_axis(v, c, d);
     if (axis < 0) return clothi_one_way(v, c, p) || clothi_one_way(v, d, p);
     return clothi_point_order(p, v) != 0 &&
            clothi_one_sign(clothi_turn_of(v, c, d, axis), clothi_turn_of(v, c, p, axis),
@@ -1851,19 +1850,17 @@ static int clothi_meet_beyond_vertex(const double *const *f, const double *const
     const double *v = f[0];
     const int     C = clothi_orient3d(v, f[1], f[2], g[1]);
     const int     D = clothi_orient3d(v, f[1], f[2], g[2]);
-    int           A, B, f_axis, g_axis;
+    int           A, B;
     if (C * D > 0) return 0;
     A = clothi_orient3d(v, g[1], g[2], f[1]);
     B = clothi_orient3d(v, g[1], g[2], f[2]);
     if (A * B > 0) return 0;
     if ((A || B) && (C || D))
         return (A >= 0 && B <= 0 && C <= 0 && D >= 0) || (A <= 0 && B >= 0 && C >= 0 && D <= 0);
-    f_axis = clothi_open_axis(v, f[1], f[2]);
-    g_axis = clothi_open_axis(v, g[1], g[2]);
-    return (!A && clothi_in_angle(v, g[1], g[2], f[1], g_axis)) ||
-           (!B && clothi_in_angle(v, g[1], g[2], f[2], g_axis)) ||
-           (!C && clothi_in_angle(v, f[1], f[2], g[1], f_axis)) ||
-           (!D && clothi_in_angle(v, f[1], f[2], g[2], f_axis));
+    return (!A && clothi_in_angle(v, g[1], g[2], f[1])) ||
+           (!B && clothi_in_angle(v, g[1], g[2], f[2])) ||
+           (!C && clothi_in_angle(v, f[1], f[2], g[1])) ||
+           (!D && clothi_in_angle(v, f[1], f[2], g[2]));
 }
 
 /* Triangles u w a and u w b. Without area: segments along the line of the edge, or from u = w. */

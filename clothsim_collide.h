@@ -1208,27 +1208,22 @@ CLOTH_API int cloth_ccd_ee(const double *xa, const double *xb, double min_sep, d
  * these or the x axis. */
 static double clothi_contact_frame(int edge_edge, const double *xa, const double *xb, double toi,
                                    double *w, double *n) {
-    double    r0[12], r[12], m0, scale, start[3] = {0, 0, 0};
-    double    lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0};  /* squares overflow: nothing is near */
-    const int corners = clothi_pair_polygon(edge_edge, xa, r0);
-    int       i, k, way;
-    clothi_pair_polygon(edge_edge, xb, r);
-    m0 = clothi_max_abs(r0, 3 * corners);
-    scale = clothi_unit_scale(clothi_max(m0, clothi_max_abs(r, 3 * corners)));
-    for (i = 0; i < 3 * corners; i++)
-        r[i] = (1 - toi) * (r0[i] * scale) + toi * (r[i] * scale);
-    scale = clothi_unit_scale(m0);
-    for (i = 0; i < 3 * corners; i++) r0[i] *= scale;
-    way = clothi_nearest(r, corners, lambda, v);
+    double     r[12] = {0}, m0, start[3] = {0, 0, 0};
+    double     lambda[4] = {1, 0, 0, 0}, v[3] = {0, 0, 0}; /* squares overflow: nothing is near */
+    clothi_ccd q;
+    int        i, side;
+    (void)clothi_ccd_load(&q, edge_edge, xa, xb, 0);
+    clothi_ccd_at(&q, toi, r);
+    m0 = clothi_max_abs(q.r0, 3 * q.n);
+    side = clothi_nearest(r, q.n, lambda, v);
     clothi_pair_weights(edge_edge, lambda, w);
-    for (i = 0; i < corners; i++)
-        for (k = 0; k < 3; k++) start[k] += lambda[i] * r0[3 * i + k];
-    if (clothi_dot3(v, v) > 1e-22 && clothi_ccd_direction(r, corners, way, v, n) &&
-        clothi_dot3(n, start) > 1e-12)
-        return clothi_dot3(n, start) / scale;
-    way = clothi_nearest(r0, corners, lambda, v);
-    if (clothi_ccd_direction(r0, corners, way, v, n) && clothi_dot3(n, start) > 0)
-        return clothi_dot3(n, start) / scale;
+    for (i = 0; i < 3 * q.n; i++) start[i % 3] += lambda[i / 3] * q.r0[i];
+    if (clothi_dot3(v, v) > 1e-22 * q.m * q.m && clothi_ccd_direction(r, q.n, side, v, n) &&
+        clothi_dot3(n, start) > 1e-12 * m0)
+        return clothi_dot3(n, start) / q.scale;
+    side = clothi_nearest(q.r0, q.n, lambda, v);
+    if (clothi_ccd_direction(q.r0, q.n, side, v, n) && clothi_dot3(n, start) > 0)
+        return clothi_dot3(n, start) / q.scale;
     if (!(fabs(clothi_dot3(n, n) - 1) < 1e-9)) n[0] = 1, n[1] = n[2] = 0;
     return 0;
 }

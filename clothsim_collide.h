@@ -1890,15 +1890,18 @@ static int clothi_faces_intersect(const double *x, const int *f, const int *g) {
     return shared ? clothi_meet_beyond_vertex(p, q) : clothi_triangles_meet(p, q);
 }
 
-typedef struct clothi_crossing_job {
-    const double *x;
-    const int    *faces;
-} clothi_crossing_job;
+typedef struct clothi_surface {             /* all borrowed                                    */
+    const double        *x;                 /* [nv x 3] m                                      */
+    const int           *faces;             /* [nf x 3]                                        */
+    const unsigned char *closed;            /* [nf] 0: face without an inside; NULL: all have  */
+    const unsigned char *skip;              /* [nf] not 0: nobody's nearest face; NULL: none   */
+    const clothi_bvh    *tree;              /* of the faces' boxes at x; items index faces     */
+} clothi_surface;
 
 static void clothi_crossing_look(int a, int b, const void *ctx, clothi_segment *out) {
-    const clothi_crossing_job *job = (const clothi_crossing_job *)ctx;
-    const int                 *f = job->faces;
-    if (clothi_faces_intersect(job->x, f + 3 * a, f + 3 * b)) clothi_segment_put(out, a, b);
+    const clothi_surface *s = (const clothi_surface *)ctx;
+    if (clothi_faces_intersect(s->x, s->faces + 3 * a, s->faces + 3 * b))
+        clothi_segment_put(out, a, b);
 }
 
 /* The list in increasing order of (first, second), all in [0, n). */
@@ -1923,10 +1926,10 @@ static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n, clothi_pa
 CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, const double *x,
                                            int nf, const int *faces, int max_pairs, int *pairs,
                                            int *count) {
-    const clothi_crossing_job job = {x, faces};
-    cloth_status  status;
-    clothi_bvh    tree;
-    clothi_pairs  found;
+    clothi_bvh           tree;
+    clothi_pairs         found;
+    const clothi_surface surface = {x, faces, NULL, NULL, &tree};
+    cloth_status         status;
     memset(&tree, 0, sizeof tree);
     memset(&found, 0, sizeof found);
     if (count) *count = 0;
@@ -1940,7 +1943,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
         status = clothi_check_vector(hooks, "cloth_intersections: x", x, 3 * nv);
     if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK)                 /* ~0.1 us a candidate */
-        status = clothi_bvh_look(hooks, &tree, &tree, clothi_crossing_look, &job, &found);
+        status = clothi_bvh_look(hooks, &tree, &tree, clothi_crossing_look, &surface, &found);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
     if (status == CLOTH_OK && count) *count = found.count;
     if (found.count < max_pairs) max_pairs = found.count;
@@ -2873,14 +2876,6 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
 
 #define CLOTHI_VOLUME 1e-9                  /* of a mesh: that of a flat part, by rounding     */
 
-typedef struct clothi_surface {             /* all borrowed                                    */
-    const double        *x;                 /* [nv x 3] m                                      */
-    const int           *faces;             /* [nf x 3]                                        */
-    const unsigned char *closed;            /* [nf] 0: face without an inside; NULL: all have  */
-    const unsigned char *skip;              /* [nf] not 0: nobody's nearest face; NULL: none   */
-    const clothi_bvh    *tree;              /* of the faces' boxes at x; items index faces     */
-} clothi_surface;
-
 /* What a mesh lacks: half-edges 3 face + corner, -1 when nothing does. */
 typedef struct clothi_surface_defects {
     int open;                               /* not as many faces run one way as the other      */
@@ -2998,14 +2993,13 @@ static int clothi_surface_nearest(const clothi_surface *s, const double *p, doub
  * cost a ray a face and the pairs of boxes, 45 ms for 26 000 faces */
 static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const clothi_surface *s,
                                            int nf, unsigned char *covered) {
-    const clothi_crossing_job job = {s->x, s->faces};
     clothi_pairs pairs;
     cloth_status status;
     double       size = 0;
     int          i, k;
     memset(&pairs, 0, sizeof pairs);
     for (i = 0; i < nf; i++) covered[i] = 1;
-    status = clothi_bvh_look(hooks, s->tree, s->tree, clothi_crossing_look, &job, &pairs);
+    status = clothi_bvh_look(hooks, s->tree, s->tree, clothi_crossing_look, s, &pairs);
     for (i = 0; i < pairs.count; i++) {
         const int     *f = pairs.pair + 2 * i;
         const double  *c[2][3];

@@ -6386,7 +6386,6 @@ static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const doub
     const cloth_qp   qp = {3 * q->size, q->m, q->minv, q->x0, q->row, q->col, q->val, q->h};
     cloth_qp_options o = cloth_qp_options_default();
     cloth_qp_report  rep;
-    memset(&rep, 0, sizeof rep);
     o.hooks.allocator = c->hooks->allocator;
     o.work = c->work[worker], o.guess = guess;
     if (cancel) o.hooks.cancel = *cancel;
@@ -7876,11 +7875,10 @@ static clothi_contact clothi_contact_at(const cloth_collide *c, int i) {
 
 static void clothi_contact_out(const cloth_collide *c, int i, cloth_collide_contact *out) {
     const clothi_contact q = clothi_contact_at(c, i);
-    clothi_pair_id       id;
+    const clothi_pair_id id = {q.kind, q.a, q.b};
     double               sum[2] = {0, 0};
     int                  j, k;
     memset(out, 0, sizeof *out);
-    id.kind = q.kind, id.a = q.a, id.b = q.b;
     out->pair = clothi_public_pair(c, &id);
     memcpy(out->normal, q.normal, sizeof out->normal);
     for (j = 0; j < q.n; j++) {
@@ -8424,9 +8422,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     c->report = kept;
     c->report.exempt_pairs = c->nexempt;
     if (r->stalled) {
-        memcpy(c->now, u.pair, (size_t)u.npair * sizeof *c->now);
-        c->nnow = u.npair;
-        status = clothi_fail_pairs(c, c->now, c->nnow,
+        status = clothi_fail_pairs(c, u.pair, u.npair,
                                    "intersect, and no motion that was tried makes them less",
                                    ". Pinned vertices are not moved");
         if (c->nfailed) r->pair = c->failed[0];

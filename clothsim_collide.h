@@ -1268,7 +1268,7 @@ typedef struct clothi_bvh {
     int    *item;                           /* [n] items in leaf order                         */
     double *box;                            /* [n x 6] theirs, min xyz, max xyz                */
     double *node;                           /* [2^(depth+1) x 6] from 1                        */
-    const double *from;                     /* [n x 6] by item, borrowed while they are taken  */
+    const double *from;                     /* [n x 6] by item, borrowed: of the last refit    */
 } clothi_bvh;
 
 /* Where a task writes: a part of the list. */
@@ -1450,12 +1450,45 @@ static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv, const dou
 
 /* --- queries --- */
 
+/* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
+ *     clothi_bvh_walk w = {tree, box, 1, 0, 0};
+ *     while ((item = clothi_bvh_next(&w)) >= 0) ... */
+typedef struct clothi_bvh_walk {
+    const clothi_bvh *tree;
+    const double     *box;                  /* borrowed                                        */
+    int               node;                 /* the next one, 0: none                           */
+    int               at, end;              /* of the leaf: items still to be looked at        */
+} clothi_bvh_walk;
+
+/* The next item, -1 when there is none. */
+static int clothi_bvh_next(clothi_bvh_walk *w) {
+    const clothi_bvh *t = w->tree;
+    for (;;) {
+        const int leaf = w->node - (1 << t->depth);
+        int       meets;
+        while (w->at < w->end)
+            if (clothi_boxes_meet(t->box + 6 * (size_t)w->at++, w->box))
+                return t->first + t->item[w->at - 1];
+        if (!w->node) return -1;
+        meets = clothi_boxes_meet(t->node + 6 * (size_t)w->node, w->box);
+        if (meets && leaf < 0) {
+            w->node *= 2;
+            continue;
+        }
+        if (meets) w->at = clothi_bvh_item(t, leaf, t->depth);
+        if (meets) w->end = clothi_bvh_item(t, leaf + 1, t->depth);
+        while (w->node & 1) w->node /= 2;   /* up from right children, on to the right one */
+        w->node += w->node > 0;
+    }
+}
+
 /* What a pair of items, which meet, puts into the list. */
 typedef void clothi_look_fn(int a, int b, const void *ctx, clothi_segment *out);
 
 typedef struct clothi_bvh_query {
     const clothi_bvh    *a, *b;             /* the same: against itself                        */
     int                  level_a, level_b;  /* of the tasks                                    */
+    const unsigned char *sought;            /* [n of a] not 0: only these items; NULL: all     */
     clothi_look_fn      *fn;
     const void          *ctx;
     clothi_pairs        *list;
@@ -1490,34 +1523,51 @@ static void clothi_bvh_descend(const clothi_bvh_query *q, int na, int nb, clothi
     }
 }
 
-/* Task i is a pair of nodes; of a self query the second must not be before the first. */
+/* Looks at the pairs of items begin .. end - 1 of q->a, a tree from 0 on, that are sought: few, so
+ * each by a walk of its own. */
+static void clothi_bvh_seek(const clothi_bvh_query *q, int begin, int end, clothi_segment *out) {
+    int f, g;
+    for (f = begin; f < end; f++) {
+        clothi_bvh_walk w = {q->b, q->a->from + 6 * (size_t)f, 1, 0, 0};
+        while (q->sought[f] && (g = clothi_bvh_next(&w)) >= 0)
+            if (q->a != q->b || f < g) q->fn(f, g, q->ctx, out);
+            else if (f > g && !q->sought[g]) q->fn(g, f, q->ctx, out);
+    }
+}
+
+/* Task i is a pair of nodes; of a self query the second must not be before the first. Of what is
+ * sought it is a range of items. */
 static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
     const clothi_bvh_query *q = (const clothi_bvh_query *)ctx;
-    const int               width = 1 << q->level_b;
+    const int               width = 1 << q->level_b, level = q->level_a + q->level_b;
     int                     task;
     (void)worker;
     for (task = begin; task < end; task++) {
         const int      na = (1 << q->level_a) + task / width, nb = width + task % width;
         clothi_segment out = q->list->task[task];
         out.pair = q->list->pair + 2 * out.begin, out.found = 0;
-        if ((q->a != q->b || nb >= na) &&
-            clothi_boxes_meet(q->a->node + 6 * (size_t)na, q->b->node + 6 * (size_t)nb))
+        if (q->sought)
+            clothi_bvh_seek(q, clothi_bvh_item(q->a, task, level),
+                            clothi_bvh_item(q->a, task + 1, level), &out);
+        else if ((q->a != q->b || nb >= na) &&
+                 clothi_boxes_meet(q->a->node + 6 * (size_t)na, q->b->node + 6 * (size_t)nb))
             clothi_bvh_descend(q, na, nb, &out);
         q->list->task[task].found = out.found;
     }
 }
 
 /* Looks by fn at every pair (item of a, item of b) whose boxes overlap, touching included, once
- * each; with b the same as a at every pair i < j of its items. What that puts into the list is in
- * an order that the trees alone decide. It is empty on failure: CLOTH_ERR_MEMORY,
- * CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
+ * each; with b the same as a at every pair i < j of its items. sought [n of a] (NULL: all): only at
+ * those with an item of a where it is not 0, by the boxes that a was refitted to. What that puts
+ * into the list is in an order that the trees alone decide. It is empty on failure:
+ * CLOTH_ERR_MEMORY, CLOTH_ERR_CAPACITY.   cost ~ O(n log n + pairs) for surfaces */
 static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *a,
-                                    const clothi_bvh *b, clothi_look_fn *fn, const void *ctx,
-                                    clothi_pairs *list) {
+                                    const clothi_bvh *b, const unsigned char *sought,
+                                    clothi_look_fn *fn, const void *ctx, clothi_pairs *list) {
     const int        la = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
     const int        lb = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
     const int        tasks = 1 << (la + lb);
-    clothi_bvh_query query = {a, b, la, lb, fn, ctx, list};
+    clothi_bvh_query query = {a, b, la, lb, sought, fn, ctx, list};
     size_t           all, at = 0;
     int              i, fit;
     list->count = 0;
@@ -1541,38 +1591,6 @@ static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *
         return clothi_fail(hooks, CLOTH_ERR_CAPACITY, "%z pairs are too many", at);
     list->count = (int)at;
     return CLOTH_OK;
-}
-
-/* The items (first + i) whose boxes overlap box [6], in the tree's order, in O(log n + found):
- *     clothi_bvh_walk w = {tree, box, 1, 0, 0};
- *     while ((item = clothi_bvh_next(&w)) >= 0) ... */
-typedef struct clothi_bvh_walk {
-    const clothi_bvh *tree;
-    const double     *box;                  /* borrowed                                        */
-    int               node;                 /* the next one, 0: none                           */
-    int               at, end;              /* of the leaf: items still to be looked at        */
-} clothi_bvh_walk;
-
-/* The next item, -1 when there is none. */
-static int clothi_bvh_next(clothi_bvh_walk *w) {
-    const clothi_bvh *t = w->tree;
-    for (;;) {
-        const int leaf = w->node - (1 << t->depth);
-        int       meets;
-        while (w->at < w->end)
-            if (clothi_boxes_meet(t->box + 6 * (size_t)w->at++, w->box))
-                return t->first + t->item[w->at - 1];
-        if (!w->node) return -1;
-        meets = clothi_boxes_meet(t->node + 6 * (size_t)w->node, w->box);
-        if (meets && leaf < 0) {
-            w->node *= 2;
-            continue;
-        }
-        if (meets) w->at = clothi_bvh_item(t, leaf, t->depth);
-        if (meets) w->end = clothi_bvh_item(t, leaf + 1, t->depth);
-        while (w->node & 1) w->node /= 2;   /* up from right children, on to the right one */
-        w->node += w->node > 0;
-    }
 }
 
 /* Squared distance m^2 of a point [3] from an item (first + i). */
@@ -1943,7 +1961,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
         status = clothi_check_vector(hooks, "cloth_intersections: x", x, 3 * nv);
     if (status == CLOTH_OK) status = clothi_bvh_faces(hooks, nv, x, nf, faces, &tree);
     if (status == CLOTH_OK)                 /* ~0.1 us a candidate */
-        status = clothi_bvh_look(hooks, &tree, &tree, clothi_crossing_look, &surface, &found);
+        status = clothi_bvh_look(hooks, &tree, &tree, NULL, clothi_crossing_look, &surface, &found);
     if (status == CLOTH_OK) status = clothi_pairs_sort(hooks, nf, &found);
     if (status == CLOTH_OK && count) *count = found.count;
     if (found.count < max_pairs) max_pairs = found.count;
@@ -2999,7 +3017,7 @@ static cloth_status clothi_surface_covered(const cloth_hooks *hooks, const cloth
     int          i, k;
     memset(&pairs, 0, sizeof pairs);
     for (i = 0; i < nf; i++) covered[i] = 1;
-    status = clothi_bvh_look(hooks, s->tree, s->tree, clothi_crossing_look, s, &pairs);
+    status = clothi_bvh_look(hooks, s->tree, s->tree, NULL, clothi_crossing_look, s, &pairs);
     for (i = 0; i < pairs.count; i++) {
         const int     *f = pairs.pair + 2 * i;
         const double  *c[2][3];
@@ -3416,6 +3434,7 @@ struct cloth_collide {
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
     unsigned char  *dragging;               /* [mf] faces of bodies that penetrate themselves  */
     unsigned char  *pinched;                /* [mf] faces in a pinch                           */
+    unsigned char  *sought;                 /* [nf] by the hierarchy: that c->moved has moved  */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
@@ -3715,7 +3734,7 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     const clothi_array plain[] = {
         {&c->faces, 3 * mf, one}, {&c->slot, nw, one}, {&c->area, nw, real}, {&c->xa, 3 * nw, real},
         {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real}, {&c->box_f, 6 * mf, real},
-        {&c->pinched, mf, 1}, {&c->dragging, mf, 1}};
+        {&c->pinched, mf, 1}, {&c->dragging, mf, 1}, {&c->sought, (size_t)c->nf, 1}};
     int i, o;
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
     if (status) return status;
@@ -3935,12 +3954,6 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
     return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair + 1);
 }
 
-/* As clothi_features_look has put it. */
-static cloth_status clothi_pair_found(cloth_collide *c, const int *p) {
-    return p[0] < 0 ? clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1])
-                    : clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
-}
-
 /* A sphere's centre, a capsule's ends against faces; its axis against edges. */
 static cloth_status clothi_pairs_round(cloth_collide *c, const clothi_obstacle *o) {
     cloth_status    status = CLOTH_OK;
@@ -4007,43 +4020,26 @@ static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
     return 0;
 }
 
-/* Of pairs p [n x 2], as `what` says, those of edges or the others into c->pair; faces that cross
- * into c->now. */
-static cloth_status clothi_found_add(cloth_collide *c, const int *p, int n, int what, int edges) {
-    cloth_status status = CLOTH_OK;
-    int          i;
-    for (i = 0; i < 2 * n && !status; i += 2) {
-        const clothi_pair_id face = {CLOTHI_FF, p[i], p[i + 1]};
-        if (what & CLOTHI_CROSS) status = clothi_exempt_add(c, &face);
-        else if (edges == (p[i] < 0)) status = clothi_pair_found(c, p + i);
-    }
-    return status;
-}
-
 /* Pairs of cloth's faces with those of a tree, by the boxes of both, edges behind all others: with
- * them between, sweeps of zones went farther off the guess. Of what c->moved names, which is
- * little, each face is sought for itself. */
+ * them between, sweeps of zones went farther off the guess. Faces that cross go into c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
     const clothi_features_job job = {&c->features, c->box_v, c->box_f};
-    clothi_look_fn *look = what & CLOTHI_CROSS ? clothi_cross_look : clothi_features_look;
-    const void     *ctx = what & CLOTHI_CROSS ? (const void *)c : &job;
-    const int       moved = what & CLOTHI_MOVED, kinds = what & CLOTHI_CROSS ? 1 : 2;
-    cloth_status    status = CLOTH_OK;
-    int             edges, f, g, pair[2 * 15];              /* 6 vertices, 9 pairs of edges */
-    if (!moved) status = clothi_bvh_look(c->hooks, &c->tree, with, look, ctx, &c->found);
-    for (edges = 0; edges < kinds && !status; edges++) {
-        if (!moved) status = clothi_found_add(c, c->found.pair, c->found.count, what, edges);
-        for (f = 0; moved && f < c->nf; f++) {
-            clothi_bvh_walk w = {with, c->box_f + 6 * (size_t)f, 1, 0, 0};
-            if (!clothi_any_moved(c, c->faces + 3 * f, 3)) continue;
-            while (!status && (g = clothi_bvh_next(&w)) >= 0) {
-                clothi_segment out = {pair, 0, 15, 0};
-                if (g == f || (g < f && clothi_any_moved(c, c->faces + 3 * g, 3))) continue;
-                look(f < g ? f : g, f < g ? g : f, ctx, &out);
-                status = clothi_found_add(c, pair, (int)out.found, what, edges);
-            }
+    const int       cross = what & CLOTHI_CROSS, moved = what & CLOTHI_MOVED;
+    clothi_look_fn *look = cross ? clothi_cross_look : clothi_features_look;
+    cloth_status    status;
+    int             edges, i;
+    for (i = 0; moved && i < c->nf; i++)
+        c->sought[i] = (unsigned char)clothi_any_moved(c, c->faces + 3 * i, 3);
+    status = clothi_bvh_look(c->hooks, &c->tree, with, moved ? c->sought : NULL, look,
+                             cross ? (const void *)c : &job, &c->found);
+    for (edges = 0; edges < (cross ? 1 : 2); edges++)
+        for (i = 0; i < c->found.count && !status; i++) {
+            const int           *p = c->found.pair + 2 * i;
+            const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
+            if (cross) status = clothi_exempt_add(c, &face);
+            else if (edges && p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
+            else if (!edges && p[0] >= 0) status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
         }
-    }
     return status;
 }
 

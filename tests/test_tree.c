@@ -61,15 +61,15 @@ static void pair_look(int a, int b, const void *ctx, clothi_segment *out) {
 }
 
 static cloth_status cross_pairs(const cloth_hooks *hooks, const clothi_bvh *a, const clothi_bvh *b,
-                                clothi_pairs *pairs) {
-    return clothi_bvh_look(hooks, a, b, pair_look, NULL, pairs);
+                                const unsigned char *sought, clothi_pairs *pairs) {
+    return clothi_bvh_look(hooks, a, b, sought, pair_look, NULL, pairs);
 }
 
 /* vf and ee [both->count]: those of vertices and faces, and those of edges, in their order. */
 static cloth_status features_pairs(const cloth_hooks *hooks, const clothi_features_job *job,
                                    const clothi_bvh *tree, clothi_pairs *both, clothi_pairs *vf,
                                    clothi_pairs *ee) {
-    cloth_status status = clothi_bvh_look(hooks, tree, tree, clothi_features_look, job, both);
+    cloth_status status = clothi_bvh_look(hooks, tree, tree, NULL, clothi_features_look, job, both);
     int          i;
     clothi_pairs_free(NULL, vf);
     clothi_pairs_free(NULL, ee);
@@ -106,15 +106,17 @@ static int has_pair(const int *sorted_pairs, int count, int a, int b) {
     return count && bsearch(key, sorted_pairs, (size_t)count, sizeof key, compare_pairs) != NULL;
 }
 
-/* Counts what brute force finds; every one must be in the list, and the list no longer. */
-static int same_pairs(int na, const double *a, int first_a, int nb, const double *b, int first_b,
-                      int self, const clothi_pairs *pairs) {
+/* Counts what brute force finds; every one must be in the list, and the list no longer. sought [na]
+ * (NULL: all): pairs with one of a that is. */
+static int same_pairs(int na, const double *a, const unsigned char *sought, int nb, const double *b,
+                      int first_b, int self, const clothi_pairs *pairs) {
     int *list = sorted(pairs->pair, pairs->count), i, j, count = 0, missing = 0;
     for (i = 0; i < na; i++)
         for (j = self ? i + 1 : 0; j < nb; j++)
-            if (overlap(a + 6 * i, b + 6 * j)) {
+            if (overlap(a + 6 * i, b + 6 * j) &&
+                (!sought || sought[i] || (self && sought[j]))) {
                 count++;
-                missing += !has_pair(list, pairs->count, first_a + i, first_b + j);
+                missing += !has_pair(list, pairs->count, i, first_b + j);
             }
     free(list);
     return missing == 0 && count == pairs->count;
@@ -130,23 +132,26 @@ static void pairs_equal_brute_force(void) {
     static double box_a[6 * MAX_N], box_b[6 * MAX_N];
     clothi_bvh    a, b;
     clothi_pairs  pairs;
+    unsigned char some[MAX_N];
     int           how, i, j, round;
     memset(&pairs, 0, sizeof pairs);
+    for (i = 0; i < MAX_N; i++) some[i] = (unsigned char)(below(3) == 0);
     for (how = 0; how < KINDS; how++)
         for (i = 0; i < NSIZES; i++) {
             const int na = sizes[i];
             make_boxes((kind)how, na, box_a);
             if (!CHECK(clothi_bvh_build(NULL, na, box_a, &a) == CLOTH_OK)) return;
             for (round = 0; round < 2; round++) {       /* as built, and refitted to other boxes */
-                CHECK(cross_pairs(NULL, &a, &a, &pairs) == CLOTH_OK);
-                CHECK(same_pairs(na, box_a, 0, na, box_a, 0, 1, &pairs));
+                const unsigned char *sought = round ? some : NULL;
+                CHECK(cross_pairs(NULL, &a, &a, sought, &pairs) == CLOTH_OK);
+                CHECK(same_pairs(na, box_a, sought, na, box_a, 0, 1, &pairs));
                 for (j = i % 2; j < NSIZES; j += 2) {
                     const int nb = sizes[j];
                     make_boxes((kind)((how + round) % KINDS), nb, box_b);
                     if (!CHECK(clothi_bvh_build(NULL, nb, box_b, &b) == CLOTH_OK)) return;
                     b.first = 1000;
-                    CHECK(cross_pairs(NULL, &a, &b, &pairs) == CLOTH_OK);
-                    CHECK(same_pairs(na, box_a, 0, nb, box_b, 1000, 0, &pairs));
+                    CHECK(cross_pairs(NULL, &a, &b, sought, &pairs) == CLOTH_OK);
+                    CHECK(same_pairs(na, box_a, sought, nb, box_b, 1000, 0, &pairs));
                     clothi_bvh_free(NULL, &b);
                 }
                 make_boxes((kind)((how + 1) % KINDS), na, box_a);
@@ -171,7 +176,7 @@ static void last_digit(void) {
             box[flip + 3 + axis] = edge;
             box[6 - flip + axis] = gap ? nextafter(edge, 1e300) : edge;
             if (clothi_bvh_build(NULL, 2, box, &t) != CLOTH_OK) return;
-            if (cross_pairs(NULL, &t, &t, &pairs) != CLOTH_OK) return;
+            if (cross_pairs(NULL, &t, &t, NULL, &pairs) != CLOTH_OK) return;
             wrong += pairs.count != !gap;
             clothi_bvh_free(NULL, &t);
         }
@@ -356,7 +361,7 @@ static cloth_status scene_find(scene *s, const cloth_hooks *hooks, double pad) {
     clothi_face_boxes(s->nf, s->faces, s->vbox, s->fbox);
     if (!s->tree.n) status = clothi_bvh_build(hooks, s->nf, s->fbox, &s->tree);
     else clothi_bvh_refit(hooks, &s->tree, s->fbox), status = CLOTH_OK;
-    if (!status) status = cross_pairs(hooks, &s->tree, &s->tree, &s->pairs);
+    if (!status) status = cross_pairs(hooks, &s->tree, &s->tree, NULL, &s->pairs);
     if (!status)
         status = features_pairs(hooks, &job, &s->tree, &s->both, &s->vf, &s->ee);
     return status;
@@ -630,7 +635,7 @@ static void workers_do_not_matter(void) {
     scene_alloc(&serial, nv, nf);
     make_mesh(nv, nf, serial.xa, serial.xb, serial.faces);
     CHECK(scene_find(&serial, NULL, 0.01) == CLOTH_OK);
-    CHECK(cross_pairs(NULL, &serial.tree, &serial.tree, &cross) == CLOTH_OK);
+    CHECK(cross_pairs(NULL, &serial.tree, &serial.tree, NULL, &cross) == CLOTH_OK);
     for (p.workers = 1; p.workers <= 16; p.workers++) {
         clothi_pairs again;
         memset(&again, 0, sizeof again);
@@ -645,7 +650,7 @@ static void workers_do_not_matter(void) {
         CHECK(same_list(&serial.pairs, &other.pairs));
         CHECK(same_list(&serial.vf, &other.vf));
         CHECK(same_list(&serial.ee, &other.ee));
-        CHECK(cross_pairs(&hooks, &other.tree, &other.tree, &again) == CLOTH_OK);
+        CHECK(cross_pairs(&hooks, &other.tree, &other.tree, NULL, &again) == CLOTH_OK);
         CHECK(same_list(&cross, &again));
         clothi_pairs_free(NULL, &again);
         scene_free(&other);

@@ -6448,10 +6448,10 @@ CLOTHI_LANE const double *clothi_masked(const double *B, int mi, int mj, double 
 /* The diagonal block of a row, 1 on fixed axes, into d [9]; returns their bits. */
 CLOTHI_LANE int clothi_diagonal(const cloth_linear_solver *s, int row, double *d) {
     const int m = clothi_mask(s, row);
-    int       c;
-    clothi_masked(s->A->diag + 9 * (size_t)row, m | 8, m, d);
-    for (c = 0; c < 3; c++)
-        if (m >> c & 1) d[4 * c] = 1;
+    int       k;
+    memcpy(d, s->A->diag + 9 * (size_t)row, 9 * sizeof *d);
+    for (k = 0; m && k < 9; k++)
+        if ((m >> k / 3 | m >> k % 3) & 1) d[k] = k % 4 == 0;
     return m;
 }
 
@@ -6932,35 +6932,13 @@ CLOTHI_OUTLINE static void clothi_factor_rows(cloth_linear_solver *s, int part) 
     if (i < end) y->bad = 1;
 }
 
-/* Number j < 3 of a record in all four. */
-CLOTHI_LANE clothi_v4 clothi_pick4(clothi_v4 a, const int j, const int w) {
-#if defined(CLOTHI_SSE2)
-    if (w) a.d = j == 1 ? _mm_unpackhi_pd(a.d, a.d) : j ? _mm_unpacklo_pd(a.e, a.e)
-                                                        : _mm_unpacklo_pd(a.d, a.d);
-    else a.f = j == 1 ? _mm_shuffle_ps(a.f, a.f, 0x55) : j ? _mm_shuffle_ps(a.f, a.f, 0xaa)
-                                                           : _mm_shuffle_ps(a.f, a.f, 0);
-    a.e = a.d;
-    return a;
-#else
-    return clothi_all4(!w ? (double)a.f.q[j] : j < 2 ? a.d.q[j] : a.e.q[0]);
-#endif
-}
-
-/* A row of B times G_j^-T, whose records are q [3]. */
-CLOTHI_LANE clothi_v4 clothi_scale_row(const clothi_v4 *q, clothi_v4 B, const int w) {
-    clothi_v4 r = clothi_mul4(clothi_pick4(B, 0, w), q[0], w);
-    r = clothi_madd4(r, clothi_pick4(B, 1, w), q[1], w);
-    return clothi_madd4(r, clothi_pick4(B, 2, w), q[2], w);
-}
-
-/* Block k of out, by rows: G_i^-1 B G_j^-T; B [3] by rows. */
-CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const clothi_v4 *B,
-                                    void *out, size_t k, const int w) {
-    const size_t    g = 3 * (size_t)i, gj = 3 * (size_t)j;
-    const clothi_v4 q[3] = {clothi_load4(st->G, gj, w), clothi_load4(st->G, gj + 1, w),
-                            clothi_load4(st->G, gj + 2, w)};
-    const clothi_v4 b0 = clothi_scale_row(q, B[0], w), b1 = clothi_scale_row(q, B[1], w);
-    const clothi_v4 b2 = clothi_scale_row(q, B[2], w);
+/* Block k of out, by rows: G_i^-1 B G_j^-T, of the block B by rows. */
+CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const void *B, void *out,
+                                    size_t k, const int w) {
+    const size_t    g = 3 * (size_t)i;
+    const clothi_v4 b0 = clothi_columns4(st->G, (size_t)j, B, 0, w);
+    const clothi_v4 b1 = clothi_columns4(st->G, (size_t)j, B, 1, w);
+    const clothi_v4 b2 = clothi_columns4(st->G, (size_t)j, B, 2, w);
     clothi_v4       r = clothi_mul4(clothi_lane4(st->G, g, 0, w), b0, w);
     clothi_store4(out, 3 * k, r, w);
     r = clothi_mul4(clothi_lane4(st->G, g, 1, w), b0, w);
@@ -6970,13 +6948,6 @@ CLOTHI_LANE void clothi_scale_block(const clothi_store *st, int i, int j, const 
     r = clothi_madd4(r, clothi_lane4(st->G, g + 1, 2, w), b1, w);
     r = clothi_madd4(r, clothi_lane4(st->G, g + 2, 2, w), b2, w);
     clothi_store4(out, 3 * k + 2, r, w);
-}
-
-/* A block outside the pattern into E. */
-CLOTHI_LANE void clothi_scale_extra(cloth_linear_solver *s, int i, int j, const double *C, int k,
-                                    const int w) {
-    const clothi_v4 B[3] = {clothi_cut4(C, w), clothi_cut4(C + 3, w), clothi_cut4(C + 6, w)};
-    clothi_scale_block(&s->st, i, j, B, s->E, (size_t)k, w);
 }
 
 CLOTHI_LANE void clothi_add_record(void *a, size_t i, clothi_v4 v, const int w) {
@@ -6989,7 +6960,7 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int d, const int w) {
     clothi_tally      *y = s->tally + d;
     const int          end = s->p->strip[d + 1];
     double             cut[9];
-    size_t             c;
+    clothi_v4          B[2];                /* room for three records                          */
     int                q, k;
     clothi_factor_rows(s, d);
     for (q = s->p->strip[d]; q < end && !y->bad; q++) {
@@ -6998,13 +6969,13 @@ CLOTHI_LANE void clothi_setup_any(cloth_linear_solver *s, int d, const int w) {
         for (k = st.start[q]; k < last; k++) {
             const int     j = st.col[k];
             const double *raw = s->A->low + 9 * (size_t)k;
-            const double *b = clothi_masked(raw, mi, clothi_mask(s, j), cut);
-            const clothi_v4 B[3] = {clothi_cut4(b, w), clothi_cut4(b + 3, w),
-                                    clothi_cut4(b + 6, w)};
+            clothi_put9(B, 0, clothi_masked(raw, mi, clothi_mask(s, j), cut), w);
             if (own >= 0) {                 /* columns of B' are the rows of B                 */
                 size_t at = (size_t)st.vp[j];
                 while (st.vj[at] != own) at++;
-                for (c = 0; c < 3; c++) clothi_add_record(st.V, 3 * at + c, B[c], w);
+                clothi_add_record(st.V, 3 * at, clothi_load4(B, 0, w), w);
+                clothi_add_record(st.V, 3 * at + 1, clothi_load4(B, 1, w), w);
+                clothi_add_record(st.V, 3 * at + 2, clothi_load4(B, 2, w), w);
             }
             trace += raw[0] + raw[4] + raw[8];
             clothi_scale_block(&st, i, j, B, st.L, (size_t)k, w);
@@ -7031,8 +7002,9 @@ static void clothi_coarse_add(double *Ac, size_t ld, int u, int v, const double 
  * E, added here. Row k of Ac begins at Ac + k ld, its column k at Ac + k (ld + 1). */
 CLOTHI_OUTLINE static void clothi_coarse_matrix(cloth_linear_solver *s, size_t ld) {
     const cloth_pattern *p = s->p;
-    double B[9], cut[9];
-    int    i, k, m, a;
+    double    B[9], cut[9];
+    clothi_v4 raw[2];                       /* room for three records                          */
+    int       i, k, m, a;
     for (k = 0; k < 3 * p->nc; k++)
         memset(s->Ac + (size_t)k * (ld + 1), 0,
                (size_t)(clothi_coarse_end(s, k) - k) * sizeof(double));
@@ -7053,7 +7025,8 @@ CLOTHI_OUTLINE static void clothi_coarse_matrix(cloth_linear_solver *s, size_t l
         const int     r = s->A->pair[2 * k], c = s->A->pair[2 * k + 1];
         const double *C = clothi_masked(s->A->extra + 9 * (size_t)k, clothi_mask(s, r),
                                         clothi_mask(s, c), cut);
-        CLOTHI_BY_WIDTH(s->wide, clothi_scale_extra, s, r, c, C, k);
+        clothi_put9(raw, 0, C, s->wide);
+        CLOTHI_BY_WIDTH(s->wide, clothi_scale_block, &s->st, r, c, raw, s->E, (size_t)k);
         if (p->agg[r] >= 0 && p->agg[c] >= 0)
             clothi_coarse_add(s->Ac, ld, p->agg[r], p->agg[c], C);
     }

@@ -7580,9 +7580,9 @@ typedef struct clothi_front {               /* of a part                        
 struct cloth_factor {
     cloth_hooks hooks;
     /* what the pattern decides */
-    clothi_front *front;                    /* [nparts+1]                                      */
-    int    *bound, *relative;               /* boundaries by elimination number; their places
-                                               in the parents' fronts                          */
+    clothi_front *front;                    /* [nparts+2]                                      */
+    int    *bound;                          /* boundaries by elimination number; and of
+                                               relative                                        */
     clothi_front_entry *entry;              /* [nlow] blocks of A by part                      */
     /* numbers */
     double *panel;                          /* all L, part by part, column-major               */
@@ -7590,6 +7590,7 @@ struct cloth_factor {
     double *sign;                           /* [3 nv] +1 -1 by elimination                     */
     signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
     /* and what is no block of its own */
+    int    *relative;                       /* of bound: places in the parents' fronts         */
     const cloth_pattern *p;                 /* borrowed                                        */
     size_t  npack, nstack;                  /* doubles of packed rows a task; of the stack     */
     double  flops;
@@ -7606,74 +7607,55 @@ CLOTHI_RARE_BEGIN
 
 /* --- the fronts --- */
 
-/* Blocks of A by the part that owns their earlier vertex; row holds the later vertex's elimination
- * number for now. where [nv]: of a vertex, owner [nv]: of an elimination number. */
-static void clothi_front_entries(cloth_factor *f, const int *where, const int *owner) {
+/* Blocks of A by the part that owns their earlier vertex, and the boundaries of all parts: e, the
+ * later vertex of a block, is on that of the earlier one's part and of each part above that e
+ * comes after. Blocks are taken by e, so that boundaries increase. row is e for now. */
+static cloth_status clothi_front_lists(cloth_factor *f) {
     const cloth_pattern *p = f->p;
-    int i, k, q, pass;
-    for (pass = 0; pass < 2; pass++) {      /* count, then place                               */
-        for (i = 0; i < p->strip[p->nd + 1]; i++)
-            for (k = p->start[i]; k < p->start[i + 1]; k++) {
-                const int a = where[p->vertex_of[p->row[i]]], b = where[p->vertex_of[p->col[k]]];
-                const int flip = a < b, low = flip ? a : b;
-                clothi_front_entry *e;
-                q = owner[low];
-                if (!pass) {
-                    f->front[q + 1].entry++;
-                    continue;
-                }
-                e = f->entry + f->front[q].entry++;
-                e->slot2 = 2 * k + flip;
-                e->row = a + b - low;
-                e->col = low - f->front[q].mid;
-            }
-        for (q = 0; q < p->nparts && !pass; q++) f->front[q + 1].entry += f->front[q].entry;
-    }
-    for (q = p->nparts; q > 0; q--) f->front[q].entry = f->front[q - 1].entry;
-    f->front[0].entry = 0;
-}
-
-/* Elimination number e into the boundary list of part q, once. */
-static void clothi_bound_add(const cloth_factor *f, int q, int e, int *mark, int *list, int *n) {
-    if (e < f->front[q].hi || mark[e] == q + 1) return;
-    mark[e] = q + 1;
-    list[(*n)++] = e;
-}
-
-/* Boundaries of all parts, ascending: later vertices that blocks of A or the children's boundaries
- * name. mark (zeros), list, tmp [nv] and key [nv] are scratch. */
-static cloth_status clothi_front_bounds(cloth_factor *f, int *mark, int *list, int *tmp,
-                                        double *key) {
-    const cloth_pattern *p = f->p;
-    size_t capacity = 0, used = 0;
-    int    q, i, c, n;
-    for (i = 0; i < p->n; i++) key[i] = i;
+    const size_t n = (size_t)p->n, np = (size_t)p->nparts, nlow = (size_t)p->nlow;
+    int   *where = (int *)clothi_alloc(&f->hooks, 3 * n + 1 + np + 3 * nlow, sizeof(int));
+    int   *owner, *first, *seen, *early, *late, *order, i, k, q, pass;
+    size_t sum = 0;
+    if (!where) return CLOTH_ERR_MEMORY;
+    owner = where + n, first = owner + n, seen = first + n + 1;
+    early = seen + np, late = early + nlow, order = late + nlow;
     for (q = 0; q < p->nparts; q++) {
-        n = 0;
-        for (i = f->front[q].entry; i < f->front[q + 1].entry; i++)
-            clothi_bound_add(f, q, f->entry[i].row, mark, list, &n);
-        for (c = 0; c < 2 && p->part[q].child[c] >= 0; c++) {
-            const clothi_front *child = f->front + p->part[q].child[c];
-            for (i = child->bound; i < child[1].bound; i++)
-                clothi_bound_add(f, q, f->bound[i], mark, list, &n);
-        }
-        clothi_sort(list, tmp, n, key);
-        if (used + (size_t)n > capacity) {
-            int *more;
-            capacity = 2 * capacity + 16 * (size_t)p->n + (size_t)n;
-            more = (int *)clothi_alloc(&f->hooks, capacity, sizeof(int));
-            if (!more) return CLOTH_ERR_MEMORY;
-            if (used) memcpy(more, f->bound, used * sizeof(int));
-            clothi_free(&f->hooks, f->bound);
-            f->bound = more;
-        }
-        if (n) memcpy(f->bound + used, list, (size_t)n * sizeof(int));
-        used += (size_t)n;
-        if (used > 0x7fffffff) return CLOTH_ERR_CAPACITY;
-        f->front[q + 1].bound = (int)used;
-        f->front[q].n = 3 * (f->front[q].hi - f->front[q].mid), f->front[q].nb = 3 * n;
+        f->front[q].mid = p->part[q].mid, f->front[q].hi = p->part[q].hi;
+        for (i = p->part[q].mid; i < p->part[q].hi; i++) where[p->verts[i]] = i, owner[i] = q;
     }
-    return CLOTH_OK;
+    for (i = 0; i < p->strip[p->nd + 1]; i++)
+        for (k = p->start[i]; k < p->start[i + 1]; k++) {
+            const int a = where[p->vertex_of[p->row[i]]], b = where[p->vertex_of[p->col[k]]];
+            early[k] = a < b ? a : b, late[k] = a + b - early[k];
+        }
+    clothi_sort_by(p->nlow, p->n, late, NULL, order, first);
+    for (pass = 0; pass < 2; pass++) {      /* count, then place                               */
+        memset(seen, 255, np * sizeof(int));
+        for (i = 0; i < p->nlow; i++) {
+            const int e = late[order[i]], low = early[order[i]];
+            for (q = owner[low]; e >= f->front[q].hi && seen[q] != e; q = p->part[q].parent) {
+                seen[q] = e;
+                if (pass) f->bound[f->front[q + 1].bound] = e;
+                f->front[q + 2 - pass].bound++;
+            }
+            q = owner[low];
+            if (pass) {
+                clothi_front_entry *to = f->entry + f->front[q + 1].entry;
+                to->slot2 = 2 * order[i] + (p->row_of[p->verts[e]] < p->row_of[p->verts[low]]);
+                to->row = e, to->col = low - f->front[q].mid;
+            }
+            f->front[q + 2 - pass].entry++;
+        }
+        for (q = 1; q <= p->nparts && !pass; q++) {
+            sum += (size_t)f->front[q + 1].bound;
+            f->front[q + 1].bound = (int)sum, f->front[q + 1].entry += f->front[q].entry;
+        }
+        if (!pass && sum <= 0x7fffffff)
+            f->bound = (int *)clothi_alloc(&f->hooks, sum, 2 * sizeof(int));
+        if (!f->bound) break;
+    }
+    clothi_free(&f->hooks, where);
+    return sum > 0x7fffffff ? CLOTH_ERR_CAPACITY : f->bound ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 /* Index in the front of part q of the vertex with elimination number e. */
@@ -7692,9 +7674,9 @@ static void clothi_front_layout(cloth_factor *f) {
     for (q = 0; q < p->nparts; q++) {
         clothi_front *w = f->front + q;
         const int     c = p->part[q].child[0], domain = p->part[q].domain;
-        const size_t  n = (size_t)w->n, b = (size_t)w->nb;
+        const size_t  n = 3 * (size_t)(w->hi - w->mid), b = 3 * (size_t)(w[1].bound - w->bound);
         const size_t  pack = 2 * (n + b + CLOTHI_PANEL_PAD) * CLOTHI_PANEL_K;
-        w->panel = panel;
+        w->n = (int)n, w->nb = (int)b, w->panel = panel;
         panel += n * (n + b);
         if (pack > f->npack) f->npack = pack;
         f->flops += (double)n * ((double)n * (double)n / 3 + (double)b * (double)(n + b));
@@ -7710,25 +7692,15 @@ static void clothi_front_layout(cloth_factor *f) {
 /* What the pattern decides. */
 static cloth_status clothi_factor_analyze(cloth_factor *f) {
     const cloth_pattern *p = f->p;
-    const size_t n = (size_t)p->n, np = (size_t)p->nparts;
-    cloth_status status = CLOTH_ERR_MEMORY;
-    int    *where = (int *)clothi_alloc(&f->hooks, 5 * n, sizeof(int)), *owner = where + n;
-    double *key = (double *)clothi_alloc(&f->hooks, n, sizeof(double));
-    int     q, i;
-    f->front = (clothi_front *)clothi_alloc(&f->hooks, np + 1, sizeof *f->front);
+    const size_t np = (size_t)p->nparts;
+    cloth_status status;
+    int          q, i;
+    f->front = (clothi_front *)clothi_alloc(&f->hooks, np + 2, sizeof *f->front);
     f->entry = (clothi_front_entry *)clothi_alloc(&f->hooks, (size_t)p->nlow, sizeof *f->entry);
-    if (!where || !key || !f->front || !f->entry) goto done;
-    for (i = 0; i < p->n; i++) where[p->verts[i]] = i;
-    for (q = 0; q < p->nparts; q++) {
-        f->front[q].mid = p->part[q].mid, f->front[q].hi = p->part[q].hi;
-        for (i = p->part[q].mid; i < p->part[q].hi; i++) owner[i] = q;
-    }
-    clothi_front_entries(f, where, owner);
-    status = clothi_front_bounds(f, owner + n, owner + 2 * n, owner + 3 * n, key);
-    if (status) goto done;
-    status = CLOTH_ERR_MEMORY;
-    f->relative = (int *)clothi_alloc(&f->hooks, (size_t)f->front[np].bound, sizeof(int));
-    if (!f->relative) goto done;
+    if (!f->front || !f->entry) return CLOTH_ERR_MEMORY;
+    status = clothi_front_lists(f);
+    if (status) return status;
+    f->relative = f->bound + f->front[np].bound;
     for (q = 0; q < p->nparts; q++) {
         for (i = f->front[q].entry; i < f->front[q + 1].entry; i++)
             f->entry[i].row = clothi_front_index(f, q, f->entry[i].row);
@@ -7736,11 +7708,7 @@ static cloth_status clothi_factor_analyze(cloth_factor *f) {
             f->relative[i] = clothi_front_index(f, p->part[q].parent, f->bound[i]);
     }
     clothi_front_layout(f);
-    status = CLOTH_OK;
-done:
-    clothi_free(&f->hooks, where);
-    clothi_free(&f->hooks, key);
-    return status;
+    return CLOTH_OK;
 }
 
 CLOTHI_RARE_END
@@ -7931,11 +7899,11 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
 }
 
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
-    (void)clothi_object_blocks(f, 8, 1);
+    (void)clothi_object_blocks(f, 7, 1);
 }
 
 CLOTH_API size_t cloth_factor_bytes(const cloth_factor *f) {
-    return clothi_object_blocks(f, 8, 0);
+    return clothi_object_blocks(f, 7, 0);
 }
 
 /* The numbers' blocks; those that there are when memory is out wait for the next try. */

@@ -7585,19 +7585,18 @@ struct cloth_factor {
                                                relative                                        */
     clothi_front_entry *entry;              /* [nlow] blocks of A by part                      */
     /* numbers */
+    double *work;                           /* [(nd+1) x npack] packed rows; and of all below  */
+    double *stack;                          /* [nstack] update matrices                        */
     double *panel;                          /* all L, part by part, column-major               */
-    double *work;                           /* [(nd+1) x npack] packed rows                    */
     double *sign;                           /* [3 nv] +1 -1 by elimination                     */
+    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary      */
     signed char *pivot;                     /* [3 nv] -1 negative, 0 zero, 1 positive          */
+    unsigned char *fixed;                   /* [nv] by elimination number                      */
     /* and what is no block of its own */
     int    *relative;                       /* of bound: places in the parents' fronts         */
     const cloth_pattern *p;                 /* borrowed                                        */
     size_t  npack, nstack;                  /* doubles of packed rows a task; of the stack     */
     double  flops;
-    double *stack;                          /* [nstack] update matrices; behind work           */
-    double *vec;                            /* [2 x 3 nv] right-hand side, and a boundary;
-                                               behind sign                                     */
-    unsigned char *fixed;                   /* [nv] by elimination number; behind pivot        */
     const cloth_matrix *A;                  /* during compute                                  */
     double  shift;
     int     ready, first_bad;               /* elimination index 3 e + axis, -1                */
@@ -7899,26 +7898,24 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
 }
 
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
-    (void)clothi_object_blocks(f, 7, 1);
+    (void)clothi_object_blocks(f, 4, 1);
 }
 
 CLOTH_API size_t cloth_factor_bytes(const cloth_factor *f) {
-    return clothi_object_blocks(f, 7, 0);
+    return clothi_object_blocks(f, 4, 0);
 }
 
-/* The numbers' blocks; those that there are when memory is out wait for the next try. */
+/* Room for the numbers. */
 static cloth_status clothi_factor_reserve(cloth_factor *f) {
-    const size_t n = 3 * (size_t)f->p->n, panel = f->front[f->p->nparts].panel;
-    const size_t packed = (size_t)(f->p->nd + 1) * f->npack;
-    if (!f->panel) f->panel = (double *)clothi_alloc(&f->hooks, panel, sizeof(double));
-    if (!f->work) f->work = (double *)clothi_alloc(&f->hooks, packed + f->nstack, sizeof(double));
-    if (!f->sign) f->sign = (double *)clothi_alloc(&f->hooks, 3 * n, sizeof(double));
-    if (!f->pivot) f->pivot = (signed char *)clothi_alloc(&f->hooks, n + n / 3, 1);
-    if (!f->panel || !f->work || !f->sign || !f->pivot)
-        return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles",
-                           panel + packed + f->nstack);
-    f->stack = f->work + packed, f->vec = f->sign + n;
-    f->fixed = (unsigned char *)f->pivot + n;
+    const size_t n = 3 * (size_t)f->p->n, packed = (size_t)(f->p->nd + 1) * f->npack;
+    const size_t count = packed + f->nstack + f->front[f->p->nparts].panel + 4 * n;
+    if (f->work) return CLOTH_OK;
+    f->work = (double *)clothi_alloc(&f->hooks, count, sizeof(double));
+    if (!f->work)
+        return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles", count);
+    f->stack = f->work + packed, f->panel = f->stack + f->nstack;
+    f->sign = f->panel + f->front[f->p->nparts].panel, f->vec = f->sign + n;
+    f->pivot = (signed char *)(f->vec + 2 * n), f->fixed = (unsigned char *)f->pivot + n;
     return CLOTH_OK;
 }
 

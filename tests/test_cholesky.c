@@ -315,7 +315,7 @@ static void memory_is_counted(void) {
         f = NULL;
         CHECK(m.bytes == before);
     }
-    CHECK(n == 9);
+    CHECK(n == 6);
     m.left = -1;
     CHECK(cloth_factor_bytes(f) + cloth_pattern_bytes(P) + cloth_matrix_bytes(A) == m.bytes);
     n = m.count;

@@ -7083,20 +7083,32 @@ CLOTHI_LANE const void *clothi_at4(const void *a, size_t k, const int w) {
     return (const char *)a + 12 * k * (w ? sizeof(double) : sizeof(float));
 }
 
-/* m <- Ac^-1 m: U' down the rows by scattering, U up them by gathering. */
-CLOTHI_LANE void clothi_coarse_any(cloth_linear_solver *s, const int w) {
-    const int  *number = s->envelope + s->p->nc + 1;
-    const void *U;
-    void       *m = s->st.m;
-    int         i, length;
+/* Records m = Ac^-1 b; b [3nc], or NULL: P^'A's, the sums of the subdomains and of S. U' down the
+ * rows by scattering, U up them by gathering. */
+CLOTHI_LANE void clothi_coarse_any(cloth_linear_solver *s, const double *b, const int w) {
+    const size_t nc = (size_t)s->p->nc;
+    const int   *number = s->envelope + nc + 1;
+    const void  *U;
+    void        *m = s->st.m;
+    size_t       at;
+    int          i, d, length;
+    for (at = 0; at < nc; at++) {
+        clothi_v4 sum = clothi_zero4();
+        double    q[4];
+        for (d = 0; d <= s->p->nd && !b; d++)
+            sum = clothi_dot4(sum, clothi_load4(s->st.zpart, (size_t)d * nc + at, w),
+                              clothi_all4(1), w);
+        clothi_spill4(sum, q);
+        clothi_store4(m, at, clothi_cut4(b ? b + 3 * at : q, w), w);
+    }
     for (i = 0; i < s->p->nc; i++) {
-        const size_t at = (size_t)i;
+        at = (size_t)i;
         U = clothi_at4(s->U, at * (size_t)s->band, w), length = s->envelope[i] - i;
         clothi_store4(m, at, clothi_columns4(U, 0, m, at, w), w);
         clothi_scatter4(U, number + i, 1, length, m, at, w);
     }
     for (i = s->p->nc - 1; i >= 0; i--) {
-        const size_t at = (size_t)i;
+        at = (size_t)i;
         U = clothi_at4(s->U, at * (size_t)s->band, w), length = s->envelope[i] - i;
         clothi_store4(m, at, clothi_sub4(clothi_load4(m, at, w),
                                          clothi_gather4(U, number + i, 1, length, m, w), w), w);
@@ -7104,13 +7116,8 @@ CLOTHI_LANE void clothi_coarse_any(cloth_linear_solver *s, const int w) {
     }
 }
 
-/* b [3nc] -> records m = Ac^-1 b. */
 CLOTHI_OUTLINE static void clothi_coarse_apply(cloth_linear_solver *s, const double *b) {
-    size_t a, k;
-    for (a = 0; a < (size_t)s->p->nc; a++)
-        for (k = 0; k < 4; k++)
-            clothi_put(s->st.m, 4 * a + k, k < 3 ? b[3 * a + k] : 0, s->wide);
-    CLOTHI_BY_WIDTH(s->wide, clothi_coarse_any, s);
+    CLOTHI_BY_WIDTH(s->wide, clothi_coarse_any, s, b);
 }
 
 /* --- sweeps --- */
@@ -7301,22 +7308,6 @@ CLOTHI_OUTLINE static void clothi_extras_apply(cloth_linear_solver *s, const voi
     CLOTHI_BY_WIDTH(s->wide, clothi_extras_any, s, v, y);
 }
 
-/* m = Ac^-1 P^'A's */
-static void clothi_coarse_step(cloth_linear_solver *s) {
-    const size_t nc = (size_t)s->p->nc;
-    size_t       a, k;
-    int          d;
-    if (s->A->ne) clothi_extras_apply(s, s->st.w, NULL);
-    for (a = 0; a < nc; a++)
-        for (k = 0; k < 3; k++) {
-            double sum = 0;
-            for (d = 0; d <= s->p->nd; d++)
-                sum += clothi_get(s->st.zpart, 4 * ((size_t)d * nc + a) + k, s->wide);
-            s->cd[3 * a + k] = sum;
-        }
-    clothi_coarse_apply(s, s->cd);
-}
-
 /* Row i: p = r + beta p - V m, t = s + beta t - P^ m; returns p - t. The coarse solution m, the
  * first direction, stands alone: p = V m, t = P^ m with -m for m. */
 CLOTHI_LANE clothi_v4 clothi_turn_row(const clothi_store *st, int first, int i, clothi_v4 beta,
@@ -7504,7 +7495,8 @@ static cloth_status clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
         clothi_back_range(s->p->nd, s->p->nd + 1, 0, s);
         clothi_for(&s->hooks, s->p->nd, 1, clothi_back_range, s);
         if (clothi_judge(s, g, &status)) return status;
-        clothi_coarse_step(s);
+        if (s->A->ne) clothi_extras_apply(s, s->st.w, NULL);
+        clothi_coarse_apply(s, NULL);
     }
     if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
     g->negative = 1;

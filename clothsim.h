@@ -6490,14 +6490,9 @@ static int clothi_jacobi(cloth_linear_solver *s, const double *r, double *z) {
             }
             continue;
         }
-        for (k = 0; k < 3; k++) {           /* D^-1 q by Cramer's rule                         */
-            double e[9];
-            memcpy(e, d, sizeof e);
-            e[k] = q[0];
-            e[3 + k] = q[1];
-            e[6 + k] = q[2];
-            clothi_cross3(e + 3, e + 6, c);
-            out[k] = m >> k & 1 ? 0 : clothi_dot3(e, c) / det;
+        for (k = 0; k < 3; k++) {           /* D^-1 q: a row of D^-1 is a cross product / det  */
+            clothi_cross3(d + 3 * ((k + 1) % 3), d + 3 * ((k + 2) % 3), c);
+            out[k] = m >> k & 1 ? 0 : clothi_dot3(q, c) / det;
         }
     }
     return 0;

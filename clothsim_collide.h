@@ -6106,15 +6106,16 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
  * carried by them and rows that ask for no more room than detection leaves: layers between an arm
  * and a chest that come nearer have no point at their gaps of x^n. The third time what is in a
- * pinch inside of a face or an edge is held as well, by its nearest vertex [8.3]: of garments that
- * begin with hundreds of pairs it spares four of five halvings. Then the step fails.
+ * pinch inside of a face or an edge is held as well, by its nearest vertex [8.3]: without, of 300
+ * steps of garments that begin with 88 to 1 248 pairs 5 fail and 16 are halved, with it none. Then
+ * the step fails.
  *
  * Under implicit steps this is where minimising begins, not where it ends: no strain of the
  * projection stays, and no row is in the accepted state. Where obstacles move, x_IE near them is
  * where they carry it. Among obstacles that rest the straight way up to the first hit is feasible
  * too, and the better of the two is taken, or a sheet thrown at a box can gain thirty times its
- * energy. Where the rows become more than two a vertex it is taken at once: layers that fall on
- * each other have ten times as many.
+ * energy. Where the rows become more than two a vertex it is taken at once: ten sheets that fall on
+ * each other have 120 000 rows, and their slowest step is 2.5 times cheaper without.
  * LEAPFROG ends each substep with it; velocities are then min |v - v*|^2_M/2 with no approach on
  * the active rows: neither gives kinetic energy where obstacles rest [9.4].
  *

@@ -1994,10 +1994,12 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
  *     pivots  wrong sign (l_i < 0 leaves F, w_i < 0 enters) [JP94]; of rows within 60 degrees that
  *             are violated only the worst enters. Again while that leaves fewer wrong rows; about
  *             5 sets for 1000 rows. None wrong: done.
- *   3 finish  dual active set [GI83] from what F is worth (independent rows, l > 0), in arithmetic
- *             of 32 digits [D71]: the most violated row p enters along the direction d in which
- *             all of F stay equations, l += t d, d = (-A_FF^-1 A_Fp, 1): up to where p holds, or
- *             where some l_j = 0 and row j leaves F. Neither: d is a Farkas certificate.
+ *   3 finish  dual active set [GI83] from what F is worth (independent rows, l > 0): the most
+ *             violated row p enters along the direction d in which all of F stay equations,
+ *             l += t d, d = (-A_FF^-1 A_Fp, 1): up to where p holds, or where some l_j = 0 and row
+ *             j leaves F. Neither: d is a Farkas certificate. In doubles, and from there, where
+ *             these are not believed, in arithmetic of 32 digits [D71]: a few sets more. (All with
+ *             32 digits: a T-shirt's 61 programs of 200 to 1600 rows 4.3 s for 1.3.)
  *   settle    the set found, once more in doubles where these are enough; always factored in the
  *             common order: the bits are those of the set
  *
@@ -2005,7 +2007,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
  * raises the dual objective strictly, so no set comes twice, and between two entries rows only
  * leave. Why 3 has twice the digits: rows that stand off each other by the angle e put e^2 into A,
  * so that doubles see 1e-8, where contacts seen twice differ by less. Step 2 is believed only where
- * every row that looks active stands more than 1e-5 off the span of F (the square, DEPENDENT, is
+ * every row that looks active stands more than 1e-5 off the span of F (the square, `dependent`, is
  * 1e-10). Rows nearer than 1e-13 (COPY) are one row; a ray shorter than that is a contradiction.
  *
  * Farkas: y >= 0 with G_free'y = 0 and y.(h - G_fixed x0) < 0 rules out any x: y.(G x) is both
@@ -2024,16 +2026,22 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
 #define CLOTHI_QP_COOKIE     0x0c107117u
 #define CLOTHI_QP_ROUNDING   4.5e-16        /* two roundings                                   */
 #define CLOTHI_QP_SMALL      1e-14          /* slack or multiplier, relative: as good as 0     */
-#define CLOTHI_QP_DEPENDENT  1e-10          /* square of a row's distance from other rows      */
-#define CLOTHI_QP_DEPENDENT2 1e-26          /* the same with twice the digits                  */
-#define CLOTHI_QP_SMALL2     1e-19          /* slack with twice the digits: as good as 0       */
-#define CLOTHI_QP_DRIFT2     1e-28          /* rounding of a slack, to the largest multiplier  */
-#define CLOTHI_QP_START2     1e-18          /* rows nearer to others do not start the set      */
 #define CLOTHI_QP_COPY       1e-13          /* distance of two rows that are one               */
 #define CLOTHI_QP_CANCELLED  1e-24          /* square of the length of a row that is none      */
 #define CLOTHI_QP_TINY       1e-290         /* keeps 0/0 away                                  */
 #define CLOTHI_QP_PATIENCE   3              /* tries without fewer wrong rows                  */
 #define CLOTHI_QP_PARALLEL   0.25           /* cosine squared: rows that stand for each other  */
+
+/* What is as good as 0 in the active set, in doubles and with twice the digits. */
+typedef struct clothi_qp_zero {
+    double dependent;                       /* square of a row's distance from other rows      */
+    double start;                           /* the same, of rows that start the set            */
+    double slack;                           /* or direction; relative                          */
+    double drift;                           /* rounding of a slack, to the largest multiplier  */
+} clothi_qp_zero;
+
+static const clothi_qp_zero clothi_qp_zeros[2] = {{1e-10, 1e-6, 1e-14, 1e-15},
+                                                  {1e-26, 1e-18, 1e-19, 1e-28}};
 
 /* ----- memory -------------------------------------------------------------------------------- */
 
@@ -2098,6 +2106,7 @@ typedef struct clothi_qp {
     cloth_qp_report   *rep;
     int      m, n, k, most;                 /* rows, unknowns, rows of the factor; sets tried  */
     int      precise;                       /* 1: twice the digits; 0: all .l are 0            */
+    const clothi_qp_zero *zero;             /* of these digits                                 */
     int      wrong;                         /* rows that the set tried has on the wrong side   */
     int     *keep;          /* [m] 1: a row with a free unknown, no copy of another            */
     int     *act;           /* [m] 1: in the set tried                                         */
@@ -2336,7 +2345,7 @@ static void clothi_qp_point(clothi_qp *s) {
 /* b with as many digits as asked; x is x0, w its slack. */
 static void clothi_qp_digits(clothi_qp *s, int precise) {
     int i;
-    s->precise = precise;
+    s->precise = precise, s->zero = clothi_qp_zeros + precise;
     memset(s->lambda, 0, (size_t)s->m * sizeof *s->lambda);
     clothi_qp_point(s);
     for (i = 0; i < s->m; i++) s->b[i] = clothi_dd_neg(s->w[i]);
@@ -2538,7 +2547,7 @@ static int clothi_qp_shadowed(const clothi_qp *s, int i) {
 static cloth_status clothi_qp_try(clothi_qp *s) {
     double big = 0;
     int    i, exact, low;
-    if (!clothi_qp_factor(s, CLOTHI_QP_DEPENDENT)) return CLOTH_ERR_MEMORY;
+    if (!clothi_qp_factor(s, s->zero->dependent)) return CLOTH_ERR_MEMORY;
     exact = clothi_qp_equations(s);
     for (i = 0; i < s->m; i++) big = clothi_max(big, fabs(s->lambda[i].h));
     for (i = 0, s->wrong = 0; i < s->m; i++) {
@@ -2551,7 +2560,7 @@ static cloth_status clothi_qp_try(clothi_qp *s) {
     for (i = 0; i < s->m && exact; i++)
         if (s->keep[i] && s->at[i] < 0 && !(s->w[i].h > CLOTHI_QP_SMALL * s->size[i]))
             exact = s->at[i] != -2 && clothi_qp_reduce(s, i, s->rhs, &low).h >
-                                          CLOTHI_QP_DEPENDENT * clothi_qp_diagonal(s, i);
+                                          s->zero->dependent * clothi_qp_diagonal(s, i);
     if (exact) clothi_qp_clamp(s);
     else s->wrong = -1;
     return CLOTH_OK;
@@ -2576,13 +2585,13 @@ static cloth_status clothi_qp_pivot(clothi_qp *s) {
     return CLOTH_OK;
 }
 
-/* ----- the dual active set, with twice the digits -------------------------------------------- */
+/* ----- the dual active set ------------------------------------------------------------------- */
 
 /* The rows with act, thinned until they are independent and their multipliers not negative. */
 static int clothi_qp_thin(clothi_qp *s) {
     int i, again = 1;
     while (again) {
-        if (!clothi_qp_factor(s, CLOTHI_QP_START2)) return 0;
+        if (!clothi_qp_factor(s, s->zero->start)) return 0;
         clothi_qp_equations(s);
         for (i = 0, again = 0; i < s->m; i++) {
             again |= s->lambda[i].h < 0;
@@ -2601,7 +2610,7 @@ static int clothi_qp_worst(const clothi_qp *s) {
     for (i = 0; i < s->m; i++) {
         const double v = -s->w[i].h, length = sqrt(clothi_qp_diagonal(s, i));
         if (!s->keep[i] || s->at[i] >= 0 || s->mark[i] == -3) continue;
-        if (!(v > CLOTHI_QP_SMALL2 * s->size[i] + CLOTHI_QP_DRIFT2 * big)) continue;
+        if (!(v > s->zero->slack * s->size[i] + s->zero->drift * big)) continue;
         if (v > most * length) most = v / length, worst = i;
     }
     return worst;
@@ -2611,7 +2620,7 @@ static int clothi_qp_worst(const clothi_qp *s) {
  * until p holds, or until a multiplier is 0 and its row leaves. CLOTH_OK; *endless: no end to it,
  * ray (factored rows) and 1 for p are the certificate. */
 static cloth_status clothi_qp_bring(clothi_qp *s, int p, int *endless) {
-    const double least = CLOTHI_QP_DEPENDENT2 * clothi_qp_diagonal(s, p);
+    const double least = s->zero->dependent * clothi_qp_diagonal(s, p);
     clothi_dd   *ray = s->ray, v = clothi_dd_neg(s->w[p]);
     int          moved = 0;
     for (*endless = 0;;) {
@@ -2631,11 +2640,11 @@ static cloth_status clothi_qp_bring(clothi_qp *s, int p, int *endless) {
             const int r = s->list[i];
             clothi_dd q;
             big = clothi_max(big, ray[i].h * ray[i].h * clothi_qp_diagonal(s, r));
-            if (!(ray[i].h > CLOTHI_QP_SMALL2)) continue;
+            if (!(ray[i].h > s->zero->slack)) continue;
             q = clothi_qp_over(s, s->lambda[r], ray[i]);
             if (q.h < t.h) t = q, leave = i;
         }
-        *endless = leave < 0 && !(pivot.h > CLOTHI_QP_DEPENDENT2 * big);
+        *endless = leave < 0 && !(pivot.h > s->zero->dependent * big);
         if (*endless) return CLOTH_OK;
         t = clothi_dd_neg(t);
         for (i = 0; i < s->k; i++) {
@@ -2648,10 +2657,10 @@ static cloth_status clothi_qp_bring(clothi_qp *s, int p, int *endless) {
         if (leave < 0) break;
         s->act[s->list[leave]] = 0;
         s->rep->refactorizations++;
-        if (!clothi_qp_factor(s, CLOTHI_QP_DEPENDENT2)) return CLOTH_ERR_MEMORY;
+        if (!clothi_qp_factor(s, s->zero->dependent)) return CLOTH_ERR_MEMORY;
     }
     s->act[p] = 1;
-    if (!clothi_qp_factor(s, CLOTHI_QP_DEPENDENT2)) return CLOTH_ERR_MEMORY;
+    if (!clothi_qp_factor(s, s->zero->dependent)) return CLOTH_ERR_MEMORY;
     clothi_qp_equations(s);                 /* anew: no drift over the steps */
     clothi_qp_clamp(s);
     return CLOTH_OK;
@@ -2687,16 +2696,19 @@ static int clothi_qp_prove(clothi_qp *s) {
     return 1;
 }
 
-/* Goldfarb and Idnani's method from the rows with act. The set found is settled in doubles where
- * these are enough: so it would have ended, had block pivoting found it. */
-static cloth_status clothi_qp_active_set(clothi_qp *s) {
+/* Goldfarb and Idnani's method from the rows with act, half of the tries at most in doubles. The
+ * set found is settled in doubles where these are enough: so it would have ended, had block
+ * pivoting found it. */
+static cloth_status clothi_qp_active_set(clothi_qp *s, int precise) {
     const size_t bytes = (size_t)s->m * sizeof *s->ray;
+    const int    most = precise ? s->most : s->most / 2;
     cloth_status status;
     int          i, p, ray;
-    clothi_qp_digits(s, 1);
+    s->rep->precise = precise;
+    clothi_qp_digits(s, precise);
     if (!clothi_qp_thin(s)) return CLOTH_ERR_MEMORY;
     for (i = 0; i < s->m; i++) s->mark[i] = 0;
-    while ((p = clothi_qp_worst(s)) >= 0 && s->rep->iterations < s->most) {
+    while ((p = clothi_qp_worst(s)) >= 0 && s->rep->iterations < most) {
         s->rep->iterations++;
         status = clothi_cancelled(s->hooks, NULL);
         if (!status) status = clothi_qp_bring(s, p, &ray);
@@ -2714,14 +2726,14 @@ static cloth_status clothi_qp_active_set(clothi_qp *s) {
         s->mark[p] = -3;
         if (!clothi_qp_thin(s)) return CLOTH_ERR_MEMORY;
     }
-    if (p < 0) s->rep->outcome = CLOTH_QP_SOLVED;
+    s->rep->outcome = p < 0 ? CLOTH_QP_SOLVED : CLOTH_QP_MAX_ITERATIONS;
     memcpy(s->ray, s->lambda, bytes);
     for (i = 0; i < s->m; i++) s->act[i] = s->lambda[i].h > 0;
     clothi_qp_digits(s, 0);
     status = clothi_qp_try(s);
     if (status || s->wrong == 0) return status;
     memcpy(s->lambda, s->ray, bytes);
-    s->precise = 1;
+    s->precise = precise;
     clothi_qp_point(s);
     return CLOTH_OK;
 }
@@ -2788,6 +2800,15 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
     return status;
 }
 
+/* Is the point in x and lambda the optimum? */
+static int clothi_qp_solved(clothi_qp *s, const cloth_qp_options *o) {
+    if (s->wrong) return 0;
+    clothi_qp_measure(s);
+    if (!(s->rep->residual <= o->tolerance)) return 0;
+    s->rep->outcome = CLOTH_QP_SOLVED;
+    return 1;
+}
+
 static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
     cloth_qp_report *rep = s->rep;
     cloth_status     status;
@@ -2814,15 +2835,11 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
         s->act[i] = s->keep[i] && (o->guess ? o->guess[i] > 0
                                             : s->w[i].h < 0 && !clothi_qp_shadowed(s, i));
     status = clothi_qp_pivot(s);
-    if (status) return status;
-    if (!s->wrong) clothi_qp_measure(s);
-    if (!s->wrong && rep->residual <= o->tolerance) {
-        rep->outcome = CLOTH_QP_SOLVED;
-        return CLOTH_OK;
+    for (i = 0; i < 2; i++) {
+        if (status || clothi_qp_solved(s, o)) return status;
+        status = clothi_qp_active_set(s, i);
+        if (status || rep->outcome == CLOTH_QP_INFEASIBLE) return status;
     }
-    rep->precise = 1;
-    status = clothi_qp_active_set(s);
-    if (status || rep->outcome == CLOTH_QP_INFEASIBLE) return status;
     clothi_qp_measure(s);
     if (!(rep->residual <= o->tolerance)) rep->outcome = CLOTH_QP_MAX_ITERATIONS;
     if (rep->outcome != CLOTH_QP_SOLVED)    /* multipliers that grew without end may be a proof */

@@ -654,7 +654,7 @@ static void memory(void) {
     size_t           bytes;
     o.hooks = hooks;
     for (kind = 0; kind < 2; kind++) {      /* plain doubles; twice the digits */
-        qp_problem p = zone(500, kind ? 1e-9 : 0.1), small = p;
+        qp_problem p = zone(500, kind ? 1e-12 : 0.1), small = p;
         memset(x, 7, sizeof x);
         memset(lambda, 7, sizeof lambda);
         memcpy(y, x, sizeof x);

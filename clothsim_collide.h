@@ -3397,7 +3397,7 @@ typedef struct clothi_zone {                /* its slices of the scratch        
     int          m;                         /* rows of its QP, of 3 size unknowns              */
     int          rows, size, fresh;         /* rows, vertices; a row is of this pass           */
     int         *order, *row, *col, *member;            /* order [rows]: which; member [size]  */
-    double      *val, *h, *lambda, *guess, *norm, *minv, *x0, *x;
+    double      *val, *h, *lambda, *guess, *minv, *x0, *x;
     double       mean;                      /* kg, of a vertex                                 */
     int          iterations, solved;
     cloth_status status;
@@ -3504,7 +3504,7 @@ struct cloth_collide {
     int    *local, *member;                 /* [nv] number in a zone; by zone, its vertices    */
     clothi_zone *zone;
     int    *zone_order;                     /* [15 nrow] rows by zone, then row, col of QPs    */
-    double *qp_val;                         /* [16 nrow] values, then h, lambda, guess, norm   */
+    double *qp_val;                         /* [15 nrow] values, then h, lambda, guess         */
     int     zone_cap, zone_order_cap, qp_val_cap;
     double *qp_minv, *qp_x0, *qp_x;         /* [3 nv]                                          */
     const double *zone_v;                   /* [nv x 3] m/s: of velocities; NULL: of x_IE      */
@@ -4037,26 +4037,25 @@ static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
     return 0;
 }
 
-/* Pairs of cloth's faces with those of a tree, by the boxes of both, edges behind all others: with
- * them between, sweeps of zones went farther off the guess. Faces that cross go into c->now. */
+/* Pairs of cloth's faces with those of a tree, by the boxes of both; faces that cross go into
+ * c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
     const clothi_features_job job = {&c->features, c->box_v, c->box_f};
     const int       cross = what & CLOTHI_CROSS, moved = what & CLOTHI_MOVED;
     clothi_look_fn *look = cross ? clothi_cross_look : clothi_features_look;
     cloth_status    status;
-    int             edges, i;
+    int             i;
     for (i = 0; moved && i < c->nf; i++)
         c->sought[i] = (unsigned char)clothi_any_moved(c, c->faces + 3 * i, 3);
     status = clothi_bvh_look(c->hooks, &c->tree, with, moved ? c->sought : NULL, look,
                              cross ? (const void *)c : &job, &c->found);
-    for (edges = 0; edges < (cross ? 1 : 2); edges++)
-        for (i = 0; i < c->found.count && !status; i++) {
-            const int           *p = c->found.pair + 2 * i;
-            const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
-            if (cross) status = clothi_exempt_add(c, &face);
-            else if (edges && p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
-            else if (!edges && p[0] >= 0) status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
-        }
+    for (i = 0; i < c->found.count && !status; i++) {
+        const int           *p = c->found.pair + 2 * i;
+        const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
+        if (cross) status = clothi_exempt_add(c, &face);
+        else if (p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
+        else status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
+    }
     return status;
 }
 
@@ -6117,7 +6116,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * not push there is dropped: the point stays the nearest without it, so each program that is solved
  * lies farther from the guess than the last, and none comes twice. With the latest row of a pair
  * alone zones go round in circles; with all of them cloth in a pinch has zones that no point meets.
- * A zone that the program cannot solve, or not within desc.max_passes, or whose sweeps lead three
+ * A zone that the program cannot solve, or not within desc.max_passes, or whose solution is three
  * times as far off as anything goes, goes on as one body that does not turn: sheets that do, and
  * spin, fail nearly every step. If that hits too, it stays where it was.
  * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
@@ -6141,13 +6140,12 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  */
 
 #define CLOTHI_RIGID_PASSES 20              /* more, after the last QP                         */
-#define CLOTHI_EXACT_ROWS   200             /* larger zones are swept only                     */
-#define CLOTHI_SWEEPS       300
+#define CLOTHI_LARGE_ZONE   200             /* rows; larger ones are solved one by one         */
+#define CLOTHI_LARGE_SETS   600             /* active sets tried of them; 260 were needed      */
 #define CLOTHI_CARRIED       20             /* t: so far obstacles carry cloth in a guess      */
 #define CLOTHI_START_ROWS   2               /* a vertex: more for a start of minimising are dear */
 #define CLOTHI_ASTRAY       3               /* longest ways of anything; up to 1.4 were needed */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
-#define CLOTHI_EXACT_MOST   1000            /* rows; more take the exact QP minutes            */
 
 /* --- rows --- */
 
@@ -6289,7 +6287,7 @@ static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double 
     cloth_status status = CLOTHI_ROOM(c, zone, c->nrow);
     int          z, i, k, r = 0, at = 0, most = 0;
     if (!status) status = CLOTHI_ROOM(c, zone_order, 15 * c->nrow);
-    if (!status) status = CLOTHI_ROOM(c, qp_val, 16 * c->nrow);
+    if (!status) status = CLOTHI_ROOM(c, qp_val, 15 * c->nrow);
     if (status) return status;
     c->zone_v = v;
     *nzone = clothi_zone_number(c);
@@ -6298,10 +6296,10 @@ static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double 
         q->order = c->zone_order + r, q->row = c->zone_order + n + r + z;
         q->col = c->zone_order + 3 * n + 12 * r;
         q->val = c->qp_val + 12 * r, q->h = c->qp_val + 12 * n + r, q->lambda = q->h + n;
-        q->guess = q->lambda + n, q->norm = q->guess + n;
+        q->guess = q->lambda + n;
         q->member = c->member + at, q->minv = c->qp_minv + 3 * at;
         q->x0 = c->qp_x0 + 3 * at, q->x = c->qp_x + 3 * at;
-        if (v || q->rows <= CLOTHI_EXACT_ROWS) most = q->rows > most ? q->rows : most;
+        if (q->rows <= CLOTHI_LARGE_ZONE && q->rows > most) most = q->rows;
         r += q->rows, at += q->size, q->rows = q->size = 0;
     }
     for (i = 0; i < c->nrow; i++) {
@@ -6313,9 +6311,8 @@ static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double 
             if (clothi_movable(c, row->v[k]) && c->local[row->v[k]] < 0)
                 q->member[c->local[row->v[k]] = q->size++] = row->v[k];
     }
-    k = most < CLOTHI_EXACT_ROWS ? most : CLOTHI_EXACT_ROWS;
     for (z = 0; z < c->nwork && c->hooks->parallel.run && most > 0; z++)
-        if (!clothi_qp_reserve(c->work[z], k, 12 * most, 12 * CLOTHI_EXACT_ROWS))
+        if (!clothi_qp_reserve(c->work[z], most, 12 * most, 12 * CLOTHI_LARGE_ZONE))
             return CLOTH_ERR_MEMORY;
     return CLOTH_OK;
 }
@@ -6352,63 +6349,6 @@ static void clothi_zone_qp(const cloth_collide *c, clothi_zone *q) {
     q->m = m;
 }
 
-/* Lets row r of the QP have its way: lambda, and x with it. Returns how far it moved, m. */
-static double clothi_sweep_row(const clothi_zone *q, int r) {
-    const double a = q->norm[r];
-    double       w = q->h[r], d;
-    int          i;
-    for (i = q->row[r]; i < q->row[r + 1]; i++) w -= q->val[i] * q->x[q->col[i]];
-    if (!(a > 0)) return w < 0 ? HUGE_VAL : 0;
-    d = clothi_max(-w / a, -q->lambda[r]);
-    if (!(d < 0 || d > 0)) return 0;
-    q->lambda[r] += d;
-    for (i = q->row[r]; i < q->row[r + 1]; i++)
-        q->x[q->col[i]] -= d * q->minv[q->col[i]] * q->val[i];
-    return fabs(d) * a;
-}
-
-/* The QP by sweeps over its rows, there and back, from the multipliers in lambda, until none moves
- * by `enough` (0: by a tenth of its slack). Of four sweeps one takes all rows, the others those
- * that push. 1 when that came. */
-static int clothi_zone_sweeps(const cloth_collide *c, clothi_zone *q, double enough) {
-    int sweep, i, j, r;
-    memcpy(q->x, q->x0, 3 * (size_t)q->size * sizeof *q->x);
-    for (r = 0; r < q->m; r++)
-        for (q->norm[r] = 0, i = q->row[r]; i < q->row[r + 1]; i++) {
-            const double g = q->val[i] * q->minv[q->col[i]];
-            q->norm[r] += g * q->val[i];
-            q->x[q->col[i]] -= q->lambda[r] * g;
-        }
-    for (sweep = 0; sweep < CLOTHI_SWEEPS; sweep++) {
-        const int all = sweep % 4 == 0;
-        int       late = 0;
-        for (j = 0; j < q->m; j++) {
-            r = sweep & 1 ? q->m - 1 - j : j;
-            if (!all && !(q->lambda[r] > 0)) continue;
-            late += clothi_sweep_row(q, r) >
-                    (enough > 0 ? enough : 0.1 * c->row[q->order[r]].slack);
-        }
-        q->iterations++;
-        if (!late && all) return 1;
-    }
-    return 0;
-}
-
-/* The QP itself, in the worker's memory. Refused, as numbers are too large: it is not solved. */
-static void clothi_zone_exact(const cloth_collide *c, clothi_zone *q, const double *guess,
-                              int worker, const cloth_cancel *cancel) {
-    const cloth_qp   qp = {3 * q->size, q->m, q->minv, q->x0, q->row, q->col, q->val, q->h};
-    cloth_qp_options o = cloth_qp_options_default();
-    cloth_qp_report  rep;
-    o.hooks.allocator = c->hooks->allocator;
-    o.work = c->work[worker], o.guess = guess;
-    if (cancel) o.hooks.cancel = *cancel;
-    q->status = cloth_qp_solve(&qp, &o, q->x, q->lambda, &rep);
-    q->iterations += rep.iterations;
-    if (q->status != CLOTH_ERR_MEMORY && q->status != CLOTH_ERR_CANCELLED) q->status = CLOTH_OK;
-    q->solved = !q->status && rep.outcome == CLOTH_QP_SOLVED;
-}
-
 /* The most that numbers of a [n] and b [n] are apart. */
 static double clothi_farthest(int n, const double *a, const double *b) {
     double most = 0;
@@ -6417,32 +6357,54 @@ static double clothi_farthest(int n, const double *a, const double *b) {
     return most;
 }
 
-/* Rows that no point meets drive sweeps apart, and what is hit from there makes rows without end: a
- * shirt's step had two million. */
+/* Rows that no point nearby meets lead far off, and what is hit from there makes rows without end:
+ * a shirt's step had two million. */
 static int clothi_zone_astray(const cloth_collide *c, const clothi_zone *q) {
     return !(clothi_farthest(3 * q->size, q->x, q->x0) <= CLOTHI_ASTRAY * c->stride);
+}
+
+/* Solves the zone's QP, in the worker's memory, from what the last pass found; the new rows may
+ * hold. Refused, as numbers are too large: it is not solved. */
+static void clothi_zone_solve(const cloth_collide *c, clothi_zone *q, int worker,
+                              const cloth_cancel *cancel) {
+    const cloth_qp   qp = {3 * q->size, q->m, q->minv, q->x0, q->row, q->col, q->val, q->h};
+    cloth_qp_options o = cloth_qp_options_default();
+    cloth_qp_report  rep;
+    int              r;
+    for (r = 0; r < q->m && !c->zone_v; r++) {
+        const cloth_contact_row *row = c->row + q->order[r];
+        q->guess[r] = row->pass == c->report.passes ? 1 : row->multiplier;
+    }
+    o.hooks.allocator = c->hooks->allocator;
+    o.work = c->work[worker], o.guess = c->zone_v ? NULL : q->guess;
+    if (q->m > CLOTHI_LARGE_ZONE) o.max_iterations = CLOTHI_LARGE_SETS;
+    if (cancel) o.hooks.cancel = *cancel;
+    q->status = cloth_qp_solve(&qp, &o, q->x, q->lambda, &rep);
+    q->iterations = rep.iterations;
+    if (q->status != CLOTH_ERR_MEMORY && q->status != CLOTH_ERR_CANCELLED) q->status = CLOTH_OK;
+    q->solved = !q->status && rep.outcome == CLOTH_QP_SOLVED &&
+                (c->zone_v || !clothi_zone_astray(c, q));
 }
 
 /* Slices, vertices and work are their own and no hook is called: same bits for any workers. */
 static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
     const cloth_collide *c = (const cloth_collide *)ctx;
-    const double        *v = c->zone_v;
-    int                  z, r;
+    int                  z;
     for (z = begin; z < end; z++) {
         clothi_zone *q = c->zone + z;
-        if (!v && !q->fresh) continue;
+        if (!c->zone_v && !q->fresh) continue;
         clothi_zone_qp(c, q);
-        for (r = 0; r < q->m; r++) {     /* what the last pass found; the new rows may hold */
-            const cloth_contact_row *row = c->row + q->order[r];
-            q->guess[r] = row->pass == c->report.passes ? 1 : row->multiplier;
-            q->lambda[r] = v ? 0 : row->multiplier / q->mean;
-        }
-        if (q->m > CLOTHI_EXACT_ROWS)
-            q->solved = clothi_zone_sweeps(c, q, v ? 0.01 * c->desc.thickness / c->h : 0) || v ||
-                        !clothi_zone_astray(c, q);
-        else if (q->m > 0)
-            clothi_zone_exact(c, q, v ? NULL : q->guess, worker, NULL);
+        if (q->m > 0 && q->m <= CLOTHI_LARGE_ZONE) clothi_zone_solve(c, q, worker, NULL);
     }
+}
+
+/* The QPs of all zones, large ones after the others: they ask the hooks. */
+static void clothi_zones_solve(cloth_collide *c, int nzone) {
+    int z;
+    clothi_for(c->hooks, nzone, CLOTHI_ZONE_GRAIN, clothi_zone_range, c);
+    for (z = 0; z < nzone; z++)
+        if (c->zone[z].m > CLOTHI_LARGE_ZONE)
+            clothi_zone_solve(c, c->zone + z, 0, &c->hooks->cancel);
 }
 
 /* The solution into xb. */
@@ -6536,8 +6498,7 @@ static void clothi_rows_drop(cloth_collide *c) {
     c->nrow = n;
 }
 
-/* One pass over the rows, of which those of this pass are new. Large zones that sweeps did not
- * solve go through the exact QP one by one, after the others. */
+/* One pass over the rows, of which those of this pass are new. */
 static cloth_status clothi_zones(cloth_collide *c) {
     const int    rigid = c->report.passes >= c->desc.max_passes;
     int          nzone, z, r;
@@ -6550,12 +6511,10 @@ static cloth_status clothi_zones(cloth_collide *c) {
         if (c->row[r].pass == c->report.passes && c->row[r].zone < 0 &&
             !clothi_still(c, c->row + r))
             return clothi_failed_pairs(c);
-    if (!rigid) clothi_for(c->hooks, nzone, CLOTHI_ZONE_GRAIN, clothi_zone_range, c);
+    if (!rigid) clothi_zones_solve(c, nzone);
     for (z = 0; z < nzone && !status; z++) {
         clothi_zone *q = c->zone + z;
         if (!q->fresh) continue;
-        if (!rigid && !q->solved && q->rows > CLOTHI_EXACT_ROWS && q->rows <= CLOTHI_EXACT_MOST)
-            clothi_zone_exact(c, q, q->guess, 0, &c->hooks->cancel);
         c->report.qp_iterations += q->iterations;
         if (q->rows > c->report.largest_zone && !rigid) c->report.largest_zone = q->rows;
         status = q->status;
@@ -6727,7 +6686,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
     int          nzone, z, i, k;
     cloth_status status = clothi_zone_make(c, &nzone, v);
     if (status) return status;
-    clothi_for(c->hooks, nzone, CLOTHI_ZONE_GRAIN, clothi_zone_range, c);
+    clothi_zones_solve(c, nzone);
     for (z = 0; z < nzone && !status; z++) {
         const clothi_zone *q = c->zone + z;
         status = q->status;
@@ -7273,15 +7232,19 @@ static size_t clothi_contact_bytes(void *user) {
 
 /* --- create --- */
 
-/* x [n x 3]: finite, and no farther out than that areas' squares have room. */
+/* m, of obstacles' coordinates: where areas' squares have room and rounding keeps the thickness. */
+static double clothi_farthest_place(const cloth_collide *c) {
+    return clothi_min(CLOTHI_FARTHEST, c->desc.thickness / CLOTHI_FINEST);
+}
+
+/* x [n x 3]: finite, at most `most`. */
 static cloth_status clothi_check_places(const cloth_hooks *hooks, const char *call,
-                                        const char *name, const double *x, int n) {
+                                        const char *name, const double *x, int n, double most) {
     size_t i, size = 3 * (size_t)n;
-    for (i = 0; i < size && fabs(x[i]) <= CLOTHI_FARTHEST; i++) continue;
+    for (i = 0; i < size && fabs(x[i]) <= most; i++) continue;
     if (i == size) return CLOTH_OK;
     return clothi_fail(hooks, clothi_finite(x[i]) ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
-                       "%s%s[%i] = %g must be finite, at most %g", call, name, (int)i, x[i],
-                       CLOTHI_FARTHEST);
+                       "%s%s[%i] = %g must be finite, at most %g", call, name, (int)i, x[i], most);
 }
 
 static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
@@ -7356,7 +7319,8 @@ static void clothi_collide_connect(cloth_collide *c);
 
 /* Outside a step: what a host wrote into x is a number. */
 static cloth_status clothi_look_check(const cloth_collide *c) {
-    return clothi_check_places(c->hooks, "the state", "'s x", c->sim->state.x, c->nv);
+    return clothi_check_places(c->hooks, "the state", "'s x", c->sim->state.x, c->nv,
+                               CLOTHI_FARTHEST);
 }
 
 /* Checks where everything is now, outside a step: what it finds becomes state. */
@@ -7538,7 +7502,8 @@ static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_ob
     nv = clothi_obstacle_shape(d, &nf);
     status = clothi_check_count(hooks, "obstacle.", "nv", nv, 1, CLOTH_MAX_COUNT);
     if (!status && !d->x) status = clothi_null(hooks, "obstacle.x");
-    if (!status) status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv);
+    if (!status) status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv,
+                                              clothi_farthest_place(c));
     if (!status) status = clothi_check_rules(hooks, "obstacle.", d, rule, 2);
     if (!status && (clothi_has_radius(d->kind) ||
                     (clothi_finite(d->radius) && d->radius > CLOTHI_FARTHEST)))
@@ -7673,7 +7638,7 @@ static cloth_status clothi_pose_check(const cloth_collide *c, const clothi_obsta
                                       const char *call, const double *x) {
     if (!o) return CLOTH_ERR_HANDLE;
     if (!x) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: x is NULL", call);
-    return clothi_check_places(c->hooks, call, ": x", x, o->nv);
+    return clothi_check_places(c->hooks, call, ": x", x, o->nv, clothi_farthest_place(c));
 }
 
 CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
@@ -7697,8 +7662,9 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
     clothi_no_turn(none);
     if (!o) return CLOTH_ERR_HANDLE;
     if (!p) return clothi_null(c->hooks, "cloth_collide_pose: p");
-    status = clothi_check_places(c->hooks, "cloth_collide_pose", ": R", turn, 3);
-    if (!status) status = clothi_check_places(c->hooks, "cloth_collide_pose", ": p", p, 1);
+    status = clothi_check_places(c->hooks, "cloth_collide_pose", ": R", turn, 3, CLOTHI_FARTHEST);
+    if (!status) status = clothi_check_places(c->hooks, "cloth_collide_pose", ": p", p, 1,
+                                              clothi_farthest_place(c));
     if (status) return status;
     for (i = 0; i < 9; i++)
         off = clothi_max(off, fabs(turn[i / 3] * turn[i % 3] + turn[3 + i / 3] * turn[3 + i % 3] +
@@ -7742,8 +7708,8 @@ CLOTH_API cloth_status cloth_collide_set_surface(cloth_collide *c, cloth_obstacl
     if (v) memcpy(surface, v, 3 * sizeof *v);
     if (omega) memcpy(surface + 3, omega, 3 * sizeof *omega);
     for (i = 0; i < 2 && !status; i++)
-        status = clothi_check_places(c->hooks, "cloth_collide_set_surface", i ? ": omega" : ": v",
-                                     surface + 3 * i, 1);
+        status = clothi_check_places(c->hooks, "cloth_collide_set_surface",
+                                     i ? ": omega" : ": v", surface + 3 * i, 1, CLOTHI_FARTHEST);
     if (!status) clothi_set(c->sim, o->surface, surface, sizeof surface);
     return status;
 }

@@ -288,10 +288,12 @@ static void lost_state(void) {
     CHECK(H.live == 0);
 }
 
-/* A ground that leaps by the largest number is refused; by what is just allowed the zones cannot
- * follow, which is the step's failure, not the caller's. */
+/* A ground that leaps by the largest number, or to where 1e12 of its thickness lie behind, is
+ * refused; by what is just allowed the zones cannot follow, which is the step's failure, not the
+ * caller's. (A leap of 1e20 m they could follow, to where the cloth's edges are 16 km or 0.) */
 static void absurd_zone(void) {
-    static const double far[3] = {0, 1.7e308, 0}, leap[3] = {0, 1e50, 0}, ground[3] = {0, -0.2, 0};
+    static const double far[3] = {0, 1.7e308, 0}, lost[3] = {0, 2.01e9, 0};
+    static const double leap[3] = {0, 1.99e9, 0}, ground[3] = {0, -0.2, 0};
     cloth_hooks  hooks = host_hooks(&H);
     cloth_collide_contact touch[8];
     cloth_report r;
@@ -299,6 +301,7 @@ static void absurd_zone(void) {
     int          count, live;
     after = open_before_ninth(&hooks);
     CHECK(said(cloth_collide_move(W.c, W.ground, far), CLOTH_ERR_ARGUMENT, "x[1] = "));
+    CHECK(said(cloth_collide_move(W.c, W.ground, lost), CLOTH_ERR_ARGUMENT, "at most 2e9"));
     CHECK(cloth_collide_move(W.c, W.ground, leap) == CLOTH_OK);
     before = cloth_sim_hash(W.sim);
     CHECK(said(cloth_step(W.sim, 1.0 / 60, &r), CLOTH_ERR_STEP, "could not be resolved"));

@@ -24,6 +24,7 @@
  *   K t/2, 18 K t     0.16, 0.75 (0.92), 2.6   0.4 and 0.7
  *   K t/2, 27 K t     0.11, 0.62 (0.92), 2.9   1.0 of one, edges 2.8
  *   that, less by stretched edges: 0.14, 0.66 (0.92), 2.3   0.7 and 1.0, edges 2.6; chosen
+ *     since zones are solved by the QP alone: 0.17, 0.74 (1.32), 2.6 of ten
  *   both less by them 0.16, 0.73 (1.05), 2.3   0.7 and 1.0
  *   that, without what goes aside: 0.24, 0.85 (1.05) of two
  *   K t, 9 K t        0.22, 0.8 (1.2) of six; edges of trousers to 2.8

@@ -6385,7 +6385,7 @@ static void clothi_zone_solve(const cloth_collide *c, clothi_zone *q, int worker
     }
     o.hooks.allocator = c->hooks->allocator;
     o.work = c->work[worker], o.guess = c->zone_v ? NULL : q->guess;
-    if (q->m > CLOTHI_LARGE_ZONE) o.max_iterations = CLOTHI_LARGE_SETS;
+    if (q->rows > CLOTHI_LARGE_ZONE) o.max_iterations = CLOTHI_LARGE_SETS;
     if (cancel) o.hooks.cancel = *cancel;
     q->status = cloth_qp_solve(&qp, &o, q->x, q->lambda, &rep);
     q->iterations = rep.iterations;
@@ -6402,7 +6402,7 @@ static void clothi_zone_range(int begin, int end, int worker, void *ctx) {
         clothi_zone *q = c->zone + z;
         if (!c->zone_v && !q->fresh) continue;
         clothi_zone_qp(c, q);
-        if (q->m > 0 && q->m <= CLOTHI_LARGE_ZONE) clothi_zone_solve(c, q, worker, NULL);
+        if (q->m > 0 && q->rows <= CLOTHI_LARGE_ZONE) clothi_zone_solve(c, q, worker, NULL);
     }
 }
 
@@ -6411,7 +6411,7 @@ static void clothi_zones_solve(cloth_collide *c, int nzone) {
     int z;
     clothi_for(c->hooks, nzone, CLOTHI_ZONE_GRAIN, clothi_zone_range, c);
     for (z = 0; z < nzone; z++)
-        if (c->zone[z].m > CLOTHI_LARGE_ZONE)
+        if (c->zone[z].m > 0 && c->zone[z].rows > CLOTHI_LARGE_ZONE)
             clothi_zone_solve(c, c->zone + z, 0, &c->hooks->cancel);
 }
 

@@ -1293,15 +1293,6 @@ CLOTH_API cloth_status cloth_pattern_create(const cloth_hooks *hooks, int nv, in
                                             cloth_pattern **out);
 CLOTH_API void   cloth_pattern_destroy(cloth_pattern *pattern);
 CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern);
-/* Leaves of the dissection; rows of two leaves never couple. 1, 4 or 8, by nv. */
-CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern);
-/* The leaf of a vertex, or -1 for one of a separator. */
-CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex);
-/* Block (i, j), i != j: 2 k + t, block k below the diagonal, t = 1: it is the transposed that is
- * stored; -1: not in the pattern. O(log of the row). */
-CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j);
-/* Blocks per row, both triangles, averaged. */
-CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern);
 
 /* A symmetric matrix of zeros over a pattern, which must outlive it.                       [7.2]
  * out  *out     owned: cloth_matrix_destroy; NULL on failure
@@ -1343,8 +1334,7 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void);
  * Where A is not positive on a direction that CG meets: report->negative; with a radius, x goes on
  * along it to the radius (hit); without, x is what was reached, or the preconditioned b where that
  * is nothing. Where a diagonal block or the coarse matrix already is not positive: negative, not
- * hit, and x = 0; cloth_linear_negative_direction knows the direction. Only JACOBI with a radius
- * goes on, with a bound of the block as preconditioner.
+ * hit, and x = 0. Only JACOBI with a radius goes on, with a bound of the block as preconditioner.
  * b.x >= 0 always: x goes downhill. Stopping at max_iterations is no failure: see the residual.
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option;
  *   CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY; CLOTH_ERR_UNSUPPORTED.
@@ -1355,15 +1345,6 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *solver, const clo
                                           const double *b, double *x,
                                           const cloth_linear_options *options,
                                           cloth_linear_report *report);
-
-/* A direction d with d.A d < 0 over the free axes, of any length.                          [7.3]
- * out  x        [nv x 3] d; *found 0: CG with a right-hand side without symmetry met none before
- *               it converged; then x is 0
- * returns as cloth_linear_solve */
-CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *solver,
-                                                       const cloth_matrix *A,
-                                                       const unsigned char *fixed, double *x,
-                                                       int *found);
 
 /* ----- linear algebra: Cholesky ------------------------------------------------------- [7.4] - */
 
@@ -5806,27 +5787,22 @@ CLOTH_API size_t cloth_pattern_bytes(const cloth_pattern *pattern) {
     return clothi_object_blocks(pattern, 4, 0);
 }
 
-CLOTH_API int cloth_pattern_domains(const cloth_pattern *pattern) {
-    return pattern ? pattern->nd : 0;
-}
-
-CLOTH_API int cloth_pattern_domain(const cloth_pattern *pattern, int vertex) {
+/* The leaf of a vertex, or -1 for one of a separator. */
+static int clothi_pattern_domain(const cloth_pattern *pattern, int vertex) {
     int d, r = pattern->row_of[vertex];
     for (d = 0; d < pattern->nd; d++)
         if (r < pattern->dom[d + 1]) return d;
     return -1;
 }
 
-CLOTH_API int cloth_pattern_slot(const cloth_pattern *pattern, int i, int j) {
+/* Block (i, j), i != j: 2 k + t, block k below the diagonal, t = 1: it is the transposed that is
+ * stored; -1: not in the pattern. O(log of the row). */
+static int clothi_pattern_slot(const cloth_pattern *pattern, int i, int j) {
     const int a = pattern->row_of[i], b = pattern->row_of[j], turned = a < b;
     const int row = turned ? b : a, col = turned ? a : b;
     const int q = clothi_strip(pattern, row, col), end = pattern->start[q + 1];
     const int at = clothi_lower_bound(pattern->col, pattern->start[q], end, col);
     return at < end && pattern->col[at] == col ? 2 * at + turned : -1;
-}
-
-CLOTH_API double cloth_pattern_blocks_per_row(const cloth_pattern *pattern) {
-    return pattern ? 1 + 2.0 * pattern->nlow / pattern->n : 0;
 }
 
 /* ===== [7.2] BLOCK SPARSE MATRIX ===============================================================
@@ -6044,7 +6020,7 @@ CLOTH_API cloth_status cloth_matrix_add_element(cloth_matrix *A, int n, const in
                 if (a != b) clothi_block_add(clothi_matrix_diag(A, v[a]), B, 1);
                 continue;
             }
-            k = cloth_pattern_slot(A->p, v[a], v[b]);
+            k = clothi_pattern_slot(A->p, v[a], v[b]);
             if (k < 0) clothi_matrix_add_extra(A, v[a], v[b], B);
             else clothi_block_add(A->low + 9 * (size_t)(k >> 1), B, k & 1);
         }
@@ -6370,7 +6346,6 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
 #define CLOTHI_FLOAT_STIFFNESS     8e6      /* stiffness over inertia, see the banner          */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
 #define CLOTHI_CG_CAP              20000
-#define CLOTHI_CURVATURE_TOLERANCE 1e-10
 
 /* Sweeps work on a copy of it: stores of vectors may alias what a pointer leads to, so that fields
  * of the solver and its pattern would be read again after each. */
@@ -6498,10 +6473,9 @@ static int clothi_jacobi(cloth_linear_solver *s, const double *r, double *z) {
     return 0;
 }
 
-/* x, from 0, by the pseudo-code of the banner. Where it meets negative curvature, *last (may be
- * NULL) is the direction that has it. */
+/* x, from 0, by the pseudo-code of the banner. */
 static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_fn *precondition,
-                                    double *x, clothi_cg *g, const double **last) {
+                                    double *x, clothi_cg *g) {
     const size_t n = 3 * (size_t)s->p->n;
     double      *r = (double *)s->block, *z = r + n, *d = z + n, *q = d + n, big, alpha, rr;
     size_t       i;
@@ -6516,7 +6490,6 @@ static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_
         g->pq = clothi_dot(d, q, n);
         if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
         g->negative = !(g->pq > 0);
-        if (g->negative && last) *last = d;
         alpha = g->negative ? 0 : g->rr / g->pq;
         for (i = 0, big = 0; i < n; i++) big = clothi_max(fabs(x[i] + alpha * d[i]), big);
         if (g->radius > 0 && (g->negative || !(big <= g->radius))) {
@@ -7551,7 +7524,7 @@ CLOTHI_RARE_END
  * checked: tests/test_cholesky.c
  */
 
-/* A block of A on its way into a front: slot as in cloth_pattern_slot, front vertices row, col. */
+/* A block of A on its way into a front: slot as in clothi_pattern_slot, front vertices row, col. */
 typedef struct clothi_front_entry {
     int slot2, row, col;
 } clothi_front_entry;
@@ -8022,11 +7995,11 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
     status = clothi_linear_begin(s, A, b, &o, &g);
     if (status) return status;
-    if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_plain_cg(s, clothi_jacobi, x, &g, NULL);
+    if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_plain_cg(s, clothi_jacobi, x, &g);
     else if (o.method != CLOTH_LINEAR_CHOLESKY) status = clothi_sgs_solve(s, x, &g);
     else {                                  /* right with blocks outside the pattern too       */
         status = clothi_solver_factor(s, A, o.fixed, NULL);
-        if (!status) status = clothi_plain_cg(s, clothi_by_factor, x, &g, NULL);
+        if (!status) status = clothi_plain_cg(s, clothi_by_factor, x, &g);
     }
     if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
         g.negative = 1, g.rr = g.c0 = 1;
@@ -8045,72 +8018,6 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     r.residual = g.c0 > 0 ? sqrt(g.rr / g.c0) : 0;
     r.decrease = g.Q;
     if (report) *report = r;
-    return CLOTH_OK;
-}
-
-/* Blocks outside the pattern are not in the factor: CG from a right-hand side b without symmetry or
- * pattern meets what negative curvature there is, preconditioned by the factor where that is
- * positive. */
-static cloth_status clothi_wander(cloth_linear_solver *s, const cloth_matrix *A,
-                                  const unsigned char *fixed, int positive, double *x,
-                                  int *found) {
-    const size_t         n = 3 * (size_t)s->p->n;
-    cloth_linear_options o = cloth_linear_options_default();
-    const double        *last = NULL;
-    double              *b;
-    clothi_cg            g;
-    cloth_status         status;
-    uint64_t             seed = 1;
-    size_t               i;
-    o.fixed = fixed;
-    o.tolerance = CLOTHI_CURVATURE_TOLERANCE;
-    status = clothi_linear_begin(s, A, NULL, &o, &g);
-    if (status) return status;
-    s->b = b = (double *)s->block + 4 * n;
-    for (i = 0; i < n; i++) {
-        seed = seed * 6364136223846793005u + 1442695040888963407u;
-        b[i] = ((double)(seed >> 40) / 16777216.0 - 0.5) *
-               sqrt(fabs(A->diag[9 * (size_t)s->p->row_of[i / 3] + 4 * (i % 3)]));
-    }
-    s->radius_on = 1;                       /* a block that is not positive is bounded         */
-    status = clothi_plain_cg(s, positive ? clothi_by_factor : clothi_jacobi, x, &g, &last);
-    *found = !status && g.negative && last;
-    if (*found) memcpy(x, last, n * sizeof(double));
-    return status;
-}
-
-CLOTH_API cloth_status cloth_linear_negative_direction(cloth_linear_solver *s,
-                                                       const cloth_matrix *A,
-                                                       const unsigned char *fixed, double *x,
-                                                       int *found) {
-    cloth_factor_report rep;
-    cloth_status        status;
-    double             *b, curvature, size = 0;
-    size_t              i, n;
-    if (found) *found = 0;
-    if (!s || !A || !x || !found || A->p != s->p) return CLOTH_ERR_ARGUMENT;
-    n = 3 * (size_t)s->p->n;
-    memset(x, 0, n * sizeof(double));
-    status = clothi_solver_factor(s, A, fixed, &rep);
-    if (status && status != CLOTH_ERR_NUMERIC) return status;
-    if (A->ne > 0) status = clothi_wander(s, A, fixed, !status, x, found);
-    else {
-        status = CLOTH_OK;
-        *found = rep.negative > 0;
-        if (*found) (void)cloth_factor_direction(s->factor, x);
-    }
-    if (status || !*found) return status;
-    *found = 0;
-    if (clothi_find_nonfinite(x, n) >= 0) {
-        memset(x, 0, n * sizeof(double));
-        return CLOTH_ERR_NONFINITE;
-    }
-    b = s->factor->vec;
-    cloth_matrix_mul(A, fixed, x, b);       /* rounding of a semidefinite matrix is no saddle  */
-    curvature = clothi_dot(x, b, n);
-    for (i = 0; i < n; i++)
-        size += x[i] * x[i] * fabs(A->diag[9 * (size_t)s->p->row_of[i / 3] + 4 * (i % 3)]);
-    *found = curvature < -1e-12 * size || (curvature < 0 && !(size > 0));
     return CLOTH_OK;
 }
 
@@ -8453,7 +8360,7 @@ static int clothi_element_domain(const cloth_model *m, const clothi_group *g, in
     int        k, domain = -1, outside = 0;
     if (!m->pattern) return 0;
     for (k = 0; k < g->width; k++) {
-        int d = cloth_pattern_domain(m->pattern, v[k]);
+        int d = clothi_pattern_domain(m->pattern, v[k]);
         if (d < 0 ? outside++ > 0 : domain >= 0 && d != domain) return g->ndomain;
         if (d >= 0) domain = d;
     }
@@ -8466,7 +8373,7 @@ static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
     enum { L = CLOTHI_LANES };
     const int pairs = clothi_group_pairs(g);
     int       d, e, i, k, n, next[CLOTHI_DOMAINS + 2] = {0};
-    g->ndomain = m->pattern ? cloth_pattern_domains(m->pattern) : 1;
+    g->ndomain = m->pattern ? m->pattern->nd : 1;
     for (e = 0; e < g->count; e++) next[clothi_element_domain(m, g, e)]++;
     for (d = 0; d <= g->ndomain; d++) {
         g->domain[d + 1] = g->domain[d] + (next[d] + L - 1) / L;
@@ -8486,7 +8393,7 @@ static cloth_status clothi_group_build(cloth_model *m, clothi_group *g) {
         for (k = 0; k < g->width; k++) g->vert[(i / L * g->width + k) * L + i % L] = v[k];
         for (k = 0; m->pattern && k < pairs; k++)
             g->slot[(i / L * pairs + k) * L + i % L] =
-                cloth_pattern_slot(m->pattern, v[clothi_pair[k][0]], v[clothi_pair[k][1]]);
+                clothi_pattern_slot(m->pattern, v[clothi_pair[k][0]], v[clothi_pair[k][1]]);
     }
     return CLOTH_OK;
 }
@@ -10674,27 +10581,35 @@ static int clothi_escape(cloth_sim *s, clothi_goal *goal, double length, double 
     return 0;
 }
 
-/* See 'Saddles'. A force of noise, a thousandth of what inertia needs to move by the radius, leads
- * CG to negative curvature where there is any. Done: there is none, or it leads nowhere. */
-static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
-    const double radius = 0.1 * s->model->desc.tolerance;
-    const double push = 1e-3 * radius / (goal->eta * goal->eta);
+/* A force of noise, of `push` m/s^2, leads CG to negative curvature of the matrix where there is
+ * any: then it hits the radius. */
+static cloth_status clothi_noise(cloth_sim *s, double push, double tolerance, double radius) {
     cloth_status status;
     uint32_t     noise = 1;
     int          i;
-    if (((nt->exact || !nt->refused) && clothi_still_axis(s) < 0) || !(goal->eta > 0) ||
-        nt->escapes == CLOTHI_ESCAPES || !clothi_compressed(s))
-        return CLOTH_OK;
-    nt->escapes++;
     for (i = 0; i < 3 * s->model->nv; i++) {
         noise = noise * 1664525u + 1013904223u;
         s->w.rhs[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : push * s->params.mass[i / 3] *
                                                        ((double)(noise >> 8) / 8388608 - 1);
     }
-    status = clothi_newton_assemble(s, goal, 1);
-    if (!status) status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_SGS);
+    status = clothi_newton_solve(s, tolerance, radius, CLOTH_LINEAR_SGS);
     if (!status && s->linear.negative && !s->linear.hit)
-        status = clothi_newton_solve(s, 1e-4, radius, CLOTH_LINEAR_JACOBI);
+        status = clothi_newton_solve(s, tolerance, radius, CLOTH_LINEAR_JACOBI);
+    return status;
+}
+
+/* See 'Saddles'. The force is a thousandth of what inertia needs to move by the radius. Done: there
+ * is no negative curvature, or it leads nowhere. */
+static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
+    const double radius = 0.1 * s->model->desc.tolerance;
+    cloth_status status;
+    if (((nt->exact || !nt->refused) && clothi_still_axis(s) < 0) || !(goal->eta > 0) ||
+        nt->escapes == CLOTHI_ESCAPES || !clothi_compressed(s))
+        return CLOTH_OK;
+    nt->escapes++;
+    status = clothi_newton_assemble(s, goal, 1);
+    if (!status)
+        status = clothi_noise(s, 1e-3 * radius / (goal->eta * goal->eta), 1e-4, radius);
     if (status || !s->linear.hit || !clothi_escape(s, goal, CLOTHI_ESCAPE * s->edge, nt->value))
         return status;
     nt->size = nt->radius = CLOTHI_ESCAPE * s->edge;
@@ -11060,6 +10975,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
 }
 
 #define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+#define CLOTHI_STATIC_FAR    1e9            /* mean edges: only negative curvature leads there */
 /* --- statics --- */
 
 /* Longest side of the box around x [nv x 3]. */
@@ -11078,14 +10994,21 @@ static double clothi_extent(const double *x, int nv) {
 }
 
 /* At a converged point: a direction of negative curvature of the exact Hessian into w.dx; *saddle
- * 0: there is none. */
+ * 0: there is none. A factor has no blocks outside the pattern: with some, noise finds one. */
 static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int *saddle) {
-    cloth_status status;
+    cloth_factor_report rep;
+    cloth_status        status;
     *saddle = 0;
     goal->sigma = 0;
     status = clothi_newton_assemble(s, goal, 1);
-    if (!status)
-        status = cloth_linear_negative_direction(s->solver, s->matrix, s->fixed, s->w.dx, saddle);
+    if (!status && s->matrix->ne > 0) {
+        status = clothi_noise(s, 1, 1e-10, CLOTHI_STATIC_FAR * s->edge);
+        *saddle = s->linear.hit;
+    } else if (!status) {
+        status = clothi_solver_factor(s->solver, s->matrix, s->fixed, &rep);
+        status = status == CLOTH_ERR_NUMERIC ? CLOTH_OK : status;
+        *saddle = cloth_factor_direction(s->solver->factor, s->w.dx) < 0;
+    }
     s->report.factorizations++;
     if (status || !*saddle) return status;
     clothi_tie_spread(s->model, s->w.dx);
@@ -12052,7 +11975,7 @@ static int clothi_watched(const cloth_sim *s, double h) {
 }
 
 /* A run with its ledger. A step of BDF2 whose energy no work explains is taken again by implicit
- * Euler, which forgets, as the next one does. */
+ * Euler, which forgets, as the next one does; where time is up the next one alone. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
     cloth_status status = CLOTH_OK;
@@ -12063,6 +11986,10 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
         most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
         if (status || !clothi_watched(s, h) || l->numerical_loss >= -most) break;
+        if (s->finish) {
+            clothi_forget(s);
+            break;
+        }
         if (s->calm) {
             s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
@@ -12618,7 +12545,8 @@ CLOTH_API const cloth_topology *cloth_model_topology(const cloth_model *model) {
 }
 
 CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model) {
-    return cloth_pattern_blocks_per_row(model ? model->pattern : NULL);
+    const cloth_pattern *p = model ? model->pattern : NULL;
+    return p ? 1 + 2.0 * p->nlow / p->n : 0;
 }
 
 /* Area-weighted normal of vertex i: the sum of its faces' cross products. */

@@ -151,8 +151,9 @@ extern "C" {
  * A tape records every accepted step of a sim from its creation on, cloth_solve_static() too, with
  * what was pinned, attached, pushed, blown and what material it had; all may change between steps.
  * What moves the state otherwise (cloth_sim_restore, _reset, cloth_step_replay, a write to
- * cloth_sim_state, a teleport) ends the tape: the next step is not recorded and a sentence says so;
- * what was recorded stays good. So it is when memory or the budget is out. */
+ * cloth_sim_state, a teleport, an obstacle that comes or goes) ends the tape: the next step is not
+ * recorded and a sentence says so; what was recorded stays good, with the obstacles that it had. So
+ * it is when memory or the budget is out. */
 
 typedef struct cloth_tape cloth_tape;
 
@@ -255,7 +256,7 @@ typedef struct cloth_grad_report {
  * returns CLOTH_OK; _ARGUMENT (NULL, no step recorded); _HANDLE: the sim is destroyed;
  *   _UNSUPPORTED: contact or a host's term without vjp, friction or obstacle without contact;
  *   _NONFINITE: the loss wrote NaN or infinity (step and vertex are named); _MEMORY; _CAPACITY:
- *   the budget; _CANCELLED
+ *   the budget; _CANCELLED; _FORMAT: an obstacle has come or gone since
  * contract: alloc scratch at each call | one linear solve a substep | the same bits for any budget
  *   and any worker count | threads: that of the sim */
 CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss, void *user,
@@ -1250,7 +1251,7 @@ static cloth_status clothi_grad_again(clothi_grad *g, const double *b, double to
         return cloth_linear_solve(s->solver, s->matrix, b, x, &opt, NULL);
     memset(x, 0, 3 * (size_t)s->model->nv * sizeof(double));
     status = clothi_linear_begin(s->solver, s->matrix, b, &opt, &cg);
-    if (!status) status = clothi_plain_cg(s->solver, clothi_by_factor, x, &cg, NULL);
+    if (!status) status = clothi_plain_cg(s->solver, clothi_by_factor, x, &cg);
     g->rep->iterations += cg.it;
     return status;
 }

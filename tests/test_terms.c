@@ -106,7 +106,7 @@ static void dense(double *H) {
     for (i = 0; i < n; i++)
         for (j = 0; j < n; j++) {
             const cloth_matrix *A = S.sim->matrix;
-            int slot = cloth_pattern_slot(A->p, i / 3, j / 3);
+            int slot = clothi_pattern_slot(A->p, i / 3, j / 3);
             if (i / 3 == j / 3)
                 H[i * n + j] = A->diag[9 * A->p->row_of[i / 3] + 3 * (i % 3) + j % 3];
             else if (slot >= 0)

@@ -457,7 +457,7 @@ CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* N
  * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
  * with these obstacles, else _FORMAT. What sticks to others goes on to stick. On failure, also of
  * the next three, everything is as before; a stale or unknown id: CLOTH_ERR_HANDLE. A grid is read
- * whole once; _UNSUPPORTED: one under leapfrog, which has no potential. */
+ * whole once. _UNSUPPORTED: a grid, or self_penetrating, under leapfrog, which has no potential. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -4147,12 +4147,44 @@ static int clothi_is_exempt(const cloth_collide *c, const clothi_pair_id *p) {
     return 0;
 }
 
+/* Whether the axis of a capsule, whose first vertex the pair has, goes through the face: it may be
+ * near none of its edges, and its ends far off. */
+static int clothi_axis_through(const cloth_collide *c, const clothi_pair_id *p) {
+    const int     slot = clothi_pair_slot(c, p);
+    const double *x = c->xb;
+    const int    *v;
+    if (p->kind != CLOTHI_VF || slot < 0 || c->obstacle[slot].kind != CLOTH_OBSTACLE_CAPSULE ||
+        p->a != c->obstacle[slot].v0)
+        return 0;
+    v = c->faces + 3 * p->b;
+    return clothi_surface_pierced(x + 3 * p->a, x + 3 * p->a + 3, x + 3 * v[0], x + 3 * v[1],
+                                  x + 3 * v[2]);
+}
+
+static cloth_status clothi_axis_crossings(cloth_collide *c, const clothi_obstacle *o) {
+    const double   *p = c->xb + 3 * o->v0;
+    double          box[6];
+    clothi_bvh_walk w = {&c->tree, box, 1, 0, 0};
+    cloth_status    status = CLOTH_OK;
+    int             f;
+    clothi_swept_boxes(1, p, p + 3, 0, box);
+    while ((f = clothi_bvh_next(&w)) >= 0 && !status) {
+        const clothi_pair_id id = {CLOTHI_VF, o->v0, f};
+        if (clothi_may_touch(c, c->faces[3 * f], o->v0) && clothi_axis_through(c, &id))
+            status = clothi_exempt_add(c, &id);
+    }
+    return status;
+}
+
 /* Everything that intersects now, cloth and obstacles where xb has them, into c->now. */
 static cloth_status clothi_crossings(cloth_collide *c) {
     cloth_status status;
     int          i;
     c->nnow = 0;
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_CROSS);
+    CLOTHI_OBSTACLES(c, i)
+        if (!status && c->obstacle[i].kind == CLOTH_OBSTACLE_CAPSULE)
+            status = clothi_axis_crossings(c, c->obstacle + i);
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_pair_id *p = &c->pair[i].id;
         if (!clothi_is_soft(c, p) && !(clothi_pair_gap(c, c->xb, p) > 0))
@@ -4197,11 +4229,27 @@ static cloth_status clothi_fail_pairs(cloth_collide *c, const clothi_pair_id *pa
                        p->obstacle.id ? "an obstacle" : "cloth", advice);
 }
 
-/* Looks for intersections; refuses or exempts them as the desc says. */
+/* What is exempt by its public names, which stay where obstacles come and go, into c->failed. */
+static cloth_status clothi_exempt_name(cloth_collide *c) {
+    cloth_status status = CLOTH_OK;
+    int          i;
+    for (c->nfailed = 0, i = 0; i < c->nexempt && !status; i++)
+        status = CLOTHI_PUSH(c, failed, clothi_public_pair(c, c->exempt + i));
+    return status;
+}
+
+/* Looks for intersections; what is not named as exempt is refused or exempted as the desc says. */
 static cloth_status clothi_contact_check(cloth_collide *c) {
     const cloth_status status = clothi_crossings(c);
-    if (status || c->nnow == 0 || c->desc.initial == CLOTH_INITIAL_EXEMPT) return status;
-    return clothi_fail_pairs(c, c->now, c->nnow, "intersect before the step",
+    int                i, k, n = 0;
+    for (i = 0; i < c->nnow && !status && c->desc.initial != CLOTH_INITIAL_EXEMPT; i++) {
+        const cloth_collide_pair p = clothi_public_pair(c, c->now + i);
+        for (k = 0; k < c->nfailed && memcmp(c->failed + k, &p, sizeof p) != 0; k++) {}
+        if (k == c->nfailed) c->now[n++] = c->now[i];
+    }
+    c->nfailed = 0;
+    if (status || n == 0) return status;
+    return clothi_fail_pairs(c, c->now, n, "intersect before the step",
                              ". CLOTH_INITIAL_EXEMPT lets them pass until they part");
 }
 
@@ -4221,7 +4269,7 @@ static void clothi_exempt_part(cloth_collide *c) {
     for (i = 0; i < c->nnow; i++) {
         const clothi_pair_id p = c->now[i];
         if (p.kind < 0 ? clothi_faces_intersect(c->xb, c->faces + 3 * p.a, c->faces + 3 * p.b)
-                       : !(clothi_pair_gap(c, c->xb, &p) > 0))
+                       : clothi_axis_through(c, &p) || !(clothi_pair_gap(c, c->xb, &p) > 0))
             c->now[n++] = p;
     }
     c->nnow = n;
@@ -6781,7 +6829,8 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
         c->nfailed = c->nnext = c->nnow = c->nholding = 0;
         if (c->seen != clothi_contact_seen(c)) {        /* a host wrote x: anchors are dropped */
             clothi_world_pose(c, c->sim->state.x, 0, 0);
-            status = clothi_contact_check(c);
+            status = clothi_exempt_name(c);
+            if (!status) status = clothi_contact_check(c);
         } else {
             for (i = 0; i < c->nexempt && !status; i++) status = CLOTHI_PUSH(c, now, c->exempt[i]);
             for (i = 0; i < c->nanchor && !status; i++) status = CLOTHI_PUSH(c, next, c->anchor[i]);
@@ -6937,6 +6986,11 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     for (i = 0; i < c->ncontact; i++) {
         active += c->contact[i].force > 0;
         if (!c->contact[i].soft) least = clothi_min(least, c->contact[i].gap);
+    }
+    for (i = 0; i < c->nrow; i++) {         /* of LEAPFROG */
+        const clothi_pair_id p = {c->row[i].kind, c->row[i].a, c->row[i].b};
+        active += c->row[i].multiplier > 0;
+        least = clothi_min(least, clothi_pair_gap(c, c->xb, &p));
     }
     c->report.exempt_pairs = c->nexempt;
     report->contacts = active;
@@ -7412,8 +7466,9 @@ static void clothi_tape_break(const cloth_sim *s) {
 /* An obstacle comes or goes: a new world, looked at. What was found at the last step names the old
  * one and goes with it. On failure all is as before. */
 static cloth_status clothi_world_change(cloth_collide *c, clothi_obstacle *o) {
+    cloth_status  status = clothi_exempt_name(c);
     cloth_collide old = *c, none;
-    cloth_status  status;
+    if (status) return status;
     memset(&none, 0, sizeof none);
     o->used = !o->used;
     clothi_world_take(c, &none);
@@ -7524,6 +7579,10 @@ static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_ob
                            d->normal[0], d->normal[1], d->normal[2]);
     if (grid) return clothi_obstacle_check_grid(c, d);
     if (d->kind != CLOTH_OBSTACLE_MESH) return CLOTH_OK;
+    if (d->self_penetrating && c->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
+        return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED, "obstacle.self_penetrating = %i: leapfrog "
+                           "has no pull, which is all that cloth in a pinch has",
+                           d->self_penetrating);
     status = clothi_check_count(hooks, "obstacle.", "nf", nf, 1, CLOTH_MAX_COUNT);
     if (!status && !d->faces) status = clothi_null(hooks, "obstacle.faces");
     if (!status) status = clothi_check_faces(hooks, nv, nf, d->faces);
@@ -7551,7 +7610,6 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     o->radius = clothi_has_radius(d->kind) ? d->radius : 0;
     o->friction = o->first_friction = d->friction;
     o->category = d->category, o->mask = d->mask;
-    o->generation = (o->generation + 1) & 0xffffu;
     o->thickness = d->thickness > 0 ? d->thickness : c->desc.thickness;
     clothi_no_turn(o->turn);
     o->self_penetrating = d->kind == CLOTH_OBSTACLE_MESH && d->self_penetrating;
@@ -7581,9 +7639,11 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     if (status) {
         clothi_obstacle_free(c->hooks, o);
         c->nobstacle = known;
-    } else if (id)
-        *id = clothi_obstacle_id(c, slot);
-    return status;
+        return status;
+    }
+    o->generation = (o->generation + 1) & 0xffffu;
+    if (id) *id = clothi_obstacle_id(c, slot);
+    return CLOTH_OK;
 }
 
 /* What friction and pinches remember of one obstacle; features of the cloth keep their numbers. */
@@ -7734,11 +7794,12 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     if (!spare) return CLOTH_ERR_MEMORY;
     memcpy(clothi_pose(o, 0), x, bytes);
     memcpy(clothi_pose(o, 1), x, bytes);
-    status = clothi_collide_look(c);
+    status = clothi_exempt_name(c);
+    if (!status) status = clothi_collide_look(c);
     if (status) memcpy(o->x, spare, 2 * bytes);
     clothi_free(c->hooks, spare);
-    c->sim->still = 0;
     if (status) return status;
+    c->sim->still = 0;
     clothi_obstacle_forget(c, (int)(o - c->obstacle));
     clothi_tape_break(c->sim);
     return clothi_carry(c, o, 1);
@@ -8404,7 +8465,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     quiet.log.fn = NULL;
     c->hooks = &quiet;
     c->nfailed = c->nholding = 0;
-    c->h = 1;
+    c->h = 1, c->approach = CLOTHI_APPROACH;
     status = clothi_tangle_run(c, &u, max_move, r);
     c->hooks = hooks;
     c->report = kept;

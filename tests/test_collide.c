@@ -125,6 +125,8 @@ static void obstacles(void) {
     cloth_hooks         hooks = host_hooks(&H);
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_obstacle      id, stale;
+    double              skewer[6];
+    int                 k;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
     o.nv = 3, o.nf = 1, o.x = x, o.faces = wrong;
     CHECK(add_refused(&o, CLOTH_ERR_MESH, "9"));
@@ -153,6 +155,13 @@ static void obstacles(void) {
     o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.1, o.x = bad;
     CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.x[1] = NaN"));
     o.x = inside;                           /* the sheet runs through it */
+    CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect before the step"));
+    for (k = 0; k < 6; k++) {               /* through the middle of a face */
+        const int *f = W.mesh->faces + 3 * 20;
+        skewer[k] = (W.mesh->x[3 * f[0] + k % 3] + W.mesh->x[3 * f[1] + k % 3] +
+                     W.mesh->x[3 * f[2] + k % 3]) / 3 + (k == 1 ? -0.01 : k == 4 ? 0.01 : 0);
+    }
+    o.kind = CLOTH_OBSTACLE_CAPSULE, o.x = skewer, o.radius = 1e-4;
     CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect before the step"));
     o.kind = CLOTH_OBSTACLE_PLANE, o.x = x, o.normal[1] = 0;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.normal"));

@@ -550,6 +550,36 @@ static void inside_out(void) {
     close_scene(&q);
 }
 
+/* While cloth crosses the plates other obstacles come, leap and go, and a host writes x: what is
+ * carried in the pinch is no reason to refuse them. What else crosses cloth is. */
+static void beside(void) {
+    const double        centre[3] = {0.4, 0, 0}, far[3] = {0.5, 0, 0}, in[3] = {0.09, 0, 0};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_collide_pair  pair[MOST];
+    cloth_obstacle      id, none;
+    scene               q;
+    int                 i, n;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    for (i = 1; i <= 25; i++) {
+        plates_at(&q, room_at(i, -8e-3), 0);
+        CHECK(stage_step(&q.s, H));
+    }
+    CHECK(cloth_collide_exempt(q.s.c, 0, NULL, &n) == CLOTH_OK && n > 0);
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.02, o.x = centre;
+    CHECK(cloth_collide_add(q.s.c, &o, &id) == CLOTH_OK);
+    CHECK(cloth_collide_teleport(q.s.c, id, far) == CLOTH_OK);
+    o.x = in;
+    CHECK(cloth_collide_teleport(q.s.c, id, in) == CLOTH_ERR_MESH);
+    CHECK(cloth_collide_failed(q.s.c, MOST, pair, &n) == CLOTH_OK && n > 0 && n < MOST);
+    for (i = 0; i < n; i++) CHECK(pair[i].obstacle.id == id.id);
+    CHECK(cloth_collide_add(q.s.c, &o, &none) == CLOTH_ERR_MESH);
+    CHECK(cloth_collide_remove(q.s.c, id) == CLOTH_OK);
+    CHECK(cloth_collide_failed(q.s.c, 0, NULL, &n) == CLOTH_OK && n == 0);
+    ((cloth_state *)q.s.state)->x[0] += 1e-6;
+    CHECK(stage_step(&q.s, H));
+    close_scene(&q);
+}
+
 /* A square of two faces, its corner 0 between two plates. A rod of the same body is through the
  * edge from 1 to 3, of the face of 0: its ends are held too, to go out. */
 static void threaded(void) {
@@ -713,15 +743,27 @@ static void backwards(void) {
 }
 
 static void refusals(void) {
-    cloth_hold hold[2];
-    scene      q;
-    int        n = 7;
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    cloth_hold          hold[2];
+    scene               q;
+    stage               s;
+    int                 n = 7;
     open_scene(&q, 1, 10e-3, 1, NULL);
     q.s.desc.hooks.log.fn = NULL;
     CHECK(cloth_collide_holds(NULL, 2, hold, &n) == CLOTH_ERR_ARGUMENT && n == 7);
     CHECK(cloth_collide_holds(q.s.c, -1, hold, &n) == CLOTH_ERR_ARGUMENT && n == 7);
     CHECK(cloth_collide_holds(q.s.c, 2, NULL, &n) == CLOTH_ERR_ARGUMENT && n == 7);
     CHECK(cloth_collide_holds(q.s.c, 2, hold, NULL) == CLOTH_OK);
+    stage_sheet(&s, 5, 0.2);                /* by leapfrog nothing pulls what is held */
+    s.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    if (!stage_start(&s)) exit(2);
+    plates(&q.body, 10e-3);
+    o.nv = q.body.nv, o.x = q.body.x, o.nf = q.body.nf, o.faces = q.body.faces;
+    for (o.self_penetrating = 1; o.self_penetrating >= 0; o.self_penetrating--)
+        CHECK(cloth_collide_add(s.c, &o, &id) ==
+              (o.self_penetrating ? CLOTH_ERR_UNSUPPORTED : CLOTH_OK));
+    stage_end(&s);
     close_scene(&q);
 }
 
@@ -737,6 +779,7 @@ int main(int argc, char **argv) {
     RUN(removed);
     RUN(workers);
     RUN(inside_out);
+    RUN(beside);
     RUN(threaded);
     RUN(poked);
     RUN(backwards);

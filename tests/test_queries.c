@@ -98,13 +98,14 @@ static void gaps(void) {
                 double now;
                 CHECK(cloth_step(W.sim, h, &r) == CLOTH_OK);
                 CHECK(cloth_collide_contacts(W.c, MOST, T, &count) == CLOTH_OK && count < MOST);
-                if (!k) CHECK(r.contacts == count);
+                CHECK(r.contacts == count);
                 for (i = 0; i < count; i++)
                     if (T[i].pair.obstacle.id == W.ball.id)     /* not cloth on cloth */
                         record(T + i, cloth_sim_state(W.sim)->x, ball, k);
                 CHECK(cloth_collide_gap(W.c, 2e-3, &now) == CLOTH_OK);
                 if (count == 0) continue;
                 seen++;
+                CHECK(r.smallest_gap < 2e-3 && r.smallest_gap >= now);
                 worst = fmax(worst, fabs(r.smallest_gap - now));
             }
             printf("  %s on a %s: %d steps in contact, smallest_gap off by %.1e m\n",

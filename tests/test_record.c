@@ -678,6 +678,9 @@ static void refused_adds(void) {
     CHECK(cloth_step_replay(NULL, &kept.r, NULL) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_sim_set_recorder(NULL, NULL) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_sim_hash(S.sim) == hash);
+    at[1] += 9;
+    o.x = at;                               /* its slot's first: a sim without refusals has it */
+    CHECK(cloth_collide_add(c, &o, &slot) == CLOTH_OK && slot.id >> 16 == 1);
     cloth_collide_destroy(c);
     scene_close(&S);
     CHECK(told.live == 0);

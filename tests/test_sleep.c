@@ -242,6 +242,7 @@ static void plane_change(scene *s, int i) {
 
 static void plane_same(scene *s, int i) {
     const double at[3] = {0, 0, 0}, past[3] = {1, 0.1, 3}, above[3] = {0.1, 0.106, 0.1};
+    const double in[3] = {0.1, 0, 0.1};
     double       x[3] = {1, 0.1, 0};
     int          k;
     switch (i) {
@@ -256,6 +257,7 @@ static void plane_same(scene *s, int i) {
                   !cloth_step(s->sim, H, NULL));
         }
         break;
+    case 5: CHECK(cloth_collide_teleport(s->c, s->far, in) == CLOTH_ERR_MESH); break;
     default: break;
     }
 }
@@ -313,7 +315,7 @@ static void wakes(void) {
 static void sleeps_on(void) {
     look(HANG, CLOTH_INTEGRATOR_EULER, hang_same, 7, 0);
     look(HANG, CLOTH_INTEGRATOR_BDF2, hang_same, 7, 0);
-    look(PLANE, CLOTH_INTEGRATOR_EULER, plane_same, 5, 0);
+    look(PLANE, CLOTH_INTEGRATOR_EULER, plane_same, 6, 0);
 }
 
 /* A new obstacle wakes; an attached one that moves pulls; a pinch does not sleep. */

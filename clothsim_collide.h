@@ -414,7 +414,7 @@ typedef struct cloth_collide_pair {
 enum {                                      /* cloth_collide_contact.flags                     */
     CLOTH_CONTACT_SLIDING = 1,              /* friction is at its limit                        */
     CLOTH_CONTACT_ROW     = 2,              /* LEAPFROG: an active row of an impact zone; its
-                                               force is the impulse over the last substep      */
+                                               force, m dx/h^2, is that of the last substep    */
     CLOTH_CONTACT_INEXACT = 4,              /* the step ended before Newton converged          */
     CLOTH_CONTACT_HELD    = 8               /* a vertex of it is held in a pinch               */
 };
@@ -9136,8 +9136,9 @@ static void clothi_back_carried(const cloth_collide *c, const double *attach) {
     int              i, j;
     for (i = 0; attach && i < s->model->desc.max_attachments; i++) {
         const cloth_step_attachment *q = s->attach + i;
-        const clothi_obstacle       *o = q->on > 0 ? c->obstacle + q->on - 1 : NULL;
-        if (!q->used || q->on <= 0) continue;
+        const int                    slot = clothi_slot_valid(c, q->on - 1) ? q->on - 1 : 0;
+        const clothi_obstacle       *o = c->obstacle + slot;
+        if (!q->used || q->on != slot + 1 || q->other >= o->nf) continue;     /* or forged */
         for (j = 0; j < 9; j++)
             c->adjoint->pose[0][3 * (o->v0 - c->nv + o->faces[3 * q->other + j / 3]) + j % 3] +=
                 q->at[j / 3] * attach[3 * i + j % 3];

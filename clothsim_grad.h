@@ -773,7 +773,7 @@ static int clothi_tape_grow(cloth_tape *t) {
 static void clothi_tape_outcome(const cloth_tape *t, const cloth_step_record *r, clothi_taped *e) {
     e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
     e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
-               clothi_all_zero(r->v, t->nv3);
+               t->sim->still >= t->sim->model->desc.sleep;
     e->substeps = e->asleep ? 0 : t->traced;
     e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
     if (t->how && e->substeps > 0 && t->sim->history)
@@ -2260,7 +2260,7 @@ static cloth_status clothi_leap_adjoint(clothi_grad *g, double h, const double *
  *     plane strain  lambda = Y nu/((1+nu)(1-2nu))    Y (1+2nu^2)/((1+nu)(1-2nu))^2
  *     D = Y t^2/(12 (1-nu^2)) where it is not given
  *   lumped masses m_i = sum over faces at i of rho A/3: to rho and, by A, to the rest corners.
- * checked: tests/test_grad.c: differences_*, derived_rigidity
+ * checked: tests/test_grad.c: differences_*, material_derivatives
  */
 
 /* dL/d{mu, lambda, D} of a region at its material. */
@@ -3614,6 +3614,8 @@ static void clothi_layer_merge(const clothi_layer *l, const cloth_grad_report *q
     to->residual = clothi_max(to->residual, q->residual);
     to->left_m = clothi_max(to->left_m, q->left_m);
     to->bytes = clothi_max_size(to->bytes, q->bytes);
+    to->rows += q->rows, to->redundant += q->redundant;
+    to->margin = clothi_min(to->margin, q->margin);
 }
 
 /* The run on the tape backwards, into l->g. */
@@ -3678,7 +3680,7 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
     int                at;
     memset(r, 0, sizeof *r);
     r->status = CLOTH_ERR_ARGUMENT, r->grad.why = "";
-    r->first_failed = r->grad.step = -1;
+    r->first_failed = r->grad.step = -1, r->grad.margin = HUGE_VAL;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!layer) return clothi_null(&sim->hooks, "cloth_layer_loss: layer");
     r->status = clothi_layer_check(sim, layer);

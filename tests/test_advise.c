@@ -48,6 +48,28 @@ static void by_hand(void) {
     CHECK(cloth_advise(&d, 0.01, 1e-3, &a) == CLOTH_OK && isfinite(a.h) && a.h > 0);
 }
 
+/* The numbers are those of the stiffest region, wherever it is in the list. */
+static void stiffest_region(void) {
+    static const double x[12] = {0, 0, 0, 1, 0, 0, 0, 0, -1, 1, 0, -1};
+    static const int    f[6] = {0, 1, 2, 1, 3, 2}, region[2] = {0, 1};
+    cloth_desc          d = cloth_desc_default();
+    cloth_material      two[2];
+    cloth_advice        a;
+    int                 k;
+    d.nv = 4, d.nf = 2, d.x_rest = x, d.faces = f, d.region = region;
+    d.nregions = 2, d.materials = two;
+    d.gravity[1] = -10;
+    for (k = 0; k < 2; k++) {
+        two[0] = two[1] = cloth_material_default();
+        two[k].bending = 1e-3, two[1 - k].bending = 1e-6;
+        two[k].membrane = 200, two[1 - k].membrane = 50;
+        CHECK(cloth_advise(&d, 0.01, 1e-3, &a) == CLOTH_OK);
+        CHECK_REL(a.gravity_bending, 2000.0, 1e-12);        /* as in by_hand */
+        CHECK_REL(a.step_bending, 0.0056568542495, 1e-9);
+        CHECK_REL(a.step_membrane, 0.83235829006, 1e-9);
+    }
+}
+
 /* The frequencies that it estimates are those that LEAPFROG's power method finds. */
 static void against_modes(void) {
     cloth_report r;
@@ -135,6 +157,7 @@ static void nonsense(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(by_hand);
+    RUN(stiffest_region);
     RUN(against_modes);
     RUN(against_substeps);
     RUN(nonsense);

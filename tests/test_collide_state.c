@@ -55,6 +55,24 @@ static void snapshots(void) {
     }
 }
 
+/* What a pair stands for: of layers of cloth, which meet from both sides, half of what the same
+ * pair would have with an obstacle. */
+static void layers_share_area(void) {
+    clothi_contact q;
+    const double  *area;
+    int            k;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    area = W.c->area;
+    for (k = 0; k < 2; k++) {
+        memset(&q, 0, sizeof q);
+        q.kind = CLOTHI_VF, q.slot = k ? 0 : -1;
+        q.v[0] = 18, q.v[1] = 43, q.v[2] = 44, q.v[3] = 51;
+        CHECK_REL(clothi_contact_area(W.c, &q), (k ? 1 : 0.5) *
+                  fmin(area[18], (area[43] + area[44] + area[51]) / 6), 1e-15);
+    }
+    world_close(&W);
+}
+
 /* Two balls of one self-penetrating mesh pass through each other below the sheet and drift along;
  * the pose is a function of the time. Cloth in a pinch: test_pinch.c. */
 static void body_run(cloth_obstacle body, const shape *s, double *pose, int n) {
@@ -145,6 +163,43 @@ static void cancel(void) {
     world_close(&W);
 }
 
+/* A free vertex before a pinned one that moves at 3 m/s leaves at 3 m/s, whatever h is. */
+static void pushed_by_a_pin(void) {
+    static double     v[192];
+    cloth_contact_row row;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_LEAPFROG, NULL, NULL) == CLOTH_OK);
+    CHECK(cloth_sim_pin(W.sim, 5, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+    CHECK(cloth_step(W.sim, 1e-4, NULL) == CLOTH_OK);
+    memset(&row, 0, sizeof row);
+    row.n = 2, row.kind = CLOTHI_EE, row.v[0] = 9, row.v[1] = 5, row.w[0] = 1, row.w[1] = -1;
+    row.normal[1] = 1, row.multiplier = 1;
+    CHECK(clothi_grow(W.c->hooks, (void **)&W.c->row, 1, &W.c->row_cap, sizeof row) == CLOTH_OK);
+    W.c->row[0] = row, W.c->nrow = 1, W.c->h = 1e-2;
+    memset(W.c->frozen, 0, 64);
+    W.c->xb[16] = W.c->xa[16] + 3e-2;
+    CHECK(clothi_zone_speeds(W.c, v) == CLOTH_OK);
+    CHECK_NEAR(v[28], 3, 1e-12);
+    W.c->nrow = 0;
+    world_close(&W);
+}
+
+/* What becomes rigid goes as a whole, but for axes that are pinned. */
+static void frozen_axes(void) {
+    clothi_zone q;
+    int         v = 27, k;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    memset(&q, 0, sizeof q);
+    q.member = &v, q.size = 1;
+    W.sim->pin[v] = CLOTH_AXIS_X;
+    for (k = 0; k < 3; k++) {
+        W.c->xa[3 * v + k] = W.c->xb[3 * v + k] = 1;
+        W.c->x_ie[3 * v + k] = 2 + k;
+    }
+    clothi_zone_freeze(W.c, &q);
+    for (k = 0; k < 3; k++) CHECK_NEAR(W.c->xb[3 * v + k], k ? 2 + k : 1, 0);
+    world_close(&W);
+}
+
 static int no_time(void *user) {
     (void)user;
     return 2;
@@ -205,6 +260,39 @@ static void transplant(void) {
     free(buf);
     world_close(&other);
     CHECK(H.live == 0);
+}
+
+/* Areas are those of the obstacles as they were added, whatever pose another one finds them in:
+ * a restored sim has not seen the poses between. */
+static void areas_as_added(void) {
+    static const double center[3] = {0.1, -0.5, 0.1}, half[3] = {0.05, 0.05, 0.05};
+    static const double wide[3] = {0.1, 0.1, 0.1}, far[3] = {3, 3, 3};
+    cloth_obstacle      box;
+    double              x[24], area;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &box) == CLOTH_OK);
+    area = W.c->area[W.c->obstacle[2].v0];
+    cloth_obstacle_box(center, wide, NULL, x);
+    CHECK(cloth_collide_move(W.c, box, x) == CLOTH_OK);
+    CHECK(cloth_step(W.sim, 1e-3, NULL) == CLOTH_OK);
+    CHECK(world_box(&W, far, half, NULL) == CLOTH_OK);
+    CHECK_NEAR(W.c->area[W.c->obstacle[2].v0], area, 0);
+    world_close(&W);
+}
+
+/* What goes with an obstacle are its anchors, not those of cloth on a part of the same number. */
+static void removed_without_folds(void) {
+    int i, other = 0;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 20, 1.0 / 60));
+    CHECK(W.c->nanchor > 1);
+    W.c->anchor[W.c->nanchor - 1].key.cloth = 1;
+    W.c->anchor[W.c->nanchor - 1].key.b = 0;        /* the first part's one side; the ball's slot */
+    for (i = 0; i < W.c->nanchor; i++)
+        other += W.c->anchor[i].key.cloth || W.c->anchor[i].key.b != 0;
+    CHECK(cloth_collide_remove(W.c, W.ball) == CLOTH_OK);
+    CHECK(W.c->nanchor == other);
+    world_close(&W);
 }
 
 /* Saves what *field says when it holds `value`, and restores: refused, with `what` in a sentence,
@@ -313,6 +401,57 @@ static void workers(void) {
     }
 }
 
+/* The force of a row of LEAPFROG is what took its vertex from where the drift led, over h^2. */
+static void row_forces(void) {
+    static const double          near[3] = {0, -1e-3, 0};
+    static cloth_collide_contact q[64];
+    int                          i, count = 0;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_LEAPFROG, NULL, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_remove(W.c, W.ball) == CLOTH_OK);
+    CHECK(cloth_collide_teleport(W.c, W.ground, near) == CLOTH_OK);
+    for (i = 0; i < 200 && count == 0; i++) {           /* of one substep                      */
+        CHECK(cloth_step(W.sim, 1.0 / 4000, NULL) == CLOTH_OK);
+        CHECK(cloth_collide_contacts(W.c, 64, q, &count) == CLOTH_OK);
+    }
+    CHECK(count > 0 && count <= 64);
+    for (i = 0; i < count && i < 64; i++) {
+        const int    v = 3 * q[i].vertex[0] + 1;
+        const double way = cloth_sim_state(W.sim)->x[v] - W.c->x_ie[v];
+        CHECK(q[i].n == 1 && (q[i].flags & CLOTH_CONTACT_ROW) != 0);
+        CHECK_REL(q[i].force * W.c->h * W.c->h, W.sim->params.mass[v / 3] * way, 1e-9);
+    }
+    world_close(&W);
+}
+
+/* A step of LEAPFROG that is taken again, as the cloth stretched beyond what its substeps bear, is
+ * to contact as one that had as many at once. */
+static void taken_again(void) {
+    static const double  near[3] = {0.1, -0.0625, 0.1};
+    cloth_collide_report q[2];
+    cloth_report         r[2];
+    uint64_t             hash[2];
+    int                  k, i, m = 0;
+    for (k = 0; k < 2; k++) {
+        double *v;
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_LEAPFROG, NULL, NULL) == CLOTH_OK);
+        CHECK(cloth_collide_teleport(W.c, W.ball, near) == CLOTH_OK);
+        W.model->desc.substeps = m;
+        for (i = 0, v = cloth_sim_state(W.sim)->v; i < W.mesh->nv; i++, v += 3)
+            v[0] = 60 * W.mesh->x[3 * i], v[1] = -1;
+        cloth_sim_state_changed(W.sim);
+        CHECK(cloth_step(W.sim, 1.0 / 60, r + k) == CLOTH_OK);
+        q[k] = cloth_collide_last(W.c);
+        m = (int)(1.0 / 60 / W.sim->h_prev + 0.5);
+        hash[k] = cloth_sim_hash(W.sim);
+        world_close(&W);
+    }
+    printf("  %d substeps, then %d at once; impacts %d and %d\n", r[0].substeps, r[1].substeps,
+           q[0].impacts, q[1].impacts);
+    CHECK(r[0].substeps > r[1].substeps && hash[0] == hash[1]);     /* and those given up */
+    CHECK(q[1].impacts > 0 && q[0].impacts == q[1].impacts);
+    CHECK(q[0].candidates == q[1].candidates && q[0].zones == q[1].zones);
+}
+
 /* --- zones on workers --- */
 
 typedef struct crew {                       /* workers that may not call other hooks           */
@@ -418,6 +557,62 @@ static void zones_on_workers(void) {
             CHECK(w.ranges > 0 && w.asked == 0);
         }
     }
+}
+
+/* Zones of `each` rows of which `push` push, between vertices of one of 8 groups of 8: how often
+ * workers ask the allocator for what their programs on speeds take. */
+static int asked_by_workers(int each, int push) {
+    static double v[192];
+    cloth_hooks   hooks;
+    crew          w;
+    int           i, k;
+    memset(&w, 0, sizeof w);
+    memset(&hooks, 0, sizeof hooks);
+    host_turn_round(&hooks, &w.backwards, 3);
+    hooks.parallel.run = crew_run, hooks.parallel.user = &w;
+    hooks.parallel.max_workers = 3;
+    hooks.allocator.alloc = crew_alloc, hooks.allocator.free = crew_free;
+    hooks.allocator.user = &w;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_LEAPFROG, &hooks, NULL) == CLOTH_OK);
+    CHECK(cloth_step(W.sim, 1e-4, NULL) == CLOTH_OK && W.mesh->nv == 64);
+    CHECK(clothi_grow(W.c->hooks, (void **)&W.c->row, 8 * each, &W.c->row_cap,
+                      sizeof *W.c->row) == CLOTH_OK);
+    for (i = 0, W.c->nrow = 8 * each; i < 8 * each; i++) {
+        cloth_contact_row *row = W.c->row + i;
+        memset(row, 0, sizeof *row);
+        row->n = 2, row->kind = CLOTHI_EE, row->normal[i % 3] = 1, row->w[0] = 1, row->w[1] = -1;
+        for (k = 0; k < 2; k++) row->v[k] = 8 * (i % 8) + (i / 8 + k * (1 + i / 64 % 7)) % 8;
+        row->multiplier = i / 8 < push;
+    }
+    w.asked = w.ranges = 0;
+    CHECK(clothi_zone_speeds(W.c, v) == CLOTH_OK && w.ranges > 0);
+    W.c->nrow = 0;
+    world_close(&W);
+    return w.asked;
+}
+
+/* A zone is large by its rows, of which few may push; a small one has all that it takes. */
+static void zones_of_any_size(void) {
+    CHECK(asked_by_workers(250, 100) == 0);
+    CHECK(asked_by_workers(60, 60) == 0);
+    CHECK(asked_by_workers(1, 1) == 0);
+    CHECK(asked_by_workers(2, 2) == 0);
+}
+
+/* Where the way to the guess is an impact BDF2 begins anew, and the report says so. */
+static void impact_restarts(void) {
+    cloth_report r;
+    int          i, seen = 0, had;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_BDF2, NULL, NULL) == CLOTH_OK);
+    for (i = 0; i < 60; i++) {
+        had = W.sim->history;
+        CHECK(cloth_step(W.sim, 1.0 / 60, &r) == CLOTH_OK);
+        if (!had || cloth_collide_last(W.c).zones == 0) continue;
+        seen++;
+        CHECK(r.restarts == 1);
+    }
+    CHECK(seen > 0);
+    world_close(&W);
 }
 
 /* Two plates close to less than the cloth needs, and open again. */
@@ -549,6 +744,53 @@ static void pull(void) {
         for (i = 0; i < 3; i++) size += g[i] * out[i];
         CHECK_REL(size, 27 * left[w] * W.c->desc.thickness * stiff, 1e-3);
     }
+    world_close(&W);
+}
+
+/* An obstacle that is not there, as a forged snapshot may say, carries nothing and gets nothing
+ * backwards; one that is does. */
+static void carried_by_nothing(void) {
+    static const double center[3] = {0.1, -0.5, 0.1}, half[3] = {0.05, 0.05, 0.05};
+    static const double third[3] = {0.3, 0.3, 0.4};
+    static const int    on[4] = {3, 4, 100000, -1};
+    double              a[3 * 64], sum;
+    cloth_attachment    id;
+    cloth_obstacle      box;
+    int                 i, k;
+    for (i = 0; i < 3 * 64; i++) a[i] = 1;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, &box) == CLOTH_OK);
+    CHECK(W.model->desc.max_attachments > 0 && W.model->desc.max_attachments <= 64);
+    CHECK(cloth_collide_attach(W.c, box, 1, third, 5, third, 1, &id) == CLOTH_OK);
+    for (k = 0; k < 5; k++) {
+        W.sim->attach[0].on = on[k % 4];
+        W.sim->attach[0].other = k < 4 ? 1 : 12;            /* a box has faces 0 .. 11 */
+        CHECK(clothi_adjoint_open(W.c) == CLOTH_OK);
+        clothi_back_carried(W.c, a);
+        for (sum = 0, i = 0; i < 3 * (W.c->nw - W.c->nv); i++) sum += W.c->adjoint->pose[0][i];
+        CHECK_NEAR(sum, k ? 0 : 3, 1e-14);
+        clothi_adjoint_free(W.c);
+    }
+    world_close(&W);
+}
+
+/* What one body holds passes that body, not another, though that has a pinch as well. */
+static void held_by_one(void) {
+    static const double center[3] = {0.1, -0.5, 0.1}, half[3] = {0.05, 0.05, 0.05};
+    static const double far[3] = {3, 3, 3};
+    cloth_hold         *was, h;
+    clothi_pair_id      p = {CLOTHI_VF, 20, 0};
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(world_box(&W, center, half, NULL) == CLOTH_OK);
+    CHECK(world_box(&W, far, half, NULL) == CLOTH_OK);
+    memset(&h, 0, sizeof h);
+    was = W.c->holding;
+    h.vertex = 20, h.slot = 2, W.c->holding = &h, W.c->nholding = 1, W.c->held_of[20] = 0;
+    p.b = W.c->obstacle[3].f0, W.c->pinched[p.b] = 1;
+    CHECK(!clothi_pair_held(W.c, &p));
+    h.slot = 3;
+    CHECK(clothi_pair_held(W.c, &p));
+    W.c->holding = was, W.c->nholding = 0;
     world_close(&W);
 }
 
@@ -694,16 +936,27 @@ static void ignored(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(snapshots);
+    RUN(layers_share_area);
     RUN(self_penetrating);
     RUN(transplant);
+    RUN(areas_as_added);
+    RUN(removed_without_folds);
     RUN(forged);
     RUN(destruction);
     RUN(workers);
+    RUN(row_forces);
+    RUN(taken_again);
     RUN(zones_on_workers);
+    RUN(zones_of_any_size);
+    RUN(impact_restarts);
     RUN(cancel);
+    RUN(pushed_by_a_pin);
+    RUN(frozen_axes);
     RUN(finish_now);
     RUN(pinch);
     RUN(pull);
+    RUN(held_by_one);
+    RUN(carried_by_nothing);
     RUN(shorter);
     RUN(exempt);
     RUN(groups);

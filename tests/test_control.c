@@ -470,6 +470,32 @@ static void debug_draw(void) {
     CHECK(d.bad == 0);
 }
 
+/* A stitch is drawn to its point of the other face. */
+static void text_at(const double a[3], const char *text, unsigned rgb, void *user) {
+    (void)text, (void)rgb;
+    memcpy(user, a, 3 * sizeof *a);
+}
+
+static void stitch_drawn(void) {
+    static const double bary[3] = {0.2, 0.3, 0.5}, at[3] = {0.6, 0.3, 0.1};
+    cloth_attachment    id;
+    cloth_debug_draw    draw;
+    double              seen[3] = {9, 9, 9}, want;
+    const int          *v;
+    int                 k;
+    open_as(CLOTH_INTEGRATOR_EULER, WITH_NOISE);
+    v = S.mesh->faces + 3 * (S.mesh->nf - 1);
+    CHECK(cloth_sim_stitch(S.sim, 0, bary, 5, S.mesh->nf - 1, at, &id) == CLOTH_OK);
+    memset(&draw, 0, sizeof draw);
+    draw.text = text_at, draw.user = seen;
+    cloth_debug_draw_state(S.sim, &draw);
+    for (k = 0; k < 3; k++) {
+        const double *x = cloth_sim_state(S.sim)->x + k;
+        want = at[0] * x[3 * v[0]] + at[1] * x[3 * v[1]] + at[2] * x[3 * v[2]];
+        CHECK_NEAR(seen[k], want, 1e-14);
+    }
+}
+
 static void stretches(void) {
     double low[100], high[100], *x;
     int    i;
@@ -533,6 +559,7 @@ int main(int argc, char **argv) {
     RUN(float_buffers);
     RUN(rays);
     RUN(debug_draw);
+    RUN(stitch_drawn);
     RUN(stretches);
     RUN(null_sims);
     scene_close(&S);

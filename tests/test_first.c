@@ -199,6 +199,51 @@ static void weld_and_orient(void) {
     cloth_mesh_destroy(NULL, m);
 }
 
+/* Squared length of the side of a face's pattern from corner i to j. */
+static double side2(const double *X, int i, int j) {
+    const double u = X[2 * i] - X[2 * j], v = X[2 * i + 1] - X[2 * j + 1];
+    return u * u + v * v;
+}
+
+/* The pattern of a face that is turned keeps its lengths, wherever it lies. */
+static void turned_pattern(void) {
+    cloth_mesh *m = sheet(1);
+    double     *X = m->X + 6 * 7, was[6];
+    int         k = m->faces[22], turned = -1;
+    m->faces[22] = m->faces[23], m->faces[23] = k;
+    for (k = 0; k < 6; k += 2) X[k] += 0.5;
+    memcpy(was, X, sizeof was);
+    CHECK(cloth_mesh_orient(NULL, m, &turned) == CLOTH_OK && turned == 1);
+    CHECK_NEAR(side2(X, 0, 1), side2(was, 0, 2), 1e-15);
+    CHECK_NEAR(side2(X, 0, 2), side2(was, 0, 1), 1e-15);
+    CHECK_NEAR(side2(X, 1, 2), side2(was, 2, 1), 1e-15);
+    cloth_mesh_destroy(NULL, m);
+}
+
+/* A face that welding takes away takes its part along; those behind it keep theirs. */
+static void weld_keeps_parts(void) {
+    double     x[15] = {0,0,0, 1,0,0, 0,1,0, 1e-4,1,0, 1,1,0};
+    int        faces[9] = {0,1,2, 2,1,3, 3,1,4}, part[3] = {0, 1, 2};
+    cloth_mesh m, *w = NULL;
+    memset(&m, 0, sizeof m);
+    m.nv = 5, m.nf = 3, m.x = x, m.faces = faces, m.part = part, m.npart = 3;
+    CHECK(cloth_mesh_weld(NULL, &m, 1e-3, &w) == CLOTH_OK && w->nv == 4 && w->nf == 2);
+    CHECK(w->part[0] == 0 && w->part[1] == 2 && w->npart == 3);
+    cloth_mesh_destroy(NULL, w);
+}
+
+/* An open piece looks as most of its faces do, whichever comes first. */
+static void orient_by_majority(void) {
+    cloth_mesh *m = sheet(1);
+    int         f, k, turned = -1;
+    for (f = 3; f < m->nf; f++) {
+        k = m->faces[3 * f + 1];
+        m->faces[3 * f + 1] = m->faces[3 * f + 2], m->faces[3 * f + 2] = k;
+    }
+    CHECK(cloth_mesh_orient(NULL, m, &turned) == CLOTH_OK && turned == 3);
+    cloth_mesh_destroy(NULL, m);
+}
+
 /* parts are numbered by their first faces, whatever was named before; names go with them */
 static void part_names(void) {
     static const char text[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\n"
@@ -300,6 +345,9 @@ int main(int argc, char **argv) {
     RUN(statuses);
     RUN(closed_meshes);
     RUN(weld_and_orient);
+    RUN(turned_pattern);
+    RUN(weld_keeps_parts);
+    RUN(orient_by_majority);
     RUN(part_names);
     RUN(log_stderr);
     RUN(inside_out);

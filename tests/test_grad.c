@@ -169,6 +169,115 @@ static void hessian_times_vector(void) {
             }
 }
 
+/* A step at rest that does not put the sim to sleep is a step like others: its momentum follows
+ * v0. */
+static void momentum_at(int k, const double *x, const double *v, double *gx, double *gv,
+                        void *user) {
+    const scene *s = (const scene *)user;
+    int          i;
+    (void)x, (void)v, (void)gx;
+    for (i = 0; k == 2 && i < s->nv; i++) gv[3 * i] += s->sim->params.mass[i];
+}
+
+static void starts_at_rest(void) {
+    cloth_tape       *tape = NULL;
+    cloth_grad        g;
+    cloth_grad_report rep;
+    scene             s;
+    double           *v0;
+    int               k, i;
+    for (k = 0; k < 4; k++) {
+        scene_desc(&s, 4, NULL, 0);
+        s.desc.gravity[1] = 0, s.desc.sleep = k % 2;
+        s.desc.integrator = k > 1 ? CLOTH_INTEGRATOR_BDF2 : CLOTH_INTEGRATOR_EULER;
+        CHECK(scene_open(&s, 0) == CLOTH_OK && !cloth_tape_create(s.sim, NULL, &tape));
+        for (i = 0; i < 2; i++) CHECK(cloth_step(s.sim, 0.01, NULL) == CLOTH_OK);
+        v0 = (double *)calloc(3 * (size_t)s.nv, sizeof *v0);
+        memset(&g, 0, sizeof g);
+        g.v0 = v0;
+        CHECK(cloth_grad_backward(tape, momentum_at, &s, &g, &rep) == CLOTH_OK && rep.valid);
+        for (i = 0; i < s.nv; i++) CHECK_REL(v0[3 * i], s.sim->params.mass[i], 1e-6);
+        free(v0);
+        cloth_tape_destroy(tape);
+        scene_close(&s);
+    }
+}
+
+/* How far a row of speeds is from a change is told in metres, over the substep. */
+static void margin_in_metres(void) {
+    double            v[300] = {0};
+    cloth_grad_report rep;
+    cloth_contact_row r;
+    clothi_grad       g;
+    clothi_rows       q;
+    scene             s;
+    scene_desc(&s, 4, NULL, 0);
+    CHECK(scene_open(&s, 0) == CLOTH_OK && s.nv <= 100);
+    memset(&g, 0, sizeof g);
+    memset(&q, 0, sizeof q);
+    memset(&r, 0, sizeof r);
+    memset(&rep, 0, sizeof rep);
+    g.s = s.sim, g.rep = &rep, rep.margin = HUGE_VAL;
+    r.n = 1, r.v[0] = 5, r.w[0] = 1, r.normal[1] = 1, r.multiplier = 1, r.speed = 1;
+    v[16] = -2;
+    clothi_row_margin(&g, &q, 0, &r, v, 1, 0.01);
+    CHECK_NEAR(rep.margin, 0.03, 1e-15);
+    scene_close(&s);
+}
+
+/* Masses are proportional to the density: what they are worth goes there whole, also that of a
+ * vertex of no face, which is as heavy as the first corner. */
+static void lumped_masses(void) {
+    static const double X[15] = {0, 0, 0, 0.1, 0, 0, 0, 0, -0.1, 5, 5, 5, 0.1, 0, -0.1};
+    static const int    F[6] = {0, 1, 2, 1, 4, 2};
+    double              mass[5], by = 0, sum = 0;
+    cloth_grad          out;
+    clothi_grad         g;
+    scene               s;
+    int                 i;
+    scene_desc(&s, 3, NULL, 0);
+    s.desc.nv = 5, s.desc.nf = 2, s.desc.x_rest = X, s.desc.faces = F;
+    CHECK(scene_open(&s, 0) == CLOTH_OK);
+    memset(&g, 0, sizeof g);
+    memset(&out, 0, sizeof out);
+    for (i = 0; i < 5; i++) mass[i] = noise((unsigned)i), sum += mass[i] * s.sim->params.mass[i];
+    out.density = &by, g.out = &out, g.s = s.sim, g.mass = mass;
+    clothi_grad_lumped(&g);
+    CHECK_REL(by * s.desc.material.density, sum, 1e-12);
+    scene_close(&s);
+}
+
+/* dL/d{Y, nu} at a material from dL/d{mu, lambda, D} = 1: against differences of what the material
+ * gives, for plane stress and strain, with D given and derived. */
+static void material_derivatives(void) {
+    static const double one[1] = {1};
+    double              by[2], v[2], mu, lambda;
+    cloth_grad          out;
+    clothi_grad         g;
+    int                 k, at, i;
+    for (k = 0; k < 4; k++) {
+        cloth_material m = cloth_material_default();
+        m.membrane = 300, m.poisson = 0.2, m.thickness = 0.5, m.bending = k & 1 ? -1 : 1e-4;
+        m.plane = k & 2 ? CLOTH_PLANE_STRAIN_3D : CLOTH_PLANE_STRESS;
+        memset(&g, 0, sizeof g);
+        memset(&out, 0, sizeof out);
+        memset(by, 0, sizeof by);
+        out.membrane = by, out.poisson = by + 1, g.out = &out;
+        g.mu = g.lambda = g.bending = (double *)(uintptr_t)one;
+        clothi_grad_material(&g, &m, 0);
+        for (at = 0; at < 2; at++) {
+            double *const p = at ? &m.poisson : &m.membrane, eps = at ? 1e-5 : 1e-2;
+            for (i = 0; i < 2; i++) {
+                *p += i ? -2 * eps : eps;
+                cloth_material_lame(&m, &mu, &lambda);
+                v[i] = mu + lambda + cloth_material_rigidity(&m);
+            }
+            *p += eps;
+            CHECK_REL(by[at], (v[0] - v[1]) / (2 * eps), 1e-7);
+        }
+    }
+}
+
 /* --- statics --- */
 
 /* Derivative of value(p) along the direction of `by`: central differences at halved steps, once
@@ -390,6 +499,10 @@ int main(int argc, char **argv) {
     RUN(differences_static);
     RUN(static_in_a_run);
     RUN(hessian_times_vector);
+    RUN(starts_at_rest);
+    RUN(margin_in_metres);
+    RUN(lumped_masses);
+    RUN(material_derivatives);
     RUN(host_term);
     printf("  derivatives of runs by each cause: off by at most %.1e\n", worst);
     return TEST_END();

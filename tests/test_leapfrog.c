@@ -465,6 +465,26 @@ static void stiff_term(void) {
     }
 }
 
+/* Two springs on a vertex ask for as many substeps as one of both stiffnesses. */
+static void stiff_terms_add(void) {
+    cloth_report r[2];
+    int          k, i;
+    for (k = 0; k < 2; k++) {
+        dyn        d;
+        cloth_term t;
+        double     p[4];
+        hanging(&d, 6, 0, 0, 0);
+        p[0] = k ? 5e6 : 1e7;
+        memcpy(p + 1, d.state->x + 60, 3 * sizeof *p);
+        memset(&t, 0, sizeof t);
+        t.name = "spring", t.user = p, t.eval = host_spring, t.stiffness = p[0];
+        for (i = 0; i <= k; i++) CHECK(cloth_sim_add_term(d.sim, &t) == CLOTH_OK);
+        CHECK(cloth_step(d.sim, 1.0 / 60, r + k) == CLOTH_OK);
+        dyn_end(&d);
+    }
+    CHECK(r[0].substeps == r[1].substeps);
+}
+
 /* Forty springs at one vertex are one of their stiffness: the same substeps, none found by failing
  * (91 for 37 with a bound for four), and no energy but what moving their ends brought in. */
 static void attached_often(void) {
@@ -592,6 +612,7 @@ int main(int argc, char **argv) {
     RUN(ledger_of_few);
     RUN(attached_often);
     RUN(stiff_term);
+    RUN(stiff_terms_add);
     RUN(triangle_forces);
     return TEST_END();
 }

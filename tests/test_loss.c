@@ -650,6 +650,31 @@ static void layer_failures(void) {
     film_close(&f);
 }
 
+/* The report of a layer: the worst of its runs, and the sums of what they cost. */
+static void layer_reports(void) {
+    cloth_layer        o = cloth_layer_default();
+    cloth_layer_report r;
+    cloth_grad_report  q;
+    clothi_layer       l;
+    int                k;
+    memset(&l, 0, sizeof l);
+    memset(&r, 0, sizeof r);
+    l.o = &o, l.r = &r, r.grad.margin = HUGE_VAL;
+    for (k = 1; k <= 3; k++) {              /* the second run is the worst */
+        memset(&q, 0, sizeof q);
+        q.residual = k == 2 ? 1e-3 : 1e-6, q.left_m = k == 2 ? 1e-4 : 1e-9;
+        q.bytes = k == 2 ? 500 : 100, q.solves = k, q.early = 0.5;
+        q.margin = k == 2 ? 1e-5 : HUGE_VAL, q.rows = 10 * k, q.redundant = k;
+        clothi_layer_merge(&l, &q);
+    }
+    CHECK_NEAR(r.grad.residual, 1e-3, 0);
+    CHECK_NEAR(r.grad.left_m, 1e-4, 0);
+    CHECK(r.grad.bytes == 500 && r.grad.solves == 6 && r.grad.valid);
+    CHECK_NEAR(r.grad.margin, 1e-5, 0);
+    CHECK(r.grad.rows == 60 && r.grad.redundant == 6);
+    CHECK_NEAR(r.grad.early, 1.5, 0);
+}
+
 /* A prediction out of the way is skipped, and so is what is simulated from it. */
 static void layer_far(void) {
     static film        f;
@@ -1139,6 +1164,7 @@ int main(int argc, char **argv) {
     RUN(layer_own_frames);
     RUN(layer_apart);
     RUN(layer_failures);
+    RUN(layer_reports);
     RUN(layer_far);
     RUN(layer_no_step);
     RUN(layer_contact);

@@ -269,6 +269,25 @@ static void closes(void) {
     judge(pinch(1, -4e-3, 20), 1);
 }
 
+/* A pinned vertex between the plates is the host's, not the pinch's; those around it are held. */
+static void pinned_is_not_caught(void) {
+    static cloth_hold hold[MOST];
+    scene             q;
+    int               i, k, n = 0, most = 0, bad = 0;
+    open_scene(&q, 1, room_at(0, 3.2e-3), 1, NULL);
+    CHECK(cloth_sim_pin(q.s.sim, 40, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+    for (i = 1; i <= 24; i++) {
+        plates_at(&q, room_at(i, 3.2e-3), 0);
+        CHECK(cloth_collide_move(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].next) == CLOTH_OK);
+        CHECK(cloth_step(q.s.sim, H, NULL) == CLOTH_OK);
+        CHECK(cloth_collide_holds(q.s.c, MOST, hold, &n) == CLOTH_OK);
+        for (k = 0; k < n; k++) bad += hold[k].vertex == 40;
+        most = n > most ? n : most;
+    }
+    CHECK(most >= 8 && bad == 0);
+    close_scene(&q);
+}
+
 /* Two and three layers, which keep their order; once they did not where plates had passed. */
 static void layers(void) {
     if (test_quick()) SKIP("long");
@@ -770,6 +789,7 @@ static void refusals(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(closes);
+    RUN(pinned_is_not_caught);
     RUN(layers);
     RUN(without);
     RUN(way_out);

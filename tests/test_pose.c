@@ -147,7 +147,7 @@ static double momentum(const fric *s, double cx, double cz, double *inertia) {
 /* A sheet draped over a sphere that begins to spin about y, by poses (0), by its surface (1): its
  * torque is what changes the sheet's angular momentum, and it comes to go as the sphere's surface
  * does, 1.8 mm farther out. Returns its rate over the sphere's. */
-static double spins(int surface, double omega) {
+static double spins(int surface, double omega, int substeps) {
     const double   center[3] = {0.1, -0.1, 0.1}, spin[3] = {0, omega, 0};
     double         R[9], p[3], L, before, inertia, force[3], torque[3];
     double         worst = 0, most = 0, rate = 0;
@@ -157,6 +157,7 @@ static double spins(int surface, double omega) {
     fric_sheet(&s, 9, 9, 0.2, 0.2);
     s.desc.material.membrane = 300;
     s.desc.tolerance = 1e-8;
+    s.desc.substeps = substeps;
     if (!fric_start(&s)) exit(2);
     id = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.095, 0.5);
     for (n = 0; n < 40; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
@@ -177,15 +178,16 @@ static double spins(int surface, double omega) {
     }
     printf("  a sphere spins, by its %s: torque up to %.2e N m, off the change of momentum by "
            "%.1e; at the end %.4f of its rate\n", surface ? "surface" : "pose", most, worst, rate);
-    CHECK(most > 1e-6 && worst < 0.03 * most);
+    if (substeps < 2) CHECK(most > 1e-6 && worst < 0.03 * most);  /* forces: of the last one */
     fric_end(&s);
     return rate;
 }
 
 static void drum(void) {
-    CHECK_NEAR(spins(0, 1.5), 0.095 / 0.0968, 2e-3);
-    CHECK_NEAR(spins(1, 1.5), 0.095 / 0.0968, 2e-3);
-    CHECK_NEAR(spins(1, -1.5), 0.095 / 0.0968, 2e-3);
+    CHECK_NEAR(spins(0, 1.5, 1), 0.095 / 0.0968, 2e-3);
+    CHECK_NEAR(spins(0, 1.5, 2), 0.095 / 0.0968, 2e-3);     /* each has half of the turn */
+    CHECK_NEAR(spins(1, 1.5, 1), 0.095 / 0.0968, 2e-3);
+    CHECK_NEAR(spins(1, -1.5, 1), 0.095 / 0.0968, 2e-3);
 }
 
 /* --- friction --- */

@@ -116,6 +116,21 @@ static void gaps(void) {
         }
 }
 
+/* Where nothing is near the smallest gap is the thickness from which something would be felt. */
+static void nothing_near(void) {
+    static const double far[3] = {0, -5, 0};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_report        r;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, NULL, NULL) == CLOTH_OK);
+    CHECK(cloth_step(W.sim, 1e-4, &r) == CLOTH_OK);
+    CHECK_NEAR(r.smallest_gap, 2e-3, 0);
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.x = far, o.radius = 0.1, o.thickness = 7e-3;
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_OK);
+    CHECK(cloth_step(W.sim, 1e-4, &r) == CLOTH_OK && r.contacts == 0);
+    CHECK_NEAR(r.smallest_gap, 7e-3, 0);
+    world_close(&W);
+}
+
 /* A pinch between two boxes: vertices, edges and faces count in each box's own mesh, also after a
  * third was refused that would have come before them. */
 static void numbers(void) {
@@ -255,6 +270,33 @@ static void whose_snapshot(void) {
     free(buf);
 }
 
+/* A snapshot belongs to parts of one word on whom they meet: each of these decides contacts. */
+static void whose_parts(void) {
+    cloth_hooks        hooks = host_hooks(&H);
+    cloth_collide_desc desc = cloth_collide_desc_default();
+    cloth_collide_part part;
+    size_t             size = 0;
+    void              *buf = NULL;
+    int                which;
+    for (which = 0; which < 6; which++) {   /* saved, the same, then one thing is another */
+        memset(&part, 0, sizeof part);
+        part.self = which != 2;
+        part.category = which == 3 ? 3 : 1, part.mask = which == 4 ? 0xff : 0xffffffffu;
+        part.friction = which == 5 ? 0.2 : 0;
+        desc.nparts = 1, desc.parts = &part;
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, &desc) == CLOTH_OK);
+        if (which == 0) {
+            size = cloth_sim_save_size(W.sim);
+            buf = malloc(size);
+            CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
+        } else
+            CHECK(cloth_sim_restore(W.sim, buf, size) == (which > 1 ? CLOTH_ERR_FORMAT : CLOTH_OK));
+        world_close(&W);
+        host_forget(&H);
+    }
+    free(buf);
+}
+
 /* report.bytes.contact is what destroy gives back, and part of the total, all that the allocator
  * has given out; a body that may penetrate itself included. */
 static void bytes(void) {
@@ -304,10 +346,12 @@ static void absurd(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(gaps);
+    RUN(nothing_near);
     RUN(numbers);
     RUN(exempt);
     RUN(forgotten);
     RUN(whose_snapshot);
+    RUN(whose_parts);
     RUN(bytes);
     RUN(absurd);
     return TEST_END();

@@ -165,6 +165,20 @@ static void falls_asleep(void) {
     one_falls_asleep(BALL);
 }
 
+/* The report of a step asleep is of the step that was asked for. */
+static void asleep_for_any_time(void) {
+    cloth_report r;
+    scene        s;
+    int          k;
+    build(&s, PLANE, CLOTH_INTEGRATOR_EULER, SLEEP);
+    CHECK(settle(&s, 900));
+    for (k = 1; k < 4; k++) {
+        CHECK(!cloth_step(s.sim, k * H, &r) && r.outcome == CLOTH_STEP_ASLEEP);
+        CHECK_NEAR(r.h, k * H, 0);
+    }
+    raze(&s);
+}
+
 /* --- what wakes and what does not --- */
 
 static cloth_status flat_eval(void *user, const cloth_eval *e, double *energy) {
@@ -347,6 +361,21 @@ static void obstacles_wake(void) {
     raze(&s);
 }
 
+/* Contact that goes and comes wakes: nothing is under the sheet any more. */
+static void contact_made_anew(void) {
+    cloth_report r;
+    double       y;
+    scene        s;
+    build(&s, PLANE, CLOTH_INTEGRATOR_EULER, SLEEP);
+    CHECK(settle(&s, 900));
+    cloth_collide_destroy(s.c);
+    CHECK(!cloth_collide_create(s.sim, NULL, &s.c));
+    y = cloth_sim_state(s.sim)->x[1];
+    CHECK(!cloth_step(s.sim, H, &r) && r.outcome == CLOTH_STEP_CONVERGED);
+    CHECK(cloth_sim_state(s.sim)->x[1] < y);
+    raze(&s);
+}
+
 /* --- who never sleeps --- */
 
 static void pendulum(void) {
@@ -521,9 +550,11 @@ static void refusals(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(falls_asleep);
+    RUN(asleep_for_any_time);
     RUN(wakes);
     RUN(sleeps_on);
     RUN(obstacles_wake);
+    RUN(contact_made_anew);
     RUN(never_sleeps);
     RUN(restored);
     RUN(not_asked);

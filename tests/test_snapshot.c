@@ -162,6 +162,27 @@ static void handles_after_restore(void) {
     scene_close(&S);
 }
 
+/* Nor does one from before a snapshot fit what is attached after its restore in a fresh sim. */
+static void handles_in_a_fresh_sim(void) {
+    static unsigned char buf[1 << 17];
+    static const double  bary[3] = {0.2, 0.3, 0.5}, up[3] = {0, 0.1, 0};
+    cloth_attachment     first, second, third;
+    cloth_sim           *fresh = NULL;
+    S = scene_make(4, CLOTH_MEMBRANE_STVK, CLOTH_BEND_HINGE, CLOTH_INTEGRATOR_EULER, NULL, 0);
+    CHECK(cloth_sim_attach(S.sim, 1, bary, 1, up, &first) == CLOTH_OK);
+    CHECK(cloth_sim_detach(S.sim, first) == CLOTH_OK);
+    CHECK(cloth_sim_attach(S.sim, 1, bary, 1, up, &second) == CLOTH_OK);
+    CHECK(cloth_sim_save(S.sim, buf, sizeof buf) == CLOTH_OK);
+    CHECK(cloth_sim_create(S.model, &fresh) == CLOTH_OK);
+    CHECK(cloth_sim_restore(fresh, buf, sizeof buf) == CLOTH_OK);
+    CHECK(cloth_sim_detach(fresh, second) == CLOTH_OK);
+    CHECK(cloth_sim_attach(fresh, 2, bary, 1, up, &third) == CLOTH_OK);
+    CHECK(cloth_sim_detach(fresh, first) == CLOTH_ERR_HANDLE);
+    CHECK(cloth_sim_detach(fresh, third) == CLOTH_OK);
+    cloth_sim_destroy(fresh);
+    scene_close(&S);
+}
+
 /* --- refusals --- */
 
 static int refused(const void *buf, size_t size) {
@@ -244,6 +265,7 @@ int main(int argc, char **argv) {
     RUN(same_bits);
     RUN(params_come_back);
     RUN(handles_after_restore);
+    RUN(handles_in_a_fresh_sim);
     RUN(damage_is_refused);
     RUN(another_model_is_refused);
     return TEST_END();

@@ -786,6 +786,31 @@ static void host_term(void) {
     CHECK(k >= 8 && cloth_sim_add_term(S.sim, &term) == CLOTH_ERR_CAPACITY);
 }
 
+/* What each of a host's terms holds is in the ledger. */
+static cloth_status held_eval(void *user, const cloth_eval *e, double *energy) {
+    (void)e;
+    *energy = *(const double *)user;
+    return CLOTH_OK;
+}
+
+static void two_host_terms(void) {
+    double       held[2] = {0.25, 0.5};
+    cloth_ledger l;
+    cloth_term   term;
+    int          k;
+    scene_close(&S);
+    scene_desc(&S, 4, NULL, 0);
+    CHECK(scene_open(&S, 0) == CLOTH_OK);
+    memset(&term, 0, sizeof term);
+    term.name = "held", term.eval = held_eval;
+    for (k = 0; k < 2; k++) {
+        term.user = held + k;
+        CHECK(cloth_sim_add_term(S.sim, &term) == CLOTH_OK);
+    }
+    CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_OK);
+    CHECK_NEAR(l.other, 0.75, 0);
+}
+
 /* What cloth_eval's comment promises a host's term, under each integrator. */
 typedef struct witness {
     cloth_integrator kind;
@@ -932,6 +957,7 @@ int main(int argc, char **argv) {
     RUN(ties_hold);
     RUN(pins_reach_their_targets);
     RUN(host_term);
+    RUN(two_host_terms);
     RUN(what_a_term_sees);
     RUN(isolated_vertex);
     RUN(far_from_origin);

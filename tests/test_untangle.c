@@ -112,6 +112,7 @@ static cloth_status call(stage *s, double most, cloth_untangle_report *r) {
         moved = fmax(moved, sqrt(d2));
     }
     if (status == CLOTH_OK) CHECK_NEAR(moved, r->moved, 1e-15);
+    if (status == CLOTH_OK && r->before) CHECK(s->c->nanchor == 0);    /* nothing sticks there */
     else CHECK(memcmp(x, s->state->x, 3 * (size_t)s->mesh->nv * sizeof(double)) == 0);
     if (getenv("SHOW_STEPS"))
         printf("    %d -> %d pairs, exact %d, %d fresh %d wandered, moved %.2e, "

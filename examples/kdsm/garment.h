@@ -28,6 +28,7 @@ typedef struct garment {
     const int     *faces;
     const double  *x0;              /* as it was made, round the body at rest           */
     const double  *X;               /* flat, or NULL                                    */
+    cloth_integrator integrator;    /* of the model                                     */
     cloth_model   *model;
     cloth_sim     *sim;
     cloth_collide *contact;
@@ -56,7 +57,7 @@ static inline const char *garment_model(garment *g, cloth_integrator integrator)
     desc.nv = g->nv, desc.nf = g->nf, desc.faces = g->faces, desc.x_rest = g->x0;
     if (g->X) desc.X = g->X, desc.rest_angle = CLOTH_REST_ANGLE_FLAT;
     desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
-    desc.contact = CLOTH_CONTACT_SELF, desc.integrator = integrator;
+    desc.contact = CLOTH_CONTACT_SELF, desc.integrator = g->integrator = integrator;
     return cloth_model_create(&desc, &g->model) ? "the garment cannot be simulated" : NULL;
 }
 
@@ -104,7 +105,8 @@ static inline const char *garment_wear_at(garment *g, const double *T, const dou
     if (cloth_collide_create(g->sim, &c, &g->contact)) return "no contact";
     figure_skin(g->f, T, g->body);
     o.kind = CLOTH_OBSTACLE_MESH, o.nv = g->f->nv, o.nf = g->f->nf;
-    o.faces = g->f->faces, o.x = g->body, o.self_penetrating = 1;
+    o.faces = g->f->faces, o.x = g->body;
+    o.self_penetrating = g->integrator != CLOTH_INTEGRATOR_LEAPFROG;     /* has no pinches */
     g->steps = g->failed = 0;
     return cloth_collide_add(g->contact, &o, &g->id) ? "the body cannot be an obstacle" : NULL;
 }

@@ -6368,9 +6368,9 @@ typedef struct clothi_tally {               /* one subdomain's share of the sums
 
 struct cloth_linear_solver {
     cloth_hooks hooks;
-    void   *block;                          /* the store's arrays, or r z d q and one more of
-                                               the plain CG, or between solves what a sim puts
-                                               there: one at a time needs it                   */
+    void   *block;                          /* the store's arrays, or r z d q of the plain CG, or
+                                               between solves what a sim puts there: one at a time
+                                               needs it                                        */
     void   *E;                              /* blocks outside the pattern, scaled, by rows     */
     double *pack;                           /* rows of a panel; the block of U and Ac too      */
     double *cd;                             /* [(nd+3) x 3nc]: two to work in, then P'b of each
@@ -6786,7 +6786,7 @@ static cloth_status clothi_solver_reserve(cloth_linear_solver *s, const cloth_ma
     const size_t n3 = 3 * (size_t)s->p->nc;
     if (!s->block) {
         const size_t store = clothi_store_lay(s->p, sizeof(double), &s->st, NULL);
-        const size_t plain = 15 * (size_t)s->p->n * sizeof(double);
+        const size_t plain = 12 * (size_t)s->p->n * sizeof(double);
         const size_t most = store > plain ? store : plain;
         s->block = clothi_alloc(&s->hooks, most > s->least ? most : s->least, 1);
         if (!s->block) return CLOTH_ERR_MEMORY;
@@ -7955,10 +7955,10 @@ static int clothi_by_factor(cloth_linear_solver *s, const double *r, double *z) 
 
 /* The factor of A without its blocks outside the pattern. */
 static cloth_status clothi_solver_factor(cloth_linear_solver *s, const cloth_matrix *A,
-                                         const unsigned char *fixed, cloth_factor_report *rep) {
+                                         const unsigned char *fixed) {
     cloth_status status = CLOTH_OK;
     if (!s->factor) status = cloth_factor_create(&s->hooks, s->p, &s->factor);
-    return status ? status : cloth_factor_compute(s->factor, A, fixed, 0, rep);
+    return status ? status : cloth_factor_compute(s->factor, A, fixed, 0, NULL);
 }
 
 static cloth_status clothi_linear_begin(cloth_linear_solver *s, const cloth_matrix *A,
@@ -7998,7 +7998,7 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_plain_cg(s, clothi_jacobi, x, &g);
     else if (o.method != CLOTH_LINEAR_CHOLESKY) status = clothi_sgs_solve(s, x, &g);
     else {                                  /* right with blocks outside the pattern too       */
-        status = clothi_solver_factor(s, A, o.fixed, NULL);
+        status = clothi_solver_factor(s, A, o.fixed);
         if (!status) status = clothi_plain_cg(s, clothi_by_factor, x, &g);
     }
     if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
@@ -10996,8 +10996,7 @@ static double clothi_extent(const double *x, int nv) {
 /* At a converged point: a direction of negative curvature of the exact Hessian into w.dx; *saddle
  * 0: there is none. A factor has no blocks outside the pattern: with some, noise finds one. */
 static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int *saddle) {
-    cloth_factor_report rep;
-    cloth_status        status;
+    cloth_status status;
     *saddle = 0;
     goal->sigma = 0;
     status = clothi_newton_assemble(s, goal, 1);
@@ -11005,7 +11004,7 @@ static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int
         status = clothi_noise(s, 1, 1e-10, CLOTHI_STATIC_FAR * s->edge);
         *saddle = s->linear.hit;
     } else if (!status) {
-        status = clothi_solver_factor(s->solver, s->matrix, s->fixed, &rep);
+        status = clothi_solver_factor(s->solver, s->matrix, s->fixed);
         status = status == CLOTH_ERR_NUMERIC ? CLOTH_OK : status;
         *saddle = cloth_factor_direction(s->solver->factor, s->w.dx) < 0;
     }

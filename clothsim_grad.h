@@ -1369,7 +1369,7 @@ static cloth_status clothi_grad_refine(clothi_grad *g, cloth_linear method, cons
     size_t       i, bytes = g->t->nv3 * sizeof(double);
     int          k;
     from[0] = g->left, from[1] = s->w.rhs, to[0] = g->q, to[1] = s->w.dx;
-    if (direct) status = clothi_solver_factor(s->solver, s->matrix, s->fixed, NULL);
+    if (direct) status = clothi_solver_factor(s->solver, s->matrix, s->fixed);
     g->rep->factorizations += direct;
     *negative = status == CLOTH_ERR_NUMERIC;
     if (status && !*negative) return status;
@@ -1429,7 +1429,7 @@ static cloth_status clothi_grad_apply(clothi_grad *g, const cloth_eval *e, const
 static cloth_status clothi_grad_matrices(clothi_grad *g, clothi_line *line, int *negative) {
     cloth_sim    *s = g->s;
     cloth_matrix *with = s->matrix;
-    cloth_status  status = clothi_solver_factor(s->solver, with, s->fixed, NULL);
+    cloth_status  status = clothi_solver_factor(s->solver, with, s->fixed);
     g->rep->factorizations++;
     *negative = status == CLOTH_ERR_NUMERIC;
     if (status && !*negative) return status;

@@ -274,7 +274,8 @@ typedef struct cloth_clock {                /* fn == NULL: every time in a repor
  * iteration of a QP (in a zone: over 200 rows; workers ask nobody). 0: go on. 1: give the step up,
  * the state is as before, CLOTH_ERR_CANCELLED. 2, while the answer stays 2: the host's time is up;
  * the Newton iteration under way is the last of its substep, and where it leads is accepted,
- * CLOTH_OK with CLOTH_STEP_MAX_ITERATIONS; what has no early end (LEAPFROG, zones, QP) goes on. */
+ * CLOTH_OK with CLOTH_STEP_MAX_ITERATIONS, be it with more energy than the step began with; what
+ * has no early end (LEAPFROG, zones, QP) goes on. */
 typedef struct cloth_cancel {
     int  (*fn)(void *user);
     void  *user;

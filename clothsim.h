@@ -11008,12 +11008,12 @@ static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int
         status = clothi_solver_factor(s->solver, s->matrix, s->fixed);
         status = status == CLOTH_ERR_NUMERIC ? CLOTH_OK : status;
         *saddle = cloth_factor_direction(s->solver->factor, s->w.dx) < 0;
+        clothi_tie_spread(s->model, s->w.dx);
+        s->report.factorizations++;
+        s->report.negative += *saddle;
     }
-    s->report.factorizations++;
     if (status || !*saddle) return status;
-    clothi_tie_spread(s->model, s->w.dx);
     *saddle = clothi_max_abs(s->w.dx, 3 * s->model->nv) > 0;
-    s->report.negative++;
     return CLOTH_OK;
 }
 

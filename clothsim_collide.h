@@ -9136,10 +9136,10 @@ static void clothi_back_carried(const cloth_collide *c, const double *attach) {
     int              i, j;
     for (i = 0; attach && i < s->model->desc.max_attachments; i++) {
         const cloth_step_attachment *q = s->attach + i;
-        const int                    slot = clothi_slot_valid(c, q->on - 1) ? q->on - 1 : 0;
-        const clothi_obstacle       *o = c->obstacle + slot;
-        if (!q->used || q->on != slot + 1 || q->other >= o->nf) continue;     /* or forged */
-        for (j = 0; j < 9; j++)
+        const clothi_obstacle       *o;
+        if (!q->used || !clothi_slot_valid(c, q->on - 1)) continue;     /* or a forged snapshot's */
+        o = c->obstacle + q->on - 1;
+        for (j = 0; j < 9 && q->other < o->nf; j++)
             c->adjoint->pose[0][3 * (o->v0 - c->nv + o->faces[3 * q->other + j / 3]) + j % 3] +=
                 q->at[j / 3] * attach[3 * i + j % 3];
     }

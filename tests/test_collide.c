@@ -250,13 +250,13 @@ static void queries(void) {
 }
 
 /* Opens W and runs 8 steps; returns the hash that one more will lead to. */
-static uint64_t open_before_ninth(const cloth_hooks *hooks) {
+static uint64_t open_before_ninth(const cloth_hooks *hooks, const cloth_collide_desc *contact) {
     uint64_t after;
-    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, hooks, NULL) == CLOTH_OK);
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, hooks, contact) == CLOTH_OK);
     CHECK(world_run(&W, 9, 1.0 / 60));
     after = cloth_sim_hash(W.sim);
     world_close(&W);
-    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, hooks, NULL) == CLOTH_OK);
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, hooks, contact) == CLOTH_OK);
     CHECK(world_run(&W, 8, 1.0 / 60));
     return after;
 }
@@ -271,7 +271,7 @@ static void lost_state(void) {
     double              gap = 7, keep, *x;
     int                 count = 7;
     uint64_t            before, after;
-    after = open_before_ninth(&hooks);
+    after = open_before_ninth(&hooks, NULL);
     before = cloth_sim_hash(W.sim);
     x = cloth_sim_state(W.sim)->x + 7;
     keep = *x, *x = NAN;
@@ -308,7 +308,9 @@ static void absurd_zone(void) {
     cloth_report r;
     uint64_t     before, after;
     int          count, live;
-    after = open_before_ninth(&hooks);
+    cloth_collide_desc contact = cloth_collide_desc_default();
+    if (!test_full()) contact.max_passes = 4;           /* each takes hundreds of active sets */
+    after = open_before_ninth(&hooks, &contact);
     CHECK(said(cloth_collide_move(W.c, W.ground, far), CLOTH_ERR_ARGUMENT, "x[1] = "));
     CHECK(said(cloth_collide_move(W.c, W.ground, lost), CLOTH_ERR_ARGUMENT, "at most 2e9"));
     CHECK(cloth_collide_move(W.c, W.ground, leap) == CLOTH_OK);

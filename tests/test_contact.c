@@ -283,6 +283,28 @@ static int lists_wrong(cloth_collide *c, const double *x) {
     return bad;
 }
 
+/* Hits from x, that of the iterate, to a guess near by: of the broad phase, and of a list, which is
+ * left where there are none. Returns how many. */
+static int detected(cloth_collide *c, const double *x, const double *guess) {
+    const size_t      bytes = 3 * (size_t)c->nv * sizeof *x;
+    cloth_contact_row row[256];
+    int               hit[2], k, i, j, same = 0;
+    memcpy(c->xa, x, bytes);
+    memcpy(c->x_ie, guess, bytes);
+    for (k = 0; k < 2; k++) {
+        clothi_try_guess(c);
+        c->ncontact = 0;
+        CHECK(clothi_detect(c, k, hit + k) == CLOTH_OK && hit[k] == c->nrow && hit[k] < 256);
+        if (k == 0) memcpy(row, c->row, (size_t)hit[0] * sizeof *row);
+    }
+    for (i = 0; i < hit[0]; i++)
+        for (j = 0; j < hit[1]; j++)
+            same += c->row[j].kind == row[i].kind && c->row[j].a == row[i].a &&
+                    c->row[j].b == row[i].b && c->row[j].toi == row[i].toi;
+    CHECK(same == hit[0] && same == hit[1] && c->listed == (same == 0));
+    return same;
+}
+
 /* Two sheets among a ball, a bar, a box and a floor move at random, a few vertices or all. */
 static void lists(void) {
     const double        lo[3] = {-0.15, -0.1, -0.15}, hi[3] = {0.05, 0.012, 0.05};
@@ -291,7 +313,7 @@ static void lists(void) {
     unsigned long long  seed = 3;
     shape               box = {0};
     stage               s;
-    int                 move, i, a, bad = 0, mended = 0, made = 0, joined = 0;
+    int                 move, i, a, bad = 0, mended = 0, made = 0, joined = 0, hits = 0, kept = 0;
     stage_layers(&s, 2, 5, 0.05);
     s.contact.thickness = 0.01;
     if (!stage_start(&s) || !CHECK(s.mesh->nv == 50)) exit(2);
@@ -345,7 +367,18 @@ static void lists(void) {
     }
     printf("  %d lists mended, %d made, %d pairs, %d contacts\n", mended, made, s.c->npair,
            s.c->ncontact);
-    CHECK(mended > 12 && made > 1 && s.c->ncontact > 50 && joined > 1000);
+    a = s.c->ncontact;
+    for (move = 0; move < 40; move++) {     /* from nothing to far enough for hits             */
+        const double far = move / 40.0 * CLOTHI_LIST_SLACK * s.c->thickest;
+        double       y[150];
+        for (i = 0; i < 150; i++) y[i] = x[i] + ref_uniform(&seed, -far, far);
+        i = detected(s.c, x, y);
+        hits += i, kept += i == 0;
+        if (i == 0) bad += lists_wrong(s.c, y);
+    }
+    printf("  %d hits of guesses near by, %d without\n", hits, kept);
+    CHECK(hits > 20 && kept > 5);
+    CHECK(mended > 12 && made > 1 && a > 50 && joined > 1000);
     CHECK(bad == 0);
     shape_free(&box);
     stage_end(&s);

@@ -10071,6 +10071,7 @@ static void clothi_terms_install(cloth_sim *s) {
 
 #define CLOTHI_NEWTON_CAP   400             /* iterations of a substep before it has stalled   */
 #define CLOTHI_CONTACT_CAP  60              /* the same with contact: then accepted            */
+#define CLOTHI_FALLS        1e-3            /* ... unless phi falls by this part of K^n         */
 #define CLOTHI_HALVINGS     40
 #define CLOTHI_ARMIJO       1e-4
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
@@ -10622,14 +10623,36 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
     return status;
 }
 
+/* J, phi's potential where the last value was taken. */
+static double clothi_potential(const cloth_sim *s, double value) {
+    int i;
+    for (i = 0; i * CLOTHI_VERTICES < s->model->nv; i++) value -= s->w.partial[i];
+    return value;
+}
+
+/* Whether iteration `it` is the last, done or not. from: J, the potential of the search's start;
+ * before: phi before the iteration. */
+static int clothi_capped(const cloth_sim *s, int it, double from, double before, double value) {
+    double kinetic = 0, gain = clothi_potential(s, value) - from;
+    int    i;
+    if (!s->contact_on || it < CLOTHI_CONTACT_CAP || it >= CLOTHI_NEWTON_CAP)
+        return it >= CLOTHI_NEWTON_CAP;
+    for (i = 0; i < 3 * s->model->nv; i++) {
+        const double v = s->state.v[i], u = (s->w.x[i] - s->state.x[i]) / s->in.h;
+        kinetic += 0.5 * s->params.mass[i / 3] * v * v;
+        gain += 0.5 * s->params.mass[i / 3] * (u * u - v * v);
+    }
+    return !(gain > 0 && before - value > CLOTHI_FALLS * kinetic);
+}
+
 /* Moves w.x to a minimum of phi. On CLOTH_OK the report's outcome says how it ended. With contact
  * every iterate is feasible and may be accepted. */
 static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     const cloth_desc *d = &s->model->desc;
-    const int         cap = s->contact_on ? CLOTHI_CONTACT_CAP : CLOTHI_NEWTON_CAP;
     const double      eta = clothi_max(goal->eta, CLOTHI_REST_TIME);
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
+    double            from, before;
     int               it;
     memset(&nt, 0, sizeof nt);
     nt.size = HUGE_VAL;
@@ -10644,7 +10667,9 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     clothi_newton_rhs(s);
     s->fresh = 1;
     if (eta * eta * clothi_newton_pull(s) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
+    from = clothi_potential(s, nt.value);
     for (it = 1; !nt.done; it++) {
+        before = nt.value;
         nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
                    (it > CLOTHI_LATE && nt.size <= CLOTHI_EXACT_LATE * s->edge);
         nt.exact &= clothi_exact_asked(s);
@@ -10656,7 +10681,8 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
             status = CLOTH_OK;
         }
         if (!status && nt.done) status = clothi_off_saddle(s, goal, &nt);
-        if (!status && !nt.done && it >= cap) status = CLOTH_ERR_STEP;
+        if (!status && !nt.done && clothi_capped(s, it, from, before, nt.value))
+            status = CLOTH_ERR_STEP;
         if (status == CLOTH_ERR_STEP && !s->contact_on) return clothi_stalled(s, "step");
         if (status && status != CLOTH_ERR_STEP) return status;
         if (status || s->finish || (!nt.done && d->max_newton > 0 && it >= d->max_newton)) {

@@ -287,7 +287,8 @@ static inline int stage_examine(stage *s) {
     }
     n = exact_intersections(s->nv, s->x, s->nf, s->faces, found, 4096);
     n = n < 4096 ? n : 4096;
-    for (i = 0; i < n; i++) fresh += !stage_has(s, found[2 * i], found[2 * i + 1]);
+    for (i = 0; i < n; i++)                 /* things may pass through each other */
+        fresh += found[2 * i] < s->mesh->nf && !stage_has(s, found[2 * i], found[2 * i + 1]);
     stage_list(s, found, n);
     return fresh;
 }

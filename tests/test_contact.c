@@ -295,7 +295,7 @@ static int detected(cloth_collide *c, const double *x, const double *guess) {
         clothi_try_guess(c);
         c->ncontact = 0;
         CHECK(clothi_detect(c, k, hit + k) == CLOTH_OK && hit[k] == c->nrow && hit[k] < 256);
-        if (k == 0) memcpy(row, c->row, (size_t)hit[0] * sizeof *row);
+        if (k == 0 && *hit) memcpy(row, c->row, (size_t)*hit * sizeof *row);
     }
     for (i = 0; i < hit[0]; i++)
         for (j = 0; j < hit[1]; j++)

@@ -10071,7 +10071,7 @@ static void clothi_terms_install(cloth_sim *s) {
 
 #define CLOTHI_NEWTON_CAP   400             /* iterations of a substep before it has stalled   */
 #define CLOTHI_CONTACT_CAP  60              /* the same with contact: then accepted            */
-#define CLOTHI_FALLS        1e-3            /* ... unless phi falls by this part of K^n         */
+#define CLOTHI_FALLS        1e-3            /* ... unless phi falls by this part of K^n        */
 #define CLOTHI_HALVINGS     40
 #define CLOTHI_ARMIJO       1e-4
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */

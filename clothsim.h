@@ -10633,10 +10633,11 @@ static double clothi_potential(const cloth_sim *s, double value) {
 /* Whether iteration `it` is the last, done or not. from: J, the potential of the search's start;
  * before: phi before the iteration. */
 static int clothi_capped(const cloth_sim *s, int it, double from, double before, double value) {
-    double kinetic = 0, gain = clothi_potential(s, value) - from;
+    double kinetic = 0, gain;
     int    i;
     if (!s->contact_on || it < CLOTHI_CONTACT_CAP || it >= CLOTHI_NEWTON_CAP)
         return it >= CLOTHI_NEWTON_CAP;
+    gain = clothi_potential(s, value) - from;
     for (i = 0; i < 3 * s->model->nv; i++) {
         const double v = s->state.v[i], u = (s->w.x[i] - s->state.x[i]) / s->in.h;
         kinetic += 0.5 * s->params.mass[i / 3] * v * v;

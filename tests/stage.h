@@ -273,7 +273,8 @@ static inline int stage_has(const stage *s, int a, int b) {
     return low < s->npair && s->pair[2 * low] == a && s->pair[2 * low + 1] == b;
 }
 
-/* Pairs that intersect now and did not in the examination before: 0 is what is promised. */
+/* Pairs with cloth that intersect now and did not in the examination before: 0 is what is promised.
+ * Things may pass through each other. */
 static inline int stage_examine(stage *s) {
     static int found[2 * 4096];
     int        i, n, fresh = 0;
@@ -287,7 +288,7 @@ static inline int stage_examine(stage *s) {
     }
     n = exact_intersections(s->nv, s->x, s->nf, s->faces, found, 4096);
     n = n < 4096 ? n : 4096;
-    for (i = 0; i < n; i++)                 /* things may pass through each other */
+    for (i = 0; i < n; i++)
         fresh += found[2 * i] < s->mesh->nf && !stage_has(s, found[2 * i], found[2 * i + 1]);
     stage_list(s, found, n);
     return fresh;

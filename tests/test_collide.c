@@ -303,12 +303,12 @@ static void lost_state(void) {
 static void absurd_zone(void) {
     static const double far[3] = {0, 1.7e308, 0}, lost[3] = {0, 2.01e9, 0};
     static const double leap[3] = {0, 1.99e9, 0}, ground[3] = {0, -0.2, 0};
+    cloth_collide_desc contact = cloth_collide_desc_default();
     cloth_hooks  hooks = host_hooks(&H);
     cloth_collide_contact touch[8];
     cloth_report r;
     uint64_t     before, after;
     int          count, live;
-    cloth_collide_desc contact = cloth_collide_desc_default();
     if (!test_full()) contact.max_passes = 4;           /* each takes hundreds of active sets */
     after = open_before_ninth(&hooks, &contact);
     CHECK(said(cloth_collide_move(W.c, W.ground, far), CLOTH_ERR_ARGUMENT, "x[1] = "));

@@ -3495,7 +3495,6 @@ struct cloth_collide {
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
     int             listed;                 /* c->pair is the list of this substep's moves     */
-    int             made;                   /* it was, for this iterate                        */
     int             renewed;                /* times that friction's limits were, in a search  */
     double         *x_list;                 /* [nv x 3] where the iterate is                   */
     double          share;                  /* of the step that the substep is                 */
@@ -5496,7 +5495,7 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
     clothi_joining q = {c, x, c->way, 1, CLOTHI_REACH * c->thickest, 0, 0};
     double         covers, least, most = CLOTHI_LEAP * c->length, *y = c->qp_x0;
     cloth_status   status;
-    int            i;
+    int            i, made = 0;
     most /= clothi_max(clothi_max_abs(dx, 3 * c->nv), most);
     clothi_list_drift(c, x);
     for (;;) {
@@ -5507,10 +5506,9 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
         clothi_move_far(c, c->way);
         status = clothi_list_pick(&q, &least);
         if (status) return status;
-        if (least < 1 || !(covers < 1) || c->made) break;
+        if (least < 1 || !(covers < 1) || made++) break;
         status = clothi_list_make(c, x, y);     /* nothing stops it before the list ends */
         if (status) return status;
-        c->made = 1;
     }
     q.part = least < 1 ? CLOTHI_MOVE * least : 1;
     *part = most * covers * q.part;
@@ -5607,7 +5605,6 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     cloth_status   status = CLOTH_OK;
     double         change;
     int            settled;
-    c->made = 0;
     if (!residual || clothi_list_covers(c, x, NULL) < 0)    /* else it has joined on the move   */
         status = clothi_list_at(c, x);
     c->at = x;

@@ -38,7 +38,7 @@ typedef struct ours {
     double             tolerance, cg;       /* m; of a linear solve, relative                  */
     cloth_contact_rung contact;
     cloth_integrator   integrator;
-    int                series;
+    int                series, newton;      /* most iterations a step, 0: no limit             */
 } ours;
 
 typedef struct drape {
@@ -71,7 +71,7 @@ static void run_ours(const stand *s, const ours *o, double shift, drape *out) {
     d.nv = nv, d.x_rest = s->mesh->x;
     d.nf = s->mesh->nf, d.faces = s->mesh->faces;
     d.tolerance = o->tolerance, d.cg_tolerance = o->cg;
-    d.contact = o->contact;
+    d.contact = o->contact, d.max_newton = o->newton;
     d.integrator = o->integrator;
     memset(out, 0, sizeof *out);
     out->x = (double *)bench_get((size_t)FRAMES * 3 * (size_t)nv, sizeof(double));
@@ -232,19 +232,25 @@ static void title(void) {
 
 static void all_ours(stand *s) {
     static const ours list[] = {
-        {"clothsim h 1/60, tolerance 1e-4 m", "1e-4", 1, 1, 1e-4, USUAL, SELF, EULER, 0},
-        {"clothsim h 1/60, 1e-3", "1e-3", 1, 1, 1e-3, USUAL, SELF, EULER, 0},
-        {"clothsim h 1/60, 1e-2", "1e-2", 1, 1, 1e-2, USUAL, SELF, EULER, 0},
-        {"clothsim h 1/60, 1e-2, CG 0.1", "CG", 1, 1, 1e-2, 0.1, SELF, EULER, 0},
-        {"clothsim h 1/60, 1e-4, obstacles only", "1e-4", 1, 1, 1e-4, USUAL, ONLY, EULER, 1},
-        {"clothsim h 1/60, 1e-2, obstacles only", "1e-2", 1, 1, 1e-2, USUAL, ONLY, EULER, 1},
-        {"clothsim h 1/60, 1e-2, CG 0.1, obstacles", "CG", 1, 1, 1e-2, 0.1, ONLY, EULER, 1},
-        {"clothsim h 1/30, 1e-3", "1/30", 1, 2, 1e-3, USUAL, SELF, EULER, 2},
-        {"clothsim h 1/120, 1e-3", "1/120", 2, 1, 1e-3, USUAL, SELF, EULER, 2},
-        {"clothsim h 1/240, 1e-3", "1/240", 4, 1, 1e-3, USUAL, SELF, EULER, 2},
-        {"clothsim BDF2, h 1/60, 1e-3", "1/60", 1, 1, 1e-3, USUAL, SELF, BDF2, 3},
-        {"clothsim BDF2, h 1/60, 1e-3, CG 0.1", "CG", 1, 1, 1e-3, 0.1, SELF, BDF2, 3},
-        {"clothsim BDF2, h 1/120, 1e-3", "1/120", 2, 1, 1e-3, USUAL, SELF, BDF2, 3}};
+        {"clothsim h 1/60, tolerance 1e-4 m", "1e-4", 1, 1, 1e-4, USUAL, SELF, EULER, 0, 0},
+        {"clothsim h 1/60, 1e-3", "1e-3", 1, 1, 1e-3, USUAL, SELF, EULER, 0, 0},
+        {"clothsim h 1/60, 1e-2", "1e-2", 1, 1, 1e-2, USUAL, SELF, EULER, 0, 0},
+        {"clothsim h 1/60, 1e-2, CG 0.1", "CG", 1, 1, 1e-2, 0.1, SELF, EULER, 0, 0},
+        {"clothsim h 1/60, 1e-4, obstacles only", "1e-4", 1, 1, 1e-4, USUAL, ONLY, EULER, 1, 0},
+        {"clothsim h 1/60, 1e-2, obstacles only", "1e-2", 1, 1, 1e-2, USUAL, ONLY, EULER, 1, 0},
+        {"clothsim h 1/60, 1e-2, CG 0.1, obstacles", "CG", 1, 1, 1e-2, 0.1, ONLY, EULER, 1, 0},
+        {"clothsim h 1/30, 1e-3", "1/30", 1, 2, 1e-3, USUAL, SELF, EULER, 2, 0},
+        {"clothsim h 1/120, 1e-3", "1/120", 2, 1, 1e-3, USUAL, SELF, EULER, 2, 0},
+        {"clothsim h 1/240, 1e-3", "1/240", 4, 1, 1e-3, USUAL, SELF, EULER, 2, 0},
+        {"clothsim BDF2, h 1/60, 1e-3", "1/60", 1, 1, 1e-3, USUAL, SELF, BDF2, 3, 0},
+        {"clothsim BDF2, h 1/60, 1e-3, CG 0.1", "CG", 1, 1, 1e-3, 0.1, SELF, BDF2, 3, 0},
+        {"clothsim BDF2, h 1/120, 1e-3", "1/120", 2, 1, 1e-3, USUAL, SELF, BDF2, 3, 0},
+        {"clothsim BDF2, h 1/60, 1e-3, 3 iterations", "1/60", 1, 1, 1e-3, 0.1, SELF, BDF2, 7, 3},
+        {"clothsim BDF2, h 1/30, 1e-2, 3 iterations", "1/30", 1, 2, 1e-2, 0.1, SELF, BDF2, 7, 3},
+        {"clothsim BDF2, h 1/60, 3 iterations, obstacles",
+         "1/60", 1, 1, 1e-3, 0.1, ONLY, BDF2, 8, 3},
+        {"clothsim BDF2, h 1/30, 3 iterations, obstacles",
+         "1/30", 1, 2, 1e-2, 0.1, ONLY, BDF2, 8, 3}};
     size_t i;
     for (i = 0; i < sizeof list / sizeof *list; i++) {
         drape d;
@@ -260,7 +266,7 @@ static void all_ours(stand *s) {
 
 static void references(stand *s) {
     static const ours fine = {"clothsim h 1/480, 1e-6: the reference", "", 8, 1, 1e-6, USUAL, SELF,
-                              EULER, -1};
+                              EULER, -1, 0};
     drape d;
     run_ours(s, &fine, 0, &d);
     s->reference = d;
@@ -342,7 +348,8 @@ static void open_charts(stand *s) {
     static const char *const series[] = {
         "clothsim: tolerance, h = 1/60 s", "clothsim: without self-contact",
         "clothsim: time step, 1e-3 m", "clothsim: BDF2, 1e-3 m", "Bullet: iterations",
-        "Bullet: substeps x iterations", "Bullet: clusters against clusters"};
+        "Bullet: substeps x iterations", "Bullet: clusters against clusters",
+        "clothsim: BDF2, 3 iterations", "the same without self-contact"};
     static const char *const x = "CPU time for 1/60 s of motion (ms)";
     size_t i;
     s->error = plot_open("Sheet on a sphere: error before the folds", x, "rms after 0.2 s (m)");

@@ -5640,8 +5640,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
  *            the share s of the way from A0 to A1 that it had when it was caught. Where the points
- *            slid, s comes back by at most t a substep. Where that ends inside of one part, as it
- *            does behind a wrist that leaves a hip, p is pulled to above the nearer of both
+ *            slid, s comes back by 10 t a substep at most. Where that ends inside of one part, as
+ *            it does behind a wrist that leaves a hip, p is pulled to above the nearer of both
  *            surfaces. Minimising begins where it was
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep; so
  *            does an edge across from a vertex that is held: in a finger, among features that hold
@@ -5672,6 +5672,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_DRAG     10                  /* of the membrane's stiffness: what pulls         */
 #define CLOTHI_HOLD     0.5                 /* t of that stiffness, N: the most on what is held */
 #define CLOTHI_PULL     27                  /* the same: on what goes out                      */
+#define CLOTHI_RETURN   10                  /* t: so far a share comes back in a substep       */
 #define CLOTHI_TAUT     2.5                 /* stretch of an edge beside that leaves of that   */
 #define CLOTHI_SLIP     0.05                /* so much                                         */
 #define CLOTHI_DEEP     20                  /* t: farther in neither surface is the way aside  */
@@ -5809,9 +5810,9 @@ static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, doubl
 /* Of cloth_collide.look: held between both points, or aside of there; goes out, or has. */
 enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_OUT, CLOTHI_PASSED };
 
-/* Where a vertex that is held is to go from x^n; 1: its share comes back by t, not all of it. */
+/* Where a vertex that is held is to go from x^n; 1: its share does not come back all of its way. */
 static int clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
-    const double *p = c->xa + 3 * h->vertex, t = c->obstacle[h->slot].thickness;
+    const double *p = c->xa + 3 * h->vertex, most = CLOTHI_RETURN * c->obstacle[h->slot].thickness;
     double        A[6], B[6], n[6], m[3], d[3], end[6], room, along, drift;
     int           k;
     (void)clothi_hold_room(c, h, c->xa, A, n, m);
@@ -5823,9 +5824,9 @@ static int clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double 
     along = (h->share - 0.5) * clothi_dot3(d, m);
     for (k = 0; k < 3; k++) d[k] = to[k] - B[k];
     drift = h->share * room - clothi_dot3(d, m) - along;
-    along += clothi_max(clothi_min(drift, t), -t);
+    along += clothi_max(clothi_min(drift, most), -most);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
-    return fabs(drift) > t;
+    return fabs(drift) > most;
 }
 
 /* Point 0 of a hold is what is nearest to p in the pose x, and point 1 too if it was of another

@@ -42,7 +42,12 @@
  * Where to, with that: out from x^n to what is nearest to it there, cloth in a hand was carried
  * with it, was left behind, and stayed in, as it did by the side that taut cloth pulls to, or that
  * it came in by; aside, to what is nearest of all that there is, 0.30. Minimising that begins above
- * the surface, not where it was: trousers halved 10 steps of 120 for 4. */
+ * the surface, not where it was: trousers halved 10 steps of 120 for 4.
+ * The share of what is held came back by t a substep, far behind a limb that goes 50 mm in one:
+ * four starts of a polo shirt that jumps had 0.4 to 1.7 % in the worst frame. By 10 t: 0.4 to 0.6;
+ * skirt that walks 0.11 in the mean for 0.13 of three, that jumps 0.9, 1.3 for 1.6, 1.3; trousers
+ * that jump 0.3 to 1.0 for 0.1 to 0.4. Then 3 K t on what goes aside: 0.4 to 1.1, 0.19, edges of
+ * 2.7; that alone, trousers 0.9 to 1.6. A search that goes on past 60 while phi falls: the same. */
 #include "../../clothsim_collide.h"
 
 #include "../test.h"

@@ -730,8 +730,8 @@ static double pull_rates(scene *q, const cloth_hold *h, const double *way, const
 
 static void backwards(void) {
     unsigned long long seed = 3;
-    double             worst = 0, rate;
-    int                looks[5] = {0}, wrong = 0, turn, step, i, k;
+    double             worst = 0, rate, to[3];
+    int                looks[5] = {0}, wrong = 0, late = 0, turn, step, i, k;
     for (turn = 0; turn < (test_full() ? 6 : 2); turn++) {
         const double fast = ref_uniform(&seed, 0.2e-3, 3e-3);
         scene        q;
@@ -742,12 +742,15 @@ static void backwards(void) {
             if (!stage_step(&q.s, H)) continue;
             a = (double *)malloc(3 * (size_t)q.s.nv * sizeof(double));
             for (i = 0; i < 3 * q.s.nv; i++) a[i] = ref_uniform(&seed, -1, 1);
-            for (i = 0; i < q.s.c->nhold; i++) {
-                const cloth_hold *h = q.s.c->hold + i;
-                double            way[3];
+            for (i = 0; i < 2 * q.s.c->nhold; i++) {    /* as it is, and with a share far off */
+                cloth_hold h = q.s.c->hold[i / 2];
+                const int  look = q.s.c->look[h.vertex];
+                double     way[3];
                 for (k = 0; k < 3; k++) way[k] = ref_uniform(&seed, -1, 1);
-                looks[q.s.c->look[h->vertex]]++;
-                rate = pull_rates(&q, h, way, a);
+                if (i % 2) h.share += 4;
+                else looks[look]++;
+                late += look < CLOTHI_OUT && clothi_hold_goal(q.s.c, &h, to);
+                rate = pull_rates(&q, &h, way, a);
                 wrong += !(rate < 1e-6);
                 worst = fmax(worst, rate);
             }
@@ -755,8 +758,10 @@ static void backwards(void) {
         }
         close_scene(&q);
     }
-    printf("  backwards: %d held, %d aside, %d out, %d passed; worst %.1e\n", looks[CLOTHI_HELD],
-           looks[CLOTHI_ASIDE], looks[CLOTHI_OUT], looks[CLOTHI_PASSED], worst);
+    printf("  backwards: %d held, %d aside, %d out, %d passed, %d late; worst %.1e\n",
+           looks[CLOTHI_HELD], looks[CLOTHI_ASIDE], looks[CLOTHI_OUT], looks[CLOTHI_PASSED], late,
+           worst);
+    CHECK(late > 0);
     for (i = CLOTHI_HELD; i <= CLOTHI_PASSED; i++) CHECK(looks[i] > 0);
     CHECK(wrong == 0);
 }

@@ -3504,7 +3504,7 @@ struct cloth_collide {
     cloth_hold     *caught;                 /* [nv] scratch                                    */
     double         *hold_to;                /* [nv x 3] where what is held is pulled to        */
     double         *hold_by;                /* [nv x 3] where minimising begins for it         */
-    unsigned char  *look;                   /* [nv] CLOTHI_HELD, _OUT, _ASIDE; scratch         */
+    unsigned char  *look;                   /* [nv] CLOTHI_HELD and so on; scratch             */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
     int    *zone_of, *zone_number;          /* [nv]                                            */
@@ -5807,8 +5807,9 @@ static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, doubl
     for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * c->obstacle[h->slot].thickness * n[k];
 }
 
-/* Of cloth_collide.look: held between both points, or aside of there; goes out, or has. */
-enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_OUT, CLOTHI_PASSED };
+/* Of cloth_collide.look: held between both points, or aside of there; is led away from outside;
+ * goes out from inside, or has. */
+enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_LED, CLOTHI_OUT, CLOTHI_PASSED };
 
 /* Where a vertex that is held is to go from x^n; 1: its share does not come back all of its way. */
 static int clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
@@ -5981,7 +5982,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, const double *y) {
     return status;
 }
 
-/* Vertex v, outside, goes t away from what is nearest. */
+/* Vertex v, outside, goes with what is nearest, and t away from it. */
 static cloth_status clothi_pinch_out(cloth_collide *c, int v) {
     double     A[3], n[3], *to = c->hold_to + 3 * v;
     cloth_hold h;
@@ -5994,7 +5995,7 @@ static cloth_status clothi_pinch_out(cloth_collide *c, int v) {
     for (k = 0; k < 3; k++)
         to[k] += c->xa[3 * v + k] - A[k] + c->obstacle[h.slot].thickness * n[k];
     c->held_of[v] = c->nholding;
-    c->look[v] = CLOTHI_OUT;
+    c->look[v] = CLOTHI_LED;
     return CLOTHI_PUSH(c, holding, h);
 }
 
@@ -6099,7 +6100,7 @@ static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, cons
     const int          face = m->topology->vf[m->topology->vf_start[h->vertex]];
     const double pull = CLOTHI_DRAG *
                         clothi_membrane_stiffness(c->sim->params.material + m->region[face]);
-    const double most = c->look[h->vertex] < CLOTHI_OUT
+    const double most = c->look[h->vertex] < CLOTHI_LED
                             ? CLOTHI_HOLD : CLOTHI_PULL * clothi_hold_borne(c, h->vertex);
     const double r = most * c->obstacle[h->slot].thickness / CLOTHI_DRAG;            /* m */
     double       d[3], s;
@@ -8514,8 +8515,8 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  *
  * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
  * stiffness. Taken as such though they move, and told (vjp.frozen): the way that turning spheres
- * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex, v^n
- * and the edges by which one goes out, zones that went on as one body.
+ * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex and
+ * their normals, v^n and the edges by which one goes out, zones that went on as one body.
  * checked: tests/test_grad_contact.c
  */
 
@@ -8905,7 +8906,7 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     for (k = 0; k < 3; k++) to[k] = -to[k];
     if (look == CLOTHI_OUT) clothi_back_above(f, h, to);
     if (look == CLOTHI_ASIDE) clothi_back_above(f, c->caught + h->vertex, to);
-    if (look <= CLOTHI_ASIDE) clothi_back_between(f, h, to);
+    if (look <= CLOTHI_LED) clothi_back_between(f, h, to);
     clothi_flow_add(f, 0, h->vertex, 1, to);
 }
 

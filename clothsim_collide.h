@@ -8870,8 +8870,8 @@ static void clothi_back_above(const clothi_flow *f, const cloth_hold *h, double 
     for (k = 0; k < 3; k++) to[k] -= along * n[k];
 }
 
-/* d/d{to} of what is held between both points: along `out` by its share of them, or late, by t
- * from where it was; else by the mean of their ways. */
+/* d/d{to} of what is held between both points: along `out` by its share of them, or late, from
+ * where it was; else by the mean of their ways. Of what is led both points are one. */
 static void clothi_back_between(const clothi_flow *f, const cloth_hold *h, double *to) {
     const cloth_collide *c = f->c;
     double               A[6], n[6], out[3], along;

@@ -679,17 +679,14 @@ static void poked(void) {
 static void pulled_to(const cloth_collide *c, const cloth_hold *h, const double *y, double *to) {
     const unsigned char look = c->look[h->vertex];
     const cloth_hold   *by = look == CLOTHI_ASIDE ? c->caught + h->vertex : h;
-    double              was[3], A[3], n[3], d = 0;
+    double              A[3], n[3], d = 0;
     int                 k;
-    if (look < CLOTHI_LED) (void)clothi_hold_goal(c, h, to);
+    if (look < CLOTHI_OUT) (void)clothi_hold_goal(c, h, to);
     else memcpy(to, y, 3 * sizeof *to);
     if (look == CLOTHI_HELD || look == CLOTHI_PASSED) return;
-    clothi_hold_point(c, by, 0, c->xa, was, n);
     clothi_hold_point(c, by, 0, c->xb, A, n);
     for (k = 0; k < 3; k++) d += n[k] * (A[k] - to[k]);
-    for (k = 0; k < 3; k++)
-        to[k] = look == CLOTHI_LED ? c->xa[3 * h->vertex + k] + A[k] - was[k] + T * n[k]
-                                   : to[k] + (d + CLOTHI_GAP * T) * n[k];
+    for (k = 0; k < 3; k++) to[k] += (look == CLOTHI_LED ? T : d + CLOTHI_GAP * T) * n[k];
 }
 
 /* Both plates at both poses, and the held vertex at x^n, go eps along `way`: what the walk

@@ -813,9 +813,9 @@ typedef struct cloth_contact {
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
     /* *part: the largest one of dx, in (0, 1], on whose way nothing comes nearer than it may */
     cloth_status (*max_step)(void *user, const double *x, const double *dx, double *part);
-    /* what the last dx of max_step would do wrong, into A dx = rhs: pairs that would come too near
-     * and friction that would turn round are kept from it; *blocked: how many */
-    cloth_status (*block)(void *user, cloth_matrix *A, int *blocked);
+    /* what dx would do wrong to contacts that are there, into A dx = rhs: pairs that would come too
+     * near and friction that would turn round are kept from it; *blocked: how many */
+    cloth_status (*block)(void *user, const double *dx, cloth_matrix *A, int *blocked);
     /* x [nv x 3]: in, where it would go; out, a feasible point to minimise from. *impact 1: nothing
      * may be extrapolated over this substep. other [nv x 3]: where the way there is free, one more
      * feasible point on it; returned as x otherwise. The better one is taken */
@@ -10478,23 +10478,24 @@ static cloth_status clothi_stalled(cloth_sim *s, const char *what) {
 #define CLOTHI_BLOCKS   2                   /* solves more where moves are cut                 */
 
 /* The part of w.dx that contact leaves free. Where dx runs into contacts it is looked for again
- * with the stiffness that they will have: a matrix that is the more definite, still downhill. */
+ * with the stiffness that they will have: a matrix that is the more definite, still downhill. First
+ * into those that are there, without a look at the way; then also into those that it met. */
 static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a) {
     cloth_status status = CLOTH_OK;
     double      *was;
     int          tries, blocked;
     if (!s->contact_on) return CLOTH_OK;
     was = clothi_charge(s, &s->ms.contact);
-    for (tries = 0; !status; tries++) {
-        status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
-        if (status || tries == CLOTHI_BLOCKS) break;
-        status = s->contact.block(s->contact.user, s->matrix, &blocked);
-        if (status || !blocked) break;
-        status = clothi_newton_solve(s, s->model->desc.cg_tolerance, nt->exact ? nt->radius : 0,
-                                     CLOTH_LINEAR_SGS);
+    for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
+        status = s->contact.block(s->contact.user, s->w.dx, s->matrix, &blocked);
+        if (status || (tries && !blocked)) break;
+        if (blocked)
+            status = clothi_newton_solve(s, s->model->desc.cg_tolerance,
+                                         nt->exact ? nt->radius : 0, CLOTH_LINEAR_SGS);
+        if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
     (void)clothi_charge(s, was);
-    if (tries) clothi_newton_measure(s, nt);
+    clothi_newton_measure(s, nt);
     return status;
 }
 

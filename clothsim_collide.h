@@ -3490,7 +3490,7 @@ struct cloth_collide {
     double          toi;                    /* of the way to the guess: before it all is free  */
     const double   *at;                     /* [nv x 3] where a move begins                    */
     double         *way;                    /* [nv x 3] it, as far as the list reaches         */
-    const double   *dx;                     /* [nv x 3] all of that move                       */
+    const double   *dx;                     /* [nv x 3] an update, of cloth_contact.block      */
     double          length;                 /* m, mean edge of the template                    */
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
@@ -5502,7 +5502,7 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
         for (i = 0; i < 3 * c->nv; i++) y[i] = x[i] + most * dx[i], c->way[i] = y[i] - x[i];
         covers = clothi_list_covers(c, x, c->way);
         for (i = 0; i < 3 * c->nv; i++) c->way[i] *= clothi_max(covers, 0);
-        c->at = x, c->dx = dx;
+        c->at = x;
         clothi_move_far(c, c->way);
         status = clothi_list_pick(&q, &least);
         if (status) return status;
@@ -5562,10 +5562,13 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
 /* cloth_contact.block: what runs by dx into more force than the matrix knows gets the stiffness
  * that the force has which the matrix foretells: from try to try that grows by how much dx is too
  * long, and is kept for the next iterate, as the multiplier of a primal-dual method is. */
-static cloth_status clothi_contact_block(void *user, cloth_matrix *A, int *blocked) {
+static cloth_status clothi_contact_block(void *user, const double *dx, cloth_matrix *A,
+                                         int *blocked) {
     cloth_collide *c = (cloth_collide *)user;
-    cloth_status   status = clothi_friction_block(c, A, blocked);
+    cloth_status   status;
     int            i, j;
+    c->dx = dx;
+    status = clothi_friction_block(c, A, blocked);
     if (!status) status = clothi_hold_block(c, A, blocked);
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;

@@ -3391,7 +3391,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     double carry[3];                        /* m, motion of a surface beyond its vertices'     */
     clothi_frame at;                        /* of the x last looked at                         */
     /* lagged: renewed at every iterate */
-    double w[4], normal[3];
+    double w[4], normal[3];                 /* friction's, which may follow by halves          */
     double share;                           /* of the force, 0 to 1                            */
     double spring;                          /* N/m, more in this iterate's matrix              */
     double aim;                             /* N, its force as the last matrix foretold it     */
@@ -3495,7 +3495,8 @@ struct cloth_collide {
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
     int             listed;                 /* c->pair is the list of this substep's moves     */
-    int             renewed;                /* times that friction's limits were, in a search  */
+    int             iterates, renewed;      /* of a search; with new limits of friction        */
+    double          follow;                 /* 0 to 1: so far friction's frames go to those    */
     double         *x_list;                 /* [nv x 3] where the iterate is                   */
     double          share;                  /* of the step that the substep is                 */
     double          approach;               /* CLOTHI_APPROACH or CLOTHI_SQUEEZED              */
@@ -4328,11 +4329,14 @@ static void clothi_exempt_part(cloth_collide *c) {
  * would be that of a motion that will not be (a strip began to slip around a cylinder and flew
  * off). The search ends at such an iterate where the limits change by less than 5 % of their sum;
  * a tolerance above t/20 loosens both by as much (1e-2 m: half of the time of a sheet on a ball).
- * Half of them: a few slivers of a garment's mesh hold more than all its contacts. When the step is
- * accepted the anchor keeps v, cut to eps and turned with the surface: what sticks does not creep
- * (Cundall and Strack 1979). A sheet on a plane slides 0.02 % less than Coulomb's at mu = 0.99 tan
- * a, and sticks within 0.6 mm at 1.01. Friction's Hessian along v is 0 beyond eps; where dx would
- * turn v round, it gets the majorizer's mu N/|v| instead.
+ * Half of them: a few slivers of a garment's mesh hold more than all its contacts. What has been
+ * renewed eight times in a search, limits or frames, follows by halves: a closest point that slides
+ * takes v with it, and two iterates can lead to each other for ever (of 16 impacts at a tolerance
+ * of 1e-8 m, 8 ended so at the cap). When the step is accepted the anchor keeps v, cut to eps and
+ * turned with the surface: what sticks does not creep (Cundall and Strack 1979). A sheet on a plane
+ * slides 0.02 % less than Coulomb's at mu = 0.99 tan a, and sticks within 0.6 mm at 1.01.
+ * Friction's Hessian along v is 0 beyond eps; where dx would turn v round, it gets the majorizer's
+ * mu N/|v| instead.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
  * a pole (a pressed pair climbed 10^12); a pole of the first order (pairs 1e-9 m above it, at 10^8
@@ -4340,7 +4344,7 @@ static void clothi_exempt_part(cloth_collide *c) {
  * without friction); a secant by what the matrix's diagonal has behind a contact (a thousand times
  * too stiff where layers move together); one stiffness for all ranges (forces of slivers of a mesh,
  * newtons, came 1e-7 m above the pole, at 10^12 N/m); secants for what is not yet the nearest of
- * its group (ten times CG's iterations).
+ * its group (ten times CG's iterations); frames of friction that wait for N (that strip flew off).
  *
  * Distance grids. No detection stands behind the potential, and cloth may be inside: along the way
  * of a vertex the grid is sampled, and where it comes nearer than 3 t, gap and n are taken and
@@ -4665,9 +4669,13 @@ static void clothi_contact_slip(const cloth_collide *c, const clothi_contact *q,
 
 /* Lagged frame and slip from the frame at x. */
 static void clothi_contact_renew(const cloth_collide *c, clothi_contact *q, const double *x) {
-    double u[3], size;
-    memcpy(q->w, q->at.w, sizeof q->w);
-    memcpy(q->normal, q->at.normal, sizeof q->normal);
+    const double a = c->follow;
+    double       u[3], size;
+    int          i;
+    for (i = 0; i < 4; i++) q->w[i] = a * q->at.w[i] + (1 - a) * q->w[i];
+    for (i = 0; i < 3; i++) u[i] = a * q->at.normal[i] + (1 - a) * q->normal[i];
+    size = sqrt(clothi_dot3(u, u));
+    for (i = 0; i < 3; i++) q->normal[i] = size > 0.5 ? u[i] / size : q->at.normal[i];
     q->gap = q->at.gap;
     clothi_contact_slip(c, q, x, u);
     size = sqrt(clothi_dot3(u, u));
@@ -4722,13 +4730,14 @@ static cloth_status clothi_contact_add(const clothi_contact *q, const double *ro
     return cloth_matrix_add_element(A, n / 3, q->v + q->first, H);
 }
 
-/* A spring of s N/m along v [3] alone. */
-static cloth_status clothi_contact_spring(const clothi_contact *q, double s, const double *v,
-                                          cloth_matrix *A) {
-    double K[9];
+/* A spring of s N/m on sum w x along v [3] alone. */
+static cloth_status clothi_contact_spring(const clothi_contact *q, double s, const double *w,
+                                          const double *v, cloth_matrix *A) {
+    double row[12];
     int    i;
-    for (i = 0; i < 9; i++) K[i] = s * v[i / 3] * v[i % 3];
-    return clothi_contact_add(q, NULL, 0, K, A);
+    for (i = 0; i < 3 * (q->end - q->first); i++)
+        row[i] = sqrt(s) * w[q->first + i / 3] * v[i % 3];
+    return clothi_contact_add(q, row, 1, NULL, A);
 }
 
 /* How the weights of a frame change along what the closest points can slide on: rate [2 x 4] by the
@@ -4800,16 +4809,17 @@ static int clothi_frame_bends(const cloth_collide *c, const clothi_contact *q, c
     return used;
 }
 
-/* A definite model of the Hessian of part e(g): e'' w w' n n' and that of the gap. K [3x3], N/m: of
- * friction. */
+/* A definite model of the Hessian of part e(g): e'' w w' n n', with the spring of
+ * clothi_contact_block, and that of the gap. K [3x3], N/m: of friction. */
 static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_contact *q,
                                            const double *x, const double *K, cloth_matrix *A) {
     const clothi_frame *f = &q->at;
     double    row[36], press = f->part * f->force + f->own[1];
+    double    stiff = sqrt(f->part * f->slope + f->own[2] + q->spring);
     const int m = press > 0 ? clothi_frame_bends(c, q, x, row + 12) : 0;
     int       i, k;
     for (i = 0; i < 3 * (q->end - q->first); i++) {
-        row[i] = sqrt(f->part * f->slope + f->own[2]) * f->w[q->first + i / 3] * f->normal[i % 3];
+        row[i] = stiff * f->w[q->first + i / 3] * f->normal[i % 3];
         for (k = 1; k <= m; k++) row[12 * k + i] *= sqrt(press);
     }
     return clothi_contact_add(q, row, m + 1, K, A);
@@ -4887,10 +4897,8 @@ static cloth_status clothi_contact_eval(void *user, const cloth_eval *e, double 
             if (q->limit > 0) *energy += clothi_contact_friction(c, q, e->x, tangent, K);
             for (l = q->first; e->grad && q->limit > 0 && l < q->end; l++)
                 for (k = 0; k < 3; k++) e->grad[3 * q->v[l] + k] += q->w[l] * tangent[k];
-            if (e->hess && (push > 0 || q->limit > 0))
+            if (e->hess && (push > 0 || q->limit > 0 || q->spring > 0))
                 status = clothi_contact_hessian(c, q, e->x, q->limit > 0 ? K : NULL, e->hess);
-            if (e->hess && q->spring > 0 && !status)
-                status = clothi_contact_spring(q, q->spring, q->normal, e->hess);
         }
     }
     return status;
@@ -5079,7 +5087,7 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
 
 #define CLOTHI_ROUND   0.05                 /* of all friction: change that asks for more      */
 #define CLOTHI_SETTLED 0.2                  /* of that, of a vertex's friction: residual left  */
-#define CLOTHI_FREE    8                    /* renewals of friction's limits without damping   */
+#define CLOTHI_FREE    8                    /* renewals of what friction lags, without damping */
 
 /* How well friction is known where a search ends, in parts of itself: as the tolerance is in t. */
 static double clothi_friction_error(const cloth_collide *c) {
@@ -5530,7 +5538,7 @@ static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int
             to += q->w[j] * clothi_dot3(u, c->dx + 3 * q->v[j]);
         if (!(to < -size * size)) continue;
         q->scale = 1;
-        status = clothi_contact_spring(q, q->limit / (size * size * size), u, A);
+        status = clothi_contact_spring(q, q->limit / (size * size * size), q->w, u, A);
         (*blocked)++;
     }
     return status;
@@ -5547,7 +5555,7 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
     if (!(come > 0) && !(aim > force)) return 0;
     if (come > 0) low = clothi_max(q->gap - q->range + 0.5 * clothi_min(q->room, q->range), 0);
     for (i = q->first; come > 0 && i < q->end; i++)
-        give += q->w[i] * q->w[i] / c->sim->params.mass[q->v[i]];
+        give += f.w[i] * f.w[i] / c->sim->params.mass[q->v[i]];
     K = give > 0 ? 1 / (give * c->h * c->h) : 0;
     for (i = 0; i < 20; i++) {
         const double a = 0.5 * (low + high);
@@ -5575,7 +5583,7 @@ static cloth_status clothi_contact_block(void *user, const double *dx, cloth_mat
         clothi_frame    f = q->at;
         double          come = 0, more;
         for (j = q->first; j < q->end; j++)
-            come -= q->w[j] * clothi_dot3(q->normal, c->dx + 3 * q->v[j]);
+            come -= f.w[j] * clothi_dot3(f.normal, c->dx + 3 * q->v[j]);
         q->aim = f.force + f.own[1] + (f.slope + f.own[2] + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
@@ -5584,7 +5592,7 @@ static cloth_status clothi_contact_block(void *user, const double *dx, cloth_mat
         more = clothi_contact_secant(c, q, q->aim, come) - q->spring;
         if (!(more > 0)) continue;
         q->spring += more;
-        status = clothi_contact_spring(q, more, q->normal, A);
+        status = clothi_contact_spring(q, more, f.w, f.normal, A);
         (*blocked)++;
     }
     return status;
@@ -5612,10 +5620,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
         status = clothi_list_at(c, x);
     c->at = x;
     clothi_contact_frames(c, x);
-    clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
     settled = residual && clothi_contact_settled(c, residual);
-    if (!residual) c->renewed = 0;
+    if (!residual) c->iterates = c->renewed = 0;
+    c->follow = c->iterates++ < CLOTHI_FREE ? 1 : 0.5;
     c->renewed += settled;
+    clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
     change = clothi_contact_limits(c, !settled ? 0 : c->renewed > CLOTHI_FREE ? 0.5 : 1, !residual);
     if (done) *done = *done && settled && change <= clothi_friction_error(c);
     return status;
@@ -6911,6 +6920,7 @@ static cloth_status clothi_contact_close(void *user, const double *x, int *impac
     int            i, j, k;
     memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
     c->nnext = c->nrow = 0;
+    c->follow = 1;
     clothi_contact_frames(c, x);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
     (void)clothi_contact_limits(c, 1, 0);

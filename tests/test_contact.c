@@ -233,8 +233,8 @@ static int collide_free(int n, double h, int steps, cloth_integrator integrator,
     return rows;
 }
 
-/* An impact that ends at the cap of Newton's iterations has a force left: which one does is chance,
- * so there are starts a nanometre apart. */
+/* An impact that ends at the cap of Newton's iterations has a force left, as many did whose
+ * friction went to and fro: which ones is chance, so there are starts a nanometre apart. */
 static void momentum(void) {
     double euler = 0, leapfrog = 0;
     int    start;
@@ -243,8 +243,7 @@ static void momentum(void) {
     CHECK(collide_free(24, 1.0 / 120, 12, CLOTH_INTEGRATOR_EULER, 0, &euler) > 200);
     CHECK(collide_free(16, 1.0 / 120, 12, CLOTH_INTEGRATOR_LEAPFROG, 0, &leapfrog) > 0);
     CHECK(leapfrog < 1e-12);
-    CHECK(euler < 1e-5);
-    OPEN_MOST(euler, 1e-9, "momentum that impacts change, of all");
+    CHECK(euler < 1e-9);
 }
 
 /* --- the list of pairs --- */

@@ -4327,16 +4327,16 @@ static void clothi_exempt_part(cloth_collide *c) {
  * a potential for fixed N and frame. N follows the normal forces at every iterate whose residual is
  * less than 1e-2 of friction's limits at the vertices that carry half of them: farther away it
  * would be that of a motion that will not be (a strip began to slip around a cylinder and flew
- * off). The search ends at such an iterate where the limits change by less than 5 % of their sum;
- * a tolerance above t/20 loosens both by as much (1e-2 m: half of the time of a sheet on a ball).
- * Half of them: a few slivers of a garment's mesh hold more than all its contacts. What has been
- * renewed eight times in a search, limits or frames, follows by halves: a closest point that slides
- * takes v with it, and two iterates can lead to each other for ever (of 16 impacts at a tolerance
- * of 1e-8 m, 8 ended so at the cap). When the step is accepted the anchor keeps v, cut to eps and
- * turned with the surface: what sticks does not creep (Cundall and Strack 1979). A sheet on a plane
- * slides 0.02 % less than Coulomb's at mu = 0.99 tan a, and sticks within 0.6 mm at 1.01.
- * Friction's Hessian along v is 0 beyond eps; where dx would turn v round, it gets the majorizer's
- * mu N/|v| instead.
+ * off); till then that of the step before, on the contacts that a key has now. The search ends at
+ * such an iterate where the limits change by less than 5 % of their sum; a tolerance above t/20
+ * loosens both by as much (1e-2 m: half of the time of a sheet on a ball). Half of them: a few
+ * slivers of a garment's mesh hold more than all its contacts. What has been renewed eight times in
+ * a search, limits or frames, follows by halves: a closest point that slides takes v with it, and
+ * two iterates can lead to each other for ever (of 16 impacts at a tolerance of 1e-8 m, 8 ended so
+ * at the cap). When the step is accepted the anchor keeps v, cut to eps and turned with the
+ * surface: what sticks does not creep (Cundall and Strack 1979). A sheet on a plane slides 0.02 %
+ * less than Coulomb's at mu = 0.99 tan a, and sticks within 0.6 mm at 1.01. Friction's Hessian
+ * along v is 0 beyond eps; where dx would turn v round, it gets the majorizer's mu N/|v| instead.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
  * a pole (a pressed pair climbed 10^12); a pole of the first order (pairs 1e-9 m above it, at 10^8
@@ -5114,9 +5114,9 @@ static int clothi_contact_settled(cloth_collide *c, const double *residual) {
     return settled >= 0.5 * all;
 }
 
-/* Normal forces. start: limits of friction are those of the step before, on the contacts of a key
- * as their forces are, on the nearest one where none has any. follow, 0 to 1: so far they go to
- * those of these forces; returns by how much they change, in parts of all. */
+/* Normal forces. start: limits of friction are those of the step before, on the contacts that a key
+ * has now, as their forces are, on the nearest one where none has any. follow, 0 to 1: so far they
+ * go to those of these forces; returns by how much they change, in parts of all. */
 static double clothi_contact_limits(cloth_collide *c, double follow, int start) {
     double change = 0, all = 0, more;
     int    i, j, k;
@@ -5614,7 +5614,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
                                           int *done) {
     cloth_collide *c = (cloth_collide *)user;
     cloth_status   status = CLOTH_OK;
-    double         change;
+    double         change, follow;
     int            settled;
     if (!residual || clothi_list_covers(c, x, NULL) < 0)    /* else it has joined on the move   */
         status = clothi_list_at(c, x);
@@ -5625,7 +5625,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     c->follow = c->iterates++ < CLOTHI_FREE ? 1 : 0.5;
     c->renewed += settled;
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
-    change = clothi_contact_limits(c, !settled ? 0 : c->renewed > CLOTHI_FREE ? 0.5 : 1, !residual);
+    follow = !settled ? 0 : c->renewed > CLOTHI_FREE ? 0.5 : 1;
+    change = clothi_contact_limits(c, follow, !c->renewed);
     if (done) *done = *done && settled && change <= clothi_friction_error(c);
     return status;
 }

@@ -246,6 +246,49 @@ static void momentum(void) {
     CHECK(euler < 1e-9);
 }
 
+/* --- friction's limits --- */
+
+static int same_limit, other_limit;         /* looks at keys: as in the step before, or not    */
+
+/* cloth_contact.update. Till they follow the forces, limits of the contacts of a key add up to
+ * friction with the normal force of the step before, whichever contacts it has by now. */
+static cloth_status watch(void *user, const double *x, const double *residual, int *done) {
+    cloth_collide     *c = (cloth_collide *)user;
+    const cloth_status status = clothi_contact_update(user, x, residual, done);
+    int                i, k, end;
+    for (i = 0; i < c->ncontact && residual && c->renewed == 0; i = end) {
+        const clothi_anchor *a = clothi_anchor_of(c->next, c->nnext, &c->contact[i].key);
+        double               sum = 0;
+        end = clothi_group_end(c, i);
+        for (k = i; k < end; k++) sum += c->contact[k].limit / c->contact[k].friction;
+        if (a && fabs(sum - a->force) > 1e-12 * a->force) other_limit++;
+        else same_limit += a && a->force > 0;
+    }
+    return status;
+}
+
+/* A sheet slides over a ball by some of its faces in each step. */
+static void limits(void) {
+    const double centre[3] = {0, -0.3, 0};
+    shape        ball = {0};
+    stage        s;
+    int          i;
+    stage_sheet(&s, 12, 0.2);
+    shape_sphere(&ball, centre, 0.295, 60);
+    same_limit = other_limit = 0;
+    if (!stage_start(&s)) exit(2);
+    (void)stage_mesh(&s, &ball, 0.3);
+    s.sim->contact.update = watch;
+    for (i = 0; i < s.mesh->nv; i++) s.state->v[3 * i] = 1;
+    cloth_sim_state_changed(s.sim);
+    for (i = 0; i < 12; i++) (void)stage_step(&s, 1.0 / 60);
+    CHECK(s.failed == 0 && s.new_pairs == 0);
+    printf("  limits of keys: %d as in the step before, %d not\n", same_limit, other_limit);
+    CHECK(same_limit > 500 && other_limit == 0);
+    shape_free(&ball);
+    stage_end(&s);
+}
+
 /* --- the list of pairs --- */
 
 /* Pairs of features a and b that the list at x has not once though they are near, or whose slack is
@@ -457,6 +500,7 @@ int main(int argc, char **argv) {
     RUN(pressed);
     RUN(stage_rows_left);
     RUN(momentum);
+    RUN(limits);
     RUN(lists);
     RUN(no_cost);
     RUN(times);

@@ -45,10 +45,20 @@
  *                528 iterations without friction are 962 with it, 917 by halves. Only with N, from
  *                N's first renewal or from the first iterate on: 824 and 847, but a strip whose
  *                pull begins to take it around a cylinder flies off (tests/validate/capstan.c).
- *                Garments do not mind: that walk, six starts, 588 iterations for 592.
+ *                Garments do not mind: a T-shirt's walk, six starts, 588 iterations for 592.
  *   extrapolated with contact, updates that go on one way (cosine 0.98) made longer by their ratio,
  *                at most 4 times: 555 iterations of that walk for 547, 30 steps; of all of them,
  *                by least squares of two, ten sheets' slowest step takes 389 to 467 of CG for 292.
+ *                Updates once more, without a solve, where the slope at the end of one is 0.6 of
+ *                that at its start and more: a skirt's walk, 70 steps, 0.82 of CG's iterations and
+ *                0.9 of the time, a T-shirt's 0.95 and the same. They are too short: along those of
+ *                a skirt about hips matrix and phi say 1.2e-4 and 0.7e-4 J of cloth, 0.8e-4 and
+ *                -0.2e-4 J of contact. What presses slides over edges of the body, where gaps bend
+ *                the other way; at the iterate itself there is none of it.
+ *   limits       of friction, on the contacts that a key has now, [8.2]. On those that it had where
+ *                the search began: that walk of a skirt, two starts, 1.21 times the time, 40 steps
+ *                of 240 at the cap for 22. Followed where five or fifty times as much residual is
+ *                left: 0.97 of the iterations, and strips that fly off cylinders.
  *   lost         secant steps beyond a = 1, second-order corrections, chord steps with the old
  *                matrix. Hanging sheet, N = 64, Y = 1e5 N/m, 30 frames: 309 iterations at 1e-4 m,
  *                1049 at 3e-4, 1091 at 1e-5, by chance: once it has wrinkled, steps have many

@@ -10489,13 +10489,14 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
     for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
         status = s->contact.block(s->contact.user, s->w.dx, s->matrix, &blocked);
         if (status || (tries && !blocked)) break;
-        if (blocked)
+        if (blocked) {
             status = clothi_newton_solve(s, s->model->desc.cg_tolerance,
                                          nt->exact ? nt->radius : 0, CLOTH_LINEAR_SGS);
+            clothi_newton_measure(s, nt);
+        }
         if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     }
     (void)clothi_charge(s, was);
-    clothi_newton_measure(s, nt);
     return status;
 }
 

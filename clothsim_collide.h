@@ -3490,13 +3490,11 @@ struct cloth_collide {
     double          toi;                    /* of the way to the guess: before it all is free  */
     const double   *at;                     /* [nv x 3] where a move begins                    */
     double         *way;                    /* [nv x 3] it, as far as the list reaches         */
-    const double   *dx;                     /* [nv x 3] an update, of cloth_contact.block      */
     double          length;                 /* m, mean edge of the template                    */
     double         *x_frame;                /* [nv x 3] where the contacts' frames are         */
     int             framed;                 /* they are                                        */
     int             listed;                 /* c->pair is the list of this substep's moves     */
     int             iterates, renewed;      /* of a search; with new limits of friction        */
-    double          follow;                 /* 0 to 1: so far friction's frames go to those    */
     double         *x_list;                 /* [nv x 3] where the iterate is                   */
     double          share;                  /* of the step that the substep is                 */
     double          approach;               /* CLOTHI_APPROACH or CLOTHI_SQUEEZED              */
@@ -4113,7 +4111,8 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
 
 static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p);
 static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy);
-static cloth_status clothi_hold_block(const cloth_collide *c, cloth_matrix *A, int *blocked);
+static cloth_status clothi_hold_block(const cloth_collide *c, const double *dx, cloth_matrix *A,
+                                      int *blocked);
 static int clothi_tangle_passes(const cloth_collide *c, const clothi_pair_id *p);
 
 /* 1 when a vertex of cloth is, where the substep begins, outside of a world face of a body that
@@ -4366,6 +4365,7 @@ static void clothi_exempt_part(cloth_collide *c) {
 #define CLOTHI_PARALLEL   0.03              /* sin^2 of an angle: edges nearer to parallel     */
 #define CLOTHI_POLE       0.25              /* of t: d_min, where the force has no bound       */
 #define CLOTHI_AWAY       8                 /* iterations, to the last bits                    */
+#define CLOTHI_FREE       8                 /* renewals of what friction lags, without damping */
 #define CLOTHI_SOFT_NEAR  3                 /* t, from a grid at x^n: felt from range on       */
 #define CLOTHI_SOFT_LOOKS 64                /* samples along the way to a grid, at most        */
 #define CLOTHI_SOFT_FLAT  1e-3              /* |grad phi| below which there is no way out      */
@@ -4667,9 +4667,12 @@ static void clothi_contact_slip(const cloth_collide *c, const clothi_contact *q,
     for (k = 0; k < 3; k++) u[k] -= along * q->normal[k];
 }
 
+/* How far what friction lags goes to what it is now, the n-th time in a search. */
+static double clothi_friction_follow(int n) { return n > CLOTHI_FREE ? 0.5 : 1; }
+
 /* Lagged frame and slip from the frame at x. */
 static void clothi_contact_renew(const cloth_collide *c, clothi_contact *q, const double *x) {
-    const double a = c->follow;
+    const double a = clothi_friction_follow(c->iterates);
     double       u[3], size;
     int          i;
     for (i = 0; i < 4; i++) q->w[i] = a * q->at.w[i] + (1 - a) * q->w[i];
@@ -5087,7 +5090,6 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
 
 #define CLOTHI_ROUND   0.05                 /* of all friction: change that asks for more      */
 #define CLOTHI_SETTLED 0.2                  /* of that, of a vertex's friction: residual left  */
-#define CLOTHI_FREE    8                    /* renewals of what friction lags, without damping */
 
 /* How well friction is known where a search ends, in parts of itself: as the tolerance is in t. */
 static double clothi_friction_error(const cloth_collide *c) {
@@ -5525,7 +5527,8 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
 
 /* Friction that slides and would, by dx, turn round: it is to come to rest instead. Its curvature
  * along the slip, that of the majorizer, joins the matrix. */
-static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int *blocked) {
+static cloth_status clothi_friction_block(cloth_collide *c, const double *dx, cloth_matrix *A,
+                                          int *blocked) {
     cloth_status status = CLOTH_OK;
     int          i, j;
     *blocked = 0;
@@ -5535,7 +5538,7 @@ static cloth_status clothi_friction_block(cloth_collide *c, cloth_matrix *A, int
         double          to = 0;
         if (!(q->limit > 0) || q->scale > 0 || !(size > 0)) continue;
         for (j = q->first; j < q->end; j++)
-            to += q->w[j] * clothi_dot3(u, c->dx + 3 * q->v[j]);
+            to += q->w[j] * clothi_dot3(u, dx + 3 * q->v[j]);
         if (!(to < -size * size)) continue;
         q->scale = 1;
         status = clothi_contact_spring(q, q->limit / (size * size * size), q->w, u, A);
@@ -5573,17 +5576,15 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
 static cloth_status clothi_contact_block(void *user, const double *dx, cloth_matrix *A,
                                          int *blocked) {
     cloth_collide *c = (cloth_collide *)user;
-    cloth_status   status;
+    cloth_status   status = clothi_friction_block(c, dx, A, blocked);
     int            i, j;
-    c->dx = dx;
-    status = clothi_friction_block(c, A, blocked);
-    if (!status) status = clothi_hold_block(c, A, blocked);
+    if (!status) status = clothi_hold_block(c, dx, A, blocked);
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
         clothi_frame    f = q->at;
         double          come = 0, more;
         for (j = q->first; j < q->end; j++)
-            come -= f.w[j] * clothi_dot3(f.normal, c->dx + 3 * q->v[j]);
+            come -= f.w[j] * clothi_dot3(f.normal, dx + 3 * q->v[j]);
         q->aim = f.force + f.own[1] + (f.slope + f.own[2] + q->spring) * come;
         f.gap = q->gap - come;
         if (!(come > 0) || f.gap > q->range) continue;
@@ -5614,7 +5615,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
                                           int *done) {
     cloth_collide *c = (cloth_collide *)user;
     cloth_status   status = CLOTH_OK;
-    double         change, follow;
+    double         change;
     int            settled;
     if (!residual || clothi_list_covers(c, x, NULL) < 0)    /* else it has joined on the move   */
         status = clothi_list_at(c, x);
@@ -5622,11 +5623,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     clothi_contact_frames(c, x);
     settled = residual && clothi_contact_settled(c, residual);
     if (!residual) c->iterates = c->renewed = 0;
-    c->follow = c->iterates++ < CLOTHI_FREE ? 1 : 0.5;
+    c->iterates++;
     c->renewed += settled;
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
-    follow = !settled ? 0 : c->renewed > CLOTHI_FREE ? 0.5 : 1;
-    change = clothi_contact_limits(c, follow, !c->renewed);
+    change = clothi_contact_limits(c, settled ? clothi_friction_follow(c->renewed) : 0,
+                                   !c->renewed);
     if (done) *done = *done && settled && change <= clothi_friction_error(c);
     return status;
 }
@@ -6141,14 +6142,15 @@ static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e
 
 /* What dx takes past where it is pulled to: what the majorizer, pull/s on all axes, has and the
  * Hessian has not joins the matrix, and it comes to rest there instead. */
-static cloth_status clothi_hold_block(const cloth_collide *c, cloth_matrix *A, int *blocked) {
+static cloth_status clothi_hold_block(const cloth_collide *c, const double *dx, cloth_matrix *A,
+                                      int *blocked) {
     cloth_status status = CLOTH_OK;
     double       d[3], grad[3], hess[9];
     int          i, k;
     for (i = 0; i < c->nholding && !status; i++) {
         const int v = c->holding[i].vertex;
         clothi_sub3(c->at + 3 * v, c->hold_to + 3 * v, d);
-        if (!(clothi_dot3(d, c->dx + 3 * v) < -clothi_dot3(d, d))) continue;
+        if (!(clothi_dot3(d, dx + 3 * v) < -clothi_dot3(d, d))) continue;
         (void)clothi_hold_pull(c, c->holding + i, c->at + 3 * v, grad, hess);
         for (k = 0; k < 9; k++)
             hess[k] = (k % 4 == 0) * clothi_dot3(grad, d) / clothi_dot3(d, d) - hess[k];
@@ -6921,7 +6923,7 @@ static cloth_status clothi_contact_close(void *user, const double *x, int *impac
     int            i, j, k;
     memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
     c->nnext = c->nrow = 0;
-    c->follow = 1;
+    c->iterates = 0;
     clothi_contact_frames(c, x);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_renew_range, c);
     (void)clothi_contact_limits(c, 1, 0);

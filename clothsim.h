@@ -426,6 +426,8 @@ typedef struct cloth_linear_options {
     cloth_linear         method;            /* default AUTO                                    */
     double               tolerance;         /* of the residual, relative; default 0.05         */
     double               radius;            /* m, trust radius on max |x|; default 0: none     */
+    double               norm;              /* J^1/2, what the residual is relative to; default 0:
+                                               b, report.norm                                  */
     int                  max_iterations;    /* default 0: 20000                                */
     const unsigned char *fixed;             /* [nv] bits 1 2 4: x y z are 0; NULL: none        */
 } cloth_linear_options;
@@ -436,6 +438,7 @@ typedef struct cloth_linear_report {
     int    hit;                             /* x ends at the radius                            */
     int    factorizations;
     double residual;                        /* relative, in the norm of the preconditioner     */
+    double norm;                            /* J^1/2, of b in that norm                        */
     double decrease;                        /* J, b.x - x.A x / 2 of the answer                */
 } cloth_linear_report;
 
@@ -1328,7 +1331,8 @@ CLOTH_API void   cloth_linear_solver_destroy(cloth_linear_solver *solver);
 CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *solver);
 CLOTH_API cloth_linear_options cloth_linear_options_default(void);
 
-/* A x = b over the free axes, from zero.                                                   [7.3]
+/* A x = b over the free axes, from zero; from x0: A c = b - A x0, options.norm = report.norm
+ * of b, x = x0 + c.                                                                       [7.3]
  * in   b        [nv x 3]; entries of fixed axes are not read
  * out  x        [nv x 3]; fixed axes 0; all 0 when the call fails
  * out  report   may be NULL
@@ -6400,13 +6404,18 @@ struct cloth_linear_solver {
 /* --- the textbook, in doubles --- */
 
 typedef struct clothi_cg {                  /* the numbers of a run                            */
-    double tolerance, radius;
+    double tolerance, radius, norm;
     double c0, rr, pq, Q;
     int    it, most;
     int    negative, hit;
     double best;                            /* smallest rr, and since when                     */
     int    best_at;
 } clothi_cg;
+
+/* What |r|^2 is relative to. */
+static double clothi_cg_base(const clothi_cg *g) {
+    return g->norm > 0 ? g->norm * g->norm : g->c0;
+}
 
 /* Bits of the fixed axes of a row. */
 CLOTHI_LANE int clothi_mask(const cloth_linear_solver *s, int row) {
@@ -6486,7 +6495,7 @@ static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_
     memcpy(d, z, n * sizeof(double));
     g->rr = g->c0 = clothi_dot(r, z, n);
     if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
-    while (g->rr > g->tolerance * g->tolerance * g->c0 && g->it < g->most) {
+    while (g->rr > g->tolerance * g->tolerance * clothi_cg_base(g) && g->it < g->most) {
         cloth_matrix_mul(s->A, s->fixed, d, q);
         g->pq = clothi_dot(d, q, n);
         if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
@@ -7438,7 +7447,7 @@ static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, cloth_status *stat
         *status = CLOTH_ERR_NONFINITE;
         return 1;
     }
-    if (!(rr > g->tolerance * g->tolerance * g->c0) || g->it >= g->most) return 1;
+    if (!(rr > g->tolerance * g->tolerance * clothi_cg_base(g)) || g->it >= g->most) return 1;
     if (s->first || rr < 0.5 * g->best) {
         g->best = rr;
         g->best_at = g->it;
@@ -7968,7 +7977,7 @@ static cloth_status clothi_linear_begin(cloth_linear_solver *s, const cloth_matr
     s->A = A, s->b = b, s->fixed = o->fixed, s->radius_on = o->radius > 0;
     memset(g, 0, sizeof *g);
     g->tolerance = o->tolerance;
-    g->radius = o->radius;
+    g->radius = o->radius, g->norm = o->norm;
     g->most = o->max_iterations > 0 ? o->max_iterations : CLOTHI_CG_CAP;
     return clothi_solver_reserve(s, A);
 }
@@ -7989,10 +7998,10 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
         return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_linear_solve: A, b or x is NULL, or A of another pattern");
     if (o.method < CLOTH_LINEAR_AUTO || o.method > CLOTH_LINEAR_CHOLESKY ||
-        !(o.tolerance >= 0) || !(o.radius >= 0) || o.max_iterations < 0)
+        !(o.tolerance >= 0) || !(o.radius >= 0) || !(o.norm >= 0) || o.max_iterations < 0)
         return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "cloth_linear_solve: method %i, tolerance"
-                           " %g, radius %g, max_iterations %i: one is out of range",
-                           (int)o.method, o.tolerance, o.radius, o.max_iterations);
+                           " %g, radius %g, norm %g, max_iterations %i: one is out of range",
+                           (int)o.method, o.tolerance, o.radius, o.norm, o.max_iterations);
     memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
     status = clothi_linear_begin(s, A, b, &o, &g);
     if (status) return status;
@@ -8003,7 +8012,7 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
         if (!status) status = clothi_plain_cg(s, clothi_by_factor, x, &g);
     }
     if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
-        g.negative = 1, g.rr = g.c0 = 1;
+        g.negative = 1, g.norm = 0, g.rr = g.c0 = 1;
         status = clothi_find_nonfinite(A->diag, clothi_matrix_doubles(A)) < 0 &&
                          clothi_find_nonfinite(A->extra, 9 * (size_t)A->ne) < 0
                      ? CLOTH_OK : CLOTH_ERR_NONFINITE;
@@ -8016,7 +8025,8 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     }
     r.iterations = g.it, r.factorizations = o.method == CLOTH_LINEAR_CHOLESKY;
     r.negative = g.negative, r.hit = g.hit;
-    r.residual = g.c0 > 0 ? sqrt(g.rr / g.c0) : 0;
+    r.residual = clothi_cg_base(&g) > 0 ? sqrt(g.rr / clothi_cg_base(&g)) : 0;
+    r.norm = sqrt(g.c0);
     r.decrease = g.Q;
     if (report) *report = r;
     return CLOTH_OK;
@@ -10025,6 +10035,7 @@ static void clothi_terms_install(cloth_sim *s) {
  * a row that end at the radius, or short of their length, are followed by one of the definite
  * model, which has no radius and does not end the search. For others there is the definite model
  * alone, in which negative stresses are left out: reflected, they shorten the update that ends it.
+ * Its digits only add up, so that CLOTHI_ALONE cg_tolerances do for its solves.
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -10082,6 +10093,7 @@ static void clothi_terms_install(cloth_sim *s) {
 #define CLOTHI_EXACT        1.2e-2          /* mean edges: updates below it take the exact H   */
 #define CLOTHI_EXACT_LATE   6e-2            /* the same from iteration CLOTHI_LATE on          */
 #define CLOTHI_EXACT_TOUCH  0.1                 /* of that: tolerance that asks, in contact   */
+#define CLOTHI_ALONE        2               /* cg_tolerances: solves of the definite model alone */
 #define CLOTHI_STUCK        4               /* see 'Which Hessian'                             */
 #define CLOTHI_LATE         12
 #define CLOTHI_ESCAPES      4               /* a substep: see 'Saddles'                        */
@@ -10251,6 +10263,7 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     double size;                            /* m, max|dx| of the last solve                    */
     double older;                           /* m, max|a dx| of the iteration before            */
     double radius;                          /* m, trust radius of the exact phase              */
+    double norm;                            /* J^1/2, of -g as its first solve had it          */
     int    exact;                           /* the exact Hessian is in use                     */
     int    escapes;                         /* searches for a way off a saddle                 */
     int    refused;                         /* it was tried and led nowhere                    */
@@ -10329,6 +10342,11 @@ static int clothi_exact_asked(const cloth_sim *s) {
            s->model->desc.tolerance < CLOTHI_EXACT_TOUCH * CLOTHI_EXACT * s->edge;
 }
 
+/* Of a linear solve: see 'Which Hessian'. */
+static double clothi_solve_tolerance(const cloth_sim *s) {
+    return s->model->desc.cg_tolerance * (clothi_exact_asked(s) ? 1 : CLOTHI_ALONE);
+}
+
 /* Hessian at w.x: exact, or the definite model, with negative stresses left out where it ends the
  * search by the length of an update. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_goal *goal,
@@ -10347,14 +10365,16 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
 #define CLOTHI_CG_SMALL 300                 /* vertices                                        */
 
 /* One linear solve, w.dx = H^-1 w.rhs, by `method` where desc.linear leaves it open; radius > 0
- * (m): inside a trust region. */
+ * (m): inside a trust region; tolerance of `norm`, 0: of w.rhs. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
-                                                       double radius, cloth_linear method) {
+                                                       double radius, double norm,
+                                                       cloth_linear method) {
     double              *was = clothi_charge(s, &s->ms.linear);
     cloth_linear_report *lr = &s->linear;
     cloth_linear_options opt = cloth_linear_options_default();
     cloth_status         status;
     opt.method = s->model->desc.linear, opt.tolerance = tolerance, opt.radius = radius;
+    opt.norm = norm;
     if (opt.method == CLOTH_LINEAR_AUTO || method == CLOTH_LINEAR_JACOBI) opt.method = method;
     opt.fixed = s->fixed;
     if (s->model->nv < CLOTHI_CG_SMALL)
@@ -10390,17 +10410,18 @@ static cloth_status clothi_newton_system(cloth_sim *s, clothi_goal *goal, clothi
     for (;; nt->exact = 0, nt->refused = 1) {
         status = clothi_newton_assemble(s, goal, nt->exact);
         if (!status)
-            status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, method);
+            status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, 0, method);
         if (status || !nt->exact || !s->linear.negative || s->linear.hit) break;
     }
     s->report.newton++;
+    nt->norm = s->linear.norm;
     clothi_newton_measure(s, nt);
     return status;
 }
 
 /* A direction down; see 'Saddles'. */
 static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
-    cloth_status status = clothi_newton_system(s, goal, nt, s->model->desc.cg_tolerance,
+    cloth_status status = clothi_newton_system(s, goal, nt, clothi_solve_tolerance(s),
                                                CLOTH_LINEAR_SGS);
     int          i, n = 3 * s->model->nv;
     if (status || nt->slope < 0) return status;
@@ -10477,9 +10498,32 @@ static cloth_status clothi_stalled(cloth_sim *s, const char *what) {
 
 #define CLOTHI_BLOCKS   2                   /* solves more where moves are cut                 */
 
-/* The part of w.dx that contact leaves free. Where dx runs into contacts it is looked for again
- * with the stiffness that they will have: a matrix that is the more definite, still downhill. First
- * into those that are there, without a look at the way; then also into those that it met. */
+/* w.dx goes on from the matrix before it met blocks to that of now: CG begins at f w.dx, lowest
+ * along it, so that b.x > 0 still, and solves A c = b - f A w.dx as accurately as b. */
+static cloth_status clothi_newton_again(cloth_sim *s, clothi_newton *nt) {
+    const double  tolerance = clothi_solve_tolerance(s);
+    const size_t  n = 3 * (size_t)s->model->nv;
+    double *const b = s->w.rhs, *r = s->w.free, *from = s->w.grad;  /* both till a line search */
+    double        f;
+    cloth_status  status;
+    size_t        i;
+    memcpy(from, s->w.dx, n * sizeof *from);
+    cloth_matrix_mul(s->matrix, s->fixed, from, r);
+    f = clothi_dot(from, r, n);
+    if (nt->exact || !(f > 0))
+        return clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, 0, CLOTH_LINEAR_SGS);
+    f = clothi_dot(b, from, n) / f;
+    for (i = 0; i < n; i++) r[i] = b[i] - f * r[i];
+    s->w.rhs = r;
+    status = clothi_newton_solve(s, tolerance, 0, nt->norm, CLOTH_LINEAR_SGS);
+    s->w.rhs = b;
+    for (i = 0; i < n; i++) s->w.dx[i] += f * from[i];
+    return status;
+}
+
+/* The part of w.dx that contact leaves free. Where dx runs into contacts it is solved for again
+ * with the stiffness that they will have: a matrix that is the more definite. First with those that
+ * are there, without a look at the way; then also with those that it met. */
 static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a) {
     cloth_status status = CLOTH_OK;
     double      *was;
@@ -10490,8 +10534,7 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
         status = s->contact.block(s->contact.user, s->w.dx, s->matrix, &blocked);
         if (status || (tries && !blocked)) break;
         if (blocked) {
-            status = clothi_newton_solve(s, s->model->desc.cg_tolerance,
-                                         nt->exact ? nt->radius : 0, CLOTH_LINEAR_SGS);
+            status = clothi_newton_again(s, nt);
             clothi_newton_measure(s, nt);
         }
         if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
@@ -10596,9 +10639,9 @@ static cloth_status clothi_noise(cloth_sim *s, double push, double tolerance, do
         s->w.rhs[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : push * s->params.mass[i / 3] *
                                                        ((double)(noise >> 8) / 8388608 - 1);
     }
-    status = clothi_newton_solve(s, tolerance, radius, CLOTH_LINEAR_SGS);
+    status = clothi_newton_solve(s, tolerance, radius, 0, CLOTH_LINEAR_SGS);
     if (!status && s->linear.negative && !s->linear.hit)
-        status = clothi_newton_solve(s, tolerance, radius, CLOTH_LINEAR_JACOBI);
+        status = clothi_newton_solve(s, tolerance, radius, 0, CLOTH_LINEAR_JACOBI);
     return status;
 }
 

@@ -40,6 +40,14 @@
  *                T-shirt's walk, 30 steps, three starts, 1827 iterations for 1610, 1.18 times the
  *                time; a sheet of 48 x 48 on a sphere the same; a skirt's walk, twelve starts,
  *                0.171 % in the body for 0.165, all frames, and 3 steps halved for 8.
+ *   again        what comes of that is within a tenth of the update before: CG that begins there,
+ *                and solves to 0.05 with contact for 0.025: a T-shirt's walk, 30 steps, three
+ *                starts, 33 100 iterations of CG for 83 600, 0.80 of the time; the first alone
+ *                63 400, 0.94; 0.05 alone 68 500; 0.1 with it 30 000, where a sheet of 64 x 64 on
+ *                a sphere takes 3281 of Newton for 2860 (0.05: 2999, 0.91 of the time). Skirts and
+ *                trousers, whose time is not CG's, as fast as before. Distance to the step solved
+ *                to 2e-6 m, in the root mean square, 24 steps of the T-shirt: median 0.97e-4 m for
+ *                1.13e-4, 50 of a skirt 1.07e-4 for 1.05e-4; to 0.1 1.14e-4 and 1.23e-4.
  *   frames       of friction, [8.2] of clothsim_collide.h. Never by halves: of 16 impacts of two
  *                sheets at a tolerance of 1e-8 m (tests/test_contact.c, momentum) 8 end at the cap;
  *                528 iterations without friction are 962 with it, 917 by halves. Only with N, from
@@ -59,6 +67,8 @@
  *                the search began: that walk of a skirt, two starts, 1.21 times the time, 40 steps
  *                of 240 at the cap for 22. Followed where five or fifty times as much residual is
  *                left: 0.97 of the iterations, and strips that fly off cylinders.
+ *   secants      of the last 1, 2 or 4 updates, in a BFGS update of the definite model: a T-shirt's
+ *                walk, 30 steps, 893, 1022, 1137 iterations for 545. Kinks are elsewhere by then.
  *   lost         secant steps beyond a = 1, second-order corrections, chord steps with the old
  *                matrix. Hanging sheet, N = 64, Y = 1e5 N/m, 30 frames: 309 iterations at 1e-4 m,
  *                1049 at 3e-4, 1091 at 1e-5, by chance: once it has wrinkled, steps have many

@@ -545,7 +545,8 @@ typedef struct cloth_desc {
 
     /* how it is solved */
     double       tolerance;                 /* m, largest last Newton update; default 1e-4     */
-    double       cg_tolerance;              /* of a linear solve, relative; default 0.025      */
+    double       cg_tolerance;              /* of a linear solve, relative; default 0.025; twice
+                                               it with contact, but for fine tolerances [9.2]  */
     cloth_linear linear;                    /* default CLOTH_LINEAR_AUTO                       */
     double       sleep;                     /* s at rest till it sleeps; 0: never; cloth_step() */
 } cloth_desc;

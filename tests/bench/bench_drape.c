@@ -226,6 +226,7 @@ static void title(void) {
 
 #define EULER CLOTH_INTEGRATOR_EULER
 #define USUAL CLOTH_DEFAULT_CG_TOLERANCE
+#define TENTH 0.05                          /* with contact solves go to twice that, [9.2]     */
 #define BDF2  CLOTH_INTEGRATOR_BDF2
 #define SELF  CLOTH_CONTACT_SELF
 #define ONLY  CLOTH_CONTACT_OBSTACLES
@@ -235,22 +236,22 @@ static void all_ours(stand *s) {
         {"clothsim h 1/60, tolerance 1e-4 m", "1e-4", 1, 1, 1e-4, USUAL, SELF, EULER, 0, 0},
         {"clothsim h 1/60, 1e-3", "1e-3", 1, 1, 1e-3, USUAL, SELF, EULER, 0, 0},
         {"clothsim h 1/60, 1e-2", "1e-2", 1, 1, 1e-2, USUAL, SELF, EULER, 0, 0},
-        {"clothsim h 1/60, 1e-2, CG 0.1", "CG", 1, 1, 1e-2, 0.1, SELF, EULER, 0, 0},
+        {"clothsim h 1/60, 1e-2, CG 0.1", "CG", 1, 1, 1e-2, TENTH, SELF, EULER, 0, 0},
         {"clothsim h 1/60, 1e-4, obstacles only", "1e-4", 1, 1, 1e-4, USUAL, ONLY, EULER, 1, 0},
         {"clothsim h 1/60, 1e-2, obstacles only", "1e-2", 1, 1, 1e-2, USUAL, ONLY, EULER, 1, 0},
-        {"clothsim h 1/60, 1e-2, CG 0.1, obstacles", "CG", 1, 1, 1e-2, 0.1, ONLY, EULER, 1, 0},
+        {"clothsim h 1/60, 1e-2, CG 0.1, obstacles", "CG", 1, 1, 1e-2, TENTH, ONLY, EULER, 1, 0},
         {"clothsim h 1/30, 1e-3", "1/30", 1, 2, 1e-3, USUAL, SELF, EULER, 2, 0},
         {"clothsim h 1/120, 1e-3", "1/120", 2, 1, 1e-3, USUAL, SELF, EULER, 2, 0},
         {"clothsim h 1/240, 1e-3", "1/240", 4, 1, 1e-3, USUAL, SELF, EULER, 2, 0},
         {"clothsim BDF2, h 1/60, 1e-3", "1/60", 1, 1, 1e-3, USUAL, SELF, BDF2, 3, 0},
-        {"clothsim BDF2, h 1/60, 1e-3, CG 0.1", "CG", 1, 1, 1e-3, 0.1, SELF, BDF2, 3, 0},
+        {"clothsim BDF2, h 1/60, 1e-3, CG 0.1", "CG", 1, 1, 1e-3, TENTH, SELF, BDF2, 3, 0},
         {"clothsim BDF2, h 1/120, 1e-3", "1/120", 2, 1, 1e-3, USUAL, SELF, BDF2, 3, 0},
-        {"clothsim BDF2, h 1/60, 1e-3, 3 iterations", "1/60", 1, 1, 1e-3, 0.1, SELF, BDF2, 7, 3},
-        {"clothsim BDF2, h 1/30, 1e-2, 4 iterations", "1/30", 1, 2, 1e-2, 0.1, SELF, BDF2, 7, 4},
+        {"clothsim BDF2, h 1/60, 1e-3, 3 iterations", "1/60", 1, 1, 1e-3, TENTH, SELF, BDF2, 7, 3},
+        {"clothsim BDF2, h 1/30, 1e-2, 4 iterations", "1/30", 1, 2, 1e-2, TENTH, SELF, BDF2, 7, 4},
         {"clothsim BDF2, h 1/60, 3 iterations, obstacles",
-         "1/60", 1, 1, 1e-3, 0.1, ONLY, BDF2, 8, 3},
+         "1/60", 1, 1, 1e-3, TENTH, ONLY, BDF2, 8, 3},
         {"clothsim BDF2, h 1/30, 4 iterations, obstacles",
-         "1/30", 1, 2, 1e-2, 0.1, ONLY, BDF2, 8, 4}};
+         "1/30", 1, 2, 1e-2, TENTH, ONLY, BDF2, 8, 4}};
     size_t i;
     for (i = 0; i < sizeof list / sizeof *list; i++) {
         drape d;

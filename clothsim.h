@@ -1339,8 +1339,8 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void);
  * out  report   may be NULL
  * Where A is not positive on a direction that CG meets: report->negative; with a radius, x goes on
  * along it to the radius (hit); without, x is what was reached, or the preconditioned b where that
- * is nothing. Where a diagonal block or the coarse matrix already is not positive: negative, not
- * hit, and x = 0. Only JACOBI with a radius goes on, with a bound of the block as preconditioner.
+ * is nothing. Where a diagonal block, the coarse matrix or the factor already is not positive:
+ * negative, not hit, and x = 0. Only JACOBI with a radius goes on, with a bound of the block as preconditioner.
  * b.x >= 0 always: x goes downhill. Stopping at max_iterations is no failure: see the residual.
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option;
  *   CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY; CLOTH_ERR_UNSUPPORTED.
@@ -6496,6 +6496,7 @@ static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_
     memcpy(d, z, n * sizeof(double));
     g->rr = g->c0 = clothi_dot(r, z, n);
     if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
+    if (g->c0 < 0) return CLOTH_ERR_NUMERIC;
     while (g->rr > g->tolerance * g->tolerance * clothi_cg_base(g) && g->it < g->most) {
         cloth_matrix_mul(s->A, s->fixed, d, q);
         g->pq = clothi_dot(d, q, n);
@@ -8013,7 +8014,7 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
         if (!status) status = clothi_plain_cg(s, clothi_by_factor, x, &g);
     }
     if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
-        g.negative = 1, g.norm = 0, g.rr = g.c0 = 1;
+        g.negative = 1, g.c0 = 0, g.rr = g.norm = 1;
         status = clothi_find_nonfinite(A->diag, clothi_matrix_doubles(A)) < 0 &&
                          clothi_find_nonfinite(A->extra, 9 * (size_t)A->ne) < 0
                      ? CLOTH_OK : CLOTH_ERR_NONFINITE;
@@ -8027,7 +8028,7 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     r.iterations = g.it, r.factorizations = o.method == CLOTH_LINEAR_CHOLESKY;
     r.negative = g.negative, r.hit = g.hit;
     r.residual = clothi_cg_base(&g) > 0 ? sqrt(g.rr / clothi_cg_base(&g)) : 0;
-    r.norm = sqrt(g.c0);
+    r.norm = g.c0 > 0 ? sqrt(g.c0) : 0;
     r.decrease = g.Q;
     if (report) *report = r;
     return CLOTH_OK;
@@ -10343,9 +10344,10 @@ static int clothi_exact_asked(const cloth_sim *s) {
            s->model->desc.tolerance < CLOTHI_EXACT_TOUCH * CLOTHI_EXACT * s->edge;
 }
 
-/* Of a linear solve: see 'Which Hessian'. */
+/* Of a linear solve: see 'Which Hessian'. A half and more stays as it was asked for. */
 static double clothi_solve_tolerance(const cloth_sim *s) {
-    return s->model->desc.cg_tolerance * (clothi_exact_asked(s) ? 1 : CLOTHI_ALONE);
+    const double asked = s->model->desc.cg_tolerance;
+    return clothi_exact_asked(s) ? asked : clothi_max(asked, clothi_min(CLOTHI_ALONE * asked, 0.5));
 }
 
 /* Hessian at w.x: exact, or the definite model, with negative stresses left out where it ends the

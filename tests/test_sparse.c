@@ -470,7 +470,7 @@ static void no_diagonal(void) {
             CHECK_NEAR(largest(q.x, 3 * q.n), 0.25, 1e-12);
             CHECK(Q > 0 && dot(q.b, q.x, 3 * q.n) >= 0);
             CHECK_NEAR(r.decrease, Q, 1e-9 * Q);
-        } else CHECK(!(largest(q.x, 3 * q.n) > 0));
+        } else CHECK(!(largest(q.x, 3 * q.n) > 0) && !(r.norm > 0));
     }
     end_problem(&q);
 }

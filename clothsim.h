@@ -1340,7 +1340,8 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void);
  * Where A is not positive on a direction that CG meets: report->negative; with a radius, x goes on
  * along it to the radius (hit); without, x is what was reached, or the preconditioned b where that
  * is nothing. Where a diagonal block, the coarse matrix or the factor already is not positive:
- * negative, not hit, and x = 0. Only JACOBI with a radius goes on, with a bound of the block as preconditioner.
+ * negative, not hit, and x = 0. Only JACOBI with a radius goes on, with a bound of the block as
+ * preconditioner.
  * b.x >= 0 always: x goes downhill. Stopping at max_iterations is no failure: see the residual.
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option;
  *   CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY; CLOTH_ERR_UNSUPPORTED.

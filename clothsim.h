@@ -10505,7 +10505,7 @@ static cloth_status clothi_stalled(cloth_sim *s, const char *what) {
 /* w.dx goes on from the matrix before it met blocks to that of now: CG begins at f w.dx, lowest
  * along it, so that b.x > 0 still, and solves A c = b - f A w.dx as accurately as b. */
 static cloth_status clothi_newton_again(cloth_sim *s, clothi_newton *nt) {
-    const double  tolerance = clothi_solve_tolerance(s);
+    double       *was = clothi_charge(s, &s->ms.linear);
     const size_t  n = 3 * (size_t)s->model->nv;
     double *const b = s->w.rhs, *r = s->w.free, *from = s->w.grad;  /* both till a line search */
     double        f;
@@ -10514,14 +10514,14 @@ static cloth_status clothi_newton_again(cloth_sim *s, clothi_newton *nt) {
     memcpy(from, s->w.dx, n * sizeof *from);
     cloth_matrix_mul(s->matrix, s->fixed, from, r);
     f = clothi_dot(from, r, n);
-    if (nt->exact || !(f > 0))
-        return clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, 0, CLOTH_LINEAR_SGS);
-    f = clothi_dot(b, from, n) / f;
+    f = nt->exact || !(f > 0) ? 0 : clothi_dot(b, from, n) / f;
     for (i = 0; i < n; i++) r[i] = b[i] - f * r[i];
     s->w.rhs = r;
-    status = clothi_newton_solve(s, tolerance, 0, nt->norm, CLOTH_LINEAR_SGS);
+    status = clothi_newton_solve(s, clothi_solve_tolerance(s), nt->exact ? nt->radius : 0,
+                                 f > 0 ? nt->norm : 0, CLOTH_LINEAR_SGS);
     s->w.rhs = b;
     for (i = 0; i < n; i++) s->w.dx[i] += f * from[i];
+    (void)clothi_charge(s, was);
     return status;
 }
 

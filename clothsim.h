@@ -6317,12 +6317,12 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
  *       w = K^-1 (p - t)         alpha = rr / p.(t + w)
  *     answer G^-T x
  *
- *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
- *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of the iterations are
- *   left, and because long waves are then right, Newton needs fewer solves too. Chosen instead of
- *   smoothed aggregation over several levels: a third of the iterations, each 7 times as dear;
- *   rigid-body and affine modes lose as well. What else was tried, and iterations with and without
- *   each addition: tests/bench/bench_linear.c.
+ *   c0 is b in the norm of the preconditioner K K' plus coarse part (or options.norm^2), so that
+ *   report->residual = sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of
+ *   the iterations are left, and because long waves are then right, Newton needs fewer solves too.
+ *   Chosen instead of smoothed aggregation over several levels: a third of the iterations, each 7
+ *   times as dear; rigid-body and affine modes lose as well. What else was tried, and iterations
+ *   with and without each addition: tests/bench/bench_linear.c.
  *
  *   Blocks C outside the pattern [7.2] are outside K: w = K^-1 (p - t + C t), P^'A's gains P^'C s,
  *   Ac gains P'CP. The sweeps stay as they are.

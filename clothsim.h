@@ -525,8 +525,9 @@ typedef struct cloth_desc {
     cloth_bend_model   bend;
     cloth_integrator   integrator;
     cloth_contact_rung contact;
-    int                substeps;            /* of a step; 0: 1, or LEAPFROG's stability limit,
-                                               beyond which fewer are refused                  */
+    int                substeps;            /* of a step; 0: 1, or what contact asks for; or
+                                               LEAPFROG's stability limit, beyond which fewer
+                                               are refused                                     */
     int                max_newton;          /* per substep; 0: to `tolerance`                  */
 
     /* the world */
@@ -801,6 +802,8 @@ typedef struct cloth_contact_grad {         /* as in cloth_grad                 
     void  (*obstacle)(int k, struct cloth_obstacle id, const double *g, void *user), *user;
 } cloth_contact_grad;
 
+#define CLOTH_SUBSTEPS_ASKED 4              /* the most that contact asks for in a step        */
+
 /* What clothsim_collide.h fills in. Without it nothing is called and nothing allocated. In a
  * substep:
  *   begin, start   what it has at x_n; the guess to a feasible point
@@ -848,6 +851,9 @@ typedef struct cloth_contact {
     /* of the poses of the step that begins, or ends: 1: none may sleep. commit comes without begin
      * where it sleeps. NULL: not asked */
     int          (*moves)(void *user);
+    /* EULER, BDF2, desc.substeps 0: how many the step that begins is to have, of 1 to
+     * CLOTH_SUBSTEPS_ASKED; any: the most that one may, with these obstacles. NULL: 1 */
+    int          (*substeps)(void *user, int any);
     /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
     void         (*orphan)(void *user);
     /* around calls of vjp along a tape, from its end: BEGIN; STEP when all substeps of recorded
@@ -11990,11 +11996,21 @@ static void clothi_watch(cloth_sim *s, double h) {
     s->still = still;
 }
 
+/* Substeps of the implicit step that begins; any: the most that one may have. */
+static int clothi_substeps(const cloth_sim *s, int any) {
+    int m = s->model->desc.substeps;
+    if (m == 0 && s->contact_on && s->contact.substeps) {
+        m = s->contact.substeps(s->contact.user, any);
+        if (m > CLOTH_SUBSTEPS_ASKED) m = CLOTH_SUBSTEPS_ASKED;
+    }
+    return m > 1 ? m : 1;
+}
+
 /* A step of h, or statics where that is 0. */
 static cloth_status clothi_step_run(cloth_sim *s, double h) {
     const int    leap = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
     cloth_status status = CLOTH_OK;
-    int          k, m = s->model->desc.substeps > 0 ? s->model->desc.substeps : 1;
+    int          k, m;
     if (!(h > 0)) return clothi_static_run(s);
     if (s->asleep) {
         s->state.t += h;
@@ -12005,7 +12021,8 @@ static cloth_status clothi_step_run(cloth_sim *s, double h) {
     }
     if (leap) status = clothi_step_leapfrog(s, h);
     else s->report.outcome = CLOTH_STEP_CONVERGED;
-    for (k = 0; k < m && !status && !leap; k++) {
+    m = leap ? 0 : clothi_substeps(s, 0);
+    for (k = 0; k < m && !status; k++) {
         clothi_input(s, h / m, (double)k / m, (double)(k + 1) / m);
         status = clothi_substep_implicit(s);
     }

@@ -109,6 +109,7 @@
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                     29, obstacles alone 15; 90 steps
  *   T-shirt of 10 000 faces on a walking body of 27 000        500 to 10 000
+ * Steps in which parts of a body pass each other around held cloth have 2 to 4 substeps [8.3].
  * It grows with pairs in range rather than with faces: a cloth folded many times can cost ten times
  * the same cloth spread out. Without desc.contact nothing is called and nothing allocated.
  *
@@ -3786,6 +3787,11 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     return status;
 }
 
+/* There are bodies that penetrate themselves. */
+static int clothi_drags(const cloth_collide *c) {
+    return memchr(c->dragging, 1, (size_t)c->mf) != NULL;
+}
+
 /* World vertices at the poses alpha0 (xa) and alpha1 (xb) of the step; cloth at x in both. */
 static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, double alpha1) {
     int o, i;
@@ -5662,6 +5668,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            it, it could go nowhere, and trousers' steps failed from there on for good. (Where
  *            its ends are nearest to the finger along the edge it stays, exempt, till that leaves)
  *
+ * A step in which points of a hold pass each other by more than CLOTHI_PASSING t has so many
+ * substeps that they do not, of CLOTH_SUBSTEPS_ASKED at most (desc.substeps = 0): where an arm
+ * passes the torso by 27 mm a step, cloth between them came out into one of both, three times as
+ * much of it at no less cost.
+ *
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 10 times the membrane's
  * stiffness K, that never pulls harder than F: K t/2 on what is held, 27 K t on what goes out, and
  * less of that where an edge beside it is longer at x^n than 1.5 of its length, a twentieth at 2.5.
@@ -5687,6 +5698,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_HOLD     0.5                 /* t of that stiffness, N: the most on what is held */
 #define CLOTHI_PULL     27                  /* the same: on what goes out                      */
 #define CLOTHI_RETURN   10                  /* t: so far a share comes back in a substep       */
+#define CLOTHI_PASSING  5                   /* t: so far points of a hold pass in a substep    */
 #define CLOTHI_TAUT     2.5                 /* stretch of an edge beside that leaves of that   */
 #define CLOTHI_SLIP     0.05                /* so much                                         */
 #define CLOTHI_DEEP     20                  /* t: farther in neither surface is the way aside  */
@@ -6046,6 +6058,24 @@ static void clothi_pinch_settle(cloth_collide *c, int first) {
     }
 }
 
+/* cloth_contact.substeps: what holds cloth passes in none of them by more than CLOTHI_PASSING t. */
+static int clothi_pinch_substeps(void *user, int any) {
+    cloth_collide *c = (cloth_collide *)user;
+    double         A[6], B[6], n[6], m[3], d[3], most = 1;
+    int            i, k;
+    if (any && clothi_drags(c)) return CLOTH_SUBSTEPS_ASKED;
+    if (c->nhold) clothi_world_pose(c, c->sim->state.x, 0, 1);
+    for (i = 0; i < c->nhold; i++) {
+        const cloth_hold *h = c->hold + i;
+        (void)clothi_hold_room(c, h, c->xa, A, n, m);
+        (void)clothi_hold_room(c, h, c->xb, B, n, m);
+        for (k = 0; k < 3; k++) d[k] = B[3 + k] - A[3 + k] - (B[k] - A[k]);
+        most = clothi_max(most, sqrt(clothi_dot3(d, d)) /
+                                    (CLOTHI_PASSING * c->obstacle[h->slot].thickness));
+    }
+    return (int)ceil(clothi_min(most, CLOTH_SUBSTEPS_ASKED));
+}
+
 /* What is held in the substep, at the poses in xa and xb: of what was, what stays, and what is
  * caught. y [nv x 3]: where cloth would go by itself. */
 static cloth_status clothi_pinch_begin(cloth_collide *c, const double *y) {
@@ -6053,7 +6083,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c, const double *y) {
     cloth_status status;
     int          i, n = 0;
     c->pinching = 0;
-    if (!memchr(c->dragging, 1, (size_t)c->mf)) return CLOTH_OK;
+    if (!clothi_drags(c)) return CLOTH_OK;
     memset(c->pinched, 0, (size_t)c->mf);
     clothi_pinch_boxes(c);
     for (i = 0; i < c->nv; i++) c->held_of[i] = -1;
@@ -6741,7 +6771,7 @@ static cloth_status clothi_pinch_rows(cloth_collide *c) {
  * once more from where cloth is carried, and once with what is in a pinch between vertices held.
  * last: it is to be where the step ends. */
 static cloth_status clothi_feasible(cloth_collide *c, int last) {
-    const int    most = last ? 1 : memchr(c->dragging, 1, (size_t)c->mf) ? 3 : 2;
+    const int    most = last ? 1 : clothi_drags(c) ? 3 : 2;
     cloth_status status = CLOTH_ERR_STEP;
     int          attempt, i;
     for (i = 0; i < c->nholding; i++) {
@@ -9212,9 +9242,9 @@ static void clothi_collide_connect(cloth_collide *c) {
         clothi_contact_rollback, clothi_contact_reset, clothi_contact_save_size,
         clothi_contact_save, clothi_contact_load, clothi_contact_vjp, clothi_contact_bytes,
         clothi_contact_unsaved, clothi_contact_balance, clothi_contact_list,
-        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_contact_orphan,
-        clothi_contact_adjoint, clothi_contact_rows, clothi_contact_rows_vjp,
-        clothi_contact_jvp};
+        sizeof(cloth_collide_contact), clothi_contact_moves, clothi_pinch_substeps,
+        clothi_contact_orphan, clothi_contact_adjoint, clothi_contact_rows,
+        clothi_contact_rows_vjp, clothi_contact_jvp};
     (void)cloth_sim_set_contact(c->sim, &k);
 }
 

@@ -919,16 +919,15 @@ static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input)
 /* Sizes and the arrays that every tape has. */
 static cloth_status clothi_tape_arrays(cloth_tape *t) {
     cloth_sim *s = t->sim;
-    const int  m = s->model->desc.substeps, leap = s->model->desc.integrator ==
-                                                   CLOTH_INTEGRATOR_LEAPFROG;
-    const size_t how = leap ? 0 : m > 1 ? (size_t)m : 1;
+    const int    leap = s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG;
+    const size_t how = leap ? 0 : (size_t)clothi_substeps(s, 1);
     size_t     need, units = clothi_tape_units(s, CLOTHI_SIZE, NULL, 0);
     t->nv3 = 3 * (size_t)s->model->nv;
     t->motion = clothi_tape_walk(s, CLOTHI_MOTION, CLOTHI_SIZE, NULL);
     t->params = clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_SIZE, NULL);
     t->fixed_input = clothi_tape_walk(s, CLOTHI_INPUTS, CLOTHI_SIZE, NULL) + t->params;
     t->slot = t->motion;
-    if (!leap && m > 1) t->slot += (size_t)(m - 1) * t->nv3 * sizeof(double);
+    if (!leap) t->slot += (how - 1) * t->nv3 * sizeof(double);
     t->room = t->fixed_input + units + CLOTHI_PAD8(units);
     t->work = clothi_grad_bytes(s, t->motion, t->room);
     if (s->contact_on && !leap) t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
@@ -2548,7 +2547,7 @@ static cloth_status clothi_grad_run(clothi_grad *g, int a, int b, const unsigned
     }
     if (!status) status = clothi_grad_put(g, b, b == a ? from : NULL);
     if (!status && to) (void)clothi_tape_walk(g->s, CLOTHI_MOTION, CLOTHI_SAVE, to);
-    if (status || !to || t->slot == t->motion) return status;
+    if (status || !to || t->slot == t->motion || t->step[b].substeps < 2) return status;
     status = clothi_grad_replay(g, b, CLOTHI_TAPE_TRACE);
     clothi_tape_ends(t, to);
     return status;

@@ -46,6 +46,7 @@ typedef struct touch {                      /* one run                          
     double body_x[3 * 162];                 /* m, as it was added                              */
     int    body_nv, failed, inexact, contacts, rows;
     int    again;                           /* substeps of implicit Euler for BDF2             */
+    void (*opened)(cloth_sim *sim);         /* NULL, or called before it runs                  */
 } touch;
 
 static inline double touch_noise(unsigned i) {
@@ -302,6 +303,7 @@ static inline void touch_open(touch *t) {
     CHECK(!cloth_collide_create(t->sim, &k, &t->c));
     touch_obstacle(t);
     if (t->rich) touch_rich_attach(t);
+    if (t->opened) t->opened(t->sim);
 }
 
 /* The pose of the body at the end of step k: it slides, and what has corners bends a little. */
@@ -449,6 +451,29 @@ static inline double touch_along(const touch_results *r, const touch *t, int by)
         if (touch_in(t, j, by))
             for (i = 0; i < n[j]; i++) sum += a[j][i] * touch_dir(t, j, i);
     return sum;
+}
+
+typedef struct touch_graded {               /* a run, its gradient and what it says of itself  */
+    touch             t;
+    touch_results     r;
+    cloth_grad_report rep;
+    cloth_status      status;
+} touch_graded;
+
+/* bytes: of the tape; 0: what it takes. */
+static inline void touch_grade(touch_graded *g, touch t, size_t bytes) {
+    cloth_tape *tape = NULL;
+    touch_loss  u;
+    memset(&u, 0, sizeof u);
+    g->t = t;
+    g->t.bytes = bytes;
+    (void)touch_run(&g->t, &tape);
+    CHECK(cloth_tape_steps(tape) == t.steps);
+    u.nv = g->t.mesh->nv;
+    u.seed = t.seed;
+    touch_results_open(&g->r, &g->t);
+    g->status = cloth_grad_backward(tape, touch_loss_at, &u, &g->r.g, &g->rep);
+    cloth_tape_destroy(tape);
 }
 
 #endif

@@ -7,36 +7,13 @@
 #include "host.h"
 #include "grad_touch.h"
 
-typedef struct graded {                     /* a run, its gradient and what it says of itself  */
-    touch             t;
-    touch_results     r;
-    cloth_grad_report rep;
-    cloth_status      status;
-} graded;
-
-/* bytes: of the tape; 0: what it takes. */
-static void grade(graded *g, touch t, size_t bytes) {
-    cloth_tape *tape = NULL;
-    touch_loss  u;
-    memset(&u, 0, sizeof u);
-    g->t = t;
-    g->t.bytes = bytes;
-    (void)touch_run(&g->t, &tape);
-    CHECK(cloth_tape_steps(tape) == t.steps);
-    u.nv = g->t.mesh->nv;
-    u.seed = t.seed;
-    touch_results_open(&g->r, &g->t);
-    g->status = cloth_grad_backward(tape, touch_loss_at, &u, &g->r.g, &g->rep);
-    cloth_tape_destroy(tape);
-}
-
-static graded made[2];
+static touch_graded made[2];
 
 /* Causes [from, to) of scene t, to 1e-4; measured: 1e-6 and better. */
 static void compare(touch t, int from, int to) {
-    graded *g = made;
+    touch_graded *g = made;
     int     by;
-    grade(g, t, 0);
+    touch_grade(g, t, 0);
     CHECK(g->status == CLOTH_OK && g->rep.valid);
     CHECK(t.leapfrog ? g->rep.rows > 0 && g->rep.margin > 0 : g->t.contacts > 0);
     if (!g->rep.valid) printf("  scene %u: %s, step %d\n", t.seed, g->rep.why, g->rep.step);
@@ -127,8 +104,8 @@ static void impacts(void) {
 /* Less memory: steps are run anew, and nothing changes. */
 static void budget(void) {
     const touch t = touch_make(2);
-    grade(made, t, 0);
-    grade(made + 1, t, made[0].rep.bytes - made[0].rep.bytes / 20);
+    touch_grade(made, t, 0);
+    touch_grade(made + 1, t, made[0].rep.bytes - made[0].rep.bytes / 20);
     CHECK(made[0].status == CLOTH_OK && made[1].status == CLOTH_OK);
     CHECK(made[1].rep.replayed > 0 && made[0].rep.replayed == 0);
     CHECK(made[1].rep.bytes <= made[0].rep.bytes - made[0].rep.bytes / 20);
@@ -145,14 +122,14 @@ static void budget(void) {
 static void doubts(void) {
     touch t = touch_make(1);
     t.spin = 2;
-    grade(made, t, 0);
+    touch_grade(made, t, 0);
     CHECK(made[0].status == CLOTH_OK && !made[0].rep.valid);
     CHECK((made[0].rep.doubt & CLOTH_GRAD_FROZEN) && made[0].rep.why[0]);
     touch_close(&made[0].t);
     t = touch_make(1);
     t.cap = 8;
     t.blind = 1;
-    grade(made, t, 0);
+    touch_grade(made, t, 0);
     CHECK(made[0].status == CLOTH_OK && (made[0].rep.doubt & CLOTH_GRAD_EARLY));
     touch_close(&made[0].t);
 }
@@ -204,7 +181,7 @@ static void memory(void) {
     int               n, failed = 1;
     memset(&u, 0, sizeof u);
     for (n = 1; failed && n < 60; n++) {
-        graded     *g = made;
+        touch_graded *g = made;
         cloth_tape *tape = NULL;
         uint64_t    hash;
         g->t = touch_make(1);

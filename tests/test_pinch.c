@@ -288,6 +288,51 @@ static void pinned_is_not_caught(void) {
     close_scene(&q);
 }
 
+/* Vertices that are held between one plate and the other. */
+static int held_between(const scene *q) {
+    static cloth_hold hold[MOST];
+    int               n = 0, i, both = 0;
+    CHECK(cloth_collide_holds(q->s.c, MOST, hold, &n) == CLOTH_OK && n <= MOST);
+    for (i = 0; i < n; i++)
+        both += (2 * hold[i].face[0] < q->body.nf) != (2 * hold[i].face[1] < q->body.nf);
+    return both;
+}
+
+/* One step to the pose; the substeps that it took, 0: it failed. asked: desc.substeps. */
+static int step_to(scene *q, double room, double side, int asked) {
+    cloth_report r;
+    plates_at(q, room, side);
+    q->s.model->desc.substeps = asked;
+    CHECK(cloth_collide_move(q->s.c, q->s.thing[q->id].id, q->s.thing[q->id].next) == CLOTH_OK);
+    return cloth_step(q->s.sim, H, &r) == CLOTH_OK ? r.substeps : 0;
+}
+
+/* So many substeps that plates that hold cloth pass each other by 5 T in one at most, up to 4; the
+ * same bits as where the caller asks for as many; and he has the last word. */
+static void passing(void) {
+    const size_t size = 3 * 81 * sizeof(double);
+    double       room = 10e-3, side = 0;
+    int          taken[5] = {0}, held, step, m;
+    scene        q[3];
+    for (step = 0; step < 3; step++) open_scene(q + step, 1, room, 1, NULL);
+    for (step = 1; step < 50; step++) {
+        const double next = room_at(step, -4e-3), aside = 0.04 * sin(0.4 * step);
+        const double way = hypot(2 * (aside - side), next - room);
+        held = held_between(q);
+        m = held ? (int)fmin(fmax(ceil(way / (5 * T)), 1), 4) : 1;
+        CHECK(step_to(q, next, aside, 0) == m);
+        CHECK(step_to(q + 1, next, aside, m) == m);
+        CHECK(memcmp(cloth_sim_state(q[0].s.sim)->x, cloth_sim_state(q[1].s.sim)->x, size) == 0);
+        CHECK(step_to(q + 2, next, aside, 1) == 1);
+        if (held) taken[m]++;
+        room = next, side = aside;
+    }
+    printf("    steps with cloth that is held: %d of one substep, %d of 2, %d of 3, %d of 4\n",
+           taken[1], taken[2], taken[3], taken[4]);
+    for (m = 1; m <= 4; m++) CHECK(taken[m] > 0);
+    for (step = 0; step < 3; step++) close_scene(q + step);
+}
+
 /* Two and three layers, which keep their order; once they did not where plates had passed. */
 static void layers(void) {
     if (test_quick()) SKIP("long");
@@ -740,6 +785,7 @@ static void backwards(void) {
         size_t       size;
         double      *a;
         open_scene(&q, 1, 10e-3, 1, NULL);
+        q.s.model->desc.substeps = 1;       /* which begins where the step does */
         size = 3 * (size_t)q.s.c->nw * sizeof(double);
         a = (double *)malloc(size);
         for (step = 0; step < 50; step++) {
@@ -801,6 +847,7 @@ int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(closes);
     RUN(pinned_is_not_caught);
+    RUN(passing);
     RUN(layers);
     RUN(without);
     RUN(way_out);

@@ -396,9 +396,42 @@ static void implicit_contact(void) {
     }
 }
 
+/* 1 to 4 in turn. */
+static int asks(void *user, int any) {
+    const cloth_sim *s = ((const cloth_collide *)user)->sim;
+    return any ? 4 : 1 + (int)(s->state.t / 0.01 + 0.5) % 4;
+}
+
+static void asking(cloth_sim *sim) { sim->contact.substeps = asks; }
+
+/* Each step of as many substeps as contact asks for: against differences, and with less memory. */
+static void asked(void) {
+    static touch_graded g[2];
+    int                 i, by, failed = 0;
+    for (i = 0; i < (test_quick() ? 1 : 2); i++) {
+        touch t = touch_make(3u - (unsigned)i);
+        t.substeps = 0, t.opened = asking, t.bdf2 = i;
+        if (!i) t.steps = 12;
+        touch_grade(g, t, 0);
+        touch_grade(g + 1, t, g->rep.bytes - g->rep.bytes / 20);
+        CHECK(g->status == CLOTH_OK && g->rep.valid && g->t.contacts > 0);
+        CHECK(g[1].status == CLOTH_OK && g[1].rep.replayed > 0 && g->rep.replayed == 0);
+        CHECK(memcmp(g->r.x0, g[1].r.x0, sizeof g->r.x0) == 0);
+        CHECK(memcmp(g->r.obstacle, g[1].r.obstacle, sizeof g->r.obstacle) == 0);
+        for (by = TOUCH_START; by <= TOUCH_REST; by++) {
+            double       error;
+            const double a = touch_along(&g->r, &g->t, by);
+            CHECK_REL(a, touch_difference(&g->t, by, 1e-3, &error, &failed), 1e-4);
+        }
+        CHECK(failed == 0);
+        touch_close(&g[0].t), touch_close(&g[1].t);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(leapfrog_zones);
     RUN(implicit_contact);
+    RUN(asked);
     return TEST_END();
 }

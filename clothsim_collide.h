@@ -3502,8 +3502,8 @@ struct cloth_collide {
     /* pinches */
     int            *held_of;                /* [nv] number in holding, -1                      */
     cloth_hold     *caught;                 /* [nv] scratch                                    */
-    double         *hold_to;                /* [nv x 3] where what is held is pulled to        */
-    double         *hold_by;                /* [nv x 3] where minimising begins for it         */
+    double         *hold_to;                /* [nv x 3] where what is held is pulled to, and
+                                               where minimising begins for it                  */
     unsigned char  *look;                   /* [nv] CLOTHI_HELD and so on; scratch             */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
@@ -5659,10 +5659,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            another part is there. Else, where parts overlap, both points slide from face to face,
  *            of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
- *            the share s of the way from A0 to A1 that it had when it was caught. Where the points
- *            slid, s comes back by 10 t a substep at most. Where that ends inside of one part, as
- *            it does behind a wrist that leaves a hip, p is pulled to above the nearer of both
- *            surfaces. Minimising begins where it was
+ *            the share s of the way from A0 to A1 that it had when it was caught. Minimising
+ *            begins there
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep; so
  *            does an edge across from a vertex that is held: in a finger, among features that hold
  *            it, it could go nowhere, and trousers' steps failed from there on for good. (Where
@@ -5697,11 +5695,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_DRAG     10                  /* of the membrane's stiffness: what pulls         */
 #define CLOTHI_HOLD     0.5                 /* t of that stiffness, N: the most on what is held */
 #define CLOTHI_PULL     27                  /* the same: on what goes out                      */
-#define CLOTHI_RETURN   10                  /* t: so far a share comes back in a substep       */
 #define CLOTHI_PASSING  5                   /* t: so far points of a hold pass in a substep    */
 #define CLOTHI_TAUT     2.5                 /* stretch of an edge beside that leaves of that   */
 #define CLOTHI_SLIP     0.05                /* so much                                         */
-#define CLOTHI_DEEP     20                  /* t: farther in neither surface is the way aside  */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
 /* Point and normal of side k of a hold in the world's pose x. */
@@ -5733,7 +5729,6 @@ typedef struct clothi_catch {               /* a search for the nearest face    
     int                  slot;
     const double        *x;                 /* the pose                                        */
     const double        *from;              /* of p: unit, from what is to be on its other side */
-    const double        *turned;            /* unit, of a face that p is to be inside of       */
 } clothi_catch;
 
 static double clothi_catch_far(int face, const double *p, const void *ctx) {
@@ -5750,9 +5745,6 @@ static double clothi_catch_far(int face, const double *p, const void *ctx) {
                w[2] * q->x[3 * v[2] + k];
     if (q->from)
         found = clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2) && clothi_dot3(n, d) > 0;
-    if (q->turned)
-        found = clothi_dot3(n, q->turned) > -CLOTHI_FACING * sqrt(clothi_dot3(n, n)) &&
-                clothi_dot3(n, d) < 0;
     return found ? d2 : HUGE_VAL;
 }
 
@@ -5762,7 +5754,7 @@ static int clothi_catch_point(const cloth_collide *c, const double *p, int v, in
                               cloth_hold *h) {
     const double  t = c->obstacle[slot].thickness, way = c->obstacle[slot].way;
     double        A[6], n[6], m[3], from[3], d[3], start;
-    clothi_catch  q = {c, slot, c->xa, NULL, NULL};
+    clothi_catch  q = {c, slot, c->xa, NULL};
     int           i, k, f;
     memset(h, 0, sizeof *h);
     h->vertex = v, h->slot = slot;
@@ -5809,22 +5801,6 @@ static void clothi_hold_slide(const cloth_collide *c, cloth_hold *h, int k, cons
     }
 }
 
-/* Where point k of a hold is on the surface of the part that p has sunk into when the substep ends:
- * a face turned as the point's is. -1: p is outside of it, or farther in than CLOTHI_DEEP. */
-static int clothi_hold_behind(const cloth_collide *c, const cloth_hold *h, int k, const double *p,
-                              double *b) {
-    const double deep = CLOTHI_DEEP * c->obstacle[h->slot].thickness;
-    double       A[3], n[3], d[3], d2 = deep * deep;
-    clothi_catch q = {c, h->slot, c->xb, NULL, n};
-    int          f = -1;
-    clothi_hold_point(c, h, k, c->xb, A, n);
-    clothi_sub3(p, A, d);
-    if (clothi_dot3(d, n) < 0)
-        f = clothi_bvh_nearest(&c->solid, p, NULL, clothi_catch_far, &q, &d2);
-    if (f >= 0) (void)clothi_face_distance2(c->xb, c->faces + 3 * f, p, b);
-    return f;
-}
-
 /* Above point 0 of a hold when the substep ends. */
 static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, double *to) {
     double n[3];
@@ -5833,27 +5809,23 @@ static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, doubl
     for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * c->obstacle[h->slot].thickness * n[k];
 }
 
-/* Of cloth_collide.look: held between both points, or aside of there; is led away from outside;
- * goes out from inside, or has. */
-enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_LED, CLOTHI_OUT, CLOTHI_PASSED };
+/* Of cloth_collide.look: held between both points; is led away from outside; goes out from inside,
+ * or has. */
+enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_LED, CLOTHI_OUT, CLOTHI_PASSED };
 
-/* Where a vertex that is held is to go from x^n; 1: its share does not come back all of its way. */
-static int clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
-    const double *p = c->xa + 3 * h->vertex, most = CLOTHI_RETURN * c->obstacle[h->slot].thickness;
-    double        A[6], B[6], n[6], m[3], d[3], end[6], room, along, drift;
+/* Where a vertex that is held is to go from x^n. */
+static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
+    const double *p = c->xa + 3 * h->vertex;
+    double        A[6], B[6], n[6], m[3], d[3], room, along;
     int           k;
     (void)clothi_hold_room(c, h, c->xa, A, n, m);
-    room = clothi_hold_room(c, h, c->xb, B, end, m);
+    room = clothi_hold_room(c, h, c->xb, B, n, m);
     for (k = 0; k < 3; k++) {
-        d[k] = B[3 + k] - A[3 + k] - (B[k] - A[k]);
-        to[k] = p[k] + B[k] - A[k] + 0.5 * d[k];
+        to[k] = p[k] + 0.5 * (B[k] - A[k] + (B[3 + k] - A[3 + k]));
+        d[k] = to[k] - B[k];
     }
-    along = (h->share - 0.5) * clothi_dot3(d, m);
-    for (k = 0; k < 3; k++) d[k] = to[k] - B[k];
-    drift = h->share * room - clothi_dot3(d, m) - along;
-    along += clothi_max(clothi_min(drift, most), -most);
+    along = h->share * room - clothi_dot3(d, m);
     for (k = 0; k < 3; k++) to[k] += along * m[k];
-    return fabs(drift) > most;
 }
 
 /* Point 0 of a hold is what is nearest to p in the pose x, and point 1 too if it was of another
@@ -5902,31 +5874,8 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, c
         h->share = share;
     }
     for (k = 0; k < 2 && wind > 0; k++) clothi_hold_slide(c, h, k, p);
-    (void)clothi_hold_goal(c, h, to);
+    clothi_hold_goal(c, h, to);
     return CLOTHI_HELD;
-}
-
-/* Minimising begins where `to` is. What is held and would end inside of one part there is pulled to
- * above the nearer of both surfaces where no other part is; its point there is in c->caught. */
-static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
-    const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
-    double              *from = c->hold_by + 3 * h->vertex, *to = c->hold_to + 3 * h->vertex;
-    double               above[3], d[3], least = HUGE_VAL;
-    cloth_hold           aside = *h;
-    int                  k, f;
-    memcpy(from, to, 3 * sizeof *to);
-    if (c->look[h->vertex] != CLOTHI_HELD || clothi_surface_winding(&body, from) != 1) return;
-    for (k = 0; k < 2; k++) {
-        f = clothi_hold_behind(c, h, k, from, aside.weight[0]);
-        if (f < 0) continue;
-        aside.face[0] = f - c->obstacle[h->slot].f0;
-        clothi_hold_above(c, &aside, above);
-        clothi_sub3(above, from, d);
-        if (clothi_dot3(d, d) >= least || clothi_surface_winding(&body, above) != 0) continue;
-        least = clothi_dot3(d, d);
-        memcpy(to, above, sizeof above);
-        c->caught[h->vertex] = aside, c->look[h->vertex] = CLOTHI_ASIDE;
-    }
 }
 
 /* --- which faces --- */
@@ -5994,7 +5943,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, const double *y) {
     cloth_status status = CLOTH_OK;
     int          o, i;
     for (o = 0; o < c->nobstacle && !status; o++) {
-        clothi_catch job = {c, o, c->xa, NULL, NULL};
+        clothi_catch job = {c, o, c->xa, NULL};
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
@@ -6050,14 +5999,6 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
     return status;
 }
 
-/* What has been caught, holds from `first` on: where it begins and which faces are in its pinch. */
-static void clothi_pinch_settle(cloth_collide *c, int first) {
-    for (; first < c->nholding; first++) {
-        clothi_hold_aside(c, c->holding + first);
-        clothi_hold_mark(c, c->holding + first);
-    }
-}
-
 /* cloth_contact.substeps: what holds cloth passes in none of them by more than CLOTHI_PASSING t. */
 static int clothi_pinch_substeps(void *user, int any) {
     cloth_collide *c = (cloth_collide *)user;
@@ -6097,7 +6038,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c, const double *y) {
     c->nholding = n;
     status = clothi_pinch_catch(c, y);
     if (!status) status = clothi_pinch_lead(c);
-    if (!status) clothi_pinch_settle(c, 0);
+    for (i = 0; i < c->nholding && !status; i++) clothi_hold_mark(c, c->holding + i);
     c->pinching = n < was || c->nholding > n;       /* nothing may be extrapolated over that */
     return status;
 }
@@ -6759,10 +6700,10 @@ static cloth_status clothi_pinch_rows(cloth_collide *c) {
         if (!clothi_row_hold(c, c->row + i, &h)) continue;
         c->look[h.vertex] = CLOTHI_HELD;
         c->held_of[h.vertex] = c->nholding;
-        (void)clothi_hold_goal(c, &h, c->hold_to + 3 * h.vertex);
+        clothi_hold_goal(c, &h, c->hold_to + 3 * h.vertex);
         status = CLOTHI_PUSH(c, holding, h);
     }
-    if (!status) clothi_pinch_settle(c, n);
+    for (i = n; i < c->nholding && !status; i++) clothi_hold_mark(c, c->holding + i);
     c->pinching |= c->nholding > n;
     return status;
 }
@@ -6776,7 +6717,7 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
     int          attempt, i;
     for (i = 0; i < c->nholding; i++) {
         const size_t at = 3 * (size_t)c->holding[i].vertex;
-        memcpy(c->x_ie + at, c->hold_by + at, 3 * sizeof(double));
+        memcpy(c->x_ie + at, c->hold_to + at, 3 * sizeof(double));
     }
     for (attempt = 0; attempt < most && status == CLOTH_ERR_STEP; attempt++) {
         status = attempt == 2 ? clothi_pinch_rows(c) : CLOTH_OK;
@@ -7413,7 +7354,7 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
         {&c->zone_number, nv, one}, {&c->local, nv, one}, {&c->member, nv, one},
         {&c->qp_minv, 3 * nv, real}, {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
         {&c->held_of, nv, one}, {&c->look, nv, 1}, {&c->caught, nv, sizeof *c->caught},
-        {&c->hold_to, 3 * nv, real}, {&c->hold_by, 3 * nv, real},
+        {&c->hold_to, 3 * nv, real},
         {&c->work, (size_t)c->nwork, sizeof *c->work},
         {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
     return clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
@@ -8916,12 +8857,11 @@ static void clothi_back_above(const clothi_flow *f, const cloth_hold *h, double 
     for (k = 0; k < 3; k++) to[k] -= along * n[k];
 }
 
-/* d/d{to} of what is held between both points: along `out` by its share of them, or late, from
- * where it was; else by the mean of their ways. Of what is led both points are one. */
+/* d/d{to} of what is held between both points: along `out` by its share of them, else by the mean
+ * of their ways. Of what is led both points are one. */
 static void clothi_back_between(const clothi_flow *f, const cloth_hold *h, double *to) {
     const cloth_collide *c = f->c;
     double               A[6], n[6], out[3], along;
-    const int            late = clothi_hold_goal(c, h, out);
     int                  i, k;
     (void)clothi_hold_room(c, h, c->xb, A, n, out);
     along = clothi_dot3(to, out);
@@ -8932,9 +8872,7 @@ static void clothi_back_between(const clothi_flow *f, const cloth_hold *h, doubl
         clothi_flow_add(f, 0, v[i % 3], -0.5 * w, to);
         clothi_flow_add(f, 1, v[i % 3], 0.5 * w, to);
         clothi_flow_add(f, 1, v[i % 3], part * along, out);
-        if (late) clothi_flow_add(f, 0, v[i % 3], -part * along, out);
     }
-    for (k = 0; k < 3 && late; k++) to[k] += along * out[k];
 }
 
 /* What holds cloth in pinches, a pull to `to`: by x, or by what carries it there and x^n. */
@@ -8951,7 +8889,6 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     }
     for (k = 0; k < 3; k++) to[k] = -to[k];
     if (look == CLOTHI_OUT) clothi_back_above(f, h, to);
-    if (look == CLOTHI_ASIDE) clothi_back_above(f, c->caught + h->vertex, to);
     if (look <= CLOTHI_LED) clothi_back_between(f, h, to);
     clothi_flow_add(f, 0, h->vertex, 1, to);
 }

@@ -852,8 +852,8 @@ typedef struct cloth_contact {
      * where it sleeps. NULL: not asked */
     int          (*moves)(void *user);
     /* EULER, BDF2, desc.substeps 0: how many the step that begins is to have, of 1 to
-     * CLOTH_SUBSTEPS_ASKED; any: the most that one may, with these obstacles. NULL: 1 */
-    int          (*substeps)(void *user, int any);
+     * CLOTH_SUBSTEPS_ASKED. NULL: 1 */
+    int          (*substeps)(void *user);
     /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
     void         (*orphan)(void *user);
     /* around calls of vjp along a tape, from its end: BEGIN; STEP when all substeps of recorded
@@ -11996,11 +11996,11 @@ static void clothi_watch(cloth_sim *s, double h) {
     s->still = still;
 }
 
-/* Substeps of the implicit step that begins; any: the most that one may have. */
-static int clothi_substeps(const cloth_sim *s, int any) {
+/* Substeps of the implicit step that begins; most: that any step may have. */
+static int clothi_substeps(const cloth_sim *s, int most) {
     int m = s->model->desc.substeps;
     if (m == 0 && s->contact_on && s->contact.substeps) {
-        m = s->contact.substeps(s->contact.user, any);
+        m = most ? CLOTH_SUBSTEPS_ASKED : s->contact.substeps(s->contact.user);
         if (m > CLOTH_SUBSTEPS_ASKED) m = CLOTH_SUBSTEPS_ASKED;
     }
     return m > 1 ? m : 1;

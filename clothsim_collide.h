@@ -3502,8 +3502,8 @@ struct cloth_collide {
     /* pinches */
     int            *held_of;                /* [nv] number in holding, -1                      */
     cloth_hold     *caught;                 /* [nv] scratch                                    */
-    double         *hold_to;                /* [nv x 3] where what is held is pulled to, and
-                                               where minimising begins for it                  */
+    double         *hold_to;                /* [nv x 3] where what is held is pulled to        */
+    double         *hold_by;                /* [nv x 3] where minimising begins for it         */
     unsigned char  *look;                   /* [nv] CLOTHI_HELD and so on; scratch             */
     int             pinching;               /* somebody was caught or let go                   */
     /* zones */
@@ -5659,8 +5659,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            another part is there. Else, where parts overlap, both points slide from face to face,
  *            of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
- *            the share s of the way from A0 to A1 that it had when it was caught. Minimising
- *            begins there
+ *            the share s of the way from A0 to A1 that it had when it was caught. Where that
+ *            ends inside of one part, as it does behind a wrist that leaves a hip, p is pulled to
+ *            above what is nearest with no part above. Minimising begins where it was
  *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep; so
  *            does an edge across from a vertex that is held: in a finger, among features that hold
  *            it, it could go nowhere, and trousers' steps failed from there on for good. (Where
@@ -5696,6 +5697,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_HOLD     0.5                 /* t of that stiffness, N: the most on what is held */
 #define CLOTHI_PULL     27                  /* the same: on what goes out                      */
 #define CLOTHI_PASSING  5                   /* t: so far points of a hold pass in a substep    */
+#define CLOTHI_DEEP     20                  /* t: no way aside is farther                      */
 #define CLOTHI_TAUT     2.5                 /* stretch of an edge beside that leaves of that   */
 #define CLOTHI_SLIP     0.05                /* so much                                         */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
@@ -5729,6 +5731,7 @@ typedef struct clothi_catch {               /* a search for the nearest face    
     int                  slot;
     const double        *x;                 /* the pose                                        */
     const double        *from;              /* of p: unit, from what is to be on its other side */
+    int                  open;              /* no part of the body is above the point          */
 } clothi_catch;
 
 static double clothi_catch_far(int face, const double *p, const void *ctx) {
@@ -5745,6 +5748,12 @@ static double clothi_catch_far(int face, const double *p, const void *ctx) {
                w[2] * q->x[3 * v[2] + k];
     if (q->from)
         found = clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2) && clothi_dot3(n, d) > 0;
+    if (q->open) {
+        const clothi_surface body = {q->x, c->faces, c->dragging, NULL, &c->solid};
+        const double         up = CLOTHI_GAP * c->obstacle[q->slot].thickness;
+        for (k = 0; k < 3; k++) d[k] = p[k] - d[k] + up / sqrt(clothi_dot3(n, n)) * n[k];
+        found = clothi_surface_winding(&body, d) == 0;
+    }
     return found ? d2 : HUGE_VAL;
 }
 
@@ -5754,7 +5763,7 @@ static int clothi_catch_point(const cloth_collide *c, const double *p, int v, in
                               cloth_hold *h) {
     const double  t = c->obstacle[slot].thickness, way = c->obstacle[slot].way;
     double        A[6], n[6], m[3], from[3], d[3], start;
-    clothi_catch  q = {c, slot, c->xa, NULL};
+    clothi_catch  q = {c, slot, c->xa, NULL, 0};
     int           i, k, f;
     memset(h, 0, sizeof *h);
     h->vertex = v, h->slot = slot;
@@ -5809,9 +5818,9 @@ static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, doubl
     for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * c->obstacle[h->slot].thickness * n[k];
 }
 
-/* Of cloth_collide.look: held between both points; is led away from outside; goes out from inside,
- * or has. */
-enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_LED, CLOTHI_OUT, CLOTHI_PASSED };
+/* Of cloth_collide.look: held between both points, or aside of there; is led away from outside;
+ * goes out from inside, or has. */
+enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_LED, CLOTHI_OUT, CLOTHI_PASSED };
 
 /* Where a vertex that is held is to go from x^n. */
 static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
@@ -5876,6 +5885,27 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, c
     for (k = 0; k < 2 && wind > 0; k++) clothi_hold_slide(c, h, k, p);
     clothi_hold_goal(c, h, to);
     return CLOTHI_HELD;
+}
+
+/* Minimising begins where `to` is. What is held and would end inside of one part there is pulled to
+ * above what is nearest of where no other part is; its point there is in c->caught. */
+static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
+    const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
+    const clothi_catch   q = {c, h->slot, c->xb, NULL, 1};
+    double              *from = c->hold_by + 3 * h->vertex, *to = c->hold_to + 3 * h->vertex;
+    double               d2 = CLOTHI_DEEP * c->obstacle[h->slot].thickness;
+    cloth_hold          *aside = c->caught + h->vertex;
+    int                  f;
+    memcpy(from, to, 3 * sizeof *to);
+    if (c->look[h->vertex] != CLOTHI_HELD || clothi_surface_winding(&body, from) != 1) return;
+    d2 *= d2;
+    f = clothi_bvh_nearest(&c->solid, from, NULL, clothi_catch_far, &q, &d2);
+    if (f < 0) return;
+    *aside = *h;
+    aside->face[0] = f - c->obstacle[h->slot].f0;
+    (void)clothi_face_distance2(c->xb, c->faces + 3 * f, from, aside->weight[0]);
+    clothi_hold_above(c, aside, to);
+    c->look[h->vertex] = CLOTHI_ASIDE;
 }
 
 /* --- which faces --- */
@@ -5943,7 +5973,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, const double *y) {
     cloth_status status = CLOTH_OK;
     int          o, i;
     for (o = 0; o < c->nobstacle && !status; o++) {
-        clothi_catch job = {c, o, c->xa, NULL};
+        clothi_catch job = {c, o, c->xa, NULL, 0};
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
@@ -5999,12 +6029,19 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
     return status;
 }
 
+/* What has been caught, holds from `first` on: where it begins and which faces are in its pinch. */
+static void clothi_pinch_settle(cloth_collide *c, int first) {
+    for (; first < c->nholding; first++) {
+        clothi_hold_aside(c, c->holding + first);
+        clothi_hold_mark(c, c->holding + first);
+    }
+}
+
 /* cloth_contact.substeps: what holds cloth passes in none of them by more than CLOTHI_PASSING t. */
-static int clothi_pinch_substeps(void *user, int any) {
+static int clothi_pinch_substeps(void *user) {
     cloth_collide *c = (cloth_collide *)user;
     double         A[6], B[6], n[6], m[3], d[3], most = 1;
     int            i, k;
-    if (any && clothi_drags(c)) return CLOTH_SUBSTEPS_ASKED;
     if (c->nhold) clothi_world_pose(c, c->sim->state.x, 0, 1);
     for (i = 0; i < c->nhold; i++) {
         const cloth_hold *h = c->hold + i;
@@ -6038,7 +6075,7 @@ static cloth_status clothi_pinch_begin(cloth_collide *c, const double *y) {
     c->nholding = n;
     status = clothi_pinch_catch(c, y);
     if (!status) status = clothi_pinch_lead(c);
-    for (i = 0; i < c->nholding && !status; i++) clothi_hold_mark(c, c->holding + i);
+    if (!status) clothi_pinch_settle(c, 0);
     c->pinching = n < was || c->nholding > n;       /* nothing may be extrapolated over that */
     return status;
 }
@@ -6703,7 +6740,7 @@ static cloth_status clothi_pinch_rows(cloth_collide *c) {
         clothi_hold_goal(c, &h, c->hold_to + 3 * h.vertex);
         status = CLOTHI_PUSH(c, holding, h);
     }
-    for (i = n; i < c->nholding && !status; i++) clothi_hold_mark(c, c->holding + i);
+    if (!status) clothi_pinch_settle(c, n);
     c->pinching |= c->nholding > n;
     return status;
 }
@@ -6717,7 +6754,7 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
     int          attempt, i;
     for (i = 0; i < c->nholding; i++) {
         const size_t at = 3 * (size_t)c->holding[i].vertex;
-        memcpy(c->x_ie + at, c->hold_to + at, 3 * sizeof(double));
+        memcpy(c->x_ie + at, c->hold_by + at, 3 * sizeof(double));
     }
     for (attempt = 0; attempt < most && status == CLOTH_ERR_STEP; attempt++) {
         status = attempt == 2 ? clothi_pinch_rows(c) : CLOTH_OK;
@@ -7354,7 +7391,7 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
         {&c->zone_number, nv, one}, {&c->local, nv, one}, {&c->member, nv, one},
         {&c->qp_minv, 3 * nv, real}, {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
         {&c->held_of, nv, one}, {&c->look, nv, 1}, {&c->caught, nv, sizeof *c->caught},
-        {&c->hold_to, 3 * nv, real},
+        {&c->hold_to, 3 * nv, real}, {&c->hold_by, 3 * nv, real},
         {&c->work, (size_t)c->nwork, sizeof *c->work},
         {&c->part, (size_t)c->desc.nparts, sizeof *c->part}};
     return clothi_arrays(c->hooks, need, sizeof need / sizeof *need);
@@ -8889,6 +8926,7 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     }
     for (k = 0; k < 3; k++) to[k] = -to[k];
     if (look == CLOTHI_OUT) clothi_back_above(f, h, to);
+    if (look == CLOTHI_ASIDE) clothi_back_above(f, c->caught + h->vertex, to);
     if (look <= CLOTHI_LED) clothi_back_between(f, h, to);
     clothi_flow_add(f, 0, h->vertex, 1, to);
 }

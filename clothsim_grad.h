@@ -106,8 +106,8 @@
  * COST. A backward step is one assembly, one factorisation and two to three passes over the
  * elements: 0.4 of a step to 1e-8 m. LEAPFROG: each step anew and one pass a kick, 4 to 5 of a
  * step, however many causes are asked for. Memory: the motion of every step (12 to 18 numbers a
- * vertex), or options.bytes, and then part of the steps are run anew. A sim without a tape pays
- * nothing.
+ * vertex, 9 more with contact), or options.bytes, and then part of the steps are run anew. A sim
+ * without a tape pays nothing.
  *
  * CONTACT of clothsim_collide.h is part of it: its potential, friction with the normal forces and
  * frames of the step's end, and what anchors carry to the next step. Which pairs there are is a

@@ -397,9 +397,9 @@ static void implicit_contact(void) {
 }
 
 /* 1 to 4 in turn. */
-static int asks(void *user, int any) {
+static int asks(void *user) {
     const cloth_sim *s = ((const cloth_collide *)user)->sim;
-    return any ? 4 : 1 + (int)(s->state.t / 0.01 + 0.5) % 4;
+    return 1 + (int)(s->state.t / 0.01 + 0.5) % 4;
 }
 
 static void asking(cloth_sim *sim) { sim->contact.substeps = asks; }

@@ -5646,12 +5646,14 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *             |    p    |               body and is pulled to where a point A0 of one part and A1
  *             |   n1 <- + A1            of the other, carried by their faces, take it     [BWK03]
  *
- *   caught   A0 is the nearest point of the surface, A1 the nearest one with p between, the angle
- *            from p - A0 to p - A1 more than 107 degrees, and p is outside of both faces. |A1 - A0|
- *            is less than 2 t, or, when the substep ends, along m = (n0 - n1)/|n0 - n1|. (By the
- *            normals of faces alone edges that meet were missed, and a T-shirt's walk failed.) Not
- *            of vertices but where a finger presses the inside of a face: only if the step failed
- *            else [8.4]; what the finger is through then stays on it till it leaves by its end
+ *   caught   A0 is the nearest point of those faces that p is outside of, A1 the nearest of them
+ *            with p between, the angle from p - A0 to p - A1 more than 107 degrees. |A1 - A0| is
+ *            less than 2 t, or, when the substep ends, along m = (n0 - n1)/|n0 - n1|. (By the
+ *            normals of faces alone edges that meet were missed, and a T-shirt's walk failed; of
+ *            all faces, those of a fold turned inside out hid A0, and a skirt's step of a body that
+ *            sits down failed.) Not of vertices but where a finger presses the inside of a face:
+ *            only if the step failed else [8.4]; what the finger is through then stays on it till
+ *            it leaves by its end
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
  *            between the points so found. 1: the part that it is in has passed it. It goes where
  *            its motion takes it, y = x^n + h v^n of an implicit step, as cloth around it does; if
@@ -5739,15 +5741,15 @@ static double clothi_catch_far(int face, const double *p, const void *ctx) {
     const cloth_collide *c = q->c;
     const int           *v = c->faces + 3 * (size_t)face;
     double               w[3], d[3], n[3], d2;
-    int                  k, found = 1;
+    int                  k, found;
     if (c->slot[v[0]] != q->slot) return HUGE_VAL;
     d2 = clothi_face_distance2(q->x, v, p, w);
     clothi_face_cross(q->x, v, n);
     for (k = 0; k < 3; k++)
         d[k] = p[k] - w[0] * q->x[3 * v[0] + k] - w[1] * q->x[3 * v[1] + k] -
                w[2] * q->x[3 * v[2] + k];
-    if (q->from)
-        found = clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2) && clothi_dot3(n, d) > 0;
+    found = clothi_dot3(n, d) > 0;
+    if (q->from) found &= clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2);
     if (q->open) {
         const clothi_surface body = {q->x, c->faces, c->dragging, NULL, &c->solid};
         const double         up = CLOTHI_GAP * c->obstacle[q->slot].thickness;
@@ -5775,7 +5777,6 @@ static int clothi_catch_point(const cloth_collide *c, const double *p, int v, in
         h->face[k] = f - c->obstacle[slot].f0;
         clothi_hold_point(c, h, k, c->xa, A + 3 * k, n);
         clothi_sub3(p, A + 3 * k, d);
-        if (!(clothi_dot3(d, n) > 0)) return 0;
         for (i = 0; i < 3 && k == 0; i++) from[i] = d[i] / sqrt(d2);
         q.from = from;
     }

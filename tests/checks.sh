@@ -26,6 +26,11 @@ export LC_ALL
 check=$1
 shift
 out=out/checks/$check
+# a run that was stopped may still write while the next one reads: each has files of its own
+if [ "$check" = judges ]; then
+    out=$out.$$
+    trap 'rm -rf "$out"' EXIT
+fi
 mkdir -p "$out"
 passed=0 failed=0 skipped=0
 

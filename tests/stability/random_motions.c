@@ -1,11 +1,13 @@
-/* random_motions.c - bodies whose joints are driven at random do not swallow their garments.
+/* random_motions.c - bodies whose joints are driven at random, or into poses that others drew, do
+ * not swallow their garments.
  *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I. stability/random_motions.c -lm
  * tier: default
  *
  * Seeded turns of arms, elbows, thighs, knees and trunk (skeleton.h) drive the body of the examples
  * through its armpits, elbows and thighs, in its shirt and in a skirt whose waist is pinned; and
- * the bodies of ../shared in garments of theirs, where they are there. 1/60 s, default settings; a
- * step that fails is tried as two halves, to an eighth, else the body waits.
+ * the bodies of ../shared in garments of theirs, where they are there, the female one also from
+ * rest to poses of ../shared and back in half a second each. 1/60 s, default settings; a step that
+ * fails is tried as two halves, to an eighth, else the body waits.
  *
  *   swallowed  share of the cloth's vertices in the body, where it does not overlap itself, deeper
  *              than 3 mm, by the winding number; in every 6th frame: worst 1 %, mean 0.2 %
@@ -116,25 +118,22 @@ static void look(dressed *d, int frame) {
     d->frames++;
 }
 
-/* desc: nv, nf, faces, x_rest, X, pins. One motion of so many steps. Where something is pinned the
- * arms stay: they would reach what cannot give way. */
-static dressed dance(const skeleton *k, const cloth_desc *desc, unsigned seed, int steps) {
-    skeleton_motion       m = skeleton_random(seed);
+/* desc: nv, nf, faces, x_rest, X, pins. */
+static dressed dance(const skeleton *k, const cloth_desc *desc, const skeleton_motion *m,
+                     int steps) {
     cloth_collide_desc    contact = cloth_collide_desc_default();
     cloth_obstacle_desc   o = cloth_obstacle_desc_default();
     dressed               d;
     int                   i;
-    for (i = 0; desc->npins && i < SKELETON_KEYS; i++)
-        memset(m.turn[i], 0, (SKELETON_RIGHT_FOREARM + 1) * sizeof m.turn[i][0]);
     memset(&d, 0, sizeof d);
-    d.k = k, d.m = &m, d.desc = *desc;
+    d.k = k, d.m = m, d.desc = *desc;
     d.desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
     d.desc.contact = CLOTH_CONTACT_SELF;
     contact.initial = CLOTH_INITIAL_EXEMPT;
     d.now = (double *)malloc(3 * (size_t)k->nv * sizeof(double));
     d.next = (double *)malloc(3 * (size_t)k->nv * sizeof(double));
     if (!d.now || !d.next) exit(2);
-    skeleton_pose(k, &m, 0, d.now);
+    skeleton_pose(k, m, 0, d.now);
     o.nv = k->nv, o.nf = k->nf, o.faces = k->faces, o.x = d.now;
     o.self_penetrating = 1;
     CHECK(cloth_model_create(&d.desc, &d.model) == CLOTH_OK);
@@ -161,32 +160,55 @@ static int asked(const char *name, int otherwise) {
     return getenv(name) ? atoi(getenv(name)) : otherwise;
 }
 
-/* All seeds of one garment, a line each; the worst of them is what counts. */
+typedef struct tally {                      /* of all motions                                  */
+    double frame, mean, stretch, whole;
+    int    failed;
+} tally;
+
+static void header(void) {
+    printf("    garment        motion    worst %% frame  mean %%  deep mm stretch whole halved "
+           "failed\n");
+}
+
+static void count(tally *w, const char *garment, const char *motion, dressed d) {
+    const double mean = d.sum / (d.frames ? d.frames : 1);
+    printf("    %-14s %-9s %7.2f %5d %7.3f %8.1f %7.2f %5d %6d %6d\n", garment, motion, d.worst,
+           d.worst_frame, mean, 1e3 * d.deep, d.stretch, d.whole, d.halved, d.failed);
+    fflush(stdout);
+    w->frame = fmax(w->frame, d.worst);
+    w->mean = fmax(w->mean, mean);
+    w->stretch = fmax(w->stretch, d.stretch);
+    w->whole = fmin(w->whole, (double)d.whole / (d.steps ? d.steps : 1));
+    w->failed += d.failed;
+}
+
+static void judge(const tally *w) {
+    OPEN_MOST(w->frame, 1, "swallowed in the worst frame, %");
+    OPEN_MOST(w->mean, 0.2, "swallowed in the mean, %");
+    OPEN_MOST(w->stretch, 2.5, "longest edge over its length");
+    OPEN_MOST(w->failed, 0, "failed steps");
+    OPEN(w->whole >= 0.95, "steps at full length %.0f %% (at least 95)", 100 * w->whole);
+}
+
+/* All seeds of one garment, a line each; the worst of them is what counts. Where something is
+ * pinned the arms stay: they would reach what cannot give way. */
 static void dances(const skeleton *k, const cloth_desc *desc, const char *name, int seeds,
                    int steps) {
-    double worst = 0, mean = 0, stretch = 0, whole = 1;
-    int    i, failed = 0;
+    tally w = {0, 0, 0, 1, 0};
+    int   s, i, j;
     seeds = asked("SEEDS", seeds), steps = asked("STEPS", steps);
-    printf("    garment        seed  worst %% frame  mean %%  deep mm stretch whole halved "
-           "failed\n");
-    for (i = 0; i < seeds; i++) {
-        const unsigned seed = (unsigned)(asked("FIRST", 1) + i);
-        const dressed  d = dance(k, desc, seed, steps);
-        const double   m = d.sum / (d.frames ? d.frames : 1);
-        printf("    %-14s %4u %8.2f %5d %7.3f %8.1f %7.2f %5d %6d %6d\n", name, seed, d.worst,
-               d.worst_frame, m, 1e3 * d.deep, d.stretch, d.whole, d.halved, d.failed);
-        fflush(stdout);
-        worst = fmax(worst, d.worst);
-        mean = fmax(mean, m);
-        stretch = fmax(stretch, d.stretch);
-        whole = fmin(whole, (double)d.whole / (d.steps ? d.steps : 1));
-        failed += d.failed;
+    header();
+    for (s = 0; s < seeds; s++) {
+        const unsigned  seed = (unsigned)(asked("FIRST", 1) + s);
+        skeleton_motion m = skeleton_random(k, seed);
+        char            text[16];
+        for (i = 0; desc->npins && i < SKELETON_KEYS; i++)
+            for (j = 0; j <= SKELETON_RIGHT_FOREARM; j++)
+                memset(m.turn[i][k->driven[j]], 0, sizeof m.turn[i][j]);
+        (void)sprintf(text, "%u", seed % 1000000u);
+        count(&w, name, text, dance(k, desc, &m, steps));
     }
-    OPEN_MOST(worst, 1, "swallowed in the worst frame, %");
-    OPEN_MOST(mean, 0.2, "swallowed in the mean, %");
-    OPEN_MOST(stretch, 2.5, "longest edge over its length");
-    OPEN_MOST(failed, 0, "failed steps");
-    OPEN(whole >= 0.95, "steps at full length %.0f %% (at least 95)", 100 * whole);
+    judge(&w);
 }
 
 /* --- the body of the examples --- */
@@ -234,18 +256,55 @@ static void skirt(void) {
 
 /* --- the bodies of ../shared --- */
 
+static int wardrobe(const char *file, cloth_mesh **mesh, cloth_desc *desc) {
+    *desc = cloth_desc_default();
+    if (cloth_obj_load(NULL, test_shared(file), NULL, mesh) != CLOTH_OK) return 0;
+    desc->nv = (*mesh)->nv, desc->nf = (*mesh)->nf;
+    desc->faces = (*mesh)->faces, desc->x_rest = (*mesh)->x;
+    return 1;
+}
+
 static void shared(const char *body, const char *file, const char *name) {
     cloth_mesh *mesh = NULL;
-    cloth_desc  desc = cloth_desc_default();
+    cloth_desc  desc;
     skeleton    k;
-    if (!skeleton_shared(&k, body)) SKIP("no such body in ../shared");
-    if (cloth_obj_load(NULL, test_shared(file), NULL, &mesh) != CLOTH_OK) {
+    if (!skeleton_shared(&k, body, "cmu")) SKIP("no such body in ../shared");
+    if (!wardrobe(file, &mesh, &desc)) {
         skeleton_free(&k);
         SKIP("no such garment in ../shared");
     }
-    desc.nv = mesh->nv, desc.nf = mesh->nf, desc.faces = mesh->faces, desc.x_rest = mesh->x;
     dances(&k, &desc, name, 4, 120);
     cloth_mesh_destroy(NULL, mesh);
+    skeleton_free(&k);
+}
+
+/* From rest to the pose, there for half a second, and back. */
+static void shared_poses(void) {
+    static const char *const pose[] = {"sit01", "run01", "fight01", "benchmark"};
+    static const char *const garment[] = {"longskirt_f", "trousers_f"};
+    const int                n = asked("SEEDS", 4);
+    tally                    w = {0, 0, 0, 1, 0};
+    skeleton                 k;
+    int                      g, i;
+    if (!skeleton_shared(&k, "body", "default")) SKIP("no such body in ../shared");
+    header();
+    for (g = 0; g < 2; g++) {
+        cloth_mesh *mesh = NULL;
+        cloth_desc  desc;
+        char        file[64];
+        (void)sprintf(file, "data/garments/%s_clean.obj", garment[g]);
+        if (!CHECK(wardrobe(file, &mesh, &desc))) continue;
+        for (i = 0; i < n && i < 4; i++) {
+            skeleton_motion m;
+            memset(&m, 0, sizeof m);
+            (void)sprintf(file, "data/poses/%s.bvh", pose[i]);
+            if (!CHECK(skeleton_bvh(&k, test_shared(file), m.turn[1]))) continue;
+            memcpy(m.turn[2], m.turn[1], sizeof m.turn[1]);
+            count(&w, garment[g], pose[i], dance(&k, &desc, &m, asked("STEPS", 90)));
+        }
+        cloth_mesh_destroy(NULL, mesh);
+    }
+    judge(&w);
     skeleton_free(&k);
 }
 
@@ -290,7 +349,8 @@ static void poses(void) {
     CHECK(worst < 1e-6);
     for (i = 0; i < k.nv; i++)
         if (k.x[3 * i] > k.x[3 * hand]) hand = i;
-    for (i = 1; i < SKELETON_KEYS; i++) m.turn[i][SKELETON_LEFT_ARM][2] = 0.5 * 3.14159265358979;
+    for (i = 1; i < SKELETON_KEYS; i++)
+        m.turn[i][k.driven[SKELETON_LEFT_ARM]][2] = 0.5 * 3.14159265358979;
     skeleton_pose(&k, &m, 0.5, x);
     for (a = 0; a < 2; a++) {               /* (dx, dy) goes to (-dy, dx) about the shoulder */
         const double *o = k.head[3], *r = k.x + 3 * hand;
@@ -300,10 +360,34 @@ static void poses(void) {
     skeleton_free(&k);
 }
 
+/* The T-pose of ../shared lifts the hands of an A-pose to the height of the shoulders. */
+static void tpose(void) {
+    skeleton_motion m;
+    skeleton        k;
+    double         *x, low, level;
+    int             i, hand = 0, arm = 0;
+    if (!skeleton_shared(&k, "body", "default")) SKIP("no such body in ../shared");
+    memset(&m, 0, sizeof m);
+    x = (double *)malloc(3 * (size_t)k.nv * sizeof(double));
+    if (!x) exit(2);
+    CHECK(skeleton_bvh(&k, test_shared("data/poses/tpose.bvh"), m.turn[1]));
+    skeleton_pose(&k, &m, 0.5, x);
+    for (i = 0; i < k.nv; i++)
+        if (k.x[3 * i] > k.x[3 * hand]) hand = i;
+    while (arm + 1 < k.joints && strcmp(k.name[arm], "upperarm01.L")) arm++;
+    low = k.x[3 * hand + 1] - k.head[arm][1], level = x[3 * hand + 1] - k.head[arm][1];
+    printf("    left hand below the shoulder: %.2f m at rest, %.2f m in the T-pose\n", -low,
+           -level);
+    CHECK(low < -0.3 && fabs(level) < 0.1);
+    free(x);
+    skeleton_free(&k);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(measure);
     RUN(poses);
+    RUN(tpose);
     RUN(shirt);
     RUN(skirt);
     if (test_full()) {
@@ -311,6 +395,7 @@ int main(int argc, char **argv) {
         RUN(shared_trousers);
         RUN(shared_skirt);
         RUN(shared_polo);
+        RUN(shared_poses);
     }
     return TEST_END();
 }

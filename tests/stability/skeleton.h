@@ -1,17 +1,18 @@
-/* skeleton.h - bodies with bones that seeded random motions drive, and how much cloth is in them.
+/* skeleton.h - bodies with bones that seeded random motions or poses of others drive, and how much
+ * cloth is in them.
  *   skeleton k;  skeleton_formula(&k, 0.04);  skeleton_motion m = skeleton_random(&k, seed);
  *   skeleton_pose(&k, &m, t, x);  ...  skeleton_free(&k);
  * Include after clothsim.h, test.h and examples/shapes.h, in one .c file per program.
  *
  * Joints turn about axes through their heads at rest, y up, z forward, x to the body's left: a
  * joint's turn is a rotation vector in the frame of the body at rest, carried by its parents.
- * Driven are both upper arms, forearms, thighs and shins, and the trunk; the rest stays. */
+ * Random motions drive both upper arms, forearms, thighs and shins, and the trunk. */
 #ifndef CLOTH_TEST_SKELETON_H
 #define CLOTH_TEST_SKELETON_H
 
 #include <stdint.h>
 
-#define SKELETON_JOINTS 64
+#define SKELETON_JOINTS 192
 #define SKELETON_DRIVEN 9
 #define SKELETON_KEYS   12                  /* of 0.5 s each                                   */
 
@@ -23,11 +24,12 @@ typedef struct skeleton {
     double *weight;                         /* [nw]                                            */
     int     parent[SKELETON_JOINTS];        /* before its children; -1: none                   */
     double  head[SKELETON_JOINTS][3];
+    char    name[SKELETON_JOINTS][32];
     int     driven[SKELETON_DRIVEN];        /* joint, in the order of skeleton_limits          */
 } skeleton;
 
 typedef struct skeleton_motion {            /* turns at the keys, rad; key 0 is rest           */
-    double turn[SKELETON_KEYS][SKELETON_DRIVEN][3];
+    double turn[SKELETON_KEYS][SKELETON_JOINTS][3];
 } skeleton_motion;
 
 enum { SKELETON_LEFT_ARM, SKELETON_RIGHT_ARM, SKELETON_LEFT_FOREARM, SKELETON_RIGHT_FOREARM,
@@ -93,15 +95,16 @@ static inline int skeleton_read(skeleton *k, FILE *joints, FILE *weights, int mo
     static const char *const name[SKELETON_DRIVEN] = {
         "LeftArm", "RightArm", "LeftForeArm", "RightForeArm", "LeftUpLeg", "RightUpLeg", "LeftLeg",
         "RightLeg", "LowerBack"};
-    char line[256], word[64];
+    char line[256], word[32];
     int  i, at, parent, found = 0;
     while (fgets(line, sizeof line, joints)) {
         double h[3];
-        if (sscanf(line, "%d %63s %d %lf %lf %lf", &at, word, &parent, h, h + 1, h + 2) != 6)
+        if (sscanf(line, "%d %31s %d %lf %lf %lf", &at, word, &parent, h, h + 1, h + 2) != 6)
             continue;
         if (at != k->joints || at >= SKELETON_JOINTS || parent >= at) return 0;
         k->parent[at] = parent;
         memcpy(k->head[at], h, sizeof h);
+        memcpy(k->name[at], word, sizeof word);
         k->joints++;
         for (i = 0; i < SKELETON_DRIVEN; i++)
             if (!strcmp(word, name[i])) k->driven[i] = at, found++;
@@ -113,11 +116,12 @@ static inline int skeleton_read(skeleton *k, FILE *joints, FILE *weights, int mo
         if (k->vertex[i] < 0 || k->vertex[i] >= k->nv || k->joint[i] < 0 ||
             k->joint[i] >= k->joints)
             return 0;
-    return found == SKELETON_DRIVEN && k->nw > 0;
+    return (found == SKELETON_DRIVEN || !found) && k->nw > 0;
 }
 
-/* A body of the shared data, "body" or "body_m"; 0 when it is not there. */
-static inline int skeleton_shared(skeleton *k, const char *folder) {
+/* A body of the shared data, "body" or "body_m", with its rig "cmu", that random motions know, or
+ * "default", that poses are of; 0 when it is not there. */
+static inline int skeleton_shared(skeleton *k, const char *folder, const char *rig) {
     const int   most = 65536;
     cloth_mesh *mesh = NULL;
     FILE       *joints, *weights;
@@ -130,9 +134,9 @@ static inline int skeleton_shared(skeleton *k, const char *folder) {
     memcpy(k->x, mesh->x, 3 * (size_t)mesh->nv * sizeof(double));
     memcpy(k->faces, mesh->faces, 3 * (size_t)mesh->nf * sizeof(int));
     cloth_mesh_destroy(NULL, mesh);
-    (void)sprintf(path, "data/%.32s/skeleton_cmu.txt", folder);
+    (void)sprintf(path, "data/%.32s/skeleton_%.32s.txt", folder, rig);
     joints = fopen(test_shared(path), "r");
-    (void)sprintf(path, "data/%.32s/weights_cmu.txt", folder);
+    (void)sprintf(path, "data/%.32s/weights_%.32s.txt", folder, rig);
     weights = fopen(test_shared(path), "r");
     ok = joints && weights && skeleton_read(k, joints, weights, most);
     if (joints) fclose(joints);
@@ -152,7 +156,7 @@ static inline double skeleton_number(uint64_t *state) {
     return (double)(z >> 11) / 9007199254740992.0;
 }
 
-static inline skeleton_motion skeleton_random(unsigned seed) {
+static inline skeleton_motion skeleton_random(const skeleton *k, unsigned seed) {
     skeleton_motion m;
     uint64_t        state = (uint64_t)seed * 0x632be59bd9b4e019u + 7;
     int             i, j, a;
@@ -162,7 +166,7 @@ static inline skeleton_motion skeleton_random(unsigned seed) {
             for (a = 0; a < 3; a++) {
                 const double *l = skeleton_limits[j][a], u = skeleton_number(&state);
                 const double  mirror = a && (j % 2) && j < SKELETON_TRUNK ? -1 : 1;
-                m.turn[i][j][a] = mirror * (l[0] + u * (l[1] - l[0]));
+                m.turn[i][k->driven[j]][a] = mirror * (l[0] + u * (l[1] - l[0]));
             }
     return m;
 }
@@ -179,24 +183,74 @@ static inline void skeleton_turn(const double *w, double R[9]) {
     R[5] -= s * w[0], R[7] += s * w[0];
 }
 
+static inline void skeleton_times(const double A[9], const double B[9], double C[9]) {
+    int i, b;
+    for (i = 0; i < 9; i++)
+        for (C[i] = 0, b = 0; b < 3; b++) C[i] += A[i / 3 * 3 + b] * B[3 * b + i % 3];
+}
+
+/* The rotation vector of R, less than half a turn. */
+static inline void skeleton_untwist(const double R[9], double *w) {
+    double s, a;
+    w[0] = R[7] - R[5], w[1] = R[2] - R[6], w[2] = R[3] - R[1];
+    s = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    a = atan2(s, R[0] + R[4] + R[8] - 1);
+    w[0] *= s > 1e-9 ? a / s : 0.5, w[1] *= s > 1e-9 ? a / s : 0.5, w[2] *= s > 1e-9 ? a / s : 0.5;
+}
+
+/* Turns of the joints in the first frame of a BVH file, of joints by their names, z up in it:
+ * R = R1 R2 R3 of the channels in their order. 0: not there, or no joint of it is known. */
+static inline int skeleton_bvh(const skeleton *k, const char *path, double turn[][3]) {
+    static int joint[8 * SKELETON_JOINTS], axis[8 * SKELETON_JOINTS];   /* of a channel; -1: none */
+    double     R[SKELETON_JOINTS][9], own[9], was[9], w[3], number;
+    char       word[64];
+    FILE      *f = fopen(path, "r");
+    int        n = 0, at = -1, known = 0, j, c;
+    if (!f) return 0;
+    while (fscanf(f, "%63s", word) == 1 && strcmp(word, "MOTION")) {
+        int left = 0;
+        if (!strcmp(word, "ROOT") || !strcmp(word, "JOINT")) {
+            if (fscanf(f, "%63s", word) != 1) break;
+            for (at = k->joints - 1; at >= 0 && strcmp(word, k->name[at]); at--) {}
+            known += at >= 0;
+        }
+        if (!strcmp(word, "CHANNELS") && fscanf(f, "%d", &left) != 1) break;
+        for (; left-- > 0 && n < 8 * SKELETON_JOINTS && fscanf(f, "%63s", word) == 1; n++)
+            joint[n] = at, axis[n] = strstr(word, "rotation") ? word[0] - 'X' : -1;
+    }
+    for (j = 0; j < k->joints; j++)
+        for (c = 0; c < 9; c++) R[j][c] = c % 4 == 0;
+    if (fscanf(f, " Frames: %d Frame Time: %lf", &c, &number) != 2) n = known = 0;
+    for (c = 0; c < n && fscanf(f, "%lf", &number) == 1; c++) {
+        if (joint[c] < 0 || axis[c] < 0) continue;
+        memset(w, 0, sizeof w);
+        w[axis[c]] = number * 3.14159265358979 / 180;
+        skeleton_turn(w, own);
+        memcpy(was, R[joint[c]], sizeof was);
+        skeleton_times(was, own, R[joint[c]]);
+    }
+    for (j = 0; j < k->joints; j++) {       /* x, y, z there are x, -z, y here */
+        skeleton_untwist(R[j], w);
+        turn[j][0] = w[0], turn[j][1] = w[2], turn[j][2] = -w[1];
+    }
+    fclose(f);
+    return known > 0 && c == n;
+}
+
 /* x [nv x 3] at t s; between the keys the turns go by u^2 (3 - 2 u). Blended linearly. */
 static inline void skeleton_pose(const skeleton *k, const skeleton_motion *m, double t, double *x) {
-    double    R[SKELETON_JOINTS][9], at[SKELETON_JOINTS][3], w[SKELETON_JOINTS][3];
+    double    R[SKELETON_JOINTS][9], at[SKELETON_JOINTS][3];
     const int key = t / 0.5 < SKELETON_KEYS - 2 ? (int)(t / 0.5) : SKELETON_KEYS - 2;
     double    u = fmin(1, t / 0.5 - key);
     int       i, j, a, b;
     u = u * u * (3 - 2 * u);
-    memset(w, 0, sizeof w);
-    for (j = 0; j < SKELETON_DRIVEN; j++)
-        for (a = 0; a < 3; a++)
-            w[k->driven[j]][a] = (1 - u) * m->turn[key][j][a] + u * m->turn[key + 1][j][a];
     for (j = 0; j < k->joints; j++) {       /* where the head goes, and how the joint is turned */
         const int p = k->parent[j];
-        double    own[9];
-        skeleton_turn(w[j], own);
-        for (i = 0; i < 9; i++)
-            for (R[j][i] = p < 0 ? own[i] : 0, b = 0; p >= 0 && b < 3; b++)
-                R[j][i] += R[p][i / 3 * 3 + b] * own[3 * b + i % 3];
+        double    own[9], w[3];
+        for (a = 0; a < 3; a++) w[a] = (1 - u) * m->turn[key][j][a] + u * m->turn[key + 1][j][a];
+        skeleton_turn(w, own);
+        if (p < 0) memcpy(R[j], own, sizeof own);
+        else skeleton_times(R[p], own, R[j]);
         for (a = 0; a < 3; a++)
             for (at[j][a] = p < 0 ? k->head[j][a] : at[p][a], b = 0; p >= 0 && b < 3; b++)
                 at[j][a] += R[p][3 * a + b] * (k->head[j][b] - k->head[p][b]);

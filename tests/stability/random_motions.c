@@ -74,7 +74,14 @@
  * To the nearest place above which no part is, where there is one above the nearest: what goes out,
  * skirt three starts (0.17), polo one (0.11): however far 0.22, 0.16, trousers 0.12 for 0.06 and
  * twice the time; 20 mm at most 0.15, 0.18; that with the pull of what is held 0.17, 0.19; with
- * substeps, 40 mm at most, skirt 0.08, 0.11, polo 0.11, 0.16 and edges of 3.0, twice the time. */
+ * substeps, 40 mm at most, skirt 0.08, 0.11, polo 0.11, 0.16 and edges of 3.0, twice the time.
+ * Out to the nearest of faces that it is inside of: jumps of a coarse skirt, trousers (four, three
+ * starts) and clean ones (one) 0.09, 0.66, 0.07 for 0.14, 0.78, 0.19, but of the polo (two) 0.05
+ * for 0.03, walks of coarse trousers (four) and a skirt (two) 0.24, 0.10 for 0.21, 0.08.
+ * Out as the cloth that hangs on it and is nearer to the outside does, ring by ring: the same bits
+ * of skirt and polo. Neither that nor going out by its own points, walked on from face to face,
+ * frees trousers of a body that sits down in 0.3 s: its knees bend by more than a right angle, and
+ * the 0.6 % that they leave in there are pulled to all sides of the leg for good. */
 #include "../../clothsim_collide.h"
 
 #include "../test.h"

@@ -131,7 +131,6 @@
  * @@ CLOTH_API                 all files: linkage of public functions, e.g. dllexport
  * @@ CLOTH_MALLOC CLOTH_FREE   implementation: instead of <stdlib.h>; both or none. The allocator
  *                              hook is the better way
- * @@ CLOTH_ASSERT              implementation: programmer errors in hot calls; assert()
  * @@ CLOTH_NO_STDIO            implementation: no file wrappers; they return _UNSUPPORTED
  * @@ CLOTH_NO_SIMD             implementation: plain C loops only, no intrinsics
  * @@ CLOTH_ALLOW_FAST_MATH     implementation: do not refuse -ffast-math and its like, by #error or
@@ -1428,10 +1427,6 @@ CLOTH_API double cloth_factor_direction(cloth_factor *f, double *d);
 #elif !defined(CLOTH_NO_SIMD) && defined(__SSE2__)
 #  include <emmintrin.h>
 #  define CLOTHI_SSE2 1
-#endif
-#ifndef CLOTH_ASSERT
-#  include <assert.h>
-#  define CLOTH_ASSERT(cond) assert(cond)
 #endif
 
 #ifdef __cplusplus
@@ -7667,28 +7662,6 @@ static void clothi_front_layout(cloth_factor *f) {
     f->front[p->nparts].panel = panel;
 }
 
-/* What the pattern decides. */
-static cloth_status clothi_factor_analyze(cloth_factor *f) {
-    const cloth_pattern *p = f->p;
-    const size_t np = (size_t)p->nparts;
-    cloth_status status;
-    int          q, i;
-    f->front = (clothi_front *)clothi_alloc(&f->hooks, np + 2, sizeof *f->front);
-    f->entry = (clothi_front_entry *)clothi_alloc(&f->hooks, (size_t)p->nlow, sizeof *f->entry);
-    if (!f->front || !f->entry) return CLOTH_ERR_MEMORY;
-    status = clothi_front_lists(f);
-    if (status) return status;
-    f->relative = f->bound + f->front[np].bound;
-    for (q = 0; q < p->nparts; q++) {
-        for (i = f->front[q].entry; i < f->front[q + 1].entry; i++)
-            f->entry[i].row = clothi_front_index(f, q, f->entry[i].row);
-        for (i = f->front[q].bound; i < f->front[q + 1].bound; i++)
-            f->relative[i] = clothi_front_index(f, p->part[q].parent, f->bound[i]);
-    }
-    clothi_front_layout(f);
-    return CLOTH_OK;
-}
-
 CLOTHI_RARE_END
 
 /* --- numbers --- */
@@ -7864,16 +7837,30 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
                                            cloth_factor **out) {
     cloth_factor *f;
     cloth_status  status;
+    int           q, i, np;
     if (!out) return clothi_null(hooks, "factor: out");
     *out = NULL;
     if (!pattern) return clothi_null(hooks, "factor: pattern");
     f = (cloth_factor *)clothi_object(hooks, sizeof *f);
     if (!f) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "factor: out of memory");
-    f->p = pattern;
-    status = clothi_factor_analyze(f);
-    if (status) cloth_factor_destroy(f);
-    else *out = f;
-    return status ? clothi_fail(hooks, status, "factor: out of memory") : CLOTH_OK;
+    f->p = pattern, np = pattern->nparts;
+    f->front = (clothi_front *)clothi_alloc(hooks, (size_t)np + 2, sizeof *f->front);
+    f->entry = (clothi_front_entry *)clothi_alloc(hooks, (size_t)pattern->nlow, sizeof *f->entry);
+    status = f->front && f->entry ? clothi_front_lists(f) : CLOTH_ERR_MEMORY;
+    if (status) {
+        cloth_factor_destroy(f);
+        return clothi_fail(hooks, status, "factor: out of memory");
+    }
+    f->relative = f->bound + f->front[np].bound;
+    for (q = 0; q < np; q++) {
+        for (i = f->front[q].entry; i < f->front[q + 1].entry; i++)
+            f->entry[i].row = clothi_front_index(f, q, f->entry[i].row);
+        for (i = f->front[q].bound; i < f->front[q + 1].bound; i++)
+            f->relative[i] = clothi_front_index(f, pattern->part[q].parent, f->bound[i]);
+    }
+    clothi_front_layout(f);
+    *out = f;
+    return CLOTH_OK;
 }
 
 CLOTH_API void cloth_factor_destroy(cloth_factor *f) {
@@ -9211,24 +9198,6 @@ CLOTH_API cloth_status cloth_sim_params_changed(cloth_sim *sim) {
 
 /* --- create --- */
 
-static cloth_status clothi_sim_arrays(cloth_sim *s) {
-    const cloth_model *m = s->model;
-    const size_t       lanes = (size_t)m->membrane.nbatch * CLOTHI_LANES;
-    cloth_status       status = clothi_fields_need(s, CLOTHI_LATE);
-    int                i;
-    for (i = 0; i < 2 && !status; i++) {
-        clothi_elements *el = i ? &s->own.bend : &s->own.membrane;
-        el->group = i ? &m->bend : &m->membrane, el->own = &s->own;
-        el->kind = clothi_kinds + el->group->kind, el->first = i ? m->membrane.nbatch : 0;
-        status = clothi_need(s, &el->rest, (size_t)(el->group->nbatch * el->kind->nrest) *
-                                               CLOTHI_LANES);
-    }
-    if (!status && m->wing) status = clothi_need(s, &s->own.side, 9 * lanes);
-    if (status) return status;
-    s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)m->nv, 1);
-    return s->fixed ? CLOTH_OK : CLOTH_ERR_MEMORY;
-}
-
 /* State, inputs and params as the model has them. */
 static void clothi_sim_start(cloth_sim *s) {
     const cloth_model *m = s->model;
@@ -9258,6 +9227,7 @@ static void clothi_terms_install(cloth_sim *s);          /* [9.1] */
 CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **out) {
     cloth_sim   *s;
     cloth_status status;
+    int          i;
     if (!out) return clothi_null(model ? &model->hooks : NULL, "cloth_sim_create: out");
     *out = NULL;
     if (!model) return CLOTH_ERR_ARGUMENT;
@@ -9266,10 +9236,20 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     s->model = model, s->hooks = model->hooks, s->hooks.allocator.alloc = clothi_counted_alloc;
     s->hooks.allocator.free = clothi_counted_free, s->hooks.allocator.user = s;
     s->own.hooks = &s->hooks;
-    status = clothi_sim_arrays(s);
-    if (status) {
+    status = clothi_fields_need(s, CLOTHI_LATE);
+    for (i = 0; i < 2 && !status; i++) {
+        const clothi_group *g = i ? &model->bend : &model->membrane;
+        clothi_elements    *el = i ? &s->own.bend : &s->own.membrane;
+        el->group = g, el->own = &s->own;
+        el->kind = clothi_kinds + g->kind, el->first = i ? model->membrane.nbatch : 0;
+        status = clothi_need(s, &el->rest, (size_t)(g->nbatch * el->kind->nrest) * CLOTHI_LANES);
+    }
+    if (!status && model->wing)
+        status = clothi_need(s, &s->own.side, 9 * (size_t)model->membrane.nbatch * CLOTHI_LANES);
+    if (!status) s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)model->nv, 1);
+    if (!s->fixed) {
         cloth_sim_destroy(s);
-        return clothi_fail(&model->hooks, status, "no memory for a sim of %i vertices",
+        return clothi_fail(&model->hooks, CLOTH_ERR_MEMORY, "no memory for a sim of %i vertices",
                            model->nv);
     }
     clothi_sim_start(s);
@@ -11844,7 +11824,7 @@ static cloth_status clothi_check_step(cloth_sim *s) {
 static cloth_status clothi_energy_before(cloth_sim *s, int known, cloth_ledger *l) {
     if (!known || memcmp(s->state.x, s->w.x, 3 * (size_t)s->model->nv * sizeof(double)))
         return clothi_energy_at(s, s->state.x, s->state.v, 0, l);
-    *l = s->ledger;                         /* only its total is read */
+    *l = s->ledger;
     clothi_ledger_total(s, s->state.v, l);
     return CLOTH_OK;
 }
@@ -12505,30 +12485,6 @@ static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char
                        "cloth_sim_restore: the snapshot has other host's terms than this sim");
 }
 
-static cloth_status clothi_check_snapshot(const cloth_sim *sim, const unsigned char *buf,
-                                          size_t size, uint64_t *bytes) {
-    clothi_snapshot_head head;
-    int                  i;
-    memset(&head, 0, sizeof head);
-    if (size >= sizeof head) memcpy(&head, buf, sizeof head);
-    if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: not a snapshot of this version");
-    for (i = 0; i < CLOTHI_ASPECTS; i++)
-        if (head.aspect[i] != sim->model->aspect[i])
-            return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot is "
-                               "of another model, with another %s", clothi_aspects[i]);
-    if (head.bytes > size || head.bytes < sizeof head)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: %z bytes given, not those of the snapshot", size);
-    if (clothi_hash(0xcbf29ce484222325u, buf + sizeof head, (size_t)head.bytes - sizeof head) !=
-        head.checksum)
-        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: the checksum does not match");
-    *bytes = head.bytes;
-    return CLOTH_OK;
-}
-
 /* The field that no call would have left so, or NULL. */
 static const char *clothi_forged_field(const cloth_sim *s) {
     size_t f;
@@ -12583,17 +12539,31 @@ static cloth_status clothi_load(cloth_sim *s, const void *buf, size_t bytes, int
 }
 
 CLOTH_API cloth_status cloth_sim_restore(cloth_sim *sim, const void *buf, size_t size) {
-    const size_t head = sizeof(clothi_snapshot_head);
-    cloth_status status;
-    uint64_t     bytes = 0;
+    const unsigned char *data;
+    clothi_snapshot_head head;
+    cloth_status         status;
+    int                  i;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!buf) return clothi_null(&sim->hooks, "cloth_sim_restore: buf");
-    status = clothi_check_snapshot(sim, (const unsigned char *)buf, size, &bytes);
-    if (!status)
-        status = clothi_load(sim, (const unsigned char *)buf + head, (size_t)bytes - head, 0);
-    if (status) return status;
-    clothi_derive(sim);
-    return CLOTH_OK;
+    memset(&head, 0, sizeof head);
+    if (size >= sizeof head) memcpy(&head, buf, sizeof head);
+    if (head.magic != CLOTHI_MAGIC || head.version != CLOTH_VERSION_NUM)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: not a snapshot of this version");
+    for (i = 0; i < CLOTHI_ASPECTS; i++)
+        if (head.aspect[i] != sim->model->aspect[i])
+            return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot is "
+                               "of another model, with another %s", clothi_aspects[i]);
+    if (head.bytes > size || head.bytes < sizeof head)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: %z bytes given, not those of the snapshot", size);
+    data = (const unsigned char *)buf + sizeof head, size = (size_t)head.bytes - sizeof head;
+    if (clothi_hash(0xcbf29ce484222325u, data, size) != head.checksum)
+        return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
+                           "cloth_sim_restore: the checksum does not match");
+    status = clothi_load(sim, data, size, 0);
+    if (!status) clothi_derive(sim);
+    return status;
 }
 
 /* --- records --- */

@@ -3983,24 +3983,6 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
     return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair + 1);
 }
 
-/* A sphere's centre, a capsule's ends against faces; its axis against edges. */
-static cloth_status clothi_pairs_round(cloth_collide *c, const clothi_obstacle *o) {
-    cloth_status    status = CLOTH_OK;
-    double          box[6];
-    clothi_bvh_walk w = {&c->tree, box, 1, 0, 0};
-    int             f, k;
-    memcpy(box, c->box_v + 6 * o->v0, sizeof box);
-    if (o->nv == 2) clothi_box_join(box, c->box_v + 6 * (o->v0 + 1), box);
-    for (k = 0; k < 3; k++) box[k] -= o->radius, box[3 + k] += o->radius;
-    while (!status && (f = clothi_bvh_next(&w)) >= 0) {
-        for (k = 0; k < o->nv && !status; k++) status = clothi_pair_add(c, CLOTHI_VF, o->v0 + k, f);
-        for (k = 0; k < 3 && o->nv == 2 && !status; k++)
-            if (c->features.owned[f] >> (3 + k) & 1)
-                status = clothi_pair_add(c, CLOTHI_EE, c->features.face_edges[3 * f + k], o->e0);
-    }
-    return status;
-}
-
 enum { CLOTHI_SWEPT = 1, CLOTHI_ENDED = 2 };    /* of obstacles: their whole way; where it ends */
 enum { CLOTHI_MOVED = 1, CLOTHI_CROSS = 2 };    /* only of what c->moved names; faces that cross */
 
@@ -4020,14 +4002,6 @@ static int clothi_only_walls(const cloth_collide *c) {
     int o, others = c->self;
     CLOTHI_OBSTACLES(c, o) others |= !clothi_is_wall(c->obstacle + o);
     return !others;
-}
-
-/* Faces that cross at xb. */
-static void clothi_cross_look(int f, int g, const void *ctx, clothi_segment *out) {
-    const cloth_collide *c = (const cloth_collide *)ctx;
-    const int           *v = c->faces + 3 * f, *w = c->faces + 3 * g;
-    if (clothi_may_touch(c, *v, *w) && clothi_faces_intersect(c->xb, v, w))
-        clothi_segment_put(out, f, g);
 }
 
 /* What intersects, into the sorted list, once. */
@@ -4053,17 +4027,19 @@ static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
  * c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
     const clothi_features_job job = {&c->features, c->box_v, c->box_f};
+    const clothi_surface      at = {c->xb, c->faces, NULL, NULL, NULL};
     const int       cross = what & CLOTHI_CROSS, moved = what & CLOTHI_MOVED;
-    clothi_look_fn *look = cross ? clothi_cross_look : clothi_features_look;
+    clothi_look_fn *look = cross ? clothi_crossing_look : clothi_features_look;
     cloth_status    status;
     int             i;
     for (i = 0; moved && i < c->nf; i++)
         c->sought[i] = (unsigned char)clothi_any_moved(c, c->faces + 3 * i, 3);
     status = clothi_bvh_look(c->hooks, &c->tree, with, moved ? c->sought : NULL, look,
-                             cross ? (const void *)c : &job, &c->found);
+                             cross ? (const void *)&at : &job, &c->found);
     for (i = 0; i < c->found.count && !status; i++) {
         const int           *p = c->found.pair + 2 * i;
         const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
+        if (cross && !clothi_may_touch(c, c->faces[3 * p[0]], c->faces[3 * p[1]])) continue;
         if (cross) status = clothi_exempt_add(c, &face);
         else if (p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
         else status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
@@ -4071,13 +4047,26 @@ static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, 
     return status;
 }
 
-/* All spheres and capsules. */
+/* All spheres and capsules: a centre or two ends against faces, an axis against edges. */
 static cloth_status clothi_all_round(cloth_collide *c) {
-    cloth_status status = CLOTH_OK;
-    int          o;
-    CLOTHI_OBSTACLES(c, o)
-        if (!status && !c->obstacle[o].nf && !clothi_is_wall(c->obstacle + o))
-            status = clothi_pairs_round(c, c->obstacle + o);
+    cloth_status    status = CLOTH_OK;
+    double          box[6];
+    clothi_bvh_walk all = {&c->tree, box, 1, 0, 0}, w;
+    int             o, f, k;
+    CLOTHI_OBSTACLES(c, o) {
+        const clothi_obstacle *b = c->obstacle + o;
+        if (b->nf || clothi_is_wall(b)) continue;
+        memcpy(box, c->box_v + 6 * b->v0, sizeof box);
+        if (b->nv == 2) clothi_box_join(box, c->box_v + 6 * (b->v0 + 1), box);
+        for (k = 0; k < 3; k++) box[k] -= b->radius, box[3 + k] += b->radius;
+        for (w = all; !status && (f = clothi_bvh_next(&w)) >= 0;) {
+            const int *e = c->features.face_edges + 3 * f, owned = c->features.owned[f] >> 3;
+            for (k = 0; k < b->nv && !status; k++)
+                status = clothi_pair_add(c, CLOTHI_VF, b->v0 + k, f);
+            for (k = 0; k < 3 && b->nv == 2 && !status; k++)
+                if (owned >> k & 1) status = clothi_pair_add(c, CLOTHI_EE, e[k], b->e0);
+        }
+    }
     return status;
 }
 
@@ -4166,33 +4155,16 @@ static int clothi_axis_through(const cloth_collide *c, const clothi_pair_id *p) 
                                   x + 3 * v[2]);
 }
 
-static cloth_status clothi_axis_crossings(cloth_collide *c, const clothi_obstacle *o) {
-    const double   *p = c->xb + 3 * o->v0;
-    double          box[6];
-    clothi_bvh_walk w = {&c->tree, box, 1, 0, 0};
-    cloth_status    status = CLOTH_OK;
-    int             f;
-    clothi_swept_boxes(1, p, p + 3, 0, box);
-    while ((f = clothi_bvh_next(&w)) >= 0 && !status) {
-        const clothi_pair_id id = {CLOTHI_VF, o->v0, f};
-        if (clothi_may_touch(c, c->faces[3 * f], o->v0) && clothi_axis_through(c, &id))
-            status = clothi_exempt_add(c, &id);
-    }
-    return status;
-}
-
 /* Everything that intersects now, cloth and obstacles where xb has them, into c->now. */
 static cloth_status clothi_crossings(cloth_collide *c) {
     cloth_status status;
     int          i;
     c->nnow = 0;
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_CROSS);
-    CLOTHI_OBSTACLES(c, i)
-        if (!status && c->obstacle[i].kind == CLOTH_OBSTACLE_CAPSULE)
-            status = clothi_axis_crossings(c, c->obstacle + i);
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_pair_id *p = &c->pair[i].id;
-        if (!clothi_is_soft(c, p) && !(clothi_pair_gap(c, c->xb, p) > 0))
+        if (!clothi_is_soft(c, p) &&
+            (clothi_axis_through(c, p) || !(clothi_pair_gap(c, c->xb, p) > 0)))
             status = clothi_exempt_add(c, p);
     }
     return status;
@@ -4217,30 +4189,27 @@ static cloth_collide_pair clothi_public_pair(const cloth_collide *c, const cloth
     return p;
 }
 
+/* The public names of pairs [n], which stay where obstacles come and go, into c->failed. */
+static cloth_status clothi_name_pairs(cloth_collide *c, const clothi_pair_id *pair, int n) {
+    cloth_status status = CLOTH_OK;
+    int          i;
+    for (c->nfailed = 0, i = 0; i < n && !status; i++)
+        status = CLOTHI_PUSH(c, failed, clothi_public_pair(c, pair + i));
+    return status;
+}
+
 /* Lists pairs [n] as what failed; says what is wrong with them, and what may be done. */
 static cloth_status clothi_fail_pairs(cloth_collide *c, const clothi_pair_id *pair, int n,
                                       const char *what, const char *advice) {
     const cloth_collide_pair *p;
-    cloth_status              status = n ? CLOTH_OK : CLOTH_ERR_STEP;
-    int                       i;
-    for (c->nfailed = 0, i = 0; i < n && !status; i++)
-        status = CLOTHI_PUSH(c, failed, clothi_public_pair(c, pair + i));
-    if (status) return status;
+    const cloth_status        status = clothi_name_pairs(c, pair, n);
+    if (status || n == 0) return status ? status : CLOTH_ERR_STEP;
     p = c->failed;
     return clothi_fail(c->hooks, CLOTH_ERR_STEP, "contact at t = %g s: %i pairs %s; the first: "
                        "cloth's %s %i and %s %i of %s%s", c->sim->state.t, n, what,
                        p->faces ? "face" : p->edge_edge ? "edge" : "vertex", p->a,
                        p->faces ? "face" : p->edge_edge ? "edge" : "face or slot", p->b,
                        p->obstacle.id ? "an obstacle" : "cloth", advice);
-}
-
-/* What is exempt by its public names, which stay where obstacles come and go, into c->failed. */
-static cloth_status clothi_exempt_name(cloth_collide *c) {
-    cloth_status status = CLOTH_OK;
-    int          i;
-    for (c->nfailed = 0, i = 0; i < c->nexempt && !status; i++)
-        status = CLOTHI_PUSH(c, failed, clothi_public_pair(c, c->exempt + i));
-    return status;
 }
 
 /* Looks for intersections; what is not named as exempt is refused or exempted as the desc says. */
@@ -5259,30 +5228,21 @@ static int *clothi_contact_place(const cloth_collide *c, const clothi_pair_id *p
     }
 }
 
-/* A place for every contact. */
-static cloth_status clothi_contact_places(cloth_collide *c) {
-    int i, n = 256;
-    while (n < 4 * c->ncontact) n *= 2;
-    if (CLOTHI_ROOM(c, place, n)) return CLOTH_ERR_MEMORY;
-    memset(c->place, 0, (size_t)n * sizeof(int));
-    c->places = n;
-    for (i = 0; i < c->ncontact; i++) {
-        const clothi_pair_id p = {c->contact[i].kind, c->contact[i].a, c->contact[i].b};
-        *clothi_contact_place(c, &p) = i + 1;
-    }
-    return CLOTH_OK;
-}
-
 /* Contacts stay with what is lagged where their pair has not moved, or is among those of the list
  * from `first` on and near, or with a grid. */
 static cloth_status clothi_list_keep(cloth_collide *c, int first) {
     const double    reach = CLOTHI_REACH * c->thickest;
     clothi_contact *q = c->contact;
-    int             i, n = 0;
-    cloth_status    status = CLOTHI_ROOM(c, order, c->ncontact);
-    if (status || c->ncontact == 0) return status;
-    status = clothi_contact_places(c);
-    if (status) return status;
+    int             i, n = 256;
+    if (c->ncontact == 0) return CLOTH_OK;
+    while (n < 4 * c->ncontact) n *= 2;     /* a place for every contact */
+    if (CLOTHI_ROOM(c, order, c->ncontact) || CLOTHI_ROOM(c, place, n)) return CLOTH_ERR_MEMORY;
+    memset(c->place, 0, (size_t)n * sizeof(int));
+    c->places = n;
+    for (i = 0; i < c->ncontact; i++) {
+        const clothi_pair_id p = {q[i].kind, q[i].a, q[i].b};
+        *clothi_contact_place(c, &p) = i + 1;
+    }
     for (i = 0; i < c->ncontact; i++)
         c->order[i] = first && (q[i].kind == CLOTHI_VP || !clothi_any_moved(c, q[i].v, q[i].n));
     for (i = first; i < c->npair; i++) {
@@ -5292,7 +5252,7 @@ static cloth_status clothi_list_keep(cloth_collide *c, int first) {
         if (was >= 0 && !(clothi_near_slack(c, p, c->x_list, 1) > reach))
             c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
     }
-    for (i = 0; i < c->ncontact; i++)
+    for (i = n = 0; i < c->ncontact; i++)
         if (c->order[i]) q[n++] = q[i];
     c->ncontact = n;
     c->framed = 0;
@@ -6864,7 +6824,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
         c->nfailed = c->nnext = c->nnow = c->nholding = 0;
         if (c->seen != clothi_contact_seen(c)) {        /* a host wrote x: anchors are dropped */
             clothi_world_pose(c, c->sim->state.x, 0, 0);
-            status = clothi_exempt_name(c);
+            status = clothi_name_pairs(c, c->exempt, c->nexempt);
             if (!status) status = clothi_contact_check(c);
         } else {
             for (i = 0; i < c->nexempt && !status; i++) status = CLOTHI_PUSH(c, now, c->exempt[i]);
@@ -7502,7 +7462,7 @@ static void clothi_tape_break(const cloth_sim *s) {
 /* An obstacle comes or goes: a new world, looked at. What was found at the last step names the old
  * one and goes with it. On failure all is as before. */
 static cloth_status clothi_world_change(cloth_collide *c, clothi_obstacle *o) {
-    cloth_status  status = clothi_exempt_name(c);
+    cloth_status  status = clothi_name_pairs(c, c->exempt, c->nexempt);
     cloth_collide old = *c, none;
     if (status) return status;
     memset(&none, 0, sizeof none);
@@ -7542,7 +7502,7 @@ static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth
     clothi_surface_defects defect;
     cloth_status status = clothi_surface_check(hooks, d->nv, d->nf, d->x, d->faces, NULL, &defect);
     const int    open = defect.open >= 0, turned = defect.turned >= 0;
-    const int    at = open ? defect.open : turned ? defect.turned : defect.branch;
+    const int    at = turned ? defect.turned : open ? defect.open : defect.branch;
     if (status) return status;
     if (!d->self_penetrating && defect.inward >= 0 && defect.volume < 0)
         clothi_say(hooks, CLOTH_LOG_WARNING, CLOTH_OK, "obstacle.faces: the closed part of face %i "
@@ -7550,8 +7510,8 @@ static cloth_status clothi_obstacle_closed(const cloth_hooks *hooks, const cloth
     if (!d->self_penetrating) return CLOTH_OK;
     if (at >= 0)
         return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: face %i %s at corner "
-                           "%i", at / 3, open ? "is open" : turned ? "is turned against its "
-                           "neighbour" : "shares an edge with more than one other", at % 3);
+                           "%i", at / 3, turned ? "is turned against its neighbour" : open ?
+                           "is open" : "shares an edge with more than one other", at % 3);
     if (defect.inward < 0) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_MESH, "obstacle.self_penetrating: the part of face %i is "
                        "inside out, its faces look inwards", defect.inward);
@@ -7830,7 +7790,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     if (!spare) return CLOTH_ERR_MEMORY;
     memcpy(clothi_pose(o, 0), x, bytes);
     memcpy(clothi_pose(o, 1), x, bytes);
-    status = clothi_exempt_name(c);
+    status = clothi_name_pairs(c, c->exempt, c->nexempt);
     if (!status) status = clothi_collide_look(c);
     if (status) memcpy(o->x, spare, 2 * bytes);
     clothi_free(c->hooks, spare);

@@ -121,6 +121,8 @@ static int add_refused(const cloth_obstacle_desc *o, cloth_status want, const ch
 static void obstacles(void) {
     static const double x[9] = {0, -0.3, 0, 1, -0.3, 0, 0, -0.3, 1}, bad[3] = {0, NAN, 0};
     static const int    faces[3] = {0, 2, 1}, wrong[3] = {0, 2, 9};
+    static const double corner[12] = {0, -5, 0, 1, -5, 0, 0, -4, 0, 0, -5, 1};
+    static const int    sides[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 2, 3};   /* one turned */
     static const double inside[3] = {0.1, 0.01, 0.1};
     cloth_hooks         hooks = host_hooks(&H);
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
@@ -195,6 +197,10 @@ static void obstacles(void) {
     stale = id;
     o.self_penetrating = 1;                 /* an open mesh has no inside */
     CHECK(said(cloth_collide_add(W.c, &o, &id), CLOTH_ERR_MESH, "face 0 is open"));
+    o.nv = 4, o.nf = 4, o.x = corner, o.faces = sides;
+    CHECK(said(cloth_collide_add(W.c, &o, &id), CLOTH_ERR_MESH,
+               "is turned against its neighbour"));
+    o.nv = 3, o.nf = 1, o.x = x, o.faces = faces;
     o.self_penetrating = 0;
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK && id.id != stale.id);
     CHECK(cloth_collide_move(W.c, stale, x) == CLOTH_ERR_HANDLE);

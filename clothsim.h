@@ -12859,10 +12859,10 @@ CLOTHI_RARE_END
  *
  * 0.2.0  [api] cloth_desc_set_mesh(), cloth_log_stderr(), cloth_sim_save_obj(), warnings;
  *        desc.sleep; the cancel hook's answer 2; cloth_term.stiffness; cloth_layer.step; the linear
- *        solver chooses its precision itself. [numbers] contact is part of the minimisation; one
- *        order of the unknowns for all solvers; angles of round meshes. [fix] names that windows.h
- *        and complex.h take; x87 and fast maths are refused; MinGW's sqrt; BDF2 whose search is cut
- *        short; statics that nothing holds.
+ *        solver chooses its precision itself; CLOTH_ASSERT, which nothing used, is gone. [numbers]
+ *        contact is part of the minimisation; one order of the unknowns for all solvers; angles of
+ *        round meshes. [fix] names that windows.h and complex.h take; x87 and fast maths are
+ *        refused; MinGW's sqrt; BDF2 whose search is cut short; statics that nothing holds.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

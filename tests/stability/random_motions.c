@@ -81,8 +81,8 @@
  * 3 K t on what goes aside, with substeps: jumps of a coarse skirt, trousers (four, three starts)
  * 0.08, 0.48 for 0.14, 0.78, of clean ones (two) 0.08 for 0.13, walks of a skirt (four) 0.11 as
  * with K t/2, of polo 0.02 for 0.03; but the trousers' walk has edges of 2.57, 2.87, 2.60 for 2.28,
- * 2.34, 2.57, and with pulls that these lessen 2.72 (9 K t 2.36). K t, one start: 2.32 for 2.34,
- * jumps of clean trousers 0.02 for 0.19, of a coarse skirt 0.11 for 0.15.
+ * 2.34, 2.57, and with pulls that these lessen 2.72 (9 K t 2.36). K t: 2.56, 2.32, 2.46, jumps of
+ * clean trousers (one) 0.02 for 0.19, but of the coarse ones 0.81 for 0.94, 0.12 for 0.12 (two).
  * Out as the cloth that hangs on it and is nearer to the outside does, ring by ring: the same bits
  * of skirt and polo. Neither that nor going out by its own points, walked on from face to face,
  * frees trousers of a body that sits down in 0.3 s: its knees bend by more than a right angle, and

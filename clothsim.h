@@ -9247,7 +9247,7 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     if (!status && model->wing)
         status = clothi_need(s, &s->own.side, 9 * (size_t)model->membrane.nbatch * CLOTHI_LANES);
     if (!status) s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)model->nv, 1);
-    if (!s->fixed) {
+    if (!s->fixed) {                        /* the last of them                                */
         cloth_sim_destroy(s);
         return clothi_fail(&model->hooks, CLOTH_ERR_MEMORY, "no memory for a sim of %i vertices",
                            model->nv);

@@ -5233,12 +5233,13 @@ static int *clothi_contact_place(const cloth_collide *c, const clothi_pair_id *p
 static cloth_status clothi_list_keep(cloth_collide *c, int first) {
     const double    reach = CLOTHI_REACH * c->thickest;
     clothi_contact *q = c->contact;
-    int             i, n = 256;
+    int             places = 256, n = 0, i;
     if (c->ncontact == 0) return CLOTH_OK;
-    while (n < 4 * c->ncontact) n *= 2;     /* a place for every contact */
-    if (CLOTHI_ROOM(c, order, c->ncontact) || CLOTHI_ROOM(c, place, n)) return CLOTH_ERR_MEMORY;
-    memset(c->place, 0, (size_t)n * sizeof(int));
-    c->places = n;
+    while (places < 4 * c->ncontact) places *= 2;
+    if (CLOTHI_ROOM(c, order, c->ncontact) || CLOTHI_ROOM(c, place, places))
+        return CLOTH_ERR_MEMORY;
+    memset(c->place, 0, (size_t)places * sizeof(int));
+    c->places = places;
     for (i = 0; i < c->ncontact; i++) {
         const clothi_pair_id p = {q[i].kind, q[i].a, q[i].b};
         *clothi_contact_place(c, &p) = i + 1;
@@ -5252,7 +5253,7 @@ static cloth_status clothi_list_keep(cloth_collide *c, int first) {
         if (was >= 0 && !(clothi_near_slack(c, p, c->x_list, 1) > reach))
             c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
     }
-    for (i = n = 0; i < c->ncontact; i++)
+    for (i = 0; i < c->ncontact; i++)
         if (c->order[i]) q[n++] = q[i];
     c->ncontact = n;
     c->framed = 0;
@@ -5609,11 +5610,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *   caught   A0 is the nearest point of those faces that p is outside of, A1 the nearest of them
  *            with p between, the angle from p - A0 to p - A1 more than 107 degrees. |A1 - A0| is
  *            less than 2 t, or, when the substep ends, along m = (n0 - n1)/|n0 - n1|. (By the
- *            normals of faces alone edges that meet were missed, and a T-shirt's walk failed; of
- *            all faces, those of a fold turned inside out hid A0, and a skirt's step of a body that
- *            sits down failed.) Not of vertices but where a finger presses the inside of a face:
- *            only if the step failed else [8.4]; what the finger is through then stays on it till
- *            it leaves by its end
+ *            normals of faces alone edges that meet were missed, and a T-shirt's walk failed; with
+ *            the nearest of all faces a fold that is inside out hid A0, and a skirt failed as its
+ *            body sat down.) Not of vertices but where a finger presses the inside of a face: only
+ *            if the step failed else [8.4]; what the finger is through then stays on it till it
+ *            leaves by its end
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
  *            between the points so found. 1: the part that it is in has passed it. It goes where
  *            its motion takes it, y = x^n + h v^n of an implicit step, as cloth around it does; if
@@ -5693,7 +5694,8 @@ typedef struct clothi_catch {               /* a search for the nearest face    
     int                  slot;
     const double        *x;                 /* the pose                                        */
     const double        *from;              /* of p: unit, from what is to be on its other side */
-    int                  open;              /* no part of the body is above the point          */
+    int                  open;              /* 0: p is to be outside of the face; 1: no part of
+                                               the body above the point, wherever p is         */
 } clothi_catch;
 
 static double clothi_catch_far(int face, const double *p, const void *ctx) {
@@ -5708,9 +5710,10 @@ static double clothi_catch_far(int face, const double *p, const void *ctx) {
     for (k = 0; k < 3; k++)
         d[k] = p[k] - w[0] * q->x[3 * v[0] + k] - w[1] * q->x[3 * v[1] + k] -
                w[2] * q->x[3 * v[2] + k];
-    found = clothi_dot3(n, d) > 0;
-    if (q->from) found &= clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2);
-    if (q->open) {
+    if (!q->open) {
+        found = clothi_dot3(n, d) > 0;
+        if (q->from) found &= clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2);
+    } else {
         const clothi_surface body = {q->x, c->faces, c->dragging, NULL, &c->solid};
         const double         up = CLOTHI_GAP * c->obstacle[q->slot].thickness;
         for (k = 0; k < 3; k++) d[k] = p[k] - d[k] + up / sqrt(clothi_dot3(n, n)) * n[k];

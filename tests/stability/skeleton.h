@@ -216,13 +216,13 @@ static inline int skeleton_bvh(const skeleton *k, const char *path, double turn[
         }
         if (!strcmp(word, "CHANNELS") && fscanf(f, "%d", &left) != 1) break;
         for (; left-- > 0 && n < 8 * SKELETON_JOINTS && fscanf(f, "%63s", word) == 1; n++)
-            joint[n] = at, axis[n] = strstr(word, "rotation") ? word[0] - 'X' : -1;
+            joint[n] = at, axis[n] = strcmp(word + 1, "rotation") ? -1 : word[0] - 'X';
     }
     for (j = 0; j < k->joints; j++)
         for (c = 0; c < 9; c++) R[j][c] = c % 4 == 0;
     if (fscanf(f, " Frames: %d Frame Time: %lf", &c, &number) != 2) n = known = 0;
     for (c = 0; c < n && fscanf(f, "%lf", &number) == 1; c++) {
-        if (joint[c] < 0 || axis[c] < 0) continue;
+        if (joint[c] < 0 || axis[c] < 0 || axis[c] > 2) continue;
         memset(w, 0, sizeof w);
         w[axis[c]] = number * 3.14159265358979 / 180;
         skeleton_turn(w, own);

@@ -5618,9 +5618,12 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
  *            between the points so found. 1: the part that it is in has passed it. It goes where
  *            its motion takes it, y = x^n + h v^n of an implicit step, as cloth around it does; if
- *            that is inside when the substep ends, to above what is nearest to y then, but where
- *            another part is there. Else, where parts overlap, both points slide from face to face,
- *            of those that look at the other one, nearest to p.
+ *            that is inside when the substep ends, to above what is nearest to y then. Deeper than
+ *            3 t, to above that of its points which it is behind: out by the side that it came in
+ *            by. (To what is nearest, a sleeve that an arm had passed was pulled to all sides of
+ *            the arm, and stayed in it for good; so did trousers of a body that sat down fast.)
+ *            Else, where another part is above that or where parts overlap, both points slide from
+ *            face to face, of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
  *            the share s of the way from A0 to A1 that it had when it was caught. Where that
  *            ends inside of one part, as it does behind a wrist that leaves a hip, p is pulled to
@@ -5660,6 +5663,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_HOLD     0.5                 /* t of that stiffness, N: the most on what is held */
 #define CLOTHI_PULL     27                  /* the same: on what goes out                      */
 #define CLOTHI_PASSING  5                   /* t: so far points of a hold pass in a substep    */
+#define CLOTHI_SHALLOW  3                   /* t: so deep, all goes out where it is nearest    */
 #define CLOTHI_DEEP     20                  /* t: no way aside is farther                      */
 #define CLOTHI_TAUT     2.5                 /* stretch of an edge beside that leaves of that   */
 #define CLOTHI_SLIP     0.05                /* so much                                         */
@@ -5817,18 +5821,48 @@ static void clothi_hold_nearest(const cloth_collide *c, const double *x, const d
     h->slot = slot;
 }
 
+/* Point 0 of *back is that of both of h which p is behind, of two the nearer one, slid to what is
+ * nearest to p: the side that p came in by. 0: it is behind neither. */
+static int clothi_hold_back(const cloth_collide *c, const cloth_hold *h, cloth_hold *back) {
+    const double *p = c->xa + 3 * h->vertex;
+    double        least = CLOTHI_HUGE, A[3], n[3], d[3];
+    int           k;
+    for (k = 0; k < 2; k++) {
+        cloth_hold side = *h;
+        side.face[0] = h->face[k], side.face[1] = h->face[1 - k];
+        memcpy(side.weight[0], h->weight[k], sizeof side.weight[0]);
+        memcpy(side.weight[1], h->weight[1 - k], sizeof side.weight[1]);
+        if (k) side.share = 1 - h->share;
+        clothi_hold_slide(c, &side, 0, p);
+        clothi_hold_point(c, &side, 0, c->xa, A, n);
+        clothi_sub3(p, A, d);
+        if (clothi_dot3(d, n) >= 0 || clothi_dot3(d, d) >= least) continue;
+        least = clothi_dot3(d, d);
+        *back = side;
+    }
+    return least < CLOTHI_HUGE;
+}
+
 /* Where what is inside of one part is to go: where y is, if that is outside when the substep ends;
- * else to above what is nearest to it then, point 0 of h; CLOTHI_LET_GO: another part is there. */
+ * else to above point 0 of h: what is nearest to y then, or, deeper than CLOTHI_SHALLOW t, the side
+ * that it came in by; CLOTHI_LET_GO: another part is there. */
 static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cloth_hold *h,
                                      double *to) {
     const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
-    cloth_hold           out = *h;
+    const double         shallow = CLOTHI_SHALLOW * c->obstacle[h->slot].thickness;
+    cloth_hold           out[2];
+    double               A[3], n[3], d[3];
+    int                  k;
     memcpy(to, y, 3 * sizeof *to);
     if (clothi_surface_winding(&body, y) == 0) return CLOTHI_PASSED;
-    clothi_hold_nearest(c, c->xb, y, &out);
-    clothi_hold_above(c, &out, to);
+    out[0] = *h;
+    clothi_hold_nearest(c, c->xb, y, out);
+    clothi_hold_point(c, out, 0, c->xb, A, n);
+    clothi_sub3(y, A, d);
+    k = clothi_dot3(d, d) > shallow * shallow && clothi_hold_back(c, h, out + 1);
+    clothi_hold_above(c, out + k, to);
     if (clothi_surface_winding(&body, to) != 0) return CLOTHI_LET_GO;
-    *h = out;
+    *h = out[k];
     return CLOTHI_OUT;
 }
 

@@ -1,7 +1,8 @@
 /* test_pinch.c - cloth between two parts of a body that penetrates itself: held in order while the
  * parts close and pass each other, counted, listed, let go when they open; nothing let in where
- * parts sweep over it; an edge that a part is through is led; no bit of difference where no two
- * parts come near; snapshots and workers in a pinch; what it pulls, backwards.
+ * parts sweep over it; out by the side that it came in by; an edge that a part is through is led;
+ * no bit of difference where no two parts come near; snapshots and workers in a pinch; what it
+ * pulls, backwards.
  *   cc -std=c99 -O2 -ffp-contract=off -I.. -I. test_pinch.c -lm
  * tier: quick */
 #define CLOTHSIM_IMPLEMENTATION
@@ -375,6 +376,43 @@ static void lip(void) {
         off += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && fabs(p[1]) > 5e-3;
     }
     CHECK(off == 0);                        /* between the plates, 10 mm apart */
+    shape_free(&body);
+    close_scene(&q);
+}
+
+/* Plates of 40 mm that overlap lift a sheet by 80 mm, farther than it gives way: it is more than 20
+ * mm deep in the lower one then, nearest to what is beneath. It comes back between them. */
+static void carried(void) {
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    int                 at = 0, i, k, deep = 0, failed = 0, off = 0;
+    shape               body = {0};
+    scene               q;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    CHECK(cloth_collide_remove(q.s.c, q.s.thing[q.id].id) == CLOTH_OK);
+    for (k = 0; k <= 90 && !failed; k++) {
+        const double room = k <= 20 ? 10e-3 - k * 0.6e-3 : k < 70 ? -2e-3 : (k - 70) * 0.6e-3;
+        const double up = 0.08 * fmax(0, fmin(1, fmin((k - 20) / 5.0, (70 - k) / 10.0)));
+        body.nv = body.nf = 0;
+        plate(&body, squares, 0.12, up - 0.5 * room - 0.04, 0.04);
+        plate(&body, squares, 0.12, up + 0.5 * room, 0.04);
+        if (k == 0) {
+            d.nv = body.nv, d.x = body.x, d.nf = body.nf, d.faces = body.faces;
+            d.self_penetrating = 1;
+            at = stage_add(&q.s, &d);
+            continue;
+        }
+        CHECK(cloth_collide_move(q.s.c, q.s.thing[at].id, body.x) == CLOTH_OK);
+        failed = cloth_step(q.s.sim, H, NULL) != CLOTH_OK;
+        for (i = 0; i < q.s.mesh->nv; i++) {
+            const double *p = q.s.state->x + 3 * i;
+            deep += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && p[1] < up - 0.5 * room - 0.02;
+        }
+    }
+    for (i = 0; i < q.s.mesh->nv; i++) {
+        const double *p = q.s.state->x + 3 * i;
+        off += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && fabs(p[1]) > 6e-3;
+    }
+    CHECK(!failed && deep > 0 && off == 0);
     shape_free(&body);
     close_scene(&q);
 }
@@ -882,6 +920,7 @@ int main(int argc, char **argv) {
     RUN(passing);
     RUN(layers);
     RUN(lip);
+    RUN(carried);
     RUN(without);
     RUN(way_out);
     RUN(sweeps);

@@ -14,7 +14,7 @@
 
 #define SKELETON_JOINTS 192
 #define SKELETON_DRIVEN 9
-#define SKELETON_KEYS   12                  /* of 0.5 s each                                   */
+#define SKELETON_KEYS   12
 
 typedef struct skeleton {
     int     nv, nf, joints, nw;
@@ -30,6 +30,9 @@ typedef struct skeleton {
 
 typedef struct skeleton_motion {            /* turns at the keys, rad; key 0 is rest           */
     double turn[SKELETON_KEYS][SKELETON_JOINTS][3];
+    double key;                             /* s from key to key; 0: 0.5                       */
+    int    frames;                          /* captured, if above 0: 120 a second, of each     */
+    float *captured;                        /* joint where it takes the body, [3 x 4]          */
 } skeleton_motion;
 
 enum { SKELETON_LEFT_ARM, SKELETON_RIGHT_ARM, SKELETON_LEFT_FOREARM, SKELETON_RIGHT_FOREARM,
@@ -237,14 +240,53 @@ static inline int skeleton_bvh(const skeleton *k, const char *path, double turn[
     return known > 0 && c == n;
 }
 
+/* A captured motion (.skin of ../shared) for this rig; m->captured is the caller's to free. */
+static inline int skeleton_skin(const skeleton *k, const char *path, skeleton_motion *m) {
+    FILE   *f = fopen(path, "rb");
+    char    word[8];
+    int32_t head[4];
+    size_t  n = 0;
+    memset(m, 0, sizeof *m);
+    if (!f) return 0;
+    if (fread(word, 1, 8, f) == 8 && !memcmp(word, "SKINMAT1", 8) && fread(head, 4, 4, f) == 4 &&
+        head[0] > 1 && head[1] == k->joints && head[2] == 120) {
+        n = 12 * (size_t)head[0] * (size_t)head[1];
+        m->captured = (float *)malloc(n * sizeof *m->captured);
+        if (!m->captured) exit(2);
+        m->frames = head[0];
+    }
+    if (n && fread(m->captured, sizeof *m->captured, n, f) != n) n = 0;
+    fclose(f);
+    return n > 0;
+}
+
+/* Joint j of a captured motion at t s: its turn, and where its head is. */
+static inline void skeleton_frame(const skeleton *k, const skeleton_motion *m, double t, int j,
+                                  double *R, double *at) {
+    const double at120 = fmin(120 * t, m->frames - 1.001), u = at120 - floor(at120);
+    const float *p = m->captured + 12 * ((size_t)at120 * (size_t)k->joints + (size_t)j);
+    const float *q = p + 12 * k->joints;
+    int          a, b;
+    for (a = 0; a < 3; a++) {
+        double M[4];
+        for (b = 0; b < 4; b++) M[b] = (1 - u) * (double)p[4 * a + b] + u * (double)q[4 * a + b];
+        for (at[a] = M[3], b = 0; b < 3; b++) {
+            R[3 * a + b] = M[b];
+            at[a] += M[b] * k->head[j][b];
+        }
+    }
+}
+
 /* x [nv x 3] at t s; between the keys the turns go by u^2 (3 - 2 u). Blended linearly. */
 static inline void skeleton_pose(const skeleton *k, const skeleton_motion *m, double t, double *x) {
-    double    R[SKELETON_JOINTS][9], at[SKELETON_JOINTS][3];
-    const int key = t / 0.5 < SKELETON_KEYS - 2 ? (int)(t / 0.5) : SKELETON_KEYS - 2;
-    double    u = fmin(1, t / 0.5 - key);
-    int       i, j, a, b;
+    double       R[SKELETON_JOINTS][9], at[SKELETON_JOINTS][3];
+    const double keys = t / (m->key > 0 ? m->key : 0.5);
+    const int    key = keys < SKELETON_KEYS - 2 ? (int)keys : SKELETON_KEYS - 2;
+    double       u = fmin(1, keys - key);
+    int          i, j, a, b;
     u = u * u * (3 - 2 * u);
-    for (j = 0; j < k->joints; j++) {       /* where the head goes, and how the joint is turned */
+    for (j = 0; j < k->joints && m->captured; j++) skeleton_frame(k, m, t, j, R[j], at[j]);
+    for (j = 0; j < k->joints && !m->captured; j++) {       /* where the head goes, and its turn */
         const int p = k->parent[j];
         double    own[9], w[3];
         for (a = 0; a < 3; a++) w[a] = (1 - u) * m->turn[key][j][a] + u * m->turn[key + 1][j][a];

@@ -5639,8 +5639,9 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * much of it at no less cost.
  *
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 10 times the membrane's
- * stiffness K, that never pulls harder than F: K t/2 on what is held, 27 K t on what goes out, and
- * less of that where an edge beside it is longer at x^n than 1.5 of its length, a twentieth at 2.5.
+ * stiffness K, that never pulls harder than F: K t/2 on what is held, 27 K t on what is in one part
+ * or goes out, and less of that where an edge beside it is longer at x^n than 1.5 of its length, a
+ * twentieth at 2.5.
  * It begins anew at x^n in every substep: a drag. So cloth stays whole: nailed to `to`, as in
  * [BWK03], edges of a T-shirt's armpit grew to 4 to 18 times their length, and held layers crossed;
  * without a bound those of trousers to 3.8. What was tried for F: stability/random_motions.c.
@@ -5786,9 +5787,10 @@ static void clothi_hold_above(const cloth_collide *c, const cloth_hold *h, doubl
     for (k = 0; k < 3; k++) to[k] += CLOTHI_GAP * c->obstacle[h->slot].thickness * n[k];
 }
 
-/* Of cloth_collide.look: held between both points, or aside of there; is led away from outside;
- * goes out from inside, or has. */
-enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_LED, CLOTHI_OUT, CLOTHI_PASSED };
+/* Of cloth_collide.look: held between both points, or aside of there; is led away from outside; in
+ * one part, goes back to between both points, goes out, or has. */
+enum { CLOTHI_LET_GO, CLOTHI_HELD, CLOTHI_ASIDE, CLOTHI_LED, CLOTHI_BACK, CLOTHI_OUT,
+       CLOTHI_PASSED };
 
 /* Where a vertex that is held is to go from x^n. */
 static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double *to) {
@@ -5882,7 +5884,7 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, c
     }
     for (k = 0; k < 2 && wind > 0; k++) clothi_hold_slide(c, h, k, p);
     clothi_hold_goal(c, h, to);
-    return CLOTHI_HELD;
+    return wind == 1 ? CLOTHI_BACK : CLOTHI_HELD;
 }
 
 /* Minimising begins where `to` is. What is held and would end inside of one part there is pulled to
@@ -8925,7 +8927,7 @@ static void clothi_back_hold(const clothi_flow *f, const cloth_hold *h) {
     for (k = 0; k < 3; k++) to[k] = -to[k];
     if (look == CLOTHI_OUT) clothi_back_above(f, h, to);
     if (look == CLOTHI_ASIDE) clothi_back_above(f, c->caught + h->vertex, to);
-    if (look <= CLOTHI_LED) clothi_back_between(f, h, to);
+    if (look <= CLOTHI_BACK) clothi_back_between(f, h, to);
     clothi_flow_add(f, 0, h->vertex, 1, to);
 }
 

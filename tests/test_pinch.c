@@ -803,7 +803,7 @@ static void pulled_to(const cloth_collide *c, const cloth_hold *h, const double 
     int                 k;
     if (look < CLOTHI_OUT) clothi_hold_goal(c, h, to);
     else memcpy(to, y, 3 * sizeof *to);
-    if (look == CLOTHI_HELD || look == CLOTHI_PASSED) return;
+    if (look == CLOTHI_HELD || look == CLOTHI_BACK || look == CLOTHI_PASSED) return;
     clothi_hold_point(c, by, 0, c->xb, A, n);
     for (k = 0; k < 3; k++) d += n[k] * (A[k] - to[k]);
     for (k = 0; k < 3; k++) to[k] += (look == CLOTHI_LED ? T : d + CLOTHI_GAP * T) * n[k];
@@ -853,7 +853,7 @@ static double pull_rates(scene *q, const cloth_hold *h, const double *way, const
 static void backwards(void) {
     unsigned long long seed = 3;
     double             worst = 0, rate;
-    int                looks[6] = {0}, wrong = 0, turn, step, i, k;
+    int                looks[7] = {0}, wrong = 0, turn, step, i, k;
     for (turn = 0; turn < (test_full() ? 6 : 2); turn++) {
         const double fast = ref_uniform(&seed, 0.2e-3, 3e-3);
         scene        q;
@@ -882,9 +882,9 @@ static void backwards(void) {
         free(a);
         close_scene(&q);
     }
-    printf("  backwards: %d held, %d aside, %d led, %d out, %d passed; worst %.1e\n",
-           looks[CLOTHI_HELD], looks[CLOTHI_ASIDE], looks[CLOTHI_LED], looks[CLOTHI_OUT],
-           looks[CLOTHI_PASSED], worst);
+    printf("  backwards: %d held, %d aside, %d led, %d back, %d out, %d passed; worst %.1e\n",
+           looks[CLOTHI_HELD], looks[CLOTHI_ASIDE], looks[CLOTHI_LED], looks[CLOTHI_BACK],
+           looks[CLOTHI_OUT], looks[CLOTHI_PASSED], worst);
     for (i = CLOTHI_HELD; i <= CLOTHI_PASSED; i++) CHECK(looks[i] > 0);
     CHECK(wrong == 0);
 }

@@ -343,31 +343,35 @@ static void layers(void) {
     judge(pinch(3, 0.5e-3, 30), 3);
 }
 
+/* Another body takes the place of the plates, thing `at`, or moves there and cloth takes a step. */
+static int step_with(scene *q, const shape *body, int first, int *at) {
+    cloth_obstacle_desc d = cloth_obstacle_desc_default();
+    if (!first)
+        return CHECK(cloth_collide_move(q->s.c, q->s.thing[*at].id, body->x) == CLOTH_OK) &&
+               cloth_step(q->s.sim, H, NULL) == CLOTH_OK;
+    CHECK(cloth_collide_remove(q->s.c, q->s.thing[q->id].id) == CLOTH_OK);
+    d.nv = body->nv, d.x = body->x, d.nf = body->nf, d.faces = body->faces;
+    d.self_penetrating = 1;
+    *at = stage_add(&q->s, &d);
+    return 1;
+}
+
 /* A lip of the upper plate turns inside out, as a fold of a body does where joints bend: cloth that
  * is nearest to the back of it is caught between those faces that it is outside of. (A skirt in the
  * groin of a body that sits down was not, and all steps failed until that stood up; here it went
  * through the plate.) */
 static void lip(void) {
-    cloth_obstacle_desc d = cloth_obstacle_desc_default();
-    int                 at = 0, i, k, held = 0, failed = 0, off = 0;
-    shape               body = {0};
-    scene               q;
+    int   at = 0, i, k, held = 0, failed = 0, off = 0;
+    shape body = {0};
+    scene q;
     open_scene(&q, 1, 10e-3, 1, NULL);
-    CHECK(cloth_collide_remove(q.s.c, q.s.thing[q.id].id) == CLOTH_OK);
     for (k = 0; k <= 60 && !failed; k++) {
         const double room = room_at(k, 0.6e-3);
         body.nv = body.nf = 0;
         plate(&body, squares, 0.12, -0.5 * room - 0.01, 0.01);
         plate(&body, squares, 0.12, 0.5 * room, 0.01);
         plate(&body, squares, 0.12, 0.5 * room - 0.1e-3, k > 0 ? -0.1e-3 : 0.1e-3);
-        if (k == 0) {
-            d.nv = body.nv, d.x = body.x, d.nf = body.nf, d.faces = body.faces;
-            d.self_penetrating = 1;
-            at = stage_add(&q.s, &d);
-            continue;
-        }
-        CHECK(cloth_collide_move(q.s.c, q.s.thing[at].id, body.x) == CLOTH_OK);
-        failed = cloth_step(q.s.sim, H, NULL) != CLOTH_OK;
+        failed = !step_with(&q, &body, k == 0, &at);
         held = (int)fmax(held, cloth_collide_last(q.s.c).held);
     }
     CHECK(!failed && held >= 9 && cloth_collide_last(q.s.c).held == 0);
@@ -383,26 +387,17 @@ static void lip(void) {
 /* Plates of 40 mm that overlap lift a sheet by 80 mm, farther than it gives way: it is more than 20
  * mm deep in the lower one then, nearest to what is beneath. It comes back between them. */
 static void carried(void) {
-    cloth_obstacle_desc d = cloth_obstacle_desc_default();
-    int                 at = 0, i, k, deep = 0, failed = 0, off = 0;
-    shape               body = {0};
-    scene               q;
+    int   at = 0, i, k, deep = 0, failed = 0, off = 0;
+    shape body = {0};
+    scene q;
     open_scene(&q, 1, 10e-3, 1, NULL);
-    CHECK(cloth_collide_remove(q.s.c, q.s.thing[q.id].id) == CLOTH_OK);
     for (k = 0; k <= 90 && !failed; k++) {
         const double room = k <= 20 ? 10e-3 - k * 0.6e-3 : k < 70 ? -2e-3 : (k - 70) * 0.6e-3;
         const double up = 0.08 * fmax(0, fmin(1, fmin((k - 20) / 5.0, (70 - k) / 10.0)));
         body.nv = body.nf = 0;
         plate(&body, squares, 0.12, up - 0.5 * room - 0.04, 0.04);
         plate(&body, squares, 0.12, up + 0.5 * room, 0.04);
-        if (k == 0) {
-            d.nv = body.nv, d.x = body.x, d.nf = body.nf, d.faces = body.faces;
-            d.self_penetrating = 1;
-            at = stage_add(&q.s, &d);
-            continue;
-        }
-        CHECK(cloth_collide_move(q.s.c, q.s.thing[at].id, body.x) == CLOTH_OK);
-        failed = cloth_step(q.s.sim, H, NULL) != CLOTH_OK;
+        failed = !step_with(&q, &body, k == 0, &at);
         for (i = 0; i < q.s.mesh->nv; i++) {
             const double *p = q.s.state->x + 3 * i;
             deep += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && p[1] < up - 0.5 * room - 0.02;

@@ -356,12 +356,22 @@ static int step_with(scene *q, const shape *body, int first, int *at) {
     return 1;
 }
 
+/* Vertices above or below the square of the plates that are farther than `most` m from y = 0. */
+static int strayed(const scene *q, double most) {
+    int i, n = 0;
+    for (i = 0; i < q->s.mesh->nv; i++) {
+        const double *p = q->s.state->x + 3 * i;
+        n += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && fabs(p[1]) > most;
+    }
+    return n;
+}
+
 /* A lip of the upper plate turns inside out, as a fold of a body does where joints bend: cloth that
  * is nearest to the back of it is caught between those faces that it is outside of. (A skirt in the
  * groin of a body that sits down was not, and all steps failed until that stood up; here it went
  * through the plate.) */
 static void lip(void) {
-    int   at = 0, i, k, held = 0, failed = 0, off = 0;
+    int   at = 0, k, held = 0, failed = 0;
     shape body = {0};
     scene q;
     open_scene(&q, 1, 10e-3, 1, NULL);
@@ -375,11 +385,7 @@ static void lip(void) {
         held = (int)fmax(held, cloth_collide_last(q.s.c).held);
     }
     CHECK(!failed && held >= 9 && cloth_collide_last(q.s.c).held == 0);
-    for (i = 0; i < q.s.mesh->nv; i++) {
-        const double *p = q.s.state->x + 3 * i;
-        off += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && fabs(p[1]) > 5e-3;
-    }
-    CHECK(off == 0);                        /* between the plates, 10 mm apart */
+    CHECK(strayed(&q, 5e-3) == 0);          /* between the plates, 10 mm apart */
     shape_free(&body);
     close_scene(&q);
 }
@@ -387,7 +393,7 @@ static void lip(void) {
 /* Plates of 40 mm that overlap lift a sheet by 80 mm, farther than it gives way: it is more than 20
  * mm deep in the lower one then, nearest to what is beneath. It comes back between them. */
 static void carried(void) {
-    int   at = 0, i, k, deep = 0, failed = 0, off = 0;
+    int   at = 0, i, k, deep = 0, failed = 0;
     shape body = {0};
     scene q;
     open_scene(&q, 1, 10e-3, 1, NULL);
@@ -403,11 +409,7 @@ static void carried(void) {
             deep += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && p[1] < up - 0.5 * room - 0.02;
         }
     }
-    for (i = 0; i < q.s.mesh->nv; i++) {
-        const double *p = q.s.state->x + 3 * i;
-        off += fmax(fabs(p[0]), fabs(p[2])) < 0.06 && fabs(p[1]) > 6e-3;
-    }
-    CHECK(!failed && deep > 0 && off == 0);
+    CHECK(!failed && deep > 0 && strayed(&q, 6e-3) == 0);
     shape_free(&body);
     close_scene(&q);
 }

@@ -853,7 +853,8 @@ typedef struct cloth_contact {
     /* EULER, BDF2, desc.substeps 0: how many the step that begins is to have, of 1 to
      * CLOTH_SUBSTEPS_ASKED. NULL: 1 */
     int          (*substeps)(void *user);
-    /* the sim is destroyed, its allocator with it: contact may only be destroyed. NULL: not told */
+    /* another is set, or the sim is destroyed, its allocator with it: what was set before may only
+     * be destroyed. NULL: not told */
     void         (*orphan)(void *user);
     /* around calls of vjp along a tape, from its end: BEGIN; STEP when all substeps of recorded
      * step k are done; END, k = 0, out NULL: results are not wanted. NULL: gradients are refused */
@@ -1003,7 +1004,7 @@ CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim);
 CLOTH_API cloth_status  cloth_sim_params_changed(cloth_sim *sim);
 /* A host's own term; copied; its user pointer must outlive the sim. */
 CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term);
-/* Called by clothsim_collide.h; NULL takes the contact away. */
+/* Called by clothsim_collide.h; NULL takes the contact away, for good. */
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact);
 
 /* --- record: a step is a function of model, params and one record --- */
@@ -12418,6 +12419,7 @@ CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact
                     !contact->resolve || !contact->commit))
         return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, start, update, eval, block, "
                                         "max_step, close, resolve or commit");
+    if (sim->contact_on && sim->contact.orphan) sim->contact.orphan(sim->contact.user);
     sim->contact_on = contact != NULL, sim->still = 0;
     if (contact) sim->contact = *contact;
     return CLOTH_OK;

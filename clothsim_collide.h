@@ -446,7 +446,7 @@ CLOTH_API void cloth_obstacle_box(const double center[3], const double half[3], 
 /* Gives a sim its contact; needs desc.contact CLOTH_CONTACT_OBSTACLES or _SELF in its model.
  * in   desc   NULL: the defaults; copied
  * out  *out   owned: cloth_collide_destroy, before the sim or after it and its model: after the
- *             sim nothing else may be asked of it
+ *             sim, or cloth_sim_set_contact, nothing else may be asked of it
  * returns CLOTH_OK; _UNINIT; _ARGUMENT, _NONFINITE: field and value logged; _UNSUPPORTED: the
  *   model's rung is CLOTH_CONTACT_NONE; _MESH: the cloth intersects itself under
  *   CLOTH_INITIAL_REFUSE (the first pair is logged); _MEMORY */
@@ -7400,6 +7400,9 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
 /* cloth_contact.orphan: all goes that was counted by the sim; *c waits for its destruction. */
 static void clothi_contact_orphan(void *user) {
     cloth_collide *c = (cloth_collide *)user;
+    int            i;
+    for (i = 0; i < c->sim->model->desc.max_attachments; i++)
+        if (c->sim->attach[i].on > 0) c->sim->attach[i].on = 0;         /* it stays there      */
     c->last = c->sim->model->hooks;
     (void)clothi_contact_blocks(c, 1);
     c->sim = NULL;
@@ -7480,15 +7483,13 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
 
 CLOTH_API void cloth_collide_destroy(cloth_collide *c) {
     cloth_hooks last;
-    int         i;
     if (!c) return;
+    if (c->sim) {
+        c->sim->contact_on = 0, c->sim->still = 0;
+        clothi_contact_orphan(c);
+    }
     last = c->last;
-    if (c->sim && c->sim->contact_on && c->sim->contact.user == c)
-        (void)cloth_sim_set_contact(c->sim, NULL);
-    for (i = 0; c->sim && i < c->sim->model->desc.max_attachments; i++)
-        if (c->sim->attach[i].on > 0) c->sim->attach[i].on = 0;         /* it stays there      */
-    if (c->sim) (void)clothi_contact_blocks(c, 1);
-    clothi_free(c->sim ? c->hooks : &last, c);
+    clothi_free(&last, c);
 }
 
 /* --- obstacles: add, remove, move --- */

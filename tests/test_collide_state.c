@@ -373,6 +373,24 @@ static void destruction(void) {
     }
 }
 
+/* A contact that was taken away: neither sim nor its next contact know it, whoever goes first. */
+static void taken_away(void) {
+    cloth_hooks    hooks = host_hooks(&H);
+    cloth_collide *first, *more;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 4, 1.0 / 60));
+    first = W.c;
+    CHECK(cloth_sim_set_contact(W.sim, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_create(W.sim, NULL, &W.c) == CLOTH_OK);
+    cloth_collide_destroy(first);
+    CHECK(cloth_collide_create(W.sim, NULL, &more) == CLOTH_ERR_ARGUMENT && !more);
+    CHECK(cloth_sim_set_contact(W.sim, NULL) == CLOTH_OK);
+    cloth_sim_destroy(W.sim), W.sim = NULL;
+    cloth_model_destroy(W.model), W.model = NULL;
+    world_close(&W);
+    CHECK(H.live == 0);
+}
+
 /* --- 1, 2 and 3 workers --- */
 
 static void workers(void) {
@@ -943,6 +961,7 @@ int main(int argc, char **argv) {
     RUN(removed_without_folds);
     RUN(forged);
     RUN(destruction);
+    RUN(taken_away);
     RUN(workers);
     RUN(row_forces);
     RUN(taken_again);

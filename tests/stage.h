@@ -3,11 +3,13 @@
  * Include after clothsim_collide.h, test.h, shapes.h and exact.h.
  *
  * After every accepted step no two triangles of the cloth and of mesh obstacles may intersect that
- * did not before (exact.h: no rounding), and the cloth must be outside of spheres and planes
- * (long double; capsules: test_obstacles.c). The kit's own count, cloth_collide_intersections(),
+ * did not before (exact.h: no rounding), and the cloth must be outside of spheres, capsules and
+ * planes (long double). The kit's own count, cloth_collide_intersections(),
  * must be that of exact.h, exempt pairs included. */
 #ifndef CLOTH_TEST_STAGE_H
 #define CLOTH_TEST_STAGE_H
+
+#include "ccd.h"
 
 #define STAGE_THINGS 4
 #define STAGE_STEPS  1024       /* whose Newton counts are kept                                */
@@ -240,6 +242,31 @@ static inline long double stage_distance(const double *p, const double *a, const
     return !outside && len > 0 ? fabsl(above) / sqrtl(len) : sqrtl(best);
 }
 
+/* Distance of the segment ab from the triangle v, m; 0 where they cross. */
+static inline long double stage_bar_distance(const double *a, const double *b,
+                                             const double *const v[3]) {
+    static const int face[6] = {0, 1, 1, 2, 3, 4};
+    double           x[15], q[24];
+    long double      best, size = 0, d;
+    int              i, k, pair[2];
+    memcpy(x, a, 3 * sizeof *x), memcpy(x + 3, b, 3 * sizeof *x);
+    for (i = 0; i < 3; i++) memcpy(x + 6 + 3 * i, v[i], 3 * sizeof *x);
+    best = stage_distance(a, v[0], v[1], v[2]);
+    d = stage_distance(b, v[0], v[1], v[2]);
+    if (d < best) best = d;
+    for (i = 0; i < 3; i++) {
+        for (k = 0, d = 0; k < 3; k++)
+            d += ((long double)v[(i + 1) % 3][k] - v[i][k]) * (v[(i + 1) % 3][k] - v[i][k]);
+        if (d > size) size = d;
+        memcpy(q, x, 6 * sizeof *q);
+        memcpy(q + 6, v[i], 3 * sizeof *q), memcpy(q + 9, v[(i + 1) % 3], 3 * sizeof *q);
+        memcpy(q + 12, q, 12 * sizeof *q);
+        d = ccd_distance(1, q, 0);
+        if (d < best) best = d;
+    }
+    return best * best < size && exact_intersections(5, x, 2, face, pair, 1) ? 0 : best;
+}
+
 /* Smallest distance of the cloth from thing t, less its radius; meshes: none. */
 static inline long double stage_clearance(const stage *s, const stage_thing *t) {
     const double *x = s->state->x;
@@ -256,6 +283,13 @@ static inline long double stage_clearance(const stage *s, const stage_thing *t) 
             const int *f = s->mesh->faces + 3 * i;
             d = stage_distance(t->x, x + 3 * f[0], x + 3 * f[1], x + 3 * f[2]) -
                 (long double)t->radius;
+            if (d < least) least = d;
+        }
+    if (t->kind == CLOTH_OBSTACLE_CAPSULE)
+        for (i = 0; i < s->mesh->nf; i++) {
+            const double *v[3];
+            for (k = 0; k < 3; k++) v[k] = x + 3 * s->mesh->faces[3 * i + k];
+            d = stage_bar_distance(t->x, t->x + 3, v) - (long double)t->radius;
             if (d < least) least = d;
         }
     return least;

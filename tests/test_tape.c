@@ -361,6 +361,7 @@ static void tape_bad_input(void) {
     CHECK(cloth_grad_backward(NULL, loss_at, &u, &g, &rep) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_grad_backward(tape, NULL, &u, &g, &rep) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_grad_backward(tape, loss_at, &u, NULL, &rep) == CLOTH_ERR_ARGUMENT);
+    CHECK(rep.status == CLOTH_ERR_ARGUMENT && !rep.valid && rep.step < 0);
     g.friction = &friction;
     CHECK(cloth_grad_backward(tape, loss_at, &u, &g, &rep) == CLOTH_ERR_UNSUPPORTED);
     r = results_make(&s, 6);

@@ -219,6 +219,24 @@ static void crossing(void) {
     stage_end(&s);
 }
 
+/* What is moved out of a tangle stops at a wire beneath, between whose ends and the cloth's vertices
+ * it could slip. */
+static void wire(void) {
+    const double axis[6] = {0.05, -0.006, 0.29, 0.55, -0.006, 0.29};
+    cloth_mesh  *a = sheet_of(12, 0.6, 0, 0, 0), *b = sheet_of(10, 0.3, 0.14, 0.303, -0.03);
+    stage        s;
+    stand(b);
+    begin(&s, both(a, b));
+    if (stage_start(&s)) {
+        cloth_obstacle_desc d = cloth_obstacle_desc_default();
+        d.kind = CLOTH_OBSTACLE_CAPSULE, d.x = axis, d.radius = 0.002;
+        stage_add(&s, &d);
+        (void)untangle(&s, "the same over a wire", 30, 0);
+        CHECK(stage_clearance(&s, s.thing) > 0);
+    }
+    stage_end(&s);
+}
+
 static void corner(void) {
     cloth_mesh *a = sheet_of(12, 0.6, 0, 0, 0), *b = sheet_of(10, 0.4, 0.11, 0.01, 0.13);
     stage       s;
@@ -692,6 +710,7 @@ int main(int argc, char **argv) {
     RUN(box);
     RUN(box_corner);
     RUN(crossing);
+    RUN(wire);
     RUN(corner);
     RUN(bump);
     RUN(plane_and_capsule);

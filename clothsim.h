@@ -12811,8 +12811,7 @@ static void clothi_advise_rungs(const cloth_desc *desc, const clothi_scene *sc, 
         advice->integrator = CLOTH_INTEGRATOR_EULER;
     advice->contact = desc->contact;
     advice->h = advice->integrator == CLOTH_INTEGRATOR_EULER
-                    ? fmin(h, 2 * tolerance / (swing * sc->L))
-                    : fmin(h, sqrt(tolerance / sc->L) / swing);
+                    ? h : fmin(h, sqrt(tolerance / sc->L) / swing);
 }
 
 CLOTH_API cloth_status cloth_advise(const cloth_desc *desc, double h, double tolerance,

@@ -12,11 +12,10 @@ static scene       S;
 
 /* Two right triangles of a unit square: area 1/2 each, the equilateral triangle of that area has
  * the edge sqrt(2/sqrt 3) = 1.0745699318. 0.2 kg/m^2, Y = 200 N/m (plane stress), D = 1e-3 N m. */
-static void by_hand(void) {
+static cloth_desc square(void) {
     static const double x[12] = {0, 0, 0, 1, 0, 0, 0, 0, -1, 1, 0, -1};
     static const int    f[6] = {0, 1, 2, 1, 3, 2};
     cloth_desc          d = cloth_desc_default();
-    cloth_advice        a;
     d.nv = 4;
     d.nf = 2;
     d.x_rest = x;
@@ -26,6 +25,12 @@ static void by_hand(void) {
     d.material.poisson = 0.3;
     d.material.bending = 1e-3;
     d.gravity[1] = -10;
+    return d;
+}
+
+static void by_hand(void) {
+    cloth_desc   d = square();
+    cloth_advice a;
     CHECK(cloth_advise(&d, 0.01, 1e-3, &a) == CLOTH_OK);
     CHECK_REL(a.gravity_bending, 2000.0, 1e-12);            /* 0.2 * 10 * 1 / 1e-3 */
     CHECK_REL(a.step_membrane, 0.83235829006, 1e-9);        /* 0.01 * 2 sqrt(2000) / e */
@@ -42,10 +47,42 @@ static void by_hand(void) {
     CHECK(a.integrator == CLOTH_INTEGRATOR_BDF2);
     CHECK(cloth_advise(&d, 0.01, 0.05, &a) == CLOTH_OK);
     CHECK(a.integrator == CLOTH_INTEGRATOR_EULER && a.membrane == CLOTH_MEMBRANE_SPRINGS);
+    d.material.damping = 1e-5;                              /* z = 0.4162 */
+    CHECK(cloth_advise(&d, 0.01, 1e-3, &a) == CLOTH_OK);
+    CHECK(a.leapfrog_substeps == 657);                      /* ceil(438.1 (1.0831 + 0.4162)) */
     d.material.bending = 0;
     CHECK(cloth_advise(&d, 0.01, 1e-3, &a) == CLOTH_OK && a.bend == CLOTH_BEND_NONE);
     d.gravity[1] = 0;
     CHECK(cloth_advise(&d, 0.01, 1e-3, &a) == CLOTH_OK && isfinite(a.h) && a.h > 0);
+}
+
+/* Each bound between two rungs, from either side by 2 %. */
+static void bounds(void) {
+    cloth_desc   d = square();
+    cloth_advice a;
+    int          above;
+    for (above = 0; above < 2; above++) {
+        const double by = above ? 1.02 : 0.98;
+        d = square();
+        CHECK(cloth_advise(&d, 0.01, 0.02 * by, &a) == CLOTH_OK);
+        CHECK(a.membrane == (above ? CLOTH_MEMBRANE_SPRINGS : CLOTH_MEMBRANE_STVK));
+        CHECK(cloth_advise(&d, 0.01, 0.01 * by, &a) == CLOTH_OK && a.bend == CLOTH_BEND_HINGE);
+        d.rest_angle = CLOTH_REST_ANGLE_FLAT;
+        CHECK(cloth_advise(&d, 0.01, 0.01 * by, &a) == CLOTH_OK);
+        CHECK(a.bend == (above ? CLOTH_BEND_QUADRATIC : CLOTH_BEND_HINGE));
+        d.material.bending = 2e-9 * by * by * by;           /* (rho g L^3/D)^(-1/3) = 1e-3 by */
+        CHECK(cloth_advise(&d, 0.01, 0.01, &a) == CLOTH_OK);
+        CHECK(a.bend == (above ? CLOTH_BEND_HINGE : CLOTH_BEND_NONE));
+        d = square();                                       /* h omega_m / 2 = 95 by */
+        CHECK(cloth_advise(&d, 0.01 * 190 / 0.83235829006 * by, 0.01, &a) == CLOTH_OK);
+        CHECK(a.leapfrog_substeps == (above ? 102 : 98));
+        CHECK(a.integrator == (above ? CLOTH_INTEGRATOR_BDF2 : CLOTH_INTEGRATOR_LEAPFROG));
+        d.material.membrane = 2e8;                          /* h sqrt(g L) / 2 */
+        CHECK(cloth_advise(&d, 0.01, 0.005 * sqrt(10.0) * by, &a) == CLOTH_OK);
+        CHECK(a.integrator == (above ? CLOTH_INTEGRATOR_EULER : CLOTH_INTEGRATOR_BDF2));
+        CHECK(cloth_advise(&d, 0.1, 4e-3 * by * by, &a) == CLOTH_OK);
+        CHECK_REL(a.h, 0.02 * by, 1e-12);                   /* sqrt(tolerance/L)/sqrt(g/L) */
+    }
 }
 
 /* The numbers are those of the stiffest region, wherever it is in the list. */
@@ -157,6 +194,7 @@ static void nonsense(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(by_hand);
+    RUN(bounds);
     RUN(stiffest_region);
     RUN(against_modes);
     RUN(against_substeps);

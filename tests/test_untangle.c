@@ -280,6 +280,24 @@ static void plane_and_capsule(void) {
     stage_end(&s);
 }
 
+/* Between two planes whose outsides do not meet there is nowhere to go: no call says that it got
+ * anywhere. */
+static void vise(void) {
+    cloth_obstacle_desc   d = cloth_obstacle_desc_default();
+    double                lid[3] = {0, -0.002, 0};
+    cloth_untangle_report r;
+    stage                 s;
+    begin(&s, sheet_of(8, 0.3, 0, 0, 0));
+    if (stage_start(&s)) {
+        stage_plane(&s, 0.002, 0.3);
+        d.kind = CLOTH_OBSTACLE_PLANE, d.x = lid, d.normal[1] = -1;
+        (void)stage_add(&s, &d);
+        (void)stage_examine(&s);
+        CHECK(call(&s, 0, &r) == CLOTH_ERR_STEP && r.before > 0);
+    }
+    stage_end(&s);
+}
+
 /* A box without one of its faces has no inside: areas say what is wrong. */
 static void open_box(void) {
     static const double lo[3] = {0.31, -0.3, 0.33}, hi[3] = {0.72, 0.014, 0.69};
@@ -714,6 +732,7 @@ int main(int argc, char **argv) {
     RUN(corner);
     RUN(bump);
     RUN(plane_and_capsule);
+    RUN(vise);
     RUN(open_box);
     RUN(slotted);
     RUN(itself);

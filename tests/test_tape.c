@@ -45,6 +45,8 @@ static void same_bits(play p, const char *what) {
     scene             s;
     size_t            least, whole;
     int               i;
+    hooks = host_hooks(&told);
+    p.hooks = &hooks;
     (void)play_run(&p, &s, &tape, -1);
     all = results_make(&s, p.steps);
     backward(tape, &s, &all, &rep);
@@ -76,6 +78,7 @@ static void same_bits(play p, const char *what) {
         results_free(&r);
         cloth_tape_destroy(tape);
         scene_close(&s);
+        CHECK(told.live == 0);
     }
     results_free(&all);
 }

@@ -6338,6 +6338,9 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
  *   of doubles: 1.5 times the time of bench_hard's T-shirt.) A decision is made afresh for every
  *   matrix, so that a restored snapshot goes the same way.
  *
+ *   Rounding. At 1e-14 of |b| or so what rounding leaves in V's span, where r is 0 by its
+ *   recurrence alone, takes over: |r| then grows tenfold an iteration. CG ends there.
+ *
  *   Workers. Subdomains run side by side, the separators S alone; two parallel regions an iteration
  *   (blocks outside the pattern: three):
  *       S: advance, back        | subdomains: advance x r, back sweep, their V's + P^'(r - s)
@@ -6354,6 +6357,8 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* tighter ones are solved in doubles              */
 #define CLOTHI_FLOAT_STIFFNESS     8e6      /* stiffness over inertia, see the banner          */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
+#define CLOTHI_FLOOR               1e-10    /* of |b|, below which |r| that has grown to       */
+#define CLOTHI_REGROWN             10       /* times its least is rounding's                   */
 #define CLOTHI_CG_CAP              20000
 
 /* Sweeps work on a copy of it: stores of vectors may alias what a pointer leads to, so that fields
@@ -7459,7 +7464,8 @@ static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, cloth_status *stat
     } else if (!s->wide && g->it - g->best_at > CLOTHI_STAGNATION) {
         if (s->only != 1) *status = CLOTH_ERR_NONFINITE;
         return 1;
-    }
+    } else if (rr > CLOTHI_REGROWN * CLOTHI_REGROWN * g->best)
+        return g->best < CLOTHI_FLOOR * CLOTHI_FLOOR * clothi_cg_base(g);
     return 0;
 }
 

@@ -189,6 +189,16 @@ static void refused_params_change_nothing(void) {
             CHECK(cloth_sim_params_changed(S.sim) == CLOTH_OK);
             cloth_sim_destroy(twin);
         }
+    scene_close(&S);
+    scene_desc(&S, 4, &hooks, 0);
+    S.desc.bend = CLOTH_BEND_QUADRATIC;
+    CHECK(scene_open(&S, 0) == CLOTH_OK);
+    before = cloth_sim_hash(S.sim);
+    cloth_sim_params(S.sim)->theta0[1] = 0.1;
+    CHECK(kept(cloth_sim_params_changed(S.sim), CLOTH_ERR_UNSUPPORTED, "theta0[1] = 0.1"));
+    cloth_sim_state(S.sim)->t = NAN;
+    before = cloth_sim_hash(S.sim);
+    CHECK(kept(cloth_step(S.sim, 0.01, NULL), CLOTH_ERR_NONFINITE, "state.t = "));
     CHECK(cloth_sim_params(NULL) == NULL);
     CHECK(cloth_sim_params_changed(NULL) == CLOTH_ERR_ARGUMENT);
 }

@@ -232,6 +232,19 @@ static void weld_keeps_parts(void) {
     cloth_mesh_destroy(NULL, w);
 }
 
+/* A face that is turned takes its corners of texture along. */
+static void orient_textured(void) {
+    static const char text[] = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nvt 0 0\nvt 1 0\n"
+        "vt 1 1\nvt 0 1\nvt 3 3\nf 1/1 2/2 3/3\nf 1/5 3/3 4/4\nf 2/2 3/5 5/1\n";
+    cloth_mesh       *m = NULL;
+    int               turned = 0;
+    CHECK(cloth_obj_parse(NULL, text, sizeof text - 1, NULL, &m) == CLOTH_OK && m->nr == 7);
+    CHECK(cloth_mesh_orient(NULL, m, &turned) == CLOTH_OK && turned == 1);
+    for (int k = 0; k < 9; k++) CHECK(m->render_vertex[m->render_faces[k]] == m->faces[k]);
+    CHECK(m->faces[7] == 4 && m->vt[2 * m->render_faces[7]] < 0.5);     /* vertex 5, vt 0 0 */
+    cloth_mesh_destroy(NULL, m);
+}
+
 /* An open piece looks as most of its faces do, whichever comes first. */
 static void orient_by_majority(void) {
     cloth_mesh *m = sheet(1);
@@ -345,6 +358,7 @@ int main(int argc, char **argv) {
     RUN(statuses);
     RUN(closed_meshes);
     RUN(weld_and_orient);
+    RUN(orient_textured);
     RUN(turned_pattern);
     RUN(weld_keeps_parts);
     RUN(orient_by_majority);

@@ -171,6 +171,91 @@ static void hessian_times_vector(void) {
 
 /* A step at rest that does not put the sim to sleep is a step like others: its momentum follows
  * v0. */
+/* One run of p, its gradient by this method to this residual; `squeeze`: it starts in folds of its
+ * plane, with one iteration a step, so that its steps end where H is not definite. */
+static results by_method(const play *p, cloth_linear method, double tolerance, int squeeze,
+                         cloth_grad_report *rep) {
+    cloth_tape_options o = cloth_tape_options_default();
+    cloth_attachment   extra;
+    cloth_tape        *tape = NULL;
+    loss_user          u;
+    results            r;
+    scene              s;
+    int                k;
+    extra.id = 0;
+    play_desc(p, &s);
+    s.desc.max_newton = squeeze;
+    CHECK(scene_open(&s, p->with & ~WITH_ATTACH) == CLOTH_OK);
+    for (k = 0; k < s.nv && squeeze; k++) cloth_sim_state(s.sim)->x[3 * k] *= 0.7;
+    cloth_sim_state_changed(s.sim);
+    o.linear = method, o.tolerance = tolerance;
+    CHECK(cloth_tape_create(s.sim, &o, &tape) == CLOTH_OK);
+    for (k = 0; k < p->steps; k++) {
+        if (!squeeze) play_say(p, &s, &extra, k);
+        CHECK(cloth_step(s.sim, p->h, NULL) == CLOTH_OK);
+    }
+    memset(&u, 0, sizeof u);
+    u.nv = s.nv, u.only = -1;
+    r = results_make(&s, p->steps);
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &r.g, rep) == CLOTH_OK);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+    return r;
+}
+
+static double apart(const results *a, const results *b) {
+    double big = 0, off = 0;
+    int    i;
+    for (i = 0; i < a->n[BY_X0]; i++) {
+        big = fmax(big, fabs(a->array[BY_X0][i]));
+        off = fmax(off, fabs(a->array[BY_X0][i] - b->array[BY_X0][i]));
+    }
+    return off / big;
+}
+
+/* Each method that a tape may be given, to what it is asked for; and to more than one solve can do,
+ * which is said. */
+static void methods(void) {
+    static const cloth_linear kind[4] = {CLOTH_LINEAR_AUTO, CLOTH_LINEAR_JACOBI, CLOTH_LINEAR_SGS,
+                                         CLOTH_LINEAR_CHOLESKY};
+    cloth_grad_report rep;
+    results           first, r;
+    play              p = play_default();
+    int               k;
+    p.with &= ~WITH_ATTACH;
+    p.steps = 5;
+    first = by_method(&p, CLOTH_LINEAR_AUTO, 1e-10, 0, &rep);
+    for (k = 0; k < 4; k++) {
+        const int direct = k % 3 == 0;
+        r = by_method(&p, kind[k], 1e-8, 0, &rep);
+        CHECK(rep.valid && rep.residual <= 1e-8 && (rep.factorizations > 0) == direct);
+        CHECK((rep.iterations > 0) != direct && apart(&r, &first) < 1e-6);
+        results_free(&r);
+        r = by_method(&p, kind[k], 1e-30, 0, &rep);
+        CHECK(rep.doubt == CLOTH_GRAD_RESIDUAL && strstr(rep.why, "tolerance") != NULL);
+        CHECK(rep.residual < 1e-14 && apart(&r, &first) < 1e-8);
+        results_free(&r);
+    }
+    results_free(&first);
+}
+
+/* A step that ends where its Hessian is not definite is solved by factors, whatever was asked for,
+ * and is in doubt. */
+static void saddles(void) {
+    cloth_grad_report rep;
+    results           first, r;
+    play              p = play_default();
+    p.with = 0, p.steps = 2, p.h = 0.1;
+    first = by_method(&p, CLOTH_LINEAR_CHOLESKY, 1e-10, 1, &rep);
+    CHECK((rep.doubt & CLOTH_GRAD_SADDLE) && rep.negative > 0 && !rep.valid);
+    CHECK(strstr(rep.why, "negative curvature") != NULL);
+    r = by_method(&p, CLOTH_LINEAR_SGS, 1e-10, 1, &rep);
+    CHECK((rep.doubt & CLOTH_GRAD_SADDLE) && rep.factorizations > 0);
+    CHECK(rep.residual <= 1e-10 && apart(&r, &first) < 1e-6);
+    results_free(&r);
+    results_free(&first);
+}
+
 static void momentum_at(int k, const double *x, const double *v, double *gx, double *gv,
                         void *user) {
     const scene *s = (const scene *)user;
@@ -499,6 +584,8 @@ int main(int argc, char **argv) {
     RUN(differences_static);
     RUN(static_in_a_run);
     RUN(hessian_times_vector);
+    RUN(methods);
+    RUN(saddles);
     RUN(starts_at_rest);
     RUN(margin_in_metres);
     RUN(lumped_masses);

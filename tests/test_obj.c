@@ -429,6 +429,7 @@ static void obj_bad_arguments(void) {
     host              h;
     cloth_hooks       hooks = host_hooks(&h);
     cloth_obj_options opt = cloth_obj_options_default();
+    FILE             *full;
     int               part = 5;
     cloth_mesh       *m = (cloth_mesh *)&h, mesh;
     static const char text[] = V4 "f 1 2 3\n";
@@ -463,6 +464,12 @@ static void obj_bad_arguments(void) {
     m = parse(text, NULL);
     if (m) {
         CHECK(cloth_obj_save(&hooks, "no/such/dir.obj", m) == CLOTH_ERR_IO);
+        full = fopen("/dev/full", "wb");    /* where there is one: nothing can be written to it */
+        if (full) {
+            fclose(full);
+            CHECK(cloth_obj_save(&hooks, "/dev/full", m) == CLOTH_ERR_IO);
+            CHECK(strstr(h.text, "cannot be written") != NULL);
+        }
         m->x[3] = HOST_NAN;
         CHECK(cloth_obj_format(&hooks, m, NULL, 0, &n) == CLOTH_ERR_NONFINITE);
         m->x[3] = 0;

@@ -731,8 +731,9 @@ static void refused(const cloth_qp *q, cloth_qp_options o, cloth_status expect, 
 static void bad_input(void) {
     cloth_qp_options o = cloth_qp_options_default(), bad;
     const int        col[2] = {0, 1};
-    const double     val[2] = {1, 1};
+    const double     val[2] = {1, 1}, tiny[1] = {1e-200};
     double           guess[2] = {0, 0};
+    int              i;
     qp_problem       p = blank(2, 2);
     cloth_qp         q;
     add_row(&p, -1, 2, col, val);
@@ -773,6 +774,14 @@ static void bad_input(void) {
     refused(&q, bad, CLOTH_ERR_NONFINITE, "options.guess[1] = NaN");
     memset(&bad, 0, sizeof bad);
     CHECK(cloth_qp_solve(&q, &bad, NULL, NULL, NULL) == CLOTH_ERR_UNINIT);
+    qp_free(&p);
+    p = blank(2, 2);                        /* the row fits, lambda = 1e400 does not */
+    add_row(&p, -1, 1, col, tiny);
+    refused(&p.qp, o, CLOTH_ERR_NONFINITE, "out of range");
+    qp_free(&p);
+    p = blank(1, 50000);                    /* 50 000 rows of one unknown: 2.5e9 pairs */
+    for (i = 0; i < 50000; i++) add_row(&p, -1, 1, col, val);
+    refused(&p.qp, o, CLOTH_ERR_CAPACITY, "qp.m = 50000");
     qp_free(&p);
 }
 

@@ -418,6 +418,32 @@ static void goes_on(void) {
 }
 
 /* A stretched quadratic with negative directions; radius and no radius. */
+/* Asked for more than rounding leaves, each method ends near there, and soon. */
+static void beyond_rounding(void) {
+    int k, i, size;
+    for (size = 6; size <= 40; size += 34)
+        for (k = 0; k < 3; k++) {
+            cloth_linear_options o = cloth_linear_options_default();
+            cloth_linear_report  r;
+            problem              q;
+            double               rr = 0, bb = 0;
+            start_grid(&q, size, size, 1e-3, 10, NULL, 0);
+            o.method = k == 0 ? CLOTH_LINEAR_SGS : k == 1 ? CLOTH_LINEAR_JACOBI
+                                                          : CLOTH_LINEAR_CHOLESKY;
+            o.tolerance = 1e-30;
+            CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
+            cloth_matrix_mul(q.A, NULL, q.x, q.y);
+            for (i = 0; i < 3 * q.n; i++) {
+                rr += (q.b[i] - q.y[i]) * (q.b[i] - q.y[i]);
+                bb += q.b[i] * q.b[i];
+            }
+            if (!CHECK(sqrt(rr / bb) < 1e-11 && r.iterations < 3000 && !r.negative))
+                printf("  %d, method %d: %d iterations, residual %.1e\n", size, (int)o.method,
+                       r.iterations, sqrt(rr / bb));
+            end_problem(&q);
+        }
+}
+
 static void indefinite(void) {
     int far, k, i;
     for (far = 0; far < 2; far++) {
@@ -807,6 +833,7 @@ static void arguments(void) {
     cloth_pattern       *p = NULL;
     cloth_linear_options o = cloth_linear_options_default();
     const int            start[2] = {0, 2}, below[2] = {-2, 0}, bad[2] = {0, 99}, v[1] = {-1};
+    const int            falls[3] = {0, 2, 1};
     double               H[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
     static const char *const said[9] = {"method -1", "method 44", "radius -1", "max_iterations -4",
                                         "tolerance -1", "norm -1", "v[0] = -1", "pattern is NULL",
@@ -819,6 +846,7 @@ static void arguments(void) {
     start_grid(&q, 4, 4, 1, 1, NULL, 0);
     CHECK(cloth_pattern_create(NULL, 4, 1, start, bad, NULL, &p) == CLOTH_ERR_ARGUMENT && !p);
     CHECK(cloth_pattern_create(NULL, 4, 1, below, bad + 2, NULL, &p) == CLOTH_ERR_ARGUMENT && !p);
+    CHECK(cloth_pattern_create(NULL, 4, 2, falls, v, NULL, &p) == CLOTH_ERR_ARGUMENT && !p);
     CHECK(cloth_pattern_create(NULL, CLOTH_MAX_COUNT + 1, 0, NULL, NULL, NULL, &p) ==
           CLOTH_ERR_ARGUMENT);
     cloth_matrix_clear(NULL);
@@ -879,6 +907,7 @@ int main(int argc, char **argv) {
     RUN(order);
     RUN(solve_all);
     RUN(goes_on);
+    RUN(beyond_rounding);
     RUN(indefinite);
     RUN(no_diagonal);
     RUN(radius);

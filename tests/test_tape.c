@@ -294,6 +294,9 @@ static void bad_options(scene *s) {
     CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_NONFINITE);
     o.tolerance = 0;
     CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_ARGUMENT);
+    o.tolerance = 1e-9, o.linear = (cloth_linear)9;
+    CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_ARGUMENT && !tape);
+    CHECK(strstr(told.text, "linear = 9") != NULL);
     o = cloth_tape_options_default();
     o.bytes = 1000;
     CHECK(cloth_tape_create(s->sim, &o, &tape) == CLOTH_ERR_CAPACITY && !tape);

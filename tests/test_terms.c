@@ -645,6 +645,27 @@ static void ties_hold(void) {
     }
 }
 
+/* A pin that the desc has on a follower is its leader's, and holds all that follow it. */
+static void ties_of_pinned(void) {
+    cloth_tie tie[3];
+    cloth_pin pin;
+    int       i, k;
+    scene_close(&S);
+    scene_desc(&S, 4, NULL, WITH_NOISE);
+    memset(&pin, 0, sizeof pin);
+    pin.vertex = 9, pin.axes = CLOTH_AXIS_Y;
+    S.desc.npins = 1, S.desc.pins = &pin;
+    add_ties(tie);
+    CHECK(scene_open(&S, 0) == CLOTH_OK);
+    CHECK(S.sim->pin[9] == 0 && S.sim->pin[2] == CLOTH_AXIS_Y);
+    for (k = 0; k < 3; k++) CHECK(cloth_step(S.sim, 0.01, NULL) == CLOTH_OK);
+    for (i = 0; i < 2; i++) {
+        const int at = 3 * tie[i].follower + 1;
+        CHECK_NEAR(S.sim->state.x[at], S.start[at], 1e-15);
+    }
+    CHECK(fabs(S.sim->state.x[3 * 8 + 1] - S.start[3 * 8 + 1]) > 1e-4);
+}
+
 /* --- pins --- */
 
 typedef struct watch {
@@ -970,6 +991,7 @@ int main(int argc, char **argv) {
     RUN(flag_has_no_statics);
     RUN(ties_fold);
     RUN(ties_hold);
+    RUN(ties_of_pinned);
     RUN(pins_reach_their_targets);
     RUN(host_term);
     RUN(two_host_terms);

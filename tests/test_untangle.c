@@ -219,8 +219,7 @@ static void crossing(void) {
     stage_end(&s);
 }
 
-/* What is moved out of a tangle stops at a wire beneath, between whose ends and the cloth's vertices
- * it could slip. */
+/* What is moved out of a tangle stops at a wire beneath, which no vertex of it meets. */
 static void wire(void) {
     const double axis[6] = {0.05, -0.006, 0.29, 0.55, -0.006, 0.29};
     cloth_mesh  *a = sheet_of(12, 0.6, 0, 0, 0), *b = sheet_of(10, 0.3, 0.14, 0.303, -0.03);

@@ -475,6 +475,26 @@ static void indefinite(void) {
     }
 }
 
+/* Two vertices pull apart: negative along b, of which the coarse space sees nothing. Without a
+ * radius x is what the preconditioner makes of b: downhill. */
+static void negative_at_once(void) {
+    static const int v[2] = {0, 1};
+    double           H[36] = {0};
+    problem          q;
+    int              k, i;
+    start_grid(&q, 24, 23, 2, 0.01, NULL, 1);
+    for (i = 0; i < 36; i++) H[i] = i / 6 % 3 == i % 6 % 3 && i / 18 != i % 6 / 3 ? 5 : 0;
+    add_both(&q, 2, v, H);
+    for (i = 0; i < 3 * q.n; i++) q.b[i] = i < 3 ? 1 + i : i < 6 ? 2 - i : 0;
+    for (k = 0; k < 4; k++) {
+        cloth_linear_options o = way(k, q.solver);
+        cloth_linear_report  r;
+        CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
+        CHECK(r.negative == 1 && !r.hit && r.iterations == 0 && dot(q.b, q.x, 6) > 1);
+    }
+    end_problem(&q);
+}
+
 /* Diagonal blocks that are not positive: within a radius JACOBI goes on, the others say so. */
 static void no_diagonal(void) {
     problem q;
@@ -593,9 +613,9 @@ static void not_finite(void) {
     int     k, what;
     double  H[36];
     memset(H, 0, sizeof H);
-    for (what = 0; what < 10; what++) {     /* a diagonal, a pair, one outside the pattern, b; such
-                                               a pair with a diagonal that is negative */
-        const double bad = what & 1 ? HUGE_VAL : (double)NAN;
+    for (what = 0; what < 11; what++) {     /* a diagonal, a pair, one outside the pattern, b; such
+                                               a pair with a diagonal that is negative; |b|^2 */
+        const double bad = what == 10 ? 1e200 : what & 1 ? HUGE_VAL : (double)NAN;
         const int    outside = what / 2 == 2 || what / 2 == 4, one = 5;
         const int    v[2] = {outside ? 10 : 3, outside ? 500 : 4};
         start_grid(&q, 24, 23, 1, 10, NULL, 0);
@@ -603,7 +623,7 @@ static void not_finite(void) {
         if (what / 2 == 0) H[4] = bad;
         else H[6 * 4 + 1] = bad;
         if (what / 2 == 0) cloth_matrix_add_element(q.A, 1, &one, H);
-        else if (what / 2 != 3) cloth_matrix_add_element(q.A, 2, v, H);
+        else if (what / 2 != 3 && what < 10) cloth_matrix_add_element(q.A, 2, v, H);
         else q.b[17] = bad;
         memset(H, 0, sizeof H);
         if (what / 2 == 4) H[0] = -1e9, cloth_matrix_add_element(q.A, 1, &one, H);
@@ -909,6 +929,7 @@ int main(int argc, char **argv) {
     RUN(goes_on);
     RUN(beyond_rounding);
     RUN(indefinite);
+    RUN(negative_at_once);
     RUN(no_diagonal);
     RUN(radius);
     RUN(singular);

@@ -829,6 +829,52 @@ static cloth_status held_eval(void *user, const cloth_eval *e, double *energy) {
     return CLOTH_OK;
 }
 
+/* A spring that pulls vertex 12 up to a ledge of 1 kJ, and from there on by `left` m more, of which
+ * its energy knows nothing: no step leads up there. */
+typedef struct ledge {
+    double at, left;                        /* m */
+} ledge;
+
+static cloth_status ledge_eval(void *user, const cloth_eval *e, double *energy) {
+    const ledge *l = (const ledge *)user;
+    const double k = 1e8, off = e->x[37] - l->at;
+    const double H[9] = {0, 0, 0, 0, 1e8, 0, 0, 0, 0};
+    const int    v = 12;
+    *energy = 0.5 * k * off * off + (off > 1e-9 ? 1e3 : 0);
+    if (e->grad) e->grad[37] += k * (off - (off > -1e-9 ? l->left : 0));
+    return e->hess ? cloth_matrix_add_element(e->hess, 1, &v, H) : CLOTH_OK;
+}
+
+/* What is left below the tolerance has arrived; more is a step that does not end, in steps as in
+ * statics, by the definite Hessian (at the ledge) and by the exact one (before it). */
+static void ledges(void) {
+    static const struct { double left, before; } way[3] = {{0.5e-6, 0}, {3e-4, 0}, {3e-4, 7e-4}};
+    int k;
+    for (k = 0; k < 3; k++) {
+        cloth_term   term;
+        cloth_report r;
+        ledge        l;
+        uint64_t     hash;
+        scene_close(&S);
+        scene_desc(&S, 4, NULL, 0);
+        S.desc.gravity[1] = 0, S.desc.tolerance = 1e-6, S.desc.cg_tolerance = 1e-6;
+        CHECK(scene_open(&S, WITH_PINS) == CLOTH_OK);
+        memset(&term, 0, sizeof term);
+        term.user = &l, term.eval = ledge_eval;
+        l.at = S.sim->state.x[37] + way[k].before, l.left = way[k].left;
+        CHECK(cloth_sim_add_term(S.sim, &term) == CLOTH_OK);
+        hash = cloth_sim_hash(S.sim);
+        if (k == 0) {
+            CHECK(cloth_step(S.sim, 0.01, &r) == CLOTH_OK && r.outcome == CLOTH_STEP_CONVERGED);
+            CHECK(r.residual_m > 1e-7 && r.residual_m < 1e-6);
+        } else {
+            CHECK(cloth_step(S.sim, 0.01, &r) == CLOTH_ERR_STEP && cloth_sim_hash(S.sim) == hash);
+            CHECK(cloth_solve_static(S.sim, &r) == CLOTH_ERR_STEP);
+            CHECK(cloth_sim_hash(S.sim) == hash);
+        }
+    }
+}
+
 static void two_host_terms(void) {
     double       held[2] = {0.25, 0.5};
     cloth_ledger l;
@@ -994,6 +1040,7 @@ int main(int argc, char **argv) {
     RUN(ties_of_pinned);
     RUN(pins_reach_their_targets);
     RUN(host_term);
+    RUN(ledges);
     RUN(two_host_terms);
     RUN(what_a_term_sees);
     RUN(isolated_vertex);

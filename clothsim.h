@@ -751,11 +751,10 @@ typedef struct cloth_vjp {
     double *attach;                         /* [max_attachments x 3] targets                   */
     double *attach_k;                       /* [max_attachments]                               */
     double *h;                              /* [1]                                             */
-    double *x;                              /* [nv x 3] of contact: by e->x, alone; rows_vjp:
-                                               by the x that resolve() was given               */
-    double *x_end;                          /* [nv x 3] rows_vjp: by the x that it returned    */
+    double *x;                              /* [nv x 3] of contact: by e->x, alone             */
     int     frozen, own;                    /* out: of contact, something that moves was taken as
                                                constant; 1: add to the term's parameters too   */
+    int     pass;                           /* rows_vjp: whose rows, made at e->x              */
 } cloth_vjp;
 
 typedef struct cloth_term {
@@ -794,7 +793,7 @@ typedef struct cloth_contact_row {
 } cloth_contact_row;
 
 struct cloth_obstacle;
-enum { CLOTH_ADJOINT_BEGIN, CLOTH_ADJOINT_STEP, CLOTH_ADJOINT_END };
+enum { CLOTH_ADJOINT_BEGIN, CLOTH_ADJOINT_STEP, CLOTH_ADJOINT_END, CLOTH_ADJOINT_PASS };
 typedef struct cloth_contact_grad {         /* as in cloth_grad                                */
     double *friction, *part_friction;       /* [1 + obstacles], [parts]                        */
     const double *attach;                   /* [max_attachments x 3] by targets of step k      */
@@ -857,11 +856,12 @@ typedef struct cloth_contact {
      * be destroyed. NULL: not told */
     void         (*orphan)(void *user);
     /* around calls of vjp along a tape, from its end: BEGIN; STEP when all substeps of recorded
-     * step k are done; END, k = 0, out NULL: results are not wanted. NULL: gradients are refused */
+     * step k are done; END, k = 0, out NULL: results are not wanted; PASS: resolve ends where pass
+     * k begins, 0: at its end. NULL: gradients are refused */
     cloth_status (*adjoint)(void *user, int what, int k, const cloth_contact_grad *out);
     /* LEAPFROG, for gradients: the rows [*n] of the last resolve, with their multipliers; NULL:
      * gradients are refused. rows_vjp adds what rate [n x CLOTH_ROW_RATES] does: dL/d{normal [3], w
-     * [4], bound, speed} of each row */
+     * [4], bound, speed} of each row of out->pass, which began at e->x */
     const cloth_contact_row *(*rows)(void *user, int *n);
     void (*rows_vjp)(void *user, const cloth_eval *e, const double *rate, cloth_vjp *out);
     /* forwards, for checks, what vjp has: adds how grad moves with dx_n and dx (NULL: 0) and with

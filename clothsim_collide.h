@@ -3488,6 +3488,7 @@ struct cloth_collide {
     int             begun;                  /* a step is under way                             */
     int             inexact;                /* the last one ended before Newton converged      */
     int             trying;                 /* a point that is not needed: no sentence         */
+    int             until;                  /* zones end where this pass begins; 0: when clear */
     double          toi;                    /* of the way to the guess: before it all is free  */
     const double   *at;                     /* [nv x 3] where a move begins                    */
     double         *way;                    /* [nv x 3] it, as far as the list reaches         */
@@ -6652,6 +6653,7 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     for (; !status; c->report.passes++) {
         const double start = clothi_now(c->hooks);
         double       then;
+        if (c->until && c->report.passes == c->until) break;
         status = clothi_detect(c, list && c->report.passes == 0, &hit);
         then = clothi_now(c->hooks);
         c->report.ms_detect += 1e3 * (then - start);
@@ -9127,14 +9129,12 @@ static const cloth_contact_row *clothi_contact_rows(void *user, int *n) {
 static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const double *rate,
                                     cloth_vjp *out) {
     cloth_collide *c = (cloth_collide *)user;
-    clothi_flow    f = {c, c->adjoint, 1, NULL, {out->x_n, NULL}};
+    clothi_flow    f = {c, c->adjoint, 1, NULL, {out->x_n, out->x}};
     int            i;
     out->frozen |= c->nholding > 0 || c->report.rigid_zones > 0;
-    for (i = 0; i < c->nrow; i++, rate += CLOTH_ROW_RATES) {
-        if (!(clothi_max_abs(rate, CLOTH_ROW_RATES) > 0)) continue;
-        f.cloth[1] = c->row[i].pass ? out->x_end : out->x;
-        clothi_back_row(&f, c->row + i, c->row[i].pass ? c->xb : c->x_ie, rate);
-    }
+    for (i = 0; i < c->nrow; i++, rate += CLOTH_ROW_RATES)
+        if (c->row[i].pass == out->pass && clothi_max_abs(rate, CLOTH_ROW_RATES) > 0)
+            clothi_back_row(&f, c->row + i, e->x, rate);
     clothi_back_end(&f, e->in->share);
 }
 
@@ -9185,6 +9185,10 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
     clothi_adjoint *to = c->adjoint;
     const size_t    n = 3 * (size_t)(c->nw - c->nv), parts = (size_t)c->desc.nparts;
     int             o;
+    if (what == CLOTH_ADJOINT_PASS) {
+        c->until = k;
+        return CLOTH_OK;
+    }
     if (what == CLOTH_ADJOINT_BEGIN) {
         if (out->friction)
             memset(out->friction, 0, (size_t)(1 + c->nobstacle) * sizeof(double));

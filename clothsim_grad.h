@@ -769,17 +769,6 @@ static int clothi_tape_grow(cloth_tape *t) {
     return 1;
 }
 
-/* How the step went. */
-static void clothi_tape_outcome(const cloth_tape *t, const cloth_step_record *r, clothi_taped *e) {
-    e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
-    e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
-               t->sim->still >= t->sim->model->desc.sleep;
-    e->substeps = e->asleep ? 0 : t->traced;
-    e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
-    if (t->how && e->substeps > 0 && t->sim->history)
-        t->how[e->substeps - 1] |= CLOTHI_HOW_KEPT;
-}
-
 /* Doubles of LEAPFROG's path a kick: x and v; with contact, those that it is given too. */
 static size_t clothi_tape_each(const cloth_tape *t) {
     return (t->sim->contact_on ? 4 : 2) * t->nv3;
@@ -807,7 +796,12 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     e = t->step + t->n;
     memset(e, 0, sizeof *e);
     e->h = r->h;
-    clothi_tape_outcome(t, r, e);
+    e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
+    e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
+               t->sim->still >= t->sim->model->desc.sleep;
+    e->substeps = e->asleep ? 0 : t->traced;
+    e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
+    if (t->how && e->substeps > 0 && t->sim->history) t->how[e->substeps - 1] |= CLOTHI_HOW_KEPT;
     if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
         t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * clothi_tape_each(t) *
                                                sizeof(double));
@@ -1103,14 +1097,6 @@ static void clothi_line_weights(clothi_line *q, int kept) {
     q->vp = second ? 0.5 / h : 0;
 }
 
-/* BDF2 gave way to implicit Euler: contact took the guess for an impact. */
-static void clothi_line_restart(cloth_sim *s, clothi_line *q) {
-    int i;
-    for (i = 0; i < 3 * s->model->nv; i++) s->w.y[i] = clothi_predicted(s, q->h, 0, i);
-    q->goal.eta = q->h;
-    q->bdf2 = 0;
-}
-
 /* Contact is told that x, which w.x holds, is a minimiser: its pairs, frames and normal forces are
  * those of x, and nothing of it lags. */
 static cloth_status clothi_line_contact(cloth_sim *s) {
@@ -1127,6 +1113,7 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
     const int    how = h > 0 && e->how ? e->how[j] : (int)CLOTHI_HOW_KEPT;
     const int    kept = how / CLOTHI_HOW_KEPT;
     cloth_status status;
+    int          i;
     memset(q, 0, sizeof *q);
     q->h = h / m;
     if (!(h > 0)) {                         /* wind is lagged to where the search ended, at rest */
@@ -1137,7 +1124,10 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
     clothi_eval_start(s, &q->goal, q->h);
     if (h > 0) {
         q->bdf2 = clothi_predict(s, q->h, &q->goal.eta);
-        if (q->bdf2 && how & CLOTHI_HOW_EULER) clothi_line_restart(s, q);
+        if (how & CLOTHI_HOW_EULER) {       /* contact took the guess of BDF2 for an impact */
+            q->goal.eta = q->h, q->bdf2 = 0;
+            for (i = 0; i < 3 * s->model->nv; i++) s->w.y[i] = clothi_predicted(s, q->h, 0, i);
+        }
         s->in.eta = q->goal.eta;
         s->in.y = s->w.y;
         q->weight = 1 / (q->goal.eta * q->goal.eta);
@@ -1713,14 +1703,6 @@ static void clothi_grad_goals(clothi_grad *g, const double *a, double share) {
     }
 }
 
-/* The adjoint of poses after a step is that of its targets. */
-static size_t clothi_grad_arrive(clothi_grad *g) {
-    const size_t n = 3 * (size_t)g->s->model->desc.max_attachments;
-    memcpy(g->aim, g->pose, n * sizeof(double));
-    memset(g->pose, 0, n * sizeof(double));
-    return n;
-}
-
 /* At the start x of a step: poses of what was attached since the last step are points of x. */
 static void clothi_grad_poses(clothi_grad *g, const double *x, double *to) {
     const cloth_sim *s = g->s;
@@ -1857,8 +1839,8 @@ static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k
  *              S mu = G M^-1 l, S = G M^-1 G';    l <- l - G'mu, z = M^-1 l
  *              dL/db = mu,  dL/dG_r = lambda_r z - mu_r x',  dL/dm = -z.(x' - x*)
  *              S is factored with pivots; rows that depend on others get mu = 0. What made b and G
- *              (the places at the time of impact) is contact's to tell; of rows that a later pass
- *              has made, x' itself: that part is taken again until it is spent.
+ *              (the places at the time of impact) is contact's to tell: of rows of pass p, where p
+ *              began, which is such a program's end itself, by the rows of the passes before.
  *
  * H u by [3.2], without a matrix. F depends on v by material damping, whose strain rate is taken
  * against x - hs v, and by wind. x and v at every kick come from running the step anew: the path of
@@ -1898,7 +1880,6 @@ static cloth_status clothi_leap_hosts(clothi_grad *g, cloth_eval e, const double
 /* --- impact zones --- */
 
 #define CLOTHI_GRAD_RANK   1e-11            /* of the largest pivot: a row that others imply   */
-#define CLOTHI_GRAD_ROUNDS 20               /* of what later passes have made                  */
 
 typedef struct clothi_rows {                /* rows of a resolve, by their zones               */
     const cloth_contact_row *row;
@@ -1971,6 +1952,7 @@ static cloth_status clothi_rows_open(clothi_grad *g, clothi_rows *q) {
 static void clothi_rows_close(clothi_grad *g, clothi_rows *q) {
     clothi_free(&g->t->hooks, q->start);
     clothi_free(&g->t->hooks, q->rate);
+    memset(q, 0, sizeof *q);
 }
 
 /* S of the rows in list [m] is factored, pivots first, by perm; returns its rank. */
@@ -2077,63 +2059,93 @@ static void clothi_rows_back(clothi_grad *g, clothi_rows *q, int speeds, double 
             g->mass[l / 3] -= a[l] / s->params.mass[l / 3] * (x[l] - x0[l]);
 }
 
-/* What made the rows: to g->lx, by x*; g->np, by x; g->nv, by x'. 1: something was frozen. */
-static int clothi_rows_made(clothi_grad *g, clothi_rows *q) {
-    cloth_sim       *s = g->s;
-    const cloth_eval e = clothi_eval_of(s);
-    cloth_vjp        to;
-    memset(&to, 0, sizeof to);
-    to.x = g->lx, to.x_n = g->np, to.x_end = g->nv;
-    memset(g->nv, 0, g->t->nv3 * sizeof(double));
-    s->contact.rows_vjp(s->contact.user, &e, q->rate, &to);
-    return to.frozen;
-}
-
 /* Contact at the end of the drift from x, v at a kick, which are followed by what it was given, to
- * `next`: its rows. *frozen: it remembers more than a step's start. */
-static cloth_status clothi_leap_resolve(clothi_grad *g, double hs, const double *x,
-                                        const double *next, clothi_rows *q, int *frozen) {
-    cloth_sim   *s = g->s;
-    const size_t n = g->t->nv3, bytes = n * sizeof(double);
-    cloth_status status;
-    memset(q, 0, sizeof *q);
+ * where `pass` begins, 0: to its end: places and speeds into w, its rows. */
+static cloth_status clothi_leap_resolve(clothi_grad *g, double hs, const double *x, int pass,
+                                        clothi_rows *q) {
+    cloth_sim    *s = g->s;
+    const size_t  n = g->t->nv3, bytes = n * sizeof(double);
+    cloth_status  status;
+    clothi_rows_close(g, q);
     memcpy(s->w.x, x, bytes);
     memcpy(s->w.trial, x + n, bytes);
     status = clothi_leap_contact(s, hs, 0, NULL);
     memcpy(s->w.x, x + 2 * n, bytes);
     memcpy(s->w.trial, x + 3 * n, bytes);
+    (void)s->contact.adjoint(s->contact.user, CLOTH_ADJOINT_PASS, pass, NULL);
     if (!status) status = clothi_leap_contact(s, hs, 1, NULL);
-    *frozen = memcmp(s->w.x, next, bytes) != 0 || memcmp(s->w.trial, next + n, bytes) != 0;
+    (void)s->contact.adjoint(s->contact.user, CLOTH_ADJOINT_PASS, 0, NULL);
     return status ? status : clothi_rows_open(g, q);
+}
+
+typedef struct clothi_passes {              /* of a resolve                                    */
+    int     n;
+    double *x, *d;                          /* [n x nv x 3] m, where each began; d of that     */
+} clothi_passes;
+
+/* The passes whose rows push at the end, which is in w and q where there is one alone. *frozen: the
+ * end is not `next`, what the step had: contact remembers more than a step's start. */
+static cloth_status clothi_passes_open(clothi_grad *g, double hs, const double *x,
+                                       const double *next, clothi_passes *p, clothi_rows *q,
+                                       int *frozen) {
+    const cloth_sim *s = g->s;
+    const size_t     n = g->t->nv3, bytes = n * sizeof(double);
+    cloth_status     status = clothi_leap_resolve(g, hs, x, 0, q);
+    int              i;
+    *frozen = memcmp(s->w.x, next, bytes) != 0 || memcmp(s->w.trial, next + n, bytes) != 0;
+    for (p->n = 1, i = 0; i < q->n; i++)
+        if (q->row[i].multiplier > 0 && q->row[i].pass >= p->n) p->n = q->row[i].pass + 1;
+    p->x = (double *)clothi_alloc(&g->t->hooks, 2 * (size_t)p->n * n, sizeof(double));
+    if (!p->x) return CLOTH_ERR_MEMORY;
+    p->d = p->x + (size_t)p->n * n;
+    memcpy(p->x, x + 2 * n, bytes);
+    for (i = 1; i < p->n && !status; i++) {
+        status = clothi_leap_resolve(g, hs, x, i, q);
+        memcpy(p->x + (size_t)i * n, s->w.x, bytes);
+    }
+    return status;
+}
+
+/* What made the rows of a pass, to `to` from where it began, and to g->np by x. 1: something was
+ * frozen. */
+static int clothi_rows_made(clothi_grad *g, const clothi_rows *q, const clothi_passes *p, int pass,
+                            double *to) {
+    cloth_eval e = clothi_eval_of(g->s);
+    cloth_vjp  by;
+    memset(&by, 0, sizeof by);
+    e.x = p->x + (size_t)pass * g->t->nv3;
+    by.x = to, by.x_n = g->np, by.pass = pass;
+    g->s->contact.rows_vjp(g->s->contact.user, &e, q->rate, &by);
+    return by.frozen;
 }
 
 /* That backwards: lx and lv before it, and into g->np what goes to x. */
 static cloth_status clothi_leap_touch(clothi_grad *g, double hs, const double *x,
                                       const double *next, int k) {
     cloth_sim    *s = g->s;
-    const size_t  n = g->t->nv3, bytes = n * sizeof(double);
-    const double *given = x + 2 * n;
+    const size_t  n = g->t->nv3;
+    clothi_passes p = {0, NULL, NULL};
     clothi_rows   q;
     cloth_status  status;
-    int           round, frozen;
-    size_t        i;
-    memset(g->np, 0, bytes);
-    if (memcmp(given, next, 2 * bytes) == 0) return CLOTH_OK;
-    status = clothi_leap_resolve(g, hs, x, next, &q, &frozen);
-    if (!status) {
-        clothi_rows_back(g, &q, 1, hs, s->w.trial, given + n, g->lv);
-        clothi_rows_back(g, &q, 0, hs, s->w.x, given, g->lx);
-        frozen |= clothi_rows_made(g, &q);
-        for (round = 0; round < CLOTHI_GRAD_ROUNDS && !clothi_all_zero(g->nv, n); round++) {
-            memcpy(g->nw, g->nv, bytes);
-            memset(q.rate, 0, (size_t)q.n * CLOTH_ROW_RATES * sizeof(double));
-            clothi_rows_back(g, &q, 0, hs, s->w.x, given, g->nw);
-            for (i = 0; i < n; i++) g->lx[i] += g->nw[i];
-            frozen |= clothi_rows_made(g, &q);
-        }
-        if (frozen) clothi_grad_doubt(g, CLOTH_GRAD_FROZEN, k);
+    int           frozen, at, i;
+    size_t        l;
+    memset(g->np, 0, n * sizeof(double));
+    memset(&q, 0, sizeof q);
+    if (memcmp(x + 2 * n, next, 2 * n * sizeof(double)) == 0) return CLOTH_OK;
+    status = clothi_passes_open(g, hs, x, next, &p, &q, &frozen);
+    for (at = p.n; at > 0 && !status; at--) {           /* the end, then where passes began */
+        double *a = at == p.n ? g->lx : p.d + (size_t)at * n;
+        if (p.n > 1) status = clothi_leap_resolve(g, hs, x, at % p.n, &q);
+        if (status) break;
+        if (at == p.n) clothi_rows_back(g, &q, 1, hs, s->w.trial, x + 3 * n, g->lv);
+        clothi_rows_back(g, &q, 0, hs, s->w.x, x + 2 * n, a);
+        for (l = 0; l < n && at < p.n; l++) g->lx[l] += a[l];
+        for (i = 0; i < at; i++)
+            frozen |= clothi_rows_made(g, &q, &p, i, i ? p.d + (size_t)i * n : g->lx);
     }
+    if (!status && frozen) clothi_grad_doubt(g, CLOTH_GRAD_FROZEN, k);
     clothi_rows_close(g, &q);
+    clothi_free(&g->t->hooks, p.x);
     return status;
 }
 
@@ -2434,14 +2446,6 @@ static cloth_status clothi_leap_path(clothi_grad *g, int k, const unsigned char 
     return status ? status : clothi_grad_put(g, k, slot);
 }
 
-/* Then back along it. */
-static cloth_status clothi_grad_leap(clothi_grad *g, int k, const unsigned char *slot) {
-    cloth_status status = clothi_leap_path(g, k, slot);
-    if (!status) status = clothi_leap_adjoint(g, g->t->step[k].h, g->v, g->t->traced, k);
-    if (g->s->contact_on) g->s->contact.rollback(g->s->contact.user, NULL);
-    return status;
-}
-
 /* The substeps of step k from its motion in `slot` to g->x, last one first. */
 static cloth_status clothi_grad_implicit(clothi_grad *g, int k, const unsigned char *slot) {
     const cloth_tape   *t = g->t;
@@ -2500,16 +2504,20 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     clothi_grad        *g = w->g;
     const size_t        n = g->t->nv3, bytes = n * sizeof(double);
     const clothi_taped *e = g->t->step + k;
-    const size_t na = clothi_grad_arrive(g);
-    cloth_status status = clothi_cancelled(&g->t->hooks, NULL);
-    size_t       i;
+    const size_t        na = 3 * (size_t)g->s->model->desc.max_attachments;
+    cloth_status        status = clothi_cancelled(&g->t->hooks, NULL);
+    size_t              i;
+    memcpy(g->aim, g->pose, na * sizeof(double));       /* poses after a step are its targets */
+    memset(g->pose, 0, na * sizeof(double));
     memset(g->x0, 0, bytes);
     if (!status && !e->asleep && !clothi_all_zero(g->lx, 4 * n)) {
         if (e->inexact) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
         status = clothi_grad_put(g, k, slot);
-        if (!status && g->s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
-            status = clothi_grad_leap(g, k, slot);
-        else if (!status)
+        if (!status && g->s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG) {
+            status = clothi_leap_path(g, k, slot);
+            if (!status) status = clothi_leap_adjoint(g, e->h, g->v, g->t->traced, k);
+            if (g->s->contact_on) g->s->contact.rollback(g->s->contact.user, NULL);
+        } else if (!status)
             status = clothi_grad_implicit(g, k, slot);
         memcpy(g->x, slot, bytes);
         for (i = 0; i < n; i++) g->lx[i] += g->x0[i];
@@ -3001,31 +3009,35 @@ static void clothi_tangent_rows(clothi_grad *g, clothi_rows *q, int speeds, cons
 /* Contact at the end of a drift, as clothi_leap_touch; rows move by rows_vjp of unit vectors. */
 static cloth_status clothi_tangent_touch(clothi_grad *g, clothi_check *c, double hs,
                                          const double *x, const double *next) {
-    const size_t n = g->t->nv3, bytes = n * sizeof(double);
-    clothi_rows  q;
-    cloth_status status;
-    int          i, round, frozen;
+    const size_t  n = g->t->nv3, bytes = n * sizeof(double);
+    clothi_passes p = {0, NULL, NULL};
+    clothi_rows   q;
+    cloth_status  status;
+    int           i, at, frozen;
     if (memcmp(x + 2 * n, next, 2 * bytes) == 0) return CLOTH_OK;
-    status = clothi_leap_resolve(g, hs, x, next, &q, &frozen);
-    memcpy(g->z, c->dx, bytes);
-    memset(g->q, 0, bytes);
-    for (round = 0; !status && round <= CLOTHI_GRAD_ROUNDS && memcmp(g->q, c->dx, bytes); round++) {
-        for (i = 0; i < CLOTH_ROW_RATES * q.n; i++) {
-            if (!(q.row[i / CLOTH_ROW_RATES].multiplier > 0)) continue;
+    memset(&q, 0, sizeof q);
+    status = clothi_passes_open(g, hs, x, next, &p, &q, &frozen);
+    if (!status) memcpy(p.d, c->dx, bytes);
+    for (at = 1; at <= p.n && !status; at++) {          /* where passes began, then the end */
+        double *d = at < p.n ? p.d + (size_t)at * n : c->dx;
+        if (p.n > 1) status = clothi_leap_resolve(g, hs, x, at % p.n, &q);
+        for (i = 0; i < CLOTH_ROW_RATES * q.n && !status; i++) {
+            const cloth_contact_row *r = q.row + i / CLOTH_ROW_RATES;
+            if (!(r->multiplier > 0)) continue;
             memset(g->lx, 0, bytes);
             memset(g->np, 0, bytes);
             q.rate[i] = 1;
-            (void)clothi_rows_made(g, &q);
+            (void)clothi_rows_made(g, &q, &p, r->pass, g->lx);
             q.rate[i] = 0;
-            q.moved[i] = clothi_grad_dot(g->lx, g->z, n) + clothi_grad_dot(g->np, c->dp, n) +
-                         clothi_grad_dot(g->nv, c->dx, n);
+            q.moved[i] = clothi_grad_dot(g->lx, p.d + (size_t)r->pass * n, n) +
+                         clothi_grad_dot(g->np, c->dp, n);
         }
-        memcpy(g->q, c->dx, bytes);
-        memcpy(c->dx, g->z, bytes);
-        clothi_tangent_rows(g, &q, 0, g->s->w.x, c->dx);
+        memcpy(d, p.d, bytes);
+        if (!status) clothi_tangent_rows(g, &q, 0, g->s->w.x, d);
     }
     if (!status) clothi_tangent_rows(g, &q, 1, g->s->w.trial, c->dv);
     clothi_rows_close(g, &q);
+    clothi_free(&g->t->hooks, p.x);
     return status;
 }
 

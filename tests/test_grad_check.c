@@ -155,6 +155,73 @@ static void contact(void) {
     printf("  in contact, adjoint against tangent: off by at most %.1e\n", worst_dot);
 }
 
+static cloth_status falls(cloth_sim *sim, void *user) {
+    int k;
+    (void)user;
+    for (k = 0; k < 3; k++) {
+        const cloth_status status = cloth_step(sim, 0.002, NULL);
+        if (status) return status;
+    }
+    return CLOTH_OK;
+}
+
+/* Layers fall on a ground, each, by LEAPFROG, on what the pass before has stopped: rows of a pass
+ * are made where the one before led, and move with that. */
+static void passes(double speed, int layers) {
+    const double        ground[3] = {0, 0, 0};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_desc          d = cloth_desc_default();
+    cloth_mesh         *layer[3], *m = NULL;
+    cloth_model        *model;
+    cloth_sim          *sim;
+    cloth_collide      *c;
+    cloth_check_row     row[CLOTH_CHECK_ROWS];
+    cloth_grad_report   rep;
+    touch_loss          loss;
+    char                what[16];
+    int                 i, k, rows, most = 0;
+    for (k = 0; k < layers; k++) {
+        CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 4 - k, 4 - k, 0.2 - 0.06 * k,
+                                0.2 - 0.06 * k, layer + k));
+        for (i = 0; i < layer[k]->nv; i++) {
+            double *x = layer[k]->x + 3 * i;
+            x[0] += 0.031 * k, x[2] -= 0.027 * k;
+            x[1] += 0.0025 + 0.002 * k + 3e-4 * noise((unsigned)(40 * k + i));
+        }
+    }
+    CHECK(!cloth_mesh_merge(NULL, layer, layers, &m));
+    cloth_desc_set_mesh(&d, m);
+    d.contact = CLOTH_CONTACT_SELF, d.integrator = CLOTH_INTEGRATOR_LEAPFROG, d.substeps = 1;
+    d.material.membrane = 20, d.bend = CLOTH_BEND_NONE;
+    CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
+    CHECK(!cloth_collide_create(sim, NULL, &c));
+    o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
+    CHECK(!cloth_collide_add(c, &o, NULL));
+    for (i = 0; i < m->nv; i++) cloth_sim_state(sim)->v[3 * i + 1] = -speed;
+    cloth_sim_state_changed(sim);
+    memset(&loss, 0, sizeof loss);
+    loss.nv = m->nv;
+    CHECK(cloth_grad_check(sim, falls, NULL, touch_loss_at, &loss, row, &rows, &rep) == CLOTH_OK);
+    snprintf(what, sizeof what, "%d layers", layers);
+    CHECK(rep.valid && table(what, row, rows, 1e-10, 1e-4) == 1);
+    for (k = 0; k < 3; k++) {
+        CHECK(cloth_step(sim, 0.002, NULL) == CLOTH_OK);
+        i = cloth_collide_last(c).passes;
+        most = i > most ? i : most;
+    }
+    CHECK(most >= layers);
+    printf("  %s at %g m/s: %d passes, %d rows\n", what, speed, most, rep.rows);
+    cloth_collide_destroy(c), cloth_sim_destroy(sim), cloth_model_destroy(model);
+    for (k = 0; k < layers; k++) cloth_mesh_destroy(NULL, layer[k]);
+    cloth_mesh_destroy(NULL, m);
+}
+
+static void later_passes(void) {
+    passes(2, 2);
+    passes(3, 2);
+    passes(2, 3);
+}
+
 /* A run that is another one each time is refused, and the sim is where it was. */
 static cloth_status unsteady(cloth_sim *sim, void *user) {
     int *n = (int *)user, k;
@@ -194,6 +261,7 @@ int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(integrators);
     RUN(contact);
+    RUN(later_passes);
     RUN(bad_input);
     return TEST_END();
 }

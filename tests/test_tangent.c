@@ -59,17 +59,18 @@ static void kick(tangent *q, double c, double hs, const double *x, const double 
 }
 
 /* What row r of those that pushed is moved by: d [9] of d{normal, w, bound, speed}. */
-static void row_moves(tangent *q, const clothi_rows *z, int r, const double *start,
-                      const double *given, const double *end, double *d) {
+static void row_moves(tangent *q, const clothi_rows *z, const clothi_passes *p, int r,
+                      const double *start, double *d) {
     clothi_grad *g = &q->g;
+    const int    pass = z->row[r].pass;
     int          i;
     for (i = 0; i < CLOTH_ROW_RATES; i++) {
         memset(z->rate, 0, (size_t)z->n * CLOTH_ROW_RATES * sizeof(double));
         memset(g->lx, 0, (size_t)q->n * sizeof(double));
         memset(g->np, 0, (size_t)q->n * sizeof(double));
         z->rate[CLOTH_ROW_RATES * r + i] = 1;
-        CHECK(!clothi_rows_made(g, (clothi_rows *)(uintptr_t)z));
-        d[i] = along(g->np, start, q->n) + along(g->lx, given, q->n) + along(g->nv, end, q->n);
+        CHECK(!clothi_rows_made(g, z, p, pass, g->lx));
+        d[i] = along(g->np, start, q->n) + along(g->lx, p->d + pass * q->n, q->n);
     }
 }
 
@@ -135,39 +136,33 @@ static void program(tangent *q, const clothi_rows *z, int speeds, const double *
 }
 
 /* The zones of a drift from `start`, d of the x where it began; dx, dv of what they were given go
- * on. Rows of later passes move with where they end: found by repetition. */
+ * on. Rows of later passes move with where these began. */
 static void zones(tangent *q, double hs, const double *x, const double *next,
                   const double *start) {
     static double move[ROWS][CLOTH_ROW_RATES];
     cloth_sim    *s = q->g.s;
     const size_t  bytes = (size_t)q->n * sizeof(double);
-    const double *given = x + 2 * q->n;
-    double        end[ROOM], was[ROOM];
+    double        end[ROOM];
+    clothi_passes p = {0, NULL, NULL};
     clothi_rows   z;
-    int           r, i;
-    if (memcmp(given, next, 2 * bytes) == 0) return;
+    int           r, at, frozen;
+    if (memcmp(x + 2 * q->n, next, 2 * bytes) == 0) return;
     q->zones++;
-    memcpy(s->w.x, x, bytes);
-    memcpy(s->w.trial, x + q->n, bytes);
-    CHECK(clothi_leap_contact(s, hs, 0, NULL) == CLOTH_OK);
-    memcpy(s->w.x, given, bytes);
-    memcpy(s->w.trial, given + q->n, bytes);
-    CHECK(clothi_leap_contact(s, hs, 1, NULL) == CLOTH_OK);
-    CHECK(memcmp(s->w.x, next, bytes) == 0 && memcmp(s->w.trial, next + q->n, bytes) == 0);
     memset(&z, 0, sizeof z);
-    CHECK(clothi_rows_open(&q->g, &z) == CLOTH_OK && z.n <= ROWS);
-    memcpy(end, q->dx, bytes);
-    for (i = 0; i < 30; i++) {
-        memcpy(was, end, bytes);
+    CHECK(clothi_passes_open(&q->g, hs, x, next, &p, &z, &frozen) == CLOTH_OK && !frozen);
+    memcpy(p.d, q->dx, bytes);
+    for (at = 1; at <= p.n; at++) {
+        CHECK(clothi_leap_resolve(&q->g, hs, x, at % p.n, &z) == CLOTH_OK && z.n <= ROWS);
         for (r = 0; r < z.n; r++)
-            if (clothi_row_pushes(z.row + r, 0)) row_moves(q, &z, r, start, q->dx, was, move[r]);
+            if (clothi_row_pushes(z.row + r, 0)) row_moves(q, &z, &p, r, start, move[r]);
         memcpy(end, q->dx, bytes);
         program(q, &z, 0, s->w.x, move, end);
-        if (memcmp(end, was, bytes) == 0) break;
+        if (at < p.n) memcpy(p.d + at * q->n, end, bytes);
     }
     program(q, &z, 1, s->w.trial, move, q->dv);
     memcpy(q->dx, end, bytes);
     clothi_rows_close(&q->g, &z);
+    clothi_free(&q->g.t->hooks, p.x);
 }
 
 /* A step along its path. */

@@ -12869,7 +12869,8 @@ CLOTHI_RARE_END
  *        solver chooses its precision itself; CLOTH_ASSERT, which nothing used, is gone. [numbers]
  *        contact is part of the minimisation; one order of the unknowns for all solvers; angles of
  *        round meshes. [fix] names that windows.h and complex.h take; x87 and fast maths are
- *        refused; MinGW's sqrt; BDF2 whose search is cut short; statics that nothing holds.
+ *        refused; MinGW's sqrt; BDF2 whose search is cut short; statics that nothing holds; a
+ *        contact that was taken away; CG asked for more than rounding leaves.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

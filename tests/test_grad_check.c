@@ -92,6 +92,41 @@ static void integrators(void) {
     printf("  adjoint against tangent: off by at most %.1e\n", worst_dot);
 }
 
+static cloth_status closes(cloth_sim *sim, void *user) {
+    cloth_status status = CLOTH_OK;
+    int          k;
+    (void)user;
+    for (k = 0; k < 4 && !status; k++) status = cloth_step(sim, 0.01, NULL);
+    return status;
+}
+
+/* Two faces stitched: blocks that are in no element, which the factor has not. */
+static void stitched(void) {
+    static const double a[3] = {0.2, 0.3, 0.5}, b[3] = {0.5, 0.2, 0.3};
+    static const cloth_integrator by[3] = {CLOTH_INTEGRATOR_EULER, CLOTH_INTEGRATOR_BDF2,
+                                           CLOTH_INTEGRATOR_LEAPFROG};
+    int k;
+    for (k = 0; k < 3; k += test_quick() ? 2 : 1) {
+        cloth_check_row   row[CLOTH_CHECK_ROWS];
+        cloth_grad_report rep;
+        cloth_attachment  id;
+        loss_user         loss;
+        scene             s;
+        int               rows;
+        scene_desc(&s, 5, NULL, WITH_NOISE | WITH_DAMPING | WITH_WIND);
+        s.desc.integrator = by[k], s.desc.substeps = k == 2 ? 100 : 0;
+        s.desc.tolerance = 1e-12, s.desc.cg_tolerance = 1e-4, s.desc.max_attachments = 1;
+        CHECK(scene_open(&s, WITH_PINS) == CLOTH_OK);
+        CHECK(cloth_sim_stitch(s.sim, 3, a, 50.0, s.mesh->nf - 4, b, &id) == CLOTH_OK);
+        memset(&loss, 0, sizeof loss);
+        loss.nv = s.nv, loss.only = -1;
+        CHECK(cloth_grad_check(s.sim, closes, NULL, loss_at, &loss, row, &rows, &rep) == CLOTH_OK);
+        CHECK(rep.valid && rows == 13 && (rep.iterations > 0) == (k < 2));
+        CHECK(table("stitched", row, rows, 1e-10, 1e-6) == 1);
+        scene_close(&s);
+    }
+}
+
 typedef struct touch_runs {
     touch *t;
     int    left;                            /* runs; then it is cancelled                      */
@@ -260,6 +295,7 @@ static void bad_input(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(integrators);
+    RUN(stitched);
     RUN(contact);
     RUN(later_passes);
     RUN(bad_input);

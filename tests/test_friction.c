@@ -7,6 +7,7 @@
 #include "clothsim_collide.h"
 
 #include "test.h"
+#include "reference.h"
 
 #define T 2e-3
 #define U (T - 0.25 * T)                    /* how far in the pole is                          */
@@ -476,6 +477,65 @@ static void anchors(void) {
     }
 }
 
+/* --- the normal force backwards --- */
+
+/* A contact of this gap, gap at x^n and share; `energy` of its energy and so on. */
+static double normal_at(const cloth_collide *c, clothi_contact q, const double *at,
+                        const double *by) {
+    clothi_frame f;
+    double       left;
+    f.gap = at[0], q.start = at[1], q.share = at[2];
+    q.room = q.range - clothi_pair_pole(c, q.range, q.start);
+    q.away = clothi_contact_away(c, &q);
+    left = clothi_max(q.range - q.start - q.away, 0);
+    q.base = clothi_elastic_energy(&q, q.range - q.away) +
+             0.5 * clothi_contact_damping(c, &q) * left * left;
+    clothi_contact_normal(c, &q, 1, &f);
+    return by[0] * f.energy + by[1] * f.force + by[2] * f.own[1];
+}
+
+/* By gap, start (which moves the pole and where damping ends, where it begins near) and share. */
+static void normal_backwards(void) {
+    unsigned long long seed = 7;
+    double             worst = 0;
+    int                n, k, poles = 0, damped = 0, guarded = 0;
+    for (n = 0; n < 2000; n++) {
+        cloth_collide  c;
+        clothi_contact q;
+        clothi_rates   b;
+        double         at[3], by[3], said[3], t = 2e-3;
+        memset(&c, 0, sizeof c), memset(&q, 0, sizeof q), memset(&b, 0, sizeof b);
+        c.h = 1.0 / 60, c.approach = CLOTHI_APPROACH;
+        c.desc.relaxation = n % 3 ? 0.02 : 0;
+        q.range = t, q.stiffness = 40;
+        at[1] = ref_uniform(&seed, 0.02, 1.3) * t;
+        at[2] = n % 2 ? ref_uniform(&seed, 0.2, 0.9) : 1;
+        q.start = at[1], q.share = at[2];
+        q.room = t - clothi_pair_pole(&c, t, q.start);
+        q.away = clothi_contact_away(&c, &q);
+        q.gap = at[0] = t - q.away - ref_uniform(&seed, 0.05, 0.95) * (q.room - q.away);
+        for (k = 0; k < 3; k++) by[k] = ref_uniform(&seed, -1, 1);
+        by[0] *= 1 / t;
+        clothi_back_normal(&c, &q, by[0], by[1], by[2], &b);
+        said[0] = b.gap, said[1] = b.start, said[2] = b.share;
+        poles += c.approach * q.start < CLOTHI_POLE * t, damped += q.away > 0;
+        guarded += q.share < 1 && t - q.gap > (1 - CLOTHI_GUARD) * q.room;
+        for (k = 0; k < 3; k++) {
+            const double eps = 1e-6 * (k < 2 ? t : 1), here = at[k];
+            double       up, is, size;
+            if (k == 2 && !(at[2] < 1)) continue;
+            at[k] = here + eps, up = normal_at(&c, q, at, by);
+            at[k] = here - eps, is = (up - normal_at(&c, q, at, by)) / (2 * eps);
+            at[k] = here, size = fabs(is) + fabs(said[k]) + 1e-3 * q.stiffness;
+            worst = fmax(worst, fabs(is - said[k]) / size);
+        }
+    }
+    printf("  backwards: %d near the pole, %d damped, %d guarded: off by %.1e\n", poles, damped,
+           guarded, worst);
+    CHECK(poles > 100 && damped > 100 && guarded > 20);
+    CHECK(worst < 1e-5);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(barrier);
@@ -486,5 +546,6 @@ int main(int argc, char **argv) {
     RUN(fold);
     RUN(coulomb);
     RUN(anchors);
+    RUN(normal_backwards);
     return TEST_END();
 }

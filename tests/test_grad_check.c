@@ -213,6 +213,7 @@ static void passes(double speed, int layers) {
     cloth_check_row     row[CLOTH_CHECK_ROWS];
     cloth_grad_report   rep;
     touch_loss          loss;
+    host                told;
     char                what[16];
     int                 i, k, rows, most = 0;
     for (k = 0; k < layers; k++) {
@@ -227,7 +228,7 @@ static void passes(double speed, int layers) {
     CHECK(!cloth_mesh_merge(NULL, layer, layers, &m));
     cloth_desc_set_mesh(&d, m);
     d.contact = CLOTH_CONTACT_SELF, d.integrator = CLOTH_INTEGRATOR_LEAPFROG, d.substeps = 1;
-    d.material.membrane = 20, d.bend = CLOTH_BEND_NONE;
+    d.material.membrane = 20, d.bend = CLOTH_BEND_NONE, d.hooks = host_hooks(&told);
     CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
     CHECK(!cloth_collide_create(sim, NULL, &c));
     o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
@@ -247,6 +248,7 @@ static void passes(double speed, int layers) {
     CHECK(most >= layers);
     printf("  %s at %g m/s: %d passes, %d rows\n", what, speed, most, rep.rows);
     cloth_collide_destroy(c), cloth_sim_destroy(sim), cloth_model_destroy(model);
+    CHECK(told.live == 0);
     for (k = 0; k < layers; k++) cloth_mesh_destroy(NULL, layer[k]);
     cloth_mesh_destroy(NULL, m);
 }

@@ -3241,6 +3241,7 @@ static cloth_status clothi_check_adjoint(clothi_check *c, const clothi_script *p
     int            k, walks;
     if (!status) status = cloth_tape_create(s, NULL, &tape);
     if (!status) status = p->run(s, p->user);
+    if (!status && tape->ended) status = tape->ended_by;            /* it has said why */
     c->n = cloth_tape_steps(tape);
     if (!status) {
         c->w = (double *)clothi_alloc(&s->hooks, 2 * n * (size_t)(c->n + 1), sizeof(double));

@@ -214,7 +214,7 @@ static void passes(double speed, int layers) {
     cloth_grad_report   rep;
     touch_loss          loss;
     host                told;
-    char                what[16];
+    char                what[24];
     int                 i, k, rows, most = 0;
     for (k = 0; k < layers; k++) {
         CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 4 - k, 4 - k, 0.2 - 0.06 * k,
@@ -268,6 +268,34 @@ static cloth_status unsteady(cloth_sim *sim, void *user) {
     return CLOTH_OK;
 }
 
+/* An allocation that fails, each in turn: said, nothing lost, the sim where it was. */
+static void out_of_memory(void) {
+    static host     told;
+    cloth_hooks     hooks = host_hooks(&told);
+    cloth_status    status = CLOTH_ERR_MEMORY;
+    cloth_check_row row[CLOTH_CHECK_ROWS];
+    loss_user       loss;
+    scene           s;
+    uint64_t        before;
+    int             rows, n;
+    scene_desc(&s, 4, &hooks, 0);
+    CHECK(scene_open(&s, WITH_PINS) == CLOTH_OK && cloth_step(s.sim, 0.01, NULL) == CLOTH_OK);
+    CHECK(cloth_sim_params(s.sim) != NULL);
+    memset(&loss, 0, sizeof loss);
+    loss.nv = s.nv, loss.only = -1;
+    before = cloth_sim_hash(s.sim);
+    for (n = 1; status && n < 300; n++) {
+        told.fail_at = told.calls + n;
+        status = cloth_grad_check(s.sim, closes, NULL, loss_at, &loss, row, &rows, NULL);
+        told.fail_at = 0;
+        CHECK(status == CLOTH_OK || status == CLOTH_ERR_MEMORY);
+        CHECK(cloth_sim_hash(s.sim) == before);
+    }
+    CHECK(status == CLOTH_OK && n > 10);
+    scene_close(&s);
+    CHECK(told.live == 0);
+}
+
 static void bad_input(void) {
     cloth_check_row row[CLOTH_CHECK_ROWS];
     play            p = play_default();
@@ -301,5 +329,6 @@ int main(int argc, char **argv) {
     RUN(contact);
     RUN(later_passes);
     RUN(bad_input);
+    RUN(out_of_memory);
     return TEST_END();
 }

@@ -255,8 +255,10 @@ static inline long double stage_bar_distance(const double *a, const double *b,
     d = stage_distance(b, v[0], v[1], v[2]);
     if (d < best) best = d;
     for (i = 0; i < 3; i++) {
-        for (k = 0, d = 0; k < 3; k++)
-            d += ((long double)v[(i + 1) % 3][k] - v[i][k]) * (v[(i + 1) % 3][k] - v[i][k]);
+        for (k = 0, d = 0; k < 3; k++) {
+            const long double e = (long double)v[(i + 1) % 3][k] - (long double)v[i][k];
+            d += e * e;
+        }
         if (d > size) size = d;
         memcpy(q, x, 6 * sizeof *q);
         memcpy(q + 6, v[i], 3 * sizeof *q), memcpy(q + 9, v[(i + 1) % 3], 3 * sizeof *q);

@@ -229,7 +229,8 @@ static void passes(double speed, int layers) {
     cloth_desc_set_mesh(&d, m);
     d.contact = CLOTH_CONTACT_SELF, d.integrator = CLOTH_INTEGRATOR_LEAPFROG, d.substeps = 1;
     d.material.membrane = 20, d.bend = CLOTH_BEND_NONE, d.hooks = host_hooks(&told);
-    CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
+    CHECK(!cloth_model_create(&d, &model));
+    CHECK(!cloth_sim_create(model, &sim));
     CHECK(!cloth_collide_create(sim, NULL, &c));
     o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
     CHECK(!cloth_collide_add(c, &o, NULL));

@@ -282,6 +282,15 @@ static inline results results_make(const scene *s, int steps) {
     return r;
 }
 
+/* The gradient of loss_at into r. */
+static inline void backward(cloth_tape *tape, const scene *s, results *r, cloth_grad_report *rep) {
+    loss_user u;
+    memset(&u, 0, sizeof u);
+    u.nv = s->nv;
+    u.only = -1;
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &r->g, rep) == CLOTH_OK);
+}
+
 static inline void results_free(results *r) {
     int by;
     for (by = 0; by < BY_COUNT; by++) free(r->array[by]);

@@ -479,17 +479,23 @@ static void anchors(void) {
 
 /* --- the normal force backwards --- */
 
-/* A contact of this gap, gap at x^n and share; `energy` of its energy and so on. */
+/* What a contact has by its gap at x^n, as clothi_contact_new() makes it. */
+static void begins(const cloth_collide *c, clothi_contact *q, double start) {
+    double left;
+    q->start = start;
+    q->room = q->range - clothi_pair_pole(c, q->range, start);
+    q->away = clothi_contact_away(c, q);
+    left = clothi_max(q->range - start - q->away, 0);
+    q->base = clothi_elastic_energy(q, q->range - q->away) +
+              0.5 * clothi_contact_damping(c, q) * left * left;
+}
+
+/* Energy, force and guard, as `by` weighs them, of a contact of this gap, gap at x^n and share. */
 static double normal_at(const cloth_collide *c, clothi_contact q, const double *at,
                         const double *by) {
     clothi_frame f;
-    double       left;
-    f.gap = at[0], q.start = at[1], q.share = at[2];
-    q.room = q.range - clothi_pair_pole(c, q.range, q.start);
-    q.away = clothi_contact_away(c, &q);
-    left = clothi_max(q.range - q.start - q.away, 0);
-    q.base = clothi_elastic_energy(&q, q.range - q.away) +
-             0.5 * clothi_contact_damping(c, &q) * left * left;
+    begins(c, &q, at[1]);
+    f.gap = at[0], q.share = at[2];
     clothi_contact_normal(c, &q, 1, &f);
     return by[0] * f.energy + by[1] * f.force + by[2] * f.own[1];
 }
@@ -510,9 +516,8 @@ static void normal_backwards(void) {
         q.range = t, q.stiffness = 40;
         at[1] = ref_uniform(&seed, 0.02, 1.3) * t;
         at[2] = n % 2 ? ref_uniform(&seed, 0.2, 0.9) : 1;
-        q.start = at[1], q.share = at[2];
-        q.room = t - clothi_pair_pole(&c, t, q.start);
-        q.away = clothi_contact_away(&c, &q);
+        q.share = at[2];
+        begins(&c, &q, at[1]);
         q.gap = at[0] = t - q.away - ref_uniform(&seed, 0.05, 0.95) * (q.room - q.away);
         for (k = 0; k < 3; k++) by[k] = ref_uniform(&seed, -1, 1);
         by[0] *= 1 / t;

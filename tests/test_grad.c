@@ -178,7 +178,6 @@ static results by_method(const play *p, cloth_linear method, double tolerance, i
     cloth_tape_options o = cloth_tape_options_default();
     cloth_attachment   extra;
     cloth_tape        *tape = NULL;
-    loss_user          u;
     results            r;
     scene              s;
     int                k;
@@ -194,10 +193,8 @@ static results by_method(const play *p, cloth_linear method, double tolerance, i
         if (!squeeze) play_say(p, &s, &extra, k);
         CHECK(cloth_step(s.sim, p->h, NULL) == CLOTH_OK);
     }
-    memset(&u, 0, sizeof u);
-    u.nv = s.nv, u.only = -1;
     r = results_make(&s, p->steps);
-    CHECK(cloth_grad_backward(tape, loss_at, &u, &r.g, rep) == CLOTH_OK);
+    backward(tape, &s, &r, rep);
     cloth_tape_destroy(tape);
     scene_close(&s);
     return r;

@@ -92,11 +92,11 @@ static void integrators(void) {
     printf("  adjoint against tangent: off by at most %.1e\n", worst_dot);
 }
 
-static cloth_status closes(cloth_sim *sim, void *user) {
+/* Four steps of so many seconds. */
+static cloth_status four(cloth_sim *sim, void *h) {
     cloth_status status = CLOTH_OK;
     int          k;
-    (void)user;
-    for (k = 0; k < 4 && !status; k++) status = cloth_step(sim, 0.01, NULL);
+    for (k = 0; k < 4 && !status; k++) status = cloth_step(sim, *(const double *)h, NULL);
     return status;
 }
 
@@ -105,7 +105,8 @@ static void stitched(void) {
     static const double a[3] = {0.2, 0.3, 0.5}, b[3] = {0.5, 0.2, 0.3};
     static const cloth_integrator by[3] = {CLOTH_INTEGRATOR_EULER, CLOTH_INTEGRATOR_BDF2,
                                            CLOTH_INTEGRATOR_LEAPFROG};
-    int k;
+    double h = 0.01;
+    int    k;
     for (k = 0; k < 3; k += test_quick() ? 2 : 1) {
         cloth_check_row   row[CLOTH_CHECK_ROWS];
         cloth_grad_report rep;
@@ -120,7 +121,7 @@ static void stitched(void) {
         CHECK(cloth_sim_stitch(s.sim, 3, a, 50.0, s.mesh->nf - 4, b, &id) == CLOTH_OK);
         memset(&loss, 0, sizeof loss);
         loss.nv = s.nv, loss.only = -1;
-        CHECK(cloth_grad_check(s.sim, closes, NULL, loss_at, &loss, row, &rows, &rep) == CLOTH_OK);
+        CHECK(cloth_grad_check(s.sim, four, &h, loss_at, &loss, row, &rows, &rep) == CLOTH_OK);
         CHECK(rep.valid && rows == 13 && (rep.iterations > 0) == (k < 2));
         CHECK(table("stitched", row, rows, 1e-10, 1e-6) == 1);
         scene_close(&s);
@@ -190,20 +191,11 @@ static void contact(void) {
     printf("  in contact, adjoint against tangent: off by at most %.1e\n", worst_dot);
 }
 
-static cloth_status falls(cloth_sim *sim, void *user) {
-    int k;
-    (void)user;
-    for (k = 0; k < 3; k++) {
-        const cloth_status status = cloth_step(sim, 0.002, NULL);
-        if (status) return status;
-    }
-    return CLOTH_OK;
-}
-
 /* Layers fall on a ground, each, by LEAPFROG, on what the pass before has stopped: rows of a pass
  * are made where the one before led, and move with that. */
 static void passes(double speed, int layers) {
     const double        ground[3] = {0, 0, 0};
+    double              h = 0.002;
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_desc          d = cloth_desc_default();
     cloth_mesh         *layer[3], *m = NULL;
@@ -238,11 +230,11 @@ static void passes(double speed, int layers) {
     cloth_sim_state_changed(sim);
     memset(&loss, 0, sizeof loss);
     loss.nv = m->nv;
-    CHECK(cloth_grad_check(sim, falls, NULL, touch_loss_at, &loss, row, &rows, &rep) == CLOTH_OK);
+    CHECK(cloth_grad_check(sim, four, &h, touch_loss_at, &loss, row, &rows, &rep) == CLOTH_OK);
     snprintf(what, sizeof what, "%d layers", layers);
     CHECK(rep.valid && table(what, row, rows, 1e-10, 1e-4) == 1);
-    for (k = 0; k < 3; k++) {
-        CHECK(cloth_step(sim, 0.002, NULL) == CLOTH_OK);
+    for (k = 0; k < 4; k++) {
+        CHECK(cloth_step(sim, h, NULL) == CLOTH_OK);
         i = cloth_collide_last(c).passes;
         most = i > most ? i : most;
     }
@@ -278,6 +270,7 @@ static void out_of_memory(void) {
     loss_user       loss;
     scene           s;
     uint64_t        before;
+    double          h = 0.01;
     int             rows, n;
     scene_desc(&s, 4, &hooks, 0);
     CHECK(scene_open(&s, WITH_PINS) == CLOTH_OK && cloth_step(s.sim, 0.01, NULL) == CLOTH_OK);
@@ -287,7 +280,7 @@ static void out_of_memory(void) {
     before = cloth_sim_hash(s.sim);
     for (n = 1; status && n < 300; n++) {
         told.fail_at = told.calls + n;
-        status = cloth_grad_check(s.sim, closes, NULL, loss_at, &loss, row, &rows, NULL);
+        status = cloth_grad_check(s.sim, four, &h, loss_at, &loss, row, &rows, NULL);
         told.fail_at = 0;
         CHECK(status == CLOTH_OK || status == CLOTH_ERR_MEMORY);
         CHECK(cloth_sim_hash(s.sim) == before);

@@ -11,14 +11,6 @@
 static host        told;
 static cloth_hooks hooks;
 
-static void backward(cloth_tape *tape, const scene *s, results *r, cloth_grad_report *rep) {
-    loss_user u;
-    memset(&u, 0, sizeof u);
-    u.nv = s->nv;
-    u.only = -1;
-    CHECK(cloth_grad_backward(tape, loss_at, &u, &r->g, rep) == CLOTH_OK);
-}
-
 /* --- budgets --- */
 
 /* The smallest budget that a tape of this play is made with. */

@@ -3394,7 +3394,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     /* lagged: renewed at every iterate */
     double w[4], normal[3];                 /* friction's, which may follow by halves          */
     double share;                           /* of the force, 0 to 1                            */
-    double spring;                          /* N/m, more in this iterate's matrix              */
+    double spring, more;                    /* N/m, more in this iterate's matrix; to be added */
     double aim;                             /* N, its force as the last matrix foretold it     */
     double size, last[3];                   /* m, elastic slip u and its length                */
     double scale;                           /* of the majorizer's curvature along u: 0 or 1    */
@@ -3460,7 +3460,7 @@ struct cloth_collide {
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
     unsigned char  *dragging;               /* [mf] faces of bodies that penetrate themselves  */
     unsigned char  *pinched;                /* [mf] faces in a pinch                           */
-    unsigned char  *sought;                 /* [nf] by the hierarchy: that c->moved has moved  */
+    unsigned char  *moved;                  /* [nw + me + mf] vertices, edges and faces        */
     clothi_features features;
     clothi_bvh      tree, solid;            /* of cloth's and of obstacles' faces              */
     double         *box_v, *box_f;          /* [nw x 6], [mf x 6]                              */
@@ -3470,7 +3470,7 @@ struct cloth_collide {
     int             solid_known;            /* which way the obstacles' boxes hold             */
     double *x_ie;                           /* [nv x 3] the candidate                          */
     int    *vertex_part;                    /* [nv]                                            */
-    unsigned char *moved, *frozen;          /* [nv]; frozen 1: rigid, 2: where it was          */
+    unsigned char *frozen;                  /* [nv] 1: rigid, 2: where it was                  */
     clothi_pairs   found;                   /* by the hierarchy                                */
 
     /* the substep */
@@ -3736,9 +3736,10 @@ static cloth_status clothi_world_stars(cloth_collide *c) {
     const clothi_array need[] = {
         {&c->edges, 2 * me, sizeof(int)}, {&c->edge_face, 2 * me, sizeof(int)},
         {&c->star, nw + 1, sizeof(int)}, {&c->star_face, 3 * mf, sizeof(int)},
-        {&c->travel, nw + me + mf, sizeof(double)}, {&c->gone, nw + me + mf, sizeof(double)}};
+        {&c->travel, nw + me + mf, sizeof(double)}, {&c->gone, nw + me + mf, sizeof(double)},
+        {&c->moved, nw + me + mf, 1}};
     int i;
-    if (clothi_arrays(c->hooks, need, 6)) return CLOTH_ERR_MEMORY;
+    if (clothi_arrays(c->hooks, need, 7)) return CLOTH_ERR_MEMORY;
     memcpy(c->edges, c->features.edges, 2 * (size_t)c->features.ne * sizeof(int));
     for (i = 0; i < 2 * c->me; i++) c->edge_face[i] = -1;
     for (i = 0; i < 3 * c->mf; i++) {
@@ -3759,7 +3760,7 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     const clothi_array plain[] = {
         {&c->faces, 3 * mf, one}, {&c->slot, nw, one}, {&c->area, nw, real}, {&c->xa, 3 * nw, real},
         {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real}, {&c->box_f, 6 * mf, real},
-        {&c->pinched, mf, 1}, {&c->dragging, mf, 1}, {&c->sought, (size_t)c->nf, 1}};
+        {&c->pinched, mf, 1}, {&c->dragging, mf, 1}};
     int i, o;
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
     if (status) return status;
@@ -4016,12 +4017,19 @@ static cloth_status clothi_exempt_add(cloth_collide *c, const clothi_pair_id *p)
     return CLOTH_OK;
 }
 
-/* 1: of the world vertices v [n] there are some that c->moved names. */
-static int clothi_any_moved(const cloth_collide *c, const int *v, int n) {
-    int i;
-    for (i = 0; i < n; i++)
-        if (v[i] < c->nv && c->moved[v[i]]) return 1;
-    return 0;
+/* Of cloth's edges and faces those move of whose vertices c->moved names one. */
+static void clothi_move_features(cloth_collide *c) {
+    unsigned char *v = c->moved, *e = v + c->nw, *f = e + c->me;
+    const int     *w = c->faces;
+    int            i;
+    for (i = 0; i < c->nf; i++, w += 3) f[i] = v[w[0]] | v[w[1]] | v[w[2]];
+    for (w = c->edges, i = 0; i < c->me; i++, w += 2) e[i] = v[w[0]] | v[w[1]];
+}
+
+static int clothi_pair_moved(const cloth_collide *c, int kind, int a, int b) {
+    const unsigned char *e = c->moved + c->nw, *f = e + c->me;
+    if (kind == CLOTHI_EE) return e[a] | e[b];
+    return c->moved[a] | (kind == CLOTHI_VF ? f[b] : 0);
 }
 
 /* Pairs of cloth's faces with those of a tree, by the boxes of both; faces that cross go into
@@ -4033,10 +4041,8 @@ static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, 
     clothi_look_fn *look = cross ? clothi_crossing_look : clothi_features_look;
     cloth_status    status;
     int             i;
-    for (i = 0; moved && i < c->nf; i++)
-        c->sought[i] = (unsigned char)clothi_any_moved(c, c->faces + 3 * i, 3);
-    status = clothi_bvh_look(c->hooks, &c->tree, with, moved ? c->sought : NULL, look,
-                             cross ? (const void *)&at : &job, &c->found);
+    status = clothi_bvh_look(c->hooks, &c->tree, with, moved ? c->moved + c->nw + c->me : NULL,
+                             look, cross ? (const void *)&at : &job, &c->found);
     for (i = 0; i < c->found.count && !status; i++) {
         const int           *p = c->found.pair + 2 * i;
         const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
@@ -5208,12 +5214,12 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
 
 /* Of the pairs from `first` on those stay that have moved, or have not; all with walls. */
 static void clothi_list_cut(cloth_collide *c, int first, int moved) {
-    int i, n = first, v[4];
+    int i, n = first;
     for (i = first; i < c->npair; i++) {
-        const clothi_near p = c->pair[i];
-        if (p.id.kind == CLOTHI_VP ||
-            clothi_any_moved(c, v, clothi_pair_vertices(c, &p.id, v)) == moved)
-            c->pair[n++] = p;
+        const clothi_near *p = c->pair + i;
+        if (p->id.kind == CLOTHI_VP ||
+            clothi_pair_moved(c, p->id.kind, p->id.a, p->id.b) == moved)
+            c->pair[n++] = *p;
     }
     c->npair = n;
 }
@@ -5246,7 +5252,8 @@ static cloth_status clothi_list_keep(cloth_collide *c, int first) {
         *clothi_contact_place(c, &p) = i + 1;
     }
     for (i = 0; i < c->ncontact; i++)
-        c->order[i] = first && (q[i].kind == CLOTHI_VP || !clothi_any_moved(c, q[i].v, q[i].n));
+        c->order[i] = first && (q[i].kind == CLOTHI_VP ||
+                                 !clothi_pair_moved(c, q[i].kind, q[i].a, q[i].b));
     for (i = first; i < c->npair; i++) {
         clothi_near *p = c->pair + i;
         const int    was = p->slack - clothi_pair_far(c, c->gone, &p->id) > reach
@@ -5254,8 +5261,8 @@ static cloth_status clothi_list_keep(cloth_collide *c, int first) {
         if (was >= 0 && !(clothi_near_slack(c, p, c->x_list, 1) > reach))
             c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
     }
-    for (i = 0; i < c->ncontact; i++)
-        if (c->order[i]) q[n++] = q[i];
+    for (i = 0; i < c->ncontact; n += c->order[i++])
+        if (c->order[i] && n < i) q[n] = q[i];
     c->ncontact = n;
     c->framed = 0;
     return CLOTH_OK;
@@ -5310,6 +5317,7 @@ static cloth_status clothi_list_make(cloth_collide *c, const double *x, const do
         clothi_list_trim(c, x, y);
     } else {
         clothi_list_drift(c, x);
+        clothi_move_features(c);
         for (i = 0; i < c->nv; i++)
             if (c->moved[i])
                 clothi_swept_boxes(1, x + 3 * i, y + 3 * i, 0.5 * reach, c->box_v + 6 * i);
@@ -5365,7 +5373,7 @@ typedef struct clothi_joining {             /* who becomes a contact            
 } clothi_joining;
 
 /* Of a block of pairs those that dx may bring within reach, with their times, into its part of
- * `order`; where they end there, behind all of these. */
+ * `order`; behind all of these, where they end there and which has the least time. */
 static void clothi_pick_range(int begin, int end, int worker, void *ctx) {
     const clothi_joining *q = (const clothi_joining *)ctx;
     cloth_collide        *c = q->c;
@@ -5373,8 +5381,9 @@ static void clothi_pick_range(int begin, int end, int worker, void *ctx) {
     int                   b, i, n;
     (void)worker;
     for (b = begin; b < end; b++) {
-        const int first = b * CLOTHI_HIT_GRAIN, last = first + CLOTHI_HIT_GRAIN;
-        for (n = first, i = first; i < last && i < c->npair; i++) {
+        const int first = b * CLOTHI_HIT_GRAIN, stop = first + CLOTHI_HIT_GRAIN;
+        int      *last = c->order + c->npair + 2 * b;
+        for (n = first, i = first; i < stop && i < c->npair; i++) {
             clothi_near *p = c->pair + i;
             if (p->slack - clothi_pair_far(c, ways, &p->id) > q->reach ||
                 p->hit == CLOTHI_HIT_EXEMPT)
@@ -5382,8 +5391,9 @@ static void clothi_pick_range(int begin, int end, int worker, void *ctx) {
             c->order[n++] = i;
             p->time = 1;
             if (q->dx) clothi_near_free(c, p);
+            if (n == first + 1 || p->time < c->pair[last[1]].time) last[1] = i;
         }
-        c->order[c->npair + b] = n;
+        last[0] = n;
     }
 }
 
@@ -5391,15 +5401,15 @@ static void clothi_pick_range(int begin, int end, int worker, void *ctx) {
 static cloth_status clothi_list_pick(clothi_joining *q, double *least) {
     cloth_collide *c = q->c;
     const int      blocks = (c->npair + CLOTHI_HIT_GRAIN - 1) / CLOTHI_HIT_GRAIN;
-    cloth_status   status = CLOTHI_ROOM(c, order, c->npair + blocks);
+    cloth_status   status = CLOTHI_ROOM(c, order, c->npair + 2 * blocks);
     int            b, i;
     if (status) return status;
     clothi_for(c->hooks, blocks, 1, clothi_pick_range, q);
-    for (*least = 1, q->n = 0, b = 0; b < blocks; b++)
-        for (i = b * CLOTHI_HIT_GRAIN; i < c->order[c->npair + b]; i++) {
-            *least = clothi_min(*least, c->pair[c->order[i]].time);
-            c->order[q->n++] = c->order[i];
-        }
+    for (*least = 1, q->n = 0, b = 0; b < blocks; b++) {
+        const int *last = c->order + c->npair + 2 * b, first = b * CLOTHI_HIT_GRAIN;
+        if (last[0] > first) *least = clothi_min(*least, c->pair[last[1]].time);
+        for (i = first; i < last[0]; i++) c->order[q->n++] = c->order[i];
+    }
     return CLOTH_OK;
 }
 
@@ -5538,30 +5548,48 @@ static double clothi_contact_secant(const cloth_collide *c, const clothi_contact
     return clothi_max((clothi_max(aim, K * (come - high)) - force) / high - slope, 0);
 }
 
+typedef struct clothi_blocking {
+    cloth_collide *c;
+    const double  *dx;                      /* [nv x 3] m                                      */
+} clothi_blocking;
+
+/* What each contact needs more, since dx runs into more force than the matrix knows. */
+static void clothi_block_range(int begin, int end, int worker, void *ctx) {
+    const clothi_blocking *job = (const clothi_blocking *)ctx;
+    int                    i, j;
+    (void)worker;
+    for (i = begin; i < end; i++) {
+        clothi_contact *q = job->c->contact + i;
+        clothi_frame    f = q->at;
+        double          come = 0;
+        for (j = q->first; j < q->end; j++)
+            come -= f.w[j] * clothi_dot3(f.normal, job->dx + 3 * q->v[j]);
+        q->aim = f.force + f.own[1] + (f.slope + f.own[2] + q->spring) * come;
+        q->more = 0;
+        f.gap = q->gap - come;
+        if (!(come > 0) || f.gap > q->range) continue;
+        clothi_contact_normal(job->c, q, 0, &f);
+        if (f.force + f.own[1] > 2 * q->aim)
+            q->more = clothi_contact_secant(job->c, q, q->aim, come) - q->spring;
+    }
+}
+
 /* cloth_contact.block: what runs by dx into more force than the matrix knows gets the stiffness
  * that the force has which the matrix foretells: from try to try that grows by how much dx is too
  * long, and is kept for the next iterate, as the multiplier of a primal-dual method is. */
 static cloth_status clothi_contact_block(void *user, const double *dx, cloth_matrix *A,
                                          int *blocked) {
-    cloth_collide *c = (cloth_collide *)user;
-    cloth_status   status = clothi_friction_block(c, dx, A, blocked);
-    int            i, j;
+    cloth_collide  *c = (cloth_collide *)user;
+    clothi_blocking job = {c, dx};
+    cloth_status    status = clothi_friction_block(c, dx, A, blocked);
+    int             i;
     if (!status) status = clothi_hold_block(c, dx, A, blocked);
+    clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_block_range, &job);
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;
-        clothi_frame    f = q->at;
-        double          come = 0, more;
-        for (j = q->first; j < q->end; j++)
-            come -= f.w[j] * clothi_dot3(f.normal, dx + 3 * q->v[j]);
-        q->aim = f.force + f.own[1] + (f.slope + f.own[2] + q->spring) * come;
-        f.gap = q->gap - come;
-        if (!(come > 0) || f.gap > q->range) continue;
-        clothi_contact_normal(c, q, 0, &f);
-        if (f.force + f.own[1] <= 2 * q->aim) continue;
-        more = clothi_contact_secant(c, q, q->aim, come) - q->spring;
-        if (!(more > 0)) continue;
-        q->spring += more;
-        status = clothi_contact_spring(q, more, f.w, f.normal, A);
+        if (!(q->more > 0)) continue;
+        q->spring += q->more;
+        status = clothi_contact_spring(q, q->more, q->at.w, q->at.normal, A);
         (*blocked)++;
     }
     return status;
@@ -6179,6 +6207,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
             c->moved[c->faces[3 * c->now[i].a + k]] = 1;
             if (c->now[i].b < c->nf) c->moved[c->faces[3 * c->now[i].b + k]] = 1;
         }
+    clothi_move_features(c);
     return clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_MOVED | CLOTHI_CROSS);
 }
 
@@ -6297,11 +6326,12 @@ static void clothi_hit_range(int begin, int end, int worker, void *ctx) {
         const int slot = clothi_pair_slot(c, p);
         double xa[12], xb[12], toi, reach = clothi_slot_radius(c, slot);
         int    v[4];
-        if (!clothi_any_moved(c, v, clothi_pair_vertices(c, p, v)) || clothi_is_soft(c, p) ||
+        if (!clothi_pair_moved(c, p->kind, p->a, p->b) || clothi_is_soft(c, p) ||
             (c->listed && c->pair[i].slack > clothi_pair_far(c, c->travel, p)))
             continue;
         c->pair[i].hit = p->kind == CLOTHI_VP ? CLOTHI_HIT_NEAR : CLOTHI_HIT_MOVED;
         if (p->kind == CLOTHI_VP) continue;
+        (void)clothi_pair_vertices(c, p, v);
         clothi_pair_points(c, c->xa, v, 4, xa);
         clothi_pair_points(c, c->xb, v, 4, xb);
         reach += CLOTHI_SEPARATION * clothi_slot_thickness(c, slot);
@@ -6316,6 +6346,7 @@ static cloth_status clothi_detect(cloth_collide *c, int list, int *hit) {
     cloth_status status;
     int          i;
     *hit = c->listed = 0;
+    clothi_move_features(c);
     status = list ? clothi_list_make(c, c->xa, c->xb)
                   : clothi_broad_phase(c, c->xa, c->xb, CLOTHI_SWEPT,
                                        CLOTHI_SEPARATION * c->thickest,
@@ -6676,15 +6707,19 @@ static cloth_status clothi_feasible_from(cloth_collide *c, int last) {
     return status;
 }
 
-/* x_IE where obstacles carry cloth: with the nearest point of a surface, held cloth with both of
- * its points, the less the farther up to CLOTHI_CARRIED t, pins to where they go. Layers and gaps
- * stay as they are. By what rests only where `all`: the guess may slide along it. */
-static void clothi_carried(cloth_collide *c, int all) {
-    const clothi_surface solid = {c->xa, c->faces, NULL, NULL, &c->solid};
-    const double         reach = CLOTHI_CARRIED * c->thickest;
-    int                  i, j, k, f;
-    clothi_pinch_boxes(c);
-    for (i = 0; i < c->nv; i++) {
+typedef struct clothi_carrying {
+    cloth_collide *c;
+    int            all;                     /* by what rests too                               */
+} clothi_carrying;
+
+static void clothi_carried_range(int begin, int end, int worker, void *ctx) {
+    const clothi_carrying *job = (const clothi_carrying *)ctx;
+    cloth_collide         *c = job->c;
+    const clothi_surface   solid = {c->xa, c->faces, NULL, NULL, &c->solid};
+    const double           reach = CLOTHI_CARRIED * c->thickest;
+    int                    i, j, k, f;
+    (void)worker;
+    for (i = begin; i < end; i++) {
         const cloth_hold *h = clothi_held(c, i) ? c->holding + c->held_of[i] : NULL;
         double            A[3], B[3], w[3], way[3] = {0, 0, 0}, d2 = reach * reach, part = 1;
         for (j = 0; j < 2 && h; j++) {
@@ -6698,11 +6733,20 @@ static void clothi_carried(cloth_collide *c, int all) {
             const int v = 3 * c->faces[3 * f + j / 3] + j % 3;
             way[j % 3] += w[j / 3] * (c->xb[v] - c->xa[v]);
         }
-        if (!all && !(clothi_max_abs(way, 3) > 0)) continue;
+        if (!job->all && !(clothi_max_abs(way, 3) > 0)) continue;
         for (k = 0; k < 3; k++)
             if (!(c->sim->pin[i] >> k & 1))
                 c->x_ie[3 * i + k] += part * (c->xa[3 * i + k] + way[k] - c->x_ie[3 * i + k]);
     }
+}
+
+/* x_IE where obstacles carry cloth: with the nearest point of a surface, held cloth with both of
+ * its points, the less the farther up to CLOTHI_CARRIED t, pins to where they go. Layers and gaps
+ * stay as they are. By what rests only where `all`: the guess may slide along it. */
+static void clothi_carried(cloth_collide *c, int all) {
+    clothi_carrying job = {c, all};
+    clothi_pinch_boxes(c);
+    clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_carried_range, &job);
 }
 
 /* Whether cloth is in a pinch where a row has it, inside of a face or an edge that has no held
@@ -7389,7 +7433,7 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     const clothi_array need[] = {
         {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real},
         {&c->x_list, 3 * nv, real}, {&c->x_frame, 3 * nv, real}, {&c->way, 3 * nv, real},
-        {&c->moved, nv, 1}, {&c->frozen, nv, 1}, {&c->zone_of, nv, one},
+        {&c->frozen, nv, 1}, {&c->zone_of, nv, one},
         {&c->zone_number, nv, one}, {&c->local, nv, one}, {&c->member, nv, one},
         {&c->qp_minv, 3 * nv, real}, {&c->qp_x0, 3 * nv, real}, {&c->qp_x, 3 * nv, real},
         {&c->held_of, nv, one}, {&c->look, nv, 1}, {&c->caught, nv, sizeof *c->caught},

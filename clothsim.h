@@ -647,7 +647,7 @@ typedef struct cloth_report {
 } cloth_report;
 
 typedef struct cloth_attachment {           /* index + generation, 0 = none                    */
-    uint32_t id;
+    uint64_t id;
 } cloth_attachment;
 
 /* Callbacks that draw; any may be NULL. Colours 0xRRGGBB; positions in m. */
@@ -1002,7 +1002,7 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const 
  * that is not > 0), _UNSUPPORTED, with field and value logged. */
 CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim);
 CLOTH_API cloth_status  cloth_sim_params_changed(cloth_sim *sim);
-/* A host's own term; copied; its user pointer must outlive the sim. */
+/* A host's own term; copied; its name and its user must outlive the sim. */
 CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term);
 /* Called by clothsim_collide.h; NULL takes the contact away, for good. */
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact);
@@ -9511,7 +9511,7 @@ static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
         int    last = (c + 1) * CLOTHI_VERTICES < s->model->nv ? (c + 1) * CLOTHI_VERTICES
                                                                : s->model->nv;
         double sum = 0;
-        for (i = c * CLOTHI_VERTICES; i < last; i++)
+        for (i = c * CLOTHI_VERTICES; w > 0 && i < last; i++)      /* else y may be anything */
             for (k = 0; k < 3; k++) {
                 double m = w * s->params.mass[i], d = q->x[3 * i + k] - s->w.y[3 * i + k];
                 sum += 0.5 * m * d * d;
@@ -9580,6 +9580,80 @@ static void clothi_gather_forces(cloth_sim *s, double *grad) {
     clothi_vertices q;
     q.s = s, q.grad = grad;
     clothi_for(&s->hooks, s->model->nv, CLOTHI_VERTICES, clothi_gather_range, &q);
+}
+
+/* --- Hessian times vector, eight elements at a time, without a matrix --- */
+
+typedef struct clothi_hvp {                 /* one sweep                                       */
+    const cloth_sim       *s;
+    const clothi_elements *el;
+    const double          *x, *u;           /* [nv x 3]                                        */
+    double                 inv_h;           /* 1/h of damping; 0: none                         */
+} clothi_hvp;
+
+/* Corners x of triangles or springs to where these are at rest, in the planes and along the lines
+ * in which they are: F -> Q of F = Q S, S symmetric. */
+static void clothi_unstrained(int kind, const double *rest, double *x) {
+    enum { L = CLOTHI_LANES };
+    int k;
+    for (k = 0; k < L; k++) {
+        const clothi_vec p = clothi_vec_at(x, 0, k), d = clothi_edge(x, 1, k);
+        const clothi_tri t = clothi_tri_at(x, rest, kind == CLOTHI_TRIANGLE ? k : 0);
+        const clothi_vec n = clothi_vec_cross(t.F1, t.F2);
+        const double     size = 1 / (sqrt(clothi_vec_dot(n, n)) + 1e-300);
+        clothi_vec       q[2];
+        double           det;
+        if (kind == CLOTHI_SPRING)
+            clothi_vec_put(x, 3, k, clothi_vec_plus(p, rest[L + k] /
+                                                    (sqrt(clothi_vec_dot(d, d)) + 1e-300), d));
+        if (kind != CLOTHI_TRIANGLE) continue;
+        q[0] = clothi_vec_plus(t.F1, size, clothi_vec_cross(t.F2, n));
+        q[1] = clothi_vec_plus(t.F2, size, clothi_vec_cross(n, t.F1));
+        det = (rest[k] * rest[3 * L + k] - rest[L + k] * rest[2 * L + k]) *
+              sqrt(clothi_vec_dot(q[0], q[0]));
+        if (!(fabs(det) > 0)) continue;     /* a lane that is not used */
+        clothi_vec_put(x, 3, k, clothi_vec_plus(p, 1 / det, clothi_vec_mix(
+            rest[3 * L + k], q[0], -rest[2 * L + k], q[1])));
+        clothi_vec_put(x, 6, k, clothi_vec_plus(p, 1 / det, clothi_vec_mix(
+            -rest[L + k], q[0], rest[k], q[1])));
+    }
+}
+
+static void clothi_hvp_range(int begin, int end, int worker, void *ctx) {
+    enum { L = CLOTHI_LANES };
+    const clothi_hvp   *p = (const clothi_hvp *)ctx;
+    const clothi_group *g = p->el->group;
+    const double       *rest, *start;
+    double x[12 * L], u[12 * L], damp[L];
+    int    b;
+    (void)worker;
+    for (b = begin; b < end; b++) {
+        clothi_corners(g, p->x ? p->x : p->s->model->x_rest, b, x);
+        clothi_corners(g, p->u, b, u);
+        clothi_batch_rest(p->el, b, p->inv_h, &rest, &start, damp);
+        if (!p->x) clothi_unstrained(g->kind, rest, x);
+        p->el->kind->hvp(x, u, rest, start, damp, p->s->own.force + g->force +
+                                                      (size_t)b * (size_t)g->width * 3 * L);
+    }
+}
+
+/* out [nv x 3] = H u of stretch and bending at x [nv x 3], the derivative of each element's force
+ * along u, floors of triangles near collapse [6.3] as constants; h: of damping, whose begin() has
+ * been, or 0. x NULL: at the template, each element without strain.
+ * checked: tests/test_grad.c: hessian_times_vector */
+static void clothi_hessian_times(cloth_sim *s, const double *x, const double *u, double h,
+                                 double *out) {
+    const clothi_elements *el[2];
+    clothi_hvp             p;
+    int                    i;
+    el[0] = &s->own.membrane, el[1] = &s->own.bend;
+    p.s = s, p.x = x, p.u = u;
+    p.inv_h = h > 0 ? 1 / h : 0;
+    for (i = 0; i < 2; i++) {
+        p.el = el[i];
+        clothi_for(&s->hooks, el[i]->group->nbatch, CLOTHI_CHUNK, clothi_hvp_range, &p);
+    }
+    clothi_gather_forces(s, out);
 }
 
 /* --- gravity and external force --- */
@@ -10069,8 +10143,9 @@ static void clothi_terms_install(cloth_sim *s) {
  * has |e|_M^2/eta^2 <= -e.g <= |e|_M |g|_(M^-1), as phi is then at least as convex as its inertia;
  * so that
  * eta^2 |g_i|/m_i <= CLOTHI_REST * tolerance for all i proves the update negligible at the price
- * of one gradient. Negligible also when every step neglects it: with the eta of a tiny step a
- * cloth let go would never begin to fall, so that eta counts as CLOTHI_REST_TIME at least.
+ * of one gradient. With the eta of a tiny step a cloth let go would never begin to fall, so that
+ * eta counts as CLOTHI_REST_TIME at least. What pulls less than that for ever is never felt: at the
+ * default tolerance 3.6e-4 m/s^2, of a free sheet 18 mm in 10 s.
  *
  * What each of these choices is worth, and what was tried and lost: tests/bench/bench_hard.c.
  * checked: tests/test_newton.c, tests/test_step.c
@@ -10427,6 +10502,7 @@ static cloth_status clothi_newton_direction(cloth_sim *s, clothi_goal *goal, clo
         s->w.dx[i] = goal->eta * goal->eta * s->w.rhs[i] / s->params.mass[i / 3];
         nt->slope -= s->w.rhs[i] * s->w.dx[i];
     }
+    clothi_tie_spread(s->model, s->w.dx);
     nt->size = clothi_max_abs(s->w.dx, n);
     return CLOTH_OK;
 }
@@ -10999,7 +11075,7 @@ static cloth_status clothi_contact_start(cloth_sim *s, clothi_goal *goal, int *b
     status = s->contact.start(s->contact.user, &goal->e, s->w.x, s->w.trial, impact);
     if (*impact && *bdf2) {
         for (i = 0; i < 3 * s->model->nv; i++)
-            if (!(s->fixed[i / 3] >> (i % 3) & 1))
+            if (!(s->pin[i / 3] >> (i % 3) & 1))        /* followers of ties have inertia too */
                 s->w.y[i] = clothi_predicted(s, goal->e.h, 0, i);
         s->in.eta = goal->eta = goal->e.h;
         *bdf2 = 0;
@@ -11212,10 +11288,11 @@ CLOTHI_RARE_END
  * has real modes only, so the fastest decides: h_s < 2/omega_max, omega_max^2 the largest
  * eigenvalue of M^-1 K. A chain of springs k and masses m has omega_max = 2 sqrt(k/m), its
  * neighbours in opposition: each k is stretched by twice the amplitude. We find omega_max by
- * the power method on M^-1 K at the template, K u taken as a difference of gradients: a
- * function of model and params alone, made once. Stretched StVK is stiffer: along a principal
- * stretch s the tangent grows like (3 s^2 - 1)/2, so each step scales omega^2 by that at its start,
- * the largest mean around a vertex (a mode at the grid's scale lives on a ring of triangles), keeps
+ * the power method on M^-1 K, each element at rest in its template's plane: a function of model and
+ * params alone, made once. Stretched elements are stiffer: along a principal stretch s the tangent
+ * of StVK grows like (3 s^2 - 1)/2; a spring of length l gains k (1 - L/l) across itself, springs
+ * all round at most 2 - L/l in all. So each step scales omega^2 by that at its start, triangles by
+ * the largest mean around a vertex (a mode at the grid's scale lives on a ring of them), keeps
  * CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the substeps when the cloth stretched
  * beyond that within it.
  *
@@ -11385,33 +11462,39 @@ static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
 }
 
 /* The factor by which stretch raises the largest eigenvalue over the rest shape's, at least 1:
- * the triangles' largest when that is below `enough`, else the largest of the vertices' means. */
+ * the elements' largest when that is below `enough`, else of triangles the largest of the vertices'
+ * means. */
 static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
+    enum { L = CLOTHI_LANES };
     const clothi_group *g = &s->model->membrane;
-    double *factor = s->own.energy_batch, corners[9 * CLOTHI_LANES], low[CLOTHI_LANES], big = 1;
-    int     b, i;
-    if (g->kind != CLOTHI_TRIANGLE) return 1;
-    for (b = 0; b < g->nbatch; b++) {
-        clothi_gather_lanes(x, g->vert + (size_t)b * 3 * CLOTHI_LANES, 3, corners);
-        clothi_stretch_squares(corners, s->own.membrane.rest + (size_t)b * 7 * CLOTHI_LANES, low,
-                               factor + (size_t)b * CLOTHI_LANES);
+    double *factor = s->own.energy_batch, corners[9 * L], low[L], big = 1;
+    int     b, k;
+    for (b = 0; b < g->nbatch; b++, factor += L) {
+        const double *rest = s->own.membrane.rest +
+                             (size_t)b * (size_t)s->own.membrane.kind->nrest * L;
+        clothi_gather_lanes(x, g->vert + (size_t)(b * g->width) * L, g->width, corners);
+        if (g->kind == CLOTHI_TRIANGLE) clothi_stretch_squares(corners, rest, low, factor);
+        else clothi_spring_measure(corners, rest, factor);
+        for (k = 0; k < L; k++) {
+            factor[k] = g->kind == CLOTHI_TRIANGLE ? 0.5 * (3 * factor[k] - 1)
+                                                   : 2 - rest[L + k] / (factor[k] + 1e-300);
+            big = clothi_max(big, factor[k]);
+            factor[k] = clothi_max(factor[k], 1);
+        }
     }
-    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++) big = clothi_max(big, factor[i]);
-    if (0.5 * (3 * big - 1) <= enough) return 0.5 * (3 * big - 1);
-    for (i = 0; i < g->nbatch * CLOTHI_LANES; i++)
-        factor[i] = clothi_max(0.5 * (3 * factor[i] - 1), 1);
-    return clothi_leap_rings(s, factor);
+    if (big <= enough || g->kind == CLOTHI_SPRING) return big;
+    return clothi_leap_rings(s, s->own.energy_batch);
 }
 
 CLOTHI_RARE_BEGIN
 
 /* Element forces at e->x, w.x, into the force buffer; winged: all as forces of triangles. */
-static void clothi_leap_elements(cloth_sim *s, const cloth_eval *e, int winged) {
+static void clothi_leap_elements(cloth_sim *s, const cloth_eval *e) {
     const cloth_model *m = s->model;
     const int width = m->bend.kind == CLOTHI_QUADRATIC ? 3 : 1;
     double    energy;
     int       k;
-    if (!winged) {
+    if (!clothi_leap_winged(s)) {
         (void)clothi_elements_eval(&s->own.membrane, e, &energy);
         (void)clothi_elements_eval(&s->own.bend, e, &energy);
         return;
@@ -11439,7 +11522,7 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
         status = clothi_terms_some(s, e, 0, CLOTHI_TERM_BEND + 1);
     }
     s->own.force_only = !(s->balance && damped);
-    clothi_leap_elements(s, e, clothi_leap_winged(s));
+    clothi_leap_elements(s, e);
     s->own.force_only = 0;
     if (!others || status) return status;
     memset(s->w.grad, 0, 3 * (size_t)s->model->nv * sizeof(double));
@@ -11453,52 +11536,25 @@ static cloth_status clothi_leap_force(cloth_sim *s, cloth_eval *e, const double 
     return status;
 }
 
-/* grad [nv x 3] = elastic gradient at w.x, undamped: e->h is 0. */
-static void clothi_leap_elastic(cloth_sim *s, cloth_eval *e, double *grad) {
-    const cloth_model *m = s->model;
-    e->x = s->w.x, e->grad = grad;
-    clothi_leap_elements(s, e, m->wing != NULL);
-    clothi_sum_corners(s->own.force, m->gather_start, m->wing ? m->gather_mid : m->gather_start + 1,
-                       m->gather, 0, m->nv, 1.0, grad);
-}
-
-/* One power iteration: w.y = M^-1 K u by central differences; returns the Rayleigh quotient. */
-static double clothi_leap_power(cloth_sim *s, cloth_eval *e, double *u) {
-    const double *rest = s->model->x_rest, *mass = s->params.mass;
-    double norm = 0, rayleigh = 0, big = clothi_max_abs(u, 3 * s->model->nv);
-    double eps = 1e-6 * s->edge / (big > 0 ? big : 1);
-    int    n = 3 * s->model->nv, i;
-    for (i = 0; i < n; i++) s->w.x[i] = rest[i] + eps * u[i];
-    clothi_leap_elastic(s, e, s->w.rhs);
-    for (i = 0; i < n; i++) s->w.x[i] = rest[i] - eps * u[i];
-    clothi_leap_elastic(s, e, s->w.grad);
-    for (i = 0; i < n; i++) {
-        double ku = (s->w.rhs[i] - s->w.grad[i]) / (2 * eps);
-        norm += mass[i / 3] * u[i] * u[i];
-        rayleigh += u[i] * ku;
-        s->w.y[i] = ku / mass[i / 3];
-    }
-    return norm > 0 ? rayleigh / norm : 0;
-}
-
-/* omega_max at the template. The start vector is fixed: the result is a function of model and
- * params. The power method comes from below, so CLOTHI_LEAP_MARGIN is added. */
+/* omega_max of the template at rest. The start vector is fixed: the result is a function of model
+ * and params. The power method, u <- M^-1 K u, comes from below, so CLOTHI_LEAP_MARGIN is added. */
 static void clothi_leap_omega(cloth_sim *s) {
-    const cloth_model *m = s->model;
-    double     *u = s->w.dx, lambda = 0, big;
-    int         n = 3 * m->nv, i, k;
-    uint64_t    seed = 0x9e3779b97f4a7c15u;
-    cloth_eval  e = clothi_eval_of(s);
+    const double *mass = s->params.mass;
+    double       *u = s->w.dx, *Ku = s->w.y, lambda = 0, norm, big;
+    int           n = 3 * s->model->nv, i, k;
+    uint64_t      seed = 0x9e3779b97f4a7c15u;
     for (i = 0; i < n; i++) {
         seed = seed * 6364136223846793005u + 1442695040888963407u;
         u[i] = (double)(seed >> 11) / 9007199254740992.0 - 0.5;
     }
     for (k = 0; k < CLOTHI_LEAP_POWER; k++) {
-        double quotient = clothi_leap_power(s, &e, u);
-        if (quotient > lambda) lambda = quotient;
-        big = clothi_max_abs(s->w.y, n);
+        clothi_hessian_times(s, NULL, u, 0, Ku);
+        for (i = 0, norm = 0; i < n; i++) norm += mass[i / 3] * u[i] * u[i];
+        lambda = clothi_max(lambda, norm > 0 ? clothi_dot(u, Ku, (size_t)n) / norm : 0);
+        for (i = 0; i < n; i++) Ku[i] /= mass[i / 3];
+        big = clothi_max_abs(Ku, n);
         if (!(big > 0)) break;
-        for (i = 0; i < n; i++) u[i] = s->w.y[i] / big;
+        for (i = 0; i < n; i++) u[i] = Ku[i] / big;
     }
     s->omega_rest = sqrt(lambda) * CLOTHI_LEAP_MARGIN;
 }
@@ -11719,6 +11775,11 @@ static cloth_status clothi_leap_count(cloth_sim *s, double h, int *m) {
     return CLOTH_OK;
 }
 
+static void clothi_put_back(cloth_sim *s, cloth_report *report) {
+    (void)clothi_walked(s, CLOTHI_LOAD, s->kept, CLOTHI_PARAM, s->nterms - s->nbuiltin);
+    if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user, report);
+}
+
 static cloth_status clothi_step_leapfrog(cloth_sim *s, double h) {
     const size_t n = 3 * (size_t)s->model->nv;
     double       after, limit, omega;
@@ -11740,7 +11801,7 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h) {
             break;
         if (tries < CLOTHI_LEAP_RETRIES &&
             (!status || (status == CLOTH_ERR_STEP && !(h / m <= limit)))) {
-            if (s->contact_on) s->contact.rollback(s->contact.user, NULL);
+            clothi_put_back(s, NULL);
             continue;
         }
         if (status == CLOTH_ERR_STEP) s->report.outcome = CLOTH_STEP_COLLISION_FAILED;
@@ -11917,11 +11978,6 @@ static cloth_status clothi_keep(cloth_sim *s) {
     s->w.x0 = (double *)(void *)s->kept;
     s->w.v0 = s->w.x0 + 3 * (size_t)s->model->nv;
     return CLOTH_OK;
-}
-
-static void clothi_put_back(cloth_sim *s, cloth_report *report) {
-    (void)clothi_walked(s, CLOTHI_LOAD, s->kept, CLOTHI_PARAM, s->nterms - s->nbuiltin);
-    if (s->contact_on && s->contact.rollback) s->contact.rollback(s->contact.user, report);
 }
 
 /* Before a step is accepted: room for *n contacts in its record. */
@@ -12237,10 +12293,12 @@ CLOTH_API cloth_status cloth_sim_pin(cloth_sim *sim, int vertex, unsigned axes,
     if (!status) status = clothi_check_count(&sim->hooks, "cloth_sim_pin: ", "axes", (int)axes, 1,
                                              CLOTH_AXIS_ALL);
     if (status) return status;
-    for (k = 0; target && k < 3; k++)
-        if ((axes >> k & 1) && !clothi_finite(target[k]))
+    for (k = 0; k < 3; k++) {
+        to = target ? target[k] : sim->state.x[3 * clothi_leader(sim->model, vertex, k) + k];
+        if ((axes >> k & 1) && !clothi_finite(to))
             return clothi_fail(&sim->hooks, CLOTH_ERR_NONFINITE, "cloth_sim_pin: target[%i] = %g",
-                               k, target[k]);
+                               k, to);
+    }
     for (k = 0; k < 3; k++) {
         const int v = clothi_leader(sim->model, vertex, k);
         if (!(axes >> k & 1)) continue;
@@ -12267,9 +12325,9 @@ CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
 
 /* An attachment, or NULL. id = slot + 1 in the low half, generation in the high; 0 is none. */
 static cloth_step_attachment *clothi_attached(cloth_sim *s, cloth_attachment id, const char *call) {
-    const uint32_t at = (id.id & 0xffffu) - 1u;
+    const uint32_t at = (uint32_t)id.id - 1u;
     if (at < (uint32_t)s->model->desc.max_attachments && s->attach[at].used &&
-        (s->made[at] & 0xffffu) == id.id >> 16)
+        s->made[at] == id.id >> 32)
         return s->attach + at;
     (void)clothi_fail(&s->hooks, CLOTH_ERR_HANDLE, "%s: attachment %z is gone", call,
                       (size_t)id.id);
@@ -12313,7 +12371,7 @@ static cloth_status clothi_attach_add(cloth_sim *s, int face, const double *bary
     clothi_set(s, s->attach + i, &q, sizeof q);
     s->made[i] = ++s->generation;
     s->nattach++;
-    id->id = (s->made[i] & 0xffffu) << 16 | (uint32_t)(i + 1);
+    id->id = (uint64_t)s->made[i] << 32 | (uint32_t)(i + 1);
     return CLOTH_OK;
 }
 
@@ -12410,6 +12468,9 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
         !(term->save && term->load && term->save_size))
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_sim_add_term: set save_size, save and load, or none");
+    if (!(term->stiffness >= 0 && clothi_finite(term->stiffness)))
+        return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT,
+                           "cloth_sim_add_term: stiffness = %g", term->stiffness);
     if (sim->nterms == CLOTHI_MAX_TERMS)
         return clothi_fail(&sim->hooks, CLOTH_ERR_CAPACITY, "cloth_sim_add_term: %i terms at most",
                            CLOTHI_MAX_TERMS - sim->nbuiltin);
@@ -12592,6 +12653,9 @@ CLOTH_API cloth_status cloth_step_replay(cloth_sim *sim, const cloth_step_record
     else if (sim && record->model != sim->model->hash)
         status = clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
                              "cloth_step_replay: the record is of another model");
+    else if (sim && (!record->state || !(record->h >= 0 && clothi_finite(record->h))))
+        status = clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_step_replay: record->state is "
+                             "NULL or h = %g", record->h);
     else if (sim) status = clothi_load(sim, record->state, record->bytes, CLOTHI_PARAM);
     if (status) return clothi_refused(report, status);
     return record->h > 0 ? cloth_step(sim, record->h, report) : cloth_solve_static(sim, report);

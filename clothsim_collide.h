@@ -377,7 +377,7 @@ typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()    
 typedef struct cloth_collide cloth_collide; /* belongs to one sim                              */
 
 typedef struct cloth_obstacle {             /* slot and generation, 0: none                    */
-    uint32_t id;
+    uint64_t id;
 } cloth_obstacle;
 
 typedef struct cloth_hold {                 /* a vertex of cloth held in a pinch         [8.3] */
@@ -3629,18 +3629,18 @@ static double *clothi_pose(const clothi_obstacle *o, int which) {
 /* NULL, and said by `call`: it is not there. */
 static clothi_obstacle *clothi_obstacle_of(const cloth_collide *c, cloth_obstacle id,
                                            const char *call) {
-    const uint32_t   slot = id.id & 0xffffu;
-    clothi_obstacle *o = c && slot > 0 && (int)slot <= c->nobstacle ? c->obstacle + slot - 1 : NULL;
-    if (o && o->used && o->generation == id.id >> 16) return o;
+    const uint32_t   at = (uint32_t)id.id - 1u;
+    clothi_obstacle *o = c && at < (uint32_t)c->nobstacle ? c->obstacle + at : NULL;
+    if (o && o->used && o->generation == id.id >> 32) return o;
     if (c)
         (void)clothi_fail(c->hooks, CLOTH_ERR_HANDLE,
-                          "%s: obstacle %i is not there, or no more", call, (int)slot);
+                          "%s: obstacle %i is not there, or no more", call, (int)(at + 1));
     return NULL;
 }
 
 static cloth_obstacle clothi_obstacle_id(const cloth_collide *c, int slot) {
     cloth_obstacle id;
-    id.id = slot < 0 ? 0 : (c->obstacle[slot].generation << 16 | (uint32_t)(slot + 1));
+    id.id = slot < 0 ? 0 : (uint64_t)c->obstacle[slot].generation << 32 | (uint32_t)(slot + 1);
     return id;
 }
 
@@ -7710,8 +7710,6 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
     status = clothi_obstacle_check(c, desc);
     if (status) return status;
     while (slot < c->nobstacle && c->obstacle[slot].used) slot++;
-    if (slot >= 0xffff)
-        return clothi_fail(c->hooks, CLOTH_ERR_CAPACITY, "more than %i obstacles", 0xffff);
     status = CLOTHI_ROOM(c, obstacle, slot + 1);
     if (status) return status;
     if (slot == c->nobstacle) c->nobstacle++;
@@ -7723,7 +7721,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
         c->nobstacle = known;
         return status;
     }
-    o->generation = (o->generation + 1) & 0xffffu;
+    o->generation++;
     if (id) *id = clothi_obstacle_id(c, slot);
     return CLOTH_OK;
 }
@@ -7747,7 +7745,7 @@ static cloth_status clothi_carry(cloth_collide *c, const clothi_obstacle *o, int
         cloth_step_attachment *q = c->sim->attach + i;
         if (q->on != (int)(o - c->obstacle) + 1) continue;
         memset(q->target, 0, sizeof q->target);
-        id.id = (c->sim->made[i] & 0xffffu) << 16 | (uint32_t)(i + 1);
+        id.id = (uint64_t)c->sim->made[i] << 32 | (uint32_t)(i + 1);
         if (q->other >= o->nf) (void)cloth_sim_detach(c->sim, id);
         for (j = 0; q->used && j < 9; j++)
             q->target[j % 3] += q->at[j / 3] *
@@ -7777,7 +7775,7 @@ CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id,
     if (!o) return CLOTH_ERR_HANDLE;
     if (obstacle_face < 0 || obstacle_face >= o->nf)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "cloth_collide_attach: obstacle_face %i "
-                           "but obstacle %i has %i", obstacle_face, (int)(id.id & 0xffffu), o->nf);
+                           "but obstacle %i has %i", obstacle_face, (int)(uint32_t)id.id, o->nf);
     status = clothi_attach_add(c->sim, face, bary, k, (int)(o - c->obstacle) + 1, obstacle_face,
                                at, attachment);
     return status ? status : clothi_carry(c, o, 0);
@@ -7826,7 +7824,7 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
     if (clothi_is_wall(o) && memcmp(turn, none, sizeof none[0]) != 0)
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_collide_pose: R turns obstacle %i, a plane or a grid",
-                           (int)(id.id & 0xffffu));
+                           (int)(uint32_t)id.id);
     for (i = 0; i < o->nv; i++)
         for (k = 0; k < 3; k++) {
             const double *x = clothi_pose(o, 2) + 3 * i;

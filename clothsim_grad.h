@@ -17,7 +17,7 @@
  *     [2.3] CHECK                            [2.4] LOSSES
  *     [2.5] SIMULATION LAYER                 [2.6] EMBEDDED GRAPH
  *   the implementation, bottom-up
- *     [3.1] THE TAPE                         [3.2] HESSIAN TIMES VECTOR
+ *     [3.1] THE TAPE
  *     [4.1] A SUBSTEP, LINEARISED            [4.2] ITS ADJOINT
  *     [4.3] LEAPFROG                         [4.4] FROM MASSES AND LAME CONSTANTS TO MATERIALS
  *     [5.1] BACKWARDS                        [5.2] TANGENT, CHECK
@@ -1006,57 +1006,6 @@ CLOTH_API const char *cloth_tape_ended(const cloth_tape *tape) {
     return tape ? tape->ended : NULL;
 }
 
-/* ===== [3.2] HESSIAN TIMES VECTOR ============================================================
- *
- *   H u of stretch and bending, eight elements at a time, without a matrix: the _hvp of clothsim.h
- *   [6.1] to [6.4], the derivative of each element's force along u. The floors of [6.3] there, for
- *   triangles near collapse, are taken as constants.
- *
- * What it is for: LEAPFROG's adjoint, which has no matrix, and how the Hessian changes over the
- * update that a forward step left undone.
- * checked: tests/test_grad.c: hessian_times_vector
- */
-
-typedef struct clothi_hvp {                 /* one sweep                                       */
-    const cloth_sim       *s;
-    const clothi_elements *el;
-    const double          *x, *u;           /* [nv x 3]                                        */
-    double                 inv_h;           /* 1/h of damping; 0: none                         */
-} clothi_hvp;
-
-static void clothi_hvp_range(int begin, int end, int worker, void *ctx) {
-    enum { L = CLOTHI_LANES };
-    const clothi_hvp   *p = (const clothi_hvp *)ctx;
-    const clothi_group *g = p->el->group;
-    const double       *rest, *start;
-    double x[12 * L], u[12 * L], damp[L];
-    int    b;
-    (void)worker;
-    for (b = begin; b < end; b++) {
-        clothi_corners(g, p->x, b, x);
-        clothi_corners(g, p->u, b, u);
-        clothi_batch_rest(p->el, b, p->inv_h, &rest, &start, damp);
-        p->el->kind->hvp(x, u, rest, start, damp, p->s->own.force + g->force +
-                                                      (size_t)b * (size_t)g->width * 3 * L);
-    }
-}
-
-/* out [nv x 3] = H u of the elements at x; h: of damping, whose begin() has been, or 0. */
-static void clothi_hessian_times(cloth_sim *s, const double *x, const double *u, double h,
-                                 double *out) {
-    const clothi_elements *el[2];
-    clothi_hvp             p;
-    int                    i;
-    el[0] = &s->own.membrane, el[1] = &s->own.bend;
-    p.s = s, p.x = x, p.u = u;
-    p.inv_h = h > 0 ? 1 / h : 0;
-    for (i = 0; i < 2; i++) {
-        p.el = el[i];
-        clothi_for(&s->hooks, el[i]->group->nbatch, CLOTHI_CHUNK, clothi_hvp_range, &p);
-    }
-    clothi_gather_forces(s, out);
-}
-
 /* ===== [4.1] A SUBSTEP, LINEARISED ===========================================================
  *
  *   x: free axes       M (x - y)/eta^2 + dE/dx = 0
@@ -1180,7 +1129,7 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  *
  * What an early stop costs. With g = grad phi left at x the minimum is at x + d, H d = -g. There H
  * z = a has another H: z is off by about H^-1 (H(x + d) - H(x)) z, relative to a by |(H(x + d) -
- * H(x)) z|/|a|. One more right-hand side for the factor and two products of [3.2]; summed over the
+ * H(x)) z|/|a|. One more right-hand side for the factor and two products H u; summed over the
  * steps in report.early. First order, of elements and contact.
  * checked: tests/test_grad.c: differences_*, tests/test_grad_contact.c, tests/stability/grad_flag.c
  */
@@ -1842,9 +1791,9 @@ static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k
  *              (the places at the time of impact) is contact's to tell: of rows of pass p, where p
  *              began, which is such a program's end itself, by the rows of the passes before.
  *
- * H u by [3.2], without a matrix. F depends on v by material damping, whose strain rate is taken
- * against x - hs v, and by wind. x and v at every kick come from running the step anew: the path of
- * a step is long, and its start is kept.
+ * H u by clothi_hessian_times(), without a matrix. F depends on v by material damping, whose strain
+ * rate is taken against x - hs v, and by wind. x and v at every kick come from running the step
+ * anew: the path of a step is long, and its start is kept.
  * checked: tests/test_grad.c: differences_leapfrog, host_term; tests/test_grad_contact.c: zones
  */
 

@@ -205,6 +205,8 @@ static void obstacles(void) {
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK && id.id != stale.id);
     CHECK(cloth_collide_move(W.c, stale, x) == CLOTH_ERR_HANDLE);
     CHECK(cloth_collide_teleport(W.c, stale, x) == CLOTH_ERR_HANDLE);
+    stale.id = 0x80000001u;
+    CHECK(cloth_collide_move(W.c, stale, x) == CLOTH_ERR_HANDLE);
     CHECK(cloth_collide_move(NULL, id, x) == CLOTH_ERR_HANDLE);
     CHECK(cloth_collide_step(NULL, 0.01, 0, NULL) == CLOTH_ERR_ARGUMENT);
     host_forget(&H);

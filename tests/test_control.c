@@ -100,8 +100,12 @@ static void attachments(void) {
     CHECK(cloth_sim_detach(S.sim, id) == CLOTH_OK);
     before = cloth_sim_hash(S.sim);
     CHECK(kept(cloth_sim_detach(S.sim, id), CLOTH_ERR_HANDLE, "gone"));
-    /* the place is used again: the old handle does not fit the new tenant */
+    /* the place is used again: the old handle fits no new tenant, the 65 536th neither */
     CHECK(cloth_sim_attach(S.sim, 2, bary, 1, up, &other) == CLOTH_OK && other.id != id.id);
+    for (k = 1; k < 65536; k++)
+        if (cloth_sim_detach(S.sim, other) || cloth_sim_attach(S.sim, 2, bary, 1, up, &other))
+            break;
+    CHECK(k == 65536 && other.id != id.id);
     before = cloth_sim_hash(S.sim);
     CHECK(kept(cloth_sim_attach_move(S.sim, id, up), CLOTH_ERR_HANDLE, "gone"));
     /* neither do handles from before a reset */
@@ -119,6 +123,8 @@ static void attachments(void) {
     cloth_sim_state(S.sim)->x[0] = NAN;
     before = cloth_sim_hash(S.sim);
     CHECK(kept(cloth_sim_attach(S.sim, 0, bary, 1, up, &id), CLOTH_ERR_NONFINITE, "state.x"));
+    /* nor pinned where it is */
+    CHECK(kept(cloth_sim_pin(S.sim, 0, CLOTH_AXIS_X, NULL), CLOTH_ERR_NONFINITE, "NaN"));
 }
 
 static void forces_gravity_wind(void) {
@@ -524,6 +530,12 @@ static void stretches(void) {
     CHECK(cloth_sim_stretches(NULL, low, high) == CLOTH_ERR_ARGUMENT);
 }
 
+static cloth_status no_force(void *user, const cloth_eval *e, double *energy) {
+    (void)user, (void)e;
+    *energy = 0;
+    return CLOTH_OK;
+}
+
 static void null_sims(void) {
     cloth_ledger  l;
     cloth_contact none;
@@ -547,6 +559,11 @@ static void null_sims(void) {
     CHECK(kept(cloth_sim_set_contact(S.sim, &none), CLOTH_ERR_ARGUMENT, "commit is NULL"));
     CHECK(kept(cloth_sim_add_term(S.sim, NULL), CLOTH_ERR_ARGUMENT, "term is NULL"));
     CHECK(kept(cloth_sim_add_term(S.sim, &term), CLOTH_ERR_ARGUMENT, "eval is NULL"));
+    term.eval = no_force;
+    term.stiffness = -1;
+    CHECK(kept(cloth_sim_add_term(S.sim, &term), CLOTH_ERR_ARGUMENT, "stiffness = -1"));
+    term.stiffness = NAN;
+    CHECK(kept(cloth_sim_add_term(S.sim, &term), CLOTH_ERR_ARGUMENT, "stiffness = NaN"));
     CHECK(kept(cloth_sim_set_material(S.sim, 0, NULL), CLOTH_ERR_ARGUMENT, "m is NULL"));
     CHECK(kept(cloth_sim_save(S.sim, NULL, 9), CLOTH_ERR_ARGUMENT, "save: buf is NULL"));
     CHECK(kept(cloth_sim_restore(S.sim, NULL, 9), CLOTH_ERR_ARGUMENT, "restore: buf is NULL"));

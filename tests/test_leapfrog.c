@@ -317,6 +317,126 @@ static void snap(void) {
     }
 }
 
+/* A sheet of 12 x 12 whose pattern is `part` times its template, shaken by 0.1 mm. */
+static void shaken(dyn *d, cloth_membrane membrane, double part) {
+    unsigned long long seed = 5;
+    int                i;
+    dyn_sheet(d, CLOTH_SHEET_DIAGONAL, 12, 12, 0.5, 0.5);
+    for (i = 0; i < 6 * d->mesh->nf; i++) d->mesh->X[i] *= part;
+    d->desc.X = d->mesh->X;
+    d->desc.membrane = membrane;
+    d->desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+    dyn_start(d);
+    for (i = 0; i < 3 * d->nv; i++) d->state->x[i] += ref_uniform(&seed, -1e-4, 1e-4);
+    cloth_sim_state_changed(d->sim);
+}
+
+/* A pattern larger than its template, from the start or in mid-run: substeps are those of cloth at
+ * rest. By the Hessian at the template, where it is compressed, 1.6 gained 1e14 J in a step and
+ * springs of 1.08 1e70 J in 60, CLOTH_OK. */
+static void pattern_larger(void) {
+    static const double PART[4] = {1.3, 1.6, 1.08, 1.15};
+    int                 k, n, i;
+    for (k = 0; k < 6; k++) {
+        const int    later = k >= 4;
+        dyn          d;
+        cloth_report r;
+        cloth_ledger start;
+        double       most = 0;
+        shaken(&d, k < 2 || k == 4 ? CLOTH_MEMBRANE_STVK : CLOTH_MEMBRANE_SPRINGS,
+               later ? 1 : PART[k]);
+        if (later) {
+            cloth_params *p = cloth_sim_params(d.sim);
+            CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+            for (i = 0; i < 6 * d.mesh->nf; i++) p->X[i] *= k == 4 ? 1.5 : 1.1;
+            CHECK(cloth_sim_params_changed(d.sim) == CLOTH_OK);
+        }
+        CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+        for (n = 0; n < 60; n++) {
+            if (cloth_step(d.sim, 1.0 / 60, &r) != CLOTH_OK) break;
+            most = fmax(most, r.energy.total / start.total);
+        }
+        printf("  pattern %s%g: %d steps, %.3f of the energy at most\n", later ? "later " : "",
+               later ? k == 4 ? 1.5 : 1.1 : PART[k], n, most);
+        CHECK(n == 60 && most < 1.5);
+        dyn_end(&d);
+    }
+}
+
+/* Springs stretched on a frame are quiet: they hold across themselves too. By their stiffness at
+ * rest what is stretched twice blew up, CLOTH_OK. */
+static void springs_on_a_frame(void) {
+    static const double STRETCH[3] = {1.5, 2, 3};
+    int                 k, n, i, j;
+    for (k = 0; k < 3; k++) {
+        unsigned long long seed = 3;
+        dyn                d;
+        cloth_report       r;
+        double             most = 0;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 12, 12, 0.4, 0.4);
+        d.desc.membrane = CLOTH_MEMBRANE_SPRINGS;
+        d.desc.material.membrane = 3000;    /* many substeps: none is rounded up by much */
+        d.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+        dyn_start(&d);
+        for (i = 0; i < d.nv; i++) {
+            const int rim = i % 12 == 0 || i % 12 == 11 || i < 12 || i >= 132;
+            for (j = 0; j < 3; j++)
+                d.state->x[3 * i + j] = STRETCH[k] * d.state->x[3 * i + j] +
+                                        (rim ? 0 : ref_uniform(&seed, -1e-5, 1e-5));
+            if (rim) CHECK(cloth_sim_pin(d.sim, i, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+        }
+        cloth_sim_state_changed(d.sim);
+        for (n = 0; n < 60; n++) {
+            if (cloth_step(d.sim, 1.0 / 60, &r) != CLOTH_OK) break;
+            most = fmax(most, r.energy.kinetic);
+        }
+        printf("  springs at %g: %d steps, kinetic energy %.1e J at most\n", STRETCH[k], n, most);
+        CHECK(n == 60 && most < 1e-4);
+        dyn_end(&d);
+    }
+}
+
+/* A step that is taken again with more substeps takes a host's term again from where it was: one
+ * that counts its substeps counts those of the run that was accepted. */
+static cloth_status count_begin(void *user, const cloth_eval *e) {
+    (void)e;
+    ++*(double *)user;
+    return CLOTH_OK;
+}
+
+static cloth_status count_eval(void *user, const cloth_eval *e, double *energy) {
+    (void)user, (void)e;
+    *energy = 0;
+    return CLOTH_OK;
+}
+
+static size_t count_size(void *user) {
+    (void)user;
+    return sizeof(double);
+}
+
+static void count_save(void *user, void *to) { memcpy(to, user, sizeof(double)); }
+
+static void count_load(void *user, const void *from) { memcpy(user, from, sizeof(double)); }
+
+static void taken_again(void) {
+    cloth_term   t;
+    cloth_report r;
+    dyn          d;
+    double       count = 0;
+    int          i;
+    shaken(&d, CLOTH_MEMBRANE_STVK, 1);
+    memset(&t, 0, sizeof t);
+    t.name = "count", t.user = &count, t.begin = count_begin, t.eval = count_eval;
+    t.save_size = count_size, t.save = count_save, t.load = count_load;
+    CHECK(cloth_sim_add_term(d.sim, &t) == CLOTH_OK);
+    for (i = 0; i < d.nv; i++) d.state->v[3 * i] = 120 * (d.state->x[3 * i] - 0.25);
+    CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK);
+    printf("  %d substeps in all, %g counted\n", r.substeps, count);
+    CHECK(r.substeps % 3 == 0 && count < r.substeps && count >= 2 * r.substeps / 3 + 1);
+    dyn_end(&d);
+}
+
 /* Moving both pins alike carries the sheet along: their motion is exact and straight. */
 static void moving_pins(void) {
     dyn          d;
@@ -607,6 +727,9 @@ int main(int argc, char **argv) {
     RUN(damped);
     RUN(stretched);
     RUN(snap);
+    RUN(pattern_larger);
+    RUN(springs_on_a_frame);
+    RUN(taken_again);
     RUN(moving_pins);
     RUN(ledger_closes);
     RUN(ledger_of_few);

@@ -302,8 +302,10 @@ static void steps_replay(void) {
 }
 
 static void statics_replay(void) {
-    keeper   first, again;
-    uint64_t hash;
+    static const double H[4] = {NAN, -0.01, INFINITY, 0};
+    keeper              first, again;
+    uint64_t            hash;
+    int                 i;
     S = scene_make(5, CLOTH_MEMBRANE_STVK, CLOTH_BEND_HINGE, CLOTH_INTEGRATOR_EULER, NULL,
                    WITH_ALL & ~WITH_WIND);
     listen(S.sim, &first);
@@ -315,6 +317,13 @@ static void statics_replay(void) {
     listen(S.sim, &again);
     CHECK(cloth_step_replay(S.sim, &first.r, NULL) == CLOTH_OK && cloth_sim_hash(S.sim) == hash);
     same_record(&first.r, &again.r);
+    for (i = 0; i < 4; i++) {               /* a record that is none runs nothing */
+        cloth_step_record bad = first.r;
+        bad.h = H[i];
+        if (i == 3) bad.state = NULL;
+        CHECK(cloth_step_replay(S.sim, &bad, NULL) == CLOTH_ERR_ARGUMENT);
+        CHECK(cloth_sim_hash(S.sim) == hash);
+    }
     keeper_free(&first);
     keeper_free(&again);
     scene_close(&S);
@@ -702,7 +711,7 @@ static void refused_adds(void) {
     CHECK(cloth_sim_hash(S.sim) == hash);
     at[1] += 9;
     o.x = at;                               /* its slot's first: a sim without refusals has it */
-    CHECK(cloth_collide_add(c, &o, &slot) == CLOTH_OK && slot.id >> 16 == 1);
+    CHECK(cloth_collide_add(c, &o, &slot) == CLOTH_OK && slot.id >> 32 == 1);
     cloth_collide_destroy(c);
     scene_close(&S);
     CHECK(told.live == 0);

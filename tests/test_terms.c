@@ -212,6 +212,13 @@ static void potential_fails(void) {
     CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_ERR_NONFINITE);
     S.sim->state.v[7] = 1e200;
     CHECK(cloth_sim_energy(S.sim, &l) == CLOTH_ERR_NONFINITE && !(l.total > 0));
+    /* what a refused step left in scratch counts for nothing */
+    S.sim->state.v[7] = 1e308;
+    cloth_sim_state_changed(S.sim);
+    CHECK(cloth_step(S.sim, 100, NULL) != CLOTH_OK);
+    S.sim->state.v[7] = 0;
+    cloth_sim_state_changed(S.sim);
+    CHECK(cloth_sim_potential(S.sim, X0, &value, g) == CLOTH_OK);
 }
 
 static void potential_is_consistent(void) {

@@ -10320,6 +10320,16 @@ static void clothi_tie_gradient(const cloth_model *m, double *g) {
         }
 }
 
+/* Followers to where their leaders have them. */
+static void clothi_tie_place(const cloth_model *m, double *x) {
+    int i;
+    for (i = 0; m->tie && i < 3 * m->nv; i++)
+        if (m->tie[i] >= 0) {
+            const int lead = 3 * m->tie[i] + i % 3;
+            x[i] = x[lead] + (m->x[i] - m->x[lead]);
+        }
+}
+
 static void clothi_tie_spread(const cloth_model *m, double *dx) {
     int i;
     for (i = 0; m->tie && i < 3 * m->nv; i++)
@@ -10605,6 +10615,7 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
     was = clothi_charge(s, &s->ms.contact);
     for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
         status = s->contact.block(s->contact.user, s->w.dx, s->matrix, &blocked);
+        if (!status && blocked && s->model->tie) status = clothi_tie_matrix(s);
         if (status || (tries && !blocked)) break;
         if (blocked) {
             status = clothi_newton_again(s, nt);
@@ -10862,7 +10873,7 @@ static double clothi_predicted(const cloth_sim *s, double h, int bdf2, int i) {
 static int clothi_predict(cloth_sim *s, double h, double *eta) {
     int i, n = 3 * s->model->nv;
     int bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && s->history && !s->calm &&
-               fabs(h - s->h_prev) <= 1e-12 * h;
+               fabs(h - s->h_prev) <= 1e-9 * h;         /* t + h - t of late t is h */
     *eta = bdf2 ? 2 * h / 3 : h;
     for (i = 0; i < n; i++) s->w.y[i] = clothi_predicted(s, h, bdf2, i);
     return bdf2;
@@ -10922,11 +10933,8 @@ static void clothi_guess(cloth_sim *s, double h) {
             s->w.x[i] = s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
     }
     for (i = 0; m->tie && i < n; i++)
-        if (m->tie[i] >= 0) {
-            int lead = 3 * m->tie[i] + i % 3;
-            s->fixed[i / 3] = (unsigned char)(s->fixed[i / 3] | 1u << (i % 3));
-            s->w.x[i] = s->w.x[lead] + (m->x[i] - m->x[lead]);
-        }
+        if (m->tie[i] >= 0) s->fixed[i / 3] = (unsigned char)(s->fixed[i / 3] | 1u << (i % 3));
+    clothi_tie_place(m, s->w.x);
     s->in.goal = s->w.y;
 }
 
@@ -12110,18 +12118,21 @@ static int clothi_watched(const cloth_sim *s, double h) {
            s->nterms == s->nbuiltin && !s->asleep;
 }
 
-/* A run with its ledger. A step of BDF2 whose energy no work explains is taken again by implicit
- * Euler, which forgets, as the next one does; where time is up the next one alone. */
+/* A run with its ledger. A step of BDF2 that gains energy which no work explains is taken again by
+ * implicit Euler, which forgets, as the next one does; where time is up the next one alone. What
+ * contact and friction take does not count: in a search that was cut short it did not happen. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
     cloth_status status = CLOTH_OK;
-    double       most = CLOTHI_GROWTH;
+    double       most = CLOTHI_GROWTH, gain;
     for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
         status = clothi_step_run(s, h);
         if (!status) status = clothi_book(s, before);
+        gain = l->total - before->total - l->wind_work - l->force_work - l->pin_work -
+               clothi_max(l->contact_work, 0);
         most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
-        if (status || !clothi_watched(s, h) || l->numerical_loss >= -most) break;
+        if (status || !clothi_watched(s, h) || gain <= most) break;
         if (s->finish) {
             clothi_forget(s);
             break;
@@ -12129,7 +12140,7 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
         if (s->calm) {
             s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
-                               "desc.max_newton or tolerance?", -l->numerical_loss);
+                               "desc.max_newton or tolerance?", gain);
         }
         clothi_put_back(s, NULL);
         memset(&s->report.energy, 0, sizeof s->report.energy);

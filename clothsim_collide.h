@@ -3469,6 +3469,7 @@ struct cloth_collide {
                                                obstacles                                       */
     int             solid_known;            /* which way the obstacles' boxes hold             */
     double *x_ie;                           /* [nv x 3] the candidate                          */
+    double *tied;                           /* [nv x 3] kg of what a leader moves; NULL: no ties */
     int    *vertex_part;                    /* [nv]                                            */
     unsigned char *frozen;                  /* [nv] 1: rigid, 2: where it was                  */
     clothi_pairs   found;                   /* by the hierarchy                                */
@@ -6369,6 +6370,13 @@ static int clothi_movable(const cloth_collide *c, int v) {
     return v < c->nv && !c->frozen[v] && (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL;
 }
 
+/* The vertex that moves a row's i-th one along axis i % 3, itself or what it is tied to; -1: none
+ * can. */
+static int clothi_row_mover(const cloth_collide *c, const cloth_contact_row *row, int i) {
+    const int v = row->v[i / 3], u = v < c->nv ? clothi_leader(c->sim->model, v, i % 3) : v;
+    return clothi_movable(c, u) ? u : -1;
+}
+
 /* Numbers the zones in the order of their first row and counts their rows and vertices; returns how
  * many zones there are. Rows without a movable vertex get zone -1. */
 static int clothi_zone_number(cloth_collide *c) {
@@ -6376,10 +6384,11 @@ static int clothi_zone_number(cloth_collide *c) {
     for (i = 0; i < c->nv; i++) parent[i] = i, number[i] = c->local[i] = -1;
     for (i = 0; i < c->nrow; i++) {
         int first = -1;
-        for (k = 0; k < c->row[i].n; k++) {
-            if (!clothi_movable(c, c->row[i].v[k])) continue;
-            if (first >= 0) (void)clothi_join(parent, first, c->row[i].v[k]);
-            first = c->row[i].v[k];
+        for (k = 0; k < 3 * c->row[i].n; k++) {
+            const int v = clothi_row_mover(c, c->row + i, k);
+            if (v < 0) continue;
+            if (first >= 0) (void)clothi_join(parent, first, v);
+            first = v;
         }
         c->row[i].zone = first;
     }
@@ -6426,10 +6435,15 @@ static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double 
         clothi_zone             *q = c->zone + (row->zone < 0 ? 0 : row->zone);
         if (row->zone < 0) continue;
         q->order[q->rows++] = i;
-        for (k = 0; k < row->n; k++)
-            if (clothi_movable(c, row->v[k]) && c->local[row->v[k]] < 0)
-                q->member[c->local[row->v[k]] = q->size++] = row->v[k];
+        for (k = 0; k < 3 * row->n; k++) {
+            const int by = clothi_row_mover(c, row, k);
+            if (by >= 0 && c->local[by] < 0) q->member[c->local[by] = q->size++] = by;
+        }
     }
+    for (i = 0; c->tied && i < 3 * c->nv; i++) c->tied[i] = 0;
+    for (i = 0; c->tied && i < 3 * c->nv; i++)
+        c->tied[3 * clothi_leader(c->sim->model, i / 3, i % 3) + i % 3] +=
+            c->sim->params.mass[i / 3];
     for (z = 0; z < c->nwork && c->hooks->parallel.run && most > 0; z++)
         if (!clothi_qp_reserve(c->work[z], most, 12 * most, 12 * CLOTHI_LARGE_ZONE))
             return CLOTH_ERR_MEMORY;
@@ -6440,29 +6454,35 @@ static cloth_status clothi_zone_make(cloth_collide *c, int *nzone, const double 
  * masses are relative to their mean. On velocities: of the rows with a multiplier. */
 static void clothi_zone_qp(const cloth_collide *c, clothi_zone *q) {
     const double *mass = c->sim->params.mass, *from = c->zone_v ? c->zone_v : c->x_ie;
-    int    m = 0, nnz = 0, r, i, k;
+    const double *x = c->sim->model->x;
+    int    m = 0, nnz = 0, r, i, j, k;
     for (r = 0; r < q->rows; r++) {
         const cloth_contact_row *row = c->row + q->order[r];
         if (c->zone_v && !(row->multiplier > 0)) continue;
         q->row[m] = nnz;
         q->h[m] = c->zone_v ? -row->speed : -row->bound;
-        for (i = 0; i < row->n; i++) {
-            const int v = row->v[i];
-            for (k = 0; v < c->nv && k < 3; k++) {
-                const double g = row->w[i] * row->normal[k], to = c->xb[3 * v + k];
-                if (!clothi_movable(c, v))
-                    q->h[m] += g * (c->zone_v ? (to - c->xa[3 * v + k]) / c->h : to);
-                else
-                    q->col[nnz] = 3 * c->local[v] + k, q->val[nnz++] = -g;
+        for (i = 0; i < 3 * row->n; i++) {
+            const int    at = 3 * row->v[i / 3] + i % 3, v = clothi_row_mover(c, row, i);
+            const double g = row->w[i / 3] * row->normal[i % 3];
+            if (row->v[i / 3] >= c->nv) continue;
+            if (v < 0) {
+                q->h[m] += g * (c->zone_v ? (c->xb[at] - c->xa[at]) / c->h : c->xb[at]);
+                continue;
             }
+            k = 3 * c->local[v] + i % 3;
+            for (j = q->row[m]; j < nnz && q->col[j] != k; j++) {}
+            if (j == nnz) q->col[nnz] = k, q->val[nnz++] = -g;
+            else q->val[j] -= g;
+            if (!c->zone_v) q->h[m] += g * (x[at] - x[3 * v + i % 3]);
         }
         m++;
     }
     q->row[m] = nnz;
     for (i = 0; i < q->size; i++) q->mean += mass[q->member[i]] / q->size;
     for (i = 0; i < 3 * q->size; i++) {
-        const int v = q->member[i / 3];
-        q->minv[i] = c->sim->pin[v] >> i % 3 & 1 ? 0 : q->mean / mass[v];
+        const int    v = q->member[i / 3];
+        const double of = c->tied ? c->tied[3 * v + i % 3] : mass[v];
+        q->minv[i] = c->sim->pin[v] >> i % 3 & 1 || !(of > 0) ? 0 : q->mean / of;
         q->x0[i] = from[3 * v + i % 3];
     }
     q->m = m;
@@ -6582,9 +6602,10 @@ static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
 /* A hit among rigid zones alone: they stay where they were. 0: nothing is left to try. */
 static int clothi_still(cloth_collide *c, const cloth_contact_row *row) {
     int i, k, v, found = 0;
-    for (i = 0; i < row->n; i++) {
-        v = row->v[i];
-        if (v >= c->nv || c->frozen[v] != 1) continue;
+    for (i = 0; i < 3 * row->n; i++) {
+        if (row->v[i / 3] >= c->nv) continue;
+        v = clothi_leader(c->sim->model, row->v[i / 3], i % 3);
+        if (c->frozen[v] != 1) continue;
         found = 1;
         for (k = 0; k < 3; k++)
             if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k];
@@ -6640,6 +6661,8 @@ static cloth_status clothi_zones(cloth_collide *c) {
         if (!status && q->solved) clothi_zone_accept(c, q);
         else if (!status) clothi_zone_freeze(c, q);
     }
+    clothi_tie_place(c->sim->model, c->xb);
+    if (c->tied) memset(c->moved, 1, (size_t)c->nv);
     if (!status) clothi_rows_drop(c);
     return status;
 }
@@ -6664,6 +6687,7 @@ static void clothi_part_way(const cloth_collide *c, double *x) {
 
 /* The way to x_IE, none of which has been looked at. */
 static void clothi_try_guess(cloth_collide *c) {
+    clothi_tie_place(c->sim->model, c->x_ie);
     memcpy(c->xb, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
     memset(c->moved, 1, (size_t)c->nv);
     memset(c->frozen, 0, (size_t)c->nv);
@@ -7432,6 +7456,7 @@ static cloth_status clothi_collide_arrays(cloth_collide *c) {
     const size_t nv = (size_t)c->nv, one = sizeof(int), real = sizeof(double);
     const clothi_array need[] = {
         {&c->vertex_part, nv, one}, {&c->x_ie, 3 * nv, real},
+        {&c->tied, c->sim->model->tie ? 3 * nv : 0, real},
         {&c->x_list, 3 * nv, real}, {&c->x_frame, 3 * nv, real}, {&c->way, 3 * nv, real},
         {&c->frozen, nv, 1}, {&c->zone_of, nv, one},
         {&c->zone_number, nv, one}, {&c->local, nv, one}, {&c->member, nv, one},

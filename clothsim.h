@@ -12123,6 +12123,7 @@ static int clothi_watched(const cloth_sim *s, double h) {
  * contact and friction take does not count: in a search that was cut short it did not happen. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
+    const double least = CLOTHI_REST * s->model->desc.tolerance / h;    /* m/s: rest rounds to it */
     cloth_status status = CLOTH_OK;
     double       most = CLOTHI_GROWTH, gain;
     for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
@@ -12132,6 +12133,7 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
                clothi_max(l->contact_work, 0);
         most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
+        most += s->total * least * least;
         if (status || !clothi_watched(s, h) || gain <= most) break;
         if (s->finish) {
             clothi_forget(s);

@@ -6272,10 +6272,12 @@ static clothi_contact clothi_row_contact(const cloth_collide *c, const cloth_con
 
 /* --- detection --- */
 
-/* Looks at one pair over the substep; *hit counts, a row is made. */
+/* Looks at one pair over the substep; *hit counts, a row is made: where it is hit, or at the end
+ * where that row would hold there and keep nothing off, as where the tolerance of the time of
+ * impact is not small beside the gap. */
 static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p, int *hit) {
     cloth_contact_row row;
-    double            xa[12], xb[12], toi, held, start, sep, radius, t, gap;
+    double            xa[12], xb[12], toi, held, start, sep, radius, t, gap, end;
     const int         slot = clothi_pair_slot(c, p);
     int               i, k;
     if (clothi_is_exempt(c, p)) return CLOTH_OK;
@@ -6299,8 +6301,12 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
         held = start;
     } else if (!clothi_ccd_pair(p->kind == CLOTHI_EE, xa, xb, radius + sep, &toi))
         return CLOTH_OK;
-    else
+    else {
         held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
+        for (end = 0, i = 0; i < 12; i++) end += row.w[i / 3] * row.normal[i % 3] * xb[i];
+        if (end >= radius + sep && clothi_pair_gap(c, c->xb, p) < sep)
+            held = clothi_contact_frame(p->kind == CLOTHI_EE, xb, xb, 0, row.w, row.normal);
+    }
     gap = c->approach < CLOTHI_APPROACH ? 1.1 * sep : clothi_max(held - radius, 1.1 * sep);
     gap = clothi_min(CLOTHI_GAP * t, gap);
     row.toi = toi, row.bound = radius + gap, row.slack = gap - sep;
@@ -6752,6 +6758,7 @@ static void clothi_carried_range(int begin, int end, int worker, void *ctx) {
             for (k = 0; k < 3; k++) way[k] += 0.5 * (B[k] - A[k]);
         }
         f = h ? -1 : clothi_surface_nearest(&solid, c->xa + 3 * i, &d2, w);
+        if (f >= 0 && !clothi_may_touch(c, i, c->faces[3 * f])) f = -1;
         if (!h) part = f < 0 ? 0 : 1 - sqrt(d2) / reach;
         for (j = 0; j < 9 && f >= 0; j++) {
             const int v = 3 * c->faces[3 * f + j / 3] + j % 3;
@@ -6954,13 +6961,17 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
                                             double *other, int *impact) {
     cloth_collide *c = (cloth_collide *)user;
     const size_t   bytes = 3 * (size_t)c->nv * sizeof(double);
-    cloth_status   status;
-    int            rests, i;
+    cloth_status   status = CLOTH_OK;
+    int            rests, hit = 1, i;
     (void)e;
     memcpy(c->x_ie, x, bytes);
     rests = clothi_ends_rest(c);
-    if (!rests) clothi_carried(c, 0);
-    status = clothi_feasible(c, 0);
+    if (!rests && !c->nholding) {           /* what passes by without a hit carries nothing */
+        clothi_try_guess(c);
+        status = clothi_detect(c, 0, &hit);
+    }
+    if (!rests && hit && !status) clothi_carried(c, 0);
+    if (!status) status = clothi_feasible(c, 0);
     if (status) return status;
     memcpy(x, c->xb, bytes);
     for (i = 0; i < c->nrow; i++) *impact |= c->row[i].multiplier > 0;

@@ -1195,7 +1195,8 @@ CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mes
                                        double distance, cloth_mesh **out);
 /* Turns faces, in place, until neighbours agree and closed pieces look outwards; an open piece
  * keeps the side of most of its faces. X of a turned face is mirrored. turned: how many, may be
- * NULL. _MESH: a strip with one side only; edges of three faces are not crossed.           [4.6] */
+ * NULL. _MESH: a strip with one side only. Edges of three faces are neither crossed nor boundary,
+ * so that a lone copy of a face stays as it is.                                            [4.6] */
 CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *mesh, int *turned);
 
 CLOTH_API void cloth_mesh_destroy(const cloth_hooks *hooks, cloth_mesh *mesh);
@@ -3680,7 +3681,8 @@ CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mes
 }
 
 /* Faces of the piece of piece[0] into piece, and how they turn into turn [nf]: 1 not, 2 turned.
- * pair [3 nf]: the half-edge on the other side + 1, 0: none. Returns how many; 0: one side only. */
+ * pair [3 nf]: the half-edge on the other side + 1, 0: a boundary, -1: several. Returns how many;
+ * 0: one side only. */
 static int clothi_orient_piece(cloth_mesh *m, const int *pair, int *turn, int *piece) {
     const double *o = m->x + 3 * m->faces[3 * piece[0]];
     double        volume = 0;
@@ -3696,7 +3698,7 @@ static int clothi_orient_piece(cloth_mesh *m, const int *pair, int *turn, int *p
         for (k = 0; k < 3; k++) {
             const int g = pair[3 * piece[i] + k] - 1;
             const int want = g >= 0 && t[k] == m->faces[g] ? 3 - turn[piece[i]] : turn[piece[i]];
-            if (g < 0) open = 1;
+            if (g < 0) open |= g == -1;
             else if (!turn[g / 3]) turn[g / 3] = want, piece[n++] = g / 3;
             else if (turn[g / 3] != want) return 0;
         }
@@ -3720,7 +3722,7 @@ static void clothi_turn_face(cloth_mesh *m, int f) {
 CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *mesh, int *turned) {
     clothi_edge_sort sort;
     cloth_status     status;
-    int             *pair, *turn, *piece, i, j, f, n = 0, got;
+    int             *pair, *turn, *piece, i, j, k, f, n = 0, got;
     if (turned) *turned = 0;
     if (!mesh) return clothi_null(hooks, "cloth_mesh_orient: mesh");
     status = clothi_mesh_arrays(hooks, mesh, -1);
@@ -3731,8 +3733,8 @@ CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *m
     turn = pair + 3 * mesh->nf, piece = turn + mesh->nf;
     for (i = 0; pair && i < 3 * mesh->nf; i = j) {
         j = clothi_edge_run(&sort, 3 * mesh->nf, i);
-        if (j != i + 2) continue;
-        pair[sort.order[i]] = sort.order[i + 1] + 1, pair[sort.order[i + 1]] = sort.order[i] + 1;
+        for (k = i; k < j && j > i + 1; k++)
+            pair[sort.order[k]] = j > i + 2 ? -1 : sort.order[2 * i + 1 - k] + 1;
     }
     clothi_free(hooks, sort.lo);
     for (f = 0; f < mesh->nf && !status; f++) {

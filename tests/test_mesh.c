@@ -530,6 +530,51 @@ static void generator_merge_checks(void) {
     cloth_mesh_destroy(NULL, sheet);
 }
 
+/* Six times the volume of faces [from, to). */
+static double volume6(const cloth_mesh *m, int from, int to) {
+    double sum = 0, n[3];
+    for (; from < to; from++) {
+        const double *p = m->x + 3 * m->faces[3 * from];
+        normal_of(m, from, n);
+        sum += p[0] * n[0] + p[1] * n[1] + p[2] * n[2];
+    }
+    return sum;
+}
+
+static void inside_out(const cloth_mesh *m) {
+    for (int f = 0; f < m->nf; f++) {
+        const int k = m->faces[3 * f];
+        m->faces[3 * f] = m->faces[3 * f + 1], m->faces[3 * f + 1] = k;
+    }
+}
+
+/* An edge of more than two faces is no boundary: what it belongs to may be closed all the same. */
+static void orient_beside_edges_of_many_faces(void) {
+    static const double size[3] = {1, 1, 1};
+    cloth_mesh         *a = NULL, *b = NULL, *both = NULL, *w = NULL, *list[2], copied;
+    int                *faces, turned = 0, i;
+    CHECK(!cloth_mesh_box(NULL, size, &a) && !cloth_mesh_box(NULL, size, &b));
+    for (i = 0; i < b->nv; i++) b->x[3 * i]++, b->x[3 * i + 2]++;   /* they share an edge */
+    inside_out(b);
+    list[0] = a, list[1] = b;
+    CHECK(!cloth_mesh_merge(NULL, list, 2, &both) && !cloth_mesh_weld(NULL, both, 1e-9, &w));
+    CHECK(w->nv == a->nv + b->nv - 2 && w->nf == a->nf + b->nf);
+    CHECK(cloth_mesh_orient(NULL, w, &turned) == CLOTH_OK && turned == b->nf);
+    CHECK_NEAR(volume6(w, 0, a->nf), 6, 1e-14);
+    CHECK_NEAR(volume6(w, a->nf, w->nf), 6, 1e-14);
+    cloth_mesh_destroy(NULL, w), cloth_mesh_destroy(NULL, both);
+    cloth_mesh_destroy(NULL, b), cloth_mesh_destroy(NULL, a);
+    CHECK(cloth_mesh_ball(NULL, 1, 16, &a) == CLOTH_OK);    /* a face of it copied */
+    inside_out(a);
+    faces = (int *)malloc(3 * sizeof *faces * (size_t)(a->nf + 1));
+    memcpy(faces, a->faces, 3 * sizeof *faces * (size_t)a->nf);
+    memcpy(faces + 3 * a->nf, faces, 3 * sizeof *faces);
+    copied = *a, copied.faces = faces, copied.nf++;
+    CHECK(cloth_mesh_orient(NULL, &copied, &turned) == CLOTH_OK && turned == a->nf - 1);
+    CHECK(volume6(&copied, 1, a->nf) > 0);
+    free(faces), cloth_mesh_destroy(NULL, a);
+}
+
 static void generator_refusals(void) {
     host        h;
     cloth_hooks hooks = host_hooks(&h);
@@ -784,6 +829,7 @@ int main(int argc, char **argv) {
     RUN(generator_merge);
     RUN(generator_merge_render_corners);
     RUN(generator_merge_checks);
+    RUN(orient_beside_edges_of_many_faces);
     RUN(generator_refusals);
     RUN(check_every_fault);
     RUN(check_names_the_first_copy);

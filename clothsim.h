@@ -3571,8 +3571,8 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
 /* Vertex 0 is the pole below, the last one that above; ball: the rings are its parallels. */
 static cloth_status clothi_closed(const cloth_hooks *hooks, double radius, double height,
                                   int around, int rings, int ball, cloth_mesh **out) {
-    const clothi_given given[3] = {{"radius or size", radius, 0, 0},
-                                   {"height or size", height, 0, 0}, {"around", 0, around, 3}};
+    const clothi_given given[3] = {{"radius", radius, 0, 0}, {"height", height, 0, 0},
+                                   {"around", 0, around, 3}};
     int          i, k, f = 0, last;
     double      *x;
     cloth_status status = clothi_generate(hooks, "out", given, 3, 2 + (double)rings * around,
@@ -3609,10 +3609,14 @@ CLOTH_API cloth_status cloth_mesh_cylinder(const cloth_hooks *hooks, double radi
 /* Four around, turned by an eighth: the square between (1, 1) and (-1, -1). */
 CLOTH_API cloth_status cloth_mesh_box(const cloth_hooks *hooks, const double size[3],
                                       cloth_mesh **out) {
-    cloth_status status;
-    int          i;
+    static const char *const name[3] = {"size[0]", "size[1]", "size[2]"};
+    cloth_status             status;
+    int                      i;
+    if (out) *out = NULL;
     if (!size) return clothi_null(hooks, "cloth_mesh_box: size");
-    status = clothi_closed(hooks, size[0] < size[2] ? size[0] : size[2], size[1], 4, 2, 0, out);
+    for (i = 0; i < 3; i++)
+        if (clothi_check_size(hooks, name[i], size[i])) return CLOTH_ERR_ARGUMENT;
+    status = clothi_closed(hooks, size[0], size[1], 4, 2, 0, out);
     if (status) return status;
     for (i = 1; i < 9; i++) {
         (*out)->x[3 * i] = (i + 3) % 4 < 2 ? 0.5 * size[0] : -0.5 * size[0];

@@ -575,6 +575,23 @@ static void orient_beside_edges_of_many_faces(void) {
     free(faces), cloth_mesh_destroy(NULL, a);
 }
 
+/* Each of a box's three sizes is looked at, and nothing is left in *out. */
+static void generator_box_refusals(void) {
+    const double bad[3] = {HOST_NAN, HOST_INFINITY, -1};
+    host         h;
+    cloth_hooks  hooks = host_hooks(&h);
+    cloth_mesh   none, *m = &none;
+    CHECK(cloth_mesh_box(&hooks, NULL, &m) == CLOTH_ERR_ARGUMENT && !m);
+    for (int k = 0; k < 9; k++) {
+        double size[3] = {1, 1, 1};
+        char   word[10] = "size[?] =";
+        size[k % 3] = bad[k / 3], word[5] = (char)('0' + k % 3);
+        m = &none, host_forget(&h);
+        CHECK(cloth_mesh_box(&hooks, size, &m) == CLOTH_ERR_ARGUMENT && !m);
+        CHECK(strstr(h.text, word) == h.text && h.live == 0);
+    }
+}
+
 static void generator_refusals(void) {
     host        h;
     cloth_hooks hooks = host_hooks(&h);
@@ -830,6 +847,7 @@ int main(int argc, char **argv) {
     RUN(generator_merge_render_corners);
     RUN(generator_merge_checks);
     RUN(orient_beside_edges_of_many_faces);
+    RUN(generator_box_refusals);
     RUN(generator_refusals);
     RUN(check_every_fault);
     RUN(check_names_the_first_copy);

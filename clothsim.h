@@ -557,7 +557,7 @@ typedef struct cloth_params {
     int             nregions, nh, nf, nv;
     cloth_material *material;               /* [nregions]                                      */
     double         *hinge_scale;            /* [nh] factor on c, default 1                     */
-    double         *theta0;                 /* [nh] rad, rest angles                           */
+    double         *theta0;                 /* [nh] rad, rest angles; whole turns do not count */
     double         *X;                      /* [nf x 3 x 2] m, flat rest corners               */
     double         *mass;                   /* [nv] kg                                         */
     int             mass_given;             /* 0: mass is lumped anew from density and X       */
@@ -4617,7 +4617,7 @@ CLOTHI_RARE_END
  *             line search comes to an end on it. Wrapped, J is continuous in x alone, without
  *             memory; its ridge is half a turn from rest, and no minimum rests on a ridge. Both
  *             agree while |theta - theta0| <= pi: always when theta0 = 0. The turn since t^n, of
- *             the damping, is wrapped alike.
+ *             the damping, is wrapped alike; theta0 is without its whole turns beforehand.
  *
  *   (n1 x n2).e = ((e x a) x (b x e)).e = -l^2 (n1.b), as n1.e = 0: one cross product less.
  *
@@ -9049,7 +9049,7 @@ static void clothi_derive_hinge(const cloth_model *m, const cloth_params *p, int
     double                  e[2], d[2], q, t;
     int                     k;
     rest[0] = p->hinge_scale[h] * cloth_hinge_coefficient(r.bending, r.e2, r.A1, r.A2);
-    rest[1] = m->bend.kind == CLOTHI_QUADRATIC ? 0 : p->theta0[h];
+    rest[1] = m->bend.kind == CLOTHI_QUADRATIC ? 0 : remainder(p->theta0[h], 2 * CLOTHI_PI);
     rest[2] = 0;
     for (k = 0; k < 2 && m->bend.kind == CLOTHI_QUADRATIC; k++) {
         (void)clothi_quadratic_face(m, p->X, h, k, e, d, &q, &t);

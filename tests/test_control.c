@@ -239,6 +239,26 @@ static void params_take_effect(void) {
     CHECK(cloth_sim_set_material(S.sim, 0, &dirty) == CLOTH_OK && cloth_sim_hash(S.sim) == clean);
 }
 
+/* A rest angle is one by its direction: whole turns more are the same, in energy and in force. */
+static void rest_angle_by_whole_turns(void) {
+    static const double turns[3] = {0, 6.283185307179586, -12.566370614359172};
+    double              E[3] = {0, 0, 0}, f[3][3] = {{0}};
+    double             *grad;
+    int                 i, k;
+    open_as(CLOTH_INTEGRATOR_EULER, WITH_PINS | WITH_NOISE);
+    grad = (double *)calloc(3 * (size_t)S.nv, sizeof *grad);
+    for (k = 0; k < 3; k++) {
+        cloth_params *p = cloth_sim_params(S.sim);
+        for (i = 0; i < p->nh; i++) p->theta0[i] = 1 + 0.5 * (i % 3) + turns[k];
+        CHECK(cloth_sim_params_changed(S.sim) == CLOTH_OK);
+        CHECK(cloth_sim_potential(S.sim, cloth_sim_state(S.sim)->x, &E[k], grad) == CLOTH_OK);
+        memcpy(f[k], grad + 3 * (S.nv / 2), sizeof f[k]);
+        CHECK_REL(E[k], E[0], 1e-12);
+        for (i = 0; i < 3; i++) CHECK_NEAR(f[k][i], f[0][i], 1e-9 * (1 + fabs(f[0][i])));
+    }
+    free(grad);
+}
+
 static void reset_is_fresh(void) {
     static const double bary[3] = {0.2, 0.3, 0.5}, up[3] = {0, 0.1, 0}, g[3] = {1, 2, 3};
     double              f[300] = {0};
@@ -580,6 +600,7 @@ int main(int argc, char **argv) {
     RUN(forces_gravity_wind);
     RUN(refused_params_change_nothing);
     RUN(params_take_effect);
+    RUN(rest_angle_by_whole_turns);
     RUN(reset_is_fresh);
     RUN(sims_in_threads);
     RUN(no_allocation_after_the_first_step);

@@ -3597,7 +3597,7 @@ static cloth_status clothi_closed(const cloth_hooks *hooks, double radius, doubl
 
 CLOTH_API cloth_status cloth_mesh_ball(const cloth_hooks *hooks, double radius, int around,
                                        cloth_mesh **out) {
-    const int rings = around < 4 ? 1 : around / 2 - 1;
+    const int rings = (around / 2 - 1) | 1; /* an odd number: one is the equator */
     return clothi_closed(hooks, radius, 2 * radius, around, rings, 1, out);
 }
 

@@ -575,6 +575,21 @@ static void orient_beside_edges_of_many_faces(void) {
     free(faces), cloth_mesh_destroy(NULL, a);
 }
 
+/* `around` vertices of a ball are on its equator, whatever the number. */
+static void generator_ball_equator(void) {
+    for (int around = 3; around < 40; around++) {
+        cloth_mesh *m = NULL;
+        int         n = 0;
+        CHECK(cloth_mesh_ball(NULL, 0.5, around, &m) == CLOTH_OK);
+        if (!m) return;
+        for (int i = 0; i < m->nv; i++)
+            n += fabs(m->x[3 * i + 1]) < 1e-15 &&
+                 fabs(hypot(m->x[3 * i], m->x[3 * i + 2]) - 0.5) < 1e-15;
+        CHECK(n == around);
+        cloth_mesh_destroy(NULL, m);
+    }
+}
+
 /* Each of a box's three sizes is looked at, and nothing is left in *out. */
 static void generator_box_refusals(void) {
     const double bad[3] = {HOST_NAN, HOST_INFINITY, -1};
@@ -847,6 +862,7 @@ int main(int argc, char **argv) {
     RUN(generator_merge_render_corners);
     RUN(generator_merge_checks);
     RUN(orient_beside_edges_of_many_faces);
+    RUN(generator_ball_equator);
     RUN(generator_box_refusals);
     RUN(generator_refusals);
     RUN(check_every_fault);

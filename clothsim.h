@@ -3870,7 +3870,8 @@ CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const clot
     char         name[32];
     const char  *who = clothi_member(name, "material", region);
     double       mu, lambda;
-    cloth_status status = clothi_check_rules(hooks, who, m, rule, 7);
+    cloth_status status = m ? clothi_check_rules(hooks, who, m, rule, 7)
+                            : clothi_null(hooks, "cloth_material_check: m");
     if (!status && m->plane != CLOTH_PLANE_STRESS && m->plane != CLOTH_PLANE_STRAIN_3D)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%splane = %i is no cloth_plane", who,
                            (int)m->plane);

@@ -1023,6 +1023,8 @@ static void material_refusals(void) {
             CHECK(status == expect);
             CHECK(strstr(logged, "material[3].") == logged && strstr(logged, field[i]) != NULL);
         }
+    CHECK(cloth_material_check(&hooks, NULL, 0) == CLOTH_ERR_ARGUMENT);
+    CHECK(strstr(logged, "is NULL") != NULL);
     m = cloth_material_default();
     m.poisson = 0.5;
     CHECK(cloth_material_check(&hooks, &m, 0) == CLOTH_OK);

@@ -2618,7 +2618,7 @@ CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pa
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern = %i is none of CLOTH_SHEET_",
                            (int)pattern);
     if (shifted && ny == 0) {
-        const double rows = height / width * (nx - 1) / sqrt(0.75);
+        const double rows = height / width * (nx - 1.0) / sqrt(0.75);
         ny = rows < 1.5 ? 2 : rows < CLOTH_MAX_COUNT ? (int)(rows + 0.5) + 1 : CLOTH_MAX_COUNT;
         given[3].n = ny;
     }
@@ -2736,7 +2736,7 @@ static cloth_status clothi_mesh_append(const cloth_hooks *hooks, cloth_mesh *m,
     const int *rf = a->nr > 0 ? a->render_faces : a->faces;
     const int  nr = a->nr > 0 ? a->nr : a->nv;
     int        i;
-    memcpy(m->x + 3 * at->nv, a->x, 3 * sizeof(double) * (size_t)a->nv);
+    if (a->x) memcpy(m->x + 3 * at->nv, a->x, 3 * sizeof(double) * (size_t)a->nv);
     for (i = 0; i < 3 * a->nf; i++) m->faces[3 * at->nf + i] = at->nv + a->faces[i];
     for (i = 0; i < a->nf; i++) m->part[at->nf + i] = at->npart + (a->part ? a->part[i] : 0);
     if (m->X && a->X)
@@ -3733,9 +3733,12 @@ CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *m
     if (!status) status = clothi_edge_sort_make(hooks, mesh->nv, mesh->nf, mesh->faces, &sort);
     if (status) return status;
     pair = (int *)clothi_alloc(hooks, 5 * (size_t)mesh->nf + 1, sizeof(int));
-    if (!pair) status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to orient");
+    if (!pair) {
+        clothi_free(hooks, sort.lo);
+        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to orient");
+    }
     turn = pair + 3 * mesh->nf, piece = turn + mesh->nf;
-    for (i = 0; pair && i < 3 * mesh->nf; i = j) {
+    for (i = 0; i < 3 * mesh->nf; i = j) {
         j = clothi_edge_run(&sort, 3 * mesh->nf, i);
         for (k = i; k < j && j > i + 1; k++)
             pair[sort.order[k]] = j > i + 2 ? -1 : sort.order[2 * i + 1 - k] + 1;

@@ -590,6 +590,29 @@ static void generator_ball_equator(void) {
     }
 }
 
+/* Counts that an int does not hold, arrays that are not there, no memory: for the sanitizers. */
+static void edges_of_c(void) {
+    cloth_mesh *m = NULL, *both = NULL, *list[2], empty;
+    host        h;
+    cloth_hooks hooks = host_hooks(&h);
+    int         turned, n;
+    memset(&empty, 0, sizeof empty);
+    CHECK(cloth_mesh_sheet(&hooks, CLOTH_SHEET_EQUILATERAL, -0x7fffffff - 1, 0, 1, 1, &m) ==
+          CLOTH_ERR_ARGUMENT);
+    CHECK(strstr(h.text, "nx = -2147483648") != NULL);
+    CHECK(cloth_mesh_ball(&hooks, 1, 6, &m) == CLOTH_OK);
+    list[0] = &empty, list[1] = m;
+    CHECK(cloth_mesh_merge(&hooks, list, 2, &both) == CLOTH_OK && both->nv == m->nv);
+    cloth_mesh_destroy(&hooks, both);
+    for (n = 1; n < 9; n++) {
+        h.calls = 0, h.fail_at = n;
+        if (cloth_mesh_orient(&hooks, m, &turned) == CLOTH_OK) break;
+        CHECK(h.live == 1);
+    }
+    CHECK(n > 2 && n < 9);
+    cloth_mesh_destroy(&hooks, m);
+}
+
 /* Each of a box's three sizes is looked at, and nothing is left in *out. */
 static void generator_box_refusals(void) {
     const double bad[3] = {HOST_NAN, HOST_INFINITY, -1};
@@ -863,6 +886,7 @@ int main(int argc, char **argv) {
     RUN(generator_merge_checks);
     RUN(orient_beside_edges_of_many_faces);
     RUN(generator_ball_equator);
+    RUN(edges_of_c);
     RUN(generator_box_refusals);
     RUN(generator_refusals);
     RUN(check_every_fault);

@@ -901,7 +901,7 @@ typedef struct cloth_obj_options {
                                        corner must have one; default 0: X stays NULL           */
     cloth_obj_parts parts;          /* default CLOTH_OBJ_PARTS_NONE. Numbered in the order of
                                        their first faces; mesh->names in that order, "" before
-                                       any name                                                */
+                                       any name. A name ends where \ goes on, or at a byte 0   */
 } cloth_obj_options;
 
 /* ===== [2.4] EVERYDAY (tier 1) =============================================================== */
@@ -3245,15 +3245,18 @@ static cloth_status clothi_obj_face(clothi_obj *o) {
     return n < 3 ? CLOTHI_OBJ_FAIL(o, "f has %i corners but needs 3", n) : CLOTH_OK;
 }
 
-/* The rest of the line, blanks at its ends left out, is the name of the faces that follow. */
+/* The rest of the line, blanks at its ends left out, is the name of the faces that follow; up to a
+ * \ that goes on, or a byte 0, which ends it in cloth_mesh.names too. */
 static cloth_status clothi_obj_set_name(clothi_obj *o) {
     clothi_obj_name token;
+    size_t          line, n = 0;
     o->current = -1;
     o->name.n = 0;
     if (!clothi_obj_token(o, &token)) return CLOTH_OK;
-    o->name.s = token.s;
-    do o->name.n = (size_t)(token.s + token.n - o->name.s);
-    while (clothi_obj_token(o, &token));
+    o->name.s = token.s, line = o->line;
+    do n = (size_t)(token.s + token.n - o->name.s);
+    while (clothi_obj_token(o, &token) && o->line == line);
+    while (o->name.n < n && o->name.s[o->name.n]) o->name.n++;
     return CLOTH_OK;
 }
 

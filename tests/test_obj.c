@@ -362,6 +362,19 @@ static void obj_parts(void) {
     cloth_mesh_destroy(NULL, m);
 }
 
+/* The names, each ended by 0, are as many as there are parts, whatever bytes a line has. */
+static void obj_part_names(void) {
+    static const char text[] = V4 "o a\0b\nf 1 2 3\no c\nf 2 3 4\no d \\\n e\nf 1 2 4\n"
+                                  "o \\\r\nf g\nf 1 3 4\no a\nf 4 1 2\n";
+    static const char names[] = "a\0c\0d\0f g";
+    cloth_obj_options opt = cloth_obj_options_default();
+    cloth_mesh       *m = NULL;
+    opt.parts = CLOTH_OBJ_PARTS_OBJECTS;
+    CHECK(cloth_obj_parse(NULL, text, sizeof text - 1, &opt, &m) == CLOTH_OK);
+    if (m) CHECK(m->npart == 4 && m->part[4] == 0 && memcmp(m->names, names, sizeof names) == 0);
+    cloth_mesh_destroy(NULL, m);
+}
+
 static void obj_refusals(void) {
     static const struct {
         const char  *text;
@@ -771,6 +784,7 @@ int main(int argc, char **argv) {
     RUN(obj_indices);
     RUN(obj_seams);
     RUN(obj_parts);
+    RUN(obj_part_names);
     RUN(obj_refusals);
     RUN(obj_bad_arguments);
     RUN(obj_round_trip_random_bits);

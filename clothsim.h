@@ -1616,13 +1616,19 @@ typedef struct clothi_block_header {
     size_t size;                            /* bytes asked of the hook                         */
 } clothi_block_header;
 
+static cloth_status clothi_fail(const cloth_hooks *h, cloth_status status, const char *text, ...);
+
 /* count * size bytes, zeroed; NULL when the hook fails or the product overflows. hooks may be
- * NULL. count 0 gives a valid block. */
+ * NULL. count 0 gives a valid block. With half an allocator free() would meet a host's block. */
 CLOTHI_OUTLINE static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
     const size_t extra = CLOTHI_ALIGN + sizeof(clothi_block_header);
     clothi_block_header header;
     unsigned char *base, *data;
     if (size != 0 && count > ((size_t)-1 - extra) / size) return NULL;
+    if (hooks && !hooks->allocator.alloc != !hooks->allocator.free) {
+        clothi_fail(hooks, CLOTH_ERR_MEMORY, "hooks.allocator: set both alloc and free or neither");
+        return NULL;
+    }
     header.size = count * size + extra;
     header.base = hooks && hooks->allocator.alloc
                       ? hooks->allocator.alloc(header.size, hooks->allocator.user)

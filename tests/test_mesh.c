@@ -613,6 +613,21 @@ static void edges_of_c(void) {
     cloth_mesh_destroy(&hooks, m);
 }
 
+/* With half an allocator nothing is taken, from the host or from malloc, and it is said why. */
+static void half_an_allocator(void) {
+    host        h;
+    cloth_hooks hooks = host_hooks(&h), half = hooks;
+    cloth_mesh *m = NULL;
+    for (int k = 0; k < 2; k++) {
+        half = hooks;
+        if (k) half.allocator.alloc = NULL;
+        else half.allocator.free = NULL;
+        host_forget(&h);
+        CHECK(cloth_mesh_disc(&half, 1, 2, &m) == CLOTH_ERR_MEMORY && !m && h.calls == 0);
+        CHECK(strstr(h.text, "hooks.allocator: set both") == h.text);
+    }
+}
+
 /* Each of a box's three sizes is looked at, and nothing is left in *out. */
 static void generator_box_refusals(void) {
     const double bad[3] = {HOST_NAN, HOST_INFINITY, -1};
@@ -887,6 +902,7 @@ int main(int argc, char **argv) {
     RUN(orient_beside_edges_of_many_faces);
     RUN(generator_ball_equator);
     RUN(edges_of_c);
+    RUN(half_an_allocator);
     RUN(generator_box_refusals);
     RUN(generator_refusals);
     RUN(check_every_fault);

@@ -1137,7 +1137,8 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
 /* --- mesh: generators --- */
 
 /* Every generator and reader: *out is owned (cloth_mesh_destroy with the same hooks) and NULL on
- * failure; CLOTH_ERR_ARGUMENT names the argument; CLOTH_ERR_MEMORY; alloc one block; O(size).
+ * failure; CLOTH_ERR_ARGUMENT names the argument: lengths in m and scales are 1e-70 .. 1e70;
+ * CLOTH_ERR_MEMORY; alloc one block; O(size).
  * Generated meshes pass cloth_mesh_check without a warning as long as the sizes given make no
  * slivers, and carry X, an exact unrolling: the edges in X are as long as those in x.  [4.3] */
 
@@ -1150,7 +1151,7 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
  *     a/2, 3a/2, .., width: half triangles at their ends keep the sides straight. Row j starts at
  *     vertex j nx + j/2; (ny-1)(2 nx - 1) faces. The triangles are equilateral when height =
  *     (ny-1) a sqrt(3)/2, else isosceles; ny = 0 takes the number of rows nearest to it.
- * in   width, height  m, finite and > 0 */
+ * in   width, height  m */
 CLOTH_API cloth_status cloth_mesh_sheet(const cloth_hooks *hooks, cloth_sheet_pattern pattern,
                                         int nx, int ny, double width, double height,
                                         cloth_mesh **out);
@@ -2526,9 +2527,10 @@ CLOTH_API void cloth_mesh_destroy(const cloth_hooks *hooks, cloth_mesh *mesh) {
     clothi_free(hooks, mesh);
 }
 
+/* Where products and squares of quotients stay in the range of doubles. */
 static cloth_status clothi_check_size(const cloth_hooks *hooks, const char *name, double a) {
-    if (clothi_finite(a) && a > 0) return CLOTH_OK;
-    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s = %g must be finite and > 0", name, a);
+    if (a >= 1e-70 && a <= 1e70) return CLOTH_OK;
+    return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s = %g must be 1e-70 to 1e70", name, a);
 }
 
 /* What a generator is given: a size in m, or (least > 0) a number of vertices or rings. */
@@ -3588,7 +3590,7 @@ static cloth_status clothi_closed(const cloth_hooks *hooks, double radius, doubl
                                           2.0 * rings * around, 0, out);
     if (status) return status;
     x = (*out)->x, last = (*out)->nv - 1;
-    x[1] = -0.5 * height, x[3 * last + 1] = 0.5 * height;
+    x[3 * last + 1] = ball ? radius : 0.5 * height, x[1] = -x[3 * last + 1];
     for (k = 0; k < rings; k++)
         for (i = 0; i < around; i++) {
             const int a = 1 + k * around + i, b = 1 + k * around + (i + 1) % around;
@@ -3607,7 +3609,7 @@ static cloth_status clothi_closed(const cloth_hooks *hooks, double radius, doubl
 CLOTH_API cloth_status cloth_mesh_ball(const cloth_hooks *hooks, double radius, int around,
                                        cloth_mesh **out) {
     const int rings = (around / 2 - 1) | 1; /* an odd number: one is the equator */
-    return clothi_closed(hooks, radius, 2 * radius, around, rings, 1, out);
+    return clothi_closed(hooks, radius, radius, around, rings, 1, out);
 }
 
 CLOTH_API cloth_status cloth_mesh_cylinder(const cloth_hooks *hooks, double radius, double height,

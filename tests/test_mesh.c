@@ -645,6 +645,29 @@ static void generator_box_refusals(void) {
     }
 }
 
+/* What is taken has coordinates and a pattern within the range of doubles. */
+static void generator_sizes(void) {
+    static const double size[8] = {1e-308, 1e-160, 1e-70, 1e-20, 1, 1e70, 1e160, 1.7e308};
+    int                 i, taken = 0, bad = 0;
+    for (i = 0; i < 5 * 64; i++) {
+        const double a = size[i % 8], b = size[i / 8 % 8], box[3] = {a, 1, b};
+        cloth_mesh  *m = NULL;
+        switch (i / 64) {
+        case 0: cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 20, 20, a, b, &m); break;
+        case 1: cloth_mesh_tube(NULL, a, b, 8, 30, &m); break;
+        case 2: cloth_mesh_cylinder(NULL, a, b, 8, &m); break;
+        case 3: cloth_mesh_box(NULL, box, &m); break;
+        default: if (i % 2) cloth_mesh_ball(NULL, b, 8, &m); else cloth_mesh_disc(NULL, b, 4, &m);
+        }
+        if (!m) continue;
+        for (int k = 0; k < 3 * m->nv; k++) bad += !isfinite(m->x[k]);
+        for (int k = 0; m->X && k < 6 * m->nf; k++) bad += !isfinite(m->X[k]);
+        taken++;
+        cloth_mesh_destroy(NULL, m);
+    }
+    CHECK(bad == 0 && taken == 4 * 16 + 8 * 4);
+}
+
 static void generator_refusals(void) {
     host        h;
     cloth_hooks hooks = host_hooks(&h);
@@ -904,6 +927,7 @@ int main(int argc, char **argv) {
     RUN(edges_of_c);
     RUN(half_an_allocator);
     RUN(generator_box_refusals);
+    RUN(generator_sizes);
     RUN(generator_refusals);
     RUN(check_every_fault);
     RUN(check_names_the_first_copy);

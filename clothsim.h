@@ -2737,10 +2737,10 @@ static cloth_status clothi_mesh_arrays(const cloth_hooks *hooks, const cloth_mes
     return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s%s is NULL", who, missing);
 }
 
-/* What the mesh `a` adds to `m` behind the vertices, faces, parts and render corners that the
- * counts in `at` say are there, and to them. */
+/* What `a`, meshes[which], adds to `m` behind the vertices, faces, parts and render corners that
+ * the counts in `at` say are there, and to them. */
 static cloth_status clothi_mesh_append(const cloth_hooks *hooks, cloth_mesh *m,
-                                       const cloth_mesh *a, cloth_mesh *at) {
+                                       const cloth_mesh *a, int which, cloth_mesh *at) {
     const int *rf = a->nr > 0 ? a->render_faces : a->faces;
     const int  nr = a->nr > 0 ? a->nr : a->nv;
     int        i;
@@ -2753,8 +2753,8 @@ static cloth_status clothi_mesh_append(const cloth_hooks *hooks, cloth_mesh *m,
         cloth_status status = cloth_flatten(a->nv, a->x, a->nf, a->faces,
                                             m->X + 6 * (size_t)at->nf);
         if (status != CLOTH_OK)
-            return clothi_fail(hooks, status, "cloth_mesh_merge: a mesh without pattern cannot be "
-                               "laid flat: cloth_mesh_check says where");
+            return clothi_fail(hooks, status, "meshes[%i].X is NULL, and it cannot be laid flat: "
+                               "cloth_mesh_check says where", which);
     }
     for (i = 0; m->nr > 0 && i < 3 * a->nf; i++)
         m->render_faces[3 * at->nf + i] = at->nr + rf[i];
@@ -2797,7 +2797,7 @@ CLOTH_API cloth_status cloth_mesh_merge(const cloth_hooks *hooks, cloth_mesh *co
     if (!*out) return CLOTH_ERR_MEMORY;
     memset(&at, 0, sizeof at);
     for (i = 0; i < count && !status; i++)
-        status = clothi_mesh_append(hooks, *out, meshes[i], &at);
+        status = clothi_mesh_append(hooks, *out, meshes[i], i, &at);
     if (status) {
         cloth_mesh_destroy(hooks, *out);
         *out = NULL;
@@ -3180,9 +3180,13 @@ static cloth_status clothi_obj_vertex(clothi_obj *o) {
 }
 
 static cloth_status clothi_obj_texture(clothi_obj *o) {
-    double *p = o->vt + 2 * o->t++;
+    const double scale = o->opt.pattern_scale;
+    double      *p = o->vt + 2 * o->t++;
+    cloth_status status;
     p[1] = 0;
-    return clothi_obj_numbers(o, "vt", 2, 1, p);
+    status = clothi_obj_numbers(o, "vt", 2, 1, p);
+    if (status || (clothi_finite(scale * p[0]) && clothi_finite(scale * p[1]))) return status;
+    return CLOTHI_OBJ_FAIL(o, "vt times pattern_scale %g is too large", scale);
 }
 
 /* An index of a corner at s, *out = 0: none. Returns where it ends. */
@@ -3364,13 +3368,8 @@ static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
         name[o->names[i].n] = 0;
     }
     if (nr > 0) clothi_obj_render(o, m);
-    for (i = 0; with_X && i < 2 * n; i++) {
+    for (i = 0; with_X && i < 2 * n; i++)
         m->X[i] = o->opt.pattern_scale * o->vt[2 * (o->corner_vt[i / 2] - 1) + i % 2];
-        if (clothi_finite(m->X[i])) continue;
-        cloth_mesh_destroy(o->hooks, m);
-        return clothi_fail(o->hooks, CLOTH_ERR_PARSE, "face %i: vt times pattern_scale %g is too "
-                           "large", i / 6, o->opt.pattern_scale);
-    }
     *out = m;
     return CLOTH_OK;
 }

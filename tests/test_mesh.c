@@ -427,6 +427,8 @@ static void generator_disc(void) {
 
 static void generator_merge(void) {
     cloth_mesh *one = NULL, *two = NULL, *all = NULL, *nested = NULL, *list[3];
+    host        h;
+    cloth_hooks hooks = host_hooks(&h);
     int         f, bad = 0;
     CHECK(cloth_mesh_sheet(NULL, CLOTH_SHEET_DIAGONAL, 3, 4, 1.0, 1.0, &one) == CLOTH_OK);
     CHECK(cloth_mesh_tube(NULL, 0.3, 1.1, 5, 3, &two) == CLOTH_OK);
@@ -448,7 +450,8 @@ static void generator_merge(void) {
     cloth_mesh_destroy(NULL, nested);
     two->x[0] = HOST_NAN;
     list[1] = two;
-    CHECK(cloth_mesh_merge(NULL, list, 2, &nested) == CLOTH_ERR_NONFINITE && !nested);
+    CHECK(cloth_mesh_merge(&hooks, list, 2, &nested) == CLOTH_ERR_NONFINITE && !nested);
+    CHECK(strstr(h.text, "meshes[1].X is NULL") == h.text);
     list[1] = NULL;
     CHECK(cloth_mesh_merge(NULL, list, 2, &nested) == CLOTH_ERR_ARGUMENT && !nested);
     CHECK(cloth_mesh_merge(NULL, list, 0, &nested) == CLOTH_ERR_ARGUMENT && !nested);

@@ -413,7 +413,7 @@ static void obj_refusals(void) {
         {V4 "vt nan 0\nf 1 2 3\n", "line 5: vt: 'nan'", 0, CLOTH_ERR_PARSE},
         {V4 "vt 0 0\nf 1/1 2/1 3\n", "line 6: '3' has no vt", 1, CLOTH_ERR_PARSE},
         {V4 "f 1 2 3\n", "line 5: '1' has no vt", 1, CLOTH_ERR_PARSE},
-        {V4 "vt 1e300 0\nf 1/1 2/1 3/1\n", "face 0: vt times", 2, CLOTH_ERR_PARSE},
+        {V4 "vt 1e300 0\nf 1/1 2/1 3/1\n", "line 5: vt times", 2, CLOTH_ERR_PARSE},
         {V4 "v 1e300 0 0\n", "line 5: v times scale 1e10 is too large", 3, CLOTH_ERR_PARSE},
         {"OFF\n3 1 0\n0 0 0\n", "no vertex", 0, CLOTH_ERR_PARSE},
     };

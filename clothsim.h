@@ -8170,12 +8170,13 @@ static cloth_status clothi_check_mesh(const cloth_hooks *hooks, const cloth_desc
                                 d->nregions > 0 ? d->nregions : 1);
 }
 
-/* Whether sums are rounded as written: not where a flag that no macro shows makes (a + b) - a b. */
+/* Whether sums and quotients are rounded as written: not where a flag that no macro shows makes
+ * (a + b) - a b, or a / 3 a product with a third. */
 static int clothi_ieee(void) {
 #ifndef CLOTH_ALLOW_FAST_MATH
-    volatile double one = 1, tiny = 1e-20;  /* no constants to the compiler */
+    volatile double one = 1, tiny = 1e-20, five = 5;        /* no constants to the compiler */
     const double    a = one, b = tiny;
-    if ((a + b) - a > 0) return 0;
+    if ((a + b) - a > 0 || five / 3 < 1.6666666666666667) return 0;
 #endif
     return 1;
 }

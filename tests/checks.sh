@@ -257,7 +257,7 @@ compile_ieee() {
         must "taken: $c" sh -c "$compile && $out/fast"
         full && compile="$c -std=c99 -w -O1 -DCLOTHSIM_STATIC -I.. -I../examples \
             ../examples/01_hang.c -o $out/fast -lm"
-        for flag in -ffast-math -funsafe-math-optimizations; do
+        for flag in -ffast-math -funsafe-math-optimizations -freciprocal-math; do
             must "refused: $c $flag" sh -c "! { $compile $flag && $out/fast; }"
         done
     done

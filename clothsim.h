@@ -115,7 +115,7 @@
  * _destroy(NULL) is allowed; create writes *out = NULL first; on failure nothing leaks.
  *
  * Errors. A cloth_status says how the call went, report.outcome how the numbers did. A refusal
- * names field and value through the log hook. No call prints, exits, aborts or sets errno.
+ * names field and value through the log hook. No call prints, exits or aborts; errno is libc's.
  *
  * Threads. A model is constant and may be shared. A sim belongs to one thread at a time; its
  * step uses the parallel hook if there is one. No global or static variable is ever written.
@@ -506,7 +506,7 @@ typedef struct cloth_desc {
     const double *x_rest;                   /* [nv x 3] m, the template                        */
     int           nf;                       /* triangles                                       */
     const int    *faces;                    /* [nf x 3] counter-clockwise seen from outside    */
-    const int    *part;                     /* [nf] which cloth, NULL: all 0                   */
+    const int    *part;                     /* [nf] which cloth, 0 .. nf-1; NULL: all 0        */
     const int    *region;                   /* [nf] which material, NULL: all 0                */
     const double *X;                        /* [nf x 3 x 2] m, flat corners; NULL: flatten     */
     const double *x;                        /* [nv x 3] m, start; NULL: x_rest                 */
@@ -1130,7 +1130,7 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL or a count out of range; CLOTH_ERR_NONFINITE: x;
  *   CLOTH_ERR_MESH: index out of range or zero-area triangle (height at most 1e-12 of the longest
  *   edge, or within the rounding of the coordinates). cloth_mesh_check finds the index.
- * Edge lengths agree with x to 1e-15 relative, in a needle to 1.2e-16 long edge / short edge.
+ * Edge lengths agree with x to 1e-15 + 1.2e-16 long edge / short edge, relative.
  * contract: alloc none | cost O(nv + nf), 3 square roots a triangle | threads: distinct X */
 CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int *faces, double *X);
 
@@ -1206,6 +1206,7 @@ CLOTH_API void cloth_mesh_destroy(const cloth_hooks *hooks, cloth_mesh *mesh);
  * for psd == 0; psd != 0 asks for a positive semidefinite Hessian (the gradient does not change).
  * Hessians are full, symmetric and row-major. Finite in, finite out: an energy beyond the range of
  * doubles is returned as the largest double, a derivative array with such an entry is all zero.
+ * Beyond lengths of 1e-150 .. 1e150 m the energy may be that or 0, derivatives zeros, too early.
  * contract: alloc none | cost O(1) | writes grad, hess | threads: any */
 
 /* Spring, x [2x3] m, k N/m: J = k/2 (|x1-x0| - rest_length)^2. grad [6] N, hess [6x6] N/m. [6.1] */
@@ -1231,7 +1232,7 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
                             int psd);
 
 /* theta of that hinge, in [-pi, pi]: 0 when flat, positive when convex seen from the side that the
- * normals point to; 0 when a triangle has collapsed.                                       [6.3] */
+ * normals point to; 0 when two corners of a triangle coincide, any when three are in line. [6.3] */
 CLOTH_API double cloth_dihedral(const double *x);
 
 /* theta with its gradient [12] rad/m, and with its Hessian [12x12] rad/m^2. Return theta.  [6.3] */
@@ -1242,8 +1243,8 @@ CLOTH_API double cloth_dihedral_hess(const double *x, double *grad, double *hess
  * A2 m^2 rest areas. 0 when the areas are.                                                 [6.3] */
 CLOTH_API double cloth_hinge_coefficient(double D, double e2, double A1, double A2);
 
-/* Hinge without an angle, x [4x3] m as for cloth_bend: J = c/2 |sum_i w_i x_i|^2, w [4] 1/m, c N m.
- * grad [12] N, hess [12x12] N/m: constant and positive semidefinite. For flat rest shapes. [6.4] */
+/* Hinge without an angle, x [4x3] m as for cloth_bend: J = c/2 |sum_i w_i x_i|^2, c N m, w [4] 1/m
+ * of sum 0. grad [12] N, hess [12x12] N/m: constant, positive semidefinite. For flat rest. [6.4] */
 CLOTH_API double cloth_bend_quadratic(const double *x, const double *w, double c, double *grad,
                                       double *hess);
 

@@ -472,6 +472,9 @@ static void hinge_degenerate(void) {
     memcpy(y + 3, x, 3 * sizeof *y);        /* an edge of no length */
     CHECK_NEAR(cloth_bend(y, 2.0, 0.5, g, H, 0), 0.25, 0.0);
     CHECK(clothi_find_nonfinite(g, 12) < 0 && clothi_find_nonfinite(H, 144) < 0);
+    memcpy(y, x, sizeof y);
+    memcpy(y + 9, x + 3, 3 * sizeof *y);    /* the other corner on the other end */
+    CHECK_NEAR(cloth_dihedral(y), 0.0, 0.0);
     for (k = 0; k < 40; k++) {              /* falling height: 1/h, then fading to zero */
         const double tall[2] = {pow(10, -0.25 * k - 4), 1};
         make_hinge(NULL, 1.0, foot, tall, 0.4, y);

@@ -6360,7 +6360,8 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
  *   matrix, so that a restored snapshot goes the same way.
  *
  *   Rounding. At 1e-14 of |b| or so what rounding leaves in V's span, where r is 0 by its
- *   recurrence alone, takes over: |r| then grows tenfold an iteration. CG ends there.
+ *   recurrence alone, takes over: |r| then grows tenfold or more in an iteration. CG ends there
+ *   without that iteration.
  *
  *   Workers. Subdomains run side by side, the separators S alone; two parallel regions an iteration
  *   (blocks outside the pattern: three):
@@ -6378,8 +6379,8 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* tighter ones are solved in doubles              */
 #define CLOTHI_FLOAT_STIFFNESS     8e6      /* stiffness over inertia, see the banner          */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
-#define CLOTHI_FLOOR               1e-10    /* of |b|, below which |r| that has grown to       */
-#define CLOTHI_REGROWN             10       /* times its least is rounding's                   */
+#define CLOTHI_FLOOR               1e-10    /* of |b|, below which curvature that is negative  */
+#define CLOTHI_REGROWN             10       /* and |r| grown to times its least are rounding's */
 #define CLOTHI_CG_CAP              20000
 
 /* Sweeps work on a copy of it: stores of vectors may alias what a pointer leads to, so that fields
@@ -7457,6 +7458,11 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
     else g->it++;
 }
 
+/* |r| has been so small that what comes then is rounding's. */
+static int clothi_sunk(const clothi_cg *g) {
+    return g->best < CLOTHI_FLOOR * CLOTHI_FLOOR * clothi_cg_base(g);
+}
+
 /* After a step: 1 when the run is over. */
 static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, cloth_status *status) {
     double rr = 0, big = 0;
@@ -7464,6 +7470,10 @@ static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, cloth_status *stat
     for (d = 0; d <= s->p->nd; d++) {
         rr += s->tally[d].rr;
         big = clothi_max(s->tally[d].big, big);
+    }
+    if (!s->first && clothi_sunk(g) && rr > CLOTHI_REGROWN * CLOTHI_REGROWN * g->best) {
+        clothi_along(s, -s->alpha);
+        return 1;
     }
     if (s->radius_on && !(big <= g->radius)) {
         clothi_along(s, -s->alpha);
@@ -7485,8 +7495,7 @@ static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, cloth_status *stat
     } else if (!s->wide && g->it - g->best_at > CLOTHI_STAGNATION) {
         if (s->only != 1) *status = CLOTH_ERR_NONFINITE;
         return 1;
-    } else if (rr > CLOTHI_REGROWN * CLOTHI_REGROWN * g->best)
-        return g->best < CLOTHI_FLOOR * CLOTHI_FLOOR * clothi_cg_base(g);
+    }
     return 0;
 }
 
@@ -7509,6 +7518,7 @@ static cloth_status clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
         clothi_coarse_apply(s, NULL);
     }
     if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
+    if (clothi_sunk(g)) return CLOTH_OK;
     g->negative = 1;
     if (s->radius_on) clothi_boundary(s, g);
     else if (g->it == 0 && !(g->Q > 0))     /* nothing yet: the preconditioned gradient        */

@@ -450,6 +450,27 @@ static void beyond_rounding(void) {
         }
 }
 
+/* Sheets of few vertices, which the coarse space solves: the step after that is of rounding alone.
+ * With and without a radius, which the answer does not reach. */
+static void beyond_coarse(void) {
+    int e, k, size, bad = 0;
+    for (e = 0; e < 36; e++)
+        for (size = 2; size < 6; size++)
+            for (k = 0; k < 4; k++) {
+                cloth_linear_options o = cloth_linear_options_default();
+                cloth_linear_report  r;
+                problem              q;
+                start_grid(&q, size, 2 + k, pow(10, e % 6 - 3), pow(10, e / 6 - 2), NULL, 0);
+                o.method = CLOTH_LINEAR_SGS;
+                o.tolerance = 1e-30;
+                o.radius = k & 1 ? 1e5 : 0;
+                CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
+                bad += !(r.residual < 1e-10 && residual(&q) < 1e-8) || r.negative || r.hit;
+                end_problem(&q);
+            }
+    CHECK(bad == 0);
+}
+
 static void indefinite(void) {
     int far, k, i;
     for (far = 0; far < 2; far++) {
@@ -928,6 +949,7 @@ int main(int argc, char **argv) {
     RUN(solve_all);
     RUN(goes_on);
     RUN(beyond_rounding);
+    RUN(beyond_coarse);
     RUN(indefinite);
     RUN(negative_at_once);
     RUN(no_diagonal);

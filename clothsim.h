@@ -423,7 +423,7 @@ typedef enum cloth_linear {
 
 typedef struct cloth_linear_options {
     cloth_linear         method;            /* default AUTO                                    */
-    double               tolerance;         /* of the residual, relative; default 0.05         */
+    double               tolerance;         /* the residual's, relative; default 0.05; 0: 1e-30*/
     double               radius;            /* m, trust radius on max |x|; default 0: none     */
     double               norm;              /* J^1/2, what the residual is relative to; default 0:
                                                b, report.norm                                  */
@@ -6376,6 +6376,7 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
  */
 
 #define CLOTHI_LINEAR_TOLERANCE    0.05
+#define CLOTHI_LEAST_TOLERANCE     1e-30    /* squares of less than that of |b| may underflow  */
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* tighter ones are solved in doubles              */
 #define CLOTHI_FLOAT_STIFFNESS     8e6      /* stiffness over inertia, see the banner          */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
@@ -8010,7 +8011,7 @@ static cloth_status clothi_linear_begin(cloth_linear_solver *s, const cloth_matr
                                         clothi_cg *g) {
     s->A = A, s->b = b, s->fixed = o->fixed, s->radius_on = o->radius > 0;
     memset(g, 0, sizeof *g);
-    g->tolerance = o->tolerance;
+    g->tolerance = clothi_max(o->tolerance, CLOTHI_LEAST_TOLERANCE);
     g->radius = o->radius, g->norm = o->norm;
     g->most = o->max_iterations > 0 ? o->max_iterations : CLOTHI_CG_CAP;
     return clothi_solver_reserve(s, A);

@@ -434,14 +434,14 @@ static double residual(problem *q) {
 static void beyond_rounding(void) {
     int k, size;
     for (size = 6; size <= 40; size += 34)
-        for (k = 0; k < 3; k++) {
+        for (k = 0; k < 6; k++) {
             cloth_linear_options o = cloth_linear_options_default();
             cloth_linear_report  r;
             problem              q;
             start_grid(&q, size, size, 1e-3, 10, NULL, 0);
-            o.method = k == 0 ? CLOTH_LINEAR_SGS : k == 1 ? CLOTH_LINEAR_JACOBI
-                                                          : CLOTH_LINEAR_CHOLESKY;
-            o.tolerance = 1e-30;
+            o.method = k % 3 == 0 ? CLOTH_LINEAR_SGS : k % 3 == 1 ? CLOTH_LINEAR_JACOBI
+                                                                  : CLOTH_LINEAR_CHOLESKY;
+            o.tolerance = k < 3 ? 1e-30 : 0;
             CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
             if (!CHECK(residual(&q) < 1e-11 && r.iterations < 3000 && !r.negative))
                 printf("  %d, method %d: %d iterations, residual %.1e\n", size, (int)o.method,
@@ -450,19 +450,20 @@ static void beyond_rounding(void) {
         }
 }
 
-/* Sheets of few vertices, which the coarse space solves: the step after that is of rounding alone.
- * With and without a radius, which the answer does not reach. */
+/* Sheets of few vertices, which the coarse space solves: the step after that is of rounding alone;
+ * JACOBI would go on until squares underflow. With a radius, which the answer does not
+ * reach, and without. */
 static void beyond_coarse(void) {
     int e, k, size, bad = 0;
     for (e = 0; e < 36; e++)
         for (size = 2; size < 6; size++)
-            for (k = 0; k < 4; k++) {
+            for (k = 0; k < 8; k++) {
                 cloth_linear_options o = cloth_linear_options_default();
                 cloth_linear_report  r;
                 problem              q;
-                start_grid(&q, size, 2 + k, pow(10, e % 6 - 3), pow(10, e / 6 - 2), NULL, 0);
-                o.method = CLOTH_LINEAR_SGS;
-                o.tolerance = 1e-30;
+                start_grid(&q, size, 2 + k / 2, pow(10, e % 6 - 3), pow(10, e / 6 - 2), NULL, 0);
+                o.method = k & 4 ? CLOTH_LINEAR_JACOBI : CLOTH_LINEAR_SGS;
+                o.tolerance = 0;
                 o.radius = k & 1 ? 1e5 : 0;
                 CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
                 bad += !(r.residual < 1e-10 && residual(&q) < 1e-8) || r.negative || r.hit;

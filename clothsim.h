@@ -6379,6 +6379,7 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
 #define CLOTHI_LEAST_TOLERANCE     1e-30    /* squares of less than that of |b| may underflow  */
 #define CLOTHI_FLOAT_TOLERANCE     1e-4     /* tighter ones are solved in doubles              */
 #define CLOTHI_FLOAT_STIFFNESS     8e6      /* stiffness over inertia, see the banner          */
+#define CLOTHI_FLOAT_SQUARES       1e-30    /* J, least |b|^2 whose parts do not underflow     */
 #define CLOTHI_STAGNATION          60       /* iterations without halving |r|^2                */
 #define CLOTHI_FLOOR               1e-10    /* of |b|, below which curvature that is negative  */
 #define CLOTHI_REGROWN             10       /* and |r| grown to times its least are rounding's */
@@ -7431,6 +7432,7 @@ static cloth_status clothi_setup(cloth_linear_solver *s, clothi_cg *g) {
         g->rr += Pb[i] * clothi_get(s->st.m, (size_t)(4 * (i / 3) + i % 3), s->wide);
     g->pq = g->rr;
     g->c0 += g->rr;
+    if (!s->wide && !(g->c0 > CLOTHI_FLOAT_SQUARES)) return CLOTH_ERR_NONFINITE;
     return clothi_finite(g->c0) ? CLOTH_OK : CLOTH_ERR_NONFINITE;
 }
 

@@ -417,7 +417,6 @@ static void goes_on(void) {
     }
 }
 
-/* A stretched quadratic with negative directions; radius and no radius. */
 /* |b - A x|/|b| by the kit's product, which mul tests; nothing is fixed. */
 static double residual(problem *q) {
     double rr = 0, bb = 0;
@@ -472,6 +471,28 @@ static void beyond_coarse(void) {
     CHECK(bad == 0);
 }
 
+/* Of b of any size x is as right: down to where the squares of doubles underflow. */
+static void scales(void) {
+    int    k, e, i;
+    double s = 1;
+    for (e = 0; e <= 140; e += 7, s *= 1e-7)
+        for (k = 0; k < 4; k++) {
+            problem              q;
+            cloth_linear_options o;
+            cloth_linear_report  r;
+            if (only[k] == 1) continue;
+            start_grid(&q, 8, 9, 1, 10, NULL, 0);
+            o = way(k, q.solver), o.tolerance = 1e-3;
+            for (i = 0; i < 3 * q.n; i++) q.b[i] *= s;
+            CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
+            CHECK(r.iterations > 0 && r.residual <= 1e-3);
+            for (i = 0; i < 3 * q.n; i++) q.x[i] /= s, q.b[i] /= s;
+            CHECK(residual(&q) < 1e-2);
+            end_problem(&q);
+        }
+}
+
+/* A stretched quadratic with negative directions; radius and no radius. */
 static void indefinite(void) {
     int far, k, i;
     for (far = 0; far < 2; far++) {
@@ -951,6 +972,7 @@ int main(int argc, char **argv) {
     RUN(goes_on);
     RUN(beyond_rounding);
     RUN(beyond_coarse);
+    RUN(scales);
     RUN(indefinite);
     RUN(negative_at_once);
     RUN(no_diagonal);

@@ -436,7 +436,8 @@ typedef struct cloth_linear_report {
     int    negative;                        /* met a direction of no positive curvature        */
     int    hit;                             /* x ends at the radius                            */
     int    factorizations;
-    double residual;                        /* relative, in the norm of the preconditioner     */
+    double residual;                        /* relative, in the norm of the preconditioner;
+                                               with hit, before the move to the radius         */
     double norm;                            /* J^1/2, of b in that norm                        */
     double decrease;                        /* J, b.x - x.A x / 2 of the answer                */
 } cloth_linear_report;
@@ -1343,8 +1344,8 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void);
 
 /* A x = b over the free axes, from zero; from x0: A c = b - A x0, options.norm = report.norm
  * of b, x = x0 + c.                                                                       [7.3]
- * in   b        [nv x 3]; entries of fixed axes are not read
- * out  x        [nv x 3]; fixed axes 0; all 0 when the call fails
+ * in   b        [nv x 3]; entries of fixed axes are not read; 0 where its squares underflow
+ * out  x        [nv x 3], b is allowed; fixed axes 0; all 0 when the call fails but for _ARGUMENT
  * out  report   may be NULL
  * Where A is not positive on a direction that CG meets: report->negative; with a radius, x goes on
  * along it to the radius (hit); without, x is what was reached, or the preconditioned b where that
@@ -1352,8 +1353,9 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void);
  * negative, not hit, and x = 0. Only JACOBI with a radius goes on, with a bound of the block as
  * preconditioner.
  * b.x >= 0 always: x goes downhill. Stopping at max_iterations is no failure: see the residual.
- * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option;
- *   CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY; CLOTH_ERR_UNSUPPORTED.
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option, a radius
+ *   or norm of infinity; CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY,
+ *   CLOTH_ERR_CAPACITY: the factor is too large.
  * contract: alloc at the first call and where the pairs outside the pattern outgrew those before
  *   | cost per iteration ~ 2 passes over the lower triangle | same bits for any worker
  *   count | one call at a time per solver */
@@ -6427,8 +6429,7 @@ struct cloth_linear_solver {
     /* the solve in hand */
     const cloth_matrix  *A;
     const unsigned char *fixed;
-    const double        *b;
-    double *to;                             /* [n x 3] the answer                              */
+    double *to;                             /* [n x 3] b, 0 on fixed axes; then the answer     */
     int     wide, first, part, radius_on, bad_pivot;
     double  alpha, beta;
     clothi_tally tally[CLOTHI_DOMAINS + 1];
@@ -6518,12 +6519,14 @@ static int clothi_jacobi(cloth_linear_solver *s, const double *r, double *z) {
 
 /* x, from 0, by the pseudo-code of the banner. */
 static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_fn *precondition,
-                                    double *x, clothi_cg *g) {
+                                    clothi_cg *g) {
     const size_t n = 3 * (size_t)s->p->n;
     double      *r = (double *)s->block, *z = r + n, *d = z + n, *q = d + n, big, alpha, rr;
+    double      *x = s->to;
     size_t       i;
     s->wide = 1;
-    for (i = 0; i < n; i++) r[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : s->b[i];
+    memcpy(r, x, n * sizeof(double));
+    memset(x, 0, n * sizeof(double));
     if (precondition(s, r, z)) return CLOTH_ERR_NUMERIC;
     memcpy(d, z, n * sizeof(double));
     g->rr = g->c0 = clothi_dot(r, z, n);
@@ -6545,7 +6548,9 @@ static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_
             break;
         }
         if (g->negative) {
-            if (g->it == 0) memcpy(x, d, n * sizeof(double));
+            if (g->it > 0) break;
+            memcpy(x, d, n * sizeof(double));
+            g->Q = g->rr - 0.5 * g->pq;
             break;
         }
         for (i = 0; i < n; i++) x[i] += alpha * d[i], r[i] -= alpha * q[i];
@@ -7189,16 +7194,11 @@ CLOTHI_LANE void clothi_enter_rows(cloth_linear_solver *s, int d, const int w) {
     int        i, k, q = p->strip[d];
     memset(cd, 0, 3 * (size_t)p->nc * sizeof(double));
     for (i = p->dom[d]; i < p->dom[d + 1]; i++) {
-        const double *b = s->b + 3 * (size_t)p->vertex_of[i];
-        const int     m = clothi_mask(s, i);
+        const double *b = s->to + 3 * (size_t)p->vertex_of[i];
         const size_t  at = (size_t)i;
         clothi_v4     v;
-        double        u[3];
-        for (k = 0; k < 3; k++) {
-            u[k] = m >> k & 1 ? 0 : b[k];
-            if (p->agg[i] >= 0) cd[3 * p->agg[i] + k] += u[k];
-        }
-        clothi_store4(r, at, clothi_cut4(u, w), w);
+        for (k = 0; k < 3 && p->agg[i] >= 0; k++) cd[3 * p->agg[i] + k] += b[k];
+        clothi_store4(r, at, clothi_cut4(b, w), w);
         v = clothi_forward_row(&st, given, i - first, q++, clothi_columns4(st.G, at, r, at, w), r,
                                w);
         clothi_store4(r, at, v, w);
@@ -7524,13 +7524,15 @@ static cloth_status clothi_run_cg(cloth_linear_solver *s, clothi_cg *g) {
     if (clothi_sunk(g)) return CLOTH_OK;
     g->negative = 1;
     if (s->radius_on) clothi_boundary(s, g);
-    else if (g->it == 0 && !(g->Q > 0))     /* nothing yet: the preconditioned gradient        */
+    else if (g->it == 0 && !(g->Q > 0)) {   /* nothing yet: the preconditioned gradient        */
         clothi_along(s, 1);
+        g->Q += g->rr - 0.5 * g->pq;
+    }
     return CLOTH_OK;
 }
 
 /* In floats, or where they do not do in doubles. */
-static cloth_status clothi_sgs_solve(cloth_linear_solver *s, double *x, clothi_cg *g) {
+static cloth_status clothi_sgs_solve(cloth_linear_solver *s, clothi_cg *g) {
     const clothi_cg clean = *g;
     cloth_status    status;
     s->wide = s->only ? s->only == 2 : g->tolerance < CLOTHI_FLOAT_TOLERANCE;
@@ -7540,7 +7542,6 @@ static cloth_status clothi_sgs_solve(cloth_linear_solver *s, double *x, clothi_c
         if (s->wide || status != CLOTH_ERR_NONFINITE) break;
     }
     if (status) return status;
-    s->to = x;
     clothi_for(&s->hooks, s->p->nd + 1, s->p->nd > 1 ? 1 : 2, clothi_give_range, s);
     return CLOTH_OK;
 }
@@ -8008,11 +8009,16 @@ static cloth_status clothi_solver_factor(cloth_linear_solver *s, const cloth_mat
     return status ? status : cloth_factor_compute(s->factor, A, fixed, 0, NULL);
 }
 
+/* What a solve is about; x [n x 3] is what is read of b. */
 static cloth_status clothi_linear_begin(cloth_linear_solver *s, const cloth_matrix *A,
-                                        const double *b, const cloth_linear_options *o,
+                                        const double *b, double *x, const cloth_linear_options *o,
                                         clothi_cg *g) {
-    s->A = A, s->b = b, s->fixed = o->fixed, s->radius_on = o->radius > 0;
+    const size_t n = 3 * (size_t)s->p->n;
+    size_t       i;
+    s->A = A, s->to = x, s->fixed = o->fixed, s->radius_on = o->radius > 0;
     memset(g, 0, sizeof *g);
+    for (i = 0; i < n; i++) x[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : b[i];
+    if (clothi_find_nonfinite(x, n) >= 0) return CLOTH_ERR_NONFINITE;
     g->tolerance = clothi_max(o->tolerance, CLOTHI_LEAST_TOLERANCE);
     g->radius = o->radius, g->norm = o->norm;
     g->most = o->max_iterations > 0 ? o->max_iterations : CLOTHI_CG_CAP;
@@ -8027,37 +8033,40 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     cloth_linear_report  r;
     clothi_cg            g;
     cloth_status         status;
+    size_t               n3;
+    int                  bad;
     memset(&r, 0, sizeof r);
     if (report) *report = r;
     if (options) o = *options;
     if (!s) return CLOTH_ERR_ARGUMENT;
+    n3 = 3 * (size_t)s->p->n;
     if (!A || !b || !x || A->p != s->p)
         return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_linear_solve: A, b or x is NULL, or A of another pattern");
     if (o.method < CLOTH_LINEAR_AUTO || o.method > CLOTH_LINEAR_CHOLESKY ||
-        !(o.tolerance >= 0) || !(o.radius >= 0) || !(o.norm >= 0) || o.max_iterations < 0)
+        !(o.tolerance >= 0) || !(o.radius >= 0 && clothi_finite(o.radius)) ||
+        !(o.norm >= 0 && clothi_finite(o.norm)) || o.max_iterations < 0)
         return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "cloth_linear_solve: method %i, tolerance"
                            " %g, radius %g, norm %g, max_iterations %i: one is out of range",
                            (int)o.method, o.tolerance, o.radius, o.norm, o.max_iterations);
-    memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
-    status = clothi_linear_begin(s, A, b, &o, &g);
-    if (status) return status;
-    if (o.method == CLOTH_LINEAR_JACOBI) status = clothi_plain_cg(s, clothi_jacobi, x, &g);
-    else if (o.method != CLOTH_LINEAR_CHOLESKY) status = clothi_sgs_solve(s, x, &g);
-    else {                                  /* right with blocks outside the pattern too       */
-        status = clothi_solver_factor(s, A, o.fixed);
-        if (!status) status = clothi_plain_cg(s, clothi_by_factor, x, &g);
-    }
+    status = clothi_linear_begin(s, A, b, x, &o, &g);
+    if (!status && o.method == CLOTH_LINEAR_CHOLESKY) status = clothi_solver_factor(s, A, o.fixed);
+    if (!status)                            /* CHOLESKY: blocks outside the pattern count too  */
+        status = o.method == CLOTH_LINEAR_JACOBI     ? clothi_plain_cg(s, clothi_jacobi, &g)
+                 : o.method == CLOTH_LINEAR_CHOLESKY ? clothi_plain_cg(s, clothi_by_factor, &g)
+                                                     : clothi_sgs_solve(s, &g);
     if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
         g.negative = 1, g.c0 = 0, g.rr = g.norm = 1;
-        status = clothi_find_nonfinite(A->diag, clothi_matrix_doubles(A)) < 0 &&
-                         clothi_find_nonfinite(A->extra, 9 * (size_t)A->ne) < 0
-                     ? CLOTH_OK : CLOTH_ERR_NONFINITE;
+        status = CLOTH_OK;
+        memset(x, 0, n3 * sizeof(double));
     }
-    if (!status && clothi_find_nonfinite(x, 3 * (size_t)s->p->n) >= 0)
-        status = CLOTH_ERR_NONFINITE;
+    bad = clothi_find_nonfinite(x, n3) >= 0;
+    if (!(g.c0 > 0))                        /* CG has not met all of A                         */
+        bad |= clothi_find_nonfinite(A->diag, clothi_matrix_doubles(A)) >= 0 ||
+               clothi_find_nonfinite(A->extra, 9 * (size_t)A->ne) >= 0;
+    if (!status && bad) status = CLOTH_ERR_NONFINITE;
     if (status) {
-        memset(x, 0, 3 * (size_t)s->p->n * sizeof(double));
+        memset(x, 0, n3 * sizeof(double));
         return status;
     }
     r.iterations = g.it, r.factorizations = o.method == CLOTH_LINEAR_CHOLESKY;

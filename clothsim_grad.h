@@ -1187,9 +1187,8 @@ static cloth_status clothi_grad_again(clothi_grad *g, const double *b, double to
     opt.fixed = s->fixed;
     if (opt.method != CLOTH_LINEAR_CHOLESKY)
         return cloth_linear_solve(s->solver, s->matrix, b, x, &opt, NULL);
-    memset(x, 0, 3 * (size_t)s->model->nv * sizeof(double));
-    status = clothi_linear_begin(s->solver, s->matrix, b, &opt, &cg);
-    if (!status) status = clothi_plain_cg(s->solver, clothi_by_factor, x, &cg);
+    status = clothi_linear_begin(s->solver, s->matrix, b, x, &opt, &cg);
+    if (!status) status = clothi_plain_cg(s->solver, clothi_by_factor, &cg);
     g->rep->iterations += cg.it;
     return status;
 }

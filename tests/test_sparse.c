@@ -471,6 +471,28 @@ static void beyond_coarse(void) {
     CHECK(bad == 0);
 }
 
+/* x in the array of b, of which fixed axes are not read: the same bits. */
+static void in_place(void) {
+    int k, i;
+    for (k = 0; k < 4; k++) {
+        const size_t         bytes = 3 * 72 * sizeof(double);
+        problem              q;
+        cloth_linear_options o;
+        start_grid(&q, 8, 9, 1, 10, NULL, 0);
+        o = way(k, q.solver);
+        if (k == 3) o.method = CLOTH_LINEAR_CHOLESKY;
+        fix_some(&q, 1);
+        o.fixed = q.fixed;
+        for (i = 0; i < 3 * q.n; i++)
+            if (is_fixed(&q, i)) q.b[i] = (double)NAN;
+        CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_OK);
+        memcpy(q.y, q.b, bytes);
+        CHECK(cloth_linear_solve(q.solver, q.A, q.y, q.y, &o, NULL) == CLOTH_OK);
+        CHECK(largest(q.x, 3 * q.n) > 0 && memcmp(q.x, q.y, bytes) == 0);
+        end_problem(&q);
+    }
+}
+
 /* Of b of any size x is as right: down to where the squares of doubles underflow. */
 static void scales(void) {
     int    k, e, i;
@@ -540,6 +562,7 @@ static void negative_at_once(void) {
         cloth_linear_report  r;
         CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, &r) == CLOTH_OK);
         CHECK(r.negative == 1 && !r.hit && r.iterations == 0 && dot(q.b, q.x, 6) > 1);
+        CHECK_NEAR(r.decrease, model(&q, NULL), 1e-6 * r.decrease);
     }
     end_problem(&q);
 }
@@ -662,8 +685,9 @@ static void not_finite(void) {
     int     k, what;
     double  H[36];
     memset(H, 0, sizeof H);
-    for (what = 0; what < 11; what++) {     /* a diagonal, a pair, one outside the pattern, b; such
-                                               a pair with a diagonal that is negative; |b|^2 */
+    for (what = 0; what < 13; what++) {     /* a diagonal, a pair, one outside the pattern, b; such
+                                               a pair with a diagonal that is negative; |b|^2; b
+                                               and that diagonal; a pair, and no b */
         const double bad = what == 10 ? 1e200 : what & 1 ? HUGE_VAL : (double)NAN;
         const int    outside = what / 2 == 2 || what / 2 == 4, one = 5;
         const int    v[2] = {outside ? 10 : 3, outside ? 500 : 4};
@@ -672,10 +696,12 @@ static void not_finite(void) {
         if (what / 2 == 0) H[4] = bad;
         else H[6 * 4 + 1] = bad;
         if (what / 2 == 0) cloth_matrix_add_element(q.A, 1, &one, H);
-        else if (what / 2 != 3 && what < 10) cloth_matrix_add_element(q.A, 2, v, H);
+        else if ((what / 2 != 3 && what < 10) || what == 12)
+            cloth_matrix_add_element(q.A, 2, v, H);
         else q.b[17] = bad;
+        if (what == 12) memset(q.b, 0, 3 * (size_t)q.n * sizeof(double));
         memset(H, 0, sizeof H);
-        if (what / 2 == 4) H[0] = -1e9, cloth_matrix_add_element(q.A, 1, &one, H);
+        if (what / 2 == 4 || what == 11) H[0] = -1e9, cloth_matrix_add_element(q.A, 1, &one, H);
         for (k = 0; k < 4; k++) {
             cloth_linear_options o = way(k, q.solver);
             cloth_linear_report  r;
@@ -920,6 +946,10 @@ static void arguments(void) {
     CHECK(cloth_linear_solve(q.solver, q.A, q.b, NULL, &o, NULL) == CLOTH_ERR_ARGUMENT);
     o.radius = (double)NAN;
     CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
+    o.radius = HUGE_VAL;
+    CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
+    o.radius = 0, o.norm = HUGE_VAL;
+    CHECK(cloth_linear_solve(q.solver, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
     for (k = 0; k < 9; k++) {               /* one option of five, and what was not given */
         o = cloth_linear_options_default();
         if (k < 2) o.method = (cloth_linear)(k ? 44 : -1);
@@ -972,6 +1002,7 @@ int main(int argc, char **argv) {
     RUN(goes_on);
     RUN(beyond_rounding);
     RUN(beyond_coarse);
+    RUN(in_place);
     RUN(scales);
     RUN(indefinite);
     RUN(negative_at_once);

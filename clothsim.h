@@ -9129,7 +9129,7 @@ static void clothi_derive_sides(cloth_sim *s) {
         const double  area = B[4 * L], mu = B[5 * L], lambda = B[6 * L];
         const double  g1 = B[0] * B[0] + B[L] * B[L], g12 = B[0] * B[2 * L] + B[L] * B[3 * L];
         const double  g2 = B[2 * L] * B[2 * L] + B[3 * L] * B[3 * L];
-        const double  det = g1 * g2 - g12 * g12, both = area * (mu + 0.5 * lambda);
+        const double  inv = 4 * area * area, both = area * (mu + 0.5 * lambda);
         double       *side = s->own.side + (size_t)(i / L) * 9 * L + i % L;
         if (s->model->bend.kind == CLOTHI_QUADRATIC) {
             const double g0 = g1 + g2 + 2 * g12;
@@ -9140,9 +9140,9 @@ static void clothi_derive_sides(cloth_sim *s) {
             }
             continue;
         }
-        side[0] = g2 / det;
-        side[L] = g1 / det;
-        side[2 * L] = -g12 / det;
+        side[0] = g2 * inv;
+        side[L] = g1 * inv;
+        side[2 * L] = -g12 * inv;
         side[3 * L] = both * g1 * g1;
         side[4 * L] = area * (mu * g12 * g12 + 0.5 * lambda * g1 * g2);
         side[5 * L] = both * g2 * g2;

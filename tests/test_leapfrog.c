@@ -716,6 +716,29 @@ static void triangle_forces(void) {
     CHECK(worst < 1e-12);
 }
 
+/* At rest beside a needle: it stays there, or needs more substeps than there are. */
+static void needle(void) {
+    static const int faces[6] = {0, 1, 2, 1, 0, 3};
+    int              k, i;
+    for (k = 0; k < 2; k++) {
+        const double x[12] = {0, 0, 0, 1, 0, 0, 0.5, 0, k ? -1e-9 : -1e-5, 0.5, 0, 1};
+        double       moved = 0;
+        dyn          d;
+        dyn_sheet(&d, CLOTH_SHEET_DIAGONAL, 2, 2, 1, 1);
+        memcpy(d.mesh->x, x, sizeof x);
+        memcpy(d.mesh->faces, faces, sizeof faces);
+        d.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+        d.desc.bend = CLOTH_BEND_HINGE;
+        d.desc.material.membrane = 1e-3;
+        d.desc.material.bending = 1e-9;
+        if (!dyn_start(&d)) return;
+        CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == (k ? CLOTH_ERR_STEP : CLOTH_OK));
+        for (i = 0; i < 12; i++) moved = fmax(moved, fabs(d.state->x[i] - x[i]));
+        CHECK_NEAR(moved, 0, 1e-15);
+        dyn_end(&d);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(stability_limit);
@@ -737,5 +760,6 @@ int main(int argc, char **argv) {
     RUN(stiff_term);
     RUN(stiff_terms_add);
     RUN(triangle_forces);
+    RUN(needle);
     return TEST_END();
 }

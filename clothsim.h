@@ -8536,7 +8536,8 @@ static cloth_status clothi_model_elements(cloth_model *m) {
 /* What decides whether a snapshot fits: all of the model that steps read, and what reset goes back
  * to. In a snapshot's head side by side, for a sentence that says what differs. */
 static const char *const clothi_aspects[] = {"mesh", "parts", "regions", "rest shape", "ties",
-    "start (x, v, pins, gravity or wind)", "membrane, bending or integrator", "contact rung",
+    "start (x, v, pins, masses, materials, gravity or wind)", "membrane, bending or integrator",
+    "contact rung",
     "substeps, max_newton, max_attachments, tolerances, linear solver or sleep", "air"};
 
 static void clothi_model_hash(cloth_model *m) {
@@ -8544,6 +8545,7 @@ static void clothi_model_hash(cloth_model *m) {
     const size_t      nv = (size_t)m->nv, nf = (size_t)m->nf;
     const int32_t     count[3] = {m->nv, m->nf, m->topology->nh};
     const int32_t     rungs[3] = {(int32_t)d->membrane, (int32_t)d->bend, (int32_t)d->integrator};
+    const int32_t     rest_angle = (int32_t)d->rest_angle;
     const int32_t     whole[4] = {d->substeps, d->max_newton, d->max_attachments,
                                   (int32_t)d->linear};
     const int32_t     contact = (int32_t)d->contact, wind_on = d->wind_on != 0;
@@ -8553,6 +8555,8 @@ static void clothi_model_hash(cloth_model *m) {
         {m->part, nf * sizeof(int), 1}, {m->region, nf * sizeof(int), 2},
         {&m->nregions, sizeof m->nregions, 2},
         {m->x_rest, 3 * nv * sizeof(double), 3}, {m->X, 6 * nf * sizeof(double), 3},
+        {&rest_angle, sizeof rest_angle, 3},
+        {m->vertex_mass, m->vertex_mass ? nv * sizeof(double) : 0, 5},
         {m->tie, m->tie ? 3 * nv * sizeof(int) : 0, 4}, {m->x, 3 * nv * sizeof(double), 5},
         {m->v, 3 * nv * sizeof(double), 5}, {m->pin, nv, 5}, {d->gravity, sizeof d->gravity, 5},
         {&wind_on, sizeof wind_on, 5}, {d->wind, sizeof d->wind, 5}, {rungs, sizeof rungs, 6},
@@ -8564,6 +8568,9 @@ static void clothi_model_hash(cloth_model *m) {
     for (i = 0; i < sizeof part / sizeof *part; i++)
         m->aspect[part[i].aspect] =
             clothi_hash(m->aspect[part[i].aspect], part[i].data, part[i].size);
+    for (i = 0; i < (size_t)m->nregions; i++)           /* without what pads the struct        */
+        m->aspect[5] = clothi_hash(m->aspect[5], m->material + i, offsetof(cloth_material, plane) +
+                                                                  sizeof(cloth_plane));
     m->hash = clothi_hash(CLOTH_VERSION_NUM, m->aspect, sizeof m->aspect);
 }
 

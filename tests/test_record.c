@@ -498,7 +498,7 @@ static void another_model_is_named(void) {
 /* What decides the course of a sim is in the hash of its model, word by word: of all these models
  * no two have the same, the same desc has it again, and a snapshot of the plain one is refused. */
 static void every_word_counts(void) {
-    enum { WORDS = 30 };
+    enum { WORDS = 34 };
     static unsigned char   buf[1 << 17];
     static const cloth_tie tie[2] = {{7, 8, CLOTH_AXIS_X}, {7, 8, CLOTH_AXIS_Y}};
     static const cloth_pin pin[2] = {{3, CLOTH_AXIS_X}, {3, CLOTH_AXIS_Y}};
@@ -511,13 +511,14 @@ static void every_word_counts(void) {
     for (k = 0; k < WORDS; k++) {
         cloth_desc *d = &S.desc;
         cloth_hooks hooks = host_hooks(&told);
-        double     *x, X[6 * 64];
+        double     *x, X[6 * 64], mass[64];
         scene_desc(&S, 4, &hooks, 0);
         S.start = x = (double *)malloc(3 * (size_t)S.nv * sizeof(double));
         if (!x) exit(2);
         for (i = 0; i < 3 * S.nv; i++) x[i] = S.mesh->x[i] + (i == 4 ? 1e-9 : 0);
         CHECK(cloth_flatten(S.nv, S.mesh->x, S.mesh->nf, S.mesh->faces, X) == CLOTH_OK);
         X[4] += 1e-9;
+        for (i = 0; i < 64; i++) mass[i] = 1;
         switch (k) {                        /* 0 and 1: as it is                               */
         case 2: d->nties = 1, d->ties = tie; break;
         case 3: d->nties = 1, d->ties = tie + 1; break;
@@ -547,6 +548,10 @@ static void every_word_counts(void) {
         case 27: d->tolerance *= 2; break;
         case 28: d->sleep = 2; break;
         case 29: d->air_density *= 2; break;
+        case 30: d->vertex_mass = mass; break;
+        case 31: d->material.density *= 2; break;
+        case 32: d->material.plane = CLOTH_PLANE_STRAIN_3D; break;
+        case 33: d->rest_angle = CLOTH_REST_ANGLE_FLAT; break;
         default: break;
         }
         CHECK(scene_open(&S, 0) == CLOTH_OK);

@@ -8339,13 +8339,16 @@ static cloth_status clothi_model_ties(cloth_model *m, const cloth_desc *d) {
             *lead = d->ties[i].leader;
         }
     for (i = 0; i < 3 * m->nv; i++) {
-        int lead = m->tie[i], steps = 0;
+        int lead = m->tie[i], steps = 0, at = i, next;
         while (lead >= 0 && m->tie[3 * lead + i % 3] >= 0 && steps++ <= m->nv)
             lead = m->tie[3 * lead + i % 3];
         if (steps > m->nv)
             return clothi_fail(&m->hooks, CLOTH_ERR_ARGUMENT,
                                "desc.ties: vertex %i follows itself", i / 3);
-        m->tie[i] = lead;
+        for (; m->tie[at] != lead; at = next) {         /* nobody goes that way again          */
+            next = 3 * m->tie[at] + i % 3;
+            m->tie[at] = lead;
+        }
     }
     for (i = 0; i < 3 * m->nv; i++)         /* a pin on a follower is one on its leader */
         if (m->tie[i] >= 0 && (m->pin[i / 3] >> (i % 3) & 1)) {

@@ -394,6 +394,32 @@ static void many_faces_on_one_vertex(void) {
     hub(n, 1);
 }
 
+/* A chain of ties against the order of the vertices takes no longer than one along it. */
+static void chain_of_ties(void) {
+    enum { N = 201 };
+    static cloth_tie tie[N * N];
+    double           seconds[2];
+    int              k, i;
+    for (k = 0; k < 2; k++) {
+        cloth_model *m = NULL;
+        clock_t      start;
+        scene_close(&sheet);
+        scene_desc(&sheet, N, NULL, 0);
+        for (i = 0; i + 1 < N * N; i++) {
+            tie[i].leader = i + k;
+            tie[i].follower = i + 1 - k;
+            tie[i].axes = CLOTH_AXIS_ALL;
+        }
+        sheet.desc.nties = N * N - 1, sheet.desc.ties = tie;
+        start = clock();
+        CHECK(cloth_model_create(&sheet.desc, &m) == CLOTH_OK);
+        seconds[k] = (double)(clock() - start) / CLOCKS_PER_SEC;
+        cloth_model_destroy(m);
+    }
+    if (!CHECK(seconds[1] < 3 * seconds[0] + 0.5))
+        printf("  a chain along the vertices %g s, against them %g s\n", seconds[0], seconds[1]);
+}
+
 /* --- files of others --- */
 
 /* v and f lines of OBJ text, n-gons as fans; what cannot be read as an index becomes 0. */
@@ -503,6 +529,7 @@ int main(int argc, char **argv) {
     RUN(bad_ties);
     RUN(quadratic_needs_flat);
     RUN(many_faces_on_one_vertex);
+    RUN(chain_of_ties);
     RUN(nasty_meshes);
     scene_close(&sheet);
     return TEST_END();

@@ -2275,7 +2275,7 @@ static cloth_status clothi_check_surface(clothi_checker *c) {
     for (v = 0; v < c->nv; v++) {
         if (c->corners[v] == 0)
             clothi_fault(c, CLOTH_MESH_ISOLATED, v, "vertex %i has no face: it moves as a point"
-                         " without mass; remove it", v);
+                         " of the first corner's mass; remove it", v);
         else if (c->fans[v] > 1)
             clothi_fault(c, CLOTH_MESH_BOW_TIE, v, "vertex %i joins %i surfaces in a point: "
                          "double it, or accept a ball joint", v, c->fans[v]);
@@ -3897,8 +3897,8 @@ CLOTH_API cloth_status cloth_material_check(const cloth_hooks *hooks, const clot
     if (status) return status;
     cloth_material_lame(m, &mu, &lambda);
     if (!clothi_finite(mu) || !clothi_finite(lambda) || !clothi_finite(cloth_material_rigidity(m)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%syoung = %g times thickness = %g is beyond "
-                           "any double", who, m->young, m->thickness);
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "%syoung = %g, thickness = %g, membrane = %g:"
+                           " beyond any double", who, m->young, m->thickness, m->membrane);
     return CLOTH_OK;
 }
 
@@ -5408,7 +5408,9 @@ static cloth_status clothi_graph_build(const cloth_hooks *hooks, int nv, int nel
     double    pairs = 0;
     for (e = 0; e < nelem; e++)
         pairs += (double)(start[e + 1] - start[e]) * (double)(start[e + 1] - start[e]);
-    if (pairs > 2e9) return CLOTH_ERR_ARGUMENT;
+    if (pairs > 2e9)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "pattern: nelem = %i elements join %g pairs,"
+                           " at most 2e9", nelem, pairs);
     owner = (int *)clothi_alloc(hooks, 2 * (size_t)n + 2 * (size_t)nv + 1, sizeof(int));
     g->start = (int *)clothi_alloc(hooks, (size_t)nv + 2, sizeof(int));
     if (!owner || !g->start) goto done;

@@ -213,6 +213,13 @@ static void bad_material(void) {
         CHECK(refused(&d, row[i].inf ? CLOTH_ERR_NONFINITE : CLOTH_ERR_ARGUMENT, row[i].name,
                       row[i].text));
     }
+    {
+        cloth_desc d = good();
+        d.material.membrane = 1e308;
+        d.material.poisson = 0.45;
+        d.material.plane = CLOTH_PLANE_STRAIN_3D;
+        CHECK(refused(&d, CLOTH_ERR_ARGUMENT, "membrane = 1e308", "beyond any double"));
+    }
 }
 
 static void bad_ladder(void) {

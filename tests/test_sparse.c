@@ -942,6 +942,11 @@ static void arguments(void) {
     CHECK(cloth_pattern_create(NULL, 0, 0, NULL, NULL, NULL, &p) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_pattern_create(NULL, 4, 1, NULL, NULL, NULL, &p) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_matrix_add_element(q.A, 1, v, H) == CLOTH_ERR_ARGUMENT);
+    {
+        static const int many[50000] = {0}, whole[2] = {0, 50000};
+        CHECK(cloth_pattern_create(&told, 4, 1, whole, many, NULL, &p) == CLOTH_ERR_ARGUMENT);
+        CHECK(h.lines == 1 && strstr(h.text, "2.5e9 pairs") != NULL);
+    }
     CHECK(cloth_linear_solve(NULL, q.A, q.b, q.x, &o, NULL) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_linear_solve(q.solver, q.A, q.b, NULL, &o, NULL) == CLOTH_ERR_ARGUMENT);
     o.radius = (double)NAN;

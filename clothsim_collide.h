@@ -829,20 +829,24 @@ static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
     return sqrt(clothi_dot3(v, v)) / scale;
 }
 
-/* No more than that distance, m, for less: how far the polygon lies along its normal, or along the
- * way to its middle. */
+/* No more than that distance, m, for less: how far all of the polygon lies along its normal, or
+ * along the way to its middle. Any direction would do: that of parallel sides is rounding. */
 static double clothi_pair_beyond(int edge_edge, const double *x) {
-    double    r[12], e[6], u[3], size, least, best;
+    double    r[12], e[6], u[6], best = 0;
     const int n = clothi_pair_polygon(edge_edge, x, r);
-    int       k;
+    int       i, k;
     clothi_polygon_plane(r, n, e, u);
-    size = sqrt(clothi_dot3(u, u));
-    best = size > 0 ? fabs(clothi_dot3(u, r)) / size : 0;
-    for (k = 0; k < 3; k++) u[k] = r[k] + r[3 + k] + r[6 + k] + (n == 4 ? r[9 + k] : 0);
-    size = sqrt(clothi_dot3(u, u));
-    least = clothi_dot3(u, r);
-    for (k = 1; k < n; k++) least = clothi_min(least, clothi_dot3(u, r + 3 * k));
-    return size > 0 ? clothi_max(best, least / size) : best;
+    for (k = 0; k < 3; k++) u[3 + k] = r[k] + r[3 + k] + r[6 + k] + (n == 4 ? r[9 + k] : 0);
+    for (i = 0; i < 6; i += 3) {
+        const double size = sqrt(clothi_dot3(u + i, u + i));
+        double       least = clothi_dot3(u + i, r), most = least;
+        for (k = 1; k < n; k++) {
+            const double d = clothi_dot3(u + i, r + 3 * k);
+            least = clothi_min(least, d), most = clothi_max(most, d);
+        }
+        if (size > 1e-140) best = clothi_max(best, clothi_max(least, -most) / size);
+    }
+    return best;
 }
 
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================

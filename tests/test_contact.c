@@ -94,6 +94,45 @@ static void poke(void) {
     CHECK(most > 4 && most <= 12);
 }
 
+/* A square of cloth is pulled like scissors across a blade, 1.5 mm below its lower edge, parallel
+ * to it but for rounding: what the sides of that pair span is no plane to be beyond of. */
+static void scissors(void) {
+    const double       home[9] = {-0.2, -0.0015, 0, 0.8, -0.0015, 0, 0.3, -0.5, 0};
+    const int          blade[3] = {0, 1, 2};
+    unsigned long long seed = 1;
+    int                n, i, fresh = 0;
+    for (n = 0; n < 40; n++) {
+        cloth_obstacle_desc d = cloth_obstacle_desc_default();
+        double              R[9], x[9], to[12], from[3];
+        stage               s;
+        ref_rotation(&seed, R);
+        for (i = 0; i < 3; i++) from[i] = ref_uniform(&seed, 0, 1);
+        memcpy(x, home, sizeof x);
+        ref_move(R, from, 3, x);
+        stage_sheet(&s, 2, 1);
+        for (i = 0; i < 4; i++) {
+            double *p = s.mesh->x + 3 * i;
+            p[1] = p[2], p[2] = 0;
+            to[3 * i] = p[0], to[3 * i + 1] = p[1] - 0.01, to[3 * i + 2] = 0.01 - 0.02 * p[0];
+        }
+        ref_move(R, from, 4, s.mesh->x);
+        ref_move(R, from, 4, to);
+        s.desc.max_attachments = 6;
+        if (!stage_start(&s)) exit(2);
+        for (i = 0; i < 6; i++) {
+            const double     corner[3] = {i % 3 == 0, i % 3 == 1, i % 3 == 2};
+            cloth_attachment at;
+            CHECK(!cloth_sim_attach(s.sim, i / 3, corner, 1e4, to + 3 * s.mesh->faces[i], &at));
+        }
+        d.nv = 3, d.nf = 1, d.x = x, d.faces = blade;
+        (void)stage_add(&s, &d);
+        CHECK(stage_step(&s, 1.0 / 60));
+        fresh += s.new_pairs;
+        stage_end(&s);
+    }
+    CHECK(fresh == 0);
+}
+
 /* m, of the layers and plates of pressed(). */
 static double pressed_wave(const double *x) {
     return 0.004 * sin(20 * x[0]) * cos(17 * x[2]);
@@ -680,6 +719,7 @@ int main(int argc, char **argv) {
     RUN(ball);
     RUN(coarse);
     RUN(poke);
+    RUN(scissors);
     RUN(pressed);
     RUN(stage_rows_left);
     RUN(momentum);

@@ -3125,7 +3125,8 @@ static void clothi_grid_measure(int begin, int end, int worker, void *ctx) {
             p[0] = g->origin[0] + g->cell * i;
             if (f >= 0) d2 = clothi_min(d2, clothi_face_distance2(s->x, s->faces + 3 * f, p, b));
             found = clothi_surface_nearest(s, p, &d2, b);
-            if (found >= 0) f = found, d = clothi_min(d, sqrt(d2));
+            if (found >= 0) f = found;      /* else f, by rounding nearer than its own box */
+            if (f >= 0) d = clothi_min(d, sqrt(d2));
             if (!(clothi_max(d, last) > 1.01 * g->cell))
                 sign = clothi_surface_winding(s, p) >= 1 ? -1 : 1;
             phi[i] = sign * d;

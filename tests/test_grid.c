@@ -235,6 +235,45 @@ static void off_by_a_micron(void) {
     }
 }
 
+/* Octahedra with corners on nodes: of a node on a face rounding may hold the face for nearer than
+ * the box around it. */
+static void corners_on_nodes(void) {
+    static const int face[8][3] = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
+                                   {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+    double           worst = 0;
+    int              n, i, k;
+    for (n = 0; n < 1000; n++) {
+        const double cell = uniform(0.01, 1), corner = uniform(0, 3);
+        double       at[3];
+        shape        s = {0, 0, NULL, NULL};
+        cloth_grid  *g;
+        size_t       node;
+        for (k = 0; k < 3; k++) at[k] = floor(uniform(-20, 21)) * cell;
+        shape_room(&s, 6, 8);
+        for (i = 0; i < 6; i++) {
+            const double half = (i & 1 ? -1 : 1) * floor(uniform(1, 5)) * cell;
+            shape_vertex(&s, at[0] + (i / 2 == 0) * half, at[1] + (i / 2 == 1) * half,
+                         at[2] + (i / 2 == 2) * half);
+        }
+        for (i = 0; i < 8; i++) {           /* from any corner on */
+            const int *f = face[i];
+            k = (int)corner;
+            shape_face(&s, f[k], f[(k + 1) % 3], f[(k + 2) % 3]);
+        }
+        g = make(&s, cell, 0);
+        for (node = 0; node < nodes_of(g); node++) {
+            double p[3], b[3], d2 = g->band * g->band;
+            node_at(g, node, p);
+            for (i = 0; i < 8; i++)
+                d2 = fmin(d2, clothi_face_distance2(s.x, s.faces + 3 * i, p, b));
+            worst = fmax(worst, fabs(fabs(g->phi[node]) - sqrt(d2)) / g->band);
+        }
+        cloth_grid_destroy(g);
+        shape_free(&s);
+    }
+    CHECK(worst < 1e-9);
+}
+
 /* --- overlaps --- */
 
 static void overlapping_spheres(void) {
@@ -588,6 +627,7 @@ int main(int argc, char **argv) {
     RUN(torus);
     RUN(box);
     RUN(off_by_a_micron);
+    RUN(corners_on_nodes);
     RUN(overlapping_spheres);
     RUN(walking_body);
     RUN(interpolant);

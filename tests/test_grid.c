@@ -309,6 +309,53 @@ static void overlapping_spheres(void) {
     shape_free(&s);
 }
 
+/* Distance of p from an axis-aligned box, m; inside -1. */
+static double box_far(const double *p, const double *lo, const double *hi) {
+    double far2 = 0;
+    int    k, inside = 1;
+    for (k = 0; k < 3; k++) {
+        const double d = fmax(0, fmax(lo[k] - p[k], p[k] - hi[k]));
+        far2 += d * d;
+        inside &= p[k] > lo[k] && p[k] < hi[k];
+    }
+    return inside ? -1 : sqrt(far2);
+}
+
+/* Boxes with corners on a lattice, to rounding in every other mesh, which overlap, stand flush on
+ * each other and touch: a face that another part covers in part counts whole. */
+static void flush_boxes(void) {
+    double worst = 0;
+    int    n, i, k, wrong = 0;
+    for (n = 0; n < 80; n++) {
+        const int   boxes = 2 + n % 3;
+        double      lo[4][3], hi[4][3];
+        shape       s = {0, 0, NULL, NULL};
+        cloth_grid *g;
+        size_t      node;
+        for (i = 0; i < boxes; i++) {
+            for (k = 0; k < 3; k++) {
+                const double a = floor(uniform(0, 6)), b = floor(uniform(1, 5));
+                lo[i][k] = a / 3;
+                hi[i][k] = n & 1 ? a / 3 + b / 3 : (a + b) / 3;
+            }
+            shape_box(&s, lo[i], hi[i]);
+        }
+        g = make(&s, uniform(0.13, 0.18), 0);
+        for (node = 0; node < nodes_of(g); node++) {
+            double p[3], far = g->band;
+            node_at(g, node, p);
+            for (i = 0; i < boxes; i++) far = fmin(far, box_far(p, lo[i], hi[i]));
+            if (fabs(far) > 1e-9 && fabs(g->phi[node]) > 1e-9)
+                wrong += (g->phi[node] < 0) != (far < 0);
+            if (far > 1e-9) worst = fmax(worst, fabs(g->phi[node] - far));
+        }
+        cloth_grid_destroy(g);
+        shape_free(&s);
+    }
+    CHECK(wrong == 0);
+    CHECK(worst < 1e-9);
+}
+
 /* --- a body --- */
 
 typedef struct tally {
@@ -627,12 +674,13 @@ int main(int argc, char **argv) {
     RUN(torus);
     RUN(box);
     RUN(off_by_a_micron);
-    RUN(corners_on_nodes);
     RUN(overlapping_spheres);
     RUN(walking_body);
     RUN(interpolant);
     RUN(outside);
     RUN(refusals);
     RUN(workers);
+    RUN(corners_on_nodes);
+    RUN(flush_boxes);
     return TEST_END();
 }

@@ -356,6 +356,33 @@ static void flush_boxes(void) {
     CHECK(worst < 1e-9);
 }
 
+/* A box turned inside out, beside another, has no inside and no boundary. */
+static void inverted_box(void) {
+    const double lo[3] = {-1, -1, -1}, hi[3] = {1, 1, 1};
+    const double beside[2][3] = {{1.3, 1.3, 1.3}, {1.7, 1.7, 1.7}};
+    shape        s = {0, 0, NULL, NULL};
+    cloth_grid  *g;
+    double       worst = 0;
+    size_t       node;
+    int          i;
+    shape_box(&s, lo, hi);
+    shape_box(&s, beside[0], beside[1]);
+    for (i = 12; i < 24; i++) {
+        const int f = s.faces[3 * i];
+        s.faces[3 * i] = s.faces[3 * i + 1], s.faces[3 * i + 1] = f;
+    }
+    g = make(&s, 0.1, 1);
+    for (node = 0; node < nodes_of(g); node++) {
+        double p[3], far;
+        node_at(g, node, p);
+        far = box_far(p, lo, hi);
+        if (far > 0) worst = fmax(worst, fabs(g->phi[node] - fmin(far, g->band)));
+    }
+    CHECK(worst < 1e-9);
+    cloth_grid_destroy(g);
+    shape_free(&s);
+}
+
 /* --- a body --- */
 
 typedef struct tally {
@@ -682,5 +709,6 @@ int main(int argc, char **argv) {
     RUN(workers);
     RUN(corners_on_nodes);
     RUN(flush_boxes);
+    RUN(inverted_box);
     return TEST_END();
 }

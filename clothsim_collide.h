@@ -2880,7 +2880,8 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
     s.q = qp, s.hooks = &o.hooks, s.rep = &report;
     s.work = o.work ? o.work : &own;
     s.m = qp->m, s.n = qp->n;
-    s.most = o.max_iterations ? o.max_iterations : 100 + 10 * qp->m;
+    s.most = o.max_iterations ? o.max_iterations : 0x7fffffff;
+    if (!o.max_iterations && qp->m < 200000000) s.most = 100 + 10 * qp->m;
     if (s.m) status = clothi_qp_run(&s, &o);
     else report.outcome = CLOTH_QP_SOLVED;
     if (status == CLOTH_ERR_MEMORY)

@@ -3176,7 +3176,8 @@ static cloth_status clothi_grid_plan(const cloth_grid_desc *d, cloth_grid *g) {
     g->cell = d->cell;
     g->band = d->band != 0 ? d->band : CLOTH_DEFAULT_GRID_BAND * d->cell;
     margin = d->margin != 0 ? d->margin : g->band;
-    status = clothi_check_range(hooks, "desc.", "cell", d->cell, CLOTHI_GRID_TINY, HUGE_VAL, 0);
+    status = clothi_check_range(hooks, "desc.", "cell", d->cell, CLOTHI_GRID_TINY,
+                                CLOTHI_GRID_LARGE, 0);
     if (!status)
         status = clothi_check_range(hooks, "desc.", "band", g->band, 2 * d->cell, HUGE_VAL, 0);
     if (!status)

@@ -611,6 +611,7 @@ static void refusals(void) {
     d = good, d.nv = -1, refuse(&d, CLOTH_ERR_ARGUMENT, "nv = -1");
     d = good, d.cell = 0, refuse(&d, CLOTH_ERR_ARGUMENT, "cell = 0");
     d = good, d.cell = -1, refuse(&d, CLOTH_ERR_ARGUMENT, "cell = -1");
+    d = good, d.cell = 1e308, refuse(&d, CLOTH_ERR_ARGUMENT, "cell = 1e308 must be");
     d = good, d.cell = NAN, refuse(&d, CLOTH_ERR_NONFINITE, "cell");
     d = good, d.band = INFINITY, refuse(&d, CLOTH_ERR_NONFINITE, "band");
     d = good, d.band = 0.1, refuse(&d, CLOTH_ERR_ARGUMENT, "band = 0.1 must be at least 0.5");

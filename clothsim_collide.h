@@ -309,7 +309,8 @@ CLOTH_API size_t cloth_grid_bytes(const cloth_grid *grid);   /* 8 a node and abo
  * two cells that of the upper one). Outside the grid sqrt(|x - q|^2 + phi(q)^2), q the nearest
  * point of the grid: continuous, and never above the distance that |x - q| and phi(q) allow.
  * out  distance, gradient [3]; either may be NULL; untouched unless CLOTH_OK
- * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, n below 2, cell not above 0; CLOTH_ERR_NONFINITE: x
+ * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, n below 2, cell not above 0; CLOTH_ERR_NONFINITE: x,
+ *   or x - origin overflows
  * contract: alloc none | cost O(1), 8 loads | threads: any */
 CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[3],
                                          double *distance, double gradient[3]);
@@ -3282,7 +3283,7 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
     if (!grid || !x || !grid->phi || !(grid->cell > 0)) return CLOTH_ERR_ARGUMENT;
     for (a = 0; a < 3; a++) {
         if (grid->n[a] < 2) return CLOTH_ERR_ARGUMENT;
-        if (!clothi_finite(x[a])) return CLOTH_ERR_NONFINITE;
+        if (!clothi_finite(x[a] - grid->origin[a])) return CLOTH_ERR_NONFINITE;
     }
     for (a = 0; a < 3; a++) {
         const double s = x[a] - grid->origin[a], top = grid->cell * (grid->n[a] - 1);

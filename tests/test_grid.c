@@ -520,6 +520,8 @@ static void interpolant(void) {
     CHECK(cloth_grid_sample(&bad, p, &d, NULL) == CLOTH_ERR_ARGUMENT);
     bad.cell = NAN;
     CHECK(cloth_grid_sample(&bad, p, &d, NULL) == CLOTH_ERR_ARGUMENT);
+    bad = g, bad.origin[0] = -1e308, p[0] = 1e308;
+    CHECK(cloth_grid_sample(&bad, p, &d, NULL) == CLOTH_ERR_NONFINITE);
 }
 
 /* Outside: continuous, never above the true distance, the gradient of what is returned. */

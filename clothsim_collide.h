@@ -242,7 +242,7 @@ CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work);
  * vertex or an edge that both name: touching counts, neighbours along an edge count only when
  * folded onto each other in one plane, faces with the same three vertices never. A mesh that is not
  * welded touches itself all along its seams.
- * in   x          [nv x 3] m, finite
+ * in   x          [nv x 3] m, finite; exact where 0 or 1e-85 < |x| < 1e85           [3.1]
  * in   faces      [nf x 3], no corner twice; any set of triangles, also without area
  * out  pairs      [max_pairs x 2] faces i < j in increasing order, the first of them; may be NULL
  * out  count      how many there are in all, may be NULL; 0 on failure

@@ -217,8 +217,9 @@ CLOTH_API cloth_qp_options cloth_qp_options_default(void);
  * in   opt      NULL: defaults
  * out  x        [n] m. Infeasible: x0
  * out  lambda   [m] >= 0, kg m per unit of the row.  x = x0 - minv o (G' lambda).
- *               Infeasible: a certificate: max 1, |G_free' lambda| <= 1e-10 max|G| and
- *               lambda.(h - G_fixed x0_fixed) < 0 by more than rounding
+ *               Infeasible: a certificate: max 1, |G_free' lambda| <= 1e-10 max|G| of rows with
+ *               lambda > 0, lambda.(h - G_fixed x0_fixed) < 0 by more than rounding; rows that
+ *               contradict each other but for less than that count as infeasible
  * out  rep      any of the three may be NULL
  * returns CLOTH_OK, whatever the outcome; CLOTH_ERR_ARGUMENT, _NONFINITE: a sentence names the
  *   field and its value; _UNINIT; _MEMORY; _CAPACITY: the matrix of the rows would have more than
@@ -2695,7 +2696,7 @@ static int clothi_qp_prove(clothi_qp *s) {
         for (p = q->row[i]; p < q->row[i + 1]; p++) {
             const int    c = q->col[p];
             const double f = q->val[p] * y, t = f * q->x0[c];
-            big = clothi_max(big, fabs(q->val[p]));
+            if (y > 0) big = clothi_max(big, fabs(q->val[p]));
             if (q->minv[c] > 0) u[c] += f;
             else sum -= t, size += fabs(t);
         }

@@ -149,7 +149,7 @@ static inline int qp_is_farkas(const cloth_qp *q, const double *y) {
         for (p = q->row[i]; p < q->row[i + 1]; p++) {
             const int         c = q->col[p];
             const long double t = (long double)y[i] * (long double)q->val[p];
-            big = fmax(big, fabs(q->val[p]));
+            if (y[i] > 0) big = fmax(big, fabs(q->val[p]));
             if (q->minv[c] > 0) u[c] += t;
             else {
                 sum -= t * (long double)q->x0[c];

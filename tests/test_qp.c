@@ -286,6 +286,32 @@ static void contradictions(void) {
     qp_free(&s);
 }
 
+/* Rows with room at a point, after a few sets, beside a row in other units that takes no part. */
+static void no_contradiction(void) {
+    const int    last = 5;
+    const double large = 1e12;
+    int          trial, i, k, wrong = 0;
+    for (trial = 0; trial < 3000; trial++) {
+        const int        col[5] = {0, 1, 2, 3, 4};
+        cloth_qp_options o = cloth_qp_options_default();
+        cloth_qp_report  r;
+        qp_problem       p = blank(6, 9);
+        double           x[6], lambda[9], point[5];
+        for (k = 0; k < 5; k++) point[k] = 3 * rnd();
+        for (i = 0; i < 8; i++) {
+            double val[5], room = 0.01;
+            for (k = 0; k < 5; k++) val[k] = rnd(), room += val[k] * point[k];
+            add_row(&p, room, 5, col, val);
+        }
+        add_row(&p, large, 1, &last, &large);
+        o.max_iterations = 1 + trial % 3;
+        CHECK(cloth_qp_solve(&p.qp, &o, x, lambda, &r) == CLOTH_OK);
+        wrong += r.outcome == CLOTH_QP_INFEASIBLE;
+        qp_free(&p);
+    }
+    CHECK(wrong == 0);
+}
+
 /* A certificate that mass ratios of 1e15 hide from the active set: its multipliers grow to 1e25. */
 static void far_contradiction(void) {
     const int       col[4] = {2, 1, 1, 2};
@@ -808,5 +834,6 @@ int main(int argc, char **argv) {
     RUN(memory);
     RUN(limits);
     RUN(bad_input);
+    RUN(no_contradiction);
     return TEST_END();
 }

@@ -3423,6 +3423,7 @@ typedef struct clothi_obstacle {
     int                 v0, f0, e0;         /* first vertex, face and edge in the world        */
     double             *x;                  /* [3 x nv x 3] pose, target, as added             */
     double              turn[2][9];         /* rotation of pose and target                     */
+    double              turned[2][9];       /* where the substep starts and ends               */
     double              surface[6];         /* m/s and rad/s, motion of its surface            */
     int                *faces;              /* own numbering                                   */
     double              radius, thickness, friction, normal[3];
@@ -3502,7 +3503,6 @@ struct cloth_collide {
     int             listed;                 /* c->pair is the list of this substep's moves     */
     int             iterates, renewed;      /* of a search; with new limits of friction        */
     double         *x_list;                 /* [nv x 3] where the iterate is                   */
-    double          share;                  /* of the step that the substep is                 */
     double          approach;               /* CLOTHI_APPROACH or CLOTHI_SQUEEZED              */
     /* pinches */
     int            *held_of;                /* [nv] number in holding, -1                      */
@@ -3798,14 +3798,47 @@ static int clothi_drags(const cloth_collide *c) {
     return memchr(c->dragging, 1, (size_t)c->mf) != NULL;
 }
 
+/* `part`, 0 to 1, of the turn from rotation A to B, about the one axis of B A'. */
+static void clothi_turn_part(const double *A, const double *B, double part, double *out) {
+    double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, u[3], w, size, c, t;
+    int    i, j, k, big = 0;
+    memcpy(out, part < 1 ? A : B, 9 * sizeof *out);
+    if (!(part > 0 && part < 1) || memcmp(A, B, 9 * sizeof *A) == 0) return;
+    for (i = 0; i < 27; i++) Q[i / 3] += B[3 * (i / 9) + i % 3] * A[3 * (i / 3 % 3) + i % 3];
+    for (k = 1; k < 3; k++) big = Q[4 * k] > Q[4 * big] ? k : big;
+    i = big, j = (i + 1) % 3, k = (i + 2) % 3;
+    if (Q[0] + Q[4] + Q[8] > Q[4 * i]) {    /* the unit quaternion, from its largest number */
+        w = 0.5 * sqrt(1 + Q[0] + Q[4] + Q[8]);
+        u[0] = (Q[7] - Q[5]) / (4 * w), u[1] = (Q[2] - Q[6]) / (4 * w);
+        u[2] = (Q[3] - Q[1]) / (4 * w);
+    } else {
+        size = sqrt(1 + Q[4 * i] - Q[4 * j] - Q[4 * k]);
+        u[i] = 0.5 * size, w = (Q[3 * k + j] - Q[3 * j + k]) / (2 * size);
+        u[j] = (Q[3 * i + j] + Q[3 * j + i]) / (2 * size);
+        u[k] = (Q[3 * i + k] + Q[3 * k + i]) / (2 * size);
+    }
+    size = sqrt(clothi_dot3(u, u));
+    for (k = 0; k < 3; k++) u[k] = size > 0 ? u[k] / size : 0;
+    clothi_circle(part * clothi_atan2(w < 0 ? -size : size, fabs(w)) / CLOTHI_PI, &c, &t);
+    for (k = 0; k < 3; k++) {               /* Rodrigues, column by column */
+        const double a[3] = {A[k], A[3 + k], A[6 + k]}, along = clothi_dot3(u, a);
+        double       turned[3];
+        clothi_cross3(u, a, turned);
+        for (i = 0; i < 3; i++)
+            out[3 * i + k] = a[i] + t * turned[i] + (1 - c) * (along * u[i] - a[i]);
+    }
+}
+
 /* World vertices at the poses alpha0 (xa) and alpha1 (xb) of the step; cloth at x in both. */
 static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, double alpha1) {
     int o, i;
     memcpy(c->xa, x, 3 * (size_t)c->nv * sizeof(double));
     memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
     CLOTHI_OBSTACLES(c, o) {
-        const clothi_obstacle *b = c->obstacle + o;
+        clothi_obstacle *b = c->obstacle + o;
         const double *p = clothi_pose(b, 0), *q = clothi_pose(b, 1);
+        clothi_turn_part(b->turn[0], b->turn[1], alpha0, b->turned[0]);
+        clothi_turn_part(b->turn[0], b->turn[1], alpha1, b->turned[1]);
         for (i = 0; i < 3 * b->nv; i++) {
             c->xa[3 * b->v0 + i] = alpha0 > 0 ? p[i] + alpha0 * (q[i] - p[i]) : p[i];
             c->xb[3 * b->v0 + i] = alpha1 < 1 ? p[i] + alpha1 * (q[i] - p[i]) : q[i];
@@ -4656,6 +4689,44 @@ static void clothi_contact_slip(const cloth_collide *c, const clothi_contact *q,
 /* How far what friction lags goes to what it is now, the n-th time in a search. */
 static double clothi_friction_follow(int n) { return n > CLOTHI_FREE ? 0.5 : 1; }
 
+/* out = R1 R0' r: with an obstacle that is turned from R0 to R1. */
+static void clothi_turned(const double *R0, const double *R1, const double *r, double *out) {
+    double back[3] = {0, 0, 0};
+    int    i;
+    for (i = 0; i < 9; i++) back[i % 3] += R0[i] * r[i / 3];
+    for (i = 0; i < 3; i++) out[i] = clothi_dot3(R1 + 3 * i, back);
+}
+
+/* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do. A
+ * drum or a conveyor goes about the first vertex, by its speed where it is halfway: r [3] is where
+ * a contact with faces ends, the foot of one with a wall begins. A sphere or a capsule turns about
+ * its axis, which its vertices carry, from R' r to the r where the contact ends. */
+static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
+    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
+    const double           half = q->kind == CLOTHI_VP ? 0.5 * c->h : -0.5 * c->h;
+    double r[3] = {0, 0, 0}, s[3], side = 0;
+    int    i, k;
+    if (!o) return;
+    for (i = 0; i < q->n; i++)              /* from the first vertex to the contact */
+        for (k = 0; q->v[i] >= c->nv && k < 3; k++) {
+            side += k ? 0 : q->w[i];
+            r[k] += q->w[i] * (c->xa[3 * q->v[i] + k] - c->xa[3 * o->v0 + k]);
+        }
+    for (k = 0; k < 3 && fabs(side) > 0; k++)
+        r[k] = q->kind == CLOTHI_VP
+                   ? c->xa[3 * q->v[0] + k] - c->xa[3 * o->v0 + k] - q->start * q->normal[k]
+                   : r[k] / side - side * q->radius * q->normal[k];
+    clothi_cross3(o->surface + 3, r, s);
+    for (k = 0; k < 3; k++) r[k] += half * s[k];
+    clothi_cross3(o->surface + 3, r, s);
+    for (k = 0; k < 3; k++) {
+        q->carry[k] = side * c->h * (o->surface[k] + s[k]);
+        r[k] = -q->radius * q->normal[k];   /* times side, twice */
+    }
+    clothi_turned(o->turned[1], o->turned[0], r, s);
+    for (k = 0; k < 3 && !clothi_is_wall(o); k++) q->carry[k] += r[k] - s[k];
+}
+
 /* Lagged frame and slip from the frame at x. */
 static void clothi_contact_renew(const cloth_collide *c, clothi_contact *q, const double *x) {
     const double a = clothi_friction_follow(c->iterates);
@@ -4946,35 +5017,6 @@ static int clothi_pair_friction(const cloth_collide *c, const clothi_contact *q,
         mu[n++] = slot >= 0 ? c->obstacle[slot].friction : own > 0 ? own : c->desc.friction;
     }
     return n;
-}
-
-/* out = R1 R0' r: with an obstacle that is turned from R0 to R1. */
-static void clothi_turned(const double *R0, const double *R1, const double *r, double *out) {
-    double back[3] = {0, 0, 0};
-    int    i;
-    for (i = 0; i < 9; i++) back[i % 3] += R0[i] * r[i / 3];
-    for (i = 0; i < 3; i++) out[i] = clothi_dot3(R1 + 3 * i, back);
-}
-
-/* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do: a
- * sphere or a plane that turns, a conveyor. */
-static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
-    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
-    double r[3] = {0, 0, 0}, s[3], side = 0;
-    int    i, k;
-    memset(q->carry, 0, sizeof q->carry);
-    if (!o) return;
-    for (i = 0; i < q->n; i++)              /* from the first vertex to the contact */
-        for (k = 0; q->v[i] >= c->nv && k < 3; k++) {
-            side += k ? 0 : q->w[i];
-            r[k] += q->w[i] * (c->xa[3 * q->v[i] + k] - c->xa[3 * o->v0 + k]);
-        }
-    for (k = 0; k < 3 && fabs(side) > 0; k++)
-        r[k] = r[k] / side - side * q->radius * q->normal[k];
-    clothi_cross3(o->surface + 3, r, s);
-    for (k = 0; k < 3; k++) q->carry[k] = side * c->h * (o->surface[k] + s[k]);
-    clothi_turned(o->turn[0], o->turn[1], r, s);            /* in the whole step */
-    for (k = 0; k < 3 && !clothi_is_mesh(o); k++) q->carry[k] += side * c->share * (s[k] - r[k]);
 }
 
 /* Gap where the force of a pair has no bound, m: d_min. What begins nearer has it a little below,
@@ -6914,7 +6956,7 @@ static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q,
     double                 a[6], b[6], s[3];
     int                    k;
     if (o && !clothi_is_mesh(o)) {
-        clothi_turned(o->turn[0], o->turn[1], slip, slip);      /* whole at the end */
+        clothi_turned(o->turned[0], o->turned[1], slip, slip);
         return;
     }
     clothi_contact_frame_at(c, q, c->xa, &f);
@@ -6935,7 +6977,6 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_solve_static: a sim with contact comes to rest by steps");
     c->h = e->h;
-    c->share = e->in->share[1] - e->in->share[0];
     if (!c->begun) {
         memset(&c->report, 0, sizeof c->report);
         c->report.fraction = 1;
@@ -7926,35 +7967,6 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 
 /* --- a step that may be shorter --- */
 
-/* `part` of the turn from rotation A to B, about the one axis of B A'. */
-static void clothi_turn_part(const double *A, const double *B, double part, double *out) {
-    double Q[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0}, u[3], w, size, c, t;
-    int    i, j, k, big = 0;
-    for (i = 0; i < 27; i++) Q[i / 3] += B[3 * (i / 9) + i % 3] * A[3 * (i / 3 % 3) + i % 3];
-    for (k = 1; k < 3; k++) big = Q[4 * k] > Q[4 * big] ? k : big;
-    i = big, j = (i + 1) % 3, k = (i + 2) % 3;
-    if (Q[0] + Q[4] + Q[8] > Q[4 * i]) {    /* the unit quaternion, from its largest number */
-        w = 0.5 * sqrt(1 + Q[0] + Q[4] + Q[8]);
-        u[0] = (Q[7] - Q[5]) / (4 * w), u[1] = (Q[2] - Q[6]) / (4 * w);
-        u[2] = (Q[3] - Q[1]) / (4 * w);
-    } else {
-        size = sqrt(1 + Q[4 * i] - Q[4 * j] - Q[4 * k]);
-        u[i] = 0.5 * size, w = (Q[3 * k + j] - Q[3 * j + k]) / (2 * size);
-        u[j] = (Q[3 * i + j] + Q[3 * j + i]) / (2 * size);
-        u[k] = (Q[3 * i + k] + Q[3 * k + i]) / (2 * size);
-    }
-    size = sqrt(clothi_dot3(u, u));
-    for (k = 0; k < 3; k++) u[k] = size > 0 ? u[k] / size : 0;
-    clothi_circle(part * clothi_atan2(w < 0 ? -size : size, fabs(w)) / CLOTHI_PI, &c, &t);
-    for (k = 0; k < 3; k++) {               /* Rodrigues, column by column */
-        const double a[3] = {A[k], A[3 + k], A[6 + k]}, along = clothi_dot3(u, a);
-        double       turned[3];
-        clothi_cross3(u, a, turned);
-        for (i = 0; i < 3; i++)
-            out[3 * i + k] = a[i] + t * turned[i] + (1 - c) * (along * u[i] - a[i]);
-    }
-}
-
 /* n numbers `to`: kept (part 0), at `part` of the way from `from` to what was kept, or as kept (1).
  * Returns the end of what is kept. */
 static double *clothi_shorten(double *to, const double *from, double *kept, int n, double part) {
@@ -7977,8 +7989,7 @@ static double *clothi_targets(cloth_collide *c, double *kept, double part) {
         clothi_obstacle *b = c->obstacle + i;
         kept = clothi_shorten(clothi_pose(b, 1), clothi_pose(b, 0), kept, 3 * b->nv, part);
         kept = clothi_shorten(b->turn[1], b->turn[0], kept, 9, part);
-        if (part > 0 && part < 1 && memcmp(b->turn[0], kept - 9, sizeof b->turn[0]) != 0)
-            clothi_turn_part(b->turn[0], kept - 9, part, b->turn[1]);
+        if (part > 0) clothi_turn_part(b->turn[0], kept - 9, part, b->turn[1]);
     }
     return kept;
 }
@@ -8801,7 +8812,7 @@ static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, cons
     double a[6], e[6], to[6], from[6], back[3];
     int    k, i;
     if (o && !clothi_is_mesh(o)) {
-        clothi_turned(o->turn[1], o->turn[0], y, back);
+        clothi_turned(o->turned[1], o->turned[0], y, back);
         for (i = 0; i < 3; i++) to_u[i] += back[i];
         return;
     }

@@ -190,6 +190,141 @@ static void drum(void) {
     CHECK_NEAR(spins(1, -1.5, 1), 0.095 / 0.0968, 2e-3);
 }
 
+/* R x + p turns by `angle` about y through m [3]. */
+static void about(double angle, const double *m, double *R, double *p) {
+    int k, j;
+    rotation(angle, 0, R);
+    for (k = 0; k < 3; k++)
+        for (p[k] = m[k], j = 0; j < 3; j++) p[k] -= R[3 * k + j] * m[j];
+}
+
+/* How far the sheet's mean velocity is from omega about y through (cx, ., cz), and up, m/s. */
+static double behind(const fric *s, double omega, double cx, double cz) {
+    const cloth_state *q = cloth_sim_state(s->sim);
+    const double vx = omega * (fric_mean(s, q->x, 2) - cz) - fric_mean(s, q->v, 0);
+    const double vz = omega * (cx - fric_mean(s, q->x, 0)) - fric_mean(s, q->v, 2);
+    const double vy = fric_mean(s, q->v, 1);
+    return sqrt(vx * vx + vy * vy + vz * vz);
+}
+
+/* A capsule along x turns about y through its middle, whichever end is the first: its axis carries
+ * cloth, which its turn beyond that did once more (-0.39 or -0.10 m/s along z for -0.15). */
+static void capsule(void) {
+    const double mid[3] = {0.02, -0.1, 0.02};
+    int          swap, n;
+    for (swap = 0; swap < 2; swap++) {
+        double         x[6] = {-0.33, -0.1, 0.02, 0.37, -0.1, 0.02}, R[9], p[3];
+        cloth_obstacle id;
+        fric           s;
+        fric_sheet(&s, 5, 5, 0.04, 0.04);
+        fric_place(&s, 0, 0.13, FRIC_T - 1e-4, 0);
+        if (!fric_start(&s)) exit(2);
+        if (swap) x[0] = 0.37, x[3] = -0.33;
+        id = add(&s, CLOTH_OBSTACLE_CAPSULE, x, 0.1, 1);
+        for (n = -20; n <= 12; n++) {
+            about(fmax(n, 0) * H, mid, R, p);
+            if (n > 0) CHECK(cloth_collide_pose(s.contact, id, R, p) == CLOTH_OK);
+            CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        }
+        printf("  capsule that turns: cloth %.1e m/s behind it\n", behind(&s, 1, 0.02, 0.02));
+        CHECK(behind(&s, 1, 0.02, 0.02) < 3e-3);
+        fric_end(&s);
+    }
+}
+
+/* A sheet 0.25 m from the axis of a plane, a grid and a mesh whose surface turns, once around: it
+ * goes with it (stood still on a plane and a grid) and stays as far off. */
+static void turntable(void) {
+    static const cloth_obstacle_kind kind[3] = {CLOTH_OBSTACLE_PLANE, CLOTH_OBSTACLE_GRID,
+                                                CLOTH_OBSTACLE_MESH};
+    static const int faces[12] = {0, 2, 1, 0, 3, 2, 0, 4, 3, 0, 1, 4};
+    static double    phi[1000];
+    const double     spin[3] = {0, 3, 0};
+    int              m, n;
+    for (m = 0; m < 3; m++) {
+        double              x[15] = {-0.2, 0, 0.05, -1, 0, -1, 1, 0, -1, 1, 0, 1, -1, 0, 1};
+        double              r[2] = {0, 0};
+        cloth_grid          g = {{10, 10, 10}, {-0.9, -0.9, -0.9}, 0.2, 0.5, phi};
+        cloth_obstacle_desc o = cloth_obstacle_desc_default();
+        cloth_obstacle      id;
+        fric                s;
+        for (n = 0; n < 1000; n++) phi[n] = fmax(-0.5, fmin(0.5, -0.9 + 0.2 * (n / 10 % 10)));
+        fric_sheet(&s, 5, 5, 0.1, 0.1);
+        fric_place(&s, 0, 0, FRIC_T - 1e-4, 0);
+        if (!fric_start(&s)) exit(2);
+        o.kind = kind[m], o.x = x, o.friction = 1, o.grid = m == 1 ? &g : NULL;
+        o.nv = 5, o.nf = 4, o.faces = faces;
+        CHECK(cloth_collide_add(s.contact, &o, &id) == CLOTH_OK);
+        for (n = 0; n < 20; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        CHECK(cloth_collide_set_surface(s.contact, id, NULL, spin) == CLOTH_OK);
+        for (n = 0; n < 140; n++) {
+            CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+            if (n == 14 || n == 139)
+                r[n > 14] = hypot(fric_mean(&s, cloth_sim_state(s.sim)->x, 0) - x[0],
+                                  fric_mean(&s, cloth_sim_state(s.sim)->x, 2) - x[2]);
+        }
+        printf("  turntable of kind %d: cloth %.1e m/s behind, in one turn from %.4f to %.4f m\n",
+               (int)kind[m], behind(&s, 3, x[0], x[2]), r[0], r[1]);
+        CHECK(behind(&s, 3, x[0], x[2]) < 0.03);
+        CHECK_REL(r[1], r[0], 0.02);
+        fric_end(&s);
+    }
+}
+
+/* A sheet at 45 degrees of latitude of a sphere that turns about y, by poses (0) or its surface:
+ * gravity, which leans by `lean` towards the pole, turns along, so that nothing moves in its frame.
+ * Returns the way of the sheet there in 1.5 s, m: along the meridian to the pole. */
+static double meridian(int surface, int substeps, double slip, double lean) {
+    const double   s0 = sqrt(0.5), n0[3] = {s0, s0, 0}, up[3] = {-s0, s0, 0}, omega = 3;
+    const double   center[3] = {0, 0, 0}, spin[3] = {0, omega, 0};
+    double         R[9], p[3], g[3], at[2] = {0, 0};
+    cloth_obstacle id;
+    fric           s;
+    int            n, i, j, k;
+    fric_sheet(&s, 5, 5, 0.02, 0.02);
+    s.desc.substeps = substeps;
+    s.desc.material.membrane = 300;
+    s.desc.tolerance = 1e-8;
+    s.collide.slip = slip;
+    for (i = 0; i < s.nv; i++) {
+        const double u = s.x[3 * i] - 0.01, v = s.x[3 * i + 2] - 0.01;
+        for (k = 0; k < 3; k++) s.x[3 * i + k] = 0.2018 * n0[k] - u * up[k] + (k == 2 ? v : 0);
+    }
+    if (!fric_start(&s)) exit(2);
+    id = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.2, 1);
+    for (n = -39; n <= 120; n++) {
+        about(omega * H * fmax(n, 0), center, R, p);
+        for (k = 0; k < 3; k++)
+            for (g[k] = 0, j = 0; j < 3; j++)
+                g[k] += FRIC_G * R[3 * k + j] * (lean * up[j] - n0[j]);
+        CHECK(cloth_sim_set_gravity(s.sim, g) == CLOTH_OK);
+        if (n == 1 && surface)
+            CHECK(cloth_collide_set_surface(s.contact, id, NULL, spin) == CLOTH_OK);
+        if (n > 0 && !surface) CHECK(cloth_collide_pose(s.contact, id, R, p) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        for (k = 0; k < 3 && (n == 30 || n == 120); k++)
+            for (j = 0; j < 3; j++)
+                at[n > 30] += up[k] * R[3 * j + k] * fric_mean(&s, cloth_sim_state(s.sim)->x, j);
+    }
+    fric_end(&s);
+    return at[1] - at[0];
+}
+
+/* It spirals to no pole (22 and 11 mm), and its elastic slip turns as far as the sphere, which
+ * slips of up to a millimetre show. */
+static void latitude(void) {
+    static const int surface[4] = {0, 0, 1, 1}, substeps[4] = {1, 4, 1, 4};
+    double           way[4], slip = meridian(0, 4, 1e-3, 0.3);
+    int              k;
+    for (k = 0; k < 4; k++) {
+        way[k] = meridian(surface[k], substeps[k], 1e-5, 0);
+        CHECK_NEAR(way[k], 0, 1e-3);
+    }
+    printf("  latitude: %.2e, %.2e, %.2e, %.2e m to the pole; with large slips in 4 substeps "
+           "%.2e\n", way[0], way[1], way[2], way[3], slip);
+    CHECK_NEAR(slip, way[1], 1e-4);
+}
+
 /* --- friction --- */
 
 /* Sticks on an incline at mu = 1.2 tan a, slides by Coulomb's law at 0.5, sticks again. */
@@ -436,6 +571,9 @@ int main(int argc, char **argv) {
     RUN(vertices);
     RUN(conveyor);
     RUN(drum);
+    RUN(capsule);
+    RUN(turntable);
+    RUN(latitude);
     RUN(friction);
     RUN(reset);
     RUN(halved);

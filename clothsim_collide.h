@@ -7875,6 +7875,7 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
     cloth_status     status = clothi_pose_check(c, o, "cloth_collide_move", x_end);
     if (status) return status;
     memcpy(clothi_pose(o, 1), x_end, 3 * (size_t)o->nv * sizeof(double));
+    memcpy(o->turn[1], o->turn[0], sizeof o->turn[0]);  /* of a pose that this replaces */
     return clothi_carry(c, o, 0);
 }
 
@@ -7959,6 +7960,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     if (status) memcpy(o->x, spare, 2 * bytes);
     clothi_free(c->hooks, spare);
     if (status) return status;
+    memcpy(o->turn[1], o->turn[0], sizeof o->turn[0]);
     c->sim->still = 0;
     clothi_obstacle_forget(c, (int)(o - c->obstacle));
     clothi_tape_break(c->sim);

@@ -379,6 +379,29 @@ static void friction(void) {
     fric_end(&s);
 }
 
+/* A pose that a move or a teleport replaces before the step turns nothing (0.16 m/s of the sheet). */
+static void replaced(void) {
+    const double   center[3] = {0.05, -0.5017, 0.05};
+    double         R[9], p[3];
+    cloth_obstacle id;
+    fric           s;
+    int            k, n;
+    for (k = 0; k < 2; k++) {
+        fric_sheet(&s, 5, 5, 0.1, 0.1);
+        if (!fric_start(&s)) exit(2);
+        id = add(&s, CLOTH_OBSTACLE_SPHERE, center, 0.5, 1);
+        for (n = 0; n < 20; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        rotation(0.1, 1, R);
+        for (n = 0; n < 3; n++) p[n] = center[n] - clothi_dot3(R + 3 * n, center);
+        CHECK(cloth_collide_pose(s.contact, id, R, p) == CLOTH_OK);
+        if (k) CHECK(cloth_collide_teleport(s.contact, id, center) == CLOTH_OK);
+        else CHECK(cloth_collide_move(s.contact, id, center) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        CHECK_NEAR(fric_mean(&s, cloth_sim_state(s.sim)->v, 0), 0, 1e-6);
+        fric_end(&s);
+    }
+}
+
 /* A reset takes friction, surface and pose back to what was added. */
 static void reset(void) {
     const double   center[3] = {0.05, -0.06, 0.05}, v[3] = {1, 0, 0}, p[3] = {0, -0.5, 0};
@@ -575,6 +598,7 @@ int main(int argc, char **argv) {
     RUN(turntable);
     RUN(latitude);
     RUN(friction);
+    RUN(replaced);
     RUN(reset);
     RUN(halved);
     RUN(wrench);

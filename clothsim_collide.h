@@ -329,7 +329,8 @@ typedef struct cloth_collide_part {
     int      self;                          /* collides with itself and with other parts that
                                                do; read only under CLOTH_CONTACT_SELF          */
     uint32_t category, mask;                /* bits                                            */
-    double   friction;                      /* its own coefficient; 0: desc.friction           */
+    double   friction;                      /* its own coefficient; 0: desc.friction; any such
+                                               coefficient is at most 1000                     */
 } cloth_collide_part;
 
 /* Distances nest: separation t/4 < gap of zones t/2 < range t. Start from
@@ -3430,6 +3431,7 @@ typedef struct clothi_obstacle {
     double              first_friction;     /* as it was added                                 */
     uint32_t            category, mask;
     int                 self_penetrating;
+    uint64_t            shape;              /* hash of what was added: x, faces, a grid's phi  */
     double              way;                /* m, farthest that a vertex goes in the substep   */
     const cloth_grid   *grid;               /* borrowed; NULL but for a GRID                   */
 } clothi_obstacle;
@@ -7191,6 +7193,7 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
 #define CLOTHI_MOST_PASSES     1000000
 #define CLOTHI_FINEST          1e-12        /* of the largest coordinate: thickness            */
 #define CLOTHI_FARTHEST        1e50         /* m, of a coordinate                              */
+#define CLOTHI_ROUGHEST        1e3          /* coefficient of friction; at 1e6 it made energy  */
 #define CLOTHI_COLLIDE_COOKIE  0xC0111DEu
 #define CLOTHI_OBSTACLE_COOKIE 0x0B57AC1Eu
 
@@ -7238,7 +7241,7 @@ CLOTH_API void cloth_obstacle_box(const double center[3], const double half[3], 
 
 typedef struct clothi_contact_head {
     uint64_t seen, kind;
-    int32_t  nanchor, nexempt, nobstacle, npose, nhold, none;
+    int32_t  nanchor, nexempt, npose, nhold;
 } clothi_contact_head;
 
 /* What a snapshot does not hold and must find again: the obstacles' kinds and shapes, the desc. */
@@ -7258,13 +7261,13 @@ static uint64_t clothi_contact_kind(const cloth_collide *c) {
         const clothi_obstacle *b = c->obstacle + o;
         const double           real[5] = {b->radius, b->thickness, b->normal[0], b->normal[1],
                                           b->normal[2]};
-        const uint32_t         whole[8] = {b->used ? 1u : 0u, b->generation, (uint32_t)b->kind,
+        const uint32_t         whole[8] = {(uint32_t)o, b->generation, (uint32_t)b->kind,
                                            (uint32_t)b->nv, (uint32_t)b->nf, b->category, b->mask,
                                            b->self_penetrating ? 1u : 0u};
         if (!b->used) continue;
         h = clothi_hash(h, whole, sizeof whole);
         h = clothi_hash(h, real, sizeof real);
-        h = clothi_hash(h, b->faces, 3 * (size_t)b->nf * sizeof(int));
+        h = clothi_hash(h, &b->shape, sizeof b->shape);
     }
     return h;
 }
@@ -7295,7 +7298,7 @@ static size_t clothi_contact_walk(cloth_collide *c, int verb, const void *buf,
 /* The head of a snapshot now, but for its kind; returns the bytes of all. */
 static size_t clothi_contact_now(cloth_collide *c, clothi_contact_head *head) {
     memset(head, 0, sizeof *head);
-    head->seen = c->seen, head->nobstacle = c->nobstacle;
+    head->seen = c->seen;
     head->nanchor = c->nanchor, head->nexempt = c->nexempt, head->nhold = c->nhold;
     return clothi_contact_walk(c, CLOTHI_SIZE, NULL, head);
 }
@@ -7319,7 +7322,8 @@ static int clothi_slot_valid(const cloth_collide *c, int slot) {
     return slot >= 0 && slot < c->nobstacle && c->obstacle[slot].used;
 }
 
-/* What the lists of a snapshot, at `in`, name that is not there, or not in order; else NULL. */
+/* What a snapshot's poses and lists, at `in`, say or name that cannot be, or not in order; else
+ * NULL. */
 static const char *clothi_contact_forged(const cloth_collide *c, const clothi_contact_head *head,
                                          const unsigned char *in) {
     const int      most[3] = {c->nv, c->me, c->nf}, sides = 2 * c->sim->model->nparts;
@@ -7327,7 +7331,14 @@ static const char *clothi_contact_forged(const cloth_collide *c, const clothi_co
     clothi_anchor  a, last;
     cloth_hold     h;
     clothi_pair_id p, before;
+    double         x;
     int            i, k, there;
+    CLOTHI_OBSTACLES(c, k)                  /* friction is the last number of each */
+        for (i = 6 * c->obstacle[k].nv + 24; i >= 0; i--, in += sizeof x) {
+            memcpy(&x, in, sizeof x);
+            if (!(fabs(x) <= CLOTHI_FARTHEST) || (i == 0 && !(x >= 0 && x <= CLOTHI_ROUGHEST)))
+                fault = "has a pose, a surface or a friction that cannot be";
+        }
     for (i = 0; i < head->nanchor; i++, last = a, in += sizeof a) {
         memcpy(&a, in, sizeof a);
         if (a.key.feature < 0 || a.key.feature > 2 || a.key.a < 0 ||
@@ -7371,15 +7382,13 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
     (void)clothi_contact_now(c, &now);
     memset(&head, 0, sizeof head);
     if (size >= sizeof head) memcpy(&head, buf, sizeof head);
-    if (size < sizeof head || head.nobstacle != now.nobstacle || head.npose != now.npose ||
-        head.nanchor < 0 || head.nexempt < 0 || head.nhold < 0 ||
-        head.kind != clothi_contact_kind(c) ||
+    if (size < sizeof head || head.npose != now.npose || head.nanchor < 0 ||
+        head.nexempt < 0 || head.nhold < 0 || head.kind != clothi_contact_kind(c) ||
         size != clothi_contact_walk(c, CLOTHI_SIZE, NULL, &head))
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
                            "cloth_sim_restore: the snapshot has other obstacles, or another "
                            "cloth_collide_desc, than this sim");
-    fault = clothi_contact_forged(c, &head, (const unsigned char *)buf + sizeof head +
-                                                (size_t)head.npose * sizeof(double));
+    fault = clothi_contact_forged(c, &head, (const unsigned char *)buf + sizeof head);
     if (fault)
         return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot %s", fault);
     status = CLOTHI_ROOM(c, anchor, head.nanchor);
@@ -7474,7 +7483,7 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
         CLOTHI_RULE(cloth_collide_desc, thickness, 1, CLOTHI_OVER, 0, CLOTHI_HUGE),
         CLOTHI_RULE(cloth_collide_desc, stiffness, 1, 0, 0, CLOTHI_HUGE),
         CLOTHI_RULE(cloth_collide_desc, relaxation, 1, 0, 0, CLOTHI_HUGE),
-        CLOTHI_RULE(cloth_collide_desc, friction, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_collide_desc, friction, 1, 0, 0, CLOTHI_ROUGHEST),
         CLOTHI_RULE(cloth_collide_desc, slip, 1, CLOTHI_OVER, 0, CLOTHI_HUGE),
         CLOTHI_RULE(cloth_collide_desc, max_passes, 0, 0, 1, CLOTHI_MOST_PASSES),
         CLOTHI_RULE(cloth_collide_desc, initial, 0, 0, CLOTH_INITIAL_REFUSE,
@@ -7496,7 +7505,7 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
                            d->nparts, sim->model->nparts, d->parts ? "" : "; parts is NULL");
     for (i = 0; i < d->nparts && !status; i++)
         status = clothi_check_range(hooks, clothi_member(name, "collide.parts", i), "friction",
-                                    d->parts[i].friction, 0, CLOTHI_HUGE, 0);
+                                    d->parts[i].friction, 0, CLOTHI_ROUGHEST, 0);
     if (status) return status;
     if (sim->model->desc.contact == CLOTH_CONTACT_NONE)
         return clothi_fail(hooks, CLOTH_ERR_UNSUPPORTED,
@@ -7714,7 +7723,7 @@ static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
 
 static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_obstacle_desc *d) {
     static const clothi_rule rule[] = {
-        CLOTHI_RULE(cloth_obstacle_desc, friction, 1, 0, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_obstacle_desc, friction, 1, 0, 0, CLOTHI_ROUGHEST),
         CLOTHI_RULE(cloth_obstacle_desc, thickness, 1, 0, 0, CLOTHI_HUGE)};
     const cloth_hooks *hooks = c->hooks;
     const int          grid = d->kind == CLOTH_OBSTACLE_GRID;
@@ -7768,7 +7777,17 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
         memcpy(clothi_pose(o, k), d->x, 3 * (size_t)o->nv * sizeof(double));
         o->normal[k] = d->kind == CLOTH_OBSTACLE_PLANE ? normal[k] / size : 0;
     }
+    o->shape = clothi_hash(0, d->x, 3 * (size_t)o->nv * sizeof(double));
+    o->shape = clothi_hash(o->shape, o->faces, 3 * (size_t)o->nf * sizeof(int));
     o->grid = d->kind == CLOTH_OBSTACLE_GRID ? d->grid : NULL;
+    if (o->grid) {
+        const int *n = o->grid->n;
+        o->shape = clothi_hash(o->shape, n, sizeof o->grid->n);
+        o->shape = clothi_hash(o->shape, o->grid->origin, sizeof o->grid->origin);
+        o->shape = clothi_hash(o->shape, &o->grid->cell, sizeof(double));
+        o->shape = clothi_hash(o->shape, o->grid->phi,
+                               (size_t)n[0] * (size_t)n[1] * (size_t)n[2] * sizeof(double));
+    }
     o->radius = clothi_has_radius(d->kind) ? d->radius : 0;
     o->friction = o->first_friction = d->friction;
     o->category = d->category, o->mask = d->mask;
@@ -7923,7 +7942,7 @@ CLOTH_API cloth_status cloth_collide_set_friction(cloth_collide *c, cloth_obstac
     cloth_status     status;
     if (!o) return CLOTH_ERR_HANDLE;
     status = clothi_check_range(c->hooks, "cloth_collide_set_friction: ", "friction", friction, 0,
-                                HUGE_VAL, 0);
+                                CLOTHI_ROUGHEST, 0);
     if (!status) clothi_set(c->sim, &o->friction, &friction, sizeof friction);
     return status;
 }

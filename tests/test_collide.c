@@ -146,6 +146,8 @@ static void obstacles(void) {
     CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.friction = NaN"));
     o.faces = faces, o.friction = -1;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.friction = -1"));
+    o.friction = 1e6;                       /* made 10 J of 1e-4 */
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.friction = 1e+06"));
     o.friction = 0.3, o.kind = (cloth_obstacle_kind)9;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.kind = 9"));
     o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0;

@@ -262,6 +262,52 @@ static void transplant(void) {
     CHECK(H.live == 0);
 }
 
+/* Obstacle `kind` of a world, a little another one where `other` is 1. */
+static void shape_add(world *w, cloth_obstacle_kind kind, int other) {
+    static double       phi[2][8] = {{1, 1, 1, 1, 1, 1, 1, 1}, {1, 1, 1, 1, 1, 1, 1, 0.5}};
+    cloth_grid          g = {{2, 2, 2}, {0, 0, 0}, 1, 1, NULL};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    const double        mid[3] = {3, 0, 0}, half[3] = {other ? 0.1 : 0.2, 0.1, 0.1};
+    double              x[24] = {0, 0, 0};
+    g.phi = phi[other];
+    if (kind == CLOTH_OBSTACLE_BOX) cloth_obstacle_box(mid, half, NULL, x);
+    else x[0] = kind == CLOTH_OBSTACLE_SPHERE && other ? 3.15 : 3;
+    o.kind = kind, o.x = x, o.grid = &g, o.radius = kind == CLOTH_OBSTACLE_GRID ? 0 : 0.05;
+    CHECK(cloth_collide_add(w->c, &o, NULL) == CLOTH_OK);
+}
+
+/* A snapshot knows the shape that an obstacle was added with, whose poses go on from there (it was
+ * taken, the hashes were the same, the next poses others); not which slots were in use once. */
+static void other_shapes(void) {
+    static const cloth_obstacle_kind kind[3] = {CLOTH_OBSTACLE_SPHERE, CLOTH_OBSTACLE_BOX,
+                                                CLOTH_OBSTACLE_GRID};
+    static const double away[3] = {5, 5, 5};
+    cloth_hooks         hooks = host_hooks(&H);
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    world               other;
+    int                 k;
+    for (k = 0; k < 3; k++) {
+        size_t size;
+        void  *buf;
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+        CHECK(world_open(&other, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+        shape_add(&W, kind[k], 0);
+        shape_add(&other, kind[k], 1);
+        size = cloth_sim_save_size(W.sim);
+        buf = malloc(size);
+        CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
+        CHECK(cloth_sim_restore(other.sim, buf, size) == CLOTH_ERR_FORMAT);
+        o.kind = CLOTH_OBSTACLE_SPHERE, o.x = away, o.radius = 0.1;
+        CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK);
+        CHECK(cloth_collide_remove(W.c, id) == CLOTH_OK);
+        CHECK(cloth_sim_restore(W.sim, buf, size) == CLOTH_OK);
+        free(buf);
+        world_close(&W);
+        world_close(&other);
+    }
+}
+
 /* Areas are those of the obstacles as they were added, whatever pose another one finds them in:
  * a restored sim has not seen the poses between. */
 static void areas_as_added(void) {
@@ -323,8 +369,10 @@ static void forged(void) {
     cloth_collide_desc d = cloth_collide_desc_default();
     cloth_hooks        hooks = host_hooks(&H);
     double             through[3] = {0.1, 0, 0.1};
+    const double       less = -5;
     clothi_anchor     *a;
     clothi_pair_id    *p, swap[2];
+    clothi_obstacle   *o;
     int                i;
     d.initial = CLOTH_INITIAL_EXEMPT;
     CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, &d) == CLOTH_OK);
@@ -341,6 +389,13 @@ static void forged(void) {
         forge(&a->force, number + i, sizeof *number, "anchor");
         forge(&a->gap, number + i, sizeof *number, "anchor");
         forge(a->slip + 2, number + i, sizeof *number, "anchor");
+        o = W.c->obstacle + i;
+        forge(o->x + 1, number + i, sizeof *number, "a pose");
+        forge(o->x + 5, number + i, sizeof *number, "a pose");
+        forge(o->turn[1] + 8, number + i, sizeof *number, "a pose");
+        forge(o->surface + 5, number + i, sizeof *number, "a surface");
+        forge(&o->friction, number + i, sizeof *number, "a friction");
+        forge(&o->friction, &less, sizeof less, "a friction");
     }
     forge(a, a - 1, sizeof *a, "anchor");
     CHECK(cloth_collide_teleport(W.c, W.ball, through) == CLOTH_OK);
@@ -957,6 +1012,7 @@ int main(int argc, char **argv) {
     RUN(layers_share_area);
     RUN(self_penetrating);
     RUN(transplant);
+    RUN(other_shapes);
     RUN(areas_as_added);
     RUN(removed_without_folds);
     RUN(forged);

@@ -573,6 +573,7 @@ static void refusals(void) {
     REFUSED(cloth_collide_pose(s.contact, plane, R, zero), CLOTH_ERR_UNSUPPORTED, "plane");
     REFUSED(cloth_collide_set_friction(s.contact, none, 0.1), CLOTH_ERR_HANDLE, "set_friction");
     REFUSED(cloth_collide_set_friction(s.contact, ball, -1), CLOTH_ERR_ARGUMENT, "friction = -1");
+    REFUSED(cloth_collide_set_friction(s.contact, ball, 2e3), CLOTH_ERR_ARGUMENT, "= 2000");
     REFUSED(cloth_collide_set_friction(s.contact, ball, NAN), CLOTH_ERR_NONFINITE, "NaN");
     REFUSED(cloth_collide_set_surface(s.contact, none, zero, zero), CLOTH_ERR_HANDLE, "surface");
     REFUSED(cloth_collide_set_surface(s.contact, ball, bad, zero), CLOTH_ERR_NONFINITE, "v[1]");

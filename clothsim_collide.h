@@ -3464,6 +3464,7 @@ struct cloth_collide {
     int    *slot;                           /* [nw] obstacle of a vertex, -1: cloth            */
     double *area;                           /* [nw] m^2, a third of the faces around           */
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
+    double *x_last;                         /* [nw x 3] end of the last accepted one           */
     unsigned char  *dragging;               /* [mf] faces of bodies that penetrate themselves  */
     unsigned char  *pinched;                /* [mf] faces in a pinch                           */
     unsigned char  *moved;                  /* [nw + me + mf] vertices, edges and faces        */
@@ -3765,7 +3766,7 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     const size_t nw = (size_t)c->nw, mf = (size_t)c->mf, one = sizeof(int), real = sizeof(double);
     const clothi_array plain[] = {
         {&c->faces, 3 * mf, one}, {&c->slot, nw, one}, {&c->area, nw, real}, {&c->xa, 3 * nw, real},
-        {&c->xb, 3 * nw, real}, {&c->box_v, 6 * nw, real}, {&c->box_f, 6 * mf, real},
+        {&c->xb, 3 * nw, real}, {&c->x_last, 3 * nw, real}, {&c->box_v, 6 * nw, real}, {&c->box_f, 6 * mf, real},
         {&c->pinched, mf, 1}, {&c->dragging, mf, 1}};
     int i, o;
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
@@ -4241,20 +4242,24 @@ static cloth_status clothi_name_pairs(cloth_collide *c, const clothi_pair_id *pa
     int          i;
     for (c->nfailed = 0, i = 0; i < n && !status; i++)
         status = CLOTHI_PUSH(c, failed, clothi_public_pair(c, pair + i));
+    if (status) c->nfailed = 0;
     return status;
 }
 
 /* Lists pairs [n] as what failed; says what is wrong with them, and what may be done. */
 static cloth_status clothi_fail_pairs(cloth_collide *c, const clothi_pair_id *pair, int n,
                                       const char *what, const char *advice) {
+    static const char *const name[4] = {"vertex", "face", "edge", "face or slot"};
     const cloth_collide_pair *p;
     const cloth_status        status = clothi_name_pairs(c, pair, n);
+    int                       a, b;
     if (status || n == 0) return status ? status : CLOTH_ERR_STEP;
     p = c->failed;
+    a = p->faces ? 1 : p->edge_edge ? 2 : 0, b = a ? a : p->reversed ? 1 : 3;
     return clothi_fail(c->hooks, CLOTH_ERR_STEP, "contact at t = %g s: %i pairs %s; the first: "
                        "cloth's %s %i and %s %i of %s%s", c->sim->state.t, n, what,
-                       p->faces ? "face" : p->edge_edge ? "edge" : "vertex", p->a,
-                       p->faces ? "face" : p->edge_edge ? "edge" : "face or slot", p->b,
+                       name[p->reversed ? b : a], p->reversed ? p->b : p->a,
+                       name[p->reversed ? a : b], p->reversed ? p->a : p->b,
                        p->obstacle.id ? "an obstacle" : "cloth", advice);
 }
 
@@ -7142,6 +7147,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
         for (i = 0; i < c->mf && c->nhold; i++) c->report.exempt_faces += c->pinched[i];
         clothi_exempt_part(c);
         clothi_exempt_accept(c);
+        memcpy(c->x_last, c->xb, 3 * (size_t)c->nw * sizeof(double));
         c->begun = 0;
         c->inexact = report->outcome == CLOTH_STEP_MAX_ITERATIONS;
     }
@@ -7647,6 +7653,7 @@ static cloth_status clothi_world_change(cloth_collide *c, clothi_obstacle *o) {
     if (!status) status = clothi_collide_look(c);
     (void)clothi_world_blocks(status ? c : &old, c->hooks);
     if (status) {
+        if (status != CLOTH_ERR_MESH) c->nfailed = 0;   /* else what intersects */
         o->used = !o->used;
         clothi_world_take(c, &old);
         (void)clothi_world_count(c);
@@ -7744,10 +7751,13 @@ static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_ob
         status = clothi_check_range(hooks, "obstacle.", "radius", d->radius, 0, CLOTHI_FARTHEST,
                                     grid ? 0 : CLOTHI_OVER);
     if (status) return status;
-    if (d->kind == CLOTH_OBSTACLE_PLANE &&
-        (clothi_find_nonfinite(d->normal, 3) >= 0 || !(clothi_max_abs(d->normal, 3) > 0)))
-        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.normal = (%g, %g, %g)",
-                           d->normal[0], d->normal[1], d->normal[2]);
+    if (d->kind == CLOTH_OBSTACLE_PLANE) {
+        status = clothi_check_vector(hooks, "obstacle.normal", d->normal, 3);
+        if (status) return status;
+        if (!(clothi_max_abs(d->normal, 3) > 0))
+            return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "obstacle.normal = (%g, %g, %g)",
+                               d->normal[0], d->normal[1], d->normal[2]);
+    }
     if (grid) return clothi_obstacle_check_grid(c, d);
     if (d->kind != CLOTH_OBSTACLE_MESH) return CLOTH_OK;
     if (d->self_penetrating && c->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
@@ -7903,7 +7913,7 @@ CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
 CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, const double R[9],
                                           const double p[3]) {
     clothi_obstacle *o = clothi_obstacle_of(c, id, "cloth_collide_pose");
-    double           none[2][9], off = 0, up[3];
+    double           none[2][9], off = 0, turns = 0, up[3];
     const double    *turn = R ? R : none[0];
     cloth_status     status;
     int              i, j, k;
@@ -7914,14 +7924,16 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
     if (!status) status = clothi_check_places(c->hooks, "cloth_collide_pose", ": p", p, 1,
                                               clothi_farthest_place(c));
     if (status) return status;
-    for (i = 0; i < 9; i++)
+    for (i = 0; i < 9; i++) {
+        turns = clothi_max(turns, fabs(turn[i] - none[0][i]));
         off = clothi_max(off, fabs(turn[i / 3] * turn[i % 3] + turn[3 + i / 3] * turn[3 + i % 3] +
                                    turn[6 + i / 3] * turn[6 + i % 3] - (i % 4 == 0)));
+    }
     clothi_cross3(turn + 3, turn + 6, up);
     if (off > CLOTHI_ROTATION || clothi_dot3(turn, up) < 0)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_pose: R is no rotation, R' R is %g off 1", off);
-    if (clothi_is_wall(o) && memcmp(turn, none, sizeof none[0]) != 0)
+    if (clothi_is_wall(o) && turns > 0)
         return clothi_fail(c->hooks, CLOTH_ERR_UNSUPPORTED,
                            "cloth_collide_pose: R turns obstacle %i, a plane or a grid",
                            (int)(uint32_t)id.id);
@@ -7932,7 +7944,7 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
             for (j = 0; j < 3; j++) to += turn[3 * k + j] * x[j];
             clothi_pose(o, 1)[3 * i + k] = to;
         }
-    memcpy(o->turn[1], turn, sizeof o->turn[1]);
+    memcpy(o->turn[1], turns > 0 ? turn : none[0], sizeof o->turn[1]);  /* no -0.0 */
     return clothi_carry(c, o, 0);
 }
 
@@ -7977,6 +7989,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
     status = clothi_name_pairs(c, c->exempt, c->nexempt);
     if (!status) status = clothi_collide_look(c);
     if (status) memcpy(o->x, spare, 2 * bytes);
+    if (status && status != CLOTH_ERR_MESH) c->nfailed = 0;
     clothi_free(c->hooks, spare);
     if (status) return status;
     memcpy(o->turn[1], o->turn[0], sizeof o->turn[0]);
@@ -8084,7 +8097,7 @@ static void clothi_contact_out(const cloth_collide *c, int i, cloth_collide_cont
     for (j = 0; j < q.n; j++) {
         const int side = q.w[j] < 0;
         sum[side] += q.w[j];
-        for (k = 0; k < 3; k++) out->point[side][k] += q.w[j] * c->xb[3 * q.v[j] + k];
+        for (k = 0; k < 3; k++) out->point[side][k] += q.w[j] * c->x_last[3 * q.v[j] + k];
         if (q.v[j] >= c->nv) continue;
         out->vertex[out->n] = q.v[j];
         out->weight[out->n++] = q.w[j];

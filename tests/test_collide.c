@@ -123,7 +123,7 @@ static void obstacles(void) {
     static const int    faces[3] = {0, 2, 1}, wrong[3] = {0, 2, 9};
     static const double corner[12] = {0, -5, 0, 1, -5, 0, 0, -4, 0, 0, -5, 1};
     static const int    sides[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 2, 3};   /* one turned */
-    static const double inside[3] = {0.1, 0.01, 0.1};
+    static const double inside[3] = {0.1, 0.01, 0.1}, low[3] = {0.11, -0.01, 0.12};
     cloth_hooks         hooks = host_hooks(&H);
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_obstacle      id, stale;
@@ -147,7 +147,7 @@ static void obstacles(void) {
     o.faces = faces, o.friction = -1;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.friction = -1"));
     o.friction = 1e6;                       /* made 10 J of 1e-4 */
-    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.friction = 1e+06"));
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.friction = 1e6"));
     o.friction = 0.3, o.kind = (cloth_obstacle_kind)9;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.kind = 9"));
     o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0;
@@ -158,6 +158,10 @@ static void obstacles(void) {
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.radius = -1"));
     o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.1, o.x = bad;
     CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.x[1] = NaN"));
+    o.x = low;
+    o.radius = 0.0105;
+    CHECK(add_refused(&o, CLOTH_ERR_MESH, "and vertex 0 of an obstacle"));
+    o.radius = 0.1;
     o.x = inside;                           /* the sheet runs through it */
     CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect before the step"));
     for (k = 0; k < 6; k++) {               /* through the middle of a face */
@@ -170,7 +174,7 @@ static void obstacles(void) {
     o.kind = CLOTH_OBSTACLE_PLANE, o.x = x, o.normal[1] = 0;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.normal"));
     o.normal[1] = NAN;
-    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.normal = (0, NaN, 0)"));
+    CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.normal[1] = NaN"));
     o.cookie = 0;
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_ERR_UNINIT);
     CHECK(cloth_collide_add(NULL, &o, &id) == CLOTH_ERR_ARGUMENT && id.id == 0);
@@ -257,6 +261,38 @@ static void queries(void) {
     CHECK(cloth_collide_remove(W.c, W.ground) == CLOTH_OK);
     CHECK(cloth_step(W.sim, 1.0 / 60, NULL) == CLOTH_OK);
     world_close(&W);
+}
+
+/* The contacts of the last step, whatever is asked, refused or moved since: a teleport (0.95 m on
+ * 16 points, also one that was refused), a host's x and then the gap. */
+static void record_stays(void) {
+    static const double  inside[3] = {0.1, -0.03, 0.1}, away[3] = {0.1, -1, 0.1};
+    cloth_collide_contact was[64], is[64];
+    cloth_hooks          hooks = host_hooks(&H);
+    cloth_obstacle_desc  o = cloth_obstacle_desc_default();
+    double               gap;
+    int                  k, i, n = 0, m = 0;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 20, 1.0 / 60));
+    CHECK(cloth_collide_contacts(W.c, 64, was, &n) == CLOTH_OK && n > 4 && n <= 64);
+    for (k = 0; k < 4; k++) {
+        if (k == 0) CHECK(cloth_collide_teleport(W.c, W.ball, inside) == CLOTH_ERR_MESH);
+        if (k == 1) CHECK(cloth_collide_teleport(W.c, W.ball, away) == CLOTH_OK);
+        for (i = 0; i < W.mesh->nv && k == 2; i++) cloth_sim_state(W.sim)->x[3 * i + 1] += 0.5;
+        if (k == 2) CHECK(cloth_collide_gap(W.c, 0.01, &gap) == CLOTH_OK);
+        if (k == 3) CHECK(cloth_collide_intersections(W.c, 0, NULL, &i) == CLOTH_OK);
+        CHECK(cloth_collide_contacts(W.c, 64, is, &m) == CLOTH_OK && m == n);
+        CHECK(memcmp(is, was, (size_t)n * sizeof *is) == 0);
+    }
+    cloth_sim_state(W.sim)->x[0] = NAN;     /* refused, but not for what intersects */
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.x = away, o.radius = 0.1;
+    W.c->nexempt = 1, memset(W.c->exempt, 0, sizeof *W.c->exempt);
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_collide_failed(W.c, 0, NULL, &m) == CLOTH_OK && m == 0);
+    CHECK(cloth_collide_teleport(W.c, W.ball, away) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_collide_failed(W.c, 0, NULL, &m) == CLOTH_OK && m == 0);
+    world_close(&W);
+    CHECK(H.live == 0);
 }
 
 /* Opens W and runs 8 steps; returns the hash that one more will lead to. */
@@ -475,6 +511,7 @@ int main(int argc, char **argv) {
     RUN(models);
     RUN(obstacles);
     RUN(queries);
+    RUN(record_stays);
     RUN(lost_state);
     RUN(absurd_zone);
     RUN(failing_allocator);

@@ -339,7 +339,8 @@ typedef struct cloth_collide_desc {
     uint32_t      cookie;
     double        thickness;                /* m, t > 0; default 2e-3. Not the material's      */
     double        stiffness;                /* Pa/m of the proximity potential; 0 (default): a
-                                               force of 30 times its weight at t/2, no pole    */
+                                               force of 30 times its weight at t/2, no pole;
+                                               the weight is that at create, and stays so      */
     double        relaxation;               /* s, of its damping; default 0.02                 */
     double        friction;                 /* cloth on cloth, default 0.3                     */
     double        slip;                     /* m, give of an anchor before it slips; 1e-5      */
@@ -367,7 +368,8 @@ typedef struct cloth_obstacle_desc {        /* cloth_obstacle_desc_default()    
     const double       *x;                  /* [nv x 3] m, or as the kind says; copied         */
     const int          *faces;              /* [nf x 3], MESH only; copied                     */
     double              radius;             /* m, SPHERE and CAPSULE > 0; GRID >= 0: the
-                                               surface is that much farther out                */
+                                               surface is that much farther out; at most 5e5
+                                               times the thickness of contact                  */
     double              normal[3];          /* PLANE: out of the solid; any length but 0       */
     double              thickness;          /* m, of contact with it; 0 (default): the desc's  */
     double              friction;           /* default 0.3                                     */
@@ -513,8 +515,8 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
                                             const double about[3], double force[3],
                                             double torque[3]);
 /* f [nv x 3] N: all that contact did to each vertex in the last substep: E_col and friction as the
- * minimiser felt them, and the impulses of the zones over h. Over an implicit substep the sum is
- * M (v - v^n)/h less the other forces [8.5]. */
+ * minimiser felt them, and the impulses of the zones over h. Over a substep of EULER the sum is
+ * M (v - v^n)/h less the other forces; of BDF2 it is in balance with its own inertia [8.5]. */
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f);
 /* f [nv x 3] N: the part of it that is friction; the rest is along the normals. */
 CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f);
@@ -5003,7 +5005,7 @@ static double clothi_contact_area(const cloth_collide *c, const clothi_contact *
     const int    *v = q->v;
     double        a = area[v[0]], b;
     if (q->beside) return 0.5 * c->mean_area;
-    if (q->kind == CLOTHI_VP) return a;
+    if (q->kind == CLOTHI_VP) return a > 0 ? a : c->mean_area;      /* no face has it */
     if (q->kind == CLOTHI_EE) a = (a + area[v[1]]) / 6, b = (area[v[2]] + area[v[3]]) / 6;
     else b = (area[v[1]] + area[v[2]] + area[v[3]]) / 6;    /* 3 edges, 6 faces a vertex */
     return (q->slot < 0 ? 0.5 : 1) * (a > 0 && (a < b || !(b > 0)) ? a : b);
@@ -7199,6 +7201,9 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
 #define CLOTHI_MOST_PASSES     1000000
 #define CLOTHI_FINEST          1e-12        /* of the largest coordinate: thickness            */
 #define CLOTHI_FARTHEST        1e50         /* m, of a coordinate                              */
+#define CLOTHI_THICKEST        1e9          /* m                                               */
+#define CLOTHI_ROUNDEST        5e5          /* of the thickness, a radius: arrivals of [4.1] are
+                                               known to 1e-6 of it                             */
 #define CLOTHI_ROUGHEST        1e3          /* coefficient of friction; at 1e6 it made energy  */
 #define CLOTHI_COLLIDE_COOKIE  0xC0111DEu
 #define CLOTHI_OBSTACLE_COOKIE 0x0B57AC1Eu
@@ -7469,9 +7474,10 @@ static size_t clothi_contact_bytes(void *user) {
 
 /* --- create --- */
 
-/* m, of obstacles' coordinates: where areas' squares have room and rounding keeps the thickness. */
-static double clothi_farthest_place(const cloth_collide *c) {
-    return clothi_min(CLOTHI_FARTHEST, c->desc.thickness / CLOTHI_FINEST);
+/* m, of coordinates of obstacles and, where one is as thin as `thickness`, of the cloth: there
+ * areas' squares have room and rounding keeps the thickness. */
+static double clothi_farthest_place(double thickness) {
+    return clothi_min(CLOTHI_FARTHEST, thickness / CLOTHI_FINEST);
 }
 
 /* x [n x 3]: finite, at most `most`. */
@@ -7486,7 +7492,7 @@ static cloth_status clothi_check_places(const cloth_hooks *hooks, const char *ca
 
 static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_collide_desc *d) {
     static const clothi_rule rule[] = {
-        CLOTHI_RULE(cloth_collide_desc, thickness, 1, CLOTHI_OVER, 0, CLOTHI_HUGE),
+        CLOTHI_RULE(cloth_collide_desc, thickness, 1, CLOTHI_OVER, 0, CLOTHI_THICKEST),
         CLOTHI_RULE(cloth_collide_desc, stiffness, 1, 0, 0, CLOTHI_HUGE),
         CLOTHI_RULE(cloth_collide_desc, relaxation, 1, 0, 0, CLOTHI_HUGE),
         CLOTHI_RULE(cloth_collide_desc, friction, 1, 0, 0, CLOTHI_ROUGHEST),
@@ -7731,9 +7737,11 @@ static cloth_status clothi_obstacle_check_grid(const cloth_collide *c,
 static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_obstacle_desc *d) {
     static const clothi_rule rule[] = {
         CLOTHI_RULE(cloth_obstacle_desc, friction, 1, 0, 0, CLOTHI_ROUGHEST),
-        CLOTHI_RULE(cloth_obstacle_desc, thickness, 1, 0, 0, CLOTHI_HUGE)};
+        CLOTHI_RULE(cloth_obstacle_desc, thickness, 1, 0, 0, CLOTHI_THICKEST)};
     const cloth_hooks *hooks = c->hooks;
     const int          grid = d->kind == CLOTH_OBSTACLE_GRID;
+    const double       t = d->thickness > 0 ? d->thickness : c->desc.thickness;
+    const double       big = clothi_max_abs(c->sim->state.x, 3 * c->nv);
     cloth_status       status;
     int                nf, nv;
     if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
@@ -7743,13 +7751,15 @@ static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_ob
     nv = clothi_obstacle_shape(d, &nf);
     status = clothi_check_count(hooks, "obstacle.", "nv", nv, 1, CLOTH_MAX_COUNT);
     if (!status && !d->x) status = clothi_null(hooks, "obstacle.x");
-    if (!status) status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv,
-                                              clothi_farthest_place(c));
     if (!status) status = clothi_check_rules(hooks, "obstacle.", d, rule, 2);
-    if (!status && (clothi_has_radius(d->kind) ||
-                    (clothi_finite(d->radius) && d->radius > CLOTHI_FARTHEST)))
-        status = clothi_check_range(hooks, "obstacle.", "radius", d->radius, 0, CLOTHI_FARTHEST,
-                                    grid ? 0 : CLOTHI_OVER);
+    if (!status && t < CLOTHI_FINEST * big)
+        return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
+                           "obstacle.thickness = %g is lost in the rounding of x = %g", t, big);
+    if (!status) status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv,
+                                              clothi_farthest_place(t));
+    if (!status && clothi_has_radius(d->kind))
+        status = clothi_check_range(hooks, "obstacle.", "radius", d->radius, 0,
+                                    CLOTHI_ROUNDEST * t, grid ? 0 : CLOTHI_OVER);
     if (status) return status;
     if (d->kind == CLOTH_OBSTACLE_PLANE) {
         status = clothi_check_vector(hooks, "obstacle.normal", d->normal, 3);
@@ -7895,7 +7905,8 @@ static cloth_status clothi_pose_check(const cloth_collide *c, const clothi_obsta
                                       const char *call, const double *x) {
     if (!o) return CLOTH_ERR_HANDLE;
     if (!x) return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT, "%s: x is NULL", call);
-    return clothi_check_places(c->hooks, call, ": x", x, o->nv, clothi_farthest_place(c));
+    return clothi_check_places(c->hooks, call, ": x", x, o->nv,
+                               clothi_farthest_place(o->thickness));
 }
 
 CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
@@ -7922,7 +7933,7 @@ CLOTH_API cloth_status cloth_collide_pose(cloth_collide *c, cloth_obstacle id, c
     if (!p) return clothi_null(c->hooks, "cloth_collide_pose: p");
     status = clothi_check_places(c->hooks, "cloth_collide_pose", ": R", turn, 3, CLOTHI_FARTHEST);
     if (!status) status = clothi_check_places(c->hooks, "cloth_collide_pose", ": p", p, 1,
-                                              clothi_farthest_place(c));
+                                              clothi_farthest_place(o->thickness));
     if (status) return status;
     for (i = 0; i < 9; i++) {
         turns = clothi_max(turns, fabs(turn[i] - none[0][i]));

@@ -158,10 +158,15 @@ static void obstacles(void) {
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.radius = -1"));
     o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.1, o.x = bad;
     CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.x[1] = NaN"));
-    o.x = low;
+    o.x = low, o.radius = 1e4;              /* arrivals are known to 1e-6 of it: a centimetre */
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.radius = 10000"));
     o.radius = 0.0105;
     CHECK(add_refused(&o, CLOTH_ERR_MESH, "and vertex 0 of an obstacle"));
-    o.radius = 0.1;
+    o.radius = 0.1, o.thickness = 1e-18;    /* the third step had no gap */
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.thickness = 1e-18"));
+    o.thickness = 1e20;
+    CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.thickness = 1e20"));
+    o.thickness = 0;
     o.x = inside;                           /* the sheet runs through it */
     CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect before the step"));
     for (k = 0; k < 6; k++) {               /* through the middle of a face */

@@ -532,6 +532,27 @@ static void wrench(void) {
     }
 }
 
+/* A vertex of given mass that no face has rests on a plane, by the mean area of the others (it sank
+ * by half each few steps, to NaN). */
+static void lone(void) {
+    static const double x[12] = {0, 0.05, 0, 0.1, 0.05, 0, 0, 0.05, 0.1, 0.3, 0.01, 0.3};
+    static const double mass[4] = {1e-3, 1e-3, 1e-3, 1e-3}, origin[3] = {0, 0, 0};
+    static const int    face[3] = {0, 2, 1};
+    double              f[12];
+    fric                s;
+    int                 n;
+    fric_sheet(&s, 2, 2, 0.1, 0.1);
+    s.desc.x_rest = s.desc.x = x, s.desc.v = NULL, s.desc.nf = 1, s.desc.faces = face;
+    s.desc.vertex_mass = mass, s.desc.sleep = 0;
+    if (!fric_start(&s)) exit(2);
+    (void)add(&s, CLOTH_OBSTACLE_PLANE, origin, 0, 0.3);
+    for (n = 0; n < 200; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_forces(s.contact, f) == CLOTH_OK);
+    CHECK(cloth_sim_state(s.sim)->x[10] > 0.5 * FRIC_T);
+    CHECK_REL(f[10], FRIC_G * mass[3], 1e-6);
+    fric_end(&s);
+}
+
 /* --- refusals --- */
 
 static host HOST;
@@ -605,6 +626,7 @@ int main(int argc, char **argv) {
     RUN(reset);
     RUN(halved);
     RUN(wrench);
+    RUN(lone);
     RUN(refusals);
     return TEST_END();
 }

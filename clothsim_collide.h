@@ -3768,8 +3768,8 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     const size_t nw = (size_t)c->nw, mf = (size_t)c->mf, one = sizeof(int), real = sizeof(double);
     const clothi_array plain[] = {
         {&c->faces, 3 * mf, one}, {&c->slot, nw, one}, {&c->area, nw, real}, {&c->xa, 3 * nw, real},
-        {&c->xb, 3 * nw, real}, {&c->x_last, 3 * nw, real}, {&c->box_v, 6 * nw, real}, {&c->box_f, 6 * mf, real},
-        {&c->pinched, mf, 1}, {&c->dragging, mf, 1}};
+        {&c->xb, 3 * nw, real}, {&c->x_last, 3 * nw, real}, {&c->box_v, 6 * nw, real},
+        {&c->box_f, 6 * mf, real}, {&c->pinched, mf, 1}, {&c->dragging, mf, 1}};
     int i, o;
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
     if (status) return status;
@@ -4746,6 +4746,7 @@ static void clothi_contact_renew(const cloth_collide *c, clothi_contact *q, cons
     size = sqrt(clothi_dot3(u, u));
     for (i = 0; i < 3; i++) q->normal[i] = size > 0.5 ? u[i] / size : q->at.normal[i];
     q->gap = q->at.gap;
+    clothi_contact_carry(c, q);
     clothi_contact_slip(c, q, x, u);
     size = sqrt(clothi_dot3(u, u));
     if (!(size > c->desc.slip)) q->scale = 1;
@@ -5110,7 +5111,6 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     q->friction = clothi_pair_friction(c, q, at, mu) < 2 ? mu[0] : sqrt(mu[0] * mu[1]);
     q->key = clothi_key_of(c, q);
     q->size = -1, q->scale = 1;
-    clothi_contact_carry(c, q);
     anchor = clothi_anchor_of(c->next, c->nnext, &q->key);
     if (anchor) {
         q->start = clothi_min(q->start, anchor->gap);
@@ -8678,9 +8678,9 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  * their normals, weights and bounds, of the pair at its time of impact, which moves too.
  *
  * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
- * stiffness. Taken as such though they move, and told (vjp.frozen): the way that turning spheres
- * and drums carry cloth, normals of distance grids, where in its faces a pinch holds a vertex and
- * their normals, v^n and the edges by which one goes out, zones that went on as one body.
+ * stiffness. Taken as such though they move, and told (vjp.frozen): normals of distance grids,
+ * where in its faces a pinch holds a vertex and their normals, v^n and the edges by which one goes
+ * out, zones that went on as one body.
  * checked: tests/test_grad_contact.c
  */
 
@@ -8889,6 +8889,33 @@ static void clothi_back_coefficient(const clothi_flow *f, const clothi_contact *
         else if (mu[i] > 0) f->to->friction[at[i]] += 0.5 * rate * q->friction / mu[i];
 }
 
+/* clothi_contact_carry backwards: y by it. */
+static void clothi_back_carry(const clothi_flow *f, const clothi_contact *q, const double *y,
+                              clothi_rates *b) {
+    const cloth_collide   *c = f->c;
+    const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
+    const int              wall = q->kind == CLOTHI_VP;
+    double r[3], g[3], s[3], side = wall ? -1 : 0, part;
+    int    i, k;
+    if (!o) return;
+    for (i = 0; i < q->n && !wall; i++) side += q->v[i] < c->nv ? 0 : q->w[i];
+    clothi_cross3(y, o->surface + 3, g);
+    clothi_cross3(g, o->surface + 3, s);
+    for (k = 0; k < 3; k++) g[k] = side * c->h * (g[k] + (wall ? 0.5 : -0.5) * c->h * s[k]);
+    if (wall) b->start -= clothi_dot3(g, q->normal);
+    for (i = 0; i < q->n; i++) {            /* a wall's normal is a constant, or frozen */
+        if ((q->v[i] < c->nv) != wall) continue;
+        part = wall ? 1 : q->w[i] / side;
+        clothi_sub3(c->xa + 3 * q->v[i], c->xa + 3 * o->v0, r);
+        if (!wall) b->w[i] += clothi_dot3(g, r) / side;
+        clothi_flow_add(f, 0, q->v[i], part, g);
+        clothi_flow_add(f, 0, o->v0, -part, g);
+    }
+    if (wall) return;
+    clothi_turned(o->turned[0], o->turned[1], y, s);
+    for (k = 0; k < 3; k++) b->n[k] -= q->radius * (side * g[k] + y[k] - s[k]);
+}
+
 /* Friction of a contact, and by `mean` (its slip: the key's mean, force the sum; gap, slip: their
  * adjoint, NULL: none) what it leaves to the next substep. */
 static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, const double *Z,
@@ -8913,6 +8940,7 @@ static void clothi_back_slip(const clothi_flow *f, const clothi_contact *q, cons
     un = clothi_dot3(to, q->normal);
     for (k = 0; k < 3; k++) b->n[k] -= un * r[k] + clothi_dot3(r, q->normal) * to[k];
     for (k = 0; k < 3; k++) to[k] -= un * q->normal[k];
+    clothi_back_carry(f, q, to, b);
     for (i = 0; i < q->n; i++) {
         clothi_sub3(c->xb + 3 * q->v[i], c->xa + 3 * q->v[i], r);
         b->w[i] += clothi_dot3(to, r);
@@ -9090,8 +9118,6 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
                                        cloth_vjp *out) {
     cloth_collide  *c = (cloth_collide *)user;
     clothi_adjoint *to = c->adjoint;
-    const clothi_obstacle *o;
-    const clothi_contact  *q;
     cloth_status    status = CLOTHI_ROOM(to, back, c->ncontact);
     clothi_flow     f = {c, to, out->x_n != NULL, a, {out->x_n, out->x}};
     clothi_anchor   none;
@@ -9107,10 +9133,7 @@ static cloth_status clothi_contact_vjp(void *user, const cloth_eval *e, const do
     out->frozen |= c->nholding > 0;
     for (i = 0; i < c->ncontact; i = j) {
         j = clothi_group_end(c, i);
-        q = c->contact + i, o = q->slot < 0 ? NULL : c->obstacle + q->slot;
-        out->frozen |= q->slot >= 0 && q->force > 0 &&
-                       (q->soft || clothi_dot3(o->surface + 3, o->surface + 3) > 0 ||
-                        (!clothi_is_mesh(o) && memcmp(o->turn[0], o->turn[1], sizeof o->turn[0])));
+        out->frozen |= c->contact[i].force > 0 && c->contact[i].soft;
         clothi_back_group(&f, c->contact + i, j - i);
     }
     if (f.whole) clothi_back_end(&f, e->in->share);

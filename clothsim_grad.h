@@ -2677,7 +2677,7 @@ static const char *clothi_grad_why(unsigned doubt) {
     if (doubt & CLOTH_GRAD_EARLY)
         return "steps stopped too far from their minima: lower desc.tolerance";
     if (doubt & CLOTH_GRAD_FROZEN)
-        return "contact took for constant what moves: a drum's surface, a grid's normals, a pinch";
+        return "contact took for constant what moves: a grid's normals, a pinch, a rigid zone";
     return doubt ? "an adjoint system was not solved to its tolerance" : "";
 }
 

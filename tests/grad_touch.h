@@ -31,7 +31,8 @@ typedef struct touch {                      /* one run                          
     size_t bytes;                           /* of the tape                                     */
     const cloth_hooks *hooks;
     int    cap, blind, leapfrog;            /* max_newton; blind: no estimate of early stops   */
-    double spin;                            /* rad/s, of the body's surface                    */
+    int    grid;                            /* the plane as a distance grid                    */
+    double spin, turn;                      /* rad/s about z, of its surface and of the body   */
     double friction, h, tilt, fall, tolerance, speed;
     int    by;                              /* cause that is moved, by eps times its direction */
     double eps;
@@ -140,6 +141,8 @@ static inline void touch_sheet(touch *t) {
 /* The body, just below y = 0. */
 static inline void touch_obstacle(touch *t) {
     static const double half[3] = {0.11, 0.1, 0.09}, at[3] = {0.01, -0.1, 0.02};
+    static double     phi[8] = {-0.5, -0.5, 0.5, 0.5, -0.5, -0.5, 0.5, 0.5};
+    static cloth_grid half_space = {{2, 2, 2}, {-0.5, -0.5, -0.5}, 1, 0.5, phi};
     cloth_obstacle_desc d = cloth_obstacle_desc_default();
     cloth_mesh         *bumps = NULL;
     double              still[3] = {0, 0, 0}, spin[3] = {0, 0, 0};
@@ -153,6 +156,7 @@ static inline void touch_obstacle(touch *t) {
     if (t->body == TOUCH_PLANE) {
         d.kind = CLOTH_OBSTACLE_PLANE;
         d.normal[0] = -0.1 * t->tilt;
+        if (t->grid) d.kind = CLOTH_OBSTACLE_GRID, d.grid = &half_space;
     } else if (t->body == TOUCH_SPHERE) {
         d.kind = CLOTH_OBSTACLE_SPHERE;
         t->body_x[0] = 0.02, t->body_x[1] = -0.1;
@@ -359,6 +363,11 @@ static inline double touch_run(touch *t, cloth_tape **tape) {
         touch_pose(t, k, x);
         touch_say(t, k);
         if (t->body != TOUCH_SELF) CHECK(!cloth_collide_move(t->c, t->id, x));
+        if (fabs(t->turn) > 0) {            /* as of cloth_collide_pose, whose x is not moved */
+            const double a = t->turn * t->h * (k + 1);
+            double      *R = t->c->obstacle[0].turn[1];
+            R[0] = R[4] = cos(a), R[3] = sin(a), R[1] = -R[3];
+        }
         t->failed += cloth_step(t->sim, t->h, &r) != CLOTH_OK;
         t->inexact += r.outcome == CLOTH_STEP_MAX_ITERATIONS;
         t->contacts += r.contacts;

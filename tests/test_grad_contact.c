@@ -117,13 +117,27 @@ static void budget(void) {
     touch_close(&made[1].t);
 }
 
-/* A drum that turns carries cloth by a way that is taken as constant; a search that its cap ends.
- * */
+/* Surfaces that turn, as drums or with what turns as a body, in one substep and in three. */
+static void turning(void) {
+    int i;
+    for (i = 0; i < (test_quick() ? 4 : 8); i++) {
+        touch t = touch_make((unsigned)(i % 4 < 2 ? 0 : i % 4 == 2 ? 1 : 3));
+        if (i == 1) t = touch_make(2);      /* plane, box; sphere, capsule */
+        if (i % 4 < 2) t.spin = 3;
+        else t.turn = 3;
+        if (i > 5) t.spin = 2;
+        t.substeps = i / 4 || i == 3 ? 3 : 1;
+        t.steps = 16;
+        compare(t, TOUCH_START, TOUCH_REST + 1);
+    }
+}
+
+/* Normals of a grid, which are taken as constant; a search that its cap ends. */
 static void doubts(void) {
-    touch t = touch_make(1);
-    t.spin = 2;
+    touch t = touch_make(0);
+    t.grid = 1;
     touch_grade(made, t, 0);
-    CHECK(made[0].status == CLOTH_OK && !made[0].rep.valid);
+    CHECK(made[0].status == CLOTH_OK && !made[0].rep.valid && made[0].t.contacts > 0);
     CHECK((made[0].rep.doubt & CLOTH_GRAD_FROZEN) && made[0].rep.why[0]);
     touch_close(&made[0].t);
     t = touch_make(1);
@@ -237,6 +251,7 @@ int main(int argc, char **argv) {
     RUN(all_causes);
     RUN(pins_stay);
     RUN(substeps);
+    RUN(turning);
     RUN(impacts);
     RUN(budget);
     RUN(doubts);

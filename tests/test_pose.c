@@ -379,7 +379,7 @@ static void friction(void) {
     fric_end(&s);
 }
 
-/* A pose that a move or a teleport replaces before the step turns nothing (0.16 m/s of the sheet). */
+/* A pose that a move or a teleport replaces before the step turns nothing (0.15 m/s before). */
 static void replaced(void) {
     const double   center[3] = {0.05, -0.5017, 0.05};
     double         R[9], p[3];

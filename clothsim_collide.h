@@ -7752,7 +7752,7 @@ static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_ob
     status = clothi_check_count(hooks, "obstacle.", "nv", nv, 1, CLOTH_MAX_COUNT);
     if (!status && !d->x) status = clothi_null(hooks, "obstacle.x");
     if (!status) status = clothi_check_rules(hooks, "obstacle.", d, rule, 2);
-    if (!status && t < CLOTHI_FINEST * big)
+    if (!status && d->thickness > 0 && t < CLOTHI_FINEST * big)
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT,
                            "obstacle.thickness = %g is lost in the rounding of x = %g", t, big);
     if (!status) status = clothi_check_places(hooks, "obstacle", ".x", d->x, nv,

@@ -442,7 +442,7 @@ static void anchors(void) {
         r.c.nw = 2;
         r.c.obstacle = &ground, r.c.nobstacle = 1;
         ground.kind = CLOTH_OBSTACLE_PLANE, ground.used = 1, ground.v0 = 1;
-        clothi_no_turn(ground.turn);
+        clothi_no_turn(ground.turn), clothi_no_turn(ground.turned);
         eps = r.c.desc.slip;
         for (k = 0; k < r.c.ncontact; k++) {
             clothi_contact *q = r.q + k;

@@ -24,7 +24,8 @@
  * many a loop. A sleeper is not waited for: the calling thread takes ranges too. It waits only
  * for ranges that others have begun, and gives its processor away (sched_yield) when that takes
  * long, as on a busy machine.
- * One pool serves one calling thread at a time; fn must not call run().
+ * The pool serves one loop at a time: where sims of one model step in several threads, a loop that
+ * finds it busy runs on its own thread alone.
  */
 #ifndef CLOTHSIM_EXAMPLE_PARALLEL_PTHREADS_H
 #define CLOTHSIM_EXAMPLE_PARALLEL_PTHREADS_H
@@ -49,6 +50,7 @@ typedef struct parallel_worker {
 
 struct parallel_pool {
     uint64_t        ticket;         /* loop << 32 | high << 16 | low           atomic       */
+    int             busy;           /* a thread is in run()                    atomic       */
     int             left;           /* ranges not finished                     atomic       */
     int             sleepers, quit; /*                                         atomic       */
     int             count, grain;   /* the loop                                atomic       */
@@ -127,9 +129,14 @@ static inline void parallel_wake(parallel_pool *p) {
 
 static inline void parallel_run(void *user, int count, int grain, cloth_range_fn *fn, void *ctx) {
     parallel_pool *p = (parallel_pool *)user;
-    uint64_t loop = (__atomic_load_n(&p->ticket, __ATOMIC_RELAXED) >> 32) + 1;
+    uint64_t loop;
     int ranges, spin = 0;
     if (count < 1) return;
+    if (__atomic_exchange_n(&p->busy, 1, __ATOMIC_ACQUIRE)) {
+        fn(0, count, 0, ctx);
+        return;
+    }
+    loop = (__atomic_load_n(&p->ticket, __ATOMIC_RELAXED) >> 32) + 1;
     if (grain < 1) grain = 1;
     if ((count - 1) / grain >= (int)PARALLEL_MASK) grain = count / (int)PARALLEL_MASK + 1;
     ranges = (count - 1) / grain + 1;
@@ -144,6 +151,7 @@ static inline void parallel_run(void *user, int count, int grain, cloth_range_fn
     while (__atomic_load_n(&p->left, __ATOMIC_ACQUIRE) > 0)
         if (++spin < PARALLEL_SPIN) parallel_pause();
         else sched_yield();
+    __atomic_store_n(&p->busy, 0, __ATOMIC_RELEASE);
 }
 
 /* Ends and joins the workers. NULL allowed. */

@@ -523,8 +523,8 @@ CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f)
 /* Smallest distance now, m, of pairs nearer than `range`; range when there is none. With a grid it
  * is that of vertices, below 0 inside. */
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap);
-/* Pairs of faces that intersect now: cloth with cloth (SELF) and with obstacles, exempt ones
- * included. Faces of obstacles count on from nf in the order of their slots. pairs [max x 2] */
+/* Pairs of faces that intersect now, exempt ones too: cloth with cloth (SELF), MESH and BOX; others
+ * have no faces: see _gap and _exempt. Obstacles' count on from nf, by slot. pairs [max x 2] */
 CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, int *pairs,
                                                    int *count);
 /* The exempt pairs of the accepted state, report.exempt_pairs of them: of faces that intersect, and

@@ -10,9 +10,10 @@
  *   expected: after 1.500 s a smallest gap over 0.5 mm: yes; pairs that intersect: 0
  *
  * Exercises: (1) ball.friction = 0, and 180 frames: the sheet slides off; (2)
- * CLOTH_CONTACT_OBSTACLES: folds that pass through each other: look, for the line now counts pairs
- * with obstacles alone; (3) leave out cloth_collide_add(): nothing holds it; (4) center[1] = -0.25,
- * a ball that stands through the sheet: refused. What then leads it out: COURSE.md, lesson 14.
+ * CLOTH_CONTACT_OBSTACLES: folds that pass through each other: look, for the line counts none:
+ * cloth with cloth is not asked, and a sphere has no faces: the gap tells of it; (3) leave out
+ * cloth_collide_add(): nothing holds it; (4) center[1] = -0.25, a ball that stands through the
+ * sheet: refused. What then leads it out: COURSE.md, lesson 14.
  */
 #define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"

@@ -459,7 +459,8 @@ typedef enum cloth_bend_model {
 typedef enum cloth_integrator {
     CLOTH_INTEGRATOR_LEAPFROG = 1,          /* explicit, order 2, no matrix                    */
     CLOTH_INTEGRATOR_EULER    = 2,          /* implicit, order 1, damps (default)              */
-    CLOTH_INTEGRATOR_BDF2     = 3           /* implicit, order 2                               */
+    CLOTH_INTEGRATOR_BDF2     = 3           /* implicit, order 2; by Euler at another h than the
+                                               last and after an impact: report.restarts       */
 } cloth_integrator;
 
 typedef enum cloth_contact_rung {

@@ -953,7 +953,7 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  * writes x or v, or an obstacle moves near the cloth. Wind, a conveyor or a host's term does not
  * wake of itself: who has a term that goes by t calls _state_changed(). What creeps slower than 4
  * tolerance/sleep sleeps; a pendulum that turns does not. A sim sleeps as a whole.
- * contract: alloc none after the first call | threads: one per sim */
+ * contract: alloc none after the first call, but by contacts that grow | threads: one per sim */
 CLOTH_API cloth_status cloth_step(cloth_sim *sim, double h, cloth_report *report);
 
 /* Equilibrium: moves x to a stationary point of the potential that has no direction of negative

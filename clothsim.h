@@ -133,8 +133,8 @@
  *                              hook is the better way
  * @@ CLOTH_NO_STDIO            implementation: no file wrappers; they return _UNSUPPORTED
  * @@ CLOTH_NO_SIMD             implementation: plain C loops only, no intrinsics
- * @@ CLOTH_ALLOW_FAST_MATH     implementation: do not refuse -ffast-math and its like, by #error or
- *                              at create (results lose meaning)
+ * @@ CLOTH_ALLOW_FAST_MATH     all files: do not refuse -ffast-math and its like, by #error or at
+ *                              create (results lose meaning)
  * None changes a struct's layout or a function's signature.
  */
 

@@ -256,9 +256,8 @@ CLOTH_API void cloth_log_stderr(cloth_log_level level, cloth_status status, cons
 /* A range of a loop: items [begin, end); worker in [0, max_workers) selects scratch only. */
 typedef void cloth_range_fn(int begin, int end, int worker, void *ctx);
 
-/* run() calls fn on disjoint ranges that cover [0, count), in any order and of any sizes, and
- * returns when all are done. Results do not depend on the ranges, the order or the workers. Sims
- * of one model that step in several threads call it at the same time. */
+/* run() calls fn on disjoint ranges that cover [0, count), of any order and size, and returns when
+ * all are done; threads that step sims of one model call it at once. No result depends on it. */
 typedef struct cloth_parallel {             /* run == NULL: serial                             */
     void (*run)(void *user, int count, int grain, cloth_range_fn *fn, void *ctx);
     void  *user;

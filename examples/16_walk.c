@@ -16,9 +16,9 @@
  * A captured walk puts hands into hips and thighs into each other. Cloth held there may cross
  * itself or the parts that hold it: exempt, listed, and counted as new here until it has parted.
  *
- * Exercises: (1) body.friction = 0: after 1 s the shirt hangs 0.1 mm lower in the mean: its cut
- * holds it; (2) self_penetrating = 0: no step fails, for this body hardly enters itself; try it
- * with a captured one; (3) contact.thickness = 4e-3: more pairs, a third more time.
+ * Exercises: (1) body.friction = 0: after 1 s the shirt hangs 0.3 mm higher in the mean: its
+ * cut holds it; (2) self_penetrating = 0: no step fails, for this body hardly enters itself; try it
+ * with a captured one; (3) contact.thickness = 4e-3: more pairs, 5 % more time.
  */
 #include "clothsim_collide.h"
 #include "shapes.h"

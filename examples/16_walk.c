@@ -122,6 +122,7 @@ int main(int argc, char **argv) {
         desc.X = shirt.X, desc.x_rest = shirt.x, desc.rest_angle = CLOTH_REST_ANGLE_FLAT;
         body.nv = w.shape.nv, body.nf = w.shape.nf, body.faces = w.shape.faces;
     }
+    status = CLOTH_ERR_MEMORY;
     if ((x = (double *)malloc(3 * (size_t)body.nv * sizeof *x)) == NULL) goto end;
     desc.material = cloth_material_fabric(CLOTH_FABRIC_COTTON_KNIT);
     desc.contact = CLOTH_CONTACT_SELF;

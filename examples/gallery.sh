@@ -45,8 +45,8 @@ h2 { font-size: 16px; margin: 10px 14px 0; color: var(--accent); }
 main p { margin: 2px 14px 12px; color: var(--soft); }
 </style></head><body>
 <h1>clothsim</h1>
-<p>Finite-element cloth in one C header. Each page is the run of one example, stored frame by frame:
-drag to turn it, press Source to read the program that made it.</p>
+<p>Finite-element cloth in C, headers only. Each page is the run of one example, stored frame by
+frame: drag to turn it, press Source to read the program that made it.</p>
 <main>
 HTML
     [ -f out/live.html ] && card live.html live.png 'Live: pull it yourself' \

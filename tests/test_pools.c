@@ -1,5 +1,6 @@
 /* test_pools.c - the two pools of examples/: no worker beyond the hook's max_workers, whatever
  * OpenMP is told later; loops of several threads at once, as sims of one model run them.
+ * tier: default, as OpenMP keeps memory to the end, which memcheck takes for a leak.
  *   cc -std=c99 -O2 -ffp-contract=off -fopenmp -pthread -DCLOTHSIM_IMPLEMENTATION -I.. \
  *      -I../examples test_pools.c -o test_pools -lm && ./test_pools */
 #include "clothsim.h"

@@ -205,6 +205,38 @@ static int no_time(void *user) {
     return 2;
 }
 
+/* The contacts of the last step, whatever is asked, refused or moved since: a teleport (0.95 m on
+ * 16 points, also one that was refused), a host's x and then the gap. */
+static void record_stays(void) {
+    static const double  inside[3] = {0.1, -0.03, 0.1}, away[3] = {0.1, -1, 0.1};
+    cloth_collide_contact was[64], is[64];
+    cloth_hooks          hooks = host_hooks(&H);
+    cloth_obstacle_desc  o = cloth_obstacle_desc_default();
+    double               gap;
+    int                  k, i, n = 0, m = 0;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 20, 1.0 / 60));
+    CHECK(cloth_collide_contacts(W.c, 64, was, &n) == CLOTH_OK && n > 4 && n <= 64);
+    for (k = 0; k < 4; k++) {
+        if (k == 0) CHECK(cloth_collide_teleport(W.c, W.ball, inside) == CLOTH_ERR_MESH);
+        if (k == 1) CHECK(cloth_collide_teleport(W.c, W.ball, away) == CLOTH_OK);
+        for (i = 0; i < W.mesh->nv && k == 2; i++) cloth_sim_state(W.sim)->x[3 * i + 1] += 0.5;
+        if (k == 2) CHECK(cloth_collide_gap(W.c, 0.01, &gap) == CLOTH_OK);
+        if (k == 3) CHECK(cloth_collide_intersections(W.c, 0, NULL, &i) == CLOTH_OK);
+        CHECK(cloth_collide_contacts(W.c, 64, is, &m) == CLOTH_OK && m == n);
+        CHECK(memcmp(is, was, (size_t)n * sizeof *is) == 0);
+    }
+    cloth_sim_state(W.sim)->x[0] = NAN;     /* refused, but not for what intersects */
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.x = away, o.radius = 0.1;
+    W.c->nexempt = 1, memset(W.c->exempt, 0, sizeof *W.c->exempt);
+    CHECK(cloth_collide_add(W.c, &o, NULL) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_collide_failed(W.c, 0, NULL, &m) == CLOTH_OK && m == 0);
+    CHECK(cloth_collide_teleport(W.c, W.ball, away) == CLOTH_ERR_NONFINITE);
+    CHECK(cloth_collide_failed(W.c, 0, NULL, &m) == CLOTH_OK && m == 0);
+    world_close(&W);
+    CHECK(H.live == 0);
+}
+
 /* A host without time: one iteration a step, each end feasible, nothing lost or gained. */
 static void finish_now(void) {
     cloth_hooks  hooks = host_hooks(&H);
@@ -1018,6 +1050,7 @@ int main(int argc, char **argv) {
     RUN(forged);
     RUN(destruction);
     RUN(taken_away);
+    RUN(record_stays);
     RUN(workers);
     RUN(row_forces);
     RUN(taken_again);

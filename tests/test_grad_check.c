@@ -1,6 +1,7 @@
 /* test_grad_check.c - the public check of a gradient, on scenes without and with contact; what it
  * refuses.
- *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. test_grad_check.c -lm */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_grad_check.c -lm */
+#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include "clothsim_grad.h"
 #include "test.h"

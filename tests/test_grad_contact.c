@@ -1,6 +1,7 @@
 /* test_grad_contact.c - the derivative of a run in contact: against differences by each cause, with
  * every kind of body; the same bits under a budget; what is called in doubt.
- *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. test_grad_contact.c -lm */
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. test_grad_contact.c -lm */
+#define CLOTHSIM_IMPLEMENTATION
 #include "clothsim_collide.h"
 #include "clothsim_grad.h"
 #include "test.h"

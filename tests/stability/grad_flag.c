@@ -2,10 +2,11 @@
  * on planes, spheres, boxes, capsules, hilly meshes and itself, by implicit steps, and 100 by
  * leapfrog's zones: what is flagged valid against what differences confirm, by a direction in the
  * start and by one in all other causes at once.
- *   cc -std=c99 -O2 -ffp-contract=off -DCLOTHSIM_IMPLEMENTATION -I.. stability/grad_flag.c -lm
+ *   cc -std=c99 -O2 -ffp-contract=off -I.. stability/grad_flag.c -lm
  * SCENES=n for a part. */
-#include "../../clothsim_collide.h"
-#include "../../clothsim_grad.h"
+#define CLOTHSIM_IMPLEMENTATION
+#include "clothsim_collide.h"
+#include "clothsim_grad.h"
 #include "../test.h"
 #include "../grad_touch.h"
 

@@ -6047,6 +6047,7 @@ static void clothi_catch_range(int begin, int end, int worker, void *ctx) {
     for (v = begin; v < end; v++)
         if (c->held_of[v] < 0)
             c->look[v] = (c->sim->pin[v] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL &&
+                         c->star[v] < c->star[v + 1] &&         /* cloth hangs on it */
                          clothi_may_touch(c, v, c->obstacle[q->slot].v0) &&
                          clothi_catch_point(c, c->xa + 3 * v, v, q->slot, CLOTHI_PINCHED,
                                             c->caught + v);
@@ -7363,6 +7364,7 @@ static const char *clothi_contact_forged(const cloth_collide *c, const clothi_co
     for (i = 0; i < head->nhold; i++, in += sizeof h) {
         memcpy(&h, in, sizeof h);
         there = h.vertex >= 0 && h.vertex < c->nv && clothi_slot_valid(c, h.slot) &&
+                c->star[h.vertex] < c->star[h.vertex + 1] &&
                 c->obstacle[h.slot].self_penetrating && clothi_finite(h.share);
         for (k = 0; k < 2 && there; k++)
             there = h.face[k] >= 0 && h.face[k] < c->obstacle[h.slot].nf &&

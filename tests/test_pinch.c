@@ -749,6 +749,50 @@ static void threaded(void) {
     stage_end(&s);
 }
 
+/* A vertex without a face, between plates that close: no cloth hangs on it that could be dragged.
+ * Nor is it held by what a snapshot says. */
+static void faceless(void) {
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_mesh         *mesh;
+    cloth_hold          h;
+    shape               body;
+    stage               s;
+    double              mass[4] = {0.01, 0.01, 0.01, 0.01};         /* kg */
+    size_t              size;
+    void               *buf;
+    int                 i, alone, held = 0;
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_DIAGONAL, 2, 2, 0.1, 0.1, &mesh)) exit(2);
+    alone = 6 - mesh->faces[0] - mesh->faces[1] - mesh->faces[2];
+    for (i = 0; i < 4; i++) mesh->x[3 * i] += 0.5;
+    for (i = 0; i < 3; i++) mesh->x[3 * alone + i] = 0;
+    stage_cloth(&s, mesh);
+    s.desc.nf = 1, s.desc.vertex_mass = mass, s.desc.gravity[1] = 0;
+    s.contact.thickness = T;
+    if (!stage_start(&s)) exit(2);
+    plates(&body, 10e-3);
+    o.nv = body.nv, o.x = body.x, o.nf = body.nf, o.faces = body.faces, o.self_penetrating = 1;
+    CHECK(cloth_collide_add(s.c, &o, &s.thing[0].id) == CLOTH_OK);
+    for (i = 1; i <= 25; i++) {
+        shape_free(&body);
+        plates(&body, room_at(i, 0.6e-3));
+        CHECK(cloth_collide_move(s.c, s.thing[0].id, body.x) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        held += cloth_collide_last(s.c).held;
+    }
+    CHECK(held == 0);
+    memset(&h, 0, sizeof h);
+    h.vertex = alone;
+    CHECK(CLOTHI_PUSH(s.c, hold, h) == CLOTH_OK);
+    s.sim->hooks.log.fn = NULL;
+    size = cloth_sim_save_size(s.sim);
+    buf = malloc(size);
+    CHECK(buf && cloth_sim_save(s.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_sim_restore(s.sim, buf, size) == CLOTH_ERR_FORMAT);
+    free(buf);
+    shape_free(&body);
+    stage_end(&s);
+}
+
 /* A rod thinner than the cloth's faces goes through one into a block of the same body, 3 mm below,
  * and out again, farther than it came from: no vertex need be in the pinch, and no step may fail.
  * What the rod is through stays on it. */
@@ -953,6 +997,7 @@ int main(int argc, char **argv) {
     RUN(inside_out);
     RUN(beside);
     RUN(threaded);
+    RUN(faceless);
     RUN(poked);
     RUN(backwards);
     RUN(refusals);

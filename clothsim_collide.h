@@ -7100,7 +7100,8 @@ static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, doub
     status = clothi_feasible(c, 1);
     if (status) return status;
     memcpy(x, c->xb, 3 * (size_t)c->nv * sizeof(double));
-    return c->nrow > 0 ? clothi_zone_speeds(c, v) : CLOTH_OK;
+    if (c->nrow > 0) status = clothi_zone_speeds(c, v);
+    return status || c->until ? status : clothi_pinch_list(c);
 }
 
 static void clothi_contact_rollback(void *user, cloth_report *report) {

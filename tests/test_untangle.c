@@ -443,7 +443,7 @@ static void pinned(void) {
 
 /* Steps of a tangle that is left alone: what comes to intersect is beside what did, and in the list
  * of what is exempt; parted pairs are not. */
-static void wanders(void) {
+static void wander(cloth_integrator integrator, int steps, double h) {
     static int  old[2 * 4096];
     cloth_mesh *a = sheet_of(12, 0.6, 0, 0, 0), *b = sheet_of(10, 0.4, 0.11, 0.01, 0.13);
     stage       s;
@@ -453,13 +453,14 @@ static void wanders(void) {
         x[1] -= 0.03 * exp(-far * far / 0.005);
     }
     begin(&s, both(a, b));
+    s.desc.integrator = integrator;
     if (stage_start(&s)) {
         for (i = 0; i < 12 * 12; i++) s.state->v[3 * i + 1] = 0.3 * sin(20 * s.state->x[3 * i]);
         (void)stage_examine(&s);
-        for (k = 0; k < 30; k++) {
+        for (k = 0; k < steps; k++) {
             n = s.npair;
             memcpy(old, s.pair, 2 * (size_t)n * sizeof(int));
-            CHECK(cloth_step(s.sim, 1.0 / 120, NULL) == CLOTH_OK);
+            CHECK(cloth_step(s.sim, h, NULL) == CLOTH_OK);
             fresh += stage_examine(&s);
             for (i = 0; i < n; i++) parted += !stage_has(&s, old[2 * i], old[2 * i + 1]);
             for (i = 0; i < s.npair; i++)
@@ -471,6 +472,9 @@ static void wanders(void) {
     }
     stage_end(&s);
 }
+
+static void wanders(void) { wander(CLOTH_INTEGRATOR_EULER, 30, 1.0 / 120); }
+static void wanders_leapfrog(void) { wander(CLOTH_INTEGRATOR_LEAPFROG, 60, 1.0 / 480); }
 
 /* --- formulas --- */
 
@@ -739,6 +743,7 @@ int main(int argc, char **argv) {
     RUN(sandwich);
     RUN(pinned);
     RUN(wanders);
+    RUN(wanders_leapfrog);
     RUN(shortening);
     RUN(arguments);
     RUN(refused);

@@ -8521,21 +8521,29 @@ static int clothi_faces_beside(const cloth_collide *c, int f, int g) {
     return clothi_face_has(v, w[0]) || clothi_face_has(v, w[1]) || clothi_face_has(v, w[2]);
 }
 
-/* 1: faces f and g intersected; 2: beside two that did, or a vertex of f was inside; else 0. */
-static int clothi_tangle_knew(const cloth_collide *c, int f, int g) {
-    const clothi_tangle *u = c->tangle;
-    int                  i, known = 0;
-    if (f > g) return clothi_tangle_knew(c, g, f);
-    for (i = 0; i < 3; i++)
-        if (g >= c->nf && u->in[c->faces[3 * f + i]] == c->slot[c->faces[3 * g]] + 1) known = 2;
-    for (i = 0; i < u->npair; i++) {
-        const int a = u->pair[i].a, b = u->pair[i].b;
-        if (u->pair[i].kind != CLOTHI_FF) continue;
+/* 1: faces f < g are among the pairs [n]; 2: beside two of those; else 0. */
+static int clothi_faces_known(const cloth_collide *c, const clothi_pair_id *pair, int n, int f,
+                              int g) {
+    int i, known = 0;
+    for (i = 0; i < n; i++) {
+        const int a = pair[i].a, b = pair[i].b;
+        if (pair[i].kind != CLOTHI_FF) continue;
         if (a == f && b == g) return 1;
         if (!known && ((clothi_faces_beside(c, f, a) && clothi_faces_beside(c, g, b)) ||
                        (clothi_faces_beside(c, f, b) && clothi_faces_beside(c, g, a))))
             known = 2;
     }
+    return known;
+}
+
+/* 1: faces f and g intersected; 2: beside two that did, or a vertex of f was inside; else 0. */
+static int clothi_tangle_knew(const cloth_collide *c, int f, int g) {
+    const clothi_tangle *u = c->tangle;
+    int                  i, known;
+    if (f > g) return clothi_tangle_knew(c, g, f);
+    known = clothi_faces_known(c, u->pair, u->npair, f, g);
+    for (i = 0; i < 3 && !known; i++)
+        if (g >= c->nf && u->in[c->faces[3 * f + i]] == c->slot[c->faces[3 * g]] + 1) known = 2;
     return known;
 }
 
@@ -8584,14 +8592,18 @@ static cloth_status clothi_tangle_try(cloth_collide *c, clothi_tangle *u, double
     return status;
 }
 
-/* Tries, and what one of them found becomes state. Under REFUSE the next step looks, and refuses
- * what is left. */
+/* Tries, and what one of them found becomes state. Where under REFUSE a pair was neither exempt, as
+ * pinches let it in, nor beside such, the next step looks, and refuses what is left. */
 static cloth_status clothi_tangle_run(cloth_collide *c, clothi_tangle *u, double most,
                                       cloth_untangle_report *r) {
     cloth_status status;
-    int          good = 0, i, k;
+    int          good = 0, foreign = 0, i, k;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     status = clothi_crossings(c);
+    for (i = 0; i < c->nnow && c->desc.initial == CLOTH_INITIAL_REFUSE; i++) {
+        const clothi_pair_id p = c->now[i];
+        foreign |= p.kind != CLOTHI_FF || !clothi_faces_known(c, c->exempt, c->nexempt, p.a, p.b);
+    }
     r->before = r->after = c->nnow;
     if (!status && c->nnow) status = clothi_tangle_look(c, u);
     if (status) return status;
@@ -8617,7 +8629,7 @@ static cloth_status clothi_tangle_run(cloth_collide *c, clothi_tangle *u, double
     }
     r->after = c->nnow;
     clothi_exempt_accept(c);
-    if (c->desc.initial == CLOTH_INITIAL_REFUSE && c->nexempt) c->nexempt = 0, c->seen = 0;
+    if (foreign && c->nexempt) c->nexempt = 0, c->seen = 0;
     return CLOTH_OK;
 }
 
@@ -8647,7 +8659,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     status = clothi_tangle_run(c, &u, max_move, r);
     c->hooks = hooks;
     c->report = kept;
-    c->report.exempt_pairs = c->nexempt;
+    c->report.exempt_pairs = c->nexempt, c->report.held = c->nhold;
     if (r->stalled) {
         status = clothi_fail_pairs(c, u.pair, u.npair,
                                    "intersect, and no motion that was tried makes them less",

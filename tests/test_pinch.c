@@ -635,6 +635,50 @@ static void removed(void) {
     close_scene(&q);
 }
 
+/* Cloth that plates hold, and that refuses all else that intersects: a call between steps forgets
+ * what is held, what it has let in stays exempt, and steps go on till the plates have opened. */
+static void untangled(void) {
+    cloth_untangle_report u;
+    scene                 q;
+    int                   i, n = -1;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    for (i = 1; i <= 60; i++) {
+        plates_at(&q, room_at(i, 0.6e-3), 0);
+        CHECK(cloth_collide_move(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].next) == CLOTH_OK);
+        CHECK(cloth_step(q.s.sim, H, NULL) == CLOTH_OK);
+        if (i != 20) continue;
+        CHECK(cloth_collide_last(q.s.c).held > 0 && cloth_collide_last(q.s.c).exempt_pairs > 0);
+        CHECK(cloth_collide_untangle(q.s.c, 0, &u) == CLOTH_OK && u.after > 0);
+        CHECK(cloth_collide_holds(q.s.c, 0, NULL, &n) == CLOTH_OK && n == 0);
+        CHECK(cloth_collide_last(q.s.c).held == 0);
+        CHECK(cloth_collide_last(q.s.c).exempt_pairs == u.after);
+    }
+    CHECK(cloth_collide_last(q.s.c).held == 0 && cloth_collide_last(q.s.c).exempt_pairs == 0);
+    close_scene(&q);
+}
+
+/* The same where a host has moved an edge of the cloth into a sphere besides: that is refused until
+ * nothing intersects, in more calls than one. */
+static void untangled_beside(void) {
+    const double        centre[3] = {0.1, -0.035, 0};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    scene               q;
+    int                 i, failed = 0;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.02, o.x = centre;
+    CHECK(cloth_collide_add(q.s.c, &o, &id) == CLOTH_OK);
+    for (i = 1; i <= 60; i++) {
+        plates_at(&q, room_at(i, 0.6e-3), 0);
+        CHECK(cloth_collide_move(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].next) == CLOTH_OK);
+        if (i == 20) q.s.state->x[3 * 44 + 1] -= 0.02;
+        while (cloth_step(q.s.sim, H, NULL) && CHECK(i == 20 && failed++ < 30))
+            CHECK(cloth_collide_untangle(q.s.c, 0, NULL) == CLOTH_OK);
+    }
+    CHECK(failed > 1 && cloth_collide_last(q.s.c).exempt_pairs == 0);
+    close_scene(&q);
+}
+
 static void workers(void) {
     uint64_t hash[2] = {0, 1};
     int      k;
@@ -993,6 +1037,8 @@ int main(int argc, char **argv) {
     RUN(far_parts);
     RUN(snapshots);
     RUN(removed);
+    RUN(untangled);
+    RUN(untangled_beside);
     RUN(workers);
     RUN(inside_out);
     RUN(beside);

@@ -7573,16 +7573,22 @@ static cloth_status clothi_look_check(const cloth_collide *c) {
                                CLOTHI_FARTHEST);
 }
 
+/* c->now and x become state outside a step. Where x is another than it was, nothing sticks or is
+ * held there. */
+static void clothi_look_accept(cloth_collide *c) {
+    const uint64_t seen = c->seen;
+    clothi_exempt_accept(c);
+    if (c->seen != seen) c->nanchor = c->nhold = 0;
+    c->report.exempt_pairs = c->nexempt, c->report.held = c->nhold;
+}
+
 /* Checks where everything is now, outside a step: what it finds becomes state. */
 static cloth_status clothi_collide_look(cloth_collide *c) {
-    cloth_status   status = clothi_look_check(c);
-    const uint64_t seen = c->seen;
+    cloth_status status = clothi_look_check(c);
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     if (!status) status = clothi_contact_check(c);
     if (status) return status == CLOTH_ERR_STEP ? CLOTH_ERR_MESH : status;
-    clothi_exempt_accept(c);
-    c->report.exempt_pairs = c->nexempt;
-    if (c->seen != seen) c->nanchor = 0;    /* a host wrote x meanwhile */
+    clothi_look_accept(c);
     return CLOTH_OK;
 }
 
@@ -8625,10 +8631,9 @@ static cloth_status clothi_tangle_run(cloth_collide *c, clothi_tangle *u, double
         if (!good) return status;
         memcpy(c->sim->state.x, c->x_ie, 3 * (size_t)c->nv * sizeof(double));
         cloth_sim_state_changed(c->sim);
-        c->nanchor = c->nhold = 0;
     }
     r->after = c->nnow;
-    clothi_exempt_accept(c);
+    clothi_look_accept(c);
     if (foreign && c->nexempt) c->nexempt = 0, c->seen = 0;
     return CLOTH_OK;
 }

@@ -757,6 +757,13 @@ static void beside(void) {
     CHECK(cloth_collide_failed(q.s.c, 0, NULL, &n) == CLOTH_OK && n == 0);
     ((cloth_state *)q.s.state)->x[0] += 1e-6;
     CHECK(stage_step(&q.s, H));
+    CHECK(cloth_collide_last(q.s.c).held > 0);
+    ((cloth_state *)q.s.state)->x[0] += 1e-6;
+    o.x = centre;
+    CHECK(cloth_collide_add(q.s.c, &o, &id) == CLOTH_OK);       /* holds are of another x then */
+    CHECK(cloth_collide_holds(q.s.c, 0, NULL, &n) == CLOTH_OK && n == 0);
+    CHECK(cloth_collide_last(q.s.c).held == 0);
+    CHECK(stage_step(&q.s, H));
     close_scene(&q);
 }
 

@@ -660,6 +660,29 @@ static void after_step(void) {
     CHECK(hash[0] == hash[1]);
 }
 
+/* A host moves cloth that sticks to a plane, where nothing intersects: a call forgets as much as a
+ * step by itself does. */
+static void moved_by_host(void) {
+    stage  s;
+    double after[2] = {0, 0};
+    int    k, i;
+    for (k = 0; k < 2; k++) {
+        begin(&s, sheet_of(9, 0.2, 0, 0, 0));
+        s.desc.gravity[0] = 2, s.desc.gravity[1] = -9.81, s.desc.sleep = 0;
+        if (!stage_start(&s)) exit(2);
+        (void)stage_plane(&s, -3e-3, 1);
+        for (i = 0; i < 30; i++) CHECK(cloth_step(s.sim, 1.0 / 60, NULL) == CLOTH_OK);
+        CHECK(s.c->nanchor > 0);
+        for (i = 0; i < s.mesh->nv; i++) s.state->x[3 * i] += 0.05;
+        cloth_sim_state_changed(s.sim);
+        if (k) CHECK(cloth_collide_untangle(s.c, 0, NULL) == CLOTH_OK && s.c->nanchor == 0);
+        CHECK(cloth_step(s.sim, 1.0 / 60, NULL) == CLOTH_OK);
+        after[k] = s.state->x[0];
+        stage_end(&s);
+    }
+    CHECK_NEAR(after[0], after[1], 0);
+}
+
 /* Every allocation of a call fails once: the state is as before, nothing is lost. */
 static void memory(void) {
     shape                 ball = {0, 0, NULL, NULL};
@@ -747,6 +770,7 @@ int main(int argc, char **argv) {
     RUN(shortening);
     RUN(arguments);
     RUN(refused);
+    RUN(moved_by_host);
     RUN(memory);
     RUN(same_bits);
     RUN(after_step);

@@ -3467,7 +3467,7 @@ struct cloth_collide {
     double *area;                           /* [nw] m^2, a third of the faces around           */
     double *xa, *xb;                        /* [nw x 3] start and end of the substep           */
     double *x_last;                         /* [nw x 3] end of the last accepted one           */
-    unsigned char  *dragging;               /* [mf] faces of bodies that penetrate themselves  */
+    unsigned char  *dragging;               /* [mf] scratch: of bodies that may hold a vertex  */
     unsigned char  *pinched;                /* [mf] faces in a pinch                           */
     unsigned char  *moved;                  /* [nw + me + mf] vertices, edges and faces        */
     clothi_features features;
@@ -3781,7 +3781,6 @@ static cloth_status clothi_world_build(cloth_collide *c) {
         for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
         memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
         for (i = 0; i < 3 * b->nf; i++) c->faces[3 * b->f0 + i] = b->faces[i] + b->v0;
-        memset(c->dragging + b->f0, b->self_penetrating ? 1 : 0, (size_t)b->nf);
     }
     status = clothi_features_build(c->hooks, c->nw, c->mf, c->faces, &c->features);
     if (status) return status;
@@ -3800,7 +3799,9 @@ static cloth_status clothi_world_build(cloth_collide *c) {
 
 /* There are bodies that penetrate themselves. */
 static int clothi_drags(const cloth_collide *c) {
-    return memchr(c->dragging, 1, (size_t)c->mf) != NULL;
+    int o, drags = 0;
+    CLOTHI_OBSTACLES(c, o) drags |= c->obstacle[o].self_penetrating != 0;
+    return drags;
 }
 
 /* `part`, 0 to 1, of the turn from rotation A to B, about the one axis of B A'. */
@@ -5778,13 +5779,24 @@ static double clothi_hold_room(const cloth_collide *c, const cloth_hold *h, cons
     return clothi_dot3(d, m);
 }
 
+/* c->dragging [mf]: faces of the bodies that may hold vertex v. What it may not touch, does not. */
+static const unsigned char *clothi_hold_bodies(const cloth_collide *c, int v) {
+    int o;
+    CLOTHI_OBSTACLES(c, o) {
+        const clothi_obstacle *b = c->obstacle + o;
+        memset(c->dragging + b->f0, b->self_penetrating && clothi_may_touch(c, v, b->v0),
+               (size_t)b->nf);
+    }
+    return c->dragging;
+}
+
 typedef struct clothi_catch {               /* a search for the nearest face                   */
     const cloth_collide *c;
     int                  slot;
     const double        *x;                 /* the pose                                        */
     const double        *from;              /* of p: unit, from what is to be on its other side */
-    int                  open;              /* 0: p is to be outside of the face; 1: no part of
-                                               the body above the point, wherever p is         */
+    const unsigned char *open;              /* NULL: p is to be outside of the face; else none of
+                                               these bodies above the point, wherever p is     */
 } clothi_catch;
 
 static double clothi_catch_far(int face, const double *p, const void *ctx) {
@@ -5803,7 +5815,7 @@ static double clothi_catch_far(int face, const double *p, const void *ctx) {
         found = clothi_dot3(n, d) > 0;
         if (q->from) found &= clothi_dot3(d, q->from) < CLOTHI_FACING * sqrt(d2);
     } else {
-        const clothi_surface body = {q->x, c->faces, c->dragging, NULL, &c->solid};
+        const clothi_surface body = {q->x, c->faces, q->open, NULL, &c->solid};
         const double         up = CLOTHI_GAP * c->obstacle[q->slot].thickness;
         for (k = 0; k < 3; k++) d[k] = p[k] - d[k] + up / sqrt(clothi_dot3(n, n)) * n[k];
         found = clothi_surface_winding(&body, d) == 0;
@@ -5817,7 +5829,7 @@ static int clothi_catch_point(const cloth_collide *c, const double *p, int v, in
                               cloth_hold *h) {
     const double  t = c->obstacle[slot].thickness, way = c->obstacle[slot].way;
     double        A[6], n[6], m[3], from[3], d[3], start;
-    clothi_catch  q = {c, slot, c->xa, NULL, 0};
+    clothi_catch  q = {c, slot, c->xa, NULL, NULL};
     int           i, k, f;
     memset(h, 0, sizeof *h);
     h->vertex = v, h->slot = slot;
@@ -5895,7 +5907,8 @@ static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double
  * body. */
 static void clothi_hold_nearest(const cloth_collide *c, const double *x, const double *p,
                                 cloth_hold *h) {
-    const clothi_surface body = {x, c->faces, c->dragging, NULL, &c->solid};
+    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
+    const clothi_surface body = {x, c->faces, bodies, NULL, &c->solid};
     double               d2 = CLOTHI_HUGE;
     const int            f = clothi_surface_nearest(&body, p, &d2, h->weight[0]);
     const int            slot = c->slot[c->faces[3 * f]];
@@ -5934,7 +5947,8 @@ static int clothi_hold_back(const cloth_collide *c, const cloth_hold *h, cloth_h
  * that it came in by; CLOTHI_LET_GO: another part is there. */
 static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cloth_hold *h,
                                      double *to) {
-    const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
+    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
+    const clothi_surface body = {c->xb, c->faces, bodies, NULL, &c->solid};
     const double         shallow = CLOTHI_SHALLOW * c->obstacle[h->slot].thickness;
     cloth_hold           out[2];
     double               A[3], n[3], d[3];
@@ -5955,7 +5969,8 @@ static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cl
 /* What becomes of a held vertex at x^n; where it goes into `to`. y [3]: where it would go alone. */
 static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, cloth_hold *h,
                                       double *to) {
-    const clothi_surface body = {c->xa, c->faces, c->dragging, NULL, &c->solid};
+    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
+    const clothi_surface body = {c->xa, c->faces, bodies, NULL, &c->solid};
     const double        *p = c->xa + 3 * h->vertex, share = h->share;
     const int            wind = clothi_surface_winding(&body, p);
     unsigned char        look = CLOTHI_LET_GO;
@@ -5974,8 +5989,9 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, c
 /* Minimising begins where `to` is. What is held and would end inside of one part there is pulled to
  * above what is nearest of where no other part is; its point there is in c->caught. */
 static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
-    const clothi_surface body = {c->xb, c->faces, c->dragging, NULL, &c->solid};
-    const clothi_catch   q = {c, h->slot, c->xb, NULL, 1};
+    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
+    const clothi_surface body = {c->xb, c->faces, bodies, NULL, &c->solid};
+    const clothi_catch   q = {c, h->slot, c->xb, NULL, bodies};
     double              *from = c->hold_by + 3 * h->vertex, *to = c->hold_to + 3 * h->vertex;
     double               d2 = CLOTHI_DEEP * c->obstacle[h->slot].thickness;
     cloth_hold          *aside = c->caught + h->vertex;
@@ -6058,7 +6074,7 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, const double *y) {
     cloth_status status = CLOTH_OK;
     int          o, i;
     for (o = 0; o < c->nobstacle && !status; o++) {
-        clothi_catch job = {c, o, c->xa, NULL, 0};
+        clothi_catch job = {c, o, c->xa, NULL, NULL};
         if (!c->obstacle[o].used || !c->obstacle[o].self_penetrating) continue;
         clothi_for(c->hooks, c->nv, CLOTHI_CATCH_GRAIN, clothi_catch_range, &job);
         for (i = 0; i < c->nv && !status; i++) {
@@ -6099,7 +6115,8 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
         const clothi_pair_id *p = c->now + i;
         const int            *v = c->faces + 3 * p->a, *b = c->faces + 3 * p->b;
         int                   caught = 0, at = 0;
-        if (p->kind != CLOTHI_FF || !c->dragging[p->b]) continue;
+        if (p->kind != CLOTHI_FF || p->b < c->nf || !c->obstacle[c->slot[b[0]]].self_penetrating)
+            continue;
         for (k = 0; k < 3; k++)
             if (c->held_of[v[k]] >= 0 && c->held_of[v[k]] < n) caught++, at = k;
         if (caught > 1 ||
@@ -6108,7 +6125,8 @@ static cloth_status clothi_pinch_lead(cloth_collide *c) {
                                                c->xa + 3 * b[1], c->xa + 3 * b[2])))
             continue;
         for (k = 0; k < 3 && !status; k++)
-            if (c->held_of[v[k]] < 0 && (c->sim->pin[v[k]] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL)
+            if (c->held_of[v[k]] < 0 && clothi_may_touch(c, v[k], b[0]) &&
+                (c->sim->pin[v[k]] & CLOTH_AXIS_ALL) != CLOTH_AXIS_ALL)
                 status = clothi_pinch_out(c, v[k]);
     }
     return status;

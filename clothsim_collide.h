@@ -6362,7 +6362,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, p);
     if (!(start > 0))                       /* no side to be kept on: rounding took its gap */
-        return clothi_fail_pairs(c, p, 1, "have no gap", "");
+        return c->trying ? CLOTH_ERR_STEP : clothi_fail_pairs(c, p, 1, "have no gap", "");
     t = clothi_pair_thickness(c, p, row.v);
     sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */
@@ -6907,13 +6907,13 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
         memcpy(c->x_ie + at, c->hold_by + at, 3 * sizeof(double));
     }
     for (attempt = 0; attempt < most && status == CLOTH_ERR_STEP; attempt++) {
+        c->trying = attempt + 1 < most;
         status = attempt == 2 ? clothi_pinch_rows(c) : CLOTH_OK;
         if (status) break;
         if (attempt > 0) {
             clothi_carried(c, 1);
             c->approach = CLOTHI_SQUEEZED;
         }
-        c->trying = attempt + 1 < most;
         status = clothi_feasible_from(c, last);
     }
     c->trying = 0;

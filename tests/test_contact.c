@@ -11,6 +11,7 @@
 #include "exact.h"
 #include "stage.h"
 #include "stage_scenes.h"
+#include "host.h"
 
 /* The second number in the long tier. */
 static int size(int small, int full) { return test_full() ? full : small; }
@@ -657,6 +658,32 @@ static void lists(void) {
     stage_end(&s);
 }
 
+/* A box as near to a sheet as rounding tells from 0, and not through it: the step fails, which is
+ * said once, though it tries more than one way. */
+static void no_gap(void) {
+    const double lo[3] = {0.2, -0.5, 0.2}, hi[3] = {0.8, -1e-200, 0.8};
+    shape        box = {0, 0, NULL, NULL};
+    host         h;
+    stage        s;
+    int          drags, n = 0;
+    for (drags = 0; drags < 2; drags++) {
+        cloth_obstacle_desc d = cloth_obstacle_desc_default();
+        cloth_obstacle      id;
+        stage_sheet(&s, 5, 1);
+        s.desc.hooks = host_hooks(&h);
+        if (!stage_start(&s)) exit(2);
+        shape_box(&box, lo, hi);
+        d.nv = box.nv, d.x = box.x, d.nf = box.nf, d.faces = box.faces;
+        d.self_penetrating = drags;
+        CHECK(cloth_collide_add(s.c, &d, &id) == CLOTH_OK);
+        CHECK(cloth_step(s.sim, 1.0 / 60, NULL) == CLOTH_ERR_STEP);
+        CHECK(h.errors == 1 && strstr(h.text, "have no gap") != NULL);
+        CHECK(cloth_collide_failed(s.c, 0, NULL, &n) == CLOTH_OK && n == 1);
+        shape_free(&box);
+        stage_end(&s);
+    }
+}
+
 /* --- not asked for --- */
 
 static void no_cost(void) {
@@ -730,6 +757,7 @@ int main(int argc, char **argv) {
     RUN(cut_short_on_a_ball);
     RUN(limits);
     RUN(lists);
+    RUN(no_gap);
     RUN(no_cost);
     RUN(times);
     return TEST_END();

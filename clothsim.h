@@ -851,8 +851,8 @@ typedef struct cloth_contact {
     /* of the poses of the step that begins, or ends: 1: none may sleep. commit comes without begin
      * where it sleeps. NULL: not asked */
     int          (*moves)(void *user);
-    /* EULER, BDF2, desc.substeps 0: how many the step that begins is to have, of 1 to
-     * CLOTH_SUBSTEPS_ASKED. NULL: 1 */
+    /* EULER, BDF2, desc.substeps 0, desc.contact not NONE: how many the step that begins is to
+     * have, of 1 to CLOTH_SUBSTEPS_ASKED. NULL: 1 */
     int          (*substeps)(void *user);
     /* another is set, or the sim is destroyed, its allocator with it: what was set before may only
      * be destroyed. NULL: not told */
@@ -12107,7 +12107,7 @@ static void clothi_watch(cloth_sim *s, double h) {
 /* Substeps of the implicit step that begins; most: that any step may have. */
 static int clothi_substeps(const cloth_sim *s, int most) {
     int m = s->model->desc.substeps;
-    if (m == 0 && s->contact_on && s->contact.substeps) {
+    if (m == 0 && s->model->desc.contact != CLOTH_CONTACT_NONE && (most || s->contact.substeps)) {
         m = most ? CLOTH_SUBSTEPS_ASKED : s->contact.substeps(s->contact.user);
         if (m > CLOTH_SUBSTEPS_ASKED) m = CLOTH_SUBSTEPS_ASKED;
     }

@@ -924,7 +924,8 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
     if (!leap) t->slot += (how - 1) * t->nv3 * sizeof(double);
     t->room = t->fixed_input + units + CLOTHI_PAD8(units);
     t->work = clothi_grad_bytes(s, t->motion, t->room);
-    if (s->contact_on && !leap) t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
+    if (!leap && (s->contact_on || s->model->desc.contact != CLOTH_CONTACT_NONE))
+        t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
     need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot + how +
            (t->room / 8) * 12;
     if (t->opt.bytes && t->opt.bytes < need)

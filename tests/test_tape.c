@@ -403,6 +403,44 @@ static void contact_refused(void) {
     CHECK(told.live == 0);
 }
 
+static int three_substeps(void *user) {
+    (void)user;
+    return 3;
+}
+
+/* A tape from before contact has room for the substeps that contact asks for. (It read and wrote
+ * beside its memory.) */
+static void before_contact(void) {
+    static double v0[2][3 * 40];
+    int           late, k;
+    for (late = 0; late < 2; late++) {
+        play           p = play_default();
+        cloth_collide *c = NULL;
+        cloth_tape    *tape = NULL;
+        cloth_grad     g;
+        loss_user      u;
+        scene          s;
+        p.with = WITH_PINS;
+        play_desc(&p, &s);
+        s.desc.contact = CLOTH_CONTACT_OBSTACLES;
+        CHECK(scene_open(&s, p.with) == CLOTH_OK);
+        CHECK(late || cloth_tape_create(s.sim, NULL, &tape) == CLOTH_OK);
+        CHECK(cloth_collide_create(s.sim, NULL, &c) == CLOTH_OK);
+        CHECK(!late || cloth_tape_create(s.sim, NULL, &tape) == CLOTH_OK);
+        s.sim->contact.substeps = three_substeps;
+        for (k = 0; k < 4; k++) CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+        memset(&g, 0, sizeof g);
+        memset(&u, 0, sizeof u);
+        u.nv = s.nv, u.only = -1;
+        g.v0 = v0[late];
+        CHECK(cloth_grad_backward(tape, loss_at, &u, &g, NULL) == CLOTH_OK);
+        cloth_tape_destroy(tape);
+        cloth_collide_destroy(c);
+        scene_close(&s);
+    }
+    CHECK(memcmp(v0[0], v0[1], sizeof v0[0]) == 0 && fabs(v0[0][3]) > 0);
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(tape_budget);
@@ -413,5 +451,6 @@ int main(int argc, char **argv) {
     RUN(nothing_without);
     RUN(tape_bad_input);
     RUN(contact_refused);
+    RUN(before_contact);
     return TEST_END();
 }

@@ -2369,7 +2369,7 @@ static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *
     if (slot) (void)clothi_tape_walk(s, CLOTHI_MOTION, CLOTHI_LOAD, slot);
     else if (t->step[k].dropped & 1) clothi_forget(s);
     else if (t->step[k].dropped) s->still = 0;
-    s->known = 0;
+    s->known = s->calm = 0;
     s->rested.outcome = CLOTH_STEP_NONE;
     return clothi_need_work(s);
 }

@@ -96,6 +96,8 @@ static void differences_taken_again(void) {
     CHECK(again >= 4);                      /* the start, the new material, a step and its next */
     p.again = NULL;
     compare(&p, "bdf2, again", -1, 1e-6);
+    p.steps = 16;                           /* the last one was: nothing of that is left behind */
+    compare(&p, "bdf2, ends so", -1, 1e-6);
 }
 
 static void differences_leapfrog(void) {

@@ -204,7 +204,8 @@ struct cloth_obstacle;                      /* clothsim_collide.h               
  * vjp adds a' d(grad)/d{..} to arrays behind its `user` where out->own is 1, once a substep; after
  * the call they hold the derivative of the loss. */
 typedef struct cloth_grad {
-    double *x0, *v0;            /* [nv x 3]    start; pins' targets and ties' offsets stay     */
+    double *x0, *v0;            /* [nv x 3]    start; pins' targets, ties' offsets and poses of
+                                   attachments stay                                            */
     double *density;            /* [nregions]  0 where masses are given                        */
     double *membrane, *poisson; /* [nregions]                                                  */
     double *bending, *damping;  /* [nregions]                                                  */
@@ -1121,7 +1122,7 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * forward search is: H z <- a - W' z.
  *
  * Attachments pull to pose + share (target - pose); the pose is the last step's target, or the
- * point itself where it was attached since.
+ * point itself where it was attached since; at the tape's start it is a constant.
  *
  * Contact's vjp gives J'z alone for J = dF/dx, F its forces with all that Newton's search lags
  * taken at x, where it has arrived. J'z = a by GCR [EES83] with the factor of H,
@@ -1652,6 +1653,21 @@ static void clothi_grad_goals(clothi_grad *g, const double *a, double share) {
     }
 }
 
+/* Slot i was attached between step `at` and the one before: another number is in `made`. */
+static int clothi_grad_fresh(const clothi_grad *g, int i) {
+    const clothi_taped *e = g->t->step + g->at;
+    const uint32_t     *which = (const uint32_t *)(const void *)(e->word + e->nword);
+    const clothi_field *q = clothi_fields;
+    uint32_t            made[2] = {0, 0};
+    size_t              n, at = 0;
+    for (; q->at != offsetof(cloth_sim, made); q++)
+        if (clothi_field_kind(q) == CLOTHI_INPUTS)
+            at += (clothi_field_count(g->s, q) * q->size + 7) / 8;
+    for (n = 0; g->at > 0 && n < e->nword; n++)
+        if (which[n] == at + (size_t)i / 2) memcpy(made, e->word + n, sizeof made);
+    return made[i % 2] != 0;
+}
+
 /* At the start x of a step: poses of what was attached since the last step are points of x. */
 static void clothi_grad_poses(clothi_grad *g, const double *x, double *to) {
     const cloth_sim *s = g->s;
@@ -1660,7 +1676,7 @@ static void clothi_grad_poses(clothi_grad *g, const double *x, double *to) {
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++) {
         double *pose = g->pose + 3 * i;
         n = clothi_attach_gap(s->model, NULL, s->attach + i, x, v, w, p);
-        if (n && memcmp(p, s->attach[i].pose, sizeof p) != 0) continue;
+        if (n && !clothi_grad_fresh(g, i)) continue;
         for (j = 0; j < 3 * n; j++) to[3 * v[j / 3] + j % 3] += w[j / 3] * pose[j % 3];
         pose[0] = pose[1] = pose[2] = 0;
     }
@@ -2846,17 +2862,17 @@ static cloth_status clothi_tangent_terms(clothi_grad *g, const clothi_check *c, 
     return status;
 }
 
-/* Poses of attachments that are points of x where the step begins, dx0: forces by them to q. */
-static void clothi_tangent_poses(const cloth_sim *s, const double *dx0, double *q) {
-    double p[3], w[6];
-    int    i, j, n, v[6];
+/* Poses of attachments that are points of x where the step begins, d of them x0: forces by them. */
+static void clothi_tangent_poses(clothi_grad *g) {
+    const cloth_sim *s = g->s;
+    double           p[3], w[6];
+    int              i, j, n, v[6];
     for (i = 0; i < s->in.nattach; i++) {
         const cloth_step_attachment *a = s->in.attach + i;
-        n = clothi_attach_gap(s->model, NULL, a, s->w.x0, v, w, p);
-        if (!n || memcmp(p, a->pose, sizeof p) != 0) continue;
-        (void)clothi_attach_gap(s->model, NULL, a, dx0, v, w, p);
+        n = clothi_attach_gap(s->model, NULL, a, g->x0, v, w, p);
+        if (!n || !clothi_grad_fresh(g, i)) continue;
         for (j = 0; j < 3 * n; j++)
-            q[3 * v[j / 3] + j % 3] -= (1 - s->in.share[1]) * a->k * w[j / 3] * p[j % 3];
+            g->q[3 * v[j / 3] + j % 3] -= (1 - s->in.share[1]) * a->k * w[j / 3] * p[j % 3];
     }
 }
 
@@ -2868,7 +2884,7 @@ static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clot
     const int    touches = s->contact_on;
     cloth_status status = clothi_tangent_terms(g, c, &line->goal.e, 0, s->nterms, c->dx, c->dv);
     size_t       i;
-    if (!status) clothi_tangent_poses(s, g->x0, g->q);
+    if (!status) clothi_tangent_poses(g);
     for (i = 0; i < n; i++)
         g->lv[i] = s->pin[i / 3] >> i % 3 & 1 && !(s->model->tie && s->model->tie[i] >= 0)
                        ? (1 - s->in.share[1]) * g->x0[i] : 0;
@@ -2917,7 +2933,7 @@ static cloth_status clothi_tangent_kick(clothi_grad *g, clothi_check *c, double 
     for (i = 0; i < n && damped; i++) g->lx[i] += g->q[i];
     if (!status)
         status = clothi_tangent_terms(g, c, &o, CLOTHI_TERM_FORCE, s->nterms, c->dx, c->dv);
-    clothi_tangent_poses(s, g->x0, g->q);
+    clothi_tangent_poses(g);
     for (i = 0; i < n; i++)
         if (!(s->pin[i / 3] >> i % 3 & 1))
             c->dv[i] += kick * (clothi_check_dir(c->cause + 2, (int)i % 3) -
@@ -3098,27 +3114,12 @@ static void clothi_check_causes(clothi_check *c) {
         clothi_check_add(c, "hinge_scale", p->hinge_scale, p->nh, one, &g->hinge_scale, 0.01, 0);
 }
 
-/* Moves q; poses of attachments that are points of x stay so, as in the adjoint. */
-static void clothi_check_shift(cloth_sim *s, const clothi_cause *q, double eps) {
-    double p[3], w[6];
-    int    i, v[6];
-    for (i = 0; q->at == s->state.x && s->nattach > 0 && i < s->model->desc.max_attachments; i++)
-        if (clothi_attach_gap(s->model, NULL, s->attach + i, s->state.x, v, w, p) &&
-            memcmp(p, s->attach[i].pose, sizeof p) == 0)
-            s->attach[i].pose[0] = HUGE_VAL;
-    clothi_check_move(q, eps);
-    for (i = 0; q->at == s->state.x && s->nattach > 0 && i < s->model->desc.max_attachments; i++)
-        if (clothi_attach_gap(s->model, NULL, s->attach + i, s->state.x, v, w, p) &&
-            !clothi_finite(s->attach[i].pose[0]))
-            memcpy(s->attach[i].pose, p, sizeof p);
-}
-
 /* The sim as it was saved, ready to run; moved by eps times the direction of q (NULL: not). */
 static cloth_status clothi_check_start(clothi_check *c, const void *start, size_t size,
                                        const clothi_cause *q, double eps) {
     cloth_status status = cloth_sim_restore(c->s, start, size);
     if (status) return status;
-    if (q) clothi_check_shift(c->s, q, eps);
+    if (q) clothi_check_move(q, eps);
     status = cloth_sim_params_changed(c->s);
     cloth_sim_state_changed(c->s);
     return status;

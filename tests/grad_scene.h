@@ -181,10 +181,10 @@ static inline void play_open(const play *p, scene *s) {
     play_desc(p, s);
     CHECK(scene_open(s, p->with & ~WITH_ATTACH) == CLOTH_OK);
     state = cloth_sim_state(s->sim);
-    for (i = 0; i < 3 * s->nv; i++) state->x[i] += moved(p, BY_X0, i);
-    if (p->with & WITH_ATTACH)
+    if (p->with & WITH_ATTACH)              /* its pose stays where x0 moves */
         CHECK(cloth_sim_attach(s->sim, s->mesh->nf / 2, third, 5.0 + moved(p, BY_ATTACH_K, 0), up,
                                &s->attachment) == CLOTH_OK);
+    for (i = 0; i < 3 * s->nv; i++) state->x[i] += moved(p, BY_X0, i);
     play_params(p, s);
     for (i = 0; i < 3 * s->nv; i++)
         state->v[i] = 0.1 * noise(333u + (unsigned)i) + moved(p, BY_V0, i);

@@ -225,16 +225,22 @@ static inline void touch_rich_params(touch *t) {
 }
 
 /* Face 5 hangs on a point in space, face 9 on the last but two, face 2 on the body where it has
- * faces. */
+ * faces; their poses stay where x0 moves. */
 static inline void touch_rich_attach(touch *t) {
     static const double at[3] = {0.25, 0.35, 0.4}, to[3] = {0.02, 0.01, 0.01};
+    const size_t        bytes = 3 * (size_t)t->mesh->nv * sizeof(double);
+    double             *x = cloth_sim_state(t->sim)->x, moved[3 * 200];
     cloth_attachment    id;
+    int                 i;
+    memcpy(moved, x, bytes);
+    for (i = 0; i < 3 * t->mesh->nv; i++) x[i] -= touch_moved(t, TOUCH_X0, i);
     CHECK(!cloth_sim_attach(t->sim, 5, at, 4 + touch_moved(t, TOUCH_ATTACH_K, 0), to, &t->hook));
     CHECK(!cloth_sim_stitch(t->sim, 9, at, 3 + touch_moved(t, TOUCH_ATTACH_K, 1),
                             t->mesh->nf - 3, at, &id));
-    if (t->body != TOUCH_MESH && t->body != TOUCH_BOX) return;
-    CHECK(!cloth_collide_attach(t->c, t->id, 6, at, 2, at, 5 + touch_moved(t, TOUCH_ATTACH_K, 2),
-                                &id));
+    if (t->body == TOUCH_MESH || t->body == TOUCH_BOX)
+        CHECK(!cloth_collide_attach(t->c, t->id, 6, at, 2, at,
+                                    5 + touch_moved(t, TOUCH_ATTACH_K, 2), &id));
+    memcpy(x, moved, bytes);
 }
 
 /* What the host of a rich scene says before step k. */

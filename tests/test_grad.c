@@ -573,6 +573,52 @@ static void host_term(void) {
     host_term_by(CLOTH_INTEGRATOR_LEAPFROG, 40);
 }
 
+static void corner_at(int k, const double *x, const double *v, double *gx, double *gv,
+                      void *user) {
+    (void)x, (void)v, (void)gv;
+    if (k == 4) gx[3 * *(const int *)user + 1] += 1;
+}
+
+/* Cloth at rest, held by an attachment where it is, as a fit begins: the pose is the point of the
+ * cloth to the last bit and is the last target all the same. (It was taken for a new one.) */
+static void rests_at_target(void) {
+    static const double corner[3] = {1, 0, 0};
+    int                 kind, by, end;
+    for (kind = 0; kind < 2; kind++)
+        for (by = 0; by < 4; by++) {
+            double attach[4 * 3], y[2];
+            for (end = 0; end < 2; end++) {
+                cloth_tape      *tape = NULL;
+                cloth_attachment id;
+                cloth_grad       g;
+                scene            s;
+                double           to[3];
+                int              k, v;
+                scene_desc(&s, 3, NULL, 0);
+                s.desc.gravity[1] = 0, s.desc.max_attachments = 1, s.desc.tolerance = 1e-12;
+                s.desc.integrator = kind ? CLOTH_INTEGRATOR_EULER : CLOTH_INTEGRATOR_LEAPFROG;
+                s.desc.substeps = kind ? 3 : 0;
+                CHECK(scene_open(&s, 0) == CLOTH_OK);
+                v = s.mesh->faces[0];
+                memcpy(to, s.mesh->x + 3 * v, sizeof to);
+                CHECK(cloth_sim_attach(s.sim, 0, corner, 20, to, &id) == CLOTH_OK);
+                if (!end) CHECK(!cloth_tape_create(s.sim, NULL, &tape));
+                for (k = 0; k < 4; k++) {
+                    to[1] = s.mesh->x[3 * v + 1] + (k == by ? end * 1e-4 : 0);
+                    CHECK(cloth_sim_attach_move(s.sim, id, to) == CLOTH_OK);
+                    CHECK(cloth_step(s.sim, 0.01, NULL) == CLOTH_OK);
+                }
+                y[end] = cloth_sim_state(s.sim)->x[3 * v + 1];
+                memset(&g, 0, sizeof g);
+                g.attach = attach;
+                if (tape) CHECK(!cloth_grad_backward(tape, corner_at, &v, &g, NULL));
+                cloth_tape_destroy(tape);
+                scene_close(&s);
+            }
+            CHECK_REL(attach[3 * by + 1], (y[1] - y[0]) / 1e-4, 1e-4);
+        }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(differences_euler);
@@ -586,6 +632,7 @@ int main(int argc, char **argv) {
     RUN(methods);
     RUN(saddles);
     RUN(starts_at_rest);
+    RUN(rests_at_target);
     RUN(margin_in_metres);
     RUN(lumped_masses);
     RUN(material_derivatives);

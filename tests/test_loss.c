@@ -506,6 +506,16 @@ static void layer_differences(void) {
         }
 }
 
+/* The first frame is where the sim is, whose attachment is where it was made: its pose stays when
+ * the frame moves. */
+static void layer_attached(void) {
+    static film f;
+    film_open(&f, CLOTH_INTEGRATOR_EULER, 2, WITH_PINS | WITH_ATTACH, NULL);
+    shift(f.x + f.n, f.d, 3, (FRAMES - 1) * f.n, f.x + f.n);
+    (void)film_check(&f, "attached", 1e-6);
+    film_close(&f);
+}
+
 /* A host's steps: frame k takes k of them, the last one fails after the first of its own. */
 static cloth_status film_strides(cloth_sim *sim, double h, void *user) {
     const film  *f = (const film *)user;
@@ -1160,6 +1170,7 @@ int main(int argc, char **argv) {
     RUN(nearest_mesh);
     RUN(nearest_derivative);
     RUN(layer_differences);
+    RUN(layer_attached);
     RUN(layer_strides);
     RUN(layer_own_frames);
     RUN(layer_apart);

@@ -12600,8 +12600,8 @@ CLOTH_API cloth_status cloth_sim_save(const cloth_sim *sim, void *buf, size_t si
 }
 
 /* The units of a snapshot, from byte `at` of the walk on, are this sim's, and end with it. */
-static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char *buf, size_t at,
-                                       size_t end) {
+static cloth_status clothi_check_units(const cloth_sim *sim, const char *call,
+                                       const unsigned char *buf, size_t at, size_t end) {
     cloth_term   u;
     cloth_status status = CLOTH_OK;
     uint64_t     head[2];
@@ -12612,8 +12612,8 @@ static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char
         memcpy(head, buf + at, sizeof head);
         at += sizeof head;
         if (head[0] != clothi_unit_id(&u) || head[1] > end - at || (head[1] > 0 && !u.load))
-            return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the state of "
-                               "the host's term %i is not in the snapshot", i);
+            return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT, "%s: the state of the host's term "
+                               "%i is not in the snapshot", call, i);
         if (sim->nbuiltin + i == sim->nterms && sim->contact.check)
             status = sim->contact.check(u.user, buf + at, (size_t)head[1]);
         if (status) return status;
@@ -12621,7 +12621,7 @@ static cloth_status clothi_check_units(const cloth_sim *sim, const unsigned char
     }
     if (at == end && !clothi_unit_at(sim, i, &u)) return CLOTH_OK;
     return clothi_fail(&sim->hooks, CLOTH_ERR_FORMAT,
-                       "cloth_sim_restore: the snapshot has other host's terms than this sim");
+                       "%s: the snapshot has other host's terms, or contact, than this sim", call);
 }
 
 /* The field that no call would have left so, or NULL. */
@@ -12655,7 +12655,8 @@ static const char *clothi_forged_field(const cloth_sim *s) {
  * when not. */
 static cloth_status clothi_load(cloth_sim *s, const void *buf, size_t bytes, int skip) {
     const size_t fields = clothi_walked(s, CLOTHI_SIZE, NULL, skip, 0);
-    cloth_status status = clothi_check_units(s, (const unsigned char *)buf, fields, bytes);
+    cloth_status status = clothi_check_units(s, "cloth_sim_restore", (const unsigned char *)buf,
+                                             fields, bytes);
     const char  *forged;
     int          i;
     if (!status) status = clothi_fields_need(s, 0);

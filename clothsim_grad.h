@@ -257,7 +257,8 @@ typedef struct cloth_grad_report {
  * returns CLOTH_OK; _ARGUMENT (NULL, no step recorded); _HANDLE: the sim is destroyed;
  *   _UNSUPPORTED: contact or a host's term without vjp, friction or obstacle without contact;
  *   _NONFINITE: the loss wrote NaN or infinity (step and vertex are named); _MEMORY; _CAPACITY:
- *   the budget; _CANCELLED; _FORMAT: an obstacle has come or gone since
+ *   the budget; _CANCELLED; _FORMAT: an obstacle, a host's term or contact has
+ *   come or gone since
  * contract: alloc scratch at each call | one linear solve a substep | the same bits for any budget
  *   and any worker count | threads: that of the sim */
 CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss, void *user,
@@ -2367,7 +2368,6 @@ static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *
     cloth_sim    *s = g->s;
     const unsigned char *p = g->input + t->fixed_input - t->params;
     cloth_status  status;
-    cloth_term    u;
     while (g->at < k) clothi_tape_xor(t->step + ++g->at, g->input);
     while (g->at > k) clothi_tape_xor(t->step + g->at--, g->input);
     (void)clothi_tape_walk(s, CLOTHI_INPUTS, CLOTHI_LOAD, g->input);
@@ -2376,12 +2376,10 @@ static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *
         (void)clothi_tape_walk(s, CLOTHI_PARAMS, CLOTHI_LOAD, p);
         clothi_derive(s);
     }
-    if (clothi_unit_at(s, 0, &u)) {         /* obstacles may have come or gone */
-        status = clothi_check_units(s, g->input, t->fixed_input,
-                                    t->fixed_input + t->step[k].units);
-        if (status) return status;
-        (void)clothi_tape_units(s, CLOTHI_LOAD, g->input, t->fixed_input);
-    }
+    status = clothi_check_units(s, "cloth_grad_backward", g->input, t->fixed_input,
+                                t->fixed_input + t->step[k].units);
+    if (status) return status;              /* obstacles, terms or contact came or went */
+    (void)clothi_tape_units(s, CLOTHI_LOAD, g->input, t->fixed_input);
     if (slot) (void)clothi_tape_walk(s, CLOTHI_MOTION, CLOTHI_LOAD, slot);
     else if (t->step[k].dropped & 1) clothi_forget(s);
     else if (t->step[k].dropped) s->still = 0;

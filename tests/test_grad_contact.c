@@ -183,6 +183,10 @@ static void teleport(void) {
     CHECK(cloth_tape_ended(tape) && strstr(cloth_tape_ended(tape), "teleported"));
     CHECK(cloth_step(t.sim, t.h, NULL) == CLOTH_OK && cloth_tape_steps(tape) == 9);
     CHECK(cloth_grad_backward(tape, touch_loss_at, &u, &r->g, NULL) == CLOTH_OK);
+    cloth_collide_destroy(t.c);             /* nothing is taken for no contact */
+    t.c = NULL;
+    memset(&r->g, 0, sizeof r->g);
+    CHECK(cloth_grad_backward(tape, touch_loss_at, &u, &r->g, NULL) == CLOTH_ERR_FORMAT);
     cloth_tape_destroy(tape);
     touch_close(&t);
 }

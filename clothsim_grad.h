@@ -704,6 +704,17 @@ static size_t clothi_tape_reserve(const cloth_tape *t) {
            8 * (CLOTHI_ALIGN + sizeof(clothi_block_header));
 }
 
+static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input);   /* [5.1] */
+
+static size_t clothi_tape_work(const cloth_tape *t) {
+    const cloth_desc *d = &t->sim->model->desc;
+    size_t            work = clothi_grad_bytes(t->sim, t->motion, t->room);
+    if (d->integrator != CLOTH_INTEGRATOR_LEAPFROG &&
+        (t->sim->contact_on || d->contact != CLOTH_CONTACT_NONE))
+        work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
+    return work;
+}
+
 /* The ends of the substeps but the last, behind the motion. */
 static void clothi_tape_ends(const cloth_tape *t, unsigned char *slot) {
     const size_t each = t->nv3 * sizeof(double);
@@ -745,6 +756,7 @@ static int clothi_tape_take(cloth_tape *t, const cloth_step_record *r, clothi_ta
         if (!clothi_tape_room(t, &t->input, t->room, more)) return 0;
         if (!clothi_tape_room(t, &t->next, t->room, more)) return 0;
         t->room = more;
+        t->work = clothi_tape_work(t);
     }
     memset(t->next, 0, t->room);
     at = clothi_tape_split(s, r->state, t->start, t->next);
@@ -910,8 +922,6 @@ static cloth_status clothi_tape_check(const cloth_hooks *hooks, const cloth_tape
     return CLOTH_OK;
 }
 
-static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input);   /* [5.1] */
-
 /* Sizes and the arrays that every tape has. */
 static cloth_status clothi_tape_arrays(cloth_tape *t) {
     cloth_sim *s = t->sim;
@@ -925,9 +935,7 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
     t->slot = t->motion;
     if (!leap) t->slot += (how - 1) * t->nv3 * sizeof(double);
     t->room = t->fixed_input + units + CLOTHI_PAD8(units);
-    t->work = clothi_grad_bytes(s, t->motion, t->room);
-    if (!leap && (s->contact_on || s->model->desc.contact != CLOTH_CONTACT_NONE))
-        t->work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
+    t->work = clothi_tape_work(t);
     need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot + how +
            (t->room / 8) * 12;
     if (t->opt.bytes && t->opt.bytes < need)

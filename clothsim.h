@@ -684,6 +684,7 @@ typedef struct cloth_step_input {
     const double *x_prev, *v_prev;          /* [nv x 3] one substep before; NULL: no history   */
     double        h_prev;                   /* s, of the substep before (LEAPFROG goes by it)  */
     double        eta;                      /* s, of M (x - y)/eta^2 in the gradient; 0: none  */
+    int           squeezed;                 /* contact found a way by less room for its barrier */
     const double *y;                        /* [nv x 3] m; NULL: statics, LEAPFROG             */
     const unsigned char *pin;               /* [nv] axes; those of a follower are its leader's */
     const double *goal;                     /* [nv x 3] m, of what is pinned, at share[1]; of

@@ -7022,7 +7022,7 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     }
     clothi_world_pose(c, e->x_n, e->in->share[0], e->in->share[1]);
     c->ncontact = c->nrow = c->listed = 0;
-    c->approach = CLOTHI_APPROACH;
+    c->approach = e->in->squeezed ? CLOTHI_SQUEEZED : CLOTHI_APPROACH;  /* of a tape */
     if (!status) status = clothi_pinch_begin(c, e->in->y ? e->in->y : e->x_n);
     c->report.ms_begin += 1e3 * (clothi_now(c->hooks) - start);
     return status;
@@ -7044,6 +7044,7 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     }
     if (!rests && hit && !status) clothi_carried(c, 0);
     if (!status) status = clothi_feasible(c, 0);
+    c->sim->in.squeezed = c->approach < CLOTHI_APPROACH;
     if (status) return status;
     memcpy(x, c->xb, bytes);
     for (i = 0; i < c->nrow; i++) *impact |= c->row[i].multiplier > 0;

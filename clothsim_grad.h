@@ -510,8 +510,8 @@ extern "C" {
 enum { CLOTHI_MOTION, CLOTHI_INPUTS, CLOTHI_PARAMS };   /* kinds of clothi_fields             */
 enum { CLOTHI_TAPE_RECORD, CLOTHI_TAPE_DEAF, CLOTHI_TAPE_TRACE };
 
-/* Of a substep: implicit Euler for BDF2; there is a history after it. */
-enum { CLOTHI_HOW_EULER = 1, CLOTHI_HOW_KEPT = 2 };
+/* Of a substep: implicit Euler for BDF2; there is a history after it; contact had less room. */
+enum { CLOTHI_HOW_EULER = 1, CLOTHI_HOW_KEPT = 2, CLOTHI_HOW_SQUEEZED = 4 };
 
 typedef struct clothi_taped {               /* one step                                        */
     double   h;                             /* s; 0: statics                                   */
@@ -874,7 +874,8 @@ static void clothi_tape_substep(void *user, const cloth_step_input *in, const do
     if (!(in->share[0] > 0)) t->traced = 0, t->lost = 0;
     if (t->how) {
         if (t->traced && in->x_prev) t->how[t->traced - 1] |= CLOTHI_HOW_KEPT;
-        t->how[t->traced] = in->eta < 0.9 * in->h ? 0 : CLOTHI_HOW_EULER;
+        t->how[t->traced] = (unsigned char)((in->eta < 0.9 * in->h ? 0 : CLOTHI_HOW_EULER) |
+                                            (in->squeezed ? CLOTHI_HOW_SQUEEZED : 0));
     }
     need = (size_t)(t->traced + 1) * each;
     if (leap ? t->mode == CLOTHI_TAPE_RECORD : t->slot == t->motion) need = 0;      /* counted */
@@ -1071,7 +1072,7 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
                                      const double *x, clothi_line *q) {
     const double h = e->h;
     const int    how = h > 0 && e->how ? e->how[j] : (int)CLOTHI_HOW_KEPT;
-    const int    kept = how / CLOTHI_HOW_KEPT;
+    const int    kept = (how & CLOTHI_HOW_KEPT) != 0;
     cloth_status status;
     int          i;
     memset(q, 0, sizeof *q);
@@ -1082,6 +1083,7 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
     }
     clothi_input(s, q->h, (double)j / m, (double)(j + 1) / m);
     clothi_eval_start(s, &q->goal, q->h);
+    s->in.squeezed = how & CLOTHI_HOW_SQUEEZED;
     if (h > 0) {
         q->bdf2 = clothi_predict(s, q->h, &q->goal.eta);
         if (how & CLOTHI_HOW_EULER) {       /* contact took the guess of BDF2 for an impact */

@@ -102,9 +102,76 @@ static void impacts(void) {
     compare(t, TOUCH_START, TOUCH_REST + 1);
 }
 
+static void pressed_at(int k, const double *x, const double *v, double *gx, double *gv,
+                       void *user) {
+    int i;
+    (void)x, (void)v, (void)gv, (void)user;
+    for (i = 0; k == 8 && i < 75; i++) gx[i] += sin(i);
+}
+
+/* A box comes down on a sheet that lies on a plane until they are 2.5 mm apart: a barrier of full
+ * size finds no room in the last of 8 steps. Sum of sin(i) x_i by v0[23] = dv, and its derivative. */
+static double pressed(double dv, double *v0, int *valid) {
+    double              ground[3] = {0, 0, 0}, at[3] = {0.1, 0.05, 0.1}, x[24], sum = 0;
+    const double        half[3] = {0.07, 0.02, 0.06};
+    cloth_desc          d = cloth_desc_default();
+    cloth_collide_desc  cd = cloth_collide_desc_default();
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    cloth_mesh         *m = NULL;
+    cloth_model        *model = NULL;
+    cloth_sim          *sim = NULL;
+    cloth_collide      *c = NULL;
+    cloth_tape         *tape = NULL;
+    cloth_grad          g;
+    cloth_grad_report   rep;
+    int                 i;
+    CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 5, 5, 0.2, 0.2, &m));
+    for (i = 0; i < m->nv; i++) m->x[3 * i + 1] = 3.2e-3 + 2e-4 * sin(9 * i);
+    cloth_desc_set_mesh(&d, m);
+    d.contact = CLOTH_CONTACT_OBSTACLES, d.linear = CLOTH_LINEAR_CHOLESKY;
+    d.material.membrane = 300, d.material.bending = 1e-4, d.tolerance = 1e-12;
+    d.cg_tolerance = 1e-4, cd.thickness = 4e-3, cd.stiffness = 2e5, cd.slip = 1e-4;
+    CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
+    CHECK(!cloth_collide_create(sim, &cd, &c));
+    o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
+    CHECK(!cloth_collide_add(c, &o, &id));
+    cloth_obstacle_box(at, half, NULL, x);
+    o.kind = CLOTH_OBSTACLE_BOX, o.x = x;
+    CHECK(!cloth_collide_add(c, &o, &id));
+    cloth_sim_state(sim)->v[23] = dv;
+    CHECK(!v0 || !cloth_tape_create(sim, NULL, &tape));
+    for (i = 0; i < 8; i++) {
+        at[1] = fmax(at[1] - 6e-3, 0.0225);
+        cloth_obstacle_box(at, half, NULL, x);
+        CHECK(!cloth_collide_move(c, id, x) && !cloth_step(sim, 0.01, NULL));
+    }
+    for (i = 0; i < 75; i++) sum += sin(i) * cloth_sim_state(sim)->x[i];
+    memset(&g, 0, sizeof g);
+    g.v0 = v0;
+    if (v0) CHECK(!cloth_grad_backward(tape, pressed_at, NULL, &g, &rep));
+    if (v0) *valid = rep.valid;
+    cloth_tape_destroy(tape), cloth_collide_destroy(c);
+    cloth_sim_destroy(sim), cloth_model_destroy(model), cloth_mesh_destroy(NULL, m);
+    return sum;
+}
+
+/* What a substep's barrier was made with is known to the walk: 1.6e-7 for 3.4e-7 it was. */
+static void squeezed(void) {
+    double v0[75];
+    int    valid = 0;
+    (void)pressed(0, v0, &valid);
+    CHECK(valid);
+    CHECK_REL(v0[23], (pressed(1e-6, NULL, NULL) - pressed(-1e-6, NULL, NULL)) / 2e-6, 1e-2);
+}
+
 /* Less memory: steps are run anew, and nothing changes. */
 static void budget(void) {
-    const touch t = touch_make(2);
+    touch       t = touch_make(2);
+    cloth_tape *tape = NULL;
+    cloth_grad  g;
+    touch_loss  u;
+    size_t      most;
     touch_grade(made, t, 0);
     touch_grade(made + 1, t, made[0].rep.bytes - made[0].rep.bytes / 20);
     CHECK(made[0].status == CLOTH_OK && made[1].status == CLOTH_OK);
@@ -116,6 +183,18 @@ static void budget(void) {
     CHECK(memcmp(made[0].r.obstacle, made[1].r.obstacle, sizeof made[0].r.obstacle) == 0);
     touch_close(&made[0].t);
     touch_close(&made[1].t);
+    t = touch_make(11);                     /* what contact keeps grows on the way */
+    t.bytes = 256701;
+    memset(&u, 0, sizeof u);
+    memset(&g, 0, sizeof g);
+    g.v0 = made[0].r.v0;
+    (void)touch_run(&t, &tape);
+    u.nv = t.mesh->nv;
+    CHECK(cloth_grad_backward(tape, touch_loss_at, &u, &g, NULL) == CLOTH_OK);
+    (void)cloth_tape_bytes(tape, &most);
+    CHECK(most <= t.bytes && most > t.bytes / 2);
+    cloth_tape_destroy(tape);
+    touch_close(&t);
 }
 
 /* Surfaces that turn, as drums or with what turns as a body, in one substep and in three. */
@@ -258,6 +337,7 @@ int main(int argc, char **argv) {
     RUN(substeps);
     RUN(turning);
     RUN(impacts);
+    RUN(squeezed);
     RUN(budget);
     RUN(doubts);
     RUN(zones);

@@ -12193,8 +12193,8 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
         most += s->total * least * least;
         if (status || !clothi_watched(s, h) || gain <= most) break;
-        if (s->finish) {
-            clothi_forget(s);
+        if (s->finish) {                    /* v is that of BDF2, whose history stays for a tape */
+            s->still = s->h_prev = 0;
             break;
         }
         if (s->calm) {

@@ -252,7 +252,8 @@ typedef struct cloth_grad_report {
 /* The derivative of the loss by all that `out` asks for. The sim steps on from where it was: its
  * hash is the same before and after. May be called again, with other losses, and while recording.
  * in   loss  called for k = n .. 0
- * out  out   on failure its arrays are zero
+ * out  out   on failure its arrays are zero; friction's as they were by _ARGUMENT, _UNSUPPORTED,
+ *            all by _HANDLE
  * out  rep   may be NULL
  * returns CLOTH_OK; _ARGUMENT (NULL, no step recorded); _HANDLE: the sim is destroyed;
  *   _UNSUPPORTED: contact or a host's term without vjp, friction or obstacle without contact;
@@ -2719,6 +2720,7 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
     r->margin = HUGE_VAL;
     r->status = CLOTH_ERR_ARGUMENT;
     if (!tape) return CLOTH_ERR_ARGUMENT;
+    if (tape->sim && out) clothi_grad_clear(tape, out);
     if (!loss || !out)
         return clothi_null(&tape->hooks, loss ? "cloth_grad_backward: out"
                                               : "cloth_grad_backward: loss");
@@ -2726,7 +2728,6 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
     if (status) return status;
     start = clothi_now(&tape->hooks);
     r->steps = tape->n;
-    clothi_grad_clear(tape, out);
     status = clothi_grad_open(&g, tape, out, r, &block);
     if (status) (void)clothi_fail(&tape->hooks, status, "cloth_grad_backward: no memory");
     else {

@@ -12547,6 +12547,7 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
                            CLOTHI_MAX_TERMS - sim->nbuiltin);
     sim->term[sim->nterms++] = *term;
     sim->known = 0, sim->still = 0;
+    if (sim->tape_gone) sim->recorder.step(sim->recorder.user, NULL);
     return CLOTH_OK;
 }
 

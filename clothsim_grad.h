@@ -153,7 +153,8 @@ extern "C" {
  * What moves the state otherwise (cloth_sim_restore, _reset, cloth_step_replay, a write to
  * cloth_sim_state, a teleport, an obstacle that comes or goes) ends the tape: the next step is not
  * recorded and a sentence says so; what was recorded stays good, with the obstacles that it had. So
- * it is when memory or the budget is out. */
+ * it is when memory or the budget is out, and when a host's term is added, which none knows of that
+ * was recorded before. */
 
 typedef struct cloth_tape cloth_tape;
 
@@ -799,7 +800,8 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     int            moved = 0;
     if (!r) {
         if (t->n && !t->ended)
-            clothi_tape_end(t, CLOTH_ERR_ARGUMENT, "an obstacle was added, removed or teleported");
+            clothi_tape_end(t, CLOTH_ERR_ARGUMENT, "a term or an obstacle was added, or an "
+                            "obstacle removed or teleported");
         return;
     }
     if (t->mode == CLOTHI_TAPE_RECORD && host->step) host->step(host->user, r);

@@ -523,6 +523,7 @@ typedef struct clothi_taped {               /* one step                         
     int      slept;                         /* it put the sim to sleep: v became 0             */
     int      inexact;                       /* with contact, whose search may end anywhere: it
                                                did before it converged                         */
+    int      cut;                           /* the host's time was up: no replay leads there   */
     int      substeps;                      /* LEAPFROG: kicks                                 */
     size_t   size, units, nword;            /* bytes of its input, of units in it; words that
                                                differ                                          */
@@ -724,7 +725,12 @@ static void clothi_tape_ends(const cloth_tape *t, unsigned char *slot) {
         memcpy(slot + t->motion, t->trace, (size_t)(t->traced - 1) * each);
 }
 
-/* The slot of step e, if the spacing wants one; every second slot goes until it fits. */
+/* Step k keeps its slot: the spacing wants it, or a step beside it cannot be run anew. */
+static int clothi_tape_keeps(const cloth_tape *t, int k) {
+    return k % t->spacing == 0 || t->step[k].cut || t->step[k - 1].cut;
+}
+
+/* The slot of step e, if it keeps one; every second slot goes until it fits. */
 static int clothi_tape_slot(cloth_tape *t, int k) {
     clothi_taped *e = t->step + k;
     int           i;
@@ -732,12 +738,12 @@ static int clothi_tape_slot(cloth_tape *t, int k) {
            t->bytes + t->slot + clothi_tape_reserve(t) > t->opt.bytes) {
         t->spacing *= 2;
         for (i = 0; i < k; i++)
-            if (i % t->spacing && t->step[i].slot) {
+            if (t->step[i].slot && !clothi_tape_keeps(t, i)) {
                 clothi_tape_free(t, t->step[i].slot);
                 t->step[i].slot = NULL;
             }
     }
-    if (k % t->spacing) return 1;
+    if (!clothi_tape_keeps(t, k)) return 1;
     e->slot = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
     if (!e->slot) return 0;
     memcpy(e->slot, t->start, t->motion);
@@ -817,6 +823,7 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
                t->sim->still >= t->sim->model->desc.sleep;
     e->substeps = e->asleep ? 0 : t->traced;
+    e->cut = t->how && t->sim->finish;      /* LEAPFROG goes on */
     e->inexact = t->sim->contact_on && r->outcome == CLOTH_STEP_MAX_ITERATIONS;
     if (t->how && e->substeps > 0 && t->sim->history) t->how[e->substeps - 1] |= CLOTHI_HOW_KEPT;
     if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
@@ -2403,11 +2410,15 @@ static cloth_status clothi_grad_put(clothi_grad *g, int k, const unsigned char *
 
 /* Runs step k from where the sim is; mode: what of its path is kept in the tape's trace. */
 static cloth_status clothi_grad_replay(clothi_grad *g, int k, int mode) {
-    const double h = g->t->step[k].h;
-    cloth_status status;
+    const double       h = g->t->step[k].h;
+    const cloth_cancel cancel = g->s->hooks.cancel;
+    cloth_status       status = clothi_cancelled(&g->t->hooks, NULL);
+    if (status) return status;
     g->t->mode = mode;
     g->rep->replayed++;
+    g->s->hooks.cancel.fn = NULL;           /* whose "time is up" would make it another step */
     status = h > 0 ? cloth_step(g->s, h, NULL) : cloth_solve_static(g->s, NULL);
+    g->s->hooks.cancel = cancel;
     g->t->mode = CLOTHI_TAPE_DEAF;
     g->s->landing = NULL;
     return g->t->lost ? CLOTH_ERR_MEMORY : status;

@@ -7,6 +7,7 @@
 #include "test.h"
 #include "scene.h"
 #include "grad_scene.h"
+#include "grad_host.h"
 
 static host        told;
 static cloth_hooks hooks;
@@ -90,6 +91,45 @@ static void tape_budget(void) {
     p.integrator = CLOTH_INTEGRATOR_LEAPFROG;
     p.substeps = 0;
     same_bits(p, "leapfrog");
+}
+
+typedef struct hurry {
+    int calls, always;
+} hurry;
+
+static int in_a_hurry(void *user) {
+    hurry *u = (hurry *)user;
+    return ++u->calls % 50 == 0 || u->always ? 2 : 0;
+}
+
+/* The host's time is up in some steps, and all the while that they are run anew. */
+static void out_of_time(void) {
+    cloth_grad_report rep;
+    results           r[2];
+    int               i, by;
+    rep.bytes = 0;
+    for (i = 0; i < 2; i++) {
+        play        p = play_default();
+        cloth_tape *tape = NULL;
+        scene       s;
+        hurry       user = {0, 0};
+        p.tolerance = 1e-6, p.steps = GRAD_STEPS, p.bytes = rep.bytes * 19 / 20 * (size_t)i;
+        p.substeps = 2;
+        hooks = host_hooks(&told);
+        hooks.cancel.fn = in_a_hurry, hooks.cancel.user = &user;
+        p.hooks = &hooks;
+        (void)play_run(&p, &s, &tape, -1);
+        CHECK(cloth_tape_steps(tape) == p.steps);
+        r[i] = results_make(&s, p.steps);
+        user.always = 1;
+        backward(tape, &s, r + i, &rep);
+        CHECK((rep.replayed > 0) == i && (!i || rep.bytes <= p.bytes));
+        cloth_tape_destroy(tape);
+        scene_close(&s);
+    }
+    for (by = 0; by < BY_COUNT; by++)
+        CHECK(memcmp(r[0].array[by], r[1].array[by], (size_t)r[0].n[by] * sizeof(double)) == 0);
+    results_free(r), results_free(r + 1);
 }
 
 /* --- the sim does not notice --- */
@@ -363,6 +403,9 @@ static void tape_bad_input(void) {
     g.friction = &friction;
     CHECK(cloth_grad_backward(tape, loss_at, &u, &g, &rep) == CLOTH_ERR_UNSUPPORTED);
     r = results_make(&s, 6);
+    r.g.x0[0] = r.g.mass[0] = 1;            /* refused, arrays are zero too */
+    CHECK(cloth_grad_backward(tape, NULL, &u, &r.g, &rep) == CLOTH_ERR_ARGUMENT);
+    CHECK(!(fabs(r.g.x0[0]) > 0 || fabs(r.g.mass[0]) > 0));
     CHECK(cloth_grad_backward(tape, nan_loss, &u, &r.g, &rep) == CLOTH_ERR_NONFINITE);
     CHECK(strstr(told.text, "k = 3, vertex 2") != NULL && !rep.valid);
     CHECK(!(fabs(r.g.x0[0]) > 0) && !(fabs(r.g.gravity[0]) > 0));
@@ -401,6 +444,31 @@ static void contact_refused(void) {
     cloth_collide_destroy(c);
     scene_close(&s);
     CHECK(told.live == 0);
+}
+
+/* A host's term that comes ends a tape, which says so; its steps knew of none. */
+static void term_added(void) {
+    play        p = play_default();
+    swarm       pull = {1, {0, 0, 0}, 0};
+    cloth_term  term = swarm_term(&pull);
+    cloth_tape *tape = NULL;
+    results     r;
+    loss_user   u;
+    scene       s;
+    hooks = host_hooks(&told);
+    p.hooks = &hooks, p.tolerance = 1e-6, p.steps = 3;
+    (void)play_run(&p, &s, &tape, -1);
+    CHECK(cloth_sim_add_term(s.sim, &term) == CLOTH_OK);
+    CHECK(cloth_tape_ended(tape) && strstr(cloth_tape_ended(tape), "a term"));
+    CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK && cloth_tape_steps(tape) == 3);
+    r = results_make(&s, 3);
+    memset(&u, 0, sizeof u);
+    u.nv = s.nv, u.only = -1;
+    CHECK(cloth_grad_backward(tape, loss_at, &u, &r.g, NULL) == CLOTH_ERR_FORMAT);
+    if (!CHECK(strstr(told.text, "cloth_grad_backward: the snapshot has"))) puts(told.text);
+    results_free(&r);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
 }
 
 static int three_substeps(void *user) {
@@ -444,6 +512,7 @@ static void before_contact(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(tape_budget);
+    RUN(out_of_time);
     RUN(sim_untouched);
     RUN(tape_ends);
     RUN(tape_orphan);
@@ -451,6 +520,7 @@ int main(int argc, char **argv) {
     RUN(nothing_without);
     RUN(tape_bad_input);
     RUN(contact_refused);
+    RUN(term_added);
     RUN(before_contact);
     return TEST_END();
 }

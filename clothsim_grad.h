@@ -2789,7 +2789,8 @@ typedef struct clothi_cause {               /* numbers that are moved           
     const double *g;                        /* [n] derivative                                  */
     size_t        stride;                   /* bytes                                           */
     int           n, host;                  /* host: the run may set it anew                   */
-    double        size;                     /* of a direction                                  */
+    double       *size;                     /* [n] of a direction; NULL: 0; then [n], the numbers
+                                               before a run                                    */
 } clothi_cause;
 
 typedef struct clothi_check {
@@ -2815,8 +2816,10 @@ static double clothi_check_noise(uint32_t i) {
 
 /* Number i of the direction of a cause. */
 static double clothi_check_dir(const clothi_cause *q, int i) {
-    return q->size * clothi_check_noise((uint32_t)i * 131u + (uint32_t)(unsigned char)*q->name +
-                                        1009u * (uint32_t)(unsigned char)q->name[1]);
+    return !q->size ? 0
+                    : q->size[i] * clothi_check_noise((uint32_t)i * 131u +
+                                                      (uint32_t)(unsigned char)*q->name +
+                                                      1009u * (uint32_t)(unsigned char)q->name[1]);
 }
 
 static double clothi_check_along(const clothi_cause *q) {
@@ -2826,11 +2829,13 @@ static double clothi_check_along(const clothi_cause *q) {
     return sum;
 }
 
+static double *clothi_check_number(const clothi_cause *q, int i) {
+    return (double *)(void *)((char *)(void *)q->at + (size_t)i * q->stride);
+}
+
 static void clothi_check_move(const clothi_cause *q, double eps) {
     int i;
-    for (i = 0; i < q->n; i++)
-        *(double *)(void *)((char *)(void *)q->at + (size_t)i * q->stride) +=
-            eps * clothi_check_dir(q, i);
+    for (i = 0; i < q->n; i++) *clothi_check_number(q, i) += eps * clothi_check_dir(q, i);
 }
 
 /* The loss, whose gradient is kept. */
@@ -3095,13 +3100,27 @@ static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
 
 /* --- differences --- */
 
+/* size: of each number's direction; below 0: times the number, where it is above 0; what is at its
+ * bound, or a number that others make, stays. A cause of which nothing moves has no row. */
 static void clothi_check_add(clothi_check *c, const char *name, double *at, int n, size_t stride,
                              double **g, double size, int host) {
-    clothi_cause *q = c->cause + c->causes++;
+    clothi_cause *q = c->cause + c->causes;
+    int           i, moves = 0;
+    q->name = name, q->at = at, q->n = n, q->stride = stride, q->host = host;
+    q->size = c->block ? c->block + c->results + n : NULL;
+    for (i = 0; i < n; i++) {
+        const double a = *clothi_check_number(q, i);
+        const double by = size < 0 ? -size * clothi_max(a, 0)
+                                   : g == &c->g.poisson
+                                         ? clothi_min(size, 0.5 * clothi_min(0.5 - a, 1 + a)) : size;
+        if (q->size) q->size[i] = by;
+        moves |= by > 0;
+    }
+    if (!moves) return;
     if (c->block) *g = c->block + c->results;
-    c->results += (size_t)n;
-    q->name = name, q->at = at, q->n = n, q->stride = stride, q->g = *g, q->size = size;
-    q->host = host;
+    q->g = *g;
+    c->results += 3 * (size_t)n;
+    c->causes++;
 }
 
 /* What can be moved, x0, v0 and gravity first; results into c->block, where it is. */
@@ -3118,17 +3137,14 @@ static void clothi_check_causes(clothi_check *c) {
     clothi_check_add(c, "v0", s->state.v, n, one, &g->v0, 1e-2, 0);
     clothi_check_add(c, "gravity", s->gravity, 3, one, &g->gravity, 0.1, 1);
     if (s->wind_on) clothi_check_add(c, "wind", s->wind, 3, one, &g->wind, 0.1, 1);
-    if (m->membrane > 0)
-        clothi_check_add(c, "membrane", &m->membrane, nr, all, &g->membrane, 0.01 * m->membrane, 1);
+    clothi_check_add(c, "membrane", &m->membrane, nr, all, &g->membrane, -0.01, 1);
     if (s->model->membrane.kind == CLOTHI_TRIANGLE)
         clothi_check_add(c, "poisson", &m->poisson, nr, all, &g->poisson, 0.01, 1);
-    if (m->bending > 0)
-        clothi_check_add(c, "bending", &m->bending, nr, all, &g->bending, 0.01 * m->bending, 1);
-    if (m->damping > 0)
-        clothi_check_add(c, "damping", &m->damping, nr, all, &g->damping, 0.01 * m->damping, 1);
+    clothi_check_add(c, "bending", &m->bending, nr, all, &g->bending, -0.01, 1);
+    clothi_check_add(c, "damping", &m->damping, nr, all, &g->damping, -0.01, 1);
     if (!p->mass_given)
-        clothi_check_add(c, "density", &m->density, nr, all, &g->density, 0.01 * m->density, 1);
-    else clothi_check_add(c, "mass", p->mass, p->nv, one, &g->mass, 0.01 * p->mass[0], 0);
+        clothi_check_add(c, "density", &m->density, nr, all, &g->density, -0.01, 1);
+    else clothi_check_add(c, "mass", p->mass, p->nv, one, &g->mass, -0.01, 0);
     clothi_check_add(c, "X", p->X, 6 * p->nf, one, &g->X, 1e-3 * s->edge, 0);
     if (s->model->bend.kind == CLOTHI_HINGE)
         clothi_check_add(c, "theta0", p->theta0, p->nh, one, &g->theta0, 0.01, 0);
@@ -3157,14 +3173,15 @@ typedef struct clothi_script {              /* the host's run                   
 /* Sum of weights along a run with q moved; *set: the run itself said what q is. */
 static cloth_status clothi_check_value(clothi_check *c, const clothi_script *p,
                                        const clothi_cause *q, double eps, int *set) {
-    double       said = 0;
     cloth_status status = clothi_check_start(c, p->start, p->size, q, eps);
+    int          i;
     if (status) return status;
     c->sum = 0, c->k = 0;
     clothi_check_weigh(c, 0, c->s->state.x, c->s->state.v);
-    said = *q->at;
+    for (i = 0; i < q->n; i++) q->size[q->n + i] = *clothi_check_number(q, i);
     status = p->run(c->s, p->user);
-    *set |= q->host && memcmp(&said, q->at, sizeof said) != 0;
+    for (i = 0; i < q->n && q->host; i++)
+        *set |= memcmp(q->size + q->n + i, clothi_check_number(q, i), sizeof *q->size) != 0;
     if (!status && c->k != c->n)
         status = clothi_fail(&c->s->hooks, CLOTH_ERR_ARGUMENT, "cloth_grad_check: the run made %i "
                              "steps, then %i", c->n, c->k);

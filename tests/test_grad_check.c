@@ -101,6 +101,59 @@ static cloth_status four(cloth_sim *sim, void *h) {
     return status;
 }
 
+typedef struct second {                     /* a material that the run itself sets             */
+    int            on;
+    cloth_material m;
+} second;
+
+static cloth_status set_and_four(cloth_sim *sim, void *user) {
+    const second *u = (const second *)user;
+    double        h = 0.01;
+    cloth_status  status = u->on ? cloth_sim_set_material(sim, 1, &u->m) : CLOTH_OK;
+    return status ? status : four(sim, &h);
+}
+
+/* Two regions far apart, or at a bound: each number is moved by a part of itself and stays legal;
+ * what is derived, or set by the run, is no row's. */
+static void regions(void) {
+    static const char all[] = "dot product, x0, v0, gravity, membrane, poisson, bending, damping, "
+                              "density, X, theta0, hinge_scale";
+    static const char none[] = "dot product, x0, v0, gravity, X, theta0, hinge_scale";
+    static const char given[] = "dot product, x0, v0, gravity, membrane, poisson, bending, "
+                                "damping, mass, X, theta0, hinge_scale";
+    int k, i;
+    for (k = 0; k < 6; k++) {
+        cloth_check_row   row[CLOTH_CHECK_ROWS];
+        cloth_grad_report rep;
+        cloth_material    m[2];
+        double            mass[100];
+        int               region[100], rows;
+        loss_user         loss;
+        second            user;
+        scene             s;
+        scene_desc(&s, 4, NULL, WITH_NOISE);
+        s.desc.material.damping = 1e-3, s.desc.tolerance = 1e-12, s.desc.cg_tolerance = 1e-4;
+        m[0] = m[1] = s.desc.material;
+        if (k == 1) m[1].membrane = 0, m[1].young = 1e6, m[1].thickness = 1e-3;
+        if (k == 2) m[1].bending = -1;
+        if (k == 3) m[0].poisson = 0.5, m[1].damping = 0;
+        if (k == 4) m[0].density = 30, m[1].density = 0.1;
+        for (i = 0; i < s.mesh->nf; i++) region[i] = 2 * i >= s.mesh->nf;
+        for (i = 0; i < s.nv; i++) mass[i] = i ? 2e-3 : 1;
+        if (k == 5) s.desc.vertex_mass = mass;
+        s.desc.region = region, s.desc.nregions = 2, s.desc.materials = m;
+        CHECK(scene_open(&s, WITH_PINS) == CLOTH_OK);
+        memset(&loss, 0, sizeof loss);
+        loss.nv = s.nv, loss.only = -1;
+        user.on = k == 0, user.m = m[1];
+        CHECK(cloth_grad_check(s.sim, set_and_four, &user, loss_at, &loss, row, &rows, &rep) ==
+              CLOTH_OK);
+        causes(row, rows, k == 0 ? none : k == 5 ? given : all);
+        CHECK(rep.valid && table("regions", row, rows, 1e-10, 1e-5) == 1);
+        scene_close(&s);
+    }
+}
+
 /* Two faces stitched: blocks that are in no element, which the factor has not. */
 static void stitched(void) {
     static const double a[3] = {0.2, 0.3, 0.5}, b[3] = {0.5, 0.2, 0.3};
@@ -320,6 +373,7 @@ static void bad_input(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(integrators);
+    RUN(regions);
     RUN(stitched);
     RUN(contact);
     RUN(later_passes);

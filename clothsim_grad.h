@@ -405,7 +405,7 @@ typedef struct cloth_layer_report {
  * hears nothing. Frames may begin intersecting where contact lets them (CLOTH_INITIAL_EXEMPT).
  * out  loss, g_x, rep  may be NULL: L, dL/dx [F x nv x 3] are added; without g_x no tape is made
  * returns CLOTH_OK, also where every frame failed; _UNINIT; _ARGUMENT (NULL, a number out of range,
- *   a tape is there, place() did what ends one); _NONFINITE: a prediction; as cloth_grad_backward
+ *   a tape is there, place() did what ends one, step() made none); _NONFINITE: a prediction; as cloth_grad_backward
  * contract: alloc scratch, a tape | cost F - 1 steps and as many backwards | threads: of the sim */
 CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer, double *loss,
                                         double *g_x, cloth_layer_report *rep);
@@ -3563,10 +3563,13 @@ static cloth_status clothi_layer_step(clothi_layer *l, int k) {
     const cloth_layer *o = l->o;
     const double      *x = o->x + (size_t)k * l->n, *y = l->s->state.x;
     cloth_status       status = o->place ? o->place(l->s, k, 0, o->user) : CLOTH_OK;
-    double             d2 = 0;
+    double             d2 = 0, t = l->s->state.t;
     size_t             i;
     if (!status)
         status = o->step ? o->step(l->s, o->h, o->user) : cloth_step(l->s, o->h, NULL);
+    if (!status && !(l->s->state.t > t))
+        status = clothi_fail(&l->s->hooks, CLOTH_ERR_ARGUMENT, "cloth_layer_loss: step() made none "
+                             "to frame %i", k);
     if (status) return status;
     for (i = 0; i < l->n; i++) d2 += (y[i] - x[i]) * (y[i] - x[i]);
     d2 /= (double)(l->n / 3);

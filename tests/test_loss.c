@@ -861,6 +861,27 @@ static void layer_meddled(void) {
     film_close(&f);
 }
 
+/* A host's step() that makes none says so: no frame is compared with what did not move. */
+static cloth_status film_pause(cloth_sim *sim, double h, void *user) {
+    const int frame = 1 + (int)(cloth_sim_state(sim)->t / h + 0.5);
+    (void)user;
+    return frame == 2 ? CLOTH_OK : cloth_step(sim, h, NULL);
+}
+
+static void layer_paused(void) {
+    static film        f;
+    cloth_layer_report r;
+    double             loss = 0;
+    int                i;
+    hooks = host_hooks(&told);
+    film_open(&f, CLOTH_INTEGRATOR_EULER, 0, WITH_PINS, &hooks);
+    f.o.step = film_pause;
+    for (i = 0; i < 2; i++)
+        CHECK(cloth_layer_loss(f.s.sim, &f.o, &loss, i ? f.g : NULL, &r) == CLOTH_ERR_ARGUMENT);
+    CHECK(strstr(told.text, "none to frame 2") && !(loss > 0));
+    film_close(&f);
+}
+
 /* The n-th allocation fails, n = 1, 2, ..: nothing is added or lost, and the next call works. */
 static void layer_memory(void) {
     static film        f;
@@ -1182,6 +1203,7 @@ int main(int argc, char **argv) {
     RUN(layer_intersecting);
     RUN(layer_refused);
     RUN(layer_meddled);
+    RUN(layer_paused);
     RUN(layer_memory);
     RUN(graph_derivatives);
     RUN(graph_at_rest);

@@ -332,7 +332,7 @@ CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *
                                           double *g_x);
 
 /* Squared distance, m^2, of p [3] from the triangle x [3 x 3]; bary [3] of its nearest point, >= 0
- * and of sum 1. Beyond a side that is a point of a side or a corner, not the foot of the
+ * and of sum 1; with lengths beyond 1e-60 .. 1e60 m of any point. Beyond a side that is a point of a side or a corner, not the foot of the
  * perpendicular with its coordinates clamped and divided by their sum. */
 CLOTH_API double cloth_nearest_on_triangle(const double *p, const double *x, double *bary);
 
@@ -3419,6 +3419,7 @@ CLOTH_API double cloth_nearest_on_triangle(const double *p, const double *x, dou
     double r[9], e[3], n[3], c[3], in[3], best = HUGE_VAL, sum;
     int    i, k;
     for (i = 0; i < 9; i++) r[i] = p[i % 3] - x[i];
+    bary[0] = 1, bary[1] = bary[2] = 0;
     clothi_sub3(r, r + 3, e);
     clothi_sub3(r, r + 6, c);
     clothi_cross3(e, c, n);
@@ -3898,8 +3899,15 @@ CLOTH_API void cloth_graph_destroy(const cloth_hooks *hooks, cloth_graph *graph)
 
 static cloth_status clothi_graph_check(const cloth_hooks *hooks, const cloth_graph *g,
                                        const double *p) {
+    cloth_status status;
+    int          j;
     if (!g) return clothi_null(hooks, "a cloth_graph");
-    return clothi_rows_check(hooks, "a cloth_graph's p, two rows a node", p, 2 * (size_t)g->nn);
+    status = clothi_rows_check(hooks, "a cloth_graph's p, two rows a node", p, 2 * (size_t)g->nn);
+    for (j = 0; j < g->nn && !status; j++)
+        if (!clothi_finite(clothi_dot3(p + 6 * (size_t)j, p + 6 * (size_t)j)))
+            status = clothi_fail(hooks, CLOTH_ERR_NONFINITE, "a cloth_graph's p: r of node %i is "
+                                 "too long", j);
+    return status;
 }
 
 CLOTH_API cloth_status cloth_graph_deform(const cloth_hooks *hooks, const cloth_graph *graph,

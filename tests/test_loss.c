@@ -334,6 +334,17 @@ static void nearest_flat(void) {
     CHECK(!(clamp[2] > 0) && fabs(b[2] - clamp[2]) > 0.4);  /* clamped it is a corner */
 }
 
+/* Beyond what squares can say there is a point all the same. */
+static void nearest_huge(void) {
+    const double x[9] = {0, 0, 0, 1e160, 0, 0, 0, 1e160, 0}, p[3] = {3e159, 2e159, 1e160};
+    const int    corners[3] = {0, 1, 2};
+    double       b[3] = {-7, -7, -7};
+    int          face = 9;
+    CHECK(cloth_nearest_on_mesh(NULL, 3, x, 1, corners, 1, p, HUGE_VAL, &face, b) == CLOTH_OK);
+    CHECK(face == 0 && b[0] >= 0 && b[1] >= 0 && b[2] >= 0);
+    CHECK_NEAR(b[0] + b[1] + b[2], 1, 1e-15);
+}
+
 static void nearest_mesh(void) {
     enum { N = 60 };
     double      point[3 * N], bary[3 * N], b[3], x[9], best, d2;
@@ -1169,6 +1180,10 @@ static void graph_refused(void) {
     cloth_graph_destroy(&hooks, NULL);
     CHECK(told.live == 0);
     web_open(&w, 1, 9);
+    g[0] = w.p[6], w.p[6] = 1e160;          /* its square is no number */
+    CHECK(cloth_graph_deform(&hooks, w.g, w.X, w.p, x) == CLOTH_ERR_NONFINITE);
+    CHECK(strstr(told.text, "r of node 1") != NULL);
+    w.p[6] = g[0];
     CHECK(cloth_graph_deform(&hooks, NULL, w.X, w.p, x) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_graph_deform(&hooks, w.g, w.X, w.p, w.X) == CLOTH_ERR_ARGUMENT);
     CHECK(cloth_graph_vjp(&hooks, w.g, w.X, w.p, NULL, g, NULL) == CLOTH_ERR_ARGUMENT);
@@ -1188,6 +1203,7 @@ int main(int argc, char **argv) {
     RUN(targets_on_a_tape);
     RUN(nearest_triangle);
     RUN(nearest_flat);
+    RUN(nearest_huge);
     RUN(nearest_mesh);
     RUN(nearest_derivative);
     RUN(layer_differences);

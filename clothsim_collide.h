@@ -502,8 +502,9 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report);
 
-/* --- queries, of the last accepted step unless said; after a step that failed they know of none.
- * CLOTH_ERR_ARGUMENT: NULL, max below 0, range not above 0; _NONFINITE: range, x; logged --- */
+/* --- queries, of the last accepted step unless said; after a step that failed, or the call of
+ * cloth_grad_backward, they know of none. CLOTH_ERR_ARGUMENT: NULL, max below 0, range not
+ * above 0; _NONFINITE: range, x; logged --- */
 
 CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c);
 /* The first `max` contacts with a force; *count: all of them. */

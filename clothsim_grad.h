@@ -251,10 +251,11 @@ typedef struct cloth_grad_report {
 } cloth_grad_report;
 
 /* The derivative of the loss by all that `out` asks for. The sim steps on from where it was: its
- * hash is the same before and after. May be called again, with other losses, and while recording.
+ * hash is the same before and after, but contact's queries know of none until the next step. May be
+ * called again, with other losses, and while recording.
  * in   loss  called for k = n .. 0
- * out  out   on failure its arrays are zero; friction's as they were by _ARGUMENT, _UNSUPPORTED,
- *            all by _HANDLE
+ * out  out   on failure its arrays are zero, but by _HANDLE, and friction's if it is _UNSUPPORTED
+ *            or _ARGUMENT
  * out  rep   may be NULL
  * returns CLOTH_OK; _ARGUMENT (NULL, no step recorded); _HANDLE: the sim is destroyed;
  *   _UNSUPPORTED: contact or a host's term without vjp, friction or obstacle without contact;
@@ -332,8 +333,8 @@ CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *
                                           double *g_x);
 
 /* Squared distance, m^2, of p [3] from the triangle x [3 x 3]; bary [3] of its nearest point, >= 0
- * and of sum 1; with lengths beyond 1e-60 .. 1e60 m of any point. Beyond a side that is a point of a side or a corner, not the foot of the
- * perpendicular with its coordinates clamped and divided by their sum. */
+ * and of sum 1 (any point, where lengths are not within 1e-60 .. 1e60 m). Beyond a side that is of
+ * a side or a corner, not the foot of the perpendicular with coordinates clamped and divided. */
 CLOTH_API double cloth_nearest_on_triangle(const double *p, const double *x, double *bary);
 
 /* For each point [n x 3] the nearest of a mesh, of several faces the first. face and bary fixed,
@@ -405,7 +406,8 @@ typedef struct cloth_layer_report {
  * hears nothing. Frames may begin intersecting where contact lets them (CLOTH_INITIAL_EXEMPT).
  * out  loss, g_x, rep  may be NULL: L, dL/dx [F x nv x 3] are added; without g_x no tape is made
  * returns CLOTH_OK, also where every frame failed; _UNINIT; _ARGUMENT (NULL, a number out of range,
- *   a tape is there, place() did what ends one, step() made none); _NONFINITE: a prediction; as cloth_grad_backward
+ *   a tape is there, place() did what ends one, step() made none); _NONFINITE: a prediction; as
+ *   cloth_grad_backward
  * contract: alloc scratch, a tape | cost F - 1 steps and as many backwards | threads: of the sim */
 CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer, double *loss,
                                         double *g_x, cloth_layer_report *rep);
@@ -2816,10 +2818,9 @@ static double clothi_check_noise(uint32_t i) {
 
 /* Number i of the direction of a cause. */
 static double clothi_check_dir(const clothi_cause *q, int i) {
-    return !q->size ? 0
-                    : q->size[i] * clothi_check_noise((uint32_t)i * 131u +
-                                                      (uint32_t)(unsigned char)*q->name +
-                                                      1009u * (uint32_t)(unsigned char)q->name[1]);
+    const unsigned char *name = (const unsigned char *)q->name;
+    return q->size ? q->size[i] * clothi_check_noise((uint32_t)i * 131u + name[0] + 1009u * name[1])
+                   : 0;
 }
 
 static double clothi_check_along(const clothi_cause *q) {
@@ -3110,9 +3111,8 @@ static void clothi_check_add(clothi_check *c, const char *name, double *at, int 
     q->size = c->block ? c->block + c->results + n : NULL;
     for (i = 0; i < n; i++) {
         const double a = *clothi_check_number(q, i);
-        const double by = size < 0 ? -size * clothi_max(a, 0)
-                                   : g == &c->g.poisson
-                                         ? clothi_min(size, 0.5 * clothi_min(0.5 - a, 1 + a)) : size;
+        double       by = size < 0 ? -size * clothi_max(a, 0) : size;
+        if (g == &c->g.poisson) by = clothi_min(by, 0.5 * clothi_min(0.5 - a, 1 + a));
         if (q->size) q->size[i] = by;
         moves |= by > 0;
     }

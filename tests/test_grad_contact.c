@@ -110,7 +110,7 @@ static void pressed_at(int k, const double *x, const double *v, double *gx, doub
 }
 
 /* A box comes down on a sheet that lies on a plane until they are 2.5 mm apart: a barrier of full
- * size finds no room in the last of 8 steps. Sum of sin(i) x_i by v0[23] = dv, and its derivative. */
+ * size finds no room in one of the 8 steps. Sum of sin(i) x_i by v0[23] = dv; its derivative. */
 static double pressed(double dv, double *v0, int *valid) {
     double              ground[3] = {0, 0, 0}, at[3] = {0.1, 0.05, 0.1}, x[24], sum = 0;
     const double        half[3] = {0.07, 0.02, 0.06};

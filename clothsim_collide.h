@@ -8720,7 +8720,7 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
  * Constants are: which pairs, keys and exempt pairs there are, areas and ranges (of the template),
  * stiffness. Taken as such though they move, and told (vjp.frozen): normals of distance grids,
  * where in its faces a pinch holds a vertex and their normals, v^n and the edges by which one goes
- * out, zones that went on as one body.
+ * out, zones that went on as one body, rows that were made where a way ends.
  * checked: tests/test_grad_contact.c
  */
 
@@ -9263,18 +9263,19 @@ static double clothi_back_fixed(const clothi_flow *f, const cloth_contact_row *r
     return bound;
 }
 
-/* One row backwards. Its frame is that of the pair on the way from x^n to x, at toi, where its
- * gap is d_min: d(toi) = (d(d_min) - n . sum w dx)/(n . sum w way). d_min is a constant, or half of
- * what the gap was at x^n and its pole; the bound that gap, that along n, or 1.1 d_min. */
-static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, const double *x,
-                            const double *rate) {
+/* One row backwards; returns whether it is one that was made at the end, which is not followed. Its
+ * frame is that of the pair on the way from x^n to x, at toi, where its gap is d_min:
+ * d(toi) = (d(d_min) - n . sum w dx)/(n . sum w way). d_min is a constant, or half of what the gap
+ * was at x^n and its pole; the bound that gap, that along n, or 1.1 d_min. */
+static int clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, const double *x,
+                           const double *rate) {
     const cloth_collide *c = f->c;
     const clothi_contact q = clothi_row_contact(c, r);
     const clothi_pair_id id = {r->kind, r->a, r->b};
     clothi_frame         at;
     clothi_rates         b, first;
     double xa[12], xe[12], p[12] = {0}, to[12], gap, sep = 0, come = 0, dt = 0, t;
-    int    i, k;
+    int    i, k, ended;
     memset(&b, 0, sizeof b);
     memset(&first, 0, sizeof first);
     memcpy(b.n, rate, sizeof b.n);
@@ -9300,6 +9301,8 @@ static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, co
     memcpy(at.normal, r->normal, sizeof at.normal);
     for (at.gap = -q.radius, i = 0; i < 3 * q.n; i++)
         at.gap += r->w[i / 3] * r->normal[i % 3] * p[i];
+    ended = q.kind != CLOTHI_VP &&
+            fabs(at.gap - (gap - r->slack)) > 1e-5 * q.radius + 1e-3 * (gap - r->slack);
     if (q.kind != CLOTHI_VP) {
         clothi_back_points(&q, &at, p, &b, to);
         for (i = 0; i < 3 * q.n; i++) dt += to[i] * (xe[i] - xa[i]);
@@ -9311,10 +9314,11 @@ static void clothi_back_row(const clothi_flow *f, const cloth_contact_row *r, co
             clothi_flow_add(f, 1, q.v[i], r->toi, to + 3 * i);
         }
     }
-    if (gap - r->slack > (1 - 1e-12) * CLOTHI_SEPARATION * t) return;
+    if (gap - r->slack > (1 - 1e-12) * CLOTHI_SEPARATION * t) return ended;
     clothi_contact_frame_at(c, &q, c->xa, &at);
     first.gap = 0.5 * sep * (1 + (c->approach * at.gap < CLOTHI_POLE * t ? c->approach : 0));
     clothi_back_frame(f, &q, 0, &at, &first);
+    return ended;
 }
 
 /* cloth_contact.rows. */
@@ -9334,7 +9338,7 @@ static void clothi_contact_rows_vjp(void *user, const cloth_eval *e, const doubl
     out->frozen |= c->nholding > 0 || c->report.rigid_zones > 0;
     for (i = 0; i < c->nrow; i++, rate += CLOTH_ROW_RATES)
         if (c->row[i].pass == out->pass && clothi_max_abs(rate, CLOTH_ROW_RATES) > 0)
-            clothi_back_row(&f, c->row + i, e->x, rate);
+            out->frozen |= clothi_back_row(&f, c->row + i, e->x, rate);
     clothi_back_end(&f, e->in->share);
 }
 

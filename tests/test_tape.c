@@ -461,7 +461,7 @@ static void term_added(void) {
     CHECK(cloth_sim_add_term(s.sim, &term) == CLOTH_OK);
     CHECK(cloth_tape_ended(tape) && strstr(cloth_tape_ended(tape), "a term"));
     CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK && cloth_tape_steps(tape) == 3);
-    r = results_make(&s, 3);
+    r = results_make(&s, 4);
     memset(&u, 0, sizeof u);
     u.nv = s.nv, u.only = -1;
     CHECK(cloth_grad_backward(tape, loss_at, &u, &r.g, NULL) == CLOTH_ERR_FORMAT);

@@ -1052,7 +1052,7 @@ CLOTH_API const cloth_model    *cloth_sim_model(const cloth_sim *sim);
 CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model);
 /* Smallest and largest principal stretch of each face at the state; outputs [nf] may be NULL. */
 CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smallest, double *largest);
-/* Energies and momenta of the state, without a step. */
+/* Energies of the state, without a step. */
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger);
 /* Potential and its gradient at x [nv x 3] by all terms but inertia, as statics sees it: h = 0, no
  * damping, wind a constant force lagged to the state, attachments at their targets. energy and
@@ -9654,26 +9654,25 @@ typedef struct clothi_hvp {                 /* one sweep                        
 static void clothi_unstrained(int kind, const double *rest, double *x) {
     enum { L = CLOTHI_LANES };
     int k;
-    for (k = 0; k < L; k++) {
+    for (k = 0; k < L && kind == CLOTHI_SPRING; k++) {
         const clothi_vec p = clothi_vec_at(x, 0, k), d = clothi_edge(x, 1, k);
-        const clothi_tri t = clothi_tri_at(x, rest, kind == CLOTHI_TRIANGLE ? k : 0);
+        const double     size = sqrt(clothi_vec_dot(d, d)) + 1e-300;
+        clothi_vec_put(x, 3, k, clothi_vec_plus(p, rest[L + k] / size, d));
+    }
+    for (k = 0; k < L && kind == CLOTHI_TRIANGLE; k++) {
+        const clothi_vec p = clothi_vec_at(x, 0, k);
+        const clothi_tri t = clothi_tri_at(x, rest, k);
         const clothi_vec n = clothi_vec_cross(t.F1, t.F2);
         const double     size = 1 / (sqrt(clothi_vec_dot(n, n)) + 1e-300);
-        clothi_vec       q[2];
-        double           det;
-        if (kind == CLOTHI_SPRING)
-            clothi_vec_put(x, 3, k, clothi_vec_plus(p, rest[L + k] /
-                                                    (sqrt(clothi_vec_dot(d, d)) + 1e-300), d));
-        if (kind != CLOTHI_TRIANGLE) continue;
-        q[0] = clothi_vec_plus(t.F1, size, clothi_vec_cross(t.F2, n));
-        q[1] = clothi_vec_plus(t.F2, size, clothi_vec_cross(n, t.F1));
-        det = (rest[k] * rest[3 * L + k] - rest[L + k] * rest[2 * L + k]) *
-              sqrt(clothi_vec_dot(q[0], q[0]));
+        const clothi_vec q1 = clothi_vec_plus(t.F1, size, clothi_vec_cross(t.F2, n));
+        const clothi_vec q2 = clothi_vec_plus(t.F2, size, clothi_vec_cross(n, t.F1));
+        const double     det = (rest[k] * rest[3 * L + k] - rest[L + k] * rest[2 * L + k]) *
+                           sqrt(clothi_vec_dot(q1, q1));
         if (!(fabs(det) > 0)) continue;     /* a lane that is not used */
-        clothi_vec_put(x, 3, k, clothi_vec_plus(p, 1 / det, clothi_vec_mix(
-            rest[3 * L + k], q[0], -rest[2 * L + k], q[1])));
-        clothi_vec_put(x, 6, k, clothi_vec_plus(p, 1 / det, clothi_vec_mix(
-            -rest[L + k], q[0], rest[k], q[1])));
+        clothi_vec_put(x, 3, k, clothi_vec_plus(
+            p, 1 / det, clothi_vec_mix(rest[3 * L + k], q1, -rest[2 * L + k], q2)));
+        clothi_vec_put(x, 6, k, clothi_vec_plus(
+            p, 1 / det, clothi_vec_mix(-rest[L + k], q1, rest[k], q2)));
     }
 }
 
@@ -10902,12 +10901,12 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
  * by w^2/3 of itself, order 2, and the energy falls by w^4/2. At w = 0.1: 1 % a step against
  * 0.005 %; fast modes (w >> 1) are gone at once under both, which is why any h is stable.
  *
- * BDF2 needs two equal steps behind it. Its history is dropped by create, a write to the state
- * or the params, another h, a failed step, and any step with an active contact row (a position
- * projection under BDF2 rebounds); the next substep is then one of implicit Euler. A search that
- * stops early (max_newton, a loose tolerance) leaves what the next prediction enlarges: with one
- * iteration a step a sheet of 1 m got 1e15 m away in 300. The ledger shows such a step, and it is
- * taken again: clothi_booked() [9.5].
+ * BDF2 needs two equal steps behind it. Its history is dropped by create, a write to the state or
+ * the params, another h, and any step with an active contact row (a position projection under BDF2
+ * rebounds); the next substep is then one of implicit Euler. A search that stops early (max_newton,
+ * a loose tolerance) leaves what the next prediction enlarges: with one iteration a step a sheet of
+ * 1 m got 1e15 m away in 300. The ledger shows such a step, and it is taken again: clothi_booked()
+ * [9.5].
  *
  * Statics: eta infinite. H may be singular (a free cloth) or indefinite (compression), so the
  * solve is (H + sigma M) dx = -g with sigma falling tenfold on success and rising on failure:
@@ -11324,10 +11323,8 @@ static cloth_status clothi_static_run(cloth_sim *s) {
             saddle = fabs(s->w.x[i] - s->state.x[i]) > s->model->desc.tolerance;
     }
     memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
-    if (!status && saddle && s->report.outcome == CLOTH_STEP_CONVERGED) {
-        s->report.outcome = CLOTH_STEP_STALLED;         /* wind and shape do not agree */
-        status = CLOTH_ERR_STEP;
-    }
+    if (!status && saddle && s->report.outcome == CLOTH_STEP_CONVERGED)
+        status = clothi_stalled(s, "static: wind and shape do not agree");
     if (status) return status;
     if (s->balance) status = clothi_balance(s, &goal);
     clothi_recorded(s, s->w.x);

@@ -550,6 +550,7 @@ static void flag_has_no_statics(void) {
         before = cloth_sim_hash(S.sim);
         CHECK(cloth_solve_static(S.sim, &r) == (calm ? CLOTH_OK : CLOTH_ERR_STEP));
         CHECK(r.outcome == (calm ? CLOTH_STEP_CONVERGED : CLOTH_STEP_STALLED));
+        CHECK((r.vertex >= 0) == !calm);    /* and the sentence names it */
         CHECK(calm || cloth_sim_hash(S.sim) == before);
         for (n = 0; n < 1800; n++) CHECK(cloth_step(S.sim, 1.0 / 60, NULL) == CLOTH_OK);
         for (n = 0; n < 120; n++) {

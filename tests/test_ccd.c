@@ -473,7 +473,7 @@ static void distances(void) {
         if (size > 1e-100 && size < 1e100) {
             const ref_real exact = ccd_distance(k & 1, x, 0);
             worst = fmax(worst, fabs((double)((ref_real)d - exact)) / size);
-            over = fmax(over, (double)(clothi_pair_beyond(k & 1, x) - exact) / size);
+            over = fmax(over, (double)((ref_real)clothi_pair_beyond(k & 1, x) - exact) / size);
         }
         for (i = 0; i < 4; i++) sum += w[i];
         for (j = 0; j < 3; j++) {

@@ -12391,7 +12391,14 @@ CLOTH_API cloth_status cloth_sim_unpin(cloth_sim *sim, int vertex) {
     return status;
 }
 
-/* An attachment, or NULL. id = slot + 1 in the low half, generation in the high; 0 is none. */
+/* Slot + 1 in the low half, generation in the high; 0 is none. */
+static cloth_attachment clothi_attachment_id(const cloth_sim *s, int slot) {
+    cloth_attachment id;
+    id.id = (uint64_t)s->made[slot] << 32 | (uint32_t)(slot + 1);
+    return id;
+}
+
+/* An attachment, or NULL. */
 static cloth_step_attachment *clothi_attached(cloth_sim *s, cloth_attachment id, const char *call) {
     const uint32_t at = (uint32_t)id.id - 1u;
     if (at < (uint32_t)s->model->desc.max_attachments && s->attach[at].used &&
@@ -12439,7 +12446,7 @@ static cloth_status clothi_attach_add(cloth_sim *s, int face, const double *bary
     clothi_set(s, s->attach + i, &q, sizeof q);
     s->made[i] = ++s->generation;
     s->nattach++;
-    id->id = (uint64_t)s->made[i] << 32 | (uint32_t)(i + 1);
+    *id = clothi_attachment_id(s, i);
     return CLOTH_OK;
 }
 

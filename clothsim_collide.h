@@ -7042,9 +7042,10 @@ static cloth_status clothi_contact_start_at(void *user, const cloth_eval *e, dou
     if (!rests && !c->nholding) {           /* what passes by without a hit carries nothing */
         clothi_try_guess(c);
         status = clothi_detect(c, 0, &hit);
+        c->report.impacts -= hit;           /* those of a guess that is not taken */
     }
     if (!rests && hit && !status) clothi_carried(c, 0);
-    if (!status) status = clothi_feasible(c, 0);
+    if (hit && !status) status = clothi_feasible(c, 0);     /* else it is where it is */
     c->sim->in.squeezed = c->approach < CLOTHI_APPROACH;
     if (status) return status;
     memcpy(x, c->xb, bytes);
@@ -7887,14 +7888,12 @@ static void clothi_obstacle_forget(cloth_collide *c, int slot) {
 
 /* What is attached to an obstacle aims at its target, at_once: is there; or is gone with it. */
 static cloth_status clothi_carry(cloth_collide *c, const clothi_obstacle *o, int at_once) {
-    cloth_attachment id;
-    int              i, j;
+    int i, j;
     for (i = 0; i < c->sim->model->desc.max_attachments; i++) {
         cloth_step_attachment *q = c->sim->attach + i;
         if (q->on != (int)(o - c->obstacle) + 1) continue;
         memset(q->target, 0, sizeof q->target);
-        id.id = (uint64_t)c->sim->made[i] << 32 | (uint32_t)(i + 1);
-        if (q->other >= o->nf) (void)cloth_sim_detach(c->sim, id);
+        if (q->other >= o->nf) (void)cloth_sim_detach(c->sim, clothi_attachment_id(c->sim, i));
         for (j = 0; q->used && j < 9; j++)
             q->target[j % 3] += q->at[j / 3] *
                                 clothi_pose(o, 1)[3 * o->faces[3 * q->other + j / 3] + j % 3];

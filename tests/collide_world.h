@@ -21,6 +21,14 @@ static inline void world_close(world *w) {
     memset(w, 0, sizeof *w);
 }
 
+/* Model, sim and contact of d, whose mesh is w's or another. */
+static inline cloth_status world_start(world *w, const cloth_desc *d,
+                                       const cloth_collide_desc *contact) {
+    cloth_status status = cloth_model_create(d, &w->model);
+    if (!status) status = cloth_sim_create(w->model, &w->sim);
+    return status ? status : cloth_collide_create(w->sim, contact, &w->c);
+}
+
 static inline cloth_status world_obstacles(world *w) {
     static const double center[3] = {0.1, -0.08, 0.1}, ground[3] = {0, -0.2, 0};
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
@@ -49,9 +57,7 @@ static inline cloth_status world_open(world *w, cloth_integrator integrator,
     d.material.density = 0.2;
     d.integrator = integrator;
     d.contact = CLOTH_CONTACT_SELF;
-    status = cloth_model_create(&d, &w->model);
-    if (!status) status = cloth_sim_create(w->model, &w->sim);
-    if (!status) status = cloth_collide_create(w->sim, contact, &w->c);
+    status = world_start(w, &d, contact);
     return status ? status : world_obstacles(w);
 }
 

@@ -11,6 +11,7 @@
 #include "exact.h"
 #include "stage.h"
 #include "stage_scenes.h"
+#include "collide_world.h"
 #include "host.h"
 
 /* The second number in the long tier. */
@@ -299,24 +300,18 @@ static void thin_ball(void) {
         cloth_desc          d = cloth_desc_default();
         cloth_collide_desc  cd = cloth_collide_desc_default();
         cloth_obstacle_desc o = cloth_obstacle_desc_default();
-        cloth_mesh         *sheet = NULL;
-        cloth_model        *model = NULL;
-        cloth_sim          *sim = NULL;
-        cloth_collide      *c = NULL;
+        world               w;
         const double        center[3] = {0.1 + 0.003 * k, -0.07, 0.1 - 0.002 * k};
-        CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 9, 9, 0.2, 0.2, &sheet));
-        cloth_desc_set_mesh(&d, sheet);
+        memset(&w, 0, sizeof w);
+        CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 9, 9, 0.2, 0.2, &w.mesh));
+        cloth_desc_set_mesh(&d, w.mesh);
         d.contact = CLOTH_CONTACT_SELF, d.sleep = 0;
         cd.thickness = 2e-3;
-        CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
-        CHECK(!cloth_collide_create(sim, &cd, &c));
+        CHECK(!world_start(&w, &d, &cd));
         o.kind = CLOTH_OBSTACLE_SPHERE, o.x = center, o.radius = 0.05, o.thickness = 1e-6;
-        CHECK(!cloth_collide_add(c, &o, NULL));
-        for (n = 0; n < 35; n++) failed += cloth_step(sim, 1.0 / 60, NULL) != CLOTH_OK;
-        cloth_collide_destroy(c);
-        cloth_sim_destroy(sim);
-        cloth_model_destroy(model);
-        cloth_mesh_destroy(NULL, sheet);
+        CHECK(!cloth_collide_add(w.c, &o, NULL));
+        for (n = 0; n < 35; n++) failed += cloth_step(w.sim, 1.0 / 60, NULL) != CLOTH_OK;
+        world_close(&w);
     }
     printf("  %d steps failed\n", failed);
     CHECK(failed == 0);
@@ -333,32 +328,27 @@ static void passes_by(void) {
         cloth_desc          d = cloth_desc_default();
         cloth_obstacle_desc o = cloth_obstacle_desc_default();
         cloth_obstacle      box;
-        cloth_mesh         *sheet = NULL;
-        cloth_model        *model = NULL;
-        cloth_sim          *sim = NULL;
-        cloth_collide      *c = NULL;
+        world               w;
         const double        center[3] = {-0.6, -0.065, 0.25}, half[3] = {0.4, 0.05, 0.4};
         double              x[24], to[24], off = 0;
-        CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 10, 10, 0.5, 0.5, &sheet));
-        cloth_desc_set_mesh(&d, sheet);
+        memset(&w, 0, sizeof w);
+        CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 10, 10, 0.5, 0.5, &w.mesh));
+        cloth_desc_set_mesh(&d, w.mesh);
         d.contact = CLOTH_CONTACT_SELF, d.gravity[1] = 0;
         d.integrator = integrator, d.max_newton = most % 3;
-        CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
-        CHECK(!cloth_collide_create(sim, NULL, &c));
+        CHECK(!world_start(&w, &d, NULL));
         cloth_obstacle_box(center, half, NULL, x);
         o.kind = CLOTH_OBSTACLE_BOX, o.x = x;
-        CHECK(!cloth_collide_add(c, &o, &box));
+        CHECK(!cloth_collide_add(w.c, &o, &box));
         for (n = 1; n <= 30; n++) {
             for (k = 0; k < 24; k++) to[k] = x[k] + (k % 3 == 0 ? n / 20.0 : 0);
-            CHECK(!cloth_collide_move(c, box, to));
-            CHECK(!cloth_step(sim, 1.0 / 60, NULL));
+            CHECK(!cloth_collide_move(w.c, box, to));
+            CHECK(!cloth_step(w.sim, 1.0 / 60, NULL));
         }
-        for (k = 0; k < 300; k++) off = fmax(off, fabs(cloth_sim_state(sim)->x[k] - sheet->x[k]));
+        for (k = 0; k < 300; k++)
+            off = fmax(off, fabs(cloth_sim_state(w.sim)->x[k] - w.mesh->x[k]));
         CHECK(off < 1e-12);
-        cloth_collide_destroy(c);
-        cloth_sim_destroy(sim);
-        cloth_model_destroy(model);
-        cloth_mesh_destroy(NULL, sheet);
+        world_close(&w);
     }
 }
 
@@ -370,34 +360,28 @@ static void cut_short_on_a_ball(void) {
     for (most = 1; most <= 3; most++) {
         cloth_desc          d = cloth_desc_default();
         cloth_obstacle_desc o = cloth_obstacle_desc_default();
-        cloth_mesh         *sheet = NULL;
-        cloth_model        *model = NULL;
-        cloth_sim          *sim = NULL;
-        cloth_collide      *c = NULL;
+        world               w;
         cloth_ledger        l;
         double              center[3] = {0.5, -0.4, 0.5}, first, top;
-        CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 16, 16, 1.0, 1.0, &sheet));
-        cloth_desc_set_mesh(&d, sheet);
+        memset(&w, 0, sizeof w);
+        CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 16, 16, 1.0, 1.0, &w.mesh));
+        cloth_desc_set_mesh(&d, w.mesh);
         d.contact = CLOTH_CONTACT_SELF, d.integrator = CLOTH_INTEGRATOR_BDF2, d.max_newton = most;
         d.material.density = 0.2;
-        CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
-        CHECK(!cloth_collide_create(sim, NULL, &c));
+        CHECK(!world_start(&w, &d, NULL));
         o.kind = CLOTH_OBSTACLE_SPHERE, o.x = center, o.radius = 0.3;
-        CHECK(!cloth_collide_add(c, &o, NULL));
-        CHECK(!cloth_sim_energy(sim, &l));
+        CHECK(!cloth_collide_add(w.c, &o, NULL));
+        CHECK(!cloth_sim_energy(w.sim, &l));
         first = top = l.total;
         for (k = refused = 0; k < 90; k++) {
-            refused += cloth_step(sim, 1.0 / 60, NULL) != CLOTH_OK;
-            CHECK(!cloth_sim_energy(sim, &l));
+            refused += cloth_step(w.sim, 1.0 / 60, NULL) != CLOTH_OK;
+            CHECK(!cloth_sim_energy(w.sim, &l));
             top = fmax(top, l.total);
         }
         printf("  %d iterations: %d of %d steps refused, energy %.3f, at most %.3f, %.3f J\n", most,
                refused, k, first, top, l.total);
         CHECK(refused == 0 && top < first + 0.02 * 0.2 * 9.81);
-        cloth_collide_destroy(c);
-        cloth_sim_destroy(sim);
-        cloth_model_destroy(model);
-        cloth_mesh_destroy(NULL, sheet);
+        world_close(&w);
     }
 }
 
@@ -413,10 +397,8 @@ static void tied_rows(void) {
         cloth_desc          d = cloth_desc_default();
         cloth_obstacle_desc o = cloth_obstacle_desc_default();
         cloth_obstacle      ball;
-        cloth_mesh          part[2], *both[2], *sheet = NULL, *mesh = NULL;
-        cloth_model        *model = NULL;
-        cloth_sim          *sim = NULL;
-        cloth_collide      *c = NULL;
+        cloth_mesh          part[2], *both[2], *sheet = NULL, *mesh;
+        world               w;
         cloth_tie           tie[112];
         double              center[3] = {0.13, -0.12, 0.1}, x[2][192], off = 0, into = 0, fall = 0;
         double              v[384], r;
@@ -426,7 +408,9 @@ static void tied_rows(void) {
             memcpy(x[k], sheet->x, sizeof x[k]);
             for (i = 0; i < 64; i++) x[k][3 * i] += 5 * k;
         }
-        CHECK(!cloth_mesh_merge(NULL, both, 2, &mesh));
+        memset(&w, 0, sizeof w);
+        CHECK(!cloth_mesh_merge(NULL, both, 2, &w.mesh));
+        mesh = w.mesh;
         for (i = n = 0; i < 128; i++)
             if (i % 8) {
                 tie[n].leader = i - i % 8, tie[n].follower = i;
@@ -437,16 +421,15 @@ static void tied_rows(void) {
         d.integrator = integrator;
         d.contact = kind & 4 ? CLOTH_CONTACT_SELF : CLOTH_CONTACT_OBSTACLES;
         d.sleep = 0;
-        CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
-        CHECK(!cloth_collide_create(sim, NULL, &c));
+        CHECK(!world_start(&w, &d, NULL));
         o.kind = CLOTH_OBSTACLE_SPHERE, o.x = center, o.radius = 0.06;
-        CHECK(!cloth_collide_add(c, &o, &ball));
+        CHECK(!cloth_collide_add(w.c, &o, &ball));
         for (k = 0; k < 30; k++) {
-            const double *to = cloth_sim_state(sim)->x, *vel = cloth_sim_state(sim)->v;
+            const double *to = cloth_sim_state(w.sim)->x, *vel = cloth_sim_state(w.sim)->v;
             memcpy(v, vel, sizeof v);
             if (k == 15) center[1] += 0.05;
-            CHECK(cloth_collide_move(c, ball, center) == CLOTH_OK);
-            CHECK(cloth_step(sim, 1.0 / 60, NULL) == CLOTH_OK);
+            CHECK(cloth_collide_move(w.c, ball, center) == CLOTH_OK);
+            CHECK(cloth_step(w.sim, 1.0 / 60, NULL) == CLOTH_OK);
             for (i = 0; i < n; i++)
                 for (j = 0; j < 3; j++) {
                     const int a = 3 * tie[i].leader + j, b = 3 * tie[i].follower + j;
@@ -461,13 +444,10 @@ static void tied_rows(void) {
             }
         }
         CHECK(off < 1e-13 && into <= 0 && fall < 1e-6);
-        CHECK(cloth_sim_state(sim)->x[1] > -0.5);
+        CHECK(cloth_sim_state(w.sim)->x[1] > -0.5);
         printf("  %s, %s, %s: rows %.1e m off, falls %.1e off\n", kind & 1 ? "BDF2" : "Euler",
                kind & 2 ? "all axes" : "y and z", kind & 4 ? "self" : "obstacles", off, fall);
-        cloth_collide_destroy(c);
-        cloth_sim_destroy(sim);
-        cloth_model_destroy(model);
-        cloth_mesh_destroy(NULL, mesh);
+        world_close(&w);
         cloth_mesh_destroy(NULL, sheet);
     }
 }

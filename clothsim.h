@@ -8738,6 +8738,7 @@ struct cloth_sim {
     cloth_report report;                    /* of the step that runs                           */
     cloth_report rested;                    /* of a step asleep; its outcome NONE: not known   */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
+    double  omega_bend;                     /* its square's bound of hinges; 0: they are soft  */
     double  edge;                           /* m, of the equilateral triangle of mean area     */
     double  total;                          /* kg                                              */
     /* terms */
@@ -11354,10 +11355,11 @@ CLOTHI_RARE_END
  * the power method on M^-1 K, each element at rest in its template's plane: a function of model and
  * params alone, made once. Stretched elements are stiffer: along a principal stretch s the tangent
  * of StVK grows like (3 s^2 - 1)/2; a spring of length l gains k (1 - L/l) across itself, springs
- * all round at most 2 - L/l in all. So each step scales omega^2 by that at its start, triangles by
- * the largest mean around a vertex (a mode at the grid's scale lives on a ring of them), keeps
- * CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the substeps when the cloth stretched
- * beyond that within it.
+ * all round at most 2 - L/l in all; a hinge's grows like 1/h^2 as its wings are pressed. So each
+ * step scales omega^2 by that at its start, triangles by the largest mean around a vertex (a mode
+ * at the grid's scale lives on a ring of them), hinges by their largest row sum where bending
+ * counts, keeps CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the substeps when the
+ * cloth was strained beyond that within it.
  *
  * Leapfrog keeps its energy while its substep stays the same and is not close to the limit; one
  * that changes with every frame heats the cloth (a swinging sheet gained 16 % in 30 s). So a step
@@ -11389,6 +11391,7 @@ CLOTHI_RARE_END
 #define CLOTHI_LEAP_SAFETY  0.95            /* of the stability limit                          */
 #define CLOTHI_LEAP_RESERVE 1.5             /* substeps more than are safe                     */
 #define CLOTHI_LEAP_MARGIN  1.02            /* for the power method's shortfall                 */
+#define CLOTHI_LEAP_BENDS   0.25            /* of omega^2 in bending's bound: it is looked at  */
 #define CLOTHI_LEAP_POWER   60              /* power iterations, once per set of params        */
 #define CLOTHI_LEAP_WATCH   4               /* substeps between looks at the stretch           */
 #define CLOTHI_LEAP_RETRIES 6               /* doublings of the substeps within one step       */
@@ -11527,14 +11530,46 @@ static double clothi_leap_rings(const cloth_sim *s, const double *factor) {
     return big;
 }
 
-/* The factor by which stretch raises the largest eigenvalue over the rest shape's, at least 1:
- * the elements' largest when that is below `enough`, else of triangles the largest of the vertices'
- * means. */
+/* The largest row sum of |M^-1 K| of hinges at x, 1/s^2: K = c grad theta grad theta^T + M d2theta,
+ * M = c (theta - theta0), where the gradient by a corner is at most s = 1/h1 + 1/h2, by all 2 s, h
+ * the heights of both wings; second derivatives are taken for as large as s^2. */
+static double clothi_leap_bends(const cloth_sim *s, const double *x) {
+    enum { L = CLOTHI_LANES };
+    const clothi_group *g = &s->model->bend;
+    double *sum = s->w.inv_mass + s->model->nv, corners[12 * L], pull[L], big = 0;
+    int     b, k, i;
+    memset(sum, 0, (size_t)s->model->nv * sizeof *sum);
+    for (b = 0; b < g->nbatch && g->kind == CLOTHI_HINGE; b++) {
+        const double *c = s->own.bend.rest + (size_t)b * 2 * L;
+        clothi_gather_lanes(x, g->vert + (size_t)b * 4 * L, 4, corners);
+        clothi_hinge_pulls(corners, c, pull);
+        for (k = 0; k < L; k++) {
+            const clothi_fold f = clothi_fold_at(corners, clothi_one, k);
+            const double stiff = c[k] + sqrt(f.l2) * fabs(pull[k]);
+            const double floor_q = CLOTHI_HINGE_FLOOR * f.l2 * f.l2 + CLOTHI_HINGE_TINY_Q;
+            const double steep = sqrt(f.l2 / (clothi_vec_dot(f.n, f.n) + floor_q)) +
+                                 sqrt(f.l2 / (clothi_vec_dot(f.m, f.m) + floor_q));
+            for (i = 0; i < 4; i++)
+                sum[g->vert[(b * 4 + i) * L + k]] += 2 * stiff * steep * steep;
+        }
+    }
+    for (i = 0; i < s->model->nv; i++)
+        if (s->pin[i] != CLOTH_AXIS_ALL) big = clothi_max(big, sum[i] / s->params.mass[i]);
+    return big;
+}
+
+/* The factor by which strain raises the largest eigenvalue over the rest shape's, at least 1. Of
+ * stretch: the elements' largest when that is below `enough`, else of triangles the largest of the
+ * vertices' means. Hinges add by how much their bound has grown. */
 static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
     enum { L = CLOTHI_LANES };
     const clothi_group *g = &s->model->membrane;
     double *factor = s->own.energy_batch, corners[9 * L], low[L], big = 1;
+    double  bent = 0;
     int     b, k;
+    if (s->omega_bend > 0)
+        bent = clothi_max(0, (clothi_leap_bends(s, x) - s->omega_bend) /
+                                 (s->omega_rest * s->omega_rest));
     for (b = 0; b < g->nbatch; b++, factor += L) {
         const double *rest = s->own.membrane.rest +
                              (size_t)b * (size_t)s->own.membrane.kind->nrest * L;
@@ -11548,8 +11583,9 @@ static double clothi_leap_tangent(const cloth_sim *s, const double *x, double en
             factor[k] = clothi_max(factor[k], 1);
         }
     }
-    if (big <= enough || g->kind == CLOTHI_SPRING) return big;
-    return clothi_leap_rings(s, s->own.energy_batch);
+    if (big + bent > enough && g->kind == CLOTHI_TRIANGLE)
+        big = clothi_leap_rings(s, s->own.energy_batch);
+    return big + bent;
 }
 
 CLOTHI_RARE_BEGIN
@@ -11623,6 +11659,8 @@ static void clothi_leap_omega(cloth_sim *s) {
         for (i = 0; i < n; i++) u[i] = Ku[i] / big;
     }
     s->omega_rest = sqrt(lambda) * CLOTHI_LEAP_MARGIN;
+    s->omega_bend = clothi_leap_bends(s, s->model->x_rest);
+    if (!(s->omega_bend > CLOTHI_LEAP_BENDS * lambda)) s->omega_bend = 0;
 }
 
 /* omega^2 that attachments and hosts' terms add, at most: the largest row sum of |M^-1 K|, of

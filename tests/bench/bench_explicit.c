@@ -19,11 +19,11 @@
  *     stretch from the edges' dot products (hinge only)                                7.65
  * At plain -O2, which has no AVX, the same code takes 12.4 / 11.5.
  * Reserve of substeps: 1.5 costs what m/32 cost (N = 10 to 64: 0.98 to 1.05 of the substeps), and
- * sheets of 4 x 4 to 12 x 12 keep their energy to 3 % in 100 000 substeps, where some gained all of
+ * sheets of 4 x 4 to 12 x 12 keep their energy to 4 % in 100 000 substeps, where some gained all of
  * it again. Lost: safety 0.97 or 0.96, and looking at the stretch every 8 substeps: 3 %, 1.5 %
- * faster, but a sheet that snaps from stretch 2 gained 35 to 60 % energy, or a swinging one 9 %. The
- * scene turns unstable below 52 substeps, 62 are taken: the largest stretch sits at held corners,
- * where the fastest mode is not.
+ * faster, but a sheet that snaps from stretch 2 gained 35 to 60 % energy, or a swinging one 9 %.
+ * The scene turns unstable below 52 substeps, 62 are taken: the largest stretch sits at held
+ * corners, where the fastest mode is not.
  * Contact over several drifts at once: a sheet of 12 x 12 that fell 5 cm onto a sphere gained 2.5
  * times its weight times its side when contact looked once in 39 substeps, 0.12 of it at every
  * fourth substep (falling on its own side 1.7), and none at every substep.

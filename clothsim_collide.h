@@ -5337,23 +5337,6 @@ static void clothi_list_drift(cloth_collide *c, const double *x) {
     memcpy(c->x_list, x, (size_t)n * sizeof(double));
 }
 
-/* Of a new list walls stay and what can meet while its vertices are inside of their boxes: by their
- * ways from x to y, and as far aside of these as a box reaches. Half of a T-shirt's do not. */
-static void clothi_list_trim(cloth_collide *c, const double *x, const double *y) {
-    const double aside = sqrt(3.0) * CLOTHI_LIST_SLACK * c->thickest;
-    int          i, n = 0;
-    for (i = 0; i < 3 * c->nv; i++) c->qp_x[i] = y[i] - x[i];
-    clothi_move_far(c, c->qp_x);
-    for (i = 0; i < c->npair; i++) {
-        const clothi_near *p = c->pair + i;
-        const double       most = clothi_pair_far(c, c->travel, &p->id) +
-                            (clothi_pair_slot(c, &p->id) < 0 ? 2 : 1) * aside;
-        if (p->id.kind == CLOTHI_VP || p->slack <= most + CLOTHI_REACH * c->thickest)
-            c->pair[n++] = *p;
-    }
-    c->npair = n;
-}
-
 /* Pairs for segments near that from x to y, of walls all; contacts as they were. Of a list that is
  * there only those of vertices that leave their boxes, mostly one of thousands, are made anew. */
 static cloth_status clothi_list_make(cloth_collide *c, const double *x, const double *y) {
@@ -5371,7 +5354,6 @@ static cloth_status clothi_list_make(cloth_collide *c, const double *x, const do
         memcpy(c->x_list, x, 3 * (size_t)c->nv * sizeof(double));
         memset(c->gone, 0, (size_t)(c->nw + c->me + c->mf) * sizeof(double));
         clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_slack_range, c);
-        clothi_list_trim(c, x, y);
     } else {
         clothi_list_drift(c, x);
         clothi_move_features(c);

@@ -835,26 +835,6 @@ static double clothi_pair_distance(int edge_edge, const double *x, double *w) {
     return sqrt(clothi_dot3(v, v)) / scale;
 }
 
-/* No more than that distance, m, for less: how far all of the polygon lies along its normal, or
- * along the way to its middle. Any direction would do: that of parallel sides is rounding. */
-static double clothi_pair_beyond(int edge_edge, const double *x) {
-    double    r[12], e[6], u[6], best = 0;
-    const int n = clothi_pair_polygon(edge_edge, x, r);
-    int       i, k;
-    clothi_polygon_plane(r, n, e, u);
-    for (k = 0; k < 3; k++) u[3 + k] = r[k] + r[3 + k] + r[6 + k] + (n == 4 ? r[9 + k] : 0);
-    for (i = 0; i < 6; i += 3) {
-        const double size = sqrt(clothi_dot3(u + i, u + i));
-        double       least = clothi_dot3(u + i, r), most = least;
-        for (k = 1; k < n; k++) {
-            const double d = clothi_dot3(u + i, r + 3 * k);
-            least = clothi_min(least, d), most = clothi_max(most, d);
-        }
-        if (size > 1e-140) best = clothi_max(best, clothi_max(least, -most) / size);
-    }
-    return best;
-}
-
 /* ===== [4.1] CONTINUOUS DETECTION ============================================================
  *
  * The polygon of differences r_k(t) of section [3.2] must keep away from the origin by more than
@@ -3952,7 +3932,7 @@ static double clothi_pair_thickness(const cloth_collide *c, const clothi_pair_id
     if (slot >= 0) return c->obstacle[slot].thickness;
     if (c->vertex_part[v[0]] != c->vertex_part[v[3]]) return t;
     clothi_pair_points(c, c->sim->model->x_rest, v, 4, x);
-    apart = clothi_pair_beyond(p->kind, x) < 2 * t ? clothi_pair_distance(p->kind, x, w) : 2 * t;
+    apart = clothi_pair_distance(p->kind, x, w);
     if (!(apart < 2 * t)) return t;
     faces = clothi_pair_faces(c, p, 0, &n);
     apart = clothi_max(apart, clothi_way_out(c, faces, n, v, first, w));
@@ -5242,22 +5222,14 @@ static void clothi_near_range(const cloth_collide *c, clothi_near *p) {
         p->felt *= 1 - (1 - CLOTHI_GUARD) * (1 - CLOTHI_POLE);
 }
 
-/* How far a pair is from where it is felt, m, or less: cheaper; cloth at x, that of c->gone,
- * obstacles where they end. */
-static double clothi_near_slack(const cloth_collide *c, clothi_near *p, const double *x,
-                                int exact) {
-    const int    slot = clothi_pair_slot(c, &p->id);
-    const double most = clothi_slot_thickness(c, slot);
-    double       r[12], left = -HUGE_VAL;
-    int          v[4];
-    if (!clothi_is_soft(c, &p->id) && (exact || p->id.kind == CLOTHI_VP)) {
+/* How far a pair is from where it is felt, m, or less; cloth at x, that of c->gone, obstacles where
+ * they end. */
+static double clothi_near_slack(const cloth_collide *c, clothi_near *p, const double *x) {
+    double left = -HUGE_VAL;
+    if (!clothi_is_soft(c, &p->id)) {
         const double gap = clothi_pair_gap(c, x, &p->id);
-        left = gap - most;
+        left = gap - clothi_slot_thickness(c, clothi_pair_slot(c, &p->id));
         if (!(left > CLOTHI_REACH * c->thickest)) clothi_near_range(c, p), left = gap - p->felt;
-    } else if (!clothi_is_soft(c, &p->id)) {
-        (void)clothi_pair_vertices(c, &p->id, v);
-        clothi_pair_points(c, x, v, 4, r);
-        left = clothi_pair_beyond(p->id.kind, r) - clothi_slot_radius(c, slot) - most;
     }
     p->slack = left + clothi_pair_far(c, c->gone, &p->id);
     return left;
@@ -5267,7 +5239,7 @@ static void clothi_slack_range(int begin, int end, int worker, void *ctx) {
     cloth_collide *c = (cloth_collide *)ctx;
     int            i;
     (void)worker;
-    for (i = begin; i < end; i++) (void)clothi_near_slack(c, c->pair + i, c->x_list, 0);
+    for (i = begin; i < end; i++) (void)clothi_near_slack(c, c->pair + i, c->x_list);
 }
 
 /* Of the pairs from `first` on those stay that have moved, or have not; all with walls. */
@@ -5316,7 +5288,7 @@ static cloth_status clothi_list_keep(cloth_collide *c, int first) {
         clothi_near *p = c->pair + i;
         const int    was = p->slack - clothi_pair_far(c, c->gone, &p->id) > reach
                                ? -1 : *clothi_contact_place(c, &p->id) - 1;
-        if (was >= 0 && !(clothi_near_slack(c, p, c->x_list, 1) > reach))
+        if (was >= 0 && !(clothi_near_slack(c, p, c->x_list) > reach))
             c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
     }
     for (i = 0; i < c->ncontact; n += c->order[i++])
@@ -5459,7 +5431,7 @@ static int clothi_joins(const clothi_joining *q, clothi_near *p) {
     const double         reach = q->reach + clothi_pair_far(c, c->gone, &p->id) +
                          (q->dx ? q->part * clothi_pair_come(c, &p->id, q->dx) : 0);
     if (p->hit) return 0;
-    if (!(p->time < 1 || p->slack > reach)) (void)clothi_near_slack(c, p, q->x, 1);
+    if (!(p->time < 1 || p->slack > reach)) (void)clothi_near_slack(c, p, q->x);
     if (!(p->time < 1) && p->slack > reach) return 0;
     p->hit = clothi_is_exempt(c, &p->id) ? CLOTHI_HIT_EXEMPT : 0;
     return !p->hit;

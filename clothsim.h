@@ -1504,15 +1504,8 @@ CLOTHI_UNUSED static int clothi_finite(double a) {
 
 /* Index of the first entry of a [n] that is NaN or infinite, -1 when there is none. */
 CLOTHI_OUTLINE static ptrdiff_t clothi_find_nonfinite(const double *a, size_t n) {
-    size_t i, k;
-    for (i = 0; i + 32 <= n; i += 32) {     /* an exponent of ones carries into the sign */
-        uint64_t bits[32], bad = 0;
-        memcpy(bits, a + i, sizeof bits);
-        for (k = 0; k < 32; k++)
-            bad |= (bits[k] & 0x7ff0000000000000u) + 0x0010000000000000u;
-        if (bad >> 63) break;
-    }
-    for (; i < n; i++)
+    size_t i;
+    for (i = 0; i < n; i++)
         if (!clothi_finite(a[i])) return (ptrdiff_t)i;
     return -1;
 }

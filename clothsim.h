@@ -1983,20 +1983,12 @@ CLOTHI_OUTLINE static double clothi_dot(const double *a, const double *b, size_t
     return (s0 + s1) + (s2 + s3);
 }
 
-/* Largest magnitude of a [n], by four likewise. */
+/* Largest magnitude of a [n]. */
 CLOTHI_OUTLINE static double clothi_max_abs(const double *a, int n) {
-    double m0 = 0, m1 = 0, m2 = 0, m3 = 0;
+    double big = 0;
     int    i;
-    for (i = 0; i + 4 <= n; i += 4) {
-        m0 = fabs(a[i]) > m0 ? fabs(a[i]) : m0;
-        m1 = fabs(a[i + 1]) > m1 ? fabs(a[i + 1]) : m1;
-        m2 = fabs(a[i + 2]) > m2 ? fabs(a[i + 2]) : m2;
-        m3 = fabs(a[i + 3]) > m3 ? fabs(a[i + 3]) : m3;
-    }
-    for (; i < n; i++) m0 = fabs(a[i]) > m0 ? fabs(a[i]) : m0;
-    m0 = m1 > m0 ? m1 : m0;
-    m2 = m3 > m2 ? m3 : m2;
-    return m2 > m0 ? m2 : m0;
+    for (i = 0; i < n; i++) big = clothi_max(fabs(a[i]), big);
+    return big;
 }
 
 /* Corners a, b, c, finite. Works on numbers scaled by a power of two, so that no square over- or

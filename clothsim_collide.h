@@ -4698,7 +4698,7 @@ static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
     const double           half = q->kind == CLOTHI_VP ? 0.5 * c->h : -0.5 * c->h;
     double r[3] = {0, 0, 0}, s[3], side = 0;
     int    i, k;
-    if (!o || !(q->radius + clothi_max_abs(o->surface, 6) > 0)) return;     /* 0 as it is */
+    if (!o || !(q->radius > 0 || clothi_max_abs(o->surface, 6) > 0)) return;   /* 0 as it is */
     for (i = 0; i < q->n; i++)              /* from the first vertex to the contact */
         for (k = 0; q->v[i] >= c->nv && k < 3; k++) {
             side += k ? 0 : q->w[i];

@@ -311,6 +311,27 @@ static void carries(void) {
     cloth_grid_destroy(g);
 }
 
+/* A surface that moves carries what lies on it wherever the grid's own space begins: with the plane
+ * of a contact above that origin, on it and below. */
+static void conveyor(void) {
+    const double n[3] = {0, 1, 0}, v[3] = {0.5, 0, 0};
+    int          k;
+    for (k = -1; k < 2; k++) {
+        cloth_grid g;
+        scene      s;
+        slope(&g, n);
+        g.origin[1] += 2 * k;
+        sheet(&s, 4, 0.1, -0.05, 0.9e-3, -0.05);
+        start(&s);
+        add_grid(&s, &g, 0, -2 * k, 0, 0.6);
+        CHECK(cloth_collide_set_surface(s.c, s.id, v, NULL) == CLOTH_OK);
+        steps(&s, 30);
+        CHECK_NEAR(fastest(&s), 0.5, 1e-3);
+        end(&s);
+        free(g.phi);
+    }
+}
+
 /* --- impact, the way out --- */
 
 /* A sheet thrown at the grid of two spheres that overlap, as one mesh, at 8 m/s, 40 times the
@@ -606,6 +627,7 @@ int main(int argc, char **argv) {
     RUN(differences);
     RUN(friction);
     RUN(carries);
+    RUN(conveyor);
     RUN(impact);
     RUN(way_out);
     RUN(leaves);

@@ -3414,7 +3414,7 @@ typedef struct clothi_obstacle {
     double              first_friction;     /* as it was added                                 */
     uint32_t            category, mask;
     int                 self_penetrating;
-    uint64_t            shape;              /* hash of what was added: x, faces, a grid's phi  */
+    uint64_t            shape;              /* hash of what was added: x, faces, a grid        */
     double              way;                /* m, farthest that a vertex goes in the substep   */
     const cloth_grid   *grid;               /* borrowed; NULL but for a GRID                   */
 } clothi_obstacle;
@@ -7765,10 +7765,11 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     o->shape = clothi_hash(o->shape, o->faces, 3 * (size_t)o->nf * sizeof(int));
     o->grid = d->kind == CLOTH_OBSTACLE_GRID ? d->grid : NULL;
     if (o->grid) {
-        const int *n = o->grid->n;
+        const int   *n = o->grid->n;
+        const double size[2] = {o->grid->cell, o->grid->band};
         o->shape = clothi_hash(o->shape, n, sizeof o->grid->n);
         o->shape = clothi_hash(o->shape, o->grid->origin, sizeof o->grid->origin);
-        o->shape = clothi_hash(o->shape, &o->grid->cell, sizeof(double));
+        o->shape = clothi_hash(o->shape, size, sizeof size);
         o->shape = clothi_hash(o->shape, o->grid->phi,
                                (size_t)n[0] * (size_t)n[1] * (size_t)n[2] * sizeof(double));
     }

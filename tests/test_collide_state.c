@@ -294,14 +294,14 @@ static void transplant(void) {
     CHECK(H.live == 0);
 }
 
-/* Obstacle `kind` of a world, a little another one where `other` is 1. */
+/* Obstacle `kind` of a world, a little another one where `other` is 1; 2: another band. */
 static void shape_add(world *w, cloth_obstacle_kind kind, int other) {
     static double       phi[2][8] = {{1, 1, 1, 1, 1, 1, 1, 1}, {1, 1, 1, 1, 1, 1, 1, 0.5}};
     cloth_grid          g = {{2, 2, 2}, {0, 0, 0}, 1, 1, NULL};
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     const double        mid[3] = {3, 0, 0}, half[3] = {other ? 0.1 : 0.2, 0.1, 0.1};
     double              x[24] = {0, 0, 0};
-    g.phi = phi[other];
+    g.phi = phi[other == 1], g.band = other == 2 ? 0.5 : 1;
     if (kind == CLOTH_OBSTACLE_BOX) cloth_obstacle_box(mid, half, NULL, x);
     else x[0] = kind == CLOTH_OBSTACLE_SPHERE && other ? 3.15 : 3;
     o.kind = kind, o.x = x, o.grid = &g, o.radius = kind == CLOTH_OBSTACLE_GRID ? 0 : 0.05;
@@ -311,21 +311,21 @@ static void shape_add(world *w, cloth_obstacle_kind kind, int other) {
 /* A snapshot knows the shape that an obstacle was added with, whose poses go on from there (it was
  * taken, the hashes were the same, the next poses others); not which slots were in use once. */
 static void other_shapes(void) {
-    static const cloth_obstacle_kind kind[3] = {CLOTH_OBSTACLE_SPHERE, CLOTH_OBSTACLE_BOX,
-                                                CLOTH_OBSTACLE_GRID};
+    static const cloth_obstacle_kind kind[4] = {CLOTH_OBSTACLE_SPHERE, CLOTH_OBSTACLE_BOX,
+                                                CLOTH_OBSTACLE_GRID, CLOTH_OBSTACLE_GRID};
     static const double away[3] = {5, 5, 5};
     cloth_hooks         hooks = host_hooks(&H);
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_obstacle      id;
     world               other;
     int                 k;
-    for (k = 0; k < 3; k++) {
+    for (k = 0; k < 4; k++) {
         size_t size;
         void  *buf;
         CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
         CHECK(world_open(&other, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
         shape_add(&W, kind[k], 0);
-        shape_add(&other, kind[k], 1);
+        shape_add(&other, kind[k], k < 3 ? 1 : 2);
         size = cloth_sim_save_size(W.sim);
         buf = malloc(size);
         CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);

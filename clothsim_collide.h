@@ -404,7 +404,7 @@ typedef struct cloth_collide_report {       /* of the last step                 
     int    exempt_faces;                    /* of obstacles, in a pinch                        */
     int    exempt_pairs;                    /* that intersected and have not parted            */
     double push;                            /* m, root mean square of the worst zone           */
-    double fraction;                        /* of the step that was taken: cloth_collide_step  */
+    double fraction;                        /* of the step that was taken; 0: it failed        */
     double ms_begin, ms_detect, ms_zones;   /* parts of cloth_report.ms.contact                */
 } cloth_collide_report;
 
@@ -498,7 +498,7 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 
 /* cloth_step, and where contact cannot be resolved or Newton stalls a shorter one: h/2, h/4, ..
  * h/2^halvings, pins and obstacles going that part of their way. cloth_collide_last() tells the
- * fraction reached. */
+ * fraction reached, 0 where it failed. */
 CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvings,
                                           cloth_report *report);
 
@@ -6942,7 +6942,6 @@ static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
     c->h = e->h;
     if (!c->begun) {
         memset(&c->report, 0, sizeof c->report);
-        c->report.fraction = 1;
         c->begun = 1;
         c->nfailed = c->nnext = c->nnow = c->nholding = 0;
         if (c->seen != clothi_contact_seen(c)) {        /* a host wrote x: anchors are dropped */
@@ -7120,6 +7119,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
         least = clothi_min(least, clothi_pair_gap(c, c->xb, &p));
     }
     c->report.exempt_pairs = c->nexempt;
+    c->report.fraction = 1;
     report->contacts = active;
     report->exempt_pairs = c->nexempt;
     report->failed_pairs = 0;
@@ -8017,6 +8017,7 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
     if (halvings < 0 || halvings > 30)
         return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings);
+    c->report.fraction = 0;
     status = cloth_step(c->sim, h, r);
     if (!clothi_shortens(r) || halvings == 0) return status;
     targets = (double *)clothi_alloc(c->hooks, 3 * ((size_t)c->nw + 3 * (size_t)c->nobstacle +

@@ -939,7 +939,7 @@ static void shorter(void) {
     before = cloth_sim_hash(W.sim);
     CHECK(cloth_step(W.sim, 1.0 / 60, &r) == CLOTH_ERR_STEP && r.failed_pairs > 0);
     CHECK(cloth_collide_step(W.c, 1.0 / 60, 0, &r) == CLOTH_ERR_STEP);
-    CHECK(cloth_sim_hash(W.sim) == before);
+    CHECK(cloth_sim_hash(W.sim) == before && !(cloth_collide_last(W.c).fraction > 0));
     CHECK(cloth_collide_step(W.c, 1.0 / 60, 6, &r) == CLOTH_OK && r.status == CLOTH_OK);
     CHECK_NEAR(cloth_collide_last(W.c).fraction, 0.5, 0);
     CHECK_REL(cloth_sim_state(W.sim)->t, 0.5 / 60, 1e-14);
@@ -948,10 +948,12 @@ static void shorter(void) {
     CHECK(cloth_collide_move(W.c, high, there) == CLOTH_OK);
     CHECK(cloth_sim_hash(W.sim) == before);
     CHECK(cloth_collide_step(W.c, 1.0 / 60, 1, &r) == CLOTH_ERR_STEP && r.failed_pairs > 0);
-    CHECK(cloth_sim_hash(W.sim) == before);
+    CHECK(cloth_sim_hash(W.sim) == before && !(cloth_collide_last(W.c).fraction > 0));
     CHECK(cloth_collide_move(W.c, high, x) == CLOTH_OK);    /* back to where it began */
     CHECK(cloth_collide_step(W.c, 1.0 / 60, 1, &r) == CLOTH_OK);
     CHECK_NEAR(cloth_collide_last(W.c).fraction, 1, 0);
+    CHECK(cloth_collide_step(W.c, NAN, 1, &r) == CLOTH_ERR_NONFINITE);
+    CHECK(!(cloth_collide_last(W.c).fraction > 0));
     world_close(&W);
     CHECK(H.live == 0);
 }

@@ -505,6 +505,24 @@ static void same_bits(int kind, cloth_integrator integrator) {
     raze(&s), raze(&t);
 }
 
+/* A step asleep is taken whole, also in a sim that has not seen the one that fell asleep. */
+static void whole_step(void) {
+    scene        s, t;
+    cloth_report r;
+    void        *saved;
+    size_t       size;
+    build(&s, PLANE, CLOTH_INTEGRATOR_EULER, SLEEP);
+    build(&t, PLANE, CLOTH_INTEGRATOR_EULER, SLEEP);
+    CHECK(settle(&s, 900));
+    size = cloth_sim_save_size(s.sim);
+    saved = malloc(size);
+    CHECK(saved && !cloth_sim_save(s.sim, saved, size) && !cloth_sim_restore(t.sim, saved, size));
+    CHECK(!cloth_collide_step(t.c, H, 2, &r) && r.outcome == CLOTH_STEP_ASLEEP);
+    CHECK_NEAR(cloth_collide_last(t.c).fraction, 1, 0);
+    free(saved);
+    raze(&s), raze(&t);
+}
+
 static void restored(void) {
     same_bits(HANG, CLOTH_INTEGRATOR_EULER);
     same_bits(HANG, CLOTH_INTEGRATOR_BDF2);
@@ -557,6 +575,7 @@ int main(int argc, char **argv) {
     RUN(contact_made_anew);
     RUN(never_sleeps);
     RUN(restored);
+    RUN(whole_step);
     RUN(not_asked);
     RUN(refusals);
     return TEST_END();

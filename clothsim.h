@@ -12020,13 +12020,14 @@ static void clothi_report_shape(cloth_sim *s) {
     }
 }
 
-static void clothi_report_state(cloth_sim *s) {
+/* Bytes, and where the state is `news` what is told of it. */
+static void clothi_report_state(cloth_sim *s, int news) {
     const cloth_model *m = s->model;
     cloth_bytes       *b = &s->report.bytes;
     double             c[3];
     int                i, k;
-    clothi_report_shape(s);
-    for (i = 0; i < m->nv; i++) {
+    if (news) clothi_report_shape(s);
+    for (i = 0; i < m->nv && news; i++) {
         clothi_cross3(s->state.x + 3 * i, s->state.v + 3 * i, c);
         for (k = 0; k < 3; k++) {
             s->report.momentum[k] += s->params.mass[i] * s->state.v[3 * i + k];
@@ -12259,7 +12260,7 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, cloth_report *wanted)
         if (wanted && !news) *report = s->rested, report->h = h;
         if (news) status = clothi_energy_before(s, known, &before);
         if (!status) status = news ? clothi_booked(s, h, &before) : clothi_step_run(s, h);
-        if (!status && wanted && news) clothi_report_state(s);
+        if (!status && wanted) clothi_report_state(s, news);
         if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
         if (status) {
             clothi_put_back(s, report);

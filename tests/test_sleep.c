@@ -157,6 +157,12 @@ static void one_falls_asleep(int kind) {
     CHECK(!cloth_collide_contacts(s.c, 0, NULL, &more) && more == count);
     CHECK(!cloth_collide_wrench(s.c, s.plane, NULL, again, torque));
     CHECK(!memcmp(force, again, sizeof force));
+    for (n = 0; n < 2; n++) {               /* and what has grown since is counted */
+        const size_t had = r.bytes.total;
+        CHECK(!cloth_step(s.sim, H, &r) && r.outcome == CLOTH_STEP_ASLEEP);
+        CHECK(r.bytes.total == s.heard->bytes && (r.bytes.total > had) == (n && kind == BALL));
+        if (n == 0) CHECK(!cloth_collide_gap(s.c, 0.2, &speed));
+    }
     raze(&s);
 }
 

@@ -4570,7 +4570,7 @@ static void clothi_principal_stretches(const double *F, double *stretch) {
     clothi_cross3(a, b, n);
     s1 = sqrt(0.5 * (aa + bb + sqrt((aa - bb) * (aa - bb) + 4.0 * ab * ab)));
     stretch[0] = s1 * big;
-    stretch[1] = sqrt(clothi_dot3(n, n)) / s1 * big;
+    stretch[1] = clothi_min(s1, sqrt(clothi_dot3(n, n)) / s1) * big;
 }
 
 CLOTH_API double cloth_stretch_state(const double *x, const double *X, double mu, double lambda,

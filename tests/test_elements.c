@@ -188,7 +188,7 @@ static void stretch_closed_forms(void) {
     static const double stretch[5] = {0.3, 0.57735026918962576, 0.9, 1.1, 1.6};
     const double        Y = 1000, nu = 0.3;
     const double        mu = Y / (2 * (1 + nu)), lambda = Y * nu / (1 - nu * nu);
-    int                 k;
+    int                 k, i;
     for (k = 0; k < 5; k++) {
         const double l = stretch[k], e = (l * l - 1) / 2;
         double       F[4] = {0, 0, 0, 0}, P[4], x[9], f[6], st[2];
@@ -219,6 +219,13 @@ static void stretch_closed_forms(void) {
         CHECK_REL(st[0], l, 1e-14);
         CHECK_REL(st[1], 1e-9, 1e-12);
         CHECK_REL(f[0], l, 1e-15);
+        for (i = 0; i < 40; i++) {          /* the large one first where both are one */
+            memset(x, 0, sizeof x);
+            x[3] = x[7] = l * cos(i), x[6] = -l * sin(i), x[4] = l * sin(i);
+            cloth_stretch_state(x, X, mu, lambda, NULL, NULL, NULL, st);
+            CHECK(st[0] >= st[1]);
+            CHECK_REL(st[0], l, 1e-14);
+        }
     }
 }
 

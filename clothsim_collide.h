@@ -504,7 +504,7 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
 
 /* --- queries, of the last accepted step unless said; after a step that failed, or the call of
  * cloth_grad_backward, they know of none. CLOTH_ERR_ARGUMENT: NULL, max below 0, range not
- * above 0; _NONFINITE: range, x; logged --- */
+ * above 0; _NONFINITE: range, x, about; logged --- */
 
 CLOTH_API cloth_collide_report cloth_collide_last(const cloth_collide *c);
 /* The first `max` contacts with a force; *count: all of them. */
@@ -8116,6 +8116,8 @@ CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstac
     int          i, k;
     if (!clothi_obstacle_of(c, id, "cloth_collide_wrench")) return CLOTH_ERR_HANDLE;
     status = clothi_query_check(c, "cloth_collide_wrench", 1, force && torque);
+    if (!status && about)
+        status = clothi_check_vector(c->hooks, "cloth_collide_wrench: about", about, 3);
     if (status) return status;
     for (k = 0; k < 3; k++) force[k] = torque[k] = 0;
     for (i = 0; i < c->ncontact + c->nrow; i++) {

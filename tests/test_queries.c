@@ -325,6 +325,18 @@ static void bytes(void) {
     CHECK(H.live == 0 && H.bytes == 0);
 }
 
+/* A point that is none is refused, and what was answered stays. */
+static void nowhere(void) {
+    cloth_hooks  hooks = host_hooks(&H);
+    const double about[3] = {0, NAN, 0};
+    double       force[3] = {1, 2, 3}, torque[3] = {4, 5, 6};
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_wrench(W.c, W.ball, about, force, torque) == CLOTH_ERR_NONFINITE);
+    CHECK(strstr(H.text, "cloth_collide_wrench: about[1] = NaN"));
+    CHECK_NEAR(force[2] + torque[2], 9, 0);
+    world_close(&W);
+}
+
 /* A thickness that rounding swallows, and counts that overflow, are refused. */
 static void absurd(void) {
     cloth_hooks        hooks = host_hooks(&H);
@@ -353,6 +365,7 @@ int main(int argc, char **argv) {
     RUN(whose_snapshot);
     RUN(whose_parts);
     RUN(bytes);
+    RUN(nowhere);
     RUN(absurd);
     return TEST_END();
 }

@@ -3672,7 +3672,7 @@ static cloth_status clothi_arrays(const cloth_hooks *hooks, const clothi_array *
 
 /* Areas of the template and of obstacles as they were added: not of now, which is no state. */
 static void clothi_world_area(cloth_collide *c) {
-    double *x = c->xb;                      /* scratch until a pose is asked for */
+    double *x = c->xb;                      /* where the trees find it */
     int     f, k, o;
     memset(c->area, 0, (size_t)c->nw * sizeof(double));
     memcpy(x, c->sim->model->x_rest, 3 * (size_t)c->nv * sizeof(double));
@@ -3741,7 +3741,8 @@ static cloth_status clothi_world_stars(cloth_collide *c) {
     return CLOTH_OK;
 }
 
-/* Into a collide without a world; what a failure leaves is for clothi_world_blocks. */
+/* Into a collide without a world; what a failure leaves is for clothi_world_blocks. The trees,
+ * whose order zones see, are over where the model starts and what was added: now is no state. */
 static cloth_status clothi_world_build(cloth_collide *c) {
     const cloth_model *m = c->sim->model;
     const int    capsules = clothi_world_count(c);
@@ -3755,12 +3756,10 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     status = clothi_arrays(c->hooks, plain, sizeof plain / sizeof *plain);
     if (status) return status;
     memcpy(c->faces, m->faces, 3 * (size_t)c->nf * sizeof(int));
-    memcpy(c->xa, c->sim->state.x, 3 * (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->nv; i++) c->slot[i] = -1;
     CLOTHI_OBSTACLES(c, o) {                /* behind the cloth */
         const clothi_obstacle *b = c->obstacle + o;
         for (i = 0; i < b->nv; i++) c->slot[b->v0 + i] = o;
-        memcpy(c->xa + 3 * b->v0, clothi_pose(b, 0), 3 * (size_t)b->nv * sizeof(double));
         for (i = 0; i < 3 * b->nf; i++) c->faces[3 * b->f0 + i] = b->faces[i] + b->v0;
     }
     status = clothi_features_build(c->hooks, c->nw, c->mf, c->faces, &c->features);
@@ -3770,9 +3769,9 @@ static cloth_status clothi_world_build(cloth_collide *c) {
     if (status) return status;
     clothi_world_edges(c);
     clothi_world_area(c);
-    status = clothi_bvh_faces(c->hooks, c->nw, c->xa, c->nf, c->faces, &c->tree);
+    status = clothi_bvh_faces(c->hooks, c->nv, m->x, c->nf, c->faces, &c->tree);
     if (!status)
-        status = clothi_bvh_faces(c->hooks, c->nw, c->xa, c->mf - c->nf,
+        status = clothi_bvh_faces(c->hooks, c->nw, c->xb, c->mf - c->nf,
                                   c->faces + 3 * (size_t)c->nf, &c->solid);
     c->solid.first = c->nf;
     return status;

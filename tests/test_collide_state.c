@@ -294,6 +294,34 @@ static void transplant(void) {
     CHECK(H.live == 0);
 }
 
+/* One goes on alike in a sim whose obstacles came at another time of its life: thrown down, the
+ * cloth crumples. */
+static void other_times(void) {
+    static const double below[3] = {0, -5, 0}, half[3] = {0.1, 0.1, 0.1};
+    const double        h = world_h(CLOTH_INTEGRATOR_LEAPFROG);
+    world               other;
+    size_t              size;
+    void               *buf;
+    int                 i;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_LEAPFROG, NULL, NULL) == CLOTH_OK);
+    CHECK(world_open(&other, CLOTH_INTEGRATOR_LEAPFROG, NULL, NULL) == CLOTH_OK);
+    CHECK(world_box(&other, below, half, NULL) == CLOTH_OK);
+    CHECK(world_run(&W, 100, h));
+    CHECK(world_box(&W, below, half, NULL) == CLOTH_OK);
+    size = cloth_sim_save_size(W.sim);
+    buf = malloc(size);
+    for (i = 0; i < 3 * W.mesh->nv; i++)
+        cloth_sim_state(W.sim)->v[i] = i % 3 == 1 ? -8 : 3 * sin(0.7 * i);
+    cloth_sim_state_changed(W.sim);
+    CHECK(buf && cloth_sim_save(W.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_sim_restore(other.sim, buf, size) == CLOTH_OK);
+    CHECK(world_run(&W, 10, h) && world_run(&other, 10, h));
+    CHECK(cloth_sim_hash(other.sim) == cloth_sim_hash(W.sim));
+    free(buf);
+    world_close(&W);
+    world_close(&other);
+}
+
 /* Obstacle `kind` of a world, a little another one where `other` is 1; 2: another band. */
 static void shape_add(world *w, cloth_obstacle_kind kind, int other) {
     static double       phi[2][8] = {{1, 1, 1, 1, 1, 1, 1, 1}, {1, 1, 1, 1, 1, 1, 1, 0.5}};
@@ -1046,6 +1074,7 @@ int main(int argc, char **argv) {
     RUN(layers_share_area);
     RUN(self_penetrating);
     RUN(transplant);
+    RUN(other_times);
     RUN(other_shapes);
     RUN(areas_as_added);
     RUN(removed_without_folds);

@@ -1056,6 +1056,44 @@ static void shards_merge_to_the_same_bytes(void) {
     chains_free(&j);
 }
 
+/* A finished chain of two examples, made up. */
+static void chain_made_up(int chain, int njoints, int nv) {
+    const double numbers[48] = {0};
+    char         path[1000];
+    int          id[2] = {0, 0}, good;
+    job          j = chains_job("out/test_");
+    FILE        *f;
+    chains_part(&j, chain, "done", path);
+    f = fopen(path, "wb");
+    good = f && data_write_head(f, njoints, nv, 2, 0, numbers);
+    for (id[0] = chain; id[1] < 2 && good; id[1]++)
+        good = data_write(f, njoints, nv, id, numbers, numbers);
+    if (!good || fclose(f)) exit(2);
+}
+
+static int merge_says(job *j, const char *path, const char *word) {
+    const char *error = chains_merge(j);
+    if (!error || !strstr(error, path) || !strstr(error, word))
+        printf("  %s %s: %s\n", path, word, error ? error : "nothing");
+    return error && strstr(error, path) && strstr(error, word);
+}
+
+/* A merge that cannot be leaves what was merged before, and says which chain is why. */
+static void merge_keeps_what_is_there(void) {
+    static unsigned char was[8192], is[8192];
+    job                  j = chains_job("out/test_");
+    size_t               n;
+    if (!test_out()) SKIP("there is no directory out");
+    chain_made_up(0, 1, 2), chain_made_up(1, 1, 2);
+    CHECK(chains_merge(&j) == NULL);
+    n = file_bytes("out/test_data", was, sizeof was);
+    CHECK(n == 24 + 48 + 4 * (8 + 192 + 48));
+    j.chains = 3;
+    CHECK(merge_says(&j, "out/test_chain_00002.done", "cannot be opened"));
+    CHECK(file_bytes("out/test_data", is, sizeof is) == n && memcmp(was, is, n) == 0);
+    chains_forget(&j), (void)remove("out/test_data");
+}
+
 /* A motion's frames from the angles that they are made of, but for where the root is. */
 static void motion_by_its_angles(void) {
     static const char *name[4] = {"data/body/body.obj", "data/body/weights_cmu.txt",
@@ -1533,6 +1571,7 @@ int main(int argc, char **argv) {
     RUN(placing_in_place_and_outside);
     RUN(scanned_body_and_shirt);
     RUN(shards_merge_to_the_same_bytes);
+    RUN(merge_keeps_what_is_there);
     RUN(joints_of_a_skeleton);
     RUN(motion_by_its_angles);
     RUN(network_by_central_differences);

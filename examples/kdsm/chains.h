@@ -33,6 +33,7 @@ typedef struct job {
     double     *u, T[2 * 12 * 1000];                /* joints now, a step before        */
     FILE       *out;        /* of the chain                                             */
     int         n, thrown;  /* of it                                                    */
+    char        said[1200]; /* what is wrong with a chain                               */
 } job;
 
 /* A job for one process: two chains of two poses of a shirt with edges of 3 cm. */
@@ -174,30 +175,55 @@ static inline const char *chains_one(job *j, int chain) {
     return error;
 }
 
-/* All chains into one file, in their order. */
+/* Chain c as it was kept. */
+static inline const char *chains_read(job *j, int c, data_set *s) {
+    char        path[1000];
+    const char *error;
+    chains_part(j, c, "done", path);
+    error = data_read(path, s);
+    if (error) sprintf(j->said, "%s: %s", path, error);
+    return error ? j->said : NULL;
+}
+
+static inline const char *chains_write(job *j, FILE *out, int n, int thrown, data_set *s) {
+    const char *error = NULL;
+    int         c, i;
+    for (c = 0; c < chains_count(j) && !error; c++) {
+        error = chains_read(j, c, s);
+        if (!error && c == 0 && !data_write_head(out, s->njoints, s->nv, n, thrown, s->u))
+            error = "no space";
+        for (i = 0; i < s->n && !error; i++)
+            if (!data_write(out, s->njoints, s->nv, s->id[i],
+                            s->T + (size_t)i * (size_t)s->njoints * 24,
+                            s->x + (size_t)i * (size_t)s->nv * 3)) error = "no space";
+    }
+    return error;
+}
+
+/* All chains into one file, in their order; where one fails the file is as before. */
 static inline const char *chains_merge(job *j) {
     data_set    s;
-    char        path[1000];
+    char        part[1000], path[1000];
     const char *error = NULL;
     FILE       *out;
-    int         pass, c, i, n = 0, thrown = 0;
+    int         c, n = 0, thrown = 0;
     memset(&s, 0, sizeof s);
-    sprintf(path, "%.900sdata", j->stem);
-    if ((out = fopen(path, "wb")) == NULL) return "the directory cannot be written";
-    for (pass = 0; pass < 2 && !error; pass++)
-        for (c = 0; c < chains_count(j) && !error; c++) {
-            chains_part(j, c, "done", path);
-            error = data_read(path, &s);
-            if (pass == 0) n += s.n, thrown += s.thrown;
-            if (pass == 1 && c == 0 && !error
-                && !data_write_head(out, s.njoints, s.nv, n, thrown, s.u)) error = "no space";
-            for (i = 0; i < s.n && pass == 1 && !error; i++)
-                if (!data_write(out, s.njoints, s.nv, s.id[i],
-                                s.T + (size_t)i * (size_t)s.njoints * 24,
-                                s.x + (size_t)i * (size_t)s.nv * 3)) error = "no space";
+    for (c = 0; c < chains_count(j) && !error; c++) {
+        error = chains_read(j, c, &s);
+        n += s.n, thrown += s.thrown;
+    }
+    sprintf(path, "%.900sdata", j->stem), sprintf(part, "%.900sdata.part", j->stem);
+    if (!error && (out = fopen(part, "wb")) == NULL) error = "the directory cannot be written";
+    else if (!error) {
+        error = chains_write(j, out, n, thrown, &s);
+        if (fclose(out) && !error) error = "no space";
+        if (error) (void)remove(part);
+        else if (rename(part, path)) {      /* not every system renames onto a file */
+            (void)remove(path);
+            if (rename(part, path)) error = "the merged file cannot be renamed";
         }
+    }
     data_free(&s);
-    if (fclose(out) && !error) error = "no space";
     if (!error)
         printf("%d examples of %d chains, %d thrown out\n", n, chains_count(j), thrown);
     return error;

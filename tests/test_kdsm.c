@@ -1090,8 +1090,48 @@ static void merge_keeps_what_is_there(void) {
     CHECK(n == 24 + 48 + 4 * (8 + 192 + 48));
     j.chains = 3;
     CHECK(merge_says(&j, "out/test_chain_00002.done", "cannot be opened"));
+    chain_made_up(2, 2, 2);
+    CHECK(merge_says(&j, "out/test_chain_00002.done", "2 joints and 2 vertices, chain 0 1 and 2"));
+    chain_made_up(2, 1, 3);
+    CHECK(merge_says(&j, "out/test_chain_00002.done", "1 joints and 3 vertices, chain 0 1 and 2"));
     CHECK(file_bytes("out/test_data", is, sizeof is) == n && memcmp(was, is, n) == 0);
     chains_forget(&j), (void)remove("out/test_data");
+}
+
+/* A file is as long as its head says. */
+static void data_of_more_than_its_head_says(void) {
+    data_set s;
+    FILE    *f;
+    if (!test_out()) SKIP("there is no directory out");
+    memset(&s, 0, sizeof s);
+    chain_made_up(0, 1, 2);
+    CHECK(data_read("out/test_chain_00000.done", &s) == NULL && s.n == 2);
+    f = fopen("out/test_chain_00000.done", "ab");
+    if (!f || fputc(0, f) == EOF || fclose(f)) exit(2);
+    CHECK(data_read("out/test_chain_00000.done", &s) != NULL && s.n == 0);
+    data_free(&s), (void)remove("out/test_chain_00000.done");
+}
+
+/* The first motion says how many joints there are, with room for as many. */
+static void motions_have_the_same_joints(void) {
+    static const float zero[48] = {0};
+    const char        *error;
+    figure             f;
+    int                k;
+    if (!test_out()) SKIP("there is no directory out");
+    memset(&f, 0, sizeof f);
+    for (k = 0; k < 3; k++) {
+        const uint32_t head[6] = {0, 0, 2, k == 1 ? 2u : 1u, 120, 0};
+        const size_t   n = 12 * head[2] * head[3];
+        FILE          *out = fopen("out/test_motion", "wb");
+        if (!out || fwrite(head, 4, 6, out) != 6 || fwrite(zero, 4, n, out) != n || fclose(out))
+            exit(2);
+        error = figure_read_motion("out/test_motion", &f);
+        CHECK(k == 1 ? error && strstr(error, "out/test_motion: a motion of 2 joints, the body has"
+                                              " 1") : error == NULL);
+        CHECK(f.njoints == 1);
+    }
+    figure_free(&f), (void)remove("out/test_motion");
 }
 
 /* A motion's frames from the angles that they are made of, but for where the root is. */
@@ -1572,6 +1612,8 @@ int main(int argc, char **argv) {
     RUN(scanned_body_and_shirt);
     RUN(shards_merge_to_the_same_bytes);
     RUN(merge_keeps_what_is_there);
+    RUN(data_of_more_than_its_head_says);
+    RUN(motions_have_the_same_joints);
     RUN(joints_of_a_skeleton);
     RUN(motion_by_its_angles);
     RUN(network_by_central_differences);

@@ -33,6 +33,7 @@ typedef struct job {
     double     *u, T[2 * 12 * 1000];                /* joints now, a step before        */
     FILE       *out;        /* of the chain                                             */
     int         n, thrown;  /* of it                                                    */
+    int         joints, vertices;                   /* of chain 0, in merging           */
     char        said[1200]; /* what is wrong with a chain                               */
 } job;
 
@@ -175,14 +176,19 @@ static inline const char *chains_one(job *j, int chain) {
     return error;
 }
 
-/* Chain c as it was kept. */
+/* Chain c as it was kept; all are of the joints and vertices of chain 0. */
 static inline const char *chains_read(job *j, int c, data_set *s) {
     char        path[1000];
     const char *error;
     chains_part(j, c, "done", path);
     error = data_read(path, s);
     if (error) sprintf(j->said, "%s: %s", path, error);
-    return error ? j->said : NULL;
+    if (error) return j->said;
+    if (c == 0) j->joints = s->njoints, j->vertices = s->nv;
+    if (s->njoints == j->joints && s->nv == j->vertices) return NULL;
+    sprintf(j->said, "%s: %d joints and %d vertices, chain 0 %d and %d", path, s->njoints, s->nv,
+            j->joints, j->vertices);
+    return j->said;
 }
 
 static inline const char *chains_write(job *j, FILE *out, int n, int thrown, data_set *s) {

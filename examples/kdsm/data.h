@@ -77,6 +77,8 @@ static inline const char *data_read(const char *path, data_set *s) {
         if (fread(s->T + i * j, sizeof(double), j, f) != j) goto done;
         if (fread(s->x + i * v, sizeof(double), v, f) != v) goto done;
     }
+    error = "the file of examples is longer than its head says";
+    if (fgetc(f) != EOF) goto done;
     s->n = (int)head[2];
     error = NULL;
 done:

@@ -44,6 +44,7 @@ typedef struct figure {
                                      * round [njoints x 12]                             */
     int          *own_joint;
     double       *own_weight;
+    char          said[400];        /* what is wrong with a motion                      */
 } figure;
 
 static inline void figure_free(figure *f) {
@@ -81,6 +82,7 @@ static inline void figure_weigh(figure *f, int vertex, int joint, double weight)
     j[k] = joint, w[k] = weight;
 }
 
+/* The first motion says how many joints there are: arrays and weights are of so many. */
 static inline const char *figure_read_motion(const char *path, figure *f) {
     char        head[24];
     uint32_t    n[4];
@@ -93,6 +95,12 @@ static inline const char *figure_read_motion(const char *path, figure *f) {
     if (fread(head, 1, 24, in) != 24) goto done;
     memcpy(n, head + 8, sizeof n);
     if (n[0] < 2 || n[0] > 100000 || n[1] < 1 || n[1] > 1000) goto done;
+    if (f->njoints && n[1] != (uint32_t)f->njoints) {
+        sprintf(f->said, "%.300s: a motion of %d joints, the body has %d", path, (int)n[1],
+                f->njoints);
+        error = f->said;
+        goto done;
+    }
     f->frames = (int)n[0], f->njoints = (int)n[1];
     f->lead = n[3] < n[0] ? (int)n[3] : 0;
     count = 12 * (size_t)n[0] * n[1];

@@ -973,6 +973,42 @@ static void refusals_of_the_calls(void) {
     free(x);
 }
 
+/* What is beyond 1e30 is refused by its name; up to there all is finite. */
+static void refusals_of_what_is_far(void) {
+    const double *u = cloth->u;
+    double       *x = vectors(2 * shirt.nv), *d = x + 3 * shirt.nv, M[12 * SHAPES_BONES], w[4];
+    kdsm_cloth   *c = NULL;
+    int           way, i, n, tet;
+    identity(M);
+    for (way = 0; way < 2; way++) {
+        const double       far = way ? -1.0001e30 : 1e30;
+        const cloth_status want = way ? CLOTH_ERR_ARGUMENT : CLOTH_OK;
+        const double       p[3] = {0, far, 0};
+        host_forget(&told);
+        memset(d, 0, 3 * (size_t)shirt.nv * sizeof *d), d[4] = far;
+        CHECK(kdsm_place(cloth, M, d, x, NULL) == want);
+        CHECK((strstr(told.text, "d[4]") != NULL) == way);
+        for (i = 0; i < 3 * shirt.nv; i++) CHECK(kdsmi_finite(x[i]));
+        memcpy(x, u, 3 * (size_t)shirt.nv * sizeof *x), x[7] = far;
+        CHECK(kdsm_displace(cloth, posed, x, NULL, d, NULL, NULL) == want);
+        CHECK((strstr(told.text, "x[7]") != NULL) == way);
+        for (i = 0; i < 3 * shirt.nv; i++) CHECK(kdsmi_finite(d[i]));
+        CHECK(kdsm_embed(space, 1, p, &tet, w, NULL, NULL) == want);
+        CHECK(kdsm_cloth_create(space, shirt.nv, x, shirt.nf, shirt.faces, &c) == want);
+        kdsm_cloth_destroy(c), c = NULL;
+        CHECK(kdsm_locate(posed, p, 0, NULL, &n, NULL) == want && n == 0);
+        CHECK(kdsm_carry(posed, posed, shirt.nv, x, d) == want);
+        M[12 * 4] = far;
+        CHECK(kdsm_pose_set(posed, M) == want && (strstr(told.text, "T[48]") != NULL) == way);
+        if (!way) CHECK(kdsm_displace(cloth, posed, u, NULL, d, NULL, NULL) == CLOTH_OK);
+        for (i = 0; i < 3 * shirt.nv; i++) CHECK(kdsmi_finite(d[i]));
+        M[12 * 4] = 1;
+    }
+    CHECK(kdsm_pose_set(posed, M) == CLOTH_OK);
+    host_forget(&told);
+    free(x);
+}
+
 /* A tetrahedron with two joints as the body, fails at every allocation in turn. */
 static void memory_fails_and_nothing_leaks(void) {
     static const double x[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -1629,6 +1665,7 @@ int main(int argc, char **argv) {
     RUN(volume_of_what_is_closed);
     RUN(refusals_of_the_desc);
     RUN(refusals_of_the_calls);
+    RUN(refusals_of_what_is_far);
     RUN(memory_fails_and_nothing_leaks);
     kdsm_cloth_destroy(cloth);
     kdsm_pose_destroy(posed);

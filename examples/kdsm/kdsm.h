@@ -95,7 +95,9 @@ extern "C" {
 #define KDSM_DEFAULT_KEPT      8
 #define KDSM_DEFAULT_EPSILON   0.05
 
-/* kdsm_desc_default() sets every field; the body is yours to set. All arrays are copied. */
+/* kdsm_desc_default() sets every field; the body is yours to set. All arrays are copied. Places,
+ * displacements and joints of all calls below are numbers of -1e30 to 1e30: others are refused,
+ * _ARGUMENT. */
 typedef struct kdsm_desc {
     uint32_t      cookie;
     cloth_hooks   hooks;        /* allocator, log, parallel (the grid's); copied               */
@@ -391,7 +393,10 @@ static cloth_status kdsmi_no_memory(const cloth_hooks *hooks, const char *what) 
 
 static int kdsmi_finite(double a) { return a - a == 0; }
 
-/* a [n], named `name`: there and finite. */
+#define KDSMI_FAR 1e30                      /* the largest number of a place or of a joint     */
+
+/* a [n], named `name`: there, finite and so small that fourth powers of places in a pose, KDSMI_FAR
+ * times those at rest, are finite. */
 static cloth_status kdsmi_check(const cloth_hooks *hooks, const char *name, const double *a,
                                 size_t n) {
     size_t i;
@@ -400,6 +405,9 @@ static cloth_status kdsmi_check(const cloth_hooks *hooks, const char *name, cons
         if (!kdsmi_finite(a[i]))
             return kdsmi_fail(hooks, CLOTH_ERR_NONFINITE, "%s[%lu] = %g", name, (unsigned long)i,
                               a[i]);
+        else if (fabs(a[i]) > KDSMI_FAR)
+            return kdsmi_fail(hooks, CLOTH_ERR_ARGUMENT, "%s[%lu] = %g, at most 1e30", name,
+                              (unsigned long)i, a[i]);
     return CLOTH_OK;
 }
 

@@ -1417,6 +1417,8 @@ static void inputs_are_axis_times_angle(void) {
 static void predictor_of_another(void) {
     static wearer w;
     predictor     p;
+    const char   *error;
+    int           way, i;
     wear_shirt(&w);
     made_up(&w, PREDICT_SPACE, &p);
     CHECK(predictor_fits(&p, &w) == NULL);
@@ -1428,7 +1430,18 @@ static void predictor_of_another(void) {
     CHECK(strstr(predictor_fits(&p, &w), "others") != NULL);
     p.u[5] = w.cloth->u[5], p.id ^= 1;
     CHECK(strstr(predictor_fits(&p, &w), "others") != NULL);
-    predictor_free(&p), wearer_free(&w);
+    p.id ^= 1, wearer_free(&w);
+    for (way = 0; way < 2; way++) {         /* left and right exchanged, and back */
+        const int n = body.nv * body.influences;
+        for (i = 0; i < n; i++)
+            if (body.shape.bone[i] > 2 && body.shape.bone[i] < 11)
+                body.shape.bone[i] = ((body.shape.bone[i] - 3) ^ 1) + 3;
+        wear_shirt(&w);
+        error = predictor_fits(&p, &w);
+        CHECK(way ? error == NULL : error && strstr(error, "others"));
+        wearer_free(&w);
+    }
+    predictor_free(&p);
 }
 
 /* A tube's volume, closed by its fans: that of the prism. */

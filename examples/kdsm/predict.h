@@ -108,7 +108,7 @@ static inline void wearer_anchor(wearer *w) {
 static inline const char *wearer_make(const figure *f, int nv, const double *u, int nf,
                                       const int *faces, wearer *w) {
     kdsm_desc    desc = kdsm_desc_default();
-    const size_t nb = 3 * (size_t)f->nv;
+    const size_t nb = 3 * (size_t)f->nv, nw = (size_t)f->nv * (size_t)f->influences;
     memset(w, 0, sizeof *w);
     w->f = f;
     figure_body(f, &desc);
@@ -124,7 +124,8 @@ static inline const char *wearer_make(const figure *f, int nv, const double *u, 
     w->normal = w->body + nb;
     w->id = predict_hash(PREDICT_HASH, f->x, nb * sizeof(double));
     w->id = predict_hash(w->id, f->faces, 3 * (size_t)f->nf * sizeof(int));
-    w->id = predict_hash(w->id, f->weight, (size_t)f->nv * (size_t)f->influences * sizeof(double));
+    w->id = predict_hash(w->id, f->joint, nw * sizeof(int));
+    w->id = predict_hash(w->id, f->weight, nw * sizeof(double));
     w->id = predict_hash(w->id, faces, 3 * (size_t)nf * sizeof(int));
     wearer_anchor(w);
     return NULL;

@@ -53,7 +53,7 @@
 typedef double optimise_fn(const double *p, double *g, void *user);
 
 typedef struct optimise_options {
-    int    memory, iterations;      /* pairs kept; steps                                       */
+    int    memory, iterations;      /* pairs kept, 1 where less is asked for; steps            */
     int    search;                  /* runs of one line search                                 */
     double first, most;             /* largest change of one number at the first step (Adam: at
                                        each), at any                                           */
@@ -169,7 +169,8 @@ static inline void optimise_learn(optimise_work *w, double *p) {
     if (w->kept < w->m) w->kept++;
 }
 
-static inline int optimise_work_make(optimise_work *w, int n, int m) {
+static inline int optimise_work_make(optimise_work *w, int n, int memory) {
+    const int    m = memory > 1 ? memory : 1;
     const size_t pairs = (size_t)m * (size_t)n, one = (size_t)n;
     memset(w, 0, sizeof *w);
     w->n = n, w->m = m;

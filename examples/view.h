@@ -95,7 +95,7 @@ typedef struct view {
     view_body   mesh[VIEW_MAX_MESHES];
     view_legend legend[2];
     double     *t;                  /* [frames] s                                       */
-    long        held;               /* coordinates that were not finite                 */
+    long        held;               /* numbers that were not finite or beyond 1e30      */
     const char *file;               /* the program's source, borrowed                   */
     const char *error;              /* the first one, a literal                         */
 } view;
@@ -458,6 +458,13 @@ static inline void view_time(view *v, double t) {
     v->t[v->frames++] = t;
 }
 
+/* Is this a number that the page can hold? Others are counted. */
+static inline int view_holds(view *v, double value) {
+    int good = fabs(value) <= 1e30;
+    v->held += !good;
+    return good;
+}
+
 static inline void view_put_scalar(view *v, view_body *b, int k, const double *s) {
     view_legend *l = &v->legend[k];
     if (l->name == NULL || (s == NULL && b->s[k].count == 0)) return;
@@ -471,10 +478,8 @@ static inline void view_put_scalar(view *v, view_body *b, int k, const double *s
     if (p == NULL) return;
     for (size_t i = 0; i < b->s[k].width; i++) {
         double value = s != NULL ? s[i] : 0;
-        if (!isfinite(value)) {
-            value = isfinite(l->mid) ? l->mid : 0;
-            v->held++;
-        } else {
+        if (!view_holds(v, value)) value = isfinite(l->mid) ? l->mid : 0;
+        else {
             l->least = value < l->least ? value : l->least;
             l->most = value > l->most ? value : l->most;
         }
@@ -483,8 +488,8 @@ static inline void view_put_scalar(view *v, view_body *b, int k, const double *s
 }
 
 /* What mesh m shows from this frame on: x [nv x 3] m; s0 and s1 are the scalars, [nv] or [nf] as
- * view_scalar says, or NULL where the mesh has none. A coordinate that is not finite keeps its
- * last value, and the page counts it. */
+ * view_scalar says, or NULL where the mesh has none. A coordinate that is not finite or beyond 1e30
+ * keeps its last value, such a scalar is drawn as mid; the page counts both. */
 static inline void view_put(view *v, int m, const double *x, const double *s0, const double *s1) {
     if (v == NULL || v->error != NULL) return;
     if (m < 0 || m >= v->nmesh || x == NULL || v->frames == 0) {
@@ -502,10 +507,7 @@ static inline void view_put(view *v, int m, const double *x, const double *s0, c
     for (size_t i = 0; i < b->x.width; i++) {
         double value = x[i];
         int c = (int)(i % 3);
-        if (!isfinite(value) || fabs(value) > 1e30) {
-            value = before != NULL ? (double)before[i] : 0;
-            v->held++;
-        }
+        if (!view_holds(v, value)) value = before != NULL ? (double)before[i] : 0;
         b->lo[c] = value < b->lo[c] ? value : b->lo[c];
         b->hi[c] = value > b->hi[c] ? value : b->hi[c];
         p[i] = (float)value;
@@ -784,7 +786,8 @@ static inline void view_write_note(view_buffer *out, const view *v, int stride, 
                       VIEW_MAX_BYTES / 1000000, stride, v->frames);
     if (v->held > 0 && n > 0)
         snprintf(text + n, sizeof text - (size_t)n,
-                 " %ld values were not finite; those positions are the last finite ones.",
+                 " %ld values were not finite or beyond 1e30; such positions are the last "
+                 "ones before.",
                  v->held);
     view_quote(out, text);
 }

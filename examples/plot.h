@@ -13,7 +13,7 @@
  *
  * Readable at 720 px wide; colours (Okabe and Ito's, safe for colour-blind readers), markers and
  * dashes all differ; light or dark with the reader's setting. The legend stands above the data
- * area. A point whose y is NaN or infinite (or <= 0 on a log axis) is a failed run: an x at the
+ * area. A point whose y is NaN or beyond 1e300 (or <= 0 on a log axis) is a failed run: an x at the
  * top edge. A point whose x is such is left out, and a line under the chart counts them.
  *
  * Errors are kept until plot_close returns them; every call accepts a NULL plot. Texts are UTF-8
@@ -201,7 +201,7 @@ static inline void plot_vline(plot *p, double x, const char *label) {
 /* ===== scales ============================================================================ */
 
 static inline int plot_shows(const plot *p, int axis, double v) {
-    return isfinite(v) && (!p->log[axis] || v > 0);
+    return p->log[axis] ? isfinite(v) && v > 0 : fabs(v) <= 1e300;
 }
 
 static inline double plot_scale(const plot *p, int axis, double v) {

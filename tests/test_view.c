@@ -1,6 +1,7 @@
 /* test_view.c - the pages and charts of the examples: numbers that no picture can hold are held,
  * left out and counted, and none gets into the file.
  *   cc -std=c99 -O2 -ffp-contract=off -I.. test_view.c -lm && ./a.out */
+#include "../examples/plot.h"
 #include "../examples/view.h"
 #include "test.h"
 
@@ -44,8 +45,33 @@ static void page_of_large_numbers(void) {
     (void)remove("out/test_view.html"), (void)remove("out/test_view.png");
 }
 
+/* Ends of an axis apart by more than a double holds; on the other axis and by logarithm. */
+static void chart_of_large_numbers(void) {
+    int k;
+    for (k = 0; k < 8; k++) {
+        const double least = k & 4 ? 1e-300 : -1e308, size = k & 2 ? 1e300 : 1e308;
+        const char  *error;
+        char        *text;
+        plot        *p = plot_open("large", "a", "b");
+        const int    one = plot_series(p, "c");
+        plot_axes(p, k & 4 && !(k & 1), k & 4 && k & 1);
+        plot_point(p, one, k & 1 ? 1 : fmax(least, -size), k & 1 ? fmax(least, -size) : 1, NULL);
+        plot_point(p, one, k & 1 ? 2 : size, k & 1 ? size : 2, "far");
+        plot_fit(p, one);
+        error = plot_close(p, "out/test_view.svg");
+        text = contents("out/test_view.svg");
+        if (error && !text) SKIP("there is no directory out");
+        CHECK(error == NULL && text);
+        if (!text) return;
+        CHECK(!strstr(text, "nan") && !strstr(text, "inf"));
+        free(text);
+    }
+    (void)remove("out/test_view.svg");
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(page_of_large_numbers);
+    RUN(chart_of_large_numbers);
     return TEST_END();
 }

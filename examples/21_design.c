@@ -19,8 +19,8 @@
  *   page:     out/21_design.html
  *   expected: the hem is level to 0.1 mm (root of the mean square): yes
  *
- * Exercises: (1) MEMBRANE 10; (2) HOOKS 3: where is the panel made longer now? (3) cloth costs:
- * add c sum_j p_j to L. What is a level hem worth?
+ * Exercises: (1) MEMBRANE 10; (2) HOOKS 3: where is the panel made longer, where shorter? (3) cloth
+ * costs: add c sum_j p_j to L. What is a level hem worth?
  */
 #include "clothsim_grad.h"
 #include "optimise.h"
@@ -98,7 +98,7 @@ static double value(const double *p, double *g, void *user) {
 
 static void tell(int k, double f, const double *p, void *user) {
     panel *t = (panel *)user;
-    printf("%2d  hem off by %7.3f mm  cut %5.1f mm at a hook, %4.1f between  %s\n", k,
+    printf("%2d  hem off by %7.3f mm  cut %5.1f mm at the side, %5.1f in the middle  %s\n", k,
            1e3 * sqrt(f), 1e3 * p[0], 1e3 * p[(N - 1) / 2],
            t->report.valid ? "" : t->report.why);
     if (t->frames < MOST) memcpy(t->shown + t->frames++ * SIZE, t->x, sizeof t->x);

@@ -17,7 +17,7 @@
  * Exercises: (1) psd = 1 in hinge_gradient: that Hessian is no derivative of the gradient, and its
  * curve is flat. (2) MISTAKE 1.0001: the flat part sinks a hundredfold, below the program's bound.
  * What else in the chart would still give it away? (3) ORIGIN 1000: the hinge's two V bottom
- * out 200 and 40 000 times higher. Coordinates have 16 digits, lengths are their differences.
+ * out 200 and 140 times higher. Coordinates have 16 digits, lengths are their differences.
  */
 #include "clothsim.h"
 #include "plot.h"

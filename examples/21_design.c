@@ -98,7 +98,7 @@ static double value(const double *p, double *g, void *user) {
 
 static void tell(int k, double f, const double *p, void *user) {
     panel *t = (panel *)user;
-    printf("%2d  hem off by %7.3f mm  cut %5.1f mm at the side, %5.1f in the middle  %s\n", k,
+    printf("%2d  hem off by %7.3f mm  cut %5.1f mm at a hook, %5.1f in the middle  %s\n", k,
            1e3 * sqrt(f), 1e3 * p[0], 1e3 * p[(N - 1) / 2],
            t->report.valid ? "" : t->report.why);
     if (t->frames < MOST) memcpy(t->shown + t->frames++ * SIZE, t->x, sizeof t->x);

@@ -1,5 +1,5 @@
 #!/bin/sh
-# figures.sh - the figures of ACCURACY.md and SPEED.md against what their programs have printed.
+# figures.sh - the figures of the documents (ACCURACY.md, SPEED.md, ..) against what is printed.
 #   make -C tests validate && cd tests && sh figures.sh         or: sh figures.sh LOGS
 # figures.txt says where each stands. LOGS: directory of the programs' output, out/o2; examples' is
 # in ../examples/out, that of bench/ in out/bench. A program that has not run is skipped, with a

@@ -209,13 +209,17 @@ int main(int argc, char **argv) {
     if (argc == 2 || argc == 4) edge = atof(argv[1]);
     if (argc == 4) chains = atoi(argv[2]), poses = atoi(argv[3]);
     s.of[0].name = "method 1", s.of[1].name = "method 2", s.of[2].name = "hybrid";
-    error = dress(&s, argc, argv, edge);
+    error = argc == 3 || argc > 7 || !(edge > 0) || chains < 1 || poses < 1
+                ? "these are not arguments of 01_table: see the head of 01_table.c"
+                : dress(&s, argc, argv, edge);
     if (!error) error = open_space(&s);
     if (!error) error = argc > 4 ? by_motion(&s, argc > 5 ? atof(argv[5]) : 3)
                                  : by_formula(&s, chains, poses);
+    if (!error && s.examples == 0)
+        error = "no example: none came about, or cloth was inside of the body in all";
     if (error) fprintf(stderr, "%s\n", error);
-    else if (s.examples > 0) print_table(&s);
+    else print_table(&s);
     kdsm_cloth_destroy(s.cloth), kdsm_pose_destroy(s.pose), kdsm_destroy(s.space);
     garment_free(&s.g), figure_free(&s.f), free(s.d), free(s.origin);
-    return error != NULL || s.examples == 0;
+    return error != NULL;
 }

@@ -59,7 +59,8 @@ static void pose(const walker *w, double t, double *x) {
 
 /* Reads what the opening comment describes; NULL or what was wrong. */
 static const char *load(walker *w, const char *body, const char *weights, const char *motion) {
-    char        line[256];
+    static char said[100];
+    char        line[256], *moved = NULL;
     size_t      count;
     const char *error = "the motion file does not fit its head";
     FILE       *f = NULL;
@@ -76,17 +77,22 @@ static const char *load(walker *w, const char *body, const char *weights, const 
     w->vertex = (int *)malloc(16 * (size_t)w->mesh->nv * sizeof *w->vertex);
     w->bone = (int *)malloc(16 * (size_t)w->mesh->nv * sizeof *w->bone);
     w->weight = (double *)malloc(16 * (size_t)w->mesh->nv * sizeof *w->weight);
-    while (w->vertex && w->bone && w->weight && fgets(line, sizeof line, f)) {
+    moved = (char *)calloc((size_t)w->mesh->nv, 1);
+    while (w->vertex && w->bone && w->weight && moved && fgets(line, sizeof line, f)) {
         int i = w->n;
         if (line[0] == '#') continue;
         if (i == 16 * w->mesh->nv) goto done;
         if (sscanf(line, "%d %d %lf", w->vertex + i, w->bone + i, w->weight + i) != 3) goto done;
         if (w->vertex[i] < 0 || w->vertex[i] >= w->mesh->nv) goto done;
         if (w->bone[i] < 0 || w->bone[i] >= (int)w->head[1]) goto done;
+        moved[w->vertex[i]] |= w->weight[i] > 0;
         w->n++;
     }
     error = w->n > 0 ? NULL : "no weights";
+    for (int i = 0; i < w->mesh->nv && !error; i++)         /* it would lie at the origin */
+        if (!moved[i]) sprintf(said, "vertex %d of the body has no weight", i), error = said;
 done:
+    free(moved);
     if (f) fclose(f);
     return error;
 }

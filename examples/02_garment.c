@@ -36,6 +36,13 @@ static void carry(double t, const double c[3], const double p[3], double out[3])
     out[1] = p[1], out[2] = c[2] - x * sin(turn) + z * cos(turn);
 }
 
+/* A number from 0, and nothing behind it. */
+static int number(const char *text, double *out) {
+    char *end;
+    *out = strtod(text, &end);
+    return end != text && *end == 0 && *out >= 0 && *out < HUGE_VAL;
+}
+
 /* The rule of the opening comment. Returns the number of pins [nv]. */
 static int find_pins(const cloth_desc *d, const double lo[3], const double hi[3], cloth_pin *pins) {
     double middle = 0.5 * (lo[0] + hi[0]), best[2] = {-HUGE_VAL, -HUGE_VAL}, reach = 0;
@@ -68,14 +75,19 @@ int main(int argc, char **argv) {
     view             *page;
     const char       *error = NULL, *name = "a T-shirt", *slash;
     double           *stretch = NULL, lo[3], hi[3], c[3] = {0, 0, 0}, scale, ms = 0;
+    double            size = 0, cut = 0;
     int               done = 0, newton = 0;
     cloth_status      status = CLOTH_OK;
     char              caption[300];
     desc.hooks.log.fn = cloth_log_stderr, desc.hooks.clock.fn = seconds;
     if (argc > 1) {
-        read.pattern_scale = argc > 3 ? atof(argv[3]) : 0;
-        if ((status = cloth_obj_load(&desc.hooks, argv[1], &read, &mesh)) != CLOTH_OK) goto end;
         name = (slash = strrchr(argv[1], '/')) != NULL ? slash + 1 : argv[1];
+        if ((argc > 2 && !number(argv[2], &size)) || (argc > 3 && !number(argv[3], &cut))) {
+            error = "SIZE and PATTERN are numbers from 0";
+            goto end;
+        }
+        read.pattern_scale = cut;
+        if ((status = cloth_obj_load(&desc.hooks, argv[1], &read, &mesh)) != CLOTH_OK) goto end;
         desc.nv = mesh->nv, desc.nf = mesh->nf, desc.faces = mesh->faces;
         desc.X = mesh->X, desc.x_rest = mesh->x;
     } else {
@@ -91,7 +103,7 @@ int main(int argc, char **argv) {
         for (int i = k; i < 3 * desc.nv; i += 3)
             lo[k] = fmin(lo[k], desc.x_rest[i]), hi[k] = fmax(hi[k], desc.x_rest[i]);
     }
-    scale = argc > 2 ? atof(argv[2]) / fmax(hi[0] - lo[0], fmax(hi[1] - lo[1], hi[2] - lo[2])) : 0;
+    scale = size / fmax(hi[0] - lo[0], fmax(hi[1] - lo[1], hi[2] - lo[2]));
     for (int i = 0; mesh && scale > 0 && i < 3 * mesh->nv; i++) mesh->x[i] *= scale;
     for (int k = 0; k < 3 && scale > 0; k++) lo[k] *= scale, hi[k] *= scale;
     if (mesh) desc.npins = find_pins(&desc, lo, hi, pins);

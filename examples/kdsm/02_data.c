@@ -27,8 +27,9 @@
  *                 by 38 mm, the mean by 67; of a walk when a punch alone was learned, 123)
  *   expected: 2 examples of 2 chains, 0 thrown out
  *
- * A directory is of one garment, body and number of poses. Without one: one pose each of a coarse
- * shirt, made anew in out/02_data.
+ * A directory is of one garment, body and set of options: chains that are there are kept without a
+ * word, whatever they were made with. Without one: one pose each of a coarse shirt, made anew in
+ * out/02_data.
  * Thrown out: examples in which a vertex of cloth is over 3 mm inside of the body.
  */
 #define KDSM_IMPLEMENTATION

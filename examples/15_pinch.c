@@ -110,11 +110,13 @@ int main(void) {
     printf("%d steps went part of their way, %d failed: frames %d to %d\n", failed - none, none,
            first, last);
     error = view_close(page, "out/15_pinch.html");
+    page = NULL;
     status = cloth_collide_intersections(contact, 0, NULL, &pairs);
     printf("some steps cut short: %s; whole again at the end: %s; pairs that intersect: %d\n",
            failed ? "yes" : "no", last < FRAMES ? "yes" : "no", pairs);
 end:
     if (status || error) fprintf(stderr, "%s\n", error ? error : cloth_status_text(status));
+    view_free(page);
     cloth_collide_destroy(contact), cloth_sim_destroy(sim);
     cloth_model_destroy(model), cloth_mesh_destroy(NULL, sheet);
     return status != CLOTH_OK || error != NULL;

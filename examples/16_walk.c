@@ -167,9 +167,11 @@ int main(int argc, char **argv) {
             ms / STEPS, before, after);
     view_caption(page, caption);
     error = view_close(page, "out/16_walk.html");
+    page = NULL;
     printf("new intersections: %d\n", after > before ? after - before : 0);
 end:
     if (status || error) fprintf(stderr, "%s\n", error ? error : cloth_status_text(status));
+    view_free(page);
     cloth_collide_destroy(collide), cloth_sim_destroy(sim), cloth_model_destroy(model);
     cloth_mesh_destroy(&desc.hooks, garment), cloth_mesh_destroy(NULL, w.mesh);
     shapes_shirt_free(&shirt), shapes_body_free(&w.shape);

@@ -284,7 +284,7 @@ static double value(const double *p, double *g, void *user) {
         const cloth_layer  o = layer(q, b, n, q->x + b * SIZE);
         cloth_layer_report r;
         status = cloth_layer_loss(q->s.sim, &o, &L, q->g + b * SIZE, &r);
-        q->failed += r.failed;
+        if (!status) q->failed += r.failed;
     }
     for (int k = from; k < to && !status; k++)
         status = cloth_graph_vjp(NULL, q->graph, q->drape, p + (k - from) * NP, q->g + k * SIZE,

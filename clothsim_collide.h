@@ -7765,10 +7765,10 @@ static cloth_status clothi_obstacle_fill(cloth_collide *c, clothi_obstacle *o,
     o->grid = d->kind == CLOTH_OBSTACLE_GRID ? d->grid : NULL;
     if (o->grid) {
         const int   *n = o->grid->n;
-        const double size[2] = {o->grid->cell, o->grid->band};
+        const double span[2] = {o->grid->cell, o->grid->band};
         o->shape = clothi_hash(o->shape, n, sizeof o->grid->n);
         o->shape = clothi_hash(o->shape, o->grid->origin, sizeof o->grid->origin);
-        o->shape = clothi_hash(o->shape, size, sizeof size);
+        o->shape = clothi_hash(o->shape, span, sizeof span);
         o->shape = clothi_hash(o->shape, o->grid->phi,
                                (size_t)n[0] * (size_t)n[1] * (size_t)n[2] * sizeof(double));
     }

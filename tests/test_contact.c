@@ -193,14 +193,20 @@ static void pressed(void) {
 
 /* --- momentum --- */
 
-/* Changes that the zones made to the candidate's momenta, to the sum of the sizes: linear, angular
- * about the centre of mass. */
+/* Changes that the zones made to the candidate's momenta, to the sum of the sizes: linear, what the
+ * coordinates' rounding leaves aside, angular about the centre of mass. */
 static void zone_momenta(const cloth_collide *c, const double *mass, double *linear,
                          double *angular) {
     double p[3] = {0, 0, 0}, l[3] = {0, 0, 0}, centre[3] = {0, 0, 0}, total = 0, sum = 0, turn = 0;
+    double rounding = 0, size_p;
     int    i, k;
     for (i = 0; i < c->nv; i++)
-        for (total += mass[i], k = 0; k < 3; k++) centre[k] += mass[i] * c->xb[3 * i + k];
+        for (total += mass[i], k = 0; k < 3; k++) {
+            const double at = mass[i] * c->xb[3 * i + k];
+            centre[k] += at;
+            rounding += at * at;
+        }
+    rounding = 2.2e-16 * sqrt(rounding);
     for (i = 0; i < c->nv; i++) {
         double d[3], r[3], size = 0, arm = 0;
         for (k = 0; k < 3; k++) {
@@ -215,7 +221,8 @@ static void zone_momenta(const cloth_collide *c, const double *mass, double *lin
         sum += sqrt(size);
         turn += sqrt(size * arm);
     }
-    *linear = sum > 0 ? sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / sum : 0;
+    size_p = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+    *linear = size_p > rounding ? (size_p - rounding) / sum : 0;
     *angular = turn > 0 ? sqrt(l[0] * l[0] + l[1] * l[1] + l[2] * l[2]) / turn : 0;
 }
 

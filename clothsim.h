@@ -458,8 +458,8 @@ typedef enum cloth_bend_model {
 typedef enum cloth_integrator {
     CLOTH_INTEGRATOR_LEAPFROG = 1,          /* explicit, order 2, no matrix                    */
     CLOTH_INTEGRATOR_EULER    = 2,          /* implicit, order 1, damps (default)              */
-    CLOTH_INTEGRATOR_BDF2     = 3           /* implicit, order 2; by Euler at another h than the
-                                               last and after an impact: report.restarts       */
+    CLOTH_INTEGRATOR_BDF2     = 3           /* implicit, order 2; by Euler at a new h, after a
+                                               write or impact, for energy from nowhere [9.3]  */
 } cloth_integrator;
 
 typedef enum cloth_contact_rung {
@@ -939,7 +939,7 @@ CLOTH_API void         cloth_sim_destroy(cloth_sim *sim);                   /* N
  *   CLOTH_OK             CLOTH_STEP_ASLEEP              as before but for t (desc.sleep)
  *   CLOTH_ERR_STEP       CLOTH_STEP_STALLED             as before (no decrease found; LEAPFROG:
  *       desc.substeps too few for its stability limit, or more than 1000000 substeps needed; BDF2:
- *       energy from nowhere, by implicit Euler too)
+ *       energy from nowhere, by implicit Euler too, whose search was cut short)
  *   CLOTH_ERR_STEP       CLOTH_STEP_COLLISION_FAILED    as before
  *   CLOTH_ERR_NONFINITE  CLOTH_STEP_NONE                as before; report.vertex
  *   CLOTH_ERR_MEMORY, CLOTH_ERR_CANCELLED   ..._NONE    as before
@@ -10891,8 +10891,8 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
  * the params, another h, and any step with an active contact row (a position projection under BDF2
  * rebounds); the next substep is then one of implicit Euler. A search that stops early (max_newton,
  * a loose tolerance) leaves what the next prediction enlarges: with one iteration a step a sheet of
- * 1 m got 1e15 m away in 300. The ledger shows such a step, and it is taken again: clothi_booked()
- * [9.5].
+ * 1 m got 1e15 m away in 300. The ledger shows such a step, and one of motion that h hardly
+ * resolves (a pin's of 3 Hz at h = 1/30 s), and it is taken again: clothi_booked() [9.5].
  *
  * Statics: eta infinite. H may be singular (a free cloth) or indefinite (compression), so the
  * solve is (H + sigma M) dx = -g with sigma falling tenfold on success and rising on failure:
@@ -12192,7 +12192,7 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
 }
 
 #define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
-#define CLOTHI_GROWN  0.5                   /* the same in a step of implicit Euler: given up  */
+#define CLOTHI_GROWN  0.5                   /* the same in a step of Euler that is cut short   */
 
 /* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever. Not
  * looked at where a host's term may work unseen. */
@@ -12203,7 +12203,9 @@ static int clothi_watched(const cloth_sim *s, double h) {
 
 /* A run with its ledger. A step of BDF2 that gains energy which no work explains is taken again by
  * implicit Euler, which forgets, as the next one does; where time is up the next one alone. What
- * contact and friction take does not count: in a search that was cut short it did not happen. */
+ * that solves to the tolerance stands: pins and attachments are booked by the forces at its end,
+ * which may turn in it. What contact and friction take does not count: in a search that was cut
+ * short it did not happen. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
     const double least = CLOTHI_REST * s->model->desc.tolerance / h;    /* m/s: rest rounds to it */
@@ -12217,7 +12219,9 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
         most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
         most += s->total * least * least;
-        if (status || !clothi_watched(s, h) || gain <= most) break;
+        if (status || !clothi_watched(s, h) || gain <= most ||
+            (s->calm && s->report.outcome == CLOTH_STEP_CONVERGED))
+            break;
         if (s->finish) {                    /* v is that of BDF2, whose history stays for a tape */
             s->still = s->h_prev = 0;
             break;
@@ -12225,7 +12229,7 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
         if (s->calm) {
             s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
-                               "desc.max_newton or tolerance?", gain);
+                               "desc.max_newton?", gain);
         }
         clothi_put_back(s, NULL);
         memset(&s->report.energy, 0, sizeof s->report.energy);

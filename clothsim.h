@@ -8297,15 +8297,20 @@ CLOTHI_OUTLINE static double clothi_rest_area(const double *X, int f) {
     return 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
 }
 
-/* A mesh may pass every check and still be too small or large for its areas, or their inverses. */
-static cloth_status clothi_check_areas(const cloth_hooks *hooks, const char *name, const double *X,
-                                       int nf) {
+/* A mesh may pass every check and still be too small or large for its areas, or their inverses;
+ * the same of masses lumped from `material`, NULL: they are given. */
+static cloth_status clothi_check_areas(const cloth_model *m, const char *name, const double *X,
+                                       const cloth_material *material) {
     int f;
-    for (f = 0; f < nf; f++) {
+    for (f = 0; f < m->nf; f++) {
         const double area = clothi_rest_area(X, f);
+        const double mass = material ? area * material[m->region[f]].density / 3 : 1;
         if (!(area > 1e-300 && area < 1e300))
-            return clothi_fail(hooks, CLOTH_ERR_MESH, "%s: triangle %i has rest area %g, not > 0 "
-                               "and in the range of doubles: choose other units", name, f, area);
+            return clothi_fail(&m->hooks, CLOTH_ERR_MESH, "%s: triangle %i has rest area %g, not > "
+                               "0 and in the range of doubles: choose other units", name, f, area);
+        if (!(mass > 1e-300 && mass < 1e300))
+            return clothi_fail(&m->hooks, CLOTH_ERR_ARGUMENT, "material[%i].density: triangle %i "
+                               "has masses of %g kg: choose other units", m->region[f], f, mass);
     }
     return CLOTH_OK;
 }
@@ -8612,7 +8617,8 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
     m->nregions = desc->nregions > 0 ? desc->nregions : 1;
     status = clothi_model_copy(m, desc);
     if (!status)
-        status = clothi_check_areas(&m->hooks, desc->X ? "desc.X" : "desc.x_rest", m->X, m->nf);
+        status = clothi_check_areas(m, desc->X ? "desc.X" : "desc.x_rest", m->X,
+                                    m->vertex_mass ? NULL : m->material);
     m->desc.x_rest = m->desc.X = m->desc.x = m->desc.v = m->desc.vertex_mass = NULL;
     m->desc.faces = m->desc.part = m->desc.region = NULL;
     m->desc.materials = NULL, m->desc.pins = NULL, m->desc.ties = NULL;
@@ -9187,7 +9193,8 @@ static cloth_status clothi_check_params(const cloth_sim *s, const cloth_params *
                                  "params.theta0[%i] = %g: CLOTH_BEND_QUADRATIC is flat at rest", i,
                                  p->theta0[i]);
     if (!status) status = clothi_check_vector(hooks, "params.X", p->X, 6 * m->nf);
-    if (!status) status = clothi_check_areas(hooks, "params.X", p->X, m->nf);
+    if (!status)
+        status = clothi_check_areas(m, "params.X", p->X, p->mass_given ? NULL : p->material);
     if (status || !p->mass_given) return status;
     return clothi_check_each(hooks, "params.mass", p->mass, m->nv, 0, 1);
 }
@@ -12553,14 +12560,17 @@ CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]) {
 }
 
 CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const cloth_material *m) {
-    cloth_status status;
+    cloth_material old;
+    cloth_status   status;
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (!m) return clothi_null(&sim->hooks, "cloth_sim_set_material: m");
     status = clothi_check_count(&sim->hooks, "cloth_sim_set_material: ", "region", region, 0,
                                 sim->model->nregions - 1);
-    if (!status) status = cloth_material_check(&sim->hooks, m, region);
     if (status) return status;
-    sim->params.material[region] = *m;
+    old = sim->params.material[region], sim->params.material[region] = *m;
+    status = clothi_check_params(sim, &sim->params);
+    if (status) sim->params.material[region] = old;
+    if (status) return status;
     clothi_derive(sim);
     clothi_forget(sim);
     return CLOTH_OK;

@@ -160,7 +160,7 @@ static void refused_params_change_nothing(void) {
     cloth_material m;
     int            kind, k;
     FOR_INTEGRATORS(kind)
-        for (k = 0; k < 7; k++) {
+        for (k = 0; k < 8; k++) {
             cloth_params *p;
             open_as((cloth_integrator)kind, WITH_PINS | WITH_NOISE);
             CHECK(cloth_sim_create(S.model, &twin) == CLOTH_OK);
@@ -176,6 +176,7 @@ static void refused_params_change_nothing(void) {
             if (k == 4) p->hinge_scale[1] = -2;
             if (k == 5) p->theta0[1] = NAN;
             if (k == 6) p->material[0].density = 0;
+            if (k == 7) p->material[0].density = 1e-322;    /* masses of 0 */
             p->theta0[0] = 1;                           /* good, but in bad company */
             CHECK(kept(cloth_sim_params_changed(S.sim),
                        k == 1 || k == 2 || k == 5 ? CLOTH_ERR_NONFINITE
@@ -183,6 +184,8 @@ static void refused_params_change_nothing(void) {
                        k < 2 ? "mass[2]" : k == 2 ? "X[8]" : k == 3 ? "triangle 1"
                              : k == 4 ? "hinge_scale[1]" : k == 5 ? "theta0" : "density"));
             memset(&m, 0, sizeof m);
+            CHECK(kept(cloth_sim_set_material(S.sim, 0, &m), CLOTH_ERR_ARGUMENT, "density"));
+            m = S.desc.material, m.density = 1e-322;
             CHECK(kept(cloth_sim_set_material(S.sim, 0, &m), CLOTH_ERR_ARGUMENT, "density"));
             CHECK(kept(cloth_sim_set_material(S.sim, 1, &m), CLOTH_ERR_ARGUMENT, "region = 1"));
             CHECK(kept(cloth_sim_set_material(S.sim, 0, NULL), CLOTH_ERR_ARGUMENT, ""));

@@ -195,6 +195,7 @@ static void bad_material(void) {
     row[] = {
         {"density", offsetof(cloth_material, density), 0, "0", 0},
         {"density", offsetof(cloth_material, density), -0.5, "-0.5", 0},
+        {"density", offsetof(cloth_material, density), 1e-322, "masses of 0 kg", 0},
         {"density", offsetof(cloth_material, density), NAN, "NaN", 1},
         {"young", offsetof(cloth_material, young), -1, "-1", 0},
         {"young", offsetof(cloth_material, young), INFINITY, "inf", 1},

@@ -1194,7 +1194,7 @@ CLOTH_API cloth_status cloth_mesh_cylinder(const cloth_hooks *hooks, double radi
 
 /* For soups: a copy in which vertices within `distance` m (> 0) of an earlier one that stays are
  * that one. Faces that lose a corner go; X and parts stay with their faces, render corners and
- * names do not. Then, as a rule:                                                           [4.6] */
+ * names do not. _NONFINITE: a vertex. Then, as a rule:                                     [4.6] */
 CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mesh *mesh,
                                        double distance, cloth_mesh **out);
 /* Turns faces, in place, until neighbours agree and closed pieces look outwards; an open piece
@@ -3655,6 +3655,7 @@ CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mes
     if (!mesh) return clothi_null(hooks, "cloth_mesh_weld: mesh");
     status = clothi_check_size(hooks, "distance", distance);
     if (!status) status = clothi_mesh_arrays(hooks, mesh, -1);
+    if (!status) status = clothi_check_vector(hooks, "x", mesh->x, 3 * mesh->nv);
     if (status) return status;
     m = clothi_mesh_alloc(hooks, mesh->nv, mesh->nf, mesh->X != NULL, mesh->part ? mesh->npart : 0,
                           0, 0);

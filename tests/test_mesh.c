@@ -565,8 +565,9 @@ static void orient_beside_edges_of_many_faces(void) {
     CHECK(cloth_mesh_orient(NULL, w, &turned) == CLOTH_OK && turned == b->nf);
     CHECK_NEAR(volume6(w, 0, a->nf), 6, 1e-14);
     CHECK_NEAR(volume6(w, a->nf, w->nf), 6, 1e-14);
-    cloth_mesh_destroy(NULL, w), cloth_mesh_destroy(NULL, both);
-    cloth_mesh_destroy(NULL, b), cloth_mesh_destroy(NULL, a);
+    cloth_mesh_destroy(NULL, w), both->x[4] = NAN;
+    CHECK(cloth_mesh_weld(NULL, both, 1e-9, &w) == CLOTH_ERR_NONFINITE && !w);
+    cloth_mesh_destroy(NULL, both), cloth_mesh_destroy(NULL, b), cloth_mesh_destroy(NULL, a);
     CHECK(cloth_mesh_ball(NULL, 1, 16, &a) == CLOTH_OK);    /* a face of it copied */
     inside_out(a);
     faces = (int *)malloc(3 * sizeof *faces * (size_t)(a->nf + 1));

@@ -8747,6 +8747,7 @@ struct cloth_sim {
     double        contact_energy;           /* J, in the last value of the objective           */
     double       *landing;                  /* [2 x nv x 3] LEAPFROG, of a tape: x, v that contact
                                                is given in this substep; NULL: not wanted      */
+    double        fraction;                 /* of their way that targets are: cloth_collide_step */
     int           finish;                   /* the host's time is up                           */
     int           balance;                  /* a report is wanted: keep the ledger             */
     /* solver */
@@ -9294,7 +9295,7 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     if (!s) return clothi_fail(&model->hooks, CLOTH_ERR_MEMORY, "no memory for the sim");
     s->model = model, s->hooks = model->hooks, s->hooks.allocator.alloc = clothi_counted_alloc;
     s->hooks.allocator.free = clothi_counted_free, s->hooks.allocator.user = s;
-    s->own.hooks = &s->hooks;
+    s->own.hooks = &s->hooks, s->fraction = 1;
     status = clothi_fields_need(s, CLOTHI_LATE);
     for (i = 0; i < 2 && !status; i++) {
         const clothi_group *g = i ? &model->bend : &model->membrane;

@@ -8024,11 +8024,12 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
     if (!targets) return r->status;         /* as the whole step said */
     (void)clothi_targets(c, targets, 0);
     for (k = 0; k < halvings && clothi_shortens(r); k++) {
-        part *= 0.5;
+        c->sim->fraction = part *= 0.5;
         (void)clothi_targets(c, targets, part);
         status = cloth_step(c->sim, h * part, r);
     }
     (void)clothi_targets(c, targets, 1);
+    c->sim->fraction = 1;
     if (!status) c->report.fraction = part;
     clothi_free(c->hooks, targets);
     return status;
@@ -9324,6 +9325,8 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
     cloth_collide  *c = (cloth_collide *)user;
     clothi_adjoint *to = c->adjoint;
     const size_t    n = 3 * (size_t)(c->nw - c->nv), parts = (size_t)c->desc.nparts;
+    const double    rest = 1 - c->sim->fraction;    /* of their ways, that obstacles were left */
+    size_t          i;
     int             o;
     if (what == CLOTH_ADJOINT_PASS) {
         c->until = k;
@@ -9334,6 +9337,10 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
             memset(out->friction, 0, (size_t)(1 + c->nobstacle) * sizeof(double));
         if (out->part_friction) memset(out->part_friction, 0, parts * sizeof(double));
         return clothi_adjoint_open(c);
+    }
+    for (i = 0; i < n && what == CLOTH_ADJOINT_STEP; i++) {
+        to->pose[1][i] += rest * to->pose[0][i];
+        to->pose[0][i] *= c->sim->fraction;
     }
     if (what == CLOTH_ADJOINT_STEP) clothi_back_carried(c, out->attach);
     for (o = 0; out && out->obstacle && o < c->nobstacle; o++)

@@ -200,10 +200,10 @@ struct cloth_obstacle;                      /* clothsim_collide.h               
 /* Where results go: the caller's arrays; NULL: not wanted. Written, not added to. Per region, in
  * the units of cloth_material: the derivative by young*thickness (or by membrane where that is
  * used) is `membrane`, by D `bending`; where D follows from the other fields (bending < 0) they get
- * its share. What is given anew at every step has a derivative by its value at each step: one that
- * is kept over many steps has the sum of those. Parameters of a host's own term are its own: its
- * vjp adds a' d(grad)/d{..} to arrays behind its `user` where out->own is 1, once a substep; after
- * the call they hold the derivative of the loss. */
+ * its share. What is given anew at every step has a derivative by its value at each step, as given
+ * (cloth_collide_step may go a part of the way): one that is kept over many steps has the sum of
+ * those. Parameters of a host's own term are its own: its vjp adds a' d(grad)/d{..} to arrays that
+ * its `user` has, where out->own is 1, once a substep; then they hold the loss's derivative. */
 typedef struct cloth_grad {
     double *x0, *v0;            /* [nv x 3]    start; pins' targets, ties' offsets and poses of
                                    attachments stay                                            */
@@ -218,8 +218,8 @@ typedef struct cloth_grad {
                                    where ties are, at the leader                               */
     double *friction;           /* [1 + obstacles]                                             */
     void  (*obstacle)(int k, struct cloth_obstacle id, const double *g_x_end, void *user);
-    void   *user;               /* of obstacle: k = n .. 1, by its vertices at the end of recorded
-                                   step k; then k = 0, by them at the start                    */
+    void   *user;               /* of obstacle: k = n .. 1, by where recorded step k was to take
+                                   its vertices; then k = 0, by them at the start              */
     double *part_friction;      /* [parts] by cloth_collide_part.friction                      */
     double *hinge_scale;        /* [nh]                                                        */
     double *attach;             /* [steps x max_attachments x 3] by the targets                */
@@ -518,7 +518,7 @@ enum { CLOTHI_TAPE_RECORD, CLOTHI_TAPE_DEAF, CLOTHI_TAPE_TRACE };
 enum { CLOTHI_HOW_EULER = 1, CLOTHI_HOW_KEPT = 2, CLOTHI_HOW_SQUEEZED = 4 };
 
 typedef struct clothi_taped {               /* one step                                        */
-    double   h;                             /* s; 0: statics                                   */
+    double   h, fraction;                   /* s, 0: statics; as the sim's                     */
     int      dropped;                       /* before it: bit 1 history, bit 2 sleep           */
     int      asleep;                        /* it moved t alone                                */
     int      params;                        /* its params are others than the step's before    */
@@ -814,13 +814,12 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     }
     if (t->mode == CLOTHI_TAPE_RECORD && host->step) host->step(host->user, r);
     if (t->mode != CLOTHI_TAPE_RECORD || t->ended) return;
-    if (!clothi_tape_grow(t)) {
+    if (t->lost || !clothi_tape_grow(t) || !clothi_tape_take(t, r, t->step + t->n)) {
         clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
         return;
     }
     e = t->step + t->n;
-    memset(e, 0, sizeof *e);
-    e->h = r->h;
+    e->h = r->h, e->fraction = t->sim->fraction;
     e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
     e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
                t->sim->still >= t->sim->model->desc.sleep;
@@ -831,10 +830,6 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     if (t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG)
         t->path = clothi_max_size(t->path, (size_t)(e->substeps + 1) * clothi_tape_each(t) *
                                                sizeof(double));
-    if (t->lost || !clothi_tape_take(t, r, e)) {
-        clothi_tape_end(t, CLOTH_ERR_MEMORY, "no memory");
-        return;
-    }
     if (t->n) moved = clothi_tape_moved(t->sim, t->end, t->start);
     if (moved < 0) {
         clothi_tape_end(t, CLOTH_ERR_ARGUMENT, "the state was moved by something else than a step "
@@ -1033,7 +1028,7 @@ CLOTH_API const char *cloth_tape_ended(const cloth_tape *tape) {
 /* ===== [4.1] A SUBSTEP, LINEARISED ===========================================================
  *
  *   x: free axes       M (x - y)/eta^2 + dE/dx = 0
- *      pinned axes     x = x0 + share (target - x0),   x0 at the start of the step
+ *      pinned axes     x = x0 + share fraction (target - x0),   x0 at the start of the step
  *      followers       x = x_leader + constant         x = T (leaders) + constant
  *   y = yx x^n + yv v^n + yp x^(n-1) + yw v^(n-1)      (free axes and followers)
  *   v = vx x + vn x^n + vp x^(n-1)
@@ -1133,7 +1128,7 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  *   dL/dy     =  weight M z                          to nx nv np nw by the weights of y
  *   dL/dm     = -weight z (x - y)
  *   dL/dp     = -z' d(grad E)/dp                     the terms' vjp of -z: x^n and v^n among p
- *   dL/dgoal  =  T'(a - H z) on pinned axes          to the target by share, to x0 by 1 - share
+ *   dL/dgoal  =  T'(a - H z) on pinned axes          to the target by share fraction, else to x0
  *   nx += vn lv + lp,   np += vp lv,   nw += 0,   nv += lw
  *
  * Why -z' d(grad)/dp. H dx = -d(grad)/dp dp on free axes, so a.dx = a' H^-1 (-d(grad)/dp dp) =
@@ -1144,8 +1139,8 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * whose Jacobian is H + W, W = d(grad)/dx^n, not symmetric. (H + W)' z = a is iterated as the
  * forward search is: H z <- a - W' z.
  *
- * Attachments pull to pose + share (target - pose); the pose is the last step's target, or the
- * point itself where it was attached since; at the tape's start it is a constant.
+ * Attachments pull to pose + share fraction (target - pose); the pose is where the last step took
+ * it, or the point itself where it was attached since; at the tape's start it is a constant.
  *
  * Contact's vjp gives J'z alone for J = dF/dx, F its forces with all that Newton's search lags
  * taken at x, where it has arrived. J'z = a by GCR [EES83] with the factor of H,
@@ -1662,8 +1657,9 @@ static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const
 }
 
 /* Goals of attachments, for a force by -z: a = -z. */
-static void clothi_grad_goals(clothi_grad *g, const double *a, double share) {
+static void clothi_grad_goals(clothi_grad *g, const double *a) {
     const cloth_sim *s = g->s;
+    const double     share = s->fraction * s->in.share[1];
     double           ap[3], w[6];
     int              i, j, v[6];
     for (i = 0; i < s->in.nattach; i++) {
@@ -1742,7 +1738,7 @@ static cloth_status clothi_grad_wind(clothi_grad *g, const clothi_line *line, co
 /* Goals of pins, z and H z known: to targets and to the start of the step. */
 static void clothi_grad_pins(clothi_grad *g, const double *b, int k) {
     const cloth_sim *s = g->s;
-    const double     share = s->in.share[1];
+    const double     share = s->fraction * s->in.share[1];
     size_t           i;
     for (i = 0; i < g->t->nv3; i++) {
         const double goal = b[i] - g->q[i];
@@ -1766,7 +1762,7 @@ static cloth_status clothi_grad_spread(clothi_grad *g, clothi_line *line, int k)
         g->mass[i / 3] -= wz * (s->w.x[i] - s->w.y[i]);
         g->a[i] = -g->z[i];
     }
-    clothi_grad_goals(g, g->a, s->in.share[1]);
+    clothi_grad_goals(g, g->a);
     line->goal.e.grad = NULL;
     line->goal.e.hess = NULL;
     line->goal.e.x = s->w.x;
@@ -2195,7 +2191,7 @@ static cloth_status clothi_leap_back(clothi_grad *g, double hs, const double *x,
             g->lv[i] -= hs * g->z[i];
         }
     }
-    clothi_grad_goals(g, g->a, g->s->in.share[1]);
+    clothi_grad_goals(g, g->a);
     return status ? status : clothi_grad_terms(g, &o, g->a, k, CLOTHI_TERM_FORCE, g->s->nterms,
                                                g->lx, g->lv);
 }
@@ -2241,13 +2237,13 @@ static cloth_status clothi_leap_adjoint(clothi_grad *g, double h, const double *
         s->in.share[1] = s->in.share[0];
         for (i = 0; i < n && j < m; i++)
             if (!(s->pin[i / 3] >> i % 3 & 1)) g->lv[i] += hs * g->lx[i];
-        clothi_leap_held(g, h, (double)(j + 1) / m, j < m, k);
+        clothi_leap_held(g, h / s->fraction, s->fraction * (j + 1) / m, j < m, k);
         for (i = 0; i < n && touches && j < m; i++) g->lx[i] += g->np[i];
         if (status) break;
         clothi_leap_impulse(g, j == 0 || j == m ? 0.5 * hs : hs, v, after);
         status = clothi_leap_back(g, hs, x, v, k);
     }
-    clothi_leap_held(g, h, 0, 0, k);        /* v of pins is set before the first kick */
+    clothi_leap_held(g, h / s->fraction, 0, 0, k);  /* v of pins is set before the first kick */
     return status;
 }
 
@@ -2494,29 +2490,31 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     const size_t        n = g->t->nv3, bytes = n * sizeof(double);
     const clothi_taped *e = g->t->step + k;
     const size_t        na = 3 * (size_t)g->s->model->desc.max_attachments;
+    const int           moves = !e->asleep && !clothi_all_zero(g->lx, 4 * n);
     cloth_status        status = clothi_cancelled(&g->t->hooks, NULL);
     size_t              i;
-    memcpy(g->aim, g->pose, na * sizeof(double));       /* poses after a step are its targets */
-    memset(g->pose, 0, na * sizeof(double));
+    g->s->fraction = e->fraction;
+    for (i = 0; i < na; i++) {              /* poses after a step are that part of the way */
+        g->aim[i] = e->fraction * g->pose[i];
+        g->pose[i] -= g->aim[i];
+    }
     memset(g->x0, 0, bytes);
-    if (!status && !e->asleep && !clothi_all_zero(g->lx, 4 * n)) {
-        if (e->inexact) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
+    if (!status && (moves || e->params || !clothi_all_zero(g->aim, na)))
         status = clothi_grad_put(g, k, slot);
-        if (!status && g->s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG) {
+    if (!status && moves) {
+        if (e->inexact) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
+        if (g->s->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG) {
             status = clothi_leap_path(g, k, slot);
             if (!status) status = clothi_leap_adjoint(g, e->h, g->v, g->t->traced, k);
             if (g->s->contact_on) g->s->contact.rollback(g->s->contact.user, NULL);
-        } else if (!status)
-            status = clothi_grad_implicit(g, k, slot);
-        memcpy(g->x, slot, bytes);
+        } else status = clothi_grad_implicit(g, k, slot);
         for (i = 0; i < n; i++) g->lx[i] += g->x0[i];
-        clothi_grad_poses(g, g->x, g->lx);
-    } else if (!status && (e->params || !clothi_all_zero(g->aim, na)))
-        status = clothi_grad_put(g, k, slot);
+    }
+    memcpy(g->x, slot, bytes);
+    if (g->at == k) clothi_grad_poses(g, g->x, g->lx);
     if (g->out->attach) memcpy(g->out->attach + (size_t)k * na, g->aim, na * sizeof(double));
     if (!status && e->params) clothi_grad_flush(g);     /* steps before it have others */
     if (!status) status = clothi_grad_adjoint(g, CLOTH_ADJOINT_STEP, k + 1);
-    memcpy(g->x, slot, bytes);
     memcpy(g->v, slot + bytes + CLOTHI_PAD8(bytes), bytes);
     return status ? status : clothi_grad_loss(g, k, w->loss, w->user);
 }
@@ -2648,7 +2646,7 @@ static void clothi_grad_keep(clothi_grad *g, int verb) {
     (void)clothi_tape_walk(s, CLOTHI_MOTION, verb, g->kept_motion);
     if (verb != CLOTHI_LOAD) return;
     clothi_derive(s);
-    s->known = 0;
+    s->known = 0, s->fraction = 1;
     s->rested.outcome = CLOTH_STEP_NONE;
 }
 
@@ -2890,17 +2888,19 @@ static cloth_status clothi_tangent_terms(clothi_grad *g, const clothi_check *c, 
     return status;
 }
 
-/* Poses of attachments that are points of x where the step begins, d of them x0: forces by them. */
+/* Poses of attachments, d of them g->pose, of those that are points of x where the step begins x0:
+ * forces by them. */
 static void clothi_tangent_poses(clothi_grad *g) {
     const cloth_sim *s = g->s;
+    const double     rest = 1 - s->fraction * s->in.share[1];
     double           p[3], w[6];
     int              i, j, n, v[6];
     for (i = 0; i < s->in.nattach; i++) {
         const cloth_step_attachment *a = s->in.attach + i;
         n = clothi_attach_gap(s->model, NULL, a, g->x0, v, w, p);
-        if (!n || !clothi_grad_fresh(g, i)) continue;
+        if (n && clothi_grad_fresh(g, i)) memcpy(g->pose + 3 * i, p, sizeof p);
         for (j = 0; j < 3 * n; j++)
-            g->q[3 * v[j / 3] + j % 3] -= (1 - s->in.share[1]) * a->k * w[j / 3] * p[j % 3];
+            g->q[3 * v[j / 3] + j % 3] -= rest * a->k * w[j / 3] * g->pose[3 * i + j % 3];
     }
 }
 
@@ -2915,7 +2915,7 @@ static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clot
     if (!status) clothi_tangent_poses(g);
     for (i = 0; i < n; i++)
         g->lv[i] = s->pin[i / 3] >> i % 3 & 1 && !(s->model->tie && s->model->tie[i] >= 0)
-                       ? (1 - s->in.share[1]) * g->x0[i] : 0;
+                       ? (1 - s->fraction * s->in.share[1]) * g->x0[i] : 0;
     memcpy(g->nx, g->lv, n * sizeof(double));
     clothi_tie_spread(s->model, g->nx);
     if (!status && touches)
@@ -3048,11 +3048,11 @@ static cloth_status clothi_tangent_leap(clothi_grad *g, clothi_check *c, int k) 
         clothi_input(s, hs, (double)j / m, share);
         s->in.x = x, s->in.v = x + n, s->in.share[1] = s->in.share[0];
         for (i = 0; i < n; i++)
-            if (s->pin[i / 3] >> i % 3 & 1) c->dv[i] = -g->x0[i] / h;
+            if (s->pin[i / 3] >> i % 3 & 1) c->dv[i] = -s->fraction * g->x0[i] / h;
         status = clothi_tangent_kick(g, c, hs, j == 0 || j == m ? 0.5 * hs : hs, x, x + n);
         memcpy(c->dp, c->dx, n * sizeof(double));
         for (i = 0; i < n && j < m; i++)
-            c->dx[i] = s->pin[i / 3] >> i % 3 & 1 ? (1 - share) * g->x0[i]
+            c->dx[i] = s->pin[i / 3] >> i % 3 & 1 ? (1 - s->fraction * share) * g->x0[i]
                                                   : c->dx[i] + hs * c->dv[i];
         s->in.share[1] = share;
         if (!status && s->contact_on && j < m)
@@ -3082,6 +3082,7 @@ static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
         const unsigned char *end = k + 1 < t->n ? t->step[k + 1].slot : t->end;
         const double *ends = (const double *)(const void *)(e->slot + t->motion);
         memcpy(g->x0, c->dx, n * sizeof(double));
+        s->fraction = e->fraction;
         status = clothi_grad_put(g, k, e->slot);
         if (!status && leap && !e->asleep) status = clothi_tangent_leap(g, c, k);
         if (!status && m) status = clothi_keep(s);
@@ -3094,6 +3095,7 @@ static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
             if (!status) status = clothi_line_close(s, &line);
         }
         if (e->slept) memset(c->dv, 0, n * sizeof(double));
+        for (i = 0; i < 3 * s->model->desc.max_attachments; i++) g->pose[i] *= 1 - e->fraction;
         clothi_check_weigh(c, k + 1, c->dx, c->dv);
     }
     return status;

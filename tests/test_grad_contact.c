@@ -328,6 +328,173 @@ static void pins_stay(void) {
     }
 }
 
+/* --- steps that are shortened --- */
+
+enum { PART_X0, PART_PIN, PART_ATTACH, PART_BOX, PART_CAUSES, PART_NV = 25, PART_STEPS = 3,
+       PART_SLOTS = 2 };
+
+typedef struct part_way {                   /* `by`: what is moved, by eps times its direction */
+    cloth_mesh     *mesh;
+    cloth_model    *model;
+    cloth_sim      *sim;
+    cloth_collide  *c;
+    cloth_obstacle  box;
+    double          box_x[24];              /* m, at the start                                 */
+    int             by, shortened;          /* steps                                           */
+    double          eps, sum;               /* of the loss                                     */
+    double          along;                  /* derivative by the box along its direction       */
+} part_way;
+
+static double part_dir(int by, int i) {
+    return 1e-3 * touch_noise(7001u * (unsigned)by + (unsigned)i);
+}
+
+static double part_moved(const part_way *p, int by, int i) {
+    return p->by == by ? p->eps * part_dir(by, i) : 0;
+}
+
+static void part_loss(int k, const double *x, const double *v, double *gx, double *gv,
+                      void *user) {
+    part_way *p = (part_way *)user;
+    int       i;
+    for (i = 0; i < 3 * PART_NV; i++) {
+        const double a = touch_noise(31u + (unsigned)(3 * PART_NV * k + i));
+        p->sum += a * (x[i] + 0.01 * v[i]);
+        if (gx) gx[i] += a, gv[i] += 0.01 * a;
+    }
+}
+
+static void part_box(int k, cloth_obstacle id, const double *g_x_end, void *user) {
+    part_way *p = (part_way *)user;
+    int       i;
+    CHECK(id.id == p->box.id);
+    for (i = 0; i < 24; i++) p->along += g_x_end[i] * part_dir(PART_BOX, 24 * k + i);
+}
+
+/* The middle of a sheet is sent into a box that comes up and carries a point of the sheet; another
+ * point is drawn down from the second step on. */
+static cloth_status part_run(cloth_sim *sim, void *user) {
+    static const double at[3] = {0.25, 0.35, 0.4};
+    part_way        *p = (part_way *)user;
+    cloth_attachment hook;
+    cloth_report     r;
+    cloth_status     status = CLOTH_OK;
+    double           x[24], to[3];
+    int              k, i;
+    hook.id = 0;
+    for (k = 0; k < PART_STEPS && !status; k++) {
+        for (i = 0; i < 3; i++)
+            to[i] = p->mesh->x[36 + i] - 0.03 * (i == 1) +
+                    part_moved(p, PART_PIN, 3 * PART_NV * k + 36 + i);
+        CHECK(!cloth_sim_pin(sim, 12, CLOTH_AXIS_ALL, to));
+        for (i = 0; i < 3; i++)
+            to[i] = 0.05 * i - 0.03 * k + part_moved(p, PART_ATTACH, 3 * PART_SLOTS * k + 3 + i);
+        if (k == 1) CHECK(!cloth_sim_attach(sim, 20, at, 4, to, &hook));
+        if (k > 1) CHECK(!cloth_sim_attach_move(sim, hook, to));
+        for (i = 0; i < 24; i++)
+            x[i] = p->box_x[i] + 1e-3 * (k + 1) * (i % 3 == 1) - part_moved(p, PART_BOX, i) +
+                   part_moved(p, PART_BOX, 24 * (k + 1) + i);
+        CHECK(!cloth_collide_move(p->c, p->box, x));
+        status = cloth_collide_step(p->c, 0.01, 6, &r);
+        p->shortened += cloth_collide_last(p->c).fraction < 1;
+        part_loss(k + 1, cloth_sim_state(sim)->x, cloth_sim_state(sim)->v, NULL, NULL, p);
+    }
+    return status;
+}
+
+static void part_open(part_way *p, cloth_integrator by, int substeps) {
+    static const double middle[3] = {0.1, -0.07, 0.1}, half[3] = {0.08, 0.05, 0.08};
+    static const double at[3] = {0.25, 0.35, 0.4};
+    const cloth_pin     pin = {12, CLOTH_AXIS_ALL};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_desc          d = cloth_desc_default();
+    cloth_attachment    id;
+    int                 i;
+    CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 5, 5, 0.2, 0.2, &p->mesh));
+    cloth_desc_set_mesh(&d, p->mesh);
+    d.npins = 1, d.pins = &pin, d.max_attachments = PART_SLOTS;
+    d.integrator = by, d.substeps = substeps, d.tolerance = 1e-12;
+    d.contact = CLOTH_CONTACT_OBSTACLES;
+    d.material.membrane = 100;
+    CHECK(!cloth_model_create(&d, &p->model) && !cloth_sim_create(p->model, &p->sim));
+    CHECK(!cloth_collide_create(p->sim, NULL, &p->c));
+    o.kind = CLOTH_OBSTACLE_BOX, o.x = p->box_x;
+    cloth_obstacle_box(middle, half, NULL, p->box_x);
+    CHECK(!cloth_collide_add(p->c, &o, &p->box));
+    for (i = 0; i < 24; i++) p->box_x[i] += part_moved(p, PART_BOX, i);
+    CHECK(!cloth_collide_teleport(p->c, p->box, p->box_x));
+    CHECK(!cloth_collide_attach(p->c, p->box, 6, at, 2, at, 5, &id));
+    for (i = 0; i < 3 * PART_NV; i++) cloth_sim_state(p->sim)->x[i] += part_moved(p, PART_X0, i);
+    cloth_sim_state_changed(p->sim);
+    p->sum = 0, p->shortened = 0;
+}
+
+static void part_close(part_way *p) {
+    cloth_collide_destroy(p->c);
+    cloth_sim_destroy(p->sim);
+    cloth_model_destroy(p->model);
+    cloth_mesh_destroy(NULL, p->mesh);
+}
+
+static double part_value(cloth_integrator integrator, int substeps, int by, double eps) {
+    part_way p;
+    memset(&p, 0, sizeof p);
+    p.by = by, p.eps = eps;
+    part_open(&p, integrator, substeps);
+    part_loss(0, cloth_sim_state(p.sim)->x, cloth_sim_state(p.sim)->v, NULL, NULL, &p);
+    CHECK(!part_run(p.sim, &p) && p.shortened == PART_STEPS);
+    part_close(&p);
+    return p.sum;
+}
+
+/* Parts of steps: targets of pins, aims of attachments and vertices of bodies are worth the part
+ * that was taken, where they were before the rest. (The targets got it all, and it was valid.) */
+static void parts_of_steps(void) {
+    static const cloth_integrator by[3] = {CLOTH_INTEGRATOR_EULER, CLOTH_INTEGRATOR_BDF2,
+                                           CLOTH_INTEGRATOR_LEAPFROG};
+    static double     x0[3 * PART_NV], pin[PART_STEPS * 3 * PART_NV];
+    static double     attach[PART_STEPS * 3 * PART_SLOTS];
+    cloth_check_row   row[CLOTH_CHECK_ROWS];
+    cloth_grad        g;
+    cloth_grad_report rep;
+    cloth_tape       *tape;
+    part_way          p;
+    int               i, j, rows;
+    for (i = 0; i < 3; i++) {
+        const int m = i == 1 ? 2 : 0;
+        double    found[PART_CAUSES] = {0, 0, 0, 0};
+        memset(&p, 0, sizeof p);
+        memset(&g, 0, sizeof g);
+        p.by = -1;
+        part_open(&p, by[i], m);
+        g.x0 = x0, g.pin = pin, g.attach = attach, g.obstacle = part_box, g.user = &p;
+        CHECK(!cloth_tape_create(p.sim, NULL, &tape) && !part_run(p.sim, &p));
+        CHECK(p.shortened == PART_STEPS);
+        CHECK(!cloth_grad_backward(tape, part_loss, &p, &g, &rep) && rep.valid);
+        cloth_tape_destroy(tape);
+        part_close(&p);
+        for (j = 0; j < 3 * PART_NV; j++) found[PART_X0] += x0[j] * part_dir(PART_X0, j);
+        for (j = 36; j < PART_STEPS * 3 * PART_NV; j += j % 75 == 38 ? 73 : 1)
+            found[PART_PIN] += pin[j] * part_dir(PART_PIN, j);
+        for (j = 9; j < PART_STEPS * 6; j += j % 6 == 5 ? 4 : 1)
+            found[PART_ATTACH] += attach[j] * part_dir(PART_ATTACH, j);
+        found[PART_BOX] = p.along;
+        for (j = 0; j < PART_CAUSES; j++) {
+            double d[2];
+            for (rows = 0; rows < 2; rows++)
+                d[rows] = (part_value(by[i], m, j, rows ? 5e-3 : 1e-2) -
+                           part_value(by[i], m, j, rows ? -5e-3 : -1e-2)) / (rows ? 1e-2 : 2e-2);
+            CHECK_REL(found[j], (4 * d[1] - d[0]) / 3, 1e-4);
+        }
+        memset(&p, 0, sizeof p);            /* the tangent goes the same way */
+        p.by = -1;
+        part_open(&p, by[i], m);
+        CHECK(!cloth_grad_check(p.sim, part_run, &p, part_loss, &p, row, &rows, NULL));
+        CHECK(rows > 0 && strcmp(row[0].cause, "dot product") == 0 && row[0].off < 1e-10);
+        part_close(&p);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(each_cause);
@@ -341,6 +508,7 @@ int main(int argc, char **argv) {
     RUN(budget);
     RUN(doubts);
     RUN(zones);
+    RUN(parts_of_steps);
     RUN(teleport);
     RUN(memory);
     return TEST_END();

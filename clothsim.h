@@ -999,10 +999,10 @@ CLOTH_API cloth_status cloth_sim_set_wind(cloth_sim *sim, const double w[3]);
 CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const cloth_material *m);
 /* Borrowed, read and write: a copy, made at the first call, that steps do not see until _changed()
  * has checked it; that call derives what follows (lumped masses, if mass_given is 0) and drops
- * BDF2's history. Refused: steps go on with what was accepted last, and what was written stays to
- * be mended. set_material, reset and restore write it anew. Counts and pointers are to stay.
- * _params: NULL when sim is or memory is out. _changed: _ARGUMENT, _NONFINITE, _MESH (a rest area
- * that is not > 0), _UNSUPPORTED, with field and value logged. */
+ * BDF2's history. Refused: steps go on with what was accepted last, what was written stays, until
+ * set_material, reset, restore, cloth_grad_check or cloth_layer_loss writes it anew. Counts and
+ * pointers are to stay. _params: NULL if sim is or memory is out. _changed: _ARGUMENT, _NONFINITE,
+ * _MESH (a rest area that is not > 0), _UNSUPPORTED, with field and value logged. */
 CLOTH_API cloth_params *cloth_sim_params(cloth_sim *sim);
 CLOTH_API cloth_status  cloth_sim_params_changed(cloth_sim *sim);
 /* A host's own term; copied; its name and its user must outlive the sim. */

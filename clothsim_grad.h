@@ -1162,7 +1162,7 @@ typedef struct clothi_grad {                /* one walk backwards               
     unsigned char *input;                   /* [t->room] that of step `at`                     */
     int            at;                      /* -1: zeros                                       */
     unsigned char *kept_motion, *kept_input;/* the sim as it was                               */
-    size_t         kept_size;               /* bytes of kept_input                             */
+    double        *kept_edit;               /* of the host's copy of params, which stays       */
     unsigned char *here;                    /* a slot                                          */
     double *x, *v;                          /* [nv x 3] after the step under way               */
     double *lx, *lv, *lp, *lw;              /* [nv x 3] adjoint after the substep under way    */
@@ -2365,9 +2365,8 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
         g->lambda = d, d += nr;
         g->bending = d, d += nr;
         g->damping = d, d += nr;
-        g->pose = d, d += na;
-        g->aim = d, d += na;
-        g->input = (unsigned char *)d;
+        g->pose = d, g->aim = d + na;
+        g->input = (unsigned char *)(d + 2 * na);
         g->kept_input = g->input + input;
         g->kept_motion = g->kept_input + input;
     }
@@ -2644,9 +2643,12 @@ static void clothi_grad_keep(clothi_grad *g, int verb) {
     at += clothi_tape_walk(s, CLOTHI_PARAMS, verb, g->kept_input + at);
     if (clothi_unit_at(s, 0, &u)) (void)clothi_tape_units(s, verb, g->kept_input, at);
     (void)clothi_tape_walk(s, CLOTHI_MOTION, verb, g->kept_motion);
-    if (verb != CLOTHI_LOAD) return;
+    if (verb != CLOTHI_LOAD) {
+        g->kept_edit = s->edit.mass, s->edit.mass = NULL;    /* clothi_derive() sees none */
+        return;
+    }
     clothi_derive(s);
-    s->known = 0, s->fraction = 1;
+    s->edit.mass = g->kept_edit, s->known = 0, s->fraction = 1;
     s->rested.outcome = CLOTH_STEP_NONE;
 }
 
@@ -2728,10 +2730,7 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
     clothi_grad       g;
     double            start;
     memset(r, 0, sizeof *r);
-    r->step = -1;
-    r->why = "";
-    r->margin = HUGE_VAL;
-    r->status = CLOTH_ERR_ARGUMENT;
+    r->step = -1, r->why = "", r->margin = HUGE_VAL, r->status = CLOTH_ERR_ARGUMENT;
     if (!tape) return CLOTH_ERR_ARGUMENT;
     if (tape->sim && out) clothi_grad_clear(tape, out);
     if (!loss || !out)

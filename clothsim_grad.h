@@ -855,17 +855,15 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     t->n++;
 }
 
-/* A trace of at least `need` doubles: those of a step at once. */
+/* A trace of at least `need` doubles, those of a step at once; what was in it is gone. */
 static int clothi_tape_trace(cloth_tape *t, size_t need) {
-    unsigned char *block = (unsigned char *)t->trace;
-    const size_t   step = (t->slot - t->motion) / sizeof(double) + t->nv3;
+    const size_t step = (t->slot - t->motion) / sizeof(double) + t->nv3;
     if (need <= t->trace_room) return 1;
     if (need < step) need = step;
-    if (!clothi_tape_room(t, &block, t->trace_room * sizeof(double), need * sizeof(double)))
-        return 0;
-    t->trace = (double *)(void *)block;
-    t->trace_room = need;
-    return 1;
+    clothi_tape_free(t, t->trace);
+    t->trace = (double *)clothi_tape_alloc(t, need, sizeof(double));
+    t->trace_room = t->trace ? need : 0;
+    return t->trace != NULL;
 }
 
 /* A substep ends: its x; of LEAPFROG, when it is asked for, x and v at each kick. */

@@ -2359,10 +2359,8 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
         for (i = 0; i < CLOTHI_GRAD_ARRAYS; i++, d += n) *all[i] = d;
         for (i = 0; i < 2; i++, d += sums[i - 1]) g->sum[i] = d;
         g->mass = d, d += n / 3;            /* then the four of regions: see _flush */
-        g->mu = d, d += nr;
-        g->lambda = d, d += nr;
-        g->bending = d, d += nr;
-        g->damping = d, d += nr;
+        g->mu = d, g->lambda = d + nr, g->bending = d + 2 * nr, g->damping = d + 3 * nr;
+        d += 4 * nr;
         g->pose = d, g->aim = d + na;
         g->input = (unsigned char *)(d + 2 * na);
         g->kept_input = g->input + input;
@@ -3906,6 +3904,10 @@ static cloth_status clothi_graph_check(const cloth_hooks *hooks, const cloth_gra
         if (!clothi_finite(clothi_dot3(p + 6 * (size_t)j, p + 6 * (size_t)j)))
             status = clothi_fail(hooks, CLOTH_ERR_NONFINITE, "a cloth_graph's p: r of node %i is "
                                  "too long", j);
+    for (j = 0; !status && j < g->start[g->nn]; j++)
+        if (!clothi_finite(g->weight[j]))
+            status = clothi_fail(hooks, CLOTH_ERR_NONFINITE, "a cloth_graph's weight %i = %g", j,
+                                 g->weight[j]);
     return status;
 }
 

@@ -1192,6 +1192,15 @@ static void graph_refused(void) {
     CHECK(cloth_graph_deform(&hooks, w.g, w.X, w.p, x) == CLOTH_ERR_NONFINITE);
     CHECK(cloth_graph_rigidity(&hooks, w.g, w.p, 1, &loss, NULL) == CLOTH_ERR_NONFINITE);
     CHECK(!(fabs(loss - 4) > 0));
+    w.p[6 * GN - 1] = 0;
+    for (i = 0; i < 2; i++) {               /* weights, which may be written */
+        w.g->weight[3] = i ? HOST_INFINITY : HOST_NAN;
+        memset(g, 0, sizeof g);
+        CHECK(cloth_graph_deform(&hooks, w.g, w.X, w.p, x) == CLOTH_ERR_NONFINITE);
+        CHECK(strstr(told.text, "weight 3") != NULL);
+        CHECK(cloth_graph_vjp(&hooks, w.g, w.X, w.p, w.X, g, NULL) == CLOTH_ERR_NONFINITE);
+        for (n = 0; n < 6 * GN; n++) CHECK(!(fabs(g[n]) > 0));
+    }
     web_close(&w);
 }
 

@@ -3395,9 +3395,9 @@ CLOTH_API cloth_status cloth_loss_targets(const cloth_targets *q, const double *
     if (!q) return CLOTH_ERR_ARGUMENT;
     status = clothi_targets_check(q, x);
     for (i = 0; i < q->n && !status; i++) {
-        const double w = q->beta * clothi_target(q, i, x, v, b, d);
-        if (w >= 0 && w <= 0) continue;
-        sum += w * clothi_dot3(d, d);
+        const double w = clothi_target(q, i, x, v, b, d), by = q->beta * w;
+        if (w >= 0 && by <= 0) continue;
+        sum += by * clothi_dot3(d, d);
         if (w < 0 || !clothi_finite(sum))
             status = clothi_fail(q->hooks, w < 0 ? CLOTH_ERR_ARGUMENT : CLOTH_ERR_NONFINITE,
                                  "cloth_loss_targets: weight %g, or x, bary or target of target %i "

@@ -144,11 +144,12 @@ static void targets_refused(void) {
     int    n, i;
     aim_open(&a);
     hooks = host_hooks(&told);
-    for (n = 0; n < 12; n++) {
-        static const cloth_status want[12] = {
+    for (n = 0; n < 13; n++) {
+        static const cloth_status want[13] = {
             CLOTH_ERR_ARGUMENT, CLOTH_ERR_ARGUMENT, CLOTH_ERR_ARGUMENT, CLOTH_ERR_NONFINITE,
             CLOTH_ERR_NONFINITE, CLOTH_ERR_NONFINITE, CLOTH_ERR_ARGUMENT, CLOTH_ERR_ARGUMENT,
-            CLOTH_ERR_ARGUMENT, CLOTH_ERR_ARGUMENT, CLOTH_ERR_NONFINITE, CLOTH_ERR_NONFINITE};
+            CLOTH_ERR_ARGUMENT, CLOTH_ERR_ARGUMENT, CLOTH_ERR_NONFINITE, CLOTH_ERR_NONFINITE,
+            CLOTH_ERR_ARGUMENT};
         cloth_targets q = a.q;
         aim           b = a;
         int           faces[3 * 64];
@@ -168,6 +169,7 @@ static void targets_refused(void) {
         if (n == 9) q.faces = NULL;                         /* n is not nv then */
         if (n == 10) q.beta = HOST_NAN;
         if (n == 11) b.bary[4] = HOST_NAN;
+        if (n == 12) b.weight[1] = -5e-324, q.beta = 0.2;   /* their product is 0 */
         CHECK(cloth_loss_targets(&q, b.x, &loss, g) == want[n]);
         CHECK(told.errors == 1 && strstr(told.text, "cloth_loss_targets"));
     }

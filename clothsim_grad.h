@@ -403,7 +403,7 @@ typedef struct cloth_layer_report {
 
 /* The sim brings what the frames do not say: material, pins, forces, obstacles. It is put there
  * before each start, without history, and where it was after the call, by its hash; its recorder
- * hears nothing. Frames may begin intersecting where contact lets them (CLOTH_INITIAL_EXEMPT).
+ * hears nothing, its log why frames fail. They may begin intersecting (CLOTH_INITIAL_EXEMPT).
  * out  loss, g_x, rep  may be NULL: L, dL/dx [F x nv x 3] are added; without g_x no tape is made
  * returns CLOTH_OK, also where every frame failed; _UNINIT; _ARGUMENT (NULL, a number out of range,
  *   a tape is there, place() did what ends one, step() made none); _NONFINITE: a prediction; as

@@ -6309,7 +6309,16 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     } else if (!clothi_ccd_pair(p->kind == CLOTHI_EE, xa, xb, radius + sep, &toi))
         return CLOTH_OK;
     else {
-        held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
+        /* what is off in toi is off in its derivative [8.8]: Newton's steps to the gap of sep */
+        for (k = c->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG ? 3 : 0;; k--) {
+            held = clothi_contact_frame(p->kind == CLOTHI_EE, xa, xb, toi, row.w, row.normal);
+            for (gap = end = 0, i = 0; i < 12 && k > 0; i++) {
+                gap += row.w[i / 3] * row.normal[i % 3] * ((1 - toi) * xa[i] + toi * xb[i]);
+                end += row.w[i / 3] * row.normal[i % 3] * (xb[i] - xa[i]);
+            }
+            if (!(end < 0 && (radius + sep - gap) / end < 1e-3)) break;
+            toi += (radius + sep - gap) / end;
+        }
         for (end = 0, i = 0; i < 12; i++) end += row.w[i / 3] * row.normal[i % 3] * xb[i];
         if (end >= radius + sep && clothi_pair_gap(c, c->xb, p) < sep)
             held = clothi_contact_frame(p->kind == CLOTHI_EE, xb, xb, 0, row.w, row.normal);

@@ -10,7 +10,8 @@
 
 static touch_graded made[2];
 
-/* Causes [from, to) of scene t, to 1e-4; measured: 1e-6 and better. */
+/* Causes [from, to) of scene t, to 1e-4; measured: 1e-6 and better. Of LEAPFROG to that, where
+ * differences know it: a time of impact that is a millionth early makes its derivative 6e-6 off. */
 static void compare(touch t, int from, int to) {
     touch_graded *g = made;
     int     by;
@@ -31,7 +32,7 @@ static void compare(touch t, int from, int to) {
             printf("  %-8s %2u by %-9s %17.10e %17.10e  %.1e\n", touch_body[t.body], t.seed,
                    touch_cause[by], a, b, fabs(a - b) / fmax(fabs(a), fabs(b)));
         CHECK(failed == 0);
-        CHECK_REL(a, b, 1e-4);
+        CHECK_REL(a, b, t.leapfrog && test_full() ? 2e-6 : 1e-4);
     }
     touch_close(&g->t);
 }

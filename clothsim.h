@@ -4659,6 +4659,11 @@ CLOTHI_RARE_END
  *   energy    dJ = c (theta - theta0) dtheta;  d2J = c [ dtheta dtheta' + (theta-theta0) d2theta ]
  *   psd       Gauss-Newton: c dtheta dtheta' alone. It is a square, hence >= 0. Dropped is the
  *             second term: nothing at theta = theta0, slower Newton steps at strongly bent hinges.
+ *   wall      A corner pressed through its edge turns its wing over: theta leaps by pi at h = 0, a
+ *             wall that no derivative foretells, and what moves along with it is held up. Below
+ *             h = CLOTHI_HINGE_FLAT l a search's matrix, whatever its psd, has c pi^2 W_i W_j M M'
+ *             more: h all used up costs c pi^2/2, what the leap costs at most, and as |theta -
+ *             theta0| <= pi, M p' is outweighed too. A minimum may be at h = 0, with force left.
  *   collapse  p grows like 1/h. With s = |e|^2 + |a|^2 + |b|^2, |n| is not taken
  *             smaller than 1e-6 s, nor l^2 smaller than 1e-12 s, where they divide: derivatives are
  *             exact above and fade to zero below, where the force would be beyond any use. theta
@@ -4668,10 +4673,11 @@ CLOTHI_RARE_END
  *             The Poisson ratio of bending is about -1/3 whatever the user says.
  *   checked   tests/test_elements.c: hinge_derivatives, hinge_near_degenerate, hinge_sign,
  *             hinge_cylinder, hinge_invariance, hinge_degenerate, lanes_hinge,
- *             lanes_hinge_wrapped, lanes_products
+ *             lanes_hinge_wrapped, lanes_products; tests/test_newton.c: pressed_flat
  */
 
 #define CLOTHI_HINGE_FLOOR 1e-12            /* the square of the smallest relative |n|           */
+#define CLOTHI_HINGE_FLAT  3e-2             /* h/l: see 'wall'                                   */
 #define CLOTHI_HINGE_TINY_L2 1e-60          /* m^2 and m^4: keep 0/0 away when all corners       */
 #define CLOTHI_HINGE_TINY_Q  1e-100         /* coincide                                          */
 
@@ -4853,6 +4859,29 @@ CLOTHI_UNUSED static void clothi_hinge_blocks(clothi_in x, clothi_in rest, cloth
     clothi_hinge_square(g, square, H);
     if (psd) return;
     clothi_hinge_wings(x, rest, start, damp, &w);
+    clothi_hinge_curve(&w, H);
+}
+
+/* H += 'wall': with p = M/2, r = bow = 0 clothi_hinge_curve() adds moment W_i W_j M M'. */
+static void clothi_hinge_walls(clothi_in x, clothi_in rest, clothi_in damp, clothi_out H) {
+    enum { L = CLOTHI_LANES };
+    double       on[2][L];
+    clothi_wings w;
+    int          i, k, any = 0;
+    for (k = 0; k < L; k++) {
+        const clothi_fold h = clothi_fold_at(x, clothi_one, k);
+        const double      least = CLOTHI_HINGE_FLAT * CLOTHI_HINGE_FLAT * h.l2 * h.l2;
+        on[0][k] = clothi_vec_dot(h.n, h.n) < least ? 0.5 : 0.0;
+        on[1][k] = clothi_vec_dot(h.m, h.m) < least ? 0.5 : 0.0;
+        any |= on[0][k] + on[1][k] > 0.0;
+    }
+    if (!any) return;
+    clothi_hinge_wings(x, rest, clothi_none, clothi_none, &w);
+    for (k = 0; k < L; k++) w.moment[k] = CLOTHI_PI * CLOTHI_PI * rest[k] * (1.0 + damp[k]);
+    for (i = 0; i < 3 * L; i++)
+        for (k = 0; k < 2; k++) w.p[k][i] = on[k][i % L] * w.M[k][i];
+    memset(w.r, 0, sizeof w.r);
+    memset(w.bow, 0, sizeof w.bow);
     clothi_hinge_curve(&w, H);
 }
 
@@ -8690,6 +8719,7 @@ typedef struct clothi_own {                 /* all that the built-in terms have 
     double *loss_batch;                     /* [batches x 8] dissipation potential             */
     double *wind;                           /* [nf x 5] lagged drag direction and coefficients */
     int     force_only;                     /* energies are not wanted                         */
+    int     walls;                          /* Hessians are to have those of hinges [6.3]      */
     cloth_counts counts;
 } clothi_own;
 
@@ -9495,6 +9525,7 @@ static void clothi_batch(const clothi_pass *p, int b) {
                                                           : unused + CLOTHI_LANES, to);
     if (!p->hess) return;
     el->kind->blocks(x, rest, start, damp, p->e->psd, H);
+    if (el->own->walls && g->kind == CLOTHI_HINGE) clothi_hinge_walls(x, rest, damp, H);
     clothi_scatter(g, p->hess, b, H);
 }
 
@@ -10542,7 +10573,9 @@ static cloth_status clothi_newton_system(cloth_sim *s, clothi_goal *goal, clothi
                                          double tolerance, cloth_linear method) {
     cloth_status status;
     for (;; nt->exact = 0, nt->refused = 1) {
+        s->own.walls = 1;
         status = clothi_newton_assemble(s, goal, nt->exact);
+        s->own.walls = 0;
         if (!status)
             status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, 0, method);
         if (status || !nt->exact || !s->linear.negative || s->linear.hit) break;

@@ -743,6 +743,43 @@ static void blocked_again(void) {
     }
 }
 
+/* A spring pulls a vertex of a hanging sheet to where another one is: triangles are pressed flat,
+ * and the angles of their hinges leap by pi. Every step is taken, without a search that creeps. */
+static void pressed_flat(void) {
+    static const cloth_integrator integrator[3] = {CLOTH_INTEGRATOR_EULER, CLOTH_INTEGRATOR_EULER,
+                                                   CLOTH_INTEGRATOR_BDF2};
+    static const cloth_membrane   membrane[3] = {CLOTH_MEMBRANE_STVK, CLOTH_MEMBRANE_SPRINGS,
+                                                 CLOTH_MEMBRANE_STVK};
+    static const double           bending[3] = {0.1, 0.01, 0.1}, k[3] = {1e4, 1e3, 30};
+    static const double           corner[3] = {1, 0, 0};
+    static const cloth_pin        pin[2] = {{0, CLOTH_AXIS_ALL}, {8, CLOTH_AXIS_ALL}};
+    int i, n;
+    for (i = 0; i < 3; i++) {
+        cloth_attachment at;
+        cloth_report     r;
+        dyn              d;
+        int              refused = 0, newton = 0, halvings = 0;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 9, 9, 0.4, 0.4);
+        d.desc.integrator = integrator[i], d.desc.membrane = membrane[i];
+        d.desc.bend = CLOTH_BEND_HINGE, d.desc.pins = pin, d.desc.npins = 2;
+        d.desc.gravity[1] = -9.81;
+        d.desc.material = cloth_material_fabric(CLOTH_FABRIC_DENIM);
+        d.desc.material.bending = bending[i];
+        dyn_start(&d);
+        for (n = 0; n < 20; n++) CHECK(cloth_step(d.sim, 1.0 / 60, NULL) == CLOTH_OK);
+        CHECK(cloth_sim_attach(d.sim, 60, corner, k[i],
+                               d.state->x + 3 * (d.desc.faces[180] - 6), &at) == CLOTH_OK);
+        for (n = 0; n < 30; n++) {
+            refused += cloth_step(d.sim, 1.0 / 60, &r) != CLOTH_OK;
+            newton += r.newton, halvings += r.halvings;
+        }
+        printf("  scene %i: %i of 30 refused, %i iterations, %i halvings\n", i, refused, newton,
+               halvings);
+        CHECK(refused == 0 && newton < 1000 && halvings < 300);
+        dyn_end(&d);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(quadratic);
@@ -765,5 +802,6 @@ int main(int argc, char **argv) {
     RUN(off_the_saddle);
     RUN(millimetre);
     RUN(blocked_again);
+    RUN(pressed_flat);
     return TEST_END();
 }

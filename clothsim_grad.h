@@ -510,6 +510,7 @@ extern "C" {
 
 #define CLOTHI_TAPE_COOKIE 0x7a9e0010u
 #define CLOTHI_GRAD_KRYLOV 30               /* directions of GCR, [4.2], between restarts      */
+#define CLOTHI_BLOCK (CLOTHI_ALIGN + sizeof(clothi_block_header))   /* beside what is in it      */
 
 enum { CLOTHI_MOTION, CLOTHI_INPUTS, CLOTHI_PARAMS };   /* kinds of clothi_fields             */
 enum { CLOTHI_TAPE_RECORD, CLOTHI_TAPE_DEAF, CLOTHI_TAPE_TRACE };
@@ -706,7 +707,7 @@ static void clothi_tape_xor(const clothi_taped *e, unsigned char *input) {
  * list of steps to grow. */
 static size_t clothi_tape_reserve(const cloth_tape *t) {
     return t->work + 2 * t->slot + t->path + (2 * (size_t)t->capacity + 16) * sizeof *t->step +
-           8 * (CLOTHI_ALIGN + sizeof(clothi_block_header));
+           8 * CLOTHI_BLOCK;
 }
 
 static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input);   /* [5.1] */
@@ -737,7 +738,7 @@ static int clothi_tape_slot(cloth_tape *t, int k) {
     clothi_taped *e = t->step + k;
     int           i;
     while (t->opt.bytes && t->spacing <= k &&
-           t->bytes + t->slot + clothi_tape_reserve(t) > t->opt.bytes) {
+           t->bytes + t->slot + CLOTHI_BLOCK + clothi_tape_reserve(t) > t->opt.bytes) {
         t->spacing *= 2;
         for (i = 0; i < k; i++)
             if (t->step[i].slot && !clothi_tape_keeps(t, i)) {
@@ -2518,10 +2519,9 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
 
 /* How many slots may be made now. */
 static int clothi_grad_room(const cloth_tape *t) {
-    const size_t each = t->slot + CLOTHI_ALIGN + sizeof(clothi_block_header);
-    const size_t held = t->bytes + t->path;
+    const size_t held = t->bytes + t->path, left = t->opt.bytes > held ? t->opt.bytes - held : 0;
     if (!t->opt.bytes) return 0x7fffffff;
-    return t->opt.bytes > held ? (int)clothi_min((double)((t->opt.bytes - held) / each), 1e9) : 0;
+    return (int)clothi_min((double)(left / (t->slot + CLOTHI_BLOCK)), 1e9);
 }
 
 /* The sim runs from the start of step a, in `from`, to that of step b; its motion into `to`, with

@@ -93,6 +93,40 @@ static void tape_budget(void) {
     same_bits(p, "leapfrog");
 }
 
+/* Steps that a tape of so many bytes records; -1: it is refused. */
+static int steps_in(const play *p, size_t bytes) {
+    cloth_tape_options o = cloth_tape_options_default();
+    cloth_tape        *tape = NULL;
+    scene              s;
+    int                k, n = -1;
+    o.bytes = bytes;
+    play_open(p, &s);
+    if (cloth_tape_create(s.sim, &o, &tape) == CLOTH_OK) {
+        for (k = 0; k < p->steps; k++) CHECK(cloth_step(s.sim, p->h, NULL) == CLOTH_OK);
+        n = cloth_tape_steps(tape);
+        CHECK((cloth_tape_ended(tape) != NULL) == (n < p->steps));
+    }
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+    return n;
+}
+
+/* Slots go before a tape ends: where one budget is enough, more is. */
+static void more_is_enough(void) {
+    play         p = play_default();
+    const size_t step = 56;                 /* less than what a block takes beside its content */
+    size_t       bytes, least;
+    int          whole = 0, early = 0, n;
+    p.n = 4, p.steps = 24, p.tolerance = 1e-4, p.with = WITH_PINS;
+    least = least_budget(&p);
+    for (bytes = least; bytes < least + 14000; bytes += step) {
+        n = steps_in(&p, bytes);
+        early += whole && n < p.steps;
+        whole |= n == p.steps;
+    }
+    if (!CHECK(whole && early == 0)) printf("  %d budgets end early\n", early);
+}
+
 typedef struct hurry {
     int calls, always;
 } hurry;
@@ -549,6 +583,7 @@ static void before_contact(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(tape_budget);
+    RUN(more_is_enough);
     RUN(out_of_time);
     RUN(longer_paths);
     RUN(sim_untouched);

@@ -177,7 +177,7 @@ CLOTH_API cloth_tape_options cloth_tape_options_default(void);
  * in   opt   NULL: defaults
  * out  *out  owned: cloth_tape_destroy(); NULL on failure
  * returns CLOTH_OK; _ARGUMENT (NULL, a second tape); _UNINIT; _NONFINITE; _MEMORY;
- *   _CAPACITY: opt->bytes is below what one step takes, which the sentence names
+ *   _CAPACITY: opt->bytes is below what one step takes (LEAPFROG: of desc.substeps), as is said
  * contract: alloc the budget's fixed part | threads: that of the sim */
 CLOTH_API cloth_status cloth_tape_create(cloth_sim *sim, const cloth_tape_options *opt,
                                          cloth_tape **out);
@@ -710,11 +710,13 @@ static size_t clothi_tape_reserve(const cloth_tape *t) {
            8 * CLOTHI_BLOCK;
 }
 
-static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input);   /* [5.1] */
+typedef struct clothi_grad clothi_grad;     /* [4.2], [5.1] */
+static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input, clothi_grad *g,
+                                 unsigned char *block);
 
 static size_t clothi_tape_work(const cloth_tape *t) {
     const cloth_desc *d = &t->sim->model->desc;
-    size_t            work = clothi_grad_bytes(t->sim, t->motion, t->room);
+    size_t            work = clothi_grad_arrays(t->sim, t->motion, t->room, NULL, NULL);
     if (d->integrator != CLOTH_INTEGRATOR_LEAPFROG &&
         (t->sim->contact_on || d->contact != CLOTH_CONTACT_NONE))
         work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
@@ -848,7 +850,7 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     if (t->opt.bytes && t->bytes + clothi_tape_reserve(t) > t->opt.bytes) {
         clothi_tape_free(t, e->word);
         clothi_tape_free(t, e->slot);
-        clothi_tape_end(t, CLOTH_ERR_CAPACITY, "options.bytes are spent by the inputs of steps");
+        clothi_tape_end(t, CLOTH_ERR_CAPACITY, "options.bytes leave no room for one more step");
         return;
     }
     swap = t->input, t->input = t->next, t->next = swap;
@@ -941,10 +943,12 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
     t->fixed_input = clothi_tape_walk(s, CLOTHI_INPUTS, CLOTHI_SIZE, NULL) + t->params;
     t->slot = t->motion;
     if (!leap) t->slot += (how - 1) * t->nv3 * sizeof(double);
+    else t->path = (size_t)(s->model->desc.substeps + 1) * clothi_tape_each(t) * sizeof(double);
     t->room = t->fixed_input + units + CLOTHI_PAD8(units);
     t->work = clothi_tape_work(t);
-    need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot + how +
-           (t->room / 8) * 12;
+    (void)clothi_tape_grow(t);              /* t->step: see below */
+    need = t->bytes + 2 * (t->motion + t->room) + clothi_tape_reserve(t) + 2 * t->slot + 2 * how +
+           (t->room / 8) * 12 + 8 * CLOTHI_BLOCK;
     if (t->opt.bytes && t->opt.bytes < need)
         return clothi_fail(&t->hooks, CLOTH_ERR_CAPACITY, "cloth_tape_create: options.bytes = %z "
                            "but one step takes %z", t->opt.bytes, need);
@@ -953,7 +957,7 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
     t->input = (unsigned char *)clothi_tape_alloc(t, t->room, 1);
     t->next = (unsigned char *)clothi_tape_alloc(t, t->room, 1);
     if (how) t->how = (unsigned char *)clothi_tape_alloc(t, how, 1);
-    if (t->start && t->end && t->input && t->next && (t->how || leap)) return CLOTH_OK;
+    if (t->step && t->start && t->end && t->input && t->next && (t->how || leap)) return CLOTH_OK;
     return clothi_fail(&t->hooks, CLOTH_ERR_MEMORY, "no memory for a tape");
 }
 
@@ -1003,14 +1007,11 @@ CLOTH_API void cloth_tape_destroy(cloth_tape *tape) {
         clothi_tape_free(tape, tape->step[k].word);
         clothi_tape_free(tape, tape->step[k].slot);
     }
-    clothi_tape_free(tape, tape->step);
-    clothi_tape_free(tape, tape->start);
-    clothi_tape_free(tape, tape->end);
-    clothi_tape_free(tape, tape->input);
-    clothi_tape_free(tape, tape->next);
-    clothi_tape_free(tape, tape->trace);
-    clothi_tape_free(tape, tape->how);
-    clothi_free(&tape->hooks, tape);
+    {
+        const void *const rest[] = {tape->step, tape->start, tape->end, tape->input, tape->next,
+                                    tape->trace, tape->how, tape};
+        (void)clothi_blocks(&tape->hooks, rest, sizeof rest / sizeof *rest);
+    }
 }
 
 CLOTH_API int cloth_tape_steps(const cloth_tape *tape) { return tape ? tape->n : 0; }
@@ -1153,7 +1154,7 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * checked: tests/test_grad.c: differences_*, tests/test_grad_contact.c, tests/stability/grad_flag.c
  */
 
-typedef struct clothi_grad {                /* one walk backwards                              */
+struct clothi_grad {                        /* one walk backwards                              */
     cloth_tape        *t;
     cloth_sim         *s;
     const cloth_grad  *out;
@@ -1181,7 +1182,7 @@ typedef struct clothi_grad {                /* one walk backwards               
     cloth_matrix *elastic;                  /* with contact: H without it; LEAPFROG: hosts' H  */
     double *krylov;                         /* [2 CLOTHI_GRAD_KRYLOV + 1][nv x 3]              */
     cloth_contact_grad touch;               /* what contact has results for                    */
-} clothi_grad;
+};
 
 #define CLOTHI_GRAD_ARRAYS 17               /* [nv x 3] of the above                           */
 
@@ -2369,10 +2370,6 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
     }
     return (CLOTHI_GRAD_ARRAYS * n + sums[0] + sums[1] + n / 3 + 4 * nr + 2 * na) * sizeof(double) +
            2 * input + motion;
-}
-
-static size_t clothi_grad_bytes(const cloth_sim *s, size_t motion, size_t input) {
-    return clothi_grad_arrays(s, motion, input, NULL, NULL);
 }
 
 /* The sim at the start of step k: inputs, params, units and motion of the slot (NULL: it is there

@@ -127,6 +127,15 @@ static void more_is_enough(void) {
     if (!CHECK(whole && early == 0)) printf("  %d budgets end early\n", early);
 }
 
+/* What is taken as enough for a step records one; LEAPFROG's path of desc.substeps is in it. */
+static void enough_for_one(void) {
+    play p = play_default();
+    p.steps = 3, p.integrator = CLOTH_INTEGRATOR_LEAPFROG, p.substeps = 200;
+    CHECK(steps_in(&p, least_budget(&p)) > 0);
+    p.integrator = CLOTH_INTEGRATOR_BDF2, p.substeps = 3, p.tolerance = 1e-4;
+    CHECK(steps_in(&p, least_budget(&p)) > 0);
+}
+
 typedef struct hurry {
     int calls, always;
 } hurry;
@@ -584,6 +593,7 @@ int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(tape_budget);
     RUN(more_is_enough);
+    RUN(enough_for_one);
     RUN(out_of_time);
     RUN(longer_paths);
     RUN(sim_untouched);

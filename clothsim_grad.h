@@ -2650,9 +2650,13 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     const size_t units = clothi_tape_units(t->sim, CLOTHI_SIZE, NULL, 0);
     const size_t input = clothi_max_size(t->room, t->fixed_input + units + CLOTHI_PAD8(units));
     const int    leap = t->sim->model->desc.integrator == CLOTH_INTEGRATOR_LEAPFROG, none = 0;
-    cloth_status status = CLOTH_OK;
+    cloth_status status;
     memset(g, 0, sizeof *g);
     g->t = t, g->s = t->sim, g->out = out, g->rep = rep, g->at = -1;
+    g->touch.friction = out->friction, g->touch.part_friction = out->part_friction;
+    g->touch.obstacle = out->obstacle, g->touch.user = out->user;
+    status = clothi_grad_adjoint(g, CLOTH_ADJOINT_BEGIN, 0);    /* zeros into what it is given */
+    if (status) return status;
     *block = (unsigned char *)clothi_tape_alloc(
         t, clothi_grad_arrays(t->sim, t->motion, input, g, NULL), 1);
     if (!*block) return CLOTH_ERR_MEMORY;
@@ -2664,16 +2668,12 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
                                       &g->pattern);
     if (!status && g->pattern)
         status = cloth_matrix_create(&t->sim->hooks, g->pattern, &g->elastic);
-    if (status || !t->sim->contact_on) return status;
-    g->touch.friction = out->friction, g->touch.part_friction = out->part_friction;
-    g->touch.obstacle = out->obstacle, g->touch.user = out->user;
     g->touch.attach = g->aim;
-    if (leap) return clothi_grad_adjoint(g, CLOTH_ADJOINT_BEGIN, 0);
+    if (status || !t->sim->contact_on || leap) return status;
     g->krylov = (double *)clothi_tape_alloc(t, (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3,
                                             sizeof(double));
     if (!g->krylov) return CLOTH_ERR_MEMORY;
-    status = cloth_matrix_create(&t->sim->hooks, t->sim->model->pattern, &g->elastic);
-    return status ? status : clothi_grad_adjoint(g, CLOTH_ADJOINT_BEGIN, 0);
+    return cloth_matrix_create(&t->sim->hooks, t->sim->model->pattern, &g->elastic);
 }
 
 static void clothi_grad_close(clothi_grad *g, unsigned char *block) {

@@ -3674,6 +3674,7 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
     cloth_layer_report local, *r = rep ? rep : &local;
     cloth_recorder     host;
     clothi_layer       l;
+    cloth_status       status;
     double            *block = NULL;
     size_t             i, all;
     int                at;
@@ -3702,7 +3703,8 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
         for (at = layer->backward != 0; at < layer->frames - 1 && !r->status;)
             r->status = clothi_layer_run(&l, &at);
         sim->recorder = host;
-        if (cloth_sim_restore(sim, l.home, l.size) && !r->status) r->status = CLOTH_ERR_MEMORY;
+        status = cloth_sim_restore(sim, l.home, l.size);    /* _FORMAT: place() added, removed */
+        if (status) r->status = status == CLOTH_ERR_FORMAT ? CLOTH_ERR_ARGUMENT : status;
     }
     if (!r->status && loss) *loss += l.loss;
     for (i = 0; !r->status && g_x && i < all; i++) g_x[i] += l.g[i];

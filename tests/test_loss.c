@@ -874,6 +874,28 @@ static void layer_meddled(void) {
     film_close(&f);
 }
 
+/* place() takes the body away that the sim is to have again: no memory was wanting. */
+static cloth_status film_remove(cloth_sim *sim, int frame, int start, void *user) {
+    film *f = (film *)user;
+    (void)sim;
+    return frame == f->fails && !start ? cloth_collide_remove(f->c, f->body) : CLOTH_OK;
+}
+
+static void layer_without_body(void) {
+    static film        f;
+    cloth_layer_report r;
+    double             loss = 0;
+    int                i;
+    for (i = 0; i < 4; i++) {
+        film_touch(&f, CLOTH_INITIAL_REFUSE);
+        f.o.place = film_remove, f.fails = 2;
+        if (i > 1) f.o.most = 1e-30;        /* the next run begins without it */
+        CHECK(cloth_layer_loss(f.s.sim, &f.o, &loss, i % 2 ? f.g : NULL, &r) == CLOTH_ERR_ARGUMENT);
+        CHECK(r.status == CLOTH_ERR_ARGUMENT && !(fabs(loss) > 0));
+        film_close(&f);
+    }
+}
+
 /* A host's step() that makes none says so: no frame is compared with what did not move. */
 static cloth_status film_pause(cloth_sim *sim, double h, void *user) {
     const int frame = 1 + (int)(cloth_sim_state(sim)->t / h + 0.5);
@@ -1230,6 +1252,7 @@ int main(int argc, char **argv) {
     RUN(layer_intersecting);
     RUN(layer_refused);
     RUN(layer_meddled);
+    RUN(layer_without_body);
     RUN(layer_paused);
     RUN(layer_memory);
     RUN(graph_derivatives);

@@ -442,7 +442,7 @@ typedef struct cloth_graph {    /* read; weights may be written                 
  * in   nn    nodes, k of them for each vertex, 1 <= k <= nn <= nv
  * out  *out  owned: cloth_graph_destroy with the same hooks; NULL on failure
  * returns CLOTH_OK; _ARGUMENT (NULL, a count, first; under nn places in X); _NONFINITE; _MEMORY
- * contract: alloc graph and scratch | cost O(nv nn) | deterministic */
+ * contract: alloc graph and scratch | cost O(nv (nn + k^2)) | deterministic */
 CLOTH_API cloth_status cloth_graph_create(const cloth_hooks *hooks, int nv, const double *X, int nn,
                                           int k, int first, cloth_graph **out);
 CLOTH_API void cloth_graph_destroy(const cloth_hooks *hooks, cloth_graph *graph);   /* or NULL */

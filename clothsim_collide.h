@@ -528,11 +528,11 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
  * have no faces: see _gap and _exempt. Obstacles' count on from nf, by slot. pairs [max x 2] */
 CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, int *pairs,
                                                    int *count);
-/* The exempt pairs of the accepted state, report.exempt_pairs of them: of faces that intersect, and
- * of vertices, edges and faces inside a sphere, a capsule or a plane. */
+/* The exempt pairs of the accepted state, report.exempt_pairs of them but after a step that failed:
+ * of faces that intersect, and of vertices, edges and faces inside a sphere, a capsule, a plane. */
 CLOTH_API cloth_status cloth_collide_exempt(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count);
-/* The vertices of cloth that the accepted state holds in pinches, report.held of them. */
+/* The vertices of cloth that the accepted state holds in pinches, report.held of them likewise. */
 CLOTH_API cloth_status cloth_collide_holds(const cloth_collide *c, int max, cloth_hold *hold,
                                            int *count);
 /* What could not be resolved in the last step that failed. */

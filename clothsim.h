@@ -822,7 +822,7 @@ typedef struct cloth_contact {
     /* *part: the largest one of dx, in (0, 1], on whose way nothing comes nearer than it may */
     cloth_status (*max_step)(void *user, const double *x, const double *dx, double *part);
     /* what dx would do wrong to contacts that are there, into A dx = rhs: pairs that would come too
-     * near are kept from it; *blocked: how many */
+     * near and friction that would turn round are kept from it; *blocked: how many */
     cloth_status (*block)(void *user, const double *dx, cloth_matrix *A, int *blocked);
     /* x [nv x 3]: in, where it would go; out, a feasible point to minimise from. *impact 1: nothing
      * may be extrapolated over this substep. other [nv x 3]: where the way there is free, one more

@@ -4660,10 +4660,11 @@ CLOTHI_RARE_END
  *   psd       Gauss-Newton: c dtheta dtheta' alone. It is a square, hence >= 0. Dropped is the
  *             second term: nothing at theta = theta0, slower Newton steps at strongly bent hinges.
  *   wall      A corner pressed through its edge turns its wing over: theta leaps by pi at h = 0, a
- *             wall that no derivative foretells, and what moves along with it is held up. Below
- *             h = CLOTHI_HINGE_FLAT l a search's matrix, whatever its psd, has c pi^2 W_i W_j M M'
- *             more: h all used up costs c pi^2/2, what the leap costs at most, and as |theta -
- *             theta0| <= pi, M p' is outweighed too. A minimum may be at h = 0, with force left.
+ *             wall that no derivative foretells, and what moves along with it is held up. Once an
+ *             update was halved, the search's matrix has c pi^2 W_i W_j M M' more where h is below
+ *             CLOTHI_HINGE_FLAT l: h all used up costs c pi^2/2, what the leap costs at most, and
+ *             as |theta - theta0| <= pi, M p' is outweighed too. A minimum may be at h = 0, with
+ *             force left.
  *   collapse  p grows like 1/h. With s = |e|^2 + |a|^2 + |b|^2, |n| is not taken
  *             smaller than 1e-6 s, nor l^2 smaller than 1e-12 s, where they divide: derivatives are
  *             exact above and fade to zero below, where the force would be beyond any use. theta
@@ -4677,7 +4678,7 @@ CLOTHI_RARE_END
  */
 
 #define CLOTHI_HINGE_FLOOR 1e-12            /* the square of the smallest relative |n|           */
-#define CLOTHI_HINGE_FLAT  3e-2             /* h/l: see 'wall'                                   */
+#define CLOTHI_HINGE_FLAT  0.1              /* h/l: see 'wall'                                   */
 #define CLOTHI_HINGE_TINY_L2 1e-60          /* m^2 and m^4: keep 0/0 away when all corners       */
 #define CLOTHI_HINGE_TINY_Q  1e-100         /* coincide                                          */
 
@@ -10433,6 +10434,7 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     int    refused;                         /* it was tried and led nowhere                    */
     int    stuck;                           /* exact updates in a row that the radius ended    */
     int    poor;                            /* phi falls nowhere within the least radius       */
+    int    walls;                           /* an update was halved: hinges show theirs        */
     int    done;
 } clothi_newton;
 
@@ -10573,7 +10575,7 @@ static cloth_status clothi_newton_system(cloth_sim *s, clothi_goal *goal, clothi
                                          double tolerance, cloth_linear method) {
     cloth_status status;
     for (;; nt->exact = 0, nt->refused = 1) {
-        s->own.walls = 1;
+        s->own.walls = nt->walls;
         status = clothi_newton_assemble(s, goal, nt->exact);
         s->own.walls = 0;
         if (!status)
@@ -10714,13 +10716,13 @@ static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a
 
 /* One Newton iteration: w.x moves; nt->done when its update is below the tolerance. */
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
-    double       a = 1, before = nt->value, tiny;
+    double       a = 1, before = nt->value, whole, tiny;
     cloth_status status = clothi_cancelled(&s->hooks, &s->finish);
     int          cut;
     if (!status) status = clothi_newton_direction(s, goal, nt);
     if (!status) status = clothi_newton_cut(s, nt, &a);
     if (status) return status;
-    cut = a < 1;
+    whole = a, cut = a < 1;
     status = clothi_line_search(s, goal, nt, &a);
     if (status == CLOTH_ERR_STEP && nt->size < s->model->desc.tolerance &&
         !(nt->exact && s->linear.hit)) {    /* the whole update is below the tolerance, and too
@@ -10744,6 +10746,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     clothi_newton_rhs(s);
     nt->stuck = s->contact_on && nt->exact && (s->linear.hit || a < 1) ? nt->stuck + 1 : 0;
     nt->older = s->report.residual_m;
+    nt->walls |= a < whole;
     return status;
 }
 

@@ -11583,8 +11583,7 @@ static double clothi_leap_bends(const cloth_sim *s, const double *x) {
                 sum[g->vert[(b * 4 + i) * L + k]] += 2 * stiff * steep * steep;
         }
     }
-    for (i = 0; i < s->model->nv; i++)
-        if (s->pin[i] != CLOTH_AXIS_ALL) big = clothi_max(big, sum[i] / s->params.mass[i]);
+    for (i = 0; i < s->model->nv; i++) big = clothi_max(big, sum[i] / s->params.mass[i]);
     return big;
 }
 

@@ -6336,7 +6336,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
                 gap += row.w[i / 3] * row.normal[i % 3] * ((1 - toi) * xa[i] + toi * xb[i]);
                 end += row.w[i / 3] * row.normal[i % 3] * (xb[i] - xa[i]);
             }
-            if (!(end < 0 && (radius + sep - gap) / end < 1e-3)) break;
+            if (!(fabs(radius + sep - gap) < -1e-3 * end)) break;
             toi += (radius + sep - gap) / end;
         }
         for (end = 0, i = 0; i < 12; i++) end += row.w[i / 3] * row.normal[i % 3] * xb[i];

@@ -245,7 +245,7 @@ CLOTH_API size_t cloth_qp_work_bytes(const cloth_qp_work *work);
  * welded touches itself all along its seams.
  * in   x          [nv x 3] m, finite; exact where 0 or 1e-85 < |x| < 1e85           [3.1]
  * in   faces      [nf x 3], no corner twice; any set of triangles, also without area
- * out  pairs      [max_pairs x 2] faces i < j in increasing order, the first of them; may be NULL
+ * out  pairs      [max_pairs x 2] faces i < j in increasing order, the first; NULL: max_pairs 0
  * out  count      how many there are in all, may be NULL; 0 on failure
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT; CLOTH_ERR_MESH: an index out of range or a corner twice;
  *   CLOTH_ERR_NONFINITE; CLOTH_ERR_MEMORY; CLOTH_ERR_CAPACITY: more than 2^30 pairs
@@ -404,7 +404,7 @@ typedef struct cloth_collide_report {       /* of the last step                 
     int    exempt_faces;                    /* of obstacles, in a pinch                        */
     int    exempt_pairs;                    /* that intersected and have not parted            */
     double push;                            /* m, root mean square of the worst zone           */
-    double fraction;                        /* of the step that was taken; 0: it failed        */
+    double fraction;                        /* of the step that was taken; 0: none was         */
     double ms_begin, ms_detect, ms_zones;   /* parts of cloth_report.ms.contact                */
 } cloth_collide_report;
 

@@ -1162,7 +1162,6 @@ struct clothi_grad {                        /* one walk backwards               
     unsigned char *input;                   /* [t->room] that of step `at`                     */
     int            at;                      /* -1: zeros                                       */
     unsigned char *kept_motion, *kept_input;/* the sim as it was                               */
-    double        *kept_edit;               /* of the host's copy of params, which stays       */
     unsigned char *here;                    /* a slot                                          */
     double *x, *v;                          /* [nv x 3] after the step under way               */
     double *lx, *lv, *lp, *lw;              /* [nv x 3] adjoint after the substep under way    */
@@ -1195,7 +1194,8 @@ static cloth_linear clothi_grad_method(const clothi_grad *g) {
     return g->t->opt.linear == CLOTH_LINEAR_AUTO ? CLOTH_LINEAR_CHOLESKY : g->t->opt.linear;
 }
 
-/* One more right-hand side b for the matrix of the last solve: its factor is still there. */
+/* One more right-hand side b for the matrix of the last solve: its factor is still there, and gives
+ * the answer where it is not definite. */
 static cloth_status clothi_grad_again(clothi_grad *g, const double *b, double tolerance,
                                       double *x) {
     cloth_sim           *s = g->s;
@@ -1210,7 +1210,7 @@ static cloth_status clothi_grad_again(clothi_grad *g, const double *b, double to
     status = clothi_linear_begin(s->solver, s->matrix, b, x, &opt, &cg);
     if (!status) status = clothi_plain_cg(s->solver, clothi_by_factor, &cg);
     g->rep->iterations += cg.it;
-    return status;
+    return status == CLOTH_ERR_NUMERIC ? cloth_factor_solve(s->solver->factor, b, x) : status;
 }
 
 /* r = b - A x over the free unknowns; returns |r|/|b|. Ax [nv x 3]: all rows of it. */
@@ -2636,12 +2636,10 @@ static void clothi_grad_keep(clothi_grad *g, int verb) {
     at += clothi_tape_walk(s, CLOTHI_PARAMS, verb, g->kept_input + at);
     if (clothi_unit_at(s, 0, &u)) (void)clothi_tape_units(s, verb, g->kept_input, at);
     (void)clothi_tape_walk(s, CLOTHI_MOTION, verb, g->kept_motion);
-    if (verb != CLOTHI_LOAD) {
-        g->kept_edit = s->edit.mass, s->edit.mass = NULL;    /* clothi_derive() sees none */
-        return;
-    }
+    s->edit_stays = 1;
+    if (verb != CLOTHI_LOAD) return;
     clothi_derive(s);
-    s->edit.mass = g->kept_edit, s->known = 0, s->fraction = 1;
+    s->edit_stays = s->known = 0, s->fraction = 1;
     s->rested.outcome = CLOTH_STEP_NONE;
 }
 

@@ -424,7 +424,7 @@ static inline double plot_legend(plot *p, int measure) {
 static inline void plot_tick(plot *p, int axis, double u, double step) {
     double v = p->log[axis] ? pow(10, u) : u, at = plot_px(p, axis, u);
     double x = axis == 0 ? at : PLOT_LEFT - 8, y = axis == 0 ? p->top + PLOT_INNER + 18 : at + 4;
-    int e = (int)floor(u + 0.5);
+    int e = p->log[axis] ? (int)floor(u + 0.5) : 0;
     fprintf(p->file, "<text x='%.1f' y='%.1f' text-anchor='%s' class='tick'>", x, y,
             axis == 0 ? "middle" : "end");
     if (p->log[axis] && fabs(u - e) < 1e-9 && (e < -3 || e > 4))

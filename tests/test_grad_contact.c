@@ -7,6 +7,10 @@
 #include "test.h"
 #include "host.h"
 #include "grad_touch.h"
+#include "reference.h"
+#include "shapes.h"
+#include "exact.h"
+#include "stage.h"
 
 static touch_graded made[2];
 
@@ -26,13 +30,14 @@ static void compare(touch t, int from, int to) {
         if (by == TOUCH_CAUSES || (t.leapfrog && (by == TOUCH_FRICTION || by == TOUCH_PART)))
             continue;                       /* its zones have no friction */
         a = touch_along(&g->r, &g->t, by);
-        /* of bending more: it is worth 1e-8 of the loss, where 1e-3 is lost in rounding */
+        /* of bending more: it is worth 1e-8 of the loss, where 1e-3 is lost in rounding, and 0.03
+         * to 0.3 tell 4e-6 apart */
         b = touch_difference(&g->t, by, by == TOUCH_BENDING ? 0.1 : 1e-3, &error, &failed);
         if (test_full())
             printf("  %-8s %2u by %-9s %17.10e %17.10e  %.1e\n", touch_body[t.body], t.seed,
                    touch_cause[by], a, b, fabs(a - b) / fmax(fabs(a), fabs(b)));
         CHECK(failed == 0);
-        CHECK_REL(a, b, t.leapfrog && test_full() ? 2e-6 : 1e-4);
+        CHECK_REL(a, b, !t.leapfrog ? 1e-4 : by == TOUCH_BENDING ? 1e-5 : 2e-6);
     }
     touch_close(&g->t);
 }
@@ -242,8 +247,62 @@ static void zones(void) {
         compare(t, TOUCH_START, TOUCH_REST + 1);
         CHECK(made[0].rep.redundant >= 0 && made[0].rep.factorizations == 0);
         if (i == 0) compare(t, TOUCH_RICH, TOUCH_RICH + 1);
-        if (test_full()) compare(t, 0, TOUCH_CAUSES);
+        if (test_full() || (!test_quick() && i % 2 == 0)) compare(t, 0, TOUCH_CAUSES);
     }
+}
+
+static void plain_loss(int k, const double *x, const double *v, double *g_x, double *g_v,
+                       void *user) {
+    int i;
+    (void)k, (void)v, (void)g_v;
+    for (i = 0; i < 3 * *(const int *)user; i++) g_x[i] += x[i] * (1 + i % 5);
+}
+
+/* A sheet that is pressed together by its pins, on a plane, with a stitch, whose entries are not of
+ * the mesh: where a step ends on a saddle the gradient comes back in doubt, not as an error. */
+static void saddle(unsigned long long seed) {
+    enum { N = 7 };
+    static const double bary[3] = {0.3, 0.3, 0.4}, ground[3] = {0, -0.006, 0};
+    cloth_mesh         *mesh;
+    cloth_pin           pins[2 * N];
+    cloth_attachment    stitch;
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    cloth_tape         *tape = NULL;
+    cloth_grad          g;
+    cloth_grad_report   rep;
+    stage               s;
+    int                 i, k;
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, N, N, 0.2, 0.2, &mesh)) exit(2);
+    for (i = 0; i < mesh->nv; i++) mesh->x[3 * i + 1] += ref_uniform(&seed, -2e-3, 2e-3);
+    stage_cloth(&s, mesh);
+    for (i = 0; i < N; i++) pins[i].vertex = i, pins[N + i].vertex = N * (N - 1) + i;
+    for (i = 0; i < 2 * N; i++) pins[i].axes = CLOTH_AXIS_ALL;
+    s.desc.npins = 2 * N, s.desc.pins = pins;
+    s.desc.material.membrane = 300;
+    s.desc.contact = CLOTH_CONTACT_OBSTACLES;
+    if (!stage_start(&s)) exit(2);
+    o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
+    CHECK(cloth_collide_add(s.c, &o, &id) == CLOTH_OK);
+    CHECK(cloth_sim_stitch(s.sim, 20, bary, 3, 50, bary, &stitch) == CLOTH_OK);
+    CHECK(cloth_tape_create(s.sim, NULL, &tape) == CLOTH_OK);
+    for (k = 1; k <= 8; k++) {
+        for (i = N * (N - 1); i < N * N; i++) {
+            const double to[3] = {s.mesh->x[3 * i], 0, s.mesh->x[3 * i + 2] - 0.004 * k};
+            CHECK(cloth_sim_pin(s.sim, i, CLOTH_AXIS_ALL, to) == CLOTH_OK);
+        }
+        CHECK(cloth_step(s.sim, 1.0 / 30, NULL) == CLOTH_OK);
+    }
+    memset(&g, 0, sizeof g);
+    CHECK(cloth_grad_backward(tape, plain_loss, &s.mesh->nv, &g, &rep) == CLOTH_OK);
+    CHECK(rep.valid || rep.doubt);
+    cloth_tape_destroy(tape);
+    stage_end(&s);
+}
+
+static void saddles(void) {
+    unsigned long long seed;
+    for (seed = 1; seed <= 40; seed++) saddle(seed);
 }
 
 /* A teleport ends a tape with a sentence; what was recorded before stays good. */
@@ -510,6 +569,7 @@ int main(int argc, char **argv) {
     RUN(budget);
     RUN(doubts);
     RUN(zones);
+    RUN(saddles);
     RUN(parts_of_steps);
     RUN(teleport);
     RUN(memory);

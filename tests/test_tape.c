@@ -244,6 +244,37 @@ static void sim_untouched(void) {
     }
 }
 
+/* A loss reads the host's copy of the parameters, by a pointer from before and by asking again. */
+static void masses_loss(int k, const double *x, const double *v, double *g_x, double *g_v,
+                        void *user) {
+    scene              *s = (scene *)user;
+    const cloth_params *p = cloth_sim_params(s->sim);
+    int                 i;
+    (void)k, (void)v, (void)g_v;
+    CHECK(p->material[0].density == 0.77);
+    for (i = 0; i < 3 * s->nv; i++) g_x[i] += p->mass[i / 3] * x[i];
+}
+
+static void params_in_a_loss(void) {
+    play                p = play_default();
+    cloth_tape         *tape = NULL;
+    cloth_grad_report   rep;
+    results             r;
+    scene               s;
+    const cloth_params *before;
+    const double       *mass;
+    (void)play_run(&p, &s, &tape, -1);
+    r = results_make(&s, p.steps);
+    before = cloth_sim_params(s.sim);
+    mass = before->mass;
+    cloth_sim_params(s.sim)->material[0].density = 0.77;
+    CHECK(cloth_grad_backward(tape, masses_loss, &s, &r.g, &rep) == CLOTH_OK);
+    CHECK(before->mass == mass && before->material[0].density == 0.77);
+    results_free(&r);
+    cloth_tape_destroy(tape);
+    scene_close(&s);
+}
+
 /* --- what ends it --- */
 
 typedef struct held {                       /* of a record, for a replay                       */
@@ -597,6 +628,7 @@ int main(int argc, char **argv) {
     RUN(out_of_time);
     RUN(longer_paths);
     RUN(sim_untouched);
+    RUN(params_in_a_loss);
     RUN(tape_ends);
     RUN(tape_orphan);
     RUN(tape_memory);

@@ -397,7 +397,7 @@ static inline void view_scalar(view *v, int which, const char *name, const char 
                                view_where where, double lo, double mid, double hi) {
     if (v == NULL) return;
     if (which < 0 || which > 1 || v->frames > 0 || v->legend[which].name != NULL ||
-        !(fabs(lo) <= 1e30) || !(fabs(mid) <= 1e30) || !(fabs(hi) <= 1e30)) {
+        !(fabs(lo) <= 1e30) || !(fabs(hi) <= 1e30) || (isfinite(mid) && fabs(mid) > 1e30)) {
         view_fail(v, "view_scalar: a bad number, called twice or after a frame");
         return;
     }

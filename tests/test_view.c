@@ -45,6 +45,22 @@ static void page_of_large_numbers(void) {
     (void)remove("out/test_view.html"), (void)remove("out/test_view.png");
 }
 
+/* A middle that is none parts no scale; one that the page cannot hold is refused, as an end is. */
+static void scale_of_large_numbers(void) {
+    static const double mid[5] = {(double)INFINITY, (double)NAN, 1e30, 1e300, 1};
+    const int           face[3] = {0, 1, 2};
+    int                 k;
+    for (k = 0; k < 5; k++) {
+        double x[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, s[3] = {1, 1, 1};
+        view  *v = view_open("scale", "");
+        view_mesh(v, "m", VIEW_CLOTH, 3, 1, face);
+        view_scalar(v, 0, "s", "", VIEW_VERTEX, 0, mid[k], k < 4 ? 2 : 1e31);
+        view_time(v, 0), view_put(v, 0, x, s, NULL);
+        CHECK((v->error != NULL) == (k > 2));
+        view_free(v);
+    }
+}
+
 /* Ends of an axis apart by more than a double holds; on the other axis and by logarithm. */
 static void chart_of_large_numbers(void) {
     int k;
@@ -72,6 +88,7 @@ static void chart_of_large_numbers(void) {
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(page_of_large_numbers);
+    RUN(scale_of_large_numbers);
     RUN(chart_of_large_numbers);
     return TEST_END();
 }

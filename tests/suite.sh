@@ -73,11 +73,12 @@ build() {
     fi
     rm -f "$exe.probe" "$exe.skip"
     # a program that looks at private functions compiles those that it calls (inside.awk); an example,
-    # or one with flags that the object has not, all that it calls
+    # a bench that names the header by its path, or one with flags that the object has not, all
     object=$X_OBJECT own=
     if has_implementation "$src"; then
         own=-I$X_OUT/inside
         case $flags in *-D*) own= ;; esac
+        grep -Eq '^ *# *include +"clothsim' "$src" || own=
         [ -n "$own" ] && [ -d "$X_OUT/inside" ] || { object= own=-DCLOTHSIM_STATIC; }
     fi
     if [ -n "$object" ] && [ ! -f "$object" ]; then

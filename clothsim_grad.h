@@ -3901,11 +3901,8 @@ static cloth_status clothi_graph_check(const cloth_hooks *hooks, const cloth_gra
         if (!clothi_finite(clothi_dot3(p + 6 * (size_t)j, p + 6 * (size_t)j)))
             status = clothi_fail(hooks, CLOTH_ERR_NONFINITE, "a cloth_graph's p: r of node %i is "
                                  "too long", j);
-    for (j = 0; !status && j < g->start[g->nn]; j++)
-        if (!clothi_finite(g->weight[j]))
-            status = clothi_fail(hooks, CLOTH_ERR_NONFINITE, "a cloth_graph's weight %i = %g", j,
-                                 g->weight[j]);
-    return status;
+    if (status) return status;
+    return clothi_check_vector(hooks, "a cloth_graph's weight", g->weight, g->start[g->nn]);
 }
 
 CLOTH_API cloth_status cloth_graph_deform(const cloth_hooks *hooks, const cloth_graph *graph,

@@ -178,32 +178,28 @@ static void out_of_time(void) {
 /* LEAPFROG's path grows in a walk backwards where earlier steps had more kicks; not beyond the
  * budget, of which it would take twice its length at once. */
 static void longer_paths(void) {
-    int           trial, k, whole = 0;
-    static double x0[3 * 100];
+    int trial, k, whole = 0;
     for (trial = 0; trial < 8; trial++) {
         cloth_tape_options o = cloth_tape_options_default();
         play               p = play_default();
         cloth_tape        *tape = NULL;
-        cloth_grad         g;
         cloth_grad_report  rep;
-        loss_user          u;
+        results            r;
         scene              s;
         size_t             most;
         p.n = 6, p.integrator = CLOTH_INTEGRATOR_LEAPFROG;
         play_open(&p, &s);
-        memset(&g, 0, sizeof g);
-        memset(&u, 0, sizeof u);
-        u.nv = s.nv, u.only = -1, g.x0 = x0;
+        r = results_make(&s, 8);
         o.bytes = (size_t)(200000 + 100000 * trial);
         if (cloth_tape_create(s.sim, &o, &tape) == CLOTH_OK) {
             for (k = 0; k < 8; k++) CHECK(!cloth_step(s.sim, 0.03 - 0.0035 * k, NULL));
             whole += cloth_tape_steps(tape) == 8;
-            if (cloth_tape_steps(tape) > 0)
-                CHECK(!cloth_grad_backward(tape, loss_at, &u, &g, &rep));
+            if (cloth_tape_steps(tape) > 0) backward(tape, &s, &r, &rep);
             (void)cloth_tape_bytes(tape, &most);
             if (test_full()) printf("  %zu of %zu bytes\n", most, o.bytes);
             CHECK(most <= o.bytes);
         }
+        results_free(&r);
         cloth_tape_destroy(tape);
         scene_close(&s);
     }

@@ -6394,6 +6394,8 @@ static cloth_status clothi_detect(cloth_collide *c, int list, int *hit) {
                   : clothi_broad_phase(c, c->xa, c->xb, CLOTHI_SWEPT,
                                        CLOTHI_SEPARATION * c->thickest,
                                        c->report.passes > 0 ? CLOTHI_MOVED : 0);
+    for (i = 0; i < 3 * c->nv && list; i++) c->qp_x[i] = c->xb[i] - c->xa[i];
+    if (list) clothi_move_far(c, c->qp_x);
     if (!status) clothi_for(c->hooks, c->npair, CLOTHI_HIT_GRAIN, clothi_hit_range, c);
     for (i = 0; i < c->npair && !status; i++) {
         const int seen = c->pair[i].hit;

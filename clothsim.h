@@ -12310,8 +12310,8 @@ static cloth_status clothi_guarded(cloth_sim *s, double h, cloth_report *wanted)
         if (wanted && !news) *report = s->rested, report->h = h;
         if (news) status = clothi_energy_before(s, known, &before);
         if (!status) status = news ? clothi_booked(s, h, &before) : clothi_step_run(s, h);
-        if (!status && wanted) clothi_report_state(s, news);
         if (!status && s->recorder.step) status = clothi_record_need(s, &contacts);
+        if (!status && wanted) clothi_report_state(s, news);
         if (status) {
             clothi_put_back(s, report);
             if (status != CLOTH_ERR_STEP) report->outcome = CLOTH_STEP_NONE;

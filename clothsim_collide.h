@@ -8043,10 +8043,10 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
     cloth_status status;
     double      *targets, part = 1;
     int          k;
-    if (!c) return CLOTH_ERR_ARGUMENT;
+    if (!c) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
     if (halvings < 0 || halvings > 30)
-        return clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
-                           "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings);
+        return clothi_refused(report, clothi_fail(c->hooks, CLOTH_ERR_ARGUMENT,
+                              "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings));
     c->report.fraction = 0;
     status = cloth_step(c->sim, h, r);
     if (!clothi_shortens(r) || halvings == 0) return status;

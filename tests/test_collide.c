@@ -120,6 +120,7 @@ static int add_refused(const cloth_obstacle_desc *o, cloth_status want, const ch
 
 static void obstacles(void) {
     static const double x[9] = {0, -0.3, 0, 1, -0.3, 0, 0, -0.3, 1}, bad[3] = {0, NAN, 0};
+    cloth_report        r;
     static const int    faces[3] = {0, 2, 1}, wrong[3] = {0, 2, 9};
     static const double corner[12] = {0, -5, 0, 1, -5, 0, 0, -4, 0, 0, -5, 1};
     static const int    sides[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 2, 3};   /* one turned */
@@ -192,7 +193,9 @@ static void obstacles(void) {
     CHECK(said(cloth_collide_teleport(W.c, W.ball, NULL), CLOTH_ERR_ARGUMENT, "x is NULL"));
     CHECK(said(cloth_collide_step(W.c, 0.01, -1, NULL), CLOTH_ERR_ARGUMENT, "halvings = -1"));
     CHECK(said(cloth_collide_step(W.c, NAN, 2, NULL), CLOTH_ERR_NONFINITE, "NaN"));
-    CHECK(said(cloth_collide_step(W.c, 0.01, 99, NULL), CLOTH_ERR_ARGUMENT, "halvings = 99"));
+    r.status = CLOTH_OK, r.outcome = CLOTH_STEP_CONVERGED;
+    CHECK(said(cloth_collide_step(W.c, 0.01, 99, &r), CLOTH_ERR_ARGUMENT, "halvings = 99"));
+    CHECK(r.status == CLOTH_ERR_ARGUMENT && r.outcome == CLOTH_STEP_NONE && r.vertex == -1);
     o = cloth_obstacle_desc_default();
     o.nv = 3, o.nf = 1, o.x = x, o.faces = faces;
     CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_OK && id.id != 0);
@@ -219,7 +222,9 @@ static void obstacles(void) {
     stale.id = 0x80000001u;
     CHECK(cloth_collide_move(W.c, stale, x) == CLOTH_ERR_HANDLE);
     CHECK(cloth_collide_move(NULL, id, x) == CLOTH_ERR_HANDLE);
-    CHECK(cloth_collide_step(NULL, 0.01, 0, NULL) == CLOTH_ERR_ARGUMENT);
+    r.status = CLOTH_OK;
+    CHECK(cloth_collide_step(NULL, 0.01, 0, &r) == CLOTH_ERR_ARGUMENT);
+    CHECK(r.status == CLOTH_ERR_ARGUMENT);
     host_forget(&H);
     CHECK(said(cloth_solve_static(W.sim, NULL), CLOTH_ERR_UNSUPPORTED, "cloth_solve_static"));
     CHECK(world_run(&W, 3, 1.0 / 60));
@@ -453,6 +458,29 @@ static void failing_calls(void) {
     CHECK(most > 13);
 }
 
+static void forget_record(void *user, const cloth_step_record *r) {
+    *(int *)user += r->ncontact;
+}
+
+/* What a step needs to record its contacts is in its bytes, which are all that there is. */
+static void recorded_bytes(void) {
+    cloth_hooks    hooks = host_hooks(&H);
+    cloth_recorder recorder;
+    cloth_report   r;
+    int            i, contacts = 0;
+    memset(&recorder, 0, sizeof recorder);
+    recorder.user = &contacts, recorder.step = forget_record;
+    CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+    CHECK(cloth_sim_set_recorder(W.sim, &recorder) == CLOTH_OK);
+    for (i = 0; i < 20; i++) {
+        CHECK(cloth_step(W.sim, 1.0 / 60, &r) == CLOTH_OK);
+        CHECK(r.bytes.total == H.bytes);
+    }
+    CHECK(contacts > 0);
+    world_close(&W);
+    CHECK(H.live == 0);
+}
+
 /* At rest on the ground the touches carry the sheet. */
 static void weight(void) {
     cloth_collide_contact touch[400];
@@ -488,6 +516,7 @@ int main(int argc, char **argv) {
     RUN(absurd_zone);
     RUN(failing_allocator);
     RUN(failing_calls);
+    RUN(recorded_bytes);
     RUN(weight);
     return TEST_END();
 }

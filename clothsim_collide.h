@@ -5363,7 +5363,7 @@ static void clothi_near_free(const cloth_collide *c, clothi_near *q) {
     least = gap > least ? least + 0.1 * (gap - least) : 0.5 * gap;      /* 9/10 of the way */
     if (p->kind == CLOTHI_VP) {
         fall = -clothi_dot3(c->way + 3 * p->a, c->obstacle[p->b].normal);
-        if (!(gap - fall > CLOTHI_SEPARATION * q->thick))
+        if (fall > 0 && !(gap - fall > CLOTHI_SEPARATION * q->thick))
             q->time = clothi_max((gap - least) / fall, 0);
         return;
     }

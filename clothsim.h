@@ -12611,7 +12611,8 @@ CLOTH_API cloth_status cloth_sim_set_material(cloth_sim *sim, int region, const 
     if (status) sim->params.material[region] = old;
     if (status) return status;
     clothi_derive(sim);
-    clothi_forget(sim);
+    if (old.plane != m->plane || memcmp(&old, m, offsetof(cloth_material, plane)))
+        clothi_forget(sim);
     return CLOTH_OK;
 }
 

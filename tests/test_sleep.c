@@ -241,6 +241,7 @@ static void hang_same(scene *s, int i) {
     case 4: CHECK(!cloth_sim_set_gravity(s->sim, g)); break;
     case 5: CHECK(!cloth_sim_set_wind(s->sim, wind)); break;
     case 6: (void)cloth_sim_params(s->sim); break;
+    case 7: CHECK(!cloth_sim_set_material(s->sim, 0, &s->desc.material)); break;
     default: break;
     }
 }
@@ -333,9 +334,23 @@ static void wakes(void) {
 }
 
 static void sleeps_on(void) {
-    look(HANG, CLOTH_INTEGRATOR_EULER, hang_same, 7, 0);
-    look(HANG, CLOTH_INTEGRATOR_BDF2, hang_same, 7, 0);
+    look(HANG, CLOTH_INTEGRATOR_EULER, hang_same, 8, 0);
+    look(HANG, CLOTH_INTEGRATOR_BDF2, hang_same, 8, 0);
     look(PLANE, CLOTH_INTEGRATOR_EULER, plane_same, 6, 0);
+}
+
+/* A slider that says the material before every step: the motion is as without, by BDF2 too. */
+static void material_said_again(void) {
+    cloth_report r;
+    scene        s[2];
+    int          i, k;
+    for (i = 0; i < 2; i++) build(s + i, HANG, CLOTH_INTEGRATOR_BDF2, SLEEP);
+    for (k = 0; k < 5; k++) {
+        CHECK(!cloth_sim_set_material(s[0].sim, 0, &s[0].desc.material));
+        for (i = 0; i < 2; i++) CHECK(!cloth_step(s[i].sim, H, &r));
+        CHECK(cloth_sim_hash(s[0].sim) == cloth_sim_hash(s[1].sim));
+    }
+    for (i = 0; i < 2; i++) raze(s + i);
 }
 
 /* A new obstacle wakes; an attached one that moves pulls; a pinch does not sleep. */
@@ -577,6 +592,7 @@ int main(int argc, char **argv) {
     RUN(asleep_for_any_time);
     RUN(wakes);
     RUN(sleeps_on);
+    RUN(material_said_again);
     RUN(obstacles_wake);
     RUN(contact_made_anew);
     RUN(never_sleeps);

@@ -7181,6 +7181,10 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
         ledger->friction_loss += loss;
         ledger->contact_work += work + loss;
     }
+    for (i = 0; i < c->nrow; i++) {         /* LEAPFROG: rows push at the speed of obstacles */
+        const double work = c->row[i].impulse * c->row[i].speed;
+        ledger->contact_work += work, ledger->zone_loss += work;
+    }
 }
 
 /* --- options --- */

@@ -1537,6 +1537,17 @@ CLOTHI_UNUSED static void clothi_face_cross(const double *x, const int *v, doubl
 CLOTHI_UNUSED static double clothi_max(double a, double b) { return a > b ? a : b; }
 CLOTHI_UNUSED static double clothi_min(double a, double b) { return a < b ? a : b; }
 
+/* The largest square of a distance between points a [n x 3] and b [n x 3]. */
+CLOTHI_UNUSED static double clothi_apart2(const double *a, const double *b, int n) {
+    double most = 0, d[3];
+    int    i;
+    for (i = 0; i < n; i++) {
+        clothi_sub3(a + 3 * i, b + 3 * i, d);
+        most = clothi_max(most, clothi_dot3(d, d));
+    }
+    return most;
+}
+
 /* What an energy beyond the range of doubles is answered with: the largest double. */
 #define CLOTHI_HUGE 1.7976931348623157e308
 
@@ -1669,6 +1680,31 @@ CLOTHI_OUTLINE static size_t clothi_blocks(const cloth_hooks *hooks, const void 
         if (hooks) clothi_free(hooks, block[i]);
     }
     return sum;
+}
+
+typedef struct clothi_array {               /* an array to be                                  */
+    void  *at;                              /* address of its pointer                          */
+    size_t n, size;                         /* 0: none, NULL                                   */
+} clothi_array;
+
+/* Bytes of n arrays, at most 32, one behind the other; too many: 0. They are laid out where `block`
+ * is (NULL: not yet). */
+CLOTHI_UNUSED static size_t clothi_lay(const clothi_array *need, size_t n, void *block) {
+    size_t i, bytes = 0;
+    for (i = 0; i < n; i++) {
+        void *made = block && need[i].n ? (char *)block + bytes : NULL;
+        if (need[i].n > (size_t)-1 / 64 / need[i].size) return 0;
+        if (block) memcpy(need[i].at, &made, sizeof made);
+        bytes += (need[i].n * need[i].size + 15) / 16 * 16;
+    }
+    return bytes;
+}
+
+/* The same in a block of their own, zeroed: its address is that of the first. */
+static cloth_status clothi_arrays(const cloth_hooks *hooks, const clothi_array *need, size_t n) {
+    const size_t bytes = clothi_lay(need, n, NULL);
+    void        *block = bytes ? clothi_alloc(hooks, bytes, 1) : NULL;
+    return block && clothi_lay(need, n, block) ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 CLOTHI_RARE_BEGIN
@@ -2345,29 +2381,19 @@ static cloth_status clothi_check_faces(const cloth_hooks *hooks, int nv, int nf,
  * least three edges per loop. */
 static cloth_topology *clothi_topology_alloc(const cloth_hooks *hooks, int nv, int nf, int ne,
                                              int nh) {
-    const size_t head = (sizeof(cloth_topology) + sizeof(int) - 1u) / sizeof(int);
-    const size_t v = (size_t)nv + 1u, f = (size_t)nf, e = (size_t)ne, h = (size_t)nh;
-    const size_t b = e - h;
-    cloth_topology *t;
-    int *next = (int *)clothi_alloc(hooks, head + 2 * v + 6 * f + 6 * e + 7 * h + b + b / 3 + 1u,
-                                    sizeof(int));
-    if (!next) return NULL;
-    t = (cloth_topology *)(void *)next;
-    t->nv = nv, t->nf = nf, t->ne = ne, t->nh = nh;
-    next += head;
-    t->edges = next;       next += 2 * e;
-    t->edge_faces = next;  next += 2 * e;
-    t->face_edges = next;  next += 3 * f;
-    t->hinges = next;      next += 4 * h;
-    t->hinge_edge = next;  next += h;
-    t->hinge_faces = next; next += 2 * h;
-    t->loop_start = next;  next += b / 3 + 1u;
-    t->loop_vertex = next; next += b;
-    t->vf_start = next;    next += v;
-    t->vf = next;          next += 3 * f;
-    t->vv_start = next;    next += v;
-    t->vv = next;
-    return t;
+    const size_t v = (size_t)nv + 1, f = (size_t)nf, e = (size_t)ne, one = sizeof(int);
+    const size_t h = (size_t)nh + 1, b = (size_t)(ne - nh) + 1;     /* of none there is an array */
+    cloth_topology t, *made;
+    const clothi_array need[] = {
+        {&made, 1, sizeof t}, {&t.edges, 2 * e, one}, {&t.edge_faces, 2 * e, one},
+        {&t.face_edges, 3 * f, one}, {&t.hinges, 4 * h, one}, {&t.hinge_edge, h, one},
+        {&t.hinge_faces, 2 * h, one}, {&t.loop_start, b / 3 + 1, one}, {&t.loop_vertex, b, one},
+        {&t.vf_start, v, one}, {&t.vf, 3 * f, one}, {&t.vv_start, v, one}, {&t.vv, 2 * e, one}};
+    memset(&t, 0, sizeof t);
+    if (clothi_arrays(hooks, need, sizeof need / sizeof *need)) return NULL;
+    t.nv = nv, t.nf = nf, t.ne = ne, t.nh = nh;
+    *made = t;
+    return made;
 }
 
 static void clothi_topology_edges(const int *faces, const clothi_edge_sort *s, cloth_topology *t) {
@@ -2488,29 +2514,21 @@ CLOTH_API void cloth_topology_destroy(const cloth_hooks *hooks, cloth_topology *
 /* All arrays of a mesh in one block; npart, nr or text 0: without these. */
 static cloth_mesh *clothi_mesh_alloc(const cloth_hooks *hooks, int nv, int nf, int with_X,
                                      int npart, int nr, size_t text) {
-    const size_t v = (size_t)nv, f = (size_t)nf, r = (size_t)nr;
-    const size_t head = (sizeof(cloth_mesh) + 7u) / 8u * 8u, nX = with_X ? 6 * f : 0;
-    const size_t doubles = 3 * v + nX + 2 * r, parts = npart ? f : 0;
-    const size_t ints = 3 * f + parts + (r ? r + 3 * f : 0);
-    cloth_mesh  *m = (cloth_mesh *)clothi_alloc(hooks, head + 8u * doubles + sizeof(int) * ints
-                                                + text, 1);
-    if (!m) {
+    const size_t f = (size_t)nf, r = (size_t)nr, one = sizeof(int), real = sizeof(double);
+    cloth_mesh   m, *made;
+    const clothi_array need[] = {
+        {&made, 1, sizeof m}, {&m.x, 3 * (size_t)nv, real}, {&m.X, with_X ? 6 * f : 0, real},
+        {&m.vt, 2 * r, real}, {&m.faces, 3 * f, one}, {&m.part, npart ? f : 0, one},
+        {&m.render_vertex, r, one}, {&m.render_faces, r ? 3 * f : 0, one}, {&m.names, text, 1}};
+    memset(&m, 0, sizeof m);
+    if (clothi_arrays(hooks, need, sizeof need / sizeof *need)) {
         clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a mesh of %i vertices and %i faces",
                     nv, nf);
         return NULL;
     }
-    m->nv = nv, m->nf = nf, m->npart = npart, m->nr = nr;
-    m->x = (double *)(void *)((char *)m + head);
-    m->faces = (int *)(void *)(m->x + doubles);
-    if (with_X) m->X = m->x + 3 * v;
-    if (npart) m->part = m->faces + 3 * f;
-    if (r) {
-        m->vt = m->x + 3 * v + nX;
-        m->render_vertex = m->faces + 3 * f + parts;
-        m->render_faces = m->render_vertex + r;
-    }
-    if (text) m->names = (char *)(m->faces + ints);
-    return m;
+    m.nv = nv, m.nf = nf, m.npart = npart, m.nr = nr;
+    *made = m;
+    return made;
 }
 
 CLOTH_API void cloth_mesh_destroy(const cloth_hooks *hooks, cloth_mesh *mesh) {
@@ -3304,21 +3322,20 @@ static cloth_status clothi_obj_run(clothi_obj *o, const char *text, size_t size)
     return status;
 }
 
-/* Arrays for the second run, in two blocks: doubles, ints. */
+/* Arrays for the second run. */
 static cloth_status clothi_obj_alloc(clothi_obj *o) {
-    const size_t v = (size_t)o->nv, t = (size_t)o->nvt, f = (size_t)o->nf;
-    o->table_size = 2 * (size_t)o->nname + 3u, o->nkey = (o->nv > o->nvt ? o->nv : o->nvt) + 1;
-    o->x = (double *)clothi_alloc(o->hooks, 3 * v + 2 * t, sizeof(double));
-    o->faces = (int *)clothi_alloc(o->hooks, 7 * f + o->table_size +
-                                   (t ? 6 * f + (size_t)o->nkey + 1u : 0), sizeof(int));
-    o->names = (clothi_obj_name *)clothi_alloc(o->hooks, (size_t)o->nname + 1u,
-                                               sizeof(clothi_obj_name));
-    if (!o->x || !o->faces || !o->names)
-        return clothi_fail(o->hooks, CLOTH_ERR_MEMORY, "no memory to read %i vertices and %i "
-                           "faces", o->nv, o->nf);
-    o->vt = o->x + 3 * v, o->corner_vt = o->faces + 3 * f, o->part = o->corner_vt + 3 * f;
-    o->table = o->part + f, o->order = o->table + o->table_size;
-    return CLOTH_OK;
+    const size_t t = (size_t)o->nvt, f = (size_t)o->nf, one = sizeof(int), real = sizeof(double);
+    const size_t key = (size_t)(o->nv > o->nvt ? o->nv : o->nvt) + 1;
+    const size_t table = 2 * (size_t)o->nname + 3;
+    const clothi_array need[] = {
+        {&o->x, 3 * (size_t)o->nv, real}, {&o->vt, 2 * t, real}, {&o->faces, 3 * f, one},
+        {&o->corner_vt, 3 * f, one}, {&o->part, f, one}, {&o->table, table, one},
+        {&o->order, t ? 6 * f + key + 1 : 0, one},
+        {&o->names, (size_t)o->nname + 1, sizeof *o->names}};
+    o->nkey = (int)key, o->table_size = table;
+    if (!clothi_arrays(o->hooks, need, sizeof need / sizeof *need)) return CLOTH_OK;
+    return clothi_fail(o->hooks, CLOTH_ERR_MEMORY, "no memory to read %i vertices and %i faces",
+                       o->nv, o->nf);
 }
 
 /* Render corners of a mesh from `order`. mesh NULL: only counts. */
@@ -3338,11 +3355,12 @@ static int clothi_obj_render(const clothi_obj *o, cloth_mesh *mesh) {
 
 static cloth_status clothi_obj_finish(clothi_obj *o, cloth_mesh **out) {
     const int   n = 3 * o->nf, with_X = o->opt.pattern_scale > 0;
-    int         i, nr = 0, *work = o->order + n;
+    int         i, nr = 0;
     char       *name;
     size_t      text = 0;
     cloth_mesh *m;
     if (o->nvt > 0) {
+        int *work = o->order + n;
         clothi_sort_by(n, o->nkey, o->corner_vt, NULL, work, work + n);
         clothi_sort_by(n, o->nkey, o->faces, work, o->order, work + n);
         nr = clothi_obj_render(o, NULL);
@@ -3400,8 +3418,6 @@ CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *tex
                              o.nv);
     if (!status) status = clothi_obj_finish(&o, out);
     clothi_free(hooks, o.x);
-    clothi_free(hooks, o.faces);
-    clothi_free(hooks, o.names);
     return status;
 }
 
@@ -12158,16 +12174,11 @@ static void clothi_watch(cloth_sim *s, double h) {
     const size_t bytes = 3 * (size_t)s->model->nv * sizeof(double);
     const double most = 4 * s->model->desc.tolerance;
     double       still = s->still < s->model->desc.sleep ? s->still : 0;    /* woken: from now */
-    int          i;
     s->rested.outcome = CLOTH_STEP_NONE;
     if (!(s->model->desc.sleep > 0)) return;
     if (!(still > 0)) memcpy(s->still_x, s->w.x0, bytes);
     still = clothi_moves(s) ? 0 : still + h;
-    for (i = 0; i < s->model->nv && still > 0; i++) {
-        double d[3];
-        clothi_sub3(s->state.x + 3 * i, s->still_x + 3 * i, d);
-        if (clothi_dot3(d, d) > most * most) still = 0;
-    }
+    if (still > 0 && clothi_apart2(s->state.x, s->still_x, s->model->nv) > most * most) still = 0;
     if (still >= s->model->desc.sleep) {
         clothi_forget(s);
         memset(s->state.v, 0, bytes);

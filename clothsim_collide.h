@@ -2168,24 +2168,18 @@ static clothi_dd clothi_qp_minus_dot(const clothi_qp *s, clothi_dd sum, const cl
 
 /* Slices of the block whose size is known beforehand. */
 static int clothi_qp_layout(clothi_qp *s, size_t nz) {
-    const size_t m = (size_t)s->m, n = (size_t)s->n, twos = 5 * m + 2 * n, reals = nz + 2 * m + n;
-    const size_t bytes = twos * sizeof(clothi_dd) + reals * sizeof(double) +
-                         m * sizeof(size_t) + (9 * m + n + 2 + 2 * nz) * sizeof(int);
-    clothi_dd *t = (clothi_dd *)clothi_qp_take(s->work, CLOTHI_QP_KNOWN, bytes, 1, 0);
-    double    *d;
-    int       *i;
-    if (!t) return 0;
-    d = (double *)(void *)(t + twos);
-    s->lstart = (size_t *)(void *)(d + reals);
-    i = (int *)(void *)(s->lstart + m);
-    s->keep = i, s->act = i + m, s->at = i + 2 * m, s->order = i + 3 * m, s->list = i + 4 * m;
-    s->first = i + 5 * m, s->mark = i + 6 * m, s->exponent = i + 7 * m;
-    s->astart = i + 8 * m, s->cstart = i + 9 * m + 1, s->crow = s->cstart + n + 1;
-    s->centry = s->crow + nz;
-    s->g = d, s->h = d + nz, s->size = s->h + m, s->v = s->size + m;
-    s->b = t, s->lambda = t + m, s->w = t + 2 * m, s->rhs = t + 3 * m, s->ray = t + 4 * m;
-    s->x = t + 5 * m, s->u = s->x + n;
-    return 1;
+    const size_t m = (size_t)s->m, n = (size_t)s->n, one = sizeof(int), real = sizeof(double);
+    const size_t two = sizeof(clothi_dd), count = 24;
+    const clothi_array need[] = {
+        {&s->b, m, two}, {&s->lambda, m, two}, {&s->w, m, two}, {&s->rhs, m, two},
+        {&s->ray, m, two}, {&s->x, n, two}, {&s->u, n, two}, {&s->g, nz, real}, {&s->h, m, real},
+        {&s->size, m, real}, {&s->v, n, real}, {&s->lstart, m, sizeof(size_t)}, {&s->keep, m, one},
+        {&s->act, m, one}, {&s->at, m, one}, {&s->order, m, one}, {&s->list, m, one},
+        {&s->first, m, one}, {&s->mark, m, one}, {&s->exponent, m, one}, {&s->astart, m + 1, one},
+        {&s->cstart, n + 1, one}, {&s->crow, nz, one}, {&s->centry, nz, one}};
+    const size_t bytes = clothi_lay(need, count, NULL);
+    void *block = bytes ? clothi_qp_take(s->work, CLOTHI_QP_KNOWN, bytes, 1, 0) : NULL;
+    return block && clothi_lay(need, count, block);
 }
 
 /* Solves of at most m rows, n unknowns and nz entries take no memory any more; 0: there is none. */
@@ -2799,15 +2793,6 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
     return status;
 }
 
-/* Is the point in x and lambda the optimum? */
-static int clothi_qp_solved(clothi_qp *s, const cloth_qp_options *o) {
-    if (s->wrong) return 0;
-    clothi_qp_measure(s);
-    if (!(s->rep->residual <= o->tolerance)) return 0;
-    s->rep->outcome = CLOTH_QP_SOLVED;
-    return 1;
-}
-
 static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
     cloth_qp_report *rep = s->rep;
     cloth_status     status;
@@ -2833,16 +2818,16 @@ static cloth_status clothi_qp_run(clothi_qp *s, const cloth_qp_options *o) {
     for (i = 0; i < s->m; i++)
         s->act[i] = s->keep[i] && (o->guess ? o->guess[i] > 0
                                             : s->w[i].h < 0 && !clothi_qp_shadowed(s, i));
-    status = clothi_qp_pivot(s);
-    for (i = 0; i < 2; i++) {
-        if (status || clothi_qp_solved(s, o)) return status;
-        status = clothi_qp_active_set(s, i);
+    for (i = 0; i < 3; i++) {
+        status = i ? clothi_qp_active_set(s, i - 1) : clothi_qp_pivot(s);
         if (status || rep->outcome == CLOTH_QP_INFEASIBLE) return status;
+        if (s->wrong && i < 2) continue;
+        clothi_qp_measure(s);
+        if (!(rep->residual <= o->tolerance)) rep->outcome = CLOTH_QP_MAX_ITERATIONS;
+        else if (i < 2) rep->outcome = CLOTH_QP_SOLVED;
+        if (rep->outcome == CLOTH_QP_SOLVED) return CLOTH_OK;
     }
-    clothi_qp_measure(s);
-    if (!(rep->residual <= o->tolerance)) rep->outcome = CLOTH_QP_MAX_ITERATIONS;
-    if (rep->outcome != CLOTH_QP_SOLVED)    /* multipliers that grew without end may be a proof */
-        clothi_qp_prove(s);
+    (void)clothi_qp_prove(s);               /* multipliers that grew without end may be a proof */
     return CLOTH_OK;
 }
 
@@ -3648,28 +3633,6 @@ static size_t clothi_world_blocks(const cloth_collide *c, const cloth_hooks *hoo
     return clothi_blocks(hooks, block, sizeof block / sizeof *block);
 }
 
-typedef struct clothi_array {               /* an array to be                                  */
-    void  *at;                              /* address of its pointer                          */
-    size_t n, size;                         /* 0: none, NULL                                   */
-} clothi_array;
-
-/* At most 32 of them, in one block: its address is that of the first. */
-static cloth_status clothi_arrays(const cloth_hooks *hooks, const clothi_array *need, size_t n) {
-    size_t i, bytes = 0;
-    char  *at;
-    for (i = 0; i < n; i++) {
-        if (need[i].n > (size_t)-1 / 64 / need[i].size) return CLOTH_ERR_MEMORY;
-        bytes += (need[i].n * need[i].size + 15) / 16 * 16;
-    }
-    at = (char *)clothi_alloc(hooks, bytes, 1);
-    for (i = 0; i < n && at; i++) {
-        void *made = need[i].n ? at : NULL;
-        memcpy(need[i].at, &made, sizeof made);
-        at += (need[i].n * need[i].size + 15) / 16 * 16;
-    }
-    return at ? CLOTH_OK : CLOTH_ERR_MEMORY;
-}
-
 /* Areas of the template and of obstacles as they were added: not of now, which is no state. */
 static void clothi_world_area(cloth_collide *c) {
     double *x = c->xb;                      /* where the trees find it */
@@ -3677,9 +3640,8 @@ static void clothi_world_area(cloth_collide *c) {
     memset(c->area, 0, (size_t)c->nw * sizeof(double));
     memcpy(x, c->sim->model->x_rest, 3 * (size_t)c->nv * sizeof(double));
     for (c->length = 0, f = 0; f < 3 * c->nf; f++) {
-        double d[3];
-        clothi_sub3(x + 3 * c->faces[f], x + 3 * c->faces[f % 3 == 2 ? f - 2 : f + 1], d);
-        c->length += sqrt(clothi_dot3(d, d)) / (3 * c->nf);
+        const double *q = x + 3 * c->faces[clothi_halfedge_next(f)];
+        c->length += sqrt(clothi_apart2(x + 3 * c->faces[f], q, 1)) / (3 * c->nf);
     }
     CLOTHI_OBSTACLES(c, o)
         memcpy(x + 3 * c->obstacle[o].v0, clothi_pose(c->obstacle + o, 2),
@@ -4171,18 +4133,19 @@ static int clothi_is_exempt(const cloth_collide *c, const clothi_pair_id *p) {
     return 0;
 }
 
-/* Whether the axis of a capsule, whose first vertex the pair has, goes through the face: it may be
- * near none of its edges, and its ends far off. */
-static int clothi_axis_through(const cloth_collide *c, const clothi_pair_id *p) {
-    const int     slot = clothi_pair_slot(c, p);
-    const double *x = c->xb;
-    const int    *v;
-    if (p->kind != CLOTHI_VF || slot < 0 || c->obstacle[slot].kind != CLOTH_OBSTACLE_CAPSULE ||
-        p->a != c->obstacle[slot].v0)
-        return 0;
-    v = c->faces + 3 * p->b;
-    return clothi_surface_pierced(x + 3 * p->a, x + 3 * p->a + 3, x + 3 * v[0], x + 3 * v[1],
-                                  x + 3 * v[2]);
+/* Whether a pair intersects at xb. The axis of a capsule, whose first vertex the pair has, may go
+ * through a face, near none of its edges and its ends far off. */
+static int clothi_pair_meets(const cloth_collide *c, const clothi_pair_id *p) {
+    const double *x = c->xb, *axis = x + 3 * p->a;
+    const int    *v = c->faces + 3 * p->b;
+    int           slot;
+    if (p->kind == CLOTHI_FF) return clothi_faces_intersect(x, c->faces + 3 * p->a, v);
+    slot = clothi_pair_slot(c, p);
+    if (p->kind == CLOTHI_VF && slot >= 0 && p->a == c->obstacle[slot].v0 &&
+        c->obstacle[slot].kind == CLOTH_OBSTACLE_CAPSULE &&
+        clothi_surface_pierced(axis, axis + 3, x + 3 * v[0], x + 3 * v[1], x + 3 * v[2]))
+        return 1;
+    return !(clothi_pair_gap(c, x, p) > 0);
 }
 
 /* Everything that intersects now, cloth and obstacles where xb has them, into c->now. */
@@ -4193,9 +4156,7 @@ static cloth_status clothi_crossings(cloth_collide *c) {
     status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_CROSS);
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_pair_id *p = &c->pair[i].id;
-        if (!clothi_is_soft(c, p) &&
-            (clothi_axis_through(c, p) || !(clothi_pair_gap(c, c->xb, p) > 0)))
-            status = clothi_exempt_add(c, p);
+        if (!clothi_is_soft(c, p) && clothi_pair_meets(c, p)) status = clothi_exempt_add(c, p);
     }
     return status;
 }
@@ -4274,12 +4235,8 @@ static void clothi_exempt_accept(cloth_collide *c) {
 /* Drops what has parted, at the end of an accepted step. */
 static void clothi_exempt_part(cloth_collide *c) {
     int i, n = 0;
-    for (i = 0; i < c->nnow; i++) {
-        const clothi_pair_id p = c->now[i];
-        if (p.kind < 0 ? clothi_faces_intersect(c->xb, c->faces + 3 * p.a, c->faces + 3 * p.b)
-                       : clothi_axis_through(c, &p) || !(clothi_pair_gap(c, c->xb, &p) > 0))
-            c->now[n++] = p;
-    }
+    for (i = 0; i < c->nnow; i++)
+        if (clothi_pair_meets(c, c->now + i)) c->now[n++] = c->now[i];
     c->nnow = n;
 }
 
@@ -5733,15 +5690,16 @@ static double clothi_hold_room(const cloth_collide *c, const cloth_hold *h, cons
     return clothi_dot3(d, m);
 }
 
-/* c->dragging [mf]: faces of the bodies that may hold vertex v. What it may not touch, does not. */
-static const unsigned char *clothi_hold_bodies(const cloth_collide *c, int v) {
-    int o;
+/* The faces at x of the bodies that may hold vertex v: what it may not touch, does not. */
+static clothi_surface clothi_hold_bodies(const cloth_collide *c, int v, const double *x) {
+    const clothi_surface bodies = {x, c->faces, c->dragging, NULL, &c->solid};
+    int                  o;
     CLOTHI_OBSTACLES(c, o) {
         const clothi_obstacle *b = c->obstacle + o;
         memset(c->dragging + b->f0, b->self_penetrating && clothi_may_touch(c, v, b->v0),
                (size_t)b->nf);
     }
-    return c->dragging;
+    return bodies;
 }
 
 typedef struct clothi_catch {               /* a search for the nearest face                   */
@@ -5861,8 +5819,7 @@ static void clothi_hold_goal(const cloth_collide *c, const cloth_hold *h, double
  * body. */
 static void clothi_hold_nearest(const cloth_collide *c, const double *x, const double *p,
                                 cloth_hold *h) {
-    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
-    const clothi_surface body = {x, c->faces, bodies, NULL, &c->solid};
+    const clothi_surface body = clothi_hold_bodies(c, h->vertex, x);
     double               d2 = CLOTHI_HUGE;
     const int            f = clothi_surface_nearest(&body, p, &d2, h->weight[0]);
     const int            slot = c->slot[c->faces[3 * f]];
@@ -5901,19 +5858,17 @@ static int clothi_hold_back(const cloth_collide *c, const cloth_hold *h, cloth_h
  * that it came in by; CLOTHI_LET_GO: another part is there. */
 static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cloth_hold *h,
                                      double *to) {
-    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
-    const clothi_surface body = {c->xb, c->faces, bodies, NULL, &c->solid};
+    const clothi_surface body = clothi_hold_bodies(c, h->vertex, c->xb);
     const double         shallow = CLOTHI_SHALLOW * c->obstacle[h->slot].thickness;
     cloth_hold           out[2];
-    double               A[3], n[3], d[3];
+    double               A[3], n[3];
     int                  k;
     memcpy(to, y, 3 * sizeof *to);
     if (clothi_surface_winding(&body, y) == 0) return CLOTHI_PASSED;
     out[0] = *h;
     clothi_hold_nearest(c, c->xb, y, out);
     clothi_hold_point(c, out, 0, c->xb, A, n);
-    clothi_sub3(y, A, d);
-    k = clothi_dot3(d, d) > shallow * shallow && clothi_hold_back(c, h, out + 1);
+    k = clothi_apart2(y, A, 1) > shallow * shallow && clothi_hold_back(c, h, out + 1);
     clothi_hold_above(c, out + k, to);
     if (clothi_surface_winding(&body, to) != 0) return CLOTHI_LET_GO;
     *h = out[k];
@@ -5923,8 +5878,7 @@ static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cl
 /* What becomes of a held vertex at x^n; where it goes into `to`. y [3]: where it would go alone. */
 static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, cloth_hold *h,
                                       double *to) {
-    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
-    const clothi_surface body = {c->xa, c->faces, bodies, NULL, &c->solid};
+    const clothi_surface body = clothi_hold_bodies(c, h->vertex, c->xa);
     const double        *p = c->xa + 3 * h->vertex, share = h->share;
     const int            wind = clothi_surface_winding(&body, p);
     unsigned char        look = CLOTHI_LET_GO;
@@ -5943,9 +5897,8 @@ static unsigned char clothi_hold_keep(const cloth_collide *c, const double *y, c
 /* Minimising begins where `to` is. What is held and would end inside of one part there is pulled to
  * above what is nearest of where no other part is; its point there is in c->caught. */
 static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
-    const unsigned char *bodies = clothi_hold_bodies(c, h->vertex);
-    const clothi_surface body = {c->xb, c->faces, bodies, NULL, &c->solid};
-    const clothi_catch   q = {c, h->slot, c->xb, NULL, bodies};
+    const clothi_surface body = clothi_hold_bodies(c, h->vertex, c->xb);
+    const clothi_catch   q = {c, h->slot, c->xb, NULL, body.closed};
     double              *from = c->hold_by + 3 * h->vertex, *to = c->hold_to + 3 * h->vertex;
     double               d2 = CLOTHI_DEEP * c->obstacle[h->slot].thickness;
     cloth_hold          *aside = c->caught + h->vertex;
@@ -5969,19 +5922,16 @@ static void clothi_hold_aside(cloth_collide *c, const cloth_hold *h) {
 static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
     const double   *rest = c->sim->model->x_rest, *p = c->xa + 3 * h->vertex;
     const double   *to = c->hold_to + 3 * h->vertex;
-    double          reach2 = 0, d[3], b[3], reach, box[6];
+    double          reach2 = 0, b[3], reach, box[6];
     clothi_bvh_walk w = {&c->solid, box, 1, 0, 0};
     int             i, k, f;
     for (i = 3 * c->star[h->vertex]; i < 3 * c->star[h->vertex + 1]; i++) {
         const int v = c->faces[3 * c->star_face[i / 3] + i % 3];
-        clothi_sub3(rest + 3 * v, rest + 3 * h->vertex, d);
-        reach2 = clothi_max(reach2, clothi_dot3(d, d));
-        clothi_sub3(c->xa + 3 * v, p, d);
-        reach2 = clothi_max(reach2, clothi_dot3(d, d));
+        reach2 = clothi_max(reach2, clothi_apart2(rest + 3 * v, rest + 3 * h->vertex, 1));
+        reach2 = clothi_max(reach2, clothi_apart2(c->xa + 3 * v, p, 1));
     }
     reach = sqrt(reach2) + c->obstacle[h->slot].thickness, reach2 = reach * reach;
-    clothi_sub3(to, p, d);
-    reach += sqrt(clothi_dot3(d, d));
+    reach += sqrt(clothi_apart2(to, p, 1));
     clothi_swept_boxes(1, p, NULL, reach, box);
     while ((f = clothi_bvh_next(&w)) >= 0) {
         const int *v = c->faces + 3 * (size_t)f;
@@ -5995,17 +5945,12 @@ static void clothi_hold_mark(cloth_collide *c, const cloth_hold *h) {
 
 /* The hierarchy of the obstacles at both poses, and how far each goes. */
 static void clothi_pinch_boxes(cloth_collide *c) {
-    int o, i;
+    int o;
     clothi_tree_boxes(c, &c->solid, c->xa, c->xb, 0);
     c->solid_known = 0;
-    for (o = 0; o < c->nobstacle; o++) {
+    CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
-        double           d[3], way2 = 0;
-        for (i = b->v0; b->used && i < b->v0 + b->nv; i++) {
-            clothi_sub3(c->xb + 3 * i, c->xa + 3 * i, d);
-            way2 = clothi_max(way2, clothi_dot3(d, d));
-        }
-        b->way = sqrt(way2);
+        b->way = sqrt(clothi_apart2(c->xb + 3 * b->v0, c->xa + 3 * b->v0, b->nv));
     }
 }
 
@@ -6158,15 +6103,15 @@ static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p) {
 /* The part of a pull out that cloth around vertex v bears: all of it up to a stretch of its edges
  * at x^n of CLOTHI_TAUT - 1, CLOTHI_SLIP from CLOTHI_TAUT on. */
 static double clothi_hold_borne(const cloth_collide *c, int v) {
-    double stretch2 = 0, d[3];
+    double stretch2 = 0, d2;
     int    i, k;
     for (i = c->star[v]; i < c->star[v + 1]; i++) {
         const int    *of = c->faces + 3 * c->star_face[i], at = of[0] == v ? 0 : of[1] == v ? 1 : 2;
         const double *X = c->sim->params.X + 6 * (size_t)c->star_face[i];
         for (k = 0; k < 3; k++) {
             const double x = X[2 * k] - X[2 * at], y = X[2 * k + 1] - X[2 * at + 1];
-            clothi_sub3(c->xa + 3 * of[k], c->xa + 3 * v, d);
-            if (k != at) stretch2 = clothi_max(stretch2, clothi_dot3(d, d) / (x * x + y * y));
+            d2 = clothi_apart2(c->xa + 3 * of[k], c->xa + 3 * v, 1);
+            if (k != at) stretch2 = clothi_max(stretch2, d2 / (x * x + y * y));
         }
     }
     return clothi_max(clothi_min(CLOTHI_TAUT - sqrt(stretch2), 1), CLOTHI_SLIP);
@@ -8346,14 +8291,14 @@ static void clothi_contour_find(const cloth_collide *c, const clothi_pair_id *pa
     int i, j, k, ends[2] = {0, 0};
     for (i = 0; i < n; i++) {
         const int first = line->n, face[2] = {pair[i].a, pair[i].b};
-        double    length = 0, d[3];
+        double    length = 0;
         for (k = 0; k < 6 && pair[i].kind == CLOTHI_FF; k++) {
             clothi_crossing *cut = line->cut + line->n;
             if (!clothi_contour_cut(c, face[k / 3], k % 3, face[1 - k / 3], cut)) continue;
             for (j = first; j < line->n; j++) {
-                clothi_sub3(cut->at, line->cut[j].at, d);
-                if (!(sqrt(clothi_dot3(d, d)) > length)) continue;
-                length = sqrt(clothi_dot3(d, d));
+                const double apart = sqrt(clothi_apart2(cut->at, line->cut[j].at, 1));
+                if (!(apart > length)) continue;
+                length = apart;
                 ends[0] = j, ends[1] = line->n;
             }
             line->n++;
@@ -8445,11 +8390,11 @@ static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
     for (i = 0; i < c->features.ne; i++) {
         const int    *v = c->edges + 2 * i;
         const int     a = clothi_find_root(u->area, v[0]), b = clothi_find_root(u->area, v[1]);
+        const double  length = sqrt(clothi_apart2(c->xa + 3 * v[0], c->xa + 3 * v[1], 1));
         const double *part = u->span + 2 * i;
-        double        d[3], sum;
-        clothi_sub3(c->xa + 3 * v[0], c->xa + 3 * v[1], d);
-        u->size[a] += sqrt(clothi_dot3(d, d)) * part[0];
-        u->size[b] += sqrt(clothi_dot3(d, d)) * part[1];
+        double        sum;
+        u->size[a] += length * part[0];
+        u->size[b] += length * part[1];
         if (part[0] + part[1] < 2 || !clothi_join(u->area, a, b)) continue;
         sum = u->size[a] + u->size[b];
         u->size[a] = u->size[b] = 0;
@@ -8564,7 +8509,6 @@ static cloth_status clothi_tangle_try(cloth_collide *c, clothi_tangle *u, double
                                       cloth_untangle_report *r, int *good) {
     clothi_tangle w;
     cloth_status  status;
-    double        d[3];
     int           i;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     for (i = 0; i < 3 * c->nv; i++) c->x_ie[i] = c->xa[i] + part * u->d[i];
@@ -8574,10 +8518,7 @@ static cloth_status clothi_tangle_try(cloth_collide *c, clothi_tangle *u, double
     if (status) return status == CLOTH_ERR_STEP ? CLOTH_OK : status;
     if (clothi_find_nonfinite(c->xb, 3 * (size_t)c->nv) >= 0) return CLOTH_OK;
     memcpy(c->x_ie, c->xb, 3 * (size_t)c->nv * sizeof(double));
-    for (r->moved = 0, i = 0; i < c->nv; i++) {
-        clothi_sub3(c->xb + 3 * i, c->xa + 3 * i, d);
-        r->moved = clothi_max(r->moved, sqrt(clothi_dot3(d, d)));
-    }
+    r->moved = sqrt(clothi_apart2(c->xb, c->xa, c->nv));
     clothi_world_pose(c, c->x_ie, 0, 0);
     status = clothi_crossings(c);
     for (r->wandered = 0, i = 0; i < c->nnow && !status; i++)

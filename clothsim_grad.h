@@ -3771,9 +3771,7 @@ typedef struct clothi_graph_maker {
 } clothi_graph_maker;
 
 static double clothi_graph_apart2(const clothi_graph_maker *m, int v, int node) {
-    double d[3];
-    clothi_sub3(m->X + 3 * (size_t)v, m->g->g + 3 * (size_t)node, d);
-    return clothi_dot3(d, d);
+    return clothi_apart2(m->X + 3 * (size_t)v, m->g->g + 3 * (size_t)node, 1);
 }
 
 /* Nodes at farthest points from vertex `at` on; returns how many places there are, at most nn. */

@@ -920,7 +920,7 @@ CLOTH_API void cloth_desc_set_mesh(cloth_desc *desc, const cloth_mesh *mesh);
 
 /* Makes a model: checks the desc, flattens, finds hinges, analyses the matrix.
  * in    desc   copied; every refusal names field and value through desc->hooks.log. Warned of
- *   there: wind without wind_on, faces that share no edge, and cloth over 20 m or under 1 cm a side
+ *   there: wind without wind_on, faces that share no edge, cloth of over 400 m^2 or under 1 cm^2
  * out   *out   owned: cloth_model_destroy; NULL on failure
  * returns CLOTH_OK; _UNINIT, _ARGUMENT, _NONFINITE, _MESH, _UNSUPPORTED, _MEMORY
  * contract: alloc model | cost O(n log n) | threads: any, on distinct out */
@@ -1052,7 +1052,7 @@ CLOTH_API const cloth_model    *cloth_sim_model(const cloth_sim *sim);
 CLOTH_API double cloth_model_blocks_per_row(const cloth_model *model);
 /* Smallest and largest principal stretch of each face at the state; outputs [nf] may be NULL. */
 CLOTH_API cloth_status cloth_sim_stretches(const cloth_sim *sim, double *smallest, double *largest);
-/* Energies of the state, without a step. */
+/* Energies of the state, without a step and without E_col: contact is 0. */
 CLOTH_API cloth_status cloth_sim_energy(cloth_sim *sim, cloth_ledger *ledger);
 /* Potential and its gradient at x [nv x 3] by all terms but inertia, as statics sees it: h = 0, no
  * damping, wind a constant force lagged to the state, attachments at their targets. energy and
@@ -1235,7 +1235,7 @@ CLOTH_API double cloth_bend(const double *x, double c, double theta0, double *gr
                             int psd);
 
 /* theta of that hinge, in [-pi, pi]: 0 when flat, positive when convex seen from the side that the
- * normals point to; 0 when two corners of a triangle coincide, any when three are in line. [6.3] */
+ * normals point to; any where a triangle has no area.                                     [6.3] */
 CLOTH_API double cloth_dihedral(const double *x);
 
 /* theta with its gradient [12] rad/m, and with its Hessian [12x12] rad/m^2. Return theta.  [6.3] */
@@ -4684,7 +4684,7 @@ CLOTHI_RARE_END
  *   collapse  p grows like 1/h. With s = |e|^2 + |a|^2 + |b|^2, |n| is not taken
  *             smaller than 1e-6 s, nor l^2 smaller than 1e-12 s, where they divide: derivatives are
  *             exact above and fade to zero below, where the force would be beyond any use. theta
- *             itself is atan2's answer, 0 for a wing with n = 0: a line has no side.
+ *             itself is atan2's answer, any for a wing with n = 0: a line has no side.
  *   range     theta does not depend on size: coordinates outside 1e-20..1e20 are scaled first.
  *   limits    at theta = +-pi (a wing folded onto the other) theta jumps; count hinges beyond 3.
  *             The Poisson ratio of bending is about -1/3 whatever the user says.
@@ -12992,7 +12992,7 @@ CLOTH_API void cloth_debug_draw_state(const cloth_sim *sim, const cloth_debug_dr
 /* ===== [10.4] ADVICE =========================================================================
  *
  *   symbols    rho kg/m^2, Y N/m (membrane), D N m: Y/rho and D/rho the largest of any region;
- *              L extent m, e mean edge of the rest shape m, g m/s^2, tau s largest damping
+ *              L extent m, g m/s^2, e edge m of equilateral triangles of the mean size
  *   groups     rho g L^3 / D        gravity against bending: above ~1000 a membrane alone is
  *                                   within 5 % of L of the elastica; below ~1.5 all is linear
  *              h omega_m            omega_m = 2 sqrt(2 Y/rho)/e, the stiffest membrane mode:

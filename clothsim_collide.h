@@ -198,7 +198,7 @@ typedef struct cloth_qp_report {
     int    iterations;          /* active sets tried                                           */
     int    factorizations;      /* of an active set: of what comes after the first row changed */
     int    refactorizations;    /* those of them because a row left                            */
-    int    active;              /* rows with lambda > 0                                        */
+    int    active;              /* rows with lambda > 0; 0 when infeasible                     */
     int    dropped;             /* rows without a free unknown, and copies of other rows       */
     int    precise;             /* 1: finished in twice the digits, the rows being almost      */
                                 /* dependent; 0: plain doubles were enough                     */
@@ -4261,7 +4261,7 @@ static void clothi_exempt_part(cloth_collide *c) {
  * twice differentiable where contact begins, as in [LFS20], but of the third order in u: it starts
  * softer; and with a pole of the second: what is pressed a million times harder than k t keeps
  * 1/1000 of its room, not 1/10^6, and its slope is so much smaller. A sheet under its weight rests
- * at t - 0.09 t. What begins a step nearer than the pole has its pole at 0.98 of that distance:
+ * at t - 0.08 t. What begins a step nearer than the pole has its pole at 0.98 of that distance:
  * nothing creeps in under load.
  *
  * Groups. A vertex of cloth meets many faces, edges and vertices of one body: as a sum of their

@@ -8,8 +8,11 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static inline void require(int ok) {
-    if (!ok) abort();
+#define require(ok) ((ok) ? (void)0 : fuzz_broken(__FILE__, __LINE__, #ok))
+
+static inline void fuzz_broken(const char *file, int line, const char *what) {
+    fprintf(stderr, "%s:%d: broken: %s\n", file, line, what);
+    abort();
 }
 
 /* An error names its status, a sentence is not empty and of printable ASCII. */

@@ -103,8 +103,9 @@
  * it began: an impact gives no energy but by what a search at its cap leaves undone.
  *
  * NOT PROMISED. That a step succeeds: one in which obstacles close on cloth to less than t/4 a side
- * has no answer; shorter ones may. That Newton converges: after CLOTHI_CONTACT_CAP iterations it
- * ends where it is, feasible, CLOTH_STEP_MAX_ITERATIONS; garments in pinches do in a fifth of them.
+ * has no answer; shorter ones may. None has a gap that is rounding of coordinates (cloth laid on
+ * something exactly). That Newton converges: after CLOTHI_CONTACT_CAP iterations it ends where it
+ * is, feasible, CLOTH_STEP_MAX_ITERATIONS; garments in pinches do in a fifth of them.
  *
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                     29, obstacles alone 15; 90 steps
@@ -6228,6 +6229,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_CARRIED       20             /* t: so far obstacles carry cloth in a guess      */
 #define CLOTHI_START_ROWS   2               /* a vertex: more for a start of minimising are dear */
 #define CLOTHI_ASTRAY       3               /* longest ways of anything; up to 1.4 were needed */
+#define CLOTHI_NO_GAP       4e-15           /* of coordinates: a gap that is rounding         */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
 
 /* --- rows --- */
@@ -6260,7 +6262,8 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     clothi_pair_points(c, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, p);
-    if (!(start > 0))                       /* no side to be kept on: rounding took its gap */
+    t = CLOTHI_NO_GAP * clothi_max(clothi_max_abs(xa, 3 * row.n), radius);
+    if (!(start > t))                       /* no side to be kept on: rounding took its gap */
         return c->trying ? CLOTH_ERR_STEP : clothi_fail_pairs(c, p, 1, "have no gap", "");
     t = clothi_pair_thickness(c, p, row.v);
     sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));

@@ -6538,8 +6538,22 @@ static void clothi_zones_solve(cloth_collide *c, int nzone) {
             clothi_zone_solve(c, c->zone + z, 0, &c->hooks->cancel);
 }
 
-/* The solution into xb. */
-static void clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
+/* A row of this pass that holds where its pair stays, though that goes through on the way. */
+static int clothi_row_passed(const cloth_collide *c, const cloth_contact_row *row) {
+    const clothi_pair_id id = {row->kind, row->a, row->b};
+    double               xa[12], xb[12], toi;
+    int                  i;
+    for (i = 0; i < row->n; i++)
+        if (row->v[i] < c->nv && c->moved[row->v[i]]) return 0;
+    if (row->kind == CLOTHI_VP || row->pass != c->report.passes) return 0;
+    clothi_pair_points(c, c->xa, row->v, 4, xa);
+    clothi_pair_points(c, c->xb, row->v, 4, xb);
+    return clothi_ccd_pair(row->kind == CLOTHI_EE, xa, xb,
+                           clothi_slot_radius(c, clothi_pair_slot(c, &id)), &toi);
+}
+
+/* The solution into xb; 0: it keeps something from nothing. */
+static int clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
     double push = 0, mass = 0;
     int    i, k, r;
     for (r = 0; r < q->m; r++) c->row[q->order[r]].multiplier = q->lambda[r] * q->mean;
@@ -6555,6 +6569,8 @@ static void clothi_zone_accept(cloth_collide *c, const clothi_zone *q) {
         mass += c->sim->params.mass[v];
     }
     c->report.push = clothi_max(c->report.push, sqrt(push / mass));
+    for (r = 0; r < q->rows && !clothi_row_passed(c, c->row + q->order[r]); r++) continue;
+    return r == q->rows;
 }
 
 /* A zone becomes rigid: it goes as a whole, as the obstacles that it touches and what is pinned do
@@ -6650,8 +6666,7 @@ static cloth_status clothi_zones(cloth_collide *c) {
         c->report.qp_iterations += q->iterations;
         if (q->rows > c->report.largest_zone && !rigid) c->report.largest_zone = q->rows;
         status = q->status;
-        if (!status && q->solved) clothi_zone_accept(c, q);
-        else if (!status) clothi_zone_freeze(c, q);
+        if (!status && !(q->solved && clothi_zone_accept(c, q))) clothi_zone_freeze(c, q);
     }
     clothi_tie_place(c->sim->model, c->xb);
     if (c->tied) memset(c->moved, 1, (size_t)c->nv);

@@ -421,7 +421,7 @@ typedef struct cloth_collide_pair {
 enum {                                      /* cloth_collide_contact.flags                     */
     CLOTH_CONTACT_SLIDING = 1,              /* friction is at its limit                        */
     CLOTH_CONTACT_ROW     = 2,              /* LEAPFROG: an active row of an impact zone; its
-                                               force, m dx/h^2, is that of the last substep    */
+                                               force, impulse over h, is of the last substep   */
     CLOTH_CONTACT_INEXACT = 4,              /* the step ended before Newton converged          */
     CLOTH_CONTACT_HELD    = 8               /* a vertex of it is held in a pinch               */
 };
@@ -7108,7 +7108,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     }
     for (i = 0; i < c->nrow; i++) {         /* of LEAPFROG */
         const clothi_pair_id p = {c->row[i].kind, c->row[i].a, c->row[i].b};
-        active += c->row[i].multiplier > 0;
+        active += c->row[i].impulse > 0;
         least = clothi_min(least, clothi_pair_gap(c, c->xb, &p));
     }
     c->report.exempt_pairs = c->nexempt;
@@ -8055,7 +8055,7 @@ static clothi_contact clothi_contact_at(const cloth_collide *c, int i) {
     clothi_contact q;
     if (i < c->ncontact) return c->contact[i];
     q = clothi_row_contact(c, c->row + (i - c->ncontact));
-    q.force = c->row[i - c->ncontact].multiplier / (c->h * c->h);
+    q.force = c->row[i - c->ncontact].impulse / c->h;
     return q;
 }
 

@@ -13105,9 +13105,9 @@ CLOTHI_RARE_END
  *        round meshes. [fix] names that windows.h and complex.h take; x87 and fast maths are
  *        refused; MinGW's sqrt; BDF2 whose search is cut short; statics that nothing holds; a
  *        contact that was taken away; CG asked for more than rounding leaves; ties in contact;
- *        parallel edges; LEAPFROG of larger patterns, of springs; what turns and carries cloth.
- *        Handles have 64 bits, meshes sizes of 1e-70 to 1e70 m, friction is at most 1000, a
- *        radius 5e5 thicknesses; balls have their equator; model hashes count masses.
+ *        parallel edges; LEAPFROG of larger patterns, of springs, forces of contacts; what turns
+ *        and carries cloth. Handles have 64 bits, meshes sizes of 1e-70 to 1e70 m, friction is at
+ *        most 1000, a radius 5e5 thicknesses; balls have their equator; model hashes count masses.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

@@ -11416,6 +11416,7 @@ CLOTHI_RARE_END
  * in reserve a swinging sheet of 8 x 8, which took 6, doubled its energy in four minutes.
  *
  *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
+ *   wind     F = -c |u| u is explicit too, its rate 2 c |u|/m: h_s <= m/(c |u|), or speeds explode
  *
  * Forces: undamped triangles with bending take the path of [6.5] "stretch and bending in one".
  * What was tried for it and for the reserve of a substep, and what lost: bench_explicit.c.
@@ -11736,12 +11737,31 @@ static double clothi_leap_bears(const cloth_sim *s, double hs) {
            (s->omega_rest * s->omega_rest);
 }
 
-/* Largest stable substep, s, for a tangent factor. */
-static double clothi_leap_limit(const cloth_sim *s, double tangent, double *omega_out) {
+/* 1/s, at most, of what wind takes off speeds v at x: row sums of M^-1 dF/dv, F as c |u| u. */
+static double clothi_leap_gust(cloth_sim *s, const double *x, const double *v) {
+    const cloth_model *m = s->model;
+    double    *sum = s->w.inv_mass + m->nv, big = 0;
+    cloth_eval e = clothi_eval_of(s);
+    int        i;
+    if (!s->wind_on) return 0;
+    e.x_n = x, e.v_n = v;
+    (void)clothi_wind_begin(&s->own, &e);
+    memset(sum, 0, (size_t)m->nv * sizeof *sum);
+    for (i = 0; i < 3 * m->nf; i++) {
+        const double *c = s->own.wind + 5 * (size_t)(i / 3) + 3;
+        sum[m->faces[i]] += 2 * clothi_max(c[0], c[1]) / (3 * s->params.mass[m->faces[i]]);
+        big = clothi_max(big, sum[m->faces[i]]);
+    }
+    return big;
+}
+
+/* Largest stable substep, s, for a tangent factor and a gust. */
+static double clothi_leap_limit(const cloth_sim *s, double tangent, double gust,
+                                double *omega_out) {
     const double omega = sqrt(s->omega_rest * s->omega_rest * tangent + clothi_leap_attach(s)),
-                 z = 0.5 * s->own.tau * omega;
+                 z = 0.5 * s->own.tau * omega, calm = gust > 0 ? 2 / gust : HUGE_VAL;
     *omega_out = omega;
-    return omega > 0 ? 2 / omega * (sqrt(1 + z * z) - z) : HUGE_VAL;
+    return omega > 0 ? clothi_min(2 / omega * (sqrt(1 + z * z) - z), calm) : calm;
 }
 
 /* Velocity of what is pinned, from the first kick on; the hand that speeds it up works. */
@@ -11846,9 +11866,9 @@ static cloth_status clothi_leap_contact(cloth_sim *s, double hs, int end, cloth_
     return status || !end || !l ? status : clothi_leap_balance(s, hs, l);
 }
 
-/* Substeps from w.x0, w.v0 to w.x and w.trial (the velocity); *tangent: the largest factor met */
+/* Substeps from w.x0, w.v0 to w.x and w.trial (the velocity); *tangent, *gust: the largest met */
 static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double *tangent,
-                                    cloth_ledger *ledger) {
+                                    double *gust, cloth_ledger *ledger) {
     const cloth_model *m = s->model;
     int          i, k, n = 3 * m->nv;
     double       hs = h / substeps, bears = clothi_leap_bears(s, hs);
@@ -11874,8 +11894,10 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         p.kick = k == 0 || k == substeps ? 0.5 * hs : hs;
         p.drift = k < substeps ? hs : 0;
         p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
-        if (k == substeps || k % CLOTHI_LEAP_WATCH == 1)
+        if (k == substeps || k % CLOTHI_LEAP_WATCH == 1) {
             *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
+            *gust = clothi_max(*gust, clothi_leap_gust(s, s->w.x, s->w.trial));
+        }
         if (!status && ledger) status = clothi_leap_works(&p, &e, h, hs);
         if (!status) clothi_for(&s->hooks, m->nv, CLOTHI_VERTICES, clothi_leap_range, &p);
         if (!status && ledger && s->wind_on)
@@ -11909,7 +11931,8 @@ static cloth_status clothi_leap_unstable(const cloth_sim *s, double h, int m, do
 
 /* The substeps of a step of h from w.x0: what the desc asks for, if that is stable, or enough. */
 static cloth_status clothi_leap_count(cloth_sim *s, double h, int *m) {
-    const double limit = clothi_leap_limit(s, clothi_leap_tangent(s, s->w.x0, 1),
+    const double gust = clothi_leap_gust(s, s->w.x0, s->w.v0);
+    const double limit = clothi_leap_limit(s, clothi_leap_tangent(s, s->w.x0, 1), gust,
                                            &s->report.omega_max);
     const double safe = CLOTHI_LEAP_SAFETY * limit;
     *m = s->model->desc.substeps;
@@ -11934,7 +11957,7 @@ static void clothi_put_back(cloth_sim *s, cloth_report *report) {
 
 static cloth_status clothi_step_leapfrog(cloth_sim *s, double h) {
     const size_t n = 3 * (size_t)s->model->nv;
-    double       after, limit, omega;
+    double       after, gust, limit, omega;
     cloth_status status;
     cloth_ledger ledger;
     size_t       i;
@@ -11943,11 +11966,11 @@ static cloth_status clothi_step_leapfrog(cloth_sim *s, double h) {
     status = clothi_leap_count(s, h, &m);
     if (status) return status;
     for (;; tries++, m *= 2) {
-        after = 0;
+        after = gust = 0;
         memset(&ledger, 0, sizeof ledger);
-        status = clothi_leap_run(s, h, m, &after, s->balance ? &ledger : NULL);
+        status = clothi_leap_run(s, h, m, &after, &gust, s->balance ? &ledger : NULL);
         s->report.substeps += m;
-        limit = clothi_leap_limit(s, after, &omega);
+        limit = clothi_leap_limit(s, after, gust, &omega);
         if (!status && h / m <= limit && clothi_find_nonfinite(s->w.x, n) < 0 &&
             clothi_find_nonfinite(s->w.trial, n) < 0)
             break;
@@ -13105,9 +13128,10 @@ CLOTHI_RARE_END
  *        round meshes. [fix] names that windows.h and complex.h take; x87 and fast maths are
  *        refused; MinGW's sqrt; BDF2 whose search is cut short; statics that nothing holds; a
  *        contact that was taken away; CG asked for more than rounding leaves; ties in contact;
- *        parallel edges; LEAPFROG of larger patterns, of springs, forces of contacts; what turns
- *        and carries cloth. Handles have 64 bits, meshes sizes of 1e-70 to 1e70 m, friction is at
- *        most 1000, a radius 5e5 thicknesses; balls have their equator; model hashes count masses.
+ *        parallel edges; LEAPFROG of larger patterns, of springs, in gales, its contacts' forces;
+ *        what turns and carries cloth. Handles have 64 bits, meshes sizes of 1e-70 to 1e70 m,
+ *        friction is at most 1000, a radius 5e5 thicknesses; balls have their equator; model
+ *        hashes count masses.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

@@ -665,7 +665,7 @@ static void obj_failing_allocator(void) {
             CHECK(h.live == 0);
             if (status == CLOTH_OK) break;
         }
-    CHECK(fail > 2);
+    CHECK(fail > 3);
     remove("test_obj.tmp.obj");
 }
 

@@ -943,7 +943,7 @@ static void history_dropped(void) {
             CHECK_NEAR(d.state->x[3 * i], d.mesh->x[3 * i] + 2 * (2 + longer[k]) * h, 1e-13);
         dyn_end(&d);
     }
-    for (k = 0; k < 4; k++) {               /* nothing, material, params, state                */
+    for (k = 0; k < 4; k++) {               /* nothing, another material, params, state        */
         double off;
         scene(&d, CLOTH_INTEGRATOR_BDF2, NULL);
         scene(&e, CLOTH_INTEGRATOR_EULER, NULL);
@@ -951,7 +951,9 @@ static void history_dropped(void) {
         memcpy(e.state->x, d.state->x, 3 * (size_t)d.nv * sizeof(double));
         memcpy(e.state->v, d.state->v, 3 * (size_t)d.nv * sizeof(double));
         cloth_sim_state_changed(e.sim);
-        if (k == 1) CHECK(cloth_sim_set_material(d.sim, 0, &d.desc.material) == CLOTH_OK);
+        d.desc.material.bending *= 2;
+        if (k == 1) CHECK(cloth_sim_set_material(d.sim, 0, &d.desc.material) == CLOTH_OK &&
+                          cloth_sim_set_material(e.sim, 0, &d.desc.material) == CLOTH_OK);
         if (k == 2) CHECK(cloth_sim_params_changed(d.sim) == CLOTH_OK);
         if (k == 3) cloth_sim_state_changed(d.sim);
         CHECK(cloth_step(d.sim, h, &r) == CLOTH_OK && r.restarts == (k > 0));

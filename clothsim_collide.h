@@ -103,9 +103,9 @@
  * it began: an impact gives no energy but by what a search at its cap leaves undone.
  *
  * NOT PROMISED. That a step succeeds: one in which obstacles close on cloth to less than t/4 a side
- * has no answer; shorter ones may. None has a gap that is rounding of coordinates (cloth laid on
- * something exactly). That Newton converges: after CLOTHI_CONTACT_CAP iterations it ends where it
- * is, feasible, CLOTH_STEP_MAX_ITERATIONS; garments in pinches do in a fifth of them.
+ * has no answer; shorter ones may. Nor has one from gaps that are rounding of coordinates (cloth
+ * laid on something exactly). That Newton converges: after CLOTHI_CONTACT_CAP iterations it ends
+ * where it is, feasible, CLOTH_STEP_MAX_ITERATIONS; garments in pinches do in a fifth of them.
  *
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                     29, obstacles alone 15; 90 steps

@@ -796,7 +796,8 @@ typedef struct cloth_contact_row {
 } cloth_contact_row;
 
 struct cloth_obstacle;
-enum { CLOTH_ADJOINT_BEGIN, CLOTH_ADJOINT_STEP, CLOTH_ADJOINT_END, CLOTH_ADJOINT_PASS };
+enum { CLOTH_ADJOINT_BEGIN, CLOTH_ADJOINT_STEP, CLOTH_ADJOINT_END, CLOTH_ADJOINT_PASS,
+       CLOTH_ADJOINT_FORGET };
 typedef struct cloth_contact_grad {         /* as in cloth_grad                                */
     double *friction, *part_friction;       /* [1 + obstacles], [parts]                        */
     const double *attach;                   /* [max_attachments x 3] by targets of step k      */
@@ -860,7 +861,7 @@ typedef struct cloth_contact {
     void         (*orphan)(void *user);
     /* around calls of vjp along a tape, from its end: BEGIN; STEP when all substeps of recorded
      * step k are done; END, k = 0, out NULL: results are not wanted; PASS: resolve ends where pass
-     * k begins, 0: at its end. NULL: gradients are refused */
+     * k begins, 0: at its end; FORGET: as if x were written. NULL: gradients are refused */
     cloth_status (*adjoint)(void *user, int what, int k, const cloth_contact_grad *out);
     /* LEAPFROG, for gradients: the rows [*n] of the last resolve, with their multipliers; NULL:
      * gradients are refused. rows_vjp adds what rate [n x CLOTH_ROW_RATES] does: dL/d{normal [3], w

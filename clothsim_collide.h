@@ -9322,10 +9322,9 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
     const double    rest = 1 - c->sim->fraction;    /* of their ways, that obstacles were left */
     size_t          i;
     int             o;
-    if (what == CLOTH_ADJOINT_PASS) {
-        c->until = k;
-        return CLOTH_OK;
-    }
+    if (what == CLOTH_ADJOINT_PASS) c->until = k;
+    if (what == CLOTH_ADJOINT_FORGET) c->seen = 0;
+    if (what >= CLOTH_ADJOINT_PASS) return CLOTH_OK;
     if (what == CLOTH_ADJOINT_BEGIN) {
         if (out->friction)
             memset(out->friction, 0, (size_t)(1 + c->nobstacle) * sizeof(double));

@@ -3152,6 +3152,8 @@ static cloth_status clothi_check_start(clothi_check *c, const void *start, size_
     if (q) clothi_check_move(q, eps);
     status = cloth_sim_params_changed(c->s);
     cloth_sim_state_changed(c->s);
+    if (c->s->contact_on && c->s->contact.adjoint)      /* x may be as it was: anchors go too */
+        (void)c->s->contact.adjoint(c->s->contact.user, CLOTH_ADJOINT_FORGET, 0, NULL);
     return status;
 }
 

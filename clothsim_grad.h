@@ -3706,6 +3706,7 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
         status = cloth_sim_restore(sim, l.home, l.size);    /* _FORMAT: place() added, removed */
         if (status) r->status = status == CLOTH_ERR_FORMAT ? CLOTH_ERR_ARGUMENT : status;
     }
+    r->grad.valid = g_x && !r->status && !r->grad.doubt;
     if (!r->status && loss) *loss += l.loss;
     for (i = 0; !r->status && g_x && i < all; i++) g_x[i] += l.g[i];
     clothi_free(&sim->hooks, block);

@@ -718,6 +718,7 @@ static void layer_far(void) {
     loss = 0;
     CHECK(cloth_layer_loss(f.s.sim, &f.o, &loss, f.g, &r) == CLOTH_OK);
     CHECK(r.used == 0 && r.failed == 4 && r.beyond == 4 && r.starts == 4 && !(loss > 0));
+    CHECK(r.grad.valid && !r.grad.doubt);   /* all zeros, and they are right */
     for (i = 0; i < FRAMES * f.n; i++) CHECK(!(fabs(f.g[i]) > 0));
     film_close(&f);
 }

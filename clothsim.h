@@ -799,7 +799,7 @@ struct cloth_obstacle;
 enum { CLOTH_ADJOINT_BEGIN, CLOTH_ADJOINT_STEP, CLOTH_ADJOINT_END, CLOTH_ADJOINT_PASS,
        CLOTH_ADJOINT_FORGET };
 typedef struct cloth_contact_grad {         /* as in cloth_grad                                */
-    double *friction, *part_friction;       /* [1 + obstacles], [parts]                        */
+    double *friction, *part_friction;       /* [1 + slots], [parts]                            */
     const double *attach;                   /* [max_attachments x 3] by targets of step k      */
     void  (*obstacle)(int k, struct cloth_obstacle id, const double *g, void *user), *user;
 } cloth_contact_grad;

@@ -216,7 +216,8 @@ typedef struct cloth_grad {
     double *force;              /* [steps x nv x 3]                                            */
     double *pin;                /* [steps x nv x 3] by the target of a pinned vertex, else 0;
                                    where ties are, at the leader                               */
-    double *friction;           /* [1 + obstacles]                                             */
+    double *friction;           /* [1 + slots of obstacles, also of those that were removed]: by
+                                   cloth on cloth, then by slot, the low half of an id less 1  */
     void  (*obstacle)(int k, struct cloth_obstacle id, const double *g_x_end, void *user);
     void   *user;               /* of obstacle: k = n .. 1, by where recorded step k was to take
                                    its vertices; then k = 0, by them at the start              */

@@ -529,7 +529,8 @@ typedef struct cloth_desc {
     int                substeps;            /* of a step; 0: 1, or what contact asks for; or
                                                LEAPFROG's stability limit, beyond which fewer
                                                are refused                                     */
-    int                max_newton;          /* per substep; 0: to `tolerance`                  */
+    int                max_newton;          /* per substep; 0: to `tolerance`, as with contact
+                                               a step that would bring energy from nowhere     */
 
     /* the world */
     double gravity[3];                      /* m/s^2, default 0 -9.81 0                        */
@@ -10886,6 +10887,7 @@ static int clothi_capped(const cloth_sim *s, int it, double from, double before,
 static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     const cloth_desc *d = &s->model->desc;
     const double      eta = clothi_max(goal->eta, CLOTHI_REST_TIME);
+    const int         most = s->calm && s->contact_on ? 0 : d->max_newton;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
     double            from, before;
@@ -10921,7 +10923,7 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
             status = CLOTH_ERR_STEP;
         if (status == CLOTH_ERR_STEP && !s->contact_on) return clothi_stalled(s, "step");
         if (status && status != CLOTH_ERR_STEP) return status;
-        if (status || s->finish || (!nt.done && d->max_newton > 0 && it >= d->max_newton)) {
+        if (status || s->finish || (!nt.done && most > 0 && it >= most)) {
             s->report.outcome = CLOTH_STEP_MAX_ITERATIONS;
             return CLOTH_OK;
         }
@@ -12275,15 +12277,18 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
 #define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
 #define CLOTHI_GROWN  0.5                   /* the same in a step of Euler that is cut short   */
 
-/* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever. Not
- * looked at where a host's term may work unseen. */
+/* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever; so may,
+ * under Euler, what obstacles that move leave to it. Not looked at where a host's term may work
+ * unseen. */
 static int clothi_watched(const cloth_sim *s, double h) {
-    return s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && h > 0 &&
-           s->nterms == s->nbuiltin && !s->asleep;
+    const cloth_desc *d = &s->model->desc;
+    return (d->integrator == CLOTH_INTEGRATOR_BDF2 || (d->integrator == CLOTH_INTEGRATOR_EULER &&
+            d->max_newton > 0 && s->contact_on)) && h > 0 && s->nterms == s->nbuiltin && !s->asleep;
 }
 
 /* A run with its ledger. A step of BDF2 that gains energy which no work explains is taken again by
- * implicit Euler, which forgets, as the next one does; where time is up the next one alone. What
+ * implicit Euler, which forgets, as the next one does; where time is up the next one alone. With
+ * contact, and there Euler's too, it is taken again without desc.max_newton. What
  * that solves to the tolerance stands: pins and attachments are booked by the forces at its end,
  * which may turn in it. What contact and friction take does not count: in a search that was cut
  * short it did not happen. */
@@ -12291,7 +12296,8 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
     const cloth_ledger *l = &s->report.energy;
     const double least = CLOTHI_REST * s->model->desc.tolerance / h;    /* m/s: rest rounds to it */
     cloth_status status = CLOTH_OK;
-    double       most = CLOTHI_GROWTH, gain;
+    const int    bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2;
+    double       most = bdf2 ? CLOTHI_GROWTH : CLOTHI_GROWN, gain;
     for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
         status = clothi_step_run(s, h);
         if (!status) status = clothi_book(s, before);
@@ -12301,7 +12307,8 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
                 l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
         most += s->total * least * least;
         if (status || !clothi_watched(s, h) || gain <= most ||
-            (s->calm && s->report.outcome == CLOTH_STEP_CONVERGED))
+            (s->calm && s->report.outcome == CLOTH_STEP_CONVERGED) ||
+            (!bdf2 && (s->calm || s->finish)))
             break;
         if (s->finish) {                    /* v is that of BDF2, whose history stays for a tape */
             s->still = s->h_prev = 0;
@@ -13127,7 +13134,7 @@ CLOTHI_RARE_END
  *        solver chooses its precision itself; CLOTH_ASSERT, which nothing used, is gone. [numbers]
  *        contact is part of the minimisation; one order of the unknowns for all solvers; angles of
  *        round meshes. [fix] names that windows.h and complex.h take; x87 and fast maths are
- *        refused; MinGW's sqrt; BDF2 whose search is cut short; statics that nothing holds; a
+ *        refused; MinGW's sqrt; searches that are cut short; statics that nothing holds; a
  *        contact that was taken away; CG asked for more than rounding leaves; ties in contact;
  *        parallel edges; LEAPFROG of larger patterns, of springs, in gales, its contacts' forces;
  *        what turns and carries cloth. Handles have 64 bits, meshes sizes of 1e-70 to 1e70 m,

@@ -529,8 +529,8 @@ typedef struct cloth_desc {
     int                substeps;            /* of a step; 0: 1, or what contact asks for; or
                                                LEAPFROG's stability limit, beyond which fewer
                                                are refused                                     */
-    int                max_newton;          /* per substep; 0: to `tolerance`, as with contact
-                                               a step that would bring energy from nowhere     */
+    int                max_newton;          /* per substep; 0: to `tolerance`, as is a step
+                                               that would bring energy from nowhere            */
 
     /* the world */
     double gravity[3];                      /* m/s^2, default 0 -9.81 0                        */
@@ -10887,7 +10887,7 @@ static int clothi_capped(const cloth_sim *s, int it, double from, double before,
 static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     const cloth_desc *d = &s->model->desc;
     const double      eta = clothi_max(goal->eta, CLOTHI_REST_TIME);
-    const int         most = s->calm && s->contact_on ? 0 : d->max_newton;
+    const int         most = s->calm ? 0 : d->max_newton;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
     double            from, before;
@@ -12277,27 +12277,27 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
 #define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
 #define CLOTHI_GROWN  0.5                   /* the same in a step of Euler that is cut short   */
 
-/* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever; so may,
- * under Euler, what obstacles that move leave to it. Not looked at where a host's term may work
- * unseen. */
+/* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever; under
+ * Euler cloth that is torn about, or pushed, may stay strained as the guess has it. Not looked at
+ * where a host's term may work unseen. */
 static int clothi_watched(const cloth_sim *s, double h) {
     const cloth_desc *d = &s->model->desc;
-    return (d->integrator == CLOTH_INTEGRATOR_BDF2 || (d->integrator == CLOTH_INTEGRATOR_EULER &&
-            d->max_newton > 0 && s->contact_on)) && h > 0 && s->nterms == s->nbuiltin && !s->asleep;
+    return (d->integrator == CLOTH_INTEGRATOR_BDF2 ||
+            (d->integrator == CLOTH_INTEGRATOR_EULER && d->max_newton > 0)) &&
+           h > 0 && s->nterms == s->nbuiltin && !s->asleep;
 }
 
-/* A run with its ledger. A step of BDF2 that gains energy which no work explains is taken again by
- * implicit Euler, which forgets, as the next one does; where time is up the next one alone. With
- * contact, and there Euler's too, it is taken again without desc.max_newton. What
- * that solves to the tolerance stands: pins and attachments are booked by the forces at its end,
- * which may turn in it. What contact and friction take does not count: in a search that was cut
- * short it did not happen. */
+/* A run with its ledger. A step that gains energy which no work explains is taken again by implicit
+ * Euler, which forgets, as the next one does, and without desc.max_newton; where time is up the
+ * next one alone. What that solves to the tolerance stands: pins and attachments are booked by the
+ * forces at its end, which may turn in it. What contact and friction take does not count: in a
+ * search that was cut short it did not happen. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
     const double least = CLOTHI_REST * s->model->desc.tolerance / h;    /* m/s: rest rounds to it */
     cloth_status status = CLOTH_OK;
     const int    bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2;
-    double       most = bdf2 ? CLOTHI_GROWTH : CLOTHI_GROWN, gain;
+    double       most = CLOTHI_GROWTH, gain;
     for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
         status = clothi_step_run(s, h);
         if (!status) status = clothi_book(s, before);
@@ -12317,7 +12317,7 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
         if (s->calm) {
             s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
-                               "desc.max_newton?", gain);
+                               "a shorter h?", gain);
         }
         clothi_put_back(s, NULL);
         memset(&s->report.energy, 0, sizeof s->report.energy);

@@ -522,22 +522,19 @@ static void overflow_is_said(void) {
 
 /* 300 steps of BDF2 with one iteration each, or a tolerance of centimetres: a sheet of 1 m that
  * hangs from two corners stays within its diagonal of them (it went to 2e15 m), and no more than a
- * third of what it can fall for comes from nowhere; where that cannot be had a step says so, with
- * twice that at most, and leaves the state. Solved to the default tolerance none is taken again. */
+ * thirtieth of what it can fall for comes from nowhere. Solved to the default tolerance none is
+ * taken again. (The last was refused for ever.) */
 static void cut_short(void) {
-    static const struct { double membrane, tolerance; int newton, fails; } run[5] = {
-        {100, 1e-4, 0, 0}, {100, 1e-4, 1, 0}, {300, 0.1, 0, 0}, {1e4, 1e-4, 2, 0},
-        {1e4, 1e-4, 1, 1}};
+    static const struct { double membrane, tolerance; int newton; } run[5] = {
+        {100, 1e-4, 0}, {100, 1e-4, 1}, {300, 0.1, 0}, {1e4, 1e-4, 2}, {1e4, 1e-4, 1}};
     const double fall = 0.2 * 9.81 * 1.5;   /* J, of all mass by 1.5 m                         */
     cloth_pin    pins[2];
     int          k, n, i;
     for (k = 0; k < 5; k++) {
         dyn          d;
-        host         h;
         cloth_report r;
         double       far = 0, most = 0;
         int          again = 0;
-        uint64_t     before = 0;
         dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 10, 10, 1, 1);
         memset(pins, 0, sizeof pins);
         pins[1].vertex = 9, pins[0].axes = pins[1].axes = CLOTH_AXIS_ALL;
@@ -547,31 +544,55 @@ static void cut_short(void) {
         d.desc.material.membrane = run[k].membrane;
         d.desc.integrator = CLOTH_INTEGRATOR_BDF2;
         d.desc.tolerance = run[k].tolerance, d.desc.max_newton = run[k].newton;
-        d.desc.hooks = host_hooks(&h);
         dyn_start(&d);
         for (i = 0; i < d.nv; i++)          /* level: it swings down */
             d.state->x[3 * i + 2] = d.state->x[3 * i + 1], d.state->x[3 * i + 1] = 0;
         cloth_sim_state_changed(d.sim);
-        for (n = 0, r.status = CLOTH_OK; n < 300 && !r.status; n++) {
-            before = cloth_sim_hash(d.sim);
-            CHECK(cloth_step(d.sim, 1.0 / 60, n % 3 ? &r : NULL) == CLOTH_OK || n % 3 == 0 ||
-                  run[k].fails);
+        for (n = 0; n < 300; n++) {
+            CHECK(cloth_step(d.sim, 1.0 / 60, n % 3 ? &r : NULL) == CLOTH_OK);
             if (n % 3 == 0) continue;
-                again += n > 1 && r.restarts > 0;
-            CHECK(r.status || r.substeps == 1);     /* of the step that counts alone */
+            again += n > 1 && r.restarts > 0;
+            CHECK(r.substeps == 1);         /* of the step that counts alone */
             most = fmax(most, r.energy.total);
         }
         for (i = 0; i < 3 * d.nv; i++) far = fmax(far, fabs(d.state->x[i]));
-        printf("  membrane %g N/m, tolerance %g m, at most %d iterations: %d steps, %d of them "
-               "again, %.2f m, %.2f J\n", run[k].membrane, run[k].tolerance, run[k].newton, n,
-               again, far, most);
-        CHECK(far < 1.5 && most < (run[k].fails ? 2 : 1 / 3.0) * fall);
+        printf("  membrane %g N/m, tolerance %g m, at most %d iterations: %d of %d steps again, "
+               "%.2f m, %.2f J\n", run[k].membrane, run[k].tolerance, run[k].newton, again, n,
+               far, most);
+        CHECK(far < 1.5 && most < fall / 30);
         CHECK((again > 0) == (k > 0) || run[k].newton == 2);
-        CHECK((n < 300) == run[k].fails);
-        if (run[k].fails) {
-            CHECK(r.status == CLOTH_ERR_STEP && r.outcome == CLOTH_STEP_STALLED);
-            CHECK(strstr(h.text, "came from nowhere") && cloth_sim_hash(d.sim) == before);
+        dyn_end(&d);
+    }
+}
+
+/* Sheets in free flight are sheared and stretched at 20/s, with one to three iterations a step: no
+ * step makes energy (one of Euler made 220 times what there was, one of BDF2 2.6 times), but for
+ * what a guess that strains the cloth may settle in: 4 % here, solved to the tolerance too. */
+static void torn_about(void) {
+    unsigned long long seed = 5;
+    int                k, n, i, j;
+    for (k = 0; k < 120; k++) {
+        const double h = pow(10, ref_uniform(&seed, -2.5, -1));
+        double       A[9], was, most = 0;
+        cloth_report r;
+        dyn          d;
+        dyn_sheet(&d, (cloth_sheet_pattern)(k % 2), 4 + k % 5, 4 + k % 5, 0.5, 0.5);
+        d.desc.integrator = k % 4 < 2 ? CLOTH_INTEGRATOR_EULER : CLOTH_INTEGRATOR_BDF2;
+        d.desc.max_newton = 1 + k % 3;
+        dyn_start(&d);
+        for (i = 0; i < 9; i++) A[i] = ref_uniform(&seed, -20, 20);
+        for (i = 0; i < 3 * d.nv; i++)
+            for (d.state->v[i] = ref_uniform(&seed, -1, 1), j = 0; j < 3; j++)
+                d.state->v[i] += A[i % 3 * 3 + j] * d.state->x[i / 3 * 3 + j];
+        cloth_sim_state_changed(d.sim);
+        for (n = 0; n < 10; n++) {
+            cloth_ledger l;
+            CHECK(!cloth_sim_energy(d.sim, &l));
+            was = l.total;
+            CHECK(!cloth_step(d.sim, h, n % 2 ? &r : NULL) && !cloth_sim_energy(d.sim, &l));
+            most = fmax(most, l.total / (was + 1e-3));
         }
+        CHECK(most < 1.1);
         dyn_end(&d);
     }
 }
@@ -1128,6 +1149,7 @@ int main(int argc, char **argv) {
     RUN(term_nonfinite);
     RUN(overflow_is_said);
     RUN(cut_short);
+    RUN(torn_about);
     RUN(solved_stands);
     RUN(no_rest);
     RUN(euler_loss);

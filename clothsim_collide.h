@@ -961,8 +961,8 @@ static int clothi_ccd_direction(const double *r, int n, int side, const double *
         ee = clothi_dot3(e, e);
         ve = clothi_dot3(v, e);
         memcpy(out, v, 3 * sizeof *v);
-        if (ve * ve < 1e-8 * ee * clothi_dot3(v, v))    /* at right angles, but for rounding */
-            for (k = 0; k < 3; k++) out[k] -= ve / ee * e[k];
+        if (clothi_dot3(a, e) < 0 && clothi_dot3(b, e) > 0)     /* at right angles, but for */
+            for (k = 0; k < 3; k++) out[k] -= ve / ee * e[k];   /* rounding; a corner's is not */
     }
     len = sqrt(clothi_dot3(out, out));
     if (!(len > 1e-140)) return 0;          /* squares underflow                                */

@@ -12923,18 +12923,24 @@ CLOTH_API cloth_status cloth_sim_vertices_f32(const cloth_sim *sim, const double
     return CLOTH_OK;
 }
 
-/* Ray o + t d against the face v [3] of x by the volumes that the ray spans with its edges:
- *   w_2 = d . ((x0 - o) x (x1 - o)), and so on around; bary = w / sum w.
- * All of one sign: hit. An edge's volume is exactly the negative of what the face beyond it gets,
- * so that no ray slips through between two faces. */
+/* Ray o + t d, d not 0, against the face v [3] of x, seen along d: p_k is where corner k is in the
+ * plane across from the largest component of d,
+ *   w_2 = p_0 x p_1, and so on around; bary = w / sum w.
+ * All of one sign: hit. p is the same for every face at a vertex, and an edge's w exactly the
+ * negative of what the face beyond it gets: no ray slips through between faces. */
 static int clothi_ray_face(const double *o, const double *d, const double *x, const int *v,
                            double *t, double *bary) {
-    double r[9], c[3], sum, at = 0;
-    int    k;
-    for (k = 0; k < 3; k++) clothi_sub3(x + 3 * v[k], o, r + 3 * k);
+    double p[6], r[3], away[3], sum, at = 0;
+    int    k, j, z = fabs(d[1]) > fabs(d[0]);
+    if (fabs(d[2]) > fabs(d[z])) z = 2;
     for (k = 0; k < 3; k++) {
-        clothi_cross3(r + 3 * ((k + 1) % 3), r + 3 * ((k + 2) % 3), c);
-        bary[k] = clothi_dot3(d, c);
+        clothi_sub3(x + 3 * v[k], o, r);
+        away[k] = r[z] / d[z];
+        for (j = 0; j < 2; j++) p[2 * k + j] = r[(z + 1 + j) % 3] - away[k] * d[(z + 1 + j) % 3];
+    }
+    for (k = 0; k < 3; k++) {
+        const double *a = p + 2 * ((k + 1) % 3), *b = p + 2 * ((k + 2) % 3);
+        bary[k] = a[0] * b[1] - a[1] * b[0];
     }
     if ((bary[0] < 0 || bary[1] < 0 || bary[2] < 0) && (bary[0] > 0 || bary[1] > 0 || bary[2] > 0))
         return 0;
@@ -12942,10 +12948,10 @@ static int clothi_ray_face(const double *o, const double *d, const double *x, co
     if (!(fabs(sum) > 0)) return 0;
     for (k = 0; k < 3; k++) {
         bary[k] /= sum;
-        at += bary[k] * clothi_dot3(r + 3 * k, d);
+        at += bary[k] * away[k];
     }
-    *t = at / clothi_dot3(d, d);
-    return *t >= 0;
+    *t = at;
+    return at >= 0;
 }
 
 CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const double d[3],
@@ -12954,8 +12960,9 @@ CLOTH_API int cloth_sim_ray(const cloth_sim *sim, const double o[3], const doubl
     int    f, k, hit = -1, e;
     if (!sim || !o || !d) return 0;
     if (clothi_find_nonfinite(o, 3) >= 0 || clothi_find_nonfinite(d, 3) >= 0) return 0;
+    if (!(clothi_max_abs(d, 3) > 0)) return 0;
     (void)frexp(clothi_max_abs(d, 3), &e);
-    for (k = 0; k < 3; k++) u[k] = ldexp(d[k], -e);     /* its square is a double */
+    for (k = 0; k < 3; k++) u[k] = ldexp(d[k], -e);     /* near 1 */
     for (f = 0; f < sim->model->nf; f++) {
         if (!clothi_ray_face(o, u, sim->state.x, sim->model->faces + 3 * f, &at, b) ||
             !(at < best))

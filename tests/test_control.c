@@ -456,8 +456,18 @@ static void rays(void) {
             if (s > 0.01 && s < 0.99) missed += !cloth_sim_ray(S.sim, o, dir, &t, &face, bary);
         }
     }
+    for (i = 0; i < 9000; i++) {            /* the inner vertices, from all around above */
+        const double *p = x + 3 * (6 + i % 3 + 5 * (i / 3 % 3));
+        double        dir[3];
+        for (k = 0; k < 3; k++) {
+            o[k] = p[k] + 0.3 * noise((unsigned)(3 * i + k)) + (k == 1);
+            dir[k] = p[k] - o[k];
+        }
+        hits++;
+        missed += !cloth_sim_ray(S.sim, o, dir, &t, &face, bary) || fabs(t - 1) > 1e-12;
+    }
     CHECK(missed == 0);
-    if (missed) printf("  %d of %d rays at edges slipped through\n", missed, hits);
+    if (missed) printf("  %d of %d rays at edges and vertices slipped through\n", missed, hits);
     o[0] = o[2] = 50;
     CHECK(cloth_sim_ray(S.sim, o, down, &t, &face, bary) == 0);
     CHECK(cloth_sim_ray(S.sim, o, zero, &t, &face, bary) == 0);

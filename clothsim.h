@@ -11418,8 +11418,9 @@ CLOTHI_RARE_END
  * the step before, which is part of the state, until that is too long or far too short. With less
  * in reserve a swinging sheet of 8 x 8, which took 6, doubled its energy in four minutes.
  *
- *   damping  adds tau K to the dashpots: h_s <= 2/omega (sqrt(1 + z^2) - z),  z = tau omega/2
- *   wind     F = -c |u| u is explicit too, its rate 2 c |u|/m: h_s <= m/(c |u|), or speeds explode
+ * What takes off speeds at the rate r bounds h_s too: 2 r h_s + (h_s omega)^2 <= 4.
+ *   damping  adds tau K to the dashpots: r = tau omega^2
+ *   wind     F = -c |u| u is explicit too: r = 2 c |u|/m
  *
  * Forces: undamped triangles with bending take the path of [6.5] "stretch and bending in one".
  * What was tried for it and for the reserve of a substep, and what lost: bench_explicit.c.
@@ -11762,9 +11763,9 @@ static double clothi_leap_gust(cloth_sim *s, const double *x, const double *v) {
 static double clothi_leap_limit(const cloth_sim *s, double tangent, double gust,
                                 double *omega_out) {
     const double omega = sqrt(s->omega_rest * s->omega_rest * tangent + clothi_leap_attach(s)),
-                 z = 0.5 * s->own.tau * omega, calm = gust > 0 ? 2 / gust : HUGE_VAL;
+                 r = s->own.tau * omega * omega + gust, all = r + sqrt(r * r + 4 * omega * omega);
     *omega_out = omega;
-    return omega > 0 ? clothi_min(2 / omega * (sqrt(1 + z * z) - z), calm) : calm;
+    return all > 0 ? 4 / all : HUGE_VAL;
 }
 
 /* Velocity of what is pinned, from the first kick on; the hand that speeds it up works. */

@@ -821,6 +821,50 @@ static void gale(void) {
     }
 }
 
+/* A flat sheet in wind, each vertex on a spring of omega^2 times its mass: it moves as one, a mode
+ * of omega whose drag has the rate r = 2 k W. Leapfrog bears substeps of 2 r h_s + (omega h_s)^2 <=
+ * 4, less than either bears alone. Below that the sheet settles where drag and springs are equal;
+ * beyond, a step is refused as it begins, not when speeds have grown. */
+static void gale_on_springs(void) {
+    const double W = 20, omega = 300;
+    int          k, n, i;
+    for (k = 0; k < 6; k++) {
+        const double h = 0.0048 + 0.0003 * k;
+        double       r, off = 0, fast = 0;
+        cloth_status status = CLOTH_OK;
+        dyn          d;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 3, 3, 0.4, 0.4);
+        d.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+        d.desc.substeps = 8, d.desc.max_attachments = d.nv;
+        d.desc.material.membrane = 0.05, d.desc.material.density = 0.2;
+        d.desc.gravity[1] = 0;
+        d.desc.wind_on = 1, d.desc.wind[2] = W;
+        if (!dyn_start(&d)) return;
+        r = d.desc.air_density * d.desc.drag / 0.2 * W;
+        for (i = 0; i < d.nv; i++) {
+            double           bary[3] = {0, 0, 0};
+            cloth_attachment id;
+            for (n = 0; d.mesh->faces[n] != i; n++) continue;
+            bary[n % 3] = 1;
+            CHECK(!cloth_sim_attach(d.sim, n / 3, bary,
+                                    omega * omega * cloth_sim_params(d.sim)->mass[i],
+                                    d.mesh->x + 3 * i, &id));
+        }
+        for (n = 0; n < 100 && !status; n++) {
+            status = cloth_step(d.sim, 8 * h, NULL);
+            for (i = 0; i < 3 * d.nv && !status; i++) fast = fmax(fast, fabs(d.state->v[i]));
+        }
+        for (i = 0; i < d.nv; i++)
+            off = fmax(off, fabs(d.state->x[3 * i + 2] - 0.5 * r * W / (omega * omega)));
+        printf("  r = %.0f 1/s, h_s = %.1f ms, 2 r h + (omega h)^2 = %.2f: %s at step %d, at most "
+               "%.2g m/s, off by %.2g m\n", r, 1e3 * h, 2 * r * h + omega * omega * h * h,
+               status ? "refused" : "OK", n, fast, off);
+        if (2 * r * h + omega * omega * h * h > 4) CHECK(status == CLOTH_ERR_STEP && n == 1);
+        else CHECK(!status && off < 1e-4);
+        dyn_end(&d);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(stability_limit);
@@ -845,5 +889,6 @@ int main(int argc, char **argv) {
     RUN(triangle_forces);
     RUN(needle);
     RUN(gale);
+    RUN(gale_on_springs);
     return TEST_END();
 }

@@ -8775,8 +8775,8 @@ struct cloth_sim {
     int     fresh;                          /* w.grad and the terms' energies are of w.x       */
     cloth_ledger ledger;                    /* energies of the last step's result, which w.x   */
     int     known;                          /* still holds; known: if it is the state yet      */
-    int     asleep, calm;                   /* the step under way moves t alone; BDF2: is one of
-                                               implicit Euler, see clothi_booked()             */
+    int     asleep, calm;                   /* the step under way moves t alone; is taken again,
+                                               see clothi_booked()                             */
     cloth_report report;                    /* of the step that runs                           */
     cloth_report rested;                    /* of a step asleep; its outcome NONE: not known   */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
@@ -12256,7 +12256,7 @@ static void clothi_accept(cloth_sim *s) {
     if (s->contact_on) s->contact.commit(s->contact.user, &s->report);
 }
 
-/* The ledger of a step, where a report is wanted or BDF2 watches it. */
+/* The ledger of a step, where a report is wanted or it is watched. */
 static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
     cloth_ledger l = s->report.energy;
     cloth_status status = CLOTH_OK;

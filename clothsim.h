@@ -11741,15 +11741,13 @@ static double clothi_leap_bears(const cloth_sim *s, double hs) {
            (s->omega_rest * s->omega_rest);
 }
 
-/* 1/s, at most, of what wind takes off speeds v at x: row sums of M^-1 dF/dv, F as c |u| u. */
-static double clothi_leap_gust(cloth_sim *s, const double *x, const double *v) {
+/* 1/s, at most, of what wind takes off speeds where it began last: row sums of M^-1 dF/dv, F as
+ * c |u| u. */
+static double clothi_leap_gust(const cloth_sim *s) {
     const cloth_model *m = s->model;
-    double    *sum = s->w.inv_mass + m->nv, big = 0;
-    cloth_eval e = clothi_eval_of(s);
-    int        i;
+    double            *sum = s->w.inv_mass + m->nv, big = 0;
+    int                i;
     if (!s->wind_on) return 0;
-    e.x_n = x, e.v_n = v;
-    (void)clothi_wind_begin(&s->own, &e);
     memset(sum, 0, (size_t)m->nv * sizeof *sum);
     for (i = 0; i < 3 * m->nf; i++) {
         const double *c = s->own.wind + 5 * (size_t)(i / 3) + 3;
@@ -11900,7 +11898,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
         if (k == substeps || k % CLOTHI_LEAP_WATCH == 1) {
             *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
-            *gust = clothi_max(*gust, clothi_leap_gust(s, s->w.x, s->w.trial));
+            *gust = clothi_max(*gust, clothi_leap_gust(s));
         }
         if (!status && ledger) status = clothi_leap_works(&p, &e, h, hs);
         if (!status) clothi_for(&s->hooks, m->nv, CLOTHI_VERTICES, clothi_leap_range, &p);
@@ -11935,10 +11933,13 @@ static cloth_status clothi_leap_unstable(const cloth_sim *s, double h, int m, do
 
 /* The substeps of a step of h from w.x0: what the desc asks for, if that is stable, or enough. */
 static cloth_status clothi_leap_count(cloth_sim *s, double h, int *m) {
-    const double gust = clothi_leap_gust(s, s->w.x0, s->w.v0);
-    const double limit = clothi_leap_limit(s, clothi_leap_tangent(s, s->w.x0, 1), gust,
-                                           &s->report.omega_max);
-    const double safe = CLOTHI_LEAP_SAFETY * limit;
+    cloth_eval e = clothi_eval_of(s);
+    double     limit, safe;
+    e.x_n = s->w.x0, e.v_n = s->w.v0;
+    (void)clothi_wind_begin(&s->own, &e);
+    limit = clothi_leap_limit(s, clothi_leap_tangent(s, s->w.x0, 1), clothi_leap_gust(s),
+                              &s->report.omega_max);
+    safe = CLOTHI_LEAP_SAFETY * limit;
     *m = s->model->desc.substeps;
     if (!clothi_finite(s->report.omega_max) || !(limit >= 0))
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "LEAPFROG: the stability limit is %g s "

@@ -6264,7 +6264,9 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     start = clothi_pair_gap(c, c->xa, p);
     t = CLOTHI_NO_GAP * clothi_max(clothi_max_abs(xa, 3 * row.n), radius);
     if (!(start > t))                       /* no side to be kept on: rounding took its gap */
-        return c->trying ? CLOTH_ERR_STEP : clothi_fail_pairs(c, p, 1, "have no gap", "");
+        return c->trying ? CLOTH_ERR_STEP
+                         : clothi_fail_pairs(c, p, 1, "have no gap",
+                                             ". Cloth begins with gaps of a thickness or more");
     t = clothi_pair_thickness(c, p, row.v);
     sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));
     if (p->kind == CLOTHI_VP) {             /* a plane: the distance is linear in time */

@@ -10219,7 +10219,7 @@ static void clothi_terms_install(cloth_sim *s) {
  * slopes at its two ends instead, which have no such cancellation.
  *
  * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n. The older velocity
- * is part of the state for that reason.
+ * is part of the state for that reason. A step taken again begins at x^n: clothi_booked() [9.5].
  *
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
  * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
@@ -11029,14 +11029,15 @@ CLOTHI_OUTLINE static cloth_eval clothi_eval_of(const cloth_sim *s) {
 }
 
 /* Pin goals of this substep, its end's share of the way from the step's start to the targets; what
- * the solver must not move, pins and followers of ties; and a starting guess that obeys both. */
+ * the solver must not move, pins and followers of ties; and a starting guess that obeys both: x^n
+ * where the step is taken again, as no way down from there makes energy. */
 static void clothi_guess(cloth_sim *s, double h) {
     const cloth_model *m = s->model;
-    int                i, n = 3 * m->nv, old = s->history && !s->calm;
+    int                i, n = 3 * m->nv, old = s->history;
     memcpy(s->fixed, s->pin, (size_t)m->nv);
     for (i = 0; i < n; i++) {
-        s->w.x[i] = s->state.x[i] + h * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
-                                             : s->state.v[i]);
+        const double way = old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i] : s->state.v[i];
+        s->w.x[i] = s->state.x[i] + (s->calm ? 0 : h * way);
         if (s->pin[i / 3] >> (i % 3) & 1)
             s->w.x[i] = s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
     }
@@ -11941,7 +11942,7 @@ static cloth_status clothi_leap_count(cloth_sim *s, double h, int *m) {
                               &s->report.omega_max);
     safe = CLOTHI_LEAP_SAFETY * limit;
     *m = s->model->desc.substeps;
-    if (!clothi_finite(s->report.omega_max) || !(limit >= 0))
+    if (!clothi_finite(s->report.omega_max) || !(limit > 0))
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "LEAPFROG: the stability limit is %g s "
                            "at omega = %g 1/s", limit, s->report.omega_max);
     s->report.outcome = CLOTH_STEP_STALLED;

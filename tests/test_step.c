@@ -566,8 +566,8 @@ static void cut_short(void) {
 }
 
 /* Sheets in free flight are sheared and stretched at 20/s, with one to three iterations a step: no
- * step makes energy (one of Euler made 220 times what there was, one of BDF2 2.6 times), but for
- * what a guess that strains the cloth may settle in: 4 % here, solved to the tolerance too. */
+ * step makes energy, but for 2 % of before and after, which are not looked into (one of Euler made
+ * 220 times what there was, one of BDF2 2.6 times). */
 static void torn_about(void) {
     unsigned long long seed = 5;
     int                k, n, i, j;
@@ -592,7 +592,7 @@ static void torn_about(void) {
             CHECK(!cloth_step(d.sim, h, n % 2 ? &r : NULL) && !cloth_sim_energy(d.sim, &l));
             most = fmax(most, l.total / (was + 1e-3));
         }
-        CHECK(most < 1.1);
+        CHECK(most < 1.041);
         dyn_end(&d);
     }
 }

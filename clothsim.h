@@ -10219,7 +10219,7 @@ static void clothi_terms_install(cloth_sim *s) {
  * slopes at its two ends instead, which have no such cancellation.
  *
  * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n. The older velocity
- * is part of the state for that reason. A step taken again begins at x^n: clothi_booked() [9.5].
+ * is part of the state for that reason.
  *
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
  * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
@@ -11029,15 +11029,14 @@ CLOTHI_OUTLINE static cloth_eval clothi_eval_of(const cloth_sim *s) {
 }
 
 /* Pin goals of this substep, its end's share of the way from the step's start to the targets; what
- * the solver must not move, pins and followers of ties; and a starting guess that obeys both: x^n
- * where the step is taken again, as no way down from there makes energy. */
+ * the solver must not move, pins and followers of ties; and a starting guess that obeys both. */
 static void clothi_guess(cloth_sim *s, double h) {
     const cloth_model *m = s->model;
-    int                i, n = 3 * m->nv, old = s->history;
+    int                i, n = 3 * m->nv, old = s->history && !s->calm;
     memcpy(s->fixed, s->pin, (size_t)m->nv);
     for (i = 0; i < n; i++) {
-        const double way = old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i] : s->state.v[i];
-        s->w.x[i] = s->state.x[i] + (s->calm ? 0 : h * way);
+        s->w.x[i] = s->state.x[i] + h * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
+                                             : s->state.v[i]);
         if (s->pin[i / 3] >> (i % 3) & 1)
             s->w.x[i] = s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
     }

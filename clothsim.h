@@ -12277,7 +12277,7 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
 }
 
 #define CLOTHI_GROWTH 0.02                  /* of what moves and is strained: energy from nowhere */
-#define CLOTHI_GROWN  0.5                   /* the same in a step of Euler that is cut short   */
+#define CLOTHI_GROWN  0.5                   /* the same in BDF2's step that was taken again    */
 
 /* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever; under
  * Euler cloth that is torn about, or pushed, may stay strained as the guess has it. Not looked at

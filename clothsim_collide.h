@@ -6262,10 +6262,9 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     clothi_pair_points(c, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, p);
-    t = CLOTHI_NO_GAP * clothi_max(clothi_max_abs(xa, 3 * row.n), radius);
-    if (!(start > t))                       /* no side to be kept on: rounding took its gap */
+    if (!(start > CLOTHI_NO_GAP * clothi_max(clothi_max_abs(xa, 3 * row.n), radius)))
         return c->trying ? CLOTH_ERR_STEP
-                         : clothi_fail_pairs(c, p, 1, "have no gap",
+                         : clothi_fail_pairs(c, p, 1, "have no gap",    /* and no side to keep */
                                              ". Cloth begins with gaps of a thickness or more");
     t = clothi_pair_thickness(c, p, row.v);
     sep = clothi_min(CLOTHI_SEPARATION * t, 0.5 * (start + clothi_pair_pole(c, t, start)));

@@ -419,20 +419,28 @@ static void lift_step(scene *q) {
     CHECK(!(fabs(q->r.energy.zone_loss) > 0));
 }
 
+/* A sheet 20 mm above a plane, whose ground[1] is 0. */
+static cloth_obstacle lift_start(scene *q, cloth_integrator integrator, const double *ground) {
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_obstacle      id;
+    memset(q, 0, sizeof *q);
+    fric_sheet(&q->s, 5, 5, 0.1, 0.1);
+    fric_place(&q->s, 0, 0, 0.02, 0);
+    q->s.desc.integrator = integrator;
+    if (integrator == CLOTH_INTEGRATOR_LEAPFROG) q->s.desc.material.membrane = 100;
+    if (!scene_start(q)) exit(2);
+    o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
+    CHECK(cloth_collide_add(q->s.contact, &o, &id) == CLOTH_OK);
+    return id;
+}
+
 /* A plane catches a sheet that falls, carries it up and stops. */
 static void lift(void) {
     const double M = 0.2 * 0.01;
     double       ground[3] = {0, 0, 0}, worked = 0, y, y0, start;
-    cloth_obstacle_desc o = cloth_obstacle_desc_default();
-    cloth_obstacle id;
-    int            n;
     scene          q;
-    memset(&q, 0, sizeof q);
-    fric_sheet(&q.s, 5, 5, 0.1, 0.1);
-    fric_place(&q.s, 0, 0, 0.02, 0);
-    if (!scene_start(&q)) exit(2);
-    o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
-    CHECK(cloth_collide_add(q.s.contact, &o, &id) == CLOTH_OK);
+    cloth_obstacle id = lift_start(&q, CLOTH_INTEGRATOR_EULER, ground);
+    int            n;
     y0 = fric_mean(&q.s, q.state->x, 1);
     start = q.r.energy.total;
     for (n = 0; n < 90; n++) {
@@ -455,18 +463,9 @@ static void lift(void) {
 static void lift_leapfrog(void) {
     const double M = 0.2 * 0.01, V = 0.5;
     double       ground[3] = {0, 0, 0}, worked = 0, zones = 0, start, pushed, hit;
-    cloth_obstacle_desc o = cloth_obstacle_desc_default();
-    cloth_obstacle id;
-    int            n;
     scene          q;
-    memset(&q, 0, sizeof q);
-    fric_sheet(&q.s, 5, 5, 0.1, 0.1);
-    fric_place(&q.s, 0, 0, 0.02, 0);
-    q.s.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
-    q.s.desc.material.membrane = 100;
-    if (!scene_start(&q)) exit(2);
-    o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
-    CHECK(cloth_collide_add(q.s.contact, &o, &id) == CLOTH_OK);
+    cloth_obstacle id = lift_start(&q, CLOTH_INTEGRATOR_LEAPFROG, ground);
+    int            n;
     start = q.r.energy.total;
     for (n = 0; n < 30; n++) {
         ground[1] += V * H;

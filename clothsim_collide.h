@@ -4296,13 +4296,15 @@ static void clothi_exempt_part(cloth_collide *c) {
  * off); till then that of the step before, on the contacts that a key has now. The search ends at
  * such an iterate where the limits change by less than 5 % of their sum; a tolerance above t/20
  * loosens both by as much (1e-2 m: half of the time of a sheet on a ball). Half of them: a few
- * slivers of a garment's mesh hold more than all its contacts. What has been renewed eight times in
- * a search, limits or frames, follows by halves: a closest point that slides takes v with it, and
- * two iterates can lead to each other for ever (of 16 impacts at a tolerance of 1e-8 m, 8 ended so
- * at the cap). When the step is accepted the anchor keeps v, cut to eps and turned with the
- * surface: what sticks does not creep (Cundall and Strack 1979). A sheet on a plane slides 0.02 %
- * less than Coulomb's at mu = 0.99 tan a, and sticks within 0.6 mm at 1.01. Friction's Hessian
- * along v is 0 beyond eps; where dx would turn v round, it gets the majorizer's mu N/|v| instead.
+ * slivers of a garment's mesh hold more than all its contacts. Friction that moves its cloth by
+ * less than 1e-3 of the tolerance counts for none of this: that of layers just t apart is rounding,
+ * and was waited for to the cap. What has been renewed eight times in a search, limits or frames,
+ * follows by halves: a closest point that slides takes v with it, and two iterates can lead to each
+ * other for ever (of 16 impacts at a tolerance of 1e-8 m, 8 ended so at the cap). When the step is
+ * accepted the anchor keeps v, cut to eps and turned with the surface: what sticks does not creep
+ * (Cundall and Strack 1979). A sheet on a plane slides 0.02 % less than Coulomb's at mu = 0.99 tan
+ * a, and sticks within 0.6 mm at 1.01. Friction's Hessian along v is 0 beyond eps; where dx would
+ * turn v round, it gets the majorizer's mu N/|v| instead.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
  * a pole (a pressed pair climbed 10^12); a pole of the first order (pairs 1e-9 m above it, at 10^8
@@ -5066,10 +5068,19 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
 
 #define CLOTHI_ROUND   0.05                 /* of all friction: change that asks for more      */
 #define CLOTHI_SETTLED 0.2                  /* of that, of a vertex's friction: residual left  */
+#define CLOTHI_FAINT   1e-3                 /* of the tolerance: what moves less does not count */
 
 /* How well friction is known where a search ends, in parts of itself: as the tolerance is in t. */
 static double clothi_friction_error(const cloth_collide *c) {
     return clothi_max(CLOTHI_ROUND, c->sim->model->desc.tolerance / c->desc.thickness);
+}
+
+/* N: less friction of a contact moves its cloth by less than a thousandth of the tolerance. */
+static double clothi_friction_faint(const cloth_collide *c, const clothi_contact *q) {
+    double m = 0;
+    int    i;
+    for (i = q->first; i < q->end; i++) m += fabs(q->w[i]) * c->sim->params.mass[q->v[i]];
+    return CLOTHI_FAINT * m * c->sim->model->desc.tolerance / (c->h * c->h);
 }
 
 /* Whether what is left of the balance, residual [nv x 3] N, is little beside friction where half of
@@ -5082,7 +5093,8 @@ static int clothi_contact_settled(cloth_collide *c, const double *residual) {
     memset(limit, 0, (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->ncontact; i++) {
         const clothi_contact *q = c->contact + i;
-        for (j = q->first; j < q->end; j++) limit[q->v[j]] += fabs(q->w[j]) * q->limit;
+        for (j = q->first; j < q->end && q->limit > clothi_friction_faint(c, q); j++)
+            limit[q->v[j]] += fabs(q->w[j]) * q->limit;
     }
     for (i = 0; i < c->nv; i++) {
         const double *r = residual + 3 * i, most = part * limit[i];
@@ -5111,6 +5123,7 @@ static double clothi_contact_limits(cloth_collide *c, double follow, int start) 
             if (!(follow > 0)) continue;
             more = follow * (q[k].friction * q[k].force - q[k].limit);
             q[k].limit += more;
+            if (!(q[k].limit + fabs(more) > clothi_friction_faint(c, q + k))) continue;
             change += fabs(more);
             all += q[k].limit;
         }

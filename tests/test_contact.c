@@ -119,6 +119,26 @@ static void laid_on(void) {
     }
 }
 
+/* Sheets exactly a thickness apart fall freely: what they press each other with is rounding, and so
+ * is friction, which no search waits for. (Each step ended at contact's cap of iterations.) */
+static void a_thickness_apart(void) {
+    int layers, i;
+    for (layers = 2; layers <= 5; layers += 3) {
+        cloth_report r;
+        stage        s;
+        stage_layers(&s, layers, 8, 0);
+        for (i = 0; i < s.mesh->nv; i++)
+            s.mesh->x[3 * i + 1] = s.contact.thickness * (i / (s.mesh->nv / layers));
+        if (!stage_start(&s)) exit(2);
+        for (i = 0; i < 10; i++) {
+            CHECK(cloth_step(s.sim, 1.0 / 60, &r) == CLOTH_OK);
+            CHECK(r.outcome == CLOTH_STEP_CONVERGED && r.contacts > 0);
+            CHECK_NEAR(r.energy.friction_loss, 0, 1e-12);
+        }
+        stage_end(&s);
+    }
+}
+
 /* A square of cloth is pulled like scissors across a blade, 1.5 mm below its lower edge, parallel
  * to it but for rounding: what the sides of that pair span is no plane to be beyond of. */
 static void scissors(void) {
@@ -904,6 +924,7 @@ int main(int argc, char **argv) {
     RUN(coarse);
     RUN(poke);
     RUN(laid_on);
+    RUN(a_thickness_apart);
     RUN(scissors);
     RUN(pressed);
     RUN(stage_rows_left);

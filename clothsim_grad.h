@@ -1538,7 +1538,7 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
     cloth_sim   *s = g->s;
     const int    n = 3 * s->model->nv;
     cloth_status status = CLOTH_OK;
-    double       sum = 0, size = 0, left;
+    double       sum = 0, size = 0, left, big = clothi_max_abs(b, n);
     int          i;
     if (line->weight > 0 && most < CLOTHI_GRAD_ARRIVED) return CLOTH_OK;
     if (g->paired) memcpy(g->left, s->w.dx, (size_t)n * sizeof(double));
@@ -1559,11 +1559,11 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
     clothi_tie_gradient(s->model, s->w.grad);
     for (i = 0; i < n; i++) {
         if (s->fixed[i / 3] >> i % 3 & 1) continue;
-        sum += s->w.grad[i] * s->w.grad[i];
-        size += b[i] * b[i];
+        sum += s->w.grad[i] / big * (s->w.grad[i] / big);   /* squares of b may be beyond doubles */
+        size += b[i] / big * (b[i] / big);
     }
     if (status) return status;
-    if (size > 0) g->rep->early += sqrt(sum / size);
+    if (size > 0) g->rep->early += sum <= HUGE_VAL ? sqrt(sum / size) : HUGE_VAL;   /* not NaN */
     if (g->rep->early > g->t->opt.early) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
     return CLOTH_OK;
 }

@@ -154,6 +154,51 @@ static void differences_late(void) {
     CHECK_REL(v0[37], (late_run(1e-5, NULL, NULL) - late_run(-1e-5, NULL, NULL)) / 2e-5, 1e-4);
 }
 
+/* A loss of x after the fourth step, times by[0], of by[1] numbers. */
+static void scaled_at(int k, const double *x, const double *v, double *gx, double *gv,
+                      void *user) {
+    const double *by = (const double *)user;
+    int           i;
+    (void)x, (void)v, (void)gv;
+    for (i = 0; k == 4 && i < by[1]; i++) gx[i] += by[0] * noise((unsigned)i);
+}
+
+/* What early stops cost is relative: the same for losses whose squares are beyond doubles, or 0.
+ * (It was not a number at 1e160, which passed for little, and 0 at 1e155 and 1e-170.) */
+static void early_of_any_loss(void) {
+    static const double scale[5] = {1, 1e155, 1e160, 1e-170, 1e-250};
+    play                p = play_default();
+    double              x0[3 * 40], first = 0;
+    int                 i, strict;
+    p.tolerance = 1e-4, p.steps = 4;
+    for (i = 0; i < 10; i++) {
+        cloth_tape_options o = cloth_tape_options_default();
+        cloth_attachment   extra;
+        cloth_grad         g;
+        cloth_grad_report  rep;
+        cloth_tape        *tape = NULL;
+        scene              s;
+        double             by[2];
+        int                k;
+        memset(&g, 0, sizeof g);
+        extra.id = 0, g.x0 = x0, strict = i % 2;
+        if (strict) o.early = 1e-6;
+        play_open(&p, &s);
+        by[0] = scale[i / 2], by[1] = 3 * s.nv;
+        CHECK(cloth_tape_create(s.sim, &o, &tape) == CLOTH_OK);
+        for (k = 0; k < p.steps; k++) {
+            play_say(&p, &s, &extra, k);
+            CHECK(cloth_step(s.sim, p.h, NULL) == CLOTH_OK);
+        }
+        CHECK(cloth_grad_backward(tape, scaled_at, by, &g, &rep) == CLOTH_OK);
+        if (i == 0) first = rep.early;
+        CHECK(rep.early > 1e-5 && rep.valid == !strict);
+        CHECK_REL(rep.early, first, 1e-9);
+        cloth_tape_destroy(tape);
+        scene_close(&s);
+    }
+}
+
 static void differences_leapfrog(void) {
     play p = play_default();
     p.integrator = CLOTH_INTEGRATOR_LEAPFROG;
@@ -680,6 +725,7 @@ int main(int argc, char **argv) {
     RUN(differences_bdf2);
     RUN(differences_taken_again);
     RUN(differences_late);
+    RUN(early_of_any_loss);
     RUN(differences_leapfrog);
     RUN(differences_rungs);
     RUN(differences_static);

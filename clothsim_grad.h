@@ -1151,7 +1151,8 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * What an early stop costs. With g = grad phi left at x the minimum is at x + d, H d = -g. There H
  * z = a has another H: z is off by about H^-1 (H(x + d) - H(x)) z, relative to a by |(H(x + d) -
  * H(x)) z|/|a|. One more right-hand side for the factor and two products H u; summed over the
- * steps in report.early. First order, of elements and contact.
+ * steps in report.early. First order, of elements and contact; where contact lets x go a part of d
+ * alone, of that part and over it.
  * checked: tests/test_grad.c: differences_*, tests/test_grad_contact.c, tests/stability/grad_flag.c
  */
 
@@ -1538,7 +1539,7 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
     cloth_sim   *s = g->s;
     const int    n = 3 * s->model->nv;
     cloth_status status = CLOTH_OK;
-    double       sum = 0, size = 0, left, big = clothi_max_abs(b, n);
+    double       sum = 0, size = 0, part = 1, left, big = clothi_max_abs(b, n);
     int          i;
     if (line->weight > 0 && most < CLOTHI_GRAD_ARRIVED) return CLOTH_OK;
     if (g->paired) memcpy(g->left, s->w.dx, (size_t)n * sizeof(double));
@@ -1550,7 +1551,9 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
     left = clothi_max_abs(g->left, n);
     g->rep->left_m = clothi_max(g->rep->left_m, left);
     if (!(left > CLOTHI_GRAD_ARRIVED)) return CLOTH_OK;
-    for (i = 0; i < n; i++) g->left[i] += s->w.x[i];
+    if (s->contact_on) status = s->contact.max_step(s->contact.user, s->w.x, g->left, &part);
+    if (status) return status;
+    for (i = 0; i < n; i++) g->left[i] = s->w.x[i] + part * g->left[i];
     memcpy(s->w.dx, g->left, (size_t)n * sizeof(double));
     clothi_hessian_times(s, g->left, z, line->goal.e.h, s->w.grad);
     clothi_hessian_times(s, s->w.x, z, line->goal.e.h, g->left);
@@ -1563,7 +1566,8 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
         size += b[i] / big * (b[i] / big);
     }
     if (status) return status;
-    if (size > 0) g->rep->early += sum <= HUGE_VAL ? sqrt(sum / size) : HUGE_VAL;   /* not NaN */
+    if (size > 0)                           /* not NaN */
+        g->rep->early += part > 0 && sum <= HUGE_VAL ? sqrt(sum / size) / part : HUGE_VAL;
     if (g->rep->early > g->t->opt.early) clothi_grad_doubt(g, CLOTH_GRAD_EARLY, k);
     return CLOTH_OK;
 }

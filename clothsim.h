@@ -9506,12 +9506,9 @@ static void clothi_scatter(const clothi_group *g, cloth_matrix *to, int b, const
                             g->id + (size_t)b * CLOTHI_LANES, H + (size_t)k * 9 * CLOTHI_LANES);
 }
 
-/* Positions of the corners of batch b; a constant number of corners lets compilers unroll. */
+/* Positions of the corners of batch b. */
 static void clothi_corners(const clothi_group *g, const double *x, int b, double *out) {
-    const int *v = g->vert + (size_t)b * (size_t)g->width * CLOTHI_LANES;
-    if (g->width == 4) clothi_gather_lanes(x, v, 4, out);
-    else if (g->width == 3) clothi_gather_lanes(x, v, 3, out);
-    else clothi_gather_lanes(x, v, 2, out);
+    clothi_gather_lanes(x, g->vert + (size_t)b * (size_t)g->width * CLOTHI_LANES, g->width, out);
 }
 
 /* Of batch b: its numbers at rest, at the start of the substep, and damp [8]. */
@@ -9627,19 +9624,13 @@ static void clothi_inertia_range(int begin, int end, int worker, void *ctx) {
 
 static cloth_status clothi_gravity_eval(void *user, const cloth_eval *e, double *energy) {
     const double *m = e->params->mass, *g = e->in->gravity;
-    double        sum = 0, s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    double        sum = 0;
     int           i, k;
     (void)user;
-    for (i = 0; i + 4 <= e->nv; i += 4) {   /* no addition waits for the one before it         */
-        s0 += m[i] * clothi_dot3(g, e->x + 3 * i);
-        s1 += m[i + 1] * clothi_dot3(g, e->x + 3 * i + 3);
-        s2 += m[i + 2] * clothi_dot3(g, e->x + 3 * i + 6);
-        s3 += m[i + 3] * clothi_dot3(g, e->x + 3 * i + 9);
-    }
-    for (; i < e->nv; i++) sum += m[i] * clothi_dot3(g, e->x + 3 * i);
+    for (i = 0; i < e->nv; i++) sum -= m[i] * clothi_dot3(g, e->x + 3 * i);
     for (i = 0; e->grad && i < e->nv; i++)
         for (k = 0; k < 3; k++) e->grad[3 * i + k] -= m[i] * g[k];
-    *energy = -(((s0 + s1) + (s2 + s3)) + sum);
+    *energy = sum;
     return CLOTH_OK;
 }
 
@@ -11459,55 +11450,27 @@ typedef struct clothi_leap {
     double        wind;                     /* W, minus the wind's power before the kick       */
 } clothi_leap;
 
-/* Sums the element forces of the vertices [begin, end), kicks them, and drifts when drift > 0.
- * Two sums of every other entry: additions wait for each other. extra [nv x 3] or NULL. */
-CLOTHI_HOT void clothi_leap_kick(const clothi_leap *p, clothi_in force,
-                                 const int *CLOTHI_RESTRICT start, const int *stop,
-                                 const int *CLOTHI_RESTRICT entry, clothi_in inverse_mass,
-                                 int begin, int end, clothi_out x, clothi_out v) {
-    enum { L = CLOTHI_LANES };
-    const double kick = p->kick, drift = p->drift, *extra = p->extra;
-    const double *g = p->s->in.gravity, g0 = kick * g[0], g1 = kick * g[1], g2 = kick * g[2];
-    int i, k;
-    for (i = begin; i < end; i++) {
-        const int    last = stop[i];
-        const double w = kick * inverse_mass[i];
-        double a0 = 0, a1 = 0, a2 = 0, b0 = 0, b1 = 0, b2 = 0, v0, v1, v2;
-        for (k = start[i]; k + 1 < last; k += 2) {
-            const double *q = force + entry[k], *r = force + entry[k + 1];
-            a0 += q[0], a1 += q[L], a2 += q[2 * L];
-            b0 += r[0], b1 += r[L], b2 += r[2 * L];
-        }
-        if (k < last) {
-            const double *q = force + entry[k];
-            a0 += q[0], a1 += q[L], a2 += q[2 * L];
-        }
-        if (extra) b0 += extra[3 * i], b1 += extra[3 * i + 1], b2 += extra[3 * i + 2];
-        v0 = v[3 * i] + (g0 - w * (a0 + b0));
-        v1 = v[3 * i + 1] + (g1 - w * (a1 + b1));
-        v2 = v[3 * i + 2] + (g2 - w * (a2 + b2));
-        v[3 * i] = v0, v[3 * i + 1] = v1, v[3 * i + 2] = v2;
-        x[3 * i] += drift * v0, x[3 * i + 1] += drift * v1, x[3 * i + 2] += drift * v2;
-    }
-}
-
-/* A chunk of vertices as if all were free; then pinned axes, on their straight path. */
+/* Forces of the vertices [begin, end), kick, drift; what is pinned goes its straight path. */
 static void clothi_leap_range(int begin, int end, int worker, void *ctx) {
     const clothi_leap *p = (const clothi_leap *)ctx;
-    cloth_sim         *s = p->s;
+    const cloth_sim   *s = p->s;
     const cloth_model *m = s->model;
-    double            *x = s->w.x, *v = s->w.trial;
-    int                i, j;
+    double *CLOTHI_RESTRICT x = s->w.x, *CLOTHI_RESTRICT v = s->w.trial, *f = s->w.dx;
+    const double       kick = p->kick, drift = p->drift, *g = s->in.gravity;
+    int                i, j, k;
     (void)worker;
-    clothi_leap_kick(p, s->own.force, m->gather_start, p->stop, m->gather, s->w.inv_mass, begin,
-                     end, x, v);
-    for (i = begin; i < end; i++)
-        for (j = 0; s->pin[i] && j < 3; j++)
-            if (s->pin[i] >> j & 1) {
-                v[3 * i + j] = s->w.y[3 * i + j];
-                x[3 * i + j] = s->w.x0[3 * i + j] +
-                               p->alpha * (s->target[3 * i + j] - s->w.x0[3 * i + j]);
-            }
+    clothi_sum_corners(s->own.force, m->gather_start, p->stop, m->gather, begin, end, 1.0, f);
+    for (k = 3 * begin; p->extra && k < 3 * end; k++) f[k] += p->extra[k];
+    for (i = begin, k = 3 * i; i < end; i++) {
+        const double w = kick * s->w.inv_mass[i];
+        for (j = 0; j < 3; j++, k++) {
+            v[k] += kick * g[j] - w * f[k];
+            x[k] += drift * v[k];
+            if (!(s->pin[i] >> j & 1)) continue;
+            v[k] = s->w.y[k];
+            x[k] = s->w.x0[k] + p->alpha * (s->target[k] - s->w.x0[k]);
+        }
+    }
 }
 
 /* Bending by triangles: see [6.5]. With damping, elements keep their own forces. */

@@ -5379,9 +5379,6 @@ CLOTHI_RARE_BEGIN
  *   strips      the blocks of one row in the columns of one subdomain, or of S. Strips of subdomain
  *               0 come first: those of its rows, then those of all rows of S; S in S comes last.
  *               What works on the columns of a subdomain goes through its strips, in one loop.
- *   levels      inside a subdomain, rows are sorted by level = 1 + highest level of an earlier
- *               neighbour. Gauss-Seidel stays the same, but a row no longer waits for the one
- *               just before it.
  *   aggregates  nv/85 (4 to 512) seeds, each the farthest from those before it in graph distance;
  *               a vertex joins its nearest seed. They carry the coarse space of [7.3]. Vertices
  *               that no seed reaches (more than 512 pieces) have none. Numbered as a front that
@@ -5633,24 +5630,6 @@ static void clothi_pattern_parts(cloth_pattern *p, const clothi_dissection *d) {
 
 /* --- rows --- */
 
-/* Rows [begin, end) sorted by level, stable. */
-static void clothi_level_sort(cloth_pattern *p, const clothi_dissection *d, int begin, int end) {
-    int *level = d->tag, *order = p->vertex_of, i, k, highest = 0;
-    for (i = begin; i < end; i++) p->row_of[order[i]] = i;
-    for (i = begin; i < end; i++) {
-        const int v = order[i];
-        level[v] = 0;
-        for (k = d->g->start[v]; k < d->g->start[v + 1]; k++) {
-            const int u = d->g->to[k], r = p->row_of[u];
-            if (r >= begin && r < i && level[u] + 1 > level[v]) level[v] = level[u] + 1;
-        }
-        if (level[v] > highest) highest = level[v];
-    }
-    clothi_sort_by(end - begin, highest + 1, level, order + begin, d->tmp, d->dist);
-    memcpy(order + begin, d->tmp, (size_t)(end - begin) * sizeof(int));
-    for (i = begin; i < end; i++) p->row_of[order[i]] = i;
-}
-
 /* Subdomains first, separators last, the earliest cut at the very end. */
 static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
     int i, id, domain = 0, row = 0;
@@ -5666,8 +5645,7 @@ static void clothi_pattern_order(cloth_pattern *p, const clothi_dissection *d) {
         for (i = d->part[id].mid; d->part[id].child[0] >= 0 && i < d->part[id].hi; i++)
             p->vertex_of[row++] = d->verts[i];
     p->dom[p->nd + 1] = p->n;
-    for (i = 0; i < p->n; i++) p->row_of[i] = -1;
-    for (i = 0; i <= p->nd; i++) clothi_level_sort(p, d, p->dom[i], p->dom[i + 1]);
+    for (i = 0; i < p->n; i++) p->row_of[p->vertex_of[i]] = i;
     memset(d->tag, 0, (size_t)p->n * sizeof(int));
 }
 

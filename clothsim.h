@@ -146,7 +146,6 @@
  * [BW98]   Baraff, Witkin: Large Steps in Cloth Simulation, SIGGRAPH 1998. [9.3]
  * [BWH06]  Bergou, Wardetzky, Harmon, Zorin, Grinspun: A Quadratic Bending Model for
  *          Inextensible Surfaces, SGP 2006. [6.4]
- * [Cli90]  Clinger: How to Read Floating Point Numbers Accurately, PLDI 1990. [4.5]
  * [D06]    Davis: Direct Methods for Sparse Linear Systems, SIAM 2006. [7.4]
  * [DR83]   Duff, Reid: The Multifrontal Solution of Indefinite Sparse Symmetric Linear Equations,
  *          ACM Trans. Math. Softw. 9, 1983. [7.4]
@@ -2861,9 +2860,8 @@ CLOTH_API cloth_status cloth_flatten(int nv, const double *x, int nf, const int 
  *
  * Numbers. libc's strtod and printf follow the locale (a German one reads 0,5), so the two
  * conversions are our own. Both are exact arithmetic on decimal digits.
- *   Reading: the text is D 10^e. Up to 15 digits and |e| <= 22 both factors are doubles, and one
- *   multiplication or division rounds once: done [Cli90]. Otherwise the decimal digits are doubled
- *   or halved until the integer part has 60 to 64 bits, which loses nothing: a half is 5 tenths.
+ *   Reading: the decimal digits are doubled or halved until the integer part has 60 to 64 bits,
+ *   which loses nothing: a half is 5 tenths.
  *   One rounding, half to even, also for subnormals. 800 digits decide every case (a midpoint
  *   between doubles has at most 768); what follows them only counts as 'not zero'.
  *   Writing: all digits of v, found likewise, are rounded to 15 of them, to 16 and 17, until they
@@ -2970,11 +2968,15 @@ static double clothi_round_to_double(uint64_t q, int lead, int more) {
     return ldexp((double)out, lead - 63 + drop);
 }
 
-static double clothi_decimal_exact(const clothi_decimal *d) {
-    const int    lead = (int)floor((double)d->point * 3.3219280948873623);   /* or 1 to 4 less */
-    int          i, g = 9 * CLOTHI_FIXED_POINT - (int)d->point;     /* g: a digit's place */
+/* The nearest double, without the sign; infinite when too large. */
+static double clothi_decimal_value(const clothi_decimal *d) {
+    int          i, g, lead;                /* g: a digit's place                            */
     uint64_t     q = 0;
     clothi_fixed a;
+    if (d->n == 0 || d->point < -330) return 0;
+    if (d->point > 310) return HUGE_VAL;
+    lead = (int)floor((double)d->point * 3.3219280948873623);   /* or 1 to 4 less */
+    g = 9 * CLOTHI_FIXED_POINT - (int)d->point;
     a.first = g / 9;
     a.w[a.first] = 0;
     for (i = 0; i < d->n || g % 9; i++, g++)
@@ -2984,21 +2986,6 @@ static double clothi_decimal_exact(const clothi_decimal *d) {
     for (i = 3; i > 0; i--) q = q * 1000000000u + clothi_fixed_word(&a, CLOTHI_FIXED_POINT - i);
     for (i = 0; q >> 63 == 0; i++) q <<= 1;
     return clothi_round_to_double(q, lead - i, a.end > CLOTHI_FIXED_POINT);
-}
-
-/* The nearest double, without the sign; infinite when too large. */
-static double clothi_decimal_value(const clothi_decimal *d) {
-    static const double tens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
-                                  1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
-                                  1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
-    const int64_t exponent = d->point - d->n;
-    double        a = 0;
-    int           i;
-    if (d->n == 0 || d->point < -330) return 0;
-    if (d->point > 310) return HUGE_VAL;
-    if (d->n > 15 || exponent < -22 || exponent > 22) return clothi_decimal_exact(d);
-    for (i = 0; i < d->n; i++) a = 10 * a + d->d[i];
-    return exponent < 0 ? a / tens[-exponent] : a * tens[exponent];
 }
 
 /* 1 and the nearest double when the n bytes are a decimal number. */

@@ -1170,6 +1170,26 @@ static void motions_have_the_same_joints(void) {
     figure_free(&f), (void)remove("out/test_motion");
 }
 
+/* A body would be nowhere where it has no joint: the first such vertex is named. */
+static void weights_of_every_vertex(void) {
+    static const char *const text[2] = {"# two\n0 0 0.5\n1 0 1\n", "0 0 1\n1 0 0\n"};
+    int                      joint[2 * FIGURE_INFLUENCES], k;
+    if (!test_out()) SKIP("there is no directory out");
+    for (k = 0; k < 2; k++) {
+        double      weight[2 * FIGURE_INFLUENCES] = {0};
+        const char *error;
+        figure      f;
+        FILE       *out = fopen("out/test_weights", "w");
+        if (!out || fputs(text[k], out) < 0 || fclose(out)) exit(2);
+        memset(&f, 0, sizeof f);
+        f.nv = 2, f.njoints = 1, f.own_joint = joint, f.own_weight = weight;
+        error = figure_read_weights("out/test_weights", &f);
+        CHECK(k == 0 ? error == NULL
+                     : error && strstr(error, "out/test_weights: vertex 1 has no weight"));
+    }
+    (void)remove("out/test_weights");
+}
+
 /* A motion's frames from the angles that they are made of, but for where the root is. */
 static void motion_by_its_angles(void) {
     static const char *name[4] = {"data/body/body.obj", "data/body/weights_cmu.txt",
@@ -1664,6 +1684,7 @@ int main(int argc, char **argv) {
     RUN(data_of_more_than_its_head_says);
     RUN(motions_have_the_same_joints);
     RUN(joints_of_a_skeleton);
+    RUN(weights_of_every_vertex);
     RUN(motion_by_its_angles);
     RUN(network_by_central_differences);
     RUN(network_learns);

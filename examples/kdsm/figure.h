@@ -44,7 +44,7 @@ typedef struct figure {
                                      * round [njoints x 12]                             */
     int          *own_joint;
     double       *own_weight;
-    char          said[400];        /* what is wrong with a motion                      */
+    char          said[400];        /* what is wrong with a file                        */
 } figure;
 
 static inline void figure_free(figure *f) {
@@ -114,6 +114,7 @@ done:
 static inline const char *figure_read_weights(const char *path, figure *f) {
     char        line[256];
     const char *error = NULL;
+    int         v;
     FILE       *in = fopen(path, "r");
     if (!in) return "the weights cannot be opened";
     while (!error && fgets(line, sizeof line, in)) {
@@ -126,6 +127,11 @@ static inline const char *figure_read_weights(const char *path, figure *f) {
         else figure_weigh(f, vertex, joint, weight);
     }
     fclose(in);
+    for (v = 0; v < f->nv && !error; v++) {
+        if (f->own_weight[(size_t)v * FIGURE_INFLUENCES] > 0) continue;
+        sprintf(f->said, "%.300s: vertex %d has no weight", path, v);
+        error = f->said;
+    }
     return error;
 }
 

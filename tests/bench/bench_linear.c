@@ -6,8 +6,8 @@
  * What [7.1] and [7.3] chose between, on a hanging sheet of 64 x 64 when each was built; the parts
  * are numbered as in [7.3].
  *   order  natural, reverse Cuthill-McKee, 8 and 16 leaves differ by less than 10 % once long waves
- *          are deflated; random numbering costs 25 %. Rows by level, so that none waits for the one just before
- *          it: 60 us an iteration for 69 once, nothing since.
+ *          are deflated; random numbering costs 25 %. Rows by level, so that none waits for the
+ *          one just before it: 60 us an iteration for 69 once, nothing since.
  *   2      123 us a matrix.
  *   3      34 iterations where block Jacobi needs 130. Lost: SSOR with omega 1.2 to 1.4 (10 to 20 %
  *          fewer iterations alone, nothing on top of 5), block IC(0) (not fewer, and 4 does not

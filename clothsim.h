@@ -10180,10 +10180,9 @@ static void clothi_terms_install(cloth_sim *s) {
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
  * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
  * buckle, and would stop at a saddle as well. It has the last word only where the exact one led
- * nowhere, and then the sum of the updates to follow must be below the tolerance too, were they to
- * shrink on as this one did. A search at negative curvature must not stop, however small its
- * radius, unless phi falls nowhere within a tenth of the tolerance. So the way left to the minimum
- * ahead is near the tolerance or below it, but for a plateau where a minimum has just vanished.
+ * nowhere. A search at negative curvature must not stop, however small its radius, unless phi falls
+ * nowhere within a tenth of the tolerance. So the way left to the minimum ahead is near the
+ * tolerance or below it, but for a plateau where a minimum has just vanished.
  * With contact single vertices slide on kinks and buckle on while nothing else moves. There an
  * update that no pair cuts also ends the search when it is below the tolerance in the root mean
  * square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
@@ -10401,7 +10400,6 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     double value;                           /* J, phi(x)                                       */
     double slope;                           /* J, g.dx < 0                                     */
     double size;                            /* m, max|dx| of the last solve                    */
-    double older;                           /* m, max|a dx| of the iteration before            */
     double radius;                          /* m, trust radius of the exact phase              */
     double norm;                            /* J^1/2, of -g as its first solve had it          */
     int    exact;                           /* the exact Hessian is in use                     */
@@ -10616,13 +10614,6 @@ static cloth_status clothi_newton_renew(cloth_sim *s, clothi_goal *goal, clothi_
     return status;
 }
 
-/* What an update of size s leaves. The definite model errs towards short updates: were the next
- * ones to shrink as this one, r = s/older, their sum is s r/(1 - r). At least s, at most 10 s. */
-static double clothi_newton_left(const clothi_newton *nt, double s) {
-    double rest = nt->older > s ? s * s / (nt->older - s) : 10 * s;
-    return nt->exact || !(nt->older > 0) ? s : clothi_max(s, clothi_min(rest, 10 * s));
-}
-
 /* The sentence about a search that came to no end, and the vertex farthest from balance. */
 static cloth_status clothi_stalled(cloth_sim *s, const char *what) {
     double big = -1;
@@ -10711,8 +10702,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
     s->fresh = !s->contact_on;
     s->report.residual_m = a * nt->size;
-    nt->done = clothi_newton_left(nt, cut ? nt->size : s->report.residual_m) <
-                   s->model->desc.tolerance &&
+    nt->done = (cut ? nt->size : s->report.residual_m) < s->model->desc.tolerance &&
                (nt->exact ? !s->linear.hit || nt->poor : nt->refused) && nt->stuck >= 0;
     tiny = a * s->model->desc.tolerance;
     if (s->contact_on)                      /* -slope = dx'H dx >= dx'M dx/eta^2; a: overshoot */
@@ -10720,7 +10710,6 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     status = clothi_newton_renew(s, goal, nt);
     clothi_newton_rhs(s);
     nt->stuck = s->contact_on && nt->exact && (s->linear.hit || a < 1) ? nt->stuck + 1 : 0;
-    nt->older = s->report.residual_m;
     nt->walls |= a < whole;
     return status;
 }
@@ -10807,7 +10796,6 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
     if (status || !s->linear.hit || !clothi_escape(s, goal, CLOTHI_ESCAPE * s->edge, nt->value))
         return status;
     nt->size = nt->radius = CLOTHI_ESCAPE * s->edge;
-    nt->older = 0;
     nt->refused = nt->done = 0;
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt->value);
     if (!status) status = clothi_newton_renew(s, goal, nt);

@@ -10211,7 +10211,8 @@ static void clothi_terms_install(cloth_sim *s) {
 
 #define CLOTHI_NEWTON_CAP   400             /* iterations of a substep before it has stalled   */
 #define CLOTHI_CONTACT_CAP  60              /* the same with contact: then accepted            */
-#define CLOTHI_FALLS        1e-3            /* ... unless phi falls by this part of K^n        */
+#define CLOTHI_FALLS        1e-3            /* ... but where the step gains energy: while phi
+                                               falls by this part of K^n an iteration          */
 #define CLOTHI_HALVINGS     40
 #define CLOTHI_ARMIJO       1e-4
 #define CLOTHI_REST         1e-3            /* of the tolerance                                */
@@ -10803,27 +10804,46 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
     return status;
 }
 
-/* J, phi's potential where the last value was taken. */
-static double clothi_potential(const cloth_sim *s, double value) {
-    int i;
-    for (i = 0; i * CLOTHI_VERTICES < s->model->nv; i++) value -= s->w.partial[i];
-    return value;
+/* J, phi's potential but for contact and attachments, whose targets have moved, where the last
+ * value was taken; at x^n. */
+static double clothi_potential(const cloth_sim *s) {
+    double sum = 0;
+    int    i;
+    for (i = 0; i < s->nterms; i++) sum += i == CLOTHI_TERM_ATTACH ? 0 : s->term_energy[i];
+    return sum;
 }
 
-/* Whether iteration `it` is the last, done or not. from: J, the potential of the search's start;
- * before: phi before the iteration. */
-static int clothi_capped(const cloth_sim *s, int it, double from, double before, double value) {
-    double kinetic = 0, gain;
-    int    i;
-    if (!s->contact_on || it < CLOTHI_CONTACT_CAP || it >= CLOTHI_NEWTON_CAP)
-        return it >= CLOTHI_NEWTON_CAP;
-    gain = clothi_potential(s, value) - from;
+static cloth_status clothi_potential_before(cloth_sim *s, clothi_goal *goal, double *potential) {
+    cloth_status status = CLOTH_OK;
+    int          i;
+    s->fresh = 0;
+    goal->e.x = s->state.x, goal->e.grad = NULL, goal->e.hess = NULL;
+    for (i = 0; i < s->nterms && !status; i++)
+        status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);
+    *potential = clothi_potential(s);
+    return status;
+}
+
+/* Whether iteration `it` is the last, done or not; before: phi before it. With contact: from J, the
+ * potential at x^n, on. What zones have strained on the way to the search's start is energy that
+ * the step makes as well. */
+static cloth_status clothi_capped(cloth_sim *s, clothi_goal *goal, int it, double before,
+                                  double value, double *from, int *last) {
+    cloth_status status = CLOTH_OK;
+    double       kinetic = 0, gain = 0;
+    int          i;
+    *last = it >= CLOTHI_NEWTON_CAP;
+    if (!s->contact_on || it < CLOTHI_CONTACT_CAP || *last) return CLOTH_OK;
+    gain = clothi_potential(s);
+    if (it == CLOTHI_CONTACT_CAP) status = clothi_potential_before(s, goal, from);
+    gain -= *from;
     for (i = 0; i < 3 * s->model->nv; i++) {
         const double v = s->state.v[i], u = (s->w.x[i] - s->state.x[i]) / s->in.h;
         kinetic += 0.5 * s->params.mass[i / 3] * v * v;
         gain += 0.5 * s->params.mass[i / 3] * (u * u - v * v);
     }
-    return !(gain > 0 && before - value > CLOTHI_FALLS * kinetic);
+    *last = !(gain > 0 && before - value > CLOTHI_FALLS * kinetic);
+    return status;
 }
 
 /* Moves w.x to a minimum of phi. On CLOTH_OK the report's outcome says how it ended. With contact
@@ -10834,8 +10854,8 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     const int         most = s->calm ? 0 : d->max_newton;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
-    double            from, before;
-    int               it;
+    double            from = 0, before;
+    int               it, last = 0;
     memset(&nt, 0, sizeof nt);
     nt.size = HUGE_VAL;
     if (s->contact_on) {
@@ -10849,7 +10869,6 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     clothi_newton_rhs(s);
     s->fresh = 1;
     if (eta * eta * clothi_newton_pull(s) <= CLOTHI_REST * d->tolerance) return CLOTH_OK;
-    from = clothi_potential(s, nt.value);
     for (it = 1; !nt.done; it++) {
         before = nt.value;
         nt.exact = nt.size <= clothi_max(CLOTHI_EXACT * s->edge, d->tolerance) ||
@@ -10863,8 +10882,9 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
             status = CLOTH_OK;
         }
         if (!status && nt.done) status = clothi_off_saddle(s, goal, &nt);
-        if (!status && !nt.done && clothi_capped(s, it, from, before, nt.value))
-            status = CLOTH_ERR_STEP;
+        if (!status && !nt.done)
+            status = clothi_capped(s, goal, it, before, nt.value, &from, &last);
+        if (!status && last) status = CLOTH_ERR_STEP;
         if (status == CLOTH_ERR_STEP && !s->contact_on) return clothi_stalled(s, "step");
         if (status && status != CLOTH_ERR_STEP) return status;
         if (status || s->finish || (!nt.done && most > 0 && it >= most)) {

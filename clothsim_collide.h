@@ -3447,7 +3447,7 @@ struct cloth_collide {
     double *x_ie;                           /* [nv x 3] the candidate                          */
     double *tied;                           /* [nv x 3] kg of what a leader moves; NULL: no ties */
     int    *vertex_part;                    /* [nv]                                            */
-    unsigned char *frozen;                  /* [nv] 1: rigid, 2: where it was                  */
+    unsigned char *frozen;                  /* [nv] of a zone that went on as one body         */
     clothi_pairs   found;                   /* by the hierarchy                                */
 
     /* the substep */
@@ -6213,7 +6213,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * alone zones go round in circles; with all of them cloth in a pinch has zones that no point meets.
  * A zone that the program cannot solve, or not within desc.max_passes, or whose solution is three
  * times as far off as anything goes, goes on as one body that does not turn: sheets that do, and
- * spin, fail nearly every step. If that hits too, it stays where it was.
+ * spin, fail nearly every step.
  * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
  * carried by them and rows that ask for no more room than detection leaves: layers between an arm
  * and a chest that come nearer have no point at their gaps of x^n. The third time what is in a
@@ -6621,22 +6621,6 @@ static void clothi_zone_freeze(cloth_collide *c, const clothi_zone *q) {
     c->report.rigid_zones++;
 }
 
-/* A hit among rigid zones alone: they stay where they were. 0: nothing is left to try. */
-static int clothi_still(cloth_collide *c, const cloth_contact_row *row) {
-    int i, k, v, found = 0;
-    for (i = 0; i < 3 * row->n; i++) {
-        if (row->v[i / 3] >= c->nv) continue;
-        v = clothi_leader(c->sim->model, row->v[i / 3], i % 3);
-        if (c->frozen[v] != 1) continue;
-        found = 1;
-        for (k = 0; k < 3; k++)
-            if (!(c->sim->pin[v] >> k & 1)) c->xb[3 * v + k] = c->xa[3 * v + k];
-        c->frozen[v] = 2;
-        c->moved[v] = 1;
-    }
-    return found;
-}
-
 /* Lists the hits of the last pass as what could not be resolved. */
 static cloth_status clothi_failed_pairs(cloth_collide *c) {
     cloth_status status = CLOTH_OK;
@@ -6670,9 +6654,8 @@ static cloth_status clothi_zones(cloth_collide *c) {
     if (c->nrow > c->report.rows) c->report.rows = c->nrow;
     memset(c->moved, 0, (size_t)c->nv);
     for (r = 0; r < c->nrow; r++)
-        if (c->row[r].pass == c->report.passes && c->row[r].zone < 0 &&
-            !clothi_still(c, c->row + r))
-            return clothi_failed_pairs(c);
+        if (c->row[r].pass == c->report.passes && c->row[r].zone < 0)
+            return clothi_failed_pairs(c);      /* a hit among rigid zones alone */
     if (!rigid) clothi_zones_solve(c, nzone);
     for (z = 0; z < nzone && !status; z++) {
         clothi_zone *q = c->zone + z;

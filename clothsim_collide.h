@@ -4303,8 +4303,8 @@ static void clothi_exempt_part(cloth_collide *c) {
  * other for ever (of 16 impacts at a tolerance of 1e-8 m, 8 ended so at the cap). When the step is
  * accepted the anchor keeps v, cut to eps and turned with the surface: what sticks does not creep
  * (Cundall and Strack 1979). A sheet on a plane slides 0.02 % less than Coulomb's at mu = 0.99 tan
- * a, and sticks within 0.6 mm at 1.01. Friction's Hessian along v is 0 beyond eps; where dx would
- * turn v round, it gets the majorizer's mu N/|v| instead.
+ * a, and sticks within 0.6 mm at 1.01. Friction's Hessian along v is 0 beyond eps; where the last
+ * iterate turned v round, the majorizer's mu N/|v|.
  *
  * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
  * a pole (a pressed pair climbed 10^12); a pole of the first order (pairs 1e-9 m above it, at 10^8
@@ -5484,28 +5484,6 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
     return clothi_list_join(&q);
 }
 
-/* Friction that slides and would, by dx, turn round: it is to come to rest instead. Its curvature
- * along the slip, that of the majorizer, joins the matrix. */
-static cloth_status clothi_friction_block(cloth_collide *c, const double *dx, cloth_matrix *A,
-                                          int *blocked) {
-    cloth_status status = CLOTH_OK;
-    int          i, j;
-    *blocked = 0;
-    for (i = 0; i < c->ncontact && !status; i++) {
-        clothi_contact *q = c->contact + i;
-        const double   *u = q->last, size = q->size;
-        double          to = 0;
-        if (!(q->limit > 0) || q->scale > 0 || !(size > 0)) continue;
-        for (j = q->first; j < q->end; j++)
-            to += q->w[j] * clothi_dot3(u, dx + 3 * q->v[j]);
-        if (!(to < -size * size)) continue;
-        q->scale = 1;
-        status = clothi_contact_spring(q, q->limit / (size * size * size), q->w, u, A);
-        (*blocked)++;
-    }
-    return status;
-}
-
 /* Stiffness by which a contact's force would grow from here to `aim`, N, less its slope; N/m. Where
  * it comes nearer by `come` > 0, to no less than inertia needs, and to the middle of its room. */
 static double clothi_contact_secant(const cloth_collide *c, const clothi_contact *q, double aim,
@@ -5562,9 +5540,10 @@ static cloth_status clothi_contact_block(void *user, const double *dx, cloth_mat
                                          int *blocked) {
     cloth_collide  *c = (cloth_collide *)user;
     clothi_blocking job = {c, dx};
-    cloth_status    status = clothi_friction_block(c, dx, A, blocked);
+    cloth_status    status;
     int             i;
-    if (!status) status = clothi_hold_block(c, dx, A, blocked);
+    *blocked = 0;
+    status = clothi_hold_block(c, dx, A, blocked);
     clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_block_range, &job);
     for (i = 0; i < c->ncontact && !status; i++) {
         clothi_contact *q = c->contact + i;

@@ -822,9 +822,6 @@ typedef struct cloth_contact {
     cloth_status (*eval)(void *user, const cloth_eval *e, double *energy);
     /* *part: the largest one of dx, in (0, 1], on whose way nothing comes nearer than it may */
     cloth_status (*max_step)(void *user, const double *x, const double *dx, double *part);
-    /* what dx would do wrong to contacts that are there, into A dx = rhs: pairs that would come too
-     * near and friction that would turn round are kept from it; *blocked: how many */
-    cloth_status (*block)(void *user, const double *dx, cloth_matrix *A, int *blocked);
     /* x [nv x 3]: in, where it would go; out, a feasible point to minimise from. *impact 1: nothing
      * may be extrapolated over this substep. other [nv x 3]: where the way there is free, one more
      * feasible point on it; returned as x otherwise. The better one is taken */
@@ -10402,7 +10399,6 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     double slope;                           /* J, g.dx < 0                                     */
     double size;                            /* m, max|dx| of the last solve                    */
     double radius;                          /* m, trust radius of the exact phase              */
-    double norm;                            /* J^1/2, of -g as its first solve had it          */
     int    exact;                           /* the exact Hessian is in use                     */
     int    escapes;                         /* searches for a way off a saddle                 */
     int    refused;                         /* it was tried and led nowhere                    */
@@ -10506,16 +10502,14 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_assemble(cloth_sim *s, clothi_g
 #define CLOTHI_CG_SMALL 300                 /* vertices                                        */
 
 /* One linear solve, w.dx = H^-1 w.rhs, by `method` where desc.linear leaves it open; radius > 0
- * (m): inside a trust region; tolerance of `norm`, 0: of w.rhs. */
+ * (m): inside a trust region. */
 CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tolerance,
-                                                       double radius, double norm,
-                                                       cloth_linear method) {
+                                                       double radius, cloth_linear method) {
     double              *was = clothi_charge(s, &s->ms.linear);
     cloth_linear_report *lr = &s->linear;
     cloth_linear_options opt = cloth_linear_options_default();
     cloth_status         status;
     opt.method = s->model->desc.linear, opt.tolerance = tolerance, opt.radius = radius;
-    opt.norm = norm;
     if (opt.method == CLOTH_LINEAR_AUTO || method == CLOTH_LINEAR_JACOBI) opt.method = method;
     opt.fixed = s->fixed;
     if (s->model->nv < CLOTHI_CG_SMALL)
@@ -10553,11 +10547,10 @@ static cloth_status clothi_newton_system(cloth_sim *s, clothi_goal *goal, clothi
         status = clothi_newton_assemble(s, goal, nt->exact);
         s->own.walls = 0;
         if (!status)
-            status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, 0, method);
+            status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, method);
         if (status || !nt->exact || !s->linear.negative || s->linear.hit) break;
     }
     s->report.newton++;
-    nt->norm = s->linear.norm;
     clothi_newton_measure(s, nt);
     return status;
 }
@@ -10633,50 +10626,13 @@ static cloth_status clothi_stalled(cloth_sim *s, const char *what) {
                        s->report.residual_m, sqrt(clothi_max(big, 0)), s->report.vertex);
 }
 
-#define CLOTHI_BLOCKS   2                   /* solves more where moves are cut                 */
-
-/* w.dx goes on from the matrix before it met blocks to that of now: CG begins at f w.dx, lowest
- * along it, so that b.x > 0 still, and solves A c = b - f A w.dx as accurately as b. */
-static cloth_status clothi_newton_again(cloth_sim *s, clothi_newton *nt) {
-    double       *was = clothi_charge(s, &s->ms.linear);
-    const size_t  n = 3 * (size_t)s->model->nv;
-    double *const b = s->w.rhs, *r = s->w.free, *from = s->w.grad;  /* both till a line search */
-    double        f;
-    cloth_status  status;
-    size_t        i;
-    memcpy(from, s->w.dx, n * sizeof *from);
-    cloth_matrix_mul(s->matrix, s->fixed, from, r);
-    f = clothi_dot(from, r, n);
-    f = nt->exact || !(f > 0) ? 0 : clothi_dot(b, from, n) / f;
-    for (i = 0; i < n; i++) r[i] = b[i] - f * r[i];
-    s->w.rhs = r;
-    status = clothi_newton_solve(s, clothi_solve_tolerance(s), nt->exact ? nt->radius : 0,
-                                 f > 0 ? nt->norm : 0, CLOTH_LINEAR_SGS);
-    s->w.rhs = b;
-    for (i = 0; i < n; i++) s->w.dx[i] += f * from[i];
-    (void)clothi_charge(s, was);
-    return status;
-}
-
-/* The part of w.dx that contact leaves free. Where dx runs into contacts it is solved for again
- * with the stiffness that they will have: a matrix that is the more definite. First with those that
- * are there, without a look at the way; then also with those that it met. */
-static cloth_status clothi_newton_cut(cloth_sim *s, clothi_newton *nt, double *a) {
-    cloth_status status = CLOTH_OK;
+/* The part of w.dx that contact leaves free. */
+static cloth_status clothi_newton_cut(cloth_sim *s, double *a) {
     double      *was;
-    int          tries, blocked;
+    cloth_status status;
     if (!s->contact_on) return CLOTH_OK;
     was = clothi_charge(s, &s->ms.contact);
-    for (tries = 0; tries < CLOTHI_BLOCKS && !status; tries++) {
-        status = s->contact.block(s->contact.user, s->w.dx, s->matrix, &blocked);
-        if (!status && blocked && s->model->tie) status = clothi_tie_matrix(s);
-        if (status || (tries && !blocked)) break;
-        if (blocked) {
-            status = clothi_newton_again(s, nt);
-            clothi_newton_measure(s, nt);
-        }
-        if (!status) status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
-    }
+    status = s->contact.max_step(s->contact.user, s->w.x, s->w.dx, a);
     (void)clothi_charge(s, was);
     return status;
 }
@@ -10687,7 +10643,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     cloth_status status = clothi_cancelled(&s->hooks, &s->finish);
     int          cut;
     if (!status) status = clothi_newton_direction(s, goal, nt);
-    if (!status) status = clothi_newton_cut(s, nt, &a);
+    if (!status) status = clothi_newton_cut(s, &a);
     if (status) return status;
     whole = a, cut = a < 1;
     status = clothi_line_search(s, goal, nt, &a);
@@ -10776,9 +10732,9 @@ static cloth_status clothi_noise(cloth_sim *s, double push, double tolerance, do
         s->w.rhs[i] = s->fixed[i / 3] >> i % 3 & 1 ? 0 : push * s->params.mass[i / 3] *
                                                        ((double)(noise >> 8) / 8388608 - 1);
     }
-    status = clothi_newton_solve(s, tolerance, radius, 0, CLOTH_LINEAR_SGS);
+    status = clothi_newton_solve(s, tolerance, radius, CLOTH_LINEAR_SGS);
     if (!status && s->linear.negative && !s->linear.hit)
-        status = clothi_newton_solve(s, tolerance, radius, 0, CLOTH_LINEAR_JACOBI);
+        status = clothi_newton_solve(s, tolerance, radius, CLOTH_LINEAR_JACOBI);
     return status;
 }
 
@@ -12621,9 +12577,9 @@ CLOTH_API cloth_status cloth_sim_add_term(cloth_sim *sim, const cloth_term *term
 CLOTH_API cloth_status cloth_sim_set_contact(cloth_sim *sim, const cloth_contact *contact) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
     if (contact && (!contact->begin || !contact->start || !contact->update || !contact->eval ||
-                    !contact->block || !contact->max_step || !contact->close ||
-                    !contact->resolve || !contact->commit))
-        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, start, update, eval, block, "
+                    !contact->max_step || !contact->close || !contact->resolve ||
+                    !contact->commit))
+        return clothi_null(&sim->hooks, "cloth_sim_set_contact: begin, start, update, eval, "
                                         "max_step, close, resolve or commit");
     if (sim->contact_on && sim->contact.orphan) sim->contact.orphan(sim->contact.user);
     sim->contact_on = contact != NULL, sim->still = 0;

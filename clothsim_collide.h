@@ -3367,7 +3367,7 @@ typedef struct clothi_contact {             /* a pair of the proximity potential
     /* lagged: renewed at every iterate */
     double w[4], normal[3];                 /* friction's, which may follow by halves          */
     double share;                           /* of the force, 0 to 1                            */
-    double spring, more;                    /* N/m, more in this iterate's matrix; to be added */
+    double spring;                          /* N/m, more in this iterate's matrix              */
     double aim;                             /* N, its force as the last matrix foretold it     */
     double size, last[3];                   /* m, elastic slip u and its length                */
     double scale;                           /* of the majorizer's curvature along u: 0 or 1    */
@@ -4099,8 +4099,6 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
 
 static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p);
 static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e, double *energy);
-static cloth_status clothi_hold_block(const cloth_collide *c, const double *dx, cloth_matrix *A,
-                                      int *blocked);
 static int clothi_tangle_passes(const cloth_collide *c, const clothi_pair_id *p);
 
 /* 1 when a vertex of cloth is, where the substep begins, outside of a world face of a body that
@@ -4279,11 +4277,12 @@ static void clothi_exempt_part(cloth_collide *c) {
  * rocking faces need (clothi_frame_bends); for groups that of the norm, by all their vertices: a
  * vertex in a fold of two faces has up to seven times the stiffness of both by themselves.
  *
- * A step of Newton's that would run into the pole says little: f is not linear. A contact that dx
- * runs into farther than its slope tells gets the stiffness of the secant to the force that the
- * matrix foretells for it, and the system is solved again, twice at most; the force so foretold is
- * kept, as the multiplier is in a primal-dual method, and gives the secant at the next iterate
- * (clothi_contact_block). What a move is cut by becomes a contact.
+ * A step of Newton's that would run into the pole says little: f is not linear. Moves are cut
+ * there, what cuts one becomes a contact, and each contact keeps the force that the matrix foretold
+ * for dx, as the multiplier is kept in a primal-dual method: the secant to it is the stiffness at
+ * the next iterate (clothi_contact_secant). Solved again at once with such a stiffness, twice at
+ * most, a curtain hit by a ball took 1.2 times the iterations, a twisted tube 2.2 times CG's; a
+ * sheet on a ball that spins 0.9 of the iterations.
  *
  * Friction, with N the normal force of this step, v the tangential motion since the anchor was set
  * and eps = desc.slip:
@@ -4739,16 +4738,6 @@ static cloth_status clothi_contact_add(const clothi_contact *q, const double *ro
             H[n * i + j] = h;
         }
     return cloth_matrix_add_element(A, n / 3, q->v + q->first, H);
-}
-
-/* A spring of s N/m on sum w x along v [3] alone. */
-static cloth_status clothi_contact_spring(const clothi_contact *q, double s, const double *w,
-                                          const double *v, cloth_matrix *A) {
-    double row[12];
-    int    i;
-    for (i = 0; i < 3 * (q->end - q->first); i++)
-        row[i] = sqrt(s) * w[q->first + i / 3] * v[i % 3];
-    return clothi_contact_add(q, row, 1, NULL, A);
 }
 
 /* How the weights of a frame change along what the closest points can slide on: rate [2 x 4] by the
@@ -5457,6 +5446,20 @@ static cloth_status clothi_list_at(cloth_collide *c, const double *x) {
     return status ? status : clothi_list_join(&q);
 }
 
+/* The force of each contact that the matrix foretells for dx. */
+static void clothi_aim_range(int begin, int end, int worker, void *ctx) {
+    const clothi_joining *job = (const clothi_joining *)ctx;
+    int                   i, j;
+    (void)worker;
+    for (i = begin; i < end; i++) {
+        clothi_contact *q = job->c->contact + i;
+        q->aim = q->at.force + q->at.own[1];
+        for (j = q->first; j < q->end; j++)
+            q->aim -= (q->at.slope + q->at.own[2] + q->spring) * q->at.w[j] *
+                      clothi_dot3(q->at.normal, job->dx + 3 * q->v[j]);
+    }
+}
+
 /* cloth_contact.max_step. */
 static cloth_status clothi_contact_max_step(void *user, const double *x, const double *dx,
                                             double *part) {
@@ -5481,78 +5484,27 @@ static cloth_status clothi_contact_max_step(void *user, const double *x, const d
     }
     q.part = least < 1 ? CLOTHI_MOVE * least : 1;
     *part = most * covers * q.part;
-    return clothi_list_join(&q);
+    status = clothi_list_join(&q);
+    q.dx = dx;                              /* all of it */
+    clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_aim_range, &q);
+    return status;
 }
 
-/* Stiffness by which a contact's force would grow from here to `aim`, N, less its slope; N/m. Where
- * it comes nearer by `come` > 0, to no less than inertia needs, and to the middle of its room. */
-static double clothi_contact_secant(const cloth_collide *c, const clothi_contact *q, double aim,
-                                    double come) {
-    double       low = 0, high = clothi_min(q->gap - (q->range - q->room), c->length), give = 0, K;
+/* Stiffness by which a contact's force would grow from here to q->aim, less its slope; N/m. */
+static double clothi_contact_secant(const cloth_collide *c, const clothi_contact *q) {
+    double       low = 0, high = clothi_min(q->gap - (q->range - q->room), c->length);
     clothi_frame f = q->at;
     const double force = f.force + f.own[1], slope = f.slope + f.own[2];
     int          i;
-    if (!(come > 0) && !(aim > force)) return 0;
-    if (come > 0) low = clothi_max(q->gap - q->range + 0.5 * clothi_min(q->room, q->range), 0);
-    for (i = q->first; come > 0 && i < q->end; i++)
-        give += f.w[i] * f.w[i] / c->sim->params.mass[q->v[i]];
-    K = give > 0 ? 1 / (give * c->h * c->h) : 0;
+    if (!(q->aim > force)) return 0;
     for (i = 0; i < 20; i++) {
         const double a = 0.5 * (low + high);
         f.gap = q->gap - a;
         clothi_contact_normal(c, q, 0, &f);
-        if (f.force + f.own[1] < clothi_max(aim, K * (come - a))) low = a;
+        if (f.force + f.own[1] < q->aim) low = a;
         else high = a;
     }
-    return clothi_max((clothi_max(aim, K * (come - high)) - force) / high - slope, 0);
-}
-
-typedef struct clothi_blocking {
-    cloth_collide *c;
-    const double  *dx;                      /* [nv x 3] m                                      */
-} clothi_blocking;
-
-/* What each contact needs more, since dx runs into more force than the matrix knows. */
-static void clothi_block_range(int begin, int end, int worker, void *ctx) {
-    const clothi_blocking *job = (const clothi_blocking *)ctx;
-    int                    i, j;
-    (void)worker;
-    for (i = begin; i < end; i++) {
-        clothi_contact *q = job->c->contact + i;
-        clothi_frame    f = q->at;
-        double          come = 0;
-        for (j = q->first; j < q->end; j++)
-            come -= f.w[j] * clothi_dot3(f.normal, job->dx + 3 * q->v[j]);
-        q->aim = f.force + f.own[1] + (f.slope + f.own[2] + q->spring) * come;
-        q->more = 0;
-        f.gap = q->gap - come;
-        if (!(come > 0) || f.gap > q->range) continue;
-        clothi_contact_normal(job->c, q, 0, &f);
-        if (f.force + f.own[1] > 2 * q->aim)
-            q->more = clothi_contact_secant(job->c, q, q->aim, come) - q->spring;
-    }
-}
-
-/* cloth_contact.block: what runs by dx into more force than the matrix knows gets the stiffness
- * that the force has which the matrix foretells: from try to try that grows by how much dx is too
- * long, and is kept for the next iterate, as the multiplier of a primal-dual method is. */
-static cloth_status clothi_contact_block(void *user, const double *dx, cloth_matrix *A,
-                                         int *blocked) {
-    cloth_collide  *c = (cloth_collide *)user;
-    clothi_blocking job = {c, dx};
-    cloth_status    status;
-    int             i;
-    *blocked = 0;
-    status = clothi_hold_block(c, dx, A, blocked);
-    clothi_for(c->hooks, c->ncontact, CLOTHI_CONTACT_GRAIN, clothi_block_range, &job);
-    for (i = 0; i < c->ncontact && !status; i++) {
-        clothi_contact *q = c->contact + i;
-        if (!(q->more > 0)) continue;
-        q->spring += q->more;
-        status = clothi_contact_spring(q, q->more, q->at.w, q->at.normal, A);
-        (*blocked)++;
-    }
-    return status;
+    return clothi_max((q->aim - force) / high - slope, 0);
 }
 
 static void clothi_renew_range(int begin, int end, int worker, void *ctx) {
@@ -5561,7 +5513,7 @@ static void clothi_renew_range(int begin, int end, int worker, void *ctx) {
     (void)worker;
     for (i = begin; i < end; i++) {
         clothi_contact_renew(c, c->contact + i, c->x_frame);
-        c->contact[i].spring = clothi_contact_secant(c, c->contact + i, c->contact[i].aim, 0);
+        c->contact[i].spring = clothi_contact_secant(c, c->contact + i);
     }
 }
 
@@ -5575,7 +5527,6 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
     int            settled;
     if (!residual || clothi_list_covers(c, x, NULL) < 0)    /* else it has joined on the move   */
         status = clothi_list_at(c, x);
-    c->at = x;
     clothi_contact_frames(c, x);
     settled = residual && clothi_contact_settled(c, residual);
     if (!residual) c->iterates = c->renewed = 0;
@@ -6139,26 +6090,6 @@ static cloth_status clothi_hold_eval(const cloth_collide *c, const cloth_eval *e
         *energy += clothi_hold_pull(c, c->holding + i, e->x + 3 * v, grad, hess);
         for (k = 0; e->grad && k < 3; k++) e->grad[3 * v + k] += grad[k];
         if (e->hess) status = cloth_matrix_add_element(e->hess, 1, &v, hess);
-    }
-    return status;
-}
-
-/* What dx takes past where it is pulled to: what the majorizer, pull/s on all axes, has and the
- * Hessian has not joins the matrix, and it comes to rest there instead. */
-static cloth_status clothi_hold_block(const cloth_collide *c, const double *dx, cloth_matrix *A,
-                                      int *blocked) {
-    cloth_status status = CLOTH_OK;
-    double       d[3], grad[3], hess[9];
-    int          i, k;
-    for (i = 0; i < c->nholding && !status; i++) {
-        const int v = c->holding[i].vertex;
-        clothi_sub3(c->at + 3 * v, c->hold_to + 3 * v, d);
-        if (!(clothi_dot3(d, dx + 3 * v) < -clothi_dot3(d, d))) continue;
-        (void)clothi_hold_pull(c, c->holding + i, c->at + 3 * v, grad, hess);
-        for (k = 0; k < 9; k++)
-            hess[k] = (k % 4 == 0) * clothi_dot3(grad, d) / clothi_dot3(d, d) - hess[k];
-        status = cloth_matrix_add_element(A, 1, &v, hess);
-        (*blocked)++;
     }
     return status;
 }
@@ -6852,8 +6783,7 @@ static cloth_status clothi_zone_speeds(cloth_collide *c, double *v) {
  *   start    the guess to a feasible point                                                  [8.4]
  *   Newton   update: pairs near x, frames, shares, limits of friction                       [8.2]
  *            eval: energy, gradient, Hessian
- *            max_step: the part of dx that leaves every pair above its pole; block: what it would
- *            run into, into the matrix
+ *            max_step: the part of dx that leaves every pair above its pole
  *   close    forces of the contacts, anchors of the next step, what intersects in pinches
  *   commit   state: poses, anchors, holds, exempt pairs
  *
@@ -9333,7 +9263,7 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
 static void clothi_collide_connect(cloth_collide *c) {
     const cloth_contact k = {
         c, clothi_contact_begin, clothi_contact_update, clothi_contact_eval,
-        clothi_contact_max_step, clothi_contact_block, clothi_contact_start_at,
+        clothi_contact_max_step, clothi_contact_start_at,
         clothi_contact_close, clothi_contact_resolve, clothi_contact_commit,
         clothi_contact_rollback, clothi_contact_reset, clothi_contact_save_size,
         clothi_contact_save, clothi_contact_load, clothi_contact_vjp, clothi_contact_bytes,

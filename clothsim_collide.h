@@ -4722,24 +4722,6 @@ static double clothi_contact_friction(const cloth_collide *c, const clothi_conta
                                   : size - eps / 3);
 }
 
-/* Adds the squares of rows [m x 12] by the coordinates of its cloth, and K [3x3] (NULL: none) on
- * sum w x, to the matrix. */
-static cloth_status clothi_contact_add(const clothi_contact *q, const double *row, int m,
-                                       const double *K, cloth_matrix *A) {
-    const double *w = q->w + q->first;
-    const int     n = 3 * (q->end - q->first);
-    double        H[144];
-    int           i, j, k;
-    for (i = 0; i < n; i++)
-        for (j = 0; j < 3 * (i / 3 + 1); j++) {         /* what the matrix reads */
-            double h = 0;
-            for (k = 0; k < m; k++) h += row[12 * k + i] * row[12 * k + j];
-            if (K) h += w[i / 3] * w[j / 3] * K[3 * (i % 3) + j % 3];
-            H[n * i + j] = h;
-        }
-    return cloth_matrix_add_element(A, n / 3, q->v + q->first, H);
-}
-
 /* How the weights of a frame change along what the closest points can slide on: rate [2 x 4] by the
  * parameters s that are not at an end, along [2 x 3] = d(sum w x)/ds, m. Returns their number. */
 static int clothi_frame_rates(const clothi_contact *q, const double *w, const double *x,
@@ -4810,19 +4792,28 @@ static int clothi_frame_bends(const cloth_collide *c, const clothi_contact *q, c
 }
 
 /* A definite model of the Hessian of part e(g): e'' w w' n n', with the spring of
- * clothi_contact_block, and that of the gap. K [3x3], N/m: of friction. */
+ * clothi_contact_secant, and that of the gap. K [3x3], N/m: of friction. */
 static cloth_status clothi_contact_hessian(const cloth_collide *c, const clothi_contact *q,
                                            const double *x, const double *K, cloth_matrix *A) {
     const clothi_frame *f = &q->at;
-    double    row[36], press = f->part * f->force + f->own[1];
+    const double       *w = q->w + q->first;
+    const int           n = 3 * (q->end - q->first);
+    double    row[36], H[144], press = f->part * f->force + f->own[1];
     double    stiff = sqrt(f->part * f->slope + f->own[2] + q->spring);
     const int m = press > 0 ? clothi_frame_bends(c, q, x, row + 12) : 0;
-    int       i, k;
-    for (i = 0; i < 3 * (q->end - q->first); i++) {
+    int       i, j, k;
+    for (i = 0; i < n; i++) {
         row[i] = stiff * f->w[q->first + i / 3] * f->normal[i % 3];
         for (k = 1; k <= m; k++) row[12 * k + i] *= sqrt(press);
     }
-    return clothi_contact_add(q, row, m + 1, K, A);
+    for (i = 0; i < n; i++)
+        for (j = 0; j < 3 * (i / 3 + 1); j++) {         /* what the matrix reads */
+            double h = 0;
+            for (k = 0; k <= m; k++) h += row[12 * k + i] * row[12 * k + j];
+            if (K) h += w[i / 3] * w[j / 3] * K[3 * (i % 3) + j % 3];
+            H[n * i + j] = h;
+        }
+    return cloth_matrix_add_element(A, n / 3, q->v + q->first, H);
 }
 
 #define CLOTHI_GROUP 16                     /* vertices whose contacts of a key are coupled    */

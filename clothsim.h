@@ -7783,24 +7783,14 @@ static void clothi_front_extend(const cloth_factor *f, const clothi_front *child
     }
 }
 
-/* The lower part of n columns of m rows to zero, and what a tile touches above it: memory is what a
- * factorisation waits for. */
-static void clothi_front_zero(double *a, size_t m, size_t n) {
-    size_t j;
-    for (j = 0; j < n; j++, a += m) {
-        const size_t from = j > CLOTHI_TILE ? j - CLOTHI_TILE : 0;
-        memset(a + from, 0, (m - from) * sizeof *a);
-    }
-}
-
 /* hooks NULL: serial. */
 static void clothi_front_part(cloth_factor *f, const cloth_hooks *hooks, int q, double *pack) {
     const clothi_front *w = f->front + q;
     const size_t        n = (size_t)w->n, b = (size_t)w->nb;
     double *L = f->panel + w->panel, *U = f->stack + w->temp;
     int     c;
-    clothi_front_zero(L, n + b, n);
-    clothi_front_zero(U, b, b);
+    memset(L, 0, n * (n + b) * sizeof *L);
+    memset(U, 0, b * b * sizeof *U);
     clothi_front_assemble(f, w, L, n + b);
     for (c = 0; c < 2 && f->p->part[q].child[c] >= 0; c++)
         clothi_front_extend(f, f->front + f->p->part[q].child[c], L, U, n, n + b);

@@ -6659,13 +6659,9 @@ CLOTHI_LANE clothi_v4 clothi_rows4(clothi_v4 a, clothi_v4 b, clothi_v4 c, const 
         a.e = _mm_add_pd(_mm_unpacklo_pd(c.d, _mm_setzero_pd()),
                          _mm_unpackhi_pd(c.d, _mm_setzero_pd()));
     } else {
-#  if defined(CLOTHI_AVX)
-        a.f = _mm_hadd_ps(_mm_hadd_ps(a.f, b.f), _mm_hadd_ps(c.f, _mm_setzero_ps()));
-#  else
         __m128 z = _mm_setzero_ps();
         _MM_TRANSPOSE4_PS(a.f, b.f, c.f, z);
         a.f = _mm_add_ps(_mm_add_ps(a.f, b.f), _mm_add_ps(c.f, z));
-#  endif
     }
     return a;
 #else

@@ -10793,7 +10793,7 @@ static cloth_status clothi_capped(cloth_sim *s, clothi_goal *goal, int it, doubl
 static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
     const cloth_desc *d = &s->model->desc;
     const double      eta = clothi_max(goal->eta, CLOTHI_REST_TIME);
-    const int         most = s->calm ? 0 : d->max_newton;
+    const int         most = s->calm > 1 ? 0 : d->max_newton;
     clothi_newton     nt;
     cloth_status      status = CLOTH_OK;
     double            from = 0, before;
@@ -12169,23 +12169,26 @@ static int clothi_watched(const cloth_sim *s, double h) {
 }
 
 /* A run with its ledger. A step that gains energy which no work explains is taken again by implicit
- * Euler, which forgets, as the next one does, and without desc.max_newton; where time is up the
- * next one alone. What that solves to the tolerance stands: pins and attachments are booked by the
- * forces at its end, which may turn in it. What contact and friction take does not count: in a
- * search that was cut short it did not happen. */
+ * Euler, which forgets, as the next one does: BDF2's with as many iterations as it had, which most
+ * often will do, and then, as Euler's, without desc.max_newton; where time is up the next one
+ * alone. What that solves to the tolerance stands: pins and attachments are booked by the forces at
+ * its end, which may turn in it. What contact and friction take does not count: in a search that
+ * was cut short it did not happen. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
     const double least = CLOTHI_REST * s->model->desc.tolerance / h;    /* m/s: rest rounds to it */
     cloth_status status = CLOTH_OK;
     const int    bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2;
-    double       most = CLOTHI_GROWTH, gain;
-    for (s->calm = 0; !status; s->calm = 1, most = CLOTHI_GROWN) {
+    const int    capped = s->model->desc.max_newton > 0;
+    double       most, gain;
+    for (s->calm = 0; !status; s->calm = bdf2 && capped && !s->calm ? 1 : 2) {
         status = clothi_step_run(s, h);
         if (!status) status = clothi_book(s, before);
         gain = l->total - before->total - l->wind_work - l->force_work - l->pin_work -
                clothi_max(l->contact_work, 0);
-        most *= before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
-                l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
+        most = before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
+               l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
+        most *= s->calm > 1 ? CLOTHI_GROWN : CLOTHI_GROWTH;
         most += s->total * least * least;
         if (status || !clothi_watched(s, h) || gain <= most ||
             (s->calm && s->report.outcome == CLOTH_STEP_CONVERGED) ||
@@ -12195,7 +12198,7 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
             s->still = s->h_prev = 0;
             break;
         }
-        if (s->calm) {
+        if (s->calm > 1) {
             s->report.outcome = CLOTH_STEP_STALLED;
             return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "step: %g J came from nowhere: "
                                "a shorter h?", gain);

@@ -57,7 +57,8 @@
  *     x_i(T)  = sum_k Lm_ik v_k(T)               result
  *     d from x: the deformed tetrahedron that holds x_i, weights Lg_ik: um_i = sum_k Lg_ik v_k
  *
- * x is continuous in d, and linear in each tetrahedron: dx/du = F, constant there.
+ * x is linear in d in each tetrahedron, dx/du = F, constant there, and continuous in the mesh.
+ * Where u + d leaves it, x jumps as another tetrahedron becomes the nearest.
  *
  * NOT PROMISED
  *   - that cloth stays in the mesh: what leaves it at rest goes with the nearest tetrahedron, what

@@ -492,8 +492,8 @@ CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id,
 /* There at once; what intersects cloth then is refused or exempt as at create.
  * A sim that sleeps (cloth_step) is woken by move and pose where the box of the way, out by the
  * thickness, meets that of a face of the cloth, or of a plane or a grid; by add, remove, teleport,
- * another friction or surface. Cloth in a pinch does not sleep. Queries answer as when it fell
- * asleep; after a restore they know of no contact until it wakes. */
+ * another friction or surface. Cloth in a pinch does not sleep. Queries and reports answer as when
+ * it fell asleep; after a restore or a gradient they know of no contact until it wakes. */
 CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
                                               const double *x);
 

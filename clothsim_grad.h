@@ -252,7 +252,7 @@ typedef struct cloth_grad_report {
 } cloth_grad_report;
 
 /* The derivative of the loss by all that `out` asks for. The sim steps on from where it was: its
- * hash is the same before and after, but contact's queries know of none until the next step. May be
+ * hash is the same before and after, but contact's queries know of none till it steps awake. May be
  * called again, with other losses, and while recording.
  * in   loss  called for k = n .. 0
  * out  out   on failure its arrays are zero, but by _HANDLE, and friction's if it is _UNSUPPORTED

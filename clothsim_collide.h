@@ -82,9 +82,10 @@
  * which every move of the minimiser passes; the potential only decides where the cloth goes.
  *
  * EXEMPT FROM IT
- *   - pairs that intersect at the start, where they are let in (CLOTH_INITIAL_EXEMPT), until they
- *     have parted, and those beside them to which the line of intersection wanders:
- *     report.exempt_pairs. cloth_collide_untangle() pushes them apart
+ *   - pairs that intersect at the start, or touch (nearer than t/50 000: cloth laid on something
+ *     exactly), where they are let in (CLOTH_INITIAL_EXEMPT), until they have parted, and those
+ *     beside them to which the line of intersection wanders: report.exempt_pairs. Any side may
+ *     become theirs: cloth_collide_untangle() before the first step pushes them apart
  *   - cloth that is held in a pinch of a self_penetrating body, where two parts of it come nearer
  *     than cloth has room for: report.held vertices, cloth_collide_holds(); against
  *     report.exempt_faces of the body around it. What intersects so is listed with the exempt
@@ -103,9 +104,8 @@
  * it began: an impact gives no energy but by what a search at its cap leaves undone.
  *
  * NOT PROMISED. That a step succeeds: one in which obstacles close on cloth to less than t/4 a side
- * has no answer; shorter ones may. Nor has one from gaps that are rounding of coordinates (cloth
- * laid on something exactly). That Newton converges: after CLOTHI_CONTACT_CAP iterations it ends
- * where it is, feasible, CLOTH_STEP_MAX_ITERATIONS; garments in pinches do in a fifth of them.
+ * has no answer; shorter ones may. That Newton converges: after CLOTHI_CONTACT_CAP iterations it
+ * ends where it is, feasible, CLOTH_STEP_MAX_ITERATIONS; garments in pinches do in a fifth of them.
  *
  * COSTS, on one core at gcc -O2, in ms of CPU a step of 1/60 s:
  *   sheet 32 x 32 on a sphere (12_drape.c)                     29, obstacles alone 15; 90 steps
@@ -319,7 +319,7 @@ CLOTH_API cloth_status cloth_grid_sample(const cloth_grid *grid, const double x[
 
 /* ===== [2.5] CONTACT ========================================================================= */
 
-typedef enum cloth_initial {                /* pairs that intersect before the first step      */
+typedef enum cloth_initial {                /* pairs that intersect, or touch, at the start    */
     CLOTH_INITIAL_REFUSE = 1,               /* (default) named and refused                     */
     CLOTH_INITIAL_EXEMPT = 2,               /* listed, counted, and free to pass until they part */
     CLOTH_INITIAL_FORCE_INT = 0x7fffffff
@@ -454,7 +454,7 @@ CLOTH_API void cloth_obstacle_box(const double center[3], const double half[3], 
  * out  *out   owned: cloth_collide_destroy, before the sim or after it and its model: after the
  *             sim, or cloth_sim_set_contact, nothing else may be asked of it
  * returns CLOTH_OK; _UNINIT; _ARGUMENT, _NONFINITE: field and value logged; _UNSUPPORTED: the
- *   model's rung is CLOTH_CONTACT_NONE; _MESH: the cloth intersects itself under
+ *   model's rung is CLOTH_CONTACT_NONE; _MESH: the cloth intersects or touches itself under
  *   CLOTH_INITIAL_REFUSE (the first pair is logged); _MEMORY */
 CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_desc *desc,
                                             cloth_collide **out);
@@ -530,7 +530,7 @@ CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double 
 CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, int *pairs,
                                                    int *count);
 /* The exempt pairs of the accepted state, report.exempt_pairs of them but after a step that failed:
- * of faces that intersect, and of vertices, edges and faces inside a sphere, a capsule, a plane. */
+ * of faces that intersect or touch; vertices, edges, faces inside a sphere, a capsule, a plane. */
 CLOTH_API cloth_status cloth_collide_exempt(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count);
 /* The vertices of cloth that the accepted state holds in pinches, report.held of them likewise. */
@@ -541,21 +541,21 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
                                             cloth_collide_pair *pair, int *count);
 
 typedef struct cloth_untangle_report {
-    int    before, after;                   /* pairs that intersect: of faces, or of a feature
-                                               with a sphere, a capsule, a plane               */
-    int    wandered;                        /* of `after`: beside pairs of before, not of them */
+    int    before, after;                   /* pairs that intersect or touch: of faces, or of a
+                                               feature with a sphere, a capsule, a plane       */
+    int    wandered;                        /* of `after`: faces that intersect and did not    */
     double moved;                           /* m, largest motion of a vertex                   */
     int    tries;                           /* each after the first: half of the motion        */
     int    stalled;                         /* nothing helped: nothing was moved               */
     cloth_collide_pair pair;                /* stalled: the first                              */
 } cloth_untangle_report;
 
-/* Pushes pairs that intersect and are exempt (CLOTH_INITIAL_EXEMPT) apart, part of the way a call:
- * call it until report.after is 0, by itself or between steps, which give the cloth its shape
- * back.                                                                                    [8.7]
+/* Pushes pairs that intersect or touch and are exempt (CLOTH_INITIAL_EXEMPT) apart, part of the way
+ * a call: call it until report.after is 0, by itself or between steps, which give the cloth its
+ * shape back.                                                                              [8.7]
  * Cloth leaves closed obstacles by the nearest point, but a MESH whose faces look inwards, which
  * counts as open; where surfaces cross, the line of intersection is made shorter and what it cuts
- * off smaller.
+ * off smaller; what touches goes 0.4 t to its side, by rounding out of an obstacle's faces.
  *   - only x of vertices that are not pinned changes, v stays; max_move m at most a vertex (0: 5 t)
  *     and what it takes to keep others clear
  *   - pairs that are clear of the tangle stay clear, on their whole path, as in a step. A pair may
@@ -3451,6 +3451,7 @@ struct cloth_collide {
     int     nv, nf;                         /* cloth's                                         */
     int     nw, mf;                         /* world's                                         */
     double  thickest;                       /* m, largest contact thickness                    */
+    double  skin;                           /* m, what comes nearer may touch                  */
     double  stride;                         /* m, longest way of anything in the substep; or t */
     /* its arrays, from faces to solid_known: they come and go together */
     int    *faces, *edges;                  /* [mf x 3], [me x 2] those of capsules last       */
@@ -3987,6 +3988,42 @@ static double clothi_pair_gap(const cloth_collide *c, const double *x, const clo
     return cloth_grid_sample(o->grid, r, w, NULL) ? HUGE_VAL : w[0] - o->radius;
 }
 
+#define CLOTHI_NO_GAP 1e-14                 /* of coordinates: a gap that is rounding          */
+#define CLOTHI_SKIN   2e-5                  /* of t: what is nearer touches; layers hung at a
+                                               quarter of it, their pushes lost in rounding    */
+
+/* Whether the sides touch: no side of such a gap is right. */
+static int clothi_pair_touches(const cloth_collide *c, const double *x, const clothi_pair_id *p) {
+    const double gap = clothi_pair_gap(c, x, p);
+    double       r[12];
+    int          v[4];
+    const int    n = clothi_pair_vertices(c, p, v);
+    clothi_pair_points(c, x, v, n, r);
+    return !(gap > CLOTHI_NO_GAP * clothi_max_abs(r, 3 * n)) ||
+           !(gap > CLOTHI_SKIN * clothi_pair_thickness(c, p, v));
+}
+
+/* Whether faces f and g at xb intersect, or have features without a common vertex that touch. */
+static int clothi_faces_touch(const cloth_collide *c, int f, int g) {
+    const int *v = c->faces + 3 * f, *w = c->faces + 3 * g, *e = c->features.face_edges;
+    int        i, q[4];
+    if (clothi_faces_parted(c->xb, v, w, c->skin)) return 0;
+    for (i = 0; i < 15; i++) {
+        const int            ee = i < 9, k = i % 3;
+        const clothi_pair_id p = {ee ? CLOTHI_EE : CLOTHI_VF, ee ? e[3 * f + i / 3] : i < 12 ? v[k]
+                                  : w[k], ee ? e[3 * g + k] : i < 12 ? g : f};
+        (void)clothi_pair_vertices(c, &p, q);
+        if (!clothi_face_has(q + 1, q[0]) && (!ee || (q[1] != q[2] && q[1] != q[3])) &&
+            clothi_pair_touches(c, c->xb, &p))
+            return 1;
+    }
+    return clothi_faces_intersect(c->xb, v, w);
+}
+
+static void clothi_touch_look(int a, int b, const void *ctx, clothi_segment *out) {
+    if (clothi_faces_touch((const cloth_collide *)ctx, a, b)) clothi_segment_put(out, a, b);
+}
+
 /* --- broad phase --- */
 
 static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
@@ -3999,7 +4036,7 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
 }
 
 enum { CLOTHI_SWEPT = 1, CLOTHI_ENDED = 2 };    /* of obstacles: their whole way; where it ends */
-enum { CLOTHI_MOVED = 1, CLOTHI_CROSS = 2 };    /* only of what c->moved names; faces that cross */
+enum { CLOTHI_MOVED = 1, CLOTHI_TOUCH = 2 };    /* only of what c->moved names; faces that touch */
 
 /* Boxes and tree of cloth or, in the world, of obstacles on the way from p to q (NULL: at rest). */
 static void clothi_tree_boxes(cloth_collide *c, clothi_bvh *tree, const double *p, const double *q,
@@ -4045,17 +4082,16 @@ static int clothi_pair_moved(const cloth_collide *c, int kind, int a, int b) {
     return c->moved[a] | (kind == CLOTHI_VF ? f[b] : 0);
 }
 
-/* Pairs of cloth's faces with those of a tree, by the boxes of both; faces that cross go into
+/* Pairs of cloth's faces with those of a tree, by the boxes of both; faces that touch go into
  * c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
     const clothi_features_job job = {&c->features, c->box_v, c->box_f};
-    const clothi_surface      at = {c->xb, c->faces, NULL, NULL, NULL};
-    const int       cross = what & CLOTHI_CROSS, moved = what & CLOTHI_MOVED;
-    clothi_look_fn *look = cross ? clothi_crossing_look : clothi_features_look;
+    const int       cross = what & CLOTHI_TOUCH, moved = what & CLOTHI_MOVED;
+    clothi_look_fn *look = cross ? clothi_touch_look : clothi_features_look;
     cloth_status    status;
     int             i;
     status = clothi_bvh_look(c->hooks, &c->tree, with, moved ? c->moved + c->nw + c->me : NULL,
-                             look, cross ? (const void *)&at : &job, &c->found);
+                             look, cross ? (const void *)c : &job, &c->found);
     for (i = 0; i < c->found.count && !status; i++) {
         const int           *p = c->found.pair + 2 * i;
         const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
@@ -4091,7 +4127,7 @@ static cloth_status clothi_all_round(cloth_collide *c) {
 }
 
 /* c->pair: what comes within `reach` (m); cloth on its way from p to q [nv x 3] (NULL: at rest),
- * obstacles as `solid` says. what: bits of CLOTHI_MOVED, CLOTHI_CROSS; pairs with walls and round
+ * obstacles as `solid` says. what: bits of CLOTHI_MOVED, CLOTHI_TOUCH; pairs with walls and round
  * obstacles are listed anyway. Where cloth flies the mean of its motion is left out for pairs with
  * itself: a sheet thrown through a room meets itself no more than at rest. */
 static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const double *q,
@@ -4101,6 +4137,9 @@ static cloth_status clothi_broad_phase(cloth_collide *c, const double *p, const 
     cloth_status status = CLOTH_OK;
     int          i, o;
     c->npair = 0;
+    if (what & CLOTHI_TOUCH)
+        reach = c->skin = 2 * clothi_max(CLOTHI_SKIN * c->thickest,
+                                         CLOTHI_NO_GAP * clothi_max_abs(c->xb, 3 * c->nw));
     CLOTHI_OBSTACLES(c, o)                  /* walls: with all vertices */
         for (i = 0; clothi_is_wall(c->obstacle + o) && i < c->nv && !status; i++)
             status = clothi_pair_add(c, CLOTHI_VP, i, o);
@@ -4159,27 +4198,27 @@ static int clothi_is_exempt(const cloth_collide *c, const clothi_pair_id *p) {
     return 0;
 }
 
-/* Whether a pair intersects at xb. The axis of a capsule, whose first vertex the pair has, may go
+/* Whether a pair touches at xb. The axis of a capsule, whose first vertex the pair has, may go
  * through a face, near none of its edges and its ends far off. */
 static int clothi_pair_meets(const cloth_collide *c, const clothi_pair_id *p) {
     const double *x = c->xb, *axis = x + 3 * p->a;
     const int    *v = c->faces + 3 * p->b;
     int           slot;
-    if (p->kind == CLOTHI_FF) return clothi_faces_intersect(x, c->faces + 3 * p->a, v);
+    if (p->kind == CLOTHI_FF) return clothi_faces_touch(c, p->a, p->b);
     slot = clothi_pair_slot(c, p);
     if (p->kind == CLOTHI_VF && slot >= 0 && p->a == c->obstacle[slot].v0 &&
         c->obstacle[slot].kind == CLOTH_OBSTACLE_CAPSULE &&
         clothi_surface_pierced(axis, axis + 3, x + 3 * v[0], x + 3 * v[1], x + 3 * v[2]))
         return 1;
-    return !(clothi_pair_gap(c, x, p) > 0);
+    return clothi_pair_touches(c, x, p);
 }
 
-/* Everything that intersects now, cloth and obstacles where xb has them, into c->now. */
+/* Everything that intersects or touches now, cloth and obstacles where xb has them, into c->now. */
 static cloth_status clothi_crossings(cloth_collide *c) {
     cloth_status status;
     int          i;
     c->nnow = 0;
-    status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_CROSS);
+    status = clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_TOUCH);
     for (i = 0; i < c->npair && !status; i++) {
         const clothi_pair_id *p = &c->pair[i].id;
         if (!clothi_is_soft(c, p) && clothi_pair_meets(c, p)) status = clothi_exempt_add(c, p);
@@ -4233,7 +4272,7 @@ static cloth_status clothi_fail_pairs(cloth_collide *c, const clothi_pair_id *pa
                        p->obstacle.id ? "an obstacle" : "cloth", advice);
 }
 
-/* Looks for intersections; what is not named as exempt is refused or exempted as the desc says. */
+/* Looks for what touches; what is not named as exempt is refused or exempted as the desc says. */
 static cloth_status clothi_contact_check(cloth_collide *c) {
     const cloth_status status = clothi_crossings(c);
     int                i, k, n = 0;
@@ -4245,7 +4284,9 @@ static cloth_status clothi_contact_check(cloth_collide *c) {
     c->nfailed = 0;
     if (status || n == 0) return status;
     return clothi_fail_pairs(c, c->now, n, "intersect before the step",
-                             ". CLOTH_INITIAL_EXEMPT lets them pass until they part");
+                             " or touch. Begin with gaps of a thickness; or "
+                             "CLOTH_INITIAL_EXEMPT lets them pass until they part, and "
+                             "cloth_collide_untangle() parts them");
 }
 
 static uint64_t clothi_contact_seen(const cloth_collide *c) {
@@ -6126,7 +6167,7 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
             if (c->now[i].b < c->nf) c->moved[c->faces[3 * c->now[i].b + k]] = 1;
         }
     clothi_move_features(c);
-    return clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_MOVED | CLOTHI_CROSS);
+    return clothi_broad_phase(c, c->xb, NULL, CLOTHI_ENDED, 0, CLOTHI_MOVED | CLOTHI_TOUCH);
 }
 
 /* ===== [8.4] IMPACT ZONES ====================================================================
@@ -6173,7 +6214,6 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
 #define CLOTHI_CARRIED       20             /* t: so far obstacles carry cloth in a guess      */
 #define CLOTHI_START_ROWS   2               /* a vertex: more for a start of minimising are dear */
 #define CLOTHI_ASTRAY       3               /* longest ways of anything; up to 1.4 were needed */
-#define CLOTHI_NO_GAP       4e-15           /* of coordinates: a gap that is rounding         */
 #define CLOTHI_ZONE_GRAIN   4               /* zones of a range; most have a few rows          */
 
 /* --- rows --- */
@@ -6206,7 +6246,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     clothi_pair_points(c, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, p);
-    if (!(start > CLOTHI_NO_GAP * clothi_max(clothi_max_abs(xa, 3 * row.n), radius)))
+    if (clothi_pair_touches(c, c->xa, p))
         return c->trying ? CLOTH_ERR_STEP
                          : clothi_fail_pairs(c, p, 1, "have no gap",    /* and no side to keep */
                                              ". Cloth begins with gaps of a thickness or more");
@@ -8119,7 +8159,9 @@ CLOTH_API cloth_status cloth_collide_intersections(cloth_collide *c, int max, in
     clothi_world_pose(c, c->sim->state.x, 0, 0);
     status = clothi_crossings(c);
     for (i = 0; i < c->nnow && !status; i++) {
-        if (c->now[i].kind >= 0) continue;
+        if (c->now[i].kind >= 0 || !clothi_faces_intersect(c->xb, c->faces + 3 * c->now[i].a,
+                                                           c->faces + 3 * c->now[i].b))
+            continue;
         if (n < max) pairs[2 * n] = c->now[i].a, pairs[2 * n + 1] = c->now[i].b;
         n++;
     }
@@ -8163,6 +8205,7 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  *   A         r = e to the wrong end; what only moves along the edge is no gain: G = -a n, and a n
  *   ways out  a vertex where the winding number of a closed obstacle is 1 or more [7.1] goes to the
  *             nearest point of its surface and t/2 on; spheres, capsules, planes likewise
+ *   apart     what touches and crosses nothing: 0.4 t along the axis that parts two faces best
  *
  * A vertex goes its way out, else max_move along G (less where |G| is under 0.1). The motion goes
  * through detection and zones [8.4], which let through features of faces that cross, that are
@@ -8179,6 +8222,7 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
 
 #define CLOTHI_UNTANGLE_MOVE   5.0          /* t, max_move 0                                   */
 #define CLOTHI_UNTANGLE_FALL   1e-3         /* of the measure, in a call                       */
+#define CLOTHI_APART           0.4          /* t, what touches; two layers of cloth get twice it */
 #define CLOTHI_UNTANGLE_TRIES  6
 
 typedef struct clothi_crossing {            /* edge through face                               */
@@ -8195,14 +8239,14 @@ typedef struct clothi_contour {
 } clothi_contour;
 
 struct clothi_tangle {
-    clothi_pair_id *pair;                   /* that intersect, sorted                          */
+    clothi_pair_id *pair;                   /* that intersect or touch, sorted                 */
     int             npair;
     clothi_contour  line;
     double         *d, *g;                  /* [nw x 3] m, ways out, then the motion; G        */
     double         *size;                   /* [nw] m of edges, by root of the area; < 0: wrong */
     double         *span;                   /* [me x 2] of an edge: before, behind its cuts    */
     int            *area, *in;              /* [nw] root; slot + 1 of what it is inside of, 0  */
-    unsigned char  *drives, *mask;          /* [nw] d is given; [mf] closed faces of an obstacle */
+    unsigned char  *drives, *mask;          /* [nw] 1: d is given, 2: touches; [mf] closed faces */
     double          measure;                /* m^3                                             */
 };
 
@@ -8320,6 +8364,42 @@ static cloth_status clothi_tangle_inside(const cloth_collide *c, clothi_tangle *
     return status;
 }
 
+/* 1 when an axis parts faces f < g at c->xa but for t/50 000: G takes their corners apart along it.
+ * Where none does better cloth goes out of an obstacle, of two cloths the first one back. */
+static int clothi_tangle_skin(const cloth_collide *c, clothi_tangle *u, const int *f,
+                              const int *g) {
+    const double t = c->desc.thickness, *x = c->xa;
+    const int    solid = c->slot[g[0]] >= 0;
+    double       first[3], way[3] = {0, 0, 0}, best = -CLOTHI_SKIN * t, a[3], d[6];
+    int          i, k;
+    clothi_face_cross(x, solid ? g : f, first);
+    for (i = 0; i < 22; i++) {              /* along, then against: normals, edge x edge */
+        const int j = i % 11;
+        double    to, low = HUGE_VAL, high = -HUGE_VAL;
+        clothi_sub3(x + 3 * f[(j + 1) / 3 % 3], x + 3 * f[(j + 4) / 3 % 3], d);
+        clothi_sub3(x + 3 * g[(j + 1) % 3], x + 3 * g[(j + 2) % 3], d + 3);
+        if (j < 2) clothi_face_cross(x, j == solid ? f : g, a);
+        else clothi_cross3(d, d + 3, a);
+        to = ((clothi_dot3(a, first) < 0) == ((i < 11) == solid) ? -1 : 1) /
+             sqrt(clothi_dot3(a, a));
+        for (k = 0; k < 3; k++) {
+            low = clothi_min(low, to * clothi_dot3(a, x + 3 * f[k]));
+            high = clothi_max(high, to * clothi_dot3(a, x + 3 * g[k]));
+        }
+        if (!(low - high > best)) continue;
+        best = low - high + 1e-3 * CLOTHI_SKIN * t;
+        for (k = 0; k < 3; k++) way[k] = to * a[k];
+    }
+    if (!(best > -CLOTHI_SKIN * t)) return 0;
+    for (i = 0; i < 9; i++) {
+        u->g[3 * f[i / 3] + i % 3] += way[i % 3];
+        u->g[3 * g[i / 3] + i % 3] -= way[i % 3];
+        u->drives[f[i / 3]] = u->drives[g[i / 3]] = 2;
+    }
+    u->measure += c->sim->edge * c->sim->edge * t;
+    return 1;
+}
+
 /* Edges that are not cut, or by what is closed, join vertices to areas; across a cut the smaller is
  * wrong. A part of an edge before its first cut, or behind its last, counts to its end. */
 static void clothi_tangle_areas(const cloth_collide *c, clothi_tangle *u) {
@@ -8389,10 +8469,19 @@ static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
     int          i, o;
     if (status) return status;
     for (i = 0; i < c->nnow; i++) u->pair[u->npair++] = c->now[i];
-    clothi_contour_find(c, u->pair, u->npair, &u->line);
+    for (i = 0; i < u->npair; i++)
+        if (u->pair[i].kind == CLOTHI_FF &&
+            !clothi_tangle_skin(c, u, c->faces + 3 * u->pair[i].a, c->faces + 3 * u->pair[i].b))
+            clothi_contour_find(c, u->pair + i, 1, &u->line);
     CLOTHI_OBSTACLES(c, o)
         if (c->obstacle[o].nf && !status) status = clothi_tangle_inside(c, u, o);
     if (status) return status;
+    for (i = 0; i < 5 * u->line.n; i++) {   /* what crosses something as well goes along G */
+        const clothi_crossing *cut = u->line.cut + i / 5;
+        const int              k = i % 5 - 2;
+        const int v = k < 0 ? c->edges[2 * cut->edge + k + 2] : c->faces[3 * cut->face + k];
+        if (u->drives[v] != 1) u->drives[v] = 0, memset(u->g + 3 * v, 0, 3 * sizeof(double));
+    }
     clothi_tangle_areas(c, u);
     clothi_contour_shrink(c, &u->line, u->g);
     for (i = 0; i < u->npair; i++)
@@ -8464,11 +8553,14 @@ static cloth_status clothi_tangle_try(cloth_collide *c, clothi_tangle *u, double
     if (clothi_find_nonfinite(c->xb, 3 * (size_t)c->nv) >= 0) return CLOTH_OK;
     memcpy(c->x_ie, c->xb, 3 * (size_t)c->nv * sizeof(double));
     r->moved = sqrt(clothi_apart2(c->xb, c->xa, c->nv));
-    clothi_world_pose(c, c->x_ie, 0, 0);
     status = clothi_crossings(c);
-    for (r->wandered = 0, i = 0; i < c->nnow && !status; i++)
-        r->wandered += c->now[i].kind == CLOTHI_FF &&
-                       clothi_tangle_knew(c, c->now[i].a, c->now[i].b) != 1;
+    for (r->wandered = 0, i = 0; i < c->nnow && !status; i++) {
+        const int ff = c->now[i].kind == CLOTHI_FF;
+        const int *f = c->faces + 3 * ff * c->now[i].a, *g = c->faces + 3 * ff * c->now[i].b;
+        r->wandered += ff && clothi_faces_intersect(c->xb, f, g) &&
+                       !clothi_faces_intersect(c->xa, f, g);
+    }
+    clothi_world_pose(c, c->x_ie, 0, 0);
     memset(&w, 0, sizeof w);
     if (!status) status = clothi_tangle_look(c, &w);
     *good = !status && w.measure <= (1 - CLOTHI_UNTANGLE_FALL) * u->measure;
@@ -8493,9 +8585,11 @@ static cloth_status clothi_tangle_run(cloth_collide *c, clothi_tangle *u, double
     if (status) return status;
     if (c->nnow) {
         for (i = 0; i < c->nv; i++) {       /* the way out, else along G */
-            const double *g = u->g + 3 * i, pull = most / sqrt(clothi_dot3(g, g) + 0.01);
+            const double *g = u->g + 3 * i, size2 = clothi_dot3(g, g);
+            const double  apart = CLOTHI_APART * c->desc.thickness / sqrt(clothi_max(size2, 1));
+            const double  pull = u->drives[i] ? apart : most / sqrt(size2 + 0.01);
             double       *d = u->d + 3 * i, size;
-            for (k = 0; k < 3 && !u->drives[i]; k++) d[k] = pull * g[k];
+            for (k = 0; k < 3 && u->drives[i] != 1; k++) d[k] = pull * g[k];
             size = sqrt(clothi_dot3(d, d));
             for (k = 0; k < 3; k++)
                 d[k] *= c->sim->pin[i] >> k & 1 ? 0 : size > most ? most / size : 1;

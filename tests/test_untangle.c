@@ -747,6 +747,96 @@ static void same_bits(void) {
     CHECK(hash[0] == hash[2]);
 }
 
+/* Turned about the axis z, then about x, and set off: coordinates that round. */
+static void tilt(double *x, int n, double turn) {
+    int i;
+    for (i = 0; i < n; i++) {
+        double      *p = x + 3 * i;
+        const double a = cos(turn) * p[0] - sin(turn) * p[1];
+        const double b = sin(turn) * p[0] + cos(turn) * p[1];
+        p[0] = a + 0.7;
+        p[1] = cos(0.3 * turn) * b - sin(0.3 * turn) * p[2] - 1.1;
+        p[2] = sin(0.3 * turn) * b + cos(0.3 * turn) * p[2] + 0.4;
+    }
+}
+
+enum { ON_BOX, ON_PLANE, ON_COPY, ON_SPHERE, ON_EDGE, STACKED, BENT, OVERLAPPED, TOUCHING };
+
+/* A sheet laid on something exactly, or `gap` above it; *x [at least 3 x 25]: of the obstacle. */
+static cloth_mesh *laid(int kind, double gap, double turn, cloth_obstacle_desc *d, double *x) {
+    const double at[3] = {0, -0.1, 0}, half[3] = {0.25, 0.1, 0.25}, up[6] = {0, 0, 0, 0, 1, 0};
+    const double s = sqrt(0.5), edge[3] = {0, -0.35 * s, 0};
+    const double turned[9] = {1, 0, 0, 0, s, s, 0, -s, s};
+    cloth_mesh  *m = sheet_of(5, 0.3, -0.15, gap, -0.15);
+    double       n[6];
+    int          i;
+    *d = cloth_obstacle_desc_default();
+    if (kind == STACKED || kind == BENT) m = both(sheet_of(5, 0.3, -0.15, 0, -0.15), m);
+    if (kind == OVERLAPPED) m = both(sheet_of(4, 0.2, 0.03, 0, -0.02), m);
+    memcpy(n, up, sizeof n);
+    tilt(n, 2, turn);
+    memset(x, 0, 6 * sizeof *x);
+    d->kind = kind == ON_BOX || kind == ON_EDGE ? CLOTH_OBSTACLE_BOX
+              : kind == ON_PLANE ? CLOTH_OBSTACLE_PLANE
+              : kind == ON_SPHERE ? CLOTH_OBSTACLE_SPHERE : CLOTH_OBSTACLE_MESH;
+    clothi_sub3(n + 3, n, d->normal);
+    d->radius = kind == ON_SPHERE ? 0.2 : 0;
+    for (i = 0; i < m->nv; i++) {           /* folds, and an edge across an edge */
+        double *p = m->x + 3 * i;
+        if (kind == BENT) p[1] += 0.03 * sin(20 * p[0]) * cos(15 * p[2]);
+        if (kind == ON_EDGE) p[1] += 0.7 * fabs(p[0]);
+    }
+    if (kind == ON_BOX) cloth_obstacle_box(at, half, NULL, x);
+    if (kind == ON_EDGE) cloth_obstacle_box(edge, half, turned, x);
+    if (kind == ON_SPHERE) x[1] = -0.2;
+    if (kind == ON_COPY)
+        memcpy(x, m->x, 75 * sizeof *x), d->nv = m->nv, d->nf = m->nf, d->faces = m->faces;
+    tilt(x, kind == ON_COPY ? 25 : 8, turn);
+    tilt(m->x, m->nv, turn);
+    d->x = x;
+    return m;
+}
+
+/* What begins with no gap, or with one that is next to none, is refused with what to do about it;
+ * let in it is pushed to 0.4 t in one call, and stays apart. */
+static void touching(void) {
+    static const double gap[4] = {0, 1e-16, 1e-14, 1e-9};
+    int                 kind, i, k, n;
+    for (kind = 0; kind < TOUCHING; kind++)
+        for (i = 0; i < 8; i++) {
+            cloth_untangle_report r;
+            cloth_obstacle_desc   d;
+            cloth_obstacle        id;
+            cloth_status          status;
+            double                x[75], least = 0;
+            const int             lone = kind >= STACKED;
+            stage                 s;
+            begin(&s, laid(kind, gap[i / 2], i % 2 ? 0.1 + 0.2 * i : 0, &d, x));
+            s.desc.gravity[1] = -9.81;
+            s.contact.initial = CLOTH_INITIAL_REFUSE;
+            CHECK(!cloth_model_create(&s.desc, &s.model) && !cloth_sim_create(s.model, &s.sim));
+            status = cloth_collide_create(s.sim, &s.contact, &s.c);
+            if (!lone) status = status ? CLOTH_OK : cloth_collide_add(s.c, &d, &id);
+            CHECK(status == CLOTH_ERR_MESH && strstr(the_host.text, "cloth_collide_untangle"));
+            cloth_collide_destroy(s.c);
+            s.contact.initial = CLOTH_INITIAL_EXEMPT;
+            CHECK(cloth_collide_create(s.sim, &s.contact, &s.c) == CLOTH_OK);
+            CHECK(lone || cloth_collide_add(s.c, &d, &id) == CLOTH_OK);
+            CHECK(cloth_collide_last(s.c).exempt_pairs > 0);
+            CHECK(cloth_collide_untangle(s.c, 0, &r) == CLOTH_OK);
+            CHECK(r.after == 0 && cloth_collide_last(s.c).exempt_pairs == 0);
+            CHECK(!cloth_collide_gap(s.c, 0.1, &least) && least > 0.39 * s.contact.thickness);
+            s.state = cloth_sim_state(s.sim);
+            for (k = 0; k < 10; k++) {
+                CHECK(cloth_step(s.sim, 1.0 / 60, NULL) == CLOTH_OK);
+                CHECK(stage_examine(&s) == 0 && s.npair == 0);
+                CHECK(!cloth_collide_intersections(s.c, 0, NULL, &n) && n == 0);
+                CHECK(!cloth_collide_gap(s.c, 0.1, &least) && least > 0.25 * s.contact.thickness);
+            }
+            stage_end(&s);
+        }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(sphere_mesh);
@@ -774,5 +864,6 @@ int main(int argc, char **argv) {
     RUN(memory);
     RUN(same_bits);
     RUN(after_step);
+    RUN(touching);
     return TEST_END();
 }

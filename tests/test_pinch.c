@@ -1044,7 +1044,7 @@ static void backwards(void) {
     unsigned long long seed = 3;
     double             worst = 0, rate;
     int                looks[7] = {0}, wrong = 0, turn, step, i, k;
-    for (turn = 0; turn < (test_full() ? 6 : 2); turn++) {
+    for (turn = 0; turn < (test_full() ? 6 : 3); turn++) {
         const double fast = ref_uniform(&seed, 0.2e-3, 3e-3);
         scene        q;
         size_t       size;

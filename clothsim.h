@@ -217,7 +217,7 @@ extern "C" {
     X(CLOTH_ERR_IO,          -7, "a file could not be opened, read or written")                  \
     X(CLOTH_ERR_UNSUPPORTED, -8, "not built in, or not asked for: contact needs desc.contact")     \
     X(CLOTH_ERR_NONFINITE,   -9, "a number is NaN or infinite")                                  \
-    X(CLOTH_ERR_STEP,       -10, "no step; state as before. Statics: is anything pinned?")         \
+    X(CLOTH_ERR_STEP,       -10, "no step; state as before: a shorter h? statics: pinned?")        \
     X(CLOTH_ERR_CANCELLED,  -11, "the cancel hook asked to stop; the state is as before")        \
     X(CLOTH_ERR_FORMAT,     -12, "the snapshot does not belong to this model or is damaged")     \
     X(CLOTH_ERR_HANDLE,     -13, "the handle is stale or empty")                                 \

@@ -309,6 +309,7 @@ static void statuses(void) {
     CHECK(strstr(cloth_status_text(status), "desc.contact") != NULL);
     status = cloth_solve_static(sim, NULL);
     CHECK(status != CLOTH_OK && strstr(cloth_status_text(status), "pinned") != NULL);
+    CHECK(strstr(cloth_status_text(status), "shorter h") != NULL);      /* where contact fails */
     cloth_sim_destroy(sim), cloth_model_destroy(model), cloth_mesh_destroy(NULL, m);
 }
 

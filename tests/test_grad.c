@@ -97,6 +97,7 @@ static void differences_taken_again(void) {
     p.again = NULL;
     compare(&p, "bdf2, again", -1, 1e-6);
     p.steps = 16;                           /* the last one was: nothing of that is left behind */
+    p.step *= 4;                            /* by membrane it all but cancels: less says 6 digits */
     compare(&p, "bdf2, ends so", -1, 1e-6);
 }
 

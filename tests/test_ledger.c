@@ -43,6 +43,8 @@ static void scene_end(scene *q) {
     fric_end(&q->s);
 }
 
+static double unbalanced;                   /* of m g, after any step                          */
+
 /* One step; the ledger's sums, and that the forces are the change of momentum. */
 static void scene_step(scene *q, double scale) {
     const cloth_ledger *l = &q->r.energy;
@@ -71,7 +73,14 @@ static void scene_step(scene *q, double scale) {
         m += q->mass[i / 3] / 3;
     }
     /* as near as Newton's 1e-9 m balance what sticks: 2 mu N / slip = 2000 N/m at most */
-    for (k = 0; k < 3; k++) CHECK_NEAR(sum[k], 0, 2e-5 * m * FRIC_G);
+    for (k = 0; k < 3; k++) {
+        CHECK_NEAR(sum[k], 0, 1e-4 * m * FRIC_G);
+        unbalanced = fmax(unbalanced, fabs(sum[k]) / (m * FRIC_G));
+    }
+}
+
+static void balance(void) {
+    OPEN_MOST(unbalanced, 2e-5, "forces that a step leaves unbalanced, of m g");
 }
 
 /* What implicit Euler loses in a step, from its definition: F = M (v - v^n)/h acted on the way to
@@ -529,5 +538,6 @@ int main(int argc, char **argv) {
     RUN(lift);
     RUN(lift_leapfrog);
     RUN(drape);
+    RUN(balance);                           /* of all of these                                 */
     return TEST_END();
 }

@@ -424,8 +424,6 @@ typedef struct cloth_linear_options {
     cloth_linear         method;            /* default AUTO                                    */
     double               tolerance;         /* the residual's, relative; default 0.05; 0: 1e-30*/
     double               radius;            /* m, trust radius on max |x|; default 0: none     */
-    double               norm;              /* J^1/2, what the residual is relative to; default 0:
-                                               b, report.norm                                  */
     int                  max_iterations;    /* default 0: 20000                                */
     const unsigned char *fixed;             /* [nv] bits 1 2 4: x y z are 0; NULL: none        */
 } cloth_linear_options;
@@ -437,7 +435,6 @@ typedef struct cloth_linear_report {
     int    factorizations;
     double residual;                        /* relative, in the norm of the preconditioner;
                                                with hit, before the move to the radius         */
-    double norm;                            /* J^1/2, of b in that norm                        */
     double decrease;                        /* J, b.x - x.A x / 2 of the answer                */
 } cloth_linear_report;
 
@@ -1342,8 +1339,7 @@ CLOTH_API void   cloth_linear_solver_destroy(cloth_linear_solver *solver);
 CLOTH_API size_t cloth_linear_solver_bytes(const cloth_linear_solver *solver);
 CLOTH_API cloth_linear_options cloth_linear_options_default(void);
 
-/* A x = b over the free axes, from zero; from x0: A c = b - A x0, options.norm = report.norm
- * of b, x = x0 + c.                                                                       [7.3]
+/* A x = b over the free axes.                                                             [7.3]
  * in   b        [nv x 3]; entries of fixed axes are not read; 0 where its squares underflow
  * out  x        [nv x 3], b is allowed; fixed axes 0; all 0 when the call fails but for _ARGUMENT
  * out  report   may be NULL
@@ -1354,7 +1350,7 @@ CLOTH_API cloth_linear_options cloth_linear_options_default(void);
  * preconditioner.
  * b.x >= 0 always: x goes downhill. Stopping at max_iterations is no failure: see the residual.
  * returns CLOTH_OK; CLOTH_ERR_ARGUMENT: NULL, another pattern, a negative or NaN option, a radius
- *   or norm of infinity; CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY,
+ *   of infinity; CLOTH_ERR_NONFINITE: NaN or infinity in A or b; CLOTH_ERR_MEMORY,
  *   CLOTH_ERR_CAPACITY: the factor is too large.
  * contract: alloc at the first call and where the pairs outside the pattern outgrew those before
  *   | cost per iteration ~ 2 passes over the lower triangle | same bits for any worker
@@ -6342,9 +6338,9 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
  *       w = K^-1 (p - t)         alpha = rr / p.(t + w)
  *     answer G^-T x
  *
- *   c0 is b in the norm of the preconditioner K K' plus coarse part (or options.norm^2), so that
- *   report->residual = sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of
- *   the iterations are left, and because long waves are then right, Newton needs fewer solves too.
+ *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
+ *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of the iterations
+ *   are left, and because long waves are then right, Newton needs fewer solves too.
  *   Chosen instead of smoothed aggregation over several levels: a third of the iterations, each 7
  *   times as dear; rigid-body and affine modes lose as well. What else was tried, and iterations
  *   with and without each addition: tests/bench/bench_linear.c.
@@ -6438,18 +6434,13 @@ struct cloth_linear_solver {
 /* --- the textbook, in doubles --- */
 
 typedef struct clothi_cg {                  /* the numbers of a run                            */
-    double tolerance, radius, norm;
+    double tolerance, radius;
     double c0, rr, pq, Q;
     int    it, most;
     int    negative, hit;
     double best;                            /* smallest rr, and since when                     */
     int    best_at;
 } clothi_cg;
-
-/* What |r|^2 is relative to. */
-static double clothi_cg_base(const clothi_cg *g) {
-    return g->norm > 0 ? g->norm * g->norm : g->c0;
-}
 
 /* Bits of the fixed axes of a row. */
 CLOTHI_LANE int clothi_mask(const cloth_linear_solver *s, int row) {
@@ -6532,7 +6523,7 @@ static cloth_status clothi_plain_cg(cloth_linear_solver *s, clothi_precondition_
     g->rr = g->c0 = clothi_dot(r, z, n);
     if (!clothi_finite(g->c0)) return CLOTH_ERR_NONFINITE;
     if (g->c0 < 0) return CLOTH_ERR_NUMERIC;
-    while (g->rr > g->tolerance * g->tolerance * clothi_cg_base(g) && g->it < g->most) {
+    while (g->rr > g->tolerance * g->tolerance * g->c0 && g->it < g->most) {
         cloth_matrix_mul(s->A, s->fixed, d, q);
         g->pq = clothi_dot(d, q, n);
         if (!clothi_finite(g->pq)) return CLOTH_ERR_NONFINITE;
@@ -7459,7 +7450,7 @@ static void clothi_boundary(cloth_linear_solver *s, clothi_cg *g) {
 
 /* |r| has been so small that what comes then is rounding's. */
 static int clothi_sunk(const clothi_cg *g) {
-    return g->best < CLOTHI_FLOOR * CLOTHI_FLOOR * clothi_cg_base(g);
+    return g->best < CLOTHI_FLOOR * CLOTHI_FLOOR * g->c0;
 }
 
 /* After a step: 1 when the run is over. */
@@ -7487,7 +7478,7 @@ static int clothi_judge(cloth_linear_solver *s, clothi_cg *g, cloth_status *stat
         *status = CLOTH_ERR_NONFINITE;
         return 1;
     }
-    if (!(rr > g->tolerance * g->tolerance * clothi_cg_base(g)) || g->it >= g->most) return 1;
+    if (!(rr > g->tolerance * g->tolerance * g->c0) || g->it >= g->most) return 1;
     if (s->first || rr < 0.5 * g->best) {
         g->best = rr;
         g->best_at = g->it;
@@ -8006,7 +7997,7 @@ static cloth_status clothi_linear_begin(cloth_linear_solver *s, const cloth_matr
     for (i = 0; i < n; i++) x[i] = s->fixed && s->fixed[i / 3] >> (i % 3) & 1 ? 0 : b[i];
     if (clothi_find_nonfinite(x, n) >= 0) return CLOTH_ERR_NONFINITE;
     g->tolerance = clothi_max(o->tolerance, CLOTHI_LEAST_TOLERANCE);
-    g->radius = o->radius, g->norm = o->norm;
+    g->radius = o->radius;
     g->most = o->max_iterations > 0 ? o->max_iterations : CLOTHI_CG_CAP;
     return clothi_solver_reserve(s, A);
 }
@@ -8030,11 +8021,10 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
         return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT,
                            "cloth_linear_solve: A, b or x is NULL, or A of another pattern");
     if (o.method < CLOTH_LINEAR_AUTO || o.method > CLOTH_LINEAR_CHOLESKY ||
-        !(o.tolerance >= 0) || !(o.radius >= 0 && clothi_finite(o.radius)) ||
-        !(o.norm >= 0 && clothi_finite(o.norm)) || o.max_iterations < 0)
+        !(o.tolerance >= 0) || !(o.radius >= 0 && clothi_finite(o.radius)) || o.max_iterations < 0)
         return clothi_fail(&s->hooks, CLOTH_ERR_ARGUMENT, "cloth_linear_solve: method %i, tolerance"
-                           " %g, radius %g, norm %g, max_iterations %i: one is out of range",
-                           (int)o.method, o.tolerance, o.radius, o.norm, o.max_iterations);
+                           " %g, radius %g, max_iterations %i: one is out of range",
+                           (int)o.method, o.tolerance, o.radius, o.max_iterations);
     status = clothi_linear_begin(s, A, b, x, &o, &g);
     if (!status && o.method == CLOTH_LINEAR_CHOLESKY) status = clothi_solver_factor(s, A, o.fixed);
     if (!status)                            /* CHOLESKY: blocks outside the pattern count too  */
@@ -8042,7 +8032,7 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
                  : o.method == CLOTH_LINEAR_CHOLESKY ? clothi_plain_cg(s, clothi_by_factor, &g)
                                                      : clothi_sgs_solve(s, &g);
     if (status == CLOTH_ERR_NUMERIC) {      /* the caller's matrix is not worth a search       */
-        g.negative = 1, g.c0 = 0, g.rr = g.norm = 1;
+        g.negative = 1, g.c0 = 0, g.rr = 1;
         status = CLOTH_OK;
         memset(x, 0, n3 * sizeof(double));
     }
@@ -8057,8 +8047,7 @@ CLOTH_API cloth_status cloth_linear_solve(cloth_linear_solver *s, const cloth_ma
     }
     r.iterations = g.it, r.factorizations = o.method == CLOTH_LINEAR_CHOLESKY;
     r.negative = g.negative, r.hit = g.hit;
-    r.residual = clothi_cg_base(&g) > 0 ? sqrt(g.rr / clothi_cg_base(&g)) : 0;
-    r.norm = g.c0 > 0 ? sqrt(g.c0) : 0;
+    r.residual = g.c0 > 0 ? sqrt(g.rr / g.c0) : clothi_max(g.rr, 0);
     r.decrease = g.Q;
     if (report) *report = r;
     return CLOTH_OK;

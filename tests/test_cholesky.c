@@ -257,11 +257,10 @@ static void masks_and_extras(void) {
     CHECK(cloth_linear_solve(s, A, b, y, &opt, &rep) == CLOTH_OK);
     CHECK(rep.iterations < 60 && !rep.negative && rep.factorizations == 1);
     for (i = 0; i < N; i++) CHECK_NEAR(y[i], x[i], 1e-9);
-    CHECK(rep.norm > 0);
     for (i = 0; i < 9; i++) block[i] = i % 4 ? 0 : -1e6;
     for (i = 0; i < w * h; i++) CHECK(cloth_matrix_add_element(A, 1, &i, block) == CLOTH_OK);
     CHECK(cloth_linear_solve(s, A, b, y, &opt, &rep) == CLOTH_OK);
-    CHECK(rep.negative && !rep.hit && fabs(rep.norm) <= 0);     /* b.P^-1 b < 0: x = 0 */
+    CHECK(rep.negative && !rep.hit);     /* b.P^-1 b < 0: x = 0 */
     for (i = 0; i < N; i++) CHECK(fabs(y[i]) <= 0);
     cloth_linear_solver_destroy(s);
     cloth_factor_destroy(f);

@@ -31,23 +31,12 @@
  *                Newton and 338 766 CG iterations for 4986 and 316 654; the sheet, Euler, 424 and
  *                8365 for 424 and 8343. A first length of 0.07 edges instead of 0.01: 5605 and
  *                396 512, 473 and 8797.
- *   pulls        of what pinches hold ([8.3] of clothsim_collide.h): where an update passes one's
- *                end, the stiffness of its majorizer, as for friction. A T-shirt's walk, 60 steps,
- *                three starts: 4227 iterations and 189 521 of CG for 4523 and 198 892, 0.9 of the
- *                time. Always: 3 % fewer iterations.
- *   blocks       with contact, an update is first asked what it runs into of the contacts that are
- *                there, and only what comes of that has its way looked at. Its way first: a
- *                T-shirt's walk, 30 steps, three starts, 1827 iterations for 1610, 1.18 times the
- *                time; a sheet of 48 x 48 on a sphere the same; a skirt's walk, twelve starts,
- *                0.171 % in the body for 0.165, all frames, and 3 steps halved for 8.
- *   again        what comes of that is within a tenth of the update before: CG that begins there,
- *                and solves to 0.05 with contact for 0.025: a T-shirt's walk, 30 steps, three
- *                starts, 33 100 iterations of CG for 83 600, 0.80 of the time; the first alone
- *                63 400, 0.94; 0.05 alone 68 500; 0.1 with it 30 000, where a sheet of 64 x 64 on
- *                a sphere takes 3281 of Newton for 2860 (0.05: 2999, 0.91 of the time). Skirts and
- *                trousers, whose time is not CG's, as fast as before. Distance to the step solved
- *                to 2e-6 m, in the root mean square, 24 steps of the T-shirt: median 0.97e-4 m for
- *                1.13e-4, 50 of a skirt 1.07e-4 for 1.05e-4; to 0.1 1.14e-4 and 1.23e-4.
+ *   blocks       an update that runs into contacts, turns friction round or passes the end of a
+ *                pull, solved for again with what it would meet in the matrix, twice at most, by
+ *                CG from where it was: no longer done, see [8.2] of clothsim_collide.h.
+ *   ALONE        CG to 0.05 with contact for 0.025, when that was done: a T-shirt's walk, 30 steps,
+ *                three starts, 33 100 of its iterations for 63 400; to 0.1 30 000, where a sheet of
+ *                64 x 64 on a sphere takes 3281 of Newton for 2860 (0.05: 2999).
  *   frames       of friction, [8.2] of clothsim_collide.h. Never by halves: of 16 impacts of two
  *                sheets at a tolerance of 1e-8 m (tests/test_contact.c, momentum) 8 end at the cap;
  *                528 iterations without friction are 962 with it, 917 by halves. Only with N, from

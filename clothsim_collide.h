@@ -4283,10 +4283,9 @@ static cloth_status clothi_contact_check(cloth_collide *c) {
     }
     c->nfailed = 0;
     if (status || n == 0) return status;
-    return clothi_fail_pairs(c, c->now, n, "intersect before the step",
-                             " or touch. Begin with gaps of a thickness; or "
-                             "CLOTH_INITIAL_EXEMPT lets them pass until they part, and "
-                             "cloth_collide_untangle() parts them");
+    return clothi_fail_pairs(c, c->now, n, "intersect or touch before the step",
+                             ". Begin with gaps of a thickness; or CLOTH_INITIAL_EXEMPT lets them "
+                             "pass until they part, and cloth_collide_untangle() parts them");
 }
 
 static uint64_t clothi_contact_seen(const cloth_collide *c) {

@@ -94,8 +94,8 @@ static void models(void) {
         if (k > 0) {
             cloth_collide_desc exempt = cloth_collide_desc_default();
             int                pair[4] = {-1, -1, -1, -1}, count = 0;
-            CHECK(desc_refused(NULL, CLOTH_ERR_MESH, "1 pairs intersect before the step; the "
-                                                     "first: cloth's face 0 and face"));
+            CHECK(desc_refused(NULL, CLOTH_ERR_MESH, "1 pairs intersect or touch before the step; "
+                                                     "the first: cloth's face 0 and face"));
             exempt.initial = CLOTH_INITIAL_EXEMPT;
             CHECK(cloth_collide_create(W.sim, &exempt, &c) == CLOTH_OK);
             CHECK(cloth_collide_intersections(c, 2, pair, &count) == CLOTH_OK && count == 1);
@@ -169,14 +169,14 @@ static void obstacles(void) {
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.thickness = 1e20"));
     o.thickness = 0;
     o.x = inside;                           /* the sheet runs through it */
-    CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect before the step"));
+    CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect or touch before the step"));
     for (k = 0; k < 6; k++) {               /* through the middle of a face */
         const int *f = W.mesh->faces + 3 * 20;
         skewer[k] = (W.mesh->x[3 * f[0] + k % 3] + W.mesh->x[3 * f[1] + k % 3] +
                      W.mesh->x[3 * f[2] + k % 3]) / 3 + (k == 1 ? -0.01 : k == 4 ? 0.01 : 0);
     }
     o.kind = CLOTH_OBSTACLE_CAPSULE, o.x = skewer, o.radius = 1e-4;
-    CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect before the step"));
+    CHECK(add_refused(&o, CLOTH_ERR_MESH, "intersect or touch before the step"));
     o.kind = CLOTH_OBSTACLE_PLANE, o.x = x, o.normal[1] = 0;
     CHECK(add_refused(&o, CLOTH_ERR_ARGUMENT, "obstacle.normal"));
     o.normal[1] = NAN;

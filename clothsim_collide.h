@@ -8497,19 +8497,23 @@ static int clothi_faces_beside(const cloth_collide *c, int f, int g) {
     return clothi_face_has(v, w[0]) || clothi_face_has(v, w[1]) || clothi_face_has(v, w[2]);
 }
 
-/* 1: faces f < g are among the pairs [n]; 2: beside two of those; else 0. */
+/* 1: faces f < g are among the pairs [n], sorted; 2: beside two of those; else 0. */
 static int clothi_faces_known(const cloth_collide *c, const clothi_pair_id *pair, int n, int f,
                               int g) {
-    int i, known = 0;
-    for (i = 0; i < n; i++) {
-        const int a = pair[i].a, b = pair[i].b;
-        if (pair[i].kind != CLOTHI_FF) continue;
-        if (a == f && b == g) return 1;
-        if (!known && ((clothi_faces_beside(c, f, a) && clothi_faces_beside(c, g, b)) ||
-                       (clothi_faces_beside(c, f, b) && clothi_faces_beside(c, g, a))))
-            known = 2;
+    clothi_pair_id p = {CLOTHI_FF, f, g};
+    int            i, j, k, there;
+    (void)clothi_find(pair, sizeof p, n, &p, 3, &there);
+    if (there) return 1;
+    for (i = 0; i < 6; i++) {               /* around f, then around g */
+        const int v = c->faces[3 * (i < 3 ? f : g) + i % 3];
+        for (j = c->star[v]; j < c->star[v + 1]; j++) {
+            p.a = c->star_face[j];
+            k = clothi_find(pair, sizeof p, n, &p, 2, &there);
+            for (; k < n && pair[k].kind == CLOTHI_FF && pair[k].a == p.a; k++)
+                if (clothi_faces_beside(c, i < 3 ? g : f, pair[k].b)) return 2;
+        }
     }
-    return known;
+    return 0;
 }
 
 /* 1: faces f and g intersected; 2: beside two that did, or a vertex of f was inside; else 0. */

@@ -102,7 +102,10 @@ static const drawing drawings[] = {
     {"no area, both: the common edge is a point, opposite ways", 0,
      {0,0,0, 0,0,0, 6,0,0, -1,0,0, 0,0,0, 0,0,0}, {1, 0, 3}},
     {"no area, both: the common edge is a point, one way", 1,
-     {0,0,0, 0,0,0, 6,0,0, 1,0,0, 0,0,0, 0,0,0}, {1, 0, 3}}
+     {0,0,0, 0,0,0, 6,0,0, 1,0,0, 0,0,0, 0,0,0}, {1, 0, 3}},
+    {"a plane parts them but for rounding: a corner on an edge", 1,
+     {0.2,0.2,0.6, 0,0,0.6, 0.2,0.5,0.7, 0.6,0.3,0.7, 0.1,0,0,
+      0.049999999999999989,0.049999999999999989,0.6}, {3, 4, 5}}
 };
 
 /* Both answers for all 72 ways to name the corners and the faces; -1 when they differ. */

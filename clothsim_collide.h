@@ -3992,15 +3992,16 @@ static double clothi_pair_gap(const cloth_collide *c, const double *x, const clo
 #define CLOTHI_SKIN   2e-5                  /* of t: what is nearer touches; layers hung at a
                                                quarter of it, their pushes lost in rounding    */
 
-/* Whether the sides touch: no side of such a gap is right. */
-static int clothi_pair_touches(const cloth_collide *c, const double *x, const clothi_pair_id *p) {
+/* Whether the sides are nearer than `skin` of t, or by rounding: no side of such a gap is right. */
+static int clothi_pair_touches(const cloth_collide *c, const double *x, const clothi_pair_id *p,
+                               double skin) {
     const double gap = clothi_pair_gap(c, x, p);
     double       r[12];
     int          v[4];
     const int    n = clothi_pair_vertices(c, p, v);
     clothi_pair_points(c, x, v, n, r);
     return !(gap > CLOTHI_NO_GAP * clothi_max_abs(r, 3 * n)) ||
-           !(gap > CLOTHI_SKIN * clothi_pair_thickness(c, p, v));
+           !(gap > skin * clothi_pair_thickness(c, p, v));
 }
 
 /* Whether faces f and g at xb intersect, or have features without a common vertex that touch. */
@@ -4014,7 +4015,7 @@ static int clothi_faces_touch(const cloth_collide *c, int f, int g) {
                                   : w[k], ee ? e[3 * g + k] : i < 12 ? g : f};
         (void)clothi_pair_vertices(c, &p, q);
         if (!clothi_face_has(q + 1, q[0]) && (!ee || (q[1] != q[2] && q[1] != q[3])) &&
-            clothi_pair_touches(c, c->xb, &p))
+            clothi_pair_touches(c, c->xb, &p, CLOTHI_SKIN))
             return 1;
     }
     return clothi_faces_intersect(c->xb, v, w);
@@ -4210,7 +4211,7 @@ static int clothi_pair_meets(const cloth_collide *c, const clothi_pair_id *p) {
         c->obstacle[slot].kind == CLOTH_OBSTACLE_CAPSULE &&
         clothi_surface_pierced(axis, axis + 3, x + 3 * v[0], x + 3 * v[1], x + 3 * v[2]))
         return 1;
-    return clothi_pair_touches(c, x, p);
+    return clothi_pair_touches(c, x, p, CLOTHI_SKIN);
 }
 
 /* Everything that intersects or touches now, cloth and obstacles where xb has them, into c->now. */
@@ -6245,7 +6246,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     clothi_pair_points(c, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, p);
-    if (clothi_pair_touches(c, c->xa, p))
+    if (clothi_pair_touches(c, c->xa, p, 0))  /* obstacles may have closed on it so far */
         return c->trying ? CLOTH_ERR_STEP
                          : clothi_fail_pairs(c, p, 1, "have no gap",    /* and no side to keep */
                                              ". Cloth begins with gaps of a thickness or more");

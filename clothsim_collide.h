@@ -5650,8 +5650,7 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  * (A held vertex against all of the body, an edge beside one such face: a long skirt that a wrist
  * swept over went in by 20 pairs where no pinch was.) The rest of the body holds all cloth, and
  * cloth does not pass cloth. Faces that intersect when the substep ends are listed, and exempt
- * until they part [8.1], but for a vertex that is outside of the body: it may not go in, nor may it
- * while it is led since a face beside it still crosses.
+ * until they part [8.1], but for a vertex that is outside of the body: it may not go in.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * checked: tests/test_pinch.c, test_collide_state.c (the pull) */
@@ -6091,15 +6090,13 @@ static int clothi_held(const cloth_collide *c, int v) {
 }
 
 /* Exempt since the body holds a vertex of it: all of the body's side is in a pinch, so that what
- * crosses there does not wander off it. A vertex that is led out from outside goes into nothing. */
+ * crosses there does not wander off it. */
 static int clothi_pair_held(const cloth_collide *c, const clothi_pair_id *p) {
     const int  slot = clothi_pair_slot(c, p);
     const int *f;
     int        v[4], n = clothi_pair_vertices(c, p, v), i, held = 0;
     for (i = 0; i < n; i++)
         held |= clothi_held(c, v[i]) && c->holding[c->held_of[v[i]]].slot == slot;
-    if (held && p->kind == CLOTHI_VF && v[0] < c->nv && c->look[v[0]] == CLOTHI_LED)
-        held = !clothi_outside(c, v[0], p->b);
     if (!held) return 0;
     f = clothi_pair_faces(c, p, v[0] < c->nv, &n);
     for (i = 0; i < n && held; i++) held = f[i] < 0 || c->pinched[f[i]];

@@ -16,8 +16,8 @@
  * Space lies over space where what was apart at rest comes together: from arms straight out far
  * more often than from arms half down, and method 1 then takes the wrong one of two. Measured:
  * edges of 0.05 m, 3 chains of 1: 83 of 1074 vertices have several candidates, --down 13; mean |d|
- * of these by method 1 14.9 cm, method 2 5.4, hybrid 5.3; of all 5.76, 5.09, 5.01; --down 4.93,
- * 5.04, 4.82: there too few for the order of means. 0.03 10 3: 2158 of 24400; 6.45, 5.56, 5.53 cm;
+ * of these by method 1 15.7 cm, method 2 5.4, hybrid 5.3; of all 5.83, 5.10, 5.03; --down 4.97,
+ * 5.05, 4.84: there too few for the order of means. 0.03 10 3: 2158 of 24400; 6.45, 5.56, 5.53 cm;
  * mean error of method 2 16 times the hybrid's. The paper's 12 times as large |d| of method 1 is of
  * a garment whose own |d| is 0.8 cm: that of this loose shirt, far from rest, is 5.
  */

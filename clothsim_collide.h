@@ -3992,16 +3992,18 @@ static double clothi_pair_gap(const cloth_collide *c, const double *x, const clo
 #define CLOTHI_SKIN   2e-5                  /* of t: what is nearer touches; layers hung at a
                                                quarter of it, their pushes lost in rounding    */
 
-/* Whether the sides are nearer than `skin` of t, or by rounding: no side of such a gap is right. */
-static int clothi_pair_touches(const cloth_collide *c, const double *x, const clothi_pair_id *p,
-                               double skin) {
-    const double gap = clothi_pair_gap(c, x, p);
-    double       r[12];
-    int          v[4];
-    const int    n = clothi_pair_vertices(c, p, v);
+/* Whether points r [n x 3] are nearer than `least` m, or by rounding: no side of a gap is right. */
+static int clothi_gap_touches(double gap, double least, const double *r, int n) {
+    return !(gap > CLOTHI_NO_GAP * clothi_max_abs(r, 3 * n)) || !(gap > least);
+}
+
+static int clothi_pair_touches(const cloth_collide *c, const double *x, const clothi_pair_id *p) {
+    double    r[12];
+    int       v[4];
+    const int n = clothi_pair_vertices(c, p, v);
     clothi_pair_points(c, x, v, n, r);
-    return !(gap > CLOTHI_NO_GAP * clothi_max_abs(r, 3 * n)) ||
-           !(gap > skin * clothi_pair_thickness(c, p, v));
+    return clothi_gap_touches(clothi_pair_gap(c, x, p),
+                              CLOTHI_SKIN * clothi_pair_thickness(c, p, v), r, n);
 }
 
 /* Whether faces f and g at xb intersect, or have features without a common vertex that touch. */
@@ -4015,7 +4017,7 @@ static int clothi_faces_touch(const cloth_collide *c, int f, int g) {
                                   : w[k], ee ? e[3 * g + k] : i < 12 ? g : f};
         (void)clothi_pair_vertices(c, &p, q);
         if (!clothi_face_has(q + 1, q[0]) && (!ee || (q[1] != q[2] && q[1] != q[3])) &&
-            clothi_pair_touches(c, c->xb, &p, CLOTHI_SKIN))
+            clothi_pair_touches(c, c->xb, &p))
             return 1;
     }
     return clothi_faces_intersect(c->xb, v, w);
@@ -4087,17 +4089,17 @@ static int clothi_pair_moved(const cloth_collide *c, int kind, int a, int b) {
  * c->now. */
 static cloth_status clothi_tree_phase(cloth_collide *c, const clothi_bvh *with, int what) {
     const clothi_features_job job = {&c->features, c->box_v, c->box_f};
-    const int       cross = what & CLOTHI_TOUCH, moved = what & CLOTHI_MOVED;
-    clothi_look_fn *look = cross ? clothi_touch_look : clothi_features_look;
+    const int       touch = what & CLOTHI_TOUCH, moved = what & CLOTHI_MOVED;
+    clothi_look_fn *look = touch ? clothi_touch_look : clothi_features_look;
     cloth_status    status;
     int             i;
     status = clothi_bvh_look(c->hooks, &c->tree, with, moved ? c->moved + c->nw + c->me : NULL,
-                             look, cross ? (const void *)c : &job, &c->found);
+                             look, touch ? (const void *)c : &job, &c->found);
     for (i = 0; i < c->found.count && !status; i++) {
         const int           *p = c->found.pair + 2 * i;
         const clothi_pair_id face = {CLOTHI_FF, p[0], p[1]};
-        if (cross && !clothi_may_touch(c, c->faces[3 * p[0]], c->faces[3 * p[1]])) continue;
-        if (cross) status = clothi_exempt_add(c, &face);
+        if (touch && !clothi_may_touch(c, c->faces[3 * p[0]], c->faces[3 * p[1]])) continue;
+        if (touch) status = clothi_exempt_add(c, &face);
         else if (p[0] < 0) status = clothi_pair_add(c, CLOTHI_EE, ~p[0], ~p[1]);
         else status = clothi_pair_add(c, CLOTHI_VF, p[0], p[1]);
     }
@@ -4211,7 +4213,7 @@ static int clothi_pair_meets(const cloth_collide *c, const clothi_pair_id *p) {
         c->obstacle[slot].kind == CLOTH_OBSTACLE_CAPSULE &&
         clothi_surface_pierced(axis, axis + 3, x + 3 * v[0], x + 3 * v[1], x + 3 * v[2]))
         return 1;
-    return clothi_pair_touches(c, x, p, CLOTHI_SKIN);
+    return clothi_pair_touches(c, x, p);
 }
 
 /* Everything that intersects or touches now, cloth and obstacles where xb has them, into c->now. */
@@ -5141,8 +5143,8 @@ static int clothi_contact_settled(cloth_collide *c, const double *residual) {
     memset(limit, 0, (size_t)c->nv * sizeof(double));
     for (i = 0; i < c->ncontact; i++) {
         const clothi_contact *q = c->contact + i;
-        for (j = q->first; j < q->end && q->limit > clothi_friction_faint(c, q); j++)
-            limit[q->v[j]] += fabs(q->w[j]) * q->limit;
+        if (!(q->limit > clothi_friction_faint(c, q))) continue;
+        for (j = q->first; j < q->end; j++) limit[q->v[j]] += fabs(q->w[j]) * q->limit;
     }
     for (i = 0; i < c->nv; i++) {
         const double *r = residual + 3 * i, most = part * limit[i];
@@ -6243,7 +6245,7 @@ static cloth_status clothi_detect_pair(cloth_collide *c, const clothi_pair_id *p
     clothi_pair_points(c, c->xb, row.v, row.n, xb);
     radius = clothi_slot_radius(c, slot);
     start = clothi_pair_gap(c, c->xa, p);
-    if (clothi_pair_touches(c, c->xa, p, 0))  /* obstacles may have closed on it so far */
+    if (clothi_gap_touches(start, 0, xa, row.n))    /* obstacles may have closed to t/50 000 */
         return c->trying ? CLOTH_ERR_STEP
                          : clothi_fail_pairs(c, p, 1, "have no gap",    /* and no side to keep */
                                              ". Cloth begins with gaps of a thickness or more");

@@ -5,7 +5,7 @@
 #include "clothsim_collide.h"
 #include "clothsim_grad.h"
 #include "test.h"
-#include "host.h"
+#include "collide_world.h"
 #include "grad_touch.h"
 #include "reference.h"
 #include "shapes.h"
@@ -125,41 +125,37 @@ static double pressed(double dv, double *v0, int *valid) {
     cloth_collide_desc  cd = cloth_collide_desc_default();
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_obstacle      id;
-    cloth_mesh         *m = NULL;
-    cloth_model        *model = NULL;
-    cloth_sim          *sim = NULL;
-    cloth_collide      *c = NULL;
     cloth_tape         *tape = NULL;
+    world               w;
     cloth_grad          g;
     cloth_grad_report   rep;
     int                 i;
-    CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 5, 5, 0.2, 0.2, &m));
-    for (i = 0; i < m->nv; i++) m->x[3 * i + 1] = 3.2e-3 + 2e-4 * sin(9 * i);
-    cloth_desc_set_mesh(&d, m);
+    memset(&w, 0, sizeof w);
+    CHECK(!cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 5, 5, 0.2, 0.2, &w.mesh));
+    for (i = 0; i < w.mesh->nv; i++) w.mesh->x[3 * i + 1] = 3.2e-3 + 2e-4 * sin(9 * i);
+    cloth_desc_set_mesh(&d, w.mesh);
     d.contact = CLOTH_CONTACT_OBSTACLES, d.linear = CLOTH_LINEAR_CHOLESKY;
     d.material.membrane = 300, d.material.bending = 1e-4, d.tolerance = 1e-12;
     d.cg_tolerance = 1e-4, cd.thickness = 4e-3, cd.stiffness = 2e5, cd.slip = 1e-4;
-    CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
-    CHECK(!cloth_collide_create(sim, &cd, &c));
+    CHECK(!world_start(&w, &d, &cd));
     o.kind = CLOTH_OBSTACLE_PLANE, o.x = ground;
-    CHECK(!cloth_collide_add(c, &o, &id));
+    CHECK(!cloth_collide_add(w.c, &o, &id));
     cloth_obstacle_box(at, half, NULL, x);
     o.kind = CLOTH_OBSTACLE_BOX, o.x = x;
-    CHECK(!cloth_collide_add(c, &o, &id));
-    cloth_sim_state(sim)->v[23] = dv;
-    CHECK(!v0 || !cloth_tape_create(sim, NULL, &tape));
+    CHECK(!cloth_collide_add(w.c, &o, &id));
+    cloth_sim_state(w.sim)->v[23] = dv;
+    CHECK(!v0 || !cloth_tape_create(w.sim, NULL, &tape));
     for (i = 0; i < 8; i++) {
         at[1] = fmax(at[1] - 6e-3, 0.0225);
         cloth_obstacle_box(at, half, NULL, x);
-        CHECK(!cloth_collide_move(c, id, x) && !cloth_step(sim, 0.01, NULL));
+        CHECK(!cloth_collide_move(w.c, id, x) && !cloth_step(w.sim, 0.01, NULL));
     }
-    for (i = 0; i < 75; i++) sum += sin(i) * cloth_sim_state(sim)->x[i];
+    for (i = 0; i < 75; i++) sum += sin(i) * cloth_sim_state(w.sim)->x[i];
     memset(&g, 0, sizeof g);
     g.v0 = v0;
     if (v0) CHECK(!cloth_grad_backward(tape, pressed_at, NULL, &g, &rep));
     if (v0) *valid = rep.valid;
-    cloth_tape_destroy(tape), cloth_collide_destroy(c);
-    cloth_sim_destroy(sim), cloth_model_destroy(model), cloth_mesh_destroy(NULL, m);
+    cloth_tape_destroy(tape), world_close(&w);
     return sum;
 }
 
@@ -289,33 +285,30 @@ static double corner(double aside, double dx, double dv, double *by) {
     cloth_desc          d = cloth_desc_default();
     cloth_obstacle_desc o = cloth_obstacle_desc_default();
     cloth_obstacle      id;
-    cloth_model        *model = NULL;
-    cloth_sim          *sim = NULL;
-    cloth_collide      *c = NULL;
     cloth_tape         *tape = NULL;
+    world               w;
     cloth_grad          g;
     cloth_grad_report   rep;
     int                 i;
+    memset(&w, 0, sizeof w);
     d.nv = 3, d.x_rest = rest, d.nf = 1, d.faces = faces;
     d.integrator = CLOTH_INTEGRATOR_LEAPFROG, d.contact = CLOTH_CONTACT_OBSTACLES;
-    CHECK(!cloth_model_create(&d, &model) && !cloth_sim_create(model, &sim));
-    CHECK(!cloth_collide_create(sim, NULL, &c));
+    CHECK(!world_start(&w, &d, NULL));
     o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.1, o.x = ball;
-    CHECK(!cloth_collide_add(c, &o, &id));
-    for (i = 1; i < 9; i += 3) cloth_sim_state(sim)->v[i] = -0.3;
-    cloth_sim_state(sim)->x[0] += dx, cloth_sim_state(sim)->v[0] += dv;
-    cloth_sim_state_changed(sim);
-    CHECK(!by || !cloth_tape_create(sim, NULL, &tape));
-    for (i = 0; i < 2; i++) CHECK(!cloth_step(sim, 2e-3, NULL));
-    for (i = 0; i < 9; i++) sum += sin(i + 1) * cloth_sim_state(sim)->x[i];
+    CHECK(!cloth_collide_add(w.c, &o, &id));
+    for (i = 1; i < 9; i += 3) cloth_sim_state(w.sim)->v[i] = -0.3;
+    cloth_sim_state(w.sim)->x[0] += dx, cloth_sim_state(w.sim)->v[0] += dv;
+    cloth_sim_state_changed(w.sim);
+    CHECK(!by || !cloth_tape_create(w.sim, NULL, &tape));
+    for (i = 0; i < 2; i++) CHECK(!cloth_step(w.sim, 2e-3, NULL));
+    for (i = 0; i < 9; i++) sum += sin(i + 1) * cloth_sim_state(w.sim)->x[i];
     memset(&g, 0, sizeof g);
     g.x0 = x0, g.v0 = v0;
     if (by) {
         CHECK(!cloth_grad_backward(tape, corner_at, NULL, &g, &rep) && rep.valid && rep.rows > 0);
         by[0] = x0[0], by[1] = v0[0];
     }
-    cloth_tape_destroy(tape), cloth_collide_destroy(c);
-    cloth_sim_destroy(sim), cloth_model_destroy(model);
+    cloth_tape_destroy(tape), world_close(&w);
     return sum;
 }
 

@@ -520,6 +520,17 @@ static void overflow_is_said(void) {
 
 /* ---- what a search that is cut short leaves -------------------------------------------------- */
 
+/* A sheet n x n of 1 m for BDF2 that hangs from two corners, pins [2]. */
+static void cut_sheet(dyn *d, cloth_pin *pins, int n) {
+    dyn_sheet(d, CLOTH_SHEET_ALTERNATING, n, n, 1, 1);
+    memset(pins, 0, 2 * sizeof *pins);
+    pins[1].vertex = n - 1, pins[0].axes = pins[1].axes = CLOTH_AXIS_ALL;
+    d->desc.npins = 2, d->desc.pins = pins;
+    d->desc.gravity[1] = -9.81;
+    d->desc.bend = CLOTH_BEND_HINGE, d->desc.material.bending = 1e-5;
+    d->desc.integrator = CLOTH_INTEGRATOR_BDF2;
+}
+
 /* 300 steps of BDF2 with one iteration each, or a tolerance of centimetres: a sheet of 1 m that
  * hangs from two corners stays within its diagonal of them (it went to 2e15 m), and no more than a
  * thirtieth of what it can fall for comes from nowhere. Solved to the default tolerance none is
@@ -535,14 +546,8 @@ static void cut_short(void) {
         cloth_report r;
         double       far = 0, most = 0;
         int          again = 0;
-        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 10, 10, 1, 1);
-        memset(pins, 0, sizeof pins);
-        pins[1].vertex = 9, pins[0].axes = pins[1].axes = CLOTH_AXIS_ALL;
-        d.desc.npins = 2, d.desc.pins = pins;
-        d.desc.gravity[1] = -9.81;
-        d.desc.bend = CLOTH_BEND_HINGE, d.desc.material.bending = 1e-5;
+        cut_sheet(&d, pins, 10);
         d.desc.material.membrane = run[k].membrane;
-        d.desc.integrator = CLOTH_INTEGRATOR_BDF2;
         d.desc.tolerance = run[k].tolerance, d.desc.max_newton = run[k].newton;
         dyn_start(&d);
         for (i = 0; i < d.nv; i++)          /* level: it swings down */
@@ -574,15 +579,8 @@ static void cut_short_swing(void) {
     dyn          d;
     int          n, k, all = 0, again = 0;
     double       most = 0;
-    dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 20, 20, 1, 1);
-    memset(pins, 0, sizeof pins);
-    pins[1].vertex = 19, pins[0].axes = pins[1].axes = CLOTH_AXIS_ALL;
-    d.desc.npins = 2, d.desc.pins = pins;
-    d.desc.gravity[1] = -9.81;
-    d.desc.material.bending = 1e-5, d.desc.material.membrane = 1000;
-    d.desc.bend = CLOTH_BEND_HINGE;
-    d.desc.integrator = CLOTH_INTEGRATOR_BDF2, d.desc.max_newton = 2;
-    d.desc.tolerance = 1e-4;
+    cut_sheet(&d, pins, 20);
+    d.desc.material.membrane = 1000, d.desc.max_newton = 2, d.desc.tolerance = 1e-4;
     dyn_start(&d);
     for (n = 1; n <= 240; n++) {
         cloth_report r;

@@ -86,20 +86,22 @@ typedef struct rig {
     cloth_collide  c;
     clothi_contact q[MOST];
     cloth_eval     e;
-    double         xa[3 * MOST], xb[3 * MOST], frame[3 * MOST], grad[3 * MOST];
+    double         xa[3 * MOST], xb[3 * MOST], frame[3 * MOST], grad[3 * MOST], mass[MOST];
     cloth_sim      sim;
     cloth_model    model;
 } rig;
 
 static void rig_start(rig *r, int n, int nv) {
+    int i;
     memset(r, 0, sizeof *r);
+    for (i = 0; i < MOST; i++) r->mass[i] = 1e-3;
     r->c.desc = cloth_collide_desc_default();
     r->c.nv = nv, r->c.nw = nv;
     r->c.xa = r->xa, r->c.xb = r->xb, r->c.x_frame = r->frame;
     r->c.h = 0.01;
     r->c.contact = r->q, r->c.ncontact = n;
     r->c.sim = &r->sim;
-    r->sim.model = &r->model;
+    r->sim.model = &r->model, r->sim.params.mass = r->mass;
     r->c.begun = 1;
     r->e.nv = nv, r->e.h = 0.01;
 }

@@ -8,7 +8,7 @@
  * After each accepted step, by exact arithmetic, no two faces of the garment and no face of the
  * garment and one of the body may intersect that did not before. Counted apart are
  *   pinched  faces of the body in a pinch, exempt in the step: cloth that is held there may be
- *            passed by them
+ *            passed by them; two faces of cloth all of whose corners are held: see 'self'
  *   leaving  the line in which the two cross now is of cloth that was inside of the body before the
  *            step, on the inner side of that face: what was held in comes out. Judged here, by the
  *            body's winding number at the same point of the cloth before, and not by the kit
@@ -32,6 +32,7 @@
 #include "../edges.h"
 #include "../body.h"
 #include "../../examples/shapes.h"
+#include "skeleton.h"
 
 #define STEPS_MOST 120
 
@@ -197,6 +198,17 @@ static int leaves(int nf, const int *faces, const double *x, const double *befor
     return 1;
 }
 
+/* All corners of both faces of the cloth are held in a pinch. */
+static int all_held(const walk *w, const int *p) {
+    int i, k;
+    for (i = 0; i < 6; i++) {
+        const int v = w->all[3 * p[i / 3] + i % 3];
+        for (k = 0; k < w->c->nhold && w->c->hold[k].vertex != v; k++) {}
+        if (k == w->c->nhold) return 0;
+    }
+    return 1;
+}
+
 /* Pairs that intersect now, two faces of the body left out; *fresh, *pinched: those that did not
  * before, with faces of the body that are an obstacle, that were exempt. */
 static void examine(walk *w, int *fresh, int *pinched) {
@@ -229,7 +241,7 @@ static void examine(walk *w, int *fresh, int *pinched) {
     for (i = 0; i < n; i++) {
         const int *p = found + 2 * i;
         if (w->npair && bsearch(p, w->pair, (size_t)w->npair, 2 * sizeof *p, same_pair)) continue;
-        if (p[1] >= cloth && w->c->nhold > 0 && w->c->pinched[p[1]]) ++*pinched;
+        if (p[1] < cloth ? all_held(w, p) : w->c->nhold > 0 && w->c->pinched[p[1]]) ++*pinched;
         else if (p[1] >= cloth && leaves(w->nf, w->all + 3 * cloth, w->x, w->before,
                                          w->all + 3 * p[0], p[1] - cloth))
             w->leaving++;
@@ -252,31 +264,20 @@ static void normal_of(const double *x, const int *f, double *m) {
         m[j] = u[(j + 1) % 3] * v[(j + 2) % 3] - u[(j + 2) % 3] * v[(j + 1) % 3];
 }
 
-/* A corner, a middle of a side or the centre of face g of the body looks at p, a point of face f,
- * from nearer than `range`, and the two do not share a corner. */
+/* A point of face g of the body looks at p, a point of face f, from nearer than `range`, and the
+ * two do not share a corner. */
 static int faced(int nf, const int *faces, const double *x, int f, const double *p, double range) {
     double own[3], other[3];
-    int    g, i, j;
+    int    g, j;
     normal_of(x, faces + 3 * f, own);
     for (g = 0; g < nf; g++) {
         const int *c = faces + 3 * g;
         double     turn = 0;
         if (share_corner(faces + 3 * f, c)) continue;
-        for (i = 0; i < 7; i++) {
-            double d = 0;
-            for (j = 0; j < 3; j++) {
-                const double *a = x + j;
-                const double  at = i < 3   ? a[3 * c[i]]
-                                   : i < 6 ? 0.5 * (a[3 * c[i - 3]] + a[3 * c[(i - 2) % 3]])
-                                           : (a[3 * c[0]] + a[3 * c[1]] + a[3 * c[2]]) / 3;
-                d += (at - p[j]) * (at - p[j]);
-            }
-            if (d < range * range) break;
-        }
-        if (i == 7) continue;
         normal_of(x, c, other);
         for (j = 0; j < 3; j++) turn += own[j] * other[j];
-        if (turn < 0) return 1;
+        if (turn < 0 && skeleton_distance(x + 3 * c[0], x + 3 * c[1], x + 3 * c[2], p) < range)
+            return 1;
     }
     return 0;
 }

@@ -11310,8 +11310,9 @@ CLOTHI_RARE_END
  * Leapfrog keeps its energy while its substep stays the same and is not close to the limit; one
  * that changes with every frame heats the cloth (a swinging sheet gained 16 % in 30 s). So a step
  * takes CLOTHI_LEAP_RESERVE substeps more than it must, or twice as many, and keeps the substep of
- * the step before, which is part of the state, until that is too long or far too short. With less
- * in reserve a swinging sheet of 8 x 8, which took 6, doubled its energy in four minutes.
+ * the step before, which is part of the state, or the nearest one of up to half as many again.
+ * (Where it leapt to twice one that was too short, uneven frames doubled the energy in half a
+ * minute; with less in reserve a swinging sheet of 8 x 8, which took 6, did in four.)
  *
  * What takes off speeds at the rate r bounds h_s too: 2 r h_s + (h_s omega)^2 <= 4.
  *   damping  adds tau K to the dashpots: r = tau omega^2
@@ -11785,12 +11786,11 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
     return status;
 }
 
-/* Substeps for a step of h that is q safe ones long: q and a reserve, or as many as the last step's
- * while these are enough and not far too many. */
+/* Substeps of h, q safe ones long: q and a reserve, up to half as many again to keep the last. */
 static int clothi_leap_substeps(const cloth_sim *s, double h, double q) {
-    const double need = clothi_max(1, q + clothi_min(q, CLOTHI_LEAP_RESERVE));
+    const double need = ceil(clothi_max(1, q + clothi_min(q, CLOTHI_LEAP_RESERVE)));
     const double last = s->h_prev > 0 ? ceil(h / s->h_prev - 1e-6) : 0;
-    return (int)(last >= need && last <= 2 * ceil(need) ? last : ceil(need));
+    return (int)clothi_max(need, clothi_min(last, floor(1.5 * need)));
 }
 
 static cloth_status clothi_leap_unstable(const cloth_sim *s, double h, int m, double limit) {

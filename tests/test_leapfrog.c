@@ -182,19 +182,21 @@ static void hanging(dyn *d, int n, double damping, int substeps, int flat) {
 }
 
 /* A sheet of n x n vertices swings, stretches and buckles for 30 000 substeps, from a start that is
- * `start` nanometres another, as the motion is chaotic: the energy stays. */
-static void swing_on(int n, int start) {
+ * `start` nanometres another, as the motion is chaotic: the energy stays. uneven: frames of 0.5 to
+ * 1.5 of 1/60 s, as hosts have them, heat it little (it was 0.6 to 0.9 of its swing). */
+static void swing_on(int n, int start, int uneven) {
     dyn          d;
     cloth_ledger from;
     cloth_report r;
     long         substeps = 0;
-    double       low = 1e300, high = -1e300, swing = 0, late = 0;
+    double       low = 1e300, high = -1e300, swing = 0, late = 0, frame = 1;
     int          steps = 0;
     hanging(&d, n, 0, 0, 1);
     d.state->x[3 * n + 1] += 1e-9 * start;
     CHECK(cloth_sim_energy(d.sim, &from) == CLOTH_OK);
     while (substeps < 30000) {
-        if (!CHECK(cloth_step(d.sim, 1.0 / 60, &r) == CLOTH_OK)) break;
+        if (uneven) frame = 0.5 + fmod(frame + 0.118033988749895, 1);
+        if (!CHECK(cloth_step(d.sim, frame / 60, &r) == CLOTH_OK)) break;
         substeps += r.substeps;
         low = fmin(low, r.energy.total - from.total);
         high = fmax(high, r.energy.total - from.total);
@@ -206,11 +208,11 @@ static void swing_on(int n, int start) {
         CHECK_NEAR(r.energy.numerical_loss, 0, 0.06 * (swing + 0.1));
     }
     if (start == 0)
-        printf("  %d x %d, %d substeps a step: total energy within %+.1e .. %+.1e J of the start, "
-               "late mean %+.1e J, kinetic up to %.2e J\n", n, n, r.substeps, low, high,
-               late / steps, swing);
-    CHECK(low > -0.05 * swing && high < 0.05 * swing);
-    CHECK(fabs(late / steps) < 0.02 * swing);
+        printf("  %d x %d, %d substeps a step%s: total energy within %+.1e .. %+.1e J of the "
+               "start, late mean %+.1e J, kinetic up to %.2e J\n", n, n, r.substeps,
+               uneven ? " of uneven frames" : "", low, high, late / steps, swing);
+    CHECK(low > -0.05 * swing && high < (uneven ? 0.2 : 0.05) * swing);
+    CHECK(uneven || fabs(late / steps) < 0.02 * swing);
     CHECK(r.bytes.matrix == 0 && r.bytes.factor == 0);
     CHECK(r.cg == 0 && r.linear_solves == 0 && r.newton == 0 && r.counts.hessians == 0);
     dyn_end(&d);
@@ -219,7 +221,8 @@ static void swing_on(int n, int start) {
 static void energy_bounded(void) {
     int n, start;
     for (n = 4; n <= 10; n += 2)
-        for (start = 0; start < 4; start++) swing_on(n, start);
+        for (start = 0; start < 4; start++) swing_on(n, start, 0);
+    swing_on(10, 0, 1);
 }
 
 /* Forth and, with v reversed, back: the start again but for rounding. */

@@ -470,8 +470,7 @@ CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
 /* x_end, shaped as desc->x: reached at the end of the next accepted step, swept on straight paths
  * from the pose of the last accepted state. */
-CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id,
-                                          const double *x_end);
+CLOTH_API cloth_status cloth_collide_move(cloth_collide *c, cloth_obstacle id, const double *x_end);
 /* The same by a rigid motion of the obstacle as it was added: x_end = R x + p, R [3 x 3] a
  * rotation (NULL: none). Spheres and capsules turn with it. A PLANE and a GRID are moved only:
  * _UNSUPPORTED. */
@@ -494,8 +493,7 @@ CLOTH_API cloth_status cloth_collide_attach(cloth_collide *c, cloth_obstacle id,
  * thickness, meets that of a face of the cloth, or of a plane or a grid; by add, remove, teleport,
  * another friction or surface. Cloth in a pinch does not sleep. Queries and reports answer as when
  * it fell asleep; after a restore or a gradient they know of no contact until it wakes. */
-CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id,
-                                              const double *x);
+CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle id, const double *x);
 
 /* cloth_step, and where contact cannot be resolved or Newton stalls a shorter one: h/2, h/4, ..
  * h/2^halvings, pins and obstacles going that part of their way. cloth_collide_last() tells the
@@ -1651,10 +1649,9 @@ typedef struct clothi_features {
 static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int nf,
                                           const int *faces, clothi_features *s) {
     clothi_edge_sort sort;
-    cloth_status     status;
+    cloth_status     status = clothi_check_counts(hooks, nv, nf);
     int              i, end, h, ne = 0;
     memset(s, 0, sizeof *s);
-    status = clothi_check_counts(hooks, nv, nf);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, nv, nf, faces);
     if (status == CLOTH_OK) status = clothi_edge_sort_make(hooks, nv, nf, faces, &sort);
     if (status != CLOTH_OK) return status;
@@ -3134,9 +3131,8 @@ static cloth_status clothi_grid_check_mesh(const cloth_grid_desc *d, double *lo,
     const cloth_hooks     *hooks = &d->hooks;
     const double           most = clothi_min(CLOTHI_GRID_LARGE, CLOTHI_GRID_REACH * d->cell);
     clothi_surface_defects defects;
-    cloth_status           status;
+    cloth_status           status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
     int                    i;
-    status = clothi_check_vector(hooks, "desc.x", d->x, 3 * d->nv);
     if (status == CLOTH_OK) status = clothi_check_faces(hooks, d->nv, d->nf, d->faces);
     if (status != CLOTH_OK) return status;
     for (i = 0; i < 9 * d->nf; i++) {
@@ -3422,6 +3418,7 @@ typedef struct clothi_obstacle {
     double              turn[2][9];         /* rotation of pose and target                     */
     double              turned[2][9];       /* where the substep starts and ends               */
     double              surface[6];         /* m/s and rad/s, motion of its surface            */
+    double              swing[3];           /* -a, a s^2, b s^3 of clothi_contact_carry()      */
     int                *faces;              /* own numbering                                   */
     double              radius, thickness, friction, normal[3];
     double              first_friction;     /* as it was added                                 */
@@ -3808,12 +3805,17 @@ static void clothi_turn_part(const double *A, const double *B, double part, doub
 
 /* World vertices at the poses alpha0 (xa) and alpha1 (xb) of the step; cloth at x in both. */
 static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, double alpha1) {
-    int o, i;
+    double cosine, sine;                    /* of the angle that a surface turns by            */
+    int    o, i;
     memcpy(c->xa, x, 3 * (size_t)c->nv * sizeof(double));
     memcpy(c->xb, x, 3 * (size_t)c->nv * sizeof(double));
     CLOTHI_OBSTACLES(c, o) {
         clothi_obstacle *b = c->obstacle + o;
         const double *p = clothi_pose(b, 0), *q = clothi_pose(b, 1);
+        const double  w2 = clothi_dot3(b->surface + 3, b->surface + 3), w = sqrt(w2);
+        clothi_circle(0.5 * w * c->h / CLOTHI_PI, &cosine, &sine);
+        b->swing[1] = w > 0 ? (1 - cosine) / w2 : 0, b->swing[0] = -b->swing[1];
+        b->swing[2] = w > 0 ? (c->h - sine / w) / w2 : 0;
         clothi_turn_part(b->turn[0], b->turn[1], alpha0, b->turned[0]);
         clothi_turn_part(b->turn[0], b->turn[1], alpha1, b->turned[1]);
         for (i = 0; i < 3 * b->nv; i++) {
@@ -4716,30 +4718,27 @@ static void clothi_turned(const double *R0, const double *R1, const double *r, d
     for (i = 0; i < 3; i++) out[i] = clothi_dot3(R1 + 3 * i, back);
 }
 
-/* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do. A
- * drum or a conveyor goes about the first vertex, by its speed where it is halfway: r [3] is where
- * a contact with faces ends, the foot of one with a wall begins. A sphere or a capsule turns about
- * its axis, which its vertices carry, from R' r to the r where the contact ends. */
+/* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do. Of a
+ * drum or a conveyor u = v + w x r, r from the first vertex to where a contact with faces ends, the
+ * foot of one with a wall begins. All of its way h u + w x (a u + b w x u): no turn leads outwards.
+ * A sphere or capsule turns about its axis, which its vertices carry, from R' r to r at the end. */
 static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
     const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
-    const double           half = q->kind == CLOTHI_VP ? 0.5 * c->h : -0.5 * c->h;
-    double r[3] = {0, 0, 0}, s[3], side = 0;
+    const int              wall = q->kind == CLOTHI_VP;
+    double r[3] = {0, 0, 0}, s[3], u[3], side = 0;
     int    i, k;
     if (!o || !(q->radius > 0 || clothi_max_abs(o->surface, 6) > 0)) return;   /* 0 as it is */
+    for (i = 0; i < q->n; i++) side += q->v[i] < c->nv ? 0 : q->w[i];
     for (i = 0; i < q->n; i++)              /* from the first vertex to the contact */
-        for (k = 0; q->v[i] >= c->nv && k < 3; k++) {
-            side += k ? 0 : q->w[i];
-            r[k] += q->w[i] * (c->xa[3 * q->v[i] + k] - c->xa[3 * o->v0 + k]);
-        }
-    for (k = 0; k < 3 && fabs(side) > 0; k++)
-        r[k] = q->kind == CLOTHI_VP
-                   ? c->xa[3 * q->v[0] + k] - c->xa[3 * o->v0 + k] - q->start * q->normal[k]
-                   : r[k] / side - side * q->radius * q->normal[k];
-    clothi_cross3(o->surface + 3, r, s);
-    for (k = 0; k < 3; k++) r[k] += half * s[k];
-    clothi_cross3(o->surface + 3, r, s);
+        for (k = 0; k < 3 && (q->v[i] < c->nv) == wall && fabs(side) > 0; k++)
+            r[k] += (wall ? 1 : q->w[i] / side) * (c->xa[3 * q->v[i] + k] - c->xa[3 * o->v0 + k]);
+    for (k = 0; k < 3; k++) r[k] -= (wall ? q->start : side * q->radius) * q->normal[k];
+    clothi_cross3(o->surface + 3, r, u);
+    for (k = 0; k < 3; k++) u[k] += o->surface[k];
+    clothi_cross3(o->surface + 3, u, s);
+    clothi_cross3(o->surface + 3, s, r);
     for (k = 0; k < 3; k++) {
-        q->carry[k] = side * c->h * (o->surface[k] + s[k]);
+        q->carry[k] = side * c->h * u[k] + side * (o->swing[wall] * s[k] + o->swing[2] * r[k]);
         r[k] = -q->radius * q->normal[k];   /* times side, twice */
     }
     clothi_turned(o->turned[1], o->turned[0], r, s);
@@ -8133,9 +8132,8 @@ CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f) {
 }
 
 CLOTH_API cloth_status cloth_collide_gap(cloth_collide *c, double range, double *gap) {
-    cloth_status status;
+    cloth_status status = clothi_query_check(c, "cloth_collide_gap", 1, gap != NULL);
     int          i;
-    status = clothi_query_check(c, "cloth_collide_gap", 1, gap != NULL);
     if (!status)
         status = clothi_check_range(c->hooks, "cloth_collide_gap: ", "range", range, 0, HUGE_VAL,
                                     CLOTHI_OVER);
@@ -8896,7 +8894,9 @@ static void clothi_back_carry(const clothi_flow *f, const clothi_contact *q, con
     for (i = 0; i < q->n && !wall; i++) side += q->v[i] < c->nv ? 0 : q->w[i];
     clothi_cross3(y, o->surface + 3, g);
     clothi_cross3(g, o->surface + 3, s);
-    for (k = 0; k < 3; k++) g[k] = side * c->h * (g[k] + (wall ? 0.5 : -0.5) * c->h * s[k]);
+    clothi_cross3(s, o->surface + 3, r);
+    for (k = 0; k < 3; k++)
+        g[k] = side * (c->h * g[k] + o->swing[wall] * s[k] + o->swing[2] * r[k]);
     if (wall) b->start -= clothi_dot3(g, q->normal);
     for (i = 0; i < q->n; i++) {            /* a wall's normal is a constant, or frozen */
         if ((q->v[i] < c->nv) != wall) continue;

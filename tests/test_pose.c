@@ -271,6 +271,37 @@ static void turntable(void) {
     }
 }
 
+/* Eight turns on a plane whose surface turns about one axis, told about three points of it: the
+ * sheet stays as far from the axis, wherever the first vertex is. (By its speed halfway of a step
+ * the surface wound outwards by (omega h)^4/8 of the radius, about an axis h v/2 beside.) */
+static void turns_without_end(void) {
+    const double spin[3] = {0, 6, 0};
+    int          m, n, last = (int)(16 * 3.14159265358979 / (6 * H));
+    for (m = 0; m < 3; m++) {
+        double         x[3] = {m == 1 ? 1 : -0.1, 0, m == 2 ? 0.7 : 0.05}, low = 1, high = 0, r;
+        const double   v[3] = {-6 * (0.05 - x[2]), 0, 6 * (-0.1 - x[0])};
+        cloth_obstacle id;
+        fric           s;
+        fric_sheet(&s, 3, 3, 0.1, 0.1);
+        fric_place(&s, 0, 0, FRIC_T - 1e-4, 0);
+        s.desc.tolerance = 1e-6;
+        if (!fric_start(&s)) exit(2);
+        id = add(&s, CLOTH_OBSTACLE_PLANE, x, 0, 1);
+        for (n = 0; n < 20; n++) CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+        CHECK(cloth_collide_set_surface(s.contact, id, v, spin) == CLOTH_OK);
+        for (n = 0; n < last; n++) {
+            CHECK(cloth_step(s.sim, H, NULL) == CLOTH_OK);
+            r = hypot(fric_mean(&s, cloth_sim_state(s.sim)->x, 0) + 0.1,
+                      fric_mean(&s, cloth_sim_state(s.sim)->x, 2) - 0.05);
+            if (n > last / 8) low = fmin(low, r), high = fmax(high, r);
+        }
+        printf("  eight turns, told about (%g, %g): %.6f to %.6f m from the axis\n", x[0], x[2],
+               low, high);
+        CHECK(low > 0.15 && high - low < 1e-3 * low);
+        fric_end(&s);
+    }
+}
+
 /* A sheet at 45 degrees of latitude of a sphere that turns about y, by poses (0) or its surface:
  * gravity, which leans by `lean` towards the pole, turns along, so that nothing moves in its frame.
  * Returns the way of the sheet there in 1.5 s, m: along the meridian to the pole. */
@@ -620,6 +651,7 @@ int main(int argc, char **argv) {
     RUN(drum);
     RUN(capsule);
     RUN(turntable);
+    RUN(turns_without_end);
     RUN(latitude);
     RUN(friction);
     RUN(replaced);

@@ -1622,22 +1622,26 @@ typedef struct clothi_block_header {
 
 static cloth_status clothi_fail(const cloth_hooks *h, cloth_status status, const char *text, ...);
 
-/* count * size bytes, zeroed; NULL when the hook fails or the product overflows. hooks may be
- * NULL. count 0 gives a valid block. With half an allocator free() would meet a host's block. */
+/* count * size bytes, zeroed; NULL, and said here for all who ask, when the hook fails or the
+ * product overflows. hooks may be NULL. count 0 gives a valid block. With half an allocator free()
+ * would meet a host's block. */
 CLOTHI_OUTLINE static void *clothi_alloc(const cloth_hooks *hooks, size_t count, size_t size) {
     const size_t extra = CLOTHI_ALIGN + sizeof(clothi_block_header);
     clothi_block_header header;
     unsigned char *base, *data;
-    if (size != 0 && count > ((size_t)-1 - extra) / size) return NULL;
     if (hooks && !hooks->allocator.alloc != !hooks->allocator.free) {
         clothi_fail(hooks, CLOTH_ERR_MEMORY, "hooks.allocator: set both alloc and free or neither");
         return NULL;
     }
     header.size = count * size + extra;
-    header.base = hooks && hooks->allocator.alloc
+    header.base = size != 0 && count > ((size_t)-1 - extra) / size ? NULL
+                  : hooks && hooks->allocator.alloc
                       ? hooks->allocator.alloc(header.size, hooks->allocator.user)
                       : CLOTH_MALLOC(header.size);
-    if (!header.base) return NULL;
+    if (!header.base) {
+        clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z times %z bytes", count, size);
+        return NULL;
+    }
     base = (unsigned char *)header.base;
     data = base + sizeof header;
     data += CLOTHI_ALIGN - 1u - ((uintptr_t)data + CLOTHI_ALIGN - 1u) % CLOTHI_ALIGN;
@@ -1697,7 +1701,7 @@ CLOTHI_UNUSED static size_t clothi_lay(const clothi_array *need, size_t n, void 
 /* The same in a block of their own, zeroed: its address is that of the first. */
 static cloth_status clothi_arrays(const cloth_hooks *hooks, const clothi_array *need, size_t n) {
     const size_t bytes = clothi_lay(need, n, NULL);
-    void        *block = bytes ? clothi_alloc(hooks, bytes, 1) : NULL;
+    void        *block = clothi_alloc(hooks, bytes ? bytes : (size_t)-1, 1);
     return block && clothi_lay(need, n, block) ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
@@ -2085,8 +2089,7 @@ static cloth_status clothi_edge_sort_make(const cloth_hooks *hooks, int nv, int 
     const size_t n = 3 * (size_t)nf;
     int h;
     s->lo = (int *)clothi_alloc(hooks, 4 * n + (size_t)nv + 1u, sizeof(int));
-    if (!s->lo)
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort the edges of %i faces", nf);
+    if (!s->lo) return CLOTH_ERR_MEMORY;
     s->hi = s->lo + n, s->order = s->hi + n, s->work = s->order + n, s->count = s->work + n;
     for (h = 0; h < 3 * nf; h++) {
         int a = faces[h], b = faces[clothi_halfedge_next(h)];
@@ -2318,8 +2321,7 @@ CLOTH_API cloth_status cloth_mesh_check(const cloth_hooks *hooks, int nv, const 
     c.hooks = hooks, c.nv = nv, c.nf = nf, c.x = x, c.X = X, c.faces = faces;
     for (k = 0; k < CLOTH_MESH_FAULT_COUNT; k++) c.report.first[k] = -1;
     c.kept = kept = (int *)clothi_alloc(hooks, 3 * (size_t)nf + 2 * (size_t)nv, sizeof(int));
-    if (!kept)
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to check %i faces", nf);
+    if (!kept) return CLOTH_ERR_MEMORY;
     c.corners = kept + 3 * (size_t)nf;
     c.fans = c.corners + nv;
     clothi_check_numbers(&c);
@@ -2473,7 +2475,7 @@ CLOTH_API cloth_status cloth_topology_create(const cloth_hooks *hooks, int nv, i
     clothi_check_edges(&c, &sort);
     if (c.report.errors) status = CLOTH_ERR_MESH;
     else if (!(*out = clothi_topology_alloc(hooks, nv, nf, c.ne, 3 * nf - c.ne)))
-        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a topology of %i edges", c.ne);
+        status = CLOTH_ERR_MEMORY;
     if (*out) {
         clothi_topology_edges(faces, &sort, *out);
         memset(sort.work, 0, 3 * (size_t)nf * sizeof(int));         /* ne <= 3 nf */
@@ -2515,11 +2517,7 @@ static cloth_mesh *clothi_mesh_alloc(const cloth_hooks *hooks, int nv, int nf, i
         {&m.vt, 2 * r, real}, {&m.faces, 3 * f, one}, {&m.part, npart ? f : 0, one},
         {&m.render_vertex, r, one}, {&m.render_faces, r ? 3 * f : 0, one}, {&m.names, text, 1}};
     memset(&m, 0, sizeof m);
-    if (clothi_arrays(hooks, need, sizeof need / sizeof *need)) {
-        clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a mesh of %i vertices and %i faces",
-                    nv, nf);
-        return NULL;
-    }
+    if (clothi_arrays(hooks, need, sizeof need / sizeof *need)) return NULL;
     m.nv = nv, m.nf = nf, m.npart = npart, m.nr = nr;
     *made = m;
     return made;
@@ -3315,9 +3313,7 @@ static cloth_status clothi_obj_alloc(clothi_obj *o) {
         {&o->order, t ? 6 * f + key + 1 : 0, one},
         {&o->names, (size_t)o->nname + 1, sizeof *o->names}};
     o->nkey = (int)key, o->table_size = table;
-    if (!clothi_arrays(o->hooks, need, sizeof need / sizeof *need)) return CLOTH_OK;
-    return clothi_fail(o->hooks, CLOTH_ERR_MEMORY, "no memory to read %i vertices and %i faces",
-                       o->nv, o->nf);
+    return clothi_arrays(o->hooks, need, sizeof need / sizeof *need);
 }
 
 /* Render corners of a mesh from `order`. mesh NULL: only counts. */
@@ -3462,9 +3458,7 @@ CLOTH_API cloth_status cloth_obj_format(const cloth_hooks *hooks, const cloth_me
                            "NaN or infinite: OBJ cannot hold it");
     if (mesh->nr == 0 && mesh->X) {
         vt = (int *)clothi_alloc(hooks, 3 * (size_t)mesh->nf + (size_t)mesh->nv, sizeof(int));
-        if (!vt)
-            return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to write %i vertices",
-                               mesh->nv);
+        if (!vt) return CLOTH_ERR_MEMORY;
     }
     clothi_obj_write(mesh, vt, vt ? vt + 3 * mesh->nf : NULL, &sink);
     clothi_free(hooks, vt);
@@ -3491,8 +3485,7 @@ static cloth_status clothi_read_file(const cloth_hooks *hooks, const char *path,
     do {
         char *larger = (char *)clothi_alloc(hooks, capacity *= 2, 1);
         if (!larger) {
-            status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
-                                 capacity);
+            status = CLOTH_ERR_MEMORY;
             break;
         }
         if (n) memcpy(larger, buf, n);
@@ -3547,8 +3540,7 @@ CLOTH_API cloth_status cloth_obj_save(const cloth_hooks *hooks, const char *path
     status = cloth_obj_format(hooks, mesh, NULL, 0, &size);
     if (status != CLOTH_OK) return status;
     text = (char *)clothi_alloc(hooks, size, 1);
-    if (!text) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "%s: no memory for %z bytes", path,
-                                  size);
+    if (!text) return CLOTH_ERR_MEMORY;
     status = cloth_obj_format(hooks, mesh, text, size, NULL);
     if (status == CLOTH_OK) status = clothi_write_file(hooks, path, text, size);
     clothi_free(hooks, text);
@@ -3660,7 +3652,7 @@ CLOTH_API cloth_status cloth_mesh_weld(const cloth_hooks *hooks, const cloth_mes
     head = (int *)clothi_alloc(hooks, 3 * (size_t)mesh->nv + 1, sizeof(int));
     if (!head || !m) {
         clothi_free(hooks, head), cloth_mesh_destroy(hooks, m);
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to weld %i vertices", mesh->nv);
+        return CLOTH_ERR_MEMORY;
     }
     next = head + mesh->nv + 1, to = next + mesh->nv;
     for (i = m->nv = m->nf = 0; i < mesh->nv; i++) {
@@ -3734,7 +3726,7 @@ CLOTH_API cloth_status cloth_mesh_orient(const cloth_hooks *hooks, cloth_mesh *m
     pair = (int *)clothi_alloc(hooks, 5 * (size_t)mesh->nf + 1, sizeof(int));
     if (!pair) {
         clothi_free(hooks, sort.lo);
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to orient");
+        return CLOTH_ERR_MEMORY;
     }
     turn = pair + 3 * mesh->nf, piece = turn + mesh->nf;
     for (i = 0; i < 3 * mesh->nf; i = j) {
@@ -7657,7 +7649,8 @@ static cloth_status clothi_front_lists(cloth_factor *f) {
         if (!f->bound) break;
     }
     clothi_free(&f->hooks, where);
-    return sum > 0x7fffffff ? CLOTH_ERR_CAPACITY : f->bound ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    if (sum <= 0x7fffffff) return f->bound ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    return clothi_fail(&f->hooks, CLOTH_ERR_CAPACITY, "factor: rows of %z vertices", sum);
 }
 
 /* Index in the front of part q of the vertex with elimination number e. */
@@ -7861,14 +7854,14 @@ CLOTH_API cloth_status cloth_factor_create(const cloth_hooks *hooks, const cloth
     *out = NULL;
     if (!pattern) return clothi_null(hooks, "factor: pattern");
     f = (cloth_factor *)clothi_object(hooks, sizeof *f);
-    if (!f) return clothi_fail(hooks, CLOTH_ERR_MEMORY, "factor: out of memory");
+    if (!f) return CLOTH_ERR_MEMORY;
     f->p = pattern, np = pattern->nparts;
     f->front = (clothi_front *)clothi_alloc(hooks, (size_t)np + 2, sizeof *f->front);
     f->entry = (clothi_front_entry *)clothi_alloc(hooks, (size_t)pattern->nlow, sizeof *f->entry);
     status = f->front && f->entry ? clothi_front_lists(f) : CLOTH_ERR_MEMORY;
     if (status) {
         cloth_factor_destroy(f);
-        return clothi_fail(hooks, status, "factor: out of memory");
+        return status;
     }
     f->relative = f->bound + f->front[np].bound;
     for (q = 0; q < np; q++) {
@@ -7896,8 +7889,7 @@ static cloth_status clothi_factor_reserve(cloth_factor *f) {
     const size_t count = packed + f->nstack + f->front[f->p->nparts].panel + 4 * n;
     if (f->work) return CLOTH_OK;
     f->work = (double *)clothi_alloc(&f->hooks, count, sizeof(double));
-    if (!f->work)
-        return clothi_fail(&f->hooks, CLOTH_ERR_MEMORY, "factor: out of memory, %z doubles", count);
+    if (!f->work) return CLOTH_ERR_MEMORY;
     f->stack = f->work + packed, f->panel = f->stack + f->nstack;
     f->sign = f->panel + f->front[f->p->nparts].panel, f->vec = f->sign + n;
     f->pivot = (signed char *)(f->vec + 2 * n), f->fixed = (unsigned char *)f->pivot + n;
@@ -8598,7 +8590,7 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
     status = clothi_check_desc(desc);
     if (status) return status;
     m = (cloth_model *)clothi_alloc(&desc->hooks, 1, sizeof *m);
-    if (!m) return clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY, "no memory for the model");
+    if (!m) return CLOTH_ERR_MEMORY;
     m->hooks = desc->hooks, m->desc = *desc, m->nv = desc->nv, m->nf = desc->nf;
     m->nregions = desc->nregions > 0 ? desc->nregions : 1;
     status = clothi_model_copy(m, desc);
@@ -8613,9 +8605,6 @@ CLOTH_API cloth_status cloth_model_create(const cloth_desc *desc, cloth_model **
         status = cloth_topology_create(&m->hooks, m->nv, m->nf, m->faces, &m->topology);
     if (!status) status = clothi_model_elements(m);
     if (status) {
-        if (status == CLOTH_ERR_MEMORY)
-            (void)clothi_fail(&desc->hooks, status, "no memory for a model of %i vertices",
-                              desc->nv);
         cloth_model_destroy(m);
         return status;
     }
@@ -9279,7 +9268,7 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     *out = NULL;
     if (!model) return CLOTH_ERR_ARGUMENT;
     s = (cloth_sim *)clothi_alloc(&model->hooks, 1, sizeof *s);
-    if (!s) return clothi_fail(&model->hooks, CLOTH_ERR_MEMORY, "no memory for the sim");
+    if (!s) return CLOTH_ERR_MEMORY;
     s->model = model, s->hooks = model->hooks, s->hooks.allocator.alloc = clothi_counted_alloc;
     s->hooks.allocator.free = clothi_counted_free, s->hooks.allocator.user = s;
     s->own.hooks = &s->hooks, s->fraction = 1;
@@ -9296,8 +9285,7 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     if (!status) s->fixed = (unsigned char *)clothi_alloc(&s->hooks, (size_t)model->nv, 1);
     if (!s->fixed) {                        /* the last of them                                */
         cloth_sim_destroy(s);
-        return clothi_fail(&model->hooks, CLOTH_ERR_MEMORY, "no memory for a sim of %i vertices",
-                           model->nv);
+        return CLOTH_ERR_MEMORY;
     }
     clothi_sim_start(s);
     clothi_terms_install(s);

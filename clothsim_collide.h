@@ -1390,7 +1390,7 @@ static cloth_status clothi_bvh_build(const cloth_hooks *hooks, int n, const doub
     if (!key || !t->node) {
         clothi_free(hooks, key);
         clothi_bvh_free(hooks, t);
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for a tree of %i boxes", n);
+        return CLOTH_ERR_MEMORY;
     }
     t->box = t->node + 6 * nodes;
     t->item = (int *)(void *)(t->box + 6 * m);
@@ -1429,8 +1429,7 @@ static cloth_status clothi_bvh_faces(const cloth_hooks *hooks, int nv, const dou
     double      *box = (double *)clothi_alloc(hooks, 6 * ((size_t)nv + (size_t)nf), sizeof *box);
     cloth_status status;
     memset(t, 0, sizeof *t);
-    if (!box)
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the boxes of %i faces", nf);
+    if (!box) return CLOTH_ERR_MEMORY;
     clothi_swept_boxes(nv, x, NULL, 0, box);
     clothi_face_boxes(nf, faces, box, box + 6 * (size_t)nv);
     status = clothi_bvh_build(hooks, nf, box + 6 * (size_t)nv, t);
@@ -1568,8 +1567,7 @@ static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *
             s->begin = all, all += s->room;
         }
         if (!list->pair) list->pair = (int *)clothi_alloc(hooks, all, 2 * sizeof *list->pair);
-        if (!list->pair)
-            return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %z pairs", all);
+        if (!list->pair) return CLOTH_ERR_MEMORY;
         clothi_for(hooks, tasks, 1, clothi_bvh_query_range, &query);
         for (fit = 1, i = 0; i < tasks; i++) fit &= list->task[i].found <= list->task[i].room;
         if (!fit) clothi_free(hooks, list->pair), list->pair = NULL;
@@ -1659,7 +1657,7 @@ static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int 
     s->edges = (int *)clothi_alloc(hooks, (2 * (size_t)ne + 3 * (size_t)nf) * sizeof(int) +
                                               (size_t)nf, 1);
     if (!s->edges) {
-        status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for %i edges", ne);
+        status = CLOTH_ERR_MEMORY;
         goto done;
     }
     s->faces = faces;
@@ -1944,8 +1942,7 @@ static cloth_status clothi_pairs_sort(const cloth_hooks *hooks, int n, clothi_pa
     int         *work, *key, *in, *out, *count, i, k;
     if (m < 2) return CLOTH_OK;
     work = (int *)clothi_alloc(hooks, 5 * m + (size_t)n + 1u, sizeof *work);
-    if (!work)
-        return clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory to sort %i pairs", p->count);
+    if (!work) return CLOTH_ERR_MEMORY;
     key = work + 2 * m, in = key + m, out = in + m, count = out + m;
     for (k = 1; k >= 0; k--) {
         for (i = 0; i < p->count; i++) key[i] = p->pair[2 * i + k];
@@ -2081,8 +2078,7 @@ CLOTH_API cloth_qp_options cloth_qp_options_default(void) {
 CLOTH_API cloth_status cloth_qp_work_create(const cloth_hooks *hooks, cloth_qp_work **out) {
     if (!out) return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "out = NULL: pass an address");
     *out = (cloth_qp_work *)clothi_object(hooks, sizeof **out);
-    return *out ? CLOTH_OK
-                : clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the work of a QP");
+    return *out ? CLOTH_OK : CLOTH_ERR_MEMORY;
 }
 
 CLOTH_API void cloth_qp_work_destroy(cloth_qp_work *work) {
@@ -2880,8 +2876,6 @@ CLOTH_API cloth_status cloth_qp_solve(const cloth_qp *qp, const cloth_qp_options
     if (!o.max_iterations && qp->m < 200000000) s.most = 100 + 10 * qp->m;
     if (s.m) status = clothi_qp_run(&s, &o);
     else report.outcome = CLOTH_QP_SOLVED;
-    if (status == CLOTH_ERR_MEMORY)
-        clothi_fail(&o.hooks, status, "no memory for qp.m = %i", s.m);
     if (status == CLOTH_ERR_CANCELLED)
         clothi_fail(&o.hooks, status, "the cancel hook stopped the QP");
     if (!status && !(report.residual < CLOTHI_HUGE))
@@ -2944,8 +2938,7 @@ static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int n
     d->open = d->turned = d->branch = d->inward = -1, d->volume = 0;
     if (status != CLOTH_OK) return status;
     volume = (double *)clothi_alloc(hooks, (size_t)nf, 2 * sizeof(double));
-    if (!volume) status = clothi_fail(hooks, CLOTH_ERR_MEMORY, "no memory for the parts of %i "
-                                      "faces", nf);
+    if (!volume) status = CLOTH_ERR_MEMORY;
     if (status != CLOTH_OK) goto done;
     up = (int *)(void *)(volume + nf);
     if (!closed) closed = (unsigned char *)(up + nf);
@@ -3223,8 +3216,7 @@ CLOTH_API cloth_status cloth_grid_create(const cloth_grid_desc *desc, cloth_grid
     status = made && job.covered
                  ? clothi_bvh_faces(&desc->hooks, desc->nv, desc->x, desc->nf, desc->faces,
                                     &job.tree)
-                 : clothi_fail(&desc->hooks, CLOTH_ERR_MEMORY, "no memory for a grid of %z nodes "
-                               "and %i faces", nodes, desc->nf);
+                 : CLOTH_ERR_MEMORY;
     if (!status)
         status = clothi_surface_covered(&desc->hooks, &job.surface, desc->nf, job.covered);
     if (!status) {
@@ -4035,9 +4027,8 @@ static cloth_status clothi_pair_add(cloth_collide *c, int kind, int a, int b) {
     const clothi_near p = {{kind, a, b}, 0, 0, 0, 0, 0};
     int               v[4];
     (void)clothi_pair_vertices(c, &p.id, v);
-    if (!clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1]) || !CLOTHI_PUSH(c, pair, p))
-        return CLOTH_OK;
-    return clothi_fail(c->hooks, CLOTH_ERR_MEMORY, "no memory for %i pairs", c->npair + 1);
+    if (!clothi_may_touch(c, v[0], v[kind == CLOTHI_EE ? 2 : 1])) return CLOTH_OK;
+    return CLOTHI_PUSH(c, pair, p);
 }
 
 enum { CLOTHI_SWEPT = 1, CLOTHI_ENDED = 2 };    /* of obstacles: their whole way; where it ends */
@@ -7523,7 +7514,7 @@ CLOTH_API cloth_status cloth_collide_create(cloth_sim *sim, const cloth_collide_
     status = clothi_collide_check(sim, &d);
     if (status) return status;
     c = (cloth_collide *)clothi_alloc(&sim->hooks, 1, sizeof *c);
-    if (!c) return clothi_fail(&sim->hooks, CLOTH_ERR_MEMORY, "no memory for the contact");
+    if (!c) return CLOTH_ERR_MEMORY;
     c->sim = sim;
     c->hooks = &sim->hooks;
     c->desc = d;

@@ -959,7 +959,7 @@ static cloth_status clothi_tape_arrays(cloth_tape *t) {
     t->next = (unsigned char *)clothi_tape_alloc(t, t->room, 1);
     if (how) t->how = (unsigned char *)clothi_tape_alloc(t, how, 1);
     if (t->step && t->start && t->end && t->input && t->next && (t->how || leap)) return CLOTH_OK;
-    return clothi_fail(&t->hooks, CLOTH_ERR_MEMORY, "no memory for a tape");
+    return CLOTH_ERR_MEMORY;
 }
 
 CLOTH_API cloth_status cloth_tape_create(cloth_sim *sim, const cloth_tape_options *opt,
@@ -976,7 +976,7 @@ CLOTH_API cloth_status cloth_tape_create(cloth_sim *sim, const cloth_tape_option
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_tape_create: this sim has a "
                            "tape already");
     t = (cloth_tape *)clothi_alloc(&sim->model->hooks, 1, sizeof *t);
-    if (!t) return clothi_fail(&sim->hooks, CLOTH_ERR_MEMORY, "no memory for a tape");
+    if (!t) return CLOTH_ERR_MEMORY;
     t->hooks = sim->model->hooks;
     t->opt = o;
     t->spacing = 1;
@@ -3697,8 +3697,7 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
     l.home = clothi_alloc(&sim->hooks, l.size, 1);
     block = (double *)clothi_alloc(&sim->hooks, (size_t)layer->frames + (g_x ? all + 2 * l.n : 0),
                                    sizeof(double));
-    r->status = l.home && block ? cloth_sim_save(sim, l.home, l.size)
-                                : clothi_fail(&sim->hooks, CLOTH_ERR_MEMORY, "no memory");
+    r->status = l.home && block ? cloth_sim_save(sim, l.home, l.size) : CLOTH_ERR_MEMORY;
     if (!r->status) {
         l.used = block;
         if (g_x) l.g = block + layer->frames, l.gx = l.g + all, l.gv = l.gx + l.n;
@@ -3881,7 +3880,6 @@ CLOTH_API cloth_status cloth_graph_create(const cloth_hooks *hooks, int nv, cons
         if (g->edge) clothi_graph_pairs(&m);
         else status = CLOTH_ERR_MEMORY;
     }
-    if (status == CLOTH_ERR_MEMORY) (void)clothi_fail(hooks, status, "no memory for a graph");
     if (status) cloth_graph_destroy(hooks, g);
     else *out = g;
     clothi_free(hooks, m.mark);

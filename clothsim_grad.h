@@ -1161,6 +1161,8 @@ struct clothi_grad {                        /* one walk backwards               
     cloth_sim         *s;
     const cloth_grad  *out;
     cloth_grad_report *rep;
+    cloth_loss_fn     *loss;
+    void              *user;
     unsigned char *input;                   /* [t->room] that of step `at`                     */
     int            at;                      /* -1: zeros                                       */
     unsigned char *kept_motion, *kept_input;/* the sim as it was                               */
@@ -2455,12 +2457,12 @@ static cloth_status clothi_grad_implicit(clothi_grad *g, int k, const unsigned c
 }
 
 /* What the loss says of the state after k steps. */
-static cloth_status clothi_grad_loss(clothi_grad *g, int k, cloth_loss_fn *loss, void *user) {
+static cloth_status clothi_grad_loss(clothi_grad *g, int k) {
     const size_t n = g->t->nv3;
     size_t       i;
     ptrdiff_t    at;
     memset(g->gx, 0, 2 * n * sizeof(double));
-    loss(k, g->x, g->v, g->gx, g->gv, user);
+    g->loss(k, g->x, g->v, g->gx, g->gv, g->user);
     at = clothi_find_nonfinite(g->gx, 2 * n);
     if (at >= 0)
         return clothi_fail(&g->t->hooks, CLOTH_ERR_NONFINITE, "cloth_grad_backward: the loss wrote "
@@ -2468,12 +2470,6 @@ static cloth_status clothi_grad_loss(clothi_grad *g, int k, cloth_loss_fn *loss,
     for (i = 0; i < 2 * n; i++) g->lx[i] += g->gx[i];
     return CLOTH_OK;
 }
-
-typedef struct clothi_walker {              /* what clothi_grad_between hands on               */
-    clothi_grad   *g;
-    cloth_loss_fn *loss;
-    void          *user;
-} clothi_walker;
 
 /* Contact is told where the walk is. */
 static cloth_status clothi_grad_adjoint(clothi_grad *g, int what, int k) {
@@ -2483,8 +2479,7 @@ static cloth_status clothi_grad_adjoint(clothi_grad *g, int what, int k) {
 }
 
 /* l over step k, whose start is in `slot`; then the loss there. */
-static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsigned char *slot) {
-    clothi_grad        *g = w->g;
+static cloth_status clothi_grad_step(clothi_grad *g, int k, const unsigned char *slot) {
     const size_t        n = g->t->nv3, bytes = n * sizeof(double);
     const clothi_taped *e = g->t->step + k;
     const size_t        na = 3 * (size_t)g->s->model->desc.max_attachments;
@@ -2514,7 +2509,7 @@ static cloth_status clothi_grad_step(const clothi_walker *w, int k, const unsign
     if (!status && e->params) clothi_grad_flush(g);     /* steps before it have others */
     if (!status) status = clothi_grad_adjoint(g, CLOTH_ADJOINT_STEP, k + 1);
     memcpy(g->v, slot + bytes + CLOTHI_PAD8(bytes), bytes);
-    return status ? status : clothi_grad_loss(g, k, w->loss, w->user);
+    return status ? status : clothi_grad_loss(g, k);
 }
 
 /* --- between slots --- */
@@ -2545,23 +2540,21 @@ static cloth_status clothi_grad_run(clothi_grad *g, int a, int b, const unsigned
     return status;
 }
 
-static cloth_status clothi_grad_between(const clothi_walker *w, int a, int b,
-                                        const unsigned char *from);
+static cloth_status clothi_grad_between(clothi_grad *g, int a, int b, const unsigned char *from);
 
 /* All slots between fit: they are filled forwards and walked backwards. */
-static cloth_status clothi_grad_fill(const clothi_walker *w, int a, int b,
-                                     const unsigned char *from) {
-    cloth_tape   *t = w->g->t;
+static cloth_status clothi_grad_fill(clothi_grad *g, int a, int b, const unsigned char *from) {
+    cloth_tape   *t = g->t;
     cloth_status  status = CLOTH_OK;
     int           k;
     for (k = a + 1; k < b && !status; k++) {
         t->step[k].slot = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
-        status = t->step[k].slot ? clothi_grad_run(w->g, k - 1, k, from, t->step[k].slot)
+        status = t->step[k].slot ? clothi_grad_run(g, k - 1, k, from, t->step[k].slot)
                                  : CLOTH_ERR_MEMORY;
         from = t->step[k].slot;
     }
     for (k = b - 1; k > a; k--) {
-        if (!status) status = clothi_grad_step(w, k, t->step[k].slot);
+        if (!status) status = clothi_grad_step(g, k, t->step[k].slot);
         clothi_tape_free(t, t->step[k].slot);
         t->step[k].slot = NULL;
     }
@@ -2569,28 +2562,27 @@ static cloth_status clothi_grad_fill(const clothi_walker *w, int a, int b,
 }
 
 /* Steps b-1 .. a, the motion at a in `from`, with no slot between. See [3.1]. */
-static cloth_status clothi_grad_between(const clothi_walker *w, int a, int b,
-                                        const unsigned char *from) {
-    cloth_tape    *t = w->g->t;
+static cloth_status clothi_grad_between(clothi_grad *g, int a, int b, const unsigned char *from) {
+    cloth_tape    *t = g->t;
     const int      room = clothi_grad_room(t), mid = a + (b - a) / 2;
     unsigned char *slot;
     cloth_status   status = CLOTH_OK;
     int            k;
     if (room >= b - a - 1) {
-        status = clothi_grad_fill(w, a, b, from);
+        status = clothi_grad_fill(g, a, b, from);
     } else if (room < 1) {                  /* `here` alone: each step from a on */
         for (k = b - 1; k > a && !status; k--) {
-            status = clothi_grad_run(w->g, a, k, from, w->g->here);
-            if (!status) status = clothi_grad_step(w, k, w->g->here);
+            status = clothi_grad_run(g, a, k, from, g->here);
+            if (!status) status = clothi_grad_step(g, k, g->here);
         }
     } else {                                /* the second half from a slot of its own */
         slot = (unsigned char *)clothi_tape_alloc(t, t->slot, 1);
-        status = slot ? clothi_grad_run(w->g, a, mid, from, slot) : CLOTH_ERR_MEMORY;
-        if (!status) status = clothi_grad_between(w, mid, b, slot);
+        status = slot ? clothi_grad_run(g, a, mid, from, slot) : CLOTH_ERR_MEMORY;
+        if (!status) status = clothi_grad_between(g, mid, b, slot);
         clothi_tape_free(t, slot);
-        return status ? status : clothi_grad_between(w, a, mid, from);
+        return status ? status : clothi_grad_between(g, a, mid, from);
     }
-    return status ? status : clothi_grad_step(w, a, from);
+    return status ? status : clothi_grad_step(g, a, from);
 }
 
 /* --- the call --- */
@@ -2690,19 +2682,17 @@ static void clothi_grad_close(clothi_grad *g, unsigned char *block) {
 }
 
 /* From the end of the tape to its start. */
-static cloth_status clothi_grad_walk(clothi_grad *g, cloth_loss_fn *loss, void *user) {
-    cloth_tape   *t = g->t;
-    const size_t  bytes = t->nv3 * sizeof(double);
-    clothi_walker w;
-    cloth_status  status;
-    int           a, b = t->n;
-    w.g = g, w.loss = loss, w.user = user;
+static cloth_status clothi_grad_walk(clothi_grad *g) {
+    cloth_tape  *t = g->t;
+    const size_t bytes = t->nv3 * sizeof(double);
+    cloth_status status;
+    int          a, b = t->n;
     memcpy(g->x, t->end, bytes);
     memcpy(g->v, t->end + bytes + CLOTHI_PAD8(bytes), bytes);
-    status = clothi_grad_loss(g, t->n, loss, user);
+    status = clothi_grad_loss(g, t->n);
     for (a = b - 1; a >= 0 && !status; a--) {
         if (!t->step[a].slot) continue;
-        status = clothi_grad_between(&w, a, b, t->step[a].slot);
+        status = clothi_grad_between(g, a, b, t->step[a].slot);
         b = a;
     }
     return status ? status : clothi_grad_adjoint(g, CLOTH_ADJOINT_END, 0);
@@ -2737,11 +2727,11 @@ CLOTH_API cloth_status cloth_grad_backward(cloth_tape *tape, cloth_loss_fn *loss
     start = clothi_now(&tape->hooks);
     r->steps = tape->n;
     status = clothi_grad_open(&g, tape, out, r, &block);
-    if (status) (void)clothi_fail(&tape->hooks, status, "cloth_grad_backward: no memory");
-    else {
+    if (!status) {
+        g.loss = loss, g.user = user;
         tape->mode = CLOTHI_TAPE_DEAF;
         clothi_grad_keep(&g, CLOTHI_SAVE);
-        status = clothi_grad_walk(&g, loss, user);
+        status = clothi_grad_walk(&g);
         if (out->x0) memcpy(out->x0, g.lx, tape->nv3 * sizeof(double));
         if (out->v0) memcpy(out->v0, g.lv, tape->nv3 * sizeof(double));
         clothi_grad_keep(&g, CLOTHI_LOAD);
@@ -2791,7 +2781,10 @@ typedef struct clothi_cause {               /* numbers that are moved           
 typedef struct clothi_check {
     cloth_sim     *s;
     cloth_loss_fn *loss;
-    void          *user;
+    cloth_run_fn  *run;                     /* the host's                                      */
+    void          *user, *run_user;
+    void          *start;                   /* [size] the sim where the run begins             */
+    size_t         size;
     cloth_grad     g;
     double        *w;                       /* [n + 1][2][nv x 3] gradient of the loss         */
     double        *dx, *dv, *dp, *dq;       /* tangent of x, v and those before                */
@@ -3150,9 +3143,8 @@ static void clothi_check_causes(clothi_check *c) {
 }
 
 /* The sim as it was saved, ready to run; moved by eps times the direction of q (NULL: not). */
-static cloth_status clothi_check_start(clothi_check *c, const void *start, size_t size,
-                                       const clothi_cause *q, double eps) {
-    cloth_status status = cloth_sim_restore(c->s, start, size);
+static cloth_status clothi_check_start(clothi_check *c, const clothi_cause *q, double eps) {
+    cloth_status status = cloth_sim_restore(c->s, c->start, c->size);
     if (status) return status;
     if (q) clothi_check_move(q, eps);
     status = cloth_sim_params_changed(c->s);
@@ -3162,23 +3154,16 @@ static cloth_status clothi_check_start(clothi_check *c, const void *start, size_
     return status;
 }
 
-typedef struct clothi_script {              /* the host's run                                  */
-    cloth_run_fn *run;
-    void         *user;
-    void         *start;                    /* [size] the sim where it begins                  */
-    size_t        size;
-} clothi_script;
-
 /* Sum of weights along a run with q moved; *set: the run itself said what q is. */
-static cloth_status clothi_check_value(clothi_check *c, const clothi_script *p,
-                                       const clothi_cause *q, double eps, int *set) {
-    cloth_status status = clothi_check_start(c, p->start, p->size, q, eps);
+static cloth_status clothi_check_value(clothi_check *c, const clothi_cause *q, double eps,
+                                       int *set) {
+    cloth_status status = clothi_check_start(c, q, eps);
     int          i;
     if (status) return status;
     c->sum = 0, c->k = 0;
     clothi_check_weigh(c, 0, c->s->state.x, c->s->state.v);
     for (i = 0; i < q->n; i++) q->size[q->n + i] = *clothi_check_number(q, i);
-    status = p->run(c->s, p->user);
+    status = c->run(c->s, c->run_user);
     for (i = 0; i < q->n && q->host; i++)
         *set |= memcmp(q->size + q->n + i, clothi_check_number(q, i), sizeof *q->size) != 0;
     if (!status && c->k != c->n)
@@ -3188,8 +3173,8 @@ static cloth_status clothi_check_value(clothi_check *c, const clothi_script *p,
 }
 
 /* One row; *set as above: it is none. */
-static cloth_status clothi_check_row(clothi_check *c, const clothi_script *p, const clothi_cause *q,
-                                     cloth_check_row *row, int *set) {
+static cloth_status clothi_check_row(clothi_check *c, const clothi_cause *q, cloth_check_row *row,
+                                     int *set) {
     double       d[CLOTHI_CHECK_LEVELS][CLOTHI_CHECK_LEVELS], v[2], eps = 1, off, error = HUGE_VAL;
     cloth_status status = CLOTH_OK;
     int          i, j;
@@ -3199,9 +3184,9 @@ static cloth_status clothi_check_row(clothi_check *c, const clothi_script *p, co
     *set = 0;
     for (i = 0; i < CLOTHI_CHECK_LEVELS && !status && !*set; i++, eps *= 0.25) {
         double power = 16;
-        status = clothi_check_value(c, p, q, eps, set);
+        status = clothi_check_value(c, q, eps, set);
         v[0] = c->sum;
-        if (!status) status = clothi_check_value(c, p, q, -eps, set);
+        if (!status) status = clothi_check_value(c, q, -eps, set);
         v[1] = c->sum;
         d[i][0] = (v[0] - v[1]) / (2 * eps);
         for (j = 1; j <= i; j++, power *= 16) {
@@ -3217,18 +3202,18 @@ static cloth_status clothi_check_row(clothi_check *c, const clothi_script *p, co
 }
 
 /* The run on a tape, its gradient, and the dot-product test, where it can be. */
-static cloth_status clothi_check_adjoint(clothi_check *c, const clothi_script *p,
-                                         cloth_check_row *row, int *rows, cloth_grad_report *rep) {
+static cloth_status clothi_check_adjoint(clothi_check *c, cloth_check_row *row, int *rows,
+                                         cloth_grad_report *rep) {
     cloth_sim     *s = c->s;
     const size_t   n = 3 * (size_t)s->model->nv;
     cloth_tape    *tape = NULL;
     unsigned char *block = NULL;
     clothi_grad    g;
     cloth_grad_report local;
-    cloth_status   status = clothi_check_start(c, p->start, p->size, NULL, 0);
+    cloth_status   status = clothi_check_start(c, NULL, 0);
     int            k, walks;
     if (!status) status = cloth_tape_create(s, NULL, &tape);
-    if (!status) status = p->run(s, p->user);
+    if (!status) status = c->run(s, c->run_user);
     if (!status && tape->ended) status = tape->ended_by;            /* it has said why */
     c->n = cloth_tape_steps(tape);
     if (!status) {
@@ -3269,7 +3254,6 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
     cloth_recorder    host, ours;
     cloth_grad_report local;
     clothi_check      c;
-    clothi_script     p;
     cloth_status      status;
     size_t            n;
     int               i, set;
@@ -3281,33 +3265,32 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
         return clothi_fail(&sim->hooks, CLOTH_ERR_ARGUMENT, "cloth_grad_check: this sim has a tape "
                            "already");
     memset(&c, 0, sizeof c);
-    c.s = sim, c.loss = loss, c.user = user;
+    c.s = sim, c.loss = loss, c.user = user, c.run = run, c.run_user = run_user;
     n = 3 * (size_t)sim->model->nv;
     clothi_check_causes(&c);
-    p.run = run, p.user = run_user;
-    p.size = cloth_sim_save_size(sim);
-    p.start = clothi_alloc(&sim->hooks, p.size, 1);
+    c.size = cloth_sim_save_size(sim);
+    c.start = clothi_alloc(&sim->hooks, c.size, 1);
     c.dx = (double *)clothi_alloc(&sim->hooks, 4 * n + c.results, sizeof(double));
     host = sim->recorder;
-    status = p.start && c.dx && c.causes ? cloth_sim_save(sim, p.start, p.size) : CLOTH_ERR_MEMORY;
+    status = c.start && c.dx && c.causes ? cloth_sim_save(sim, c.start, c.size) : CLOTH_ERR_MEMORY;
     if (!status) {
         c.dv = c.dx + n, c.dp = c.dv + n, c.dq = c.dp + n, c.block = c.dq + n;
         clothi_check_causes(&c);
         memset(&sim->recorder, 0, sizeof host);
-        status = clothi_check_adjoint(&c, &p, row, rows, rep ? rep : &local);
+        status = clothi_check_adjoint(&c, row, rows, rep ? rep : &local);
         memset(&ours, 0, sizeof ours);
         ours.user = &c, ours.step = clothi_check_heard;
         sim->recorder = ours;
         for (i = 0; i < c.causes && !status; i++) {
-            status = clothi_check_row(&c, &p, c.cause + i, row + *rows, &set);
+            status = clothi_check_row(&c, c.cause + i, row + *rows, &set);
             *rows += !status && !set;
         }
         sim->recorder = host;
-        if (cloth_sim_restore(sim, p.start, p.size) && !status) status = CLOTH_ERR_MEMORY;
+        if (cloth_sim_restore(sim, c.start, c.size) && !status) status = CLOTH_ERR_MEMORY;
     }
     clothi_free(&sim->hooks, c.w);
     clothi_free(&sim->hooks, c.dx);
-    clothi_free(&sim->hooks, p.start);
+    clothi_free(&sim->hooks, c.start);
     return status;
 }
 

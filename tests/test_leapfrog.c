@@ -376,17 +376,16 @@ static void pattern_larger(void) {
 }
 
 /* Stiff plates that start rolled up and unroll: hinges stiffen as wings are pressed. By their
- * stiffness at rest the energy grew a hundred to ten thousand times; a refusal is an end. Rolled at
- * an edge theta leaps: whether the energy grows is a matter of the start's last digits. */
+ * stiffness at rest the energy grew a hundred to ten thousand times; looked at in every fourth
+ * substep, what was rolled at an edge gained 2 to 24 times. A refusal is an end. */
 static void unrolled(void) {
     static const struct { cloth_membrane model; double rigidity, radius; } PLATE[3] = {
         {CLOTH_MEMBRANE_SPRINGS, 0.1, 2},   /* of Y a^2; edges                                 */
         {CLOTH_MEMBRANE_SPRINGS, 1, 5},
         {CLOTH_MEMBRANE_STVK, 0.1, 1}};
     const double a = 1e-3;
-    double       worst = 0;
     int          k, n, i, j;
-    for (j = 0; j < 7; j++) {
+    for (j = 0; j < 5; j++) {
         dyn          d;
         cloth_ledger start;
         cloth_report r;
@@ -412,11 +411,45 @@ static void unrolled(void) {
         }
         printf("  D = %g Y a^2, rolled at %g edges: %d steps, %.3f of the energy at most\n",
                PLATE[k].rigidity, PLATE[k].radius, n, most);
-        CHECK(k == 2 ? n > 10 : n > 99 && most < 1.05);
-        worst = fmax(worst, k == 2 ? most : 0);
+        CHECK(n > (k == 2 ? 10 : 99) && most < 1.05);
         dyn_end(&d);
     }
-    OPEN_MOST(worst, 1.05, "a plate rolled at 1 edge: of its energy");
+}
+
+/* Plates that start crumpled, every coordinate up to `part` of an edge off: of the first two, seen
+ * in every fourth substep, the energy grew 7 and 26 times. A refusal is an end. */
+static void crumpled(void) {
+    static const struct { cloth_membrane model; double rigidity, part, most; } PLATE[4] = {
+        {CLOTH_MEMBRANE_STVK, 0.1, 0.5, 1.05}, {CLOTH_MEMBRANE_STVK, 0.1, 0.5, 1.05},
+        {CLOTH_MEMBRANE_SPRINGS, 0.1, 0.5, 1.05}, {CLOTH_MEMBRANE_SPRINGS, 0.1, 0.5, 1.05}};
+    const double a = 1e-3;
+    int          k, n, i;
+    for (k = 0; k < (int)(sizeof PLATE / sizeof *PLATE); k++) {
+        unsigned long long seed = 1 + (unsigned long long)k;
+        dyn                d;
+        cloth_ledger       start;
+        cloth_report       r;
+        double             most = 0;
+        dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, 6, 6, 5 * a, 5 * a);
+        d.desc.integrator = CLOTH_INTEGRATOR_LEAPFROG;
+        d.desc.membrane = PLATE[k].model;
+        d.desc.bend = CLOTH_BEND_HINGE;
+        d.desc.material.density = 0.35;
+        d.desc.material.bending = PLATE[k].rigidity * 100 * a * a;
+        dyn_start(&d);
+        for (i = 0; i < 3 * d.nv; i++)
+            d.state->x[i] += ref_uniform(&seed, -PLATE[k].part, PLATE[k].part) * a;
+        cloth_sim_state_changed(d.sim);
+        CHECK(cloth_sim_energy(d.sim, &start) == CLOTH_OK);
+        for (n = 0; n < 60; n++) {
+            if (cloth_step(d.sim, 4e-4, &r) != CLOTH_OK) break;
+            most = fmax(most, r.energy.total / start.total);
+        }
+        printf("  D = %g Y a^2, crumpled by %g edges: %d steps, %.3f of the energy at most\n",
+               PLATE[k].rigidity, PLATE[k].part, n, most);
+        CHECK(n > 0 && most < PLATE[k].most);
+        dyn_end(&d);
+    }
 }
 
 /* Springs stretched on a frame are quiet: they hold across themselves too. By their stiffness at
@@ -887,6 +920,7 @@ int main(int argc, char **argv) {
     RUN(snap);
     RUN(pattern_larger);
     RUN(unrolled);
+    RUN(crumpled);
     RUN(springs_on_a_frame);
     RUN(taken_again);
     RUN(moving_pins);

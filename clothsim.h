@@ -11288,12 +11288,13 @@ CLOTHI_RARE_END
  * the power method on M^-1 K, each element at rest in its template's plane: a function of model and
  * params alone, made once. Stretched elements are stiffer: along a principal stretch s the tangent
  * of StVK grows like (3 s^2 - 1)/2; a spring of length l gains k (1 - L/l) across itself, springs
- * all round at most 2 - L/l in all; a hinge's grows like 1/h^2 as its wings are pressed. So each
- * step scales omega^2 by that at its start, triangles by the largest mean around a vertex (a mode
- * at the grid's scale lives on a ring of them), hinges by their largest row sum where bending
- * counts, keeps CLOTHI_LEAP_SAFETY in hand, and is taken again with twice the substeps as soon as
- * the cloth is strained beyond that. What is pressed is stiff for a substep or two: its growth
- * counts CLOTHI_LEAP_PRESSED times, and from that on no substep goes by unseen.
+ * all round at most 2 - L/l in all; below L/2 it pushes more across than along, by k (L/l - 1);
+ * a hinge's grows like 1/h^2 as its wings are pressed. So each step scales omega^2 by that at its
+ * start, triangles by the largest mean around a vertex (a mode at the grid's scale lives on a ring
+ * of them), hinges by their largest row sum where bending counts, keeps CLOTHI_LEAP_SAFETY in hand,
+ * and is taken again with twice the substeps as soon as the cloth is strained beyond that. What is
+ * pressed is stiff for a substep or two: its growth counts CLOTHI_LEAP_PRESSED times, and from that
+ * on no substep goes by unseen.
  *
  * Leapfrog keeps its energy while its substep stays the same and is not close to the limit; one
  * that changes with every frame heats the cloth (a swinging sheet gained 16 % in 30 s). So a step
@@ -11472,8 +11473,7 @@ static double clothi_leap_bends(const cloth_sim *s, const double *x) {
 static double clothi_leap_tangent(const cloth_sim *s, const double *x, double enough) {
     enum { L = CLOTHI_LANES };
     const clothi_group *g = &s->model->membrane;
-    double *factor = s->own.energy_batch, corners[9 * L], low[L], big = 1;
-    double  bent = 0;
+    double *factor = s->own.energy_batch, corners[9 * L], low[L], big = 1, bent = 0;
     int     b, k;
     if (s->omega_bend > 0)
         bent = CLOTHI_LEAP_PRESSED * clothi_max(0, clothi_leap_bends(s, x) - s->omega_bend) /
@@ -11485,8 +11485,11 @@ static double clothi_leap_tangent(const cloth_sim *s, const double *x, double en
         if (g->kind == CLOTHI_TRIANGLE) clothi_stretch_squares(corners, rest, low, factor);
         else clothi_spring_measure(corners, rest, factor);
         for (k = 0; k < L; k++) {
-            factor[k] = g->kind == CLOTHI_TRIANGLE ? 0.5 * (3 * factor[k] - 1)
-                                                   : 2 - rest[L + k] / (factor[k] + 1e-300);
+            const double part = rest[L + k] / (factor[k] + 1e-300);     /* of springs: L/l */
+            const int   *v = g->vert + b * g->width * L + k,
+                         held = (s->pin[v[0]] & s->pin[v[L]]) == CLOTH_AXIS_ALL;
+            factor[k] = g->kind == CLOTHI_TRIANGLE ? 0.5 * (3 * factor[k] - 1) :
+                        clothi_max(2 - part, held ? 1 : 1 + CLOTHI_LEAP_PRESSED * (part - 2));
             big = clothi_max(big, factor[k]);
             factor[k] = clothi_max(factor[k], 1);
         }
@@ -11646,8 +11649,7 @@ static cloth_status clothi_leap_works(clothi_leap *p, cloth_eval *e, double h, d
     cloth_status       status;
     double             f[3], value;
     int                i, j, k;
-    l->damping_loss += 2 * (s->own.membrane.loss + s->own.bend.loss) *
-                       p->kick / hs;
+    l->damping_loss += 2 * (s->own.membrane.loss + s->own.bend.loss) * p->kick / hs;
     for (i = 0; i < m->nv; i++) {
         if (!s->pin[i]) continue;
         f[0] = f[1] = f[2] = 0;
@@ -11801,12 +11803,10 @@ static cloth_status clothi_leap_count(cloth_sim *s, double h, int *m) {
         return clothi_fail(&s->hooks, CLOTH_ERR_NONFINITE, "LEAPFROG: the stability limit is %g s "
                            "at omega = %g 1/s", limit, s->report.omega_max);
     s->report.outcome = CLOTH_STEP_STALLED;
-    if (*m > 0 && h / *m > limit)
-        return clothi_leap_unstable(s, h, *m, limit);
+    if (*m > 0 && h / *m > limit) return clothi_leap_unstable(s, h, *m, limit);
     if (*m == 0 && !(h / safe < CLOTHI_MAX_SUBSTEPS))
-        return clothi_fail(&s->hooks, CLOTH_ERR_STEP,
-                           "LEAPFROG needs more than %i substeps of %g s", CLOTHI_MAX_SUBSTEPS,
-                           safe);
+        return clothi_fail(&s->hooks, CLOTH_ERR_STEP, "LEAPFROG needs more than %i substeps of "
+                           "%g s", CLOTHI_MAX_SUBSTEPS, safe);
     if (*m == 0) *m = clothi_leap_substeps(s, h, h / safe);
     return CLOTH_OK;
 }

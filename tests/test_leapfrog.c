@@ -417,11 +417,13 @@ static void unrolled(void) {
 }
 
 /* Plates that start crumpled, every coordinate up to `part` of an edge off: of the first two, seen
- * in every fourth substep, the energy grew 7 and 26 times. A refusal is an end. */
+ * in every fourth substep, the energy grew 7 and 26 times; of springs alone, which turn in no time
+ * where they are pressed to a point, 68 and 36 times. A refusal is an end. */
 static void crumpled(void) {
-    static const struct { cloth_membrane model; double rigidity, part, most; } PLATE[4] = {
-        {CLOTH_MEMBRANE_STVK, 0.1, 0.5, 1.05}, {CLOTH_MEMBRANE_STVK, 0.1, 0.5, 1.05},
-        {CLOTH_MEMBRANE_SPRINGS, 0.1, 0.5, 1.05}, {CLOTH_MEMBRANE_SPRINGS, 0.1, 0.5, 1.05}};
+    static const struct { cloth_membrane model; double rigidity, part; } PLATE[6] = {
+        {CLOTH_MEMBRANE_STVK, 0.1, 0.5}, {CLOTH_MEMBRANE_STVK, 0.1, 0.5},
+        {CLOTH_MEMBRANE_SPRINGS, 0.1, 0.5}, {CLOTH_MEMBRANE_SPRINGS, 0.1, 0.5},
+        {CLOTH_MEMBRANE_SPRINGS, 0, 0.5}, {CLOTH_MEMBRANE_SPRINGS, 0, 1}};
     const double a = 1e-3;
     int          k, n, i;
     for (k = 0; k < (int)(sizeof PLATE / sizeof *PLATE); k++) {
@@ -447,7 +449,7 @@ static void crumpled(void) {
         }
         printf("  D = %g Y a^2, crumpled by %g edges: %d steps, %.3f of the energy at most\n",
                PLATE[k].rigidity, PLATE[k].part, n, most);
-        CHECK(n > 0 && most < PLATE[k].most);
+        CHECK(n > 0 && most < 1.05);
         dyn_end(&d);
     }
 }

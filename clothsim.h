@@ -10135,7 +10135,7 @@ static void clothi_terms_install(cloth_sim *s) {
  * slopes at its two ends instead, which have no such cancellation.
  *
  * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n. The older velocity
- * is part of the state for that reason.
+ * is part of the state for that reason. Where that made energy, x^n: clothi_booked() [9.5].
  *
  * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
  * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
@@ -10915,11 +10915,12 @@ CLOTHI_OUTLINE static cloth_eval clothi_eval_of(const cloth_sim *s) {
  * the solver must not move, pins and followers of ties; and a starting guess that obeys both. */
 static void clothi_guess(cloth_sim *s, double h) {
     const cloth_model *m = s->model;
+    const double       way = s->calm == 1 && !s->contact_on ? 0 : h;
     int                i, n = 3 * m->nv, old = s->history && !s->calm;
     memcpy(s->fixed, s->pin, (size_t)m->nv);
     for (i = 0; i < n; i++) {
-        s->w.x[i] = s->state.x[i] + h * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
-                                             : s->state.v[i]);
+        s->w.x[i] = s->state.x[i] + way * (old ? 1.5 * s->state.v[i] - 0.5 * s->v_prev[i]
+                                               : s->state.v[i]);
         if (s->pin[i / 3] >> (i % 3) & 1)
             s->w.x[i] = s->w.y[i] = s->w.x0[i] + s->in.share[1] * (s->target[i] - s->w.x0[i]);
     }
@@ -12145,12 +12146,11 @@ static int clothi_watched(const cloth_sim *s, double h) {
            h > 0 && s->nterms == s->nbuiltin && !s->asleep;
 }
 
-/* A run with its ledger. A step that gains energy which no work explains is taken again by implicit
- * Euler, which forgets, as the next one does: BDF2's with as many iterations as it had, which most
- * often will do, and then, as Euler's, without desc.max_newton; where time is up the next one
- * alone. What that solves to the tolerance stands: pins and attachments are booked by the forces at
- * its end, which may turn in it. What contact and friction take does not count: in a search that
- * was cut short it did not happen. */
+/* A run with its ledger. A step of energy that no work explains is taken again by implicit Euler,
+ * which forgets, as the next one does: with as many iterations, from x^n where nothing is in the
+ * way, as that strains nothing, and then without desc.max_newton; where time is up the next alone.
+ * What is solved to the tolerance stands: pins and attachments are booked by the forces at its end,
+ * which may turn in it. What contact takes in a search that was cut short does not count. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const cloth_ledger *l = &s->report.energy;
     const double least = CLOTHI_REST * s->model->desc.tolerance / h;    /* m/s: rest rounds to it */
@@ -12158,7 +12158,7 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
     const int    bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2;
     const int    capped = s->model->desc.max_newton > 0;
     double       most, gain;
-    for (s->calm = 0; !status; s->calm = bdf2 && capped && !s->calm ? 1 : 2) {
+    for (s->calm = 0; !status; s->calm = capped && !s->calm && (bdf2 || !s->contact_on) ? 1 : 2) {
         status = clothi_step_run(s, h);
         if (!status) status = clothi_book(s, before);
         gain = l->total - before->total - l->wind_work - l->force_work - l->pin_work -
@@ -12169,7 +12169,7 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
         most += s->total * least * least;
         if (status || !clothi_watched(s, h) || gain <= most ||
             (s->calm && s->report.outcome == CLOTH_STEP_CONVERGED) ||
-            (!bdf2 && (s->calm || s->finish)))
+            (!bdf2 && (s->calm > 1 || s->finish)))
             break;
         if (s->finish) {                    /* v is that of BDF2, whose history stays for a tape */
             s->still = s->h_prev = 0;

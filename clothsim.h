@@ -8703,6 +8703,7 @@ struct cloth_sim {
     int     known;                          /* still holds; known: if it is the state yet      */
     int     asleep, calm;                   /* the step under way moves t alone; is taken again,
                                                see clothi_booked()                             */
+    double  hosted;                         /* J, that hosts' terms gain as they are in it     */
     cloth_report report;                    /* of the step that runs                           */
     cloth_report rested;                    /* of a step asleep; its outcome NONE: not known   */
     double  omega_rest;                     /* rad/s at rest, LEAPFROG; 0: not known yet       */
@@ -10723,23 +10724,15 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
     return status;
 }
 
-/* J, phi's potential but for contact and attachments, whose targets have moved, where the last
- * value was taken; at x^n. */
-static double clothi_potential(const cloth_sim *s) {
-    double sum = 0;
-    int    i;
-    for (i = 0; i < s->nterms; i++) sum += i == CLOTHI_TERM_ATTACH ? 0 : s->term_energy[i];
-    return sum;
-}
-
-static cloth_status clothi_potential_before(cloth_sim *s, clothi_goal *goal, double *potential) {
+/* J, phi's potential from term i on but for contact and attachments, whose targets have moved:
+ * where the last value was taken, or of `goal` at x^n. */
+static cloth_status clothi_potential(cloth_sim *s, clothi_goal *goal, int i, double *sum) {
     cloth_status status = CLOTH_OK;
-    int          i;
-    s->fresh = 0;
-    goal->e.x = s->state.x, goal->e.grad = NULL, goal->e.hess = NULL;
-    for (i = 0; i < s->nterms && !status; i++)
-        status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);
-    *potential = clothi_potential(s);
+    if (goal) s->fresh = 0, goal->e.x = s->state.x, goal->e.grad = NULL, goal->e.hess = NULL;
+    for (*sum = 0; i < s->nterms && !status; i++) {
+        if (goal) status = s->term[i].eval(s->term[i].user, &goal->e, &s->term_energy[i]);
+        *sum += i == CLOTHI_TERM_ATTACH ? 0 : s->term_energy[i];
+    }
     return status;
 }
 
@@ -10749,12 +10742,12 @@ static cloth_status clothi_potential_before(cloth_sim *s, clothi_goal *goal, dou
 static cloth_status clothi_capped(cloth_sim *s, clothi_goal *goal, int it, double before,
                                   double value, double *from, int *last) {
     cloth_status status = CLOTH_OK;
-    double       kinetic = 0, gain = 0;
+    double       kinetic = 0, gain;
     int          i;
     *last = it >= CLOTHI_NEWTON_CAP;
     if (!s->contact_on || it < CLOTHI_CONTACT_CAP || *last) return CLOTH_OK;
-    gain = clothi_potential(s);
-    if (it == CLOTHI_CONTACT_CAP) status = clothi_potential_before(s, goal, from);
+    (void)clothi_potential(s, NULL, 0, &gain);
+    if (it == CLOTHI_CONTACT_CAP) status = clothi_potential(s, goal, 0, from);
     gain -= *from;
     for (i = 0; i < 3 * s->model->nv; i++) {
         const double v = s->state.v[i], u = (s->w.x[i] - s->state.x[i]) / s->in.h;
@@ -11094,6 +11087,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
     const double h = s->in.h;
     clothi_goal  goal;
     cloth_status status;
+    double       before = 0, after;
     int          bdf2, impact = 0;
     clothi_eval_start(s, &goal, h);
     bdf2 = clothi_predict(s, h, &goal.eta);
@@ -11101,6 +11095,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
     if (s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2 && !bdf2) s->report.restarts++;
     clothi_guess(s, h);
     status = clothi_terms_begin(s, &goal);
+    if (!status && s->balance) status = clothi_potential(s, &goal, s->nbuiltin, &before);
     if (!status && s->contact_on)
         status = clothi_contact_start(s, &goal, &bdf2, &impact);
     if (status == CLOTH_ERR_STEP) s->report.outcome = CLOTH_STEP_COLLISION_FAILED;
@@ -11114,6 +11109,8 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
     }
     if (!status && s->balance) status = clothi_balance(s, &goal);
     if (status) return status;
+    (void)clothi_potential(s, NULL, s->nbuiltin, &after);
+    s->hosted += after - before;
     clothi_recorded(s, s->w.x);
     clothi_advance(s, h, bdf2, !impact && !s->calm);
     s->report.substeps++;
@@ -12137,13 +12134,12 @@ static cloth_status clothi_book(cloth_sim *s, const cloth_ledger *before) {
 #define CLOTHI_GROWN  0.5                   /* the same in BDF2's step that was taken again    */
 
 /* BDF2 extrapolates what a search that was cut short has left, and that may grow for ever; under
- * Euler cloth that is torn about, or pushed, may stay strained as the guess has it. Not looked at
- * where a host's term may work unseen. */
+ * Euler cloth that is torn about, or pushed, may stay strained as the guess has it. */
 static int clothi_watched(const cloth_sim *s, double h) {
     const cloth_desc *d = &s->model->desc;
     return (d->integrator == CLOTH_INTEGRATOR_BDF2 ||
             (d->integrator == CLOTH_INTEGRATOR_EULER && d->max_newton > 0)) &&
-           h > 0 && s->nterms == s->nbuiltin && !s->asleep;
+           h > 0 && !s->asleep;
 }
 
 /* A run with its ledger. A step of energy that no work explains is taken again by implicit Euler,
@@ -12159,15 +12155,17 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
     const int    capped = s->model->desc.max_newton > 0;
     double       most, gain;
     for (s->calm = 0; !status; s->calm = capped && !s->calm && (bdf2 || !s->contact_on) ? 1 : 2) {
+        s->hosted = 0;
         status = clothi_step_run(s, h);
         if (!status) status = clothi_book(s, before);
-        gain = l->total - before->total - l->wind_work - l->force_work - l->pin_work -
-               clothi_max(l->contact_work, 0);
-        most = before->kinetic + before->stretch + before->bend + l->kinetic + l->stretch +
-               l->bend + s->total * h * h * clothi_dot3(s->gravity, s->gravity);
+        gain = l->total - l->other - before->total + before->other + s->hosted - l->wind_work -
+               l->force_work - l->pin_work - clothi_max(l->contact_work, 0);
+        most = before->kinetic + before->stretch + before->bend + fabs(before->other) + l->kinetic +
+               l->stretch + l->bend + fabs(l->other) +
+               s->total * h * h * clothi_dot3(s->gravity, s->gravity);
         most *= s->calm > 1 ? CLOTHI_GROWN : CLOTHI_GROWTH;
         most += s->total * least * least;
-        if (status || !clothi_watched(s, h) || gain <= most ||
+        if (status || !clothi_watched(s, h) || !(gain > most) ||
             (s->calm && s->report.outcome == CLOTH_STEP_CONVERGED) ||
             (!bdf2 && (s->calm > 1 || s->finish)))
             break;

@@ -802,7 +802,8 @@ static void host_term(void) {
     for (k = 0; k < 5; k++) {
         CHECK(cloth_step(S.sim, 0.01, &r) == CLOTH_OK && r.outcome == CLOTH_STEP_CONVERGED);
         CHECK_NEAR(r.residual_N, 0, 1e-6);
-        if (k > 1) CHECK(r.newton <= 20);   /* its Hessian is in the matrix; without it it stalls */
+        if (k > 1 && !r.restarts)           /* its Hessian is in the matrix; without it it stalls */
+            CHECK(r.newton <= 20);
         CHECK(r.energy.other > 0);
     }
     gap1 = fabs(S.sim->state.x[0] - S.sim->state.x[3 * line.b]);
@@ -933,6 +934,8 @@ static cloth_status witness_eval(void *user, const cloth_eval *e, double *energy
     witness *w = (witness *)user;
     double   half = w->asked ? 0.5 * w->h : 0;
     *energy = 0;
+    if (w->kind == CLOTH_INTEGRATOR_BDF2 && !w->statics && !(e->h > 0))     /* for its watch */
+        return CLOTH_OK;
     w->bad += witness_sees(w, e);
     if (w->kind == CLOTH_INTEGRATOR_LEAPFROG && !w->statics)    /* it falls: v lags by a half */
         w->bad += fabs(e->v_n[1] + 9.81 * (w->h * w->asked - half)) > 1e-9;

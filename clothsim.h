@@ -10664,16 +10664,15 @@ static int clothi_compressed(const cloth_sim *s) {
     return f < s->model->nf;
 }
 
-/* From w.x along +-w.dx: the longest of length, length/4, .. (m) that lowers phi. */
+/* From w.x along +-w.dx: the longest of length, length/4, .. (m) that lowers phi, down to a tenth
+ * of the tolerance: nearer some rounding always does. */
 static int clothi_escape(cloth_sim *s, clothi_goal *goal, double length, double value) {
     const int    n = 3 * s->model->nv;
-    const double most = clothi_max_abs(s->w.dx, n);
+    double       turn = length / clothi_max_abs(s->w.dx, n), trial, part = 1;
     int          i, k;
-    for (i = 0; i < n; i++) s->w.dx[i] *= length / most;
-    for (k = 1; k <= 60; k++) {
-        const double turn = k % 2 ? -0.25 : -1;     /* the other side, or shorter */
-        double       trial, part = 1;
-        for (i = 0; i < n; i++) s->w.dx[i] *= k > 1 ? turn : 1;
+    for (k = 1; length >= 0.1 * s->model->desc.tolerance; k++, length *= fabs(turn)) {
+        for (i = 0; i < n; i++) s->w.dx[i] *= turn;
+        turn = k % 2 ? -1 : -0.25;          /* the other side, or shorter */
         if (s->contact_on && s->contact.max_step(s->contact.user, s->w.x, s->w.dx, &part)) return 0;
         for (i = 0; i < n; i++) s->w.trial[i] = s->w.x[i] + part * s->w.dx[i];
         if (clothi_objective(s, goal, s->w.trial, NULL, 0, 0, &trial)) return 0;

@@ -3637,6 +3637,8 @@ static cloth_obstacle clothi_obstacle_id(const cloth_collide *c, int slot) {
     return id;
 }
 
+CLOTHI_RARE_BEGIN
+
 /* --- the world's arrays --- */
 
 /* c gets the arrays of another collide. Nothing is freed. */
@@ -3794,6 +3796,8 @@ static void clothi_turn_part(const double *A, const double *B, double part, doub
             out[3 * i + k] = a[i] + t * turned[i] + (1 - c) * (along * u[i] - a[i]);
     }
 }
+
+CLOTHI_RARE_END
 
 /* World vertices at the poses alpha0 (xa) and alpha1 (xb) of the step; cloth at x in both. */
 static void clothi_world_pose(cloth_collide *c, const double *x, double alpha0, double alpha1) {
@@ -5661,6 +5665,8 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
 #define CLOTHI_SLIP     0.05                /* so much                                         */
 #define CLOTHI_CATCH_GRAIN 64               /* vertices a range                                */
 
+CLOTHI_RARE_BEGIN
+
 /* Point and normal of side k of a hold in the world's pose x. */
 static void clothi_hold_point(const cloth_collide *c, const cloth_hold *h, int k, const double *x,
                               double *point, double *normal) {
@@ -6076,6 +6082,8 @@ static cloth_status clothi_pinch_begin(cloth_collide *c, const double *y) {
     c->pinching = n < was || c->nholding > n;       /* nothing may be extrapolated over that */
     return status;
 }
+
+CLOTHI_RARE_END
 
 static int clothi_held(const cloth_collide *c, int v) {
     return c->nholding > 0 && v < c->nv && c->held_of[v] >= 0;
@@ -6878,6 +6886,8 @@ static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q,
     s[0] = clothi_dot3(slip, a), s[1] = clothi_dot3(slip, a + 3);
     for (k = 0; k < 3; k++) slip[k] = s[0] * b[k] + s[1] * b[3 + k];
 }
+
+CLOTHI_RARE_BEGIN
 
 /* cloth_contact.begin. The first substep of a step makes copies of what is state. */
 static cloth_status clothi_contact_begin(void *user, const cloth_eval *e) {
@@ -8638,6 +8648,8 @@ CLOTH_API cloth_status cloth_collide_untangle(cloth_collide *c, double max_move,
     clothi_free(hooks, u.d);
     return status;
 }
+
+CLOTHI_RARE_END
 
 /* ===== [8.8] DERIVATIVES =====================================================================
  *

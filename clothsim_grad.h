@@ -704,6 +704,8 @@ static void clothi_tape_xor(const clothi_taped *e, unsigned char *input) {
     for (i = 0; i < e->nword; i++) a[which[i]] ^= e->word[i];
 }
 
+CLOTHI_RARE_BEGIN
+
 /* Bytes that a budget must leave for a walk backwards: its vectors, two slots, a path; and for the
  * list of steps to grow. */
 static size_t clothi_tape_reserve(const cloth_tape *t) {
@@ -1025,6 +1027,8 @@ CLOTH_API size_t cloth_tape_bytes(const cloth_tape *tape, size_t *most) {
 CLOTH_API const char *cloth_tape_ended(const cloth_tape *tape) {
     return tape ? tape->ended : NULL;
 }
+
+CLOTHI_RARE_END
 
 /* ===== [4.1] A SUBSTEP, LINEARISED ===========================================================
  *
@@ -2254,6 +2258,8 @@ static cloth_status clothi_leap_adjoint(clothi_grad *g, double h, const double *
     return status;
 }
 
+CLOTHI_RARE_BEGIN
+
 /* ===== [4.4] FROM MASSES AND LAME CONSTANTS TO MATERIALS =====================================
  *
  *   Y membrane stiffness N/m, nu, t thickness:
@@ -3294,6 +3300,8 @@ CLOTH_API cloth_status cloth_grad_check(cloth_sim *sim, cloth_run_fn *run, void 
     return status;
 }
 
+CLOTHI_RARE_END
+
 /* ===== [6.1] TARGETS, NEAREST POINTS =========================================================
  *
  *   target i       L = beta w |d|^2, d = sum_k b_k x_k - target;   dL/dx_k = 2 beta w b_k d
@@ -3471,6 +3479,8 @@ CLOTH_API cloth_status cloth_nearest_on_mesh(const cloth_hooks *hooks, int nv, c
     }
     return status;
 }
+
+CLOTHI_RARE_BEGIN
 
 /* ===== [6.2] FRAMES, SIMULATED ===============================================================
  *
@@ -3700,6 +3710,8 @@ CLOTH_API cloth_status cloth_layer_loss(cloth_sim *sim, const cloth_layer *layer
     clothi_free(&sim->hooks, l.home);
     return r->status;
 }
+
+CLOTHI_RARE_END
 
 /* ===== [6.3] A GRAPH THAT CARRIES A MESH =====================================================
  *

@@ -198,7 +198,6 @@ typedef struct cloth_qp_report {
     cloth_qp_outcome outcome;
     int    iterations;          /* active sets tried                                           */
     int    factorizations;      /* of an active set: of what comes after the first row changed */
-    int    refactorizations;    /* those of them because a row left                            */
     int    active;              /* rows with lambda > 0; 0 when infeasible                     */
     int    dropped;             /* rows without a free unknown, and copies of other rows       */
     int    precise;             /* 1: finished in twice the digits, the rows being almost      */
@@ -1656,10 +1655,8 @@ static cloth_status clothi_features_build(const cloth_hooks *hooks, int nv, int 
     for (i = 0; i < 3 * nf; i = clothi_edge_run(&sort, 3 * nf, i)) ne++;
     s->edges = (int *)clothi_alloc(hooks, (2 * (size_t)ne + 3 * (size_t)nf) * sizeof(int) +
                                               (size_t)nf, 1);
-    if (!s->edges) {
-        status = CLOTH_ERR_MEMORY;
-        goto done;
-    }
+    status = s->edges ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    if (status) goto done;
     s->faces = faces;
     s->face_edges = s->edges + 2 * (size_t)ne;
     s->owned = (unsigned char *)(s->face_edges + 3 * (size_t)nf);
@@ -2670,7 +2667,6 @@ static cloth_status clothi_qp_bring(clothi_qp *s, int p, int *endless) {
         if (pivot.h > least) v = clothi_qp_plus(s, v, t, pivot);
         if (leave < 0) break;
         s->act[s->list[leave]] = 0;
-        s->rep->refactorizations++;
         if (!clothi_qp_factor(s, s->zero->dependent)) return CLOTH_ERR_MEMORY;
     }
     s->act[p] = 1;
@@ -2938,8 +2934,8 @@ static cloth_status clothi_surface_check(const cloth_hooks *hooks, int nv, int n
     d->open = d->turned = d->branch = d->inward = -1, d->volume = 0;
     if (status != CLOTH_OK) return status;
     volume = (double *)clothi_alloc(hooks, (size_t)nf, 2 * sizeof(double));
-    if (!volume) status = CLOTH_ERR_MEMORY;
-    if (status != CLOTH_OK) goto done;
+    status = volume ? CLOTH_OK : CLOTH_ERR_MEMORY;
+    if (status) goto done;
     up = (int *)(void *)(volume + nf);
     if (!closed) closed = (unsigned char *)(up + nf);
     for (f = 0; f < nf; f++) up[f] = f, closed[f] = 1;

@@ -2546,8 +2546,6 @@ static cloth_status clothi_grad_run(clothi_grad *g, int a, int b, const unsigned
     return status;
 }
 
-static cloth_status clothi_grad_between(clothi_grad *g, int a, int b, const unsigned char *from);
-
 /* All slots between fit: they are filled forwards and walked backwards. */
 static cloth_status clothi_grad_fill(clothi_grad *g, int a, int b, const unsigned char *from) {
     cloth_tape   *t = g->t;

@@ -339,8 +339,8 @@ typedef struct cloth_collide_desc {
     uint32_t      cookie;
     double        thickness;                /* m, t > 0; default 2e-3. Not the material's      */
     double        stiffness;                /* Pa/m of the proximity potential; 0 (default): a
-                                               force of 30 times its weight at t/2, no pole;
-                                               the weight is that at create, and stays so      */
+                                               force of 30 times its weight at t/2, no pole:
+                                               its mass at create times 9.81 m/s^2, always     */
     double        relaxation;               /* s, of its damping; default 0.02                 */
     double        friction;                 /* cloth on cloth, default 0.3                     */
     double        slip;                     /* m, give of an anchor before it slips; 1e-5      */
@@ -4327,14 +4327,14 @@ static void clothi_exempt_part(cloth_collide *c) {
  * nothing creeps in under load.
  *
  * Groups. A vertex of cloth meets many faces, edges and vertices of one body: as a sum of their
- * energies a finer mesh would push more. Contacts of one feature with one obstacle, or with one
- * side of one part of cloth, have one key and one energy, E = |(e_1, e_2, ...)|_p with p = 8: the
- * nearest one's, smooth where two are as near. A pair of edges counts by the share in which it is
- * needed at x^n: where both surfaces are convex there, where their middles cross and where they are
- * not parallel; what has no full share has a guard, a barrier of its own in the last quarter above
- * the pole, beside the group, so that every pair that detection guards has one. What has none, two
- * thirds of a T-shirt's pairs in range, is a contact from its guard on. Beside their groups
- * are also pairs near in the template: ranges of micrometres say nothing in a norm with those of t.
+ * energies a finer mesh would push more. Contacts of one feature (of two edges: the first) with an
+ * obstacle, or with one side of one part of cloth, have one key and one energy, E = |(e_1, e_2,
+ * ...)|_p with p = 8: the nearest one's, smooth where two are as near. A pair of edges counts by
+ * the share in which it is needed at x^n: where both surfaces are convex there, where their middles
+ * cross and where they are not parallel; what has no full share has a guard, a barrier of its own
+ * in the last quarter above the pole, beside the group: all that detection guards has one. What has
+ * none, two thirds of a T-shirt's pairs in range, is a contact from its guard on. Beside groups are
+ * also pairs near in the template: ranges of micrometres say nothing in a norm with those of t.
  *
  * Hessian: e'' grad grad' and the curvature of the gap by itself where that is positive, which
  * rocking faces need (clothi_frame_bends); for groups that of the norm, by all their vertices: a

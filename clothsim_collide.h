@@ -5610,9 +5610,10 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            between the points so found. 1: the part that it is in has passed it. It goes where
  *            its motion takes it, y = x^n + h v^n of an implicit step, as cloth around it does; if
  *            that is inside when the substep ends, to above what is nearest to y then. Deeper than
- *            3 t, to above that of its points which it is behind: out by the side that it came in
- *            by. (To what is nearest, a sleeve that an arm had passed was pulled to all sides of
- *            the arm, and stayed in it for good; so did trousers of a body that sat down fast.)
+ *            3 t, or where that looks the other way, to above that of its points which it is
+ *            behind: out by the side that it came in by. (To what is nearest, sleeves that an arm
+ *            had passed and trousers of a body that sat down fast stayed in it for good; so did a
+ *            crumpled sheet in a vise, near the back of its jaw.)
  *            Else, where another part is above that or where parts overlap, both points slide from
  *            face to face, of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
@@ -5851,21 +5852,23 @@ static int clothi_hold_back(const cloth_collide *c, const cloth_hold *h, cloth_h
 }
 
 /* Where what is inside of one part is to go: where y is, if that is outside when the substep ends;
- * else to above point 0 of h: what is nearest to y then, or, deeper than CLOTHI_SHALLOW t, the side
- * that it came in by; CLOTHI_LET_GO: another part is there. */
+ * else to above point 0 of h: what is nearest to y then, or, deeper than CLOTHI_SHALLOW t or where
+ * that is another, the side that it came in by; CLOTHI_LET_GO: another part is there. */
 static unsigned char clothi_hold_out(const cloth_collide *c, const double *y, cloth_hold *h,
                                      double *to) {
     const clothi_surface body = clothi_hold_bodies(c, h->vertex, c->xb);
     const double         shallow = CLOTHI_SHALLOW * c->obstacle[h->slot].thickness;
     cloth_hold           out[2];
-    double               A[3], n[3];
+    double               A[3], n[3], B[3], m[3];
     int                  k;
     memcpy(to, y, 3 * sizeof *to);
     if (clothi_surface_winding(&body, y) == 0) return CLOTHI_PASSED;
     out[0] = *h;
     clothi_hold_nearest(c, c->xb, y, out);
     clothi_hold_point(c, out, 0, c->xb, A, n);
-    k = clothi_apart2(y, A, 1) > shallow * shallow && clothi_hold_back(c, h, out + 1);
+    k = clothi_hold_back(c, h, out + 1);
+    clothi_hold_point(c, out + k, 0, c->xb, B, m);
+    k = k && (clothi_apart2(y, A, 1) > shallow * shallow || clothi_dot3(m, n) < 0);
     clothi_hold_above(c, out + k, to);
     if (clothi_surface_winding(&body, to) != 0) return CLOTHI_LET_GO;
     *h = out[k];

@@ -918,6 +918,51 @@ static void poked(void) {
     OPEN_MOST(cross, 0, "pairs of sheets that the rod is through, 0.5 s after");
 }
 
+/* Jaws of 40 mm close on a sheet that stands, to half of t, and open: what was crumpled into them
+ * comes out by the side that it came in by. (It went on to the jaw's back where that was nearer,
+ * and hung there, strained, for good.) */
+static void close_jaws(unsigned long long seed) {
+    const double        lo[3] = {-0.2, 0.06, -0.2}, hi[3] = {0.2, 0.1, 0.2};
+    const double        low[3] = {-0.2, -0.1, -0.2}, high[3] = {0.2, -0.06, 0.2};
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_mesh         *mesh = NULL;
+    shape               body;
+    stage               s;
+    int                 k, i, failed = 0, most = 0, pairs;
+    if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 8, 8, 0.2, 0.2, &mesh)) exit(2);
+    for (i = 0; i < mesh->nv; i++) {
+        const double z = mesh->x[3 * i + 2] - 0.1;
+        mesh->x[3 * i] -= 0.1, mesh->x[3 * i + 1] = 0.5 * z;
+        mesh->x[3 * i + 2] = 0.3 * z + ref_uniform(&seed, 0, 0.004);
+    }
+    stage_cloth(&s, mesh);
+    s.desc.material.membrane = 300, s.desc.material.bending = 1e-5, s.desc.material.density = 0.2;
+    if (!stage_start(&s)) exit(2);
+    memset(&body, 0, sizeof body);
+    shape_box(&body, lo, hi);
+    shape_box(&body, low, high);
+    o.nv = body.nv, o.x = body.x, o.nf = body.nf, o.faces = body.faces, o.self_penetrating = 1;
+    (void)stage_add(&s, &o);
+    for (k = 1; k <= 100; k++) {
+        const double way = k < 80 ? 0.0595 * (0.5 - 0.5 * cos(6.283185307179586 * k / 40)) : 0;
+        for (i = 0; i < body.nv; i++)
+            s.thing[0].next[3 * i + 1] = body.x[3 * i + 1] + (i < body.nv / 2 ? -way : way);
+        failed += !stage_step(&s, H);
+        most = (int)fmax(most, cloth_collide_last(s.c).held);
+    }
+    i = cloth_collide_last(s.c).held, pairs = cloth_collide_last(s.c).exempt_pairs;
+    printf("  vise: %d steps failed; %d vertices held at most, %d and %d pairs when it is open\n",
+           failed, most, i, pairs);
+    CHECK(failed == 0 && most > 0 && i == 0 && pairs == 0);
+    shape_free(&body);
+    stage_end(&s);
+}
+
+static void vise(void) {
+    close_jaws(3);
+    close_jaws(6);
+}
+
 /* --- backwards: where cloth is pulled to moves with the body and with x^n --- */
 
 /* `to` of a hold, at the poses that the collide has: `y` is where it would go by itself. */
@@ -1086,6 +1131,7 @@ int main(int argc, char **argv) {
     RUN(threaded);
     RUN(faceless);
     RUN(poked);
+    RUN(vise);
     RUN(backwards);
     RUN(refusals);
     return TEST_END();

@@ -5620,10 +5620,11 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *            the share s of the way from A0 to A1 that it had when it was caught. Where that
  *            ends inside of one part, as it does behind a wrist that leaves a hip, p is pulled to
  *            above what is nearest with no part above. Minimising begins where it was
- *   let go   a face that still crosses the body, with no vertex held, goes out by t a substep; so
- *            does an edge across from a vertex that is held: in a finger, among features that hold
- *            it, it could go nowhere, and trousers' steps failed from there on for good. (Where
- *            its ends are nearest to the finger along the edge it stays, exempt, till that leaves)
+ *   let go   a face that still crosses the body, with no vertex held, is pushed out: away from
+ *            what is nearest, by t a substep, and no other way. (Carried by what it was on, a hand
+ *            drew trousers along by 80 N, and edges to 2.5 times their length.) So is an edge
+ *            across from a vertex that is held: in a finger, among features that hold it, it could
+ *            go nowhere, and trousers' steps failed from there on for good
  *
  * A step in which points of a hold pass each other by more than CLOTHI_PASSING t has so many
  * substeps that they do not, of CLOTH_SUBSTEPS_ASKED at most (desc.substeps = 0): where an arm
@@ -5987,18 +5988,18 @@ static cloth_status clothi_pinch_catch(cloth_collide *c, const double *y) {
     return status;
 }
 
-/* Vertex v, outside, goes with what is nearest, and t away from it. */
+/* Vertex v, outside, goes t farther from what is nearest than it is. */
 static cloth_status clothi_pinch_out(cloth_collide *c, int v) {
-    double     A[3], n[3], *to = c->hold_to + 3 * v;
+    double     A[3], B[3], n[3], up;
     cloth_hold h;
     int        k;
     memset(&h, 0, sizeof h);
     h.vertex = v, h.slot = -1;
     clothi_hold_nearest(c, c->xa, c->xa + 3 * v, &h);
     clothi_hold_point(c, &h, 0, c->xa, A, n);
-    clothi_hold_point(c, &h, 0, c->xb, to, n);
-    for (k = 0; k < 3; k++)
-        to[k] += c->xa[3 * v + k] - A[k] + c->obstacle[h.slot].thickness * n[k];
+    clothi_hold_point(c, &h, 0, c->xb, B, n);
+    up = c->obstacle[h.slot].thickness + clothi_dot3(B, n) - clothi_dot3(A, n);
+    for (k = 0; k < 3; k++) c->hold_to[3 * v + k] = c->xa[3 * v + k] + up * n[k];
     c->held_of[v] = c->nholding;
     c->look[v] = CLOTHI_LED;
     return CLOTHI_PUSH(c, holding, h);
@@ -6119,7 +6120,8 @@ static double clothi_hold_borne(const cloth_collide *c, int v) {
     return clothi_max(clothi_min(CLOTHI_TAUT - sqrt(stretch2), 1), CLOTHI_SLIP);
 }
 
-/* What pulls a held vertex at x [3]: energy J, grad [3] N, hess [3x3] N/m. */
+/* What pulls a held vertex at x [3]: energy J, grad [3] N, hess [3x3] N/m. What is led is pushed
+ * away from what is nearest alone, until it is there. */
 static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, const double *x,
                                double *grad, double *hess) {
     const cloth_model *m = c->sim->model;
@@ -6129,13 +6131,19 @@ static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, cons
     const double most = c->look[h->vertex] < CLOTHI_LED
                             ? CLOTHI_HOLD : CLOTHI_PULL * clothi_hold_borne(c, h->vertex);
     const double r = most * c->obstacle[h->slot].thickness / CLOTHI_DRAG;            /* m */
-    double       d[3], s;
+    double       P[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, d[3], n[3], s;
     int          i;
     clothi_sub3(x, c->hold_to + 3 * h->vertex, d);
+    if (c->look[h->vertex] == CLOTHI_LED) {
+        clothi_hold_point(c, h, 0, c->xb, P, n);
+        s = clothi_min(clothi_dot3(d, n), 0);
+        for (i = 0; i < 9; i++) P[i] = s < 0 ? n[i / 3] * n[i % 3] : 0;
+        for (i = 0; i < 3; i++) d[i] = s * n[i];
+    }
     s = sqrt(1 + clothi_dot3(d, d) / (r * r));
     for (i = 0; i < 3; i++) grad[i] = pull / s * d[i];
     for (i = 0; i < 9; i++)
-        hess[i] = pull / s * ((i % 4 == 0) - d[i / 3] * d[i % 3] / (r * r * s * s));
+        hess[i] = pull / s * (P[i] - d[i / 3] * d[i % 3] / (r * r * s * s));
     return pull * clothi_dot3(d, d) / (s + 1);
 }
 

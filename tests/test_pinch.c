@@ -915,7 +915,7 @@ static void poked(void) {
     printf("  poked: %d steps failed; %d vertices held at most; %d pairs 0.5 s after\n", failed,
            held, cross);
     CHECK(failed == 0 && held > 0);
-    OPEN_MOST(cross, 0, "pairs of sheets that the rod is through, 0.5 s after");
+    CHECK(cross == 0);                      /* pairs of sheets that the rod is through         */
 }
 
 /* Jaws of 40 mm close on a sheet that stands, to half of t, and open: what was crumpled into them
@@ -963,20 +963,52 @@ static void vise(void) {
     close_jaws(6);
 }
 
+/* A smooth rod through a face is drawn along its axis: its sides push across that alone, and a free
+ * sheet gains no momentum along it. */
+static void drawn(void) {
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    shape  body = {0};
+    stage  s;
+    double mean = 0;
+    int    i, k, held = 0, failed = 0;
+    stage_sheet(&s, 5, 0.2);
+    for (i = 0; i < s.nv; i++) s.x[3 * i] -= 0.11, s.x[3 * i + 2] -= 0.12;
+    memset(s.desc.gravity, 0, sizeof s.desc.gravity);
+    s.contact.thickness = T, s.contact.initial = CLOTH_INITIAL_EXEMPT;
+    if (!stage_start(&s)) exit(2);
+    plate(&body, 2, 0.006, -0.1, 0.2);
+    o.nv = body.nv, o.x = body.x, o.nf = body.nf, o.faces = body.faces;
+    o.self_penetrating = 1, o.friction = 0;
+    (void)stage_add(&s, &o);
+    for (k = 0; k < 4; k++) {
+        for (i = 0; i < body.nv; i++) s.thing[0].next[3 * i + 1] += 0.02;
+        failed += !stage_step(&s, H);
+        held = (int)fmax(held, cloth_collide_last(s.c).held);
+    }
+    for (i = 0; i < s.mesh->nv; i++) mean += s.state->x[3 * i + 1] / s.mesh->nv;
+    printf("  drawn: %d held, carried %.1e m of %.1e\n", held, mean, 4 * 0.02);
+    CHECK(failed == 0 && held > 0);
+    CHECK_NEAR(mean, 0, s.desc.tolerance);
+    shape_free(&body);
+    stage_end(&s);
+}
+
 /* --- backwards: where cloth is pulled to moves with the body and with x^n --- */
 
 /* `to` of a hold, at the poses that the collide has: `y` is where it would go by itself. */
 static void pulled_to(const cloth_collide *c, const cloth_hold *h, const double *y, double *to) {
     const unsigned char look = c->look[h->vertex];
     const cloth_hold   *by = look == CLOTHI_ASIDE ? c->caught + h->vertex : h;
-    double              A[3], n[3], d = 0;
+    double              A[3], B[3], n[3], d = 0;
     int                 k;
-    if (look < CLOTHI_OUT) clothi_hold_goal(c, h, to);
+    if (look == CLOTHI_LED) memcpy(to, c->xa + 3 * h->vertex, 3 * sizeof *to);
+    else if (look < CLOTHI_OUT) clothi_hold_goal(c, h, to);
     else memcpy(to, y, 3 * sizeof *to);
     if (look == CLOTHI_HELD || look == CLOTHI_BACK || look == CLOTHI_PASSED) return;
-    clothi_hold_point(c, by, 0, c->xb, A, n);
-    for (k = 0; k < 3; k++) d += n[k] * (A[k] - to[k]);
-    for (k = 0; k < 3; k++) to[k] += (look == CLOTHI_LED ? T : d + CLOTHI_GAP * T) * n[k];
+    clothi_hold_point(c, by, 0, c->xa, A, n);
+    clothi_hold_point(c, by, 0, c->xb, B, n);
+    for (k = 0; k < 3; k++) d += n[k] * (B[k] - (look == CLOTHI_LED ? A : to)[k]);
+    for (k = 0; k < 3; k++) to[k] += (d + (look == CLOTHI_LED ? 1 : CLOTHI_GAP) * T) * n[k];
 }
 
 /* Both plates at both poses, and the held vertex at x^n, go eps along `way`: what the walk
@@ -985,7 +1017,7 @@ static double pull_rates(scene *q, const cloth_hold *h, const double *way, const
     const double    eps = 1e-7;
     cloth_collide  *c = q->s.c;
     clothi_adjoint  got;
-    double         *flow[4], start[3], to[3], y[3], hess[9], worst = 0;
+    double         *flow[4], start[3], to[3], y[3], hess[9], worst = 0, size;
     clothi_flow     f;
     int             i, k, part, n = c->nw - c->nv;
     memset(&got, 0, sizeof got);
@@ -994,6 +1026,7 @@ static double pull_rates(scene *q, const cloth_hold *h, const double *way, const
     f.c = c, f.to = &got, f.whole = 1, f.a = a, f.cloth[0] = flow[2], f.cloth[1] = flow[3];
     clothi_back_hold(&f, h);
     (void)clothi_hold_pull(c, h, c->xb + 3 * h->vertex, start, hess);
+    size = hess[0] + hess[4] + hess[8];
     memcpy(y, c->hold_to + 3 * h->vertex, sizeof y);
     pulled_to(c, h, y, start);
     for (k = 0; k < 3; k++)                 /* there it was pulled in the step */
@@ -1013,7 +1046,7 @@ static double pull_rates(scene *q, const cloth_hold *h, const double *way, const
             is -= a[3 * h->vertex + i / 3] * hess[i] * (to[i % 3] - start[i % 3]) / eps;
         for (i = first; i < end; i++)
             for (k = 0; k < 3; k++) x[3 * i + k] -= eps * way[k];
-        if (!(fabs(said - is) <= worst * hess[0])) worst = fabs(said - is) / hess[0];
+        if (!(fabs(said - is) <= worst * size)) worst = fabs(said - is) / size;
         if (!(worst < 1e9)) break;          /* NaN stays */
     }
     for (k = 0; k < 4; k++) free(flow[k]);
@@ -1042,7 +1075,9 @@ static double pull_by_x(const scene *q, const cloth_hold *h, const double *way, 
         is += a[at + k] * (grad[1][k] - grad[0][k]) / (2 * eps);
     }
     free(flow);
-    return fabs(said - is) / (hess[0] + hess[4] + hess[8]);
+    if ((clothi_max_abs(grad[0], 3) > 0) != (clothi_max_abs(grad[1], 3) > 0)) return 0;
+    said = fabs(said - is);                 /* 0 where what is led has gone out by itself      */
+    return said > 0 ? said / (hess[0] + hess[4] + hess[8]) : 0;
 }
 
 static void backwards(void) {
@@ -1131,6 +1166,7 @@ int main(int argc, char **argv) {
     RUN(threaded);
     RUN(faceless);
     RUN(poked);
+    RUN(drawn);
     RUN(vise);
     RUN(backwards);
     RUN(refusals);

@@ -13001,10 +13001,11 @@ CLOTHI_RARE_END
  *        round meshes. [fix] names that windows.h and complex.h take; x87 and fast maths are
  *        refused; MinGW's sqrt; searches that are cut short; statics that nothing holds; a
  *        contact that was taken away; CG asked for more than rounding leaves; ties in contact;
- *        parallel edges; LEAPFROG of larger patterns, of springs, in gales, its contacts' forces;
- *        what turns and carries cloth. Handles have 64 bits, meshes sizes of 1e-70 to 1e70 m,
- *        friction is at most 1000, a radius 5e5 thicknesses; balls have their equator; model
- *        hashes count masses.
+ *        parallel edges; LEAPFROG of larger patterns, of springs, of pressed plates, in gales, at
+ *        uneven frames, its contacts' forces; what turns and carries cloth; what leaves a pinch;
+ *        hosts' terms in searches that are cut short. Handles have 64 bits, meshes sizes of 1e-70
+ *        to 1e70 m, friction is at most 1000, a radius 5e5 thicknesses; balls have their equator;
+ *        model hashes count masses; cloth_qp_report.refactorizations is gone.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

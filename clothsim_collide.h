@@ -6131,11 +6131,11 @@ static double clothi_hold_pull(const cloth_collide *c, const cloth_hold *h, cons
     const double most = c->look[h->vertex] < CLOTHI_LED
                             ? CLOTHI_HOLD : CLOTHI_PULL * clothi_hold_borne(c, h->vertex);
     const double r = most * c->obstacle[h->slot].thickness / CLOTHI_DRAG;            /* m */
-    double       P[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, d[3], n[3], s;
+    double       P[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, A[3], n[3], d[3], s;
     int          i;
     clothi_sub3(x, c->hold_to + 3 * h->vertex, d);
     if (c->look[h->vertex] == CLOTHI_LED) {
-        clothi_hold_point(c, h, 0, c->xb, P, n);
+        clothi_hold_point(c, h, 0, c->xb, A, n);
         s = clothi_min(clothi_dot3(d, n), 0);
         for (i = 0; i < 9; i++) P[i] = s < 0 ? n[i / 3] * n[i % 3] : 0;
         for (i = 0; i < 3; i++) d[i] = s * n[i];

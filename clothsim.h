@@ -9631,7 +9631,7 @@ static void clothi_unstrained(int kind, const double *rest, double *x) {
         const clothi_vec q2 = clothi_vec_plus(t.F2, size, clothi_vec_cross(n, t.F1));
         const double     det = (rest[k] * rest[3 * L + k] - rest[L + k] * rest[2 * L + k]) *
                            sqrt(clothi_vec_dot(q1, q1));
-        if (!(fabs(det) > 0)) continue;     /* a lane that is not used */
+        if (!(fabs(det) > 0)) continue;     /* collapsed in the template */
         clothi_vec_put(x, 3, k, clothi_vec_plus(
             p, 1 / det, clothi_vec_mix(rest[3 * L + k], q1, -rest[2 * L + k], q2)));
         clothi_vec_put(x, 6, k, clothi_vec_plus(
@@ -10997,8 +10997,7 @@ static double clothi_attach_work(const cloth_sim *s, const double *x, double par
 }
 
 /* Work and losses of an implicit substep, from the gradient at its minimiser w.x: what is left of
- * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives; on
- * an axis that contact holds it is contact's. */
+ * it on a pinned axis, with the inertia of what is pinned, is the force that the support gives. */
 static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal) {
     cloth_ledger *l = &s->report.energy;
     double        value, big = 0;
@@ -11013,13 +11012,11 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal) {
     clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++) {
         double dx = s->w.x[i] - s->state.x[i];
-        const int pinned = s->pin[i / 3] >> (i % 3) & 1;
         if (s->force_on) l->force_work += s->force[i] * dx;
-        if (pinned || (s->contact_on && s->fixed[i / 3] == CLOTH_AXIS_ALL && !s->model->tie)) {
+        if (s->pin[i / 3] >> (i % 3) & 1) {
             double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i), f = s->w.rhs[i];
             double w = goal->eta > 0 ? 1 / (goal->eta * goal->eta) : 0;
-            *(pinned ? &l->pin_work : &l->contact_work) +=
-                (f + w * s->params.mass[i / 3] * (s->w.x[i] - y)) * dx;
+            l->pin_work += (f + w * s->params.mass[i / 3] * (s->w.x[i] - y)) * dx;
         }
     }
     if (s->contact_on && s->contact.balance) s->contact.balance(s->contact.user, l);
@@ -12042,7 +12039,7 @@ static int clothi_moves(const cloth_sim *s) {
 static int clothi_sleeps(const cloth_sim *s) {
     const size_t n = 3 * (size_t)s->model->nv;
     int          i;
-    if (!(s->model->desc.sleep > 0) || s->still < s->model->desc.sleep || !s->still_x) return 0;
+    if (!(s->model->desc.sleep > 0) || s->still < s->model->desc.sleep) return 0;
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++)
         if (memcmp(s->attach[i].pose, s->attach[i].target, sizeof s->attach[i].pose)) return 0;
     return memcmp(s->state.x, s->still_x, n * sizeof(double)) == 0 &&

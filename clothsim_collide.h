@@ -5078,7 +5078,6 @@ static int clothi_contact_new(const cloth_collide *c, const clothi_pair_id *p, c
     if (clothi_is_soft(c, p) && !clothi_contact_soft(c, q, x)) return 0;
     clothi_contact_frame_at(c, q, x, &q->at);
     if (!q->soft) {
-        if (!(q->at.gap > 0)) return 0;
         clothi_contact_frame_at(c, q, c->xa, &first);
         q->start = first.gap;
         q->share = clothi_contact_share(c, q, &first);
@@ -7015,7 +7014,6 @@ static cloth_status clothi_contact_resolve(void *user, const cloth_eval *e, doub
     cloth_collide *c = (cloth_collide *)user;
     cloth_status   status;
     (void)e;
-    if (clothi_find_nonfinite(x, 3 * (size_t)c->nv) >= 0) return CLOTH_OK;  /* the core says so */
     memcpy(c->x_ie, x, 3 * (size_t)c->nv * sizeof(double));
     status = clothi_feasible(c, 1);
     if (status) return status;
@@ -8278,30 +8276,28 @@ static int clothi_contour_cut(const cloth_collide *c, int f, int k, int g, cloth
     return 1;
 }
 
-/* Adds the cuts of n pairs at c->xa, six of each at most: the two farthest from each other end its
+/* Adds the cuts of two faces at c->xa, six at most: the two farthest from each other end their
  * line. */
-static void clothi_contour_find(const cloth_collide *c, const clothi_pair_id *pair, int n,
+static void clothi_contour_find(const cloth_collide *c, const clothi_pair_id *pair,
                                 clothi_contour *line) {
-    int i, j, k, ends[2] = {0, 0};
-    for (i = 0; i < n; i++) {
-        const int first = line->n, face[2] = {pair[i].a, pair[i].b};
-        double    length = 0;
-        for (k = 0; k < 6 && pair[i].kind == CLOTHI_FF; k++) {
-            clothi_crossing *cut = line->cut + line->n;
-            if (!clothi_contour_cut(c, face[k / 3], k % 3, face[1 - k / 3], cut)) continue;
-            for (j = first; j < line->n; j++) {
-                const double apart = sqrt(clothi_apart2(cut->at, line->cut[j].at, 1));
-                if (!(apart > length)) continue;
-                length = apart;
-                ends[0] = j, ends[1] = line->n;
-            }
-            line->n++;
+    const int first = line->n, face[2] = {pair->a, pair->b};
+    double    length = 0;
+    int       j, k, ends[2] = {0, 0};
+    for (k = 0; k < 6; k++) {
+        clothi_crossing *cut = line->cut + line->n;
+        if (!clothi_contour_cut(c, face[k / 3], k % 3, face[1 - k / 3], cut)) continue;
+        for (j = first; j < line->n; j++) {
+            const double apart = sqrt(clothi_apart2(cut->at, line->cut[j].at, 1));
+            if (!(apart > length)) continue;
+            length = apart;
+            ends[0] = j, ends[1] = line->n;
         }
-        line->length += length;
-        for (k = 0; k < 6 && length > 0; k++)
-            line->cut[ends[k / 3]].r[k % 3] = (line->cut[ends[1 - k / 3]].at[k % 3] -
-                                               line->cut[ends[k / 3]].at[k % 3]) / length;
+        line->n++;
     }
+    line->length += length;
+    for (k = 0; k < 6 && length > 0; k++)
+        line->cut[ends[k / 3]].r[k % 3] = (line->cut[ends[1 - k / 3]].at[k % 3] -
+                                           line->cut[ends[k / 3]].at[k % 3]) / length;
 }
 
 /* g [nw x 3] += G of the cuts, but of those that have another way. */
@@ -8347,7 +8343,6 @@ static cloth_status clothi_tangle_inside(const cloth_collide *c, clothi_tangle *
         wind = clothi_surface_winding(&solid, p);
         if (!(o->kind == CLOTH_OBSTACLE_BOX ? wind : wind >= 1)) continue;
         f = clothi_surface_nearest(&solid, p, &d2, b);
-        if (f < 0) continue;
         clothi_face_normal(c->xa, c->faces + 3 * f, n);
         for (k = 0; k < 3; k++) {
             const double *x = c->xa + k;
@@ -8477,7 +8472,7 @@ static cloth_status clothi_tangle_look(cloth_collide *c, clothi_tangle *u) {
     for (i = 0; i < u->npair; i++)
         if (u->pair[i].kind == CLOTHI_FF &&
             !clothi_tangle_skin(c, u, c->faces + 3 * u->pair[i].a, c->faces + 3 * u->pair[i].b))
-            clothi_contour_find(c, u->pair + i, 1, &u->line);
+            clothi_contour_find(c, u->pair + i, &u->line);
     CLOTHI_OBSTACLES(c, o)
         if (c->obstacle[o].nf && !status) status = clothi_tangle_inside(c, u, o);
     if (status) return status;

@@ -540,7 +540,7 @@ static void shortening(void) {
     cuts.cut = (clothi_crossing *)clothi_alloc(&s.desc.hooks, 6 * (size_t)s.c->nnow,
                                                sizeof *cuts.cut);
     if (!cuts.cut) exit(2);
-    clothi_contour_find(s.c, s.c->now, s.c->nnow, &cuts);
+    for (i = 0; i < s.c->nnow; i++) clothi_contour_find(s.c, s.c->now + i, &cuts);
     CHECK(cuts.n > 10);
     clothi_contour_shrink(s.c, &cuts, g);
     for (n = 0, i = 0; i < 3 * s.mesh->nv; i++) {

@@ -15,6 +15,7 @@
 #include "edges.h"
 #include "host.h"
 #include "reference.h"
+#include <limits.h>
 
 #define T    2e-3                           /* m, contact thickness                            */
 #define H    (1.0 / 60)
@@ -621,6 +622,40 @@ static void snapshots(void) {
     free(buf);
 }
 
+/* Snapshots with the right checksum whose holds name what is not there: refused, the sim as before;
+ * with what they were it takes them. */
+static void forged(void) {
+    static host  told;
+    const int    bad[4] = {-1, 1 << 20, INT_MAX, INT_MIN};
+    const double number[2] = {NAN, INFINITY};
+    scene        q;
+    uint64_t     was;
+    size_t       size;
+    void        *buf;
+    int          i, k;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    go(&q, 1, 22);
+    q.s.sim->hooks.log = host_hooks(&told).log;
+    was = cloth_sim_hash(q.s.sim), size = cloth_sim_save_size(q.s.sim);
+    buf = malloc(size);
+    for (i = 0; i < 4; i++)
+        for (k = 0; k < 8; k++) {
+            cloth_hold *h = q.s.c->hold + (i ? q.s.c->nhold - 1 : 0), kept = *h;
+            if (k < 4) *(k < 2 ? h->face + k : k < 3 ? &h->vertex : &h->slot) = bad[i];
+            else *(k < 7 ? h->weight[i % 2] + k - 4 : &h->share) = number[i / 2];
+            CHECK(buf && cloth_sim_save(q.s.sim, buf, size) == CLOTH_OK);
+            *h = kept;
+            host_forget(&told);
+            CHECK(cloth_sim_restore(q.s.sim, buf, size) == CLOTH_ERR_FORMAT);
+            CHECK(told.errors == 1 && strstr(told.text, "holds a vertex that is not there"));
+            CHECK(cloth_sim_hash(q.s.sim) == was);
+        }
+    CHECK(cloth_sim_save(q.s.sim, buf, size) == CLOTH_OK);
+    CHECK(cloth_sim_restore(q.s.sim, buf, size) == CLOTH_OK && cloth_sim_hash(q.s.sim) == was);
+    free(buf);
+    close_scene(&q);
+}
+
 /* What goes away in a pinch leaves cloth that is free. */
 static void removed(void) {
     scene q;
@@ -1156,6 +1191,7 @@ int main(int argc, char **argv) {
     RUN(sweeps);
     RUN(far_parts);
     RUN(snapshots);
+    RUN(forged);
     RUN(removed);
     RUN(untangled);
     RUN(untangled_beside);

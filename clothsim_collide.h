@@ -8343,6 +8343,7 @@ static cloth_status clothi_tangle_inside(const cloth_collide *c, clothi_tangle *
         wind = clothi_surface_winding(&solid, p);
         if (!(o->kind == CLOTH_OBSTACLE_BOX ? wind : wind >= 1)) continue;
         f = clothi_surface_nearest(&solid, p, &d2, b);
+        if (f < 0) continue;                /* its square overflows */
         clothi_face_normal(c->xa, c->faces + 3 * f, n);
         for (k = 0; k < 3; k++) {
             const double *x = c->xa + k;

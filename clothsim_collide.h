@@ -461,9 +461,10 @@ CLOTH_API void         cloth_collide_destroy(cloth_collide *c);             /* N
 
 /* An obstacle, at rest where desc->x says. Errors as create; _MESH also: a broken mesh. After add
  * and remove the queries know of no last step, and cloth_sim_restore takes only snapshots made
- * with these obstacles, else _FORMAT. What sticks to others goes on to stick. On failure, also of
- * the next three, everything is as before; a stale or unknown id: CLOTH_ERR_HANDLE. A grid is read
- * whole once. _UNSUPPORTED: a grid, or self_penetrating, under leapfrog, which has no potential. */
+ * with the same obstacles, added alike, in the same slots (the first that is free), else _FORMAT.
+ * What sticks to others goes on to stick. On failure, also of the next three, everything is as
+ * before; a stale or unknown id: CLOTH_ERR_HANDLE. A grid is read whole once. _UNSUPPORTED: a grid,
+ * or self_penetrating, under leapfrog, which has no potential. */
 CLOTH_API cloth_status cloth_collide_add(cloth_collide *c, const cloth_obstacle_desc *desc,
                                          cloth_obstacle *id);
 CLOTH_API cloth_status cloth_collide_remove(cloth_collide *c, cloth_obstacle id);
@@ -7197,8 +7198,8 @@ static uint64_t clothi_contact_kind(const cloth_collide *c) {
         const clothi_obstacle *b = c->obstacle + o;
         const double           real[5] = {b->radius, b->thickness, b->normal[0], b->normal[1],
                                           b->normal[2]};
-        const uint32_t         whole[8] = {(uint32_t)o, b->generation, (uint32_t)b->kind,
-                                           (uint32_t)b->nv, (uint32_t)b->nf, b->category, b->mask,
+        const uint32_t         whole[7] = {(uint32_t)o, (uint32_t)b->kind, (uint32_t)b->nv,
+                                           (uint32_t)b->nf, b->category, b->mask,
                                            b->self_penetrating ? 1u : 0u};
         if (!b->used) continue;
         h = clothi_hash(h, whole, sizeof whole);

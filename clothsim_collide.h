@@ -7432,7 +7432,8 @@ static cloth_status clothi_collide_check(const cloth_sim *sim, const cloth_colli
     char               name[32];
     cloth_status       status;
     int                i;
-    if (d->cookie != CLOTHI_COLLIDE_COOKIE) return CLOTH_ERR_UNINIT;
+    if (d->cookie != CLOTHI_COLLIDE_COOKIE)
+        return clothi_fail(hooks, CLOTH_ERR_UNINIT, "collide: not by cloth_collide_desc_default()");
     status = clothi_check_rules(hooks, "collide.", d, rule, sizeof rule / sizeof *rule);
     if (status) return status;
     if (d->thickness < CLOTHI_FINEST * big)
@@ -7677,7 +7678,9 @@ static cloth_status clothi_obstacle_check(const cloth_collide *c, const cloth_ob
     const double       big = clothi_max_abs(c->sim->state.x, 3 * c->nv);
     cloth_status       status;
     int                nf, nv;
-    if (d->cookie != CLOTHI_OBSTACLE_COOKIE) return CLOTH_ERR_UNINIT;
+    if (d->cookie != CLOTHI_OBSTACLE_COOKIE)
+        return clothi_fail(hooks, CLOTH_ERR_UNINIT,
+                           "obstacle: not by cloth_obstacle_desc_default()");
     status = clothi_check_count(hooks, "obstacle.", "kind", (int)d->kind, CLOTH_OBSTACLE_MESH,
                                 CLOTH_OBSTACLE_GRID);
     if (status) return status;

@@ -61,7 +61,7 @@ static void refusals(void) {
     part.friction = NAN;
     CHECK(desc_refused(&d, CLOTH_ERR_NONFINITE, "collide.parts[0].friction = NaN"));
     d.cookie = 0;
-    CHECK(cloth_collide_create(W.sim, &d, &c) == CLOTH_ERR_UNINIT && !c);
+    CHECK(desc_refused(&d, CLOTH_ERR_UNINIT, "cloth_collide_desc_default()"));
     CHECK(cloth_collide_create(NULL, NULL, &c) == CLOTH_ERR_ARGUMENT && !c);
     CHECK(cloth_collide_create(W.sim, NULL, NULL) == CLOTH_ERR_ARGUMENT);
     world_close(&W);
@@ -182,7 +182,7 @@ static void obstacles(void) {
     o.normal[1] = NAN;
     CHECK(add_refused(&o, CLOTH_ERR_NONFINITE, "obstacle.normal[1] = NaN"));
     o.cookie = 0;
-    CHECK(cloth_collide_add(W.c, &o, &id) == CLOTH_ERR_UNINIT);
+    CHECK(add_refused(&o, CLOTH_ERR_UNINIT, "cloth_obstacle_desc_default()"));
     CHECK(cloth_collide_add(NULL, &o, &id) == CLOTH_ERR_ARGUMENT && id.id == 0);
     host_forget(&H);
     CHECK(said(cloth_collide_add(W.c, NULL, &id), CLOTH_ERR_ARGUMENT, "desc is NULL"));

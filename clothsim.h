@@ -10490,8 +10490,8 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     clothi_tie_spread(s->model, s->w.dx);
     (void)clothi_charge(s, was);
     if (status != CLOTH_ERR_NONFINITE || clothi_check_terms(s, 0)) return status;
-    return clothi_fail(&s->hooks, status,
-                       "the matrix of the linear solve or its answer is not finite");
+    return clothi_fail(&s->hooks, status, "the matrix of the linear solve or its answer is not "
+                                          "finite: does a pin or an obstacle leap in this step?");
 }
 
 /* What there is to know of w.dx before a step along it. */

@@ -506,6 +506,27 @@ static void weight(void) {
     world_close(&W);
 }
 
+/* Who moves an obstacle where a teleport is meant, 10 and 100 km in a step, is told what to look for
+ * where the forces are beyond doubles; no status is asked for. */
+static void leap(void) {
+    cloth_hooks hooks = host_hooks(&H);
+    double      way;
+    for (way = 1e4; way < 1e6; way *= 10) {
+        const double there[3] = {0.1 + 0.3 * way, way - 0.08, 0.1};
+        cloth_status status;
+        uint64_t     before;
+        CHECK(world_open(&W, CLOTH_INTEGRATOR_EULER, &hooks, NULL) == CLOTH_OK);
+        CHECK(world_run(&W, 14, 1.0 / 60));
+        CHECK(cloth_collide_move(W.c, W.ball, there) == CLOTH_OK);
+        before = cloth_sim_hash(W.sim);
+        status = cloth_step(W.sim, 1.0 / 60, NULL);
+        if (status) CHECK(cloth_sim_hash(W.sim) == before && H.errors == 1);
+        if (status == CLOTH_ERR_NONFINITE) CHECK(strstr(H.text, "an obstacle leap"));
+        world_close(&W);
+        host_forget(&H);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(refusals);
@@ -518,5 +539,6 @@ int main(int argc, char **argv) {
     RUN(failing_calls);
     RUN(recorded_bytes);
     RUN(weight);
+    RUN(leap);
     return TEST_END();
 }

@@ -961,7 +961,8 @@ CLOTH_API cloth_state *cloth_sim_state(cloth_sim *sim);
 CLOTH_API void         cloth_sim_state_changed(cloth_sim *sim);
 /* x and the faces as OBJ (cloth_obj_save [2.6]). */
 CLOTH_API cloth_status cloth_sim_save_obj(const cloth_sim *sim, const char *path);
-/* Back to the model's start: state, pins, attachments, forces, materials. */
+/* Back to the model's start: state, pins, attachments, forces, gravity, wind, materials; obstacles
+ * to where, and as, they were added. What they intersect is looked at by the next step. */
 CLOTH_API cloth_status cloth_sim_reset(cloth_sim *sim);
 
 /* ===== [2.5] CONTROL (tier 2) ================================================================ */

@@ -11206,12 +11206,14 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal) {
     return status == CLOTH_ERR_STEP ? clothi_stalled(s, "static") : status;
 }
 
+/* Terms take forces from x^n, which is to be x itself: wind, maybe a host's. */
+static int clothi_static_lags(const cloth_sim *s) { return s->wind_on || s->nterms > s->nbuiltin; }
+
 /* Moved along an axis on which nothing is held the cloth keeps its shape: what pulls there finds no
  * rest, and the search would end far out. */
 static cloth_status clothi_static_held(cloth_sim *s) {
     double net[3] = {0, 0, 0}, all = 0, f;
-    int    i, held = s->nattach || s->wind_on || s->contact_on ||
-                           s->nterms > s->nbuiltin ? CLOTH_AXIS_ALL : 0;
+    int    i, held = s->nattach || s->contact_on || clothi_static_lags(s) ? CLOTH_AXIS_ALL : 0;
     for (i = 0; i < 3 * s->model->nv; i++) {
         f = s->params.mass[i / 3] * s->gravity[i % 3] + (s->force_on ? s->force[i] : 0);
         net[i % 3] += f, all += fabs(f), held |= s->pin[i / 3];
@@ -11228,7 +11230,7 @@ static cloth_status clothi_static_held(cloth_sim *s) {
 static cloth_status clothi_static_run(cloth_sim *s) {
     clothi_goal  goal;
     cloth_status status = clothi_static_held(s);
-    int          i, round, n = 3 * s->model->nv, saddle = 1;
+    int          i, round, n = 3 * s->model->nv, saddle = 1, lags = clothi_static_lags(s);
     if (status) return status;
     s->report.outcome = CLOTH_STEP_CONVERGED;
     memset(s->state.v, 0, (size_t)n * sizeof(double));
@@ -11237,9 +11239,9 @@ static cloth_status clothi_static_run(cloth_sim *s) {
     clothi_input(s, 0, 0, 1);
     clothi_guess(s, 0);
     for (round = 0; round < CLOTHI_STATIC_ROUNDS && saddle && !status; round++) {
-        double relax = s->wind_on && round > 1 ? 0.5 : 1;   /* or the cloth flaps for ever */
+        double relax = lags && round > 1 ? 0.5 : 1;        /* or the cloth flaps for ever */
         for (i = 0; i < n; i++) s->state.x[i] += relax * (s->w.x[i] - s->state.x[i]);
-        status = clothi_terms_begin(s, &goal);          /* wind is lagged to where we are */
+        status = clothi_terms_begin(s, &goal);          /* they lag to where we are */
         if (!status) status = clothi_static_newton(s, &goal);
         if (status || s->report.outcome != CLOTH_STEP_CONVERGED) break;
         status = clothi_static_curvature(s, &goal, &saddle);
@@ -11248,12 +11250,12 @@ static cloth_status clothi_static_run(cloth_sim *s) {
             status = clothi_objective(s, &goal, s->w.x, NULL, 0, 0, &value);
             if (!status) saddle = clothi_escape(s, &goal, CLOTHI_ESCAPE * s->edge, value);
         }
-        for (i = 0; s->wind_on && i < n && !saddle; i++)
+        for (i = 0; lags && i < n && !saddle; i++)
             saddle = fabs(s->w.x[i] - s->state.x[i]) > s->model->desc.tolerance;
     }
     memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
     if (!status && saddle && s->report.outcome == CLOTH_STEP_CONVERGED)
-        status = clothi_stalled(s, "static: wind and shape do not agree");
+        status = clothi_stalled(s, "static: wind, or a host's force, and shape do not agree");
     if (status) return status;
     if (s->balance) status = clothi_balance(s, &goal);
     clothi_recorded(s, s->w.x);

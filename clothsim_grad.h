@@ -557,6 +557,7 @@ struct cloth_tape {
     size_t        trace_room;               /* doubles                                         */
     int           traced;                   /* substeps in it                                  */
     int           lost;                     /* trace: memory is out                            */
+    int           lags;                     /* statics with what is lagged is among the steps  */
     unsigned char *how;                     /* [substeps] of the step that is recorded         */
     size_t        path;                     /* bytes of the longest trace of LEAPFROG          */
     size_t        bytes, most;
@@ -720,8 +721,8 @@ static size_t clothi_grad_arrays(const cloth_sim *s, size_t motion, size_t input
 static size_t clothi_tape_work(const cloth_tape *t) {
     const cloth_desc *d = &t->sim->model->desc;
     size_t            work = clothi_grad_arrays(t->sim, t->motion, t->room, NULL, NULL);
-    if (d->integrator != CLOTH_INTEGRATOR_LEAPFROG &&
-        (t->sim->contact_on || d->contact != CLOTH_CONTACT_NONE))
+    if (t->lags || (d->integrator != CLOTH_INTEGRATOR_LEAPFROG &&
+                    (t->sim->contact_on || d->contact != CLOTH_CONTACT_NONE)))
         work += (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3 * sizeof(double);
     return work;
 }
@@ -826,6 +827,7 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
     }
     e = t->step + t->n;
     e->h = r->h, e->fraction = t->sim->fraction;
+    if (!(r->h > 0) && clothi_static_lags(t->sim)) t->lags = 1, t->work = clothi_tape_work(t);
     e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
     e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
                t->sim->still >= t->sim->model->desc.sleep;
@@ -1089,7 +1091,7 @@ static cloth_status clothi_line_open(cloth_sim *s, const clothi_taped *e, int j,
     int          i;
     memset(q, 0, sizeof *q);
     q->h = h / m;
-    if (!(h > 0)) {                         /* wind is lagged to where the search ended, at rest */
+    if (!(h > 0)) {                         /* x^n of what lags is where the search ended */
         memcpy(s->state.x, x, 3 * (size_t)s->model->nv * sizeof(double));
         memset(s->state.v, 0, 3 * (size_t)s->model->nv * sizeof(double));
     }
@@ -1140,9 +1142,9 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * -z' d(grad)/dp dp, H being symmetric. On pinned axes dx = dgoal is given: a.dgoal directly, and
  * through H's columns, -z' H dgoal.
  *
- * Statics: M/eta^2 = 0 and x^n does not matter. Wind is lagged to x itself: grad E(x, x^n = x) = 0,
- * whose Jacobian is H + W, W = d(grad)/dx^n, not symmetric. (H + W)' z = a is iterated as the
- * forward search is: H z <- a - W' z.
+ * Statics: M/eta^2 = 0 and x^n does not matter. Wind, and what hosts' terms lag, is lagged to x
+ * itself: grad E(x, x^n = x) = 0, whose Jacobian is J = H + W, W = d(grad)/dx^n, not symmetric:
+ * J'z = a as with contact. (H z <- a - W'z, as the forward search goes, need not converge.)
  *
  * Attachments pull to pose + share fraction (target - pose); the pose is where the last step took
  * it, or the point itself where it was attached since; at the tape's start it is a constant.
@@ -1369,35 +1371,41 @@ static cloth_status clothi_grad_refine(clothi_grad *g, cloth_linear method, cons
 
 #define CLOTHI_GRAD_TURNS 6
 
-/* out = J' z over all rows, J = dF/dx of all terms and contact; forwards J z. */
+/* out = J' z over all rows, J = dF/dx of all terms and contact, or in statics of what is lagged;
+ * forwards J z. */
 static cloth_status clothi_grad_apply(clothi_grad *g, const cloth_eval *e, const double *z,
                                       double *out) {
     cloth_sim    *s = g->s;
     const size_t  bytes = g->t->nv3 * sizeof(double);
     cloth_vjp     to;
-    cloth_status  status;
+    cloth_status  status = CLOTH_OK;
     size_t        i;
+    int           k;
     memset(&to, 0, sizeof to);
-    to.x = g->nv;
+    *(s->contact_on ? &to.x : &to.x_n) = g->nv;
     memcpy(g->nx, z, bytes);
     memset(g->nv, 0, bytes);
     clothi_tie_spread(s->model, g->nx);
-    status = g->forwards ? s->contact.jvp(s->contact.user, e, NULL, g->nx, g->nv)
-                         : s->contact.vjp(s->contact.user, e, g->nx, &to);
+    for (k = CLOTHI_TERM_WIND; !s->contact_on && k < s->nterms && !status; k++)
+        status = s->term[k].vjp(s->term[k].user, e, g->nx, &to);
+    if (s->contact_on)
+        status = g->forwards ? s->contact.jvp(s->contact.user, e, NULL, g->nx, g->nv)
+                             : s->contact.vjp(s->contact.user, e, g->nx, &to);
     clothi_tie_gradient(s->model, g->nv);
-    cloth_matrix_mul(g->elastic, NULL, z, out);
+    cloth_matrix_mul(s->contact_on ? g->elastic : s->matrix, NULL, z, out);
     for (i = 0; i < g->t->nv3; i++) out[i] += g->nv[i];
     return status;
 }
 
-/* The factor of the matrix with contact's model; H without contact into g->elastic. */
+/* The factor of the matrix, with contact's model; then H without contact into g->elastic. */
 static cloth_status clothi_grad_matrices(clothi_grad *g, clothi_line *line, int *negative) {
     cloth_sim    *s = g->s;
     cloth_matrix *with = s->matrix;
     cloth_status  status = clothi_solver_factor(s->solver, with, s->fixed);
     g->rep->factorizations++;
     *negative = status == CLOTH_ERR_NUMERIC;
-    if (status && !*negative) return status;
+    if (!s->contact_on && *negative) return CLOTH_OK;
+    if (!s->contact_on || (status && !*negative)) return status;
     s->matrix = g->elastic;
     s->contact_on = 0;
     status = clothi_newton_assemble(s, &line->goal, 1);
@@ -1484,12 +1492,13 @@ static cloth_status clothi_grad_solve(clothi_grad *g, clothi_line *line, const d
                                       int k) {
     const cloth_linear method = clothi_grad_method(g);
     cloth_status status;
+    const int    touching = g->elastic || (!(line->h > 0) && clothi_static_lags(g->s));
     double       r = 0;
     int          negative = 0;
     g->paired = 0;
-    if (g->elastic) status = clothi_grad_touching(g, line, b, z, &negative, &r);
+    if (touching) status = clothi_grad_touching(g, line, b, z, &negative, &r);
     else status = clothi_grad_refine(g, method, b, z, &negative, &r);
-    if (!g->elastic && !status && negative && method != CLOTH_LINEAR_CHOLESKY)
+    if (!touching && !status && negative && method != CLOTH_LINEAR_CHOLESKY)
         status = clothi_grad_refine(g, CLOTH_LINEAR_CHOLESKY, b, z, &negative, &r);
     if (status) return status;
     g->rep->solves++;
@@ -1714,38 +1723,6 @@ static void clothi_grad_poses(clothi_grad *g, const double *x, double *to) {
 
 /* --- the adjoint of a substep --- */
 
-/* Statics in wind: see the banner. b: T' a; z as well as g->q in and out. */
-static cloth_status clothi_grad_wind(clothi_grad *g, const clothi_line *line, const double *b,
-                                     double *z, int k) {
-    cloth_sim       *s = g->s;
-    const cloth_term *wind = s->term + CLOTHI_TERM_WIND;
-    const size_t     bytes = g->t->nv3 * sizeof(double);
-    cloth_status     status = CLOTH_OK;
-    cloth_vjp        to;
-    double           big, moved = 1;
-    int              i, it, n = (int)g->t->nv3;
-    memset(&to, 0, sizeof to);
-    to.x_n = g->gx;
-    for (it = 0; it < 200 && moved > 0.01 * g->t->opt.tolerance && !status; it++) {
-        memset(g->gx, 0, bytes);
-        memcpy(g->nx, z, bytes);
-        clothi_tie_spread(s->model, g->nx);
-        status = wind->vjp(wind->user, &line->goal.e, g->nx, &to);
-        clothi_tie_gradient(s->model, g->gx);
-        for (i = 0; i < n; i++) g->gv[i] = b[i] - g->gx[i];
-        memcpy(g->nx, z, bytes);
-        if (!status) status = clothi_grad_solve(g, NULL, g->gv, z, k);
-        for (i = 0, big = moved = 0; i < n; i++) {
-            moved = clothi_max(moved, fabs(z[i] - g->nx[i]));
-            big = clothi_max(big, fabs(z[i]));
-        }
-        moved = big > 0 ? moved / big : 0;
-    }
-    for (i = 0; i < n; i++) g->q[i] += g->gx[i];            /* rows of pins: W' z too */
-    if (moved > 1e3 * g->t->opt.tolerance) clothi_grad_doubt(g, CLOTH_GRAD_RESIDUAL, k);
-    return status;
-}
-
 /* Goals of pins, z and H z known: to targets and to the start of the step. */
 static void clothi_grad_pins(clothi_grad *g, const double *b, int k) {
     const cloth_sim *s = g->s;
@@ -1809,8 +1786,6 @@ static cloth_status clothi_grad_substep(clothi_grad *g, clothi_line *line, int k
     clothi_tie_gradient(s->model, g->a);    /* T' a */
     status = clothi_grad_assemble(g, line, &most);
     if (!status) status = clothi_grad_solve(g, line, g->a, g->z, k);
-    if (!status && !(line->h > 0) && s->wind_on)
-        status = clothi_grad_wind(g, line, g->a, g->z, k);
     if (status) return status;
     clothi_grad_pins(g, g->a, k);
     clothi_tie_spread(s->model, g->z);
@@ -2668,10 +2643,11 @@ static cloth_status clothi_grad_open(clothi_grad *g, cloth_tape *t, const cloth_
     if (!status && g->pattern)
         status = cloth_matrix_create(&t->sim->hooks, g->pattern, &g->elastic);
     g->touch.attach = g->aim;
-    if (status || !t->sim->contact_on || leap) return status;
+    if (status || !(t->lags || (t->sim->contact_on && !leap))) return status;
     g->krylov = (double *)clothi_tape_alloc(t, (2 * CLOTHI_GRAD_KRYLOV + 1) * t->nv3,
                                             sizeof(double));
     if (!g->krylov) return CLOTH_ERR_MEMORY;
+    if (!t->sim->contact_on) return CLOTH_OK;
     return cloth_matrix_create(&t->sim->hooks, t->sim->model->pattern, &g->elastic);
 }
 

@@ -11114,7 +11114,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
     return CLOTH_OK;
 }
 
-#define CLOTHI_STATIC_ROUNDS 50             /* of saddle escapes and wind updates              */
+#define CLOTHI_STATIC_CAP   4000            /* iterations before it has stalled                */
 #define CLOTHI_STATIC_FAR    1e9            /* mean edges: only negative curvature leads there */
 /* --- statics --- */
 
@@ -11167,7 +11167,7 @@ static cloth_status clothi_static_newton(cloth_sim *s, clothi_goal *goal) {
     double        sigma = sigma0, least = 0, a;
     clothi_newton nt;
     cloth_status  status;
-    int           it, cap = d->max_newton > 0 ? d->max_newton : 4000;
+    int           it, cap = d->max_newton > 0 ? d->max_newton : CLOTHI_STATIC_CAP;
     memset(&nt, 0, sizeof nt);
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt.value);
     clothi_newton_rhs(s);
@@ -11238,8 +11238,8 @@ static cloth_status clothi_static_run(cloth_sim *s) {
     memcpy(s->w.y, s->state.x, (size_t)n * sizeof(double));
     clothi_input(s, 0, 0, 1);
     clothi_guess(s, 0);
-    for (round = 0; round < CLOTHI_STATIC_ROUNDS && saddle && !status; round++) {
-        double relax = lags && round > 1 ? 0.5 : 1;        /* or the cloth flaps for ever */
+    for (round = 0; round + s->report.newton < CLOTHI_STATIC_CAP && saddle && !status; round++) {
+        double relax = lags && round > 1 ? 0.5 : 1;         /* or the cloth flaps for ever */
         for (i = 0; i < n; i++) s->state.x[i] += relax * (s->w.x[i] - s->state.x[i]);
         status = clothi_terms_begin(s, &goal);          /* they lag to where we are */
         if (!status) status = clothi_static_newton(s, &goal);
@@ -11255,7 +11255,8 @@ static cloth_status clothi_static_run(cloth_sim *s) {
     }
     memcpy(s->state.x, s->w.x0, (size_t)n * sizeof(double));
     if (!status && saddle && s->report.outcome == CLOTH_STEP_CONVERGED)
-        status = clothi_stalled(s, "static: wind, or a host's force, and shape do not agree");
+        status = clothi_stalled(s, lags ? "static: wind, or a host's force, and shape do not agree"
+                                        : "static");
     if (status) return status;
     if (s->balance) status = clothi_balance(s, &goal);
     clothi_recorded(s, s->w.x);

@@ -583,7 +583,7 @@ static void taken_again(void) {
         CHECK(cloth_collide_teleport(W.c, W.ball, near) == CLOTH_OK);
         W.model->desc.substeps = m;
         for (i = 0, v = cloth_sim_state(W.sim)->v; i < W.mesh->nv; i++, v += 3)
-            v[0] = 60 * W.mesh->x[3 * i], v[1] = -1;
+            v[0] = 140 * W.mesh->x[3 * i], v[1] = -1;
         cloth_sim_state_changed(W.sim);
         CHECK(cloth_step(W.sim, 1.0 / 60, r + k) == CLOTH_OK);
         q[k] = cloth_collide_last(W.c);

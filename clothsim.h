@@ -11114,7 +11114,7 @@ static cloth_status clothi_substep_implicit(cloth_sim *s) {
     return CLOTH_OK;
 }
 
-#define CLOTHI_STATIC_CAP   4000            /* iterations before it has stalled                */
+#define CLOTHI_STATIC_CAP   4000            /* iterations and rounds before it has stalled     */
 #define CLOTHI_STATIC_FAR    1e9            /* mean edges: only negative curvature leads there */
 /* --- statics --- */
 

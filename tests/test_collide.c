@@ -506,8 +506,8 @@ static void weight(void) {
     world_close(&W);
 }
 
-/* Who moves an obstacle where a teleport is meant, 10 and 100 km in a step, is told what to look for
- * where the forces are beyond doubles; no status is asked for. */
+/* Who moves an obstacle where a teleport is meant, 10 and 100 km in a step, is told what to look
+ * for where the forces are beyond doubles; no status is asked for. */
 static void leap(void) {
     cloth_hooks hooks = host_hooks(&H);
     double      way;

@@ -733,7 +733,7 @@ static double tide_run(tide *u, int wind, cloth_grad_report *rep, double *again)
 /* What a term lags in statics is lagged to x itself, as wind is: a second call moves nothing, and
  * the derivative knows. (H z <- a - W'z grew to 1e27 here.) */
 static void lagged_static(void) {
-    double again[3 * 25];
+    double again[3 * 64];
     int    wind, i;
     for (wind = 0; wind < 2; wind++) {
         cloth_grad_report rep;

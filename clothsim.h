@@ -10139,12 +10139,13 @@ static void clothi_terms_install(cloth_sim *s) {
  * Starting guess. x^n + h (3/2 v^n - 1/2 v^(n-1)), without history x^n + h v^n. The older velocity
  * is part of the state for that reason. Where that made energy, x^n: clothi_booked() [9.5].
  *
- * When to stop. The last update, a max|dx|, is below desc.tolerance (m), and it came from the exact
- * Hessian: the definite model errs towards short updates, most of all where the sheet is about to
- * buckle, and would stop at a saddle as well. It has the last word only where the exact one led
- * nowhere. A search at negative curvature must not stop, however small its radius, unless phi falls
- * nowhere within a tenth of the tolerance. So the way left to the minimum ahead is near the
- * tolerance or below it, but for a plateau where a minimum has just vanished.
+ * When to stop. The last update, max|dx| of all of it and not of the part a that descends, is below
+ * desc.tolerance (m), and it came from the exact Hessian: the definite model errs towards short
+ * updates, most of all where the sheet is about to buckle, and would stop at a saddle as well. It
+ * has the last word only where the exact one led nowhere. A search at negative curvature must not
+ * stop, however small its radius, unless phi falls nowhere within a tenth of the tolerance. So the
+ * way left to the minimum ahead is near the tolerance or below it, but for a plateau where a
+ * minimum has just vanished.
  * With contact single vertices slide on kinks and buckle on while nothing else moves. There an
  * update that no pair cuts also ends the search when it is below the tolerance in the root mean
  * square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
@@ -10606,11 +10607,10 @@ static cloth_status clothi_newton_cut(cloth_sim *s, double *a) {
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
     double       a = 1, before = nt->value, whole, tiny;
     cloth_status status = clothi_cancelled(&s->hooks, &s->finish);
-    int          cut;
     if (!status) status = clothi_newton_direction(s, goal, nt);
     if (!status) status = clothi_newton_cut(s, &a);
     if (status) return status;
-    whole = a, cut = a < 1;
+    whole = a;
     status = clothi_line_search(s, goal, nt, &a);
     if (status == CLOTH_ERR_STEP && nt->size < s->model->desc.tolerance &&
         !(nt->exact && s->linear.hit)) {    /* the whole update is below the tolerance, and too
@@ -10624,11 +10624,12 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
     s->fresh = !s->contact_on;
     s->report.residual_m = a * nt->size;
-    nt->done = (cut ? nt->size : s->report.residual_m) < s->model->desc.tolerance &&
+    nt->done = nt->size < s->model->desc.tolerance &&
                (nt->exact ? !s->linear.hit || nt->poor : nt->refused) && nt->stuck >= 0;
     tiny = a * s->model->desc.tolerance;
     if (s->contact_on)                      /* -slope = dx'H dx >= dx'M dx/eta^2; a: overshoot */
-        nt->done |= !cut && -nt->slope * goal->eta * goal->eta <= s->total * (tiny * tiny);
+        nt->done |= !(whole < 1) &&
+                    -nt->slope * goal->eta * goal->eta <= s->total * (tiny * tiny);
     status = clothi_newton_renew(s, goal, nt);
     clothi_newton_rhs(s);
     nt->stuck = s->contact_on && nt->exact && (s->linear.hit || a < 1) ? nt->stuck + 1 : 0;

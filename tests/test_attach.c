@@ -266,7 +266,8 @@ static void hang(void) {
 }
 
 /* Free sheets without gravity: stitches are inner forces, so that momentum stays none; who closed
- * them worked in the first step and never again. Leapfrog: a stiff seam bounds its substeps. */
+ * them worked in the first step and never again. Leapfrog: a stiff seam bounds its substeps, and
+ * its energy swings as h w of the seam has it, by 1/(1 - (h w/2)^2) at most, but does not grow. */
 static void apart(void) {
     static const cloth_integrator rung[2] = {CLOTH_INTEGRATOR_EULER, CLOTH_INTEGRATOR_LEAPFROG};
     static const double           none[3] = {0, 0, 0};
@@ -275,22 +276,25 @@ static void apart(void) {
         cloth_attachment id[4];
         cloth_report     r;
         const double     part[3] = {0, 0.0199, 0};
-        double           work = 0, kinetic = 0;
+        const int        steps = q ? 300 : 30;
+        double           work = 0, kinetic = 0, most[2] = {0, 0};
         open_sheets(2, 1, rung[q]);
         CHECK(cloth_sim_set_gravity(S.sim, none) == CLOTH_OK);
         seam(q ? 2e5 : 50, id);
         for (i = 0; q && i < 4; i++)        /* 0.1 mm nearer                                   */
             CHECK(cloth_sim_attach_move(S.sim, id[i], part) == CLOTH_OK);
-        for (i = 0; i < 30; i++) {
+        for (i = 0; i < steps; i++) {
             CHECK(cloth_step(S.sim, q ? 1e-2 : H, &r) == CLOTH_OK);
             CHECK(i == 0 ? r.energy.pin_work > 0 : r.energy.pin_work == 0);
             work += r.energy.pin_work;
             for (k = 0; k < 3; k++) CHECK(fabs(r.momentum[k]) < 1e-8);
-            CHECK(r.energy.total <= work * (q ? 1.05 : 1 + 1e-9));
+            CHECK(r.energy.total <= work * (q ? 1 / (1 - 0.8 * 0.8) : 1 + 1e-9));
             kinetic = fmax(kinetic, r.energy.kinetic);
+            k = i >= steps / 2;
+            most[k] = fmax(most[k], r.energy.total);
         }
         printf("  work %.4e J, left %.4e J, in motion %.4e J\n", work, r.energy.total, kinetic);
-        CHECK(kinetic > 1e-2 * work);
+        CHECK(kinetic > 1e-2 * work && most[1] <= 1.002 * most[0]);
         shut();
     }
 }

@@ -7323,12 +7323,11 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
     if (size < sizeof head || head.npose != now.npose || head.nanchor < 0 ||
         head.nexempt < 0 || head.nhold < 0 || head.kind != clothi_contact_kind(c) ||
         size != clothi_contact_walk(c, CLOTHI_SIZE, NULL, &head))
-        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT,
-                           "cloth_sim_restore: the snapshot has other obstacles, or another "
-                           "cloth_collide_desc, than this sim");
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "collide: the snapshot has other obstacles, "
+                           "or another cloth_collide_desc, than this sim");
     fault = clothi_contact_forged(c, &head, (const unsigned char *)buf + sizeof head);
     if (fault)
-        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "cloth_sim_restore: the snapshot %s", fault);
+        return clothi_fail(c->hooks, CLOTH_ERR_FORMAT, "collide: the snapshot %s", fault);
     status = CLOTHI_ROOM(c, anchor, head.nanchor);
     if (!status) status = CLOTHI_ROOM(c, hold, head.nhold);
     return status ? status : CLOTHI_ROOM(c, exempt, head.nexempt);

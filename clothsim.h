@@ -12203,10 +12203,8 @@ static double clothi_gain(const cloth_sim *s, double h, const cloth_ledger *befo
 /* A run with its ledger. A step of energy that no work explains is taken again by implicit Euler,
  * which forgets, as the next one does: with twice as many iterations each time, from x^n moved with
  * s->frame where nothing is in the way, as that strains nothing, and at last without
- * desc.max_newton; where time is up the next alone. (With as many and then without was dearer: a
- * sheet that swings, one iteration a step, 380 for 340, and 25 % more from this frame; 28 that fall
- * on what moves 6000 for 2200.) What is solved to the tolerance stands: pins and attachments are
- * booked by the forces at its end, which may turn in it. */
+ * desc.max_newton; where time is up the next alone. What is solved to the tolerance stands: pins
+ * and attachments are booked by the forces at its end, which may turn in it. */
 static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *before) {
     const double least = CLOTHI_REST * s->model->desc.tolerance / h;    /* m/s: rest rounds to it */
     const int    bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2;

@@ -62,6 +62,9 @@
  *   cuts         each vertex by its own contacts, not all by the first one: a T-shirt's walk 838
  *                iterations for 838, a skirt's 1632 for 1612, those trousers 2349 for 2640 (by
  *                steps of a quarter from face to face 852, 1518, 2446).
+ *   again        steps of max_newton that made energy, with as many iterations, then without that:
+ *                a sheet that swings, one a step, 384 to 597 in 240 steps, 334 to 340 by twice as
+ *                many each time; 28 that fall on what moves 6000, 2208.
  *   secants      of the last 1, 2 or 4 updates, in a BFGS update of the definite model: a T-shirt's
  *                walk, 30 steps, 893, 1022, 1137 iterations for 545. Kinks are elsewhere by then.
  *   lost         secant steps beyond a = 1, second-order corrections, chord steps with the old

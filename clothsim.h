@@ -11020,7 +11020,7 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal) {
     cloth_ledger *l = &s->report.energy;
     double        value, big = 0;
     cloth_status  status = CLOTH_OK;
-    int           i, n = 3 * s->model->nv;
+    int           i, n = 3 * s->model->nv, capped = s->model->desc.max_newton > 0;
     if (!s->fresh) status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &value);
     if (status) return status;
     s->fresh = 1;
@@ -11030,10 +11030,12 @@ static cloth_status clothi_balance(cloth_sim *s, clothi_goal *goal) {
     clothi_tie_gradient(s->model, s->w.rhs);
     for (i = 0; i < n; i++) {
         const double dx = s->w.x[i] - s->state.x[i], f = s->w.rhs[i];
-        const double y = clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i);
-        const double inertia = w * s->params.mass[i / 3] * (s->w.x[i] - y);
         const int    pinned = s->pin[i / 3] >> (i % 3) & 1;
+        double       inertia;
         if (s->force_on) l->force_work += s->force[i] * dx;
+        if (!pinned && !capped) continue;
+        inertia = w * s->params.mass[i / 3] *
+                  (s->w.x[i] - clothi_predicted(s, goal->e.h, goal->eta < goal->e.h, i));
         if (pinned) l->pin_work += (f + inertia) * dx;
         s->pushed[0][i % 3] += goal->e.h * (pinned ? inertia : inertia - f);
         if (s->contact_on) s->pushed[1][i % 3] -= goal->e.h * (s->w.grad[i] - s->w.free[i]);
@@ -12190,7 +12192,8 @@ static void clothi_watch_from(cloth_sim *s, double h) {
 static double clothi_gain(const cloth_sim *s, double h, const cloth_ledger *before, double was,
                           double *of) {
     const cloth_ledger *l = &s->report.energy;
-    const double is = clothi_kinetic(s, s->state.v, s->frame);
+    const double is = s->model->desc.max_newton > 0 ? clothi_kinetic(s, s->state.v, s->frame)
+                                                    : l->kinetic;
     const double all = clothi_dot3(s->frame, s->pushed[0]);
     const double touch = clothi_dot3(s->frame, s->pushed[1]);
     *of = was + before->stretch + before->bend + fabs(before->other) + is + l->stretch + l->bend +
@@ -12210,11 +12213,12 @@ static cloth_status clothi_booked(cloth_sim *s, double h, const cloth_ledger *be
     const int    bdf2 = s->model->desc.integrator == CLOTH_INTEGRATOR_BDF2;
     const int    capped = s->model->desc.max_newton > 0, watched = clothi_watched(s, h);
     cloth_status status = CLOTH_OK;
-    double       was = 0, gain, most;
+    double       was = before->kinetic, gain, most;
     int          last;
-    memset(s->frame, 0, sizeof s->frame);
-    if (watched && capped) clothi_watch_from(s, h);
-    if (watched) was = clothi_kinetic(s, s->state.v, s->frame);
+    if (watched && capped) {
+        clothi_watch_from(s, h);
+        was = clothi_kinetic(s, s->state.v, s->frame);
+    }
     for (s->calm = 0; !status; s->calm = capped ? s->calm + 1 : CLOTHI_RETAKES) {
         last = s->calm == CLOTHI_RETAKES;
         s->hosted = 0;

@@ -798,6 +798,32 @@ static void inside_out(void) {
     close_scene(&q);
 }
 
+/* Contacts with a vertex that is held in a pinch are flagged, and no others: of two layers. */
+static void held_contacts(void) {
+    static cloth_collide_contact contact[4 * MOST];
+    cloth_hold                   hold[MOST];
+    scene                        q;
+    int                          n = 0, count = 0, met[2] = {0, 0}, step, i, j, k;
+    open_scene(&q, 2, 10e-3, 1, NULL);
+    for (step = 1; step <= 12; step++) {
+        plates_at(&q, room_at(step, 0), 0);
+        CHECK(stage_step(&q.s, H));
+        CHECK(cloth_collide_holds(q.s.c, MOST, hold, &n) == CLOTH_OK && n <= MOST);
+        CHECK(cloth_collide_contacts(q.s.c, 4 * MOST, contact, &count) == CLOTH_OK);
+        CHECK(count <= 4 * MOST);
+        for (i = 0; i < count; i++) {
+            int held = 0;
+            for (j = 0; j < n; j++)
+                for (k = 0; k < contact[i].n; k++) held |= hold[j].vertex == contact[i].vertex[k];
+            CHECK(held == ((contact[i].flags & CLOTH_CONTACT_HELD) != 0));
+            met[held]++;
+        }
+    }
+    printf("  %d contacts of held vertices, %d of others\n", met[1], met[0]);
+    CHECK(met[0] > 0 && met[1] > 0);
+    close_scene(&q);
+}
+
 /* While cloth crosses the plates other obstacles come, leap and go, and a host writes x: what is
  * carried in the pinch is no reason to refuse them. What else crosses cloth is. */
 static void beside(void) {
@@ -826,6 +852,7 @@ static void beside(void) {
     ((cloth_state *)q.s.state)->x[0] += 1e-6;
     CHECK(stage_step(&q.s, H));
     CHECK(cloth_collide_last(q.s.c).held > 0);
+    CHECK(cloth_collide_failed(q.s.c, 0, NULL, &n) == CLOTH_OK && n == 0);
     ((cloth_state *)q.s.state)->x[0] += 1e-6;
     o.x = centre;
     CHECK(cloth_collide_add(q.s.c, &o, &id) == CLOTH_OK);       /* holds are of another x then */
@@ -1198,6 +1225,7 @@ int main(int argc, char **argv) {
     RUN(not_there);
     RUN(workers);
     RUN(inside_out);
+    RUN(held_contacts);
     RUN(beside);
     RUN(threaded);
     RUN(faceless);

@@ -221,6 +221,26 @@ static void topology_failing_allocator(void) {
     CHECK(fail == 3);                       /* each of two blocks was refused once */
 }
 
+/* of its two blocks each is refused once */
+static void weld_failing_allocator(void) {
+    cloth_mesh *a = NULL, *w = NULL;
+    int         fail;
+    CHECK(cloth_mesh_ball(NULL, 1, 4, &a) == CLOTH_OK);
+    for (fail = 1; fail < 10; fail++) {
+        host         h;
+        cloth_hooks  hooks = host_hooks(&h);
+        cloth_status status;
+        h.fail_at = fail;
+        status = cloth_mesh_weld(&hooks, a, 1e-9, &w);
+        CHECK(status == (fail < 3 ? CLOTH_ERR_MEMORY : CLOTH_OK) && (w != NULL) == !status);
+        cloth_mesh_destroy(&hooks, w);
+        CHECK(h.live == 0);
+        if (!status) break;
+    }
+    CHECK(fail == 3);
+    cloth_mesh_destroy(NULL, a);
+}
+
 /* a fan of 10^6 triangles around vertex 0 */
 static void topology_million_faces_on_a_vertex(void) {
     const int       nf = 1000000;
@@ -917,6 +937,7 @@ int main(int argc, char **argv) {
     RUN(topology_bow_tie);
     RUN(topology_refusals);
     RUN(topology_failing_allocator);
+    RUN(weld_failing_allocator);
     RUN(topology_million_faces_on_a_vertex);
     RUN(generator_sheets);
     RUN(generator_alternating_layout);

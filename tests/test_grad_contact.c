@@ -406,6 +406,32 @@ static void teleport(void) {
     touch_close(&t);
 }
 
+/* An obstacle that is refused takes no slot, ends no tape and changes no snapshot: a gradient's
+ * friction has as many numbers as before. */
+static void refused_obstacle(void) {
+    touch               t = touch_make(1);
+    cloth_obstacle_desc o = cloth_obstacle_desc_default();
+    cloth_tape         *tape = NULL;
+    cloth_grad          g;
+    touch_loss          u;
+    double              friction[3] = {0, 0, 7};    /* of one obstacle, and behind them        */
+    uint64_t            hash;
+    t.steps = 9;
+    memset(&u, 0, sizeof u);
+    memset(&g, 0, sizeof g);
+    (void)touch_run(&t, &tape);
+    u.nv = t.mesh->nv;
+    hash = cloth_sim_hash(t.sim);
+    o.kind = CLOTH_OBSTACLE_SPHERE, o.radius = 0.02, o.x = cloth_sim_state(t.sim)->x;
+    CHECK(cloth_collide_add(t.c, &o, NULL) == CLOTH_ERR_MESH);
+    CHECK(!cloth_tape_ended(tape) && cloth_sim_hash(t.sim) == hash);
+    g.friction = friction;
+    CHECK(cloth_grad_backward(tape, touch_loss_at, &u, &g, NULL) == CLOTH_OK);
+    CHECK(fabs(friction[1]) > 0 && friction[2] >= 7 && friction[2] <= 7);
+    cloth_tape_destroy(tape);
+    touch_close(&t);
+}
+
 /* The n-th allocation of a walk backwards fails: zeros, nothing is lost, and the next call works.
  * */
 static void memory(void) {
@@ -650,6 +676,7 @@ int main(int argc, char **argv) {
     RUN(saddles);
     RUN(parts_of_steps);
     RUN(teleport);
+    RUN(refused_obstacle);
     RUN(memory);
     return TEST_END();
 }

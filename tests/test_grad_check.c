@@ -8,6 +8,7 @@
 #include "scene.h"
 #include "grad_scene.h"
 #include "grad_touch.h"
+#include "grad_host.h"
 
 typedef struct script {
     const play *p;
@@ -349,6 +350,46 @@ static void out_of_memory(void) {
     CHECK(told.live == 0);
 }
 
+/* A term whose vjp speaks of an x_n that its energy does not know. */
+static cloth_status lying_vjp(void *user, const cloth_eval *e, const double *a, cloth_vjp *out) {
+    int i;
+    for (i = 0; i < 3 * e->nv && out->x_n; i++) out->x_n[i] += 0.1 * a[i];
+    return swarm_vjp(user, e, a, out);
+}
+
+/* A wrong gradient is seen: by the row's own numbers, against the larger one. */
+static void wrong_term(void) {
+    int lies;
+    for (lies = 0; lies < 2; lies++) {
+        cloth_check_row row[CLOTH_CHECK_ROWS];
+        play            p = play_default();
+        scene           s;
+        script          u;
+        loss_user       loss;
+        swarm           pull = {4, {0.1, -0.3, 0.2}, 0};
+        cloth_term      term = swarm_term(&pull);
+        double          worst = 0;
+        int             rows = 0, i;
+        if (lies) term.vjp = lying_vjp;
+        p.steps = 4;
+        play_open(&p, &s);
+        CHECK(cloth_sim_add_term(s.sim, &term) == CLOTH_OK);
+        memset(&loss, 0, sizeof loss);
+        loss.nv = s.nv, loss.only = -1;
+        u.p = &p, u.s = &s;
+        CHECK(cloth_grad_check(s.sim, run, &u, loss_at, &loss, row, &rows, NULL) == CLOTH_OK);
+        CHECK(rows > 3);
+        for (i = 0; i < rows; i++) {
+            const double a = row[i].adjoint, b = row[i].other, most = fmax(fabs(a), fabs(b));
+            CHECK_NEAR(row[i].off, fabs(a - b) / most, 1e-14);
+            worst = fmax(worst, row[i].off);
+        }
+        printf("  %s: off by %.1e\n", lies ? "lies" : "true", worst);
+        CHECK(lies ? worst > 1e-3 : worst < 1e-6);
+        scene_close(&s);
+    }
+}
+
 static void bad_input(void) {
     cloth_check_row row[CLOTH_CHECK_ROWS];
     play            p = play_default();
@@ -382,6 +423,7 @@ int main(int argc, char **argv) {
     RUN(stitched);
     RUN(contact);
     RUN(later_passes);
+    RUN(wrong_term);
     RUN(bad_input);
     RUN(out_of_memory);
     return TEST_END();

@@ -648,8 +648,30 @@ static void ties_hold(void) {
         }
         dx = fabs(S.sim->state.x[3 * 9 + 1] - 0.02);
         CHECK(dx > 1e-6);
-        /* and the ledger closes: support forces of followers are counted at their leader */
-        CHECK(cloth_sim_pin(S.sim, 3, CLOTH_AXIS_ALL, NULL) == CLOTH_OK);
+    }
+}
+
+/* All pinned and lifted at one speed: the supports do the work of the weight, first of the impulse
+ * too, as forces of followers are counted once, at their leader. */
+static void ties_lifted(void) {
+    const double h = 0.01, lift = 1e-3;
+    cloth_tie    tie[3];
+    cloth_report r;
+    double       to[3], force;              /* N/kg                                            */
+    int          i, k;
+    scene_close(&S);
+    scene_desc(&S, 4, NULL, WITH_NOISE);
+    add_ties(tie);
+    CHECK(scene_open(&S, 0) == CLOTH_OK);
+    for (k = 1; k <= 4; k++) {
+        for (i = 0; i < S.nv; i++) {
+            memcpy(to, S.start + 3 * i, sizeof to);
+            to[1] += k * lift;
+            CHECK(cloth_sim_pin(S.sim, i, CLOTH_AXIS_ALL, to) == CLOTH_OK);
+        }
+        CHECK(cloth_step(S.sim, h, &r) == CLOTH_OK);
+        force = (k == 1 ? lift / (h * h) : 0) - S.sim->gravity[1];
+        CHECK_REL(r.energy.pin_work, S.sim->total * force * lift, 1e-9);
     }
 }
 
@@ -1048,6 +1070,7 @@ int main(int argc, char **argv) {
     RUN(flag_has_no_statics);
     RUN(ties_fold);
     RUN(ties_hold);
+    RUN(ties_lifted);
     RUN(ties_of_pinned);
     RUN(pins_reach_their_targets);
     RUN(host_term);

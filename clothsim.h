@@ -8645,7 +8645,6 @@ typedef struct clothi_elements {            /* derived from params: what the lan
     double *rest;                           /* [nbatch x nrest x 8]                            */
     double *start;                          /* [nbatch x (nmeasure + 1) x 8] measure at x_n,
                                                then damping s                                  */
-    int     first;                          /* of its batches, in energy_batch                 */
     double  loss;                           /* J, of the last value                            */
     const clothi_group *group;
     const clothi_kind  *kind;
@@ -8661,8 +8660,8 @@ typedef struct clothi_own {                 /* all that the built-in terms have 
     double *force;                          /* element forces, model->force_size; with a solver
                                                in its block, else in w.room: no solve goes on
                                                while elements are evaluated                    */
-    double *energy_batch;                   /* [batches x 8] elastic energy, behind them       */
-    double *loss_batch;                     /* [batches x 8] dissipation potential             */
+    double *energy_batch;                   /* [most batches x 8] elastic energy, behind them  */
+    double *loss_batch;                     /* [most batches x 8] dissipation potential        */
     double *wind;                           /* [nf x 5] lagged drag direction and coefficients */
     int     force_only;                     /* energies are not wanted                         */
     int     walls;                          /* Hessians are to have those of hinges [6.3]      */
@@ -9281,7 +9280,7 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
         const clothi_group *g = i ? &model->bend : &model->membrane;
         clothi_elements    *el = i ? &s->own.bend : &s->own.membrane;
         el->group = g, el->own = &s->own;
-        el->kind = clothi_kinds + g->kind, el->first = i ? model->membrane.nbatch : 0;
+        el->kind = clothi_kinds + g->kind;
         status = clothi_need(s, &el->rest, (size_t)(g->nbatch * el->kind->nrest) * CLOTHI_LANES);
     }
     if (!status && model->wing)
@@ -9570,14 +9569,13 @@ static cloth_status clothi_elements_eval(void *user, const cloth_eval *e, double
     clothi_elements    *el = (clothi_elements *)user;
     clothi_own         *own = el->own;
     const clothi_group *g = el->group;
-    const size_t        first = (size_t)el->first * CLOTHI_LANES;
     clothi_pass         p;
     *energy = el->loss = 0;
     if (g->count == 0) return CLOTH_OK;
     p.e = e, p.el = el, p.inv_h = e->h > 0 ? 1 / e->h : 0;
     p.hess = g->kind == CLOTHI_QUADRATIC && !(own->tau > 0) ? NULL : e->hess;   /* else constant */
-    p.energy = own->force_only ? NULL : own->energy_batch + first;
-    p.loss = own->loss_batch ? own->loss_batch + first : NULL;
+    p.energy = own->force_only ? NULL : own->energy_batch;
+    p.loss = own->loss_batch;
     if (p.hess) {                           /* domains side by side, then what they share */
         clothi_for(own->hooks, g->ndomain, 1, clothi_pass_domains, &p);
         clothi_pass_domains(g->ndomain, g->ndomain + 1, 0, &p);
@@ -11895,12 +11893,12 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     const size_t mb = (size_t)s->own.bend.kind->nmeasure + 1;
     const int    implicit = m->desc.integrator != CLOTH_INTEGRATOR_LEAPFROG;
     const int    damped = s->own.tau > 0;
-    const size_t room = (size_t)m->force_size + na + nb + n;
+    const size_t most = na > nb ? na : nb, room = (size_t)m->force_size + most + n;
     const struct { double **array; size_t n; int wanted; } need[] = {
         {&s->w.x, n, 1}, {&s->w.dx, n, 1}, {&s->w.grad, n, 1}, {&s->w.y, n, 1},
         {&s->w.rhs, n, 1}, {&s->w.inv_mass, n, !implicit},
         {&s->w.partial, (n / 3) / CLOTHI_VERTICES + 1, 1}, {&s->w.room, room, !implicit},
-        {&s->own.loss_batch, na + nb, damped},
+        {&s->own.loss_batch, most, damped},
         {&s->own.wind, 5 * (size_t)m->nf, s->wind_on}, {&s->w.free, n, s->contact_on && implicit},
         {&s->own.membrane.start, na * ma, damped}, {&s->own.bend.start, nb * mb, damped}};
     cloth_status status = clothi_fields_need(s, CLOTHI_INPUT);
@@ -11918,7 +11916,7 @@ static cloth_status clothi_need_work(cloth_sim *s) {
     if (status) return status;
     s->own.force = implicit ? (double *)s->solver->block : s->w.room;
     s->own.energy_batch = s->own.force + m->force_size;
-    s->w.trial = s->own.energy_batch + na + nb;
+    s->w.trial = s->own.energy_batch + most;
     return CLOTH_OK;
 }
 

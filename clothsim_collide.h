@@ -6802,9 +6802,9 @@ static cloth_status clothi_feasible(cloth_collide *c, int last) {
     const int    most = last ? 1 : clothi_drags(c) ? 3 : 2;
     cloth_status status = CLOTH_ERR_STEP;
     int          attempt, i;
-    for (i = 0; i < c->nholding; i++) {
-        const size_t at = 3 * (size_t)c->holding[i].vertex;
-        memcpy(c->x_ie + at, c->hold_by + at, 3 * sizeof(double));
+    for (i = 0; i < 3 * c->nholding; i++) {
+        const int v = c->holding[i / 3].vertex, at = 3 * v + i % 3;
+        if (!(c->sim->pin[v] >> i % 3 & 1)) c->x_ie[at] = c->hold_by[at];
     }
     for (attempt = 0; attempt < most && status == CLOTH_ERR_STEP; attempt++) {
         c->trying = attempt + 1 < most;

@@ -583,7 +583,7 @@ typedef enum cloth_outcome {
 typedef struct cloth_ledger {
     double kinetic, stretch, bend, gravity, attach, other;      /* at the end of the step      */
     double wind_work, force_work, pin_work;                     /* done on the cloth in it     */
-    double contact_work;                    /* the same by E_col and by obstacles that move    */
+    double contact_work;                    /* the same by E_col, obstacles that move, pinches */
     double damping_loss;                                        /* material damping            */
     double friction_loss;                   /* of contact: friction's force times the slip     */
     double zone_loss;                       /* of contact: speed that the impact zones take,

@@ -514,9 +514,10 @@ CLOTH_API cloth_status cloth_collide_contacts(const cloth_collide *c, int max,
 CLOTH_API cloth_status cloth_collide_wrench(const cloth_collide *c, cloth_obstacle id,
                                             const double about[3], double force[3],
                                             double torque[3]);
-/* f [nv x 3] N: all that contact did to each vertex in the last substep: E_col and friction as the
- * minimiser felt them, and the impulses of the zones over h. Over a substep of EULER the sum is
- * M (v - v^n)/h less the other forces; of BDF2 it is in balance with its own inertia [8.5]. */
+/* f [nv x 3] N: all that contact did to each vertex in the last substep, but what holds it in a
+ * pinch: E_col and friction as the minimiser felt them, and the impulses of the zones over h. Over
+ * a substep of EULER the sum is M (v - v^n)/h less the other forces; of BDF2 it is in balance with
+ * its own inertia [8.5]. */
 CLOTH_API cloth_status cloth_collide_forces(const cloth_collide *c, double *f);
 /* f [nv x 3] N: the part of it that is friction; the rest is along the normals. */
 CLOTH_API cloth_status cloth_collide_friction(const cloth_collide *c, double *f);
@@ -7115,6 +7116,13 @@ static void clothi_contact_balance(void *user, cloth_ledger *ledger) {
             }
         ledger->friction_loss += loss;
         ledger->contact_work += work + loss;
+    }
+    for (i = 0; i < c->nholding && c->begun; i++) {
+        const int v = 3 * c->holding[i].vertex;
+        double    pull[3], dx[3], hess[9];
+        (void)clothi_hold_pull(c, c->holding + i, c->xb + v, pull, hess);
+        clothi_sub3(c->xb + v, c->xa + v, dx);
+        ledger->contact_work -= clothi_dot3(pull, dx);
     }
     for (i = 0; i < c->nrow; i++) {         /* LEAPFROG: rows push at the speed of obstacles */
         const double work = c->row[i].impulse * c->row[i].speed;

@@ -1064,6 +1064,33 @@ static void drawn(void) {
     stage_end(&s);
 }
 
+/* Plates that hold a sheet without gravity go up and down: what they give it is booked as
+ * contact's, and no energy comes from nowhere. */
+static void booked(void) {
+    static const int    corner[4] = {0, 8, 72, 80};
+    static const double weightless[3] = {0, 0, 0};
+    double              most = 0, nowhere = 0;
+    int                 k, i, held = 0;
+    scene               q;
+    open_scene(&q, 1, 10e-3, 1, NULL);
+    CHECK(cloth_sim_set_gravity(q.s.sim, weightless) == CLOTH_OK);
+    for (k = 0; k < 4; k++) CHECK(cloth_sim_unpin(q.s.sim, corner[k]) == CLOTH_OK);
+    for (k = 1; k <= 60; k++) {
+        cloth_report r;
+        plates_at(&q, room_at(k < 20 ? k : 20, 1.5e-3), 0);
+        for (i = 0; i < q.body.nv; i++)
+            q.s.thing[q.id].next[3 * i + 1] += k > 20 ? 0.02 * sin(0.5 * (k - 20)) : 0;
+        CHECK(cloth_collide_move(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].next) == CLOTH_OK);
+        CHECK(cloth_step(q.s.sim, H, &r) == CLOTH_OK);
+        held = (int)fmax(held, cloth_collide_last(q.s.c).held);
+        nowhere = fmax(nowhere, -r.energy.numerical_loss);
+        most = fmax(most, r.energy.total);
+    }
+    printf("    %d held, %.1e J at most, in a step %.1e from nowhere\n", held, most, nowhere);
+    CHECK(held >= 9 && nowhere < 1e-3 * most);
+    close_scene(&q);
+}
+
 /* --- backwards: where cloth is pulled to moves with the body and with x^n --- */
 
 /* `to` of a hold, at the poses that the collide has: `y` is where it would go by itself. */
@@ -1240,6 +1267,7 @@ int main(int argc, char **argv) {
     RUN(faceless);
     RUN(poked);
     RUN(drawn);
+    RUN(booked);
     RUN(vise);
     RUN(backwards);
     RUN(refusals);

@@ -1487,20 +1487,30 @@ static cloth_status clothi_grad_touching(clothi_grad *g, clothi_line *line, cons
     return status;
 }
 
-/* z = H^-1 b over the free leaders; g->q = H z, all rows. */
-static cloth_status clothi_grad_solve(clothi_grad *g, clothi_line *line, const double *b, double *z,
+static void clothi_grad_scale(const clothi_grad *g, double *a, int exponent) {
+    size_t i;
+    for (i = 0; i < g->t->nv3; i++) a[i] = ldexp(a[i], exponent);
+}
+
+/* z = H^-1 b over the free leaders; g->q = H z, all rows. The largest of b is near 1 meanwhile:
+ * squares of a loss's numbers may be beyond doubles, or 0. */
+static cloth_status clothi_grad_solve(clothi_grad *g, clothi_line *line, double *b, double *z,
                                       int k) {
     const cloth_linear method = clothi_grad_method(g);
     cloth_status status;
     const int    touching = g->elastic || (!(line->h > 0) && clothi_static_lags(g->s));
     double       r = 0;
-    int          negative = 0;
+    int          negative = 0, size = 0;
     g->paired = 0;
+    (void)frexp(clothi_max_abs(b, (int)g->t->nv3), &size);
+    clothi_grad_scale(g, b, -size);
     if (touching) status = clothi_grad_touching(g, line, b, z, &negative, &r);
     else status = clothi_grad_refine(g, method, b, z, &negative, &r);
     if (!touching && !status && negative && method != CLOTH_LINEAR_CHOLESKY)
         status = clothi_grad_refine(g, CLOTH_LINEAR_CHOLESKY, b, z, &negative, &r);
     if (status) return status;
+    clothi_grad_scale(g, b, size), clothi_grad_scale(g, z, size);
+    clothi_grad_scale(g, g->q, size);
     g->rep->solves++;
     g->rep->negative += negative;
     if (negative) clothi_grad_doubt(g, CLOTH_GRAD_SADDLE, k);

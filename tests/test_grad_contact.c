@@ -200,6 +200,45 @@ static void budget(void) {
     touch_close(&t);
 }
 
+static void scaled_loss_at(int k, const double *x, const double *v, double *gx, double *gv,
+                           void *user) {
+    const int *by = (const int *)user;      /* numbers of x; the power of two                  */
+    int        i;
+    for (i = 0; i < by[0]; i++) {
+        gx[i] = ldexp(touch_noise((unsigned)(k * by[0] + i)) + x[i], by[1]);
+        gv[i] = ldexp(0.01 * v[i], by[1]);
+    }
+}
+
+/* A loss 2^k times as large has a gradient of 2^k times the bits, where squares of both are beyond
+ * doubles, or 0. (It was 0, or not solved to its tolerance, and called valid.) */
+static void losses_of_any_size(void) {
+    static const int power[3] = {0, -700, 500};
+    touch_results   *r = &made[0].r;
+    cloth_grad_report rep;
+    double            x0[3 * 200], body[3 * 162];
+    int               i, j, k, by[2], off;
+    for (i = 0; i < 3; i++) {
+        touch       t = touch_make(i == 1 ? 10 : 2);
+        cloth_tape *tape = NULL;
+        t.rich = i == 1, t.leapfrog = i == 2, t.steps = 8;
+        (void)touch_run(&t, &tape);
+        CHECK(t.contacts > 0 || t.rows > 0);
+        for (j = 0; j < 3; j++) {
+            touch_results_open(r, &t);
+            by[0] = 3 * t.mesh->nv, by[1] = power[j];
+            CHECK(!cloth_grad_backward(tape, scaled_loss_at, by, &r->g, &rep) && rep.valid);
+            for (k = 0; k < by[0]; k++) r->x0[k] = ldexp(r->x0[k], -power[j]);
+            for (k = 0; k < 3 * t.body_nv; k++) r->obstacle[k] = ldexp(r->obstacle[k], -power[j]);
+            if (j == 0) memcpy(x0, r->x0, sizeof x0), memcpy(body, r->obstacle, sizeof body);
+            for (k = off = 0; k < by[0]; k++) off += fabs(x0[k] - r->x0[k]) > 0;
+            for (k = 0; k < 3 * t.body_nv; k++) off += fabs(body[k] - r->obstacle[k]) > 0;
+            CHECK(off == 0);
+        }
+        cloth_tape_destroy(tape), touch_close(&t);
+    }
+}
+
 /* Surfaces that turn, as drums or with what turns as a body, in one substep and in three. */
 static void turning(void) {
     int i;
@@ -669,6 +708,7 @@ int main(int argc, char **argv) {
     RUN(impacts);
     RUN(squeezed);
     RUN(budget);
+    RUN(losses_of_any_size);
     RUN(doubts);
     RUN(stopped_before_a_pole);
     RUN(zones);

@@ -8221,9 +8221,10 @@ CLOTH_API cloth_status cloth_collide_failed(const cloth_collide *c, int max,
  *             nearest point of its surface and t/2 on; spheres, capsules, planes likewise
  *   apart     what touches and crosses nothing: 0.4 t along the axis that parts two faces best
  *
- * A vertex goes its way out, else max_move along G (less where |G| is under 0.1). The motion goes
- * through detection and zones [8.4], which let through features of faces that cross, that are
- * beside such, or that have a vertex inside: no pair of others is new at the end. The measure
+ * A vertex goes its way out, else max_move along G (less where |G| is under 0.1), or an edge: G is
+ * of the cuts where they are. The motion goes through detection and zones [8.4], which let through
+ * features of faces that cross, that are beside such, or that have a vertex inside: no pair of
+ * others is new at the end. The measure
  *     sum over vertices inside of area (depth + t)  +  edge^2/4 (L + A),   A in m of edges,
  * has to fall by a thousandth, else half of the motion is tried, .. 1/32: there is no going in
  * circles. Dropped: the material; the way out of a region as a whole (a wall thinner than twice the
@@ -8588,6 +8589,7 @@ static cloth_status clothi_tangle_try(cloth_collide *c, clothi_tangle *u, double
  * pinches let it in, nor beside such, the next step looks, and refuses what is left. */
 static cloth_status clothi_tangle_run(cloth_collide *c, clothi_tangle *u, double most,
                                       cloth_untangle_report *r) {
+    const double along = clothi_min(most, c->sim->edge);
     cloth_status status;
     int          good = 0, foreign = 0, i, k;
     clothi_world_pose(c, c->sim->state.x, 0, 0);
@@ -8603,7 +8605,7 @@ static cloth_status clothi_tangle_run(cloth_collide *c, clothi_tangle *u, double
         for (i = 0; i < c->nv; i++) {       /* the way out, else along G */
             const double *g = u->g + 3 * i, size2 = clothi_dot3(g, g);
             const double  apart = CLOTHI_APART * c->desc.thickness / sqrt(clothi_max(size2, 1));
-            const double  pull = u->drives[i] ? apart : most / sqrt(size2 + 0.01);
+            const double  pull = u->drives[i] ? apart : along / sqrt(size2 + 0.01);
             double       *d = u->d + 3 * i, size;
             for (k = 0; k < 3 && u->drives[i] != 1; k++) d[k] = pull * g[k];
             size = sqrt(clothi_dot3(d, d));

@@ -2787,9 +2787,9 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
     cloth_status       status;
     int                i, nz;
     if (!q) return clothi_null(hooks, "qp");
-    if (!q->minv || !q->x0 || (q->m && (!q->row || !q->col || !q->val || !q->h)))
+    if (!q->minv || !q->x0 || (q->m && (!q->row || !q->h)))
         return clothi_null(hooks, !q->minv ? "qp.minv" : !q->x0 ? "qp.x0" : !q->row ? "qp.row" :
-                                  !q->col ? "qp.col" : !q->val ? "qp.val" : "qp.h");
+                                  "qp.h");
     if (!(o->tolerance > 0) || !clothi_finite(o->tolerance))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "options.tolerance = %g: it is above 0",
                            o->tolerance);
@@ -2805,6 +2805,7 @@ static cloth_status clothi_qp_check(const cloth_qp *q, const cloth_qp_options *o
             return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "qp.row[%i] = %i: rows begin at 0, and "
                                "each where the last one ends", i, q->row[i]);
     nz = q->row[q->m];
+    if (nz && !(q->col && q->val)) return clothi_null(hooks, q->col ? "qp.val" : "qp.col");
     status = clothi_check_indices(hooks, CLOTH_ERR_ARGUMENT, "qp.", "col", q->col, nz, 1, q->n);
     if (!status) status = clothi_check_vector(hooks, "qp.val", q->val, nz);
     if (!status) status = clothi_check_vector(hooks, "qp.h", q->h, q->m);

@@ -3314,8 +3314,8 @@ CLOTH_API cloth_targets cloth_targets_default(void) {
 /* Rows of 3 numbers that must be there and finite; call names who asks and what they are. */
 static cloth_status clothi_rows_check(const cloth_hooks *hooks, const char *call, const double *a,
                                       size_t rows) {
-    const ptrdiff_t at = a ? clothi_find_nonfinite(a, 3 * rows) : 0;
-    if (!a) return clothi_null(hooks, call);
+    const ptrdiff_t at = a ? clothi_find_nonfinite(a, 3 * rows) : -1;
+    if (!a && rows > 0) return clothi_null(hooks, call);
     if (at < 0) return CLOTH_OK;
     return clothi_fail(hooks, CLOTH_ERR_NONFINITE, "%s: row %i is NaN or infinite", call,
                        (int)(at / 3));
@@ -3443,7 +3443,8 @@ CLOTH_API cloth_status cloth_nearest_on_mesh(const cloth_hooks *hooks, int nv, c
     cloth_status status;
     double       y[9], b[3], best, d2;
     int          i, f, k;
-    if (!face || !bary) return clothi_null(hooks, "cloth_nearest_on_mesh: face or bary");
+    if (n > 0 && (!face || !bary))
+        return clothi_null(hooks, "cloth_nearest_on_mesh: face or bary");
     if (nv < 0 || nf < 0 || n < 0 || !(most >= 0))
         return clothi_fail(hooks, CLOTH_ERR_ARGUMENT, "cloth_nearest_on_mesh: nv = %i, nf = %i, "
                            "n = %i, most = %g must be at least 0", nv, nf, n, most);

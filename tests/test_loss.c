@@ -381,6 +381,9 @@ static void nearest_mesh(void) {
     point[7] = HOST_NAN;
     CHECK(cloth_nearest_on_mesh(&hooks, m->nv, m->x, m->nf, m->faces, N, point, 1, face, bary) ==
           CLOTH_ERR_NONFINITE && told.errors == 4);
+    CHECK(cloth_nearest_on_mesh(&hooks, 0, NULL, 0, NULL, 0, NULL, 1, NULL, NULL) == CLOTH_OK);
+    CHECK(cloth_nearest_on_mesh(&hooks, 0, NULL, 0, NULL, 2, point, 1, face, bary) == CLOTH_OK &&
+          face[0] == -1 && face[1] == -1);
     cloth_mesh_destroy(NULL, m);
 }
 

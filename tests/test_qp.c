@@ -737,6 +737,21 @@ static void limits(void) {
     qp_free(&p);
 }
 
+/* Rows without entries need no arrays of them. */
+static void empty_rows(void) {
+    qp_problem      p = blank(2, 2);
+    cloth_qp        q;
+    cloth_qp_report r;
+    double          x[2], lambda[2];
+    int             none = 0;
+    add_row(&p, 1, 0, &none, p.val), add_row(&p, 0, 0, &none, p.val);
+    q = p.qp, q.col = NULL, q.val = NULL;
+    CHECK(cloth_qp_solve(&q, NULL, x, lambda, &r) == CLOTH_OK && r.outcome == CLOTH_QP_SOLVED);
+    p.h[1] = -1;
+    CHECK(cloth_qp_solve(&q, NULL, x, lambda, &r) == CLOTH_OK && r.outcome == CLOTH_QP_INFEASIBLE);
+    qp_free(&p);
+}
+
 /* --- bad input --- */
 
 /* The call fails, says `word`, and leaves x and lambda. */
@@ -833,6 +848,7 @@ int main(int argc, char **argv) {
     RUN(start);
     RUN(memory);
     RUN(limits);
+    RUN(empty_rows);
     RUN(bad_input);
     RUN(no_contradiction);
     return TEST_END();

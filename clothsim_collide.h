@@ -6878,12 +6878,25 @@ static int clothi_contact_axes(const cloth_collide *c, const clothi_contact *q, 
     return 1;
 }
 
+/* a turns as a drum's surface does in the substep [clothi_contact_carry]; way -1: back. */
+static void clothi_surface_turn(const cloth_collide *c, const clothi_obstacle *o, double way,
+                                double *a) {
+    double d[9];
+    int    k;
+    if (!o || !(clothi_max_abs(o->surface + 3, 3) > 0)) return;
+    clothi_cross3(o->surface + 3, a, d);
+    for (k = 3; k < 9; k += 3) clothi_cross3(o->surface + 3, d + k - 3, d + k);
+    for (k = 0; k < 3; k++)
+        a[k] += way * (c->h * d[k] + o->swing[2] * d[6 + k]) + o->swing[1] * d[3 + k];
+}
+
 /* The elastic slip turns with the surface in the substep. */
 static void clothi_contact_turn(const cloth_collide *c, const clothi_contact *q, double *slip) {
     const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
     clothi_frame           f;
     double                 a[6], b[6], s[3];
     int                    k;
+    clothi_surface_turn(c, o, 1, slip);
     if (o && !clothi_is_mesh(o)) {
         clothi_turned(o->turned[0], o->turned[1], slip, slip);
         return;
@@ -8867,26 +8880,27 @@ static void clothi_back_turn(const clothi_flow *f, const clothi_contact *q, cons
     const clothi_obstacle *o = q->slot < 0 ? NULL : c->obstacle + q->slot;
     clothi_frame           at;
     clothi_rates            start;
-    double a[6], e[6], to[6], from[6], back[3];
-    int    k, i;
-    if (o && !clothi_is_mesh(o)) {
-        clothi_turned(o->turned[1], o->turned[0], y, back);
-        for (i = 0; i < 3; i++) to_u[i] += back[i];
-        return;
-    }
+    double a[6], e[6], to[6], from[6], back[3] = {0, 0, 0}, slip[3];
+    int    k, i, axes = 0;
+    memcpy(slip, u, sizeof slip);
+    clothi_surface_turn(c, o, 1, slip);
     memset(&start, 0, sizeof start);
-    clothi_contact_frame_at(c, q, c->xa, &at);
-    if (!clothi_contact_axes(c, q, c->xa, at.normal, a) ||
-        !clothi_contact_axes(c, q, c->xb, q->normal, e)) {
-        for (k = 0; k < 3; k++) to_u[k] += y[k];
-        return;
+    if (o && !clothi_is_mesh(o)) clothi_turned(o->turned[1], o->turned[0], y, back);
+    else {
+        clothi_contact_frame_at(c, q, c->xa, &at);
+        axes = clothi_contact_axes(c, q, c->xa, at.normal, a) &&
+               clothi_contact_axes(c, q, c->xb, q->normal, e);
+        if (!axes) memcpy(back, y, sizeof back);
     }
-    for (i = 0; i < 6; i += 3)
+    for (i = 0; i < 6 && axes; i += 3)
         for (k = 0; k < 3; k++) {
-            to_u[k] += clothi_dot3(y, e + i) * a[i + k];
-            to[i + k] = clothi_dot3(u, a + i) * y[k];
-            from[i + k] = clothi_dot3(y, e + i) * u[k];
+            back[k] += clothi_dot3(y, e + i) * a[i + k];
+            to[i + k] = clothi_dot3(slip, a + i) * y[k];
+            from[i + k] = clothi_dot3(y, e + i) * slip[k];
         }
+    clothi_surface_turn(c, o, -1, back);
+    for (k = 0; k < 3; k++) to_u[k] += back[k];
+    if (!axes) return;
     clothi_back_axes(f, q, 1, q->normal, e, to, b->n);
     clothi_back_axes(f, q, 0, at.normal, a, from, start.n);
     clothi_back_frame(f, q, 0, &at, &start);

@@ -10143,9 +10143,11 @@ static void clothi_terms_install(cloth_sim *s) {
  * desc.tolerance (m), and it came from the exact Hessian: the definite model errs towards short
  * updates, most of all where the sheet is about to buckle, and would stop at a saddle as well. It
  * has the last word only where the exact one led nowhere. A search at negative curvature must not
- * stop, however small its radius, unless phi falls nowhere within a tenth of the tolerance. So the
- * way left to the minimum ahead is near the tolerance or below it, but for a plateau where a
- * minimum has just vanished.
+ * stop, however small its radius, unless phi falls nowhere within a tenth of the tolerance; that a
+ * host's wall cuts its update is no sign of it. So the way left to the minimum ahead is near the
+ * tolerance or below it, but for a plateau where a minimum has just vanished. Where one vertex has
+ * nearly all of the residual, CG ends before the others have moved: what it leaves, in the norm of
+ * -g.dx = dx'H dx, is to be below the tolerance too, in the root mean square by mass.
  * With contact single vertices slide on kinks and buckle on while nothing else moves. There an
  * update that no pair cuts also ends the search when it is below the tolerance in the root mean
  * square by mass, even as H measures it: -g.dx = dx'H dx >= |dx|_M^2/eta^2, at most (a
@@ -10547,7 +10549,7 @@ static void clothi_newton_radius(const cloth_sim *s, const clothi_goal *goal, cl
     double       foretold = s->linear.decrease, got = before - nt->value;
     if (foretold < CLOTHI_HIDDEN * goal->magnitude)
         got = -0.5 * (nt->slope + clothi_dot(s->w.grad, s->w.dx, 3 * (size_t)s->model->nv));
-    nt->poor = nt->exact && (a < 1 || got < 0.25 * foretold) && nt->size <= 2 * least;
+    nt->poor = nt->exact && got < 0.25 * a * foretold && nt->size <= 2 * least;
     if (!nt->exact || a < 1)
         nt->radius = a * nt->size;
     else if (got < 0.25 * foretold)
@@ -10604,6 +10606,13 @@ static cloth_status clothi_newton_cut(cloth_sim *s, double *a) {
     return status;
 }
 
+/* Whether an update ends the search: see 'When to stop'. Statics solve for all of it. */
+static int clothi_newton_small(const cloth_sim *s, const clothi_goal *goal,
+                               const clothi_newton *nt) {
+    const double tolerance = s->model->desc.tolerance, left = goal->eta * s->linear.residual;
+    return nt->size < tolerance && -nt->slope * left * left <= s->total * tolerance * tolerance;
+}
+
 /* One Newton iteration: w.x moves; nt->done when its update is below the tolerance. */
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
     double       a = 1, before = nt->value, whole, tiny;
@@ -10613,7 +10622,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     if (status) return status;
     whole = a;
     status = clothi_line_search(s, goal, nt, &a);
-    if (status == CLOTH_ERR_STEP && nt->size < s->model->desc.tolerance &&
+    if (status == CLOTH_ERR_STEP && clothi_newton_small(s, goal, nt) &&
         !(nt->exact && s->linear.hit)) {    /* the whole update is below the tolerance, and too
                                                small for the value to show it: arrived */
         s->report.residual_m = nt->size;
@@ -10625,7 +10634,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
     s->fresh = !s->contact_on;
     s->report.residual_m = a * nt->size;
-    nt->done = nt->size < s->model->desc.tolerance &&
+    nt->done = clothi_newton_small(s, goal, nt) &&
                (nt->exact ? !s->linear.hit || nt->poor : nt->refused) && nt->stuck >= 0;
     tiny = a * s->model->desc.tolerance;
     if (s->contact_on)                      /* -slope = dx'H dx >= dx'M dx/eta^2; a: overshoot */

@@ -724,6 +724,74 @@ static void pressed_flat(void) {
     }
 }
 
+/* A host's wall or pole, under one vertex of a sheet. */
+typedef struct ledge {
+    int    vertex, pole;                    /* pole: -K (gap - d)^2 log(gap/d), nearer than d */
+    double height, K, d;                    /* m, N/m, m                                      */
+} ledge;
+
+static cloth_status ledge_eval(void *user, const cloth_eval *e, double *energy) {
+    const ledge *p = (const ledge *)user;
+    const double gap = e->x[3 * p->vertex + 2] - p->height, d = p->d;
+    double       force = 0, H[9] = {0};
+    *energy = 0;
+    if (p->pole && gap <= 0) *energy = HUGE_VAL;
+    else if (p->pole && gap < d) {
+        const double q = gap - d, l = log(gap / d);
+        *energy = -p->K * q * q * l;
+        force = -p->K * (2 * q * l + q * q / gap);
+        H[8] = -p->K * (2 * l + 4 * q / gap - q * q / (gap * gap));
+    } else if (!p->pole && gap < 0) {
+        *energy = 0.5 * p->K * gap * gap;
+        force = p->K * gap;
+        H[8] = p->K;
+    }
+    if (e->grad) e->grad[3 * p->vertex + 2] += force;
+    return e->hess ? cloth_matrix_add_element(e->hess, 1, &p->vertex, H) : CLOTH_OK;
+}
+
+/* How far a corner of a sheet falls in its first step above it, or with its vertex pinned: of
+ * g h^2. */
+static double ledge_fall(ledge *p, int pinned) {
+    const double h = 1.0 / 60;
+    cloth_term   term;
+    dyn          d;
+    double       fall;
+    memset(&term, 0, sizeof term);
+    term.name = "ledge", term.user = p, term.eval = ledge_eval;
+    dyn_sheet(&d, CLOTH_SHEET_DIAGONAL, 5, 5, 0.3, 0.3);
+    d.desc.gravity[2] = -9.81;
+    d.desc.material.membrane = 2e4, d.desc.material.bending = 1e-6;
+    d.desc.bend = CLOTH_BEND_HINGE;
+    if (!dyn_start(&d)) return 0;
+    if (pinned) CHECK(cloth_sim_pin(d.sim, p->vertex, CLOTH_AXIS_Z, NULL) == CLOTH_OK);
+    else CHECK(cloth_sim_add_term(d.sim, &term) == CLOTH_OK);
+    CHECK(cloth_step(d.sim, h, NULL) == CLOTH_OK);
+    fall = -d.state->x[2] / (9.81 * h * h);
+    dyn_end(&d);
+    return fall;
+}
+
+/* The sheet falls as one whose vertex is held, be it that the wall cuts each update, to 1/256 and
+ * less of it, or that a pole's 1e5 N are all that CG solves for. */
+static void above_a_ledge(void) {
+    int pole, i, k;
+    for (pole = 0; pole < 2; pole++) {
+        ledge        p = {12, 0, 0, 0, 1e-5};
+        const double held = ledge_fall(&p, 1);
+        double       least = 1;
+        p.pole = pole;
+        for (i = 0; i < 8; i++)
+            for (k = 0; k < 7; k++) {
+                p.K = pow(10, 4 + i), p.height = -pow(10, -6 + 0.5 * k);
+                least = fmin(least, ledge_fall(&p, 0));
+            }
+        printf("  %s: a corner falls by %.4f g h^2 at least, by %.4f with the vertex pinned\n",
+               pole ? "pole" : "wall", least, held);
+        CHECK(held > 0.8 && least > 0.99 * held);
+    }
+}
+
 int main(int argc, char **argv) {
     TEST_BEGIN(argc, argv);
     RUN(quadratic);
@@ -748,5 +816,6 @@ int main(int argc, char **argv) {
     RUN(off_the_saddle);
     RUN(millimetre);
     RUN(pressed_flat);
+    RUN(above_a_ledge);
     return TEST_END();
 }

@@ -10174,7 +10174,7 @@ static void clothi_terms_install(cloth_sim *s) {
  * checked: tests/test_newton.c, tests/test_step.c
  */
 
-#define CLOTHI_NEWTON_CAP   400             /* iterations of a substep before it has stalled   */
+#define CLOTHI_NEWTON_CAP   1000            /* iterations of a substep before it has stalled   */
 #define CLOTHI_RETAKES      5               /* of a step [9.5], the last without max_newton    */
 #define CLOTHI_CONTACT_CAP  60              /* the same with contact: then accepted            */
 #define CLOTHI_FALLS        1e-3            /* ... but where the step gains energy: while phi

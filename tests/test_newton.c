@@ -8,9 +8,9 @@
 #include "dynamics.h"
 
 /* Cotton-like, n x n vertices, hung by its upper corners unless pins == 0. */
-static void cotton(dyn *d, int n, int pins) {
+static void cotton_of(double size, dyn *d, int n, int pins) {
     static cloth_pin corner[2];
-    dyn_sheet(d, CLOTH_SHEET_DIAGONAL, n, n, 1, 1);
+    dyn_sheet(d, CLOTH_SHEET_DIAGONAL, n, n, size, size);
     corner[1].vertex = n - 1;
     corner[0].axes = corner[1].axes = CLOTH_AXIS_ALL;
     d->desc.npins = pins;
@@ -21,6 +21,8 @@ static void cotton(dyn *d, int n, int pins) {
     d->desc.material.bending = 1e-5;
     d->desc.bend = CLOTH_BEND_HINGE;
 }
+
+static void cotton(dyn *d, int n, int pins) { cotton_of(1, d, n, pins); }
 
 static void noise(dyn *d, double size, unsigned long long seed) {
     int i;
@@ -223,7 +225,7 @@ static void released(void) {
 }
 
 /* Scaled by 3: few iterations. By a half: pressed below 0.577 of its length the sheet is on a
- * saddle of 9.6 J, which it must leave. Crushed to a tenth: done, or a status. */
+ * saddle of 9.6 J, which it must leave. Crushed to a tenth: as well, in more. */
 static void scaled_sheet(void) {
     static const double s[3] = {0.5, 0.1, 3};
     int k;
@@ -235,11 +237,11 @@ static void scaled_sheet(void) {
         dyn_start(&d);
         for (i = 0; i < 3 * d.nv; i++) d.state->x[i] *= s[k];
         noise(&d, 1e-9, 11);
-        CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK || s[k] < 0.2);
-        printf("  scaled by %.1f: %d iterations, %d halvings, energy %.2f J%s\n", s[k], r.newton,
-               r.halvings, r.energy.total, r.outcome == CLOTH_STEP_STALLED ? ", stalled" : "");
-        CHECK(r.newton <= (s[k] > 1 ? 50 : 400));
-        if (k == 0) CHECK(r.energy.total < 2);
+        CHECK(checked_step(&d, 1.0 / 60, &r) == CLOTH_OK);
+        printf("  scaled by %.1f: %d iterations, %d halvings, energy %.2f J\n", s[k], r.newton,
+               r.halvings, r.energy.total);
+        if (s[k] > 0.2) CHECK(r.newton <= (s[k] > 1 ? 50 : 400));
+        if (s[k] < 1) CHECK(r.energy.total < 2);
         dyn_end(&d);
     }
 }
@@ -385,6 +387,36 @@ static void scrambled(void) {
            most);
     CHECK(stalls == 0);
     CHECK(most <= 400);
+}
+
+/* Three vertices kicked at up to 170 m/s, stiff and soft sheets, free or held by corners: long
+ * searches through curved valleys, which end. */
+static void kicked(void) {
+    unsigned long long s = 5;
+    const int          scenes = test_quick() ? 6 : 24;
+    int                scene, n, i, k, most = 0, stalls = 0;
+    for (scene = 0; scene < scenes; scene++) {
+        dyn          d;
+        cloth_report r;
+        cotton_of(0.5, &d, 7 + scene % 7, scene % 3);
+        d.desc.material.membrane = pow(10, ref_uniform(&s, 1.7, 5));
+        d.desc.material.bending = pow(10, ref_uniform(&s, -6, -4));
+        if (scene % 2) d.desc.tolerance = 1e-6;
+        dyn_start(&d);
+        for (n = 0; n < 3; n++) {
+            for (i = 0; i < 3; i++) {
+                const int    v = (int)ref_uniform(&s, 0, d.nv);
+                const double speed = 10 * pow(10, ref_uniform(&s, 0, 1));
+                for (k = 0; k < 3; k++) d.state->v[3 * v + k] += speed * ref_uniform(&s, -1, 1);
+            }
+            cloth_sim_state_changed(d.sim);
+            stalls += checked_step(&d, 1.0 / 60, &r) != CLOTH_OK;
+            if (r.newton > most) most = r.newton;
+        }
+        dyn_end(&d);
+    }
+    printf("  kicked: %d of %d steps stalled, at most %d iterations\n", stalls, 3 * scenes, most);
+    CHECK(stalls == 0);
 }
 
 /* All vertices at one point: the gradient of the membrane is exactly 0 there. */
@@ -805,6 +837,7 @@ int main(int argc, char **argv) {
     RUN(poisson);
     RUN(any_step);
     RUN(scrambled);
+    RUN(kicked);
     RUN(coincident);
     RUN(teleported_pin);
     RUN(mass_ratio);

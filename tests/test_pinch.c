@@ -583,6 +583,36 @@ static void far_parts(void) {
     CHECK(hash[0] == hash[1]);
 }
 
+/* Likewise beside the rims of plates that are turned against the cloth: what is nearest there is an
+ * edge, of which either face may be found, and the room is asked along the normals of the faces. */
+static void far_rims(void) {
+    const double c = cos(0.37), s = sin(0.37);
+    int          n, i, k, steps = 0;
+    for (n = 3; n < 7; n++) {
+        scene q;
+        squares = n;
+        open_scene(&q, 1, 10e-3, 1, NULL);
+        for (i = 0; i < 30; i++) {
+            double *x = q.s.thing[q.id].next;
+            plates_at(&q, room_at(i, 2.2 * T), 0);
+            for (k = 0; k < q.body.nv; k++, x += 3) {
+                const double u = x[0] + 4.1e-3, w = x[2] + 2.3e-3;
+                x[0] = c * u + s * w, x[2] = c * w - s * u;
+            }
+            if (i == 0) {
+                memcpy(q.s.thing[q.id].x, q.s.thing[q.id].next,
+                       3 * (size_t)q.body.nv * sizeof(double));
+                CHECK(!cloth_collide_teleport(q.s.c, q.s.thing[q.id].id, q.s.thing[q.id].x));
+            }
+            CHECK(stage_step(&q.s, H));
+            steps += cloth_collide_last(q.s.c).held > 0;
+        }
+        close_scene(&q);
+    }
+    squares = 6;
+    OPEN_MOST(steps, 0, "steps of 120 that hold cloth beside rims which are 2.2 t apart");
+}
+
 static void go(scene *q, int from, int to) {
     for (; from <= to; from++) {
         plates_at(q, room_at(from, -1e-3), 0.001 * from);
@@ -1253,6 +1283,7 @@ int main(int argc, char **argv) {
     RUN(way_out);
     RUN(sweeps);
     RUN(far_parts);
+    RUN(far_rims);
     RUN(snapshots);
     RUN(forged);
     RUN(removed);

@@ -13074,9 +13074,10 @@ CLOTHI_RARE_END
  *        rounding leaves; ties in contact; parallel edges; LEAPFROG of larger patterns, of
  *        springs, of pressed plates, in gales, at uneven frames, for long, its contacts' forces;
  *        what turns or carries; what leaves a pinch; hosts' terms in searches that are cut short,
- *        and rides; snapshots after an obstacle was put back. Handles have 64 bits, meshes sizes
- *        of 1e-70 to 1e70 m, friction is at most 1000, a radius 5e5 thicknesses; balls have their
- *        equator; model hashes count masses; cloth_qp_report.refactorizations is gone.
+ *        or by walls, and rides; searches of over 400 iterations; what pinches do is booked;
+ *        snapshots after an obstacle was put back. Handles have 64 bits, meshes sizes of 1e-70 to
+ *        1e70 m, friction is at most 1000, a radius 5e5 thicknesses; balls have their equator;
+ *        model hashes count masses; cloth_qp_report.refactorizations is gone.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

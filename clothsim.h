@@ -10486,8 +10486,10 @@ CLOTHI_OUTLINE static cloth_status clothi_newton_solve(cloth_sim *s, double tole
     status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
     s->report.factorizations += lr->factorizations;
     s->report.negative += lr->negative;
-    if (!status && opt.method == CLOTH_LINEAR_CHOLESKY && radius > 0 && lr->negative) {
-        opt.method = CLOTH_LINEAR_SGS;      /* a factor follows no negative curvature: CG does */
+    if (!status && opt.method == CLOTH_LINEAR_CHOLESKY && lr->negative &&
+        (radius > 0 || s->matrix->ne)) {    /* a factor follows no negative curvature: CG does; and
+                                               it has not the blocks outside of the pattern    */
+        opt.method = CLOTH_LINEAR_SGS;
         status = cloth_linear_solve(s->solver, s->matrix, s->w.rhs, s->w.dx, &opt, lr);
     }
     s->report.linear_solves++;

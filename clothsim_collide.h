@@ -4712,6 +4712,17 @@ static void clothi_turned(const double *R0, const double *R1, const double *r, d
     for (i = 0; i < 3; i++) out[i] = clothi_dot3(R1 + 3 * i, back);
 }
 
+/* way = h u + w x (a u + b w x u): of a drum's surface in the substep, u its speed at the start and
+ * a = swing[1], or at the end and a = swing[0]. */
+static void clothi_surface_way(const cloth_collide *c, const clothi_obstacle *o, double a,
+                               const double *u, double *way) {
+    double s[3], r[3];
+    int    k;
+    clothi_cross3(o->surface + 3, u, s);
+    clothi_cross3(o->surface + 3, s, r);
+    for (k = 0; k < 3; k++) way[k] = c->h * u[k] + (a * s[k] + o->swing[2] * r[k]);
+}
+
 /* q->carry: how far the obstacle's surface moves at the contact, beyond what its vertices do. Of a
  * drum or a conveyor u = v + w x r, r from the first vertex to where a contact with faces ends, the
  * foot of one with a wall begins. All of its way h u + w x (a u + b w x u): no turn leads outwards.
@@ -4729,10 +4740,9 @@ static void clothi_contact_carry(const cloth_collide *c, clothi_contact *q) {
     for (k = 0; k < 3; k++) r[k] -= (wall ? q->start : side * q->radius) * q->normal[k];
     clothi_cross3(o->surface + 3, r, u);
     for (k = 0; k < 3; k++) u[k] += o->surface[k];
-    clothi_cross3(o->surface + 3, u, s);
-    clothi_cross3(o->surface + 3, s, r);
+    clothi_surface_way(c, o, o->swing[wall], u, s);
     for (k = 0; k < 3; k++) {
-        q->carry[k] = side * c->h * u[k] + side * (o->swing[wall] * s[k] + o->swing[2] * r[k]);
+        q->carry[k] = side * s[k];
         r[k] = -q->radius * q->normal[k];   /* times side, twice */
     }
     clothi_turned(o->turned[1], o->turned[0], r, s);
@@ -6878,16 +6888,15 @@ static int clothi_contact_axes(const cloth_collide *c, const clothi_contact *q, 
     return 1;
 }
 
-/* a turns as a drum's surface does in the substep [clothi_contact_carry]; way -1: back. */
-static void clothi_surface_turn(const cloth_collide *c, const clothi_obstacle *o, double way,
+/* a turns as a drum's surface does in the substep; side -1: back. */
+static void clothi_surface_turn(const cloth_collide *c, const clothi_obstacle *o, double side,
                                 double *a) {
-    double d[9];
+    double u[3], way[3];
     int    k;
     if (!o || !(clothi_max_abs(o->surface + 3, 3) > 0)) return;
-    clothi_cross3(o->surface + 3, a, d);
-    for (k = 3; k < 9; k += 3) clothi_cross3(o->surface + 3, d + k - 3, d + k);
-    for (k = 0; k < 3; k++)
-        a[k] += way * (c->h * d[k] + o->swing[2] * d[6 + k]) + o->swing[1] * d[3 + k];
+    clothi_cross3(o->surface + 3, a, u);
+    clothi_surface_way(c, o, o->swing[side > 0], u, way);
+    for (k = 0; k < 3; k++) a[k] += side * way[k];
 }
 
 /* The elastic slip turns with the surface in the substep. */
@@ -8927,10 +8936,8 @@ static void clothi_back_carry(const clothi_flow *f, const clothi_contact *q, con
     if (!o) return;
     for (i = 0; i < q->n && !wall; i++) side += q->v[i] < c->nv ? 0 : q->w[i];
     clothi_cross3(y, o->surface + 3, g);
-    clothi_cross3(g, o->surface + 3, s);
-    clothi_cross3(s, o->surface + 3, r);
-    for (k = 0; k < 3; k++)
-        g[k] = side * (c->h * g[k] + o->swing[wall] * s[k] + o->swing[2] * r[k]);
+    clothi_surface_way(c, o, o->swing[!wall], g, s);
+    for (k = 0; k < 3; k++) g[k] = side * s[k];
     if (wall) b->start -= clothi_dot3(g, q->normal);
     for (i = 0; i < q->n; i++) {            /* a wall's normal is a constant, or frozen */
         if ((q->v[i] < c->nv) != wall) continue;

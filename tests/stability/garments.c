@@ -79,14 +79,17 @@ static int share_corner(const int *f, const int *g) {
     return 0;
 }
 
-/* A pair that intersected before has both faces beside those of p: its crossing moved on. */
+/* A pair that intersected before has both faces beside those of p: its crossing moved on. Two faces
+ * of the garment are listed by number, so which is beside which is asked both ways. */
 static int spreads(const walk *w, const int *p) {
     const int *f = w->all + 3 * p[0], *g = w->all + 3 * p[1];
     int        i;
-    for (i = 0; i < w->npair; i++)
-        if (share_corner(f, w->all + 3 * w->pair[2 * i]) &&
-            share_corner(g, w->all + 3 * w->pair[2 * i + 1]))
+    for (i = 0; i < w->npair; i++) {
+        const int *d = w->all + 3 * w->pair[2 * i], *e = w->all + 3 * w->pair[2 * i + 1];
+        if ((share_corner(f, d) && share_corner(g, e)) ||
+            (share_corner(f, e) && share_corner(g, d)))
             return 1;
+    }
     return 0;
 }
 

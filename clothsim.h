@@ -676,7 +676,9 @@ typedef struct cloth_step_attachment {      /* all zero when not used           
 typedef struct cloth_step_input {
     double h;                               /* s, of the substep; 0: statics, energies         */
     double t;                               /* s, at its start                                 */
-    double share[2];                        /* of the step, at the substep's start and end     */
+    double share[2];                        /* of the way to goals and targets, at the substep's
+                                               start and end; the step's: 0, and 1, or less of a
+                                               shorter one of cloth_collide_step()             */
     const double *x, *v;                    /* [nv x 3] m, m/s: x^n, v^n                       */
     const double *x_prev, *v_prev;          /* [nv x 3] one substep before; NULL: no history   */
     double        h_prev;                   /* s, of the substep before (LEAPFROG goes by it)  */
@@ -8726,7 +8728,9 @@ struct cloth_sim {
     double        contact_energy;           /* J, in the last value of the objective           */
     double       *landing;                  /* [2 x nv x 3] LEAPFROG, of a tape: x, v that contact
                                                is given in this substep; NULL: not wanted      */
-    double        fraction;                 /* of their way that targets are: cloth_collide_step */
+    double        fraction;                 /* of the way to targets that the next step goes, 1
+                                               but in cloth_collide_step()                     */
+    double        taken;                    /* the same of the last step                       */
     int           finish;                   /* the host's time is up                           */
     int           balance;                  /* a report is wanted: keep the ledger             */
     /* solver */
@@ -8797,6 +8801,7 @@ static const clothi_field clothi_fields[] = {           /* x and v first: see cl
     CLOTHI_SCALAR(gravity, double, 3, CLOTHI_REAL | CLOTHI_INPUT),
     CLOTHI_SCALAR(wind_on, int, 1, CLOTHI_INPUT),
     CLOTHI_SCALAR(wind, double, 3, CLOTHI_REAL | CLOTHI_INPUT),
+    CLOTHI_SCALAR(fraction, double, 1, CLOTHI_REAL | CLOTHI_INPUT),
     {CLOTHI_OF(params.material), 0, 7 * sizeof(double), sizeof(cloth_material), CLOTHI_REGION,
      CLOTHI_ARRAY | CLOTHI_PARAM},          /* without the padding behind the plane            */
     {CLOTHI_OF(params.material), offsetof(cloth_material, plane), sizeof(cloth_plane),
@@ -9250,7 +9255,7 @@ static void clothi_sim_start(cloth_sim *s) {
     memcpy(s->target, m->x, 3 * nv * sizeof(double));
     memcpy(s->gravity, m->desc.gravity, sizeof s->gravity);
     memcpy(s->wind, m->desc.wind, sizeof s->wind);
-    s->wind_on = m->desc.wind_on != 0;
+    s->wind_on = m->desc.wind_on != 0, s->fraction = 1;
     p->nregions = m->nregions, p->nf = m->nf, p->nv = m->nv;
     p->nh = m->bend.count ? m->topology->nh : 0;
     memcpy(p->material, m->material, (size_t)m->nregions * sizeof(cloth_material));
@@ -9274,7 +9279,7 @@ CLOTH_API cloth_status cloth_sim_create(const cloth_model *model, cloth_sim **ou
     if (!s) return CLOTH_ERR_MEMORY;
     s->model = model, s->hooks = model->hooks, s->hooks.allocator.alloc = clothi_counted_alloc;
     s->hooks.allocator.free = clothi_counted_free, s->hooks.allocator.user = s;
-    s->own.hooks = &s->hooks, s->fraction = 1;
+    s->own.hooks = &s->hooks;
     status = clothi_fields_need(s, CLOTHI_LATE);
     for (i = 0; i < 2 && !status; i++) {
         const clothi_group *g = i ? &model->bend : &model->membrane;
@@ -10895,12 +10900,12 @@ static void clothi_advance(cloth_sim *s, double h, int bdf2, int keep_history) {
     s->state.t += h;
 }
 
-/* The input of a substep of h from the state on, between these shares of the step. */
+/* The input of a substep of h from the state on, between these shares of what the step goes. */
 static void clothi_input(cloth_sim *s, double h, double start, double end) {
     cloth_step_input *in = &s->in;
     memset(in, 0, sizeof *in);
-    in->h = h, in->t = s->state.t, in->share[0] = start, in->share[1] = end, in->x = s->state.x;
-    in->v = s->state.v;
+    in->h = h, in->t = s->state.t, in->x = s->state.x, in->v = s->state.v;
+    in->share[0] = s->fraction * start, in->share[1] = s->fraction * end;
     if (s->history) in->x_prev = s->x_prev, in->v_prev = s->v_prev;
     in->h_prev = s->h_prev, in->pin = s->pin, in->goal = s->target;
     memcpy(in->gravity, s->gravity, sizeof in->gravity);
@@ -11661,7 +11666,7 @@ static void clothi_leap_pins(clothi_leap *p, double h) {
         double *v = s->w.trial + i;
         s->w.y[i] = 0;
         if (!(s->pin[i / 3] >> (i % 3) & 1)) continue;
-        s->w.y[i] = (s->target[i] - s->w.x0[i]) / h;
+        s->w.y[i] = s->fraction * (s->target[i] - s->w.x0[i]) / h;
         if (p->ledger)
             p->ledger->pin_work += 0.5 * s->params.mass[i / 3] * (s->w.y[i] * s->w.y[i] - *v * *v);
         *v = s->w.y[i];
@@ -11781,7 +11786,7 @@ static cloth_status clothi_leap_run(cloth_sim *s, double h, int substeps, double
         if (!status) status = clothi_leap_force(s, &e, &p.extra);
         p.kick = k == 0 || k == substeps ? 0.5 * hs : hs;
         p.drift = k < substeps ? hs : 0;
-        p.alpha = (double)(k < substeps ? k + 1 : k) / substeps;
+        p.alpha = s->fraction * (k < substeps ? k + 1 : k) / substeps;
         if (k == substeps || k % CLOTHI_LEAP_WATCH == 1 || *tangent > CLOTHI_LEAP_PRESSED) {
             *tangent = clothi_max(*tangent, clothi_leap_tangent(s, s->w.x, bears));
             *gust = clothi_max(*gust, clothi_leap_gust(s));
@@ -12133,12 +12138,19 @@ static cloth_status clothi_step_run(cloth_sim *s, double h) {
     return status;
 }
 
+/* n numbers x, `part` of the way to `to`, and there exactly. */
+static void clothi_go(double *x, const double *to, int n, double part) {
+    int i;
+    for (i = 0; i < n; i++) x[i] = part < 1 ? x[i] + part * (to[i] - x[i]) : to[i];
+}
+
 /* Accepted: attachments have arrived, contact anchors become state. */
 static void clothi_accept(cloth_sim *s) {
     int i;
     for (i = 0; s->nattach > 0 && i < s->model->desc.max_attachments; i++)
-        memcpy(s->attach[i].pose, s->attach[i].target, sizeof s->attach[i].pose);
+        clothi_go(s->attach[i].pose, s->attach[i].target, 3, s->fraction);
     if (s->contact_on) s->contact.commit(s->contact.user, &s->report);
+    s->taken = s->fraction, s->fraction = 1;
 }
 
 /* The ledger of a step, where a report is wanted or it is watched. */
@@ -12177,18 +12189,19 @@ static int clothi_watched(const cloth_sim *s, double h) {
  * or the fall of all hid what parts gain: a sheet that swings by two corners at 30 m/s, BDF2 by one
  * iteration, held 2 kJ for 0.1 J, one that falls 7.3 for 0.01.) */
 static void clothi_watch_from(cloth_sim *s, double h) {
-    int i, k, of;
+    const double whole = h / s->fraction;   /* s, all the way to targets */
+    int          i, k, of;
     for (k = 0; k < 3; k++) {
         double mass[3] = {0, 0, 0}, way[3] = {0, 0, 0};     /* cloth, attachments, pins */
         for (i = k; i < 3 * s->model->nv; i += 3) {
             of = s->pin[i / 3] >> k & 1 ? 2 : 0;
             mass[of] += s->params.mass[i / 3];
-            way[of] += s->params.mass[i / 3] * (of ? (s->target[i] - s->state.x[i]) / h
+            way[of] += s->params.mass[i / 3] * (of ? (s->target[i] - s->state.x[i]) / whole
                                                    : s->state.v[i]);
         }
         for (i = 0; s->nattach && i < s->model->desc.max_attachments; i++) {
             const cloth_step_attachment *q = s->attach + i;
-            if (q->used && q->on >= 0) mass[1]++, way[1] += (q->target[k] - q->pose[k]) / h;
+            if (q->used && q->on >= 0) mass[1]++, way[1] += (q->target[k] - q->pose[k]) / whole;
         }
         of = mass[2] > 0 ? 2 : mass[1] > 0;
         s->frame[k] = way[of] / mass[of];
@@ -12697,7 +12710,8 @@ static const char *clothi_forged_field(const cloth_sim *s) {
     }
     if (s->history >> 1 || s->force_on >> 1 || s->wind_on >> 1 || s->params.mass_given >> 1)
         return "history, force_on, wind_on or mass_given";
-    if (s->h_prev < 0 || s->still < 0) return "h_prev or still";
+    if (s->h_prev < 0 || s->still < 0 || !(s->fraction > 0 && s->fraction <= 1))
+        return "h_prev, still or fraction";
     for (i = 0; i < s->model->nv; i++)
         if (s->pin[i] > CLOTH_AXIS_ALL) return "pin";
     for (i = 0; i < s->model->desc.max_attachments; used += s->attach[i++].used) {

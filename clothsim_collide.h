@@ -7084,8 +7084,9 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
     int            i, active = 0;
     CLOTHI_OBSTACLES(c, i) {
         clothi_obstacle *b = c->obstacle + i;
-        memcpy(clothi_pose(b, 0), clothi_pose(b, 1), 3 * (size_t)b->nv * sizeof(double));
-        memcpy(b->turn[0], b->turn[1], sizeof b->turn[0]);
+        clothi_go(clothi_pose(b, 0), clothi_pose(b, 1), 3 * b->nv, c->sim->fraction);
+        clothi_turn_part(b->turn[0], b->turn[1], c->sim->fraction, b->turned[1]);
+        memcpy(b->turn[0], b->turned[1], sizeof b->turn[0]);
     }
     if (c->begun) {                         /* not of a sim that sleeps */
         CLOTHI_TAKE(clothi_anchor, c, anchor, next);
@@ -7108,7 +7109,7 @@ static void clothi_contact_commit(void *user, cloth_report *report) {
         least = clothi_min(least, clothi_pair_gap(c, c->xb, &p));
     }
     c->report.exempt_pairs = c->nexempt;
-    c->report.fraction = 1;
+    c->report.fraction = c->sim->fraction;
     report->contacts = active;
     report->exempt_pairs = c->nexempt;
     report->failed_pairs = 0;
@@ -7977,33 +7978,6 @@ CLOTH_API cloth_status cloth_collide_teleport(cloth_collide *c, cloth_obstacle i
 
 /* --- a step that may be shorter --- */
 
-/* n numbers `to`: kept (part 0), at `part` of the way from `from` to what was kept, or as kept (1).
- * Returns the end of what is kept. */
-static double *clothi_shorten(double *to, const double *from, double *kept, int n, double part) {
-    int i;
-    for (i = 0; i < n; i++) {
-        if (part > 0) to[i] = part < 1 ? from[i] + part * (kept[i] - from[i]) : kept[i];
-        else kept[i] = to[i];
-    }
-    return kept + n;
-}
-
-/* The targets of pins, attachments and obstacles, so. */
-static double *clothi_targets(cloth_collide *c, double *kept, double part) {
-    cloth_sim *s = c->sim;
-    int        i;
-    kept = clothi_shorten(s->target, s->state.x, kept, 3 * c->nv, part);
-    for (i = 0; i < s->model->desc.max_attachments; i++)
-        kept = clothi_shorten(s->attach[i].target, s->attach[i].pose, kept, 3, part);
-    CLOTHI_OBSTACLES(c, i) {
-        clothi_obstacle *b = c->obstacle + i;
-        kept = clothi_shorten(clothi_pose(b, 1), clothi_pose(b, 0), kept, 3 * b->nv, part);
-        kept = clothi_shorten(b->turn[1], b->turn[0], kept, 9, part);
-        if (part > 0) clothi_turn_part(b->turn[0], kept - 9, part, b->turn[1]);
-    }
-    return kept;
-}
-
 /* Failed in a way that a shorter step may not. */
 static int clothi_shortens(const cloth_report *r) {
     return r->outcome == CLOTH_STEP_COLLISION_FAILED || r->outcome == CLOTH_STEP_STALLED;
@@ -8013,7 +7987,7 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
                                           cloth_report *report) {
     cloth_report local, *r = report ? report : &local;
     cloth_status status;
-    double      *targets, part = 1;
+    double       part = 1;
     int          k;
     if (!c) return clothi_refused(report, CLOTH_ERR_ARGUMENT);
     if (halvings < 0 || halvings > 30)
@@ -8021,20 +7995,11 @@ CLOTH_API cloth_status cloth_collide_step(cloth_collide *c, double h, int halvin
                               "cloth_collide_step: halvings = %i is not in 0 .. 30", halvings));
     c->report.fraction = 0;
     status = cloth_step(c->sim, h, r);
-    if (!clothi_shortens(r) || halvings == 0) return status;
-    targets = (double *)clothi_alloc(c->hooks, 3 * ((size_t)c->nw + 3 * (size_t)c->nobstacle +
-                                     (size_t)c->sim->model->desc.max_attachments), sizeof(double));
-    if (!targets) return r->status;         /* as the whole step said */
-    (void)clothi_targets(c, targets, 0);
     for (k = 0; k < halvings && clothi_shortens(r); k++) {
         c->sim->fraction = part *= 0.5;
-        (void)clothi_targets(c, targets, part);
         status = cloth_step(c->sim, h * part, r);
     }
-    (void)clothi_targets(c, targets, 1);
     c->sim->fraction = 1;
-    if (!status) c->report.fraction = part;
-    clothi_free(c->hooks, targets);
     return status;
 }
 
@@ -9384,8 +9349,6 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
     cloth_collide  *c = (cloth_collide *)user;
     clothi_adjoint *to = c->adjoint;
     const size_t    n = 3 * (size_t)(c->nw - c->nv), parts = (size_t)c->desc.nparts;
-    const double    rest = 1 - c->sim->fraction;    /* of their ways, that obstacles were left */
-    size_t          i;
     int             o;
     if (what == CLOTH_ADJOINT_PASS) c->until = k;
     if (what == CLOTH_ADJOINT_FORGET) c->seen = 0;
@@ -9395,10 +9358,6 @@ static cloth_status clothi_contact_adjoint(void *user, int what, int k,
             memset(out->friction, 0, (size_t)(1 + c->nobstacle) * sizeof(double));
         if (out->part_friction) memset(out->part_friction, 0, parts * sizeof(double));
         return clothi_adjoint_open(c);
-    }
-    for (i = 0; i < n && what == CLOTH_ADJOINT_STEP; i++) {
-        to->pose[1][i] += rest * to->pose[0][i];
-        to->pose[0][i] *= c->sim->fraction;
     }
     if (what == CLOTH_ADJOINT_STEP) clothi_back_carried(c, out->attach);
     for (o = 0; out && out->obstacle && o < c->nobstacle; o++)

@@ -826,7 +826,7 @@ static void clothi_tape_step(void *user, const cloth_step_record *r) {
         return;
     }
     e = t->step + t->n;
-    e->h = r->h, e->fraction = t->sim->fraction;
+    e->h = r->h, e->fraction = t->sim->taken;
     if (!(r->h > 0) && clothi_static_lags(t->sim)) t->lags = 1, t->work = clothi_tape_work(t);
     e->asleep = r->outcome == CLOTH_STEP_ASLEEP;
     e->slept = !e->asleep && r->h > 0 && t->sim->model->desc.sleep > 0 &&
@@ -1035,7 +1035,7 @@ CLOTHI_RARE_END
 /* ===== [4.1] A SUBSTEP, LINEARISED ===========================================================
  *
  *   x: free axes       M (x - y)/eta^2 + dE/dx = 0
- *      pinned axes     x = x0 + share fraction (target - x0),   x0 at the start of the step
+ *      pinned axes     x = x0 + share (target - x0),   x0 at the start of the step
  *      followers       x = x_leader + constant         x = T (leaders) + constant
  *   y = yx x^n + yv v^n + yp x^(n-1) + yw v^(n-1)      (free axes and followers)
  *   v = vx x + vn x^n + vp x^(n-1)
@@ -1135,7 +1135,7 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  *   dL/dy     =  weight M z                          to nx nv np nw by the weights of y
  *   dL/dm     = -weight z (x - y)
  *   dL/dp     = -z' d(grad E)/dp                     the terms' vjp of -z: x^n and v^n among p
- *   dL/dgoal  =  T'(a - H z) on pinned axes          to the target by share fraction, else to x0
+ *   dL/dgoal  =  T'(a - H z) on pinned axes          to the target by share, else to x0
  *   nx += vn lv + lp,   np += vp lv,   nw += 0,   nv += lw
  *
  * Why -z' d(grad)/dp. H dx = -d(grad)/dp dp on free axes, so a.dx = a' H^-1 (-d(grad)/dp dp) =
@@ -1146,7 +1146,7 @@ static cloth_status clothi_line_close(cloth_sim *s, const clothi_line *q) {
  * itself: grad E(x, x^n = x) = 0, whose Jacobian is J = H + W, W = d(grad)/dx^n, not symmetric:
  * J'z = a as with contact. (H z <- a - W'z, as the forward search goes, need not converge.)
  *
- * Attachments pull to pose + share fraction (target - pose); the pose is where the last step took
+ * Attachments pull to pose + share (target - pose); the pose is where the last step took
  * it, or the point itself where it was attached since; at the tape's start it is a constant.
  *
  * Contact's vjp gives J'z alone for J = dF/dx, F its forces with all that Newton's search lags
@@ -1689,7 +1689,7 @@ static cloth_status clothi_grad_terms(clothi_grad *g, const cloth_eval *e, const
 /* Goals of attachments, for a force by -z: a = -z. */
 static void clothi_grad_goals(clothi_grad *g, const double *a) {
     const cloth_sim *s = g->s;
-    const double     share = s->fraction * s->in.share[1];
+    const double     share = s->in.share[1];
     double           ap[3], w[6];
     int              i, j, v[6];
     for (i = 0; i < s->in.nattach; i++) {
@@ -1736,7 +1736,7 @@ static void clothi_grad_poses(clothi_grad *g, const double *x, double *to) {
 /* Goals of pins, z and H z known: to targets and to the start of the step. */
 static void clothi_grad_pins(clothi_grad *g, const double *b, int k) {
     const cloth_sim *s = g->s;
-    const double     share = s->fraction * s->in.share[1];
+    const double     share = s->in.share[1];
     size_t           i;
     for (i = 0; i < g->t->nv3; i++) {
         const double goal = b[i] - g->q[i];
@@ -2477,7 +2477,6 @@ static cloth_status clothi_grad_step(clothi_grad *g, int k, const unsigned char 
     const int           moves = !e->asleep && !clothi_all_zero(g->lx, 4 * n);
     cloth_status        status = clothi_cancelled(&g->t->hooks, NULL);
     size_t              i;
-    g->s->fraction = e->fraction;
     for (i = 0; i < na; i++) {              /* poses after a step are that part of the way */
         g->aim[i] = e->fraction * g->pose[i];
         g->pose[i] -= g->aim[i];
@@ -2625,7 +2624,7 @@ static void clothi_grad_keep(clothi_grad *g, int verb) {
     s->edit_stays = 1;
     if (verb != CLOTHI_LOAD) return;
     clothi_derive(s);
-    s->edit_stays = s->known = 0, s->fraction = 1;
+    s->edit_stays = s->known = 0;
     s->rested.outcome = CLOTH_STEP_NONE;
 }
 
@@ -2871,7 +2870,7 @@ static cloth_status clothi_tangent_terms(clothi_grad *g, const clothi_check *c, 
  * forces by them. */
 static void clothi_tangent_poses(clothi_grad *g) {
     const cloth_sim *s = g->s;
-    const double     rest = 1 - s->fraction * s->in.share[1];
+    const double     rest = 1 - s->in.share[1];
     double           p[3], w[6];
     int              i, j, n, v[6];
     for (i = 0; i < s->in.nattach; i++) {
@@ -2894,7 +2893,7 @@ static cloth_status clothi_tangent_substep(clothi_grad *g, clothi_check *c, clot
     if (!status) clothi_tangent_poses(g);
     for (i = 0; i < n; i++)
         g->lv[i] = s->pin[i / 3] >> i % 3 & 1 && !(s->model->tie && s->model->tie[i] >= 0)
-                       ? (1 - s->fraction * s->in.share[1]) * g->x0[i] : 0;
+                       ? (1 - s->in.share[1]) * g->x0[i] : 0;
     memcpy(g->nx, g->lv, n * sizeof(double));
     clothi_tie_spread(s->model, g->nx);
     if (!status && touches)
@@ -3023,15 +3022,17 @@ static cloth_status clothi_tangent_leap(clothi_grad *g, clothi_check *c, int k) 
     int           j;
     size_t        i;
     for (j = 0; j <= m && !status; j++) {
-        const double *x = g->t->trace + each * (size_t)j, hs = h / m, share = (double)(j + 1) / m;
-        clothi_input(s, hs, (double)j / m, share);
+        const double *x = g->t->trace + each * (size_t)j, hs = h / m;
+        double        share;
+        clothi_input(s, hs, (double)j / m, (double)(j + 1) / m);
+        share = s->in.share[1];
         s->in.x = x, s->in.v = x + n, s->in.share[1] = s->in.share[0];
         for (i = 0; i < n; i++)
             if (s->pin[i / 3] >> i % 3 & 1) c->dv[i] = -s->fraction * g->x0[i] / h;
         status = clothi_tangent_kick(g, c, hs, j == 0 || j == m ? 0.5 * hs : hs, x, x + n);
         memcpy(c->dp, c->dx, n * sizeof(double));
         for (i = 0; i < n && j < m; i++)
-            c->dx[i] = s->pin[i / 3] >> i % 3 & 1 ? (1 - s->fraction * share) * g->x0[i]
+            c->dx[i] = s->pin[i / 3] >> i % 3 & 1 ? (1 - share) * g->x0[i]
                                                   : c->dx[i] + hs * c->dv[i];
         s->in.share[1] = share;
         if (!status && s->contact_on && j < m)
@@ -3061,7 +3062,6 @@ static cloth_status clothi_tangent_walk(clothi_grad *g, clothi_check *c) {
         const unsigned char *end = k + 1 < t->n ? t->step[k + 1].slot : t->end;
         const double *ends = (const double *)(const void *)(e->slot + t->motion);
         memcpy(g->x0, c->dx, n * sizeof(double));
-        s->fraction = e->fraction;
         status = clothi_grad_put(g, k, e->slot);
         if (!status && leap && !e->asleep) status = clothi_tangent_leap(g, c, k);
         if (!status && m) status = clothi_keep(s);

@@ -291,6 +291,51 @@ static void replayed(int kind, int contact, int substeps) {
     scene_close(&S);
 }
 
+/* A step of which contact lets half be taken: a plane would come through a sheet that is pinned and
+ * goes up, a ball turns. Its record goes as far, and leaves as much of the way. */
+static void shortened(int kind, int substeps) {
+    static const double up[3] = {0, 0.15, 0}, down[3] = {0, -0.3, 0}, there[3] = {0, 0, 0.4};
+    static const double turn[9] = {0, 0, 1, 0, 1, 0, -1, 0, 0};
+    cloth_collide *c, *c2;
+    cloth_obstacle ball, plane;
+    cloth_sim     *fresh = NULL;
+    keeper         first;
+    double         to[3], t;
+    uint64_t       hash;
+    int            i;
+    scene_desc(&S, 6, NULL, WITH_ALL);
+    S.desc.integrator = (cloth_integrator)kind;
+    S.desc.substeps = kind == CLOTH_INTEGRATOR_LEAPFROG ? 0 : substeps;
+    S.desc.contact = CLOTH_CONTACT_SELF;
+    CHECK(scene_open(&S, WITH_ALL) == CLOTH_OK && cloth_sim_create(S.model, &fresh) == CLOTH_OK);
+    c = contact_of(S.sim, &ball), c2 = contact_of(fresh, &ball);
+    plane.id = ball.id - 1;                 /* the slot before */
+    CHECK(cloth_step(S.sim, 0.008, NULL) == CLOTH_OK);
+    for (i = 0; i < S.nv; i++) {
+        memcpy(to, cloth_sim_state(S.sim)->x + 3 * i, sizeof to);
+        to[1] += 0.002;
+        CHECK(cloth_sim_pin(S.sim, i, CLOTH_AXIS_ALL, to) == CLOTH_OK);
+    }
+    CHECK(cloth_collide_pose(c, ball, turn, there) == CLOTH_OK);
+    CHECK(cloth_collide_move(c, plane, up) == CLOTH_OK);
+    listen(S.sim, &first);
+    t = cloth_sim_state(S.sim)->t;
+    CHECK(cloth_collide_step(c, 0.008, 4, NULL) == CLOTH_OK);
+    CHECK(cloth_collide_last(c).fraction < 1);
+    CHECK_NEAR(cloth_sim_state(S.sim)->t, t + 0.008 * cloth_collide_last(c).fraction, 1e-15);
+    CHECK(cloth_sim_set_recorder(S.sim, NULL) == CLOTH_OK);
+    hash = cloth_sim_hash(S.sim);
+    CHECK(cloth_step_replay(fresh, &first.r, NULL) == CLOTH_OK && cloth_sim_hash(fresh) == hash);
+    CHECK(cloth_collide_move(c, plane, down) == CLOTH_OK && cloth_step(S.sim, 0.008, NULL) == 0);
+    CHECK(cloth_collide_move(c2, plane, down) == CLOTH_OK && cloth_step(fresh, 0.008, NULL) == 0);
+    CHECK(cloth_sim_hash(fresh) == cloth_sim_hash(S.sim));
+    CHECK(cloth_step_replay(S.sim, &first.r, NULL) == CLOTH_OK && cloth_sim_hash(S.sim) == hash);
+    keeper_free(&first);
+    cloth_collide_destroy(c), cloth_collide_destroy(c2);
+    cloth_sim_destroy(fresh);
+    scene_close(&S);
+}
+
 static void steps_replay(void) {
     int kind;
     FOR_INTEGRATORS(kind) {
@@ -298,6 +343,8 @@ static void steps_replay(void) {
         replayed(kind, 0, 3);
         replayed(kind, 1, 1);
         replayed(kind, 1, 2);
+        shortened(kind, 1);
+        shortened(kind, 2);
     }
 }
 

@@ -9248,7 +9248,7 @@ static void clothi_sim_start(cloth_sim *s) {
     cloth_params      *p = &s->params;
     size_t nv = (size_t)m->nv;
     int    i;
-    (void)clothi_walked(s, CLOTHI_CLEAR, NULL, CLOTHI_PARAM, 0);
+    (void)clothi_walked(s, CLOTHI_CLEAR, NULL, CLOTHI_PARAM | CLOTHI_HANDLE, 0);
     memcpy(s->state.x, m->x, 3 * nv * sizeof(double));
     if (m->v) memcpy(s->state.v, m->v, 3 * nv * sizeof(double));
     memcpy(s->pin, m->pin, nv);
@@ -12543,7 +12543,6 @@ CLOTH_API cloth_status cloth_sim_detach(cloth_sim *sim, cloth_attachment id) {
     if (!sim) return CLOTH_ERR_ARGUMENT;
     q = clothi_attached(sim, id, "cloth_sim_detach");
     if (!q) return CLOTH_ERR_HANDLE;
-    sim->made[q - sim->attach] = 0;
     memset(q, 0, sizeof *q);
     sim->nattach--;
     sim->still = 0;

@@ -425,6 +425,29 @@ static void removed(void) {
     shut();
 }
 
+/* A handle that is stale when a sim is saved, by detach or by reset, is so in the one that goes on
+ * from there. */
+static void stale(void) {
+    static unsigned char buf[1 << 14];
+    cloth_attachment     gone, id;
+    cloth_sim           *other;
+    int                  i;
+    for (i = 0; i < 2; i++) {
+        open_sheets(1, 1, CLOTH_INTEGRATOR_EULER);
+        CHECK(cloth_sim_attach(S.sim, 3, third, 5, third, &gone) == CLOTH_OK);
+        CHECK((i ? cloth_sim_reset(S.sim) : cloth_sim_detach(S.sim, gone)) == CLOTH_OK);
+        CHECK(cloth_sim_save_size(S.sim) <= sizeof buf);
+        CHECK(cloth_sim_save(S.sim, buf, sizeof buf) == CLOTH_OK);
+        CHECK(cloth_sim_create(S.model, &other) == CLOTH_OK);
+        CHECK(cloth_sim_restore(other, buf, sizeof buf) == CLOTH_OK);
+        CHECK(cloth_sim_attach(other, 8, third, 5, third, &id) == CLOTH_OK && id.id != gone.id);
+        CHECK(cloth_sim_detach(other, gone) == CLOTH_ERR_HANDLE);
+        CHECK(cloth_sim_detach(other, id) == CLOTH_OK);
+        cloth_sim_destroy(other);
+        shut();
+    }
+}
+
 static void refusals(void) {
     static const double off[3] = {0.3, 0.3, 0.3}, ball[3] = {0, 5, 0};
     double              bad[3] = {0, NAN, 1};
@@ -474,6 +497,7 @@ int main(int argc, char **argv) {
     RUN(carried);
     RUN(restored);
     RUN(removed);
+    RUN(stale);
     RUN(refusals);
     return TEST_END();
 }

@@ -3901,9 +3901,9 @@ CLOTHI_RARE_END
  *     _measure  q                                              [numbers][8]
  *     _lanes    E, Ed and the gradient f of their sum          [8], [8], [3 corners][8]
  *     _blocks   Hessian, blocks (i, j) of corners i > j        [pairs][9][8], as clothi_pair
- *     _hvp      Hessian times u, without a matrix              [3 corners][8]
  *     _vjp      V = a.f, a constant: dV by the numbers of `rest`, by damp and by x^n, and Ha, that
- *               by x; x^n is x itself: damp is zeros, dV by it and by x^n is not asked for
+ *               by x: Hessian times a, without a matrix; x^n is x itself: damp is zeros, dV by it
+ *               and by x^n is not asked for
  *
  *   No force changes when all corners move together: rows of blocks sum to zero, which gives the
  *   diagonal blocks, once for a matrix and not by element (clothi_matrix_close()). A result beyond
@@ -4140,20 +4140,6 @@ CLOTHI_HOT void clothi_spring_blocks(clothi_in x, clothi_in rest, clothi_in star
                                            (i == j ? across[k] : 0.0));
 }
 
-CLOTHI_HOT void clothi_spring_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
-                                  clothi_in damp, clothi_out f) {
-    double l[CLOTHI_LANES];
-    int    k;
-    clothi_spring_measure(x, rest, l);
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_bar b = clothi_bar_at(x, rest, start, damp, l, k);
-        const clothi_vec du = clothi_edge(u, 1, k);
-        const double     along = clothi_vec_dot(b.d, du) * b.inv * b.inv;
-        const double     more = (rest[k] * (1.0 + damp[k]) - b.pull) * along;
-        clothi_bar_put(f, k, clothi_vec_mix(b.pull, du, more, b.d));
-    }
-}
-
 /* V = k ((l - L) + s (l - l_n)) u.(a1 - a0) */
 CLOTHI_HOT void clothi_spring_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
                                   clothi_in damp, clothi_out d_rest, clothi_out d_damp,
@@ -4163,12 +4149,13 @@ CLOTHI_HOT void clothi_spring_vjp(clothi_in x, clothi_in x_n, clothi_in a, cloth
     int    k;
     clothi_spring_measure(x, rest, l);
     clothi_spring_measure(x_n, rest, l_n);
-    clothi_spring_hvp(x, a, rest, l_n, damp, Ha);
     for (k = 0; k < L; k++) {
         const clothi_bar b = clothi_bar_at(x, rest, l_n, damp, l, k);
         const clothi_bar n = clothi_bar_at(x_n, rest, l_n, damp, l_n, k);
-        const double     along = clothi_vec_dot(b.d, clothi_edge(a, 1, k)) * b.inv;
-        const double     change = l[k] - l_n[k];
+        const clothi_vec da = clothi_edge(a, 1, k);
+        const double     along = clothi_vec_dot(b.d, da) * b.inv, change = l[k] - l_n[k];
+        const double     more = (rest[k] * (1.0 + damp[k]) - b.pull) * (along * b.inv);
+        clothi_bar_put(Ha, k, clothi_vec_mix(b.pull, da, more, b.d));
         d_rest[k] = (l[k] - rest[L + k] + damp[k] * change) * along;
         d_rest[L + k] = -rest[k] * along;
         d_damp[k] = rest[k] * change * along;
@@ -4487,18 +4474,6 @@ CLOTHI_LANE void clothi_tri_product(const clothi_tri *t, const clothi_tri *d, cl
     clothi_tri_pull(d, s, rest, k, p);
     clothi_tri_pull(t, ds, rest, k, q);
     clothi_tri_put(f, k, clothi_vec_plus(p[0], 1.0, q[0]), clothi_vec_plus(p[1], 1.0, q[1]));
-}
-
-CLOTHI_HOT void clothi_stretch_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
-                                   clothi_in damp, clothi_out f) {
-    int k;
-    for (k = 0; k < CLOTHI_LANES; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k), d = clothi_tri_at(u, rest, k);
-        const clothi_vec e = clothi_tri_damped(t.E, clothi_vec_at(start, 0, k), damp[k]);
-        const clothi_vec ds = clothi_tri_stress(clothi_tri_change(&t, &d), rest, k);
-        clothi_tri_product(&t, &d, clothi_tri_stress(e, rest, k),
-                           clothi_vec_times(1.0 + damp[k], ds), rest, k, f);
-    }
 }
 
 /* X_i -= F' (of t) F s g_i (of u), of the corners i = 1, 2 */
@@ -4926,14 +4901,6 @@ CLOTHI_HOT void clothi_hinge_products(const clothi_wings *CLOTHI_RESTRICT w, clo
     }
 }
 
-CLOTHI_UNUSED static void clothi_hinge_hvp(clothi_in x, clothi_in u, clothi_in rest,
-                                           clothi_in start, clothi_in damp, clothi_out f) {
-    double       along[CLOTHI_LANES];
-    clothi_wings w;
-    clothi_hinge_wings(x, rest, start, damp, &w);
-    clothi_hinge_products(&w, u, rest, damp, along, f);
-}
-
 /* V = c ((theta - theta0) + s (theta - theta_n)) (dtheta/dx . a) */
 CLOTHI_UNUSED static void clothi_hinge_vjp(clothi_in x, clothi_in x_n, clothi_in a,
                                            clothi_in rest, clothi_in damp, clothi_out d_rest,
@@ -5077,22 +5044,15 @@ CLOTHI_HOT void clothi_quadratic_blocks(clothi_in x, clothi_in rest, clothi_in s
                                                      * (1.0 + damp[k]);
 }
 
-/* Linear in x: the gradient for u, as if r^n were 0. */
-CLOTHI_HOT void clothi_quadratic_hvp(clothi_in x, clothi_in u, clothi_in rest, clothi_in start,
-                                     clothi_in damp, clothi_out f) {
-    double E[CLOTHI_LANES], Ed[CLOTHI_LANES];
-    (void)x, (void)start;
-    clothi_quadratic_lanes(u, rest, clothi_none, damp, E, Ed, f);
-}
-
 /* V = c (r + s (r - r_n)).r_a, r_a = sum w_i a_i. dV/dw is up to a constant, the same for all w,
  * whose sum stays 0. */
 CLOTHI_HOT void clothi_quadratic_vjp(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest,
                                      clothi_in damp, clothi_out d_rest, clothi_out d_damp,
                                      clothi_out d_x_n, clothi_out Ha) {
     enum { L = CLOTHI_LANES };
-    int i, k;
-    clothi_quadratic_hvp(x, a, rest, clothi_none, damp, Ha);
+    double E[L], Ed[L];
+    int    i, k;
+    clothi_quadratic_lanes(a, rest, clothi_none, damp, E, Ed, Ha);      /* linear in x */
     for (k = 0; k < L; k++) {
         const clothi_vec r = clothi_quadratic_at(x, rest, k);
         const clothi_vec since = clothi_vec_plus(r, -1.0, clothi_quadratic_at(x_n, rest, k));
@@ -5149,21 +5109,17 @@ typedef struct clothi_kind {
                   clothi_out Ed, clothi_out f);
     void (*blocks)(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp, int psd,
                    clothi_out H);
-    void (*hvp)(clothi_in x, clothi_in u, clothi_in rest, clothi_in start, clothi_in damp,
-                clothi_out f);
     void (*vjp)(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest, clothi_in damp,
                 clothi_out d_rest, clothi_out d_damp, clothi_out d_x_n, clothi_out Ha);
 } clothi_kind;
 
 static const clothi_kind clothi_kinds[4] = {
-    {2, 2, 1, clothi_spring_measure, clothi_spring_lanes, clothi_spring_blocks, clothi_spring_hvp,
-     clothi_spring_vjp},
+    {2, 2, 1, clothi_spring_measure, clothi_spring_lanes, clothi_spring_blocks, clothi_spring_vjp},
     {3, 7, 3, clothi_stretch_measure, clothi_stretch_lanes, clothi_stretch_blocks,
-     clothi_stretch_hvp, clothi_stretch_vjp},
-    {4, 2, 1, clothi_hinge_measure, clothi_hinge_lanes, clothi_hinge_blocks, clothi_hinge_hvp,
-     clothi_hinge_vjp},
+     clothi_stretch_vjp},
+    {4, 2, 1, clothi_hinge_measure, clothi_hinge_lanes, clothi_hinge_blocks, clothi_hinge_vjp},
     {4, 5, 3, clothi_quadratic_measure, clothi_quadratic_lanes, clothi_quadratic_blocks,
-     clothi_quadratic_hvp, clothi_quadratic_vjp}};
+     clothi_quadratic_vjp}};
 
 /* --- one element of a kind with an energy in `rest` alone: the same in all lanes --- */
 
@@ -9614,8 +9570,8 @@ static void clothi_gather_forces(cloth_sim *s, double *grad) {
 typedef struct clothi_hvp {                 /* one sweep                                       */
     const cloth_sim       *s;
     const clothi_elements *el;
+    const cloth_eval      *e;               /* NULL: at the template                           */
     const double          *x, *u;           /* [nv x 3]                                        */
-    double                 inv_h;           /* 1/h of damping; 0: none                         */
 } clothi_hvp;
 
 /* Corners x of triangles or springs to where these are at rest, in the planes and along the lines
@@ -9649,35 +9605,33 @@ static void clothi_hvp_range(int begin, int end, int worker, void *ctx) {
     enum { L = CLOTHI_LANES };
     const clothi_hvp   *p = (const clothi_hvp *)ctx;
     const clothi_group *g = p->el->group;
-    const double       *rest, *start;
-    double x[12 * L], u[12 * L], damp[L];
+    const double       *rest, *start, inv_h = p->e && p->e->h > 0 ? 1 / p->e->h : 0;
+    double x[12 * L], x_n[12 * L], u[12 * L], damp[L], d[7 * L], dtau[L], d_x_n[12 * L];
     int    b;
     (void)worker;
     for (b = begin; b < end; b++) {
-        clothi_corners(g, p->x ? p->x : p->s->model->x_rest, b, x);
+        clothi_corners(g, p->x, b, x);
         clothi_corners(g, p->u, b, u);
-        clothi_batch_rest(p->el, b, p->inv_h, &rest, &start, damp);
-        if (!p->x) clothi_unstrained(g->kind, rest, x);
-        p->el->kind->hvp(x, u, rest, start, damp, p->s->own.force + g->force +
-                                                      (size_t)b * (size_t)g->width * 3 * L);
+        clothi_batch_rest(p->el, b, inv_h, &rest, &start, damp);
+        if (start != clothi_none) clothi_corners(g, p->e->x_n, b, x_n);
+        if (!p->e) clothi_unstrained(g->kind, rest, x);
+        p->el->kind->vjp(x, start != clothi_none ? x_n : x, u, rest, damp, d, dtau, d_x_n,
+                         p->s->own.force + g->force + (size_t)b * (size_t)g->width * 3 * L);
     }
 }
 
 /* out [nv x 3] = H u of stretch and bending at x [nv x 3], the derivative of each element's force
- * along u, floors of triangles near collapse [6.3] as constants; h: of damping, whose begin() has
- * been, or 0. x NULL: at the template, each element without strain.
+ * along u, floors of triangles near collapse [6.3] as constants; damped from e->x_n on, where they
+ * begin(). e NULL: x is the template, each element without strain.
  * checked: tests/test_grad.c: hessian_times_vector */
-static void clothi_hessian_times(cloth_sim *s, const double *x, const double *u, double h,
-                                 double *out) {
-    const clothi_elements *el[2];
-    clothi_hvp             p;
-    int                    i;
-    el[0] = &s->own.membrane, el[1] = &s->own.bend;
-    p.s = s, p.x = x, p.u = u;
-    p.inv_h = h > 0 ? 1 / h : 0;
+static void clothi_hessian_times(cloth_sim *s, const cloth_eval *e, const double *x,
+                                 const double *u, double *out) {
+    clothi_hvp p;
+    int        i;
+    p.s = s, p.e = e, p.x = x, p.u = u;
     for (i = 0; i < 2; i++) {
-        p.el = el[i];
-        clothi_for(&s->hooks, el[i]->group->nbatch, CLOTHI_CHUNK, clothi_hvp_range, &p);
+        p.el = i ? &s->own.bend : &s->own.membrane;
+        clothi_for(&s->hooks, p.el->group->nbatch, CLOTHI_CHUNK, clothi_hvp_range, &p);
     }
     clothi_gather_forces(s, out);
 }
@@ -11594,7 +11548,7 @@ static void clothi_leap_omega(cloth_sim *s) {
         u[i] = (double)(seed >> 11) / 9007199254740992.0 - 0.5;
     }
     for (k = 0; k < CLOTHI_LEAP_POWER; k++) {
-        clothi_hessian_times(s, NULL, u, 0, Ku);
+        clothi_hessian_times(s, NULL, s->model->x_rest, u, Ku);
         for (i = 0, norm = 0; i < n; i++) norm += mass[i / 3] * u[i] * u[i];
         lambda = clothi_max(lambda, norm > 0 ? clothi_dot(u, Ku, (size_t)n) / norm : 0);
         for (i = 0; i < n; i++) Ku[i] /= mass[i / 3];

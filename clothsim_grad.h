@@ -1580,8 +1580,8 @@ static cloth_status clothi_grad_early(clothi_grad *g, const clothi_line *line, d
     if (status) return status;
     for (i = 0; i < n; i++) g->left[i] = s->w.x[i] + part * g->left[i];
     memcpy(s->w.dx, g->left, (size_t)n * sizeof(double));
-    clothi_hessian_times(s, g->left, z, line->goal.e.h, s->w.grad);
-    clothi_hessian_times(s, s->w.x, z, line->goal.e.h, g->left);
+    clothi_hessian_times(s, &line->goal.e, g->left, z, s->w.grad);
+    clothi_hessian_times(s, &line->goal.e, s->w.x, z, g->left);
     for (i = 0; i < n; i++) s->w.grad[i] -= g->left[i];
     if (s->contact_on) status = clothi_grad_bend(g, line, z);
     clothi_tie_gradient(s->model, s->w.grad);
@@ -2161,8 +2161,7 @@ static int clothi_leap_forces(clothi_grad *g, double hs, const double *x, const 
     *status = CLOTH_OK;
     for (i = 0; i <= CLOTHI_TERM_BEND && damped && !*status; i++)
         *status = s->term[i].begin(s->term[i].user, e);
-    if (damped || g->forwards || !clothi_grad_wanted(g))
-        clothi_hessian_times(s, x, u, damped ? hs : 0, out);
+    if (damped || g->forwards || !clothi_grad_wanted(g)) clothi_hessian_times(s, e, x, u, out);
     else clothi_grad_elements(g, e, u, NULL, out);
     clothi_leap_times(s, u, out);
     if (!*status && s->nterms > s->nbuiltin) *status = clothi_leap_hosts(g, *o, u, out);

@@ -898,8 +898,8 @@ static void lanes_products(void) {
         one    d;
         double y[12], u[12], H[144], Hu[12] = {0}, got[12], want[12], y8[12 * LANES];
         double u8[12 * LANES], n8[12 * LANES], rest[7 * LANES], start[3 * LANES], damp[LANES];
-        double f[12 * LANES], d_rest[7 * LANES], d_damp[LANES], d_x_n[12 * LANES];
-        double Ha[12 * LANES], undamped[7 * LANES];
+        double d_rest[7 * LANES], d_damp[LANES], d_x_n[12 * LANES], Ha[12 * LANES];
+        double undamped[7 * LANES];
         int    n;
         memset(y, 0, sizeof y);
         make_one(&seed, round % 4, round / 4, &d, y);
@@ -914,11 +914,9 @@ static void lanes_products(void) {
             to_lane(u, n, k, u8);
             to_lane(d.start, n, k, n8);
         }
-        d.kind->hvp(y8, u8, rest, start, damp, f);
-        from_lane(f, n, 5, got);
-        CHECK(ref_difference(got, Hu, n) < 1e-12);
         d.kind->vjp(y8, n8, u8, rest, damp, d_rest, d_damp, d_x_n, Ha);
-        CHECK(ref_difference(Ha, f, n * LANES) < 1e-14);
+        from_lane(Ha, n, 5, got);
+        CHECK(ref_difference(got, Hu, n) < 1e-12);
         from_lane(d_x_n, n, 5, got);
         for (i = 0; i < n; i++) want[i] = one_slope(y, &d, u, d.start + i);
         CHECK(ref_difference(got, want, n) < 1e-7);

@@ -260,7 +260,7 @@ static void hessian_times_vector(void) {
                 for (i = 0; i < n; i++) u[i] = noise(50u + (unsigned)i);
                 cloth_matrix_mul(s.sim->matrix, NULL, u, a);
                 for (i = 0; i < n; i++) a[i] -= line.weight * s.sim->params.mass[i / 3] * u[i];
-                clothi_hessian_times(s.sim, s.sim->w.x, u, 0.01, c);
+                clothi_hessian_times(s.sim, &line.goal.e, s.sim->w.x, u, c);
                 for (i = 0; i < n; i++) {
                     big = fmax(big, fabs(a[i]));
                     off = fmax(off, fabs(a[i] - c[i]));

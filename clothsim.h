@@ -1268,8 +1268,7 @@ CLOTH_API cloth_obj_options cloth_obj_options_default(void);
  *   or corners; no number; NaN, infinite or too large; index 0 or out of range);
  *   CLOTH_ERR_ARGUMENT; CLOTH_ERR_UNINIT; CLOTH_ERR_CAPACITY: over CLOTH_MAX_COUNT of a kind;
  *   CLOTH_ERR_MEMORY. Whether the mesh can be simulated is for cloth_mesh_check.
- * contract: alloc the mesh and scratch | cost O(size): 0.02 us a number of up to 15
- *   digits, 0.5 us a longer one */
+ * contract: alloc the mesh and scratch | cost O(size), 0.2 to 0.5 us a number */
 CLOTH_API cloth_status cloth_obj_parse(const cloth_hooks *hooks, const char *text, size_t size,
                                        const cloth_obj_options *options, cloth_mesh **out);
 

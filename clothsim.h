@@ -6290,22 +6290,18 @@ static void clothi_panel_columns(double *panel, size_t ld, int m, int k0, int k1
  *
  *   c0 is b in the norm of the preconditioner K K' plus coarse part, so that report->residual =
  *   sqrt(rr/c0) starts from x = 0 whatever the coarse solution is. A quarter of the iterations
- *   are left, and because long waves are then right, Newton needs fewer solves too.
- *   Chosen instead of smoothed aggregation over several levels: a third of the iterations, each 7
- *   times as dear; rigid-body and affine modes lose as well. What else was tried, and iterations
- *   with and without each addition: tests/bench/bench_linear.c.
+ *   are left, and because long waves are then right, Newton needs fewer solves too. What was
+ *   tried, and iterations with and without each addition: tests/bench/bench_linear.c.
  *
  *   Blocks C outside the pattern [7.2] are outside K: w = K^-1 (p - t + C t), P^'A's gains P^'C s,
  *   Ac gains P'CP. The sweeps stay as they are.
  *
  *   Floats, and when not. Rounding of D competes with the mass once stiffness over inertia,
  *   q = max_i tr D_i / mean row sum of traces, times 6e-8 is near 1. (Membranes and hinges do not
- *   feel translations: the rows' sums are the inertia.) q is 1.1e5 at Y = 1e4 N/m, N = 64, 60 Hz,
- *   and 1.1e6 at 1e5; up to CLOTHI_FLOAT_STIFFNESS floats solve as well as doubles. Beyond, where
- *   at 1.1e7 (1e6 N/m) Newton stalled in 12 of 15 frames, and where the residual got stuck, the
- *   same code runs in doubles, in the same memory, for about 1.5 times the time. (A factor instead
- *   of doubles: 1.5 times the time of bench_hard's T-shirt.) A decision is made afresh for every
- *   matrix, so that a restored snapshot goes the same way.
+ *   feel translations: the rows' sums are the inertia.) Up to CLOTHI_FLOAT_STIFFNESS floats solve
+ *   as well as doubles. Beyond, and where the residual gets stuck, the same code runs in doubles,
+ *   in the same memory, for about 1.5 times the time. A decision is made afresh for every matrix,
+ *   so that a restored snapshot goes the same way.
  *
  *   Rounding. At 1e-14 of |b| or so what rounding leaves in V's span, where r is 0 by its
  *   recurrence alone, takes over: |r| then grows tenfold or more in an iteration. CG ends there
@@ -10803,9 +10799,8 @@ static cloth_status clothi_minimise(cloth_sim *s, clothi_goal *goal) {
  * BDF2 needs two equal steps behind it. Its history is dropped by create, a write to the state or
  * the params, another h, and any step with an active contact row (a position projection under BDF2
  * rebounds); the next substep is then one of implicit Euler. A search that stops early (max_newton,
- * a loose tolerance) leaves what the next prediction enlarges: with one iteration a step a sheet of
- * 1 m got 1e15 m away in 300. The ledger shows such a step, and one of motion that h hardly
- * resolves (a pin's of 3 Hz at h = 1/30 s), and it is taken again: clothi_booked() [9.5].
+ * a loose tolerance) leaves what the next prediction enlarges. The ledger shows such a step, and
+ * one of motion that h hardly resolves, and it is taken again: clothi_booked() [9.5].
  *
  * Statics: eta infinite. H may be singular (a free cloth) or indefinite (compression), so the
  * solve is (H + sigma M) dx = -g with sigma falling tenfold on success and rising on failure:
@@ -11283,11 +11278,10 @@ CLOTHI_RARE_END
  *
  * Leapfrog keeps its energy while its substep stays the same and is not close to the limit. At w =
  * sqrt(3), p = 2 pi/3, each third substep finds a mode as it was, and what is cubic in the energy
- * feeds it (what swung gained 0.4 of that in 100 000 substeps, what shivered 28 times its energy).
- * Below no three modes add up to p = 2 pi: CLOTHI_LEAP_SAFETY is less than sqrt(3)/2. A substep
- * that changes with every frame heats too (by 16 % in 30 s). So a step takes CLOTHI_LEAP_RESERVE
- * substeps more than it must, or twice as many, and keeps the substep of the step before, which is
- * part of the state, or the nearest one of up to half as many again.
+ * feeds it. Below no three modes add up to p = 2 pi: CLOTHI_LEAP_SAFETY is less than sqrt(3)/2. A
+ * substep that changes with every frame heats too. So a step takes CLOTHI_LEAP_RESERVE substeps
+ * more than it must, or twice as many, and keeps the substep of the step before, which is part of
+ * the state, or the nearest one of up to half as many again.
  *
  * What takes off speeds at the rate r bounds h_s too: 2 r h_s + (h_s omega)^2 <= 4.
  *   damping  adds tau K to the dashpots: r = tau omega^2
@@ -12138,9 +12132,8 @@ static int clothi_watched(const cloth_sim *s, double h) {
 }
 
 /* From where energy is watched in steps that are cut short, m/s by axis: from pins, else what cloth
- * is attached to, as they go in the step, else the mean of cloth as it begins. (From rest, the ride
- * or the fall of all hid what parts gain: a sheet that swings by two corners at 30 m/s, BDF2 by one
- * iteration, held 2 kJ for 0.1 J, one that falls 7.3 for 0.01.) */
+ * is attached to, as they go in the step, else the mean of cloth as it begins. From rest, the ride
+ * or the fall of all would hide what parts gain: tests/test_step.c, cut_short_on_a_ride. */
 static void clothi_watch_from(cloth_sim *s, double h) {
     const double whole = h / s->fraction;   /* s, all the way to targets */
     int          i, k, of;

@@ -24,6 +24,7 @@
  * 0.23 of their swing in the mean of 12, 0.63 at most, and what shivers 1.0 to 28 times its energy
  * (48 starts; by 0.8 0.98 to 1.04 times). Lost too: 0.85 without a reserve (as larger sheets have
  * it: 0.13 of the swing, at most 0.45; by 0.8 none) and looking at the stretch every 5 substeps.
+ * A substep that changes with every frame gains 16 % in 30 s.
  * The scene turns unstable below 52 substeps, 72 are taken: the largest stretch sits at held
  * corners, where the fastest mode is not.
  * Contact over several drifts at once: a sheet of 12 x 12 that fell 5 cm onto a sphere gained 2.5

@@ -4523,9 +4523,9 @@ CLOTHI_RARE_BEGIN
 /* The stretches are the singular values of F: s1^2 and s2^2 are the eigenvalues of F'F, and s1 s2 =
  * |F1 x F2| keeps the digits of the small one. F is scaled so that no square overflows. */
 static void clothi_principal_stretches(const double *F, double *stretch) {
-    double a[3], b[3], n[3], aa, bb, ab, s1, big = 0.0;
-    int    i;
-    for (i = 0; i < 6; i++) big = clothi_max(big, fabs(F[i]));
+    const double big = clothi_max_abs(F, 6);
+    double       a[3], b[3], n[3], aa, bb, ab, s1;
+    int          i;
     stretch[0] = stretch[1] = 0.0;
     if (!(big > 0.0)) return;
     for (i = 0; i < 3; i++) {
@@ -11133,9 +11133,8 @@ static cloth_status clothi_static_curvature(cloth_sim *s, clothi_goal *goal, int
         s->report.factorizations++;
         s->report.negative += *saddle;
     }
-    if (status || !*saddle) return status;
-    *saddle = clothi_max_abs(s->w.dx, 3 * s->model->nv) > 0;
-    return CLOTH_OK;
+    if (!status && *saddle) *saddle = clothi_max_abs(s->w.dx, 3 * s->model->nv) > 0;
+    return status;
 }
 
 /* Newton with a diagonal sigma M that falls from ten times the largest gravity mode, g over the

@@ -3471,8 +3471,6 @@ struct cloth_collide {
     int             ncontact, contact_cap, spare_cap;
     int            *order;                  /* [order_cap] scratch of sorting                  */
     int             order_cap;
-    int            *place;                  /* [places] by open addressing: a contact's number */
-    int             places, place_cap;      /* + 1, 0 empty; places: a power of two            */
     cloth_contact_row *row;                 /* constraints of zones                            */
     int             nrow, row_cap;
     clothi_near    *pair;                   /* of the broad phase                              */
@@ -5275,42 +5273,25 @@ static void clothi_list_cut(cloth_collide *c, int first, int moved) {
     c->npair = n;
 }
 
-/* Where the contact of a pair is among the places, or would be. */
-static int *clothi_contact_place(const cloth_collide *c, const clothi_pair_id *p) {
-    uint64_t h = (uint64_t)(uint32_t)p->a * 0x9e3779b97f4a7c15u ^ (uint64_t)(uint32_t)p->b;
-    uint32_t i;
-    h = (h ^ (uint64_t)(unsigned)p->kind << 60) * 0xff51afd7ed558ccdu;
-    for (i = (uint32_t)(h >> 33);; i++) {
-        int *at = c->place + (i & (uint32_t)(c->places - 1));
-        if (!*at || !clothi_order(&c->contact[*at - 1].kind, p, 3)) return at;
-    }
-}
-
 /* Contacts stay with what is lagged where their pair has not moved, or is among those of the list
  * from `first` on and near, or with a grid. */
 static cloth_status clothi_list_keep(cloth_collide *c, int first) {
     const double    reach = CLOTHI_REACH * c->thickest;
-    clothi_contact *q = c->contact;
-    int             places = 256, n = 0, i;
+    clothi_contact *q = c->contact, of;
+    int             n = 0, i, at, there;
     if (c->ncontact == 0) return CLOTH_OK;
-    while (places < 4 * c->ncontact) places *= 2;
-    if (CLOTHI_ROOM(c, order, c->ncontact) || CLOTHI_ROOM(c, place, places))
-        return CLOTH_ERR_MEMORY;
-    memset(c->place, 0, (size_t)places * sizeof(int));
-    c->places = places;
-    for (i = 0; i < c->ncontact; i++) {
-        const clothi_pair_id p = {q[i].kind, q[i].a, q[i].b};
-        *clothi_contact_place(c, &p) = i + 1;
-    }
+    if (CLOTHI_ROOM(c, order, c->ncontact)) return CLOTH_ERR_MEMORY;
     for (i = 0; i < c->ncontact; i++)
         c->order[i] = first && (q[i].kind == CLOTHI_VP ||
                                  !clothi_pair_moved(c, q[i].kind, q[i].a, q[i].b));
     for (i = first; i < c->npair; i++) {
         clothi_near *p = c->pair + i;
-        const int    was = p->slack - clothi_pair_far(c, c->gone, &p->id) > reach
-                               ? -1 : *clothi_contact_place(c, &p->id) - 1;
-        if (was >= 0 && !(clothi_near_slack(c, p, c->x_list) > reach))
-            c->order[was] = p->hit = CLOTHI_HIT_CONTACT;
+        if (p->slack - clothi_pair_far(c, c->gone, &p->id) > reach) continue;
+        clothi_contact_of(c, &p->id, &of);
+        of.key = clothi_key_of(c, &of);
+        at = clothi_find(q, sizeof of, c->ncontact, &of, 7, &there);
+        if (there && !(clothi_near_slack(c, p, c->x_list) > reach))
+            c->order[at] = p->hit = CLOTHI_HIT_CONTACT;
     }
     for (i = 0; i < c->ncontact; n += c->order[i++])
         if (c->order[i] && n < i) q[n] = q[i];
@@ -7369,7 +7350,7 @@ static cloth_status clothi_contact_unsaved(void *user, const void *buf, size_t s
 static size_t clothi_contact_blocks(cloth_collide *c, int release) {
     const void *const block[] = {
         c->vertex_part, c->hold, c->holding, c->found.pair, c->zone, c->zone_order, c->qp_val,
-        c->contact, c->spare, c->order, c->place, c->row, c->pair, c->anchor, c->next, c->exempt,
+        c->contact, c->spare, c->order, c->row, c->pair, c->anchor, c->next, c->exempt,
         c->now, c->failed, c->obstacle};
     size_t sum = clothi_block_size(c) + clothi_world_blocks(c, release ? c->hooks : NULL);
     int    o;

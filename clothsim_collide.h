@@ -1982,9 +1982,7 @@ CLOTH_API cloth_status cloth_intersections(const cloth_hooks *hooks, int nv, con
  *             violated row p enters along the direction d in which all of F stay equations,
  *             l += t d, d = (-A_FF^-1 A_Fp, 1): up to where p holds, or where some l_j = 0 and row
  *             j leaves F. Neither: d is a Farkas certificate. In doubles, and from there, where
- *             these are not believed, in arithmetic of 32 digits [D71]: a few sets more. (All with
- *             32 digits and factored from the first row: a T-shirt's 61 programs of 200 to 1600
- *             rows 4.3 s for 0.8.)
+ *             these are not believed, in arithmetic of 32 digits [D71]: a few sets more.
  *   settle    the set found, once more in doubles where these are enough; always factored in the
  *             common order: the bits are those of the set
  *
@@ -4316,9 +4314,8 @@ static void clothi_exempt_part(cloth_collide *c) {
  * A step of Newton's that would run into the pole says little: f is not linear. Moves are cut
  * there, what cuts one becomes a contact, and each contact keeps the force that the matrix foretold
  * for dx, as the multiplier is kept in a primal-dual method: the secant to it is the stiffness at
- * the next iterate (clothi_contact_secant). Solved again at once with such a stiffness, twice at
- * most, a curtain hit by a ball took 1.2 times the iterations, a twisted tube 2.2 times CG's; a
- * sheet on a ball that spins 0.9 of the iterations.
+ * the next iterate (clothi_contact_secant). What was tried and lost, here and in friction:
+ * tests/bench/bench_contact.c.
  *
  * Friction, with N the normal force of this step, v the tangential motion since the anchor was set
  * and eps = desc.slip:
@@ -4340,14 +4337,6 @@ static void clothi_exempt_part(cloth_collide *c) {
  * (Cundall and Strack 1979). A sheet on a plane slides 0.02 % less than Coulomb's at mu = 0.99 tan
  * a, and sticks within 0.6 mm at 1.01. Friction's Hessian along v is 0 beyond eps; where the last
  * iterate turned v round, the majorizer's mu N/|v|.
- *
- * Tried, and lost: a sum over all pairs (forces grow with the mesh); levels of stiffness instead of
- * a pole (a pressed pair climbed 10^12); a pole of the first order (pairs 1e-9 m above it, at 10^8
- * N/m, took three times the iterations), of the third (no better); N from the step before (a step
- * without friction); a secant by what the matrix's diagonal has behind a contact (a thousand times
- * too stiff where layers move together); one stiffness for all ranges (forces of slivers of a mesh,
- * newtons, came 1e-7 m above the pole, at 10^12 N/m); secants for what is not yet the nearest of
- * its group (ten times CG's iterations); frames of friction that wait for N (that strip flew off).
  *
  * Distance grids. No detection stands behind the potential, and cloth may be inside: along the way
  * of a vertex the grid is sampled, and where it comes nearer than 3 t, gap and n are taken and
@@ -5565,51 +5554,41 @@ static cloth_status clothi_contact_update(void *user, const double *x, const dou
  *
  *   caught   A0 is the nearest point of those faces that p is outside of, A1 the nearest of them
  *            with p between, the angle from p - A0 to p - A1 more than 107 degrees. |A1 - A0| is
- *            less than 2 t, or, when the substep ends, along m = (n0 - n1)/|n0 - n1|. (By the
- *            normals of faces alone edges that meet were missed, and a T-shirt's walk failed; with
- *            the nearest of all faces a fold that is inside out hid A0, and a skirt failed as its
- *            body sat down.) Not of vertices but where a finger presses the inside of a face: only
- *            if the step failed else [8.4]; what the finger is through then stays on it till it
- *            leaves by its end
+ *            less than 2 t, or, when the substep ends, along m = (n0 - n1)/|n0 - n1|. Not of
+ *            vertices but where a finger presses the inside of a face: only if the step failed else
+ *            [8.4]; what the finger is through then stays on it till it leaves by its end
  *   kept     by the winding number of p at x^n [7.1]. 0: while it would be caught with 3 t for 2,
  *            between the points so found. 1: the part that it is in has passed it. It goes where
  *            its motion takes it, y = x^n + h v^n of an implicit step, as cloth around it does; if
  *            that is inside when the substep ends, to above what is nearest to y then. Deeper than
  *            3 t, or where that looks the other way, to above that of its points which it is
- *            behind: out by the side that it came in by. (To what is nearest, sleeves that an arm
- *            had passed and trousers of a body that sat down fast stayed in it for good; so did a
- *            crumpled sheet in a vise, near the back of its jaw.)
+ *            behind: out by the side that it came in by.
  *            Else, where another part is above that or where parts overlap, both points slide from
  *            face to face, of those that look at the other one, nearest to p.
  *            p is to go the mean of the points' ways w0, w1, and along m (1 - s) w0 + s w1, with
  *            the share s of the way from A0 to A1 that it had when it was caught. Where that
  *            ends inside of one part, as it does behind a wrist that leaves a hip, p is pulled to
  *            above what is nearest with no part above. Minimising begins where it was
- *   let go   a face that still crosses the body, with no vertex held, is pushed out: away from
- *            what is nearest, by t a substep, and no other way. (Carried by what it was on, a hand
- *            drew trousers along by 80 N, and edges to 2.5 times their length.) So is an edge
- *            across from a vertex that is held: in a finger, among features that hold it, it could
- *            go nowhere, and trousers' steps failed from there on for good
+ *   let go   a face that still crosses the body, with no vertex held, is pushed out: away from what
+ *            is nearest, by t a substep, and no other way. So is an edge across from a vertex that
+ *            is held: in a finger, among features that hold it, it could go nowhere
  *
  * A step in which points of a hold pass each other by more than CLOTHI_PASSING t has so many
- * substeps that they do not, of CLOTH_SUBSTEPS_ASKED at most (desc.substeps = 0): where an arm
- * passes the torso by 27 mm a step, cloth between them came out into one of both, three times as
- * much of it at no less cost.
+ * substeps that they do not, of CLOTH_SUBSTEPS_ASKED at most (desc.substeps = 0): cloth between
+ * would come out into one of both.
  *
  * The pull is F r (sqrt(1 + d^2/r^2) - 1), d = |x - to|: a spring F/r, of 10 times the membrane's
  * stiffness K, that never pulls harder than F: K t/2 on what is held, 27 K t on what is in one part
  * or goes out, and less of that where an edge beside it is longer at x^n than 1.5 of its length, a
  * twentieth at 2.5.
- * It begins anew at x^n in every substep: a drag. So cloth stays whole: nailed to `to`, as in
- * [BWK03], edges of a T-shirt's armpit grew to 4 to 18 times their length, and held layers crossed;
- * without a bound those of trousers to 3.8. What was tried for F: stability/random_motions.c.
+ * It begins anew at x^n in every substep: a drag. So cloth stays whole; nailed to `to`, as in
+ * [BWK03], its edges grew. What was tried for all of this: tests/stability/random_motions.c.
  *
  * Exempt are pairs with the body of which it holds a vertex, where all faces around the body's side
  * are in the pinch: no farther from where that vertex was or is pulled to than cloth hangs on it.
- * (A held vertex against all of the body, an edge beside one such face: a long skirt that a wrist
- * swept over went in by 20 pairs where no pinch was.) The rest of the body holds all cloth, and
- * cloth does not pass cloth. Faces that intersect when the substep ends are listed, and exempt
- * until they part [8.1], but for a vertex that is outside of the body: it may not go in.
+ * The rest of the body holds all cloth, and cloth does not pass cloth. Faces that intersect when
+ * the substep ends are listed, and exempt until they part [8.1], but for a vertex that is outside
+ * of the body: it may not go in.
  *
  * [BWK03] Baraff, Witkin, Kass: Untangling Cloth, SIGGRAPH 2003.
  * checked: tests/test_pinch.c, test_collide_state.c (the pull) */
@@ -6158,18 +6137,16 @@ static cloth_status clothi_pinch_list(cloth_collide *c) {
  * Where that leads nowhere an implicit step tries once more, with all that is near obstacles
  * carried by them and rows that ask for no more room than detection leaves: layers between an arm
  * and a chest that come nearer have no point at their gaps of x^n. The third time what is in a
- * pinch inside of a face or an edge is held as well, by its nearest vertex [8.3]: without, of 300
- * steps of garments that begin with 88 to 1 248 pairs 5 fail and 16 are halved, with it none. Then
- * the step fails.
+ * pinch inside of a face or an edge is held as well, by its nearest vertex [8.3]. Then the step
+ * fails.
  *
  * Under implicit steps this is where minimising begins, not where it ends: no strain of the
  * projection stays, and no row is in the accepted state. Where obstacles move, x_IE near them is
  * where they carry it. Among obstacles that rest the straight way up to the first hit is feasible
  * too, and the better of the two is taken, or a sheet thrown at a box can gain thirty times its
- * energy. Where the rows become more than two a vertex it is taken at once: ten sheets that fall on
- * each other have 120 000 rows, and their slowest step is 2.5 times cheaper without. A guess no
- * farther than a list's slack is looked at in that list [8.2], which stays for the minimiser: a
- * sheet that has come to rest on a ball takes 0.8 of the time for a step.
+ * energy. Where the rows become more than two a vertex it is taken at once. A guess no farther than
+ * a list's slack is looked at in that list [8.2], which stays for the minimiser. Figures:
+ * tests/bench/bench_contact.c.
  * LEAPFROG ends each substep with it; velocities are then min |v - v*|^2_M/2 with no approach on
  * the active rows: neither gives kinetic energy where obstacles rest [9.4].
  *

@@ -157,6 +157,9 @@
  * [HS52]   Hestenes, Stiefel: Methods of Conjugate Gradients for Solving Linear Systems, 1952.
  * [L21]    Li et al.: Deep Physics-aware Inference of Cloth Deformation for Monocular Human
  *          Performance Capture, 3DV 2021. Its parameters: cloth_material_li2021(). [5.1]
+ * [MLG17]  Magisano, Leonetti, Garcea: How to Improve Efficiency and Robustness of the Newton
+ *          Method in Geometrically Non-linear Structural Problem Discretized via Displacement-based
+ *          Finite Elements, Comput. Methods Appl. Mech. Eng. 313, 2017. [9.2]
  * [N87]    Nicolaides: Deflation of Conjugate Gradients with Applications to Boundary Value
  *          Problems, SIAM J. Numer. Anal. 24, 1987. [7.3]
  * [NW06]   Nocedal, Wright: Numerical Optimization, 2nd ed. 2006. [9.2]
@@ -4120,11 +4123,12 @@ CLOTHI_HOT void clothi_spring_lanes(clothi_in x, clothi_in rest, clothi_in start
     }
 }
 
-CLOTHI_HOT void clothi_spring_blocks(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp,
-                                     int psd, clothi_out H) {
+CLOTHI_HOT void clothi_spring_blocks(clothi_in x, clothi_in was, clothi_in rest, clothi_in start,
+                                     clothi_in damp, int psd, clothi_out H) {
     enum { L = CLOTHI_LANES };
     double l[L], across[L], along[L], u[3 * L];
     int    k, i, j;
+    (void)was;
     clothi_spring_measure(x, rest, l);
     for (k = 0; k < L; k++) {
         const clothi_bar b = clothi_bar_at(x, rest, start, damp, l, k);
@@ -4384,13 +4388,19 @@ typedef struct clothi_tri_batch {
     double s[3 * CLOTHI_LANES], radius[CLOTHI_LANES];   /* A S, 11 22 12; squared                */
 } clothi_tri_batch;
 
-CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in rest, clothi_in start,
+/* S of the strain at x that was predicted at `was`, without 1/2 dF'dF: 'Which stress' [9.2]. */
+CLOTHI_HOT void clothi_stretch_prepare(clothi_in x, clothi_in was, clothi_in rest, clothi_in start,
                                        clothi_in damp, clothi_tri_batch *CLOTHI_RESTRICT w) {
     enum { L = CLOTHI_LANES };
     int k;
     for (k = 0; k < L; k++) {
-        const clothi_tri t = clothi_tri_at(x, rest, k);
-        const clothi_vec e = clothi_tri_damped(t.E, clothi_vec_at(start, 0, k), damp[k]);
+        const clothi_tri t = clothi_tri_at(x, rest, k), o = clothi_tri_at(was, rest, k);
+        const clothi_vec d1 = clothi_vec_plus(t.F1, -1.0, o.F1);
+        const clothi_vec d2 = clothi_vec_plus(t.F2, -1.0, o.F2);
+        const clothi_vec q = clothi_vec_of(clothi_vec_dot(d1, d1), clothi_vec_dot(d2, d2),
+                                           clothi_vec_dot(d1, d2));
+        const clothi_vec e = clothi_tri_damped(clothi_vec_plus(t.E, -0.5, q),
+                                               clothi_vec_at(start, 0, k), damp[k]);
         const clothi_vec s = clothi_tri_stress(e, rest, k);
         const double     b0 = rest[k], b1 = rest[L + k], b2 = rest[2 * L + k], b3 = rest[3 * L + k];
         const double     scale = rest[4 * L + k] * (1.0 + damp[k]), half = 0.5 * (s.x - s.y);
@@ -4458,10 +4468,11 @@ CLOTHI_HOT void clothi_stretch_columns(const clothi_tri_batch *CLOTHI_RESTRICT w
     }
 }
 
-CLOTHI_UNUSED static void clothi_stretch_blocks(clothi_in x, clothi_in rest, clothi_in start,
-                                                clothi_in damp, int psd, clothi_out H) {
+CLOTHI_UNUSED static void clothi_stretch_blocks(clothi_in x, clothi_in was, clothi_in rest,
+                                                clothi_in start, clothi_in damp, int psd,
+                                                clothi_out H) {
     clothi_tri_batch w;
-    clothi_stretch_prepare(x, rest, start, damp, &w);
+    clothi_stretch_prepare(x, was, rest, start, damp, &w);
     if (psd) clothi_stretch_positive(&w, psd);
     clothi_stretch_columns(&w, H);
 }
@@ -4817,11 +4828,13 @@ CLOTHI_HOT void clothi_hinge_square(clothi_in g, clothi_in square, clothi_out H)
             }
 }
 
-CLOTHI_UNUSED static void clothi_hinge_blocks(clothi_in x, clothi_in rest, clothi_in start,
-                                              clothi_in damp, int psd, clothi_out H) {
+CLOTHI_UNUSED static void clothi_hinge_blocks(clothi_in x, clothi_in was, clothi_in rest,
+                                              clothi_in start, clothi_in damp, int psd,
+                                              clothi_out H) {
     double       g[12 * CLOTHI_LANES], square[CLOTHI_LANES];
     clothi_wings w;
     int          k;
+    (void)was;
     for (k = 0; k < CLOTHI_LANES; k++) square[k] = rest[k] * (1.0 + damp[k]);
     clothi_hinge_gradient(x, g);
     clothi_hinge_square(g, square, H);
@@ -5028,12 +5041,12 @@ CLOTHI_HOT void clothi_quadratic_lanes(clothi_in x, clothi_in rest, clothi_in st
     }
 }
 
-/* c (1 + damp) w_i w_j times the 3x3 identity; x, start and psd do not matter. */
-CLOTHI_HOT void clothi_quadratic_blocks(clothi_in x, clothi_in rest, clothi_in start,
+/* c (1 + damp) w_i w_j times the 3x3 identity; x, was, start and psd do not matter. */
+CLOTHI_HOT void clothi_quadratic_blocks(clothi_in x, clothi_in was, clothi_in rest, clothi_in start,
                                         clothi_in damp, int psd, clothi_out H) {
     enum { L = CLOTHI_LANES };
     int p, q, k;
-    (void)x, (void)start, (void)psd;
+    (void)x, (void)was, (void)start, (void)psd;
     for (p = 0; p < 6; p++)
         for (q = 0; q < 9; q++)
             for (k = 0; k < L; k++)
@@ -5106,8 +5119,8 @@ typedef struct clothi_kind {
     void (*measure)(clothi_in x, clothi_in rest, clothi_out q);
     void (*lanes)(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp, clothi_out E,
                   clothi_out Ed, clothi_out f);
-    void (*blocks)(clothi_in x, clothi_in rest, clothi_in start, clothi_in damp, int psd,
-                   clothi_out H);
+    void (*blocks)(clothi_in x, clothi_in was, clothi_in rest, clothi_in start, clothi_in damp,
+                   int psd, clothi_out H);
     void (*vjp)(clothi_in x, clothi_in x_n, clothi_in a, clothi_in rest, clothi_in damp,
                 clothi_out d_rest, clothi_out d_damp, clothi_out d_x_n, clothi_out Ha);
 } clothi_kind;
@@ -5132,7 +5145,7 @@ static double clothi_one_element(int kind, const double *x, const double *rest, 
     q->lanes(y, r, clothi_none, clothi_none, E, Ed, f);
     clothi_from_lanes(f, 3 * q->corners, 1.0, grad);
     if (hess) {
-        q->blocks(y, r, clothi_none, clothi_none, psd, H);
+        q->blocks(y, y, r, clothi_none, clothi_none, psd, H);
         clothi_full_hessian(H, q->corners, 1.0, hess);
     }
     return clothi_finite(E[0]) ? E[0] : CLOTHI_HUGE;
@@ -8618,6 +8631,7 @@ typedef struct clothi_own {                 /* all that the built-in terms have 
     double *wind;                           /* [nf x 5] lagged drag direction and coefficients */
     int     force_only;                     /* energies are not wanted                         */
     int     walls;                          /* Hessians are to have those of hinges [6.3]      */
+    const double *was;                      /* [nv x 3] see 'Which stress' [9.2]; NULL: x      */
     cloth_counts counts;
 } clothi_own;
 
@@ -9412,7 +9426,7 @@ static void clothi_batch(const clothi_pass *p, int b) {
     const clothi_group    *g = el->group;
     const double          *rest, *start;
     double x[12 * CLOTHI_LANES], damp[CLOTHI_LANES], H[54 * CLOTHI_LANES], unused[2 * CLOTHI_LANES];
-    double f[12 * CLOTHI_LANES], *to = f;
+    double f[12 * CLOTHI_LANES], was[12 * CLOTHI_LANES], *to = f;
     clothi_corners(g, p->e->x, b, x);
     clothi_batch_rest(el, b, p->inv_h, &rest, &start, damp);
     if (p->e->grad)
@@ -9425,7 +9439,8 @@ static void clothi_batch(const clothi_pass *p, int b) {
                         p->energy && start != clothi_none ? p->loss + (size_t)b * CLOTHI_LANES
                                                           : unused + CLOTHI_LANES, to);
     if (!p->hess) return;
-    el->kind->blocks(x, rest, start, damp, p->e->psd, H);
+    if (el->own->was) clothi_corners(g, el->own->was, b, was);
+    el->kind->blocks(x, el->own->was ? was : x, rest, start, damp, p->e->psd, H);
     if (el->own->walls && g->kind == CLOTHI_HINGE) clothi_hinge_walls(x, rest, damp, H);
     clothi_scatter(g, p->hess, b, H);
 }
@@ -10082,6 +10097,12 @@ static void clothi_terms_install(cloth_sim *s) {
  * alone, in which negative stresses are left out: reflected, they shorten the update that ends it.
  * Its digits only add up, so that CLOTHI_ALONE cg_tolerances do for its solves.
  *
+ * Which stress. An update that turns triangles strains them by 1/2 dF'dF more than the matrix
+ * predicted: a tension that no load asks for and that the next update takes away. In the geometric
+ * term (g_i' S g_j) I [6.2] it would make that update too short, the more so the stiffer cloth is.
+ * So the definite model takes S of the predicted strain there, as mixed methods do, which iterate
+ * on stresses too [MLG17]; value, gradient and exact Hessian are those of x.
+ *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
  * pass, and the next iteration needs the Hessian only. Near the minimum the decrease drowns in
@@ -10170,8 +10191,9 @@ static cloth_status clothi_matrix_start(cloth_sim *s) {
     if (s->quadratic_ready) memcpy(s->matrix->diag, s->quadratic, n * sizeof(double));
     if (status || s->quadratic_ready) return status;
     for (b = 0; b < g->nbatch; b++) {
-        clothi_quadratic_blocks(clothi_none, s->own.bend.rest + (size_t)b * 5 * CLOTHI_LANES,
-                                clothi_none, clothi_none, 0, H);
+        clothi_quadratic_blocks(clothi_none, clothi_none,
+                                s->own.bend.rest + (size_t)b * 5 * CLOTHI_LANES, clothi_none,
+                                clothi_none, 0, H);
         clothi_scatter(g, s->matrix, b, H);
     }
     memcpy(s->quadratic, s->matrix->diag, n * sizeof(double));
@@ -10328,6 +10350,7 @@ typedef struct clothi_newton {              /* progress of one minimisation     
     int    stuck;                           /* exact updates in a row that the radius ended    */
     int    poor;                            /* phi falls nowhere within the least radius       */
     int    walls;                           /* an update was halved: hinges show theirs        */
+    const double *was;                      /* the iterate before, until the next solve; NULL  */
     int    done;
 } clothi_newton;
 
@@ -10468,9 +10491,9 @@ static cloth_status clothi_newton_system(cloth_sim *s, clothi_goal *goal, clothi
                                          double tolerance, cloth_linear method) {
     cloth_status status;
     for (;; nt->exact = 0, nt->refused = 1) {
-        s->own.walls = nt->walls;
+        s->own.walls = nt->walls, s->own.was = nt->exact ? NULL : nt->was;
         status = clothi_newton_assemble(s, goal, nt->exact);
-        s->own.walls = 0;
+        s->own.walls = 0, s->own.was = nt->was = NULL;
         if (!status)
             status = clothi_newton_solve(s, tolerance, nt->exact ? nt->radius : 0, method);
         if (status || !nt->exact || !s->linear.negative || s->linear.hit) break;
@@ -10572,6 +10595,7 @@ static int clothi_newton_small(const cloth_sim *s, const clothi_goal *goal,
 /* One Newton iteration: w.x moves; nt->done when its update is below the tolerance. */
 static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, clothi_newton *nt) {
     double       a = 1, before = nt->value, whole, tiny;
+    int          i;
     cloth_status status = clothi_cancelled(&s->hooks, &s->finish);
     if (!status) status = clothi_newton_direction(s, goal, nt);
     if (!status) status = clothi_newton_cut(s, &a);
@@ -10587,7 +10611,11 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
     }
     if (status) return status;
     clothi_newton_radius(s, goal, nt, before, a);
-    memcpy(s->w.x, s->w.trial, 3 * (size_t)s->model->nv * sizeof(double));
+    for (i = 0; i < 3 * s->model->nv; i++) {
+        const double was = s->w.x[i];
+        s->w.x[i] = s->w.trial[i], s->w.trial[i] = was;
+    }
+    nt->was = s->w.trial;
     s->fresh = !s->contact_on;
     s->report.residual_m = a * nt->size;
     nt->done = clothi_newton_small(s, goal, nt) &&
@@ -10684,7 +10712,7 @@ static cloth_status clothi_off_saddle(cloth_sim *s, clothi_goal *goal, clothi_ne
     if (status || !s->linear.hit || !clothi_escape(s, goal, CLOTHI_ESCAPE * s->edge, nt->value))
         return status;
     nt->size = nt->radius = CLOTHI_ESCAPE * s->edge;
-    nt->refused = nt->done = 0;
+    nt->refused = nt->done = 0, nt->was = NULL;
     status = clothi_objective(s, goal, s->w.x, s->w.grad, 0, 0, &nt->value);
     if (!status) status = clothi_newton_renew(s, goal, nt);
     clothi_newton_rhs(s);

@@ -1232,13 +1232,14 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
  *             by number where these are equal, and split at its median: O(n log^2 n), whatever the
  *             boxes are.
  *   refit     Bottom-up in one sweep; the splits stay, as a mesh that deforms keeps its neighbours.
- *   walk      An item goes down one tree, child by child; of pairs in one tree, from the item on.
- *             Touching counts, NaN overlaps everything: the answer is that of brute force.
+ *   descent   Of two overlapping nodes both are opened, or the one that is no leaf. Four pairs at
+ *             most go on the stack and one comes off it: no more than 3 * 28 + 1 wait. Touching
+ *             counts, NaN overlaps everything: the answer is that of brute force.
  *   order     A function looks at each pair of items and puts what comes of it into a list. The
- *             nodes at level CLOTHI_BVH_TASKS are the tasks of a parallel loop. Each writes into
- *             its own segment of a list, sized by what it found last time; a task that needs more
- *             counts on, then the segments are laid out anew and the loop runs again. Hence no
- *             allocation in the steady state, one order for any number of workers.
+ *             pairs of nodes at level CLOTHI_BVH_TASKS are the tasks of a parallel loop. Each
+ *             writes into its own segment of a list, sized by what it found last time; a task
+ *             that needs more counts on, then the segments are laid out anew and the loop runs
+ *             again. Hence no allocation in the steady state, one order for any number of workers.
  *   features  One face owns each vertex and each edge, and only the owner reports it [CTM08].
  *             Nothing is lost: a box around the owner is around what it owns.
  *
@@ -1247,9 +1248,9 @@ static double clothi_contact_frame(int edge_edge, const double *xa, const double
  * checked: tests/test_tree.c */
 
 #define CLOTHI_BVH_LEAF   4
-#define CLOTHI_BVH_STACK  32                /* more than any depth: one waits at each level    */
-#define CLOTHI_BVH_TASKS  8                 /* level whose nodes are the tasks                 */
-#define CLOTHI_PAIRS_TASKS (1 << CLOTHI_BVH_TASKS)
+#define CLOTHI_BVH_STACK  88
+#define CLOTHI_BVH_TASKS  4                 /* level whose nodes are the tasks, pairwise       */
+#define CLOTHI_PAIRS_TASKS (1 << 2 * CLOTHI_BVH_TASKS)
 
 /* A tree over n boxes. memset to 0 before the first build. Item i is reported as first + i. */
 typedef struct clothi_bvh {
@@ -1449,13 +1450,6 @@ typedef struct clothi_bvh_walk {
     int               at, end;              /* of the leaf: items still to be looked at        */
 } clothi_bvh_walk;
 
-/* The node behind another and all below it in a walk's order, up from right children, on to the
- * right one; 0: none. */
-static int clothi_bvh_behind(int node) {
-    while (node & 1) node /= 2;
-    return node + (node > 0);
-}
-
 /* The next item, -1 when there is none. */
 static int clothi_bvh_next(clothi_bvh_walk *w) {
     const clothi_bvh *t = w->tree;
@@ -1473,7 +1467,8 @@ static int clothi_bvh_next(clothi_bvh_walk *w) {
         }
         if (meets) w->at = clothi_bvh_item(t, leaf, t->depth);
         if (meets) w->end = clothi_bvh_item(t, leaf + 1, t->depth);
-        w->node = clothi_bvh_behind(w->node);
+        while (w->node & 1) w->node /= 2;   /* up from right children, on to the right one */
+        w->node += w->node > 0;
     }
 }
 
@@ -1482,39 +1477,71 @@ typedef void clothi_look_fn(int a, int b, const void *ctx, clothi_segment *out);
 
 typedef struct clothi_bvh_query {
     const clothi_bvh    *a, *b;             /* the same: against itself                        */
-    int                  level;             /* of the tasks                                    */
+    int                  level_a, level_b;  /* of the tasks                                    */
     const unsigned char *sought;            /* [n of a] not 0: only these items; NULL: all     */
     clothi_look_fn      *fn;
     const void          *ctx;
     clothi_pairs        *list;
 } clothi_bvh_query;
 
-/* Task i is a range of a's items in leaf order: each walks through b, where both are one tree and
- * all are sought through what is behind it. */
+/* Looks at all item pairs below the nodes na of q->a and nb of q->b, which meet. */
+static void clothi_bvh_descend(const clothi_bvh_query *q, int na, int nb, clothi_segment *out) {
+    const clothi_bvh *a = q->a, *b = q->b;
+    const int leaf_a = 1 << a->depth, leaf_b = 1 << b->depth, self = a == b;
+    int       stack[CLOTHI_BVH_STACK][2], n = 0, i, j;
+    for (;;) {
+        const int open_a = na < leaf_a, open_b = nb < leaf_b, same = self && na == nb;
+        if (open_a || open_b) {
+            const int i0 = na << open_a, j0 = nb << open_b;
+            for (i = i0; i <= i0 + open_a; i++)
+                for (j = same ? i : j0; j <= j0 + open_b; j++)
+                    if (clothi_boxes_meet(a->node + 6 * (size_t)i, b->node + 6 * (size_t)j))
+                        stack[n][0] = i, stack[n++][1] = j;
+        } else {
+            const int end_a = clothi_bvh_item(a, na - leaf_a + 1, a->depth);
+            const int end_b = clothi_bvh_item(b, nb - leaf_b + 1, b->depth);
+            const int begin_b = clothi_bvh_item(b, nb - leaf_b, b->depth);
+            for (i = clothi_bvh_item(a, na - leaf_a, a->depth); i < end_a; i++)
+                for (j = same ? i + 1 : begin_b; j < end_b; j++) {
+                    const int f = a->first + a->item[i], g = b->first + b->item[j];
+                    if (clothi_boxes_meet(a->box + 6 * (size_t)i, b->box + 6 * (size_t)j))
+                        q->fn(self && f > g ? g : f, self && f > g ? f : g, q->ctx, out);
+                }
+        }
+        if (n-- == 0) return;
+        na = stack[n][0], nb = stack[n][1];
+    }
+}
+
+/* Looks at the pairs of items begin .. end - 1 of q->a, a tree from 0 on, that are sought: few, so
+ * each by a walk of its own. */
+static void clothi_bvh_seek(const clothi_bvh_query *q, int begin, int end, clothi_segment *out) {
+    int f, g;
+    for (f = begin; f < end; f++) {
+        clothi_bvh_walk w = {q->b, q->a->from + 6 * (size_t)f, 1, 0, 0};
+        while (q->sought[f] && (g = clothi_bvh_next(&w)) >= 0)
+            if (q->a != q->b || f < g) q->fn(f, g, q->ctx, out);
+            else if (f > g && !q->sought[g]) q->fn(g, f, q->ctx, out);
+    }
+}
+
+/* Task i is a pair of nodes; of a self query the second must not be before the first. Of what is
+ * sought it is a range of items. */
 static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
     const clothi_bvh_query *q = (const clothi_bvh_query *)ctx;
-    const clothi_bvh       *a = q->a;
-    const int               self = a == q->b;
-    const uint64_t          leaves = (uint64_t)1 << a->depth;
-    int                     task, i, g;
+    const int               width = 1 << q->level_b, level = q->level_a + q->level_b;
+    int                     task;
     (void)worker;
     for (task = begin; task < end; task++) {
+        const int      na = (1 << q->level_a) + task / width, nb = width + task % width;
         clothi_segment out = q->list->task[task];
         out.pair = q->list->pair + 2 * out.begin, out.found = 0;
-        i = clothi_bvh_item(a, task, q->level);
-        for (; i < clothi_bvh_item(a, task + 1, q->level); i++) {
-            const int       f = a->item[i];
-            const int       leaf = (int)((leaves * ((unsigned)i + 1u) - 1) / (unsigned)a->n);
-            clothi_bvh_walk w = {q->b, a->box + 6 * (size_t)i, 1, 0, 0};
-            if (q->sought && !q->sought[f]) continue;
-            if (self && !q->sought) {
-                w.node = clothi_bvh_behind((int)leaves + leaf);
-                w.at = i + 1, w.end = clothi_bvh_item(a, leaf + 1, a->depth);
-            }
-            while ((g = clothi_bvh_next(&w)) >= 0)
-                if (!self || f < g) q->fn(f, g, q->ctx, &out);
-                else if (f > g && !(q->sought && q->sought[g])) q->fn(g, f, q->ctx, &out);
-        }
+        if (q->sought)
+            clothi_bvh_seek(q, clothi_bvh_item(q->a, task, level),
+                            clothi_bvh_item(q->a, task + 1, level), &out);
+        else if ((q->a != q->b || nb >= na) &&
+                 clothi_boxes_meet(q->a->node + 6 * (size_t)na, q->b->node + 6 * (size_t)nb))
+            clothi_bvh_descend(q, na, nb, &out);
         q->list->task[task].found = out.found;
     }
 }
@@ -1527,9 +1554,10 @@ static void clothi_bvh_query_range(int begin, int end, int worker, void *ctx) {
 static cloth_status clothi_bvh_look(const cloth_hooks *hooks, const clothi_bvh *a,
                                     const clothi_bvh *b, const unsigned char *sought,
                                     clothi_look_fn *fn, const void *ctx, clothi_pairs *list) {
-    const int        level = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
-    const int        tasks = 1 << level;
-    clothi_bvh_query query = {a, b, level, sought, fn, ctx, list};
+    const int        la = a->depth < CLOTHI_BVH_TASKS ? a->depth : CLOTHI_BVH_TASKS;
+    const int        lb = b->depth < CLOTHI_BVH_TASKS ? b->depth : CLOTHI_BVH_TASKS;
+    const int        tasks = 1 << (la + lb);
+    clothi_bvh_query query = {a, b, la, lb, sought, fn, ctx, list};
     size_t           all, at = 0;
     int              i, fit;
     list->count = 0;

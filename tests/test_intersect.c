@@ -362,17 +362,17 @@ static void play(void *user, int count, int grain, cloth_range_fn *fn, void *ctx
     }
 }
 
-static cloth_mesh *crumpled(double by) {
+static cloth_mesh *crumpled(void) {
     cloth_mesh *m = NULL;
     int         i;
     seed = 77;
     if (cloth_mesh_sheet(NULL, CLOTH_SHEET_ALTERNATING, 24, 24, 1, 1, &m) != CLOTH_OK) exit(1);
-    for (i = 0; i < 3 * m->nv; i++) m->x[i] += by * (uniform() - 0.5);
+    for (i = 0; i < 3 * m->nv; i++) m->x[i] += 0.1 * (uniform() - 0.5);
     return m;
 }
 
 static void workers_do_not_matter(void) {
-    cloth_mesh *m = crumpled(0.1);
+    cloth_mesh *m = crumpled();
     cloth_hooks hooks;
     static int  serial[20000], other[20000];
     int         reversed, n = 0, k = 0;
@@ -398,7 +398,7 @@ static void workers_do_not_matter(void) {
 }
 
 static void allocator_fails(void) {
-    cloth_mesh *m = crumpled(0.3);      /* the list is laid out twice */
+    cloth_mesh *m = crumpled();
     int         fail, done = 0, n = 0;
     for (fail = 1; fail < 40 && !done; fail++) {
         host         h;

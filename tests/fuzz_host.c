@@ -326,7 +326,7 @@ static void one_call(world *w, const uint8_t *data) {
     const uint64_t theirs = cloth_sim_hash(other->sim);
     int            idle;
     host_forget(&w->h);
-    w->account = 1 + (int)me, w->hit = w->odd = 0;
+    w->account = 1 + (int)me, w->hit = w->odd = w->asked = 0;
     w->before = cloth_sim_hash(b->sim);
     w->answer = arm > 200 && arm < 215 ? 2 : 1;
     w->patience = arm > 200 && arm < 235 ? (int)(arm % 7u) : FUZZ_PATIENCE;

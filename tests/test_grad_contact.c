@@ -30,9 +30,10 @@ static void compare(touch t, int from, int to) {
         if (by == TOUCH_CAUSES || (t.leapfrog && (by == TOUCH_FRICTION || by == TOUCH_PART)))
             continue;                       /* its zones have no friction */
         a = touch_along(&g->r, &g->t, by);
-        /* of bending more: it is worth 1e-8 of the loss, where 1e-3 is lost in rounding, and 0.03
-         * to 0.3 tell 4e-6 apart; of friction, where of scene 5 1e-3 knows 4 digits, 0.03 7 */
-        b = touch_difference(&g->t, by, by == TOUCH_BENDING ? 0.1 : by == TOUCH_FRICTION ? 0.03
+        /* of bending more: it is worth 1e-8 of the loss, where 1e-3 is lost in rounding, and 0.3
+         * tells 5e-8 apart (0.01 to 0.1: 2e-7 to 4e-5, by chance); of friction, where of scene 5
+         * 1e-3 knows 4 digits, 0.03 7 */
+        b = touch_difference(&g->t, by, by == TOUCH_BENDING ? 0.3 : by == TOUCH_FRICTION ? 0.03
                                         : 1e-3, &error, &failed);
         if (test_full())
             printf("  %-8s %2u by %-9s %17.10e %17.10e  %.1e\n", touch_body[t.body], t.seed,

@@ -10101,7 +10101,8 @@ static void clothi_terms_install(cloth_sim *s) {
  * predicted: a tension that no load asks for and that the next update takes away. In the geometric
  * term (g_i' S g_j) I [6.2] it would make that update too short, the more so the stiffer cloth is.
  * So the definite model takes S of the predicted strain there, as mixed methods do, which iterate
- * on stresses too [MLG17]; value, gradient and exact Hessian are those of x.
+ * on stresses too [MLG17]; value, gradient and exact Hessian are those of x. Not with contact,
+ * where it brought little, and searches from what a zone has strained ended higher (bench_hard.c).
  *
  * Line search. a = 1, 1/2, 1/4, ... until phi(x + a dx) <= phi(x) + 1e-4 a g.dx (Armijo
  * [NW06]). a = 1 is nearly always accepted, so each trial evaluates value and gradient in one
@@ -10615,7 +10616,7 @@ static cloth_status clothi_newton_iterate(cloth_sim *s, clothi_goal *goal, cloth
         const double was = s->w.x[i];
         s->w.x[i] = s->w.trial[i], s->w.trial[i] = was;
     }
-    nt->was = s->w.trial;
+    nt->was = s->contact_on ? NULL : s->w.trial;
     s->fresh = !s->contact_on;
     s->report.residual_m = a * nt->size;
     nt->done = clothi_newton_small(s, goal, nt) &&

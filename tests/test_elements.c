@@ -607,7 +607,7 @@ static void lanes_stretch(void) {
         }
         for (psd = 0; psd < 2; psd++) {
             clothi_stretch_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
-            clothi_stretch_blocks(x, rest, clothi_none, clothi_none, psd, H);
+            clothi_stretch_blocks(x, x, rest, clothi_none, clothi_none, psd, H);
             for (k = 0; k < LANES; k++) {
                 double g[9], h[81], gl[9], hl[81];
                 CHECK_REL(E[k], cloth_stretch(y[k], X[k], mu[k], lambda[k], g, h, psd), 1e-12);
@@ -617,6 +617,66 @@ static void lanes_stretch(void) {
                 CHECK(ref_difference(hl, h, 81) < 1e-12);
                 if (psd) CHECK(ref_smallest_eigenvalue(hl, 9) > -1e-12);
             }
+        }
+    }
+}
+
+/* F = sum of x_i g_i', [3 x 2], and g_i [3 x 2] themselves: gradients of barycentric weights. */
+static void deformation(const double *x, const double *X, double *g, double *F) {
+    const double u[2] = {X[2] - X[0], X[3] - X[1]}, w[2] = {X[4] - X[0], X[5] - X[1]};
+    const double det = u[0] * w[1] - u[1] * w[0];
+    int          i, a, b;
+    g[2] = w[1] / det, g[3] = -w[0] / det, g[4] = -u[1] / det, g[5] = u[0] / det;
+    g[0] = -g[2] - g[4], g[1] = -g[3] - g[5];
+    for (a = 0; a < 3; a++)
+        for (b = 0; b < 2; b++)
+            for (F[2 * a + b] = 0, i = 0; i < 3; i++) F[2 * a + b] += x[3 * i + a] * g[2 * i + b];
+}
+
+/* Newton's definite model from the iterate before, y0: of blocks i, j the geometric term has S of
+ * E0 + 1/2 (F0'dF + dF'F0), the strain that y - y0 predicted, the rest is at y. So against the
+ * Hessian at y it is, with E = 1/2 (F'F - I), off by A g_i'(S of that strain - S of E) g_j I. */
+static void lanes_predicted(void) {
+    unsigned long long seed = 21;
+    int                round, i, j, k, a, b;
+    for (round = 0; round < 20; round++) {
+        double x[9 * LANES], x0[9 * LANES], rest[7 * LANES], H[27 * LANES], G[27 * LANES];
+        double X[LANES][6], y[LANES][9], y0[LANES][9], mu[LANES], lambda[LANES];
+        for (k = 0; k < LANES; k++) {
+            double B[5];
+            random_rest(&seed, X[k]);
+            mu[k] = moduli(&seed, &lambda[k]);
+            random_points(&seed, 9, 1, y[k]), random_points(&seed, 9, 1, y0[k]);
+            B[4] = clothi_rest_inverse(X[k], B);
+            to_lane(y[k], 9, k, x), to_lane(y0[k], 9, k, x0);
+            to_lane(B, 5, k, rest);
+            rest[5 * LANES + k] = mu[k], rest[6 * LANES + k] = lambda[k];
+        }
+        clothi_stretch_blocks(x, x, rest, clothi_none, clothi_none, 0, H);
+        clothi_stretch_blocks(x, x0, rest, clothi_none, clothi_none, 0, G);
+        for (k = 0; k < LANES; k++) {
+            double g[6], F[6], F0[6], D[4], h[81], at_x[81], from[81], trace;
+            deformation(y[k], X[k], g, F), deformation(y0[k], X[k], g, F0);
+            for (a = 0; a < 4; a++)         /* predicted strain - E, of the linear part alone */
+                for (D[a] = 0, i = 0; i < 6; i += 2) {
+                    const double *f0 = F0 + i, *f = F + i;
+                    const int     p = a / 2, q = a % 2;
+                    D[a] += 0.5 * (f0[p] * f[q] + f[p] * f0[q] - f0[p] * f0[q] - f[p] * f[q]);
+                }
+            trace = D[0] + D[3];
+            for (a = 0; a < 4; a++) D[a] = 2 * mu[k] * D[a] + (a % 3 ? 0 : lambda[k] * trace);
+            full_hessian(H, 3, k, at_x), full_hessian(G, 3, k, from);
+            memset(h, 0, sizeof h);
+            for (i = 0; i < 3; i++)
+                for (j = 0; j < 3; j++)
+                    for (a = 0; a < 2; a++)
+                        for (b = 0; b < 6; b++)
+                            h[9 * (3 * i + b / 2) + 3 * j + b / 2] +=
+                                rest[4 * LANES + k] * g[2 * i + a] * D[2 * a + b % 2] *
+                                g[2 * j + b % 2];
+            for (i = 0; i < 81; i++) h[i] += at_x[i];
+            CHECK(ref_difference(from, h, 81) < 1e-12);
+            CHECK(ref_difference(from, at_x, 81) > 1e-3);
         }
     }
 }
@@ -655,7 +715,7 @@ static void lanes_hinge(void) {
         clothi_hinge_measure(x, rest, theta);
         clothi_hinge_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
         for (psd = 0; psd < 2; psd++) {
-            clothi_hinge_blocks(x, rest, clothi_none, clothi_none, psd, H);
+            clothi_hinge_blocks(x, x, rest, clothi_none, clothi_none, psd, H);
             for (k = 0; k < LANES; k++) {
                 double       g[12], h[144], gl[12], hl[144];
                 const double near = k == 4 ? 1e-10 : 1e-12;
@@ -688,7 +748,7 @@ static void lanes_hinge_wrapped(void) {
     }
     clothi_hinge_measure(x, rest, theta);
     clothi_hinge_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
-    clothi_hinge_blocks(x, rest, clothi_none, clothi_none, 0, H);
+    clothi_hinge_blocks(x, x, rest, clothi_none, clothi_none, 0, H);
     for (k = 0; k < 6; k++) {
         const ref_hinge h = {2, rest[LANES + k]};
         double          g[12], h12[144], gl[12], hl[144];
@@ -722,7 +782,7 @@ static void lanes_quadratic(void) {
             to_lane(y[k], 12, k, x);
         }
         clothi_quadratic_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
-        clothi_quadratic_blocks(x, rest, clothi_none, clothi_none, 0, H);
+        clothi_quadratic_blocks(x, x, rest, clothi_none, clothi_none, 0, H);
         for (k = 0; k < LANES; k++) {
             double g[12], gl[12], h[144], hl[144];
             CHECK_REL(E[k], cloth_bend_quadratic(y[k], w[k], rest[k], g, h), 1e-12);
@@ -749,7 +809,7 @@ static void lanes_spring(void) {
         }
         for (psd = 0; psd < 2; psd++) {
             clothi_spring_lanes(x, rest, clothi_none, clothi_none, E, Ed, f);
-            clothi_spring_blocks(x, rest, clothi_none, clothi_none, psd, H);
+            clothi_spring_blocks(x, x, rest, clothi_none, clothi_none, psd, H);
             for (k = 0; k < LANES; k++) {
                 double g[6], h[36], gl[6], hl[36];
                 CHECK_REL(E[k], cloth_spring(y[k], rest[LANES + k], rest[k], g, h, psd), 1e-12);
@@ -791,7 +851,7 @@ static double one_energy(const double *y, const one *d, double *g, double *full,
     d->kind->lanes(x, rest, start, damp, E, Ed, f);
     if (g) from_lane(f, numbers(d), 5, g);
     if (full) {
-        d->kind->blocks(x, rest, start, damp, psd, H);
+        d->kind->blocks(x, x, rest, start, damp, psd, H);
         full_hessian(H, d->kind->corners, 5, full);
     }
     return E[5] + Ed[5];
@@ -1135,6 +1195,7 @@ int main(int argc, char **argv) {
     RUN(hinge_degenerate);
     RUN(quadratic_is_the_flat_hinge);
     RUN(lanes_stretch);
+    RUN(lanes_predicted);
     RUN(lanes_hinge);
     RUN(lanes_hinge_wrapped);
     RUN(lanes_quadratic);

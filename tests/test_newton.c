@@ -819,7 +819,7 @@ static double ledge_fall(ledge *p, int pinned) {
     term.name = "ledge", term.user = p, term.eval = ledge_eval;
     dyn_sheet(&d, CLOTH_SHEET_DIAGONAL, 5, 5, 0.3, 0.3);
     d.desc.gravity[2] = -9.81;
-    d.desc.material.membrane = 2e4, d.desc.material.bending = 1e-6;
+    d.desc.material.membrane = 2e4, d.desc.material.bending = 1e-4;
     d.desc.bend = CLOTH_BEND_HINGE;
     if (!dyn_start(&d)) return 0;
     if (pinned) CHECK(cloth_sim_pin(d.sim, p->vertex, CLOTH_AXIS_Z, NULL) == CLOTH_OK);

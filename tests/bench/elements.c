@@ -120,8 +120,8 @@ static void triangles(sheet *s, int what) {
         clothi_gather_lanes(s->x, s->ti + b * 3 * LANES, 3, x);
         switch (what) {
         case 0: clothi_stretch_lanes(x, rest, clothi_none, clothi_none, E, Ed, f); break;
-        case 1: clothi_stretch_blocks(x, rest, clothi_none, clothi_none, 0, s->H); break;
-        case 2: clothi_stretch_blocks(x, rest, clothi_none, clothi_none, 1, s->H); break;
+        case 1: clothi_stretch_blocks(x, x, rest, clothi_none, clothi_none, 0, s->H); break;
+        case 2: clothi_stretch_blocks(x, x, rest, clothi_none, clothi_none, 1, s->H); break;
         default: break;
         }
     }
@@ -136,8 +136,8 @@ static void hinges(sheet *s, int what) {
         clothi_gather_lanes(s->x, s->hi + b * 4 * LANES, 4, x);
         switch (what) {
         case 0: clothi_hinge_lanes(x, rest, clothi_none, clothi_none, E, Ed, f); break;
-        case 1: clothi_hinge_blocks(x, rest, clothi_none, clothi_none, 0, s->H); break;
-        case 2: clothi_hinge_blocks(x, rest, clothi_none, clothi_none, 1, s->H); break;
+        case 1: clothi_hinge_blocks(x, x, rest, clothi_none, clothi_none, 0, s->H); break;
+        case 2: clothi_hinge_blocks(x, x, rest, clothi_none, clothi_none, 1, s->H); break;
         case 3:
             clothi_quadratic_lanes(x, s->qr + b * 5 * LANES, clothi_none, clothi_none, E, Ed, f);
             break;

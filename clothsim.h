@@ -13057,17 +13057,17 @@ CLOTHI_RARE_END
  *        desc.sleep; the cancel hook's answer 2; cloth_term.stiffness; cloth_layer.step; the linear
  *        solver chooses its precision itself; CLOTH_ASSERT, which nothing used, is gone. [numbers]
  *        contact is part of the minimisation; one order of the unknowns for all solvers; Newton's
- *        predicted stress; angles of round meshes. [fix] names that windows.h and complex.h take; x87 and fast maths are
- *        refused; MinGW's sqrt; searches that are cut short; statics that nothing holds, of many
- *        valleys, of what hosts lag; a contact that was taken away; CG asked for more than
- *        rounding leaves; ties in contact; parallel edges; LEAPFROG of larger patterns, of
- *        springs, of pressed plates, in gales, at uneven frames, for long, its contacts' forces;
- *        what turns or carries; what leaves a pinch; hosts' terms in searches that are cut short,
- *        or by walls, and rides; searches of over 400 iterations; what pinches do is booked;
- *        snapshots after an obstacle was put back, or what was attached; replays of shortened
- *        steps. Handles have 64 bits, meshes sizes of 1e-70 to
- *        1e70 m, friction is at most 1000, a radius 5e5 thicknesses; balls have their equator;
- *        model hashes count masses; cloth_qp_report.refactorizations is gone.
+ *        predicted stress; angles of round meshes. [fix] names that windows.h and complex.h take;
+ *        x87 and fast maths are refused; MinGW's sqrt; searches that are cut short; statics that
+ *        nothing holds, of many valleys, of what hosts lag; a contact that was taken away; CG asked
+ *        for more than rounding leaves; ties in contact; parallel edges; LEAPFROG of larger
+ *        patterns, of springs, of pressed plates, in gales, at uneven frames, for long, its
+ *        contacts' forces; what turns or carries; what leaves a pinch; hosts' terms in searches
+ *        that are cut short, or by walls, and rides; searches of over 400 iterations; what pinches
+ *        do is booked; snapshots after an obstacle was put back, or what was attached; replays of
+ *        shortened steps. Handles have 64 bits, meshes sizes of 1e-70 to 1e70 m, friction is at
+ *        most 1000, a radius 5e5 thicknesses; balls have their equator; model hashes count masses;
+ *        cloth_qp_report.refactorizations is gone.
  * 0.1.0  first version: mesh, elements, implicit Euler, BDF2, leapfrog, statics.
  *
  * MIT License

@@ -3902,7 +3902,8 @@ CLOTHI_RARE_END
  *
  *     _measure  q                                              [numbers][8]
  *     _lanes    E, Ed and the gradient f of their sum          [8], [8], [3 corners][8]
- *     _blocks   Hessian, blocks (i, j) of corners i > j        [pairs][9][8], as clothi_pair
+ *     _blocks   Hessian, blocks (i, j) of corners i > j        [pairs][9][8], as clothi_pair,
+ *               at x; of triangles with the stress that was predicted at `was` [9.2], or x
  *     _vjp      V = a.f, a constant: dV by the numbers of `rest`, by damp and by x^n, and Ha, that
  *               by x: Hessian times a, without a matrix; x^n is x itself: damp is zeros, dV by it
  *               and by x^n is not asked for

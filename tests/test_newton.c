@@ -324,6 +324,7 @@ static void turning(void) {
     cloth_report r;
     dyn          d;
     int          i, n, newton = 0;
+    if (test_quick()) SKIP("long");
     for (n = 40; n <= 56; n += 8) {
         dyn_sheet(&d, CLOTH_SHEET_ALTERNATING, n, n, 1, 1);
         corner[1].vertex = n - 1;

@@ -67,7 +67,7 @@
  *                many each time; 28 that fall on what moves 6000, 2208.
  *   secants      of the last 1, 2 or 4 updates, in a BFGS update of the definite model: a T-shirt's
  *                walk, 30 steps, 893, 1022, 1137 iterations for 545. Kinks are elsewhere by then.
- *   solves       CG to 0.05 by the definite model and to 0.01 by the exact one. Hanging sheet, N =
+ *   solves       (before 'stress') CG to 0.05 by the definite model, to 0.01 by the exact one. N =
  *                64, Y = 1e5 N/m, starts 1e-9 to 1e-7 m apart: 11 of 20 wrinkle, 15 to 26
  *                iterations a frame; so solved none does, 11.5 to 12. But N = 40, 48, 56 wrinkle
  *                all the same, N = 72 and 80 never do, with 1.04 to 1.1 of the iterations; Y = 1e3

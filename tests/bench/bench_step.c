@@ -4,8 +4,8 @@
  *      bench/bench_step.c -lm && ./a.out
  * The yardstick, and the twin built with -O2, are there when 'make -C tests bench' ran; without
  * them those rows are skipped. REPEATS=n: runs of each (default 5), ours from starts that are
- * 1e-9 m apart: at Y = 1e5 N/m chance decides whether the sheet wrinkles on its way, and a step in
- * wrinkles takes three times the iterations. Iterations are medians too, each for itself.
+ * 1e-9 m apart: chance may decide whether a stiff sheet wrinkles on its way, and a step in wrinkles
+ * takes three times the iterations. Iterations are medians too, each for itself.
  *
  * N = 64, alternating, 0.2 kg/m^2, nu 0.3, D = 3e-5 N m (the yardstick's hinge constant is
  * 3 * 1e-5), h = 1/60 s, 30 frames from the horizontal start, tolerance 1e-4 m, no damping.
